@@ -403,7 +403,7 @@ TEST_F(Shards, takeOneSelectionOfPoints) {
 
 TEST_F(Shards, killedWhileTheyRenderSelectedPointsEndWithTheSameImages) {
   Words budget = kSelected;
-  budget.insert(budget.end(), {"--budget", "60k"});
+  budget.insert(budget.end(), {"--budget", "60000"});
   mustBuild("whole", budget, "9");
   budget.insert(budget.end(), {"--batch", "6"});
   Words shard = budget;
