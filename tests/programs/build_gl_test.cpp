@@ -49,6 +49,14 @@ TEST_F(Build, aFinishedSceneIsDescribedAndVerified) {
   EXPECT_GT(j["images"]["empty"].get<int>(), 0);
   const auto verified = run("lumigrid", {"verify", scene});
   EXPECT_EQ(verified.status, 0) << verified.out << verified.err;
+
+  const auto cuts = run("lumigrid", {"verify", scene, "--cuts", "3", "--seed", "5", "--json"});
+  ASSERT_EQ(cuts.status, 0) << cuts.out << cuts.err;
+  const json report = json::parse(cuts.out)["cuts"];
+  EXPECT_EQ(report["seed"], 5);
+  EXPECT_EQ(report["source"]["triangles"], j["triangles"]);
+  ASSERT_EQ(report["cuts"].size(), 3U);
+  for (const json& cut : report["cuts"]) EXPECT_EQ(cut["open_edges"], report["source"]["open_edges"]);
 }
 
 TEST_F(Build, imagesThatDoNotFitTheMemoryAreRefusedWithWhatTheyNeed) {
