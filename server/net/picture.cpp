@@ -290,7 +290,8 @@ base::Result<bool> PicturePainter::drawNextBand(SceneRenderer& renderer) {
   // The cut depends on the eye and the pixels per unit, which all bands share, so that no seam shows between bands.
   LUMIGRID_ASSIGN_OR_RETURN(
       auto band, renderer.render(tileCamera(impl.camera, 0, impl.next_row, impl.camera.width, height), impl.options));
-  const base::Image pixels = impl.request.background ? over(band.rgba, *impl.request.background) : std::move(band.rgba);
+  const base::Image pixels =
+      impl.request.background ? compositeOver(band.rgba, *impl.request.background) : std::move(band.rgba);
   LUMIGRID_TRY(std::visit([&](auto& rows) { return rows->add(pixels); }, impl.rows));
   impl.next_row += height;
   return impl.next_row == impl.camera.height;
