@@ -23,7 +23,7 @@ class DrawMemoryTest : public testing::Test {
   DrawDemand demandOf(const lod::patch::Hierarchy& hierarchy, std::uint32_t face_size = 512) const {
     RenderOptions render;
     render.supersampling = 2;
-    return {hierarchy, face_size, render, 300, 856, 0, 16, true, 0};
+    return {hierarchy, face_size, render, 300, 856, 0, 16, true};
   }
   // The memory that is needed at least, from the error's "--memory 123M".
   static std::uint64_t asked(const base::Error& error) {
