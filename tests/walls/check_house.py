@@ -50,7 +50,7 @@ def check_folders(root):
         count = sum(1 for name in files if is_code(name))
         if count > MAX_FILES:
             yield f"{folder}: {count} source files, at most {MAX_FILES}"
-        if os.path.basename(folder) == "build":
+        if os.path.basename(folder) == "build" and files:
             yield f"{folder}: tools take a folder of this name for compiler output"
 
 

@@ -30,6 +30,7 @@ refuses() {  # refuses CHECK FILE: FILE, just written, is found by CHECK
   rm -r "${tree:?}/$2"
 }
 mkdir "$tree/base/build"
+: >"$tree/base/build/file.cpp"
 refuses folders base/build
 mkdir "$tree/base/many"
 for i in $(seq 41); do : >"$tree/base/many/file$i.cpp"; done
