@@ -1,7 +1,7 @@
 #pragma once
-// Mesh in, patch.lgp out (Okamoto 2011, section 4.1; DESIGN section 4): triangles sorted to disk by voxels, METIS
-// bisection, levels regrouped and simplified. Out of core: what does not fit the memory given lies in files of a work
-// directory, and a build that was stopped or killed goes on from there.
+// Builds patch.lgp from mesh files (Okamoto 2011, section 4.1): triangles are sorted to disk by voxels, METIS cuts them
+// into leaf patches, and levels are regrouped and simplified. The build is out of core: data beyond the memory given lies
+// in files of a work directory, and a build that was stopped or killed continues from there.
 #include <cstdint>
 #include <functional>
 #include <string>
