@@ -1,7 +1,7 @@
 #pragma once
 // Builds patch.lgp from mesh files (Okamoto 2011, section 4.1): triangles are sorted to disk by voxels, METIS cuts them
-// into leaf patches, and levels are regrouped and simplified. The build is out of core: data beyond the memory given lies
-// in files of a work directory, and a build that was stopped or killed continues from there.
+// into leaf patches, and levels are regrouped and simplified. The build is out of core: data beyond the memory given
+// lies in files of a work directory, and a build that was stopped or killed continues from there.
 #include <cstdint>
 #include <functional>
 #include <string>
