@@ -67,6 +67,7 @@ TEST(Sample, pointsAreTheVerticesOfTheMesh) {
   SampleOptions o = options(SampleShape::kStatue, 20'000, 3);
   const std::string mesh = written(o);
   const auto whole = base::readFile(mesh);
+  const std::size_t vertices = makeSample(o).positions.size();
   o.faces = false;
   const auto points = base::readFile(written(o));
   ASSERT_TRUE(whole && points);
@@ -76,7 +77,7 @@ TEST(Sample, pointsAreTheVerticesOfTheMesh) {
   };
   const auto body = bodyOf(*points);
   EXPECT_EQ(std::string(points->begin(), body).find("face"), std::string::npos);
-  EXPECT_EQ(points->end() - body, 15 * static_cast<std::ptrdiff_t>(makeSample(o).positions.size()));
+  EXPECT_EQ(points->end() - body, 15 * static_cast<std::ptrdiff_t>(vertices));
   EXPECT_TRUE(std::equal(body, points->end(), bodyOf(*whole)));
   std::remove(mesh.c_str());
 }
