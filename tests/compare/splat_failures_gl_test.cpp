@@ -119,7 +119,6 @@ class SplatFailures : public testing::Test {
   static void expectAtLeast(const Figures& figures, const MinPsnr& min) {
     EXPECT_EQ(figures.size(), 7U);
     EXPECT_GT(figures.at("lumigraph").psnr_db, min.lumigraph);
-    EXPECT_GT(figures.at("lumigraph").psnr_db, figures.at("proxy").psnr_db - 0.5) << "images must not spoil the proxy";
     EXPECT_GT(figures.at("patches").psnr_db, min.patches);
     EXPECT_GT(figures.at("qsplat square").psnr_db, min.square);
     EXPECT_GT(figures.at("qsplat circle").psnr_db, min.circle);
