@@ -157,7 +157,9 @@ Result<void> buildStore(const BuildArguments& a, const BuildOutput& output, Bake
   LUMIGRID_ASSIGN_OR_RETURN(const auto patches, openPatches(a));
   LUMIGRID_ASSIGN_OR_RETURN(const auto store, repository::openLmdbStore(directory, repository::StoreMode::kWrite));
   options.shard = shard;
-  if (output.finished) LUMIGRID_TRY(removeFaults(*store, *output.scene, options, report.removed));
+  if (output.finished)
+    if (const auto removed = removeFaults(*store, *output.scene, options, report.removed); !removed)
+      return base::within(directory, removed.error());
   const auto baked = bake(*output.scene, patches, *store, options, progressOn(line, shard));
   line.finish();
   if (!baked) return base::within(directory, baked.error());
