@@ -104,7 +104,8 @@ TEST(Session, anotherVersionIsNamedWithBothNumbers) {
   Session session({});
   session.connected();
   hear(session, server().sayRefusal(7, "too old"));
-  EXPECT_NE(session.problem().find("protocol 7, this client " + std::to_string(protocol::kVersion)), std::string::npos) << session.problem();
+  EXPECT_NE(session.problem().find("protocol 7, this client " + std::to_string(protocol::kVersion)), std::string::npos)
+      << session.problem();
 
   Session other({});
   other.connected();
