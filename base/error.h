@@ -3,6 +3,7 @@
 // the file or peer, the place, and what to do next.
 #include <optional>
 #include <string>
+#include <type_traits>
 #include <utility>
 #include <variant>
 
@@ -77,12 +78,22 @@ class [[nodiscard]] Result<void> {
   std::optional<Error> error_;
 };
 
+/// True for the one type that LUMIGRID_TRY accepts. A Result of a value would lose the value, and with it a lock or a
+/// context that the value owns.
+template <class T>
+inline constexpr bool kHoldsNoValue = std::is_same_v<T, Result<void>>;
+
 }  // namespace base
 
-/// Returns the error of a Result<...> expression from the enclosing function, if it has one.
-#define LUMIGRID_TRY(...)                                                        \
-  do {                                                                           \
-    if (auto try_result = (__VA_ARGS__); !try_result) return try_result.error(); \
+/// Returns the error of a Result<void> expression from the enclosing function, if it has one.
+#define LUMIGRID_TRY(...)                                                                             \
+  do {                                                                                                \
+    if (auto try_result = (__VA_ARGS__); !try_result) {                                               \
+      static_assert(::base::kHoldsNoValue<decltype(try_result)>,                                      \
+                    "LUMIGRID_TRY would drop this Result's value: use LUMIGRID_ASSIGN_OR_RETURN, or " \
+                    "if (auto x = f(); !x) return x.error();");                                       \
+      return try_result.error();                                                                      \
+    }                                                                                                 \
   } while (false)
 
 /// Declares a variable with the value of a Result<T> expression, or returns its error from the enclosing function:

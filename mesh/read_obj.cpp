@@ -80,7 +80,7 @@ base::Result<void> ObjReader::readVertex(std::string_view line) {
 
 base::Result<void> ObjReader::readNormal(std::string_view line) {
   std::array<double, 7> n{};
-  LUMIGRID_TRY(readNumbers(line, n, line_number));
+  if (const auto count = readNumbers(line, n, line_number); !count) return count.error();
   if (file_normals.size() < kMaxNormals)
     file_normals.emplace_back(glm::dvec3(n[0], n[1], n[2]));
   else

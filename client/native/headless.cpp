@@ -179,7 +179,7 @@ base::Result<void> HeadlessRun::waitUntil(double seconds, const base::ViewCamera
     LUMIGRID_TRY(checkConnection());
     const double left = seconds - secondsSince(start_);
     if (left <= 0.0) return {};
-    LUMIGRID_TRY(viewer_->update(camera, secondsSince(start_)));
+    if (const auto more = viewer_->update(camera, secondsSince(start_)); !more) return more.error();
     connection_->waitForArrival(std::min(left, kPollSeconds));
   }
 }

@@ -111,7 +111,7 @@ base::Result<void> Viewer::draw(const base::ViewCamera& camera, double now) {
     drawBackground();
     return impl_->takeEvents();
   }
-  LUMIGRID_TRY(update(camera, now));
+  if (const auto more = update(camera, now); !more) return more.error();
   Impl& s = *impl_;
   s.last_draw = now;
   if (s.context_lost) return {};

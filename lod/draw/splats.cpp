@@ -156,7 +156,7 @@ base::Result<std::unique_ptr<SplatRenderer>> SplatRenderer::create() {
   glGetFloatv(GL_ALIASED_POINT_SIZE_RANGE, sizes.data());
   // Larger points are no faster than quads.
   renderer->largest_point_ = std::min(sizes[1], 64.0F);
-  LUMIGRID_TRY(renderer->program({}));
+  if (const auto program = renderer->program({}); !program) return program.error();
   return renderer;
 }
 

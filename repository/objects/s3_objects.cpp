@@ -50,7 +50,7 @@ class S3Sink final : public ObjectSink {
     LUMIGRID_TRY(checkName(name));
     BucketRequest call{"PUT", name, {}, {}, bytes, kMaxAnswerBytes};
     if (!content_type.empty()) call.headers["content-type"] = content_type;
-    LUMIGRID_TRY(sendChecked(call));
+    if (const auto answer = sendChecked(call); !answer) return answer.error();
     return {};
   }
 

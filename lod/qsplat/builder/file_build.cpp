@@ -33,7 +33,7 @@ class FileBuilder {
     encodeTop();
     LUMIGRID_TRY(encodeTiles());
     if (options_.plain_path.empty()) return writePlain(path);
-    LUMIGRID_TRY(writePlain(options_.plain_path));
+    if (const auto plain = writePlain(options_.plain_path); !plain) return plain.error();
     return writeCoded(path);
   }
 
