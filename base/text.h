@@ -1,7 +1,8 @@
 #pragma once
-// Numbers written for people.
+// Numbers written for people, and blanks taken off texts.
 #include <cstdint>
 #include <string>
+#include <string_view>
 
 namespace base {
 
@@ -10,5 +11,8 @@ std::string formatBytes(std::uint64_t bytes);
 
 /// 3024763 as "3,024,763".
 std::string formatCount(std::uint64_t count, char separator = ',');
+
+/// Removes spaces, tabs and line ends from both ends of the text.
+std::string trimmed(std::string_view text);
 
 }  // namespace base

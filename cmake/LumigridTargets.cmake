@@ -17,11 +17,12 @@ function(lumigrid_row name)
   set(LUMIGRID_MAY_LINK_${name} "${A_LINKS}" PARENT_SCOPE)
 endfunction()
 
-set(_any_base base base_gl base_egl base_hash base_json base_png)
+set(_any_base base base_gl base_egl base_hash base_http base_json base_png)
 lumigrid_row(base LINKS glm::glm Threads::Threads)
 lumigrid_row(base_gl USES base LINKS gles)
 lumigrid_row(base_egl USES base base_gl LINKS egl)
 lumigrid_row(base_hash USES base LINKS OpenSSL::Crypto)
+lumigrid_row(base_http USES base LINKS CURL::libcurl)
 lumigrid_row(base_json USES base base_hash LINKS nlohmann_json::nlohmann_json)
 lumigrid_row(base_png USES base LINKS PNG::PNG)
 lumigrid_row(mesh USES base base_png LINKS turbojpeg nlohmann_json::nlohmann_json)
@@ -37,7 +38,7 @@ lumigrid_row(cache USES base)
 lumigrid_row(faces USES base)
 lumigrid_row(jpeg USES base faces LINKS turbojpeg JPEG::JPEG)
 lumigrid_row(packs USES base sampling)
-lumigrid_row(objects USES base base_hash LINKS OpenSSL::Crypto CURL::libcurl)
+lumigrid_row(objects USES base base_hash base_http LINKS OpenSSL::Crypto)
 lumigrid_row(repository
   USES base base_hash sampling sampling_json cache faces jpeg packs objects
   LINKS lmdb nlohmann_json::nlohmann_json)
@@ -61,7 +62,7 @@ lumigrid_row(client
   USES base base_gl lod_patch lod_qsplat lod_draw sampling faces packs cache protocol plan client_render)
 lumigrid_row(client_native
   USES ${_any_base} lod_patch lod_qsplat lod_draw sampling sampling_json cache faces packs jpeg protocol client
-  LINKS CURL::libcurl Boost::headers Threads::Threads glfw imgui spdlog::spdlog nlohmann_json::nlohmann_json)
+  LINKS Boost::headers Threads::Threads glfw imgui spdlog::spdlog nlohmann_json::nlohmann_json)
 lumigrid_row(lumigrid-view
   USES ${_any_base} lod_patch lod_qsplat lod_draw sampling sampling_json cache faces packs jpeg protocol plan
        client client_native

@@ -1,7 +1,5 @@
 #include "client/native/curl_fetcher.h"
 
-#include <curl/curl.h>
-
 #include <algorithm>
 #include <condition_variable>
 #include <deque>
@@ -37,12 +35,13 @@ struct RangeOrder {
 /// A request under way.
 struct Transfer {
   RangeOrder order;
-  CURL* handle = nullptr;
-  HttpHead head;
+  base::CurlHandle handle;
+  base::HttpHead head;
   base::Bytes body;
   std::optional<FetchAnswer> verdict;  // known before the body: the transfer is aborted
 
   void judgeHead();
+  bool addHeader(std::string_view line) { return head.addLine(line); }
   bool addBody(base::ByteView bytes);
   FetchAnswer finish(CURLcode code);
   FetchAnswer answer(FetchOutcome outcome, const std::string& detail = "") const {
@@ -84,6 +83,7 @@ void Transfer::judgeHead() {
 }
 
 bool Transfer::addBody(base::ByteView bytes) {
+  if (body.empty() && !verdict) judgeHead();
   if (verdict) return false;
   if (bytes.size() > order.length - body.size()) {
     verdict = answer(FetchOutcome::kServer, "more came than was announced");
@@ -94,7 +94,7 @@ bool Transfer::addBody(base::ByteView bytes) {
 }
 
 FetchAnswer Transfer::finish(CURLcode code) {
-  if (head.status != 0 && !verdict && head.ended) judgeHead();
+  if (head.status != 0 && !verdict && head.complete) judgeHead();
   if (verdict) return std::move(*verdict);
   if (code != CURLE_OK) return answer(FetchOutcome::kNetwork, curl_easy_strerror(code));
   if (!order.whole && body.size() != order.length) return answer(FetchOutcome::kNetwork, "the answer is cut short");
@@ -103,25 +103,12 @@ FetchAnswer Transfer::finish(CURLcode code) {
   return good;
 }
 
-extern "C" std::size_t fetcherHeader(char* data, std::size_t size, std::size_t count, void* transfer) {
-  auto* t = static_cast<Transfer*>(transfer);
-  return t->head.add({data, size * count}) ? size * count : 0;
-}
-
-extern "C" std::size_t fetcherBody(char* data, std::size_t size, std::size_t count, void* transfer) {
-  auto* t = static_cast<Transfer*>(transfer);
-  if (t->body.empty() && !t->verdict) t->judgeHead();
-  return t->addBody({reinterpret_cast<const std::uint8_t*>(data), size * count}) ? size * count : 0;
-}
-
 }  // namespace
 
 struct CurlFetcher::Impl {
   Impl(const std::string& where, const LinkLimit& limit) : place(where) {
-    startCurlOnce();
     link_clock.setLimit(limit);
-    multi = curl_multi_init();
-    curl_multi_setopt(multi, CURLMOPT_MAX_HOST_CONNECTIONS, kConnections);
+    curl_multi_setopt(multi.get(), CURLMOPT_MAX_HOST_CONNECTIONS, kConnections);
     thread = std::thread([this] { run(); });
   }
   ~Impl() {
@@ -129,14 +116,9 @@ struct CurlFetcher::Impl {
       const std::lock_guard lock(mutex);
       ending = true;
     }
-    curl_multi_wakeup(multi);
+    curl_multi_wakeup(multi.get());
     thread.join();
-    for (auto& [handle, transfer] : transfers) {
-      curl_multi_remove_handle(multi, handle);
-      curl_easy_cleanup(handle);
-    }
-    for (CURL* handle : idle) curl_easy_cleanup(handle);
-    curl_multi_cleanup(multi);
+    for (const auto& [handle, transfer] : transfers) curl_multi_remove_handle(multi.get(), handle);
   }
 
   struct Due {
@@ -148,6 +130,7 @@ struct CurlFetcher::Impl {
   void run();
   void startOrders();
   void start(RangeOrder order);
+  void end(CURL* handle);
   void collect();
   void checkVersion(const Transfer& transfer, FetchAnswer& answer);
 
@@ -156,13 +139,13 @@ struct CurlFetcher::Impl {
       const std::lock_guard lock(mutex);
       orders.push_back(std::move(order));
     }
-    curl_multi_wakeup(multi);
+    curl_multi_wakeup(multi.get());
   }
 
   const std::string place;
-  CURLM* multi = nullptr;
+  const base::CurlMulti multi = base::makeCurlMulti();
   std::map<CURL*, std::unique_ptr<Transfer>> transfers;
-  std::vector<CURL*> idle;
+  std::vector<base::CurlHandle> idle;
   std::map<std::string, std::string> versions;  // object -> its ETag or date
 
   // These are shared by both threads, under the mutex.
@@ -185,10 +168,10 @@ void CurlFetcher::Impl::run() {
     }
     startOrders();
     int running = 0;
-    curl_multi_perform(multi, &running);
+    curl_multi_perform(multi.get(), &running);
     collect();
     constexpr int kMilliseconds = 1000;
-    curl_multi_poll(multi, nullptr, 0, kMilliseconds, nullptr);
+    curl_multi_poll(multi.get(), nullptr, 0, kMilliseconds, nullptr);
   }
 }
 
@@ -203,35 +186,35 @@ void CurlFetcher::Impl::startOrders() {
     std::erase_if(taken, [this](const RangeOrder& order) { return cancelled.count(order.id) != 0; });
     cancelled.clear();
   }
-  for (CURL* handle : dropped) {
-    curl_multi_remove_handle(multi, handle);
-    transfers.erase(handle);
-    idle.push_back(handle);
-  }
+  for (CURL* handle : dropped) end(handle);
   for (RangeOrder& order : taken) start(std::move(order));
 }
 
 void CurlFetcher::Impl::start(RangeOrder order) {
-  CURL* handle = idle.empty() ? curl_easy_init() : idle.back();
-  if (!idle.empty()) idle.pop_back();
-  curl_easy_reset(handle);
+  if (idle.empty()) idle.push_back(base::makeCurlHandle());
   auto transfer = std::make_unique<Transfer>();
   transfer->order = std::move(order);
-  transfer->handle = handle;
+  transfer->handle = std::move(idle.back());
+  idle.pop_back();
   const RangeOrder& o = transfer->order;
+  CURL* handle = transfer->handle.get();
+  curl_easy_reset(handle);
   setUpRequest(handle, place + "/" + o.name);
   curl_easy_setopt(handle, CURLOPT_CONNECTTIMEOUT, kConnectSeconds);
   curl_easy_setopt(handle, CURLOPT_LOW_SPEED_LIMIT, kStallBytesPerSecond);
   curl_easy_setopt(handle, CURLOPT_LOW_SPEED_TIME, kStallSeconds);
-  curl_easy_setopt(handle, CURLOPT_HEADERFUNCTION, fetcherHeader);
-  curl_easy_setopt(handle, CURLOPT_HEADERDATA, transfer.get());
-  curl_easy_setopt(handle, CURLOPT_WRITEFUNCTION, fetcherBody);
-  curl_easy_setopt(handle, CURLOPT_WRITEDATA, transfer.get());
+  base::receiveInto(*transfer, handle);
   if (!o.whole)
     curl_easy_setopt(handle, CURLOPT_RANGE,
                      (std::to_string(o.offset) + "-" + std::to_string(o.offset + o.length - 1)).c_str());
-  curl_multi_add_handle(multi, handle);
+  curl_multi_add_handle(multi.get(), handle);
   transfers[handle] = std::move(transfer);
+}
+
+/// Keeps the handle, and with it its connection.
+void CurlFetcher::Impl::end(CURL* handle) {
+  curl_multi_remove_handle(multi.get(), handle);
+  idle.push_back(std::move(transfers.extract(handle).mapped()->handle));
 }
 
 /// The first version seen of an object is the one that all its answers must have.
@@ -246,16 +229,14 @@ void CurlFetcher::Impl::checkVersion(const Transfer& transfer, FetchAnswer& answ
 
 void CurlFetcher::Impl::collect() {
   int left = 0;
-  while (const CURLMsg* message = curl_multi_info_read(multi, &left)) {
+  while (const CURLMsg* message = curl_multi_info_read(multi.get(), &left)) {
     if (message->msg != CURLMSG_DONE) continue;
     CURL* handle = message->easy_handle;
     const CURLcode code = message->data.result;
     const auto it = transfers.find(handle);
     FetchAnswer answer = it->second->finish(code);
     if (!it->second->order.whole) checkVersion(*it->second, answer);
-    curl_multi_remove_handle(multi, handle);
-    transfers.erase(it);
-    idle.push_back(handle);
+    end(handle);
     {
       const std::lock_guard lock(mutex);
       link_clock.pass(answer.bytes.size(), Clock::now());
@@ -294,7 +275,7 @@ void CurlFetcher::cancel(std::uint64_t id) {
     std::erase_if(impl_->done, [id](const Impl::Due& due) { return due.answer.id == id; });
     impl_->cancelled.insert(id);
   }
-  curl_multi_wakeup(impl_->multi);
+  curl_multi_wakeup(impl_->multi.get());
 }
 
 void CurlFetcher::wait(double seconds) {

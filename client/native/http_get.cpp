@@ -3,38 +3,28 @@
 #include <condition_variable>
 #include <deque>
 #include <mutex>
+#include <stop_token>
 #include <thread>
 #include <utility>
 
 #include "client/native/http_request.h"
 
 namespace client {
-namespace {
-
-struct WaitingRequest {
-  std::uint64_t id = 0;
-  HttpRequest request;
-};
-
-}  // namespace
-
 struct HttpGetter::Impl {
-  explicit Impl(const std::string& where) : place(where), thread([this] { answerRequests(); }) {}
+  struct WaitingRequest {
+    std::uint64_t id = 0;
+    HttpRequest request;
+  };
+
+  explicit Impl(const std::string& where) : place(where) {}
   ~Impl() {
-    {
-      const std::lock_guard lock(mutex);
-      stopping = true;
-    }
+    thread.request_stop();
     client.stop();
-    changed.notify_all();
-    thread.join();
   }
 
-  void answerRequests() {
+  void answerRequests(const std::stop_token& stop) {
     std::unique_lock lock(mutex);
-    for (;;) {
-      changed.wait(lock, [this] { return stopping || !requests.empty(); });
-      if (stopping) return;
+    while (changed.wait(lock, stop, [this] { return !requests.empty(); }) && !stop.stop_requested()) {
       const WaitingRequest waiting = std::move(requests.front());
       requests.pop_front();
       lock.unlock();
@@ -53,11 +43,11 @@ struct HttpGetter::Impl {
   const std::string place;
   HttpClient client;
   std::mutex mutex;
-  std::condition_variable changed;
+  std::condition_variable_any changed;
   std::deque<WaitingRequest> requests;
   std::vector<Answer> answers;
-  bool stopping = false;
-  std::thread thread;  // last member, since the thread uses all others
+  // Last member, since the thread uses all others and ends before them.
+  std::jthread thread{[this](const std::stop_token& stop) { answerRequests(stop); }};
 };
 
 HttpGetter::HttpGetter(const std::string& place) : impl_(std::make_unique<Impl>(place)) {}

@@ -1,10 +1,7 @@
 #include "repository/objects/http_client.h"
 
-#include <curl/curl.h>
-
 #include <algorithm>
 #include <array>
-#include <cctype>
 #include <cstdlib>
 #include <mutex>
 #include <random>
@@ -21,25 +18,9 @@ using base::ErrorCode;
 using base::Result;
 using std::chrono::milliseconds;
 
-// Real servers send less than 8 KiB of headers, and an error's page is read for its message only.
-constexpr std::size_t kMaxHeaderBytes = std::size_t{64} << 10;
-constexpr std::size_t kMaxErrorBytes = std::size_t{64} << 10;
-constexpr std::size_t kFirstReserve = std::size_t{1} << 20;  // reserved with the first bytes of a body
-constexpr long kStallBytesPerSecond = 1024;                  // the "1 KiB/s" of HttpOptions::stall_timeout
-
-struct CloseHandle {
-  void operator()(CURL* handle) const { curl_easy_cleanup(handle); }
-};
-using Handle = std::unique_ptr<CURL, CloseHandle>;
-struct FreeList {
-  void operator()(curl_slist* list) const { curl_slist_free_all(list); }
-};
-using HeaderList = std::unique_ptr<curl_slist, FreeList>;
-
-std::string lowerCase(std::string text) {
-  std::transform(text.begin(), text.end(), text.begin(), [](unsigned char c) { return std::tolower(c); });
-  return text;
-}
+constexpr std::size_t kMaxErrorBytes = std::size_t{64} << 10;  // an error's page is read for its message only
+constexpr std::size_t kFirstReserve = std::size_t{1} << 20;    // reserved with the first bytes of a body
+constexpr long kStallBytesPerSecond = 1024;                    // the "1 KiB/s" of HttpOptions::stall_timeout
 
 // --- Receiving
 
@@ -47,41 +28,16 @@ std::string lowerCase(std::string text) {
 struct ReceivedResponse {
   HttpResponse response;
   std::uint64_t max_body_bytes = 0;
-  std::size_t header_bytes = 0;
-  bool headers_too_long = false;
-  bool headers_complete = false;
 
-  bool isSuccess() const { return response.status < 300; }
-  bool startResponse(const std::string& status_line);
-  bool addHeader(const std::string& line);
+  bool isSuccess() const { return response.head.status < 300; }
+  bool addHeader(std::string_view line) { return response.head.addLine(line); }
   bool addBody(base::ByteView bytes);
 
  private:
   bool announcesTooMuch() const {
-    return isSuccess() && std::strtoull(response.header("content-length").c_str(), nullptr, 10) > max_body_bytes;
+    return isSuccess() && std::strtoull(response.head.header("content-length").c_str(), nullptr, 10) > max_body_bytes;
   }
 };
-
-// Reads a line such as "HTTP/1.1 206 Partial Content". A redirect or a 100 Continue sends a status line of its own
-// before; the last one counts.
-bool ReceivedResponse::startResponse(const std::string& status_line) {
-  response = {};
-  headers_complete = false;
-  const auto space = status_line.find(' ');
-  if (space != std::string::npos) response.status = std::atoi(status_line.c_str() + space);
-  return true;
-}
-
-bool ReceivedResponse::addHeader(const std::string& line) {
-  header_bytes += line.size();
-  headers_too_long = header_bytes > kMaxHeaderBytes;
-  if (headers_too_long) return false;
-  if (line.rfind("HTTP/", 0) == 0) return startResponse(line);
-  if (line == "\r\n" || line == "\n") headers_complete = true;
-  if (const auto colon = line.find(':'); colon != std::string::npos)
-    response.headers[lowerCase(line.substr(0, colon))] = trimmed(line.substr(colon + 1));
-  return true;
-}
 
 // Returns false to stop the transfer.
 bool ReceivedResponse::addBody(base::ByteView bytes) {
@@ -102,23 +58,14 @@ bool ReceivedResponse::addBody(base::ByteView bytes) {
   return true;
 }
 
-extern "C" std::size_t receiveHeader(char* data, std::size_t size, std::size_t count, void* received) {
-  return static_cast<ReceivedResponse*>(received)->addHeader({data, size * count}) ? size * count : 0;
-}
-
-extern "C" std::size_t receiveBody(char* data, std::size_t size, std::size_t count, void* received) {
-  const base::ByteView bytes(reinterpret_cast<const std::uint8_t*>(data), size * count);
-  return static_cast<ReceivedResponse*>(received)->addBody(bytes) ? bytes.size() : 0;
-}
-
 // --- One attempt
 
 template <class Value>
-void setOption(const Handle& handle, CURLoption option, Value value) {
+void setOption(const base::CurlHandle& handle, CURLoption option, Value value) {
   LUMIGRID_CHECK(curl_easy_setopt(handle.get(), option, value) == CURLE_OK);
 }
 
-void setLimits(const Handle& handle, const HttpOptions& options) {
+void setLimits(const base::CurlHandle& handle, const HttpOptions& options) {
   setOption(handle, CURLOPT_NOSIGNAL, 1L);
   setOption(handle, CURLOPT_CONNECTTIMEOUT_MS, static_cast<long>(options.connect_timeout.count()));
   setOption(handle, CURLOPT_LOW_SPEED_LIMIT, kStallBytesPerSecond);
@@ -130,7 +77,7 @@ void setLimits(const Handle& handle, const HttpOptions& options) {
   if (!options.ca_file.empty()) setOption(handle, CURLOPT_CAINFO, options.ca_file.c_str());
 }
 
-void setRedirects(const Handle& handle, const HttpRequest& request, const HttpOptions& options) {
+void setRedirects(const base::CurlHandle& handle, const HttpRequest& request, const HttpOptions& options) {
   const bool secure = request.url.rfind("https:", 0) == 0;
   setOption(handle, CURLOPT_PROTOCOLS_STR, secure ? "https" : "http");
   setOption(handle, CURLOPT_REDIR_PROTOCOLS_STR, secure ? "https" : "http,https");
@@ -138,7 +85,7 @@ void setRedirects(const Handle& handle, const HttpRequest& request, const HttpOp
   setOption(handle, CURLOPT_MAXREDIRS, static_cast<long>(options.redirects));
 }
 
-void setMethod(const Handle& handle, const HttpRequest& request) {
+void setMethod(const base::CurlHandle& handle, const HttpRequest& request) {
   if (request.method == "HEAD") {
     setOption(handle, CURLOPT_NOBODY, 1L);
   } else if (request.method == "PUT" || request.method == "POST") {
@@ -151,13 +98,13 @@ void setMethod(const Handle& handle, const HttpRequest& request) {
   }
 }
 
-HeaderList headerList(const HttpRequest& request) {
-  HeaderList list;
+base::CurlHeaders headerList(const HttpRequest& request) {
+  base::CurlHeaders list;
   // An empty "Expect:" keeps libcurl from waiting for "100 Continue", which takes a second with servers that send none.
   for (const char* line : {"Expect:", "Accept-Encoding: identity", "User-Agent: lumigrid"})
-    list.reset(curl_slist_append(list.release(), line));
+    base::appendHeader(list, line);
   if (request.headers)
-    for (const std::string& line : request.headers()) list.reset(curl_slist_append(list.release(), line.c_str()));
+    for (const std::string& line : request.headers()) base::appendHeader(list, line);
   return list;
 }
 
@@ -168,7 +115,7 @@ struct Attempt {
   milliseconds retry_after{0};  // the pause that the server asks for
 };
 
-Attempt attemptRequest(const Handle& handle, const HttpRequest& request, const HttpOptions& options) {
+Attempt attemptRequest(const base::CurlHandle& handle, const HttpRequest& request, const HttpOptions& options) {
   Attempt result;
   result.received.max_body_bytes = request.max_body_bytes;
   std::array<char, CURL_ERROR_SIZE> words{};
@@ -176,15 +123,12 @@ Attempt attemptRequest(const Handle& handle, const HttpRequest& request, const H
   setLimits(handle, options);
   setRedirects(handle, request, options);
   setMethod(handle, request);
-  const HeaderList headers = headerList(request);
+  const base::CurlHeaders headers = headerList(request);
   setOption(handle, CURLOPT_URL, request.url.c_str());
   setOption(handle, CURLOPT_PATH_AS_IS, 1L);  // a changed path would no longer fit its signature
   setOption(handle, CURLOPT_HTTPHEADER, headers.get());
   setOption(handle, CURLOPT_ERRORBUFFER, words.data());
-  setOption(handle, CURLOPT_HEADERFUNCTION, &receiveHeader);
-  setOption(handle, CURLOPT_HEADERDATA, &result.received);
-  setOption(handle, CURLOPT_WRITEFUNCTION, &receiveBody);
-  setOption(handle, CURLOPT_WRITEDATA, &result.received);
+  base::receiveInto(result.received, handle.get());
 
   result.code = curl_easy_perform(handle.get());
   result.detail = words[0] != '\0' ? words.data() : curl_easy_strerror(result.code);
@@ -192,9 +136,9 @@ Attempt attemptRequest(const Handle& handle, const HttpRequest& request, const H
   if (curl_easy_getinfo(handle.get(), CURLINFO_RETRY_AFTER, &seconds) == CURLE_OK && seconds > 0)
     result.retry_after = milliseconds(std::min<curl_off_t>(seconds, 1000000) * 1000);
   // A write error means that addBody stopped the transfer: the bytes so far are the answer.
-  if (result.code == CURLE_WRITE_ERROR && !result.received.headers_too_long) result.code = CURLE_OK;
+  if (result.code == CURLE_WRITE_ERROR && !result.received.response.head.too_long) result.code = CURLE_OK;
   // libcurl takes a connection that ends among the headers for an answer without a body.
-  if (result.code == CURLE_OK && !result.received.headers_complete) result.code = CURLE_PARTIAL_FILE;
+  if (result.code == CURLE_OK && !result.received.response.head.complete) result.code = CURLE_PARTIAL_FILE;
   return result;
 }
 
@@ -203,7 +147,7 @@ Attempt attemptRequest(const Handle& handle, const HttpRequest& request, const H
 bool isTransient(const Attempt& attempt) {
   switch (attempt.code) {
     case CURLE_OK: {
-      const int status = attempt.received.response.status;
+      const int status = attempt.received.response.head.status;
       return status == 429 || status == 500 || status == 502 || status == 503 || status == 504;
     }
     case CURLE_COULDNT_CONNECT:
@@ -234,7 +178,7 @@ milliseconds pauseBefore(int retry, const HttpOptions& options) {
 Error transportError(const Attempt& attempt, const HttpOptions& options) {
   const auto say = [&](const std::string& what, ErrorCode code = ErrorCode::kNetwork) { return Error{code, what}; };
   const std::string detail = " (" + printable(attempt.detail) + ")";
-  if (attempt.received.headers_too_long) return say("the server sends endless headers; it is no object server");
+  if (attempt.received.response.head.too_long) return say("the server sends endless headers; it is no object server");
   switch (attempt.code) {
     case CURLE_COULDNT_RESOLVE_HOST:
     case CURLE_COULDNT_RESOLVE_PROXY:
@@ -272,22 +216,15 @@ Error transportError(const Attempt& attempt, const HttpOptions& options) {
 // Idle libcurl handles, each with its open connections. A request borrows one of them.
 class HttpClient::HandlePool {
  public:
-  explicit HandlePool(std::size_t max_idle) : max_idle_(max_idle) {
-    static const CURLcode started = curl_global_init(CURL_GLOBAL_DEFAULT);  // once a process
-    LUMIGRID_CHECK(started == CURLE_OK);
-  }
-  Handle borrowHandle() {
+  explicit HandlePool(std::size_t max_idle) : max_idle_(max_idle) {}
+  base::CurlHandle borrowHandle() {
     const std::lock_guard lock(mutex_);
-    if (idle_.empty()) {
-      Handle handle(curl_easy_init());
-      LUMIGRID_CHECK(handle != nullptr);  // it fails only without memory
-      return handle;
-    }
-    Handle handle = std::move(idle_.back());
+    if (idle_.empty()) return base::makeCurlHandle();
+    base::CurlHandle handle = std::move(idle_.back());
     idle_.pop_back();
     return handle;
   }
-  void returnHandle(Handle handle) {
+  void returnHandle(base::CurlHandle handle) {
     const std::lock_guard lock(mutex_);
     if (idle_.size() < max_idle_) idle_.push_back(std::move(handle));
   }
@@ -295,7 +232,7 @@ class HttpClient::HandlePool {
  private:
   std::size_t max_idle_;
   std::mutex mutex_;
-  std::vector<Handle> idle_;
+  std::vector<base::CurlHandle> idle_;
 };
 
 HttpClient::HttpClient(const HttpOptions& options)
@@ -305,7 +242,7 @@ HttpClient::~HttpClient() = default;
 
 Result<HttpResponse> HttpClient::send(const HttpRequest& request) const {
   const auto begin = std::chrono::steady_clock::now();
-  Handle handle = pool_->borrowHandle();
+  base::CurlHandle handle = pool_->borrowHandle();
   Attempt attempt = attemptRequest(handle, request, options_);
   for (int retry = 1; retry <= options_.retries && isTransient(attempt); ++retry) {
     if (attempt.retry_after > options_.longest_pause) break;
@@ -317,11 +254,6 @@ Result<HttpResponse> HttpClient::send(const HttpRequest& request) const {
   pool_->returnHandle(std::move(handle));
   if (attempt.code != CURLE_OK) return transportError(attempt, options_);
   return std::move(attempt.received.response);
-}
-
-std::string HttpResponse::header(const std::string& lower_case_name) const {
-  const auto it = headers.find(lower_case_name);
-  return it == headers.end() ? "" : it->second;
 }
 
 HttpOptions httpOptionsFromEnvironment() {
@@ -346,12 +278,6 @@ std::string percentEncoded(const std::string& text, bool keep_slash) {
     }
   }
   return encoded;
-}
-
-std::string trimmed(const std::string& text) {
-  const auto begin = text.find_first_not_of(" \t\r\n");
-  if (begin == std::string::npos) return "";
-  return text.substr(begin, text.find_last_not_of(" \t\r\n") - begin + 1);
 }
 
 std::string printable(const std::string& text) {

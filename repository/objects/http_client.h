@@ -5,13 +5,13 @@
 #include <cstddef>
 #include <cstdint>
 #include <functional>
-#include <map>
 #include <memory>
 #include <string>
 #include <vector>
 
 #include "base/bytes.h"
 #include "base/error.h"
+#include "base/http/http.h"
 
 namespace repository {
 
@@ -49,13 +49,9 @@ struct HttpRequest {
 };
 
 struct HttpResponse {
-  int status = 0;
-  std::map<std::string, std::string> headers;  ///< names in lower case
-  base::Bytes body;                            ///< at most max_body_bytes; for status 300 and up the first 64 KiB
+  base::HttpHead head;
+  base::Bytes body;       ///< at most max_body_bytes; for status 300 and up the first 64 KiB
   bool too_long = false;  ///< a successful answer has more than max_body_bytes: `body` is its start, or empty
-
-  /// The header's value; "" when it is absent.
-  std::string header(const std::string& lower_case_name) const;
 };
 
 /// Safe from any thread.
@@ -78,9 +74,6 @@ class HttpClient {
 
 /// Percent-encodes a text for a URL: letters, digits and -._~ stay (RFC 3986, 2.3), and so does "/" if `keep_slash`.
 std::string percentEncoded(const std::string& text, bool keep_slash);
-
-/// Removes spaces, tabs and line ends from both ends of the text.
-std::string trimmed(const std::string& text);
 
 /// Makes a server's text fit for a one-line message: printable ASCII, at most 200 characters.
 std::string printable(const std::string& text);

@@ -109,12 +109,12 @@ Result<HttpResponse> S3Bucket::send(const BucketRequest& call) const {
 }
 
 Error S3Bucket::refusal(const std::string& name, const HttpResponse& response) const {
-  if (response.body.empty() && response.status >= 300 && response.status < 500) {
+  if (response.body.empty() && response.head.status >= 300 && response.head.status < 500) {
     BucketRequest with_body{"GET", name, {}, {{"range", "bytes=0-0"}}, {}, 1};
     const auto whole = send(with_body);
-    if (whole && whole->status >= 300) return explain(name, whole->status, base::textOf(whole->body));
+    if (whole && whole->head.status >= 300) return explain(name, whole->head.status, base::textOf(whole->body));
   }
-  return explain(name, response.status, base::textOf(response.body));
+  return explain(name, response.head.status, base::textOf(response.body));
 }
 
 Error S3Bucket::explain(const std::string& name, int status, std::string_view xml) const {

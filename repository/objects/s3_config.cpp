@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "base/file.h"
+#include "base/text.h"
 
 namespace repository {
 namespace {
@@ -13,6 +14,7 @@ namespace {
 using base::Error;
 using base::ErrorCode;
 using base::Result;
+using base::trimmed;
 using Section = std::map<std::string, std::string>;
 
 // Reads lines "[section]", "key = value" and "# comment". Indented lines, which nest below a line such as "s3 =", are

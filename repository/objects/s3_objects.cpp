@@ -64,9 +64,9 @@ class S3Sink final : public ObjectSink {
   Result<std::optional<std::uint64_t>> size(const std::string& name) override {
     LUMIGRID_TRY(checkName(name));
     LUMIGRID_ASSIGN_OR_RETURN(const auto response, bucket_.send({"HEAD", name, {}, {}, {}, 0}));
-    if (response.status == 404) return std::optional<std::uint64_t>();  // openS3Sink has found the bucket itself
-    if (response.status != 200) return bucket_.refusal(name, response);
-    const auto bytes = base::parseDecimal(response.header("content-length"));
+    if (response.head.status == 404) return std::optional<std::uint64_t>();  // openS3Sink has found the bucket itself
+    if (response.head.status != 200) return bucket_.refusal(name, response);
+    const auto bytes = base::parseDecimal(response.head.header("content-length"));
     if (!bytes) return Error{ErrorCode::kNetwork, bucket_.describe(name) + ": the store does not say how long it is"};
     return std::optional(*bytes);
   }
@@ -96,7 +96,7 @@ class S3Sink final : public ObjectSink {
   Result<void> remove(const std::string& name) override {
     LUMIGRID_TRY(checkName(name));
     LUMIGRID_ASSIGN_OR_RETURN(const auto response, bucket_.send({"DELETE", name, {}, {}, {}, kMaxAnswerBytes}));
-    if (response.status >= 300 && response.status != 404) return bucket_.refusal(name, response);
+    if (response.head.status >= 300 && response.head.status != 404) return bucket_.refusal(name, response);
     return {};
   }
 
@@ -124,7 +124,8 @@ class S3Sink final : public ObjectSink {
   Result<HttpResponse> sendChecked(const BucketRequest& call) const {
     LUMIGRID_ASSIGN_OR_RETURN(auto response, bucket_.send(call));
     const bool failed_late = xmlText(base::textOf(response.body), "Code").has_value();
-    if (response.status < 200 || response.status >= 300 || failed_late) return bucket_.refusal(call.name, response);
+    if (response.head.status < 200 || response.head.status >= 300 || failed_late)
+      return bucket_.refusal(call.name, response);
     return response;
   }
 
@@ -142,7 +143,7 @@ class S3Sink final : public ObjectSink {
     if (done) return {};
     const auto aborted = bucket_.send({"DELETE", name, {{"uploadId", *upload}}, {}, {}, kMaxAnswerBytes});
     Error error = done.error();
-    if (!aborted || (aborted->status >= 300 && aborted->status != 404))
+    if (!aborted || (aborted->head.status >= 300 && aborted->head.status != 404))
       error.message += "; an unfinished upload is left in the bucket, abort upload " + printable(*upload);
     return error;
   }
@@ -159,7 +160,7 @@ class S3Sink final : public ObjectSink {
                                              {},
                                              body,
                                              kMaxAnswerBytes}));
-      const std::string tag = sent.header("etag");
+      const std::string tag = sent.head.header("etag");
       if (tag.empty() || tag.find_first_of("<&") != std::string::npos)
         return Error{ErrorCode::kNetwork, bucket_.describe(name) + ": the store gives no tag for a part"};
       list += "<Part><PartNumber>" + std::to_string(number) + "</PartNumber><ETag>" + tag + "</ETag></Part>";

@@ -34,7 +34,7 @@ struct Version {
 };
 
 Version versionOf(const HttpResponse& response, std::optional<std::uint64_t> size) {
-  return {response.header("etag"), response.header("last-modified"), size};
+  return {response.head.header("etag"), response.head.header("last-modified"), size};
 }
 
 class WebSource final : public ObjectSource {
@@ -53,7 +53,7 @@ class WebSource final : public ObjectSource {
     if (const auto known = knownVersion(name); known && known->tag.rfind('"', 0) == 0)
       headers.push_back("If-Match: " + known->tag);
     LUMIGRID_ASSIGN_OR_RETURN(auto response, server_->request("GET", name, headers, length));
-    switch (response.status) {
+    switch (response.head.status) {
       case 200:
         LUMIGRID_TRY(checkWhole(name, response, offset, length));
         break;
@@ -63,7 +63,7 @@ class WebSource final : public ObjectSource {
       case 412:
         return changed(name);
       case 416: {
-        const auto range = base::parseContentRange(response.header("content-range"));
+        const auto range = base::parseContentRange(response.head.header("content-range"));
         return tooShort(name, range ? range->size : std::nullopt, offset, length);
       }
       default:
@@ -75,9 +75,9 @@ class WebSource final : public ObjectSource {
   Result<std::uint64_t> size(const std::string& name) const override {
     LUMIGRID_TRY(checkName(name));
     LUMIGRID_ASSIGN_OR_RETURN(const auto response, server_->request("HEAD", name, {}, 0));
-    if (response.status != 200) return server_->refusal(name, response);
+    if (response.head.status != 200) return server_->refusal(name, response);
     LUMIGRID_TRY(checkEncoding(name, response));
-    const auto size = base::parseDecimal(response.header("content-length"));
+    const auto size = base::parseDecimal(response.head.header("content-length"));
     if (!size)
       return Error{ErrorCode::kUnsupported,
                    server_->describe(name) +
@@ -122,7 +122,7 @@ class WebSource final : public ObjectSource {
                          std::uint64_t length) const {
     LUMIGRID_TRY(checkEncoding(name, response));
     const std::uint64_t last = offset + length - 1;
-    const std::string header = response.header("content-range");
+    const std::string header = response.head.header("content-range");
     const auto range = base::parseContentRange(header);
     const auto wrong = [&](const std::string& what) {
       return Error{ErrorCode::kNetwork, server_->describe(name) + ": bytes " + std::to_string(offset) + "-" +
@@ -141,7 +141,7 @@ class WebSource final : public ObjectSource {
   }
 
   Result<void> checkEncoding(const std::string& name, const HttpResponse& response) const {
-    const std::string encoding = response.header("content-encoding");
+    const std::string encoding = response.head.header("content-encoding");
     if (encoding.empty() || encoding == "identity") return {};
     return Error{ErrorCode::kUnsupported, server_->describe(name) + ": the server compresses it (Content-Encoding: " +
                                               printable(encoding) + "); switch that off for this folder"};
@@ -198,7 +198,7 @@ class HttpServer final : public ObjectServer {
     return response;
   }
   Error refusal(const std::string& name, const HttpResponse& response) const override {
-    return statusError(describe(name), response.status);
+    return statusError(describe(name), response.head.status);
   }
   std::string describe(const std::string& name) const override { return place_ + "/" + name; }
 

@@ -20,4 +20,9 @@ TEST(Text, formatCountGroupsThreeDigitsAtATime) {
   EXPECT_EQ(base::formatCount(1'234'567, ' '), "1 234 567");
 }
 
+TEST(Text, trimmedTextHasNoBlanksAtItsEnds) {
+  EXPECT_EQ(base::trimmed(" \ta b\r\n"), "a b");
+  EXPECT_EQ(base::trimmed(" \r\n"), "");
+}
+
 }  // namespace

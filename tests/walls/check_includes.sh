@@ -68,7 +68,7 @@ home 'metis' lod/patch/builder
 home 'OpenMesh/' server/cli
 home 'boost/' server/net client/native
 home 'lmdb' repository
-home 'curl/' repository/objects client/native
+home 'curl/' base/http
 home 'EGL/' base/egl
 home 'turbojpeg|jpeglib' repository/faces mesh
 home 'GLES3/' base/gl base/egl client/native client/web
