@@ -88,14 +88,7 @@ void App::pointerMove(const PointerEvent& event) {
 void App::pointerUp(const PointerEvent& event) {
   Impl& s = *impl_;
   if (isNotFinite(event.x) || isNotFinite(event.y) || isNotFinite(event.now)) return pointerCancel(event.id);
-  if (event.id == s.handle_pointer) {
-    s.handle_pointer = -1;
-    return;
-  }
-  if (event.id == s.lens_pointer) {
-    s.lens_pointer = -1;
-    return;
-  }
+  if (event.id == s.handle_pointer || event.id == s.lens_pointer) return pointerCancel(event.id);
   for (const Gesture& gesture : s.gestures.up(event)) s.applyGesture(gesture);
 }
 
@@ -314,9 +307,7 @@ base::Result<void> App::changeSetting(std::string_view name, double value) {
       s.dirty = true;
     }
   }
-  Request request;
-  request.kind = RequestKind::kKeepSettings;
-  s.requests.push_back(std::move(request));
+  s.requests.push_back({.kind = RequestKind::kKeepSettings});
   s.overlayChanged();
   return {};
 }

@@ -69,11 +69,11 @@ enum class RequestKind : std::uint8_t {
 
 struct Request {
   RequestKind kind = RequestKind::kCopyLink;
-  std::string text;
+  std::string text = {};
   std::uint32_t id = 0;
-  glm::dvec3 origin{0.0};     ///< world
-  glm::dvec3 direction{0.0};  ///< unit, world
-  base::ViewCamera camera;    ///< kSavePicture: the view, in its size on the screen
+  glm::dvec3 origin{0.0};        ///< world
+  glm::dvec3 direction{0.0};     ///< unit, world
+  base::ViewCamera camera = {};  ///< kSavePicture: the view, in its size on the screen
 };
 
 // ---- the overlay's contents ----

@@ -8,20 +8,6 @@
 #include "client/app/picture_query.h"
 
 namespace client {
-namespace {
-
-/// Radius around a pin or handle within which a press hits it, in screen units: for mice, and for fingers and pens.
-constexpr double kMousePickRadius = 12.0;
-constexpr double kFingerPickRadius = 24.0;
-/// Wheel steps that follow within this time at one place go to the same surface point, which is looked up only once.
-constexpr double kWheelSeconds = 0.4;
-/// A pinch by this ratio equals one wheel step.
-constexpr double kRatioPerStep = 1.25;
-
-/// Radius of the magnifying glass, as a share of the view's shorter side.
-constexpr double kLensShare = 0.18;
-
-}  // namespace
 
 // ---- gestures ----
 
@@ -38,9 +24,11 @@ void App::Impl::applyGesture(const Gesture& g) {
     case GestureKind::kPan:
       control.dragTo(g.x, g.y);
       break;
-    case GestureKind::kPinch:
+    case GestureKind::kPinch: {
+      constexpr double kRatioPerStep = 1.25;  // a pinch by this ratio equals one wheel step
       control.zoom(std::log(g.factor) / std::log(kRatioPerStep), g.x, g.y, control.grabbed());
       break;
+    }
     case GestureKind::kClick:
     case GestureKind::kDoubleClick:
       handleClick(g);
@@ -71,8 +59,10 @@ void App::Impl::setPivotAt(double x, double y) {
   if (const auto surface = surfaceAt(x, y)) moveTo(control.viewpointCentredOn(*surface), true);
 }
 
+/// Radius around a pin or handle within which a press hits it: wider for fingers and pens than for mice.
 double App::Impl::pickRadius(PointerKind kind) const {
-  return pixel_ratio * (kind == PointerKind::kMouse ? kMousePickRadius : kFingerPickRadius);
+  constexpr double kMouse = 12.0, kFinger = 24.0;  // screen units
+  return pixel_ratio * (kind == PointerKind::kMouse ? kMouse : kFinger);
 }
 
 /// Returns the nearest visible pin within reach.
@@ -89,7 +79,10 @@ std::optional<std::size_t> App::Impl::pinAt(double x, double y, PointerKind kind
   return found;
 }
 
+/// Zooms by steps of the wheel. Those that follow soon at one place go to the same surface point, which is looked up
+/// only once.
 void App::Impl::zoom(double steps, double x, double y) {
+  constexpr double kWheelSeconds = 0.4;
   if (!ready() || steps == 0.0) return;
   flight.end();
   WheelTarget& target = wheel_target;
@@ -142,12 +135,7 @@ void App::Impl::measureAt(double x, double y) {
     return;
   }
   const Ray ray = pickRay(x, y);
-  Request request;
-  request.kind = RequestKind::kPick;
-  request.id = next_pick++;
-  request.origin = ray.origin;
-  request.direction = ray.direction;
-  requests.push_back(std::move(request));
+  requests.push_back({.kind = RequestKind::kPick, .id = next_pick++, .origin = ray.origin, .direction = ray.direction});
   dirty = true;
   overlayChanged();
 }
@@ -231,6 +219,7 @@ void App::Impl::dragHandle(const PointerEvent& event) {
 // ---- the magnifying glass ----
 
 double App::Impl::lensRadius() const {
+  constexpr double kLensShare = 0.18;  // of the view's shorter side
   return kLensShare * std::min(width, height);
 }
 
@@ -312,9 +301,7 @@ void App::Impl::useBookmark(int slot, bool store) {
   }
   if (store) {
     link = formatPermalink(view);
-    Request request;
-    request.kind = RequestKind::kKeepBookmarks;
-    requests.push_back(std::move(request));
+    requests.push_back({.kind = RequestKind::kKeepBookmarks});
     return showToast("Bookmark " + number + " set", false);
   }
   const auto wanted = parsePermalink(link);
@@ -386,26 +373,17 @@ bool App::Impl::pressKey(Key key, Modifiers modifiers) {
       dirty = true;
       overlayChanged();
       break;
-    case Key::kG: {
-      Request request;
-      request.kind = RequestKind::kShowSettings;
-      requests.push_back(std::move(request));
+    case Key::kG:
+      requests.push_back({.kind = RequestKind::kShowSettings});
       break;
-    }
-    case Key::kV: {
-      Request request;
-      request.kind = RequestKind::kCopyLink;
-      request.text = formatPermalink(view);
-      requests.push_back(std::move(request));
+    case Key::kV:
+      requests.push_back({.kind = RequestKind::kCopyLink, .text = formatPermalink(view)});
       break;
-    }
     case Key::kP: {
-      Request request;
-      request.kind = RequestKind::kSavePicture;
-      request.camera = drawnCamera();
-      request.text =
-          pictureQuery(request.camera, view, static_cast<double>(viewer.options().session.patch_tolerance_px));
-      requests.push_back(std::move(request));
+      const base::ViewCamera camera = drawnCamera();
+      const auto tolerance = static_cast<double>(viewer.options().session.patch_tolerance_px);
+      requests.push_back(
+          {.kind = RequestKind::kSavePicture, .text = pictureQuery(camera, view, tolerance), .camera = camera});
       break;
     }
     default:

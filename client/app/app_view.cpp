@@ -166,10 +166,7 @@ void App::Impl::reportRest() {
   std::string link = formatPermalink(view);
   if (link == last_link) return;
   last_link = link;
-  Request request;
-  request.kind = RequestKind::kLinkChanged;
-  request.text = std::move(link);
-  requests.push_back(std::move(request));
+  requests.push_back({.kind = RequestKind::kLinkChanged, .text = std::move(link)});
 }
 
 void App::Impl::updateMeters() {

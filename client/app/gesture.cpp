@@ -6,25 +6,16 @@
 namespace client {
 namespace {
 
-/// Radius in which a press may tremble and still be a click, in screen units: for mice, and for fingers and pens.
-constexpr double kMouseSlop = 3.0;
-constexpr double kFingerSlop = 8.0;
-/// A longer press is no click, seconds.
-constexpr double kClickSeconds = 0.5;
-constexpr double kDoubleSeconds = 0.35;
-/// Largest distance between the two clicks of a double click, in slops.
-constexpr double kDoubleSlops = 3.0;
-/// Smallest distance between two fingers, pixels: without it, fingers on one spot would magnify without end.
-constexpr double kMinSpread = 8.0;
-
 bool pans(const PointerEvent& event) {
   return event.button != PointerButton::kLeft || event.modifiers.shift;
 }
 
 }  // namespace
 
+/// Radius in which a press may tremble and still be a click: wider for fingers and pens than for mice.
 double GestureReader::slop(PointerKind kind) const {
-  return ratio_ * (kind == PointerKind::kMouse ? kMouseSlop : kFingerSlop);
+  constexpr double kMouse = 3.0, kFinger = 8.0;  // screen units
+  return ratio_ * (kind == PointerKind::kMouse ? kMouse : kFinger);
 }
 
 GestureReader::Pointer* GestureReader::find(int id) {
@@ -74,6 +65,7 @@ std::vector<Gesture> GestureReader::move(const PointerEvent& event) {
 }
 
 std::vector<Gesture> GestureReader::movePair() {
+  constexpr double kMinSpread = 8.0;  // pixels: without it, fingers on one spot would magnify without end
   const Pointer& a = pointers_[0];
   const Pointer& b = pointers_[1];
   const PointerKind kind = a.first.kind;
@@ -110,11 +102,14 @@ std::vector<Gesture> GestureReader::up(const PointerEvent& event) {
   const Pointer pointer = *found;
   dropPointer(event.id);
   const PointerEvent& first = pointer.first;
+  constexpr double kClickSeconds = 0.5;  // a longer press is no click
   const bool click = pointer.clickable && first.button == PointerButton::kLeft &&
                      event.now - first.now <= kClickSeconds &&
                      std::hypot(event.x - first.x, event.y - first.y) <= slop(first.kind);
   if (!click) return {};
 
+  constexpr double kDoubleSeconds = 0.35;
+  constexpr double kDoubleSlops = 3.0;  // largest distance between the two clicks of a double click
   const bool again = event.now - last_click_ <= kDoubleSeconds &&
                      std::hypot(event.x - last_click_x_, event.y - last_click_y_) <= kDoubleSlops * slop(first.kind);
   last_click_ = again ? -1e9 : event.now;  // a third click starts over

@@ -9,47 +9,26 @@ namespace {
 using Named = std::pair<std::string_view, Key>;
 
 /// Keys that go by place (KeyboardEvent.code).
-constexpr std::array<Named, 23> kPlaces{{{"KeyW", Key::kW},
-                                         {"KeyA", Key::kA},
-                                         {"KeyS", Key::kS},
-                                         {"KeyD", Key::kD},
-                                         {"KeyQ", Key::kQ},
-                                         {"KeyE", Key::kE},
-                                         {"ArrowUp", Key::kUp},
-                                         {"ArrowDown", Key::kDown},
-                                         {"ArrowLeft", Key::kLeft},
-                                         {"ArrowRight", Key::kRight},
-                                         {"Home", Key::kHome},
-                                         {"Escape", Key::kEscape},
-                                         {"Enter", Key::kEnter},
-                                         {"NumpadEnter", Key::kEnter},
-                                         {"Backspace", Key::kBackspace},
-                                         {"Delete", Key::kBackspace},
-                                         {"PageUp", Key::kPageUp},
-                                         {"PageDown", Key::kPageDown},
-                                         {"ShiftLeft", Key::kShift},
-                                         {"ShiftRight", Key::kShift},
-                                         {"NumpadAdd", Key::kPlus},
-                                         {"NumpadSubtract", Key::kMinus},
-                                         {"F1", Key::kH}}};
+// clang-format off
+constexpr std::array<Named, 23> kPlaces{{
+    {"KeyW", Key::kW}, {"KeyA", Key::kA}, {"KeyS", Key::kS}, {"KeyD", Key::kD}, {"KeyQ", Key::kQ}, {"KeyE", Key::kE},
+    {"ArrowUp", Key::kUp}, {"ArrowDown", Key::kDown}, {"ArrowLeft", Key::kLeft}, {"ArrowRight", Key::kRight},
+    {"Home", Key::kHome}, {"PageUp", Key::kPageUp}, {"PageDown", Key::kPageDown}, {"Escape", Key::kEscape},
+    {"Enter", Key::kEnter}, {"NumpadEnter", Key::kEnter}, {"Backspace", Key::kBackspace}, {"Delete", Key::kBackspace},
+    {"ShiftLeft", Key::kShift}, {"ShiftRight", Key::kShift}, {"NumpadAdd", Key::kPlus}, {"NumpadSubtract", Key::kMinus},
+    {"F1", Key::kH},
+}};
 
 /// Keys that go by their character in lower case (KeyboardEvent.key).
 using Printed = std::pair<char, Key>;
-constexpr std::array<Printed, 13> kLetters{{{'f', Key::kF},
-                                            {'r', Key::kR},
-                                            {'i', Key::kI},
-                                            {'c', Key::kC},
-                                            {'m', Key::kM},
-                                            {'n', Key::kN},
-                                            {'x', Key::kX},
-                                            {'o', Key::kO},
-                                            {'p', Key::kP},
-                                            {'v', Key::kV},
-                                            {'h', Key::kH},
-                                            {'l', Key::kL},
-                                            {'g', Key::kG}}};
-constexpr std::array<Printed, 5> kSigns{
-    {{'?', Key::kH}, {'+', Key::kPlus}, {'-', Key::kMinus}, {'.', Key::kPageUp}, {',', Key::kPageDown}}};
+constexpr std::array<Printed, 13> kLetters{{
+    {'f', Key::kF}, {'r', Key::kR}, {'i', Key::kI}, {'c', Key::kC}, {'m', Key::kM}, {'n', Key::kN}, {'x', Key::kX},
+    {'o', Key::kO}, {'p', Key::kP}, {'v', Key::kV}, {'h', Key::kH}, {'l', Key::kL}, {'g', Key::kG},
+}};
+constexpr std::array<Printed, 5> kSigns{{
+    {'?', Key::kH}, {'+', Key::kPlus}, {'-', Key::kMinus}, {'.', Key::kPageUp}, {',', Key::kPageDown},
+}};
+// clang-format on
 
 constexpr std::array<HelpRow, 28> kHelp{{
     {"left drag, one finger", "turn around the pivot"},

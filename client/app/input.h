@@ -27,50 +27,17 @@ struct PointerEvent {
 
 enum class Key : std::uint8_t {
   kNone,  ///< a key without a meaning here
+  // clang-format off
   // Keys that fly go by their place on the keyboard.
-  kW,
-  kA,
-  kS,
-  kD,
-  kQ,
-  kE,
-  kUp,
-  kDown,
-  kLeft,
-  kRight,
+  kW, kA, kS, kD, kQ, kE, kUp, kDown, kLeft, kRight,
   // All others go by the letter that is printed on them.
-  kF,
-  kR,
-  kHome,
-  kI,
-  kC,
-  kM,
-  kN,
-  kX,
-  kO,
-  kP,
-  kV,
-  kH,
-  kG,
-  kL,
-  kEscape,
-  kEnter,
-  kBackspace,  ///< also Delete
-  kPageUp,     ///< also the full stop
-  kPageDown,   ///< also the comma
-  kShift,      ///< flies faster while it is down
-  kPlus,
-  kMinus,
-  k0,
-  k1,
-  k2,
-  k3,
-  k4,
-  k5,
-  k6,
-  k7,
-  k8,
-  k9,
+  kF, kR, kHome, kI, kC, kM, kN, kX, kO, kP, kV, kH, kG, kL, kEscape, kEnter,
+  kBackspace,         ///< also Delete
+  kPageUp, kPageDown, ///< also the full stop and the comma
+  kShift,             ///< flies faster while it is down
+  kPlus, kMinus,
+  k0, k1, k2, k3, k4, k5, k6, k7, k8, k9,
+  // clang-format on
 };
 
 /// Returns the key for a browser's KeyboardEvent `code` ("KeyW", "Digit3", "Numpad3", "ArrowUp": the place) and `key`

@@ -41,9 +41,9 @@ enum class EventKind { kConnected, kMessage, kDisconnected };
 struct Event {
   EventKind kind = EventKind::kMessage;
   std::uint64_t epoch = 0;  ///< number of the connection
-  base::Bytes bytes;
-  std::string reason;
-  Clock::time_point due;  ///< when the emulated link delivers it
+  base::Bytes bytes = {};
+  std::string reason = {};
+  Clock::time_point due = {};  ///< when the emulated link delivers it
 };
 
 struct Outgoing {
@@ -215,10 +215,7 @@ void Connection::Impl::onHandshake(const LinkPointer& on, const beast::error_cod
     return loseLink(on, url.authority() + " does not answer as a lumigrid server (" + error.message() +
                             "); check address and port");
   on->open = true;
-  Event event;
-  event.kind = EventKind::kConnected;
-  event.epoch = on->epoch;
-  push(std::move(event));
+  push({.kind = EventKind::kConnected, .epoch = on->epoch});
   read(on);
 }
 
@@ -283,11 +280,7 @@ void Connection::Impl::loseLink(LinkPointer on, const std::string& reason) {
   beast::get_lowest_layer(on->socket).close();
   on->delay.cancel();
 
-  Event event;
-  event.kind = EventKind::kDisconnected;
-  event.epoch = on->epoch;
-  event.reason = reason;
-  push(std::move(event));
+  push({.kind = EventKind::kDisconnected, .epoch = on->epoch, .reason = reason});
 
   retry_timer.expires_after(backoff);
   backoff = std::min<Clock::duration>(2 * backoff, kMaxBackoff);

@@ -83,111 +83,92 @@ int printError(const std::string& message, int status) {
 }
 
 void addContentOptions(CLI::App& app, Arguments& a) {
+  app.option_defaults()->group("What is shown");
   app.add_option("--method", a.method,
                  "lumigraph: patches textured by images; patches: the patches alone; qsplat: splats, streamed from the "
                  "scene's qsplat.lgq in the order in which the view has use for them. Where it is left out, a scene of "
                  "splats only is shown as such")
-      ->check(CLI::IsMember({"lumigraph", "patches", "qsplat"}))
-      ->group("What is shown");
-  app.add_flag("--images,!--no-images", a.images, "Use images of the repository (on unless --no-images)")
-      ->group("What is shown");
+      ->check(CLI::IsMember({"lumigraph", "patches", "qsplat"}));
+  app.add_flag("--images,!--no-images", a.images, "Use images of the repository (on unless --no-images)");
   app.add_flag("--frames,!--no-frames", a.frames,
-               "Ask for the exact picture when all else is sent (on unless --no-frames)")
-      ->group("What is shown");
-  app.add_option("--points", a.points, "Sampling points whose images are asked for, 1 to 64")
-      ->check(CLI::Range(1, 64))
-      ->group("What is shown");
-  app.add_option("--samples", a.samples, "Images blended in a picture, 1 to 32")
-      ->check(CLI::Range(1, 32))
-      ->group("What is shown");
+               "Ask for the exact picture when all else is sent (on unless --no-frames)");
+  app.add_option("--points", a.points, "Sampling points whose images are asked for, 1 to 64")->check(CLI::Range(1, 64));
+  app.add_option("--samples", a.samples, "Images blended in a picture, 1 to 32")->check(CLI::Range(1, 32));
   app.add_option("--patch-tolerance", a.patch_tolerance,
                  "Patches are refined until their error is at most this, in pixels")
-      ->check(CLI::Range(0.0, 1000.0))
-      ->group("What is shown");
+      ->check(CLI::Range(0.0, 1000.0));
   app.add_option("--max-triangles", a.max_triangles, "... or until this many triangles are drawn")
-      ->check(CLI::Range(1'000, 1'000'000'000))
-      ->group("What is shown");
+      ->check(CLI::Range(1'000, 1'000'000'000));
 }
 
 void addSplatOptions(CLI::App& app, Arguments& a) {
+  app.option_defaults()->group("What is shown");
   app.add_option("--splat", a.splat,
                  "Kernel of --method qsplat. square: the fastest; circle; fuzzy: softly blended; ellipse: lies in the "
                  "surface, the sharpest, with a hole now and then")
-      ->check(CLI::IsMember({"square", "circle", "fuzzy", "ellipse"}))
-      ->group("What is shown");
+      ->check(CLI::IsMember({"square", "circle", "fuzzy", "ellipse"}));
   app.add_option("--cutoff", a.cutoff_px,
                  "Splats are refined down to this diameter, in pixels, when the view rests; 0: down to the leaves")
-      ->check(CLI::Range(0.0, 1000.0))
-      ->group("What is shown");
+      ->check(CLI::Range(0.0, 1000.0));
   app.add_option("--frame-rate", a.frame_rate,
                  "Pictures a second with --method qsplat while the view moves: splats get as large as that asks for. "
                  "0: as fine as at rest")
-      ->check(CLI::Range(0.0, 1000.0))
-      ->group("What is shown");
+      ->check(CLI::Range(0.0, 1000.0));
   app.add_option("--order", a.order,
                  "In which order splats come. sweeps: from the top down, each time twice as fine; level: by level of "
                  "the tree; radius: the largest of the scene first; size: the largest in the picture first; rows: from "
                  "the top down, each at its finest")
-      ->check(CLI::IsMember({"sweeps", "level", "radius", "size", "rows"}))
-      ->group("What is shown");
+      ->check(CLI::IsMember({"sweeps", "level", "radius", "size", "rows"}));
   app.add_flag("--back-faces", a.back_faces,
                "Draw splats that turn their backs, too (default: leave them out); for open surfaces that are seen from "
-               "behind")
-      ->group("What is shown");
+               "behind");
   app.add_option("--idle", a.idle,
                  "Splats fetched ahead once the view has all that it needs, for each view, in bytes; 0: none")
       ->group("Limits");
 }
 
 void addPictureOptions(CLI::App& app, Arguments& a) {
-  app.add_option("--background", a.background, "#rrggbb, #rrggbbaa or transparent")->group("What is shown");
+  app.option_defaults()->group("What is shown");
+  app.add_option("--background", a.background, "#rrggbb, #rrggbbaa or transparent");
   app.add_option("--size", a.size,
-                 "Window size (default: 1280x720); headless: size of all pictures, whatever the path says")
-      ->group("What is shown");
+                 "Window size (default: 1280x720); headless: size of all pictures, whatever the path says");
 }
 
 void addLimitOptions(CLI::App& app, Arguments& a) {
-  app.add_option("--cache", a.cache, "Images and patches kept as they came, in bytes: 50M, 1G")->group("Limits");
-  app.add_option("--memory", a.memory, "All that grows with the scene, on the GPU and off, in bytes; at least 16M")
-      ->group("Limits");
-  app.add_option("--gpu-memory", a.gpu_memory, "Images kept on the GPU, in bytes")->group("Limits");
-  app.add_option("--threads", a.threads, "Threads that decode images")->check(CLI::Range(1, 64))->group("Limits");
+  app.option_defaults()->group("Limits");
+  app.add_option("--cache", a.cache, "Images and patches kept as they came, in bytes: 50M, 1G");
+  app.add_option("--memory", a.memory, "All that grows with the scene, on the GPU and off, in bytes; at least 16M");
+  app.add_option("--gpu-memory", a.gpu_memory, "Images kept on the GPU, in bytes");
+  app.add_option("--threads", a.threads, "Threads that decode images")->check(CLI::Range(1, 64));
   app.add_option("--bandwidth", a.bandwidth,
-                 "Emulate a link of this rate, such as 20Mbit (default: as fast as it comes)")
-      ->group("Limits");
-  app.add_option("--latency", a.latency, "Emulate a link with this delay on the way here, such as 30ms (default: none)")
-      ->group("Limits");
+                 "Emulate a link of this rate, such as 20Mbit (default: as fast as it comes)");
+  app.add_option("--latency", a.latency,
+                 "Emulate a link with this delay on the way here, such as 30ms (default: none)");
   app.add_option("--connect-timeout", a.connect_timeout, "Headless: seconds without the server before giving up")
-      ->check(CLI::Range(0.1, 3600.0))
-      ->group("Limits");
+      ->check(CLI::Range(0.1, 3600.0));
 }
 
 void addRunOptions(CLI::App& app, Arguments& a) {
   app.add_flag("--check-host", a.check_host,
                "Say whether the host of a published scene does all that viewers need, and what to change; no pictures")
       ->group("Published scenes");
-  app.add_flag("--headless", a.headless, "No window: pictures of --path")->group("Headless");
-  app.add_option("--path", a.path_file, "Camera path to follow, a JSON file (docs/formats/camera.md)")
-      ->group("Headless");
-  app.add_option("--out", a.out_dir, "Folder for frame_0000.png ... and frames.jsonl (docs/formats/headless.md)")
-      ->group("Headless");
+  app.option_defaults()->group("Headless");
+  app.add_flag("--headless", a.headless, "No window: pictures of --path");
+  app.add_option("--path", a.path_file, "Camera path to follow, a JSON file (docs/formats/camera.md)");
+  app.add_option("--out", a.out_dir, "Folder for frame_0000.png ... and frames.jsonl (docs/formats/headless.md)");
   app.add_option("--settle", a.settle_seconds, "Wait for each view to be complete, at most this many seconds")
-      ->check(CLI::Range(0.0, 3600.0))
-      ->group("Headless");
+      ->check(CLI::Range(0.0, 3600.0));
   app.add_option("--realtime", a.realtime_fps,
                  "Frames at this rate, not waiting for anything (0: wait as --settle says)")
-      ->check(CLI::Range(0.0, 1000.0))
-      ->group("Headless");
-  app.add_flag("--json", a.json, "Print each frame's figures, and a summary, as a line of JSON")->group("Headless");
-  app.add_flag("--figures", a.figures, "Start with the statistics that I shows (default: off)")->group("Window");
-  app.add_option("--view", a.view, "Link to begin with, as V copies it (default: the whole scene)")->group("Window");
-  app.add_option("--pictures", a.pictures, "Folder for the pictures that P saves")
-      ->check(CLI::ExistingDirectory)
-      ->group("Window");
+      ->check(CLI::Range(0.0, 1000.0));
+  app.add_flag("--json", a.json, "Print each frame's figures, and a summary, as a line of JSON");
+  app.option_defaults()->group("Window");
+  app.add_flag("--figures", a.figures, "Start with the statistics that I shows (default: off)");
+  app.add_option("--view", a.view, "Link to begin with, as V copies it (default: the whole scene)");
+  app.add_option("--pictures", a.pictures, "Folder for the pictures that P saves")->check(CLI::ExistingDirectory);
   app.add_flag("--settings,!--no-settings", a.use_settings,
                "Keep settings and bookmarks in the user's configuration (docs/formats/settings.md; on unless "
-               "--no-settings). What is said here rules over them")
-      ->group("Window");
+               "--no-settings). What is said here rules over them");
 }
 
 /// The calls stand in the order in which --help lists the options.
@@ -263,21 +244,21 @@ int runHeadlessMode(const Arguments& a, const ViewSetup& setup) {
   auto path = base::readCameraPath(a.path_file);
   if (!path) return printError(path.error().message, kFailed);
 
-  client::HeadlessOptions options;
-  options.url = a.url;
-  options.path = std::move(*path);
   if (setup.size)
-    for (base::ViewCamera& camera : options.path) std::tie(camera.width, camera.height) = *setup.size;
-  options.viewer = setup.viewer;
-  options.method_is_default = !a.method_given;
-  options.splats = setup.splats;
-  options.link = setup.link;
-  options.settle_seconds = a.settle_seconds;
-  options.realtime_fps = a.realtime_fps;
-  options.connect_timeout = a.connect_timeout;
-  options.decoder_threads = a.threads;
-  options.out_dir = a.out_dir;
-  options.cancelled = [] { return interrupted.load(); };
+    for (base::ViewCamera& camera : *path) std::tie(camera.width, camera.height) = *setup.size;
+  client::HeadlessOptions options{.url = a.url,
+                                  .path = std::move(*path),
+                                  .viewer = setup.viewer,
+                                  .method_is_default = !a.method_given,
+                                  .splats = setup.splats,
+                                  .settle_seconds = a.settle_seconds,
+                                  .realtime_fps = a.realtime_fps,
+                                  .link = setup.link,
+                                  .connect_timeout = a.connect_timeout,
+                                  .decoder_threads = a.threads,
+                                  .out_dir = a.out_dir,
+                                  .on_frame = {},
+                                  .cancelled = [] { return interrupted.load(); }};
   const std::size_t count = options.path.size();
   options.on_frame = [&](const client::HeadlessFrame& frame) {
     const bool splats = frame.stats.splats.stream.blocks > 0;

@@ -10,6 +10,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <functional>
 #include <map>
 #include <memory>
 #include <optional>
@@ -32,20 +33,7 @@
 namespace client {
 namespace {
 
-/// With nothing to draw, the loop wakes for input at once, and for the network within this time.
-constexpr double kIdleSeconds = 0.02;
-/// The overlay is drawn again this often while it shows statistics.
-constexpr double kFiguresSeconds = 0.25;
-/// Dear ImGui hides a new window until it has measured it once, so a changed overlay is drawn this often.
-constexpr int kOverlayFrames = 3;
-/// Limits of time and size for requests over HTTP.
-constexpr double kPickSeconds = 10.0;
-constexpr double kNotesSeconds = 20.0;
-constexpr double kPictureSeconds = 300.0;
-constexpr std::size_t kMaxPicture = 256 * 1024 * 1024;
-constexpr int kFound = 200;
-constexpr int kNotFound = 404;
-constexpr int kNotImplemented = 501;  // a splats-only scene has no surface to be found
+constexpr int kFound = 200;  // HTTP
 
 std::string lastGlfwError() {
   const char* text = nullptr;
@@ -92,19 +80,13 @@ class Window {
   void takeAnswers();
   void acceptNotes(const HttpGetter::Answer& answer);
   void acceptPick(std::uint32_t pick, const HttpGetter::Answer& answer);
-  void acceptPicture(const HttpGetter::Answer& answer);
+  using AcceptAnswer = std::function<void(const HttpGetter::Answer&)>;
+  void ask(const std::string& target, std::size_t max_bytes, double seconds, AcceptAnswer accept);
   void reportError(const base::Result<void>& done);
 
   base::Image readPicture() const;
   base::Result<void> drawScene(double now);
   void drawOverlayWindow();
-
-  enum class Question { kNotes, kPick, kPicture };
-  struct OpenQuestion {
-    Question question;
-    std::uint32_t pick = 0;
-    base::Image fallback;  // kPicture: the picture that the window showed
-  };
 
   const WindowOptions& options_;
   GLFWwindow* window_ = nullptr;
@@ -118,7 +100,7 @@ class Window {
   std::unique_ptr<Link> connection_;
   bool published_ = false;            // the scene has files but no server that answers questions
   std::unique_ptr<HttpGetter> http_;  // for files beside the scene, and a server's answers
-  std::map<std::uint64_t, OpenQuestion> open_questions_;
+  std::map<std::uint64_t, AcceptAnswer> open_questions_;
   std::uint64_t next_question_ = 1;
   std::optional<std::string> scene_;  // bookmarkKey of the scene whose notes and bookmarks are loaded
   base::gl::RenderTarget picture_;    // the model without overlay; copied to the window
@@ -340,8 +322,9 @@ void Window::startScene() {
   }
 
   app_->setAnnotations({});
-  open_questions_[next_question_] = {Question::kNotes, 0, {}};
-  http_->get(next_question_++, std::string("/") + base::kAnnotationsFile, base::kMaxAnnotationsBytes, kNotesSeconds);
+  constexpr double kSeconds = 20.0;
+  ask(std::string("/") + base::kAnnotationsFile, base::kMaxAnnotationsBytes, kSeconds,
+      [this](const HttpGetter::Answer& answer) { acceptNotes(answer); });
 }
 
 void Window::reportError(const base::Result<void>& done) {
@@ -373,8 +356,9 @@ void Window::carryOutRequest(const Request& request) {
     case RequestKind::kPick:
       if (connection_->pick(request.id, request.origin, request.direction)) return;
       if (published_) return app_->answerPick(request.id, {});  // nobody can answer: the approximate point stays
-      open_questions_[next_question_] = {Question::kPick, request.id, {}};
-      http_->get(next_question_++, pickTarget(request.origin, request.direction), kMaxPickAnswer, kPickSeconds);
+      constexpr double kPickSeconds = 10.0;
+      ask(pickTarget(request.origin, request.direction), kMaxPickAnswer, kPickSeconds,
+          [this, id = request.id](const HttpGetter::Answer& answer) { acceptPick(id, answer); });
       break;
   }
 }
@@ -391,8 +375,13 @@ void Window::savePicture(const Request& request) {
   if (published_ || app_->view().method == Method::kQsplat || app_->session().phase() != SessionPhase::kReady)
     return writePicture(readPicture());
   app_->showToast("The server draws the picture\u2026");
-  open_questions_[next_question_] = {Question::kPicture, 0, readPicture()};
-  http_->get(next_question_++, renderTarget(request, background_), kMaxPicture, kPictureSeconds);
+  constexpr std::size_t kMaxBytes = 256 * 1024 * 1024;
+  constexpr double kSeconds = 300.0;
+  ask(renderTarget(request, background_), kMaxBytes, kSeconds,
+      [this, shown = readPicture()](const HttpGetter::Answer& answer) {
+        const auto image = answer.status == kFound ? base::decodePng(answer.body) : base::Result<base::Image>(shown);
+        writePicture(image ? *image : shown);
+      });
 }
 
 void Window::writePicture(const base::Image& image) {
@@ -401,28 +390,22 @@ void Window::writePicture(const base::Image& image) {
   app_->showToast(written ? "Picture saved: " + path : written.error().message, !written);
 }
 
+void Window::ask(const std::string& target, std::size_t max_bytes, double seconds, AcceptAnswer accept) {
+  open_questions_[next_question_] = std::move(accept);
+  http_->get(next_question_++, target, max_bytes, seconds);
+}
+
 void Window::takeAnswers() {
   for (const AnsweredPick& pick : connection_->takePicks()) app_->answerPick(pick.id, pick.answer);
   for (const HttpGetter::Answer& answer : http_->takeAnswers()) {
-    const auto asked = open_questions_.find(answer.id);
-    if (asked == open_questions_.end()) continue;
-    switch (asked->second.question) {
-      case Question::kNotes:
-        acceptNotes(answer);
-        break;
-      case Question::kPick:
-        acceptPick(asked->second.pick, answer);
-        break;
-      case Question::kPicture:
-        acceptPicture(answer);
-        break;
-    }
-    open_questions_.erase(asked);
+    const auto asked = open_questions_.extract(answer.id);
+    if (!asked.empty()) asked.mapped()(answer);
   }
 }
 
 /// Shows the notes; a server without any is no error.
 void Window::acceptNotes(const HttpGetter::Answer& answer) {
+  constexpr int kNotFound = 404;
   if (answer.status == kNotFound) return;
   if (answer.status != kFound)
     return app_->showToast(
@@ -435,6 +418,7 @@ void Window::acceptNotes(const HttpGetter::Answer& answer) {
 }
 
 void Window::acceptPick(std::uint32_t pick, const HttpGetter::Answer& answer) {
+  constexpr int kNotImplemented = 501;  // a splats-only scene has no surface to be found
   PickAnswer found;
   std::string problem = answer.problem;
   if (answer.status == kFound) {
@@ -448,12 +432,6 @@ void Window::acceptPick(std::uint32_t pick, const HttpGetter::Answer& answer) {
   }
   if (!problem.empty()) app_->showToast("This point stays approximate: " + problem, true);
   app_->answerPick(pick, found);
-}
-
-void Window::acceptPicture(const HttpGetter::Answer& answer) {
-  const auto image = answer.status == kFound ? base::decodePng(answer.body)
-                                             : base::Result<base::Image>(base::Error{base::ErrorCode::kNetwork, ""});
-  writePicture(image ? *image : open_questions_[answer.id].fallback);
 }
 
 // ---- drawing ----
@@ -494,6 +472,12 @@ void Window::drawOverlayWindow() {
 }
 
 base::Result<void> Window::run() {
+  // With nothing to draw, the loop wakes for input at once, and for the network within this time.
+  constexpr double kIdleSeconds = 0.02;
+  // The overlay is drawn again this often while it shows statistics.
+  constexpr double kFiguresSeconds = 0.25;
+  // Dear ImGui hides a new window until it has measured it once, so a changed overlay is drawn this often.
+  constexpr int kOverlayFrames = 3;
   std::uint64_t shown_overlay = 0;
   double shown_at = 0.0;
   int overlay_frames_left = 0;
