@@ -50,18 +50,26 @@ Error systemError(const std::string& path, const std::string& action, int errno_
 }
 
 void syncDirectoryOf(const std::string& path) {
-  const int fd = ::open(directoryOf(path).c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
-  if (fd < 0) return;
-  ::fsync(fd);
-  ::close(fd);
+  const FileDescriptor directory(::open(directoryOf(path).c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+  if (directory) ::fsync(directory.get());
 }
 
 Result<void> syncFile(const std::string& path) {
-  const int fd = ::open(path.c_str(), O_RDWR | O_CLOEXEC);
-  if (fd < 0) return systemError(path, "open", errno);
-  const int error = ::fdatasync(fd) != 0 ? errno : 0;
-  ::close(fd);
-  return error == 0 ? Result<void>() : systemError(path, "write", error);
+  const FileDescriptor file(::open(path.c_str(), O_RDWR | O_CLOEXEC));
+  if (!file) return systemError(path, "open", errno);
+  if (::fdatasync(file.get()) != 0) return systemError(path, "write", errno);
+  return {};
+}
+
+Result<void> writeAllAt(const FileDescriptor& file, const std::string& path, std::uint64_t offset, ByteView bytes) {
+  while (!bytes.empty()) {
+    const ssize_t done = ::pwrite(file.get(), bytes.data(), bytes.size(), static_cast<off_t>(offset));
+    if (done < 0 && errno == EINTR) continue;
+    if (done <= 0) return systemError(path, "write", done == 0 ? ENOSPC : errno);
+    bytes = bytes.subspan(static_cast<std::size_t>(done));
+    offset += static_cast<std::uint64_t>(done);
+  }
+  return {};
 }
 
 Result<Bytes> readFile(const std::string& path) {
@@ -131,21 +139,13 @@ Result<AtomicFile> AtomicFile::create(const std::string& path) {
   AtomicFile file;
   file.path_ = path;
   file.temporary_ = path + kPart + std::to_string(::getpid());
-  file.fd_ = ::open(file.temporary_.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
-  if (file.fd_ < 0) return systemError(path, "create", errno);
+  file.file_ = FileDescriptor(::open(file.temporary_.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0644));
+  if (!file.file_) return systemError(path, "create", errno);
   return file;
 }
 
-AtomicFile::AtomicFile(AtomicFile&& other) noexcept
-    : path_(std::move(other.path_)),
-      temporary_(std::move(other.temporary_)),
-      fd_(std::exchange(other.fd_, -1)),
-      size_(other.size_) {}
-
 AtomicFile::~AtomicFile() {
-  if (fd_ < 0) return;
-  ::close(fd_);
-  ::unlink(temporary_.c_str());
+  if (file_) ::unlink(temporary_.c_str());
 }
 
 Result<void> AtomicFile::write(ByteView bytes) {
@@ -156,27 +156,20 @@ Result<void> AtomicFile::write(ByteView bytes) {
 }
 
 Result<void> AtomicFile::writeAt(std::uint64_t offset, ByteView bytes) {
-  while (!bytes.empty()) {
-    const ssize_t done = ::pwrite(fd_, bytes.data(), bytes.size(), static_cast<off_t>(offset));
-    if (done < 0 && errno == EINTR) continue;
-    if (done <= 0) return systemError(path_, "write", done == 0 ? ENOSPC : errno);
-    bytes = bytes.subspan(static_cast<std::size_t>(done));
-    offset += static_cast<std::uint64_t>(done);
-  }
-  return {};
+  return writeAllAt(file_, path_, offset, bytes);
 }
 
 Result<void> AtomicFile::commit() {
-  if (::fsync(fd_) != 0) return systemError(path_, "write", errno);
-  if (::close(std::exchange(fd_, -1)) != 0) {
+  if (::fsync(file_.get()) != 0) return systemError(path_, "write", errno);
+  const char* failed = nullptr;
+  if (::close(file_.release()) != 0)
+    failed = "write";
+  else if (::rename(temporary_.c_str(), path_.c_str()) != 0)
+    failed = "rename into place";
+  if (failed != nullptr) {
     const int error = errno;
     ::unlink(temporary_.c_str());
-    return systemError(path_, "write", error);
-  }
-  if (::rename(temporary_.c_str(), path_.c_str()) != 0) {
-    const int error = errno;
-    ::unlink(temporary_.c_str());
-    return systemError(path_, "rename into place", error);
+    return systemError(path_, failed, error);
   }
   syncDirectoryOf(path_);
   return {};

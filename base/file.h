@@ -32,11 +32,15 @@ class FileDescriptor {
   }
   ~FileDescriptor();
   int get() const { return fd_; }
+  int release() { return std::exchange(fd_, -1); }  ///< without closing it
   explicit operator bool() const { return fd_ >= 0; }
 
  private:
   int fd_;
 };
+
+/// Writes all the bytes from `offset` on. `path` is for errors: kNoSpace, kIo.
+Result<void> writeAllAt(const FileDescriptor& file, const std::string& path, std::uint64_t offset, ByteView bytes);
 
 /// A read-only memory map of a whole file.
 class MappedFile {
@@ -64,7 +68,7 @@ void removeUnfinished(const std::string& path);
 class AtomicFile {
  public:
   static Result<AtomicFile> create(const std::string& path);
-  AtomicFile(AtomicFile&& other) noexcept;
+  AtomicFile(AtomicFile&& other) noexcept = default;
   AtomicFile& operator=(AtomicFile&&) = delete;
   ~AtomicFile();
   Result<void> write(ByteView bytes);
@@ -77,7 +81,7 @@ class AtomicFile {
   AtomicFile() = default;
   std::string path_;
   std::string temporary_;
-  int fd_ = -1;
+  FileDescriptor file_;
   std::uint64_t size_ = 0;
 };
 

@@ -119,9 +119,7 @@ class TextColors {
   bool wrong_ = false;
 };
 
-inline std::string_view textOf(base::ByteView bytes) {
-  return {reinterpret_cast<const char*>(bytes.data()), bytes.size()};
-}
+using base::textOf;
 
 inline bool isSpace(char c) {
   return c == ' ' || (c >= '\t' && c <= '\r');

@@ -69,19 +69,9 @@ enum ComponentType : std::uint64_t {
 };
 
 std::size_t componentBytes(std::uint64_t type) {
-  switch (type) {
-    case kByte:
-    case kUnsignedByte:
-      return 1;
-    case kShort:
-    case kUnsignedShort:
-      return 2;
-    case kUnsignedInt:
-    case kFloat:
-      return 4;
-    default:
-      return 0;
-  }
+  if (type == kByte || type == kUnsignedByte) return 1;
+  if (type == kShort || type == kUnsignedShort) return 2;
+  return type == kUnsignedInt || type == kFloat ? 4 : 0;
 }
 
 std::size_t componentsOf(const std::string& type) {
@@ -107,21 +97,14 @@ struct Accessor {
   }
   /// A component as a number; normalised integers become −1..1 or 0..1 (section 3.6.2.2).
   double value(std::uint64_t i, std::size_t c) const {
-    switch (component_type) {
-      case kByte:
-        return scaled(load<std::int8_t>(i, c), 127.0);
-      case kUnsignedByte:
-        return scaled(load<std::uint8_t>(i, c), 255.0);
-      case kShort:
-        return scaled(load<std::int16_t>(i, c), 32767.0);
-      case kUnsignedShort:
-        return scaled(load<std::uint16_t>(i, c), 65535.0);
-      case kUnsignedInt:
-        return static_cast<double>(load<std::uint32_t>(i, c));
-      default:
-        return static_cast<double>(load<float>(i, c));
-    }
+    if (component_type == kFloat) return static_cast<double>(load<float>(i, c));
+    if (component_type == kByte) return scaled(load<std::int8_t>(i, c), 127.0);
+    if (component_type == kUnsignedByte) return scaled(load<std::uint8_t>(i, c), 255.0);
+    if (component_type == kShort) return scaled(load<std::int16_t>(i, c), 32767.0);
+    if (component_type == kUnsignedShort) return scaled(load<std::uint16_t>(i, c), 65535.0);
+    return static_cast<double>(load<std::uint32_t>(i, c));
   }
+  glm::dvec3 vector(std::uint64_t i) const { return {value(i, 0), value(i, 1), value(i, 2)}; }
   std::uint32_t index(std::uint64_t i) const {
     if (component_type == kUnsignedByte) return load<std::uint8_t>(i, 0);
     if (component_type == kUnsignedShort) return load<std::uint16_t>(i, 0);
@@ -143,6 +126,9 @@ class GlbReader {
   base::Result<void> splitChunks(base::ByteView bytes);
   base::Result<void> checkExtensions() const;
   base::Result<Accessor> accessor(std::uint64_t index, const std::string& place) const;
+  base::Result<std::optional<Accessor>> attribute(const json& primitive, const char* name, const std::string& place,
+                                                  std::size_t min_components, std::size_t max_components,
+                                                  std::uint64_t count) const;
   base::Result<void> readScene();
   base::Result<void> readMesh(std::uint64_t index, const glm::dmat4& scene_from_mesh);
   base::Result<void> readPrimitive(const json& primitive, const std::string& place, const glm::dmat4& scene_from_mesh);
@@ -274,32 +260,30 @@ const Texture* GlbReader::baseTexture(const json& primitive) {
   return slot.get();
 }
 
+// Nothing where the primitive has no such attribute.
+base::Result<std::optional<Accessor>> GlbReader::attribute(const json& primitive, const char* name,
+                                                           const std::string& place, std::size_t min_components,
+                                                           std::size_t max_components, std::uint64_t count) const {
+  const json& index = member(member(primitive, "attributes"), name);
+  if (index.is_null()) return std::optional<Accessor>();
+  LUMIGRID_ASSIGN_OR_RETURN(const auto found, accessor(integer(index, kMissing), place + ": " + name));
+  if (found.components < min_components || found.components > max_components || found.count != count)
+    return invalidInput(place + ": " + name + " does not go with POSITION");
+  return std::optional(found);
+}
+
 base::Result<void> GlbReader::readVertices(const json& primitive, const std::string& place,
                                            const glm::dmat4& scene_from_mesh) {
-  const json& attributes = member(primitive, "attributes");
-  LUMIGRID_ASSIGN_OR_RETURN(auto position,
-                            accessor(integer(member(attributes, "POSITION"), kMissing), place + ": POSITION"));
+  const json& points = member(member(primitive, "attributes"), "POSITION");
+  LUMIGRID_ASSIGN_OR_RETURN(const auto position, accessor(integer(points, kMissing), place + ": POSITION"));
   if (position.components != 3) return invalidInput(place + ": POSITION is not VEC3");
   const std::uint64_t total = out_.vertexCount() + position.count;
   if (total > std::max(file_bytes_, kMaxInstancedVertices))
     return unsupported(place + ": instances make " + std::to_string(total) + " vertices; write them as one mesh");
 
-  std::optional<Accessor> normal;
-  if (!member(attributes, "NORMAL").is_null()) {
-    LUMIGRID_ASSIGN_OR_RETURN(auto found,
-                              accessor(integer(member(attributes, "NORMAL"), kMissing), place + ": NORMAL"));
-    if (found.components != 3 || found.count != position.count)
-      return invalidInput(place + ": NORMAL does not go with POSITION");
-    normal = found;
-  }
+  LUMIGRID_ASSIGN_OR_RETURN(const auto normal, attribute(primitive, "NORMAL", place, 3, 3, position.count));
   const glm::dvec4 factor = baseColor(primitive);
-  std::optional<Accessor> color;
-  if (const json& index = member(attributes, "COLOR_0"); !index.is_null()) {
-    LUMIGRID_ASSIGN_OR_RETURN(auto found, accessor(integer(index, kMissing), place + ": COLOR_0"));
-    if (found.components < 3 || found.count != position.count)
-      return invalidInput(place + ": COLOR_0 does not go with POSITION");
-    color = found;
-  }
+  LUMIGRID_ASSIGN_OR_RETURN(const auto color, attribute(primitive, "COLOR_0", place, 3, 4, position.count));
   const bool colored = color || glm::dvec3(factor) != glm::dvec3(1.0);
 
   // Normals are transformed by the inverse transpose. The cofactor matrix equals it up to scale, and exists for
@@ -310,14 +294,10 @@ base::Result<void> GlbReader::readVertices(const json& primitive, const std::str
   const auto encode = [](double linear) { return byteFromUnit(srgbFromLinear(std::min(linear, 1.0))); };
   for (std::uint64_t i = 0; i < position.count; ++i) {
     // Primitives have different attributes, so each begins a block of its own.
-    out_.positions.emplace_back(glm::dvec3(
-        scene_from_mesh * glm::dvec4(position.value(i, 0), position.value(i, 1), position.value(i, 2), 1.0)));
-    if (normal)
-      out_.normals.emplace_back(side *
-                                (cofactor * glm::dvec3(normal->value(i, 0), normal->value(i, 1), normal->value(i, 2))));
+    out_.positions.emplace_back(glm::dvec3(scene_from_mesh * glm::dvec4(position.vector(i), 1.0)));
+    if (normal) out_.normals.emplace_back(side * (cofactor * normal->vector(i)));
     if (colored) {
-      const glm::dvec3 c =
-          color ? glm::dvec3(color->value(i, 0), color->value(i, 1), color->value(i, 2)) : glm::dvec3(1.0);
+      const glm::dvec3 c = color ? color->vector(i) : glm::dvec3(1.0);
       out_.colors.push_back({encode(factor.r * c.r), encode(factor.g * c.g), encode(factor.b * c.b), 255});
     }
     LUMIGRID_TRY(out_.flushFullBlocks(file_));
@@ -345,14 +325,9 @@ base::Result<void> GlbReader::readTriangles(const json& primitive, const std::st
   // Textured primitives take their texture's colours; the base colour factor is not applied to them.
   const Texture* texture = baseTexture(primitive);
   std::optional<Accessor> uv;
-  if (const json& index = member(member(primitive, "attributes"), "TEXCOORD_0");
-      texture != nullptr && !index.is_null()) {
-    LUMIGRID_ASSIGN_OR_RETURN(auto found, accessor(integer(index, kMissing), place + ": TEXCOORD_0"));
-    if (found.components != 2 || found.count != vertex_count)
-      return invalidInput(place + ": TEXCOORD_0 does not go with POSITION");
-    uv = found;
-  } else {
-    texture = nullptr;
+  if (texture != nullptr) {
+    LUMIGRID_ASSIGN_OR_RETURN(uv, attribute(primitive, "TEXCOORD_0", place, 2, 2, vertex_count));
+    if (!uv) texture = nullptr;
   }
 
   // Mode 4 is a list of triangles, 5 a strip, in which every other triangle is turned, and 6 a fan (section 3.7.2.1).

@@ -66,8 +66,7 @@ bool OffReader::nextFullLine(std::string_view& line) {
 base::Result<void> OffReader::readCounts() {
   std::string_view line;
   if (!nextFullLine(line)) return truncatedIn("the header");
-  LUMIGRID_ASSIGN_OR_RETURN(auto layout, layoutFromKeyword(nextWord(line)));
-  layout_ = layout;
+  LUMIGRID_ASSIGN_OR_RETURN(layout_, layoutFromKeyword(nextWord(line)));
 
   // The counts may stand on the keyword's own line.
   std::string_view word = nextWord(line);

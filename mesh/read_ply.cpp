@@ -11,6 +11,7 @@
 namespace mesh {
 namespace {
 
+// In the order of their names in scalarFromName().
 enum class Scalar { kInt8, kUint8, kInt16, kUint16, kInt32, kUint32, kFloat32, kFloat64 };
 enum class Encoding { kAscii, kLittle, kBig };
 
@@ -43,24 +44,12 @@ std::size_t sizeOf(Scalar type) {
 }
 
 std::optional<Scalar> scalarFromName(std::string_view name) {
-  constexpr std::array<std::pair<std::string_view, Scalar>, 16> kNames{{{"char", Scalar::kInt8},
-                                                                        {"int8", Scalar::kInt8},
-                                                                        {"uchar", Scalar::kUint8},
-                                                                        {"uint8", Scalar::kUint8},
-                                                                        {"short", Scalar::kInt16},
-                                                                        {"int16", Scalar::kInt16},
-                                                                        {"ushort", Scalar::kUint16},
-                                                                        {"uint16", Scalar::kUint16},
-                                                                        {"int", Scalar::kInt32},
-                                                                        {"int32", Scalar::kInt32},
-                                                                        {"uint", Scalar::kUint32},
-                                                                        {"uint32", Scalar::kUint32},
-                                                                        {"float", Scalar::kFloat32},
-                                                                        {"float32", Scalar::kFloat32},
-                                                                        {"double", Scalar::kFloat64},
-                                                                        {"float64", Scalar::kFloat64}}};
-  for (const auto& [text, type] : kNames)
-    if (text == name) return type;
+  // Each type has two names.
+  constexpr std::array<std::string_view, 16> kNames{"char",   "int8",    "uchar",  "uint8",  "short", "int16",
+                                                    "ushort", "uint16",  "int",    "int32",  "uint",  "uint32",
+                                                    "float",  "float32", "double", "float64"};
+  const auto found = std::find(kNames.begin(), kNames.end(), name);
+  if (found != kNames.end()) return static_cast<Scalar>((found - kNames.begin()) / 2);
   return std::nullopt;
 }
 
@@ -68,15 +57,10 @@ std::optional<Scalar> scalarFromName(std::string_view name) {
 
 base::Result<void> parseFormat(std::string_view line, Header& header) {
   const std::string_view name = nextWord(line);
-  if (name == "ascii") {
-    header.encoding = Encoding::kAscii;
-  } else if (name == "binary_little_endian") {
-    header.encoding = Encoding::kLittle;
-  } else if (name == "binary_big_endian") {
-    header.encoding = Encoding::kBig;
-  } else {
-    return invalidInput("header: unknown format " + inQuotes(name));
-  }
+  constexpr std::array<std::string_view, 3> kNames{"ascii", "binary_little_endian", "binary_big_endian"};
+  const auto found = std::find(kNames.begin(), kNames.end(), name);
+  if (found == kNames.end()) return invalidInput("header: unknown format " + inQuotes(name));
+  header.encoding = static_cast<Encoding>(found - kNames.begin());
   return {};
 }
 
@@ -129,13 +113,11 @@ base::Result<Header> parseHeader(base::ByteView bytes) {
     if (keyword == "format") {
       LUMIGRID_TRY(parseFormat(line, header));
       has_format = true;
-    } else if (keyword == "element") {
-      LUMIGRID_TRY(parseElement(line, header));
-    } else if (keyword == "property") {
-      LUMIGRID_TRY(parseProperty(line, header));
+    } else if (keyword == "element" || keyword == "property") {
+      LUMIGRID_TRY(keyword == "element" ? parseElement(line, header) : parseProperty(line, header));
     } else if (keyword == "comment") {
       if (nextWord(line) == "TextureFile") {
-        while (!line.empty() && isSpace(line.front())) line.remove_prefix(1);
+        skipSpaces(line);
         while (!line.empty() && isSpace(line.back())) line.remove_suffix(1);
         header.texture = std::string(line);
       }
@@ -247,23 +229,13 @@ class TextSource {
 enum Slot { kX, kY, kZ, kNx, kNy, kNz, kRed, kGreen, kBlue, kSlots };
 
 std::optional<Slot> slotFromName(std::string_view name) {
-  constexpr std::array<std::pair<std::string_view, Slot>, 15> kNames{{{"x", kX},
-                                                                      {"y", kY},
-                                                                      {"z", kZ},
-                                                                      {"nx", kNx},
-                                                                      {"ny", kNy},
-                                                                      {"nz", kNz},
-                                                                      {"red", kRed},
-                                                                      {"green", kGreen},
-                                                                      {"blue", kBlue},
-                                                                      {"diffuse_red", kRed},
-                                                                      {"diffuse_green", kGreen},
-                                                                      {"diffuse_blue", kBlue},
-                                                                      {"r", kRed},
-                                                                      {"g", kGreen},
-                                                                      {"b", kBlue}}};
-  for (const auto& [text, slot] : kNames)
-    if (text == name) return slot;
+  constexpr std::array<std::string_view, 15> kNames{
+      "x", "y", "z", "nx", "ny", "nz", "red", "green", "blue", "diffuse_red", "diffuse_green", "diffuse_blue",
+      "r", "g", "b"};
+  const auto found = std::find(kNames.begin(), kNames.end(), name) - kNames.begin();
+  // The other names of colours come in the same order.
+  if (found < kSlots) return static_cast<Slot>(found);
+  if (found < std::ssize(kNames)) return static_cast<Slot>(kRed + found % 3);
   return std::nullopt;
 }
 
@@ -437,13 +409,21 @@ base::Result<void> skipElement(Source& source, const Element& element) {
 // Stands for −1 in a strip's list of indices, which begins a new strip.
 constexpr std::uint64_t kRestart = std::numeric_limits<std::uint64_t>::max();
 
+// Reads how many values a row's list has; they are there, as far as the file's length tells.
 template <class Source>
-base::Result<void> readCorners(Source& source, const Element& element, const Property& property, std::uint64_t row,
-                               std::uint64_t vertex_count, bool strips, std::vector<std::uint64_t>& corners) {
+base::Result<std::size_t> readListLength(Source& source, const Element& element, const Property& property,
+                                         std::uint64_t row) {
   double count = 0.0;
   if (!source.scalar(property.count_type, count) || !(count >= 0.0)) return badRow(source, element, row);
   if (count > static_cast<double>(source.remaining())) return truncatedIn(placeOf(element, row));
-  corners.resize(static_cast<std::size_t>(count));
+  return static_cast<std::size_t>(count);
+}
+
+template <class Source>
+base::Result<void> readCorners(Source& source, const Element& element, const Property& property, std::uint64_t row,
+                               std::uint64_t vertex_count, bool strips, std::vector<std::uint64_t>& corners) {
+  LUMIGRID_ASSIGN_OR_RETURN(const auto count, readListLength(source, element, property, row));
+  corners.resize(count);
   for (std::uint64_t& corner : corners) {
     double index = 0.0;
     if (!source.scalar(property.type, index)) return badRow(source, element, row);
@@ -501,11 +481,9 @@ bool isPlainFace(const Element& element) {
 template <class Source>
 base::Result<void> readUv(Source& source, const Element& element, const Property& property, std::uint64_t row,
                           std::vector<glm::dvec2>& uv) {
-  double count = 0.0;
-  if (!source.scalar(property.count_type, count) || !(count >= 0.0)) return badRow(source, element, row);
-  if (count > static_cast<double>(source.remaining())) return truncatedIn(placeOf(element, row));
+  LUMIGRID_ASSIGN_OR_RETURN(const auto count, readListLength(source, element, property, row));
   uv.clear();
-  for (std::uint64_t i = 0; i < static_cast<std::uint64_t>(count); ++i) {
+  for (std::size_t i = 0; i < count; ++i) {
     double value = 0.0;
     if (!source.scalar(property.type, value)) return badRow(source, element, row);
     if (i % 2 == 0)

@@ -20,9 +20,7 @@ std::uint32_t triangleCountOf(base::ByteView bytes) {
 bool isText(base::ByteView bytes) {
   std::string_view head = textOf(bytes);
   if (nextWord(head) != "solid") return false;
-  if (bytes.size() >= kHeaderBytes &&
-      bytes.size() == kHeaderBytes + kTriangleBytes * std::size_t{triangleCountOf(bytes)})
-    return false;
+  if (isBinaryStlBySize(bytes)) return false;
   const base::ByteView start = bytes.first(std::min<std::size_t>(bytes.size(), 1024));
   return std::none_of(start.begin(), start.end(), [](std::uint8_t b) { return b == 0; });
 }
@@ -80,6 +78,11 @@ base::Result<void> readText(std::string_view text, MeshStream& out) {
 }
 
 }  // namespace
+
+bool isBinaryStlBySize(base::ByteView bytes) {
+  return bytes.size() >= kHeaderBytes + kTriangleBytes &&
+         bytes.size() == kHeaderBytes + kTriangleBytes * std::size_t{triangleCountOf(bytes)};
+}
 
 base::Result<void> readStl(base::ByteView bytes, MeshStream& out) {
   LUMIGRID_TRY(isText(bytes) ? readText(textOf(bytes), out) : readBinary(bytes, out));

@@ -1,7 +1,6 @@
 #include "mesh/stream_mesh.h"
 
 #include <algorithm>
-#include <cstring>
 
 #include "base/file.h"
 #include "mesh/read_glb.h"
@@ -21,13 +20,6 @@ std::string extensionOf(const std::string& path) {
   return extension;
 }
 
-bool looksLikeBinaryStl(base::ByteView bytes) {
-  if (bytes.size() < 84 + 50) return false;
-  std::uint32_t count = 0;
-  std::memcpy(&count, bytes.data() + 80, sizeof(count));
-  return bytes.size() == 84 + 50 * std::uint64_t{count};
-}
-
 // Whether the first line that is no comment begins with one of OBJ's keywords.
 bool looksLikeObj(std::string_view text) {
   text = text.substr(0, 1 << 16);
@@ -41,57 +33,38 @@ bool looksLikeObj(std::string_view text) {
   return false;
 }
 
-enum class Format { kPly, kObj, kStl, kOff, kGlb };
-
-base::Result<Format> formatOf(const std::string& path, base::ByteView bytes) {
+// Reads the file in the format that its content or else its name tells.
+base::Result<void> readFile(const std::string& path, base::ByteView bytes, MeshStream& out) {
   if (bytes.empty()) return invalidInput("the file is empty");
   const std::string_view text = textOf(bytes);
-  if (text.substr(0, 4) == "glTF") return Format::kGlb;
-  if (looksLikeBinaryStl(bytes)) return Format::kStl;
+  if (text.substr(0, 4) == "glTF") return readGlb(bytes, out);
+  if (isBinaryStlBySize(bytes)) return readStl(bytes, out);
   std::string_view rest = text.substr(0, 1 << 16);
   const std::string_view word = nextWord(rest);
-  if (word == "ply") return Format::kPly;
-  if (word == "solid") return Format::kStl;
-  if (word.size() >= 3 && word.size() <= 8 && word.substr(word.size() - 3) == "OFF") return Format::kOff;
-  if (looksLikeObj(text)) return Format::kObj;
+  if (word == "ply") return readPly(bytes, out);
+  if (word == "solid") return readStl(bytes, out);
+  if (word.size() >= 3 && word.size() <= 8 && word.substr(word.size() - 3) == "OFF") return readOff(bytes, out);
+  if (looksLikeObj(text)) return readObj(bytes, out);
 
   // The content does not tell, so the name has to.
   const std::string extension = extensionOf(path);
   if (extension == "gltf") return unsupported("glTF with outside buffers is not read; write it as one GLB file");
-  if (extension == "ply") return Format::kPly;
-  if (extension == "obj") return Format::kObj;
-  if (extension == "stl") return Format::kStl;
-  if (extension == "off") return Format::kOff;
-  if (extension == "glb") return Format::kGlb;
+  if (extension == "ply") return readPly(bytes, out);
+  if (extension == "obj") return readObj(bytes, out);
+  if (extension == "stl") return readStl(bytes, out);
+  if (extension == "off") return readOff(bytes, out);
+  if (extension == "glb") return readGlb(bytes, out);
   return unsupported("neither the content nor the name is that of a mesh (PLY, OBJ, STL, OFF and GLB are read)");
-}
-
-base::Result<void> readAs(Format format, base::ByteView bytes, MeshStream& out) {
-  switch (format) {
-    case Format::kPly:
-      return readPly(bytes, out);
-    case Format::kObj:
-      return readObj(bytes, out);
-    case Format::kStl:
-      return readStl(bytes, out);
-    case Format::kOff:
-      return readOff(bytes, out);
-    case Format::kGlb:
-      return readGlb(bytes, out);
-  }
-  return invalidInput("unknown format");
 }
 
 }  // namespace
 
 base::Result<StreamedFile> streamMesh(const std::string& path, MeshSink& sink, const StreamOptions& options) {
   LUMIGRID_ASSIGN_OR_RETURN(auto file, base::MappedFile::open(path));
-  auto format = formatOf(path, file.bytes());
-  if (!format) return base::within(path, format.error());
   const std::size_t slash = path.rfind('/');
   MeshStream stream(sink, file.bytes(), slash == std::string::npos ? "" : path.substr(0, slash), options.progress);
   stream.accepts_points = options.accepts_points;
-  if (auto read = readAs(*format, file.bytes(), stream); !read) {
+  if (auto read = readFile(path, file.bytes(), stream); !read) {
     // The sink's errors name their file already.
     const bool named = read.error().message.rfind(path, 0) == 0 || read.error().code == base::ErrorCode::kNoSpace ||
                        read.error().code == base::ErrorCode::kIo || read.error().code == base::ErrorCode::kCancelled;

@@ -1,6 +1,7 @@
 #include "base/gl/gl.h"
 
 #include <algorithm>
+#include <iterator>
 
 namespace base::gl {
 namespace {
@@ -32,19 +33,12 @@ std::string oneLine(std::string log) {
   return log;
 }
 
-std::string shaderLog(GLuint shader) {
+template <auto GetParameter, auto GetLog>
+std::string logOf(GLuint name) {
   GLint length = 0;
-  glGetShaderiv(shader, GL_INFO_LOG_LENGTH, &length);
+  GetParameter(name, GL_INFO_LOG_LENGTH, &length);
   std::string log(static_cast<std::size_t>(std::max(0, length)), '\0');
-  if (length > 0) glGetShaderInfoLog(shader, length, nullptr, log.data());
-  return oneLine(std::move(log));
-}
-
-std::string programLog(GLuint program) {
-  GLint length = 0;
-  glGetProgramiv(program, GL_INFO_LOG_LENGTH, &length);
-  std::string log(static_cast<std::size_t>(std::max(0, length)), '\0');
-  if (length > 0) glGetProgramInfoLog(program, length, nullptr, log.data());
+  if (length > 0) GetLog(name, length, nullptr, log.data());
   return oneLine(std::move(log));
 }
 
@@ -58,7 +52,8 @@ Result<Shader> compile(const std::string& place, GLenum stage, const std::string
   GLint compiled = GL_FALSE;
   glGetShaderiv(shader.name(), GL_COMPILE_STATUS, &compiled);
   if (compiled != GL_TRUE)
-    return Error{ErrorCode::kInvalidInput, place + " does not compile: " + shaderLog(shader.name())};
+    return Error{ErrorCode::kInvalidInput,
+                 place + " does not compile: " + logOf<glGetShaderiv, glGetShaderInfoLog>(shader.name())};
   return shader;
 }
 
@@ -76,16 +71,9 @@ struct Held {
 thread_local Held held;
 
 std::uint64_t* counterOf(detail::StorageKind kind) {
-  switch (kind) {
-    case detail::StorageKind::kTexture:
-      return &held.bytes.textures;
-    case detail::StorageKind::kBuffer:
-      return &held.bytes.buffers;
-    case detail::StorageKind::kRenderbuffer:
-      return &held.bytes.renderbuffers;
-    case detail::StorageKind::kNone:
-      break;
-  }
+  if (kind == detail::StorageKind::kTexture) return &held.bytes.textures;
+  if (kind == detail::StorageKind::kBuffer) return &held.bytes.buffers;
+  if (kind == detail::StorageKind::kRenderbuffer) return &held.bytes.renderbuffers;
   return nullptr;
 }
 
@@ -155,6 +143,15 @@ void allocate(Renderbuffer& renderbuffer, GLenum format, int width, int height) 
   renderbuffer.setStorageBytes(bytesOf(format, width, height));
 }
 
+Texture unfilteredTexture(GLenum format, int width, int height) {
+  Texture texture = Texture::create();
+  allocate2D(texture, GL_TEXTURE_2D, 1, format, width, height);
+  glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, GL_NEAREST);
+  glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER, GL_NEAREST);
+  glBindTexture(GL_TEXTURE_2D, 0);
+  return texture;
+}
+
 // ---- Objects ----
 
 void ProgramTraits::destroy(GLuint name) {
@@ -178,7 +175,8 @@ Result<Program> Program::link(const std::string& name, const std::string& vertex
   GLint linked = GL_FALSE;
   glGetProgramiv(program.name(), GL_LINK_STATUS, &linked);
   if (linked != GL_TRUE)
-    return Error{ErrorCode::kInvalidInput, "GL program '" + name + "' does not link: " + programLog(program.name())};
+    return Error{ErrorCode::kInvalidInput, "GL program '" + name + "' does not link: " +
+                                               logOf<glGetProgramiv, glGetProgramInfoLog>(program.name())};
   return program;
 }
 
@@ -242,32 +240,20 @@ Image RenderTarget::read() const {
 }
 
 std::string takeError() {
+  constexpr std::pair<GLenum, const char*> kNames[] = {
+      {GL_INVALID_ENUM, "GL_INVALID_ENUM"},
+      {GL_INVALID_VALUE, "GL_INVALID_VALUE"},
+      {GL_INVALID_OPERATION, "GL_INVALID_OPERATION"},
+      {GL_INVALID_FRAMEBUFFER_OPERATION, "GL_INVALID_FRAMEBUFFER_OPERATION"},
+      {GL_OUT_OF_MEMORY, "GL_OUT_OF_MEMORY"}};
   std::string text;
   // A lost context may report errors for ever; a handful is enough.
   for (int i = 0; i < 8; ++i) {
     const GLenum code = glGetError();
     if (code == GL_NO_ERROR) break;
     if (!text.empty()) text += ", ";
-    switch (code) {
-      case GL_INVALID_ENUM:
-        text += "GL_INVALID_ENUM";
-        break;
-      case GL_INVALID_VALUE:
-        text += "GL_INVALID_VALUE";
-        break;
-      case GL_INVALID_OPERATION:
-        text += "GL_INVALID_OPERATION";
-        break;
-      case GL_INVALID_FRAMEBUFFER_OPERATION:
-        text += "GL_INVALID_FRAMEBUFFER_OPERATION";
-        break;
-      case GL_OUT_OF_MEMORY:
-        text += "GL_OUT_OF_MEMORY";
-        break;
-      default:
-        text += "GL error " + std::to_string(code);
-        break;
-    }
+    const auto* known = std::find_if(std::begin(kNames), std::end(kNames), [&](auto& n) { return n.first == code; });
+    text += known != std::end(kNames) ? known->second : "GL error " + std::to_string(code);
   }
   return text;
 }

@@ -107,6 +107,8 @@ void allocate(Buffer& buffer, GLenum target, const void* data, std::size_t bytes
 void allocate2D(Texture& texture, GLenum target, int levels, GLenum format, int width, int height);
 void allocate3D(Texture& texture, GLenum target, int levels, GLenum format, int width, int height, int layers);
 void allocate(Renderbuffer& renderbuffer, GLenum format, int width, int height);
+/// A two-dimensional texture of one level that is read without filtering; leaves none bound.
+Texture unfilteredTexture(GLenum format, int width, int height);
 
 /// A linked program. Uniform locations are queried by name once and kept.
 class Program {

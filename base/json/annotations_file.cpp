@@ -7,6 +7,7 @@
 
 #include "base/file.h"
 #include "base/json/camera_file.h"
+#include "base/json/vector.h"
 
 namespace base {
 namespace {
@@ -35,13 +36,9 @@ json parse(ByteView text) {
 bool readVector(const json& note, const char* key, glm::dvec3& v) {
   const auto it = note.find(key);
   if (it == note.end()) return true;
-  if (!it->is_array() || it->size() != 3) return false;
-  for (int i = 0; i < 3; ++i) {
-    const json& number = (*it)[static_cast<std::size_t>(i)];
-    if (!number.is_number()) return false;
-    v[i] = number.get<double>();
-  }
-  return true;
+  const auto read = vectorFrom(*it);
+  v = read.value_or(v);
+  return read.has_value();
 }
 
 bool readText(const json& note, const char* key, std::string& text) {
@@ -60,8 +57,7 @@ Result<Annotation> readNote(const json& note, const std::string& place) {
   if (!readText(note, "title", annotation.title)) return bad(place, "title must be text");
   if (!readText(note, "text", annotation.text)) return bad(place, "text must be text");
   if (const auto it = note.find("camera"); it != note.end()) {
-    LUMIGRID_ASSIGN_OR_RETURN(auto camera, parseCamera(it->dump(), place + ": camera"));
-    annotation.camera = camera;
+    LUMIGRID_ASSIGN_OR_RETURN(annotation.camera, parseCamera(it->dump(), place + ": camera"));
   }
   auto checked = checkedAnnotation(std::move(annotation));
   if (!checked) return within(place, checked.error());

@@ -7,6 +7,7 @@
 #include <nlohmann/json.hpp>
 
 #include "base/file.h"
+#include "base/json/vector.h"
 
 namespace base {
 namespace {
@@ -20,14 +21,10 @@ Error bad(const std::string& name, const std::string& what) {
 }
 
 bool readVector(const json& object, const char* key, glm::dvec3& v) {
-  auto it = object.find(key);
-  if (it == object.end() || !it->is_array() || it->size() != 3) return false;
-  for (int i = 0; i < 3; ++i) {
-    const json& number = (*it)[static_cast<std::size_t>(i)];
-    if (!number.is_number()) return false;
-    v[i] = number.get<double>();
-  }
-  return true;
+  const auto it = object.find(key);
+  const auto read = it == object.end() ? std::nullopt : vectorFrom(*it);
+  v = read.value_or(v);
+  return read.has_value();
 }
 
 // Reads width, height, fov_y_degrees and ortho_height, as far as they are given; frames inherit the path's.
@@ -111,11 +108,10 @@ std::string formatCameraPath(const std::vector<ViewCamera>& frames) {
   json document;
   document["version"] = 1;
   document["frames"] = json::array();
-  auto three = [](const glm::dvec3& v) { return json::array({v.x, v.y, v.z}); };
   for (const ViewCamera& c : frames) {
-    json frame = {{"position", three(c.position)},
-                  {"direction", three(c.direction)},
-                  {"up", three(c.up)},
+    json frame = {{"position", toJson(c.position)},
+                  {"direction", toJson(c.direction)},
+                  {"up", toJson(c.up)},
                   {"fov_y_degrees", glm::degrees(c.fov_y)},
                   {"width", c.width},
                   {"height", c.height}};

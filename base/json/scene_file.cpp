@@ -8,15 +8,12 @@
 
 #include "base/file.h"
 #include "base/hash/sha256.h"
+#include "base/json/vector.h"
 
 namespace base {
 namespace {
 
 using nlohmann::json;
-
-json toJson(const glm::dvec3& v) {
-  return json::array({v.x, v.y, v.z});
-}
 
 const char* lightName(LightMode mode) {
   return mode == LightMode::kUnlit ? "unlit" : "soft";
@@ -55,16 +52,10 @@ class Fields {
   }
   glm::dvec3 vector(const char* key) {
     const json* member = find(key);
-    glm::dvec3 v(0.0);
-    if (member == nullptr) return v;
-    bool good = member->is_array() && member->size() == 3;
-    for (int i = 0; good && i < 3; ++i) {
-      const json& number = (*member)[static_cast<std::size_t>(i)];
-      good = number.is_number();
-      if (good) v[i] = number.get<double>();
-    }
-    if (!good) fail(std::string(key) + " is not three numbers");
-    return v;
+    if (member == nullptr) return glm::dvec3(0.0);
+    const auto v = vectorFrom(*member);
+    if (!v) fail(std::string(key) + " is not three numbers");
+    return v.value_or(glm::dvec3(0.0));
   }
   const json& child(const char* key) {
     static const json kEmpty;
@@ -181,8 +172,7 @@ std::string formatScene(const Scene& scene) {
 }
 
 Result<void> writeSceneFile(const Scene& scene, const std::string& path) {
-  const std::string text = formatScene(scene);
-  return writeFileAtomically(path, {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()});
+  return writeFileAtomically(path, viewOfText(formatScene(scene)));
 }
 
 namespace {

@@ -164,10 +164,8 @@ base::Result<const base::gl::Program*> SplatRenderer::program(const Pass& pass) 
   base::gl::Program& cached = programs_[pass.number()];
   if (cached.name() != 0) return &cached;
   const std::string defines = pass.defines();
-  LUMIGRID_ASSIGN_OR_RETURN(
-      auto linked, base::gl::Program::link("splats", defines + shadingSource() + tintSource() + glsl::kSplatVertex,
-                                           defines + glsl::kSplatFragment));
-  cached = std::move(linked);
+  const std::string vertex = defines + shadingSource() + tintSource() + glsl::kSplatVertex;
+  LUMIGRID_ASSIGN_OR_RETURN(cached, base::gl::Program::link("splats", vertex, defines + glsl::kSplatFragment));
   cached.use();
   const auto cells = cellMiddles();
   glUniform1fv(cached.uniform("u_cells"), static_cast<GLsizei>(cells.size()), cells.data());
@@ -277,18 +275,13 @@ base::Result<void> SplatRenderer::prepareCanvas(GLenum format, int width, int he
         base::ErrorCode::kUnsupported,
         "fuzzy splats need half-float targets (EXT_color_buffer_float), which this GL lacks; use circle"};
   if (compose_.name() == 0) {
-    LUMIGRID_ASSIGN_OR_RETURN(auto compose,
+    LUMIGRID_ASSIGN_OR_RETURN(compose_,
                               base::gl::Program::link("compose splats", glsl::kComposeVertex, glsl::kComposeFragment));
-    compose_ = std::move(compose);
   }
   canvas_ = {};
   canvas_.color = base::gl::Texture::create();
   base::gl::allocate2D(canvas_.color, GL_TEXTURE_2D, 1, format, width, height);
-  canvas_.depth = base::gl::Texture::create();
-  base::gl::allocate2D(canvas_.depth, GL_TEXTURE_2D, 1, GL_DEPTH_COMPONENT24, width, height);
-  glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, GL_NEAREST);
-  glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER, GL_NEAREST);
-  glBindTexture(GL_TEXTURE_2D, 0);
+  canvas_.depth = base::gl::unfilteredTexture(GL_DEPTH_COMPONENT24, width, height);
   canvas_.framebuffer = base::gl::Framebuffer::create();
   glBindFramebuffer(GL_FRAMEBUFFER, canvas_.framebuffer.name());
   glFramebufferTexture2D(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_TEXTURE_2D, canvas_.color.name(), 0);

@@ -42,8 +42,7 @@ class BucketSorter {
       : source_(source), info_(info), lattice_(lattice), directory_(directory), options_(options) {}
 
   base::Result<Buckets> run() {
-    LUMIGRID_ASSIGN_OR_RETURN(auto file, SpoolFile::create(directory_ + "/buckets"));
-    out_.file_ = std::move(file);
+    LUMIGRID_ASSIGN_OR_RETURN(out_.file_, SpoolFile::create(directory_ + "/buckets"));
     out_.packing_ = {info_.has_colors, info_.has_normals};
 
     // A window has as many vertices as the memory holds.
@@ -53,8 +52,7 @@ class BucketSorter {
     const std::uint64_t samples = std::min(kMaxSamples, kBucketSamples * bucketsWanted());
     stride_ = std::max<std::uint64_t>(1, info_.vertices / samples);
     if (windows > 1) {
-      LUMIGRID_ASSIGN_OR_RETURN(auto corners, SpoolFile::create(directory_ + "/corners"));
-      corners_ = std::move(corners);
+      LUMIGRID_ASSIGN_OR_RETURN(corners_, SpoolFile::create(directory_ + "/corners"));
     }
     for (std::uint64_t w = 0; w < windows; ++w) {
       LUMIGRID_TRY(loadWindow(w * window, std::min(info_.vertices, (w + 1) * window), w == 0));

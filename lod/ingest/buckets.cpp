@@ -262,8 +262,7 @@ base::Result<void> Buckets::flipMinorities(WindingPass& pass, unsigned threads) 
   border_.sums.assign(border_.codes.size(), {});
   LUMIGRID_TRY(base::tryParallelFor(count(), threads, [&](std::size_t bucket) -> base::Result<void> {
     const std::vector<std::uint32_t>& part = pass.measured[bucket]->part;
-    LUMIGRID_ASSIGN_OR_RETURN(auto found, part.empty() ? measureFlips(bucket) : flipsOf(bucket, part));
-    flips[bucket] = std::move(found);
+    LUMIGRID_ASSIGN_OR_RETURN(flips[bucket], part.empty() ? measureFlips(bucket) : flipsOf(bucket, part));
     LUMIGRID_ASSIGN_OR_RETURN(auto triangles, readUnflippedBorder(bucket));
     flipTriangles(flips[bucket], triangles);
     addToBorder(triangles);

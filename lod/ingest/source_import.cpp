@@ -4,6 +4,7 @@
 #include <cmath>
 #include <filesystem>
 
+#include "base/fields.h"
 #include "base/memory.h"
 #include "mesh/sink_thread.h"
 #include "mesh/stream_mesh.h"
@@ -28,23 +29,17 @@ glm::dvec3 originFor(const glm::dvec3& low, const glm::dvec3& high) {
   return glm::round(0.5 * (low + high) / step) * step + 0.0;
 }
 
+auto fieldsOf(auto& s) {
+  return std::tie(s.vertex_bytes, s.triangle_bytes, s.origin, s.info.vertices, s.info.triangles, s.info.referenced,
+                  s.info.has_normals, s.info.has_colors, s.info.box_min, s.info.box_max, s.info.mean_edge,
+                  s.info.short_faces);
+}
+
 base::Bytes stateOf(const ImportedSource& source) {
-  const SourceInfo& info = source.info;
   base::ByteWriter out;
-  out.u64(source.vertex_bytes);
-  out.u64(source.triangle_bytes);
-  out.write(source.origin);
-  out.u64(info.vertices);
-  out.u64(info.triangles);
-  out.u64(info.referenced);
-  out.u8(info.has_normals ? 1 : 0);
-  out.u8(info.has_colors ? 1 : 0);
-  out.write(info.box_min);
-  out.write(info.box_max);
-  out.write(info.mean_edge);
-  out.u64(info.short_faces);
-  out.u32(static_cast<std::uint32_t>(info.warnings.size()));
-  for (const std::string& warning : info.warnings) out.string16(warning);
+  base::writeFields(out, fieldsOf(source));
+  out.u32(static_cast<std::uint32_t>(source.info.warnings.size()));
+  for (const std::string& warning : source.info.warnings) out.string16(warning);
   return out.take();
 }
 
@@ -52,20 +47,8 @@ base::Result<ImportedSource> readState(const WorkDirectory& directory) {
   LUMIGRID_ASSIGN_OR_RETURN(auto state, directory.state(Stage::kSpooled));
   base::ByteReader in(state);
   ImportedSource source;
-  SourceInfo& info = source.info;
-  source.vertex_bytes = in.u64();
-  source.triangle_bytes = in.u64();
-  source.origin = in.read<glm::dvec3>();
-  info.vertices = in.u64();
-  info.triangles = in.u64();
-  info.referenced = in.u64();
-  info.has_normals = in.u8() != 0;
-  info.has_colors = in.u8() != 0;
-  info.box_min = in.read<glm::dvec3>();
-  info.box_max = in.read<glm::dvec3>();
-  info.mean_edge = in.read<double>();
-  info.short_faces = in.u64();
-  for (std::uint32_t left = in.u32(); left > 0 && in.ok(); --left) info.warnings.push_back(in.string16());
+  base::readFields(in, fieldsOf(source));
+  for (std::uint32_t left = in.u32(); left > 0 && in.ok(); --left) source.info.warnings.push_back(in.string16());
   if (!in.atEnd()) return directory.damaged();
   return source;
 }
@@ -120,9 +103,8 @@ base::Result<ImportedSource> importSource(WorkDirectory& directory, const Source
   LUMIGRID_ASSIGN_OR_RETURN(auto spool, SourceSpool::create(directory.path()));
   SourceInfo notes;
   LUMIGRID_TRY(input.read(spool, notes));
-  LUMIGRID_ASSIGN_OR_RETURN(auto info, spool.finish(input.points, threads));
   ImportedSource source;
-  source.info = std::move(info);
+  LUMIGRID_ASSIGN_OR_RETURN(source.info, spool.finish(input.points, threads));
   source.info.warnings = std::move(notes.warnings);
   source.info.short_faces = notes.short_faces;
   const glm::dvec3 size = source.info.box_max - source.info.box_min;

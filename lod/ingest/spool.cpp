@@ -5,61 +5,31 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <utility>
-
-#include "base/file.h"
 
 namespace lod::ingest {
 namespace {
 
 constexpr std::size_t kBufferBytes = std::size_t{1} << 20;
 
-base::Result<void> writeAll(int fd, const std::string& path, std::uint64_t offset, base::ByteView bytes) {
-  while (!bytes.empty()) {
-    const ssize_t n = ::pwrite(fd, bytes.data(), bytes.size(), static_cast<off_t>(offset));
-    if (n < 0 && errno == EINTR) continue;
-    if (n <= 0) return base::systemError(path, "write", n == 0 ? ENOSPC : errno);
-    offset += static_cast<std::uint64_t>(n);
-    bytes = bytes.subspan(static_cast<std::size_t>(n));
-  }
-  return {};
-}
-
 }  // namespace
 
 base::Result<SpoolFile> SpoolFile::create(const std::string& path) {
   SpoolFile file;
   file.path_ = path;
-  file.fd_ = ::open(path.c_str(), O_RDWR | O_CREAT | O_TRUNC | O_CLOEXEC, 0644);
-  if (file.fd_ < 0) return base::systemError(path, "create", errno);
+  file.file_ = base::FileDescriptor(::open(path.c_str(), O_RDWR | O_CREAT | O_TRUNC | O_CLOEXEC, 0644));
+  if (!file.file_) return base::systemError(path, "create", errno);
   return file;
 }
 
 base::Result<SpoolFile> SpoolFile::open(const std::string& path) {
   SpoolFile file;
   file.path_ = path;
-  file.fd_ = ::open(path.c_str(), O_RDWR | O_CLOEXEC);
-  if (file.fd_ < 0) return base::systemError(path, "open", errno);
-  const off_t end = ::lseek(file.fd_, 0, SEEK_END);
+  file.file_ = base::FileDescriptor(::open(path.c_str(), O_RDWR | O_CLOEXEC));
+  if (!file.file_) return base::systemError(path, "open", errno);
+  const off_t end = ::lseek(file.file_.get(), 0, SEEK_END);
   if (end < 0) return base::systemError(path, "read", errno);
   file.flushed_ = static_cast<std::uint64_t>(end);
   return file;
-}
-
-SpoolFile::SpoolFile(SpoolFile&& other) noexcept {
-  *this = std::move(other);
-}
-
-SpoolFile& SpoolFile::operator=(SpoolFile&& other) noexcept {
-  std::swap(path_, other.path_);
-  std::swap(fd_, other.fd_);
-  std::swap(flushed_, other.flushed_);
-  std::swap(buffer_, other.buffer_);
-  return *this;
-}
-
-SpoolFile::~SpoolFile() {
-  if (fd_ >= 0) ::close(fd_);
 }
 
 base::Result<void> SpoolFile::append(base::ByteView bytes) {
@@ -67,7 +37,7 @@ base::Result<void> SpoolFile::append(base::ByteView bytes) {
   const bool large = bytes.size() > kBufferBytes / 8;
   if (large || buffer_.size() + bytes.size() > kBufferBytes) LUMIGRID_TRY(flush());
   if (large) {
-    LUMIGRID_TRY(writeAll(fd_, path_, flushed_, bytes));
+    LUMIGRID_TRY(base::writeAllAt(file_, path_, flushed_, bytes));
     flushed_ += bytes.size();
     return {};
   }
@@ -76,7 +46,7 @@ base::Result<void> SpoolFile::append(base::ByteView bytes) {
 }
 
 base::Result<void> SpoolFile::flush() {
-  LUMIGRID_TRY(writeAll(fd_, path_, flushed_, buffer_));
+  LUMIGRID_TRY(base::writeAllAt(file_, path_, flushed_, buffer_));
   flushed_ += buffer_.size();
   buffer_.clear();
   return {};
@@ -84,20 +54,20 @@ base::Result<void> SpoolFile::flush() {
 
 base::Result<void> SpoolFile::sync() {
   LUMIGRID_TRY(flush());
-  if (::fdatasync(fd_) != 0) return base::systemError(path_, "write", errno);
+  if (::fdatasync(file_.get()) != 0) return base::systemError(path_, "write", errno);
   return {};
 }
 
 base::Result<void> SpoolFile::truncate(std::uint64_t size) {
   buffer_.clear();
-  if (::ftruncate(fd_, static_cast<off_t>(size)) != 0) return base::systemError(path_, "cut", errno);
+  if (::ftruncate(file_.get(), static_cast<off_t>(size)) != 0) return base::systemError(path_, "cut", errno);
   flushed_ = size;
   return {};
 }
 
 base::Result<void> SpoolFile::readAt(std::uint64_t offset, std::span<std::uint8_t> out) const {
   while (!out.empty()) {
-    const ssize_t n = ::pread(fd_, out.data(), out.size(), static_cast<off_t>(offset));
+    const ssize_t n = ::pread(file_.get(), out.data(), out.size(), static_cast<off_t>(offset));
     if (n < 0 && errno == EINTR) continue;
     if (n < 0) return base::systemError(path_, "read", errno);
     if (n == 0)
@@ -110,13 +80,13 @@ base::Result<void> SpoolFile::readAt(std::uint64_t offset, std::span<std::uint8_
 }
 
 base::Result<void> SpoolFile::writeAt(std::uint64_t offset, base::ByteView bytes) {
-  return writeAll(fd_, path_, offset, bytes);
+  return base::writeAllAt(file_, path_, offset, bytes);
 }
 
 void SpoolFile::release([[maybe_unused]] std::uint64_t offset, [[maybe_unused]] std::uint64_t length) {
 #ifdef FALLOC_FL_PUNCH_HOLE
   // Where the file system cannot punch holes, the space is freed when the file is removed.
-  (void)::fallocate(fd_, FALLOC_FL_PUNCH_HOLE | FALLOC_FL_KEEP_SIZE, static_cast<off_t>(offset),
+  (void)::fallocate(file_.get(), FALLOC_FL_PUNCH_HOLE | FALLOC_FL_KEEP_SIZE, static_cast<off_t>(offset),
                     static_cast<off_t>(length));
 #endif
 }

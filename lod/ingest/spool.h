@@ -6,11 +6,12 @@
 
 #include "base/bytes.h"
 #include "base/error.h"
+#include "base/file.h"
 
 namespace lod::ingest {
 
-/// Appended bytes are buffered, and can be read once they are flushed. Reading is safe from several threads, writing
-/// from one.
+/// Appended bytes are buffered, and can be read once they are flushed; closing the file does not flush them. Reading is
+/// safe from several threads, writing from one.
 class SpoolFile {
  public:
   /// Creates an empty file in place of whatever was there. Errors: kNoSpace, kIo.
@@ -18,9 +19,6 @@ class SpoolFile {
   /// Opens an existing file to be read and continued. Errors: kNotFound, kIo.
   static base::Result<SpoolFile> open(const std::string& path);
   SpoolFile() = default;
-  SpoolFile(SpoolFile&& other) noexcept;
-  SpoolFile& operator=(SpoolFile&& other) noexcept;
-  ~SpoolFile();  ///< closes the file without flushing
 
   base::Result<void> append(base::ByteView bytes);
   base::Result<void> flush();
@@ -39,7 +37,7 @@ class SpoolFile {
 
  private:
   std::string path_;
-  int fd_ = -1;
+  base::FileDescriptor file_;
   std::uint64_t flushed_ = 0;
   base::Bytes buffer_;
 };

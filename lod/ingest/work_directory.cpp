@@ -53,8 +53,7 @@ base::Result<void> needFree(const std::string& directory, std::uint64_t bytes, c
 
 base::Result<void> writeKey(const std::string& directory, const ResumeKey& key) {
   LUMIGRID_ASSIGN_OR_RETURN(const auto text, key());
-  return base::writeFileAtomically(directory + "/key",
-                                   base::ByteView(reinterpret_cast<const std::uint8_t*>(text.data()), text.size()));
+  return base::writeFileAtomically(directory + "/key", base::viewOfText(text));
 }
 
 // Whether a rerun can succeed: an error in the source stays.
@@ -127,20 +126,6 @@ Stage WorkDirectory::lastStored() const {
   return last;
 }
 
-WorkDirectory::WorkDirectory(WorkDirectory&& other) noexcept {
-  *this = std::move(other);
-}
-
-WorkDirectory& WorkDirectory::operator=(WorkDirectory&& other) noexcept {
-  std::swap(path_, other.path_);
-  std::swap(key_, other.key_);
-  std::swap(finished_, other.finished_);
-  std::swap(lock_, other.lock_);
-  std::swap(delay_, other.delay_);
-  std::swap(storing_, other.storing_);
-  return *this;
-}
-
 WorkDirectory::~WorkDirectory() {
   (void)settle();
 }
@@ -199,8 +184,7 @@ base::Error WorkDirectory::damaged() const {
 
 base::Result<void> runStages(std::optional<WorkDirectory>& directory, const std::string& path, const ResumeKey& key,
                              const std::string& output_path, const std::function<base::Result<void>()>& stages) {
-  LUMIGRID_ASSIGN_OR_RETURN(auto opened, WorkDirectory::open(path.empty() ? output_path + ".work" : path, key));
-  directory = std::move(opened);
+  LUMIGRID_ASSIGN_OR_RETURN(directory, WorkDirectory::open(path.empty() ? output_path + ".work" : path, key));
   base::removeUnfinished(output_path);  // the lock makes sure that no other build is writing it
   auto done = stages();
   // A complete output needs no work files, whole or damaged.

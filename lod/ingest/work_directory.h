@@ -43,8 +43,8 @@ class WorkDirectory {
   /// builder wrote is removed first. The key is asked for where an earlier run left one, else when the first stage is
   /// finished. With an empty key nothing is taken over. Errors: kBusy, kNoSpace, kIo, the key's.
   static base::Result<WorkDirectory> open(const std::string& path, ResumeKey key);
-  WorkDirectory(WorkDirectory&& other) noexcept;
-  WorkDirectory& operator=(WorkDirectory&& other) noexcept;
+  WorkDirectory(WorkDirectory&& other) noexcept = default;
+  WorkDirectory& operator=(WorkDirectory&& other) noexcept = default;
   ~WorkDirectory();  ///< releases the directory; the files stay
 
   const std::string& path() const { return path_; }

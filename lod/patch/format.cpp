@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "base/crc32c.h"
+#include "base/fields.h"
 #include "lod/patch/codec.h"
 #include "lod/patch/records.h"
 #include "lod/patch/table_pages.h"
@@ -13,9 +14,7 @@ namespace lod::patch {
 namespace {
 
 constexpr std::array<char, 8> kMagic{'L', 'G', 'P', 'A', 'T', 'C', 'H', '\n'};
-constexpr std::uint32_t kVersion = 1;
-constexpr std::uint32_t kHeaderBytes = 96;
-constexpr std::uint32_t kHasColors = 1;
+constexpr std::uint32_t kVersion = 1, kHeaderBytes = 96, kHasColors = 1;
 constexpr std::uint64_t kBlockAlignment = 16;
 constexpr std::size_t kHeaderCrcOffset = 92;
 
@@ -42,21 +41,18 @@ std::uint64_t alignedUp(std::uint64_t offset) {
 
 // Header ------------------------------------------------------------------------------------------
 
+// The fields between the lengths of the header and its checksum.
+auto fieldsOf(auto& h) {
+  return std::tie(h.file_bytes, h.blocks_offset, h.lattice.origin, h.lattice.step, h.source_triangles, h.flags,
+                  h.groups, h.patches, h.parents, h.tables_crc);
+}
+
 base::Bytes headerBytes(const FileHeader& header) {
   base::ByteWriter out;
   out.write(kMagic);
   out.u32(kVersion);
   out.u32(kHeaderBytes);
-  out.u64(header.file_bytes);
-  out.u64(header.blocks_offset);
-  out.write(header.lattice.origin);
-  out.f64(header.lattice.step);
-  out.u64(header.source_triangles);
-  out.u32(header.flags);
-  out.u32(header.groups);
-  out.u32(header.patches);
-  out.u32(header.parents);
-  out.u32(header.tables_crc);
+  base::writeFields(out, fieldsOf(header));
   out.u32(base::crc32c(out.view()));
   return out.take();
 }
@@ -93,16 +89,7 @@ base::Result<FileHeader> readHeader(base::ByteView front) {
   if (crc != base::crc32c(front.first(kHeaderCrcOffset))) return damaged("header: checksum does not match");
 
   FileHeader header;
-  header.file_bytes = in.u64();
-  header.blocks_offset = in.u64();
-  header.lattice.origin = in.read<glm::dvec3>();
-  header.lattice.step = in.f64();
-  header.source_triangles = in.u64();
-  header.flags = in.u32();
-  header.groups = in.u32();
-  header.patches = in.u32();
-  header.parents = in.u32();
-  header.tables_crc = in.u32();
+  base::readFields(in, fieldsOf(header));
   LUMIGRID_TRY(checkHeader(header));
   return header;
 }
@@ -166,11 +153,6 @@ base::Result<Hierarchy> readTablesBehind(const FileHeader& header, base::ByteVie
 base::Result<Hierarchy> readTables(base::ByteView front) {
   LUMIGRID_ASSIGN_OR_RETURN(const auto header, readHeader(front));
   return readTablesBehind(header, front);
-}
-
-base::Result<std::uint64_t> headerAndTableBytes(base::ByteView front) {
-  LUMIGRID_ASSIGN_OR_RETURN(const auto header, readHeader(front));
-  return header.blocks_offset;
 }
 
 base::Result<TableCounts> readTableCounts(base::ByteView front) {

@@ -45,11 +45,9 @@ class PatchFile {
 /// error names the row. Block offsets and sizes are not looked at. Not for growing hierarchies.
 base::Result<void> checkHierarchy(const Hierarchy& hierarchy);
 
-/// Header and tables of patch.lgp, from its first bytes (all of the file or at least what headerAndTableBytes says).
+/// Header and tables of patch.lgp, from its first bytes (all of the file or at least those before the blocks).
 /// Checks everything that PatchFile::open does, but for the file's length.
 base::Result<Hierarchy> readTables(base::ByteView front);
-/// Length of header and tables, from the first 96 bytes of the file or more.
-base::Result<std::uint64_t> headerAndTableBytes(base::ByteView front);
 
 /// Writes patch.lgp; appears whole or not at all. `blocks(g)` yields the encoded patches of group g in order; called
 /// once per group, ascending, and forgotten when written. The writer fills in offsets and sizes of groups and patches.

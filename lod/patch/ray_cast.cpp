@@ -50,16 +50,6 @@ class RayWalk {
     return walk();
   }
 
-  base::Result<RayCast> throughPatches(std::span<const std::uint32_t> patches) {
-    for (const std::uint32_t patch : patches) {
-      if (patch >= hierarchy_.patches.size())
-        return base::Error{base::ErrorCode::kInvalidInput, "ray cast: no patch " + std::to_string(patch) + " among " +
-                                                               std::to_string(hierarchy_.patches.size())};
-      pushPatch(patch);
-    }
-    return walk();
-  }
-
  private:
   static double largestOf(const glm::dvec3& v) { return std::max({std::abs(v.x), std::abs(v.y), std::abs(v.z)}); }
 
@@ -263,12 +253,6 @@ base::Result<RayCast> castRay(const Hierarchy& hierarchy, const Ray& ray, const 
   LUMIGRID_TRY(checkRay(ray));
   if (!(tolerance >= 0.0F)) return base::Error{base::ErrorCode::kInvalidInput, "ray cast: a tolerance is at least 0"};
   return RayWalk(hierarchy, ray, blocks).throughGroups(tolerance);
-}
-
-base::Result<RayCast> castRayAtPatches(const Hierarchy& hierarchy, std::span<const std::uint32_t> patches,
-                                       const Ray& ray, const BlockSource& blocks) {
-  LUMIGRID_TRY(checkRay(ray));
-  return RayWalk(hierarchy, ray, blocks).throughPatches(patches);
 }
 
 }  // namespace lod::patch

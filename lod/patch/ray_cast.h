@@ -16,7 +16,6 @@
 #include <glm/glm.hpp>
 #include <limits>
 #include <optional>
-#include <span>
 #include <vector>
 
 #include "base/bytes.h"
@@ -67,9 +66,5 @@ BlockSource blocksOf(const PatchFile& file);
 /// damaged or not as long as its record says (named by group and patch).
 base::Result<RayCast> castRay(const Hierarchy& hierarchy, const Ray& ray, const BlockSource& blocks,
                               float tolerance = 0.0F);
-
-/// The same for these patches alone, for instance those that are drawn. Numbers that are no patches are an error.
-base::Result<RayCast> castRayAtPatches(const Hierarchy& hierarchy, std::span<const std::uint32_t> patches,
-                                       const Ray& ray, const BlockSource& blocks);
 
 }  // namespace lod::patch

@@ -2,6 +2,7 @@
 
 #include <cmath>
 
+#include "base/fields.h"
 #include "lod/patch/codec.h"
 
 namespace lod::patch {
@@ -17,61 +18,34 @@ bool isSphere(const base::Sphere& s) {
   return isFinite(s.center) && isFinite(s.radius) && s.radius >= 0.0F;
 }
 
+auto fieldsOfGroup(auto& g) {
+  return std::tie(g.bounds, g.error, g.attribute_error, g.level, g.first_patch, g.patch_count, g.first_parent,
+                  g.parent_count, g.block_bytes, g.block_offset);
+}
+auto fieldsOfPatch(auto& p) {
+  return std::tie(p.box, p.bounds, p.cone, p.producer, p.consumer, p.level, p.triangles, p.vertices, p.block_offset,
+                  p.block_bytes);
+}
+
 }  // namespace
 
 void writeGroupRow(base::ByteWriter& out, const Group& group) {
-  out.write(group.bounds);
-  out.f32(group.error);
-  out.f32(group.attribute_error);
-  out.u32(group.level);
-  out.u32(group.first_patch);
-  out.u32(group.patch_count);
-  out.u32(group.first_parent);
-  out.u32(group.parent_count);
-  out.u32(group.block_bytes);
-  out.u64(group.block_offset);
+  base::writeFields(out, fieldsOfGroup(group));
 }
 
 Group readGroupRow(base::ByteReader& in) {
   Group group;
-  group.bounds = in.read<base::Sphere>();
-  group.error = in.f32();
-  group.attribute_error = in.f32();
-  group.level = in.u32();
-  group.first_patch = in.u32();
-  group.patch_count = in.u32();
-  group.first_parent = in.u32();
-  group.parent_count = in.u32();
-  group.block_bytes = in.u32();
-  group.block_offset = in.u64();
+  base::readFields(in, fieldsOfGroup(group));
   return group;
 }
 
 void writePatchRow(base::ByteWriter& out, const Patch& patch) {
-  out.write(patch.box);
-  out.write(patch.bounds);
-  out.write(patch.cone);
-  out.u32(patch.producer);
-  out.u32(patch.consumer);
-  out.u32(patch.level);
-  out.u32(patch.triangles);
-  out.u32(patch.vertices);
-  out.u32(patch.block_offset);
-  out.u32(patch.block_bytes);
+  base::writeFields(out, fieldsOfPatch(patch));
 }
 
 Patch readPatchRow(base::ByteReader& in) {
   Patch patch;
-  patch.box = in.read<base::Aabb>();
-  patch.bounds = in.read<base::Sphere>();
-  patch.cone = in.read<base::NormalCone>();
-  patch.producer = in.u32();
-  patch.consumer = in.u32();
-  patch.level = in.u32();
-  patch.triangles = in.u32();
-  patch.vertices = in.u32();
-  patch.block_offset = in.u32();
-  patch.block_bytes = in.u32();
+  base::readFields(in, fieldsOfPatch(patch));
   return patch;
 }
 

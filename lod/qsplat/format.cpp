@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "base/crc32c.h"
+#include "base/fields.h"
 
 namespace lod::qsplat {
 namespace {
@@ -78,14 +79,9 @@ base::Bytes commonFields(const Header& header, std::uint32_t version, std::uint3
   out.u32(version);
   out.u32(header_bytes);
   out.u64(header.storedBytes());
-  out.u64(header.nodes);
-  out.u64(header.leaves);
-  out.u64(header.groups);
-  out.u64(header.pointers);
+  base::writeFields(out, std::tie(header.nodes, header.leaves, header.groups, header.pointers));
   out.u32((header.colors ? kHasColors : 0U) | (header.wide_pointers ? kWidePointers : 0U));
-  out.u32(header.levels);
-  out.write(header.root.center);
-  out.f32(header.root.radius);
+  base::writeFields(out, std::tie(header.levels, header.root));
   return out.take();
 }
 
@@ -128,19 +124,13 @@ base::Result<Header> readHeader(base::ByteView front) {
   Header header;
   header.header_bytes = header_bytes;
   (coded ? header.coded_bytes : header.file_bytes) = in.u64();
-  header.nodes = in.u64();
-  header.leaves = in.u64();
-  header.groups = in.u64();
-  header.pointers = in.u64();
+  base::readFields(in, std::tie(header.nodes, header.leaves, header.groups, header.pointers));
   const std::uint32_t flags = in.u32();
   header.colors = (flags & kHasColors) != 0;
   header.wide_pointers = (flags & kWidePointers) != 0;
-  header.levels = in.u32();
-  header.root.center = in.read<glm::vec3>();
-  header.root.radius = in.f32();
+  base::readFields(in, std::tie(header.levels, header.root));
   if (coded) {
-    header.file_bytes = in.u64();
-    header.first_block_bytes = in.u32();
+    base::readFields(in, std::tie(header.file_bytes, header.first_block_bytes));
     LUMIGRID_TRY(checkCoded(header));
   } else if (!allZero(front.subspan(kFieldsEnd, kPayloadBytes - kFieldsEnd))) {
     return damaged("header: bytes that are to be zero are not");
@@ -158,8 +148,7 @@ base::Bytes headerBytes(const Header& header) {
 base::Bytes codedHeaderBytes(const Header& header, base::ByteView tables) {
   base::Bytes bytes = commonFields(header, kCodedVersion, codedHeaderLength(tables.size()));
   base::ByteWriter more;
-  more.u64(header.file_bytes);
-  more.u32(header.first_block_bytes);
+  base::writeFields(more, std::tie(header.file_bytes, header.first_block_bytes));
   bytes.insert(bytes.end(), more.view().begin(), more.view().end());
   bytes.insert(bytes.end(), tables.begin(), tables.end());
   return withChecksum(std::move(bytes));

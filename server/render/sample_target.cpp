@@ -55,11 +55,7 @@ base::Result<SampleTarget> SampleTarget::create(int width, int height, int super
   const int sample_height = height * supersampling;
 
   // The samples are in a texture, since the resolve pass reads it.
-  target.samples_ = base::gl::Texture::create();
-  base::gl::allocate2D(target.samples_, GL_TEXTURE_2D, 1, GL_RGBA8, sample_width, sample_height);
-  glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, GL_NEAREST);
-  glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER, GL_NEAREST);
-  glBindTexture(GL_TEXTURE_2D, 0);
+  target.samples_ = base::gl::unfilteredTexture(GL_RGBA8, sample_width, sample_height);
   target.depth_ = base::gl::Renderbuffer::create();
   base::gl::allocate(target.depth_, GL_DEPTH_COMPONENT24, sample_width, sample_height);
   target.framebuffer_ = base::gl::Framebuffer::create();

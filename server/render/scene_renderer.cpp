@@ -21,7 +21,7 @@ constexpr std::size_t kReadbackDepth = 4;
 
 base::Result<base::gl::Program> linkModes(const base::Light& light) {
   auto program =
-      base::gl::Program::link("surface with modes", glsl::kModesVertex,
+      base::gl::Program::link("surface with modes", std::string("#define VIEW_MODES\n") + glsl::kSurfaceVertex,
                               lod::draw::shadingSource() + lod::draw::viewModesSource() + glsl::kModesFragment);
   if (program) lod::draw::setShading(*program, {light.mode == base::LightMode::kUnlit, light.direction});
   return program;

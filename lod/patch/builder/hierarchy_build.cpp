@@ -1,7 +1,6 @@
 #include "lod/patch/builder/hierarchy_build.h"
 
 #include <algorithm>
-#include <atomic>
 #include <cmath>
 #include <filesystem>
 #include <limits>
@@ -21,11 +20,10 @@ namespace {
 
 using base::Error;
 using base::ErrorCode;
-using lod::patch::Hierarchy;
 
 base::Result<void> check(const HierarchyOptions& options) {
   // Three vertices a triangle must fit 16-bit indices, and a voxel must fit a patch.
-  constexpr std::uint32_t kMax = lod::patch::kMaxPatchVertices / 3;
+  constexpr std::uint32_t kMax = kMaxPatchVertices / 3;
   auto inRange = [](std::uint32_t value, std::uint32_t low, std::uint32_t high) {
     return low <= value && value <= high;
   };
@@ -68,7 +66,7 @@ class Numbering {
   // Group 0 is always expanded and consumes the last patch built. Its sphere contains everything, as the top group's
   // does.
   void addRoot(Hierarchy& hierarchy) const {
-    lod::patch::Group root;
+    Group root;
     const WorkPatch& top = patches_.back();
     root.bounds = groups_.empty() ? top.record.bounds : groups_.back().record.bounds;
     root.error = std::numeric_limits<float>::infinity();
@@ -79,7 +77,7 @@ class Numbering {
   }
 
   void addGroup(Hierarchy& hierarchy, const WorkGroup& work) const {
-    lod::patch::Group group = work.record;
+    Group group = work.record;
     group.first_patch = hierarchy.groups.back().first_patch + hierarchy.groups.back().patch_count;
     group.patch_count = static_cast<std::uint32_t>(work.consumed.size());
     std::vector<std::uint32_t> parents;
@@ -93,9 +91,9 @@ class Numbering {
   }
 
   void addPatch(Hierarchy& hierarchy, const WorkPatch& work) const {
-    lod::patch::Patch patch = work.record;
+    Patch patch = work.record;
     patch.consumer = consumerOf(work);
-    if (patch.producer != lod::patch::kNoGroup) patch.producer = group_number_[patch.producer];
+    if (patch.producer != kNoGroup) patch.producer = group_number_[patch.producer];
     hierarchy.patches.push_back(patch);
   }
   std::uint32_t consumerOf(const WorkPatch& work) const {
@@ -198,34 +196,23 @@ class HierarchyBuilder {
     const std::uint64_t largest = order.empty() ? 1 : std::max<std::uint64_t>(1, triangles[order.front()]);
     const std::uint64_t at_once = std::max<std::uint64_t>(1, build_.workMemory() / (kBytesPerTriangle * largest));
     std::mutex mutex;
-    std::atomic<bool> stopped = false;
-    base::Result<void> status;
-    base::parallelFor(
-        made.size(), static_cast<unsigned>(std::min<std::uint64_t>(build_.threads(), at_once)), [&](std::size_t i) {
-          const std::size_t b = order[i];
-          if (finished[b] != 0 || stopped) return;
-          auto bucket = makeLeaves(buckets_, b, build_.lattice(), {options_.voxel_triangles, options_.leaf_triangles});
-          base::Result<std::vector<WorkPatch>> stored = std::vector<WorkPatch>();
-          WorkUnit unit{0, static_cast<std::uint32_t>(b), {}, {}};
-          if (bucket) {
-            // A unit of leaves has no group; its counts travel in the record's unused numbers.
-            unit.group.first_patch = static_cast<std::uint32_t>(bucket->duplicates);
-            unit.group.block_offset = bucket->vertices;
-            stored = store_->add(unit, std::move(bucket->patches));
-          }
-          const std::lock_guard lock(mutex);
-          if (!bucket || !stored) {
-            status = bucket ? stored.error() : bucket.error();
-            stopped = true;
-            return;
-          }
-          note(unit);
-          made[b] = std::move(*stored);
-          done += buckets_.triangles(b);
-          if (!build_.report("leaves", static_cast<double>(done) / static_cast<double>(buckets_.totals().triangles)))
-            status = build_.cancelled(), stopped = true;
-        });
-    LUMIGRID_TRY(status);
+    const auto threads = static_cast<unsigned>(std::min<std::uint64_t>(build_.threads(), at_once));
+    LUMIGRID_TRY(base::tryParallelFor(made.size(), threads, [&](std::size_t i) -> base::Result<void> {
+      const std::size_t b = order[i];
+      if (finished[b] != 0) return {};
+      LUMIGRID_ASSIGN_OR_RETURN(
+          auto bucket, makeLeaves(buckets_, b, build_.lattice(), {options_.voxel_triangles, options_.leaf_triangles}));
+      // A unit of leaves has no group; its counts travel in the record's unused numbers.
+      WorkUnit unit{0, static_cast<std::uint32_t>(b), {}, {}};
+      unit.group.first_patch = static_cast<std::uint32_t>(bucket.duplicates);
+      unit.group.block_offset = bucket.vertices;
+      LUMIGRID_ASSIGN_OR_RETURN(made[b], store_->add(unit, std::move(bucket.patches)));
+      const std::lock_guard lock(mutex);
+      note(unit);
+      done += buckets_.triangles(b);
+      const double share = static_cast<double>(done) / static_cast<double>(buckets_.totals().triangles);
+      return build_.report("leaves", share) ? base::Result<void>() : build_.cancelled();
+    }));
     // From here on the store alone holds the mesh.
     if (!build_.directory().isFinished(ingest::Stage::kPatchLeaves)) {
       LUMIGRID_TRY(
@@ -265,17 +252,17 @@ class HierarchyBuilder {
     numbering.fill(hierarchy);
     const std::vector<std::uint32_t> order = numbering.patchOrder();
     std::vector<std::uint32_t> first;
-    for (const lod::patch::Group& group : hierarchy.groups) first.push_back(group.first_patch);
+    for (const Group& group : hierarchy.groups) first.push_back(group.first_patch);
     first.push_back(static_cast<std::uint32_t>(order.size()));
-    return lod::patch::writePatchFile(build_.outputPath(), std::move(hierarchy),
-                                      [&](std::uint32_t group) -> base::Result<std::vector<base::Bytes>> {
-                                        std::vector<base::Bytes> block;
-                                        for (std::uint32_t p = first[group]; p < first[group + 1]; ++p) {
-                                          LUMIGRID_ASSIGN_OR_RETURN(auto bytes, store_->encoded(patches[order[p]]));
-                                          block.push_back(std::move(bytes));
-                                        }
-                                        return block;
-                                      });
+    return writePatchFile(build_.outputPath(), std::move(hierarchy),
+                          [&](std::uint32_t group) -> base::Result<std::vector<base::Bytes>> {
+                            std::vector<base::Bytes> block;
+                            for (std::uint32_t p = first[group]; p < first[group + 1]; ++p) {
+                              LUMIGRID_ASSIGN_OR_RETURN(auto bytes, store_->encoded(patches[order[p]]));
+                              block.push_back(std::move(bytes));
+                            }
+                            return block;
+                          });
   }
 
   void fillSummary() {

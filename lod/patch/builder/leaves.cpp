@@ -142,11 +142,11 @@ base::Result<BucketLeaves> makeLeaves(const ingest::Buckets& buckets, std::size_
       sum = border.sums[static_cast<std::size_t>(at)];
     }
     mesh.normals.push_back(sum.unitNormal());
-    if (buckets.hasColors()) mesh.colors.push_back(lod::patch::quantizedColor(sum.meanColor()));
+    if (buckets.hasColors()) mesh.colors.push_back(quantizedColor(sum.meanColor()));
   }
   sums = std::vector<ingest::VertexSums>();
   faces = std::vector<glm::i64vec3>();
-  lod::patch::quantizeNormals(mesh.normals);
+  quantizeNormals(mesh.normals);
   out.vertices = mesh.codes.size();
 
   out.duplicates = dropDuplicates(mesh, sorted);

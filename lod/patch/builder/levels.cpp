@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <atomic>
 #include <cmath>
 #include <cstring>
 #include <limits>
@@ -59,7 +58,7 @@ float roundedUp(double x) {
   return static_cast<double>(f) < x ? std::nextafter(f, std::numeric_limits<float>::max()) : f;
 }
 
-Merged mergePatches(const std::vector<lod::patch::PatchGeometry>& patches, std::span<const std::uint64_t> locked) {
+Merged mergePatches(const std::vector<PatchGeometry>& patches, std::span<const std::uint64_t> locked) {
   std::size_t max_vertices = 0;
   std::size_t indices = 0;
   glm::ivec3 low(std::numeric_limits<int>::max());
@@ -147,10 +146,10 @@ void quantizeVertices(const Merged& merged, std::span<const std::uint32_t> sourc
     if (locked[i] != 0)
       out.colors[i] = glm::u8vec4(glm::u8vec3(group.colors[v]), 255);
     else
-      out.colors[i] = lod::patch::quantizedColor(
-          glm::u8vec4(glm::u8vec3(glm::clamp(glm::round(group.colors[v]), 0.0F, 255.0F)), 255));
+      out.colors[i] =
+          quantizedColor(glm::u8vec4(glm::u8vec3(glm::clamp(glm::round(group.colors[v]), 0.0F, 255.0F)), 255));
   }
-  lod::patch::quantizeNormals(out.normals);
+  quantizeNormals(out.normals);
 }
 
 // The simplified triangles on lattice points. Vertices that came to lie on each other become one, and triangles that so
@@ -437,8 +436,7 @@ std::vector<std::uint32_t> LevelBuilder::groupOfPatches(std::span<const std::uin
 
 base::Result<std::vector<LevelBuilder::GroupInput>> LevelBuilder::groupInputs(
     std::span<const std::uint32_t> level) const {
-  LUMIGRID_ASSIGN_OR_RETURN(const auto read, sharedVertices(level));
-  const std::vector<SharedVertex>& shared = read;
+  LUMIGRID_ASSIGN_OR_RETURN(const std::vector<SharedVertex> shared, sharedVertices(level));
   std::uint32_t groups = 0;
   const std::vector<std::uint32_t> part = groupOfPatches(level, shared, groups);
   std::vector<GroupInput> inputs(groups);
@@ -482,19 +480,12 @@ base::Result<void> LevelBuilder::buildLevel(std::vector<std::uint32_t>& level) {
 base::Result<void> LevelBuilder::forEachGroup(std::size_t count,
                                               const std::function<base::Result<std::uint64_t>(std::size_t)>& build) {
   std::mutex mutex;
-  std::atomic<bool> stopped = false;
-  base::Result<void> status;
-  base::parallelFor(count, options_.limits.threads, [&](std::size_t i) {
-    if (stopped) return;
-    const base::Result<std::uint64_t> triangles = build(i);
+  return base::tryParallelFor(count, options_.limits.threads, [&](std::size_t i) -> base::Result<void> {
+    LUMIGRID_ASSIGN_OR_RETURN(const auto triangles, build(i));
     const std::lock_guard lock(mutex);
-    if (stopped) return;
-    if (!triangles)
-      status = triangles.error(), stopped = true;
-    else if (!advance_(*triangles))
-      status = base::Error{base::ErrorCode::kCancelled, "building the patch hierarchy was cancelled"}, stopped = true;
+    if (advance_(triangles)) return {};
+    return base::Error{base::ErrorCode::kCancelled, "building the patch hierarchy was cancelled"};
   });
-  return status;
 }
 
 // Builds the groups independently of each other; the results are in the order of the inputs.
@@ -508,9 +499,8 @@ base::Result<std::vector<LevelBuilder::BuiltGroup>> LevelBuilder::buildGroups(st
       inputs.size() < kManyGroups ? base::largestFirst(triangles) : std::vector<std::size_t>();
   LUMIGRID_TRY(forEachGroup(inputs.size(), [&](std::size_t i) -> base::Result<std::uint64_t> {
     const std::size_t g = order.empty() ? i : order[i];
-    LUMIGRID_ASSIGN_OR_RETURN(auto&& result,
+    LUMIGRID_ASSIGN_OR_RETURN(built[g],
                               findOrBuildGroup(inputs[g], {level, static_cast<std::uint32_t>(g), {}, {}}, nullptr));
-    built[g] = std::move(result);
     return triangles[g];
   }));
   return built;
@@ -550,7 +540,7 @@ base::Result<LevelBuilder::BuiltGroup> LevelBuilder::buildGroup(const GroupInput
   LUMIGRID_ASSIGN_OR_RETURN(auto geometry, readGeometry(input, carried));
   const Merged merged = mergePatches(geometry, input.locked);
   geometry.clear();
-  lod::patch::Group& record = unit.group;
+  Group& record = unit.group;
   record.level = unit.level;
   std::vector<base::Sphere> spheres = addErrorsBelow(input, record);
 
@@ -584,7 +574,7 @@ base::Result<LevelBuilder::BuiltGroup> LevelBuilder::buildGroup(const GroupInput
 
   // Split into new patches.
   const std::vector<ingest::KeyedIndex> sorted = sortedByVoxel(best.mesh, lattice_.bits);
-  const std::uint32_t max_triangles = options_.regroup ? options_.node_triangles : lod::patch::kMaxPatchVertices / 3;
+  const std::uint32_t max_triangles = options_.regroup ? options_.node_triangles : kMaxPatchVertices / 3;
   const auto parts = splitTriangles(best.mesh, sorted, lattice_.bits, max_triangles / kVoxelsPerPatch, max_triangles,
                                     TieWeight::kSharedVertices);
   std::vector<NewPatch> patches = makePatches(best.mesh, parts, best.outer, best.codes, lattice_.lattice, unit.level);
@@ -595,14 +585,14 @@ base::Result<LevelBuilder::BuiltGroup> LevelBuilder::buildGroup(const GroupInput
 }
 
 // The consumed patches' geometry, and the errors that their triangles carry.
-base::Result<std::vector<lod::patch::PatchGeometry>> LevelBuilder::readGeometry(const GroupInput& input,
-                                                                                SurfaceError& carried) const {
-  std::vector<lod::patch::PatchGeometry> geometry;
+base::Result<std::vector<PatchGeometry>> LevelBuilder::readGeometry(const GroupInput& input,
+                                                                    SurfaceError& carried) const {
+  std::vector<PatchGeometry> geometry;
   base::Bytes bytes;
   for (const std::uint32_t p : input.consumed) {
     LUMIGRID_TRY(store_.readWhole(patches_[p], bytes));
     const base::ByteView encoded = base::ByteView(bytes).first(patches_[p].encoded_bytes);
-    auto decoded = lod::patch::decodePatch(encoded);
+    auto decoded = decodePatch(encoded);
     if (!decoded) return base::within("the builder's own file", decoded.error());
     const base::ByteView codes = base::ByteView(bytes).subspan(encoded.size());
     LUMIGRID_TRY(appendErrors(codes, decoded->indices.size() / 3, carried));
@@ -613,12 +603,12 @@ base::Result<std::vector<lod::patch::PatchGeometry>> LevelBuilder::readGeometry(
 
 // Raises the record's errors to those of the groups below, so that errors are monotone. Returns the spheres that the
 // group's sphere has to contain.
-std::vector<base::Sphere> LevelBuilder::addErrorsBelow(const GroupInput& input, lod::patch::Group& record) const {
+std::vector<base::Sphere> LevelBuilder::addErrorsBelow(const GroupInput& input, Group& record) const {
   std::vector<base::Sphere> spheres;
   for (const std::uint32_t p : input.consumed) {
     spheres.push_back(patches_[p].record.bounds);
-    if (const std::uint32_t producer = patches_[p].record.producer; producer != lod::patch::kNoGroup) {
-      const lod::patch::Group& below = groups_[producer].record;
+    if (const std::uint32_t producer = patches_[p].record.producer; producer != kNoGroup) {
+      const Group& below = groups_[producer].record;
       spheres.push_back(below.bounds);
       record.error = std::max(record.error, below.error);
       record.attribute_error = std::max(record.attribute_error, below.attribute_error);
@@ -632,7 +622,7 @@ void LevelBuilder::addLevelSummary(std::span<const std::uint32_t> level) {
   summary.patches = level.size();
   for (const std::uint32_t p : level) {
     summary.triangles += patches_[p].record.triangles;
-    if (const std::uint32_t g = patches_[p].record.producer; g != lod::patch::kNoGroup)
+    if (const std::uint32_t g = patches_[p].record.producer; g != kNoGroup)
       summary.max_error = std::max(summary.max_error, groups_[g].record.error);
   }
   levels_.push_back(summary);

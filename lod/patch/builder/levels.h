@@ -21,7 +21,7 @@
 namespace lod::patch::builder {
 
 struct WorkGroup {
-  lod::patch::Group record;             ///< bounds, errors, level
+  Group record;                         ///< bounds, errors, level
   std::vector<std::uint32_t> consumed;  ///< work numbers of patches
   std::vector<std::uint32_t> produced;
 };
@@ -47,7 +47,7 @@ class LevelBuilder {
     std::vector<std::uint64_t> locked;    // codes of the vertices shared with other groups
   };
   struct BuiltGroup {
-    lod::patch::Group record;
+    Group record;
     ErrorHistogram errors;
     std::vector<WorkPatch> produced;
     std::optional<std::vector<Outlier>> outliers;  // unknown where an earlier run built the group
@@ -72,9 +72,8 @@ class LevelBuilder {
                                            std::vector<BuiltGroup>& built);
   base::Result<BuiltGroup> findOrBuildGroup(const GroupInput& input, WorkUnit unit, const RebuildRequest* rebuild);
   base::Result<BuiltGroup> buildGroup(const GroupInput& input, WorkUnit unit, const RebuildRequest* rebuild);
-  base::Result<std::vector<lod::patch::PatchGeometry>> readGeometry(const GroupInput& input,
-                                                                    SurfaceError& carried) const;
-  std::vector<base::Sphere> addErrorsBelow(const GroupInput& input, lod::patch::Group& record) const;
+  base::Result<std::vector<PatchGeometry>> readGeometry(const GroupInput& input, SurfaceError& carried) const;
+  std::vector<base::Sphere> addErrorsBelow(const GroupInput& input, Group& record) const;
   base::Result<void> forEachGroup(std::size_t count,
                                   const std::function<base::Result<std::uint64_t>(std::size_t)>& build);
   void addLevelSummary(std::span<const std::uint32_t> level);

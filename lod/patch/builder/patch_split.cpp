@@ -20,7 +20,7 @@ void gather(const std::vector<T>& from, std::span<const std::uint32_t> places, s
 }
 
 // Fills in box, sphere and cone of the geometry as it will be drawn, and its counts.
-void describe(const lod::patch::PatchGeometry& geometry, const Lattice& lattice, lod::patch::Patch& record) {
+void describe(const PatchGeometry& geometry, const Lattice& lattice, Patch& record) {
   std::vector<glm::vec3> points(geometry.positions.size());
   for (std::size_t v = 0; v < points.size(); ++v) points[v] = lattice.position(geometry.positions[v]);
   for (const glm::vec3& p : points) record.box.add(p);
@@ -111,7 +111,7 @@ std::vector<NewPatch> makePatches(const CodedMesh& mesh, const std::vector<std::
   next = 0;
   for (const auto& part : parts) {
     NewPatch patch;
-    lod::patch::PatchGeometry geometry;
+    PatchGeometry geometry;
     geometry.indices.resize(3 * part.size());
     if (room.size() < 3 * part.size()) room.resize(3 * part.size());
     std::uint32_t count = 0;
@@ -135,7 +135,7 @@ std::vector<NewPatch> makePatches(const CodedMesh& mesh, const std::vector<std::
     std::sort(patch.border.begin(), patch.border.end());
     describe(geometry, lattice, patch.record);
     patch.record.level = level;
-    patch.encoded = lod::patch::encodePatch(geometry, &order);
+    patch.encoded = encodePatch(geometry, &order);
     if (!errors.empty()) {
       patch.errors.resize(kErrorBytes * order.size());
       for (std::size_t t = 0; t < order.size(); ++t)

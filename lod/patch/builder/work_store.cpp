@@ -1,13 +1,13 @@
 #include "lod/patch/builder/work_store.h"
 
+#include "base/fields.h"
+
 namespace lod::patch::builder {
 namespace {
 
 base::Bytes payloadOf(const WorkUnit& unit, const std::vector<NewPatch>& patches) {
   base::ByteWriter out;
-  out.u32(unit.level);
-  out.u32(unit.index);
-  out.write(unit.group);
+  base::writeFields(out, std::tie(unit.level, unit.index, unit.group));
   unit.errors.write(out);
   out.u32(static_cast<std::uint32_t>(patches.size()));
   for (const NewPatch& patch : patches) {
@@ -29,18 +29,13 @@ std::size_t borderBytes(const WorkPatch& patch) {
 // `offset`: where the payload lies in the file. False if the bytes are not a payload.
 bool readPayload(base::ByteView payload, std::uint64_t offset, WorkUnit& unit, std::vector<WorkPatch>& patches) {
   base::ByteReader in(payload);
-  unit.level = in.u32();
-  unit.index = in.u32();
-  unit.group = in.read<lod::patch::Group>();
+  base::readFields(in, std::tie(unit.level, unit.index, unit.group));
   if (!unit.errors.read(in)) return false;
   const std::uint32_t count = in.u32();
-  if (!in.ok() || count > in.remaining() / sizeof(lod::patch::Patch)) return false;
+  if (!in.ok() || count > in.remaining() / sizeof(Patch)) return false;
   patches.resize(count);
   for (WorkPatch& patch : patches) {
-    patch.record = in.read<lod::patch::Patch>();
-    patch.border_codes = in.u32();
-    patch.encoded_bytes = in.u32();
-    patch.error_bytes = in.u32();
+    base::readFields(in, std::tie(patch.record, patch.border_codes, patch.encoded_bytes, patch.error_bytes));
     patch.offset = offset + in.offset();
     (void)in.bytes(borderBytes(patch) + patch.encoded_bytes + patch.error_bytes);
   }

@@ -15,15 +15,15 @@ namespace lod::patch::builder {
 
 /// A patch that is not in the store yet.
 struct NewPatch {
-  lod::patch::Patch record;           ///< box, bounds, cone, counts, level
+  Patch record;                       ///< box, bounds, cone, counts, level
   std::vector<std::uint64_t> border;  ///< Morton codes of the vertices it may share with other patches, ascending
-  base::Bytes encoded;                ///< by lod::patch::encodePatch()
+  base::Bytes encoded;                ///< by encodePatch()
   base::Bytes errors;                 ///< kErrorBytes for each triangle; empty for leaves
 };
 
 /// A patch in the store. Producer and consumer are numbered in the order in which groups are built.
 struct WorkPatch {
-  lod::patch::Patch record;
+  Patch record;
   std::uint64_t offset = 0;  ///< where its bytes lie in the store: border codes, encoded patch, errors
   std::uint32_t border_codes = 0;
   std::uint32_t encoded_bytes = 0;
@@ -35,7 +35,7 @@ struct WorkPatch {
 struct WorkUnit {
   std::uint32_t level = 0;
   std::uint32_t index = 0;  ///< the bucket, or the group within its level
-  lod::patch::Group group;  ///< bounds and errors; without meaning at level 0
+  Group group;              ///< bounds and errors; without meaning at level 0
   ErrorHistogram errors;    ///< the group's products, in lattice steps and their squares
 };
 

@@ -1,20 +1,25 @@
 #include "lod/patch/codec/header.h"
 
 #include "base/crc32c.h"
+#include "base/fields.h"
 
 namespace lod::patch::codec {
 
+namespace {
+
+// The fields behind the version. Both counts have 16 bits in the file.
+auto fieldsOf(auto& header, auto& vertices, auto& triangles) {
+  return std::tie(header.flags, vertices, triangles, header.facet_shift, header.front_bits, header.first_position,
+                  header.steps, header.escape_bytes, header.crc);
+}
+
+}  // namespace
+
 void writeHeader(base::ByteWriter& out, const PatchHeader& header) {
+  const auto vertices = static_cast<std::uint16_t>(header.vertices);
+  const auto triangles = static_cast<std::uint16_t>(header.triangles);
   out.u8(kCodecVersion);
-  out.u8(header.flags);
-  out.u16(static_cast<std::uint16_t>(header.vertices));
-  out.u16(static_cast<std::uint16_t>(header.triangles));
-  out.u8(header.facet_shift);
-  out.u8(header.front_bits);
-  out.write(header.first_position);
-  out.u32(header.steps);
-  out.u32(header.escape_bytes);
-  out.u32(header.crc);
+  base::writeFields(out, fieldsOf(header, vertices, triangles));
 }
 
 base::Result<PatchHeader> readHeader(base::ByteView bytes) {
@@ -25,15 +30,9 @@ base::Result<PatchHeader> readHeader(base::ByteView bytes) {
                                                       ", this program reads " + std::to_string(kCodecVersion)};
 
   PatchHeader header;
-  header.flags = in.u8();
-  header.vertices = in.u16();
-  header.triangles = in.u16();
-  header.facet_shift = in.u8();
-  header.front_bits = in.u8();
-  header.first_position = in.read<glm::ivec3>();
-  header.steps = in.u32();
-  header.escape_bytes = in.u32();
-  header.crc = in.u32();
+  std::uint16_t vertices = 0, triangles = 0;
+  base::readFields(in, fieldsOf(header, vertices, triangles));
+  header.vertices = vertices, header.triangles = triangles;
 
   constexpr int kKnownFlags = kHasColors | kHasAlpha | kIsRough;
   if ((header.flags & ~kKnownFlags) != 0 || (header.hasAlpha() && !header.hasColors()))

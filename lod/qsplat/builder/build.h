@@ -30,7 +30,7 @@ struct BuildOptions {
 
 struct BuildSummary : ingest::SourceSummary {
   std::uint64_t added_leaves = 0;  ///< leaves added by dicing large triangles
-  lod::qsplat::Header header;
+  Header header;
 };
 
 /// Builds `output_path` from mesh files, or from point clouds without any face. It appears whole or not at all. Errors:

@@ -12,15 +12,6 @@
 namespace lod::qsplat::builder {
 namespace {
 
-using lod::qsplat::BlockCoder;
-using lod::qsplat::ChildBlocks;
-using lod::qsplat::GroupLayout;
-using lod::qsplat::groupPlace;
-using lod::qsplat::GroupShape;
-using lod::qsplat::Header;
-using lod::qsplat::kBlockBytes;
-using lod::qsplat::Node;
-
 // Blocks in memory at a time: enough work for many threads, and a megabyte.
 constexpr std::uint64_t kBatch = 1024;
 constexpr std::size_t kShare = 64;  // blocks that a thread takes of a batch at a time
@@ -66,7 +57,7 @@ class ShapeWalk {
 
   void addChildren(const std::uint8_t* bytes, const GroupShape& group, BlockShape& shape) {
     for (std::uint32_t i = 0; group.has_pointer && i < group.nodes; ++i) {
-      const Node node = lod::qsplat::readNode(bytes, i, layout_);
+      const Node node = readNode(bytes, i, layout_);
       if (node.isLeaf()) continue;
       shape.last_child = groupPlace(laid_out_, layout_.childBytes(node));
       if (shape.first_child == 0) shape.first_child = shape.last_child;
@@ -91,16 +82,15 @@ class FileCoder {
   base::Result<Header> run() {
     base::Bytes front(kBlockBytes);
     LUMIGRID_TRY(read_(0, front));
-    LUMIGRID_ASSIGN_OR_RETURN(auto header, lod::qsplat::readHeader(front));
-    header_ = header;
+    LUMIGRID_ASSIGN_OR_RETURN(header_, readHeader(front));
     if (header_.file_bytes >> 48 != 0)
       return base::Error{base::ErrorCode::kUnsupported,
                          "a tree of more than 256 TiB is not coded; leave --qsplat-coded out"};
 
-    lod::qsplat::SymbolLevels levels;
+    SymbolLevels levels;
     LUMIGRID_TRY(countAll(levels));
-    const base::Bytes tables = lod::qsplat::packLevels(levels, header_.colors);
-    header_.header_bytes = lod::qsplat::codedHeaderLength(tables.size());
+    const base::Bytes tables = packLevels(levels, header_.colors);
+    header_.header_bytes = codedHeaderLength(tables.size());
 
     // Blocks are encoded twice, since a block holds the lengths of later blocks. Its own length does not depend on
     // them.
@@ -123,25 +113,24 @@ class FileCoder {
     return children;
   }
 
-  base::Result<void> countAll(lod::qsplat::SymbolLevels& levels) {
-    auto sums = std::make_unique<lod::qsplat::SymbolCounts>();
+  base::Result<void> countAll(SymbolLevels& levels) {
+    auto sums = std::make_unique<SymbolCounts>();
     for (auto& context : *sums) context.fill(0);
     std::mutex mutex;
     LUMIGRID_TRY(forEachBatch([&](const std::vector<BlockShape>& batch) -> base::Result<void> {
       forEachShare(batch.size(), [&](std::size_t begin, std::size_t end) {
-        auto counts = std::make_unique<lod::qsplat::SymbolCounts>();
+        auto counts = std::make_unique<SymbolCounts>();
         for (auto& context : *counts) context.fill(0);
         for (std::size_t i = begin; i < end; ++i)
-          lod::qsplat::countSymbols(blockAt(batch[i].number), batch[i].groups, header_, *counts);
+          countSymbols(blockAt(batch[i].number), batch[i].groups, header_, *counts);
         const std::lock_guard lock(mutex);
         for (std::size_t c = 0; c < counts->size(); ++c)
           for (std::size_t s = 0; s < (*counts)[c].size(); ++s) (*sums)[c][s] += (*counts)[c][s];
       });
       return {};
     }));
-    lod::qsplat::levelsFrom(*sums, levels);
-    lod::qsplat::flattenRarest(*sums, header_.colors,
-                               lod::qsplat::kMaxCodedHeaderBytes - lod::qsplat::codedHeaderLength(0), levels);
+    levelsFrom(*sums, levels);
+    flattenRarest(*sums, header_.colors, kMaxCodedHeaderBytes - codedHeaderLength(0), levels);
     return {};
   }
 
@@ -150,7 +139,7 @@ class FileCoder {
     for (const std::uint16_t length : lengths_) end += length;
     header_.coded_bytes = (end + kBlockBytes - 1) / kBlockBytes * kBlockBytes;
     header_.first_block_bytes = lengths_[1];
-    LUMIGRID_TRY(write_(lod::qsplat::codedHeaderBytes(header_, tables)));
+    LUMIGRID_TRY(write_(codedHeaderBytes(header_, tables)));
 
     // The children of a block begin in the block where those of the block before it ended, or in the next.
     std::uint64_t known = 1, known_at = header_.header_bytes;

@@ -22,6 +22,6 @@ using WriteCoded = std::function<base::Result<void>(base::ByteView)>;
 /// The plain file must be one that checkTree finds no fault in. It is read three times, front to back. Memory holds two
 /// bytes for each block, two for each inner node of one or two levels, and some blocks. Errors: kCancelled;
 /// kUnsupported for a file whose offsets take more than six bytes; those of `read` and `write`.
-base::Result<lod::qsplat::Header> codeFile(const ReadPlain& read, const CodeOptions& options, const WriteCoded& write);
+base::Result<Header> codeFile(const ReadPlain& read, const CodeOptions& options, const WriteCoded& write);
 
 }  // namespace lod::qsplat::builder

@@ -30,11 +30,6 @@ bool bisect(const std::array<Corner, 3>& t, double longest_squared, Midpoint& mi
 
 }  // namespace
 
-bool isCut(const std::array<glm::ivec3, 3>& triangle, double longest_edge) {
-  const glm::dvec3 x(triangle[0]), y(triangle[1]), z(triangle[2]);
-  return std::max({squaredLength(x, y), squaredLength(y, z), squaredLength(z, x)}) > longest_edge * longest_edge;
-}
-
 std::optional<std::uint64_t> countCuts(std::span<const glm::ivec3> points, double longest_edge,
                                        std::uint64_t max_cuts) {
   struct Point {

@@ -30,7 +30,7 @@ class Dicer {
 
   /// `points` must outlive it. Points and midpoints together must be fewer than 2^31.
   Dicer(std::span<const glm::ivec3> points, double longest_edge);
-  /// Cuts a triangle for which isCut().
+  /// Cuts a triangle that has an edge longer than the limit.
   void cut(const std::array<std::uint32_t, 3>& corners, std::uint32_t triangle);
 
   const std::vector<Midpoint>& midpoints() const { return midpoints_; }
@@ -53,8 +53,5 @@ class Dicer {
 /// Counts the cuts of triangles, given by 3 points each. A cut makes one point, or half a point where two triangles
 /// share it. Returns nothing where there are more than `max_cuts`.
 std::optional<std::uint64_t> countCuts(std::span<const glm::ivec3> points, double longest_edge, std::uint64_t max_cuts);
-
-/// Whether the triangle has an edge longer than the limit.
-bool isCut(const std::array<glm::ivec3, 3>& triangle, double longest_edge);
 
 }  // namespace lod::qsplat::builder

@@ -4,9 +4,6 @@
 
 namespace lod::qsplat::builder {
 
-using lod::qsplat::GroupNodes;
-using lod::qsplat::Node;
-
 namespace {
 constexpr std::uint8_t kPointerBit = 0x80;
 }
@@ -41,7 +38,7 @@ GroupNodes readGroup(base::ByteView run, std::size_t& at, bool colors) {
 
 std::vector<Run> encodeSubtree(std::span<const TreeNode> nodes, const base::Sphere& root, bool colors,
                                LeafCones leaf_cones) {
-  const lod::qsplat::SphereTable& table = lod::qsplat::sphereTable();
+  const SphereTable& table = sphereTable();
   std::vector<Run> runs;
   std::vector<base::Sphere> level{root};  // the decoded spheres of a level
   std::vector<base::Sphere> next;
@@ -57,9 +54,9 @@ std::vector<Run> encodeSubtree(std::span<const TreeNode> nodes, const base::Sphe
       group.has_pointer = !parent.childrenAreLeaves();
       if (group.count == 0) continue;
       for (std::uint32_t c = 0; c < group.count; ++c, ++child) {
-        const std::uint32_t code = lod::qsplat::encodeSphere(level[i], nodes[child].sphere);
+        const std::uint32_t code = encodeSphere(level[i], nodes[child].sphere);
         group.nodes[c] = nodes[child].encoded(code, group.has_pointer, leaf_cones);
-        next.push_back(lod::qsplat::decodeSphere(level[i], table[code]));
+        next.push_back(decodeSphere(level[i], table[code]));
       }
       appendGroup(run, group, colors);
     }

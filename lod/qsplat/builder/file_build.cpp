@@ -1,7 +1,6 @@
 #include "lod/qsplat/builder/file_build.h"
 
 #include <algorithm>
-#include <atomic>
 #include <cstdio>
 #include <mutex>
 
@@ -16,8 +15,6 @@ namespace {
 
 using base::Error;
 using base::ErrorCode;
-using lod::qsplat::GroupNodes;
-using lod::qsplat::Node;
 
 class FileBuilder {
  public:
@@ -29,7 +26,7 @@ class FileBuilder {
     top_ = makeTree(roots);
   }
 
-  base::Result<lod::qsplat::Header> run(const std::string& path) {
+  base::Result<Header> run(const std::string& path) {
     encodeTop();
     LUMIGRID_TRY(encodeTiles());
     if (options_.plain_path.empty()) return writePlain(path);
@@ -38,7 +35,7 @@ class FileBuilder {
   }
 
  private:
-  base::Result<lod::qsplat::Header> writePlain(const std::string& path) {
+  base::Result<Header> writePlain(const std::string& path) {
     auto header = write(path, options_.wide_pointers);
     if (!header && header.error().code == ErrorCode::kUnsupported && !options_.wide_pointers)
       header = write(path, true);
@@ -46,7 +43,7 @@ class FileBuilder {
   }
 
   // Reads the plain file, and removes it in the end.
-  base::Result<lod::qsplat::Header> writeCoded(const std::string& path) const {
+  base::Result<Header> writeCoded(const std::string& path) const {
     LUMIGRID_ASSIGN_OR_RETURN(const auto plain, ingest::SpoolFile::open(options_.plain_path));
     LUMIGRID_ASSIGN_OR_RETURN(auto file, base::AtomicFile::create(path));
     CodeOptions options;
@@ -85,7 +82,7 @@ class FileBuilder {
     top_nodes_.resize(top_.inner.size());
     tile_nodes_.resize(tiles_.size());
     tile_spheres_.resize(tiles_.size());
-    encodeAt(top_.root, !isLeafNode(top_.root), lod::qsplat::kWholeParent, sphereOf(top_.root));
+    encodeAt(top_.root, !isLeafNode(top_.root), kWholeParent, sphereOf(top_.root));
   }
   // `has_pointer` says whether the node's group has one.
   void encodeAt(Ref ref, bool has_pointer, std::uint32_t code, const base::Sphere& decoded) {
@@ -98,34 +95,27 @@ class FileBuilder {
     const bool leaves = areLeaves(children);
     nodeOf(ref) = nodeFor(top_.inner[ref].splat, top_.inner[ref].count, leaves).encoded(code, has_pointer, leafCones());
     for (const Ref child : children) {
-      const std::uint32_t child_code = lod::qsplat::encodeSphere(decoded, sphereOf(child));
-      encodeAt(child, !leaves, child_code, lod::qsplat::decodeSphere(decoded, lod::qsplat::sphereTable()[child_code]));
+      const std::uint32_t child_code = encodeSphere(decoded, sphereOf(child));
+      encodeAt(child, !leaves, child_code, decodeSphere(decoded, sphereTable()[child_code]));
     }
   }
 
   base::Result<void> encodeTiles() {
-    LUMIGRID_ASSIGN_OR_RETURN(auto file, ingest::SpoolFile::create(options_.runs_path));
-    runs_ = std::move(file);
+    LUMIGRID_ASSIGN_OR_RETURN(runs_, ingest::SpoolFile::create(options_.runs_path));
     extents_.resize(tiles_.size());
     std::mutex mutex;
-    base::Result<void> status;
-    std::atomic<bool> stopped = false;
     std::size_t done = 0;
-    base::parallelFor(tiles_.size(), options_.threads, [&](std::size_t i) {
-      if (stopped) return;
-      const auto nodes = subtrees_.nodes(tiles_[i]);
-      std::vector<Run> runs;
-      if (nodes) runs = encodeSubtree(*nodes, tile_spheres_[i], options_.colors, leafCones());
+    const auto encodeTile = [&](std::size_t i) -> base::Result<void> {
+      LUMIGRID_ASSIGN_OR_RETURN(const auto nodes, subtrees_.nodes(tiles_[i]));
+      const auto runs = encodeSubtree(nodes, tile_spheres_[i], options_.colors, leafCones());
       const std::lock_guard lock(mutex);
-      base::Result<void> stored = nodes ? base::Result<void>() : nodes.error();
       for (const Run& run : runs) {
         extents_[i].push_back({runs_.size(), run.size()});
-        if (stored) stored = runs_.append(run);
+        LUMIGRID_TRY(runs_.append(run));
       }
-      if (stored && !report("encode", ++done, tiles_.size())) stored = cancelled();
-      if (!stored) status = stored, stopped = true;
-    });
-    LUMIGRID_TRY(status);
+      return report("encode", ++done, tiles_.size()) ? base::Result<void>() : cancelled();
+    };
+    LUMIGRID_TRY(base::tryParallelFor(tiles_.size(), options_.threads, encodeTile));
     return runs_.flush();
   }
 
@@ -136,7 +126,7 @@ class FileBuilder {
     std::uint32_t run = 0;
   };
 
-  base::Result<lod::qsplat::Header> write(const std::string& path, bool wide_pointers) {
+  base::Result<Header> write(const std::string& path, bool wide_pointers) {
     LUMIGRID_ASSIGN_OR_RETURN(auto writer,
                               TreeWriter::create(path, {options_.colors, wide_pointers, sphereOf(top_.root)}));
     written_ = 0;
@@ -209,8 +199,7 @@ class FileBuilder {
 
 }  // namespace
 
-base::Result<lod::qsplat::Header> writeTree(const SubtreeStore& subtrees, const std::string& path,
-                                            const FileBuildOptions& options) {
+base::Result<Header> writeTree(const SubtreeStore& subtrees, const std::string& path, const FileBuildOptions& options) {
   return FileBuilder(subtrees, options).run(path);
 }
 

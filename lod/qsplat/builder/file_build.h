@@ -20,7 +20,6 @@ struct FileBuildOptions {
 
 /// The file appears at `path` whole or not at all. At least one tile must have nodes. Errors: kNoSpace, kIo,
 /// kCancelled, kUnsupported (a tree of more than 128 levels).
-base::Result<lod::qsplat::Header> writeTree(const SubtreeStore& subtrees, const std::string& path,
-                                            const FileBuildOptions& options);
+base::Result<Header> writeTree(const SubtreeStore& subtrees, const std::string& path, const FileBuildOptions& options);
 
 }  // namespace lod::qsplat::builder

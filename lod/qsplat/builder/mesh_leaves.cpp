@@ -5,6 +5,7 @@
 #include <mutex>
 #include <numeric>
 
+#include "base/fields.h"
 #include "base/parallel.h"
 
 namespace lod::qsplat::builder {
@@ -28,8 +29,12 @@ double circleSquared(double a, double b, double c, double twice_area_squared) {
   return 0.25 * a * b * c / twice_area_squared;
 }
 
+auto fieldsOf(auto& leaf) {
+  return std::tie(leaf.around.radius_squared, leaf.around.least_cosine, leaf.around.area, leaf.around.own, leaf.owner);
+}
+
 const glm::vec3& decodedNormal(const glm::vec3& normal) {
-  return lod::qsplat::normalTable()[lod::qsplat::encodeNormal(normal)];
+  return normalTable()[encodeNormal(normal)];
 }
 
 double squaredDistance(const glm::dvec3& a, const glm::dvec3& b) {
@@ -184,13 +189,7 @@ std::vector<std::pair<std::uint32_t, MeshLeaves::Surroundings>> MeshLeaves::arou
 
 void MeshLeaves::writeBorder(base::ByteWriter& out) const {
   out.u64(border_.size());
-  for (const BorderLeaf& vertex : border_) {
-    out.f64(vertex.around.radius_squared);
-    out.f32(vertex.around.least_cosine);
-    out.u64(vertex.around.area);
-    out.u64(vertex.around.own);
-    out.u32(vertex.owner);
-  }
+  for (const BorderLeaf& vertex : border_) base::writeFields(out, fieldsOf(vertex));
   out.u64(limits_.size());
   for (const DiceLimit& limit : limits_) out.write(limit);
 }
@@ -198,13 +197,7 @@ void MeshLeaves::writeBorder(base::ByteWriter& out) const {
 bool MeshLeaves::readBorder(base::ByteReader& in) {
   if (in.u64() != buckets_.border().codes.size()) return false;
   border_.resize(buckets_.border().codes.size());
-  for (BorderLeaf& vertex : border_) {
-    vertex.around.radius_squared = in.f64();
-    vertex.around.least_cosine = in.f32();
-    vertex.around.area = in.u64();
-    vertex.around.own = in.u64();
-    vertex.owner = in.u32();
-  }
+  for (BorderLeaf& vertex : border_) base::readFields(in, fieldsOf(vertex));
   if (in.u64() != buckets_.count()) return false;
   limits_.resize(buckets_.count());
   for (DiceLimit& limit : limits_) {
@@ -232,8 +225,8 @@ struct MeshLeaves::LeafPoint {
 
   void setNormal(const glm::vec3& unit) {
     normal = unit;
-    direction = lod::qsplat::encodeNormal(unit);
-    decoded = lod::qsplat::normalTable()[direction];
+    direction = encodeNormal(unit);
+    decoded = normalTable()[direction];
   }
 };
 

@@ -11,6 +11,12 @@ namespace lod::qsplat::builder {
 
 class NearestPoints {
  public:
+  explicit NearestPoints(std::span<const glm::vec3> positions) : points_(positions.size()) {
+    for (std::uint32_t i = 0; i < points_.size(); ++i) points_[i] = {positions[i], i};
+    nodes_.reserve(2 * positions.size() / kBucket + 1);
+    if (!points_.empty()) build(0, static_cast<std::uint32_t>(points_.size()));
+  }
+
   struct Neighbour {
     float distance_squared = 0.0F;
     std::uint32_t index = 0;
@@ -18,13 +24,6 @@ class NearestPoints {
       return a.distance_squared != b.distance_squared ? a.distance_squared < b.distance_squared : a.index < b.index;
     }
   };
-
-  explicit NearestPoints(std::span<const glm::vec3> positions) : points_(positions.size()) {
-    for (std::uint32_t i = 0; i < points_.size(); ++i) points_[i] = {positions[i], i};
-    nodes_.reserve(2 * positions.size() / kBucket + 1);
-    if (!points_.empty()) build(0, static_cast<std::uint32_t>(points_.size()));
-  }
-
   /// Finds the `count` points nearest to `p` within the squared distance, nearest first; equally near ones by number.
   void find(const glm::vec3& p, std::size_t count, float reach_squared, std::vector<Neighbour>& found) const {
     found.clear();

@@ -172,8 +172,7 @@ void PointLeaves::makeSignsAgree(FittedTile& out, std::span<const std::uint32_t>
 
 base::Result<PointLeaves::FittedTile> PointLeaves::fit(std::size_t tile) const {
   FittedTile out;
-  LUMIGRID_ASSIGN_OR_RETURN(auto read, tiles_.read(tile));
-  out.points = std::move(read);
+  LUMIGRID_ASSIGN_OR_RETURN(out.points, tiles_.read(tile));
   out.own = out.points.size();
   std::vector<glm::vec3> positions;
   for (const SourcePoint& p : out.points) positions.push_back(p.position);
@@ -429,7 +428,7 @@ base::Result<TileLeaves> PointLeaves::leaves(std::size_t tile) const {
     leaf.weight = std::max(leaf.sphere.radius * leaf.sphere.radius, std::numeric_limits<float>::min());
     leaf.normal = leaf.weight * normal;
     leaf.color = leaf.weight * glm::vec3(glm::u8vec3(from.color));
-    leaf.direction = lod::qsplat::encodeNormal(normal);
+    leaf.direction = encodeNormal(normal);
     leaf.least_cosine = -1.0F;  // unknown, since orientations are guessed
   }
   return out;

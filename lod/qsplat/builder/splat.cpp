@@ -11,7 +11,7 @@ namespace {
 // Up to four spheres, coordinate by coordinate, so that SIMD instructions handle all four at once. Unused places repeat
 // the first sphere.
 struct Spheres {
-  static constexpr std::size_t kRoom = lod::qsplat::kMaxChildren;
+  static constexpr std::size_t kRoom = kMaxChildren;
   std::array<double, kRoom> x, y, z, radius;
 
   explicit Spheres(std::span<const base::Sphere> spheres) {
@@ -89,7 +89,7 @@ base::Sphere enclosingSphere(std::span<const base::Sphere> spheres) {
   const auto largest = std::max_element(spheres.begin(), spheres.end(),
                                         [](const auto& a, const auto& b) { return a.radius < b.radius; });
   if (std::all_of(spheres.begin(), spheres.end(),
-                  [&](const base::Sphere& sphere) { return lod::qsplat::encloses(*largest, sphere); }))
+                  [&](const base::Sphere& sphere) { return encloses(*largest, sphere); }))
     return *largest;
   const Spheres all(spheres);
   base::Sphere out{glm::vec3(bestCenter(all, spheres.size())), 0.0F};
@@ -101,7 +101,7 @@ base::Sphere enclosingSphere(std::span<const base::Sphere> spheres) {
 }
 
 Splat parentOf(std::span<const Splat* const> children) {
-  std::array<base::Sphere, lod::qsplat::kMaxChildren> spheres;
+  std::array<base::Sphere, kMaxChildren> spheres;
   Splat out;
   for (std::size_t i = 0; i < children.size(); ++i) {
     spheres[i] = children[i]->sphere;
@@ -110,7 +110,7 @@ Splat parentOf(std::span<const Splat* const> children) {
     out.weight += children[i]->weight;
   }
   out.sphere = enclosingSphere(std::span(spheres).first(children.size()));
-  out.direction = lod::qsplat::encodeNormal(out.normal);
+  out.direction = encodeNormal(out.normal);
   return out;
 }
 

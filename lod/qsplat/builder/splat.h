@@ -22,7 +22,7 @@ struct Splat {
   glm::u8vec3 meanColor() const { return glm::u8vec3(glm::clamp(color / weight + 0.5F, 0.0F, 255.0F)); }
 };
 
-/// A sphere around 2 to 4 spheres, at most a hundredth wider than the smallest one. lod::qsplat::encloses holds for
+/// A sphere around 2 to 4 spheres, at most a hundredth wider than the smallest one. encloses holds for
 /// each.
 base::Sphere enclosingSphere(std::span<const base::Sphere> spheres);
 

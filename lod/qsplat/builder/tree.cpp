@@ -8,9 +8,6 @@
 namespace lod::qsplat::builder {
 namespace {
 
-using lod::qsplat::kAnyDirection;
-using lod::qsplat::kMaxChildren;
-
 // An inner node's normal may be turned by this many radians for a narrower cone, before it is coded. It is half as much
 // again as the side of a normal's cell.
 constexpr float kMaxTurn = 0.05F;
@@ -28,8 +25,7 @@ const std::array<ConeWidth, kAnyDirection + 1> kWidths = [] {
   std::array<ConeWidth, kAnyDirection + 1> widths{};
   for (std::uint32_t code = 0; code <= kAnyDirection; ++code) {
     ConeWidth& width = widths[code];
-    width.angle =
-        code < kAnyDirection ? std::asin(lod::qsplat::coneSines(true)[code]) : widths[code - 1].angle + kMaxTurn;
+    width.angle = code < kAnyDirection ? std::asin(coneSines(true)[code]) : widths[code - 1].angle + kMaxTurn;
     width.cosine = std::cos(width.angle) + 2e-6F;
     width.sine = std::sin(width.angle);
     width.core = width.cosine * LeafFacets::kCoreCosine + width.sine * LeafFacets::kCoreSine;
@@ -119,7 +115,7 @@ class TreeMaker {
   LeafCone coneOf(std::uint32_t leaf) const {
     const Splat& splat = splats_[leaf];
     const float cosine = splat.least_cosine;
-    LeafCone cone{lod::qsplat::normalTable()[splat.direction], cosine, sineOf(cosine)};
+    LeafCone cone{normalTable()[splat.direction], cosine, sineOf(cosine)};
     if (!facets_.empty()) cone.first = facets_.first[leaf], cone.last = facets_.first[leaf + 1];
     return cone;
   }
@@ -174,7 +170,7 @@ class TreeMaker {
   // Sets the cone around a node's normal. Cones have few codes, so where a small turn allows a narrower one, the normal
   // is turned towards the farthest normal, which is returned.
   glm::vec3 setCone(const Range& part, std::span<const glm::vec3> farthest, Splat& splat) const {
-    const glm::vec3& axis = lod::qsplat::normalTable()[splat.direction];
+    const glm::vec3& axis = normalTable()[splat.direction];
     const Cone cone = coneAround(part, axis, farthest, kAnyDirection);
     splat.least_cosine = cone.least();
     if (cone.width == 0 || cone.width == kTooWide) return cone.towards;
@@ -182,9 +178,8 @@ class TreeMaker {
     const float turn = std::acos(cone.farthest) - narrower.angle + kHalfCell;
     const glm::vec3 across = cone.towards - axis * glm::dot(axis, cone.towards);
     if (turn > kMaxTurn || !(glm::dot(across, across) > 0.0F)) return cone.towards;
-    const std::uint32_t turned =
-        lod::qsplat::encodeNormal(std::cos(turn) * axis + std::sin(turn) * glm::normalize(across));
-    const Cone other = coneAround(part, lod::qsplat::normalTable()[turned], farthest, cone.width - 1);
+    const std::uint32_t turned = encodeNormal(std::cos(turn) * axis + std::sin(turn) * glm::normalize(across));
+    const Cone other = coneAround(part, normalTable()[turned], farthest, cone.width - 1);
     if (other.width >= cone.width) return cone.towards;
     splat.direction = turned;
     splat.least_cosine = other.least();
@@ -202,7 +197,7 @@ class TreeMaker {
         __builtin_prefetch(&splat.least_cosine);
         if (!facets_.empty()) __builtin_prefetch(&facets_.first[leaf]);
       } else {
-        __builtin_prefetch(&lod::qsplat::normalTable()[splat.direction]);
+        __builtin_prefetch(&normalTable()[splat.direction]);
         if (!facets_.empty()) __builtin_prefetch(facets_.normals.data() + facets_.first[leaf]);
       }
     }
@@ -253,11 +248,10 @@ TreeNode nodeFor(const Splat& splat, std::uint32_t children, bool children_are_l
   TreeNode node;
   node.sphere = splat.sphere;
   node.bits =
-      lod::qsplat::packNode(0, splat.direction, lod::qsplat::encodeCone(static_cast<double>(splat.least_cosine)),
-                            children, children_are_leaves);
-  node.color = lod::qsplat::encodeColor(splat.meanColor());
+      packNode(0, splat.direction, encodeCone(static_cast<double>(splat.least_cosine)), children, children_are_leaves);
+  node.color = encodeColor(splat.meanColor());
   if (children == 0)
-    node.leaf_cone = static_cast<std::uint16_t>(lod::qsplat::encodeLeafCone(static_cast<double>(splat.least_cosine)));
+    node.leaf_cone = static_cast<std::uint16_t>(encodeLeafCone(static_cast<double>(splat.least_cosine)));
   return node;
 }
 

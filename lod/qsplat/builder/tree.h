@@ -18,16 +18,16 @@ enum class LeafCones : std::uint8_t { kEach, kEveryFourth };
 /// A node as it lies on disk between building and encoding.
 struct TreeNode {
   base::Sphere sphere;
-  std::uint32_t bits = 0;  ///< lod::qsplat::packNode with sphere code 0
+  std::uint32_t bits = 0;  ///< packNode with sphere code 0
   std::uint16_t color = 0;
   std::uint16_t leaf_cone = 0;  ///< a leaf's code in a group of leaves
 
   /// The node of the file, for a group with a pointer or without.
-  lod::qsplat::Node encoded(std::uint32_t sphere_code, bool has_pointer, LeafCones leaf_cones) const {
-    const lod::qsplat::Node node{bits | sphere_code, color};
+  Node encoded(std::uint32_t sphere_code, bool has_pointer, LeafCones leaf_cones) const {
+    const Node node{bits | sphere_code, color};
     if (has_pointer) return node;
     const std::uint32_t cone = leaf_cones == LeafCones::kEach ? leaf_cone : leaf_cone | 3U;
-    return {lod::qsplat::packLeaf(sphere_code, node.normalCode(), cone), color};
+    return {packLeaf(sphere_code, node.normalCode(), cone), color};
   }
 };
 static_assert(sizeof(TreeNode) == 24);
@@ -41,7 +41,7 @@ struct TreeShape {
     Splat splat;
     std::uint32_t count = 0;  ///< children: 2, 3 or 4
     /// The number of an inner node, or kLeaf + the number of a given splat.
-    std::array<std::uint32_t, lod::qsplat::kMaxChildren> children{};
+    std::array<std::uint32_t, kMaxChildren> children{};
   };
   std::vector<InnerNode> inner;
   std::uint32_t root = 0;  ///< like a child

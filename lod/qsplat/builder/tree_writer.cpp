@@ -5,10 +5,6 @@
 
 namespace lod::qsplat::builder {
 
-using lod::qsplat::groupPlace;
-using lod::qsplat::kBlockBytes;
-using lod::qsplat::Node;
-
 namespace {
 constexpr std::size_t kMaxSealed = std::size_t{256} * kBlockBytes;
 }
@@ -21,7 +17,7 @@ base::Result<TreeWriter> TreeWriter::create(const std::string& path, const Optio
   return writer;
 }
 
-base::Result<void> TreeWriter::add(const lod::qsplat::GroupNodes& group) {
+base::Result<void> TreeWriter::add(const GroupNodes& group) {
   const std::uint32_t bytes = layout_.bytes(group.count, group.has_pointer);
   if (groups_ == 0) laid_out_ = groupPlace(laid_out_, bytes) + bytes;
   LUMIGRID_TRY(place(bytes));
@@ -58,8 +54,7 @@ base::Result<void> TreeWriter::add(const lod::qsplat::GroupNodes& group) {
 base::Result<void> TreeWriter::place(std::uint32_t bytes) {
   if (offset_ == level_end_) {
     level_end_ = laid_out_;
-    if (++levels_ > lod::qsplat::kMaxLevels)
-      return base::Error{base::ErrorCode::kUnsupported, "the tree has more than 128 levels"};
+    if (++levels_ > kMaxLevels) return base::Error{base::ErrorCode::kUnsupported, "the tree has more than 128 levels"};
   }
   const std::uint64_t where = groupPlace(offset_, bytes);
   if (where != offset_ && offset_ % kBlockBytes != 0) LUMIGRID_TRY(seal());
@@ -68,7 +63,7 @@ base::Result<void> TreeWriter::place(std::uint32_t bytes) {
 }
 
 base::Result<void> TreeWriter::seal() {
-  lod::qsplat::sealBlock(block_.data(), static_cast<std::uint32_t>(block_number_++));
+  sealBlock(block_.data(), static_cast<std::uint32_t>(block_number_++));
   sealed_.insert(sealed_.end(), block_.begin(), block_.end());
   block_.fill(0);
   return sealed_.size() < kMaxSealed ? base::Result<void>() : flush();
@@ -80,10 +75,10 @@ base::Result<void> TreeWriter::flush() {
   return {};
 }
 
-base::Result<lod::qsplat::Header> TreeWriter::finish() {
+base::Result<Header> TreeWriter::finish() {
   LUMIGRID_TRY(seal());
   LUMIGRID_TRY(flush());
-  lod::qsplat::Header header;
+  Header header;
   header.file_bytes = file_.size();
   header.nodes = nodes_;
   header.leaves = leaves_;
@@ -93,7 +88,7 @@ base::Result<lod::qsplat::Header> TreeWriter::finish() {
   header.wide_pointers = options_.wide_pointers;
   header.levels = levels_;
   header.root = options_.root;
-  LUMIGRID_TRY(file_.writeAt(0, lod::qsplat::headerBytes(header)));
+  LUMIGRID_TRY(file_.writeAt(0, headerBytes(header)));
   LUMIGRID_TRY(file_.commit());
   return header;
 }

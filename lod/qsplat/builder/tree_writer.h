@@ -19,11 +19,11 @@ class TreeWriter {
   static base::Result<TreeWriter> create(const std::string& path, const Options& options);
   /// Adds the next group. The first holds the root alone, with the sphere code kWholeParent. Errors: kNoSpace, kIo,
   /// kUnsupported (an offset needs wide pointers, or the tree has more than 128 levels).
-  base::Result<void> add(const lod::qsplat::GroupNodes& group);
+  base::Result<void> add(const GroupNodes& group);
   /// Whether all children of the nodes added have been added.
   bool isComplete() const { return offset_ == laid_out_ && nodes_ > 0; }
   /// Called after the last group. Errors: kNoSpace, kIo.
-  base::Result<lod::qsplat::Header> finish();
+  base::Result<Header> finish();
 
  private:
   explicit TreeWriter(base::AtomicFile file, const Options& options)
@@ -34,13 +34,13 @@ class TreeWriter {
 
   base::AtomicFile file_;
   Options options_;
-  lod::qsplat::GroupLayout layout_;
-  std::array<std::uint8_t, lod::qsplat::kBlockBytes> block_{};
+  GroupLayout layout_;
+  std::array<std::uint8_t, kBlockBytes> block_{};
   base::Bytes sealed_;  // complete blocks that are not written yet
   std::uint64_t block_number_ = 1;
-  std::uint64_t offset_ = lod::qsplat::kBlockBytes;     // where the groups added end
-  std::uint64_t laid_out_ = lod::qsplat::kBlockBytes;   // where their children's groups end
-  std::uint64_t level_end_ = lod::qsplat::kBlockBytes;  // where the current level ends
+  std::uint64_t offset_ = kBlockBytes;     // where the groups added end
+  std::uint64_t laid_out_ = kBlockBytes;   // where their children's groups end
+  std::uint64_t level_end_ = kBlockBytes;  // where the current level ends
   std::uint64_t nodes_ = 0, leaves_ = 0, groups_ = 0, pointers_ = 0;
   std::uint32_t levels_ = 0;
 };

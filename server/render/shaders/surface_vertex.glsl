@@ -1,12 +1,19 @@
+// With VIEW_MODES defined, for view modes: they have a program of their own, since few pictures have any.
 uniform mat4 u_clip_from_scene;
 uniform vec4 u_eye;                    // homogeneous: parallel rays come from a point at infinity
 layout(location = 0) in vec3 position;
 layout(location = 1) in vec3 normal;
 layout(location = 2) in vec4 color;
+#ifdef VIEW_MODES
+out vec3 v_position;
+#endif
 out vec3 v_normal;
 out vec3 v_to_eye;
 out vec3 v_color;
 void main() {
+#ifdef VIEW_MODES
+  v_position = position;
+#endif
   v_normal = normal;
   v_to_eye = u_eye.xyz - u_eye.w * position;
   v_color = color.rgb;

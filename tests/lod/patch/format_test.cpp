@@ -8,6 +8,7 @@
 #include <fstream>
 
 #include "base/crc32c.h"
+#include "lod/patch/table_pages.h"
 #include "tests/lod/patch/patch_testing.h"
 #include "tests/support/synthetic_hierarchy.h"
 
@@ -132,11 +133,12 @@ TEST_F(PatchFormat, aBlockIsItsPatchesOneAfterTheOther) {
 
 TEST_F(PatchFormat, theFrontAloneGivesTheHierarchy) {
   const base::Bytes bytes = written(support::syntheticHierarchy(4));
-  const auto length = headerAndTableBytes(base::ByteView(bytes).first(kHeader));
-  ASSERT_TRUE(length);
-  EXPECT_LT(*length, bytes.size());
-  EXPECT_TRUE(readTables(base::ByteView(bytes).first(*length)));
-  for (std::size_t cut = 0; cut < *length; ++cut) EXPECT_FALSE(readTables(base::ByteView(bytes).first(cut))) << cut;
+  const auto counts = readTableCounts(base::ByteView(bytes).first(kHeader));
+  ASSERT_TRUE(counts);
+  const auto length = static_cast<std::size_t>(counts->blocks_offset);
+  EXPECT_LT(length, bytes.size());
+  EXPECT_TRUE(readTables(base::ByteView(bytes).first(length)));
+  for (std::size_t cut = 0; cut < length; ++cut) EXPECT_FALSE(readTables(base::ByteView(bytes).first(cut))) << cut;
 }
 
 TEST_F(PatchFormat, everyCutIsRefusedByName) {

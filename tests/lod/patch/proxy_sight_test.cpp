@@ -29,8 +29,8 @@ TEST(ProxySight, meetsWhatARayMeetsInTheSameCut) {
     const Ray drawn = rays.next();
     const glm::vec3 origin(drawn.origin);
     const glm::vec3 direction(glm::normalize(drawn.direction));
-    const auto expected = castRayAtPatches(scene.hierarchy(), cut.cut.patches,
-                                           {glm::dvec3(origin), glm::dvec3(direction)}, blocksOf(scene.file()));
+    const auto expected =
+        castRay(scene.hierarchy(), {glm::dvec3(origin), glm::dvec3(direction)}, blocksOf(scene.file()), cut.error);
     ASSERT_TRUE(expected);
     const auto met = sight->nearest(origin, direction, 1e9F);
     ASSERT_EQ(met.has_value(), expected->hit.has_value()) << i;

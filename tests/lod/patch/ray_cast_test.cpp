@@ -243,12 +243,7 @@ TEST(RayCast, ofACoarseCutIsTheCutsOwnNearest) {
       const Ray ray = rays.next();
       const RayCast cast = scene.cast(ray, tolerance);
       expectNearest(ray, cast, facets);
-      const auto same = castRayAtPatches(scene.hierarchy(), cut.patches, ray, blocksOf(scene.file()));
-      ASSERT_TRUE(same);
-      ASSERT_EQ(same->hit.has_value(), cast.hit.has_value());
       if (!cast.hit) continue;
-      EXPECT_EQ(same->hit->distance, cast.hit->distance);
-      EXPECT_EQ(same->hit->triangle, cast.hit->triangle);
       EXPECT_LE(cast.hit->accuracy, static_cast<double>(tolerance) + scene.hierarchy().lattice.step);
     }
   }
@@ -365,8 +360,6 @@ TEST(RayCast, refusesWhatIsNoRay) {
   }
   const Ray ray{{0.0, 0.0, 3.0}, {0.0, 0.0, -1.0}};
   EXPECT_FALSE(castRay(scene.hierarchy(), ray, blocksOf(scene.file()), -1.0F));
-  const std::vector<std::uint32_t> none{1U << 30U};
-  EXPECT_FALSE(castRayAtPatches(scene.hierarchy(), none, ray, blocksOf(scene.file())));
   // Any length of the direction will do.
   EXPECT_TRUE(castRay(scene.hierarchy(), {{1.0, 0.0, 3.0}, {0.0, 0.0, -1e300}}, blocksOf(scene.file()))->hit);
   EXPECT_TRUE(castRay(scene.hierarchy(), {{1.0, 0.0, 3.0}, {0.0, 0.0, -1e-300}}, blocksOf(scene.file()))->hit);

@@ -50,7 +50,7 @@ TEST(TablePages, countsAreTheHeaders) {
   EXPECT_EQ(counts.patches, file().hierarchy.patches.size());
   EXPECT_EQ(counts.parents, file().hierarchy.parents.size());
   EXPECT_EQ(counts.file_bytes, file().bytes.size());
-  EXPECT_EQ(counts.blocks_offset, *headerAndTableBytes(file().bytes));
+  EXPECT_EQ(counts.blocks_offset, file().hierarchy.groups[0].block_offset);
   for (std::size_t length = 0; length < 96; ++length)
     EXPECT_FALSE(readTableCounts(base::ByteView(file().bytes).first(length)));
 }

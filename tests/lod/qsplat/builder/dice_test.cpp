@@ -25,7 +25,7 @@ TEST(Dicer, subTrianglesAreSmallAndCoverTheTriangle) {
   const auto place = [&] { return glm::ivec3(random() % 4000, random() % 4000, random() % 4000); };
   for (int run = 0; run < 50; ++run) {
     const std::vector<glm::ivec3> points{place(), place(), place()};
-    if (!isCut({points[0], points[1], points[2]}, 300.0)) continue;
+    if (countCuts(points, 300.0, 0)) continue;
     Dicer dicer(points, 300.0);
     dicer.cut({0, 1, 2}, 7);
     const glm::dvec3 whole = areaOf(dicer, {0, 1, 2});
@@ -78,9 +78,9 @@ TEST(Dicer, countCutsCountsTheCutsOfDicing) {
 }
 
 TEST(Dicer, trianglesUpToTheLimitAreNotCut) {
-  const std::array<glm::ivec3, 3> triangle{glm::ivec3(0), {30, 0, 0}, {0, 40, 0}};
-  EXPECT_FALSE(isCut(triangle, 50.0));
-  EXPECT_TRUE(isCut(triangle, 49.9));
+  const std::vector<glm::ivec3> triangle{glm::ivec3(0), {30, 0, 0}, {0, 40, 0}};
+  EXPECT_TRUE(countCuts(triangle, 50.0, 0));
+  EXPECT_FALSE(countCuts(triangle, 49.9, 0));
 }
 
 // A sheet whose columns get wider and wider, so that its triangles are needles of all lengths.
