@@ -1,7 +1,9 @@
 #include "protocol/message.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <optional>
 #include <string_view>
 #include <utility>
 
@@ -13,30 +15,28 @@
 namespace protocol {
 namespace {
 
-enum class MessageType : std::uint8_t {
-  kHello = 0x01,
-  kView = 0x02,
-  kEviction = 0x03,
-  kHoldings = 0x04,
-  kWelcome = 0x81,
-  kFace = 0x82,
-  kRefinement = 0x83,
-  kFrame = 0x84,
-  kCompletion = 0x85,
-  kRefusal = 0x86,
+/// A message's type byte is `first_type` plus its place in the variant.
+struct Direction {
+  const char* name;
+  std::size_t max_bytes;
+  const char* max_text;
+  std::uint8_t first_type;
+  std::array<const char*, 6> messages;  // in the order of the variant
 };
+constexpr Direction kFromClient{
+    "client", kMaxClientMessage, "256 KiB", 0x01, {"Hello", "View", "Eviction", "Holdings"}};
+constexpr Direction kFromServer{
+    "server", kMaxServerMessage, "16 MiB", 0x81, {"Welcome", "Face", "Refinement", "Frame", "Completion", "Refusal"}};
 
 constexpr double kPi = 3.14159265358979323846;
 constexpr std::uint8_t kSplatsOnly = 1;  // the byte behind a Refusal's reason
 
-base::Error bad(std::string_view message, std::string_view what) {
-  return {base::ErrorCode::kInvalidInput, std::string(message) + " message: " + std::string(what)};
+base::Error bad(std::string what) {
+  return {base::ErrorCode::kInvalidInput, std::move(what)};
 }
 
-base::ByteWriter begin(MessageType type) {
-  base::ByteWriter out;
-  out.write(type);
-  return out;
+base::Error bad(std::string_view message, const std::string& what) {
+  return bad(std::string(message) + " message: " + what);
 }
 
 // ---- texts: logs and windows show them, so they never hold control characters ----
@@ -80,34 +80,64 @@ bool makeUnit(Vector& v) {
   return true;
 }
 
-/// Reads a flag; false when its byte is neither 0 nor 1.
-bool readFlag(base::ByteReader& in, bool& flag) {
-  const std::uint8_t byte = in.u8();
-  flag = byte == 1;
-  return in.ok() && byte <= 1;
+// ---- lists of fields, each for both ways: numbers and vectors as they are in memory, flags as 0 or 1 ----
+
+struct FieldWriter {
+  base::ByteWriter& out;
+
+  template <class... Values>
+  void operator()(const Values&... values) {
+    (out.write(values), ...);
+  }
+  void side(int pixels) { out.u16(static_cast<std::uint16_t>(pixels)); }
+};
+
+struct FieldReader {
+  base::ByteReader& in;
+  bool flags_are_valid = true;  ///< each is 0 or 1
+
+  template <class... Values>
+  void operator()(Values&... values) {
+    (read(values), ...);
+  }
+  void side(int& pixels) { pixels = in.u16(); }
+
+ private:
+  template <class Value>
+  void read(Value& value) {
+    value = in.read<Value>();
+  }
+  void read(bool& flag) {
+    const std::uint8_t byte = in.u8();
+    flag = byte == 1;
+    flags_are_valid &= byte <= 1;
+  }
+};
+
+template <class Fields, class Camera>
+void cameraFields(Fields& fields, Camera& camera) {
+  fields(camera.position, camera.direction, camera.up, camera.fov_y);
+  fields.side(camera.width);
+  fields.side(camera.height);
+}
+
+template <class Fields, class SomeView>
+void settingFields(Fields& fields, SomeView& view) {
+  fields(view.patch_tolerance_px, view.max_triangles, view.max_points, view.want_frame, view.frame_quality);
+}
+
+template <class Fields, class SomeWelcome>
+void sceneFields(Fields& fields, SomeWelcome& w) {
+  fields(w.origin, w.box_min, w.box_max, w.up, w.unlit, w.light_direction, w.has_colors, w.lattice_origin,
+         w.lattice_step, w.group_count, w.patch_count, w.source_triangles, w.can_render_frames);
 }
 
 // ---- cameras ----
 
-void writeCamera(base::ByteWriter& out, const base::ViewCamera& camera) {
-  out.write(camera.position);
-  out.write(camera.direction);
-  out.write(camera.up);
-  out.f64(camera.fov_y);
-  out.u16(static_cast<std::uint16_t>(camera.width));
-  out.u16(static_cast<std::uint16_t>(camera.height));
-}
-
 /// Returns null when the camera is valid, and otherwise the fault.
-const char* readCamera(base::ByteReader& in, base::ViewCamera& camera) {
-  camera.position = in.read<glm::dvec3>();
-  camera.direction = in.read<glm::dvec3>();
-  camera.up = in.read<glm::dvec3>();
-  camera.fov_y = in.f64();
-  camera.width = in.u16();
-  camera.height = in.u16();
-
-  if (!in.ok()) return "is cut short in its camera";
+const char* readCamera(FieldReader& fields, base::ViewCamera& camera) {
+  cameraFields(fields, camera);
+  if (!fields.in.ok()) return "is cut short in its camera";
   if (!isBounded(camera.position)) return "its position is not a number below 1e12";
   if (!makeUnit(camera.direction)) return "its direction is zero or not a number";
   if (!makeUnit(camera.up)) return "its up vector is zero or not a number";
@@ -123,124 +153,99 @@ const char* readCamera(base::ByteReader& in, base::ViewCamera& camera) {
 // ---- lists of keys: Eviction and Holdings ----
 
 template <class Keys>
-base::Bytes encodeKeys(MessageType type, const Keys& keys) {
+void writeKeys(base::ByteWriter& out, const Keys& keys) {
   LUMIGRID_CHECK_LE(keys.faces.size(), kMaxKeysPerMessage);
   LUMIGRID_CHECK_LE(keys.groups.size(), kMaxKeysPerMessage);
-  base::ByteWriter out = begin(type);
   out.u32(static_cast<std::uint32_t>(keys.faces.size()));
   out.u32(static_cast<std::uint32_t>(keys.groups.size()));
   for (const repository::FaceKey& key : keys.faces) out.u64(key.code());
   for (std::uint32_t group : keys.groups) out.u32(group);
-  return out.take();
 }
 
 template <class Keys>
-base::Result<ClientMessage> decodeKeys(std::string_view name, base::ByteReader& in) {
+base::Result<void> readKeys(base::ByteReader& in, Keys& keys) {
   const std::uint32_t face_count = in.u32();
   const std::uint32_t group_count = in.u32();
-  if (!in.ok()) return bad(name, "is cut short");
+  if (!in.ok()) return bad("is cut short");
   if (face_count > kMaxKeysPerMessage || group_count > kMaxKeysPerMessage)
-    return bad(name, "holds more than 8192 keys of a kind");
+    return bad("holds more than 8192 keys of a kind");
   if (in.remaining() != std::size_t{8} * face_count + std::size_t{4} * group_count)
-    return bad(name, "its length does not fit its counts");
+    return bad("its length does not fit its counts");
 
-  Keys keys;
   keys.faces.reserve(face_count);
   for (std::uint32_t i = 0; i < face_count; ++i) {
-    auto key = repository::FaceKey::fromCode(in.u64());
-    if (!key) return bad(name, key.error().message);
-    keys.faces.push_back(*key);
+    LUMIGRID_ASSIGN_OR_RETURN(const auto key, repository::FaceKey::fromCode(in.u64()));
+    keys.faces.push_back(key);
   }
   keys.groups.reserve(group_count);
   for (std::uint32_t i = 0; i < group_count; ++i) keys.groups.push_back(in.u32());
-  return ClientMessage(std::move(keys));
+  return {};
 }
 
 // ---- client to server ----
 
-base::Bytes encodeOne(const Hello& hello) {
-  base::ByteWriter out = begin(MessageType::kHello);
+void writeBody(base::ByteWriter& out, const Hello& hello) {
   out.u16(hello.version);
   writeText(out, hello.client, kMaxText);
-  return out.take();
 }
 
 /// Reads only the version of a Hello of another version: its other fields may have moved, and the server only refuses
 /// it.
-base::Result<ClientMessage> decodeHello(base::ByteReader& in) {
-  Hello hello;
+base::Result<void> readBody(base::ByteReader& in, Hello& hello) {
   hello.version = in.u16();
-  if (!in.ok()) return bad("Hello", "is cut short");
-  if (hello.version != kVersion) return ClientMessage(std::move(hello));
-  if (!readText(in, kMaxText, hello.client))
-    return bad("Hello", "its client name is cut short, too long or not plain text");
-  if (!in.atEnd()) return bad("Hello", "has bytes after its end");
-  return ClientMessage(std::move(hello));
+  if (!in.ok()) return bad("is cut short");
+  if (hello.version != kVersion) return {};
+  if (!readText(in, kMaxText, hello.client)) return bad("its client name is cut short, too long or not plain text");
+  if (!in.atEnd()) return bad("has bytes after its end");
+  return {};
 }
 
-base::Bytes encodeOne(const View& view) {
-  base::ByteWriter out = begin(MessageType::kView);
-  out.u32(view.sequence);
-  writeCamera(out, view.camera);
-  out.f32(view.patch_tolerance_px);
-  out.u32(view.max_triangles);
-  out.u16(view.max_points);
-  out.u8(view.want_frame ? 1 : 0);
-  out.u8(view.frame_quality);
-  return out.take();
+void writeBody(base::ByteWriter& out, const View& view) {
+  FieldWriter fields{out};
+  fields(view.sequence);
+  cameraFields(fields, view.camera);
+  settingFields(fields, view);
 }
 
-base::Result<ClientMessage> decodeView(base::ByteReader& in) {
-  View view;
-  view.sequence = in.u32();
-  if (const char* problem = readCamera(in, view.camera)) return bad("View", problem);
-  view.patch_tolerance_px = in.f32();
-  view.max_triangles = in.u32();
-  view.max_points = in.u16();
-  const bool flag_is_valid = readFlag(in, view.want_frame);
-  view.frame_quality = in.u8();
-
-  if (!in.ok()) return bad("View", "is cut short");
-  if (!in.atEnd()) return bad("View", "has bytes after its end");
-  if (view.sequence == 0) return bad("View", "its sequence number is 0; they count from 1");
+base::Result<void> readBody(base::ByteReader& in, View& view) {
+  FieldReader fields{in};
+  fields(view.sequence);
+  if (const char* problem = readCamera(fields, view.camera)) return bad(problem);
+  settingFields(fields, view);
+  if (!in.ok()) return bad("is cut short");
+  if (!in.atEnd()) return bad("has bytes after its end");
+  if (view.sequence == 0) return bad("its sequence number is 0; they count from 1");
   if (!(view.patch_tolerance_px >= 0.0F && view.patch_tolerance_px <= kMaxTolerance))
-    return bad("View", "its patch tolerance is outside 0 to 1e6 pixels");
-  if (!flag_is_valid) return bad("View", "its frame flag is neither 0 nor 1");
-  if (view.frame_quality < 1 || view.frame_quality > 100) return bad("View", "its frame quality is outside 1 to 100");
-  return ClientMessage(view);
+    return bad("its patch tolerance is outside 0 to 1e6 pixels");
+  if (!fields.flags_are_valid) return bad("its frame flag is neither 0 nor 1");
+  if (view.frame_quality < 1 || view.frame_quality > 100) return bad("its frame quality is outside 1 to 100");
+  return {};
 }
 
-base::Bytes encodeOne(const Eviction& keys) {
-  return encodeKeys(MessageType::kEviction, keys);
+void writeBody(base::ByteWriter& out, const Eviction& keys) {
+  writeKeys(out, keys);
 }
-base::Bytes encodeOne(const Holdings& keys) {
-  return encodeKeys(MessageType::kHoldings, keys);
+base::Result<void> readBody(base::ByteReader& in, Eviction& keys) {
+  return readKeys(in, keys);
+}
+void writeBody(base::ByteWriter& out, const Holdings& keys) {
+  writeKeys(out, keys);
+}
+base::Result<void> readBody(base::ByteReader& in, Holdings& keys) {
+  return readKeys(in, keys);
 }
 
 // ---- server to client ----
 
-base::Bytes encodeOne(const Welcome& welcome) {
-  base::ByteWriter out = begin(MessageType::kWelcome);
+void writeBody(base::ByteWriter& out, const Welcome& welcome) {
   out.u16(welcome.version);
   writeText(out, welcome.scene_name, kMaxText);
   writeText(out, welcome.units, kMaxUnits);
-  out.write(welcome.origin);
-  out.write(welcome.box_min);
-  out.write(welcome.box_max);
-  out.write(welcome.up);
-  out.u8(welcome.unlit ? 1 : 0);
-  out.write(welcome.light_direction);
-  out.u8(welcome.has_colors ? 1 : 0);
-  out.write(welcome.lattice_origin);
-  out.f64(welcome.lattice_step);
-  out.u32(welcome.group_count);
-  out.u32(welcome.patch_count);
-  out.u64(welcome.source_triangles);
-  out.u8(welcome.can_render_frames ? 1 : 0);
+  FieldWriter fields{out};
   const bool has_images = welcome.grid.pointCount() != 0;
-  out.u8(has_images ? 1 : 0);
+  sceneFields(fields, welcome);
+  fields(has_images);
   if (has_images) welcome.grid.encode(out);
-  return out.take();
 }
 
 /// Normalizes the directions. Returns null when the values are valid, and otherwise the fault.
@@ -259,45 +264,31 @@ const char* checkWelcome(Welcome& welcome) {
   return nullptr;
 }
 
-base::Result<ServerMessage> decodeWelcome(base::ByteReader& in) {
-  Welcome welcome;
+base::Result<void> readBody(base::ByteReader& in, Welcome& welcome) {
   welcome.version = in.u16();
   if (in.ok() && welcome.version != kVersion)
     return base::Error{base::ErrorCode::kVersion, "the server speaks protocol " + std::to_string(welcome.version) +
                                                       ", this client speaks " + std::to_string(kVersion) +
                                                       "; update the older one"};
   if (!readText(in, kMaxText, welcome.scene_name))
-    return bad("Welcome", "its scene name is cut short, too long or not plain text");
+    return bad("its scene name is cut short, too long or not plain text");
   if (!readText(in, kMaxUnits, welcome.units))
-    return bad("Welcome", "its unit of length is cut short, too long or not plain text");
-  welcome.origin = in.read<glm::dvec3>();
-  welcome.box_min = in.read<glm::vec3>();
-  welcome.box_max = in.read<glm::vec3>();
-  welcome.up = in.read<glm::vec3>();
-  bool flags_are_valid = readFlag(in, welcome.unlit);
-  welcome.light_direction = in.read<glm::vec3>();
-  flags_are_valid &= readFlag(in, welcome.has_colors);
-  welcome.lattice_origin = in.read<glm::dvec3>();
-  welcome.lattice_step = in.f64();
-  welcome.group_count = in.u32();
-  welcome.patch_count = in.u32();
-  welcome.source_triangles = in.u64();
-  flags_are_valid &= readFlag(in, welcome.can_render_frames);
+    return bad("its unit of length is cut short, too long or not plain text");
+  FieldReader fields{in};
   bool has_images = false;
-  flags_are_valid &= readFlag(in, has_images);
-  if (!in.ok()) return bad("Welcome", "is cut short");
-  if (!flags_are_valid) return bad("Welcome", "a flag is neither 0 nor 1");
-  if (const char* problem = checkWelcome(welcome)) return bad("Welcome", problem);
+  sceneFields(fields, welcome);
+  fields(has_images);
+  if (!in.ok()) return bad("is cut short");
+  if (!fields.flags_are_valid) return bad("a flag is neither 0 nor 1");
+  if (const char* problem = checkWelcome(welcome)) return bad(problem);
 
   if (has_images) {
-    auto grid = repository::Grid::decode(in);
-    if (!grid) return bad("Welcome", grid.error().message);
-    welcome.grid = *grid;
+    LUMIGRID_ASSIGN_OR_RETURN(welcome.grid, repository::Grid::decode(in));
     if (welcome.grid.face_size < 1 || welcome.grid.face_size > kMaxViewport)
-      return bad("Welcome", "its face size is outside 1 to 16384");
+      return bad("its face size is outside 1 to 16384");
   }
-  if (!in.atEnd()) return bad("Welcome", "has bytes after its end");
-  return ServerMessage(std::move(welcome));
+  if (!in.atEnd()) return bad("has bytes after its end");
+  return {};
 }
 
 base::Bytes readRest(base::ByteReader& in) {
@@ -305,137 +296,126 @@ base::Bytes readRest(base::ByteReader& in) {
   return {view.begin(), view.end()};
 }
 
-base::Bytes encodeOne(const Face& face) {
-  base::ByteWriter out = begin(MessageType::kFace);
+void writeBody(base::ByteWriter& out, const Face& face) {
   out.u64(face.key.code());
   out.bytes(face.value);
-  return out.take();
 }
 
-base::Result<ServerMessage> decodeFace(base::ByteReader& in) {
+base::Result<void> readBody(base::ByteReader& in, Face& face) {
   const std::uint64_t code = in.u64();
-  if (!in.ok() || in.remaining() == 0) return bad("Face", "is cut short");
-  auto key = repository::FaceKey::fromCode(code);
-  if (!key) return bad("Face", key.error().message);
-  return ServerMessage(Face{*key, readRest(in)});
+  if (!in.ok() || in.remaining() == 0) return bad("is cut short");
+  LUMIGRID_ASSIGN_OR_RETURN(face.key, repository::FaceKey::fromCode(code));
+  face.value = readRest(in);
+  return {};
 }
 
-base::Bytes encodeOne(const Refinement& refine) {
-  base::ByteWriter out = begin(MessageType::kRefinement);
+void writeBody(base::ByteWriter& out, const Refinement& refine) {
   out.u32(static_cast<std::uint32_t>(refine.record.size()));
   out.bytes(refine.record);
   out.bytes(refine.block);
-  return out.take();
 }
 
-base::Result<ServerMessage> decodeRefine(base::ByteReader& in) {
-  Refinement refine;
+base::Result<void> readBody(base::ByteReader& in, Refinement& refine) {
   base::ByteView record = in.bytes(in.u32());
-  if (!in.ok() || record.empty() || in.remaining() == 0) return bad("Refinement", "is cut short");
+  if (!in.ok() || record.empty() || in.remaining() == 0) return bad("is cut short");
   refine.record.assign(record.begin(), record.end());
   refine.block = readRest(in);
-  return ServerMessage(std::move(refine));
+  return {};
 }
 
-base::Bytes encodeOne(const Frame& frame) {
-  base::ByteWriter out = begin(MessageType::kFrame);
-  out.u32(frame.sequence);
-  writeCamera(out, frame.camera);
+void writeBody(base::ByteWriter& out, const Frame& frame) {
+  FieldWriter fields{out};
+  fields(frame.sequence);
+  cameraFields(fields, frame.camera);
   out.bytes(frame.value);
-  return out.take();
 }
 
-base::Result<ServerMessage> decodeFrame(base::ByteReader& in) {
-  Frame frame;
-  frame.sequence = in.u32();
-  if (const char* problem = readCamera(in, frame.camera)) return bad("Frame", problem);
-  if (frame.sequence == 0) return bad("Frame", "its sequence number is 0; they count from 1");
-  if (in.remaining() == 0) return bad("Frame", "is cut short");
+base::Result<void> readBody(base::ByteReader& in, Frame& frame) {
+  FieldReader fields{in};
+  fields(frame.sequence);
+  if (const char* problem = readCamera(fields, frame.camera)) return bad(problem);
+  if (frame.sequence == 0) return bad("its sequence number is 0; they count from 1");
+  if (in.remaining() == 0) return bad("is cut short");
   frame.value = readRest(in);
-  return ServerMessage(std::move(frame));
+  return {};
 }
 
-base::Bytes encodeOne(const Completion& complete) {
-  base::ByteWriter out = begin(MessageType::kCompletion);
+void writeBody(base::ByteWriter& out, const Completion& complete) {
   out.u32(complete.sequence);
-  return out.take();
 }
 
-base::Result<ServerMessage> decodeComplete(base::ByteReader& in) {
-  Completion complete{in.u32()};
-  if (!in.atEnd()) return bad("Completion", "its length is not 5 bytes");
-  if (complete.sequence == 0) return bad("Completion", "its sequence number is 0; they count from 1");
-  return ServerMessage(complete);
+base::Result<void> readBody(base::ByteReader& in, Completion& complete) {
+  complete.sequence = in.u32();
+  if (!in.atEnd()) return bad("its length is not 5 bytes");
+  if (complete.sequence == 0) return bad("its sequence number is 0; they count from 1");
+  return {};
 }
 
-base::Bytes encodeOne(const Refusal& refusal) {
-  base::ByteWriter out = begin(MessageType::kRefusal);
+void writeBody(base::ByteWriter& out, const Refusal& refusal) {
   out.u16(refusal.version);
   writeText(out, refusal.reason, kMaxText);
   if (refusal.splats_only) out.u8(kSplatsOnly);
-  return out.take();
 }
 
 /// A Refusal has the same layout in every version, and later versions may append bytes, which are ignored here.
-base::Result<ServerMessage> decodeRefusal(base::ByteReader& in) {
-  Refusal refusal;
+base::Result<void> readBody(base::ByteReader& in, Refusal& refusal) {
   refusal.version = in.u16();
-  if (!readText(in, kMaxText, refusal.reason))
-    return bad("Refusal", "its reason is cut short, too long or not plain text");
+  if (!readText(in, kMaxText, refusal.reason)) return bad("its reason is cut short, too long or not plain text");
   refusal.splats_only = !in.atEnd() && in.u8() == kSplatsOnly;
-  return ServerMessage(std::move(refusal));
+  return {};
+}
+
+// ---- whole messages ----
+
+template <class Message>
+base::Bytes encodeFrom(const Direction& direction, const Message& message) {
+  base::ByteWriter out;
+  out.u8(static_cast<std::uint8_t>(direction.first_type + message.index()));
+  std::visit([&](const auto& one) { writeBody(out, one); }, message);
+  return out.take();
+}
+
+/// Errors name the message, but for another version.
+template <class Message, std::size_t Index>
+base::Result<Message> decodeBody(const Direction& direction, base::ByteReader& in) {
+  std::variant_alternative_t<Index, Message> one;
+  const auto read = readBody(in, one);
+  if (read) return Message(std::move(one));
+  return read.error().code == base::ErrorCode::kVersion ? read.error()
+                                                        : bad(direction.messages[Index], read.error().message);
+}
+
+template <class Message, std::size_t... Indices>
+base::Result<Message> decodeFrom(const Direction& direction, base::ByteView bytes, std::index_sequence<Indices...>) {
+  if (bytes.size() > direction.max_bytes)
+    return bad(direction.name, std::string("is longer than ") + direction.max_text);
+  base::ByteReader in(bytes);
+  const std::uint8_t type = in.u8();
+  if (!in.ok()) return bad(direction.name, "is empty");
+  std::optional<base::Result<Message>> decoded;
+  const auto decodeIf = [&](bool is_type, auto decode) {
+    if (is_type) decoded.emplace(decode(direction, in));
+  };
+  (decodeIf(type == direction.first_type + Indices, decodeBody<Message, Indices>), ...);
+  return decoded ? std::move(*decoded) : bad(direction.name, "has the unknown type " + std::to_string(type));
 }
 
 }  // namespace
 
 base::Bytes encode(const ClientMessage& message) {
-  return std::visit([](const auto& one) { return encodeOne(one); }, message);
+  return encodeFrom(kFromClient, message);
 }
 
 base::Bytes encode(const ServerMessage& message) {
-  return std::visit([](const auto& one) { return encodeOne(one); }, message);
+  return encodeFrom(kFromServer, message);
 }
 
 base::Result<ClientMessage> decodeClientMessage(base::ByteView bytes) {
-  if (bytes.size() > kMaxClientMessage) return bad("client", "is longer than 256 KiB");
-  base::ByteReader in(bytes);
-  const auto type = static_cast<MessageType>(in.u8());
-  if (!in.ok()) return bad("client", "is empty");
-  switch (type) {
-    case MessageType::kHello:
-      return decodeHello(in);
-    case MessageType::kView:
-      return decodeView(in);
-    case MessageType::kEviction:
-      return decodeKeys<Eviction>("Eviction", in);
-    case MessageType::kHoldings:
-      return decodeKeys<Holdings>("Holdings", in);
-    default:
-      return bad("client", "has the unknown type " + std::to_string(bytes[0]));
-  }
+  return decodeFrom<ClientMessage>(kFromClient, bytes, std::make_index_sequence<std::variant_size_v<ClientMessage>>());
 }
 
 base::Result<ServerMessage> decodeServerMessage(base::ByteView bytes) {
-  if (bytes.size() > kMaxServerMessage) return bad("server", "is longer than 16 MiB");
-  base::ByteReader in(bytes);
-  const auto type = static_cast<MessageType>(in.u8());
-  if (!in.ok()) return bad("server", "is empty");
-  switch (type) {
-    case MessageType::kWelcome:
-      return decodeWelcome(in);
-    case MessageType::kFace:
-      return decodeFace(in);
-    case MessageType::kRefinement:
-      return decodeRefine(in);
-    case MessageType::kFrame:
-      return decodeFrame(in);
-    case MessageType::kCompletion:
-      return decodeComplete(in);
-    case MessageType::kRefusal:
-      return decodeRefusal(in);
-    default:
-      return bad("server", "has the unknown type " + std::to_string(bytes[0]));
-  }
+  return decodeFrom<ServerMessage>(kFromServer, bytes, std::make_index_sequence<std::variant_size_v<ServerMessage>>());
 }
 
 }  // namespace protocol

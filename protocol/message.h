@@ -118,6 +118,7 @@ struct Refusal {
   bool splats_only = false;  ///< the scene has splats and nothing else; clients read them over HTTP (/qsplat.lgq)
 };
 
+/// Their order gives the type bytes.
 using ClientMessage = std::variant<Hello, View, Eviction, Holdings>;
 using ServerMessage = std::variant<Welcome, Face, Refinement, Frame, Completion, Refusal>;
 
