@@ -56,7 +56,6 @@ class LruCache {
 
   std::uint64_t bytes() const { return bytes_; }
   std::uint64_t budget() const { return budget_; }
-  void setBudget(std::uint64_t bytes) { budget_ = bytes; }
   std::size_t size() const { return index_.size(); }
 
  private:

@@ -14,7 +14,6 @@
 namespace repository {
 namespace {
 
-namespace fs = std::filesystem;
 using base::Error;
 using base::ErrorCode;
 using base::Result;
@@ -229,7 +228,7 @@ Result<Layout> layoutOf(const std::string& images) {
   Layout layout;
   layout.undivided = isLmdbStore(images);
   std::error_code error;
-  for (fs::directory_iterator it(images, error), end; !error && it != end; it.increment(error)) {
+  for (std::filesystem::directory_iterator it(images, error), end; !error && it != end; it.increment(error)) {
     if (const auto shard = shardOfDirectoryName(it->path().filename().string())) layout.shards.push_back(*shard);
   }
   if (error && error != std::errc::no_such_file_or_directory) return base::systemError(images, "list", error.value());

@@ -9,6 +9,7 @@
 #include "client/native/connection.h"
 #include "client/native/curl_fetcher.h"
 #include "client/native/splat_link.h"
+#include "protocol/welcome.h"
 #include "repository/sampling/parameters.h"
 
 namespace client {
@@ -41,17 +42,7 @@ std::optional<StaticObject> partOf(const base::Scene& scene, const std::string& 
 }
 
 protocol::Welcome welcomeFrom(const base::Scene& scene, const std::string& place) {
-  const base::Aabb box = scene.localBox();
-  protocol::Welcome welcome;
-  welcome.scene_name = nameOf(place, scene);
-  welcome.units = scene.units == "unknown" ? "" : scene.units;
-  welcome.origin = scene.origin;
-  welcome.box_min = box.min;
-  welcome.box_max = box.max;
-  welcome.up = glm::vec3(scene.up);
-  welcome.unlit = scene.light.mode == base::LightMode::kUnlit;
-  welcome.light_direction = scene.light.direction;
-  return welcome;
+  return protocol::welcomeOf(scene, nameOf(place, scene));
 }
 
 base::Result<StaticScene> staticSceneFrom(const std::string& scene_json, const std::string& place) {

@@ -23,14 +23,13 @@ struct CachedSource::BlockRequest {
 
 Result<std::unique_ptr<CachedSource>> CachedSource::open(std::shared_ptr<const ObjectSource> source,
                                                          const std::string& directory,
-                                                         const CachedSourceOptions& options) {
-  LUMIGRID_ASSIGN_OR_RETURN(auto cache, RangeCache::open(directory, options.cache));
-  return std::unique_ptr<CachedSource>(new CachedSource(std::move(source), std::move(cache), options));
+                                                         const RangeCacheOptions& options) {
+  LUMIGRID_ASSIGN_OR_RETURN(auto cache, RangeCache::open(directory, options));
+  return std::unique_ptr<CachedSource>(new CachedSource(std::move(source), std::move(cache)));
 }
 
 CacheKey CachedSource::keyOf(const std::string& name, const std::string& entry) const {
-  const base::Sha256Digest digest =
-      base::sha256(base::viewOfText(source_->place() + "\n" + options_.version + "\n" + name + "\n" + entry));
+  const base::Sha256Digest digest = base::sha256(base::viewOfText(source_->place() + "\n\n" + name + "\n" + entry));
   CacheKey key;
   std::copy_n(digest.begin(), key.size(), key.begin());
   return key;
@@ -39,12 +38,10 @@ CacheKey CachedSource::keyOf(const std::string& name, const std::string& entry) 
 CachedSource::Block CachedSource::findBlock(const std::string& name, std::uint64_t block) const {
   auto bytes = cache_->get(keyOf(name, std::to_string(block)));
   if (!bytes) return nullptr;
-  ++found_;
   return std::make_shared<const Bytes>(std::move(*bytes));
 }
 
 Result<std::uint64_t> CachedSource::size(const std::string& name) const {
-  if (isMutable(name)) return source_->size(name);
   {
     const std::lock_guard lock(mutex_);
     if (const auto it = sizes_.find(name); it != sizes_.end()) return it->second;
@@ -63,7 +60,7 @@ Result<std::uint64_t> CachedSource::size(const std::string& name) const {
 }
 
 Result<Bytes> CachedSource::read(const std::string& name, std::uint64_t offset, std::uint64_t length) const {
-  if (isMutable(name) || length > kMaxCachedRead) return source_->read(name, offset, length);
+  if (length > kMaxCachedRead) return source_->read(name, offset, length);
   LUMIGRID_ASSIGN_OR_RETURN(const auto whole, size(name));
   if (offset > whole || length > whole - offset)
     return Error{ErrorCode::kInvalidInput, place() + "/" + name + ": has " + std::to_string(whole) + " bytes, " +
@@ -140,7 +137,6 @@ void CachedSource::fetchClaimed(const std::string& name, std::uint64_t size,
 void CachedSource::fetchRun(const std::string& name, std::uint64_t size, BlockRequest* first, BlockRequest* end) const {
   const std::uint64_t offset = first->number * kBlockBytes;
   const std::uint64_t length = std::min(size - offset, static_cast<std::uint64_t>(end - first) * kBlockBytes);
-  ++fetches_;
   const auto bytes = source_->read(name, offset, length);
   if (!bytes) {
     for (BlockRequest* request = first; request != end; ++request) deliver(name, *request, bytes.error());
@@ -168,7 +164,7 @@ void CachedSource::deliver(const std::string& name, BlockRequest& request, const
 }
 
 CacheCounts CachedSource::counts() const {
-  return {found_.load(), fetched_.load(), fetches_.load(), shared_.load()};
+  return {fetched_.load(), shared_.load()};
 }
 
 }  // namespace repository

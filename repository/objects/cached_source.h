@@ -2,7 +2,6 @@
 // Reads remote objects through a cache on the local disk.
 #include <atomic>
 #include <cstdint>
-#include <functional>
 #include <future>
 #include <map>
 #include <memory>
@@ -17,20 +16,9 @@
 
 namespace repository {
 
-struct CachedSourceOptions {
-  RangeCacheOptions cache;
-  /// Tells apart publications at the same place whose objects have the same names; a hash of the index serves. Blocks
-  /// of another version are not found and are evicted in time.
-  std::string version;
-  /// Whether an object may change under its name, so that it is always read from the source. Null: no object may.
-  std::function<bool(const std::string& name)> is_mutable;
-};
-
-/// Counts since the source was opened, for tests and /metrics.
+/// Counts since the source was opened.
 struct CacheCounts {
-  std::uint64_t blocks_found = 0;    ///< in the cache
   std::uint64_t blocks_fetched = 0;  ///< from the source
-  std::uint64_t fetches = 0;         ///< reads at the source
   std::uint64_t blocks_shared = 0;   ///< fetched by another thread that wanted them at the same time
 };
 
@@ -47,7 +35,7 @@ class CachedSource final : public ObjectSource {
   /// Errors as RangeCache::open.
   static base::Result<std::unique_ptr<CachedSource>> open(std::shared_ptr<const ObjectSource> source,
                                                           const std::string& directory,
-                                                          const CachedSourceOptions& options);
+                                                          const RangeCacheOptions& options);
 
   base::Result<base::Bytes> read(const std::string& name, std::uint64_t offset, std::uint64_t length) const override;
   base::Result<std::uint64_t> size(const std::string& name) const override;
@@ -61,10 +49,8 @@ class CachedSource final : public ObjectSource {
   using BlockKey = std::pair<std::string, std::uint64_t>;  // object and number of the block
   struct BlockRequest;
 
-  CachedSource(std::shared_ptr<const ObjectSource> source, std::unique_ptr<RangeCache> cache,
-               const CachedSourceOptions& options)
-      : source_(std::move(source)), cache_(std::move(cache)), options_(options) {}
-  bool isMutable(const std::string& name) const { return options_.is_mutable && options_.is_mutable(name); }
+  CachedSource(std::shared_ptr<const ObjectSource> source, std::unique_ptr<RangeCache> cache)
+      : source_(std::move(source)), cache_(std::move(cache)) {}
   CacheKey keyOf(const std::string& name, const std::string& entry) const;
   Block findBlock(const std::string& name, std::uint64_t block) const;
   void claimMissing(const std::string& name, std::vector<BlockRequest>& requests) const;
@@ -74,11 +60,10 @@ class CachedSource final : public ObjectSource {
 
   std::shared_ptr<const ObjectSource> source_;
   std::unique_ptr<RangeCache> cache_;
-  CachedSourceOptions options_;
   mutable std::mutex mutex_;
   mutable std::map<BlockKey, std::shared_future<FetchResult>> in_flight_;
   mutable std::map<std::string, std::uint64_t> sizes_;
-  mutable std::atomic<std::uint64_t> found_{0}, fetched_{0}, fetches_{0}, shared_{0};
+  mutable std::atomic<std::uint64_t> fetched_{0}, shared_{0};
 };
 
 }  // namespace repository

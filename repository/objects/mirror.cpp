@@ -17,7 +17,6 @@
 namespace repository {
 namespace {
 
-namespace fs = std::filesystem;
 using base::Error;
 using base::ErrorCode;
 using base::Result;
@@ -90,7 +89,7 @@ Result<bool> hasDigest(const std::string& path, const std::string& sha256) {
 
 Result<void> checkFreeSpace(const std::string& path, std::uint64_t bytes) {
   std::error_code failed;
-  const auto space = fs::space(fs::path(path).parent_path(), failed);
+  const auto space = std::filesystem::space(std::filesystem::path(path).parent_path(), failed);
   if (failed || space.available >= bytes) return {};
   return Error{ErrorCode::kNoSpace, path + ": " + std::to_string(bytes) + " bytes are to come and " +
                                         std::to_string(space.available) +
@@ -124,7 +123,7 @@ Result<std::string> mirrorObject(const ObjectSource& source, const std::string& 
     return Error{ErrorCode::kInvalidInput, object + ": '" + sha256.substr(0, 100) + "' is no SHA-256 to check it by"};
   const std::string path = directory + "/" + name;
   std::error_code failed;
-  fs::create_directories(fs::path(path).parent_path(), failed);
+  std::filesystem::create_directories(std::filesystem::path(path).parent_path(), failed);
   if (failed) return base::systemError(directory, "make this directory", failed.value());
 
   LUMIGRID_ASSIGN_OR_RETURN(const auto is_there, hasDigest(path, sha256));

@@ -42,9 +42,23 @@ Result<std::string> pathOfFileUrl(const std::string& place) {
   return path;
 }
 
-Error unknownSchemeError(const std::string& place) {
-  return {ErrorCode::kInvalidInput,
-          place + ": no place that we know; write a directory, file:///…, http://…, https://… or s3://bucket/prefix"};
+// Opens a place by the function for its kind. A file URL is a directory.
+template <class OpenDirectory, class OpenWeb, class OpenS3>
+auto openPlace(const std::string& place, OpenDirectory open_directory, OpenWeb open_web, OpenS3 open_s3)
+    -> decltype(open_directory(place)) {
+  const std::string scheme = schemeOf(place);
+  if (scheme.empty()) return open_directory(place);
+  if (isWeb(scheme)) return open_web(place);
+  if (scheme == "s3") {
+    const auto config = readS3Config();
+    return config ? open_s3(place, *config) : base::within(place, config.error());
+  }
+  if (scheme != "file")
+    return Error{ErrorCode::kInvalidInput, place +
+                                               ": no place that we know; write a directory, file:///…, http://…, "
+                                               "https://… or s3://bucket/prefix"};
+  LUMIGRID_ASSIGN_OR_RETURN(const auto path, pathOfFileUrl(place));
+  return open_directory(path);
 }
 
 }  // namespace
@@ -55,33 +69,16 @@ bool isRemotePlace(const std::string& place) {
 }
 
 Result<std::unique_ptr<ObjectSource>> openObjectSource(const std::string& place) {
-  const std::string scheme = schemeOf(place);
-  if (scheme.empty()) return openDirectorySource(place);
-  if (isWeb(scheme)) return openHttpSource(place, httpOptionsFromEnvironment());
-  if (scheme == "s3") {
-    const auto config = readS3Config();
-    if (!config) return base::within(place, config.error());
-    return openS3Source(place, *config);
-  }
-  if (scheme != "file") return unknownSchemeError(place);
-  LUMIGRID_ASSIGN_OR_RETURN(const auto path, pathOfFileUrl(place));
-  return openDirectorySource(path);
+  const auto open_web = [](const std::string& url) { return openHttpSource(url, httpOptionsFromEnvironment()); };
+  return openPlace(place, openDirectorySource, open_web, openS3Source);
 }
 
 Result<std::unique_ptr<ObjectSink>> openObjectSink(const std::string& place) {
-  const std::string scheme = schemeOf(place);
-  if (scheme.empty()) return openDirectorySink(place);
-  if (isWeb(scheme))
+  const auto refuse_web = [](const std::string& url) {
     return Error{ErrorCode::kUnsupported,
-                 place + ": a web server takes no objects; publish to a directory that it serves, or to s3://…"};
-  if (scheme == "s3") {
-    const auto config = readS3Config();
-    if (!config) return base::within(place, config.error());
-    return openS3Sink(place, *config);
-  }
-  if (scheme != "file") return unknownSchemeError(place);
-  LUMIGRID_ASSIGN_OR_RETURN(const auto path, pathOfFileUrl(place));
-  return openDirectorySink(path);
+                 url + ": a web server takes no objects; publish to a directory that it serves, or to s3://…"};
+  };
+  return openPlace(place, openDirectorySink, refuse_web, openS3Sink);
 }
 
 }  // namespace repository

@@ -13,7 +13,6 @@ namespace repository {
 namespace {
 
 namespace fs = std::filesystem;
-using base::Error;
 using base::ErrorCode;
 using base::Result;
 
@@ -198,8 +197,8 @@ Result<std::unique_ptr<RangeCache>> RangeCache::open(const std::string& director
   const std::string path = fs::canonical(folder, failed).string();
   if (failed) return base::systemError(folder, "open", failed.value());
   if (isOnNetwork(path))
-    return Error{ErrorCode::kUnsupported,
-                 directory + ": on a network file system, which the cache cannot use; give a local directory"};
+    return base::Error{ErrorCode::kUnsupported,
+                       directory + ": on a network file system, which the cache cannot use; give a local directory"};
 
   // Only one process at a time may open, check or remove the files.
   LUMIGRID_ASSIGN_OR_RETURN(const auto lock, base::lockFile(path + "/opening.lock"));
@@ -233,7 +232,7 @@ Result<std::unique_ptr<RangeCache>> RangeCache::openChecked(const std::string& p
     return known_format ? transaction.evictTo(options.bytes) : 0;
   });
   if (code != 0) return storeError(path, "open", reasonOfFailedWrite(path, code, 0));
-  if (!known_format) return Error{ErrorCode::kVersion, path + ": a cache of another version"};
+  if (!known_format) return base::Error{ErrorCode::kVersion, path + ": a cache of another version"};
   return cache;
 }
 

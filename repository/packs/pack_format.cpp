@@ -186,7 +186,7 @@ Bytes encodePack(std::span<const PackEntry> entries, ByteView values) {
   LUMIGRID_CHECK_EQ(offset, kPackHeaderBytes + values.size());
 
   ByteWriter out;
-  out.bytes({reinterpret_cast<const std::uint8_t*>(kPackMagic), kMagicBytes});
+  out.bytes(base::viewOfText({kPackMagic, kMagicBytes}));
   out.u32(kVersion);
   out.u32(static_cast<std::uint32_t>(kPackHeaderBytes));
   out.u64(kPackHeaderBytes + values.size() + table.size());
@@ -462,7 +462,7 @@ Result<Bytes> IndexBuilder::build(const std::vector<PackRow>& packs, const std::
   root.blocks_offset = blocksOffsetFor(parameters.size(), kBlockBytes);
 
   ByteWriter header;
-  header.bytes({reinterpret_cast<const std::uint8_t*>(kIndexMagic), kMagicBytes});
+  header.bytes(base::viewOfText({kIndexMagic, kMagicBytes}));
   header.u32(kVersion);
   header.u32(kIndexHeaderBytes);
   header.u64(root.rowsOffset() + rows.size());

@@ -18,8 +18,6 @@
 namespace repository {
 namespace {
 
-using base::Bytes;
-using base::ByteView;
 using base::Error;
 using base::ErrorCode;
 using base::Result;
@@ -36,7 +34,7 @@ ObjectId idOf(const base::Sha256Digest& digest) {
 // Faces that are collected for the next pack.
 struct PendingPack {
   std::vector<PackEntry> entries;
-  Bytes values;
+  base::Bytes values;
 
   std::uint64_t bytes() const { return kPackHeaderBytes + values.size() + kTableBytes * entries.size(); }
 
@@ -71,7 +69,7 @@ struct PendingPack {
 };
 
 // Writes an object whose name is its hash, unless it is there already. Returns whether it was written.
-Result<bool> putOnce(ObjectSink& sink, const std::string& name, ByteView bytes, bool rewrite) {
+Result<bool> putOnce(ObjectSink& sink, const std::string& name, base::ByteView bytes, bool rewrite) {
   if (!rewrite) {
     LUMIGRID_ASSIGN_OR_RETURN(auto there, sink.size(name));
     if (there == bytes.size()) return false;
@@ -92,7 +90,7 @@ class Publisher {
     progress_.keys_total = total;
 
     const auto walked =
-        store_.forEach([&](const FaceKey& key, ByteView value) { return !stopped() && addFace(key, value); });
+        store_.forEach([&](const FaceKey& key, base::ByteView value) { return !stopped() && addFace(key, value); });
     if (walked && !stopped() && !pending_.entries.empty()) submitPack(pending_.takeFront(pending_.entries.size()));
     pool_.drain();
     if (!walked) return walked.error();
@@ -101,7 +99,7 @@ class Publisher {
   }
 
  private:
-  bool addFace(const FaceKey& key, ByteView bytes) {
+  bool addFace(const FaceKey& key, base::ByteView bytes) {
     const auto value = decodeFaceValue(bytes);
     if (!value) return fail(damagedError(key, value.error()));
     if (bytes.size() > kMaxValueBytes)
@@ -141,7 +139,7 @@ class Publisher {
 
   void writePack(std::size_t number, PendingPack& pending) {
     if (stopped()) return;
-    const Bytes pack = encodePack(pending.entries, pending.values);
+    const base::Bytes pack = encodePack(pending.entries, pending.values);
     pending.values = {};
     const PackRow row{idOf(base::sha256(pack)), pack.size(), pending.entries.front().code, pending.entries.back().code,
                       pending.entries.size()};

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "base/json/annotations_file.h"
+#include "protocol/welcome.h"
 #include "repository/objects/cached_source.h"
 #include "repository/objects/mirror.h"
 #include "repository/objects/objects.h"
@@ -55,20 +56,6 @@ base::Result<void> openImages(const std::string& directory, OpenScene& open) {
   return setImages(std::move(store), path, open);
 }
 
-void describeScene(const std::string& directory, OpenScene& open) {
-  const base::Scene& scene = open.scene;
-  const base::Aabb box = scene.localBox();
-  protocol::Welcome& welcome = open.data.welcome;
-  welcome.scene_name = nameOf(directory);
-  welcome.units = scene.units == "unknown" ? "" : scene.units;
-  welcome.origin = scene.origin;
-  welcome.box_min = box.min;
-  welcome.box_max = box.max;
-  welcome.up = glm::vec3(scene.up);
-  welcome.unlit = scene.light.mode == base::LightMode::kUnlit;
-  welcome.light_direction = scene.light.direction;
-}
-
 void describeHierarchy(const lod::patch::Hierarchy& hierarchy, protocol::Welcome& welcome) {
   welcome.has_colors = hierarchy.has_colors;
   welcome.lattice_origin = hierarchy.lattice.origin;
@@ -106,7 +93,7 @@ std::unique_ptr<OpenScene> openDocument(base::Scene scene, base::Bytes json_byte
   auto open = std::make_unique<OpenScene>();
   open->scene = std::move(scene);
   open->scene_json = std::move(json_bytes);
-  describeScene(place, *open);
+  open->data.welcome = protocol::welcomeOf(open->scene, nameOf(place));
   return open;
 }
 
@@ -132,10 +119,7 @@ base::Result<std::string> cacheDirectory(const RemoteOptions& options, const std
 base::Result<std::unique_ptr<repository::CachedSource>> openCachedSource(
     std::shared_ptr<const repository::ObjectSource> source, const std::string& directory,
     const RemoteOptions& options) {
-  repository::CachedSourceOptions cache;
-  cache.cache.bytes = options.cache_bytes;
-  cache.cache.warn = options.warn;
-  return repository::CachedSource::open(std::move(source), directory, cache);
+  return repository::CachedSource::open(std::move(source), directory, {options.cache_bytes, options.warn});
 }
 
 base::Result<void> openRemoteImages(std::unique_ptr<repository::CachedSource> source, const std::string& index,

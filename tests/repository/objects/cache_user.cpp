@@ -19,10 +19,10 @@
 int main(int argc, char** argv) {
   using namespace repository;
   if (argc < 5) return 3;
-  CachedSourceOptions options;
-  options.cache.bytes = std::strtoull(argv[2], nullptr, 10);
+  RangeCacheOptions options;
+  options.bytes = std::strtoull(argv[2], nullptr, 10);
   int warnings = 0;
-  options.cache.warn = [&](const std::string& line) {
+  options.warn = [&](const std::string& line) {
     std::fprintf(stderr, "%s\n", line.c_str());
     ++warnings;
   };

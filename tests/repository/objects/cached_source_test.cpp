@@ -74,8 +74,8 @@ class Far final : public ObjectSource {
 
 struct Fixture {
   explicit Fixture(std::uint64_t budget = std::uint64_t{64} << 20) {
-    options.cache.bytes = budget;
-    options.cache.warn = [this](const std::string& line) { warnings.push_back(line); };
+    options.bytes = budget;
+    options.warn = [this](const std::string& line) { warnings.push_back(line); };
     far->objects["pack"] = sample(10 * kBlock + 100);
   }
   std::unique_ptr<CachedSource> open(const std::string& directory) {
@@ -92,7 +92,7 @@ struct Fixture {
     EXPECT_TRUE(std::equal(bytes->begin(), bytes->end(), whole.begin() + static_cast<std::ptrdiff_t>(offset)));
   }
   std::shared_ptr<Far> far = std::make_shared<Far>();
-  CachedSourceOptions options;
+  RangeCacheOptions options;
   std::vector<std::string> warnings;
 };
 
@@ -151,28 +151,13 @@ TEST(CachedSource, cachedBlocksSurviveAndNeedNoSource) {
   EXPECT_EQ(f.far->sizes, 1);
 }
 
-TEST(CachedSource, placesVersionsAndNamesAreKeptApart) {
+TEST(CachedSource, namesAreKeptApart) {
   const TemporaryDirectory directory;
   Fixture f;
   f.far->objects["other"] = sample(kBlock, 1);
   const auto cached = f.open(directory.path());
   f.expectRead(*cached, "pack", 0, 10);
   f.expectRead(*cached, "other", 0, 10);
-  f.options.version = "two";
-  f.far->objects["pack"] = sample(kBlock, 2);
-  f.expectRead(*f.open(directory.path()), "pack", 0, 10);
-}
-
-TEST(CachedSource, mutableObjectsAreReadFromTheSourceEachTime) {
-  const TemporaryDirectory directory;
-  Fixture f;
-  f.options.is_mutable = [](const std::string& name) { return name == "scene.json"; };
-  const auto cached = f.open(directory.path());
-  for (const std::uint8_t salt : {1, 2, 3}) {
-    f.far->objects["scene.json"] = sample(100U + salt, salt);
-    EXPECT_EQ(*cached->size("scene.json"), 100U + salt);
-    f.expectRead(*cached, "scene.json", 0, 100U + salt);
-  }
 }
 
 TEST(CachedSource, aBlockIsFetchedOnceForAllThreads) {
@@ -247,7 +232,7 @@ TEST(RangeCache, evictsTheLeastRecentlyUsedFirst) {
   for (std::uint64_t i = 0; i < 200; ++i) {
     f.expectRead(*cached, "big", i * kBlock, 10);
     f.expectRead(*cached, "pack", 0, 10);  // always in use
-    EXPECT_LE(cached->cache().usedBytes(), f.options.cache.bytes);
+    EXPECT_LE(cached->cache().usedBytes(), f.options.bytes);
   }
   f.far->reads = 0;
   f.expectRead(*cached, "pack", 0, 10);
@@ -266,8 +251,8 @@ TEST(RangeCache, theFileStaysBounded) {
   for (int round = 0; round < 4; ++round)
     for (std::uint64_t at = 0; at < (48U << 20); at += 1 << 20) f.expectRead(*cached, "big", at, 1 << 20);
   const auto size = std::filesystem::file_size(directory / "lumigrid-cache/data.mdb");
-  EXPECT_LE(size, f.options.cache.bytes * 5 / 4 + (64U << 20));
-  EXPECT_LE(size, 4 * f.options.cache.bytes);  // freed pages are used again
+  EXPECT_LE(size, f.options.bytes * 5 / 4 + (64U << 20));
+  EXPECT_LE(size, 4 * f.options.bytes);        // freed pages are used again
   f.expectRead(*cached, "big", 0, 48U << 20);  // more than the budget at once: not kept, but read
   EXPECT_TRUE(f.warnings.empty());
 }
@@ -276,9 +261,9 @@ TEST(RangeCache, aSmallerBudgetHoldsFromTheNextOpening) {
   const TemporaryDirectory directory;
   Fixture f;
   f.expectRead(*f.open(directory.path()), "pack", 0, 10 * kBlock);
-  f.options.cache.bytes = 4 * (kBlock + 200);
+  f.options.bytes = 4 * (kBlock + 200);
   const auto cached = f.open(directory.path());
-  EXPECT_LE(cached->cache().usedBytes(), f.options.cache.bytes);
+  EXPECT_LE(cached->cache().usedBytes(), f.options.bytes);
   f.expectRead(*cached, "pack", 0, 10 * kBlock);
 }
 

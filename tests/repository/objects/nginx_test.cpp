@@ -180,8 +180,8 @@ TEST_F(NginxTest, redirectsFromHttpsToHttpAreRefused) {
 
 TEST_F(NginxTest, cacheAndMirrorReadThroughIt) {
   std::shared_ptr<const ObjectSource> source = open("/scene");
-  CachedSourceOptions options;
-  options.cache.bytes = std::uint64_t{16} << 20;
+  RangeCacheOptions options;
+  options.bytes = std::uint64_t{16} << 20;
   const auto cached = CachedSource::open(source, directory_ / "cache", options);
   ASSERT_TRUE(cached) << cached.error().message;
   expectReads(**cached);

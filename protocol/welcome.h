@@ -1,0 +1,25 @@
+#pragma once
+// The part of Welcome that scene.json alone decides.
+#include <string>
+
+#include "base/json/scene_file.h"
+#include "protocol/message.h"
+
+namespace protocol {
+
+/// Hierarchy and grid are left as they are by default.
+inline Welcome welcomeOf(const base::Scene& scene, const std::string& name) {
+  const base::Aabb box = scene.localBox();
+  Welcome welcome;
+  welcome.scene_name = name;
+  welcome.units = scene.units == "unknown" ? "" : scene.units;
+  welcome.origin = scene.origin;
+  welcome.box_min = box.min;
+  welcome.box_max = box.max;
+  welcome.up = glm::vec3(scene.up);
+  welcome.unlit = scene.light.mode == base::LightMode::kUnlit;
+  welcome.light_direction = scene.light.direction;
+  return welcome;
+}
+
+}  // namespace protocol
