@@ -43,7 +43,7 @@ base::Result<std::size_t> receiveUpTo(int socket, std::uint8_t* to, std::size_t 
 
 void writeText(base::ByteWriter& out, std::string_view text) {
   out.u32(static_cast<std::uint32_t>(text.size()));
-  out.bytes({reinterpret_cast<const std::uint8_t*>(text.data()), text.size()});
+  out.bytes(base::viewOfText(text));
 }
 
 std::string readText(base::ByteReader& in) {

@@ -9,7 +9,6 @@
 
 #include <algorithm>
 #include <array>
-#include <condition_variable>
 #include <cstdlib>
 #include <cstring>
 #include <deque>
@@ -105,21 +104,9 @@ class ProcessFaceMaker : public FaceMaker {
   }
   ~ProcessFaceMaker() override { ProcessFaceMaker::finish(); }
 
-  void submit(DrawJob job) override {
-    {
-      std::unique_lock lock(mutex_);
-      changed_.wait(lock, [&] { return failed_ || !next_; });
-      if (failed_) return;
-      next_ = std::move(job);
-    }
-    changed_.notify_all();
-  }
+  void submit(DrawJob job) override { waiting_.submit(std::move(job)); }
   void finish() override {
-    {
-      const std::lock_guard lock(mutex_);
-      finishing_ = true;
-    }
-    changed_.notify_all();
+    waiting_.finish();
     for (std::thread& thread : threads_)
       if (thread.joinable()) thread.join();
   }
@@ -137,14 +124,15 @@ class ProcessFaceMaker : public FaceMaker {
       if (served) return;
       deaths = !jobs.empty() && jobs.front().sequence == before ? deaths + 1 : 1;
       if (served.error().code == base::ErrorCode::kNetwork && deaths < kMaxDeaths) continue;
-      return failWith(served.error());
+      if (waiting_.fail()) on_error_(served.error());
+      return;
     }
   }
 
   // Returns when all is done, or with an error; kNetwork: the process has died.
   base::Result<void> superviseProcess(Jobs& jobs) {
     if (jobs.empty()) {
-      auto first = nextJob(true);
+      auto first = waiting_.takeJob(true);
       if (!first) return {};
       jobs.push_back(std::move(*first));
     }
@@ -152,7 +140,7 @@ class ProcessFaceMaker : public FaceMaker {
     for (const DrawJob& job : jobs) sendJob(*process, job);
     for (;;) {
       while (jobs.size() < kJobsAtATime) {
-        auto job = nextJob(jobs.empty());
+        auto job = waiting_.takeJob(jobs.empty());
         if (!job) break;
         sendJob(*process, *job);
         jobs.push_back(std::move(*job));
@@ -185,37 +173,11 @@ class ProcessFaceMaker : public FaceMaker {
     return {};
   }
 
-  // Nothing when no job is waiting, or (with `wait`) when there will be none any more.
-  std::optional<DrawJob> nextJob(bool wait) {
-    std::optional<DrawJob> job;
-    {
-      std::unique_lock lock(mutex_);
-      if (wait) changed_.wait(lock, [&] { return finishing_ || failed_ || next_; });
-      job = std::exchange(next_, std::nullopt);
-    }
-    if (job) changed_.notify_all();
-    return job;
-  }
-
-  void failWith(const base::Error& error) {
-    {
-      const std::lock_guard lock(mutex_);
-      if (std::exchange(failed_, true)) return;
-      next_.reset();
-    }
-    changed_.notify_all();
-    on_error_(error);
-  }
-
   const std::vector<std::string> command_;
   const base::Bytes order_;
   const OnFace on_face_;
   const OnError on_error_;
-  std::mutex mutex_;
-  std::condition_variable changed_;
-  std::optional<DrawJob> next_;
-  bool finishing_ = false;
-  bool failed_ = false;
+  JobSlot waiting_;
   std::vector<std::thread> threads_;  // last: they use the others
 };
 

@@ -1,5 +1,6 @@
 #include "server/bake/draw_thread.h"
 
+#include <optional>
 #include <utility>
 
 #include "base/egl/headless.h"
@@ -23,34 +24,15 @@ DrawThread::~DrawThread() {
   finish();
 }
 
-void DrawThread::submit(DrawJob job) {
-  {
-    std::unique_lock lock(mutex_);
-    changed_.wait(lock, [&] { return failed_ || !next_; });
-    if (failed_) return;
-    next_ = std::move(job);
-  }
-  changed_.notify_all();
-}
-
 void DrawThread::finish() {
-  {
-    const std::lock_guard lock(mutex_);
-    finishing_ = true;
-  }
-  changed_.notify_all();
+  jobs_.finish();
   if (thread_.joinable()) thread_.join();
 }
 
 void DrawThread::work() {
   const base::Result<void> drawn = draw();
   if (drawn) return;
-  {
-    const std::lock_guard lock(mutex_);
-    failed_ = true;
-    next_.reset();
-  }
-  changed_.notify_all();
+  jobs_.fail();
   on_error_(drawn.error());
 }
 
@@ -58,10 +40,10 @@ base::Result<void> DrawThread::draw() {
   LUMIGRID_ASSIGN_OR_RETURN(const auto context, base::HeadlessContext::create());
   LUMIGRID_ASSIGN_OR_RETURN(auto renderer, SceneRenderer::create(scene_, patches_, gpu_budget_bytes_));
   for (;;) {
-    std::optional<DrawJob> job = waitingJob();
+    std::optional<DrawJob> job = jobs_.takeJob(false);
     if (!job) {
       LUMIGRID_TRY(renderer->finish());
-      job = nextJob();
+      job = jobs_.takeJob(true);
     }
     if (!job) return {};
     LUMIGRID_TRY(renderer->renderMany(faceCameras(*renderer, grid_, job->keys), options_,
@@ -69,26 +51,6 @@ base::Result<void> DrawThread::draw() {
                                         on_rendered_(job.sequence + i, job.keys[i], std::move(rendered));
                                       }));
   }
-}
-
-// Takes the job that is waiting, if there is one.
-std::optional<DrawJob> DrawThread::waitingJob() {
-  std::optional<DrawJob> job;
-  {
-    const std::lock_guard lock(mutex_);
-    job = std::exchange(next_, std::nullopt);
-  }
-  if (job) changed_.notify_all();
-  return job;
-}
-
-// Waits for a job; nothing when there will be none any more.
-std::optional<DrawJob> DrawThread::nextJob() {
-  {
-    std::unique_lock lock(mutex_);
-    changed_.wait(lock, [&] { return finishing_ || next_; });
-  }
-  return waitingJob();
 }
 
 }  // namespace server

@@ -2,28 +2,19 @@
 // One thread of a process draws faces, with a GL context, a renderer and a cache of patches of its own. More were not
 // measured on a GPU, and Mesa's llvmpipe (22.3) crashes in its own code about twice in a hundred bakes when several
 // contexts draw at a time. Several processes draw as well as several contexts would (draw_processes.h).
-#include <condition_variable>
 #include <cstdint>
 #include <functional>
-#include <mutex>
-#include <optional>
 #include <thread>
-#include <vector>
+#include <utility>
 
 #include "base/error.h"
 #include "base/json/scene_file.h"
 #include "lod/patch/format.h"
 #include "repository/sampling/grid.h"
-#include "repository/sampling/key.h"
+#include "server/bake/job_slot.h"
 #include "server/render/scene_renderer.h"
 
 namespace server {
-
-/// Faces of one grid point, which are drawn with one cut and one upload.
-struct DrawJob {
-  std::uint64_t sequence = 0;  ///< number of the first face; the others follow
-  std::vector<repository::FaceKey> keys;
-};
 
 class DrawThread {
  public:
@@ -41,15 +32,13 @@ class DrawThread {
 
   /// Blocks while a job is waiting. Without a job the thread delivers the pictures that are still on their way, so a
   /// caller that holds back the next job until earlier pictures have come never waits in vain.
-  void submit(DrawJob job);
+  void submit(DrawJob job) { jobs_.submit(std::move(job)); }
   /// Returns when all is drawn and delivered. Nothing may be submitted after it.
   void finish();
 
  private:
   void work();
   base::Result<void> draw();
-  std::optional<DrawJob> nextJob();
-  std::optional<DrawJob> waitingJob();
 
   const base::Scene& scene_;
   const lod::patch::PatchFile& patches_;
@@ -58,11 +47,7 @@ class DrawThread {
   const std::uint64_t gpu_budget_bytes_;
   const OnRendered on_rendered_;
   const OnError on_error_;
-  std::mutex mutex_;
-  std::condition_variable changed_;
-  std::optional<DrawJob> next_;
-  bool finishing_ = false;
-  bool failed_ = false;
+  JobSlot jobs_;
   std::thread thread_;  // last: it uses the others
 };
 

@@ -245,8 +245,7 @@ base::Result<repository::SampleTree> selectPoints(const base::Scene& scene, cons
 }
 
 base::Result<void> writeSelection(const std::string& path, const base::Scene& scene, const BakeOptions& options) {
-  const std::string text = storeParameters(scene, options);
-  return base::writeFileAtomically(path, {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()});
+  return base::writeFileAtomically(path, base::viewOfText(storeParameters(scene, options)));
 }
 
 base::Result<std::optional<repository::SampleTree>> readSelection(const std::string& path, const base::Scene& scene,
