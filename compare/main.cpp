@@ -28,31 +28,22 @@ void declare(CLI::App& app, Arguments& a) {
   app.add_option("--report", o.report, "directory for results.csv, charts and index.html")->required();
   app.add_option("--patch-tolerances", o.patch_tolerances, "pixels: settings of patches alone")
       ->delimiter(',')
-      ->check(CLI::Range(0.1, 1000.0))
-      ->capture_default_str();
+      ->check(CLI::Range(0.1, 1000.0));
   app.add_option("--splats", o.splats, "kernels of qsplat")
       ->delimiter(',')
-      ->check(CLI::IsMember({"square", "circle", "fuzzy", "ellipse"}))
-      ->capture_default_str();
+      ->check(CLI::IsMember({"square", "circle", "fuzzy", "ellipse"}));
   app.add_option("--cutoffs", o.cutoffs, "pixels: settings of qsplat, each with every kernel")
       ->delimiter(',')
-      ->check(CLI::Range(0.0, 1000.0))
-      ->capture_default_str();
+      ->check(CLI::Range(0.0, 1000.0));
   app.add_option("--proxy-tolerance", o.proxy_tolerance, "pixels: of the proxy under the images")
-      ->check(CLI::Range(0.1, 1000.0))
-      ->capture_default_str();
-  app.add_option("--points", o.points, "sampling points per view")->check(CLI::Range(1, 64))->capture_default_str();
-  app.add_option("--samples", o.samples, "images blended per frame at most")
-      ->check(CLI::Range(1, 32))
-      ->capture_default_str();
+      ->check(CLI::Range(0.1, 1000.0));
+  app.add_option("--points", o.points, "sampling points per view")->check(CLI::Range(1, 64));
+  app.add_option("--samples", o.samples, "images blended per frame at most")->check(CLI::Range(1, 32));
   app.add_flag("!--no-frames", o.frames, "leave the run with exact frames out");
   app.add_option("--truth-supersampling", o.truth_supersampling, "n x n samples a pixel of the truth")
-      ->check(CLI::Range(1, 8))
-      ->capture_default_str();
-  app.add_option("--settle", o.settle_seconds, "seconds to wait at most for a view to be complete")
-      ->capture_default_str();
-  app.add_option("--realtime", o.realtime_fps, "frames per second, drawn whatever has come; 0: wait for each view")
-      ->capture_default_str();
+      ->check(CLI::Range(1, 8));
+  app.add_option("--settle", o.settle_seconds, "seconds to wait at most for a view to be complete");
+  app.add_option("--realtime", o.realtime_fps, "frames per second, drawn whatever has come; 0: wait for each view");
   app.add_option("--bandwidth", a.bandwidth,
                  "link to emulate, such as 20Mbit or 384kbit (default: the loopback as it is)");
   app.add_option("--latency", a.latency, "round trip of that link, such as 30ms (default: none)");
@@ -61,8 +52,7 @@ void declare(CLI::App& app, Arguments& a) {
          "methods to run; the proxy without images goes with lumigraph; qsplat is drawn from the scene's file, and "
          "its bytes are the blocks that were looked into")
       ->delimiter(',')
-      ->check(CLI::IsMember({"lumigraph", "patches", "qsplat"}))
-      ->capture_default_str();
+      ->check(CLI::IsMember({"lumigraph", "patches", "qsplat"}));
   app.add_flag("!--no-pictures", o.pictures, "do not write each method's pictures");
 }
 
@@ -91,6 +81,7 @@ int main(int argc, char** argv) {
       "Grid-Lumigraph, the same proxy without images, patches alone, and splats, against the truth: accuracy and bytes "
       "of every frame.",
       "lumigrid-compare");
+  app.option_defaults()->always_capture_default();  // --help shows them
   Arguments arguments;
   declare(app, arguments);
   try {

@@ -25,7 +25,7 @@ double mean(const std::vector<FrameResult>& frames, double (*get)(const FrameRes
 }
 
 base::Result<void> writeText(const std::string& path, const std::string& content) {
-  return base::writeFileAtomically(path, {reinterpret_cast<const std::uint8_t*>(content.data()), content.size()});
+  return base::writeFileAtomically(path, base::viewOfText(content));
 }
 
 std::string csv(const ReportContext& context, const std::vector<RunResult>& runs) {

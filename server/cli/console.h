@@ -15,6 +15,10 @@ inline constexpr int kDone = 0, kFailed = 1, kWrongUsage = 2;
 
 /// Prints "lumigrid: message" to standard error; returns kFailed.
 int fail(const base::Error& error);
+/// kDone, or what fail() returns of the error.
+inline int exitStatus(const base::Result<void>& done) {
+  return done ? kDone : fail(done.error());
+}
 
 /// Shows progress on standard error: a bar that is redrawn on a terminal, a plain line every few seconds otherwise,
 /// with the time left and this process's memory.

@@ -317,8 +317,10 @@ int run(const InfoArguments& a) {
 RunCommand addInfo(CLI::App& command) {
   auto a = std::make_shared<InfoArguments>();
   command.add_option("SCENE", a->scene, "scene directory")->required();
-  command.add_option("--access-file", a->access_files,
-                     "files of access counts to add up; default: access.lga in the scene, when it is there");
+  command
+      .add_option("--access-file", a->access_files,
+                  "files of access counts to add up; default: access.lga in the scene, when it is there")
+      ->default_str("");
   command.add_flag(
       "--digest", a->digest,
       "also SHA-256s: over the keys and values of all images, the same however they are divided; and, of a "

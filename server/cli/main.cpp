@@ -35,6 +35,7 @@ int main(int argc, char** argv) {
       "lumigrid");
   app.set_version_flag("--version", "lumigrid 0.1.0");
   app.require_subcommand(1);
+  app.option_defaults()->always_capture_default();  // --help shows them; empty lists say default_str("")
   struct Command {
     CLI::App* parser;
     RunCommand run;

@@ -24,7 +24,6 @@
 namespace server::cli {
 namespace {
 
-namespace fs = std::filesystem;
 using base::Error;
 using base::ErrorCode;
 using base::Result;
@@ -105,7 +104,7 @@ Result<base::ScenePart> publishImages(const PublishArguments& a, const OpenScene
 
 // scene.json as others see it: the folders of the meshes on this machine are left out.
 base::Scene publicScene(base::Scene scene) {
-  for (base::SceneSource& source : scene.sources) source.path = fs::path(source.path).filename().string();
+  for (base::SceneSource& source : scene.sources) source.path = std::filesystem::path(source.path).filename().string();
   scene.parts.clear();
   return scene;
 }
@@ -116,7 +115,7 @@ bool isPublishersName(const std::string& name) {
   const std::string whole =
       part != std::string::npos && base::isUnfinished(name, name.substr(0, part)) ? name.substr(0, part) : name;
   if (repository::idOfPackName(whole) || repository::idOfIndexName(whole)) return true;
-  const std::string extension = fs::path(whole).extension().string();
+  const std::string extension = std::filesystem::path(whole).extension().string();
   return whole.find('/') == std::string::npos && extension.size() == 4 && extension.starts_with(".lg") &&
          base::isPublishedName(whole);
 }
@@ -166,11 +165,11 @@ Result<void> publishPageTo(const PublishArguments& a, const PageFiles& pages, bo
 // Annotations keep their name: they may change without the scene.
 Result<void> publishAnnotations(const PublishArguments& a, const std::optional<base::AnnotationsText>& annotations,
                                 repository::ObjectSink& sink, PublishReport& report) {
-  if (!annotations || fs::path(a.scene).lexically_normal() == fs::path(a.destination).lexically_normal()) return {};
+  if (!annotations ||
+      std::filesystem::path(a.scene).lexically_normal() == std::filesystem::path(a.destination).lexically_normal())
+    return {};
   report.annotations = annotations->notes;
-  const std::string& text = annotations->text;
-  return sink.put(base::kAnnotationsFile, {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()},
-                  "application/json");
+  return sink.put(base::kAnnotationsFile, base::viewOfText(annotations->text), "application/json");
 }
 
 // Opens the scene as a server does, which checks that its patches and images belong together.
@@ -206,9 +205,7 @@ Result<PublishReport> publish(const PublishArguments& a) {
 
   LUMIGRID_TRY(publishAnnotations(a, annotations, *sink, report));
   // All objects that scene.json names are there, so it may be seen.
-  const std::string text = base::formatScene(scene);
-  LUMIGRID_TRY(
-      sink->put("scene.json", {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()}, "application/json"));
+  LUMIGRID_TRY(sink->put("scene.json", base::viewOfText(base::formatScene(scene)), "application/json"));
   if (a.prune) LUMIGRID_TRY(prune(scene, *sink, report));
   report.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   return report;
@@ -268,16 +265,14 @@ RunCommand addPublish(CLI::App& command) {
   command
       .add_option("--jobs", a->images.jobs,
                   "packs written side by side, 1 to 64; each takes twice its size in memory. More help a distant store")
-      ->check(CLI::Range(1U, 64U))
-      ->capture_default_str();
+      ->check(CLI::Range(1U, 64U));
   command.add_flag("--rewrite", a->images.rewrite,
                    "write what is there already too: mends a place where `lumigrid verify` found damage");
   command
       .add_option("--viewer", a->viewer,
                   "on, off: whether to put the browser client's files beside the scene too, so that the place opens in "
                   "a browser; auto: where they are found, and nothing of somebody else's is in their place")
-      ->check(CLI::IsMember({"auto", "on", "off"}))
-      ->capture_default_str();
+      ->check(CLI::IsMember({"auto", "on", "off"}));
   command.add_option("--web", a->web,
                      "folder with those files; default: ../share/lumigrid/web beside the folder of this program, where "
                      "installing puts them");

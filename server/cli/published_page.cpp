@@ -137,7 +137,7 @@ Result<bool> removeIfOurs(const std::string& name, const std::string& hash, repo
 
 Result<void> putList(const Hashes& hashes, repository::ObjectSink& sink) {
   const std::string text = json{{"version", 1}, {"files", hashes}}.dump(1) + "\n";
-  return sink.put(kPageList, {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()}, "application/json");
+  return sink.put(kPageList, base::viewOfText(text), "application/json");
 }
 
 }  // namespace

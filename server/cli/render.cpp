@@ -72,25 +72,20 @@ base::Result<DrawnPicture> drawSplats(const RenderArguments& a, const base::Scen
                       formatCount(picture->splats) + " splats of " + formatCount(picture->nodes) + " nodes"};
 }
 
-int run(const RenderArguments& a) {
-  auto scene = base::readScene(a.scene);
-  if (!scene) return fail(scene.error());
-  auto view = base::readCamera(a.camera);
-  if (!view) return fail(view.error());
+base::Result<void> run(const RenderArguments& a) {
+  LUMIGRID_ASSIGN_OR_RETURN(const auto scene, base::readScene(a.scene));
+  LUMIGRID_ASSIGN_OR_RETURN(auto view, base::readCamera(a.camera));
   if (a.size.size() == 2) {
-    view->width = a.size[0];
-    view->height = a.size[1];
+    view.width = a.size[0];
+    view.height = a.size[1];
   }
-  auto context = base::HeadlessContext::create();
-  if (!context) return fail(context.error());
-  const bool splats = a.method == kSplatMethod;
-  auto drawn = splats ? drawSplats(a, *scene, *view) : drawPatches(a, *scene, *view);
-  if (!drawn) return fail(drawn.error());
-  auto written = base::writePng(
-      a.background.size() == 3 ? compositeOver(drawn->rgba, colorOf(a.background)) : drawn->rgba, a.output);
-  if (!written) return fail(written.error());
-  std::printf("%s: %d x %d, %s drawn\n", a.output.c_str(), view->width, view->height, drawn->amount.c_str());
-  return kDone;
+  LUMIGRID_ASSIGN_OR_RETURN(const auto context, base::HeadlessContext::create());
+  LUMIGRID_ASSIGN_OR_RETURN(const auto drawn,
+                            a.method == kSplatMethod ? drawSplats(a, scene, view) : drawPatches(a, scene, view));
+  LUMIGRID_TRY(base::writePng(a.background.size() == 3 ? compositeOver(drawn.rgba, colorOf(a.background)) : drawn.rgba,
+                              a.output));
+  std::printf("%s: %d x %d, %s drawn\n", a.output.c_str(), view.width, view.height, drawn.amount.c_str());
+  return {};
 }
 
 }  // namespace
@@ -107,33 +102,31 @@ RunCommand addRender(CLI::App& command) {
       .add_option("--method", a->method,
                   "full: leaf geometry, the ground truth; patches: the hierarchy at --tolerance; qsplat: splats at "
                   "--cutoff")
-      ->check(CLI::IsMember({kFullMethod, kPatchMethod, kSplatMethod}))
-      ->capture_default_str();
+      ->check(CLI::IsMember({kFullMethod, kPatchMethod, kSplatMethod}));
   command.add_option("--tolerance", a->tolerance_px, "largest projected error of --method patches, pixels")
-      ->check(CLI::Range(0.0, 1000.0))
-      ->capture_default_str();
+      ->check(CLI::Range(0.0, 1000.0));
   command
       .add_option("--splat", a->splat,
                   "kernel of --method qsplat. square: the fastest; circle; fuzzy: softly blended; ellipse: lies in the "
                   "surface, the sharpest, with a hole now and then")
-      ->check(CLI::IsMember({"square", "circle", "fuzzy", "ellipse"}))
-      ->capture_default_str();
+      ->check(CLI::IsMember({"square", "circle", "fuzzy", "ellipse"}));
   command
       .add_option("--cutoff", a->cutoff_px,
                   "splats of --method qsplat are refined down to this diameter, pixels; 0: down to the leaves")
-      ->check(CLI::Range(0.0, 1000.0))
-      ->capture_default_str();
+      ->check(CLI::Range(0.0, 1000.0));
   command.add_flag("--back-faces", a->back_faces,
                    "--method qsplat: draw what turns its back, too (default: leave it out); for open surfaces that are "
                    "seen from behind");
   command.add_option("--size", a->size, "width and height in pixels, instead of the camera's")
       ->expected(2)
-      ->check(CLI::Range(1, 65536));
-  command.add_option("--supersampling", a->supersampling, "n x n samples a pixel")
-      ->check(CLI::Range(1, 8))
-      ->capture_default_str();
-  command.add_option("--background", a->background, "red green blue, 0 to 255")->expected(3)->check(CLI::Range(0, 255));
-  return [a] { return run(*a); };
+      ->check(CLI::Range(1, 65536))
+      ->default_str("");
+  command.add_option("--supersampling", a->supersampling, "n x n samples a pixel")->check(CLI::Range(1, 8));
+  command.add_option("--background", a->background, "red green blue, 0 to 255")
+      ->expected(3)
+      ->check(CLI::Range(0, 255))
+      ->default_str("");
+  return [a] { return exitStatus(run(*a)); };
 }
 
 }  // namespace server::cli

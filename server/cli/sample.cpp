@@ -33,8 +33,7 @@ int run(SampleArguments& a) {
     return !stopRequested();
   });
   line.finish();
-  if (!written) return fail(written.error());
-  return kDone;
+  return exitStatus(written);
 }
 
 }  // namespace
@@ -47,12 +46,9 @@ RunCommand addSample(CLI::App& command) {
       ->check(CLI::Range(std::uint64_t{10'000}, std::uint64_t{1'000'000'000}))
       ->default_str("1000000");
   command.add_option("--shape", a->shape, "statue: closed; relief: an open panel")
-      ->check(CLI::IsMember({"statue", "relief"}))
-      ->capture_default_str();
-  command.add_option("--seed", a->options.seed, "same seed, same bytes, on any machine")->capture_default_str();
-  command.add_option("--origin", a->origin, "added to every position, e.g. survey coordinates")
-      ->expected(3)
-      ->capture_default_str();
+      ->check(CLI::IsMember({"statue", "relief"}));
+  command.add_option("--seed", a->options.seed, "same seed, same bytes, on any machine");
+  command.add_option("--origin", a->origin, "added to every position, e.g. survey coordinates")->expected(3);
   command.add_flag("--no-colors", a->no_colors, "leave vertex colours out");
   command.add_flag("--points", a->points, "a point cloud: leave faces out (vertices are half as many as triangles)");
   command.add_flag("--force", a->force, "replace the output");

@@ -53,9 +53,7 @@ int run(ServeArguments& a) {
   else
     printAddresses(a, **server, place);
   std::fflush(stdout);
-  auto ended = (*server)->run(true);
-  if (!ended) return fail(ended.error());
-  return kDone;
+  return exitStatus((*server)->run(true));
 }
 
 }  // namespace
@@ -67,52 +65,45 @@ RunCommand addServe(CLI::App& command) {
           "SCENE", a->scenes,
           "scene directory made by `lumigrid build` or `publish`, or where a published scene lies: https://host/scene, "
           "s3://bucket/scene (docs/places.md). Several: each is served below its directory's name, and / lists them")
-      ->required();
-  command
-      .add_option("--address", a->options.address, "address to listen at; 0.0.0.0 for every network of this machine")
-      ->capture_default_str();
-  command.add_option("--port", a->options.port, "port; 0 picks a free one and prints it")->capture_default_str();
-  command.add_option("--max-connections", a->options.max_connections, "viewers at a time; more are answered 503")
-      ->capture_default_str();
-  command.add_option("--idle", a->options.idle_seconds, "seconds after which a silent viewer is let go")
-      ->capture_default_str();
+      ->required()
+      ->default_str("");
+  command.add_option("--address", a->options.address,
+                     "address to listen at; 0.0.0.0 for every network of this machine");
+  command.add_option("--port", a->options.port, "port; 0 picks a free one and prints it");
+  command.add_option("--max-connections", a->options.max_connections, "viewers at a time; more are answered 503");
+  command.add_option("--idle", a->options.idle_seconds, "seconds after which a silent viewer is let go");
   command.add_option("--web", a->web,
                      "folder with the browser client's files, served at /; off: none. Default: ../share/lumigrid/web "
                      "beside the folder of this program, where installing puts them");
   command
       .add_option("--max-picture", a->max_picture_megapixels,
                   "most megapixels of a picture asked for at /render; 0: render none")
-      ->check(CLI::Range(0.0, 1000.0))
-      ->capture_default_str();
+      ->check(CLI::Range(0.0, 1000.0));
   command
       .add_option("--max-waiting-pictures", a->options.max_waiting_pictures,
                   "pictures that may wait while one is rendered; further ones are answered 503")
-      ->check(CLI::Range(0, 1000))
-      ->capture_default_str();
+      ->check(CLI::Range(0, 1000));
   command.add_flag("--no-frames", a->no_frames,
                    "never render exact frames for viewers at rest, nor pictures (saves CPU or GPU)");
   command
       .add_option("--prefetch", a->options.ahead_bytes,
                   "bytes that a viewer at rest is sent beyond what its view needs, e.g. 4M; 0: none, which makes "
                   "pictures repeatable")
-      ->transform(CLI::AsSizeValue(true))
-      ->capture_default_str();
+      ->transform(CLI::AsSizeValue(true));
   command.add_option("--access-file", a->options.access_file,
                      "file that keeps how often each image and patch group was sent to viewers; default: access.lga in "
                      "the scene; servers may share it");
   command
       .add_option("--access-interval", a->options.access_interval_seconds,
                   "seconds between writes of that file: the most that a killed server forgets")
-      ->check(CLI::Range(0.01, 86400.0))
-      ->capture_default_str();
+      ->check(CLI::Range(0.01, 86400.0));
   command.add_flag("--no-access", a->no_access, "count nothing and write nothing");
   command.add_option(
       "--cache", a->options.remote.cache_directory,
       "directory that keeps what was read of a scene behind a network; default: $XDG_CACHE_HOME/lumigrid "
       "or ~/.cache/lumigrid; servers may share it");
   command.add_option("--cache-size", a->options.remote.cache_bytes, "most bytes of images to keep there, e.g. 4G")
-      ->transform(CLI::AsSizeValue(false))
-      ->capture_default_str();
+      ->transform(CLI::AsSizeValue(false));
   command.add_flag("--json", a->json, "print port and URL as JSON");
   return [a] { return run(*a); };
 }

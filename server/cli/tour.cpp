@@ -39,20 +39,14 @@ base::Result<std::vector<base::ViewCamera>> heldOutViews(const TourArguments& a,
   return views;
 }
 
-int run(const TourArguments& a) {
-  auto scene = base::readScene(a.scene);
-  if (!scene) return fail(scene.error());
-  auto path = base::orbitPath(scene->box_min, scene->box_max, scene->up, a.frames, a.turns,
+base::Result<void> run(const TourArguments& a) {
+  LUMIGRID_ASSIGN_OR_RETURN(const auto scene, base::readScene(a.scene));
+  auto path = base::orbitPath(scene.box_min, scene.box_max, scene.up, a.frames, a.turns,
                               glm::radians(a.elevation_degrees), a.distance, a.size[0], a.size[1]);
   if (a.random > 0) {
-    auto views = heldOutViews(a, *scene);
-    if (!views) return fail(views.error());
-    path = std::move(*views);
+    LUMIGRID_ASSIGN_OR_RETURN(path, heldOutViews(a, scene));
   }
-  const std::string text = base::formatCameraPath(path);
-  auto written = base::writeFileAtomically(a.output, {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()});
-  if (!written) return fail(written.error());
-  return kDone;
+  return base::writeFileAtomically(a.output, base::viewOfText(base::formatCameraPath(path)));
 }
 
 }  // namespace
@@ -61,29 +55,21 @@ RunCommand addTour(CLI::App& command) {
   auto a = std::make_shared<TourArguments>();
   command.add_option("SCENE", a->scene, "scene directory")->required();
   command.add_option("-o,--output", a->output, "JSON file to write")->required();
-  command.add_option("--frames", a->frames, "number of cameras")->check(CLI::Range(1, 100000))->capture_default_str();
-  command.add_option("--turns", a->turns, "turns around the model")->capture_default_str();
-  command.add_option("--elevation", a->elevation_degrees, "degrees above the horizon")
-      ->check(CLI::Range(-89.0, 89.0))
-      ->capture_default_str();
+  command.add_option("--frames", a->frames, "number of cameras")->check(CLI::Range(1, 100000));
+  command.add_option("--turns", a->turns, "turns around the model");
+  command.add_option("--elevation", a->elevation_degrees, "degrees above the horizon")->check(CLI::Range(-89.0, 89.0));
   command.add_option("--distance", a->distance, "from the centre, in diagonals of the bounding box")
-      ->check(CLI::Range(0.01, 100.0))
-      ->capture_default_str();
-  command.add_option("--size", a->size, "width and height in pixels")
-      ->expected(2)
-      ->check(CLI::Range(1, 16384))
-      ->capture_default_str();
+      ->check(CLI::Range(0.01, 100.0));
+  command.add_option("--size", a->size, "width and height in pixels")->expected(2)->check(CLI::Range(1, 16384));
   command
       .add_option(
           "--random", a->random,
           "so many views from random places in the viewing box, but behind its surface, instead of an orbit; 0: none")
-      ->check(CLI::Range(0, 100000))
-      ->capture_default_str();
-  command.add_option("--seed", a->seed, "of the random views")->capture_default_str();
+      ->check(CLI::Range(0, 100000));
+  command.add_option("--seed", a->seed, "of the random views");
   command.add_option("--margin", a->margin, "of the viewing box, as of `lumigrid build`")
-      ->check(CLI::Range(0.0, 100.0))
-      ->capture_default_str();
-  return [a] { return run(*a); };
+      ->check(CLI::Range(0.0, 100.0));
+  return [a] { return exitStatus(run(*a)); };
 }
 
 }  // namespace server::cli

@@ -49,20 +49,15 @@ void verifyParts(const std::string& directory, const base::Scene& scene, Faults&
     if (fs::file_size(path) != part.bytes)
       faults.push_back(path + ": has " + std::to_string(fs::file_size(path)) + " bytes, scene.json says " +
                        std::to_string(part.bytes));
-    auto hash = base::sha256OfFile(path);
-    if (!hash)
-      faults.push_back(hash.error().message);
-    else if (*hash != part.sha256)
+    const auto hash = valueOrFault(base::sha256OfFile(path), faults);
+    if (hash && *hash != part.sha256)
       faults.push_back(path + ": its SHA-256 is " + *hash + ", scene.json says " + part.sha256);
   }
 }
 
 void verifyLocalPacks(const std::string& directory, const std::string& index, const VerifyProgress& progress,
                       Faults& faults) {
-  auto packs = openPacks(directory, index);
-  if (!packs)
-    faults.push_back(packs.error().message);
-  else
+  if (const auto packs = valueOrFault(openPacks(directory, index), faults))
     verifyPacks(**packs, directory + "/" + index, progress, faults);
 }
 
@@ -72,25 +67,14 @@ void verifyStore(const std::string& path, const repository::Shard& shard, const 
   const bool is_empty = repository::ExpectedPoints(points.grid, shard, points.treeOrNull()).size() == 0;
   if (is_empty && !repository::isLmdbStore(path)) return;
   const auto store = repository::openLmdbStore(path, repository::StoreMode::kRead);
-  const auto own = store ? (*store)->readMeta() : store.error();
-  if (!own) {
-    faults.push_back(own.error().message);
-    return;
-  }
-  if (!own->has_value()) {
-    faults.push_back(path + ": does not say which grid it belongs to");
-    return;
-  }
-  if (*own != meta) {
-    faults.push_back(
+  const auto own = valueOrFault(store ? (*store)->readMeta() : store.error(), faults);
+  if (!own) return;
+  if (!own->has_value()) return faults.push_back(path + ": does not say which grid it belongs to");
+  if (*own != meta)
+    return faults.push_back(
         path + ": was built with other parameters than other shards: " + repository::firstDifference(meta, **own));
-    return;
-  }
-  const auto found = repository::verifyShard(**store, points.grid, shard, points.treeOrNull());
-  if (!found)
-    faults.push_back(found.error().message);
-  else
-    for (const std::string& fault : *found) faults.push_back(path + ": " + fault);
+  const auto found = valueOrFault(repository::verifyShard(**store, points.grid, shard, points.treeOrNull()), faults);
+  for (const std::string& fault : found.value_or(Faults())) faults.push_back(path + ": " + fault);
 }
 
 // The parameters of the first store that can be read. verifyStore says why others cannot be.
@@ -106,23 +90,14 @@ std::optional<std::string> firstMeta(const std::string& images, std::uint32_t sh
 // Checks every store of the scene's division, and that there are no others.
 void verifyImages(const std::string& images, const base::Scene& scene, Faults& faults) {
   auto shards = shardsOf(scene);
-  auto orphans = shards ? orphanStores(images, *shards) : shards.error();
-  if (!orphans) {
-    faults.push_back(orphans.error().message);
-    return;
-  }
+  const auto orphans = valueOrFault(shards ? orphanStores(images, *shards) : shards.error(), faults);
+  if (!orphans) return;
   for (const std::string& orphan : *orphans)
     faults.push_back(orphan + ": is not of this scene's division of the images");
   const auto meta = firstMeta(images, *shards);
-  if (!meta) {
-    faults.push_back(images + ": no store here says which grid it belongs to");
-    return;
-  }
-  const auto points = repository::sampledPointsFromMeta(*meta, images);
-  if (!points) {
-    faults.push_back(points.error().message);
-    return;
-  }
+  if (!meta) return faults.push_back(images + ": no store here says which grid it belongs to");
+  const auto points = valueOrFault(repository::sampledPointsFromMeta(*meta, images), faults);
+  if (!points) return;
   const std::uint32_t count = std::max(*shards, 1U);
   for (std::uint32_t i = 0; i < count; ++i)
     verifyStore(repository::storeDirectory(images, *shards, i), {i, count}, *meta, *points, faults);
@@ -131,16 +106,9 @@ void verifyImages(const std::string& images, const base::Scene& scene, Faults& f
 // Servers write the file: a scene has none until it was served.
 void verifyAccess(const std::string& path, Faults& faults) {
   if (!fs::exists(path)) return;
-  auto bytes = base::readFile(path);
-  if (!bytes) {
-    faults.push_back(bytes.error().message);
-    return;
-  }
+  const auto bytes = valueOrFault(base::readFile(path), faults);
+  if (!bytes) return;
   if (const auto file = repository::decodeAccess(*bytes); !file) faults.push_back(path + ": " + file.error().message);
-}
-
-void verifyAnnotations(const std::string& directory, Faults& faults) {
-  if (auto notes = base::readAnnotations(directory); !notes) faults.push_back(notes.error().message);
 }
 
 // Lists the faults of a scene on the disk.
@@ -159,7 +127,7 @@ base::Result<Faults> verifyHere(const std::string& directory, const VerifyProgre
   else if (fs::is_directory(directory + "/images"))
     verifyImages(directory + "/images", scene, faults);
   verifyAccess(repository::accessFileOf(directory), faults);
-  verifyAnnotations(directory, faults);
+  valueOrFault(base::readAnnotations(directory), faults);
   return faults;
 }
 
@@ -224,8 +192,9 @@ RunCommand addVerify(CLI::App& command) {
           "--cuts", a->cuts,
           "also rebuild this many random cuts of the patch hierarchy as half-edge meshes, and compare open edges, "
           "non-manifold vertices and orientation with the source's; needs some 200 bytes of memory a triangle")
-      ->check(CLI::Range(0U, 1'000'000U));
-  command.add_option("--seed", a->seed, "the same seed gives the same cuts")->capture_default_str();
+      ->check(CLI::Range(0U, 1'000'000U))
+      ->default_str("");
+  command.add_option("--seed", a->seed, "the same seed gives the same cuts");
   return [a] { return run(*a); };
 }
 

@@ -310,16 +310,10 @@ std::string cutsAsText(const CutReport& report) {
   return text;
 }
 
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(CutTopology, triangles, open_edges, non_manifold_vertices, inconsistent_edges)
+
 nlohmann::json cutsAsJson(const CutReport& report) {
-  const auto object = [](const CutTopology& t) {
-    return nlohmann::json{{"triangles", t.triangles},
-                          {"open_edges", t.open_edges},
-                          {"non_manifold_vertices", t.non_manifold_vertices},
-                          {"inconsistent_edges", t.inconsistent_edges}};
-  };
-  nlohmann::json cuts = nlohmann::json::array();
-  for (const CutTopology& t : report.cuts) cuts.push_back(object(t));
-  return {{"seed", report.seed}, {"source", object(report.source)}, {"cuts", std::move(cuts)}};
+  return {{"seed", report.seed}, {"source", report.source}, {"cuts", report.cuts}};
 }
 
 }  // namespace server::cli

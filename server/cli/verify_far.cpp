@@ -71,19 +71,14 @@ base::Result<std::string> hashOf(const repository::ObjectSource& source, const s
 // Checks that a part is as scene.json lists it.
 void verifyPart(const repository::ObjectSource& source, const base::ScenePart& part, Faults& faults) {
   const std::string object = source.place() + "/" + part.file;
-  const auto bytes = source.size(part.file);
-  if (!bytes) {
-    faults.push_back(bytes.error().message);
-  } else if (*bytes != part.bytes) {
-    faults.push_back(object + ": has " + std::to_string(*bytes) + " bytes, scene.json says " +
-                     std::to_string(part.bytes));
-  } else {
-    const auto hash = hashOf(source, part.file, *bytes);
-    if (!hash)
-      faults.push_back(hash.error().message);
-    else if (*hash != part.sha256)
-      faults.push_back(object + ": its SHA-256 is " + *hash + ", scene.json says " + part.sha256);
-  }
+  const auto bytes = valueOrFault(source.size(part.file), faults);
+  if (!bytes) return;
+  if (*bytes != part.bytes)
+    return faults.push_back(object + ": has " + std::to_string(*bytes) + " bytes, scene.json says " +
+                            std::to_string(part.bytes));
+  const auto hash = valueOrFault(hashOf(source, part.file, *bytes), faults);
+  if (hash && *hash != part.sha256)
+    faults.push_back(object + ": its SHA-256 is " + *hash + ", scene.json says " + part.sha256);
 }
 
 using VerifyFile = void (*)(const std::string& path, const base::Scene& scene, Faults& faults);
@@ -92,18 +87,13 @@ using VerifyFile = void (*)(const std::string& path, const base::Scene& scene, F
 // while it is copied.
 void verifyFarFile(const repository::ObjectSource& source, const base::ScenePart& part, const base::Scene& scene,
                    VerifyFile verify, const VerifyProgress& progress, Faults& faults) {
-  const auto folder = WorkFolder::make();
-  if (!folder) {
-    faults.push_back(folder.error().message);
-    return;
-  }
+  const auto folder = valueOrFault(WorkFolder::make(), faults);
+  if (!folder) return;
   repository::MirrorOptions options;
   options.progress = [&](std::uint64_t, std::uint64_t) { return progress(0.0); };
-  const auto path = repository::mirrorObject(source, part.file, (*folder)->path(), part.sha256, options);
-  if (!path) {
-    faults.push_back(path.error().message);
-    return;
-  }
+  const auto path =
+      valueOrFault(repository::mirrorObject(source, part.file, (*folder)->path(), part.sha256, options), faults);
+  if (!path) return;
   Faults found;
   verify(*path, scene, found);
   for (std::string& fault : found) {
@@ -116,10 +106,7 @@ void verifyFarFile(const repository::ObjectSource& source, const base::ScenePart
 void verifyFarImages(const Source& source, const std::string& index, const VerifyProgress& progress, Faults& faults) {
   repository::PackStoreOptions options;
   options.jobs = kReads;
-  const auto packs = repository::PackStore::open(source, index, options);
-  if (!packs)
-    faults.push_back(packs.error().message);
-  else
+  if (const auto packs = valueOrFault(repository::PackStore::open(source, index, options), faults))
     verifyPacks(**packs, source->place() + "/" + index, progress, faults);
 }
 
@@ -127,13 +114,11 @@ void verifyFarImages(const Source& source, const std::string& index, const Verif
 void verifyFarAnnotations(const repository::ObjectSource& source, Faults& faults) {
   const auto size = source.size(base::kAnnotationsFile);
   if (!size && size.error().code == base::ErrorCode::kNotFound) return;
-  const auto bytes =
+  const auto bytes = valueOrFault(
       size ? source.read(base::kAnnotationsFile, 0, std::min<std::uint64_t>(*size, base::kMaxAnnotationsBytes + 1))
-           : base::Result<base::Bytes>(size.error());
-  if (!bytes)
-    faults.push_back(bytes.error().message);
-  else if (const auto notes = base::parseAnnotations(*bytes, source.place() + "/" + base::kAnnotationsFile); !notes)
-    faults.push_back(notes.error().message);
+           : size.error(),
+      faults);
+  if (bytes) valueOrFault(base::parseAnnotations(*bytes, source.place() + "/" + base::kAnnotationsFile), faults);
 }
 
 }  // namespace

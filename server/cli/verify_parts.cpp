@@ -15,27 +15,17 @@ namespace {
 // The points that a store samples; nothing, and a fault, when it does not record them.
 std::optional<repository::SampledPoints> samplesOf(const repository::Store& store, const std::string& path,
                                                    Faults& faults) {
-  auto meta = store.readMeta();
-  if (!meta || !meta->has_value()) {
-    faults.push_back(meta ? path + ": does not say which grid it belongs to" : meta.error().message);
-    return std::nullopt;
-  }
-  auto points = repository::sampledPointsFromMeta(**meta, path);
-  if (!points) {
-    faults.push_back(points.error().message);
-    return std::nullopt;
-  }
-  return std::move(*points);
+  const auto meta = valueOrFault(store.readMeta(), faults);
+  if (meta && !*meta) faults.push_back(path + ": does not say which grid it belongs to");
+  if (!meta || !*meta) return std::nullopt;
+  return valueOrFault(repository::sampledPointsFromMeta(**meta, path), faults);
 }
 
 }  // namespace
 
 void verifySplats(const std::string& path, const base::Scene& scene, Faults& faults) {
-  const auto splats = lod::qsplat::SplatFile::open(path);
-  if (!splats) {
-    faults.push_back(splats.error().message);
-    return;
-  }
+  const auto splats = valueOrFault(lod::qsplat::SplatFile::open(path), faults);
+  if (!splats) return;
   for (const std::string& fault : splats->verify()) faults.push_back(path + ": " + fault);
   const lod::qsplat::Header& header = splats->header();
   if (header.colors != scene.has_colors) faults.push_back(path + ": colours do not agree with scene.json");
@@ -46,11 +36,8 @@ void verifySplats(const std::string& path, const base::Scene& scene, Faults& fau
 }
 
 void verifyPatches(const std::string& path, const base::Scene& scene, Faults& faults) {
-  auto patches = lod::patch::PatchFile::open(path);
-  if (!patches) {
-    faults.push_back(patches.error().message);
-    return;
-  }
+  const auto patches = valueOrFault(lod::patch::PatchFile::open(path), faults);
+  if (!patches) return;
   for (const std::string& fault : patches->verify()) faults.push_back(fault);
   const lod::patch::Hierarchy& h = patches->hierarchy();
   if (h.has_colors != scene.has_colors) faults.push_back(path + ": colours do not agree with scene.json");

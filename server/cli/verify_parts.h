@@ -1,9 +1,12 @@
 #pragma once
 // The checks of `lumigrid verify` that a scene on the disk and a published one behind a network share.
 #include <functional>
+#include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
+#include "base/error.h"
 #include "base/json/scene_file.h"
 #include "repository/packs/pack_store.h"
 
@@ -11,6 +14,14 @@ namespace server::cli {
 
 /// A line for each thing that is wrong.
 using Faults = std::vector<std::string>;
+
+/// The value; where there is an error, nothing, and its message among the faults.
+template <class T>
+std::optional<T> valueOrFault(base::Result<T> result, Faults& faults) {
+  if (result) return std::move(*result);
+  faults.push_back(result.error().message);
+  return std::nullopt;
+}
 
 /// Called with the share of the images that is read, 0..1; returns false to stop.
 using VerifyProgress = std::function<bool(double done)>;

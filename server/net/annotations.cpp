@@ -48,7 +48,7 @@ void Annotations::readFile() {
 
 void Annotations::setText(std::string text) {
   document_.text = text.empty() ? kEmptyList : std::move(text);
-  document_.etag = entityTag({reinterpret_cast<const std::uint8_t*>(document_.text.data()), document_.text.size()});
+  document_.etag = entityTag(base::viewOfText(document_.text));
 }
 
 }  // namespace server

@@ -10,6 +10,7 @@
 #include <boost/beast/websocket/rfc6455.hpp>
 
 #include <algorithm>
+#include <functional>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -48,9 +49,21 @@ class HttpSession final : public Connection {
 
   // Answers of other threads. Each has an id; answers that nobody waits for any more are dropped.
   void requestPicture(const HttpRequest& request);
-  void onPicture(std::uint64_t id, const char* type, base::Result<base::Bytes> bytes);
+  void onPicture(const char* type, base::Result<base::Bytes> bytes);
   void requestPick(const HttpRequest& request);
-  void onPick(std::uint64_t id, base::Result<std::string> json);
+  void onPick(base::Result<std::string> json);
+  /// For another thread to call: brings the answer to `accept(session, answer)` on the server's thread.
+  template <class Answer, class Accept>
+  auto answerTo(std::uint64_t id, Accept accept) {
+    return [weak = weak_from_this(), id, accept, &io = hub_->io](base::Result<Answer> answer) {
+      asio::post(io, [weak, id, accept, answer = std::move(answer)]() mutable {
+        const auto session = std::static_pointer_cast<HttpSession>(weak.lock());
+        if (!session || session->awaited_ != id) return;
+        session->stopWaiting();
+        accept(*session, std::move(answer));
+      });
+    };
+  }
   void waitForAnswer(std::uint64_t id);
   void onAnswerTimeout(std::uint64_t id);
   void onReadable(std::uint64_t id);
@@ -60,7 +73,7 @@ class HttpSession final : public Connection {
   // after the first one was read, so that they can tell of an error.
   void answerFromRemote(HttpReply reply);
   void readRemoteRange();
-  void onRemoteRange(std::uint64_t id, base::Result<base::Bytes> bytes);
+  void onRemoteRange(base::Result<base::Bytes> bytes);
   void onHeader(error_code ec, std::size_t bytes_written);
   void writeRemoteRange();
   void onRemoteRangeWritten(error_code ec, std::size_t bytes_written);
@@ -174,12 +187,8 @@ void HttpSession::requestPicture(const HttpRequest& request) {
   if (request.method == "HEAD") return doWrite(headReply(type));
 
   const std::uint64_t id = hub_->next_client++;
-  const auto done = [weak = weak_from_this(), id, type, &io = hub_->io](base::Result<base::Bytes> bytes) {
-    asio::post(io, [weak, id, type, bytes = std::move(bytes)]() mutable {
-      if (auto session = std::static_pointer_cast<HttpSession>(weak.lock()))
-        session->onPicture(id, type, std::move(bytes));
-    });
-  };
+  const auto done = answerTo<base::Bytes>(
+      id, [type](HttpSession& session, base::Result<base::Bytes> bytes) { session.onPicture(type, std::move(bytes)); });
   const bool accepted =
       hub_->unsent_picture_bytes < kMaxUnsentPictures &&
       hub_->renderer->requestPicture(id, hosted_->number, *picture, hub_->options.max_waiting_pictures, done);
@@ -187,9 +196,7 @@ void HttpSession::requestPicture(const HttpRequest& request) {
   waitForAnswer(id);
 }
 
-void HttpSession::onPicture(std::uint64_t id, const char* type, base::Result<base::Bytes> bytes) {
-  if (awaited_ != id) return;
-  stopWaiting();
+void HttpSession::onPicture(const char* type, base::Result<base::Bytes> bytes) {
   if (!bytes) return doWrite(textReply(500, "the picture could not be rendered; the server's log says why\n"));
   HttpReply reply;
   reply.type = type;
@@ -207,19 +214,13 @@ void HttpSession::requestPick(const HttpRequest& request) {
   if (!ray) return doWrite(badRequest(ray.error()));
   if (request.method == "HEAD") return doWrite(headReply("application/json"));
   const std::uint64_t id = hub_->next_client++;
-  const bool accepted =
-      hosted_->picker->submit(*ray, [weak = weak_from_this(), id, &io = hub_->io](base::Result<std::string> json) {
-        asio::post(io, [weak, id, json = std::move(json)]() mutable {
-          if (auto session = std::static_pointer_cast<HttpSession>(weak.lock())) session->onPick(id, std::move(json));
-        });
-      });
-  if (!accepted) return doWrite(tryLater(1, "too many points are asked for at once; try again later\n"));
+  const auto done = answerTo<std::string>(id, std::mem_fn(&HttpSession::onPick));
+  if (!hosted_->picker->submit(*ray, done))
+    return doWrite(tryLater(1, "too many points are asked for at once; try again later\n"));
   waitForAnswer(id);
 }
 
-void HttpSession::onPick(std::uint64_t id, base::Result<std::string> json) {
-  if (awaited_ != id) return;
-  stopWaiting();
+void HttpSession::onPick(base::Result<std::string> json) {
   if (!json) {
     spdlog::warn("pick: {}", json.error().message);
     return doWrite(textReply(500, "the scene's data is damaged there; the server's log says more\n"));
@@ -276,20 +277,15 @@ void HttpSession::answerFromRemote(HttpReply reply) {
 void HttpSession::readRemoteRange() {
   const RemoteBody& body = reply_.remote;
   const std::uint64_t id = hub_->next_client++;
-  hub_->fetchers->submit([weak = weak_from_this(), id, hub = hub_.get(), source = body.source, name = body.name,
-                          offset = body.offset, length = std::min(body.length, kRemoteRange)] {
-    if (hub->stopping) return;
-    asio::post(hub->io, [weak, id, bytes = source->read(name, offset, length)]() mutable {
-      if (auto session = std::static_pointer_cast<HttpSession>(weak.lock()))
-        session->onRemoteRange(id, std::move(bytes));
-    });
+  hub_->fetchers->submit([done = answerTo<base::Bytes>(id, std::mem_fn(&HttpSession::onRemoteRange)), hub = hub_.get(),
+                          source = body.source, name = body.name, offset = body.offset,
+                          length = std::min(body.length, kRemoteRange)] {
+    if (!hub->stopping) done(source->read(name, offset, length));
   });
   waitForAnswer(id);
 }
 
-void HttpSession::onRemoteRange(std::uint64_t id, base::Result<base::Bytes> bytes) {
-  if (awaited_ != id) return;
-  stopWaiting();
+void HttpSession::onRemoteRange(base::Result<base::Bytes> bytes) {
   if (!bytes) {
     spdlog::warn("remote file: {}", bytes.error().message);
     return header_written_ ? close() : doWrite(remoteErrorReply(bytes.error()));

@@ -86,7 +86,7 @@ std::string shownHost(std::string_view host, const std::string& place) {
 base::ByteView HttpReply::body() const {
   if (!bytes.empty()) return bytes;
   if (!owned.empty()) return owned;
-  return {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()};
+  return base::viewOfText(text);
 }
 
 HttpReply textReply(int status, std::string text) {

@@ -31,8 +31,6 @@ namespace server::cli {
 namespace {
 
 namespace fs = std::filesystem;
-using base::Error;
-using base::ErrorCode;
 using base::Result;
 
 Result<SceneLock> lockScene(const BuildArguments& a) {
@@ -107,8 +105,9 @@ Result<void> build(const BuildArguments& a) {
   base::keepFreedMemory();
   LUMIGRID_ASSIGN_OR_RETURN(auto selection, shardSelectionOf(a));
   if (a.force && selection.index)
-    return Error{ErrorCode::kInvalidInput,
-                 "--force would remove what other shards made; make the hierarchy anew first: --methods patch --force"};
+    return base::Error{
+        base::ErrorCode::kInvalidInput,
+        "--force would remove what other shards made; make the hierarchy anew first: --methods patch --force"};
   const SceneSources sources(a.meshes, true);
   LUMIGRID_TRY(sources.check());
   ProgressLine line(a.quiet);
@@ -149,8 +148,7 @@ RunCommand addBuild(CLI::App& command) {
       return missing ? reportMissing(a->output, *missing, a->json) : fail(missing.error());
     }
     stopOnSignals();
-    auto built = build(*a);
-    return built ? kDone : fail(built.error());
+    return exitStatus(build(*a));
   };
 }
 
@@ -158,7 +156,8 @@ RunCommand addDraw(CLI::App&) {
   return []() -> int {
     struct stat input {};
     if (::fstat(STDIN_FILENO, &input) != 0 || !S_ISSOCK(input.st_mode))
-      return fail({ErrorCode::kInvalidInput, std::string(kDrawCommand) + " is what `lumigrid build` starts; use that"});
+      return fail(
+          {base::ErrorCode::kInvalidInput, std::string(kDrawCommand) + " is what `lumigrid build` starts; use that"});
     return runDrawProcess(STDIN_FILENO);
   };
 }

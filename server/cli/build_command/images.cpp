@@ -24,7 +24,6 @@
 namespace server::cli {
 namespace {
 
-namespace fs = std::filesystem;
 using base::Error;
 using base::ErrorCode;
 using base::Result;
@@ -51,7 +50,7 @@ repository::Subsampling subsamplingOf(const std::string& name) {
 // This program, to draw in several processes.
 std::vector<std::string> drawCommand() {
   std::error_code error;
-  const fs::path program = fs::read_symlink("/proc/self/exe", error);
+  const std::filesystem::path program = std::filesystem::read_symlink("/proc/self/exe", error);
   if (error) return {};
   return {program.string(), kDrawCommand};
 }
@@ -110,7 +109,7 @@ Result<repository::SampleTree> choosePoints(const BuildArguments& a, const base:
   if (!selected) return base::within("--views", selected.error());
   options.points = std::move(*selected);
   std::error_code error;
-  fs::create_directories(imagesOf(a), error);
+  std::filesystem::create_directories(imagesOf(a), error);
   if (error) return base::systemError(imagesOf(a), "make this directory", error.value());
   LUMIGRID_TRY(writeSelection(selectionFileOf(a), scene, options));
   return std::move(*options.points);

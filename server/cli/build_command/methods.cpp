@@ -43,8 +43,7 @@ std::string workDirectory(const BuildArguments& a, const FileMethod& method) {
   if (a.tmpdir.empty()) return a.output + "/" + method.work_files;
   const std::string output = fs::absolute(a.output).lexically_normal().string();
   std::array<char, 16> name{};
-  std::snprintf(name.data(), name.size(), "%08x",
-                base::crc32c({reinterpret_cast<const std::uint8_t*>(output.data()), output.size()}));
+  std::snprintf(name.data(), name.size(), "%08x", base::crc32c(base::viewOfText(output)));
   const std::string suffix = method.file == std::string(kPatches.file) ? "" : std::string("-") + method.method;
   return a.tmpdir + "/lumigrid-" + name.data() + suffix;
 }

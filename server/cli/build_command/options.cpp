@@ -18,9 +18,11 @@ using base::Error;
 using base::ErrorCode;
 
 void declareMethodOptions(CLI::App& command, BuildArguments& a) {
-  command.add_option("MESH", a.meshes,
-                     "PLY, OBJ, STL, OFF or GLB files; several make one scene. May be left out once the scene has its "
-                     "hierarchy: then the options that are not given are those that the scene records");
+  command
+      .add_option("MESH", a.meshes,
+                  "PLY, OBJ, STL, OFF or GLB files; several make one scene. May be left out once the scene has its "
+                  "hierarchy: then the options that are not given are those that the scene records")
+      ->default_str("");
   command.add_option("-o,--output", a.output, "scene directory to make, or to go on with")->required();
   command.add_flag("--force", a.force, "replace a scene that is there");
   command
@@ -28,8 +30,7 @@ void declareMethodOptions(CLI::App& command, BuildArguments& a) {
                   "what to build: patch (the hierarchy), images (the repository; needs patch), qsplat (a tree of "
                   "splats; also from point clouds, PLY files without faces). A scene that is there gets what it lacks")
       ->delimiter(',')
-      ->check(CLI::IsMember(std::vector<std::string>(std::begin(kMethods), std::end(kMethods))))
-      ->capture_default_str();
+      ->check(CLI::IsMember(std::vector<std::string>(std::begin(kMethods), std::end(kMethods))));
   command.add_flag("--qsplat-coded", a.splats_coded,
                    "write the tree of splats entropy-coded: about half of the bytes, on disk and over a link, for some "
                    "of the viewer's time (default: plain)");
@@ -37,110 +38,85 @@ void declareMethodOptions(CLI::App& command, BuildArguments& a) {
 
 void declareSamplingOptions(CLI::App& command, BuildArguments& a) {
   command.add_option("--grid", a.grid, "sampling points along the longest side of the viewing box")
-      ->check(CLI::Range(2, 1024))
-      ->capture_default_str();
+      ->check(CLI::Range(2, 1024));
   command.add_option("--margin", a.margin, "viewing box beyond the model on every side, in longest sides of the model")
-      ->check(CLI::Range(0.0, 100.0))
-      ->capture_default_str();
+      ->check(CLI::Range(0.0, 100.0));
   PointSelection& selection = a.bake.selection;
   command
       .add_option("--views", selection.views,
                   "sampling by use: of --grid only those points that a client would be sent in so many random views of "
                   "the viewing box, e.g. 1000; 0: the whole grid")
-      ->check(CLI::Range(0, 1'000'000))
-      ->capture_default_str();
+      ->check(CLI::Range(0, 1'000'000));
   command
       .add_option("--worth", selection.worth,
                   "sampling by use: points are left out while what is left is worth this share of the whole grid to "
                   "these views")
-      ->check(CLI::Range(0.01, 1.0))
-      ->capture_default_str();
+      ->check(CLI::Range(0.01, 1.0));
   command
       .add_option("--budget", selection.budget_bytes,
                   "sampling by use: and further until images and masks take at most about so many bytes, e.g. 200M; 0: "
                   "no limit")
-      ->transform(CLI::AsSizeValue(false))
-      ->capture_default_str();
+      ->transform(CLI::AsSizeValue(false));
   command.add_option("--views-from", a.views_from,
                      "sampling by use: another scene of the same place that was served; the views are drawn where its "
                      "access counts say that viewers were");
 }
 
 void declareImageOptions(CLI::App& command, BuildArguments& a) {
-  command.add_option("--face", a.face, "pixels along one side of an image")
-      ->check(CLI::Range(16, 4096))
-      ->capture_default_str();
-  command.add_option("--quality", a.bake.quality, "JPEG quality")->check(CLI::Range(1, 100))->capture_default_str();
+  command.add_option("--face", a.face, "pixels along one side of an image")->check(CLI::Range(16, 4096));
+  command.add_option("--quality", a.bake.quality, "JPEG quality")->check(CLI::Range(1, 100));
   command
       .add_option("--subsampling", a.subsampling,
                   "JPEG chroma subsampling; 420 halves the bytes, 444 keeps strong colours")
-      ->check(CLI::IsMember({"420", "422", "444"}))
-      ->capture_default_str();
-  command
-      .add_option(
-          "--tune", a.tune,
-          "off, or a PSNR in dB, e.g. 36: takes the quality and subsampling of fewest bytes that reach it on the "
-          "model's pixels of a sample of " +
-              std::to_string(kTuneFaces) + " images")
-      ->capture_default_str();
+      ->check(CLI::IsMember({"420", "422", "444"}));
+  command.add_option(
+      "--tune", a.tune,
+      "off, or a PSNR in dB, e.g. 36: takes the quality and subsampling of fewest bytes that reach it on the "
+      "model's pixels of a sample of " +
+          std::to_string(kTuneFaces) + " images");
   command.add_option("--tolerance", a.bake.tolerance_px, "largest projected error in the images, face pixels")
-      ->check(CLI::Range(0.0F, 100.0F))
-      ->capture_default_str();
-  command.add_option("--supersampling", a.bake.supersampling, "n x n samples per face pixel")
-      ->check(CLI::Range(1, 8))
-      ->capture_default_str();
+      ->check(CLI::Range(0.0F, 100.0F));
+  command.add_option("--supersampling", a.bake.supersampling, "n x n samples per face pixel")->check(CLI::Range(1, 8));
   command.add_option("--batch", a.bake.batch_faces, "images per commit: the most a killed build loses")
-      ->check(CLI::Range(1, 100000))
-      ->capture_default_str();
+      ->check(CLI::Range(1, 100000));
   command
       .add_option("--light", a.light,
                   "unlit: colours as scanned; soft: a soft directional light; auto: unlit where the mesh has colours")
-      ->check(CLI::IsMember({"auto", "unlit", "soft"}))
-      ->capture_default_str();
+      ->check(CLI::IsMember({"auto", "unlit", "soft"}));
   command.add_option("--up", a.up, "axis that points up in the first view")
-      ->check(CLI::IsMember({"auto", "x", "y", "z"}))
-      ->capture_default_str();
-  command.add_option("--units", a.units, "unit of length of the mesh, e.g. m; kept in scene.json")
-      ->capture_default_str();
+      ->check(CLI::IsMember({"auto", "x", "y", "z"}));
+  command.add_option("--units", a.units, "unit of length of the mesh, e.g. m; kept in scene.json");
 }
 
 void declareHierarchyOptions(CLI::App& command, BuildArguments& a) {
   command.add_option("--voxel-triangles", a.hierarchy.voxel_triangles, "Nv: most triangles in a voxel")
-      ->check(CLI::Range(1, 1'000'000))
-      ->capture_default_str();
+      ->check(CLI::Range(1, 1'000'000));
   command.add_option("--leaf-triangles", a.hierarchy.leaf_triangles, "Nl: most triangles in a leaf patch")
-      ->check(CLI::Range(16, 20'000))
-      ->capture_default_str();
+      ->check(CLI::Range(16, 20'000));
   command.add_option("--node-triangles", a.hierarchy.node_triangles, "Nn: most triangles in any other patch")
-      ->check(CLI::Range(16, 20'000))
-      ->capture_default_str();
+      ->check(CLI::Range(16, 20'000));
   command
       .add_option("--position-bits", a.hierarchy.position_bits,
                   "lattice steps along the longest side, as a power of two, 10 to 21; 0: chosen from the mean edge")
-      ->check(CLI::Range(0, 21))
-      ->capture_default_str();
+      ->check(CLI::Range(0, 21));
   command
       .add_option("--qsplat-dice", a.splats_dice,
                   "tree of splats from a mesh: edges longer than so many times what is usual around them are cut, so "
                   "that large triangles make no large splats; adds up to as many splats again; 0: none are")
-      ->check(CLI::Range(0.0, 1e6))
-      ->capture_default_str();
+      ->check(CLI::Range(0.0, 1e6));
   command
       .add_option("--regroup", a.regroup,
                   "on: new groups of patches at each level; off: the paper's binary tree, whose locked borders pile up")
-      ->check(CLI::IsMember({"on", "off"}))
-      ->capture_default_str();
+      ->check(CLI::IsMember({"on", "off"}));
 }
 
 void declareRunOptions(CLI::App& command, BuildArguments& a) {
-  command.add_option("--threads", a.limits.threads, "0: all cores; the result does not depend on it")
-      ->capture_default_str();
+  command.add_option("--threads", a.limits.threads, "0: all cores; the result does not depend on it");
   command
       .add_option("--memory", a.limits.memory_bytes,
                   "most memory to use, e.g. 4G, at least 256M: of this process, and of those that draw images with it "
                   "together; 0: 60 % of the machine's; the result does not depend on it")
-      ->transform(CLI::AsSizeValue(false))
-      ->capture_default_str();
+      ->transform(CLI::AsSizeValue(false));
   command.add_option("--tmpdir", a.tmpdir,
                      "directory for work files, about 60 bytes per triangle; default: within the scene");
   command
@@ -156,8 +132,7 @@ void declareRunOptions(CLI::App& command, BuildArguments& a) {
   command
       .add_option("--shards", a.shards,
                   "divide the images into n stores and build all of them; 0: as the scene is divided, else one store")
-      ->check(CLI::Range(std::uint32_t{0}, repository::kMaxShards))
-      ->capture_default_str();
+      ->check(CLI::Range(std::uint32_t{0}, repository::kMaxShards));
   command.add_flag("--missing", a.missing,
                    "build nothing; list what this command would still have to make. Status 0: nothing, 3: something, "
                    "1: it cannot be told");
