@@ -24,6 +24,7 @@ constexpr auto kTables = makeTables();
 
 #if defined(__x86_64__)
 // Three blocks are computed side by side: the instruction takes three cycles, and one can begin every cycle.
+// A block's length is a choice: longer ones leave more to the plain loop, shorter ones join their states more often.
 constexpr std::size_t kBlock = 256;
 
 // Tables that advance a state over a block of zeros, one table per byte of the state.

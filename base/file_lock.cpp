@@ -11,6 +11,8 @@
 namespace base {
 namespace {
 
+// Between two attempts to get a lock that somebody holds. A choice: longer pauses waste the time after it was released,
+// shorter ones wake the waiting process more often.
 constexpr std::chrono::milliseconds kPause(2);
 
 bool isCalled(int fd, const std::string& path) {

@@ -8,12 +8,14 @@
 namespace client {
 namespace {
 
-/// No progress bar is shown for loading that takes less than this, seconds.
+/// These times and numbers are choices of design. No progress bar is shown for loading that takes less than this,
+/// seconds; notices go after kToastSeconds, errors, which are longer to read, after kErrorSeconds.
 constexpr double kProgressSeconds = 0.5;
 constexpr double kToastSeconds = 3.5;
 constexpr double kErrorSeconds = 8.0;
 constexpr std::size_t kMaxToasts = 3;
-/// Share of the progress bar that the shape takes; the images take the rest.
+/// Share of the progress bar that the shape takes; the images take the rest. A choice: how many bytes of each come is
+/// not known beforehand.
 constexpr double kShapeShare = 0.6;
 
 }  // namespace

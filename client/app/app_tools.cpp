@@ -25,7 +25,8 @@ void App::Impl::applyGesture(const Gesture& g) {
       control.dragTo(g.x, g.y);
       break;
     case GestureKind::kPinch: {
-      constexpr double kRatioPerStep = 1.25;  // a pinch by this ratio equals one wheel step
+      // A pinch by this ratio equals one wheel step: the inverse of the 0.8 by which a step scales the distance.
+      constexpr double kRatioPerStep = 1.25;
       control.zoom(std::log(g.factor) / std::log(kRatioPerStep), g.x, g.y, control.grabbed());
       break;
     }

@@ -9,6 +9,8 @@
 namespace client {
 namespace {
 
+// The speeds and times here are choices of design.
+
 /// Longest step of motion that one turn of the loop makes, so that a pause causes no jump.
 constexpr double kMaxStep = 0.1;  // seconds
 /// Flying speed in pivot distances per second, and its factor with shift.

@@ -5,6 +5,7 @@
 namespace client {
 namespace {
 
+// A choice: long enough for the eye to follow, short enough not to be waited for.
 constexpr double kFlightSeconds = 0.45;
 
 }  // namespace

@@ -9,6 +9,7 @@
 namespace client {
 namespace {
 
+// Digits that a length shows at most, a choice: more than any scan's accuracy is worth.
 constexpr int kMaxDecimals = 12;
 constexpr int kMaxDigits = 9;
 constexpr int kDigitsUnknown = 6;  // significant digits where no accuracy is known

@@ -46,7 +46,7 @@ std::vector<MeasuredValue> measuredValues(const Measurement& measurement, const 
 std::string formatLength(double value, double accuracy, bool approximate, const std::string& unit);
 std::string formatAngle(double radians, double accuracy, bool approximate);  ///< from radians, in degrees
 
-inline constexpr std::size_t kMaxMeasuredPoints = 500;  ///< in all measurements together
+inline constexpr std::size_t kMaxMeasuredPoints = 500;  ///< in all measurements together; a choice
 
 /// The measurements on the screen and their points on the way.
 class MeasureTool {

@@ -3,6 +3,7 @@
 namespace client {
 namespace {
 
+// Choices: longer windows and smaller shares show steadier figures that follow later.
 constexpr double kWindow = 1.0;  // seconds
 /// Silence, seconds, after which no answer to an older view is on its way.
 constexpr double kQuiet = 0.5;

@@ -8,15 +8,16 @@
 namespace client {
 namespace {
 
+/// The distance's factor for one wheel step. A choice: three steps halve the distance.
 constexpr double kZoomPerStep = 0.8;
 /// Smallest distance to the target of zooming, in box diagonals: far below anything a scan resolves, far above the
 /// rounding of doubles.
 constexpr double kMinZoomDistance = 1e-7;
-/// Largest distance to the target, in box diagonals.
+/// Largest distance to the target, in box diagonals. A choice: the model has some ten pixels then.
 constexpr double kMaxZoomDistance = 100.0;
 /// The view direction stays this far from straight up and down (radians), where "up" would be undefined.
 constexpr double kPoleMargin = 0.01;
-/// Angle by which the first view looks down (radians).
+/// Angle by which the first view looks down (radians), a choice: 20 degrees.
 constexpr double kFirstElevation = 0.35;
 
 /// Length below which a direction counts as zero.

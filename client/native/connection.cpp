@@ -26,10 +26,14 @@ namespace websocket = beast::websocket;
 using asio::ip::tcp;
 using Clock = LinkClock::Clock;
 
+/// Waits between attempts to connect, and the time that one may take. They are choices: shorter ones burden a server
+/// that starts again with all its viewers at once, longer ones are noticed by people.
 constexpr std::chrono::milliseconds kMinBackoff{250};
 constexpr std::chrono::milliseconds kMaxBackoff{5000};
 constexpr std::chrono::seconds kConnectTimeout{10};
-/// Silence after which the connection counts as lost; a ping is sent half-way.
+/// Silence after which the connection counts as lost; a ping is sent half-way. A choice: a
+/// ping every half minute also keeps proxies from closing the connection, as nginx does after a minute unless told
+/// otherwise.
 constexpr std::chrono::seconds kIdleTimeout{60};
 /// Bytes that may wait for the render loop; above this, reading pauses, and TCP makes the server wait.
 constexpr std::size_t kInboxLimit = 8 << 20;

@@ -18,8 +18,10 @@ namespace {
 
 using Clock = LinkClock::Clock;
 
+/// These three are choices. A transfer counts as stalled when it stays below the rate for kStallSeconds. The rate is so
+/// low that only dead connections end: with a higher one, links that are merely slow would be cut off. With longer
+/// times a viewer waits longer for a host that is gone.
 constexpr long kConnectSeconds = 10;
-/// A transfer counts as stalled below this rate for this long; slower than any modem, so only dead links end.
 constexpr long kStallBytesPerSecond = 256;
 constexpr long kStallSeconds = 20;
 /// As many as browsers open for one host over HTTP/1.1.

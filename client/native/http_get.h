@@ -33,7 +33,7 @@ class HttpGetter {
   /// Returns the answers since the last call, in the order of the requests.
   std::vector<Answer> takeAnswers();
 
-  static constexpr std::size_t kMaxQueue = 64;
+  static constexpr std::size_t kMaxQueue = 64;  ///< a choice: more than clicks make within an answer's time
 
  private:
   struct Impl;

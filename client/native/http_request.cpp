@@ -7,7 +7,7 @@
 namespace client {
 namespace {
 
-constexpr long kRedirects = 4;
+constexpr long kRedirects = 4;  // a choice; the limit stops hosts that redirect in circles
 
 /// A response on its way.
 struct Incoming {

@@ -14,6 +14,7 @@ constexpr ImGuiWindowFlags kPanel = ImGuiWindowFlags_NoDecoration | ImGuiWindowF
                                     ImGuiWindowFlags_NoSavedSettings | ImGuiWindowFlags_NoMove;
 constexpr ImGuiWindowFlags kWords = kPanel | ImGuiWindowFlags_NoInputs;
 
+// The overlay's sizes, in screen units: choices of design.
 constexpr float kFontPixels = 15.0F;
 constexpr float kMargin = 12.0F;
 constexpr float kPinRadius = 6.0F;

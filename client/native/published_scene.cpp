@@ -17,7 +17,7 @@ namespace {
 
 constexpr std::uint64_t kMaxJsonBytes = std::uint64_t{16} << 20;
 constexpr std::uint64_t kSceneJsonId = ~std::uint64_t{0};  // no id of a range
-constexpr double kMinPause = 0.25, kMaxPause = 5.0;        // seconds
+constexpr double kMinPause = 0.25, kMaxPause = 5.0;        // seconds between attempts, as in connection.cpp
 
 /// Names a scene by the last part of its address; where there is none, by its source: "tower" from "/scans/tower.ply".
 std::string nameOf(const std::string& place, const base::Scene& scene) {

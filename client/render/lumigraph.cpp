@@ -18,7 +18,9 @@ namespace {
 constexpr int kDepthMapsPerFrame =
     3;  ///< while pictures may still settle; each costs about as much as drawing the proxy without images
 constexpr GLuint kSamplesBinding = 0;
-constexpr int kMaxDepthSide = 512;  ///< texels of a sample's depth map
+/// Texels of a sample's depth map at most. A choice: finer maps take four times the memory for each doubling, coarser
+/// ones place the edges of occlusion less exactly.
+constexpr int kMaxDepthSide = 512;
 /// A budget for no more faces than this is allocated at once, since growing needs room for a copy. About as many as a
 /// frame blends.
 constexpr int kFacesAtOnce = 32;

@@ -12,7 +12,7 @@ namespace client {
 /// destroyed.
 class SampleArray {
  public:
-  static constexpr int kFirstLayers = 4;  ///< layers of the first allocation
+  static constexpr int kFirstLayers = 4;  ///< layers of the first allocation, a choice; storage doubles from there
 
   /// Colour layers have width × height, depth layers depth_width × depth_height. A budget for no more than
   /// `whole_up_to_layers` layers is allocated at once with the first image.

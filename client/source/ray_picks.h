@@ -22,8 +22,10 @@ struct AnsweredPick {
 
 class RayPicks {
  public:
+  /// The limits here are choices. So many rays wait at most.
   static constexpr std::size_t kMaxQueue = 64;
-  /// Number of groups that are requested at a time. They are the nearest ones: groups behind a hit are not needed.
+  /// Number of groups that are requested at a time. They are the nearest ones: groups behind a hit are not needed, and
+  /// fewer would take more round trips.
   static constexpr std::size_t kGroupsAhead = 4;
   /// Bytes of compressed blocks that one ray may hold. A ray that needs more is answered kUnknown.
   static constexpr std::size_t kMaxBytes = 8'000'000;

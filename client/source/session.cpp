@@ -32,6 +32,7 @@ std::uint32_t groupOf(CacheKey key) {
 /// Bytes counted for each entry beside its content (a list node and two table rows), so that a flood of empty faces
 /// costs what it occupies.
 constexpr std::uint64_t kEntryOverhead = 128;
+/// Exact frames that are kept, the newest, as far as their bytes allow. A choice: older ones are of views farther away.
 constexpr std::size_t kMaxFrames = 4;
 
 bool sameView(const base::ViewCamera& a, const base::ViewCamera& b) {

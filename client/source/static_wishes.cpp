@@ -8,6 +8,8 @@
 namespace client {
 namespace {
 
+// The first request for the patches brings the header and rows of some 290 groups (docs/formats/patch.md). The three
+// numbers are choices; more wishes find more neighbours to fetch in one request, and are compared longer.
 constexpr std::uint64_t kPatchFrontBytes = 16 * 1024;
 constexpr std::size_t kWishesAhead = 64;  // looked through for neighbours of a request
 /// Length assumed of a face whose place in the packs is not known yet.

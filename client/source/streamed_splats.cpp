@@ -10,6 +10,8 @@ namespace {
 
 // A splat is held as it was found, as the renderer sorts it, and on the GPU; the fourth part is the buffers' reserve.
 constexpr std::uint64_t kBytesPerSplat = 4 * sizeof(lod::qsplat::Splat);
+// Traversals of one frame at most, until it has no more splats than fit the time and the memory. A choice: the last one
+// is drawn as it is.
 constexpr int kMaxTries = 4;
 // While blocks arrive and the view rests, drawing takes one part of the time and decoding three: a page has one thread
 // for both, and a frame of a million splats takes a second on some machines.

@@ -10,7 +10,8 @@ namespace {
 
 constexpr std::size_t kMaxQueriesPerFrame = 128;  ///< a query costs a browser some microseconds of calls
 /// A pin lies on the true surface, but the picture shows a proxy. The pin is lifted towards the viewer by 1.5 times the
-/// proxy's error bound, and by 2 pixels for the rounding of depth on slanted surfaces.
+/// proxy's error bound, and by 2 pixels for the rounding of depth on slanted surfaces. Both are choices: more lets pins
+/// shine through thin walls, less hides pins that stand on the surface.
 constexpr float kLiftErrors = 1.5F;
 constexpr float kLiftPixels = 2.0F;
 

@@ -11,7 +11,8 @@ namespace {
 /// Images handed to the decoder at a time: enough to keep its threads busy, few enough that a new view does not wait
 /// behind a queue.
 constexpr std::size_t kMaxDecoding = 16;
-/// A resident image gives way only to one of this much larger rank, so that near equals do not flicker.
+/// A resident image gives way only to one of this much larger rank, so that near equals do not flicker. A choice: a
+/// larger factor keeps worse images longer.
 constexpr float kReplaceFactor = 1.2F;
 
 /// Returns the bytes of a decoded image of this camera's size.

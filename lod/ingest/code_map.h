@@ -13,7 +13,8 @@ namespace lod::ingest {
 class CodeMap {
  public:
   static constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
-  /// How many codes ahead callers call prefetch().
+  /// How many codes ahead callers call prefetch(). A choice: far enough for memory to answer, near enough for the slots
+  /// to stay in the nearest cache until then.
   static constexpr std::size_t kAhead = 12;
 
   /// Makes room for `expected` codes before it has to grow.

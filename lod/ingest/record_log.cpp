@@ -14,6 +14,7 @@ struct RecordHeader {
   std::uint64_t bytes = 0;
 };
 // At most this many bytes are lost in a power failure. A process that is killed loses none that it wrote.
+// The number is a choice: less is lost when the log is synced more often, which makes slow disks wait more often.
 constexpr std::uint64_t kSyncBytes = std::uint64_t{64} << 20;
 
 }  // namespace

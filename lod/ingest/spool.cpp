@@ -9,6 +9,8 @@
 namespace lod::ingest {
 namespace {
 
+// Bytes that are collected before they are written. A choice: smaller buffers make more system calls, larger ones take
+// more memory for each open file.
 constexpr std::size_t kBufferBytes = std::size_t{1} << 20;
 
 }  // namespace

@@ -3,7 +3,7 @@
 namespace lod::ingest {
 namespace {
 
-// Work files, the output, the lock, and what the library opens meanwhile.
+// Work files, the output, the lock, and what the library opens meanwhile: a choice, with room to spare.
 constexpr std::uint64_t kDescriptors = 32;
 
 }  // namespace

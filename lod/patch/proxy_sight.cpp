@@ -10,6 +10,8 @@
 namespace lod::patch {
 namespace {
 
+// Triangles in a leaf of the tree. A choice: fewer make more boxes to store and to test, more make more triangles to
+// test along each ray.
 constexpr std::uint32_t kLeafTriangles = 4;
 constexpr std::size_t kMaxLevels = 40;  // at most 2^32 triangles are halved 32 times, and the walk keeps one node more
 

@@ -13,7 +13,8 @@
 namespace lod::patch {
 namespace {
 
-/// Spheres hold what is below them up to the rounding of floats (records.h, contains), which adds up over levels.
+/// Spheres hold what is below them up to the rounding of floats (records.h, contains), which adds up over levels. The
+/// slacks are choices: larger ones only test more spheres.
 constexpr double kSphereSlack = 1e-4;
 constexpr double kCenterSlack = 1e-6;
 

@@ -100,7 +100,8 @@ class CutSelection {
     return !request_.cull_back_faces || !base::facesAway(patch.cone, patch.bounds, eyeFor(patch.bounds));
   }
 
-  // For a parallel projection the eye is a place far away from each patch.
+  // For a parallel projection the eye is a place far away from each patch, ten thousand radii: its rays are parallel
+  // within 1e-4 radian, and float32 still tells the radii apart.
   glm::vec3 eyeFor(const base::Sphere& bounds) const {
     constexpr float kFarAway = 1e4F;
     const base::Camera& camera = request_.camera;

@@ -11,16 +11,19 @@ namespace {
 // The paper scales the square of the cut-off by actual over desired time. That is right where the time grows with the
 // number of splats and this with 1 / area. Applied in full, the noise of one frame's time would show in the next
 // picture, and where splats grow faster (a front that unfolds behind a crease) the control would swing. So it answers
-// an early frame in part, and a late one in full, since the viewer waits.
+// an early frame in part, and a late one in full, since the viewer waits. The part is a choice: more swings more, less
+// takes more frames to become fine again.
 constexpr double kDampingEarly = 0.6;
 constexpr double kDampingLate = 1.0;
-// One frame that the system held up, or the first one with a cold cache, must not make the picture useless.
+// One frame that the system held up, or the first one with a cold cache, must not make the picture useless. A choice: a
+// frame that is late by more needs several steps.
 constexpr double kMaxAreaChange = 8.0;
 // A frame is traversed again when it has this many times the splats that fit the frame time, more than the control's
 // own swing. Where the view jumps to the model, or where only leaves are seen, whose number stays the same until the
 // cut-off has passed their size, every frame would be late otherwise. A traversal takes a tenth of a frame.
 constexpr double kForesight = 1.3;
-// Each step at rest has twice the splats.
+// Each step at rest has twice the splats. The first frame, of which nothing is known, is drawn with splats of 8 pixels,
+// a choice: with finer ones it might be late.
 constexpr double kRefinement = 0.70710678118654752;
 constexpr float kFirstPx = 8.0F;
 // Where splats overlap many times, larger ones cover the picture no less often: samples take the time, and a coarser

@@ -15,9 +15,11 @@ constexpr float kInfinity = std::numeric_limits<float>::infinity();
 // enough to cost nothing.
 constexpr std::size_t kSubtrees = 512;
 constexpr std::size_t kPortions = 64;
-// Groups that a thread visits between two checks of how many nodes all threads have visited.
+// Groups that a thread visits between two checks of how many nodes all threads have visited. A choice: a traversal may
+// exceed its limit by so many groups a thread, and each check shares one counter.
 constexpr std::uint32_t kGroupsPerCheck = 1024;
 
+// The cut-off inside of the magnifying glass is finer by this factor. A choice: a larger one needs more blocks for it.
 constexpr float kLensMagnifies = 3.0F;
 constexpr float kFinestThroughLens = 0.5F;  // pixels; smaller splats look the same
 

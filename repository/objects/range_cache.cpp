@@ -24,7 +24,7 @@ const std::string kTotalsKey = "state";
 constexpr std::uint32_t kFormat = 1;
 constexpr std::uint64_t kPage = 4096, kPageHeader = 16;  // LMDB's, on a 64-bit machine
 constexpr std::uint64_t kRecordBytes = 160;  // a piece's nodes in the other tables, with room in their pages
-constexpr std::size_t kMaxUsed = 4096;       // uses kept in memory before they are written
+constexpr std::size_t kMaxUsed = 4096;       // uses kept in memory before they are written; a choice
 constexpr std::uint64_t kExtraMapBytes = std::uint64_t{64} << 20;
 
 // LMDB needs room for the pages that a transaction replaces before it can free them.

@@ -11,7 +11,7 @@
 namespace server {
 namespace {
 
-constexpr double kInside = 0.9;   // 1 inside a closed surface, less where the coarse cut has holes
+constexpr double kInside = 0.9;   // 1 inside a closed surface, less where the coarse cut has holes; a choice
 constexpr double kBehind = 0.25;  // a wide terrain has nearly ½ below it, −½ above it, and 0 beside it
 
 // Signed solid angle of a triangle from the origin (Van Oosterom, Strackee 1983, equation 8).

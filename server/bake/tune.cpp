@@ -19,7 +19,7 @@ namespace server {
 namespace {
 
 constexpr std::size_t kSamplePixels = std::size_t{1} << 26;  // 470 MB with their filled copies
-constexpr std::size_t kMinTuneFaces = 8;
+constexpr std::size_t kMinTuneFaces = 8;                     // a choice: a mean of fewer faces says little
 constexpr int kBestQuality = 100;
 // The first of those with equally few bytes is taken, so more chroma comes first.
 constexpr std::array kSubsamplings = {repository::Subsampling::k444, repository::Subsampling::k422,

@@ -19,23 +19,28 @@ namespace {
 constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
 constexpr float kFar = std::numeric_limits<float>::max();
 constexpr float kEpsilon = std::numeric_limits<float>::epsilon();
-// Limits and factors are trade-offs of tightness against time, by trials on the meshes of docs/results/hierarchy.md.
+// The limits and factors below are choices, made while building the meshes of docs/results/hierarchy.md; no figures
+// were kept of other values. All bounds hold with any of them: they trade tightness for time.
 
-// Where rounding may take more than this, in lattice steps, distances are measured in double.
+// Where rounding may take more than this, in lattice steps, distances are measured in double. A larger slack loosens
+// bounds by as much, a smaller one measures more distances in double, which takes longer (docs/decisions/slivers.md).
 constexpr float kMaxSlack = 0.05F;
 // The most facets that one walk visits; how often a triangle that no walk covers well is quartered; the most walks of
-// all its quarters.
+// all its quarters. With larger limits fewer triangles fall back to looser bounds, and the worst triangles take longer.
 constexpr int kMaxVisits = 60;
 constexpr int kMaxQuartering = 6;
 constexpr int kMaxWalks = 400;
-// A piece is not cut further if its distance is at most this share of the largest error of a vertex.
+// A piece is not cut further if its distance is at most this share of the largest error of a vertex. A larger share
+// cuts fewer pieces, whose bounds then lie nearer to that error.
 constexpr float kNearShare = 0.7F;
 // A bound this much above the distance of a triangle's corners is worth other walks, under limits raised by this
-// factor.
+// factor. A smaller factor tries more walks for less.
 constexpr float kRaise = 1.1F;
-// A triangle is an outlier if its error is above this share of the largest error of a vertex.
+// A triangle is an outlier if its error is above this share of the largest error of a vertex. A smaller share lists
+// more triangles.
 constexpr float kOutlierShare = 0.8F;
 // A border vertex is projected onto the other border if that is at most this many times the largest error of a vertex.
+// With a larger ratio it may meet a border that has nothing to do with it.
 constexpr float kMaxBorderRatio = 2.0F;
 
 // A polygon relative to some lattice point, convex up to rounding; only its corners are ever measured. Lanes up to the

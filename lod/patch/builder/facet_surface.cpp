@@ -7,7 +7,7 @@ namespace {
 
 constexpr float kEpsilon = std::numeric_limits<float>::epsilon();
 // Distances to facets thinner than this share of their length are measured to their edges, since their walls are
-// imprecise.
+// imprecise. The share is a choice: larger measures more facets to their edges, smaller trusts walls of larger error.
 constexpr double kThin = 2.4e-3;
 // Triangles whose squared sine is below this are too thin for their plane to tell where over them a point lies.
 constexpr double kSure = 1e-10;

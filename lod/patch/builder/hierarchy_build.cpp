@@ -227,7 +227,7 @@ class HierarchyBuilder {
     for (const WorkPatch& leaf : leaves) summary_.triangles += leaf.record.triangles;
     // Groups keep two fifths of their triangles, pairs of the binary tree a half; `all` sums that over the levels. Some
     // groups keep more, and some are rebuilt.
-    constexpr double kNearlyDone = 0.99;
+    constexpr double kNearlyDone = 0.99;  // as far as the estimate may show before the last group is built
     const double all = static_cast<double>(summary_.triangles) * (options_.regroup ? 5.0 / 3.0 : 2.0);
     std::uint64_t finished = 0;
     levels_.emplace(build_.lattice(), options_, *store_, [&, this](std::uint64_t more) {

@@ -22,7 +22,7 @@ Triple rotated(const std::uint32_t* c) {
 
 // Whether two of the triangles may be the same. For a few of them the sums of their corners mostly tell.
 bool mayHoldDuplicates(const CodedMesh& mesh, std::span<const ingest::KeyedIndex> triangles) {
-  constexpr std::size_t kFew = 8;
+  constexpr std::size_t kFew = 8;  // a choice: at most 28 pairs of sums are compared
   if (triangles.size() > kFew) return true;
   std::array<std::uint64_t, kFew> sums{};
   bool alike = false;

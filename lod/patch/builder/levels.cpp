@@ -23,20 +23,25 @@ namespace {
 constexpr double kKeptShare = 0.4;
 // An outlying group is rebuilt up to kRebuilds times with the same share of the triangles that may change. Triangles
 // whose error was at least kLockedShare of the limit are locked then. After that it is rebuilt with larger shares.
+// Mostly one round is enough (docs/decisions/outlier-groups.md); further rounds and shares are choices, which take time
+// only for groups that are still outliers.
 constexpr int kRebuilds = 3;
 constexpr float kLockedShare = 0.95F;
 constexpr std::array<double, 3> kLargerShares{0.5, 0.6, 0.75};
-// More outliers than this are mostly false ones, where bounds are not precise.
+// More outliers than this are mostly false ones, where bounds are not precise. A choice: beyond it the group is bounded
+// once more, which takes time, and without that too many vertices would be locked.
 constexpr std::ptrdiff_t kFewOutliers = 30;
 constexpr float kNotPrecise = std::numeric_limits<float>::infinity();
-// From this many groups on it does not matter which are built last, so they are built in the order of the work files.
+// From this many groups on it does not matter which are built last, so they are built in the order of the work files. A
+// choice: with a hundred threads each still builds some five of them.
 constexpr std::size_t kManyGroups = 500;
 // In a level of one group none can stand out.
 constexpr std::size_t kMinGroups = 2;
-// Distances below this share of a group's error so far are not looked into, nor those below half a lattice step.
+// Distances below this share of a group's error so far are not looked into, nor those below half a lattice step. A
+// choice: a smaller share looks into more triangles for bounds that hardly shrink.
 constexpr float kNegligible = 0.05F;
 // A group's output is split along voxels of about this share of a patch: fine enough for even parts, coarse enough that
-// bisection costs little.
+// bisection costs little. The number is a choice between the two.
 constexpr std::uint32_t kVoxelsPerPatch = 32;
 
 // The distance from black to white, 255 √3, rounded up.

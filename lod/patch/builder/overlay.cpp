@@ -13,20 +13,24 @@ namespace {
 
 constexpr float kEpsilon = std::numeric_limits<float>::epsilon();
 // Triangles beyond these limits stay uncovered, and their distance is measured by projection. More is seldom needed
-// where one surface was simplified from the other.
+// where one surface was simplified from the other. The limits are choices: larger ones cover more of odd triangles and
+// take longer for them.
 constexpr int kMaxSteps = 64;             // facets on the way of an edge
 constexpr std::size_t kMaxLink = 48;      // facets that are searched for a link of two
 constexpr std::size_t kMaxCut = 96;       // edges below that a triangle cuts
 constexpr std::size_t kMaxEnclosed = 24;  // vertices below that a triangle encloses
 constexpr int kMaxBorder = 8;             // border edges below along one above
-// Two edges whose squared sine is below this count as parallel.
+// Two edges whose squared sine is below this, at less than 0.6 degrees, count as parallel. The limit is a choice: with
+// a smaller one, crossings are used that rounding has moved farther.
 constexpr float kParallel = 1e-4F;
-// An edge whose squared cosine with a facet is at least this runs along it; no other facet is asked.
+// An edge whose squared cosine with a facet is at least this, within 30 degrees, runs along it; no other facet is
+// asked. A choice: a smaller limit asks fewer facets and may take one that fits worse.
 constexpr float kClear = 0.75F;
 // covered_ends_ of a border edge that walks cover from end to end, and of one that a walk ends on.
 constexpr std::uint8_t kBothEnds = 3;
 constexpr std::uint8_t kNeverCovered = 4;
-// On either side of a cut so many vertices are tried before one side is followed to the limit.
+// On either side of a cut so many vertices are tried before one side is followed to the limit. A choice, which decides
+// only how much of the longer side is looked at in vain.
 constexpr std::size_t kFew = 3;
 
 bool contains(const std::vector<std::uint32_t>& list, std::uint32_t x) {

@@ -148,10 +148,13 @@ class RecursiveBisection {
  private:
   // Up to this many vertices METIS takes longer than bisect() and cuts no better (measured on voxel graphs of scans).
   static constexpr std::size_t kMaxBisected = 1024;
-  // 7 % of a part stay free for imbalance and heavy vertices, so that few parts need one more cut.
+  // 7 % of a part stay free for imbalance and heavy vertices, so that few parts need one more cut. The share is a
+  // choice: with less room more parts are cut once more, with more room parts are smaller than they may be.
   static constexpr double kFilled = 0.93;
 
-  // Small components share a part if it is at most this many times as wide as a part of one surface (partition.h).
+  // Small components share a part if it is at most this many times as wide as a part of one surface (partition.h). The
+  // ratio is a choice: wider parts simplify badly (docs/decisions/leaf-patches-near.md), narrower ones leave more small
+  // parts.
   static constexpr double kSpread = 2.0;
   static constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
 
@@ -163,6 +166,7 @@ class RecursiveBisection {
 
   // Numbers components that fit into one part: each goes to the nearest of the last few parts that have room.
   void packComponents(std::vector<Part>& pieces) {
+    // A choice: more open parts are searched longer, and from fewer the nearest may have gone already.
     constexpr std::size_t kOpen = 16;
     std::vector<Part> open;
     for (Part& piece : pieces) {

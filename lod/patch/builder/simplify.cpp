@@ -21,15 +21,17 @@
 namespace lod::patch::builder {
 namespace {
 
-// The weights and shares here were tuned on the scans and generated meshes of docs/results/hierarchy.md, by the mean
-// and the largest distance of the levels built.
+// The weights and shares here are choices. They were made while building the scans and generated meshes of
+// docs/results/hierarchy.md and comparing the mean and the largest distance of the levels. Figures were kept for
+// kSmallFans and for costs (docs/decisions/collapse-cost.md) and for kFolded (docs/decisions/needles.md), for the
+// others not.
 
 // Planes upright on border edges weigh this much more than a triangle of the same edge length. Without that, seams
-// between the tiles of a scan erode and open as gaps.
+// between the tiles of a scan erode and open as gaps. A larger weight leaves more of the triangles to borders.
 constexpr double kBorderWeight = 10.0;
 // Thin strips and beams have hardly any area, so their ends could slide at hardly any cost. A vertex whose triangles
 // cover less than kThinFan of their longest edge's square is tied to its place by a point quadric of this share of a
-// mean edge's square.
+// mean edge's square. Larger values keep more of thin parts and leave fewer triangles to the rest.
 constexpr double kThinFan = 0.3;
 constexpr double kPointWeight = 5e-3;
 // Quadrics are weighted by area, so collapsing the tip of a small fan costs almost nothing, yet it can move the surface
@@ -38,19 +40,22 @@ constexpr double kPointWeight = 5e-3;
 // hardly changes.
 constexpr double kSmallFans = 2.0;
 // The planes of a spike's sides all contain its axis, so quadrics do not tell how far it sticks out. Where the vector
-// sum of a fan's areas is less than this share of their plain sum, distances are measured instead.
+// sum of a fan's areas is less than this share of their plain sum, distances are measured instead, which takes longer.
 constexpr double kFolded = 0.6;
 // A change of colour from black to white costs like a distance of kColorLength mean edges, a normal turned by 60
-// degrees like one of kNormalLength.
+// degrees like one of kNormalLength. Larger lengths follow the attributes more closely and the shape less.
 constexpr double kColorLength = 0.25;
 constexpr double kNormalLength = 0.02;
-// The first two stages refuse a collapse that turns a triangle by more than the angle of this cosine.
+// The first two stages refuse a collapse that turns a triangle by more than the angle of this cosine, 75.5 degrees. A
+// smaller angle leaves more collapses to the last stage, which refuses none.
 constexpr double kMinTurnCosine = 0.25;
-// A stage ends when a round removes less than a fiftieth of the triangles.
+// A stage ends when a round removes less than a fiftieth of the triangles. A smaller share takes more rounds before the
+// next stage lifts a condition.
 constexpr std::size_t kMinProgress = 50;
 
 // The conditions that a stage puts on a collapse. It also ends when the next collapse would move the surface by more
 // than `max_move` (root mean square, in mean edges): from there on a collapse without the condition does less harm.
+// Larger limits keep topology and orientation for longer, at the cost of larger distances.
 struct StageConditions {
   bool keep_topology = true;
   bool keep_orientation = true;

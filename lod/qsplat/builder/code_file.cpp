@@ -200,7 +200,7 @@ class FileCoder {
     return {};
   }
 
-  static constexpr double kPasses = 3.0;
+  static constexpr double kPasses = 3.0;  // over all blocks; each counts a third of the progress
   const ReadPlain& read_;
   const CodeOptions& options_;
   const WriteCoded& write_;

@@ -11,14 +11,15 @@
 namespace lod::qsplat::builder {
 namespace {
 
-// Edges longer than this share of the longest side are cut in coarse meshes too, as far as kMinAddedLeaves allow.
+// Edges longer than this share of the longest side are cut in coarse meshes too, as far as kMinAddedLeaves allow. Both
+// numbers are choices: with them a mesh of few triangles, such as a cube, still gets splats that are small on a screen.
 constexpr double kMaxEdgeShare = 1.0 / 128.0;
 // Lattice steps; positions within a shorter edge would be rounded too coarsely.
 constexpr double kMinLimit = 4.0;
 // Dicing adds at most one leaf for two triangles, or this many leaves where that is fewer.
 constexpr std::uint64_t kMinAddedLeaves = std::uint64_t{1} << 14;
 constexpr std::uint32_t kNoLeaf = std::numeric_limits<std::uint32_t>::max();
-// How many limits are tried within a factor of two; a power of two.
+// How many limits are tried within a factor of two; a power of two. A choice: a limit is then within 9 % of the best.
 constexpr int kLengths = 8;
 
 // The squared radius of the smallest circle around a triangle, from its squared sides and (2 area)^2.

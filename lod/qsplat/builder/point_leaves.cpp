@@ -21,7 +21,8 @@ constexpr std::size_t kNeighbours = 16;       // clip a Voronoi cell; hexagonal 
 constexpr std::size_t kPlaneNeighbours = 12;  // determine the plane
 constexpr std::size_t kTreeNeighbours = 8;    // are candidates for the spanning tree
 constexpr std::size_t kRimNeighbour = 6;      // limits the radius at the rim
-// Points farther away than this many times the median distance of the sixth neighbour are no neighbours.
+// Points farther away than this many times the median distance of the sixth neighbour are no neighbours. A choice: a
+// larger ratio closes wider gaps of uneven samplings, and joins parts that are not connected.
 constexpr float kMaxDistanceRatio = 8.0F;
 
 // Disjoint sets whose members each have a sign relative to their root's.

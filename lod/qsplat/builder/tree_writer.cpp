@@ -6,8 +6,9 @@
 namespace lod::qsplat::builder {
 
 namespace {
+// Sealed blocks are written together, so many bytes at a time. A choice: fewer would make more system calls.
 constexpr std::size_t kMaxSealed = std::size_t{256} * kBlockBytes;
-}
+}  // namespace
 
 base::Result<TreeWriter> TreeWriter::create(const std::string& path, const Options& options) {
   LUMIGRID_ASSIGN_OR_RETURN(auto file, base::AtomicFile::create(path));

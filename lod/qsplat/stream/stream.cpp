@@ -10,16 +10,19 @@ namespace {
 // The first request brings the header and the top of the tree in one round trip.
 constexpr std::uint64_t kFrontBlocks = 8;
 static_assert(kFrontBlocks * kBlockBytes > kMaxCodedHeaderBytes + kMaxCodedBytes);
-// A block that came damaged this often is given up.
+// A block that came damaged this often is given up. After each failure in a row the pause doubles. These are choices:
+// longer pauses spare a host that is broken, shorter ones go on sooner with one that was restarted.
 constexpr int kMaxDamages = 3;
 constexpr double kFirstPause = 0.25, kLongestPause = 5.0;  // seconds
 // Bytes of tables for each block of the file: its address, its last use, two bits of state.
 constexpr std::uint64_t kTableBytes = sizeof(void*) + sizeof(std::uint32_t) + 1;
 // A coded block's place takes these in addition.
 constexpr std::uint64_t kPlaceBytes = sizeof(std::uint64_t);
-// When memory is full, one part in so many is evicted at a time.
+// When memory is full, one part in so many is evicted at a time. A choice: larger parts drop more blocks that come back
+// into view, smaller ones sort blocks by their last use more often.
 constexpr std::uint64_t kEvictedPart = 64;
-// The surroundings of a view have so many times its width and height.
+// The surroundings of a view have so many times its width and height. A choice: wider ones are ready for faster turns
+// and fetch more that is never seen.
 constexpr float kNearby = 1.5F;
 
 bool sameTraversal(const TraverseRequest& a, const TraverseRequest& b) {
