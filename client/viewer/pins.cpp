@@ -19,11 +19,10 @@ constexpr float kLiftPixels = 2.0F;
 
 base::Result<PinProbe> PinProbe::create() {
   LUMIGRID_ASSIGN_OR_RETURN(auto program, base::gl::Program::link("pins", glsl::kPinVertex, glsl::kPinFragment));
-  PinProbe probe;
-  probe.program_ = std::move(program);
-  probe.no_attributes_ = base::gl::VertexArray::create();
-  return probe;
+  return PinProbe(std::move(program));
 }
+PinProbe::PinProbe(base::gl::Program program)
+    : program_(std::move(program)), no_attributes_(base::gl::VertexArray::create()) {}
 
 void PinProbe::setPoints(std::vector<glm::vec3> points) {
   points_ = std::move(points);

@@ -30,6 +30,7 @@ class PinProbe {
   bool pending() const { return wanted_ > 0 || !in_flight_.empty(); }
 
  private:
+  explicit PinProbe(base::gl::Program program);
   struct PendingQuery {
     std::size_t point;
     base::gl::Query query;

@@ -35,7 +35,6 @@ struct ViewerOptions {
   double upload_milliseconds = 4.0;  ///< longest upload per frame, at an assumed 2 MB a millisecond; 0: no limit
 };
 
-inline constexpr std::uint64_t kPhoneMemory = 64'000'000;  ///< memory_budget_bytes for a phone
 inline constexpr std::uint64_t kMinMemory = 16'000'000;
 
 /// The bytes that the viewer holds now.

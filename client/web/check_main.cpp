@@ -12,6 +12,10 @@ namespace {
 client::HostAnswers answers;
 std::string rows;
 
+client::HostAnswer& answerNumber(int which) {
+  return which == 0 ? answers.scene : which == 1 ? answers.range : answers.next_range;
+}
+
 }  // namespace
 
 extern "C" {
@@ -25,7 +29,7 @@ EMSCRIPTEN_KEEPALIVE void beginCheck(int other_origin) {
 
 /// Takes an answer. `which`: 0 scene.json, 1 bytes 0-15, 2 bytes 16-31. takeHeader() adds its headers.
 EMSCRIPTEN_KEEPALIVE void takeAnswer(int which, int status, int there_without_cors, double bytes) {
-  client::HostAnswer& answer = which == 0 ? answers.scene : which == 1 ? answers.range : answers.next_range;
+  client::HostAnswer& answer = answerNumber(which);
   answer.status = status;
   answer.there_without_cors = there_without_cors != 0;
   answer.bytes = static_cast<std::uint64_t>(bytes);
@@ -33,17 +37,14 @@ EMSCRIPTEN_KEEPALIVE void takeAnswer(int which, int status, int there_without_co
 
 /// Adds a header; `name` is in lower case.
 EMSCRIPTEN_KEEPALIVE void takeHeader(int which, const char* name, const char* value) {
-  client::HostAnswer& answer = which == 0 ? answers.scene : which == 1 ? answers.range : answers.next_range;
-  answer.headers[name] = value;
+  answerNumber(which).headers[name] = value;
 }
 
 /// Returns rows: grade (0 good, 1 could be better, 2 fails), its name, header, finding, what to change, line of nginx.
 EMSCRIPTEN_KEEPALIVE const char* findings() {
   client::TextRows out;
-  for (const client::HostFinding& one : client::judgeHost(answers)) {
-    out.add(static_cast<int>(one.grade)).add(client::nameOf(one.grade)).add(one.header);
-    out.add(one.what).add(one.todo).add(one.nginx).end();
-  }
+  for (const client::HostFinding& one : client::judgeHost(answers))
+    out.addRow(one.grade, client::nameOf(one.grade), one.header, one.what, one.todo, one.nginx);
   rows = out.takeText();
   return rows.c_str();
 }

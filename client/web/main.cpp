@@ -44,11 +44,6 @@ client::Modifiers modifiersOf(int bits) {
   return {(bits & 1) != 0, (bits & 2) != 0, (bits & 4) != 0};
 }
 
-void addView(client::TextRows& rows, const base::ViewCamera& camera) {
-  for (const glm::dvec3& v : {camera.position, camera.direction, camera.up}) rows.add(v.x).add(v.y).add(v.z);
-  rows.add(camera.fov_y).add(camera.ortho_height).add(camera.width).add(camera.height);
-}
-
 }  // namespace
 
 extern "C" {
@@ -103,20 +98,10 @@ EMSCRIPTEN_KEEPALIVE void pointer(int what, int id, int kind, int button, int mo
                                    x,
                                    y,
                                    now};
-  switch (what) {
-    case 0:
-      page.app->pointerDown(event);
-      break;
-    case 1:
-      page.app->pointerMove(event);
-      break;
-    case 2:
-      page.app->pointerUp(event);
-      break;
-    default:
-      page.app->pointerCancel(id);
-      break;
-  }
+  if (what == 0) page.app->pointerDown(event);
+  if (what == 1) page.app->pointerMove(event);
+  if (what == 2) page.app->pointerUp(event);
+  if (what == 3) page.app->pointerCancel(id);
 }
 
 EMSCRIPTEN_KEEPALIVE void wheel(double steps, double x, double y, double now) {
@@ -161,9 +146,7 @@ EMSCRIPTEN_KEEPALIVE const char* takeRequests() {
       page.pick(request);
       continue;
     }
-    rows.add(static_cast<int>(request.kind)).add(static_cast<double>(request.id)).add(request.text);
-    for (const glm::dvec3& v : {request.origin, request.direction}) rows.add(v.x).add(v.y).add(v.z);
-    rows.end();
+    rows.addRow(request.kind, request.id, request.text, request.origin, request.direction);
   }
   return handOut(rows.takeText());
 }
@@ -207,8 +190,8 @@ EMSCRIPTEN_KEEPALIVE const char* settings() {
   const client::Settings& now = page.app ? page.app->settings() : page.options.settings;
   const client::Settings defaults;
   for (const client::SettingField& field : client::settingFields()) {
-    rows.add(field.name).add(field.label).add(static_cast<int>(field.kind)).add(field.min).add(field.max);
-    rows.add(now.*field.value).add(defaults.*field.value).add(field.choices).add(field.from_next_start ? 1 : 0).end();
+    rows.addRow(field.name, field.label, field.kind, field.min, field.max, now.*field.value, defaults.*field.value,
+                field.choices, field.from_next_start);
   }
   return handOut(rows.takeText());
 }
@@ -264,25 +247,22 @@ EMSCRIPTEN_KEEPALIVE double overlayVersion() {
 EMSCRIPTEN_KEEPALIVE const char* overlay() {
   const client::App& app = *page.app;
   client::TextRows rows;
-  rows.add("scene").add(app.sceneName()).add(app.unit()).end();
+  rows.addRow("scene", app.sceneName(), app.unit());
   const client::Status status = app.status();
-  rows.add("status").add(static_cast<int>(status.kind)).add(status.text).add(status.advice).end();
+  rows.addRow("status", status.kind, status.text, status.advice);
   const client::Progress progress = app.progress();
-  rows.add("progress").add(progress.active ? 1 : 0).add(progress.share).end();
-  rows.add("mode").add(static_cast<int>(app.mode())).add(app.modeHint()).end();
-  rows.add("help").add(app.helpShown() ? 1 : 0).end();
+  rows.addRow("progress", progress.active, progress.share);
+  rows.addRow("mode", app.mode(), app.modeHint());
+  rows.addRow("help", app.helpShown());
   const client::ViewState& view = app.view();
-  rows.add("view").add(view.statistics ? 1 : 0).add(view.colors_by_resolution ? 1 : 0);
-  rows.add(view.orthographic ? 1 : 0).add(view.section.on ? 1 : 0).add(app.lensShown() ? 1 : 0).end();
-  for (const client::Toast& toast : app.toasts())
-    rows.add("toast").add(static_cast<double>(toast.id)).add(toast.error ? 1 : 0).add(toast.text).end();
-  if (auto open = app.openAnnotation()) rows.add("annotation").add(static_cast<double>(*open)).end();
-  for (const client::Label& label : app.labels()) {
-    rows.add("label").add(static_cast<int>(label.kind)).add(static_cast<double>(label.index)).add(label.x).add(label.y);
-    rows.add(label.visible ? 1 : 0).add(label.approximate ? 1 : 0).add(label.open ? 1 : 0).add(label.text).end();
-  }
+  rows.addRow("view", view.statistics, view.colors_by_resolution, view.orthographic, view.section.on, app.lensShown());
+  for (const client::Toast& toast : app.toasts()) rows.addRow("toast", toast.id, toast.error, toast.text);
+  if (auto open = app.openAnnotation()) rows.addRow("annotation", *open);
+  for (const client::Label& label : app.labels())
+    rows.addRow("label", label.kind, label.index, label.x, label.y, label.visible, label.approximate, label.open,
+                label.text);
   for (const client::LabelLine& line : app.lines())
-    rows.add("line").add(line.x0).add(line.y0).add(line.x1).add(line.y1).add(line.approximate ? 1 : 0).end();
+    rows.addRow("line", line.x0, line.y0, line.x1, line.y1, line.approximate);
   return handOut(rows.takeText());
 }
 
@@ -290,7 +270,7 @@ EMSCRIPTEN_KEEPALIVE const char* overlay() {
 EMSCRIPTEN_KEEPALIVE const char* statistics() {
   client::TextRows rows;
   for (const client::StatisticsLine& line : client::statisticsLines(page.app->statistics()))
-    rows.add(line.name).add(line.value).end();
+    rows.addRow(line.name, line.value);
   return handOut(rows.takeText());
 }
 
@@ -298,46 +278,42 @@ EMSCRIPTEN_KEEPALIVE const char* statistics() {
 EMSCRIPTEN_KEEPALIVE const char* figures() {
   const client::Statistics s = page.app->statistics();
   client::TextRows rows;
-  const auto row = [&rows](const char* name, double value) { rows.add(name).add(value).end(); };
-  row("framesPerSecond", s.frames_per_second);
-  row("frameMilliseconds", s.frame_milliseconds);
-  row("imagesInUse", s.images_in_use);
-  row("imagesResident", s.images_resident);
-  row("imagesRequested", s.images_requested);
-  row("patches", s.patches);
-  row("triangles", static_cast<double>(s.triangles));
-  row("memoryBytes", static_cast<double>(s.memory_bytes));
-  row("memoryBudget", static_cast<double>(s.memory_budget));
-  row("gpuBytes", static_cast<double>(s.gpu_bytes));
-  row("receivedBytes", static_cast<double>(s.received_bytes));
-  row("receivedImageBytes", static_cast<double>(s.received_images));
-  row("receivedPatchBytes", static_cast<double>(s.received_patches));
-  row("receivedFrameBytes", static_cast<double>(s.received_frames));
-  row("errorPixels", s.error_px);
-  row("splats", static_cast<double>(s.splats));
-  row("blocks", static_cast<double>(s.blocks));
-  row("blocksPresent", static_cast<double>(s.blocks_present));
-  row("accuracy", static_cast<double>(s.accuracy));
-  row("complete", s.complete ? 1 : 0);
-  row("broken", s.broken);
+  rows.addRow("framesPerSecond", s.frames_per_second);
+  rows.addRow("frameMilliseconds", s.frame_milliseconds);
+  rows.addRow("imagesInUse", s.images_in_use);
+  rows.addRow("imagesResident", s.images_resident);
+  rows.addRow("imagesRequested", s.images_requested);
+  rows.addRow("patches", s.patches);
+  rows.addRow("triangles", s.triangles);
+  rows.addRow("memoryBytes", s.memory_bytes);
+  rows.addRow("memoryBudget", s.memory_budget);
+  rows.addRow("gpuBytes", s.gpu_bytes);
+  rows.addRow("receivedBytes", s.received_bytes);
+  rows.addRow("receivedImageBytes", s.received_images);
+  rows.addRow("receivedPatchBytes", s.received_patches);
+  rows.addRow("receivedFrameBytes", s.received_frames);
+  rows.addRow("errorPixels", s.error_px);
+  rows.addRow("splats", s.splats);
+  rows.addRow("blocks", s.blocks);
+  rows.addRow("blocksPresent", s.blocks_present);
+  rows.addRow("accuracy", s.accuracy);
+  rows.addRow("complete", s.complete);
+  rows.addRow("broken", s.broken);
   return handOut(rows.takeText());
 }
 
 /// Returns the help as rows: input, effect.
 EMSCRIPTEN_KEEPALIVE const char* help() {
   client::TextRows rows;
-  for (const client::HelpRow& row : client::helpRows()) rows.add(row.input).add(row.effect).end();
+  for (const client::HelpRow& row : client::helpRows()) rows.addRow(row.input, row.effect);
   return handOut(rows.takeText());
 }
 
 /// Returns the legend as rows: upper bound in pixels, red, green, blue; the last step has no bound.
 EMSCRIPTEN_KEEPALIVE const char* legend() {
   client::TextRows rows;
-  for (const lod::draw::ResolutionStep& step : lod::draw::kResolutionLegend) {
-    rows.add(static_cast<double>(step.up_to_px));
-    for (const std::uint8_t channel : step.color) rows.add(static_cast<int>(channel));
-    rows.end();
-  }
+  for (const lod::draw::ResolutionStep& step : lod::draw::kResolutionLegend)
+    rows.addRow(step.up_to_px, step.color[0], step.color[1], step.color[2]);
   return handOut(rows.takeText());
 }
 
@@ -352,8 +328,9 @@ EMSCRIPTEN_KEEPALIVE void showAnnotation(int index) {
 /// Returns one row: position, direction, up, vertical angle, orthographic height, width, height.
 EMSCRIPTEN_KEEPALIVE const char* camera() {
   client::TextRows rows;
-  addView(rows, page.app->camera());
-  return handOut(rows.end().takeText());
+  const base::ViewCamera view = page.app->camera();
+  rows.addRow(view.position, view.direction, view.up, view.fov_y, view.ortho_height, view.width, view.height);
+  return handOut(rows.takeText());
 }
 
 // ---- the link to a server ----

@@ -11,23 +11,11 @@ EM_JS(void, lumigridDecode, (std::uint32_t low, std::uint32_t high, const std::u
 namespace client {
 namespace {
 
-WebDecoder* the_decoder = nullptr;
-
 std::uint64_t idOf(std::uint32_t low, std::uint32_t high) {
   return std::uint64_t{high} << 32U | low;
 }
 
 }  // namespace
-
-WebDecoder::WebDecoder() {
-  the_decoder = this;
-}
-WebDecoder::~WebDecoder() {
-  the_decoder = nullptr;
-}
-WebDecoder* WebDecoder::instance() {
-  return the_decoder;
-}
 
 void WebDecoder::submit(std::uint64_t id, base::ByteView coded) {
   ++waiting_;

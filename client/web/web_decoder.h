@@ -5,16 +5,12 @@
 #include <vector>
 
 #include "client/viewer/decode.h"
+#include "client/web/only_one.h"
 
 namespace client {
 
-class WebDecoder final : public ImageDecoder {
+class WebDecoder final : public ImageDecoder, public OnlyOne<WebDecoder> {
  public:
-  WebDecoder();
-  ~WebDecoder() override;
-  WebDecoder(const WebDecoder&) = delete;
-  WebDecoder& operator=(const WebDecoder&) = delete;
-
   void submit(std::uint64_t id, base::ByteView coded) override;
   std::vector<DecodedImage> takeDecoded() override;
   std::size_t pending() const override { return waiting_ + done_.size(); }
@@ -25,9 +21,6 @@ class WebDecoder final : public ImageDecoder {
   std::uint8_t* acceptPixels(std::uint64_t id, int width, int height);
   /// Notes that a face was an empty flag (`error` empty) or broken.
   void acceptFailure(std::uint64_t id, const std::string& error);
-
-  /// The only decoder of this page, null before there is one.
-  static WebDecoder* instance();
 
  private:
   std::size_t waiting_ = 0;

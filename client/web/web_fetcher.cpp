@@ -12,20 +12,9 @@ EM_JS(void, lumigridCancel, (double id), { Module.cancelRange(id); });
 namespace client {
 namespace {
 
-WebFetcher* the_fetcher = nullptr;
 constexpr int kMaxOutcome = static_cast<int>(FetchOutcome::kServer);
 
 }  // namespace
-
-WebFetcher::WebFetcher() {
-  the_fetcher = this;
-}
-WebFetcher::~WebFetcher() {
-  the_fetcher = nullptr;
-}
-WebFetcher* WebFetcher::instance() {
-  return the_fetcher;
-}
 
 void WebFetcher::submit(std::uint64_t id, const std::string& name, std::uint64_t offset, std::uint64_t length) {
   lumigridFetch(static_cast<double>(id), name.c_str(), static_cast<double>(offset), static_cast<double>(length));
@@ -41,20 +30,12 @@ void WebFetcher::cancel(std::uint64_t id) {
 }
 
 std::uint8_t* WebFetcher::acceptBytes(std::uint64_t id, int status, std::size_t size) {
-  FetchAnswer& one = done_.emplace_back();
-  one.id = id;
-  one.outcome = FetchOutcome::kBytes;
-  one.status = status;
-  one.bytes.resize(size);
-  return one.bytes.data();
+  done_.push_back({id, FetchOutcome::kBytes, base::Bytes(size), status, ""});
+  return done_.back().bytes.data();
 }
 
 void WebFetcher::acceptFailure(std::uint64_t id, FetchOutcome outcome, int status, const std::string& detail) {
-  FetchAnswer& one = done_.emplace_back();
-  one.id = id;
-  one.outcome = outcome;
-  one.status = status;
-  one.detail = detail;
+  done_.push_back({id, outcome, {}, status, detail});
 }
 
 }  // namespace client

@@ -5,16 +5,12 @@
 #include <vector>
 
 #include "client/source/fetch.h"
+#include "client/web/only_one.h"
 
 namespace client {
 
-class WebFetcher final : public RangeFetcher {
+class WebFetcher final : public RangeFetcher, public OnlyOne<WebFetcher> {
  public:
-  WebFetcher();
-  ~WebFetcher() override;
-  WebFetcher(const WebFetcher&) = delete;
-  WebFetcher& operator=(const WebFetcher&) = delete;
-
   void submit(std::uint64_t id, const std::string& name, std::uint64_t offset, std::uint64_t length) override;
   std::vector<FetchAnswer> takeAnswers() override;
   void cancel(std::uint64_t id) override;
@@ -24,9 +20,6 @@ class WebFetcher final : public RangeFetcher {
   /// Returns room for the bytes of a finished request, valid until the next call of any of these.
   std::uint8_t* acceptBytes(std::uint64_t id, int status, std::size_t size);
   void acceptFailure(std::uint64_t id, FetchOutcome outcome, int status, const std::string& detail);
-
-  /// The only fetcher of this page, null before there is one.
-  static WebFetcher* instance();
 
  private:
   std::vector<FetchAnswer> done_;
