@@ -1,15 +1,13 @@
 // Loads the notes of the scene (docs/formats/annotations.md). The JSON is read here, and checked by the C++ client.
+import {vector} from "./static_scene.js";
 
 const kMaxBytes = 16 * 1024 * 1024;
 
-const triple = (value) =>
-    (Array.isArray(value) && value.length === 3 && value.every((x) => typeof x === "number") ? value : null);
-
 function addCamera(core, camera) {
-  const position = triple(camera?.position);
-  const target = triple(camera?.target);
-  const direction = triple(camera?.direction) ?? (position && target ? target.map((x, i) => x - position[i]) : null);
-  const up = triple(camera?.up ?? [0, 0, 1]);
+  const position = vector(camera?.position);
+  const target = vector(camera?.target);
+  const direction = vector(camera?.direction) ?? (position && target ? target.map((x, i) => x - position[i]) : null);
+  const up = vector(camera?.up ?? [0, 0, 1]);
   const fov = camera?.fov_y_degrees ?? 45;
   if (!position || !direction || !up || typeof fov !== "number")
     return "camera: needs a position, and a direction or a target, of three numbers";
@@ -18,9 +16,9 @@ function addCamera(core, camera) {
 
 /// Adds one note to the client; returns the empty text, or what is wrong with it.
 function add(core, one) {
-  const position = triple(one?.position);
+  const position = vector(one?.position);
   if (!position || typeof one.title !== "string") return "needs a title and a position of three numbers";
-  const normal = triple(one.normal ?? [0, 0, 0]);
+  const normal = vector(one.normal ?? [0, 0, 0]);
   const text = one.text ?? "";
   if (!normal || typeof text !== "string") return "has a normal that is not three numbers, or a text that is none";
   return core.text("addAnnotation", one.title, text, ...position, ...normal) ||

@@ -4,7 +4,7 @@
 const utf8 = new TextEncoder();
 
 /// Takes rows of tab-separated fields apart.
-export function rowsOf(text) { return text === "" ? [] : text.slice(0, -1).split("\n").map((row) => row.split("\t")); }
+function rowsOf(text) { return text === "" ? [] : text.slice(0, -1).split("\n").map((row) => row.split("\t")); }
 
 /// Returns {call(name, ...args), text(name, ...args), rows(name, ...args)} of a module.
 export function callsOf(module) {

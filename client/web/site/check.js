@@ -3,6 +3,7 @@
 import createCheck from "client_web_check.js";
 
 import {callsOf} from "./calls.js";
+import {element} from "./dom.js";
 import {partOf} from "./static_scene.js";
 
 const kAsked = 16;
@@ -77,19 +78,10 @@ async function findings(base) {
 }
 
 function item([grade, name, header, what, todo, nginx]) {
-  const made = document.createElement("li");
-  made.className = ["good", "slow", "fails"][Number(grade)];
-  const part = (tag, text) => {
-    if (!text) return;
-    const at = document.createElement(tag);
-    at.textContent = text;
-    made.append(at);
-  };
-  part("em", name);
-  part("strong", header);
-  part("p", `${what} ${todo}`.trim());
-  part("code", nginx);
-  return made;
+  const parts = {em: name, strong: header, p: `${what} ${todo}`.trim(), code: nginx};
+  return element(
+      "li", {className: ["good", "slow", "fails"][Number(grade)]},
+      ...Object.entries(parts).filter(([, text]) => text).map(([tag, textContent]) => element(tag, {textContent})));
 }
 
 /// Opens the dialog and fills it. Throws when the judge itself cannot be loaded.

@@ -1,10 +1,6 @@
 // Translates the page's events for the C++ client: device pixels from the canvas' upper left corner, seconds.
 
-const kKinds = {
-  mouse: 0,
-  touch: 1,
-  pen: 2
-};
+const kKinds = ["mouse", "touch", "pen"];  // as PointerKind in client/app/input.h
 /// Browsers report this for one notch of a common mouse wheel.
 const kPixelsPerStep = 100;
 const kLinesPerStep = 3;
@@ -32,8 +28,8 @@ export function listen(canvas, core, now, acted) {
   const pointer = (what) => (event) => {
     const [x, y] = place(event);
     core.call(
-        "pointer", what, event.pointerId, kKinds[event.pointerType] ?? 0, button(event), modifiersOf(event), x, y,
-        now());
+        "pointer", what, event.pointerId, Math.max(0, kKinds.indexOf(event.pointerType)), button(event),
+        modifiersOf(event), x, y, now());
     acted();
   };
   const down = pointer(0);

@@ -3,8 +3,9 @@ import "./early.js";
 
 import {loadAnnotations} from "./annotations.js";
 import {loadCore} from "./core.js";
+import {element} from "./dom.js";
 import {listen} from "./input.js";
-import {Overlay} from "./overlay.js";
+import {Overlay, showProblem} from "./overlay.js";
 import {openPicture} from "./picture.js";
 import {keepSettings, restoreSettings, settingValue, showSettings} from "./settings.js";
 import {openLink, socketUrl} from "./socket.js";
@@ -18,9 +19,6 @@ const kIdleMilliseconds = 100;
 const kStatisticsMilliseconds = 250;
 /// More device pixels than this per screen pixel cost time and are not visible.
 const kMaxRatio = 2;
-
-const kCopyLink = 0, kLinkChanged = 1, kSavePicture = 2, kKeepBookmarks = 3, kKeepSettings = 4, kShowSettings = 5,
-      kPick = 6;
 
 // build_site.mjs replaces these names when it builds the page.
 const splatsScript = new URL(SPLATS_SCRIPT, document.baseURI).href;
@@ -107,8 +105,7 @@ async function copyLink(hash) {
     showToast("link copied", false);
   } catch {
     // Pages without https may not use that function.
-    const text = document.createElement("textarea");
-    text.value = url;
+    const text = element("textarea", {value: url});
     document.body.append(text);
     text.select();
     const copied = document.execCommand("copy");
@@ -164,7 +161,7 @@ function restoreBookmarks() {
   }
 }
 
-async function pick(id, [ox, oy, oz, dx, dy, dz]) {
+async function pick(_, id, ox, oy, oz, dx, dy, dz) {
   const answer = (kind, point = [0, 0, 0], normal = [0, 0, 0], accuracy = 0) => {
     core.call("answerPick", id, kind, ...point, ...normal, accuracy);
     schedule();
@@ -184,33 +181,29 @@ async function pick(id, [ox, oy, oz, dx, dy, dz]) {
   }
 }
 
+function savePicture(query) {
+  openPicture({
+    dialog: document.getElementById("picture"),
+    canvas,
+    query,
+    server: splats ? null : server,
+    draw,
+    name: document.getElementById("name").textContent,
+    say: showToast
+  });
+}
+
+function openSettings() {
+  const shown = {method: splats ? "qsplat" : core.text("method")};
+  showSettings(document.getElementById("settings"), core, shown, settingChanged);
+}
+
+/// What the client may ask for, in the order of RequestKind (client/app/app.h). Each gets text, id, ray.
+const kRequests = [copyLink, keepLink, savePicture, keepBookmarks, keepAndApply, openSettings, pick];
+
 function carryOut() {
-  for (const [kindText, id, text, ...numbers] of core.rows("takeRequests")) {
-    const kind = Number(kindText);
-    if (kind === kCopyLink)
-      copyLink(text);
-    else if (kind === kLinkChanged)
-      keepLink(text);
-    else if (kind === kSavePicture)
-      openPicture({
-        dialog: document.getElementById("picture"),
-        canvas,
-        query: text,
-        server: splats ? null : server,
-        draw,
-        name: document.getElementById("name").textContent,
-        say: showToast
-      });
-    else if (kind === kKeepBookmarks)
-      keepBookmarks();
-    else if (kind === kKeepSettings)
-      keepAndApply();
-    else if (kind === kShowSettings)
-      showSettings(
-          document.getElementById("settings"), core, {method: splats ? "qsplat" : core.text("method")}, settingChanged);
-    else if (kind === kPick)
-      pick(Number(id), numbers.map(Number));
-  }
+  for (const [kind, id, text, ...ray] of core.rows("takeRequests"))
+    kRequests[kind](text, Number(id), ...ray.map(Number));
 }
 
 function keepAndApply() {
@@ -301,13 +294,7 @@ let pumpStatic = null;
 let staticProblem = "";
 
 async function start() {
-  const early = document.getElementById("problem");
-  const bare = (title, advice) => {
-    early.querySelector("h2").textContent = title;
-    early.querySelector("p").textContent = advice;
-    early.querySelector(".again").onclick = () => location.reload();
-    early.hidden = false;
-  };
+  const bare = (title, advice) => showProblem(title, advice, () => location.reload());
   if (typeof WebAssembly !== "object" || !("OffscreenCanvas" in window))
     return bare(
         "This browser is too old for the viewer",

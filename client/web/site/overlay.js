@@ -1,4 +1,5 @@
-// Shows the overlay on top of the picture. All text is set as text, never as HTML.
+// Shows the overlay on top of the picture.
+import {element, svgElement} from "./dom.js";
 
 const byId = (id) => document.getElementById(id);
 
@@ -9,22 +10,19 @@ function keep(parent, count, make) {
   return [...parent.children];
 }
 
-function element(tag, className, text) {
-  const made = document.createElement(tag);
-  if (className) made.className = className;
-  if (text !== undefined) made.textContent = text;
-  return made;
-}
-
 const kLabelClasses = ["pin", "point", "value", "handle"];
-const kStatus = {
-  connecting: 0,
-  loading: 1,
-  ready: 2,
-  lost: 3,
-  refused: 4
-};
+const kLost = 3, kRefused = 4;  // as Status::Kind in client/app/app.h
 const kStatusText = ["Connecting …", "Loading …", "", "Connection lost", "Refused"];
+
+/// Shows a problem in the middle of the page, with buttons for what `again` and `check` are there.
+export function showProblem(title, advice, again, check) {
+  const box = byId("problem");
+  box.querySelector("h2").textContent = title;
+  box.querySelector("p").textContent = advice;
+  for (const [button, act] of [[box.querySelector(".again"), again], [byId("problem-check"), check]])
+    Object.assign(button, {hidden: !act, onclick: act});
+  box.hidden = false;
+}
 
 /// Shows the labels, lines and panels over the picture. `press(act)` runs what a click does; `retry()` tries the server
 /// again; `check()` shows what the scene's host sends, and is null with a server of ours.
@@ -63,21 +61,15 @@ export class Overlay {
   updateStatistics() {
     if (byId("statistics").hidden) return;
     const lines = this.core.rows("statistics");
-    const rows = keep(byId("statistics").firstElementChild, lines.length, () => {
-      const row = element("tr");
-      row.append(element("th"), element("td"));
-      return row;
-    });
-    rows.forEach((row, i) => {
-      row.children[0].textContent = lines[i][0];
-      row.children[1].textContent = lines[i][1];
-    });
+    const rows =
+        keep(byId("statistics").firstElementChild, lines.length, () => element("tr", {}, element("th"), element("td")));
+    rows.forEach((row, i) => [...row.children].forEach((cell, j) => (cell.textContent = lines[i][j])));
   }
 
   /// Shows a problem that waiting cannot solve.
   problem(title, advice, again) {
     this.fatal = true;
-    this.showProblem(title, advice, again);
+    showProblem(title, advice, again, this.options.check);
   }
 
   showName([, name]) {
@@ -88,30 +80,17 @@ export class Overlay {
 
   showStatus([, kindText, text, advice]) {
     const kind = Number(kindText);
-    const line = kind === kStatus.lost ? text || kStatusText[kind] : kStatusText[kind];
+    const line = kind === kLost ? text || kStatusText[kind] : kStatusText[kind];
     const state = byId("state");
     if (state.textContent !== line) state.textContent = line;
     byId("title").hidden = byId("name").textContent === "" && line === "";
     // There is nothing to look at yet, and nothing will come by itself, so the problem is shown in the middle of the
     // page.
     const bare = byId("name").textContent === "";
-    if (kind === kStatus.refused || (kind === kStatus.lost && bare))
-      this.showProblem(text || kStatusText[kind], advice, this.options.retry);
+    if (kind === kRefused || (kind === kLost && bare))
+      showProblem(text || kStatusText[kind], advice, this.options.retry, this.options.check);
     else if (!this.fatal)
       byId("problem").hidden = true;
-  }
-
-  showProblem(title, advice, again) {
-    const box = byId("problem");
-    const {check} = this.options;
-    box.querySelector("h2").textContent = title;
-    box.querySelector("p").textContent = advice;
-    const button = box.querySelector(".again");
-    button.hidden = !again;
-    button.onclick = again;
-    byId("problem-check").hidden = !check;
-    byId("problem-check").onclick = check;
-    box.hidden = false;
   }
 
   showProgress([, active, share]) {
@@ -138,11 +117,9 @@ export class Overlay {
     if (!shown || box.childElementCount > 1) return;
     const steps = this.core.rows("legend");
     steps.forEach(([pixels, ...color], i) => {
-      const row = element("span");
       const swatch = element("i");
       swatch.style.background = `rgb(${color.join()})`;
-      row.append(swatch, i + 1 < steps.length ? `up to ${pixels}` : "more");
-      box.append(row);
+      box.append(element("span", {}, swatch, i + 1 < steps.length ? `up to ${pixels}` : "more"));
     });
   }
 
@@ -177,7 +154,7 @@ export class Overlay {
   }
 
   makeLabel(kind, index) {
-    const at = element(kind === 0 ? "button" : "div", "label " + kLabelClasses[kind]);
+    const at = element(kind === 0 ? "button" : "div", {className: "label " + kLabelClasses[kind]});
     if (kind === 0) {
       at.type = "button";
       at.addEventListener("click", () => this.showAnnotation(at.classList.contains("open") ? -1 : index));
@@ -187,8 +164,7 @@ export class Overlay {
   }
 
   showLines(lines) {
-    const made =
-        keep(byId("lines"), lines.length, () => document.createElementNS("http://www.w3.org/2000/svg", "line"));
+    const made = keep(byId("lines"), lines.length, () => svgElement("line"));
     made.forEach((line, i) => {
       const [, x0, y0, x1, y1, rough] = lines[i];
       const place = {x1: x0, y1: y0, x2: x1, y2: y1};
@@ -197,9 +173,7 @@ export class Overlay {
     });
   }
 
-  showAnnotation(index) {
-    this.options.press(() => this.core.call("showAnnotation", index));
-  }
+  showAnnotation(index) { this.options.press(() => this.core.call("showAnnotation", index)); }
 
   showCard(row) {
     const card = byId("card");
@@ -215,7 +189,7 @@ export class Overlay {
     if (shown && !dialog.open) {
       const list = dialog.querySelector("dl");
       list.replaceChildren(...this.core.rows("help").flatMap(
-          ([input, effect]) => [element("dt", "", input), element("dd", "", effect)]));
+          ([input, effect]) => [element("dt", {textContent: input}), element("dd", {textContent: effect})]));
       dialog.showModal();
     } else if (!shown && dialog.open) {
       this.closingHelp = true;

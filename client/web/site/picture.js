@@ -1,29 +1,26 @@
 // Saves pictures: of any size from the server, or the screen's.
+import {element} from "./dom.js";
 
-export function saveBlob(blob, name) {
-  const link = document.createElement("a");
-  link.href = URL.createObjectURL(blob);
-  link.download = name;
+function saveBlob(blob, name) {
+  const link = element("a", {href: URL.createObjectURL(blob), download: name});
   link.click();
   setTimeout(() => URL.revokeObjectURL(link.href), 60_000);
 }
 
 /// Returns the canvas as PNG on the page's background. It is drawn again first, since a frame is gone once it was
 /// shown.
-export function screenPicture(canvas, draw) {
+function screenPicture(canvas, draw) {
   draw();
-  const copy = document.createElement("canvas");
-  copy.width = canvas.width;
-  copy.height = canvas.height;
+  const {width, height} = canvas;
+  const copy = element("canvas", {width, height});
   const context = copy.getContext("2d");
   const style = getComputedStyle(document.documentElement);
   const shade = context.createRadialGradient(
-      0.5 * copy.width, 0.42 * copy.height, 0, 0.5 * copy.width, 0.42 * copy.height,
-      0.75 * Math.max(copy.width, copy.height));
+      0.5 * width, 0.42 * height, 0, 0.5 * width, 0.42 * height, 0.75 * Math.max(width, height));
   shade.addColorStop(0, style.getPropertyValue("--near"));
   shade.addColorStop(1, style.getPropertyValue("--far"));
   context.fillStyle = shade;
-  context.fillRect(0, 0, copy.width, copy.height);
+  context.fillRect(0, 0, width, height);
   context.drawImage(canvas, 0, 0);
   return new Promise(
       (done, fail) =>
@@ -45,9 +42,8 @@ export function openPicture({dialog, canvas, query, server, draw, name, say}) {
   height.value = canvas.height;
   source.options[0].disabled = server === null;
   source.value = server === null ? "screen" : "server";
-  const sizes = () => (width.disabled = height.disabled = source.value === "screen");
-  source.onchange = sizes;
-  sizes();
+  source.onchange = () => (width.disabled = height.disabled = source.value === "screen");
+  source.onchange();
   form.onsubmit = async (event) => {
     event.preventDefault();
     dialog.close();

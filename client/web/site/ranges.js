@@ -1,15 +1,10 @@
 // Fetches byte ranges of a published scene's objects, and classifies failures (client/source/fetch.h, FetchOutcome).
 
-export const kBytes = 0, kNetwork = 1, kNotFound = 2, kForbidden = 3, kRangeIgnored = 4, kCompressed = 5, kChanged = 6,
-             kTooShort = 7, kServer = 8;
-
-function outcomeOf(status) {
-  if (status === 404 || status === 410) return kNotFound;
-  if (status === 401 || status === 403) return kForbidden;
-  if (status === 412) return kChanged;
-  if (status === 416) return kTooShort;
-  return kServer;
-}
+export const kBytes = 0;
+const kNetwork = 1, kNotFound = 2, kForbidden = 3, kRangeIgnored = 4, kCompressed = 5, kChanged = 6, kTooShort = 7,
+      kServer = 8;
+const kOutcomes = new Map(
+    [[401, kForbidden], [403, kForbidden], [404, kNotFound], [410, kNotFound], [412, kChanged], [416, kTooShort]]);
 
 /// Returns "bytes 5-9/100" as [5, 9]; null when the header is absent or hidden from this page.
 function contentRange(answer) {
@@ -31,7 +26,7 @@ export function makeRanges(base, done) {
       return [outcome, answer.status, null, detail];
     };
     if (answer.status === 200) return fail(kRangeIgnored);
-    if (answer.status !== 206) return fail(outcomeOf(answer.status), answer.statusText);
+    if (answer.status !== 206) return fail(kOutcomes.get(answer.status) ?? kServer, answer.statusText);
     if (answer.headers.get("Content-Encoding")) return fail(kCompressed, answer.headers.get("Content-Encoding"));
     const range = contentRange(answer);
     if (range && range[0] !== offset) return fail(kRangeIgnored);

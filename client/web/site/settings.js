@@ -1,22 +1,17 @@
 // Keeps settings as JSON (docs/formats/settings.md) in the browser, and shows them as a form. Names, ranges and
 // defaults come from the C++ client.
+import {element} from "./dom.js";
 
 const kStore = "lumigrid.settings";
 const kVersion = 1;
 const kNumber = 0, kInteger = 1, kFlag = 2;
 
-const fieldsOf = (core) =>
-    core.rows("settings").map(([name, label, kind, min, max, value, fallback, choices, later]) => ({
-                                name,
-                                label,
-                                kind: Number(kind),
-                                min: Number(min),
-                                max: Number(max),
-                                value: Number(value),
-                                fallback: Number(fallback),
-                                choices: choices.split(" "),
-                                later: later === "1",
-                              }));
+function fieldsOf(core) {
+  return core.rows("settings").map(([name, label, ...more]) => {
+    const [kind, min, max, value, fallback] = more.map(Number);
+    return {name, label, kind, min, max, value, fallback, choices: more[5].split(" "), later: more[6] === "1"};
+  });
+}
 
 /// Returns a value as the client's number; NaN when the field cannot have it.
 function numberOf(field, value) {
@@ -43,7 +38,7 @@ export function restoreSettings(core) {
 }
 
 /// Returns the settings that differ from the defaults, as the JSON of docs/formats/settings.md.
-export function settingsJson(core) {
+function settingsJson(core) {
   const out = {version: kVersion};
   for (const {name, kind, value, fallback, choices} of fieldsOf(core))
     if (value !== fallback)
@@ -65,40 +60,19 @@ export function settingValue(core, name) {
   return field?.kind > kFlag ? field.choices[field.value] : field?.value;
 }
 
-function inputFor(field) {
-  if (field.kind > kFlag) {
-    const select = document.createElement("select");
-    field.choices.forEach((choice, i) => select.append(new Option(choice, i, false, i === field.value)));
-    return select;
-  }
-  const input = document.createElement("input");
-  if (field.kind === kFlag) {
-    input.type = "checkbox";
-    input.checked = field.value !== 0;
-  } else {
-    Object.assign(input, {
-      type: "number",
-      min: field.min,
-      max: field.max,
-      step: field.kind === kInteger ? 1 : "any",
-      value: field.value
-    });
-  }
-  return input;
+function inputFor({kind, min, max, value, choices}) {
+  if (kind > kFlag)
+    return element("select", {}, ...choices.map((choice, i) => new Option(choice, i, false, i === value)));
+  if (kind === kFlag) return element("input", {type: "checkbox", checked: value !== 0});
+  return element("input", {type: "number", min, max, step: kind === kInteger ? 1 : "any", value});
 }
 
 /// Opens the form. `shown`: values by name that replace the stored ones and take effect at once.
 export function showSettings(dialog, core, shown, changed) {
   const rows = fieldsOf(core).map((field) => {
     if (field.name in shown) Object.assign(field, {value: field.choices.indexOf(shown[field.name]), later: false});
-    const label = document.createElement("label");
-    const words = document.createElement("span");
-    words.textContent = field.label;
-    if (field.later) {
-      const note = document.createElement("small");
-      note.textContent = " (after reloading)";
-      words.append(note);
-    }
+    const words = element("span", {textContent: field.label});
+    if (field.later) words.append(element("small", {textContent: " (after reloading)"}));
     const input = inputFor(field);
     input.name = field.name;
     input.addEventListener("change", () => {
@@ -108,8 +82,7 @@ export function showSettings(dialog, core, shown, changed) {
       input.reportValidity?.();
       changed(error, field.name);
     });
-    label.append(words, input);
-    return label;
+    return element("label", {}, words, input);
   });
   dialog.querySelector(".fields").replaceChildren(...rows);
   dialog.showModal();

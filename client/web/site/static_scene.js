@@ -43,7 +43,9 @@ async function readJson(url) {
   }
 }
 
-const vector = (value) => (Array.isArray(value) && value.length === 3 && value.every(Number.isFinite) ? value : null);
+/// Returns the value if it is three numbers, else null.
+export const vector = (value) =>
+    (Array.isArray(value) && value.length === 3 && value.every(Number.isFinite) ? value : null);
 
 /// Returns the published part whose name begins and ends so; null when there is none.
 export function partOf(parts, front, end) {
@@ -83,7 +85,10 @@ async function readScene(base) {
   };
 }
 
-function fetchRanges(base, core, changed) {
+/// Hands the scene to the client's function `name`, which gets place, scene's name, units, the names of the parts'
+/// files and all numbers. Returns a function of `now` that is to be called each turn, and returns true when something
+/// arrived.
+function openParts(name, base, {scene, numbers}, core, changed, parts) {
   const ranges = makeRanges(base, (job, outcome, status, bytes, detail) => {
     if (outcome === kBytes)
       core.fill(core.call("fetchedBytes", job, status, bytes.length), bytes);
@@ -93,43 +98,39 @@ function fetchRanges(base, core, changed) {
   });
   core.fetchRange = ranges.fetch;
   core.cancelRange = ranges.cancel;
+  core.withNumbers(
+      [...numbers, ...parts.map((part) => part?.bytes ?? 0)],
+      (at) => core.call(
+          name, base.replace(/\/$/, ""), nameOf(base, scene), String(scene.units ?? ""),
+          ...parts.map((part) => part?.file ?? ""), at));
+  return (now) => core.call("pumpStatic", now) !== 0;
 }
 
 /// Opens the splats of a scene, as openStaticScene does its patches. A scene of our server has them under their plain
 /// name.
 export async function openSplatScene(base, core, changed) {
-  const {url, scene, parts, numbers} = await readScene(base);
+  const read = await readScene(base);
+  const {url, parts} = read;
   const plain = parts.find(({file, bytes}) => file === "qsplat.lgq" && Number.isSafeInteger(bytes) && bytes > 0);
   const splats = partOf(parts, "qsplat-", ".lgq") ?? plain;
   const advice = "Build them with lumigrid build ... --methods qsplat, and publish the scene again.";
   if (!splats && parts.some(({file}) => /^patch.*\.lgp$/.test(file)))
     throw new NoSplats(`${url} lists no splats`, advice);
   if (!splats) throw new SceneError(`${url} lists no splats`, advice);
-  fetchRanges(base, core, changed);
-  core.withNumbers(
-      [...numbers, splats.bytes],
-      (at) => core.call(
-          "openSplats", base.replace(/\/$/, ""), nameOf(base, scene), String(scene.units ?? ""), splats.file, at));
-  return (now) => core.call("pumpStatic", now) !== 0;
+  return openParts("openSplats", base, read, core, changed, [splats]);
 }
 
-/// Hands the scene to the client. `base`: URL of its folder. Throws SceneError or SplatsOnly. Returns a function of
-/// `now` that is to be called each turn, and returns true when something arrived.
+/// Hands the scene to the client and returns what openParts() does. `base`: URL of its folder. Throws SceneError or
+/// SplatsOnly.
 export async function openStaticScene(base, core, changed) {
-  const {url, scene, parts, numbers} = await readScene(base);
+  const read = await readScene(base);
+  const {url, parts} = read;
   const patches = partOf(parts, "patch-", ".lgp");
   if (!patches && partOf(parts, "qsplat-", ".lgq")) throw new SplatsOnly();
   if (!patches)
     throw new SceneError(
         `${url} is not published`, "Its parts have no names by content; put there what lumigrid publish wrote.");
-  const index = partOf(parts, "images/index-", ".lgi");
-  fetchRanges(base, core, changed);
-  core.withNumbers(
-      [...numbers, patches.bytes, index?.bytes ?? 0],
-      (at) => core.call(
-          "openStatic", base.replace(/\/$/, ""), nameOf(base, scene), String(scene.units ?? ""), patches.file,
-          index?.file ?? "", at));
-  return (now) => core.call("pumpStatic", now) !== 0;
+  return openParts("openStatic", base, read, core, changed, [patches, partOf(parts, "images/index-", ".lgi")]);
 }
 
 /// Reads the parameters of an image index (docs/formats/repository.md): numbers and the tree's digits; null when they

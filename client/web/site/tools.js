@@ -1,4 +1,5 @@
 // Makes the row of buttons, which have the effects of keys for users without a keyboard.
+import {element, svgElement} from "./dom.js";
 
 const kTools = [
   {
@@ -39,8 +40,7 @@ const kTools = [
   {
     key: "g",
     label: "Settings (G)",
-    icon:
-        "M10 7a3 3 0 1 0 0 6a3 3 0 1 0 0-6M10 2v3M10 15v3M2 10h3M15 10h3M4.3 4.3l2.1 2.1M13.6 13.6l2.1 2.1" +
+    icon: "M10 7a3 3 0 1 0 0 6a3 3 0 1 0 0-6M10 2v3M10 15v3M2 10h3M15 10h3M4.3 4.3l2.1 2.1M13.6 13.6l2.1 2.1" +
         "M4.3 15.7l2.1-2.1M13.6 6.4l2.1-2.1"
   },
   {key: "h", label: "Help (H)", icon: "M7 7.5a3 3 0 1 1 4.5 2.6c-1 .6-1.5 1.1-1.5 2.4M10 15.6v.2"},
@@ -50,20 +50,17 @@ const kTools = [
 export function makeTools(nav, splats, press) {
   for (const {key, label, toggle, wide, splats: forSplats, icon} of kTools) {
     if (forSplats && !splats) continue;
-    const button = document.createElement("button");
-    button.type = "button";
-    button.id = `tool-${key}`;
-    button.title = label;
+    const button = element(
+        "button", {
+          type: "button",
+          id: `tool-${key}`,
+          title: label,
+          className: wide ? "wide" : "",
+          onclick: () => press(key),
+        },
+        svgElement("svg", {viewBox: "0 0 20 20"}, svgElement("path", {d: icon})));
     button.setAttribute("aria-label", label);
     if (toggle) button.setAttribute("aria-pressed", "false");
-    if (wide) button.className = "wide";
-    const svg = document.createElementNS("http://www.w3.org/2000/svg", "svg");
-    svg.setAttribute("viewBox", "0 0 20 20");
-    const path = document.createElementNS("http://www.w3.org/2000/svg", "path");
-    path.setAttribute("d", icon);
-    svg.append(path);
-    button.append(svg);
-    button.addEventListener("click", () => press(key));
     nav.append(button);
   }
 }
