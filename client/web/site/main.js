@@ -198,7 +198,7 @@ function openSettings() {
   showSettings(document.getElementById("settings"), core, shown, settingChanged);
 }
 
-/// The client's requests are answered by these, in the order of RequestKind (client/app/app.h). Each gets text, id, ray.
+/// These carry out the client's requests, in the order of RequestKind (client/app/app.h). Each gets text, id, ray.
 const kRequests = [copyLink, keepLink, savePicture, keepBookmarks, keepAndApply, openSettings, pick];
 
 function carryOut() {
