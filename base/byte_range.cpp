@@ -45,17 +45,10 @@ RangeRequest parseRange(std::string_view header, std::uint64_t size) {
 }
 
 std::string formatContentRange(const RangeRequest& range, std::uint64_t size) {
-  std::string text = "bytes ";
-  if (range.kind == RangeRequest::Kind::kUnsatisfiable) {
-    text += '*';
-  } else {
-    text += std::to_string(range.first);
-    text += '-';
-    text += std::to_string(range.first + range.length - 1);
-  }
-  text += '/';
-  text += std::to_string(size);
-  return text;
+  const std::string part = range.kind == RangeRequest::Kind::kUnsatisfiable
+                               ? "*"
+                               : std::to_string(range.first) + "-" + std::to_string(range.first + range.length - 1);
+  return "bytes " + part + "/" + std::to_string(size);
 }
 
 std::optional<ContentRange> parseContentRange(const std::string& text) {

@@ -8,6 +8,7 @@
 #include <optional>
 #include <utility>
 
+#include "base/fields.h"
 #include "base/parallel.h"
 #include "lod/ingest/work_directory.h"
 
@@ -284,9 +285,7 @@ void Buckets::release() {
 base::Bytes Buckets::state() const {
   base::ByteWriter out;
   out.u8(kStateVersion);
-  out.u8(packing_.has_colors ? 1 : 0);
-  out.u8(packing_.has_normals ? 1 : 0);
-  out.write(totals_);
+  base::writeFields(out, std::tie(packing_.has_colors, packing_.has_normals, totals_));
   out.u64(file_.size());
   out.u64(count());
   for (std::size_t b = 0; b < count(); ++b) {
@@ -308,9 +307,7 @@ base::Result<Buckets> Buckets::open(const std::string& directory, base::ByteView
   Buckets out;
   base::ByteReader in(state);
   if (in.u8() != kStateVersion) return broken;
-  out.packing_.has_colors = in.u8() != 0;
-  out.packing_.has_normals = in.u8() != 0;
-  out.totals_ = in.read<BucketCounts>();
+  base::readFields(in, std::tie(out.packing_.has_colors, out.packing_.has_normals, out.totals_));
   if (in.u64() != file.size()) return broken;
   const std::uint64_t buckets = in.u64();
   if (!in.ok() || buckets > in.remaining() / 16) return broken;

@@ -71,10 +71,6 @@ class Buckets {
   void release();
 
  private:
-  struct Extent {
-    std::uint64_t offset = 0;
-    std::uint64_t bytes = 0;
-  };
   struct Area {
     std::uint64_t triangles = 0;  // how many have an area
     glm::dvec3 facing{0.0};

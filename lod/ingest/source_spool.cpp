@@ -316,12 +316,18 @@ base::Result<void> SourceSpool::measureBlock(std::size_t block, BlockMeasure& ou
   return {};
 }
 
+// Reads a block's bytes after its header into `packed`, and returns them.
+base::Result<base::ByteView> SourceSpool::readPacked(const SpoolFile& file, const Block& block, std::uint64_t bytes,
+                                                     base::Bytes& packed) {
+  packed.resize(static_cast<std::size_t>(bytes));
+  LUMIGRID_TRY(file.readAt(block.offset + sizeof(BlockHeader), packed));
+  return base::ByteView(packed);
+}
+
 base::Result<void> SourceSpool::readVertices(std::size_t block, SpooledVertices& out) const {
   const Block& at = vertex_blocks_[block];
   out.first = at.first;
-  out.packed.resize(static_cast<std::size_t>(vertexBlockBytes(at.count, at.flags)));
-  LUMIGRID_TRY(vertices_.readAt(at.offset + sizeof(BlockHeader), out.packed));
-  base::ByteView in = out.packed;
+  LUMIGRID_ASSIGN_OR_RETURN(auto in, readPacked(vertices_, at, vertexBlockBytes(at.count, at.flags), out.packed));
   unpackNarrow<glm::vec3>(in, out.positions, at.count, (at.flags & kDouble) == 0);
   unpack(in, out.normals, (at.flags & kNormals) != 0 ? at.count : 0);
   unpack(in, out.colors, (at.flags & kColors) != 0 ? at.count : 0);
@@ -331,9 +337,7 @@ base::Result<void> SourceSpool::readVertices(std::size_t block, SpooledVertices&
 base::Result<void> SourceSpool::readTriangles(std::size_t block, SpooledTriangles& out) const {
   const Block& at = triangle_blocks_[block];
   out.first = at.first;
-  out.packed.resize(static_cast<std::size_t>(triangleBlockBytes(at.count, at.flags)));
-  LUMIGRID_TRY(triangles_.readAt(at.offset + sizeof(BlockHeader), out.packed));
-  base::ByteView in = out.packed;
+  LUMIGRID_ASSIGN_OR_RETURN(auto in, readPacked(triangles_, at, triangleBlockBytes(at.count, at.flags), out.packed));
   const std::size_t corners = 3 * std::size_t{at.count};
   unpackNarrow<std::uint32_t>(in, out.corners, corners, (at.flags & kWide) == 0);
   unpack(in, out.colors, (at.flags & kColors) != 0 ? corners : 0);

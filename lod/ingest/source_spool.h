@@ -100,6 +100,8 @@ class SourceSpool : public mesh::MeshSink {
   SourceSpool(SpoolFile vertices, SpoolFile triangles)
       : vertices_(std::move(vertices)), triangles_(std::move(triangles)) {}
   base::Result<void> findBlocks(const std::string& directory);
+  static base::Result<base::ByteView> readPacked(const SpoolFile& file, const Block& block, std::uint64_t bytes,
+                                                 base::Bytes& packed);
   void sample(std::span<const std::uint64_t> corners);
   base::Result<void> measure(unsigned threads);
   struct BlockMeasure;

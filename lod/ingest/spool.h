@@ -10,6 +10,12 @@
 
 namespace lod::ingest {
 
+/// A part of a file.
+struct Extent {
+  std::uint64_t offset = 0;
+  std::uint64_t bytes = 0;
+};
+
 /// Appended bytes are buffered, and can be read once they are flushed; closing the file does not flush them. Reading is
 /// safe from several threads, writing from one.
 class SpoolFile {

@@ -14,11 +14,7 @@ base::Result<void> checkRows(const Hierarchy& h) {
   std::uint64_t parents = 0;
   for (std::uint32_t g = 0; g < h.groups.size(); ++g) {
     const Group& group = h.groups[g];
-    if (const char* fault = groupFault(group, g)) return groupError(g, fault);
-    if (std::uint64_t{group.first_patch} + group.patch_count > h.patches.size())
-      return groupError(g, "consumes patches that aren't there");
-    if (std::uint64_t{group.first_parent} + group.parent_count > h.parents.size())
-      return groupError(g, "its parents aren't in the table");
+    LUMIGRID_TRY(checkGroupRow(group, g, h.patches.size(), h.parents.size()));
     consumed += group.patch_count;
     parents += group.parent_count;
   }

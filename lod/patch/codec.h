@@ -26,11 +26,10 @@ inline constexpr std::int32_t kMaxLattice = (1 << 30) - 1;
 /// geometry gives the same bytes. The caller sees to: 1 … kMaxPatchTriangles triangles, at most kMaxPatchVertices
 /// vertices, indices in range, lattice points within ±kMaxLattice, normals (and colours, if any) as many as positions.
 /// Safe to call from several threads.
-base::Bytes encodePatch(const PatchGeometry& geometry);
-
-/// The same bytes; `triangle_order`, unless null, is set to which input triangle became each decoded one: decoded
-/// triangle i has the corners of input triangle (*triangle_order)[i].
-base::Bytes encodePatch(const PatchGeometry& geometry, std::vector<std::uint32_t>* triangle_order);
+///
+/// `triangle_order`, unless null, is set to which input triangle became each decoded one: decoded triangle i has the
+/// corners of input triangle (*triangle_order)[i].
+base::Bytes encodePatch(const PatchGeometry& geometry, std::vector<std::uint32_t>* triangle_order = nullptr);
 
 /// Checks the checksum and every length and index, never reads past `bytes`, and never allocates more than the limits
 /// above need (12 MB, most of which the thread keeps for its next patch). Decoding gives back exactly what was encoded,

@@ -42,7 +42,7 @@ std::uint64_t alignedUp(std::uint64_t offset) {
 // Header ------------------------------------------------------------------------------------------
 
 // The fields between the lengths of the header and its checksum.
-auto fieldsOf(auto& h) {
+auto headerFields(auto& h) {
   return std::tie(h.file_bytes, h.blocks_offset, h.lattice.origin, h.lattice.step, h.source_triangles, h.flags,
                   h.groups, h.patches, h.parents, h.tables_crc);
 }
@@ -52,7 +52,7 @@ base::Bytes headerBytes(const FileHeader& header) {
   out.write(kMagic);
   out.u32(kVersion);
   out.u32(kHeaderBytes);
-  base::writeFields(out, fieldsOf(header));
+  base::writeFields(out, headerFields(header));
   out.u32(base::crc32c(out.view()));
   return out.take();
 }
@@ -89,7 +89,7 @@ base::Result<FileHeader> readHeader(base::ByteView front) {
   if (crc != base::crc32c(front.first(kHeaderCrcOffset))) return damaged("header: checksum does not match");
 
   FileHeader header;
-  base::readFields(in, fieldsOf(header));
+  base::readFields(in, headerFields(header));
   LUMIGRID_TRY(checkHeader(header));
   return header;
 }
@@ -98,8 +98,8 @@ base::Result<FileHeader> readHeader(base::ByteView front) {
 
 base::Bytes tableBytes(const Hierarchy& hierarchy) {
   base::ByteWriter out;
-  for (const Group& group : hierarchy.groups) writeGroupRow(out, group);
-  for (const Patch& patch : hierarchy.patches) writePatchRow(out, patch);
+  for (const Group& group : hierarchy.groups) writeRow(out, group);
+  for (const Patch& patch : hierarchy.patches) writeRow(out, patch);
   for (const std::uint32_t parent : hierarchy.parents) out.u32(parent);
   return out.take();
 }
@@ -137,9 +137,9 @@ base::Result<Hierarchy> readTablesBehind(const FileHeader& header, base::ByteVie
   hierarchy.source_triangles = header.source_triangles;
   base::ByteReader in(tables);
   hierarchy.groups.resize(header.groups);
-  for (Group& group : hierarchy.groups) group = readGroupRow(in);
+  for (Group& group : hierarchy.groups) group = readRow<Group>(in);
   hierarchy.patches.resize(header.patches);
-  for (Patch& patch : hierarchy.patches) patch = readPatchRow(in);
+  for (Patch& patch : hierarchy.patches) patch = readRow<Patch>(in);
   hierarchy.parents.resize(header.parents);
   for (std::uint32_t& parent : hierarchy.parents) parent = in.u32();
 
@@ -198,11 +198,9 @@ base::Result<PatchGeometry> PatchFile::geometry(std::uint32_t patch) const {
   const Patch& row = hierarchy_.patches[patch];
   const auto bytes =
       file_.bytes().subspan(hierarchy_.groups[row.consumer].block_offset + row.block_offset, row.block_bytes);
-  auto geometry = decodePatch(bytes);
+  auto geometry = decodeRow(row, bytes);
   const std::string place = path_ + ": patch " + std::to_string(patch);
   if (!geometry) return base::within(place, geometry.error());
-  if (geometry->indices.size() != std::size_t{row.triangles} * 3 || geometry->positions.size() != row.vertices)
-    return base::within(place, damaged("its counts are not its record's"));
   if (geometry->colors.empty() == hierarchy_.has_colors)
     return base::within(place, damaged("colours where the scene has none, or none where it has"));
   return geometry;

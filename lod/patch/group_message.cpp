@@ -11,8 +11,8 @@ void encodeGroup(const Hierarchy& hierarchy, std::uint32_t group, base::ByteWrit
   LUMIGRID_CHECK(hierarchy.isKnown(group));
   const Group& row = hierarchy.groups[group];
   out.u32(group);
-  writeGroupRow(out, row);
-  for (std::uint32_t i = 0; i < row.patch_count; ++i) writePatchRow(out, hierarchy.patches[row.first_patch + i]);
+  writeRow(out, row);
+  for (std::uint32_t i = 0; i < row.patch_count; ++i) writeRow(out, hierarchy.patches[row.first_patch + i]);
   for (std::uint32_t i = 0; i < row.patch_count; ++i) {
     const Patch& patch = hierarchy.patches[row.first_patch + i];
     const bool known = patch.producer < hierarchy.groups.size() && hierarchy.isKnown(patch.producer);
@@ -37,7 +37,7 @@ base::Error badGroup(std::uint32_t group, const std::string& what) {
 base::Result<GroupMessage> readGroupMessage(base::ByteReader& in) {
   GroupMessage message;
   message.index = in.u32();
-  message.group = readGroupRow(in);
+  message.group = readRow<Group>(in);
   // Memory is allocated only for rows whose bytes are there.
   const std::uint64_t needed =
       std::uint64_t{message.group.patch_count} * (kPatchRowBytes + 4) + std::uint64_t{message.group.parent_count} * 4;
@@ -46,7 +46,7 @@ base::Result<GroupMessage> readGroupMessage(base::ByteReader& in) {
     return badGroup(message.index, "cut short");
   }
   message.patches.resize(message.group.patch_count);
-  for (Patch& patch : message.patches) patch = readPatchRow(in);
+  for (Patch& patch : message.patches) patch = readRow<Patch>(in);
   for (Patch& patch : message.patches) patch.own_error = in.f32();
   message.parents.resize(message.group.parent_count);
   for (std::uint32_t& parent : message.parents) parent = in.u32();

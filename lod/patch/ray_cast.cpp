@@ -5,7 +5,6 @@
 #include <string>
 #include <utility>
 
-#include "lod/patch/codec.h"
 #include "lod/patch/format.h"
 #include "lod/patch/ray_triangle.h"
 #include "lod/patch/records.h"
@@ -175,10 +174,8 @@ class RayWalk {
     if (block.size() != hierarchy_.groups[patch.consumer].block_bytes ||
         std::uint64_t{patch.block_offset} + patch.block_bytes > block.size())
       return base::within(place, damaged("its block has not the length of its record"));
-    auto geometry = decodePatch(block.subspan(patch.block_offset, patch.block_bytes));
+    auto geometry = decodeRow(patch, block.subspan(patch.block_offset, patch.block_bytes));
     if (!geometry) return base::within(place, geometry.error());
-    if (geometry->indices.size() != std::size_t{patch.triangles} * 3 || geometry->positions.size() != patch.vertices)
-      return base::within(place, damaged("its counts are not its record's"));
     return geometry;
   }
 

@@ -2,7 +2,6 @@
 
 #include <cmath>
 
-#include "base/fields.h"
 #include "lod/patch/codec.h"
 
 namespace lod::patch {
@@ -18,36 +17,7 @@ bool isSphere(const base::Sphere& s) {
   return isFinite(s.center) && isFinite(s.radius) && s.radius >= 0.0F;
 }
 
-auto fieldsOfGroup(auto& g) {
-  return std::tie(g.bounds, g.error, g.attribute_error, g.level, g.first_patch, g.patch_count, g.first_parent,
-                  g.parent_count, g.block_bytes, g.block_offset);
-}
-auto fieldsOfPatch(auto& p) {
-  return std::tie(p.box, p.bounds, p.cone, p.producer, p.consumer, p.level, p.triangles, p.vertices, p.block_offset,
-                  p.block_bytes);
-}
-
 }  // namespace
-
-void writeGroupRow(base::ByteWriter& out, const Group& group) {
-  base::writeFields(out, fieldsOfGroup(group));
-}
-
-Group readGroupRow(base::ByteReader& in) {
-  Group group;
-  base::readFields(in, fieldsOfGroup(group));
-  return group;
-}
-
-void writePatchRow(base::ByteWriter& out, const Patch& patch) {
-  base::writeFields(out, fieldsOfPatch(patch));
-}
-
-Patch readPatchRow(base::ByteReader& in) {
-  Patch patch;
-  base::readFields(in, fieldsOfPatch(patch));
-  return patch;
-}
 
 const char* groupFault(const Group& group, std::uint32_t index) {
   if (!isSphere(group.bounds)) return "its sphere is not a sphere";
@@ -75,6 +45,24 @@ const char* patchFault(const Patch& patch) {
   if (patch.producer != kNoGroup && patch.producer <= patch.consumer)
     return "its producer doesn't lie below its consumer";
   return nullptr;
+}
+
+base::Result<void> checkGroupRow(const Group& group, std::uint32_t index, std::uint64_t patches,
+                                 std::uint64_t parents) {
+  if (const char* fault = groupFault(group, index)) return groupError(index, fault);
+  if (std::uint64_t{group.first_patch} + group.patch_count > patches)
+    return groupError(index, "consumes patches that aren't there");
+  if (std::uint64_t{group.first_parent} + group.parent_count > parents)
+    return groupError(index, "its parents aren't in the table");
+  return {};
+}
+
+base::Result<PatchGeometry> decodeRow(const Patch& row, base::ByteView bytes) {
+  auto geometry = decodePatch(bytes);
+  if (geometry &&
+      (geometry->indices.size() != std::size_t{row.triangles} * 3 || geometry->positions.size() != row.vertices))
+    return damaged("its counts are not its record's");
+  return geometry;
 }
 
 bool contains(const base::Sphere& outer, const base::Sphere& inner) {

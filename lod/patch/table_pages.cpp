@@ -13,11 +13,7 @@ constexpr std::uint64_t kHeaderBytes = 96;
 
 // Checks the ranges that a row names against the totals.
 base::Result<void> checkRow(const TableCounts& counts, std::uint32_t index, const Group& group) {
-  if (const char* fault = groupFault(group, index)) return groupError(index, fault);
-  if (std::uint64_t{group.first_patch} + group.patch_count > counts.patches)
-    return groupError(index, "consumes patches that aren't there");
-  if (std::uint64_t{group.first_parent} + group.parent_count > counts.parents)
-    return groupError(index, "its parents aren't in the table");
+  LUMIGRID_TRY(checkGroupRow(group, index, counts.patches, counts.parents));
   if (group.block_offset < counts.blocks_offset || group.block_offset > counts.file_bytes ||
       group.block_bytes > counts.file_bytes - group.block_offset)
     return groupError(index, "its block is not in the file");
@@ -84,7 +80,7 @@ base::Result<std::optional<Group>> TablePages::row(std::uint32_t group) const {
   const auto bytes = read(rowOffset(group), kGroupRowBytes);
   if (!bytes) return std::optional<Group>();
   base::ByteReader in(*bytes);
-  const Group row = readGroupRow(in);
+  const Group row = readRow<Group>(in);
   LUMIGRID_TRY(checkRow(counts_, group, row));
   return std::optional(row);
 }
@@ -112,7 +108,7 @@ base::Result<TablePages::Record> TablePages::record(std::uint32_t group) const {
   if (patch_bytes) {
     base::ByteReader in(*patch_bytes);
     for (std::uint32_t i = 0; i < g.patch_count; ++i) {
-      const Patch patch = readPatchRow(in);
+      const Patch patch = readRow<Patch>(in);
       if (patch.producer == kNoGroup) {
         errors.f32(0.0F);
         continue;

@@ -39,7 +39,7 @@ class CutSelection {
     if (states_.empty() || !hierarchy_.isKnown(0)) return {};
     refine();
     collectPatches();
-    splitWanted();
+    sortWanted();
     return std::move(cut_);
   }
 
@@ -171,13 +171,10 @@ class CutSelection {
   }
 
   // They were popped largest first, except where a parent's error is a rounding below its child's.
-  void splitWanted() {
+  void sortWanted() {
     std::stable_sort(wanted_.begin(), wanted_.end(),
                      [](const Candidate& a, const Candidate& b) { return lessUrgent(b, a); });
-    for (const Candidate& want : wanted_) {
-      cut_.wanted.push_back(want.group);
-      cut_.wanted_error_px.push_back(want.error_px);
-    }
+    for (const Candidate& want : wanted_) cut_.wanted.push_back(want.group);
   }
 
   const Hierarchy& hierarchy_;

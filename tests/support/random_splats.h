@@ -46,7 +46,6 @@ inline lod::qsplat::Header writeRandomSplats(const std::string& path, unsigned s
     }
     LUMIGRID_CHECK(static_cast<bool>(writer->add(group)));
   }
-  LUMIGRID_CHECK(writer->isComplete());
   const auto header = writer->finish();
   LUMIGRID_CHECK(static_cast<bool>(header));
   return *header;

@@ -156,13 +156,11 @@ class HierarchyBuilder {
   }
 
   base::Result<void> openStore() {
-    const bool resume = build_.directory().has("patches");
-    auto store = WorkStore::open(build_.directory().path() + "/patches", resume,
-                                 [this](const WorkUnit& unit, std::vector<WorkPatch> patches) {
-                                   known_.emplace_back(unit, std::move(patches));
-                                 });
-    if (!store) return store.error();
-    store_ = std::move(*store);
+    const auto keep = [this](const WorkUnit& unit, std::vector<WorkPatch> patches) {
+      known_.emplace_back(unit, std::move(patches));
+    };
+    LUMIGRID_ASSIGN_OR_RETURN(
+        store_, WorkStore::open(build_.directory().path() + "/patches", build_.directory().has("patches"), keep));
     // Still to come are about 7 bytes for each of twice the triangles, and the same again as patch.lgp.
     LUMIGRID_TRY(build_.directory().needSpace(
         std::max<std::uint64_t>(14 * buckets_.totals().triangles, store_->bytes()) - store_->bytes(), "the patches"));

@@ -46,16 +46,15 @@ bool readPayload(base::ByteView payload, std::uint64_t offset, WorkUnit& unit, s
 
 base::Result<WorkStore> WorkStore::open(const std::string& path, bool resume,
                                         const std::function<void(const WorkUnit&, std::vector<WorkPatch>)>& found) {
-  auto log = ingest::RecordLog::open(path, resume, [&](std::uint64_t offset, base::ByteView payload) {
+  const auto keep = [&](std::uint64_t offset, base::ByteView payload) {
     WorkUnit unit;
     std::vector<WorkPatch> patches;
     if (!readPayload(payload, offset, unit, patches)) return false;
     found(unit, std::move(patches));
     return true;
-  });
-  if (!log) return log.error();
+  };
   WorkStore store;
-  store.log_ = std::move(*log);
+  LUMIGRID_ASSIGN_OR_RETURN(store.log_, ingest::RecordLog::open(path, resume, keep));
   return store;
 }
 

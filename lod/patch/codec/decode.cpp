@@ -17,10 +17,6 @@ namespace lod::patch {
 namespace codec {
 namespace {
 
-using base::Float4;
-using base::Int4;
-using base::Uint4;
-
 // The memory that decoding needs beyond its result. Each thread keeps its own, as patches come by the thousand.
 struct Scratch {
   base::Bytes bytes;

@@ -18,10 +18,6 @@ namespace lod::patch {
 namespace codec {
 namespace {
 
-using base::Float4;
-using base::Int4;
-using base::Uint4;
-
 void checkGeometry(const PatchGeometry& geometry) {
   LUMIGRID_CHECK_EQ(geometry.indices.size() % 3, 0U);
   LUMIGRID_CHECK(!geometry.indices.empty());
@@ -206,10 +202,6 @@ PatchHeader headerOf(const PatchGeometry& geometry, const EncodedConnectivity& o
 
 }  // namespace
 }  // namespace codec
-
-base::Bytes encodePatch(const PatchGeometry& geometry) {
-  return encodePatch(geometry, nullptr);
-}
 
 base::Bytes encodePatch(const PatchGeometry& geometry, std::vector<std::uint32_t>* triangle_order) {
   using namespace codec;

@@ -10,8 +10,6 @@
 namespace lod::patch::codec {
 namespace {
 
-using base::Uint4;
-
 std::uint32_t sumOfLanes(Uint4 x) {
   x += __builtin_shufflevector(x, x, 2, 3, 0, 1);
   return x[0] + x[1];

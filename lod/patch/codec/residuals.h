@@ -15,6 +15,10 @@
 
 namespace lod::patch::codec {
 
+using base::Float4;
+using base::Int4;
+using base::Uint4;
+
 inline constexpr std::size_t kGroup = 16;
 /// This width stands for whole 32-bit numbers and no unary bits.
 inline constexpr std::uint32_t kRawWidth = 15;
@@ -39,8 +43,8 @@ constexpr std::size_t lowBytes(std::uint32_t width) {
 inline std::uint32_t zigzag(std::int32_t x) {
   return (static_cast<std::uint32_t>(x) << 1) ^ static_cast<std::uint32_t>(x >> 31);
 }
-LUMIGRID_ALWAYS_INLINE base::Uint4 zigzag(base::Uint4 x) {
-  return x << 1 ^ reinterpret_cast<base::Uint4>(reinterpret_cast<base::Int4>(x) >> 31);
+LUMIGRID_ALWAYS_INLINE Uint4 zigzag(Uint4 x) {
+  return x << 1 ^ reinterpret_cast<Uint4>(reinterpret_cast<Int4>(x) >> 31);
 }
 inline std::uint32_t unzigzag(std::uint32_t x) {
   return (x >> 1) ^ (0U - (x & 1U));

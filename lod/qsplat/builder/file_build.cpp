@@ -161,7 +161,7 @@ class FileBuilder {
   }
 
   base::Result<void> writeRun(const Segment& segment, TreeWriter& writer, std::vector<Segment>& next) {
-    const Extent& extent = extents_[segment.tile][segment.run];
+    const ingest::Extent& extent = extents_[segment.tile][segment.run];
     buffer_.resize(static_cast<std::size_t>(extent.bytes));
     LUMIGRID_TRY(runs_.readAt(extent.offset, buffer_));
     std::size_t at = 0;
@@ -180,10 +180,6 @@ class FileBuilder {
   }
   static Error cancelled() { return {ErrorCode::kCancelled, "building the splat tree was cancelled"}; }
 
-  struct Extent {
-    std::uint64_t offset = 0;
-    std::uint64_t bytes = 0;
-  };
   const SubtreeStore& subtrees_;
   const FileBuildOptions& options_;
   std::vector<std::uint32_t> tiles_;  // those with nodes
@@ -192,7 +188,7 @@ class FileBuilder {
   std::vector<Node> tile_nodes_;
   std::vector<base::Sphere> tile_spheres_;  // decoded roots
   ingest::SpoolFile runs_;
-  std::vector<std::vector<Extent>> extents_;
+  std::vector<std::vector<ingest::Extent>> extents_;
   base::Bytes buffer_;
   std::uint64_t written_ = 0;
 };

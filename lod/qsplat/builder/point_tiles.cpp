@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstring>
 
+#include "base/fields.h"
 #include "lod/ingest/morton.h"
 #include "lod/ingest/work_directory.h"
 
@@ -92,10 +93,9 @@ base::Bytes PointTiles::state() const {
   out.u64(file_.size());
   out.u64(tiles_.size());
   for (const Tile& tile : tiles_) {
-    out.u64(tile.points);
-    out.write(tile.box);
-    out.u64(tile.extents.size());
-    for (const Extent& extent : tile.extents) out.write(extent);
+    const std::uint64_t extents = tile.extents.size();
+    base::writeFields(out, std::tie(tile.points, tile.box, extents));
+    for (const ingest::Extent& extent : tile.extents) out.write(extent);
   }
   return out.take();
 }
@@ -111,11 +111,10 @@ base::Result<PointTiles> PointTiles::open(const std::string& directory, const in
   if (!in.ok() || tiles > in.remaining() / 16) return broken;
   out.tiles_.resize(static_cast<std::size_t>(tiles));
   for (Tile& tile : out.tiles_) {
-    tile.points = in.u64();
-    tile.box = in.read<base::Aabb>();
-    const std::uint64_t extents = in.u64();
-    if (!in.ok() || extents > in.remaining() / sizeof(Extent)) return broken;
-    for (std::uint64_t e = 0; e < extents; ++e) tile.extents.push_back(in.read<Extent>());
+    std::uint64_t extents = 0;
+    base::readFields(in, std::tie(tile.points, tile.box, extents));
+    if (!in.ok() || extents > in.remaining() / sizeof(ingest::Extent)) return broken;
+    for (std::uint64_t e = 0; e < extents; ++e) tile.extents.push_back(in.read<ingest::Extent>());
   }
   if (!in.atEnd()) return broken;
   out.file_ = std::move(file);
@@ -126,7 +125,7 @@ base::Result<PointTiles> PointTiles::open(const std::string& directory, const in
 base::Result<std::vector<SourcePoint>> PointTiles::read(std::size_t tile) const {
   std::vector<Record> records(static_cast<std::size_t>(tiles_[tile].points));
   auto* to = reinterpret_cast<std::uint8_t*>(records.data());
-  for (const Extent& extent : tiles_[tile].extents) {
+  for (const ingest::Extent& extent : tiles_[tile].extents) {
     LUMIGRID_TRY(file_.readAt(extent.offset, std::span(to, static_cast<std::size_t>(extent.bytes))));
     to += extent.bytes;
   }

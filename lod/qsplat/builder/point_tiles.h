@@ -41,12 +41,8 @@ class PointTiles {
   void release() { file_.release(0, file_.size()); }
 
  private:
-  struct Extent {
-    std::uint64_t offset = 0;
-    std::uint64_t bytes = 0;
-  };
   struct Tile {
-    std::vector<Extent> extents;
+    std::vector<ingest::Extent> extents;
     std::uint64_t points = 0;
     base::Aabb box;
   };

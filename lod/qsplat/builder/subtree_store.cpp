@@ -1,6 +1,6 @@
 #include "lod/qsplat/builder/subtree_store.h"
 
-#include <cstring>
+#include "base/fields.h"
 
 namespace lod::qsplat::builder {
 namespace {
@@ -13,9 +13,7 @@ struct Record {
 // Reads a record whose payload lies at `offset`; false where it is none.
 bool readRecord(std::uint64_t offset, base::ByteView payload, Record& record) {
   base::ByteReader in(payload);
-  record.tile = in.u32();
-  record.subtree.root = in.read<Splat>();
-  record.subtree.added_leaves = in.u64();
+  base::readFields(in, std::tie(record.tile, record.subtree.root, record.subtree.added_leaves));
   const std::uint32_t levels = in.u32();
   if (!in.ok() || levels > in.remaining() / 4) return false;
   for (std::uint32_t l = 0; l < levels; ++l) {
@@ -33,22 +31,19 @@ bool readRecord(std::uint64_t offset, base::ByteView payload, Record& record) {
 base::Result<SubtreeStore> SubtreeStore::open(const std::string& path, bool resume, std::size_t tiles) {
   SubtreeStore store;
   store.tiles_.resize(tiles);
-  auto log = ingest::RecordLog::open(path, resume, [&](std::uint64_t offset, base::ByteView payload) {
+  const auto keep = [&](std::uint64_t offset, base::ByteView payload) {
     Record record;
     if (!readRecord(offset, payload, record) || record.tile >= tiles) return false;
     store.tiles_[record.tile] = std::move(record.subtree);
     return true;
-  });
-  if (!log) return log.error();
-  store.log_ = std::move(*log);
+  };
+  LUMIGRID_ASSIGN_OR_RETURN(store.log_, ingest::RecordLog::open(path, resume, keep));
   return store;
 }
 
 base::Result<void> SubtreeStore::add(std::uint32_t tile, const Subtree& tree) {
   base::ByteWriter out;
-  out.u32(tile);
-  out.write(tree.root);
-  out.u64(tree.added_leaves);
+  base::writeFields(out, std::tie(tile, tree.root, tree.added_leaves));
   out.u32(static_cast<std::uint32_t>(tree.level_nodes.size()));
   for (const std::uint32_t nodes : tree.level_nodes) out.u32(nodes);
   out.bytes(

@@ -20,16 +20,16 @@ base::Result<TreeWriter> TreeWriter::create(const std::string& path, const Optio
 
 base::Result<void> TreeWriter::add(const GroupNodes& group) {
   const std::uint32_t bytes = layout_.bytes(group.count, group.has_pointer);
-  if (groups_ == 0) laid_out_ = groupPlace(laid_out_, bytes) + bytes;
+  if (header_.groups == 0) laid_out_ = groupPlace(laid_out_, bytes) + bytes;
   LUMIGRID_TRY(place(bytes));
 
   std::uint8_t* at = block_.data() + offset_ % kBlockBytes;
   for (const Node& node : group.view()) {
     std::memcpy(at, &node.bits, sizeof(node.bits));
-    if (options_.colors) std::memcpy(at + sizeof(node.bits), &node.color, sizeof(node.color));
+    if (header_.colors) std::memcpy(at + sizeof(node.bits), &node.color, sizeof(node.color));
     at += layout_.node_bytes;
-    ++nodes_;
-    leaves_ += !group.has_pointer || node.isLeaf() ? 1 : 0;
+    ++header_.nodes;
+    header_.leaves += !group.has_pointer || node.isLeaf() ? 1 : 0;
   }
   std::uint64_t first_child = 0;
   for (const Node& node : group.view()) {
@@ -41,13 +41,13 @@ base::Result<void> TreeWriter::add(const GroupNodes& group) {
   }
   if (group.has_pointer) {
     const std::uint64_t half = first_child / 2;
-    if (!options_.wide_pointers && half >> 32 != 0)
+    if (!header_.wide_pointers && half >> 32 != 0)
       return base::Error{base::ErrorCode::kUnsupported, "the tree takes more than 8 GiB: it needs wide pointers"};
     std::memcpy(at, &half, layout_.pointer_bytes);
-    ++pointers_;
+    ++header_.pointers;
   }
   offset_ += bytes;
-  ++groups_;
+  ++header_.groups;
   return {};
 }
 
@@ -55,7 +55,8 @@ base::Result<void> TreeWriter::add(const GroupNodes& group) {
 base::Result<void> TreeWriter::place(std::uint32_t bytes) {
   if (offset_ == level_end_) {
     level_end_ = laid_out_;
-    if (++levels_ > kMaxLevels) return base::Error{base::ErrorCode::kUnsupported, "the tree has more than 128 levels"};
+    if (++header_.levels > kMaxLevels)
+      return base::Error{base::ErrorCode::kUnsupported, "the tree has more than 128 levels"};
   }
   const std::uint64_t where = groupPlace(offset_, bytes);
   if (where != offset_ && offset_ % kBlockBytes != 0) LUMIGRID_TRY(seal());
@@ -79,19 +80,10 @@ base::Result<void> TreeWriter::flush() {
 base::Result<Header> TreeWriter::finish() {
   LUMIGRID_TRY(seal());
   LUMIGRID_TRY(flush());
-  Header header;
-  header.file_bytes = file_.size();
-  header.nodes = nodes_;
-  header.leaves = leaves_;
-  header.groups = groups_;
-  header.pointers = pointers_;
-  header.colors = options_.colors;
-  header.wide_pointers = options_.wide_pointers;
-  header.levels = levels_;
-  header.root = options_.root;
-  LUMIGRID_TRY(file_.writeAt(0, headerBytes(header)));
+  header_.file_bytes = file_.size();
+  LUMIGRID_TRY(file_.writeAt(0, headerBytes(header_)));
   LUMIGRID_TRY(file_.commit());
-  return header;
+  return header_;
 }
 
 }  // namespace lod::qsplat::builder

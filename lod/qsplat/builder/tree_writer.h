@@ -20,20 +20,22 @@ class TreeWriter {
   /// Adds the next group. The first holds the root alone, with the sphere code kWholeParent. Errors: kNoSpace, kIo,
   /// kUnsupported (an offset needs wide pointers, or the tree has more than 128 levels).
   base::Result<void> add(const GroupNodes& group);
-  /// Whether all children of the nodes added have been added.
-  bool isComplete() const { return offset_ == laid_out_ && nodes_ > 0; }
   /// Called after the last group. Errors: kNoSpace, kIo.
   base::Result<Header> finish();
 
  private:
   explicit TreeWriter(base::AtomicFile file, const Options& options)
-      : file_(std::move(file)), options_(options), layout_(options.colors, options.wide_pointers) {}
+      : file_(std::move(file)), layout_(options.colors, options.wide_pointers) {
+    header_.colors = options.colors;
+    header_.wide_pointers = options.wide_pointers;
+    header_.root = options.root;
+  }
   base::Result<void> place(std::uint32_t bytes);
   base::Result<void> seal();
   base::Result<void> flush();
 
   base::AtomicFile file_;
-  Options options_;
+  Header header_;
   GroupLayout layout_;
   std::array<std::uint8_t, kBlockBytes> block_{};
   base::Bytes sealed_;  // complete blocks that are not written yet
@@ -41,8 +43,6 @@ class TreeWriter {
   std::uint64_t offset_ = kBlockBytes;     // where the groups added end
   std::uint64_t laid_out_ = kBlockBytes;   // where their children's groups end
   std::uint64_t level_end_ = kBlockBytes;  // where the current level ends
-  std::uint64_t nodes_ = 0, leaves_ = 0, groups_ = 0, pointers_ = 0;
-  std::uint32_t levels_ = 0;
 };
 
 }  // namespace lod::qsplat::builder
