@@ -9,6 +9,7 @@
 namespace compare {
 namespace {
 
+// The chart's sizes and margins in pixels, choices of design.
 constexpr double kWidth = 860, kHeight = 520, kLeft = 70, kRight = 200, kTop = 44, kBottom = 56;
 // The colours of Okabe and Ito 2008 ("Color Universal Design"), which colour-blind readers can tell apart.
 constexpr std::array<const char*, 7> kColors{"#0072B2", "#D55E00", "#009E73", "#CC79A7",

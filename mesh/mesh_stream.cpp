@@ -30,7 +30,7 @@ base::Result<void> MeshStream::flush(const void* at) {
   constexpr std::size_t kPage = 4096;
   const auto offset = static_cast<std::size_t>(static_cast<const std::uint8_t*>(at) - file_.data());
   const std::size_t end = std::min(offset, file_.size()) / kPage * kPage;
-  constexpr std::size_t kStep = std::size_t{8} << 20;
+  constexpr std::size_t kStep = std::size_t{8} << 20;  // a choice: a system call and a report of progress each
   if (end >= dropped_ + kStep) {
     ::madvise(const_cast<std::uint8_t*>(file_.data()) + dropped_, end - dropped_, MADV_DONTNEED);
     dropped_ = end;

@@ -35,6 +35,7 @@ struct Header {
   std::string texture;     // the file named last
 };
 
+// Choices, far above what files of scanners have: they bound what a hostile header costs.
 constexpr std::size_t kMaxHeaderBytes = 1 << 20;
 constexpr std::size_t kMaxProperties = 4096;
 

@@ -16,10 +16,12 @@ namespace plan {
 namespace {
 
 constexpr std::size_t kMaxCandidates = 256;  // computing 256 × 144 uses takes less than a millisecond
-constexpr float kSecondBest = 0.5F;          // weight of the second image of a place, as in the header's formula
-constexpr float kSightClearance = 0.5F;      // share of the stated error, which is an upper bound
-constexpr float kNarrowCone = 0.5F;          // cosine of 60°: with normals so close a patch is nearly a plane
-constexpr float kGrazing = 0.2F;             // cosine below which the ratio of the two facings is dominated by noise
+// The next four are choices. A larger kSecondBest prefers points that show places twice; a larger kSightClearance lets
+// points see through thin walls, a smaller one lets the proxy's error hide the surface itself.
+constexpr float kSecondBest = 0.5F;      // weight of the second image of a place, as in the header's formula
+constexpr float kSightClearance = 0.5F;  // share of the stated error, which is an upper bound
+constexpr float kNarrowCone = 0.5F;      // cosine of 60°: with normals so close a patch is nearly a plane
+constexpr float kGrazing = 0.2F;         // cosine below which the ratio of the two facings is dominated by noise
 
 using Index = std::tuple<std::uint32_t, std::uint32_t, std::uint32_t>;
 Index orderOf(const glm::uvec3& p) {

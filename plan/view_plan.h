@@ -29,7 +29,7 @@ inline constexpr std::uint64_t kCoarseBytes = 50'000;
 /// Bytes that are sent or fetched ahead of need for one view, once everything that it needs is there: 2 s at 4 Mbit/s.
 inline constexpr std::uint64_t kPrefetchBytes = 1'000'000;
 /// An image projected onto a proxy whose error exceeds this many times the tolerance is a blur, so only groups are sent
-/// until the errors are smaller.
+/// until the errors are smaller. A choice: with a larger ratio images come sooner and show a blur first.
 inline constexpr float kUrgentErrorRatio = 4.0F;
 
 /// A view gets at most this many faces for each point that it asks for: a client that asks for 8 points blends 16

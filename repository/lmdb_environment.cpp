@@ -17,8 +17,8 @@
 namespace repository {
 namespace {
 
-constexpr unsigned kMaxReaders = 1024;                // processes and threads; LMDB has 126 by default
-constexpr unsigned kMaxTables = 4;                    // the range cache has so many
+constexpr unsigned kMaxReaders = 1024;  // processes and threads, a choice: 64 bytes each; LMDB has 126 by default
+constexpr unsigned kMaxTables = 4;      // the range cache has so many
 constexpr off_t kLockBytes = 64 * (kMaxReaders + 3);  // lock.mdb has a header and 64 bytes a reader
 constexpr std::uint64_t kMinMapBytes = std::uint64_t{1} << 30;
 // Besides its values a batch writes pages of keys and free lists.

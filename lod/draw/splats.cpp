@@ -90,6 +90,7 @@ class PointTest {
  private:
   // Spare size for margins and for the offset of the ellipse's middle.
   static constexpr float kSpareSamples = 3.0F;
+  // The largest radius as a share of the depth, a choice: below it the shader's formulas for points hold closely.
   static constexpr float kSmall = 0.1F;
   glm::mat4 clip_;
   glm::vec4 eye_;

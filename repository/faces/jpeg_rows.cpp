@@ -8,6 +8,7 @@
 namespace repository {
 namespace {
 
+// libjpeg fills the buffer before it is appended to the picture. A choice: smaller ones are appended more often.
 constexpr std::size_t kBuffer = 64 * 1024;
 
 }  // namespace

@@ -22,7 +22,7 @@
 namespace server {
 namespace {
 
-constexpr unsigned kMaxProcesses = 16;   // each takes 50 to 400 MB (draw_memory.cpp)
+constexpr unsigned kMaxProcesses = 16;   // a choice; each takes 50 to 400 MB (draw_memory.cpp)
 constexpr std::size_t kJobsAtATime = 2;  // one is drawn, the next is there already
 constexpr unsigned kMaxDeaths = 3;       // processes that may die over the same faces
 

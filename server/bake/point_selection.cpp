@@ -25,7 +25,7 @@ namespace {
 
 constexpr std::uint32_t kSeed = 20111;  // gives other views than the held-out ones of `lumigrid tour --random`
 constexpr double kMaxDropShare = 0.25;  // so large a share of the points, the least used, is dropped at a time …
-constexpr double kMinDropShare = 0.01;  // … and half as many where that is too many, down to this
+constexpr double kMinDropShare = 0.01;  // … and half as many where that is too many, down to this; choices
 
 bool comesFirst(const glm::uvec3& a, const glm::uvec3& b) {
   return std::tie(a.x, a.y, a.z) < std::tie(b.x, b.y, b.z);

@@ -25,6 +25,8 @@
 namespace server {
 namespace {
 
+// Choices, but for Beast's: shorter times and smaller numbers cut slow clients off, larger ones let more of them hold
+// connections and memory.
 constexpr auto kIdleTimeout = std::chrono::seconds(30);             // for the next request on an open connection
 constexpr auto kAnswerTimeout = std::chrono::minutes(10);           // for a picture, a picked point or a remote range
 constexpr std::uint64_t kMinBytesPerSecond = 16 * 1024;             // a slower download is cut

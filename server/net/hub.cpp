@@ -9,7 +9,7 @@
 namespace server {
 namespace {
 
-constexpr unsigned kFetchers = 8;  // as many views, or ranges of files, are fetched from a network at a time
+constexpr unsigned kFetchers = 8;  // as many views, or ranges of files, are fetched from a network at a time; a choice
 
 base::Result<PageFiles> readPages(const std::string& directory) {
   if (directory.empty()) return PageFiles();

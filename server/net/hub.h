@@ -57,7 +57,8 @@ struct Hub {
   std::atomic<bool> stopping = false;
 };
 
-/// Connections over ServerOptions::max_connections that are still accepted, to be answered with a 503.
+/// Connections over ServerOptions::max_connections that are still accepted, to be answered with a 503. A choice:
+/// each holds a descriptor for a moment.
 inline constexpr std::uint32_t kMaxTurnedAway = 64;
 
 }  // namespace server
