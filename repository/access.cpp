@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "base/crc32c.h"
+#include "base/fields.h"
 #include "base/file.h"
 #include "base/file_lock.h"
 
@@ -69,6 +70,12 @@ struct Header {
   std::int64_t since = 0, until = 0;
 };
 
+// Behind the header's own checksum.
+auto fieldsOf(auto& header) {
+  return std::tie(header.body_crc, header.body_bytes, header.faces, header.groups, header.uncounted, header.since,
+                  header.until);
+}
+
 std::uint32_t headerCrc(base::ByteView header) {
   return base::crc32c(header.subspan(kBodyCrcOffset), base::crc32c(header.first(kHeaderCrcOffset)));
 }
@@ -85,13 +92,7 @@ base::Result<Header> readHeader(base::ByteView bytes) {
   if (in.u32() != headerCrc(bytes.first(kHeaderBytes))) return bad("the header's checksum is wrong");
 
   Header header;
-  header.body_crc = in.u32();
-  header.body_bytes = in.u64();
-  header.faces = in.u64();
-  header.groups = in.u64();
-  header.uncounted = in.u64();
-  header.since = in.read<std::int64_t>();
-  header.until = in.read<std::int64_t>();
+  base::readFields(in, fieldsOf(header));
   auto grid = Grid::decode(in);
   if (!grid) return base::within("access counts", grid.error());
   header.identity = {*grid, in.u32()};
@@ -194,26 +195,24 @@ base::Result<AccessFile> readAccess(const std::string& path, const AccessIdentit
   return file;
 }
 
-base::Bytes encodeFile(const Header& header, const RowWriter& faces, const RowWriter& groups) {
+// Sets the header's counts of rows and bytes.
+base::Bytes encodeFile(Header header, const RowWriter& faces, const RowWriter& groups) {
+  header.body_crc = base::crc32c(groups.bytes(), base::crc32c(faces.bytes()));
+  header.body_bytes = faces.bytes().size() + groups.bytes().size();
+  header.faces = faces.rows();
+  header.groups = groups.rows();
   base::ByteWriter out;
   out.write(kMagic);
   out.u16(kVersion);
   out.u16(kHeaderBytes);
-  out.u32(0);  // the checksums
-  out.u32(0);
-  out.u64(faces.bytes().size() + groups.bytes().size());
-  out.u64(faces.rows());
-  out.u64(groups.rows());
-  out.u64(header.uncounted);
-  out.write(header.since);
-  out.write(header.until);
+  out.u32(0);  // the header's checksum
+  base::writeFields(out, fieldsOf(header));
   header.identity.grid.encode(out);
   out.u32(header.identity.group_count);
   for (int zero = 0; zero < 3; ++zero) out.u32(0);
   LUMIGRID_CHECK_EQ(out.size(), kHeaderBytes);
   out.bytes(faces.bytes());
   out.bytes(groups.bytes());
-  out.patch(kBodyCrcOffset, base::crc32c(base::ByteView(out.view()).subspan(kHeaderBytes)));
   out.patch(kHeaderCrcOffset, headerCrc(base::ByteView(out.view()).first(kHeaderBytes)));
   return out.take();
 }

@@ -91,23 +91,17 @@ class LmdbStore final : public Store {
       : path_(std::move(path)), environment_(std::move(environment)), lock_(std::move(lock)) {}
 
   base::Result<std::optional<base::Bytes>> get(const FaceKey& key) const override {
-    std::optional<base::Bytes> value;
     const NumberKey bytes = bigEndian(key.code());
-    const int code = environment_->read(
-        [&](MDB_txn* txn) { return copyOut(txn, environment_->table(kFaces), valueOf(bytes), value); });
-    if (code != 0 && code != MDB_NOTFOUND) return storeError(path_, "read", code);
-    return value;
+    return copyOf(kFaces, valueOf(bytes));
   }
 
   base::Result<bool> contains(const FaceKey& key) const override {
     const NumberKey bytes = bigEndian(key.code());
-    const int code = environment_->read([&](MDB_txn* txn) {
+    return read([&](MDB_txn* txn) {
       MDB_val name = valueOf(bytes);
       MDB_val value{};
       return mdb_get(txn, environment_->table(kFaces), &name, &value);
     });
-    if (code != 0 && code != MDB_NOTFOUND) return storeError(path_, "read", code);
-    return code == 0;
   }
 
   base::Result<void> putBatch(const std::vector<std::pair<FaceKey, base::Bytes>>& batch) override {
@@ -124,7 +118,7 @@ class LmdbStore final : public Store {
     std::stable_sort(sorted.begin(), sorted.end(), [](const auto& a, const auto& b) { return a.first < b.first; });
 
     environment_->dropDeadReaders();
-    const int code = environment_->write([&](MDB_txn* txn) {
+    return write(bytes_of_batch, [&](MDB_txn* txn) {
       for (const auto& [key, value] : sorted) {
         const NumberKey bytes = bigEndian(key);
         MDB_val name = valueOf(bytes);
@@ -133,13 +127,11 @@ class LmdbStore final : public Store {
       }
       return 0;
     });
-    if (code != 0) return storeError(path_, "write", reasonOfFailedWrite(path_, code, bytes_of_batch));
-    return {};
   }
 
   base::Result<void> erase(const std::vector<FaceKey>& keys) override {
     if (!lock_.held()) return openedForReading(path_);
-    const int code = environment_->write([&](MDB_txn* txn) {
+    return write(0, [&](MDB_txn* txn) {
       for (const FaceKey& key : keys) {
         const NumberKey bytes = bigEndian(key.code());
         MDB_val name = valueOf(bytes);
@@ -148,41 +140,27 @@ class LmdbStore final : public Store {
       }
       return 0;
     });
-    if (code != 0) return storeError(path_, "write", reasonOfFailedWrite(path_, code, 0));
-    return {};
   }
 
-  // Reads in portions, so that no transaction is open while `visit` runs, however long it takes.
   base::Result<void> forEach(const std::function<bool(const FaceKey&, base::ByteView)>& visit) const override {
-    std::vector<std::pair<FaceKey, base::Bytes>> portion;
-    for (std::uint64_t next = 0;;) {
-      portion.clear();
-      base::Result<void> keys;
-      const int code = environment_->read([&](MDB_txn* txn) { return copyPortion(txn, next, portion, keys); });
-      if (code != 0 && code != MDB_NOTFOUND) return storeError(path_, "read", code);
-      for (const auto& [key, value] : portion) {
-        if (!visit(key, value)) return {};
-      }
-      if (!keys) return base::within(path_, keys.error());
-      if (code == MDB_NOTFOUND) return {};
-      next = portion.back().first.code() + 1;
-    }
+    std::size_t bytes = 0;
+    return forEachPortion<std::pair<FaceKey, base::Bytes>>(
+        [&](const FaceKey& key, const MDB_val& value, auto& portion) {
+          if (portion.empty()) bytes = 0;
+          portion.emplace_back(key, base::Bytes(viewOf(value).begin(), viewOf(value).end()));
+          bytes += value.mv_size;
+          return portion.size() < kPortionValues && bytes < kPortionBytes;
+        },
+        [&](const auto& row) { return visit(row.first, row.second); }, [](const auto& row) { return row.first; });
   }
 
   base::Result<void> forEachKey(const std::function<bool(const FaceKey&)>& visit) const override {
-    std::vector<FaceKey> portion;
-    for (std::uint64_t next = 0;;) {
-      portion.clear();
-      base::Result<void> keys;
-      const int code = environment_->read([&](MDB_txn* txn) { return copyKeys(txn, next, portion, keys); });
-      if (code != 0 && code != MDB_NOTFOUND) return storeError(path_, "read", code);
-      for (const FaceKey& key : portion) {
-        if (!visit(key)) return {};
-      }
-      if (!keys) return base::within(path_, keys.error());
-      if (code == MDB_NOTFOUND) return {};
-      next = portion.back().code() + 1;
-    }
+    return forEachPortion<FaceKey>(
+        [](const FaceKey& key, const MDB_val&, auto& portion) {
+          portion.push_back(key);
+          return portion.size() < kPortionKeys;
+        },
+        visit, [](const FaceKey& key) { return key; });
   }
 
   base::Result<std::uint64_t> size() const override {
@@ -194,31 +172,30 @@ class LmdbStore final : public Store {
   }
 
   base::Result<std::optional<std::string>> readMeta() const override {
-    std::optional<base::Bytes> value;
-    const int code = environment_->read(
-        [&](MDB_txn* txn) { return copyOut(txn, environment_->table(kMeta), valueOf(kMetaKey), value); });
-    if (code != 0 && code != MDB_NOTFOUND) return storeError(path_, "read", code);
+    LUMIGRID_ASSIGN_OR_RETURN(const auto value, copyOf(kMeta, valueOf(kMetaKey)));
     if (!value) return std::optional<std::string>();
     return std::optional<std::string>(std::string(value->begin(), value->end()));
   }
 
   base::Result<void> writeMeta(const std::string& text) override {
     if (!lock_.held()) return openedForReading(path_);
-    const int code = environment_->write([&](MDB_txn* txn) {
+    return write(0, [&](MDB_txn* txn) {
       MDB_val name = valueOf(kMetaKey);
       MDB_val data = valueOf(text);
       return mdb_put(txn, environment_->table(kMeta), &name, &data, 0);
     });
-    if (code != 0) return storeError(path_, "write", reasonOfFailedWrite(path_, code, 0));
-    return {};
   }
 
  private:
-  static int copyOut(MDB_txn* txn, MDB_dbi table, MDB_val name, std::optional<base::Bytes>& out) {
-    MDB_val value{};
-    if (const int code = mdb_get(txn, table, &name, &value); code != 0) return code;
-    out.emplace(viewOf(value).begin(), viewOf(value).end());
-    return 0;
+  base::Result<std::optional<base::Bytes>> copyOf(std::size_t table, MDB_val name) const {
+    base::Bytes bytes;
+    LUMIGRID_ASSIGN_OR_RETURN(const auto found, read([&](MDB_txn* txn) {
+                                MDB_val value{};
+                                const int code = mdb_get(txn, environment_->table(table), &name, &value);
+                                if (code == 0) bytes.assign(viewOf(value).begin(), viewOf(value).end());
+                                return code;
+                              }));
+    return found ? std::optional(std::move(bytes)) : std::nullopt;
   }
 
   // Visits keys from code `next` on until visit(key, value) returns false; returns MDB_NOTFOUND when the end was
@@ -244,21 +221,39 @@ class LmdbStore final : public Store {
     return code;
   }
 
-  int copyPortion(MDB_txn* txn, std::uint64_t next, std::vector<std::pair<FaceKey, base::Bytes>>& out,
-                  base::Result<void>& keys) const {
-    std::size_t bytes = 0;
-    return visitFrom(txn, next, keys, [&](const FaceKey& key, const MDB_val& value) {
-      out.emplace_back(key, base::Bytes(viewOf(value).begin(), viewOf(value).end()));
-      bytes += value.mv_size;
-      return out.size() < kPortionValues && bytes < kPortionBytes;
-    });
+  // Visits all rows in portions, so that no transaction is open while `visit` runs, however long it takes. `copy`
+  // appends a row to the portion and returns whether there is room for more.
+  template <class Row, class Copy, class Visit, class KeyOf>
+  base::Result<void> forEachPortion(const Copy& copy, const Visit& visit, const KeyOf& key_of) const {
+    std::vector<Row> portion;
+    for (std::uint64_t next = 0;;) {
+      portion.clear();
+      base::Result<void> keys;
+      LUMIGRID_ASSIGN_OR_RETURN(const auto more, read([&](MDB_txn* txn) {
+                                  return visitFrom(txn, next, keys, [&](const FaceKey& key, const MDB_val& value) {
+                                    return copy(key, value, portion);
+                                  });
+                                }));
+      for (const Row& row : portion)
+        if (!visit(row)) return {};
+      if (!keys) return base::within(path_, keys.error());
+      if (!more) return {};
+      next = key_of(portion.back()).code() + 1;
+    }
   }
 
-  int copyKeys(MDB_txn* txn, std::uint64_t next, std::vector<FaceKey>& out, base::Result<void>& keys) const {
-    return visitFrom(txn, next, keys, [&](const FaceKey& key, const MDB_val&) {
-      out.push_back(key);
-      return out.size() < kPortionKeys;
-    });
+  // Returns false for MDB_NOTFOUND.
+  template <class Body>
+  base::Result<bool> read(const Body& body) const {
+    const int code = environment_->read(body);
+    if (code != 0 && code != MDB_NOTFOUND) return storeError(path_, "read", code);
+    return code == 0;
+  }
+  template <class Body>
+  base::Result<void> write(std::size_t bytes, const Body& body) {
+    const int code = environment_->write(body);
+    if (code != 0) return storeError(path_, "write", reasonOfFailedWrite(path_, code, bytes));
+    return {};
   }
 
   std::string path_;
@@ -290,8 +285,7 @@ base::Result<std::unique_ptr<Store>> openLmdbStore(const std::string& path, Stor
   LUMIGRID_ASSIGN_OR_RETURN(auto directory, directoryOf(path, mode));
   WriterLock lock;
   if (mode == StoreMode::kWrite) {
-    LUMIGRID_ASSIGN_OR_RETURN(auto taken, WriterLock::acquire(directory));
-    lock = std::move(taken);
+    LUMIGRID_ASSIGN_OR_RETURN(lock, WriterLock::acquire(directory));
   }
 
   LmdbEnvironmentOptions environment_options;

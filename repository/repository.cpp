@@ -148,8 +148,7 @@ class ShardedStore final : public Store {
     LUMIGRID_ASSIGN_OR_RETURN(auto meta, (*store)->readMeta());
     if (!meta) return {};
     if (meta_.empty()) {
-      LUMIGRID_ASSIGN_OR_RETURN(auto grid, gridFromMeta(*meta, path));
-      grid_ = grid;
+      LUMIGRID_ASSIGN_OR_RETURN(grid_, gridFromMeta(*meta, path));
       lookup_.emplace(grid_, static_cast<std::uint32_t>(stores_.size()));
       meta_ = std::move(*meta);
     } else if (meta_ != *meta) {
@@ -243,8 +242,7 @@ std::string storeDirectory(const std::string& images, std::uint32_t shards, std:
 
 Result<std::unique_ptr<Store>> openRepository(const std::string& images, std::optional<std::uint32_t> shards) {
   if (!shards) {
-    LUMIGRID_ASSIGN_OR_RETURN(auto found, shardCountOf(images));
-    shards = found;
+    LUMIGRID_ASSIGN_OR_RETURN(shards, shardCountOf(images));
   }
   if (*shards == 0) return openLmdbStore(images, StoreMode::kRead);
   auto store = std::make_unique<ShardedStore>(images, *shards);

@@ -51,8 +51,7 @@ Result<std::uint64_t> CachedSource::size(const std::string& name) const {
   if (const auto cached = cache_->get(key); cached && cached->size() == sizeof(bytes)) {
     std::memcpy(&bytes, cached->data(), sizeof(bytes));
   } else {
-    LUMIGRID_ASSIGN_OR_RETURN(const auto at_source, source_->size(name));
-    bytes = at_source;
+    LUMIGRID_ASSIGN_OR_RETURN(bytes, source_->size(name));
     cache_->put({{key, {reinterpret_cast<const std::uint8_t*>(&bytes), sizeof(bytes)}}});
   }
   const std::lock_guard lock(mutex_);

@@ -19,10 +19,6 @@ using base::Error;
 using base::ErrorCode;
 using base::Result;
 
-Error badName(const std::string& place, const std::string& name) {
-  return {ErrorCode::kInvalidInput, place + ": no object can be named '" + name + "'"};
-}
-
 // Opens a file or directory for reading; on failure errno says why.
 base::FileDescriptor openToRead(const std::string& path) {
   return base::FileDescriptor(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
@@ -34,7 +30,7 @@ class DirectorySource final : public ObjectSource {
 
   Result<base::Bytes> read(const std::string& name, std::uint64_t offset, std::uint64_t length) const override {
     const std::string path = place_ + "/" + name;
-    if (!isObjectName(name)) return badName(place_, name);
+    LUMIGRID_TRY(checkObjectName(place_, name));
     const base::FileDescriptor file = openToRead(path);
     if (!file) return base::systemError(path, "open", errno);
     // A damaged index may ask for any length, so memory is allocated only after the file is known to be that long.
@@ -58,7 +54,7 @@ class DirectorySource final : public ObjectSource {
 
   Result<std::uint64_t> size(const std::string& name) const override {
     const std::string path = place_ + "/" + name;
-    if (!isObjectName(name)) return badName(place_, name);
+    LUMIGRID_TRY(checkObjectName(place_, name));
     struct stat info {};
     if (::stat(path.c_str(), &info) != 0) return base::systemError(path, "read", errno);
     if (!S_ISREG(info.st_mode)) return base::systemError(path, "read", EISDIR);
@@ -89,7 +85,7 @@ class DirectorySink final : public ObjectSink {
   }
 
   Result<std::optional<std::uint64_t>> size(const std::string& name) override {
-    if (!isObjectName(name)) return badName(place_, name);
+    LUMIGRID_TRY(checkObjectName(place_, name));
     struct stat info {};
     const std::string path = place_ + "/" + name;
     if (::stat(path.c_str(), &info) == 0) return std::optional(static_cast<std::uint64_t>(info.st_size));
@@ -98,7 +94,7 @@ class DirectorySink final : public ObjectSink {
   }
 
   Result<std::vector<std::string>> list(const std::string& prefix) override {
-    if (!prefix.empty() && !isObjectName(prefix)) return badName(place_, prefix);
+    if (!prefix.empty()) LUMIGRID_TRY(checkObjectName(place_, prefix));
     std::vector<std::string> names;
     std::error_code error;
     const fs::path root(place_);
@@ -118,7 +114,7 @@ class DirectorySink final : public ObjectSink {
   }
 
   Result<void> remove(const std::string& name) override {
-    if (!isObjectName(name)) return badName(place_, name);
+    LUMIGRID_TRY(checkObjectName(place_, name));
     std::error_code error;
     fs::remove(fs::path(place_) / name, error);
     if (error) return base::systemError(place_ + "/" + name, "remove", error.value());
@@ -129,7 +125,7 @@ class DirectorySink final : public ObjectSink {
 
  private:
   Result<void> prepare(const std::string& name) {
-    if (!isObjectName(name)) return badName(place_, name);
+    LUMIGRID_TRY(checkObjectName(place_, name));
     std::error_code error;
     const fs::path path = fs::path(place_) / name;
     fs::create_directories(path.parent_path(), error);
@@ -154,6 +150,11 @@ bool isObjectName(const std::string& name) {
   }
   return std::none_of(name.begin(), name.end(),
                       [](char c) { return c == '\\' || static_cast<unsigned char>(c) < 0x20 || c == 0x7f; });
+}
+
+Result<void> checkObjectName(const std::string& place, const std::string& name) {
+  if (isObjectName(name)) return {};
+  return Error{ErrorCode::kInvalidInput, place + ": no object can be named '" + name + "'"};
 }
 
 Result<std::unique_ptr<ObjectSource>> openDirectorySource(const std::string& place) {

@@ -28,8 +28,7 @@ class PartialFile {
 
   // Waits for the process that holds the lock. If that one finishes, it renames its file and we get a new, empty one.
   Result<void> lock() {
-    LUMIGRID_ASSIGN_OR_RETURN(auto locked, base::lockFile(path_));
-    file_ = std::move(locked);
+    LUMIGRID_ASSIGN_OR_RETURN(file_, base::lockFile(path_));
     return {};
   }
 
@@ -117,8 +116,7 @@ Result<std::string> download(const ObjectSource& source, const std::string& name
 Result<std::string> mirrorObject(const ObjectSource& source, const std::string& name, const std::string& directory,
                                  const std::string& sha256, const MirrorOptions& options) {
   const std::string object = source.place() + "/" + name;
-  if (!isObjectName(name))
-    return Error{ErrorCode::kInvalidInput, source.place() + ": no object can be named '" + name + "'"};
+  LUMIGRID_TRY(checkObjectName(source.place(), name));
   if (sha256.size() != 64 || sha256.find_first_not_of("0123456789abcdef") != std::string::npos)
     return Error{ErrorCode::kInvalidInput, object + ": '" + sha256.substr(0, 100) + "' is no SHA-256 to check it by"};
   const std::string path = directory + "/" + name;

@@ -51,5 +51,7 @@ base::Result<std::unique_ptr<ObjectSink>> openDirectorySink(const std::string& p
 /// Whether a name stays within its place: it is relative, has no empty, "." or ".." part and no backslash or control
 /// character.
 bool isObjectName(const std::string& name);
+/// kInvalidInput for a name that does not.
+base::Result<void> checkObjectName(const std::string& place, const std::string& name);
 
 }  // namespace repository

@@ -286,16 +286,14 @@ void RangeCache::noteUse(const CacheKey& key) {
     if (used_.size() < kMaxUsed) return;
   }
   if (!writes_) return;
-  if (const int code = runTransaction([](Transaction<Totals>&) { return 0; }); code != 0 && code != MDB_MAP_FULL)
-    disableAfter(code, 0);
+  disableAfter(runTransaction([](Transaction<Totals>&) { return 0; }), 0);
 }
 
 void RangeCache::discardDamaged(const CacheKey& key) {
   if (!warned_of_damage_.exchange(true))
     warn("a damaged piece was thrown away; look at this disk when it happens again");
   if (!writes_) return;
-  const int code = runTransaction([&](Transaction<Totals>& transaction) { return transaction.erasePiece(key); });
-  if (code != 0 && code != MDB_MAP_FULL) disableAfter(code, 0);
+  disableAfter(runTransaction([&](Transaction<Totals>& transaction) { return transaction.erasePiece(key); }), 0);
 }
 
 void RangeCache::put(const std::vector<std::pair<CacheKey, base::ByteView>>& pieces) {
@@ -316,16 +314,16 @@ void RangeCache::put(const std::vector<std::pair<CacheKey, base::ByteView>>& pie
     evictTo(options_.bytes / 8 * 7);
     code = runTransaction(put_all);
   }
-  if (code != 0 && code != MDB_MAP_FULL) disableAfter(code, bytes);
+  disableAfter(code, bytes);
 }
 
 void RangeCache::evictTo(std::uint64_t bytes) {
-  const int code = runTransaction([&](Transaction<Totals>& transaction) { return transaction.evictTo(bytes); });
-  if (code != 0 && code != MDB_MAP_FULL) disableAfter(code, 0);
+  disableAfter(runTransaction([&](Transaction<Totals>& transaction) { return transaction.evictTo(bytes); }), 0);
 }
 
-// After a full disk the cache only reads; after any other failure of LMDB it does nothing at all.
+// After a full disk the cache only reads; after any other failure of LMDB but a full map it does nothing at all.
 void RangeCache::disableAfter(int code, std::uint64_t bytes) {
+  if (code == 0 || code == MDB_MAP_FULL) return;
   const int reason = reasonOfFailedWrite(path_, code, bytes);
   const bool no_space = reason == ENOSPC || reason == EDQUOT || reason == EFBIG;
   if (!no_space) reads_ = false;

@@ -47,7 +47,7 @@ class S3Sink final : public ObjectSink {
   explicit S3Sink(S3Bucket bucket) : bucket_(std::move(bucket)) {}
 
   Result<void> put(const std::string& name, base::ByteView bytes, const std::string& content_type) override {
-    LUMIGRID_TRY(checkName(name));
+    LUMIGRID_TRY(checkObjectName(place(), name));
     BucketRequest call{"PUT", name, {}, {}, bytes, kMaxAnswerBytes};
     if (!content_type.empty()) call.headers["content-type"] = content_type;
     if (const auto answer = sendChecked(call); !answer) return answer.error();
@@ -57,12 +57,12 @@ class S3Sink final : public ObjectSink {
   Result<void> putFile(const std::string& name, const std::string& path, const std::string& content_type) override {
     LUMIGRID_ASSIGN_OR_RETURN(const auto file, base::MappedFile::open(path));
     if (file.bytes().size() <= bucket_.config().part_bytes) return put(name, file.bytes(), content_type);
-    LUMIGRID_TRY(checkName(name));
+    LUMIGRID_TRY(checkObjectName(place(), name));
     return putParts(name, file.bytes(), content_type);
   }
 
   Result<std::optional<std::uint64_t>> size(const std::string& name) override {
-    LUMIGRID_TRY(checkName(name));
+    LUMIGRID_TRY(checkObjectName(place(), name));
     LUMIGRID_ASSIGN_OR_RETURN(const auto response, bucket_.send({"HEAD", name, {}, {}, {}, 0}));
     if (response.head.status == 404) return std::optional<std::uint64_t>();  // openS3Sink has found the bucket itself
     if (response.head.status != 200) return bucket_.refusal(name, response);
@@ -72,7 +72,7 @@ class S3Sink final : public ObjectSink {
   }
 
   Result<std::vector<std::string>> list(const std::string& prefix) override {
-    if (!prefix.empty()) LUMIGRID_TRY(checkName(prefix));
+    if (!prefix.empty()) LUMIGRID_TRY(checkObjectName(place(), prefix));
     const std::string front = bucket_.prefix() + (prefix.empty() ? "" : prefix + "/");
     std::vector<std::string> names;
     std::set<std::string> asked;
@@ -94,7 +94,7 @@ class S3Sink final : public ObjectSink {
   }
 
   Result<void> remove(const std::string& name) override {
-    LUMIGRID_TRY(checkName(name));
+    LUMIGRID_TRY(checkObjectName(place(), name));
     LUMIGRID_ASSIGN_OR_RETURN(const auto response, bucket_.send({"DELETE", name, {}, {}, {}, kMaxAnswerBytes}));
     if (response.head.status >= 300 && response.head.status != 404) return bucket_.refusal(name, response);
     return {};
@@ -114,11 +114,6 @@ class S3Sink final : public ObjectSink {
   }
 
  private:
-  Result<void> checkName(const std::string& name) const {
-    if (isObjectName(name)) return {};
-    return Error{ErrorCode::kInvalidInput, bucket_.place() + ": no object can be named '" + name + "'"};
-  }
-
   // Sends a request and returns its answer only if it succeeded. S3 may fail after it has sent "200 OK"; the body is an
   // <Error> then.
   Result<HttpResponse> sendChecked(const BucketRequest& call) const {

@@ -43,7 +43,7 @@ class WebSource final : public ObjectSource {
       : place_(std::move(place)), server_(std::move(server)) {}
 
   Result<Bytes> read(const std::string& name, std::uint64_t offset, std::uint64_t length) const override {
-    LUMIGRID_TRY(checkName(name));
+    LUMIGRID_TRY(checkObjectName(place_, name));
     if (length == 0) return readNothing(name, offset);
     if (length - 1 > std::numeric_limits<std::int64_t>::max() - std::min<std::uint64_t>(offset, kMaxOffset))
       return tooShort(name, std::nullopt, offset, length);
@@ -73,7 +73,7 @@ class WebSource final : public ObjectSource {
   }
 
   Result<std::uint64_t> size(const std::string& name) const override {
-    LUMIGRID_TRY(checkName(name));
+    LUMIGRID_TRY(checkObjectName(place_, name));
     LUMIGRID_ASSIGN_OR_RETURN(const auto response, server_->request("HEAD", name, {}, 0));
     if (response.head.status != 200) return server_->refusal(name, response);
     LUMIGRID_TRY(checkEncoding(name, response));
@@ -92,11 +92,6 @@ class WebSource final : public ObjectSource {
 
  private:
   static constexpr std::uint64_t kMaxOffset = std::numeric_limits<std::int64_t>::max();
-
-  Result<void> checkName(const std::string& name) const {
-    if (isObjectName(name)) return {};
-    return Error{ErrorCode::kInvalidInput, place_ + ": no object can be named '" + name + "'"};
-  }
 
   Result<Bytes> readNothing(const std::string& name, std::uint64_t offset) const {
     LUMIGRID_ASSIGN_OR_RETURN(const auto bytes, size(name));

@@ -8,6 +8,7 @@
 
 #include "base/check.h"
 #include "base/crc32c.h"
+#include "base/fields.h"
 
 namespace repository {
 namespace {
@@ -136,6 +137,25 @@ Result<void> checkHeader(ByteView bytes, const char* magic, std::uint32_t header
   return {};
 }
 
+// --- Fields, as they follow each other in the file
+
+// What a pack's header says of the pack.
+struct PackSummary {
+  std::uint64_t bytes = 0, table_offset = 0, keys = 0, first_code = 0, last_code = 0;
+  std::uint32_t table_crc = 0;
+};
+auto fieldsOf(auto& pack) {
+  return std::tie(pack.bytes, pack.table_offset, pack.keys, pack.first_code, pack.last_code, pack.table_crc);
+}
+auto fieldsOfRoot(auto& root) {
+  return std::tie(root.object_bytes, root.keys, root.empty, root.totals.value_bytes, root.totals.jpeg_bytes,
+                  root.totals.coverage_bytes, root.blocks, root.blocks_offset, root.packs, root.block_bytes,
+                  root.hash_shift, root.parameter_bytes, root.parameter_crc, root.rows_crc);
+}
+auto fieldsOfRow(auto& row) {
+  return std::tie(row.id, row.bytes, row.first_code, row.last_code, row.keys);
+}
+
 // --- Names
 
 std::string nameOf(const char* front, const ObjectId& id, const char* back) {
@@ -189,12 +209,13 @@ Bytes encodePack(std::span<const PackEntry> entries, ByteView values) {
   out.bytes(base::viewOfText({kPackMagic, kMagicBytes}));
   out.u32(kVersion);
   out.u32(static_cast<std::uint32_t>(kPackHeaderBytes));
-  out.u64(kPackHeaderBytes + values.size() + table.size());
-  out.u64(kPackHeaderBytes + values.size());
-  out.u64(entries.size());
-  out.u64(entries.front().code);
-  out.u64(entries.back().code);
-  out.u32(base::crc32c(table.view()));
+  const PackSummary summary{kPackHeaderBytes + values.size() + table.size(),
+                            kPackHeaderBytes + values.size(),
+                            entries.size(),
+                            entries.front().code,
+                            entries.back().code,
+                            base::crc32c(table.view())};
+  base::writeFields(out, fieldsOf(summary));
   out.u32(base::crc32c(out.view()));
   out.bytes(values);
   out.bytes(table.view());
@@ -204,17 +225,14 @@ Bytes encodePack(std::span<const PackEntry> entries, ByteView values) {
 Result<PackTable> decodePack(ByteView pack) {
   LUMIGRID_TRY(checkHeader(pack, kPackMagic, kPackHeaderBytes, "a pack"));
   ByteReader header(pack.subspan(kMagicBytes + 8));
-  const std::uint64_t bytes = header.u64();
-  const std::uint64_t table_offset = header.u64();
-  const std::uint64_t keys = header.u64();
-  const std::uint64_t first = header.u64();
-  const std::uint64_t last = header.u64();
-  const std::uint32_t crc = header.u32();
-  if (bytes != pack.size())
-    return damaged("has " + std::to_string(pack.size()) + " bytes, its header says " + std::to_string(bytes));
-  if (table_offset < kPackHeaderBytes || table_offset > bytes) return damaged("its table does not lie in it");
-  const ByteView table = pack.subspan(table_offset);
-  if (base::crc32c(table) != crc) return damaged("its table's checksum differs");
+  PackSummary summary;
+  base::readFields(header, fieldsOf(summary));
+  if (summary.bytes != pack.size())
+    return damaged("has " + std::to_string(pack.size()) + " bytes, its header says " + std::to_string(summary.bytes));
+  if (summary.table_offset < kPackHeaderBytes || summary.table_offset > summary.bytes)
+    return damaged("its table does not lie in it");
+  const ByteView table = pack.subspan(summary.table_offset);
+  if (base::crc32c(table) != summary.table_crc) return damaged("its table's checksum differs");
 
   PackTable out;
   ByteReader in(table);
@@ -234,8 +252,8 @@ Result<PackTable> decodePack(ByteView pack) {
       offset += lengths[i++];
     });
   }
-  if (out.entries.empty() || out.entries.size() != keys || out.entries.front().code != first ||
-      out.entries.back().code != last || offset != table_offset)
+  if (out.entries.empty() || out.entries.size() != summary.keys || out.entries.front().code != summary.first_code ||
+      out.entries.back().code != summary.last_code || offset != summary.table_offset)
     return damaged("its table and its header differ");
   return out;
 }
@@ -246,20 +264,7 @@ Result<IndexRoot> decodeIndexRoot(ByteView front) {
   LUMIGRID_TRY(checkHeader(front, kIndexMagic, kIndexHeaderBytes, "an index"));
   ByteReader in(front.subspan(kMagicBytes + 8));
   IndexRoot root;
-  root.object_bytes = in.u64();
-  root.keys = in.u64();
-  root.empty = in.u64();
-  root.totals.value_bytes = in.u64();
-  root.totals.jpeg_bytes = in.u64();
-  root.totals.coverage_bytes = in.u64();
-  root.blocks = in.u64();
-  root.blocks_offset = in.u64();
-  root.packs = in.u64();
-  root.block_bytes = in.u32();
-  root.hash_shift = in.u32();
-  root.parameter_bytes = in.u32();
-  root.parameter_crc = in.u32();
-  root.rows_crc = in.u32();
+  base::readFields(in, fieldsOfRoot(root));
 
   if (root.empty > root.keys) return damaged("the index counts more empty flags than keys");
   if (!std::has_single_bit(root.block_bytes) || root.block_bytes < kMinBlockBytes || root.block_bytes > kMaxBlockBytes)
@@ -347,11 +352,7 @@ Result<std::vector<PackRow>> decodePackRows(const IndexRoot& root, ByteView byte
   std::uint64_t keys = 0;
   for (std::size_t i = 0; i < rows.size(); ++i) {
     PackRow& row = rows[i];
-    row.id = in.read<ObjectId>();
-    row.bytes = in.u64();
-    row.first_code = in.u64();
-    row.last_code = in.u64();
-    row.keys = in.u64();
+    base::readFields(in, fieldsOfRow(row));
     if (row.bytes < kPackHeaderBytes || row.bytes > kMaxPackBytes || row.keys == 0 || row.keys > root.keys - keys ||
         row.first_code > row.last_code || (i > 0 && rows[i - 1].last_code >= row.first_code))
       return damaged("the index's list of packs: row " + std::to_string(i) + " cannot be");
@@ -452,40 +453,29 @@ Result<Bytes> IndexBuilder::build(const std::vector<PackRow>& packs, const std::
   while (!fitsIntoBlocks(root)) root.blocks += 1 + root.blocks / 8;
 
   ByteWriter rows;
-  for (const PackRow& pack : packs) {
-    rows.write(pack.id);
-    rows.u64(pack.bytes);
-    rows.u64(pack.first_code);
-    rows.u64(pack.last_code);
-    rows.u64(pack.keys);
-  }
+  for (const PackRow& pack : packs) base::writeFields(rows, fieldsOfRow(pack));
   root.blocks_offset = blocksOffsetFor(parameters.size(), kBlockBytes);
+  root.object_bytes = root.rowsOffset() + rows.size();
+  root.keys = keys_;
+  root.empty = empty_;
+  root.totals = totals;
+  root.packs = packs.size();
+  root.parameter_bytes = static_cast<std::uint32_t>(parameters.size());
+  root.parameter_crc = base::crc32c(base::viewOfText(parameters));
+  root.rows_crc = base::crc32c(rows.view());
 
   ByteWriter header;
   header.bytes(base::viewOfText({kIndexMagic, kMagicBytes}));
   header.u32(kVersion);
   header.u32(kIndexHeaderBytes);
-  header.u64(root.rowsOffset() + rows.size());
-  header.u64(keys_);
-  header.u64(empty_);
-  header.u64(totals.value_bytes);
-  header.u64(totals.jpeg_bytes);
-  header.u64(totals.coverage_bytes);
-  header.u64(root.blocks);
-  header.u64(root.blocks_offset);
-  header.u64(packs.size());
-  header.u32(kBlockBytes);
-  header.u32(kHashShift);
-  header.u32(static_cast<std::uint32_t>(parameters.size()));
-  header.u32(base::crc32c(base::viewOfText(parameters)));
-  header.u32(base::crc32c(rows.view()));
+  base::writeFields(header, fieldsOfRoot(root));
   header.bytes(Bytes(16));
   header.u32(base::crc32c(header.view()));
   LUMIGRID_CHECK_EQ(header.size(), kIndexHeaderBytes);
   header.bytes(base::viewOfText(parameters));
 
   Bytes out = header.take();
-  out.reserve(root.rowsOffset() + rows.size());
+  out.reserve(root.object_bytes);
   out.resize(root.blocks_offset);
   writeBlocks(root, packs, out);
   out.insert(out.end(), rows.view().begin(), rows.view().end());
