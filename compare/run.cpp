@@ -246,8 +246,7 @@ Result<RunResult> runSplats(const RunOptions& options, const Setting& setting, c
     frame.bytes = picture->bytes;
     frame.triangles = picture->splats;
     frame.complete = true;
-    LUMIGRID_ASSIGN_OR_RETURN(auto accuracy, measureFrame(options, run.name(), truth, i, picture->rgba));
-    frame.accuracy = accuracy;
+    LUMIGRID_ASSIGN_OR_RETURN(frame.accuracy, measureFrame(options, run.name(), truth, i, picture->rgba));
     run.frames.push_back(frame);
   }
   return run;

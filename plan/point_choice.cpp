@@ -115,16 +115,8 @@ struct GreedyChoice {
   std::vector<std::vector<float>>& uses;
   const std::vector<SurfaceSample>& samples;
   std::function<void(std::size_t item)> remove_hidden;
-  std::vector<SampleWorth> worths;  // one a sample
-  std::vector<char> is_tested;      // one an item: remove_hidden has run
-
-  GreedyChoice(std::vector<std::vector<float>>& uses_of_items, const std::vector<SurfaceSample>& all_samples,
-               std::function<void(std::size_t item)> remove_hidden_uses)
-      : uses(uses_of_items),
-        samples(all_samples),
-        remove_hidden(std::move(remove_hidden_uses)),
-        worths(all_samples.size()),
-        is_tested(uses_of_items.size(), 0) {}
+  std::vector<SampleWorth> worths = std::vector<SampleWorth>(samples.size());
+  std::vector<char> is_tested = std::vector<char>(uses.size(), 0);  // one an item: remove_hidden has run
 
   float gainOf(std::size_t item) const {
     float sum = 0.0F;
@@ -334,7 +326,7 @@ std::vector<ChosenPoint> choosePointsWithGains(const PointQuery& query, std::vec
     for (std::size_t s = 0; s < samples.size(); ++s)
       uses[c][s] = useOfPoint(query, query.grid.point(candidates[c].x, candidates[c].y, candidates[c].z), samples[s]);
 
-  GreedyChoice choice(uses, samples, [&](std::size_t c) { zeroHidden(query, candidates[c], samples, uses[c]); });
+  GreedyChoice choice{uses, samples, [&](std::size_t c) { zeroHidden(query, candidates[c], samples, uses[c]); }};
   std::vector<ChosenPoint> chosen;
   for (const ChosenItem& item : chooseGreedily(choice, indicesBelow(candidates.size()), query.max_points))
     if (isOfUse(uses[item.item])) chosen.push_back({candidates[item.item], item.gain});
@@ -368,7 +360,7 @@ std::vector<repository::FaceKey> orderFaces(const PointQuery& query, std::span<c
     }
   }
 
-  GreedyChoice choice(uses, samples, [](std::size_t) {});
+  GreedyChoice choice{uses, samples, [](std::size_t) {}};
   std::vector<repository::FaceKey> ordered;
   for (const ChosenItem& item : chooseGreedily(choice, indicesBelow(faces.size()), faces.size()))
     ordered.push_back(faces[item.item]);

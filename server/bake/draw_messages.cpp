@@ -9,6 +9,8 @@
 #include <string_view>
 #include <utility>
 
+#include "base/fields.h"
+
 namespace server {
 namespace {
 
@@ -51,6 +53,15 @@ std::string readText(base::ByteReader& in) {
   return {text.begin(), text.end()};
 }
 
+// Both ends are one program, so fields travel as they lie in memory.
+auto settingsOf(auto& order) {
+  return std::tie(order.render.tolerance_px, order.render.supersampling, order.render.max_target_samples, order.quality,
+                  order.subsampling, order.gpu_budget_bytes);
+}
+auto fieldsOf(auto& sequence, auto& face) {
+  return std::tie(sequence, face.empty, face.jpeg_bytes, face.coverage_bytes);
+}
+
 }  // namespace
 
 base::Result<void> sendMessage(int socket, DrawMessageKind kind, base::ByteView body) {
@@ -83,29 +94,17 @@ base::Bytes encodeOrder(const FaceWork& work) {
   writeText(out, base::formatScene(drawn));
   writeText(out, work.patches.path());
   work.grid.encode(out);
-  out.f32(work.render.tolerance_px);
-  out.u32(static_cast<std::uint32_t>(work.render.supersampling));
-  out.u64(work.render.max_target_samples);
-  out.u32(static_cast<std::uint32_t>(work.quality));
-  out.u8(static_cast<std::uint8_t>(work.subsampling));
-  out.u64(work.gpu_budget_bytes);
+  base::writeFields(out, settingsOf(work));
   return out.take();
 }
 
 base::Result<DrawOrder> decodeOrder(base::ByteView body) {
   base::ByteReader in(body);
-  LUMIGRID_ASSIGN_OR_RETURN(auto scene, base::parseScene(readText(in), "the scene of a drawing process"));
   DrawOrder order;
-  order.scene = std::move(scene);
+  LUMIGRID_ASSIGN_OR_RETURN(order.scene, base::parseScene(readText(in), "the scene of a drawing process"));
   order.patch_path = readText(in);
-  LUMIGRID_ASSIGN_OR_RETURN(auto grid, repository::Grid::decode(in));
-  order.grid = grid;
-  order.render.tolerance_px = in.f32();
-  order.render.supersampling = static_cast<int>(in.u32());
-  order.render.max_target_samples = in.u64();
-  order.quality = static_cast<int>(in.u32());
-  order.subsampling = static_cast<repository::Subsampling>(in.u8());
-  order.gpu_budget_bytes = in.u64();
+  LUMIGRID_ASSIGN_OR_RETURN(order.grid, repository::Grid::decode(in));
+  base::readFields(in, settingsOf(order));
   if (!in.atEnd()) return broken("an order of another length");
   return order;
 }
@@ -130,10 +129,7 @@ base::Result<DrawJob> decodeJob(base::ByteView body) {
 
 base::Bytes encodeNumberedFace(std::uint64_t sequence, const EncodedFace& face) {
   base::ByteWriter out;
-  out.u64(sequence);
-  out.u8(face.empty ? 1 : 0);
-  out.u64(face.jpeg_bytes);
-  out.u64(face.coverage_bytes);
+  base::writeFields(out, fieldsOf(sequence, face));
   out.bytes(face.value);
   return out.take();
 }
@@ -141,10 +137,7 @@ base::Bytes encodeNumberedFace(std::uint64_t sequence, const EncodedFace& face) 
 base::Result<NumberedFace> decodeNumberedFace(base::ByteView body) {
   base::ByteReader in(body);
   NumberedFace made;
-  made.sequence = in.u64();
-  made.face.empty = in.u8() != 0;
-  made.face.jpeg_bytes = in.u64();
-  made.face.coverage_bytes = in.u64();
+  base::readFields(in, fieldsOf(made.sequence, made.face));
   const base::ByteView value = in.bytes(in.remaining());
   made.face.value.assign(value.begin(), value.end());
   if (!in.ok()) return broken("a face of too few bytes");

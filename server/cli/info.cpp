@@ -33,6 +33,17 @@ struct LevelSummary {
   float max_error = 0.0F;
   float max_color_error = 0.0F;  // share of black to white, 0 … 1
 };
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(LevelSummary, triangles, patches, max_error, max_color_error)
+
+std::string countIn(const nlohmann::json& object, const char* name) {
+  return formatCount(object[name].get<std::uint64_t>());
+}
+std::string bytesIn(const nlohmann::json& object, const char* name) {
+  return formatBytes(object[name].get<std::uint64_t>());
+}
+std::string textIn(const nlohmann::json& object, const char* name) {
+  return object[name].get<std::string>();
+}
 
 std::vector<LevelSummary> levelsOf(const lod::patch::Hierarchy& hierarchy) {
   std::vector<LevelSummary> levels;
@@ -51,18 +62,12 @@ std::vector<LevelSummary> levelsOf(const lod::patch::Hierarchy& hierarchy) {
 
 nlohmann::json describeHierarchy(const OpenScene& open) {
   const lod::patch::Hierarchy& h = open.patches.hierarchy();
-  nlohmann::json j{{"bytes", open.patches.fileBytes()},
-                   {"groups", h.groups.size()},
-                   {"patches", h.patches.size()},
-                   {"lattice_step", h.lattice.step},
-                   {"position_error", h.lattice.positionError()},
-                   {"levels", nlohmann::json::array()}};
-  for (const LevelSummary& level : levelsOf(h))
-    j["levels"].push_back({{"triangles", level.triangles},
-                           {"patches", level.patches},
-                           {"max_error", level.max_error},
-                           {"max_color_error", level.max_color_error}});
-  return j;
+  return {{"bytes", open.patches.fileBytes()},
+          {"groups", h.groups.size()},
+          {"patches", h.patches.size()},
+          {"lattice_step", h.lattice.step},
+          {"position_error", h.lattice.positionError()},
+          {"levels", levelsOf(h)}};
 }
 
 base::Result<repository::StoreContents> contentsOf(const repository::IndexRoot& root) {
@@ -123,9 +128,9 @@ nlohmann::json describeAnnotations(const OpenScene& open) {
 
 void printAnnotations(const nlohmann::json& annotations) {
   if (annotations.contains("error"))
-    std::printf("annotations: not served: %s\n", annotations["error"].get<std::string>().c_str());
+    std::printf("annotations: not served: %s\n", textIn(annotations, "error").c_str());
   else if (annotations.contains("count"))
-    std::printf("annotations: %s\n", formatCount(annotations["count"].get<std::uint64_t>()).c_str());
+    std::printf("annotations: %s\n", countIn(annotations, "count").c_str());
 }
 
 std::string dateOf(std::int64_t unix_seconds) {
@@ -138,43 +143,41 @@ std::string dateOf(std::int64_t unix_seconds) {
 }
 
 void printDigest(const nlohmann::json& part, const char* of) {
-  if (part.contains("sha256")) std::printf("  SHA-256 of %s %s\n", of, part["sha256"].get<std::string>().c_str());
+  if (part.contains("sha256")) std::printf("  SHA-256 of %s %s\n", of, textIn(part, "sha256").c_str());
 }
 
 void printAccess(const nlohmann::json& access) {
   if (access.contains("error")) {
-    std::printf("sent to viewers: %s\n", access["error"].get<std::string>().c_str());
+    std::printf("sent to viewers: %s\n", textIn(access, "error").c_str());
     return;
   }
-  const auto count = [&](const char* name) { return formatCount(access[name].get<std::uint64_t>()); };
   std::printf("sent to viewers from %s to %s: %s images (%s different ones), %s groups\n",
               dateOf(access["since"].get<std::int64_t>()).c_str(), dateOf(access["until"].get<std::int64_t>()).c_str(),
-              count("faces_sent").c_str(), count("faces").c_str(), count("groups_sent").c_str());
+              countIn(access, "faces_sent").c_str(), countIn(access, "faces").c_str(),
+              countIn(access, "groups_sent").c_str());
   if (access["uncounted"].get<std::uint64_t>() != 0)
-    std::printf("  and %s more, not kept apart for want of memory\n", count("uncounted").c_str());
+    std::printf("  and %s more, not kept apart for want of memory\n", countIn(access, "uncounted").c_str());
   for (const auto& point : access["points"])
-    std::printf("  %12s from point %s at %s\n", formatCount(point["sent"].get<std::uint64_t>()).c_str(),
-                point["point"].dump().c_str(), point["position"].dump().c_str());
+    std::printf("  %12s from point %s at %s\n", countIn(point, "sent").c_str(), point["point"].dump().c_str(),
+                point["position"].dump().c_str());
 }
 
 void printImages(const nlohmann::json& i, const std::string& tuned) {
   const auto images = i["images"].get<std::uint64_t>();
   const auto expected = i["expected"].get<std::uint64_t>();
   std::printf("images: %s of %d x %d pixels, %s faces see nothing; grid %s, spacing %g\n", formatCount(images).c_str(),
-              i["face_size"].get<int>(), i["face_size"].get<int>(),
-              formatCount(i["empty"].get<std::uint64_t>()).c_str(), i["grid"].dump().c_str(),
-              i["spacing"].get<double>());
+              i["face_size"].get<int>(), i["face_size"].get<int>(), countIn(i, "empty").c_str(),
+              i["grid"].dump().c_str(), i["spacing"].get<double>());
   std::printf(
-      "  %s JPEG, %s coverage, %s an image\n", formatBytes(i["jpeg_bytes"].get<std::uint64_t>()).c_str(),
-      formatBytes(i["coverage_bytes"].get<std::uint64_t>()).c_str(),
+      "  %s JPEG, %s coverage, %s an image\n", bytesIn(i, "jpeg_bytes").c_str(), bytesIn(i, "coverage_bytes").c_str(),
       formatBytes(
           images == 0 ? 0 : (i["jpeg_bytes"].get<std::uint64_t>() + i["coverage_bytes"].get<std::uint64_t>()) / images)
           .c_str());
   if (!tuned.empty()) std::printf("  %s\n", tuned.c_str());
   printDigest(i, "all values");
   if (i["points"] != i["grid_points"])
-    std::printf("  %s of the grid's %s points are sampled\n", formatCount(i["points"].get<std::uint64_t>()).c_str(),
-                formatCount(i["grid_points"].get<std::uint64_t>()).c_str());
+    std::printf("  %s of the grid's %s points are sampled\n", countIn(i, "points").c_str(),
+                countIn(i, "grid_points").c_str());
   if (images + i["empty"].get<std::uint64_t>() != expected)
     std::printf("  %s faces are missing; run the same `lumigrid build` again\n",
                 formatCount(expected - images - i["empty"].get<std::uint64_t>()).c_str());
@@ -203,26 +206,23 @@ void printScene(const InfoArguments& a, const nlohmann::json& j) {
   std::printf("%s: %s %s, colours: %s, light: %s, units: %s\n", a.scene.c_str(),
               formatCount(points ? j["qsplat"]["leaves"].get<std::uint64_t>() : triangles).c_str(),
               points ? "points" : "triangles", s["has_colors"].get<bool>() ? "yes" : "no",
-              s["light"]["mode"].get<std::string>().c_str(), s["units"].get<std::string>().c_str());
+              textIn(s["light"], "mode").c_str(), textIn(s, "units").c_str());
   std::printf("box %s to %s\n", s["box_min"].dump().c_str(), s["box_max"].dump().c_str());
   for (const auto& source : s["sources"])
-    std::printf("source %s, %s\n", source["path"].get<std::string>().c_str(),
-                formatBytes(source["bytes"].get<std::uint64_t>()).c_str());
+    std::printf("source %s, %s\n", textIn(source, "path").c_str(), bytesIn(source, "bytes").c_str());
   for (const auto& [what, count] : s["repairs"].items())
     std::printf("repaired: %s %s\n", formatCount(count.get<std::uint64_t>()).c_str(), what.c_str());
 }
 
 void printHierarchy(const nlohmann::json& h) {
-  std::printf("hierarchy: %s patches in %s groups, %s; positions within %g\n",
-              formatCount(h["patches"].get<std::uint64_t>()).c_str(),
-              formatCount(h["groups"].get<std::uint64_t>()).c_str(),
-              formatBytes(h["bytes"].get<std::uint64_t>()).c_str(), h["position_error"].get<double>());
+  std::printf("hierarchy: %s patches in %s groups, %s; positions within %g\n", countIn(h, "patches").c_str(),
+              countIn(h, "groups").c_str(), bytesIn(h, "bytes").c_str(), h["position_error"].get<double>());
   printDigest(h, "content");
   int number = 0;
   for (const auto& level : h["levels"])
     std::printf("  level %2d: %12s triangles %8s patches, error up to %g\n", number++,
-                formatCount(level["triangles"].get<std::uint64_t>()).c_str(),
-                formatCount(level["patches"].get<std::uint64_t>()).c_str(), level["max_error"].get<double>());
+                countIn(level, "triangles").c_str(), countIn(level, "patches").c_str(),
+                level["max_error"].get<double>());
 }
 
 void print(const InfoArguments& a, const nlohmann::json& j, const std::string& tuned) {

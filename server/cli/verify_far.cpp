@@ -124,8 +124,7 @@ void verifyFarAnnotations(const repository::ObjectSource& source, Faults& faults
 }  // namespace
 
 base::Result<Faults> verifyFar(const std::string& place, const VerifyProgress& progress) {
-  LUMIGRID_ASSIGN_OR_RETURN(auto opened, repository::openObjectSource(place));
-  const Source source = std::move(opened);
+  LUMIGRID_ASSIGN_OR_RETURN(const Source source, repository::openObjectSource(place));
   LUMIGRID_ASSIGN_OR_RETURN(const auto json, readSceneJson(*source));
   LUMIGRID_ASSIGN_OR_RETURN(const auto scene,
                             base::parseScene(std::string(json.begin(), json.end()), source->place() + "/scene.json"));

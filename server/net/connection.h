@@ -1,5 +1,6 @@
 #pragma once
 // The base class of HTTP and WebSocket sessions.
+#include <boost/asio/post.hpp>
 #include <memory>
 #include <utility>
 
@@ -26,6 +27,16 @@ class Connection : public std::enable_shared_from_this<Connection> {
   template <class Self>
   std::shared_ptr<Self> self() {
     return std::static_pointer_cast<Self>(shared_from_this());
+  }
+  /// For another thread to call: hands its answer to accept(session, answer) on the io thread, if the session lives
+  /// yet.
+  template <class Answer, class Self, class Accept>
+  auto answerTo(Self* /*session*/, Accept accept) {
+    return [weak = weak_from_this(), accept, &io = hub_->io](Answer answer) {
+      boost::asio::post(io, [weak, accept, answer = std::move(answer)]() mutable {
+        if (const auto session = std::static_pointer_cast<Self>(weak.lock())) accept(*session, std::move(answer));
+      });
+    };
   }
   const std::shared_ptr<Hub> hub_;
 };

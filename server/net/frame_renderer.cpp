@@ -80,13 +80,10 @@ void FrameRenderer::Impl::runThread(std::promise<base::Result<void>> started) {
 /// The renderers share the GPU memory that one would take. Splats-only scenes have none.
 base::Result<void> FrameRenderer::Impl::makeRenderers() {
   for (const OpenScene* scene : scenes) {
-    if (scene->data.patches == nullptr) {
-      renderers.push_back(nullptr);
-      continue;
-    }
-    LUMIGRID_ASSIGN_OR_RETURN(auto renderer,
+    renderers.emplace_back();
+    if (scene->data.patches == nullptr) continue;
+    LUMIGRID_ASSIGN_OR_RETURN(renderers.back(),
                               SceneRenderer::create(scene->scene, scene->patches, kPatchBytes / scenes.size()));
-    renderers.push_back(std::move(renderer));
   }
   return {};
 }
@@ -133,8 +130,7 @@ void FrameRenderer::Impl::drawPictureBand() {
 base::Result<bool> FrameRenderer::Impl::drawNextBand(PictureJob& job) const {
   SceneRenderer& renderer = *renderers[job.scene];
   if (!job.painter) {
-    LUMIGRID_ASSIGN_OR_RETURN(auto begun, PicturePainter::begin(job.request, scenes[job.scene]->scene, renderer));
-    job.painter = std::move(begun);
+    LUMIGRID_ASSIGN_OR_RETURN(job.painter, PicturePainter::begin(job.request, scenes[job.scene]->scene, renderer));
   }
   return job.painter->drawNextBand(renderer);
 }

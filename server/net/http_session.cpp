@@ -2,7 +2,6 @@
 
 #include "server/net/beast_types.h"
 
-#include <boost/asio/post.hpp>
 #include <boost/asio/write.hpp>
 #include <boost/beast/core/bind_handler.hpp>
 #include <boost/beast/core/flat_buffer.hpp>
@@ -54,17 +53,14 @@ class HttpSession final : public Connection {
   void onPicture(const char* type, base::Result<base::Bytes> bytes);
   void requestPick(const HttpRequest& request);
   void onPick(base::Result<std::string> json);
-  /// For another thread to call: brings the answer to `accept(session, answer)` on the server's thread.
+  /// Calls accept(session, answer) if the answer of this id is still waited for.
   template <class Answer, class Accept>
-  auto answerTo(std::uint64_t id, Accept accept) {
-    return [weak = weak_from_this(), id, accept, &io = hub_->io](base::Result<Answer> answer) {
-      asio::post(io, [weak, id, accept, answer = std::move(answer)]() mutable {
-        const auto session = std::static_pointer_cast<HttpSession>(weak.lock());
-        if (!session || session->awaited_ != id) return;
-        session->stopWaiting();
-        accept(*session, std::move(answer));
-      });
-    };
+  auto whenAwaited(std::uint64_t id, Accept accept) {
+    return answerTo<Answer>(this, [id, accept](HttpSession& session, Answer answer) {
+      if (session.awaited_ != id) return;
+      session.stopWaiting();
+      accept(session, std::move(answer));
+    });
   }
   void waitForAnswer(std::uint64_t id);
   void onAnswerTimeout(std::uint64_t id);
@@ -104,18 +100,12 @@ class HttpSession final : public Connection {
 
 /// A page's links are relative to its folder, so "/tower" leads to "/tower/".
 HttpReply redirectToFolder(const std::string& name) {
-  HttpReply reply = textReply(301, "see /" + name + "/\n");
-  reply.headers.emplace_back("Location", "/" + name + "/");
-  return reply;
+  return textReply(301, "see /" + name + "/\n", {{"Location", "/" + name + "/"}});
 }
 
 /// The answer to HEAD where the length of the body is not known without making it.
 HttpReply headReply(const char* type) {
-  HttpReply reply;
-  reply.type = type;
-  reply.cache = "no-store";
-  reply.has_length = false;
-  return reply;
+  return {.type = type, .cache = "no-store", .has_length = false};
 }
 
 HttpReply remoteErrorReply(const base::Error& error) {
@@ -189,7 +179,7 @@ void HttpSession::requestPicture(const HttpRequest& request) {
   if (request.method == "HEAD") return doWrite(headReply(type));
 
   const std::uint64_t id = hub_->next_client++;
-  const auto done = answerTo<base::Bytes>(
+  const auto done = whenAwaited<base::Result<base::Bytes>>(
       id, [type](HttpSession& session, base::Result<base::Bytes> bytes) { session.onPicture(type, std::move(bytes)); });
   const bool accepted =
       hub_->unsent_picture_bytes < kMaxUnsentPictures &&
@@ -200,10 +190,7 @@ void HttpSession::requestPicture(const HttpRequest& request) {
 
 void HttpSession::onPicture(const char* type, base::Result<base::Bytes> bytes) {
   if (!bytes) return doWrite(textReply(500, "the picture could not be rendered; the server's log says why\n"));
-  HttpReply reply;
-  reply.type = type;
-  reply.cache = "no-store";
-  reply.owned = std::move(*bytes);
+  HttpReply reply{.type = type, .cache = "no-store", .owned = std::move(*bytes)};
   picture_bytes_ = reply.owned.size();
   hub_->unsent_picture_bytes += picture_bytes_;
   doWrite(std::move(reply));
@@ -216,7 +203,7 @@ void HttpSession::requestPick(const HttpRequest& request) {
   if (!ray) return doWrite(badRequest(ray.error()));
   if (request.method == "HEAD") return doWrite(headReply("application/json"));
   const std::uint64_t id = hub_->next_client++;
-  const auto done = answerTo<std::string>(id, std::mem_fn(&HttpSession::onPick));
+  const auto done = whenAwaited<base::Result<std::string>>(id, std::mem_fn(&HttpSession::onPick));
   if (!hosted_->picker->submit(*ray, done))
     return doWrite(tryLater(1, "too many points are asked for at once; try again later\n"));
   waitForAnswer(id);
@@ -227,10 +214,7 @@ void HttpSession::onPick(base::Result<std::string> json) {
     spdlog::warn("pick: {}", json.error().message);
     return doWrite(textReply(500, "the scene's data is damaged there; the server's log says more\n"));
   }
-  HttpReply reply = textReply(200, std::move(*json));
-  reply.type = "application/json";
-  reply.cache = "no-store";
-  doWrite(std::move(reply));
+  doWrite({.type = "application/json", .cache = "no-store", .text = std::move(*json)});
 }
 
 /// Ends when the answer comes, the visitor closes the connection, or the time is over.
@@ -279,8 +263,8 @@ void HttpSession::answerFromRemote(HttpReply reply) {
 void HttpSession::readRemoteRange() {
   const RemoteBody& body = reply_.remote;
   const std::uint64_t id = hub_->next_client++;
-  hub_->fetchers->submit([done = answerTo<base::Bytes>(id, std::mem_fn(&HttpSession::onRemoteRange)), hub = hub_.get(),
-                          source = body.source, name = body.name, offset = body.offset,
+  hub_->fetchers->submit([done = whenAwaited<base::Result<base::Bytes>>(id, std::mem_fn(&HttpSession::onRemoteRange)),
+                          hub = hub_.get(), source = body.source, name = body.name, offset = body.offset,
                           length = std::min(body.length, kRemoteRange)] {
     if (!hub->stopping) done(source->read(name, offset, length));
   });

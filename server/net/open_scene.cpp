@@ -27,8 +27,7 @@ base::Result<void> setImages(std::unique_ptr<repository::Store> store, const std
   auto meta = store->readMeta();
   if (!meta) return base::within(path, meta.error());
   if (!meta->has_value()) return {};  // a bake that was stopped before its first batch
-  LUMIGRID_ASSIGN_OR_RETURN(auto points, repository::sampledPointsFromMeta(**meta, path));
-  open.points = std::move(points);
+  LUMIGRID_ASSIGN_OR_RETURN(open.points, repository::sampledPointsFromMeta(**meta, path));
   open.data.tree = open.points.treeOrNull();
   open.images = std::move(store);
   open.data.images = open.images.get();
@@ -98,10 +97,8 @@ std::unique_ptr<OpenScene> openDocument(base::Scene scene, base::Bytes json_byte
 }
 
 base::Result<void> openHierarchy(const std::string& path, OpenScene& open) {
-  LUMIGRID_ASSIGN_OR_RETURN(auto patches, lod::patch::PatchFile::open(path));
-  LUMIGRID_ASSIGN_OR_RETURN(auto mapped, base::MappedFile::open(path));
-  open.patches = std::move(patches);
-  open.patch_bytes = std::move(mapped);
+  LUMIGRID_ASSIGN_OR_RETURN(open.patches, lod::patch::PatchFile::open(path));
+  LUMIGRID_ASSIGN_OR_RETURN(open.patch_bytes, base::MappedFile::open(path));
   open.data.patches = &open.patches;
   describeHierarchy(open.patches.hierarchy(), open.data.welcome);
   return {};
@@ -163,8 +160,8 @@ const base::ScenePart* publishedPart(const base::Scene& scene, const std::string
 // Opens a published scene behind a network. Every object but scene.json is named by its content, so caches stay valid.
 base::Result<std::unique_ptr<OpenScene>> openRemoteScene(const std::string& place, const RemoteOptions& options) {
   LUMIGRID_ASSIGN_OR_RETURN(const auto directory, cacheDirectory(options, place));
-  LUMIGRID_ASSIGN_OR_RETURN(auto opened, repository::openObjectSource(place));
-  const std::shared_ptr<const repository::ObjectSource> source = std::move(opened);
+  LUMIGRID_ASSIGN_OR_RETURN(const std::shared_ptr<const repository::ObjectSource> source,
+                            repository::openObjectSource(place));
   LUMIGRID_ASSIGN_OR_RETURN(auto json_bytes, readSceneJson(*source));
   LUMIGRID_ASSIGN_OR_RETURN(auto scene,
                             base::parseScene(std::string(json_bytes.begin(), json_bytes.end()), place + "/scene.json"));
@@ -182,8 +179,7 @@ base::Result<std::unique_ptr<OpenScene>> openRemoteScene(const std::string& plac
     LUMIGRID_TRY(openHierarchy(path, *open));
   }
   if (splats != nullptr) {
-    LUMIGRID_ASSIGN_OR_RETURN(auto far, openCachedSource(source, directory, options));
-    open->remote_splats = std::move(far);
+    LUMIGRID_ASSIGN_OR_RETURN(open->remote_splats, openCachedSource(source, directory, options));
   }
   if (patches != nullptr && index) {
     LUMIGRID_ASSIGN_OR_RETURN(auto far, openCachedSource(source, directory, options));
@@ -210,8 +206,7 @@ base::Result<std::unique_ptr<OpenScene>> openScene(const std::string& place, con
   open->directory = place;
   const bool has_splats = base::partFile(open->scene, "qsplat", ".lgq").has_value();
   if (has_splats) {
-    LUMIGRID_ASSIGN_OR_RETURN(auto splats, base::MappedFile::open(base::splatPath(place, open->scene)));
-    open->splat_bytes = std::move(splats);
+    LUMIGRID_ASSIGN_OR_RETURN(open->splat_bytes, base::MappedFile::open(base::splatPath(place, open->scene)));
   }
   if (has_splats && !base::partFile(open->scene, "patch", ".lgp")) return open;
   LUMIGRID_TRY(openHierarchy(base::patchPath(place, open->scene), *open));

@@ -279,8 +279,7 @@ base::Result<std::unique_ptr<PicturePainter>> PicturePainter::begin(const Pictur
   const std::uint64_t rows = band_pixels / static_cast<std::uint64_t>(request.camera.width);
   impl.band_height =
       static_cast<int>(std::clamp<std::uint64_t>(rows, 1, static_cast<std::uint64_t>(request.camera.height)));
-  LUMIGRID_ASSIGN_OR_RETURN(auto encoder, beginRows(request, impl.bytes));
-  impl.rows = std::move(encoder);
+  LUMIGRID_ASSIGN_OR_RETURN(impl.rows, beginRows(request, impl.bytes));
   return painter;
 }
 

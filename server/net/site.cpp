@@ -36,12 +36,10 @@ const PageForm& chooseForm(const PageFile& file, std::string_view accept_encodin
 
 HttpReply pageReply(const HttpRequest& request, const PageFile& file) {
   const PageForm& form = chooseForm(file, request.accept_encoding);
-  HttpReply reply;
-  reply.type = file.type;
-  reply.cache = file.immutable ? kForever : "no-cache";
-  reply.headers.emplace_back("ETag", form.etag);
-  reply.headers.emplace_back("Content-Security-Policy", kPagePolicy);
-  reply.headers.emplace_back("Referrer-Policy", "no-referrer");
+  HttpReply reply{
+      .type = file.type,
+      .cache = file.immutable ? kForever : "no-cache",
+      .headers = {{"ETag", form.etag}, {"Content-Security-Policy", kPagePolicy}, {"Referrer-Policy", "no-referrer"}}};
   if (!file.brotli.etag.empty() || !file.gzip.etag.empty()) reply.headers.emplace_back("Vary", "Accept-Encoding");
   if (isKnown(request, form.etag)) {
     reply.status = 304;
@@ -54,9 +52,7 @@ HttpReply pageReply(const HttpRequest& request, const PageFile& file) {
 }
 
 HttpReply jsonReply(const HttpRequest& request, base::ByteView bytes, const std::string& etag) {
-  HttpReply reply;
-  reply.type = "application/json";
-  reply.headers.emplace_back("ETag", etag);
+  HttpReply reply{.type = "application/json", .headers = {{"ETag", etag}}};
   if (isKnown(request, etag))
     reply.status = 304;
   else
@@ -66,12 +62,10 @@ HttpReply jsonReply(const HttpRequest& request, base::ByteView bytes, const std:
 
 /// Tells browsers what a page of another host may request (CORS); they may keep the answer for a day.
 HttpReply preflightReply() {
-  HttpReply reply;
-  reply.status = 204;
-  reply.headers.emplace_back("Access-Control-Allow-Methods", "GET, HEAD");
-  reply.headers.emplace_back("Access-Control-Allow-Headers", "Range, If-Range, If-None-Match");
-  reply.headers.emplace_back("Access-Control-Max-Age", "86400");
-  return reply;
+  return {.status = 204,
+          .headers = {{"Access-Control-Allow-Methods", "GET, HEAD"},
+                      {"Access-Control-Allow-Headers", "Range, If-Range, If-None-Match"},
+                      {"Access-Control-Max-Age", "86400"}}};
 }
 
 }  // namespace
@@ -89,11 +83,8 @@ base::ByteView HttpReply::body() const {
   return base::viewOfText(text);
 }
 
-HttpReply textReply(int status, std::string text) {
-  HttpReply reply;
-  reply.status = status;
-  reply.text = std::move(text);
-  return reply;
+HttpReply textReply(int status, std::string text, HttpHeaders headers) {
+  return {.status = status, .text = std::move(text), .headers = std::move(headers)};
 }
 
 HttpReply badRequest(const base::Error& error) {
@@ -107,9 +98,7 @@ HttpReply splatsOnlyReply() {
 }
 
 HttpReply tryLater(int seconds, std::string text) {
-  HttpReply reply = textReply(503, std::move(text));
-  reply.headers.emplace_back("Retry-After", std::to_string(seconds));
-  return reply;
+  return textReply(503, std::move(text), {{"Retry-After", std::to_string(seconds)}});
 }
 
 Site::Site(const OpenScene& scene, PageFiles pages)
@@ -155,11 +144,8 @@ const Site::SceneFile* Site::findSceneFile(std::string_view path) const {
 
 HttpReply Site::answer(const HttpRequest& request, const std::string& place) {
   if (request.method == "OPTIONS") return preflightReply();
-  if (request.method != "GET" && request.method != "HEAD") {
-    HttpReply reply = textReply(405, "only GET and HEAD\n");
-    reply.headers.emplace_back("Allow", "GET, HEAD, OPTIONS");
-    return reply;
-  }
+  if (request.method != "GET" && request.method != "HEAD")
+    return textReply(405, "only GET and HEAD\n", {{"Allow", "GET, HEAD, OPTIONS"}});
   const std::string_view path = request.path();
   if (path == "/healthz") return textReply(200, "ok");
   if (path == "/") return homeReply(request, place);
@@ -183,9 +169,8 @@ HttpReply Site::homeReply(const HttpRequest& request, const std::string& place) 
   const std::string_view query = request.target.substr(request.path().size());
   const bool has_choice = query.find("method=") != query.npos || query.find("scene=") != query.npos;
   if (scene_.data.patches != nullptr || has_choice) return pageReply(request, page->second);
-  HttpReply reply = textReply(302, "see ?method=qsplat\n");
-  reply.headers.emplace_back("Location", query.size() > 1 ? std::string(query) + "&method=qsplat" : "?method=qsplat");
-  return reply;
+  return textReply(302, "see ?method=qsplat\n",
+                   {{"Location", query.size() > 1 ? std::string(query) + "&method=qsplat" : "?method=qsplat"}});
 }
 
 HttpReply Site::plainHomeReply(const HttpRequest& request, const std::string& place) const {
@@ -212,10 +197,8 @@ HttpReply Site::annotationsReply(const HttpRequest& request) {
 }
 
 HttpReply Site::sceneFileReply(const HttpRequest& request, const SceneFile& file) {
-  HttpReply reply;
-  reply.type = "application/octet-stream";
+  HttpReply reply{.type = "application/octet-stream", .headers = {{"Accept-Ranges", "bytes"}}};
   if (base::isPublishedName(std::string(request.path()))) reply.cache = kForever;
-  reply.headers.emplace_back("Accept-Ranges", "bytes");
   if (!file.etag.empty()) reply.headers.emplace_back("ETag", file.etag);
   if (isKnown(request, file.etag)) {
     reply.status = 304;

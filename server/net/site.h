@@ -28,21 +28,23 @@ struct RemoteBody {
   std::uint64_t length = 0;  ///< 0: the reply has no such body
 };
 
+using HttpHeaders = std::vector<std::pair<std::string, std::string>>;
+
 struct HttpReply {
   int status = 200;
   std::string type = "text/plain; charset=utf-8";
   const char* cache = "no-cache";
-  std::string text;      ///< the body, unless `bytes`, `owned` or `remote` has one
-  base::ByteView bytes;  ///< of the site, with which they live
-  base::Bytes owned;
-  RemoteBody remote;                                         ///< of some length: then this is the body
-  bool has_length = true;                                    ///< false: a HEAD that does not say how long the body were
-  std::vector<std::pair<std::string, std::string>> headers;  ///< besides type and cache
+  std::string text = {};      ///< the body, unless `bytes`, `owned` or `remote` has one
+  base::ByteView bytes = {};  ///< of the site, with which they live
+  base::Bytes owned = {};
+  RemoteBody remote = {};    ///< of some length: then this is the body
+  bool has_length = true;    ///< false: a HEAD that does not say how long the body were
+  HttpHeaders headers = {};  ///< besides type and cache
 
   base::ByteView body() const;
 };
 
-HttpReply textReply(int status, std::string text);
+HttpReply textReply(int status, std::string text, HttpHeaders headers = {});
 /// Status 400 with the error's line.
 HttpReply badRequest(const base::Error& error);
 /// The answer of a splats-only scene to requests that need patches.

@@ -4,7 +4,6 @@
 #include <sys/socket.h>
 
 #include <algorithm>
-#include <boost/asio/post.hpp>
 #include <boost/beast/core/bind_handler.hpp>
 #include <boost/beast/core/flat_buffer.hpp>
 #include <boost/beast/websocket.hpp>
@@ -186,14 +185,12 @@ void WebSocketSession::onWrite(error_code ec, std::size_t /*bytes_written*/) {
 /// All faces of a request are fetched together, so that neighbours come with one range. A fetcher waits for the
 /// network in place of the io thread.
 void WebSocketSession::requestFaces(FaceRequest request) {
-  hub_->fetchers->submit(
-      [weak = weak_from_this(), hub = hub_.get(), images = hosted_.scene->images.get(), request = std::move(request)] {
-        if (hub->stopping) return;
-        asio::post(hub->io, [weak, request, values = images->getMany(request)]() mutable {
-          if (auto session = std::static_pointer_cast<WebSocketSession>(weak.lock()))
-            session->onFaces(request, std::move(values));
-        });
-      });
+  const auto done = answerTo<Session::FaceValues>(this, [request](WebSocketSession& self, Session::FaceValues values) {
+    self.onFaces(request, std::move(values));
+  });
+  hub_->fetchers->submit([done, hub = hub_.get(), images = hosted_.scene->images.get(), request = std::move(request)] {
+    if (!hub->stopping) done(images->getMany(request));
+  });
 }
 
 void WebSocketSession::onFaces(const FaceRequest& request, Session::FaceValues values) {
@@ -203,13 +200,9 @@ void WebSocketSession::onFaces(const FaceRequest& request, Session::FaceValues v
 
 void WebSocketSession::requestFrame(const FrameRequest& request) {
   if (!hub_->renderer) return;
-  std::weak_ptr<Connection> weak = weak_from_this();
-  hub_->renderer->requestFrame(id_, hosted_.number, request, [weak, request, &io = hub_->io](base::Bytes value) {
-    asio::post(io, [weak, request, value = std::move(value)]() mutable {
-      if (auto session = std::static_pointer_cast<WebSocketSession>(weak.lock()))
-        session->onFrame(request, std::move(value));
-    });
-  });
+  const auto done = answerTo<base::Bytes>(
+      this, [request](WebSocketSession& self, base::Bytes value) { self.onFrame(request, std::move(value)); });
+  hub_->renderer->requestFrame(id_, hosted_.number, request, done);
 }
 
 void WebSocketSession::onFrame(const FrameRequest& request, base::Bytes value) {

@@ -130,8 +130,7 @@ Tile SceneRenderer::Impl::touchedPart(const base::Camera& tile_camera, std::span
 base::Result<void> SceneRenderer::Impl::prepareTarget(int width, int height, int supersampling) {
   if (target.matches(width, height, supersampling)) return {};
   target = {};
-  LUMIGRID_ASSIGN_OR_RETURN(auto made, SampleTarget::create(width, height, supersampling));
-  target = std::move(made);
+  LUMIGRID_ASSIGN_OR_RETURN(target, SampleTarget::create(width, height, supersampling));
   return {};
 }
 
@@ -217,15 +216,11 @@ base::Result<std::unique_ptr<SceneRenderer>> SceneRenderer::create(const base::S
                        "render: no GL context is current on this thread; make a base::HeadlessContext first"};
   std::unique_ptr<SceneRenderer> renderer(new SceneRenderer());
   renderer->impl_ = std::make_unique<Impl>(patches, gpu_budget_bytes);
-  LUMIGRID_ASSIGN_OR_RETURN(auto surface, linkSurface(scene.light));
-  LUMIGRID_ASSIGN_OR_RETURN(auto with_modes, linkModes(scene.light));
-  LUMIGRID_ASSIGN_OR_RETURN(auto resolve, ResolvePass::create());
-
   Impl& impl = *renderer->impl_;
+  LUMIGRID_ASSIGN_OR_RETURN(impl.surface, linkSurface(scene.light));
+  LUMIGRID_ASSIGN_OR_RETURN(impl.with_modes, linkModes(scene.light));
+  LUMIGRID_ASSIGN_OR_RETURN(impl.resolve, ResolvePass::create());
   impl.lit = scene.light.mode != base::LightMode::kUnlit;
-  impl.surface = std::move(surface);
-  impl.with_modes = std::move(with_modes);
-  impl.resolve = std::move(resolve);
   return renderer;
 }
 

@@ -57,10 +57,8 @@ base::Result<std::unique_ptr<SplatScene>> SplatScene::create(const base::Scene& 
   LUMIGRID_ASSIGN_OR_RETURN(auto blocks, lod::qsplat::openBlocks(file.bytes(), file.header()));
   std::unique_ptr<SplatScene> made(new SplatScene());
   made->impl_ = std::make_unique<Impl>(std::move(blocks));
-  LUMIGRID_ASSIGN_OR_RETURN(auto renderer, lod::draw::SplatRenderer::create());
-  LUMIGRID_ASSIGN_OR_RETURN(auto resolve, ResolvePass::create());
-  made->impl_->renderer = std::move(renderer);
-  made->impl_->resolve = std::move(resolve);
+  LUMIGRID_ASSIGN_OR_RETURN(made->impl_->renderer, lod::draw::SplatRenderer::create());
+  LUMIGRID_ASSIGN_OR_RETURN(made->impl_->resolve, ResolvePass::create());
   made->impl_->shading = {scene.light.mode == base::LightMode::kUnlit, scene.light.direction};
   return made;
 }
@@ -115,9 +113,7 @@ base::Result<void> SplatScene::Impl::drawPicture(const base::Camera& camera, con
       planTiles(camera.width, camera.height, options.supersampling, max_side, options.max_target_samples);
   if (!target.matches(plan.tile_width, plan.tile_height, options.supersampling)) {
     target = {};
-    LUMIGRID_ASSIGN_OR_RETURN(auto made,
-                              SampleTarget::create(plan.tile_width, plan.tile_height, options.supersampling));
-    target = std::move(made);
+    LUMIGRID_ASSIGN_OR_RETURN(target, SampleTarget::create(plan.tile_width, plan.tile_height, options.supersampling));
   }
   pending->tiles_left = plan.tiles.size();
   for (const Tile& tile : plan.tiles) {
