@@ -394,39 +394,14 @@ base::ViewCamera App::camera() const {
 
 Statistics App::statistics() const {
   const Impl& s = *impl_;
-  const ViewerStats stats = s.viewer.stats();
   Statistics out;
+  out.viewer = s.viewer.stats();
   out.frames_per_second = s.frame_rate.perSecond(s.now);
   out.frame_milliseconds = 1e3 * s.draw_seconds;
-  out.images_in_use = stats.lumigraph.samples_used;
-  out.images_resident = stats.lumigraph.samples_resident;
-  out.images_requested = stats.images_requested;
-  out.patches = stats.lumigraph.patches;
-  out.triangles = stats.lumigraph.triangles;
-  out.memory_bytes = stats.memory.total();
-  out.memory_budget = stats.memory_budget;
-  out.gpu_bytes = stats.memory.gpu();
-  out.received_bytes = stats.session.bytes_received;
-  out.received_images = stats.session.bytes_faces;
-  out.received_patches = stats.session.bytes_patches;
-  out.received_frames = stats.session.bytes_frames;
   out.megabits_per_second = 8e-6 * s.byte_rate.perSecond(s.now);
   out.round_trip_milliseconds = 1e3 * s.round_trip.seconds();
-  out.error_px = static_cast<double>(stats.error_px);
   const double asked = s.images_used + s.images_came;
   out.hit_rate = asked > 0.0 ? s.images_used / asked : 0.0;
-  out.splats = stats.splats.splats;
-  out.reduction = stats.splats.reduction;
-  out.lens_px = stats.splats.lens_px;
-  out.limited = stats.splats.limited;
-  out.blocks = stats.splats.stream.blocks;
-  out.blocks_present = stats.splats.stream.present;
-  out.blocks_requested = stats.splats.stream.requested;
-  out.blocks_wanted = stats.splats.stream.wanted;
-  out.complete = stats.complete;
-  out.broken = stats.broken;
-  out.last_fault = stats.last_fault;
-  out.accuracy = stats.accuracy;
   return out;
 }
 

@@ -110,10 +110,6 @@ void OrbitControl::setViewport(int width, int height) {
   camera_.height = std::max(height, 1);
 }
 
-void OrbitControl::reset() {
-  setViewpoint(first_);
-}
-
 glm::dvec3 OrbitControl::right() const {
   return glm::normalize(glm::cross(camera_.direction, up_));
 }

@@ -36,8 +36,7 @@ class OrbitControl {
   /// Looks at a box from the side and a little from above, so that all of it is in view.
   void frameBox(const glm::dvec3& box_min, const glm::dvec3& box_max, const glm::dvec3& up);
   void setViewport(int width, int height);  ///< pixels, ≥ 1
-  /// Goes back to the view that frameBox() gave.
-  void reset();
+  /// Returns the view that frameBox() gave.
   Viewpoint firstViewpoint() const { return first_; }
   /// Returns the viewpoint that shows the whole box from the present direction.
   Viewpoint framingViewpoint() const;
@@ -67,7 +66,6 @@ class OrbitControl {
 
   const base::ViewCamera& camera() const { return camera_; }
   const glm::dvec3& pivot() const { return pivot_; }
-  void setPivot(const glm::dvec3& world) { pivot_ = world; }
 
   /// Turns around the pivot; a drag over the whole height of the view is half a turn. The distance to the pivot and its
   /// place on the screen stay. Never tips over the poles.

@@ -173,36 +173,24 @@ class Painter {
   /// Draws, from the bottom up, the problem of the connection, the mode's hint, and the toasts.
   void drawMessages() const {
     float bottom = size_.y - kMargin * scale_;
-    const Status status = app_.status();
-    std::string text = status.text;
-    std::string advice = status.advice;
-    if (status.kind == Status::Kind::kConnecting && app_.sceneName().empty()) text = "Connecting\u2026";
-    if (!text.empty()) {
-      begin("status", 0.5F * size_.x, bottom, 0.5F, 1.0F, kWords);
-      const bool wrong = status.kind == Status::Kind::kLost || status.kind == Status::Kind::kRefused;
+    const auto show = [&](const std::string& name, const ImVec4& color, const std::string& text,
+                          const std::string& advice = "") {
+      if (text.empty()) return;
+      begin(name.c_str(), 0.5F * size_.x, bottom, 0.5F, 1.0F, kWords);
       ImGui::PushTextWrapPos(0.8F * size_.x);
-      ImGui::TextColored(wrong ? colors_.error : colors_.text, "%s", text.c_str());
+      ImGui::TextColored(color, "%s", text.c_str());
       if (!advice.empty()) ImGui::TextColored(colors_.quiet, "%s", advice.c_str());
       ImGui::PopTextWrapPos();
       bottom -= ImGui::GetWindowHeight() + 0.5F * kMargin * scale_;
       ImGui::End();
-    }
-    if (const std::string hint = app_.modeHint(); !hint.empty()) {
-      begin("hint", 0.5F * size_.x, bottom, 0.5F, 1.0F, kWords);
-      ImGui::PushTextWrapPos(0.8F * size_.x);
-      ImGui::TextUnformatted(hint.c_str());
-      ImGui::PopTextWrapPos();
-      bottom -= ImGui::GetWindowHeight() + 0.5F * kMargin * scale_;
-      ImGui::End();
-    }
-    for (auto toast = app_.toasts().rbegin(); toast != app_.toasts().rend(); ++toast) {
-      begin(("toast" + std::to_string(toast->id)).c_str(), 0.5F * size_.x, bottom, 0.5F, 1.0F, kWords);
-      ImGui::PushTextWrapPos(0.8F * size_.x);
-      ImGui::TextColored(toast->error ? colors_.error : colors_.text, "%s", toast->text.c_str());
-      ImGui::PopTextWrapPos();
-      bottom -= ImGui::GetWindowHeight() + 0.5F * kMargin * scale_;
-      ImGui::End();
-    }
+    };
+    const Status status = app_.status();
+    const bool wrong = status.kind == Status::Kind::kLost || status.kind == Status::Kind::kRefused;
+    const bool connecting = status.kind == Status::Kind::kConnecting && app_.sceneName().empty();
+    show("status", wrong ? colors_.error : colors_.text, connecting ? "Connecting\u2026" : status.text, status.advice);
+    show("hint", colors_.text, app_.modeHint());
+    for (auto toast = app_.toasts().rbegin(); toast != app_.toasts().rend(); ++toast)
+      show("toast" + std::to_string(toast->id), toast->error ? colors_.error : colors_.text, toast->text);
   }
 
   void drawHelp() const {

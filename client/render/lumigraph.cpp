@@ -187,9 +187,6 @@ LumigraphRenderer::~LumigraphRenderer() = default;
 lod::draw::PatchMeshes& LumigraphRenderer::patches() {
   return impl_->patches;
 }
-bool LumigraphRenderer::hasSample(SampleId id) const {
-  return impl_->samples.count(id) != 0;
-}
 bool LumigraphRenderer::settling() const {
   return impl_->settling;
 }

@@ -82,7 +82,6 @@ class LumigraphRenderer {
   /// another size. Alpha is coverage: 0 background, 255 model. The sample fades in from `now` on, in seconds.
   bool addSample(SampleId id, const base::Camera& camera, const base::Image& rgba, double now);
   void removeSample(SampleId id);
-  bool hasSample(SampleId id) const;
   /// Returns the sample's fade: 1 when it is wholly in the picture, 0 while it is not part of it.
   float fadeOf(SampleId id, double now, float fade_seconds) const;
   /// Returns what this renderer has allocated on the GPU, by kind.

@@ -21,9 +21,14 @@ __attribute__((format(printf, 1, 2))) std::string format(const char* pattern, ..
   return buffer.data();
 }
 
-std::string pictureText(const Statistics& s) {
-  const std::string name(accuracyName(s.accuracy));
+std::string pictureText(const ViewerStats& s) {
+  static constexpr std::array<const char*, 5> kNames{"nothing yet", "coarse", "blended", "exact", "fine"};
+  const std::string name = kNames[static_cast<std::size_t>(s.accuracy)];
   return s.complete ? name + ", complete" : name + ", more on its way";
+}
+
+std::string memoryText(const ViewerStats& s) {
+  return formatBytes(s.memory.total()) + " of " + formatBytes(s.memory_budget);
 }
 
 std::string framesText(const Statistics& s) {
@@ -31,54 +36,50 @@ std::string framesText(const Statistics& s) {
                                    : format("at rest, %.1f ms the last", s.frame_milliseconds);
 }
 
-}  // namespace
-
-std::string_view accuracyName(Accuracy accuracy) {
-  static constexpr std::array<std::string_view, 5> kNames{"nothing yet", "coarse", "blended", "exact", "fine"};
-  return kNames[static_cast<std::size_t>(accuracy)];
-}
-
-namespace {
-
 /// The lines of a viewer that shows splats.
 std::vector<StatisticsLine> splatLines(const Statistics& s) {
+  const ViewerStats& viewer = s.viewer;
+  const SplatStats& splats = viewer.splats;
+  const auto px = [](const char* pattern, float value) { return format(pattern, static_cast<double>(value)); };
   std::vector<StatisticsLine> lines{
-      {"picture", pictureText(s)},
+      {"picture", pictureText(viewer)},
       {"frames", framesText(s)},
-      {"splats", formatCount(s.splats, ' ') + format(", down to %.1f px", s.error_px) +
-                     (s.reduction > 1.0 ? format(", one sample for %.1f px", s.reduction) : std::string()) +
-                     (s.lens_px > 0.0 ? format(", %.1f in the glass", s.lens_px) : std::string())},
-      {"blocks", formatCount(s.blocks_present, ' ') + " of " + formatCount(s.blocks, ' ') + " here, " +
-                     formatCount(s.blocks_requested, ' ') + " requested, " + formatCount(s.blocks_wanted, ' ') +
-                     " wanted"},
-      {"memory", formatBytes(s.memory_bytes) + " of " + formatBytes(s.memory_budget) +
-                     (s.limited ? ": finer splats need more" : "")},
-      {"received", formatBytes(s.received_bytes)},
+      {"splats", formatCount(splats.splats, ' ') + px(", down to %.1f px", viewer.error_px) +
+                     (splats.reduction > 1.0F ? px(", one sample for %.1f px", splats.reduction) : std::string()) +
+                     (splats.lens_px > 0.0F ? px(", %.1f in the glass", splats.lens_px) : std::string())},
+      {"blocks", formatCount(splats.stream.present, ' ') + " of " + formatCount(splats.stream.blocks, ' ') + " here, " +
+                     formatCount(splats.stream.requested, ' ') + " requested, " +
+                     formatCount(splats.stream.wanted, ' ') + " wanted"},
+      {"memory", memoryText(viewer) + (splats.limited ? ": finer splats need more" : "")},
+      {"received", formatBytes(viewer.session.bytes_received)},
       {"link", format("%.1f Mbit/s", s.megabits_per_second)}};
-  if (s.broken > 0) lines.push_back({"broken", s.last_fault});
+  if (viewer.broken > 0) lines.push_back({"broken", viewer.last_fault});
   return lines;
 }
 
 }  // namespace
 
 std::vector<StatisticsLine> statisticsLines(const Statistics& s) {
-  if (s.blocks > 0) return splatLines(s);
+  const ViewerStats& viewer = s.viewer;
+  if (viewer.splats.stream.blocks > 0) return splatLines(s);
+  const LumigraphStats& drawn = viewer.lumigraph;
+  const SessionStats& session = viewer.session;
   std::vector<StatisticsLine> lines{
-      {"picture", pictureText(s)},
+      {"picture", pictureText(viewer)},
       {"frames", framesText(s)},
-      {"images",
-       format("%u in use, %u resident, %u requested", s.images_in_use, s.images_resident, s.images_requested)},
+      {"images", format("%u in use, %u resident, %u requested", drawn.samples_used, drawn.samples_resident,
+                        viewer.images_requested)},
       {"found here", format("%.0f %% of images", 1e2 * s.hit_rate)},
-      {"patches", format("%u, ", s.patches) + formatCount(s.triangles, ' ') + " triangles"},
-      {"screen error", format("%.2f px", s.error_px)},
-      {"memory", formatBytes(s.memory_bytes) + " of " + formatBytes(s.memory_budget)},
-      {"graphics", formatBytes(s.gpu_bytes) + " of these"},
-      {"received", formatBytes(s.received_bytes) + ": images " + formatBytes(s.received_images) + ", patches " +
-                       formatBytes(s.received_patches) + ", exact " + formatBytes(s.received_frames)},
+      {"patches", format("%u, ", drawn.patches) + formatCount(drawn.triangles, ' ') + " triangles"},
+      {"screen error", format("%.2f px", static_cast<double>(viewer.error_px))},
+      {"memory", memoryText(viewer)},
+      {"graphics", formatBytes(viewer.memory.gpu()) + " of these"},
+      {"received", formatBytes(session.bytes_received) + ": images " + formatBytes(session.bytes_faces) + ", patches " +
+                       formatBytes(session.bytes_patches) + ", exact " + formatBytes(session.bytes_frames)},
       {"link", format("%.1f Mbit/s, ", s.megabits_per_second) +
                    (s.round_trip_milliseconds > 0.0 ? format("%.0f ms round trip", s.round_trip_milliseconds)
                                                     : std::string("round trip not measured"))}};
-  if (s.broken > 0) lines.push_back({"broken", format("%u, the last: ", s.broken) + s.last_fault});
+  if (viewer.broken > 0) lines.push_back({"broken", format("%u, the last: ", viewer.broken) + viewer.last_fault});
   return lines;
 }
 

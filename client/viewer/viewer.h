@@ -18,7 +18,6 @@
 #include "client/source/splat_view.h"
 #include "client/viewer/accuracy.h"
 #include "client/viewer/decode.h"
-#include "client/viewer/statistics.h"
 
 namespace client {
 

@@ -277,28 +277,29 @@ EMSCRIPTEN_KEEPALIVE const char* statistics() {
 /// Returns the statistics for programs, as rows: name, number.
 EMSCRIPTEN_KEEPALIVE const char* figures() {
   const client::Statistics s = page.app->statistics();
+  const client::ViewerStats& viewer = s.viewer;
   client::TextRows rows;
   rows.addRow("framesPerSecond", s.frames_per_second);
   rows.addRow("frameMilliseconds", s.frame_milliseconds);
-  rows.addRow("imagesInUse", s.images_in_use);
-  rows.addRow("imagesResident", s.images_resident);
-  rows.addRow("imagesRequested", s.images_requested);
-  rows.addRow("patches", s.patches);
-  rows.addRow("triangles", s.triangles);
-  rows.addRow("memoryBytes", s.memory_bytes);
-  rows.addRow("memoryBudget", s.memory_budget);
-  rows.addRow("gpuBytes", s.gpu_bytes);
-  rows.addRow("receivedBytes", s.received_bytes);
-  rows.addRow("receivedImageBytes", s.received_images);
-  rows.addRow("receivedPatchBytes", s.received_patches);
-  rows.addRow("receivedFrameBytes", s.received_frames);
-  rows.addRow("errorPixels", s.error_px);
-  rows.addRow("splats", s.splats);
-  rows.addRow("blocks", s.blocks);
-  rows.addRow("blocksPresent", s.blocks_present);
-  rows.addRow("accuracy", s.accuracy);
-  rows.addRow("complete", s.complete);
-  rows.addRow("broken", s.broken);
+  rows.addRow("imagesInUse", viewer.lumigraph.samples_used);
+  rows.addRow("imagesResident", viewer.lumigraph.samples_resident);
+  rows.addRow("imagesRequested", viewer.images_requested);
+  rows.addRow("patches", viewer.lumigraph.patches);
+  rows.addRow("triangles", viewer.lumigraph.triangles);
+  rows.addRow("memoryBytes", viewer.memory.total());
+  rows.addRow("memoryBudget", viewer.memory_budget);
+  rows.addRow("gpuBytes", viewer.memory.gpu());
+  rows.addRow("receivedBytes", viewer.session.bytes_received);
+  rows.addRow("receivedImageBytes", viewer.session.bytes_faces);
+  rows.addRow("receivedPatchBytes", viewer.session.bytes_patches);
+  rows.addRow("receivedFrameBytes", viewer.session.bytes_frames);
+  rows.addRow("errorPixels", viewer.error_px);
+  rows.addRow("splats", viewer.splats.splats);
+  rows.addRow("blocks", viewer.splats.stream.blocks);
+  rows.addRow("blocksPresent", viewer.splats.stream.present);
+  rows.addRow("accuracy", viewer.accuracy);
+  rows.addRow("complete", viewer.complete);
+  rows.addRow("broken", viewer.broken);
   return handOut(rows.takeText());
 }
 

@@ -163,13 +163,13 @@ TEST_F(AppGl, aPinBehindTheSurfaceIsHidden) {
 
 TEST_F(AppGl, theStatisticsAreThoseOfThePicture) {
   picture();
-  const Statistics statistics = app->statistics();
-  EXPECT_EQ(statistics.accuracy, Accuracy::kCoarse);
-  EXPECT_GT(statistics.triangles, 0U);
-  EXPECT_GT(statistics.patches, 0U);
-  EXPECT_GT(statistics.gpu_bytes, 0U);
-  EXPECT_GT(statistics.memory_bytes, 0U);
-  EXPECT_EQ(statistics.received_bytes, app->session().stats().bytes_received);
+  const ViewerStats stats = app->statistics().viewer;
+  EXPECT_EQ(stats.accuracy, Accuracy::kCoarse);
+  EXPECT_GT(stats.lumigraph.triangles, 0U);
+  EXPECT_GT(stats.lumigraph.patches, 0U);
+  EXPECT_GT(stats.memory.gpu(), 0U);
+  EXPECT_GT(stats.memory.total(), 0U);
+  EXPECT_EQ(stats.session.bytes_received, app->session().stats().bytes_received);
 }
 
 TEST_F(AppGl, aLinkShowsTheSamePictureAgain) {

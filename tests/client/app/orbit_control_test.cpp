@@ -57,7 +57,7 @@ TEST_F(Orbit, aNarrowWindowShowsTheWholeBoxToo) {
 }
 
 TEST_F(Orbit, orbitingKeepsTheDistanceToThePivotAndItsPlaceOnTheScreen) {
-  control.setPivot(kSurface);
+  control.setViewpoint(control.viewpointCentredOn(kSurface));
   const double distance = pivotDistance();
   const glm::dvec2 place = shown(kSurface);
   for (const glm::dvec2& drag : {glm::dvec2(100.0, 0.0), glm::dvec2(-37.0, 55.0), glm::dvec2(3.0, -80.0)}) {
@@ -139,13 +139,13 @@ TEST_F(Orbit, panningTakesThePivotAlong) {
   EXPECT_NEAR(pivotDistance(), distance, 1e-6);
 }
 
-TEST_F(Orbit, resetGoesBackAndKeepsTheWindowsSize) {
+TEST_F(Orbit, theFirstViewpointGoesBackAndKeepsTheWindowsSize) {
   const base::ViewCamera first = control.camera();
   const glm::dvec3 pivot = control.pivot();
   control.orbit(50.0, 20.0);
   control.zoom(5.0, 10.0, 10.0, std::nullopt);
   control.setViewport(1024, 768);
-  control.reset();
+  control.setViewpoint(control.firstViewpoint());
   EXPECT_EQ(control.camera().position, first.position);
   EXPECT_EQ(control.camera().direction, first.direction);
   EXPECT_EQ(control.pivot(), pivot);
