@@ -1,6 +1,5 @@
 #include "mesh/read_off.h"
 
-#include <algorithm>
 #include <array>
 #include <limits>
 

@@ -1,9 +1,7 @@
 #include "base/json/camera_file.h"
 
-#include <algorithm>
 #include <cmath>
 #include <glm/gtc/constants.hpp>
-#include <glm/gtc/matrix_transform.hpp>
 #include <nlohmann/json.hpp>
 
 #include "base/file.h"

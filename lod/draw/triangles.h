@@ -1,7 +1,6 @@
 #pragma once
 // Uploads patches and draws cuts of them, for the server's renderer and the client.
 #include <cstdint>
-#include <functional>
 #include <glm/glm.hpp>
 #include <span>
 #include <string>

@@ -33,7 +33,7 @@ base::Bytes encodePatch(const PatchGeometry& geometry, std::vector<std::uint32_t
 
 /// Checks the checksum and every length and index, never reads past `bytes`, and never allocates more than the limits
 /// above need (12 MB, most of which the thread keeps for its next patch). Decoding gives back exactly what was encoded,
-/// but for the order; normals are as quantizedNormal() and colours as quantizedColor() makes them.
+/// but for the order; normals are as quantizeNormals() and colours as quantizedColor() makes them.
 base::Result<PatchGeometry> decodePatch(base::ByteView bytes);
 /// The same without AVX2, as on machines that lack it; only the speed differs.
 base::Result<PatchGeometry> decodePatchPortably(base::ByteView bytes);
@@ -47,11 +47,8 @@ struct PatchCounts {
 };
 base::Result<PatchCounts> encodedCounts(base::ByteView bytes);
 
-/// The normal that the stored octahedral code of n decodes to; the builder uses it so that shared vertices agree bit
-/// for bit. n has any length but zero; zero or NaN gives +z. quantizedNormal(quantizedNormal(n)) == quantizedNormal(n),
-/// bit for bit.
-glm::vec3 quantizedNormal(const glm::vec3& n);
-/// The same for many normals at once, in a fraction of the time for each.
+/// Replaces normals by those that their stored octahedral codes decode to; the builder uses it so that shared vertices
+/// agree bit for bit. They have any length but zero; zero or NaN gives +z. Applied twice it changes nothing more.
 void quantizeNormals(std::span<glm::vec3> normals);
 
 /// The colour that the stored code of `color` decodes to: at most 3/255 off in a channel, alpha as it is. Applied twice

@@ -1,7 +1,6 @@
 #include "lod/patch/table_pages.h"
 
 #include <algorithm>
-#include <string>
 
 #include "base/crc32c.h"
 #include "lod/patch/records.h"

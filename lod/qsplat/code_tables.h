@@ -6,7 +6,6 @@
 // and decodes a symbol by one table look-up and one product.
 #include <array>
 #include <cstdint>
-#include <optional>
 #include <vector>
 
 #include "base/bytes.h"

@@ -1,7 +1,6 @@
 #include "lod/qsplat/coded_block.h"
 
 #include <cmath>
-#include <utility>
 
 #include "base/crc32c.h"
 

@@ -6,7 +6,6 @@
 // block knows its place, and no index has to be fetched first.
 #include <array>
 #include <cstdint>
-#include <optional>
 #include <span>
 
 #include "lod/qsplat/block_model.h"

@@ -120,7 +120,6 @@ std::uint32_t encodeNormal(const glm::vec3& n);
 inline constexpr std::uint32_t kConeCodes = 4;
 inline constexpr std::uint32_t kAnyDirection = kConeCodes - 1;
 inline constexpr std::uint32_t kLeafConeCodes = 32;
-inline constexpr std::uint32_t kAnyLeafDirection = kLeafConeCodes - 1;
 
 /// The sine of a cone's half-angle, by the node's bits 27 … 31; infinite for any direction.
 using ConeSines = std::array<float, 32>;
@@ -137,13 +136,6 @@ std::uint32_t encodeLeafCone(double least_cosine);
 
 /// Rounds each channel of an sRGB colour to 5, 6 and 5 bits; red is at the top.
 std::uint16_t encodeColor(const glm::u8vec3& color);
-inline glm::u8vec3 decodeColor(std::uint16_t bits) {
-  const std::uint32_t r = bits >> 11;
-  const std::uint32_t g = bits >> 5 & 63U;
-  const std::uint32_t b = bits & 31U;
-  return {static_cast<std::uint8_t>(r << 3 | r >> 2), static_cast<std::uint8_t>(g << 2 | g >> 4),
-          static_cast<std::uint8_t>(b << 3 | b >> 2)};
-}
 
 // The node ----------------------------------------------------------------------------------------
 

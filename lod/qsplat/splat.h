@@ -12,7 +12,6 @@ struct Splat {
   std::uint16_t normal;  ///< normal code in bits 0 … 13, flags above
   std::uint16_t color;   ///< red 5 bits (from bit 11), green 6, blue 5, sRGB; white where the file has none
 
-  static constexpr std::uint16_t kNormalCode = 0x3FFF;
   static constexpr std::uint16_t kLeaf = 0x4000;     ///< the tree has nothing finer here
   static constexpr std::uint16_t kStandIn = 0x8000;  ///< drawn in place of finer nodes whose block is missing
   friend bool operator==(const Splat&, const Splat&) = default;

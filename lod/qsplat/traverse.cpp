@@ -351,12 +351,6 @@ Priority sweepPriority(int picture_height) {
   };
 }
 
-float projectedDiameter(const glm::vec3& center, float radius, const base::Camera& camera) {
-  const glm::mat4 clip = camera.clipFromScene();
-  const float depth = clip[0][3] * center.x + clip[1][3] * center.y + clip[2][3] * center.z + clip[3][3];
-  return depth > 0.0F ? 2.0F * radius * camera.pixelsPerUnitAtOne() / depth : kInfinity;
-}
-
 void traverse(Blocks& blocks, const TraverseRequest& request, Traversal& result) {
   const Priority priority = request.priority ? request.priority : sweepPriority(request.camera.height);
   NodeBudget budget;

@@ -84,8 +84,4 @@ struct Traversal {
 void traverse(Blocks& blocks, const TraverseRequest& request, Traversal& result);
 Traversal traverse(Blocks& blocks, const TraverseRequest& request);
 
-/// Returns the projected diameter in pixels as the cut-off means it: as if the sphere were in the picture's middle,
-/// where perspective does not stretch it.
-float projectedDiameter(const glm::vec3& center, float radius, const base::Camera& camera);
-
 }  // namespace lod::qsplat

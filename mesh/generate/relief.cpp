@@ -1,7 +1,6 @@
 // Generates a carved stone panel of 4 × 3 units with a frame, a rosette, lines of glyphs and cracks. It is a height
 // field with an open border.
 #include <algorithm>
-#include <array>
 #include <cmath>
 
 #include "mesh/generate/surface.h"

@@ -24,7 +24,7 @@ base::Camera cameraFor(const base::Sphere& root, bool parallel) {
 
 void check(const Traversal& found, const Header& header) {
   LUMIGRID_CHECK_LE(found.splats.size(), std::max<std::uint64_t>(header.nodes, 1) + kMaxChildren * 1024);
-  for (const Splat& splat : found.splats) LUMIGRID_CHECK_LT(splat.normal & Splat::kNormalCode, 1 << kNormalBits);
+  for (const Splat& splat : found.splats) LUMIGRID_CHECK_LT(splat.normal & 0x3FFF, 1 << kNormalBits);
   for (std::size_t i = 0; i < found.wanted.size(); ++i) {
     LUMIGRID_CHECK_LT(found.wanted[i].block, header.blocks());
     LUMIGRID_CHECK(!std::isnan(found.wanted[i].priority));

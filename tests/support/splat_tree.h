@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "lod/qsplat/format.h"
+#include "tests/support/decoded_splats.h"
 #include "tests/support/mesh.h"
 
 namespace support {
@@ -82,7 +83,7 @@ struct Tree {
       const Leaf& leaf = leaves[order[begin]];
       nodes[number].sphere = leaf.sphere;
       nodes[number].normal = leaf.normal;
-      nodes[number].color = glm::vec3(lod::qsplat::decodeColor(leaf.color));
+      nodes[number].color = glm::vec3(support::decodeColor(leaf.color));
       return number;
     }
     std::vector<std::uint32_t> cuts{begin, split(begin, end), end};

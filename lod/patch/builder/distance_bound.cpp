@@ -1,12 +1,10 @@
 #include "lod/patch/builder/distance_bound.h"
 
 #include <algorithm>
-#include <array>
 #include <bit>
 #include <cmath>
 #include <limits>
 #include <memory>
-#include <optional>
 
 #include "base/geometry.h"
 #include "base/simd.h"

@@ -10,9 +10,7 @@
 // The distance of a piece is added to what its own triangle carries, point by point (triangle inequality). So large
 // errors of different places never add up.
 #include <cstdint>
-#include <glm/glm.hpp>
 #include <limits>
-#include <span>
 #include <vector>
 
 #include "lod/patch/builder/facet_surface.h"

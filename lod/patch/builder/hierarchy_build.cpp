@@ -1,7 +1,6 @@
 #include "lod/patch/builder/hierarchy_build.h"
 
 #include <algorithm>
-#include <cmath>
 #include <filesystem>
 #include <limits>
 #include <mutex>

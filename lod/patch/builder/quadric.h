@@ -3,7 +3,6 @@
 // time and two or four at once. Every lane does the operations of IEEE 754 in the same order, so all machines agree.
 #include <algorithm>
 #include <cstddef>
-#include <cstdint>
 #include <cstring>
 #include <glm/glm.hpp>
 

@@ -7,7 +7,6 @@
 // collapse took their area, or when two came to lie on each other with opposite sides.
 #include <cstdint>
 #include <glm/glm.hpp>
-#include <span>
 #include <vector>
 
 #include "lod/patch/builder/facet_surface.h"

@@ -1,8 +1,6 @@
 #include "lod/patch/builder/voxels.h"
 
 #include <algorithm>
-#include <array>
-#include <bit>
 #include <cmath>
 #include <limits>
 #include <utility>

@@ -18,10 +18,4 @@ void quantizeNormals(std::span<glm::vec3> normals) {
   }
 }
 
-glm::vec3 quantizedNormal(const glm::vec3& n) {
-  glm::vec3 quantized = n;
-  quantizeNormals({&quantized, 1});
-  return quantized;
-}
-
 }  // namespace lod::patch

@@ -5,7 +5,6 @@
 // The low bits of each number (as many as the group's width) lie side by side in whole bytes. The rest of the number
 // lies in unary in a stream of its own, so that a reader need not wait for one to find the other. Widths take four bits
 // a group, or two where nearly all lie within a span of four. docs/formats/patch.md, "Planes", defines every bit.
-#include <bit>
 #include <cstddef>
 #include <cstdint>
 #include <cstring>

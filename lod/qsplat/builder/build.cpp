@@ -1,7 +1,6 @@
 #include "lod/qsplat/builder/build.h"
 
 #include <algorithm>
-#include <cmath>
 #include <mutex>
 #include <optional>
 

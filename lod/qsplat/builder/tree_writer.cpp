@@ -1,6 +1,5 @@
 #include "lod/qsplat/builder/tree_writer.h"
 
-#include <algorithm>
 #include <cstring>
 
 namespace lod::qsplat::builder {

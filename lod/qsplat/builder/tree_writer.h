@@ -1,6 +1,5 @@
 #pragma once
 // Writes a plain qsplat.lgq from its groups in breadth-first order (docs/formats/qsplat.md). Memory holds some blocks.
-#include <optional>
 #include <string>
 
 #include "base/file.h"

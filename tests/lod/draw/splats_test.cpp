@@ -17,6 +17,7 @@
 #include "mesh/generate/sample.h"
 #include "tests/lod/qsplat/builder/splat_leaves.h"
 #include "tests/support/built_splats.h"
+#include "tests/support/decoded_splats.h"
 #include "tests/support/mesh_reader.h"
 #include "tests/support/random_views.h"
 #include "tests/support/splat_tree.h"
@@ -271,7 +272,7 @@ TEST_F(SplatsTest, littleOfALayerShowsThroughTheOneBeforeIt) {
 
 TEST_F(SplatsTest, coloursAndShadingAreThoseOfSurfaces) {
   const std::uint16_t color = qsplat::encodeColor({200, 100, 50});
-  const glm::vec3 decoded = glm::vec3(qsplat::decodeColor(color)) / 255.0F;
+  const glm::vec3 decoded = glm::vec3(support::decodeColor(color)) / 255.0F;
   support::RandomViews random(2, {glm::vec3(0), 1}, 1);
   for (int i = 0; i < 200; ++i) {
     const glm::vec3 direction(random.direction());

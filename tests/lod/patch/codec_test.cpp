@@ -7,6 +7,7 @@
 
 #include "base/crc32c.h"
 #include "tests/lod/patch/patch_testing.h"
+#include "tests/support/quantized_normal.h"
 
 namespace lod::patch {
 namespace {
@@ -280,7 +281,7 @@ TEST(PatchCodec, decodedNormalsAreTheQuantizedOnesBitForBit) {
   ASSERT_EQ(decoded->positions.size(), 2000U);
   for (std::size_t v = 0; v < 2000; ++v) {
     const auto place = static_cast<std::size_t>(decoded->positions[v].x);
-    EXPECT_TRUE(sameBits(decoded->normals[v], quantizedNormal(source.normals[place])));
+    EXPECT_TRUE(sameBits(decoded->normals[v], support::quantizedNormal(source.normals[place])));
   }
 }
 
@@ -292,8 +293,8 @@ TEST(PatchCodec, quantizingANormalTwiceChangesNothing) {
       const float z = 127.0F - static_cast<float>(std::abs(u) + std::abs(v));
       glm::vec3 n(u, v, z);
       if (z < 0.0F) n = glm::vec3((127 - std::abs(v)) * (u >= 0 ? 1 : -1), (127 - std::abs(u)) * (v >= 0 ? 1 : -1), z);
-      const glm::vec3 once = quantizedNormal(n);
-      ASSERT_TRUE(sameBits(once, quantizedNormal(once))) << u << " " << v;
+      const glm::vec3 once = support::quantizedNormal(n);
+      ASSERT_TRUE(sameBits(once, support::quantizedNormal(once))) << u << " " << v;
       ASSERT_NEAR(glm::dot(once, glm::normalize(n)), 1.0F, 1e-6F) << u << " " << v;
     }
   }
@@ -306,7 +307,7 @@ TEST(PatchCodec, quantizedNormalIsWithinOneDegree) {
   float worst = 1.0F;
   for (int i = 0; i < 100'000; ++i) {
     const glm::vec3 n = glm::normalize(glm::vec3(direction(random), direction(random), direction(random)));
-    worst = std::min(worst, glm::dot(n, quantizedNormal(n)));
+    worst = std::min(worst, glm::dot(n, support::quantizedNormal(n)));
   }
   EXPECT_GT(worst, std::cos(glm::radians(1.0F)));
   EXPECT_LT(worst, std::cos(glm::radians(0.3F))) << "8 + 8 bits can't be as good as this: is anything quantized?";
@@ -318,14 +319,14 @@ TEST(PatchCodec, manyNormalsAreQuantizedAsEachAlone) {
   std::vector<glm::vec3> quantized = normals;
   quantizeNormals(quantized);
   for (std::size_t v = 0; v < normals.size(); ++v)
-    EXPECT_TRUE(sameBits(quantized[v], quantizedNormal(normals[v]))) << v;
+    EXPECT_TRUE(sameBits(quantized[v], support::quantizedNormal(normals[v]))) << v;
 }
 
 TEST(PatchCodec, aZeroOrInfiniteNormalBecomesUp) {
   const glm::vec3 up(0.0F, 0.0F, 1.0F);
-  EXPECT_EQ(quantizedNormal(glm::vec3(0.0F)), up);
-  EXPECT_EQ(quantizedNormal(glm::vec3(NAN, 1.0F, 0.0F)), up);
-  EXPECT_EQ(quantizedNormal(glm::vec3(INFINITY, 1.0F, 0.0F)), up);
+  EXPECT_EQ(support::quantizedNormal(glm::vec3(0.0F)), up);
+  EXPECT_EQ(support::quantizedNormal(glm::vec3(NAN, 1.0F, 0.0F)), up);
+  EXPECT_EQ(support::quantizedNormal(glm::vec3(INFINITY, 1.0F, 0.0F)), up);
 }
 
 TEST(PatchCodec, quantizedColorIsNearAndQuantizingTwiceChangesNothing) {

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "lod/patch/codec.h"
+#include "tests/support/quantized_normal.h"
 
 namespace patch_testing {
 
@@ -15,7 +16,7 @@ using Surface = std::vector<std::array<Corner, 3>>;
 
 inline Corner corner(const lod::patch::PatchGeometry& g, std::uint16_t i) {
   const glm::ivec3& q = g.positions[i];
-  const glm::vec3 n = lod::patch::quantizedNormal(g.normals[i]);
+  const glm::vec3 n = support::quantizedNormal(g.normals[i]);
   const glm::ivec4 c = g.colors.empty() ? glm::ivec4(0) : glm::ivec4(lod::patch::quantizedColor(g.colors[i]));
   return {q.x, q.y, q.z, n.x, n.y, n.z, c.x, c.y, c.z, c.w};
 }

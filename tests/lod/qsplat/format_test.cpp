@@ -5,6 +5,7 @@
 
 #include "base/crc32c.h"
 #include "lod/qsplat/splat_file.h"
+#include "tests/support/decoded_splats.h"
 #include "tests/support/random_splats.h"
 #include "tests/support/temporary_directory.h"
 
@@ -222,7 +223,7 @@ TEST_F(QsplatFormat, goldenFileIsReadAsEver) {
     centers += glm::dvec3(node.sphere.center);
     radii += static_cast<double>(node.sphere.radius);
     normals += glm::dvec3(normalTable()[node.node.normalCode()]);
-    greens += decodeColor(node.node.color).g;
+    greens += support::decodeColor(node.node.color).g;
     sines += static_cast<double>(std::min(1.0F, coneSines(!node.among_leaves)[node.node.coneField()]));
   }
   EXPECT_EQ(centers, glm::dvec3(-0.31949779624119401, 0.96264469251036644, -0.9982700040563941));

@@ -9,6 +9,8 @@
 #include <set>
 #include <tuple>
 
+#include "tests/support/decoded_splats.h"
+
 namespace {
 
 using namespace lod::qsplat;
@@ -152,7 +154,7 @@ TEST(ConeCodes, areTheNarrowestThatHold) {
   for (const bool leaves : {false, true}) {
     const auto encode = leaves ? encodeLeafCone : encodeCone;
     const ConeSines& sines = coneSines(!leaves);
-    const std::uint32_t any = leaves ? kAnyLeafDirection : kAnyDirection;
+    const std::uint32_t any = leaves ? (kLeafConeCodes - 1) : kAnyDirection;
     std::uint32_t codes = 0;
     for (int i = 0; i <= 5000; ++i) {
       const double angle = i / 5000.0 * 3.2;
@@ -183,7 +185,7 @@ TEST(ConeCodes, areReadFromTheBitsOfTheirGroup) {
     EXPECT_EQ(leaf.normalCode(), 16000U);
     EXPECT_TRUE(leaf.hasCodes());
     EXPECT_EQ(leaf.coneField(), code);
-    if (code < kAnyLeafDirection) {
+    if (code < (kLeafConeCodes - 1)) {
       EXPECT_EQ(coneSines(false)[leaf.coneField()], static_cast<float>(code + 1) / 32.0F);
     }
     for (const std::uint32_t children : {0U, 2U, 3U, 4U}) {
@@ -195,9 +197,9 @@ TEST(ConeCodes, areReadFromTheBitsOfTheirGroup) {
 
 TEST(ColorCodes, keepTheirValueAndTakeTheNearest) {
   for (std::uint32_t code = 0; code < 65536; ++code)
-    ASSERT_EQ(encodeColor(decodeColor(static_cast<std::uint16_t>(code))), code);
+    ASSERT_EQ(encodeColor(support::decodeColor(static_cast<std::uint16_t>(code))), code);
   for (int v = 0; v < 256; ++v) {
-    const glm::u8vec3 decoded = decodeColor(encodeColor(glm::u8vec3(static_cast<std::uint8_t>(v))));
+    const glm::u8vec3 decoded = support::decodeColor(encodeColor(glm::u8vec3(static_cast<std::uint8_t>(v))));
     EXPECT_LE(std::abs(decoded.r - v), 4);
     EXPECT_LE(std::abs(decoded.g - v), 2);
     EXPECT_LE(std::abs(decoded.b - v), 4);

@@ -7,6 +7,7 @@
 #include <functional>
 
 #include "tests/lod/qsplat/stream_host.h"
+#include "tests/support/decoded_splats.h"
 #include "tests/support/random_views.h"
 #include "tests/support/splat_tree.h"
 #include "tests/support/test_meshes.h"
@@ -113,7 +114,7 @@ TEST(StreamTest, whatIsSeenThroughTheLensComesFirst) {
     for (const Splat& splat : found.splats) {
       const glm::vec4 clip = camera.clipFromScene() * glm::vec4(splat.center, 1.0F);
       const glm::vec2 at(256.0F * (1.0F + clip.x / clip.w), 256.0F * (1.0F - clip.y / clip.w));
-      const float size = projectedDiameter(splat.center, splat.radius, camera);
+      const float size = support::projectedDiameter(splat.center, splat.radius, camera);
       const bool inside = glm::length(at - lens.center_px) <= lens.radius_px + 0.5F * size;
       if (inside == through && (splat.normal & Splat::kStandIn) != 0) largest = std::max(largest, size);
     }

@@ -9,6 +9,7 @@
 #include <set>
 
 #include "base/parallel.h"
+#include "tests/support/decoded_splats.h"
 #include "tests/support/random_views.h"
 #include "tests/support/splat_tree.h"
 #include "tests/support/test_meshes.h"
@@ -95,7 +96,7 @@ TEST(TraverseTest, withoutCullingAndCutOffAllLeavesAreDrawnAndAllNodesMet) {
     EXPECT_EQ(all.outside + all.facing_away, 0U);
     EXPECT_FALSE(all.damaged);
     EXPECT_TRUE(all.wanted.empty());
-    for (const Splat& splat : all.splats) ASSERT_EQ(splat.normal & ~Splat::kNormalCode, Splat::kLeaf);
+    for (const Splat& splat : all.splats) ASSERT_EQ(splat.normal & ~0x3FFF, Splat::kLeaf);
   }
 }
 
@@ -114,7 +115,7 @@ TEST(TraverseTest, splatsHaveTheLooksOfTheirNodes) {
     ASSERT_LE(nearest, splat.radius);
     if (nearest > 0.2F * splat.radius) continue;  // may be a neighbour's
     const glm::vec3 wanted(ring().mesh.colors[vertex]);
-    const glm::vec3 got(decodeColor(splat.color));
+    const glm::vec3 got(support::decodeColor(splat.color));
     EXPECT_LE(glm::length(wanted - got), 60.0F);
   }
   MappedBlocks plain(ball().file, ball().header);
@@ -182,7 +183,7 @@ class PlainTraversal {
       if (child != 0) end = child + layout_.childBytes(node);
       const base::Sphere sphere = decodeSphere(parent, sphereTable()[node.sphereCode()]);
       if (isOutside(sphere) || isTurnedAway(sphere, node, has_pointer)) continue;
-      if (child == 0 || projectedDiameter(sphere.center, sphere.radius, request_.camera) <= request_.cutoff_px)
+      if (child == 0 || support::projectedDiameter(sphere.center, sphere.radius, request_.camera) <= request_.cutoff_px)
         splats_.push_back({sphere.center, sphere.radius, static_cast<std::uint16_t>(node.normalCode()), node.color});
       else
         visit(child, node.children(), !node.childrenAreLeaves(), sphere);
@@ -237,7 +238,7 @@ TEST(TraverseTest, aFinerCutOffMeetsAllNodesThatACoarserOneMet) {
       used_before = used;
       for (const Splat& splat : found.splats) {
         const bool leaf = (splat.normal & Splat::kLeaf) != 0;
-        ASSERT_TRUE(leaf || projectedDiameter(splat.center, splat.radius, camera) <= cutoff * 1.0001F);
+        ASSERT_TRUE(leaf || support::projectedDiameter(splat.center, splat.radius, camera) <= cutoff * 1.0001F);
       }
     }
   }
@@ -274,12 +275,12 @@ TEST(TraverseTest, aLensRefinesWhatIsSeenThroughItAndNothingElse) {
     for (const Splat& splat : without.splats) plain.insert(keyOf(splat));
     for (const Splat& splat : with.splats) {
       refined.insert(keyOf(splat));
-      const float size = projectedDiameter(splat.center, splat.radius, request.camera);
+      const float size = support::projectedDiameter(splat.center, splat.radius, request.camera);
       const bool leaf = (splat.normal & Splat::kLeaf) != 0;
       EXPECT_TRUE(leaf || size <= cutoff_px / 3.0F * 1.0001F || !isSeenThrough(lens, seenAt(splat), size)) << size;
     }
     for (const Splat& splat : without.splats) {
-      const float size = projectedDiameter(splat.center, splat.radius, request.camera);
+      const float size = support::projectedDiameter(splat.center, splat.radius, request.camera);
       EXPECT_TRUE(refined.contains(keyOf(splat)) || isSeenThrough(lens, seenAt(splat), size));
       replaced += refined.contains(keyOf(splat)) ? 0 : 1;
     }
@@ -476,7 +477,7 @@ TEST(TraverseTest, aRootThatIsALeafIsDrawn) {
   header.root = {{0, 0, 0}, 1.0F};
   base::Bytes file = headerBytes(header);
   file.resize(header.file_bytes, 0);
-  const std::uint32_t bits = packLeaf(kWholeParent, encodeNormal({0, 1, 0}), kAnyLeafDirection);
+  const std::uint32_t bits = packLeaf(kWholeParent, encodeNormal({0, 1, 0}), kLeafConeCodes - 1);
   std::memcpy(&file[kBlockBytes], &bits, sizeof(bits));
   sealBlock(&file[kBlockBytes], 1);
   ASSERT_TRUE(checkTree(file).empty()) << checkTree(file)[0];

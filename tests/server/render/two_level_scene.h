@@ -11,6 +11,7 @@
 #include "base/json/scene_file.h"
 #include "lod/patch/codec.h"
 #include "lod/patch/format.h"
+#include "tests/support/quantized_normal.h"
 
 namespace server::test {
 
@@ -30,7 +31,7 @@ struct Triangle {
 inline lod::patch::PatchGeometry geometryOf(const std::vector<Triangle>& triangles) {
   lod::patch::PatchGeometry geometry;
   for (const Triangle& t : triangles) {
-    const glm::vec3 normal = lod::patch::quantizedNormal(glm::cross(t.b - t.a, t.c - t.a));
+    const glm::vec3 normal = support::quantizedNormal(glm::cross(t.b - t.a, t.c - t.a));
     for (const glm::vec3& corner : {t.a, t.b, t.c}) {
       geometry.indices.push_back(static_cast<std::uint16_t>(geometry.positions.size()));
       geometry.positions.push_back(latticePoint(corner));
