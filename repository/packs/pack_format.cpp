@@ -139,7 +139,7 @@ Result<void> checkHeader(ByteView bytes, const char* magic, std::uint32_t header
 
 // --- Fields, as they follow each other in the file
 
-// What a pack's header says of the pack.
+// The fields of a pack's header behind its length.
 struct PackSummary {
   std::uint64_t bytes = 0, table_offset = 0, keys = 0, first_code = 0, last_code = 0;
   std::uint32_t table_crc = 0;

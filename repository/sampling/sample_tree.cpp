@@ -85,30 +85,30 @@ void SampleTree::divide(std::uint32_t node) {
   nodes_[node] = {State::kSplit, children};
 }
 
-SampleTree::Cell SampleTree::leafOf(const glm::uvec3& cell) const {
-  LUMIGRID_CHECK(!outside(cell));
+std::uint32_t SampleTree::descend(const glm::uvec3& cell, Cell& at) const {
   std::uint32_t node = 0;
-  Cell at{glm::uvec3(0), root_size_};
+  at = {glm::uvec3(0), root_size_};
   while (nodes_[node].state == State::kSplit) {
     at.size /= 2;
     const glm::uvec3 far = (cell - at.corner) / at.size;
     node = nodes_[node].children + (far.x | far.y << 1 | far.z << 2);
     at.corner += at.size * far;
   }
-  return at;
+  return node;
+}
+
+SampleTree::Cell SampleTree::leafOf(const glm::uvec3& cell) const {
+  LUMIGRID_CHECK(!outside(cell));
+  Cell leaf;
+  descend(cell, leaf);
+  return leaf;
 }
 
 SampleTree::Node& SampleTree::find(const Cell& leaf) {
-  std::uint32_t node = 0;
-  Cell at{glm::uvec3(0), root_size_};
-  while (nodes_[node].state == State::kSplit) {
-    at.size /= 2;
-    const glm::uvec3 far = (leaf.corner - at.corner) / at.size;
-    node = nodes_[node].children + (far.x | far.y << 1 | far.z << 2);
-    at.corner += at.size * far;
-  }
-  LUMIGRID_CHECK(at == leaf && nodes_[node].state == State::kOpen);
-  return nodes_[node];
+  Cell at;
+  Node& node = nodes_[descend(leaf.corner, at)];
+  LUMIGRID_CHECK(at == leaf && node.state == State::kOpen);
+  return node;
 }
 
 std::array<glm::uvec3, 8> SampleTree::cornersOf(const Cell& cell) const {

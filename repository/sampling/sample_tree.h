@@ -66,6 +66,8 @@ class SampleTree {
   };
   explicit SampleTree(const Grid& grid);
   bool outside(const glm::uvec3& corner) const;
+  /// The number of the leaf that holds the grid cell, whose extent goes to `at`.
+  std::uint32_t descend(const glm::uvec3& cell, Cell& at) const;
   Node& find(const Cell& leaf);
   void divide(std::uint32_t node);
   void divideTo(std::uint32_t size, std::uint32_t node, std::uint32_t node_size, const glm::uvec3& corner);

@@ -187,8 +187,6 @@ class FaceBake {
     now.faces_total = 6 * points_.size();
     now.stored_bytes = stored_.bytes() + counters_.value_bytes;
     now.faces_per_second = rate_.update(Clock::now(), now.faces_done);
-    const auto left = static_cast<double>(now.faces_total - now.faces_skipped - now.faces_done);
-    now.seconds_left = now.faces_per_second > 0.0 ? left / now.faces_per_second : 0.0;
     return now;
   }
 

@@ -49,7 +49,7 @@ struct BakeOptions {
 
 struct BakeProgress {
   std::uint64_t faces_done = 0, faces_total = 0, faces_skipped = 0;  ///< skipped: already in the store
-  double faces_per_second = 0.0, seconds_left = 0.0;
+  double faces_per_second = 0.0;
   std::uint64_t stored_bytes = 0;
 };
 

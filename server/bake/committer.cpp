@@ -42,11 +42,6 @@ void Committer::fail(base::Error error) {
   changed_.notify_all();
 }
 
-bool Committer::failed() const {
-  const std::lock_guard lock(mutex_);
-  return error_.has_value();
-}
-
 base::Result<void> Committer::finish() {
   {
     const std::lock_guard lock(mutex_);

@@ -31,7 +31,6 @@ class Committer {
   void deliver(std::uint64_t sequence, const repository::FaceKey& key, base::Bytes value);
   /// Ends the work with an error from elsewhere; the first error stays.
   void fail(base::Error error);
-  bool failed() const;
   /// Commits what was delivered and returns the first error, if any.
   base::Result<void> finish();
 
@@ -43,7 +42,7 @@ class Committer {
   repository::Store& store_;
   const std::uint32_t batch_faces_;
   const std::uint64_t window_;
-  mutable std::mutex mutex_;
+  std::mutex mutex_;
   std::condition_variable changed_;
   std::map<std::uint64_t, std::pair<repository::FaceKey, base::Bytes>> waiting_;  // by sequence number
   std::uint64_t batched_ = 0;    // faces below this number are in a batch …

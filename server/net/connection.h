@@ -28,8 +28,8 @@ class Connection : public std::enable_shared_from_this<Connection> {
   std::shared_ptr<Self> self() {
     return std::static_pointer_cast<Self>(shared_from_this());
   }
-  /// For another thread to call: hands its answer to accept(session, answer) on the io thread, if the session lives
-  /// yet.
+  /// For another thread to call: hands its answer to accept(session, answer) on the io thread, if the session is still
+  /// there.
   template <class Answer, class Self, class Accept>
   auto answerTo(Self* /*session*/, Accept accept) {
     return [weak = weak_from_this(), accept, &io = hub_->io](Answer answer) {

@@ -175,12 +175,16 @@ bool hasMethod(const Parameters& parameters, const std::string& method) {
   return ("," + it->second + ",").find("," + method + ",") != std::string::npos;
 }
 
-Parameters parametersOf(const BuildArguments& a) {
-  auto number = [](auto v) { return nlohmann::json(v).dump(); };
+std::string listMethods(const std::function<bool(const char* method)>& includes) {
   std::string methods;
   for (const char* method : kMethods)
-    if (wants(a, method)) methods += (methods.empty() ? "" : ",") + std::string(method);
-  Parameters parameters{{"methods", methods},
+    if (includes(method)) methods += (methods.empty() ? "" : ",") + std::string(method);
+  return methods;
+}
+
+Parameters parametersOf(const BuildArguments& a) {
+  auto number = [](auto v) { return nlohmann::json(v).dump(); };
+  Parameters parameters{{"methods", listMethods([&](const char* method) { return wants(a, method); })},
                         {"grid", number(a.grid)},
                         {"face", number(a.face)},
                         {"margin", number(a.margin)},

@@ -2,6 +2,7 @@
 // The options of `lumigrid build`, which of them go together, and those that a scene records.
 #include <CLI/CLI.hpp>
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <string>
 #include <vector>
@@ -57,6 +58,8 @@ inline constexpr const char* kSplatsDice = "qsplat-dice";
 bool wants(const BuildArguments& a, const char* method);
 /// Whether recorded parameters name the method among --methods.
 bool hasMethod(const Parameters& parameters, const std::string& method);
+/// The methods that `includes` takes, as parameters record them: "patch,images".
+std::string listMethods(const std::function<bool(const char* method)>& includes);
 
 /// The options that decide what the scene holds, as scene.json keeps them. Threads, batches and messages are not among
 /// them.

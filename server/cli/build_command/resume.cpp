@@ -62,11 +62,8 @@ Fit fitOf(const BuildArguments& a, const std::vector<base::SceneSource>& sources
 // Adds the methods that a scene has to those that a command wants.
 void addMethods(const Parameters& recorded, Parameters& wanted) {
   if (recorded.contains(kSplatsCoded)) wanted[kSplatsCoded] = recorded.at(kSplatsCoded);
-  std::string methods;
-  for (const char* method : kMethods)
-    if (hasMethod(recorded, method) || hasMethod(wanted, method))
-      methods += (methods.empty() ? "" : ",") + std::string(method);
-  wanted["methods"] = methods;
+  wanted["methods"] =
+      listMethods([&](const char* method) { return hasMethod(recorded, method) || hasMethod(wanted, method); });
   if (const auto it = recorded.find(kSplatsDice); it != recorded.end()) wanted.insert(*it);
 }
 
