@@ -209,8 +209,4 @@ LinkCounts PublishedSceneLink::counts() const {
   return {1 + stats.requests, impl_->scene_json.bytes() + stats.bytes};
 }
 
-const StaticSource* PublishedSceneLink::source() const {
-  return impl_->source.get();
-}
-
 }  // namespace client

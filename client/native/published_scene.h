@@ -56,8 +56,6 @@ class PublishedSceneLink final : public Link {
   bool pick(std::uint32_t id, const glm::dvec3& origin, const glm::dvec3& direction) override;
   std::vector<AnsweredPick> takePicks() override;
   LinkCounts counts() const override;
-  /// Null until scene.json is here.
-  const StaticSource* source() const;
 
  private:
   struct Impl;

@@ -36,8 +36,6 @@ class StreamedSplats final : public SplatView {
   SplatStats stats() const override;
 
   const lod::qsplat::Stream& stream() const { return stream_; }
-  /// The splats that are drawn now.
-  const lod::qsplat::Traversal& traversal() const { return found_; }
 
  private:
   void acceptAnswer(Session& session, FetchAnswer& answer, double now);

@@ -1,7 +1,6 @@
 // Shows patches and images, from a server or from a published scene.
 #include <emscripten/emscripten.h>
 
-#include <algorithm>
 #include <memory>
 
 #include "client/web/page.h"
@@ -28,9 +27,7 @@ extern "C" {
 /// (0: none).
 EMSCRIPTEN_KEEPALIVE void openStatic(const char* place, const char* name, const char* units, const char* patches,
                                      const char* index, const double* numbers) {
-  double plain[client::kSceneNumbers];
-  std::copy_n(numbers, client::kSceneNumbers, plain);
-  client::web::scene = std::make_unique<client::WebScene>(place, name, units, patches, index, plain);
+  client::web::scene = std::make_unique<client::WebScene>(place, name, units, patches, index, numbers);
   client::web::page.pick = client::web::pick;
 }
 

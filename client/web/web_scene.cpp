@@ -51,7 +51,7 @@ base::Result<repository::SampledPoints> readParameters(const std::string& text) 
 }
 
 StaticScene sceneOf(const std::string& place, const std::string& name, const std::string& units,
-                    const std::string& patches, const std::string& index, const double (&n)[kSceneNumbers]) {
+                    const std::string& patches, const std::string& index, const double* n) {
   StaticScene scene;
   scene.place = place;
   scene.welcome = welcomeOf(name, units, n);
@@ -64,7 +64,7 @@ StaticScene sceneOf(const std::string& place, const std::string& name, const std
 }  // namespace
 
 WebScene::WebScene(const std::string& place, const std::string& name, const std::string& units,
-                   const std::string& patches, const std::string& index, const double (&numbers)[kSceneNumbers])
+                   const std::string& patches, const std::string& index, const double* numbers)
     : source_(sceneOf(place, name, units, patches, index, numbers), fetcher_, readParameters) {}
 
 }  // namespace client

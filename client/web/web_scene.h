@@ -11,13 +11,11 @@
 
 namespace client {
 
-/// kWelcomeNumbers, then the length of the patches and of the index (0: none).
-inline constexpr int kSceneNumbers = kWelcomeNumbers + 2;
-
 class WebScene {
  public:
+  /// `numbers`: kWelcomeNumbers, then the length of the patches and of the index (0: none).
   WebScene(const std::string& place, const std::string& name, const std::string& units, const std::string& patches,
-           const std::string& index, const double (&numbers)[kSceneNumbers]);
+           const std::string& index, const double* numbers);
   StaticSource& source() { return source_; }
 
  private:
