@@ -49,7 +49,7 @@ TEST(Crc32c, isTheSameByInstructionByTablesAndByBits) {
   }
 }
 
-TEST(Crc32c, ofPartsEqualsOfTheWhole) {
+TEST(Crc32c, continuesOverPartsToThatOfTheWhole) {
   const std::string text = "the quick brown fox jumps over the lazy dog";
   for (std::size_t cut = 0; cut <= text.size(); ++cut)
     EXPECT_EQ(base::crc32c(view(text.substr(cut)), base::crc32c(view(text.substr(0, cut)))), base::crc32c(view(text)));

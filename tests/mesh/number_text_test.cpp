@@ -44,7 +44,7 @@ TEST(NumberText, isReadToTheLastBit) {
     expectTheSame(text);
 }
 
-TEST(NumberText, whatIsNotPlainIsLeft) {
+TEST(NumberText, leavesAllButPlainDecimalsToFromChars) {
   double value = 0.0;
   for (const char* text : {"", "-", ".", "-.", "+1", "1e5", "1.5x", "1.2.3", "nan", "inf", "0x10", "--1",
                            "9007199254740993", "1234567890123456789", " 1", "1#"})

@@ -54,7 +54,7 @@ std::string objStrip(const std::string& library) {
   return text;
 }
 
-TEST_F(Textures, ofAnObjGoToItsVertices) {
+TEST_F(Textures, objTexturesColorTheVertices) {
   std::ofstream(folder / "skin.mtl") << "newmtl other\nKd 1 1 1\nnewmtl skin\nmap_Kd -s 1 1 1 picture.png\n";
   const auto mesh = read("strip.obj", objStrip("skin.mtl"));
   ASSERT_TRUE(mesh) << mesh.error().message;
@@ -65,7 +65,7 @@ TEST_F(Textures, ofAnObjGoToItsVertices) {
   EXPECT_NE(mesh->file.warnings[0].find("23.0 texels for every vertex"), std::string::npos) << mesh->file.warnings[0];
 }
 
-TEST_F(Textures, ofAnObjReachTheHierarchy) {
+TEST_F(Textures, objTexturesReachTheHierarchy) {
   std::ofstream(folder / "skin.mtl") << "newmtl skin\nmap_Kd picture.png\n";
   std::ofstream(folder / "strip.obj") << objStrip("skin.mtl");
   const std::string out = folder / "patch.lgp";
@@ -102,7 +102,7 @@ TEST_F(Textures, thatAreMissingWarnAndTheMeshStays) {
   EXPECT_EQ(broken->file.warnings.size(), 1U);
 }
 
-TEST_F(Textures, ofAPlyWithCoordinatesAtItsFacesAreBaked) {
+TEST_F(Textures, plyFaceCoordinatesColorTheVertices) {
   const auto mesh = read(
       "quad.ply",
       "ply\nformat ascii 1.0\ncomment TextureFile picture.png\nelement vertex 4\nproperty float x\nproperty float y\n"

@@ -128,7 +128,7 @@ TEST_F(BadInput, aPortInUseIsNamed) {
   ::close(listener);
 }
 
-TEST_F(BadInput, whatIsNotASceneIsNamedByEveryCommand) {
+TEST_F(BadInput, everyCommandNamesAFolderThatIsNoScene) {
   std::filesystem::create_directories(path("empty"));
   for (const char* command : {"info", "verify", "serve"})
     expectOneLineError(run("lumigrid", {command, path("empty")}), 1, {"empty", "not a scene"});

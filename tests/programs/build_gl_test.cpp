@@ -270,7 +270,7 @@ TEST_F(TunedBuild, aStoredChoiceThatIsNoneIsRefused) {
   programs::expectOneLineError(run("lumigrid", command("38")), 1, {"building.json", "tuned-faces", "--force"});
 }
 
-TEST_F(TunedBuild, whatCannotBeReachedIsToldAndLessMayBeAskedWithoutStartingAfresh) {
+TEST_F(TunedBuild, reportsUnreachableAccuracyAndAcceptsLessOnRerun) {
   programs::expectOneLineError(run("lumigrid", command("90")), 1, {"--tune", "quality 100", "not 90", "ask for less"});
   const auto lower = run("lumigrid", command("38"));
   ASSERT_EQ(lower.status, 0) << lower.err;

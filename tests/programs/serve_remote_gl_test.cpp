@@ -122,7 +122,7 @@ TEST_F(RemoteServe, twoServersOfAPlaceShowWhatTheBuiltSceneShows) {
   EXPECT_GE(fewestImages(tour(second.url, "offline")), 8);
 }
 
-TEST_F(RemoteServe, whatIsWrongWithAPlaceIsNamed) {
+TEST_F(RemoteServe, namesFaultsOfAPlace) {
   const auto serveOnce = [&](const std::string& what) {
     return run("lumigrid", {"serve", what, "--port", "0", "--cache", path("cache")});
   };
@@ -204,7 +204,7 @@ TEST_F(RemoteVerify, aWholeSceneIsReadByRangesAndHasNoFault) {
   EXPECT_NE(nginx_->accessLog().find("\" 206 "), std::string::npos) << "no range was asked for";
 }
 
-TEST_F(RemoteVerify, whatIsDamagedMissingOrTooMuchIsNamed) {
+TEST_F(RemoteVerify, namesDamagedMissingAndSuperfluousData) {
   const std::string pack = onlyFile(path("site/tower/images"), ".lgk");
   const std::string index = onlyFile(path("site/tower/images"), ".lgi");
   const std::string patches = onlyFile(path("site/tower"), ".lgp");

@@ -196,7 +196,7 @@ TEST_F(Shards, aKilledShardIsMissingAndTheRerunEndsTheSame) {
   EXPECT_EQ(digest("scene"), digest("whole"));
 }
 
-TEST_F(Shards, whatIsMissingIsToldFromTheFirstMoment) {
+TEST_F(Shards, reportsMissingImagesFromTheStart) {
   json j = missing("scene", 3);
   EXPECT_EQ(j["hierarchy"], "missing");
   mustBuild("scene", {"--methods", "patch"});
@@ -272,7 +272,7 @@ TEST_F(Shards, ranksOfMpiTakeTheirShards) {
 }
 
 // The scene has flipped bytes, erased keys and orphans in a shard, a store of another division, and lacks a shard.
-TEST_F(Shards, whatIsWrongWithAFinishedSceneIsRepairedAndNothingElse) {
+TEST_F(Shards, repairsOnlyTheFaultsOfAFinishedScene) {
   buildShards("scene", 3);
   const std::string before = digest("scene");
   const std::string scene_json = programs::readText(path("scene/scene.json"));
@@ -426,7 +426,7 @@ TEST_F(Shards, killedWhileTheyRenderSelectedPointsEndWithTheSameImages) {
   EXPECT_LE(info["jpeg_bytes"].get<int>() + info["coverage_bytes"].get<int>(), 60'000);
 }
 
-TEST_F(Shards, ofPointsThatAreNotSelectedYetAllAreMissing) {
+TEST_F(Shards, reportsAllImagesMissingBeforePointsAreSelected) {
   mustBuild("scene", {"--methods", "patch", "--shards", "2"}, "9");
   Words asked{"build", "--missing", "--json", "-o", path("scene"), "--methods", "patch,images", "--grid", "9"};
   asked.insert(asked.end(), kSelected.begin(), kSelected.end());
@@ -437,7 +437,7 @@ TEST_F(Shards, ofPointsThatAreNotSelectedYetAllAreMissing) {
 }
 
 // The first process tunes, for all.
-TEST_F(Shards, ofATunedSceneTakeOneChoice) {
+TEST_F(Shards, shareOneTunedChoice) {
   mustBuild("whole", {"--tune", "38"});
   std::vector<pid_t> pids;
   smallMesh();

@@ -215,7 +215,7 @@ TEST_F(ShardedTest, findMissingReportsEachShard) {
   EXPECT_TRUE(findMissing(images(), 3, grid_)->empty());
 }
 
-TEST_F(ShardedTest, ofSelectedPointsThoseOfTheTreeAreMissing) {
+TEST_F(ShardedTest, missingFacesAreThoseOfSelectedPoints) {
   SampleTree tree(grid_, 4);
   tree.split({{0, 0, 0}, 4});
   tree.leaveOut({0, 0, 0});

@@ -96,7 +96,7 @@ TEST(SceneFile, directoryWithoutSceneSaysHowToMakeOne) {
   EXPECT_NE(read.error().message.find("lumigrid build"), std::string::npos);
 }
 
-TEST(Sha256, ofAbcIsThePublishedOne) {
+TEST(Sha256, matchesThePublishedHashOfAbc) {
   const support::TemporaryDirectory directory;
   const std::string path = directory / "abc";
   std::ofstream(path) << "abc";

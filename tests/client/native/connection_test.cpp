@@ -83,7 +83,7 @@ TEST(ServerUrl, isReadInItsUsualSpellings) {
   EXPECT_EQ(parseServerUrl("ws://[::1]:8081/")->authority(), "[::1]:8081");
 }
 
-TEST(ServerUrl, whatIsNoAddressIsRefusedInOneLine) {
+TEST(ServerUrl, refusesMalformedAddressesInOneLine) {
   for (const char* bad :
        {"", "ws://", "ftp://a", "wss://a", "https://a", "ws://a:0", "ws://a:65536", "ws://a:x", "ws://a:", "ws://[::1",
         "ws://[::1]x", "ws://a b", "ws://a/ b", "ws://u@a", "ws://a\r\nHost: b"}) {

@@ -150,7 +150,7 @@ TEST_F(HostCheckTest, eachHeaderTakenAwayIsNamedAndTheLineToldMendsIt) {
   }
 }
 
-TEST_F(HostCheckTest, whatAProxyDropsIsNamed) {
+TEST_F(HostCheckTest, namesHeadersThatAProxyDrops) {
   const auto behind = [&](const std::string& lines) {
     return snippet_ + "server {\nlisten 127.0.0.1:$PORT1;\nlocation / {\nproxy_pass http://127.0.0.1:$PORT0;\n" +
            lines + "\n}\n}\n";

@@ -51,7 +51,7 @@ TEST_F(UserFiles, withoutAFileTheDefaultsHold) {
   EXPECT_FALSE(bool(writeSettings("", {})));
 }
 
-TEST_F(UserFiles, whatIsWrongIsNamedAndTheRestHolds) {
+TEST_F(UserFiles, namesWrongSettingsAndKeepsTheOthers) {
   const ReadSettings read = parseSettings(R"({"version": 1, "fov_degrees": 60, "points": 99, "images": "yes", )"
                                           R"("theme": "purple", "samples": 2.5, "colour": 1})");
   EXPECT_EQ(read.settings.fov_degrees, 60.0);

@@ -206,7 +206,7 @@ TEST_F(Lumigraph, aSectionLeavesTheOtherSideAsItWas) {
   EXPECT_EQ(coverageOverlap(draw(camera), whole), 0.0) << "nothing is left";
 }
 
-TEST_F(Lumigraph, whatASectionUncoversIsSeenByNoImage) {
+TEST_F(Lumigraph, doesNotProjectImagesOnSurfacesThatASectionUncovers) {
   // Images show a red ball. In it, uncovered by the cut, is one whose proxy is white.
   scene_.balls = {{glm::vec3(0.0F), 1.0F, kRed}};
   addPatch(ballPatch(glm::vec3(0.0F), 1.0F, 60, kWhite));
@@ -363,7 +363,7 @@ TEST_F(Lumigraph, pushingWidensAProxyThatIsTooSmall) {
   EXPECT_GT(coverageOverlap(truth, draw(camera, 0.0, error_px)), without + 0.02);
 }
 
-TEST_F(Lumigraph, whatNoImageSeesIsShadedOrLeftAsBackground) {
+TEST_F(Lumigraph, shadesSurfacesWithoutImagesOrLeavesTheBackground) {
   scene_.balls = {{glm::vec3(0.0F), 1.0F, kRed}};
   addPatch(ballPatch(glm::vec3(0.0F), 1.0F, 60, {40, 80, 160, 255}));
   addCube(kEye, 0);
@@ -432,7 +432,7 @@ TEST_F(Lumigraph, layersBeyondTheBudgetAreRefused) {
   EXPECT_EQ(renderer_->stats().gpu_bytes, 2 * layer + 32 * 128 + 8);
 }
 
-TEST_F(Lumigraph, whatIsHeldIsWhatTheGlCountsAndStaysBelowTheBudgetWhileArraysGrow) {
+TEST_F(Lumigraph, countsWhatGlCountsAndStaysBelowTheBudget) {
   const base::Camera camera = cubeCameras(kEye, kFace)[0];
   std::uint64_t layer = 4ULL * kFace * kFace;
   for (int side = kFace; side >= 1; side /= 2)

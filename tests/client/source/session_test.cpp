@@ -291,7 +291,7 @@ TEST(Session, anItemThatCameAgainIsNotReportedAsEvicted) {
   EXPECT_EQ(evicted[0].faces, (std::vector<repository::FaceKey>{{0, 0, 0, 1}}));
 }
 
-TEST(Session, whatIsInUseStaysAndTheNewcomerGoes) {
+TEST(Session, evictsTheNewFaceRatherThanOnesInUse) {
   Session session = ready(cacheOf(2500));
   hear(session, server().sayFace({0, 0, 0, 0}, 1000));
   hear(session, server().sayFace({0, 0, 0, 1}, 1000));

@@ -437,7 +437,7 @@ TEST(StaticSource, tablesWithAnotherChecksumAreRefused) {
   EXPECT_NE(viewer.session.problem().find("checksum"), std::string::npos) << viewer.session.problem();
 }
 
-TEST(StaticSource, whatSceneJsonSaysIsChecked) {
+TEST(StaticSource, refusesWrongEntriesOfSceneJson) {
   const server::TestScene scene(8);
   const auto refused = [&](const std::function<void(PublishedScene&)>& change, const std::string& words) {
     PublishedScene published(scene);

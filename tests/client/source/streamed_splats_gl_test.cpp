@@ -321,7 +321,7 @@ TEST_F(StreamedSplatsTest, theDrawnSurfaceIsFoundUnderThePointer) {
   EXPECT_LE(at_the_rim, 2);
 }
 
-TEST_F(StreamedSplatsTest, whatDoesNotFitTheMemoryIsDrawnCoarser) {
+TEST_F(StreamedSplatsTest, drawsCoarserBeyondTheMemoryLimit) {
   SplatOptions options = still();
   options.memory_bytes = 512 * 1024;
   open(options);
@@ -356,7 +356,7 @@ TEST_F(StreamedSplatsTest, aLostContextAndALostHostComeBack) {
   EXPECT_EQ(viewer_->session().phase(), SessionPhase::kReady);
 }
 
-TEST_F(StreamedSplatsTest, whatNoNewTryMendsIsRefusedWithTheReason) {
+TEST_F(StreamedSplatsTest, refusesPermanentFailuresWithTheReason) {
   struct Case {
     FetchOutcome outcome;
     const char* words;

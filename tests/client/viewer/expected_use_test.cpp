@@ -48,7 +48,7 @@ TEST_F(ExpectedUse, theImageFromTheVeryEyeIsUsedMost) {
   EXPECT_GT(shares[1], shares[0]);
 }
 
-TEST_F(ExpectedUse, ofTwoAtOneAngleTheFinerIsUsedMore) {
+TEST_F(ExpectedUse, prefersTheFinerOfTwoImagesAtOneAngle) {
   base::Camera coarse = near;
   coarse.width = 50;
   coarse.height = 50;

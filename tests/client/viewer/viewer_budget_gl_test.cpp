@@ -62,7 +62,7 @@ TEST_F(ViewerBudget, aTourNeverExceedsItAndAlwaysShowsSomething) {
   EXPECT_EQ(viewer->stats().broken, 0U) << viewer->stats().last_fault;
 }
 
-TEST_F(ViewerBudget, whatDoesNotFitIsCoarserAndSaidToBeSo) {
+TEST_F(ViewerBudget, drawsCoarserBeyondTheBudgetAndReportsIt) {
   openSmall(40'000'000, 0.0F);
   hearAllGroups();
   settle(server.lookDown(200.0));

@@ -231,7 +231,7 @@ TEST_F(SplatsTest, theNearerSplatIsSeenInWhateverOrder) {
     }
 }
 
-TEST_F(SplatsTest, ofSplatsThatOverlapTheOneWithTheNearestCentreIsSeen) {
+TEST_F(SplatsTest, overlappingSplatsShowTheOneWithTheNearestCentre) {
   const base::Camera camera = cameraOf(30.0);
   // The right one is nearer to the eye by a tenth of its radius, and larger.
   const std::array pair{splatAt({-0.5F, 0, -10}, 1.0F, {0, 0, 1}, 0xF800),
@@ -659,7 +659,7 @@ TEST_F(SplatsTest, realClosedScansHaveNoHoles) {
   }
 }
 
-TEST_F(SplatsTest, whatIsMissingIsFilledByItsParents) {
+TEST_F(SplatsTest, parentsLeaveNoHolesWhereBlocksAreMissing) {
   const support::Mesh mesh = support::bumpySphere(60, 120, 0.1F);
   const base::Bytes file = support::splatFile(mesh);
   const qsplat::Header header = *qsplat::readHeader(file);

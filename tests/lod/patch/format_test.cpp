@@ -72,7 +72,7 @@ base::Bytes withField(base::Bytes bytes, std::size_t offset, T value) {
   return bytes;
 }
 
-TEST_F(PatchFormat, whatIsWrittenIsReadBack) {
+TEST_F(PatchFormat, readsBackWrittenHierarchies) {
   for (const bool colors : {false, true}) {
     const SyntheticHierarchy scene = support::syntheticHierarchy(8, colors);
     written(scene);

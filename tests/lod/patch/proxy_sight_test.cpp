@@ -72,7 +72,7 @@ TEST(ProxySight, noClosedSurfaceLetsALineThrough) {
     ASSERT_TRUE(sight->isBlocked(glm::vec3(0.2 * rays.unit()), glm::vec3(4.0 * rays.unit()), 0.0F)) << i;
 }
 
-TEST(ProxySight, ofNothingBlocksNothing) {
+TEST(ProxySight, emptyCutHidesNothing) {
   const BuiltScene scene(support::torus(20, 20), "nothing");
   const auto none = ProxySight::ofPatches(scene.hierarchy(), {}, 0.0F,
                                           [&](std::uint32_t patch) { return scene.file().geometry(patch); });

@@ -227,7 +227,7 @@ TEST(RayCast, reachesFromFarAwayAsExactlyAsDoublesDo) {
   EXPECT_EQ(near.hit->triangle, far.hit->triangle);
 }
 
-TEST(RayCast, ofACoarseCutIsTheCutsOwnNearest) {
+TEST(RayCast, onACoarseCutFindsTheCutsNearestFacet) {
   const BuiltScene scene(support::torus(80, 60), "coarse");
   std::set<float> errors;
   for (const Group& group : scene.hierarchy().groups)

@@ -291,7 +291,7 @@ TEST(SelectCut, fetchingTheMostWantedUntilNothingIsLeadsToTheFullCut) {
   EXPECT_EQ(cut.error_px, full.error_px);
 }
 
-TEST(SelectCut, whatLiesOutsideIsNeitherRefinedNorDrawn) {
+TEST(SelectCut, neitherRefinesNorDrawsOutsideTheFrustum) {
   const Hierarchy& h = scene().hierarchy;
   CutRequest request = requestFrom({8.0, 8.0, 6.0}, {8.0, 8.5, 0.0});
   request.tolerance_px = 0.0F;

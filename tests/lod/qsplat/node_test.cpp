@@ -106,7 +106,7 @@ TEST(SphereCodes, encloseDownLongChains) {
   }
 }
 
-TEST(SphereCodes, whatIsNotWithinTheParentIsTheWholeParent) {
+TEST(SphereCodes, spheresOutsideTheParentBecomeTheWholeParent) {
   const float inf = std::numeric_limits<float>::infinity();
   const base::Sphere parent{glm::vec3(0.0F), 1.0F};
   for (const base::Sphere& child : {base::Sphere{{0.0F, 0.0F, 0.0F}, 2.0F}, base::Sphere{{5.0F, 0.0F, 0.0F}, 0.5F},
@@ -142,7 +142,7 @@ TEST(NormalCodes, decodeAndEncodeToThemselves) {
   }
 }
 
-TEST(NormalCodes, whatIsNoDirectionPointsUp) {
+TEST(NormalCodes, invalidNormalsPointUp) {
   const std::uint32_t up = encodeNormal({0.0F, 0.0F, 1.0F});
   const float inf = std::numeric_limits<float>::infinity();
   for (const glm::vec3& n : {glm::vec3(0.0F), glm::vec3(NAN), glm::vec3(inf, 0.0F, 0.0F), glm::vec3(1.0F, NAN, 0.0F)})

@@ -100,7 +100,7 @@ TEST(StreamTest, sweepsGoFromTheTopDownEachFinerThanTheOneBefore) {
   EXPECT_NEAR(of(33.0F, 256.0F), 11.0F * 1000.0F, 0.01F);  // ⌈log_√2 33⌉ = 11
 }
 
-TEST(StreamTest, whatIsSeenThroughTheLensComesFirst) {
+TEST(StreamTest, requestsBlocksUnderTheLensFirst) {
   StreamOptions options = withoutIdling();
   options.max_request_blocks = 1;
   options.max_requests = 1;

@@ -122,7 +122,7 @@ TEST_F(BakeTest, shardsTogetherAreTheWholeValueByValue) {
   EXPECT_EQ(together, whole.values);
 }
 
-TEST_F(BakeTest, whatIsFaultyIsRenderedAgainAndOrphansGo) {
+TEST_F(BakeTest, rendersFaultyFacesAgainAndRemovesOrphans) {
   MemoryStore store;
   options_.shard = {1, 2};
   ASSERT_TRUE(run(store));

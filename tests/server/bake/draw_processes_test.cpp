@@ -91,7 +91,7 @@ TEST_F(DrawProcessesTest, anyNumberOfProcessesMakesTheSameBytesAsOneThread) {
   for (const unsigned processes : {1U, 2U, 3U}) expectSame(makeBy(processes), here);
 }
 
-TEST_F(DrawProcessesTest, whatADeadProcessLeftIsDoneByItsSuccessor) {
+TEST_F(DrawProcessesTest, successorFinishesTheJobsOfADeadProcess) {
   const ReceivedFaces here = makeHere();
   for (const char* face : {"0", "8", "17"}) {
     const std::string mark = directory_ / ("died at " + std::string(face));
@@ -114,7 +114,7 @@ TEST_F(DrawProcessesTest, aProgramThatIsNotThereIsAnError) {
   EXPECT_NE(made.errors.front().message.find("/nowhere/draw"), std::string::npos) << made.errors.front().message;
 }
 
-TEST_F(DrawProcessesTest, whatCannotBeDrawnIsToldWithItsReason) {
+TEST_F(DrawProcessesTest, reportsTheReasonOfAFailedDraw) {
   work_.grid.face_size = 40000;  // more than a picture may have
   const ReceivedFaces made = makeBy(2);
   ASSERT_EQ(made.errors.size(), 1U);

@@ -118,7 +118,7 @@ TEST(Tune, theChoiceDoesNotDependOnTheThreads) {
   for (const unsigned threads : {2U, 5U, 0U}) EXPECT_EQ(*tuneQuality(sample, 35.0, threads), *one);
 }
 
-TEST(Tune, whatQuality100DoesNotReachIsRefusedWithHowFarItComes) {
+TEST(Tune, refusesAnUnreachableAccuracyAndNamesTheBest) {
   const auto found = tuneQuality(faces({30.0, 30.0, 60.0}), 70.0, 0);
   ASSERT_FALSE(found);
   EXPECT_EQ(found.error().code, base::ErrorCode::kInvalidInput);

@@ -67,7 +67,7 @@ TEST(ShardChoice, ranksWithinATaskDivideItsShare) {
   expectAuto(variables, {7, 12});
 }
 
-TEST(ShardChoice, whatIsNoPlaceIsRefused) {
+TEST(ShardChoice, refusesAmbiguousAndMalformedRanks) {
   expectRefused({}, "say --shard i/n");
   expectRefused({{"OMPI_COMM_WORLD_RANK", "1"}}, "say --shard i/n");  // without a size
   expectRefused({{"OMPI_COMM_WORLD_RANK", "5"}, {"OMPI_COMM_WORLD_SIZE", "5"}}, "OMPI_COMM_WORLD_RANK=5");

@@ -36,7 +36,7 @@ class PatchCacheTest : public testing::Test {
   std::uint64_t patch_bytes_ = lod::draw::PatchMeshes::bytesFor(3, 1);
 };
 
-TEST_F(PatchCacheTest, whatIsThereIsNotUploadedAgain) {
+TEST_F(PatchCacheTest, doesNotUploadCachedPatchesAgain) {
   PatchCache cache(scene_.file(), 100 * patch_bytes_);
   ASSERT_TRUE(cache.draw(std::array{1U, 2U, 3U}));
   ASSERT_TRUE(cache.draw(std::array{2U, 3U, 4U}));

@@ -138,7 +138,7 @@ TEST_F(SplatSceneTest, aDamagedBlockIsAnErrorThatNamesIt) {
   EXPECT_EQ(picture.error().code, base::ErrorCode::kInvalidInput);
 }
 
-TEST_F(SplatSceneTest, whatCannotBeDrawnIsRefused) {
+TEST_F(SplatSceneTest, refusesInvalidSizesAndOptions) {
   SplatScene& scene = renderer();
   EXPECT_FALSE(scene.render(camera(40000, 90), {}));
   SplatOptions options;

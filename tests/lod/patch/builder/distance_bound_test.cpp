@@ -120,7 +120,7 @@ TEST(CarriedError, holdsOverManyRounds) {
 
 // On sheets of noise many edges find a poor way from facet to facet. The bound stays near the largest sample: 1.72 and
 // 2.73 times in the mean, and 1.84 and 2.93 times without a second projection of triangles.
-TEST(CarriedError, ofNoiseIsAboutWhatVerticesNeed) {
+TEST(CarriedError, onNoiseStaysNearTheLargestSample) {
   constexpr unsigned kSheets = 4;
   for (const auto& [rounds, most] : {std::pair{2, 1.78}, std::pair{4, 2.83}}) {
     double sum = 0.0;
@@ -141,7 +141,7 @@ TEST(CarriedError, ofNoiseIsAboutWhatVerticesNeed) {
 
 // Straight parts end in slivers thousands of steps long. The rounding error that slivers hide is not added to the
 // bound.
-TEST(CarriedError, ofSliversIsNotWhatRoundingHides) {
+TEST(CarriedError, onSliversLeavesOutTheRoundingError) {
   Mesh mesh = support::openGrid(100);
   for (glm::vec3& p : mesh.positions) p.z = 0.1F * std::sin(6.0F * p.x);
   const Rounds r = simplified(mesh, 8000.0F, 0.2, 1, 0.01F);
@@ -246,7 +246,7 @@ TEST(CarriedError, comesOutLowerWhereOutliersStayAsTheyAre) {
 }
 
 // Two far corners of a strip move by 10 and 20; no bound adds them up to 30.
-TEST(CarriedError, ofDifferentPlacesNeverAddsUp) {
+TEST(CarriedError, doesNotAddUpErrorsOfDifferentPlaces) {
   std::vector<glm::vec3> points;
   for (int i = 0; i <= 8; ++i)
     for (int j = 0; j <= 2; ++j) points.push_back({100 * i, 100 * j, 0});
@@ -322,7 +322,7 @@ TEST(CarriedError, boundsTheColorsOfASheetTriangleByTriangle) {
   EXPECT_GT(*std::max_element(error.color.begin(), error.color.end()), 100.0F);
 }
 
-TEST(CarriedError, ofAFlatSheetIsNearNothing) {
+TEST(CarriedError, isNearZeroOnAFlatSheet) {
   const Rounds r = simplified(support::openGrid(40, 0.0F), 800.0F, 0.5, 3);
   EXPECT_LT(r.largest_toward, 0.2F);
   EXPECT_LT(r.largest_from, 0.2F);

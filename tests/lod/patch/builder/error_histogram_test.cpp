@@ -38,7 +38,7 @@ TEST(ErrorHistogram, quantilesAreThoseOfTheAreasRoundedUp) {
   }
 }
 
-TEST(ErrorHistogram, ofNothingIsZeroAndSmallErrorsCountAsTheLeast) {
+TEST(ErrorHistogram, emptyIsZeroAndSmallErrorsFallIntoTheFirstBin) {
   ErrorHistogram errors;
   EXPECT_EQ(errors.quantile(0.9), 0.0F);
   errors.add(errorCode(0.0F), 3.0F);

@@ -216,7 +216,7 @@ TEST(HierarchyBuild, outlyingGroupsAreRebuiltWithTheirNeedlesKept) {
 }
 
 // Flat sides and straight pipes take hardly any triangles, and rounding is not stated as an error.
-TEST(HierarchyBuild, whatIsBuiltOfFlatSidesAndPipesStaysExactForLong) {
+TEST(HierarchyBuild, flatSidesAndPipesStayExactOverSeveralLevels) {
   const Mesh mesh = support::plant();
   const BuiltHierarchy built = mustBuild(mesh, support::smallPatches());
   expectSound(built, support::smallPatches());

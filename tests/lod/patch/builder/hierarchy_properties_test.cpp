@@ -121,7 +121,7 @@ TEST(HierarchyProperties, theBinaryTreeHalvesItsPatchesAndAnyViewHasNoCrack) {
   }
 }
 
-TEST(HierarchyProperties, whatIsNotLoadedYetMakesNoCrack) {
+TEST(HierarchyProperties, missingGroupsLeaveNoCracks) {
   std::mt19937 random(43);
   const BuiltHierarchy built = mustBuild(support::torus(150, 90));
   for (int view = 0; view < 50; ++view) {

@@ -104,7 +104,7 @@ struct Laid {
   }
 };
 
-TEST(Overlay, ofASurfaceOnItselfCoversAllAtNoDistance) {
+TEST(Overlay, coversASurfaceByItselfAtDistanceZero) {
   for (const Mesh& mesh : {support::bumpySphere(12, 16), support::torus(14, 10), support::openGrid(12)}) {
     Sheet one;
     for (const glm::vec3& p : mesh.positions) one.positions.push_back(glm::round((p + 2.0F) * 500.0F));
@@ -117,7 +117,7 @@ TEST(Overlay, ofASurfaceOnItselfCoversAllAtNoDistance) {
 }
 
 // The same square is cut into other triangles: every facet is covered, at distance 0 in a plane.
-TEST(Overlay, ofTwoMeshesOfOneSheetCoversBoth) {
+TEST(Overlay, coversBothOfTwoMeshesOfOneSheet) {
   for (const auto& [fine, coarse] : {std::pair{12, 12}, {24, 12}, {36, 6}, {12, 1}}) {
     const Sheet upper = sheet(fine, 3600, fine == coarse ? 0 : 40);
     Sheet lower = sheet(coarse, 3600, coarse > 1 ? 60 : 0);

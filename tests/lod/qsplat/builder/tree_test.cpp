@@ -110,7 +110,7 @@ TEST(EnclosingSphere, enclosesAllAndIsSmall) {
   EXPECT_LT(excess, 1e-5);
 }
 
-TEST(EnclosingSphere, ofFourIsWithinAHundredthOfTheSmallest) {
+TEST(EnclosingSphere, isWithinAHundredthOfTheSmallestForFourSpheres) {
   std::mt19937 random(6);
   std::normal_distribution<float> normal;
   double sum = 0.0;
