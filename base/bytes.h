@@ -160,7 +160,7 @@ class ByteWriter {
 
   std::size_t size() const { return bytes_.size(); }
   const Bytes& view() const { return bytes_; }
-  Bytes take() { return std::move(bytes_); }
+  Bytes takeBytes() { return std::move(bytes_); }
 
  private:
   Bytes bytes_;

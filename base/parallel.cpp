@@ -59,17 +59,17 @@ namespace {
 class OrderedItems {
  public:
   using Body = std::function<Result<void>(std::size_t i, std::size_t slot)>;
-  OrderedItems(std::size_t count, std::size_t slots, const Body& make, const Body& take)
-      : count_(count), slots_(slots), make_(make), take_(take), made_(slots, false) {}
+  OrderedItems(std::size_t count, std::size_t slots, const Body& produce, const Body& consume)
+      : count_(count), slots_(slots), produce_(produce), consume_(consume), produced_(slots, false) {}
 
   // Run by each thread until all items are consumed.
   void runThread() {
     std::unique_lock lock(mutex_);
-    while (status_ && taken_ < count_) {
-      if (!taking_ && taken_ < next_ && made_[taken_ % slots_]) {
-        takeOne(lock);
-      } else if (next_ < count_ && next_ < taken_ + slots_) {
-        makeOne(lock);
+    while (status_ && consumed_ < count_) {
+      if (!consuming_ && consumed_ < next_ && produced_[consumed_ % slots_]) {
+        consumeOne(lock);
+      } else if (next_ < count_ && next_ < consumed_ + slots_) {
+        produceOne(lock);
       } else {
         changed_.wait(lock);
       }
@@ -78,48 +78,48 @@ class OrderedItems {
   Result<void> status() const { return status_; }
 
  private:
-  void makeOne(std::unique_lock<std::mutex>& lock) {
+  void produceOne(std::unique_lock<std::mutex>& lock) {
     const std::size_t i = next_++;
     lock.unlock();
-    const Result<void> done = make_(i, i % slots_);
+    const Result<void> result = produce_(i, i % slots_);
     lock.lock();
-    made_[i % slots_] = true;
-    note(done);
+    produced_[i % slots_] = true;
+    keepFirstError(result);
   }
-  void takeOne(std::unique_lock<std::mutex>& lock) {
-    const std::size_t i = taken_;
-    taking_ = true;
+  void consumeOne(std::unique_lock<std::mutex>& lock) {
+    const std::size_t i = consumed_;
+    consuming_ = true;
     lock.unlock();
-    const Result<void> done = take_(i, i % slots_);
+    const Result<void> result = consume_(i, i % slots_);
     lock.lock();
-    made_[i % slots_] = false;
-    taking_ = false;
-    ++taken_;
-    note(done);
+    produced_[i % slots_] = false;
+    consuming_ = false;
+    ++consumed_;
+    keepFirstError(result);
   }
-  void note(const Result<void>& done) {
-    if (status_ && !done) status_ = done;
+  void keepFirstError(const Result<void>& result) {
+    if (status_ && !result) status_ = result;
     changed_.notify_all();
   }
 
   const std::size_t count_, slots_;
-  const Body& make_;
-  const Body& take_;
+  const Body& produce_;
+  const Body& consume_;
   std::mutex mutex_;
   std::condition_variable changed_;
-  std::vector<bool> made_;  // by slot
-  std::size_t next_ = 0;    // to be made
-  std::size_t taken_ = 0;
-  bool taking_ = false;
+  std::vector<bool> produced_;  // by slot
+  std::size_t next_ = 0;        // to be produced
+  std::size_t consumed_ = 0;
+  bool consuming_ = false;
   Result<void> status_;
 };
 
 }  // namespace
 
 Result<void> parallelInOrder(std::size_t count, unsigned threads, std::size_t slots,
-                             const std::function<Result<void>(std::size_t i, std::size_t slot)>& make,
-                             const std::function<Result<void>(std::size_t i, std::size_t slot)>& take) {
-  OrderedItems pieces(count, std::max<std::size_t>(1, slots), make, take);
+                             const std::function<Result<void>(std::size_t i, std::size_t slot)>& produce,
+                             const std::function<Result<void>(std::size_t i, std::size_t slot)>& consume) {
+  OrderedItems pieces(count, std::max<std::size_t>(1, slots), produce, consume);
   if (threads == 0) threads = coreCount();
   parallelFor(std::min<std::size_t>(threads, count), threads, [&](std::size_t) { pieces.runThread(); });
   return pieces.status();
@@ -127,7 +127,7 @@ Result<void> parallelInOrder(std::size_t count, unsigned threads, std::size_t sl
 
 ThreadPool::ThreadPool(unsigned threads, std::size_t queue_limit)
     : queue_limit_(std::max<std::size_t>(1, queue_limit)) {
-  for (unsigned t = 0; t < std::max(1U, threads); ++t) threads_.emplace_back([this] { work(); });
+  for (unsigned t = 0; t < std::max(1U, threads); ++t) threads_.emplace_back([this] { runThread(); });
 }
 
 ThreadPool::~ThreadPool() {
@@ -152,7 +152,7 @@ void ThreadPool::drain() {
   changed_.wait(lock, [&] { return queue_.empty() && running_ == 0; });
 }
 
-void ThreadPool::work() {
+void ThreadPool::runThread() {
   std::unique_lock lock(mutex_);
   for (;;) {
     changed_.wait(lock, [&] { return stopping_ || !queue_.empty(); });

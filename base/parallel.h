@@ -28,13 +28,13 @@ Result<void> tryParallelFor(std::size_t count, unsigned threads, const std::func
 /// item is left to a single thread in the end.
 std::vector<std::size_t> largestFirst(std::span<const std::uint64_t> sizes);
 
-/// Produces items 0 … count − 1 by make() on up to `threads` threads (0: all cores), and consumes them by take() in
-/// that order, one at a time, on any of these threads. Item i occupies slot i % slots from the start of make(i, slot)
-/// to the end of take(i, slot), so at most `slots` (at least 1) exist at a time. Returns the first error met, after
-/// which nothing more is begun.
+/// Produces items 0 … count − 1 by produce() on up to `threads` threads (0: all cores), and consumes them by consume()
+/// in that order, one at a time, on any of these threads. Item i occupies slot i % slots from the start of produce(i,
+/// slot) to the end of consume(i, slot), so at most `slots` (at least 1) exist at a time. Returns the first error met,
+/// after which nothing more is begun.
 Result<void> parallelInOrder(std::size_t count, unsigned threads, std::size_t slots,
-                             const std::function<Result<void>(std::size_t i, std::size_t slot)>& make,
-                             const std::function<Result<void>(std::size_t i, std::size_t slot)>& take);
+                             const std::function<Result<void>(std::size_t i, std::size_t slot)>& produce,
+                             const std::function<Result<void>(std::size_t i, std::size_t slot)>& consume);
 
 /// Threads that take jobs from a bounded queue. submit() blocks while the queue is full (back-pressure).
 class ThreadPool {
@@ -49,7 +49,7 @@ class ThreadPool {
   void drain();
 
  private:
-  void work();
+  void runThread();
   std::mutex mutex_;
   std::condition_variable changed_;
   std::deque<std::function<void()>> queue_;

@@ -66,10 +66,10 @@ bool TextColors::mustRestart() {
 }
 
 std::string inQuotes(std::string_view word) {
-  constexpr std::size_t kLongest = 40;
+  constexpr std::size_t kMaxLength = 40;
   std::string text = "\"";
-  for (const char c : word.substr(0, kLongest)) text += c >= ' ' && c <= '~' ? c : '?';
-  return text + (word.size() > kLongest ? "...\"" : "\"");
+  for (const char c : word.substr(0, kMaxLength)) text += c >= ' ' && c <= '~' ? c : '?';
+  return text + (word.size() > kMaxLength ? "...\"" : "\"");
 }
 
 }  // namespace mesh

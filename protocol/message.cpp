@@ -372,7 +372,7 @@ base::Bytes encodeFrom(const Direction& direction, const Message& message) {
   base::ByteWriter out;
   out.u8(static_cast<std::uint8_t>(direction.first_type + message.index()));
   std::visit([&](const auto& one) { writeBody(out, one); }, message);
-  return out.take();
+  return out.takeBytes();
 }
 
 /// Errors name the message, but for another version.

@@ -214,7 +214,7 @@ base::Bytes encodeFile(Header header, const RowWriter& faces, const RowWriter& g
   out.bytes(faces.bytes());
   out.bytes(groups.bytes());
   out.patch(kHeaderCrcOffset, headerCrc(base::ByteView(out.view()).first(kHeaderBytes)));
-  return out.take();
+  return out.takeBytes();
 }
 
 // Encodes the file `bytes` with `more` added. It goes row by row, since a file may have tens of millions of rows while

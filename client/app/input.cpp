@@ -6,11 +6,11 @@
 namespace client {
 namespace {
 
-using Named = std::pair<std::string_view, Key>;
+using NamedKey = std::pair<std::string_view, Key>;
 
 /// Keys that go by place (KeyboardEvent.code).
 // clang-format off
-constexpr std::array<Named, 23> kPlaces{{
+constexpr std::array<NamedKey, 23> kPlaces{{
     {"KeyW", Key::kW}, {"KeyA", Key::kA}, {"KeyS", Key::kS}, {"KeyD", Key::kD}, {"KeyQ", Key::kQ}, {"KeyE", Key::kE},
     {"ArrowUp", Key::kUp}, {"ArrowDown", Key::kDown}, {"ArrowLeft", Key::kLeft}, {"ArrowRight", Key::kRight},
     {"Home", Key::kHome}, {"PageUp", Key::kPageUp}, {"PageDown", Key::kPageDown}, {"Escape", Key::kEscape},
@@ -20,12 +20,12 @@ constexpr std::array<Named, 23> kPlaces{{
 }};
 
 /// Keys that go by their character in lower case (KeyboardEvent.key).
-using Printed = std::pair<char, Key>;
-constexpr std::array<Printed, 13> kLetters{{
+using PrintedKey = std::pair<char, Key>;
+constexpr std::array<PrintedKey, 13> kLetters{{
     {'f', Key::kF}, {'r', Key::kR}, {'i', Key::kI}, {'c', Key::kC}, {'m', Key::kM}, {'n', Key::kN}, {'x', Key::kX},
     {'o', Key::kO}, {'p', Key::kP}, {'v', Key::kV}, {'h', Key::kH}, {'l', Key::kL}, {'g', Key::kG},
 }};
-constexpr std::array<Printed, 5> kSigns{{
+constexpr std::array<PrintedKey, 5> kSigns{{
     {'?', Key::kH}, {'+', Key::kPlus}, {'-', Key::kMinus}, {'.', Key::kPageUp}, {',', Key::kPageDown},
 }};
 // clang-format on
@@ -74,7 +74,7 @@ Key keyFromNames(std::string_view code, std::string_view key) {
 
   // Letters come first: on other layouts they lie elsewhere. Where a letter took the place of W A S D, the arrows still
   // fly.
-  for (const Printed& letter : kLetters)
+  for (const PrintedKey& letter : kLetters)
     if (letter.first == printed) return letter.second;
   for (const auto& [place, found] : kPlaces)
     if (place == code) return found;
@@ -83,7 +83,7 @@ Key keyFromNames(std::string_view code, std::string_view key) {
       return static_cast<Key>(static_cast<int>(Key::k0) + (code.back() - '0'));
 
   // Signs come last: the keys that type them differ from layout to layout, and digits matter more.
-  for (const Printed& sign : kSigns)
+  for (const PrintedKey& sign : kSigns)
     if (sign.first == printed) return sign.second;
   return Key::kNone;
 }

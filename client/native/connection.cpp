@@ -50,7 +50,7 @@ struct Event {
   Clock::time_point due = {};  ///< when the emulated link delivers it
 };
 
-struct Outgoing {
+struct OutgoingMessage {
   std::uint64_t epoch = 0;
   base::Bytes bytes;
 };
@@ -164,7 +164,7 @@ struct Connection::Impl {
   LinkClock link_clock;
   std::deque<Event> inbox;
   std::size_t inbox_bytes = 0;
-  std::deque<Outgoing> outbox;
+  std::deque<OutgoingMessage> outbox;
 
   // Only the session's thread uses this.
   std::uint64_t session_epoch = 0;  // the connection that the session uses; 0: none

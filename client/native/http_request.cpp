@@ -9,15 +9,15 @@ namespace {
 
 constexpr long kRedirects = 4;  // a choice; the limit stops hosts that redirect in circles
 
-/// A response on its way.
-struct Incoming {
+/// A response of which a part has arrived.
+struct PartialResponse {
   HttpResponse reply;
-  std::size_t most = 0;
+  std::size_t max_body_bytes = 0;
 
   bool addHeader(std::string_view line) { return reply.head.addLine(line); }
   bool addBody(base::ByteView bytes) {
     const auto length = base::parseDecimal(reply.head.header("content-length"));
-    reply.too_long = (length && *length > most) || bytes.size() > most - reply.body.size();
+    reply.too_long = (length && *length > max_body_bytes) || bytes.size() > max_body_bytes - reply.body.size();
     if (!reply.too_long) reply.body.insert(reply.body.end(), bytes.begin(), bytes.end());
     return !reply.too_long;
   }
@@ -56,8 +56,8 @@ CURLcode HttpClient::perform(CURL* handle) {
 }
 
 HttpResponse HttpClient::send(const HttpRequest& request) {
-  Incoming incoming;
-  incoming.most = request.max_bytes;
+  PartialResponse incoming;
+  incoming.max_body_bytes = request.max_bytes;
   const base::CurlHandle handle = base::makeCurlHandle();
   setUpRequest(handle.get(), request.url);
   if (request.method != "GET") curl_easy_setopt(handle.get(), CURLOPT_CUSTOMREQUEST, request.method.c_str());

@@ -12,7 +12,7 @@ namespace {
 constexpr std::size_t kRequestsAheadOfNeed = 2;      // of the 6 that may be under way, so that a new view finds room
 constexpr double kMinPause = 0.25, kMaxPause = 5.0;  // seconds between attempts; choices
 /// One failed request is not reported: hosts close kept connections now and then.
-constexpr int kFailuresToTell = 2;
+constexpr int kMinReportedFailures = 2;
 
 }  // namespace
 
@@ -42,7 +42,7 @@ bool StaticSource::pump(Session& session, double now) {
   } else if (s.retry_set) {
     s.retry_at = now + std::min(kMaxPause, kMinPause * std::exp2(std::min(s.failures, 8)));
     ++s.failures;
-    if (s.linked && s.failures >= kFailuresToTell) {
+    if (s.linked && s.failures >= kMinReportedFailures) {
       s.linked = false;
       session.disconnected(s.last_failure);
     }
@@ -128,7 +128,7 @@ void StaticSource::Impl::acceptMessage(const protocol::ClientMessage& message) {
     // Holdings will tell what the session has, except what is still in `outgoing`.
     has_face.clear();
     has_group.assign(has_group.size(), false);
-    for (const Outgoing& queued : outgoing) {
+    for (const OutgoingMessage& queued : outgoing) {
       if (queued.face) has_face.insert(*queued.face);
       if (queued.group) has_group[*queued.group] = true;
     }
@@ -156,7 +156,7 @@ void StaticSource::Impl::deliverMessages(Session& session) {
   if (!linked || phase != Phase::kOpen) return;
   if (std::exchange(welcome_due, false)) outgoing.push_front({protocol::encode(scene.welcome)});
   while (!outgoing.empty()) {
-    const Outgoing message = std::move(outgoing.front());
+    const OutgoingMessage message = std::move(outgoing.front());
     outgoing.pop_front();
     if (message.face && !session.options().images) {  // images were switched off meanwhile
       has_face.erase(*message.face);

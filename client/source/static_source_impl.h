@@ -108,12 +108,12 @@ struct StaticSource::Impl {
   bool succeeded = false;  // since pump() began
   bool retry_set = false;
   double retry_at = 0.0;
-  struct Outgoing {
+  struct OutgoingMessage {
     base::Bytes bytes;
     std::optional<FaceKey> face = {};
     std::optional<std::uint32_t> group = {};
   };
-  std::deque<Outgoing> outgoing;
+  std::deque<OutgoingMessage> outgoing;
 
   // Data that were read.
   base::Bytes front;  // front of the hierarchy's file; that of a small file holds blocks too

@@ -14,7 +14,7 @@ const work = mkdtempSync(join(tmpdir(), "lumigrid-site-"));
 mkdirSync(out, {recursive: true});
 for (const old of readdirSync(out)) rmSync(join(out, old));
 
-function keep(name, bytes, {fixed = false} = {}) {
+function writeHashed(name, bytes, {fixed = false} = {}) {
   const hash = createHash("sha256").update(bytes).digest("hex").slice(0, 12);
   const place = fixed ? name : `${basename(name, extname(name))}-${hash}${extname(name)}`;
   writeFileSync(join(out, place), bytes);
@@ -49,13 +49,13 @@ function shrink(name) {
   return readFileSync(out);
 }
 
-const viewerWasm = keep("viewer.wasm", shrink("client_web.wasm"));
-const splatsWasm = keep("splats.wasm", shrink("client_web_splats.wasm"));
-const splats = keep("splats.js", bundle("splats.js"));
-const decodeWasm = keep("decode.wasm", shrink("client_web_decode.wasm"));
-const worker = keep("decode.js", bundle("decode_worker.js"));
-const checkWasm = keep("check.wasm", shrink("client_web_check.wasm"));
-const check = keep("check.js", bundle("check.js", {CHECK_WASM: checkWasm}));
+const viewerWasm = writeHashed("viewer.wasm", shrink("client_web.wasm"));
+const splatsWasm = writeHashed("splats.wasm", shrink("client_web_splats.wasm"));
+const splats = writeHashed("splats.js", bundle("splats.js"));
+const decodeWasm = writeHashed("decode.wasm", shrink("client_web_decode.wasm"));
+const worker = writeHashed("decode.js", bundle("decode_worker.js"));
+const checkWasm = writeHashed("check.wasm", shrink("client_web_check.wasm"));
+const check = writeHashed("check.js", bundle("check.js", {CHECK_WASM: checkWasm}));
 const names = {
   VIEWER_WASM: viewerWasm,
   SPLATS_WASM: splatsWasm,
@@ -64,8 +64,8 @@ const names = {
   DECODE_WORKER: worker,
   CHECK_SCRIPT: check,
 };
-const main = keep("viewer.js", bundle("main.js", names));
-const style = keep("style.css", bundle("style.css"));
+const main = writeHashed("viewer.js", bundle("main.js", names));
+const style = writeHashed("style.css", bundle("style.css"));
 let html = readFileSync(join(sources, "index.html"), "utf8");
 const references = {
   "main.js": main,
@@ -80,5 +80,5 @@ for (const [from, to] of Object.entries(references)) {
 }
 // The script is inserted unchanged, since the page's policy names it by its hash (server/net/page_files.h).
 html = html.replace(">EARLY<", () => `>${readFileSync(join(sources, "early.js"), "utf8")}<`);
-keep("index.html", Buffer.from(html), {fixed: true});
+writeHashed("index.html", Buffer.from(html), {fixed: true});
 rmSync(work, {recursive: true});

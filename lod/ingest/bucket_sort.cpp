@@ -93,7 +93,8 @@ class BucketSorter {
 
  private:
   std::uint64_t bucketsWanted() const { return (info_.vertices + Buckets::kVertices - 1) / Buckets::kVertices; }
-  bool goOn(double done) const { return !options_.progress || options_.progress(done); }
+  // Returns false when the caller wants to stop.
+  bool reportProgress(double done) const { return !options_.progress || options_.progress(done); }
   static Error cancelled() { return {ErrorCode::kCancelled, "sorting the triangles was cancelled"}; }
 
   // Puts vertices first … last − 1 on the lattice. The first window also samples all vertices.
@@ -195,7 +196,8 @@ class BucketSorter {
       LUMIGRID_TRY(storeBatch(batch, pass));
       const std::uint64_t stored = batch.block.first + batch.block.corners.size() / 3;
       const double share = static_cast<double>(stored) / static_cast<double>(info_.triangles);
-      return goOn(done * share) ? base::Result<void>() : cancelled();
+      if (!reportProgress(done * share)) return cancelled();
+      return {};
     };
     LUMIGRID_TRY(base::parallelInOrder(source_.triangleBlocks(), options_.limits.threads, slots.size(), load, store));
     return first && !last ? corners_.flush() : base::Result<void>();

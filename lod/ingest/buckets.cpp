@@ -18,7 +18,7 @@ namespace {
 // About what measureWinding takes for a bucket.
 constexpr std::uint64_t kWindingBytes = std::uint64_t{80} << 20;
 
-constexpr std::uint8_t kStateVersion = 3;
+constexpr std::uint8_t kStateVersion = 1;
 
 void flipTriangles(const std::vector<bool>& flips, std::vector<BorderTriangle>& triangles) {
   if (flips.empty()) return;
@@ -282,7 +282,7 @@ void Buckets::release() {
   file_.release(0, file_.size());
 }
 
-base::Bytes Buckets::state() const {
+base::Bytes Buckets::encodeTables() const {
   base::ByteWriter out;
   out.u8(kStateVersion);
   base::writeFields(out, std::tie(packing_.has_colors, packing_.has_normals, totals_));
@@ -298,7 +298,7 @@ base::Bytes Buckets::state() const {
   for (const std::uint64_t code : border_.codes) out.u64(code);
   for (const VertexSums& sums : border_.sums) out.write(sums);
   winding_.write(out);
-  return out.take();
+  return out.takeBytes();
 }
 
 base::Result<Buckets> Buckets::open(const std::string& directory, base::ByteView state) {

@@ -43,7 +43,7 @@ class Buckets {
   static base::Result<Buckets> sort(const SourceSpool& source, const SourceInfo& info, const SourceLattice& lattice,
                                     const std::string& directory, const BucketOptions& options);
   /// The tables to store beside the file, and the buckets opened again with them.
-  base::Bytes state() const;
+  base::Bytes encodeTables() const;
   static base::Result<Buckets> open(const std::string& directory, base::ByteView state);
 
   std::size_t count() const { return extents_.size(); }

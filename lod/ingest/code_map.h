@@ -15,7 +15,7 @@ class CodeMap {
   static constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
   /// How many codes ahead callers call prefetch(). A choice: far enough for memory to answer, near enough for the slots
   /// to stay in the nearest cache until then.
-  static constexpr std::size_t kAhead = 12;
+  static constexpr std::size_t kPrefetchDistance = 12;
 
   /// Makes room for `expected` codes before it has to grow.
   explicit CodeMap(std::size_t expected) {

@@ -40,11 +40,11 @@ base::Bytes stateOf(const ImportedSource& source) {
   base::writeFields(out, fieldsOf(source));
   out.u32(static_cast<std::uint32_t>(source.info.warnings.size()));
   for (const std::string& warning : source.info.warnings) out.string16(warning);
-  return out.take();
+  return out.takeBytes();
 }
 
 base::Result<ImportedSource> readState(const WorkDirectory& directory) {
-  LUMIGRID_ASSIGN_OR_RETURN(auto state, directory.state(Stage::kSpooled));
+  LUMIGRID_ASSIGN_OR_RETURN(auto state, directory.readStageState(Stage::kSpooled));
   base::ByteReader in(state);
   ImportedSource source;
   base::readFields(in, fieldsOf(source));
@@ -129,7 +129,7 @@ base::Result<SourceSpool> openSource(const WorkDirectory& directory, const Impor
 base::Result<Buckets> sortSource(WorkDirectory& directory, const ImportedSource& source, const SourceLattice& lattice,
                                  const BucketOptions& options) {
   if (directory.isFinished(Stage::kSorted)) {
-    LUMIGRID_ASSIGN_OR_RETURN(auto state, directory.state(Stage::kSorted));
+    LUMIGRID_ASSIGN_OR_RETURN(auto state, directory.readStageState(Stage::kSorted));
     return Buckets::open(directory.path(), state);
   }
   const SourceInfo& info = source.info;
@@ -138,7 +138,8 @@ base::Result<Buckets> sortSource(WorkDirectory& directory, const ImportedSource&
   LUMIGRID_ASSIGN_OR_RETURN(auto spool, openSource(directory, source));
   LUMIGRID_ASSIGN_OR_RETURN(auto buckets, Buckets::sort(spool, info, lattice, directory.path(), options));
   const auto sorted = std::make_shared<SourceSpool>(std::move(spool));
-  LUMIGRID_TRY(directory.finishStage(Stage::kSorted, buckets.state(), {"buckets"}, [sorted] { sorted->remove(); }));
+  LUMIGRID_TRY(
+      directory.finishStage(Stage::kSorted, buckets.encodeTables(), {"buckets"}, [sorted] { sorted->remove(); }));
   base::releaseFreedMemory(2 * options.limits.memory_bytes);
   return buckets;
 }

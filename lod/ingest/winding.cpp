@@ -136,7 +136,7 @@ struct EdgeUses {
 NumberedCorners::NumberedCorners(std::span<const Corner> corners) : number(corners.size()) {
   CodeMap map(corners.size() / 6);
   for (std::size_t i = 0; i < corners.size(); ++i) {
-    map.prefetch(corners[std::min(i + CodeMap::kAhead, corners.size() - 1)].code);
+    map.prefetch(corners[std::min(i + CodeMap::kPrefetchDistance, corners.size() - 1)].code);
     number[i] = map.insert(corners[i].code).first;
   }
   codes = map.releaseCodes();

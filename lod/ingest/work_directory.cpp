@@ -122,7 +122,7 @@ base::Result<WorkDirectory> WorkDirectory::open(const std::string& path, ResumeK
 Stage WorkDirectory::lastStored() const {
   auto last = Stage::kNone;
   const auto next = [&] { return static_cast<Stage>(static_cast<std::uint8_t>(last) + 1); };
-  while (state(next())) last = next();
+  while (readStageState(next())) last = next();
   return last;
 }
 
@@ -169,7 +169,7 @@ base::Result<void> WorkDirectory::settle() {
   return stored;
 }
 
-base::Result<base::Bytes> WorkDirectory::state(Stage stage) const {
+base::Result<base::Bytes> WorkDirectory::readStageState(Stage stage) const {
   LUMIGRID_ASSIGN_OR_RETURN(auto bytes, base::readFile(stageFile(path_, stage)));
   base::ByteReader in(bytes);
   const std::uint32_t crc = in.u32();

@@ -62,7 +62,7 @@ class WorkDirectory {
   /// Stores the finished stages now, and waits for it. Returns the first error: kNoSpace, kIo, the key's.
   base::Result<void> settle();
   /// The state that a finished stage left. Errors: kNotFound, kIo, damaged work files.
-  base::Result<base::Bytes> state(Stage stage) const;
+  base::Result<base::Bytes> readStageState(Stage stage) const;
   bool has(const std::string& name) const;
   /// Gives up storing stages, since the output is complete; what is being stored right now is still stored.
   void abandonStages();

@@ -54,7 +54,7 @@ base::Bytes headerBytes(const FileHeader& header) {
   out.u32(kHeaderBytes);
   base::writeFields(out, headerFields(header));
   out.u32(base::crc32c(out.view()));
-  return out.take();
+  return out.takeBytes();
 }
 
 base::Result<void> checkHeader(const FileHeader& header) {
@@ -101,7 +101,7 @@ base::Bytes tableBytes(const Hierarchy& hierarchy) {
   for (const Group& group : hierarchy.groups) writeRow(out, group);
   for (const Patch& patch : hierarchy.patches) writeRow(out, patch);
   for (const std::uint32_t parent : hierarchy.parents) out.u32(parent);
-  return out.take();
+  return out.takeBytes();
 }
 
 // Checks that blocks follow one another in the groups' order and patches within a block in theirs, without gap or

@@ -91,16 +91,16 @@ void ProxySight::walk(const glm::dvec3& origin, const glm::dvec3& direction, dou
     return enter <= leave + 1e-5F * std::abs(leave) ? enter : std::numeric_limits<float>::infinity();
   };
 
-  struct Pending {
+  struct PendingNode {
     std::uint32_t node;
     float entry;
   };
-  std::array<Pending, kMaxLevels> stack;
+  std::array<PendingNode, kMaxLevels> stack;
   std::size_t depth = 0;
   const float root = entryOf(nodes_[0].box);
   if (std::isfinite(root)) stack[depth++] = {0, root};
   while (depth > 0) {
-    const Pending next = stack[--depth];
+    const PendingNode next = stack[--depth];
     if (static_cast<double>(next.entry) > to * (1.0 + 1e-5)) continue;
     const Node& node = nodes_[next.node];
     for (std::uint32_t t = node.first; t < node.first + node.count; ++t) {
@@ -109,8 +109,8 @@ void ProxySight::walk(const glm::dvec3& origin, const glm::dvec3& direction, dou
       if (met && met->distance >= from && met->distance <= to && !visit(triangle, met->distance)) return;
     }
     if (node.count != 0) continue;
-    Pending near{next.node + 1, entryOf(nodes_[next.node + 1].box)};
-    Pending far{node.first, entryOf(nodes_[node.first].box)};
+    PendingNode near{next.node + 1, entryOf(nodes_[next.node + 1].box)};
+    PendingNode far{node.first, entryOf(nodes_[node.first].box)};
     if (far.entry < near.entry) std::swap(near, far);
     if (std::isfinite(far.entry)) stack[depth++] = far;
     if (std::isfinite(near.entry)) stack[depth++] = near;

@@ -45,7 +45,7 @@ class RayWalk {
 
   base::Result<RayCast> throughGroups(float tolerance) {
     tolerance_ = tolerance;
-    met_.assign(hierarchy_.groups.size(), false);
+    visited_.assign(hierarchy_.groups.size(), false);
     push({0.0, false, 0});
     return walk();
   }
@@ -103,8 +103,8 @@ class RayWalk {
   void pushProducer(const Patch& patch) {
     const std::uint32_t producer = patch.producer;
     if (isHere(producer)) {
-      if (met_[producer]) return;
-      met_[producer] = true;
+      if (visited_[producer]) return;
+      visited_[producer] = true;
       if (const auto entry = entryOf(hierarchy_.groups[producer].bounds)) push({*entry, false, producer});
     } else if (const auto entry = entryOf(patch.box, static_cast<double>(errorOf(patch)) + hierarchy_.lattice.step)) {
       push({*entry, false, producer});
@@ -186,12 +186,12 @@ class RayWalk {
       const glm::dvec3& a = corners_[geometry.indices[std::size_t{3} * t]];
       const glm::dvec3& b = corners_[geometry.indices[std::size_t{3} * t + 1]];
       const glm::dvec3& c = corners_[geometry.indices[std::size_t{3} * t + 2]];
-      const auto met = sheared_.meets(a, b, c);
-      if (!met || !(met->distance >= 0.0) || met->distance > limit_ || !comesFirst(met->distance, index, t)) continue;
+      const auto hit = sheared_.meets(a, b, c);
+      if (!hit || !(hit->distance >= 0.0) || hit->distance > limit_ || !comesFirst(hit->distance, index, t)) continue;
       const glm::dvec3 across = glm::cross(b - a, c - a);
       const double length = glm::length(across);
       if (!(length > 0.0)) continue;
-      note(index, t, *met, across / length);
+      recordHit(index, t, *hit, across / length);
     }
   }
 
@@ -200,19 +200,19 @@ class RayWalk {
     return std::pair(patch, triangle) < std::pair(hit_->patch, hit_->triangle);
   }
 
-  void note(std::uint32_t index, std::uint32_t triangle, const TriangleHit& met, const glm::dvec3& normal) {
+  void recordHit(std::uint32_t index, std::uint32_t triangle, const TriangleHit& hit, const glm::dvec3& normal) {
     const Patch& patch = hierarchy_.patches[index];
-    RayHit hit;
-    hit.distance = limit_ = met.distance;
-    hit.point = origin_ + met.distance * direction_;
-    hit.normal = normal;
-    hit.front = glm::dot(normal, direction_) < 0.0;
-    hit.accuracy = hierarchy_.lattice.step + static_cast<double>(errorOf(patch));
-    hit.group = patch.consumer;
-    hit.patch = index;
-    hit.triangle = triangle;
-    hit.weights = met.weights;
-    hit_ = hit;
+    RayHit result;
+    result.distance = limit_ = hit.distance;
+    result.point = origin_ + hit.distance * direction_;
+    result.normal = normal;
+    result.front = glm::dot(normal, direction_) < 0.0;
+    result.accuracy = hierarchy_.lattice.step + static_cast<double>(errorOf(patch));
+    result.group = patch.consumer;
+    result.patch = index;
+    result.triangle = triangle;
+    result.weights = hit.weights;
+    hit_ = result;
   }
 
   const Hierarchy& hierarchy_;
@@ -222,7 +222,7 @@ class RayWalk {
   const BlockSource& blocks_;
   ShearedRay sheared_;
   float tolerance_ = 0.0F;
-  std::vector<bool> met_;  ///< groups that were looked at: a group has several patches, and several parents
+  std::vector<bool> visited_;  ///< groups already tested: a group has several patches, and several parents
   std::vector<Stop> heap_;
   std::vector<Stop> needed_;  ///< groups, nearest first
   std::vector<glm::dvec3> corners_;

@@ -128,7 +128,7 @@ base::Result<TablePages::Record> TablePages::record(std::uint32_t group) const {
   out.bytes(*patch_bytes);
   out.bytes(errors.view());
   out.bytes(*parent_bytes);
-  record.bytes = out.take();
+  record.bytes = out.takeBytes();
   return record;
 }
 

@@ -29,7 +29,7 @@ class BitWriter {
     for (int i = 0; i < bits; ++i) bit(0);
     for (int i = bits; i >= 0; --i) bit((value + 1) >> i & 1U);
   }
-  base::Bytes take() { return std::move(bytes_); }
+  base::Bytes takeBytes() { return std::move(bytes_); }
 
  private:
   base::Bytes bytes_;
@@ -156,7 +156,7 @@ base::Bytes packLevels(const SymbolLevels& levels, bool colors) {
       last = level;
     }
   });
-  return out.take();
+  return out.takeBytes();
 }
 
 bool unpackLevels(base::ByteView bytes, bool colors, SymbolLevels& levels) {

@@ -82,7 +82,7 @@ base::Bytes commonFields(const Header& header, std::uint32_t version, std::uint3
   base::writeFields(out, std::tie(header.nodes, header.leaves, header.groups, header.pointers));
   out.u32((header.colors ? kHasColors : 0U) | (header.wide_pointers ? kWidePointers : 0U));
   base::writeFields(out, std::tie(header.levels, header.root));
-  return out.take();
+  return out.takeBytes();
 }
 
 base::Bytes withChecksum(base::Bytes bytes) {

@@ -46,7 +46,7 @@ struct Model {
   std::uint16_t zero = 32768;  // of 65536
   std::uint8_t count = 0;
 
-  void learn(bool bit) {
+  void updateProbability(bool bit) {
     const std::uint32_t rate = kRates[count];
     std::uint32_t p = zero;
     p = bit ? p - (p * rate >> 16) : p + ((65536 - p) * rate >> 16);
@@ -67,7 +67,7 @@ class RangeEncoder {
     } else {
       range_ = bound;
     }
-    model.learn(bit);
+    model.updateProbability(bit);
     while (range_ < kMinRange) {
       range_ <<= 8;
       shiftLow();
@@ -116,7 +116,7 @@ class RangeDecoder {
     } else {
       range_ = bound;
     }
-    model.learn(bit);
+    model.updateProbability(bit);
     while (range_ < kMinRange) {
       range_ <<= 8;
       value_ = value_ << 8 | next();

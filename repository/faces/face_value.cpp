@@ -42,7 +42,7 @@ base::Bytes encodeFaceValue(const FaceValue& value) {
     out.bytes(value.coverage);
   }
   out.patch(kCrcOffset, checksum(out.view()));
-  return out.take();
+  return out.takeBytes();
 }
 
 base::Result<FaceValue> decodeFaceValue(base::ByteView bytes) {

@@ -64,14 +64,14 @@ bool appendEntity(std::string& text, std::string_view entity) {
 }
 
 std::optional<std::string> resolved(std::string_view raw) {
-  constexpr std::size_t kLongestEntity = 10;
+  constexpr std::size_t kMaxEntityLength = 10;
   std::string text;
   for (std::size_t i = 0; i < raw.size(); ++i) {
     if (raw[i] != '&') {
       text += raw[i];
       continue;
     }
-    const std::size_t length = raw.substr(i + 1, kLongestEntity).find(';');
+    const std::size_t length = raw.substr(i + 1, kMaxEntityLength).find(';');
     if (length == std::string_view::npos || !appendEntity(text, raw.substr(i + 1, length))) return std::nullopt;
     i += length + 1;
   }

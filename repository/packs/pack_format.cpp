@@ -219,7 +219,7 @@ Bytes encodePack(std::span<const PackEntry> entries, ByteView values) {
   out.u32(base::crc32c(out.view()));
   out.bytes(values);
   out.bytes(table.view());
-  return out.take();
+  return out.takeBytes();
 }
 
 Result<PackTable> decodePack(ByteView pack) {
@@ -429,7 +429,7 @@ void IndexBuilder::writeBlocks(const IndexRoot& root, const std::vector<PackRow>
     content.u16(run_count);
     content.bytes(ids.view());
     content.bytes(runs.view());
-    Bytes rest = content.take();
+    Bytes rest = content.takeBytes();
     rest.resize(root.block_bytes - 4);
     const std::uint32_t crc = base::crc32c(rest);
     const auto at = out.size();
@@ -474,7 +474,7 @@ Result<Bytes> IndexBuilder::build(const std::vector<PackRow>& packs, const std::
   LUMIGRID_CHECK_EQ(header.size(), kIndexHeaderBytes);
   header.bytes(base::viewOfText(parameters));
 
-  Bytes out = header.take();
+  Bytes out = header.takeBytes();
   out.reserve(root.object_bytes);
   out.resize(root.blocks_offset);
   writeBlocks(root, packs, out);

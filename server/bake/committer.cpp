@@ -7,7 +7,7 @@
 namespace server {
 
 Committer::Committer(repository::Store& store, std::uint32_t batch_faces, std::uint64_t window)
-    : store_(store), batch_faces_(batch_faces), window_(window), thread_([this] { work(); }) {
+    : store_(store), batch_faces_(batch_faces), window_(window), thread_([this] { runThread(); }) {
   LUMIGRID_CHECK_LT(batch_faces, window);
 }
 
@@ -71,7 +71,7 @@ std::vector<std::pair<repository::FaceKey, base::Bytes>> Committer::nextBatch() 
   return batch;
 }
 
-void Committer::work() {
+void Committer::runThread() {
   std::unique_lock lock(mutex_);
   for (;;) {
     changed_.wait(lock, [&] { return stopping_ || error_ || batchReady() || finishing_; });

@@ -35,7 +35,7 @@ class Committer {
   base::Result<void> finish();
 
  private:
-  void work();
+  void runThread();
   std::vector<std::pair<repository::FaceKey, base::Bytes>> nextBatch();
   bool batchReady() const;
 

@@ -95,7 +95,7 @@ base::Bytes encodeOrder(const FaceWork& work) {
   writeText(out, work.patches.path());
   work.grid.encode(out);
   base::writeFields(out, settingsOf(work));
-  return out.take();
+  return out.takeBytes();
 }
 
 base::Result<DrawOrder> decodeOrder(base::ByteView body) {
@@ -113,7 +113,7 @@ base::Bytes encodeJob(const DrawJob& job) {
   base::ByteWriter out;
   out.u64(job.sequence);
   for (const repository::FaceKey& key : job.keys) out.u64(key.code());
-  return out.take();
+  return out.takeBytes();
 }
 
 base::Result<DrawJob> decodeJob(base::ByteView body) {
@@ -131,7 +131,7 @@ base::Bytes encodeNumberedFace(std::uint64_t sequence, const EncodedFace& face) 
   base::ByteWriter out;
   base::writeFields(out, fieldsOf(sequence, face));
   out.bytes(face.value);
-  return out.take();
+  return out.takeBytes();
 }
 
 base::Result<NumberedFace> decodeNumberedFace(base::ByteView body) {
@@ -148,7 +148,7 @@ base::Bytes encodeError(const base::Error& error) {
   base::ByteWriter out;
   out.u8(static_cast<std::uint8_t>(error.code));
   writeText(out, error.message);
-  return out.take();
+  return out.takeBytes();
 }
 
 base::Error decodeError(base::ByteView body) {

@@ -18,7 +18,7 @@ DrawThread::DrawThread(const base::Scene& scene, const lod::patch::PatchFile& pa
       gpu_budget_bytes_(gpu_budget_bytes),
       on_rendered_(std::move(on_rendered)),
       on_error_(std::move(on_error)),
-      thread_([this] { work(); }) {}
+      thread_([this] { runThread(); }) {}
 
 DrawThread::~DrawThread() {
   finish();
@@ -29,7 +29,7 @@ void DrawThread::finish() {
   if (thread_.joinable()) thread_.join();
 }
 
-void DrawThread::work() {
+void DrawThread::runThread() {
   const base::Result<void> drawn = draw();
   if (drawn) return;
   jobs_.fail();

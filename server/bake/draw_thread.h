@@ -37,7 +37,7 @@ class DrawThread {
   void finish();
 
  private:
-  void work();
+  void runThread();
   base::Result<void> draw();
 
   const base::Scene& scene_;

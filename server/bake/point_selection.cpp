@@ -132,7 +132,7 @@ class PointSelector {
         tree_(treeOf(grid, mostUsed(worth_, 0.0))) {}
 
   bool empty() const { return whole_points_ == 0; }
-  repository::SampleTree take() { return std::move(tree_); }
+  repository::SampleTree takeTree() { return std::move(tree_); }
 
   // As long as what is left does nearly as well.
   base::Result<void> dropDownToWorth(double worth) {
@@ -239,7 +239,7 @@ base::Result<repository::SampleTree> selectPoints(const base::Scene& scene, cons
     LUMIGRID_ASSIGN_OR_RETURN(const auto bytes, ImageBytes::create(scene, patches, options));
     LUMIGRID_TRY(selector.dropDownToBytes(options.selection.budget_bytes, *bytes));
   }
-  repository::SampleTree tree = selector.take();
+  repository::SampleTree tree = selector.takeTree();
   leaveOutEnclosed(options.grid, enclosure, options.limits.threads, tree);
   return tree;
 }

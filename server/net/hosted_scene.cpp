@@ -32,11 +32,11 @@ void HostedScene::endAccessLog() {
 void logImageErrors(OpenScene& scene) {
   if (scene.packs == nullptr) return;
   constexpr std::size_t kMaxLoggedErrors = 100;
-  struct Logged {
+  struct LoggedErrors {
     std::mutex mutex;
     std::set<std::string> messages;
   };
-  scene.packs->setErrorListener([logged = std::make_shared<Logged>()](const base::Error& error) {
+  scene.packs->setErrorListener([logged = std::make_shared<LoggedErrors>()](const base::Error& error) {
     const std::lock_guard guard(logged->mutex);
     if (logged->messages.size() < kMaxLoggedErrors && logged->messages.insert(error.message).second)
       spdlog::warn("image: {}", error.message);

@@ -35,7 +35,7 @@ class Values {
  public:
   explicit Values(Query query) : query_(std::move(query)) {}
   /// Removes the value of that name and returns it.
-  std::optional<std::string> take(std::string_view name) {
+  std::optional<std::string> removeValue(std::string_view name) {
     const auto it = query_.find(name);
     if (it == query_.end()) return std::nullopt;
     return std::move(query_.extract(it).mapped());
@@ -63,7 +63,7 @@ std::optional<glm::dvec3> parseVector(const std::string& text) {
 
 /// Whether the name is there; where it is absent, `to` stays as it is. The same holds of the readers below.
 base::Result<bool> readVector(Values& values, const std::string& name, glm::dvec3& to) {
-  const auto text = values.take(name);
+  const auto text = values.removeValue(name);
   if (!text) return false;
   const auto vector = parseVector(*text);
   if (!vector) return wrong(name + " must be three numbers x,y,z within 1e12");
@@ -72,7 +72,7 @@ base::Result<bool> readVector(Values& values, const std::string& name, glm::dvec
 }
 
 base::Result<void> readNumber(Values& values, const std::string& name, double above, double most, double& to) {
-  const auto text = values.take(name);
+  const auto text = values.removeValue(name);
   if (!text) return {};
   const auto number = base::parseNumber(*text);
   if (!number || !(*number > above) || *number > most) {
@@ -85,7 +85,7 @@ base::Result<void> readNumber(Values& values, const std::string& name, double ab
 }
 
 base::Result<void> readInteger(Values& values, const std::string& name, int least, int most, int& to) {
-  const auto text = values.take(name);
+  const auto text = values.removeValue(name);
   if (!text) return {};
   const auto number = base::parseNumber(*text);
   if (!number || *number < least || *number > most || *number != std::floor(*number))
@@ -118,14 +118,15 @@ base::Result<void> readCamera(Values& values, base::ViewCamera& camera) {
 }
 
 base::Result<void> readFov(Values& values, base::ViewCamera& camera) {
-  auto radians = values.take("fov_y");
+  auto radians = values.removeValue("fov_y");
   if (!radians) {
     double degrees = 45.0;
     LUMIGRID_TRY(readNumber(values, "fov_y_degrees", kMinFovDegrees, kMaxFovDegrees, degrees));
     camera.fov_y = glm::radians(degrees);
     return {};
   }
-  if (values.take("fov_y_degrees")) return wrong("fov_y (radians) and fov_y_degrees say the same; give one of them");
+  if (values.removeValue("fov_y_degrees"))
+    return wrong("fov_y (radians) and fov_y_degrees say the same; give one of them");
   const auto number = base::parseNumber(*radians);
   if (!number || !(*number > glm::radians(kMinFovDegrees)) || *number > glm::radians(kMaxFovDegrees))
     return wrong("fov_y must be an angle in radians above 0.0009 and at most 3.139");
@@ -144,7 +145,7 @@ base::Result<void> readSize(Values& values, std::uint64_t max_pixels, base::View
 }
 
 base::Result<void> readFormat(Values& values, PictureRequest& request) {
-  const std::string format = values.take("format").value_or("png");
+  const std::string format = values.removeValue("format").value_or("png");
   if (format != "png" && format != "jpeg") return wrong("format must be png or jpeg");
   if (format == "jpeg") {
     request.format = PictureRequest::Format::kJpeg;
@@ -154,7 +155,7 @@ base::Result<void> readFormat(Values& values, PictureRequest& request) {
 }
 
 base::Result<void> readBackground(Values& values, PictureRequest& request) {
-  const auto text = values.take("background");
+  const auto text = values.removeValue("background");
   if (!text) return {};
   if (*text == "transparent") {
     if (request.format == PictureRequest::Format::kJpeg)
@@ -187,7 +188,7 @@ std::optional<base::SectionPlane> parseSection(std::string_view text) {
 }
 
 base::Result<void> readSection(Values& values, PictureRequest& request) {
-  const auto text = values.take("section");
+  const auto text = values.removeValue("section");
   if (!text) return {};
   request.section = parseSection(*text);
   if (!request.section) return wrong("section must be an axis, an offset within 1e12, and a or b: x,120.5,b");
@@ -195,7 +196,7 @@ base::Result<void> readSection(Values& values, PictureRequest& request) {
 }
 
 base::Result<void> readColors(Values& values, PictureRequest& request) {
-  const std::string colors = values.take("colors").value_or("scene");
+  const std::string colors = values.removeValue("colors").value_or("scene");
   if (colors != "scene" && colors != "resolution") return wrong("colors must be scene or resolution");
   request.resolution_colors = colors == "resolution";
   double tolerance = static_cast<double>(request.tolerance_px);

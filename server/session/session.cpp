@@ -301,7 +301,7 @@ std::optional<base::Bytes> Session::Impl::groupMessage(std::uint32_t group) {
   has_group[group] = true;
   ++counts.groups;
   if (scene.access != nullptr) scene.access->addGroup(group);
-  return protocol::encode(protocol::Refinement{record.take(), {block->begin(), block->end()}});
+  return protocol::encode(protocol::Refinement{record.takeBytes(), {block->begin(), block->end()}});
 }
 
 /// The Face message of a key; nullopt when the client has it, the store lacks it (it is being baked) or holds damaged

@@ -13,7 +13,7 @@ TEST(Bytes, writtenValuesReadBack) {
   out.f32(1.5F);
   out.f64(-2.25);
   out.string16("survey");
-  const base::Bytes bytes = out.take();
+  const base::Bytes bytes = out.takeBytes();
   EXPECT_EQ(bytes[1], 0x34) << "little-endian";
   base::ByteReader in(bytes);
   EXPECT_EQ(in.u8(), 7);

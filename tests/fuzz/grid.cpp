@@ -16,7 +16,7 @@ std::vector<base::Bytes> seeds() {
   repository::makeGrid(model, 32, 0.5F, 512).encode(full);
   base::ByteWriter none;
   repository::Grid{}.encode(none);
-  return {full.take(), none.take()};
+  return {full.takeBytes(), none.takeBytes()};
 }
 
 void fuzzOne(base::ByteView bytes) {

@@ -17,7 +17,7 @@ const lod::patch::Hierarchy& original() {
 base::Bytes messages(std::uint32_t first, std::uint32_t last) {
   base::ByteWriter out;
   for (std::uint32_t g = first; g <= last; ++g) lod::patch::encodeGroup(original(), g, out);
-  return out.take();
+  return out.takeBytes();
 }
 
 }  // namespace

@@ -7,7 +7,7 @@ import {element} from "./dom.js";
 import {partOf} from "./static_scene.js";
 
 const kAsked = 16;
-const kScene = 0, kRange = 1, kAgain = 2;
+const kScene = 0, kRange = 1, kNextRange = 2;
 
 /// Returns the length of the body, which is read only until it is longer than requested.
 async function bytesOf(answer) {
@@ -36,7 +36,7 @@ async function isThereWithoutCors(url) {
 }
 
 /// Hands one answer to the judge. Returns the text of scene.json, null when it did not arrive.
-async function ask(judge, which, url, headers = {}) {
+async function requestAndJudge(judge, which, url, headers = {}) {
   let answer;
   try {
     answer = await fetch(url, {headers, cache: "no-store"});
@@ -63,7 +63,7 @@ function patchesOf(text) {
 async function findings(base) {
   const judge = callsOf(await createCheck({locateFile: () => new URL(CHECK_WASM, document.baseURI).href}));
   judge.call("beginCheck", new URL(base).origin === location.origin ? 0 : 1);
-  const scene = await ask(judge, kScene, new URL("scene.json", base));
+  const scene = await requestAndJudge(judge, kScene, new URL("scene.json", base));
   if (scene !== null) {
     const patches = patchesOf(scene);
     if (!patches)
@@ -71,8 +71,8 @@ async function findings(base) {
         ["2", "fails", "scene.json", "Names no published hierarchy.", "Put there what lumigrid publish wrote.", ""]
       ];
     const url = new URL(patches.file, base);
-    await ask(judge, kRange, url, {Range: "bytes=0-15"});
-    await ask(judge, kAgain, url, {Range: "bytes=16-31"});
+    await requestAndJudge(judge, kRange, url, {Range: "bytes=0-15"});
+    await requestAndJudge(judge, kNextRange, url, {Range: "bytes=16-31"});
   }
   return judge.rows("findings");
 }

@@ -4,7 +4,7 @@ import {element, svgElement} from "./dom.js";
 const byId = (id) => document.getElementById(id);
 
 /// Gives `parent` one child per row, and reuses those that are there.
-function keep(parent, count, make) {
+function resizeChildren(parent, count, make) {
   while (parent.childElementCount > count) parent.lastElementChild.remove();
   while (parent.childElementCount < count) parent.append(make());
   return [...parent.children];
@@ -61,8 +61,8 @@ export class Overlay {
   updateStatistics() {
     if (byId("statistics").hidden) return;
     const lines = this.core.rows("statistics");
-    const rows =
-        keep(byId("statistics").firstElementChild, lines.length, () => element("tr", {}, element("th"), element("td")));
+    const makeRow = () => element("tr", {}, element("th"), element("td"));
+    const rows = resizeChildren(byId("statistics").firstElementChild, lines.length, makeRow);
     rows.forEach((row, i) => [...row.children].forEach((cell, j) => (cell.textContent = lines[i][j])));
   }
 
@@ -124,7 +124,7 @@ export class Overlay {
   }
 
   showToasts(toasts) {
-    const made = keep(byId("toasts"), toasts.length, () => element("div"));
+    const made = resizeChildren(byId("toasts"), toasts.length, () => element("div"));
     made.forEach((at, i) => {
       const [, , error, text] = toasts[i];
       at.classList.toggle("error", error === "1");
@@ -164,7 +164,7 @@ export class Overlay {
   }
 
   showLines(lines) {
-    const made = keep(byId("lines"), lines.length, () => svgElement("line"));
+    const made = resizeChildren(byId("lines"), lines.length, () => svgElement("line"));
     made.forEach((line, i) => {
       const [, x0, y0, x1, y1, rough] = lines[i];
       const place = {x1: x0, y1: y0, x2: x1, y2: y1};

@@ -10,7 +10,8 @@
 namespace lod::patch::builder {
 namespace {
 
-constexpr std::size_t kAhead = 24;  // triangles are requested so far ahead, since they lie anywhere in memory
+constexpr std::size_t kPrefetchDistance =
+    24;  // triangles are requested so far ahead, since they lie anywhere in memory
 
 using Triple = std::array<std::uint32_t, 3>;
 
@@ -68,7 +69,7 @@ void numberVertices(const ingest::Buckets::NumberedBucket& read, std::span<const
     std::vector<std::uint32_t> number(read.mesh.codes.size(), ingest::CodeMap::kNone);
     mesh.codes.reserve(number.size());
     for (std::size_t i = 0; i < sorted.size(); ++i) {
-      __builtin_prefetch(&known[first(i + kAhead)]);
+      __builtin_prefetch(&known[first(i + kPrefetchDistance)]);
       for (std::size_t k = 0; k < 3; ++k) {
         const std::uint32_t v = known[first(i) + k];
         if (number[v] == ingest::CodeMap::kNone) {
@@ -82,8 +83,8 @@ void numberVertices(const ingest::Buckets::NumberedBucket& read, std::span<const
   }
   ingest::CodeMap map(read.corners.size() / 6);
   for (std::size_t i = 0; i < sorted.size(); ++i) {
-    __builtin_prefetch(&read.corners[first(i + kAhead)]);
-    const ingest::Corner* ahead = &read.corners[first(i + ingest::CodeMap::kAhead / 3)];
+    __builtin_prefetch(&read.corners[first(i + kPrefetchDistance)]);
+    const ingest::Corner* ahead = &read.corners[first(i + ingest::CodeMap::kPrefetchDistance / 3)];
     for (std::size_t k = 0; k < 3; ++k) map.prefetch(ahead[k].code);
     const ingest::Corner* c = &read.corners[first(i)];
     for (std::size_t k = 0; k < 3; ++k) *index++ = map.insert(c[k].code).first;
@@ -124,7 +125,7 @@ base::Result<BucketLeaves> makeLeaves(const ingest::Buckets& buckets, std::size_
       for (std::size_t k = 0; k < 3; ++k) faces[v[k]] += face;
       continue;
     }
-    __builtin_prefetch(&read.corners[3 * std::size_t{sorted[std::min(i + kAhead, triangles - 1)].index}]);
+    __builtin_prefetch(&read.corners[3 * std::size_t{sorted[std::min(i + kPrefetchDistance, triangles - 1)].index}]);
     for (std::size_t k = 0; k < 3; ++k) sums[v[k]].add(face, read.corners[3 * std::size_t{sorted[i].index} + k]);
   }
   for (std::uint32_t t = 0; t < triangles; ++t) sorted[t].index = t;

@@ -48,7 +48,7 @@ constexpr std::uint32_t kVoxelsPerPatch = 32;
 constexpr float kMaxColorError = 441.673F;
 
 // The merged triangles of a group, and where its coordinates start.
-struct Merged {
+struct MergedGroup {
   GroupMesh mesh;
   glm::ivec3 corner{0};
 };
@@ -63,7 +63,7 @@ float roundedUp(double x) {
   return static_cast<double>(f) < x ? std::nextafter(f, std::numeric_limits<float>::max()) : f;
 }
 
-Merged mergePatches(const std::vector<PatchGeometry>& patches, std::span<const std::uint64_t> locked) {
+MergedGroup mergePatches(const std::vector<PatchGeometry>& patches, std::span<const std::uint64_t> locked) {
   std::size_t max_vertices = 0;
   std::size_t indices = 0;
   glm::ivec3 low(std::numeric_limits<int>::max());
@@ -71,7 +71,7 @@ Merged mergePatches(const std::vector<PatchGeometry>& patches, std::span<const s
     max_vertices += patch.positions.size(), indices += patch.indices.size();
     for (const glm::ivec3& q : patch.positions) low = glm::min(low, q);
   }
-  Merged merged;
+  MergedGroup merged;
   GroupMesh& mesh = merged.mesh;
   const bool colored = !patches.empty() && !patches.front().colors.empty();
   merged.corner = low;
@@ -90,7 +90,7 @@ Merged mergePatches(const std::vector<PatchGeometry>& patches, std::span<const s
     codes.resize(vertices);
     for (std::size_t i = 0; i < vertices; ++i) codes[i] = ingest::mortonCode(patch.positions[i]);
     for (std::size_t i = 0; i < vertices; ++i) {
-      map.prefetch(codes[std::min(i + ingest::CodeMap::kAhead, vertices - 1)]);
+      map.prefetch(codes[std::min(i + ingest::CodeMap::kPrefetchDistance, vertices - 1)]);
       const auto [number, is_new] = map.insert(codes[i]);
       local[i] = number;
       if (!is_new) continue;
@@ -127,15 +127,15 @@ base::Result<void> appendErrors(base::ByteView codes, std::size_t triangles, Sur
 }
 
 // The simplifier moves vertices to whole numbers, but does not know where the lattice ends.
-void clampToLattice(Merged& merged, std::uint32_t bits) {
+void clampToLattice(MergedGroup& merged, std::uint32_t bits) {
   const glm::vec3 low(-merged.corner);
   const glm::vec3 high(glm::ivec3((1 << bits) - 1) - merged.corner);
   for (glm::vec3& p : merged.mesh.positions) p = glm::clamp(p, low, high);
 }
 
 // Quantizes the group's vertices `source` as they will be stored; locked ones keep what is stored of them already.
-void quantizeVertices(const Merged& merged, std::span<const std::uint32_t> source, std::span<const std::uint8_t> locked,
-                      CodedMesh& out) {
+void quantizeVertices(const MergedGroup& merged, std::span<const std::uint32_t> source,
+                      std::span<const std::uint8_t> locked, CodedMesh& out) {
   const GroupMesh& group = merged.mesh;
   const bool colored = !group.colors.empty();
   out.positions.resize(source.size());
@@ -159,7 +159,7 @@ void quantizeVertices(const Merged& merged, std::span<const std::uint32_t> sourc
 
 // The simplified triangles on lattice points. Vertices that came to lie on each other become one, and triangles that so
 // lost their area are removed, from `history` too. `merged` gets the colours that are stored.
-CodedMesh codedMesh(Merged& merged, CollapseHistory& history, std::vector<std::uint8_t>& locked) {
+CodedMesh codedMesh(MergedGroup& merged, CollapseHistory& history, std::vector<std::uint8_t>& locked) {
   GroupMesh& group = merged.mesh;
   CodedMesh out;
   ingest::CodeMap map(history.indices.size() / 5);
@@ -226,9 +226,9 @@ float doubledArea(const CodedMesh& mesh, std::size_t t) {
   return glm::length(glm::cross(corner(1) - a, corner(2) - a));
 }
 
-GroupCandidate measureCandidate(const Merged& before, FacetSurface& surface, const SurfaceError& before_error,
+GroupCandidate measureCandidate(const MergedGroup& before, FacetSurface& surface, const SurfaceError& before_error,
                                 SimplifiedGroup& group, std::uint32_t bits, float negligible, float precise) {
-  Merged merged{std::move(group.vertices), before.corner};
+  MergedGroup merged{std::move(group.vertices), before.corner};
   merged.mesh.locked = before.mesh.locked;
   clampToLattice(merged, bits);
   GroupCandidate out;
@@ -543,7 +543,7 @@ base::Result<LevelBuilder::BuiltGroup> LevelBuilder::buildGroup(const GroupInput
                                                                 const RebuildRequest* rebuild) {
   SurfaceError carried;
   LUMIGRID_ASSIGN_OR_RETURN(auto geometry, readGeometry(input, carried));
-  const Merged merged = mergePatches(geometry, input.locked);
+  const MergedGroup merged = mergePatches(geometry, input.locked);
   geometry.clear();
   Group& record = unit.group;
   record.level = unit.level;

@@ -59,7 +59,7 @@ class Overlay {
   /// triangle.
   template <class Do>
   void forEachEnclosed(Do&& with) const {
-    for (const Enclosed& e : enclosed_) with(e.vertex, e.gap.distance);
+    for (const EnclosedVertex& e : enclosed_) with(e.vertex, e.gap.distance);
   }
 
   /// Calls with(t, gap) for each pair on edge e of `above` and each facet t whose cells it belongs to, several times
@@ -71,7 +71,7 @@ class Overlay {
     std::uint32_t t = path.start;
     Gap came = gap_of_[a];
     for (std::uint32_t i = path.first; i < path.last; ++i) {
-      const Crossing& crossing = crossings_[i];
+      const EdgeCrossing& crossing = crossings_[i];
       with(t, larger(came, crossing.gap));
       t = crossing.facet, came = crossing.gap;
     }
@@ -90,7 +90,7 @@ class Overlay {
   static constexpr std::uint32_t kNone = FacetSurface::kNone;
 
   /// An edge above goes over an edge below, which crossed_ names, into a facet.
-  struct Crossing {
+  struct EdgeCrossing {
     std::uint32_t facet = 0;
     Gap gap;
   };
@@ -104,7 +104,7 @@ class Overlay {
     bool is_on_border = false;  // never leaves the border below
   };
   /// A vertex below that lies within a triangle above.
-  struct Enclosed {
+  struct EnclosedVertex {
     std::uint32_t vertex = 0;
     Gap gap;
   };
@@ -163,9 +163,9 @@ class Overlay {
   std::span<const std::uint32_t> border_of_;
   bool has_color_ = false;
   std::vector<Path> paths_;  // per edge above
-  std::vector<Crossing> crossings_;
+  std::vector<EdgeCrossing> crossings_;
   std::vector<std::uint32_t> crossed_;  // beside crossings_: edges below; apart, since most loops read these alone
-  std::vector<Enclosed> enclosed_;
+  std::vector<EnclosedVertex> enclosed_;
   std::vector<std::uint32_t> first_enclosed_;
   std::vector<CornerFacet> corner_facets_;
   std::vector<std::uint32_t> first_corner_facet_;

@@ -86,11 +86,13 @@ std::vector<NewPatch> makePatches(const CodedMesh& mesh, const std::vector<std::
   std::vector<std::uint32_t> owner(mesh.positions.size(), kNone);
   // The corners of the parts' triangles, one part after the other.
   const auto corners = std::make_unique_for_overwrite<std::uint32_t[]>(mesh.indices.size());
-  constexpr std::size_t kAhead = 16;  // triangles are requested so far ahead, since they lie anywhere in memory
+  constexpr std::size_t kPrefetchDistance =
+      16;  // triangles are requested so far ahead, since they lie anywhere in memory
   std::size_t next = 0;
   for (std::uint32_t p = 0; p < parts.size(); ++p)
     for (std::size_t i = 0; i < parts[p].size(); ++i) {
-      __builtin_prefetch(&mesh.indices[3 * std::size_t{parts[p][std::min(i + kAhead, parts[p].size() - 1)]}]);
+      __builtin_prefetch(
+          &mesh.indices[3 * std::size_t{parts[p][std::min(i + kPrefetchDistance, parts[p].size() - 1)]}]);
       for (std::size_t k = 0; k < 3; ++k) {
         const std::uint32_t v = mesh.indices[3 * std::size_t{parts[p][i]} + k];
         corners[next++] = v;

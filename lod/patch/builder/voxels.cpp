@@ -40,7 +40,8 @@ class OctreeWalk {
 };
 
 constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
-constexpr std::size_t kAhead = 16;  // triangles are requested so far ahead, since they lie anywhere in memory
+constexpr std::size_t kPrefetchDistance =
+    16;  // triangles are requested so far ahead, since they lie anywhere in memory
 
 // The voxel whose cell contains a lattice point, or kNone where no triangle is.
 std::uint32_t voxelAt(std::span<const Voxel> voxels, std::uint64_t code) {
@@ -87,7 +88,8 @@ std::vector<WeightedEdge> meshAdjacency(const TriangleView& triangles, std::span
     std::size_t others = 0;
     std::uint32_t last = v;
     for (std::uint32_t i = voxels[v].first; i < voxels[v].first + voxels[v].count; ++i) {
-      __builtin_prefetch(&triangles.indices[3 * std::size_t{sorted[std::min(i + kAhead, sorted.size() - 1)].index}]);
+      __builtin_prefetch(
+          &triangles.indices[3 * std::size_t{sorted[std::min(i + kPrefetchDistance, sorted.size() - 1)].index}]);
       for (std::size_t k = 0; k < 3; ++k) {
         std::uint32_t& first = first_voxel[triangles.indices[3 * std::size_t{sorted[i].index} + k]];
         const std::uint32_t other = std::min(first, v);  // voxels come in rising order

@@ -19,7 +19,7 @@ base::Bytes payloadOf(const WorkUnit& unit, const std::vector<NewPatch>& patches
     out.bytes(patch.encoded);
     out.bytes(patch.errors);
   }
-  return out.take();
+  return out.takeBytes();
 }
 
 std::size_t borderBytes(const WorkPatch& patch) {

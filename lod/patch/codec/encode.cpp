@@ -223,7 +223,7 @@ base::Bytes encodePatch(const PatchGeometry& geometry, std::vector<std::uint32_t
   if (header.hasAlpha()) writeAlphas(out, geometry, order, writer);
   out.patch(kCrcOffset, checksum(out.view()));
   if (triangle_order != nullptr) *triangle_order = order.triangles;
-  return out.take();
+  return out.takeBytes();
 }
 
 }  // namespace lod::patch

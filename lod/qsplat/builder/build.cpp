@@ -64,7 +64,7 @@ class SplatTreeBuilder {
   base::Result<void> measureBorder() {
     auto& leaves = mesh_leaves_.emplace(buckets_, build_.lattice(), options_.dice);
     if (build_.directory().isFinished(ingest::Stage::kSplatLeaves)) {
-      LUMIGRID_ASSIGN_OR_RETURN(auto state, build_.directory().state(ingest::Stage::kSplatLeaves));
+      LUMIGRID_ASSIGN_OR_RETURN(auto state, build_.directory().readStageState(ingest::Stage::kSplatLeaves));
       base::ByteReader in(state);
       return leaves.readBorder(in) && in.atEnd() ? base::Result<void>() : build_.directory().damaged();
     }
@@ -72,13 +72,13 @@ class SplatTreeBuilder {
         leaves.measureBorder(tilesAtOnce(leaves), [this](double done) { return build_.report("borders", done); }));
     base::ByteWriter out;
     leaves.writeBorder(out);
-    return build_.directory().finishStage(ingest::Stage::kSplatLeaves, out.take(), {});
+    return build_.directory().finishStage(ingest::Stage::kSplatLeaves, out.takeBytes(), {});
   }
 
   // Goes through Stage::kSorted of points.
   base::Result<void> sortPoints() {
     if (build_.directory().isFinished(ingest::Stage::kSorted)) {
-      LUMIGRID_ASSIGN_OR_RETURN(auto state, build_.directory().state(ingest::Stage::kSorted));
+      LUMIGRID_ASSIGN_OR_RETURN(auto state, build_.directory().readStageState(ingest::Stage::kSorted));
       LUMIGRID_ASSIGN_OR_RETURN(points_, PointTiles::open(build_.directory().path(), build_.lattice(), state));
       return {};
     }
@@ -87,7 +87,7 @@ class SplatTreeBuilder {
     LUMIGRID_ASSIGN_OR_RETURN(points_, PointTiles::sort(spool, info(), build_.lattice(), build_.directory().path(),
                                                         [this](double done) { return build_.report("sort", done); }));
     const auto sorted = std::make_shared<ingest::SourceSpool>(std::move(spool));
-    LUMIGRID_TRY(build_.directory().finishStage(ingest::Stage::kSorted, points_.state(), {"points"},
+    LUMIGRID_TRY(build_.directory().finishStage(ingest::Stage::kSorted, points_.encodeTables(), {"points"},
                                                 [sorted] { sorted->remove(); }));
     base::releaseFreedMemory(build_.memoryBytes());
     return {};
@@ -102,7 +102,7 @@ class SplatTreeBuilder {
                                               " points lie in nearly one place (--memory)"};
     const std::string path = build_.directory().path() + "/leaves";
     if (build_.directory().isFinished(ingest::Stage::kSplatLeaves)) {
-      LUMIGRID_ASSIGN_OR_RETURN(auto state, build_.directory().state(ingest::Stage::kSplatLeaves));
+      LUMIGRID_ASSIGN_OR_RETURN(auto state, build_.directory().readStageState(ingest::Stage::kSplatLeaves));
       base::ByteReader in(state);
       return leaves.reopen(path, in);
     }
@@ -111,7 +111,7 @@ class SplatTreeBuilder {
         leaves.fitAll(path, tilesAtOnce(leaves), [this](double done) { return build_.report("normals", done); }));
     base::ByteWriter out;
     leaves.writeSigns(out);
-    return build_.directory().finishStage(ingest::Stage::kSplatLeaves, out.take(), {"leaves"},
+    return build_.directory().finishStage(ingest::Stage::kSplatLeaves, out.takeBytes(), {"leaves"},
                                           [this] { points_.release(); });
   }
 

@@ -335,9 +335,9 @@ base::Result<TileLeaves> MeshLeaves::leaves(std::size_t bucket) const {
   std::vector<glm::i64vec3> faces(attributes ? 0 : mesh.codes.size(), glm::i64vec3(0));
   // Where the source's triangles are in no order, most of the time is spent waiting for their vertices.
   const auto prefetch = [&](std::size_t corner, auto&& placeOf) {
-    constexpr std::size_t kAhead = 24;
-    if (corner + kAhead + 3 > mesh.number.size()) return;
-    for (std::size_t k = 0; k < 3; ++k) __builtin_prefetch(placeOf(mesh.number[corner + kAhead + k]), 1);
+    constexpr std::size_t kPrefetchDistance = 24;
+    if (corner + kPrefetchDistance + 3 > mesh.number.size()) return;
+    for (std::size_t k = 0; k < 3; ++k) __builtin_prefetch(placeOf(mesh.number[corner + kPrefetchDistance + k]), 1);
   };
   for (std::size_t i = 0; i < corners.size(); i += 3) {
     prefetch(i, [&](std::uint32_t v) -> const void* { return attributes ? &sums[v].face[0] : &faces[v].x; });

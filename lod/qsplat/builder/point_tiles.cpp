@@ -88,7 +88,7 @@ base::Result<PointTiles> PointTiles::sort(const ingest::SourceSpool& source, con
   return out;
 }
 
-base::Bytes PointTiles::state() const {
+base::Bytes PointTiles::encodeTables() const {
   base::ByteWriter out;
   out.u64(file_.size());
   out.u64(tiles_.size());
@@ -97,7 +97,7 @@ base::Bytes PointTiles::state() const {
     base::writeFields(out, std::tie(tile.points, tile.box, extents));
     for (const ingest::Extent& extent : tile.extents) out.write(extent);
   }
-  return out.take();
+  return out.takeBytes();
 }
 
 base::Result<PointTiles> PointTiles::open(const std::string& directory, const ingest::SourceLattice& lattice,

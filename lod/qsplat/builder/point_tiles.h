@@ -27,7 +27,7 @@ class PointTiles {
                                        const ingest::SourceLattice& lattice, const std::string& directory,
                                        const std::function<bool(double)>& progress);
   /// The tables to store beside the file, and the tiles opened again with them. Errors: kIo, damaged work files.
-  base::Bytes state() const;
+  base::Bytes encodeTables() const;
   static base::Result<PointTiles> open(const std::string& directory, const ingest::SourceLattice& lattice,
                                        base::ByteView state);
 

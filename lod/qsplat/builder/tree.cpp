@@ -36,7 +36,7 @@ const std::array<ConeWidth, kAnyDirection + 1> kWidths = [] {
 constexpr std::uint32_t kTooWide = kAnyDirection + 1;
 
 // Leaves lie in the source's order, which may be random, so they are prefetched this many ahead.
-constexpr std::uint32_t kAhead = 8;
+constexpr std::uint32_t kPrefetchDistance = 8;
 
 class TreeMaker {
  public:
@@ -189,11 +189,11 @@ class TreeMaker {
 
   // Prefetches the leaves that coneOf() will read, and, once there are few of them, what they point to.
   void prefetch(const Range& part) const {
-    if (part.size() > 4 * kAhead) return;
+    if (part.size() > 4 * kPrefetchDistance) return;
     for (std::uint32_t i = part.begin; i < part.end; ++i) {
       const std::uint32_t leaf = keys_[i].index;
       const Splat& splat = splats_[leaf];
-      if (part.size() > kAhead) {
+      if (part.size() > kPrefetchDistance) {
         __builtin_prefetch(&splat);
         __builtin_prefetch(&splat.least_cosine);
         if (!facets_.empty()) __builtin_prefetch(&facets_.first[leaf]);
@@ -273,8 +273,8 @@ Subtree makeSubtree(std::span<const Splat> leaves, const LeafFacets& facets) {
     next.clear();
     for (std::size_t i = 0; i < level.size(); ++i) {
       const std::uint32_t child = level[i];
-      if (i + kAhead < level.size() && isLeaf(level[i + kAhead]))
-        __builtin_prefetch(&leaves[level[i + kAhead] & ~TreeShape::kLeaf]);
+      if (i + kPrefetchDistance < level.size() && isLeaf(level[i + kPrefetchDistance]))
+        __builtin_prefetch(&leaves[level[i + kPrefetchDistance] & ~TreeShape::kLeaf]);
       if (isLeaf(child)) {
         out.nodes.push_back(nodeFor(leaves[child & ~TreeShape::kLeaf], 0, false));
         continue;

@@ -13,7 +13,7 @@ static_assert(kFrontBlocks * kBlockBytes > kMaxCodedHeaderBytes + kMaxCodedBytes
 // A block that came damaged this often is given up. After each failure in a row the pause doubles. These are choices:
 // longer pauses spare a host that is broken, shorter ones go on sooner with one that was restarted.
 constexpr int kMaxDamages = 3;
-constexpr double kFirstPause = 0.25, kLongestPause = 5.0;  // seconds
+constexpr double kMinPause = 0.25, kMaxPause = 5.0;  // seconds
 // Bytes of tables for each block of the file: its address, its last use, two bits of state.
 constexpr std::uint64_t kTableBytes = sizeof(void*) + sizeof(std::uint32_t) + 1;
 // A coded block's place takes these in addition.
@@ -335,8 +335,8 @@ void Stream::pauseAfterFailure(double sent_at, double now) {
   // Requests that were under way when another one failed have the same cause; the pause does not double for them.
   if (sent_at < paused_at_) return;
   paused_at_ = now;
-  const double pause = kFirstPause * std::exp2(std::min(failures_in_a_row_++, 8));
-  pause_until_ = now + std::min(pause, kLongestPause);
+  const double pause = kMinPause * std::exp2(std::min(failures_in_a_row_++, 8));
+  pause_until_ = now + std::min(pause, kMaxPause);
 }
 
 void Stream::giveUp(std::string reason) {

@@ -56,7 +56,7 @@ class ScriptedServer {
   protocol::Refinement refine(std::uint32_t group) const {
     base::ByteWriter record;
     lod::patch::encodeGroup(scene_.hierarchy, group, record);
-    return {record.take(), blocks_[group]};
+    return {record.takeBytes(), blocks_[group]};
   }
   base::Bytes sayGroup(std::uint32_t group) const { return protocol::encode(protocol::ServerMessage(refine(group))); }
   base::Bytes sayComplete(std::uint32_t sequence) const {

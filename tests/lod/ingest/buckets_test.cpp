@@ -89,7 +89,7 @@ TEST(Buckets, flipsDoNotDependOnMemoryOrThreads) {
 TEST(Buckets, aLaterRunReadsTheSameTriangles) {
   const SortedMesh first(turnedSheet(400), std::uint64_t{64} << 20, 2);
   ASSERT_TRUE(first.buckets) << first.buckets.error().message;
-  const auto later = Buckets::open(first.scratch.path(), first.buckets->state());
+  const auto later = Buckets::open(first.scratch.path(), first.buckets->encodeTables());
   ASSERT_TRUE(later) << later.error().message;
   expectSame(*first.buckets, *later);
 }
@@ -98,7 +98,7 @@ TEST(Buckets, borderTrianglesAreThoseThatReadFindsAtTheBorder) {
   for (const bool later : {false, true}) {
     const SortedMesh sorted(turnedSheet(400), std::uint64_t{64} << 20, 2);
     ASSERT_TRUE(sorted.buckets);
-    const auto opened = Buckets::open(sorted.scratch.path(), sorted.buckets->state());
+    const auto opened = Buckets::open(sorted.scratch.path(), sorted.buckets->encodeTables());
     const Buckets& buckets = later ? *opened : *sorted.buckets;
     std::size_t found = 0;
     for (std::size_t bucket = 0; bucket < buckets.count(); ++bucket) {
@@ -189,7 +189,7 @@ TEST(Buckets, namesDamageOnDisk) {
     base::Bytes bytes = *whole;
     for (int k = 0; k < 64; ++k) bytes[random() % bytes.size()] = static_cast<std::uint8_t>(random());
     ASSERT_TRUE(base::writeFileAtomically(path, bytes));
-    const auto opened = Buckets::open(sorted.scratch.path(), sorted.buckets->state());
+    const auto opened = Buckets::open(sorted.scratch.path(), sorted.buckets->encodeTables());
     ASSERT_TRUE(opened);
     for (std::size_t bucket = 0; bucket < opened->count(); ++bucket) {
       const auto corners = opened->read(bucket);

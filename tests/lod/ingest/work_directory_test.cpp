@@ -45,8 +45,8 @@ TEST_F(WorkDirectoryTest, continuesUnderTheSameKeyOnly) {
     ASSERT_TRUE(same);
     EXPECT_TRUE(same->isFinished(Stage::kPatchLeaves));
     EXPECT_FALSE(same->isFinished(Stage::kSplatSubtrees));
-    ASSERT_TRUE(same->state(Stage::kSorted));
-    EXPECT_EQ(*same->state(Stage::kSorted), base::Bytes{2});
+    ASSERT_TRUE(same->readStageState(Stage::kSorted));
+    EXPECT_EQ(*same->readStageState(Stage::kSorted), base::Bytes{2});
   }
   auto other = WorkDirectory::open(path_, key("two"));
   ASSERT_TRUE(other);

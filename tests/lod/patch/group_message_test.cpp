@@ -39,7 +39,7 @@ std::uint32_t patchTotal() {
 base::Bytes message(std::uint32_t group) {
   base::ByteWriter out;
   encodeGroup(scene().hierarchy, group, out);
-  return out.take();
+  return out.takeBytes();
 }
 
 base::Result<std::uint32_t> add(base::ByteView bytes, Hierarchy& growing) {

@@ -41,7 +41,7 @@ base::ByteView page(const TablePages& tables, std::uint32_t number) {
 base::Bytes expectedRecord(std::uint32_t group) {
   base::ByteWriter out;
   encodeGroup(file().hierarchy, group, out);
-  return out.take();
+  return out.takeBytes();
 }
 
 TEST(TablePages, countsAreTheHeaders) {

@@ -17,7 +17,7 @@ class MethodDigestTest : public testing::Test {
     out.bytes(base::Bytes{'L', 'G', 'P', 'A', 'T', 'C', 'H', '\n'});
     for (const std::uint32_t field : {1U, 24U, 77U, 0xABCDEFU}) out.u32(field);
     out.bytes(base::Bytes{1, 2, 3, 4, 5});
-    return out.take();
+    return out.takeBytes();
   }
   base::Result<std::string> digestOf(const base::Bytes& bytes) {
     EXPECT_TRUE(base::writeFileAtomically(directory_ / "file", bytes));

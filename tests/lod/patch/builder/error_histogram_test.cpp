@@ -53,7 +53,7 @@ TEST(ErrorHistogram, readsBackWhatItWroteAndRefusesWhatItDidNot) {
   for (const float error : {0.5F, 3.0F, 3.0F, 900.0F}) errors.add(errorCode(error), error);
   base::ByteWriter out;
   errors.write(out);
-  const base::Bytes bytes = out.take();
+  const base::Bytes bytes = out.takeBytes();
   ErrorHistogram again;
   base::ByteReader in(bytes);
   ASSERT_TRUE(again.read(in));
