@@ -101,22 +101,12 @@ Result<MappedFile> MappedFile::open(const std::string& path) {
   if (opened.size == 0) return file;
   void* data = ::mmap(nullptr, opened.size, PROT_READ, MAP_SHARED, opened.descriptor.get(), 0);
   if (data == MAP_FAILED) return systemError(path, "map", errno);
-  file.data_ = static_cast<const std::uint8_t*>(data);
-  file.size_ = opened.size;
+  file.data_ = {static_cast<const std::uint8_t*>(data), Unmap{opened.size}};
   return file;
 }
 
-MappedFile::MappedFile(MappedFile&& other) noexcept
-    : data_(std::exchange(other.data_, nullptr)), size_(std::exchange(other.size_, 0)) {}
-
-MappedFile& MappedFile::operator=(MappedFile&& other) noexcept {
-  std::swap(data_, other.data_);
-  std::swap(size_, other.size_);
-  return *this;
-}
-
-MappedFile::~MappedFile() {
-  if (data_ != nullptr) ::munmap(const_cast<std::uint8_t*>(data_), size_);
+void MappedFile::Unmap::operator()(const std::uint8_t* data) const {
+  ::munmap(const_cast<std::uint8_t*>(data), size);
 }
 
 bool isUnfinished(const std::string& name, const std::string& whole) {

@@ -1,6 +1,7 @@
 #pragma once
 // Reads whole files, and writes files that appear only when they are complete.
 #include <cstdint>
+#include <memory>
 #include <string>
 #include <utility>
 
@@ -47,15 +48,14 @@ class MappedFile {
  public:
   /// Errors as readFile.
   static Result<MappedFile> open(const std::string& path);
-  MappedFile() = default;
-  MappedFile(MappedFile&& other) noexcept;
-  MappedFile& operator=(MappedFile&& other) noexcept;
-  ~MappedFile();
-  ByteView bytes() const { return {data_, size_}; }
+  ByteView bytes() const { return data_ ? ByteView(data_.get(), data_.get_deleter().size) : ByteView(); }
 
  private:
-  const std::uint8_t* data_ = nullptr;
-  std::size_t size_ = 0;
+  struct Unmap {
+    std::size_t size;
+    void operator()(const std::uint8_t* data) const;
+  };
+  std::unique_ptr<const std::uint8_t, Unmap> data_;
 };
 
 /// Whether `name` is a temporary file that a killed AtomicFile of `whole` left beside it.

@@ -21,15 +21,8 @@ constexpr const char* kInstallHint =
     "install libegl-mesa0 and libgl1-mesa-dri (software rendering) or the GPU vendor's EGL library";
 
 bool hasExtension(const char* list, std::string_view wanted) {
-  if (list == nullptr) return false;
-  std::string_view rest(list);
-  while (!rest.empty()) {
-    const std::size_t end = rest.find(' ');
-    if (rest.substr(0, end) == wanted) return true;
-    if (end == std::string_view::npos) break;
-    rest.remove_prefix(end + 1);
-  }
-  return false;
+  // Names stand between spaces.
+  return list != nullptr && (" " + std::string(list) + " ").find(" " + std::string(wanted) + " ") != std::string::npos;
 }
 
 std::string eglErrorText() {

@@ -1,8 +1,8 @@
 #include "lod/ingest/winding.h"
 
 #include <algorithm>
-#include <tuple>
 
+#include "base/fields.h"
 #include "lod/ingest/buckets.h"
 #include "lod/ingest/code_map.h"
 
@@ -295,8 +295,7 @@ void Winding::write(base::ByteWriter& out) const {
   out.u64(first_.size());
   for (const std::uint32_t f : first_) out.u32(f);
   out.bytes(flip_);
-  out.u64(flipped_);
-  out.u64(non_orientable_);
+  base::writeFields(out, std::tie(flipped_, non_orientable_));
 }
 
 bool Winding::read(base::ByteReader& in) {
@@ -306,8 +305,7 @@ bool Winding::read(base::ByteReader& in) {
   for (std::uint32_t& f : first_) f = in.u32();
   const base::ByteView flips = in.bytes(first_.back());
   flip_.assign(flips.begin(), flips.end());
-  flipped_ = in.u64();
-  non_orientable_ = in.u64();
+  base::readFields(in, std::tie(flipped_, non_orientable_));
   return in.ok();
 }
 

@@ -69,31 +69,6 @@ void writeNodes(const GroupNodes& group, const GroupLayout& layout, std::uint8_t
   }
 }
 
-/// Computes pointers: a group's children begin where those of the groups before it end.
-class PointerComputer {
- public:
-  PointerComputer(const GroupLayout& layout, std::uint64_t first_group) : layout_(layout), end_(first_group) {}
-  /// Returns the pointer of the next group that has one; 0 if it has no children.
-  std::uint64_t next(const GroupNodes& group) {
-    std::uint64_t pointer = 0;
-    for (std::uint32_t i = 0; i < group.count; ++i) {
-      if (group.nodes[i].isLeaf()) continue;
-      const std::uint32_t bytes = layout_.childBytes(group.nodes[i]);
-      last_ = groupPlace(end_, bytes);
-      if (pointer == 0) pointer = last_;
-      end_ = last_ + bytes;
-    }
-    return pointer;
-  }
-  /// Returns the offset of the last child group; 0: none.
-  std::uint64_t last() const { return last_; }
-
- private:
-  const GroupLayout& layout_;
-  std::uint64_t end_;
-  std::uint64_t last_ = 0;
-};
-
 }  // namespace
 
 const std::array<int, kNormalSide>& cellTangents() {
@@ -153,7 +128,7 @@ bool BlockCoder::decodeGroups(std::uint32_t groups, base::ByteView symbols, cons
   SymbolReader reader(tables_, symbols);
   ReadingCoder coder{reader};
   BlockModel<ReadingCoder> model(coder, header_.colors);
-  PointerComputer pointers(layout_, children.first_group);
+  ChildLayout pointers(layout_, children.first_group);
   std::fill_n(plain, kPayloadBytes, std::uint8_t{0});
   std::uint32_t within = 0;
   for (std::uint32_t g = 0; g < groups; ++g) {

@@ -105,6 +105,37 @@ inline std::uint64_t groupPlace(std::uint64_t end, std::uint32_t bytes) {
   return within + bytes <= kPayloadBytes ? end : end - within + kBlockBytes;
 }
 
+/// Lays out groups of children one after the other, in the order of their parents.
+class ChildLayout {
+ public:
+  /// `end`: where the group before the first one ends.
+  ChildLayout(const GroupLayout& layout, std::uint64_t end) : layout_(layout), end_(end) {}
+  /// Returns where the next group, of so many bytes, begins.
+  std::uint64_t place(std::uint32_t bytes) {
+    last_ = groupPlace(end_, bytes);
+    end_ = last_ + bytes;
+    return last_;
+  }
+  /// Places the children of a group with a pointer, and returns that pointer; 0 if it has no children.
+  std::uint64_t next(const GroupNodes& group) {
+    std::uint64_t pointer = 0;
+    for (const Node& node : group.view()) {
+      if (node.isLeaf()) continue;
+      const std::uint64_t child = place(layout_.childBytes(node));
+      if (pointer == 0) pointer = child;
+    }
+    return pointer;
+  }
+  /// Where the last group begins (0: none), and where it ends.
+  std::uint64_t last() const { return last_; }
+  std::uint64_t end() const { return end_; }
+
+ private:
+  GroupLayout layout_;
+  std::uint64_t end_;
+  std::uint64_t last_ = 0;
+};
+
 /// Reads node i of the group that begins at `group`.
 inline Node readNode(const std::uint8_t* group, std::uint32_t i, const GroupLayout& layout) {
   Node node;

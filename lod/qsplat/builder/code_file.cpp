@@ -26,10 +26,10 @@ struct BlockShape {
 /// Gives the blocks' shapes from the first to the last. The shapes of a level's groups are known from their parents.
 class ShapeWalk {
  public:
-  explicit ShapeWalk(const Header& header) : layout_(header) {
-    level_.push_back({1, header.nodes > 1});
-    laid_out_ = kBlockBytes + layout_.bytes(1, header.nodes > 1);
-  }
+  explicit ShapeWalk(const Header& header)
+      : layout_(header),
+        children_(layout_, kBlockBytes + layout_.bytes(1, header.nodes > 1)),
+        level_{{1, header.nodes > 1}} {}
   /// `plain` is the next block's bytes.
   BlockShape next(const std::uint8_t* plain) {
     BlockShape shape;
@@ -59,17 +59,16 @@ class ShapeWalk {
     for (std::uint32_t i = 0; group.has_pointer && i < group.nodes; ++i) {
       const Node node = readNode(bytes, i, layout_);
       if (node.isLeaf()) continue;
-      shape.last_child = groupPlace(laid_out_, layout_.childBytes(node));
+      shape.last_child = children_.place(layout_.childBytes(node));
       if (shape.first_child == 0) shape.first_child = shape.last_child;
-      laid_out_ = shape.last_child + layout_.childBytes(node);
       next_level_.push_back({static_cast<std::uint8_t>(node.children()), !node.childrenAreLeaves()});
     }
   }
 
   const GroupLayout layout_;
+  ChildLayout children_;
   std::uint64_t number_ = 1;
-  std::uint64_t end_ = kBlockBytes;       // where the group before ends
-  std::uint64_t laid_out_ = kBlockBytes;  // where the groups known so far end
+  std::uint64_t end_ = kBlockBytes;  // where the group before ends
   std::vector<GroupShape> level_, next_level_;
   std::size_t at_ = 0;  // place in level_
 };

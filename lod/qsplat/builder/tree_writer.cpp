@@ -19,7 +19,7 @@ base::Result<TreeWriter> TreeWriter::create(const std::string& path, const Optio
 
 base::Result<void> TreeWriter::add(const GroupNodes& group) {
   const std::uint32_t bytes = layout_.bytes(group.count, group.has_pointer);
-  if (header_.groups == 0) laid_out_ = groupPlace(laid_out_, bytes) + bytes;
+  if (header_.groups == 0) children_.place(bytes);
   LUMIGRID_TRY(place(bytes));
 
   std::uint8_t* at = block_.data() + offset_ % kBlockBytes;
@@ -30,16 +30,8 @@ base::Result<void> TreeWriter::add(const GroupNodes& group) {
     ++header_.nodes;
     header_.leaves += !group.has_pointer || node.isLeaf() ? 1 : 0;
   }
-  std::uint64_t first_child = 0;
-  for (const Node& node : group.view()) {
-    if (!group.has_pointer || node.isLeaf()) continue;
-    const std::uint32_t child_bytes = layout_.childBytes(node);
-    const std::uint64_t child = groupPlace(laid_out_, child_bytes);
-    if (first_child == 0) first_child = child;
-    laid_out_ = child + child_bytes;
-  }
   if (group.has_pointer) {
-    const std::uint64_t half = first_child / 2;
+    const std::uint64_t half = children_.next(group) / 2;
     if (!header_.wide_pointers && half >> 32 != 0)
       return base::Error{base::ErrorCode::kUnsupported, "the tree takes more than 8 GiB: it needs wide pointers"};
     std::memcpy(at, &half, layout_.pointer_bytes);
@@ -53,7 +45,7 @@ base::Result<void> TreeWriter::add(const GroupNodes& group) {
 // Begins the next block where the group does not fit the current one, and counts levels.
 base::Result<void> TreeWriter::place(std::uint32_t bytes) {
   if (offset_ == level_end_) {
-    level_end_ = laid_out_;
+    level_end_ = children_.end();
     if (++header_.levels > kMaxLevels)
       return base::Error{base::ErrorCode::kUnsupported, "the tree has more than 128 levels"};
   }

@@ -24,7 +24,7 @@ class TreeWriter {
 
  private:
   explicit TreeWriter(base::AtomicFile file, const Options& options)
-      : file_(std::move(file)), layout_(options.colors, options.wide_pointers) {
+      : file_(std::move(file)), layout_(options.colors, options.wide_pointers), children_(layout_, kBlockBytes) {
     header_.colors = options.colors;
     header_.wide_pointers = options.wide_pointers;
     header_.root = options.root;
@@ -36,11 +36,11 @@ class TreeWriter {
   base::AtomicFile file_;
   Header header_;
   GroupLayout layout_;
+  ChildLayout children_;
   std::array<std::uint8_t, kBlockBytes> block_{};
   base::Bytes sealed_;  // complete blocks that are not written yet
   std::uint64_t block_number_ = 1;
   std::uint64_t offset_ = kBlockBytes;     // where the groups added end
-  std::uint64_t laid_out_ = kBlockBytes;   // where their children's groups end
   std::uint64_t level_end_ = kBlockBytes;  // where the current level ends
 };
 
