@@ -23,6 +23,7 @@
 #include "lod/patch/codec.h"
 #include "lod/patch/format.h"
 #include "lod/patch/hierarchy.h"
+#include "tests/support/quantized_normal.h"
 
 namespace support {
 
@@ -165,7 +166,7 @@ inline lod::patch::PatchGeometry fan(const DraftPatch& patch, bool colors) {
   lod::patch::PatchGeometry geometry;
   const auto add = [&](const glm::ivec3& q) {
     geometry.positions.push_back(q);
-    geometry.normals.push_back(lod::patch::quantizedNormal(
+    geometry.normals.push_back(support::quantizedNormal(
         glm::vec3(static_cast<float>(q.x % 5) - 2.0F, static_cast<float>(q.y % 3) - 1.0F, 4.0F)));
     if (colors) geometry.colors.push_back(glm::u8vec4(q.x % 256, q.y % 256, q.z * 8 % 256, 255));
   };
