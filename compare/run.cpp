@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <array>
-#include <chrono>
 #include <filesystem>
 #include <fstream>
 #include <memory>
@@ -14,6 +13,7 @@
 #include "base/json/scene_file.h"
 #include "base/parallel.h"
 #include "base/png/png.h"
+#include "base/stopwatch.h"
 #include "client/native/headless.h"
 #include "lod/patch/format.h"
 #include "server/net/server.h"
@@ -220,10 +220,6 @@ Result<RunResult> runOverSocket(const RunOptions& options, const Setting& settin
   return run;
 }
 
-double secondsNow() {
-  return std::chrono::duration<double>(std::chrono::steady_clock::now().time_since_epoch()).count();
-}
-
 // The bytes of a frame are those of all blocks read so far, as many as a client would have had to fetch.
 Result<RunResult> runSplats(const RunOptions& options, const Setting& setting, const Truth& truth) {
   LUMIGRID_ASSIGN_OR_RETURN(auto scene, base::readScene(options.scene));
@@ -234,15 +230,15 @@ Result<RunResult> runSplats(const RunOptions& options, const Setting& setting, c
   how.kernel = *setting.splats;
   how.cutoff_px = static_cast<float>(setting.tolerance);
   RunResult run{setting.method, setting.tolerance, {}};
-  const double begin = secondsNow();
+  const base::Stopwatch watch;
   for (std::size_t i = 0; i < options.path.size(); ++i) {
-    const double start = secondsNow();
+    const double start = watch.seconds();
     auto picture = renderer->render(base::cameraForScene(options.path[i], scene.origin, renderer->bounds()), how);
     if (!picture) return picture.error();
     FrameResult frame;
-    frame.draw_ms = 1000.0 * (secondsNow() - start);
+    frame.draw_ms = 1000.0 * (watch.seconds() - start);
     frame.frame = static_cast<int>(i);
-    frame.seconds = start - begin;
+    frame.seconds = start;
     frame.bytes = picture->bytes;
     frame.triangles = picture->splats;
     frame.complete = true;

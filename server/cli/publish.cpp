@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <array>
-#include <chrono>
 #include <cstdio>
 #include <filesystem>
 #include <memory>
@@ -13,6 +12,7 @@
 
 #include "base/file.h"
 #include "base/json/annotations_file.h"
+#include "base/stopwatch.h"
 #include "repository/objects/open_objects.h"
 #include "repository/packs/pack_format.h"
 #include "server/cli/commands.h"
@@ -84,14 +84,14 @@ bool isImages(const base::ScenePart& part) {
 
 Result<base::ScenePart> publishImages(const PublishArguments& a, const OpenScene& scene, repository::ObjectSink& sink,
                                       PublishReport& report, ProgressLine& line) {
-  const auto start = std::chrono::steady_clock::now();
+  const base::Stopwatch watch;
   auto images = repository::publishImages(*scene.images, sink, a.images, [&](const repository::PublishProgress& p) {
-    const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-    line.show("publishing images",
-              static_cast<double>(p.keys_done) / static_cast<double>(std::max<std::uint64_t>(p.keys_total, 1)),
-              formatBytes(p.bytes) + ", " +
-                  formatBytes(static_cast<std::uint64_t>(static_cast<double>(p.bytes) / std::max(seconds, 1e-3))) +
-                  "/s");
+    line.show(
+        "publishing images",
+        static_cast<double>(p.keys_done) / static_cast<double>(std::max<std::uint64_t>(p.keys_total, 1)),
+        formatBytes(p.bytes) + ", " +
+            formatBytes(static_cast<std::uint64_t>(static_cast<double>(p.bytes) / std::max(watch.seconds(), 1e-3))) +
+            "/s");
     return !stopRequested();
   });
   line.finish();
@@ -179,7 +179,7 @@ Result<std::unique_ptr<OpenScene>> openWhole(const PublishArguments& a, const ba
 }
 
 Result<PublishReport> publish(const PublishArguments& a) {
-  const auto start = std::chrono::steady_clock::now();
+  const base::Stopwatch watch;
   // Errors beside the scene are told before hours of copying.
   LUMIGRID_ASSIGN_OR_RETURN(auto pages, pageFiles(a));
   LUMIGRID_ASSIGN_OR_RETURN(auto annotations, base::readAnnotations(a.scene));
@@ -207,7 +207,7 @@ Result<PublishReport> publish(const PublishArguments& a) {
   // All objects that scene.json names are there, so it may be seen.
   LUMIGRID_TRY(sink->put("scene.json", base::viewOfText(base::formatScene(scene)), "application/json"));
   if (a.prune) LUMIGRID_TRY(prune(scene, *sink, report));
-  report.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  report.seconds = watch.seconds();
   return report;
 }
 

@@ -1,7 +1,8 @@
 #include "server/cli/shard_choice.h"
 
-#include <charconv>
-#include <cstring>
+#include <tuple>
+
+#include "base/byte_range.h"
 
 namespace server::cli {
 namespace {
@@ -14,12 +15,10 @@ using repository::Shard;
 Result<std::optional<std::uint64_t>> numberFrom(const Environment& environment, const char* name) {
   const char* text = environment(name);
   if (text == nullptr) return std::optional<std::uint64_t>();
-  std::uint64_t value = 0;
-  const char* end = text + std::strlen(text);
-  const auto [stopped, error] = std::from_chars(text, end, value);
-  if (error != std::errc() || stopped != end || value > 1U << 30)
+  const auto value = base::parseDecimal(text);
+  if (!value || *value > 1U << 30)
     return Error{ErrorCode::kInvalidInput, std::string(name) + "=" + text + " is no usable number; say --shard i/n"};
-  return std::optional(value);
+  return value;
 }
 
 // Reads a shard from two variables; nothing unless both are set.

@@ -9,7 +9,6 @@
 
 #include "base/egl/headless.h"
 #include "base/view_defaults.h"
-#include "repository/faces/jpeg.h"
 #include "server/bake/face_encoder.h"
 #include "server/render/scene_renderer.h"
 #include "spdlog/spdlog.h"
@@ -17,7 +16,6 @@
 namespace server {
 namespace {
 
-constexpr int kFullColorQuality = 90;  // from this quality on chroma has full resolution, as its loss would be visible
 constexpr std::uint64_t kPatchBytes = std::uint64_t{2} << 30;  // of GPU memory, for the patches of all scenes together
 constexpr RenderOptions kExactFrame{.tolerance_px = base::ViewDefaults::kExactTolerance, .supersampling = 2};
 
@@ -143,13 +141,8 @@ base::Bytes FrameRenderer::Impl::renderFrame(const FrameJob& job) const {
   const base::DepthRange depth = base::depthRangeFor(eye, renderer.sceneCenter(), renderer.sceneRadius());
   auto picture =
       renderer.render(base::cameraFromView(request.camera, origin, depth.near_plane, depth.far_plane), kExactFrame);
-  if (!picture) {
-    spdlog::warn("frames: {}", picture.error().message);
-    return {};
-  }
-  const auto subsampling =
-      request.quality >= kFullColorQuality ? repository::Subsampling::k444 : repository::Subsampling::k420;
-  auto encoded = encodeFace(picture->rgba, request.quality, subsampling);
+  auto encoded =
+      picture ? encodeFace(picture->rgba, request.quality, subsamplingFor(request.quality)) : picture.error();
   if (!encoded) {
     spdlog::warn("frames: {}", encoded.error().message);
     return {};

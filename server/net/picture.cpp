@@ -18,9 +18,8 @@
 namespace server {
 namespace {
 
-constexpr int kMaxSide = 32'768;       // pixels; SceneRenderer draws no larger picture
-constexpr int kFullColorQuality = 90;  // from this quality on a JPEG's chroma has full resolution (4:4:4)
-constexpr Rgb kWhite{255, 255, 255};   // the background of formats without alpha
+constexpr int kMaxSide = 32'768;      // pixels; SceneRenderer draws no larger picture
+constexpr Rgb kWhite{255, 255, 255};  // the background of formats without alpha
 constexpr double kMinFovDegrees = 0.05, kMaxFovDegrees = 179.9;
 constexpr double kMinTolerance = 0.2, kMaxTolerance = 1000.0;  // pixels; below the minimum nothing changes visibly
 constexpr double kMinSine = 1e-6;                              // of the angle between up and direction
@@ -220,10 +219,8 @@ base::Result<Rows> beginRows(const PictureRequest& request, base::Bytes& out) {
                               base::PngRows::begin(camera.width, camera.height, request.background ? 3 : 4, out));
     return Rows(std::move(rows));
   }
-  const auto subsampling =
-      request.quality >= kFullColorQuality ? repository::Subsampling::k444 : repository::Subsampling::k420;
-  LUMIGRID_ASSIGN_OR_RETURN(
-      auto rows, repository::JpegRows::begin(camera.width, camera.height, request.quality, subsampling, out));
+  LUMIGRID_ASSIGN_OR_RETURN(auto rows, repository::JpegRows::begin(camera.width, camera.height, request.quality,
+                                                                   subsamplingFor(request.quality), out));
   return Rows(std::move(rows));
 }
 
@@ -231,6 +228,10 @@ base::Result<Rows> beginRows(const PictureRequest& request, base::Bytes& out) {
 
 const char* contentTypeOf(PictureRequest::Format format) {
   return format == PictureRequest::Format::kPng ? "image/png" : "image/jpeg";
+}
+
+repository::Subsampling subsamplingFor(int quality) {
+  return quality >= 90 ? repository::Subsampling::k444 : repository::Subsampling::k420;
 }
 
 base::Result<PictureRequest> parsePictureRequest(const Query& query, std::uint64_t max_pixels) {

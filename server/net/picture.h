@@ -9,6 +9,7 @@
 #include "base/error.h"
 #include "base/json/scene_file.h"
 #include "base/view_defaults.h"
+#include "repository/faces/jpeg.h"
 #include "server/net/http_text.h"
 #include "server/render/background.h"
 #include "server/render/scene_renderer.h"
@@ -29,6 +30,8 @@ struct PictureRequest {
 };
 
 const char* contentTypeOf(PictureRequest::Format format);
+/// From quality 90 on a JPEG's chroma has full resolution (4:4:4), as its loss would be visible.
+repository::Subsampling subsamplingFor(int quality);
 
 /// `max_pixels`: of the picture, width times height. Errors are one line for the visitor, with the name that is wrong.
 base::Result<PictureRequest> parsePictureRequest(const Query& query, std::uint64_t max_pixels);
