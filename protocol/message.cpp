@@ -5,6 +5,7 @@
 #include <cmath>
 #include <optional>
 #include <string_view>
+#include <type_traits>
 #include <utility>
 
 #include "base/check.h"
@@ -152,8 +153,11 @@ const char* readCamera(FieldReader& fields, base::ViewCamera& camera) {
 
 // ---- lists of keys: Eviction and Holdings ----
 
-template <class Keys>
-void writeKeys(base::ByteWriter& out, const Keys& keys) {
+template <class Message>
+concept ListOfKeys = std::is_same_v<Message, Eviction> || std::is_same_v<Message, Holdings>;
+
+template <ListOfKeys Keys>
+void writeBody(base::ByteWriter& out, const Keys& keys) {
   LUMIGRID_CHECK_LE(keys.faces.size(), kMaxKeysPerMessage);
   LUMIGRID_CHECK_LE(keys.groups.size(), kMaxKeysPerMessage);
   out.u32(static_cast<std::uint32_t>(keys.faces.size()));
@@ -162,8 +166,8 @@ void writeKeys(base::ByteWriter& out, const Keys& keys) {
   for (std::uint32_t group : keys.groups) out.u32(group);
 }
 
-template <class Keys>
-base::Result<void> readKeys(base::ByteReader& in, Keys& keys) {
+template <ListOfKeys Keys>
+base::Result<void> readBody(base::ByteReader& in, Keys& keys) {
   const std::uint32_t face_count = in.u32();
   const std::uint32_t group_count = in.u32();
   if (!in.ok()) return bad("is cut short");
@@ -220,19 +224,6 @@ base::Result<void> readBody(base::ByteReader& in, View& view) {
   if (!fields.flags_are_valid) return bad("its frame flag is neither 0 nor 1");
   if (view.frame_quality < 1 || view.frame_quality > 100) return bad("its frame quality is outside 1 to 100");
   return {};
-}
-
-void writeBody(base::ByteWriter& out, const Eviction& keys) {
-  writeKeys(out, keys);
-}
-base::Result<void> readBody(base::ByteReader& in, Eviction& keys) {
-  return readKeys(in, keys);
-}
-void writeBody(base::ByteWriter& out, const Holdings& keys) {
-  writeKeys(out, keys);
-}
-base::Result<void> readBody(base::ByteReader& in, Holdings& keys) {
-  return readKeys(in, keys);
 }
 
 // ---- server to client ----
