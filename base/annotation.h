@@ -13,7 +13,7 @@
 namespace base {
 
 inline constexpr const char* kAnnotationsFile = "annotations.json";
-inline constexpr std::size_t kMaxAnnotationsBytes = std::size_t{16} << 20;  ///< of the file
+inline constexpr std::size_t kMaxAnnotationsBytes = std::size_t{16} << 20;  ///< length of the file
 inline constexpr std::size_t kMaxAnnotations = 500;
 inline constexpr std::size_t kMaxAnnotationTitle = 200;    ///< bytes of UTF-8
 inline constexpr std::size_t kMaxAnnotationText = 10'000;  ///< bytes of UTF-8

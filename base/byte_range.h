@@ -31,10 +31,10 @@ std::string formatContentRange(const RangeRequest& range, std::uint64_t size);
 struct ContentRange {
   bool has_bytes = false;  ///< false for "bytes */1234"
   std::uint64_t first = 0, last = 0;
-  std::optional<std::uint64_t> size;  ///< of the whole object
+  std::optional<std::uint64_t> size;  ///< length of the whole object
 };
 
-/// Nothing for any other text, and nothing where last < first or last >= size.
+/// Reads "bytes a-b/size"; nullopt for any other text, and where last < first or last >= size.
 std::optional<ContentRange> parseContentRange(const std::string& text);
 
 /// A number of 1 to 18 decimal digits, so below 2^63; nothing for any other text.

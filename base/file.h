@@ -25,7 +25,7 @@ void syncDirectoryOf(const std::string& path);
 /// A descriptor of an open file, closed with the object. An flock on it goes with it.
 class FileDescriptor {
  public:
-  explicit FileDescriptor(int fd = -1) : fd_(fd) {}  ///< of open(); below 0: none
+  explicit FileDescriptor(int fd = -1) : fd_(fd) {}  ///< a descriptor that open() returned; below 0: none
   FileDescriptor(FileDescriptor&& other) noexcept : fd_(std::exchange(other.fd_, -1)) {}
   FileDescriptor& operator=(FileDescriptor&& other) noexcept {
     std::swap(fd_, other.fd_);

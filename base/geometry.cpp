@@ -157,7 +157,7 @@ glm::dvec3 closestWeightsOnTriangle(const glm::dvec3& p, const glm::dvec3& a, co
 
 glm::dvec3 closestPointOnTriangle(const glm::dvec3& p, const glm::dvec3& a, const glm::dvec3& b, const glm::dvec3& c) {
   const glm::dvec3 weight = closestWeightsOnTriangle(p, a, b, c);
-  // From corner a on: exact at the corners.
+  // The sum starts from corner a, so that it is exact at the corners.
   return weight.y == 1.0 ? b : weight.z == 1.0 ? c : a + (b - a) * weight.y + (c - a) * weight.z;
 }
 

@@ -21,7 +21,7 @@ void useLargePages([[maybe_unused]] int bytes) {
   const auto heapEnd = [] { return reinterpret_cast<std::uintptr_t>(::sbrk(0)); };
   const std::uintptr_t begin = (heapEnd() + kPage - 1) / kPage * kPage;
   ::mallopt(M_TOP_PAD, bytes);
-  // The allocator has no block of this size at hand, so it extends the heap by it and by the padding.
+  // The allocator has no free block of this size, so it extends the heap by it and by the padding.
   if (void* room = std::malloc(16 * kMegabyte)) {
     *static_cast<volatile char*>(room) = 0;
     std::free(room);

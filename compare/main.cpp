@@ -35,7 +35,7 @@ void declare(CLI::App& app, Arguments& a) {
   app.add_option("--cutoffs", o.cutoffs, "pixels: settings of qsplat, each with every kernel")
       ->delimiter(',')
       ->check(CLI::Range(0.0, 1000.0));
-  app.add_option("--proxy-tolerance", o.proxy_tolerance, "pixels: of the proxy under the images")
+  app.add_option("--proxy-tolerance", o.proxy_tolerance, "error of the proxy under the images, pixels")
       ->check(CLI::Range(0.1, 1000.0));
   app.add_option("--points", o.points, "sampling points per view")->check(CLI::Range(1, 64));
   app.add_option("--samples", o.samples, "images blended per frame at most")->check(CLI::Range(1, 32));
@@ -43,10 +43,14 @@ void declare(CLI::App& app, Arguments& a) {
   app.add_option("--truth-supersampling", o.truth_supersampling, "n x n samples a pixel of the truth")
       ->check(CLI::Range(1, 8));
   app.add_option("--settle", o.settle_seconds, "seconds to wait at most for a view to be complete");
-  app.add_option("--realtime", o.realtime_fps, "frames per second, drawn whatever has come; 0: wait for each view");
+  app.add_option("--realtime", o.realtime_fps,
+                 "frames per second, drawn with the data that have arrived; 0: wait for each view");
   app.add_option("--bandwidth", a.bandwidth,
                  "link to emulate, such as 20Mbit or 384kbit (default: the loopback as it is)");
-  app.add_option("--latency", a.latency, "round trip of that link, such as 30ms (default: none)");
+  app.add_option(
+      "--latency", a.latency,
+      "delay that the emulated link adds to each message towards the viewer, so once per round trip, such as "
+      "30ms (default: none)");
   app.add_option(
          "--method", o.methods,
          "methods to run; the proxy without images goes with lumigraph; qsplat is drawn from the scene's file, and "

@@ -27,7 +27,7 @@ struct RunOptions {
   int truth_supersampling = 4;                                ///< n × n samples a pixel
   double settle_seconds = 20.0;                               ///< longest wait per frame for its data
   double realtime_fps = 0.0;      ///< above 0: frames are drawn at this rate instead, without waiting
-  double bytes_per_second = 0.0;  ///< of the link; 0: unlimited, as the loopback is
+  double bytes_per_second = 0.0;  ///< rate of the link; 0: unlimited, as the loopback is
   double latency_seconds = 0.0;
   std::uint64_t cache_bytes = 50'000'000;
   bool pictures = true;  ///< whether to write each method's pictures and differences beside the truth

@@ -41,7 +41,7 @@ class MeshStream {
     corners.reserve(3 * kBlock);
   }
 
-  std::vector<glm::dvec3> positions;  ///< of the block being filled
+  std::vector<glm::dvec3> positions;  ///< positions of the block being filled
   std::vector<glm::vec3> normals;     ///< empty, or as many
   std::vector<glm::u8vec4> colors;    ///< empty, or as many
   std::vector<std::uint64_t> corners;

@@ -17,7 +17,7 @@ struct ObjReader {
   explicit ObjReader(MeshStream& stream) : out(stream) {}
 
   MeshStream& out;
-  std::vector<glm::vec3> file_normals;  // of the vn lines
+  std::vector<glm::vec3> file_normals;  // normals of the vn lines
   std::vector<std::uint64_t> corners;   // the face's vertices
   std::vector<glm::vec3> normals;       // the face's normals, up to the last corner that names one
   std::int64_t highest_index = -1;      // the highest of all faces; checked at the end, when every vertex is known
@@ -27,7 +27,7 @@ struct ObjReader {
   bool has_colors = false;
   bool has_normals = false;
   bool too_many_normals = false;
-  std::vector<glm::vec2> file_uv;  // of the vt lines
+  std::vector<glm::vec2> file_uv;  // texture coordinates of the vt lines
   std::vector<glm::dvec2> uv;      // the face's, where it has a texture; NaN where a corner names none
   std::vector<glm::u8vec4> baked;
   std::map<std::string, std::string> texture_of;  // the picture file of each material

@@ -23,7 +23,7 @@ inline constexpr std::size_t kMaxServerMessage = 16 * 1024 * 1024;
 /// Bytes of a face's value or a group's block that surely fit into one server message: 256 are left for its other
 /// fields. Larger ones are never sent.
 inline constexpr std::size_t kMaxPayload = kMaxServerMessage - 256;
-inline constexpr std::size_t kMaxKeysPerMessage = 8192;  ///< of each kind
+inline constexpr std::size_t kMaxKeysPerMessage = 8192;  ///< keys of each kind
 inline constexpr std::size_t kMaxText = 512;             ///< bytes of a name or reason; encode() cuts longer ones
 inline constexpr std::size_t kMaxUnits = 32;             ///< bytes of the name of a unit of length
 inline constexpr int kMaxViewport = 16384;               ///< pixels a side; also of a face
@@ -80,7 +80,7 @@ struct Welcome {
   bool has_colors = false;
   glm::dvec3 lattice_origin{0.0};
   double lattice_step = 1.0;
-  std::uint32_t group_count = 0, patch_count = 0;  ///< of the whole hierarchy: the limits for Refinement
+  std::uint32_t group_count = 0, patch_count = 0;  ///< counts of the whole hierarchy: the limits for Refinement
   std::uint64_t source_triangles = 0;
   repository::Grid grid;  ///< count 0: no images
   bool can_render_frames = false;

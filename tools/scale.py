@@ -14,7 +14,7 @@ import math
 import re
 import sys
 
-# name: (value, unit, where from). What begins with "assumed" is no measurement: put your own in.
+# name: (value, unit, where from). Values marked "assumed" are not measured: replace them.
 RATES = {
     # The question
     "triangles": (1e9, "", "asked"),

@@ -32,7 +32,7 @@ struct App::Impl {
   std::optional<ViewState> wanted_view;     // a link that was opened before the scene was known
   glm::dvec3 box_min{0.0}, box_max{0.0};    // world
 
-  // The surface drawn into.
+  // The surface into which the client draws.
   int width = 0, height = 0;
   double pixel_ratio = 1.0;
   bool hidden = false;

@@ -220,7 +220,7 @@ void App::Impl::dragHandle(const PointerEvent& event) {
 // ---- the magnifying glass ----
 
 double App::Impl::lensRadius() const {
-  constexpr double kLensShare = 0.18;  // of the view's shorter side
+  constexpr double kLensShare = 0.18;  // share of the view's shorter side
   return kLensShare * std::min(width, height);
 }
 

@@ -15,7 +15,7 @@ namespace {
 
 constexpr int kVersion = 1;
 constexpr std::size_t kMaxNumber = 40;  // characters; the longest that is written has 32
-constexpr int kAngleDecimals = 6;       // of angles in degrees: 2e-8 radian
+constexpr int kAngleDecimals = 6;       // decimals of angles in degrees: 2e-8 radian
 constexpr int kMaxDecimals = 17;
 // The angle of a view whose link names none, and the limits of the angles that are accepted. They are choices.
 constexpr double kDefaultFovDegrees = 45.0;

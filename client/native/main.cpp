@@ -97,7 +97,7 @@ void addContentOptions(CLI::App& app, Arguments& a) {
   app.add_option("--patch-tolerance", a.patch_tolerance,
                  "Patches are refined until their error is at most this, in pixels")
       ->check(CLI::Range(0.0, 1000.0));
-  app.add_option("--max-triangles", a.max_triangles, "... or until this many triangles are drawn")
+  app.add_option("--max-triangles", a.max_triangles, "Refinement stops at this many triangles")
       ->check(CLI::Range(1'000, 1'000'000'000));
 }
 
@@ -142,8 +142,10 @@ void addLimitOptions(CLI::App& app, Arguments& a) {
   app.add_option("--threads", a.threads, "Threads that decode images")->check(CLI::Range(1, 64));
   app.add_option("--bandwidth", a.bandwidth,
                  "Emulate a link of this rate, such as 20Mbit (default: as fast as it comes)");
-  app.add_option("--latency", a.latency,
-                 "Emulate a link with this delay on the way here, such as 30ms (default: none)");
+  app.add_option(
+      "--latency", a.latency,
+      "Delay that the emulated link adds to each message towards the viewer, so once per round trip, such as "
+      "30ms (default: none)");
   app.add_option("--connect-timeout", a.connect_timeout, "Headless: seconds without the server before giving up")
       ->check(CLI::Range(0.1, 3600.0));
 }

@@ -45,7 +45,7 @@ struct Sample {
   int array = 0;
   int layer = 0;
   bool depth_drawn = false;
-  std::uint64_t depth_signature = 0;  ///< of the patches in its depth map
+  std::uint64_t depth_signature = 0;  ///< signature of the patches in its depth map
   // Fade in time: from fade_from towards 1 (wanted) or 0, since fade_since.
   bool wanted = false;
   float fade_from = 0.0F;
@@ -96,8 +96,8 @@ struct LumigraphRenderer::Impl {
     float error_per_distance = 0.0F;
     float push_per_distance = 0.0F;
     std::vector<std::uint32_t> patches;  ///< front to back, without those that the section cuts away
-    std::vector<float> errors_px;        ///< of each patch
-    std::vector<base::Aabb> boxes;       ///< of each patch
+    std::vector<float> errors_px;        ///< beside `patches`
+    std::vector<base::Aabb> boxes;       ///< beside `patches`
     std::vector<std::uint32_t> occluders;
     std::vector<Sample*> active;  ///< in the uniform block
   };

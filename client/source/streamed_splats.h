@@ -69,7 +69,7 @@ class StreamedSplats final : public SplatView {
   std::optional<base::Camera> drawn_from_;
   double drawn_at_ = -1e300;   ///< seconds; end of the last drawing
   double draw_seconds_ = 0.0;  ///< seconds; duration of the last drawing
-  float reduction_ = 1.0F;     ///< of the last drawing, pixels a side for each sample
+  float reduction_ = 1.0F;     ///< resolution of the last drawing, pixels a side for each sample
   std::unique_ptr<lod::draw::SplatRenderer> renderer_;
 };
 

@@ -22,7 +22,7 @@ struct Viewer::Impl {
   /// Expected use below which an image does not matter for the present view: a thousandth of the picture.
   static constexpr float kNeededUse = 1e-3F;
 
-  /// The way of an image to the GPU.
+  /// The state of an image on its way from the cache to the GPU.
   enum class ImageState {
     kCached,
     kDecoding,
@@ -74,7 +74,7 @@ struct Viewer::Impl {
   std::vector<glm::dvec3> pins;  // world
   std::optional<PinProbe> probe;
   std::vector<bool> pins_visible;
-  std::uint64_t drawn_signature = 0;  // of the picture against which the pins were tested
+  std::uint64_t drawn_signature = 0;  // signature of the picture against which the pins were tested
 
   base::Result<void> startScene();
   base::Result<void> startRenderer();

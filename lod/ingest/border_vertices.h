@@ -26,8 +26,8 @@ inline glm::i64vec3 latticeNormal(const glm::ivec3& a, const glm::ivec3& b, cons
 
 /// Sums over a vertex' corners. They are whole numbers, so that the order in which buckets add to them does not matter.
 struct VertexSums {
-  std::int64_t face[3] = {0, 0, 0};    ///< of latticeNormal
-  std::int64_t normal[3] = {0, 0, 0};  ///< of the given normals
+  std::int64_t face[3] = {0, 0, 0};    ///< sum of latticeNormal
+  std::int64_t normal[3] = {0, 0, 0};  ///< sum of the given normals
   std::int64_t color[3] = {0, 0, 0};
   std::int64_t colored = 0;  ///< how many corners have a colour
 
@@ -81,7 +81,7 @@ inline constexpr std::uint32_t kNotOnBorder = 0xFFFFFFFFU;
 /// A triangle with a corner on the border.
 struct BorderTriangle {
   std::uint32_t triangle = 0;                                           ///< its place in the bucket
-  std::uint32_t place[3] = {kNotOnBorder, kNotOnBorder, kNotOnBorder};  ///< of its corners among BorderVertices
+  std::uint32_t place[3] = {kNotOnBorder, kNotOnBorder, kNotOnBorder};  ///< numbers of its corners among BorderVertices
   Corner corner[3];
 };
 

@@ -26,7 +26,7 @@ constexpr std::uint32_t kSmallTableBits = 12;
 constexpr std::size_t kFewSplitters = 16;
 constexpr std::size_t kMaxBlocks = 10;                           // in memory at a time, each of some ten megabytes
 constexpr std::uint32_t kMaxRunTriangles = 256;                  // so that no buffer grows far beyond its limit
-constexpr std::uint64_t kBufferBytes = std::uint64_t{64} << 20;  // of all buckets together
+constexpr std::uint64_t kBufferBytes = std::uint64_t{64} << 20;  // bytes of all buckets together
 
 // The corners of a triangle, as far as the windows so far have filled them in.
 struct CornerRecord {
@@ -179,7 +179,7 @@ class BucketSorter {
     SpooledTriangles block;
     std::vector<CornerRecord> records;  // filled by several windows; empty where there is one
     base::Bytes packed;                 // the triangles that are kept, packed for their buckets
-    std::vector<Run> runs;              // of the packed triangles
+    std::vector<Run> runs;              // runs of the packed triangles
     std::vector<std::uint64_t> border;
     BucketCounts counts;
   };

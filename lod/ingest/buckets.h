@@ -42,7 +42,7 @@ class Buckets {
   /// (no triangle keeps its area on the lattice).
   static base::Result<Buckets> sort(const SourceSpool& source, const SourceInfo& info, const SourceLattice& lattice,
                                     const std::string& directory, const BucketOptions& options);
-  /// The tables to store beside the file, and the buckets opened again with them.
+  /// Returns the tables to store beside the file, with which open() opens the buckets again.
   base::Bytes encodeTables() const;
   static base::Result<Buckets> open(const std::string& directory, base::ByteView state);
 

@@ -36,7 +36,7 @@ class CodeMap {
   }
   /// Prefetches the slot where `code` will soon be looked up.
   void prefetch(std::uint64_t code) const { __builtin_prefetch(&slots_[slotOf(code)]); }
-  /// Its number, or kNone.
+  /// Returns the number of the code, or kNone.
   std::uint32_t at(std::uint64_t code) const { return slots_[find(code)]; }
   /// Moves out the codes by number; the map cannot be used any more.
   std::vector<std::uint64_t> releaseCodes() { return std::move(codes_); }

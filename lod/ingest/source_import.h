@@ -51,13 +51,13 @@ struct SourceSummary {
   double import_seconds = 0.0;  ///< the part of `seconds` for reading the sources
   double seconds = 0.0;
   double cpu_seconds = 0.0;
-  std::uint64_t bytes = 0;  ///< of the file built
+  std::uint64_t bytes = 0;  ///< length of the built file
 };
 
 struct ImportedSource {
   SourceInfo info;
   glm::dvec3 origin{0.0};
-  std::uint64_t vertex_bytes = 0;  ///< of the spool
+  std::uint64_t vertex_bytes = 0;  ///< length in the spool
   std::uint64_t triangle_bytes = 0;
 };
 /// Goes through Stage::kSpooled, or returns what an earlier run left of it. Errors: those of reading, kNoSpace, kIo.

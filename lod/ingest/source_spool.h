@@ -11,12 +11,12 @@ namespace lod::ingest {
 
 /// Properties of all source files together.
 struct SourceInfo {
-  std::uint64_t vertices = 0;    ///< of all files
-  std::uint64_t triangles = 0;   ///< of all files
+  std::uint64_t vertices = 0;    ///< sum over all files
+  std::uint64_t triangles = 0;   ///< sum over all files
   std::uint64_t referenced = 0;  ///< vertices that some triangle uses
   bool has_normals = false;      ///< some vertices came with one
   bool has_colors = false;
-  glm::dvec3 box_min{0.0};  ///< of the referenced vertices, world
+  glm::dvec3 box_min{0.0};  ///< box of the referenced vertices, world
   glm::dvec3 box_max{0.0};
   double mean_edge = 0.0;  ///< geometric mean over a sample of the edges; 0 when all are points
   std::vector<std::string> warnings;

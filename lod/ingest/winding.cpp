@@ -94,7 +94,7 @@ struct EdgeUses {
   std::vector<Use> uses;
 
   explicit EdgeUses(const NumberedCorners& mesh) : EdgeUses(mesh, std::vector<std::uint8_t>(mesh.codes.size(), 1)) {}
-  /// For some vertices only.
+  /// Collects the uses of edges whose first vertex is wanted.
   EdgeUses(const NumberedCorners& mesh, const std::vector<std::uint8_t>& wanted) {
     first.assign(mesh.codes.size() + 2, 0);
     const auto forEachUse = [&](auto&& body) {

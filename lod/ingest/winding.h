@@ -63,7 +63,7 @@ BucketWinding measureWinding(const NumberedCorners& mesh, std::span<const std::u
 /// must not flip a whole tile.
 class Winding {
  public:
-  /// No triangle is to be flipped in any of so many buckets.
+  /// Declares all `buckets` consistent, so that no triangle is flipped.
   void setConsistent(std::size_t buckets) { first_.assign(buckets + 1, 0); }
   /// Adds the next bucket, in their order.
   void add(const BucketWinding& bucket);

@@ -61,7 +61,7 @@ class WorkDirectory {
   static constexpr std::chrono::milliseconds kStageDelay{200};
   /// Stores the finished stages now, and waits for it. Returns the first error: kNoSpace, kIo, the key's.
   base::Result<void> settle();
-  /// The state that a finished stage left. Errors: kNotFound, kIo, damaged work files.
+  /// Returns the state that a finished stage left. Errors: kNotFound, kIo, damaged work files.
   base::Result<base::Bytes> readStageState(Stage stage) const;
   bool has(const std::string& name) const;
   /// Gives up storing stages, since the output is complete; what is being stored right now is still stored.
@@ -94,7 +94,7 @@ base::Result<void> runStages(std::optional<WorkDirectory>& directory, const std:
 
 /// Says that the work files in `directory` are not what their builder wrote.
 base::Error damagedWorkFiles(const std::string& directory);
-/// Whether an error says so: building again from the source mends it.
+/// Whether the error means damaged work files, which a build from the source replaces.
 bool isDamageError(const base::Error& error);
 
 /// kNoSpace when the disk that `path` will lie on has fewer bytes free.

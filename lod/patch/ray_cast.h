@@ -43,7 +43,7 @@ struct RayHit {
   std::uint32_t group = 0;  ///< in whose block the patch lies: its consumer
   std::uint32_t patch = 0;
   std::uint32_t triangle = 0;  ///< as decoded: corners indices[3 · triangle …]
-  glm::dvec3 weights{0.0};     ///< of these corners, for what is interpolated (colours, normals)
+  glm::dvec3 weights{0.0};     ///< weights of these corners, to interpolate colours and normals
 };
 
 struct RayCast {
@@ -60,8 +60,8 @@ using BlockSource = std::function<base::Result<std::optional<base::ByteView>>(st
 BlockSource blocksOf(const PatchFile& file);
 
 /// The hierarchy at full resolution (`tolerance` 0), or its coarsest cut whose patches all state an error of at most
-/// `tolerance` (scene units; selectUniformCut). Both sides of triangles are met. Of triangles at the same distance the
-/// one with the smallest patch and triangle number is told, so the answer does not depend on the order of blocks.
+/// `tolerance` (scene units; selectUniformCut). Both sides of triangles are hit. At equal distances the triangle with
+/// the smallest patch and triangle number is returned, so the answer does not depend on the order of blocks.
 /// Errors: a ray that is not finite or has no direction, a tolerance below 0, what `blocks` returns, a block that is
 /// damaged or not as long as its record says (named by group and patch).
 base::Result<RayCast> castRay(const Hierarchy& hierarchy, const Ray& ray, const BlockSource& blocks,

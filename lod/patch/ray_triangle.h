@@ -12,7 +12,7 @@ namespace lod::patch {
 
 struct TriangleHit {
   double distance = 0.0;    ///< in lengths of the ray's direction
-  glm::dvec3 weights{0.0};  ///< of the corners; they sum to 1
+  glm::dvec3 weights{0.0};  ///< weights of the corners; they sum to 1
 };
 
 class ShearedRay {

@@ -11,7 +11,7 @@ constexpr float kInfinity = std::numeric_limits<float>::infinity();
 struct GroupProgress {
   std::uint32_t expanded_parents = 0;
   std::uint32_t last_parent = kNoGroup;  ///< so that a parent with several of our patches counts once
-  std::uint32_t visible_triangles = 0;   ///< of the patches it produced, as far as they are in the cut
+  std::uint32_t visible_triangles = 0;   ///< triangles of the patches it produced, as far as they are in the cut
   bool expanded = false;
 };
 
@@ -184,7 +184,7 @@ class CutSelection {
   std::vector<GroupProgress> states_;
   std::vector<Candidate> heap_;
   std::vector<Candidate> wanted_;
-  std::vector<std::uint8_t> visible_;    ///< of the group measured last, one per consumed patch
+  std::vector<std::uint8_t> visible_;    ///< for the group measured last, one per consumed patch
   std::vector<std::uint32_t> drawable_;  ///< visible patches consumed by expanded groups
   Cut cut_;
 };

@@ -35,8 +35,8 @@ struct Cut {
   /// parents are all expanded. Groups that a growing hierarchy doesn't know are not among them: nothing tells their
   /// error, the server does.
   std::vector<std::uint32_t> wanted;
-  std::uint64_t triangles = 0;  ///< of `patches`
-  std::uint64_t cost = 0;       ///< of all patches that `expanded` consume (CutRequest::cost)
+  std::uint64_t triangles = 0;  ///< triangles of `patches`
+  std::uint64_t cost = 0;       ///< cost of all patches that `expanded` consume (CutRequest::cost)
   bool limited = false;         ///< max_triangles or max_cost ended the refinement above the tolerance
   /// Largest projected error among what is drawn (0: leaves). Where a growing hierarchy doesn't know the group that
   /// made a drawn patch, the error that came with the patch is projected at its consumer's sphere: a bound.

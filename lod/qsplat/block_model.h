@@ -316,7 +316,7 @@ class BlockModel {
   const bool colors_;
   const SphereCodes& codes_ = sphereCodes();
   const std::array<int, kNormalSide>& tangents_ = cellTangents();
-  Siblings siblings_;                             ///< of the group that is being coded, so far
+  Siblings siblings_;                             ///< siblings in the group that is being coded, so far
   Siblings last_;                                 ///< the group before
   std::array<int, 3> middles_{};                  ///< sums over siblings_
   std::uint32_t last_turn_ = 3, last_green_ = 3;  ///< magnitudes

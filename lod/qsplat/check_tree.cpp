@@ -103,7 +103,7 @@ class CodedSource final : public BlockSource {
   std::array<std::uint8_t, kBlockBytes> plain_{};
   std::uint64_t number_ = 0;           // number of the block in plain_
   std::uint64_t known_ = 0;            // the last block whose place is known
-  std::deque<std::uint32_t> lengths_;  // of blocks number_ + 1 … known_; the first begins at at_
+  std::deque<std::uint32_t> lengths_;  // lengths of blocks number_ + 1 … known_; the first begins at at_
   std::uint64_t at_ = 0, known_end_ = 0;
   std::string fault_;
 };

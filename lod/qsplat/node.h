@@ -157,7 +157,7 @@ struct Node {
   // The following hold for nodes in groups with a pointer.
   std::uint32_t coneCode() const { return bits >> 27 & 3U; }
   bool isLeaf() const { return (bits >> 29 & 3U) == 0; }
-  /// 0, 2, 3 or 4.
+  /// Returns the number of children: 0, 2, 3 or 4.
   std::uint32_t children() const {
     const std::uint32_t field = bits >> 29 & 3U;
     return field == 0 ? 0 : field + 1;

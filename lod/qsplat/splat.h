@@ -7,8 +7,8 @@ namespace lod::qsplat {
 
 /// A node that is drawn without its children: 20 bytes, laid out as the GPU reads them.
 struct Splat {
-  glm::vec3 center;      ///< of the decoded sphere, scene-local
-  float radius;          ///< of the decoded sphere, scene units
+  glm::vec3 center;      ///< centre of the decoded sphere, scene-local
+  float radius;          ///< radius of the decoded sphere, scene units
   std::uint16_t normal;  ///< normal code in bits 0 … 13, flags above
   std::uint16_t color;   ///< red 5 bits (from bit 11), green 6, blue 5, sRGB; white where the file has none
 

@@ -20,8 +20,8 @@ namespace lod::qsplat {
 /// A node that would be refined, but whose children's block is missing.
 struct MissingChildren {
   std::uint64_t block = 0;  ///< the block of the children
-  std::uint32_t level = 0;  ///< of the node; the root is at 0
-  float radius = 0.0F;      ///< of the node, scene units
+  std::uint32_t level = 0;  ///< level of the node; the root is at 0
+  float radius = 0.0F;      ///< radius of the node, scene units
   float size_px = 0.0F;     ///< projected diameter of the node; infinite where its centre lies behind the eye
   /// Projection of the node's centre, pixels from the picture's upper left corner. It may lie outside, and is undefined
   /// where size_px is infinite.
@@ -72,8 +72,8 @@ struct Traversal {
   std::vector<Splat> splats;
   std::vector<WantedBlock> wanted;  ///< each once, by falling priority, then by number
   std::uint64_t nodes = 0;          ///< decoded
-  std::uint64_t outside = 0;        ///< of these skipped outside the frustum or beyond the section
-  std::uint64_t facing_away = 0;    ///< of these skipped since they face away
+  std::uint64_t outside = 0;        ///< nodes skipped outside the frustum or beyond the section
+  std::uint64_t facing_away = 0;    ///< nodes skipped since they face away
   /// The file contradicts itself: an invalid code, a pointer that is missing or leads back or beyond the file, more
   /// nodes than its header says, or more than 128 levels. The splats found until then are valid.
   bool damaged = false;

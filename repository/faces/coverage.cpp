@@ -29,7 +29,7 @@ constexpr std::size_t kHeaderBytes = 1;
 // The format fixes these numbers (docs/formats/repository.md, "Coder").
 constexpr std::uint32_t kMinRange = 1U << 24;  // LZMA's: below it a byte is shifted out
 constexpr int kProbabilityBits = 16;
-constexpr std::uint32_t kMinProbability = 48;  // of 65536, for either symbol
+constexpr std::uint32_t kMinProbability = 48;  // share of 65536, for either symbol
 constexpr std::uint8_t kMaxCount = 40;         // symbols after which the rate of learning stays at 1 / 41.5
 
 // rates[n] = 65536 / (n + 1.5). After n symbols the next one moves the probability by about its share, so that a
@@ -43,7 +43,7 @@ constexpr auto kRates = makeRates();
 
 // The probability of a zero in one context, learned from the symbols seen there.
 struct Model {
-  std::uint16_t zero = 32768;  // of 65536
+  std::uint16_t zero = 32768;  // share of 65536
   std::uint8_t count = 0;
 
   void updateProbability(bool bit) {

@@ -18,7 +18,7 @@ struct S3Request {
   std::string path = "/";                      ///< percent-encoded once, as it is sent
   std::map<std::string, std::string> query;    ///< not encoded
   std::map<std::string, std::string> headers;  ///< to be signed; names in lower case; "host" is among them
-  std::string payload_sha256;                  ///< of the body, hex
+  std::string payload_sha256;                  ///< digest of the body, hex
 };
 
 /// Encodes and sorts the query as it is both signed and sent: "a=1&b=%2F".

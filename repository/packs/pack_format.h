@@ -42,7 +42,7 @@ struct PackEntry {
 struct FaceRun {
   std::uint64_t cell = 0;     ///< code >> 6
   std::uint64_t present = 0;  ///< bit (code & 63) is set for each face
-  std::uint32_t offset = 0;   ///< of the first value, in the pack
+  std::uint32_t offset = 0;   ///< offset of the first value in the pack
 };
 
 // --- Packs

@@ -17,9 +17,9 @@ namespace repository {
 
 struct PackStoreOptions {
   std::uint64_t block_cache_bytes = std::uint64_t{16} << 20;  ///< for decoded index blocks, about 20 KB each
-  /// getMany reads values of a pack that lie no farther apart than this as one range …
+  /// getMany reads values of a pack that lie no farther apart than this as one range.
   std::uint64_t gap_bytes = std::uint64_t{64} << 10;
-  /// … of at most this many bytes.
+  /// A range covers at most this many bytes.
   std::uint64_t range_bytes = std::uint64_t{8} << 20;
   /// The number of reads that getMany and check run at a time, 1 or more. More of them pay where each read takes a
   /// round trip.

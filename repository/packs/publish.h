@@ -22,12 +22,12 @@ struct PublishOptions {
 
 struct PublishProgress {
   std::uint64_t keys_done = 0, keys_total = 0;
-  std::uint64_t bytes = 0;  ///< of packs made so far
+  std::uint64_t bytes = 0;  ///< bytes of the packs made so far
 };
 
 struct PublishedImages {
   std::string index;         ///< the index object's name
-  std::string index_sha256;  ///< of the whole object, lower-case hex
+  std::string index_sha256;  ///< digest of the whole object, lower-case hex
   std::uint64_t index_bytes = 0;
   std::vector<std::string> pack_names;  ///< in order of keys
   std::uint64_t keys = 0, empty = 0;

@@ -26,7 +26,7 @@ namespace server {
 struct PointSelection {
   std::uint32_t views = 0;         ///< random views that points are selected for; 0: all points of the grid
   double worth = 0.97;             ///< share of the whole grid's worth to these views that is kept, above 0 to 1
-  std::uint64_t budget_bytes = 0;  ///< of all images and masks together; 0: no limit
+  std::uint64_t budget_bytes = 0;  ///< bytes of all images and masks together; 0: no limit
   bool by_viewers = false;         ///< the views are drawn where viewers were, not anywhere
 };
 

@@ -14,7 +14,7 @@
 namespace server {
 namespace {
 
-constexpr std::uint32_t kMaxBytes = std::uint32_t{256} << 20;  // of a message; the largest face takes far less
+constexpr std::uint32_t kMaxBytes = std::uint32_t{256} << 20;  // length of a message; the largest face takes far less
 
 base::Error broken(const std::string& what) {
   return {base::ErrorCode::kIo, "drawing process: " + what};

@@ -38,7 +38,7 @@ class ImageBytes {
   const BakeOptions& options_;
   std::unique_ptr<base::HeadlessContext> context_;
   std::unique_ptr<SceneRenderer> renderer_;                 // goes before its context
-  std::unordered_map<std::uint64_t, std::uint64_t> bytes_;  // of a point's six faces, by its code
+  std::unordered_map<std::uint64_t, std::uint64_t> bytes_;  // bytes of a point's six faces, by its code
 };
 
 }  // namespace server

@@ -37,7 +37,7 @@ struct PointOrder {
 /// The sum of what the choices for all views gain.
 struct Worth {
   double sum = 0.0;
-  std::map<glm::uvec3, double, PointOrder> of_points;  ///< of the points that any view chooses
+  std::map<glm::uvec3, double, PointOrder> of_points;  ///< worth of each point that some view chooses
 };
 
 /// A view's question for points, and the surface that the view shows.

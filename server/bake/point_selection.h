@@ -1,8 +1,8 @@
 #pragma once
 // Sampling by use (Okamoto 2011 names it as future work): only those points of a grid get images that a client would be
 // sent. Nobody's view chooses most of a grid's points: for views from anywhere the points between viewer and surface
-// are worth most, and one of two neighbours does. What a point is worth is known before anything is rendered: it is the
-// server's own choice (plan/point_choice.h), made for random views.
+// are worth most, and one of two neighbours does. The worth of a point is computed before any image is rendered, from
+// the server's own choice (plan/point_choice.h) for random views.
 #include <functional>
 #include <optional>
 #include <string>

@@ -21,7 +21,7 @@ struct TuneChoice {
   int quality = 0;  ///< 1..100
   repository::Subsampling subsampling = repository::Subsampling::k420;
   double psnr_db = 0.0;          ///< reached on the sample, at least the asked one
-  std::uint64_t jpeg_bytes = 0;  ///< of the whole sample; masks are the same at every quality
+  std::uint64_t jpeg_bytes = 0;  ///< bytes of the whole sample; masks are the same at every quality
   std::size_t faces = 0;         ///< in the sample
   friend bool operator==(const TuneChoice&, const TuneChoice&) = default;
 };

@@ -10,8 +10,8 @@
 
 namespace server::cli {
 
-/// Exit statuses.
-inline constexpr int kDone = 0, kFailed = 1, kWrongUsage = 2;
+/// Exit statuses. Only `build --missing` returns kMissing: something is missing.
+inline constexpr int kDone = 0, kFailed = 1, kWrongUsage = 2, kMissing = 3;
 
 /// Prints "lumigrid: message" to standard error; returns kFailed.
 int fail(const base::Error& error);
@@ -42,8 +42,8 @@ class ProgressLine {
 using base::formatBytes;
 using base::formatCount;
 std::string formatSeconds(double seconds);  ///< "2 min 10 s"
-std::uint64_t residentBytes();              ///< of this process, now
-std::uint64_t peakResidentBytes();          ///< of this process, so far
+std::uint64_t residentBytes();              ///< memory of this process, now
+std::uint64_t peakResidentBytes();          ///< memory of this process, so far
 
 /// After this, SIGINT and SIGTERM only set a flag, so that work stops at a clean place; a second one ends the process
 /// at once.

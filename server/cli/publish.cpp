@@ -41,7 +41,7 @@ struct PublishReport {
   std::optional<PublishedPage> page;
   std::optional<std::size_t> annotations;
   std::uint64_t part_bytes = 0;     ///< patch.lgp and its like
-  std::uint64_t bytes_written = 0;  ///< of parts and images
+  std::uint64_t bytes_written = 0;  ///< bytes of parts and images
   std::uint64_t pruned = 0;
   double seconds = 0.0;
 };
@@ -250,10 +250,12 @@ RunCommand addPublish(CLI::App& command) {
   auto a = std::make_shared<PublishArguments>();
   command.add_option("SCENE", a->scene, "scene directory, built or published")->required();
   command
-      .add_option("DEST", a->destination,
-                  "a directory, made when it is not there. A web server or CDN that serves it, or a copy in a bucket, "
-                  "serves the scene (docs/hosting.md). What is there of an earlier version stays readable, and what "
-                  "did not change is not written again; a run that was stopped goes on")
+      .add_option(
+          "DEST", a->destination,
+          "a directory, made when it is not there, or a bucket: s3://bucket/scene (docs/places.md). Any web server or "
+          "CDN that serves these files serves the scene (docs/hosting.md). What is there of an earlier version stays "
+          "readable, and what "
+          "did not change is not written again; a run that was stopped goes on")
       ->required();
   command
       .add_option("--pack-size", a->images.pack_bytes,

@@ -9,7 +9,7 @@
 namespace server::cli {
 namespace {
 
-constexpr std::size_t kMaxPrintedGaps = 10;  // of each shard, for people; JSON has all
+constexpr std::size_t kMaxPrintedGaps = 10;  // gaps of each shard, for people; JSON has all
 
 std::string placeOf(const repository::FaceKey& key) {
   std::ostringstream name;

@@ -33,9 +33,7 @@ struct MissingParts {
   bool files() const { return hierarchy || splats; }
   bool any() const { return files() || declaration || !images.empty(); }
 };
-/// The exit status of `build --missing` when something is missing.
-inline constexpr int kMissing = 3;
-/// Prints what is missing, for people or as JSON; returns the exit status.
+/// Prints the missing parts, for people or as JSON; returns the exit status.
 int reportMissing(const std::string& scene, const MissingParts& missing, bool json);
 /// Indices of the shards as a Slurm array takes them: "0,2-5".
 std::string arrayOf(const std::vector<repository::ShardGaps>& shards);

@@ -64,10 +64,11 @@ RunCommand addTour(CLI::App& command) {
   command
       .add_option(
           "--random", a->random,
-          "so many views from random places in the viewing box, but behind its surface, instead of an orbit; 0: none")
+          "this many views from random places in the viewing box, never inside or behind the model, instead of an "
+          "orbit; 0: none")
       ->check(CLI::Range(0, 100000));
-  command.add_option("--seed", a->seed, "of the random views");
-  command.add_option("--margin", a->margin, "of the viewing box, as of `lumigrid build`")
+  command.add_option("--seed", a->seed, "seed of the random views");
+  command.add_option("--margin", a->margin, "margin of the viewing box, as for `lumigrid build`")
       ->check(CLI::Range(0.0, 100.0));
   return [a] { return exitStatus(run(*a)); };
 }

@@ -248,7 +248,7 @@ constexpr float kBorderReach = 4.0F;
 /// The number of open edges that do not run along the source's border.
 std::size_t strayEdges(const std::vector<OpenEdge>& open_edges, const SourceBorder& border,
                        const lod::Lattice& lattice) {
-  const auto rounding = static_cast<float>(2.0 * lattice.positionError());  // of both surfaces
+  const auto rounding = static_cast<float>(2.0 * lattice.positionError());  // the error of both surfaces
   return static_cast<std::size_t>(std::count_if(open_edges.begin(), open_edges.end(), [&](const OpenEdge& e) {
     const glm::vec3 a = lattice.position({e.from[0], e.from[1], e.from[2]});
     const glm::vec3 b = lattice.position({e.to[0], e.to[1], e.to[2]});

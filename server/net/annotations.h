@@ -31,7 +31,7 @@ class Annotations {
   void readFile();
 
   const std::string directory_;
-  std::optional<FileStamp> stamp_;  ///< of the file that was read; none: there was no file
+  std::optional<FileStamp> stamp_;  ///< stamp of the file that was read; none: there was no file
   Document document_;
 };
 

@@ -16,7 +16,7 @@
 namespace server {
 namespace {
 
-constexpr std::uint64_t kPatchBytes = std::uint64_t{2} << 30;  // of GPU memory, for the patches of all scenes together
+constexpr std::uint64_t kPatchBytes = std::uint64_t{2} << 30;  // GPU memory for the patches of all scenes together
 constexpr RenderOptions kExactFrame{.tolerance_px = base::ViewDefaults::kExactTolerance, .supersampling = 2};
 
 }  // namespace
@@ -50,7 +50,7 @@ struct FrameRenderer::Impl {
   std::condition_variable changed;
   std::deque<FrameJob> queue;                   // one per client at most, oldest first
   std::deque<PictureJob> pictures;              // oldest first
-  std::optional<std::uint64_t> current_client;  // of current_picture
+  std::optional<std::uint64_t> current_client;  // the client of current_picture
   bool current_cancelled = false;               // nobody wants current_picture any more
   bool stopping = false;
   std::optional<PictureJob> current_picture;  // used by the thread alone

@@ -92,7 +92,7 @@ class HttpSession final : public Connection {
   std::optional<std::uint64_t> awaited_;  // id of the answer
   std::optional<SteadyTimer> answer_timer_;
   std::size_t picture_bytes_ = 0;  // counted in Hub::unsent_picture_bytes
-  bool header_written_ = false;    // of a reply from a remote file
+  bool header_written_ = false;    // the header of a reply from a remote file
   HttpReply reply_;
   std::optional<http::response<Body>> response_;
   std::optional<http::response_serializer<Body>> serializer_;

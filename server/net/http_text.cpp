@@ -9,7 +9,7 @@ namespace server {
 namespace {
 
 constexpr std::size_t kMaxParameters = 32;  // /render, which knows most, knows 15
-constexpr std::size_t kTagBytes = 16;       // of the digest's 32; 128 bits never collide by chance
+constexpr std::size_t kTagBytes = 16;       // bytes of the digest's 32; 128 bits never collide by chance
 constexpr std::string_view kSpace = " \t";
 
 std::string_view trimmed(std::string_view text) {

@@ -32,15 +32,15 @@ std::string defaultCacheDirectory();
 /// Owns everything that `data` points to, and so must not be moved.
 struct OpenScene {
   base::Scene scene;
-  lod::patch::PatchFile patches;                            ///< empty where data.patches is null: a splats-only scene
-  std::unique_ptr<repository::Store> images;                ///< null: the scene has no repository
-  repository::PackStore* packs = nullptr;                   ///< `images` of a published scene; null for a built one
-  repository::SampledPoints points;                         ///< of the repository
-  base::Bytes scene_json;                                   ///< the bytes of the file
-  std::string directory;                                    ///< of a local scene; empty: remote
-  std::string annotations_json;                             ///< of a remote scene, checked; empty: it has none
-  base::MappedFile patch_bytes;                             ///< patch.lgp, for byte ranges
-  base::MappedFile splat_bytes;                             ///< qsplat.lgq likewise; empty: not built, or remote
+  lod::patch::PatchFile patches;              ///< empty where data.patches is null: a splats-only scene
+  std::unique_ptr<repository::Store> images;  ///< null: the scene has no repository
+  repository::PackStore* packs = nullptr;     ///< `images` of a published scene; null for a built one
+  repository::SampledPoints points;           ///< points of the repository
+  base::Bytes scene_json;                     ///< the bytes of the file
+  std::string directory;                      ///< directory of a local scene; empty: remote
+  std::string annotations_json;               ///< annotations of a remote scene, checked; empty: it has none
+  base::MappedFile patch_bytes;               ///< patch.lgp, for byte ranges
+  base::MappedFile splat_bytes;               ///< qsplat.lgq likewise; empty: not built, or remote
   std::unique_ptr<repository::ObjectSource> remote_splats;  ///< reads a remote qsplat.lgq by ranges; null: no such file
   std::unique_ptr<lod::patch::ProxySight> sight;  ///< null: no images, or the hierarchy's coarse patches are damaged
   SceneData data;                                 ///< for sessions; can_render_frames is false until a renderer runs

@@ -22,7 +22,7 @@ constexpr int kMaxSide = 32'768;      // pixels; SceneRenderer draws no larger p
 constexpr Rgb kWhite{255, 255, 255};  // the background of formats without alpha
 constexpr double kMinFovDegrees = 0.05, kMaxFovDegrees = 179.9;
 constexpr double kMinTolerance = 0.2, kMaxTolerance = 1000.0;  // pixels; below the minimum nothing changes visibly
-constexpr double kMinSine = 1e-6;                              // of the angle between up and direction
+constexpr double kMinSine = 1e-6;                              // sine of the angle between up and direction
 
 base::Error wrong(const std::string& what) {
   return {base::ErrorCode::kInvalidInput, "/render: " + what + " (docs/formats/http.md)"};

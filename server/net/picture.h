@@ -20,7 +20,7 @@ struct PictureRequest {
   enum class Format { kPng, kJpeg };
   base::ViewCamera camera;
   Format format = Format::kPng;
-  int quality = 90;                                          ///< of a JPEG, 1..100
+  int quality = 90;                                          ///< quality of a JPEG, 1..100
   int supersampling = 2;                                     ///< n × n samples a pixel, 1..4
   std::optional<Rgb> background;                             ///< none: transparent
   float tolerance_px = base::ViewDefaults::kExactTolerance;  ///< projected error of the patches; invisible at the

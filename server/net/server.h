@@ -46,7 +46,7 @@ class Server {
                                                     const ServerOptions& options);
   ~Server();
   std::uint16_t port() const;
-  std::vector<std::string> names() const;  ///< of the scenes, in their order; a single scene's name is empty
+  std::vector<std::string> names() const;  ///< names of the scenes, in their order; a single scene's name is empty
   base::Result<void> run(bool handle_signals);
   void stop();
 

@@ -35,9 +35,9 @@ struct HttpReply {
   std::string type = "text/plain; charset=utf-8";
   const char* cache = "no-cache";
   std::string text = {};      ///< the body, unless `bytes`, `owned` or `remote` has one
-  base::ByteView bytes = {};  ///< of the site, with which they live
+  base::ByteView bytes = {};  ///< bytes of the site, with which they live
   base::Bytes owned = {};
-  RemoteBody remote = {};    ///< of some length: then this is the body
+  RemoteBody remote = {};    ///< part of a remote file; length 0: none
   bool has_length = true;    ///< false: a HEAD that does not say how long the body were
   HttpHeaders headers = {};  ///< besides type and cache
 
@@ -72,8 +72,8 @@ class Site {
     std::string plain;                                 ///< "/patch.lgp"
     std::string path;                                  ///< the same, or with the name that scene.json has for it
     std::string etag;                                  ///< empty where scene.json has no SHA-256
-    base::ByteView bytes;                              ///< of a local file
-    const repository::ObjectSource* source = nullptr;  ///< of a remote file; null: it is local
+    base::ByteView bytes;                              ///< bytes of a local file
+    const repository::ObjectSource* source = nullptr;  ///< reads a remote file; null: it is local
     std::uint64_t size = 0;
   };
   SceneFile sceneFile(const std::string& stem, const std::string& extension) const;

@@ -29,7 +29,7 @@ struct SplatPicture {
   base::Image rgba;  ///< alpha: 255 where all samples of the pixel saw the model, 0 where none did
   std::uint64_t splats = 0;
   std::uint64_t nodes = 0;   ///< visited
-  std::uint64_t blocks = 0;  ///< of the file, used by any picture since create()
+  std::uint64_t blocks = 0;  ///< blocks of the file that any picture used since create()
   std::uint64_t bytes = 0;   ///< length of these blocks in the file
 };
 

@@ -25,7 +25,7 @@ constexpr std::size_t kMaxPrefetchedFaces = 16;  // per request, so that a new v
 
 struct Session::Impl {
   enum class Phase { kGreeting, kReady, kRefused };
-  enum class FramePhase { kNone, kDue, kRendering };  ///< of the newest view's exact frame
+  enum class FramePhase { kNone, kDue, kRendering };  ///< phase of the newest view's exact frame
 
   explicit Impl(const SceneData& shared) : scene(shared) {}
 

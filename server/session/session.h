@@ -59,7 +59,7 @@ using FaceRequest = std::vector<repository::FaceKey>;
 struct SessionCounts {
   std::uint64_t views = 0;                          ///< received
   std::uint64_t groups = 0, faces = 0, frames = 0;  ///< sent
-  std::uint64_t bytes = 0;                          ///< of all messages that nextMessage() returned
+  std::uint64_t bytes = 0;                          ///< bytes of all messages that nextMessage() returned
   std::uint64_t missing = 0;                        ///< wanted faces that the store lacks (not baked yet)
   std::uint64_t corrupt = 0;                        ///< faces and blocks whose checksum failed
 };

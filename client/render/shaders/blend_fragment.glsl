@@ -19,8 +19,8 @@ uniform sampler2DArrayShadow u_depth2;
 
 uniform vec4 u_eye;                    // homogeneous; parallel views: w is 0, xyz the rays' direction, distances are 1
 uniform vec2 u_viewport;               // pixels
-uniform float u_pixels_per_unit;       // of the view, at distance 1
-uniform float u_patch_error;           // of the patch being drawn, pixels
+uniform float u_pixels_per_unit;       // the view's pixels per scene unit, at distance 1
+uniform float u_patch_error;           // error of the patch being drawn, pixels
 uniform float u_push;                  // outward shift per distance from the eye
 uniform float u_error;                 // the proxy's error per distance from the eye
 uniform bool u_carve;

@@ -457,12 +457,12 @@ class Projector {
   float enough_ = 0.0F;
   float usual_ = 0.0F;
   float allowed_ = 0.0F;
-  // These belong to the triangle that is projected.
+  // The following describe the triangle that is projected.
   glm::vec3 origin_{0.0F};
   float reach_ = 0.0F;
   float best_ = 0.0F;
   std::vector<ProjectedPiece> kept_;
-  // These belong to the walk at hand.
+  // The following describe the current walk.
   std::vector<ProjectedPiece> pieces_;
   float abort_ = 0.0F;
   float worst_ = 0.0F;

@@ -145,7 +145,8 @@ class EdgePlanner {
     const Lanes at_kept = q.at(kept);
     const Lanes at_gone = q.at(gone);
 
-    // The lattice point nearest to that of least error; to the middle where the planes determine none.
+    // The kept end moves to the lattice point nearest to the point of least error, or to the edge's middle where the
+    // planes determine none.
     const PointLanes<Lanes> middle{0.5 * (kept.x + gone.x), 0.5 * (kept.y + gone.y), 0.5 * (kept.z + gone.z)};
     const PointLanes<Lanes> span = gone - kept;
     const Lanes length2 = dot(span, span);

@@ -47,7 +47,7 @@ constexpr std::uint32_t kVoxelsPerPatch = 32;
 // The distance from black to white, 255 √3, rounded up.
 constexpr float kMaxColorError = 441.673F;
 
-// The merged triangles of a group, and where its coordinates start.
+// Holds the merged triangles of a group, and the lattice point at which its coordinates start.
 struct MergedGroup {
   GroupMesh mesh;
   glm::ivec3 corner{0};
@@ -254,8 +254,8 @@ GroupCandidate measureCandidate(const MergedGroup& before, FacetSurface& surface
   return out;
 }
 
-// The share of a mesh's triangles to keep when those whose corners are all locked stay, and the usual share of the
-// others does. With the usual share of all, the others would have to make up for the locked ones, at a larger error.
+// Returns the share of all triangles to keep: all whose corners are locked, and kKeptShare of the others. With the
+// usual share of all, the others would have to make up for the locked ones, at a larger error.
 double shareBesideLocked(const GroupMesh& mesh) {
   std::size_t locked = 0;
   for (std::size_t i = 0; i < mesh.indices.size(); i += 3)

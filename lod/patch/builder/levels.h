@@ -55,7 +55,7 @@ class LevelBuilder {
   /// A group's error stands out from its level: it is built once more, within a limit.
   struct RebuildRequest {
     float max_error = 0.0F;                        // lattice steps
-    std::optional<std::vector<Outlier>> outliers;  // of the first build, where known
+    std::optional<std::vector<Outlier>> outliers;  // outliers of the first build, where known
   };
   struct SharedVertex {
     std::uint64_t code = 0;

@@ -149,7 +149,7 @@ std::uint32_t Overlay::facetToward(std::uint32_t v) {
     const std::uint32_t both = 1U << k | 1U << before(k);
     return !facet.flat && (Facet::wallsWhere(rise >= 0.0F) & both) == both;
   };
-  // The squared length of its shadow on the plane.
+  // Returns the squared length of the edge's projection on the facet's plane.
   const auto shadow2On = [&](const Facet::Four& rise) { return length2_ - rise[3] * rise[3]; };
   // Mostly one facet is clear.
   for (const std::uint32_t t : below_->around(v)) {

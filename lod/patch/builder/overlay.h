@@ -99,7 +99,7 @@ class Overlay {
     std::uint32_t end = 0;    // facet, if it arrives
     std::uint32_t first = 0;  // crossings
     std::uint32_t last = 0;
-    float distance = 0.0F;  // of the largest pair
+    float distance = 0.0F;  // distance of the largest pair
     bool arrives = false;
     bool is_on_border = false;  // never leaves the border below
   };
@@ -209,7 +209,7 @@ class Overlay {
     LanePoints color_below[2];
   };
   CrossingLanes lanes_;
-  // These belong to the walk or the triangle at hand.
+  // The following describe the current walk or triangle.
   std::uint32_t walked_ = 0;  // edge above
   glm::vec3 origin_{0.0F};
   glm::vec3 whole_{0.0F};

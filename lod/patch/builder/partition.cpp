@@ -286,7 +286,7 @@ Graph graphFromEdges(std::vector<std::int32_t> vertex_weights, std::vector<Weigh
   edges = std::move(merged);
   const std::size_t kept = edges.size();
 
-  // Both directions, in rows.
+  // Store each edge in both directions, sorted into rows by vertex.
   Graph graph;
   graph.vertex_weights = std::move(vertex_weights);
   graph.row.assign(graph.size() + 1, 0);

@@ -17,7 +17,7 @@ inline constexpr std::size_t kErrorBytes = kErrorCodes * sizeof(std::uint16_t);
 /// A surface on the lattice. Morton codes identify its vertices.
 struct CodedMesh {
   std::vector<glm::ivec3> positions;
-  std::vector<std::uint64_t> codes;    ///< of the positions; no two are equal
+  std::vector<std::uint64_t> codes;    ///< codes of the positions; no two are equal
   std::vector<glm::vec3> normals;      ///< as stored (quantised)
   std::vector<glm::u8vec4> colors;     ///< empty, or as stored
   std::vector<std::uint32_t> indices;  ///< 3 per triangle

@@ -35,7 +35,7 @@ LUMIGRID_ALWAYS_INLINE base::Int4 bytesOfLevels(base::Int4 level) {
   return (level * kLevelScale + 32768) >> 16;
 }
 
-/// Lanes Y, Co, Cg, 0.
+/// Converts RGB to YCoCg; the lanes are Y, Co, Cg, 0.
 inline base::Int4 codeOfColor(const glm::u8vec4& c) {
   const std::int32_t red = kLevelOfByte[c.r], blue = kLevelOfByte[c.b];
   const std::int32_t orange = red - blue;

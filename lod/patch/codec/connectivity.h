@@ -17,7 +17,7 @@ struct FrontEdge {
   std::uint16_t opposite = 0;
 };
 
-/// The same in one register, a in the lowest 16 bits.
+/// Packs an edge into one register, a in the lowest 16 bits.
 constexpr std::uint64_t packEdge(std::uint64_t a, std::uint64_t b, std::uint64_t opposite) {
   return a | b << 16 | opposite << 32;
 }

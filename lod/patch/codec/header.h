@@ -31,7 +31,7 @@ struct PatchHeader {
   std::uint8_t facet_shift = 0;    ///< bits dropped from coordinates before facet normals are summed
   std::uint8_t front_bits = 0;     ///< the front's ring has 2^front_bits places
   glm::ivec3 first_position{0};    ///< lattice point of vertex 0
-  std::uint32_t steps = 0;         ///< of the cut-border machine
+  std::uint32_t steps = 0;         ///< steps of the cut-border machine
   std::uint32_t escape_bytes = 0;  ///< known vertices included
   std::uint32_t crc = 0;
 

@@ -206,7 +206,7 @@ class FileCoder {
   Header header_;
   std::uint64_t batch_first_ = 1;       // the number of the batch's first block
   base::Bytes batch_bytes_;             // the batch's blocks
-  std::vector<std::uint16_t> lengths_;  // of coded blocks, by number
+  std::vector<std::uint16_t> lengths_;  // lengths of coded blocks, by number
   std::uint64_t done_ = 0;              // blocks, summed over the passes
 };
 

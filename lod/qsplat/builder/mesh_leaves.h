@@ -44,7 +44,7 @@ class MeshLeaves : public LeafSource {
   struct Surroundings {
     double radius_squared = 0.0;  // lattice units
     float least_cosine = 1.0F;    // between its normal, as decoded, and the triangles'
-    std::uint64_t area = 0;       // of the triangles, in half squared lattice steps
+    std::uint64_t area = 0;       // area of the triangles, in half squared lattice steps
     std::uint64_t own = 0;        // the part of it in sub-triangles at the vertex
     void add(const Surroundings& other) {
       radius_squared = std::max(radius_squared, other.radius_squared);

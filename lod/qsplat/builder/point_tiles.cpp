@@ -11,7 +11,7 @@ namespace lod::qsplat::builder {
 namespace {
 
 constexpr std::size_t kMaxSamples = std::size_t{1} << 20;        // 8 MB
-constexpr std::uint64_t kBufferBytes = std::uint64_t{64} << 20;  // of all tiles together
+constexpr std::uint64_t kBufferBytes = std::uint64_t{64} << 20;  // bytes of all tiles together
 
 // A source point as it lies in the file.
 struct Record {

@@ -26,8 +26,9 @@ class PointTiles {
   static base::Result<PointTiles> sort(const ingest::SourceSpool& source, const ingest::SourceInfo& info,
                                        const ingest::SourceLattice& lattice, const std::string& directory,
                                        const std::function<bool(double)>& progress);
-  /// The tables to store beside the file, and the tiles opened again with them. Errors: kIo, damaged work files.
+  /// Returns the tables to store beside the file.
   base::Bytes encodeTables() const;
+  /// Opens the tiles again with their tables. Errors: kIo, damaged work files.
   static base::Result<PointTiles> open(const std::string& directory, const ingest::SourceLattice& lattice,
                                        base::ByteView state);
 

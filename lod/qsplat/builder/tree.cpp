@@ -56,7 +56,7 @@ class TreeMaker {
     glm::vec3 center;
     std::uint32_t index;
   };
-  struct Range {  // of keys_
+  struct Range {  // a range of keys_
     std::uint32_t begin = 0, end = 0;
     std::uint32_t size() const { return end - begin; }
   };
@@ -109,7 +109,7 @@ class TreeMaker {
   // A leaf's cone. Inner nodes read them again and again, so they lie in the order of keys_.
   struct LeafCone {
     glm::vec3 axis{0.0F};  // the decoded normal
-    float cosine = 0.0F;   // of its half-angle
+    float cosine = 0.0F;   // cosine of its half-angle
     float sine = 0.0F;
     std::uint32_t first = 0, last = 0;  // its facets
   };

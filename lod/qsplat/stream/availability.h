@@ -19,7 +19,7 @@ class Availability {
   explicit Availability(std::uint64_t blocks);
 
   std::uint64_t blocks() const { return blocks_; }
-  /// number: 0 … blocks() − 1, here and below.
+  /// Returns the state of a block. `number` is 0 … blocks() − 1 in all functions.
   BlockState stateOf(std::uint64_t number) const {
     return static_cast<BlockState>(words_[number / kPerWord] >> shift(number) & 3U);
   }

@@ -56,11 +56,11 @@ struct ByteRange {
 };
 
 struct StreamStats {
-  std::uint64_t blocks = 0;                              ///< of the file, header included
+  std::uint64_t blocks = 0;                              ///< blocks of the file, header included
   std::uint64_t present = 0, requested = 0, wanted = 0;  ///< blocks
   std::uint64_t given_up = 0;                            ///< blocks that came damaged kMaxDamages times
   std::uint64_t bytes_received = 0;                      ///< unusable answers included
-  std::uint64_t memory_bytes = 0;                        ///< of kept blocks and tables
+  std::uint64_t memory_bytes = 0;                        ///< memory of kept blocks and tables
   std::uint64_t evicted = 0;                             ///< blocks
   std::uint64_t requests = 0;                            ///< sent
   std::uint64_t failures = 0;                            ///< answers that failed, or held damaged blocks
@@ -156,7 +156,7 @@ class Stream {
   LinkEstimate link_;
   std::unique_ptr<GrowingBlocks> blocks_;
   std::unique_ptr<BlockCoder> coder_;                  ///< null for a plain file
-  std::unique_ptr<PlaceTable> places_;                 ///< of a coded file's blocks
+  std::unique_ptr<PlaceTable> places_;                 ///< where a coded file's blocks lie
   std::unordered_map<std::uint64_t, KeptBlock> kept_;  ///< by number
   std::map<std::uint64_t, PendingRequest> under_way_;  ///< by id
   std::uint64_t blocks_under_way_ = 0;
@@ -168,8 +168,8 @@ class Stream {
   bool limited_ = false;
   std::optional<std::uint64_t> in_use_;  ///< kept blocks that this frame uses; none: not counted yet
 
-  // Fetching ahead while the view rests.
-  TraverseRequest view_;  ///< of the last frame
+  // These fetch ahead while the view rests.
+  TraverseRequest view_;  ///< the request of the last frame
   Traversal nearby_;
   bool idle_ = false;                  ///< the queue contains blocks of the surroundings
   std::uint64_t nearby_arrivals_ = 0;  ///< arrivals_ when nearby_ was found; 0: not for this view

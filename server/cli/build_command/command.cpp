@@ -1,9 +1,9 @@
 // lumigrid build makes a scene: hierarchy, tree of splats, images, one after the other, each resumable.
 //
-// Any number of processes may work on one scene. What concerns the scene as a whole is done under its lock (SceneLock):
-// making or opening it with its hierarchy, what is chosen once for all images, and declaring it finished. Between the
-// two each process renders its shards, each under the lock of the shard's store; who finds that nothing is missing
-// writes scene.json.
+// Any number of processes may work on one scene. Steps that concern the whole scene run under its lock
+// (SceneLock): making or opening it with its hierarchy, the choices made once for all images, and declaring it
+// finished. Before the last one each process renders its shards, each under the lock of the shard's store. The process
+// that finds nothing missing writes scene.json.
 #include <sys/stat.h>
 #include <unistd.h>
 

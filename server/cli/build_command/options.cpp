@@ -27,7 +27,7 @@ void declareMethodOptions(CLI::App& command, BuildArguments& a) {
   command.add_flag("--force", a.force, "replace a scene that is there");
   command
       .add_option("--methods", a.methods,
-                  "what to build: patch (the hierarchy), images (the repository; needs patch), qsplat (a tree of "
+                  "parts to build: patch (the hierarchy), images (the repository; needs patch), qsplat (a tree of "
                   "splats; also from point clouds, PLY files without faces). A scene that is there gets what it lacks")
       ->delimiter(',')
       ->check(CLI::IsMember(std::vector<std::string>(std::begin(kMethods), std::end(kMethods))));
@@ -44,8 +44,8 @@ void declareSamplingOptions(CLI::App& command, BuildArguments& a) {
   PointSelection& selection = a.bake.selection;
   command
       .add_option("--views", selection.views,
-                  "sampling by use: of --grid only those points that a client would be sent in so many random views of "
-                  "the viewing box, e.g. 1000; 0: the whole grid")
+                  "sampling by use: keep only the points of the grid that a client would be sent in this many random "
+                  "views of the viewing box, e.g. 1000; 0: the whole grid")
       ->check(CLI::Range(0, 1'000'000));
   command
       .add_option("--worth", selection.worth,
@@ -54,8 +54,8 @@ void declareSamplingOptions(CLI::App& command, BuildArguments& a) {
       ->check(CLI::Range(0.01, 1.0));
   command
       .add_option("--budget", selection.budget_bytes,
-                  "sampling by use: and further until images and masks take at most about so many bytes, e.g. 200M; 0: "
-                  "no limit")
+                  "sampling by use: leave out more points until images and masks take at most about this many bytes, "
+                  "e.g. 200M; 0: no limit")
       ->transform(CLI::AsSizeValue(false));
   command.add_option("--views-from", a.views_from,
                      "sampling by use: another scene of the same place that was served; the views are drawn where its "
@@ -100,9 +100,10 @@ void declareHierarchyOptions(CLI::App& command, BuildArguments& a) {
                   "lattice steps along the longest side, as a power of two, 10 to 21; 0: chosen from the mean edge")
       ->check(CLI::Range(0, 21));
   command
-      .add_option("--qsplat-dice", a.splats_dice,
-                  "tree of splats from a mesh: edges longer than so many times what is usual around them are cut, so "
-                  "that large triangles make no large splats; adds up to as many splats again; 0: none are")
+      .add_option(
+          "--qsplat-dice", a.splats_dice,
+          "tree of splats from a mesh: edges longer than this many times the usual length around them are cut, so "
+          "that large triangles make no large splats; adds up to as many splats again; 0: none are")
       ->check(CLI::Range(0.0, 1e6));
   command
       .add_option("--regroup", a.regroup,
@@ -118,7 +119,7 @@ void declareRunOptions(CLI::App& command, BuildArguments& a) {
                   "together; 0: 60 % of the machine's; the result does not depend on it")
       ->transform(CLI::AsSizeValue(false));
   command.add_option("--tmpdir", a.tmpdir,
-                     "directory for work files, about 60 bytes per triangle; default: within the scene");
+                     "directory for work files, about 70 bytes per triangle; default: within the scene");
   command
       .add_option("--shard", a.shard,
                   "i/n: render only the i-th (0 to n-1) of n contiguous ranges of the grid, into a store of its own; "
@@ -222,9 +223,9 @@ std::string usageError(const CLI::App& command, BuildArguments& a) {
     return "--tune chooses quality and subsampling of the images: leave out --quality and --subsampling, or --tune";
   const bool selects = isGiven(command, "--worth") || a.bake.selection.budget_bytes != 0 || !a.views_from.empty();
   if (a.bake.selection.views == 0 && selects)
-    return "--worth, --budget and --views-from are of sampling by use: give --views too";
+    return "--worth, --budget and --views-from belong to sampling by use: give --views too";
   if (isGiven(command, "--qsplat-coded") && !wants(a, "qsplat"))
-    return "--qsplat-coded is of the tree of splats: give --methods qsplat too";
+    return "--qsplat-coded belongs to the tree of splats: give --methods qsplat too";
   return "";
 }
 

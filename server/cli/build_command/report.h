@@ -22,7 +22,7 @@ struct BuildReport {
   std::vector<repository::ShardGaps> missing;  ///< faces that other shards still lacked at the end
 };
 
-/// On standard output, for people or with --json.
+/// Prints the report on standard output, as JSON with --json.
 void printReport(const BuildArguments& a, const BuildOutput& output, const BuildReport& report);
 
 }  // namespace server::cli

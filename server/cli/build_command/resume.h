@@ -1,8 +1,8 @@
 #pragma once
 // Decides whether a build goes on with the scene that its output directory holds.
 //
-// A build in progress keeps scene.json's document as building.json. What is finished is listed in its parts; a rerun
-// with the same sources and options goes on from there. scene.json appears when everything is in place.
+// A build in progress keeps scene.json's document as building.json. Its member "parts" lists the finished
+// files; a rerun with the same sources and options goes on from there. scene.json appears when everything is in place.
 #include <optional>
 #include <string>
 

@@ -1,4 +1,4 @@
-uniform float u_patch_error;           // of the patch being drawn, pixels
+uniform float u_patch_error;           // error of the patch being drawn, pixels
 in vec3 v_position;
 in vec3 v_normal;
 in vec3 v_to_eye;
