@@ -169,8 +169,8 @@ std::vector<std::uint32_t> cutOf(const BuiltHierarchy& built, std::size_t triang
 }
 
 // The meshes and hierarchies that both accuracy and bounds compare.
-struct Compared {
-  explicit Compared(const Mesh& m)
+struct ComparedMeshes {
+  explicit ComparedMeshes(const Mesh& m)
       : mesh(m),
         built(mustBuild(m, true)),
         tree(mustBuild(m, false)),
@@ -191,7 +191,7 @@ struct Compared {
   const double diagonal;
 };
 
-void compareAccuracy(const Compared& compared, const std::string& chart_path, const std::string& csv_path) {
+void compareAccuracy(const ComparedMeshes& compared, const std::string& chart_path, const std::string& csv_path) {
   const auto& [mesh, built, tree, source, to_source, diagonal] = compared;
   compare::Chart chart{
       "Triangles against distance from the source",
@@ -249,7 +249,7 @@ void compareAccuracy(const Compared& compared, const std::string& chart_path, co
   }
 }
 
-void compareBounds(const Compared& compared) {
+void compareBounds(const ComparedMeshes& compared) {
   const auto& [mesh, built, tree, source, to_source, diagonal] = compared;
   std::printf(
       "stated error beside sampled distance, by level (wanted: never below the largest, at most 4 times the "
@@ -307,7 +307,7 @@ int main(int count, char** arguments) {
   std::filesystem::remove_all(scene);
   if (!sections.contains("accuracy") && !sections.contains("bounds")) return 0;
   const Mesh mesh = mustImport(mesh_path);
-  const Compared compared(mesh);
+  const ComparedMeshes compared(mesh);
   if (sections.contains("accuracy")) compareAccuracy(compared, chart, csv);
   if (sections.contains("bounds")) compareBounds(compared);
   return 0;

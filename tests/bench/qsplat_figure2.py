@@ -111,7 +111,7 @@ def main():
         try:
             time.sleep(0.5)
 
-            def look(name, frames, *options):
+            def view_path(name, frames, *options):
                 path_of(scene, frames, f"{work}/{name}.json")
                 done = subprocess.run([viewer, f"http://127.0.0.1:{port}/", "--headless", "--method", "qsplat",
                                        "--path", f"{work}/{name}.json", "--out", f"{work}/{name}", "--idle", "0",
@@ -120,8 +120,8 @@ def main():
                     sys.exit(f"lumigrid-view: {done.stderr.strip()}")
                 return [json.loads(line) for line in open(f"{work}/{name}/frames.jsonl")]
 
-            whole = look("whole", 1, "--settle", "300")[0]
-            slow = look("slow", RATE * max(seconds) + 1, "--realtime", RATE, "--bandwidth", a.bandwidth,
+            whole = view_path("whole", 1, "--settle", "300")[0]
+            slow = view_path("slow", RATE * max(seconds) + 1, "--realtime", RATE, "--bandwidth", a.bandwidth,
                         "--latency", a.latency)
             truth = f"{work}/whole/frame_0000.png"
             print(f"without a limit: all after {whole['seconds']:.2f} s, {whole['splats']['drawn']} splats, "

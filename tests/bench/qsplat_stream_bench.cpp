@@ -79,7 +79,7 @@ class Canvas {
 class Link {
  public:
   explicit Link(base::ByteView file, const Rate& rate = {}) : file_(file), rate_(rate) {}
-  void ask(Stream& stream, double now) {
+  void acceptRequests(Stream& stream, double now) {
     for (const ByteRange& range : stream.nextRequests(now)) {
       free_ = std::max(free_, now + rate_.one_way_seconds) +
               (kHeadBytes + static_cast<double>(range.length)) / rate_.bytes_per_second;
@@ -130,10 +130,10 @@ Run streamed(const SplatFile& file, const base::Camera& camera, const base::Imag
   Traversal found;
   std::size_t look = 0;
   for (double frame = 0.0; look < kLooks.size(); frame += kFrameSeconds) {
-    link.ask(stream, frame);
-    while (const auto at = link.arrive(stream, frame)) link.ask(stream, *at);
+    link.acceptRequests(stream, frame);
+    while (const auto at = link.arrive(stream, frame)) link.acceptRequests(stream, *at);
     stream.traverse(request, std::nullopt, found);
-    link.ask(stream, frame);
+    link.acceptRequests(stream, frame);
     const bool all_here = stream.complete();
     if (run.first_picture == 0.0 && !found.splats.empty()) run.first_picture = frame;
     if (all_here && run.complete == 0.0) run.complete = frame;
@@ -212,15 +212,15 @@ TourResult runTour(const SplatFile& file, const MovingView& view, const Rate& ra
   std::optional<base::Camera> before;
   int frames = 0;
   for (double now = 0.0; now < kTourSeconds; now += kTourFrame) {
-    link.ask(stream, now);
-    while (const auto at = link.arrive(stream, now)) link.ask(stream, *at);
+    link.acceptRequests(stream, now);
+    while (const auto at = link.arrive(stream, now)) link.acceptRequests(stream, *at);
     TraverseRequest request;
     request.camera = cameraAt(view.at(now), file.header().root);
     const bool rests = before && before->eye_from_scene == request.camera.eye_from_scene;
     request.cutoff_px = rests ? kRestingPx : kMovingPx;
     before = request.camera;
     stream.traverse(request, std::nullopt, found);
-    link.ask(stream, now);
+    link.acceptRequests(stream, now);
     if (found.splats.empty()) continue;
     ++frames;
     const auto stand_ins = std::count_if(found.splats.begin(), found.splats.end(),

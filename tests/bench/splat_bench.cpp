@@ -42,7 +42,7 @@ struct Canvas {
         renderer(bench::must(lod::draw::SplatRenderer::create())),
         target(bench::must(base::gl::RenderTarget::create(width, width * 9 / 16))) {}
 
-  // Upload and drawing, waited for.
+  // Uploads and draws, waits for the GPU, and returns the time in seconds.
   double seconds(const Traversal& found, SplatKernel kernel, const base::Camera& camera, float reduction = 1.0F) {
     target.bind();
     glClear(GL_COLOR_BUFFER_BIT | GL_DEPTH_BUFFER_BIT);

@@ -26,7 +26,7 @@
 namespace {
 using lod::draw::SplatKernel;
 
-constexpr double kBand = 0.1;  // of the rate asked for
+constexpr double kBand = 0.1;  // share of the requested rate
 constexpr int kMeanOf = 5;     // frames, when it is asked whether the rate is reached
 
 /// A fetcher that answers at once from a local file.

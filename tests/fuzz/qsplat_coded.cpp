@@ -1,5 +1,5 @@
-// A coded file of any bytes, as it is and with its header's checksum made right: what is said of it, decoding and
-// traversal end, within it. And its blocks from any bytes.
+// Checks a coded file of any bytes, as it is and with its header's checksum made right: checkTree, decoding and
+// traversal return, and read only within the file. Decodes any bytes as a block, too.
 #include "base/check.h"
 #include "base/file.h"
 #include "lod/qsplat/blocks.h"

@@ -1,5 +1,5 @@
-// checkTree on any bytes: as they are, and with all checksums (and the header's length of the file) made right. What it
-// finds nothing in must decode to finite spheres, node by node.
+// Runs checkTree on any bytes, as they are and with all checksums (and the header's length of the file) made right. A
+// file in which it finds no fault must decode to finite spheres, node by node.
 #include <unistd.h>
 
 #include <cmath>

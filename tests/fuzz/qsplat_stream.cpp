@@ -40,10 +40,10 @@ base::Camera cameraFor(const base::Sphere& root, Dice& dice) {
 
 struct Host {
   base::ByteView file;
-  bool coded;  ///< of such a file two blocks may say that they are in one place, and be asked for there
+  bool coded;  ///< two blocks of such a file may name one place, and are requested there
   std::deque<ByteRange> asked;
 
-  void ask(Stream& stream, double now) {
+  void acceptRequests(Stream& stream, double now) {
     for (const ByteRange& range : stream.nextRequests(now)) {
       LUMIGRID_CHECK(range.length > 0 && range.offset + range.length <= file.size());
       for (const ByteRange& other : asked)
@@ -76,7 +76,7 @@ void streamAll(base::ByteView file) {
   Traversal found;
   double now = 0.0;
   for (int turn = 0; turn < kTurns; ++turn) {
-    host.ask(stream, now);
+    host.acceptRequests(stream, now);
     host.answer(stream, dice, now += 0.3);
     if (stream.header() == nullptr) continue;
     TraverseRequest request;

@@ -105,7 +105,7 @@ class HierarchyResume : public programs::ProgramTest {
   // Leaves a build that was stopped when its journal held leaves and groups.
   struct Late {
     std::string mesh;
-    std::string bytes;  // of the same build, not stopped
+    std::string bytes;  // the same build's file, not stopped
     std::string stopped;
     std::string journal;
   };

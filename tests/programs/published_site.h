@@ -15,7 +15,7 @@
 
 namespace programs {
 
-struct Served {
+struct ServedSite {
   std::string url;
   std::uint16_t port = 0;
 };
@@ -44,7 +44,7 @@ class PublishedSite : public ProgramTest {
 
   /// Runs `lumigrid serve` until the test ends; --no-frames, so that pictures come from the repository alone. The n-th
   /// server logs to path("serve<n>.err").
-  Served serve(const std::string& what, const std::vector<std::string>& more = {}) {
+  ServedSite serve(const std::string& what, const std::vector<std::string>& more = {}) {
     const std::string log = path("serve" + std::to_string(servers_.size()));
     std::vector<std::string> arguments{"serve", what, "--port", "0", "--json", "--no-frames"};
     arguments.insert(arguments.end(), more.begin(), more.end());

@@ -20,7 +20,7 @@ using nlohmann::json;
 using programs::expectOneLineError;
 using programs::readText;
 using programs::run;
-using programs::Served;
+using programs::ServedSite;
 using programs::Tour;
 
 // The messages of a server about one view.
@@ -68,7 +68,7 @@ class RemoteServe : public programs::PublishedSite {
     EXPECT_TRUE(frames && frames->size() == 3);
     return frames ? std::move(*frames) : std::vector<base::ViewCamera>();
   }
-  std::vector<ViewMessages> answers(const Served& served) {
+  std::vector<ViewMessages> answers(const ServedSite& served) {
     std::vector<ViewMessages> all;
     for (const base::ViewCamera& camera : cameras()) all.push_back(askFor(served.port, camera));
     return all;
@@ -106,7 +106,7 @@ void expectTheSame(const std::vector<ViewMessages>& a, const std::vector<ViewMes
 
 TEST_F(RemoteServe, twoServersOfAPlaceShowWhatTheBuiltSceneShows) {
   const auto built = answers(serve(scene_));
-  const Served first = serve(place("tower"), {"--cache", path("cache")});
+  const ServedSite first = serve(place("tower"), {"--cache", path("cache")});
   expectTheSame(answers(first), built);
   EXPECT_GE(fewestImages(tour(first.url, "first")), 8);
   const std::size_t asked = requests();
@@ -114,7 +114,7 @@ TEST_F(RemoteServe, twoServersOfAPlaceShowWhatTheBuiltSceneShows) {
 
   // A second server with the same cache asks for little more than scene.json; without a network a viewer notices
   // nothing of what the cache holds.
-  const Served second = serve(place("tower"), {"--cache", path("cache")});
+  const ServedSite second = serve(place("tower"), {"--cache", path("cache")});
   expectTheSame(answers(second), built);
   EXPECT_LE(requests(), asked + 3);
   nginx_->stop();
@@ -148,7 +148,7 @@ TEST_F(RemoteServe, namesFaultsOfAPlace) {
 TEST_F(RemoteServe, aLostPackIsMissedAndTheRestGoesOn) {
   for (const auto& entry : fs::directory_iterator(path("site/tower/images")))
     if (entry.path().extension() == ".lgk") fs::remove(entry.path());
-  const Served served = serve(place("tower"), {"--cache", path("cache")});
+  const ServedSite served = serve(place("tower"), {"--cache", path("cache")});
   for (const ViewMessages& told : answers(served)) {
     EXPECT_EQ(told.images, 0U);
     EXPECT_GE(told.messages.size(), 2U);  // Welcome, the hierarchy

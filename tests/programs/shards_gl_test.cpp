@@ -288,8 +288,8 @@ TEST_F(Shards, repairsOnlyTheFaultsOfAFinishedScene) {
     values[4].second.back() ^= 1;
     ASSERT_TRUE(store->erase({values[1].first}));
     ASSERT_TRUE(store->putBatch({values[4],
-                                 {{0, 0, 0, 0}, repository::encodeFaceValue({})},      // of shard 0
-                                 {{50, 0, 0, 0}, repository::encodeFaceValue({})}}));  // of no grid point
+                                 {{0, 0, 0, 0}, repository::encodeFaceValue({})},      // belongs to shard 0
+                                 {{50, 0, 0, 0}, repository::encodeFaceValue({})}}));  // is at no grid point
   }
   { ASSERT_TRUE(writable(images("scene") + "/shard-0001-of-0005")); }
   fs::remove_all(images("scene") + "/shard-0002-of-0003");
@@ -436,7 +436,7 @@ TEST_F(Shards, reportsAllImagesMissingBeforePointsAreSelected) {
   EXPECT_EQ(json::parse(before.out)["missing_shards"], "0-1");
 }
 
-// The first process tunes, for all.
+// The first process tunes, and the others use its choice.
 TEST_F(Shards, shareOneTunedChoice) {
   mustBuild("whole", {"--tune", "38"});
   std::vector<pid_t> pids;

@@ -14,9 +14,9 @@ constexpr double kInf = std::numeric_limits<double>::infinity();
 
 // ---- random messages ----
 
-class Drawing {
+class MessageGenerator {
  public:
-  explicit Drawing(unsigned seed) : random_(seed) {}
+  explicit MessageGenerator(unsigned seed) : random_(seed) {}
 
   double real(double low, double high) { return std::uniform_real_distribution<double>(low, high)(random_); }
   float single(double low, double high) { return static_cast<float>(real(low, high)); }
@@ -131,7 +131,7 @@ std::string problemOf(const ServerMessage& message) {
 // that every field is equal.
 TEST(Message, everyClientMessageComesBack) {
   for (unsigned seed = 0; seed < 200; ++seed) {
-    for (const ClientMessage& message : Drawing(seed).clientMessages()) {
+    for (const ClientMessage& message : MessageGenerator(seed).clientMessages()) {
       auto decoded = decodeClientMessage(encode(message));
       ASSERT_TRUE(decoded) << decoded.error().message;
       EXPECT_EQ(decoded->index(), message.index());
@@ -142,7 +142,7 @@ TEST(Message, everyClientMessageComesBack) {
 
 TEST(Message, everyServerMessageComesBack) {
   for (unsigned seed = 0; seed < 200; ++seed) {
-    for (const ServerMessage& message : Drawing(seed).serverMessages()) {
+    for (const ServerMessage& message : MessageGenerator(seed).serverMessages()) {
       auto decoded = decodeServerMessage(encode(message));
       ASSERT_TRUE(decoded) << decoded.error().message;
       EXPECT_EQ(decoded->index(), message.index());
@@ -152,7 +152,7 @@ TEST(Message, everyServerMessageComesBack) {
 }
 
 TEST(Message, decodeReadsEveryFieldOfAView) {
-  const View sent = Drawing(7).view();
+  const View sent = MessageGenerator(7).view();
   const View got = std::get<View>(*decodeClientMessage(encode(ClientMessage(sent))));
   EXPECT_EQ(got.sequence, sent.sequence);
   EXPECT_EQ(got.camera.position, sent.camera.position);
@@ -169,7 +169,7 @@ TEST(Message, decodeReadsEveryFieldOfAView) {
 }
 
 TEST(Message, decodeReadsEveryFieldOfAWelcome) {
-  const Welcome sent = Drawing(11).welcome();
+  const Welcome sent = MessageGenerator(11).welcome();
   const Welcome got = std::get<Welcome>(*decodeServerMessage(encode(ServerMessage(sent))));
   EXPECT_EQ(got.scene_name, sent.scene_name);
   EXPECT_EQ(got.units, sent.units);
@@ -215,8 +215,8 @@ TEST(Message, bytesBehindARefusalAreReadWhereKnown) {
 // ---- broken messages ----
 
 TEST(Message, clientMessageCutAnywhereIsRefused) {
-  Drawing drawing(3);
-  for (const ClientMessage& message : drawing.clientMessages()) {
+  MessageGenerator generator(3);
+  for (const ClientMessage& message : generator.clientMessages()) {
     const base::Bytes whole = encode(message);
     for (std::size_t length = 0; length < whole.size(); ++length)
       EXPECT_FALSE(decodeClientMessage(base::ByteView(whole).first(length)))
@@ -227,8 +227,8 @@ TEST(Message, clientMessageCutAnywhereIsRefused) {
 // Values that run to the end of the message become shorter with it; they carry their own checksums. The fields before
 // them must be whole.
 TEST(Message, serverMessageCutAnywhereIsRefusedOrShorter) {
-  Drawing drawing(4);
-  for (const ServerMessage& message : drawing.serverMessages()) {
+  MessageGenerator generator(4);
+  for (const ServerMessage& message : generator.serverMessages()) {
     const base::Bytes whole = encode(message);
     for (std::size_t length = 0; length < whole.size(); ++length) {
       auto decoded = decodeServerMessage(base::ByteView(whole).first(length));
@@ -242,8 +242,8 @@ TEST(Message, serverMessageCutAnywhereIsRefusedOrShorter) {
 }
 
 TEST(Message, bytesAfterTheEndAreRefused) {
-  Drawing drawing(5);
-  for (const ClientMessage& message : drawing.clientMessages()) {
+  MessageGenerator generator(5);
+  for (const ClientMessage& message : generator.clientMessages()) {
     base::Bytes longer = encode(message);
     longer.push_back(0);
     EXPECT_FALSE(decodeClientMessage(longer)) << "type " << int{longer[0]};
@@ -251,12 +251,12 @@ TEST(Message, bytesAfterTheEndAreRefused) {
 }
 
 TEST(Message, anyByteFlippedIsReadWithoutHarm) {
-  Drawing drawing(6);
-  for (const ClientMessage& message : drawing.clientMessages()) {
+  MessageGenerator generator(6);
+  for (const ClientMessage& message : generator.clientMessages()) {
     const base::Bytes whole = encode(message);
     for (std::size_t i = 0; i < whole.size(); ++i) {
       base::Bytes broken = whole;
-      broken[i] ^= static_cast<std::uint8_t>(drawing.whole(1, 255));
+      broken[i] ^= static_cast<std::uint8_t>(generator.whole(1, 255));
       auto decoded = decodeClientMessage(broken);
       if (decoded) {
         EXPECT_FALSE(encode(*decoded).empty());
@@ -382,7 +382,7 @@ TEST(Message, welcomeOfAnotherVersionIsAVersionError) {
 }
 
 TEST(Message, aLongUnitIsCutAndOneOnTheWireRefused) {
-  Welcome welcome = Drawing(3).welcome();
+  Welcome welcome = MessageGenerator(3).welcome();
   welcome.scene_name.clear();
   welcome.units = std::string(99, 'm');
   base::Bytes bytes = encode(ServerMessage(welcome));

@@ -34,7 +34,7 @@ class Reader {
   bool pass(const repository::Store& store) {
     bool sound = true;
     const auto walked = store.forEach([&](const repository::FaceKey& key, base::ByteView value) {
-      sound = take(key, value);
+      sound = checkValue(key, value);
       return sound && stop_requested == 0;
     });
     if (!walked) std::fprintf(stderr, "%s\n", walked.error().message.c_str());
@@ -42,7 +42,7 @@ class Reader {
   }
 
  private:
-  bool take(const repository::FaceKey& key, base::ByteView bytes) {
+  bool checkValue(const repository::FaceKey& key, base::ByteView bytes) {
     const std::uint32_t crc = base::crc32c(bytes);
     const auto [it, is_new] = seen_.emplace(key.code(), crc);
     if (!is_new) return it->second == crc || fault(key, "changed");

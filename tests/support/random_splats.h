@@ -21,14 +21,14 @@ inline lod::qsplat::Header writeRandomSplats(const std::string& path, unsigned s
       lod::qsplat::builder::TreeWriter::create(path, {colors, wide_pointers, base::Sphere{{1.0F, 2.0F, 3.0F}, 4.0F}});
   LUMIGRID_CHECK(static_cast<bool>(writer));
   // Groups wait with the codes that their parents have for them.
-  struct Waiting {
+  struct WaitingNode {
     std::uint32_t nodes = 1;
     bool leaves = false;
     int level = 0;
   };
-  std::vector<Waiting> queue{{1, levels <= 1, 0}};
+  std::vector<WaitingNode> queue{{1, levels <= 1, 0}};
   for (std::size_t i = 0; i < queue.size(); ++i) {
-    const Waiting waiting = queue[i];
+    const WaitingNode waiting = queue[i];
     lod::qsplat::GroupNodes group;
     group.count = waiting.nodes;
     group.has_pointer = !waiting.leaves;

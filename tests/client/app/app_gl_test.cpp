@@ -27,11 +27,11 @@ class AppGl : public ::testing::Test {
     app = std::make_unique<App>(options, std::make_unique<JpegDecoder>(1));
     app->resize(kWidth, kHeight, 1.0);
     app->session().connected();
-    hear(server.sayWelcome());
-    for (std::uint32_t g = 0; g < server.hierarchy().groups.size(); ++g) hear(server.sayGroup(g));
+    receive(server.sayWelcome());
+    for (std::uint32_t g = 0; g < server.hierarchy().groups.size(); ++g) receive(server.sayGroup(g));
     settle();
   }
-  void hear(const base::Bytes& message) { ASSERT_TRUE(bool(app->session().receive(message))); }
+  void receive(const base::Bytes& message) { ASSERT_TRUE(bool(app->session().receive(message))); }
   /// Runs a platform's loop until nothing more is drawn; returns the number of frames.
   int settle() {
     int frames = 0;
@@ -69,7 +69,7 @@ TEST_F(AppGl, atRestNothingIsDrawn) {
   EXPECT_GT(covered(picture()), 100U);
   EXPECT_EQ(settle(), 0);
   sent(app->session());
-  hear(server.sayComplete(1));
+  receive(server.sayComplete(1));
   EXPECT_EQ(settle(), 1) << "news from the server is looked at once";
   EXPECT_EQ(settle(), 0);
 }

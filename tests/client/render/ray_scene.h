@@ -48,9 +48,9 @@ base::Camera lookAlong(const glm::vec3& eye, const glm::vec3& target, int width,
 /// The six 90° cameras around a point.
 std::vector<base::Camera> cubeCameras(const glm::vec3& eye, int size);
 
-/// Over pixels that both call model: 10 log10(255² / mean squared error); 99 where equal.
+/// Returns 10 log10(255² / mean squared error) over pixels that both call model; 99 where equal.
 double psnrOnCovered(const base::Image& a, const base::Image& b);
-/// Covered by both over covered by either.
+/// Returns the pixels covered by both pictures divided by those covered by either.
 double coverageOverlap(const base::Image& a, const base::Image& b);
 
 }  // namespace testing_scene

@@ -10,7 +10,7 @@ namespace {
 /// Records the requests, and answers with bytes that encode their offsets.
 class Recorder final : public RangeFetcher {
  public:
-  struct Asked {
+  struct RecordedRequest {
     std::uint64_t id;
     std::string name;
     std::uint64_t offset, length;
@@ -26,7 +26,7 @@ class Recorder final : public RangeFetcher {
       fetched.bytes.push_back(static_cast<std::uint8_t>(asked[i].offset + k));
     answers.push_back(fetched);
   }
-  std::vector<Asked> asked;
+  std::vector<RecordedRequest> asked;
   std::vector<FetchAnswer> answers;
   std::vector<std::uint64_t> cancelled;
 };

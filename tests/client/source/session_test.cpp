@@ -25,7 +25,7 @@ Session ready(const SessionOptions& options = {}) {
   return session;
 }
 
-void hear(Session& session, const base::Bytes& message) {
+void receive(Session& session, const base::Bytes& message) {
   auto taken = session.receive(message);
   EXPECT_TRUE(bool(taken)) << taken.error().message;
 }
@@ -63,7 +63,7 @@ TEST(Session, helloComesFirstAndAloneUntilTheServerWelcomes) {
   EXPECT_EQ(std::get<protocol::Hello>(greeting[0]).version, protocol::kVersion);
   EXPECT_EQ(session.welcome(), nullptr);
 
-  hear(session, server().sayWelcome());
+  receive(session, server().sayWelcome());
   EXPECT_EQ(session.phase(), SessionPhase::kReady);
   EXPECT_TRUE(session.takeEvents().welcomed);
   EXPECT_EQ(session.welcome()->scene_name, "synthetic");
@@ -75,7 +75,7 @@ TEST(Session, helloComesFirstAndAloneUntilTheServerWelcomes) {
 TEST(Session, aRefusalIsKeptWithItsReasonAfterTheConnectionCloses) {
   Session session({});
   session.connected();
-  hear(session, server().sayRefusal(protocol::kVersion, "full up"));
+  receive(session, server().sayRefusal(protocol::kVersion, "full up"));
   session.disconnected("end of file");
   EXPECT_EQ(session.phase(), SessionPhase::kRefused);
   EXPECT_NE(session.problem().find("full up"), std::string::npos) << session.problem();
@@ -88,11 +88,11 @@ TEST(Session, aRefusalIsKeptWithItsReasonAfterTheConnectionCloses) {
 TEST(Session, aRefusalTellsWhichOtherMethodTheSceneHasDataFor) {
   Session session({});
   session.connected();
-  hear(session, server().sayRefusal(protocol::kVersion, "full up"));
+  receive(session, server().sayRefusal(protocol::kVersion, "full up"));
   EXPECT_EQ(session.methodInstead(), std::nullopt);
   Session other({});
   other.connected();
-  hear(other, protocol::encode(protocol::ServerMessage(protocol::Refusal{protocol::kVersion, "no patches", true})));
+  receive(other, protocol::encode(protocol::ServerMessage(protocol::Refusal{protocol::kVersion, "no patches", true})));
   EXPECT_EQ(other.methodInstead(), Method::kQsplat);
   Session read({});
   read.refuse("no splats", Method::kLumigraph);
@@ -103,7 +103,7 @@ TEST(Session, aRefusalTellsWhichOtherMethodTheSceneHasDataFor) {
 TEST(Session, anotherVersionIsNamedWithBothNumbers) {
   Session session({});
   session.connected();
-  hear(session, server().sayRefusal(7, "too old"));
+  receive(session, server().sayRefusal(7, "too old"));
   EXPECT_NE(session.problem().find("protocol 7, this client " + std::to_string(protocol::kVersion)), std::string::npos)
       << session.problem();
 
@@ -154,15 +154,15 @@ TEST(Session, aViewIsCompleteWhenTheServerSaysSoOfTheNewest) {
   EXPECT_FALSE(session.complete());
   sent(session);
   EXPECT_FALSE(session.complete());
-  hear(session, server().sayComplete(1));
+  receive(session, server().sayComplete(1));
   EXPECT_TRUE(session.complete());
 
   session.setView(server().lookDown(21.0));
   EXPECT_FALSE(session.complete()) << "the new view is not even sent";
   sent(session);
-  hear(session, server().sayComplete(1));
+  receive(session, server().sayComplete(1));
   EXPECT_FALSE(session.complete()) << "that was the old one";
-  hear(session, server().sayComplete(2));
+  receive(session, server().sayComplete(2));
   EXPECT_TRUE(session.complete());
 }
 
@@ -171,12 +171,12 @@ TEST(Session, withExactFramesAViewIsCompleteOnceItsFrameIsThere) {
   frames.welcome.can_render_frames = true;
   Session session({});
   session.connected();
-  hear(session, frames.sayWelcome());
+  receive(session, frames.sayWelcome());
   session.setView(frames.lookDown(20.0));
   EXPECT_TRUE(only<protocol::View>(sent(session)).at(0).want_frame);
-  hear(session, frames.sayComplete(1));
+  receive(session, frames.sayComplete(1));
   EXPECT_FALSE(session.complete());
-  hear(session, frames.sayFrame(1, 100));
+  receive(session, frames.sayFrame(1, 100));
   EXPECT_TRUE(session.complete());
   ASSERT_NE(session.frame(1), nullptr);
   EXPECT_EQ(session.takeEvents().frames_added, std::vector<std::uint32_t>{1});
@@ -187,11 +187,11 @@ TEST(Session, onlyTheFourNewestFramesAreKept) {
   frames.welcome.can_render_frames = true;
   Session session({});
   session.connected();
-  hear(session, frames.sayWelcome());
+  receive(session, frames.sayWelcome());
   for (std::uint32_t i = 1; i <= 6; ++i) {
     session.setView(frames.lookDown(20.0 + i));
     sent(session);
-    hear(session, frames.sayFrame(i, 100));
+    receive(session, frames.sayFrame(i, 100));
   }
   EXPECT_EQ(session.frame(2), nullptr);
   for (std::uint32_t i = 3; i <= 6; ++i) EXPECT_NE(session.frame(i), nullptr) << i;
@@ -204,11 +204,11 @@ TEST(Session, framesAreKeptAsFarAsTheirBytesAllow) {
   options.frame_bytes = 250;
   Session session(options);
   session.connected();
-  hear(session, frames.sayWelcome());
+  receive(session, frames.sayWelcome());
   for (std::uint32_t i = 1; i <= 3; ++i) {
     session.setView(frames.lookDown(20.0 + i));
     sent(session);
-    hear(session, frames.sayFrame(i, 100));
+    receive(session, frames.sayFrame(i, 100));
   }
   EXPECT_EQ(session.frame(1), nullptr);
   EXPECT_NE(session.frame(2), nullptr);
@@ -217,8 +217,8 @@ TEST(Session, framesAreKeptAsFarAsTheirBytesAllow) {
   // A frame that is too large by itself has arrived nevertheless, so nothing more is awaited.
   session.setView(frames.lookDown(30.0));
   sent(session);
-  hear(session, frames.sayFrame(4, 300));
-  hear(session, frames.sayComplete(4));
+  receive(session, frames.sayFrame(4, 300));
+  receive(session, frames.sayComplete(4));
   EXPECT_EQ(session.frame(4), nullptr);
   EXPECT_EQ(session.stats().frame_bytes, 0U);
   EXPECT_TRUE(session.complete());
@@ -233,7 +233,7 @@ TEST(Session, bytesAreCountedByKind) {
   std::uint64_t total = 0;
   const auto say = [&](const base::Bytes& message) {
     total += message.size();
-    hear(session, message);
+    receive(session, message);
     return message.size();
   };
   say(frames.sayWelcome());
@@ -259,12 +259,12 @@ TEST(Session, theLeastRecentlyUsedFaceGoesFirstAndTheServerIsToldWithTheNextView
   Session session = ready(cacheOf(3500));
   session.setView(server().lookDown(20.0));
   sent(session);
-  hear(session, server().sayFace({0, 0, 0, 0}, 1000));
-  hear(session, server().sayFace({0, 0, 0, 1}, 1000));
-  hear(session, server().sayFace({0, 0, 0, 2}, 1000));
+  receive(session, server().sayFace({0, 0, 0, 0}, 1000));
+  receive(session, server().sayFace({0, 0, 0, 1}, 1000));
+  receive(session, server().sayFace({0, 0, 0, 2}, 1000));
   ASSERT_NE(session.face({0, 0, 0, 0}), nullptr) << "and is used";
   session.takeEvents();
-  hear(session, server().sayFace({0, 0, 0, 3}, 1000));
+  receive(session, server().sayFace({0, 0, 0, 3}, 1000));
 
   const repository::FaceKey gone{0, 0, 0, 1};
   EXPECT_EQ(session.face(gone), nullptr);
@@ -284,7 +284,7 @@ TEST(Session, anItemThatCameAgainIsNotReportedAsEvicted) {
   Session session = ready(cacheOf(2500));
   session.setView(server().lookDown(20.0));
   sent(session);
-  for (std::uint32_t d : {0U, 1U, 2U, 0U}) hear(session, server().sayFace({0, 0, 0, d}, 1000));
+  for (std::uint32_t d : {0U, 1U, 2U, 0U}) receive(session, server().sayFace({0, 0, 0, d}, 1000));
   session.setView(server().lookDown(21.0));
   const auto evicted = only<protocol::Eviction>(sent(session));
   ASSERT_EQ(evicted.size(), 1U);
@@ -293,16 +293,16 @@ TEST(Session, anItemThatCameAgainIsNotReportedAsEvicted) {
 
 TEST(Session, evictsTheNewFaceRatherThanOnesInUse) {
   Session session = ready(cacheOf(2500));
-  hear(session, server().sayFace({0, 0, 0, 0}, 1000));
-  hear(session, server().sayFace({0, 0, 0, 1}, 1000));
+  receive(session, server().sayFace({0, 0, 0, 0}, 1000));
+  receive(session, server().sayFace({0, 0, 0, 1}, 1000));
   session.setInUse({{0, 0, 0, 0}, {0, 0, 0, 1}}, {});
-  hear(session, server().sayFace({0, 0, 0, 2}, 1000));
+  receive(session, server().sayFace({0, 0, 0, 2}, 1000));
   EXPECT_NE(session.face({0, 0, 0, 0}), nullptr);
   EXPECT_NE(session.face({0, 0, 0, 1}), nullptr);
   EXPECT_EQ(session.face({0, 0, 0, 2}), nullptr);
 
   session.setInUse({}, {});
-  hear(session, server().sayFace({0, 0, 0, 2}, 1000));
+  receive(session, server().sayFace({0, 0, 0, 2}, 1000));
   EXPECT_NE(session.face({0, 0, 0, 2}), nullptr);
 }
 
@@ -318,12 +318,12 @@ TEST(Session, evictionKeepsEveryCutDrawable) {
       if (session.hasGroup(g) || random() % 3 == 0) continue;
       const auto parents = server().hierarchy().parentsOf(g);
       if (!std::all_of(parents.begin(), parents.end(), [&](std::uint32_t p) { return session.hasGroup(p); })) continue;
-      hear(session, server().sayGroup(g));
+      receive(session, server().sayGroup(g));
       EXPECT_TRUE(drawable(session)) << "after group " << g << " in round " << round;
       if (random() % 2 == 0) session.block(static_cast<std::uint32_t>(random() % count));
     }
     for (std::uint32_t d = 0; d < 6; ++d)
-      hear(session, server().sayFace({static_cast<std::uint32_t>(random() % 4), 1, 1, d}, 400));
+      receive(session, server().sayFace({static_cast<std::uint32_t>(random() % 4), 1, 1, d}, 400));
     EXPECT_TRUE(session.hasGroup(0));
     EXPECT_TRUE(drawable(session));
     EXPECT_LE(session.stats().cache_bytes, 12'000U);
@@ -336,13 +336,13 @@ TEST(Session, aCutInUseOutlivesAFloodOfFaces) {
   Session session = ready(cacheOf(20'000));
   std::vector<std::uint32_t> cut;
   for (std::uint32_t g = 0; g < 4; ++g) {
-    hear(session, server().sayGroup(g));
+    receive(session, server().sayGroup(g));
     cut.push_back(g);
   }
   session.setInUse({}, cut);
   for (std::uint32_t x = 0; x < 4; ++x)
     for (std::uint32_t y = 0; y < 4; ++y)
-      for (std::uint32_t d = 0; d < 6; ++d) hear(session, server().sayFace({x, y, 0, d}, 1000));
+      for (std::uint32_t d = 0; d < 6; ++d) receive(session, server().sayFace({x, y, 0, d}, 1000));
   for (std::uint32_t g : cut) EXPECT_TRUE(session.hasGroup(g)) << g;
 }
 
@@ -350,10 +350,10 @@ TEST(Session, aReconnectTellsWhatIsHereAndSendsTheViewAgain) {
   Session session = ready();
   session.setView(server().lookDown(20.0));
   sent(session);
-  hear(session, server().sayGroup(0));
-  hear(session, server().sayGroup(1));
-  hear(session, server().sayFace({1, 2, 1, 5}, 100));
-  hear(session, server().sayComplete(1));
+  receive(session, server().sayGroup(0));
+  receive(session, server().sayGroup(1));
+  receive(session, server().sayFace({1, 2, 1, 5}, 100));
+  receive(session, server().sayComplete(1));
   session.takeEvents();
 
   session.disconnected("the cable was pulled");
@@ -366,7 +366,7 @@ TEST(Session, aReconnectTellsWhatIsHereAndSendsTheViewAgain) {
 
   session.connected();
   EXPECT_EQ(only<protocol::Hello>(sent(session)).size(), 1U);
-  hear(session, server().sayWelcome());
+  receive(session, server().sayWelcome());
   EXPECT_FALSE(session.takeEvents().welcomed) << "nothing changed for the viewer";
   const auto messages = sent(session);
   ASSERT_EQ(messages.size(), 2U);
@@ -383,16 +383,16 @@ TEST(Session, aLongListOfWhatIsHereIsSentInParts) {
   large.welcome.grid.count = {30, 30, 30};
   Session session({});
   session.connected();
-  hear(session, large.sayWelcome());
+  receive(session, large.sayWelcome());
   std::set<std::uint64_t> all;
   for (std::uint32_t i = 0; i < 10'000; ++i) {
     const repository::FaceKey key{i % 30, i / 30 % 30, i / 900, i % 6};
     all.insert(key.code());
-    hear(session, large.sayFace(key, 10));
+    receive(session, large.sayFace(key, 10));
   }
   session.disconnected("");
   session.connected();
-  hear(session, large.sayWelcome());
+  receive(session, large.sayWelcome());
   std::set<std::uint64_t> told;
   const auto parts = only<protocol::Holdings>(sent(session));
   EXPECT_EQ(parts.size(), 2U);
@@ -403,15 +403,15 @@ TEST(Session, aLongListOfWhatIsHereIsSentInParts) {
 
 TEST(Session, anotherSceneAfterAReconnectDropsEverything) {
   Session session = ready();
-  hear(session, server().sayGroup(0));
-  hear(session, server().sayFace({1, 2, 1, 5}, 100));
+  receive(session, server().sayGroup(0));
+  receive(session, server().sayFace({1, 2, 1, 5}, 100));
   session.disconnected("gone");
   session.connected();
   sent(session);
 
   ScriptedServer other;
   other.welcome.scene_name = "another";
-  hear(session, other.sayWelcome());
+  receive(session, other.sayWelcome());
   const SessionEvents events = session.takeEvents();
   EXPECT_TRUE(events.welcomed);
   EXPECT_TRUE(events.faces_added.empty());
@@ -465,7 +465,7 @@ TEST(Session, groupsBeyondTheAnnouncedCountsAreRefused) {
   small.welcome.group_count = 3;
   Session session({});
   session.connected();
-  hear(session, small.sayWelcome());
+  receive(session, small.sayWelcome());
   refuses(session, small.sayGroup(static_cast<std::uint32_t>(small.hierarchy().groups.size()) - 1));
 }
 
@@ -493,11 +493,11 @@ TEST(Session, aFloodOfFacesNeitherGrowsTheCacheNorTheListOfWhatWent) {
   large.welcome.grid.count = {40, 40, 40};
   Session session(cacheOf(10'000));
   session.connected();
-  hear(session, large.sayWelcome());
+  receive(session, large.sayWelcome());
   sent(session);
   std::size_t told = 0;
   for (std::uint32_t i = 0; i < 30'000; ++i) {
-    hear(session, large.sayFace({i % 40, i / 40 % 40, i / 1600, i % 6}, 1));
+    receive(session, large.sayFace({i % 40, i / 40 % 40, i / 1600, i % 6}, 1));
     EXPECT_LE(session.stats().cache_bytes, 10'000U);
     for (const auto& evicted : only<protocol::Eviction>(sent(session))) told += evicted.faces.size();
   }

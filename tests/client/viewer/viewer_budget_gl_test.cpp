@@ -40,7 +40,7 @@ TEST_F(ViewerBudget, aTourNeverExceedsItAndAlwaysShowsSomething) {
   const std::size_t groups = server.hierarchy().groups.size();
   const glm::dvec3 middle = server.lookDown(0.0).position;
   std::uint32_t group = 0, face = 0;
-  hear(server.sayGroup(group++));
+  receive(server.sayGroup(group++));
   base::gl::resetPeak();
   constexpr int kFrames = 60;
   for (int frame = 0; frame < kFrames; ++frame) {
@@ -49,9 +49,9 @@ TEST_F(ViewerBudget, aTourNeverExceedsItAndAlwaysShowsSomething) {
     base::ViewCamera view = server.lookDown(10.0 + 240.0 * std::abs(1.0 - 2.0 * share));
     view.position += 80.0 * glm::dvec3(std::cos(9.0 * share), std::sin(9.0 * share), 0.0);
     view.direction = glm::normalize(middle - view.position);
-    for (std::size_t i = 0; i < groups / kFrames + 1 && group < groups; ++i) hear(server.sayGroup(group++));
+    for (std::size_t i = 0; i < groups / kFrames + 1 && group < groups; ++i) receive(server.sayGroup(group++));
     for (int i = 0; i < 6; ++i, ++face)
-      hear(server.sayFace({face % 4, face / 4 % 4, face / 16 % 3, face / 48 % 6}, 9'000));
+      receive(server.sayFace({face % 4, face / 4 % 4, face / 16 % 3, face / 48 % 6}, 9'000));
     EXPECT_GT(covered(draw(view)), 0U) << frame;
     if (frame % 7 == 0) viewer->surfaceAt(view, 30.0, 20.0);
     expectWithinBudget("frame " + std::to_string(frame));
@@ -64,7 +64,7 @@ TEST_F(ViewerBudget, aTourNeverExceedsItAndAlwaysShowsSomething) {
 
 TEST_F(ViewerBudget, drawsCoarserBeyondTheBudgetAndReportsIt) {
   openSmall(40'000'000, 0.0F);
-  hearAllGroups();
+  receiveAllGroups();
   settle(server.lookDown(200.0));
   expectWithinBudget("far");
   const ViewerStats far = viewer->stats();
@@ -81,8 +81,8 @@ TEST_F(ViewerBudget, drawsCoarserBeyondTheBudgetAndReportsIt) {
 
 TEST_F(ViewerBudget, atTheLimitNothingFlickers) {
   openSmall();
-  hearAllGroups();
-  for (std::uint32_t i = 0; i < 96; ++i) hear(server.sayFace({i % 4, i / 4 % 4, i / 16 % 3, 4 + i / 48}, 9'000));
+  receiveAllGroups();
+  for (std::uint32_t i = 0; i < 96; ++i) receive(server.sayFace({i % 4, i / 4 % 4, i / 16 % 3, 4 + i / 48}, 9'000));
   const base::ViewCamera view = server.lookDown(150.0);
   const base::Image there = settle(view);
   for (int i = 0; i < 5; ++i) EXPECT_EQ(draw(view).pixels, there.pixels) << i;
@@ -107,14 +107,14 @@ TEST_F(ViewerBudget, theServerIsAskedForNoMoreThanFits) {
 TEST_F(ViewerBudget, anExactFrameLargerThanItsShareIsLeftOutForGood) {
   server.welcome.can_render_frames = true;
   openSmall();
-  hear(server.sayGroup(0));
+  receive(server.sayGroup(0));
   base::ViewCamera view = server.lookDown(20.0);
   draw(view);
   sent(viewer->session());
   protocol::Frame frame{1, view, base::Bytes(100, 0x5A)};
   frame.camera.width = 2000;
   frame.camera.height = 1500;
-  hear(protocol::encode(protocol::ServerMessage(frame)));
+  receive(protocol::encode(protocol::ServerMessage(frame)));
   settle(view);
   expectWithinBudget("with the frame");
   EXPECT_NE(viewer->stats().accuracy, Accuracy::kExact);

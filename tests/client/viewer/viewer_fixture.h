@@ -58,14 +58,14 @@ class ViewerFixture : public ::testing::Test {
     viewer = std::make_unique<Viewer>(
         options, std::make_unique<PatternDecoder>(static_cast<int>(server.welcome.grid.face_size), 64, 48));
     viewer->session().connected();
-    hear(server.sayWelcome());
+    receive(server.sayWelcome());
   }
-  void hear(const base::Bytes& message) {
+  void receive(const base::Bytes& message) {
     auto taken = viewer->session().receive(message);
     ASSERT_TRUE(bool(taken)) << taken.error().message;
   }
-  void hearAllGroups() {
-    for (std::uint32_t g = 0; g < server.hierarchy().groups.size(); ++g) hear(server.sayGroup(g));
+  void receiveAllGroups() {
+    for (std::uint32_t g = 0; g < server.hierarchy().groups.size(); ++g) receive(server.sayGroup(g));
   }
   base::Image draw(const base::ViewCamera& camera) {
     target.bind();

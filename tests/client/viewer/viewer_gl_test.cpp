@@ -29,9 +29,9 @@ class ViewerGl : public ::testing::Test {
     options.session.patch_tolerance_px = 0.0F;
     viewer = std::make_unique<Viewer>(options, std::make_unique<JpegDecoder>(1));
     viewer->session().connected();
-    hear(server.sayWelcome());
+    receive(server.sayWelcome());
   }
-  void hear(const base::Bytes& message) {
+  void receive(const base::Bytes& message) {
     auto taken = viewer->session().receive(message);
     EXPECT_TRUE(bool(taken)) << taken.error().message;
   }
@@ -69,7 +69,7 @@ TEST_F(ViewerGl, everyGroupThatArrivesMakesThePictureFiner) {
   std::uint64_t triangles = 0;
   const auto view = server.lookDown(40.0);
   for (std::uint32_t g = 0; g < server.hierarchy().groups.size(); ++g) {
-    hear(server.sayGroup(g));
+    receive(server.sayGroup(g));
     EXPECT_GT(covered(draw(view)), 0U) << "after group " << g;
     EXPECT_GE(viewer->stats().lumigraph.triangles, triangles) << "after group " << g;
     triangles = viewer->stats().lumigraph.triangles;
@@ -83,8 +83,8 @@ TEST_F(ViewerGl, aViewIsCompleteOnlyWhenAllIsDecodedAndDrawn) {
   const auto view = server.lookDown(40.0);
   draw(view);
   sent(viewer->session());
-  hear(server.sayGroup(0));
-  hear(server.sayComplete(1));
+  receive(server.sayGroup(0));
+  receive(server.sayComplete(1));
   EXPECT_TRUE(viewer->session().complete());
   for (int i = 0; i < 50 && !viewer->stats().complete; ++i) draw(view);
   EXPECT_TRUE(viewer->stats().complete);
@@ -94,7 +94,7 @@ TEST_F(ViewerGl, aViewIsCompleteOnlyWhenAllIsDecodedAndDrawn) {
 
 TEST_F(ViewerGl, aSmallUploadShareSpreadsTheWorkOverFrames) {
   open(patches(), 1e-6);  // 2 bytes, so one group a frame
-  for (std::uint32_t g = 0; g < 4; ++g) hear(server.sayGroup(g));
+  for (std::uint32_t g = 0; g < 4; ++g) receive(server.sayGroup(g));
   const auto view = server.lookDown(40.0);
   auto more = viewer->update(view, 0.0);
   ASSERT_TRUE(bool(more));
@@ -105,10 +105,10 @@ TEST_F(ViewerGl, aSmallUploadShareSpreadsTheWorkOverFrames) {
 
 TEST_F(ViewerGl, aBrokenGroupIsCountedAndLeftOut) {
   open(patches());
-  hear(server.sayGroup(0));
+  receive(server.sayGroup(0));
   protocol::Refinement refine = server.refine(1);
   refine.block[refine.block.size() / 2] ^= 0xFFU;
-  hear(protocol::encode(protocol::ServerMessage(refine)));
+  receive(protocol::encode(protocol::ServerMessage(refine)));
   EXPECT_GT(covered(draw(server.lookDown(40.0))), 0U) << "the coarser form is drawn";
   EXPECT_EQ(viewer->stats().broken, 1U);
   EXPECT_FALSE(viewer->stats().last_fault.empty());
@@ -117,8 +117,8 @@ TEST_F(ViewerGl, aBrokenGroupIsCountedAndLeftOut) {
 TEST_F(ViewerGl, brokenImagesAreCountedAndThePictureStays) {
   ViewerOptions options;
   open(options);
-  hear(server.sayGroup(0));
-  hear(server.sayFace({1, 1, 1, 5}, 100));
+  receive(server.sayGroup(0));
+  receive(server.sayFace({1, 1, 1, 5}, 100));
   const auto view = server.lookDown(40.0);
   base::Image image;
   for (int i = 0; i < 2000 && viewer->stats().broken == 0; ++i) {
@@ -131,7 +131,7 @@ TEST_F(ViewerGl, brokenImagesAreCountedAndThePictureStays) {
 
 TEST_F(ViewerGl, anotherSceneAfterAReconnectStartsFromNothing) {
   open(patches());
-  hear(server.sayGroup(0));
+  receive(server.sayGroup(0));
   const auto view = server.lookDown(40.0);
   EXPECT_GT(covered(draw(view)), 0U);
   viewer->session().disconnected("gone");
@@ -140,9 +140,9 @@ TEST_F(ViewerGl, anotherSceneAfterAReconnectStartsFromNothing) {
   ScriptedServer other;
   other.welcome.scene_name = "another";
   viewer->session().connected();
-  hear(other.sayWelcome());
+  receive(other.sayWelcome());
   EXPECT_EQ(covered(draw(view)), 0U);
-  hear(other.sayGroup(0));
+  receive(other.sayGroup(0));
   EXPECT_GT(covered(draw(view)), 0U);
 }
 
@@ -151,10 +151,10 @@ TEST_F(ViewerGl, aGroupThatIsEvictedLeavesAPictureThatStillCovers) {
   options.session.cache_bytes = 6'000;
   open(options);
   const auto view = server.lookDown(40.0);
-  hear(server.sayGroup(0));
+  receive(server.sayGroup(0));
   const std::size_t whole = covered(draw(view));
   for (std::uint32_t g = 1; g < server.hierarchy().groups.size(); ++g) {
-    hear(server.sayGroup(g));
+    receive(server.sayGroup(g));
     // The bumps move the silhouette by a pixel in places.
     EXPECT_NEAR(static_cast<double>(covered(draw(view))), static_cast<double>(whole),
                 0.05 * static_cast<double>(whole));
@@ -164,7 +164,7 @@ TEST_F(ViewerGl, aGroupThatIsEvictedLeavesAPictureThatStillCovers) {
 
 TEST_F(ViewerGl, theSurfaceUnderThePixelIsFoundInWorldCoordinates) {
   open(patches());
-  hear(server.sayGroup(0));
+  receive(server.sayGroup(0));
   const auto view = server.lookDown(20.0);
   draw(view);
   const auto middle = viewer->surfaceAt(view, 32.0, 24.0);

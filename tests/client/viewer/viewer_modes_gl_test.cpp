@@ -23,7 +23,7 @@ class ViewerModes : public ViewerFixture {
 
 TEST_F(ViewerModes, orthographicPixelsAreAsWideEverywhere) {
   open(patches());
-  hearAllGroups();
+  receiveAllGroups();
   for (const double height : {4.0, 12.0}) {
     const base::ViewCamera view = orthoDown(height);
     settle(view);
@@ -42,7 +42,7 @@ TEST_F(ViewerModes, orthographicPixelsAreAsWideEverywhere) {
 
 TEST_F(ViewerModes, anOrthographicViewerMayStandAnywhereAlongItsAxis) {
   open(patches());
-  hearAllGroups();
+  receiveAllGroups();
   const base::ViewCamera view = orthoDown(12.0);
   const base::Image picture = settle(view);
   EXPECT_GT(covered(picture), 64U * 48U / 2U);
@@ -55,7 +55,7 @@ TEST_F(ViewerModes, anOrthographicViewerMayStandAnywhereAlongItsAxis) {
 
 TEST_F(ViewerModes, theErrorOfAnOrthographicCutIsInPixelsOfItsHeight) {
   open(patches());
-  hear(server.sayGroup(0));
+  receive(server.sayGroup(0));
   settle(orthoDown(10.0));
   const float at_10 = viewer->stats().error_px;
   EXPECT_GT(at_10, 0.0F);
@@ -96,11 +96,11 @@ TEST_F(ViewerModes, onlyTheServersPictureOfTheVeryViewIsExact) {
   EXPECT_EQ(viewer->stats().accuracy, Accuracy::kNothing);
   draw(server.lookDown(20.0));
   EXPECT_EQ(viewer->stats().accuracy, Accuracy::kNothing);
-  hearAllGroups();
+  receiveAllGroups();
   settle(server.lookDown(20.0));
   EXPECT_EQ(viewer->stats().accuracy, Accuracy::kCoarse) << "no image is here yet";
   sent(viewer->session());
-  hear(server.sayFrame(1, 100));
+  receive(server.sayFrame(1, 100));
   settle(server.lookDown(20.0));
   EXPECT_EQ(viewer->stats().accuracy, Accuracy::kExact);
   settle(server.lookDown(20.5));
@@ -116,7 +116,7 @@ TEST_F(ViewerModes, onlyTheServersPictureOfTheVeryViewIsExact) {
 
 TEST_F(ViewerModes, aSectionCutsWorldCoordinatesForPictureAndPickAlike) {
   open(patches());
-  hearAllGroups();
+  receiveAllGroups();
   const base::ViewCamera view = orthoDown(12.0);
   const std::size_t whole = covered(settle(view));
   viewer->setSection(base::SectionPlane{{1.0, 0.0, 0.0}, view.position.x});  // removes the right half
@@ -137,7 +137,7 @@ TEST_F(ViewerModes, aSectionCutsWorldCoordinatesForPictureAndPickAlike) {
 
 TEST_F(ViewerModes, pinsAreSeenOnTheSurfaceAndNotBehindIt) {
   open(patches());
-  hearAllGroups();
+  receiveAllGroups();
   const base::ViewCamera view = server.lookDown(12.0);
   settle(view);
   std::vector<glm::dvec3> points;
@@ -170,7 +170,7 @@ TEST_F(ViewerModes, pinsAreSeenOnTheSurfaceAndNotBehindIt) {
 
 TEST_F(ViewerModes, aSettledPictureAsksForNoPinsAgain) {
   open(patches());
-  hearAllGroups();
+  receiveAllGroups();
   const base::ViewCamera view = server.lookDown(12.0);
   viewer->setPins({view.position});
   settle(view);
@@ -185,8 +185,8 @@ TEST_F(ViewerModes, afterALostContextThePictureIsTheSame) {
   ViewerOptions options;
   options.session.patch_tolerance_px = 0.5F;
   open(options);
-  hearAllGroups();
-  for (std::uint32_t x = 0; x < 4; ++x) hear(server.sayFace({x, 1, 2, 5}, 100));
+  receiveAllGroups();
+  for (std::uint32_t x = 0; x < 4; ++x) receive(server.sayFace({x, 1, 2, 5}, 100));
   const base::ViewCamera view = server.lookDown(30.0);
   const auto on = [&] { return viewer->surfaceAt(view, 32.0, 24.0); };
   settle(view);
@@ -204,7 +204,7 @@ TEST_F(ViewerModes, afterALostContextThePictureIsTheSame) {
   EXPECT_FALSE(on().has_value());
   EXPECT_EQ(viewer->stats().memory.gpu(), 0U);
   EXPECT_EQ(viewer->stats().accuracy, Accuracy::kNothing);
-  hear(server.sayFace({2, 2, 2, 5}, 100));
+  receive(server.sayFace({2, 2, 2, 5}, 100));
 
   makeContext();
   ASSERT_TRUE(bool(viewer->contextRestored()));
@@ -219,10 +219,10 @@ TEST_F(ViewerModes, afterALostContextThePictureIsTheSame) {
   const base::Image after = settle(view);
 
   open(options);
-  hearAllGroups();
-  for (std::uint32_t x = 0; x < 4; ++x) hear(server.sayFace({x, 1, 2, 5}, 100));
+  receiveAllGroups();
+  for (std::uint32_t x = 0; x < 4; ++x) receive(server.sayFace({x, 1, 2, 5}, 100));
   EXPECT_EQ(settle(view).pixels, before.pixels) << "the way there does not matter";
-  hear(server.sayFace({2, 2, 2, 5}, 100));
+  receive(server.sayFace({2, 2, 2, 5}, 100));
   EXPECT_EQ(settle(view).pixels, after.pixels);
 }
 

@@ -322,7 +322,7 @@ class Witness:
         with open(self.path, "wb") as file:
             file.write(self.bytes)
 
-    def look(self):
+    def check(self):
         if not os.path.exists(self.path) or read(self.path) != self.bytes:
             self.lost += 1
 
@@ -334,7 +334,7 @@ def cut_images(programs, directory, disk, witness):
         build.kill_builder()
         build.stop_reader(signal.SIGKILL)
         disk.power_up()
-        witness.look()
+        witness.check()
         return True
 
     test = Interruptions(programs, directory, disk.mount_point, IMAGE_OPTIONS)
@@ -372,7 +372,7 @@ def cut_hierarchy(programs, directory, disk, witness):
                     build.kill()
                 build.wait()
             disk.power_up()
-            witness.look()
+            witness.check()
             cuts += 1
             if os.path.exists(scene + "/patch.lgp") and read(scene + "/patch.lgp") != patches:
                 raise Failure(f"cut {cuts}: patch.lgp is there, but not whole")

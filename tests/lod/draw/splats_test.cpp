@@ -396,7 +396,7 @@ TEST_F(SplatsTest, resolutionShowsInTheLegendsColours) {
   const std::array<float, 5> pixels{0.9F, 1.8F, 3.5F, 7.0F, 20.0F};
   for (const SplatKernel kernel : {SplatKernel::kSquare, SplatKernel::kCircle, SplatKernel::kEllipse})
     for (std::size_t i = 0; i < pixels.size(); ++i) {
-      const glm::vec3 middle(0.5F * pixel, -0.5F * pixel, -kDepth);  // of a pixel
+      const glm::vec3 middle(0.5F * pixel, -0.5F * pixel, -kDepth);  // a pixel's middle
       const base::Image picture = this->picture(std::array{splatAt(middle, 0.5F * pixels[i] * pixel)}, kernel, view);
       const std::uint8_t* shown = picture.at(kSize / 2, kSize / 2);
       for (std::size_t k = 0; k < 3; ++k) EXPECT_NEAR(shown[k], kResolutionLegend[i].color[k], 1) << pixels[i];

@@ -44,12 +44,12 @@ std::vector<Facet> leafFacets(const PatchFile& file) {
 // ---- the independent way: every triangle by Moeller and Trumbore 1997 ----
 
 /// The least of the three weights of the ray's intersection with the triangle (negative: outside), and its distance.
-struct Crossing {
+struct FacetCrossing {
   double least_weight = -1.0;
   double distance = kInfinity;
 };
 
-Crossing crossingOf(const Ray& ray, const Facet& f) {
+FacetCrossing crossingOf(const Ray& ray, const Facet& f) {
   const glm::dvec3 d = glm::normalize(ray.direction);
   const glm::dvec3 e1 = f.b - f.a;
   const glm::dvec3 e2 = f.c - f.a;
@@ -67,7 +67,7 @@ Crossing crossingOf(const Ray& ray, const Facet& f) {
 double nearest(const Ray& ray, const std::vector<Facet>& facets, double margin) {
   double distance = kInfinity;
   for (const Facet& f : facets) {
-    const Crossing at = crossingOf(ray, f);
+    const FacetCrossing at = crossingOf(ray, f);
     if (at.least_weight >= -margin && at.distance >= 0.0 && at.distance <= ray.max_distance)
       distance = std::min(distance, at.distance);
   }

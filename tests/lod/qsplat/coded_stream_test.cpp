@@ -1,4 +1,4 @@
-// A coded file over a link: what a plain one shows, sooner.
+// Streaming a coded file shows the same picture as the plain one, earlier.
 #include <gtest/gtest.h>
 
 #include <map>
@@ -38,7 +38,7 @@ TEST(CodedStreamTest, theFirstAnswerHoldsNoFewerBlocksThanThatOfAPlainFile) {
     const base::Bytes& file = coded ? codedFile() : plainFile();
     Stream stream(file.size(), withoutIdling());
     Host host(stream, file);
-    host.ask(0.0);
+    host.acceptRequests(0.0);
     ASSERT_EQ(host.asked.size(), 1U);
     bytes[coded] = host.asked[0].length;
     host.answerOne(0.1);
@@ -71,7 +71,7 @@ TEST(CodedStreamTest, atRestTheWholeFileComes) {
   support::RandomViews views(6, header().root, 200);
   fetchAll(stream, host, requestFor(views.next()), now);
   for (int i = 0; i < 5000 && stream.stats().present < header().blocks(); ++i) {
-    host.ask(now += 0.01);
+    host.acceptRequests(now += 0.01);
     if (host.underWay() > 0) host.answerOne(now);
   }
   EXPECT_EQ(stream.stats().present, header().blocks());
@@ -87,7 +87,7 @@ TEST(CodedStreamTest, aFileOfTooManyBlocksForTheMemoryIsTold) {
   Stream stream(large.size(), options);
   EXPECT_EQ(stream.problem(), "");
   Host host(stream, large);
-  host.ask(0.0);
+  host.acceptRequests(0.0);
   host.answerOne(0.1);
   EXPECT_NE(stream.problem().find("are too many for 65536 bytes of memory; allow at least"), std::string::npos)
       << stream.problem();
@@ -100,7 +100,7 @@ TEST(CodedStreamTest, aHeaderOfAnotherFileOrDamagedIsTold) {
     longer.resize(longer.size() + kBlockBytes, 0);
     Stream stream(longer.size(), withoutIdling());
     Host host(stream, longer);
-    host.ask(0.0);
+    host.acceptRequests(0.0);
     host.answerOne(0.1);
     EXPECT_NE(stream.problem().find("but its header says"), std::string::npos);
   }
@@ -110,7 +110,7 @@ TEST(CodedStreamTest, aHeaderOfAnotherFileOrDamagedIsTold) {
     Stream stream(damaged.size(), withoutIdling());
     Host host(stream, damaged);
     for (double now = 0.0; now < 60.0 && stream.problem().empty(); now += 1.0) {
-      host.ask(now);
+      host.acceptRequests(now);
       if (host.underWay() > 0) host.answerOne(now);
     }
     EXPECT_NE(stream.problem().find("header: checksum does not match"), std::string::npos);

@@ -88,7 +88,7 @@ TEST_P(StreamOfEitherForm, answersInAnyOrderFailuresAndNewViewsAreNeverAskedForT
       now += 0.05;
       if (random() % 40 == 0) request = requestFor(views.next(), 0.5F);
       if (random() % 2 == 0) stream.traverse(request, std::nullopt, found);
-      host.ask(now);
+      host.acceptRequests(now);
       ASSERT_FALSE(HasFatalFailure());
       if (host.underWay() > 0 && random() % 3 != 0) host.answerOne(now, random() % 2 == 0);
       ASSERT_LE(host.underWay(), options.max_requests);

@@ -37,12 +37,12 @@ class SimulatedRenderer {
 
   static constexpr int kSubtrees = 40'000;
 
-  std::uint64_t splats(float cutoff_px) const { return refined(cutoff_px, 1.0F).splats; }
+  std::uint64_t splats(float cutoff_px) const { return refineFrame(cutoff_px, 1.0F).splats; }
   /// Samples that splats cover at full resolution, where they are much larger than a sample.
-  double coveredSamples() const { return refined(50.0F, 1.0F).samples; }
+  double coveredSamples() const { return refineFrame(50.0F, 1.0F).samples; }
   /// The time of the next frame.
   double seconds(const RateControl& control) {
-    const Refined drawn = refined(control.cutoffPx(), control.reduction());
+    const RefinedFrame drawn = refineFrame(control.cutoffPx(), control.reduction());
     std::uniform_real_distribution<double> factor(1.0 - noise, 1.0 + noise);
     return (kFrameSeconds + splat_seconds * static_cast<double>(drawn.splats) + sample_seconds * drawn.samples) *
            factor(random_);
@@ -50,12 +50,12 @@ class SimulatedRenderer {
 
  private:
   static constexpr double kFrameSeconds = 0.004;
-  struct Refined {
+  struct RefinedFrame {
     std::uint64_t splats = 0;
     double samples = 0.0;
   };
-  Refined refined(float cutoff_px, float reduction) const {
-    Refined all;
+  RefinedFrame refineFrame(float cutoff_px, float reduction) const {
+    RefinedFrame all;
     for (std::size_t i = 0; i < in_view; ++i) {
       double size_px = zoom * subtrees_[i].root_px;
       std::uint64_t nodes = 1;

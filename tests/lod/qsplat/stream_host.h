@@ -23,7 +23,7 @@ class Host {
   std::uint64_t sent = 0;
 
   /// Accepts new requests. No byte of them may be under way already.
-  void ask(double now) {
+  void acceptRequests(double now) {
     for (const ByteRange& range : stream_.nextRequests(now)) {
       ASSERT_GT(range.length, 0U);
       ASSERT_LE(range.offset + range.length, bytes_.size());
@@ -67,7 +67,7 @@ inline Traversal fetchAll(Stream& stream, Host& host, const TraverseRequest& req
     stream.traverse(request, std::nullopt, found);
     if (each) each(found);
     if (stream.complete() || !stream.problem().empty()) break;
-    host.ask(now);
+    host.acceptRequests(now);
     now += 0.01;
     if (host.underWay() > 0) host.answerOne(now);
   }

@@ -125,7 +125,7 @@ TEST(StreamTest, requestsBlocksUnderTheLensFirst) {
   for (int turn = 0; turn < 5000; ++turn) {
     stream.traverse(request, lens, found);
     if (stream.header() != nullptr && coarsestSeen(found, true) == 0.0F && !found.splats.empty()) break;
-    host.ask(now);
+    host.acceptRequests(now);
     now += 0.01;
     if (host.underWay() > 0) host.answerOne(now);
   }
@@ -172,13 +172,13 @@ TEST(StreamTest, atRestTheSurroundingsComeAndThenTheWholeFile) {
 
   // Blocks of the surroundings must not cause another traversal.
   while (stream.stats().present < (of_view + header().blocks()) / 2) {
-    host.ask(now += 0.01);
+    host.acceptRequests(now += 0.01);
     ASSERT_GT(host.underWay(), 0U);
     host.answerOne(now);
   }
   EXPECT_EQ(stream.generation(), generation) << "what is for later must not draw the picture again";
   for (int i = 0; i < 5000 && stream.stats().present < header().blocks(); ++i) {
-    host.ask(now += 0.01);
+    host.acceptRequests(now += 0.01);
     if (host.underWay() > 0) host.answerOne(now);
   }
   EXPECT_EQ(stream.stats().present, header().blocks());
@@ -204,7 +204,7 @@ TEST(StreamTest, aSmallTurnAtRestFindsItsBlocksHere) {
   const std::size_t before = lacking(turned);
   fetchAll(stream, host, requestFor(cameraFrom({0.0, 0.0, -1.0}, 1.15)), now);
   for (int i = 0; i < 2000; ++i) {
-    host.ask(now += 0.01);
+    host.acceptRequests(now += 0.01);
     if (host.underWay() > 0) host.answerOne(now);
   }
   EXPECT_GT(before, 0U);
@@ -262,7 +262,7 @@ TEST(StreamTest, aHostThatIsAwayIsAskedLessAndLess) {
   Host host(stream, file());
   host.spoil = [](const ByteRange&, const base::Bytes&) { return std::nullopt; };
   for (double now = 0.0; now < 30.0; now += 0.01) {
-    host.ask(now);
+    host.acceptRequests(now);
     if (host.underWay() > 0) host.answerOne(now);
   }
   EXPECT_GE(host.asked.size(), 7U);
@@ -281,7 +281,7 @@ TEST(StreamTest, requestsThatFailTogetherArePausedForOnce) {
   double now = 0.0;
   while (host.underWay() < 4 && now < 10.0) {
     stream.traverse(request, std::nullopt, found);
-    host.ask(now);
+    host.acceptRequests(now);
     now += 0.01;
     if (host.underWay() > 0 && host.underWay() < 4) host.answerOne(now);
   }
@@ -300,7 +300,7 @@ TEST(StreamTest, filesThatCannotBeAreNamed) {
     Stream stream(said, withoutIdling());
     Host host(stream, bytes);
     for (double now = 0.0; now < 20.0 && stream.problem().empty(); now += 0.05) {
-      host.ask(now);
+      host.acceptRequests(now);
       if (host.underWay() > 0) host.answerOne(now);
     }
     EXPECT_TRUE(stream.nextRequests(100.0).empty());
@@ -345,7 +345,7 @@ TEST(StreamTest, wastedBytesAreThoseThatNoFrameLookedInto) {
   // The view is left before its blocks arrive.
   Traversal found;
   stream.traverse(requestFor(cameraFrom({0.0, 0.0, 1.0}), 0.3F), std::nullopt, found);
-  host.ask(now);
+  host.acceptRequests(now);
   ASSERT_GT(host.underWay(), 0U);
   stream.traverse(from_afar, std::nullopt, found);
   std::uint64_t late = 0;

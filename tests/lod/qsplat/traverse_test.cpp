@@ -339,15 +339,15 @@ TEST(TraverseTest, memoryOfAFrameBeforeIsUsedAgainAndLeavesNothingBehind) {
 // ---- What is not here
 
 /// A model whose blocks arrive one by one.
-struct Arriving {
+struct ArrivingBlocks {
   const Model& model;
   GrowingBlocks blocks;
-  explicit Arriving(const Model& m) : model(m), blocks(m.header) {}
+  explicit ArrivingBlocks(const Model& m) : model(m), blocks(m.header) {}
   void put(std::uint64_t number) { blocks.put(number, &model.file[number * kBlockBytes]); }
 };
 
 TEST(TraverseTest, withoutTheFirstBlockItAloneIsWanted) {
-  Arriving arriving(ball());
+  ArrivingBlocks arriving(ball());
   const Traversal found =
       traverse(arriving.blocks, requestFor(support::RandomViews(1, ball().header.root, 64).next(), 1.0F));
   EXPECT_TRUE(found.splats.empty());
@@ -360,7 +360,7 @@ TEST(TraverseTest, whateverIsMissingParentsAreDrawnAndTheWantedBlocksCompleteThe
   support::RandomViews views(13, ball().header.root, 600);
   for (int i = 0; i < 20; ++i) {
     const TraverseRequest request = requestFor(views.next(), 1.5F);
-    Arriving arriving(ball());
+    ArrivingBlocks arriving(ball());
     // Random blocks are present, some without the blocks of their parents.
     for (std::uint64_t b = 2; b < ball().header.blocks(); ++b)
       if (views.number(0.0, 1.0) < 0.3) arriving.put(b);
@@ -387,7 +387,7 @@ TEST(TraverseTest, whateverIsMissingParentsAreDrawnAndTheWantedBlocksCompleteThe
 }
 
 TEST(TraverseTest, droppedBlocksAreWantedAgain) {
-  Arriving arriving(ball());
+  ArrivingBlocks arriving(ball());
   for (std::uint64_t b = 1; b < ball().header.blocks(); ++b) arriving.put(b);
   arriving.blocks.trackUse();
   arriving.blocks.beginFrame(7);
@@ -405,7 +405,7 @@ TEST(TraverseTest, droppedBlocksAreWantedAgain) {
 }
 
 TEST(TraverseTest, theWantedCarryWhatOrdersAskAbout) {
-  Arriving arriving(ball());
+  ArrivingBlocks arriving(ball());
   arriving.put(1);
   TraverseRequest request = requestFor(support::RandomViews(4, ball().header.root, 500).next(), 1.0F);
   std::vector<MissingChildren> wants;

@@ -131,7 +131,7 @@ TEST_F(BakeTest, rendersFaultyFacesAgainAndRemovesOrphans) {
   const FaceKey last = store.values.rbegin()->first;
   store.values[first].back() ^= 1;
   store.values[last] = repository::encodeFaceValue({false, base::Bytes{1, 2, 3}, {}});  // its checksum is right
-  store.values[{0, 0, 0, 0}] = repository::encodeFaceValue({});                         // of shard 0
+  store.values[{0, 0, 0, 0}] = repository::encodeFaceValue({});                         // belongs to shard 0
   store.values[{9, 9, 9, 0}] = repository::encodeFaceValue({});
   const auto removed = repository::removeFaulty(store, options_.grid, options_.shard, nullptr, 2);
   ASSERT_TRUE(removed);

@@ -22,10 +22,10 @@ namespace {
 using FaceCounts = std::map<std::uint64_t, std::uint64_t>;  // by key code
 
 /// Counts of the faces and groups that clients received.
-struct Received {
+struct ReceivedCounts {
   FaceCounts faces;
   std::uint64_t groups = 0;
-  void take(const protocol::ServerMessage& message) {
+  void countMessage(const protocol::ServerMessage& message) {
     if (const auto* face = std::get_if<protocol::Face>(&message)) ++faces[face->key.code()];
     if (std::holds_alternative<protocol::Refinement>(message)) ++groups;
   }
@@ -47,14 +47,14 @@ std::unique_ptr<LoopbackClient> greeted(std::uint16_t port, protocol::Welcome& w
 
 /// Looks until the view is complete, then breaks the rules: what the server had handed to the connection comes before
 /// its refusal, so all of it is received.
-void lookAndBeRefused(std::uint16_t port, Received& received) {
+void lookAndBeRefused(std::uint16_t port, ReceivedCounts& received) {
   protocol::Welcome welcome;
   auto client = greeted(port, welcome);
   ASSERT_TRUE(client);
   ASSERT_TRUE(client->send(viewOf(welcome, 1)));
   bool complete = false, refused = false;
   while (auto message = client->receive()) {
-    received.take(*message);
+    received.countMessage(*message);
     if (std::holds_alternative<protocol::Completion>(*message)) {
       complete = true;
       ASSERT_TRUE(client->send(protocol::Hello{protocol::kVersion, "again"}));
@@ -88,7 +88,7 @@ TEST(AccessLog, countsEqualWhatClientsReceived) {
   const SceneDirectory scene;
   const auto identity = identityOf(scene.path);
   const std::string file = repository::accessFileOf(scene.path);
-  Received received;
+  ReceivedCounts received;
   for (int servers = 0; servers < 2; ++servers) {  // the second adds to what the first has left
     RunningServer server(scene.path);
     for (int viewers = 0; viewers < 3; ++viewers) lookAndBeRefused(server.port(), received);
@@ -109,7 +109,7 @@ TEST(AccessLog, twoServersOfOneSceneAddUp) {
   ServerOptions options = RunningServer::quiet();
   options.access_interval_seconds = 0.01;
   options.access_file = scene.path + "/counts";
-  Received received;
+  ReceivedCounts received;
   {
     RunningServer first(scene.path, options), second(scene.path, options);
     for (int viewers = 0; viewers < 3; ++viewers) {
@@ -125,7 +125,7 @@ TEST(AccessLog, nothingIsWrittenWhenTurnedOff) {
   const SceneDirectory scene;
   ServerOptions options = RunningServer::quiet();
   options.count_access = false;
-  Received received;
+  ReceivedCounts received;
   {
     RunningServer server(scene.path, options);
     lookAndBeRefused(server.port(), received);
@@ -138,7 +138,7 @@ TEST(AccessLog, unwritableFileStopsNoServer) {
   const SceneDirectory scene;
   ServerOptions options = RunningServer::quiet();
   options.access_file = scene.path + "/nowhere/access.lga";
-  Received received;
+  ReceivedCounts received;
   RunningServer server(scene.path, options);
   lookAndBeRefused(server.port(), received);
   EXPECT_GE(received.faceTotal(), 4U);
@@ -149,7 +149,7 @@ TEST(AccessLog, unwrittenCountsAreWrittenLater) {
   const auto identity = identityOf(scene.path);
   const std::string file = repository::accessFileOf(scene.path);
   std::ofstream(file) << "no counts";
-  Received received;
+  ReceivedCounts received;
   {
     RunningServer server(scene.path);
     lookAndBeRefused(server.port(), received);
@@ -198,7 +198,7 @@ class ServeProgram : public ::testing::Test {
   const SceneDirectory logs{0};  // aside: the scene may be read-only
   const repository::AccessIdentity identity = identityOf(scene.path);
   const std::string file = repository::accessFileOf(scene.path);
-  Received received;
+  ReceivedCounts received;
   pid_t pid = 0;
   std::uint16_t port = 0;
 };
@@ -212,9 +212,9 @@ TEST_F(ServeProgram, countsSurviveSigterm) {
   auto client = greeted(port, welcome);
   ASSERT_TRUE(client);
   ASSERT_TRUE(client->send(viewOf(welcome, 1)));
-  received.take(*client->receive());
+  received.countMessage(*client->receive());
   ::kill(pid, SIGTERM);
-  while (auto message = client->receive()) received.take(*message);
+  while (auto message = client->receive()) received.countMessage(*message);
   EXPECT_EQ(end(0), 0);  // it ends by itself
 
   const auto counts = loaded(file, identity);
@@ -240,7 +240,7 @@ TEST_F(ServeProgram, killedServerLosesAtMostTheLastInterval) {
     std::this_thread::sleep_for(std::chrono::milliseconds(2));
   }
   EXPECT_EQ(byCode(loaded(file, identity)), received.faces);
-  const Received before = received;
+  const ReceivedCounts before = received;
   lookAndBeRefused(port, received);
   EXPECT_EQ(end(SIGKILL), 128 + SIGKILL);
 
@@ -251,7 +251,7 @@ TEST_F(ServeProgram, killedServerLosesAtMostTheLastInterval) {
 
   // Another server continues from these counts.
   ASSERT_NO_FATAL_FAILURE(start({}));
-  Received third;
+  ReceivedCounts third;
   lookAndBeRefused(port, third);
   EXPECT_EQ(end(SIGTERM), 0);
   FaceCounts expected = kept;

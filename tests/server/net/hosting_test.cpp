@@ -54,8 +54,8 @@ class HostingTest : public testing::Test {
     replace(snippet, "listen 8088;", "listen 127.0.0.1:$PORT0;");
     replace(snippet, "root /srv/lumigrid;", "root " + directory_.path() + ";");
   }
-  HttpAnswer ask(const std::string& target, const std::map<std::string, std::string>& headers = {},
-                 const std::string& method = "GET") const {
+  HttpAnswer request(const std::string& target, const std::map<std::string, std::string>& headers = {},
+                     const std::string& method = "GET") const {
     return httpRequest(nginx_->port(), target, headers, method);
   }
 
@@ -64,58 +64,58 @@ class HostingTest : public testing::Test {
 };
 
 TEST_F(HostingTest, packsAreReadByRangeAndKeptForever) {
-  const HttpAnswer part = ask("/tower/" + kName, {{"Range", "bytes=99998-100001"}});
+  const HttpAnswer part = request("/tower/" + kName, {{"Range", "bytes=99998-100001"}});
   EXPECT_EQ(part.status, 206);
   EXPECT_EQ(part.body, "xxen");
   EXPECT_EQ(part.headers.at("content-range"), "bytes 99998-100001/100003");
   EXPECT_EQ(part.headers.at("cache-control"), "public, max-age=31536000, immutable");
   EXPECT_EQ(part.headers.at("access-control-allow-origin"), "*");
   EXPECT_NE(part.headers.at("access-control-expose-headers").find("Content-Range"), std::string::npos);
-  EXPECT_EQ(ask("/tower/" + kName, {{"Range", "bytes=200000-"}}).status, 416);
-  const HttpAnswer whole = ask("/tower/" + kName, {{"Accept-Encoding", "gzip"}});
+  EXPECT_EQ(request("/tower/" + kName, {{"Range", "bytes=200000-"}}).status, 416);
+  const HttpAnswer whole = request("/tower/" + kName, {{"Accept-Encoding", "gzip"}});
   EXPECT_EQ(whole.status, 200);
   EXPECT_EQ(whole.body.size(), 100003U);
   EXPECT_EQ(whole.headers.count("content-encoding"), 0U);
 }
 
 TEST_F(HostingTest, unchangedRootIsAnsweredWithoutABody) {
-  const HttpAnswer root = ask("/tower/scene.json");
+  const HttpAnswer root = request("/tower/scene.json");
   EXPECT_EQ(root.status, 200);
   EXPECT_EQ(root.headers.at("cache-control"), "no-cache");
   EXPECT_EQ(root.headers.at("content-type"), "application/json");
-  EXPECT_EQ(ask("/tower/scene.json", {{"If-None-Match", root.headers.at("etag")}}).status, 304);
+  EXPECT_EQ(request("/tower/scene.json", {{"If-None-Match", root.headers.at("etag")}}).status, 304);
   write(directory_ / "tower/scene.json", "{\"version\": 1, \"more\": 2}");
-  EXPECT_EQ(ask("/tower/scene.json").body, "{\"version\": 1, \"more\": 2}");
+  EXPECT_EQ(request("/tower/scene.json").body, "{\"version\": 1, \"more\": 2}");
 }
 
 TEST_F(HostingTest, pageHasTheHeadersThatBrowsersNeed) {
-  const HttpAnswer page = ask("/tower/");
+  const HttpAnswer page = request("/tower/");
   EXPECT_EQ(page.status, 200);
   EXPECT_EQ(page.body, "<!doctype html><title>page</title>");
   EXPECT_EQ(page.headers.at("content-type"), "text/html; charset=utf-8");
   EXPECT_EQ(page.headers.at("cache-control"), "no-cache");
   EXPECT_EQ(page.headers.at("content-security-policy"), kPagePolicy) << "the document's is not the server's";
   EXPECT_EQ(page.headers.at("x-content-type-options"), "nosniff");
-  const HttpAnswer wasm = ask("/tower/lumigrid-0123abcd.wasm");
+  const HttpAnswer wasm = request("/tower/lumigrid-0123abcd.wasm");
   EXPECT_EQ(wasm.headers.at("content-type"), "application/wasm");
   EXPECT_EQ(wasm.headers.at("cache-control"), "public, max-age=31536000, immutable");
   EXPECT_EQ(wasm.headers.count("content-security-policy"), 0U);
-  const HttpAnswer gzip = ask("/tower/lumigrid-0123abcd.wasm", {{"Accept-Encoding", "gzip"}});
+  const HttpAnswer gzip = request("/tower/lumigrid-0123abcd.wasm", {{"Accept-Encoding", "gzip"}});
   EXPECT_EQ(gzip.body, "wasm as gzip");
   EXPECT_EQ(gzip.headers.at("content-encoding"), "gzip");
   EXPECT_EQ(gzip.headers.at("content-type"), "application/wasm");
-  const HttpAnswer program = ask("/tower/lumigrid-0123abcd.js", {{"Accept-Encoding", "gzip"}});
+  const HttpAnswer program = request("/tower/lumigrid-0123abcd.js", {{"Accept-Encoding", "gzip"}});
   EXPECT_EQ(program.headers.at("content-type"), "text/javascript; charset=utf-8");
   EXPECT_EQ(program.headers.count("content-encoding"), 0U);
 }
 
 TEST_F(HostingTest, pagesOfOtherHostsMayReadAndSeeMissingHeaders) {
   const HttpAnswer asked =
-      ask("/tower/" + kName, {{"Origin", "https://other"}, {"Access-Control-Request-Headers", "range"}}, "OPTIONS");
+      request("/tower/" + kName, {{"Origin", "https://other"}, {"Access-Control-Request-Headers", "range"}}, "OPTIONS");
   EXPECT_EQ(asked.status, 204);
   EXPECT_EQ(asked.headers.at("access-control-allow-origin"), "*");
   EXPECT_NE(asked.headers.at("access-control-allow-headers").find("Range"), std::string::npos);
-  const HttpAnswer none = ask("/tower/images/none.lgk");
+  const HttpAnswer none = request("/tower/images/none.lgk");
   EXPECT_EQ(none.status, 404);
   EXPECT_EQ(none.headers.at("access-control-allow-origin"), "*");
   EXPECT_EQ(none.headers.count("cache-control"), 0U);

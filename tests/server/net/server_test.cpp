@@ -19,14 +19,14 @@ protocol::Welcome greet(LoopbackClient& client) {
   return message ? std::get<protocol::Welcome>(*message) : protocol::Welcome{};
 }
 
-struct Received {
+struct ReceivedAnswers {
   int groups = 0, faces = 0;
   bool complete = false;
 };
 
 /// Everything up to Completion(sequence) or the end of the connection.
-Received receiveAll(LoopbackClient& client, std::uint32_t sequence) {
-  Received received;
+ReceivedAnswers receiveAll(LoopbackClient& client, std::uint32_t sequence) {
+  ReceivedAnswers received;
   while (auto message = client.receive()) {
     if (std::holds_alternative<protocol::Refinement>(*message)) ++received.groups;
     if (std::holds_alternative<protocol::Face>(*message)) ++received.faces;
@@ -52,7 +52,7 @@ TEST(Server, viewerIsWelcomedAndServedToCompletion) {
     EXPECT_EQ(welcome.grid.face_size, 64U);
     EXPECT_FALSE(welcome.can_render_frames);
     ASSERT_TRUE(client->send(viewOf(welcome, 1)));
-    const Received received = receiveAll(*client, 1);
+    const ReceivedAnswers received = receiveAll(*client, 1);
     EXPECT_TRUE(received.complete);
     EXPECT_GE(received.groups, 1);
     EXPECT_GE(received.faces, 4);
@@ -68,7 +68,7 @@ TEST(Server, sceneWithoutImagesIsServed) {
   const auto welcome = greet(*client);
   EXPECT_EQ(welcome.grid.pointCount(), 0U);
   ASSERT_TRUE(client->send(viewOf(welcome, 1)));
-  const Received received = receiveAll(*client, 1);
+  const ReceivedAnswers received = receiveAll(*client, 1);
   EXPECT_TRUE(received.complete);
   EXPECT_EQ(received.faces, 0);
 }
@@ -150,7 +150,7 @@ TEST(Server, newViewOvertakesTheOldOnesBytes) {
   protocol::View away = viewOf(welcome, 2);
   away.camera.direction = {0.0, 0.0, 1.0};
   ASSERT_TRUE(client->send(away));
-  const Received received = receiveAll(*client, 2);
+  const ReceivedAnswers received = receiveAll(*client, 2);
   EXPECT_TRUE(received.complete);
   EXPECT_LE(received.faces, 4);
 }

@@ -110,7 +110,7 @@ class RemoteSplats : public ::testing::Test {
     options.remote.cache_directory = directory / "cache";
     server = std::make_unique<RunningServer>(nginx->url() + "/cloud", options);
   }
-  HttpAnswer ask(const std::map<std::string, std::string>& headers = {}, const std::string& method = "GET") const {
+  HttpAnswer request(const std::map<std::string, std::string>& headers = {}, const std::string& method = "GET") const {
     return httpRequest(server->port(), "/qsplat.lgq", headers, method);
   }
 
@@ -121,29 +121,29 @@ class RemoteSplats : public ::testing::Test {
 };
 
 TEST_F(RemoteSplats, wholeFileAndRangesArePassedOn) {
-  const HttpAnswer whole = ask();
+  const HttpAnswer whole = request();
   EXPECT_EQ(whole.status, 200);
   EXPECT_TRUE(whole.body == scene->file);
   EXPECT_EQ(whole.headers.at("accept-ranges"), "bytes");
   for (const auto& [first, last] : {std::pair<std::size_t, std::size_t>{0, 0}, {1000, 70'000}, {100'000, 2'600'000}}) {
-    const HttpAnswer part = ask({{"Range", "bytes=" + std::to_string(first) + "-" + std::to_string(last)}});
+    const HttpAnswer part = request({{"Range", "bytes=" + std::to_string(first) + "-" + std::to_string(last)}});
     EXPECT_EQ(part.status, 206);
     EXPECT_TRUE(part.body == scene->file.substr(first, last - first + 1)) << first;
     EXPECT_EQ(part.headers.at("content-range"),
               "bytes " + std::to_string(first) + "-" + std::to_string(last) + "/" + std::to_string(kBytes));
   }
-  EXPECT_EQ(ask({{"Range", "bytes=4000000-"}}).status, 416);
-  const HttpAnswer head = ask({}, "HEAD");
+  EXPECT_EQ(request({{"Range", "bytes=4000000-"}}).status, 416);
+  const HttpAnswer head = request({}, "HEAD");
   EXPECT_EQ(head.headers.at("content-length"), std::to_string(kBytes));
   EXPECT_EQ(head.body, "");
 }
 
 TEST_F(RemoteSplats, tagIsOfTheContent) {
-  const std::string etag = ask({{"Range", "bytes=0-9"}}).headers.at("etag");
+  const std::string etag = request({{"Range", "bytes=0-9"}}).headers.at("etag");
   EXPECT_EQ(etag, "\"" + scene->name.substr(7, 32) + "\"");
-  EXPECT_EQ(ask({{"If-None-Match", etag}}).status, 304);
-  EXPECT_EQ(ask({{"Range", "bytes=0-9"}, {"If-Range", etag}}).status, 206);
-  EXPECT_EQ(ask({{"Range", "bytes=0-9"}, {"If-Range", "\"other\""}}).status, 200);
+  EXPECT_EQ(request({{"If-None-Match", etag}}).status, 304);
+  EXPECT_EQ(request({{"Range", "bytes=0-9"}, {"If-Range", etag}}).status, 206);
+  EXPECT_EQ(request({{"Range", "bytes=0-9"}, {"If-Range", "\"other\""}}).status, 200);
 }
 
 TEST_F(RemoteSplats, readBytesAreCached) {
@@ -151,12 +151,12 @@ TEST_F(RemoteSplats, readBytesAreCached) {
     const std::string log = nginx->accessLog();
     return std::count(log.begin(), log.end(), '\n');
   };
-  const HttpAnswer first = ask({{"Range", "bytes=5000-9000"}});
+  const HttpAnswer first = request({{"Range", "bytes=5000-9000"}});
   const auto asked = requests();
-  EXPECT_EQ(ask({{"Range", "bytes=6000-9999"}}).body, scene->file.substr(6000, 4000));
+  EXPECT_EQ(request({{"Range", "bytes=6000-9999"}}).body, scene->file.substr(6000, 4000));
   EXPECT_EQ(requests(), asked);
   nginx->stop();
-  EXPECT_EQ(ask({{"Range", "bytes=5000-9000"}}).body, first.body);
+  EXPECT_EQ(request({{"Range", "bytes=5000-9000"}}).body, first.body);
 }
 
 TEST_F(RemoteSplats, unreachableOrMissingFileIsAnErrorInOneLine) {
@@ -166,18 +166,18 @@ TEST_F(RemoteSplats, unreachableOrMissingFileIsAnErrorInOneLine) {
     EXPECT_EQ(answer.body.find('\n'), answer.body.size() - 1) << answer.body;
   };
   fs::remove(scene->path);
-  expectLine(ask({{"Range", "bytes=0-9"}}), 502);
+  expectLine(request({{"Range", "bytes=0-9"}}), 502);
   write(scene->path, scene->file);
-  EXPECT_EQ(ask({{"Range", "bytes=0-9"}}).status, 206) << "it came back";
+  EXPECT_EQ(request({{"Range", "bytes=0-9"}}).status, 206) << "it came back";
   nginx->stop();
-  const HttpAnswer away = ask({{"Range", "bytes=3000000-3000009"}});
+  const HttpAnswer away = request({{"Range", "bytes=3000000-3000009"}});
   expectLine(away, 503);
   EXPECT_EQ(away.headers.count("retry-after"), 1U);
 }
 
 // The server cannot invent the rest of the body, so it closes the connection, and the visitor sees a short body.
 TEST_F(RemoteSplats, interruptedBodyEndsTheConnection) {
-  EXPECT_EQ(ask({{"Range", "bytes=0-2000000"}}).body.size(), 2'000'001U);
+  EXPECT_EQ(request({{"Range", "bytes=0-2000000"}}).body.size(), 2'000'001U);
   nginx->stop();
   const std::string answer = rawExchange(server->port(), "GET /qsplat.lgq HTTP/1.1\r\nHost: x\r\n\r\n");
   EXPECT_NE(answer.find("Content-Length: " + std::to_string(kBytes)), std::string::npos);

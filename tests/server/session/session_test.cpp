@@ -558,7 +558,7 @@ struct DrawnClient {
   }
   double real() { return std::uniform_real_distribution<double>(-0.9, 0.9)(random); }
 
-  void look() {
+  void sendView() {
     protocol::View view =
         scene.view(++sequence, {real(), real(), 0.1 + std::abs(real())}, {0.3 * real(), 0.3 * real(), 0.0});
     view.max_points = static_cast<std::uint16_t>(whole(0, 10));
@@ -611,7 +611,7 @@ TEST(Session, randomClientNeverReceivesWhatItHolds) {
     client.talk.greet();
     for (int step = 0; step < 60; ++step) {
       const std::uint32_t what = client.whole(0, 5);
-      if (what <= 1) client.look();
+      if (what <= 1) client.sendView();
       if (what == 2) client.evict();
       client.readSome();
     }

@@ -80,12 +80,12 @@ struct SpikeGone {
   CollapseHistory history{flat, {0, 2}, {0, 1, 2, 3, 0}, false};
 };
 
-struct Sampled {
+struct SampledDistances {
   double toward = 0.0;
   double from = 0.0;
 };
 
-Sampled sampled(const Rounds& rounds) {
+SampledDistances sampleDistances(const Rounds& rounds) {
   const support::NearestSurface to_source(rounds.source);
   const support::NearestSurface to_result(rounds.result);
   return {support::sampledDistance(rounds.source, to_result, 30000).max,
@@ -96,7 +96,7 @@ TEST(CarriedError, holdsAndIsTightInOneRound) {
   for (const Mesh& mesh : {support::bumpySphere(40, 60), support::torus(50, 40), support::openGrid(45)})
     for (const double share : {0.5, 0.25, 0.1}) {
       const Rounds r = simplified(mesh, 800.0F, share, 1);
-      const Sampled s = sampled(r);
+      const SampledDistances s = sampleDistances(r);
       EXPECT_GE(r.largest_toward, s.toward) << share;
       EXPECT_GE(r.largest_from, s.from) << share;
       EXPECT_LE(std::max(r.largest_toward, r.largest_from), 1.5 * std::max(s.toward, s.from) + 0.5) << share;
@@ -111,7 +111,7 @@ TEST(CarriedError, holdsOverManyRounds) {
                            support::triangleSoup(2000), support::tinyComponents(500)})
     for (const float scale : {900.0F, 40000.0F}) {
       const Rounds r = simplified(mesh, scale, 0.5, 5, 0.5F);
-      const Sampled s = sampled(r);
+      const SampledDistances s = sampleDistances(r);
       EXPECT_GE(r.largest_toward, s.toward - kSampleRounding);
       EXPECT_GE(r.largest_from, s.from - kSampleRounding);
       EXPECT_LE(std::max(r.largest_toward, r.largest_from), 4.0 * std::max(s.toward, s.from) + 1.0);
@@ -130,7 +130,7 @@ TEST(CarriedError, onNoiseStaysNearTheLargestSample) {
       Mesh mesh = support::openGrid(120);
       for (glm::vec3& p : mesh.positions) p.z += height(random);
       const Rounds r = simplified(mesh, 2000.0F, 0.4, rounds, 0.5F);
-      const Sampled s = sampled(r);
+      const SampledDistances s = sampleDistances(r);
       sum += std::max(r.largest_toward, r.largest_from) / std::max(s.toward, s.from);
       EXPECT_GE(r.largest_toward, s.toward - kSampleRounding);
       EXPECT_GE(r.largest_from, s.from - kSampleRounding);
@@ -145,7 +145,7 @@ TEST(CarriedError, onSliversLeavesOutTheRoundingError) {
   Mesh mesh = support::openGrid(100);
   for (glm::vec3& p : mesh.positions) p.z = 0.1F * std::sin(6.0F * p.x);
   const Rounds r = simplified(mesh, 8000.0F, 0.2, 1, 0.01F);
-  const Sampled s = sampled(r);
+  const SampledDistances s = sampleDistances(r);
   EXPECT_GE(r.largest_toward, s.toward - kSampleRounding);
   EXPECT_GE(r.largest_from, s.from - kSampleRounding);
   EXPECT_LE(std::max(r.largest_toward, r.largest_from), 1.3 * std::max(s.toward, s.from) + 0.1);

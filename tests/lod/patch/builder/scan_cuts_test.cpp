@@ -188,7 +188,7 @@ class BorderedScan {
 
 class ScanCuts : public testing::TestWithParam<Scan> {
  protected:
-  // False: skipped or failed.
+  // Loads the scan; returns false when the test was skipped or has failed.
   bool load() {
     const char* folder = std::getenv("LUMIGRID_MESHES");
     if (folder == nullptr) return skip("LUMIGRID_MESHES names no folder of scans");

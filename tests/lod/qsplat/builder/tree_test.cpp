@@ -449,9 +449,9 @@ struct CullingShares {
   double of_facets_paper = 0.0;    // the same cones with the paper's two bits
 };
 
-class Culling {
+class CullingMeter {
  public:
-  explicit Culling(const Mesh& mesh)
+  explicit CullingMeter(const Mesh& mesh)
       : splats_(support::splatsOf(mesh)), tree_(makeSubtree(splats_.leaves, splats_.facets)) {
     const Links links(tree_.nodes);
     parent_ = links.parent;
@@ -527,10 +527,10 @@ class Culling {
 };
 
 TEST(SplatCones, keepNineTenthsOfTheCulling) {
-  const CullingShares smooth = Culling(support::bumpySphere(200, 300)).measure();
+  const CullingShares smooth = CullingMeter(support::bumpySphere(200, 300)).measure();
   EXPECT_GT(smooth.of_vertex_normals, 0.9);
   EXPECT_GT(smooth.of_facets, 0.9);
-  const CullingShares carved = Culling(statue(300000)).measure();
+  const CullingShares carved = CullingMeter(statue(300000)).measure();
   EXPECT_GT(carved.of_vertex_normals, 0.9);
   EXPECT_GT(carved.of_facets, 0.933);  // 0.929 where inner nodes know their leaves' cones only
 }
@@ -553,7 +553,7 @@ TEST_P(SplatConesOfScans, keepNineTenthsOfTheCulling) {
   if (!std::filesystem::exists(path)) GTEST_SKIP() << path << " is not there";
   const auto scan = support::readMesh(path);
   ASSERT_TRUE(scan) << scan.error().message;
-  const CullingShares kept = Culling(scan->mesh).measure();
+  const CullingShares kept = CullingMeter(scan->mesh).measure();
   EXPECT_GT(kept.of_vertex_normals, GetParam().of_vertex_normals);
   EXPECT_GT(kept.of_facets, GetParam().of_facets);
 }
