@@ -16,12 +16,13 @@ import re
 import sys
 
 TABLE = os.path.join(os.path.dirname(__file__), "..", "cmake", "LumigridTargets.cmake")
-# Targets whose names are not their folders with "_" for "/".
+# Labels of targets whose names are not their folders with "_" for "/". A target that holds a part of a folder, or
+# several, says so.
 FOLDERS = {
     "lumigrid": "server/cli", "lumigrid-view": "client/native", "lumigrid-compare": "compare",
-    "sampling": "repository/sampling", "sampling_json": "repository/sampling", "cache": "repository/cache",
+    "sampling": "repository/sampling", "sampling_json": "repository/sampling", "cache": "repository (cache)",
     "faces": "repository/faces", "jpeg": "repository/faces", "packs": "repository/packs",
-    "objects": "repository/objects", "client": "client", "client_web_splats": "client/web",
+    "objects": "repository/objects", "client": "client: app, source, viewer", "client_web_splats": "client/web",
     "client_web_decode": "client/web", "client_web_check": "client/web",
 }
 BASE = re.compile(r"base(_.*)?$")
@@ -100,19 +101,25 @@ COLOURS = {"base": "#e8e8e8", "mesh": "#f6e3c5", "lod": "#f9d9cf", "repository":
 BOX, HIGH, GAP, RISE, MARGIN = 132, 30, 18, 84, 20
 
 
+def box_width(room):
+    return max(BOX, 7 * len(room) + 16)
+
+
 def place(rooms, height):
     """The left edge of each room's box. Rooms of a row stand in the order of the rooms they use."""
     rows = [sorted(room for room in rooms if height[room] == h) for h in range(max(height.values()) + 1)]
-    width = max(len(row) for row in rows) * (BOX + GAP) - GAP + 2 * MARGIN
+    widths = [sum(box_width(room) + GAP for room in row) - GAP for row in rows]
+    width = max(widths) + 2 * MARGIN
     left = {}
-    for row in rows:
+    for row, row_width in zip(rows, widths):
         def mean(room):
-            below = [left[used] for used in rooms[room] if used in left and used != "base"]
+            below = [left[used] + box_width(used) / 2 for used in rooms[room] if used in left and used != "base"]
             return (sum(below) / len(below) if below else width / 2, room)
         row.sort(key=mean)
-        first = (width - len(row) * (BOX + GAP) + GAP) / 2
-        for i, room in enumerate(row):
-            left[room] = first + i * (BOX + GAP)
+        edge = (width - row_width) / 2
+        for room in row:
+            left[room] = edge
+            edge += box_width(room) + GAP
     return left, width, len(rows) * RISE - RISE + HIGH + 2 * MARGIN
 
 
@@ -134,15 +141,16 @@ def draw(rows):
         for used in sorted(rooms[room]):
             if used in reached(rooms, room, without=used):
                 continue
-            x1, y1 = left[room] + BOX / 2, top(room) + HIGH
-            x2, y2 = left[used] + BOX / 2, top(used)
+            x1, y1 = left[room] + box_width(room) / 2, top(room) + HIGH
+            x2, y2 = left[used] + box_width(used) / 2, top(used)
             bend = (y2 - y1) * 0.5
             svg.append(f'<path d="M{x1:.1f},{y1} C{x1:.1f},{y1 + bend:.1f} {x2:.1f},{y2 - bend:.1f} {x2:.1f},{y2}" '
                        f'fill="none" stroke="#888" marker-end="url(#tip)"><title>{room} uses {used}</title></path>')
     for room in sorted(rooms):
-        colour = COLOURS.get(room.split("/")[0], "#ffffff")
-        svg.append(f'<rect x="{left[room]:.1f}" y="{top(room)}" width="{BOX}" height="{HIGH}" rx="5" fill="{colour}" '
-                   f'stroke="#666"/><text x="{left[room] + BOX / 2:.1f}" y="{top(room) + 20}" '
+        colour = COLOURS.get(re.match(r"\w+", room)[0], "#ffffff")
+        wide = box_width(room)
+        svg.append(f'<rect x="{left[room]:.1f}" y="{top(room)}" width="{wide}" height="{HIGH}" rx="5" fill="{colour}" '
+                   f'stroke="#666"/><text x="{left[room] + wide / 2:.1f}" y="{top(room) + 20}" '
                    f'text-anchor="middle">{room}</text>')
     return "\n".join(svg + ["</svg>", ""])
 

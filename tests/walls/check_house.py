@@ -5,6 +5,7 @@ folders    no folder holds more than 40 source files, and none is called "build"
 files      no source file has more than 900 lines
 functions  no C++ function has more than 100 lines
 comments   no comment line begins with "Of" or "What"
+prose      no heading and no paragraph or item of a page begins with "Of" or "What", questions excepted
 lines      no line of code or prose is longer than 120 characters (tables, lines with a URL and what stands
            between ``` in a page excepted)
 
@@ -118,6 +119,20 @@ def check_comments(root):
                 yield f"{path}:{number}: {text.strip()[:100]}"
 
 
+PARAGRAPH = re.compile(r"(?:#+ |[-*] |\d+\. )?\W{0,3}(Of|What)\b(?!')")
+
+
+def check_prose(root):
+    for path, lines in code_files(root, (".md",)):
+        verbatim, before = False, ""
+        for number, text in enumerate(lines, 1):
+            verbatim ^= text.startswith("```")
+            begins = not before.strip() or before.startswith("#") or re.match(r"#|[-*] |\d+\. ", text)
+            if begins and not verbatim and PARAGRAPH.match(text) and "?" not in text:
+                yield f"{path}:{number}: {text.strip()[:100]}"
+            before = text
+
+
 def check_lines(root):
     for endings in (None, (".md",)):
         for path, lines in code_files(root, endings):
@@ -130,7 +145,7 @@ def check_lines(root):
 
 
 CHECKS = {"folders": check_folders, "files": check_files, "functions": check_functions, "comments": check_comments,
-          "lines": check_lines}
+          "prose": check_prose, "lines": check_lines}
 
 
 def main():

@@ -20,6 +20,7 @@ body() { for _ in $(seq "$1"); do echo '  ++x;'; done; }
   echo '}  // namespace base'
 } >"$tree/base/clean.cpp"
 echo "| $(printf 'x%.0s' $(seq 150)) |" >"$tree/docs/table.md"
+printf '# What does it hold?\n\nSome of\nWhat follows.\n' >"$tree/docs/question.md"
 python3 "$here/check_house.py" "$tree" || { echo "the clean tree does not pass"; exit 1; }
 
 refuses() {  # refuses CHECK FILE: FILE, just written, is found by CHECK
@@ -49,6 +50,10 @@ for line in '// Of all points the nearest.' "  int x;  ///< $what is seen." '///
 done
 echo '# Of all targets the last.' >"$tree/base/CMakeLists.txt"
 refuses comments base/CMakeLists.txt
+for line in "# $what it holds" "**$what was tried.** Nothing." "- Of two the first."; do
+  printf 'A line.\n\n%s\n' "$line" >"$tree/docs/page.md"
+  refuses prose docs/page.md
+done
 printf '%0121d\n' 0 >"$tree/base/wide.h"
 refuses lines base/wide.h
 printf '%0121d\n' 0 >"$tree/docs/wide.md"
