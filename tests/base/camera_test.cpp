@@ -27,7 +27,7 @@ TEST(Camera, surveyCoordinatesKeepTheirMillimetres) {
 TEST(Camera, projectedErrorIsThePixelsThatALengthCovers) {
   const base::ViewCamera view = lookingDown();
   const base::Camera camera = base::cameraFromView(view, view.position - glm::dvec3(0, 0, 20), 0.1F, 100.0F);
-  // A length of 1 seen face-on at 20 units: the difference of two projected points, in pixels.
+  // A length of 1 is seen face-on at 20 units. Its size in pixels is the difference of two projected points.
   const glm::vec4 a = camera.clipFromScene() * glm::vec4(0, 0, 0, 1);
   const glm::vec4 b = camera.clipFromScene() * glm::vec4(0, 1, 0, 1);
   const float pixels = (b.y / b.w - a.y / a.w) * 300.0F;

@@ -7,7 +7,7 @@
 
 namespace bench {
 
-/// The arguments that benchmarks of faces share.
+/// Holds the arguments that benchmarks of faces share.
 struct FaceArguments {
   std::string input;         ///< SCENE|MESH
   std::uint32_t grid = 0;    ///< points along the longest side

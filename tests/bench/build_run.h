@@ -17,7 +17,7 @@ struct Run {
   double peak_mb = 0.0;
 };
 
-/// On so many cores, the first ones. Stops when it fails.
+/// Runs a build on the first `threads` cores, and ends the benchmark when it fails.
 inline Run runBuild(const std::string& program, const std::string& methods, const std::string& mesh,
                     const std::string& scene, int threads, const std::vector<std::string>& more) {
   std::vector<std::string> arguments{program, "build",   mesh,      "-o",     scene,       "--methods",
@@ -48,7 +48,7 @@ inline Run runBuild(const std::string& program, const std::string& methods, cons
           static_cast<double>(usage.ru_maxrss) / 1e3};
 }
 
-/// One level of so many triangles, vertices kept.
+/// Returns one level of at most so many triangles of the mesh's vertices.
 inline std::vector<unsigned> simplifyByMeshopt(const support::Mesh& mesh, std::size_t triangles) {
   std::vector<unsigned> out(mesh.indices.size());
   const std::size_t left = meshopt_simplify(out.data(), mesh.indices.data(), mesh.indices.size(), &mesh.positions[0].x,

@@ -16,7 +16,7 @@ namespace {
 
 constexpr int kFace = 512;
 
-/// A bumpy sphere of radius 1 in bands of at most 4 000 triangles.
+/// Returns a bumpy sphere of radius 1 in bands of at most 4 000 triangles.
 std::vector<lod::patch::PatchGeometry> makeProxy(int triangles, const lod::Lattice& lattice) {
   const int rings = static_cast<int>(std::sqrt(static_cast<double>(triangles) / 4.0));
   const int columns = 2 * rings;

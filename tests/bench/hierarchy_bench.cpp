@@ -157,7 +157,7 @@ support::Surface simplifyByOpenMesh(const Mesh& mesh, std::size_t triangles) {
   return out;
 }
 
-// The uniform cut with at most so many triangles, by bisection of its error.
+// Returns the uniform cut with at most so many triangles, found by bisection of its error.
 std::vector<std::uint32_t> cutOf(const BuiltHierarchy& built, std::size_t triangles) {
   float low = 0.0F;
   float high = built.summary.levels.back().max_error;

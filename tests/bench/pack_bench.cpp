@@ -97,7 +97,7 @@ std::vector<std::vector<FaceKey>> randomKeys(std::uint32_t side, std::size_t gro
   return keys;
 }
 
-// The seconds for all groups, after one round that warms caches.
+// Returns the seconds that all groups take, after one round that warms caches.
 double readSeconds(const repository::Store& store, const std::vector<std::vector<FaceKey>>& groups) {
   double seconds = 0.0;
   for (int round = 0; round < 2; ++round) {

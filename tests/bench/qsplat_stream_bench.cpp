@@ -178,7 +178,7 @@ constexpr std::array<MovingView, 4> kMovingViews{{
      [](double t) {
        return Place{0.4 + 0.3 * t, 0.7, 1.0, 0.0};
      }},
-    // From one side to the other in half a second, then two and a half seconds of looking.
+    // The view turns from one side to the other in half a second, then rests for two and a half seconds.
     {"glances: 80 degrees in 0.5 s, then 2.5 s of rest",
      [](double t) {
        const int glance = static_cast<int>(t / 3.0);
@@ -293,7 +293,7 @@ int main(int argc, char** argv) {
                   static_cast<unsigned long long>(run.at_end.bytes_received / 1000),
                   static_cast<unsigned long long>(run.wasted / 1000),
                   static_cast<unsigned long long>(run.at_end.requests));
-      // The mean over the views, at the same seconds.
+      // The last row is the mean over the views at the same seconds.
       for (std::size_t i = 1; i < kLooks.size(); ++i) {
         if (v == 0) series.points.emplace_back(kLooks[i], 0.0);
         series.points[i - 1].second += std::min(run.psnr[i].second, 60.0) / static_cast<double>(views.size());

@@ -45,7 +45,7 @@ class LocalFetcher final : public client::RangeFetcher {
   std::vector<client::FetchAnswer> answers_;
 };
 
-/// A step of the path: the eye's distance from the model's middle, in radii.
+/// A step of the path gives the eye's distance from the model's middle in radii.
 struct Step {
   const char* name;
   double radii;

@@ -7,8 +7,8 @@
 
 namespace bench {
 
-/// From `radii` of the model's sphere away from its middle, z up, 16 : 9 and `width` pixels wide. Radians: `turn`
-/// around z, `pitch` above the horizon, `look` to the side of the middle.
+/// Returns a camera `radii` of the model's sphere away from its middle, z up, 16 : 9 and `width` pixels wide. Radians:
+/// `turn` around z, `pitch` above the horizon, `look` to the side of the middle.
 inline base::Camera orbitCamera(const base::Sphere& model, double turn, double pitch, double radii, int width,
                                 double look = 0.0) {
   const glm::dvec3 away(std::cos(turn) * std::cos(pitch), std::sin(turn) * std::cos(pitch), std::sin(pitch));

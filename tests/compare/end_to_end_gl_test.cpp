@@ -22,7 +22,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// A baked scene of the generated statue, made once for all tests here.
+/// Holds a baked scene of the generated statue, made once for all tests here.
 class EndToEnd : public ::testing::Test {
  protected:
   static void SetUpTestSuite() {
@@ -54,7 +54,7 @@ class EndToEnd : public ::testing::Test {
   }
   static void TearDownTestSuite() { fs::remove_all(directory_); }
 
-  // The stored face as RGBA, or an empty image.
+  // Returns the stored face as RGBA, or an empty image.
   static base::Image storedFace(const repository::FaceKey& key) {
     auto store = repository::openLmdbStore(directory_ + "/images", repository::StoreMode::kRead);
     if (!store) return {};
@@ -137,7 +137,7 @@ double psnrWhereBothCover(const base::Image& a, const base::Image& b) {
 TEST_F(EndToEnd, blendedViewAtAGridPointIsTheStoredFace) {
   int looked = 0;
   for (std::uint32_t d = 0; d < 6 && looked < 3; ++d) {
-    // The point in front of the middle of the model, on the outer layer, looking in along d.
+    // The point is in front of the middle of the model, on the outer layer, and the face looks in along d.
     glm::uvec3 p = grid_.count / 2U;
     const auto axis = static_cast<int>(d / 2);
     p[axis] = d % 2 == 0 ? 0 : grid_.count[axis] - 1;

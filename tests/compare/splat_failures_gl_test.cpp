@@ -34,7 +34,7 @@ void append(Mesh& mesh, const Mesh& part) {
   for (const std::uint32_t i : part.indices) mesh.indices.push_back(first + i);
 }
 
-/// A closed box of 2 n² triangles a side; 1: twelve in all.
+/// Returns a closed box with 2 n² triangles on each side.
 Mesh box(const glm::vec3& low, const glm::vec3& high, std::uint32_t n) {
   Mesh mesh;
   for (int axis = 0; axis < 3; ++axis)
@@ -61,7 +61,7 @@ Mesh box(const glm::vec3& low, const glm::vec3& high, std::uint32_t n) {
   return mesh;
 }
 
-/// A wire bent to a closed ring.
+/// Returns a wire bent to a closed ring.
 Mesh wire(float radius, float thickness, const glm::vec3& tilt) {
   constexpr std::uint32_t kAround = 400, kAcross = 8;
   Mesh mesh = support::torus(kAround, kAcross);
@@ -76,7 +76,7 @@ Mesh wire(float radius, float thickness, const glm::vec3& tilt) {
   return mesh;
 }
 
-/// PSNR, dB, that each method reaches at least.
+/// Each method reaches at least this PSNR in dB.
 struct MinPsnr {
   double lumigraph, patches, square, circle, fuzzy, ellipse;
 };
@@ -87,7 +87,7 @@ class SplatFailures : public testing::Test {
 
   void SetUp() override { spdlog::set_level(spdlog::level::err); }  // servers log each client
 
-  /// The accuracy of each method at the view. PSNR is also printed as a row of docs/results/qsplat.md.
+  /// Returns the accuracy of each method at the view. PSNR is also printed as a row of docs/results/qsplat.md.
   Figures compareAt(Mesh mesh, const base::ViewCamera& view, const char* name) {
     if (mesh.colors.empty())
       for (const glm::vec3& p : mesh.positions) mesh.colors.push_back(colorAt(p));

@@ -33,7 +33,7 @@ void expectSquare(const base::Result<MeshFile>& result) {
   for (const glm::vec3& n : mesh.normals) EXPECT_LT(glm::distance(n, glm::vec3(0.0F, 0.0F, 1.0F)), 1e-6F);
 }
 
-/// A binary square with every property kind we know, and some we don't.
+/// Returns a binary square with every property kind we know, and some we don't.
 std::string binarySquare(bool big) {
   std::string b = "ply\nformat ";
   b += big ? "binary_big_endian" : "binary_little_endian";
@@ -103,7 +103,7 @@ TEST(PlyReader, floatAndDiffuseColorsAreRead) {
 }
 
 TEST(PlyReader, triangleStripsTurnEveryOtherTriangle) {
-  // 0-1-3-2 as a strip: (0 1 3), (1 2 3); then a restart and a single triangle the other way.
+  // The strip 0-1-3-2 has the triangles (0 1 3) and (1 2 3); a restart and a single triangle the other way follow.
   auto result = read("strip.ply",
                      "ply\nformat ascii 1.0\nelement vertex 5\nproperty int x\nproperty int y\nproperty int z\n"
                      "element tristrips 1\nproperty list int int vertex_indices\nend_header\n"
@@ -211,7 +211,7 @@ std::string glb(const json& document, std::string binary) {
   return b + std::string("BIN\0", 4) + binary;
 }
 
-/// The square: positions with a stride of 16, 16-bit indices, byte colours.
+/// The square has positions with a stride of 16, 16-bit indices and byte colours.
 json squareDocument(std::string& binary) {
   const float xy[4][2] = {{0, 0}, {1, 0}, {1, 1}, {0, 1}};
   for (const auto& p : xy)
@@ -249,7 +249,7 @@ TEST(GlbReader, stridesIndicesAndByteColorsAreRead) {
 TEST(GlbReader, nodesMoveTurnScaleAndMirrorTheirMeshes) {
   std::string binary;
   json document = squareDocument(binary);
-  // A parent at survey coordinates; a child turned 90° about z (x to y) and mirrored in z.
+  // The parent lies at survey coordinates; its child is turned 90° about z (x to y) and mirrored in z.
   const double h = std::sqrt(0.5);
   document["nodes"] = {{{"translation", {431000.25, 5410000.5, 0}}, {"children", {1}}},
                        {{"mesh", 0}, {"rotation", {0, 0, h, h}}, {"scale", {2, 2, -1}}}};

@@ -40,7 +40,8 @@ glm::u8vec4 colorAt(const support::MeshFile& mesh, const glm::vec3& p) {
   return {};
 }
 
-// A strip of three quads, textured from left to right. v is 0.25 below and 0.3 above, so within the red and blue rows.
+// Returns a strip of three quads, textured from left to right. v is 0.25 below and 0.3 above, so within the red and
+// blue rows.
 std::string objStrip(const std::string& library) {
   std::string text = "mtllib " + library + "\nusemtl skin\n";
   for (int i = 0; i < 4; ++i)

@@ -14,7 +14,7 @@
 namespace plan {
 namespace {
 
-// A view from above onto a wall z = 0. The grid has 17³ points one unit apart, over [−8, 8]² and z from 0.4 up.
+// Returns a view from above onto a wall z = 0. The grid has 17³ points one unit apart, over [−8, 8]² and z from 0.4 up.
 PointQuery wallQuery(const glm::vec3& eye) {
   PointQuery query;
   query.grid.first = glm::vec3(-8.0F, -8.0F, 0.4F);
@@ -57,7 +57,7 @@ TEST(PointChoice, useIsOneAtTheEyeWhereAFaceIsAsFine) {
 }
 
 TEST(PointChoice, useEqualsAWorkedExample) {
-  // Eye 8 above, point 4 above and 3 beside the sample: distance 5, cosine 4/5, tangent 3/4.
+  // The eye is 8 above the sample, the point 4 above and 3 beside it: distance 5, cosine 4/5, tangent 3/4.
   PointQuery query = wallQuery({0.0F, 0.0F, 8.0F});
   const SurfaceSample sample{{0.0F, 0.0F, 0.0F}, {0.0F, 0.0F, 1.0F}, 1.0F};
   const float covers = (900.0F / 8.0F) / (256.0F / 5.0F);
@@ -108,7 +108,7 @@ TEST(PointChoice, aFarEyeGetsPointsNearTheSurface) {
 
 // ---- occlusion ----
 
-/// The wall, and a roof at z = 2.2 above the half of it where x < 0.
+/// Returns the wall, and a roof at z = 2.2 above the half of it where x < 0.
 lod::patch::ProxySight roofedWall() {
   lod::patch::Hierarchy hierarchy;
   hierarchy.lattice = {glm::dvec3(0.0), 0.1};

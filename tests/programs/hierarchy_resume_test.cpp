@@ -523,7 +523,7 @@ bool enterOwnNamespace() {
   return true;
 }
 
-// A file system in memory, which the destructor unmounts.
+// Mounts a file system in memory; the destructor unmounts it.
 class SmallDisk {
  public:
   explicit SmallDisk(const std::string& path) : path_(path) { fs::create_directories(path); }

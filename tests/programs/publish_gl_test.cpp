@@ -41,7 +41,7 @@ class PublishProgram : public programs::ProgramTest {
     EXPECT_TRUE(store) << store.error().message;
     return store ? valuesOf(**store) : Values();
   }
-  // The objects that scene.json leads to.
+  // Returns the objects that scene.json leads to.
   static Values publishedValues(const std::string& place) {
     auto scene = base::readScene(place);
     EXPECT_TRUE(scene) << scene.error().message;

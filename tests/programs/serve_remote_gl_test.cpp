@@ -23,7 +23,7 @@ using programs::run;
 using programs::ServedSite;
 using programs::Tour;
 
-// The messages of a server about one view.
+// Holds the messages of a server about one view.
 struct ViewMessages {
   std::vector<base::Bytes> messages;  // up to the view's completion, in their order
   std::size_t images = 0;             // number of them that are images

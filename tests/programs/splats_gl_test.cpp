@@ -140,7 +140,7 @@ TEST_F(StreamedSplatsTest, aServerOfOursPassesOnWhatLiesBehindANetwork) {
   EXPECT_NE(nginx.accessLog().find(".lgq"), std::string::npos);
 }
 
-/// A scene of splats only, built and published.
+/// Builds and publishes a scene of splats only.
 class SplatsOnlyTest : public StreamedSplatsTest {
  protected:
   void SetUp() override {

@@ -36,7 +36,7 @@ class StaticScene : public programs::PublishedSite {
   }
 };
 
-// Parsed from lines "status bytes range uri".
+// Parses lines "status bytes range uri".
 support::ByteRanges rangesOf(const std::string& log) {
   support::ByteRanges ranges;
   const std::regex line("206 \\d+ bytes=(\\d+)-(\\d+) (\\S+)");

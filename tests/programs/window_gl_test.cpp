@@ -105,7 +105,7 @@ class WindowTest : public programs::PublishedSite {
   void build(const std::string& methods) {
     const auto built = run("lumigrid", {"build", path("mesh.ply"), "-o", scene_, "--methods", methods, "--quiet"});
     ASSERT_EQ(built.status, 0) << built.err;
-    // One view, as a link and as a path, both with the same digits.
+    // The link and the path give one view with the same digits.
     makeTour(1, kWidth, kHeight);
     const nlohmann::json frame = nlohmann::json::parse(readText(path("tour.json")))["frames"][0];
     const auto& direction = frame["direction"];

@@ -26,7 +26,7 @@ class ShardedTest : public testing::Test {
   std::string images() const { return directory_ / "images"; }
   std::string shardPath(std::uint32_t index) const { return storeDirectory(images(), 3, index); }
 
-  // The keys of a shard, each with a value made from the key's place in Morton order.
+  // Returns the keys of a shard, each with a value made from the key's place in Morton order.
   std::vector<std::pair<FaceKey, base::Bytes>> valuesOf(const Shard& shard) const {
     std::vector<std::pair<FaceKey, base::Bytes>> values;
     const PointRange range = pointsOf(shard, grid_);

@@ -1,5 +1,5 @@
 #pragma once
-// The meaning of a splat's fields, computed apart from the shaders and the traversal.
+// Computes the meaning of a splat's fields apart from the shaders and the traversal.
 #include <cstdint>
 #include <glm/glm.hpp>
 #include <limits>

@@ -1,5 +1,6 @@
 #pragma once
-// An indexed mesh in memory. The product streams its meshes; tests and benchmarks hold theirs whole, as a second way.
+// Holds an indexed mesh in memory. The product streams its meshes; tests and benchmarks hold theirs whole, as a second
+// way.
 #include <cstdint>
 #include <glm/glm.hpp>
 #include <vector>

@@ -56,7 +56,7 @@ class WholeMesh : public mesh::MeshSink {
     return {};
   }
 
-  /// As many attributes as positions, and unit normals.
+  /// Makes as many attributes as positions, and unit normals.
   void finish() {
     if (!normals.empty()) normals.resize(positions.size(), glm::vec3(0.0F));
     for (glm::vec3& n : normals) {

@@ -47,7 +47,7 @@ class Nginx {
     std::size_t ports = 1;
   };
 
-  /// The files under `root` at url(). `lines` go into the server block: "location /secret/ { deny all; }", or
+  /// Serves the files under `root` at url(). `lines` go into the server block: "location /secret/ { deny all; }", or
   /// "include /etc/nginx/mime.types;" for a browser.
   explicit Nginx(const std::string& root, const std::string& lines = "")
       : Nginx(Configuration{"server {\nlisten 127.0.0.1:$PORT0;\nroot " + root + ";\n" + lines + "\n}\n"}) {}
@@ -66,8 +66,8 @@ class Nginx {
   std::uint16_t port(std::size_t i = 0) const { return ports_[i]; }
   /// The address, without a slash at the end.
   std::string url() const { return "http://127.0.0.1:" + std::to_string(port()); }
-  /// One line per answered request, in nginx's "combined" format. A request is logged after its answer, so the last
-  /// line may appear a moment after the answer.
+  /// Returns one line per answered request, in nginx's "combined" format. A request is logged after its answer, so the
+  /// last line may appear a moment after the answer.
   std::string accessLog() const { return textOf("access.log"); }
   void stop() {
     if (!running()) return;
@@ -115,7 +115,7 @@ class Nginx {
     text << in.rdbuf();
     return text.str();
   }
-  // A port at which nobody listens at present.
+  // Returns a port at which nobody listens at present.
   static std::uint16_t freePort() {
     const int fd = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
     sockaddr_in address{};

@@ -9,7 +9,7 @@
 
 namespace support {
 
-/// World positions, 3 indices per triangle. Attributes are empty, or as many as positions.
+/// Holds world positions and 3 indices per triangle. Attributes are empty, or as many as positions.
 struct PlyMesh {
   std::vector<glm::dvec3> positions;
   std::vector<glm::vec3> normals;
@@ -18,7 +18,7 @@ struct PlyMesh {
   bool doubles = true;
 
   PlyMesh() = default;
-  /// The mesh's positions, scaled and moved, and its triangles, but no attributes.
+  /// Takes the mesh's positions, scaled and moved, and its triangles, but no attributes.
   explicit PlyMesh(const Mesh& mesh, double scale = 1.0, const glm::dvec3& at = glm::dvec3(0.0))
       : indices(mesh.indices) {
     for (const glm::vec3& p : mesh.positions) positions.push_back(scale * glm::dvec3(p) + at);
@@ -41,7 +41,7 @@ inline std::string plyHeader(const PlyMesh& mesh) {
          "\nproperty list uchar uint vertex_indices\nend_header\n";
 }
 
-/// Binary, little-endian.
+/// Writes a binary, little-endian file.
 inline void writePly(const std::string& path, const PlyMesh& mesh) {
   std::string text = plyHeader(mesh);
   auto put = [&](const auto& value) {
@@ -62,7 +62,7 @@ inline void writePly(const std::string& path, const PlyMesh& mesh) {
   std::ofstream(path, std::ios::binary) << text;
 }
 
-/// The mesh with its normals and colours.
+/// Writes the mesh with its normals and colours.
 inline void writePly(const std::string& path, const Mesh& mesh) {
   PlyMesh ply(mesh, 1.0, mesh.origin);
   ply.normals = mesh.normals;

@@ -68,7 +68,7 @@ struct DecodedNode {
   std::uint32_t level = 0;
 };
 
-/// All nodes of a file without faults, breadth first.
+/// Returns all nodes of a file without faults, breadth first.
 inline std::vector<DecodedNode> decodeSplats(base::ByteView file) {
   using namespace lod::qsplat;
   const Header header = *readHeader(file);

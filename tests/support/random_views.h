@@ -1,5 +1,6 @@
 #pragma once
-// Random cameras around a model: far and near, wide and narrow, off-axis and parallel; the same for the same seed.
+// Draws random cameras around a model: far and near, wide and narrow, off-axis and parallel; the same for the same
+// seed.
 #include <cmath>
 #include <random>
 

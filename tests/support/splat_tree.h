@@ -1,6 +1,6 @@
 #pragma once
-// A second, simple way from a mesh to a qsplat.lgq in memory. Tests of drawing need no builder then, and tests of the
-// builder have something to compare with.
+// This is a second, simple way from a mesh to a qsplat.lgq in memory. Tests of drawing need no builder then, and tests
+// of the builder have something to compare with.
 #include <algorithm>
 #include <cstdint>
 #include <numeric>
@@ -21,7 +21,7 @@ struct Leaf {
   std::vector<glm::vec3> facets;  ///< unit normals around the vertex
 };
 
-/// The smallest sphere around a triangle.
+/// Returns the radius of the smallest sphere around a triangle.
 inline float circumscribed(const glm::vec3& a, const glm::vec3& b, const glm::vec3& c) {
   const glm::dvec3 ab(b - a), ac(c - a), bc(c - b);
   const double x = glm::dot(ab, ab), y = glm::dot(ac, ac), z = glm::dot(bc, bc);
@@ -103,7 +103,7 @@ struct Tree {
     return number;
   }
 
-  /// The largest angle between the normal of this code and those of the surface below.
+  /// Returns the cosine of the largest angle between the normal of this code and those of the surface below.
   double leastCosine(const TrueNode& node, std::uint32_t normal_code) const {
     const glm::dvec3 axis(lod::qsplat::normalTable()[normal_code]);
     double least = 1.0;
@@ -122,7 +122,7 @@ struct Group {
 
 }  // namespace splat_tree
 
-/// The whole file, as docs/formats/qsplat.md defines it.
+/// Returns the whole file, as docs/formats/qsplat.md defines it.
 inline base::Bytes splatFile(const support::Mesh& mesh, bool wide_pointers = false) {
   using namespace lod::qsplat;
   splat_tree::Tree tree;

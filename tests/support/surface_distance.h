@@ -13,7 +13,7 @@
 
 namespace support {
 
-/// Plain triangles: positions and 3 indices each.
+/// Holds plain triangles: positions and 3 indices each.
 struct Surface {
   std::vector<glm::vec3> positions;
   std::vector<std::uint32_t> indices;
@@ -22,7 +22,7 @@ struct Surface {
   const glm::vec3& corner(std::size_t t, std::size_t k) const { return positions[indices[3 * t + k]]; }
 };
 
-/// Nearest distance to a surface, by a tree of boxes.
+/// Computes the nearest distance to a surface by a tree of boxes.
 class NearestSurface {
  public:
   explicit NearestSurface(const Surface& surface) : surface_(surface), order_(surface.triangles()) {

@@ -27,7 +27,7 @@
 
 namespace support {
 
-/// A rectangle in units, half open.
+/// The rectangle is in units and half open.
 struct Rectangle {
   int x0 = 0, y0 = 0, x1 = 0, y1 = 0;
 };
@@ -147,7 +147,7 @@ inline glm::ivec3 latticePoint(int x, int y) {
   return {x * kLatticePerUnit, y * kLatticePerUnit, static_cast<int>(h >> 27U)};
 }
 
-/// The points of the border, counter-clockwise seen from +z.
+/// Returns the points of the border, counter-clockwise seen from +z.
 inline std::vector<std::pair<int, int>> ring(const DraftPatch& patch) {
   const Rectangle& r = patch.region;
   const auto along = [&](const std::pair<int, int>& p) {

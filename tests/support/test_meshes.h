@@ -1,5 +1,5 @@
 #pragma once
-// Small generated meshes, named by their properties.
+// These functions make small meshes, named by their properties.
 #include <array>
 #include <cmath>
 #include <cstdint>
@@ -17,7 +17,7 @@ inline void addTriangle(Mesh& mesh, std::uint32_t a, std::uint32_t b, std::uint3
   mesh.indices.insert(mesh.indices.end(), {a, b, c});
 }
 
-/// Closed, genus 0: a bumpy sphere of 2 · rings · sectors triangles or so.
+/// Returns a bumpy sphere, closed, of genus 0, with about 2 · rings · sectors triangles.
 inline Mesh bumpySphere(std::uint32_t rings, std::uint32_t sectors, float bump = 0.05F,
                         glm::vec3 center = glm::vec3(0.0F), float radius = 1.0F) {
   Mesh mesh;
@@ -45,7 +45,7 @@ inline Mesh bumpySphere(std::uint32_t rings, std::uint32_t sectors, float bump =
   return mesh;
 }
 
-/// Closed, genus 1, 2 · a · b triangles.
+/// Returns a torus, closed, of genus 1, with 2 · a · b triangles.
 inline Mesh torus(std::uint32_t a, std::uint32_t b) {
   Mesh mesh;
   constexpr float kTurn = 6.2831853F;
@@ -67,7 +67,7 @@ inline Mesh torus(std::uint32_t a, std::uint32_t b) {
   return mesh;
 }
 
-/// Open: a height field of 2 · n · n triangles over [0, 1]².
+/// Returns an open height field of 2 · n · n triangles over [0, 1]².
 inline Mesh openGrid(std::uint32_t n, float height = 0.05F) {
   Mesh mesh;
   for (std::uint32_t y = 0; y <= n; ++y)
@@ -84,8 +84,8 @@ inline Mesh openGrid(std::uint32_t n, float height = 0.05F) {
   return mesh;
 }
 
-/// An industrial site in a unit square: subdivided flat sides of boxes on flat ground, and round pipes. About 20 000
-/// triangles.
+/// Returns an industrial site in a unit square: subdivided flat sides of boxes on flat ground, and round pipes. About
+/// 20 000 triangles.
 inline Mesh plant() {
   Mesh mesh;
   const auto sheet = [&](std::uint32_t n, std::uint32_t m, auto&& at) {
@@ -124,7 +124,7 @@ inline Mesh plant() {
   return mesh;
 }
 
-/// Small random triangles in a unit cube, none of which share a vertex.
+/// Returns small random triangles in a unit cube, none of which share a vertex.
 inline Mesh triangleSoup(std::uint32_t count, float size = 0.02F) {
   Mesh mesh;
   std::mt19937 random(3);

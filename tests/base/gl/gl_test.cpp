@@ -125,7 +125,7 @@ void main() { out_color = vec4(v_missing, 1.0); }
   EXPECT_NE(message.find("v_missing"), std::string::npos) << message;
 }
 
-// A 3 × 2 target: its upper left pixel red, its lower right one blue.
+// The target has 3 × 2 pixels; the upper left one is red, the lower right one blue.
 //   R . .
 //   . . B
 TEST_F(GlTest, readBackStartsWithTheTopRow) {

@@ -17,7 +17,7 @@ class PngTest : public testing::Test {
   const support::TemporaryDirectory directory_;
 };
 
-// Every byte different from its neighbours, alpha included.
+// Every byte differs from its neighbours, alpha included.
 Image pattern(int width, int height, int channels) {
   Image image(width, height, channels);
   for (std::size_t i = 0; i < image.pixels.size(); ++i) image.pixels[i] = static_cast<std::uint8_t>(i * 37 + i / 7);
@@ -46,7 +46,7 @@ TEST_F(PngTest, onePixelIsAPicture) {
 }
 
 TEST_F(PngTest, paletteIsExpandedToRgb) {
-  // Two pixels through a palette of red and blue.
+  // The file has two pixels and a palette of red and blue.
   const std::array<std::uint8_t, 2> indices{1, 0};
   const std::array<std::uint8_t, 6> palette{255, 0, 0, 0, 0, 255};
   png_image png{};

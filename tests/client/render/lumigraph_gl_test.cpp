@@ -23,7 +23,7 @@ constexpr std::uint64_t kBudget = std::uint64_t{256} << 20;
 const glm::u8vec4 kWhite{255, 255, 255, 255};
 const glm::vec3 kEye{0.0F, -3.0F, 0.0F};
 
-/// Smooth enough that a face of 160 pixels resolves it.
+/// The pattern is so smooth that a face of 160 pixels resolves it.
 glm::vec3 pattern(const glm::vec3& p) {
   return {0.5F + 0.4F * std::sin(3.0F * p.x + 1.0F), 0.5F + 0.4F * std::sin(4.0F * p.z),
           0.5F + 0.3F * std::sin(2.0F * p.y + 3.0F * p.x)};
@@ -93,7 +93,7 @@ class Lumigraph : public ::testing::Test {
     return image;
   }
 
-  /// A ball of radius 1 with the pattern, and its proxy: `proxy_radius` 1 and 60 rings unless said otherwise.
+  /// Makes a ball of radius 1 with the pattern, and its proxy.
   void makeBall(float proxy_radius = 1.0F, int rings = 60) {
     scene_.balls = {{glm::vec3(0.0F), 1.0F, pattern}};
     addPatch(ballPatch(glm::vec3(0.0F), proxy_radius, rings, kWhite));
@@ -152,7 +152,7 @@ TEST_F(Lumigraph, orthographicViewsAreBlendedFromTheSamePerspectiveImages) {
     const base::Image drawn = draw(camera);
     EXPECT_GE(psnrOnCovered(truth, drawn), 28.0) << "wherever along the axis the viewer stands";
     EXPECT_GE(coverageOverlap(truth, drawn), 0.98);
-    // A ball of radius 1 in a picture 2.4 high: 200 × 2 / 2.4 pixels wide.
+    // A ball of radius 1 in a picture 2.4 high is 200 × 2 / 2.4 pixels wide.
     EXPECT_EQ(pixel(drawn, 100 - 82, 100).w, 255);
     EXPECT_EQ(pixel(drawn, 100 - 85, 100).w, 0);
   }

@@ -17,7 +17,7 @@ TEST(Pyramid, levelsHalveDownToOnePixelAndTheirBytesAreCounted) {
   EXPECT_EQ(client::pyramidBytes(5, 3), 4U * (15 + 2 + 1));
 }
 
-// 2 × 2: one covered red pixel, three uncovered green ones. The mean over covered pixels is red.
+// The picture has one covered red pixel and three uncovered green ones. The mean over covered pixels is red.
 TEST(Pyramid, backgroundDoesNotBleedIntoCoarseLevels) {
   base::Image image(2, 2, 4);
   for (int i = 0; i < 4; ++i) image.pixels[static_cast<std::size_t>(4 * i + 1)] = 255;

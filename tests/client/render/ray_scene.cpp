@@ -70,7 +70,7 @@ base::Image castRays(const Scene& scene, const base::Camera& camera, int rays) {
                         static_cast<float>(image.width);
         const float v = (static_cast<float>(y) + (static_cast<float>(k / rays) + 0.5F) / static_cast<float>(rays)) /
                         static_cast<float>(image.height);
-        // From the near plane to the far one: right for parallel rays too.
+        // Rays run from the near plane to the far one, which is right for parallel ones, too.
         const glm::vec4 near = scene_from_clip * glm::vec4(2.0F * u - 1.0F, 1.0F - 2.0F * v, -1.0F, 1.0F);
         const glm::vec4 far = scene_from_clip * glm::vec4(2.0F * u - 1.0F, 1.0F - 2.0F * v, 1.0F, 1.0F);
         const glm::vec3 origin = camera.orthographic() ? glm::vec3(near) / near.w : camera.eye;

@@ -36,16 +36,17 @@ base::Image castRays(const Scene& scene, const base::Camera& camera, int rays = 
 
 inline const lod::Lattice kLattice{glm::dvec3(-8.0), 1.0 / 65536.0};
 
-/// A sphere of 2 · rings² triangles (rings ≤ 120), vertices at the given radius, outward normals, one colour.
+/// Returns a sphere of 2 · rings² triangles (rings ≤ 120), vertices at the given radius, outward normals, one colour.
 lod::patch::PatchGeometry ballPatch(const glm::vec3& center, float radius, int rings, glm::u8vec4 color);
-/// A rectangle of 2 · cells² triangles, normals along cross(a, b).
+/// Returns a rectangle of 2 · cells² triangles, normals along cross(a, b).
 lod::patch::PatchGeometry rectanglePatch(const Rectangle& rectangle, int cells, glm::u8vec4 color);
 
 /// Looking from `eye` at `target`, up nearest to +z (or +y where that is the view).
 base::Camera lookAt(const glm::vec3& eye, const glm::vec3& target, int width, int height, float fov_y_degrees);
-/// Parallel rays: `ortho_height` scene units from the bottom of the picture to its top. Holds what is within 4 of zero.
+/// Returns a camera of parallel rays, `ortho_height` scene units from the bottom of the picture to its top. The picture
+/// holds all that is within 4 of zero.
 base::Camera lookAlong(const glm::vec3& eye, const glm::vec3& target, int width, int height, float ortho_height);
-/// The six 90° cameras around a point.
+/// Returns the six 90° cameras around a point.
 std::vector<base::Camera> cubeCameras(const glm::vec3& eye, int size);
 
 /// Returns 10 log10(255² / mean squared error) over pixels that both call model; 99 where equal.

@@ -1,5 +1,6 @@
 #pragma once
-// A published scene in memory, and a host that hands out ranges of it as a test wants: in any order, late, or wrong.
+// PublishedScene holds a published scene in memory; MemoryHost hands out ranges of it as a test wants: in any order,
+// late, or wrong.
 #include <algorithm>
 #include <deque>
 #include <functional>

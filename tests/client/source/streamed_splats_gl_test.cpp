@@ -52,7 +52,7 @@ class Host final : public RangeFetcher {
   const base::Bytes& file_;
 };
 
-/// A viewer of splats without a network.
+/// Views splats without a network.
 class StreamedSplatsTest : public ::testing::Test {
  protected:
   void SetUp() override {

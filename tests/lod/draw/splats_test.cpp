@@ -158,7 +158,7 @@ base::Camera cameraOf(double fov_y_degrees, int size = kSize) {
   return base::cameraFromView(view, glm::dvec3(0.0), 0.05F, 100.0F);
 }
 
-/// The ray through a pixel's middle.
+/// Returns the ray through a pixel's middle.
 glm::dvec3 rayAt(const base::Camera& camera, int x, int y) {
   const double u = (2.0 * x + 1.0) / camera.width - 1.0;
   const double v = 1.0 - (2.0 * y + 1.0) / camera.height;
@@ -182,7 +182,7 @@ TEST_F(SplatsTest, aCircleIsTheSpheresProjectionEvenAtTheRimOfAWidePicture) {
           const double along = glm::dot(ray, glm::dvec3(center));
           const double off = glm::length(glm::cross(ray, glm::dvec3(center)));
           if (along <= 0.0) continue;
-          // Half a pixel of grace outside, none inside. Small ones are as wide as they are long.
+          // Outside half a pixel is tolerated, inside none. Small splats are as wide as they are long.
           if (off <= static_cast<double>(radius)) {
             ASSERT_NE(picture.at(x, y)[3], 0) << center.x << " " << radius << " at " << x << ", " << y;
             ASSERT_NE(square.at(x, y)[3], 0);
@@ -244,7 +244,7 @@ TEST_F(SplatsTest, overlappingSplatsShowTheOneWithTheNearestCentre) {
 }
 
 TEST_F(SplatsTest, littleOfALayerShowsThroughTheOneBeforeIt) {
-  // Two sheets, the white one two sample spacings before the red one.
+  // The white sheet is two sample spacings before the red one.
   support::Mesh sheets = support::openGrid(40, 0.05F);
   sheets.colors.assign(sheets.positions.size(), {255, 255, 255, 255});
   const support::Mesh behind = sheets;
@@ -504,7 +504,7 @@ TEST_F(SplatsTest, fewerSamplesLieBehindAndBeforeWhatIsThereAsAllDo) {
 
 // ---- Closed surfaces have no holes
 
-/// The number of views: LUMIGRID_HOLE_VIEWS, or the test's own number.
+/// Returns LUMIGRID_HOLE_VIEWS, or the test's own number of views.
 int viewsOr(int own) {
   const char* asked = std::getenv("LUMIGRID_HOLE_VIEWS");
   return asked != nullptr ? std::max(1, std::atoi(asked)) : own;
@@ -604,7 +604,7 @@ TEST_F(SplatsTest, aDicedCubeHasNoHoles) {
 }
 
 TEST_F(SplatsTest, dicedNeedlesHaveNoHoles) {
-  // A ring drawn out: needles along it on two sides, and one half of it much coarser than the other.
+  // The ring is stretched, so that two of its sides consist of needles, and one half is much coarser than the other.
   support::Mesh ring = support::torus(120, 50);
   for (glm::vec3& p : ring.positions) p.x *= p.x > 0.0F ? 12.0F : 1.0F;
   expectNoHolesWhenDiced(ring, 2.0, 3000, 9, true);

@@ -17,7 +17,7 @@ namespace {
 using namespace lod::ingest;
 using support::Mesh;
 
-// A bent sheet of side² quads with a random third of its triangles flipped.
+// Returns a bent sheet of side² quads with a random third of its triangles flipped.
 Mesh turnedSheet(std::uint32_t side) {
   Mesh mesh;
   for (std::uint32_t y = 0; y <= side; ++y)

@@ -19,7 +19,7 @@ using support::PlyMesh;
 
 class SourceImport : public testing::Test {
  protected:
-  /// The path of a new file with this text.
+  /// Writes the text to a new file and returns its path.
   std::string write(const std::string& name, const std::string& text) const {
     std::ofstream(files_ / name, std::ios::binary) << text;
     return files_ / name;

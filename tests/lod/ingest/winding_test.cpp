@@ -10,7 +10,7 @@ namespace {
 using support::BuiltHierarchy;
 using support::Mesh;
 
-// A sphere of n rings of 2 n quads.
+// Returns a sphere of n rings of 2 n quads.
 Mesh sphere(int n) {
   Mesh mesh;
   const int across = 2 * n;
@@ -29,7 +29,7 @@ Mesh sphere(int n) {
   return mesh;
 }
 
-// Leaf triangles that face the sphere's centre.
+// Counts the leaf triangles that face the sphere's centre.
 std::size_t facingInward(const BuiltHierarchy& built) {
   std::size_t inward = 0;
   for (std::size_t p = 0; p < built.geometry.size(); ++p) {

@@ -57,7 +57,7 @@ class RandomRays {
     std::normal_distribution<double> normal;
     return glm::normalize(glm::dvec3(normal(random_), normal(random_), normal(random_)));
   }
-  /// From outside or within, towards somewhere in the box.
+  /// Draws a ray from outside or within, towards somewhere in the box.
   Ray next() {
     std::uniform_real_distribution<double> share(-0.5, 0.5);
     const auto inside = [&] {

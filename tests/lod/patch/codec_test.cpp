@@ -21,7 +21,7 @@ bool sameBits(const glm::vec3& a, const glm::vec3& b) {
   return std::memcmp(&a, &b, sizeof(a)) == 0;
 }
 
-// The bytes with a right checksum.
+// Returns the bytes with a right checksum.
 base::Bytes sealed(base::Bytes bytes) {
   const base::ByteView view(bytes);
   const std::uint32_t crc = base::crc32c(view.subspan(32), base::crc32c(view.first(28)));
@@ -40,7 +40,7 @@ base::Bytes smallPatch() {
   return encodePatch(drawPatch({40, 70, 3000, true}, random));
 }
 
-// A flat grid of side × side vertices.
+// Returns a flat grid of side × side vertices.
 PatchGeometry gridPatch(int side) {
   PatchGeometry g;
   for (int y = 0; y < side; ++y)
@@ -58,7 +58,7 @@ std::string faultOf(base::ByteView bytes) {
   return decoded ? "" : decoded.error().message;
 }
 
-// The offset of the first plane of residuals.
+// Returns the offset of the first plane of residuals.
 std::size_t firstPlane(base::ByteView bytes) {
   std::uint32_t steps = 0, escapes = 0;
   std::memcpy(&steps, &bytes[20], sizeof(steps));

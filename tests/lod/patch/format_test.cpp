@@ -52,7 +52,7 @@ T fieldAt(const base::Bytes& bytes, std::size_t offset) {
   return value;
 }
 
-// The bytes with both checksums right.
+// Returns the bytes with both checksums right.
 base::Bytes sealed(base::Bytes bytes) {
   const auto blocks = static_cast<std::size_t>(fieldAt<std::uint64_t>(bytes, 24));
   const std::uint32_t tables = base::crc32c(base::ByteView(bytes).subspan(kHeader, blocks - kHeader));

@@ -1,5 +1,5 @@
 #pragma once
-// Drawn patches, and surfaces compared regardless of the order of triangles and vertices.
+// Draws random patches, and compares surfaces regardless of the order of triangles and vertices.
 #include <algorithm>
 #include <array>
 #include <random>
@@ -45,7 +45,7 @@ struct Shape {
   glm::ivec3 origin{0};
 };
 
-/// Any triangles between any vertices, degenerate ones too.
+/// Draws any triangles between any vertices, degenerate ones too.
 inline lod::patch::PatchGeometry drawPatch(const Shape& shape, std::mt19937& random) {
   lod::patch::PatchGeometry g;
   std::uniform_int_distribution<int> along(0, shape.extent);

@@ -43,7 +43,8 @@ std::vector<Facet> leafFacets(const PatchFile& file) {
 
 // ---- the independent way: every triangle by Moeller and Trumbore 1997 ----
 
-/// The least of the three weights of the ray's intersection with the triangle (negative: outside), and its distance.
+/// Holds the least of the three weights of the ray's intersection with the triangle (negative: outside), and its
+/// distance.
 struct FacetCrossing {
   double least_weight = -1.0;
   double distance = kInfinity;
@@ -63,7 +64,7 @@ FacetCrossing crossingOf(const Ray& ray, const Facet& f) {
   return {std::min({v, w, 1.0 - v - w}), glm::dot(e2, q) / det};
 }
 
-/// The nearest distance over all triangles grown (margin > 0) or shrunk by a share of themselves.
+/// Returns the nearest distance over all triangles grown (margin > 0) or shrunk by a share of themselves.
 double nearest(const Ray& ray, const std::vector<Facet>& facets, double margin) {
   double distance = kInfinity;
   for (const Facet& f : facets) {

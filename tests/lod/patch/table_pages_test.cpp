@@ -13,7 +13,7 @@
 namespace lod::patch {
 namespace {
 
-/// A patch.lgp whose tables fill some 20 pages.
+/// Holds a patch.lgp whose tables fill some 20 pages.
 struct File {
   File() {
     const std::string path =

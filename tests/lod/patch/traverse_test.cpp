@@ -16,7 +16,7 @@ using support::SyntheticHierarchy;
 
 constexpr float kFovY = 0.9F;
 
-// A view from `from` to the square's place `at`.
+// Returns a request for a view from `from` to the square's place `at`.
 CutRequest requestFrom(const glm::dvec3& from, const glm::dvec3& at) {
   base::ViewCamera view;
   view.position = from;

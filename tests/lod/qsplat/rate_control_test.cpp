@@ -40,7 +40,7 @@ class SimulatedRenderer {
   std::uint64_t splats(float cutoff_px) const { return refineFrame(cutoff_px, 1.0F).splats; }
   /// Samples that splats cover at full resolution, where they are much larger than a sample.
   double coveredSamples() const { return refineFrame(50.0F, 1.0F).samples; }
-  /// The time of the next frame.
+  /// Returns the time of the next frame.
   double seconds(const RateControl& control) {
     const RefinedFrame drawn = refineFrame(control.cutoffPx(), control.reduction());
     std::uniform_real_distribution<double> factor(1.0 - noise, 1.0 + noise);
@@ -82,7 +82,7 @@ double drawFrame(RateControl& control, SimulatedRenderer& renderer) {
   return seconds;
 }
 
-/// The mean rate over so many frames of motion.
+/// Returns the mean rate over so many frames of motion.
 double rateOver(RateControl& control, SimulatedRenderer& renderer, int frames) {
   double seconds = 0.0;
   control.beginMotion();

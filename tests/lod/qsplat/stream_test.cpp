@@ -15,7 +15,7 @@
 namespace lod::qsplat {
 namespace {
 
-/// About 250 blocks of a closed surface.
+/// Returns about 250 blocks of a closed surface.
 const base::Bytes& file() {
   static const base::Bytes bytes = support::splatFile(support::bumpySphere(120, 240, 0.1F));
   return bytes;

@@ -35,7 +35,7 @@ const Model& ring() {
   return made;
 }
 
-/// A point of the surface with the normal of its facet.
+/// Holds a point of the surface and the normal of its facet.
 struct Sample {
   glm::vec3 at;
   glm::vec3 normal;
@@ -338,7 +338,7 @@ TEST(TraverseTest, memoryOfAFrameBeforeIsUsedAgainAndLeavesNothingBehind) {
 
 // ---- What is not here
 
-/// A model whose blocks arrive one by one.
+/// The blocks of this model arrive one by one.
 struct ArrivingBlocks {
   const Model& model;
   GrowingBlocks blocks;

@@ -12,7 +12,7 @@ namespace {
 constexpr int kWidth = 24;
 constexpr int kHeight = 16;
 
-// A red picture. With `masked` the left third is background; otherwise all of it is model.
+// Returns a red picture. With `masked` the left third is background; otherwise all of it is model.
 base::Bytes face(bool masked) {
   base::Image rgb(kWidth, kHeight, 3);
   base::Image mask(kWidth, kHeight, 1);

@@ -27,7 +27,7 @@ Bytes sample(std::size_t size, std::uint8_t salt = 0) {
   return bytes;
 }
 
-// Remote objects in memory. The source records its reads and can hold them back.
+// Serves remote objects from memory, records the reads and can hold them back.
 class Far final : public ObjectSource {
  public:
   base::Result<Bytes> read(const std::string& name, std::uint64_t offset, std::uint64_t length) const override {
@@ -211,7 +211,7 @@ TEST(CachedSource, blocksHaveTheDocumentedKeys) {
   Fixture f;
   const auto cached = f.open(directory.path());
   f.expectRead(*cached, "pack", 0, 1);
-  // The worked example of docs/formats/cache.md: the SHA-256 of "far://scene\n\npack\n0".
+  // The worked example of docs/formats/cache.md has the SHA-256 of "far://scene\n\npack\n0".
   const CacheKey key{0xd7, 0x17, 0x7d, 0xea, 0xd8, 0x17, 0xe4, 0xbe, 0x01, 0x1d, 0x4a, 0xbf, 0x7e, 0x2d, 0x39, 0xf1};
   const auto block = cached->cache().get(key);
   ASSERT_TRUE(block);

@@ -21,7 +21,7 @@ struct Answer {
   bool stand_still = false;  ///< afterwards, until the server is destroyed
 };
 
-/// "HTTP/1.1 206 Partial Content" and so on with a Content-Length of the body.
+/// Returns "HTTP/1.1 206 Partial Content" and so on with a Content-Length of the body.
 inline Answer answer(const std::string& status, const std::string& headers, const std::string& body) {
   return {"HTTP/1.1 " + status + "\r\n" + headers + "Content-Length: " + std::to_string(body.size()) + "\r\n\r\n" +
           body};

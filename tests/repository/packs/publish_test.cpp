@@ -68,7 +68,7 @@ class FailingSink final : public ObjectSink {
   std::atomic<int> left_;
 };
 
-// A disk of 8 MB in memory, which the destructor unmounts.
+// Mounts a disk of 8 MB in memory; the destructor unmounts it.
 class SmallDisk {
  public:
   explicit SmallDisk(const std::string& path) : path_(path) {

@@ -34,7 +34,7 @@ class DrawThreadTest : public testing::Test {
     }
     return jobs;
   }
-  // The pictures that came, by sequence number.
+  // Returns the pictures that came, by sequence number.
   std::map<std::uint64_t, base::Image> drawAll() {
     std::map<std::uint64_t, base::Image> pictures;
     const std::vector<DrawJob> jobs = allJobs();

@@ -8,7 +8,7 @@
 
 namespace server::test {
 
-/// The part of a unit sphere with z in from_z … to_z: `rings` rings around z, in two colours; normals outward.
+/// Returns the part of a unit sphere with z in from_z … to_z: `rings` rings around z, in two colours; normals outward.
 inline std::vector<Triangle> sphere(int rings, float from_z, float to_z) {
   const auto at = [&](int ring, int segment) {
     const float polar = std::acos(from_z + (to_z - from_z) * static_cast<float>(ring) / static_cast<float>(rings));

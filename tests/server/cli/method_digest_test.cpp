@@ -11,7 +11,7 @@ namespace {
 
 class MethodDigestTest : public testing::Test {
  protected:
-  // A header of 24 bytes (magic, version, length, a field, checksum) and 5 bytes of content.
+  // Returns a header of 24 bytes (magic, version, length, a field, checksum) and 5 bytes of content.
   static base::Bytes file() {
     base::ByteWriter out;
     out.bytes(base::Bytes{'L', 'G', 'P', 'A', 'T', 'C', 'H', '\n'});

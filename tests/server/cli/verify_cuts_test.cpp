@@ -21,7 +21,7 @@ using lod::patch::PatchGeometry;
 
 class VerifyCuts : public testing::Test {
  protected:
-  /// A hierarchy of several levels.
+  /// Builds a hierarchy of several levels.
   PatchFile build(const support::Mesh& mesh) {
     const auto built = support::buildHierarchy(mesh, support::smallPatches(), directory_ / "patch.lgp");
     EXPECT_TRUE(built) << built.error().message;
@@ -112,7 +112,7 @@ TEST_F(VerifyCuts, aFlippedPatchIsAFault) {
 }
 
 TEST_F(VerifyCuts, aNonManifoldSourceIsReportedAndItsCutsAreNoFault) {
-  // Two tori that touch in one vertex.
+  // The two tori touch in one vertex.
   support::Mesh mesh = support::torus(60, 40);
   const auto first = static_cast<std::uint32_t>(mesh.positions.size());
   const auto rightmost = std::max_element(mesh.positions.begin(), mesh.positions.end(),

@@ -1,5 +1,5 @@
 #pragma once
-// A raw WebSocket and HTTP client for tests, on 127.0.0.1. Every call ends within ten seconds.
+// LoopbackClient speaks raw WebSocket and HTTP to 127.0.0.1 in tests. Every call ends within ten seconds.
 #include <cstdint>
 #include <map>
 #include <memory>
@@ -35,7 +35,7 @@ class LoopbackClient {
 
   bool send(const protocol::ClientMessage& message) { return sendBytes(protocol::encode(message)); }
   bool sendBytes(const base::Bytes& bytes, bool binary = true);
-  /// The next message, or nullopt when the server closed.
+  /// Returns the next message, or nullopt when the server closed.
   std::optional<protocol::ServerMessage> receive();
   /// The code of the server's close frame; 0 when there was none.
   int closeCode() const;

@@ -15,7 +15,7 @@ std::string target(const std::string& origin_z, const std::string& direction_z) 
   return "/pick?ox=500016.3&oy=4000016.2&oz=" + origin_z + "&dx=0&dy=0&dz=" + direction_z;
 }
 
-// The nearest leaf triangle straight below, by the textbook's formula in doubles.
+// Returns the height of the nearest leaf triangle straight below, by the textbook's formula in doubles.
 double heightBelow(const SceneDirectory& scene, double x, double y) {
   const auto patches = lod::patch::PatchFile::open(scene.path + "/patch.lgp");
   const lod::patch::Hierarchy& hierarchy = patches->hierarchy();

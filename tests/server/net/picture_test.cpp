@@ -1,4 +1,4 @@
-// Parsing of /render's parameters, without rendering.
+// Tests how /render's parameters are parsed, without rendering.
 #include "server/net/picture.h"
 
 #include <gtest/gtest.h>

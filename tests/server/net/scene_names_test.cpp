@@ -1,4 +1,4 @@
-// Several scenes on one port.
+// Tests several scenes on one port.
 #include "server/net/scene_names.h"
 
 #include <gtest/gtest.h>

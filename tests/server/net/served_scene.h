@@ -31,7 +31,7 @@ inline std::string metaOf(const repository::Grid& grid) {
 /// A scene directory that is removed with the object.
 class SceneDirectory {
  public:
-  /// `face_bytes` 0: no repository.
+  /// With 0 `face_bytes` there is no repository.
   explicit SceneDirectory(std::size_t face_bytes = 2'000) {
     static std::atomic<int> counter{0};
     const auto name = "lumigrid_net_test_" + std::to_string(::getpid()) + "_" + std::to_string(counter++);

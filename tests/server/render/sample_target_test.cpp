@@ -38,11 +38,11 @@ TEST(SampleTarget, resolveAveragesCoveredSamplesAndAlphaIsTheCoveredShare) {
   const base::Image image = readPixels(target->resolve(*pass), 2, 1);
   EXPECT_EQ(base::gl::takeError(), "");
 
-  // One sample of four: its own colour, a quarter covered.
+  // One sample of four is covered: the pixel has its colour and a quarter of the opacity.
   EXPECT_EQ(image.at(0, 0)[0], 204);
   EXPECT_EQ(image.at(0, 0)[1], 102);
   EXPECT_EQ(image.at(0, 0)[3], 64);
-  // Three red and one green, all covered.
+  // All four samples are covered, three in red and one in green.
   EXPECT_EQ(image.at(1, 0)[0], 191);
   EXPECT_EQ(image.at(1, 0)[1], 64);
   EXPECT_EQ(image.at(1, 0)[3], 255);

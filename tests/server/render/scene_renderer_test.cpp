@@ -20,7 +20,7 @@ namespace {
 using test::Triangle;
 using test::TwoLevelScene;
 
-// The colour as patches store it.
+// This is the colour as patches store it.
 const glm::u8vec4 kOrange = lod::patch::quantizedColor({200, 100, 50, 255});
 
 // Returns a camera at (0, 0, distance) that looks along −z with 90°: the plane z = 0 shows [−distance, distance].

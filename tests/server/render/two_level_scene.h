@@ -54,7 +54,7 @@ inline lod::patch::Patch recordOf(const lod::patch::PatchGeometry& geometry) {
   return patch;
 }
 
-/// The file and the scene of it. `error`: scene units by which the root is off from the leaves.
+/// Holds the file and the scene made of it. `error` is the distance of the root from the leaves in scene units.
 class TwoLevelScene {
  public:
   TwoLevelScene(const std::vector<Triangle>& root, const std::vector<std::vector<Triangle>>& leaves, float error) {

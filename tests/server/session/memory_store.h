@@ -1,5 +1,6 @@
 #pragma once
-// A repository in memory, and a scene around the synthetic hierarchy: a bumpy square of 32 × 32 units seen from above.
+// Holds a repository in memory, and a scene around the synthetic hierarchy: a bumpy square of 32 × 32 units seen from
+// above.
 #include <unistd.h>
 
 #include <atomic>
@@ -49,7 +50,7 @@ inline base::Bytes someFaceValue(std::size_t bytes, std::uint8_t fill) {
   return repository::encodeFaceValue({.empty = false, .jpeg = jpeg, .coverage = {}});
 }
 
-/// n as for syntheticHierarchy. Every face of an 8 × 8 × 8 grid around the square holds `face_bytes` bytes.
+/// `n` is that of syntheticHierarchy. Every face of an 8 × 8 × 8 grid around the square holds `face_bytes` bytes.
 struct TestScene {
   explicit TestScene(int n = 8, std::size_t face_bytes = 20'000) {
     static std::atomic<int> counter{0};
@@ -87,7 +88,7 @@ struct TestScene {
     return box;
   }
   glm::dvec3 center() const { return 0.5 * glm::dvec3(data.welcome.box_min + data.welcome.box_max); }
-  /// A view of `target` from `from`, both relative to the middle of the square in units of its side.
+  /// Returns a view of `target` from `from`, both relative to the middle of the square in units of its side.
   protocol::View view(std::uint32_t sequence, const glm::dvec3& from,
                       const glm::dvec3& target = glm::dvec3(0.0)) const {
     const double side = static_cast<double>(data.welcome.box_max.x - data.welcome.box_min.x);

@@ -14,7 +14,7 @@ namespace {
 
 using protocol::ServerMessage;
 
-/// The client's side of a session.
+/// Plays the client's side of a session.
 struct Talk {
   explicit Talk(const SceneData& scene) : session(scene) {}
 
@@ -67,7 +67,7 @@ std::vector<repository::FaceKey> facesIn(const std::vector<ServerMessage>& messa
   return faces;
 }
 
-/// Index of Completion(sequence), or the number of messages.
+/// Returns the index of Completion(sequence), or the number of messages.
 std::size_t completeAt(const std::vector<ServerMessage>& messages, std::uint32_t sequence) {
   for (std::size_t i = 0; i < messages.size(); ++i)
     if (const auto* complete = std::get_if<protocol::Completion>(&messages[i]);

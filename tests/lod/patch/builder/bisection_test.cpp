@@ -41,7 +41,7 @@ TEST(Bisection, sidesHaveTheSharesAskedFor) {
   }
 }
 
-// Two cliques of eight with one edge between them, vertices numbered alternately.
+// The graph has two cliques of eight, one edge between them, and vertices numbered alternately.
 TEST(Bisection, theOneBridgeIsFound) {
   std::vector<WeightedEdge> edges{{0, 1, 3}};
   for (std::uint32_t a = 0; a < 16; ++a)

@@ -1,5 +1,5 @@
 #pragma once
-// A cut of a built hierarchy as one surface, and its open edges.
+// These functions make a cut of a built hierarchy one surface, and find its open edges.
 #include <algorithm>
 #include <array>
 #include <utility>
@@ -26,7 +26,8 @@ struct LatticeEdge {
   std::uint32_t patch = 0;
 };
 
-/// Directed edges that lack an opposite, each as often as it lacks one; none: closed. Sorted by their ends.
+/// Returns the directed edges that lack an opposite, each as often as it lacks one, sorted by their ends. A closed
+/// surface has none.
 inline std::vector<LatticeEdge> unopposed(std::vector<LatticeEdge> edges) {
   auto key = [](const glm::ivec3& q) { return std::array{q.x, q.y, q.z}; };
   struct Run {
@@ -64,7 +65,7 @@ inline std::vector<LatticeEdge> openEdgesOf(const BuiltHierarchy& built, const s
   return unopposed(std::move(edges));
 }
 
-/// The number of directed edges without an opposite.
+/// Returns the number of directed edges without an opposite.
 inline std::size_t openEdges(const BuiltHierarchy& built, const std::vector<std::uint32_t>& patches) {
   return openEdgesOf(built, patches).size();
 }

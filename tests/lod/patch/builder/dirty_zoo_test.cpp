@@ -44,7 +44,7 @@ class DirtyZoo : public testing::Test {
     return buildHierarchyFromFiles({path("mesh.ply")}, options_, path("out.lgp"));
   }
 
-  // Sound file, levels that shrink to one patch, no work files.
+  // Builds, and checks that the file is sound, levels shrink to one patch, and no work files stay.
   BuiltHierarchy mustBuild(const PlyMesh& mesh) {
     const auto summary = build(mesh);
     EXPECT_TRUE(summary) << summary.error().message;
@@ -178,7 +178,7 @@ TEST_F(DirtyZoo, finsKeepTheirBorders) {
 }
 
 TEST_F(DirtyZoo, bowTiesStayClosed) {
-  // A chain of spheres, each pole shared with the next one.
+  // The spheres form a chain; each shares a pole with the next one.
   const Mesh sphere = support::bumpySphere(24, 30, 0.0F);
   const auto last = static_cast<std::uint32_t>(sphere.positions.size() - 1);
   PlyMesh mesh;

@@ -286,7 +286,7 @@ TEST(CarriedError, boundsTheColorsOfASheetTriangleByTriangle) {
   const std::vector<glm::vec3> source = group.positions;
   const std::vector<glm::vec3> source_colors = group.colors;
   const std::vector<std::uint32_t> source_indices = group.indices;
-  // The colour at a place, or nothing outside.
+  // Returns the colour at a place, or nothing outside.
   const auto colorAt = [](const SurfaceView& surface, const glm::dvec3& p) {
     for (std::size_t i = 0; i < surface.indices.size(); i += 3) {
       const auto at = [&](std::size_t k) { return glm::dvec3(surface.positions[surface.indices[i + k]]); };
@@ -344,7 +344,7 @@ TEST(ErrorCode, roundsUpInSmallSteps) {
   }
   for (int code = 0; code < 53000; ++code) EXPECT_EQ(errorCode(errorOfCode(static_cast<std::uint16_t>(code))), code);
   EXPECT_EQ(errorCode(std::nextafter(errorOfCode(1), 1.0F)), 2);
-  // The diagonal of the largest lattice.
+  // This is the diagonal of the largest lattice.
   EXPECT_GE(errorOfCode(errorCode(1.8F * static_cast<float>(1 << 21))), 1.8F * static_cast<float>(1 << 21));
 }
 

@@ -7,7 +7,7 @@
 
 namespace support {
 
-/// w × h vertices in a grid, each of weight 10; neighbours tied by edges of weight `edge_weight`.
+/// Returns a grid of w × h vertices of weight 10, with edges of weight `edge_weight` between neighbours.
 inline lod::patch::builder::Graph gridGraph(std::uint32_t w, std::uint32_t h, std::int32_t edge_weight = 1) {
   std::vector<lod::patch::builder::WeightedEdge> edges;
   for (std::uint32_t y = 0; y < h; ++y)

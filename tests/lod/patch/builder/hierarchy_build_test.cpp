@@ -109,7 +109,7 @@ void expectEveryCutClosed(const BuiltHierarchy& built) {
     EXPECT_EQ(support::openEdges(built, lod::patch::selectUniformCut(h, tolerance).patches), 0U)
         << "world error " << tolerance;
 
-    // The same tolerances in pixels, from near one side: levels mix.
+    // From near one side, the same tolerances in pixels mix levels.
     base::ViewCamera view;
     const base::Sphere bounds = h.groups[0].bounds;
     view.position = glm::dvec3(bounds.center) + glm::dvec3(0.0, 0.3, 1.05) * static_cast<double>(bounds.radius);

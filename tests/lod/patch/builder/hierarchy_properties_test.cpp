@@ -30,7 +30,7 @@ BuiltHierarchy mustBuild(const Mesh& mesh, const HierarchyOptions& options = sup
   return built ? std::move(*built) : BuiltHierarchy{};
 }
 
-// A view from anywhere in and around the model to anywhere near it, at any tolerance.
+// Returns a view from anywhere in and around the model to anywhere near it, at any tolerance.
 lod::patch::CutRequest randomRequest(const lod::patch::Hierarchy& h, std::mt19937& random) {
   std::normal_distribution<double> normal;
   std::uniform_real_distribution<double> unit(0.0, 1.0);

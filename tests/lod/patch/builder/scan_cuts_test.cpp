@@ -29,8 +29,8 @@ struct Scan {
   friend void PrintTo(const Scan& scan, std::ostream* out) { *out << scan.name; }
 };
 
-// A place inside the bounding box or within its size around it, any direction, any opening, a tolerance of 0.5 to 5000
-// pixels.
+// Draws a place inside the bounding box or within its size around it, any direction, any opening, and a tolerance of
+// 0.5 to 5000 pixels.
 lod::patch::CutRequest randomRequest(const lod::patch::Hierarchy& h, const base::Aabb& box, std::mt19937& random) {
   std::normal_distribution<double> normal;
   std::uniform_real_distribution<double> unit(0.0, 1.0);
@@ -62,7 +62,7 @@ Triple sorted(Triple t) {
   return t;
 }
 
-// A file's triangles, unchanged.
+// Collects a file's triangles, unchanged.
 class RawMesh : public MeshSink {
  public:
   base::Result<void> vertices(const VertexBlock& block) override {

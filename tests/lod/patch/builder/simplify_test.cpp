@@ -17,7 +17,7 @@ namespace {
 using namespace lod::patch::builder;
 using support::Mesh;
 
-// A generated mesh on the lattice, scale steps to the unit.
+// Puts a generated mesh on the lattice, with `scale` steps to the unit.
 GroupMesh groupOf(const Mesh& mesh, float scale) {
   GroupMesh group;
   for (const glm::vec3& p : mesh.positions) group.positions.push_back(glm::round((p + 2.0F) * scale));

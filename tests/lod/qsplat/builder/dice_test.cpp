@@ -99,7 +99,7 @@ Mesh stretchedSheet(std::uint32_t side) {
   return mesh;
 }
 
-// The least distance of `p` from a leaf's centre, in radii of that leaf.
+// Returns the least distance of `p` from a leaf's centre, in radii of that leaf.
 double leastReach(const std::vector<Splat>& leaves, const glm::dvec3& p) {
   double least = 1e30;
   for (const Splat& leaf : leaves)

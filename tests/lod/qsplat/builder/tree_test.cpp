@@ -45,7 +45,7 @@ std::vector<Splat> randomLeaves(std::size_t count, unsigned seed, double spread 
   return leaves;
 }
 
-// The children and the parent of each node of a breadth-first row.
+// Holds the children and the parent of each node of a breadth-first row.
 struct Links {
   std::vector<std::size_t> first_child;
   std::vector<std::size_t> parent;
@@ -306,7 +306,7 @@ Mesh statue(std::uint64_t triangles) {
   return support::makeSample(options);
 }
 
-// The radius and facets of each vertex by position, computed in a plain second way.
+// Computes the radius and facets of each vertex by position, in a plain second way.
 struct AroundVertices {
   struct Vertex {
     double radius = 0.0;
