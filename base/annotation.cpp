@@ -7,8 +7,8 @@
 namespace base {
 namespace {
 
-Error bad(const std::string& what) {
-  return {ErrorCode::kInvalidInput, what + " (docs/formats/annotations.md)"};
+Error bad(const std::string& problem) {
+  return {ErrorCode::kInvalidInput, problem + " (docs/formats/annotations.md)"};
 }
 
 bool isPlace(const glm::dvec3& v) {

@@ -9,8 +9,8 @@
 
 namespace base {
 
-[[noreturn]] inline void failCheck(const char* file, int line, const char* what, const std::string& values) {
-  std::fprintf(stderr, "%s:%d: check failed: %s%s\n", file, line, what, values.c_str());
+[[noreturn]] inline void failCheck(const char* file, int line, const char* condition, const std::string& values) {
+  std::fprintf(stderr, "%s:%d: check failed: %s%s\n", file, line, condition, values.c_str());
   std::abort();
 }
 

@@ -32,12 +32,12 @@ constexpr Direction kFromServer{
 constexpr double kPi = 3.14159265358979323846;
 constexpr std::uint8_t kSplatsOnly = 1;  // the byte behind a Refusal's reason
 
-base::Error bad(std::string what) {
-  return {base::ErrorCode::kInvalidInput, std::move(what)};
+base::Error bad(std::string problem) {
+  return {base::ErrorCode::kInvalidInput, std::move(problem)};
 }
 
-base::Error bad(std::string_view message, const std::string& what) {
-  return bad(std::string(message) + " message: " + what);
+base::Error bad(std::string_view message, const std::string& problem) {
+  return bad(std::string(message) + " message: " + problem);
 }
 
 // ---- texts: logs and windows show them, so they never hold control characters ----

@@ -19,8 +19,9 @@ constexpr std::size_t kHeaderCrcOffset = 8;
 constexpr std::size_t kBodyCrcOffset = 12;
 constexpr std::uint64_t kMax = std::numeric_limits<std::uint64_t>::max();
 
-base::Error bad(const std::string& what) {
-  return {base::ErrorCode::kInvalidInput, "access counts: " + what + "; move the file away, servers begin a new one"};
+base::Error bad(const std::string& problem) {
+  return {base::ErrorCode::kInvalidInput,
+          "access counts: " + problem + "; move the file away, servers begin a new one"};
 }
 
 std::uint64_t addSaturated(std::uint64_t a, std::uint64_t b) {
@@ -49,15 +50,15 @@ class RowWriter {
 
 // Hands each row to `accept(row)`, which returns whether the scene has the face or group that the row names.
 template <class Accept>
-base::Result<void> readRows(base::ByteReader& in, std::uint64_t rows, const char* what, const Accept& accept) {
+base::Result<void> readRows(base::ByteReader& in, std::uint64_t rows, const char* items, const Accept& accept) {
   std::uint64_t next = 0;
   for (std::uint64_t row = 0; row < rows; ++row) {
     const std::uint64_t gap = in.varint();
     const std::uint64_t count = in.varint();
-    if (!in.ok()) return bad(std::string("a row of ") + what + " is no pair of numbers");
-    if (gap > kMax - 1 - next || count == 0) return bad(std::string("a row of ") + what + " is out of range");
+    if (!in.ok()) return bad(std::string("a row of ") + items + " is no pair of numbers");
+    if (gap > kMax - 1 - next || count == 0) return bad(std::string("a row of ") + items + " is out of range");
     if (!accept(Row{next + gap, count}))
-      return bad(std::string("a row names ") + what + " that the scene does not have");
+      return bad(std::string("a row names ") + items + " that the scene does not have");
     next += gap + 1;
   }
   return {};

@@ -81,9 +81,9 @@ std::optional<Meta> readMeta(base::ByteView file, std::uint64_t offset) {
   return meta;
 }
 
-base::Error damagedError(const std::string& directory, const std::string& what) {
+base::Error damagedError(const std::string& directory, const std::string& problem) {
   return {base::ErrorCode::kInvalidInput,
-          directory + "/data.mdb is damaged (" + what + "); delete the directory and build the images again"};
+          directory + "/data.mdb is damaged (" + problem + "); delete the directory and build the images again"};
 }
 
 // Walks the trees, marks the pages that it reaches and keeps the first fault.
@@ -115,8 +115,8 @@ class TreeWalker {
     std::uint64_t nodes() const { return (lower - kPageHeader) / 2; }
   };
 
-  void fail(const std::string& what, std::uint64_t page) {
-    if (fault_.empty()) fault_ = what + " at page " + std::to_string(page);
+  void fail(const std::string& problem, std::uint64_t page) {
+    if (fault_.empty()) fault_ = problem + " at page " + std::to_string(page);
   }
 
   // Marks pages as reached; false when one lies outside of the file or was reached before.

@@ -54,8 +54,8 @@ Registry& registry() {
 
 base::Error storeError(const std::string& path, const std::string& action, int code) {
   using base::ErrorCode;
-  const auto say = [&](ErrorCode kind, const std::string& what) {
-    return base::Error{kind, path + ": cannot " + action + ": " + what};
+  const auto say = [&](ErrorCode kind, const std::string& problem) {
+    return base::Error{kind, path + ": cannot " + action + ": " + problem};
   };
   switch (code) {
     case MDB_MAP_FULL:

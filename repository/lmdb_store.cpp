@@ -36,8 +36,8 @@ base::Error openedForReading(const std::string& path) {
 // ---- Keys ----
 
 base::Result<FaceKey> keyFrom(const MDB_val& value) {
-  const auto wrong = [](const std::string& what) {
-    return base::Error{base::ErrorCode::kInvalidInput, what + "; delete the directory and build the images again"};
+  const auto wrong = [](const std::string& problem) {
+    return base::Error{base::ErrorCode::kInvalidInput, problem + "; delete the directory and build the images again"};
   };
   if (value.mv_size != 8) return wrong("a key of " + std::to_string(value.mv_size) + " bytes");
   const auto* bytes = static_cast<const std::uint8_t*>(value.mv_data);

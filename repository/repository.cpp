@@ -21,9 +21,9 @@ using base::Result;
 // A reader may map thousands of shards, so each begins with 1 GiB of address space and grows to its file's size.
 constexpr LmdbOptions kShardMap{std::uint64_t{1} << 30};
 
-Error mixed(const std::string& images, const std::string& what) {
+Error mixed(const std::string& images, const std::string& problem) {
   return {ErrorCode::kInvalidInput,
-          images + ": " + what +
+          images + ": " + problem +
               "; remove the directories that do not belong here, or run the same `lumigrid build` again"};
 }
 

@@ -17,8 +17,8 @@ using nlohmann::json;
 /// Deeper than any valid document. nlohmann's parser keeps a stack, so that hostile nesting would cost memory.
 constexpr int kMaxDepth = 16;
 
-Error bad(const std::string& name, const std::string& what) {
-  return {ErrorCode::kInvalidInput, name + ": " + what + " (docs/formats/annotations.md)"};
+Error bad(const std::string& name, const std::string& problem) {
+  return {ErrorCode::kInvalidInput, name + ": " + problem + " (docs/formats/annotations.md)"};
 }
 
 /// Returns a discarded value for a text that is no JSON in UTF-8 or nests too deeply.

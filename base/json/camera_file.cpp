@@ -14,8 +14,8 @@ using nlohmann::json;
 
 constexpr int kMaxSide = 16384;  // pixels; the protocol's limit as well
 
-Error bad(const std::string& name, const std::string& what) {
-  return {ErrorCode::kInvalidInput, name + ": " + what + " (docs/formats/camera.md)"};
+Error bad(const std::string& name, const std::string& problem) {
+  return {ErrorCode::kInvalidInput, name + ": " + problem + " (docs/formats/camera.md)"};
 }
 
 bool readVector(const json& object, const char* key, glm::dvec3& v) {

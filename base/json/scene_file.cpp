@@ -62,8 +62,8 @@ class Fields {
     const json* member = find(key);
     return member == nullptr ? kEmpty : *member;
   }
-  void fail(const std::string& what) {
-    if (problem_.empty()) problem_ = place_ + what;
+  void fail(const std::string& problem) {
+    if (problem_.empty()) problem_ = place_ + problem;
   }
 
  private:

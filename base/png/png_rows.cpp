@@ -25,9 +25,9 @@ struct PngRows::State {
 
   ~State() { png_destroy_write_struct(&png, &info); }
 
-  static void onError(png_structp png, png_const_charp what) {
+  static void onError(png_structp png, png_const_charp text) {
     auto* self = static_cast<State*>(png_get_error_ptr(png));
-    std::strncpy(self->message.data(), what, self->message.size() - 1);
+    std::strncpy(self->message.data(), text, self->message.size() - 1);
     png_longjmp(png, 1);
   }
   static void onWarning(png_structp, png_const_charp) {}

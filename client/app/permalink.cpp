@@ -24,8 +24,8 @@ constexpr double kMaxFovDegrees = 170.0;
 constexpr double kMinDistance = 1e-9;  // world units
 constexpr std::string_view kAxes = "xyz";
 
-base::Error bad(const std::string& what) {
-  return {base::ErrorCode::kInvalidInput, "this link cannot be read: " + what};
+base::Error bad(const std::string& problem) {
+  return {base::ErrorCode::kInvalidInput, "this link cannot be read: " + problem};
 }
 
 // ---- numbers ----

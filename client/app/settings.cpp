@@ -39,8 +39,8 @@ constexpr std::array<SettingField, 19> kFields{{
     {"theme", "Light or dark", Kind::kChoice, 0, 2, &Settings::theme, "system light dark", false},
 }};
 
-base::Error bad(std::string_view name, const std::string& what) {
-  return {base::ErrorCode::kInvalidInput, "setting " + std::string(name.substr(0, 64)) + ": " + what};
+base::Error bad(std::string_view name, const std::string& problem) {
+  return {base::ErrorCode::kInvalidInput, "setting " + std::string(name.substr(0, 64)) + ": " + problem};
 }
 
 /// Writes a bound without superfluous decimals.

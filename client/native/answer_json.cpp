@@ -14,8 +14,8 @@ using nlohmann::json;
 /// memory.
 constexpr int kMaxDepth = 16;
 
-base::Error bad(const std::string& place, const std::string& what) {
-  return {base::ErrorCode::kInvalidInput, place + ": " + what};
+base::Error bad(const std::string& place, const std::string& problem) {
+  return {base::ErrorCode::kInvalidInput, place + ": " + problem};
 }
 
 base::Result<json> parse(base::ByteView text, std::size_t limit, const std::string& name) {

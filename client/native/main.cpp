@@ -361,12 +361,12 @@ int runHostCheck(const Arguments& a) {
     if (a.json) {
       list.push_back({{"grade", grade},
                       {"header", finding.header},
-                      {"what", finding.what},
+                      {"what", finding.message},
                       {"todo", finding.todo},
                       {"nginx", finding.nginx}});
       continue;
     }
-    std::printf("%s: %s: %s%s%s\n", grade, finding.header.c_str(), finding.what.c_str(),
+    std::printf("%s: %s: %s%s%s\n", grade, finding.header.c_str(), finding.message.c_str(),
                 finding.todo.empty() ? "" : " ", finding.todo.c_str());
     if (!finding.nginx.empty()) std::printf("    nginx: %s\n", finding.nginx.c_str());
   }

@@ -43,8 +43,8 @@ std::string fault(const FetchAnswer& answer) {
 
 }  // namespace
 
-std::string describeFailure(const FetchAnswer& answer, const std::string& what) {
-  return what + ": " + fault(answer);
+std::string describeFailure(const FetchAnswer& answer, const std::string& object) {
+  return object + ": " + fault(answer);
 }
 
 bool isTransient(const FetchAnswer& answer) {

@@ -42,8 +42,8 @@ class RangeFetcher {
   virtual void cancel(std::uint64_t id) = 0;
 };
 
-/// Says in one line for people what is wrong with `what` (a URL or a name), and what to do about it.
-std::string describeFailure(const FetchAnswer& answer, const std::string& what);
+/// Says in one line for people what is wrong with `object` (a URL or a name), and what to do about it.
+std::string describeFailure(const FetchAnswer& answer, const std::string& object);
 
 /// Returns true when another try may succeed (network, overloaded server). All other failures need somebody to change
 /// something.

@@ -61,10 +61,12 @@ class Judge {
   }
 
  private:
-  void good(const char* header, const std::string& what) { findings_.push_back({Grade::kGood, header, what, "", ""}); }
-  void bad(Grade grade, const char* header, const std::string& what, const std::string& todo,
+  void good(const char* header, const std::string& message) {
+    findings_.push_back({Grade::kGood, header, message, "", ""});
+  }
+  void bad(Grade grade, const char* header, const std::string& message, const std::string& todo,
            const std::string& nginx = "") {
-    findings_.push_back({grade, header, what, todo, nginx});
+    findings_.push_back({grade, header, message, todo, nginx});
   }
   /// A page sees few headers of another origin unless they are exposed.
   bool hides() const { return answers_.in_browser && answers_.other_origin; }

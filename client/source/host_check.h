@@ -40,10 +40,10 @@ struct HostFinding {
     kFails,  ///< scenes cannot be shown
   };
   Grade grade = Grade::kGood;
-  std::string header;  ///< a header's name, "Range" for the answer to a range request, or the requested object
-  std::string what;    ///< a sentence that says what was found
-  std::string todo;    ///< what to change; empty when good
-  std::string nginx;   ///< nginx's configuration line that repairs it; empty when good, or when no line does
+  std::string header;   ///< a header's name, "Range" for the answer to a range request, or the requested object
+  std::string message;  ///< a sentence that says what was found
+  std::string todo;     ///< what to change; empty when good
+  std::string nginx;    ///< nginx's configuration line that repairs it; empty when good, or when no line does
 };
 
 /// Returns one finding for each header, in the order in which to repair them. Headers that cannot be judged from here

@@ -47,8 +47,8 @@ bool sameScene(const protocol::Welcome& a, const protocol::Welcome& b) {
          a.patch_count == b.patch_count && a.source_triangles == b.source_triangles;
 }
 
-base::Error badServer(const std::string& what) {
-  return {base::ErrorCode::kInvalidInput, "the server " + what + "; is it a lumigrid server of this version?"};
+base::Error badServer(const std::string& problem) {
+  return {base::ErrorCode::kInvalidInput, "the server " + problem + "; is it a lumigrid server of this version?"};
 }
 
 }  // namespace

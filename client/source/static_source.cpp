@@ -94,8 +94,8 @@ StaticStats StaticSource::stats() const {
 
 /// Names come from outside; only names in the form that `lumigrid publish` writes lead to requests.
 base::Result<void> StaticSource::Impl::checkScene() const {
-  const auto notPublished = [](const std::string& what) {
-    return base::Error{base::ErrorCode::kInvalidInput, what + "; put there what `lumigrid publish` wrote"};
+  const auto notPublished = [](const std::string& message) {
+    return base::Error{base::ErrorCode::kInvalidInput, message + "; put there what `lumigrid publish` wrote"};
   };
   const std::string& patches = scene.patches.name;
   const std::string begin = "patch-";

@@ -25,8 +25,8 @@ struct StaticSource::Impl {
   /// The kinds of RangeWish.
   enum Kind : std::uint32_t { kPatchFront, kIndexFront, kParameters, kPage, kBlock, kIndexBlock, kFace };
 
-  Impl(StaticScene what, RangeFetcher& fetcher, ReadParameters reader, const StaticOptions& wanted)
-      : scene(std::move(what)),
+  Impl(StaticScene published, RangeFetcher& fetcher, ReadParameters reader, const StaticOptions& wanted)
+      : scene(std::move(published)),
         read_parameters(std::move(reader)),
         options(wanted),
         queue(fetcher, wanted.queue),
@@ -34,8 +34,8 @@ struct StaticSource::Impl {
     if (auto sound = checkScene(); !sound) fail(scene.place + ": " + sound.error().message);
   }
 
-  static base::Error badScene(const std::string& what) {
-    return {base::ErrorCode::kInvalidInput, what + "; publish the scene again"};
+  static base::Error badScene(const std::string& message) {
+    return {base::ErrorCode::kInvalidInput, message + "; publish the scene again"};
   }
   base::Result<void> checkScene() const;
 
@@ -52,7 +52,7 @@ struct StaticSource::Impl {
   void acceptFace(const FaceKey& key, base::Bytes bytes);
   void acceptFailure(const RangeArrival& arrival);
   void loseObject(const std::string& object, const std::string& why);
-  void reportProblem(const std::string& what) { problem = what; }
+  void reportProblem(const std::string& message) { problem = message; }
   void fail(const std::string& why);
 
   // ---- messages from and to the session ----

@@ -22,7 +22,7 @@ std::uint64_t gpuBytes(const lod::patch::Hierarchy& hierarchy, std::uint32_t gro
 
 /// Decodes the patch's geometry from its group's block.
 base::Result<lod::patch::PatchGeometry> decode(const lod::patch::Patch& patch, base::ByteView block) {
-  const auto broken = [](const std::string& what) { return base::Error{base::ErrorCode::kInvalidInput, what}; };
+  const auto broken = [](const std::string& problem) { return base::Error{base::ErrorCode::kInvalidInput, problem}; };
   if (patch.block_offset > block.size() || patch.block_bytes > block.size() - patch.block_offset)
     return broken("lies outside its block");
   LUMIGRID_ASSIGN_OR_RETURN(auto geometry,

@@ -32,7 +32,7 @@ class ResidentPatches {
   };
   /// Takes bytes from the frame's upload share; returns false when none are left.
   using Spend = std::function<bool(std::uint64_t bytes)>;
-  using Fault = std::function<void(const std::string& what)>;
+  using Fault = std::function<void(const std::string& problem)>;
 
   /// Notes that a block arrived, possibly again; an earlier one may have been broken.
   void arrived(std::uint32_t group) { broken_.erase(group); }

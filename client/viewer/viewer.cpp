@@ -296,9 +296,9 @@ glm::vec4 Viewer::Impl::sectionHere() const {
   return section ? base::sectionInScene(*section, session.welcome()->origin) : base::kNoSection;
 }
 
-void Viewer::Impl::fault(const std::string& what) {
+void Viewer::Impl::fault(const std::string& problem) {
   ++broken;
-  last_fault = what;
+  last_fault = problem;
 }
 
 /// Takes bytes from the frame's upload share. The first item always passes, so that a small share never stops the flow.
@@ -322,7 +322,7 @@ void Viewer::Impl::updatePatches() {
   wanted.occluders = options.lumigraph.use_images;
   patches.update(
       wanted, session, renderer->patches(), [this](std::uint64_t bytes) { return spend(static_cast<double>(bytes)); },
-      [this](const std::string& what) { fault(what); });
+      [this](const std::string& problem) { fault(problem); });
 }
 
 // ---- memory and accuracy ----

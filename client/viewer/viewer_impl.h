@@ -107,7 +107,7 @@ struct Viewer::Impl {
   base::ViewCamera viewForServer(const base::ViewCamera& wanted) const;
   glm::vec4 sectionHere() const;
   const base::Bytes* codedImage(SampleId id);
-  void fault(const std::string& what);
+  void fault(const std::string& problem);
   bool spend(double bytes);
   MemoryUse memory() const;
   std::uint64_t waitingBytes() const;

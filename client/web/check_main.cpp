@@ -44,7 +44,7 @@ EMSCRIPTEN_KEEPALIVE void takeHeader(int which, const char* name, const char* va
 EMSCRIPTEN_KEEPALIVE const char* findings() {
   client::TextRows out;
   for (const client::HostFinding& one : client::judgeHost(answers))
-    out.addRow(one.grade, client::nameOf(one.grade), one.header, one.what, one.todo, one.nginx);
+    out.addRow(one.grade, client::nameOf(one.grade), one.header, one.message, one.todo, one.nginx);
   rows = out.takeText();
   return rows.c_str();
 }

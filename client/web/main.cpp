@@ -87,9 +87,9 @@ EMSCRIPTEN_KEEPALIVE void resize(int width, int height, double pixel_ratio) {
   page.app->resize(width, height, pixel_ratio);
 }
 
-/// Handles a pointer event. `what`: 0 down, 1 move, 2 up, 3 cancelled. `kind`: 0 mouse, 1 touch, 2 pen. `button`: 0
+/// Handles a pointer event. `action`: 0 down, 1 move, 2 up, 3 cancelled. `kind`: 0 mouse, 1 touch, 2 pen. `button`: 0
 /// left, 1 middle, 2 right. `modifiers`: 1 shift, 2 control, 4 alt.
-EMSCRIPTEN_KEEPALIVE void pointer(int what, int id, int kind, int button, int modifiers, double x, double y,
+EMSCRIPTEN_KEEPALIVE void pointer(int action, int id, int kind, int button, int modifiers, double x, double y,
                                   double now) {
   const client::PointerEvent event{id,
                                    static_cast<client::PointerKind>(kind),
@@ -98,10 +98,10 @@ EMSCRIPTEN_KEEPALIVE void pointer(int what, int id, int kind, int button, int mo
                                    x,
                                    y,
                                    now};
-  if (what == 0) page.app->pointerDown(event);
-  if (what == 1) page.app->pointerMove(event);
-  if (what == 2) page.app->pointerUp(event);
-  if (what == 3) page.app->pointerCancel(id);
+  if (action == 0) page.app->pointerDown(event);
+  if (action == 1) page.app->pointerMove(event);
+  if (action == 2) page.app->pointerUp(event);
+  if (action == 3) page.app->pointerCancel(id);
 }
 
 EMSCRIPTEN_KEEPALIVE void wheel(double steps, double x, double y, double now) {

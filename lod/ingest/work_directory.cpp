@@ -41,12 +41,12 @@ void removeFiles(const std::string& path) {
   for (const fs::path& file : found) fs::remove(file, ignored);
 }
 
-base::Result<void> needFree(const std::string& directory, std::uint64_t bytes, const std::string& what,
+base::Result<void> needFree(const std::string& directory, std::uint64_t bytes, const std::string& purpose,
                             const std::string& advice) {
   std::error_code error;
   const fs::space_info space = fs::space(directory, error);
   if (error || space.available >= bytes) return {};
-  return Error{ErrorCode::kNoSpace, directory + ": no space left on device for " + what + ": about " +
+  return Error{ErrorCode::kNoSpace, directory + ": no space left on device for " + purpose + ": about " +
                                         base::formatBytes(bytes) + " are needed, " +
                                         base::formatBytes(space.available) + " are free; " + advice};
 }
@@ -213,8 +213,8 @@ void WorkDirectory::remove() {
   fs::remove(path_, ignored);
 }
 
-base::Result<void> WorkDirectory::needSpace(std::uint64_t bytes, const std::string& what) const {
-  return needFree(path_, bytes, what, "free some, or name a roomier place with --tmpdir, and build again");
+base::Result<void> WorkDirectory::needSpace(std::uint64_t bytes, const std::string& purpose) const {
+  return needFree(path_, bytes, purpose, "free some, or name a roomier place with --tmpdir, and build again");
 }
 
 base::Result<void> needOutputSpace(const std::string& path, std::uint64_t bytes) {

@@ -68,8 +68,8 @@ class WorkDirectory {
   void abandonStages();
   /// Removes the work files, and the directory where nothing else lies in it.
   void remove();
-  /// kNoSpace when the disk has fewer bytes free; `what` names what they are for.
-  base::Result<void> needSpace(std::uint64_t bytes, const std::string& what) const;
+  /// kNoSpace when the disk has fewer bytes free; `purpose` names what they are for.
+  base::Result<void> needSpace(std::uint64_t bytes, const std::string& purpose) const;
   /// The error that says that the work files are damaged.
   base::Error damaged() const;
 

@@ -238,8 +238,8 @@ void verifyGeometry(const Hierarchy& hierarchy, std::uint32_t index, const Patch
   for (const glm::ivec3& q : geometry.positions) positions.push_back(hierarchy.lattice.position(q));
 
   const auto all = [&](auto&& holds) { return std::all_of(positions.begin(), positions.end(), holds); };
-  const auto report = [&](bool well, const char* what) {
-    if (!well) faults.push_back("patch " + std::to_string(index) + ": " + what);
+  const auto report = [&](bool well, const char* problem) {
+    if (!well) faults.push_back("patch " + std::to_string(index) + ": " + problem);
   };
   report(all([&](const glm::vec3& p) { return patch.box.contains(p); }), "its box does not hold its positions");
   report(all([&](const glm::vec3& p) { return liesIn(patch.bounds, p); }), "its sphere does not hold its positions");

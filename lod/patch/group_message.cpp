@@ -30,8 +30,8 @@ struct GroupMessage {
   std::vector<std::uint32_t> parents;
 };
 
-base::Error badGroup(std::uint32_t group, const std::string& what) {
-  return {base::ErrorCode::kInvalidInput, "group " + std::to_string(group) + " as sent: " + what};
+base::Error badGroup(std::uint32_t group, const std::string& problem) {
+  return {base::ErrorCode::kInvalidInput, "group " + std::to_string(group) + " as sent: " + problem};
 }
 
 base::Result<GroupMessage> readGroupMessage(base::ByteReader& in) {

@@ -71,14 +71,14 @@ bool contains(const base::Sphere& outer, const base::Sphere& inner) {
   return distance + inner.radius <= outer.radius * (1.0 + 1e-5) + 1e-6 * glm::length(center);
 }
 
-base::Error damaged(const std::string& what) {
-  return {base::ErrorCode::kInvalidInput, what + "; copy or build the file again"};
+base::Error damaged(const std::string& problem) {
+  return {base::ErrorCode::kInvalidInput, problem + "; copy or build the file again"};
 }
-base::Error groupError(std::size_t group, const std::string& what) {
-  return damaged("group " + std::to_string(group) + ": " + what);
+base::Error groupError(std::size_t group, const std::string& problem) {
+  return damaged("group " + std::to_string(group) + ": " + problem);
 }
-base::Error patchError(std::size_t patch, const std::string& what) {
-  return damaged("patch " + std::to_string(patch) + ": " + what);
+base::Error patchError(std::size_t patch, const std::string& problem) {
+  return damaged("patch " + std::to_string(patch) + ": " + problem);
 }
 
 }  // namespace lod::patch

@@ -48,9 +48,9 @@ base::Result<void> checkGroupRow(const Group& group, std::uint32_t index, std::u
 base::Result<PatchGeometry> decodeRow(const Patch& row, base::ByteView bytes);
 
 /// Errors about a file's bytes name the place, the fault, and what to do.
-base::Error damaged(const std::string& what);
-base::Error groupError(std::size_t group, const std::string& what);
-base::Error patchError(std::size_t patch, const std::string& what);
+base::Error damaged(const std::string& problem);
+base::Error groupError(std::size_t group, const std::string& problem);
+base::Error patchError(std::size_t patch, const std::string& problem);
 
 /// Whether one sphere contains the other, up to 1e-5 of the radius and 1e-6 of the centre's distance from the origin:
 /// the rounding of float spheres.

@@ -201,9 +201,9 @@ class TreeChecker {
     const std::uint64_t file_end = (end_ + kBlockBytes - 1) / kBlockBytes * kBlockBytes;
     checkZeros(end_, file_end);
     if (file_end != header_.file_bytes) fault("the file goes on behind its last group");
-    const auto compare = [this](const char* what, std::uint64_t found, std::uint64_t said) {
+    const auto compare = [this](const char* items, std::uint64_t found, std::uint64_t said) {
       if (found != said)
-        fault("header: " + std::to_string(said) + " " + what + ", the file has " + std::to_string(found));
+        fault("header: " + std::to_string(said) + " " + items + ", the file has " + std::to_string(found));
     };
     compare("nodes", nodes_, header_.nodes);
     compare("leaves", leaves_, header_.leaves);

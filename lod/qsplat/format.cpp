@@ -97,8 +97,8 @@ bool allZero(base::ByteView bytes) {
   return std::all_of(bytes.begin(), bytes.end(), [](std::uint8_t b) { return b == 0; });
 }
 
-base::Error damaged(const std::string& what) {
-  return {base::ErrorCode::kInvalidInput, what + "; copy or build the file again"};
+base::Error damaged(const std::string& problem) {
+  return {base::ErrorCode::kInvalidInput, problem + "; copy or build the file again"};
 }
 
 base::Result<Header> readHeader(base::ByteView front) {

@@ -169,6 +169,6 @@ std::vector<std::string> checkTree(base::ByteView file);
 bool allZero(base::ByteView bytes);
 
 /// Returns the error for damaged bytes: place, what is wrong, what to do.
-base::Error damaged(const std::string& what);
+base::Error damaged(const std::string& problem);
 
 }  // namespace lod::qsplat

@@ -262,8 +262,8 @@ void decodeLine(int y, int width, const Classes& classes, Lines& lines, Models& 
   }
 }
 
-base::Error badCoverage(const std::string& what) {
-  return {base::ErrorCode::kInvalidInput, "coverage mask: " + what};
+base::Error badCoverage(const std::string& problem) {
+  return {base::ErrorCode::kInvalidInput, "coverage mask: " + problem};
 }
 
 }  // namespace

@@ -20,8 +20,8 @@ std::uint32_t checksum(base::ByteView bytes) {
   return base::crc32c(bytes.subspan(kHeaderBytes), base::crc32c(bytes.first(kCrcOffset)));
 }
 
-base::Error badValue(const std::string& what) {
-  return {base::ErrorCode::kInvalidInput, "face value: " + what};
+base::Error badValue(const std::string& problem) {
+  return {base::ErrorCode::kInvalidInput, "face value: " + problem};
 }
 
 }  // namespace

@@ -20,8 +20,8 @@ using Handle = std::unique_ptr<void, CloseHandle>;
 // Each call makes its own handle: threads may not share one, and in version 2.1.5 a handle that met broken data refuses
 // good data afterwards.
 
-base::Error jpegError(const std::string& what) {
-  return {base::ErrorCode::kInvalidInput, "JPEG: " + what};
+base::Error jpegError(const std::string& problem) {
+  return {base::ErrorCode::kInvalidInput, "JPEG: " + problem};
 }
 
 // --- Encoding. It uses libjpeg's own interface, since TurboJPEG 2.1 cannot make Huffman tables for the picture.

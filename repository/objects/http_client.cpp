@@ -176,7 +176,9 @@ milliseconds pauseBefore(int retry, const HttpOptions& options) {
 }
 
 Error transportError(const Attempt& attempt, const HttpOptions& options) {
-  const auto say = [&](const std::string& what, ErrorCode code = ErrorCode::kNetwork) { return Error{code, what}; };
+  const auto say = [&](const std::string& problem, ErrorCode code = ErrorCode::kNetwork) {
+    return Error{code, problem};
+  };
   const std::string detail = " (" + printable(attempt.detail) + ")";
   if (attempt.received.response.head.too_long) return say("the server sends endless headers; it is no object server");
   switch (attempt.code) {

@@ -58,8 +58,8 @@ class RangeCache {
   void discardDamaged(const CacheKey& key);
   void evictTo(std::uint64_t bytes);
   void disableAfter(int code, std::uint64_t bytes);
-  void warn(const std::string& what) const {
-    if (options_.warn) options_.warn(path_ + ": " + what);
+  void warn(const std::string& message) const {
+    if (options_.warn) options_.warn(path_ + ": " + message);
   }
 
   std::string path_;

@@ -121,8 +121,8 @@ Error S3Bucket::explain(const std::string& name, int status, std::string_view xm
   const std::string code = printable(xmlText(xml, "Code").value_or(""));
   const std::string store = config_.endpoint.empty() ? "Amazon S3" : config_.endpoint;
   const std::string key = "access key " + printable(config_.credentials.access_key);
-  const auto say = [&](ErrorCode kind, const std::string& what) {
-    return Error{kind, describe(name) + ": " + (code.empty() ? std::to_string(status) : code) + ": " + what};
+  const auto say = [&](ErrorCode kind, const std::string& problem) {
+    return Error{kind, describe(name) + ": " + (code.empty() ? std::to_string(status) : code) + ": " + problem};
   };
   if (code == "NoSuchBucket")
     return say(ErrorCode::kNotFound, "there is no bucket '" + bucket_ + "' at " + store +

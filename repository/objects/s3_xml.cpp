@@ -87,9 +87,9 @@ std::optional<std::string> xmlText(std::string_view xml, const std::string& name
 }
 
 base::Result<S3Page> parseS3Page(std::string_view xml) {
-  const auto wrong = [](const std::string& what) {
+  const auto wrong = [](const std::string& problem) {
     return base::Error{base::ErrorCode::kNetwork,
-                       "the store's list of objects " + what + "; is this an S3 store (AWS_ENDPOINT_URL)?"};
+                       "the store's list of objects " + problem + "; is this an S3 store (AWS_ENDPOINT_URL)?"};
   };
   std::size_t at = 0;
   const auto list = nextElement(xml, "ListBucketResult", at);

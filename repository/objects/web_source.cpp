@@ -119,9 +119,9 @@ class WebSource final : public ObjectSource {
     const std::uint64_t last = offset + length - 1;
     const std::string header = response.head.header("content-range");
     const auto range = base::parseContentRange(header);
-    const auto wrong = [&](const std::string& what) {
+    const auto wrong = [&](const std::string& problem) {
       return Error{ErrorCode::kNetwork, server_->describe(name) + ": bytes " + std::to_string(offset) + "-" +
-                                            std::to_string(last) + " were asked for, " + what +
+                                            std::to_string(last) + " were asked for, " + problem +
                                             "; the server or a cache before it is broken"};
     };
     if (!range || !range->has_bytes) return wrong("the answer says '" + printable(header) + "'");
@@ -233,7 +233,9 @@ Error statusError(const std::string& object, int status) {
 }
 
 Result<std::unique_ptr<ObjectSource>> openHttpSource(const std::string& place, const HttpOptions& options) {
-  const auto wrong = [&](const std::string& what) { return Error{ErrorCode::kInvalidInput, place + ": " + what}; };
+  const auto wrong = [&](const std::string& problem) {
+    return Error{ErrorCode::kInvalidInput, place + ": " + problem};
+  };
   const auto host = place.find("://") + 3;
   const std::string authority = place.substr(host, place.find('/', host) - host);
   if (authority.find('@') != std::string::npos)

@@ -40,8 +40,8 @@ constexpr std::uint32_t kMinValueBytes = 8;                    // the header of 
 constexpr std::uint32_t kBlockBytes = 16384;
 constexpr std::uint32_t kHashShift = 9;
 
-Error damaged(const std::string& what) {
-  return {ErrorCode::kInvalidInput, what + "; publish it again"};
+Error damaged(const std::string& problem) {
+  return {ErrorCode::kInvalidInput, problem + "; publish it again"};
 }
 
 std::uint64_t alignUp(std::uint64_t offset, std::uint64_t step) {
@@ -121,19 +121,19 @@ std::uint64_t lastCode(const FaceRun& run) {
 }
 
 // Checks magic, version, and the header's checksum, which is its last word.
-Result<void> checkHeader(ByteView bytes, const char* magic, std::uint32_t header_bytes, const std::string& what) {
-  if (bytes.size() < header_bytes) return damaged(what + " is cut short");
+Result<void> checkHeader(ByteView bytes, const char* magic, std::uint32_t header_bytes, const std::string& name) {
+  if (bytes.size() < header_bytes) return damaged(name + " is cut short");
   ByteReader in(bytes);
   if (std::memcmp(in.bytes(kMagicBytes).data(), magic, kMagicBytes) != 0)
-    return damaged("not " + what + " (wrong magic)");
+    return damaged("not " + name + " (wrong magic)");
   const std::uint32_t version = in.u32();
   if (version != kVersion)
-    return Error{ErrorCode::kVersion, what + " is of version " + std::to_string(version) + ", this program reads " +
+    return Error{ErrorCode::kVersion, name + " is of version " + std::to_string(version) + ", this program reads " +
                                           std::to_string(kVersion)};
-  if (in.u32() != header_bytes) return damaged(what + " has a header of another length");
+  if (in.u32() != header_bytes) return damaged(name + " has a header of another length");
   ByteReader end(bytes.subspan(header_bytes - 4));
   if (end.u32() != base::crc32c(bytes.first(header_bytes - 4)))
-    return damaged(what + ": its header's checksum differs");
+    return damaged(name + ": its header's checksum differs");
   return {};
 }
 

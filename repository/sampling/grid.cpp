@@ -34,8 +34,8 @@ void visitInMortonOrder(const glm::uvec3& corner, std::uint32_t side, const glm:
   }
 }
 
-base::Error badGrid(const std::string& what) {
-  return {base::ErrorCode::kInvalidInput, "grid: " + what};
+base::Error badGrid(const std::string& problem) {
+  return {base::ErrorCode::kInvalidInput, "grid: " + problem};
 }
 
 bool finite(const glm::vec3& v) {

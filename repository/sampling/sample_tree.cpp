@@ -17,8 +17,8 @@ std::uint64_t codeOf(const glm::uvec3& point) {
   return FaceKey{point.x, point.y, point.z, 0}.code();
 }
 
-base::Error damaged(const std::string& what) {
-  return {base::ErrorCode::kInvalidInput, "the tree of sampling points " + what};
+base::Error damaged(const std::string& problem) {
+  return {base::ErrorCode::kInvalidInput, "the tree of sampling points " + problem};
 }
 
 // Packs values of two bits, the first one into the lowest bits.

@@ -42,8 +42,8 @@ std::uint64_t firstRank(std::uint64_t points, std::uint32_t index, std::uint32_t
 }  // namespace
 
 base::Result<Shard> parseShard(const std::string& text) {
-  const auto wrong = [&](const std::string& what) {
-    return base::Error{base::ErrorCode::kInvalidInput, "shard '" + text + "': " + what};
+  const auto wrong = [&](const std::string& problem) {
+    return base::Error{base::ErrorCode::kInvalidInput, "shard '" + text + "': " + problem};
   };
   const std::size_t slash = text.find('/');
   const auto index = wholeNumber(text.substr(0, slash));

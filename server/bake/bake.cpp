@@ -202,8 +202,8 @@ class FaceBake {
 }  // namespace
 
 base::Result<void> checkBakeOptions(const BakeOptions& options) {
-  const auto wrong = [](const std::string& what) {
-    return base::Error{base::ErrorCode::kInvalidInput, "bake: " + what};
+  const auto wrong = [](const std::string& problem) {
+    return base::Error{base::ErrorCode::kInvalidInput, "bake: " + problem};
   };
   const repository::Grid& grid = options.grid;
   base::ByteWriter bytes;

@@ -16,8 +16,8 @@ namespace {
 
 constexpr std::uint32_t kMaxBytes = std::uint32_t{256} << 20;  // length of a message; the largest face takes far less
 
-base::Error broken(const std::string& what) {
-  return {base::ErrorCode::kIo, "drawing process: " + what};
+base::Error broken(const std::string& problem) {
+  return {base::ErrorCode::kIo, "drawing process: " + problem};
 }
 
 base::Result<void> sendAll(int socket, base::ByteView bytes) {

@@ -55,8 +55,8 @@ std::string storeParameters(const base::Scene& scene, const BakeOptions& options
 }
 
 base::Result<void> claimStore(repository::Store& store, const std::string& parameters) {
-  const auto builtWith = [](const std::string& what) {
-    return base::Error{base::ErrorCode::kExists, "the image repository was built with " + what +
+  const auto builtWith = [](const std::string& difference) {
+    return base::Error{base::ErrorCode::kExists, "the image repository was built with " + difference +
                                                      "; give the same options, or --force to build it anew"};
   };
   LUMIGRID_ASSIGN_OR_RETURN(const auto stored, store.readMeta());

@@ -210,8 +210,8 @@ void printScene(const InfoArguments& a, const nlohmann::json& j) {
   std::printf("box %s to %s\n", s["box_min"].dump().c_str(), s["box_max"].dump().c_str());
   for (const auto& source : s["sources"])
     std::printf("source %s, %s\n", textIn(source, "path").c_str(), bytesIn(source, "bytes").c_str());
-  for (const auto& [what, count] : s["repairs"].items())
-    std::printf("repaired: %s %s\n", formatCount(count.get<std::uint64_t>()).c_str(), what.c_str());
+  for (const auto& [repair, count] : s["repairs"].items())
+    std::printf("repaired: %s %s\n", formatCount(count.get<std::uint64_t>()).c_str(), repair.c_str());
 }
 
 void printHierarchy(const nlohmann::json& h) {

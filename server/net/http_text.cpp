@@ -51,8 +51,8 @@ int hexDigit(char c) {
   return -1;
 }
 
-base::Error badQuery(const std::string& what) {
-  return {base::ErrorCode::kInvalidInput, "the query after '?' cannot be read: " + what};
+base::Error badQuery(const std::string& problem) {
+  return {base::ErrorCode::kInvalidInput, "the query after '?' cannot be read: " + problem};
 }
 
 base::Result<std::string> percentDecoded(std::string_view text) {

@@ -26,7 +26,7 @@ base::Result<void> Hub::openScenes(const std::vector<std::string>& places) {
   auto names = sceneNames(places);
   if (places.size() > 1 && !names) return names.error();
   RemoteOptions remote = options.remote;
-  remote.warn = [](const std::string& what) { spdlog::warn("cache: {}", what); };
+  remote.warn = [](const std::string& message) { spdlog::warn("cache: {}", message); };
   for (std::size_t i = 0; i < places.size(); ++i) {
     LUMIGRID_ASSIGN_OR_RETURN(auto scene, openScene(places[i], remote));
     logImageErrors(*scene);

@@ -21,9 +21,9 @@ constexpr std::uint64_t kMaxBytes = std::uint64_t{64} << 20;
 constexpr std::size_t kMinHashDigits = 8;  // shorter runs of these letters occur in words
 constexpr std::string_view kHexDigits = "0123456789abcdef";
 
-base::Error wrong(const std::string& directory, const std::string& what) {
+base::Error wrong(const std::string& directory, const std::string& problem) {
   return {base::ErrorCode::kInvalidInput,
-          directory + ": " + what + "; --web must name the folder that the preset web builds"};
+          directory + ": " + problem + "; --web must name the folder that the preset web builds"};
 }
 
 /// The names of the regular files below the folder. Their number and the sum of their sizes are bounded.

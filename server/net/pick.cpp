@@ -13,8 +13,8 @@ namespace {
 
 constexpr std::array<const char*, 6> kNames{"ox", "oy", "oz", "dx", "dy", "dz"};
 
-base::Error wrong(const std::string& what) {
-  return {base::ErrorCode::kInvalidInput, "/pick: " + what + " (docs/formats/http.md)"};
+base::Error wrong(const std::string& problem) {
+  return {base::ErrorCode::kInvalidInput, "/pick: " + problem + " (docs/formats/http.md)"};
 }
 
 nlohmann::json triple(const glm::dvec3& v) {

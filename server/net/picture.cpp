@@ -24,8 +24,8 @@ constexpr double kMinFovDegrees = 0.05, kMaxFovDegrees = 179.9;
 constexpr double kMinTolerance = 0.2, kMaxTolerance = 1000.0;  // pixels; below the minimum nothing changes visibly
 constexpr double kMinSine = 1e-6;                              // sine of the angle between up and direction
 
-base::Error wrong(const std::string& what) {
-  return {base::ErrorCode::kInvalidInput, "/render: " + what + " (docs/formats/http.md)"};
+base::Error wrong(const std::string& problem) {
+  return {base::ErrorCode::kInvalidInput, "/render: " + problem + " (docs/formats/http.md)"};
 }
 
 // ---- Reading the query. Each known value is removed as it is read, so the values left at the end have unknown names.

@@ -9,8 +9,8 @@ namespace {
 constexpr GLuint64 kWaitNanoseconds = 1'000'000'000;
 constexpr int kMaxWaits = 120;
 
-base::Error readbackError(const char* what) {
-  return {base::ErrorCode::kIo, std::string("reading a picture back: ") + what + " (" + base::gl::takeError() +
+base::Error readbackError(const char* problem) {
+  return {base::ErrorCode::kIo, std::string("reading a picture back: ") + problem + " (" + base::gl::takeError() +
                                     "); restart with a smaller GPU budget"};
 }
 

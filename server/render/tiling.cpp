@@ -9,8 +9,8 @@ namespace {
 // Limit for a picture's side, so that a camera file can't ask for more memory than any machine has.
 constexpr int kMaxPictureSide = 32768;
 
-base::Error wrongPicture(const std::string& what) {
-  return {base::ErrorCode::kInvalidInput, "render: " + what};
+base::Error wrongPicture(const std::string& problem) {
+  return {base::ErrorCode::kInvalidInput, "render: " + problem};
 }
 
 }  // namespace

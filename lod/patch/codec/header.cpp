@@ -50,8 +50,8 @@ std::uint32_t checksum(base::ByteView bytes) {
   return base::crc32c(bytes.subspan(kHeaderBytes), base::crc32c(bytes.first(kCrcOffset)));
 }
 
-base::Error brokenPatch(const std::string& what) {
-  return {base::ErrorCode::kInvalidInput, "patch bytes: " + what};
+base::Error brokenPatch(const std::string& problem) {
+  return {base::ErrorCode::kInvalidInput, "patch bytes: " + problem};
 }
 
 }  // namespace lod::patch::codec

@@ -51,6 +51,6 @@ base::Result<PatchHeader> readHeader(base::ByteView bytes);
 /// CRC-32C of everything but the checksum's own four bytes.
 std::uint32_t checksum(base::ByteView bytes);
 
-base::Error brokenPatch(const std::string& what);
+base::Error brokenPatch(const std::string& problem);
 
 }  // namespace lod::patch::codec

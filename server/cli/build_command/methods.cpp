@@ -68,9 +68,9 @@ void printPlan(const BuildArguments& a, ProgressLine& line, const lod::ingest::B
                formatSeconds(plan.seconds).c_str());
 }
 
-lod::ingest::Progress progressOn(ProgressLine& line, const std::string& what) {
-  return [&line, what](const std::string& stage, double done) {
-    line.show(what + ": " + stage, done);
+lod::ingest::Progress progressOn(ProgressLine& line, const std::string& part) {
+  return [&line, part](const std::string& stage, double done) {
+    line.show(part + ": " + stage, done);
     return !stopRequested();
   };
 }
@@ -122,9 +122,9 @@ Result<base::Scene> describeScene(const BuildArguments& a, const SceneSources& s
 
 }  // namespace
 
-Result<void> needMeshes(const BuildArguments& a, const std::string& what) {
+Result<void> needMeshes(const BuildArguments& a, const std::string& part) {
   if (!a.meshes.empty()) return {};
-  return base::Error{base::ErrorCode::kNotFound, a.output + ": holds no " + what + " yet; give the meshes too"};
+  return base::Error{base::ErrorCode::kNotFound, a.output + ": holds no " + part + " yet; give the meshes too"};
 }
 
 Result<void> buildPatches(const BuildArguments& a, const SceneSources& sources, std::optional<base::Scene>& scene,

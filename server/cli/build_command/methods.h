@@ -12,8 +12,8 @@
 
 namespace server::cli {
 
-/// kNotFound, with a line that asks for them, where the command gives no meshes to build `what` from.
-base::Result<void> needMeshes(const BuildArguments& a, const std::string& what);
+/// kNotFound, with a line that asks for them, where the command gives no meshes to build `part` from.
+base::Result<void> needMeshes(const BuildArguments& a, const std::string& part);
 
 /// Builds the hierarchy from the files, describes the scene by it, and lists it as a part. Where something is wrong
 /// with the meshes nothing stays behind; what can go on later leaves its work files.

@@ -107,8 +107,8 @@ void printText(const BuildArguments& a, const BuildOutput& output, const BuildRe
   const bool points = scene.triangles == 0 && r.splats;
   std::printf("%s: %s %s\n", a.output.c_str(), formatCount(points ? r.splats->header.leaves : scene.triangles).c_str(),
               points ? "points" : "triangles");
-  for (const auto& [what, count] : scene.repairs)
-    std::printf("  repaired: %s %s\n", formatCount(count).c_str(), what.c_str());
+  for (const auto& [repair, count] : scene.repairs)
+    std::printf("  repaired: %s %s\n", formatCount(count).c_str(), repair.c_str());
   if (r.hierarchy) printHierarchy(*r.hierarchy, scene.triangles);
   if (r.splats) printSplats(*r.splats);
   if (r.tuned) std::printf("tuned to %s dB: %s\n", a.tune.c_str(), describeChoice(*r.tuned).c_str());

@@ -34,12 +34,17 @@ HostAnswers goodAnswers() {
 std::pair<Grade, std::string> worst(const HostAnswers& answers) {
   std::pair<Grade, std::string> out{Grade::kGood, {}};
   for (const HostFinding& finding : judgeHost(answers)) {
-    EXPECT_EQ(finding.todo.empty(), finding.grade == Grade::kGood) << finding.what;
+    EXPECT_EQ(finding.todo.empty(), finding.grade == Grade::kGood) << finding.message;
     EXPECT_FALSE(finding.header.empty());
-    EXPECT_EQ((finding.what + finding.todo + finding.nginx).find_first_of("\n\t"), std::string::npos);
+    EXPECT_EQ((finding.message + finding.todo + finding.nginx).find_first_of("\n\t"), std::string::npos);
     out.first = std::max(out.first, finding.grade);
     if (finding.grade != Grade::kGood)
-      out.second.append(finding.header).append(": ").append(finding.what).append(" ").append(finding.todo).append("\n");
+      out.second.append(finding.header)
+          .append(": ")
+          .append(finding.message)
+          .append(" ")
+          .append(finding.todo)
+          .append("\n");
   }
   return out;
 }
