@@ -52,7 +52,7 @@ TEST_F(FileLockTest, errorsNameTheFileThatCannotBeMade) {
 
 // The holder removes the file while another process waits. Without care two would hold the lock then, one of them on
 // the removed file.
-TEST_F(FileLockTest, whoWaitedForARemovedFileLocksTheNewOne) {
+TEST_F(FileLockTest, waitersOfARemovedFileLockTheNewOne) {
   auto held = lockFile(path_);
   ASSERT_TRUE(held);
   std::optional<Result<FileDescriptor>> got;

@@ -163,7 +163,7 @@ TEST_F(SplatsOnlyTest, areShownWithoutBeingAskedForAsSuch) {
   expectLocalPictures(plainTour(nginx.url() + "/alone/", "published"));
 }
 
-TEST_F(SplatsOnlyTest, whoAsksForAnotherMethodIsToldSo) {
+TEST_F(SplatsOnlyTest, refusesOtherMethodsWithTheReason) {
   const support::Nginx nginx(path("site"));
   for (const std::string& url : {serve(scene_).url, nginx.url() + "/alone/"})
     expectOneLineError(run("lumigrid-view", {url, "--headless", "--method", "patches", "--path", path("tour.json"),

@@ -79,7 +79,7 @@ TEST(CodedStreamTest, atRestTheWholeFileComes) {
 }
 
 // By their number alone: coded they would fit.
-TEST(CodedStreamTest, aFileOfTooManyBlocksForTheMemoryIsTold) {
+TEST(CodedStreamTest, reportsAFileOfTooManyBlocksForTheMemory) {
   const base::Bytes large = support::codedSplats(support::splatFile(support::bumpySphere(600, 1200)));
   ASSERT_LT(large.size(), kMaxFilePerMemory * kMinStreamMemory);
   StreamOptions options = withoutIdling();
@@ -94,7 +94,7 @@ TEST(CodedStreamTest, aFileOfTooManyBlocksForTheMemoryIsTold) {
   EXPECT_EQ(stream.header(), nullptr);
 }
 
-TEST(CodedStreamTest, aHeaderOfAnotherFileOrDamagedIsTold) {
+TEST(CodedStreamTest, reportsADamagedHeaderOrThatOfAnotherFile) {
   {
     base::Bytes longer = codedFile();
     longer.resize(longer.size() + kBlockBytes, 0);

@@ -445,7 +445,7 @@ TEST_F(SelectionTest, aSelectionIsKeptForTheParametersThatItWasMadeFor) {
   EXPECT_FALSE(*other);
 }
 
-TEST_F(SelectionTest, whoeverStopsItIsToldSo) {
+TEST_F(SelectionTest, reportsThatItWasStopped) {
   const auto stopped = select(nullptr, [](double) { return false; });
   ASSERT_FALSE(stopped);
   EXPECT_EQ(stopped.error().code, base::ErrorCode::kCancelled);
