@@ -2,11 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <unordered_map>
-#include <unordered_set>
 #include <utility>
 #include <variant>
-#include <vector>
 
 #include "repository/faces/face_value.h"
 
@@ -23,251 +20,169 @@ constexpr std::size_t kMaxPrefetchedFaces = 16;  // per request, so that a new v
 
 }  // namespace
 
-struct Session::Impl {
-  enum class Phase { kGreeting, kReady, kRefused };
-  enum class FramePhase { kNone, kDue, kRendering };  ///< phase of the newest view's exact frame
-
-  explicit Impl(const SceneData& shared) : scene(shared) {}
-
-  // ---- in ----
-  base::Result<void> receive(base::ByteView bytes);
-  base::Result<void> acceptMessage(const protocol::Hello& hello);
-  base::Result<void> acceptMessage(const protocol::View& view);
-  base::Result<void> acceptMessage(const protocol::Eviction& evicted);
-  base::Result<void> acceptMessage(const protocol::Holdings& have);
-  base::Error refuse(base::ErrorCode code, const std::string& reason);
-  base::Error refuseSplatsOnly();
-
-  // ---- out ----
-  std::optional<base::Bytes> nextMessage();
-  std::optional<base::Bytes> nextForView();
-  std::optional<base::Bytes> nextCoarse();
-  std::optional<base::Bytes> nextWanted();
-  std::optional<base::Bytes> nextPrefetch();
-  std::optional<base::Bytes> groupMessage(std::uint32_t group);
-  std::optional<base::Bytes> faceMessage(const repository::FaceKey& key);
-  using Faces = std::vector<repository::FaceKey>;
-  Faces::iterator findSendable(Faces& faces);
-  std::optional<base::Bytes> removeAndEncode(Faces& faces, Faces::iterator face);
-  FaceRequest unrequestedFaces(const Faces& faces, std::size_t max_count) const;
-  void planPrefetch();
-  void planNewestView();
-  bool framePossible() const;
-
-  const SceneData& scene;
-  Phase phase = Phase::kGreeting;
-  std::string client;
-  SessionCounts counts;
-
-  // Data that the client holds.
-  std::vector<bool> has_group;
-  std::unordered_set<repository::FaceKey> has_face;
-  std::vector<std::uint32_t> coarse;
-
-  // Its views.
-  std::optional<protocol::View> newest, previous;
-  bool planned = false;  // the fields below belong to `newest`
-
-  // Data to send for the newest view. A cursor runs over the groups, and faces leave their lists when they are sent;
-  // those that the client received otherwise meanwhile are skipped.
-  plan::ViewPlan view_plan;
-  std::size_t next_coarse = 0, next_group = 0;
-  std::uint64_t group_bytes = 0, face_bytes = 0;
-  bool complete_sent = false;
-  FramePhase frame_phase = FramePhase::kNone;
-  std::optional<Faces> prefetch;
-  std::uint64_t prefetch_bytes = 0;
-
-  // Remote faces: fetched but not sent yet, and requested but not fetched yet.
-  std::unordered_map<repository::FaceKey, base::Result<std::optional<base::Bytes>>> fetched;
-  std::unordered_set<repository::FaceKey> requested;
-  std::size_t requests_under_way = 0;
-
-  // Messages that are sent before all others.
-  std::optional<base::Bytes> greeting;  // Welcome or Refusal
-  std::optional<base::Bytes> frame;
-};
-
-Session::Session(const SceneData& scene) : impl_(std::make_unique<Impl>(scene)) {}
-Session::~Session() = default;
-
-base::Result<void> Session::receive(base::ByteView bytes) {
-  return impl_->receive(bytes);
-}
-
-std::optional<base::Bytes> Session::nextMessage() {
-  auto message = impl_->nextMessage();
-  if (message) impl_->counts.bytes += message->size();
-  return message;
-}
-
-bool Session::finished() const {
-  return impl_->phase == Impl::Phase::kRefused && !impl_->greeting;
-}
-const std::string& Session::clientName() const {
-  return impl_->client;
-}
-const SessionCounts& Session::counts() const {
-  return impl_->counts;
-}
-
 // ---- in ----
 
-base::Result<void> Session::Impl::receive(base::ByteView bytes) {
-  if (phase == Phase::kRefused)
+base::Result<void> Session::receive(base::ByteView bytes) {
+  if (phase_ == Phase::kRefused)
     return base::Error{base::ErrorCode::kInvalidInput, "the connection was refused already"};
   auto message = protocol::decodeClientMessage(bytes);
   if (!message) return refuse(message.error().code, message.error().message);
   const bool is_hello = std::holds_alternative<protocol::Hello>(*message);
-  if (is_hello != (phase == Phase::kGreeting))
+  if (is_hello != (phase_ == Phase::kGreeting))
     return refuse(base::ErrorCode::kInvalidInput,
                   is_hello ? "Hello was said twice" : "the first message must be Hello");
   return std::visit([this](const auto& one) { return acceptMessage(one); }, *message);
 }
 
-base::Result<void> Session::Impl::acceptMessage(const protocol::Hello& hello) {
+base::Result<void> Session::acceptMessage(const protocol::Hello& hello) {
   if (hello.version != protocol::kVersion) {
     const bool client_older = hello.version < protocol::kVersion;
     return refuse(base::ErrorCode::kVersion, "this server speaks protocol " + std::to_string(protocol::kVersion) +
                                                  ", the client speaks " + std::to_string(hello.version) +
                                                  "; update the " + (client_older ? "client" : "server"));
   }
-  client = hello.client;
-  if (scene.patches == nullptr) return refuseSplatsOnly();
-  phase = Phase::kReady;
-  const lod::patch::Hierarchy& hierarchy = scene.patches->hierarchy();
-  has_group.assign(hierarchy.groups.size(), false);
-  coarse = plan::coarseGroups(hierarchy, plan::kCoarseBytes);
-  greeting = protocol::encode(scene.welcome);
+  client_ = hello.client;
+  if (scene_.patches == nullptr) return refuseSplatsOnly();
+  phase_ = Phase::kReady;
+  const lod::patch::Hierarchy& hierarchy = scene_.patches->hierarchy();
+  has_group_.assign(hierarchy.groups.size(), false);
+  coarse_ = plan::coarseGroups(hierarchy, plan::kCoarseBytes);
+  greeting_ = protocol::encode(scene_.welcome);
   return {};
 }
 
-base::Result<void> Session::Impl::acceptMessage(const protocol::View& view) {
-  ++counts.views;
-  if (planned) previous = newest;
-  newest = view;
-  planned = false;
+base::Result<void> Session::acceptMessage(const protocol::View& view) {
+  ++counts_.views;
+  if (planned_) previous_ = newest_;
+  newest_ = view;
+  planned_ = false;
   return {};
 }
 
-base::Result<void> Session::Impl::acceptMessage(const protocol::Eviction& evicted) {
-  for (const repository::FaceKey& key : evicted.faces) has_face.erase(key);
+base::Result<void> Session::acceptMessage(const protocol::Eviction& evicted) {
+  for (const repository::FaceKey& key : evicted.faces) has_face_.erase(key);
   for (std::uint32_t group : evicted.groups)
-    if (group < has_group.size()) has_group[group] = false;
+    if (group < has_group_.size()) has_group_[group] = false;
   return {};
 }
 
 /// Keys that this scene does not have are ignored: the client may hold them from an older build of the scene.
-base::Result<void> Session::Impl::acceptMessage(const protocol::Holdings& have) {
+base::Result<void> Session::acceptMessage(const protocol::Holdings& have) {
   for (const repository::FaceKey& key : have.faces)
-    if (scene.welcome.grid.contains(key)) has_face.insert(key);
+    if (scene_.welcome.grid.contains(key)) has_face_.insert(key);
   for (std::uint32_t group : have.groups)
-    if (group < has_group.size()) has_group[group] = true;
-  if (has_face.size() > kMaxFacesHeld)
+    if (group < has_group_.size()) has_group_[group] = true;
+  if (has_face_.size() > kMaxFacesHeld)
     return refuse(base::ErrorCode::kInvalidInput,
                   "the client claims to hold over a million faces; give it a smaller cache");
   return {};
 }
 
-base::Error Session::Impl::refuse(base::ErrorCode code, const std::string& reason) {
-  phase = Phase::kRefused;
-  greeting = protocol::encode(protocol::Refusal{protocol::kVersion, reason});
+base::Error Session::refuse(base::ErrorCode code, const std::string& reason) {
+  phase_ = Phase::kRefused;
+  greeting_ = protocol::encode(protocol::Refusal{protocol::kVersion, reason});
   return {code, reason};
 }
 
 /// The Refusal says that the scene is splats-only; clients that draw splats fetch them over HTTP then.
-base::Error Session::Impl::refuseSplatsOnly() {
+base::Error Session::refuseSplatsOnly() {
   const base::Error error = refuse(base::ErrorCode::kUnsupported,
                                    "this scene has splats only; look at it with --method qsplat, or in a browser");
-  greeting = protocol::encode(protocol::Refusal{protocol::kVersion, error.message, true});
+  greeting_ = protocol::encode(protocol::Refusal{protocol::kVersion, error.message, true});
   return error;
 }
 
 // ---- out ----
 
-std::optional<base::Bytes> Session::Impl::nextMessage() {
-  if (greeting) return std::exchange(greeting, std::nullopt);
-  if (phase != Phase::kReady) return std::nullopt;
-  if (frame) {
-    ++counts.frames;
-    return std::exchange(frame, std::nullopt);
+std::optional<base::Bytes> Session::nextMessage() {
+  auto message = chooseMessage();
+  if (message) counts_.bytes += message->size();
+  return message;
+}
+
+std::optional<base::Bytes> Session::chooseMessage() {
+  if (greeting_) return std::exchange(greeting_, std::nullopt);
+  if (phase_ != Phase::kReady) return std::nullopt;
+  if (frame_) {
+    ++counts_.frames;
+    return std::exchange(frame_, std::nullopt);
   }
-  if (!newest) return std::nullopt;
-  if (!planned) planNewestView();
+  if (!newest_) return std::nullopt;
+  if (!planned_) planNewestView();
   return nextForView();
 }
 
-std::optional<base::Bytes> Session::Impl::nextForView() {
+std::optional<base::Bytes> Session::nextForView() {
   if (auto message = nextCoarse()) return message;
   if (auto message = nextWanted()) return message;
-  if (!view_plan.faces.empty()) return std::nullopt;  // they are being fetched
-  if (!complete_sent) {
-    complete_sent = true;
-    if (framePossible()) frame_phase = FramePhase::kDue;
-    return protocol::encode(protocol::Completion{newest->sequence});
+  if (!view_plan_.faces.empty()) return std::nullopt;  // they are being fetched
+  if (!complete_sent_) {
+    complete_sent_ = true;
+    if (framePossible()) frame_phase_ = FramePhase::kDue;
+    return protocol::encode(protocol::Completion{newest_->sequence});
   }
   // The frame comes before anything that is not needed yet.
-  if (frame_phase != FramePhase::kNone) return std::nullopt;
+  if (frame_phase_ != FramePhase::kNone) return std::nullopt;
   return nextPrefetch();
 }
 
-void Session::Impl::planNewestView() {
-  view_plan = plan::planView(scene.toPlan(), *newest,
-                             [this](const repository::FaceKey& key) { return has_face.count(key) != 0; });
-  std::erase_if(fetched, [this](const auto& one) {
-    return std::find(view_plan.faces.begin(), view_plan.faces.end(), one.first) == view_plan.faces.end();
+void Session::planNewestView() {
+  view_plan_ = plan::planView(scene_.toPlan(), *newest_,
+                              [this](const repository::FaceKey& key) { return has_face_.count(key) != 0; });
+  std::erase_if(fetched_, [this](const auto& one) {
+    return std::find(view_plan_.faces.begin(), view_plan_.faces.end(), one.first) == view_plan_.faces.end();
   });
-  next_coarse = next_group = 0;
-  group_bytes = face_bytes = prefetch_bytes = 0;
-  complete_sent = false;
-  frame_phase = FramePhase::kNone;
-  prefetch.reset();
-  planned = true;
+  next_coarse_ = next_group_ = 0;
+  group_bytes_ = face_bytes_ = prefetch_bytes_ = 0;
+  complete_sent_ = false;
+  frame_phase_ = FramePhase::kNone;
+  prefetch_.reset();
+  planned_ = true;
 }
 
-std::optional<base::Bytes> Session::Impl::nextCoarse() {
-  while (next_coarse < coarse.size())
-    if (auto message = groupMessage(coarse[next_coarse++])) return message;
+std::optional<base::Bytes> Session::nextCoarse() {
+  while (next_coarse_ < coarse_.size())
+    if (auto message = groupMessage(coarse_[next_coarse_++])) return message;
   return std::nullopt;
 }
 
-std::optional<base::Bytes> Session::Impl::nextWanted() {
+std::optional<base::Bytes> Session::nextWanted() {
   while (true) {
-    while (next_group < view_plan.groups.size() && has_group[view_plan.groups[next_group]]) ++next_group;
-    const auto face = findSendable(view_plan.faces);
-    const bool group_left = next_group < view_plan.groups.size();
-    const bool face_left = face != view_plan.faces.end();
+    while (next_group_ < view_plan_.groups.size() && has_group_[view_plan_.groups[next_group_]]) ++next_group_;
+    const auto face = findSendable(view_plan_.faces);
+    const bool group_left = next_group_ < view_plan_.groups.size();
+    const bool face_left = face != view_plan_.faces.end();
     if (!group_left && !face_left) return std::nullopt;
 
-    const bool urgent = group_left && plan::isUrgent(view_plan.group_error_px[next_group], *newest);
-    if (group_left && (!face_left || urgent || group_bytes <= face_bytes)) {
-      if (auto message = groupMessage(view_plan.groups[next_group++])) {
-        group_bytes += message->size();
+    const bool urgent = group_left && plan::isUrgent(view_plan_.group_error_px[next_group_], *newest_);
+    if (group_left && (!face_left || urgent || group_bytes_ <= face_bytes_)) {
+      if (auto message = groupMessage(view_plan_.groups[next_group_++])) {
+        group_bytes_ += message->size();
         return message;
       }
-    } else if (auto message = removeAndEncode(view_plan.faces, face)) {
-      face_bytes += message->size();
+    } else if (auto message = removeAndEncode(view_plan_.faces, face)) {
+      face_bytes_ += message->size();
       return message;
     }
   }
 }
 
-void Session::Impl::planPrefetch() {
-  if (prefetch) return;
-  prefetch = view_plan.other_faces;
-  if (!previous) return;
-  const auto ahead = plan::planMotion(scene.toPlan(), *newest, *previous,
-                                      [this](const repository::FaceKey& key) { return has_face.count(key) != 0; });
-  prefetch->insert(prefetch->end(), ahead.begin(), ahead.end());
+void Session::planPrefetch() {
+  if (prefetch_) return;
+  prefetch_ = view_plan_.other_faces;
+  if (!previous_) return;
+  const auto ahead = plan::planMotion(scene_.toPlan(), *newest_, *previous_,
+                                      [this](const repository::FaceKey& key) { return has_face_.count(key) != 0; });
+  prefetch_->insert(prefetch_->end(), ahead.begin(), ahead.end());
 }
 
-std::optional<base::Bytes> Session::Impl::nextPrefetch() {
+std::optional<base::Bytes> Session::nextPrefetch() {
   planPrefetch();
-  while (prefetch_bytes < scene.ahead_bytes) {
-    const auto face = findSendable(*prefetch);
-    if (face == prefetch->end()) return std::nullopt;
-    if (auto message = removeAndEncode(*prefetch, face)) {
-      prefetch_bytes += message->size();
+  while (prefetch_bytes_ < scene_.ahead_bytes) {
+    const auto face = findSendable(*prefetch_);
+    if (face == prefetch_->end()) return std::nullopt;
+    if (auto message = removeAndEncode(*prefetch_, face)) {
+      prefetch_bytes_ += message->size();
       return message;
     }
   }
@@ -275,124 +190,119 @@ std::optional<base::Bytes> Session::Impl::nextPrefetch() {
 }
 
 /// The first face of the list that can be sent now, or the end; faces that the client has are removed.
-Session::Impl::Faces::iterator Session::Impl::findSendable(Faces& faces) {
-  std::erase_if(faces, [this](const repository::FaceKey& key) { return has_face.count(key) != 0; });
-  if (!scene.images_are_remote) return faces.begin();
+Session::Faces::iterator Session::findSendable(Faces& faces) {
+  std::erase_if(faces, [this](const repository::FaceKey& key) { return has_face_.count(key) != 0; });
+  if (!scene_.images_are_remote) return faces.begin();
   return std::find_if(faces.begin(), faces.end(),
-                      [this](const repository::FaceKey& key) { return fetched.count(key) != 0; });
+                      [this](const repository::FaceKey& key) { return fetched_.count(key) != 0; });
 }
 
-std::optional<base::Bytes> Session::Impl::removeAndEncode(Faces& faces, Faces::iterator face) {
+std::optional<base::Bytes> Session::removeAndEncode(Faces& faces, Faces::iterator face) {
   const repository::FaceKey key = *face;
   faces.erase(face);
   return faceMessage(key);
 }
 
 /// The Refinement message of a group; nullopt when the client has it or the block cannot be read.
-std::optional<base::Bytes> Session::Impl::groupMessage(std::uint32_t group) {
-  if (has_group[group]) return std::nullopt;
-  auto block = scene.patches->block(group);
+std::optional<base::Bytes> Session::groupMessage(std::uint32_t group) {
+  if (has_group_[group]) return std::nullopt;
+  auto block = scene_.patches->block(group);
   if (!block || block->size() > protocol::kMaxPayload) {
-    ++counts.corrupt;
+    ++counts_.corrupt;
     return std::nullopt;
   }
   base::ByteWriter record;
-  lod::patch::encodeGroup(scene.patches->hierarchy(), group, record);
-  has_group[group] = true;
-  ++counts.groups;
-  if (scene.access != nullptr) scene.access->addGroup(group);
+  lod::patch::encodeGroup(scene_.patches->hierarchy(), group, record);
+  has_group_[group] = true;
+  ++counts_.groups;
+  if (scene_.access != nullptr) scene_.access->addGroup(group);
   return protocol::encode(protocol::Refinement{record.takeBytes(), {block->begin(), block->end()}});
 }
 
 /// The Face message of a key; nullopt when the client has it, the store lacks it (it is being baked) or holds damaged
 /// bytes.
-std::optional<base::Bytes> Session::Impl::faceMessage(const repository::FaceKey& key) {
-  if (has_face.count(key) != 0) return std::nullopt;
-  const auto found = fetched.extract(key);
-  auto value = found ? std::move(found.mapped()) : scene.images->get(key);
+std::optional<base::Bytes> Session::faceMessage(const repository::FaceKey& key) {
+  if (has_face_.count(key) != 0) return std::nullopt;
+  const auto found = fetched_.extract(key);
+  auto value = found ? std::move(found.mapped()) : scene_.images->get(key);
   if (value && !value->has_value()) {
-    ++counts.missing;
+    ++counts_.missing;
     return std::nullopt;
   }
   if (!value || (*value)->size() > protocol::kMaxPayload || !repository::decodeFaceValue(**value)) {
-    ++counts.corrupt;
+    ++counts_.corrupt;
     return std::nullopt;
   }
-  has_face.insert(key);
-  ++counts.faces;
-  if (scene.access != nullptr) scene.access->addFace(key);
+  has_face_.insert(key);
+  ++counts_.faces;
+  if (scene_.access != nullptr) scene_.access->addFace(key);
   return protocol::encode(protocol::Face{key, std::move(**value)});
 }
 
 // ---- remote faces ----
 
-FaceRequest Session::Impl::unrequestedFaces(const Faces& faces, std::size_t max_count) const {
+FaceRequest Session::unrequestedFaces(const Faces& faces, std::size_t max_count) const {
   FaceRequest keys;
   for (const repository::FaceKey& key : faces) {
     if (keys.size() == max_count) break;
-    if (has_face.count(key) == 0 && requested.count(key) == 0 && fetched.count(key) == 0) keys.push_back(key);
+    if (has_face_.count(key) == 0 && requested_.count(key) == 0 && fetched_.count(key) == 0) keys.push_back(key);
   }
   return keys;
 }
 
 std::optional<FaceRequest> Session::nextFaceRequest() {
-  Impl& s = *impl_;
-  if (!s.scene.images_are_remote || s.phase != Impl::Phase::kReady || !s.planned) return std::nullopt;
-  if (s.requests_under_way == kMaxFaceRequests) return std::nullopt;
-  FaceRequest request = s.unrequestedFaces(s.view_plan.faces, s.view_plan.faces.size());
-  const bool at_rest = s.complete_sent && s.frame_phase == Impl::FramePhase::kNone;
-  if (request.empty() && at_rest && s.requested.empty() && s.fetched.empty() &&
-      s.prefetch_bytes < s.scene.ahead_bytes) {
-    s.planPrefetch();
-    request = s.unrequestedFaces(*s.prefetch, kMaxPrefetchedFaces);
+  if (!scene_.images_are_remote || phase_ != Phase::kReady || !planned_) return std::nullopt;
+  if (requests_under_way_ == kMaxFaceRequests) return std::nullopt;
+  FaceRequest request = unrequestedFaces(view_plan_.faces, view_plan_.faces.size());
+  const bool at_rest = complete_sent_ && frame_phase_ == FramePhase::kNone;
+  if (request.empty() && at_rest && requested_.empty() && fetched_.empty() && prefetch_bytes_ < scene_.ahead_bytes) {
+    planPrefetch();
+    request = unrequestedFaces(*prefetch_, kMaxPrefetchedFaces);
   }
   if (request.empty()) return std::nullopt;
-  s.requested.insert(request.begin(), request.end());
-  ++s.requests_under_way;
+  requested_.insert(request.begin(), request.end());
+  ++requests_under_way_;
   return request;
 }
 
 void Session::facesFetched(const FaceRequest& request, FaceValues values) {
-  Impl& s = *impl_;
-  --s.requests_under_way;
+  --requests_under_way_;
   for (std::size_t i = 0; i < request.size(); ++i) {
-    s.requested.erase(request[i]);
-    const auto wants = [&](const Impl::Faces& faces) {
+    requested_.erase(request[i]);
+    const auto wants = [&](const Faces& faces) {
       return std::find(faces.begin(), faces.end(), request[i]) != faces.end();
     };
     // A face that the newest view does not want is dropped; later views find it in the cache.
-    if (wants(s.view_plan.faces) || (s.prefetch && wants(*s.prefetch)))
-      s.fetched.insert_or_assign(request[i], std::move(values[i]));
+    if (wants(view_plan_.faces) || (prefetch_ && wants(*prefetch_)))
+      fetched_.insert_or_assign(request[i], std::move(values[i]));
   }
 }
 
 // ---- frames ----
 
-bool Session::Impl::framePossible() const {
-  const std::int64_t pixels = std::int64_t{newest->camera.width} * newest->camera.height;
-  return newest->want_frame && scene.welcome.can_render_frames && pixels <= kMaxFramePixels;
+bool Session::framePossible() const {
+  const std::int64_t pixels = std::int64_t{newest_->camera.width} * newest_->camera.height;
+  return newest_->want_frame && scene_.welcome.can_render_frames && pixels <= kMaxFramePixels;
 }
 
 std::optional<FrameRequest> Session::nextFrameRequest() {
-  Impl& s = *impl_;
-  if (!s.planned || s.frame_phase != Impl::FramePhase::kDue) return std::nullopt;
-  s.frame_phase = Impl::FramePhase::kRendering;
-  return FrameRequest{s.newest->sequence, s.newest->camera, s.newest->frame_quality};
+  if (!planned_ || frame_phase_ != FramePhase::kDue) return std::nullopt;
+  frame_phase_ = FramePhase::kRendering;
+  return FrameRequest{newest_->sequence, newest_->camera, newest_->frame_quality};
 }
 
 void Session::frameRendered(const FrameRequest& request, base::Bytes value) {
-  Impl& s = *impl_;
-  if (s.phase != Impl::Phase::kReady || !s.newest) return;
-  if (s.planned && request.sequence == s.newest->sequence) s.frame_phase = Impl::FramePhase::kNone;
+  if (phase_ != Phase::kReady || !newest_) return;
+  if (planned_ && request.sequence == newest_->sequence) frame_phase_ = FramePhase::kNone;
 
   // A frame of an older view is still a good sample while the eye is near and looks the same way.
-  const base::ViewCamera& now = s.newest->camera;
+  const base::ViewCamera& now = newest_->camera;
   const double moved = glm::length(now.position - request.camera.position);
   const double reach =
-      kMaxFrameShift * static_cast<double>(glm::length(s.scene.welcome.box_max - s.scene.welcome.box_min));
+      kMaxFrameShift * static_cast<double>(glm::length(scene_.welcome.box_max - scene_.welcome.box_min));
   const bool same_way = glm::dot(now.direction, request.camera.direction) > std::cos(now.fov_y);
   if (value.empty() || value.size() > protocol::kMaxPayload || moved > reach || !same_way) return;
-  s.frame = protocol::encode(protocol::Frame{request.sequence, request.camera, std::move(value)});
+  frame_ = protocol::encode(protocol::Frame{request.sequence, request.camera, std::move(value)});
 }
 
 }  // namespace server

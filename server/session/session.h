@@ -14,9 +14,10 @@
 // go meanwhile. A new view drops everything unsent. An evicted item is sent again only for a later view that needs it:
 // a client whose cache is too small for its view would otherwise receive the same bytes for ever.
 #include <cstdint>
-#include <memory>
 #include <optional>
 #include <string>
+#include <unordered_map>
+#include <unordered_set>
 #include <vector>
 
 #include "base/error.h"
@@ -69,8 +70,9 @@ inline constexpr std::size_t kMaxFacesHeld = 1'000'000;
 
 class Session {
  public:
-  explicit Session(const SceneData& scene);
-  ~Session();
+  explicit Session(const SceneData& scene) : scene_(scene) {}
+  Session(const Session&) = delete;
+  Session& operator=(const Session&) = delete;
 
   /// Accepts one message. An error ends the connection, after the Refusal that nextMessage() returns then.
   base::Result<void> receive(base::ByteView bytes);
@@ -90,13 +92,71 @@ class Session {
   /// Accepts the rendered frame (a face value); empty when rendering failed. It is dropped when the viewer moved far
   /// away meanwhile.
   void frameRendered(const FrameRequest& request, base::Bytes value);
-  bool finished() const;                  ///< true after a Refusal was sent: the connection is to be closed
-  const std::string& clientName() const;  ///< from Hello; empty before it
-  const SessionCounts& counts() const;
+  /// Whether a Refusal was sent: the connection is to be closed.
+  bool finished() const { return phase_ == Phase::kRefused && !greeting_; }
+  const std::string& clientName() const { return client_; }  ///< from Hello; empty before it
+  const SessionCounts& counts() const { return counts_; }
 
  private:
-  struct Impl;
-  std::unique_ptr<Impl> impl_;
+  enum class Phase { kGreeting, kReady, kRefused };
+  enum class FramePhase { kNone, kDue, kRendering };  ///< phase of the newest view's exact frame
+
+  // ---- in ----
+  base::Result<void> acceptMessage(const protocol::Hello& hello);
+  base::Result<void> acceptMessage(const protocol::View& view);
+  base::Result<void> acceptMessage(const protocol::Eviction& evicted);
+  base::Result<void> acceptMessage(const protocol::Holdings& have);
+  base::Error refuse(base::ErrorCode code, const std::string& reason);
+  base::Error refuseSplatsOnly();
+
+  // ---- out ----
+  std::optional<base::Bytes> chooseMessage();
+  std::optional<base::Bytes> nextForView();
+  std::optional<base::Bytes> nextCoarse();
+  std::optional<base::Bytes> nextWanted();
+  std::optional<base::Bytes> nextPrefetch();
+  std::optional<base::Bytes> groupMessage(std::uint32_t group);
+  std::optional<base::Bytes> faceMessage(const repository::FaceKey& key);
+  using Faces = std::vector<repository::FaceKey>;
+  Faces::iterator findSendable(Faces& faces);
+  std::optional<base::Bytes> removeAndEncode(Faces& faces, Faces::iterator face);
+  FaceRequest unrequestedFaces(const Faces& faces, std::size_t max_count) const;
+  void planPrefetch();
+  void planNewestView();
+  bool framePossible() const;
+
+  const SceneData& scene_;
+  Phase phase_ = Phase::kGreeting;
+  std::string client_;
+  SessionCounts counts_;
+
+  // Data that the client holds.
+  std::vector<bool> has_group_;
+  std::unordered_set<repository::FaceKey> has_face_;
+  std::vector<std::uint32_t> coarse_;
+
+  // Its views.
+  std::optional<protocol::View> newest_, previous_;
+  bool planned_ = false;  // the fields below belong to `newest_`
+
+  // Data to send for the newest view. A cursor runs over the groups, and faces leave their lists when they are sent;
+  // those that the client received otherwise meanwhile are skipped.
+  plan::ViewPlan view_plan_;
+  std::size_t next_coarse_ = 0, next_group_ = 0;
+  std::uint64_t group_bytes_ = 0, face_bytes_ = 0;
+  bool complete_sent_ = false;
+  FramePhase frame_phase_ = FramePhase::kNone;
+  std::optional<Faces> prefetch_;
+  std::uint64_t prefetch_bytes_ = 0;
+
+  // Remote faces: fetched but not sent yet, and requested but not fetched yet.
+  std::unordered_map<repository::FaceKey, base::Result<std::optional<base::Bytes>>> fetched_;
+  std::unordered_set<repository::FaceKey> requested_;
+  std::size_t requests_under_way_ = 0;
+
+  // Messages that are sent before all others.
+  std::optional<base::Bytes> greeting_;  // Welcome or Refusal
+  std::optional<base::Bytes> frame_;
 };
 
 }  // namespace server
