@@ -83,7 +83,7 @@ int printError(const std::string& message, int status) {
 }
 
 void addContentOptions(CLI::App& app, Arguments& a) {
-  app.option_defaults()->group("What is shown");
+  app.option_defaults()->group("Display");
   app.add_option("--method", a.method,
                  "lumigraph: patches textured by images; patches: the patches alone; qsplat: splats, streamed from the "
                  "scene's qsplat.lgq in the order in which the view has use for them. Where it is left out, a scene of "
@@ -102,7 +102,7 @@ void addContentOptions(CLI::App& app, Arguments& a) {
 }
 
 void addSplatOptions(CLI::App& app, Arguments& a) {
-  app.option_defaults()->group("What is shown");
+  app.option_defaults()->group("Display");
   app.add_option("--splat", a.splat,
                  "Kernel of --method qsplat. square: the fastest; circle; fuzzy: softly blended; ellipse: lies in the "
                  "surface, the sharpest, with a hole now and then")
@@ -128,7 +128,7 @@ void addSplatOptions(CLI::App& app, Arguments& a) {
 }
 
 void addPictureOptions(CLI::App& app, Arguments& a) {
-  app.option_defaults()->group("What is shown");
+  app.option_defaults()->group("Display");
   app.add_option("--background", a.background, "#rrggbb, #rrggbbaa or transparent");
   app.add_option("--size", a.size,
                  "Window size (default: 1280x720); headless: size of all pictures, whatever the path says");
@@ -170,7 +170,7 @@ void addRunOptions(CLI::App& app, Arguments& a) {
   app.add_option("--pictures", a.pictures, "Folder for the pictures that P saves")->check(CLI::ExistingDirectory);
   app.add_flag("--settings,!--no-settings", a.use_settings,
                "Keep settings and bookmarks in the user's configuration (docs/formats/settings.md; on unless "
-               "--no-settings). What is said here rules over them");
+               "--no-settings). Options given here take precedence over settings");
 }
 
 /// The calls stand in the order in which --help lists the options.

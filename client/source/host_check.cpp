@@ -103,7 +103,7 @@ class Judge {
     bad(Grade::kFails, "Range",
         "Ignored: 16 bytes were asked for, the whole file is sent" + statusOf(answers_.range) +
             (compressed ? ", compressed." : "."),
-        compressed ? "What is compressed on its way has no ranges: switch that off."
+        compressed ? "Compressed replies have no ranges: switch compression off for this file."
                    : "Switch ranges on at the host or in the proxy before it; a CDN must forward the header Range.",
         compressed ? kNoCompression : kRanges);
   }

@@ -253,9 +253,8 @@ RunCommand addPublish(CLI::App& command) {
       .add_option(
           "DEST", a->destination,
           "a directory, made when it is not there, or a bucket: s3://bucket/scene (docs/places.md). Any web server or "
-          "CDN that serves these files serves the scene (docs/hosting.md). What is there of an earlier version stays "
-          "readable, and what "
-          "did not change is not written again; a run that was stopped goes on")
+          "CDN that serves these files serves the scene (docs/hosting.md). Objects of an earlier "
+          "version stay readable, and unchanged ones are not written again; a run that was stopped goes on")
       ->required();
   command
       .add_option("--pack-size", a->images.pack_bytes,
