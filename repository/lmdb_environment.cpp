@@ -41,7 +41,7 @@ base::Result<void> reserveLockFile(const std::string& directory) {
 // environments, which are opened and closed under one mutex.
 struct Registry {
   std::mutex mutex;
-  std::map<std::string, std::pair<std::shared_ptr<LmdbEnvironment>, int>> open;
+  std::map<std::string, std::pair<std::unique_ptr<LmdbEnvironment>, int>> open;  // and the number of shares
 };
 Registry& registry() {
   static Registry* const instance = new Registry;  // never destroyed: handles may outlive statics
@@ -120,11 +120,11 @@ int LmdbEnvironment::openEnv(std::uint64_t map_bytes, unsigned flags) {
   return mdb_env_open(raw, directory_.c_str(), MDB_NOTLS | flags, 0644);
 }
 
-base::Result<std::shared_ptr<LmdbEnvironment>> LmdbEnvironment::open(const std::string& directory,
-                                                                     const LmdbEnvironmentOptions& options) {
+base::Result<std::unique_ptr<LmdbEnvironment>> LmdbEnvironment::openUnshared(const std::string& directory,
+                                                                             const LmdbEnvironmentOptions& options) {
   LUMIGRID_TRY(checkLmdbHeader(directory));
   LUMIGRID_TRY(reserveLockFile(directory));
-  auto environment = std::make_shared<LmdbEnvironment>();
+  auto environment = std::make_unique<LmdbEnvironment>();
   environment->directory_ = directory;
   environment->grows_ = options.grows;
   const auto attempt = [&](unsigned flags) {
@@ -148,6 +148,22 @@ base::Result<std::shared_ptr<LmdbEnvironment>> LmdbEnvironment::open(const std::
 
   LUMIGRID_TRY(environment->checkTrees(CheckDepth::kKeys));
   return environment;
+}
+
+base::Result<std::shared_ptr<LmdbEnvironment>> LmdbEnvironment::open(const std::string& directory,
+                                                                     const LmdbEnvironmentOptions& options) {
+  const std::lock_guard guard(registry().mutex);
+  auto it = registry().open.find(directory);
+  if (it == registry().open.end()) {
+    LUMIGRID_ASSIGN_OR_RETURN(auto opened, openUnshared(directory, options));
+    it = registry().open.emplace(directory, std::pair(std::move(opened), 0)).first;
+  }
+  ++it->second.second;
+  const auto close_share = [it](LmdbEnvironment*) {
+    const std::lock_guard closing(registry().mutex);
+    if (--it->second.second == 0) registry().open.erase(it);
+  };
+  return std::shared_ptr<LmdbEnvironment>(it->second.first.get(), close_share);
 }
 
 // A damaged tree would make LMDB follow wild links, so we walk it first. The open transaction keeps its pages from
@@ -218,27 +234,6 @@ int LmdbEnvironment::setMap(std::size_t bytes) {
   const int code = broken_ ? MDB_PANIC : mdb_env_set_mapsize(env_.get(), bytes);
   if (code != 0) broken_ = true;
   return code;
-}
-
-// --- Shares
-
-base::Result<SharedLmdb> SharedLmdb::open(const std::string& directory, const LmdbEnvironmentOptions& options) {
-  const std::lock_guard guard(registry().mutex);
-  auto it = registry().open.find(directory);
-  if (it == registry().open.end()) {
-    LUMIGRID_ASSIGN_OR_RETURN(auto opened, LmdbEnvironment::open(directory, options));
-    it = registry().open.emplace(directory, std::pair(std::move(opened), 0)).first;
-  }
-  ++it->second.second;
-  return SharedLmdb(directory, it->second.first);
-}
-
-SharedLmdb::~SharedLmdb() {
-  if (environment_ == nullptr) return;  // moved from
-  const std::lock_guard guard(registry().mutex);
-  const auto it = registry().open.find(directory_);
-  environment_.reset();
-  if (--it->second.second == 0) registry().open.erase(it);
 }
 
 bool isOnNetwork(const std::string& path) {

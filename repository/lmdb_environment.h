@@ -31,7 +31,9 @@ struct LmdbEnvironmentOptions {
 
 class LmdbEnvironment {
  public:
-  /// Also checks the trees (CheckDepth::kKeys). A process must not open one directory twice, so callers use SharedLmdb.
+  /// Shares the one environment that this process has of a directory, or opens it and checks its trees
+  /// (CheckDepth::kKeys). The last share closes it. `directory` is a canonical path (std::filesystem::canonical), so
+  /// that two names cannot open one directory twice. The options of the first open one hold.
   static base::Result<std::shared_ptr<LmdbEnvironment>> open(const std::string& directory,
                                                              const LmdbEnvironmentOptions& options);
 
@@ -93,6 +95,8 @@ class LmdbEnvironment {
     if (const int code = body(raw); code != 0) return code;
     return mdb_txn_commit(txn.release());
   }
+  static base::Result<std::unique_ptr<LmdbEnvironment>> openUnshared(const std::string& directory,
+                                                                     const LmdbEnvironmentOptions& options);
   int openEnv(std::uint64_t map_bytes, unsigned flags);
   int growMap();
   int adoptMap();
@@ -107,25 +111,6 @@ class LmdbEnvironment {
   bool broken_ = false;  // LMDB has lost its map and must not be called
   bool tables_open_ = false;
   std::vector<MDB_dbi> tables_;
-};
-
-/// Shares the one environment that this process has of a directory. The last share closes it.
-class SharedLmdb {
- public:
-  /// `directory` is a canonical path (std::filesystem::canonical), so that two names cannot open one directory twice.
-  /// The options of the first open one hold.
-  static base::Result<SharedLmdb> open(const std::string& directory, const LmdbEnvironmentOptions& options);
-  SharedLmdb(SharedLmdb&&) noexcept = default;
-  SharedLmdb& operator=(SharedLmdb&&) = delete;
-  ~SharedLmdb();
-
-  LmdbEnvironment* operator->() const { return environment_.get(); }
-
- private:
-  SharedLmdb(std::string directory, std::shared_ptr<LmdbEnvironment> environment)
-      : directory_(std::move(directory)), environment_(std::move(environment)) {}
-  std::string directory_;
-  std::shared_ptr<LmdbEnvironment> environment_;
 };
 
 /// Turns an LMDB code into one line that says what to do.

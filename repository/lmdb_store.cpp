@@ -87,7 +87,7 @@ class WriterLock {
 
 class LmdbStore final : public Store {
  public:
-  LmdbStore(std::string path, SharedLmdb environment, WriterLock lock)
+  LmdbStore(std::string path, std::shared_ptr<LmdbEnvironment> environment, WriterLock lock)
       : path_(std::move(path)), environment_(std::move(environment)), lock_(std::move(lock)) {}
 
   base::Result<std::optional<base::Bytes>> get(const FaceKey& key) const override {
@@ -257,7 +257,7 @@ class LmdbStore final : public Store {
   }
 
   std::string path_;
-  SharedLmdb environment_;
+  std::shared_ptr<LmdbEnvironment> environment_;
   WriterLock lock_;
 };
 
@@ -290,7 +290,7 @@ base::Result<std::unique_ptr<Store>> openLmdbStore(const std::string& path, Stor
 
   LmdbEnvironmentOptions environment_options;
   environment_options.map_bytes = options.map_bytes;
-  LUMIGRID_ASSIGN_OR_RETURN(auto environment, SharedLmdb::open(directory, environment_options));
+  LUMIGRID_ASSIGN_OR_RETURN(auto environment, LmdbEnvironment::open(directory, environment_options));
   if (mode == StoreMode::kWrite) {
     if (environment->readOnly()) return storeError(path, "write", EROFS);
     LUMIGRID_TRY(environment->checkTrees(CheckDepth::kValues));

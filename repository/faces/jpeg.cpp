@@ -1,13 +1,17 @@
 #include "repository/faces/jpeg.h"
 
+// libjpeg's header needs these two before it.
+#include <cstddef>
+#include <cstdio>
+
+#include <jpeglib.h>
 #include <turbojpeg.h>
 
-#include <cstdlib>
-#include <memory>
+#include <array>
+#include <csetjmp>
 #include <string>
 
 #include "base/check.h"
-#include "repository/faces/jpeg_compressor.h"
 
 namespace repository {
 namespace {
@@ -24,34 +28,91 @@ base::Error jpegError(const std::string& problem) {
   return {base::ErrorCode::kInvalidInput, "JPEG: " + problem};
 }
 
-// --- Encoding. It uses libjpeg's own interface, since TurboJPEG 2.1 cannot make Huffman tables for the picture.
+// --- Encoding. It uses libjpeg's own interface, since TurboJPEG 2.1 can neither make Huffman tables for the picture
+// nor encode row by row.
 
-/// Compresses into memory that libjpeg allocates with malloc.
-struct MemoryCompressor : Compressor {
-  unsigned char* bytes = nullptr;
-  unsigned long size = 0;
-  ~MemoryCompressor() { std::free(bytes); }
-};
+// libjpeg fills the buffer before it is appended to the picture. A choice: smaller ones are appended more often.
+constexpr std::size_t kBuffer = 64 * 1024;
 
-// Returns false and leaves a message on any error. Errors jump out of this function, so nothing in it may need a
-// destructor.
-bool compress(MemoryCompressor& to, const base::Image& rgb, int quality, Subsampling subsampling) {
-  if (setjmp(to.failed) != 0) return false;
-  jpeg_compress_struct& jpeg = to.jpeg;
-  jpeg_create_compress(&jpeg);
-  jpeg_mem_dest(&jpeg, &to.bytes, &to.size);
-  setPicture(jpeg, rgb.width, rgb.height, quality, subsampling);
-  jpeg.optimize_coding = TRUE;
-
-  jpeg_start_compress(&jpeg, TRUE);
-  while (jpeg.next_scanline < jpeg.image_height) {
-    // libjpeg's interface has no const rows, though it does not change them.
-    auto* row = const_cast<JSAMPROW>(rgb.at(0, static_cast<int>(jpeg.next_scanline)));
-    jpeg_write_scanlines(&jpeg, &row, 1);
+// Every call of libjpeg needs an `if (setjmp(failed_) != 0)` before it: errors jump there, past destructors. So the
+// functions that make these calls hold nothing that needs a destructor.
+class RowEncoder final : public JpegRows {
+ public:
+  explicit RowEncoder(base::Bytes& out) : out_(out) {
+    jpeg_.err = jpeg_std_error(&errors_);
+    jpeg_.client_data = this;
+    errors_.error_exit = [](j_common_ptr common) {
+      auto* self = static_cast<RowEncoder*>(common->client_data);
+      self->errors_.format_message(common, self->message_.data());
+      std::longjmp(self->failed_, 1);  // libjpeg's errors must not return
+    };
+    errors_.output_message = [](j_common_ptr) {};
+    destination_.init_destination = refill;
+    destination_.empty_output_buffer = [](j_compress_ptr jpeg) -> boolean {
+      auto* self = static_cast<RowEncoder*>(jpeg->client_data);
+      self->out_.insert(self->out_.end(), self->buffer_.begin(), self->buffer_.end());
+      refill(jpeg);
+      return TRUE;
+    };
+    destination_.term_destination = [](j_compress_ptr jpeg) {
+      auto* self = static_cast<RowEncoder*>(jpeg->client_data);
+      const std::size_t used = kBuffer - self->destination_.free_in_buffer;
+      self->out_.insert(self->out_.end(), self->buffer_.data(), self->buffer_.data() + used);
+    };
   }
-  jpeg_finish_compress(&jpeg);
-  return true;
-}
+  ~RowEncoder() override { jpeg_destroy_compress(&jpeg_); }
+  RowEncoder(const RowEncoder&) = delete;
+  RowEncoder& operator=(const RowEncoder&) = delete;
+
+  base::Result<void> start(int width, int height, int quality, Subsampling subsampling, bool own_tables) {
+    if (setjmp(failed_) != 0) return jpegError(message_.data());
+    jpeg_create_compress(&jpeg_);
+    jpeg_.dest = &destination_;
+    jpeg_.image_width = static_cast<JDIMENSION>(width);
+    jpeg_.image_height = static_cast<JDIMENSION>(height);
+    jpeg_.input_components = 3;
+    jpeg_.in_color_space = JCS_RGB;
+    jpeg_set_defaults(&jpeg_);
+    jpeg_set_quality(&jpeg_, quality, TRUE);
+    jpeg_.comp_info[0].h_samp_factor = subsampling == Subsampling::k444 ? 1 : 2;
+    jpeg_.comp_info[0].v_samp_factor = subsampling == Subsampling::k420 ? 2 : 1;
+    for (int chroma = 1; chroma <= 2; ++chroma)
+      jpeg_.comp_info[chroma].h_samp_factor = jpeg_.comp_info[chroma].v_samp_factor = 1;
+    jpeg_.dct_method = JDCT_ISLOW;
+    jpeg_.optimize_coding = own_tables ? TRUE : FALSE;
+    jpeg_start_compress(&jpeg_, TRUE);
+    return {};
+  }
+
+  base::Result<void> add(const base::Image& rgb) override {
+    LUMIGRID_CHECK_EQ(rgb.channels, 3);
+    LUMIGRID_CHECK_EQ(static_cast<JDIMENSION>(rgb.width), jpeg_.image_width);
+    LUMIGRID_CHECK(jpeg_.next_scanline + static_cast<JDIMENSION>(rgb.height) <= jpeg_.image_height);
+    if (setjmp(failed_) != 0) return jpegError(message_.data());
+    for (int y = 0; y < rgb.height; ++y) {
+      // libjpeg's interface has no const rows, though it does not change them.
+      auto* row = const_cast<JSAMPROW>(rgb.at(0, y));
+      jpeg_write_scanlines(&jpeg_, &row, 1);
+    }
+    if (jpeg_.next_scanline == jpeg_.image_height) jpeg_finish_compress(&jpeg_);
+    return {};
+  }
+
+ private:
+  static void refill(j_compress_ptr jpeg) {
+    auto* self = static_cast<RowEncoder*>(jpeg->client_data);
+    self->destination_.next_output_byte = self->buffer_.data();
+    self->destination_.free_in_buffer = kBuffer;
+  }
+
+  base::Bytes& out_;
+  jpeg_compress_struct jpeg_{};
+  jpeg_error_mgr errors_{};
+  std::jmp_buf failed_{};
+  std::array<char, JMSG_LENGTH_MAX> message_{};
+  jpeg_destination_mgr destination_{};
+  std::array<JOCTET, kBuffer> buffer_{};
+};
 
 }  // namespace
 
@@ -73,13 +134,20 @@ std::optional<Subsampling> subsamplingOf(std::string_view name) {
   return std::nullopt;
 }
 
+base::Result<std::unique_ptr<JpegRows>> JpegRows::begin(int width, int height, int quality, Subsampling subsampling,
+                                                        base::Bytes& out, bool own_tables) {
+  LUMIGRID_CHECK(width > 0 && height > 0 && quality >= 1 && quality <= 100);
+  auto rows = std::make_unique<RowEncoder>(out);
+  LUMIGRID_TRY(rows->start(width, height, quality, subsampling, own_tables));
+  return std::unique_ptr<JpegRows>(std::move(rows));
+}
+
 base::Result<base::Bytes> encodeJpeg(const base::Image& rgb, int quality, Subsampling subsampling) {
-  LUMIGRID_CHECK_EQ(rgb.channels, 3);
-  LUMIGRID_CHECK(quality >= 1 && quality <= 100);
   if (rgb.empty()) return jpegError("an image without pixels cannot be encoded");
-  MemoryCompressor compressor;
-  if (!compress(compressor, rgb, quality, subsampling)) return jpegError(compressor.message.data());
-  return base::Bytes(compressor.bytes, compressor.bytes + compressor.size);
+  base::Bytes bytes;
+  LUMIGRID_ASSIGN_OR_RETURN(auto rows, JpegRows::begin(rgb.width, rgb.height, quality, subsampling, bytes, true));
+  LUMIGRID_TRY(rows->add(rgb));
+  return bytes;
 }
 
 base::Result<base::Image> decodeJpeg(base::ByteView bytes, int max_side) {

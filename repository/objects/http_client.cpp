@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <cstdlib>
-#include <mutex>
 #include <random>
 #include <thread>
 #include <utility>
@@ -215,36 +214,22 @@ Error transportError(const Attempt& attempt, const HttpOptions& options) {
 
 // --- The client
 
-// Idle libcurl handles, each with its open connections. A request borrows one of them.
-class HttpClient::HandlePool {
- public:
-  explicit HandlePool(std::size_t max_idle) : max_idle_(max_idle) {}
-  base::CurlHandle borrowHandle() {
-    const std::lock_guard lock(mutex_);
-    if (idle_.empty()) return base::makeCurlHandle();
-    base::CurlHandle handle = std::move(idle_.back());
-    idle_.pop_back();
-    return handle;
-  }
-  void returnHandle(base::CurlHandle handle) {
-    const std::lock_guard lock(mutex_);
-    if (idle_.size() < max_idle_) idle_.push_back(std::move(handle));
-  }
+base::CurlHandle HttpClient::borrowHandle() const {
+  const std::lock_guard lock(mutex_);
+  if (idle_.empty()) return base::makeCurlHandle();
+  base::CurlHandle handle = std::move(idle_.back());
+  idle_.pop_back();
+  return handle;
+}
 
- private:
-  std::size_t max_idle_;
-  std::mutex mutex_;
-  std::vector<base::CurlHandle> idle_;
-};
-
-HttpClient::HttpClient(const HttpOptions& options)
-    : options_(options), pool_(std::make_unique<HandlePool>(options.kept_connections)) {}
-
-HttpClient::~HttpClient() = default;
+void HttpClient::returnHandle(base::CurlHandle handle) const {
+  const std::lock_guard lock(mutex_);
+  if (idle_.size() < options_.kept_connections) idle_.push_back(std::move(handle));
+}
 
 Result<HttpResponse> HttpClient::send(const HttpRequest& request) const {
   const auto begin = std::chrono::steady_clock::now();
-  base::CurlHandle handle = pool_->borrowHandle();
+  base::CurlHandle handle = borrowHandle();
   Attempt attempt = attemptRequest(handle, request, options_);
   for (int retry = 1; retry <= options_.retries && isTransient(attempt); ++retry) {
     if (attempt.retry_after > options_.longest_pause) break;
@@ -253,7 +238,7 @@ Result<HttpResponse> HttpClient::send(const HttpRequest& request) const {
     std::this_thread::sleep_for(pause);
     attempt = attemptRequest(handle, request, options_);
   }
-  pool_->returnHandle(std::move(handle));
+  returnHandle(std::move(handle));
   if (attempt.code != CURLE_OK) return transportError(attempt, options_);
   return std::move(attempt.received.response);
 }

@@ -5,7 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <functional>
-#include <memory>
+#include <mutex>
 #include <string>
 #include <vector>
 
@@ -57,19 +57,19 @@ struct HttpResponse {
 /// Safe from any thread.
 class HttpClient {
  public:
-  explicit HttpClient(const HttpOptions& options);
-  ~HttpClient();
-  HttpClient(const HttpClient&) = delete;
-  HttpClient& operator=(const HttpClient&) = delete;
+  explicit HttpClient(const HttpOptions& options) : options_(options) {}
 
   /// Returns the server's answer, whatever its status, or an error (kNetwork) when there is none. The message does not
   /// name the object; callers add its name.
   base::Result<HttpResponse> send(const HttpRequest& request) const;
 
  private:
-  class HandlePool;
+  base::CurlHandle borrowHandle() const;
+  void returnHandle(base::CurlHandle handle) const;
+
   HttpOptions options_;
-  std::unique_ptr<HandlePool> pool_;
+  mutable std::mutex mutex_;
+  mutable std::vector<base::CurlHandle> idle_;  // each with its open connections; a request borrows one
 };
 
 /// Percent-encodes a text for a URL: letters, digits and -._~ stay (RFC 3986, 2.3), and so does "/" if `keep_slash`.

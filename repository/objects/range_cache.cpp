@@ -70,20 +70,15 @@ void removeFiles(const std::string& path) {
   fs::remove(path + "/lock.mdb", ignored);
 }
 
-}  // namespace
-
 // The record of the whole cache, in table "meta".
-struct RangeCache::Totals {
+struct Totals {
   std::uint32_t format = kFormat;
   std::uint32_t unused = 0;
   std::uint64_t bytes = 0;          // sum of costOf over all pieces
   std::uint64_t next_sequence = 1;  // number of the next use
 };
 
-namespace {
-
 // Changes the cache in one LMDB transaction. Every function returns an LMDB code; a damaged record is MDB_CORRUPTED.
-template <class Totals>
 class Transaction {
  public:
   Transaction(MDB_txn* txn, LmdbEnvironment* environment) : txn_(txn), environment_(environment) {}
@@ -219,7 +214,7 @@ Result<std::unique_ptr<RangeCache>> RangeCache::openChecked(const std::string& p
   // Commits need not wait for the disk, because damage by a power cut is noticed: the trees are checked when the file
   // is opened, and each piece when it is read.
   environment_options.durable = false;
-  LUMIGRID_ASSIGN_OR_RETURN(auto environment, SharedLmdb::open(path, environment_options));
+  LUMIGRID_ASSIGN_OR_RETURN(auto environment, LmdbEnvironment::open(path, environment_options));
   if (environment->readOnly()) return base::systemError(path, "write to this directory", EACCES);
   LUMIGRID_TRY(environment->checkTrees(CheckDepth::kValues));
   if (const int code = environment->openTables(kTables, true); code != 0)
@@ -227,7 +222,7 @@ Result<std::unique_ptr<RangeCache>> RangeCache::openChecked(const std::string& p
 
   std::unique_ptr<RangeCache> cache(new RangeCache(path, std::move(environment), options));
   bool known_format = false;
-  const int code = cache->runTransaction([&](Transaction<Totals>& transaction) {
+  const int code = cache->runTransaction([&](Transaction& transaction) {
     known_format = transaction.totals.format == kFormat;
     return known_format ? transaction.evictTo(options.bytes) : 0;
   });
@@ -245,7 +240,7 @@ int RangeCache::runTransaction(const Body& body) {
     used.swap(used_);
   }
   return environment_->write([&](MDB_txn* txn) {
-    Transaction<Totals> transaction(txn, environment_.operator->());
+    Transaction transaction(txn, environment_.get());
     if (const int code = transaction.readTotals(); code != 0) return code;
     for (const CacheKey& key : used)
       if (const int code = transaction.recordUse(key); code != 0) return code;
@@ -286,14 +281,14 @@ void RangeCache::noteUse(const CacheKey& key) {
     if (used_.size() < kMaxUsed) return;
   }
   if (!writes_) return;
-  disableAfter(runTransaction([](Transaction<Totals>&) { return 0; }), 0);
+  disableAfter(runTransaction([](Transaction&) { return 0; }), 0);
 }
 
 void RangeCache::discardDamaged(const CacheKey& key) {
   if (!warned_of_damage_.exchange(true))
     warn("a damaged piece was thrown away; look at this disk when it happens again");
   if (!writes_) return;
-  disableAfter(runTransaction([&](Transaction<Totals>& transaction) { return transaction.erasePiece(key); }), 0);
+  disableAfter(runTransaction([&](Transaction& transaction) { return transaction.erasePiece(key); }), 0);
 }
 
 void RangeCache::put(const std::vector<std::pair<CacheKey, base::ByteView>>& pieces) {
@@ -301,7 +296,7 @@ void RangeCache::put(const std::vector<std::pair<CacheKey, base::ByteView>>& pie
   for (const auto& [key, piece] : pieces) bytes += costOf(piece.size());
   if (!writes_ || bytes > options_.bytes / 2) return;
   environment_->dropDeadReaders();
-  const auto put_all = [&](Transaction<Totals>& transaction) {
+  const auto put_all = [&](Transaction& transaction) {
     for (const auto& [key, piece] : pieces)
       if (const int code = transaction.putPiece(key, piece); code != 0) return code;
     return transaction.evictTo(options_.bytes);
@@ -318,7 +313,7 @@ void RangeCache::put(const std::vector<std::pair<CacheKey, base::ByteView>>& pie
 }
 
 void RangeCache::evictTo(std::uint64_t bytes) {
-  disableAfter(runTransaction([&](Transaction<Totals>& transaction) { return transaction.evictTo(bytes); }), 0);
+  disableAfter(runTransaction([&](Transaction& transaction) { return transaction.evictTo(bytes); }), 0);
 }
 
 // After a full disk the cache only reads; after any other failure of LMDB but a full map it does nothing at all.
@@ -336,7 +331,7 @@ void RangeCache::disableAfter(int code, std::uint64_t bytes) {
 std::uint64_t RangeCache::usedBytes() {
   std::uint64_t bytes = 0;
   const int code = environment_->read([&](MDB_txn* txn) {
-    Transaction<Totals> transaction(txn, environment_.operator->());
+    Transaction transaction(txn, environment_.get());
     const int result = transaction.readTotals();
     bytes = transaction.totals.bytes;
     return result;

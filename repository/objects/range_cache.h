@@ -46,8 +46,7 @@ class RangeCache {
   std::uint64_t usedBytes();
 
  private:
-  struct Totals;
-  RangeCache(std::string path, SharedLmdb environment, const RangeCacheOptions& options)
+  RangeCache(std::string path, std::shared_ptr<LmdbEnvironment> environment, const RangeCacheOptions& options)
       : path_(std::move(path)), environment_(std::move(environment)), options_(options) {}
   static base::Result<std::unique_ptr<RangeCache>> openChecked(const std::string& path,
                                                                const RangeCacheOptions& options);
@@ -63,7 +62,7 @@ class RangeCache {
   }
 
   std::string path_;
-  SharedLmdb environment_;
+  std::shared_ptr<LmdbEnvironment> environment_;
   RangeCacheOptions options_;
   std::atomic<bool> writes_{true};
   std::atomic<bool> reads_{true};

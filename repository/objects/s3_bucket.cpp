@@ -3,14 +3,10 @@
 #include <array>
 #include <ctime>
 #include <utility>
-#include <vector>
 
-#include "base/hash/sha256.h"
-#include "repository/objects/hmac.h"
 #include "repository/objects/objects.h"
 #include "repository/objects/s3_signature.h"
 #include "repository/objects/s3_xml.h"
-#include "repository/objects/web_source.h"
 
 namespace repository {
 namespace {
@@ -106,6 +102,16 @@ Result<HttpResponse> S3Bucket::send(const BucketRequest& call) const {
   auto response = client_->send(request);
   if (!response) return base::within(describe(call.name), response.error());
   return response;
+}
+
+Result<HttpResponse> S3Bucket::request(const std::string& method, const std::string& name,
+                                       const std::vector<std::string>& headers, std::uint64_t max_body_bytes) const {
+  BucketRequest call{method, name, {}, {}, {}, max_body_bytes};
+  for (const std::string& line : headers) {
+    const auto colon = line.find(": ");
+    call.headers[line.substr(0, colon)] = line.substr(colon + 2);
+  }
+  return send(call);
 }
 
 Error S3Bucket::refusal(const std::string& name, const HttpResponse& response) const {

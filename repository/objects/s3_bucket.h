@@ -3,11 +3,12 @@
 #include <map>
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "base/bytes.h"
 #include "base/error.h"
-#include "repository/objects/http_client.h"
 #include "repository/objects/s3_config.h"
+#include "repository/objects/web_source.h"
 
 namespace repository {
 
@@ -21,15 +22,18 @@ struct BucketRequest {
 };
 
 /// Safe from any thread.
-class S3Bucket {
+class S3Bucket final : public ObjectServer {
  public:
   /// `place` is "s3://bucket" or "s3://bucket/prefix". Errors: kInvalidInput.
   static base::Result<S3Bucket> open(const std::string& place, const S3Config& config);
 
   /// Returns the store's answer, whatever its status. Errors as HttpClient::send; they name the object.
   base::Result<HttpResponse> send(const BucketRequest& call) const;
+  base::Result<HttpResponse> request(const std::string& method, const std::string& name,
+                                     const std::vector<std::string>& headers,
+                                     std::uint64_t max_body_bytes) const override;
   /// The error for an answer that is no success. The answer to a HEAD has no body, so a GET asks for the reason.
-  base::Error refusal(const std::string& name, const HttpResponse& response) const;
+  base::Error refusal(const std::string& name, const HttpResponse& response) const override;
 
   /// The bucket's address without a slash at its end: "https://host" or "https://host/bucket".
   std::string address() const { return address_ + root_; }
@@ -38,7 +42,7 @@ class S3Bucket {
   const std::string& place() const { return place_; }
   /// "prefix/", or "".
   const std::string& prefix() const { return prefix_; }
-  std::string describe(const std::string& name) const { return name.empty() ? place_ : place_ + "/" + name; }
+  std::string describe(const std::string& name) const override { return name.empty() ? place_ : place_ + "/" + name; }
 
  private:
   S3Bucket(std::string place, std::string bucket, std::string prefix, const S3Config& config);

@@ -8,7 +8,6 @@
 #include "base/file.h"
 #include "repository/objects/s3_bucket.h"
 #include "repository/objects/s3_xml.h"
-#include "repository/objects/web_source.h"
 
 namespace repository {
 namespace {
@@ -19,28 +18,6 @@ using base::Result;
 
 constexpr std::uint64_t kMaxAnswerBytes = std::uint64_t{8} << 20;  // a page of 1000 keys of 1000 bytes, and more
 constexpr std::uint64_t kMaxParts = 10000;                         // S3's limit
-
-class S3Server final : public ObjectServer {
- public:
-  explicit S3Server(S3Bucket bucket) : bucket_(std::move(bucket)) {}
-
-  Result<HttpResponse> request(const std::string& method, const std::string& name,
-                               const std::vector<std::string>& headers, std::uint64_t max_body_bytes) const override {
-    BucketRequest call{method, name, {}, {}, {}, max_body_bytes};
-    for (const std::string& line : headers) {
-      const auto colon = line.find(": ");
-      call.headers[line.substr(0, colon)] = line.substr(colon + 2);
-    }
-    return bucket_.send(call);
-  }
-  Error refusal(const std::string& name, const HttpResponse& response) const override {
-    return bucket_.refusal(name, response);
-  }
-  std::string describe(const std::string& name) const override { return bucket_.describe(name); }
-
- private:
-  S3Bucket bucket_;
-};
 
 class S3Sink final : public ObjectSink {
  public:
@@ -184,7 +161,7 @@ class S3Sink final : public ObjectSink {
 Result<std::unique_ptr<ObjectSource>> openS3Source(const std::string& place, const S3Config& config) {
   LUMIGRID_ASSIGN_OR_RETURN(auto bucket, S3Bucket::open(place, config));
   const std::string clean = bucket.place();
-  return makeWebSource(clean, std::make_unique<S3Server>(std::move(bucket)));
+  return makeWebSource(clean, std::make_unique<S3Bucket>(std::move(bucket)));
 }
 
 Result<std::unique_ptr<ObjectSink>> openS3Sink(const std::string& place, const S3Config& config) {

@@ -1,11 +1,13 @@
 #include "repository/objects/s3_signature.h"
 
+#include <openssl/evp.h>
+#include <openssl/hmac.h>
+
 #include <algorithm>
 #include <utility>
 #include <vector>
 
-#include "base/hash/sha256.h"
-#include "repository/objects/hmac.h"
+#include "base/check.h"
 #include "repository/objects/http_client.h"
 
 namespace repository {
@@ -59,6 +61,14 @@ std::string authorization(const S3Request& request, const S3Credentials& credent
   for (const std::string& part : {region, service, std::string("aws4_request")}) key = hmacSha256(key, part);
   return "AWS4-HMAC-SHA256 Credential=" + credentials.access_key + "/" + scope +
          ", SignedHeaders=" + signedHeaders(request) + ", Signature=" + base::hexOf(hmacSha256(key, to_sign));
+}
+
+base::Sha256Digest hmacSha256(base::ByteView key, std::string_view text) {
+  base::Sha256Digest digest{};
+  const base::ByteView bytes = base::viewOfText(text);
+  LUMIGRID_CHECK(HMAC(EVP_sha256(), key.data(), static_cast<int>(key.size()), bytes.data(), bytes.size(), digest.data(),
+                      nullptr) != nullptr);
+  return digest;
 }
 
 }  // namespace repository

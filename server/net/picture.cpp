@@ -12,7 +12,7 @@
 #include "base/number.h"
 #include "base/png/png_rows.h"
 #include "protocol/message.h"
-#include "repository/faces/jpeg_rows.h"
+#include "repository/faces/jpeg.h"
 #include "server/render/tiling.h"
 
 namespace server {

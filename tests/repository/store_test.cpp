@@ -208,7 +208,7 @@ TEST(LmdbStore, anInvalidKeyIsNamedWithWhatToDo) {
   for (const std::string& key : {std::string("abc"), std::string("\0\0\0\0\0\0\0\7", 8)}) {
     const TemporaryDirectory directory;
     const auto store = mustOpen(directory / "images", StoreMode::kWrite);
-    auto environment = SharedLmdb::open(std::filesystem::canonical(directory / "images").string(), {});
+    auto environment = LmdbEnvironment::open(std::filesystem::canonical(directory / "images").string(), {});
     ASSERT_TRUE(environment);
     ASSERT_EQ((*environment)->write([&](MDB_txn* txn) {
       MDB_val name = repository::valueOf(key);

@@ -11,8 +11,6 @@
 #include <thread>
 #include <vector>
 
-#include "repository/faces/jpeg_rows.h"
-
 namespace repository {
 namespace {
 

@@ -3,7 +3,6 @@
 #include <gtest/gtest.h>
 
 #include "base/hash/sha256.h"
-#include "repository/objects/hmac.h"
 
 namespace repository {
 namespace {
