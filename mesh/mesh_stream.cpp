@@ -10,8 +10,8 @@ namespace mesh {
 base::Result<void> MeshStream::flush(const void* at) {
   if (!corner_normals.empty()) corner_normals.resize(corners.size(), glm::vec3(0.0F));
   if (!corner_colors.empty()) corner_colors.resize(corners.size(), glm::u8vec4(0));
-  has_normals_ |= !normals.empty() || !corner_normals.empty();
-  has_colors_ |= !colors.empty() || !corner_colors.empty();
+  summary.has_normals |= !normals.empty() || !corner_normals.empty();
+  summary.has_colors |= !colors.empty() || !corner_colors.empty();
   if (!positions.empty()) {
     VertexBlock block;
     block.positions = positions, block.normals = normals, block.colors = colors;
@@ -22,8 +22,8 @@ base::Result<void> MeshStream::flush(const void* at) {
     block.corners = corners, block.normals = corner_normals, block.colors = corner_colors;
     LUMIGRID_TRY(sink_.triangles(block));
   }
-  vertices_ += positions.size();
-  triangles_ += corners.size() / 3;
+  summary.vertices += positions.size();
+  summary.triangles += corners.size() / 3;
   positions.clear(), normals.clear(), colors.clear(), corners.clear(), corner_normals.clear(), corner_colors.clear();
 
   // Pages that have been read are clean: the system loads them again from the file if anybody needs them.
@@ -42,9 +42,8 @@ base::Result<void> MeshStream::flush(const void* at) {
 
 base::Result<void> MeshStream::restart() {
   positions.clear(), normals.clear(), colors.clear(), corners.clear(), corner_normals.clear(), corner_colors.clear();
-  vertices_ = triangles_ = short_faces = dropped_ = 0;
-  has_colors_ = has_normals_ = false;
-  warnings.clear();
+  summary = {};
+  dropped_ = 0;
   baker = {};
   return sink_.restart();
 }

@@ -11,7 +11,7 @@
 
 #include "base/bytes.h"
 #include "base/error.h"
-#include "mesh/mesh_sink.h"
+#include "mesh/stream_mesh.h"
 #include "mesh/texture.h"
 
 namespace mesh {
@@ -47,23 +47,20 @@ class MeshStream {
   std::vector<std::uint64_t> corners;
   std::vector<glm::vec3> corner_normals;   ///< empty, or as many as corners
   std::vector<glm::u8vec4> corner_colors;  ///< empty, or as many as corners; a = 0 where unknown
-  std::uint64_t short_faces = 0;
-  std::vector<std::string> warnings;
-  bool accepts_points = false;  ///< a file of vertices without faces is no error
+  StreamedFile summary;                    ///< of all blocks that were handed to the sink
+  bool accepts_points = false;             ///< a file of vertices without faces is no error
   TextureFiles textures;
   TextureBaker baker;
 
-  std::uint64_t vertexCount() const { return vertices_ + positions.size(); }
-  std::uint64_t triangleCount() const { return triangles_ + corners.size() / 3; }
-  bool hasColors() const { return has_colors_; }
-  bool hasNormals() const { return has_normals_; }
+  std::uint64_t vertexCount() const { return summary.vertices + positions.size(); }
+  std::uint64_t triangleCount() const { return summary.triangles + corners.size() / 3; }
 
   /// Adds the polygon as a fan around its first corner. Its corners have been checked. `its_normals` and `its_colors`
   /// are empty, or hold one per corner.
   void addPolygon(std::span<const std::uint64_t> polygon, std::span<const glm::vec3> its_normals = {},
                   std::span<const glm::u8vec4> its_colors = {}) {
     if (polygon.size() < 3) {
-      ++short_faces;
+      ++summary.short_faces;
       return;
     }
     // Where attributes begin in the middle of a block, those of the corners before are unknown.
@@ -93,10 +90,6 @@ class MeshStream {
   base::ByteView file_;
   std::function<bool(double)> progress_;
   std::size_t dropped_ = 0;
-  std::uint64_t vertices_ = 0;
-  std::uint64_t triangles_ = 0;
-  bool has_colors_ = false;
-  bool has_normals_ = false;
 };
 
 /// A colour component in 0..1 as a byte; larger values are clamped, and NaN becomes 0.

@@ -1,10 +1,10 @@
-#include "mesh/read_obj.h"
-
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <limits>
 #include <map>
+
+#include "mesh/readers.h"
 
 namespace mesh {
 namespace {
@@ -12,6 +12,12 @@ namespace {
 // Faces name normals and texture coordinates by number, so all are kept in memory: 0.8 GB and 0.5 GB at most.
 constexpr std::size_t kMaxNormals = std::size_t{1} << 26;
 constexpr std::size_t kMaxUv = std::size_t{1} << 26;
+
+// Numbers count from 1; negative ones count back from the last element read so far.
+bool resolveIndex(std::int64_t number, std::uint64_t count, std::int64_t& index) {
+  index = number > 0 ? number - 1 : static_cast<std::int64_t>(count) + number;
+  return number != 0 && index >= 0;
+}
 
 struct ObjReader {
   explicit ObjReader(MeshStream& stream) : out(stream) {}
@@ -34,232 +40,215 @@ struct ObjReader {
   const Texture* texture = nullptr;               // the one of the material in use
   bool too_many_uv = false;
 
-  std::string place() const { return placeOf(line_number); }
-  static std::string placeOf(std::uint64_t line) { return "line " + std::to_string(line); }
-  base::Result<void> readFile(std::string_view text);
-  base::Result<void> readLine(std::string_view line);
-  base::Result<void> readVertex(std::string_view line);
-  base::Result<void> readNormal(std::string_view line);
-  base::Result<void> readFace(std::string_view line);
-  base::Result<void> readCorner(std::string_view word);
-  base::Result<void> addVertex(std::int64_t number);
-  void readMaterials(std::string_view name);
-  void useMaterial(std::string_view name);
-  base::Result<void> finish();
-};
+  std::string place() const { return "line " + std::to_string(line_number); }
 
-// Reads the numbers of "v x y z", "v x y z w" or "v x y z r g b", and returns how many there are.
-base::Result<std::size_t> readNumbers(std::string_view line, std::array<double, 7>& numbers, std::uint64_t number) {
-  std::size_t count = 0;
-  for (; skipSpaces(line) && line.front() != '#' && count < numbers.size(); ++count) {
-    if (const std::size_t plain = leadingDecimal(line, numbers[count]); plain > 0) {
-      line.remove_prefix(plain);
-      continue;
-    }
-    if (const std::string_view word = nextWord(line); !parseNumber(word, numbers[count]))
-      return invalidInput(ObjReader::placeOf(number) + ": " + inQuotes(word) + " is not a number");
-  }
-  if (count < 3) return invalidInput(ObjReader::placeOf(number) + ": three numbers are needed (a truncated file?)");
-  return count;
-}
+  base::Result<void> readFile(std::string_view text) {
+    const std::string_view whole = text;
+    std::string joined;
+    while (!text.empty()) {
+      ++line_number;
+      std::string_view line = nextLine(text);
 
-base::Result<void> ObjReader::readVertex(std::string_view line) {
-  std::array<double, 7> n{};
-  LUMIGRID_ASSIGN_OR_RETURN(auto count, readNumbers(line, n, line_number));
-  out.positions.emplace_back(n[0], n[1], n[2]);
-
-  // Colours follow the position (6 numbers), or the position and its weight (7).
-  const std::size_t c = count == 7 ? 4 : 3;
-  if (count >= 6) has_colors = true;
-  if (has_colors) {
-    out.colors.resize(out.positions.size(), glm::u8vec4(255));
-    if (count >= 6) out.colors.back() = colors.color({n[c], n[c + 1], n[c + 2]});
-  }
-  return {};
-}
-
-base::Result<void> ObjReader::readNormal(std::string_view line) {
-  std::array<double, 7> n{};
-  if (const auto count = readNumbers(line, n, line_number); !count) return count.error();
-  if (file_normals.size() < kMaxNormals)
-    file_normals.emplace_back(glm::dvec3(n[0], n[1], n[2]));
-  else
-    too_many_normals = true;
-  return {};
-}
-
-// Numbers count from 1; negative ones count back from the last element read so far.
-bool resolveIndex(std::int64_t number, std::uint64_t count, std::int64_t& index) {
-  index = number > 0 ? number - 1 : static_cast<std::int64_t>(count) + number;
-  return number != 0 && index >= 0;
-}
-
-base::Result<void> ObjReader::addVertex(std::int64_t number) {
-  std::int64_t index = 0;
-  if (!resolveIndex(number, out.vertexCount(), index) || index >= std::int64_t{1} << 48)
-    return indexOutOfRange(place(), number, out.vertexCount());
-  if (index > highest_index) highest_index = index, highest_index_line = line_number;
-  corners.push_back(static_cast<std::uint64_t>(index));
-  if (texture != nullptr) uv.emplace_back(std::numeric_limits<double>::quiet_NaN());
-  return {};
-}
-
-// A corner is "7", "7/2", "7//3" or "7/2/3": vertex, texture coordinate, normal.
-base::Result<void> ObjReader::readCorner(std::string_view word) {
-  std::int64_t number = 0;
-  const std::size_t slash = word.find('/');
-  if (!parseNumber(word.substr(0, slash), number))
-    return invalidInput(place() + ": " + inQuotes(word) + " is not a vertex index");
-  LUMIGRID_TRY(addVertex(number));
-  if (slash == std::string_view::npos) return {};
-
-  const std::size_t last_slash = word.rfind('/');
-  if (texture != nullptr) {
-    const std::size_t end = last_slash == slash ? word.size() : last_slash;
-    std::int64_t at = 0;
-    if (parseNumber(word.substr(slash + 1, end - slash - 1), number) && resolveIndex(number, file_uv.size(), at) &&
-        at < static_cast<std::int64_t>(file_uv.size()))
-      uv.back() = glm::dvec2(file_uv[static_cast<std::size_t>(at)]);
-  }
-  if (last_slash == slash || too_many_normals) return {};
-  std::int64_t normal = 0;
-  if (!parseNumber(word.substr(last_slash + 1), number) || !resolveIndex(number, file_normals.size(), normal) ||
-      normal >= static_cast<std::int64_t>(file_normals.size()))
-    return invalidInput(place() + ": " + inQuotes(word) + " names a normal that is not there (" +
-                        std::to_string(file_normals.size()) + " normals)");
-  normals.resize(corners.size(), glm::vec3(0.0F));
-  normals.back() = file_normals[static_cast<std::size_t>(normal)];
-  has_normals = true;
-  return {};
-}
-
-base::Result<void> ObjReader::readFace(std::string_view line) {
-  corners.clear();
-  normals.clear();
-  uv.clear();
-  while (skipSpaces(line) && line.front() != '#') {
-    // Most corners are digits alone.
-    std::int64_t number = 0;
-    const std::size_t digits = leadingDigits(line, number);
-    if (digits > 0 && (digits == line.size() || isSpace(line[digits]))) {
-      line.remove_prefix(digits);
-      LUMIGRID_TRY(addVertex(number));
-    } else {
-      LUMIGRID_TRY(readCorner(nextWord(line)));
-    }
-  }
-  std::span<const glm::u8vec4> colors_of_corners;
-  const auto known = [](const glm::dvec2& p) { return std::isfinite(p.x) && std::isfinite(p.y); };
-  if (texture != nullptr && uv.size() >= 3 && std::all_of(uv.begin(), uv.end(), known)) {
-    baked.resize(uv.size());
-    out.baker.bake(*texture, uv, baked);
-    colors_of_corners = baked;
-  }
-  if (has_normals) normals.resize(corners.size(), glm::vec3(0.0F));
-  out.addPolygon(corners, has_normals ? std::span<const glm::vec3>(normals) : std::span<const glm::vec3>(),
-                 colors_of_corners);
-  return {};
-}
-
-base::Result<void> ObjReader::readLine(std::string_view line) {
-  const std::string_view keyword = nextWord(line);
-  if (keyword == "v") return readVertex(line);
-  if (keyword == "vn") return readNormal(line);
-  if (keyword == "f") return readFace(line);
-  if (keyword == "vt") {
-    glm::dvec2 p(0.0);
-    for (int k = 0; k < 2; ++k)
-      if (const std::string_view word = nextWord(line); !word.empty() && !parseNumber(word, p[k]))
-        return invalidInput(place() + ": " + inQuotes(word) + " is not a number");
-    // OBJ's v runs upwards, a picture's rows downwards.
-    if (file_uv.size() < kMaxUv)
-      file_uv.emplace_back(glm::vec2(p.x, 1.0 - p.y));
-    else
-      too_many_uv = true;
-  } else if (keyword == "mtllib") {
-    for (std::string_view word = nextWord(line); !word.empty(); word = nextWord(line)) readMaterials(word);
-  } else if (keyword == "usemtl") {
-    useMaterial(nextWord(line));
-  }
-  return {};
-}
-
-// Notes the picture of each material in a material library.
-void ObjReader::readMaterials(std::string_view name) {
-  const auto bytes = out.textures.read(std::string(name));
-  if (!bytes) {
-    out.warnings.push_back("its materials cannot be read, vertex colours stay: " + bytes.error().message);
-    return;
-  }
-  std::string material;
-  for (std::string_view text = textOf(*bytes); !text.empty();) {
-    std::string_view line = nextLine(text);
-    const std::string_view keyword = nextWord(line);
-    if (keyword == "newmtl") material = std::string(nextWord(line));
-    if (keyword != "map_Kd") continue;
-    // The picture's name is the last word, after any options.
-    std::string_view picture;
-    for (std::string_view word = nextWord(line); !word.empty(); word = nextWord(line)) picture = word;
-    if (!picture.empty()) texture_of[material] = std::string(picture);
-  }
-}
-
-void ObjReader::useMaterial(std::string_view name) {
-  const auto found = texture_of.find(std::string(name));
-  texture = found == texture_of.end() ? nullptr : out.textures.find(found->second, out.warnings);
-}
-
-base::Result<void> ObjReader::finish() {
-  const std::uint64_t count = out.vertexCount();
-  if (highest_index >= static_cast<std::int64_t>(count))
-    return indexOutOfRange("line " + std::to_string(highest_index_line), highest_index + 1, count);
-  if (too_many_uv)
-    out.warnings.push_back("has more than " + std::to_string(kMaxUv) +
-                           " texture coordinates; those beyond are not used");
-  if (too_many_normals)
-    out.warnings.push_back("has more than " + std::to_string(kMaxNormals) +
-                           " normals; those beyond are computed from the triangles");
-  if (out.triangleCount() == 0 && out.short_faces == 0)
-    return invalidInput("the file has no faces (a point cloud?); mesh it first");
-  return {};
-}
-
-base::Result<void> ObjReader::readFile(std::string_view text) {
-  const std::string_view whole = text;
-  std::string joined;
-  while (!text.empty()) {
-    ++line_number;
-    std::string_view line = nextLine(text);
-
-    // A backslash at the end continues the line.
-    if (!line.empty() && line.back() == '\\') {
-      joined.assign(line.substr(0, line.size() - 1));
-      for (bool more = true; more && !text.empty();) {
-        ++line_number;
-        line = nextLine(text);
-        more = !line.empty() && line.back() == '\\';
-        joined.append(" ").append(more ? line.substr(0, line.size() - 1) : line);
+      // A backslash at the end continues the line.
+      if (!line.empty() && line.back() == '\\') {
+        joined.assign(line.substr(0, line.size() - 1));
+        for (bool more = true; more && !text.empty();) {
+          ++line_number;
+          line = nextLine(text);
+          more = !line.empty() && line.back() == '\\';
+          joined.append(" ").append(more ? line.substr(0, line.size() - 1) : line);
+        }
+        line = joined;
       }
-      line = joined;
+      LUMIGRID_TRY(readLine(line));
+      if (colors.mustRestart()) {
+        LUMIGRID_TRY(out.restart());
+        text = whole;
+        line_number = 0, highest_index = -1;
+        file_normals.clear();
+        file_uv.clear();
+        has_normals = false;
+        texture = nullptr;
+        continue;
+      }
+      // Where colours begin in the middle of a block, the vertices before are white.
+      if (has_colors) out.colors.resize(out.positions.size(), glm::u8vec4(255));
+      LUMIGRID_TRY(out.flushFullBlocks(text.data()));
     }
-    LUMIGRID_TRY(readLine(line));
-    if (colors.mustRestart()) {
-      LUMIGRID_TRY(out.restart());
-      text = whole;
-      line_number = 0, highest_index = -1;
-      file_normals.clear();
-      file_uv.clear();
-      has_normals = false;
-      texture = nullptr;
-      continue;
-    }
-    // Where colours begin in the middle of a block, the vertices before are white.
-    if (has_colors) out.colors.resize(out.positions.size(), glm::u8vec4(255));
-    LUMIGRID_TRY(out.flushFullBlocks(text.data()));
+    LUMIGRID_TRY(finish());
+    return out.flush(whole.data() + whole.size());
   }
-  LUMIGRID_TRY(finish());
-  return out.flush(whole.data() + whole.size());
-}
+
+  base::Result<void> readLine(std::string_view line) {
+    const std::string_view keyword = nextWord(line);
+    if (keyword == "v") return readVertex(line);
+    if (keyword == "vn") return readNormal(line);
+    if (keyword == "f") return readFace(line);
+    if (keyword == "vt") {
+      glm::dvec2 p(0.0);
+      for (int k = 0; k < 2; ++k)
+        if (const std::string_view word = nextWord(line); !word.empty() && !parseNumber(word, p[k]))
+          return invalidInput(place() + ": " + inQuotes(word) + " is not a number");
+      // OBJ's v runs upwards, a picture's rows downwards.
+      if (file_uv.size() < kMaxUv)
+        file_uv.emplace_back(glm::vec2(p.x, 1.0 - p.y));
+      else
+        too_many_uv = true;
+    } else if (keyword == "mtllib") {
+      for (std::string_view word = nextWord(line); !word.empty(); word = nextWord(line)) readMaterials(word);
+    } else if (keyword == "usemtl") {
+      useMaterial(nextWord(line));
+    }
+    return {};
+  }
+
+  base::Result<void> readVertex(std::string_view line) {
+    std::array<double, 7> n{};
+    LUMIGRID_ASSIGN_OR_RETURN(auto count, readNumbers(line, n));
+    out.positions.emplace_back(n[0], n[1], n[2]);
+
+    // Colours follow the position (6 numbers), or the position and its weight (7).
+    const std::size_t c = count == 7 ? 4 : 3;
+    if (count >= 6) has_colors = true;
+    if (has_colors) {
+      out.colors.resize(out.positions.size(), glm::u8vec4(255));
+      if (count >= 6) out.colors.back() = colors.color({n[c], n[c + 1], n[c + 2]});
+    }
+    return {};
+  }
+
+  base::Result<void> readNormal(std::string_view line) {
+    std::array<double, 7> n{};
+    if (const auto count = readNumbers(line, n); !count) return count.error();
+    if (file_normals.size() < kMaxNormals)
+      file_normals.emplace_back(glm::dvec3(n[0], n[1], n[2]));
+    else
+      too_many_normals = true;
+    return {};
+  }
+
+  // Reads the numbers of "v x y z", "v x y z w" or "v x y z r g b", and returns how many there are.
+  base::Result<std::size_t> readNumbers(std::string_view line, std::array<double, 7>& numbers) const {
+    std::size_t count = 0;
+    for (; skipSpaces(line) && line.front() != '#' && count < numbers.size(); ++count) {
+      if (const std::size_t plain = leadingDecimal(line, numbers[count]); plain > 0) {
+        line.remove_prefix(plain);
+        continue;
+      }
+      if (const std::string_view word = nextWord(line); !parseNumber(word, numbers[count]))
+        return invalidInput(place() + ": " + inQuotes(word) + " is not a number");
+    }
+    if (count < 3) return invalidInput(place() + ": three numbers are needed (a truncated file?)");
+    return count;
+  }
+
+  base::Result<void> readFace(std::string_view line) {
+    corners.clear();
+    normals.clear();
+    uv.clear();
+    while (skipSpaces(line) && line.front() != '#') {
+      // Most corners are digits alone.
+      std::int64_t number = 0;
+      const std::size_t digits = leadingDigits(line, number);
+      if (digits > 0 && (digits == line.size() || isSpace(line[digits]))) {
+        line.remove_prefix(digits);
+        LUMIGRID_TRY(addVertex(number));
+      } else {
+        LUMIGRID_TRY(readCorner(nextWord(line)));
+      }
+    }
+    std::span<const glm::u8vec4> colors_of_corners;
+    const auto known = [](const glm::dvec2& p) { return std::isfinite(p.x) && std::isfinite(p.y); };
+    if (texture != nullptr && uv.size() >= 3 && std::all_of(uv.begin(), uv.end(), known)) {
+      baked.resize(uv.size());
+      out.baker.bake(*texture, uv, baked);
+      colors_of_corners = baked;
+    }
+    if (has_normals) normals.resize(corners.size(), glm::vec3(0.0F));
+    out.addPolygon(corners, has_normals ? std::span<const glm::vec3>(normals) : std::span<const glm::vec3>(),
+                   colors_of_corners);
+    return {};
+  }
+
+  // A corner is "7", "7/2", "7//3" or "7/2/3": vertex, texture coordinate, normal.
+  base::Result<void> readCorner(std::string_view word) {
+    std::int64_t number = 0;
+    const std::size_t slash = word.find('/');
+    if (!parseNumber(word.substr(0, slash), number))
+      return invalidInput(place() + ": " + inQuotes(word) + " is not a vertex index");
+    LUMIGRID_TRY(addVertex(number));
+    if (slash == std::string_view::npos) return {};
+
+    const std::size_t last_slash = word.rfind('/');
+    if (texture != nullptr) {
+      const std::size_t end = last_slash == slash ? word.size() : last_slash;
+      std::int64_t at = 0;
+      if (parseNumber(word.substr(slash + 1, end - slash - 1), number) && resolveIndex(number, file_uv.size(), at) &&
+          at < static_cast<std::int64_t>(file_uv.size()))
+        uv.back() = glm::dvec2(file_uv[static_cast<std::size_t>(at)]);
+    }
+    if (last_slash == slash || too_many_normals) return {};
+    std::int64_t normal = 0;
+    if (!parseNumber(word.substr(last_slash + 1), number) || !resolveIndex(number, file_normals.size(), normal) ||
+        normal >= static_cast<std::int64_t>(file_normals.size()))
+      return invalidInput(place() + ": " + inQuotes(word) + " names a normal that is not there (" +
+                          std::to_string(file_normals.size()) + " normals)");
+    normals.resize(corners.size(), glm::vec3(0.0F));
+    normals.back() = file_normals[static_cast<std::size_t>(normal)];
+    has_normals = true;
+    return {};
+  }
+
+  base::Result<void> addVertex(std::int64_t number) {
+    std::int64_t index = 0;
+    if (!resolveIndex(number, out.vertexCount(), index) || index >= std::int64_t{1} << 48)
+      return indexOutOfRange(place(), number, out.vertexCount());
+    if (index > highest_index) highest_index = index, highest_index_line = line_number;
+    corners.push_back(static_cast<std::uint64_t>(index));
+    if (texture != nullptr) uv.emplace_back(std::numeric_limits<double>::quiet_NaN());
+    return {};
+  }
+
+  // Notes the picture of each material in a material library.
+  void readMaterials(std::string_view name) {
+    const auto bytes = out.textures.read(std::string(name));
+    if (!bytes) {
+      out.summary.warnings.push_back("its materials cannot be read, vertex colours stay: " + bytes.error().message);
+      return;
+    }
+    std::string material;
+    for (std::string_view text = textOf(*bytes); !text.empty();) {
+      std::string_view line = nextLine(text);
+      const std::string_view keyword = nextWord(line);
+      if (keyword == "newmtl") material = std::string(nextWord(line));
+      if (keyword != "map_Kd") continue;
+      // The picture's name is the last word, after any options.
+      std::string_view picture;
+      for (std::string_view word = nextWord(line); !word.empty(); word = nextWord(line)) picture = word;
+      if (!picture.empty()) texture_of[material] = std::string(picture);
+    }
+  }
+
+  void useMaterial(std::string_view name) {
+    const auto found = texture_of.find(std::string(name));
+    texture = found == texture_of.end() ? nullptr : out.textures.find(found->second, out.summary.warnings);
+  }
+
+  base::Result<void> finish() {
+    const std::uint64_t count = out.vertexCount();
+    if (highest_index >= static_cast<std::int64_t>(count))
+      return indexOutOfRange("line " + std::to_string(highest_index_line), highest_index + 1, count);
+    if (too_many_uv)
+      out.summary.warnings.push_back("has more than " + std::to_string(kMaxUv) +
+                                     " texture coordinates; those beyond are not used");
+    if (too_many_normals)
+      out.summary.warnings.push_back("has more than " + std::to_string(kMaxNormals) +
+                                     " normals; those beyond are computed from the triangles");
+    if (out.triangleCount() == 0 && out.summary.short_faces == 0)
+      return invalidInput("the file has no faces (a point cloud?); mesh it first");
+    return {};
+  }
+};
 
 }  // namespace
 

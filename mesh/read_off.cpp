@@ -1,7 +1,7 @@
-#include "mesh/read_off.h"
-
 #include <array>
 #include <limits>
+
+#include "mesh/readers.h"
 
 namespace mesh {
 namespace {
@@ -33,15 +33,113 @@ base::Result<Layout> layoutFromKeyword(std::string_view keyword) {
 class OffReader {
  public:
   OffReader(std::string_view text, MeshStream& out) : text_(text), out_(out) {}
-  base::Result<void> read();
+
+  base::Result<void> read() {
+    LUMIGRID_TRY(readCounts());
+    if (face_count_ == 0) return invalidInput("the file has no faces (a point cloud?); mesh it first");
+    LUMIGRID_TRY(readVertices());
+    LUMIGRID_TRY(readFaces());
+    if (layout_.texture)
+      out_.summary.warnings.push_back(
+          "textures are not used; vertex colours stay (bake the texture to vertex colours first)");
+    return out_.flush(text_.data());
+  }
 
  private:
   /// Finds the next line that holds more than a comment; false at the end.
-  bool nextFullLine(std::string_view& line);
+  bool nextFullLine(std::string_view& line) {
+    while (!text_.empty()) {
+      ++line_number_;
+      line = nextLine(text_);
+      line = line.substr(0, line.find('#'));
+      std::string_view probe = line;
+      if (!nextWord(probe).empty()) return true;
+    }
+    return false;
+  }
+
   std::string place() const { return "line " + std::to_string(line_number_); }
-  base::Result<void> readCounts();
-  base::Result<void> readVertices();
-  base::Result<void> readFaces();
+
+  base::Result<void> readCounts() {
+    std::string_view line;
+    if (!nextFullLine(line)) return truncatedIn("the header");
+    LUMIGRID_ASSIGN_OR_RETURN(layout_, layoutFromKeyword(nextWord(line)));
+
+    // The counts may stand on the keyword's own line.
+    std::string_view word = nextWord(line);
+    if (word == "BINARY") return unsupported("binary OFF is not read; write it as text or as PLY");
+    if (word.empty()) {
+      if (!nextFullLine(line)) return truncatedIn("the header");
+      word = nextWord(line);
+    }
+    const std::string_view faces = nextWord(line);
+    if (!parseNumber(word, vertex_count_) || !parseNumber(faces, face_count_))
+      return invalidInput(place() + ": the numbers of vertices and faces are missing");
+
+    // The shortest vertex is "0 0 0", the shortest face "0".
+    if (vertex_count_ > text_.size() / 5 + 1) return truncatedIn("vertex " + std::to_string(text_.size() / 5));
+    if (face_count_ > text_.size()) return truncatedIn("face " + std::to_string(text_.size()));
+    return {};
+  }
+
+  base::Result<void> readVertices() {
+    const std::string_view begin = text_;
+    const std::uint64_t begin_line = line_number_;
+    TextColors colors;
+    for (std::uint64_t i = 0; i < vertex_count_; ++i) {
+      std::string_view line;
+      if (!nextFullLine(line))
+        return truncatedIn("vertex " + std::to_string(i) + " of " + std::to_string(vertex_count_));
+      std::array<double, 12> n{};
+      std::size_t count = 0;
+      for (std::string_view word = nextWord(line); !word.empty() && count < n.size(); word = nextWord(line), ++count)
+        if (!parseNumber(word, n[count])) return invalidInput(place() + ": " + inQuotes(word) + " is not a number");
+
+      // A line holds the position, then the normal, then the colour, whose alpha may be missing.
+      const std::size_t color_at = layout_.normal ? 6 : 3;
+      const std::size_t needed = layout_.color ? color_at + 3 : color_at;
+      if (count < needed) return truncatedIn("vertex " + std::to_string(i) + " of " + std::to_string(vertex_count_));
+      out_.positions.emplace_back(n[0], n[1], n[2]);
+      if (layout_.normal) out_.normals.emplace_back(glm::dvec3(n[3], n[4], n[5]));
+      if (layout_.color) out_.colors.push_back(colors.color({n[color_at], n[color_at + 1], n[color_at + 2]}));
+      if (colors.mustRestart()) {
+        LUMIGRID_TRY(out_.restart());
+        text_ = begin, line_number_ = begin_line;
+        i = std::numeric_limits<std::uint64_t>::max();  // the loop goes on with 0
+      } else {
+        LUMIGRID_TRY(out_.flushFullBlocks(text_.data()));
+      }
+    }
+    return {};
+  }
+
+  base::Result<void> readFaces() {
+    std::vector<std::uint64_t> corners;
+    for (std::uint64_t i = 0; i < face_count_; ++i) {
+      const std::string face = "face " + std::to_string(i);
+      std::string_view line;
+      if (!nextFullLine(line)) return truncatedIn(face + " of " + std::to_string(face_count_));
+      std::uint64_t count = 0;
+      const std::string_view word = nextWord(line);
+      if (!parseNumber(word, count))
+        return invalidInput(place() + ": " + inQuotes(word) + " is not a number of corners");
+      if (count > line.size()) return truncatedIn(face + " of " + std::to_string(face_count_));
+      corners.clear();
+      for (std::uint64_t k = 0; k < count; ++k) {
+        const std::string_view index_word = nextWord(line);
+        if (index_word.empty()) return truncatedIn(face + " of " + std::to_string(face_count_));
+        std::int64_t index = 0;
+        if (!parseNumber(index_word, index))
+          return invalidInput(face + ": " + inQuotes(index_word) + " is not an index");
+        if (index < 0 || static_cast<std::uint64_t>(index) >= vertex_count_)
+          return indexOutOfRange(face, index, vertex_count_);
+        corners.push_back(static_cast<std::uint64_t>(index));
+      }
+      out_.addPolygon(corners);
+      LUMIGRID_TRY(out_.flushFullBlocks(text_.data()));
+    }
+    return {};
+  }
 
   std::string_view text_;
   std::uint64_t line_number_ = 0;
@@ -50,105 +148,6 @@ class OffReader {
   std::uint64_t face_count_ = 0;
   MeshStream& out_;
 };
-
-bool OffReader::nextFullLine(std::string_view& line) {
-  while (!text_.empty()) {
-    ++line_number_;
-    line = nextLine(text_);
-    line = line.substr(0, line.find('#'));
-    std::string_view probe = line;
-    if (!nextWord(probe).empty()) return true;
-  }
-  return false;
-}
-
-base::Result<void> OffReader::readCounts() {
-  std::string_view line;
-  if (!nextFullLine(line)) return truncatedIn("the header");
-  LUMIGRID_ASSIGN_OR_RETURN(layout_, layoutFromKeyword(nextWord(line)));
-
-  // The counts may stand on the keyword's own line.
-  std::string_view word = nextWord(line);
-  if (word == "BINARY") return unsupported("binary OFF is not read; write it as text or as PLY");
-  if (word.empty()) {
-    if (!nextFullLine(line)) return truncatedIn("the header");
-    word = nextWord(line);
-  }
-  const std::string_view faces = nextWord(line);
-  if (!parseNumber(word, vertex_count_) || !parseNumber(faces, face_count_))
-    return invalidInput(place() + ": the numbers of vertices and faces are missing");
-
-  // The shortest vertex is "0 0 0", the shortest face "0".
-  if (vertex_count_ > text_.size() / 5 + 1) return truncatedIn("vertex " + std::to_string(text_.size() / 5));
-  if (face_count_ > text_.size()) return truncatedIn("face " + std::to_string(text_.size()));
-  return {};
-}
-
-base::Result<void> OffReader::readVertices() {
-  const std::string_view begin = text_;
-  const std::uint64_t begin_line = line_number_;
-  TextColors colors;
-  for (std::uint64_t i = 0; i < vertex_count_; ++i) {
-    std::string_view line;
-    if (!nextFullLine(line)) return truncatedIn("vertex " + std::to_string(i) + " of " + std::to_string(vertex_count_));
-    std::array<double, 12> n{};
-    std::size_t count = 0;
-    for (std::string_view word = nextWord(line); !word.empty() && count < n.size(); word = nextWord(line), ++count)
-      if (!parseNumber(word, n[count])) return invalidInput(place() + ": " + inQuotes(word) + " is not a number");
-
-    // A line holds the position, then the normal, then the colour, whose alpha may be missing.
-    const std::size_t color_at = layout_.normal ? 6 : 3;
-    const std::size_t needed = layout_.color ? color_at + 3 : color_at;
-    if (count < needed) return truncatedIn("vertex " + std::to_string(i) + " of " + std::to_string(vertex_count_));
-    out_.positions.emplace_back(n[0], n[1], n[2]);
-    if (layout_.normal) out_.normals.emplace_back(glm::dvec3(n[3], n[4], n[5]));
-    if (layout_.color) out_.colors.push_back(colors.color({n[color_at], n[color_at + 1], n[color_at + 2]}));
-    if (colors.mustRestart()) {
-      LUMIGRID_TRY(out_.restart());
-      text_ = begin, line_number_ = begin_line;
-      i = std::numeric_limits<std::uint64_t>::max();  // the loop goes on with 0
-    } else {
-      LUMIGRID_TRY(out_.flushFullBlocks(text_.data()));
-    }
-  }
-  return {};
-}
-
-base::Result<void> OffReader::readFaces() {
-  std::vector<std::uint64_t> corners;
-  for (std::uint64_t i = 0; i < face_count_; ++i) {
-    const std::string face = "face " + std::to_string(i);
-    std::string_view line;
-    if (!nextFullLine(line)) return truncatedIn(face + " of " + std::to_string(face_count_));
-    std::uint64_t count = 0;
-    const std::string_view word = nextWord(line);
-    if (!parseNumber(word, count)) return invalidInput(place() + ": " + inQuotes(word) + " is not a number of corners");
-    if (count > line.size()) return truncatedIn(face + " of " + std::to_string(face_count_));
-    corners.clear();
-    for (std::uint64_t k = 0; k < count; ++k) {
-      const std::string_view index_word = nextWord(line);
-      if (index_word.empty()) return truncatedIn(face + " of " + std::to_string(face_count_));
-      std::int64_t index = 0;
-      if (!parseNumber(index_word, index)) return invalidInput(face + ": " + inQuotes(index_word) + " is not an index");
-      if (index < 0 || static_cast<std::uint64_t>(index) >= vertex_count_)
-        return indexOutOfRange(face, index, vertex_count_);
-      corners.push_back(static_cast<std::uint64_t>(index));
-    }
-    out_.addPolygon(corners);
-    LUMIGRID_TRY(out_.flushFullBlocks(text_.data()));
-  }
-  return {};
-}
-
-base::Result<void> OffReader::read() {
-  LUMIGRID_TRY(readCounts());
-  if (face_count_ == 0) return invalidInput("the file has no faces (a point cloud?); mesh it first");
-  LUMIGRID_TRY(readVertices());
-  LUMIGRID_TRY(readFaces());
-  if (layout_.texture)
-    out_.warnings.push_back("textures are not used; vertex colours stay (bake the texture to vertex colours first)");
-  return out_.flush(text_.data());
-}
 
 }  // namespace
 

@@ -1,5 +1,3 @@
-#include "mesh/read_ply.h"
-
 #include <algorithm>
 #include <array>
 #include <bit>
@@ -7,6 +5,8 @@
 #include <cstring>
 #include <limits>
 #include <optional>
+
+#include "mesh/readers.h"
 
 namespace mesh {
 namespace {
@@ -44,14 +44,14 @@ std::size_t sizeOf(Scalar type) {
   return kSizes[static_cast<std::size_t>(type)];
 }
 
-std::optional<Scalar> scalarFromName(std::string_view name) {
+base::Result<Scalar> scalarFromName(std::string_view name) {
   // Each type has two names.
   constexpr std::array<std::string_view, 16> kNames{"char",   "int8",    "uchar",  "uint8",  "short", "int16",
                                                     "ushort", "uint16",  "int",    "int32",  "uint",  "uint32",
                                                     "float",  "float32", "double", "float64"};
   const auto found = std::find(kNames.begin(), kNames.end(), name);
-  if (found != kNames.end()) return static_cast<Scalar>((found - kNames.begin()) / 2);
-  return std::nullopt;
+  if (found == kNames.end()) return invalidInput("header: unknown type " + inQuotes(name));
+  return static_cast<Scalar>((found - kNames.begin()) / 2);
 }
 
 // ---- Header ----
@@ -87,14 +87,10 @@ base::Result<void> parseProperty(std::string_view line, Header& header) {
   if (word == "list") {
     property.is_list = true;
     word = nextWord(line);
-    const auto count_type = scalarFromName(word);
-    if (!count_type) return invalidInput("header: unknown type " + inQuotes(word));
-    property.count_type = *count_type;
+    LUMIGRID_ASSIGN_OR_RETURN(property.count_type, scalarFromName(word));
     word = nextWord(line);
   }
-  const auto type = scalarFromName(word);
-  if (!type) return invalidInput("header: unknown type " + inQuotes(word));
-  property.type = *type;
+  LUMIGRID_ASSIGN_OR_RETURN(property.type, scalarFromName(word));
   property.name = std::string(nextWord(line));
   element.properties.push_back(std::move(property));
   return {};
@@ -356,9 +352,9 @@ base::Result<void> readFixedVertices(BinarySource& source, const Element& elemen
 }
 
 template <class Source>
-base::Result<void> skipList(Source& source, const Element& element, const Property& property, std::uint64_t row) {
-  double count = 0.0;
-  if (!source.scalar(property.count_type, count) || !(count >= 0.0) ||
+base::Result<void> skipProperty(Source& source, const Element& element, const Property& property, std::uint64_t row) {
+  double count = 1.0;
+  if ((property.is_list && (!source.scalar(property.count_type, count) || !(count >= 0.0))) ||
       !source.skip(property.type, static_cast<std::uint64_t>(std::min(count, 1e18))))
     return badRow(source, element, row);
   return {};
@@ -381,7 +377,7 @@ base::Result<void> readVertices(Source& source, const Element& element, MeshStre
       const Property& property = element.properties[p];
       double value = 0.0;
       if (property.is_list) {
-        LUMIGRID_TRY(skipList(source, element, property, i));
+        LUMIGRID_TRY(skipProperty(source, element, property, i));
       } else if (!source.scalar(property.type, value)) {
         return badRow(source, element, i);
       }
@@ -397,13 +393,7 @@ template <class Source>
 base::Result<void> skipElement(Source& source, const Element& element) {
   if (element.properties.empty()) return {};
   for (std::uint64_t i = 0; i < element.count; ++i)
-    for (const Property& property : element.properties) {
-      if (property.is_list) {
-        LUMIGRID_TRY(skipList(source, element, property, i));
-      } else if (!source.skip(property.type, 1)) {
-        return badRow(source, element, i);
-      }
-    }
+    for (const Property& property : element.properties) LUMIGRID_TRY(skipProperty(source, element, property, i));
   return {};
 }
 
@@ -508,9 +498,9 @@ base::Result<void> readFaces(Source& source, const Element& element, bool strips
   const auto is_uv = [](const Property& p) { return p.is_list && p.name == "texcoord"; };
   const bool has_uv = std::any_of(element.properties.begin(), element.properties.end(), is_uv);
   const Texture* texture = nullptr;
-  if (!header.texture.empty() && has_uv && !strips) texture = out.textures.find(header.texture, out.warnings);
+  if (!header.texture.empty() && has_uv && !strips) texture = out.textures.find(header.texture, out.summary.warnings);
   if (!header.texture.empty() && !has_uv)
-    out.warnings.push_back(
+    out.summary.warnings.push_back(
         "textures are not used, since its faces have no texcoord list; vertex colours stay (bake the texture to vertex "
         "colours first)");
   std::vector<glm::dvec2> uv;
@@ -531,10 +521,8 @@ base::Result<void> readFaces(Source& source, const Element& element, bool strips
         LUMIGRID_TRY(readCorners(source, element, property, row, vertex_count, strips, corners));
       } else if (texture != nullptr && is_uv(property)) {
         LUMIGRID_TRY(readUv(source, element, property, row, uv));
-      } else if (property.is_list) {
-        LUMIGRID_TRY(skipList(source, element, property, row));
-      } else if (!source.skip(property.type, 1)) {
-        return badRow(source, element, row);
+      } else {
+        LUMIGRID_TRY(skipProperty(source, element, property, row));
       }
     }
     if (strips) {

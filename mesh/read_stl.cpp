@@ -1,8 +1,8 @@
-#include "mesh/read_stl.h"
-
 #include <algorithm>
 #include <array>
 #include <cstring>
+
+#include "mesh/readers.h"
 
 namespace mesh {
 namespace {
@@ -86,7 +86,7 @@ bool isBinaryStlBySize(base::ByteView bytes) {
 
 base::Result<void> readStl(base::ByteView bytes, MeshStream& out) {
   LUMIGRID_TRY(isText(bytes) ? readText(textOf(bytes), out) : readBinary(bytes, out));
-  if (out.triangleCount() == 0 && out.short_faces == 0) return invalidInput("the file has no triangles");
+  if (out.triangleCount() == 0 && out.summary.short_faces == 0) return invalidInput("the file has no triangles");
   return out.flush(bytes.data() + bytes.size());
 }
 

@@ -3,11 +3,7 @@
 #include <algorithm>
 
 #include "base/file.h"
-#include "mesh/read_glb.h"
-#include "mesh/read_obj.h"
-#include "mesh/read_off.h"
-#include "mesh/read_ply.h"
-#include "mesh/read_stl.h"
+#include "mesh/readers.h"
 
 namespace mesh {
 namespace {
@@ -70,16 +66,10 @@ base::Result<StreamedFile> streamMesh(const std::string& path, MeshSink& sink, c
                        read.error().code == base::ErrorCode::kIo || read.error().code == base::ErrorCode::kCancelled;
     return named ? read.error() : base::within(path, read.error());
   }
-  StreamedFile out;
-  out.bytes = file.bytes().size();
-  out.vertices = stream.vertexCount();
-  out.triangles = stream.triangleCount();
-  out.short_faces = stream.short_faces;
-  out.has_normals = stream.hasNormals();
-  out.has_colors = stream.hasColors();
-  out.warnings = std::move(stream.warnings);
-  if (const std::string lost = stream.baker.warning(stream.vertexCount()); !lost.empty()) out.warnings.push_back(lost);
-  return out;
+  StreamedFile& summary = stream.summary;
+  summary.bytes = file.bytes().size();
+  if (const std::string lost = stream.baker.warning(summary.vertices); !lost.empty()) summary.warnings.push_back(lost);
+  return std::move(summary);
 }
 
 }  // namespace mesh

@@ -238,17 +238,93 @@ class Statue : public SampleSurface {
   std::uint64_t rowCount() const override { return 2 * n_ + belt_ + 1; }
   std::uint64_t rowSize(std::uint64_t row) const override { return std::max<std::uint64_t>(1, 4 * quarter(row)); }
   std::uint64_t triangleCount() const override { return 8 * n_ * (n_ + belt_); }
-  SamplePoint point(std::uint64_t row, std::uint64_t column) const override;
+
+  SamplePoint point(std::uint64_t row, std::uint64_t column) const override {
+    const std::uint64_t ring = 4 * quarter(row);
+    const double s = static_cast<double>(row) / static_cast<double>(rowCount() - 1);
+    const double turn = ring == 0 ? 0.0 : static_cast<double>(column) / static_cast<double>(ring);
+    const Ray ray = rayAt(table_.qAt(s), directionFromTurn(turn));
+    const double radius = table_.radius(s, turn);
+    const glm::dvec3 body = ray.origin + radius * ray.direction;
+
+    double fine = 0.0;
+    const double carved = carving(body, turn);
+    const double rough = weathering_->roughness(body, fine);
+    const double out = std::max(0.01, radius + 0.010 * carved + rough);
+    return {ray.origin + out * ray.direction, weathering_->color(body, std::clamp(carved, -1.0, 1.0), fine)};
+  }
+
   void band(std::uint64_t row, std::uint32_t upper_start, std::uint32_t lower_start,
-            std::vector<std::uint32_t>& corners) const override;
+            std::vector<std::uint32_t>& corners) const override {
+    const std::uint64_t upper = quarter(row);
+    const std::uint64_t lower = quarter(row + 1);
+    const std::uint64_t longer = std::max(upper, lower);
+    for (std::uint64_t quadrant = 0; quadrant < 4; ++quadrant) {
+      const auto at = [quadrant](std::uint32_t start, std::uint64_t size, std::uint64_t j) {
+        return size == 0 ? start : start + static_cast<std::uint32_t>((quadrant * size + j) % (4 * size));
+      };
+      for (std::uint64_t j = 0; j < longer; ++j) {
+        const std::uint32_t u0 = at(upper_start, upper, j);
+        const std::uint32_t l0 = at(lower_start, lower, j);
+        const std::uint32_t u1 = at(upper_start, upper, j + 1);
+        const std::uint32_t l1 = at(lower_start, lower, j + 1);
+
+        // Triangles run counter-clockwise seen from outside, where turns run leftwards. A quadrant of the shorter ring
+        // has one edge less.
+        if (upper >= lower) {
+          corners.insert(corners.end(), {u0, u1, l0});
+          if (j < lower) corners.insert(corners.end(), {u1, l1, l0});
+        } else {
+          corners.insert(corners.end(), {u0, l1, l0});
+          if (j < upper) corners.insert(corners.end(), {u0, u1, l1});
+        }
+      }
+    }
+  }
 
  private:
   /// How many vertices a ring has per quarter turn; 0 for a pole.
   std::uint64_t quarter(std::uint64_t row) const { return std::min({row, n_, rowCount() - 1 - row}); }
-  double carving(const glm::dvec3& p, double turn) const;
-  double drapery(const glm::dvec3& p) const;
-  double hair(const glm::dvec3& p) const;
-  double ornament(const glm::dvec3& p, double turn) const;
+
+  /// The depth of the carving at a point of the body, in units of about a hundredth.
+  double carving(const glm::dvec3& p, double turn) const {
+    double c = 1.9 * drapery(p) + 1.1 * hair(p) + 1.0 * ornament(p, turn);
+
+    // Tool marks are fine hatching in patches.
+    const double hatch = resolved(0.022, edge_) * smooth(0.0, 0.5, valueNoise(p * 3.7, seed_ + 313U));
+    if (hatch > 0.0) c += 0.12 * hatch * wave(46.0 * p.y + 21.0 * p.x - 13.0 * p.z);
+    return c;
+  }
+
+  // Warped folds of a cloth over the breast, in [−1, 1], fade out where the cloth ends.
+  double drapery(const glm::dvec3& p) const {
+    const double where = smooth(0.36, 0.46, p.y) * (1.0 - smooth(0.98, 1.06, p.y + 0.35 * p.x));
+    if (where <= 0.0) return 0.0;
+    const double warp = 0.45 * valueNoise(p * 2.3, seed_ + 307U);
+    const double w = wave(4.2 * p.x + 3.1 * p.y - 2.4 * p.z + warp);
+    return where * (0.75 * w + 0.25 * wave(11.0 * p.x + 5.0 * p.y + 2.0 * warp));
+  }
+
+  double hair(const glm::dvec3& p) const {
+    const double where = smooth(0.02, -0.06, p.z - 0.5 * (p.y - 1.70)) * smooth(1.52, 1.60, p.y);
+    if (where <= 0.0) return 0.0;
+    const double warp = valueNoise(p * 5.1, seed_ + 311U);
+    return where * (0.65 * wave(9.0 * p.y + 7.0 * p.z + 0.6 * warp) +
+                    0.35 * resolved(0.03, edge_) * wave(31.0 * p.y + 17.0 * p.z + 9.0 * p.x + 1.6 * warp));
+  }
+
+  // A frieze of rosettes runs around the plinth between two grooves.
+  double ornament(const glm::dvec3& p, double turn) const {
+    if (p.y > 0.34) return 0.0;
+    const double groove = smooth(0.014, 0.004, std::abs(p.y - 0.135)) + smooth(0.014, 0.004, std::abs(p.y - 0.265));
+    const double u = 20.0 * turn - static_cast<double>(static_cast<int>(20.0 * turn)) - 0.5;
+    const double v = (p.y - 0.2) / 0.11;
+    const double r2 = 4.0 * (u * u + v * v);
+    const double ring = smooth(0.12, 0.02, std::abs(r2 - 0.62));
+    const double knob = smooth(0.14, 0.04, r2);
+    const double petals = smooth(0.05, 0.3, r2) * smooth(0.6, 0.4, r2) * smooth(0.02, -0.06, std::abs(u * v) - 0.03);
+    return (ring + 0.8 * knob + 0.6 * petals) * smooth(0.135, 0.15, p.y) * smooth(0.265, 0.25, p.y) - groove;
+  }
 
   std::uint32_t seed_;
   const RadiusTable& table_;
@@ -257,89 +333,6 @@ class Statue : public SampleSurface {
   double edge_ = 0.0;
   std::unique_ptr<Weathering> weathering_;
 };
-
-// Warped folds of a cloth over the breast, in [−1, 1], fade out where the cloth ends.
-double Statue::drapery(const glm::dvec3& p) const {
-  const double where = smooth(0.36, 0.46, p.y) * (1.0 - smooth(0.98, 1.06, p.y + 0.35 * p.x));
-  if (where <= 0.0) return 0.0;
-  const double warp = 0.45 * valueNoise(p * 2.3, seed_ + 307U);
-  const double w = wave(4.2 * p.x + 3.1 * p.y - 2.4 * p.z + warp);
-  return where * (0.75 * w + 0.25 * wave(11.0 * p.x + 5.0 * p.y + 2.0 * warp));
-}
-
-double Statue::hair(const glm::dvec3& p) const {
-  const double where = smooth(0.02, -0.06, p.z - 0.5 * (p.y - 1.70)) * smooth(1.52, 1.60, p.y);
-  if (where <= 0.0) return 0.0;
-  const double warp = valueNoise(p * 5.1, seed_ + 311U);
-  return where * (0.65 * wave(9.0 * p.y + 7.0 * p.z + 0.6 * warp) +
-                  0.35 * resolved(0.03, edge_) * wave(31.0 * p.y + 17.0 * p.z + 9.0 * p.x + 1.6 * warp));
-}
-
-// A frieze of rosettes runs around the plinth between two grooves.
-double Statue::ornament(const glm::dvec3& p, double turn) const {
-  if (p.y > 0.34) return 0.0;
-  const double groove = smooth(0.014, 0.004, std::abs(p.y - 0.135)) + smooth(0.014, 0.004, std::abs(p.y - 0.265));
-  const double u = 20.0 * turn - static_cast<double>(static_cast<int>(20.0 * turn)) - 0.5;
-  const double v = (p.y - 0.2) / 0.11;
-  const double r2 = 4.0 * (u * u + v * v);
-  const double ring = smooth(0.12, 0.02, std::abs(r2 - 0.62));
-  const double knob = smooth(0.14, 0.04, r2);
-  const double petals = smooth(0.05, 0.3, r2) * smooth(0.6, 0.4, r2) * smooth(0.02, -0.06, std::abs(u * v) - 0.03);
-  return (ring + 0.8 * knob + 0.6 * petals) * smooth(0.135, 0.15, p.y) * smooth(0.265, 0.25, p.y) - groove;
-}
-
-/// The depth of the carving at a point of the body, in units of about a hundredth.
-double Statue::carving(const glm::dvec3& p, double turn) const {
-  double c = 1.9 * drapery(p) + 1.1 * hair(p) + 1.0 * ornament(p, turn);
-
-  // Tool marks are fine hatching in patches.
-  const double hatch = resolved(0.022, edge_) * smooth(0.0, 0.5, valueNoise(p * 3.7, seed_ + 313U));
-  if (hatch > 0.0) c += 0.12 * hatch * wave(46.0 * p.y + 21.0 * p.x - 13.0 * p.z);
-  return c;
-}
-
-SamplePoint Statue::point(std::uint64_t row, std::uint64_t column) const {
-  const std::uint64_t ring = 4 * quarter(row);
-  const double s = static_cast<double>(row) / static_cast<double>(rowCount() - 1);
-  const double turn = ring == 0 ? 0.0 : static_cast<double>(column) / static_cast<double>(ring);
-  const Ray ray = rayAt(table_.qAt(s), directionFromTurn(turn));
-  const double radius = table_.radius(s, turn);
-  const glm::dvec3 body = ray.origin + radius * ray.direction;
-
-  double fine = 0.0;
-  const double carved = carving(body, turn);
-  const double rough = weathering_->roughness(body, fine);
-  const double out = std::max(0.01, radius + 0.010 * carved + rough);
-  return {ray.origin + out * ray.direction, weathering_->color(body, std::clamp(carved, -1.0, 1.0), fine)};
-}
-
-void Statue::band(std::uint64_t row, std::uint32_t upper_start, std::uint32_t lower_start,
-                  std::vector<std::uint32_t>& corners) const {
-  const std::uint64_t upper = quarter(row);
-  const std::uint64_t lower = quarter(row + 1);
-  const std::uint64_t longer = std::max(upper, lower);
-  for (std::uint64_t quadrant = 0; quadrant < 4; ++quadrant) {
-    const auto at = [quadrant](std::uint32_t start, std::uint64_t size, std::uint64_t j) {
-      return size == 0 ? start : start + static_cast<std::uint32_t>((quadrant * size + j) % (4 * size));
-    };
-    for (std::uint64_t j = 0; j < longer; ++j) {
-      const std::uint32_t u0 = at(upper_start, upper, j);
-      const std::uint32_t l0 = at(lower_start, lower, j);
-      const std::uint32_t u1 = at(upper_start, upper, j + 1);
-      const std::uint32_t l1 = at(lower_start, lower, j + 1);
-
-      // Triangles run counter-clockwise seen from outside, where turns run leftwards. A quadrant of the shorter ring
-      // has one edge less.
-      if (upper >= lower) {
-        corners.insert(corners.end(), {u0, u1, l0});
-        if (j < lower) corners.insert(corners.end(), {u1, l1, l0});
-      } else {
-        corners.insert(corners.end(), {u0, l1, l0});
-        if (j < upper) corners.insert(corners.end(), {u0, u1, l1});
-      }
-    }
-  }
-}
 
 }  // namespace
 

@@ -2,11 +2,7 @@
 #include <algorithm>
 
 #include "base/check.h"
-#include "mesh/read_glb.h"
-#include "mesh/read_obj.h"
-#include "mesh/read_off.h"
-#include "mesh/read_ply.h"
-#include "mesh/read_stl.h"
+#include "mesh/readers.h"
 #include "tests/fuzz/fuzz.h"
 
 namespace {
