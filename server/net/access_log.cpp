@@ -29,32 +29,21 @@ AccessLog::AccessLog(std::string path, const repository::AccessIdentity& identit
       max_keys_(max_keys),
       counter_(max_keys, [this] { wake(); }),
       pending_until_(now()),
-      thread_([this] { runThread(); }) {}
-
-AccessLog::~AccessLog() {
-  {
-    const std::lock_guard lock(mutex_);
-    stopping_ = true;
-  }
-  changed_.notify_all();
-  thread_.join();
-}
+      thread_([this](const std::stop_token& stop) { runThread(stop); }) {}
 
 void AccessLog::wake() {
-  {
-    const std::lock_guard lock(mutex_);
-    full_ = true;
-  }
+  const std::lock_guard lock(mutex_);
+  full_ = true;
   changed_.notify_all();
 }
 
-void AccessLog::runThread() {
+void AccessLog::runThread(const std::stop_token& stop) {
   write(kLockTimeout);  // with no counts yet, so that the log tells at once when the file cannot be written
   std::unique_lock lock(mutex_);
   for (bool last = false; !last;) {
-    changed_.wait_for(lock, std::chrono::duration<double>(interval_seconds_), [this] { return full_ || stopping_; });
+    changed_.wait_for(lock, stop, std::chrono::duration<double>(interval_seconds_), [this] { return full_; });
     full_ = false;
-    last = stopping_;
+    last = stop.stop_requested();
     lock.unlock();
     write(last ? kLastLockTimeout : kLockTimeout);
     lock.lock();

@@ -11,20 +11,18 @@
 
 namespace server {
 
+/// Its end writes what is left.
 class AccessLog {
  public:
   /// `path`: the file, made when absent (docs/formats/access.md). `max_keys`: as AccessCounter's; at most twice as many
   /// wait while the file cannot be written.
   AccessLog(std::string path, const repository::AccessIdentity& identity, double interval_seconds,
             std::size_t max_keys = 1'000'000);
-  ~AccessLog();  ///< writes what is left
-  AccessLog(const AccessLog&) = delete;
-  AccessLog& operator=(const AccessLog&) = delete;
 
   repository::AccessCounter& counter() { return counter_; }
 
  private:
-  void runThread();
+  void runThread(const std::stop_token& stop);
   void write(double patience_seconds);
   void logFailure(const base::Error& error);
   void wake();
@@ -35,15 +33,15 @@ class AccessLog {
   const std::size_t max_keys_;
 
   std::mutex mutex_;
-  std::condition_variable changed_;
-  bool full_ = false, stopping_ = false;
+  std::condition_variable_any changed_;
+  bool full_ = false;
   repository::AccessCounter counter_;
 
   // Used by the thread alone.
   repository::AccessCounts pending_;  // taken from the counter, but not in the file yet
   std::int64_t pending_until_ = 0;    // when they were taken, Unix seconds
   bool failing_ = false;
-  std::thread thread_;
+  std::jthread thread_;
 };
 
 }  // namespace server

@@ -2,18 +2,26 @@
 // Renders exact frames of viewers' views, and between them pictures of any size that were requested over HTTP, on a
 // thread of its own with its own GL context. All scenes of a server share that thread, since Mesa's llvmpipe crashes
 // with several drawing contexts at once (docs/decisions/software-gl-processes.md).
+#include <condition_variable>
 #include <cstdint>
+#include <deque>
 #include <functional>
+#include <future>
 #include <memory>
+#include <mutex>
+#include <optional>
+#include <thread>
 #include <vector>
 
 #include "base/error.h"
 #include "server/net/open_scene.h"
 #include "server/net/picture.h"
+#include "server/render/scene_renderer.h"
 #include "server/session/session.h"
 
 namespace server {
 
+/// Its end drops queued requests and waits for the current band or frame.
 class FrameRenderer {
  public:
   using OnFrame = std::function<void(base::Bytes value)>;
@@ -22,8 +30,6 @@ class FrameRenderer {
   /// Starts the thread and waits for its GL context; the error says why there is none. The scenes outlive this; the
   /// parameter `scene` below is a position in the list, of a scene with patches.
   static base::Result<std::unique_ptr<FrameRenderer>> start(const std::vector<const OpenScene*>& scenes);
-  /// Drops queued requests and waits for the current band or frame.
-  ~FrameRenderer();
 
   /// Queues one frame: tolerance 0.25 px, 2 × 2 samples a pixel, encoded like a baked face (from quality 90 on 4:4:4,
   /// else 4:2:0). A client's newer request replaces its older one, whose `done` is never called; so the queue holds one
@@ -39,9 +45,38 @@ class FrameRenderer {
   void cancel(std::uint64_t client);
 
  private:
-  FrameRenderer() = default;
-  struct Impl;
-  std::unique_ptr<Impl> impl_;
+  explicit FrameRenderer(const std::vector<const OpenScene*>& scenes) : scenes_(scenes) {}
+  struct FrameJob {
+    std::uint64_t client = 0;
+    std::size_t scene = 0;
+    FrameRequest request;
+    OnFrame done;
+  };
+  struct PictureJob {
+    std::uint64_t client = 0;
+    std::size_t scene = 0;
+    PictureRequest request;
+    OnPicture done;
+    std::unique_ptr<PicturePainter> painter;  // used by the thread alone; null: not begun
+  };
+
+  void runThread(const std::stop_token& stop, std::promise<base::Result<void>> started);
+  bool waitForWork(const std::stop_token& stop, std::optional<FrameJob>& frame);
+  base::Result<void> makeRenderers();
+  base::Bytes renderFrame(const FrameJob& job) const;
+  void drawPictureBand();
+  base::Result<bool> drawNextBand(PictureJob& job) const;
+
+  const std::vector<const OpenScene*> scenes_;
+  std::vector<std::unique_ptr<SceneRenderer>> renderers_;  // used by the thread alone; parallel to `scenes_`
+  std::mutex mutex_;
+  std::condition_variable_any changed_;
+  std::deque<FrameJob> queue_;                   // one per client at most, oldest first
+  std::deque<PictureJob> pictures_;              // oldest first
+  std::optional<std::uint64_t> current_client_;  // the client of current_picture_
+  bool current_cancelled_ = false;               // nobody wants current_picture_ any more
+  std::optional<PictureJob> current_picture_;    // used by the thread alone
+  std::jthread thread_;                          // last: it uses the others
 };
 
 }  // namespace server

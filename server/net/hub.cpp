@@ -1,6 +1,9 @@
 #include "server/net/hub.h"
 
 #include <algorithm>
+#include <filesystem>
+#include <mutex>
+#include <set>
 #include <utility>
 
 #include "server/net/scene_names.h"
@@ -16,7 +19,39 @@ base::Result<PageFiles> readPages(const std::string& directory) {
   return readPageFiles(directory);
 }
 
+/// Writes to the log which published images cannot be read. Each message is logged once, at most 100 of them: a
+/// missing pack holds hundreds of faces, and viewers ask for them again and again.
+void logImageErrors(OpenScene& scene) {
+  if (scene.packs == nullptr) return;
+  constexpr std::size_t kMaxLoggedErrors = 100;
+  struct LoggedErrors {
+    std::mutex mutex;
+    std::set<std::string> messages;
+  };
+  scene.packs->setErrorListener([logged = std::make_shared<LoggedErrors>()](const base::Error& error) {
+    const std::lock_guard guard(logged->mutex);
+    if (logged->messages.size() < kMaxLoggedErrors && logged->messages.insert(error.message).second)
+      spdlog::warn("image: {}", error.message);
+  });
+}
+
 }  // namespace
+
+void HostedScene::startAccessLog(const ServerOptions& options, const std::string& scene_directory) {
+  if (!hasPatches()) return;
+  std::string path = options.access_file;
+  std::error_code ignored;
+  if (path.empty()) {
+    if (!std::filesystem::is_directory(scene_directory, ignored)) {
+      spdlog::warn("access counts are not kept: {} is no directory; --access-file names a place for them",
+                   scene_directory);
+      return;
+    }
+    path = repository::accessFileOf(scene_directory);
+  }
+  access = std::make_unique<AccessLog>(path, accessIdentityOf(*scene), options.access_interval_seconds);
+  scene->data.access = &access->counter();
+}
 
 base::Result<void> Hub::openScenes(const std::vector<std::string>& places) {
   if (places.empty()) return base::Error{base::ErrorCode::kInvalidInput, "there is no scene to serve"};
@@ -93,7 +128,10 @@ void Hub::endThreads() {
 }
 
 void Hub::endAccessLogs() {
-  for (const auto& hosted : scenes) hosted->endAccessLog();
+  for (const auto& hosted : scenes) {
+    hosted->scene->data.access = nullptr;
+    hosted->access.reset();
+  }
 }
 
 }  // namespace server

@@ -1,6 +1,7 @@
 #pragma once
-// The state that all connections of a server share.
+// The scenes of a server, and the state that all its connections share.
 #include <atomic>
+#include <cstddef>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -11,8 +12,10 @@
 
 #include "base/error.h"
 #include "base/parallel.h"
+#include "server/net/access_log.h"
 #include "server/net/frame_renderer.h"
-#include "server/net/hosted_scene.h"
+#include "server/net/open_scene.h"
+#include "server/net/pick.h"
 #include "server/net/server.h"
 #include "server/net/site.h"
 
@@ -23,6 +26,24 @@ class io_context;
 namespace server {
 
 class Connection;
+
+/// One scene of a server with everything that answers for it.
+struct HostedScene {
+  HostedScene(std::size_t position, std::string served_as, std::unique_ptr<OpenScene> opened)
+      : number(position), name(std::move(served_as)), scene(std::move(opened)) {}
+
+  const std::size_t number;  ///< position in the server's list; the renderer knows the scene by it
+  const std::string name;    ///< first part of its addresses; empty for an only scene, which is at "/"
+  std::unique_ptr<OpenScene> scene;
+  std::unique_ptr<Site> site;
+  std::unique_ptr<Picker> picker;     ///< null: the scene is splats-only
+  std::unique_ptr<AccessLog> access;  ///< null: nothing is counted
+
+  bool hasPatches() const { return scene->data.patches != nullptr; }
+  /// Starts to count what is sent, in the file that the options name or in the scene's directory. A scene without
+  /// patches has nothing to count; where the counts would have no place, the log says so.
+  void startAccessLog(const ServerOptions& options, const std::string& scene_directory);
+};
 
 /// Only the io thread uses it, with two exceptions: fetchers read `stopping`, and the renderer has its own lock.
 struct Hub {

@@ -60,17 +60,7 @@ base::Result<std::string> pick(const base::Scene& scene, const lod::patch::Patch
 }
 
 Picker::Picker(const base::Scene& scene, const lod::patch::PatchFile& patches)
-    : scene_(scene), patches_(patches), thread_([this] { runThread(); }) {}
-
-Picker::~Picker() {
-  {
-    const std::lock_guard lock(mutex_);
-    stopping_ = true;
-    queue_.clear();
-  }
-  changed_.notify_all();
-  thread_.join();
-}
+    : scene_(scene), patches_(patches), thread_([this](const std::stop_token& stop) { runThread(stop); }) {}
 
 bool Picker::submit(const lod::patch::Ray& ray, OnPick done) {
   const std::lock_guard lock(mutex_);
@@ -80,11 +70,11 @@ bool Picker::submit(const lod::patch::Ray& ray, OnPick done) {
   return true;
 }
 
-void Picker::runThread() {
+void Picker::runThread(const std::stop_token& stop) {
   std::unique_lock lock(mutex_);
   for (;;) {
-    changed_.wait(lock, [this] { return stopping_ || !queue_.empty(); });
-    if (stopping_) return;
+    changed_.wait(lock, stop, [this] { return !queue_.empty(); });
+    if (stop.stop_requested()) return;
     Job job = std::move(queue_.front());
     queue_.pop_front();
     lock.unlock();

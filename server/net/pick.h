@@ -24,6 +24,7 @@ base::Result<lod::patch::Ray> parsePickRequest(const Query& query);
 base::Result<std::string> pick(const base::Scene& scene, const lod::patch::PatchFile& patches,
                                const lod::patch::Ray& ray);
 
+/// Its end drops queued rays and waits for the one being cast.
 class Picker {
  public:
   using OnPick = std::function<void(base::Result<std::string> json)>;
@@ -31,10 +32,6 @@ class Picker {
 
   /// Both must outlive this.
   Picker(const base::Scene& scene, const lod::patch::PatchFile& patches);
-  /// Drops queued rays and waits for the one being cast.
-  ~Picker();
-  Picker(const Picker&) = delete;
-  Picker& operator=(const Picker&) = delete;
   /// Calls `done` on the picker's thread. Returns false, and never calls it, when kMaxQueued rays wait already.
   bool submit(const lod::patch::Ray& ray, OnPick done);
 
@@ -43,15 +40,14 @@ class Picker {
     lod::patch::Ray ray;
     OnPick done;
   };
-  void runThread();
+  void runThread(const std::stop_token& stop);
 
   const base::Scene& scene_;
   const lod::patch::PatchFile& patches_;
   std::mutex mutex_;
-  std::condition_variable changed_;
+  std::condition_variable_any changed_;
   std::deque<Job> queue_;
-  bool stopping_ = false;
-  std::thread thread_;
+  std::jthread thread_;  // last: it uses the others
 };
 
 }  // namespace server

@@ -7,12 +7,9 @@
 #include <glm/gtc/constants.hpp>
 #include <string>
 #include <utility>
-#include <variant>
 
 #include "base/number.h"
-#include "base/png/png_rows.h"
 #include "protocol/message.h"
-#include "repository/faces/jpeg.h"
 #include "server/render/tiling.h"
 
 namespace server {
@@ -204,26 +201,6 @@ base::Result<void> readColors(Values& values, PictureRequest& request) {
   return {};
 }
 
-// ---- Drawing
-
-base::Camera sceneCamera(const PictureRequest& request, const base::Scene& scene, const SceneRenderer& renderer) {
-  return base::cameraForScene(request.camera, scene.origin, {renderer.sceneCenter(), renderer.sceneRadius()});
-}
-
-using Rows = std::variant<std::unique_ptr<base::PngRows>, std::unique_ptr<repository::JpegRows>>;
-
-base::Result<Rows> beginRows(const PictureRequest& request, base::Bytes& out) {
-  const base::ViewCamera& camera = request.camera;
-  if (request.format == PictureRequest::Format::kPng) {
-    LUMIGRID_ASSIGN_OR_RETURN(auto rows,
-                              base::PngRows::begin(camera.width, camera.height, request.background ? 3 : 4, out));
-    return Rows(std::move(rows));
-  }
-  LUMIGRID_ASSIGN_OR_RETURN(auto rows, repository::JpegRows::begin(camera.width, camera.height, request.quality,
-                                                                   subsamplingFor(request.quality), out));
-  return Rows(std::move(rows));
-}
-
 }  // namespace
 
 const char* contentTypeOf(PictureRequest::Format format) {
@@ -253,53 +230,48 @@ base::Result<PictureRequest> parsePictureRequest(const Query& query, std::uint64
   return request;
 }
 
-struct PicturePainter::Impl {
-  PictureRequest request;
-  base::Camera camera;
-  RenderOptions options;
-  int band_height = 1;
-  int next_row = 0;
-  base::Bytes bytes;
-  Rows rows;
-};
-
-PicturePainter::~PicturePainter() = default;
+// ---- Drawing
 
 base::Result<std::unique_ptr<PicturePainter>> PicturePainter::begin(const PictureRequest& request,
                                                                     const base::Scene& scene,
                                                                     const SceneRenderer& renderer,
                                                                     std::uint64_t band_pixels) {
-  std::unique_ptr<PicturePainter> painter(new PicturePainter);
-  painter->impl_ = std::make_unique<Impl>();
-  Impl& impl = *painter->impl_;
-  impl.request = request;
-  impl.camera = sceneCamera(request, scene, renderer);
-  impl.options.tolerance_px = request.tolerance_px;
-  impl.options.modes.resolution_colors = request.resolution_colors;
-  if (request.section) impl.options.modes.section = base::sectionInScene(*request.section, scene.origin);
-  impl.options.supersampling = request.supersampling;
+  std::unique_ptr<PicturePainter> painter(new PicturePainter(request));
+  painter->camera_ =
+      base::cameraForScene(request.camera, scene.origin, {renderer.sceneCenter(), renderer.sceneRadius()});
+  RenderOptions& options = painter->options_;
+  options.tolerance_px = request.tolerance_px;
+  options.modes.resolution_colors = request.resolution_colors;
+  if (request.section) options.modes.section = base::sectionInScene(*request.section, scene.origin);
+  options.supersampling = request.supersampling;
   const std::uint64_t rows = band_pixels / static_cast<std::uint64_t>(request.camera.width);
-  impl.band_height =
+  painter->band_height_ =
       static_cast<int>(std::clamp<std::uint64_t>(rows, 1, static_cast<std::uint64_t>(request.camera.height)));
-  LUMIGRID_ASSIGN_OR_RETURN(impl.rows, beginRows(request, impl.bytes));
+  LUMIGRID_ASSIGN_OR_RETURN(painter->rows_, painter->beginRows());
   return painter;
 }
 
-base::Result<bool> PicturePainter::drawNextBand(SceneRenderer& renderer) {
-  Impl& impl = *impl_;
-  const int height = std::min(impl.band_height, impl.camera.height - impl.next_row);
-  // The cut depends on the eye and the pixels per unit, which all bands share, so that no seam shows between bands.
-  LUMIGRID_ASSIGN_OR_RETURN(
-      auto band, renderer.render(tileCamera(impl.camera, 0, impl.next_row, impl.camera.width, height), impl.options));
-  const base::Image pixels =
-      impl.request.background ? compositeOver(band.rgba, *impl.request.background) : std::move(band.rgba);
-  LUMIGRID_TRY(std::visit([&](auto& rows) { return rows->add(pixels); }, impl.rows));
-  impl.next_row += height;
-  return impl.next_row == impl.camera.height;
+base::Result<PicturePainter::Rows> PicturePainter::beginRows() {
+  if (request_.format == PictureRequest::Format::kPng) {
+    LUMIGRID_ASSIGN_OR_RETURN(auto rows,
+                              base::PngRows::begin(camera_.width, camera_.height, request_.background ? 3 : 4, bytes_));
+    return Rows(std::move(rows));
+  }
+  LUMIGRID_ASSIGN_OR_RETURN(auto rows, repository::JpegRows::begin(camera_.width, camera_.height, request_.quality,
+                                                                   subsamplingFor(request_.quality), bytes_));
+  return Rows(std::move(rows));
 }
 
-base::Bytes PicturePainter::takePicture() {
-  return std::move(impl_->bytes);
+base::Result<bool> PicturePainter::drawNextBand(SceneRenderer& renderer) {
+  const int height = std::min(band_height_, camera_.height - next_row_);
+  // The cut depends on the eye and the pixels per unit, which all bands share, so that no seam shows between bands.
+  LUMIGRID_ASSIGN_OR_RETURN(auto band,
+                            renderer.render(tileCamera(camera_, 0, next_row_, camera_.width, height), options_));
+  const base::Image pixels =
+      request_.background ? compositeOver(band.rgba, *request_.background) : std::move(band.rgba);
+  LUMIGRID_TRY(std::visit([&](auto& rows) { return rows->add(pixels); }, rows_));
+  next_row_ += height;
+  return next_row_ == camera_.height;
 }
 
 }  // namespace server

@@ -4,10 +4,13 @@
 #include <cstdint>
 #include <memory>
 #include <optional>
+#include <utility>
+#include <variant>
 
 #include "base/camera.h"
 #include "base/error.h"
 #include "base/json/scene_file.h"
+#include "base/png/png_rows.h"
 #include "base/view_defaults.h"
 #include "repository/faces/jpeg.h"
 #include "server/net/http_text.h"
@@ -42,16 +45,23 @@ class PicturePainter {
   static base::Result<std::unique_ptr<PicturePainter>> begin(const PictureRequest& request, const base::Scene& scene,
                                                              const SceneRenderer& renderer,
                                                              std::uint64_t band_pixels = std::uint64_t{1} << 20);
-  ~PicturePainter();
   /// Draws and encodes the next band, from the top. True: that was the last one.
   base::Result<bool> drawNextBand(SceneRenderer& renderer);
   /// Moves the encoded picture out, once, after the last band.
-  base::Bytes takePicture();
+  base::Bytes takePicture() { return std::move(bytes_); }
 
  private:
-  PicturePainter() = default;
-  struct Impl;
-  std::unique_ptr<Impl> impl_;
+  using Rows = std::variant<std::unique_ptr<base::PngRows>, std::unique_ptr<repository::JpegRows>>;
+  explicit PicturePainter(const PictureRequest& request) : request_(request) {}
+  base::Result<Rows> beginRows();
+
+  const PictureRequest request_;
+  base::Camera camera_;
+  RenderOptions options_;
+  int band_height_ = 1;
+  int next_row_ = 0;
+  base::Bytes bytes_;
+  Rows rows_;  // writes into bytes_
 };
 
 }  // namespace server
