@@ -1,14 +1,22 @@
+#include <stdlib.h>
+#include <cerrno>
+
 #include <algorithm>
 #include <cstdio>
 #include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
+#include <utility>
 
 #include "base/file.h"
+#include "base/hash/sha256.h"
 #include "base/json/annotations_file.h"
+#include "lod/qsplat/splat_file.h"
 #include "repository/access.h"
+#include "repository/objects/mirror.h"
 #include "repository/objects/open_objects.h"
+#include "repository/packs/prefetch.h"
 #include "repository/repository.h"
 #include "repository/sampling/expected_points.h"
 #include "repository/sampling/parameters.h"
@@ -17,8 +25,6 @@
 #include "server/cli/console.h"
 #include "server/cli/scene_images.h"
 #include "server/cli/verify_cuts.h"
-#include "server/cli/verify_far.h"
-#include "server/cli/verify_parts.h"
 #include "server/net/open_scene.h"
 
 namespace server::cli {
@@ -32,6 +38,63 @@ struct VerifyArguments {
   std::uint32_t cuts = 0;  ///< 0: none are checked
   std::uint64_t seed = 1;
 };
+
+/// The value; where there is an error, nothing, and its message among the faults.
+template <class T>
+std::optional<T> valueOrFault(base::Result<T> result, Faults& faults) {
+  if (result) return std::move(*result);
+  faults.push_back(result.error().message);
+  return std::nullopt;
+}
+
+// ---- Parts, wherever the scene lies
+
+// Checks a tree of splats on the disk: all that SplatFile::verify finds, and that it agrees with scene.json.
+void verifySplats(const std::string& path, const base::Scene& scene, Faults& faults) {
+  const auto splats = valueOrFault(lod::qsplat::SplatFile::open(path), faults);
+  if (!splats) return;
+  for (const std::string& fault : splats->verify()) faults.push_back(path + ": " + fault);
+  const lod::qsplat::Header& header = splats->header();
+  if (header.colors != scene.has_colors) faults.push_back(path + ": colours do not agree with scene.json");
+  const base::Aabb box = scene.localBox();
+  const float slack = header.root.radius + 1e-6F * box.diagonal();
+  if (!base::Aabb{box.min - slack, box.max + slack}.contains(header.root.center))
+    faults.push_back(path + ": its root lies outside the scene's box");
+}
+
+// Checks a patch hierarchy on the disk in the same way.
+void verifyPatches(const std::string& path, const base::Scene& scene, Faults& faults) {
+  const auto patches = valueOrFault(lod::patch::PatchFile::open(path), faults);
+  if (!patches) return;
+  for (const std::string& fault : patches->verify()) faults.push_back(fault);
+  const lod::patch::Hierarchy& h = patches->hierarchy();
+  if (h.has_colors != scene.has_colors) faults.push_back(path + ": colours do not agree with scene.json");
+  base::Aabb box = scene.localBox();
+  const float slack = static_cast<float>(h.lattice.positionError()) + 1e-6F * box.diagonal();
+  box.min -= slack;
+  box.max += slack;
+  for (std::size_t i = 0; i < h.patches.size(); ++i)
+    if (h.patches[i].level == 0 && !(box.contains(h.patches[i].box.min) && box.contains(h.patches[i].box.max)))
+      faults.push_back(path + ": leaf patch " + std::to_string(i) + " lies outside the scene's box");
+}
+
+// Checks published images; messages name the path of their index.
+void verifyPacks(const base::Result<std::unique_ptr<repository::PackStore>>& packs, const std::string& path,
+                 const VerifyProgress& progress, Faults& faults) {
+  const auto meta = valueOrFault(packs ? (*packs)->readMeta() : packs.error(), faults);
+  if (!meta) return;
+  if (!meta->has_value()) return faults.push_back(path + ": does not say which grid it belongs to");
+  const auto points = valueOrFault(repository::sampledPointsFromMeta(**meta, path), faults);
+  if (!points) return;
+  const double all = static_cast<double>(std::max<std::uint64_t>(1, (*packs)->root().keys));
+  const auto report = [&](std::uint64_t values) {
+    return !progress || progress(std::min(1.0, static_cast<double>(values) / all));
+  };
+  for (std::string& fault : repository::verify(**packs, points->grid, points->treeOrNull(), 0, report))
+    faults.push_back(std::move(fault));
+}
+
+// ---- A scene on the disk
 
 // Checks that every part that scene.json lists is there, with its size and hash.
 void verifyParts(const std::string& directory, const base::Scene& scene, Faults& faults) {
@@ -53,12 +116,6 @@ void verifyParts(const std::string& directory, const base::Scene& scene, Faults&
     if (hash && *hash != part.sha256)
       faults.push_back(path + ": its SHA-256 is " + *hash + ", scene.json says " + part.sha256);
   }
-}
-
-void verifyLocalPacks(const std::string& directory, const std::string& index, const VerifyProgress& progress,
-                      Faults& faults) {
-  if (const auto packs = valueOrFault(openPacks(directory, index), faults))
-    verifyPacks(**packs, directory + "/" + index, progress, faults);
 }
 
 // Checks one store, whose parameters must be those of all others.
@@ -123,12 +180,149 @@ base::Result<Faults> verifyHere(const std::string& directory, const VerifyProgre
   const auto index = base::partFile(scene, "images/index", ".lgi");
   is_published = index.has_value();
   if (index)
-    verifyLocalPacks(directory, *index, progress, faults);
+    verifyPacks(openPacks(directory, *index), directory + "/" + *index, progress, faults);
   else if (fs::is_directory(directory + "/images"))
     verifyImages(directory + "/images", scene, faults);
   verifyAccess(repository::accessFileOf(directory), faults);
   valueOrFault(base::readAnnotations(directory), faults);
   return faults;
+}
+
+// ---- A published scene behind a network
+
+constexpr unsigned kReads = 8;                                 // under way at a time: hides a distant store's latency
+constexpr std::uint64_t kRangeBytes = std::uint64_t{4} << 20;  // eight of them are held at a time
+
+/// A directory for temporary files that the destructor removes.
+class WorkFolder {
+ public:
+  static base::Result<std::unique_ptr<WorkFolder>> make() {
+    std::error_code error;
+    std::string path = (fs::temp_directory_path(error) / "lumigrid-verify-XXXXXX").string();
+    if (error || ::mkdtemp(path.data()) == nullptr) return base::systemError(path, "make this directory", errno);
+    return std::unique_ptr<WorkFolder>(new WorkFolder(path));
+  }
+  ~WorkFolder() {
+    std::error_code ignored;
+    fs::remove_all(path_, ignored);
+  }
+  WorkFolder(const WorkFolder&) = delete;
+  WorkFolder& operator=(const WorkFolder&) = delete;
+  const std::string& path() const { return path_; }
+
+ private:
+  explicit WorkFolder(std::string path) : path_(std::move(path)) {}
+  const std::string path_;
+};
+
+// The SHA-256 of an object, which is read by ranges.
+base::Result<std::string> hashOf(const repository::ObjectSource& source, const std::string& name, std::uint64_t bytes) {
+  base::Sha256 hash;
+  std::optional<base::Error> failed;
+  const auto offset = [](std::size_t i) { return i * kRangeBytes; };
+  const auto length = [&](std::size_t i) { return std::min(kRangeBytes, bytes - offset(i)); };
+  repository::prefetchInOrder((bytes + kRangeBytes - 1) / kRangeBytes, {kReads, kReads * kRangeBytes}, length,
+                              [&](std::size_t i) { return source.read(name, offset(i), length(i)); },
+                              [&](std::size_t, const base::Result<base::Bytes>& piece) {
+                                if (piece)
+                                  hash.add(*piece);
+                                else
+                                  failed = piece.error();
+                                return piece.operator bool();
+                              });
+  if (failed) return *failed;
+  return base::hexOf(hash.finish());
+}
+
+// Checks that a part is as scene.json lists it.
+void verifyPart(const repository::ObjectSource& source, const base::ScenePart& part, Faults& faults) {
+  const std::string object = source.place() + "/" + part.file;
+  const auto bytes = valueOrFault(source.size(part.file), faults);
+  if (!bytes) return;
+  if (*bytes != part.bytes)
+    return faults.push_back(object + ": has " + std::to_string(*bytes) + " bytes, scene.json says " +
+                            std::to_string(part.bytes));
+  const auto hash = valueOrFault(hashOf(source, part.file, *bytes), faults);
+  if (hash && *hash != part.sha256)
+    faults.push_back(object + ": its SHA-256 is " + *hash + ", scene.json says " + part.sha256);
+}
+
+using VerifyFile = void (*)(const std::string& path, const base::Scene& scene, Faults& faults);
+
+// Checks a method's file through a local copy, since it is read through a memory map; length and SHA-256 are compared
+// while it is copied.
+void verifyFarFile(const repository::ObjectSource& source, const base::ScenePart& part, const base::Scene& scene,
+                   VerifyFile verify, const VerifyProgress& progress, Faults& faults) {
+  const auto folder = valueOrFault(WorkFolder::make(), faults);
+  if (!folder) return;
+  repository::MirrorOptions options;
+  options.progress = [&](std::uint64_t, std::uint64_t) { return progress(0.0); };
+  const auto path =
+      valueOrFault(repository::mirrorObject(source, part.file, (*folder)->path(), part.sha256, options), faults);
+  if (!path) return;
+  Faults found;
+  verify(*path, scene, found);
+  for (std::string& fault : found) {
+    // Messages name the object at the place, not the local copy.
+    if (fault.starts_with(*path)) fault = source.place() + "/" + part.file + fault.substr(path->size());
+    faults.push_back(std::move(fault));
+  }
+}
+
+// Annotations are no part of the scene, so there may be none.
+void verifyFarAnnotations(const repository::ObjectSource& source, Faults& faults) {
+  const auto size = source.size(base::kAnnotationsFile);
+  if (!size && size.error().code == base::ErrorCode::kNotFound) return;
+  const auto bytes = valueOrFault(
+      size ? source.read(base::kAnnotationsFile, 0, std::min<std::uint64_t>(*size, base::kMaxAnnotationsBytes + 1))
+           : size.error(),
+      faults);
+  if (bytes) valueOrFault(base::parseAnnotations(*bytes, source.place() + "/" + base::kAnnotationsFile), faults);
+}
+
+/// Reads everything of the scene at a place ("https://host/scene", "s3://bucket/scene") by ranges, several at a time,
+/// and past every cache: each part's length and SHA-256 against scene.json; the hierarchy, through a file in the
+/// directory for temporary files; each pack and value; annotations. Memory does not grow with the scene. Errors: those
+/// of reading scene.json, and no published scene there.
+base::Result<Faults> verifyFar(const std::string& place, const VerifyProgress& progress) {
+  LUMIGRID_ASSIGN_OR_RETURN(const std::shared_ptr<const repository::ObjectSource> source,
+                            repository::openObjectSource(place));
+  LUMIGRID_ASSIGN_OR_RETURN(const auto json, readSceneJson(*source));
+  LUMIGRID_ASSIGN_OR_RETURN(const auto scene,
+                            base::parseScene(std::string(json.begin(), json.end()), source->place() + "/scene.json"));
+  const auto patches = base::partFile(scene, "patch", ".lgp");
+  const auto splats = base::partFile(scene, "qsplat", ".lgq");
+  const auto index = base::partFile(scene, "images/index", ".lgi");
+  if (!patches || !base::isPublishedName(*patches))
+    return base::Error{base::ErrorCode::kInvalidInput,
+                       place + ": is not a published scene; put there what `lumigrid publish` wrote"};
+
+  Faults faults;
+  for (const base::ScenePart& part : scene.parts) {
+    if (!progress(0.0)) return faults;
+    if (!repository::isObjectName(part.file))
+      faults.push_back(place + ": scene.json lists a part '" + part.file + "', which cannot be");
+    else if (part.file == *patches)
+      verifyFarFile(*source, part, scene, verifyPatches, progress, faults);
+    else if (part.file == splats)
+      verifyFarFile(*source, part, scene, verifySplats, progress, faults);
+    else
+      verifyPart(*source, part, faults);
+  }
+  repository::PackStoreOptions reads;
+  reads.jobs = kReads;
+  if (index)
+    verifyPacks(repository::PackStore::open(source, *index, reads), source->place() + "/" + *index, progress, faults);
+  verifyFarAnnotations(*source, faults);
+  return faults;
+}
+
+// ---- The command
+
+base::Result<CutReport> verifyCutsOfScene(const VerifyArguments& a, const VerifyProgress& progress) {
+  LUMIGRID_ASSIGN_OR_RETURN(const auto scene, base::readScene(a.scene));
+  LUMIGRID_ASSIGN_OR_RETURN(const auto patches, lod::patch::PatchFile::open(base::patchPath(a.scene, scene)));
+  return verifyCuts(patches, a.cuts, a.seed, progress);
 }
 
 int run(const VerifyArguments& a) {
@@ -144,7 +338,7 @@ int run(const VerifyArguments& a) {
   auto faults = is_published ? verifyFar(a.scene, progress) : verifyHere(a.scene, progress, is_published);
   std::optional<CutReport> cuts;
   if (faults && a.cuts > 0 && !stopRequested()) {
-    auto report = verifyCutsOfScene(a.scene, a.cuts, a.seed, progress);
+    auto report = verifyCutsOfScene(a, progress);
     if (report) {
       faults->insert(faults->end(), report->faults.begin(), report->faults.end());
       cuts = std::move(*report);

@@ -12,7 +12,6 @@
 #include <unordered_map>
 
 #include "base/geometry.h"
-#include "base/json/scene_file.h"
 #include "lod/patch/traverse.h"
 
 namespace server::cli {
@@ -290,13 +289,6 @@ base::Result<CutReport> verifyCuts(const lod::patch::PatchFile& patches, std::ui
                               std::to_string(report.source.inconsistent_edges));
   }
   return report;
-}
-
-base::Result<CutReport> verifyCutsOfScene(const std::string& directory, std::uint32_t count, std::uint64_t seed,
-                                          const VerifyProgress& progress) {
-  LUMIGRID_ASSIGN_OR_RETURN(const auto scene, base::readScene(directory));
-  LUMIGRID_ASSIGN_OR_RETURN(const auto patches, lod::patch::PatchFile::open(base::patchPath(directory, scene)));
-  return verifyCuts(patches, count, seed, progress);
 }
 
 std::string cutsAsText(const CutReport& report) {

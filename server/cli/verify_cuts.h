@@ -2,15 +2,21 @@
 // `lumigrid verify --cuts`: random cuts of the patch hierarchy, rebuilt as half-edge meshes by OpenMesh. That is a
 // second way to the claim that every cut is watertight, independent of the code that builds hierarchies.
 #include <cstdint>
+#include <functional>
 #include <nlohmann/json_fwd.hpp>
 #include <string>
 #include <vector>
 
 #include "base/error.h"
 #include "lod/patch/format.h"
-#include "server/cli/verify_parts.h"
 
 namespace server::cli {
+
+/// A line for each thing that is wrong.
+using Faults = std::vector<std::string>;
+
+/// Called with the share of the images that is read, 0..1; returns false to stop.
+using VerifyProgress = std::function<bool(double done)>;
 
 /// The topology of one cut as a surface whose vertices are merged where they share a lattice point.
 struct CutTopology {
@@ -33,9 +39,6 @@ struct CutReport {
 /// blocks; kCancelled when `progress` returns false.
 base::Result<CutReport> verifyCuts(const lod::patch::PatchFile& patches, std::uint32_t count, std::uint64_t seed,
                                    const VerifyProgress& progress);
-/// The same of a scene's directory; kNotFound when the scene is splats-only.
-base::Result<CutReport> verifyCutsOfScene(const std::string& directory, std::uint32_t count, std::uint64_t seed,
-                                          const VerifyProgress& progress);
 
 /// A line for the source and one for each cut.
 std::string cutsAsText(const CutReport& report);
