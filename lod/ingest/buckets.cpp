@@ -184,7 +184,7 @@ Buckets::Flips Buckets::flipsOf(std::size_t bucket, std::span<const std::uint32_
 struct Buckets::WindingPass {
   std::atomic<bool> consistent = true;
   std::mutex mutex;
-  std::vector<WindingCheck::Edge> open;                // while all are consistent
+  std::vector<OpenEdge> open;                          // while all are consistent
   std::vector<std::optional<BucketWinding>> measured;  // by bucket, once one is not
   std::uint64_t max_parts = 0;                         // triangles whose part fits the memory
   std::atomic<std::uint64_t> parts = 0;

@@ -19,7 +19,9 @@ class StagedBuild {
   StagedBuild(std::string name, base::ResourceLimits limits, std::string output_path, const Progress& progress)
       : name_(std::move(name)), limits_(limits.resolved()), output_path_(std::move(output_path)), progress_(progress) {}
 
-  /// Checks that there is enough memory and descriptors, and runs `stages` in the work directory (runStages).
+  /// Checks that there is enough memory and descriptors, opens the work directory (empty: beside the output), runs
+  /// `stages` and removes it again, unless they failed and a rerun under the same key can go on. Errors: kNoSpace,
+  /// those of opening it, and those of the stages.
   base::Result<void> run(const std::string& work_directory, const ResumeKey& key,
                          const std::function<base::Result<void>()>& stages);
 

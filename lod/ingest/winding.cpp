@@ -5,6 +5,7 @@
 #include "base/fields.h"
 #include "lod/ingest/buckets.h"
 #include "lod/ingest/code_map.h"
+#include "lod/ingest/disjoint_sets.h"
 
 namespace lod::ingest {
 namespace {
@@ -38,25 +39,6 @@ class OppositeSets {
   std::vector<std::uint32_t> parent_;
   std::vector<std::uint8_t> opposite_;
   std::vector<std::uint32_t> size_;
-};
-
-// Disjoint sets of triangles; the least triangle of each is its root.
-class TriangleSets {
- public:
-  explicit TriangleSets(std::uint32_t size) : parent_(size) {
-    for (std::uint32_t i = 0; i < size; ++i) parent_[i] = i;
-  }
-  std::uint32_t find(std::uint32_t i) {
-    while (parent_[i] != i) i = parent_[i] = parent_[parent_[i]];
-    return i;
-  }
-  void unite(std::uint32_t a, std::uint32_t b) {
-    a = find(a), b = find(b);
-    parent_[std::max(a, b)] = std::min(a, b);
-  }
-
- private:
-  std::vector<std::uint32_t> parent_;
 };
 
 // Calls body(triangle, lesser vertex, greater vertex, turned) for the edges of every triangle; turned is 1 where the
@@ -150,15 +132,13 @@ WindingCheck checkWinding(const NumberedCorners& mesh, std::span<const std::uint
         if (count == 2) out.consistent &= ((first ^ second) & 1U) != 0;
         if (count != 1 || border_place[low] == kNotOnBorder || border_place[high] == kNotOnBorder) return;
         const std::uint64_t a = mesh.codes[low], b = mesh.codes[high];
-        out.open.push_back({std::min(a, b), std::max(a, b), ((first & 1U) != 0) != (a > b)});
+        out.open.push_back({std::min(a, b), std::max(a, b), 0, ((first & 1U) != 0) != (a > b)});
       });
   return out;
 }
 
-bool runOppositely(std::vector<WindingCheck::Edge>& edges) {
-  std::sort(edges.begin(), edges.end(), [](const WindingCheck::Edge& a, const WindingCheck::Edge& b) {
-    return std::tie(a.low, a.high) < std::tie(b.low, b.high);
-  });
+bool runOppositely(std::vector<OpenEdge>& edges) {
+  std::sort(edges.begin(), edges.end());
   for (std::size_t begin = 0, end = 0; begin < edges.size(); begin = end) {
     while (end < edges.size() && edges[end].low == edges[begin].low && edges[end].high == edges[begin].high) ++end;
     if (end - begin == 2 && edges[begin].turned == edges[begin + 1].turned) return false;
@@ -174,7 +154,7 @@ BucketWinding measureWinding(const NumberedCorners& mesh, std::span<const std::u
     std::uint32_t low = 0, high = 0, first = 0, second = 0, count = 0;
   };
   std::vector<UntiedEdge> untied;  // edges that do not join two triangles into one part
-  TriangleSets sets(triangles);
+  DisjointSets sets(triangles);
   EdgeUses edges(mesh);
   edges.forEach(
       [&](std::uint32_t low, std::uint32_t high, std::uint32_t first, std::uint32_t second, std::uint32_t count) {
@@ -224,7 +204,7 @@ BucketWinding measureWinding(const NumberedCorners& mesh, std::span<const std::u
 void Winding::add(const BucketWinding& bucket) {
   const std::uint32_t first = first_.back();
   parts_.insert(parts_.end(), bucket.parts.begin(), bucket.parts.end());
-  for (BucketWinding::OpenEdge e : bucket.open) {
+  for (OpenEdge e : bucket.open) {
     e.part += first;
     open_.push_back(e);
   }
@@ -234,14 +214,12 @@ void Winding::add(const BucketWinding& bucket) {
 
 void Winding::finish() {
   // An edge that two buckets share joins two parts into one, or makes them opposing ones.
-  std::sort(open_.begin(), open_.end(), [](const BucketWinding::OpenEdge& a, const BucketWinding::OpenEdge& b) {
-    return std::tie(a.low, a.high, a.part, a.turned) < std::tie(b.low, b.high, b.part, b.turned);
-  });
+  std::sort(open_.begin(), open_.end());
   const std::size_t count = parts_.size();
   OppositeSets whole(count);
   for (std::size_t begin = 0, end = 0; begin < open_.size(); begin = end) {
     while (end < open_.size() && open_[end].low == open_[begin].low && open_[end].high == open_[begin].high) ++end;
-    const BucketWinding::OpenEdge& a = open_[begin];
+    const OpenEdge& a = open_[begin];
     if (end - begin == 2 && a.turned != open_[begin + 1].turned)
       whole.unite(a.part, open_[begin + 1].part, 0);
     else if (end - begin == 2)

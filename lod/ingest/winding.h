@@ -1,6 +1,7 @@
 #pragma once
 // Makes the triangles of each connected part wound alike, after the part's majority. Inside a bucket all edges are
 // compared, between buckets only those on the border. Memory holds the parts that reach a border or need flipping.
+#include <compare>
 #include <cstdint>
 #include <span>
 #include <utility>
@@ -11,6 +12,14 @@
 #include "lod/ingest/border_vertices.h"
 
 namespace lod::ingest {
+
+/// An edge of one triangle in its bucket, which another bucket may share.
+struct OpenEdge {
+  std::uint64_t low = 0, high = 0;  ///< codes of its ends
+  std::uint32_t part = 0;           ///< in BucketWinding; 0 where parts are not told apart
+  bool turned = false;              ///< runs from high to low
+  auto operator<=>(const OpenEdge&) const = default;
+};
 
 /// A bucket's vertices, numbered.
 struct NumberedCorners {
@@ -32,11 +41,6 @@ struct BucketWinding {
     std::uint64_t perimeter = 0;  ///< edges that join it to no triangle wound alike
     std::uint64_t against = 0;    ///< how many of these a triangle of another part runs along in the same direction
   };
-  struct OpenEdge {
-    std::uint64_t low = 0, high = 0;  ///< codes of its ends
-    std::uint32_t part = 0;
-    bool turned = false;  ///< runs from high to low
-  };
   std::vector<std::uint32_t> part;  ///< per triangle
   std::vector<Part> parts;
   std::vector<OpenEdge> open;  ///< edges of one triangle here, both ends on the border
@@ -45,17 +49,13 @@ struct BucketWinding {
 
 /// A check that is all that clean meshes need.
 struct WindingCheck {
-  struct Edge {
-    std::uint64_t low = 0, high = 0;
-    bool turned = false;  ///< runs from high to low
-  };
-  bool consistent = true;  ///< no two triangles run along an edge in the same direction
-  std::vector<Edge> open;  ///< edges of one triangle here, which another bucket may share
+  bool consistent = true;      ///< no two triangles run along an edge in the same direction
+  std::vector<OpenEdge> open;  ///< edges of one triangle here, which another bucket may share
 };
 /// `border_place` is per vertex, kNotOnBorder or not.
 WindingCheck checkWinding(const NumberedCorners& mesh, std::span<const std::uint32_t> border_place);
 /// Whether the edges that two buckets share run in opposite directions. Reorders `edges`.
-bool runOppositely(std::vector<WindingCheck::Edge>& edges);
+bool runOppositely(std::vector<OpenEdge>& edges);
 BucketWinding measureWinding(const NumberedCorners& mesh, std::span<const std::uint32_t> border_place);
 
 /// The parts of all buckets together. A part is flipped when at least half of its perimeter runs against its neighbours
@@ -84,7 +84,7 @@ class Winding {
   std::vector<std::uint8_t> flip_;       // per part
   // Until finish():
   std::vector<BucketWinding::Part> parts_;
-  std::vector<BucketWinding::OpenEdge> open_;
+  std::vector<OpenEdge> open_;
   std::vector<std::pair<std::uint32_t, std::uint32_t>> opposing_;
   std::uint64_t flipped_ = 0;
   std::uint64_t non_orientable_ = 0;

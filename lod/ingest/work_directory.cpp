@@ -1,7 +1,5 @@
 #include "lod/ingest/work_directory.h"
 
-#include <sys/resource.h>
-
 #include <algorithm>
 #include <atomic>
 #include <condition_variable>
@@ -54,11 +52,6 @@ base::Result<void> needFree(const std::string& directory, std::uint64_t bytes, c
 base::Result<void> writeKey(const std::string& directory, const ResumeKey& key) {
   LUMIGRID_ASSIGN_OR_RETURN(const auto text, key());
   return base::writeFileAtomically(directory + "/key", base::viewOfText(text));
-}
-
-// Whether a rerun can succeed: an error in the source stays.
-bool canResume(const base::Error& error) {
-  return error.code == ErrorCode::kCancelled || error.code == ErrorCode::kNoSpace || error.code == ErrorCode::kIo;
 }
 
 }  // namespace
@@ -182,18 +175,6 @@ base::Error WorkDirectory::damaged() const {
   return damagedWorkFiles(path_);
 }
 
-base::Result<void> runStages(std::optional<WorkDirectory>& directory, const std::string& path, const ResumeKey& key,
-                             const std::string& output_path, const std::function<base::Result<void>()>& stages) {
-  LUMIGRID_ASSIGN_OR_RETURN(directory, WorkDirectory::open(path.empty() ? output_path + ".work" : path, key));
-  base::removeUnfinished(output_path);  // the lock makes sure that no other build is writing it
-  auto done = stages();
-  // A complete output needs no work files, whole or damaged.
-  if (done) directory->abandonStages();
-  (void)directory->settle();
-  if (done || !key || !canResume(done.error())) directory->remove();
-  return done;
-}
-
 base::Error damagedWorkFiles(const std::string& directory) {
   return {ErrorCode::kInvalidInput, directory + kDamaged};
 }
@@ -221,21 +202,6 @@ base::Result<void> needOutputSpace(const std::string& path, std::uint64_t bytes)
   const fs::path directory = fs::path(path).parent_path();
   return needFree(directory.empty() ? "." : directory.string(), bytes, "the hierarchy",
                   "free some, or choose another output, and build again");
-}
-
-base::Result<void> needDescriptors(std::uint64_t count) {
-  rlimit limit{};
-  if (::getrlimit(RLIMIT_NOFILE, &limit) != 0 || limit.rlim_cur >= count) return {};
-  return Error{ErrorCode::kNoSpace, "this process may have " + std::to_string(limit.rlim_cur) +
-                                        " files open, building needs " + std::to_string(count) +
-                                        "; raise the limit (ulimit -n) and build again"};
-}
-
-base::Result<void> needMemory(std::uint64_t bytes) {
-  if (bytes >= kMinMemory) return {};
-  return Error{ErrorCode::kNoSpace, "the memory given, " + base::formatBytes(bytes) +
-                                        ", is too small: building needs " + base::formatBytes(kMinMemory) +
-                                        " at least (--memory)"};
 }
 
 }  // namespace lod::ingest

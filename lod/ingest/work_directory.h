@@ -86,12 +86,6 @@ class WorkDirectory {
   std::future<base::Result<void>> storing_;
 };
 
-/// A whole build: opens the work directory `path` (empty: beside `output_path`) as `directory`, runs `stages` and
-/// removes it again, unless they failed and a rerun under the same key can go on. Errors: those of opening it, and
-/// those of the stages.
-base::Result<void> runStages(std::optional<WorkDirectory>& directory, const std::string& path, const ResumeKey& key,
-                             const std::string& output_path, const std::function<base::Result<void>()>& stages);
-
 /// Says that the work files in `directory` are not what their builder wrote.
 base::Error damagedWorkFiles(const std::string& directory);
 /// Whether the error means damaged work files, which a build from the source replaces.
@@ -99,11 +93,7 @@ bool isDamageError(const base::Error& error);
 
 /// kNoSpace when the disk that `path` will lie on has fewer bytes free.
 base::Result<void> needOutputSpace(const std::string& path, std::uint64_t bytes);
-/// kNoSpace when this process may not have so many files open.
-base::Result<void> needDescriptors(std::uint64_t count);
 /// The least memory that a build works with. Half of it is kept for code, stacks and small tables.
 inline constexpr std::uint64_t kMinMemory = std::uint64_t{256} << 20;
-/// kNoSpace when less than that is given.
-base::Result<void> needMemory(std::uint64_t bytes);
 
 }  // namespace lod::ingest

@@ -197,8 +197,7 @@ class HierarchyBuilder {
     LUMIGRID_TRY(base::tryParallelFor(made.size(), threads, [&](std::size_t i) -> base::Result<void> {
       const std::size_t b = order[i];
       if (finished[b] != 0) return {};
-      LUMIGRID_ASSIGN_OR_RETURN(
-          auto bucket, makeLeaves(buckets_, b, build_.lattice(), {options_.voxel_triangles, options_.leaf_triangles}));
+      LUMIGRID_ASSIGN_OR_RETURN(auto bucket, makeLeaves(buckets_, b, build_.lattice(), options_));
       // A unit of leaves has no group; its counts travel in the record's unused numbers.
       WorkUnit unit{0, static_cast<std::uint32_t>(b), {}, {}};
       unit.group.first_patch = static_cast<std::uint32_t>(bucket.duplicates);

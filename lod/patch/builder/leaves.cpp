@@ -95,7 +95,7 @@ void numberVertices(const ingest::Buckets::NumberedBucket& read, std::span<const
 }  // namespace
 
 base::Result<BucketLeaves> makeLeaves(const ingest::Buckets& buckets, std::size_t bucket,
-                                      const ingest::SourceLattice& lattice, const LeafOptions& options) {
+                                      const ingest::SourceLattice& lattice, const HierarchyOptions& options) {
   BucketLeaves out;
   if (buckets.triangles(bucket) == 0) return out;
   LUMIGRID_ASSIGN_OR_RETURN(auto read, buckets.readKept(bucket));

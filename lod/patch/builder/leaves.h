@@ -6,14 +6,10 @@
 // so that memory does not grow with the mesh. The groups of the next level cross bucket borders like any other.
 #include "base/error.h"
 #include "lod/ingest/buckets.h"
+#include "lod/patch/builder/hierarchy_build.h"
 #include "lod/patch/builder/patch_split.h"
 
 namespace lod::patch::builder {
-
-struct LeafOptions {
-  std::uint32_t voxel_triangles = 500;
-  std::uint32_t leaf_triangles = 4000;
-};
 
 struct BucketLeaves {
   std::vector<NewPatch> patches;
@@ -23,6 +19,6 @@ struct BucketLeaves {
 
 /// Errors: those of reading the bucket.
 base::Result<BucketLeaves> makeLeaves(const ingest::Buckets& buckets, std::size_t bucket,
-                                      const ingest::SourceLattice& lattice, const LeafOptions& options);
+                                      const ingest::SourceLattice& lattice, const HierarchyOptions& options);
 
 }  // namespace lod::patch::builder

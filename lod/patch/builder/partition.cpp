@@ -10,6 +10,7 @@
 #include <mutex>
 #include <numeric>
 
+#include "lod/ingest/disjoint_sets.h"
 #include "lod/patch/builder/bisection.h"
 #include "lod/patch/builder/voxels.h"
 
@@ -247,11 +248,6 @@ class RecursiveBisection {
   std::uint32_t next_part_ = 0;
 };
 
-std::uint32_t findRoot(std::vector<std::uint32_t>& parent, std::uint32_t v) {
-  while (parent[v] != v) v = parent[v] = parent[parent[v]];
-  return v;
-}
-
 // The same parts, numbered 0, 1, … in order of their first vertex.
 std::vector<std::uint32_t> withoutGaps(const std::vector<std::int32_t>& part, std::uint32_t parts) {
   std::vector<std::uint32_t> number(parts, std::numeric_limits<std::uint32_t>::max());
@@ -305,15 +301,9 @@ Graph graphFromEdges(std::vector<std::int32_t> vertex_weights, std::vector<Weigh
 }
 
 std::vector<std::uint32_t> components(std::size_t vertices, std::span<const WeightedEdge> edges) {
-  std::vector<std::uint32_t> parent(vertices);
-  std::iota(parent.begin(), parent.end(), 0U);
-  for (const WeightedEdge& e : edges) {
-    const std::uint32_t a = findRoot(parent, e.a);
-    const std::uint32_t b = findRoot(parent, e.b);
-    parent[std::max(a, b)] = std::min(a, b);
-  }
-  for (std::uint32_t v = 0; v < vertices; ++v) parent[v] = findRoot(parent, v);
-  return parent;
+  ingest::DisjointSets sets(vertices);
+  for (const WeightedEdge& e : edges) sets.unite(e.a, e.b);
+  return std::move(sets).roots();
 }
 
 void tieComponents(std::span<const std::uint32_t> order, std::vector<WeightedEdge>& edges) {

@@ -4,12 +4,12 @@
 #include <array>
 #include <cmath>
 #include <limits>
-#include <numeric>
 #include <optional>
 #include <utility>
 
 #include "base/geometry.h"
 #include "base/simd.h"
+#include "lod/ingest/disjoint_sets.h"
 #include "lod/patch/builder/edge_planner.h"
 #include "lod/patch/builder/edge_queue.h"
 #include "lod/patch/builder/point_grid.h"
@@ -534,24 +534,17 @@ class Simplifier {
   }
 
   void findComponents() {
-    component_.resize(survivor_.size());
-    std::iota(component_.begin(), component_.end(), 0U);
-    auto root = [&](std::uint32_t v) {
-      while (component_[v] != v) v = component_[v] = component_[component_[v]];
-      return v;
-    };
-    auto join = [&](std::uint32_t v, std::uint32_t w) { component_[root(v)] = root(w); };
-    for (std::uint32_t v = 0; v < survivor_.size(); ++v) join(v, survivor_[v]);
+    ingest::DisjointSets sets(survivor_.size());
+    for (std::uint32_t v = 0; v < survivor_.size(); ++v) sets.unite(v, survivor_[v]);
     for (const Triangle& t : triangles_) {
       if (t.alive == 0) continue;
-      join(t.corner[0], t.corner[1]);
-      join(t.corner[0], t.corner[2]);
+      sets.unite(t.corner[0], t.corner[1]);
+      sets.unite(t.corner[0], t.corner[2]);
     }
+    component_ = std::move(sets).roots();
     std::vector<std::uint32_t> living;
-    for (std::uint32_t v = 0; v < survivor_.size(); ++v) {
-      component_[v] = root(v);
+    for (std::uint32_t v = 0; v < survivor_.size(); ++v)
       if (survivor_[v] == v && isUsed(v)) living.push_back(v);
-    }
     grid_.emplace(positions_, living);
     grid_triangles_ = live_;
   }

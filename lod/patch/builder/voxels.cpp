@@ -8,36 +8,26 @@
 namespace lod::patch::builder {
 namespace {
 
-class OctreeWalk {
- public:
-  OctreeWalk(std::span<const ingest::KeyedIndex> sorted, std::uint32_t max_triangles)
-      : sorted_(sorted), max_triangles_(max_triangles) {}
-
-  void visit(std::size_t begin, std::size_t end, std::uint32_t size_bits) {
-    if (begin == end) return;
-    if (end - begin <= max_triangles_ || size_bits == 0) {
-      const std::uint64_t code = sorted_[begin].key >> (3 * size_bits) << (3 * size_bits);
-      voxels_.push_back({code, size_bits, static_cast<std::uint32_t>(begin), static_cast<std::uint32_t>(end - begin)});
-      return;
-    }
-    const std::uint32_t shift = 3 * (size_bits - 1);
-    while (begin < end) {
-      const std::uint64_t child = sorted_[begin].key >> shift;
-      const auto next = std::partition_point(sorted_.begin() + static_cast<std::ptrdiff_t>(begin),
-                                             sorted_.begin() + static_cast<std::ptrdiff_t>(end),
-                                             [&](const ingest::KeyedIndex& k) { return k.key >> shift == child; });
-      const auto middle = static_cast<std::size_t>(next - sorted_.begin());
-      visit(begin, middle, size_bits - 1);
-      begin = middle;
-    }
+// Adds the voxels of the triangles begin … end − 1, which all lie in one cell of 2^size_bits steps.
+void addVoxels(std::span<const ingest::KeyedIndex> sorted, std::size_t begin, std::size_t end, std::uint32_t size_bits,
+               std::uint32_t max_triangles, std::vector<Voxel>& voxels) {
+  if (begin == end) return;
+  if (end - begin <= max_triangles || size_bits == 0) {
+    const std::uint64_t code = sorted[begin].key >> (3 * size_bits) << (3 * size_bits);
+    voxels.push_back({code, size_bits, static_cast<std::uint32_t>(begin), static_cast<std::uint32_t>(end - begin)});
+    return;
   }
-  std::vector<Voxel> takeVoxels() { return std::move(voxels_); }
-
- private:
-  std::span<const ingest::KeyedIndex> sorted_;
-  std::uint32_t max_triangles_;
-  std::vector<Voxel> voxels_;
-};
+  const std::uint32_t shift = 3 * (size_bits - 1);
+  while (begin < end) {
+    const std::uint64_t child = sorted[begin].key >> shift;
+    const auto next = std::partition_point(sorted.begin() + static_cast<std::ptrdiff_t>(begin),
+                                           sorted.begin() + static_cast<std::ptrdiff_t>(end),
+                                           [&](const ingest::KeyedIndex& k) { return k.key >> shift == child; });
+    const auto middle = static_cast<std::size_t>(next - sorted.begin());
+    addVoxels(sorted, begin, middle, size_bits - 1, max_triangles, voxels);
+    begin = middle;
+  }
+}
 
 constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
 constexpr std::size_t kPrefetchDistance =
@@ -131,9 +121,9 @@ std::int32_t normalWeight(const glm::vec3& a, const glm::vec3& b) {
 
 std::vector<Voxel> makeVoxels(std::span<const ingest::KeyedIndex> sorted, std::uint32_t bits,
                               std::uint32_t max_triangles) {
-  OctreeWalk walk(sorted, max_triangles);
-  walk.visit(0, sorted.size(), bits);
-  return walk.takeVoxels();
+  std::vector<Voxel> voxels;
+  addVoxels(sorted, 0, sorted.size(), bits, max_triangles, voxels);
+  return voxels;
 }
 
 std::vector<Extent> voxelExtents(const TriangleView& triangles, std::span<const ingest::KeyedIndex> sorted,
