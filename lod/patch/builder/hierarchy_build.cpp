@@ -226,14 +226,12 @@ class HierarchyBuilder {
     constexpr double kNearlyDone = 0.99;  // as far as the estimate may show before the last group is built
     const double all = static_cast<double>(summary_.triangles) * (options_.regroup ? 5.0 / 3.0 : 2.0);
     std::uint64_t finished = 0;
-    levels_.emplace(build_.lattice(), options_, *store_, [&, this](std::uint64_t more) {
+    const auto advance = [&, this](std::uint64_t more) {
       finished += more;
       return build_.report("simplify", std::min(kNearlyDone, static_cast<double>(finished) / all));
-    });
-    for (auto& [unit, patches] : known_)
-      if (unit.level != 0) levels_->addKnownGroup(unit, std::move(patches));
-    known_.clear();
-    LUMIGRID_TRY(levels_->buildLevels(std::move(leaves)));
+    };
+    LUMIGRID_ASSIGN_OR_RETURN(
+        levels_, buildLevels(build_.lattice(), options_, *store_, std::move(leaves), std::move(known_), advance));
     return build_.report("simplify", 1.0) ? base::Result<void>() : build_.cancelled();
   }
 
@@ -243,8 +241,8 @@ class HierarchyBuilder {
     hierarchy.lattice = build_.lattice().lattice;
     hierarchy.has_colors = buckets_.hasColors();
     hierarchy.source_triangles = summary_.triangles;
-    const std::vector<WorkPatch>& patches = levels_->patches();
-    const Numbering numbering(patches, levels_->groups());
+    const std::vector<WorkPatch>& patches = levels_.patches;
+    const Numbering numbering(patches, levels_.groups);
     numbering.fill(hierarchy);
     const std::vector<std::uint32_t> order = numbering.patchOrder();
     std::vector<std::uint32_t> first;
@@ -262,7 +260,7 @@ class HierarchyBuilder {
   }
 
   void fillSummary() {
-    summary_.levels = levels_->levels();
+    summary_.levels = levels_.levels;
     summary_.facing = buckets_.totals().facing;
     ingest::addRepairs(build_.source(), buckets_, summary_.repairs);
     summary_.repairs.add("duplicate_triangles", duplicates_);
@@ -285,7 +283,7 @@ class HierarchyBuilder {
   ingest::Buckets buckets_;
   std::optional<WorkStore> store_;
   std::vector<std::pair<WorkUnit, std::vector<WorkPatch>>> known_;
-  std::optional<LevelBuilder> levels_;
+  BuiltLevels levels_;
   std::uint64_t duplicates_ = 0;
   std::uint64_t inner_vertices_ = 0;
   HierarchySummary summary_;

@@ -6,6 +6,9 @@
 #include <cstring>
 #include <limits>
 #include <mutex>
+#include <optional>
+#include <span>
+#include <unordered_map>
 
 #include "base/parallel.h"
 #include "lod/ingest/code_map.h"
@@ -335,302 +338,342 @@ float errorLimit(const ErrorHistogram& errors, std::uint32_t level) {
   return std::max(4.0F, std::min(by_usual, by_high));
 }
 
-}  // namespace
+class LevelBuilder {
+ public:
+  LevelBuilder(const ingest::SourceLattice& lattice, const HierarchyOptions& options, WorkStore& store,
+               const std::function<bool(std::uint64_t)>& advance)
+      : lattice_(lattice), options_(options), store_(store), advance_(advance) {}
 
-LevelBuilder::LevelBuilder(const ingest::SourceLattice& lattice, const HierarchyOptions& options, WorkStore& store,
-                           std::function<bool(std::uint64_t)> advance)
-    : lattice_(lattice), options_(options), store_(store), advance_(std::move(advance)) {}
+  /// A group that an earlier run left in the store; it is used instead of being built again.
+  void addKnownGroup(const WorkUnit& unit, std::vector<WorkPatch> patches) {
+    known_[unitKey(unit.level, unit.index)] = {unit.group, unit.errors, std::move(patches), std::nullopt};
+  }
 
-void LevelBuilder::addKnownGroup(const WorkUnit& unit, std::vector<WorkPatch> patches) {
-  known_[unitKey(unit.level, unit.index)] = {unit.group, unit.errors, std::move(patches), std::nullopt};
-}
-
-base::Result<void> LevelBuilder::buildLevels(std::vector<WorkPatch> leaves) {
-  patches_ = std::move(leaves);
-  std::vector<std::uint32_t> level(patches_.size());
-  for (std::uint32_t p = 0; p < level.size(); ++p) level[p] = p;
-  addLevelSummary(level);
-  while (level.size() > 1 || patches_[level[0]].record.triangles > options_.node_triangles) {
-    LUMIGRID_TRY(buildLevel(level));
+  base::Result<BuiltLevels> buildLevels(std::vector<WorkPatch> leaves) {
+    patches_ = std::move(leaves);
+    std::vector<std::uint32_t> level(patches_.size());
+    for (std::uint32_t p = 0; p < level.size(); ++p) level[p] = p;
     addLevelSummary(level);
-    // Nothing can be simplified further.
-    if (level.size() == 1 && levels_.back().triangles == levels_[levels_.size() - 2].triangles) break;
+    while (level.size() > 1 || patches_[level[0]].record.triangles > options_.node_triangles) {
+      LUMIGRID_TRY(buildLevel(level));
+      addLevelSummary(level);
+      // Nothing can be simplified further.
+      if (level.size() == 1 && levels_.back().triangles == levels_[levels_.size() - 2].triangles) break;
+    }
+    return BuiltLevels{std::move(patches_), std::move(groups_), std::move(levels_)};
   }
-  return {};
-}
 
-// The border vertices that several patches of the level use, with each of these patches, sorted by code.
-base::Result<std::vector<LevelBuilder::SharedVertex>> LevelBuilder::sharedVertices(
-    std::span<const std::uint32_t> level) const {
-  std::vector<ingest::KeyedIndex> uses;
-  std::size_t count = 0;
-  for (const std::uint32_t p : level) count += patches_[p].border_codes;
-  uses.reserve(count);
-  std::vector<std::uint64_t> codes;
-  for (std::uint32_t i = 0; i < level.size(); ++i) {
-    LUMIGRID_TRY(store_.readBorder(patches_[level[i]], codes));
-    for (const std::uint64_t code : codes) uses.push_back({code, i});
-  }
-  ingest::radixSort(uses, 3 * lattice_.bits);
-  std::vector<SharedVertex> shared;
-  for (std::size_t begin = 0, end = 0; begin < uses.size(); begin = end) {
-    while (end < uses.size() && uses[end].key == uses[begin].key) ++end;
-    if (end - begin < 2) continue;
-    for (std::size_t i = begin; i < end; ++i) shared.push_back({uses[i].key, uses[i].index});
-  }
-  return shared;
-}
+ private:
+  struct GroupInput {
+    std::vector<std::uint32_t> consumed;  // work numbers of patches
+    std::vector<std::uint64_t> locked;    // codes of the vertices shared with other groups
+  };
+  struct BuiltGroup {
+    Group record;
+    ErrorHistogram errors;
+    std::vector<WorkPatch> produced;
+    std::optional<std::vector<Outlier>> outliers;  // unknown where an earlier run built the group
+  };
+  /// A group's error stands out from its level: it is built once more, within a limit.
+  struct RebuildRequest {
+    float max_error = 0.0F;                        // lattice steps
+    std::optional<std::vector<Outlier>> outliers;  // outliers of the first build, where known
+  };
+  struct SharedVertex {
+    std::uint64_t code = 0;
+    std::uint32_t patch = 0;  // place in the level
+  };
 
-std::vector<std::uint32_t> LevelBuilder::groupOfPatches(std::span<const std::uint32_t> level,
-                                                        std::span<const SharedVertex> shared,
-                                                        std::uint32_t& groups) const {
-  groups = 1;
-  if (!options_.regroup) {
-    // The paper's binary tree: siblings lie side by side.
-    groups = static_cast<std::uint32_t>((level.size() + 1) / 2);
-    std::vector<std::uint32_t> part(level.size());
-    for (std::uint32_t i = 0; i < part.size(); ++i) part[i] = i / 2;
+  // The border vertices that several patches of the level use, with each of these patches, sorted by code.
+  base::Result<std::vector<SharedVertex>> sharedVertices(std::span<const std::uint32_t> level) const {
+    std::vector<ingest::KeyedIndex> uses;
+    std::size_t count = 0;
+    for (const std::uint32_t p : level) count += patches_[p].border_codes;
+    uses.reserve(count);
+    std::vector<std::uint64_t> codes;
+    for (std::uint32_t i = 0; i < level.size(); ++i) {
+      LUMIGRID_TRY(store_.readBorder(patches_[level[i]], codes));
+      for (const std::uint64_t code : codes) uses.push_back({code, i});
+    }
+    ingest::radixSort(uses, 3 * lattice_.bits);
+    std::vector<SharedVertex> shared;
+    for (std::size_t begin = 0, end = 0; begin < uses.size(); begin = end) {
+      while (end < uses.size() && uses[end].key == uses[begin].key) ++end;
+      if (end - begin < 2) continue;
+      for (std::size_t i = begin; i < end; ++i) shared.push_back({uses[i].key, uses[i].index});
+    }
+    return shared;
+  }
+
+  std::vector<std::uint32_t> groupOfPatches(std::span<const std::uint32_t> level, std::span<const SharedVertex> shared,
+                                            std::uint32_t& groups) const {
+    groups = 1;
+    if (!options_.regroup) {
+      // The paper's binary tree: siblings lie side by side.
+      groups = static_cast<std::uint32_t>((level.size() + 1) / 2);
+      std::vector<std::uint32_t> part(level.size());
+      for (std::uint32_t i = 0; i < part.size(); ++i) part[i] = i / 2;
+      return part;
+    }
+    if (level.size() <= options_.group_patches + 1) return std::vector<std::uint32_t>(level.size(), 0);
+
+    // An edge weighs as many vertices as two patches share. Components that share nothing are tied to their neighbours
+    // in Morton order.
+    std::vector<WeightedEdge> edges;
+    for (std::size_t begin = 0, end = 0; begin < shared.size(); begin = end) {
+      while (end < shared.size() && shared[end].code == shared[begin].code) ++end;
+      for (std::size_t i = begin; i < end; ++i)
+        for (std::size_t j = i + 1; j < std::min(end, i + 8); ++j)
+          edges.push_back({shared[i].patch, shared[j].patch, 1});
+    }
+    std::vector<ingest::KeyedIndex> places(level.size());
+    for (std::uint32_t i = 0; i < level.size(); ++i) {
+      const glm::dvec3 q =
+          (glm::dvec3(patches_[level[i]].record.bounds.center) - lattice_.lattice.origin) / lattice_.lattice.step;
+      places[i] = {ingest::mortonCode(glm::ivec3(glm::clamp(q, 0.0, static_cast<double>((1U << lattice_.bits) - 1)))),
+                   i};
+    }
+    ingest::radixSort(places, 3 * lattice_.bits);
+    std::vector<std::uint32_t> order;
+    for (const ingest::KeyedIndex& place : places) order.push_back(place.index);
+    tieComponents(order, edges);
+
+    // METIS makes the groups; a patch left alone joins the group that it shares most with.
+    std::vector<std::int32_t> weights;
+    for (const std::uint32_t p : level) weights.push_back(static_cast<std::int32_t>(patches_[p].record.triangles));
+    const Graph graph = graphFromEdges(std::move(weights), std::move(edges));
+    const auto parts = static_cast<std::uint32_t>((level.size() + options_.group_patches / 2) / options_.group_patches);
+    std::vector<std::uint32_t> part = partitionIntoParts(graph, parts);
+    std::vector<std::uint32_t> size(parts, 0);
+    for (const std::uint32_t p : part) ++size[p];
+    for (std::uint32_t i = 0; i < level.size(); ++i) {
+      if (size[part[i]] != 1) continue;
+      std::size_t best = ingest::CodeMap::kNone;
+      for (auto e = static_cast<std::size_t>(graph.row[i]); e < static_cast<std::size_t>(graph.row[i + 1]); ++e)
+        if (best == ingest::CodeMap::kNone || graph.edge_weights[e] > graph.edge_weights[best]) best = e;
+      if (best == ingest::CodeMap::kNone) continue;
+      --size[part[i]];
+      part[i] = part[static_cast<std::size_t>(graph.neighbors[best])];
+      ++size[part[i]];
+    }
+    // Numbers without gaps.
+    std::vector<std::uint32_t> number(parts, 0);
+    groups = 0;
+    for (std::uint32_t p = 0; p < parts; ++p) number[p] = size[p] > 0 ? groups++ : 0;
+    for (std::uint32_t& p : part) p = number[p];
     return part;
   }
-  if (level.size() <= options_.group_patches + 1) return std::vector<std::uint32_t>(level.size(), 0);
 
-  // An edge weighs as many vertices as two patches share. Components that share nothing are tied to their neighbours in
-  // Morton order.
-  std::vector<WeightedEdge> edges;
-  for (std::size_t begin = 0, end = 0; begin < shared.size(); begin = end) {
-    while (end < shared.size() && shared[end].code == shared[begin].code) ++end;
-    for (std::size_t i = begin; i < end; ++i)
-      for (std::size_t j = i + 1; j < std::min(end, i + 8); ++j) edges.push_back({shared[i].patch, shared[j].patch, 1});
-  }
-  std::vector<ingest::KeyedIndex> places(level.size());
-  for (std::uint32_t i = 0; i < level.size(); ++i) {
-    const glm::dvec3 q =
-        (glm::dvec3(patches_[level[i]].record.bounds.center) - lattice_.lattice.origin) / lattice_.lattice.step;
-    places[i] = {ingest::mortonCode(glm::ivec3(glm::clamp(q, 0.0, static_cast<double>((1U << lattice_.bits) - 1)))), i};
-  }
-  ingest::radixSort(places, 3 * lattice_.bits);
-  std::vector<std::uint32_t> order;
-  for (const ingest::KeyedIndex& place : places) order.push_back(place.index);
-  tieComponents(order, edges);
-
-  // METIS makes the groups; a patch left alone joins the group that it shares most with.
-  std::vector<std::int32_t> weights;
-  for (const std::uint32_t p : level) weights.push_back(static_cast<std::int32_t>(patches_[p].record.triangles));
-  const Graph graph = graphFromEdges(std::move(weights), std::move(edges));
-  const auto parts = static_cast<std::uint32_t>((level.size() + options_.group_patches / 2) / options_.group_patches);
-  std::vector<std::uint32_t> part = partitionIntoParts(graph, parts);
-  std::vector<std::uint32_t> size(parts, 0);
-  for (const std::uint32_t p : part) ++size[p];
-  for (std::uint32_t i = 0; i < level.size(); ++i) {
-    if (size[part[i]] != 1) continue;
-    std::size_t best = ingest::CodeMap::kNone;
-    for (auto e = static_cast<std::size_t>(graph.row[i]); e < static_cast<std::size_t>(graph.row[i + 1]); ++e)
-      if (best == ingest::CodeMap::kNone || graph.edge_weights[e] > graph.edge_weights[best]) best = e;
-    if (best == ingest::CodeMap::kNone) continue;
-    --size[part[i]];
-    part[i] = part[static_cast<std::size_t>(graph.neighbors[best])];
-    ++size[part[i]];
-  }
-  // Numbers without gaps.
-  std::vector<std::uint32_t> number(parts, 0);
-  groups = 0;
-  for (std::uint32_t p = 0; p < parts; ++p) number[p] = size[p] > 0 ? groups++ : 0;
-  for (std::uint32_t& p : part) p = number[p];
-  return part;
-}
-
-base::Result<std::vector<LevelBuilder::GroupInput>> LevelBuilder::groupInputs(
-    std::span<const std::uint32_t> level) const {
-  LUMIGRID_ASSIGN_OR_RETURN(const std::vector<SharedVertex> shared, sharedVertices(level));
-  std::uint32_t groups = 0;
-  const std::vector<std::uint32_t> part = groupOfPatches(level, shared, groups);
-  std::vector<GroupInput> inputs(groups);
-  for (std::uint32_t i = 0; i < level.size(); ++i) inputs[part[i]].consumed.push_back(level[i]);
-  // A vertex that groups share is locked in each of them.
-  for (std::size_t begin = 0, end = 0; begin < shared.size(); begin = end) {
-    bool several = false;
-    for (end = begin; end < shared.size() && shared[end].code == shared[begin].code; ++end)
-      several |= part[shared[end].patch] != part[shared[begin].patch];
-    if (!several) continue;
-    for (std::size_t i = begin; i < end; ++i)
-      if (auto& list = inputs[part[shared[i].patch]].locked; list.empty() || list.back() != shared[i].code)
-        list.push_back(shared[i].code);
-  }
-  return inputs;
-}
-
-base::Result<void> LevelBuilder::buildLevel(std::vector<std::uint32_t>& level) {
-  const std::uint32_t number = patches_[level[0]].record.level + 1;
-  LUMIGRID_ASSIGN_OR_RETURN(auto inputs, groupInputs(level));
-  LUMIGRID_ASSIGN_OR_RETURN(auto built, buildGroups(number, inputs));
-  if (options_.regroup && inputs.size() >= kMinGroups) LUMIGRID_TRY(rebuildOutlyingGroups(number, inputs, built));
-
-  level.clear();
-  for (std::size_t g = 0; g < built.size(); ++g) {
-    const auto group = static_cast<std::uint32_t>(groups_.size());
-    WorkGroup work{built[g].record, std::move(inputs[g].consumed), {}};
-    for (const std::uint32_t p : work.consumed) patches_[p].record.consumer = group;
-    for (WorkPatch& patch : built[g].produced) {
-      patch.record.producer = group;
-      work.produced.push_back(static_cast<std::uint32_t>(patches_.size()));
-      level.push_back(work.produced.back());
-      patches_.push_back(std::move(patch));
+  base::Result<std::vector<GroupInput>> groupInputs(std::span<const std::uint32_t> level) const {
+    LUMIGRID_ASSIGN_OR_RETURN(const std::vector<SharedVertex> shared, sharedVertices(level));
+    std::uint32_t groups = 0;
+    const std::vector<std::uint32_t> part = groupOfPatches(level, shared, groups);
+    std::vector<GroupInput> inputs(groups);
+    for (std::uint32_t i = 0; i < level.size(); ++i) inputs[part[i]].consumed.push_back(level[i]);
+    // A vertex that groups share is locked in each of them.
+    for (std::size_t begin = 0, end = 0; begin < shared.size(); begin = end) {
+      bool several = false;
+      for (end = begin; end < shared.size() && shared[end].code == shared[begin].code; ++end)
+        several |= part[shared[end].patch] != part[shared[begin].patch];
+      if (!several) continue;
+      for (std::size_t i = begin; i < end; ++i)
+        if (auto& list = inputs[part[shared[i].patch]].locked; list.empty() || list.back() != shared[i].code)
+          list.push_back(shared[i].code);
     }
-    groups_.push_back(std::move(work));
+    return inputs;
   }
-  return {};
-}
 
-// Calls build(0) … build(count - 1) in parallel until one fails. `build` returns the triangles that count as progress.
-base::Result<void> LevelBuilder::forEachGroup(std::size_t count,
-                                              const std::function<base::Result<std::uint64_t>(std::size_t)>& build) {
-  std::mutex mutex;
-  return base::tryParallelFor(count, options_.limits.threads, [&](std::size_t i) -> base::Result<void> {
-    LUMIGRID_ASSIGN_OR_RETURN(const auto triangles, build(i));
-    const std::lock_guard lock(mutex);
-    if (advance_(triangles)) return {};
-    return base::Error{base::ErrorCode::kCancelled, "building the patch hierarchy was cancelled"};
-  });
-}
+  base::Result<void> buildLevel(std::vector<std::uint32_t>& level) {
+    const std::uint32_t number = patches_[level[0]].record.level + 1;
+    LUMIGRID_ASSIGN_OR_RETURN(auto inputs, groupInputs(level));
+    LUMIGRID_ASSIGN_OR_RETURN(auto built, buildGroups(number, inputs));
+    if (options_.regroup && inputs.size() >= kMinGroups) LUMIGRID_TRY(rebuildOutlyingGroups(number, inputs, built));
 
-// Builds the groups independently of each other; the results are in the order of the inputs.
-base::Result<std::vector<LevelBuilder::BuiltGroup>> LevelBuilder::buildGroups(std::uint32_t level,
-                                                                              std::span<const GroupInput> inputs) {
-  std::vector<BuiltGroup> built(inputs.size());
-  std::vector<std::uint64_t> triangles(inputs.size(), 0);
-  for (std::size_t g = 0; g < inputs.size(); ++g)
-    for (const std::uint32_t p : inputs[g].consumed) triangles[g] += patches_[p].record.triangles;
-  const std::vector<std::size_t> order =
-      inputs.size() < kManyGroups ? base::largestFirst(triangles) : std::vector<std::size_t>();
-  LUMIGRID_TRY(forEachGroup(inputs.size(), [&](std::size_t i) -> base::Result<std::uint64_t> {
-    const std::size_t g = order.empty() ? i : order[i];
-    LUMIGRID_ASSIGN_OR_RETURN(built[g],
-                              findOrBuildGroup(inputs[g], {level, static_cast<std::uint32_t>(g), {}, {}}, nullptr));
-    return triangles[g];
-  }));
-  return built;
-}
-
-// Builds groups whose bound stands out once more; the better of both results counts. A group whose error comes from the
-// level below stays as it is, since building it again would not help.
-base::Result<void> LevelBuilder::rebuildOutlyingGroups(std::uint32_t level, std::span<const GroupInput> inputs,
-                                                       std::vector<BuiltGroup>& built) {
-  ErrorHistogram errors;
-  for (const BuiltGroup& group : built) errors.add(group.errors);
-  const float max_error = errorLimit(errors, level);
-  const auto limit = static_cast<float>(static_cast<double>(max_error) * lattice_.lattice.step);
-  std::vector<std::size_t> outlying;
-  for (std::size_t g = 0; g < built.size(); ++g)
-    if (built[g].record.error > limit && (!built[g].outliers || isAnyFar(*built[g].outliers, max_error)))
-      outlying.push_back(g);
-  return forEachGroup(outlying.size(), [&](std::size_t i) -> base::Result<std::uint64_t> {
-    const std::size_t g = outlying[i];
-    const RebuildRequest rebuild{max_error, std::move(built[g].outliers)};
-    const auto index = static_cast<std::uint32_t>(inputs.size() + g);
-    LUMIGRID_ASSIGN_OR_RETURN(auto&& result, findOrBuildGroup(inputs[g], {level, index, {}, {}}, &rebuild));
-    if (result.record.error < built[g].record.error) built[g] = std::move(result);
-    return 0;
-  });
-}
-
-base::Result<LevelBuilder::BuiltGroup> LevelBuilder::findOrBuildGroup(const GroupInput& input, WorkUnit unit,
-                                                                      const RebuildRequest* rebuild) {
-  if (const auto at = known_.find(unitKey(unit.level, unit.index)); at != known_.end()) return std::move(at->second);
-  return buildGroup(input, std::move(unit), rebuild);
-}
-
-base::Result<LevelBuilder::BuiltGroup> LevelBuilder::buildGroup(const GroupInput& input, WorkUnit unit,
-                                                                const RebuildRequest* rebuild) {
-  SurfaceError carried;
-  LUMIGRID_ASSIGN_OR_RETURN(auto geometry, readGeometry(input, carried));
-  const MergedGroup merged = mergePatches(geometry, input.locked);
-  geometry.clear();
-  Group& record = unit.group;
-  record.level = unit.level;
-  std::vector<base::Sphere> spheres = addErrorsBelow(input, record);
-
-  // Simplify.
-  const double step = lattice_.lattice.step;
-  const auto below = static_cast<float>(static_cast<double>(record.error) / step);
-  const float negligible = std::max(0.5F, kNegligible * below);
-  thread_local FacetSurface surface;  // keeps its memory from group to group
-  surface.reset({merged.mesh.positions, merged.mesh.indices, merged.mesh.colors});
-  const auto simplify = [&](const GroupMesh& mesh, double share, float precise) {
-    const std::size_t target = options_.regroup
-                                   ? static_cast<std::size_t>(share * static_cast<double>(mesh.indices.size() / 3))
-                                   : options_.node_triangles;
-    SimplifiedGroup simplified = simplifyGroup(mesh, surface, target);
-    return measureCandidate(merged, surface, carried, simplified, lattice_.bits, negligible, precise);
-  };
-  GroupCandidate best;
-  if (rebuild == nullptr || !rebuild->outliers) best = simplify(merged.mesh, kKeptShare, kNotPrecise);
-  if (rebuild != nullptr) {
-    best = simplifyWithin(rebuild->max_error, merged.mesh, rebuild->outliers ? *rebuild->outliers : best.outliers,
-                          simplify);
-    if (best.mesh.indices.empty()) best = simplify(merged.mesh, kKeptShare, kNotPrecise);
-  }
-  if (best.mesh.indices.empty())
-    return base::Error{
-        base::ErrorCode::kInvalidInput,
-        "the mesh has a part whose triangles all lie on lines; remove that part, or raise --position-bits"};
-  record.error = std::max(record.error, roundedUp(static_cast<double>(best.error) * step));
-  record.attribute_error = std::max(record.attribute_error, std::min(1.0F, best.color_error / kMaxColorError));
-  unit.errors = std::move(best.errors);
-
-  // Split into new patches.
-  const std::vector<ingest::KeyedIndex> sorted = sortedByVoxel(best.mesh, lattice_.bits);
-  const std::uint32_t max_triangles = options_.regroup ? options_.node_triangles : kMaxPatchVertices / 3;
-  const auto parts = splitTriangles(best.mesh, sorted, lattice_.bits, max_triangles / kVoxelsPerPatch, max_triangles,
-                                    TieWeight::kSharedVertices);
-  std::vector<NewPatch> patches = makePatches(best.mesh, parts, best.outer, best.codes, lattice_.lattice, unit.level);
-  for (const NewPatch& patch : patches) spheres.push_back(patch.record.bounds);
-  record.bounds = base::boundingSphere(spheres);
-  LUMIGRID_ASSIGN_OR_RETURN(auto stored, store_.add(unit, std::move(patches)));
-  return BuiltGroup{record, std::move(unit.errors), std::move(stored), std::move(best.outliers)};
-}
-
-// The consumed patches' geometry, and the errors that their triangles carry.
-base::Result<std::vector<PatchGeometry>> LevelBuilder::readGeometry(const GroupInput& input,
-                                                                    SurfaceError& carried) const {
-  std::vector<PatchGeometry> geometry;
-  base::Bytes bytes;
-  for (const std::uint32_t p : input.consumed) {
-    LUMIGRID_TRY(store_.readWhole(patches_[p], bytes));
-    const base::ByteView encoded = base::ByteView(bytes).first(patches_[p].encoded_bytes);
-    auto decoded = decodePatch(encoded);
-    if (!decoded) return base::within("the builder's own file", decoded.error());
-    const base::ByteView codes = base::ByteView(bytes).subspan(encoded.size());
-    LUMIGRID_TRY(appendErrors(codes, decoded->indices.size() / 3, carried));
-    geometry.push_back(std::move(*decoded));
-  }
-  return geometry;
-}
-
-// Raises the record's errors to those of the groups below, so that errors are monotone. Returns the spheres that the
-// group's sphere has to contain.
-std::vector<base::Sphere> LevelBuilder::addErrorsBelow(const GroupInput& input, Group& record) const {
-  std::vector<base::Sphere> spheres;
-  for (const std::uint32_t p : input.consumed) {
-    spheres.push_back(patches_[p].record.bounds);
-    if (const std::uint32_t producer = patches_[p].record.producer; producer != kNoGroup) {
-      const Group& below = groups_[producer].record;
-      spheres.push_back(below.bounds);
-      record.error = std::max(record.error, below.error);
-      record.attribute_error = std::max(record.attribute_error, below.attribute_error);
+    level.clear();
+    for (std::size_t g = 0; g < built.size(); ++g) {
+      const auto group = static_cast<std::uint32_t>(groups_.size());
+      WorkGroup work{built[g].record, std::move(inputs[g].consumed), {}};
+      for (const std::uint32_t p : work.consumed) patches_[p].record.consumer = group;
+      for (WorkPatch& patch : built[g].produced) {
+        patch.record.producer = group;
+        work.produced.push_back(static_cast<std::uint32_t>(patches_.size()));
+        level.push_back(work.produced.back());
+        patches_.push_back(std::move(patch));
+      }
+      groups_.push_back(std::move(work));
     }
+    return {};
   }
-  return spheres;
-}
 
-void LevelBuilder::addLevelSummary(std::span<const std::uint32_t> level) {
-  LevelSummary summary;
-  summary.patches = level.size();
-  for (const std::uint32_t p : level) {
-    summary.triangles += patches_[p].record.triangles;
-    if (const std::uint32_t g = patches_[p].record.producer; g != kNoGroup)
-      summary.max_error = std::max(summary.max_error, groups_[g].record.error);
+  // Builds the groups independently of each other; the results are in the order of the inputs.
+  base::Result<std::vector<BuiltGroup>> buildGroups(std::uint32_t level, std::span<const GroupInput> inputs) {
+    std::vector<BuiltGroup> built(inputs.size());
+    std::vector<std::uint64_t> triangles(inputs.size(), 0);
+    for (std::size_t g = 0; g < inputs.size(); ++g)
+      for (const std::uint32_t p : inputs[g].consumed) triangles[g] += patches_[p].record.triangles;
+    const std::vector<std::size_t> order =
+        inputs.size() < kManyGroups ? base::largestFirst(triangles) : std::vector<std::size_t>();
+    LUMIGRID_TRY(forEachGroup(inputs.size(), [&](std::size_t i) -> base::Result<std::uint64_t> {
+      const std::size_t g = order.empty() ? i : order[i];
+      LUMIGRID_ASSIGN_OR_RETURN(built[g],
+                                findOrBuildGroup(inputs[g], {level, static_cast<std::uint32_t>(g), {}, {}}, nullptr));
+      return triangles[g];
+    }));
+    return built;
   }
-  levels_.push_back(summary);
+
+  // Builds groups whose bound stands out once more; the better of both results counts. A group whose error comes from
+  // the level below stays as it is, since building it again would not help.
+  base::Result<void> rebuildOutlyingGroups(std::uint32_t level, std::span<const GroupInput> inputs,
+                                           std::vector<BuiltGroup>& built) {
+    ErrorHistogram errors;
+    for (const BuiltGroup& group : built) errors.add(group.errors);
+    const float max_error = errorLimit(errors, level);
+    const auto limit = static_cast<float>(static_cast<double>(max_error) * lattice_.lattice.step);
+    std::vector<std::size_t> outlying;
+    for (std::size_t g = 0; g < built.size(); ++g)
+      if (built[g].record.error > limit && (!built[g].outliers || isAnyFar(*built[g].outliers, max_error)))
+        outlying.push_back(g);
+    return forEachGroup(outlying.size(), [&](std::size_t i) -> base::Result<std::uint64_t> {
+      const std::size_t g = outlying[i];
+      const RebuildRequest rebuild{max_error, std::move(built[g].outliers)};
+      const auto index = static_cast<std::uint32_t>(inputs.size() + g);
+      LUMIGRID_ASSIGN_OR_RETURN(auto&& result, findOrBuildGroup(inputs[g], {level, index, {}, {}}, &rebuild));
+      if (result.record.error < built[g].record.error) built[g] = std::move(result);
+      return 0;
+    });
+  }
+
+  base::Result<BuiltGroup> findOrBuildGroup(const GroupInput& input, WorkUnit unit, const RebuildRequest* rebuild) {
+    if (const auto at = known_.find(unitKey(unit.level, unit.index)); at != known_.end()) return std::move(at->second);
+    return buildGroup(input, std::move(unit), rebuild);
+  }
+
+  base::Result<BuiltGroup> buildGroup(const GroupInput& input, WorkUnit unit, const RebuildRequest* rebuild) {
+    SurfaceError carried;
+    LUMIGRID_ASSIGN_OR_RETURN(auto geometry, readGeometry(input, carried));
+    const MergedGroup merged = mergePatches(geometry, input.locked);
+    geometry.clear();
+    Group& record = unit.group;
+    record.level = unit.level;
+    std::vector<base::Sphere> spheres = addErrorsBelow(input, record);
+
+    // Simplify.
+    const double step = lattice_.lattice.step;
+    const auto below = static_cast<float>(static_cast<double>(record.error) / step);
+    const float negligible = std::max(0.5F, kNegligible * below);
+    thread_local FacetSurface surface;  // keeps its memory from group to group
+    surface.reset({merged.mesh.positions, merged.mesh.indices, merged.mesh.colors});
+    const auto simplify = [&](const GroupMesh& mesh, double share, float precise) {
+      const std::size_t target = options_.regroup
+                                     ? static_cast<std::size_t>(share * static_cast<double>(mesh.indices.size() / 3))
+                                     : options_.node_triangles;
+      SimplifiedGroup simplified = simplifyGroup(mesh, surface, target);
+      return measureCandidate(merged, surface, carried, simplified, lattice_.bits, negligible, precise);
+    };
+    GroupCandidate best;
+    if (rebuild == nullptr || !rebuild->outliers) best = simplify(merged.mesh, kKeptShare, kNotPrecise);
+    if (rebuild != nullptr) {
+      best = simplifyWithin(rebuild->max_error, merged.mesh, rebuild->outliers ? *rebuild->outliers : best.outliers,
+                            simplify);
+      if (best.mesh.indices.empty()) best = simplify(merged.mesh, kKeptShare, kNotPrecise);
+    }
+    if (best.mesh.indices.empty())
+      return base::Error{
+          base::ErrorCode::kInvalidInput,
+          "the mesh has a part whose triangles all lie on lines; remove that part, or raise --position-bits"};
+    record.error = std::max(record.error, roundedUp(static_cast<double>(best.error) * step));
+    record.attribute_error = std::max(record.attribute_error, std::min(1.0F, best.color_error / kMaxColorError));
+    unit.errors = std::move(best.errors);
+
+    // Split into new patches.
+    const std::vector<ingest::KeyedIndex> sorted = sortedByVoxel(best.mesh, lattice_.bits);
+    const std::uint32_t max_triangles = options_.regroup ? options_.node_triangles : kMaxPatchVertices / 3;
+    const auto parts = splitTriangles(best.mesh, sorted, lattice_.bits, max_triangles / kVoxelsPerPatch, max_triangles,
+                                      TieWeight::kSharedVertices);
+    std::vector<NewPatch> patches = makePatches(best.mesh, parts, best.outer, best.codes, lattice_.lattice, unit.level);
+    for (const NewPatch& patch : patches) spheres.push_back(patch.record.bounds);
+    record.bounds = base::boundingSphere(spheres);
+    LUMIGRID_ASSIGN_OR_RETURN(auto stored, store_.add(unit, std::move(patches)));
+    return BuiltGroup{record, std::move(unit.errors), std::move(stored), std::move(best.outliers)};
+  }
+
+  // The consumed patches' geometry, and the errors that their triangles carry.
+  base::Result<std::vector<PatchGeometry>> readGeometry(const GroupInput& input, SurfaceError& carried) const {
+    std::vector<PatchGeometry> geometry;
+    base::Bytes bytes;
+    for (const std::uint32_t p : input.consumed) {
+      LUMIGRID_TRY(store_.readWhole(patches_[p], bytes));
+      const base::ByteView encoded = base::ByteView(bytes).first(patches_[p].encoded_bytes);
+      auto decoded = decodePatch(encoded);
+      if (!decoded) return base::within("the builder's own file", decoded.error());
+      const base::ByteView codes = base::ByteView(bytes).subspan(encoded.size());
+      LUMIGRID_TRY(appendErrors(codes, decoded->indices.size() / 3, carried));
+      geometry.push_back(std::move(*decoded));
+    }
+    return geometry;
+  }
+
+  // Raises the record's errors to those of the groups below, so that errors are monotone. Returns the spheres that the
+  // group's sphere has to contain.
+  std::vector<base::Sphere> addErrorsBelow(const GroupInput& input, Group& record) const {
+    std::vector<base::Sphere> spheres;
+    for (const std::uint32_t p : input.consumed) {
+      spheres.push_back(patches_[p].record.bounds);
+      if (const std::uint32_t producer = patches_[p].record.producer; producer != kNoGroup) {
+        const Group& below = groups_[producer].record;
+        spheres.push_back(below.bounds);
+        record.error = std::max(record.error, below.error);
+        record.attribute_error = std::max(record.attribute_error, below.attribute_error);
+      }
+    }
+    return spheres;
+  }
+
+  // Calls build(0) … build(count - 1) in parallel until one fails. `build` returns the triangles that count as
+  // progress.
+  base::Result<void> forEachGroup(std::size_t count,
+                                  const std::function<base::Result<std::uint64_t>(std::size_t)>& build) {
+    std::mutex mutex;
+    return base::tryParallelFor(count, options_.limits.threads, [&](std::size_t i) -> base::Result<void> {
+      LUMIGRID_ASSIGN_OR_RETURN(const auto triangles, build(i));
+      const std::lock_guard lock(mutex);
+      if (advance_(triangles)) return {};
+      return base::Error{base::ErrorCode::kCancelled, "building the patch hierarchy was cancelled"};
+    });
+  }
+
+  void addLevelSummary(std::span<const std::uint32_t> level) {
+    LevelSummary summary;
+    summary.patches = level.size();
+    for (const std::uint32_t p : level) {
+      summary.triangles += patches_[p].record.triangles;
+      if (const std::uint32_t g = patches_[p].record.producer; g != kNoGroup)
+        summary.max_error = std::max(summary.max_error, groups_[g].record.error);
+    }
+    levels_.push_back(summary);
+  }
+
+  const ingest::SourceLattice& lattice_;
+  const HierarchyOptions& options_;
+  WorkStore& store_;
+  const std::function<bool(std::uint64_t)>& advance_;
+  std::vector<WorkPatch> patches_;
+  std::vector<WorkGroup> groups_;
+  std::vector<LevelSummary> levels_;
+  std::unordered_map<std::uint64_t, BuiltGroup> known_;  // by level and index
+};
+
+}  // namespace
+
+base::Result<BuiltLevels> buildLevels(const ingest::SourceLattice& lattice, const HierarchyOptions& options,
+                                      WorkStore& store, std::vector<WorkPatch> leaves,
+                                      std::vector<std::pair<WorkUnit, std::vector<WorkPatch>>> known,
+                                      const std::function<bool(std::uint64_t)>& advance) {
+  LevelBuilder builder(lattice, options, store, advance);
+  for (auto& [unit, patches] : known)
+    if (unit.level != 0) builder.addKnownGroup(unit, std::move(patches));
+  return builder.buildLevels(std::move(leaves));
 }
 
 }  // namespace lod::patch::builder
