@@ -17,7 +17,6 @@
 #include "server/bake/draw_processes.h"
 #include "server/cli/build_command/images.h"
 #include "server/cli/build_command/methods.h"
-#include "server/cli/build_command/missing.h"
 #include "server/cli/build_command/options.h"
 #include "server/cli/build_command/report.h"
 #include "server/cli/build_command/resume.h"
@@ -86,8 +85,7 @@ Result<void> declareFinished(const BuildArguments& a, BuildOutput& output, const
   base::Scene& scene = *output.scene;
   if (wantsImages(scene) && !wants(a, "images")) return {};  // another command is at them
   if (wantsImages(scene)) {
-    LUMIGRID_ASSIGN_OR_RETURN(auto missing, findMissingImages(a, scene, selection.shards));
-    report.missing = std::move(missing.shards);
+    LUMIGRID_ASSIGN_OR_RETURN(report.missing, findMissingImages(a, scene, selection.shards));
     if (!report.missing.empty()) return {};
   }
   if (!fs::exists(fs::path(a.output) / "scene.json")) {
@@ -126,6 +124,37 @@ Result<void> build(const BuildArguments& a) {
   }
   printReport(a, output, report);
   return {};
+}
+
+/// Finds the parts that the same command would still have to make (`build --missing`). Cheap, so that it can be asked
+/// often: sources are known by their sizes, images by their keys.
+Result<MissingParts> findMissingParts(const BuildArguments& a) {
+  LUMIGRID_ASSIGN_OR_RETURN(auto selection, shardSelectionOf(a));
+  const SceneSources sources(a.meshes, false);
+  LUMIGRID_TRY(sources.check());
+  LUMIGRID_ASSIGN_OR_RETURN(const auto output, openOutput(a, sources));
+  MissingParts missing;
+  missing.shards = selection.shards;
+  if (!output.scene) {
+    missing.hierarchy = wants(a, "patch");
+    missing.splats = wants(a, "qsplat");
+    return missing;
+  }
+
+  const base::Scene& scene = *output.scene;
+  LUMIGRID_TRY(settleDivision(a, output, selection));
+  missing.shards = selection.shards;
+  missing.hierarchy = lacksFile(a, scene, kPatches);
+  missing.splats = lacksFile(a, scene, kSplats);
+  if (!wants(a, "images")) {
+    missing.declaration = !missing.files() && !output.finished && !wantsImages(scene);
+    return missing;
+  }
+  LUMIGRID_ASSIGN_OR_RETURN(missing.images, findMissingImages(a, scene, selection.shards, &missing.points));
+  if (selection.index)
+    std::erase_if(missing.images, [&](const auto& one) { return one.shard.index != *selection.index; });
+  missing.declaration = !missing.files() && !output.finished && missing.images.empty() && !selection.index;
+  return missing;
 }
 
 }  // namespace

@@ -236,19 +236,17 @@ Result<void> buildImages(const BuildArguments& a, const BuildOutput& output, con
   return busy ? Result<void>(*busy) : Result<void>();
 }
 
-Result<MissingImages> findMissingImages(const BuildArguments& a, const base::Scene& scene, std::uint32_t shards) {
-  MissingImages missing;
+Result<std::vector<repository::ShardGaps>> findMissingImages(const BuildArguments& a, const base::Scene& scene,
+                                                             std::uint32_t shards, bool* unselected) {
   ImageChoices choices;
   if (a.bake.selection.views != 0) {
     if (a.tune_db) {
       LUMIGRID_ASSIGN_OR_RETURN(choices.tuned, storedChoice(scene.parameters));
     }
     LUMIGRID_ASSIGN_OR_RETURN(choices.points, readSelection(selectionFileOf(a), scene, bakeOptions(a, scene, choices)));
-    missing.points_selected = choices.points.has_value();
+    if (unselected != nullptr) *unselected = !choices.points.has_value();
   }
-  LUMIGRID_ASSIGN_OR_RETURN(missing.shards, repository::findMissing(imagesOf(a), shards, gridFor(a, scene),
-                                                                    choices.points ? &*choices.points : nullptr));
-  return missing;
+  return repository::findMissing(imagesOf(a), shards, gridFor(a, scene), choices.points ? &*choices.points : nullptr);
 }
 
 }  // namespace server::cli

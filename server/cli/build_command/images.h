@@ -45,11 +45,9 @@ base::Result<ImageChoices> makeImageChoices(const BuildArguments& a, BuildOutput
 base::Result<void> buildImages(const BuildArguments& a, const BuildOutput& output, const ImageChoices& choices,
                                const ShardSelection& selection, BuildReport& report, ProgressLine& line);
 
-/// The faces that the stores lack.
-struct MissingImages {
-  bool points_selected = true;  ///< false: --views has not selected points yet, so all points of the grid count
-  std::vector<repository::ShardGaps> shards;
-};
-base::Result<MissingImages> findMissingImages(const BuildArguments& a, const base::Scene& scene, std::uint32_t shards);
+/// The faces that the stores lack. `unselected`, where given, is told whether --views has yet to select points: then
+/// all points of the grid count.
+base::Result<std::vector<repository::ShardGaps>> findMissingImages(const BuildArguments& a, const base::Scene& scene,
+                                                                   std::uint32_t shards, bool* unselected = nullptr);
 
 }  // namespace server::cli
