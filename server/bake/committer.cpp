@@ -7,17 +7,11 @@
 namespace server {
 
 Committer::Committer(repository::Store& store, std::uint32_t batch_faces, std::uint64_t window)
-    : store_(store), batch_faces_(batch_faces), window_(window), thread_([this] { runThread(); }) {
+    : store_(store),
+      batch_faces_(batch_faces),
+      window_(window),
+      thread_([this](const std::stop_token& stop) { runThread(stop); }) {
   LUMIGRID_CHECK_LT(batch_faces, window);
-}
-
-Committer::~Committer() {
-  {
-    const std::lock_guard lock(mutex_);
-    stopping_ = true;
-  }
-  changed_.notify_all();
-  if (thread_.joinable()) thread_.join();
 }
 
 bool Committer::waitForRoom(std::uint64_t sequence) {
@@ -27,18 +21,14 @@ bool Committer::waitForRoom(std::uint64_t sequence) {
 }
 
 void Committer::deliver(std::uint64_t sequence, const repository::FaceKey& key, base::Bytes value) {
-  {
-    const std::lock_guard lock(mutex_);
-    waiting_.emplace(sequence, std::pair(key, std::move(value)));
-  }
+  const std::lock_guard lock(mutex_);
+  waiting_.emplace(sequence, std::pair(key, std::move(value)));
   changed_.notify_all();
 }
 
 void Committer::fail(base::Error error) {
-  {
-    const std::lock_guard lock(mutex_);
-    if (!error_) error_ = std::move(error);
-  }
+  const std::lock_guard lock(mutex_);
+  if (!error_) error_ = std::move(error);
   changed_.notify_all();
 }
 
@@ -71,11 +61,11 @@ std::vector<std::pair<repository::FaceKey, base::Bytes>> Committer::nextBatch() 
   return batch;
 }
 
-void Committer::runThread() {
+void Committer::runThread(const std::stop_token& stop) {
   std::unique_lock lock(mutex_);
   for (;;) {
-    changed_.wait(lock, [&] { return stopping_ || error_ || batchReady() || finishing_; });
-    if (stopping_ || error_ || !batchReady()) return;
+    changed_.wait(lock, stop, [&] { return error_ || batchReady() || finishing_; });
+    if (stop.stop_requested() || error_ || !batchReady()) return;
 
     // The store waits for the disk, so the lock is released meanwhile.
     const auto batch = nextBatch();

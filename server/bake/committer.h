@@ -16,13 +16,11 @@
 
 namespace server {
 
+/// Its end without finish() drops what is not committed.
 class Committer {
  public:
   /// `window`: faces that may be under way between waitForRoom() and the store; more than batch_faces.
   Committer(repository::Store& store, std::uint32_t batch_faces, std::uint64_t window);
-  ~Committer();  ///< without finish(): drops what is not committed
-  Committer(const Committer&) = delete;
-  Committer& operator=(const Committer&) = delete;
 
   /// Blocks until face number `sequence` (0, 1, 2 … without a gap) may be started. False when the work has failed:
   /// stop.
@@ -35,7 +33,7 @@ class Committer {
   base::Result<void> finish();
 
  private:
-  void runThread();
+  void runThread(const std::stop_token& stop);
   std::vector<std::pair<repository::FaceKey, base::Bytes>> nextBatch();
   bool batchReady() const;
 
@@ -43,14 +41,13 @@ class Committer {
   const std::uint32_t batch_faces_;
   const std::uint64_t window_;
   std::mutex mutex_;
-  std::condition_variable changed_;
+  std::condition_variable_any changed_;
   std::map<std::uint64_t, std::pair<repository::FaceKey, base::Bytes>> waiting_;  // by sequence number
   std::uint64_t batched_ = 0;    // faces below this number are in a batch …
   std::uint64_t committed_ = 0;  // … and below this one in the store
   bool finishing_ = false;
-  bool stopping_ = false;
   std::optional<base::Error> error_;
-  std::thread thread_;
+  std::jthread thread_;  // last: it uses the others
 };
 
 }  // namespace server

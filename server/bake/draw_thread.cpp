@@ -8,14 +8,8 @@
 
 namespace server {
 
-DrawThread::DrawThread(const base::Scene& scene, const lod::patch::PatchFile& patches, const repository::Grid& grid,
-                       const RenderOptions& options, std::uint64_t gpu_budget_bytes, OnRendered on_rendered,
-                       OnError on_error)
-    : scene_(scene),
-      patches_(patches),
-      grid_(grid),
-      options_(options),
-      gpu_budget_bytes_(gpu_budget_bytes),
+DrawThread::DrawThread(const FaceWork& work, OnRendered on_rendered, OnError on_error)
+    : work_(work),
       on_rendered_(std::move(on_rendered)),
       on_error_(std::move(on_error)),
       thread_([this] { runThread(); }) {}
@@ -38,7 +32,7 @@ void DrawThread::runThread() {
 
 base::Result<void> DrawThread::draw() {
   LUMIGRID_ASSIGN_OR_RETURN(const auto context, base::HeadlessContext::create());
-  LUMIGRID_ASSIGN_OR_RETURN(auto renderer, SceneRenderer::create(scene_, patches_, gpu_budget_bytes_));
+  LUMIGRID_ASSIGN_OR_RETURN(auto renderer, SceneRenderer::create(work_.scene, work_.patches, work_.gpu_budget_bytes));
   for (;;) {
     std::optional<DrawJob> job = jobs_.takeJob(false);
     if (!job) {
@@ -46,7 +40,7 @@ base::Result<void> DrawThread::draw() {
       job = jobs_.takeJob(true);
     }
     if (!job) return {};
-    LUMIGRID_TRY(renderer->renderMany(faceCameras(*renderer, grid_, job->keys), options_,
+    LUMIGRID_TRY(renderer->renderMany(faceCameras(*renderer, work_.grid, job->keys), work_.render,
                                       [this, job = *job](std::size_t i, RenderedPicture rendered) {
                                         on_rendered_(job.sequence + i, job.keys[i], std::move(rendered));
                                       }));

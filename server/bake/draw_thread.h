@@ -9,12 +9,25 @@
 
 #include "base/error.h"
 #include "base/json/scene_file.h"
+#include "base/view_defaults.h"
 #include "lod/patch/format.h"
+#include "repository/faces/jpeg.h"
 #include "repository/sampling/grid.h"
 #include "server/bake/job_slot.h"
 #include "server/render/scene_renderer.h"
 
 namespace server {
+
+/// The order of a bake. Scene and patches outlive whoever draws it.
+struct FaceWork {
+  const base::Scene& scene;
+  const lod::patch::PatchFile& patches;
+  repository::Grid grid;
+  RenderOptions render;
+  int quality = base::ViewDefaults::kQuality;  ///< JPEG, 1..100
+  repository::Subsampling subsampling = repository::Subsampling::k420;
+  std::uint64_t gpu_budget_bytes = std::uint64_t{2} << 30;  ///< uploaded patches, of each context
+};
 
 class DrawThread {
  public:
@@ -23,9 +36,8 @@ class DrawThread {
   /// Called once, on the thread, when drawing has failed; then nothing more is drawn or delivered.
   using OnError = std::function<void(const base::Error&)>;
 
-  /// Scene and patches must outlive it. `gpu_budget_bytes`: uploaded patches (SceneRenderer::create).
-  DrawThread(const base::Scene& scene, const lod::patch::PatchFile& patches, const repository::Grid& grid,
-             const RenderOptions& options, std::uint64_t gpu_budget_bytes, OnRendered on_rendered, OnError on_error);
+  /// Encoding is not its business.
+  DrawThread(const FaceWork& work, OnRendered on_rendered, OnError on_error);
   ~DrawThread();  ///< draws what was submitted
   DrawThread(const DrawThread&) = delete;
   DrawThread& operator=(const DrawThread&) = delete;
@@ -40,11 +52,7 @@ class DrawThread {
   void runThread();
   base::Result<void> draw();
 
-  const base::Scene& scene_;
-  const lod::patch::PatchFile& patches_;
-  const repository::Grid grid_;
-  const RenderOptions options_;
-  const std::uint64_t gpu_budget_bytes_;
+  const FaceWork work_;
   const OnRendered on_rendered_;
   const OnError on_error_;
   JobSlot jobs_;

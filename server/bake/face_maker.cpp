@@ -10,14 +10,13 @@ namespace {
 class LocalFaceMaker : public FaceMaker {
  public:
   LocalFaceMaker(const FaceWork& work, unsigned threads, OnFace on_face, OnError on_error, Encode encode)
-      : quality_(work.quality),
-        subsampling_(work.subsampling),
+      : work_(work),
         on_face_(std::move(on_face)),
         on_error_(std::move(on_error)),
         encode_(std::move(encode)),
         encoders_(threads, std::size_t{2} * threads),
         draw_(
-            work.scene, work.patches, work.grid, work.render, work.gpu_budget_bytes,
+            work,
             [this](std::uint64_t sequence, const repository::FaceKey& key, RenderedPicture rendered) {
               this->encode(sequence, key, std::move(rendered));
             },
@@ -33,14 +32,13 @@ class LocalFaceMaker : public FaceMaker {
   void encode(std::uint64_t sequence, const repository::FaceKey& key, RenderedPicture rendered) {
     auto picture = std::make_shared<base::Image>(std::move(rendered.rgba));
     encoders_.submit([this, sequence, key, picture] {
-      auto face = encode_(*picture, quality_, subsampling_);
+      auto face = encode_(*picture, work_.quality, work_.subsampling);
       if (!face) return on_error_(face.error());
       on_face_(sequence, key, std::move(*face));
     });
   }
 
-  const int quality_;
-  const repository::Subsampling subsampling_;
+  const FaceWork work_;
   const OnFace on_face_;
   const OnError on_error_;
   const Encode encode_;

@@ -7,27 +7,11 @@
 
 #include "base/error.h"
 #include "base/image.h"
-#include "base/json/scene_file.h"
-#include "base/view_defaults.h"
-#include "lod/patch/format.h"
-#include "repository/sampling/grid.h"
 #include "repository/sampling/key.h"
 #include "server/bake/draw_thread.h"
 #include "server/bake/face_encoder.h"
-#include "server/render/scene_renderer.h"
 
 namespace server {
-
-/// The order of a bake. Scene and patches outlive the FaceMaker.
-struct FaceWork {
-  const base::Scene& scene;
-  const lod::patch::PatchFile& patches;
-  repository::Grid grid;
-  RenderOptions render;
-  int quality = base::ViewDefaults::kQuality;  ///< JPEG, 1..100
-  repository::Subsampling subsampling = repository::Subsampling::k420;
-  std::uint64_t gpu_budget_bytes = std::uint64_t{2} << 30;  ///< uploaded patches, of each context
-};
 
 class FaceMaker {
  public:

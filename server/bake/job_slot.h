@@ -22,41 +22,32 @@ class JobSlot {
  public:
   /// Blocks while a job is waiting. After fail() the job is dropped.
   void submit(DrawJob job) {
-    {
-      std::unique_lock lock(mutex_);
-      changed_.wait(lock, [&] { return failed_ || !job_; });
-      if (failed_) return;
-      job_ = std::move(job);
-    }
+    std::unique_lock lock(mutex_);
+    changed_.wait(lock, [&] { return failed_ || !job_; });
+    if (failed_) return;
+    job_ = std::move(job);
     changed_.notify_all();
   }
   /// Takes the job that is waiting, if there is one. With `wait` it waits for one: nothing when there will be none any
   /// more.
   std::optional<DrawJob> takeJob(bool wait) {
-    std::optional<DrawJob> job;
-    {
-      std::unique_lock lock(mutex_);
-      if (wait) changed_.wait(lock, [&] { return finishing_ || failed_ || job_; });
-      job = std::exchange(job_, std::nullopt);
-    }
+    std::unique_lock lock(mutex_);
+    if (wait) changed_.wait(lock, [&] { return finishing_ || failed_ || job_; });
+    std::optional<DrawJob> job = std::exchange(job_, std::nullopt);
     if (job) changed_.notify_all();
     return job;
   }
   /// Nothing is submitted after it.
   void finish() {
-    {
-      const std::lock_guard lock(mutex_);
-      finishing_ = true;
-    }
+    const std::lock_guard lock(mutex_);
+    finishing_ = true;
     changed_.notify_all();
   }
   /// Drops the job that is waiting and all that follow. False when that was so already.
   bool fail() {
-    {
-      const std::lock_guard lock(mutex_);
-      if (std::exchange(failed_, true)) return false;
-      job_.reset();
-    }
+    const std::lock_guard lock(mutex_);
+    if (std::exchange(failed_, true)) return false;
+    job_.reset();
     changed_.notify_all();
     return true;
   }

@@ -4,8 +4,6 @@
 #include <functional>
 #include <optional>
 
-#include "server/bake/unit_random.h"
-
 namespace server {
 namespace {
 

@@ -6,14 +6,25 @@
 // the surface that it sees, so a view from a face's point into that face shows what some viewer looked at.
 #include <cstdint>
 #include <glm/glm.hpp>
+#include <random>
 #include <string>
 #include <vector>
 
 #include "base/error.h"
 #include "repository/access.h"
-#include "server/bake/unit_random.h"
 
 namespace server {
+
+/// Random numbers that are the same with every standard library, uniform in [0, 1). std::uniform_real_distribution is
+/// another in every library; std::mt19937 is not.
+class UnitRandom {
+ public:
+  explicit UnitRandom(std::uint32_t seed) : random_(seed) {}
+  double operator()() { return static_cast<double>(random_()) / 4294967296.0; }
+
+ private:
+  std::mt19937 random_;
+};
 
 class ViewerPlaces {
  public:

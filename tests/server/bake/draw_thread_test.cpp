@@ -25,6 +25,11 @@ class DrawThreadTest : public testing::Test {
   DrawThreadTest() : scene_(square(), {square()}, 0.1F) {
     grid_ = repository::makeGrid(base::Aabb{{-1, -1, 0}, {1, 1, 0}}, 4, 0.5F, 32);
   }
+  FaceWork work() {
+    FaceWork all{scene_.scene(), scene_.file(), grid_, {}};
+    all.gpu_budget_bytes = kBudget;
+    return all;
+  }
   std::vector<DrawJob> allJobs() const {
     std::vector<DrawJob> jobs;
     for (const glm::uvec3& point : repository::pointsInMortonOrder(grid_)) {
@@ -39,7 +44,7 @@ class DrawThreadTest : public testing::Test {
     std::map<std::uint64_t, base::Image> pictures;
     const std::vector<DrawJob> jobs = allJobs();
     DrawThread thread(
-        scene_.scene(), scene_.file(), grid_, {}, kBudget,
+        work(),
         [&](std::uint64_t sequence, const FaceKey& key, RenderedPicture rendered) {
           const std::lock_guard lock(mutex_);
           EXPECT_EQ(key, jobs[sequence / 6].keys[sequence % 6]);
@@ -71,7 +76,7 @@ TEST_F(DrawThreadTest, aThreadWithoutAJobDeliversWhatIsOnItsWay) {
   std::uint64_t taken = 0;
   std::condition_variable changed;
   DrawThread thread(
-      scene_.scene(), scene_.file(), grid_, {}, kBudget,
+      work(),
       [&](std::uint64_t, const FaceKey&, const RenderedPicture&) {
         const std::lock_guard lock(mutex_);
         ++taken;
@@ -94,8 +99,7 @@ TEST_F(DrawThreadTest, aFailureIsToldOnceAndNothingIsWaitedForAfterIt) {
   std::atomic<int> told{0};
   std::atomic<int> taken{0};
   DrawThread thread(
-      scene_.scene(), scene_.file(), grid_, {}, kBudget,
-      [&](std::uint64_t, const FaceKey&, const RenderedPicture&) { ++taken; },
+      work(), [&](std::uint64_t, const FaceKey&, const RenderedPicture&) { ++taken; },
       [&](const base::Error& error) {
         EXPECT_NE(error.message.find("40000"), std::string::npos) << error.message;
         ++told;
