@@ -14,26 +14,9 @@ namespace lod::patch {
 namespace {
 
 constexpr std::array<char, 8> kMagic{'L', 'G', 'P', 'A', 'T', 'C', 'H', '\n'};
-constexpr std::uint32_t kVersion = 1, kHeaderBytes = 96, kHasColors = 1;
+constexpr std::uint32_t kVersion = 1, kHasColors = 1;
 constexpr std::uint64_t kBlockAlignment = 16;
 constexpr std::size_t kHeaderCrcOffset = 92;
-
-struct FileHeader {
-  std::uint64_t file_bytes = 0;
-  std::uint64_t blocks_offset = 0;
-  Lattice lattice;
-  std::uint64_t source_triangles = 0;
-  std::uint32_t flags = 0;
-  std::uint32_t groups = 0;
-  std::uint32_t patches = 0;
-  std::uint32_t parents = 0;
-  std::uint32_t tables_crc = 0;
-
-  std::uint64_t tablesEnd() const {
-    return kHeaderBytes + std::uint64_t{kGroupRowBytes} * groups + std::uint64_t{kPatchRowBytes} * patches +
-           std::uint64_t{4} * parents;
-  }
-};
 
 std::uint64_t alignedUp(std::uint64_t offset) {
   return (offset + kBlockAlignment - 1) / kBlockAlignment * kBlockAlignment;
@@ -42,56 +25,33 @@ std::uint64_t alignedUp(std::uint64_t offset) {
 // Header ------------------------------------------------------------------------------------------
 
 // The fields between the lengths of the header and its checksum.
-auto headerFields(auto& h) {
-  return std::tie(h.file_bytes, h.blocks_offset, h.lattice.origin, h.lattice.step, h.source_triangles, h.flags,
-                  h.groups, h.patches, h.parents, h.tables_crc);
+auto headerFields(auto& h, auto& flags) {
+  return std::tie(h.file_bytes, h.blocks_offset, h.lattice.origin, h.lattice.step, h.source_triangles, flags, h.groups,
+                  h.patches, h.parents, h.tables_crc);
 }
 
-base::Bytes headerBytes(const FileHeader& header) {
+base::Bytes headerBytes(const TableCounts& header) {
+  const std::uint32_t flags = header.has_colors ? kHasColors : 0;
   base::ByteWriter out;
   out.write(kMagic);
   out.u32(kVersion);
-  out.u32(kHeaderBytes);
-  base::writeFields(out, headerFields(header));
+  out.u32(kFileHeaderBytes);
+  base::writeFields(out, headerFields(header, flags));
   out.u32(base::crc32c(out.view()));
   return out.takeBytes();
 }
 
-base::Result<void> checkHeader(const FileHeader& header) {
+base::Result<void> checkHeader(const TableCounts& header) {
   const glm::dvec3& origin = header.lattice.origin;
   const double step = header.lattice.step;
   if (!std::isfinite(origin.x) || !std::isfinite(origin.y) || !std::isfinite(origin.z) || !std::isfinite(step) ||
       step <= 0.0)
     return damaged("header: the lattice's origin or step is not a number of use");
-  if ((header.flags & ~kHasColors) != 0) return damaged("header: unknown flags");
   if (header.groups == 0 || header.patches == 0) return damaged("header: no groups or no patches");
-  if (header.blocks_offset != alignedUp(header.tablesEnd()))
+  if (header.blocks_offset != alignedUp(header.parentOffset(header.parents)))
     return damaged("header: the blocks don't begin behind the tables");
   if (header.file_bytes < header.blocks_offset) return damaged("header: the file would end within its tables");
   return {};
-}
-
-base::Result<FileHeader> readHeader(base::ByteView front) {
-  // Magic and version come first, so that a newer file is named as such.
-  base::ByteReader in(front);
-  if (in.read<std::array<char, 8>>() != kMagic || !in.ok()) return damaged("not a patch.lgp");
-  const std::uint32_t version = in.u32();
-  if (in.ok() && version != kVersion)
-    return base::Error{base::ErrorCode::kVersion, "format version " + std::to_string(version) +
-                                                      ", this program reads " + std::to_string(kVersion) +
-                                                      "; use a newer program or build the scene again"};
-  const std::uint32_t header_bytes = in.u32();
-  if (!in.ok() || front.size() < kHeaderBytes) return damaged("header: cut short");
-  if (header_bytes != kHeaderBytes)
-    return damaged("header: says that it has " + std::to_string(header_bytes) + " bytes instead of 96");
-  std::uint32_t crc = 0;
-  std::memcpy(&crc, front.data() + kHeaderCrcOffset, sizeof(crc));
-  if (crc != base::crc32c(front.first(kHeaderCrcOffset))) return damaged("header: checksum does not match");
-
-  FileHeader header;
-  base::readFields(in, headerFields(header));
-  LUMIGRID_TRY(checkHeader(header));
-  return header;
 }
 
 // Tables ------------------------------------------------------------------------------------------
@@ -106,7 +66,7 @@ base::Bytes tableBytes(const Hierarchy& hierarchy) {
 
 // Checks that blocks follow one another in the groups' order and patches within a block in theirs, without gap or
 // overlap.
-base::Result<void> checkBlocks(const Hierarchy& h, const FileHeader& header) {
+base::Result<void> checkBlocks(const Hierarchy& h, const TableCounts& header) {
   std::uint64_t offset = header.blocks_offset;
   for (std::size_t g = 0; g < h.groups.size(); ++g) {
     const Group& group = h.groups[g];
@@ -123,17 +83,17 @@ base::Result<void> checkBlocks(const Hierarchy& h, const FileHeader& header) {
   return {};
 }
 
-base::Result<Hierarchy> readTablesBehind(const FileHeader& header, base::ByteView front) {
+base::Result<Hierarchy> readTablesBehind(const TableCounts& header, base::ByteView front) {
   if (front.size() < header.blocks_offset)
     return damaged("cut short within the tables: " + std::to_string(front.size()) + " of " +
                    std::to_string(header.blocks_offset) + " bytes");
-  const base::ByteView tables = front.subspan(kHeaderBytes, header.blocks_offset - kHeaderBytes);
+  const base::ByteView tables = front.subspan(kFileHeaderBytes, header.blocks_offset - kFileHeaderBytes);
   if (base::crc32c(tables) != header.tables_crc) return damaged("tables: checksum does not match");
 
   // The counts are bounded by the bytes that are here: the reader can't run dry.
   Hierarchy hierarchy;
   hierarchy.lattice = header.lattice;
-  hierarchy.has_colors = (header.flags & kHasColors) != 0;
+  hierarchy.has_colors = header.has_colors;
   hierarchy.source_triangles = header.source_triangles;
   base::ByteReader in(tables);
   hierarchy.groups.resize(header.groups);
@@ -150,25 +110,42 @@ base::Result<Hierarchy> readTablesBehind(const FileHeader& header, base::ByteVie
 
 }  // namespace
 
-base::Result<Hierarchy> readTables(base::ByteView front) {
-  LUMIGRID_ASSIGN_OR_RETURN(const auto header, readHeader(front));
-  return readTablesBehind(header, front);
+base::Result<TableCounts> readTableCounts(base::ByteView front) {
+  // Magic and version come first, so that a newer file is named as such.
+  base::ByteReader in(front);
+  if (in.read<std::array<char, 8>>() != kMagic || !in.ok()) return damaged("not a patch.lgp");
+  const std::uint32_t version = in.u32();
+  if (in.ok() && version != kVersion)
+    return base::Error{base::ErrorCode::kVersion, "format version " + std::to_string(version) +
+                                                      ", this program reads " + std::to_string(kVersion) +
+                                                      "; use a newer program or build the scene again"};
+  const std::uint32_t header_bytes = in.u32();
+  if (!in.ok() || front.size() < kFileHeaderBytes) return damaged("header: cut short");
+  if (header_bytes != kFileHeaderBytes)
+    return damaged("header: says that it has " + std::to_string(header_bytes) + " bytes instead of 96");
+  std::uint32_t crc = 0;
+  std::memcpy(&crc, front.data() + kHeaderCrcOffset, sizeof(crc));
+  if (crc != base::crc32c(front.first(kHeaderCrcOffset))) return damaged("header: checksum does not match");
+
+  TableCounts header;
+  std::uint32_t flags = 0;
+  base::readFields(in, headerFields(header, flags));
+  if ((flags & ~kHasColors) != 0) return damaged("header: unknown flags");
+  header.has_colors = (flags & kHasColors) != 0;
+  LUMIGRID_TRY(checkHeader(header));
+  return header;
 }
 
-base::Result<TableCounts> readTableCounts(base::ByteView front) {
-  LUMIGRID_ASSIGN_OR_RETURN(const auto header, readHeader(front));
-  return TableCounts{header.lattice,          (header.flags & kHasColors) != 0,
-                     header.source_triangles, header.file_bytes,
-                     header.blocks_offset,    header.groups,
-                     header.patches,          header.parents,
-                     header.tables_crc};
+base::Result<Hierarchy> readTables(base::ByteView front) {
+  LUMIGRID_ASSIGN_OR_RETURN(const auto header, readTableCounts(front));
+  return readTablesBehind(header, front);
 }
 
 // Reading -----------------------------------------------------------------------------------------
 
 base::Result<PatchFile> PatchFile::open(const std::string& path) {
   LUMIGRID_ASSIGN_OR_RETURN(auto mapped, base::MappedFile::open(path));
-  const auto header = readHeader(mapped.bytes());
+  const auto header = readTableCounts(mapped.bytes());
   if (!header) return base::within(path, header.error());
   if (header->file_bytes != mapped.bytes().size())
     return base::within(path, damaged("has " + std::to_string(mapped.bytes().size()) + " bytes, its header says " +
@@ -309,15 +286,15 @@ base::Result<void> placeBlock(Hierarchy& hierarchy, std::uint32_t g, const std::
   return {};
 }
 
-FileHeader headerOf(const Hierarchy& hierarchy) {
-  FileHeader header;
+TableCounts headerOf(const Hierarchy& hierarchy) {
+  TableCounts header;
   header.lattice = hierarchy.lattice;
   header.source_triangles = hierarchy.source_triangles;
-  header.flags = hierarchy.has_colors ? kHasColors : 0;
+  header.has_colors = hierarchy.has_colors;
   header.groups = static_cast<std::uint32_t>(hierarchy.groups.size());
   header.patches = static_cast<std::uint32_t>(hierarchy.patches.size());
   header.parents = static_cast<std::uint32_t>(hierarchy.parents.size());
-  header.blocks_offset = alignedUp(header.tablesEnd());
+  header.blocks_offset = alignedUp(header.parentOffset(header.parents));
   return header;
 }
 
@@ -327,7 +304,7 @@ base::Result<void> writePatchFile(
     const std::string& path, Hierarchy hierarchy,
     const std::function<base::Result<std::vector<base::Bytes>>(std::uint32_t group)>& blocks) {
   if (auto sound = checkHierarchy(hierarchy); !sound) return base::within(path, sound.error());
-  FileHeader header = headerOf(hierarchy);
+  TableCounts header = headerOf(hierarchy);
   header.file_bytes = header.blocks_offset;
   if (auto sound = checkHeader(header); !sound) return base::within(path, sound.error());
   LUMIGRID_ASSIGN_OR_RETURN(auto file, base::AtomicFile::create(path));
@@ -344,10 +321,10 @@ base::Result<void> writePatchFile(
 
   // Now that all places are known, the tables can be written.
   base::Bytes tables = tableBytes(hierarchy);
-  tables.resize(header.blocks_offset - kHeaderBytes, 0);
+  tables.resize(header.blocks_offset - kFileHeaderBytes, 0);
   header.tables_crc = base::crc32c(tables);
   header.file_bytes = file.size();
-  LUMIGRID_TRY(file.writeAt(kHeaderBytes, tables));
+  LUMIGRID_TRY(file.writeAt(kFileHeaderBytes, tables));
   LUMIGRID_TRY(file.writeAt(0, headerBytes(header)));
   return file.commit();
 }

@@ -10,6 +10,7 @@
 
 namespace lod::patch {
 
+inline constexpr std::uint32_t kFileHeaderBytes = 96;
 inline constexpr std::size_t kGroupRowBytes = 56;
 inline constexpr std::size_t kPatchRowBytes = 84;
 

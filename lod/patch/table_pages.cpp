@@ -8,8 +8,6 @@
 namespace lod::patch {
 namespace {
 
-constexpr std::uint64_t kHeaderBytes = 96;
-
 // Checks the ranges that a row names against the totals.
 base::Result<void> checkRow(const TableCounts& counts, std::uint32_t index, const Group& group) {
   LUMIGRID_TRY(checkGroupRow(group, index, counts.patches, counts.parents));
@@ -38,14 +36,14 @@ void TablePages::add(std::uint64_t offset, base::ByteView bytes) {
   }
 }
 
-std::uint64_t TablePages::rowOffset(std::uint32_t group) const {
-  return kHeaderBytes + std::uint64_t{kGroupRowBytes} * group;
+std::uint64_t TableCounts::rowOffset(std::uint32_t group) const {
+  return kFileHeaderBytes + std::uint64_t{kGroupRowBytes} * group;
 }
-std::uint64_t TablePages::patchOffset(std::uint32_t patch) const {
-  return rowOffset(counts_.groups) + std::uint64_t{kPatchRowBytes} * patch;
+std::uint64_t TableCounts::patchOffset(std::uint32_t patch) const {
+  return rowOffset(groups) + std::uint64_t{kPatchRowBytes} * patch;
 }
-std::uint64_t TablePages::parentOffset(std::uint32_t parent) const {
-  return patchOffset(counts_.patches) + std::uint64_t{4} * parent;
+std::uint64_t TableCounts::parentOffset(std::uint32_t parent) const {
+  return patchOffset(patches) + std::uint64_t{4} * parent;
 }
 
 // Nothing if pages are missing, which are added to `missing`.
@@ -76,7 +74,7 @@ std::optional<base::Bytes> TablePages::read(std::uint64_t offset, std::uint64_t 
 }
 
 base::Result<std::optional<Group>> TablePages::row(std::uint32_t group) const {
-  const auto bytes = read(rowOffset(group), kGroupRowBytes);
+  const auto bytes = read(counts_.rowOffset(group), kGroupRowBytes);
   if (!bytes) return std::optional<Group>();
   base::ByteReader in(*bytes);
   const Group row = readRow<Group>(in);
@@ -88,21 +86,22 @@ std::uint32_t TablePages::leadingRows() const {
   std::uint32_t page = 0;
   while (has(page)) ++page;
   const std::uint64_t end = pageOffset(page);
-  if (end < kHeaderBytes) return 0;
-  return static_cast<std::uint32_t>(std::min<std::uint64_t>(counts_.groups, (end - kHeaderBytes) / kGroupRowBytes));
+  if (end < kFileHeaderBytes) return 0;
+  return static_cast<std::uint32_t>(std::min<std::uint64_t>(counts_.groups, (end - kFileHeaderBytes) / kGroupRowBytes));
 }
 
 base::Result<TablePages::Record> TablePages::record(std::uint32_t group) const {
   Record record;
-  const auto row_bytes = read(rowOffset(group), kGroupRowBytes, &record.missing);
+  const auto row_bytes = read(counts_.rowOffset(group), kGroupRowBytes, &record.missing);
   if (!row_bytes) return record;
   LUMIGRID_ASSIGN_OR_RETURN(const auto row, this->row(group));
   const Group& g = *row;
 
   // The rows of its patches and its parents, then those of the groups that produced the patches.
   const auto patch_bytes =
-      read(patchOffset(g.first_patch), std::uint64_t{kPatchRowBytes} * g.patch_count, &record.missing);
-  const auto parent_bytes = read(parentOffset(g.first_parent), std::uint64_t{4} * g.parent_count, &record.missing);
+      read(counts_.patchOffset(g.first_patch), std::uint64_t{kPatchRowBytes} * g.patch_count, &record.missing);
+  const auto parent_bytes =
+      read(counts_.parentOffset(g.first_parent), std::uint64_t{4} * g.parent_count, &record.missing);
   base::ByteWriter errors;
   if (patch_bytes) {
     base::ByteReader in(*patch_bytes);
@@ -113,7 +112,7 @@ base::Result<TablePages::Record> TablePages::record(std::uint32_t group) const {
         continue;
       }
       if (patch.producer >= counts_.groups) return patchError(g.first_patch + i, "its producer is not there");
-      if (!read(rowOffset(patch.producer), kGroupRowBytes, &record.missing)) continue;
+      if (!read(counts_.rowOffset(patch.producer), kGroupRowBytes, &record.missing)) continue;
       LUMIGRID_ASSIGN_OR_RETURN(const auto producer, this->row(patch.producer));
       errors.f32(producer->error);
     }
@@ -133,7 +132,7 @@ base::Result<TablePages::Record> TablePages::record(std::uint32_t group) const {
 }
 
 base::Result<void> TablePages::checkWhole() const {
-  const auto bytes = read(kHeaderBytes, counts_.blocks_offset - kHeaderBytes);
+  const auto bytes = read(kFileHeaderBytes, counts_.blocks_offset - kFileHeaderBytes);
   if (!bytes) return damaged("not all of the tables is here");
   if (base::crc32c(*bytes) != counts_.tables_crc) return damaged("tables: checksum does not match");
   return {};

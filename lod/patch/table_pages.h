@@ -25,6 +25,11 @@ struct TableCounts {
   std::uint64_t blocks_offset = 0;  ///< header and tables end there
   std::uint32_t groups = 0, patches = 0, parents = 0;
   std::uint32_t tables_crc = 0;
+
+  /// Where the rows lie in the file; the tables end at parentOffset(parents).
+  std::uint64_t rowOffset(std::uint32_t group) const;
+  std::uint64_t patchOffset(std::uint32_t patch) const;
+  std::uint64_t parentOffset(std::uint32_t parent) const;
 };
 /// From the first 96 bytes of the file or more; checked as PatchFile::open does.
 base::Result<TableCounts> readTableCounts(base::ByteView front);
@@ -63,9 +68,6 @@ class TablePages {
   base::Result<void> checkWhole() const;
 
  private:
-  std::uint64_t rowOffset(std::uint32_t group) const;
-  std::uint64_t patchOffset(std::uint32_t patch) const;
-  std::uint64_t parentOffset(std::uint32_t parent) const;
   std::optional<base::Bytes> read(std::uint64_t offset, std::uint64_t length,
                                   std::vector<std::uint32_t>* missing = nullptr) const;
 
