@@ -1,4 +1,4 @@
-#include "client/app/app_impl.h"
+#include "client/app/app.h"
 
 #include <algorithm>
 #include <cmath>
@@ -11,23 +11,23 @@ namespace client {
 
 // ---- gestures ----
 
-void App::Impl::applyGesture(const Gesture& g) {
+void App::applyGesture(const Gesture& g) {
   if (!ready()) return;
-  flight.end();
+  flight_.end();
   switch (g.kind) {
     case GestureKind::kOrbit:
-      control.orbit(g.dx * settings.orbit_speed, g.dy * settings.orbit_speed);
+      control_.orbit(g.dx * settings_.orbit_speed, g.dy * settings_.orbit_speed);
       break;
     case GestureKind::kGrab:
-      control.grab(g.x, g.y, surfaceAt(g.x, g.y));
+      control_.grab(g.x, g.y, surfaceAt(g.x, g.y));
       return;
     case GestureKind::kPan:
-      control.dragTo(g.x, g.y);
+      control_.dragTo(g.x, g.y);
       break;
     case GestureKind::kPinch: {
       // A pinch by this ratio equals one wheel step: the inverse of the 0.8 by which a step scales the distance.
       constexpr double kRatioPerStep = 1.25;
-      control.zoom(std::log(g.factor) / std::log(kRatioPerStep), g.x, g.y, control.grabbed());
+      control_.zoom(std::log(g.factor) / std::log(kRatioPerStep), g.x, g.y, control_.grabbed());
       break;
     }
     case GestureKind::kClick:
@@ -38,11 +38,11 @@ void App::Impl::applyGesture(const Gesture& g) {
   cameraMoved();
 }
 
-void App::Impl::handleClick(const Gesture& g) {
+void App::handleClick(const Gesture& g) {
   const bool twice = g.kind == GestureKind::kDoubleClick;
-  if (mode != Mode::kLook) {
-    if (twice && mode == Mode::kDistance) {
-      measure.finish();
+  if (mode_ != Mode::kLook) {
+    if (twice && mode_ == Mode::kDistance) {
+      measure_.finish();
       overlayChanged();
     } else {
       measureAt(g.x, g.y);
@@ -50,27 +50,27 @@ void App::Impl::handleClick(const Gesture& g) {
     return;
   }
   if (const auto pin = pinAt(g.x, g.y, g.pointer)) {
-    if (!twice) openCard(pin);
+    if (!twice) showAnnotation(pin);
     return;
   }
   if (twice) setPivotAt(g.x, g.y);
 }
 
-void App::Impl::setPivotAt(double x, double y) {
-  if (const auto surface = surfaceAt(x, y)) moveTo(control.viewpointCentredOn(*surface), true);
+void App::setPivotAt(double x, double y) {
+  if (const auto surface = surfaceAt(x, y)) moveTo(control_.viewpointCentredOn(*surface), true);
 }
 
 /// Radius around a pin or handle within which a press hits it: wider for fingers and pens than for mice.
-double App::Impl::pickRadius(PointerKind kind) const {
+double App::pickRadius(PointerKind kind) const {
   constexpr double kMouse = 12.0, kFinger = 24.0;  // screen units
-  return pixel_ratio * (kind == PointerKind::kMouse ? kMouse : kFinger);
+  return pixel_ratio_ * (kind == PointerKind::kMouse ? kMouse : kFinger);
 }
 
 /// Returns the nearest visible pin within reach.
-std::optional<std::size_t> App::Impl::pinAt(double x, double y, PointerKind kind) const {
+std::optional<std::size_t> App::pinAt(double x, double y, PointerKind kind) const {
   std::optional<std::size_t> found;
   double nearest = pickRadius(kind);
-  for (const Label& label : labels) {
+  for (const Label& label : labels_) {
     if (label.kind != LabelKind::kPin || !label.visible) continue;
     const double distance = std::hypot(label.x - x, label.y - y);
     if (distance > nearest) continue;
@@ -82,89 +82,89 @@ std::optional<std::size_t> App::Impl::pinAt(double x, double y, PointerKind kind
 
 /// Zooms by steps of the wheel. Those that follow soon at one place go to the same surface point, which is looked up
 /// only once.
-void App::Impl::zoom(double steps, double x, double y) {
+void App::zoom(double steps, double x, double y) {
   constexpr double kWheelSeconds = 0.4;
   if (!ready() || steps == 0.0) return;
-  flight.end();
-  WheelTarget& target = wheel_target;
-  const bool same = now - target.at < kWheelSeconds && std::hypot(target.x - x, target.y - y) <= 2.0 * pixel_ratio;
+  flight_.end();
+  WheelTarget& target = wheel_target_;
+  const bool same = now_ - target.at < kWheelSeconds && std::hypot(target.x - x, target.y - y) <= 2.0 * pixel_ratio_;
   if (!same) target.surface = surfaceAt(x, y);
-  target.at = now;
+  target.at = now_;
   target.x = x;
   target.y = y;
-  control.zoom(steps * settings.zoom_speed, x, y, target.surface);
+  control_.zoom(steps * settings_.zoom_speed, x, y, target.surface);
   cameraMoved();
 }
 
 // ---- measuring ----
 
-void App::Impl::cycleMeasure() {
-  setMode(mode == Mode::kLook ? Mode::kDistance : mode == Mode::kDistance ? Mode::kAngle : Mode::kLook);
+void App::cycleMeasure() {
+  setMode(mode_ == Mode::kLook ? Mode::kDistance : mode_ == Mode::kDistance ? Mode::kAngle : Mode::kLook);
 }
 
-void App::Impl::setMode(Mode wanted) {
-  mode = wanted;
-  if (mode == Mode::kLook)
-    measure.clear();
+void App::setMode(Mode wanted) {
+  mode_ = wanted;
+  if (mode_ == Mode::kLook)
+    measure_.clear();
   else
-    measure.start(mode == Mode::kDistance ? MeasureKind::kDistance : MeasureKind::kAngle);
-  dirty = true;
+    measure_.start(mode_ == Mode::kDistance ? MeasureKind::kDistance : MeasureKind::kAngle);
+  dirty_ = true;
   overlayChanged();
 }
 
 /// Returns the ray through a pixel, beginning where the section no longer cuts it off.
-Ray App::Impl::pickRay(double x, double y) const {
-  Ray ray = control.rayAt(x, y);
+Ray App::pickRay(double x, double y) const {
+  Ray ray = control_.rayAt(x, y);
   if (!hiddenBySection(ray.origin)) return ray;
-  const double towards = ray.direction[view.section.axis];
-  const double gap = view.section.offset - ray.origin[view.section.axis];
+  const double towards = ray.direction[view_.section.axis];
+  const double gap = view_.section.offset - ray.origin[view_.section.axis];
   if (gap * towards > 0.0) ray.origin += gap / towards * ray.direction;
   return ray;
 }
 
-void App::Impl::measureAt(double x, double y) {
+void App::measureAt(double x, double y) {
   const auto surface = surfaceAt(x, y);
   if (!surface) return showToast("There is no surface at this place", false);
 
   // Use the point on the screen until the answer arrives.
   MeasuredPoint point;
   point.position = *surface;
-  point.accuracy = control.pixelSizeAt(*surface) * (0.5 + static_cast<double>(viewer.stats().error_px));
-  point.pick_id = next_pick;
-  if (!measure.add(point)) {
-    if (measure.full()) showToast("There are too many points; Escape clears them", false);
+  point.accuracy = control_.pixelSizeAt(*surface) * (0.5 + static_cast<double>(viewer_.stats().error_px));
+  point.pick_id = next_pick_;
+  if (!measure_.add(point)) {
+    if (measure_.full()) showToast("There are too many points; Escape clears them", false);
     return;
   }
   const Ray ray = pickRay(x, y);
-  requests.push_back({.kind = RequestKind::kPick, .id = next_pick++, .origin = ray.origin, .direction = ray.direction});
-  dirty = true;
+  requests_.push_back({.kind = RequestKind::kPick, .id = next_pick_++, .origin = ray.origin, .direction = ray.direction});
+  dirty_ = true;
   overlayChanged();
 }
 
 // ---- the section plane ----
 
-bool App::Impl::hiddenBySection(const glm::dvec3& world) const {
-  const Section& s = view.section;
+bool App::hiddenBySection(const glm::dvec3& world) const {
+  const Section& s = view_.section;
   if (!s.on) return false;
   // A rounding error on the hidden side counts as on the plane.
   const double beyond = (world[s.axis] - s.offset) * (s.keep_below ? 1.0 : -1.0);
-  return beyond > 1e-9 * control.sceneSize();
+  return beyond > 1e-9 * control_.sceneSize();
 }
 
 /// Returns the axes in the order in which X goes through them: the scene's up axis first, then the other two.
-int App::Impl::sectionAxis(int place) const {
-  const glm::vec3 up = glm::abs(framed->up);
+int App::sectionAxis(int place) const {
+  const glm::vec3 up = glm::abs(framed_->up);
   const int first = up.x > up.y && up.x > up.z ? 0 : up.y > up.z ? 1 : 2;
   return (first + place) % 3;
 }
 
-void App::Impl::cycleSection() {
+void App::cycleSection() {
   int place = 0;
-  if (view.section.on)
-    while (sectionAxis(place++) != view.section.axis) {
+  if (view_.section.on)
+    while (sectionAxis(place++) != view_.section.axis) {
     }
   if (place == 3) {
-    view.section.on = false;
+    view_.section.on = false;
     cameraMoved();
     return;
   }
@@ -172,44 +172,44 @@ void App::Impl::cycleSection() {
 }
 
 /// Puts the plane through the middle of the model and cuts off the near half.
-void App::Impl::turnOnSection(int axis) {
-  view.section = {true, axis, control.camera().direction[axis] < 0.0, 0.5 * (box_min[axis] + box_max[axis])};
+void App::turnOnSection(int axis) {
+  view_.section = {true, axis, control_.camera().direction[axis] < 0.0, 0.5 * (box_min_[axis] + box_max_[axis])};
   cameraMoved();
 }
 
-void App::Impl::moveSection(double distance) {
-  Section& s = view.section;
-  s.offset = std::clamp(s.offset + distance, box_min[s.axis], box_max[s.axis]);
+void App::moveSection(double distance) {
+  Section& s = view_.section;
+  s.offset = std::clamp(s.offset + distance, box_min_[s.axis], box_max_[s.axis]);
 }
 
-glm::dvec3 App::Impl::sectionHandle() const {
-  glm::dvec3 place = 0.5 * (box_min + box_max);
-  place[view.section.axis] = view.section.offset;
+glm::dvec3 App::sectionHandle() const {
+  glm::dvec3 place = 0.5 * (box_min_ + box_max_);
+  place[view_.section.axis] = view_.section.offset;
   return place;
 }
 
-bool App::Impl::grabHandle(const PointerEvent& event) {
-  if (!ready() || !view.section.on || handle_pointer >= 0 || event.button != PointerButton::kLeft) return false;
-  const ScreenPoint at = control.project(sectionHandle());
-  if (at.depth <= 0.0 && !control.orthographic()) return false;
+bool App::grabHandle(const PointerEvent& event) {
+  if (!ready() || !view_.section.on || handle_pointer_ >= 0 || event.button != PointerButton::kLeft) return false;
+  const ScreenPoint at = control_.project(sectionHandle());
+  if (at.depth <= 0.0 && !control_.orthographic()) return false;
   if (std::hypot(at.x - event.x, at.y - event.y) > pickRadius(event.kind)) return false;
-  handle_pointer = event.id;
-  handle_at = {event.x, event.y};
+  handle_pointer_ = event.id;
+  handle_at_ = {event.x, event.y};
   return true;
 }
 
 /// Moves the plane with the pointer along its axis as seen on the screen. When the axis points at the viewer, up and
 /// down move it.
-void App::Impl::dragHandle(const PointerEvent& event) {
-  const glm::dvec2 drag = glm::dvec2(event.x, event.y) - handle_at;
-  handle_at = {event.x, event.y};
+void App::dragHandle(const PointerEvent& event) {
+  const glm::dvec2 drag = glm::dvec2(event.x, event.y) - handle_at_;
+  handle_at_ = {event.x, event.y};
   const glm::dvec3 place = sectionHandle();
-  const double pixel = control.pixelSizeAt(place);
+  const double pixel = control_.pixelSizeAt(place);
   if (pixel <= 0.0) return;
   glm::dvec3 further = place;
-  further[view.section.axis] += pixel;
-  const ScreenPoint a = control.project(place);
-  const ScreenPoint b = control.project(further);
+  further[view_.section.axis] += pixel;
+  const ScreenPoint a = control_.project(place);
+  const ScreenPoint b = control_.project(further);
   const glm::dvec2 along(
       b.x - a.x, b.y - a.y);  // pixels by which the handle moves on the screen when the plane moves by one pixel's size
   const double length = glm::length(along);
@@ -219,90 +219,90 @@ void App::Impl::dragHandle(const PointerEvent& event) {
 
 // ---- the magnifying glass ----
 
-double App::Impl::lensRadius() const {
+double App::lensRadius() const {
   constexpr double kLensShare = 0.18;  // share of the view's shorter side
-  return kLensShare * std::min(width, height);
+  return kLensShare * std::min(width_, height_);
 }
 
-void App::Impl::toggleLens() {
-  if (view.method != Method::kQsplat) return showToast("The magnifying glass is for splats: method qsplat", false);
-  if (lens)
-    lens.reset();
+void App::toggleLens() {
+  if (view_.method != Method::kQsplat) return showToast("The magnifying glass is for splats: method qsplat", false);
+  if (lens_)
+    lens_.reset();
   else
-    lens = glm::dvec2(0.5 * width, 0.5 * height);
-  lens_pointer = -1;
-  dirty = true;
+    lens_ = glm::dvec2(0.5 * width_, 0.5 * height_);
+  lens_pointer_ = -1;
+  dirty_ = true;
   overlayChanged();
 }
 
-bool App::Impl::grabLens(const PointerEvent& event) {
-  if (!ready() || !lens || lens_pointer >= 0 || event.button != PointerButton::kLeft) return false;
-  if (glm::length(*lens - glm::dvec2(event.x, event.y)) > lensRadius()) return false;
-  lens_pointer = event.id;
+bool App::grabLens(const PointerEvent& event) {
+  if (!ready() || !lens_ || lens_pointer_ >= 0 || event.button != PointerButton::kLeft) return false;
+  if (glm::length(*lens_ - glm::dvec2(event.x, event.y)) > lensRadius()) return false;
+  lens_pointer_ = event.id;
   dragLens(event);
   return true;
 }
 
-void App::Impl::dragLens(const PointerEvent& event) {
-  lens = glm::clamp(glm::dvec2(event.x, event.y), glm::dvec2(0.0), glm::dvec2(width, height));
-  dirty = true;
+void App::dragLens(const PointerEvent& event) {
+  lens_ = glm::clamp(glm::dvec2(event.x, event.y), glm::dvec2(0.0), glm::dvec2(width_, height_));
+  dirty_ = true;
   overlayChanged();
 }
 
 // ---- notes ----
 
-void App::Impl::openCard(std::optional<std::size_t> index) {
-  if (index && *index >= annotations.size()) index.reset();
-  open_annotation = index;
+void App::showAnnotation(std::optional<std::size_t> index) {
+  if (index && *index >= annotations_.size()) index.reset();
+  open_annotation_ = index;
   overlayChanged();
-  if (!index || !annotations[*index].camera || !ready()) return;
-  const base::ViewCamera& camera = *annotations[*index].camera;
-  const double depth = glm::dot(annotations[*index].position - camera.position, camera.direction);
-  moveTo({camera.position, camera.direction, depth > 0.0 ? depth : control.viewpoint().distance}, true);
+  if (!index || !annotations_[*index].camera || !ready()) return;
+  const base::ViewCamera& camera = *annotations_[*index].camera;
+  const double depth = glm::dot(annotations_[*index].position - camera.position, camera.direction);
+  moveTo({camera.position, camera.direction, depth > 0.0 ? depth : control_.viewpoint().distance}, true);
 }
 
-void App::Impl::stepAnnotation(int by) {
-  if (annotations.empty()) return showToast("This scene has no notes", false);
-  const auto count = static_cast<std::ptrdiff_t>(annotations.size());
-  const std::ptrdiff_t from = open_annotation ? static_cast<std::ptrdiff_t>(*open_annotation)
+void App::stepAnnotation(int by) {
+  if (annotations_.empty()) return showToast("This scene has no notes", false);
+  const auto count = static_cast<std::ptrdiff_t>(annotations_.size());
+  const std::ptrdiff_t from = open_annotation_ ? static_cast<std::ptrdiff_t>(*open_annotation_)
                                               : (by > 0 ? std::ptrdiff_t{-1} : std::ptrdiff_t{0});
-  openCard(static_cast<std::size_t>((from + by + count) % count));
+  showAnnotation(static_cast<std::size_t>((from + by + count) % count));
 }
 
 // ---- keys ----
 
 /// Closes the innermost thing that is open; returns false when there is none.
-bool App::Impl::closeInnermost() {
-  if (help) {
-    help = false;
-  } else if (open_annotation) {
-    open_annotation.reset();
-  } else if (mode != Mode::kLook) {
+bool App::closeInnermost() {
+  if (help_) {
+    help_ = false;
+  } else if (open_annotation_) {
+    open_annotation_.reset();
+  } else if (mode_ != Mode::kLook) {
     setMode(Mode::kLook);
-  } else if (lens) {
+  } else if (lens_) {
     toggleLens();
-  } else if (view.section.on) {
-    view.section.on = false;
+  } else if (view_.section.on) {
+    view_.section.on = false;
     cameraMoved();
   } else {
     return false;
   }
-  dirty = true;
+  dirty_ = true;
   overlayChanged();
   return true;
 }
 
-void App::Impl::useBookmark(int slot, bool store) {
+void App::useBookmark(int slot, bool store) {
   const std::string number = std::to_string(slot);
-  std::string& link = bookmarks[static_cast<std::size_t>(slot)];
+  std::string& link = bookmarks_[static_cast<std::size_t>(slot)];
   if (!ready()) return;
   if (slot == 0) {
     if (store) return showToast("0 is always the first view; 1 to 9 can be set", false);
-    return moveTo(control.firstViewpoint(), true);
+    return moveTo(control_.firstViewpoint(), true);
   }
   if (store) {
-    link = formatPermalink(view);
-    requests.push_back({.kind = RequestKind::kKeepBookmarks});
+    link = formatPermalink(view_);
+    requests_.push_back({.kind = RequestKind::kKeepBookmarks});
     return showToast("Bookmark " + number + " set", false);
   }
   const auto wanted = parsePermalink(link);
@@ -310,7 +310,7 @@ void App::Impl::useBookmark(int slot, bool store) {
   showView(*wanted, false, true);
 }
 
-bool App::Impl::pressKey(Key key, Modifiers modifiers) {
+bool App::pressKey(Key key, Modifiers modifiers) {
   if (key >= Key::k0 && key <= Key::k9) {
     useBookmark(static_cast<int>(key) - static_cast<int>(Key::k0), modifiers.shift || modifiers.ctrl);
     return true;
@@ -319,30 +319,30 @@ bool App::Impl::pressKey(Key key, Modifiers modifiers) {
   if (modifiers.ctrl || modifiers.alt) return false;
   if (key == Key::kEscape) return closeInnermost();
   if (key == Key::kH) {
-    help = !help;
+    help_ = !help_;
     overlayChanged();
     return true;
   }
   if (!ready()) return false;
   switch (key) {
     case Key::kF:
-      moveTo(control.framingViewpoint(), true);
+      moveTo(control_.framingViewpoint(), true);
       break;
     case Key::kR:
     case Key::kHome:
-      moveTo(control.firstViewpoint(), true);
+      moveTo(control_.firstViewpoint(), true);
       break;
     case Key::kI:
-      view.statistics = !view.statistics;
-      last_motion = now;
+      view_.statistics = !view_.statistics;
+      last_motion_ = now_;
       overlayChanged();
       break;
     case Key::kC:
-      view.colors_by_resolution = !view.colors_by_resolution;
+      view_.colors_by_resolution = !view_.colors_by_resolution;
       cameraMoved();
       break;
     case Key::kO:
-      control.setOrthographic(!control.orthographic());
+      control_.setOrthographic(!control_.orthographic());
       cameraMoved();
       break;
     case Key::kL:
@@ -352,8 +352,8 @@ bool App::Impl::pressKey(Key key, Modifiers modifiers) {
       cycleMeasure();
       break;
     case Key::kX:
-      if (modifiers.shift && view.section.on) {
-        view.section.keep_below = !view.section.keep_below;
+      if (modifiers.shift && view_.section.on) {
+        view_.section.keep_below = !view_.section.keep_below;
         cameraMoved();
       } else {
         cycleSection();
@@ -363,28 +363,28 @@ bool App::Impl::pressKey(Key key, Modifiers modifiers) {
       stepAnnotation(modifiers.shift ? -1 : 1);
       break;
     case Key::kEnter:
-      if (mode == Mode::kLook)
-        setPivotAt(0.5 * width, 0.5 * height);
+      if (mode_ == Mode::kLook)
+        setPivotAt(0.5 * width_, 0.5 * height_);
       else
-        measureAt(0.5 * width, 0.5 * height);
+        measureAt(0.5 * width_, 0.5 * height_);
       break;
     case Key::kBackspace:
-      if (mode == Mode::kLook) return false;
-      measure.removeLast();
-      dirty = true;
+      if (mode_ == Mode::kLook) return false;
+      measure_.removeLast();
+      dirty_ = true;
       overlayChanged();
       break;
     case Key::kG:
-      requests.push_back({.kind = RequestKind::kShowSettings});
+      requests_.push_back({.kind = RequestKind::kShowSettings});
       break;
     case Key::kV:
-      requests.push_back({.kind = RequestKind::kCopyLink, .text = formatPermalink(view)});
+      requests_.push_back({.kind = RequestKind::kCopyLink, .text = formatPermalink(view_)});
       break;
     case Key::kP: {
-      const base::ViewCamera camera = drawnCamera();
-      const auto tolerance = static_cast<double>(viewer.options().session.patch_tolerance_px);
-      requests.push_back(
-          {.kind = RequestKind::kSavePicture, .text = pictureQuery(camera, view, tolerance), .camera = camera});
+      const base::ViewCamera drawn = camera();
+      const auto tolerance = static_cast<double>(viewer_.options().session.patch_tolerance_px);
+      requests_.push_back(
+          {.kind = RequestKind::kSavePicture, .text = pictureQuery(drawn, view_, tolerance), .camera = drawn});
       break;
     }
     default:

@@ -1,4 +1,4 @@
-#include "client/app/app_impl.h"
+#include "client/app/app.h"
 
 #include <algorithm>
 #include <cmath>
@@ -34,164 +34,164 @@ bool sameShape(const protocol::Welcome& a, const protocol::Welcome& b) {
 // ---- the camera and the viewer ----
 
 /// Every drawn camera is made here.
-base::ViewCamera App::Impl::drawnCamera() const {
-  base::ViewCamera camera = control.camera();
-  camera.ortho_height = control.orthoHeight();
+base::ViewCamera App::camera() const {
+  base::ViewCamera camera = control_.camera();
+  camera.ortho_height = control_.orthoHeight();
   return camera;
 }
 
 /// The viewer is configured only here.
-void App::Impl::configureViewer() {
-  viewer.setMethod(view.method);
-  viewer.setResolutionColors(view.colors_by_resolution);
+void App::configureViewer() {
+  viewer_.setMethod(view_.method);
+  viewer_.setResolutionColors(view_.colors_by_resolution);
   std::optional<lod::qsplat::Lens> glass;
-  if (lens) glass = {glm::vec2(*lens), static_cast<float>(lensRadius())};
-  viewer.setLens(glass);
+  if (lens_) glass = {glm::vec2(*lens_), static_cast<float>(lensRadius())};
+  viewer_.setLens(glass);
   std::optional<base::SectionPlane> plane;
-  if (view.section.on) {
-    const double side = view.section.keep_below ? 1.0 : -1.0;
+  if (view_.section.on) {
+    const double side = view_.section.keep_below ? 1.0 : -1.0;
     plane.emplace();
     plane->normal = glm::dvec3(0.0);
-    plane->normal[view.section.axis] = side;
-    plane->offset = side * view.section.offset;
+    plane->normal[view_.section.axis] = side;
+    plane->offset = side * view_.section.offset;
   }
-  viewer.setSection(plane);
-  if (!std::exchange(pins_changed, false)) return;
+  viewer_.setSection(plane);
+  if (!std::exchange(pins_changed_, false)) return;
   std::vector<glm::dvec3> pins;
-  for (const Annotation& annotation : annotations) pins.push_back(annotation.position);
-  viewer.setPins(std::move(pins));
+  for (const Annotation& annotation : annotations_) pins.push_back(annotation.position);
+  viewer_.setPins(std::move(pins));
 }
 
-std::optional<glm::dvec3> App::Impl::surfaceAt(double x, double y) {
+std::optional<glm::dvec3> App::surfaceAt(double x, double y) {
   if (!ready()) return std::nullopt;
-  return options.surface ? options.surface(drawnCamera(), x, y) : viewer.surfaceAt(drawnCamera(), x, y);
+  return options_.surface ? options_.surface(camera(), x, y) : viewer_.surfaceAt(camera(), x, y);
 }
 
 /// Marks the overlay as changed.
-void App::Impl::overlayChanged() {
-  overlay_dirty = true;
-  ++overlay_version;
+void App::overlayChanged() {
+  overlay_dirty_ = true;
+  ++overlay_version_;
 }
 
-void App::Impl::cameraMoved() {
-  const Viewpoint place = control.viewpoint();
-  view.position = place.position;
-  view.direction = place.direction;
-  view.pivot_distance = place.distance;
-  view.fov_y = control.camera().fov_y;
-  view.orthographic = control.orthographic();
-  dirty = true;
-  moved_since_frame = true;
-  last_motion = now;
+void App::cameraMoved() {
+  const Viewpoint place = control_.viewpoint();
+  view_.position = place.position;
+  view_.direction = place.direction;
+  view_.pivot_distance = place.distance;
+  view_.fov_y = control_.camera().fov_y;
+  view_.orthographic = control_.orthographic();
+  dirty_ = true;
+  moved_since_frame_ = true;
+  last_motion_ = now_;
   overlayChanged();
 }
 
 /// Chooses the first view of a scene, and of another scene that took its place after a reconnect.
-void App::Impl::frameNewScene() {
-  const protocol::Welcome* welcome = viewer.session().welcome();
-  if (welcome == nullptr || width <= 0 || (framed && sameShape(*framed, *welcome))) return;
-  const bool another = framed.has_value();
-  framed = *welcome;
-  box_min = welcome->origin + glm::dvec3(welcome->box_min);
-  box_max = welcome->origin + glm::dvec3(welcome->box_max);
-  flight.end();
-  control.frameBox(box_min, box_max, glm::dvec3(welcome->up));
+void App::frameNewScene() {
+  const protocol::Welcome* welcome = viewer_.session().welcome();
+  if (welcome == nullptr || width_ <= 0 || (framed_ && sameShape(*framed_, *welcome))) return;
+  const bool another = framed_.has_value();
+  framed_ = *welcome;
+  box_min_ = welcome->origin + glm::dvec3(welcome->box_min);
+  box_max_ = welcome->origin + glm::dvec3(welcome->box_max);
+  flight_.end();
+  control_.frameBox(box_min_, box_max_, glm::dvec3(welcome->up));
   if (another) {
-    measure.clear();
-    view.section.on = false;
-    bookmarks = {};
+    measure_.clear();
+    view_.section.on = false;
+    bookmarks_ = {};
   }
   cameraMoved();
-  if (wanted_view) showView(*std::exchange(wanted_view, std::nullopt), true, false);
+  if (wanted_view_) showView(*std::exchange(wanted_view_, std::nullopt), true, false);
 }
 
-void App::Impl::moveTo(const Viewpoint& place, bool glide) {
-  flight.end();
+void App::moveTo(const Viewpoint& place, bool glide) {
+  flight_.end();
   if (glide && !reducedMotion())
-    flight.begin(control.viewpoint(), place, now);
+    flight_.begin(control_.viewpoint(), place, now_);
   else
-    control.setViewpoint(place);
+    control_.setViewpoint(place);
   cameraMoved();
 }
 
 /// Shows a link's view. `whole` includes what is no part of a viewpoint: the method and the statistics.
-void App::Impl::showView(const ViewState& wanted, bool whole, bool glide) {
-  control.setFov(wanted.fov_y);
-  control.setOrthographic(wanted.orthographic);
-  view.section = wanted.section;
-  view.colors_by_resolution = wanted.colors_by_resolution;
+void App::showView(const ViewState& wanted, bool whole, bool glide) {
+  control_.setFov(wanted.fov_y);
+  control_.setOrthographic(wanted.orthographic);
+  view_.section = wanted.section;
+  view_.colors_by_resolution = wanted.colors_by_resolution;
   if (whole) {
-    view.method = wanted.method;
-    view.statistics = wanted.statistics;
+    view_.method = wanted.method;
+    view_.statistics = wanted.statistics;
   }
   moveTo({wanted.position, wanted.direction, wanted.pivot_distance}, glide);
 }
 
 // ---- motion by keys ----
 
-bool App::Impl::flying() const {
+bool App::flying() const {
   static constexpr std::array<Key, 14> kMoving{Key::kW,    Key::kA,     Key::kS,      Key::kD,       Key::kQ,
                                                Key::kE,    Key::kUp,    Key::kDown,   Key::kLeft,    Key::kRight,
                                                Key::kPlus, Key::kMinus, Key::kPageUp, Key::kPageDown};
-  return std::any_of(kMoving.begin(), kMoving.end(), [this](Key key) { return held[static_cast<std::size_t>(key)]; });
+  return std::any_of(kMoving.begin(), kMoving.end(), [this](Key key) { return held_[static_cast<std::size_t>(key)]; });
 }
 
-void App::Impl::fly(double seconds) {
-  const auto down = [this](Key key) { return held[static_cast<std::size_t>(key)] ? 1.0 : 0.0; };
-  const double speed = seconds * (shift ? kShiftFactor : 1.0);
+void App::fly(double seconds) {
+  const auto down = [this](Key key) { return held_[static_cast<std::size_t>(key)] ? 1.0 : 0.0; };
+  const double speed = seconds * (shift_ ? kShiftFactor : 1.0);
   const double right = down(Key::kRight) - down(Key::kLeft);
   const double forward = down(Key::kUp) - down(Key::kDown);
 
   // The arrows fly, or turn when ctrl is down.
   glm::dvec3 direction(down(Key::kD) - down(Key::kA), down(Key::kE) - down(Key::kQ), down(Key::kW) - down(Key::kS));
-  if (turning) {
-    const double pixels = kTurnSpeed * speed * settings.orbit_speed * height;
-    if (right != 0.0 || forward != 0.0) control.orbit(-pixels * right, pixels * forward);
+  if (turning_) {
+    const double pixels = kTurnSpeed * speed * settings_.orbit_speed * height_;
+    if (right != 0.0 || forward != 0.0) control_.orbit(-pixels * right, pixels * forward);
   } else {
     direction += glm::dvec3(right, 0.0, forward);
   }
-  if (direction != glm::dvec3(0.0)) control.fly(kFlySpeed * settings.fly_speed * speed * direction);
+  if (direction != glm::dvec3(0.0)) control_.fly(kFlySpeed * settings_.fly_speed * speed * direction);
 
   const double steps = kZoomKeySpeed * speed * (down(Key::kPlus) - down(Key::kMinus));
-  if (steps != 0.0) control.zoom(steps, 0.5 * width, 0.5 * height, std::nullopt);
+  if (steps != 0.0) control_.zoom(steps, 0.5 * width_, 0.5 * height_, std::nullopt);
 
   const double along = down(Key::kPageUp) - down(Key::kPageDown);
-  if (along != 0.0 && view.section.on)
-    moveSection(along * speed / kSectionSeconds * (box_max - box_min)[view.section.axis]);
+  if (along != 0.0 && view_.section.on)
+    moveSection(along * speed / kSectionSeconds * (box_max_ - box_min_)[view_.section.axis]);
   cameraMoved();
 }
 
 // ---- time ----
 
-void App::Impl::reportRest() {
-  if (!ready() || flight.active() || flying() || gestures.anyDown() || now - last_motion < kRestSeconds) return;
-  std::string link = formatPermalink(view);
-  if (link == last_link) return;
-  last_link = link;
-  requests.push_back({.kind = RequestKind::kLinkChanged, .text = std::move(link)});
+void App::reportRest() {
+  if (!ready() || flight_.active() || flying() || gestures_.anyDown() || now_ - last_motion_ < kRestSeconds) return;
+  std::string link = formatPermalink(view_);
+  if (link == last_link_) return;
+  last_link_ = link;
+  requests_.push_back({.kind = RequestKind::kLinkChanged, .text = std::move(link)});
 }
 
-void App::Impl::updateMeters() {
-  const SessionStats stats = viewer.stats().session;
-  byte_rate.add(now, static_cast<double>(stats.bytes_received - seen_bytes));
-  seen_bytes = stats.bytes_received;
-  round_trip.update(now, stats.messages_received, stats.views_sent);
+void App::updateMeters() {
+  const SessionStats stats = viewer_.stats().session;
+  byte_rate_.add(now_, static_cast<double>(stats.bytes_received - seen_bytes_));
+  seen_bytes_ = stats.bytes_received;
+  round_trip_.update(now_, stats.messages_received, stats.views_sent);
 }
 
 /// Advances the clock and everything that depends on it.
-void App::Impl::advanceTo(double time) {
+void App::advance(double time) {
   if (!std::isfinite(time)) return;
-  const double step = started ? std::clamp(time - now, 0.0, kMaxStep) : 0.0;
-  started = true;
-  now = std::max(now, time);
+  const double step = started_ ? std::clamp(time - now_, 0.0, kMaxStep) : 0.0;
+  started_ = true;
+  now_ = std::max(now_, time);
   frameNewScene();
-  if (hidden) return;
-  if (ready() && flight.active()) {
-    control.setViewpoint(flight.at(control, now));
+  if (hidden_) return;
+  if (ready() && flight_.active()) {
+    control_.setViewpoint(flight_.at(control_, now_));
     cameraMoved();
   }
   if (ready() && flying() && step > 0.0) {
-    flight.end();
+    flight_.end();
     fly(step);
   }
   updateMeters();
@@ -199,7 +199,7 @@ void App::Impl::advanceTo(double time) {
   updateProgress();
   readPinAnswers();
   reportRest();
-  if (overlay_dirty) refreshOverlay();
+  if (overlay_dirty_) refreshOverlay();
 }
 
 }  // namespace client
