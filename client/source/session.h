@@ -11,10 +11,12 @@
 // since and the newest View. Evictions wait for a View on purpose: a server that hears of one while the view stands
 // still would send the same bytes again, and with a cache smaller than the view's needs the two would never stop.
 #include <cstdint>
-#include <functional>
-#include <memory>
+#include <deque>
 #include <optional>
 #include <string>
+#include <unordered_map>
+#include <unordered_set>
+#include <utility>
 #include <vector>
 
 #include "base/camera.h"
@@ -23,6 +25,7 @@
 #include "client/source/method.h"
 #include "lod/patch/traverse.h"
 #include "protocol/message.h"
+#include "repository/cache.h"
 
 namespace client {
 
@@ -57,10 +60,9 @@ struct SessionEvents {
 
 class Session {
  public:
-  explicit Session(const SessionOptions& options);
-  ~Session();
-  Session(Session&& other) noexcept;
-  Session& operator=(Session&& other) noexcept;
+  explicit Session(const SessionOptions& options) : options_(options), cache_(options.cache_bytes) {}
+  Session(Session&&) noexcept = default;
+  Session& operator=(Session&&) noexcept = default;
 
   // These are called by the transport.
   void connected();
@@ -77,34 +79,85 @@ class Session {
   void setView(const base::ViewCamera& camera);
   /// Switches images and exact frames on or off from the next view on, which is sent again when this changes something.
   void setWanted(bool images, bool frames);
-  SessionPhase phase() const;
-  const std::string& problem() const;  ///< the reason when disconnected or refused; empty when all is well
+  SessionPhase phase() const { return phase_; }
+  /// The reason when disconnected or refused; empty when all is well.
+  const std::string& problem() const { return problem_; }
   /// After a refusal: the method of a viewer that would not be refused, because the scene is splats-only, or has no
   /// splats.
-  std::optional<Method> methodInstead() const;
-  const protocol::Welcome* welcome() const;  ///< null before the first Welcome
+  std::optional<Method> methodInstead() const { return method_instead_; }
+  /// Null before the first Welcome.
+  const protocol::Welcome* welcome() const { return welcome_ ? &*welcome_ : nullptr; }
   /// Whether the server sent everything for the newest view and, where an exact frame was requested, that frame arrived
   /// too.
   bool complete() const;
-  SessionEvents takeEvents();
+  SessionEvents takeEvents() { return std::exchange(events_, {}); }
 
   /// Returns the cached bytes of a face or of a group's block, null when they are not cached. Both count as a use in
   /// the LRU order.
-  const base::Bytes* face(const repository::FaceKey& key);
-  const base::Bytes* block(std::uint32_t group);
+  const base::Bytes* face(const repository::FaceKey& key) { return cache_.find(key.code()); }
+  const base::Bytes* block(std::uint32_t group) { return cache_.find(kGroupTag | group); }
   const protocol::Frame* frame(
       std::uint32_t sequence) const;  ///< one of the 4 newest that fit into frame_bytes, else null
   /// Names what the current picture consists of. It is never evicted until the next call names something else, and
   /// counts as the most recently used.
   void setInUse(const std::vector<repository::FaceKey>& faces, const std::vector<std::uint32_t>& groups);
-  const lod::patch::Hierarchy& hierarchy() const;
-  bool hasGroup(std::uint32_t group) const;  ///< whether the group's block is cached
-  const SessionStats& stats() const;
-  const SessionOptions& options() const;
+  const lod::patch::Hierarchy& hierarchy() const { return hierarchy_; }
+  /// Whether the group's block is cached.
+  bool hasGroup(std::uint32_t group) const { return cache_.contains(kGroupTag | group); }
+  const SessionStats& stats() const { return stats_; }
+  const SessionOptions& options() const { return options_; }
 
  private:
-  struct Impl;
-  std::unique_ptr<Impl> impl_;
+  /// Faces and groups share one cache. A face's key is its code (63 bits), a group's its number with the highest bit
+  /// set.
+  using CacheKey = std::uint64_t;
+  static constexpr CacheKey kGroupTag = CacheKey{1} << 63U;
+  static bool isGroup(CacheKey key) { return (key & kGroupTag) != 0; }
+  static std::uint32_t groupOf(CacheKey key) { return static_cast<std::uint32_t>(key & ~kGroupTag); }
+
+  base::Result<void> acceptWelcome(protocol::Welcome&& message);
+  base::Result<void> acceptFace(protocol::Face&& message, std::size_t bytes);
+  base::Result<void> acceptRefinement(protocol::Refinement&& message, std::size_t bytes);
+  base::Result<void> acceptFrame(protocol::Frame&& message, std::size_t bytes);
+  base::Result<void> acceptCompletion(const protocol::Completion& message);
+  base::Result<void> acceptRefusal(const protocol::Refusal& message);
+  base::Result<void> acceptMessage(protocol::ServerMessage&& message, std::size_t bytes);
+
+  void startScene(const protocol::Welcome& message);
+  bool insert(CacheKey key, base::Bytes&& bytes);
+  void evictOverBudget();
+  void forget(CacheKey key);
+  bool pinned(CacheKey key) const;
+  void queueHave();
+  base::Bytes evictedMessage();
+  base::Bytes viewMessage();
+  std::uint64_t frameBytes() const;
+  bool wantsFrame() const { return options_.frames && welcome_->can_render_frames; }
+
+  SessionOptions options_;
+  SessionPhase phase_ = SessionPhase::kDisconnected;
+  std::string problem_;
+  std::optional<Method> method_instead_;
+  std::optional<protocol::Welcome> welcome_;
+  lod::patch::Hierarchy hierarchy_;
+
+  repository::LruCache<CacheKey, base::Bytes> cache_;
+  std::unordered_set<CacheKey> cached_;  // the cache's keys, for Holdings
+  std::unordered_map<std::uint32_t, std::uint32_t>
+      cached_children_;  // per group: cached groups that have it as a parent
+  std::unordered_set<CacheKey> in_use_;
+  std::deque<protocol::Frame> frames_;  // oldest first
+  std::uint32_t frame_sequence_ = 0;    // view of the last frame that arrived, kept or not
+
+  std::deque<base::Bytes> greetings_;        // Hello or Holdings, sent before anything else
+  std::unordered_set<CacheKey> unreported_;  // evicted, and the server does not know yet
+  std::optional<base::ViewCamera> camera_;   // the newest
+  std::uint32_t sequence_ = 0;               // number of the newest view
+  std::uint32_t complete_sequence_ = 0;
+  bool view_unsent_ = false;
+
+  SessionEvents events_;
+  SessionStats stats_;
 };
 
 }  // namespace client
