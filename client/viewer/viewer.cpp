@@ -4,8 +4,6 @@
 #include <limits>
 #include <utility>
 
-#include "client/viewer/viewer_impl.h"
-
 namespace client {
 namespace {
 
@@ -32,343 +30,306 @@ base::Sphere sceneSphere(const protocol::Welcome& welcome) {
   return {0.5F * (welcome.box_min + welcome.box_max), 0.5F * glm::length(welcome.box_max - welcome.box_min)};
 }
 
+/// Divides the memory budget, and limits the options by their shares.
+MemoryPlan limitByMemory(ViewerOptions& options) {
+  options.memory_budget_bytes = std::max(options.memory_budget_bytes, kMinMemory);
+  const MemoryPlan plan = planMemory(options.memory_budget_bytes, options.session.cache_bytes, options.gpu_budget_bytes,
+                                     options.session.frames);
+  options.session.cache_bytes = plan.cache;
+  options.session.frame_bytes = plan.frames;
+  options.session.max_triangles = std::min(options.session.max_triangles, trianglesFor(plan.patches));
+  return plan;
+}
+
 }  // namespace
 
-Viewer::Viewer(const ViewerOptions& options, std::unique_ptr<ImageDecoder> decoder) {
-  ViewerOptions wanted = options;
-  wanted.memory_budget_bytes = std::max(wanted.memory_budget_bytes, kMinMemory);
-  const MemoryPlan plan = planMemory(wanted.memory_budget_bytes, wanted.session.cache_bytes, wanted.gpu_budget_bytes,
-                                     wanted.session.frames);
-  wanted.session.cache_bytes = plan.cache;
-  wanted.session.frame_bytes = plan.frames;
-  wanted.session.max_triangles = std::min(wanted.session.max_triangles, trianglesFor(plan.patches));
-  impl_ = std::make_unique<Impl>(wanted, plan, std::move(decoder));
-  if (wanted.method == Method::kPatches) setMethod(wanted.method);
-}
-Viewer::~Viewer() = default;
-
-Session& Viewer::session() {
-  return impl_->session;
-}
-const Session& Viewer::session() const {
-  return impl_->session;
-}
-const ViewerOptions& Viewer::options() const {
-  return impl_->options;
+Viewer::Viewer(const ViewerOptions& options, std::unique_ptr<ImageDecoder> decoder)
+    : options_(options), plan_(limitByMemory(options_)), session_(options_.session), decoder_(std::move(decoder)) {
+  if (options_.method == Method::kPatches) setMethod(options_.method);
 }
 
 base::Result<bool> Viewer::update(const base::ViewCamera& camera, double now) {
-  Impl& s = *impl_;
-  if (s.showsSplats()) {
-    LUMIGRID_TRY(s.updateSplats(camera));
+  if (showsSplats()) {
+    LUMIGRID_TRY(updateSplats(camera));
     return false;
   }
-  s.session.setView(s.viewForServer(camera));
-  LUMIGRID_TRY(s.takeEvents());
-  s.more_to_do = false;
-  s.view = camera;
-  s.takeDecoded();
-  if (!s.renderer) return false;
-  s.camera = s.cameraAt(camera);
-  s.upload_bytes_left = s.options.upload_milliseconds > 0.0 ? s.options.upload_milliseconds * kUploadBytesPerMillisecond
+  session_.setView(viewForServer(camera));
+  LUMIGRID_TRY(takeEvents());
+  more_to_do_ = false;
+  view_ = camera;
+  takeDecoded();
+  if (!renderer_) return false;
+  camera_ = cameraAt(camera);
+  upload_bytes_left_ = options_.upload_milliseconds > 0.0 ? options_.upload_milliseconds * kUploadBytesPerMillisecond
                                                             : std::numeric_limits<double>::infinity();
 
-  s.updatePatches();
-  s.rankImages();
-  s.uploadImages(now);
-  s.submitImages();
-  s.markInUse();
+  updatePatches();
+  rankImages();
+  uploadImages(now);
+  submitImages();
+  markInUse();
 
-  s.more_to_do = s.patches.unfinished();
-  for (const auto& [id, image] : s.images) {
-    const bool on_its_way = image.state == Impl::ImageState::kDecoding || image.state == Impl::ImageState::kDecoded ||
-                            (image.state == Impl::ImageState::kCached && !s.gpu_full);
-    if (on_its_way && image.use >= Impl::kNeededUse) s.more_to_do = true;
+  more_to_do_ = patches_.unfinished();
+  for (const auto& [id, image] : images_) {
+    const bool on_its_way = image.state == ImageState::kDecoding || image.state == ImageState::kDecoded ||
+                            (image.state == ImageState::kCached && !gpu_full_);
+    if (on_its_way && image.use >= kNeededUse) more_to_do_ = true;
   }
-  return s.more_to_do;
+  return more_to_do_;
 }
 
 void Viewer::setBackground(const std::array<float, 4>& color) {
-  std::copy(color.begin(), color.end(), impl_->options.lumigraph.background);
+  std::copy(color.begin(), color.end(), options_.lumigraph.background);
 }
 
 void Viewer::drawBackground() const {
-  if (impl_->context_lost) return;
-  const float* color = impl_->options.lumigraph.background;
+  if (context_lost_) return;
+  const float* color = options_.lumigraph.background;
   glClearColor(color[0], color[1], color[2], color[3]);
   glClear(GL_COLOR_BUFFER_BIT);
 }
 
 bool Viewer::allHere() const {
-  const Impl& s = *impl_;
-  return s.showsSplats() ? s.hasSplats() && s.splats->complete() : s.session.complete();
+  return showsSplats() ? hasSplats() && splats_->complete() : session_.complete();
 }
 
 base::Result<void> Viewer::draw(const base::ViewCamera& camera, double now) {
-  if (impl_->showsSplats()) {
-    if (impl_->context_lost) return {};
-    if (impl_->hasSplats()) return impl_->drawSplats(camera);
+  if (showsSplats()) {
+    if (context_lost_) return {};
+    if (hasSplats()) return drawSplats(camera);
     drawBackground();
-    return impl_->takeEvents();
+    return takeEvents();
   }
   if (const auto more = update(camera, now); !more) return more.error();
-  Impl& s = *impl_;
-  s.last_draw = now;
-  if (s.context_lost) return {};
-  if (!s.renderer) {
+  last_draw_ = now;
+  if (context_lost_) return {};
+  if (!renderer_) {
     drawBackground();
     return {};
   }
 
-  s.candidates.clear();
-  for (SampleId id : s.ranked)
-    if (s.images[id].state == Impl::ImageState::kResident) s.candidates.push_back(id);
-  const lod::patch::Cut& cut = s.patches.drawn();
-  s.options.lumigraph.modes.section = s.sectionHere();
-  s.renderer->draw(s.camera, cut.patches, s.candidates, cut.error_px, s.shading, s.options.lumigraph, now,
-                   s.patches.occluders(), cut.patch_error_px);
-  s.probePins();
+  candidates_.clear();
+  for (SampleId id : ranked_)
+    if (images_[id].state == ImageState::kResident) candidates_.push_back(id);
+  const lod::patch::Cut& cut = patches_.drawn();
+  options_.lumigraph.modes.section = sectionHere();
+  renderer_->draw(camera_, cut.patches, candidates_, cut.error_px, shading_, options_.lumigraph, now,
+                   patches_.occluders(), cut.patch_error_px);
+  probePins();
   return {};
 }
 
 std::optional<glm::dvec3> Viewer::surfaceAt(const base::ViewCamera& camera, double x, double y) {
-  Impl& s = *impl_;
-  if (s.showsSplats()) {
-    if (!s.hasSplats()) return std::nullopt;
-    const auto point = s.splats->surfaceAt(s.cameraAt(camera), s.splatLook(), x, y);
-    return point ? std::optional(s.session.welcome()->origin + glm::dvec3(*point)) : std::nullopt;
+  if (showsSplats()) {
+    if (!hasSplats()) return std::nullopt;
+    const auto point = splats_->surfaceAt(cameraAt(camera), splatLook(), x, y);
+    return point ? std::optional(session_.welcome()->origin + glm::dvec3(*point)) : std::nullopt;
   }
-  if (!s.renderer || s.patches.drawn().patches.empty()) return std::nullopt;
-  if (!s.picker) {
+  if (!renderer_ || patches_.drawn().patches.empty()) return std::nullopt;
+  if (!picker_) {
     auto picker = Picker::create();
     if (!picker) {
-      s.fault(picker.error().message);
+      fault(picker.error().message);
       return std::nullopt;
     }
-    s.picker = std::move(*picker);
+    picker_ = std::move(*picker);
   }
   const auto point =
-      s.picker->surfaceAt(s.cameraAt(camera), x, y, s.renderer->patches(), s.patches.drawn().patches, s.sectionHere());
+      picker_->surfaceAt(cameraAt(camera), x, y, renderer_->patches(), patches_.drawn().patches, sectionHere());
   if (!point) return std::nullopt;
-  return s.session.welcome()->origin + glm::dvec3(*point);
+  return session_.welcome()->origin + glm::dvec3(*point);
 }
 
 // ---- modes of display ----
 
-void Viewer::setSection(const std::optional<base::SectionPlane>& plane) {
-  impl_->section = plane;
-}
-
-void Viewer::setResolutionColors(bool on) {
-  impl_->options.lumigraph.modes.resolution_colors = on;
-}
-
 void Viewer::setMethod(Method method) {
-  Impl& s = *impl_;
-  if (s.showsSplats() || method == Method::kQsplat) return;
-  const SessionOptions& asked = s.options.session;
+  if (showsSplats() || method == Method::kQsplat) return;
+  const SessionOptions& asked = options_.session;
   const bool images = method == Method::kLumigraph;
-  s.options.method = method;
-  s.options.lumigraph.use_images = images && (asked.images || asked.frames);
-  s.session.setWanted(images && asked.images, images && asked.frames);
-}
-
-void Viewer::setSplats(std::shared_ptr<SplatView> splats) {
-  impl_->splats = std::move(splats);
-}
-
-SplatView* Viewer::splats() {
-  return impl_->splats.get();
-}
-
-void Viewer::setLens(const std::optional<lod::qsplat::Lens>& lens) {
-  impl_->lens = lens;
+  options_.method = method;
+  options_.lumigraph.use_images = images && (asked.images || asked.frames);
+  session_.setWanted(images && asked.images, images && asked.frames);
 }
 
 void Viewer::setPins(std::vector<glm::dvec3> points) {
-  Impl& s = *impl_;
-  s.pins = std::move(points);
-  s.pins_visible.assign(s.pins.size(), false);
-  if (auto started = s.startPins(); !started) s.fault(started.error().message);
+  pins_ = std::move(points);
+  pins_visible_.assign(pins_.size(), false);
+  if (auto started = startPins(); !started) fault(started.error().message);
 }
 
 const std::vector<bool>& Viewer::pinsVisible() {
-  Impl& s = *impl_;
-  if (!s.probe || s.context_lost) return s.pins_visible;
-  s.probe->poll();
-  std::copy(s.probe->visible().begin(), s.probe->visible().end(), s.pins_visible.begin());
-  return s.pins_visible;
+  if (!probe_ || context_lost_) return pins_visible_;
+  probe_->poll();
+  std::copy(probe_->visible().begin(), probe_->visible().end(), pins_visible_.begin());
+  return pins_visible_;
 }
 
 // ---- a lost context ----
 
 void Viewer::contextLost() {
-  Impl& s = *impl_;
-  if (s.context_lost) return;
-  s.context_lost = true;
+  if (context_lost_) return;
+  context_lost_ = true;
   base::gl::contextLost();
-  s.renderer.reset();
-  s.picker.reset();
-  s.probe.reset();
-  if (s.splats) s.splats->contextLost();
-  s.candidates.clear();
-  s.patches.forget();
-  for (auto& [id, image] : s.images)
-    if (image.state == Impl::ImageState::kResident) image.state = Impl::ImageState::kCached;
+  renderer_.reset();
+  picker_.reset();
+  probe_.reset();
+  if (splats_) splats_->contextLost();
+  candidates_.clear();
+  patches_.forget();
+  for (auto& [id, image] : images_)
+    if (image.state == ImageState::kResident) image.state = ImageState::kCached;
 }
 
 base::Result<void> Viewer::contextRestored() {
-  Impl& s = *impl_;
-  if (!s.context_lost) return {};
-  s.context_lost = false;
-  if (s.session.welcome() == nullptr) return {};
-  if (!s.showsSplats()) LUMIGRID_TRY(s.startRenderer());
-  return s.startPins();
+  if (!context_lost_) return {};
+  context_lost_ = false;
+  if (session_.welcome() == nullptr) return {};
+  if (!showsSplats()) LUMIGRID_TRY(startRenderer());
+  return startPins();
 }
 
 // ---- figures ----
 
 ViewerStats Viewer::stats() const {
-  const Impl& s = *impl_;
   ViewerStats stats;
-  stats.session = s.session.stats();
-  if (s.renderer) stats.lumigraph = s.renderer->stats();
-  stats.error_px = s.patches.drawn().error_px;
-  const lod::patch::Cut& wanted = s.patches.wanted();
-  stats.tolerance_px = s.options.session.patch_tolerance_px;
+  stats.session = session_.stats();
+  if (renderer_) stats.lumigraph = renderer_->stats();
+  stats.error_px = patches_.drawn().error_px;
+  const lod::patch::Cut& wanted = patches_.wanted();
+  stats.tolerance_px = options_.session.patch_tolerance_px;
   // The server is asked for no more than fits, so when everything has arrived, the drawn picture is as fine as it gets.
-  if (wanted.limited || (s.renderer && s.session.complete()))
+  if (wanted.limited || (renderer_ && session_.complete()))
     stats.tolerance_px = std::max(stats.tolerance_px, wanted.error_px);
-  stats.accuracy = s.accuracy();
-  stats.memory = s.memory();
-  stats.memory_budget = s.options.memory_budget_bytes;
-  for (const auto& [id, image] : s.images) {
-    stats.samples_cached += image.state != Impl::ImageState::kEmpty ? 1 : 0;
-    const bool waits = image.state != Impl::ImageState::kResident && image.state != Impl::ImageState::kEmpty;
-    stats.images_requested += waits && image.use >= Impl::kNeededUse ? 1 : 0;
+  stats.accuracy = accuracy();
+  stats.memory = memory();
+  stats.memory_budget = options_.memory_budget_bytes;
+  for (const auto& [id, image] : images_) {
+    stats.samples_cached += image.state != ImageState::kEmpty ? 1 : 0;
+    const bool waits = image.state != ImageState::kResident && image.state != ImageState::kEmpty;
+    stats.images_requested += waits && image.use >= kNeededUse ? 1 : 0;
   }
-  const bool pins_pending = s.probe && s.probe->pending();
-  stats.busy = s.renderer && (s.more_to_do || s.renderer->settling() || pins_pending);
-  stats.complete = s.renderer && s.session.complete() && !s.more_to_do && !s.renderer->settling();
-  stats.broken = s.broken;
-  stats.last_fault = s.last_fault;
-  if (s.splats) s.addSplats(stats);
+  const bool pins_pending = probe_ && probe_->pending();
+  stats.busy = renderer_ && (more_to_do_ || renderer_->settling() || pins_pending);
+  stats.complete = renderer_ && session_.complete() && !more_to_do_ && !renderer_->settling();
+  stats.broken = broken_;
+  stats.last_fault = last_fault_;
+  if (splats_) addSplats(stats);
   return stats;
 }
 
 // ---- the scene ----
 
-base::Result<void> Viewer::Impl::startScene() {
-  const protocol::Welcome& welcome = *session.welcome();
-  images.clear();
-  ranked.clear();
-  patches = {};
-  scene = sceneSphere(welcome);
-  shading = {welcome.unlit, welcome.light_direction};
-  if (context_lost) return {};
+base::Result<void> Viewer::startScene() {
+  const protocol::Welcome& welcome = *session_.welcome();
+  images_.clear();
+  ranked_.clear();
+  patches_ = {};
+  scene_ = sceneSphere(welcome);
+  shading_ = {welcome.unlit, welcome.light_direction};
+  if (context_lost_) return {};
   if (!showsSplats()) LUMIGRID_TRY(startRenderer());
   return startPins();
 }
 
-base::Result<void> Viewer::Impl::startRenderer() {
-  const repository::Grid& grid = session.welcome()->grid;
+base::Result<void> Viewer::startRenderer() {
+  const repository::Grid& grid = session_.welcome()->grid;
   const int face_size = grid.pointCount() != 0 ? static_cast<int>(grid.face_size) : kNoFaceSize;
   LUMIGRID_ASSIGN_OR_RETURN(
-      auto made, LumigraphRenderer::create(session.hierarchy().lattice, face_size, plan.images, plan.frame_images));
-  renderer = std::move(made);
-  gpu_full = false;
+      auto made, LumigraphRenderer::create(session_.hierarchy().lattice, face_size, plan_.images, plan_.frame_images));
+  renderer_ = std::move(made);
+  gpu_full_ = false;
   return {};
 }
 
 /// Returns the perspective view that the server is asked for, since it knows no other.
-base::ViewCamera Viewer::Impl::viewForServer(const base::ViewCamera& wanted) const {
-  if (session.welcome() == nullptr || !wanted.orthographic()) {
+base::ViewCamera Viewer::viewForServer(const base::ViewCamera& wanted) const {
+  if (session_.welcome() == nullptr || !wanted.orthographic()) {
     base::ViewCamera perspective = wanted;
     perspective.ortho_height = 0.0;
     return perspective;
   }
-  const base::Sphere sphere = sceneSphere(*session.welcome());
-  return base::perspectiveStandIn(wanted, session.welcome()->origin + glm::dvec3(sphere.center),
+  const base::Sphere sphere = sceneSphere(*session_.welcome());
+  return base::perspectiveStandIn(wanted, session_.welcome()->origin + glm::dvec3(sphere.center),
                                   static_cast<double>(sphere.radius), protocol::kMinFov);
 }
 
-glm::vec4 Viewer::Impl::sectionHere() const {
-  return section ? base::sectionInScene(*section, session.welcome()->origin) : base::kNoSection;
+glm::vec4 Viewer::sectionHere() const {
+  return section_ ? base::sectionInScene(*section_, session_.welcome()->origin) : base::kNoSection;
 }
 
-void Viewer::Impl::fault(const std::string& problem) {
-  ++broken;
-  last_fault = problem;
+void Viewer::fault(const std::string& problem) {
+  ++broken_;
+  last_fault_ = problem;
 }
 
 /// Takes bytes from the frame's upload share. The first item always passes, so that a small share never stops the flow.
-bool Viewer::Impl::spend(double bytes) {
-  if (upload_bytes_left <= 0.0) return false;
-  upload_bytes_left -= bytes;
+bool Viewer::spend(double bytes) {
+  if (upload_bytes_left_ <= 0.0) return false;
+  upload_bytes_left_ -= bytes;
   return true;
 }
 
 // ---- patches ----
 
 /// The hierarchy's records count towards the patches' share, but leave them at least a quarter of it.
-void Viewer::Impl::updatePatches() {
-  const std::uint64_t records = std::min(recordBytes(session.hierarchy()), plan.patches / 4 * 3);
+void Viewer::updatePatches() {
+  const std::uint64_t records = std::min(recordBytes(session_.hierarchy()), plan_.patches / 4 * 3);
   ResidentPatches::View wanted;
-  wanted.camera = camera;
-  wanted.near_plane = base::depthRangeFor(camera.eye, scene.center, scene.radius).near_plane;
-  wanted.tolerance_px = options.session.patch_tolerance_px;
-  wanted.max_triangles = options.session.max_triangles;
-  wanted.max_bytes = plan.patches - records;
-  wanted.occluders = options.lumigraph.use_images;
-  patches.update(
-      wanted, session, renderer->patches(), [this](std::uint64_t bytes) { return spend(static_cast<double>(bytes)); },
+  wanted.camera = camera_;
+  wanted.near_plane = base::depthRangeFor(camera_.eye, scene_.center, scene_.radius).near_plane;
+  wanted.tolerance_px = options_.session.patch_tolerance_px;
+  wanted.max_triangles = options_.session.max_triangles;
+  wanted.max_bytes = plan_.patches - records;
+  wanted.occluders = options_.lumigraph.use_images;
+  patches_.update(
+      wanted, session_, renderer_->patches(), [this](std::uint64_t bytes) { return spend(static_cast<double>(bytes)); },
       [this](const std::string& problem) { fault(problem); });
 }
 
 // ---- memory and accuracy ----
 
-MemoryUse Viewer::Impl::memory() const {
+MemoryUse Viewer::memory() const {
   MemoryUse use;
-  if (splats) {
-    const SplatStats stats = splats->stats();
+  if (splats_) {
+    const SplatStats stats = splats_->stats();
     use.cache = stats.stream.memory_bytes;
     use.buffers = stats.buffer_bytes;
     return use;
   }
-  if (renderer) {
-    const base::gl::HeldBytes held = renderer->heldBytes();
+  if (renderer_) {
+    const base::gl::HeldBytes held = renderer_->heldBytes();
     use.textures = held.textures;
     use.buffers = held.buffers;
   }
-  if (picker) use.renderbuffers = picker->gpuBytes();
+  if (picker_) use.renderbuffers = picker_->gpuBytes();
   use.decoded = waitingBytes();
-  use.cache = session.stats().cache_bytes + session.stats().frame_bytes;
-  use.records = recordBytes(session.hierarchy());
+  use.cache = session_.stats().cache_bytes + session_.stats().frame_bytes;
+  use.records = recordBytes(session_.hierarchy());
   return use;
 }
 
 /// Whether the server's picture of this very view is shown and has faded in.
-bool Viewer::Impl::showsExactFrame() const {
-  if (section || !options.lumigraph.use_images || view.orthographic()) return false;
-  for (const SampleId id : candidates) {
+bool Viewer::showsExactFrame() const {
+  if (section_ || !options_.lumigraph.use_images || view_.orthographic()) return false;
+  for (const SampleId id : candidates_) {
     if ((id & kFrameTag) == 0) continue;
-    const protocol::Frame* frame = session.frame(static_cast<std::uint32_t>(id & ~kFrameTag));
-    if (frame != nullptr && showsSameView(frame->camera, view) &&
-        renderer->fadeOf(id, last_draw, options.lumigraph.fade_seconds) >= 1.0F)
+    const protocol::Frame* frame = session_.frame(static_cast<std::uint32_t>(id & ~kFrameTag));
+    if (frame != nullptr && showsSameView(frame->camera, view_) &&
+        renderer_->fadeOf(id, last_draw_, options_.lumigraph.fade_seconds) >= 1.0F)
       return true;
   }
   return false;
 }
 
-Accuracy Viewer::Impl::accuracy() const {
+Accuracy Viewer::accuracy() const {
   if (showsSplats()) {
-    if (!hasSplats() || splats->stats().splats == 0) return Accuracy::kNothing;
-    return splats->complete() ? Accuracy::kFine : Accuracy::kCoarse;
+    if (!hasSplats() || splats_->stats().splats == 0) return Accuracy::kNothing;
+    return splats_->complete() ? Accuracy::kFine : Accuracy::kCoarse;
   }
-  if (!renderer || patches.drawn().patches.empty()) return Accuracy::kNothing;
+  if (!renderer_ || patches_.drawn().patches.empty()) return Accuracy::kNothing;
   if (showsExactFrame()) return Accuracy::kExact;
-  const bool fine = patches.drawn().error_px <= options.session.patch_tolerance_px;
-  const bool textured = !options.lumigraph.use_images || renderer->stats().samples_used > 0;
+  const bool fine = patches_.drawn().error_px <= options_.session.patch_tolerance_px;
+  const bool textured = !options_.lumigraph.use_images || renderer_->stats().samples_used > 0;
   return fine && textured ? Accuracy::kBlended : Accuracy::kCoarse;
 }
 

@@ -8,6 +8,8 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <unordered_map>
+#include <utility>
 #include <vector>
 
 #include "base/camera.h"
@@ -16,8 +18,11 @@
 #include "client/source/method.h"
 #include "client/source/session.h"
 #include "client/source/splat_view.h"
-#include "client/viewer/accuracy.h"
 #include "client/viewer/decode.h"
+#include "client/viewer/memory_plan.h"
+#include "client/viewer/pick.h"
+#include "client/viewer/pins.h"
+#include "client/viewer/resident_patches.h"
 
 namespace client {
 
@@ -48,6 +53,15 @@ struct MemoryUse {
   std::uint64_t total() const { return gpu() + decoded + cache + records; }
 };
 
+/// How close a picture is to the true one.
+enum class Accuracy : std::uint8_t {
+  kNothing,  ///< no surface is here yet
+  kCoarse,   ///< patches or splats are coarser than the tolerance asks for, or are being refined
+  kBlended,  ///< the cut has reached the tolerance, and is textured by the images that are here
+  kExact,    ///< the server's own picture of this very view is shown and has faded in fully
+  kFine,     ///< all splats that the cut-off asks for are here
+};
+
 struct ViewerStats {
   SessionStats session;
   LumigraphStats lumigraph;
@@ -71,10 +85,10 @@ inline constexpr std::size_t kMaxPins = 512;
 class Viewer {
  public:
   Viewer(const ViewerOptions& options, std::unique_ptr<ImageDecoder> decoder);
-  ~Viewer();
-  Session& session();
-  const Session& session() const;
-  const ViewerOptions& options() const;  ///< as limited by the memory budget
+  Session& session() { return session_; }
+  const Session& session() const { return session_; }
+  /// The options as limited by the memory budget.
+  const ViewerOptions& options() const { return options_; }
   /// Takes in data that arrived and uploads decoded images, within the frame's share, without drawing. Returns true
   /// while there is more to do (images being decoded, or left for the next call). Callers that wait for a complete
   /// picture need it; draw() calls it by itself.
@@ -96,18 +110,18 @@ class Viewer {
   /// Sets the section plane from the next draw on; nullopt cuts nothing. Back faces seen through the cut have one flat
   /// colour (lod::draw::kSectionColor), which shows where the model is open. A normal that is zero or not a number sets
   /// no plane.
-  void setSection(const std::optional<base::SectionPlane>& plane);
+  void setSection(const std::optional<base::SectionPlane>& plane) { section_ = plane; }
   /// Tints every fragment by the resolution of what is shown there (lod::draw::kResolutionLegend).
-  void setResolutionColors(bool on);
+  void setResolutionColors(bool on) { options_.lumigraph.modes.resolution_colors = on; }
   /// Switches between lumigraph and patches from the next draw on; patches request no images from the server. Images
   /// that ViewerOptions::session turns off stay off. A viewer never changes from or to kQsplat, since splats come from
   /// another place.
   void setMethod(Method method);
   /// Sets the source of splats for kQsplat; the caller pumps it.
-  void setSplats(std::shared_ptr<SplatView> splats);
-  SplatView* splats();  ///< null while there are none
+  void setSplats(std::shared_ptr<SplatView> splats) { splats_ = std::move(splats); }
+  SplatView* splats() { return splats_.get(); }  ///< null while there are none
   /// Places the magnifying glass of kQsplat: what is seen through it comes first and is finer. Framebuffer pixels.
-  void setLens(const std::optional<lod::qsplat::Lens>& lens);
+  void setLens(const std::optional<lod::qsplat::Lens>& lens) { lens_ = lens; }
 
   /// Sets the world points whose visibility the next draws test, at most kMaxPins; points beyond that count as
   /// invisible.
@@ -125,8 +139,100 @@ class Viewer {
   ViewerStats stats() const;
 
  private:
-  struct Impl;
-  std::unique_ptr<Impl> impl_;
+  /// Exact frames of the server get ids of their own beside the codes of faces (63 bits).
+  static constexpr SampleId kFrameTag = SampleId{1} << 63U;
+  /// Expected use below which an image does not matter for the present view: a thousandth of the picture.
+  static constexpr float kNeededUse = 1e-3F;
+
+  /// The state of an image on its way from the cache to the GPU.
+  enum class ImageState {
+    kCached,
+    kDecoding,
+    kDecoded,
+    kResident,
+    kEmpty,  ///< is an empty flag, or broken
+    kUnfit,  ///< larger than its share of the budget
+  };
+
+  /// A face or an exact frame on its way to the GPU.
+  struct BlendImage {
+    ImageState state = ImageState::kCached;
+    base::Camera camera;
+    base::Image rgba;   // only while kDecoded
+    float use = 0.0F;   // expected share of the blend in the present view
+    float rank = 0.0F;  // use, and among the unused the nearer first
+  };
+
+  base::Result<void> startScene();
+  base::Result<void> startRenderer();
+  base::Result<void> takeEvents();
+  void addFace(const repository::FaceKey& key);
+  void addFrame(std::uint32_t sequence);
+  void dropImage(SampleId id);
+  void dropOldFrames();
+  void takeDecoded();
+  void updatePatches();
+  void rankImages();
+  void uploadImages(double now);
+  bool makeRoomFor(const BlendImage& image);
+  const BlendImage* worstResident(SampleId* id, const base::Camera* of_size_like) const;
+  void submitImages();
+  void markInUse();
+  base::Result<void> startPins();
+  void probePins();
+  std::uint64_t pictureSignature() const;
+  bool showsSplats() const { return options_.method == Method::kQsplat; }
+  bool hasSplats() const { return splats_ && splats_->bounds() != nullptr && session_.welcome() != nullptr; }
+  SplatLook splatLook() const;
+  void addSplats(ViewerStats& stats) const;
+  base::Result<bool> setSplatView(const base::ViewCamera& wanted);
+  base::Result<void> updateSplats(const base::ViewCamera& wanted);
+  base::Result<void> drawSplats(const base::ViewCamera& wanted);
+  base::Camera cameraAt(const base::ViewCamera& wanted) const {
+    return base::cameraForScene(wanted, session_.welcome()->origin, scene_);
+  }
+  base::ViewCamera viewForServer(const base::ViewCamera& wanted) const;
+  glm::vec4 sectionHere() const;
+  const base::Bytes* codedImage(SampleId id);
+  void fault(const std::string& problem);
+  bool spend(double bytes);
+  MemoryUse memory() const;
+  std::uint64_t waitingBytes() const;
+  bool showsExactFrame() const;
+  Accuracy accuracy() const;
+
+  ViewerOptions options_;
+  MemoryPlan plan_;
+  Session session_;
+  std::unique_ptr<ImageDecoder> decoder_;
+  std::unique_ptr<LumigraphRenderer> renderer_;
+  bool context_lost_ = false;
+  std::optional<Picker> picker_;
+  lod::draw::Shading shading_;
+  base::Sphere scene_;
+  std::optional<base::SectionPlane> section_;
+
+  std::unordered_map<SampleId, BlendImage> images_;
+  std::unordered_map<SampleId, std::uint64_t> decoding_;  // id -> bytes, dropped images included
+  std::vector<SampleId> ranked_;                          // best first
+  std::vector<SampleId> candidates_;                      // the resident ones among them
+  bool gpu_full_ = false;
+  ResidentPatches patches_;
+  base::ViewCamera view_;
+  base::Camera camera_;
+  bool more_to_do_ = false;
+  double upload_bytes_left_ = 0.0;
+  double last_draw_ = 0.0;
+  std::uint32_t broken_ = 0;
+  std::string last_fault_;
+
+  std::shared_ptr<SplatView> splats_;  // for kQsplat; null until its link has them
+  std::optional<lod::qsplat::Lens> lens_;
+
+  std::vector<glm::dvec3> pins_;  // world
+  std::optional<PinProbe> probe_;
+  std::vector<bool> pins_visible_;
+  std::uint64_t drawn_signature_ = 0;  // signature of the picture against which the pins were tested
 };
 
 }  // namespace client
