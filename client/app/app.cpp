@@ -180,8 +180,8 @@ std::vector<Request> App::takeRequests() {
 
 void App::answerPick(std::uint32_t id, const PickAnswer& answer) {
   PickAnswer taken = answer;
-  if (taken.kind == PickAnswer::Kind::kHit && (isNotFinite(glm::dot(taken.point, taken.point)) ||
-                                               isNotFinite(taken.accuracy) || hiddenBySection(taken.point)))
+  if (taken.kind == PickAnswer::Kind::kHit &&
+      (isNotFinite(glm::dot(taken.point, taken.point)) || isNotFinite(taken.accuracy) || hiddenBySection(taken.point)))
     taken.kind = PickAnswer::Kind::kUnknown;
   if (!measure_.answer(id, taken)) return;
   dirty_ = true;

@@ -136,7 +136,8 @@ void App::measureAt(double x, double y) {
     return;
   }
   const Ray ray = pickRay(x, y);
-  requests_.push_back({.kind = RequestKind::kPick, .id = next_pick_++, .origin = ray.origin, .direction = ray.direction});
+  requests_.push_back(
+      {.kind = RequestKind::kPick, .id = next_pick_++, .origin = ray.origin, .direction = ray.direction});
   dirty_ = true;
   overlayChanged();
 }
@@ -265,7 +266,7 @@ void App::stepAnnotation(int by) {
   if (annotations_.empty()) return showToast("This scene has no notes", false);
   const auto count = static_cast<std::ptrdiff_t>(annotations_.size());
   const std::ptrdiff_t from = open_annotation_ ? static_cast<std::ptrdiff_t>(*open_annotation_)
-                                              : (by > 0 ? std::ptrdiff_t{-1} : std::ptrdiff_t{0});
+                                               : (by > 0 ? std::ptrdiff_t{-1} : std::ptrdiff_t{0});
   showAnnotation(static_cast<std::size_t>((from + by + count) % count));
 }
 

@@ -169,7 +169,7 @@ base::Result<void> Session::acceptRefusal(const protocol::Refusal& message) {
   problem_ = "the server refused: " + (message.reason.empty() ? "it gave no reason" : message.reason);
   if (message.version != protocol::kVersion)
     problem_ += " (it speaks protocol " + std::to_string(message.version) + ", this client " +
-               std::to_string(protocol::kVersion) + "; update the older one)";
+                std::to_string(protocol::kVersion) + "; update the older one)";
   return {};
 }
 

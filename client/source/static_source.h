@@ -14,16 +14,24 @@
 //   5. when the view is complete: the rest of small tables, other directions, faces along the motion; at most 1 MB
 // The newest view wins: what an older view wanted is not requested any more, requests under way are kept.
 #include <cstdint>
+#include <deque>
 #include <functional>
-#include <memory>
 #include <optional>
 #include <string>
+#include <unordered_set>
+#include <vector>
 
 #include "base/error.h"
 #include "client/source/fetch.h"
 #include "client/source/range_queue.h"
 #include "client/source/ray_picks.h"
 #include "client/source/session.h"
+#include "lod/patch/table_pages.h"
+#include "lod/patch/traverse.h"
+#include "plan/coarse_sight.h"
+#include "plan/view_plan.h"
+#include "repository/cache.h"
+#include "repository/packs/pack_format.h"
 #include "repository/sampling/sample_tree.h"
 
 namespace client {
@@ -70,7 +78,6 @@ class StaticSource {
   /// `fetcher` outlives it.
   StaticSource(StaticScene scene, RangeFetcher& fetcher, ReadParameters read_parameters,
                const StaticOptions& options = {});
-  ~StaticSource();
   StaticSource(const StaticSource&) = delete;
   StaticSource& operator=(const StaticSource&) = delete;
 
@@ -90,12 +97,133 @@ class StaticSource {
   std::vector<AnsweredPick> takePicks();
 
   /// The newest failure that leaves the rest of the scene usable, such as a lost pack, one line; else empty.
-  const std::string& problem() const;
+  const std::string& problem() const { return failure_.empty() ? problem_ : failure_; }
   StaticStats stats() const;
 
  private:
-  struct Impl;
-  std::unique_ptr<Impl> impl_;
+  using FaceKey = repository::FaceKey;
+  using TablePages = lod::patch::TablePages;
+  enum class Phase { kOpening, kOpen, kFailed };
+  /// The kinds of RangeWish.
+  enum Kind : std::uint32_t { kPatchFront, kIndexFront, kParameters, kPage, kBlock, kIndexBlock, kFace };
+
+  static base::Error badScene(const std::string& message) {
+    return {base::ErrorCode::kInvalidInput, message + "; publish the scene again"};
+  }
+  base::Result<void> checkScene() const;
+
+  // ---- answers of the fetcher ----
+  void acceptArrival(RangeArrival&& arrival);
+  base::Result<void> acceptTable(const RangeArrival& arrival);
+  base::Result<void> acceptPatchFront(base::ByteView bytes);
+  base::Result<void> acceptIndexFront(base::ByteView bytes);
+  base::Result<void> acceptParameters(base::ByteView bytes);
+  base::Result<void> acceptPage(std::uint32_t page, base::ByteView bytes);
+  base::Result<void> checkTables();
+  void acceptBlock(std::uint32_t group, base::ByteView rest);
+  void acceptIndexBlock(std::uint64_t number, base::ByteView bytes);
+  void acceptFace(const FaceKey& key, base::Bytes bytes);
+  void acceptFailure(const RangeArrival& arrival);
+  void loseObject(const std::string& object, const std::string& why);
+  void reportProblem(const std::string& message) { problem_ = message; }
+  void fail(const std::string& why);
+
+  // ---- messages from and to the session ----
+  void readMessages(Session& session);
+  void acceptMessage(const protocol::ClientMessage& message);
+  void deliverMessages(Session& session);
+
+  // ---- the hierarchy ----
+  void openScene();
+  bool readRecord(std::uint32_t group, std::vector<RangeWish>* wishes);
+  bool isKnown(std::uint32_t group) const { return group < hierarchy_.known.size() && hierarchy_.known[group] != 0; }
+  bool tablesFirst() const { return tables_->counts().blocks_offset <= options_.eager_table_bytes; }
+  bool tablesWhole() const { return tables_->pagesHere() == tables_->pageCount(); }
+  void wishForTables(std::vector<RangeWish>& wishes) const;
+  RangeWish pageWish(std::uint32_t page) const;
+  void wishForBlock(std::uint32_t group, std::vector<RangeWish>& wishes);
+
+  void keepCoarseBlock(std::uint32_t group, const base::Bytes& block);
+  void computeSight();
+
+  // ---- the images ----
+  enum class FaceState { kHere, kGone, kWanted };
+  FaceState locateFace(const FaceKey& key, RangeWish& wish);
+  bool settled(const FaceKey& key) const { return has_face_.count(key) != 0 || gone_.count(key) != 0; }
+
+  // ---- the plan ----
+  plan::Scene planScene() const;
+  void planNewestView();
+  std::vector<std::uint32_t> frontierOf(const lod::patch::Cut& cut, const lod::patch::CutRequest& request);
+  bool settled(std::uint32_t group) const { return has_group_[group] || broken_groups_.count(group) != 0; }
+  std::vector<RangeWish> urgentWishes();
+  void wishForCoarse(std::vector<RangeWish>& wishes);
+  void wishForView(std::vector<RangeWish>& wishes);
+  std::vector<RangeWish> prefetchWishes();
+
+  // ---- picked rays ----
+  void castPicks(Session& session);
+  void wishForPick(std::vector<RangeWish>& wishes);
+
+  StaticScene scene_;
+  ReadParameters read_parameters_;
+  StaticOptions options_;
+  RangeQueue queue_;
+  Phase phase_ = Phase::kOpening;
+  std::string problem_, failure_;
+  StaticStats stats_;
+
+  // The link, as the session sees it.
+  bool linked_ = false;       // the session was told connected()
+  bool welcome_due_ = false;  // a Hello waits for its Welcome
+  int failures_ = 0;          // consecutive ones
+  std::string last_failure_;
+  bool succeeded_ = false;  // since pump() began
+  bool retry_set_ = false;
+  double retry_at_ = 0.0;
+  struct OutgoingMessage {
+    base::Bytes bytes;
+    std::optional<FaceKey> face = {};
+    std::optional<std::uint32_t> group = {};
+  };
+  std::deque<OutgoingMessage> outgoing_;
+
+  // Data that were read.
+  base::Bytes front_;  // front of the hierarchy's file; that of a small file holds blocks too
+  std::optional<TablePages> tables_;
+  lod::patch::Hierarchy hierarchy_;  // the groups whose records were read
+  bool tables_checked_ = false;
+  std::unordered_set<std::uint32_t> broken_groups_;
+  std::optional<repository::IndexRoot> root_;
+  repository::SampledPoints points_;
+  bool points_known_ = false;
+  repository::LruCache<std::uint64_t, repository::IndexBlock> index_blocks_;
+  std::unordered_set<std::uint64_t> broken_index_blocks_;
+  std::unordered_set<std::string> lost_objects_;
+
+  // Items that the session holds, and faces that cannot be had.
+  std::vector<bool> has_group_;
+  std::unordered_set<FaceKey> has_face_, gone_;
+  std::vector<std::uint32_t> coarse_;
+
+  // Blocks of the coarse groups, kept until the occlusion between them is computed, once, before the first view is
+  // planned.
+  std::vector<base::Bytes> coarse_blocks_;  // beside `coarse`
+  std::optional<lod::patch::ProxySight> sight_;
+  bool sight_computed_ = false;
+
+  // The views and their plan.
+  std::optional<protocol::View> newest_, previous_;
+  bool planned_ = false, replan_ = false;
+  plan::ViewPlan view_plan_;
+  std::vector<std::uint32_t> frontier_;  // groups without a record that the cut leads to
+  bool frontier_urgent_ = false;
+  std::uint64_t group_bytes_ = 0, face_bytes_ = 0;  // handed over for this view
+  bool complete_sent_ = false;
+  std::optional<std::vector<FaceKey>> ahead_;
+
+  RayPicks picks_;
+  bool pick_data_arrived_ = false;  // data arrived that the first ray may need
 };
 
 }  // namespace client

@@ -1,7 +1,8 @@
+#include "client/source/static_source.h"
+
 #include <algorithm>
 
 #include "base/geometry.h"
-#include "client/source/static_source_impl.h"
 #include "lod/patch/format.h"
 #include "repository/faces/face_value.h"
 
@@ -19,25 +20,25 @@ constexpr std::uint64_t kTypicalFaceBytes = 20'000;
 
 // ---- the hierarchy ----
 
-RangeWish StaticSource::Impl::pageWish(std::uint32_t page) const {
-  return {kPage, page, scene.patches.name, tables->pageOffset(page), tables->pageLength(page)};
+RangeWish StaticSource::pageWish(std::uint32_t page) const {
+  return {kPage, page, scene_.patches.name, tables_->pageOffset(page), tables_->pageLength(page)};
 }
 
 /// Requests the part of a block that is not in the front; a block that lies in it entirely is handed over at once.
-void StaticSource::Impl::wishForBlock(std::uint32_t group, std::vector<RangeWish>& wishes) {
-  const lod::patch::Group& row = hierarchy.groups[group];
+void StaticSource::wishForBlock(std::uint32_t group, std::vector<RangeWish>& wishes) {
+  const lod::patch::Group& row = hierarchy_.groups[group];
   const std::uint64_t end = row.block_offset + row.block_bytes;
-  if (end <= front.size()) return acceptBlock(group, {});
-  const std::uint64_t begin = std::max<std::uint64_t>(row.block_offset, front.size());
-  wishes.push_back({kBlock, group, scene.patches.name, begin, end - begin, group == 0});
+  if (end <= front_.size()) return acceptBlock(group, {});
+  const std::uint64_t begin = std::max<std::uint64_t>(row.block_offset, front_.size());
+  wishes.push_back({kBlock, group, scene_.patches.name, begin, end - begin, group == 0});
 }
 
 /// Reads a group's record into the hierarchy when all its table pages are here, else adds the missing pages to
 /// `wishes`. Returns whether the group is known.
-bool StaticSource::Impl::readRecord(std::uint32_t group, std::vector<RangeWish>* wishes) {
+bool StaticSource::readRecord(std::uint32_t group, std::vector<RangeWish>* wishes) {
   if (isKnown(group)) return true;
-  if (broken_groups.count(group) != 0) return false;
-  const auto record = tables->record(group);
+  if (broken_groups_.count(group) != 0) return false;
+  const auto record = tables_->record(group);
   std::optional<base::Error> error;
   if (!record) {
     error = record.error();
@@ -47,17 +48,17 @@ bool StaticSource::Impl::readRecord(std::uint32_t group, std::vector<RangeWish>*
     return false;
   } else {
     base::ByteReader in(record->bytes);
-    auto added = lod::patch::addGroup(in, hierarchy, tables->counts().groups, tables->counts().patches);
+    auto added = lod::patch::addGroup(in, hierarchy_, tables_->counts().groups, tables_->counts().patches);
     if (!added)
       error = added.error();
-    else if (record->bytes.size() + hierarchy.groups[group].block_bytes > protocol::kMaxPayload ||
-             hierarchy.groups[group].block_bytes == 0)
+    else if (record->bytes.size() + hierarchy_.groups[group].block_bytes > protocol::kMaxPayload ||
+             hierarchy_.groups[group].block_bytes == 0)
       error = badScene("group " + std::to_string(group) + " is too large to be taken");
   }
   if (!error) return true;
-  broken_groups.insert(group);
-  ++stats.broken;
-  const std::string why = scene.place + "/" + scene.patches.name + ": " + error->message;
+  broken_groups_.insert(group);
+  ++stats_.broken;
+  const std::string why = scene_.place + "/" + scene_.patches.name + ": " + error->message;
   if (group == 0)
     fail(why);
   else
@@ -65,32 +66,32 @@ bool StaticSource::Impl::readRecord(std::uint32_t group, std::vector<RangeWish>*
   return false;
 }
 
-void StaticSource::Impl::wishForTables(std::vector<RangeWish>& wishes) const {
-  for (std::uint32_t page = 0; page < tables->pageCount(); ++page)
-    if (!tables->has(page)) wishes.push_back(pageWish(page));
+void StaticSource::wishForTables(std::vector<RangeWish>& wishes) const {
+  for (std::uint32_t page = 0; page < tables_->pageCount(); ++page)
+    if (!tables_->has(page)) wishes.push_back(pageWish(page));
 }
 
 // ---- the images ----
 
 /// Finds out how to get a face. With kWanted, `wish` is the next range that it needs. An empty face is handed over at
 /// once.
-StaticSource::Impl::FaceState StaticSource::Impl::locateFace(const FaceKey& key, RangeWish& wish) {
+StaticSource::FaceState StaticSource::locateFace(const FaceKey& key, RangeWish& wish) {
   const std::uint64_t code = key.code();
-  const std::uint64_t number = repository::blockOfCode(*root, code);
-  if (broken_index_blocks.count(number) != 0) {
-    gone.insert(key);
+  const std::uint64_t number = repository::blockOfCode(*root_, code);
+  if (broken_index_blocks_.count(number) != 0) {
+    gone_.insert(key);
     return FaceState::kGone;
   }
-  const repository::IndexBlock* block = index_blocks.find(number);
+  const repository::IndexBlock* block = index_blocks_.find(number);
   if (block == nullptr) {
-    wish = {kIndexBlock, number, scene.index->name, root->blockOffset(number), root->block_bytes};
+    wish = {kIndexBlock, number, scene_.index->name, root_->blockOffset(number), root_->block_bytes};
     return FaceState::kWanted;
   }
   const auto place = block->find(code);
   const std::string pack = place ? repository::packName(place->pack) : "";
-  if (!place || lost_objects.count(pack) != 0) {
-    gone.insert(key);
-    ++stats.missing;
+  if (!place || lost_objects_.count(pack) != 0) {
+    gone_.insert(key);
+    ++stats_.missing;
     return FaceState::kGone;
   }
   if (place->length == 0) {
@@ -103,26 +104,25 @@ StaticSource::Impl::FaceState StaticSource::Impl::locateFace(const FaceKey& key,
 
 // ---- the plan ----
 
-plan::Scene StaticSource::Impl::planScene() const {
-  return {&scene.welcome, &hierarchy, scene.index.has_value(), points.treeOrNull(), sight ? &*sight : nullptr};
+plan::Scene StaticSource::planScene() const {
+  return {&scene_.welcome, &hierarchy_, scene_.index.has_value(), points_.treeOrNull(), sight_ ? &*sight_ : nullptr};
 }
 
 /// Returns the unknown groups that the cut would expand, the largest error first: they made patches that the cut draws,
 /// lie in view, and exceed the tolerance.
-std::vector<std::uint32_t> StaticSource::Impl::frontierOf(const lod::patch::Cut& cut,
-                                                          const lod::patch::CutRequest& request) {
+std::vector<std::uint32_t> StaticSource::frontierOf(const lod::patch::Cut& cut, const lod::patch::CutRequest& request) {
   const base::Frustum frustum(request.camera.clipFromScene());
   const float pixels = request.camera.pixelsPerUnitAtOne();
   std::vector<std::pair<float, std::uint32_t>> found;
   std::unordered_set<std::uint32_t> seen;
   for (const std::uint32_t group : cut.expanded) {
-    const lod::patch::Group& g = hierarchy.groups[group];
+    const lod::patch::Group& g = hierarchy_.groups[group];
     for (std::uint32_t i = g.first_patch; i < g.first_patch + g.patch_count; ++i) {
-      const std::uint32_t producer = hierarchy.patches[i].producer;
-      if (producer == lod::patch::kNoGroup || isKnown(producer) || broken_groups.count(producer) != 0) continue;
+      const std::uint32_t producer = hierarchy_.patches[i].producer;
+      if (producer == lod::patch::kNoGroup || isKnown(producer) || broken_groups_.count(producer) != 0) continue;
       if (!seen.insert(producer).second) continue;
       // Its row is present, since the record of the group above needed it.
-      const auto row = tables->row(producer);
+      const auto row = tables_->row(producer);
       if (!row || !row->has_value() || !frustum.mayOverlap((*row)->bounds)) continue;
       const float error_px = base::projectedError((*row)->error, (*row)->bounds.center, (*row)->bounds.radius,
                                                   request.camera.eye, pixels, request.near_plane);
@@ -131,94 +131,94 @@ std::vector<std::uint32_t> StaticSource::Impl::frontierOf(const lod::patch::Cut&
   }
   std::sort(found.begin(), found.end(),
             [](const auto& a, const auto& b) { return a.first != b.first ? a.first > b.first : a.second < b.second; });
-  frontier_urgent = !found.empty() && plan::isUrgent(found.front().first, *newest);
+  frontier_urgent_ = !found.empty() && plan::isUrgent(found.front().first, *newest_);
   std::vector<std::uint32_t> groups;
   for (const auto& [error_px, group] : found) groups.push_back(group);
   return groups;
 }
 
 /// Descends as far as the present pages allow, then plans as a server does.
-void StaticSource::Impl::planNewestView() {
-  if (planned && !(replan && !frontier.empty())) return;
+void StaticSource::planNewestView() {
+  if (planned_ && !(replan_ && !frontier_.empty())) return;
   computeSight();
-  const lod::patch::CutRequest request = plan::cutRequestFor(scene.welcome, *newest);
+  const lod::patch::CutRequest request = plan::cutRequestFor(scene_.welcome, *newest_);
   for (bool learned = true; learned;) {
     learned = false;
-    frontier = frontierOf(lod::patch::selectCut(hierarchy, request), request);
-    for (const std::uint32_t group : frontier) learned |= readRecord(group, nullptr);
+    frontier_ = frontierOf(lod::patch::selectCut(hierarchy_, request), request);
+    for (const std::uint32_t group : frontier_) learned |= readRecord(group, nullptr);
   }
-  std::erase_if(frontier, [this](std::uint32_t group) { return broken_groups.count(group) != 0; });
-  view_plan = plan::planView(planScene(), *newest, [this](const FaceKey& key) { return settled(key); });
-  if (!planned) {
-    group_bytes = face_bytes = 0;
-    ahead.reset();
+  std::erase_if(frontier_, [this](std::uint32_t group) { return broken_groups_.count(group) != 0; });
+  view_plan_ = plan::planView(planScene(), *newest_, [this](const FaceKey& key) { return settled(key); });
+  if (!planned_) {
+    group_bytes_ = face_bytes_ = 0;
+    ahead_.reset();
   }
-  planned = true;
-  replan = false;
+  planned_ = true;
+  replan_ = false;
 }
 
-void StaticSource::Impl::wishForCoarse(std::vector<RangeWish>& wishes) {
-  for (const std::uint32_t group : coarse)
-    if (!settled(group) && readRecord(group, &wishes) && !has_group[group]) wishForBlock(group, wishes);
+void StaticSource::wishForCoarse(std::vector<RangeWish>& wishes) {
+  for (const std::uint32_t group : coarse_)
+    if (!settled(group) && readRecord(group, &wishes) && !has_group_[group]) wishForBlock(group, wishes);
 }
 
 /// Collects wishes in a server's order (server::Session::nextWanted), as far ahead as requests are put together.
-void StaticSource::Impl::wishForView(std::vector<RangeWish>& wishes) {
-  for (const std::uint32_t group : frontier) {
+void StaticSource::wishForView(std::vector<RangeWish>& wishes) {
+  for (const std::uint32_t group : frontier_) {
     if (wishes.size() >= kWishesAhead) break;
     readRecord(group, &wishes);
   }
-  std::uint64_t groups_ahead = group_bytes;
-  std::uint64_t faces_ahead = face_bytes;
+  std::uint64_t groups_ahead = group_bytes_;
+  std::uint64_t faces_ahead = face_bytes_;
   std::size_t g = 0;
   std::size_t f = 0;
-  stats.wanted = static_cast<std::uint32_t>(frontier.size());
+  stats_.wanted = static_cast<std::uint32_t>(frontier_.size());
   while (wishes.size() < kWishesAhead) {
-    while (g < view_plan.groups.size() && settled(view_plan.groups[g])) ++g;
-    while (f < view_plan.faces.size() && settled(view_plan.faces[f])) ++f;
-    const bool group_left = g < view_plan.groups.size();
-    const bool face_left = f < view_plan.faces.size() && !frontier_urgent;
+    while (g < view_plan_.groups.size() && settled(view_plan_.groups[g])) ++g;
+    while (f < view_plan_.faces.size() && settled(view_plan_.faces[f])) ++f;
+    const bool group_left = g < view_plan_.groups.size();
+    const bool face_left = f < view_plan_.faces.size() && !frontier_urgent_;
     if (!group_left && !face_left) break;
-    ++stats.wanted;
+    ++stats_.wanted;
 
-    const bool urgent = group_left && plan::isUrgent(view_plan.group_error_px[g], *newest);
+    const bool urgent = group_left && plan::isUrgent(view_plan_.group_error_px[g], *newest_);
     if (group_left && (!face_left || urgent || groups_ahead <= faces_ahead)) {
-      const std::uint32_t group = view_plan.groups[g++];
-      groups_ahead += hierarchy.groups[group].block_bytes;
+      const std::uint32_t group = view_plan_.groups[g++];
+      groups_ahead += hierarchy_.groups[group].block_bytes;
       wishForBlock(group, wishes);
       continue;
     }
     RangeWish wish;
-    if (locateFace(view_plan.faces[f++], wish) != FaceState::kWanted) continue;
+    if (locateFace(view_plan_.faces[f++], wish) != FaceState::kWanted) continue;
     faces_ahead += wish.kind == kFace ? wish.length : kTypicalFaceBytes;
     wishes.push_back(wish);
   }
-  if (!wishes.empty() || complete_sent) return;
-  complete_sent = true;
-  outgoing.push_back({protocol::encode(protocol::Completion{newest->sequence})});
+  if (!wishes.empty() || complete_sent_) return;
+  complete_sent_ = true;
+  outgoing_.push_back({protocol::encode(protocol::Completion{newest_->sequence})});
 }
 
 /// Returns everything that is needed now, the most urgent first.
-std::vector<RangeWish> StaticSource::Impl::urgentWishes() {
+std::vector<RangeWish> StaticSource::urgentWishes() {
   std::vector<RangeWish> wishes;
-  if (!tables)
-    wishes.push_back({kPatchFront, 0, scene.patches.name, 0, std::min(kPatchFrontBytes, scene.patches.bytes)});
-  if (scene.index && !root)
+  if (!tables_)
+    wishes.push_back({kPatchFront, 0, scene_.patches.name, 0, std::min(kPatchFrontBytes, scene_.patches.bytes)});
+  if (scene_.index && !root_)
     wishes.push_back(
-        {kIndexFront, 0, scene.index->name, 0, std::min(repository::kIndexFrontBytes, scene.index->bytes)});
-  if (root && !points_known)
-    wishes.push_back({kParameters, 0, scene.index->name, repository::parameterOffset(), root->parameter_bytes});
-  if (!tables || phase == Phase::kFailed) return wishes;
+        {kIndexFront, 0, scene_.index->name, 0, std::min(repository::kIndexFrontBytes, scene_.index->bytes)});
+  if (root_ && !points_known_)
+    wishes.push_back({kParameters, 0, scene_.index->name, repository::parameterOffset(), root_->parameter_bytes});
+  if (!tables_ || phase_ == Phase::kFailed) return wishes;
 
   wishForCoarse(wishes);
-  if (phase == Phase::kFailed || (!has_group[0] && !wishes.empty())) return wishes;
+  if (phase_ == Phase::kFailed || (!has_group_[0] && !wishes.empty())) return wishes;
   if (tablesFirst() && !tablesWhole()) {
     wishForTables(wishes);
     return wishes;
   }
-  if (phase != Phase::kOpen || !wishes.empty()) return wishes;
+  if (phase_ != Phase::kOpen || !wishes.empty()) return wishes;
   std::vector<RangeWish> of_view;
-  if (newest) {
+  if (newest_) {
     planNewestView();
     wishForView(of_view);
   }
@@ -229,27 +229,27 @@ std::vector<RangeWish> StaticSource::Impl::urgentWishes() {
 
 /// Returns what later views may need, small tables to their end included, because only whole tables can be checked
 /// against their checksum.
-std::vector<RangeWish> StaticSource::Impl::prefetchWishes() {
+std::vector<RangeWish> StaticSource::prefetchWishes() {
   std::vector<RangeWish> wishes;
-  if (!complete_sent || !planned || phase != Phase::kOpen) return wishes;
+  if (!complete_sent_ || !planned_ || phase_ != Phase::kOpen) return wishes;
   std::uint64_t bytes = 0;
-  if (tables->counts().blocks_offset <= plan::kPrefetchBytes) {
+  if (tables_->counts().blocks_offset <= plan::kPrefetchBytes) {
     wishForTables(wishes);
-    bytes += tables->counts().blocks_offset;
+    bytes += tables_->counts().blocks_offset;
   }
-  if (!ahead) {
-    ahead = view_plan.other_faces;
-    if (previous) {
+  if (!ahead_) {
+    ahead_ = view_plan_.other_faces;
+    if (previous_) {
       const auto along =
-          plan::planMotion(planScene(), *newest, *previous, [this](const FaceKey& key) { return settled(key); });
-      ahead->insert(ahead->end(), along.begin(), along.end());
+          plan::planMotion(planScene(), *newest_, *previous_, [this](const FaceKey& key) { return settled(key); });
+      ahead_->insert(ahead_->end(), along.begin(), along.end());
     }
   }
-  for (const FaceKey& key : *ahead) {
+  for (const FaceKey& key : *ahead_) {
     if (bytes >= plan::kPrefetchBytes || wishes.size() >= kWishesAhead) break;
     RangeWish wish;
-    if (gone.count(key) != 0) continue;
-    const FaceState state = has_face.count(key) != 0 ? FaceState::kHere : locateFace(key, wish);
+    if (gone_.count(key) != 0) continue;
+    const FaceState state = has_face_.count(key) != 0 ? FaceState::kHere : locateFace(key, wish);
     if (state == FaceState::kWanted) wishes.push_back(wish);
     bytes += wish.kind == kFace ? wish.length : kTypicalFaceBytes;
   }
@@ -258,30 +258,30 @@ std::vector<RangeWish> StaticSource::Impl::prefetchWishes() {
 
 // ---- picked rays ----
 
-void StaticSource::Impl::castPicks(Session& session) {
-  if (phase == Phase::kFailed) return picks.giveUp();
-  if (!picks.waiting() || !pick_data_arrived || !linked || phase != Phase::kOpen || !isKnown(0)) return;
-  pick_data_arrived = false;
-  const std::string before = picks.problem();
-  picks.castWaiting(
-      hierarchy,
+void StaticSource::castPicks(Session& session) {
+  if (phase_ == Phase::kFailed) return picks_.giveUp();
+  if (!picks_.waiting() || !pick_data_arrived_ || !linked_ || phase_ != Phase::kOpen || !isKnown(0)) return;
+  pick_data_arrived_ = false;
+  const std::string before = picks_.problem();
+  picks_.castWaiting(
+      hierarchy_,
       [&session](std::uint32_t group) -> base::Result<std::optional<base::ByteView>> {
         const base::Bytes* block = session.block(group);
         return block != nullptr ? std::optional<base::ByteView>(*block) : std::nullopt;
       },
       [this](std::uint32_t group) {
         if (readRecord(group, nullptr)) return RayPicks::RecordStatus::kHere;
-        return broken_groups.count(group) != 0 ? RayPicks::RecordStatus::kBroken : RayPicks::RecordStatus::kMissing;
+        return broken_groups_.count(group) != 0 ? RayPicks::RecordStatus::kBroken : RayPicks::RecordStatus::kMissing;
       });
-  if (picks.problem() != before) reportProblem(scene.place + "/" + scene.patches.name + ": " + picks.problem());
+  if (picks_.problem() != before) reportProblem(scene_.place + "/" + scene_.patches.name + ": " + picks_.problem());
   // The session may have dropped these since its last View.
-  for (const std::uint32_t group : picks.needed())
-    if (!session.hasGroup(group)) has_group[group] = false;
+  for (const std::uint32_t group : picks_.needed())
+    if (!session.hasGroup(group)) has_group_[group] = false;
 }
 
-void StaticSource::Impl::wishForPick(std::vector<RangeWish>& wishes) {
-  for (const std::uint32_t group : picks.needed())
-    if (readRecord(group, &wishes) && !has_group[group]) wishForBlock(group, wishes);
+void StaticSource::wishForPick(std::vector<RangeWish>& wishes) {
+  for (const std::uint32_t group : picks_.needed())
+    if (readRecord(group, &wishes) && !has_group_[group]) wishForBlock(group, wishes);
 }
 
 }  // namespace client

@@ -61,7 +61,7 @@ base::Result<bool> Viewer::update(const base::ViewCamera& camera, double now) {
   if (!renderer_) return false;
   camera_ = cameraAt(camera);
   upload_bytes_left_ = options_.upload_milliseconds > 0.0 ? options_.upload_milliseconds * kUploadBytesPerMillisecond
-                                                            : std::numeric_limits<double>::infinity();
+                                                          : std::numeric_limits<double>::infinity();
 
   updatePatches();
   rankImages();
@@ -114,7 +114,7 @@ base::Result<void> Viewer::draw(const base::ViewCamera& camera, double now) {
   const lod::patch::Cut& cut = patches_.drawn();
   options_.lumigraph.modes.section = sectionHere();
   renderer_->draw(camera_, cut.patches, candidates_, cut.error_px, shading_, options_.lumigraph, now,
-                   patches_.occluders(), cut.patch_error_px);
+                  patches_.occluders(), cut.patch_error_px);
   probePins();
   return {};
 }
