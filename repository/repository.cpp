@@ -7,9 +7,7 @@
 #include <utility>
 
 #include "base/file.h"
-#include "repository/sampling/expected_points.h"
 #include "repository/sampling/parameters.h"
-#include "repository/sampling/tree_text.h"
 
 namespace repository {
 namespace {

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "base/error.h"
-#include "repository/sampling/gaps.h"
+#include "repository/sampling/expected_points.h"
 #include "repository/sampling/grid.h"
 #include "repository/sampling/sample_tree.h"
 #include "repository/sampling/shard.h"

@@ -8,7 +8,6 @@
 #include "repository/faces/face_image.h"
 #include "repository/faces/face_value.h"
 #include "repository/sampling/expected_points.h"
-#include "repository/sampling/gaps.h"
 
 namespace repository {
 namespace {

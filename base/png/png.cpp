@@ -2,6 +2,8 @@
 
 #include <png.h>
 
+#include <array>
+#include <csetjmp>
 #include <cstring>
 
 #include "base/file.h"
@@ -9,8 +11,8 @@
 namespace base {
 namespace {
 
-// libpng's simplified interface (png.h, "SIMPLIFIED API") keeps its setjmp and longjmp inside libpng, so no C++ frame
-// of ours is ever jumped over.
+// Whole pictures use libpng's simplified interface (png.h, "SIMPLIFIED API"), which keeps its setjmp and longjmp inside
+// libpng, so no C++ frame of ours is ever jumped over.
 
 // Largest picture read: 16384 × 16384.
 constexpr std::uint64_t kMaxPixels = std::uint64_t{1} << 28;
@@ -30,6 +32,64 @@ Error pngError(const char* action, const PngImage& png) {
   return {ErrorCode::kInvalidInput, std::string("cannot ") + action + " PNG: " + png.message};
 }
 
+// zlib's level. Measured on half-transparent pictures of scans: 3 gives files 5 % larger than 6, in half the time.
+constexpr int kLevel = 3;
+
+// libpng leaves failing calls by longjmp, so the functions that call it have no objects with destructors.
+class RowEncoder final : public ImageRows {
+ public:
+  RowEncoder(int width, int height, int channels, Bytes& out)
+      : width_(width), height_(height), channels_(channels), out_(out) {
+    png_ = png_create_write_struct(PNG_LIBPNG_VER_STRING, this, onError, [](png_structp, png_const_charp) {});
+    if (png_ != nullptr) info_ = png_create_info_struct(png_);
+  }
+  ~RowEncoder() override { png_destroy_write_struct(&png_, &info_); }
+  RowEncoder(const RowEncoder&) = delete;
+  RowEncoder& operator=(const RowEncoder&) = delete;
+
+  Result<void> start() {
+    if (info_ == nullptr) return Error{ErrorCode::kNoSpace, "cannot write PNG: no memory for an encoder"};
+    if (setjmp(png_jmpbuf(png_)) != 0) return error();
+    png_set_write_fn(png_, this, append, [](png_structp) {});
+    png_set_IHDR(png_, info_, static_cast<png_uint_32>(width_), static_cast<png_uint_32>(height_), 8,
+                 channels_ == 4 ? PNG_COLOR_TYPE_RGBA : PNG_COLOR_TYPE_RGB, PNG_INTERLACE_NONE,
+                 PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
+    png_set_compression_level(png_, kLevel);
+    png_write_info(png_, info_);
+    return {};
+  }
+
+  Result<void> add(const Image& rows) override {
+    LUMIGRID_CHECK_EQ(rows.width, width_);
+    LUMIGRID_CHECK_EQ(rows.channels, channels_);
+    LUMIGRID_CHECK(next_row_ + rows.height <= height_);
+    if (setjmp(png_jmpbuf(png_)) != 0) return error();
+    for (int y = 0; y < rows.height; ++y) png_write_row(png_, rows.at(0, y));
+    next_row_ += rows.height;
+    if (next_row_ == height_) png_write_end(png_, info_);
+    return {};
+  }
+
+ private:
+  static void onError(png_structp png, png_const_charp text) {
+    auto* self = static_cast<RowEncoder*>(png_get_error_ptr(png));
+    std::strncpy(self->message_.data(), text, self->message_.size() - 1);
+    png_longjmp(png, 1);
+  }
+  static void append(png_structp png, png_bytep bytes, std::size_t count) {
+    auto* self = static_cast<RowEncoder*>(png_get_io_ptr(png));
+    self->out_.insert(self->out_.end(), bytes, bytes + count);
+  }
+  Error error() const { return {ErrorCode::kInvalidInput, std::string("cannot write PNG: ") + message_.data()}; }
+
+  const int width_, height_, channels_;
+  Bytes& out_;
+  png_structp png_ = nullptr;
+  png_infop info_ = nullptr;
+  int next_row_ = 0;
+  std::array<char, 160> message_{};
+};
+
 }  // namespace
 
 Result<void> writePng(const Image& image, const std::string& path) {
@@ -47,6 +107,13 @@ Result<void> writePng(const Image& image, const std::string& path) {
   if (png_image_write_to_memory(&png, bytes.data(), &size, 0, image.pixels.data(), 0, nullptr) == 0)
     return within(path, pngError("write", png));
   return writeFileAtomically(path, ByteView(bytes).first(size));
+}
+
+Result<std::unique_ptr<ImageRows>> beginPng(int width, int height, int channels, Bytes& out) {
+  LUMIGRID_CHECK(width > 0 && height > 0 && (channels == 3 || channels == 4));
+  auto rows = std::make_unique<RowEncoder>(width, height, channels, out);
+  LUMIGRID_TRY(rows->start());
+  return std::unique_ptr<ImageRows>(std::move(rows));
 }
 
 Result<Image> readPng(const std::string& path) {

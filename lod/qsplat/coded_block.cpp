@@ -62,13 +62,6 @@ void codeGroups(const std::uint8_t* plain, std::span<const GroupShape> groups, c
   }
 }
 
-void writeNodes(const GroupNodes& group, const GroupLayout& layout, std::uint8_t* at) {
-  for (std::uint32_t i = 0; i < group.count; ++i, at += layout.node_bytes) {
-    std::memcpy(at, &group.nodes[i].bits, sizeof(group.nodes[i].bits));
-    if (layout.hasColors()) std::memcpy(at + sizeof(group.nodes[i].bits), &group.nodes[i].color, sizeof(std::uint16_t));
-  }
-}
-
 }  // namespace
 
 const std::array<int, kNormalSide>& cellTangents() {
@@ -136,11 +129,11 @@ bool BlockCoder::decodeGroups(std::uint32_t groups, base::ByteView symbols, cons
     if (!model.code(group)) return false;
     const std::uint32_t bytes = layout_.bytes(group.count, group.has_pointer);
     if (within + bytes > kPayloadBytes) return false;
-    writeNodes(group, layout_, plain + within);
+    std::uint8_t* const pointer = writeNodes(group, layout_, plain + within);
     if (group.has_pointer) {
       const std::uint64_t half = pointers.next(group) / 2;
       if (half == 0 || half >> (8 * layout_.pointer_bytes - 1) >> 1 != 0) return false;
-      std::memcpy(plain + within + group.count * layout_.node_bytes, &half, layout_.pointer_bytes);
+      std::memcpy(pointer, &half, layout_.pointer_bytes);
     }
     within += bytes;
   }

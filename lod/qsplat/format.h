@@ -145,6 +145,16 @@ inline Node readNode(const std::uint8_t* group, std::uint32_t i, const GroupLayo
   return node;
 }
 
+/// Writes the nodes of a group that begins at `at`; returns where its pointer belongs.
+inline std::uint8_t* writeNodes(const GroupNodes& group, const GroupLayout& layout, std::uint8_t* at) {
+  for (const Node& node : group.view()) {
+    std::memcpy(at, &node.bits, sizeof(node.bits));
+    if (layout.hasColors()) std::memcpy(at + sizeof(node.bits), &node.color, sizeof(node.color));
+    at += layout.node_bytes;
+  }
+  return at;
+}
+
 /// Reads where the first child group of a group of `nodes` nodes begins: an offset in the plain file, unchecked.
 inline std::uint64_t readPointer(const std::uint8_t* group, std::uint32_t nodes, const GroupLayout& layout) {
   std::uint64_t half = 0;

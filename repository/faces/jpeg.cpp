@@ -36,7 +36,7 @@ constexpr std::size_t kBuffer = 64 * 1024;
 
 // Every call of libjpeg needs an `if (setjmp(failed_) != 0)` before it: errors jump there, past destructors. So the
 // functions that make these calls hold nothing that needs a destructor.
-class RowEncoder final : public JpegRows {
+class RowEncoder final : public base::ImageRows {
  public:
   explicit RowEncoder(base::Bytes& out) : out_(out) {
     jpeg_.err = jpeg_std_error(&errors_);
@@ -134,18 +134,18 @@ std::optional<Subsampling> subsamplingOf(std::string_view name) {
   return std::nullopt;
 }
 
-base::Result<std::unique_ptr<JpegRows>> JpegRows::begin(int width, int height, int quality, Subsampling subsampling,
-                                                        base::Bytes& out, bool own_tables) {
+base::Result<std::unique_ptr<base::ImageRows>> beginJpeg(int width, int height, int quality, Subsampling subsampling,
+                                                         base::Bytes& out, bool own_tables) {
   LUMIGRID_CHECK(width > 0 && height > 0 && quality >= 1 && quality <= 100);
   auto rows = std::make_unique<RowEncoder>(out);
   LUMIGRID_TRY(rows->start(width, height, quality, subsampling, own_tables));
-  return std::unique_ptr<JpegRows>(std::move(rows));
+  return std::unique_ptr<base::ImageRows>(std::move(rows));
 }
 
 base::Result<base::Bytes> encodeJpeg(const base::Image& rgb, int quality, Subsampling subsampling) {
   if (rgb.empty()) return jpegError("an image without pixels cannot be encoded");
   base::Bytes bytes;
-  LUMIGRID_ASSIGN_OR_RETURN(auto rows, JpegRows::begin(rgb.width, rgb.height, quality, subsampling, bytes, true));
+  LUMIGRID_ASSIGN_OR_RETURN(auto rows, beginJpeg(rgb.width, rgb.height, quality, subsampling, bytes, true));
   LUMIGRID_TRY(rows->add(rgb));
   return bytes;
 }

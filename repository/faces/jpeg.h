@@ -7,6 +7,7 @@
 #include "base/bytes.h"
 #include "base/error.h"
 #include "base/image.h"
+#include "base/image_rows.h"
 
 namespace repository {
 
@@ -20,19 +21,11 @@ std::optional<Subsampling> subsamplingOf(std::string_view name);
 /// (docs/results/repository.md).
 base::Result<base::Bytes> encodeJpeg(const base::Image& rgb, int quality, Subsampling subsampling);
 
-/// Encodes a JPEG row by row, for pictures that are never whole in memory.
-class JpegRows {
- public:
-  /// width and height are 1..65500 pixels, quality is 1..100. The JPEG is a baseline one with the standard Huffman
-  /// tables, or with `own_tables` those made for the picture, for which libjpeg keeps all its coefficients. The
-  /// bytes are appended to `out`, which must outlive this object.
-  static base::Result<std::unique_ptr<JpegRows>> begin(int width, int height, int quality, Subsampling subsampling,
-                                                       base::Bytes& out, bool own_tables = false);
-  virtual ~JpegRows() = default;
-  /// Adds the next rows from the top, with 3 channels and as wide as the picture. The last row ends the picture.
-  virtual base::Result<void> add(const base::Image& rgb) = 0;
-};
-
+/// Begins a JPEG of 1..65500 pixels a side that is encoded row by row; quality is 1..100. It is a baseline one with the
+/// standard Huffman tables, or with `own_tables` those made for the picture, for which libjpeg keeps all its
+/// coefficients. The bytes are appended to `out`, which must outlive the result.
+base::Result<std::unique_ptr<base::ImageRows>> beginJpeg(int width, int height, int quality, Subsampling subsampling,
+                                                         base::Bytes& out, bool own_tables = false);
 /// Decodes to RGB. Refuses broken data, also where libjpeg would only warn, and sides over `max_side` pixels.
 base::Result<base::Image> decodeJpeg(base::ByteView bytes, int max_side = 16384);
 

@@ -1,5 +1,6 @@
 #pragma once
-// Reads the parameters that a store records in its meta text (docs/formats/repository.md, "Parameters").
+// The parameters that a store records in its meta text, and the tree of sampling points beside them
+// (docs/formats/repository.md, "Parameters" and "Tree of sampling points").
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -15,7 +16,15 @@ namespace repository {
 /// by `name`.
 base::Result<Grid> gridFromMeta(const std::string& meta, const std::string& name);
 
-/// The grid together with the tree that the text may hold (tree_text.h).
+/// Adds the tree as one more line to `parameters`, a JSON object with one parameter a line.
+std::string withTree(const std::string& parameters, const SampleTree& tree);
+/// Removes that line.
+std::string withoutTree(const std::string& text);
+/// The tree that the text holds; nothing where the whole grid is sampled. Errors name the store by `name`.
+base::Result<std::optional<SampleTree>> treeFromText(const std::string& text, const Grid& grid,
+                                                     const std::string& name);
+
+/// The grid together with the tree that the text may hold.
 base::Result<SampledPoints> sampledPointsFromMeta(const std::string& meta, const std::string& name);
 
 /// The first line in which two meta texts differ: "quality": 85, now "quality": 90. For texts that differ only in their

@@ -14,7 +14,7 @@
 #include "base/view_defaults.h"
 #include "lod/patch/proxy_sight.h"
 #include "plan/point_choice.h"
-#include "repository/sampling/tree_text.h"
+#include "repository/sampling/parameters.h"
 #include "server/bake/enclosed.h"
 #include "server/bake/image_bytes.h"
 #include "server/bake/random_views.h"

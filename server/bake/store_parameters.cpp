@@ -5,7 +5,6 @@
 #include <sstream>
 
 #include "repository/sampling/parameters.h"
-#include "repository/sampling/tree_text.h"
 
 namespace server {
 namespace {

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "base/number.h"
+#include "base/png/png.h"
 #include "protocol/message.h"
 #include "server/render/tiling.h"
 
@@ -251,15 +252,11 @@ base::Result<std::unique_ptr<PicturePainter>> PicturePainter::begin(const Pictur
   return painter;
 }
 
-base::Result<PicturePainter::Rows> PicturePainter::beginRows() {
-  if (request_.format == PictureRequest::Format::kPng) {
-    LUMIGRID_ASSIGN_OR_RETURN(auto rows,
-                              base::PngRows::begin(camera_.width, camera_.height, request_.background ? 3 : 4, bytes_));
-    return Rows(std::move(rows));
-  }
-  LUMIGRID_ASSIGN_OR_RETURN(auto rows, repository::JpegRows::begin(camera_.width, camera_.height, request_.quality,
-                                                                   subsamplingFor(request_.quality), bytes_));
-  return Rows(std::move(rows));
+base::Result<std::unique_ptr<base::ImageRows>> PicturePainter::beginRows() {
+  if (request_.format == PictureRequest::Format::kPng)
+    return base::beginPng(camera_.width, camera_.height, request_.background ? 3 : 4, bytes_);
+  return repository::beginJpeg(camera_.width, camera_.height, request_.quality, subsamplingFor(request_.quality),
+                               bytes_);
 }
 
 base::Result<bool> PicturePainter::drawNextBand(SceneRenderer& renderer) {
@@ -269,7 +266,7 @@ base::Result<bool> PicturePainter::drawNextBand(SceneRenderer& renderer) {
                             renderer.render(tileCamera(camera_, 0, next_row_, camera_.width, height), options_));
   const base::Image pixels =
       request_.background ? compositeOver(band.rgba, *request_.background) : std::move(band.rgba);
-  LUMIGRID_TRY(std::visit([&](auto& rows) { return rows->add(pixels); }, rows_));
+  LUMIGRID_TRY(rows_->add(pixels));
   next_row_ += height;
   return next_row_ == camera_.height;
 }

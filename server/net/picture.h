@@ -5,12 +5,11 @@
 #include <memory>
 #include <optional>
 #include <utility>
-#include <variant>
 
 #include "base/camera.h"
 #include "base/error.h"
+#include "base/image_rows.h"
 #include "base/json/scene_file.h"
-#include "base/png/png_rows.h"
 #include "base/view_defaults.h"
 #include "repository/faces/jpeg.h"
 #include "server/net/http_text.h"
@@ -51,9 +50,8 @@ class PicturePainter {
   base::Bytes takePicture() { return std::move(bytes_); }
 
  private:
-  using Rows = std::variant<std::unique_ptr<base::PngRows>, std::unique_ptr<repository::JpegRows>>;
   explicit PicturePainter(const PictureRequest& request) : request_(request) {}
-  base::Result<Rows> beginRows();
+  base::Result<std::unique_ptr<base::ImageRows>> beginRows();
 
   const PictureRequest request_;
   base::Camera camera_;
@@ -61,7 +59,7 @@ class PicturePainter {
   int band_height_ = 1;
   int next_row_ = 0;
   base::Bytes bytes_;
-  Rows rows_;  // writes into bytes_
+  std::unique_ptr<base::ImageRows> rows_;  // writes into bytes_
 };
 
 }  // namespace server

@@ -5,7 +5,6 @@
 #include "base/check.h"
 #include "repository/sampling/parameters.h"
 #include "repository/sampling/shard.h"
-#include "repository/sampling/tree_text.h"
 #include "tests/fuzz/fuzz.h"
 
 namespace fuzz {

@@ -6,7 +6,7 @@
 #include <thread>
 
 #include "repository/repository.h"
-#include "repository/sampling/tree_text.h"
+#include "repository/sampling/parameters.h"
 #include "tests/repository/sample_values.h"
 #include "tests/repository/writer_process.h"
 #include "tests/support/temporary_directory.h"

@@ -12,18 +12,16 @@ namespace support {
 
 inline base::Bytes codedSplats(base::ByteView plain, unsigned threads = 1) {
   base::Bytes coded;
-  lod::qsplat::builder::CodeOptions options;
-  options.threads = threads;
   const auto header = lod::qsplat::builder::codeFile(
       [&](std::uint64_t offset, std::span<std::uint8_t> out) {
         std::copy_n(plain.begin() + static_cast<std::ptrdiff_t>(offset), out.size(), out.begin());
         return base::Result<void>();
       },
-      options,
       [&](base::ByteView bytes) {
         coded.insert(coded.end(), bytes.begin(), bytes.end());
         return base::Result<void>();
-      });
+      },
+      threads);
   LUMIGRID_CHECK(static_cast<bool>(header));
   return coded;
 }

@@ -18,7 +18,7 @@ inline lod::qsplat::Header writeRandomSplats(const std::string& path, unsigned s
   std::mt19937 random(seed);
   const auto below = [&](std::uint32_t n) { return std::uniform_int_distribution<std::uint32_t>(0, n - 1)(random); };
   auto writer =
-      lod::qsplat::builder::TreeWriter::create(path, {colors, wide_pointers, base::Sphere{{1.0F, 2.0F, 3.0F}, 4.0F}});
+      lod::qsplat::builder::TreeWriter::create(path, colors, wide_pointers, base::Sphere{{1.0F, 2.0F, 3.0F}, 4.0F});
   LUMIGRID_CHECK(static_cast<bool>(writer));
   // Groups wait with the codes that their parents have for them.
   struct WaitingNode {

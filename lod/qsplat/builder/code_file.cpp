@@ -75,8 +75,9 @@ class ShapeWalk {
 
 class FileCoder {
  public:
-  FileCoder(const ReadPlain& read, const CodeOptions& options, const WriteCoded& write)
-      : read_(read), options_(options), write_(write) {}
+  FileCoder(const ReadPlain& read, const WriteCoded& write, unsigned threads,
+            const std::function<bool(double done)>& progress)
+      : read_(read), write_(write), threads_(threads), progress_(progress) {}
 
   base::Result<Header> run() {
     base::Bytes front(kBlockBytes);
@@ -177,7 +178,7 @@ class FileCoder {
   }
 
   void forEachShare(std::size_t count, const std::function<void(std::size_t begin, std::size_t end)>& body) const {
-    base::parallelFor((count + kShare - 1) / kShare, options_.threads,
+    base::parallelFor((count + kShare - 1) / kShare, threads_,
                       [&](std::size_t share) { body(share * kShare, std::min(count, (share + 1) * kShare)); });
   }
 
@@ -192,8 +193,7 @@ class FileCoder {
         batch.push_back(walk.next(&batch_bytes_[at]));
       LUMIGRID_TRY(body(batch));
       done_ += batch.size();
-      if (options_.progress &&
-          !options_.progress(static_cast<double>(done_) / (kPasses * static_cast<double>(header_.blocks()))))
+      if (progress_ && !progress_(static_cast<double>(done_) / (kPasses * static_cast<double>(header_.blocks()))))
         return base::Error{base::ErrorCode::kCancelled, "coding the splat tree was cancelled"};
     }
     return {};
@@ -201,8 +201,9 @@ class FileCoder {
 
   static constexpr double kPasses = 3.0;  // over all blocks; each counts a third of the progress
   const ReadPlain& read_;
-  const CodeOptions& options_;
   const WriteCoded& write_;
+  const unsigned threads_;
+  const std::function<bool(double done)>& progress_;
   Header header_;
   std::uint64_t batch_first_ = 1;       // the number of the batch's first block
   base::Bytes batch_bytes_;             // the batch's blocks
@@ -212,8 +213,9 @@ class FileCoder {
 
 }  // namespace
 
-base::Result<Header> codeFile(const ReadPlain& read, const CodeOptions& options, const WriteCoded& write) {
-  return FileCoder(read, options, write).run();
+base::Result<Header> codeFile(const ReadPlain& read, const WriteCoded& write, unsigned threads,
+                              const std::function<bool(double done)>& progress) {
+  return FileCoder(read, write, threads, progress).run();
 }
 
 }  // namespace lod::qsplat::builder

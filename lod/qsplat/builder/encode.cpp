@@ -1,7 +1,5 @@
 #include "lod/qsplat/builder/encode.h"
 
-#include <cstring>
-
 namespace lod::qsplat::builder {
 
 namespace {
@@ -9,30 +7,22 @@ constexpr std::uint8_t kPointerBit = 0x80;
 }
 
 void appendGroup(Run& run, const GroupNodes& group, bool colors) {
-  const std::size_t node_bytes = colors ? 6 : 4;
-  std::size_t at = run.size();
-  run.resize(at + 1 + node_bytes * group.count);
-  run[at++] = static_cast<std::uint8_t>(group.count | (group.has_pointer ? kPointerBit : 0U));
-  for (const Node& node : group.view()) {
-    std::memcpy(run.data() + at, &node.bits, sizeof(node.bits));
-    if (colors) std::memcpy(run.data() + at + sizeof(node.bits), &node.color, sizeof(node.color));
-    at += node_bytes;
-  }
+  const GroupLayout layout(colors, false);
+  const std::size_t at = run.size();
+  run.resize(at + 1 + layout.bytes(group.count, false));
+  run[at] = static_cast<std::uint8_t>(group.count | (group.has_pointer ? kPointerBit : 0U));
+  writeNodes(group, layout, &run[at + 1]);
 }
 
 GroupNodes readGroup(base::ByteView run, std::size_t& at, bool colors) {
-  const std::size_t node_bytes = colors ? 6 : 4;
+  const GroupLayout layout(colors, false);
   if (at >= run.size()) return {};
   GroupNodes group;
   group.count = run[at] & (kPointerBit - 1U);
   group.has_pointer = (run[at] & kPointerBit) != 0;
-  if (group.count > group.nodes.size() || run.size() - at < 1 + node_bytes * group.count) return {};
-  ++at;
-  for (std::uint32_t i = 0; i < group.count; ++i, at += node_bytes) {
-    Node& node = group.nodes[i];
-    std::memcpy(&node.bits, run.data() + at, sizeof(node.bits));
-    if (colors) std::memcpy(&node.color, run.data() + at + sizeof(node.bits), sizeof(node.color));
-  }
+  if (group.count > group.nodes.size() || run.size() - at < 1 + layout.bytes(group.count, false)) return {};
+  for (std::uint32_t i = 0; i < group.count; ++i) group.nodes[i] = readNode(&run[at + 1], i, layout);
+  at += 1 + layout.bytes(group.count, false);
   return group;
 }
 

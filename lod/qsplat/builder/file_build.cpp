@@ -46,12 +46,10 @@ class FileBuilder {
   base::Result<Header> writeCoded(const std::string& path) const {
     LUMIGRID_ASSIGN_OR_RETURN(const auto plain, ingest::SpoolFile::open(options_.plain_path));
     LUMIGRID_ASSIGN_OR_RETURN(auto file, base::AtomicFile::create(path));
-    CodeOptions options;
-    options.threads = options_.threads;
-    if (options_.progress) options.progress = [this](double done) { return options_.progress("code", done); };
-    auto header = codeFile([&](std::uint64_t offset, std::span<std::uint8_t> out) { return plain.readAt(offset, out); },
-                           options, [&](base::ByteView bytes) { return file.write(bytes); });
-    if (!header) return header.error();
+    const auto read = [&](std::uint64_t offset, std::span<std::uint8_t> out) { return plain.readAt(offset, out); };
+    const auto write = [&](base::ByteView bytes) { return file.write(bytes); };
+    const auto progress = [this](double done) { return !options_.progress || options_.progress("code", done); };
+    LUMIGRID_ASSIGN_OR_RETURN(const auto header, codeFile(read, write, options_.threads, progress));
     LUMIGRID_TRY(file.commit());
     std::remove(options_.plain_path.c_str());
     return header;
@@ -128,7 +126,7 @@ class FileBuilder {
 
   base::Result<Header> write(const std::string& path, bool wide_pointers) {
     LUMIGRID_ASSIGN_OR_RETURN(auto writer,
-                              TreeWriter::create(path, {options_.colors, wide_pointers, sphereOf(top_.root)}));
+                              TreeWriter::create(path, options_.colors, wide_pointers, sphereOf(top_.root)));
     written_ = 0;
     std::vector<Segment> level{{{top_.root}, 0, 0}};
     std::vector<Segment> next;

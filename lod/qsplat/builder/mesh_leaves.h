@@ -12,7 +12,7 @@
 
 #include "lod/ingest/buckets.h"
 #include "lod/qsplat/builder/dice.h"
-#include "lod/qsplat/builder/leaf_source.h"
+#include "lod/qsplat/builder/splat.h"
 
 namespace lod::qsplat::builder {
 

@@ -9,8 +9,8 @@
 #include <vector>
 
 #include "lod/ingest/record_log.h"
-#include "lod/qsplat/builder/leaf_source.h"
 #include "lod/qsplat/builder/point_tiles.h"
+#include "lod/qsplat/builder/splat.h"
 
 namespace lod::qsplat::builder {
 

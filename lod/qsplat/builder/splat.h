@@ -6,6 +6,7 @@
 #include <span>
 #include <vector>
 
+#include "base/error.h"
 #include "base/geometry.h"
 #include "lod/qsplat/node.h"
 
@@ -39,6 +40,23 @@ struct LeafFacets {
   std::vector<glm::vec3> normals;    ///< unit
 
   bool empty() const { return normals.empty(); }
+};
+
+struct TileLeaves {
+  std::vector<Splat> splats;  ///< in an order that depends on the source only; may be empty
+  LeafFacets facets;          ///< around them
+  std::uint64_t added = 0;    ///< how many splats are not a vertex or point of the source
+};
+
+/// The interface from which the tree is built: leaves, tile by tile, of a mesh or of points.
+class LeafSource {
+ public:
+  virtual ~LeafSource() = default;
+  virtual std::size_t tiles() const = 0;
+  /// The most bytes that leaves() and then a tree over them take.
+  virtual std::uint64_t memoryOf(std::size_t tile) const = 0;
+  /// Safe from several threads. Errors: those of reading.
+  virtual base::Result<TileLeaves> leaves(std::size_t tile) const = 0;
 };
 
 /// About the rounding error of a cosine between two normals in float32. For small angles it is a large part of the

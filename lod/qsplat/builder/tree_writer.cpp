@@ -9,9 +9,14 @@ namespace {
 constexpr std::size_t kMaxSealed = std::size_t{256} * kBlockBytes;
 }  // namespace
 
-base::Result<TreeWriter> TreeWriter::create(const std::string& path, const Options& options) {
+base::Result<TreeWriter> TreeWriter::create(const std::string& path, bool colors, bool wide_pointers,
+                                            const base::Sphere& root) {
   LUMIGRID_ASSIGN_OR_RETURN(auto file, base::AtomicFile::create(path));
-  TreeWriter writer(std::move(file), options);
+  Header header;
+  header.colors = colors;
+  header.wide_pointers = wide_pointers;
+  header.root = root;
+  TreeWriter writer(std::move(file), header);
   const base::Bytes no_header(kBlockBytes, 0);  // written last
   LUMIGRID_TRY(writer.file_.write(no_header));
   return writer;
@@ -22,14 +27,9 @@ base::Result<void> TreeWriter::add(const GroupNodes& group) {
   if (header_.groups == 0) children_.place(bytes);
   LUMIGRID_TRY(place(bytes));
 
-  std::uint8_t* at = block_.data() + offset_ % kBlockBytes;
-  for (const Node& node : group.view()) {
-    std::memcpy(at, &node.bits, sizeof(node.bits));
-    if (header_.colors) std::memcpy(at + sizeof(node.bits), &node.color, sizeof(node.color));
-    at += layout_.node_bytes;
-    ++header_.nodes;
-    header_.leaves += !group.has_pointer || node.isLeaf() ? 1 : 0;
-  }
+  std::uint8_t* const at = writeNodes(group, layout_, block_.data() + offset_ % kBlockBytes);
+  header_.nodes += group.count;
+  for (const Node& node : group.view()) header_.leaves += !group.has_pointer || node.isLeaf() ? 1 : 0;
   if (group.has_pointer) {
     const std::uint64_t half = children_.next(group) / 2;
     if (!header_.wide_pointers && half >> 32 != 0)

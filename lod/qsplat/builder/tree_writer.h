@@ -9,13 +9,9 @@ namespace lod::qsplat::builder {
 
 class TreeWriter {
  public:
-  struct Options {
-    bool colors = false;
-    bool wide_pointers = false;
-    base::Sphere root;
-  };
   /// The file appears at `path` when it is complete. Errors: kNoSpace, kIo.
-  static base::Result<TreeWriter> create(const std::string& path, const Options& options);
+  static base::Result<TreeWriter> create(const std::string& path, bool colors, bool wide_pointers,
+                                         const base::Sphere& root);
   /// Adds the next group. The first holds the root alone, with the sphere code kWholeParent. Errors: kNoSpace, kIo,
   /// kUnsupported (an offset needs wide pointers, or the tree has more than 128 levels).
   base::Result<void> add(const GroupNodes& group);
@@ -23,12 +19,8 @@ class TreeWriter {
   base::Result<Header> finish();
 
  private:
-  explicit TreeWriter(base::AtomicFile file, const Options& options)
-      : file_(std::move(file)), layout_(options.colors, options.wide_pointers), children_(layout_, kBlockBytes) {
-    header_.colors = options.colors;
-    header_.wide_pointers = options.wide_pointers;
-    header_.root = options.root;
-  }
+  TreeWriter(base::AtomicFile file, const Header& header)
+      : file_(std::move(file)), header_(header), layout_(header), children_(layout_, kBlockBytes) {}
   base::Result<void> place(std::uint32_t bytes);
   base::Result<void> seal();
   base::Result<void> flush();

@@ -23,7 +23,6 @@
 
 #include "base/bytes.h"
 #include "lod/qsplat/blocks.h"
-#include "lod/qsplat/stream/availability.h"
 #include "lod/qsplat/stream/link_estimate.h"
 #include "lod/qsplat/stream/order.h"
 #include "lod/qsplat/stream/request_queue.h"

@@ -1,5 +1,3 @@
-#include "base/png/png_rows.h"
-
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -26,7 +24,7 @@ TEST(PngRows, theyMakeThePictureWhateverTheirNumber) {
     const Image image = drawnImage(117, 61, channels);
     for (const int rows : {1, 7, 60, 61}) {
       Bytes bytes;
-      auto png = PngRows::begin(image.width, image.height, channels, bytes);
+      auto png = beginPng(image.width, image.height, channels, bytes);
       ASSERT_TRUE(png);
       for (int y = 0; y < image.height; y += rows)
         ASSERT_TRUE((*png)->add(rowsOf(image, y, std::min(rows, image.height - y))));
@@ -42,7 +40,7 @@ TEST(PngRows, aPictureThatWasNotFinishedIsNone) {
   const Image image = drawnImage(64, 64, 3);
   Bytes bytes;
   {
-    auto png = PngRows::begin(64, 64, 3, bytes);
+    auto png = beginPng(64, 64, 3, bytes);
     ASSERT_TRUE(png);
     ASSERT_TRUE((*png)->add(rowsOf(image, 0, 63)));
   }
@@ -51,7 +49,7 @@ TEST(PngRows, aPictureThatWasNotFinishedIsNone) {
 
 TEST(PngRows, sidesThatNoPngHasAreAnError) {
   Bytes bytes;
-  EXPECT_FALSE(PngRows::begin(2'000'000, 1, 3, bytes));
+  EXPECT_FALSE(beginPng(2'000'000, 1, 3, bytes));
 }
 
 }  // namespace

@@ -171,7 +171,7 @@ TEST(JpegRows, anyDivisionIntoRowsGivesTheSamePicture) {
     ASSERT_TRUE(whole);
     for (const int rows : {1, 7, 16, 61}) {
       base::Bytes bytes;
-      auto jpeg = JpegRows::begin(image.width, image.height, 85, subsampling, bytes);
+      auto jpeg = beginJpeg(image.width, image.height, 85, subsampling, bytes);
       ASSERT_TRUE(jpeg);
       for (int y = 0; y < image.height; y += rows) {
         base::Image part(image.width, std::min(rows, image.height - y), 3);
@@ -187,7 +187,7 @@ TEST(JpegRows, anyDivisionIntoRowsGivesTheSamePicture) {
 
 TEST(JpegRows, sidesTooLargeForJpegAreAnError) {
   base::Bytes bytes;
-  EXPECT_FALSE(JpegRows::begin(70'000, 1, 85, Subsampling::k420, bytes));
+  EXPECT_FALSE(beginJpeg(70'000, 1, 85, Subsampling::k420, bytes));
 }
 
 }  // namespace

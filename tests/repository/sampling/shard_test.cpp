@@ -4,7 +4,7 @@
 
 #include <algorithm>
 
-#include "repository/sampling/gaps.h"
+#include "repository/sampling/expected_points.h"
 
 namespace repository {
 namespace {

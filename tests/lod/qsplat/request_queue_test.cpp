@@ -1,10 +1,8 @@
-#include "lod/qsplat/stream/availability.h"
+#include "lod/qsplat/stream/request_queue.h"
 
 #include <gtest/gtest.h>
 
 #include <random>
-
-#include "lod/qsplat/stream/request_queue.h"
 
 namespace lod::qsplat {
 namespace {

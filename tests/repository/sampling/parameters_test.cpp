@@ -1,8 +1,6 @@
-#include "repository/sampling/tree_text.h"
+#include "repository/sampling/parameters.h"
 
 #include <gtest/gtest.h>
-
-#include "repository/sampling/parameters.h"
 
 namespace repository {
 namespace {
