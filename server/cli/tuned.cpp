@@ -20,32 +20,30 @@ bool parseNumber(const std::string& text, T& number) {
   return error == std::errc() && end == text.data() + text.size();
 }
 
-// Reads parameters by name, and remembers the first that is missing or no number in its range.
-class ChoiceReader {
- public:
-  explicit ChoiceReader(const Parameters& parameters) : parameters_(parameters) {}
-  template <class T>
-  T number(const char* name, T min, T max) {
-    T value{};
-    const auto found = parameters_.find(kPrefix + std::string(name));
-    if (found == parameters_.end() || !parseNumber(found->second, value) || !(value >= min && value <= max)) fail(name);
-    return value;
-  }
-  repository::Subsampling subsampling() {
-    const auto found = parameters_.find(kPrefix + std::string("subsampling"));
-    const auto parsed = found == parameters_.end() ? std::nullopt : repository::subsamplingOf(found->second);
-    if (!parsed) fail("subsampling");
-    return parsed.value_or(repository::Subsampling::k420);
-  }
-  void fail(const char* name) {
-    if (problem_.empty()) problem_ = kPrefix + std::string(name);
-  }
-  const std::string& problem() const { return problem_; }
+// The value of one of the choice's parameters; empty, which no number and no name is, where it is absent.
+std::string valueOf(const Parameters& parameters, const char* name) {
+  const auto found = parameters.find(kPrefix + std::string(name));
+  return found == parameters.end() ? "" : found->second;
+}
 
- private:
-  const Parameters& parameters_;
-  std::string problem_;
-};
+// Whether the parameter is a number in the range, which is stored then.
+template <class T>
+bool readNumber(const Parameters& parameters, const char* name, T min, T max, T& number) {
+  return parseNumber(valueOf(parameters, name), number) && number >= min && number <= max;
+}
+
+// Reads all of the choice. Returns the name of the first parameter that is missing or out of range; null: none is.
+const char* readChoice(const Parameters& parameters, TuneChoice& choice) {
+  const auto subsampling = repository::subsamplingOf(valueOf(parameters, "subsampling"));
+  choice.subsampling = subsampling.value_or(choice.subsampling);
+  if (!readNumber(parameters, "quality", 1, 100, choice.quality)) return "quality";
+  if (!subsampling) return "subsampling";
+  if (!readNumber(parameters, "psnr", 0.0, kMaxDb, choice.psnr_db)) return "psnr";
+  if (!readNumber<std::uint64_t>(parameters, "jpeg-bytes", 1, std::uint64_t{1} << 40, choice.jpeg_bytes))
+    return "jpeg-bytes";
+  if (!readNumber<std::size_t>(parameters, "faces", 1, kTuneFaces, choice.faces)) return "faces";
+  return nullptr;
+}
 
 }  // namespace
 
@@ -72,15 +70,9 @@ void storeChoice(const TuneChoice& choice, Parameters& parameters) {
 
 base::Result<std::optional<TuneChoice>> storedChoice(const Parameters& parameters) {
   if (withoutChoice(parameters).size() == parameters.size()) return std::optional<TuneChoice>();
-  ChoiceReader reader(parameters);
   TuneChoice choice;
-  choice.quality = reader.number("quality", 1, 100);
-  choice.subsampling = reader.subsampling();
-  choice.psnr_db = reader.number("psnr", 0.0, kMaxDb);
-  choice.jpeg_bytes = reader.number<std::uint64_t>("jpeg-bytes", 1, std::uint64_t{1} << 40);
-  choice.faces = reader.number<std::size_t>("faces", 1, kTuneFaces);
-  if (!reader.problem().empty())
-    return base::Error{base::ErrorCode::kInvalidInput, "parameters: " + reader.problem() +
+  if (const char* wrong = readChoice(parameters, choice))
+    return base::Error{base::ErrorCode::kInvalidInput, "parameters: " + std::string(kPrefix) + wrong +
                                                            " is missing or out of range; build the scene again with "
                                                            "--force"};
   return std::optional(choice);
