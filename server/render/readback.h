@@ -8,10 +8,15 @@
 
 #include "base/error.h"
 #include "base/gl/gl.h"
-#include "server/render/scene_renderer.h"
+#include "base/image.h"
 #include "server/render/tiling.h"
 
 namespace server {
+
+struct RenderedPicture {
+  base::Image rgba;             ///< alpha: 255 where all samples of the pixel saw the model, 0 where none did
+  std::uint64_t triangles = 0;  ///< drawn
+};
 
 /// A picture that is being read back in one or more tiles.
 struct PendingPicture {

@@ -3,15 +3,10 @@
 #include <algorithm>
 #include <cmath>
 #include <optional>
-#include <unordered_map>
 #include <utility>
 
 #include "lod/draw/triangles.h"
-#include "server/render/patch_cache.h"
-#include "server/render/readback.h"
-#include "server/render/sample_target.h"
 #include "server/render/shaders.h"
-#include "server/render/tiling.h"
 
 namespace server {
 namespace {
@@ -64,55 +59,24 @@ lod::patch::Cut cutFor(const lod::patch::Hierarchy& hierarchy, const base::Camer
 
 }  // namespace
 
-struct SceneRenderer::Impl {
-  Impl(const lod::patch::PatchFile& patches, std::uint64_t gpu_budget_bytes)
-      : hierarchy(patches.hierarchy()), cache(patches, gpu_budget_bytes), readback(kReadbackDepth) {
-    for (const lod::patch::Patch& patch : hierarchy.patches) box.add(patch.box);
-    max_side = SampleTarget::maxSide();
-  }
-
-  base::Result<void> drawPicture(const base::Camera& camera, std::span<const std::uint32_t> cut,
-                                 const RenderOptions& options, std::function<void(RenderedPicture)> deliver);
-  base::Result<void> drawTile(const base::Camera& camera, std::span<const std::uint32_t> visible,
-                              const lod::draw::ViewModes& modes);
-  base::Result<void> drawTinted(std::span<const std::uint32_t> visible);
-  base::Result<void> prepareTarget(int width, int height, int supersampling);
-  base::Result<void> orDrop(base::Result<void> result);
-  std::vector<std::uint32_t> visibleFrom(const base::Camera& camera, std::span<const std::uint32_t> cut) const;
-  Tile touchedPart(const base::Camera& tile_camera, std::span<const std::uint32_t> visible, const Tile& tile) const;
-  void sortFrontToBack(std::vector<std::uint32_t>& cut, const glm::vec3& eye) const;
-
-  const lod::patch::Hierarchy& hierarchy;
-  base::Aabb box;
-  bool lit = false;  ///< whether the surface program shades by normals
-  base::gl::Program surface;
-  base::gl::Program with_modes;
-  std::unordered_map<std::uint32_t, float> errors_px;  ///< by patch, for a tinted picture
-  ResolvePass resolve;
-  SampleTarget target;
-  PatchCache cache;
-  ReadbackQueue readback;
-  int max_side = 0;
-};
-
 // ---- Drawing ----
 
-std::vector<std::uint32_t> SceneRenderer::Impl::visibleFrom(const base::Camera& camera,
-                                                            std::span<const std::uint32_t> cut) const {
+std::vector<std::uint32_t> SceneRenderer::visibleFrom(const base::Camera& camera,
+                                                      std::span<const std::uint32_t> cut) const {
   const base::Frustum frustum(camera.clipFromScene());
   std::vector<std::uint32_t> visible;
   for (const std::uint32_t patch : cut)
-    if (frustum.mayOverlap(hierarchy.patches[patch].box)) visible.push_back(patch);
+    if (frustum.mayOverlap(hierarchy_.patches[patch].box)) visible.push_back(patch);
   return visible;
 }
 
 // Near patches are drawn first, so that hidden fragments are not shaded. The order depends on the eye alone, so that
 // every picture from this eye shows the same one of two coinciding surfaces.
-void SceneRenderer::Impl::sortFrontToBack(std::vector<std::uint32_t>& cut, const glm::vec3& eye) const {
+void SceneRenderer::sortFrontToBack(std::vector<std::uint32_t>& cut, const glm::vec3& eye) const {
   std::vector<std::pair<float, std::uint32_t>> keyed;
   keyed.reserve(cut.size());
   for (const std::uint32_t patch : cut) {
-    const base::Sphere& bounds = hierarchy.patches[patch].bounds;
+    const base::Sphere& bounds = hierarchy_.patches[patch].bounds;
     keyed.emplace_back(glm::length(bounds.center - eye) - bounds.radius, patch);
   }
   std::sort(keyed.begin(), keyed.end());
@@ -120,23 +84,23 @@ void SceneRenderer::Impl::sortFrontToBack(std::vector<std::uint32_t>& cut, const
 }
 
 // Returns the part of a tile that patches may touch; the rest stays background and is neither averaged nor read back.
-Tile SceneRenderer::Impl::touchedPart(const base::Camera& tile_camera, std::span<const std::uint32_t> visible,
-                                      const Tile& tile) const {
+Tile SceneRenderer::touchedPart(const base::Camera& tile_camera, std::span<const std::uint32_t> visible,
+                                const Tile& tile) const {
   PixelBounds bounds(tile_camera);
-  for (const std::uint32_t patch : visible) bounds.add(hierarchy.patches[patch].box);
+  for (const std::uint32_t patch : visible) bounds.add(hierarchy_.patches[patch].box);
   return bounds.within(tile.width, tile.height);
 }
 
-base::Result<void> SceneRenderer::Impl::prepareTarget(int width, int height, int supersampling) {
-  if (target.matches(width, height, supersampling)) return {};
-  target = {};
-  LUMIGRID_ASSIGN_OR_RETURN(target, SampleTarget::create(width, height, supersampling));
+base::Result<void> SceneRenderer::prepareTarget(int width, int height, int supersampling) {
+  if (target_.matches(width, height, supersampling)) return {};
+  target_ = {};
+  LUMIGRID_ASSIGN_OR_RETURN(target_, SampleTarget::create(width, height, supersampling));
   return {};
 }
 
-base::Result<void> SceneRenderer::Impl::drawTile(const base::Camera& camera, std::span<const std::uint32_t> visible,
-                                                 const lod::draw::ViewModes& modes) {
-  target.begin();
+base::Result<void> SceneRenderer::drawTile(const base::Camera& camera, std::span<const std::uint32_t> visible,
+                                           const lod::draw::ViewModes& modes) {
+  target_.begin();
   glEnable(GL_DEPTH_TEST);
   glDepthFunc(GL_LESS);
   glDepthMask(GL_TRUE);
@@ -145,68 +109,74 @@ base::Result<void> SceneRenderer::Impl::drawTile(const base::Camera& camera, std
   glDisable(GL_SCISSOR_TEST);
   glColorMask(GL_TRUE, GL_TRUE, GL_TRUE, GL_TRUE);
 
-  const base::gl::Program& program = modes.any() ? with_modes : surface;
+  const base::gl::Program& program = modes.any() ? with_modes_ : surface_;
   program.use();
   if (modes.any()) lod::draw::setViewModes(program, modes, camera);
   const glm::mat4 clip_from_scene = camera.clipFromScene();
   glUniformMatrix4fv(program.uniform("u_clip_from_scene"), 1, GL_FALSE, &clip_from_scene[0][0]);
   const glm::vec4 eye = camera.homogeneousEye();
-  if (lit || modes.any()) glUniform4f(program.uniform("u_eye"), eye.x, eye.y, eye.z, eye.w);
-  return modes.resolution_colors ? drawTinted(visible) : cache.draw(visible);
+  if (lit_ || modes.any()) glUniform4f(program.uniform("u_eye"), eye.x, eye.y, eye.z, eye.w);
+  return modes.resolution_colors ? drawTinted(visible) : cache_.draw(visible);
 }
 
 /// Draws patches one by one, each with its error.
-base::Result<void> SceneRenderer::Impl::drawTinted(std::span<const std::uint32_t> visible) {
-  const GLint error = with_modes.uniform("u_patch_error");
+base::Result<void> SceneRenderer::drawTinted(std::span<const std::uint32_t> visible) {
+  const GLint error = with_modes_.uniform("u_patch_error");
   for (const std::uint32_t& patch : visible) {
-    const auto found = errors_px.find(patch);
-    glUniform1f(error, found != errors_px.end() ? found->second : 0.0F);
-    LUMIGRID_TRY(cache.draw({&patch, 1}));
+    const auto found = errors_px_.find(patch);
+    glUniform1f(error, found != errors_px_.end() ? found->second : 0.0F);
+    LUMIGRID_TRY(cache_.draw({&patch, 1}));
   }
   return {};
 }
 
-base::Result<void> SceneRenderer::Impl::drawPicture(const base::Camera& camera, std::span<const std::uint32_t> cut,
-                                                    const RenderOptions& options,
-                                                    std::function<void(RenderedPicture)> deliver) {
+base::Result<void> SceneRenderer::drawPicture(const base::Camera& camera, std::span<const std::uint32_t> cut,
+                                              const RenderOptions& options,
+                                              std::function<void(RenderedPicture)> deliver) {
   const std::vector<std::uint32_t> visible = visibleFrom(camera, cut);
   auto picture = std::make_shared<PendingPicture>();
   picture->deliver = std::move(deliver);
   picture->rendered.rgba = base::Image(camera.width, camera.height, 4);
-  for (const std::uint32_t patch : visible) picture->rendered.triangles += hierarchy.patches[patch].triangles;
+  for (const std::uint32_t patch : visible) picture->rendered.triangles += hierarchy_.patches[patch].triangles;
 
   // A picture that shows nothing needs no drawing and no transfer.
   if (visible.empty()) {
     picture->tiles_left = 1;
-    return readback.skip(picture);
+    return readback_.skip(picture);
   }
 
   const TilePlan plan =
-      planTiles(camera.width, camera.height, options.supersampling, max_side, options.max_target_samples);
+      planTiles(camera.width, camera.height, options.supersampling, max_side_, options.max_target_samples);
   LUMIGRID_TRY(prepareTarget(plan.tile_width, plan.tile_height, options.supersampling));
   picture->tiles_left = plan.tiles.size();
   for (const Tile& tile : plan.tiles) {
     const base::Camera tile_camera = tileCamera(camera, tile.x, tile.y, plan.tile_width, plan.tile_height);
     const std::vector<std::uint32_t> in_tile = plan.tiles.size() == 1 ? visible : visibleFrom(tile_camera, visible);
     if (in_tile.empty()) {
-      LUMIGRID_TRY(readback.skip(picture));
+      LUMIGRID_TRY(readback_.skip(picture));
       continue;
     }
     const Tile part = touchedPart(tile_camera, in_tile, tile);
     if (part.width == 0) {
-      LUMIGRID_TRY(readback.skip(picture));
+      LUMIGRID_TRY(readback_.skip(picture));
       continue;
     }
     LUMIGRID_TRY(drawTile(tile_camera, in_tile, options.modes));
-    LUMIGRID_TRY(readback.read(picture, {tile.x + part.x, tile.y + part.y, part.width, part.height},
-                               target.resolve(resolve, part), part.x, target.height() - part.y - part.height));
+    LUMIGRID_TRY(readback_.read(picture, {tile.x + part.x, tile.y + part.y, part.width, part.height},
+                                target_.resolve(resolve_, part), part.x, target_.height() - part.y - part.height));
   }
   return {};
 }
 
 // ---- SceneRenderer ----
 
-SceneRenderer::~SceneRenderer() = default;
+SceneRenderer::SceneRenderer(const lod::patch::PatchFile& patches, std::uint64_t gpu_budget_bytes)
+    : hierarchy_(patches.hierarchy()),
+      cache_(patches, gpu_budget_bytes),
+      readback_(kReadbackDepth),
+      max_side_(SampleTarget::maxSide()) {
+  for (const lod::patch::Patch& patch : hierarchy_.patches) box_.add(patch.box);
+}
 
 base::Result<std::unique_ptr<SceneRenderer>> SceneRenderer::create(const base::Scene& scene,
                                                                    const lod::patch::PatchFile& patches,
@@ -214,34 +184,32 @@ base::Result<std::unique_ptr<SceneRenderer>> SceneRenderer::create(const base::S
   if (glGetString(GL_VERSION) == nullptr)
     return base::Error{base::ErrorCode::kUnsupported,
                        "render: no GL context is current on this thread; make a base::HeadlessContext first"};
-  std::unique_ptr<SceneRenderer> renderer(new SceneRenderer());
-  renderer->impl_ = std::make_unique<Impl>(patches, gpu_budget_bytes);
-  Impl& impl = *renderer->impl_;
-  LUMIGRID_ASSIGN_OR_RETURN(impl.surface, linkSurface(scene.light));
-  LUMIGRID_ASSIGN_OR_RETURN(impl.with_modes, linkModes(scene.light));
-  LUMIGRID_ASSIGN_OR_RETURN(impl.resolve, ResolvePass::create());
-  impl.lit = scene.light.mode != base::LightMode::kUnlit;
+  std::unique_ptr<SceneRenderer> renderer(new SceneRenderer(patches, gpu_budget_bytes));
+  LUMIGRID_ASSIGN_OR_RETURN(renderer->surface_, linkSurface(scene.light));
+  LUMIGRID_ASSIGN_OR_RETURN(renderer->with_modes_, linkModes(scene.light));
+  LUMIGRID_ASSIGN_OR_RETURN(renderer->resolve_, ResolvePass::create());
+  renderer->lit_ = scene.light.mode != base::LightMode::kUnlit;
   return renderer;
 }
 
-base::Result<void> SceneRenderer::Impl::orDrop(base::Result<void> result) {
-  if (!result) readback.drop();
+base::Result<void> SceneRenderer::orDrop(base::Result<void> result) {
+  if (!result) readback_.drop();
   return result;
 }
 
 base::Result<RenderedPicture> SceneRenderer::render(const base::Camera& camera, const RenderOptions& options) {
   LUMIGRID_TRY(checkRequest(camera, options));
   LUMIGRID_TRY(finish());
-  lod::patch::Cut chosen = cutFor(impl_->hierarchy, camera, options, true);
-  impl_->errors_px.clear();
+  lod::patch::Cut chosen = cutFor(hierarchy_, camera, options, true);
+  errors_px_.clear();
   if (options.modes.resolution_colors)
     for (std::size_t i = 0; i < chosen.patches.size(); ++i)
-      impl_->errors_px.emplace(chosen.patches[i], chosen.patch_error_px[i]);
+      errors_px_.emplace(chosen.patches[i], chosen.patch_error_px[i]);
   std::vector<std::uint32_t> cut = std::move(chosen.patches);
-  impl_->sortFrontToBack(cut, camera.eye);
+  sortFrontToBack(cut, camera.eye);
   RenderedPicture result;
-  LUMIGRID_TRY(impl_->orDrop(
-      impl_->drawPicture(camera, cut, options, [&](RenderedPicture rendered) { result = std::move(rendered); })));
+  LUMIGRID_TRY(
+      orDrop(drawPicture(camera, cut, options, [&](RenderedPicture rendered) { result = std::move(rendered); })));
   LUMIGRID_TRY(finish());
   return result;
 }
@@ -258,24 +226,16 @@ base::Result<void> SceneRenderer::renderMany(const std::vector<base::Camera>& ca
   const auto finest = std::max_element(
       cameras.begin(), cameras.end(),
       [](const base::Camera& a, const base::Camera& b) { return a.pixelsPerUnitAtOne() < b.pixelsPerUnitAtOne(); });
-  std::vector<std::uint32_t> cut = cutFor(impl_->hierarchy, *finest, options, false).patches;
-  impl_->sortFrontToBack(cut, cameras[0].eye);
+  std::vector<std::uint32_t> cut = cutFor(hierarchy_, *finest, options, false).patches;
+  sortFrontToBack(cut, cameras[0].eye);
   for (std::size_t i = 0; i < cameras.size(); ++i)
-    LUMIGRID_TRY(impl_->orDrop(impl_->drawPicture(
-        cameras[i], cut, options, [deliver, i](RenderedPicture rendered) { deliver(i, std::move(rendered)); })));
+    LUMIGRID_TRY(orDrop(drawPicture(cameras[i], cut, options,
+                                    [deliver, i](RenderedPicture rendered) { deliver(i, std::move(rendered)); })));
   return {};
 }
 
 base::Result<void> SceneRenderer::finish() {
-  return impl_->orDrop(impl_->readback.finish());
-}
-
-float SceneRenderer::sceneRadius() const {
-  return impl_->box.empty() ? 0.0F : 0.5F * impl_->box.diagonal();
-}
-
-glm::vec3 SceneRenderer::sceneCenter() const {
-  return impl_->box.empty() ? glm::vec3(0.0F) : impl_->box.center();
+  return orDrop(readback_.finish());
 }
 
 }  // namespace server

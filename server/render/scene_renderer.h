@@ -3,6 +3,8 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <span>
+#include <unordered_map>
 #include <vector>
 
 #include "base/camera.h"
@@ -12,6 +14,10 @@
 #include "lod/draw/view_modes.h"
 #include "lod/patch/format.h"
 #include "lod/patch/traverse.h"
+#include "server/render/patch_cache.h"
+#include "server/render/readback.h"
+#include "server/render/sample_target.h"
+#include "server/render/tiling.h"
 
 namespace server {
 
@@ -21,11 +27,6 @@ struct RenderOptions {
   /// Limit for the render target in samples of 8 bytes; a larger picture is drawn in tiles. Default: 4096 × 4096.
   std::uint64_t max_target_samples = std::uint64_t{1} << 24;
   lod::draw::ViewModes modes = {};  ///< only for render(); tints show the patches' projected errors
-};
-
-struct RenderedPicture {
-  base::Image rgba;             ///< alpha: 255 where all samples of the pixel saw the model, 0 where none did
-  std::uint64_t triangles = 0;  ///< drawn
 };
 
 /// Draws a scene's patches with its own GPU cache. Needs a GL context that is current from create() to the destructor,
@@ -38,7 +39,6 @@ class SceneRenderer {
   static base::Result<std::unique_ptr<SceneRenderer>> create(const base::Scene& scene,
                                                              const lod::patch::PatchFile& patches,
                                                              std::uint64_t gpu_budget_bytes = std::uint64_t{2} << 30);
-  ~SceneRenderer();
 
   /// Draws a picture of any camera, perspective or parallel; each side 1..32768 pixels, in tiles where the GL's limit
   /// is lower. The background is transparent black; back faces are drawn. Delivers pictures of renderMany first.
@@ -52,13 +52,33 @@ class SceneRenderer {
                                 const std::function<void(std::size_t camera, RenderedPicture)>& deliver);
   base::Result<void> finish();
 
-  float sceneRadius() const;
-  glm::vec3 sceneCenter() const;
+  float sceneRadius() const { return box_.empty() ? 0.0F : 0.5F * box_.diagonal(); }
+  glm::vec3 sceneCenter() const { return box_.empty() ? glm::vec3(0.0F) : box_.center(); }
 
  private:
-  SceneRenderer() = default;
-  struct Impl;
-  std::unique_ptr<Impl> impl_;
+  SceneRenderer(const lod::patch::PatchFile& patches, std::uint64_t gpu_budget_bytes);
+  base::Result<void> drawPicture(const base::Camera& camera, std::span<const std::uint32_t> cut,
+                                 const RenderOptions& options, std::function<void(RenderedPicture)> deliver);
+  base::Result<void> drawTile(const base::Camera& camera, std::span<const std::uint32_t> visible,
+                              const lod::draw::ViewModes& modes);
+  base::Result<void> drawTinted(std::span<const std::uint32_t> visible);
+  base::Result<void> prepareTarget(int width, int height, int supersampling);
+  base::Result<void> orDrop(base::Result<void> result);
+  std::vector<std::uint32_t> visibleFrom(const base::Camera& camera, std::span<const std::uint32_t> cut) const;
+  Tile touchedPart(const base::Camera& tile_camera, std::span<const std::uint32_t> visible, const Tile& tile) const;
+  void sortFrontToBack(std::vector<std::uint32_t>& cut, const glm::vec3& eye) const;
+
+  const lod::patch::Hierarchy& hierarchy_;
+  base::Aabb box_;
+  bool lit_ = false;  ///< whether the surface program shades by normals
+  base::gl::Program surface_;
+  base::gl::Program with_modes_;
+  std::unordered_map<std::uint32_t, float> errors_px_;  ///< by patch, for a tinted picture
+  ResolvePass resolve_;
+  SampleTarget target_;
+  PatchCache cache_;
+  ReadbackQueue readback_;
+  int max_side_ = 0;
 };
 
 }  // namespace server

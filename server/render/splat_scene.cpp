@@ -4,9 +4,6 @@
 #include <utility>
 
 #include "base/parallel.h"
-#include "lod/qsplat/traverse.h"
-#include "server/render/readback.h"
-#include "server/render/sample_target.h"
 #include "server/render/tiling.h"
 
 namespace server {
@@ -27,56 +24,32 @@ base::Result<lod::qsplat::SplatFile> openSplats(const std::string& directory, co
   return file;
 }
 
-struct SplatScene::Impl {
-  explicit Impl(std::unique_ptr<lod::qsplat::FileBlocks> of_file)
-      : blocks(std::move(of_file)), readback(kReadbackDepth), max_side(SampleTarget::maxSide()) {
-    blocks->trackUse();
-  }
-
-  base::Result<lod::qsplat::Traversal> splatsFor(const base::Camera& camera, const SplatOptions& options);
-  base::Result<void> drawTile(const base::Camera& camera, const lod::qsplat::Traversal& found,
-                              const SplatOptions& options);
-  base::Result<void> drawPicture(const base::Camera& camera, const SplatOptions& options, SplatPicture& picture,
-                                 const std::shared_ptr<PendingPicture>& pending);
-  void countBlocks(SplatPicture& picture) const;
-
-  std::unique_ptr<lod::qsplat::FileBlocks> blocks;
-  std::uint32_t frame = 0;
-  std::unique_ptr<lod::draw::SplatRenderer> renderer;
-  lod::draw::Shading shading;
-  ResolvePass resolve;
-  SampleTarget target;
-  ReadbackQueue readback;
-  int max_side = 0;
-};
-
-SplatScene::~SplatScene() = default;
+SplatScene::SplatScene(std::unique_ptr<lod::qsplat::FileBlocks> blocks, const base::Light& light)
+    : blocks_(std::move(blocks)),
+      shading_{light.mode == base::LightMode::kUnlit, light.direction},
+      readback_(kReadbackDepth),
+      max_side_(SampleTarget::maxSide()) {
+  blocks_->trackUse();
+}
 
 base::Result<std::unique_ptr<SplatScene>> SplatScene::create(const base::Scene& scene,
                                                              const lod::qsplat::SplatFile& file) {
   LUMIGRID_ASSIGN_OR_RETURN(auto blocks, lod::qsplat::openBlocks(file.bytes(), file.header()));
-  std::unique_ptr<SplatScene> made(new SplatScene());
-  made->impl_ = std::make_unique<Impl>(std::move(blocks));
-  LUMIGRID_ASSIGN_OR_RETURN(made->impl_->renderer, lod::draw::SplatRenderer::create());
-  LUMIGRID_ASSIGN_OR_RETURN(made->impl_->resolve, ResolvePass::create());
-  made->impl_->shading = {scene.light.mode == base::LightMode::kUnlit, scene.light.direction};
+  std::unique_ptr<SplatScene> made(new SplatScene(std::move(blocks), scene.light));
+  LUMIGRID_ASSIGN_OR_RETURN(made->renderer_, lod::draw::SplatRenderer::create());
+  LUMIGRID_ASSIGN_OR_RETURN(made->resolve_, ResolvePass::create());
   return made;
 }
 
-const base::Sphere& SplatScene::bounds() const {
-  return impl_->blocks->header().root;
-}
-
-void SplatScene::Impl::countBlocks(SplatPicture& picture) const {
-  for (std::uint64_t b = 1; b < blocks->header().blocks(); ++b) {
-    if (blocks->lastUse(b) == 0) continue;
+void SplatScene::countBlocks(SplatPicture& picture) const {
+  for (std::uint64_t b = 1; b < blocks_->header().blocks(); ++b) {
+    if (blocks_->lastUse(b) == 0) continue;
     ++picture.blocks;
-    picture.bytes += blocks->storedBytes(b);
+    picture.bytes += blocks_->storedBytes(b);
   }
 }
 
-base::Result<lod::qsplat::Traversal> SplatScene::Impl::splatsFor(const base::Camera& camera,
-                                                                 const SplatOptions& options) {
+base::Result<lod::qsplat::Traversal> SplatScene::splatsFor(const base::Camera& camera, const SplatOptions& options) {
   lod::qsplat::TraverseRequest request;
   request.camera = camera;
   request.cutoff_px = options.cutoff_px;
@@ -84,36 +57,35 @@ base::Result<lod::qsplat::Traversal> SplatScene::Impl::splatsFor(const base::Cam
   request.for_each = [](std::size_t count, const std::function<void(std::size_t)>& body) {
     base::parallelFor(count, 0, body);
   };
-  blocks->beginFrame(++frame);
-  lod::qsplat::Traversal found = lod::qsplat::traverse(*blocks, request);
-  blocks->trim(kDecodedBytes);
-  if (blocks->damagedBlock() != 0)
-    return lod::qsplat::damaged("qsplat.lgq: block " + std::to_string(blocks->damagedBlock()) +
+  blocks_->beginFrame(++frame_);
+  lod::qsplat::Traversal found = lod::qsplat::traverse(*blocks_, request);
+  blocks_->trim(kDecodedBytes);
+  if (blocks_->damagedBlock() != 0)
+    return lod::qsplat::damaged("qsplat.lgq: block " + std::to_string(blocks_->damagedBlock()) +
                                 ": checksum does not match");
   if (found.damaged) return lod::qsplat::damaged("qsplat.lgq: its groups don't make a tree");
   return found;
 }
 
-base::Result<void> SplatScene::Impl::drawTile(const base::Camera& camera, const lod::qsplat::Traversal& found,
-                                              const SplatOptions& options) {
-  target.begin();
+base::Result<void> SplatScene::drawTile(const base::Camera& camera, const lod::qsplat::Traversal& found,
+                                        const SplatOptions& options) {
+  target_.begin();
   lod::draw::SplatView view;
   view.camera = camera;
-  view.shading = shading;
+  view.shading = shading_;
   view.two_sided = !options.cull_back_faces;
-  return renderer->draw(
+  return renderer_->draw(
       found.splats, options.kernel, view,
-      {target.framebuffer(), camera.width * options.supersampling, camera.height * options.supersampling, false});
+      {target_.framebuffer(), camera.width * options.supersampling, camera.height * options.supersampling, false});
 }
 
-base::Result<void> SplatScene::Impl::drawPicture(const base::Camera& camera, const SplatOptions& options,
-                                                 SplatPicture& picture,
-                                                 const std::shared_ptr<PendingPicture>& pending) {
+base::Result<void> SplatScene::drawPicture(const base::Camera& camera, const SplatOptions& options,
+                                           SplatPicture& picture, const std::shared_ptr<PendingPicture>& pending) {
   const TilePlan plan =
-      planTiles(camera.width, camera.height, options.supersampling, max_side, options.max_target_samples);
-  if (!target.matches(plan.tile_width, plan.tile_height, options.supersampling)) {
-    target = {};
-    LUMIGRID_ASSIGN_OR_RETURN(target, SampleTarget::create(plan.tile_width, plan.tile_height, options.supersampling));
+      planTiles(camera.width, camera.height, options.supersampling, max_side_, options.max_target_samples);
+  if (!target_.matches(plan.tile_width, plan.tile_height, options.supersampling)) {
+    target_ = {};
+    LUMIGRID_ASSIGN_OR_RETURN(target_, SampleTarget::create(plan.tile_width, plan.tile_height, options.supersampling));
   }
   pending->tiles_left = plan.tiles.size();
   for (const Tile& tile : plan.tiles) {
@@ -122,9 +94,9 @@ base::Result<void> SplatScene::Impl::drawPicture(const base::Camera& camera, con
     picture.splats += found.splats.size();
     picture.nodes += found.nodes;
     LUMIGRID_TRY(drawTile(tile_camera, found, options));
-    LUMIGRID_TRY(readback.read(pending, tile, target.resolve(resolve), 0, target.height() - tile.height));
+    LUMIGRID_TRY(readback_.read(pending, tile, target_.resolve(resolve_), 0, target_.height() - tile.height));
   }
-  return readback.finish();
+  return readback_.finish();
 }
 
 base::Result<SplatPicture> SplatScene::render(const base::Camera& camera, const SplatOptions& options) {
@@ -136,12 +108,12 @@ base::Result<SplatPicture> SplatScene::render(const base::Camera& camera, const 
   auto pending = std::make_shared<PendingPicture>();
   pending->rendered.rgba = base::Image(camera.width, camera.height, 4);
   pending->deliver = [&](RenderedPicture rendered) { picture.rgba = std::move(rendered.rgba); };
-  auto drawn = impl_->drawPicture(camera, options, picture, pending);
+  auto drawn = drawPicture(camera, options, picture, pending);
   if (!drawn) {
-    impl_->readback.drop();
+    readback_.drop();
     return drawn.error();
   }
-  impl_->countBlocks(picture);
+  countBlocks(picture);
   return picture;
 }
 

@@ -10,6 +10,9 @@
 #include "base/json/scene_file.h"
 #include "lod/draw/splats.h"
 #include "lod/qsplat/splat_file.h"
+#include "lod/qsplat/traverse.h"
+#include "server/render/readback.h"
+#include "server/render/sample_target.h"
 
 namespace server {
 
@@ -39,19 +42,31 @@ class SplatScene {
  public:
   /// `file` must outlive it.
   static base::Result<std::unique_ptr<SplatScene>> create(const base::Scene& scene, const lod::qsplat::SplatFile& file);
-  ~SplatScene();
 
   /// Draws a picture as SceneRenderer::render does. A damaged file is an error that names the place; nothing is drawn
   /// then.
   base::Result<SplatPicture> render(const base::Camera& camera, const SplatOptions& options);
 
   /// Returns the root's sphere, scene-local.
-  const base::Sphere& bounds() const;
+  const base::Sphere& bounds() const { return blocks_->header().root; }
 
  private:
-  SplatScene() = default;
-  struct Impl;
-  std::unique_ptr<Impl> impl_;
+  SplatScene(std::unique_ptr<lod::qsplat::FileBlocks> blocks, const base::Light& light);
+  base::Result<lod::qsplat::Traversal> splatsFor(const base::Camera& camera, const SplatOptions& options);
+  base::Result<void> drawTile(const base::Camera& camera, const lod::qsplat::Traversal& found,
+                              const SplatOptions& options);
+  base::Result<void> drawPicture(const base::Camera& camera, const SplatOptions& options, SplatPicture& picture,
+                                 const std::shared_ptr<PendingPicture>& pending);
+  void countBlocks(SplatPicture& picture) const;
+
+  std::unique_ptr<lod::qsplat::FileBlocks> blocks_;
+  std::uint32_t frame_ = 0;
+  std::unique_ptr<lod::draw::SplatRenderer> renderer_;
+  lod::draw::Shading shading_;
+  ResolvePass resolve_;
+  SampleTarget target_;
+  ReadbackQueue readback_;
+  int max_side_ = 0;
 };
 
 }  // namespace server
