@@ -26,26 +26,23 @@ inline glm::i64vec3 latticeNormal(const glm::ivec3& a, const glm::ivec3& b, cons
 
 /// Sums over a vertex' corners. They are whole numbers, so that the order in which buckets add to them does not matter.
 struct VertexSums {
-  std::int64_t face[3] = {0, 0, 0};    ///< sum of latticeNormal
-  std::int64_t normal[3] = {0, 0, 0};  ///< sum of the given normals
-  std::int64_t color[3] = {0, 0, 0};
+  glm::i64vec3 face{0};    ///< sum of latticeNormal
+  glm::i64vec3 normal{0};  ///< sum of the given normals
+  glm::i64vec3 color{0};
   std::int64_t colored = 0;  ///< how many corners have a colour
 
   /// Adds one corner; `face_normal` is its triangle's latticeNormal.
   void add(const glm::i64vec3& face_normal, const Corner& corner) {
-    for (int k = 0; k < 3; ++k) face[k] += face_normal[k];
-    if (corner.normal != 0) {
-      const glm::ivec3 given = unpackNormal(corner.normal);
-      for (int k = 0; k < 3; ++k) normal[k] += given[k];
-    }
+    face += face_normal;
+    if (corner.normal != 0) normal += glm::i64vec3(unpackNormal(corner.normal));
     if (corner.color >> 24 == 0) return;
-    for (int k = 0; k < 3; ++k) color[k] += corner.color >> (8 * k) & 255U;
+    color += glm::i64vec3(corner.color & 255U, corner.color >> 8 & 255U, corner.color >> 16 & 255U);
     ++colored;
   }
   /// The mean of the given normals, or else of the triangles'; +z where neither is known.
   glm::vec3 unitNormal() const {
-    for (const std::int64_t* sum : {normal, face}) {
-      const glm::dvec3 n(static_cast<double>(sum[0]), static_cast<double>(sum[1]), static_cast<double>(sum[2]));
+    for (const glm::i64vec3& sum : {normal, face}) {
+      const glm::dvec3 n(sum);
       if (const double length = glm::length(n); length > 0.0) return glm::vec3(n / length);
     }
     return {0.0F, 0.0F, 1.0F};

@@ -93,9 +93,6 @@ class BucketSorter {
 
  private:
   std::uint64_t bucketsWanted() const { return (info_.vertices + Buckets::kVertices - 1) / Buckets::kVertices; }
-  // Returns false when the caller wants to stop.
-  bool reportProgress(double done) const { return !options_.progress || options_.progress(done); }
-  static Error cancelled() { return {ErrorCode::kCancelled, "sorting the triangles was cancelled"}; }
 
   // Puts vertices first … last − 1 on the lattice. The first window also samples all vertices.
   base::Result<void> loadWindow(std::uint64_t first, std::uint64_t last, bool sampling) {
@@ -196,8 +193,8 @@ class BucketSorter {
       LUMIGRID_TRY(storeBatch(batch, pass));
       const std::uint64_t stored = batch.block.first + batch.block.corners.size() / 3;
       const double share = static_cast<double>(stored) / static_cast<double>(info_.triangles);
-      if (!reportProgress(done * share)) return cancelled();
-      return {};
+      if (!options_.progress || options_.progress(done * share)) return {};
+      return Error{ErrorCode::kCancelled, "sorting the triangles was cancelled"};
     };
     LUMIGRID_TRY(base::parallelInOrder(source_.triangleBlocks(), options_.limits.threads, slots.size(), load, store));
     return first && !last ? corners_.flush() : base::Result<void>();

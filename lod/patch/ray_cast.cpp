@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <queue>
 #include <string>
 #include <utility>
 
@@ -26,12 +27,13 @@ struct Stop {
   double entry = 0.0;  ///< not farther than anything in it
   bool is_patch = false;
   std::uint32_t index = 0;
-};
 
-bool isLater(const Stop& a, const Stop& b) {
-  if (a.entry != b.entry) return a.entry > b.entry;
-  return a.is_patch != b.is_patch ? a.is_patch : a.index > b.index;
-}
+  // Heap order: the nearest on top, groups before patches, then the smallest number.
+  bool operator<(const Stop& other) const {
+    if (entry != other.entry) return entry > other.entry;
+    return is_patch != other.is_patch ? is_patch : index > other.index;
+  }
+};
 
 class RayWalk {
  public:
@@ -46,7 +48,7 @@ class RayWalk {
   base::Result<RayCast> throughGroups(float tolerance) {
     tolerance_ = tolerance;
     visited_.assign(hierarchy_.groups.size(), false);
-    push({0.0, false, 0});
+    heap_.push({0.0, false, 0});
     return walk();
   }
 
@@ -56,7 +58,8 @@ class RayWalk {
   // Takes the nearest stop first, until all others begin behind the hit.
   base::Result<RayCast> walk() {
     while (!heap_.empty()) {
-      const Stop next = pop();
+      const Stop next = heap_.top();
+      heap_.pop();
       if (next.entry > limit_) break;
       LUMIGRID_TRY(next.is_patch ? testPatch(next) : expand(next));
     }
@@ -96,7 +99,8 @@ class RayWalk {
 
   void pushPatch(std::uint32_t index) {
     // A step is twice the slack that the rounding of points to floats needs.
-    if (const auto entry = entryOf(hierarchy_.patches[index].box, hierarchy_.lattice.step)) push({*entry, true, index});
+    if (const auto entry = entryOf(hierarchy_.patches[index].box, hierarchy_.lattice.step))
+      heap_.push({*entry, true, index});
   }
 
   // All geometry below a group lies in its sphere. If its record is not here yet: within its error of its products.
@@ -105,22 +109,10 @@ class RayWalk {
     if (isHere(producer)) {
       if (visited_[producer]) return;
       visited_[producer] = true;
-      if (const auto entry = entryOf(hierarchy_.groups[producer].bounds)) push({*entry, false, producer});
+      if (const auto entry = entryOf(hierarchy_.groups[producer].bounds)) heap_.push({*entry, false, producer});
     } else if (const auto entry = entryOf(patch.box, static_cast<double>(errorOf(patch)) + hierarchy_.lattice.step)) {
-      push({*entry, false, producer});
+      heap_.push({*entry, false, producer});
     }
-  }
-
-  void push(const Stop& stop) {
-    heap_.push_back(stop);
-    std::push_heap(heap_.begin(), heap_.end(), isLater);
-  }
-
-  Stop pop() {
-    std::pop_heap(heap_.begin(), heap_.end(), isLater);
-    const Stop top = heap_.back();
-    heap_.pop_back();
-    return top;
   }
 
   // Starts from the ray's nearest point to the centre: squared distances would lose all precision from far away.
@@ -223,7 +215,7 @@ class RayWalk {
   ShearedRay sheared_;
   float tolerance_ = 0.0F;
   std::vector<bool> visited_;  ///< groups already tested: a group has several patches, and several parents
-  std::vector<Stop> heap_;
+  std::priority_queue<Stop> heap_;
   std::vector<Stop> needed_;  ///< groups, nearest first
   std::vector<glm::dvec3> corners_;
   std::optional<RayHit> hit_;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <queue>
 
 namespace lod::patch {
 namespace {
@@ -18,12 +19,12 @@ struct GroupProgress {
 struct Candidate {
   float error_px = 0.0F;
   std::uint32_t group = 0;
-};
 
-// Heap order: the largest error on top, then the smallest number, so that the same view gives the same cut.
-bool lessUrgent(const Candidate& a, const Candidate& b) {
-  return a.error_px != b.error_px ? a.error_px < b.error_px : a.group > b.group;
-}
+  // Heap order: the largest error on top, then the smallest number, so that the same view gives the same cut.
+  bool operator<(const Candidate& other) const {
+    return error_px != other.error_px ? error_px < other.error_px : group > other.group;
+  }
+};
 
 class CutSelection {
  public:
@@ -46,9 +47,10 @@ class CutSelection {
  private:
   // Refines top down, always where the projected error is largest.
   void refine() {
-    heap_.push_back({kInfinity, 0});
+    heap_.push({kInfinity, 0});
     while (!heap_.empty()) {
-      const Candidate next = pop();
+      const Candidate next = heap_.top();
+      heap_.pop();
       const std::uint64_t finer = measureConsumed(next.group);
       const std::uint64_t coarser = states_[next.group].visible_triangles;
       const std::uint64_t cost = costOfConsumed(next.group);
@@ -65,13 +67,6 @@ class CutSelection {
         expand(next.group);
       }
     }
-  }
-
-  Candidate pop() {
-    std::pop_heap(heap_.begin(), heap_.end(), lessUrgent);
-    const Candidate top = heap_.back();
-    heap_.pop_back();
-    return top;
   }
 
   // Finds the visible ones among the patches that the group consumes (visible_), and sums their triangles.
@@ -139,8 +134,7 @@ class CutSelection {
 
     const float error_px = projectedErrorOf(group);
     if (request_.tolerance_px > 0.0F && !(error_px > request_.tolerance_px)) return;
-    heap_.push_back({error_px, group});
-    std::push_heap(heap_.begin(), heap_.end(), lessUrgent);
+    heap_.push({error_px, group});
   }
 
   // Pixels. A camera with NaN in it gives 0, so that the heap's order stays an order.
@@ -172,8 +166,7 @@ class CutSelection {
 
   // They were popped largest first, except where a parent's error is a rounding below its child's.
   void sortWanted() {
-    std::stable_sort(wanted_.begin(), wanted_.end(),
-                     [](const Candidate& a, const Candidate& b) { return lessUrgent(b, a); });
+    std::stable_sort(wanted_.begin(), wanted_.end(), [](const Candidate& a, const Candidate& b) { return b < a; });
     for (const Candidate& want : wanted_) cut_.wanted.push_back(want.group);
   }
 
@@ -182,7 +175,7 @@ class CutSelection {
   const std::function<bool(std::uint32_t)>& available_;
   base::Frustum frustum_;
   std::vector<GroupProgress> states_;
-  std::vector<Candidate> heap_;
+  std::priority_queue<Candidate> heap_;
   std::vector<Candidate> wanted_;
   std::vector<std::uint8_t> visible_;    ///< for the group measured last, one per consumed patch
   std::vector<std::uint32_t> drawable_;  ///< visible patches consumed by expanded groups

@@ -201,11 +201,6 @@ class Projector {
     return {facet, std::sqrt(target_.facet(facet).distance2(source_.positions[v]))};
   }
 
-  // The larger of `known` and the distance of vertex v from its nearest facet.
-  float maxWithDistance(std::uint32_t v, float known) {
-    return std::max(known, std::sqrt(target_.facet(nearFacet(v, known)).distance2(source_.positions[v])));
-  }
-
   // Pieces within `enough` of their facet are not cut further; triangles within `usual` are not projected again.
   void setLimits(float enough, float usual) { enough_ = enough, usual_ = usual; }
 
@@ -622,7 +617,7 @@ class ErrorCarrier {
     overlay_.compute(surface_, scratch_.after, placed.facet, placed.gap, placed.twin, placed.border);
     // The largest distance of any vertex; some that the overlay put farther off are nearer to another triangle.
     overlay_.forEachEnclosed([&](std::uint32_t v, float distance) {
-      if (distance > usual) usual = backward_.maxWithDistance(v, usual);
+      if (distance > usual) usual = std::max(usual, backward_.nearestFacet(v, usual).distance);
     });
     usual = std::min(usual, precise);
     const float enough = std::max(negligible, kNearShare * usual);

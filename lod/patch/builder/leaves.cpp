@@ -137,7 +137,7 @@ base::Result<BucketLeaves> makeLeaves(const ingest::Buckets& buckets, std::size_
   mesh.normals.reserve(vertices);
   if (buckets.hasColors()) mesh.colors.reserve(vertices);
   for (std::size_t v = 0; v < vertices; ++v) {
-    ingest::VertexSums sum = attributes ? sums[v] : ingest::VertexSums{{faces[v].x, faces[v].y, faces[v].z}};
+    ingest::VertexSums sum = attributes ? sums[v] : ingest::VertexSums{faces[v]};
     if (const std::int64_t at = border.find(mesh.codes[v]); at >= 0) {
       outer[v] = 1;
       sum = border.sums[static_cast<std::size_t>(at)];

@@ -516,7 +516,7 @@ class LevelBuilder {
     LUMIGRID_TRY(forEachGroup(inputs.size(), [&](std::size_t i) -> base::Result<std::uint64_t> {
       const std::size_t g = order.empty() ? i : order[i];
       LUMIGRID_ASSIGN_OR_RETURN(built[g],
-                                findOrBuildGroup(inputs[g], {level, static_cast<std::uint32_t>(g), {}, {}}, nullptr));
+                                buildGroup(inputs[g], {level, static_cast<std::uint32_t>(g), {}, {}}, nullptr));
       return triangles[g];
     }));
     return built;
@@ -538,18 +538,16 @@ class LevelBuilder {
       const std::size_t g = outlying[i];
       const RebuildRequest rebuild{max_error, std::move(built[g].outliers)};
       const auto index = static_cast<std::uint32_t>(inputs.size() + g);
-      LUMIGRID_ASSIGN_OR_RETURN(auto&& result, findOrBuildGroup(inputs[g], {level, index, {}, {}}, &rebuild));
+      LUMIGRID_ASSIGN_OR_RETURN(auto&& result, buildGroup(inputs[g], {level, index, {}, {}}, &rebuild));
       if (result.record.error < built[g].record.error) built[g] = std::move(result);
       return 0;
     });
   }
 
-  base::Result<BuiltGroup> findOrBuildGroup(const GroupInput& input, WorkUnit unit, const RebuildRequest* rebuild) {
-    if (const auto at = known_.find(unitKey(unit.level, unit.index)); at != known_.end()) return std::move(at->second);
-    return buildGroup(input, std::move(unit), rebuild);
-  }
-
   base::Result<BuiltGroup> buildGroup(const GroupInput& input, WorkUnit unit, const RebuildRequest* rebuild) {
+    // An earlier run may have built it.
+    if (const auto at = known_.find(unitKey(unit.level, unit.index)); at != known_.end()) return std::move(at->second);
+
     SurfaceError carried;
     LUMIGRID_ASSIGN_OR_RETURN(auto geometry, readGeometry(input, carried));
     const MergedGroup merged = mergePatches(geometry, input.locked);

@@ -88,24 +88,15 @@ Graph inducedGraph(const Graph& graph, const std::vector<std::int32_t>& part, st
 
 // Finds the component of each vertex, numbered 0, 1, … by first vertex; returns their count.
 std::uint32_t connectedComponents(const Graph& graph, std::vector<std::int32_t>& component) {
-  component.assign(graph.size(), -1);
-  std::vector<std::uint32_t> open;
+  ingest::DisjointSets sets(graph.size());
+  for (std::uint32_t v = 0; v < graph.size(); ++v)
+    for (auto e = static_cast<std::size_t>(graph.row[v]); e < static_cast<std::size_t>(graph.row[v + 1]); ++e)
+      sets.unite(v, static_cast<std::uint32_t>(graph.neighbors[e]));
+  component.resize(graph.size());
   std::int32_t count = 0;
-  for (std::uint32_t first = 0; first < graph.size(); ++first) {
-    if (component[first] >= 0) continue;
-    component[first] = count;
-    open.push_back(first);
-    while (!open.empty()) {
-      const std::uint32_t v = open.back();
-      open.pop_back();
-      for (auto e = static_cast<std::size_t>(graph.row[v]); e < static_cast<std::size_t>(graph.row[v + 1]); ++e) {
-        const auto other = static_cast<std::uint32_t>(graph.neighbors[e]);
-        if (component[other] >= 0) continue;
-        component[other] = count;
-        open.push_back(other);
-      }
-    }
-    ++count;
+  for (std::uint32_t v = 0; v < graph.size(); ++v) {
+    const std::uint32_t first = sets.find(v);
+    component[v] = first == v ? count++ : component[first];
   }
   return static_cast<std::uint32_t>(count);
 }

@@ -258,9 +258,9 @@ Splat MeshLeaves::leafAt(const glm::dvec3& place, const LeafPoint& point, const 
 MeshLeaves::LeafPoint MeshLeaves::pointOf(const ingest::VertexSums& sums) {
   LeafPoint point;
   point.setNormal(sums.unitNormal());
-  if (sums.normal[0] != 0 || sums.normal[1] != 0 || sums.normal[2] != 0) point.given = point.normal;
+  if (sums.normal != glm::i64vec3(0)) point.given = point.normal;
   point.color = glm::vec3(sums.meanColor());
-  point.face = glm::dvec3(sums.face[0], sums.face[1], sums.face[2]);
+  point.face = glm::dvec3(sums.face);
   return point;
 }
 
@@ -363,7 +363,7 @@ base::Result<TileLeaves> MeshLeaves::leaves(std::size_t bucket) const {
     if (at[v] >= 0)
       points.push_back(pointOf(border.sums[static_cast<std::size_t>(at[v])]));
     else
-      points.push_back(pointOf(attributes ? sums[v] : ingest::VertexSums{{faces[v].x, faces[v].y, faces[v].z}}));
+      points.push_back(pointOf(attributes ? sums[v] : ingest::VertexSums{faces[v]}));
   }
   sums = std::vector<ingest::VertexSums>();
   faces = std::vector<glm::i64vec3>();

@@ -141,7 +141,7 @@ base::Result<std::vector<SourcePoint>> PointTiles::read(std::size_t tile) const 
     SourcePoint& point = points.emplace_back();
     point.code = records[begin].code;
     point.position = lattice_.lattice.position(ingest::mortonPoint(point.code));
-    point.normal = glm::vec3(sums.normal[0], sums.normal[1], sums.normal[2]);
+    point.normal = glm::vec3(sums.normal);
     point.color = glm::u8vec3(sums.meanColor());
   }
   return points;
