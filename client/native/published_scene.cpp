@@ -6,9 +6,9 @@
 #include <optional>
 #include <utility>
 
+#include "base/parallel.h"
 #include "client/native/connection.h"
-#include "client/native/curl_fetcher.h"
-#include "client/native/splat_link.h"
+#include "client/source/streamed_splats.h"
 #include "protocol/welcome.h"
 #include "repository/sampling/parameters.h"
 
@@ -30,8 +30,7 @@ std::string nameOf(const std::string& place, const base::Scene& scene) {
   return stem.empty() ? last : stem.substr(0, stem.rfind('.'));
 }
 
-}  // namespace
-
+/// Returns the object of a scene that is called stem.extension, or has that stem and extension in its published name.
 std::optional<StaticObject> partOf(const base::Scene& scene, const std::string& stem, const std::string& extension) {
   const auto file = base::partFile(scene, stem, extension);
   if (!file) return std::nullopt;
@@ -41,9 +40,11 @@ std::optional<StaticObject> partOf(const base::Scene& scene, const std::string& 
   return StaticObject{part->file, part->bytes};
 }
 
-protocol::Welcome welcomeFrom(const base::Scene& scene, const std::string& place) {
-  return protocol::welcomeOf(scene, nameOf(place, scene));
+double secondsNow() {
+  return std::chrono::duration<double>(LinkClock::Clock::now().time_since_epoch()).count();
 }
+
+}  // namespace
 
 base::Result<StaticScene> staticSceneFrom(const std::string& scene_json, const std::string& place) {
   LUMIGRID_ASSIGN_OR_RETURN(const auto scene, base::parseScene(scene_json, place + "/scene.json"));
@@ -57,7 +58,7 @@ base::Result<StaticScene> staticSceneFrom(const std::string& scene_json, const s
   out.place = place;
   out.patches = *patches;
   out.index = partOf(scene, "images/index", ".lgi");
-  out.welcome = welcomeFrom(scene, place);
+  out.welcome = protocol::welcomeOf(scene, nameOf(place, scene));
   return out;
 }
 
@@ -98,23 +99,6 @@ base::Result<void> checkUrl(const std::string& url) {
                          "; write it like https://example.org/scenes/tower/"};
 }
 
-base::Result<std::unique_ptr<Link>> openLink(const std::string& url, const LinkLimit& limit) {
-  if (isPublishedScene(url)) return std::unique_ptr<Link>(std::make_unique<PublishedSceneLink>(url, limit));
-  LUMIGRID_ASSIGN_OR_RETURN(auto server, parseServerUrl(url));
-  return std::unique_ptr<Link>(std::make_unique<Connection>(server, limit));
-}
-
-base::Result<std::unique_ptr<Link>> openSplatLink(const std::string& url, const LinkLimit& limit,
-                                                  const SplatOptions& options) {
-  LUMIGRID_TRY(checkUrl(url));
-  if (isPublishedScene(url))
-    return std::unique_ptr<Link>(std::make_unique<SplatLink>(placeOfScene(url), limit, options));
-  LUMIGRID_ASSIGN_OR_RETURN(const auto server, parseServerUrl(url));
-  // A server with several scenes has each in a folder of its own.
-  const std::string place = placeOfScene("http://" + server.authority() + server.target);
-  return std::unique_ptr<Link>(std::make_unique<SplatLink>(place, limit, options));
-}
-
 // ---- scene.json ----
 
 SceneJson::SceneJson(CurlFetcher& fetcher, std::string place) : fetcher_(fetcher), place_(std::move(place)) {
@@ -145,68 +129,132 @@ std::optional<std::string> SceneJson::takeText(Session& session, double now) {
   return std::nullopt;
 }
 
-// ---- the link ----
-
-struct PublishedSceneLink::Impl {
-  Impl(const std::string& url, const LinkLimit& limit)
-      : place(placeOfScene(url)), fetcher(place, limit), scene_json(fetcher, place) {}
-
-  double now() const { return std::chrono::duration<double>(LinkClock::Clock::now() - start).count(); }
-  bool acceptScene(Session& session);
-
-  std::string place;
-  LinkClock::Clock::time_point start = LinkClock::Clock::now();
-  CurlFetcher fetcher;
-  SceneJson scene_json;
-  bool refused = false;
-  std::unique_ptr<StaticSource> source;
-};
+// ---- the link for patches and images ----
 
 /// Opens the scene when scene.json has arrived.
-bool PublishedSceneLink::Impl::acceptScene(Session& session) {
-  if (refused) return false;
-  const auto text = scene_json.takeText(session, now());
+bool PublishedSceneLink::acceptScene(Session& session, double now) {
+  if (refused_) return false;
+  const auto text = scene_json_.takeText(session, now);
   if (!text) return false;
-  auto scene = staticSceneFrom(*text, place);
+  auto scene = staticSceneFrom(*text, place_);
   if (!scene) {
-    refused = true;
+    refused_ = true;
     const bool splats_only = scene.error().code == base::ErrorCode::kUnsupported;
     session.refuse(scene.error().message, splats_only ? std::optional(Method::kQsplat) : std::nullopt);
     return true;
   }
-  source = std::make_unique<StaticSource>(std::move(*scene), fetcher, parametersReader());
+  source_.emplace(std::move(*scene), fetcher_, parametersReader());
   return true;
 }
 
-PublishedSceneLink::PublishedSceneLink(const std::string& url, const LinkLimit& limit)
-    : impl_(std::make_unique<Impl>(url, limit)) {}
-PublishedSceneLink::~PublishedSceneLink() = default;
-
 bool PublishedSceneLink::pump(Session& session) {
-  Impl& s = *impl_;
-  const bool came = s.source == nullptr && s.acceptScene(session);
-  if (s.source == nullptr) return came;
-  return s.source->pump(session, s.now()) || came;
-}
-
-void PublishedSceneLink::waitForArrival(double seconds) {
-  impl_->fetcher.wait(seconds);
+  const double now = secondsNow();
+  const bool came = !source_ && acceptScene(session, now);
+  if (!source_) return came;
+  return source_->pump(session, now) || came;
 }
 
 bool PublishedSceneLink::pick(std::uint32_t id, const glm::dvec3& origin, const glm::dvec3& direction) {
-  if (impl_->source == nullptr) return false;
-  impl_->source->pick(id, origin, direction);
+  if (!source_) return false;
+  source_->pick(id, origin, direction);
   return true;
 }
 
 std::vector<AnsweredPick> PublishedSceneLink::takePicks() {
-  return impl_->source == nullptr ? std::vector<AnsweredPick>() : impl_->source->takePicks();
+  return source_ ? source_->takePicks() : std::vector<AnsweredPick>();
 }
 
 LinkCounts PublishedSceneLink::counts() const {
-  if (impl_->source == nullptr) return {1, 0};
-  const StaticStats stats = impl_->source->stats();
-  return {1 + stats.requests, impl_->scene_json.bytes() + stats.bytes};
+  if (!source_) return {1, 0};
+  const StaticStats stats = source_->stats();
+  return {1 + stats.requests, scene_json_.bytes() + stats.bytes};
+}
+
+// ---- the link for splats ----
+
+namespace {
+
+/// Reads a scene's splats at an HTTP address: scene.json names their file, and client::StreamedSplats reads it.
+class SplatLink final : public Link {
+ public:
+  /// `place` is the scene's URL; "http://host:port" of a server of ours is one, too.
+  SplatLink(const std::string& place, const LinkLimit& limit, const SplatOptions& options)
+      : place_(place),
+        options_(options),
+        fetcher_(std::make_unique<CurlFetcher>(place, limit)),
+        connection_(fetcher_.get()),
+        scene_json_(*fetcher_, place) {
+    if (!options_.clock) options_.clock = secondsNow;
+    options_.for_each = [](std::size_t count, const std::function<void(std::size_t)>& body) {
+      base::parallelFor(count, 0, body);
+    };
+  }
+  bool pump(Session& session) override;
+  void waitForArrival(double seconds) override { connection_->wait(seconds); }
+  LinkCounts counts() const override;
+  std::shared_ptr<SplatView> splats() const override { return splats_; }
+
+ private:
+  void acceptScene(const std::string& text, Session& session);
+
+  const std::string place_;
+  SplatOptions options_;
+  std::unique_ptr<CurlFetcher> fetcher_;  // until the splats take it over
+  CurlFetcher* connection_;               // the same fetcher, whoever owns it
+  SceneJson scene_json_;
+  bool refused_ = false;
+  std::shared_ptr<StreamedSplats> splats_;
+};
+
+void SplatLink::acceptScene(const std::string& text, Session& session) {
+  const auto scene = base::parseScene(text, place_ + "/scene.json");
+  const auto part = scene ? partOf(*scene, "qsplat", ".lgq") : std::nullopt;
+  if (!part) {
+    refused_ = true;
+    if (!scene) return session.refuse(scene.error().message);
+    return session.refuse(
+        place_ + ": has no splats (qsplat.lgq); build them with `lumigrid build ... --methods qsplat`",
+        partOf(*scene, "patch", ".lgp") ? std::optional(Method::kLumigraph) : std::nullopt);
+  }
+  protocol::Welcome welcome = protocol::welcomeOf(*scene, nameOf(place_, *scene));
+  welcome.has_colors = scene->has_colors;
+  splats_ = std::make_shared<StreamedSplats>(SplatFilePlace{place_, part->name, part->bytes}, std::move(welcome),
+                                             std::move(fetcher_), options_);
+}
+
+bool SplatLink::pump(Session& session) {
+  if (refused_) return false;
+  if (splats_) return splats_->pump(session, secondsNow());
+  const auto text = scene_json_.takeText(session, secondsNow());
+  if (text) acceptScene(*text, session);
+  return text.has_value();
+}
+
+LinkCounts SplatLink::counts() const {
+  if (!splats_) return {1, scene_json_.bytes()};
+  const lod::qsplat::StreamStats stats = splats_->stream().stats();
+  return {1 + stats.requests, scene_json_.bytes() + stats.bytes_received};
+}
+
+}  // namespace
+
+// ---- any link ----
+
+base::Result<std::unique_ptr<Link>> openLink(const std::string& url, const LinkLimit& limit) {
+  if (isPublishedScene(url)) return std::unique_ptr<Link>(std::make_unique<PublishedSceneLink>(url, limit));
+  LUMIGRID_ASSIGN_OR_RETURN(auto server, parseServerUrl(url));
+  return std::unique_ptr<Link>(std::make_unique<Connection>(server, limit));
+}
+
+base::Result<std::unique_ptr<Link>> openSplatLink(const std::string& url, const LinkLimit& limit,
+                                                  const SplatOptions& options) {
+  LUMIGRID_TRY(checkUrl(url));
+  if (isPublishedScene(url))
+    return std::unique_ptr<Link>(std::make_unique<SplatLink>(placeOfScene(url), limit, options));
+  LUMIGRID_ASSIGN_OR_RETURN(const auto server, parseServerUrl(url));
+  // A server with several scenes has each in a folder of its own.
+  const std::string place = placeOfScene("http://" + server.authority() + server.target);
+  return std::unique_ptr<Link>(std::make_unique<SplatLink>(place, limit, options));
 }
 
 }  // namespace client

@@ -5,6 +5,7 @@
 #include <string>
 
 #include "base/json/scene_file.h"
+#include "client/native/curl_fetcher.h"
 #include "client/native/link.h"
 #include "client/source/static_source.h"
 
@@ -17,13 +18,6 @@ base::Result<StaticScene> staticSceneFrom(const std::string& scene_json, const s
 ReadParameters parametersReader();
 /// Shortens "http://host/folder/scene.json" or "http://host/folder/" to "http://host/folder".
 std::string placeOfScene(const std::string& url);
-
-/// Returns the fields of a Welcome that scene.json gives: name, units, origin, box, up and light.
-protocol::Welcome welcomeFrom(const base::Scene& scene, const std::string& place);
-/// Returns the object of a scene that is called stem.extension, or has that stem and extension in its published name.
-std::optional<StaticObject> partOf(const base::Scene& scene, const std::string& stem, const std::string& extension);
-
-class CurlFetcher;
 
 /// Fetches scene.json, again and again while the host does not answer.
 class SceneJson {
@@ -48,18 +42,23 @@ class SceneJson {
 /// that.
 class PublishedSceneLink final : public Link {
  public:
-  explicit PublishedSceneLink(const std::string& url, const LinkLimit& limit = {});
-  ~PublishedSceneLink() override;
+  explicit PublishedSceneLink(const std::string& url, const LinkLimit& limit = {})
+      : place_(placeOfScene(url)), fetcher_(place_, limit), scene_json_(fetcher_, place_) {}
   bool pump(Session& session) override;
-  void waitForArrival(double seconds) override;
+  void waitForArrival(double seconds) override { fetcher_.wait(seconds); }
   /// False until scene.json is here.
   bool pick(std::uint32_t id, const glm::dvec3& origin, const glm::dvec3& direction) override;
   std::vector<AnsweredPick> takePicks() override;
   LinkCounts counts() const override;
 
  private:
-  struct Impl;
-  std::unique_ptr<Impl> impl_;
+  bool acceptScene(Session& session, double now);
+
+  const std::string place_;
+  CurlFetcher fetcher_;
+  SceneJson scene_json_;
+  bool refused_ = false;
+  std::optional<StaticSource> source_;  // once scene.json is here
 };
 
 }  // namespace client
