@@ -111,7 +111,8 @@ class HostCheckTest : public testing::Test {
 TEST_F(HostCheckTest, theDocumentsNginxLacksNothing) {
   const auto all = findings(snippet_);
   EXPECT_EQ(all.size(), 9U);
-  for (const HostFinding& one : all) EXPECT_EQ(one.grade, HostFinding::Grade::kGood) << one.header << ": " << one.what;
+  for (const HostFinding& one : all)
+    EXPECT_EQ(one.grade, HostFinding::Grade::kGood) << one.header << ": " << one.message;
 }
 
 // Each header is removed in turn; the check must name it, and the line that it prints must repair it.
@@ -140,7 +141,7 @@ TEST_F(HostCheckTest, eachHeaderTakenAwayIsNamedAndTheLineToldMendsIt) {
     const auto found = findings(changed(one.from, one.to));
     const HostFinding* finding = about(found, one.header);
     ASSERT_NE(finding, nullptr) << one.from;
-    EXPECT_EQ(finding->grade, one.grade) << finding->what;
+    EXPECT_EQ(finding->grade, one.grade) << finding->message;
     ASSERT_FALSE(finding->nginx.empty());
     if (std::string(one.from).find("default") == 0) continue;  // the line is present, only its table is wrong
 
@@ -168,7 +169,7 @@ TEST_F(HostCheckTest, namesHeadersThatAProxyDrops) {
     const auto found = findings(behind(one.lines), 1);
     const HostFinding* finding = about(found, one.header);
     ASSERT_NE(finding, nullptr) << one.lines;
-    EXPECT_EQ(finding->grade, one.grade) << finding->what;
+    EXPECT_EQ(finding->grade, one.grade) << finding->message;
     EXPECT_FALSE(finding->nginx.empty());
   }
 }
