@@ -2,9 +2,18 @@
 #include <emscripten/emscripten.h>
 
 #include <memory>
+#include <optional>
+#include <string>
+#include <utility>
 
+#include "base/bytes.h"
+#include "client/source/static_source.h"
 #include "client/web/page.h"
-#include "client/web/web_scene.h"
+#include "client/web/web_fetcher.h"
+#include "client/web/web_welcome.h"
+
+// The page calls takeParameters() before this returns, when the text holds a grid.
+EM_JS(void, lumigridParameters, (const char* text), { Module.readParameters(UTF8ToString(text)); });
 
 namespace client::web {
 
@@ -12,10 +21,54 @@ const Method kPageMethod = Method::kLumigraph;
 
 namespace {
 
-std::unique_ptr<WebScene> scene;  // null with a server
+std::optional<base::Result<repository::SampledPoints>> parameters;
+
+base::Error badParameters() {
+  return {base::ErrorCode::kInvalidInput, "hold no valid grid; publish the scene again"};
+}
+
+/// Encodes and decodes the grid, since decoding checks its values.
+base::Result<repository::Grid> gridOf(const double* n) {
+  repository::Grid grid;
+  grid.first = glm::vec3(static_cast<float>(n[0]), static_cast<float>(n[1]), static_cast<float>(n[2]));
+  grid.spacing = static_cast<float>(n[3]);
+  for (int i = 4; i < 8; ++i)
+    if (!(n[i] >= 0.0 && n[i] <= 4294967295.0)) return badParameters();
+  for (int axis = 0; axis < 3; ++axis) grid.count[axis] = static_cast<std::uint32_t>(n[4 + axis]);
+  grid.face_size = static_cast<std::uint32_t>(n[7]);
+  base::ByteWriter out;
+  grid.encode(out);
+  base::ByteReader in(out.view());
+  return repository::Grid::decode(in);
+}
+
+base::Result<repository::SampledPoints> pointsOf(const double* numbers, const std::string& tree_digits) {
+  LUMIGRID_ASSIGN_OR_RETURN(auto grid, gridOf(numbers));
+  repository::SampledPoints points{grid, std::nullopt};
+  if (tree_digits.empty()) return points;
+  const auto bytes = base::bytesOfHex(tree_digits);
+  if (!bytes) return badParameters();
+  LUMIGRID_ASSIGN_OR_RETURN(auto tree, repository::SampleTree::decode(grid, *bytes));
+  points.tree = std::move(tree);
+  return points;
+}
+
+base::Result<repository::SampledPoints> readParameters(const std::string& text) {
+  parameters.reset();
+  lumigridParameters(text.c_str());
+  return parameters ? *std::exchange(parameters, std::nullopt) : badParameters();
+}
+
+/// The scene, whose numbers the page's JavaScript read (client/web/site/static_scene.js).
+struct PublishedScene {
+  explicit PublishedScene(StaticScene values) : source(std::move(values), fetcher, readParameters) {}
+  WebFetcher fetcher;
+  StaticSource source;
+};
+std::unique_ptr<PublishedScene> scene;  // null with a server
 
 void pick(const Request& request) {
-  scene->source().pick(request.id, request.origin, request.direction);
+  scene->source.pick(request.id, request.origin, request.direction);
 }
 
 }  // namespace
@@ -27,14 +80,20 @@ extern "C" {
 /// (0: none).
 EMSCRIPTEN_KEEPALIVE void openStatic(const char* place, const char* name, const char* units, const char* patches,
                                      const char* index, const double* numbers) {
-  client::web::scene = std::make_unique<client::WebScene>(place, name, units, patches, index, numbers);
+  const double* bytes = numbers + client::kWelcomeNumbers;
+  client::StaticScene scene;
+  scene.place = place;
+  scene.welcome = client::welcomeOf(name, units, numbers);
+  scene.patches = {patches, static_cast<std::uint64_t>(bytes[0])};
+  if (bytes[1] > 0.0) scene.index = client::StaticObject{index, static_cast<std::uint64_t>(bytes[1])};
+  client::web::scene = std::make_unique<client::web::PublishedScene>(std::move(scene));
   client::web::page.pick = client::web::pick;
 }
 
 /// Returns 1 when something arrived.
 EMSCRIPTEN_KEEPALIVE int pumpStatic(double now) {
   client::App& app = *client::web::page.app;
-  client::StaticSource& source = client::web::scene->source();
+  client::StaticSource& source = client::web::scene->source;
   bool came = source.pump(app.session(), now);
   for (const client::AnsweredPick& pick : source.takePicks()) {
     app.answerPick(pick.id, pick.answer);
@@ -45,7 +104,13 @@ EMSCRIPTEN_KEEPALIVE int pumpStatic(double now) {
 
 /// Returns what cannot be shown though the rest goes on; mostly empty.
 EMSCRIPTEN_KEEPALIVE const char* staticProblem() {
-  return client::web::scene->source().problem().c_str();
+  return client::web::scene->source.problem().c_str();
+}
+
+/// Takes the parameters: first (3), spacing, count (3), face size; and the tree's hexadecimal digits, empty where the
+/// whole grid is sampled.
+EMSCRIPTEN_KEEPALIVE void takeParameters(const double* numbers, const char* tree) {
+  client::web::parameters = client::web::pointsOf(numbers, tree);
 }
 
 }  // extern "C"

@@ -17,7 +17,7 @@ export async function loadCore(files, create = createViewer) {
   });
   module = await create({
     locateFile : () => files.viewerWasm,
-               // The C++ code calls these (client/web/web_decoder.cpp, web_fetcher.cpp, web_scene.cpp).
+               // The C++ code calls these (client/web/web_decoder.cpp, web_fetcher.cpp, static_page.cpp).
                decode,
     fetchRange : (...args) => core.fetchRange(...args),
     cancelRange : (job) => core.cancelRange(job),
