@@ -3,7 +3,10 @@
 #include <fcntl.h>
 #include <sys/file.h>
 #include <sys/stat.h>
+#include <unistd.h>
 
+#include <algorithm>
+#include <array>
 #include <cerrno>
 #include <chrono>
 #include <thread>
@@ -50,6 +53,18 @@ Result<FileDescriptor> tryLockFile(const std::string& path, double patience_seco
     if (file || file.error().code != ErrorCode::kBusy || std::chrono::steady_clock::now() >= end) return file;
     std::this_thread::sleep_for(kPause);
   }
+}
+
+void writeHolder(const FileDescriptor& lock, const std::string& holder) {
+  if (::ftruncate(lock.get(), 0) == 0 && ::pwrite(lock.get(), holder.data(), holder.size(), 0) < 0) errno = 0;
+}
+
+std::string readHolder(const std::string& path) {
+  const FileDescriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
+  std::array<char, 300> text{};
+  const ssize_t size = file ? ::pread(file.get(), text.data(), text.size(), 0) : -1;
+  const std::string holder(text.data(), static_cast<std::size_t>(std::max<ssize_t>(size, 0)));
+  return holder.substr(0, holder.find('\n'));
 }
 
 }  // namespace base

@@ -16,4 +16,10 @@ Result<FileDescriptor> lockFile(const std::string& path);
 /// The same, but kBusy when somebody else still holds it after `patience_seconds`. 0: tries once.
 Result<FileDescriptor> tryLockFile(const std::string& path, double patience_seconds = 0.0);
 
+/// Writes who holds the lock into its file, for the message that others give. Failures are ignored: a full disk may not
+/// keep the holder from its work.
+void writeHolder(const FileDescriptor& lock, const std::string& holder);
+/// The first line that writeHolder wrote into the lock file at `path`; "" when there is none.
+std::string readHolder(const std::string& path);
+
 }  // namespace base

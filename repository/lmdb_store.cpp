@@ -29,10 +29,6 @@ const std::vector<const char*> kTables{"faces", "meta"};
 constexpr std::size_t kFaces = 0, kMeta = 1;  // indices into kTables
 const std::string kMetaKey = "parameters";
 
-base::Error openedForReading(const std::string& path) {
-  return {base::ErrorCode::kUnsupported, path + ": opened for reading only"};
-}
-
 // ---- Keys ----
 
 base::Result<FaceKey> keyFrom(const MDB_val& value) {
@@ -49,45 +45,27 @@ base::Result<FaceKey> keyFrom(const MDB_val& value) {
 
 // ---- The writer's lock ----
 
-// An flock on writer.lock, which the system releases when its process dies. The file holds the writer's pid for the
-// message that a second writer gets.
-class WriterLock {
- public:
-  static base::Result<WriterLock> acquire(const std::string& directory) {
-    const std::string path = directory + "/writer.lock";
-    // isBeingWritten() holds the lock for a moment, hence the patience.
-    auto file = base::tryLockFile(path, kLockPatience);
-    if (!file && file.error().code != base::ErrorCode::kBusy) return file.error();
-    if (!file)
-      return base::Error{base::ErrorCode::kBusy, directory + " is being written by another process" + ownerOf(path) +
-                                                     "; wait for it or stop it"};
-    WriterLock lock;
-    lock.file_ = std::move(*file);
-    const std::string pid = std::to_string(::getpid()) + "\n";
-    if (::ftruncate(lock.file_.get(), 0) == 0 && ::pwrite(lock.file_.get(), pid.data(), pid.size(), 0) < 0)
-      errno = 0;  // without the pid, as on a full disk, the lock still holds
-    return lock;
+// Locks writer.lock, which the system releases when its process dies. The file holds the writer's pid for the message
+// that a second writer gets.
+base::Result<base::FileDescriptor> lockForWriting(const std::string& directory) {
+  const std::string path = directory + "/writer.lock";
+  // isBeingWritten() holds the lock for a moment, hence the patience.
+  auto lock = base::tryLockFile(path, kLockPatience);
+  if (!lock && lock.error().code == base::ErrorCode::kBusy) {
+    const std::string pid = base::readHolder(path);
+    return base::Error{base::ErrorCode::kBusy, directory + " is being written by another process" +
+                                                   (pid.empty() ? "" : " (pid " + pid + ")") +
+                                                   "; wait for it or stop it"};
   }
-  WriterLock() = default;
-  bool held() const { return static_cast<bool>(file_); }
-
- private:
-  static std::string ownerOf(const std::string& path) {
-    const base::FileDescriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
-    std::array<char, 16> text{};
-    const ssize_t size = file ? ::pread(file.get(), text.data(), text.size(), 0) : -1;
-    if (size <= 0) return "";
-    const std::string pid(text.data(), static_cast<std::size_t>(size));
-    return " (pid " + pid.substr(0, pid.find('\n')) + ")";
-  }
-  base::FileDescriptor file_;
-};
+  if (lock) base::writeHolder(*lock, std::to_string(::getpid()) + "\n");
+  return lock;
+}
 
 // ---- The store ----
 
 class LmdbStore final : public Store {
  public:
-  LmdbStore(std::string path, std::shared_ptr<LmdbEnvironment> environment, WriterLock lock)
+  LmdbStore(std::string path, std::shared_ptr<LmdbEnvironment> environment, base::FileDescriptor lock)
       : path_(std::move(path)), environment_(std::move(environment)), lock_(std::move(lock)) {}
 
   base::Result<std::optional<base::Bytes>> get(const FaceKey& key) const override {
@@ -105,7 +83,7 @@ class LmdbStore final : public Store {
   }
 
   base::Result<void> putBatch(const std::vector<std::pair<FaceKey, base::Bytes>>& batch) override {
-    if (!lock_.held()) return openedForReading(path_);
+    if (!lock_) return readOnlyError();
     // Sorted neighbours fall on the same pages, which makes writing five times as fast. The sort is stable, so that of
     // two values for a key the last one stays.
     std::vector<std::pair<std::uint64_t, const base::Bytes*>> sorted;
@@ -130,7 +108,7 @@ class LmdbStore final : public Store {
   }
 
   base::Result<void> erase(const std::vector<FaceKey>& keys) override {
-    if (!lock_.held()) return openedForReading(path_);
+    if (!lock_) return readOnlyError();
     return write(0, [&](MDB_txn* txn) {
       for (const FaceKey& key : keys) {
         const NumberKey bytes = bigEndian(key.code());
@@ -178,7 +156,7 @@ class LmdbStore final : public Store {
   }
 
   base::Result<void> writeMeta(const std::string& text) override {
-    if (!lock_.held()) return openedForReading(path_);
+    if (!lock_) return readOnlyError();
     return write(0, [&](MDB_txn* txn) {
       MDB_val name = valueOf(kMetaKey);
       MDB_val data = valueOf(text);
@@ -249,6 +227,9 @@ class LmdbStore final : public Store {
     if (code != 0 && code != MDB_NOTFOUND) return storeError(path_, "read", code);
     return code == 0;
   }
+  base::Error readOnlyError() const override {
+    return {base::ErrorCode::kUnsupported, path_ + ": opened for reading only"};
+  }
   template <class Body>
   base::Result<void> write(std::size_t bytes, const Body& body) {
     const int code = environment_->write(body);
@@ -258,7 +239,7 @@ class LmdbStore final : public Store {
 
   std::string path_;
   std::shared_ptr<LmdbEnvironment> environment_;
-  WriterLock lock_;
+  base::FileDescriptor lock_;  // held by a writer
 };
 
 // The canonical path of the directory, which a writer creates first.
@@ -283,9 +264,9 @@ base::Result<std::string> directoryOf(const std::string& path, StoreMode mode) {
 base::Result<std::unique_ptr<Store>> openLmdbStore(const std::string& path, StoreMode mode,
                                                    const LmdbOptions& options) {
   LUMIGRID_ASSIGN_OR_RETURN(auto directory, directoryOf(path, mode));
-  WriterLock lock;
+  base::FileDescriptor lock;
   if (mode == StoreMode::kWrite) {
-    LUMIGRID_ASSIGN_OR_RETURN(lock, WriterLock::acquire(directory));
+    LUMIGRID_ASSIGN_OR_RETURN(lock, lockForWriting(directory));
   }
 
   LmdbEnvironmentOptions environment_options;
@@ -317,7 +298,7 @@ bool isBeingWritten(const std::string& path) {
 base::Result<void> removeLmdbStore(const std::string& path) {
   std::error_code failed;
   if (!std::filesystem::is_directory(path, failed)) return {};
-  LUMIGRID_ASSIGN_OR_RETURN(const auto lock, WriterLock::acquire(path));
+  LUMIGRID_ASSIGN_OR_RETURN(const auto lock, lockForWriting(path));
   for (const char* name : {"data.mdb", "lock.mdb", "writer.lock"}) {
     std::filesystem::remove(std::filesystem::path(path) / name, failed);
     if (failed) return base::systemError(path + "/" + name, "remove", failed.value());

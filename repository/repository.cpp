@@ -66,9 +66,6 @@ class ShardedStore final : public Store {
     LUMIGRID_ASSIGN_OR_RETURN(auto store, storeOf(key));
     return store == nullptr ? Result<bool>(false) : store->contains(key);
   }
-  Result<void> putBatch(const std::vector<std::pair<FaceKey, base::Bytes>>&) override { return readOnlyError(); }
-  Result<void> erase(const std::vector<FaceKey>&) override { return readOnlyError(); }
-  Result<void> writeMeta(const std::string&) override { return readOnlyError(); }
 
   Result<void> forEach(const std::function<bool(const FaceKey&, base::ByteView)>& visit) const override {
     return inEachShard([&](const Store& store, std::uint32_t index, bool& going) {
@@ -97,7 +94,7 @@ class ShardedStore final : public Store {
   }
 
  private:
-  Error readOnlyError() const {
+  Error readOnlyError() const override {
     return {ErrorCode::kUnsupported, images_ + ": shards are written one by one; this opens all of them for reading"};
   }
 

@@ -28,8 +28,8 @@ class Store {
   }
   virtual base::Result<bool> contains(const FaceKey& key) const = 0;
   /// Writes all values or none; they are durable on return. Keys need not be sorted. One thread at a time may call it.
-  virtual base::Result<void> putBatch(const std::vector<std::pair<FaceKey, base::Bytes>>& batch) = 0;
-  virtual base::Result<void> erase(const std::vector<FaceKey>& keys) = 0;
+  virtual base::Result<void> putBatch(const std::vector<std::pair<FaceKey, base::Bytes>>&) { return readOnlyError(); }
+  virtual base::Result<void> erase(const std::vector<FaceKey>&) { return readOnlyError(); }
   /// Visits every key and value in ascending order of keys, until `visit` returns false.
   virtual base::Result<void> forEach(const std::function<bool(const FaceKey&, base::ByteView)>& visit) const = 0;
   /// Visits every key in ascending order, until `visit` returns false. Stores that can do so leave the values unread.
@@ -39,7 +39,11 @@ class Store {
   virtual base::Result<std::uint64_t> size() const = 0;
   /// The parameters that all values were made with, as a small JSON text. They are durable when writeMeta returns.
   virtual base::Result<std::optional<std::string>> readMeta() const = 0;
-  virtual base::Result<void> writeMeta(const std::string& text) = 0;
+  virtual base::Result<void> writeMeta(const std::string&) { return readOnlyError(); }
+
+ protected:
+  /// Why the store cannot be written; kUnsupported.
+  virtual base::Error readOnlyError() const = 0;
 };
 
 enum class StoreMode { kRead, kWrite };

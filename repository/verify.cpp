@@ -117,12 +117,7 @@ std::vector<std::string> limitFaults(std::vector<std::string> faults) {
 }  // namespace
 
 base::Result<std::vector<std::string>> verify(const Store& store, const Grid& grid, const SampleTree* tree,
-                                              unsigned threads) {
-  return verifyShard(store, grid, {0, 1}, tree, threads);
-}
-
-base::Result<std::vector<std::string>> verifyShard(const Store& store, const Grid& grid, const Shard& shard,
-                                                   const SampleTree* tree, unsigned threads) {
+                                              unsigned threads, const Shard& shard) {
   Verifier verifier(grid, shard, tree, threads);
   LUMIGRID_TRY(store.forEach([&](const FaceKey& key, base::ByteView bytes) { return verifier.addValue(key, bytes); }));
   return limitFaults(verifier.finish());

@@ -19,11 +19,12 @@ inline constexpr std::size_t kMaxFaults = 100;
 
 /// Returns one line for each fault, and none when the repository is whole. A fault is a face of the grid that is
 /// missing, a value whose checksum or lengths are wrong, a JPEG or mask that cannot be decoded or has another size than
-/// grid.face_size, or a key that is no sampling point (of the grid, or of `tree` where not all points are sampled). A
-/// range of missing faces takes one line. Every value is decoded, on `threads` threads (0: all cores). The result is an
-/// error when the store itself cannot be read.
+/// grid.face_size, or a key that is no sampling point (of the grid, or of `tree` where not all points are sampled). In
+/// the store of one shard only its points are expected, and keys of other shards are faults. A range of missing faces
+/// takes one line. Every value is decoded, on `threads` threads (0: all cores). The result is an error when the store
+/// itself cannot be read.
 base::Result<std::vector<std::string>> verify(const Store& store, const Grid& grid, const SampleTree* tree = nullptr,
-                                              unsigned threads = 0);
+                                              unsigned threads = 0, const Shard& shard = {0, 1});
 
 /// Checks a published repository likewise, together with all that PackStore::check finds. Damaged and lost objects are
 /// faults, and the others are still checked. `progress` is called every 256 values with their number so far; it returns
@@ -32,16 +33,11 @@ std::vector<std::string> verify(const PackStore& packs, const Grid& grid, const 
                                 unsigned threads = 0,
                                 const std::function<bool(std::uint64_t values)>& progress = nullptr);
 
-/// Checks the store of one shard likewise: only its points are expected, and keys of other shards are faults.
-base::Result<std::vector<std::string>> verifyShard(const Store& store, const Grid& grid, const Shard& shard,
-                                                   const SampleTree* tree = nullptr, unsigned threads = 0);
-
 struct RemovalCounts {
   std::uint64_t damaged = 0;  ///< values that verify would call wrong
   std::uint64_t orphans = 0;  ///< values whose key is no face of the shard, or not at a sampling point
 };
-/// Erases all values that verifyShard finds wrong, so that only missing faces are left to render. Every value is
-/// decoded, as verify does.
+/// Erases all values that verify finds wrong, so that only missing faces are left to render. Every value is decoded.
 base::Result<RemovalCounts> removeFaulty(Store& store, const Grid& grid, const Shard& shard,
                                          const SampleTree* tree = nullptr, unsigned threads = 0);
 

@@ -61,10 +61,7 @@ Result<std::uint64_t> CachedSource::size(const std::string& name) const {
 Result<Bytes> CachedSource::read(const std::string& name, std::uint64_t offset, std::uint64_t length) const {
   if (length > kMaxCachedRead) return source_->read(name, offset, length);
   LUMIGRID_ASSIGN_OR_RETURN(const auto whole, size(name));
-  if (offset > whole || length > whole - offset)
-    return Error{ErrorCode::kInvalidInput, place() + "/" + name + ": has " + std::to_string(whole) + " bytes, " +
-                                               std::to_string(length) + " are wanted from byte " +
-                                               std::to_string(offset) + " on; it is truncated, publish it again"};
+  if (offset > whole || length > whole - offset) return tooShortError(place() + "/" + name, whole, offset, length);
   if (length == 0) return Bytes();
 
   // The blocks of the range, and those of them that are in the cache.

@@ -38,10 +38,7 @@ class DirectorySource final : public ObjectSource {
     if (::fstat(file.get(), &info) != 0) return base::systemError(path, "read", errno);
     if (!S_ISREG(info.st_mode)) return base::systemError(path, "read", EISDIR);
     const auto size = static_cast<std::uint64_t>(info.st_size);
-    if (offset > size || length > size - offset)
-      return Error{ErrorCode::kInvalidInput, path + ": has " + std::to_string(size) + " bytes, " +
-                                                 std::to_string(length) + " are wanted from byte " +
-                                                 std::to_string(offset) + " on; it is truncated, publish it again"};
+    if (offset > size || length > size - offset) return tooShortError(path, size, offset, length);
     base::Bytes bytes(length);
     for (std::uint64_t done = 0; done < length;) {
       const ssize_t n = ::pread(file.get(), bytes.data() + done, length - done, static_cast<off_t>(offset + done));
@@ -155,6 +152,13 @@ bool isObjectName(const std::string& name) {
 Result<void> checkObjectName(const std::string& place, const std::string& name) {
   if (isObjectName(name)) return {};
   return Error{ErrorCode::kInvalidInput, place + ": no object can be named '" + name + "'"};
+}
+
+Error tooShortError(const std::string& object, std::optional<std::uint64_t> size, std::uint64_t offset,
+                    std::uint64_t length) {
+  const std::string has = size ? "has " + std::to_string(*size) + " bytes" : "is too short";
+  return {ErrorCode::kInvalidInput, object + ": " + has + ", " + std::to_string(length) + " are wanted from byte " +
+                                        std::to_string(offset) + " on; it is truncated, publish it again"};
 }
 
 Result<std::unique_ptr<ObjectSource>> openDirectorySource(const std::string& place) {

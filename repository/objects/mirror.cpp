@@ -41,16 +41,7 @@ class PartialFile {
     if (::ftruncate(file_.get(), 0) != 0) return base::systemError(path_, "write", errno);
     return {};
   }
-  Result<void> append(base::ByteView bytes) {
-    for (std::uint64_t offset = size(); !bytes.empty();) {
-      const ssize_t done = ::pwrite(file_.get(), bytes.data(), bytes.size(), static_cast<off_t>(offset));
-      if (done < 0 && errno == EINTR) continue;
-      if (done <= 0) return base::systemError(path_, "write", done == 0 ? ENOSPC : errno);
-      bytes = bytes.subspan(static_cast<std::size_t>(done));
-      offset += static_cast<std::uint64_t>(done);
-    }
-    return {};
-  }
+  Result<void> append(base::ByteView bytes) { return base::writeAllAt(file_, path_, size(), bytes); }
   Result<void> finishAs(const std::string& path) {
     if (::fsync(file_.get()) != 0) return base::systemError(path, "write", errno);
     if (::rename(path_.c_str(), path.c_str()) != 0) return base::systemError(path, "rename into place", errno);

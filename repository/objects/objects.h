@@ -54,4 +54,8 @@ bool isObjectName(const std::string& name);
 /// kInvalidInput for a name that does not.
 base::Result<void> checkObjectName(const std::string& place, const std::string& name);
 
+/// The error of a read that reaches beyond the end of an object; `size` is nothing where the server does not state it.
+base::Error tooShortError(const std::string& object, std::optional<std::uint64_t> size, std::uint64_t offset,
+                          std::uint64_t length);
+
 }  // namespace repository

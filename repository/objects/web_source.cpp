@@ -163,10 +163,7 @@ class WebSource final : public ObjectSource {
 
   Error tooShort(const std::string& name, std::optional<std::uint64_t> size, std::uint64_t offset,
                  std::uint64_t length) const {
-    const std::string has = size ? "has " + std::to_string(*size) + " bytes" : "is too short";
-    return {ErrorCode::kInvalidInput, server_->describe(name) + ": " + has + ", " + std::to_string(length) +
-                                          " are wanted from byte " + std::to_string(offset) +
-                                          " on; it is truncated, publish it again"};
+    return tooShortError(server_->describe(name), size, offset, length);
   }
 
   std::string place_;

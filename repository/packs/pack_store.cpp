@@ -19,11 +19,6 @@ using base::Error;
 using base::ErrorCode;
 using base::Result;
 
-Error readOnlyError(const ObjectSource& source) {
-  return {ErrorCode::kUnsupported,
-          source.place() + ": published images cannot be changed; build a scene and publish it"};
-}
-
 constexpr std::uint64_t kIndexReadBytes = std::uint64_t{4} << 20;  // a check reads the index in ranges of this size
 // A check reads so far ahead: room for eight packs of the usual 16 MB.
 constexpr std::uint64_t kPrefetchBytes = std::uint64_t{128} << 20;
@@ -206,14 +201,9 @@ void PackStore::readRange(const ValueRange& range, Values& out) const {
   }
 }
 
-Result<void> PackStore::putBatch(const std::vector<std::pair<FaceKey, Bytes>>&) {
-  return readOnlyError(*source_);
-}
-Result<void> PackStore::erase(const std::vector<FaceKey>&) {
-  return readOnlyError(*source_);
-}
-Result<void> PackStore::writeMeta(const std::string&) {
-  return readOnlyError(*source_);
+Error PackStore::readOnlyError() const {
+  return {ErrorCode::kUnsupported,
+          source_->place() + ": published images cannot be changed; build a scene and publish it"};
 }
 
 // --- Walking over everything

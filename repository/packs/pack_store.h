@@ -48,9 +48,6 @@ class PackStore final : public Store {
   base::Result<void> forEach(const std::function<bool(const FaceKey&, base::ByteView)>& visit) const override;
   base::Result<std::uint64_t> size() const override { return root_.keys; }
   base::Result<std::optional<std::string>> readMeta() const override { return std::optional(parameters_); }
-  base::Result<void> putBatch(const std::vector<std::pair<FaceKey, base::Bytes>>& batch) override;
-  base::Result<void> erase(const std::vector<FaceKey>& keys) override;
-  base::Result<void> writeMeta(const std::string& text) override;
 
   /// The listener receives the errors of get and getMany, on their threads. Set it before they run.
   void setErrorListener(std::function<void(const base::Error&)> listener) { error_listener_ = std::move(listener); }
@@ -75,6 +72,7 @@ class PackStore final : public Store {
   PackStore(std::shared_ptr<const ObjectSource> source, std::string index, const PackStoreOptions& options)
       : source_(std::move(source)), index_(std::move(index)), options_(options), blocks_(options.block_cache_bytes) {}
 
+  base::Error readOnlyError() const override;
   base::Result<std::optional<base::Bytes>> readValue(const FaceKey& key) const;
   base::Error indexError(const base::Error& error) const;
   base::Result<Block> loadBlock(std::uint64_t number) const;

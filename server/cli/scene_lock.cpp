@@ -1,10 +1,8 @@
 #include "server/cli/scene_lock.h"
 
-#include <fcntl.h>
 #include <unistd.h>
 
 #include <array>
-#include <cerrno>
 #include <chrono>
 #include <filesystem>
 #include <thread>
@@ -24,13 +22,6 @@ std::string holderName() {
   std::array<char, 256> host{};
   if (::gethostname(host.data(), host.size() - 1) != 0) host[0] = 0;
   return "pid " + std::to_string(::getpid()) + " on " + host.data();
-}
-
-std::string readHolder(const std::string& path) {
-  const base::FileDescriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC));
-  std::array<char, 300> text{};
-  const ssize_t size = file ? ::pread(file.get(), text.data(), text.size(), 0) : -1;
-  return size <= 0 ? "another process" : std::string(text.data(), static_cast<std::size_t>(size));
 }
 
 base::Result<bool> makeDirectory(const std::string& directory) {
@@ -61,14 +52,15 @@ base::Result<SceneLock> SceneLock::acquire(const std::string& directory,
     }
     if (file.error().code == base::ErrorCode::kNotFound) continue;  // somebody removed the directory that was empty
     if (file.error().code != base::ErrorCode::kBusy) return file.error();
-    if (!std::exchange(told, true)) on_wait(readHolder(path));
+    if (!std::exchange(told, true)) {
+      const std::string holder = base::readHolder(path);
+      on_wait(holder.empty() ? "another process" : holder);
+    }
     if (stopRequested())
       return base::Error{base::ErrorCode::kCancelled, "stopped; the same command goes on where it stopped"};
     std::this_thread::sleep_for(kPollInterval);
   }
-  const std::string holder = holderName();
-  if (::ftruncate(lock.file_.get(), 0) == 0 && ::pwrite(lock.file_.get(), holder.data(), holder.size(), 0) < 0)
-    errno = 0;  // only for the message that others give: a full disk may not stop us here
+  base::writeHolder(lock.file_, holderName());
   return lock;
 }
 

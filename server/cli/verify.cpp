@@ -130,7 +130,7 @@ void verifyStore(const std::string& path, const repository::Shard& shard, const 
   if (*own != meta)
     return faults.push_back(
         path + ": was built with other parameters than other shards: " + repository::firstDifference(meta, **own));
-  const auto found = valueOrFault(repository::verifyShard(**store, points.grid, shard, points.treeOrNull()), faults);
+  const auto found = valueOrFault(repository::verify(**store, points.grid, points.treeOrNull(), 0, shard), faults);
   for (const std::string& fault : found.value_or(Faults())) faults.push_back(path + ": " + fault);
 }
 

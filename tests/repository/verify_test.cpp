@@ -110,7 +110,7 @@ TEST_F(VerifyTest, manyFaultsEndInOneLineThatSaysSo) {
 
 // Shard 1 of 3 holds those of the 12 points that have places 4 to 7 in Morton order.
 TEST_F(VerifyTest, aShardIsExpectedToHoldOnlyItsOwnFaces) {
-  const auto found = *verifyShard(*store_, grid_, {1, 3}, nullptr, 2);
+  const auto found = *verify(*store_, grid_, nullptr, 2, {1, 3});
   ASSERT_EQ(found.size(), 48U) << "the 8 points of other shards";
   EXPECT_NE(found.front().find("does not belong to shard 1 of 3"), std::string::npos) << found.front();
   const auto points = pointsInMortonOrder(grid_);
@@ -119,9 +119,9 @@ TEST_F(VerifyTest, aShardIsExpectedToHoldOnlyItsOwnFaces) {
     for (std::uint32_t d = 0; d < 6 && (i < 4 || i > 7); ++d)
       strangers.push_back({points[i].x, points[i].y, points[i].z, d});
   ASSERT_TRUE(store_->erase(strangers));
-  EXPECT_TRUE(verifyShard(*store_, grid_, {1, 3}, nullptr, 2)->empty());
+  EXPECT_TRUE(verify(*store_, grid_, nullptr, 2, {1, 3})->empty());
   ASSERT_TRUE(store_->erase({{points[4].x, points[4].y, points[4].z, 0}}));
-  const auto gap = *verifyShard(*store_, grid_, {1, 3}, nullptr, 2);
+  const auto gap = *verify(*store_, grid_, nullptr, 2, {1, 3});
   ASSERT_EQ(gap.size(), 1U);
   EXPECT_NE(gap[0].find("missing"), std::string::npos);
 }
@@ -150,7 +150,7 @@ TEST_F(VerifyTest, imagesOutsideTheTreeAreOrphansAndErased) {
   grid_.count = glm::uvec3(2, 2, 2);
   SampleTree tree(grid_, 1);
   tree.leaveOut({1, 0, 1});
-  const auto found = *verifyShard(*store_, grid_, {0, 1}, &tree, 2);
+  const auto found = *verify(*store_, grid_, &tree, 2, {0, 1});
   ASSERT_EQ(found.size(), 30U) << "5 points: one left out, four outside of the grid";
   const auto removed = removeFaulty(*store_, grid_, {0, 1}, &tree, 2);
   ASSERT_TRUE(removed);

@@ -42,6 +42,7 @@ class MemoryStore final : public repository::Store {
     meta = text;
     return {};
   }
+  base::Error readOnlyError() const override { return {}; }
 
   std::map<Key, base::Bytes> values;
   std::vector<std::vector<Key>> batches;

@@ -40,6 +40,7 @@ class MemoryStore final : public repository::Store {
   base::Result<std::uint64_t> size() const override { return values.size(); }
   base::Result<std::optional<std::string>> readMeta() const override { return std::optional<std::string>(); }
   base::Result<void> writeMeta(const std::string&) override { return {}; }
+  base::Error readOnlyError() const override { return {}; }
 
   std::map<repository::FaceKey, base::Bytes> values;
 };
