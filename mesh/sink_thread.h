@@ -1,7 +1,7 @@
 #pragma once
 // Lets a reader go on while the sink still works on the blocks that came before.
 #include "base/parallel.h"
-#include "mesh/mesh_sink.h"
+#include "mesh/stream_mesh.h"
 
 namespace mesh {
 

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "lod/ingest/spool.h"
-#include "mesh/mesh_sink.h"
+#include "mesh/stream_mesh.h"
 
 namespace lod::ingest {
 

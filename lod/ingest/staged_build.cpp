@@ -2,13 +2,69 @@
 
 #include <sys/resource.h>
 
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+
+#include "base/fields.h"
+#include "base/memory.h"
 #include "base/text.h"
+#include "mesh/sink_thread.h"
+#include "mesh/stream_mesh.h"
 
 namespace lod::ingest {
 namespace {
 
 using base::Error;
 using base::ErrorCode;
+
+// The squares of lattice steps must stay above float32's smallest number, 1e-38.
+constexpr double kMinSize = 1e-15;
+
+// The centre of the box, rounded to a power of two of about an eighth of its longest side, so that the number is short
+// and the subtraction exact; 0 for models that lie around 0 anyway.
+glm::dvec3 originFor(const glm::dvec3& low, const glm::dvec3& high) {
+  const glm::dvec3 size = high - low;
+  const double longest = std::max({size.x, size.y, size.z});
+  const glm::dvec3 reach = glm::max(glm::abs(low), glm::abs(high));
+  if (std::max({reach.x, reach.y, reach.z}) <= longest) return glm::dvec3(0.0);
+  const double step = longest > 0.0 ? std::exp2(std::floor(std::log2(longest)) - 2.0) : 1.0;
+  return glm::round(0.5 * (low + high) / step) * step + 0.0;
+}
+
+auto fieldsOf(auto& s) {
+  return std::tie(s.vertex_bytes, s.triangle_bytes, s.origin, s.info.vertices, s.info.triangles, s.info.referenced,
+                  s.info.has_normals, s.info.has_colors, s.info.box_min, s.info.box_max, s.info.mean_edge,
+                  s.info.short_faces);
+}
+
+base::Bytes stateOf(const ImportedSource& source) {
+  base::ByteWriter out;
+  base::writeFields(out, fieldsOf(source));
+  out.u32(static_cast<std::uint32_t>(source.info.warnings.size()));
+  for (const std::string& warning : source.info.warnings) out.string16(warning);
+  return out.takeBytes();
+}
+
+base::Result<ImportedSource> readState(const WorkDirectory& directory) {
+  LUMIGRID_ASSIGN_OR_RETURN(auto state, directory.readStageState(Stage::kSpooled));
+  base::ByteReader in(state);
+  ImportedSource source;
+  base::readFields(in, fieldsOf(source));
+  for (std::uint32_t left = in.u32(); left > 0 && in.ok(); --left) source.info.warnings.push_back(in.string16());
+  if (!in.atEnd()) return directory.damaged();
+  return source;
+}
+
+base::Result<mesh::StreamedFile> readFile(const std::string& path, SourceSpool& spool, unsigned threads,
+                                          const mesh::StreamOptions& options) {
+  if (threads == 1) return mesh::streamMesh(path, spool, options);
+  mesh::SinkThread thread(spool);
+  auto file = mesh::streamMesh(path, thread, options);
+  // The spool's error comes first, since it concerns blocks that the reader passed on before its own error.
+  LUMIGRID_TRY(thread.finish());
+  return file;
+}
 
 // Work files, the output, the lock, and what the library opens meanwhile: a choice, with room to spare.
 constexpr std::uint64_t kDescriptors = 32;
@@ -36,6 +92,98 @@ bool canResume(const base::Error& error) {
 }
 
 }  // namespace
+
+base::Result<SourceInput> sourceFromFiles(const std::vector<std::string>& paths, const Progress& progress,
+                                          unsigned threads, bool points) {
+  if (paths.empty()) return Error{ErrorCode::kInvalidInput, "no mesh file is named"};
+  SourceInput input;
+  input.points = points;
+  for (const std::string& path : paths) {
+    std::error_code ignored;
+    const auto size = std::filesystem::file_size(path, ignored);
+    if (!ignored) input.bytes += size;
+  }
+  input.read = [paths, progress, threads, points](SourceSpool& spool, SourceInfo& notes) -> base::Result<void> {
+    std::vector<bool> colored;
+    for (std::size_t i = 0; i < paths.size(); ++i) {
+      mesh::StreamOptions stream;
+      stream.accepts_points = points;
+      stream.progress = [&](double done) {
+        return !progress || progress("import", (static_cast<double>(i) + done) / static_cast<double>(paths.size()));
+      };
+      spool.beginFile(paths[i]);
+      LUMIGRID_ASSIGN_OR_RETURN(auto file, readFile(paths[i], spool, threads, stream));
+      for (const std::string& warning : file.warnings) notes.warnings.push_back(paths[i] + ": " + warning);
+      notes.short_faces += file.short_faces;
+      colored.push_back(file.has_colors);
+    }
+    for (std::size_t i = 0; i < paths.size(); ++i)
+      if (!colored[i] && std::find(colored.begin(), colored.end(), true) != colored.end())
+        notes.warnings.push_back(paths[i] + ": has no colours while other files have; it becomes white");
+    return {};
+  };
+  return input;
+}
+
+base::Result<ImportedSource> importSource(WorkDirectory& directory, const SourceInput& input, unsigned threads) {
+  if (directory.isFinished(Stage::kSpooled)) return readState(directory);
+  LUMIGRID_TRY(directory.needSpace(input.bytes, "the source's vertices and triangles"));
+  LUMIGRID_ASSIGN_OR_RETURN(auto spool, SourceSpool::create(directory.path()));
+  SourceInfo notes;
+  LUMIGRID_TRY(input.read(spool, notes));
+  ImportedSource source;
+  LUMIGRID_ASSIGN_OR_RETURN(source.info, spool.finish(input.points, threads));
+  source.info.warnings = std::move(notes.warnings);
+  source.info.short_faces = notes.short_faces;
+  const glm::dvec3 size = source.info.box_max - source.info.box_min;
+  const double longest = std::max({size.x, size.y, size.z});
+  if (longest > 0.0 && longest < kMinSize)
+    return Error{ErrorCode::kInvalidInput,
+                 "the mesh is less than 1e-15 units across, too small for what is computed from it; scale it up"};
+  source.origin = originFor(source.info.box_min, source.info.box_max);
+  source.vertex_bytes = spool.vertexBytes();
+  source.triangle_bytes = spool.triangleBytes();
+  LUMIGRID_TRY(directory.finishStage(Stage::kSpooled, stateOf(source), {"vertices", "triangles"}));
+  return source;
+}
+
+base::Result<SourceSpool> openSource(const WorkDirectory& directory, const ImportedSource& source) {
+  LUMIGRID_ASSIGN_OR_RETURN(auto spool, SourceSpool::open(directory.path()));
+  if (source.vertex_bytes != spool.vertexBytes() || source.triangle_bytes != spool.triangleBytes())
+    return directory.damaged();
+  return spool;
+}
+
+base::Result<Buckets> sortSource(WorkDirectory& directory, const ImportedSource& source, const SourceLattice& lattice,
+                                 const BucketOptions& options) {
+  if (directory.isFinished(Stage::kSorted)) {
+    LUMIGRID_ASSIGN_OR_RETURN(auto state, directory.readStageState(Stage::kSorted));
+    return Buckets::open(directory.path(), state);
+  }
+  const SourceInfo& info = source.info;
+  const std::uint64_t record = 3 * (8U + (info.has_colors ? 4U : 0U) + (info.has_normals ? 4U : 0U));
+  LUMIGRID_TRY(directory.needSpace(info.triangles * record, "the triangles sorted by voxels"));
+  LUMIGRID_ASSIGN_OR_RETURN(auto spool, openSource(directory, source));
+  LUMIGRID_ASSIGN_OR_RETURN(auto buckets, Buckets::sort(spool, info, lattice, directory.path(), options));
+  const auto sorted = std::make_shared<SourceSpool>(std::move(spool));
+  LUMIGRID_TRY(
+      directory.finishStage(Stage::kSorted, buckets.encodeTables(), {"buckets"}, [sorted] { sorted->remove(); }));
+  base::releaseFreedMemory(2 * options.limits.memory_bytes);
+  return buckets;
+}
+
+void addRepairs(const ImportedSource& source, const Buckets& buckets, RepairCounts& repairs) {
+  repairs.add("degenerate_triangles", source.info.short_faces + buckets.totals().degenerate);
+  repairs.add("lattice_collapsed_triangles", buckets.totals().collapsed);
+  repairs.add("flipped_triangles", buckets.winding().flipped());
+  repairs.add("non_orientable_parts", buckets.winding().nonOrientable());
+  repairs.add("unreferenced_vertices", source.info.vertices - source.info.referenced);
+}
+
+base::Error namingSource(const std::vector<std::string>& paths, base::Error error) {
+  const bool of_mesh = error.message.rfind("the mesh", 0) == 0 || error.message.rfind("no triangle", 0) == 0;
+  return of_mesh && !paths.empty() ? base::within(paths.front(), std::move(error)) : error;
+}
 
 base::Result<void> StagedBuild::run(const std::string& work_directory, const ResumeKey& key,
                                     const std::function<base::Result<void>()>& stages) {

@@ -9,7 +9,7 @@
 
 #include "base/error.h"
 #include "base/resource_limits.h"
-#include "lod/ingest/source_import.h"
+#include "lod/ingest/staged_build.h"
 #include "lod/patch/hierarchy.h"
 
 namespace lod::patch::builder {

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "base/resource_limits.h"
-#include "lod/ingest/source_import.h"
+#include "lod/ingest/staged_build.h"
 #include "lod/qsplat/format.h"
 
 namespace lod::qsplat::builder {

@@ -8,7 +8,7 @@
 #include <random>
 
 #include "base/file.h"
-#include "lod/ingest/source_import.h"
+#include "lod/ingest/staged_build.h"
 #include "tests/support/ply_file.h"
 #include "tests/support/temporary_directory.h"
 

@@ -2,7 +2,7 @@
 // Makes the leaves of a mesh bucket by bucket, as the builder does.
 #include <gtest/gtest.h>
 
-#include "lod/ingest/source_import.h"
+#include "lod/ingest/staged_build.h"
 #include "lod/qsplat/builder/mesh_leaves.h"
 #include "tests/support/ply_file.h"
 #include "tests/support/temporary_directory.h"

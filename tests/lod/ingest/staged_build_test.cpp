@@ -1,5 +1,5 @@
 // Files come in as one source: bad coordinates are named, attributes and origins are kept, and each repair is counted.
-#include "lod/ingest/source_import.h"
+#include "lod/ingest/staged_build.h"
 
 #include <gtest/gtest.h>
 
