@@ -10,7 +10,6 @@
 #include <tuple>
 
 #include "base/json/camera_file.h"
-#include "base/view_defaults.h"
 #include "client/app/permalink.h"
 #include "client/app/splat_settings.h"
 #include "client/native/headless.h"
@@ -24,8 +23,17 @@ namespace {
 constexpr int kFailed = 1;
 constexpr int kWrongUsage = 2;
 
-/// The command line as typed; values with units are still text.
+/// The parsed values.
+struct ViewSetup {
+  client::ViewerOptions viewer;
+  client::SplatOptions splats;
+  client::LinkLimit link;
+  std::optional<std::pair<int, int>> size;
+};
+
+/// The command line as typed: values with units and choices are still text, all others are in `setup`.
 struct Arguments {
+  ViewSetup setup;
   std::string url;
   bool headless = false;
   std::string path_file;
@@ -33,21 +41,13 @@ struct Arguments {
   std::string size;
   std::string method = "lumigraph";
   bool method_given = false;
-  bool images = true;
-  bool frames = true;
   std::string splat = "circle";
-  float cutoff_px = 1.0F;
   double frame_rate = 10.0;
   std::string order = "sweeps";
-  bool back_faces = false;
   std::string idle = "16M";
   std::string cache = "50M";
   std::string gpu_memory = "512M";
   std::string memory = "1G";
-  float patch_tolerance = base::ViewDefaults::kPatchTolerance;
-  unsigned points = base::ViewDefaults::kPoints;
-  int samples = base::ViewDefaults::kImages;
-  std::uint32_t max_triangles = base::ViewDefaults::kMaxTriangles;
   std::string bandwidth;
   std::string latency;
   std::string background = "transparent";
@@ -61,14 +61,6 @@ struct Arguments {
   bool use_settings = true;
   bool json = false;
   bool check_host = false;
-};
-
-/// The arguments with every value parsed.
-struct ViewSetup {
-  client::ViewerOptions viewer;
-  client::SplatOptions splats;
-  client::LinkLimit link;
-  std::optional<std::pair<int, int>> size;
 };
 
 std::atomic<bool> interrupted{false};
@@ -89,15 +81,18 @@ void addContentOptions(CLI::App& app, Arguments& a) {
                  "scene's qsplat.lgq in the order in which the view has use for them. Where it is left out, a scene of "
                  "splats only is shown as such")
       ->check(CLI::IsMember({"lumigraph", "patches", "qsplat"}));
-  app.add_flag("--images,!--no-images", a.images, "Use images of the repository (on unless --no-images)");
-  app.add_flag("--frames,!--no-frames", a.frames,
+  app.add_flag("--images,!--no-images", a.setup.viewer.session.images,
+               "Use images of the repository (on unless --no-images)");
+  app.add_flag("--frames,!--no-frames", a.setup.viewer.session.frames,
                "Ask for the exact picture when all else is sent (on unless --no-frames)");
-  app.add_option("--points", a.points, "Sampling points whose images are asked for, 1 to 64")->check(CLI::Range(1, 64));
-  app.add_option("--samples", a.samples, "Images blended in a picture, 1 to 32")->check(CLI::Range(1, 32));
-  app.add_option("--patch-tolerance", a.patch_tolerance,
+  app.add_option("--points", a.setup.viewer.session.max_points, "Sampling points whose images are asked for, 1 to 64")
+      ->check(CLI::Range(1, 64));
+  app.add_option("--samples", a.setup.viewer.lumigraph.max_samples, "Images blended in a picture, 1 to 32")
+      ->check(CLI::Range(1, 32));
+  app.add_option("--patch-tolerance", a.setup.viewer.session.patch_tolerance_px,
                  "Patches are refined until their error is at most this, in pixels")
       ->check(CLI::Range(0.0, 1000.0));
-  app.add_option("--max-triangles", a.max_triangles, "Refinement stops at this many triangles")
+  app.add_option("--max-triangles", a.setup.viewer.session.max_triangles, "Refinement stops at this many triangles")
       ->check(CLI::Range(1'000, 1'000'000'000));
 }
 
@@ -107,7 +102,7 @@ void addSplatOptions(CLI::App& app, Arguments& a) {
                  "Kernel of --method qsplat. square: the fastest; circle; fuzzy: softly blended; ellipse: lies in the "
                  "surface, the sharpest, with a hole now and then")
       ->check(CLI::IsMember({"square", "circle", "fuzzy", "ellipse"}));
-  app.add_option("--cutoff", a.cutoff_px,
+  app.add_option("--cutoff", a.setup.splats.cutoff_px,
                  "Splats are refined down to this diameter, in pixels, when the view rests; 0: down to the leaves")
       ->check(CLI::Range(0.0, 1000.0));
   app.add_option("--frame-rate", a.frame_rate,
@@ -119,7 +114,7 @@ void addSplatOptions(CLI::App& app, Arguments& a) {
                  "the tree; radius: the largest of the scene first; size: the largest in the picture first; rows: from "
                  "the top down, each at its finest")
       ->check(CLI::IsMember({"sweeps", "level", "radius", "size", "rows"}));
-  app.add_flag("--back-faces", a.back_faces,
+  app.add_flag("--back-faces", a.setup.splats.back_faces,
                "Draw splats that turn their backs, too (default: leave them out); for open surfaces that are seen from "
                "behind");
   app.add_option("--idle", a.idle,
@@ -201,7 +196,7 @@ base::Result<T> forOption(const char* option, base::Result<T> value) {
 }
 
 base::Result<ViewSetup> parseArguments(const Arguments& a) {
-  ViewSetup setup;
+  ViewSetup setup = a.setup;
   LUMIGRID_ASSIGN_OR_RETURN(const auto cache, forOption("--cache", client::parseByteCount(a.cache)));
   LUMIGRID_ASSIGN_OR_RETURN(const auto gpu_memory, forOption("--gpu-memory", client::parseByteCount(a.gpu_memory)));
   LUMIGRID_ASSIGN_OR_RETURN(const auto memory, forOption("--memory", client::parseByteCount(a.memory)));
@@ -218,10 +213,8 @@ base::Result<ViewSetup> parseArguments(const Arguments& a) {
   LUMIGRID_ASSIGN_OR_RETURN(const auto idle, forOption("--idle", client::parseByteCount(a.idle)));
 
   setup.splats.kernel = *lod::draw::splatKernelFromName(a.splat);
-  setup.splats.cutoff_px = a.cutoff_px;
   setup.splats.frame_seconds = client::secondsPerFrame(a.frame_rate);
   setup.splats.order = *lod::qsplat::streamOrderFromName(a.order);
-  setup.splats.back_faces = a.back_faces;
   setup.splats.idle_bytes = idle;
   setup.splats.memory_bytes = memory;
 
@@ -230,13 +223,7 @@ base::Result<ViewSetup> parseArguments(const Arguments& a) {
   viewer.gpu_budget_bytes = gpu_memory;
   viewer.memory_budget_bytes = memory;
   viewer.session.cache_bytes = cache;
-  viewer.session.images = a.images;
-  viewer.session.frames = a.frames;
-  viewer.session.patch_tolerance_px = a.patch_tolerance;
-  viewer.session.max_triangles = a.max_triangles;
-  viewer.session.max_points = static_cast<std::uint16_t>(a.points);
-  viewer.lumigraph.max_samples = a.samples;
-  viewer.lumigraph.use_images = a.images || a.frames;
+  viewer.lumigraph.use_images = viewer.session.images || viewer.session.frames;
   std::copy(background.begin(), background.end(), viewer.lumigraph.background);
   return setup;
 }
