@@ -1,13 +1,42 @@
 #include "client/app/app.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstdio>
 #include <utility>
 
 #include "client/app/permalink.h"
-#include "client/app/picture_query.h"
 
 namespace client {
+namespace {
+
+/// Writes a number so that it reads back as the same double.
+std::string exact(double value) {
+  std::array<char, 32> text{};
+  std::snprintf(text.data(), text.size(), "%.17g", value);
+  return text.data();
+}
+
+std::string exact(const glm::dvec3& v) {
+  return exact(v.x) + "," + exact(v.y) + "," + exact(v.z);
+}
+
+/// Returns the query of /render (docs/formats/http.md) for the present view, without size and background, which the
+/// platform adds. `tolerance_px` is the viewer's patch tolerance: a picture tinted by resolution shows the viewer's
+/// patches, any other the full resolution.
+std::string pictureQuery(const base::ViewCamera& camera, const ViewState& view, double tolerance_px) {
+  std::string query = "position=" + exact(camera.position) + "&direction=" + exact(camera.direction) +
+                      "&up=" + exact(camera.up) + "&fov_y=" + exact(camera.fov_y);
+  if (camera.orthographic()) query += "&ortho_height=" + exact(camera.ortho_height);
+  if (view.section.on)
+    query += std::string("&section=") + static_cast<char>('x' + view.section.axis) + "," + exact(view.section.offset) +
+             (view.section.keep_below ? ",b" : ",a");
+  if (view.colors_by_resolution) query += "&colors=resolution&tolerance=" + exact(tolerance_px);
+  return query;
+}
+
+}  // namespace
 
 // ---- gestures ----
 
