@@ -111,7 +111,11 @@ class CodedSource final : public BlockSource {
 // Walks the groups in the file's order; the shapes of the next level's groups are known from their parents.
 class TreeChecker {
  public:
-  TreeChecker(BlockSource& source, const Header& header) : source_(source), header_(header), layout_(header) {}
+  TreeChecker(BlockSource& source, const Header& header)
+      : source_(source),
+        header_(header),
+        layout_(header),
+        children_(layout_, kBlockBytes + layout_.bytes(1, header.nodes > 1)) {}
 
   std::vector<std::string> run() {
     checkBlocks();
@@ -140,7 +144,6 @@ class TreeChecker {
 
   void walk() {
     std::vector<std::uint8_t> level{static_cast<std::uint8_t>(1 | (header_.nodes > 1 ? kPointerBit : 0))};
-    laid_out_ = kBlockBytes + layout_.bytes(1, header_.nodes > 1);
     while (!level.empty()) {
       if (++levels_ > kMaxLevels) return fault("more than 128 levels; build the file again");
       next_.clear();
@@ -176,12 +179,10 @@ class TreeChecker {
         ++leaves_;
         continue;
       }
-      const std::uint32_t child_bytes = layout_.childBytes(node);
-      const std::uint64_t child = groupPlace(laid_out_, child_bytes);
+      const std::uint64_t child = children_.place(layout_.childBytes(node));
       if (first && readPointer(group, nodes, layout_) != child)
         return fault(place + "does not point to its children; build the file again"), false;
       first = false;
-      laid_out_ = child + child_bytes;
       next_.push_back(static_cast<std::uint8_t>(node.children() | (node.childrenAreLeaves() ? 0 : kPointerBit)));
     }
     pointers_ += has_pointer ? 1 : 0;
@@ -218,9 +219,9 @@ class TreeChecker {
   const std::uint8_t* block_ = nullptr;  // the block of the last group
   std::uint64_t number_ = 0;             // its number
   std::vector<std::string> faults_;
-  std::vector<std::uint8_t> next_;        // shapes of the next level's groups
-  std::uint64_t end_ = kBlockBytes;       // end of the last group
-  std::uint64_t laid_out_ = kBlockBytes;  // end of the groups whose shapes are known so far
+  std::vector<std::uint8_t> next_;   // shapes of the next level's groups
+  std::uint64_t end_ = kBlockBytes;  // end of the last group
+  ChildLayout children_;             // the groups whose shapes are known so far
   std::uint64_t nodes_ = 0, leaves_ = 0, groups_ = 0, pointers_ = 0;
   std::uint32_t levels_ = 0;
 };

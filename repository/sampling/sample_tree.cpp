@@ -117,18 +117,6 @@ std::array<glm::uvec3, 8> SampleTree::cornersOf(const Cell& cell) const {
   return corners;
 }
 
-bool SampleTree::hasPoint(const glm::uvec3& point) const {
-  if (glm::any(glm::greaterThanEqual(point, count_)) || leavesOut(point)) return false;
-  // The point is sampled if it is a corner of the leaf that holds one of the grid cells around it.
-  for (std::uint32_t i = 0; i < 8; ++i) {
-    const glm::uvec3 low(i & 1U, i >> 1 & 1U, i >> 2);
-    if (glm::any(glm::lessThan(point, low)) || outside(point - low)) continue;
-    const auto corners = cornersOf(leafOf(point - low));
-    if (std::find(corners.begin(), corners.end(), point) != corners.end()) return true;
-  }
-  return false;
-}
-
 template <class Visit>
 void SampleTree::visit(std::uint32_t node, const Cell& cell, const Visit& leaf) const {
   if (outside(cell.corner)) return;
@@ -152,12 +140,6 @@ std::vector<glm::uvec3> SampleTree::points() const {
     points.emplace_back(key.x, key.y, key.z);
   }
   return points;
-}
-
-std::uint64_t SampleTree::leafCount() const {
-  std::uint64_t count = 0;
-  visit(0, {glm::uvec3(0), root_size_}, [&](const Cell&, State) { ++count; });
-  return count;
 }
 
 std::vector<SampleTree::Cell> SampleTree::openLeaves() const {

@@ -35,11 +35,8 @@ class SampleTree {
   /// The points at a cell's corners: i & 1 is the far side in x, i >> 1 & 1 in y, i >> 2 in z. Some of them coincide
   /// where the grid ends within the cell.
   std::array<glm::uvec3, 8> cornersOf(const Cell& cell) const;
-  /// Whether the point is sampled: it is a corner of a leaf and not left out.
-  bool hasPoint(const glm::uvec3& point) const;
   /// All sampled points in Morton order.
   std::vector<glm::uvec3> points() const;
-  std::uint64_t leafCount() const;
 
   /// The leaves that are neither split nor closed yet, in Morton order. Cells of one step cannot be split and are never
   /// among them.

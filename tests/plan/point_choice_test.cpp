@@ -10,6 +10,7 @@
 #include <tuple>
 
 #include "repository/sampling/cube_face.h"
+#include "tests/support/sample_points.h"
 
 namespace plan {
 namespace {
@@ -354,7 +355,8 @@ TEST(PointChoice, onlyPointsThatAreSampledAreChosen) {
   query.tree = &tree;
   const auto points = choosePoints(query, wallSamples());
   EXPECT_EQ(points.size(), 8U);
-  for (const glm::uvec3& p : points) EXPECT_TRUE(tree.hasPoint(p)) << p.x << " " << p.y << " " << p.z;
+  for (const glm::uvec3& p : points)
+    EXPECT_TRUE(support::hasPoint(tree, query.grid, p)) << p.x << " " << p.y << " " << p.z;
   EXPECT_EQ(asSet(points).size(), points.size());
 }
 

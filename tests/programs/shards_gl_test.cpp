@@ -12,6 +12,7 @@
 #include "repository/repository.h"
 #include "repository/sampling/parameters.h"
 #include "tests/programs/run_program.h"
+#include "tests/support/sample_points.h"
 
 namespace {
 
@@ -349,7 +350,7 @@ TEST_F(Shards, aSceneOfSelectedPointsIsVerifiedAndRepairedAsItsTreeSays) {
     const auto sampled = points->tree->points();
     ASSERT_LT(sampled.size(), points->grid.pointCount()) << "all points of the grid are selected";
     for (const glm::uvec3& p : repository::pointsInMortonOrder(points->grid))
-      if (!points->tree->hasPoint(p)) orphan = {p.x, p.y, p.z, 3};
+      if (!support::hasPoint(*points->tree, points->grid, p)) orphan = {p.x, p.y, p.z, 3};
     const FaceKey flipped{sampled[2].x, sampled[2].y, sampled[2].z, 1};
     auto value = *store->get(flipped);
     ASSERT_TRUE(value);

@@ -17,6 +17,7 @@
 #include "repository/packs/pack_format.h"
 #include "tests/server/session/memory_store.h"
 #include "tests/support/byte_ranges.h"
+#include "tests/support/sample_points.h"
 
 namespace client {
 
@@ -62,7 +63,8 @@ struct PublishedScene {
   void addImages(const server::TestScene& from, std::size_t values_a_pack) {
     std::map<std::uint64_t, base::Bytes> values;
     for (const auto& [key, value] : from.store.values)
-      if (points.treeOrNull() == nullptr || points.tree->hasPoint({key.x, key.y, key.z})) values[key.code()] = value;
+      if (points.treeOrNull() == nullptr || support::hasPoint(*points.tree, points.grid, {key.x, key.y, key.z}))
+        values[key.code()] = value;
     repository::IndexBuilder builder;
     std::vector<repository::PackRow> rows;
     std::vector<repository::PackEntry> entries;

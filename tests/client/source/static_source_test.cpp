@@ -8,6 +8,7 @@
 #include "plan/coarse_sight.h"
 #include "server/session/session.h"
 #include "tests/client/source/static_viewer.h"
+#include "tests/support/sample_points.h"
 
 namespace client {
 namespace {
@@ -184,7 +185,9 @@ TEST(StaticSource, anAdaptiveRepositoryIsReadByItsTree) {
   tree.split(tree.openLeaves().front());
   scene.data.tree = &tree;
   for (auto it = scene.store.values.begin(); it != scene.store.values.end();)
-    it = tree.hasPoint({it->first.x, it->first.y, it->first.z}) ? std::next(it) : scene.store.values.erase(it);
+    it = support::hasPoint(tree, scene.data.welcome.grid, {it->first.x, it->first.y, it->first.z})
+             ? std::next(it)
+             : scene.store.values.erase(it);
   const PublishedScene published(scene, 100, &tree);
   StaticViewer viewer(published);
   ServedViewer served(scene.data);

@@ -6,6 +6,8 @@
 #include <random>
 #include <set>
 
+#include "tests/support/sample_points.h"
+
 namespace {
 
 using repository::Grid;
@@ -22,6 +24,19 @@ std::set<std::uint64_t> codesOf(const std::vector<glm::uvec3>& points) {
   std::set<std::uint64_t> codes;
   for (const glm::uvec3& p : points) codes.insert(repository::FaceKey{p.x, p.y, p.z, 0}.code());
   return codes;
+}
+
+// The number of leaves that hold the grid's cells.
+std::size_t leafCount(const SampleTree& tree, const Grid& grid) {
+  std::set<std::uint64_t> leaves;
+  for (std::uint32_t z = 0; z + 1 < grid.count.z; ++z)
+    for (std::uint32_t y = 0; y + 1 < grid.count.y; ++y)
+      for (std::uint32_t x = 0; x + 1 < grid.count.x; ++x) {
+        const SampleTree::Cell leaf = tree.leafOf({x, y, z});
+        EXPECT_TRUE(leaf.corner.x <= x && x < leaf.corner.x + leaf.size);
+        leaves.insert(repository::FaceKey{leaf.corner.x, leaf.corner.y, leaf.corner.z, 0}.code());
+      }
+  return leaves.size();
 }
 
 // A tree in which some cells are split, some are closed, and some points are left out.
@@ -45,36 +60,38 @@ TEST(SampleTree, cellsOfOneStepSampleTheWholeGrid) {
     const Grid grid = gridOf(count);
     const SampleTree tree(grid, 1);
     EXPECT_EQ(tree.points(), repository::pointsInMortonOrder(grid));
-    EXPECT_EQ(tree.leafCount(), std::uint64_t{count.x - 1} * (count.y - 1) * (count.z - 1));
+    EXPECT_EQ(leafCount(tree, grid), std::uint64_t{count.x - 1} * (count.y - 1) * (count.z - 1));
     EXPECT_TRUE(tree.openLeaves().empty());
   }
 }
 
 TEST(SampleTree, aCoarseTreeSamplesTheCornersOfItsCells) {
-  const SampleTree tree(gridOf({9, 9, 6}), 4);
-  EXPECT_EQ(tree.leafCount(), 8U);
+  const Grid grid = gridOf({9, 9, 6});
+  const SampleTree tree(grid, 4);
+  EXPECT_EQ(leafCount(tree, grid), 8U);
   EXPECT_EQ(tree.points().size(), 27U);  // x, y: 0 4 8; z: 0 4 and the grid's end, 5
-  EXPECT_TRUE(tree.hasPoint({4, 8, 5}));
-  EXPECT_FALSE(tree.hasPoint({4, 8, 3}));
-  EXPECT_FALSE(tree.hasPoint({4, 2, 4}));
+  EXPECT_TRUE(support::hasPoint(tree, grid, {4, 8, 5}));
+  EXPECT_FALSE(support::hasPoint(tree, grid, {4, 8, 3}));
+  EXPECT_FALSE(support::hasPoint(tree, grid, {4, 2, 4}));
   EXPECT_EQ(tree.leafOf({7, 3, 4}), (SampleTree::Cell{{4, 0, 4}, 4}));
   EXPECT_EQ(tree.cornersOf({{4, 0, 4}, 4})[7], glm::uvec3(8, 4, 5));
 }
 
 TEST(SampleTree, splittingAddsTheCornersOfTheEight) {
-  SampleTree tree(gridOf({9, 9, 9}), 8);
+  const Grid grid = gridOf({9, 9, 9});
+  SampleTree tree(grid, 8);
   ASSERT_EQ(tree.openLeaves(), (std::vector<SampleTree::Cell>{{{0, 0, 0}, 8}}));
   tree.split({{0, 0, 0}, 8});
   EXPECT_EQ(tree.points().size(), 27U);
   tree.close({{4, 4, 4}, 4});
   tree.split({{0, 0, 0}, 4});
   EXPECT_EQ(tree.points().size(), 27U + 19U);
-  EXPECT_EQ(tree.leafCount(), 7U + 8U);
+  EXPECT_EQ(leafCount(tree, grid), 7U + 8U);
   EXPECT_EQ(tree.openLeaves().size(), 6U + 8U);
-  EXPECT_TRUE(tree.hasPoint({2, 4, 2}));  // on the side of a leaf that is twice as large
-  EXPECT_FALSE(tree.hasPoint({6, 4, 2}));
+  EXPECT_TRUE(support::hasPoint(tree, grid, {2, 4, 2}));  // on the side of a leaf that is twice as large
+  EXPECT_FALSE(support::hasPoint(tree, grid, {6, 4, 2}));
   tree.leaveOut({2, 4, 2});
-  EXPECT_FALSE(tree.hasPoint({2, 4, 2}));
+  EXPECT_FALSE(support::hasPoint(tree, grid, {2, 4, 2}));
   EXPECT_EQ(tree.points().size(), 45U);
 }
 
@@ -84,18 +101,7 @@ TEST(SampleTree, hasPointAgreesWithPoints) {
     const SampleTree tree = randomTree(grid, seed);
     const auto points = codesOf(tree.points());
     for (const glm::uvec3& p : repository::pointsInMortonOrder(grid))
-      EXPECT_EQ(tree.hasPoint(p), points.count(repository::FaceKey{p.x, p.y, p.z, 0}.code()) != 0);
-    // The leaves cover each cell of the grid once.
-    std::uint64_t cells = 0;
-    std::set<std::uint64_t> leaves;
-    for (std::uint32_t z = 0; z + 1 < grid.count.z; ++z)
-      for (std::uint32_t y = 0; y + 1 < grid.count.y; ++y)
-        for (std::uint32_t x = 0; x + 1 < grid.count.x; ++x, ++cells) {
-          const SampleTree::Cell leaf = tree.leafOf({x, y, z});
-          EXPECT_TRUE(leaf.corner.x <= x && x < leaf.corner.x + leaf.size);
-          leaves.insert(repository::FaceKey{leaf.corner.x, leaf.corner.y, leaf.corner.z, 0}.code());
-        }
-    EXPECT_EQ(leaves.size(), tree.leafCount());
+      EXPECT_EQ(support::hasPoint(tree, grid, p), points.count(repository::FaceKey{p.x, p.y, p.z, 0}.code()) != 0);
   }
 }
 
