@@ -1,13 +1,17 @@
 #pragma once
 // Fetches small objects from the server over HTTP (picks, notes, pictures), one after the other on a thread of its own.
 // The render loop never waits.
+#include <condition_variable>
 #include <cstdint>
-#include <memory>
+#include <deque>
+#include <mutex>
+#include <stop_token>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "base/bytes.h"
-#include "base/error.h"
+#include "client/native/http_request.h"
 
 namespace client {
 
@@ -21,7 +25,7 @@ class HttpGetter {
   };
 
   /// `place`: "http://host:port", or "https://host/folder", without a slash at its end.
-  explicit HttpGetter(const std::string& place);
+  explicit HttpGetter(const std::string& place) : place_(place) {}
   /// Aborts the request under way.
   ~HttpGetter();
   HttpGetter(const HttpGetter&) = delete;
@@ -36,8 +40,21 @@ class HttpGetter {
   static constexpr std::size_t kMaxQueue = 64;  ///< a choice: more than clicks make within an answer's time
 
  private:
-  struct Impl;
-  std::unique_ptr<Impl> impl_;
+  struct WaitingRequest {
+    std::uint64_t id = 0;
+    HttpRequest request;
+  };
+  void answerRequests(const std::stop_token& stop);
+  Answer send(const WaitingRequest& waiting);
+
+  const std::string place_;
+  HttpClient client_;
+  std::mutex mutex_;
+  std::condition_variable_any changed_;
+  std::deque<WaitingRequest> requests_;
+  std::vector<Answer> answers_;
+  // Last member, since the thread uses all others and ends before them.
+  std::jthread thread_{[this](const std::stop_token& stop) { answerRequests(stop); }};
 };
 
 }  // namespace client

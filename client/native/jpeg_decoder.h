@@ -1,8 +1,11 @@
 #pragma once
 // The native ImageDecoder uses libjpeg-turbo on a few threads.
 #include <cstdint>
-#include <memory>
+#include <limits>
+#include <mutex>
+#include <vector>
 
+#include "base/parallel.h"
 #include "client/viewer/decode.h"
 
 namespace client {
@@ -10,15 +13,16 @@ namespace client {
 class JpegDecoder : public ImageDecoder {
  public:
   /// `threads` ≥ 1.
-  explicit JpegDecoder(unsigned threads);
-  ~JpegDecoder() override;
+  explicit JpegDecoder(unsigned threads) : pool_(threads, std::numeric_limits<std::size_t>::max()) {}
   void submit(std::uint64_t id, base::ByteView coded) override;
   std::vector<DecodedImage> takeDecoded() override;
   std::size_t pending() const override;
 
  private:
-  struct Impl;
-  std::unique_ptr<Impl> impl_;
+  mutable std::mutex mutex_;
+  std::vector<DecodedImage> done_;
+  std::size_t pending_ = 0;  // submitted and not taken yet
+  base::ThreadPool pool_;    // last member, so that its threads end before the members they write to
 };
 
 /// Decodes with repository::decodeFaceImage, images of any size.
