@@ -85,7 +85,7 @@ std::vector<Gesture> GestureReader::movePair() {
   return gestures;
 }
 
-void GestureReader::dropPointer(int id) {
+void GestureReader::cancel(int id) {
   std::erase_if(pointers_, [id](const Pointer& pointer) { return pointer.first.id == id; });
   // The finger that is left of two, or the two that are left of three, start from where they are.
   if (pointers_.size() >= 2) beginPair();
@@ -100,7 +100,7 @@ std::vector<Gesture> GestureReader::up(const PointerEvent& event) {
   const Pointer* found = find(event.id);
   if (found == nullptr) return {};
   const Pointer pointer = *found;
-  dropPointer(event.id);
+  cancel(event.id);
   const PointerEvent& first = pointer.first;
   constexpr double kClickSeconds = 0.5;  // a longer press is no click
   const bool click = pointer.clickable && first.button == PointerButton::kLeft &&
@@ -119,14 +119,6 @@ std::vector<Gesture> GestureReader::up(const PointerEvent& event) {
            .x = first.x,
            .y = first.y,
            .pointer = first.kind}};
-}
-
-void GestureReader::cancel(int id) {
-  dropPointer(id);
-}
-
-void GestureReader::cancelAll() {
-  pointers_.clear();
 }
 
 }  // namespace client

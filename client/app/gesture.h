@@ -34,7 +34,7 @@ class GestureReader {
   std::vector<Gesture> move(const PointerEvent& event);
   std::vector<Gesture> up(const PointerEvent& event);
   void cancel(int id);
-  void cancelAll();
+  void cancelAll() { pointers_.clear(); }
   bool anyDown() const { return !pointers_.empty(); }
 
  private:
@@ -48,7 +48,6 @@ class GestureReader {
   double slop(PointerKind kind) const;
   void beginPair();
   std::vector<Gesture> movePair();
-  void dropPointer(int id);
 
   std::vector<Pointer> pointers_;  // in the order in which they came down
   double ratio_ = 1.0;
