@@ -43,10 +43,8 @@ double squaredDistance(const glm::dvec3& a, const glm::dvec3& b) {
   return glm::dot(d, d);
 }
 
-}  // namespace
-
 // A triangle on the lattice.
-struct MeshLeaves::Triangle {
+struct Triangle {
   double area = 0.0;  // twice the area
   double circle_squared = 0.0;
   glm::vec3 unit{0.0F};  // normal; zero where the corners lie on a line
@@ -76,7 +74,7 @@ struct MeshLeaves::Triangle {
 };
 
 // A part of a triangle that was diced.
-struct MeshLeaves::SubTriangle {
+struct SubTriangle {
   double area = 0.0;  // twice the area
   double circle_squared = 0.0;
 
@@ -92,39 +90,9 @@ struct MeshLeaves::SubTriangle {
   }
 };
 
-base::Result<MeshLeaves::DiceLimit> MeshLeaves::chooseLimit(std::size_t bucket) const {
-  LUMIGRID_ASSIGN_OR_RETURN(const auto corners, buckets_.read(bucket));
-  std::vector<glm::ivec3> points;
-  points.reserve(corners.size());
-  for (const ingest::Corner& corner : corners) points.push_back(ingest::mortonPoint(corner.code));
-  const std::size_t triangles = points.size() / 3;
-  if (triangles == 0) return DiceLimit();
-  std::vector<double> squared(triangles);
-  double logs = 0.0;
-  for (std::size_t t = 0; t < triangles; ++t) {
-    const glm::dvec3 a(points[3 * t]), b(points[3 * t + 1]), c(points[3 * t + 2]);
-    squared[t] = std::max({squaredDistance(a, b), squaredDistance(b, c), squaredDistance(c, a)});
-    logs += std::log2(squared[t]);
-  }
-  const double mean = std::exp2(0.5 * logs / static_cast<double>(triangles));
-  const double shortest = std::max(kMinLimit, std::min(dice_ * mean, kMaxEdgeShare * std::exp2(lattice_.bits)));
-  const std::uint64_t max_cuts = std::max<std::uint64_t>(kMinAddedLeaves, triangles / 2);
-
-  // Only triangles that are cut matter from here on.
-  std::size_t kept = 0;
-  for (std::size_t t = 0; t < triangles; ++t) {
-    if (squared[t] <= shortest * shortest) continue;
-    for (std::size_t k = 0; k < 3; ++k) points[3 * kept + k] = points[3 * t + k];
-    ++kept;
-  }
-  points.resize(3 * kept);
-  return kept == 0 ? DiceLimit() : shortestLimit(points, shortest, max_cuts);
-}
-
 // The shortest limit from `shortest` on that needs no more cuts than `max_cuts`. The search finds the factor of two
 // first, and then the limit within it.
-MeshLeaves::DiceLimit MeshLeaves::shortestLimit(std::span<const glm::ivec3> points, double shortest,
-                                                std::uint64_t max_cuts) {
+DiceLimit shortestLimit(std::span<const glm::ivec3> points, double shortest, std::uint64_t max_cuts) {
   DiceLimit limit;
   int length = -kLengths;
   const auto fits = [&](int at) {
@@ -138,36 +106,9 @@ MeshLeaves::DiceLimit MeshLeaves::shortestLimit(std::span<const glm::ivec3> poin
   return limit;
 }
 
-base::Result<void> MeshLeaves::measureBorder(unsigned threads, const std::function<bool(double)>& progress) {
-  const ingest::BorderVertices& border = buckets_.border();
-  border_.assign(border.codes.size(), {});
-  limits_.assign(buckets_.count(), {});
-  std::vector<glm::vec3> normals;
-  normals.reserve(border.sums.size());
-  for (const ingest::VertexSums& sums : border.sums) normals.push_back(decodedNormal(sums.unitNormal()));
-  std::mutex mutex;
-  std::size_t done = 0;
-  return base::tryParallelFor(buckets_.count(), threads, [&](std::size_t bucket) -> base::Result<void> {
-    if (dice_ > 0.0) {
-      LUMIGRID_ASSIGN_OR_RETURN(limits_[bucket], chooseLimit(bucket));
-    }
-    LUMIGRID_ASSIGN_OR_RETURN(const auto triangles, buckets_.borderTriangles(bucket));
-    const auto found = aroundBorder(triangles, normals, limits_[bucket].longest);
-    const std::lock_guard lock(mutex);
-    for (const auto& [i, around] : found) {
-      border_[i].around.add(around);
-      border_[i].owner = std::min(border_[i].owner, static_cast<std::uint32_t>(bucket));
-    }
-    ++done;
-    if (progress && !progress(static_cast<double>(done) / static_cast<double>(buckets_.count())))
-      return base::Error{base::ErrorCode::kCancelled, "measuring the leaves was cancelled"};
-    return {};
-  });
-}
-
 // Returns what a bucket's triangles add to the vertices on the border, by the vertices' places there.
-std::vector<std::pair<std::uint32_t, MeshLeaves::Surroundings>> MeshLeaves::aroundBorder(
-    std::span<const ingest::BorderTriangle> triangles, std::span<const glm::vec3> normals, double longest) const {
+std::vector<std::pair<std::uint32_t, Surroundings>> aroundBorder(std::span<const ingest::BorderTriangle> triangles,
+                                                                 std::span<const glm::vec3> normals, double longest) {
   std::vector<std::pair<std::uint32_t, Surroundings>> found;
   for (const ingest::BorderTriangle& t : triangles) {
     const std::array<glm::ivec3, 3> points{ingest::mortonPoint(t.corner[0].code), ingest::mortonPoint(t.corner[1].code),
@@ -188,34 +129,8 @@ std::vector<std::pair<std::uint32_t, MeshLeaves::Surroundings>> MeshLeaves::arou
   return found;
 }
 
-void MeshLeaves::writeBorder(base::ByteWriter& out) const {
-  out.u64(border_.size());
-  for (const BorderLeaf& vertex : border_) base::writeFields(out, fieldsOf(vertex));
-  out.u64(limits_.size());
-  for (const DiceLimit& limit : limits_) out.write(limit);
-}
-
-bool MeshLeaves::readBorder(base::ByteReader& in) {
-  if (in.u64() != buckets_.border().codes.size()) return false;
-  border_.resize(buckets_.border().codes.size());
-  for (BorderLeaf& vertex : border_) base::readFields(in, fieldsOf(vertex));
-  if (in.u64() != buckets_.count()) return false;
-  limits_.resize(buckets_.count());
-  for (DiceLimit& limit : limits_) {
-    limit = in.read<DiceLimit>();
-    if (!(limit.longest >= kMinLimit)) return false;
-  }
-  return in.ok();
-}
-
-std::uint64_t MeshLeaves::maxAddedLeaves() const {
-  std::uint64_t cuts = 0;
-  for (const DiceLimit& limit : limits_) cuts += limit.cuts;
-  return cuts;
-}
-
 // A vertex or midpoint that becomes a leaf.
-struct MeshLeaves::LeafPoint {
+struct LeafPoint {
   Surroundings around;
   glm::vec3 decoded{0.0F};      // the normal decoded from its code
   std::uint32_t direction = 0;  // the normal's code
@@ -232,16 +147,17 @@ struct MeshLeaves::LeafPoint {
 };
 
 // `place` is in lattice steps.
-Splat MeshLeaves::leafAt(const glm::dvec3& place, const LeafPoint& point, const Surroundings& around) const {
+Splat leafAt(const ingest::SourceLattice& lattice, const glm::dvec3& place, const LeafPoint& point,
+             const Surroundings& around) {
   // The radius is rounded up by more than the rounding errors of float32 radii and positions.
   constexpr double kRoundUp = 1.0 + 1e-6;
   constexpr double kPositionRounding = 1.1e-7;
   // A vertex whose triangles have no area still has a weight.
   constexpr float kMinWeight = 1e-3F;
   Splat out;
-  out.sphere.center = glm::vec3(lattice_.lattice.origin + lattice_.lattice.step * place);
+  out.sphere.center = glm::vec3(lattice.lattice.origin + lattice.lattice.step * place);
   const glm::vec3 far = glm::abs(out.sphere.center);
-  out.sphere.radius = static_cast<float>(std::sqrt(around.radius_squared) * lattice_.lattice.step * kRoundUp +
+  out.sphere.radius = static_cast<float>(std::sqrt(around.radius_squared) * lattice.lattice.step * kRoundUp +
                                          kPositionRounding * static_cast<double>(std::max({far.x, far.y, far.z})));
   // The area of its triangles that lies nearer to other leaves counts for those.
   const double share =
@@ -255,7 +171,7 @@ Splat MeshLeaves::leafAt(const glm::dvec3& place, const LeafPoint& point, const 
 }
 
 // `sums` are over all triangles around a vertex.
-MeshLeaves::LeafPoint MeshLeaves::pointOf(const ingest::VertexSums& sums) {
+LeafPoint pointOf(const ingest::VertexSums& sums) {
   LeafPoint point;
   point.setNormal(sums.unitNormal());
   if (sums.normal != glm::i64vec3(0)) point.given = point.normal;
@@ -264,10 +180,16 @@ MeshLeaves::LeafPoint MeshLeaves::pointOf(const ingest::VertexSums& sums) {
   return point;
 }
 
+// A triangle that lies outside the narrow cone around a point's normal (LeafFacets).
+struct Outlier {
+  std::uint32_t point = 0;
+  std::uint32_t triangle = 0;
+};
+
 // Adds the midpoints and what the sub-triangles add to all points. The colours and given normals of midpoints are means
 // of those at the ends of their edge; without given normals the sub-triangles' count.
-void MeshLeaves::addSubTriangles(const Dicer& dicer, std::span<const Triangle> triangles,
-                                 std::vector<LeafPoint>& points, std::vector<Outlier>& outliers) {
+void addSubTriangles(const Dicer& dicer, std::span<const Triangle> triangles, std::vector<LeafPoint>& points,
+                     std::vector<Outlier>& outliers) {
   const std::size_t vertices = points.size();
   for (const Dicer::Midpoint& midpoint : dicer.midpoints()) {
     LeafPoint point;
@@ -302,8 +224,8 @@ void MeshLeaves::addSubTriangles(const Dicer& dicer, std::span<const Triangle> t
 }
 
 // Sorts the outliers by leaf. `leaf_of_point` is kNoLeaf for points whose outliers are not used.
-LeafFacets MeshLeaves::facetsOf(std::span<const Outlier> outliers, std::span<const std::uint32_t> leaf_of_point,
-                                std::size_t leaves, std::span<const Triangle> triangles) {
+LeafFacets facetsOf(std::span<const Outlier> outliers, std::span<const std::uint32_t> leaf_of_point, std::size_t leaves,
+                    std::span<const Triangle> triangles) {
   LeafFacets out;
   if (outliers.empty()) return out;
   // `first` holds each leaf's end at first; filling backwards from there leaves its beginning.
@@ -316,6 +238,90 @@ LeafFacets MeshLeaves::facetsOf(std::span<const Outlier> outliers, std::span<con
     if (const std::uint32_t leaf = leaf_of_point[outlier.point]; leaf != kNoLeaf)
       out.normals[--out.first[leaf]] = triangles[outlier.triangle].unit;
   return out;
+}
+
+}  // namespace
+
+base::Result<DiceLimit> MeshLeaves::chooseLimit(std::size_t bucket) const {
+  LUMIGRID_ASSIGN_OR_RETURN(const auto corners, buckets_.read(bucket));
+  std::vector<glm::ivec3> points;
+  points.reserve(corners.size());
+  for (const ingest::Corner& corner : corners) points.push_back(ingest::mortonPoint(corner.code));
+  const std::size_t triangles = points.size() / 3;
+  if (triangles == 0) return DiceLimit();
+  std::vector<double> squared(triangles);
+  double logs = 0.0;
+  for (std::size_t t = 0; t < triangles; ++t) {
+    const glm::dvec3 a(points[3 * t]), b(points[3 * t + 1]), c(points[3 * t + 2]);
+    squared[t] = std::max({squaredDistance(a, b), squaredDistance(b, c), squaredDistance(c, a)});
+    logs += std::log2(squared[t]);
+  }
+  const double mean = std::exp2(0.5 * logs / static_cast<double>(triangles));
+  const double shortest = std::max(kMinLimit, std::min(dice_ * mean, kMaxEdgeShare * std::exp2(lattice_.bits)));
+  const std::uint64_t max_cuts = std::max<std::uint64_t>(kMinAddedLeaves, triangles / 2);
+
+  // Only triangles that are cut matter from here on.
+  std::size_t kept = 0;
+  for (std::size_t t = 0; t < triangles; ++t) {
+    if (squared[t] <= shortest * shortest) continue;
+    for (std::size_t k = 0; k < 3; ++k) points[3 * kept + k] = points[3 * t + k];
+    ++kept;
+  }
+  points.resize(3 * kept);
+  return kept == 0 ? DiceLimit() : shortestLimit(points, shortest, max_cuts);
+}
+
+base::Result<void> MeshLeaves::measureBorder(unsigned threads, const std::function<bool(double)>& progress) {
+  const ingest::BorderVertices& border = buckets_.border();
+  border_.assign(border.codes.size(), {});
+  limits_.assign(buckets_.count(), {});
+  std::vector<glm::vec3> normals;
+  normals.reserve(border.sums.size());
+  for (const ingest::VertexSums& sums : border.sums) normals.push_back(decodedNormal(sums.unitNormal()));
+  std::mutex mutex;
+  std::size_t done = 0;
+  return base::tryParallelFor(buckets_.count(), threads, [&](std::size_t bucket) -> base::Result<void> {
+    if (dice_ > 0.0) {
+      LUMIGRID_ASSIGN_OR_RETURN(limits_[bucket], chooseLimit(bucket));
+    }
+    LUMIGRID_ASSIGN_OR_RETURN(const auto triangles, buckets_.borderTriangles(bucket));
+    const auto found = aroundBorder(triangles, normals, limits_[bucket].longest);
+    const std::lock_guard lock(mutex);
+    for (const auto& [i, around] : found) {
+      border_[i].around.add(around);
+      border_[i].owner = std::min(border_[i].owner, static_cast<std::uint32_t>(bucket));
+    }
+    ++done;
+    if (progress && !progress(static_cast<double>(done) / static_cast<double>(buckets_.count())))
+      return base::Error{base::ErrorCode::kCancelled, "measuring the leaves was cancelled"};
+    return {};
+  });
+}
+
+void MeshLeaves::writeBorder(base::ByteWriter& out) const {
+  out.u64(border_.size());
+  for (const BorderLeaf& vertex : border_) base::writeFields(out, fieldsOf(vertex));
+  out.u64(limits_.size());
+  for (const DiceLimit& limit : limits_) out.write(limit);
+}
+
+bool MeshLeaves::readBorder(base::ByteReader& in) {
+  if (in.u64() != buckets_.border().codes.size()) return false;
+  border_.resize(buckets_.border().codes.size());
+  for (BorderLeaf& vertex : border_) base::readFields(in, fieldsOf(vertex));
+  if (in.u64() != buckets_.count()) return false;
+  limits_.resize(buckets_.count());
+  for (DiceLimit& limit : limits_) {
+    limit = in.read<DiceLimit>();
+    if (!(limit.longest >= kMinLimit)) return false;
+  }
+  return in.ok();
+}
+
+std::uint64_t MeshLeaves::maxAddedLeaves() const {
+  std::uint64_t cuts = 0;
+  for (const DiceLimit& limit : limits_) cuts += limit.cuts;
+  return cuts;
 }
 
 base::Result<TileLeaves> MeshLeaves::leaves(std::size_t bucket) const {
@@ -392,7 +398,7 @@ base::Result<TileLeaves> MeshLeaves::leaves(std::size_t bucket) const {
     // The facets of a border vertex in other buckets are not known here, so it gets none.
     if (shared == nullptr) leaf_of_point[i] = static_cast<std::uint32_t>(out.splats.size());
     if (shared == nullptr || shared->owner == bucket)
-      out.splats.push_back(leafAt(dicer.position(static_cast<std::uint32_t>(i)), points[i],
+      out.splats.push_back(leafAt(lattice_, dicer.position(static_cast<std::uint32_t>(i)), points[i],
                                   shared != nullptr ? shared->around : points[i].around));
   }
   out.facets = facetsOf(outliers, leaf_of_point, out.splats.size(), triangles);

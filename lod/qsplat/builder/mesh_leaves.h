@@ -16,6 +16,26 @@
 
 namespace lod::qsplat::builder {
 
+/// The area, sizes and directions that a leaf has to cover: all triangles around its vertex.
+struct Surroundings {
+  double radius_squared = 0.0;  // lattice units
+  float least_cosine = 1.0F;    // between its normal, as decoded, and the triangles'
+  std::uint64_t area = 0;       // area of the triangles, in half squared lattice steps
+  std::uint64_t own = 0;        // the part of it in sub-triangles at the vertex
+  void add(const Surroundings& other) {
+    radius_squared = std::max(radius_squared, other.radius_squared);
+    least_cosine = std::min(least_cosine, other.least_cosine);
+    area += other.area;
+    own += other.own;
+  }
+};
+
+/// How a bucket's triangles are diced.
+struct DiceLimit {
+  double longest = std::numeric_limits<double>::infinity();  // edge that is not cut, lattice steps
+  std::uint64_t cuts = 0;
+};
+
 class MeshLeaves : public LeafSource {
  public:
   /// `buckets` and `lattice` must outlive it. Edges longer than `dice` times the geometric mean of the longest edges of
@@ -40,47 +60,11 @@ class MeshLeaves : public LeafSource {
 
  private:
   static constexpr std::uint64_t kBytesPerTriangle = 300;  // measured on scans with colours
-  // The area, sizes and directions that a leaf has to cover: all triangles around its vertex.
-  struct Surroundings {
-    double radius_squared = 0.0;  // lattice units
-    float least_cosine = 1.0F;    // between its normal, as decoded, and the triangles'
-    std::uint64_t area = 0;       // area of the triangles, in half squared lattice steps
-    std::uint64_t own = 0;        // the part of it in sub-triangles at the vertex
-    void add(const Surroundings& other) {
-      radius_squared = std::max(radius_squared, other.radius_squared);
-      least_cosine = std::min(least_cosine, other.least_cosine);
-      area += other.area;
-      own += other.own;
-    }
-  };
-  // How a bucket's triangles are diced.
-  struct DiceLimit {
-    double longest = std::numeric_limits<double>::infinity();  // edge that is not cut, lattice steps
-    std::uint64_t cuts = 0;
-  };
   struct BorderLeaf {
     Surroundings around;
     std::uint32_t owner = 0xFFFFFFFFU;  // bucket
   };
-  struct Triangle;
-  struct SubTriangle;
-  struct LeafPoint;
   base::Result<DiceLimit> chooseLimit(std::size_t bucket) const;
-  static DiceLimit shortestLimit(std::span<const glm::ivec3> points, double shortest, std::uint64_t max_cuts);
-  std::vector<std::pair<std::uint32_t, Surroundings>> aroundBorder(std::span<const ingest::BorderTriangle> triangles,
-                                                                   std::span<const glm::vec3> normals,
-                                                                   double longest) const;
-  static LeafPoint pointOf(const ingest::VertexSums& sums);
-  // A triangle that lies outside the narrow cone around a point's normal (LeafFacets).
-  struct Outlier {
-    std::uint32_t point = 0;
-    std::uint32_t triangle = 0;
-  };
-  static void addSubTriangles(const Dicer& dicer, std::span<const Triangle> triangles, std::vector<LeafPoint>& points,
-                              std::vector<Outlier>& outliers);
-  static LeafFacets facetsOf(std::span<const Outlier> outliers, std::span<const std::uint32_t> leaf_of_point,
-                             std::size_t leaves, std::span<const Triangle> triangles);
-  Splat leafAt(const glm::dvec3& place, const LeafPoint& point, const Surroundings& around) const;
 
   const ingest::Buckets& buckets_;
   const ingest::SourceLattice& lattice_;
