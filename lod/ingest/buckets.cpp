@@ -5,7 +5,6 @@
 #include <cstring>
 #include <filesystem>
 #include <mutex>
-#include <optional>
 #include <utility>
 
 #include "base/fields.h"

@@ -1,7 +1,6 @@
 #pragma once
 // A tree of boxes around the triangles of one group, for nearest searches. Triangles stay in their order: neighbours
 // lie next to each other in stored patches, and sorting costs more than it saves.
-#include <algorithm>
 #include <array>
 #include <cstdint>
 #include <cstring>

@@ -56,8 +56,8 @@ struct MergedGroup {
   glm::ivec3 corner{0};
 };
 
-std::uint64_t unitKey(std::uint32_t level, std::uint32_t index) {
-  return std::uint64_t{level} << 32 | index;
+std::uint64_t unitKey(const WorkUnit& unit) {
+  return std::uint64_t{unit.level} << 32 | unit.index;
 }
 
 // The least float that is not below x.
@@ -341,12 +341,11 @@ float errorLimit(const ErrorHistogram& errors, std::uint32_t level) {
 class LevelBuilder {
  public:
   LevelBuilder(const ingest::SourceLattice& lattice, const HierarchyOptions& options, WorkStore& store,
+               std::vector<std::pair<WorkUnit, std::vector<WorkPatch>>> known,
                const std::function<bool(std::uint64_t)>& advance)
-      : lattice_(lattice), options_(options), store_(store), advance_(advance) {}
-
-  /// A group that an earlier run left in the store; it is used instead of being built again.
-  void addKnownGroup(const WorkUnit& unit, std::vector<WorkPatch> patches) {
-    known_[unitKey(unit.level, unit.index)] = {unit.group, unit.errors, std::move(patches), std::nullopt};
+      : lattice_(lattice), options_(options), store_(store), advance_(advance) {
+    for (auto& [unit, patches] : known)
+      if (unit.level != 0) known_[unitKey(unit)] = {unit.group, unit.errors, std::move(patches), std::nullopt};
   }
 
   base::Result<BuiltLevels> buildLevels(std::vector<WorkPatch> leaves) {
@@ -546,7 +545,7 @@ class LevelBuilder {
 
   base::Result<BuiltGroup> buildGroup(const GroupInput& input, WorkUnit unit, const RebuildRequest* rebuild) {
     // An earlier run may have built it.
-    if (const auto at = known_.find(unitKey(unit.level, unit.index)); at != known_.end()) return std::move(at->second);
+    if (const auto at = known_.find(unitKey(unit)); at != known_.end()) return std::move(at->second);
 
     SurfaceError carried;
     LUMIGRID_ASSIGN_OR_RETURN(auto geometry, readGeometry(input, carried));
@@ -668,10 +667,7 @@ base::Result<BuiltLevels> buildLevels(const ingest::SourceLattice& lattice, cons
                                       WorkStore& store, std::vector<WorkPatch> leaves,
                                       std::vector<std::pair<WorkUnit, std::vector<WorkPatch>>> known,
                                       const std::function<bool(std::uint64_t)>& advance) {
-  LevelBuilder builder(lattice, options, store, advance);
-  for (auto& [unit, patches] : known)
-    if (unit.level != 0) builder.addKnownGroup(unit, std::move(patches));
-  return builder.buildLevels(std::move(leaves));
+  return LevelBuilder(lattice, options, store, std::move(known), advance).buildLevels(std::move(leaves));
 }
 
 }  // namespace lod::patch::builder

@@ -5,8 +5,6 @@
 // A triangle belongs to the voxel that holds most of its vertices. The median of three Morton codes lies in every cell
 // that holds two of them, at every depth. So the median code alone tells the triangle's voxel at each depth of the
 // octree, and sorting triangles by it sorts them into voxels of every size at once.
-#include <algorithm>
-#include <cstddef>
 #include <cstdint>
 #include <glm/glm.hpp>
 #include <span>

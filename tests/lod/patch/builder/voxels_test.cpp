@@ -151,7 +151,7 @@ TEST(Voxels, partsOfABucketSpanNoPiecesFarApart) {
   constexpr std::uint32_t kMax = 300;
   const double share = std::sqrt(static_cast<double>(kMax) / static_cast<double>(sorted.size()));
   const auto widthOf = [&](const std::vector<std::uint32_t>& triangles) {
-    Extent box;
+    lod::patch::builder::Extent box;
     for (const std::uint32_t t : triangles)
       for (std::size_t k = 0; k < 3; ++k) {
         const glm::dvec3 q(mesh.positions[mesh.indices[3 * std::size_t{t} + k]]);
