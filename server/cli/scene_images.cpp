@@ -88,11 +88,6 @@ base::Result<std::uint32_t> shardsOf(const base::Scene& scene) {
   return shard->count;
 }
 
-bool wantsImages(const base::Scene& scene) {
-  const auto it = scene.parameters.find("methods");
-  return it != scene.parameters.end() && it->second.find("images") != std::string::npos;
-}
-
 base::Result<std::vector<std::string>> orphanStores(const std::string& images, std::uint32_t shards) {
   LUMIGRID_ASSIGN_OR_RETURN(auto layout, repository::layoutOf(images));
   std::vector<std::string> orphans;

@@ -16,8 +16,6 @@ inline constexpr const char* kShardsParameter = "shards";
 
 /// Its value, 0 when absent; an error for what is no number of shards.
 base::Result<std::uint32_t> shardsOf(const base::Scene& scene);
-/// Whether the scene was asked to hold images.
-bool wantsImages(const base::Scene& scene);
 /// Stores below images/ that are of no or another division than `shards`, by their directories.
 base::Result<std::vector<std::string>> orphanStores(const std::string& images, std::uint32_t shards);
 

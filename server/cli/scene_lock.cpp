@@ -64,11 +64,6 @@ base::Result<SceneLock> SceneLock::acquire(const std::string& directory,
   return lock;
 }
 
-SceneLock::SceneLock(SceneLock&& other) noexcept
-    : directory_(std::move(other.directory_)),
-      file_(std::move(other.file_)),
-      made_directory_(std::exchange(other.made_directory_, false)) {}
-
 SceneLock::~SceneLock() {
   if (!file_) return;
   ::unlink((directory_ + "/" + kLockFile).c_str());

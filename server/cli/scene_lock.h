@@ -17,7 +17,7 @@ class SceneLock {
   /// the directory is a file, kIo.
   static base::Result<SceneLock> acquire(const std::string& directory,
                                          const std::function<void(const std::string& holder)>& on_wait);
-  SceneLock(SceneLock&& other) noexcept;
+  SceneLock(SceneLock&&) noexcept = default;
   SceneLock& operator=(SceneLock&&) = delete;
   /// Removes a directory that acquire() made and that is still empty.
   ~SceneLock();

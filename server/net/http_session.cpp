@@ -1,7 +1,5 @@
 #include "server/net/http_session.h"
 
-#include "server/net/beast_types.h"
-
 #include <boost/asio/write.hpp>
 #include <boost/beast/core/bind_handler.hpp>
 #include <boost/beast/core/flat_buffer.hpp>

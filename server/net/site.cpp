@@ -1,9 +1,12 @@
 #include "server/net/site.h"
 
-#include <algorithm>
+#include <system_error>
+#include <utility>
 
 #include "base/byte_range.h"
+#include "base/json/annotations_file.h"
 #include "server/net/http_text.h"
+#include "spdlog/spdlog.h"
 
 namespace server {
 namespace {
@@ -11,6 +14,7 @@ namespace {
 constexpr const char* kForever = "public, max-age=31536000, immutable";
 constexpr std::size_t kIdDigits =
     32;  // digits of a SHA-256 in hex; a published name has as many (docs/formats/packs.md)
+constexpr const char* kNoAnnotations = "{\"version\": 1, \"annotations\": []}\n";
 
 std::string escapeHtml(std::string_view text) {
   std::string out;
@@ -101,6 +105,47 @@ HttpReply splatsOnlyReply() {
 HttpReply tryLater(int seconds, std::string text) {
   return textReply(503, std::move(text), {{"Retry-After", std::to_string(seconds)}});
 }
+
+// ---- Annotations
+
+Annotations::Annotations(std::string directory, std::string text) : directory_(std::move(directory)) {
+  setText(std::move(text));
+  stamp_ = currentStamp();
+  if (stamp_) readFile();
+}
+
+const Annotations::Document& Annotations::current() {
+  const std::optional<FileStamp> stamp = currentStamp();
+  if (stamp != stamp_) {
+    stamp_ = stamp;
+    readFile();
+  }
+  return document_;
+}
+
+std::optional<Annotations::FileStamp> Annotations::currentStamp() const {
+  if (directory_.empty()) return std::nullopt;
+  const std::filesystem::path path = std::filesystem::path(directory_) / base::kAnnotationsFile;
+  std::error_code ec;
+  FileStamp stamp;
+  stamp.time = std::filesystem::last_write_time(path, ec);
+  if (ec) return std::nullopt;
+  stamp.size = std::filesystem::file_size(path, ec);
+  return stamp;
+}
+
+void Annotations::readFile() {
+  auto read = base::readAnnotations(directory_);
+  if (!read) spdlog::warn("no annotations: {}", read.error().message);
+  setText(read && *read ? std::move((*read)->text) : std::string());
+}
+
+void Annotations::setText(std::string text) {
+  document_.text = text.empty() ? kNoAnnotations : std::move(text);
+  document_.etag = entityTag(base::viewOfText(document_.text));
+}
+
+// ---- The site
 
 Site::Site(const OpenScene& scene, PageFiles pages)
     : scene_(scene),

@@ -1,6 +1,8 @@
 #pragma once
 // The HTTP answers of one scene that come from memory at once: the page, the scene's files, small texts
 // (docs/formats/http.md). It knows no sockets. /render and /pick, which are answered later, are not its business.
+#include <filesystem>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -8,7 +10,6 @@
 
 #include "base/bytes.h"
 #include "base/error.h"
-#include "server/net/annotations.h"
 #include "server/net/open_scene.h"
 #include "server/net/page_files.h"
 
@@ -54,6 +55,36 @@ HttpReply tryLater(int seconds, std::string text);
 
 /// The Host header as the visitor typed it, or our own place (address:port) when it is malformed.
 std::string shownHost(std::string_view host, const std::string& place);
+
+/// The scene's annotations.json as it is served. The file is read again when it changed, since people edit it while the
+/// scene is shown.
+class Annotations {
+ public:
+  /// `directory`: the scene's; empty for a remote scene, whose `text` is served then. Without a text, an empty list is
+  /// served.
+  Annotations(std::string directory, std::string text);
+
+  struct Document {
+    std::string text;
+    std::string etag;
+  };
+  /// The file's text; an empty list where there is no file or viewers would refuse it, which the log tells once.
+  const Document& current();
+
+ private:
+  struct FileStamp {
+    std::filesystem::file_time_type time;
+    std::uintmax_t size = 0;
+    friend bool operator==(const FileStamp&, const FileStamp&) = default;
+  };
+  std::optional<FileStamp> currentStamp() const;
+  void setText(std::string text);
+  void readFile();
+
+  const std::string directory_;
+  std::optional<FileStamp> stamp_;  ///< stamp of the file that was read; none: there was no file
+  Document document_;
+};
 
 class Site {
  public:

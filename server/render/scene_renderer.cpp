@@ -152,10 +152,6 @@ base::Result<void> SceneRenderer::drawPicture(const base::Camera& camera, std::s
   for (const Tile& tile : plan.tiles) {
     const base::Camera tile_camera = tileCamera(camera, tile.x, tile.y, plan.tile_width, plan.tile_height);
     const std::vector<std::uint32_t> in_tile = plan.tiles.size() == 1 ? visible : visibleFrom(tile_camera, visible);
-    if (in_tile.empty()) {
-      LUMIGRID_TRY(readback_.skip(picture));
-      continue;
-    }
     const Tile part = touchedPart(tile_camera, in_tile, tile);
     if (part.width == 0) {
       LUMIGRID_TRY(readback_.skip(picture));

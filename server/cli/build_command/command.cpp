@@ -83,13 +83,13 @@ Result<ImageChoices> prepareImages(const BuildArguments& a, BuildOutput& output,
 Result<void> declareFinished(const BuildArguments& a, BuildOutput& output, const ShardSelection& selection,
                              BuildReport& report) {
   base::Scene& scene = *output.scene;
-  if (wantsImages(scene) && !wants(a, "images")) return {};  // another command is at them
-  if (wantsImages(scene)) {
+  if (hasMethod(scene.parameters, "images") && !wants(a, "images")) return {};  // another command is at them
+  if (hasMethod(scene.parameters, "images")) {
     LUMIGRID_ASSIGN_OR_RETURN(report.missing, findMissingImages(a, scene, selection.shards));
     if (!report.missing.empty()) return {};
   }
   if (!fs::exists(fs::path(a.output) / "scene.json")) {
-    if (wantsImages(scene) && !hasPart(scene, "images")) scene.parts.push_back({"images", 0, ""});
+    if (hasMethod(scene.parameters, "images") && !hasPart(scene, "images")) scene.parts.push_back({"images", 0, ""});
     LUMIGRID_TRY(base::writeSceneFile(scene, a.output + "/scene.json"));
   }
   std::error_code ignored;
@@ -147,7 +147,7 @@ Result<MissingParts> findMissingParts(const BuildArguments& a) {
   missing.hierarchy = lacksFile(a, scene, kPatches);
   missing.splats = lacksFile(a, scene, kSplats);
   if (!wants(a, "images")) {
-    missing.declaration = !missing.files() && !output.finished && !wantsImages(scene);
+    missing.declaration = !missing.files() && !output.finished && !hasMethod(scene.parameters, "images");
     return missing;
   }
   LUMIGRID_ASSIGN_OR_RETURN(missing.images, findMissingImages(a, scene, selection.shards, &missing.points));

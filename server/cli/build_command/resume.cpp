@@ -50,7 +50,7 @@ Fit fitOf(const BuildArguments& a, const std::vector<base::SceneSource>& sources
   Parameters wanted = parametersOf(a);
   if (!sameHierarchies(a, recorded, wanted)) return Fit::kOther;
   if (!wants(a, "images")) return Fit::kSame;
-  if (!wantsImages(scene)) return Fit::kMore;
+  if (!hasMethod(scene.parameters, "images")) return Fit::kMore;
   for (const char* name : {"methods", kSplatsDice, kSplatsCoded}) {
     recorded.erase(name);
     wanted.erase(name);
