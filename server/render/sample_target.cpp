@@ -46,6 +46,13 @@ int SampleTarget::maxSide() {
   return std::min({texture, renderbuffer, viewport[0], viewport[1]});
 }
 
+base::Result<void> SampleTarget::fit(int width, int height, int supersampling) {
+  if (width_ == width && height_ == height && supersampling_ == supersampling) return {};
+  *this = {};
+  LUMIGRID_ASSIGN_OR_RETURN(*this, create(width, height, supersampling));
+  return {};
+}
+
 base::Result<SampleTarget> SampleTarget::create(int width, int height, int supersampling) {
   SampleTarget target;
   target.width_ = width;

@@ -24,6 +24,8 @@ class SampleTarget {
   SampleTarget() = default;
   /// `width`, `height`: pixels; `supersampling`: 1..8. Each side times supersampling is at most maxSide().
   static base::Result<SampleTarget> create(int width, int height, int supersampling);
+  /// Makes this a target of such a size, unless it is one already.
+  base::Result<void> fit(int width, int height, int supersampling);
   /// Returns the longest side of a target that this GL allows, in samples.
   static int maxSide();
 
@@ -33,9 +35,6 @@ class SampleTarget {
   /// pixels. Those outside of the part are undefined.
   GLuint resolve(const ResolvePass& pass, const Tile& part) const;
   GLuint resolve(const ResolvePass& pass) const { return resolve(pass, {0, 0, width_, height_}); }
-  bool matches(int width, int height, int supersampling) const {
-    return width_ == width && height_ == height && supersampling_ == supersampling;
-  }
   int height() const { return height_; }
   GLuint framebuffer() const { return framebuffer_.name(); }  ///< the one that begin() binds
 

@@ -91,13 +91,6 @@ Tile SceneRenderer::touchedPart(const base::Camera& tile_camera, std::span<const
   return bounds.within(tile.width, tile.height);
 }
 
-base::Result<void> SceneRenderer::prepareTarget(int width, int height, int supersampling) {
-  if (target_.matches(width, height, supersampling)) return {};
-  target_ = {};
-  LUMIGRID_ASSIGN_OR_RETURN(target_, SampleTarget::create(width, height, supersampling));
-  return {};
-}
-
 base::Result<void> SceneRenderer::drawTile(const base::Camera& camera, std::span<const std::uint32_t> visible,
                                            const lod::draw::ViewModes& modes) {
   target_.begin();
@@ -147,7 +140,7 @@ base::Result<void> SceneRenderer::drawPicture(const base::Camera& camera, std::s
 
   const TilePlan plan =
       planTiles(camera.width, camera.height, options.supersampling, max_side_, options.max_target_samples);
-  LUMIGRID_TRY(prepareTarget(plan.tile_width, plan.tile_height, options.supersampling));
+  LUMIGRID_TRY(target_.fit(plan.tile_width, plan.tile_height, options.supersampling));
   picture->tiles_left = plan.tiles.size();
   for (const Tile& tile : plan.tiles) {
     const base::Camera tile_camera = tileCamera(camera, tile.x, tile.y, plan.tile_width, plan.tile_height);

@@ -62,7 +62,6 @@ class SceneRenderer {
   base::Result<void> drawTile(const base::Camera& camera, std::span<const std::uint32_t> visible,
                               const lod::draw::ViewModes& modes);
   base::Result<void> drawTinted(std::span<const std::uint32_t> visible);
-  base::Result<void> prepareTarget(int width, int height, int supersampling);
   base::Result<void> orDrop(base::Result<void> result);
   std::vector<std::uint32_t> visibleFrom(const base::Camera& camera, std::span<const std::uint32_t> cut) const;
   Tile touchedPart(const base::Camera& tile_camera, std::span<const std::uint32_t> visible, const Tile& tile) const;

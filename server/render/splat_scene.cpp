@@ -83,10 +83,7 @@ base::Result<void> SplatScene::drawPicture(const base::Camera& camera, const Spl
                                            SplatPicture& picture, const std::shared_ptr<PendingPicture>& pending) {
   const TilePlan plan =
       planTiles(camera.width, camera.height, options.supersampling, max_side_, options.max_target_samples);
-  if (!target_.matches(plan.tile_width, plan.tile_height, options.supersampling)) {
-    target_ = {};
-    LUMIGRID_ASSIGN_OR_RETURN(target_, SampleTarget::create(plan.tile_width, plan.tile_height, options.supersampling));
-  }
+  LUMIGRID_TRY(target_.fit(plan.tile_width, plan.tile_height, options.supersampling));
   pending->tiles_left = plan.tiles.size();
   for (const Tile& tile : plan.tiles) {
     const base::Camera tile_camera = tileCamera(camera, tile.x, tile.y, plan.tile_width, plan.tile_height);
