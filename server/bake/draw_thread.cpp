@@ -1,6 +1,5 @@
 #include "server/bake/draw_thread.h"
 
-#include <optional>
 #include <utility>
 
 #include "base/egl/headless.h"

@@ -2,10 +2,14 @@
 // One thread of a process draws faces, with a GL context, a renderer and a cache of patches of its own. More were not
 // measured on a GPU, and Mesa's llvmpipe (22.3) crashes in its own code about twice in a hundred bakes when several
 // contexts draw at a time. Several processes draw as well as several contexts would (draw_processes.h).
+#include <condition_variable>
 #include <cstdint>
 #include <functional>
+#include <mutex>
+#include <optional>
 #include <thread>
 #include <utility>
+#include <vector>
 
 #include "base/error.h"
 #include "base/json/scene_file.h"
@@ -13,10 +17,59 @@
 #include "lod/patch/format.h"
 #include "repository/faces/jpeg.h"
 #include "repository/sampling/grid.h"
-#include "server/bake/job_slot.h"
+#include "repository/sampling/key.h"
 #include "server/render/scene_renderer.h"
 
 namespace server {
+
+/// Faces of one grid point, which are drawn with one cut and one upload.
+struct DrawJob {
+  std::uint64_t sequence = 0;  ///< number of the first face; the others follow
+  std::vector<repository::FaceKey> keys;
+};
+
+/// The one job that waits between the thread that deals jobs out and those that draw them. Safe from any thread.
+class JobSlot {
+ public:
+  /// Blocks while a job is waiting. After fail() the job is dropped.
+  void submit(DrawJob job) {
+    std::unique_lock lock(mutex_);
+    changed_.wait(lock, [&] { return failed_ || !job_; });
+    if (failed_) return;
+    job_ = std::move(job);
+    changed_.notify_all();
+  }
+  /// Takes the job that is waiting, if there is one. With `wait` it waits for one: nothing when there will be none any
+  /// more.
+  std::optional<DrawJob> takeJob(bool wait) {
+    std::unique_lock lock(mutex_);
+    if (wait) changed_.wait(lock, [&] { return finishing_ || failed_ || job_; });
+    std::optional<DrawJob> job = std::exchange(job_, std::nullopt);
+    if (job) changed_.notify_all();
+    return job;
+  }
+  /// Nothing is submitted after it.
+  void finish() {
+    const std::lock_guard lock(mutex_);
+    finishing_ = true;
+    changed_.notify_all();
+  }
+  /// Drops the job that is waiting and all that follow. False when that was so already.
+  bool fail() {
+    const std::lock_guard lock(mutex_);
+    if (std::exchange(failed_, true)) return false;
+    job_.reset();
+    changed_.notify_all();
+    return true;
+  }
+
+ private:
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  std::optional<DrawJob> job_;
+  bool finishing_ = false;
+  bool failed_ = false;
+};
 
 /// The order of a bake. Scene and patches outlive whoever draws it.
 struct FaceWork {
