@@ -225,7 +225,7 @@ std::vector<glm::uvec3> pointsTowardsSurface(const PointQuery& query, const std:
       const glm::vec3 place = glm::mix(query.eye, sample.position, fraction);
       for (const glm::uvec3& p : cornersAround(query, place)) {
         const float distance = glm::length(query.grid.point(p.x, p.y, p.z) - place) / query.grid.spacing;
-        const std::uint64_t key = repository::FaceKey{p.x, p.y, p.z, 0}.code();
+        const std::uint64_t key = repository::codeOfPoint(p);
         auto& entry = scores.try_emplace(key, p, 0.0F).first->second;
         entry.second += sample.weight / (1.0F + distance * distance);
       }

@@ -6,6 +6,8 @@
 
 #include "base/bytes.h"
 
+struct evp_md_ctx_st;  // OpenSSL's EVP_MD_CTX
+
 namespace base {
 
 using Sha256Digest = std::array<std::uint8_t, 32>;
@@ -14,17 +16,17 @@ using Sha256Digest = std::array<std::uint8_t, 32>;
 class Sha256 {
  public:
   Sha256();
-  ~Sha256();
-  Sha256(const Sha256&) = delete;
-  Sha256& operator=(const Sha256&) = delete;
   void add(ByteView bytes);
   /// Call it once, after the last piece.
   Sha256Digest finish();
 
  private:
-  struct Context;
-  std::unique_ptr<Context> context_;
+  struct FreeContext {
+    void operator()(evp_md_ctx_st* context) const;
+  };
+  std::unique_ptr<evp_md_ctx_st, FreeContext> context_;
 };
 
 Sha256Digest sha256(ByteView bytes);
+
 }  // namespace base

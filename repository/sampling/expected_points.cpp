@@ -3,19 +3,12 @@
 #include <algorithm>
 
 namespace repository {
-namespace {
-
-std::uint64_t codeOf(const glm::uvec3& point) {
-  return FaceKey{point.x, point.y, point.z, 0}.code();
-}
-
-}  // namespace
 
 ExpectedPoints::ExpectedPoints(const Grid& grid, const Shard& shard, const SampleTree* tree)
     : grid_(grid), range_(pointsOf(shard, grid)), listed_(tree != nullptr) {
   if (tree == nullptr) return;
   for (const glm::uvec3& point : tree->points())
-    if (shard.count == 1 || range_.contains(mortonRank(grid, point))) codes_.push_back(codeOf(point));
+    if (shard.count == 1 || range_.contains(mortonRank(grid, point))) codes_.push_back(codeOfPoint(point));
 }
 
 glm::uvec3 ExpectedPoints::at(std::uint64_t place) const {
@@ -29,8 +22,8 @@ std::optional<std::uint64_t> ExpectedPoints::placeOf(const glm::uvec3& point) co
     const std::uint64_t rank = mortonRank(grid_, point);
     return range_.contains(rank) ? std::optional(rank - range_.first) : std::nullopt;
   }
-  const auto found = std::lower_bound(codes_.begin(), codes_.end(), codeOf(point));
-  if (found == codes_.end() || *found != codeOf(point)) return std::nullopt;
+  const auto found = std::lower_bound(codes_.begin(), codes_.end(), codeOfPoint(point));
+  if (found == codes_.end() || *found != codeOfPoint(point)) return std::nullopt;
   return static_cast<std::uint64_t>(found - codes_.begin());
 }
 

@@ -41,6 +41,11 @@ struct Grid {
 /// longest side and at least as dense ones along the others.
 Grid makeGrid(const base::Aabb& model, std::uint32_t points_per_longest_side, float margin, std::uint32_t face_size);
 
+/// The code of a point's first key: codes of points ascend in Morton order.
+inline std::uint64_t codeOfPoint(const glm::uvec3& point) {
+  return FaceKey{point.x, point.y, point.z, 0}.code();
+}
+
 /// The lower corner of child c of a cube at `corner`; the children are cubes of side `half` in Morton order.
 inline glm::uvec3 childCorner(const glm::uvec3& corner, std::uint32_t half, std::uint32_t c) {
   return corner + half * glm::uvec3(c & 1U, c >> 1 & 1U, c >> 2);

@@ -13,10 +13,6 @@ namespace {
 constexpr std::uint8_t kMagic = 'T';
 constexpr std::uint8_t kVersion = 1;
 
-std::uint64_t codeOf(const glm::uvec3& point) {
-  return FaceKey{point.x, point.y, point.z, 0}.code();
-}
-
 base::Error damaged(const std::string& problem) {
   return {base::ErrorCode::kInvalidInput, "the tree of sampling points " + problem};
 }
@@ -128,7 +124,7 @@ void SampleTree::visit(std::uint32_t node, const Cell& cell, const Visit& leaf) 
 std::vector<glm::uvec3> SampleTree::points() const {
   std::vector<std::uint64_t> codes;
   visit(0, {glm::uvec3(0), root_size_}, [&](const Cell& cell, State) {
-    for (const glm::uvec3& corner : cornersOf(cell)) codes.push_back(codeOf(corner));
+    for (const glm::uvec3& corner : cornersOf(cell)) codes.push_back(codeOfPoint(corner));
   });
   std::sort(codes.begin(), codes.end());
   codes.erase(std::unique(codes.begin(), codes.end()), codes.end());
@@ -161,7 +157,7 @@ void SampleTree::close(const Cell& leaf) {
 
 void SampleTree::leaveOut(const glm::uvec3& point) {
   LUMIGRID_CHECK(!glm::any(glm::greaterThanEqual(point, count_)));
-  left_out_.insert(codeOf(point));
+  left_out_.insert(codeOfPoint(point));
 }
 
 base::Bytes SampleTree::encode() const {

@@ -47,9 +47,7 @@ class SampleTree {
   void close(const Cell& leaf);
   /// Leaves out a point, for instance one inside the model or one that sees nothing.
   void leaveOut(const glm::uvec3& point);
-  bool leavesOut(const glm::uvec3& point) const {
-    return left_out_.count(FaceKey{point.x, point.y, point.z, 0}.code()) != 0;
-  }
+  bool leavesOut(const glm::uvec3& point) const { return left_out_.count(codeOfPoint(point)) != 0; }
 
   base::Bytes encode() const;
   /// Hostile bytes give an error and never take more than 256 times their own memory.

@@ -106,8 +106,7 @@ ShardLookup::ShardLookup(const Grid& grid, std::uint32_t count) {
   for (std::uint32_t index = 0; index < count; ++index) {
     const std::uint64_t first = pointsOf({index, count}, grid).first;
     if (first == grid.pointCount()) break;  // only empty shards follow
-    const glm::uvec3 point = pointAtMortonRank(grid, first);
-    first_codes_.push_back(FaceKey{point.x, point.y, point.z, 0}.code());
+    first_codes_.push_back(codeOfPoint(pointAtMortonRank(grid, first)));
   }
 }
 

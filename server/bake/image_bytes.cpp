@@ -13,10 +13,6 @@ namespace {
 
 constexpr double kStandardErrors = 2.0;  // above the mean: a normal variable is higher in 2.3 % of cases
 
-std::uint64_t codeOf(const glm::uvec3& point) {
-  return repository::FaceKey{point.x, point.y, point.z, 0}.code();
-}
-
 // Orders points as if at random, but the same everywhere (SplitMix64's finalizer; Steele, Lea, Flood 2014): the points
 // that come first are a random sample of any set, and of its subsets too.
 std::uint64_t shuffled(std::uint64_t code) {
@@ -28,7 +24,9 @@ std::uint64_t shuffled(std::uint64_t code) {
 std::vector<glm::uvec3> sampleOf(std::vector<glm::uvec3> points) {
   const std::size_t count = std::min(points.size(), kEstimatePoints);
   std::partial_sort(points.begin(), points.begin() + static_cast<std::ptrdiff_t>(count), points.end(),
-                    [](const auto& a, const auto& b) { return shuffled(codeOf(a)) < shuffled(codeOf(b)); });
+                    [](const auto& a, const auto& b) {
+                      return shuffled(repository::codeOfPoint(a)) < shuffled(repository::codeOfPoint(b));
+                    });
   points.resize(count);
   return points;
 }
@@ -54,7 +52,7 @@ base::Result<std::uint64_t> ImageBytes::estimate(const std::vector<glm::uvec3>& 
   double sum = 0.0;
   double squares = 0.0;
   for (const glm::uvec3& point : sample) {
-    const auto bytes = static_cast<double>(bytes_.at(codeOf(point)));
+    const auto bytes = static_cast<double>(bytes_.at(repository::codeOfPoint(point)));
     sum += bytes;
     squares += bytes * bytes;
   }
@@ -71,7 +69,7 @@ base::Result<std::uint64_t> ImageBytes::estimate(const std::vector<glm::uvec3>& 
 base::Result<void> ImageBytes::measure(const std::vector<glm::uvec3>& points) {
   std::optional<base::Error> failed;
   for (const glm::uvec3& point : points) {
-    const auto [bytes, is_new] = bytes_.try_emplace(codeOf(point), 0);
+    const auto [bytes, is_new] = bytes_.try_emplace(repository::codeOfPoint(point), 0);
     if (!is_new) continue;
     std::vector<repository::FaceKey> keys;
     for (std::uint32_t d = 0; d < 6; ++d) keys.push_back({point.x, point.y, point.z, d});

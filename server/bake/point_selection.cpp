@@ -74,7 +74,7 @@ std::unordered_set<std::uint64_t> cellsAround(const std::vector<glm::uvec3>& poi
     for (std::uint32_t i = 0; i < 8; ++i) {
       const glm::uvec3 below(std::min(p.x, i & 1), std::min(p.y, i >> 1 & 1), std::min(p.z, i >> 2));
       const glm::uvec3 cell = (p - below) / size;
-      cells.insert(repository::FaceKey{cell.x, cell.y, cell.z, 0}.code());
+      cells.insert(repository::codeOfPoint(cell));
     }
   return cells;
 }
@@ -95,7 +95,7 @@ repository::SampleTree treeOf(const repository::Grid& grid, const std::vector<gl
     const auto around = cellsAround(points, size);
     for (const repository::SampleTree::Cell& cell : open) {
       const glm::uvec3 at = cell.corner / size;
-      around.count(repository::FaceKey{at.x, at.y, at.z, 0}.code()) != 0 ? tree.split(cell) : tree.close(cell);
+      around.count(repository::codeOfPoint(at)) != 0 ? tree.split(cell) : tree.close(cell);
     }
   }
   for (const glm::uvec3& p : tree.points())
