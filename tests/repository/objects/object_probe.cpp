@@ -36,7 +36,7 @@ Result<void> makeBucket(const Words& words) {
   if (!bucket) return bucket.error();
   const auto response = bucket->send({"PUT", "", {}, {}, {}, 1 << 20});
   if (!response) return response.error();
-  if (response->status >= 300) return bucket->refusal("", *response);
+  if (response->head.status >= 300) return bucket->refusal("", *response);
   return {};
 }
 
