@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <utility>
 
 namespace lod::qsplat {
@@ -25,6 +26,35 @@ constexpr std::uint64_t kEvictedPart = 64;
 // and fetch more that is never seen.
 constexpr float kNearby = 1.5F;
 
+constexpr float kInfinity = std::numeric_limits<float>::infinity();
+// More than sweepPriority ever returns: a size of 2^100 pixels has priority 200 000.
+constexpr float kThroughLens = 1e6F;
+
+Priority plainPriority(StreamOrder order, int picture_height) {
+  switch (order) {
+    case StreamOrder::kLevel:
+      return [](const MissingChildren& missing) { return -static_cast<float>(missing.level); };
+    case StreamOrder::kRadius:
+      return [](const MissingChildren& missing) { return missing.radius; };
+    case StreamOrder::kSize:
+      return [](const MissingChildren& missing) { return missing.size_px; };
+    case StreamOrder::kTopDown:
+      return [](const MissingChildren& missing) { return missing.size_px < kInfinity ? -missing.at_px.y : kInfinity; };
+    case StreamOrder::kSweeps:
+      break;
+  }
+  return sweepPriority(picture_height);
+}
+
+// The order's priority. Blocks that are seen through the lens come before all others.
+Priority priorityFor(StreamOrder order, const std::optional<Lens>& lens, int picture_height) {
+  const Priority plain = plainPriority(order, picture_height);
+  if (!lens) return plain;
+  return [plain, lens = *lens](const MissingChildren& missing) {
+    return plain(missing) + (isSeenThrough(lens, missing.at_px, missing.size_px) ? kThroughLens : 0.0F);
+  };
+}
+
 bool sameTraversal(const TraverseRequest& a, const TraverseRequest& b) {
   return base::sameCamera(a.camera, b.camera) && a.cutoff_px == b.cutoff_px && a.section == b.section;
 }
@@ -45,6 +75,12 @@ std::string inBytes(std::uint64_t bytes) {
 }
 
 }  // namespace
+
+std::optional<StreamOrder> streamOrderFromName(std::string_view name) {
+  for (const auto& [order, text] : kStreamOrderNames)
+    if (text == name) return order;
+  return std::nullopt;
+}
 
 Stream::Stream(std::uint64_t file_bytes, const StreamOptions& options)
     : options_(options),

@@ -13,18 +13,20 @@
 //
 // In place of the paper's temporary file, blocks are kept in memory up to a number of bytes; those that no frame has
 // used for the longest time are evicted. Blocks that the current frame used stay, so a drawn cut never loses one.
+#include <array>
 #include <cstdint>
 #include <map>
 #include <memory>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <unordered_map>
+#include <utility>
 #include <vector>
 
 #include "base/bytes.h"
 #include "lod/qsplat/blocks.h"
 #include "lod/qsplat/stream/link_estimate.h"
-#include "lod/qsplat/stream/order.h"
 #include "lod/qsplat/stream/request_queue.h"
 #include "lod/qsplat/traverse.h"
 
@@ -34,6 +36,22 @@ inline constexpr std::uint64_t kMinStreamMemory = 64 * 1024;
 /// A file may have at most this many times StreamOptions::memory_bytes, counted in the plain form: the stream's tables
 /// take 13 bytes for each of its blocks, 21 where the file is coded.
 inline constexpr std::uint64_t kMaxFilePerMemory = 64;
+
+/// The five orders of the paper in which the blocks of a view are fetched (sections 4.2 and 4.3).
+enum class StreamOrder {
+  kLevel,    ///< 1: by level in the tree
+  kRadius,   ///< 2: by radius in the scene, largest first
+  kSize,     ///< 3: by size on the screen, largest first
+  kTopDown,  ///< 4: from the screen's top to its bottom, whatever the size
+  kSweeps,   ///< 5: sweepPriority, the paper's choice
+};
+inline constexpr std::array<std::pair<StreamOrder, std::string_view>, 5> kStreamOrderNames{
+    {{StreamOrder::kLevel, "level"},
+     {StreamOrder::kRadius, "radius"},
+     {StreamOrder::kSize, "size"},
+     {StreamOrder::kTopDown, "rows"},
+     {StreamOrder::kSweeps, "sweeps"}}};
+std::optional<StreamOrder> streamOrderFromName(std::string_view name);
 
 struct StreamOptions {
   std::uint64_t memory_bytes = 128'000'000;  ///< limit for the blocks that are kept; at least kMinStreamMemory
