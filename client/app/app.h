@@ -109,6 +109,7 @@ struct Toast {
   std::uint32_t id = 0;
   std::string text;    ///< one line
   bool error = false;  ///< announced at once, and shown longer
+  double until = 0.0;  ///< seconds, the time at which it goes
 };
 
 /// The connection and the scene in plain words.
@@ -341,7 +342,6 @@ class App {
   double incomplete_since_ = -1.0;
   float first_error_ = 0.0F;
   std::vector<Toast> toasts_;
-  std::vector<double> toast_ends_;
   std::uint32_t next_toast_ = 1;
   bool help_ = false;
   std::vector<Label> labels_;

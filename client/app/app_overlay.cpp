@@ -23,26 +23,14 @@ constexpr double kShapeShare = 0.6;
 // ---- toasts ----
 
 void App::showToast(std::string text, bool error) {
-  if (!toasts_.empty() && toasts_.back().text == text) {
-    toasts_.pop_back();
-    toast_ends_.pop_back();
-  }
-  toasts_.push_back({next_toast_++, std::move(text), error});
-  toast_ends_.push_back(now_ + (error ? kErrorSeconds : kToastSeconds));
-  if (toasts_.size() > kMaxToasts) {
-    toasts_.erase(toasts_.begin());
-    toast_ends_.erase(toast_ends_.begin());
-  }
+  if (!toasts_.empty() && toasts_.back().text == text) toasts_.pop_back();
+  toasts_.push_back({next_toast_++, std::move(text), error, now_ + (error ? kErrorSeconds : kToastSeconds)});
+  if (toasts_.size() > kMaxToasts) toasts_.erase(toasts_.begin());
   overlayChanged();
 }
 
 void App::expireToasts() {
-  for (std::size_t i = toasts_.size(); i-- > 0;) {
-    if (toast_ends_[i] > now_) continue;
-    toasts_.erase(toasts_.begin() + static_cast<std::ptrdiff_t>(i));
-    toast_ends_.erase(toast_ends_.begin() + static_cast<std::ptrdiff_t>(i));
-    overlayChanged();
-  }
+  if (std::erase_if(toasts_, [this](const Toast& toast) { return toast.until <= now_; }) > 0) overlayChanged();
 }
 
 // ---- labels and lines ----

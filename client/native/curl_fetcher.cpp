@@ -1,13 +1,6 @@
 #include "client/native/curl_fetcher.h"
 
-#include <algorithm>
-#include <condition_variable>
-#include <deque>
-#include <map>
-#include <mutex>
 #include <optional>
-#include <thread>
-#include <unordered_set>
 #include <utility>
 
 #include "base/byte_range.h"
@@ -27,15 +20,10 @@ constexpr long kStallSeconds = 20;
 /// As many as browsers open for one host over HTTP/1.1.
 constexpr long kConnections = 6;
 
-struct RangeOrder {
-  std::uint64_t id = 0;
-  std::string name;
-  std::uint64_t offset = 0, length = 0;
-  bool whole = false;  // then `length` is the limit
-};
+}  // namespace
 
 /// A request under way.
-struct Transfer {
+struct CurlFetcher::Transfer {
   RangeOrder order;
   base::CurlHandle handle;
   base::HttpHead head;
@@ -52,19 +40,16 @@ struct Transfer {
 };
 
 /// Judges the head of the answer, before any byte of the body is read.
-void Transfer::judgeHead() {
+void CurlFetcher::Transfer::judgeHead() {
   constexpr int kOk = 200, kPartial = 206;
+  static const std::map<int, FetchOutcome> kOutcomes{{401, FetchOutcome::kForbidden}, {403, FetchOutcome::kForbidden},
+                                                     {404, FetchOutcome::kNotFound},  {410, FetchOutcome::kNotFound},
+                                                     {412, FetchOutcome::kChanged},   {416, FetchOutcome::kTooShort}};
   const int status = head.status;
   const std::string encoding = head.header("content-encoding");
   const auto size = base::parseDecimal(head.header("content-length"));
-  if (status == 404 || status == 410) {
-    verdict = answer(FetchOutcome::kNotFound);
-  } else if (status == 401 || status == 403) {
-    verdict = answer(FetchOutcome::kForbidden);
-  } else if (status == 412) {
-    verdict = answer(FetchOutcome::kChanged);
-  } else if (status == 416) {
-    verdict = answer(FetchOutcome::kTooShort);
+  if (const auto refused = kOutcomes.find(status); refused != kOutcomes.end()) {
+    verdict = answer(refused->second);
   } else if (status != kOk && status != kPartial) {
     verdict = answer(FetchOutcome::kServer);
   } else if (!encoding.empty() && encoding != "identity") {
@@ -84,7 +69,7 @@ void Transfer::judgeHead() {
   }
 }
 
-bool Transfer::addBody(base::ByteView bytes) {
+bool CurlFetcher::Transfer::addBody(base::ByteView bytes) {
   if (body.empty() && !verdict) judgeHead();
   if (verdict) return false;
   if (bytes.size() > order.length - body.size()) {
@@ -95,7 +80,7 @@ bool Transfer::addBody(base::ByteView bytes) {
   return true;
 }
 
-FetchAnswer Transfer::finish(CURLcode code) {
+FetchAnswer CurlFetcher::Transfer::finish(CURLcode code) {
   if (head.status != 0 && !verdict && head.complete) judgeHead();
   if (verdict) return std::move(*verdict);
   if (code != CURLE_OK) return answer(FetchOutcome::kNetwork, curl_easy_strerror(code));
@@ -105,103 +90,70 @@ FetchAnswer Transfer::finish(CURLcode code) {
   return good;
 }
 
-}  // namespace
+CurlFetcher::CurlFetcher(const std::string& place, const LinkLimit& limit) : place_(place) {
+  link_clock_.setLimit(limit);
+  curl_multi_setopt(multi_.get(), CURLMOPT_MAX_HOST_CONNECTIONS, kConnections);
+  thread_ = std::thread([this] { run(); });
+}
 
-struct CurlFetcher::Impl {
-  Impl(const std::string& where, const LinkLimit& limit) : place(where) {
-    link_clock.setLimit(limit);
-    curl_multi_setopt(multi.get(), CURLMOPT_MAX_HOST_CONNECTIONS, kConnections);
-    thread = std::thread([this] { run(); });
+CurlFetcher::~CurlFetcher() {
+  {
+    const std::lock_guard lock(mutex_);
+    ending_ = true;
   }
-  ~Impl() {
-    {
-      const std::lock_guard lock(mutex);
-      ending = true;
-    }
-    curl_multi_wakeup(multi.get());
-    thread.join();
-    for (const auto& [handle, transfer] : transfers) curl_multi_remove_handle(multi.get(), handle);
+  curl_multi_wakeup(multi_.get());
+  thread_.join();
+  for (const auto& [handle, transfer] : transfers_) curl_multi_remove_handle(multi_.get(), handle);
+}
+
+void CurlFetcher::push(RangeOrder order) {
+  {
+    const std::lock_guard lock(mutex_);
+    orders_.push_back(std::move(order));
   }
+  curl_multi_wakeup(multi_.get());
+}
 
-  struct Due {
-    FetchAnswer answer;
-    Clock::time_point due;
-  };
-
-  // These run on the thread.
-  void run();
-  void startOrders();
-  void start(RangeOrder order);
-  void end(CURL* handle);
-  void collect();
-  void checkVersion(const Transfer& transfer, FetchAnswer& answer);
-
-  void push(RangeOrder order) {
-    {
-      const std::lock_guard lock(mutex);
-      orders.push_back(std::move(order));
-    }
-    curl_multi_wakeup(multi.get());
-  }
-
-  const std::string place;
-  const base::CurlMulti multi = base::makeCurlMulti();
-  std::map<CURL*, std::unique_ptr<Transfer>> transfers;
-  std::vector<base::CurlHandle> idle;
-  std::map<std::string, std::string> versions;  // object -> its ETag or date
-
-  // These are shared by both threads, under the mutex.
-  std::mutex mutex;
-  std::condition_variable arrived;
-  bool ending = false;
-  std::deque<RangeOrder> orders;
-  std::unordered_set<std::uint64_t> cancelled;
-  std::deque<Due> done;
-  LinkClock link_clock;
-
-  std::thread thread;
-};
-
-void CurlFetcher::Impl::run() {
+void CurlFetcher::run() {
   while (true) {
     {
-      const std::lock_guard lock(mutex);
-      if (ending) return;
+      const std::lock_guard lock(mutex_);
+      if (ending_) return;
     }
     startOrders();
     int running = 0;
-    curl_multi_perform(multi.get(), &running);
+    curl_multi_perform(multi_.get(), &running);
     collect();
     constexpr int kMilliseconds = 1000;
-    curl_multi_poll(multi.get(), nullptr, 0, kMilliseconds, nullptr);
+    curl_multi_poll(multi_.get(), nullptr, 0, kMilliseconds, nullptr);
   }
 }
 
-void CurlFetcher::Impl::startOrders() {
+void CurlFetcher::startOrders() {
   std::deque<RangeOrder> taken;
   std::vector<CURL*> dropped;
   {
-    const std::lock_guard lock(mutex);
-    taken.swap(orders);
-    for (const auto& [handle, transfer] : transfers)
-      if (cancelled.count(transfer->order.id) != 0) dropped.push_back(handle);
-    std::erase_if(taken, [this](const RangeOrder& order) { return cancelled.count(order.id) != 0; });
-    cancelled.clear();
+    const std::lock_guard lock(mutex_);
+    taken.swap(orders_);
+    for (const auto& [handle, transfer] : transfers_)
+      if (cancelled_.count(transfer->order.id) != 0) dropped.push_back(handle);
+    std::erase_if(taken, [this](const RangeOrder& order) { return cancelled_.count(order.id) != 0; });
+    cancelled_.clear();
   }
   for (CURL* handle : dropped) end(handle);
   for (RangeOrder& order : taken) start(std::move(order));
 }
 
-void CurlFetcher::Impl::start(RangeOrder order) {
-  if (idle.empty()) idle.push_back(base::makeCurlHandle());
+void CurlFetcher::start(RangeOrder order) {
+  if (idle_.empty()) idle_.push_back(base::makeCurlHandle());
   auto transfer = std::make_unique<Transfer>();
   transfer->order = std::move(order);
-  transfer->handle = std::move(idle.back());
-  idle.pop_back();
+  transfer->handle = std::move(idle_.back());
+  idle_.pop_back();
   const RangeOrder& o = transfer->order;
   CURL* handle = transfer->handle.get();
   curl_easy_reset(handle);
-  setUpRequest(handle, place + "/" + o.name);
+  setUpRequest(handle, place_ + "/" + o.name);
   curl_easy_setopt(handle, CURLOPT_CONNECTTIMEOUT, kConnectSeconds);
   curl_easy_setopt(handle, CURLOPT_LOW_SPEED_LIMIT, kStallBytesPerSecond);
   curl_easy_setopt(handle, CURLOPT_LOW_SPEED_TIME, kStallSeconds);
@@ -209,81 +161,68 @@ void CurlFetcher::Impl::start(RangeOrder order) {
   if (!o.whole)
     curl_easy_setopt(handle, CURLOPT_RANGE,
                      (std::to_string(o.offset) + "-" + std::to_string(o.offset + o.length - 1)).c_str());
-  curl_multi_add_handle(multi.get(), handle);
-  transfers[handle] = std::move(transfer);
+  curl_multi_add_handle(multi_.get(), handle);
+  transfers_[handle] = std::move(transfer);
 }
 
 /// Keeps the handle, and with it its connection.
-void CurlFetcher::Impl::end(CURL* handle) {
-  curl_multi_remove_handle(multi.get(), handle);
-  idle.push_back(std::move(transfers.extract(handle).mapped()->handle));
+void CurlFetcher::end(CURL* handle) {
+  curl_multi_remove_handle(multi_.get(), handle);
+  idle_.push_back(std::move(transfers_.extract(handle).mapped()->handle));
 }
 
 /// The first version seen of an object is the one that all its answers must have.
-void CurlFetcher::Impl::checkVersion(const Transfer& transfer, FetchAnswer& answer) {
+void CurlFetcher::checkVersion(const Transfer& transfer, FetchAnswer& answer) {
   std::string version = transfer.head.header("etag");
   if (version.rfind("W/", 0) == 0) version = version.substr(2);
   if (version.empty()) version = transfer.head.header("last-modified");
   if (version.empty() || answer.outcome != FetchOutcome::kBytes) return;
-  const auto [it, is_first] = versions.emplace(transfer.order.name, version);
+  const auto [it, is_first] = versions_.emplace(transfer.order.name, version);
   if (!is_first && it->second != version) answer = {answer.id, FetchOutcome::kChanged, {}, answer.status, ""};
 }
 
-void CurlFetcher::Impl::collect() {
+void CurlFetcher::collect() {
   int left = 0;
-  while (const CURLMsg* message = curl_multi_info_read(multi.get(), &left)) {
+  while (const CURLMsg* message = curl_multi_info_read(multi_.get(), &left)) {
     if (message->msg != CURLMSG_DONE) continue;
     CURL* handle = message->easy_handle;
     const CURLcode code = message->data.result;
-    const auto it = transfers.find(handle);
+    const auto it = transfers_.find(handle);
     FetchAnswer answer = it->second->finish(code);
     if (!it->second->order.whole) checkVersion(*it->second, answer);
     end(handle);
     {
-      const std::lock_guard lock(mutex);
-      link_clock.pass(answer.bytes.size(), Clock::now());
-      done.push_back({std::move(answer), link_clock.due()});
+      const std::lock_guard lock(mutex_);
+      link_clock_.pass(answer.bytes.size(), Clock::now());
+      done_.push_back({std::move(answer), link_clock_.due()});
     }
-    arrived.notify_one();
+    arrived_.notify_one();
   }
-}
-
-CurlFetcher::CurlFetcher(const std::string& place, const LinkLimit& limit)
-    : impl_(std::make_unique<Impl>(place, limit)) {}
-CurlFetcher::~CurlFetcher() = default;
-
-void CurlFetcher::submit(std::uint64_t id, const std::string& name, std::uint64_t offset, std::uint64_t length) {
-  impl_->push({id, name, offset, length, false});
-}
-
-void CurlFetcher::submitWhole(std::uint64_t id, const std::string& name, std::uint64_t max_bytes) {
-  impl_->push({id, name, 0, max_bytes, true});
 }
 
 std::vector<FetchAnswer> CurlFetcher::takeAnswers() {
   std::vector<FetchAnswer> taken;
-  const std::lock_guard lock(impl_->mutex);
+  const std::lock_guard lock(mutex_);
   const Clock::time_point now = Clock::now();
-  while (!impl_->done.empty() && impl_->done.front().due <= now) {
-    taken.push_back(std::move(impl_->done.front().answer));
-    impl_->done.pop_front();
+  while (!done_.empty() && done_.front().due <= now) {
+    taken.push_back(std::move(done_.front().answer));
+    done_.pop_front();
   }
   return taken;
 }
 
 void CurlFetcher::cancel(std::uint64_t id) {
   {
-    const std::lock_guard lock(impl_->mutex);
-    std::erase_if(impl_->done, [id](const Impl::Due& due) { return due.answer.id == id; });
-    impl_->cancelled.insert(id);
+    const std::lock_guard lock(mutex_);
+    std::erase_if(done_, [id](const Delivery& due) { return due.answer.id == id; });
+    cancelled_.insert(id);
   }
-  curl_multi_wakeup(impl_->multi.get());
+  curl_multi_wakeup(multi_.get());
 }
 
 void CurlFetcher::wait(double seconds) {
-  Impl& s = *impl_;
-  std::unique_lock lock(s.mutex);
-  waitForDelivery(lock, s.arrived, s.done, seconds);
+  std::unique_lock lock(mutex_);
+  waitForDelivery(lock, arrived_, done_, seconds);
 }
 
 }  // namespace client

@@ -5,7 +5,6 @@
 #include <cstdio>
 #include <cstdlib>
 #include <nlohmann/json.hpp>
-#include <optional>
 #include <string>
 #include <tuple>
 
@@ -23,24 +22,14 @@ namespace {
 constexpr int kFailed = 1;
 constexpr int kWrongUsage = 2;
 
-/// The parsed values.
-struct ViewSetup {
-  client::ViewerOptions viewer;
-  client::SplatOptions splats;
-  client::LinkLimit link;
-  std::optional<std::pair<int, int>> size;
-};
-
-/// The command line as typed: values with units and choices are still text, all others are in `setup`.
+/// The command line as typed: values with units and choices are still text, all others are in `run` and `window`.
 struct Arguments {
-  ViewSetup setup;
-  std::string url;
+  client::HeadlessOptions run;   ///< a window takes its URL, viewer, splats, link and threads from here
+  client::WindowOptions window;  ///< what only a window has
   bool headless = false;
   std::string path_file;
-  std::string out_dir;
   std::string size;
   std::string method = "lumigraph";
-  bool method_given = false;
   std::string splat = "circle";
   double frame_rate = 10.0;
   std::string order = "sweeps";
@@ -51,13 +40,6 @@ struct Arguments {
   std::string bandwidth;
   std::string latency;
   std::string background = "transparent";
-  double settle_seconds = 10.0;
-  double realtime_fps = 0.0;
-  double connect_timeout = 10.0;
-  unsigned threads = 2;
-  bool figures = false;
-  std::string view;
-  std::string pictures = ".";
   bool use_settings = true;
   bool json = false;
   bool check_host = false;
@@ -81,18 +63,18 @@ void addContentOptions(CLI::App& app, Arguments& a) {
                  "scene's qsplat.lgq in the order in which the view has use for them. Where it is left out, a scene of "
                  "splats only is shown as such")
       ->check(CLI::IsMember({"lumigraph", "patches", "qsplat"}));
-  app.add_flag("--images,!--no-images", a.setup.viewer.session.images,
+  app.add_flag("--images,!--no-images", a.run.viewer.session.images,
                "Use images of the repository (on unless --no-images)");
-  app.add_flag("--frames,!--no-frames", a.setup.viewer.session.frames,
+  app.add_flag("--frames,!--no-frames", a.run.viewer.session.frames,
                "Ask for the exact picture when all else is sent (on unless --no-frames)");
-  app.add_option("--points", a.setup.viewer.session.max_points, "Sampling points whose images are asked for, 1 to 64")
+  app.add_option("--points", a.run.viewer.session.max_points, "Sampling points whose images are asked for, 1 to 64")
       ->check(CLI::Range(1, 64));
-  app.add_option("--samples", a.setup.viewer.lumigraph.max_samples, "Images blended in a picture, 1 to 32")
+  app.add_option("--samples", a.run.viewer.lumigraph.max_samples, "Images blended in a picture, 1 to 32")
       ->check(CLI::Range(1, 32));
-  app.add_option("--patch-tolerance", a.setup.viewer.session.patch_tolerance_px,
+  app.add_option("--patch-tolerance", a.run.viewer.session.patch_tolerance_px,
                  "Patches are refined until their error is at most this, in pixels")
       ->check(CLI::Range(0.0, 1000.0));
-  app.add_option("--max-triangles", a.setup.viewer.session.max_triangles, "Refinement stops at this many triangles")
+  app.add_option("--max-triangles", a.run.viewer.session.max_triangles, "Refinement stops at this many triangles")
       ->check(CLI::Range(1'000, 1'000'000'000));
 }
 
@@ -102,7 +84,7 @@ void addSplatOptions(CLI::App& app, Arguments& a) {
                  "Kernel of --method qsplat. square: the fastest; circle; fuzzy: softly blended; ellipse: lies in the "
                  "surface, the sharpest, with a hole now and then")
       ->check(CLI::IsMember({"square", "circle", "fuzzy", "ellipse"}));
-  app.add_option("--cutoff", a.setup.splats.cutoff_px,
+  app.add_option("--cutoff", a.run.splats.cutoff_px,
                  "Splats are refined down to this diameter, in pixels, when the view rests; 0: down to the leaves")
       ->check(CLI::Range(0.0, 1000.0));
   app.add_option("--frame-rate", a.frame_rate,
@@ -114,7 +96,7 @@ void addSplatOptions(CLI::App& app, Arguments& a) {
                  "the tree; radius: the largest of the scene first; size: the largest in the picture first; rows: from "
                  "the top down, each at its finest")
       ->check(CLI::IsMember({"sweeps", "level", "radius", "size", "rows"}));
-  app.add_flag("--back-faces", a.setup.splats.back_faces,
+  app.add_flag("--back-faces", a.run.splats.back_faces,
                "Draw splats that turn their backs, too (default: leave them out); for open surfaces that are seen from "
                "behind");
   app.add_option("--idle", a.idle,
@@ -134,14 +116,14 @@ void addLimitOptions(CLI::App& app, Arguments& a) {
   app.add_option("--cache", a.cache, "Images and patches kept as they came, in bytes: 50M, 1G");
   app.add_option("--memory", a.memory, "All that grows with the scene, on the GPU and off, in bytes; at least 16M");
   app.add_option("--gpu-memory", a.gpu_memory, "Images kept on the GPU, in bytes");
-  app.add_option("--threads", a.threads, "Threads that decode images")->check(CLI::Range(1, 64));
+  app.add_option("--threads", a.run.decoder_threads, "Threads that decode images")->check(CLI::Range(1, 64));
   app.add_option("--bandwidth", a.bandwidth,
                  "Emulate a link of this rate, such as 20Mbit (default: as fast as it comes)");
   app.add_option(
       "--latency", a.latency,
       "Delay that the emulated link adds to each message towards the viewer, so once per round trip, such as "
       "30ms (default: none)");
-  app.add_option("--connect-timeout", a.connect_timeout, "Headless: seconds without the server before giving up")
+  app.add_option("--connect-timeout", a.run.connect_timeout, "Headless: seconds without the server before giving up")
       ->check(CLI::Range(0.1, 3600.0));
 }
 
@@ -152,17 +134,18 @@ void addRunOptions(CLI::App& app, Arguments& a) {
   app.option_defaults()->group("Headless");
   app.add_flag("--headless", a.headless, "No window: pictures of --path");
   app.add_option("--path", a.path_file, "Camera path to follow, a JSON file (docs/formats/camera.md)");
-  app.add_option("--out", a.out_dir, "Folder for frame_0000.png ... and frames.jsonl (docs/formats/headless.md)");
-  app.add_option("--settle", a.settle_seconds, "Wait for each view to be complete, at most this many seconds")
+  app.add_option("--out", a.run.out_dir, "Folder for frame_0000.png ... and frames.jsonl (docs/formats/headless.md)");
+  app.add_option("--settle", a.run.settle_seconds, "Wait for each view to be complete, at most this many seconds")
       ->check(CLI::Range(0.0, 3600.0));
-  app.add_option("--realtime", a.realtime_fps,
+  app.add_option("--realtime", a.run.realtime_fps,
                  "Frames at this rate, not waiting for anything (0: wait as --settle says)")
       ->check(CLI::Range(0.0, 1000.0));
   app.add_flag("--json", a.json, "Print each frame's figures, and a summary, as a line of JSON");
   app.option_defaults()->group("Window");
-  app.add_flag("--figures", a.figures, "Start with the statistics that I shows (default: off)");
-  app.add_option("--view", a.view, "Link to begin with, as V copies it (default: the whole scene)");
-  app.add_option("--pictures", a.pictures, "Folder for the pictures that P saves")->check(CLI::ExistingDirectory);
+  app.add_flag("--figures", a.window.show_figures, "Start with the statistics that I shows (default: off)");
+  app.add_option("--view", a.window.view, "Link to begin with, as V copies it (default: the whole scene)");
+  app.add_option("--pictures", a.window.picture_directory, "Folder for the pictures that P saves")
+      ->check(CLI::ExistingDirectory);
   app.add_flag("--settings,!--no-settings", a.use_settings,
                "Keep settings and bookmarks in the user's configuration (docs/formats/settings.md; on unless "
                "--no-settings). Options given here take precedence over settings");
@@ -174,7 +157,7 @@ void describe(CLI::App& app, Arguments& a) {
       "Looks at a scene that a lumigrid server shows: in a window, or with --headless along a recorded camera path.\n"
       "Only the images and coarse patches near the view travel; a small cache keeps them.");
   app.add_option(
-         "URL", a.url,
+         "URL", a.run.url,
          "The server, as `lumigrid serve` prints it: ws://host:port/ (http:// and host:port mean the same); or a "
          "published scene: https://host/folder/, http://host/folder/ or .../scene.json (no server of ours "
          "need run there)")
@@ -195,59 +178,54 @@ base::Result<T> forOption(const char* option, base::Result<T> value) {
   return value;
 }
 
-base::Result<ViewSetup> parseArguments(const Arguments& a) {
-  ViewSetup setup = a.setup;
+/// Puts the values with units and the choices into the options.
+base::Result<void> parseArguments(Arguments& a) {
+  client::HeadlessOptions& run = a.run;
   LUMIGRID_ASSIGN_OR_RETURN(const auto cache, forOption("--cache", client::parseByteCount(a.cache)));
   LUMIGRID_ASSIGN_OR_RETURN(const auto gpu_memory, forOption("--gpu-memory", client::parseByteCount(a.gpu_memory)));
   LUMIGRID_ASSIGN_OR_RETURN(const auto memory, forOption("--memory", client::parseByteCount(a.memory)));
   LUMIGRID_ASSIGN_OR_RETURN(const auto background, forOption("--background", client::parseColor(a.background)));
   if (!a.size.empty()) {
-    LUMIGRID_ASSIGN_OR_RETURN(setup.size, forOption("--size", client::parseViewSize(a.size)));
+    LUMIGRID_ASSIGN_OR_RETURN(const auto size, forOption("--size", client::parseViewSize(a.size)));
+    std::tie(a.window.width, a.window.height) = size;
   }
   if (!a.bandwidth.empty()) {
-    LUMIGRID_ASSIGN_OR_RETURN(setup.link.bytes_per_second, forOption("--bandwidth", client::parseBitRate(a.bandwidth)));
+    LUMIGRID_ASSIGN_OR_RETURN(run.link.bytes_per_second, forOption("--bandwidth", client::parseBitRate(a.bandwidth)));
   }
   if (!a.latency.empty()) {
-    LUMIGRID_ASSIGN_OR_RETURN(setup.link.latency_seconds, forOption("--latency", client::parseDuration(a.latency)));
+    LUMIGRID_ASSIGN_OR_RETURN(run.link.latency_seconds, forOption("--latency", client::parseDuration(a.latency)));
   }
   LUMIGRID_ASSIGN_OR_RETURN(const auto idle, forOption("--idle", client::parseByteCount(a.idle)));
 
-  setup.splats.kernel = *lod::draw::splatKernelFromName(a.splat);
-  setup.splats.frame_seconds = client::secondsPerFrame(a.frame_rate);
-  setup.splats.order = *lod::qsplat::streamOrderFromName(a.order);
-  setup.splats.idle_bytes = idle;
-  setup.splats.memory_bytes = memory;
+  run.splats.kernel = *lod::draw::splatKernelFromName(a.splat);
+  run.splats.frame_seconds = client::secondsPerFrame(a.frame_rate);
+  run.splats.order = *lod::qsplat::streamOrderFromName(a.order);
+  run.splats.idle_bytes = idle;
+  run.splats.memory_bytes = memory;
 
-  client::ViewerOptions& viewer = setup.viewer;
+  client::ViewerOptions& viewer = run.viewer;
   viewer.method = *client::methodFromName(a.method);
   viewer.gpu_budget_bytes = gpu_memory;
   viewer.memory_budget_bytes = memory;
   viewer.session.cache_bytes = cache;
   viewer.lumigraph.use_images = viewer.session.images || viewer.session.frames;
   std::copy(background.begin(), background.end(), viewer.lumigraph.background);
-  return setup;
+  return {};
 }
 
-int runHeadlessMode(const Arguments& a, const ViewSetup& setup) {
+int runHeadlessMode(const Arguments& a) {
   if (a.path_file.empty()) return printError("--headless needs --path FILE, a recorded camera path", kWrongUsage);
   auto path = base::readCameraPath(a.path_file);
   if (!path) return printError(path.error().message, kFailed);
 
-  if (setup.size)
-    for (base::ViewCamera& camera : *path) std::tie(camera.width, camera.height) = *setup.size;
-  client::HeadlessOptions options{.url = a.url,
-                                  .path = std::move(*path),
-                                  .viewer = setup.viewer,
-                                  .method_is_default = !a.method_given,
-                                  .splats = setup.splats,
-                                  .settle_seconds = a.settle_seconds,
-                                  .realtime_fps = a.realtime_fps,
-                                  .link = setup.link,
-                                  .connect_timeout = a.connect_timeout,
-                                  .decoder_threads = a.threads,
-                                  .out_dir = a.out_dir,
-                                  .on_frame = {},
-                                  .cancelled = [] { return interrupted.load(); }};
+  client::HeadlessOptions options = a.run;
+  options.path = std::move(*path);
+  if (!a.size.empty())
+    for (base::ViewCamera& camera : options.path) {
+      camera.width = a.window.width;
+      camera.height = a.window.height;
+    }
+  options.cancelled = [] { return interrupted.load(); };
   const std::size_t count = options.path.size();
   options.on_frame = [&](const client::HeadlessFrame& frame) {
     const bool splats = frame.stats.splats.stream.blocks > 0;
@@ -301,44 +279,40 @@ void applyUserSettings(const CLI::App& app, const client::Settings& kept, client
   viewer.lumigraph.use_images = viewer.session.images || viewer.session.frames;
 }
 
-int runWindowMode(const CLI::App& app, const Arguments& a, const ViewSetup& setup) {
-  if (!a.path_file.empty() || !a.out_dir.empty())
+int runWindowMode(const CLI::App& app, const Arguments& a) {
+  if (!a.path_file.empty() || !a.run.out_dir.empty())
     return printError("--path and --out belong to --headless; add it", kWrongUsage);
   if (std::getenv("DISPLAY") == nullptr && std::getenv("WAYLAND_DISPLAY") == nullptr)
     return printError(
         "there is no display here (neither DISPLAY nor WAYLAND_DISPLAY is set); use --headless --path FILE "
         "--out DIR",
         kFailed);
-  client::WindowOptions options;
-  options.url = a.url;
+  client::WindowOptions options = a.window;
+  options.url = a.run.url;
   if (a.use_settings) {
     options.config_directory = client::userConfigDirectory();
     const client::ReadSettings kept = client::readSettings(options.config_directory);
     for (const std::string& complaint : kept.complaints) printError(complaint, 0);
     options.app.settings = kept.settings;
   }
-  options.app.viewer = setup.viewer;
+  options.app.viewer = a.run.viewer;
   options.app.apply_settings = false;
-  options.method_is_default = !a.method_given;
-  options.splats = setup.splats;
+  options.method_is_default = a.run.method_is_default;
+  options.splats = a.run.splats;
   applyUserSettings(app, options.app.settings, options);
   options.splats.memory_bytes = options.app.viewer.memory_budget_bytes;
-  options.link = setup.link;
-  options.view = a.view;
-  options.picture_directory = a.pictures;
-  if (setup.size) std::tie(options.width, options.height) = *setup.size;
-  options.decoder_threads = a.threads;
-  options.show_figures = a.figures;
+  options.link = a.run.link;
+  options.decoder_threads = a.run.decoder_threads;
   auto done = client::runWindow(options);
   return done ? 0 : printError(done.error().message, kFailed);
 }
 
 /// Exit status 1 when something keeps the scene from being shown.
 int runHostCheck(const Arguments& a) {
-  if (!client::isPublishedScene(a.url))
+  if (!client::isPublishedScene(a.run.url))
     return printError("--check-host needs the address of a published scene, such as https://example.org/scenes/tower/",
                       kWrongUsage);
-  const auto answers = client::askHost(a.url);
+  const auto answers = client::askHost(a.run.url);
   if (!answers) return printError(answers.error().message, kFailed);
   bool fails = false;
   nlohmann::ordered_json list = nlohmann::ordered_json::array();
@@ -372,16 +346,16 @@ int main(int argc, char** argv) {
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? 0 : kWrongUsage;
   }
-  arguments.method_given = app.count("--method") > 0 || !arguments.view.empty();
-  if (auto url = client::checkUrl(arguments.url); !url) return printError(url.error().message, kWrongUsage);
-  if (!arguments.view.empty()) {
-    const auto view = client::parsePermalink(arguments.view);
+  const std::string& link = arguments.window.view;
+  arguments.run.method_is_default = app.count("--method") == 0 && link.empty();
+  if (auto url = client::checkUrl(arguments.run.url); !url) return printError(url.error().message, kWrongUsage);
+  if (!link.empty()) {
+    const auto view = client::parsePermalink(link);
     if (!view) return printError("--view: " + view.error().message, kWrongUsage);
     // A link names its method.
     if (app.count("--method") == 0) arguments.method = client::nameOf(view->method);
   }
-  auto setup = parseArguments(arguments);
-  if (!setup) return printError(setup.error().message, kWrongUsage);
+  if (auto parsed = parseArguments(arguments); !parsed) return printError(parsed.error().message, kWrongUsage);
   if (arguments.check_host) return runHostCheck(arguments);
-  return arguments.headless ? runHeadlessMode(arguments, *setup) : runWindowMode(app, arguments, *setup);
+  return arguments.headless ? runHeadlessMode(arguments) : runWindowMode(app, arguments);
 }

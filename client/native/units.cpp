@@ -18,43 +18,35 @@ struct Suffix {
 };
 
 /// Reads a non-negative number with one of the suffixes. A number without suffix is accepted only where the list has an
-/// empty one.
-bool parseScaled(const std::string& text, std::initializer_list<Suffix> suffixes, double max, double* value) {
+/// empty one. `like` describes such values for the error.
+base::Result<double> parseScaled(const std::string& text, std::initializer_list<Suffix> suffixes, double max,
+                                 const char* like) {
   double number = 0.0;
   const char* end = text.data() + text.size();
   const auto [rest, error] = std::from_chars(text.data(), end, number);
-  if (error != std::errc{} || !std::isfinite(number) || number < 0.0) return false;
+  if (error != std::errc{} || !std::isfinite(number) || number < 0.0) return badValue(text, like);
   const std::string_view suffix(rest, static_cast<std::size_t>(end - rest));
-  for (const Suffix& known : suffixes) {
-    if (known.text != suffix) continue;
-    *value = number * known.factor;
-    return *value <= max;
-  }
-  return false;
+  for (const Suffix& known : suffixes)
+    if (known.text == suffix && number * known.factor <= max) return number * known.factor;
+  return badValue(text, like);
 }
 
 }  // namespace
 
 base::Result<std::uint64_t> parseByteCount(const std::string& text) {
-  double value = 0.0;
-  if (!parseScaled(text, {{"", 1.0}, {"k", 1e3}, {"K", 1e3}, {"M", 1e6}, {"G", 1e9}}, 1e15, &value))
-    return badValue(text, "a number of bytes like 50M");
+  LUMIGRID_ASSIGN_OR_RETURN(const auto value,
+                            parseScaled(text, {{"", 1.0}, {"k", 1e3}, {"K", 1e3}, {"M", 1e6}, {"G", 1e9}}, 1e15,
+                                        "a number of bytes like 50M"));
   return static_cast<std::uint64_t>(value);
 }
 
 base::Result<double> parseBitRate(const std::string& text) {
-  double value = 0.0;
-  if (!parseScaled(text, {{"", 0.125}, {"bit", 0.125}, {"kbit", 125.0}, {"Mbit", 125e3}, {"Gbit", 125e6}}, 1e15,
-                   &value))
-    return badValue(text, "a rate like 20Mbit (per second)");
-  return value;
+  return parseScaled(text, {{"", 0.125}, {"bit", 0.125}, {"kbit", 125.0}, {"Mbit", 125e3}, {"Gbit", 125e6}}, 1e15,
+                     "a rate like 20Mbit (per second)");
 }
 
 base::Result<double> parseDuration(const std::string& text) {
-  double value = 0.0;
-  if (!parseScaled(text, {{"", 1.0}, {"s", 1.0}, {"ms", 1e-3}}, 1e6, &value))
-    return badValue(text, "a duration like 30ms or 2s");
-  return value;
+  return parseScaled(text, {{"", 1.0}, {"s", 1.0}, {"ms", 1e-3}}, 1e6, "a duration like 30ms or 2s");
 }
 
 base::Result<std::pair<int, int>> parseViewSize(const std::string& text) {

@@ -121,7 +121,6 @@ class Window {
   void ask(const std::string& target, std::size_t max_bytes, double seconds, AcceptAnswer accept);
   void reportError(const base::Result<void>& done);
 
-  base::Image readPicture() const;
   base::Result<void> drawScene(double now);
   void drawOverlayWindow();
 
@@ -410,12 +409,12 @@ void Window::keepBookmarks() {
 /// Asks the server for the picture, which it draws at full resolution; without a server saves what the window shows.
 void Window::savePicture(const Request& request) {
   if (published_ || app_->view().method == Method::kQsplat || app_->session().phase() != SessionPhase::kReady)
-    return writePicture(readPicture());
+    return writePicture(picture_.read());
   app_->showToast("The server draws the picture\u2026");
   constexpr std::size_t kMaxBytes = 256 * 1024 * 1024;
   constexpr double kSeconds = 300.0;
   ask(renderTarget(request, background_), kMaxBytes, kSeconds,
-      [this, shown = readPicture()](const HttpGetter::Answer& answer) {
+      [this, shown = picture_.read()](const HttpGetter::Answer& answer) {
         const auto image = answer.status == kFound ? base::decodePng(answer.body) : base::Result<base::Image>(shown);
         writePicture(image ? *image : shown);
       });
@@ -472,11 +471,6 @@ void Window::acceptPick(std::uint32_t pick, const HttpGetter::Answer& answer) {
 }
 
 // ---- drawing ----
-
-/// Returns the model without overlay, as it was drawn last.
-base::Image Window::readPicture() const {
-  return picture_.read();
-}
 
 base::Result<void> Window::drawScene(double now) {
   const base::ViewCamera camera = app_->camera();

@@ -49,16 +49,11 @@ void ResidentPatches::forget() {
   unfinished_ = false;
 }
 
-void ResidentPatches::update(const View& view, Session& session, lod::draw::PatchMeshes& meshes, const Spend& spend,
-                             const Fault& fault) {
+void ResidentPatches::update(const lod::patch::CutRequest& view, bool with_occluders, Session& session,
+                             lod::draw::PatchMeshes& meshes, const Spend& spend, const Fault& fault) {
   ++updates_;
   const lod::patch::Hierarchy& hierarchy = session.hierarchy();
-  lod::patch::CutRequest request;
-  request.camera = view.camera;
-  request.near_plane = view.near_plane;
-  request.tolerance_px = view.tolerance_px;
-  request.max_triangles = view.max_triangles;
-  request.max_cost = view.max_bytes;
+  lod::patch::CutRequest request = view;
   request.cost = [](const lod::patch::Patch& patch) { return gpuBytes(patch) + patch.block_bytes; };
 
   // Select the wanted cut, and upload its groups.
@@ -66,7 +61,7 @@ void ResidentPatches::update(const View& view, Session& session, lod::draw::Patc
   wanted_ = lod::patch::selectCut(hierarchy, request, have);
   for (const std::uint32_t group : wanted_.expanded)
     if (const auto found = ready_.find(group); found != ready_.end()) found->second = updates_;
-  uploadWanted(view, session, meshes, spend, fault);
+  uploadWanted(view.max_cost, session, meshes, spend, fault);
 
   // Select the drawn cut, which most often is the wanted one.
   const auto ready = [this](std::uint32_t group) { return isReady(group); };
@@ -78,7 +73,7 @@ void ResidentPatches::update(const View& view, Session& session, lod::draw::Patc
   // A surface outside the view may hide another one from a sampling point, so the occluders are the same expanded
   // groups without culling.
   occluders_.clear();
-  if (!view.occluders || drawn_.expanded.empty()) return;
+  if (!with_occluders || drawn_.expanded.empty()) return;
   const std::unordered_set<std::uint32_t> expanded(drawn_.expanded.begin(), drawn_.expanded.end());
   request.cull = false;
   request.max_triangles = std::numeric_limits<std::uint64_t>::max();
@@ -88,7 +83,7 @@ void ResidentPatches::update(const View& view, Session& session, lod::draw::Patc
                }).patches;
 }
 
-void ResidentPatches::uploadWanted(const View& view, Session& session, lod::draw::PatchMeshes& meshes,
+void ResidentPatches::uploadWanted(std::uint64_t max_bytes, Session& session, lod::draw::PatchMeshes& meshes,
                                    const Spend& spend, const Fault& fault) {
   unfinished_ = false;
   const lod::patch::Hierarchy& hierarchy = session.hierarchy();
@@ -100,7 +95,7 @@ void ResidentPatches::uploadWanted(const View& view, Session& session, lod::draw
       return;
     }
     // The wanted groups fit by themselves, unless even the root alone exceeds the budget.
-    if (!makeRoom(bytes, view.max_bytes, hierarchy, meshes) && group != 0) return;
+    if (!makeRoom(bytes, max_bytes, hierarchy, meshes) && group != 0) return;
     if (upload(group, session, meshes, fault))
       ready_[group] = updates_;
     else

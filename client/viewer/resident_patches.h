@@ -21,15 +21,6 @@ namespace client {
 
 class ResidentPatches {
  public:
-  struct View {
-    base::Camera camera;
-    float near_plane = 1e-3F;
-    float tolerance_px = 1.0F;
-    std::uint64_t max_triangles = 0;
-    /// Limit for the patches on the GPU together with the blocks of the groups in use.
-    std::uint64_t max_bytes = 0;
-    bool occluders = false;  ///< occluders() is wanted
-  };
   /// Takes bytes from the frame's upload share; returns false when none are left.
   using Spend = std::function<bool(std::uint64_t bytes)>;
   using Fault = std::function<void(const std::string& problem)>;
@@ -40,9 +31,10 @@ class ResidentPatches {
   /// Forgets all uploads when the GL context is lost; the meshes are gone with it.
   void forget();
 
-  /// Uploads groups that the view wants, and selects both cuts.
-  void update(const View& view, Session& session, lod::draw::PatchMeshes& meshes, const Spend& spend,
-              const Fault& fault);
+  /// Uploads groups that the view wants, and selects both cuts. `view.max_cost` limits the patches on the GPU together
+  /// with the blocks of the groups in use, in bytes; `view.cost` is not used. `with_occluders`: occluders() is wanted.
+  void update(const lod::patch::CutRequest& view, bool with_occluders, Session& session, lod::draw::PatchMeshes& meshes,
+              const Spend& spend, const Fault& fault);
 
   const lod::patch::Cut& drawn() const { return drawn_; }
   const lod::patch::Cut& wanted() const { return wanted_; }
@@ -53,7 +45,7 @@ class ResidentPatches {
 
  private:
   bool isReady(std::uint32_t group) const { return ready_.count(group) != 0; }
-  void uploadWanted(const View& view, Session& session, lod::draw::PatchMeshes& meshes, const Spend& spend,
+  void uploadWanted(std::uint64_t max_bytes, Session& session, lod::draw::PatchMeshes& meshes, const Spend& spend,
                     const Fault& fault);
   bool makeRoom(std::uint64_t bytes, std::uint64_t limit, const lod::patch::Hierarchy& hierarchy,
                 lod::draw::PatchMeshes& meshes);

@@ -274,15 +274,15 @@ bool Viewer::spend(double bytes) {
 /// The hierarchy's records count towards the patches' share, but leave them at least a quarter of it.
 void Viewer::updatePatches() {
   const std::uint64_t records = std::min(recordBytes(session_.hierarchy()), plan_.patches / 4 * 3);
-  ResidentPatches::View wanted;
+  lod::patch::CutRequest wanted;
   wanted.camera = camera_;
   wanted.near_plane = base::depthRangeFor(camera_.eye, scene_.center, scene_.radius).near_plane;
   wanted.tolerance_px = options_.session.patch_tolerance_px;
   wanted.max_triangles = options_.session.max_triangles;
-  wanted.max_bytes = plan_.patches - records;
-  wanted.occluders = options_.lumigraph.use_images;
+  wanted.max_cost = plan_.patches - records;
   patches_.update(
-      wanted, session_, renderer_->patches(), [this](std::uint64_t bytes) { return spend(static_cast<double>(bytes)); },
+      wanted, options_.lumigraph.use_images, session_, renderer_->patches(),
+      [this](std::uint64_t bytes) { return spend(static_cast<double>(bytes)); },
       [this](const std::string& problem) { fault(problem); });
 }
 

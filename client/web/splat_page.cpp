@@ -8,7 +8,6 @@
 #include "client/source/streamed_splats.h"
 #include "client/web/page.h"
 #include "client/web/web_fetcher.h"
-#include "client/web/web_welcome.h"
 
 namespace client::web {
 
@@ -23,7 +22,7 @@ std::shared_ptr<StreamedSplats> splats;
 
 extern "C" {
 
-/// Opens a file of splats. `numbers`: as in client/web/web_welcome.h, then the length of the file.
+/// Opens a file of splats. `numbers`: as in client/web/page.h, then the length of the file.
 EMSCRIPTEN_KEEPALIVE void openSplats(const char* place, const char* name, const char* units, const char* file,
                                      const double* numbers) {
   client::App& app = *client::web::page.app;
@@ -31,9 +30,9 @@ EMSCRIPTEN_KEEPALIVE void openSplats(const char* place, const char* name, const 
   static_cast<client::SplatQuality&>(options) = client::qualityOf(app.settings());
   options.memory_bytes = app.viewer().options().memory_budget_bytes;
   options.clock = client::web::page.options.clock;
-  const auto bytes = static_cast<std::uint64_t>(numbers[client::kWelcomeNumbers]);
+  const auto bytes = static_cast<std::uint64_t>(numbers[client::web::kWelcomeNumbers]);
   client::web::splats = std::make_shared<client::StreamedSplats>(client::SplatFilePlace{place, file, bytes},
-                                                                 client::welcomeOf(name, units, numbers),
+                                                                 client::web::welcomeOf(name, units, numbers),
                                                                  std::make_unique<client::WebFetcher>(), options);
   app.viewer().setSplats(client::web::splats);
 }

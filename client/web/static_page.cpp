@@ -10,7 +10,6 @@
 #include "client/source/static_source.h"
 #include "client/web/page.h"
 #include "client/web/web_fetcher.h"
-#include "client/web/web_welcome.h"
 
 // The page calls takeParameters() before this returns, when the text holds a grid.
 EM_JS(void, lumigridParameters, (const char* text), { Module.readParameters(UTF8ToString(text)); });
@@ -76,14 +75,14 @@ void pick(const Request& request) {
 
 extern "C" {
 
-/// Opens a published scene. `numbers`: as in client/web/web_welcome.h, then the lengths of the patches and of the index
+/// Opens a published scene. `numbers`: as in client/web/page.h, then the lengths of the patches and of the index
 /// (0: none).
 EMSCRIPTEN_KEEPALIVE void openStatic(const char* place, const char* name, const char* units, const char* patches,
                                      const char* index, const double* numbers) {
-  const double* bytes = numbers + client::kWelcomeNumbers;
+  const double* bytes = numbers + client::web::kWelcomeNumbers;
   client::StaticScene scene;
   scene.place = place;
-  scene.welcome = client::welcomeOf(name, units, numbers);
+  scene.welcome = client::web::welcomeOf(name, units, numbers);
   scene.patches = {patches, static_cast<std::uint64_t>(bytes[0])};
   if (bytes[1] > 0.0) scene.index = client::StaticObject{index, static_cast<std::uint64_t>(bytes[1])};
   client::web::scene = std::make_unique<client::web::PublishedScene>(std::move(scene));

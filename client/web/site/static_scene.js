@@ -63,7 +63,7 @@ function nameOf(base, scene) {
 }
 
 /// Reads scene.json. `base`: URL of its folder. Returns {url, scene, parts, numbers}, with the numbers in the order of
-/// client/web/web_welcome.h. Throws SceneError.
+/// client/web/page.h. Throws SceneError.
 async function readScene(base) {
   const url = new URL("scene.json", base).href;
   const scene = await readJson(url);
