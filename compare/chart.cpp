@@ -3,8 +3,9 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdio>
 #include <limits>
+
+#include "base/format_text.h"
 
 namespace compare {
 namespace {
@@ -31,9 +32,7 @@ std::string escape(const std::string& text) {
 }
 
 std::string number(double v) {
-  std::array<char, 32> text{};
-  std::snprintf(text.data(), text.size(), "%.6g", v);
-  return text.data();
+  return base::formatText("%.6g", v);
 }
 
 struct Axis {

@@ -3,20 +3,16 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdio>
 #include <filesystem>
 
 #include "base/file.h"
+#include "base/format_text.h"
 #include "compare/chart.h"
 
 namespace compare {
 namespace {
 
-std::string text(const char* format, double value) {
-  std::array<char, 64> out{};
-  std::snprintf(out.data(), out.size(), format, value);
-  return out.data();
-}
+using base::formatText;
 
 double mean(const std::vector<FrameResult>& frames, double (*get)(const FrameResult&)) {
   double sum = 0.0;
@@ -35,16 +31,16 @@ std::string csv(const ReportContext& context, const std::vector<RunResult>& runs
       "excess_share,silhouette_px,foreground,width,height,link,renderer,machine,commit\n";
   for (const RunResult& run : runs)
     for (const FrameResult& f : run.frames) {
-      out += run.method + "," + text("%g", run.patch_tolerance_px) + "," + std::to_string(f.frame) + "," +
-             text("%.3f", f.seconds) + "," + text("%.2f", f.draw_ms) + "," + std::to_string(f.bytes) + "," +
+      out += run.method + "," + formatText("%g", run.patch_tolerance_px) + "," + std::to_string(f.frame) + "," +
+             formatText("%.3f", f.seconds) + "," + formatText("%.2f", f.draw_ms) + "," + std::to_string(f.bytes) + "," +
              std::to_string(f.bytes_images) + "," + std::to_string(f.bytes_patches) + "," +
              std::to_string(f.bytes_frames) + "," + std::to_string(f.triangles) + "," + std::to_string(f.images) + "," +
-             (f.complete ? "1" : "0") + "," + text("%.3f", f.accuracy.psnr_db) + "," + text("%.5f", f.accuracy.ssim) +
-             "," + text("%.3f", f.accuracy.mean_abs) + "," + text("%.5f", f.accuracy.missing_share) + "," +
-             text("%.5f", f.accuracy.excess_share) + "," + text("%.3f", f.accuracy.silhouette_px) + "," +
-             std::to_string(f.accuracy.foreground) + "," + std::to_string(context.width) + "," +
-             std::to_string(context.height) + ",\"" + context.link + "\",\"" + context.renderer + "\",\"" +
-             context.machine + "\"," + context.commit + "\n";
+             (f.complete ? "1" : "0") + "," + formatText("%.3f", f.accuracy.psnr_db) + "," +
+             formatText("%.5f", f.accuracy.ssim) + "," + formatText("%.3f", f.accuracy.mean_abs) + "," +
+             formatText("%.5f", f.accuracy.missing_share) + "," + formatText("%.5f", f.accuracy.excess_share) + "," +
+             formatText("%.3f", f.accuracy.silhouette_px) + "," + std::to_string(f.accuracy.foreground) + "," +
+             std::to_string(context.width) + "," + std::to_string(context.height) + ",\"" + context.link + "\",\"" +
+             context.renderer + "\",\"" + context.machine + "\"," + context.commit + "\n";
     }
   return out;
 }
@@ -79,12 +75,13 @@ std::string table(const std::vector<RunResult>& runs) {
   for (const RunResult& run : runs) {
     if (run.frames.empty()) continue;
     const FrameResult& last = run.frames.back();
-    auto mb = [](std::uint64_t b) { return text("%.2f MB", static_cast<double>(b) / 1e6); };
-    out += "<tr><td>" + run.name() + "</td><td>" + mb(last.bytes) + "</td><td>" + mb(last.bytes_images) + "</td><td>" +
-           mb(last.bytes_patches) + "</td><td>" + mb(last.bytes_frames) + "</td><td>" + text("%.2f", run.meanPsnr()) +
-           "</td><td>" + text("%.4f", run.meanSsim()) + "</td><td>" +
-           text("%.2f %%", 100.0 * mean(run.frames, [](const FrameResult& f) { return f.accuracy.missing_share; })) +
-           "</td><td>" + text("%.1f", run.medianDrawMs()) + "</td></tr>\n";
+    auto mb = [](std::uint64_t b) { return formatText("%.2f MB", static_cast<double>(b) / 1e6); };
+    out +=
+        "<tr><td>" + run.name() + "</td><td>" + mb(last.bytes) + "</td><td>" + mb(last.bytes_images) + "</td><td>" +
+        mb(last.bytes_patches) + "</td><td>" + mb(last.bytes_frames) + "</td><td>" +
+        formatText("%.2f", run.meanPsnr()) + "</td><td>" + formatText("%.4f", run.meanSsim()) + "</td><td>" +
+        formatText("%.2f %%", 100.0 * mean(run.frames, [](const FrameResult& f) { return f.accuracy.missing_share; })) +
+        "</td><td>" + formatText("%.1f", run.medianDrawMs()) + "</td></tr>\n";
   }
   return out + "</table>\n";
 }
@@ -99,11 +96,11 @@ std::string findings(const std::vector<RunResult>& runs) {
     if (run.method.rfind("lumigraph", 0) != 0) continue;
     for (const RunResult& proxy : runs)
       if (proxy.method == "proxy" && proxy.patch_tolerance_px == run.patch_tolerance_px)
-        out += "<li>" + run.name() + " is " + text("%+.2f", run.meanPsnr() - proxy.meanPsnr()) +
+        out += "<li>" + run.name() + " is " + formatText("%+.2f", run.meanPsnr() - proxy.meanPsnr()) +
                " dB against the same proxy without images.</li>\n";
     if (!patches.empty())
       out += "<li>" + run.name() + " is " +
-             text("%+.2f", run.meanPsnr() - psnrAtBytes(patches, static_cast<double>(run.totalBytes()))) +
+             formatText("%+.2f", run.meanPsnr() - psnrAtBytes(patches, static_cast<double>(run.totalBytes()))) +
              " dB against patches alone at the same bytes.</li>\n";
   }
   return out + "</ul>\n";
@@ -127,7 +124,7 @@ std::string page(const ReportContext& c, const std::vector<RunResult>& runs, con
 }  // namespace
 
 std::string RunResult::name() const {
-  return method + " (" + text("%g", patch_tolerance_px) + " px)";
+  return method + " (" + formatText("%g", patch_tolerance_px) + " px)";
 }
 double RunResult::meanPsnr() const {
   return mean(frames, [](const FrameResult& f) { return f.accuracy.psnr_db; });

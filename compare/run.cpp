@@ -1,7 +1,6 @@
 #include "compare/run.h"
 
 #include <algorithm>
-#include <array>
 #include <filesystem>
 #include <fstream>
 #include <memory>
@@ -10,6 +9,7 @@
 #include <thread>
 
 #include "base/egl/headless.h"
+#include "base/format_text.h"
 #include "base/json/scene_file.h"
 #include "base/parallel.h"
 #include "base/png/png.h"
@@ -27,9 +27,7 @@ namespace fs = std::filesystem;
 using base::Result;
 
 std::string frameFile(const std::string& directory, std::size_t frame, const char* suffix = "") {
-  std::array<char, 32> name{};
-  std::snprintf(name.data(), name.size(), "/frame_%04zu%s.png", frame, suffix);
-  return directory + name.data();
+  return directory + base::formatText("/frame_%04zu%s.png", frame, suffix);
 }
 
 /// The truth along a path: leaf geometry, supersampled. The pictures are kept as PNG files and used again for the same
@@ -289,10 +287,9 @@ Result<std::vector<RunResult>> runComparison(const RunOptions& options,
   for (const Setting& setting : settingsOf(options)) {
     auto run = runOne(options, setting, truth);
     if (!run) return base::within(setting.method, run.error());
-    std::array<char, 128> line{};
-    std::snprintf(line.data(), line.size(), "%-28s %8.2f MB  %6.2f dB  SSIM %.4f  %7.1f ms", run->name().c_str(),
-                  static_cast<double>(run->totalBytes()) / 1e6, run->meanPsnr(), run->meanSsim(), run->medianDrawMs());
-    log(line.data());
+    log(base::formatText("%-28s %8.2f MB  %6.2f dB  SSIM %.4f  %7.1f ms", run->name().c_str(),
+                         static_cast<double>(run->totalBytes()) / 1e6, run->meanPsnr(), run->meanSsim(),
+                         run->medianDrawMs()));
     runs.push_back(std::move(*run));
   }
   LUMIGRID_ASSIGN_OR_RETURN(auto context, describe(options));

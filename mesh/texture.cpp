@@ -5,9 +5,9 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdio>
 
 #include "base/file.h"
+#include "base/format_text.h"
 #include "base/png/png.h"
 
 namespace mesh {
@@ -122,11 +122,8 @@ void TextureBaker::bake(const Texture& texture, std::span<const glm::dvec2> uv, 
 std::string TextureBaker::warning(std::uint64_t vertices) const {
   const double ratio = texels_ / static_cast<double>(std::max<std::uint64_t>(1, vertices));
   if (!(ratio > kMinTexelsToWarn)) return {};
-  std::array<char, 160> text{};
-  std::snprintf(text.data(), text.size(),
-                "its textures have %.1f texels for every vertex; one colour per vertex is kept, what is finer is lost",
-                ratio);
-  return text.data();
+  return base::formatText(
+      "its textures have %.1f texels for every vertex; one colour per vertex is kept, what is finer is lost", ratio);
 }
 
 base::Result<base::Bytes> TextureFiles::read(const std::string& name) const {

@@ -1,12 +1,11 @@
 #include "repository/sampling/shard.h"
 
 #include <algorithm>
-#include <array>
 #include <bit>
 #include <charconv>
-#include <cstdio>
 
 #include "base/check.h"
+#include "base/format_text.h"
 
 namespace repository {
 namespace {
@@ -55,9 +54,7 @@ base::Result<Shard> parseShard(const std::string& text) {
 }
 
 std::string directoryNameOf(const Shard& shard) {
-  std::array<char, 40> name{};
-  std::snprintf(name.data(), name.size(), "shard-%04u-of-%04u", shard.index, shard.count);
-  return name.data();
+  return base::formatText("shard-%04u-of-%04u", shard.index, shard.count);
 }
 
 std::optional<Shard> shardOfDirectoryName(const std::string& name) {

@@ -5,17 +5,19 @@
 #include <chrono>
 #include <deque>
 #include <memory>
+#include <sstream>
 #include <utility>
 #include <vector>
 
 #include "base/egl/headless.h"
+#include "base/format_text.h"
 #include "repository/faces/face_value.h"
 #include "repository/sampling/expected_points.h"
+#include "repository/sampling/parameters.h"
 #include "server/bake/committer.h"
 #include "server/bake/draw_memory.h"
 #include "server/bake/draw_processes.h"
 #include "server/bake/face_maker.h"
-#include "server/bake/store_parameters.h"
 
 // The stages run on threads or in processes of their own: this thread deals out grid points, a FaceMaker draws, reads
 // back and encodes, and the Committer's thread commits. The queues between them are bounded, so a slow disk slows the
@@ -199,6 +201,25 @@ class FaceBake {
   std::unique_ptr<FaceMaker> faces_;  // last: it uses the others
 };
 
+// Nine digits bring a float back exactly.
+std::string number(float v) {
+  return base::formatText("%.9g", static_cast<double>(v));
+}
+
+std::string numbers(const glm::vec3& v) {
+  return "[" + number(v.x) + ", " + number(v.y) + ", " + number(v.z) + "]";
+}
+
+std::string selectionText(const PointSelection& selection) {
+  if (selection.views == 0) return "";
+  std::ostringstream text;
+  text << ",\n\"demand views\": " << selection.views
+       << ",\n\"demand worth\": " << number(static_cast<float>(selection.worth));
+  if (selection.budget_bytes != 0) text << ",\n\"budget\": " << selection.budget_bytes;
+  if (selection.by_viewers) text << ",\n\"demand by viewers\": true";
+  return text.str();
+}
+
 }  // namespace
 
 base::Result<void> checkBakeOptions(const BakeOptions& options) {
@@ -231,6 +252,37 @@ RenderOptions renderOptions(const BakeOptions& options) {
   render.tolerance_px = options.tolerance_px;
   render.supersampling = options.supersampling;
   return render;
+}
+
+std::string storeParameters(const base::Scene& scene, const BakeOptions& options) {
+  const repository::Grid& grid = options.grid;
+  std::string patch_sha256;
+  for (const base::ScenePart& part : scene.parts)
+    if (part.file == "patch.lgp") patch_sha256 = part.sha256;
+  std::ostringstream text;
+  text << "{\n\"version\": 1"
+       << ",\n\"grid\": {\"first\": " << numbers(grid.first) << ", \"spacing\": " << number(grid.spacing)
+       << ", \"count\": [" << grid.count.x << ", " << grid.count.y << ", " << grid.count.z << "]"
+       << ", \"face_size\": " << grid.face_size << "},\n\"quality\": " << options.quality << ",\n\"subsampling\": \""
+       << repository::nameOf(options.subsampling) << "\""
+       << ",\n\"tolerance\": " << number(options.tolerance_px) << ",\n\"supersampling\": " << options.supersampling
+       << ",\n\"light\": \"" << (scene.light.mode == base::LightMode::kUnlit ? "unlit" : "soft") << "\""
+       << ",\n\"light direction\": " << numbers(scene.light.direction) << ",\n\"patch.lgp\": \"" << patch_sha256 << "\""
+       << selectionText(options.selection) << "\n}\n";
+  return options.points ? repository::withTree(text.str(), *options.points) : text.str();
+}
+
+base::Result<void> claimStore(repository::Store& store, const std::string& parameters) {
+  const auto builtWith = [](const std::string& difference) {
+    return base::Error{base::ErrorCode::kExists, "the image repository was built with " + difference +
+                                                     "; give the same options, or --force to build it anew"};
+  };
+  LUMIGRID_ASSIGN_OR_RETURN(const auto stored, store.readMeta());
+  if (stored && *stored != parameters) return builtWith(repository::firstDifference(*stored, parameters));
+  if (stored) return {};
+  LUMIGRID_ASSIGN_OR_RETURN(const auto size, store.size());
+  if (size > 0) return builtWith("unknown parameters");
+  return store.writeMeta(parameters);
 }
 
 base::Result<BakeSummary> bake(const base::Scene& scene, const lod::patch::PatchFile& patches, repository::Store& store,

@@ -71,6 +71,14 @@ base::Result<void> checkBakeOptions(const BakeOptions& options);
 /// How a bake draws its faces.
 RenderOptions renderOptions(const BakeOptions& options);
 
+/// A store records all that decides the bytes of its faces, so that faces of different builds never mix
+/// (docs/formats/repository.md, "Parameters"): JSON with one parameter a line, so that a difference can be told by its
+/// line; with the tree of options.points as the last line where only some points are sampled.
+std::string storeParameters(const base::Scene& scene, const BakeOptions& options);
+
+/// Writes the parameters to a new store. kExists, with the first line that differs, where the store has others.
+base::Result<void> claimStore(repository::Store& store, const std::string& parameters);
+
 /// Renders and stores what the store lacks. `progress` may return false to stop cleanly after the batch in hand
 /// (kCancelled). Errors also: kExists where the store was built with other parameters or points; kNoSpace where
 /// limits.memory_bytes are too few to draw with.

@@ -31,8 +31,8 @@ struct DrawLimits {
 /// 0: no limit. The pictures do not depend on it. Errors: kNoSpace, which says how much is needed at least.
 base::Result<DrawLimits> limitDrawing(const DrawDemand& demand, std::uint64_t memory_bytes);
 
-/// The budget of the one context that samples of faces are drawn with (tune.h, image_bytes.h), beside `other_bytes`.
-/// Errors as limitDrawing.
+/// The budget of the one context that samples of faces are drawn with (tune.h, point_selection.h), beside
+/// `other_bytes`. Errors as limitDrawing.
 base::Result<std::uint64_t> limitSampling(const DrawDemand& demand, std::uint64_t other_bytes,
                                           std::uint64_t memory_bytes);
 

@@ -5,20 +5,23 @@
 #include <map>
 #include <memory>
 #include <tuple>
+#include <unordered_map>
 #include <unordered_set>
 #include <utility>
 #include <vector>
 
+#include "base/egl/headless.h"
 #include "base/file.h"
 #include "base/parallel.h"
 #include "base/view_defaults.h"
 #include "lod/patch/proxy_sight.h"
 #include "plan/point_choice.h"
 #include "repository/sampling/parameters.h"
+#include "server/bake/draw_memory.h"
 #include "server/bake/enclosed.h"
-#include "server/bake/image_bytes.h"
-#include "server/bake/random_views.h"
-#include "server/bake/store_parameters.h"
+#include "server/bake/face_encoder.h"
+#include "server/bake/face_sample.h"
+#include "server/render/scene_renderer.h"
 
 namespace server {
 namespace {
@@ -115,6 +118,105 @@ std::vector<glm::uvec3> mostUsed(const Worth& worth, double share) {
   for (std::size_t i = 0; i + dropped < ranked.size(); ++i) kept.push_back(ranked[i].second);
   std::sort(kept.begin(), kept.end(), comesFirst);
   return kept;
+}
+
+/// Points that an estimate draws at most: 384 faces, which take some seconds with software GL.
+constexpr std::size_t kEstimatePoints = 64;
+constexpr double kStandardErrors = 2.0;  // above the mean: a normal variable is higher in 2.3 % of cases
+
+// Orders points as if at random, but the same everywhere (SplitMix64's finalizer; Steele, Lea, Flood 2014): the points
+// that come first are a random sample of any set, and of its subsets too.
+std::uint64_t shuffled(std::uint64_t code) {
+  code = (code ^ code >> 30) * 0xBF58476D1CE4E5B9U;
+  code = (code ^ code >> 27) * 0x94D049BB133111EBU;
+  return code ^ code >> 31;
+}
+
+std::vector<glm::uvec3> sampleOf(std::vector<glm::uvec3> points) {
+  const std::size_t count = std::min(points.size(), kEstimatePoints);
+  std::partial_sort(points.begin(), points.begin() + static_cast<std::ptrdiff_t>(count), points.end(),
+                    [](const auto& a, const auto& b) {
+                      return shuffled(repository::codeOfPoint(a)) < shuffled(repository::codeOfPoint(b));
+                    });
+  points.resize(count);
+  return points;
+}
+
+/// Estimates how many bytes the images of sampling points will take, from a few of them that it draws and encodes.
+/// Draws with a GL context of its own on the thread that calls; nothing else may use that thread's context meanwhile.
+class ImageBytes {
+ public:
+  /// All must outlive it. Errors as tuneScene().
+  static base::Result<std::unique_ptr<ImageBytes>> create(const base::Scene& scene,
+                                                          const lod::patch::PatchFile& patches,
+                                                          const BakeOptions& options);
+  /// An upper estimate of the bytes that the store's values of all faces at these points take: the true sum is higher
+  /// in one of forty cases. Exact for up to kEstimatePoints points. The same points give the same estimate, and most
+  /// points that were drawn for one estimate serve for the next when only some points are gone. Errors: those of
+  /// drawing and encoding.
+  base::Result<std::uint64_t> estimate(const std::vector<glm::uvec3>& points);
+
+ private:
+  ImageBytes(const BakeOptions& options) : options_(options) {}
+  base::Result<void> measure(const std::vector<glm::uvec3>& points);
+
+  const BakeOptions& options_;
+  std::unique_ptr<base::HeadlessContext> context_;
+  std::unique_ptr<SceneRenderer> renderer_;                 // goes before its context
+  std::unordered_map<std::uint64_t, std::uint64_t> bytes_;  // bytes of a point's six faces, by its code
+};
+
+base::Result<std::unique_ptr<ImageBytes>> ImageBytes::create(const base::Scene& scene,
+                                                             const lod::patch::PatchFile& patches,
+                                                             const BakeOptions& options) {
+  std::unique_ptr<ImageBytes> bytes(new ImageBytes(options));
+  LUMIGRID_ASSIGN_OR_RETURN(bytes->context_, base::HeadlessContext::create());
+  LUMIGRID_ASSIGN_OR_RETURN(const auto budget,
+                            limitSampling({patches.hierarchy(), options.grid.face_size, renderOptions(options)}, 0,
+                                          options.limits.resolved().memory_bytes));
+  LUMIGRID_ASSIGN_OR_RETURN(bytes->renderer_, SceneRenderer::create(scene, patches, budget));
+  return bytes;
+}
+
+base::Result<std::uint64_t> ImageBytes::estimate(const std::vector<glm::uvec3>& points) {
+  if (points.empty()) return std::uint64_t{0};
+  const std::vector<glm::uvec3> sample = sampleOf(points);
+  LUMIGRID_TRY(measure(sample));
+  double sum = 0.0;
+  double squares = 0.0;
+  for (const glm::uvec3& point : sample) {
+    const auto bytes = static_cast<double>(bytes_.at(repository::codeOfPoint(point)));
+    sum += bytes;
+    squares += bytes * bytes;
+  }
+  if (sample.size() == points.size()) return static_cast<std::uint64_t>(sum);
+  // The mean of a sample without replacement (Cochran 1977, section 2.6).
+  const auto n = static_cast<double>(sample.size());
+  const auto all = static_cast<double>(points.size());
+  const double mean = sum / n;
+  const double variance = std::max(0.0, (squares - n * mean * mean) / (n - 1.0));
+  const double standard_error = std::sqrt(variance / n * (1.0 - n / all));
+  return static_cast<std::uint64_t>(all * (mean + kStandardErrors * standard_error));
+}
+
+base::Result<void> ImageBytes::measure(const std::vector<glm::uvec3>& points) {
+  std::optional<base::Error> failed;
+  for (const glm::uvec3& point : points) {
+    const auto [bytes, is_new] = bytes_.try_emplace(repository::codeOfPoint(point), 0);
+    if (!is_new) continue;
+    std::vector<repository::FaceKey> keys;
+    for (std::uint32_t d = 0; d < 6; ++d) keys.push_back({point.x, point.y, point.z, d});
+    const auto add = [this, &failed, sum = &bytes->second](std::size_t, RenderedPicture rendered) {
+      const auto face = encodeFace(rendered.rgba, options_.quality, options_.subsampling);
+      if (face)
+        *sum += face->value.size();
+      else
+        failed = face.error();
+    };
+    LUMIGRID_TRY(renderer_->renderMany(faceCameras(*renderer_, options_.grid, keys), renderOptions(options_), add));
+  }
+  LUMIGRID_TRY(renderer_->finish());
+  return failed ? base::Result<void>(*failed) : base::Result<void>();
 }
 
 // Begins with the points that the views choose of the whole grid, then drops some of them, least used first.

@@ -12,13 +12,13 @@
 #include "lod/patch/format.h"
 #include "repository/sampling/sample_tree.h"
 #include "server/bake/bake.h"
-#include "server/bake/viewer_places.h"
+#include "server/bake/random_views.h"
 
 namespace server {
 
 /// The points for options.selection, as a tree whose leaves are single steps around them; all other points are left
 /// out. Points are dropped, least used first, as long as the choice for the views is worth at least selection.worth of
-/// what it is worth with the whole grid, and further until the images fit into selection.budget_bytes (image_bytes.h;
+/// what it is worth with the whole grid, and further until the images fit into selection.budget_bytes (estimated;
 /// GL draws with options' quality then). `places`: where viewers were, for selection.by_viewers, else null.
 ///
 /// The same input gives the same tree on any number of threads; other processors may round otherwise, so processes that

@@ -1,15 +1,62 @@
 #pragma once
-// Random views of a scene: the held-out views of `lumigrid tour --random`, and the views for which sampling points are
-// selected.
+// Random views of a scene, from anywhere or from where its viewers were: the held-out views of `lumigrid tour
+// --random`, and the views for which sampling points are selected.
 #include <cstdint>
+#include <glm/glm.hpp>
+#include <random>
+#include <string>
 #include <vector>
 
 #include "base/camera.h"
+#include "base/error.h"
 #include "base/json/scene_file.h"
+#include "repository/access.h"
 #include "server/bake/enclosed.h"
-#include "server/bake/viewer_places.h"
 
 namespace server {
+
+/// Random numbers that are the same with every standard library, uniform in [0, 1). std::uniform_real_distribution is
+/// another in every library; std::mt19937 is not.
+class UnitRandom {
+ public:
+  explicit UnitRandom(std::uint32_t seed) : random_(seed) {}
+  double operator()() { return static_cast<double>(random_()) / 4294967296.0; }
+
+ private:
+  std::mt19937 random_;
+};
+
+/// Where the viewers of a scene were and which way they looked, from its access counts (docs/formats/access.md).
+/// Okamoto 2011 names sampling by access frequency as future work.
+///
+/// The counts tell which faces were sent, not where eyes were. Faces are sent of points around an eye and between it
+/// and the surface that it sees, so a view from a face's point into that face shows what some viewer looked at.
+class ViewerPlaces {
+ public:
+  /// The counts of a scene's file, on that scene's own grid; at least one face was sent. `offset` moves its scene-local
+  /// places to another scene's.
+  explicit ViewerPlaces(const repository::AccessFile& file, const glm::vec3& offset = glm::vec3(0.0F));
+  /// Reads SCENE/access.lga and SCENE/scene.json; places become local to `origin`, world. Errors: kNotFound where
+  /// nobody has counted; kInvalidInput where no image was ever sent.
+  static base::Result<ViewerPlaces> ofScene(const std::string& directory, const glm::dvec3& origin);
+
+  struct Pose {
+    glm::vec3 position{0.0F};   ///< scene-local
+    glm::vec3 direction{0.0F};  ///< unit
+  };
+  /// A face is drawn as often as it was sent; the position lies within half a grid step of its point along each axis,
+  /// the direction within its 90° square.
+  Pose draw(UnitRandom& random) const;
+
+ private:
+  struct SentFace {
+    glm::vec3 point;
+    std::uint32_t d = 0;
+    std::uint64_t sent_until = 0;  ///< sum of what was sent of this face and of those before it
+  };
+  std::vector<SentFace> faces_;
+  float spacing_ = 0.0F;
+};
 
 struct RandomViews {
   std::size_t count = 16;

@@ -3,12 +3,12 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdio>
 #include <optional>
 #include <string>
 
 #include "base/check.h"
 #include "base/egl/headless.h"
+#include "base/format_text.h"
 #include "base/parallel.h"
 #include "base/picture_error.h"
 #include "server/bake/draw_memory.h"
@@ -94,11 +94,10 @@ std::uint64_t sampleBytes(const BakeOptions& options, std::size_t faces) {
 }
 
 base::Error outOfReach(double psnr_db, double best_db) {
-  std::array<char, 160> text{};
-  std::snprintf(text.data(), text.size(),
-                "JPEG reaches %.2f dB at most on this scene's faces (quality 100, full chroma), not %g; ask for less",
-                std::floor(best_db * 100.0) / 100.0, psnr_db);
-  return {base::ErrorCode::kInvalidInput, text.data()};
+  return {base::ErrorCode::kInvalidInput,
+          base::formatText("JPEG reaches %.2f dB at most on this scene's faces (quality 100, full chroma), not %g; ask "
+                           "for less",
+                           std::floor(best_db * 100.0) / 100.0, psnr_db)};
 }
 
 }  // namespace

@@ -6,18 +6,19 @@
 #include <array>
 #include <cstdio>
 #include <filesystem>
+#include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <set>
 
 #include "base/file.h"
+#include "base/hash/sha256.h"
 #include "base/json/annotations_file.h"
 #include "base/stopwatch.h"
 #include "repository/objects/open_objects.h"
 #include "repository/packs/pack_format.h"
 #include "server/cli/commands.h"
 #include "server/cli/console.h"
-#include "server/cli/published_page.h"
 #include "server/net/open_scene.h"
 #include "server/net/page_files.h"
 
@@ -27,6 +28,7 @@ namespace {
 using base::Error;
 using base::ErrorCode;
 using base::Result;
+using nlohmann::json;
 
 struct PublishArguments {
   std::string scene, destination;
@@ -34,6 +36,12 @@ struct PublishArguments {
   std::string viewer = "auto";  // or "on", "off"
   std::string web;              // folder of the page's files; empty: where they are installed
   bool prune = false, json = false, quiet = false;
+};
+
+struct PublishedPage {
+  std::uint64_t files = 0;
+  std::uint64_t bytes_written = 0;
+  std::uint64_t pruned = 0;
 };
 
 struct PublishReport {
@@ -121,7 +129,7 @@ bool isPublishersName(const std::string& name) {
 }
 
 // Removes objects of earlier versions that this one does not have.
-Result<void> prune(const base::Scene& scene, repository::ObjectSink& sink, PublishReport& report) {
+Result<void> removeOldObjects(const base::Scene& scene, repository::ObjectSink& sink, PublishReport& report) {
   std::set<std::string> current;
   for (const base::ScenePart& part : scene.parts) current.insert(part.file);
   if (report.images) current.insert(report.images->pack_names.begin(), report.images->pack_names.end());
@@ -132,6 +140,173 @@ Result<void> prune(const base::Scene& scene, repository::ObjectSink& sink, Publi
     ++report.pruned;
   }
   return {};
+}
+
+// ---- The browser client beside the scene, so that the place opens in a browser with no server of ours
+
+/// The object that lists the page's files at the place, each with its SHA-256: other files are somebody else's, and are
+/// not replaced.
+constexpr const char* kPageList = "lumigrid-page.json";
+constexpr const char* kRoot = "index.html";
+constexpr std::uint64_t kMaxListBytes = 1 << 20;  // a list of the page's 40 files has some 5 kB
+
+struct Object {
+  base::ByteView bytes;
+  std::string type;
+  std::string sha256;
+};
+/// By name. Compressed forms stand beside their files, for servers that can send them.
+using Objects = std::map<std::string, Object>;
+using Hashes = std::map<std::string, std::string>;  // name → SHA-256 in hexadecimal digits
+
+std::string hashOf(base::ByteView bytes) {
+  return base::hexOf(base::sha256(bytes));
+}
+
+Objects objectsOf(const PageFiles& pages, base::ByteView root) {
+  Objects objects;
+  for (const auto& [name, file] : pages) {
+    if (name == kRoot) {
+      objects[name] = {root, file.type, hashOf(root)};
+      continue;
+    }
+    objects[name] = {file.plain.bytes, file.type, hashOf(file.plain.bytes)};
+    if (!file.gzip.etag.empty()) objects[name + ".gz"] = {file.gzip.bytes, "application/gzip", hashOf(file.gzip.bytes)};
+    if (!file.brotli.etag.empty())
+      objects[name + ".br"] = {file.brotli.bytes, "application/octet-stream", hashOf(file.brotli.bytes)};
+  }
+  return objects;
+}
+
+Result<void> setMeta(std::string& html, const std::string& name, const std::string& content) {
+  const std::string front = "<meta name=\"" + name + "\" content=\"";
+  const std::size_t at = html.find(front + "\">");
+  if (at == std::string::npos)
+    return Error{ErrorCode::kInvalidInput,
+                 "the page's index.html lacks " + front +
+                     "\">; build the preset web again, or leave the page out with --viewer off"};
+  html.insert(at + front.size(), content);
+  return {};
+}
+
+/// The page's index.html, told to show the scene beside it.
+Result<base::Bytes> rootBesideScene(const base::Bytes& html, bool splats_only) {
+  std::string text(html.begin(), html.end());
+  LUMIGRID_TRY(setMeta(text, "lumigrid-scene", "scene.json"));
+  if (splats_only) LUMIGRID_TRY(setMeta(text, "lumigrid-method", "qsplat"));
+  return base::Bytes(text.begin(), text.end());
+}
+
+bool isCompressedForm(const std::string& name, const Objects& objects) {
+  return (name.ends_with(".gz") || name.ends_with(".br")) && objects.contains(name.substr(0, name.size() - 3));
+}
+
+bool isScenes(const std::string& name) {
+  return name == "scene.json" || name == "annotations.json" || name == kPageList || name.starts_with("images/") ||
+         name.ends_with(".lgp") || name.ends_with(".lgq");
+}
+
+/// The files that the last publisher wrote; none where there is no list.
+Result<Hashes> readList(repository::ObjectSink& sink, const repository::ObjectSource& source) {
+  LUMIGRID_ASSIGN_OR_RETURN(auto size, sink.size(kPageList));
+  if (!size) return Hashes();
+  const Error bad{ErrorCode::kInvalidInput, source.place() + "/" + kPageList +
+                                                ": cannot be read; remove the page's files there and publish again"};
+  if (*size > kMaxListBytes) return bad;
+  LUMIGRID_ASSIGN_OR_RETURN(auto bytes, source.read(kPageList, 0, *size));
+  const json list = json::parse(bytes.begin(), bytes.end(), nullptr, false);
+  if (!list.is_object() || !list.contains("version") || list["version"] != 1 || !list.contains("files") ||
+      !list["files"].is_object())
+    return bad;
+  Hashes hashes;
+  for (const auto& [name, hash] : list["files"].items()) {
+    if (!repository::isObjectName(name) || isScenes(name) || !hash.is_string()) return bad;
+    hashes[name] = hash.get<std::string>();
+  }
+  return hashes;
+}
+
+/// The names that must be written. A file that is there already must be as a publisher left it, or as it would be
+/// written.
+Result<std::set<std::string>> namesToWrite(const Objects& objects, const Hashes& before, repository::ObjectSink& sink,
+                                           const repository::ObjectSource& source) {
+  std::set<std::string> names;
+  for (const auto& [name, object] : objects) {
+    if (isScenes(name))
+      return Error{ErrorCode::kInvalidInput, "a file of the page has the name '" + name + "' of one of a scene's"};
+    LUMIGRID_ASSIGN_OR_RETURN(auto size, sink.size(name));
+    if (!size) {
+      names.insert(name);
+      continue;
+    }
+    LUMIGRID_ASSIGN_OR_RETURN(auto there, source.read(name, 0, *size));
+    const std::string hash = hashOf(there);
+    if (hash == object.sha256) continue;
+    const auto ours = before.find(name);
+    if (ours == before.end() || ours->second != hash)
+      return Error{ErrorCode::kExists, source.place() + "/" + name +
+                                           ": was not written by `lumigrid publish`; move it away, or leave the page "
+                                           "out with --viewer off"};
+    names.insert(name);
+  }
+  return names;
+}
+
+/// Returns whether the file was removed: one that somebody has changed since is theirs, and stays.
+Result<bool> removeIfOurs(const std::string& name, const std::string& hash, repository::ObjectSink& sink,
+                          const repository::ObjectSource& source) {
+  LUMIGRID_ASSIGN_OR_RETURN(auto size, sink.size(name));
+  if (!size) return false;
+  LUMIGRID_ASSIGN_OR_RETURN(auto there, source.read(name, 0, *size));
+  if (hashOf(there) != hash) return false;
+  LUMIGRID_TRY(sink.remove(name));
+  return true;
+}
+
+Result<void> putList(const Hashes& hashes, repository::ObjectSink& sink) {
+  const std::string text = json{{"version", 1}, {"files", hashes}}.dump(1) + "\n";
+  return sink.put(kPageList, base::viewOfText(text), "application/json");
+}
+
+/// Writes the files that are not there already, index.html after all that it names, then the list. `place` is the
+/// sink's, to read from.
+///
+/// index.html is told in its <meta name="lumigrid-scene"> where the scene is, and in <meta name="lumigrid-method">
+/// whether it has splats only, so its compressed forms are left out; kInvalidInput where it has no such elements.
+/// A file that an earlier call did not write is never replaced: kExists, naming it, before anything is written.
+/// `prune` removes files of earlier pages that this one does not have. Otherwise they stay for pages that are open
+/// somewhere, but for compressed forms of files that this page has: they would be sent in these files' place.
+Result<PublishedPage> publishPage(const PageFiles& pages, const std::string& place, repository::ObjectSink& sink,
+                                  bool splats_only, bool prune) {
+  LUMIGRID_ASSIGN_OR_RETURN(auto source, repository::openObjectSource(place));
+  LUMIGRID_ASSIGN_OR_RETURN(const auto root, rootBesideScene(pages.at(kRoot).plain.bytes, splats_only));
+  const Objects objects = objectsOf(pages, root);
+  LUMIGRID_ASSIGN_OR_RETURN(const auto before, readList(sink, *source));
+  LUMIGRID_ASSIGN_OR_RETURN(auto names, namesToWrite(objects, before, sink, *source));
+
+  PublishedPage done{objects.size(), 0, 0};
+  const auto write = [&](const std::string& name) -> Result<void> {
+    const Object& object = objects.at(name);
+    done.bytes_written += object.bytes.size();
+    return sink.put(name, object.bytes, object.type);
+  };
+  for (const std::string& name : names)
+    if (name != kRoot) LUMIGRID_TRY(write(name));
+  if (names.contains(kRoot)) LUMIGRID_TRY(write(kRoot));
+
+  Hashes after;
+  for (const auto& [name, object] : objects) after[name] = object.sha256;
+  for (const auto& [name, hash] : before) {
+    if (after.contains(name)) continue;
+    if (!prune && !isCompressedForm(name, objects)) {
+      after[name] = hash;
+      continue;
+    }
+    LUMIGRID_ASSIGN_OR_RETURN(auto removed, removeIfOurs(name, hash, sink, *source));
+    if (removed) ++done.pruned;
+  }
+  if (after != before) LUMIGRID_TRY(putList(after, sink));
+  return done;
 }
 
 // The page's files where they are asked for, or not refused and there.
@@ -161,6 +336,8 @@ Result<void> publishPageTo(const PublishArguments& a, const PageFiles& pages, bo
   report.page = *page;
   return {};
 }
+
+// ---- The command
 
 // Annotations keep their name: they may change without the scene.
 Result<void> publishAnnotations(const PublishArguments& a, const std::optional<base::AnnotationsText>& annotations,
@@ -206,16 +383,16 @@ Result<PublishReport> publish(const PublishArguments& a) {
   LUMIGRID_TRY(publishAnnotations(a, annotations, *sink, report));
   // All objects that scene.json names are there, so it may be seen.
   LUMIGRID_TRY(sink->put("scene.json", base::viewOfText(base::formatScene(scene)), "application/json"));
-  if (a.prune) LUMIGRID_TRY(prune(scene, *sink, report));
+  if (a.prune) LUMIGRID_TRY(removeOldObjects(scene, *sink, report));
   report.seconds = watch.seconds();
   return report;
 }
 
 void print(const PublishArguments& a, const PublishReport& r) {
   if (a.json) {
-    nlohmann::json j{{"scene", a.scene},           {"destination", a.destination},
-                     {"part_bytes", r.part_bytes}, {"bytes_written", r.bytes_written},
-                     {"pruned", r.pruned},         {"seconds", r.seconds}};
+    json j{{"scene", a.scene},           {"destination", a.destination},
+           {"part_bytes", r.part_bytes}, {"bytes_written", r.bytes_written},
+           {"pruned", r.pruned},         {"seconds", r.seconds}};
     if (r.page) j["page_files"] = r.page->files;
     if (r.annotations) j["annotations"] = *r.annotations;
     if (r.images)

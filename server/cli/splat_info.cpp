@@ -1,9 +1,8 @@
 #include "server/cli/splat_info.h"
 
 #include <algorithm>
-#include <array>
-#include <cstdio>
 
+#include "base/format_text.h"
 #include "server/cli/console.h"
 
 namespace server::cli {
@@ -27,16 +26,14 @@ nlohmann::json splatsJson(const lod::qsplat::Header& header) {
 std::string describeSplats(const nlohmann::json& splats) {
   const auto count = [&](const char* name) { return formatCount(splats[name].get<std::uint64_t>()); };
   const bool coded = splats["coded"].get<bool>();
-  std::array<char, 256> text{};
-  std::snprintf(text.data(), text.size(),
-                "%s leaves in %s nodes of %u bytes, %u levels; %s%s, %.2f bytes a leaf, %.1f %% of %s pointers, %.2f "
-                "children a node",
-                count("leaves").c_str(), count("nodes").c_str(), splats["node_bytes"].get<unsigned>(),
-                splats["levels"].get<unsigned>(), formatBytes(splats["bytes"].get<std::uint64_t>()).c_str(),
-                coded ? (" coded, " + formatBytes(splats["plain_bytes"].get<std::uint64_t>()) + " plain").c_str() : "",
-                splats["bytes_per_leaf"].get<double>(), 100.0 * splats["pointer_share"].get<double>(),
-                coded ? "the plain form" : "it", splats["branching"].get<double>());
-  return text.data();
+  return base::formatText(
+      "%s leaves in %s nodes of %u bytes, %u levels; %s%s, %.2f bytes a leaf, %.1f %% of %s pointers, %.2f "
+      "children a node",
+      count("leaves").c_str(), count("nodes").c_str(), splats["node_bytes"].get<unsigned>(),
+      splats["levels"].get<unsigned>(), formatBytes(splats["bytes"].get<std::uint64_t>()).c_str(),
+      coded ? (" coded, " + formatBytes(splats["plain_bytes"].get<std::uint64_t>()) + " plain").c_str() : "",
+      splats["bytes_per_leaf"].get<double>(), 100.0 * splats["pointer_share"].get<double>(),
+      coded ? "the plain form" : "it", splats["branching"].get<double>());
 }
 
 }  // namespace server::cli

@@ -1,11 +1,10 @@
 #include "server/cli/tuned.h"
 
-#include <array>
 #include <charconv>
 #include <cmath>
-#include <cstdio>
 #include <utility>
 
+#include "base/format_text.h"
 #include "server/cli/console.h"
 
 namespace server::cli {
@@ -59,11 +58,9 @@ Parameters withoutEncoding(Parameters parameters) {
 
 void storeChoice(const TuneChoice& choice, Parameters& parameters) {
   const auto put = [&](const char* name, const std::string& value) { parameters[kPrefix + std::string(name)] = value; };
-  std::array<char, 32> psnr{};
-  std::snprintf(psnr.data(), psnr.size(), "%.17g", choice.psnr_db);
   put("quality", std::to_string(choice.quality));
   put("subsampling", repository::nameOf(choice.subsampling));
-  put("psnr", psnr.data());
+  put("psnr", base::formatText("%.17g", choice.psnr_db));
   put("jpeg-bytes", std::to_string(choice.jpeg_bytes));
   put("faces", std::to_string(choice.faces));
 }
@@ -79,11 +76,9 @@ base::Result<std::optional<TuneChoice>> storedChoice(const Parameters& parameter
 }
 
 std::string describeChoice(const TuneChoice& choice) {
-  std::array<char, 160> text{};
-  std::snprintf(text.data(), text.size(), "quality %d, %s: %.2f dB on %zu faces, %s an image", choice.quality,
-                repository::nameOf(choice.subsampling), choice.psnr_db, choice.faces,
-                formatBytes(choice.jpeg_bytes / choice.faces).c_str());
-  return text.data();
+  return base::formatText("quality %d, %s: %.2f dB on %zu faces, %s an image", choice.quality,
+                          repository::nameOf(choice.subsampling), choice.psnr_db, choice.faces,
+                          formatBytes(choice.jpeg_bytes / choice.faces).c_str());
 }
 
 nlohmann::json tunedJson(const TuneChoice& choice) {

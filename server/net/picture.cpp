@@ -1,13 +1,12 @@
 #include "server/net/picture.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <cstdio>
 #include <glm/gtc/constants.hpp>
 #include <string>
 #include <utility>
 
+#include "base/format_text.h"
 #include "base/number.h"
 #include "base/png/png.h"
 #include "protocol/message.h"
@@ -72,11 +71,8 @@ base::Result<void> readNumber(Values& values, const std::string& name, double ab
   const auto text = values.removeValue(name);
   if (!text) return {};
   const auto number = base::parseNumber(*text);
-  if (!number || !(*number > above) || *number > most) {
-    std::array<char, 80> limits{};
-    std::snprintf(limits.data(), limits.size(), " must be a number above %g and at most %g", above, most);
-    return wrong(name + limits.data());
-  }
+  if (!number || !(*number > above) || *number > most)
+    return wrong(name + base::formatText(" must be a number above %g and at most %g", above, most));
   to = *number;
   return {};
 }

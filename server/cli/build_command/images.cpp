@@ -1,6 +1,5 @@
 #include "server/cli/build_command/images.h"
 
-#include <array>
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
@@ -8,6 +7,7 @@
 #include <utility>
 
 #include "base/file.h"
+#include "base/format_text.h"
 #include "lod/patch/format.h"
 #include "repository/sampling/grid.h"
 #include "repository/sampling/shard.h"
@@ -15,8 +15,7 @@
 #include "repository/verify.h"
 #include "server/bake/bake.h"
 #include "server/bake/point_selection.h"
-#include "server/bake/store_parameters.h"
-#include "server/bake/viewer_places.h"
+#include "server/bake/random_views.h"
 #include "server/cli/commands.h"
 #include "server/cli/scene_images.h"
 #include "server/cli/shard_choice.h"
@@ -129,11 +128,9 @@ std::function<bool(const BakeProgress&)> progressOn(ProgressLine& line, const re
   const std::string stage =
       shard.count > 1 ? "images " + std::to_string(shard.index) + "/" + std::to_string(shard.count) : "images";
   return [&line, stage](const BakeProgress& p) {
-    std::array<char, 64> rate{};
-    std::snprintf(rate.data(), rate.size(), "%.1f images/s", p.faces_per_second);
     const auto done = static_cast<double>(p.faces_done + p.faces_skipped);
     line.show(stage, p.faces_total == 0 ? 1.0 : done / static_cast<double>(p.faces_total),
-              std::string(rate.data()) + ", " + formatBytes(p.stored_bytes));
+              base::formatText("%.1f images/s, ", p.faces_per_second) + formatBytes(p.stored_bytes));
     return !stopRequested();
   };
 }

@@ -1,13 +1,13 @@
 #include "server/cli/build_command/methods.h"
 
 #include <algorithm>
-#include <array>
 #include <cstdio>
 #include <filesystem>
 #include <future>
 #include <utility>
 
 #include "base/crc32c.h"
+#include "base/format_text.h"
 
 namespace server::cli {
 namespace {
@@ -42,10 +42,8 @@ class PartFile {
 std::string workDirectory(const BuildArguments& a, const FileMethod& method) {
   if (a.tmpdir.empty()) return a.output + "/" + method.work_files;
   const std::string output = fs::absolute(a.output).lexically_normal().string();
-  std::array<char, 16> name{};
-  std::snprintf(name.data(), name.size(), "%08x", base::crc32c(base::viewOfText(output)));
   const std::string suffix = method.file == std::string(kPatches.file) ? "" : std::string("-") + method.method;
-  return a.tmpdir + "/lumigrid-" + name.data() + suffix;
+  return a.tmpdir + base::formatText("/lumigrid-%08x", base::crc32c(base::viewOfText(output))) + suffix;
 }
 
 // The hashes of the sources decide the hierarchy besides its own options. `sources` must outlive the key.

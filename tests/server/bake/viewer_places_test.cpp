@@ -1,4 +1,4 @@
-#include "server/bake/viewer_places.h"
+#include "server/bake/random_views.h"
 
 #include <gtest/gtest.h>
 
