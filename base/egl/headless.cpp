@@ -5,10 +5,11 @@
 #include <GLES3/gl3.h>
 
 #include <array>
-#include <cstdio>
 #include <cstdlib>
 #include <string_view>
 #include <vector>
+
+#include "base/format_text.h"
 
 namespace base {
 namespace {
@@ -26,9 +27,7 @@ bool hasExtension(const char* list, std::string_view wanted) {
 }
 
 std::string eglErrorText() {
-  std::array<char, 16> text{};
-  std::snprintf(text.data(), text.size(), "0x%04x", static_cast<unsigned>(eglGetError()));
-  return text.data();
+  return formatText("0x%04x", static_cast<unsigned>(eglGetError()));
 }
 
 template <class Function>

@@ -1,9 +1,8 @@
+#include "base/format_text.h"
 #include "client/app/app.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <cstdio>
 #include <utility>
 
 #include "client/app/permalink.h"
@@ -13,9 +12,7 @@ namespace {
 
 /// Writes a number so that it reads back as the same double.
 std::string exact(double value) {
-  std::array<char, 32> text{};
-  std::snprintf(text.data(), text.size(), "%.17g", value);
-  return text.data();
+  return base::formatText("%.17g", value);
 }
 
 std::string exact(const glm::dvec3& v) {

@@ -1,10 +1,10 @@
 #include "client/app/measure.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <cstdio>
 #include <glm/gtc/constants.hpp>
+
+#include "base/format_text.h"
 
 namespace client {
 namespace {
@@ -19,9 +19,7 @@ int exponentOf(double value) {
 }
 
 std::string fixed(double value, int decimals) {
-  std::array<char, 400> buffer{};
-  std::snprintf(buffer.data(), buffer.size(), "%.*f", decimals, value);
-  return buffer.data();
+  return base::formatText("%.*f", decimals, value);
 }
 
 /// Returns the number of decimals that ends at the first digit of the accuracy.

@@ -3,10 +3,10 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <cstdio>
 #include <glm/gtc/constants.hpp>
 #include <optional>
 
+#include "base/format_text.h"
 #include "base/number.h"
 #include "protocol/message.h"
 
@@ -32,9 +32,7 @@ base::Error bad(const std::string& problem) {
 
 /// Writes fixed point without zeros at the end, and without a minus before zero.
 std::string fixed(double value, int decimals) {
-  std::array<char, 400> buffer{};
-  std::snprintf(buffer.data(), buffer.size(), "%.*f", decimals, value);
-  std::string text = buffer.data();
+  std::string text = base::formatText("%.*f", decimals, value);
   if (text.find('.') != std::string::npos) {
     text.erase(text.find_last_not_of('0') + 1);
     if (text.back() == '.') text.pop_back();
@@ -43,9 +41,7 @@ std::string fixed(double value, int decimals) {
 }
 
 std::string significant(double value) {
-  std::array<char, 40> buffer{};
-  std::snprintf(buffer.data(), buffer.size(), "%.9g", value);
-  return buffer.data();
+  return base::formatText("%.9g", value);
 }
 
 /// Reads a number within ±limit that is the whole text.

@@ -1,9 +1,9 @@
 #include "client/native/answer_json.h"
 
-#include <array>
 #include <cmath>
-#include <cstdio>
 #include <nlohmann/json.hpp>
+
+#include "base/format_text.h"
 
 namespace client {
 namespace {
@@ -52,10 +52,8 @@ bool readVector(const json& object, const char* key, glm::dvec3& v) {
 }  // namespace
 
 std::string pickTarget(const glm::dvec3& origin, const glm::dvec3& direction) {
-  std::array<char, 256> buffer{};
-  std::snprintf(buffer.data(), buffer.size(), "/pick?ox=%.17g&oy=%.17g&oz=%.17g&dx=%.17g&dy=%.17g&dz=%.17g", origin.x,
-                origin.y, origin.z, direction.x, direction.y, direction.z);
-  return buffer.data();
+  return base::formatText("/pick?ox=%.17g&oy=%.17g&oz=%.17g&dx=%.17g&dy=%.17g&dz=%.17g", origin.x, origin.y, origin.z,
+                          direction.x, direction.y, direction.z);
 }
 
 base::Result<PickAnswer> parsePickAnswer(base::ByteView text) {

@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <chrono>
-#include <cstdio>
 #include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
@@ -13,6 +12,7 @@
 
 #include "base/egl/headless.h"
 #include "base/file.h"
+#include "base/format_text.h"
 #include "base/gl/gl.h"
 #include "base/png/png.h"
 #include "client/native/jpeg_decoder.h"
@@ -186,9 +186,7 @@ base::Result<void> HeadlessRun::waitUntil(double seconds, const base::ViewCamera
 
 base::Result<void> HeadlessRun::saveFrame(const HeadlessFrame& frame) {
   if (options_.out_dir.empty()) return {};
-  char name[32];
-  std::snprintf(name, sizeof(name), "/frame_%04zu.png", frame.index);
-  LUMIGRID_TRY(base::writePng(frame.image, options_.out_dir + name));
+  LUMIGRID_TRY(base::writePng(frame.image, options_.out_dir + base::formatText("/frame_%04zu.png", frame.index)));
   lines_ += formatHeadlessFrame(frame) + "\n";
   return {};
 }

@@ -2,9 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <ctime>
 #include <filesystem>
+
+#include "base/format_text.h"
 
 namespace client {
 
@@ -37,10 +38,9 @@ std::string renderTarget(const Request& request, const std::array<float, 4>& bac
   const auto byte = [](float share) {
     return static_cast<unsigned>(std::lround(255.0F * std::clamp(share, 0.0F, 1.0F)));
   };
-  std::array<char, 80> rest{};
-  std::snprintf(rest.data(), rest.size(), "&width=%d&height=%d&background=%02x%02x%02x", request.camera.width,
-                request.camera.height, byte(background[0]), byte(background[1]), byte(background[2]));
-  return "/render?" + request.text + rest.data();
+  return "/render?" + request.text +
+         base::formatText("&width=%d&height=%d&background=%02x%02x%02x", request.camera.width, request.camera.height,
+                          byte(background[0]), byte(background[1]), byte(background[2]));
 }
 
 }  // namespace client

@@ -6,6 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "base/file.h"
+#include "base/format_text.h"
 #include "client/app/permalink.h"
 
 namespace client {
@@ -133,9 +134,7 @@ base::Result<void> writeSettings(const std::string& directory, const Settings& s
 }
 
 std::string bookmarkKey(const protocol::Welcome& welcome) {
-  std::array<char, 128> origin{};
-  std::snprintf(origin.data(), origin.size(), "@%.9g,%.9g,%.9g", welcome.origin.x, welcome.origin.y, welcome.origin.z);
-  return welcome.scene_name + origin.data();
+  return welcome.scene_name + base::formatText("@%.9g,%.9g,%.9g", welcome.origin.x, welcome.origin.y, welcome.origin.z);
 }
 
 base::Result<Bookmarks> readBookmarks(const std::string& directory, const std::string& scene) {

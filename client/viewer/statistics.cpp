@@ -1,9 +1,8 @@
 #include "client/viewer/statistics.h"
 
 #include <array>
-#include <cstdarg>
-#include <cstdio>
 
+#include "base/format_text.h"
 #include "base/text.h"
 
 namespace client {
@@ -11,15 +10,7 @@ namespace {
 
 using base::formatBytes;
 using base::formatCount;
-
-__attribute__((format(printf, 1, 2))) std::string format(const char* pattern, ...) {
-  std::array<char, 256> buffer{};
-  va_list values;
-  va_start(values, pattern);
-  std::vsnprintf(buffer.data(), buffer.size(), pattern, values);
-  va_end(values);
-  return buffer.data();
-}
+using base::formatText;
 
 std::string pictureText(const ViewerStats& s) {
   static constexpr std::array<const char*, 5> kNames{"nothing yet", "coarse", "blended", "exact", "fine"};
@@ -32,15 +23,16 @@ std::string memoryText(const ViewerStats& s) {
 }
 
 std::string framesText(const Statistics& s) {
-  return s.frames_per_second > 0.0 ? format("%.0f per second, %.1f ms each", s.frames_per_second, s.frame_milliseconds)
-                                   : format("at rest, %.1f ms the last", s.frame_milliseconds);
+  return s.frames_per_second > 0.0
+             ? formatText("%.0f per second, %.1f ms each", s.frames_per_second, s.frame_milliseconds)
+             : formatText("at rest, %.1f ms the last", s.frame_milliseconds);
 }
 
 /// The lines of a viewer that shows splats.
 std::vector<StatisticsLine> splatLines(const Statistics& s) {
   const ViewerStats& viewer = s.viewer;
   const SplatStats& splats = viewer.splats;
-  const auto px = [](const char* pattern, float value) { return format(pattern, static_cast<double>(value)); };
+  const auto px = [](const char* pattern, float value) { return formatText(pattern, static_cast<double>(value)); };
   std::vector<StatisticsLine> lines{
       {"picture", pictureText(viewer)},
       {"frames", framesText(s)},
@@ -52,7 +44,7 @@ std::vector<StatisticsLine> splatLines(const Statistics& s) {
                      formatCount(splats.stream.wanted, ' ') + " wanted"},
       {"memory", memoryText(viewer) + (splats.limited ? ": finer splats need more" : "")},
       {"received", formatBytes(viewer.session.bytes_received)},
-      {"link", format("%.1f Mbit/s", s.megabits_per_second)}};
+      {"link", formatText("%.1f Mbit/s", s.megabits_per_second)}};
   if (viewer.broken > 0) lines.push_back({"broken", viewer.last_fault});
   return lines;
 }
@@ -67,19 +59,19 @@ std::vector<StatisticsLine> statisticsLines(const Statistics& s) {
   std::vector<StatisticsLine> lines{
       {"picture", pictureText(viewer)},
       {"frames", framesText(s)},
-      {"images", format("%u in use, %u resident, %u requested", drawn.samples_used, drawn.samples_resident,
-                        viewer.images_requested)},
-      {"found here", format("%.0f %% of images", 1e2 * s.hit_rate)},
-      {"patches", format("%u, ", drawn.patches) + formatCount(drawn.triangles, ' ') + " triangles"},
-      {"screen error", format("%.2f px", static_cast<double>(viewer.error_px))},
+      {"images", formatText("%u in use, %u resident, %u requested", drawn.samples_used, drawn.samples_resident,
+                            viewer.images_requested)},
+      {"found here", formatText("%.0f %% of images", 1e2 * s.hit_rate)},
+      {"patches", formatText("%u, ", drawn.patches) + formatCount(drawn.triangles, ' ') + " triangles"},
+      {"screen error", formatText("%.2f px", static_cast<double>(viewer.error_px))},
       {"memory", memoryText(viewer)},
       {"graphics", formatBytes(viewer.memory.gpu()) + " of these"},
       {"received", formatBytes(session.bytes_received) + ": images " + formatBytes(session.bytes_faces) + ", patches " +
                        formatBytes(session.bytes_patches) + ", exact " + formatBytes(session.bytes_frames)},
-      {"link", format("%.1f Mbit/s, ", s.megabits_per_second) +
-                   (s.round_trip_milliseconds > 0.0 ? format("%.0f ms round trip", s.round_trip_milliseconds)
+      {"link", formatText("%.1f Mbit/s, ", s.megabits_per_second) +
+                   (s.round_trip_milliseconds > 0.0 ? formatText("%.0f ms round trip", s.round_trip_milliseconds)
                                                     : std::string("round trip not measured"))}};
-  if (viewer.broken > 0) lines.push_back({"broken", format("%u, the last: ", viewer.broken) + viewer.last_fault});
+  if (viewer.broken > 0) lines.push_back({"broken", formatText("%u, the last: ", viewer.broken) + viewer.last_fault});
   return lines;
 }
 

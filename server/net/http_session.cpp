@@ -67,7 +67,6 @@ class HttpSession final : public Connection {
 
   // Bodies of remote files. A range is read on another thread, then written; status and header fields are written
   // after the first one was read, so that they can tell of an error.
-  void answerFromRemote(HttpReply reply);
   void readRemoteRange();
   void onRemoteRange(base::Result<base::Bytes> bytes);
   void onHeader(error_code ec, std::size_t bytes_written);
@@ -154,8 +153,9 @@ void HttpSession::answer(HttpRequest request) {
   if (reads && path == "/render") return requestPicture(request);
   if (reads && path == "/pick") return requestPick(request);
   HttpReply reply = hosted_->site->answer(request, hub_->place);
-  if (reply.remote.length > 0 && request.method != "HEAD") return answerFromRemote(std::move(reply));
-  doWrite(std::move(reply));
+  if (reply.remote.length == 0 || request.method == "HEAD") return doWrite(std::move(reply));
+  reply_ = std::move(reply);
+  readRemoteRange();
 }
 
 void HttpSession::upgradeToWebSocket() {
@@ -252,11 +252,6 @@ void HttpSession::stopWaiting() {
 }
 
 // ---- Bodies of remote files
-
-void HttpSession::answerFromRemote(HttpReply reply) {
-  reply_ = std::move(reply);
-  readRemoteRange();
-}
 
 void HttpSession::readRemoteRange() {
   const RemoteBody& body = reply_.remote;

@@ -40,9 +40,7 @@ class WebSocketSession final : public Connection {
   void doWrite();
   void onWrite(error_code ec, std::size_t bytes_written);
   void requestFaces(FaceRequest request);
-  void onFaces(const FaceRequest& request, Session::FaceValues values);
   void requestFrame(const FrameRequest& request);
-  void onFrame(const FrameRequest& request, base::Bytes value);
   void close(websocket::close_code code, const std::string& reason);
   void onClose(error_code ec);
   void fail(const char* operation, error_code ec);
@@ -186,28 +184,21 @@ void WebSocketSession::onWrite(error_code ec, std::size_t /*bytes_written*/) {
 /// network in place of the io thread.
 void WebSocketSession::requestFaces(FaceRequest request) {
   const auto done = answerTo<Session::FaceValues>(this, [request](WebSocketSession& self, Session::FaceValues values) {
-    self.onFaces(request, std::move(values));
+    self.session_.facesFetched(request, std::move(values));
+    self.doWrite();
   });
   hub_->fetchers->submit([done, hub = hub_.get(), images = hosted_.scene->images.get(), request = std::move(request)] {
     if (!hub->stopping) done(images->getMany(request));
   });
 }
 
-void WebSocketSession::onFaces(const FaceRequest& request, Session::FaceValues values) {
-  session_.facesFetched(request, std::move(values));
-  doWrite();
-}
-
 void WebSocketSession::requestFrame(const FrameRequest& request) {
   if (!hub_->renderer) return;
-  const auto done = answerTo<base::Bytes>(
-      this, [request](WebSocketSession& self, base::Bytes value) { self.onFrame(request, std::move(value)); });
+  const auto done = answerTo<base::Bytes>(this, [request](WebSocketSession& self, base::Bytes value) {
+    self.session_.frameRendered(request, std::move(value));
+    self.doWrite();
+  });
   hub_->renderer->requestFrame(id_, hosted_.number, request, done);
-}
-
-void WebSocketSession::onFrame(const FrameRequest& request, base::Bytes value) {
-  session_.frameRendered(request, std::move(value));
-  doWrite();
 }
 
 // ---- Closing
