@@ -106,8 +106,8 @@ class PlyWriter {
     }
   }
 
-  template <class Encode>
   // A batch of blocks is computed on all cores and then written in order, so memory holds one batch.
+  template <class Encode>
   base::Result<void> writeBlocks(base::AtomicFile& file, double done_before, const Encode& encode) {
     const std::size_t batch = std::size_t{4} * base::coreCount();
     std::vector<base::Bytes> encoded(batch);

@@ -3,7 +3,16 @@
 
 #include <gtest/gtest.h>
 
+#include "base/format_text.h"
+
 namespace {
+
+TEST(Text, formatTextWritesTextsOfAnyLength) {
+  const std::string longer(5000, 'x');
+  EXPECT_EQ(base::formatText("%s|%d", longer.c_str(), 7), longer + "|7");
+  EXPECT_EQ(base::formatText("%.9g, %04u", 0.1, 12U), "0.1, 0012");
+  EXPECT_EQ(base::formatText("%s", ""), "");
+}
 
 TEST(Text, formatBytesUsesUnitsOfAThousand) {
   EXPECT_EQ(base::formatBytes(0), "0 B");
