@@ -86,6 +86,15 @@ base::Result<void> needDescriptors() {
                                         "; raise the limit (ulimit -n) and build again"};
 }
 
+// A key whose text is `prefix` and then `key`'s; empty where `key` is.
+ResumeKey withPrefix(std::string prefix, ResumeKey key) {
+  if (!key) return {};
+  return [prefix = std::move(prefix), key = std::move(key)]() -> base::Result<std::string> {
+    auto text = key();
+    return text ? prefix + *text : std::move(text);
+  };
+}
+
 // Whether a rerun can succeed: an error in the source stays.
 bool canResume(const base::Error& error) {
   return error.code == ErrorCode::kCancelled || error.code == ErrorCode::kNoSpace || error.code == ErrorCode::kIo;
@@ -185,14 +194,15 @@ base::Error namingSource(const std::vector<std::string>& paths, base::Error erro
   return of_mesh && !paths.empty() ? base::within(paths.front(), std::move(error)) : error;
 }
 
-base::Result<void> StagedBuild::run(const std::string& work_directory, const ResumeKey& key,
-                                    const std::function<base::Result<void>()>& stages) {
+base::Result<void> StagedBuild::run(const std::string& key_prefix, const std::function<base::Result<void>()>& stages) {
   LUMIGRID_TRY(needMemory(limits_.memory_bytes));
   LUMIGRID_TRY(needDescriptors());
-  LUMIGRID_ASSIGN_OR_RETURN(directory_,
-                            WorkDirectory::open(work_directory.empty() ? output_path_ + ".work" : work_directory, key));
+  const ResumeKey key = withPrefix(key_prefix, options_.resume_key);
+  const std::string& path = options_.work_directory;
+  LUMIGRID_ASSIGN_OR_RETURN(directory_, WorkDirectory::open(path.empty() ? output_path_ + ".work" : path, key));
   base::removeUnfinished(output_path_);  // the lock makes sure that no other build is writing it
   auto done = stages();
+  if (done && options_.on_written) options_.on_written();
   // A complete output needs no work files, whole or damaged.
   if (done) directory_->abandonStages();
   (void)directory_->settle();
@@ -208,6 +218,13 @@ base::Result<void> StagedBuild::importSource(const SourceInput& input, std::uint
   lattice_ = makeLattice(source_.info, source_.origin, points ? kMaxLatticeBits : position_bits);
   import_seconds_ = watch_.seconds();
   return {};
+}
+
+void StagedBuild::reportPlan(std::uint64_t output_bytes, std::uint64_t work_bytes, std::uint64_t items,
+                             double items_per_core_second) const {
+  if (!options_.on_plan) return;
+  options_.on_plan({source_.info.triangles, source_.info.referenced, output_bytes, work_bytes,
+                    static_cast<double>(items) / (items_per_core_second * threads())});
 }
 
 base::Result<Buckets> StagedBuild::sortTriangles() {

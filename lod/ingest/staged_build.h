@@ -45,6 +45,18 @@ struct BuildPlan {
   double seconds = 0.0;          ///< on the threads given
 };
 
+/// The options of a build that are the same for all methods. The output does not depend on them.
+struct StagedBuildOptions {
+  base::ResourceLimits limits;
+  std::string work_directory;  ///< for the work files; empty: beside the output
+  /// Gives what decides the output besides the method's own options (the sources' checksums). A work directory that an
+  /// earlier run left under the same key is continued; empty: every build starts afresh.
+  ResumeKey resume_key;
+  std::function<void(const BuildPlan&)> on_plan;  ///< may be empty
+  /// May be empty; called when the output is in its place, before work files are removed.
+  std::function<void()> on_written;
+};
+
 /// How often each repair was made. Names are stable, since `info --json` shows them: "welded_vertices",
 /// "degenerate_triangles", "duplicate_triangles", "lattice_collapsed_triangles", "flipped_triangles",
 /// "non_orientable_parts", "unreferenced_vertices".
@@ -97,17 +109,23 @@ base::Error namingSource(const std::vector<std::string>& paths, base::Error erro
 class StagedBuild {
  public:
   /// `name` completes "building the … was cancelled". `progress` must outlive it; it may be empty.
-  StagedBuild(std::string name, base::ResourceLimits limits, std::string output_path, const Progress& progress)
-      : name_(std::move(name)), limits_(limits.resolved()), output_path_(std::move(output_path)), progress_(progress) {}
+  StagedBuild(std::string name, StagedBuildOptions options, std::string output_path, const Progress& progress)
+      : name_(std::move(name)),
+        options_(std::move(options)),
+        limits_(options_.limits.resolved()),
+        output_path_(std::move(output_path)),
+        progress_(progress) {}
 
-  /// Checks that there is enough memory and descriptors, opens the work directory (empty: beside the output), runs
-  /// `stages` and removes it again, unless they failed and a rerun under the same key can go on. Errors: kNoSpace,
-  /// those of opening it, and those of the stages.
-  base::Result<void> run(const std::string& work_directory, const ResumeKey& key,
-                         const std::function<base::Result<void>()>& stages);
+  /// Checks that there is enough memory and descriptors, opens the work directory, runs `stages` and removes it
+  /// again, unless they failed and a rerun under the same key can go on. `key_prefix` holds all options of the method
+  /// that decide the output. Errors: kNoSpace, those of opening it, and those of the stages.
+  base::Result<void> run(const std::string& key_prefix, const std::function<base::Result<void>()>& stages);
 
   /// Goes through Stage::kSpooled and chooses the lattice. `position_bits`: as in makeLattice.
   base::Result<void> importSource(const SourceInput& input, std::uint32_t position_bits);
+  /// Calls on_plan once the source is imported. The time is that of making `items` things at so many a second and core.
+  void reportPlan(std::uint64_t output_bytes, std::uint64_t work_bytes, std::uint64_t items,
+                  double items_per_core_second) const;
   /// Goes through Stage::kSorted for triangles.
   base::Result<Buckets> sortTriangles();
 
@@ -130,6 +148,7 @@ class StagedBuild {
 
  private:
   std::string name_;
+  StagedBuildOptions options_;
   base::ResourceLimits limits_;
   std::string output_path_;
   const Progress& progress_;

@@ -81,14 +81,6 @@ void WorkDirectory::abandonStages() {
   delay_->set(true);
 }
 
-ResumeKey withPrefix(std::string prefix, ResumeKey key) {
-  if (!key) return {};
-  return [prefix = std::move(prefix), key = std::move(key)]() -> base::Result<std::string> {
-    auto text = key();
-    return text ? prefix + *text : std::move(text);
-  };
-}
-
 base::Result<WorkDirectory> WorkDirectory::open(const std::string& path, ResumeKey key) {
   std::error_code error;
   fs::create_directories(path, error);

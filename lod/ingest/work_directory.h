@@ -31,9 +31,6 @@ enum class Stage : std::uint8_t {
 /// more than once. An error ends the build.
 using ResumeKey = std::function<base::Result<std::string>()>;
 
-/// A key whose text is `prefix` and then `key`'s; empty where `key` is.
-ResumeKey withPrefix(std::string prefix, ResumeKey key);
-
 /// One builder uses it at a time. Stages are finished one after the other; each leaves a state, which appears whole or
 /// not at all.
 class WorkDirectory {

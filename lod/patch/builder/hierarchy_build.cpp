@@ -275,13 +275,13 @@ class Numbering {
 class HierarchyBuilder {
  public:
   HierarchyBuilder(const HierarchyOptions& options, std::string output_path, const ingest::Progress& progress)
-      : options_(options), build_("patch hierarchy", options.limits, std::move(output_path), progress) {
+      : options_(options), build_("patch hierarchy", options, std::move(output_path), progress) {
     options_.limits = options_.limits.resolved();
   }
 
   base::Result<HierarchySummary> run(const ingest::SourceInput& input) {
     LUMIGRID_TRY(check(options_));
-    LUMIGRID_TRY(build_.run(options_.work_directory, resumeKey(), [&] { return runStages(input); }));
+    LUMIGRID_TRY(build_.run(keyPrefix(), [&] { return runStages(input); }));
     build_.summarize(summary_);
     return std::move(summary_);
   }
@@ -289,34 +289,27 @@ class HierarchyBuilder {
  private:
   base::Result<void> runStages(const ingest::SourceInput& input) {
     LUMIGRID_TRY(build_.importSource(input, options_.position_bits));
-    reportPlan();
+    const std::uint64_t triangles = build_.source().info.triangles;
+    build_.reportPlan(kOutputBytes * triangles, kWorkBytes * triangles, triangles, kTrianglesPerCoreSecond);
     LUMIGRID_ASSIGN_OR_RETURN(buckets_, build_.sortTriangles());
     std::vector<WorkPatch> leaves;
     LUMIGRID_TRY(openStore());
     LUMIGRID_TRY(makeAllLeaves(leaves));
     LUMIGRID_TRY(makeLevels(std::move(leaves)));
     LUMIGRID_TRY(write());
-    if (options_.on_written) options_.on_written();
     fillSummary();
     return {};
   }
 
   // The key holds everything that determines the work files, their own format first. Threads and memory do not.
-  ingest::ResumeKey resumeKey() const {
+  std::string keyPrefix() const {
     std::string key = "14";
     for (const std::uint32_t v : {options_.voxel_triangles, options_.leaf_triangles, options_.node_triangles,
                                   options_.group_patches, options_.position_bits, options_.regroup ? 1U : 0U}) {
       key += ' ';
       key += std::to_string(v);
     }
-    return ingest::withPrefix(key + ' ', options_.resume_key);
-  }
-
-  void reportPlan() const {
-    if (!options_.on_plan) return;
-    const ingest::SourceInfo& info = build_.source().info;
-    options_.on_plan({info.triangles, info.referenced, kOutputBytes * info.triangles, kWorkBytes * info.triangles,
-                      static_cast<double>(info.triangles) / (kTrianglesPerCoreSecond * build_.threads())});
+    return key + ' ';
   }
 
   base::Result<void> openStore() {

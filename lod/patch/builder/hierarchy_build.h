@@ -3,18 +3,16 @@
 // into leaf patches, and levels are regrouped and simplified. The build is out of core: data beyond the memory given
 // lies in files of a work directory, and a build that was stopped or killed continues from there.
 #include <cstdint>
-#include <functional>
 #include <string>
 #include <vector>
 
 #include "base/error.h"
-#include "base/resource_limits.h"
 #include "lod/ingest/staged_build.h"
 #include "lod/patch/hierarchy.h"
 
 namespace lod::patch::builder {
 
-struct HierarchyOptions {
+struct HierarchyOptions : ingest::StagedBuildOptions {
   std::uint32_t voxel_triangles = 500;  ///< Nv: a voxel over this is subdivided
   std::uint32_t leaf_triangles = 4000;  ///< Nl: most triangles of a leaf patch
   std::uint32_t node_triangles = 2000;  ///< Nn: most triangles of any other patch
@@ -22,12 +20,6 @@ struct HierarchyOptions {
   std::uint32_t position_bits = 0;  ///< 10..21 along the longest side; 0: chosen so that the step is at most 1/16 of
                                     ///< the mean edge, at least 14
   bool regroup = true;              ///< false: the paper's binary tree, whose locked borders pile up (for the chart)
-  base::ResourceLimits limits;      ///< the output does not depend on them
-  std::string work_directory;       ///< for the work files; empty: beside the output
-  ingest::ResumeKey resume_key;     ///< what decides the output besides these options (the sources' checksums); a work
-                                 ///< directory left under the same key is continued. None: every build starts afresh.
-  std::function<void(const ingest::BuildPlan&)> on_plan;  ///< may be empty
-  std::function<void()> on_written;  ///< may be empty; the output is in its place, and work files are still removed
 };
 
 struct LevelSummary {

@@ -21,12 +21,11 @@ using base::ErrorCode;
 class SplatTreeBuilder {
  public:
   SplatTreeBuilder(const BuildOptions& options, std::string output_path, const ingest::Progress& progress)
-      : options_(options), build_("splat tree", options.limits, std::move(output_path), progress) {}
+      : options_(options), build_("splat tree", options, std::move(output_path), progress) {}
 
   base::Result<BuildSummary> run(const ingest::SourceInput& input) {
-    const ingest::ResumeKey key =
-        ingest::withPrefix("qsplat 4 " + std::to_string(options_.dice) + " ", options_.resume_key);
-    LUMIGRID_TRY(build_.run(options_.work_directory, key, [&] { return runStages(input); }));
+    const std::string key_prefix = "qsplat 4 " + std::to_string(options_.dice) + " ";
+    LUMIGRID_TRY(build_.run(key_prefix, [&] { return runStages(input); }));
     build_.summarize(summary_);
     return std::move(summary_);
   }
@@ -34,26 +33,19 @@ class SplatTreeBuilder {
  private:
   base::Result<void> runStages(const ingest::SourceInput& input) {
     LUMIGRID_TRY(build_.importSource(input, 0));
-    reportPlan();
+    const std::uint64_t leaves = info().referenced;
+    build_.reportPlan(kOutputBytes * leaves, kBucketBytes * info().triangles + kWorkBytes * leaves, leaves,
+                      kLeavesPerCoreSecond);
     LUMIGRID_TRY(isMesh() ? sortTriangles() : sortPoints());
     LUMIGRID_TRY(isMesh() ? measureBorder() : orientPoints());
     LUMIGRID_TRY(makeSubtrees());
     LUMIGRID_TRY(write());
-    if (options_.on_written) options_.on_written();
     fillSummary();
     return {};
   }
 
   const ingest::SourceInfo& info() const { return build_.source().info; }
   bool isMesh() const { return info().triangles > 0; }
-
-  void reportPlan() const {
-    if (!options_.on_plan) return;
-    const std::uint64_t leaves = info().referenced;
-    options_.on_plan({info().triangles, leaves, kOutputBytes * leaves,
-                      kBucketBytes * info().triangles + kWorkBytes * leaves,
-                      static_cast<double>(leaves) / (kLeavesPerCoreSecond * build_.threads())});
-  }
 
   base::Result<void> sortTriangles() {
     LUMIGRID_ASSIGN_OR_RETURN(buckets_, build_.sortTriangles());

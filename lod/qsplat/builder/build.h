@@ -3,11 +3,9 @@
 // Leaves are sorted on disk into tiles; each tile gets a tree, and a top tree joins them. The build is out of core:
 // what does not fit the memory lies in a work directory, and a build that was stopped or killed goes on from there.
 #include <cstdint>
-#include <functional>
 #include <string>
 #include <vector>
 
-#include "base/resource_limits.h"
 #include "lod/ingest/staged_build.h"
 #include "lod/qsplat/format.h"
 
@@ -16,16 +14,9 @@ namespace lod::qsplat::builder {
 /// The default of BuildOptions::dice, found by trying (docs/results/qsplat.md).
 inline constexpr double kDefaultDice = 2.0;
 
-struct BuildOptions {
-  base::ResourceLimits limits;   ///< the output does not depend on them
-  std::string work_directory;    ///< for the work files; empty: beside the output
-  ingest::ResumeKey resume_key;  ///< a work directory that an earlier run left under the same key is continued; empty:
-                                 ///< every build starts afresh
+struct BuildOptions : ingest::StagedBuildOptions {
   double dice = kDefaultDice;  ///< edges of a mesh longer than this many times the mean around them are cut; 0: none is
   bool coded = false;          ///< write the coded form
-  std::function<void(const ingest::BuildPlan&)> on_plan;  ///< may be empty
-  std::function<void()>
-      on_written;  ///< may be empty; called when the output is in its place, before work files are removed
 };
 
 struct BuildSummary : ingest::SourceSummary {

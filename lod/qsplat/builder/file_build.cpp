@@ -28,10 +28,7 @@ bool readRecord(std::uint64_t offset, base::ByteView payload, Record& record) {
   base::readFields(in, std::tie(record.tile, record.subtree.root, record.subtree.added_leaves));
   const std::uint32_t levels = in.u32();
   if (!in.ok() || levels > in.remaining() / 4) return false;
-  for (std::uint32_t l = 0; l < levels; ++l) {
-    record.subtree.level_nodes.push_back(in.u32());
-    record.subtree.nodes += record.subtree.level_nodes.back();
-  }
+  for (std::uint32_t l = 0; l < levels; ++l) record.subtree.nodes += in.u32();
   record.subtree.offset = offset + in.offset();
   if (record.subtree.nodes * sizeof(TreeNode) != in.remaining()) return false;
   if (record.subtree.nodes > 0) record.subtree.root_node = in.read<TreeNode>();

@@ -16,7 +16,6 @@ namespace lod::qsplat::builder {
 struct StoredSubtree {
   Splat root;
   TreeNode root_node;
-  std::vector<std::uint32_t> level_nodes;
   std::uint64_t added_leaves = 0;  ///< as in Subtree
   std::uint64_t nodes = 0;
   std::uint64_t offset = 0;  ///< where its nodes lie in the store
