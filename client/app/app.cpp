@@ -174,10 +174,6 @@ base::Result<void> App::drawFrame(double now) {
 
 // ---- requests ----
 
-std::vector<Request> App::takeRequests() {
-  return std::exchange(requests_, {});
-}
-
 void App::answerPick(std::uint32_t id, const PickAnswer& answer) {
   PickAnswer taken = answer;
   if (taken.kind == PickAnswer::Kind::kHit &&

@@ -20,6 +20,7 @@
 #include <optional>
 #include <string>
 #include <string_view>
+#include <utility>
 #include <vector>
 
 #include "base/annotation.h"
@@ -173,7 +174,7 @@ class App {
 
   // ---- requests and their answers ----
 
-  std::vector<Request> takeRequests();
+  std::vector<Request> takeRequests() { return std::exchange(requests_, {}); }
   void answerPick(std::uint32_t id, const PickAnswer& answer);
   /// Shows a message of the platform: "picture saved as …", "cannot write …".
   void showToast(std::string text, bool error = false);

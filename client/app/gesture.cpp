@@ -47,21 +47,17 @@ std::vector<Gesture> GestureReader::move(const PointerEvent& event) {
   if (pointers_.size() >= 2) return movePair();
 
   // A drag begins at the edge of the circle.
-  std::vector<Gesture> gestures;
   const PointerEvent& first = pointer->first;
   const PointerKind kind = first.kind;
   if (!pointer->dragging) {
     if (std::hypot(event.x - first.x, event.y - first.y) <= slop(kind)) return {};
     pointer->dragging = true;
     pointer->clickable = false;
-    if (pans(first)) gestures.push_back({.kind = GestureKind::kGrab, .x = event.x, .y = event.y, .pointer = kind});
-    return gestures;
+    if (!pans(first)) return {};
+    return {{.kind = GestureKind::kGrab, .x = event.x, .y = event.y, .pointer = kind}};
   }
-  if (pans(first))
-    gestures.push_back({.kind = GestureKind::kPan, .x = event.x, .y = event.y, .pointer = kind});
-  else
-    gestures.push_back({.kind = GestureKind::kOrbit, .x = event.x, .y = event.y, .dx = dx, .dy = dy, .pointer = kind});
-  return gestures;
+  if (pans(first)) return {{.kind = GestureKind::kPan, .x = event.x, .y = event.y, .pointer = kind}};
+  return {{.kind = GestureKind::kOrbit, .x = event.x, .y = event.y, .dx = dx, .dy = dy, .pointer = kind}};
 }
 
 std::vector<Gesture> GestureReader::movePair() {

@@ -101,10 +101,6 @@ glm::dvec3 OrbitControl::awayFromPoles(const glm::dvec3& direction) const {
   return std::cos(allowed) * up_ + std::sin(allowed) * side;
 }
 
-void OrbitControl::setFov(double fov_y) {
-  camera_.fov_y = fov_y;
-}
-
 void OrbitControl::setViewport(int width, int height) {
   camera_.width = std::max(width, 1);
   camera_.height = std::max(height, 1);

@@ -50,7 +50,7 @@ class OrbitControl {
   /// Interpolates two viewpoints at `share` 0 … 1: turns about the up vector, and comes nearer at an even rate.
   Viewpoint between(const Viewpoint& from, const Viewpoint& to, double share) const;
 
-  void setFov(double fov_y);  ///< radians, in (0, π)
+  void setFov(double fov_y) { camera_.fov_y = fov_y; }  ///< radians, in (0, π)
   void setOrthographic(bool on) { orthographic_ = on; }
   bool orthographic() const { return orthographic_; }
   /// Returns the height of an orthographic picture in world units; 0 in perspective.

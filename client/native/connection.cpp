@@ -327,11 +327,6 @@ std::vector<Event> Connection::Impl::takeDue() {
 Connection::Connection(const ServerUrl& url, const LinkLimit& limit) : impl_(std::make_unique<Impl>(url, limit)) {}
 Connection::~Connection() = default;
 
-void Connection::setLimit(const LinkLimit& limit) {
-  std::lock_guard lock(impl_->mutex);
-  impl_->link_clock.setLimit(limit);
-}
-
 bool Connection::pump(Session& session) {
   Impl& s = *impl_;
 

@@ -28,7 +28,6 @@ class Connection final : public Link {
   Connection(const Connection&) = delete;
   Connection& operator=(const Connection&) = delete;
 
-  void setLimit(const LinkLimit& limit);
   /// The connection is closed when the session rejects a message of the server.
   bool pump(Session& session) override;
   void waitForArrival(double seconds) override;

@@ -196,9 +196,7 @@ class Painter {
   void drawHelp() const {
     ImGui::SetNextWindowSizeConstraints({0.0F, 0.0F}, {0.95F * size_.x, 0.95F * size_.y});
     begin("help", 0.5F * size_.x, 0.5F * size_.y, 0.5F, 0.5F, kPanel & ~ImGuiWindowFlags_NoScrollbar);
-    std::vector<std::pair<std::string_view, std::string_view>> rows;
-    for (const HelpRow& row : helpRows()) rows.emplace_back(row.input, row.effect);
-    table("rows", rows);
+    table("rows", helpRows());
     ImGui::Spacing();
     if (ImGui::Button("Close")) app_.showHelp(false);
     ImGui::End();

@@ -62,10 +62,6 @@ base::Result<StaticScene> staticSceneFrom(const std::string& scene_json, const s
   return out;
 }
 
-ReadParameters parametersReader() {
-  return [](const std::string& text) { return repository::sampledPointsFromMeta(text, "parameters"); };
-}
-
 std::string placeOfScene(const std::string& url) {
   std::string place = url.substr(0, url.find_first_of("?#"));
   const std::string file = "scene.json";
@@ -143,7 +139,9 @@ bool PublishedSceneLink::acceptScene(Session& session, double now) {
     session.refuse(scene.error().message, splats_only ? std::optional(Method::kQsplat) : std::nullopt);
     return true;
   }
-  source_.emplace(std::move(*scene), fetcher_, parametersReader());
+  source_.emplace(std::move(*scene), fetcher_, [](const std::string& parameters) {
+    return repository::sampledPointsFromMeta(parameters, "parameters");
+  });
   return true;
 }
 

@@ -14,8 +14,6 @@ namespace client {
 /// `place` is the URL without "scene.json" and without slashes at its end. Errors say what is wrong with the text;
 /// kUnsupported means that the scene is splats-only.
 base::Result<StaticScene> staticSceneFrom(const std::string& scene_json, const std::string& place);
-/// Returns a reader of grid and sample tree that uses nlohmann-json.
-ReadParameters parametersReader();
 /// Shortens "http://host/folder/scene.json" or "http://host/folder/" to "http://host/folder".
 std::string placeOfScene(const std::string& url);
 

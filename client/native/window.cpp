@@ -10,12 +10,15 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <ctime>
+#include <filesystem>
 #include <functional>
 #include <map>
 #include <memory>
 #include <optional>
 #include <string>
 
+#include "base/format_text.h"
 #include "base/gl/gl.h"
 #include "base/json/annotations_file.h"
 #include "base/png/png.h"
@@ -25,7 +28,6 @@
 #include "client/native/http_get.h"
 #include "client/native/jpeg_decoder.h"
 #include "client/native/overlay.h"
-#include "client/native/picture_file.h"
 #include "client/native/published_scene.h"
 #include "client/native/settings_panel.h"
 #include "client/native/user_files.h"
@@ -45,6 +47,46 @@ std::string lastGlfwError() {
 std::string folderOf(const std::string& target) {
   const std::string path = target.substr(0, target.find('?'));
   return path.substr(0, path.rfind('/'));
+}
+
+// ---- pictures ----
+
+/// Names a picture after the scene and the time: "lumigrid-skull-20260504-153012.png". Characters that file names
+/// cannot have become '-'.
+std::string pictureName(const std::string& scene) {
+  std::string name = "lumigrid-";
+  for (const char c : scene.substr(0, 64)) {
+    const bool plain =
+        (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') || c == '-' || c == '_';
+    name += plain ? c : '-';
+  }
+  const std::time_t now = std::time(nullptr);
+  std::tm local{};
+  ::localtime_r(&now, &local);
+  std::array<char, 32> time{};
+  std::strftime(time.data(), time.size(), "-%Y%m%d-%H%M%S", &local);
+  return name + time.data() + ".png";
+}
+
+/// Returns a path in the folder that does not exist yet.
+std::string freePath(const std::string& directory, const std::string& name) {
+  const std::filesystem::path folder(directory);
+  const std::filesystem::path file(name);
+  std::error_code error;
+  std::filesystem::path path = folder / file;
+  for (int i = 2; std::filesystem::exists(path, error) && i < 1000; ++i)
+    path = folder / (file.stem().string() + "-" + std::to_string(i) + file.extension().string());
+  return path.string();
+}
+
+/// Returns the path and query of the server's picture, in the window's size and on its background (RGBA, 0 … 1).
+std::string renderTarget(const Request& request, const std::array<float, 4>& background) {
+  const auto byte = [](float share) {
+    return static_cast<unsigned>(std::lround(255.0F * std::clamp(share, 0.0F, 1.0F)));
+  };
+  return "/render?" + request.text +
+         base::formatText("&width=%d&height=%d&background=%02x%02x%02x", request.camera.width, request.camera.height,
+                          byte(background[0]), byte(background[1]), byte(background[2]));
 }
 
 // ---- keys ----
@@ -352,10 +394,8 @@ void Window::startScene() {
 
   const auto bookmarks = readBookmarks(options_.config_directory, key);
   if (!bookmarks) app_->showToast(bookmarks.error().message, true);
-  for (int slot = 1; slot < kBookmarks; ++slot) {
-    const auto set = app_->setBookmark(slot, bookmarks ? (*bookmarks)[static_cast<std::size_t>(slot)] : "");
-    reportError(set);
-  }
+  for (int slot = 1; slot < kBookmarks; ++slot)
+    reportError(app_->setBookmark(slot, bookmarks ? (*bookmarks)[static_cast<std::size_t>(slot)] : ""));
 
   app_->setAnnotations({});
   constexpr double kSeconds = 20.0;

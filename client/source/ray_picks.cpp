@@ -79,8 +79,4 @@ void RayPicks::giveUp() {
   while (waiting()) finishFirst({});
 }
 
-std::vector<AnsweredPick> RayPicks::takeAnswers() {
-  return std::exchange(answered_, {});
-}
-
 }  // namespace client

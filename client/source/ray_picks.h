@@ -7,6 +7,7 @@
 #include <functional>
 #include <string>
 #include <unordered_map>
+#include <utility>
 #include <vector>
 
 #include "base/bytes.h"
@@ -47,7 +48,7 @@ class RayPicks {
   const std::vector<std::uint32_t>& needed() const { return needed_; }
   /// Answers all waiting rays with kUnknown, since the scene cannot be read.
   void giveUp();
-  std::vector<AnsweredPick> takeAnswers();
+  std::vector<AnsweredPick> takeAnswers() { return std::exchange(answered_, {}); }
   /// The newest damage that was found, one line; empty when there was none.
   const std::string& problem() const { return problem_; }
 

@@ -241,10 +241,6 @@ void StreamedSplats::setQuality(const SplatQuality& quality) {
   rate_.setGoal(goalOf(options_));
 }
 
-void StreamedSplats::contextLost() {
-  renderer_.reset();
-}
-
 // ---- figures ----
 
 bool StreamedSplats::complete() const {

@@ -32,7 +32,7 @@ class StreamedSplats final : public SplatView {
   bool busy() const override;
   void setQuality(const SplatQuality& quality) override;
   const SplatQuality& quality() const override { return options_; }
-  void contextLost() override;
+  void contextLost() override { renderer_.reset(); }
   SplatStats stats() const override;
 
   const lod::qsplat::Stream& stream() const { return stream_; }

@@ -199,11 +199,11 @@ void Viewer::submitImages() {
       if (worst != nullptr && worst->rank * kReplaceFactor >= image.rank) continue;
     }
     const std::uint64_t bytes = decodedBytes(image.camera);
-    if (bytes > plan_.decoded) image.state = ImageState::kUnfit;
-    if (waiting + bytes > plan_.decoded) {
-      if (bytes > plan_.decoded) continue;
-      return;
+    if (bytes > plan_.decoded) {
+      image.state = ImageState::kUnfit;
+      continue;
     }
+    if (waiting + bytes > plan_.decoded) return;
     const base::Bytes* coded = codedImage(id);
     if (coded == nullptr) continue;
     waiting += bytes;

@@ -1,12 +1,13 @@
 #pragma once
 // Writes tables for JavaScript as text: one line per row, fields separated by tabs. Tabs and line breaks within a field
 // become blanks. Numbers are written so that they read back as the same double.
-#include <cstdio>
 #include <glm/glm.hpp>
 #include <string>
 #include <string_view>
 #include <type_traits>
 #include <utility>
+
+#include "base/format_text.h"
 
 namespace client {
 
@@ -21,9 +22,7 @@ class TextRows {
   TextRows& add(const char* text) { return add(std::string_view(text)); }
   TextRows& add(double number) {
     part();
-    char text[32];
-    std::snprintf(text, sizeof(text), "%.17g", number);
-    text_ += text;
+    text_ += base::formatText("%.17g", number);
     return *this;
   }
   template <class Number>

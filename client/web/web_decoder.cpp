@@ -2,8 +2,6 @@
 
 #include <emscripten/emscripten.h>
 
-#include <utility>
-
 // The page gets a copy, since the session may evict the face while a worker decodes it.
 EM_JS(void, lumigridDecode, (std::uint32_t low, std::uint32_t high, const std::uint8_t* data, std::size_t size),
       { Module.decode(low >>> 0, high >>> 0, HEAPU8.slice(data, data + size)); });
@@ -20,10 +18,6 @@ std::uint64_t idOf(std::uint32_t low, std::uint32_t high) {
 void WebDecoder::submit(std::uint64_t id, base::ByteView coded) {
   ++waiting_;
   lumigridDecode(static_cast<std::uint32_t>(id), static_cast<std::uint32_t>(id >> 32U), coded.data(), coded.size());
-}
-
-std::vector<ImageDecoder::DecodedImage> WebDecoder::takeDecoded() {
-  return std::exchange(done_, {});
 }
 
 std::uint8_t* WebDecoder::acceptPixels(std::uint64_t id, int width, int height) {

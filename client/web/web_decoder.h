@@ -2,6 +2,7 @@
 // The browser's image decoder sends coded faces to the page's workers and gets pixels back (client/web/site/decode.js).
 // Main thread only.
 #include <cstdint>
+#include <utility>
 #include <vector>
 
 #include "client/viewer/decode.h"
@@ -12,7 +13,7 @@ namespace client {
 class WebDecoder final : public ImageDecoder, public OnlyOne<WebDecoder> {
  public:
   void submit(std::uint64_t id, base::ByteView coded) override;
-  std::vector<DecodedImage> takeDecoded() override;
+  std::vector<DecodedImage> takeDecoded() override { return std::exchange(done_, {}); }
   std::size_t pending() const override { return waiting_ + done_.size(); }
 
   // The page calls these with its answers.

@@ -2,8 +2,6 @@
 
 #include <emscripten/emscripten.h>
 
-#include <utility>
-
 // Ids and offsets stay below 2^53, so doubles carry them exactly.
 EM_JS(void, lumigridFetch, (double id, const char* name, double offset, double length),
       { Module.fetchRange(id, UTF8ToString(name), offset, length); });
@@ -18,10 +16,6 @@ constexpr int kMaxOutcome = static_cast<int>(FetchOutcome::kServer);
 
 void WebFetcher::submit(std::uint64_t id, const std::string& name, std::uint64_t offset, std::uint64_t length) {
   lumigridFetch(static_cast<double>(id), name.c_str(), static_cast<double>(offset), static_cast<double>(length));
-}
-
-std::vector<FetchAnswer> WebFetcher::takeAnswers() {
-  return std::exchange(done_, {});
 }
 
 void WebFetcher::cancel(std::uint64_t id) {

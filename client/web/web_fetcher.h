@@ -2,6 +2,7 @@
 // The browser's range fetcher passes requests to the page's fetch() and gets bytes back (client/web/site/ranges.js).
 #include <cstdint>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "client/source/fetch.h"
@@ -12,7 +13,7 @@ namespace client {
 class WebFetcher final : public RangeFetcher, public OnlyOne<WebFetcher> {
  public:
   void submit(std::uint64_t id, const std::string& name, std::uint64_t offset, std::uint64_t length) override;
-  std::vector<FetchAnswer> takeAnswers() override;
+  std::vector<FetchAnswer> takeAnswers() override { return std::exchange(done_, {}); }
   void cancel(std::uint64_t id) override;
 
   // The page calls these with its answers.
