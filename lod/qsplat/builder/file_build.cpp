@@ -8,7 +8,6 @@
 #include "base/parallel.h"
 #include "lod/ingest/spool.h"
 #include "lod/qsplat/builder/code_file.h"
-#include "lod/qsplat/builder/encode.h"
 #include "lod/qsplat/builder/tree_writer.h"
 
 namespace lod::qsplat::builder {

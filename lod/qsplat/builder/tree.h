@@ -3,11 +3,13 @@
 // axis, and from the bottom up each node gets a bounding sphere around its children.
 //
 // A tile of leaves becomes a Subtree, whose nodes wait on disk. The top tree over all tiles is built in the same way,
-// with the tiles' roots as leaves. Spheres are absolute here; encode.h encodes them relative to their parents.
+// with the tiles' roots as leaves. Spheres are absolute here; encodeSubtree() encodes them relative to their parents.
 #include <array>
 #include <vector>
 
+#include "base/bytes.h"
 #include "lod/qsplat/builder/splat.h"
+#include "lod/qsplat/format.h"
 
 namespace lod::qsplat::builder {
 
@@ -61,5 +63,18 @@ struct Subtree {
   std::uint64_t added_leaves = 0;          ///< leaves that are not a vertex or point of the source
 };
 Subtree makeSubtree(std::span<const Splat> leaves, const LeafFacets& facets = {});
+
+/// The encoded groups of one level, until they are written. A group is a byte with its number of nodes, and bit 7 set
+/// where it has a pointer, and then its nodes of 4 bytes, or of 6 with colours.
+using Run = base::Bytes;
+void appendGroup(Run& run, const GroupNodes& group, bool colors);
+/// Reads the group that begins at `at`, and advances `at` behind it. A group without nodes marks the end, or damage.
+GroupNodes readGroup(base::ByteView run, std::size_t& at, bool colors);
+
+/// Encodes a tile's tree from the top down: each sphere relative to its parent's decoded one (section 3.1), and the
+/// groups of each level one after the other. Returns a run for each level below the root; run 0 holds the root's
+/// children. `root` is the root's decoded sphere.
+std::vector<Run> encodeSubtree(std::span<const TreeNode> nodes, const base::Sphere& root, bool colors,
+                               LeafCones leaf_cones);
 
 }  // namespace lod::qsplat::builder

@@ -1,4 +1,4 @@
-#include "lod/patch/builder/facet_tree.h"
+#include "lod/patch/builder/facet_surface.h"
 
 #include <gtest/gtest.h>
 

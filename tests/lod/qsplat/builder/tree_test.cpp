@@ -11,7 +11,7 @@
 #include <map>
 #include <random>
 
-#include "lod/qsplat/builder/encode.h"
+#include "lod/qsplat/builder/tree.h"
 #include "lod/qsplat/format.h"
 #include "mesh/generate/sample.h"
 #include "tests/lod/qsplat/builder/splat_leaves.h"
