@@ -15,7 +15,6 @@
 
 #include "base/bytes.h"
 #include "base/error.h"
-#include "repository/lmdb_check.h"
 
 namespace repository {
 
@@ -28,6 +27,10 @@ struct LmdbEnvironmentOptions {
   /// A commit returns only when the disk has it. Without this a power cut may damage the whole file.
   bool durable = true;
 };
+
+/// kKeys reads the pages of keys. kValues, for writers, also reads the first page of each large value, whose header
+/// LMDB trusts when it frees the value.
+enum class CheckDepth { kKeys, kValues };
 
 class LmdbEnvironment {
  public:

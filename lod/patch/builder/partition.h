@@ -1,6 +1,6 @@
 #pragma once
 // Partitions graphs: large ones by METIS (Karypis and Kumar 1998, "A Fast and High Quality Multilevel Scheme for
-// Partitioning Irregular Graphs"), small ones by bisection.h.
+// Partitioning Irregular Graphs"), small ones by a bisection of our own.
 //
 // METIS 5.1 draws from the C library's one random state. So every call of it takes one lock and starts from a fixed
 // seed: results depend on the graph alone, whatever other threads do.
@@ -48,6 +48,16 @@ struct Extent {
   /// 0 while nothing was added.
   double diagonal() const { return low.x <= high.x ? glm::length(high - low) : 0.0; }
 };
+
+/// The wanted weight of side 0 and its limits, in vertex weights of the graph.
+struct BisectionTarget {
+  std::int64_t weight = 0;  ///< between 0 and the graph's
+  std::int64_t min = 0;
+  std::int64_t max = 0;
+};
+/// The side of each vertex, 0 or 1, both in use. The weight is outside min … max only where the vertices are too heavy
+/// for better. `graph`: two vertices or more. The result depends on the graph alone.
+std::vector<std::int32_t> bisect(const Graph& graph, const BisectionTarget& target);
 
 /// Bisects recursively (in the ratio of the parts still needed on each side) until no part weighs more than
 /// `max_weight`, unless it is a single vertex. Each component is cut on its own. Small components share parts if their

@@ -1,4 +1,4 @@
-#include "lod/patch/builder/bisection.h"
+#include "lod/patch/builder/partition.h"
 
 #include <gtest/gtest.h>
 
