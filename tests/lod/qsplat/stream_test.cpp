@@ -92,7 +92,7 @@ TEST(StreamTest, eachOrderBringsAllAndBySizeTheLargestFirst) {
 
 TEST(StreamTest, sweepsGoFromTheTopDownEachFinerThanTheOneBefore) {
   const base::Camera camera = cameraFrom({0.0, 0.0, -1.0});
-  const Priority priority = priorityFor(StreamOrder::kSweeps, std::nullopt, camera.height);
+  const Priority priority = sweepPriority(camera.height);
   const auto of = [&](float size, float y) { return priority({1, 3, 0.1F, size, {20.0F, y}}); };
   EXPECT_GT(of(30.0F, 10.0F), of(30.0F, 200.0F));
   EXPECT_GT(of(46.0F, 250.0F), of(32.0F, 0.0F));           // a sweep apart: √2
