@@ -231,7 +231,7 @@ TEST(StoreFailure, aFreePageBehindTheLastIsRefused) {
     std::memcpy(&number, &bytes[offset], sizeof(number));
     return number;
   };
-  // The first value of the free list, whose root the newer meta page names (repository/lmdb_environment.cpp has the
+  // The first value of the free list, whose root the newer meta page names (lmdb_environment.cpp has the layout).
   // layout).
   const std::size_t meta = at(144) > at(4096 + 144) ? 0 : 4096;
   const std::size_t leaf = 4096 * at(meta + 80);
