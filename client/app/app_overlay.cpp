@@ -137,8 +137,7 @@ void App::readPinAnswers() {
 
 /// Without GL no pin is known to be hidden.
 bool App::pinHidden(std::size_t index) const {
-  if (options_.surface) return false;
-  return index >= pins_visible_.size() || !pins_visible_[index];
+  return !options_.surface && (index >= pins_visible_.size() || !pins_visible_[index]);
 }
 
 // ---- connection and progress ----

@@ -139,10 +139,6 @@ void MeasureTool::removeLast() {
   if (all_.back().points.empty()) all_.pop_back();
 }
 
-void MeasureTool::clear() {
-  all_.clear();
-}
-
 bool MeasureTool::answer(std::uint32_t pick_id, const PickAnswer& answer) {
   for (Measurement& one : all_)
     for (MeasuredPoint& point : one.points) {

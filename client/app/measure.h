@@ -59,7 +59,7 @@ class MeasureTool {
   bool full() const;
   void finish();
   void removeLast();  ///< the newest point, of a finished measurement too
-  void clear();
+  void clear() { all_.clear(); }
   /// Replaces the point that waits for this pick by a hit; any other answer leaves the approximate point. Ids that no
   /// point waits for are ignored. Returns true when something changed.
   bool answer(std::uint32_t pick_id, const PickAnswer& answer);

@@ -48,7 +48,7 @@ struct SettingField {
   double min, max;
   double Settings::*value;
   /// kChoice: names separated by blanks, "system light dark"; the value is the position in the list.
-  std::string_view choices;
+  std::string_view choices = {};
   bool from_next_start = false;  ///< takes effect when the viewer is opened again
 };
 

@@ -2,7 +2,6 @@
 
 #include <imgui/imgui.h>
 
-#include <algorithm>
 #include <string>
 
 namespace client {

@@ -1,6 +1,5 @@
 #include "client/native/user_files.h"
 
-#include <cstdio>
 #include <cstdlib>
 #include <filesystem>
 #include <nlohmann/json.hpp>

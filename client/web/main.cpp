@@ -7,7 +7,6 @@
 #include <emscripten/emscripten.h>
 #include <emscripten/html5.h>
 
-#include <algorithm>
 #include <memory>
 #include <string>
 #include <utility>

@@ -2,7 +2,6 @@
 #include <emscripten/emscripten.h>
 
 #include <memory>
-#include <utility>
 
 #include "client/app/splat_settings.h"
 #include "client/source/streamed_splats.h"

@@ -3,12 +3,10 @@
 const kMinDelay = 250;
 const kMaxDelay = 5000;
 
-/// Returns the address at which the page's own server accepts viewers.
+/// Returns the address at which the page's own server accepts viewers, without the page's query and hash.
 export function socketUrl(page) {
   const url = new URL("ws", page);
   url.protocol = url.protocol === "https:" ? "wss:" : "ws:";
-  url.search = "";
-  url.hash = "";
   return url.href;
 }
 
