@@ -7,6 +7,8 @@
 // neighbours are made to agree along a minimum spanning tree of their differences (Hoppe et al. 1992), within each tile
 // first, then between tiles along their borders. A connected part of the cloud faces up at its highest point.
 #include <functional>
+#include <glm/glm.hpp>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -60,6 +62,15 @@ class PointTiles {
   ingest::SourceLattice lattice_;
   std::vector<Tile> tiles_;
 };
+
+/// The unit normal of the least-squares plane through the points, of either sign; +z where they lie on a line or at one
+/// place.
+glm::dvec3 planeNormal(std::span<const glm::dvec3> points);
+
+/// The distance from `center` to the farthest corner of its Voronoi cell among `others`, projected along `normal`; at
+/// most `max_reach`.
+double cellReach(const glm::dvec3& center, const glm::dvec3& normal, std::span<const glm::dvec3> others,
+                 double max_reach);
 
 class PointLeaves : public LeafSource {
  public:

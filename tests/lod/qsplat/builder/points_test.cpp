@@ -9,7 +9,6 @@
 
 #include "lod/qsplat/builder/build.h"
 #include "lod/qsplat/builder/neighbours.h"
-#include "lod/qsplat/builder/plane_fit.h"
 #include "lod/qsplat/builder/point_leaves.h"
 #include "lod/qsplat/splat_file.h"
 #include "mesh/generate/sample.h"
