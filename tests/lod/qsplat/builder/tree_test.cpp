@@ -11,7 +11,6 @@
 #include <map>
 #include <random>
 
-#include "lod/qsplat/builder/tree.h"
 #include "lod/qsplat/format.h"
 #include "mesh/generate/sample.h"
 #include "tests/lod/qsplat/builder/splat_leaves.h"
