@@ -47,7 +47,7 @@ class MeshStream {
   std::vector<std::uint64_t> corners;
   std::vector<glm::vec3> corner_normals;   ///< empty, or as many as corners
   std::vector<glm::u8vec4> corner_colors;  ///< empty, or as many as corners; a = 0 where unknown
-  StreamedFile summary;                    ///< of all blocks that were handed to the sink
+  StreamedFile summary;                    ///< of the blocks handed to the sink; short faces and warnings so far
   bool accepts_points = false;             ///< a file of vertices without faces is no error
   TextureFiles textures;
   TextureBaker baker;

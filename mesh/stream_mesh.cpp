@@ -62,8 +62,9 @@ base::Result<StreamedFile> streamMesh(const std::string& path, MeshSink& sink, c
   stream.accepts_points = options.accepts_points;
   if (auto read = readFile(path, file.bytes(), stream); !read) {
     // The sink's errors name their file already.
-    const bool named = read.error().message.rfind(path, 0) == 0 || read.error().code == base::ErrorCode::kNoSpace ||
-                       read.error().code == base::ErrorCode::kIo || read.error().code == base::ErrorCode::kCancelled;
+    const bool named = read.error().message.rfind(path + ":", 0) == 0 ||
+                       read.error().code == base::ErrorCode::kNoSpace || read.error().code == base::ErrorCode::kIo ||
+                       read.error().code == base::ErrorCode::kCancelled;
     return named ? read.error() : base::within(path, read.error());
   }
   StreamedFile& summary = stream.summary;

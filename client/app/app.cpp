@@ -72,8 +72,13 @@ void App::pointerMove(const PointerEvent& event) {
 
 void App::pointerUp(const PointerEvent& event) {
   if (isNotFinite(event.x) || isNotFinite(event.y) || isNotFinite(event.now)) return pointerCancel(event.id);
-  if (event.id == handle_pointer_ || event.id == lens_pointer_) return pointerCancel(event.id);
-  for (const Gesture& gesture : gestures_.up(event)) applyGesture(gesture);
+  if (event.id == handle_pointer_) {
+    handle_pointer_ = -1;
+  } else if (event.id == lens_pointer_) {
+    lens_pointer_ = -1;
+  } else {
+    for (const Gesture& gesture : gestures_.up(event)) applyGesture(gesture);
+  }
 }
 
 void App::pointerCancel(int id) {

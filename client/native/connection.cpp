@@ -30,9 +30,8 @@ using Clock = LinkClock::Clock;
 constexpr std::chrono::milliseconds kMinBackoff{250};
 constexpr std::chrono::milliseconds kMaxBackoff{5000};
 constexpr std::chrono::seconds kConnectTimeout{10};
-/// Silence after which the connection counts as lost; a ping is sent half-way. A choice: a
-/// ping every half minute also keeps proxies from closing the connection, as nginx does after a minute unless told
-/// otherwise.
+/// Silence after which the connection counts as lost; a ping is sent half-way. A choice: a ping every half minute also
+/// keeps proxies from closing the connection, as nginx does after a minute unless told otherwise.
 constexpr std::chrono::seconds kIdleTimeout{60};
 /// Bytes that may wait for the render loop; above this, reading pauses, and TCP makes the server wait.
 constexpr std::size_t kInboxLimit = 8 << 20;

@@ -124,7 +124,7 @@ void StaticSource::loseObject(const std::string& object, const std::string& why)
 void StaticSource::acceptMessage(const protocol::ClientMessage& message) {
   if (std::get_if<protocol::Hello>(&message) != nullptr) {
     welcome_due_ = true;
-    // Holdings will tell what the session has, except what is still in `outgoing`.
+    // Holdings will tell what the session has, except what is still in `outgoing_`.
     has_face_.clear();
     has_group_.assign(has_group_.size(), false);
     for (const OutgoingMessage& queued : outgoing_) {

@@ -208,7 +208,7 @@ class StaticSource {
 
   // Blocks of the coarse groups, kept until the occlusion between them is computed, once, before the first view is
   // planned.
-  std::vector<base::Bytes> coarse_blocks_;  // beside `coarse`
+  std::vector<base::Bytes> coarse_blocks_;  // beside `coarse_`
   std::optional<lod::patch::ProxySight> sight_;
   bool sight_computed_ = false;
 

@@ -41,7 +41,8 @@ class AccessLog {
   repository::AccessCounts pending_;  // taken from the counter, but not in the file yet
   std::int64_t pending_until_ = 0;    // when they were taken, Unix seconds
   bool failing_ = false;
-  std::jthread thread_;
+
+  std::jthread thread_;  // last: it uses the others
 };
 
 }  // namespace server

@@ -1,7 +1,8 @@
 #include "lod/patch/builder/facet_surface.h"
-#include "base/check.h"
 
 #include <cmath>
+
+#include "base/check.h"
 
 namespace lod::patch::builder {
 namespace {

@@ -4,6 +4,7 @@
 #include <array>
 #include <bit>
 #include <cstdint>
+#include <cstring>
 #include <glm/glm.hpp>
 #include <limits>
 #include <span>
@@ -11,7 +12,6 @@
 
 #if defined(__SSE__)
 #include <xmmintrin.h>
-#include <cstring>
 #endif
 
 #include "base/geometry.h"

@@ -44,8 +44,8 @@ base::Result<void> check(const HierarchyOptions& options) {
 
 // ---- leaf patches of a bucket ----
 
-constexpr std::size_t kPrefetchDistance =
-    24;  // triangles are requested so far ahead, since they lie anywhere in memory
+// Triangles are requested so far ahead, since they lie anywhere in memory.
+constexpr std::size_t kPrefetchDistance = 24;
 
 using Triple = std::array<std::uint32_t, 3>;
 

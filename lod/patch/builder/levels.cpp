@@ -628,14 +628,16 @@ class LevelBuilder {
   }
 
   // Calls build(0) … build(count - 1) in parallel until one fails. `build` returns the triangles that count as
-  // progress.
+  // progress, which is not reported again once it has cancelled the build.
   base::Result<void> forEachGroup(std::size_t count,
                                   const std::function<base::Result<std::uint64_t>(std::size_t)>& build) {
     std::mutex mutex;
+    bool cancelled = false;
     return base::tryParallelFor(count, options_.limits.threads, [&](std::size_t i) -> base::Result<void> {
       LUMIGRID_ASSIGN_OR_RETURN(const auto triangles, build(i));
       const std::lock_guard lock(mutex);
-      if (advance_(triangles)) return {};
+      cancelled = cancelled || !advance_(triangles);
+      if (!cancelled) return {};
       return base::Error{base::ErrorCode::kCancelled, "building the patch hierarchy was cancelled"};
     });
   }

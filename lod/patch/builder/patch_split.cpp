@@ -86,8 +86,8 @@ std::vector<NewPatch> makePatches(const CodedMesh& mesh, const std::vector<std::
   std::vector<std::uint32_t> owner(mesh.positions.size(), kNone);
   // The corners of the parts' triangles, one part after the other.
   const auto corners = std::make_unique_for_overwrite<std::uint32_t[]>(mesh.indices.size());
-  constexpr std::size_t kPrefetchDistance =
-      16;  // triangles are requested so far ahead, since they lie anywhere in memory
+  // Triangles are requested so far ahead, since they lie anywhere in memory.
+  constexpr std::size_t kPrefetchDistance = 16;
   std::size_t next = 0;
   for (std::uint32_t p = 0; p < parts.size(); ++p)
     for (std::size_t i = 0; i < parts[p].size(); ++i) {

@@ -30,8 +30,8 @@ void addVoxels(std::span<const ingest::KeyedIndex> sorted, std::size_t begin, st
 }
 
 constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
-constexpr std::size_t kPrefetchDistance =
-    16;  // triangles are requested so far ahead, since they lie anywhere in memory
+// Triangles are requested so far ahead, since they lie anywhere in memory.
+constexpr std::size_t kPrefetchDistance = 16;
 
 // The voxel whose cell contains a lattice point, or kNone where no triangle is.
 std::uint32_t voxelAt(std::span<const Voxel> voxels, std::uint64_t code) {

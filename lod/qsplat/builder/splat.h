@@ -23,8 +23,8 @@ struct Splat {
   glm::u8vec3 meanColor() const { return glm::u8vec3(glm::clamp(color / weight + 0.5F, 0.0F, 255.0F)); }
 };
 
-/// A sphere around 2 to 4 spheres, at most a hundredth wider than the smallest one. encloses holds for
-/// each.
+/// A sphere around 2 to 4 spheres, at most a hundredth wider than the smallest one. encloses() holds for
+/// each of them.
 base::Sphere enclosingSphere(std::span<const base::Sphere> spheres);
 
 /// The parent of 2 to 4 children, without its cone.
