@@ -110,8 +110,8 @@ function(lumigrid_hot)
   endif()
 endfunction()
 
-# lumigrid_cold(target...): code that waits for people, files or the network, and in quick builds the tests. Compiling it
-# at -O1 takes two thirds of -O3's time.
+# lumigrid_cold(target...): code that waits for people, files or the network, and in quick builds the tests. Compiling
+# it at -O1 takes two thirds of -O3's time.
 function(lumigrid_cold)
   if(NOT EMSCRIPTEN)
     foreach(name IN LISTS ARGN)
