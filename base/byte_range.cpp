@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <charconv>
 
+#include "base/number.h"
+
 namespace base {
 namespace {
 
@@ -74,11 +76,6 @@ std::optional<ContentRange> parseContentRange(const std::string& text) {
   range.first = *first;
   range.last = *last;
   return range;
-}
-
-std::optional<std::uint64_t> parseDecimal(const std::string& text) {
-  constexpr std::size_t kMaxDigits = 18;  // 10^18 < 2^63
-  return text.size() <= kMaxDigits ? parseSaturated(text) : std::nullopt;
 }
 
 }  // namespace base

@@ -37,7 +37,4 @@ struct ContentRange {
 /// Reads "bytes a-b/size"; nullopt for any other text, and where last < first or last >= size.
 std::optional<ContentRange> parseContentRange(const std::string& text);
 
-/// A number of 1 to 18 decimal digits, so below 2^63; nothing for any other text.
-std::optional<std::uint64_t> parseDecimal(const std::string& text);
-
 }  // namespace base

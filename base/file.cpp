@@ -48,6 +48,13 @@ Error systemError(const std::string& path, const std::string& action, int errno_
   return {code, message};
 }
 
+Result<void> makeDirectories(const std::string& path) {
+  std::error_code error;
+  std::filesystem::create_directories(path, error);
+  if (!error) return {};
+  return Error{ErrorCode::kIo, path + ": cannot make this directory: " + error.message()};
+}
+
 void syncDirectoryOf(const std::string& path) {
   const FileDescriptor directory(::open(directoryOf(path).c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
   if (directory) ::fsync(directory.get());

@@ -15,6 +15,9 @@ Result<Bytes> readFile(const std::string& path);
 /// Writes to a temporary name beside `path`, fsyncs, renames: `path` holds the old bytes or all of the new ones.
 Result<void> writeFileAtomically(const std::string& path, ByteView bytes);
 
+/// Makes a directory and those above it, as far as they are missing. kIo; the error names it.
+Result<void> makeDirectories(const std::string& path);
+
 /// Waits until everything that any process wrote to the file is on the disk. Errors: kNoSpace, kIo, kNotFound.
 Result<void> syncFile(const std::string& path);
 

@@ -1,5 +1,6 @@
 #include "base/number.h"
 
+#include <charconv>
 #include <cmath>
 #include <string>
 
@@ -8,8 +9,6 @@
 
 // The page reads numbers by JavaScript, since strtod brings 128-bit arithmetic along, a thirtieth of the whole program.
 EM_JS(double, lumigridNumber, (const char* text), { return Number(UTF8ToString(text)); });
-#else
-#include <charconv>
 #endif
 
 namespace base {
@@ -38,6 +37,14 @@ std::optional<double> parseNumber(std::string_view text) {
   const double value = plainNumber(magnitude);
   if (!std::isfinite(value)) return std::nullopt;
   return text.front() == '-' ? -value : value;
+}
+
+std::optional<std::uint64_t> parseDecimal(std::string_view text) {
+  constexpr std::size_t kMaxDigits = 18;  // 10^18 < 2^63
+  if (text.size() > kMaxDigits) return std::nullopt;
+  std::uint64_t value = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
+  return error == std::errc() && end == text.data() + text.size() ? std::optional(value) : std::nullopt;
 }
 
 }  // namespace base

@@ -119,10 +119,10 @@ class OrderedItems {
 Result<void> parallelInOrder(std::size_t count, unsigned threads, std::size_t slots,
                              const std::function<Result<void>(std::size_t i, std::size_t slot)>& produce,
                              const std::function<Result<void>(std::size_t i, std::size_t slot)>& consume) {
-  OrderedItems pieces(count, std::max<std::size_t>(1, slots), produce, consume);
+  OrderedItems items(count, std::max<std::size_t>(1, slots), produce, consume);
   if (threads == 0) threads = coreCount();
-  parallelFor(std::min<std::size_t>(threads, count), threads, [&](std::size_t) { pieces.runThread(); });
-  return pieces.status();
+  parallelFor(std::min<std::size_t>(threads, count), threads, [&](std::size_t) { items.runThread(); });
+  return items.status();
 }
 
 ThreadPool::ThreadPool(unsigned threads, std::size_t queue_limit)

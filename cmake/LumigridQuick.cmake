@@ -34,7 +34,7 @@ function(_lumigrid_names file out)
 endfunction()
 
 # lumigrid_quick(TARGET): deals the target's files out to groups of at most LUMIGRID_QUICK_FILES.
-set(LUMIGRID_QUICK_FILES 16)
+set(LUMIGRID_QUICK_FILES 32)
 function(lumigrid_quick target)
   get_target_property(sources ${target} SOURCES)
   set(groups 0)

@@ -12,8 +12,8 @@
 namespace repository {
 namespace {
 
-constexpr std::array<char, 4> kMagic{'L', 'G', 'A', 'C'};
-constexpr std::uint16_t kVersion = 1;
+constexpr std::array<char, 4> kAccessMagic{'L', 'G', 'A', 'C'};
+constexpr std::uint16_t kAccessVersion = 1;
 constexpr std::size_t kHeaderBytes = 112;
 constexpr std::size_t kHeaderCrcOffset = 8;
 constexpr std::size_t kBodyCrcOffset = 12;
@@ -84,9 +84,9 @@ std::uint32_t headerCrc(base::ByteView header) {
 base::Result<Header> readHeader(base::ByteView bytes) {
   if (bytes.size() < kHeaderBytes) return bad("cut short");
   base::ByteReader in(bytes.first(kHeaderBytes));
-  if (in.read<std::array<char, 4>>() != kMagic) return bad("these are none (another magic)");
+  if (in.read<std::array<char, 4>>() != kAccessMagic) return bad("these are none (another magic)");
   const std::uint16_t version = in.u16();
-  if (version != kVersion)
+  if (version != kAccessVersion)
     return base::Error{base::ErrorCode::kVersion, "access counts: version " + std::to_string(version) +
                                                       " is not known; use a newer lumigrid, or move the file away"};
   if (in.u16() != kHeaderBytes) return bad("the header has another length");
@@ -203,8 +203,8 @@ base::Bytes encodeFile(Header header, const RowWriter& faces, const RowWriter& g
   header.faces = faces.rows();
   header.groups = groups.rows();
   base::ByteWriter out;
-  out.write(kMagic);
-  out.u16(kVersion);
+  out.write(kAccessMagic);
+  out.u16(kAccessVersion);
   out.u16(kHeaderBytes);
   out.u32(0);  // the header's checksum
   base::writeFields(out, fieldsOf(header));

@@ -50,13 +50,13 @@ constexpr int kCheckAttempts = 50;  // a writer may overtake the check a few tim
 // The pad of the free table is the page size. The main table holds the named tables as nodes of 48 bytes. A value too
 // large for a node lies in overflow pages of its own: a page header, then the value.
 
-constexpr std::uint32_t kMagic = 0xBEEFC0DE;
-constexpr std::uint32_t kVersion = 1;
+constexpr std::uint32_t kLmdbMagic = 0xBEEFC0DE;
+constexpr std::uint32_t kLmdbVersion = 1;
 constexpr std::uint16_t kBranch = 0x01, kLeaf = 0x02, kOverflow = 0x04, kKindMask = 0x7F;  // page flags
 constexpr std::uint16_t kBigData = 0x01, kSubTable = 0x02;                                 // node flags
 constexpr std::uint16_t kIntegerKeys = 0x08;                                               // table flags
 constexpr std::uint64_t kNoPage = ~std::uint64_t{0};
-constexpr std::uint64_t kPageHeader = 16, kNodeHeader = 8, kTableBytes = 48;
+constexpr std::uint64_t kPageHeader = 16, kNodeHeader = 8, kTableRecordBytes = 48;
 constexpr std::uint64_t kMaxBytes = std::uint64_t{1} << 46;  // half of the address space of an x86-64 process
 constexpr int kMaxDepth = 32;                                // CURSOR_STACK in mdb.c
 
@@ -96,7 +96,7 @@ std::optional<Meta> readMeta(base::ByteView file, std::uint64_t offset) {
   meta.main = readTable(in);
   meta.last_page = in.u64();
   meta.txn_id = in.u64();
-  if (!in.ok() || magic != kMagic || (version & 0xFFFF) != kVersion) return std::nullopt;
+  if (!in.ok() || magic != kLmdbMagic || (version & 0xFFFF) != kLmdbVersion) return std::nullopt;
 
   const std::uint32_t page_bytes = meta.free_pages.pad;
   const bool usable = std::has_single_bit(page_bytes) && page_bytes >= 512 && page_bytes <= 65536;
@@ -217,7 +217,7 @@ class TreeWalker {
     if (holds_tables != ((flags & kSubTable) != 0) || (flags & ~(kBigData | kSubTable)) != 0)
       return fail("a value of another kind", number);
     if (holds_tables) {
-      if (data.size() != kTableBytes) return fail("a table record of the wrong size", number);
+      if (data.size() != kTableRecordBytes) return fail("a table record of the wrong size", number);
       base::ByteReader record(data);
       walkTable(readTable(record), false, number);
     }

@@ -7,6 +7,7 @@
 
 #include "base/file.h"
 #include "base/json/camera_file.h"
+#include "base/json/parse.h"
 #include "base/json/vector.h"
 
 namespace base {
@@ -14,26 +15,12 @@ namespace {
 
 using nlohmann::json;
 
-/// Deeper than any valid document. nlohmann's parser keeps a stack, so that hostile nesting would cost memory.
-constexpr int kMaxDepth = 16;
-
-Error bad(const std::string& name, const std::string& problem) {
+Error badNote(const std::string& name, const std::string& problem) {
   return {ErrorCode::kInvalidInput, name + ": " + problem + " (docs/formats/annotations.md)"};
 }
 
-/// Returns a discarded value for a text that is no JSON in UTF-8 or nests too deeply.
-json parse(ByteView text) {
-  bool deep = false;
-  const auto shallow = [&deep](int depth, json::parse_event_t, json&) {
-    deep = deep || depth > kMaxDepth;
-    return !deep;
-  };
-  json document = json::parse(text.begin(), text.end(), shallow, false);
-  return deep ? json(json::value_t::discarded) : document;
-}
-
 /// Members may be absent; checkedAnnotation() checks the limits.
-bool readVector(const json& note, const char* key, glm::dvec3& v) {
+bool readVectorIfAny(const json& note, const char* key, glm::dvec3& v) {
   const auto it = note.find(key);
   if (it == note.end()) return true;
   const auto read = vectorFrom(*it);
@@ -49,13 +36,13 @@ bool readText(const json& note, const char* key, std::string& text) {
 }
 
 Result<Annotation> readNote(const json& note, const std::string& place) {
-  if (!note.is_object()) return bad(place, "is not an object");
+  if (!note.is_object()) return badNote(place, "is not an object");
   Annotation annotation;
-  if (!note.contains("position") || !readVector(note, "position", annotation.position))
-    return bad(place, "position must be three numbers");
-  if (!readVector(note, "normal", annotation.normal)) return bad(place, "normal must be three numbers");
-  if (!readText(note, "title", annotation.title)) return bad(place, "title must be text");
-  if (!readText(note, "text", annotation.text)) return bad(place, "text must be text");
+  if (!note.contains("position") || !readVectorIfAny(note, "position", annotation.position))
+    return badNote(place, "position must be three numbers");
+  if (!readVectorIfAny(note, "normal", annotation.normal)) return badNote(place, "normal must be three numbers");
+  if (!readText(note, "title", annotation.title)) return badNote(place, "title must be text");
+  if (!readText(note, "text", annotation.text)) return badNote(place, "text must be text");
   if (const auto it = note.find("camera"); it != note.end()) {
     LUMIGRID_ASSIGN_OR_RETURN(annotation.camera, parseCamera(it->dump(), place + ": camera"));
   }
@@ -68,16 +55,16 @@ Result<Annotation> readNote(const json& note, const std::string& place) {
 
 Result<std::vector<Annotation>> parseAnnotations(ByteView text, const std::string& name) {
   if (text.size() > kMaxAnnotationsBytes)
-    return bad(name, "has more than " + std::to_string(kMaxAnnotationsBytes >> 20) + " MiB");
-  const json document = parse(text);
-  if (document.is_discarded() || !document.is_object()) return bad(name, "is no JSON object in UTF-8");
+    return badNote(name, "has more than " + std::to_string(kMaxAnnotationsBytes >> 20) + " MiB");
+  const json document = parseJson(text);
+  if (document.is_discarded() || !document.is_object()) return badNote(name, "is no JSON object in UTF-8");
   if (!document.contains("version") || document["version"] != kAnnotationsVersion)
     return Error{ErrorCode::kVersion, name + ": version must be 1 (docs/formats/annotations.md)"};
   if (!document.contains("annotations") || !document["annotations"].is_array())
-    return bad(name, "annotations must be a list");
+    return badNote(name, "annotations must be a list");
   const json& notes = document["annotations"];
   if (notes.size() > kMaxAnnotations)
-    return bad(name, "has more than " + std::to_string(kMaxAnnotations) + " annotations");
+    return badNote(name, "has more than " + std::to_string(kMaxAnnotations) + " annotations");
   std::vector<Annotation> annotations;
   for (const json& note : notes) {
     LUMIGRID_ASSIGN_OR_RETURN(auto read, readNote(note, name + ": annotation " + std::to_string(annotations.size())));
@@ -93,7 +80,7 @@ Result<std::optional<AnnotationsText>> readAnnotations(const std::string& direct
   if (ec == std::errc::no_such_file_or_directory) return std::optional<AnnotationsText>();
   // For a directory, a pipe or an unreadable file, readFile gives an error that names it.
   if (!ec && size > kMaxAnnotationsBytes)
-    return bad(path, "has more than " + std::to_string(kMaxAnnotationsBytes >> 20) + " MiB");
+    return badNote(path, "has more than " + std::to_string(kMaxAnnotationsBytes >> 20) + " MiB");
   LUMIGRID_ASSIGN_OR_RETURN(auto bytes, readFile(path));
   LUMIGRID_ASSIGN_OR_RETURN(auto notes, parseAnnotations(bytes, path));
   return std::optional(AnnotationsText{std::string(bytes.begin(), bytes.end()), notes.size()});

@@ -5,6 +5,7 @@
 #include <nlohmann/json.hpp>
 
 #include "base/file.h"
+#include "base/json/parse.h"
 #include "base/json/vector.h"
 
 namespace base {
@@ -69,7 +70,7 @@ Result<ViewCamera> cameraFrom(const json& object, const std::string& name, ViewC
 
 Result<json> parseFile(const std::string& path) {
   LUMIGRID_ASSIGN_OR_RETURN(auto bytes, readFile(path));
-  json document = json::parse(bytes.begin(), bytes.end(), nullptr, false);
+  json document = parseJson(bytes);
   if (document.is_discarded()) return bad(path, "not valid JSON");
   return document;
 }
@@ -82,7 +83,7 @@ Result<ViewCamera> readCamera(const std::string& path) {
 }
 
 Result<ViewCamera> parseCamera(const std::string& text, const std::string& name) {
-  const json document = json::parse(text, nullptr, false);
+  const json document = parseJson(viewOfText(text));
   if (document.is_discarded()) return bad(name, "not valid JSON");
   return cameraFrom(document, name, {});
 }

@@ -8,6 +8,7 @@
 
 #include "base/file.h"
 #include "base/hash/sha256.h"
+#include "base/json/parse.h"
 #include "base/json/vector.h"
 
 namespace base {
@@ -118,7 +119,7 @@ Result<Scene> readSceneFile(const std::string& path) {
 }
 
 Result<Scene> parseScene(const std::string& text, const std::string& name) {
-  const json document = json::parse(text, nullptr, false);
+  const json document = parseJson(viewOfText(text));
   if (!document.is_object()) return Error{ErrorCode::kInvalidInput, name + ": not valid JSON; build the scene again"};
   Scene scene;
   std::string problem;

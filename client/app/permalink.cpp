@@ -16,7 +16,7 @@ namespace {
 constexpr int kVersion = 1;
 constexpr std::size_t kMaxNumber = 40;  // characters; the longest that is written has 32
 constexpr int kAngleDecimals = 6;       // decimals of angles in degrees: 2e-8 radian
-constexpr int kMaxDecimals = 17;
+constexpr int kMaxLinkDecimals = 17;
 // The angle of a view whose link names none, and the limits of the angles that are accepted. They are choices.
 constexpr double kDefaultFovDegrees = 45.0;
 constexpr double kMinFovDegrees = 0.1;
@@ -24,14 +24,14 @@ constexpr double kMaxFovDegrees = 170.0;
 constexpr double kMinDistance = 1e-9;  // world units
 constexpr std::string_view kAxes = "xyz";
 
-base::Error bad(const std::string& problem) {
+base::Error badLink(const std::string& problem) {
   return {base::ErrorCode::kInvalidInput, "this link cannot be read: " + problem};
 }
 
 // ---- numbers ----
 
 /// Writes fixed point without zeros at the end, and without a minus before zero.
-std::string fixed(double value, int decimals) {
+std::string shortFixed(double value, int decimals) {
   std::string text = base::formatText("%.*f", decimals, value);
   if (text.find('.') != std::string::npos) {
     text.erase(text.find_last_not_of('0') + 1);
@@ -52,8 +52,8 @@ std::optional<double> number(std::string_view text, double limit) {
 }
 
 /// Returns the decimals that resolve a hundred-millionth of `distance`.
-int decimalsFor(double distance) {
-  return std::clamp(static_cast<int>(std::ceil(8.0 - std::log10(distance))), 0, kMaxDecimals);
+int linkDecimals(double distance) {
+  return std::clamp(static_cast<int>(std::ceil(8.0 - std::log10(distance))), 0, kMaxLinkDecimals);
 }
 
 /// Returns fewer decimals near the poles, where a degree of heading is a small turn.
@@ -84,10 +84,10 @@ std::optional<std::array<std::string_view, N>> split(std::string_view text, char
 
 base::Result<void> readPosition(std::string_view value, ViewState& view) {
   const auto pieces = split<3>(value, ',');
-  if (!pieces) return bad("p (position) must be three numbers");
+  if (!pieces) return badLink("p (position) must be three numbers");
   for (int i = 0; i < 3; ++i) {
     const auto coordinate = number((*pieces)[static_cast<std::size_t>(i)], protocol::kMaxCoordinate);
-    if (!coordinate) return bad("p (position) must be three numbers within 1e12");
+    if (!coordinate) return badLink("p (position) must be three numbers within 1e12");
     view.position[i] = *coordinate;
   }
   return {};
@@ -97,7 +97,7 @@ base::Result<void> readDirection(std::string_view value, ViewState& view) {
   const auto pieces = split<2>(value, ',');
   const auto heading = pieces ? number((*pieces)[0], 360.0) : std::nullopt;
   const auto pitch = pieces ? number((*pieces)[1], 90.0) : std::nullopt;
-  if (!heading || !pitch) return bad("a (direction) must be a heading within 360 and a pitch within 90 degrees");
+  if (!heading || !pitch) return badLink("a (direction) must be a heading within 360 and a pitch within 90 degrees");
   const double h = glm::radians(*heading);
   const double p = glm::radians(*pitch);
   view.direction = {std::cos(p) * std::cos(h), std::cos(p) * std::sin(h), std::sin(p)};
@@ -106,21 +106,22 @@ base::Result<void> readDirection(std::string_view value, ViewState& view) {
 
 base::Result<void> readDistance(std::string_view value, ViewState& view) {
   const auto distance = number(value, protocol::kMaxCoordinate);
-  if (!distance || *distance < kMinDistance) return bad("r (distance of the pivot) must be above 0 and at most 1e12");
+  if (!distance || *distance < kMinDistance)
+    return badLink("r (distance of the pivot) must be above 0 and at most 1e12");
   view.pivot_distance = *distance;
   return {};
 }
 
 base::Result<void> readFov(std::string_view value, ViewState& view) {
   const auto degrees = number(value, kMaxFovDegrees);
-  if (!degrees || *degrees < kMinFovDegrees) return bad("f (field of view) must lie between 0.1 and 170 degrees");
+  if (!degrees || *degrees < kMinFovDegrees) return badLink("f (field of view) must lie between 0.1 and 170 degrees");
   view.fov_y = glm::radians(*degrees);
   return {};
 }
 
 base::Result<void> readMethod(std::string_view value, ViewState& view) {
   const auto method = methodFromName(value);
-  if (!method) return bad("m (method) must be lumigraph, patches or qsplat");
+  if (!method) return badLink("m (method) must be lumigraph, patches or qsplat");
   view.method = *method;
   return {};
 }
@@ -131,7 +132,7 @@ base::Result<void> readOptions(std::string_view value, ViewState& view) {
                    : letter == 'c' ? &view.colors_by_resolution
                    : letter == 'o' ? &view.orthographic
                                    : nullptr;
-    if (option == nullptr || *option) return bad("o (options) may hold s, c and o, each once");
+    if (option == nullptr || *option) return badLink("o (options) may hold s, c and o, each once");
     *option = true;
   }
   return {};
@@ -142,7 +143,7 @@ base::Result<void> readSection(std::string_view value, ViewState& view) {
   const auto offset = pieces ? number((*pieces)[1], protocol::kMaxCoordinate) : std::nullopt;
   const bool axis = offset && (*pieces)[0].size() == 1 && kAxes.find((*pieces)[0]) != std::string_view::npos;
   if (!axis || ((*pieces)[2] != "a" && (*pieces)[2] != "b"))
-    return bad("x (section) must be an axis, an offset within 1e12, and a or b");
+    return badLink("x (section) must be an axis, an offset within 1e12, and a or b");
   view.section = {true, static_cast<int>(kAxes.find((*pieces)[0])), (*pieces)[2] == "b", *offset};
   return {};
 }
@@ -166,17 +167,17 @@ constexpr std::array<LinkPart, 7> kParts{{{'p', true, readPosition},
 std::string formatPermalink(const ViewState& view) {
   // Write position and direction.
   const std::string distance = significant(view.pivot_distance);
-  const int decimals = decimalsFor(std::max(asRead(distance), kMinDistance));
+  const int decimals = linkDecimals(std::max(asRead(distance), kMinDistance));
   const glm::dvec3& d = view.direction;
-  const std::string pitch = fixed(glm::degrees(std::atan2(d.z, std::hypot(d.x, d.y))), kAngleDecimals);
-  const std::string heading = fixed(glm::degrees(std::atan2(d.y, d.x)), headingDecimals(asRead(pitch)));
-  std::string text = "v=" + std::to_string(kVersion) + "&p=" + fixed(view.position.x, decimals) + "," +
-                     fixed(view.position.y, decimals) + "," + fixed(view.position.z, decimals) + "&a=" + heading + "," +
-                     pitch + "&r=" + distance;
+  const std::string pitch = shortFixed(glm::degrees(std::atan2(d.z, std::hypot(d.x, d.y))), kAngleDecimals);
+  const std::string heading = shortFixed(glm::degrees(std::atan2(d.y, d.x)), headingDecimals(asRead(pitch)));
+  std::string text = "v=" + std::to_string(kVersion) + "&p=" + shortFixed(view.position.x, decimals) + "," +
+                     shortFixed(view.position.y, decimals) + "," + shortFixed(view.position.z, decimals) +
+                     "&a=" + heading + "," + pitch + "&r=" + distance;
 
   // Write what differs from the defaults.
-  const std::string fov = fixed(glm::degrees(view.fov_y), kAngleDecimals);
-  if (fov != fixed(kDefaultFovDegrees, kAngleDecimals)) text += "&f=" + fov;
+  const std::string fov = shortFixed(glm::degrees(view.fov_y), kAngleDecimals);
+  if (fov != shortFixed(kDefaultFovDegrees, kAngleDecimals)) text += "&f=" + fov;
   if (view.method != Method::kLumigraph) text += "&m=" + std::string(nameOf(view.method));
   std::string options;
   if (view.statistics) options += 's';
@@ -185,17 +186,17 @@ std::string formatPermalink(const ViewState& view) {
   if (!options.empty()) text += "&o=" + options;
   if (view.section.on)
     text += std::string("&x=") + kAxes[static_cast<std::size_t>(view.section.axis)] + "," +
-            fixed(view.section.offset, decimals) + (view.section.keep_below ? ",b" : ",a");
+            shortFixed(view.section.offset, decimals) + (view.section.keep_below ? ",b" : ",a");
   return text;
 }
 
 base::Result<ViewState> parsePermalink(std::string_view text) {
   if (!text.empty() && text.front() == '#') text.remove_prefix(1);
-  if (text.size() > kMaxPermalink) return bad("it is longer than " + std::to_string(kMaxPermalink) + " characters");
-  if (text.substr(0, 2) != "v=") return bad("it does not begin with v=1");
+  if (text.size() > kMaxPermalink) return badLink("it is longer than " + std::to_string(kMaxPermalink) + " characters");
+  if (text.substr(0, 2) != "v=") return badLink("it does not begin with v=1");
   const std::string_view version =
       text.substr(2, text.find('&') == std::string_view::npos ? text.npos : text.find('&') - 2);
-  if (version != "1") return bad("it is of another version; this viewer knows version 1");
+  if (version != "1") return badLink("it is of another version; this viewer knows version 1");
   text.remove_prefix(std::min(text.size(), 2 + version.size()));
 
   // Every part may stand once, in any order.
@@ -208,14 +209,14 @@ base::Result<ViewState> parsePermalink(std::string_view text) {
     const auto known = std::find_if(kParts.begin(), kParts.end(), [&](const LinkPart& p) {
       return part.size() >= 2 && part[0] == p.name && part[1] == '=';
     });
-    if (known == kParts.end()) return bad("it has a part that is not known");
+    if (known == kParts.end()) return badLink("it has a part that is not known");
     bool& known_already = seen[static_cast<std::size_t>(known - kParts.begin())];
-    if (known_already) return bad(std::string(1, known->name) + " stands in it twice");
+    if (known_already) return badLink(std::string(1, known->name) + " stands in it twice");
     known_already = true;
     LUMIGRID_TRY(known->read(part.substr(2), view));
   }
   for (std::size_t i = 0; i < kParts.size(); ++i)
-    if (kParts[i].needed && !seen[i]) return bad(std::string(1, kParts[i].name) + " is missing");
+    if (kParts[i].needed && !seen[i]) return badLink(std::string(1, kParts[i].name) + " is missing");
   return view;
 }
 

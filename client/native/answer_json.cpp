@@ -4,15 +4,12 @@
 #include <nlohmann/json.hpp>
 
 #include "base/format_text.h"
+#include "base/json/parse.h"
 
 namespace client {
 namespace {
 
 using nlohmann::json;
-
-/// Limit of nesting, deeper than any of these documents: nlohmann's parser keeps a stack, so hostile depth would cost
-/// memory.
-constexpr int kMaxDepth = 16;
 
 base::Error bad(const std::string& place, const std::string& problem) {
   return {base::ErrorCode::kInvalidInput, place + ": " + problem};
@@ -20,13 +17,8 @@ base::Error bad(const std::string& place, const std::string& problem) {
 
 base::Result<json> parse(base::ByteView text, std::size_t limit, const std::string& name) {
   if (text.size() > limit) return bad(name, "has more than " + std::to_string(limit) + " bytes");
-  bool deep = false;
-  const auto shallow = [&deep](int depth, json::parse_event_t, json&) {
-    deep = deep || depth > kMaxDepth;
-    return !deep;
-  };
-  json document = json::parse(text.begin(), text.end(), shallow, false);
-  if (document.is_discarded() || deep || !document.is_object()) return bad(name, "is not a JSON object");
+  json document = base::parseJson(text);
+  if (!document.is_object()) return bad(name, "is not a JSON object");
   return document;
 }
 

@@ -4,12 +4,11 @@
 #include <utility>
 
 #include "base/byte_range.h"
+#include "base/number.h"
 #include "client/native/http_request.h"
 
 namespace client {
 namespace {
-
-using Clock = LinkClock::Clock;
 
 /// These three are choices. A transfer counts as stalled when it stays below the rate for kStallSeconds. The rate is so
 /// low that only dead connections end: with a higher one, links that are merely slow would be cut off. With longer
@@ -193,7 +192,7 @@ void CurlFetcher::collect() {
     end(handle);
     {
       const std::lock_guard lock(mutex_);
-      link_clock_.pass(answer.bytes.size(), Clock::now());
+      link_clock_.pass(answer.bytes.size(), LinkClock::Clock::now());
       done_.push_back({std::move(answer), link_clock_.due()});
     }
     arrived_.notify_one();
@@ -203,7 +202,7 @@ void CurlFetcher::collect() {
 std::vector<FetchAnswer> CurlFetcher::takeAnswers() {
   std::vector<FetchAnswer> taken;
   const std::lock_guard lock(mutex_);
-  const Clock::time_point now = Clock::now();
+  const LinkClock::Clock::time_point now = LinkClock::Clock::now();
   while (!done_.empty() && done_.front().due <= now) {
     taken.push_back(std::move(done_.front().answer));
     done_.pop_front();

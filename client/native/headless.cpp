@@ -3,8 +3,6 @@
 #include <GLES3/gl3.h>
 
 #include <algorithm>
-#include <chrono>
-#include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
 #include <optional>
@@ -15,25 +13,20 @@
 #include "base/format_text.h"
 #include "base/gl/gl.h"
 #include "base/png/png.h"
+#include "base/stopwatch.h"
 #include "client/native/jpeg_decoder.h"
 
 namespace client {
 namespace {
 
-using Clock = std::chrono::steady_clock;
-
 /// Longest wait between two polls of the connection, which bounds the delay until finished decoding and fading are
 /// noticed.
 constexpr double kPollSeconds = 0.002;
 
-double secondsSince(Clock::time_point start) {
-  return std::chrono::duration<double>(Clock::now() - start).count();
-}
-
 /// One run along the path.
 class HeadlessRun {
  public:
-  explicit HeadlessRun(const HeadlessOptions& options) : options_(options), start_(Clock::now()), here_since_(start_) {}
+  explicit HeadlessRun(const HeadlessOptions& options) : options_(options), here_since_(start_) {}
 
   base::Result<HeadlessSummary> run();
 
@@ -58,20 +51,15 @@ class HeadlessRun {
   std::string lines_;
   HeadlessSummary summary_;
   double draw_ms_ = 0.0;
-  Clock::time_point start_;       // start of the run, then time of the Welcome
-  Clock::time_point here_since_;  // when the session was last ready
+  base::Stopwatch start_;       // start of the run, then time of the Welcome
+  base::Stopwatch here_since_;  // when the session was last ready
 };
 
 base::Result<void> HeadlessRun::prepare() {
   if (options_.path.empty())
     return base::Error{base::ErrorCode::kInvalidInput, "the camera path has no frames; give one with at least one"};
   LUMIGRID_TRY(checkUrl(options_.url));
-  if (!options_.out_dir.empty()) {
-    std::error_code error;
-    std::filesystem::create_directories(options_.out_dir, error);
-    if (error)
-      return base::Error{base::ErrorCode::kIo, options_.out_dir + ": cannot make the folder: " + error.message()};
-  }
+  if (!options_.out_dir.empty()) LUMIGRID_TRY(base::makeDirectories(options_.out_dir));
   LUMIGRID_ASSIGN_OR_RETURN(auto context, base::HeadlessContext::create());
   context_ = std::move(context);
   summary_.renderer = context_->renderer();
@@ -114,10 +102,10 @@ base::Result<void> HeadlessRun::checkConnection() {
   Session& session = viewer_->session();
   if (session.phase() == SessionPhase::kRefused) return base::Error{base::ErrorCode::kNetwork, session.problem()};
   if (session.phase() == SessionPhase::kReady) {
-    here_since_ = Clock::now();
+    here_since_ = base::Stopwatch();
     return {};
   }
-  if (secondsSince(here_since_) <= options_.connect_timeout) return {};
+  if (here_since_.seconds() <= options_.connect_timeout) return {};
   return base::Error{base::ErrorCode::kNetwork,
                      session.problem().empty() ? options_.url + ": no answer in time; is lumigrid serve running there?"
                                                : session.problem()};
@@ -132,7 +120,7 @@ base::Result<void> HeadlessRun::waitForWelcome() {
       LUMIGRID_TRY(openScene(*instead));
     LUMIGRID_TRY(checkConnection());
   }
-  start_ = Clock::now();
+  start_ = base::Stopwatch();
   return {};
 }
 
@@ -147,21 +135,21 @@ base::Result<void> HeadlessRun::bindTarget(const base::ViewCamera& camera) {
 
 base::Result<void> HeadlessRun::drawView(const base::ViewCamera& camera) {
   LUMIGRID_TRY(bindTarget(camera));
-  const Clock::time_point begin = Clock::now();
-  LUMIGRID_TRY(viewer_->draw(camera, secondsSince(start_)));
+  const base::Stopwatch begin;
+  LUMIGRID_TRY(viewer_->draw(camera, start_.seconds()));
   glFinish();
-  draw_ms_ = 1e3 * secondsSince(begin);
+  draw_ms_ = 1e3 * begin.seconds();
   return {};
 }
 
 /// Takes in data until the view is complete or the time is up. Draws only when nothing more is to be taken in, since
 /// drawing in software costs more than all else.
 base::Result<void> HeadlessRun::settleView(const base::ViewCamera& camera) {
-  const Clock::time_point begin = Clock::now();
-  while (secondsSince(begin) < options_.settle_seconds) {
+  const base::Stopwatch begin;
+  while (begin.seconds() < options_.settle_seconds) {
     pump();
     LUMIGRID_TRY(checkConnection());
-    LUMIGRID_ASSIGN_OR_RETURN(auto more, viewer_->update(camera, secondsSince(start_)));
+    LUMIGRID_ASSIGN_OR_RETURN(auto more, viewer_->update(camera, start_.seconds()));
     if (!more && viewer_->allHere()) {
       LUMIGRID_TRY(drawView(camera));
       if (viewer_->stats().complete) return {};
@@ -177,9 +165,9 @@ base::Result<void> HeadlessRun::waitUntil(double seconds, const base::ViewCamera
   while (true) {
     pump();
     LUMIGRID_TRY(checkConnection());
-    const double left = seconds - secondsSince(start_);
+    const double left = seconds - start_.seconds();
     if (left <= 0.0) return {};
-    if (const auto more = viewer_->update(camera, secondsSince(start_)); !more) return more.error();
+    if (const auto more = viewer_->update(camera, start_.seconds()); !more) return more.error();
     connection_->waitForArrival(std::min(left, kPollSeconds));
   }
 }
@@ -193,7 +181,7 @@ base::Result<void> HeadlessRun::saveFrame(const HeadlessFrame& frame) {
 
 base::Result<void> HeadlessRun::drawFrame(std::size_t index) {
   const base::ViewCamera& camera = options_.path[index];
-  const Clock::time_point begin = Clock::now();
+  const base::Stopwatch begin;
   if (options_.realtime_fps > 0.0) {
     LUMIGRID_TRY(
         waitUntil(static_cast<double>(index) / options_.realtime_fps, options_.path[index == 0 ? 0 : index - 1]));
@@ -205,8 +193,8 @@ base::Result<void> HeadlessRun::drawFrame(std::size_t index) {
   HeadlessFrame result;
   result.index = index;
   result.camera = camera;
-  result.seconds = secondsSince(start_);
-  result.settle_seconds = options_.realtime_fps > 0.0 ? 0.0 : secondsSince(begin);
+  result.seconds = start_.seconds();
+  result.settle_seconds = options_.realtime_fps > 0.0 ? 0.0 : begin.seconds();
   result.draw_ms = draw_ms_;
   result.stats = viewer_->stats();
   result.link = connection_->counts();
@@ -227,7 +215,7 @@ base::Result<HeadlessSummary> HeadlessRun::run() {
         base::writeFileAtomically(options_.out_dir + "/frames.jsonl",
                                   base::ByteView(reinterpret_cast<const std::uint8_t*>(lines_.data()), lines_.size())));
 
-  summary_.seconds = secondsSince(start_);
+  summary_.seconds = start_.seconds();
   const ViewerStats stats = viewer_->stats();
   summary_.session = stats.session;
   summary_.broken = stats.broken;

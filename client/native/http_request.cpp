@@ -2,7 +2,7 @@
 
 #include <utility>
 
-#include "base/byte_range.h"
+#include "base/number.h"
 
 namespace client {
 namespace {

@@ -6,6 +6,7 @@
 
 #include "base/file.h"
 #include "base/format_text.h"
+#include "base/json/parse.h"
 #include "client/app/permalink.h"
 
 namespace client {
@@ -72,7 +73,7 @@ base::Result<json> bookmarksIn(const std::string& directory) {
   const std::string path = directory + kBookmarksFile;
   LUMIGRID_ASSIGN_OR_RETURN(const auto text, textOf(path, kMaxBookmarksFile));
   if (text.empty()) return json{{"version", kBookmarksVersion}, {"scenes", json::object()}};
-  json document = json::parse(text, nullptr, false);
+  json document = base::parseJson(base::viewOfText(text));
   const bool fine = document.is_object() && document.contains("version") && document["version"] == kBookmarksVersion &&
                     document.contains("scenes") && document["scenes"].is_object();
   if (!fine)
@@ -92,7 +93,7 @@ std::string userConfigDirectory() {
 
 ReadSettings parseSettings(const std::string& text) {
   ReadSettings read;
-  const json document = json::parse(text, nullptr, false);
+  const json document = base::parseJson(base::viewOfText(text));
   if (!document.is_object() || !document.contains("version") || document["version"] != kSettingsVersion) {
     read.complaints.push_back("settings: not a JSON object of version 1; the defaults hold");
     return read;

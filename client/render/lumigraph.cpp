@@ -14,8 +14,6 @@
 namespace client {
 namespace {
 
-constexpr int kDepthMapsPerFrame =
-    3;  ///< while pictures may still settle; each costs about as much as drawing the proxy without images
 constexpr GLuint kSamplesBinding = 0;
 /// Texels of a sample's depth map at most. A choice: finer maps take four times the memory for each doubling, coarser
 /// ones place the edges of occlusion less exactly.
@@ -327,7 +325,8 @@ void LumigraphRenderer::Impl::drawDepthMaps(Frame& frame, const std::vector<Samp
   }
   if (stale.empty()) return;
   std::stable_partition(stale.begin(), stale.end(), [](const Stale& s) { return !s.sample->depth_drawn; });
-  const std::size_t limit = frame.options.fade_seconds <= 0.0F ? stale.size() : kDepthMapsPerFrame;
+  const std::size_t limit =
+      frame.options.fade_seconds <= 0.0F ? stale.size() : static_cast<std::size_t>(frame.options.depth_maps_per_frame);
 
   GLint framebuffer = 0;
   glGetIntegerv(GL_FRAMEBUFFER_BINDING, &framebuffer);

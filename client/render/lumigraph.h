@@ -45,7 +45,10 @@ struct BlendTuning {
 struct LumigraphOptions {
   int max_samples = base::ViewDefaults::kImages;  ///< images blended per frame, 1..32
   float fade_seconds = 0.25F;  ///< images come in and go over this; 0 for pictures that must be final at once
-  bool carve = true;           ///< discard fragments that the images' votes call background
+  /// Depth maps drawn in a frame at most, while pictures may still settle. Each costs about as much as drawing the
+  /// proxy without images.
+  int depth_maps_per_frame = 3;
+  bool carve = true;       ///< discard fragments that the images' votes call background
   bool fill_holes = true;  ///< shade what no image sees by vertex colour, normal and light; otherwise leave background
   /// The proxy is pushed outward along its normals by this many times its projected error, then carved. 0 measured best
   /// on our hierarchies, whose stated error is a bound several times the typical one; 0.2 to 0.4 of an exact error

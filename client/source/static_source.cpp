@@ -7,8 +7,8 @@
 namespace client {
 namespace {
 
-constexpr std::size_t kRequestsAheadOfNeed =
-    2;  // a share of the 6 that may be under way, so that a new view finds room
+// A share of the 6 that may be under way, so that a new view finds room.
+constexpr std::size_t kRequestsAheadOfNeed = 2;
 constexpr double kMinPause = 0.25, kMaxPause = 5.0;  // seconds between attempts; choices
 /// One failed request is not reported: hosts close kept connections now and then.
 constexpr int kMinReportedFailures = 2;

@@ -10,7 +10,7 @@ namespace {
 
 // Bytes that are collected before they are written. A choice: smaller buffers make more system calls, larger ones take
 // more memory for each open file.
-constexpr std::size_t kBufferBytes = std::size_t{1} << 20;
+constexpr std::size_t kSpoolBufferBytes = std::size_t{1} << 20;
 
 }  // namespace
 
@@ -35,8 +35,8 @@ base::Result<SpoolFile> SpoolFile::open(const std::string& path) {
 
 base::Result<void> SpoolFile::append(base::ByteView bytes) {
   // Large pieces skip the buffer and go straight to the file, behind what is buffered.
-  const bool large = bytes.size() > kBufferBytes / 8;
-  if (large || buffer_.size() + bytes.size() > kBufferBytes) LUMIGRID_TRY(flush());
+  const bool large = bytes.size() > kSpoolBufferBytes / 8;
+  if (large || buffer_.size() + bytes.size() > kSpoolBufferBytes) LUMIGRID_TRY(flush());
   if (large) {
     LUMIGRID_TRY(base::writeAllAt(file_, path_, flushed_, bytes));
     flushed_ += bytes.size();

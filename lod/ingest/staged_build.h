@@ -123,7 +123,8 @@ class StagedBuild {
 
   /// Goes through Stage::kSpooled and chooses the lattice. `position_bits`: as in makeLattice.
   base::Result<void> importSource(const SourceInput& input, std::uint32_t position_bits);
-  /// Calls on_plan once the source is imported. The time is that of making `items` things at so many a second and core.
+  /// Calls on_plan, once the source is imported. The plan's time is estimated from `items`, of which each core makes
+  /// `items_per_core_second`.
   void reportPlan(std::uint64_t output_bytes, std::uint64_t work_bytes, std::uint64_t items,
                   double items_per_core_second) const;
   /// Goes through Stage::kSorted for triangles.

@@ -21,8 +21,8 @@ namespace {
 
 constexpr int kBlock = 8;
 constexpr int kMaxSide = 16384;
-constexpr std::uint8_t kVersion = 1;
-constexpr std::size_t kHeaderBytes = 1;
+constexpr std::uint8_t kMaskVersion = 1;
+constexpr std::size_t kMaskHeaderBytes = 1;
 
 // ---- The range coder ----
 
@@ -273,7 +273,7 @@ base::Bytes encodeCoverage(const base::Image& mask) {
   LUMIGRID_CHECK(mask.width >= 1 && mask.height >= 1 && mask.width <= kMaxSide && mask.height <= kMaxSide);
   if (std::find(mask.pixels.begin(), mask.pixels.end(), std::uint8_t{0}) == mask.pixels.end()) return {};
 
-  base::Bytes out = {kVersion};
+  base::Bytes out = {kMaskVersion};
   RangeEncoder coder(out);
   Models models;
   const int columns = (mask.width + kBlock - 1) / kBlock;
@@ -297,11 +297,11 @@ base::Result<base::Image> decodeCoverage(base::ByteView bytes, int width, int he
     std::fill(mask.pixels.begin(), mask.pixels.end(), std::uint8_t{255});
     return mask;
   }
-  if (bytes[0] != kVersion)
+  if (bytes[0] != kMaskVersion)
     return base::Error{base::ErrorCode::kVersion, "coverage mask: version " + std::to_string(bytes[0]) +
-                                                      ", this program reads " + std::to_string(kVersion)};
+                                                      ", this program reads " + std::to_string(kMaskVersion)};
 
-  RangeDecoder coder(bytes.subspan(kHeaderBytes));
+  RangeDecoder coder(bytes.subspan(kMaskHeaderBytes));
   Models models;
   const int columns = (width + kBlock - 1) / kBlock;
   Classes classes(columns);

@@ -20,13 +20,13 @@ using base::Error;
 using base::ErrorCode;
 using base::Result;
 
-const std::vector<const char*> kTables{"meta", "index", "order", "data"};
-constexpr std::size_t kMeta = 0, kIndex = 1, kOrder = 2, kData = 3;  // indices into kTables
+const std::vector<const char*> kCacheTables{"meta", "index", "order", "data"};
+constexpr std::size_t kCacheMeta = 0, kIndex = 1, kOrder = 2, kData = 3;  // indices into kCacheTables
 // A folder of our own, since a damaged cache deletes its files.
 constexpr const char* kFolder = "lumigrid-cache";
 const std::string kTotalsKey = "state";
 constexpr std::uint32_t kFormat = 1;
-constexpr std::uint64_t kPage = 4096, kPageHeader = 16;  // LMDB's, on a 64-bit machine
+constexpr std::uint64_t kPage = 4096, kPageHeaderBytes = 16;  // LMDB's, on a 64-bit machine
 constexpr std::uint64_t kRecordBytes = 160;  // a piece's nodes in the other tables, with room in their pages
 constexpr std::size_t kMaxUsed = 4096;       // uses kept in memory before they are written; a choice
 constexpr std::uint64_t kExtraMapBytes = std::uint64_t{64} << 20;
@@ -38,7 +38,7 @@ std::uint64_t mapBytes(std::uint64_t budget) {
 
 // The bytes that a piece takes in the file.
 std::uint64_t costOf(std::uint64_t bytes) {
-  return (bytes + kPageHeader + kPage - 1) / kPage * kPage + kRecordBytes;
+  return (bytes + kPageHeaderBytes + kPage - 1) / kPage * kPage + kRecordBytes;
 }
 
 // The checksum covers the key too, so that the bytes of one piece are never returned for another.
@@ -90,7 +90,7 @@ class Transaction {
   int readTotals() {
     MDB_val key = valueOf(kTotalsKey);
     MDB_val value{};
-    const int code = mdb_get(txn_, environment_->table(kMeta), &key, &value);
+    const int code = mdb_get(txn_, environment_->table(kCacheMeta), &key, &value);
     if (code == MDB_NOTFOUND) return 0;
     if (code != 0) return code;
     const auto read = copyOf<Totals>(value);
@@ -98,7 +98,7 @@ class Transaction {
     totals = *read;
     return 0;
   }
-  int writeTotals() { return putValue(kMeta, kTotalsKey, viewOfRecord(totals)); }
+  int writeTotals() { return putValue(kCacheMeta, kTotalsKey, viewOfRecord(totals)); }
 
   // Moves a used piece to the end of the order. A piece that is gone is no error.
   int recordUse(const CacheKey& key) {
@@ -223,7 +223,7 @@ Result<std::unique_ptr<RangeCache>> RangeCache::openChecked(const std::string& p
   LUMIGRID_ASSIGN_OR_RETURN(auto environment, LmdbEnvironment::open(path, environment_options));
   if (environment->readOnly()) return base::systemError(path, "write to this directory", EACCES);
   LUMIGRID_TRY(environment->checkTrees(CheckDepth::kValues));
-  if (const int code = environment->openTables(kTables, true); code != 0)
+  if (const int code = environment->openTables(kCacheTables, true); code != 0)
     return storeError(path, "open", reasonOfFailedWrite(path, code, 0));
 
   std::unique_ptr<RangeCache> cache(new RangeCache(path, std::move(environment), options));

@@ -4,8 +4,8 @@
 #include <set>
 #include <utility>
 
-#include "base/byte_range.h"
 #include "base/file.h"
+#include "base/number.h"
 #include "repository/objects/s3_bucket.h"
 #include "repository/objects/s3_xml.h"
 

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "base/byte_range.h"
+#include "base/number.h"
 
 namespace repository {
 namespace {

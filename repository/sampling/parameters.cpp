@@ -5,6 +5,8 @@
 #include <string_view>
 #include <utility>
 
+#include "base/json/parse.h"
+
 namespace repository {
 namespace {
 
@@ -33,7 +35,7 @@ base::Result<Grid> gridFromMeta(const std::string& meta, const std::string& name
   const base::Error wrong{
       base::ErrorCode::kInvalidInput,
       name + ": the repository's parameters hold no valid grid; build the images again with `lumigrid build`"};
-  const json root = json::parse(meta, nullptr, false);
+  const json root = base::parseJson(base::viewOfText(meta));
   if (!root.is_object() || !root.contains("grid") || !root["grid"].is_object()) return wrong;
   const json& object = root["grid"];
   Grid grid;

@@ -2,21 +2,13 @@
 
 #include <algorithm>
 #include <bit>
-#include <charconv>
 
 #include "base/check.h"
 #include "base/format_text.h"
+#include "base/number.h"
 
 namespace repository {
 namespace {
-
-// Reads a text of decimal digits only.
-std::optional<std::uint32_t> wholeNumber(const std::string& text) {
-  std::uint32_t value = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), value);
-  if (error != std::errc() || end != text.data() + text.size()) return std::nullopt;
-  return value;
-}
 
 // The number of grid points in the cube of `side` at `corner`.
 std::uint64_t pointsInCube(const glm::uvec3& corner, std::uint32_t side, const glm::uvec3& count) {
@@ -45,12 +37,12 @@ base::Result<Shard> parseShard(const std::string& text) {
     return base::Error{base::ErrorCode::kInvalidInput, "shard '" + text + "': " + problem};
   };
   const std::size_t slash = text.find('/');
-  const auto index = wholeNumber(text.substr(0, slash));
-  const auto count = slash == std::string::npos ? std::nullopt : wholeNumber(text.substr(slash + 1));
+  const auto index = base::parseDecimal(text.substr(0, slash));
+  const auto count = slash == std::string::npos ? std::nullopt : base::parseDecimal(text.substr(slash + 1));
   if (!index || !count) return wrong("say i/n, such as 3/16");
   if (*count < 1 || *count > kMaxShards) return wrong("n must be 1 to " + std::to_string(kMaxShards));
   if (*index >= *count) return wrong("i must be 0 to n - 1, here " + std::to_string(*count - 1));
-  return Shard{*index, *count};
+  return Shard{static_cast<std::uint32_t>(*index), static_cast<std::uint32_t>(*count)};
 }
 
 std::string directoryNameOf(const Shard& shard) {
@@ -59,10 +51,10 @@ std::string directoryNameOf(const Shard& shard) {
 
 std::optional<Shard> shardOfDirectoryName(const std::string& name) {
   if (name.size() != 18 || !name.starts_with("shard-") || name.substr(10, 4) != "-of-") return std::nullopt;
-  const auto index = wholeNumber(name.substr(6, 4));
-  const auto count = wholeNumber(name.substr(14));
+  const auto index = base::parseDecimal(name.substr(6, 4));
+  const auto count = base::parseDecimal(name.substr(14));
   if (!index || !count || *count > kMaxShards || *index >= *count) return std::nullopt;
-  return Shard{*index, *count};
+  return Shard{static_cast<std::uint32_t>(*index), static_cast<std::uint32_t>(*count)};
 }
 
 PointRange pointsOf(const Shard& shard, const Grid& grid) {

@@ -7,6 +7,7 @@
 
 #include "base/hash/sha256.h"
 #include "base/json/annotations_file.h"
+#include "base/json/parse.h"
 #include "lod/qsplat/splat_file.h"
 #include "repository/verify.h"
 #include "server/cli/commands.h"
@@ -277,7 +278,7 @@ base::Result<nlohmann::json> describeImageStore(const InfoArguments& a, const Op
 
 base::Result<nlohmann::json> describe(const InfoArguments& a, const OpenScene& open) {
   nlohmann::json j;
-  j["scene"] = nlohmann::json::parse(open.scene_json.begin(), open.scene_json.end());
+  j["scene"] = base::parseJson(open.scene_json);
   j["triangles"] = open.scene.triangles;
   if (open.data.patches != nullptr) {
     LUMIGRID_ASSIGN_OR_RETURN(j["hierarchy"], describePatchFile(a, open));

@@ -14,6 +14,7 @@
 #include "base/file.h"
 #include "base/hash/sha256.h"
 #include "base/json/annotations_file.h"
+#include "base/json/parse.h"
 #include "base/stopwatch.h"
 #include "repository/objects/open_objects.h"
 #include "repository/packs/pack_format.h"
@@ -214,7 +215,7 @@ Result<Hashes> readList(repository::ObjectSink& sink, const repository::ObjectSo
                                                 ": cannot be read; remove the page's files there and publish again"};
   if (*size > kMaxListBytes) return bad;
   LUMIGRID_ASSIGN_OR_RETURN(auto bytes, source.read(kPageList, 0, *size));
-  const json list = json::parse(bytes.begin(), bytes.end(), nullptr, false);
+  const json list = base::parseJson(bytes);
   if (!list.is_object() || !list.contains("version") || list["version"] != 1 || !list.contains("files") ||
       !list["files"].is_object())
     return bad;

@@ -2,7 +2,7 @@
 
 #include <tuple>
 
-#include "base/byte_range.h"
+#include "base/number.h"
 
 namespace server::cli {
 namespace {

@@ -3,7 +3,6 @@
 #include <utility>
 
 #include "base/egl/headless.h"
-#include "base/view_defaults.h"
 #include "server/bake/face_encoder.h"
 #include "spdlog/spdlog.h"
 
@@ -11,7 +10,6 @@ namespace server {
 namespace {
 
 constexpr std::uint64_t kPatchBytes = std::uint64_t{2} << 30;  // GPU memory for the patches of all scenes together
-constexpr RenderOptions kExactFrame{.tolerance_px = base::ViewDefaults::kExactTolerance, .supersampling = 2};
 
 }  // namespace
 

@@ -13,7 +13,7 @@ namespace {
 
 constexpr std::array<const char*, 6> kNames{"ox", "oy", "oz", "dx", "dy", "dz"};
 
-base::Error wrong(const std::string& problem) {
+base::Error wrongPick(const std::string& problem) {
   return {base::ErrorCode::kInvalidInput, "/pick: " + problem + " (docs/formats/http.md)"};
 }
 
@@ -27,18 +27,18 @@ base::Result<lod::patch::Ray> parsePickRequest(const Query& query) {
   std::array<double, kNames.size()> values{};
   for (std::size_t i = 0; i < kNames.size(); ++i) {
     const auto it = query.find(kNames[i]);
-    if (it == query.end()) return wrong(std::string(kNames[i]) + " is missing; ox, oy, oz, dx, dy, dz are needed");
+    if (it == query.end()) return wrongPick(std::string(kNames[i]) + " is missing; ox, oy, oz, dx, dy, dz are needed");
     const auto value = base::parseNumber(it->second);
     if (!value || std::abs(*value) > protocol::kMaxCoordinate)
-      return wrong(std::string(kNames[i]) + " must be a number within 1e12");
+      return wrongPick(std::string(kNames[i]) + " must be a number within 1e12");
     values[i] = *value;
   }
-  if (query.size() != kNames.size()) return wrong("takes ox, oy, oz, dx, dy, dz and nothing else");
+  if (query.size() != kNames.size()) return wrongPick("takes ox, oy, oz, dx, dy, dz and nothing else");
   lod::patch::Ray ray;
   ray.origin = {values[0], values[1], values[2]};
   ray.direction = {values[3], values[4], values[5]};
   const double length = glm::length(ray.direction);
-  if (!(length > 1e-12)) return wrong("the direction dx, dy, dz has no length");
+  if (!(length > 1e-12)) return wrongPick("the direction dx, dy, dz has no length");
   ray.direction /= length;
   return ray;
 }

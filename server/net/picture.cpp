@@ -21,7 +21,7 @@ constexpr double kMinFovDegrees = 0.05, kMaxFovDegrees = 179.9;
 constexpr double kMinTolerance = 0.2, kMaxTolerance = 1000.0;  // pixels; below the minimum nothing changes visibly
 constexpr double kMinSine = 1e-6;                              // sine of the angle between up and direction
 
-base::Error wrong(const std::string& problem) {
+base::Error wrongRender(const std::string& problem) {
   return {base::ErrorCode::kInvalidInput, "/render: " + problem + " (docs/formats/http.md)"};
 }
 
@@ -62,7 +62,7 @@ base::Result<bool> readVector(Values& values, const std::string& name, glm::dvec
   const auto text = values.removeValue(name);
   if (!text) return false;
   const auto vector = parseVector(*text);
-  if (!vector) return wrong(name + " must be three numbers x,y,z within 1e12");
+  if (!vector) return wrongRender(name + " must be three numbers x,y,z within 1e12");
   to = *vector;
   return true;
 }
@@ -72,7 +72,7 @@ base::Result<void> readNumber(Values& values, const std::string& name, double ab
   if (!text) return {};
   const auto number = base::parseNumber(*text);
   if (!number || !(*number > above) || *number > most)
-    return wrong(name + base::formatText(" must be a number above %g and at most %g", above, most));
+    return wrongRender(name + base::formatText(" must be a number above %g and at most %g", above, most));
   to = *number;
   return {};
 }
@@ -82,7 +82,7 @@ base::Result<void> readInteger(Values& values, const std::string& name, int leas
   if (!text) return {};
   const auto number = base::parseNumber(*text);
   if (!number || *number < least || *number > most || *number != std::floor(*number))
-    return wrong(name + " must be a whole number from " + std::to_string(least) + " to " + std::to_string(most));
+    return wrongRender(name + " must be a whole number from " + std::to_string(least) + " to " + std::to_string(most));
   to = static_cast<int>(*number);
   return {};
 }
@@ -94,19 +94,19 @@ bool canBeUnit(const glm::dvec3& v) {
 
 base::Result<void> readCamera(Values& values, base::ViewCamera& camera) {
   LUMIGRID_ASSIGN_OR_RETURN(auto position, readVector(values, "position", camera.position));
-  if (!position) return wrong("position=x,y,z is needed");
+  if (!position) return wrongRender("position=x,y,z is needed");
   glm::dvec3 target(0.0);
   LUMIGRID_ASSIGN_OR_RETURN(auto by_target, readVector(values, "target", target));
   LUMIGRID_ASSIGN_OR_RETURN(auto by_direction, readVector(values, "direction", camera.direction));
-  if (by_target == by_direction) return wrong("either direction=x,y,z or target=x,y,z is needed");
+  if (by_target == by_direction) return wrongRender("either direction=x,y,z or target=x,y,z is needed");
   if (by_target) camera.direction = target - camera.position;
   if (auto up = readVector(values, "up", camera.up); !up) return up.error();
-  if (!canBeUnit(camera.direction)) return wrong("the direction has no length");
-  if (!canBeUnit(camera.up)) return wrong("up has no length");
+  if (!canBeUnit(camera.direction)) return wrongRender("the direction has no length");
+  if (!canBeUnit(camera.up)) return wrongRender("up has no length");
   camera.direction = glm::normalize(camera.direction);
   camera.up = glm::normalize(camera.up);
   if (glm::length(glm::cross(camera.direction, camera.up)) < kMinSine)
-    return wrong("up must not be parallel to the direction");
+    return wrongRender("up must not be parallel to the direction");
   return {};
 }
 
@@ -119,10 +119,10 @@ base::Result<void> readFov(Values& values, base::ViewCamera& camera) {
     return {};
   }
   if (values.removeValue("fov_y_degrees"))
-    return wrong("fov_y (radians) and fov_y_degrees say the same; give one of them");
+    return wrongRender("fov_y (radians) and fov_y_degrees say the same; give one of them");
   const auto number = base::parseNumber(*radians);
   if (!number || !(*number > glm::radians(kMinFovDegrees)) || *number > glm::radians(kMaxFovDegrees))
-    return wrong("fov_y must be an angle in radians above 0.0009 and at most 3.139");
+    return wrongRender("fov_y must be an angle in radians above 0.0009 and at most 3.139");
   camera.fov_y = *number;
   return {};
 }
@@ -132,14 +132,14 @@ base::Result<void> readSize(Values& values, std::uint64_t max_pixels, base::View
   LUMIGRID_TRY(readInteger(values, "height", 1, kMaxSide, camera.height));
   const std::uint64_t pixels = static_cast<std::uint64_t>(camera.width) * static_cast<std::uint64_t>(camera.height);
   if (pixels > max_pixels)
-    return wrong(std::to_string(camera.width) + " x " + std::to_string(camera.height) +
-                 " pixels are too many; this server draws at most " + std::to_string(max_pixels));
+    return wrongRender(std::to_string(camera.width) + " x " + std::to_string(camera.height) +
+                       " pixels are too many; this server draws at most " + std::to_string(max_pixels));
   return {};
 }
 
 base::Result<void> readFormat(Values& values, PictureRequest& request) {
   const std::string format = values.removeValue("format").value_or("png");
-  if (format != "png" && format != "jpeg") return wrong("format must be png or jpeg");
+  if (format != "png" && format != "jpeg") return wrongRender("format must be png or jpeg");
   if (format == "jpeg") {
     request.format = PictureRequest::Format::kJpeg;
     request.background = kWhite;
@@ -152,12 +152,12 @@ base::Result<void> readBackground(Values& values, PictureRequest& request) {
   if (!text) return {};
   if (*text == "transparent") {
     if (request.format == PictureRequest::Format::kJpeg)
-      return wrong("a JPEG cannot be transparent; take format=png or a background=rrggbb");
+      return wrongRender("a JPEG cannot be transparent; take format=png or a background=rrggbb");
     request.background.reset();
     return {};
   }
   if (text->size() != 6 || text->find_first_not_of("0123456789abcdefABCDEF") != std::string::npos)
-    return wrong("background must be transparent or six hexadecimal digits rrggbb");
+    return wrongRender("background must be transparent or six hexadecimal digits rrggbb");
   const unsigned long value = std::stoul(*text, nullptr, 16);
   request.background = Rgb{static_cast<std::uint8_t>(value >> 16), static_cast<std::uint8_t>(value >> 8 & 0xFF),
                            static_cast<std::uint8_t>(value & 0xFF)};
@@ -184,13 +184,13 @@ base::Result<void> readSection(Values& values, PictureRequest& request) {
   const auto text = values.removeValue("section");
   if (!text) return {};
   request.section = parseSection(*text);
-  if (!request.section) return wrong("section must be an axis, an offset within 1e12, and a or b: x,120.5,b");
+  if (!request.section) return wrongRender("section must be an axis, an offset within 1e12, and a or b: x,120.5,b");
   return {};
 }
 
 base::Result<void> readColors(Values& values, PictureRequest& request) {
   const std::string colors = values.removeValue("colors").value_or("scene");
-  if (colors != "scene" && colors != "resolution") return wrong("colors must be scene or resolution");
+  if (colors != "scene" && colors != "resolution") return wrongRender("colors must be scene or resolution");
   request.resolution_colors = colors == "resolution";
   double tolerance = static_cast<double>(request.tolerance_px);
   LUMIGRID_TRY(readNumber(values, "tolerance", kMinTolerance, kMaxTolerance, tolerance));
@@ -221,7 +221,7 @@ base::Result<PictureRequest> parsePictureRequest(const Query& query, std::uint64
   LUMIGRID_TRY(readSection(values, request));
   LUMIGRID_TRY(readColors(values, request));
   if (!values.left().empty())
-    return wrong(
+    return wrongRender(
         "a name is none of position, direction, target, up, fov_y, fov_y_degrees, ortho_height, width, height, "
         "format, quality, supersampling, background, section, colors, tolerance");
   return request;

@@ -18,7 +18,7 @@ std::string realPlace(const std::string& place) {
   return failed || place.find("://") != std::string::npos ? place : canonical.string();
 }
 
-std::string nameOf(std::string place) {
+std::string servedName(std::string place) {
   while (!place.empty() && place.back() == '/') place.pop_back();
   std::string name = place.substr(place.rfind('/') + 1);
   for (char& c : name)
@@ -32,7 +32,7 @@ base::Result<std::vector<std::string>> sceneNames(const std::vector<std::string>
   std::vector<std::string> names;
   std::set<std::string> taken;
   for (const std::string& place : places) {
-    const std::string name = nameOf(realPlace(place));
+    const std::string name = servedName(realPlace(place));
     if (name.empty() || name.find_first_not_of('.') == std::string::npos)
       return base::Error{base::ErrorCode::kInvalidInput,
                          place + ": has no name to be served under; give its directory one"};

@@ -12,8 +12,8 @@ namespace server {
 namespace {
 
 constexpr const char* kForever = "public, max-age=31536000, immutable";
-constexpr std::size_t kIdDigits =
-    32;  // digits of a SHA-256 in hex; a published name has as many (docs/formats/packs.md)
+// Digits of a SHA-256 in hex in a published name (docs/formats/packs.md).
+constexpr std::size_t kIdDigits = 32;
 constexpr const char* kNoAnnotations = "{\"version\": 1, \"annotations\": []}\n";
 
 std::string escapeHtml(std::string_view text) {

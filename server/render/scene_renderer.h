@@ -11,6 +11,7 @@
 #include "base/error.h"
 #include "base/image.h"
 #include "base/json/scene_file.h"
+#include "base/view_defaults.h"
 #include "lod/draw/view_modes.h"
 #include "lod/patch/format.h"
 #include "lod/patch/traverse.h"
@@ -28,6 +29,9 @@ struct RenderOptions {
   std::uint64_t max_target_samples = std::uint64_t{1} << 24;
   lod::draw::ViewModes modes = {};  ///< only for render(); tints show the patches' projected errors
 };
+
+/// The options of exact frames.
+inline constexpr RenderOptions kExactFrame{.tolerance_px = base::ViewDefaults::kExactTolerance, .supersampling = 2};
 
 /// Draws a scene's patches with its own GPU cache. Needs a GL context that is current from create() to the destructor,
 /// on one thread. Several renderers on several threads, each with its own context, may share a PatchFile. An error

@@ -10,7 +10,7 @@ namespace server {
 namespace {
 
 // Tiles that are read back while the next ones are drawn.
-constexpr std::size_t kReadbackDepth = 2;
+constexpr std::size_t kSplatReadbackDepth = 2;
 // Limit for decoded blocks of a coded file that are kept for the next picture.
 constexpr std::uint64_t kDecodedBytes = 512 << 20;
 
@@ -27,7 +27,7 @@ base::Result<lod::qsplat::SplatFile> openSplats(const std::string& directory, co
 SplatScene::SplatScene(std::unique_ptr<lod::qsplat::FileBlocks> blocks, const base::Light& light)
     : blocks_(std::move(blocks)),
       shading_{light.mode == base::LightMode::kUnlit, light.direction},
-      readback_(kReadbackDepth),
+      readback_(kSplatReadbackDepth),
       max_side_(SampleTarget::maxSide()) {
   blocks_->trackUse();
 }

@@ -34,8 +34,8 @@ def measure(a, label, options):
     if not os.path.exists(views):
         run(lumigrid, "tour", scene, "--random", VIEWS, "--size", *SIZE, "-o", views)
     report = scene + "_report"
-    run(os.path.join(a.bin, "lumigrid-compare"), scene, "--path", views, "--report", report, "--method", "lumigraph",
-        "--no-frames", "--proxy-tolerance", 4, "--no-pictures")
+    run(os.path.join(a.bin, "lumigrid-compare"), scene, "--clock", "real", "--path", views, "--report", report,
+        "--methods", "lumigraph", "--no-frames", "--proxy-tolerance", 4, "--no-pictures")
     images = json.loads(run(lumigrid, "info", scene, "--json"))["images"]
     rows = list(csv.DictReader(open(os.path.join(report, "results.csv"))))
     psnr = [float(r["psnr_db"]) for r in rows if r["method"] == "lumigraph"]

@@ -15,7 +15,6 @@ namespace {
 
 constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
 constexpr float kFar = std::numeric_limits<float>::max();
-constexpr float kEpsilon = std::numeric_limits<float>::epsilon();
 // The limits and factors below are choices, made while building the meshes of docs/results/hierarchy.md; no figures
 // were kept of other values. All bounds hold with any of them: they trade tightness for time.
 

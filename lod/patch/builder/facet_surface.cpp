@@ -7,7 +7,6 @@
 namespace lod::patch::builder {
 namespace {
 
-constexpr float kEpsilon = std::numeric_limits<float>::epsilon();
 // Distances to facets thinner than this share of their length are measured to their edges, since their walls are
 // imprecise. The share is a choice: larger measures more facets to their edges, smaller trusts walls of larger error.
 constexpr double kThin = 2.4e-3;

@@ -19,6 +19,9 @@
 
 namespace lod::patch::builder {
 
+/// The distance of 1 from the next float, in which bounds count roundings.
+inline constexpr float kEpsilon = std::numeric_limits<float>::epsilon();
+
 /// A tree of boxes around the triangles of one group, for nearest searches. Triangles stay in their order: neighbours
 /// lie next to each other in stored patches, and sorting costs more than it saves.
 class FacetTree {

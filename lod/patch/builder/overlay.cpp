@@ -11,7 +11,6 @@
 namespace lod::patch::builder {
 namespace {
 
-constexpr float kEpsilon = std::numeric_limits<float>::epsilon();
 // Triangles beyond these limits stay uncovered, and their distance is measured by projection. More is seldom needed
 // where one surface was simplified from the other. The limits are choices: larger ones cover more of odd triangles and
 // take longer for them.

@@ -11,7 +11,7 @@
 namespace lod::patch::builder {
 namespace {
 
-constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
+constexpr std::uint32_t kNobody = std::numeric_limits<std::uint32_t>::max();
 
 template <class T>
 void gather(const std::vector<T>& from, std::span<const std::uint32_t> places, std::vector<T>& to) {
@@ -83,7 +83,7 @@ std::vector<NewPatch> makePatches(const CodedMesh& mesh, const std::vector<std::
                                   const Lattice& lattice, std::uint32_t level) {
   // Vertices that several parts use are border.
   std::vector<std::uint8_t> border(outer.begin(), outer.end());
-  std::vector<std::uint32_t> owner(mesh.positions.size(), kNone);
+  std::vector<std::uint32_t> owner(mesh.positions.size(), kNobody);
   // The corners of the parts' triangles, one part after the other.
   const auto corners = std::make_unique_for_overwrite<std::uint32_t[]>(mesh.indices.size());
   // Triangles are requested so far ahead, since they lie anywhere in memory.
@@ -96,7 +96,7 @@ std::vector<NewPatch> makePatches(const CodedMesh& mesh, const std::vector<std::
       for (std::size_t k = 0; k < 3; ++k) {
         const std::uint32_t v = mesh.indices[3 * std::size_t{parts[p][i]} + k];
         corners[next++] = v;
-        border[v] |= static_cast<std::uint8_t>((owner[v] != p) & (owner[v] != kNone));
+        border[v] |= static_cast<std::uint8_t>((owner[v] != p) & (owner[v] != kNobody));
         owner[v] = p;
       }
     }

@@ -29,11 +29,11 @@ void addVoxels(std::span<const ingest::KeyedIndex> sorted, std::size_t begin, st
   }
 }
 
-constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
+constexpr std::uint32_t kNoVoxel = std::numeric_limits<std::uint32_t>::max();
 // Triangles are requested so far ahead, since they lie anywhere in memory.
-constexpr std::size_t kPrefetchDistance = 16;
+constexpr std::size_t kVoxelPrefetchDistance = 16;
 
-// The voxel whose cell contains a lattice point, or kNone where no triangle is.
+// The voxel whose cell contains a lattice point, or kNoVoxel where no triangle is.
 std::uint32_t voxelAt(std::span<const Voxel> voxels, std::uint64_t code) {
   // Finds the last voxel that begins at or before it. No branch could predict which way the search goes.
   const Voxel* voxel = voxels.data();
@@ -42,7 +42,7 @@ std::uint32_t voxelAt(std::span<const Voxel> voxels, std::uint64_t code) {
     voxel += voxel[half].code <= code ? half : 0;
     left -= half;
   }
-  if (code >> (3 * voxel->size_bits) != voxel->code >> (3 * voxel->size_bits)) return kNone;
+  if (code >> (3 * voxel->size_bits) != voxel->code >> (3 * voxel->size_bits)) return kNoVoxel;
   return static_cast<std::uint32_t>(voxel - voxels.data());
 }
 
@@ -58,7 +58,7 @@ std::vector<WeightedEdge> faceAdjacency(std::span<const Voxel> voxels, std::uint
       beyond[direction / 2] += direction % 2 == 0 ? -size : size;
       if (beyond[direction / 2] < 0 || beyond[direction / 2] >= limit) continue;
       const std::uint32_t other = voxelAt(voxels, ingest::mortonCode(beyond));
-      if (other == kNone || voxels[other].size_bits < voxels[v].size_bits) continue;
+      if (other == kNoVoxel || voxels[other].size_bits < voxels[v].size_bits) continue;
       if (voxels[other].size_bits > voxels[v].size_bits || v < other) edges.push_back({v, other, 1});
     }
   }
@@ -70,7 +70,7 @@ std::vector<WeightedEdge> faceAdjacency(std::span<const Voxel> voxels, std::uint
 std::vector<WeightedEdge> meshAdjacency(const TriangleView& triangles, std::span<const ingest::KeyedIndex> sorted,
                                         std::span<const Voxel> voxels) {
   std::vector<WeightedEdge> edges;
-  std::vector<std::uint32_t> first_voxel(triangles.positions.size(), kNone);
+  std::vector<std::uint32_t> first_voxel(triangles.positions.size(), kNoVoxel);
   // Uses are summed voxel by voxel: `uses` counts for each other voxel, and `met` lists those that count.
   std::vector<std::int32_t> uses(voxels.size(), 0);
   std::vector<std::uint32_t> met(voxels.size() + 1);
@@ -79,7 +79,7 @@ std::vector<WeightedEdge> meshAdjacency(const TriangleView& triangles, std::span
     std::uint32_t last = v;
     for (std::uint32_t i = voxels[v].first; i < voxels[v].first + voxels[v].count; ++i) {
       __builtin_prefetch(
-          &triangles.indices[3 * std::size_t{sorted[std::min(i + kPrefetchDistance, sorted.size() - 1)].index}]);
+          &triangles.indices[3 * std::size_t{sorted[std::min(i + kVoxelPrefetchDistance, sorted.size() - 1)].index}]);
       for (std::size_t k = 0; k < 3; ++k) {
         std::uint32_t& first = first_voxel[triangles.indices[3 * std::size_t{sorted[i].index} + k]];
         const std::uint32_t other = std::min(first, v);  // voxels come in rising order

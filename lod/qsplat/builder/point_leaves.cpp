@@ -26,7 +26,7 @@ constexpr std::size_t kMaxSamples = std::size_t{1} << 20;        // 8 MB
 constexpr std::uint64_t kBufferBytes = std::uint64_t{64} << 20;  // bytes of all tiles together
 
 // A source point as it lies in the file.
-struct Record {
+struct PointRecord {
   std::uint64_t code = 0;
   std::uint32_t color = 0;   // R G B A from the lowest byte; A = 0 where unknown
   std::uint32_t normal = 0;  // packNormal; 0 where unknown
@@ -239,8 +239,8 @@ base::Result<PointTiles> PointTiles::sort(const ingest::SourceSpool& source, con
   };
   const auto store = [&](const ingest::SpooledVertices& block) -> base::Result<void> {
     for (std::size_t i = 0; i < block.positions.size(); ++i) {
-      const Record record{codeOf(lattice, block.positions[i]), block.colors.empty() ? 0 : block.colors[i],
-                          block.normals.empty() ? 0 : block.normals[i]};
+      const PointRecord record{codeOf(lattice, block.positions[i]), block.colors.empty() ? 0 : block.colors[i],
+                               block.normals.empty() ? 0 : block.normals[i]};
       const auto tile = static_cast<std::size_t>(std::upper_bound(first_codes.begin(), first_codes.end(), record.code) -
                                                  first_codes.begin());
       const auto* bytes = reinterpret_cast<const std::uint8_t*>(&record);
@@ -294,14 +294,15 @@ base::Result<PointTiles> PointTiles::open(const std::string& directory, const in
 }
 
 base::Result<std::vector<SourcePoint>> PointTiles::read(std::size_t tile) const {
-  std::vector<Record> records(static_cast<std::size_t>(tiles_[tile].points));
+  std::vector<PointRecord> records(static_cast<std::size_t>(tiles_[tile].points));
   auto* to = reinterpret_cast<std::uint8_t*>(records.data());
   for (const ingest::Extent& extent : tiles_[tile].extents) {
     LUMIGRID_TRY(file_.readAt(extent.offset, std::span(to, static_cast<std::size_t>(extent.bytes))));
     to += extent.bytes;
   }
   // Points at one place stay in the source's order, so that sums are the same each time.
-  std::stable_sort(records.begin(), records.end(), [](const Record& a, const Record& b) { return a.code < b.code; });
+  std::stable_sort(records.begin(), records.end(),
+                   [](const PointRecord& a, const PointRecord& b) { return a.code < b.code; });
 
   std::vector<SourcePoint> points;
   points.reserve(records.size());

@@ -26,7 +26,6 @@ constexpr std::uint64_t kEvictedPart = 64;
 // and fetch more that is never seen.
 constexpr float kNearby = 1.5F;
 
-constexpr float kInfinity = std::numeric_limits<float>::infinity();
 // More than sweepPriority ever returns: a size of 2^100 pixels has priority 200 000.
 constexpr float kThroughLens = 1e6F;
 
@@ -39,7 +38,9 @@ Priority plainPriority(StreamOrder order, int picture_height) {
     case StreamOrder::kSize:
       return [](const MissingChildren& missing) { return missing.size_px; };
     case StreamOrder::kTopDown:
-      return [](const MissingChildren& missing) { return missing.size_px < kInfinity ? -missing.at_px.y : kInfinity; };
+      return [](const MissingChildren& missing) {
+        return std::isfinite(missing.size_px) ? -missing.at_px.y : std::numeric_limits<float>::infinity();
+      };
     case StreamOrder::kSweeps:
       break;
   }
