@@ -87,16 +87,27 @@ cv::Mat silhouette(const cv::Mat& covered) {
   return covered & ~inner;
 }
 
-/// Mean distance of the silhouettes' pixels from the other silhouette. 0 where either has none, as there is nothing to
-/// measure: missing_share and excess_share tell of that.
-double silhouetteDistance(const cv::Mat& covered_a, const cv::Mat& covered_b) {
+/// Measures how far the silhouettes' pixels lie from the other silhouette. 0 where either has none, as there is nothing
+/// to measure: missing_share and excess_share tell of that.
+void measureSilhouettes(const cv::Mat& covered_a, const cv::Mat& covered_b, Accuracy& result) {
   const cv::Mat a = silhouette(covered_a), b = silhouette(covered_b);
-  const int count_a = cv::countNonZero(a), count_b = cv::countNonZero(b);
-  if (count_a == 0 || count_b == 0) return 0.0;
+  if (cv::countNonZero(a) == 0 || cv::countNonZero(b) == 0) return;
   cv::Mat to_a, to_b;
   cv::distanceTransform(~a, to_a, cv::DIST_L2, cv::DIST_MASK_PRECISE);
   cv::distanceTransform(~b, to_b, cv::DIST_L2, cv::DIST_MASK_PRECISE);
-  return 0.5 * (cv::mean(to_b, a)[0] + cv::mean(to_a, b)[0]);
+  result.silhouette_px = 0.5 * (cv::mean(to_b, a)[0] + cv::mean(to_a, b)[0]);
+
+  std::vector<float> distances;
+  const auto collect = [&distances](const cv::Mat& at, const cv::Mat& distance) {
+    for (int y = 0; y < at.rows; ++y)
+      for (int x = 0; x < at.cols; ++x)
+        if (at.at<std::uint8_t>(y, x) != 0) distances.push_back(distance.at<float>(y, x));
+  };
+  collect(a, to_b);
+  collect(b, to_a);
+  const auto p95 = distances.begin() + static_cast<std::ptrdiff_t>(0.95 * static_cast<double>(distances.size() - 1));
+  std::nth_element(distances.begin(), p95, distances.end());
+  result.silhouette_p95_px = static_cast<double>(*p95);
 }
 
 base::Error sizeError(const base::Image& truth, const base::Image& picture) {
@@ -127,8 +138,15 @@ base::Result<Accuracy> measureAccuracy(const base::Image& truth, const base::Ima
   const double truth_pixels = std::max(1, cv::countNonZero(in_truth));
   result.missing_share = cv::countNonZero(in_truth & ~in_picture) / truth_pixels;
   result.excess_share = cv::countNonZero(in_picture & ~in_truth) / truth_pixels;
-  result.silhouette_px = silhouetteDistance(in_truth, in_picture);
+  measureSilhouettes(in_truth, in_picture, result);
   return result;
+}
+
+base::Image overMidGrey(const base::Image& rgba) {
+  base::Image out(rgba.width, rgba.height, 3);
+  cv::Mat pixels = viewOf(out);
+  overGrey(viewOf(rgba)).convertTo(pixels, CV_8U);
+  return out;
 }
 
 base::Image differencePicture(const base::Image& truth, const base::Image& picture) {

@@ -12,16 +12,20 @@ namespace compare {
 struct Accuracy {
   double psnr_db = 0.0;  ///< over the foreground's RGB samples; 99 when equal
   double ssim = 0.0;     ///< mean over the foreground; luma, 11 × 11 Gaussian window of σ 1.5 (Wang et al. 2004)
-  double missing_share = 0.0;    ///< pixels of the truth that the picture leaves uncovered, as a share of the truth's
-  double excess_share = 0.0;     ///< pixels that the picture covers and the truth does not, as a share of the truth's
-  double mean_abs = 0.0;         ///< mean absolute difference, 8-bit levels
-  double silhouette_px = 0.0;    ///< mean distance from one picture's silhouette to the other's, both ways, pixels
-  std::uint64_t foreground = 0;  ///< pixels
+  double missing_share = 0.0;      ///< pixels of the truth that the picture leaves uncovered, as a share of the truth's
+  double excess_share = 0.0;       ///< pixels that the picture covers and the truth does not, as a share of the truth's
+  double mean_abs = 0.0;           ///< mean absolute difference, 8-bit levels
+  double silhouette_px = 0.0;      ///< mean distance from one picture's silhouette to the other's, both ways, pixels
+  double silhouette_p95_px = 0.0;  ///< 95th percentile of the distances of all pixels of both silhouettes
+  std::uint64_t foreground = 0;    ///< pixels
 };
 
 /// RGBA against RGBA of the same size, alpha = coverage, colour not premultiplied. An error names the sizes when they
 /// differ, or says that there is no foreground.
 base::Result<Accuracy> measureAccuracy(const base::Image& truth, const base::Image& picture);
+
+/// Lays a picture with coverage over mid-grey, as measureAccuracy() does. RGB.
+base::Image overMidGrey(const base::Image& rgba);
 
 /// |truth − picture| × 4 on black, to see where a method fails.
 base::Image differencePicture(const base::Image& truth, const base::Image& picture);

@@ -16,21 +16,6 @@ constexpr double kWidth = 860, kHeight = 520, kLeft = 70, kRight = 200, kTop = 4
 constexpr std::array<const char*, 7> kColors{"#0072B2", "#D55E00", "#009E73", "#CC79A7",
                                              "#E69F00", "#56B4E9", "#000000"};
 
-std::string escape(const std::string& text) {
-  std::string out;
-  for (char c : text) {
-    if (c == '&')
-      out += "&amp;";
-    else if (c == '<')
-      out += "&lt;";
-    else if (c == '>')
-      out += "&gt;";
-    else
-      out += c;
-  }
-  return out;
-}
-
 std::string number(double v) {
   return base::formatText("%.6g", v);
 }
@@ -95,7 +80,7 @@ struct Frame {
 std::string text(double x, double y, const std::string& anchor, const std::string& words,
                  const std::string& more = "") {
   return "<text x=\"" + number(x) + "\" y=\"" + number(y) + "\" text-anchor=\"" + anchor + "\" " + more + ">" +
-         escape(words) + "</text>\n";
+         escapeMarkup(words) + "</text>\n";
 }
 
 std::string drawAxes(const Chart& chart, const Frame& f) {
@@ -137,6 +122,21 @@ std::string drawSeries(const Series& s, const Frame& f, std::size_t index) {
 }
 
 }  // namespace
+
+std::string escapeMarkup(const std::string& text) {
+  std::string out;
+  for (char c : text) {
+    if (c == '&')
+      out += "&amp;";
+    else if (c == '<')
+      out += "&lt;";
+    else if (c == '>')
+      out += "&gt;";
+    else
+      out += c;
+  }
+  return out;
+}
 
 std::string formatChart(const Chart& chart) {
   const Frame frame{fit(chart, true), fit(chart, false)};

@@ -19,4 +19,7 @@ struct Chart {
 
 std::string formatChart(const Chart& chart);
 
+/// Writes &, < and > as entities of HTML and SVG.
+std::string escapeMarkup(const std::string& text);
+
 }  // namespace compare

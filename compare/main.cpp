@@ -1,13 +1,17 @@
-// lumigrid-compare: measures speed and accuracy of the methods over real sockets, and writes one page about them.
+// lumigrid-compare: measures speed and accuracy of the methods, in virtual time or over real sockets.
 #include <spdlog/sinks/stdout_color_sinks.h>
 #include <spdlog/spdlog.h>
 
 #include <CLI/CLI.hpp>
 #include <cstdio>
+#include <optional>
 
+#include "base/file.h"
 #include "base/json/camera_file.h"
 #include "client/native/units.h"
 #include "compare/run.h"
+#include "compare/sim/baseline.h"
+#include "compare/sim/matrix.h"
 
 namespace {
 
@@ -18,50 +22,98 @@ int fail(const base::Error& error) {
 
 struct Arguments {
   compare::RunOptions run;
-  std::string path, bandwidth, latency;
+  compare::MatrixOptions matrix;
+  std::vector<std::string> scenes, methods, paths, links;
+  std::string path, bandwidth, latency, clock = "virtual", report, baseline, command, preset;
+  double render_ms = 1e3 * compare::Costs().server_render_seconds;
+  double decode_ms = 1e3 * compare::Costs().client_decode_seconds;
+  double draw_ms = 1e3 * compare::Costs().client_draw_seconds;
+  std::vector<int> size{640, 360};
+  std::optional<double> seconds;
+  std::optional<int> instants;
 };
 
-void declare(CLI::App& app, Arguments& a) {
+/// Declares the options of both clocks.
+void declareCommon(CLI::App& app, Arguments& a) {
+  app.add_option("SCENE", a.scenes, "scene directories; one with --clock real")->required();
+  app.add_option("--report", a.report, "directory for results.csv and what else is written")->required();
+  app.add_option("--path", a.path, "camera path as JSON (`lumigrid tour` writes one)");
+  app.add_option(
+         "--methods,--method", a.methods,
+         "methods to run (default: all that the scene has data for); over sockets there are lumigraph, patches and "
+         "qsplat")
+      ->delimiter(',')
+      ->check(CLI::IsMember(compare::methodNames()));
+  app.add_option(
+         "--clock", a.clock,
+         "virtual: server, link and client in one process in simulated time, the same figures on every machine; "
+         "real: over sockets")
+      ->check(CLI::IsMember({"virtual", "real"}));
+  app.add_flag("!--no-pictures", a.run.pictures, "do not write each method's pictures");
+  app.add_option("--truth-supersampling", a.run.truth_supersampling, "n x n samples a pixel of the truth")
+      ->check(CLI::Range(1, 8));
+}
+
+void declareVirtual(CLI::App& app, Arguments& a) {
+  compare::MatrixOptions& o = a.matrix;
+  CLI::Option_group& group = *app.add_option_group("Virtual time");
+  group.add_option("--paths", a.paths, "paths made for the scene (default: orbit), in place of --path")
+      ->delimiter(',')
+      ->check(CLI::IsMember(compare::pathNames()));
+  group
+      .add_option("--links", a.links,
+                  "links: rate/round trip[/jitter[/loss]], such as 20Mbit/40ms (the default); or train")
+      ->delimiter(',');
+  group
+      .add_option("--matrix", a.preset,
+                  "quick: two paths over two links; full: all paths over five links, each method with all values of "
+                  "its knob. --paths, --links and --path replace its own")
+      ->check(CLI::IsMember({"quick", "full"}));
+  group.add_flag("--sweep", o.sweep, "each method with all values of its knob");
+  group.add_option("--seconds", a.seconds, "duration of each path (12; quick: 8)")->check(CLI::Range(0.1, 600.0));
+  group.add_option("--size", a.size, "width and height in pixels")->expected(2)->check(CLI::Range(16, 16384));
+  group.add_option("--instants", a.instants, "pictures judged while a path lasts (12; quick: 8)")
+      ->check(CLI::Range(1, 10000));
+  group.add_option("--stop", o.stop_seconds, "seconds at each view of --path")->check(CLI::Range(0.1, 600.0));
+  group.add_option("--baseline", a.baseline,
+                   "a summary.csv that was kept: fails with a table where a run loses more than 0.1 dB or 2 % of bytes "
+                   "or time against it");
+  group.add_option("--seed", o.play.seed, "seed of links, paths and instants");
+  group.add_option("--server-render-ms", a.render_ms, "cost of an exact frame")->check(CLI::Range(0.0, 1e5));
+  group.add_option("--decode-ms", a.decode_ms, "cost of decoding 512 x 512 pixels")->check(CLI::Range(0.0, 1e5));
+  group.add_option("--draw-ms", a.draw_ms, "cost of a frame in the client")->check(CLI::Range(0.0, 1e4));
+}
+
+void declareReal(CLI::App& app, Arguments& a) {
   compare::RunOptions& o = a.run;
-  app.add_option("SCENE", o.scene, "scene directory")->required();
-  app.add_option("--path", a.path, "camera path as JSON (`lumigrid tour` writes one)")->required();
-  app.add_option("--report", o.report, "directory for results.csv, charts and index.html")->required();
-  app.add_option("--patch-tolerances", o.patch_tolerances, "pixels: settings of patches alone")
+  CLI::Option_group& group = *app.add_option_group("Over sockets (--clock real)");
+  group.add_option("--patch-tolerances", o.patch_tolerances, "pixels: settings of patches alone")
       ->delimiter(',')
       ->check(CLI::Range(0.1, 1000.0));
-  app.add_option("--splats", o.splats, "kernels of qsplat")
+  group.add_option("--splats", o.splats, "kernels of qsplat")
       ->delimiter(',')
       ->check(CLI::IsMember({"square", "circle", "fuzzy", "ellipse"}));
-  app.add_option("--cutoffs", o.cutoffs, "pixels: settings of qsplat, each with every kernel")
+  group.add_option("--cutoffs", o.cutoffs, "pixels: settings of qsplat, each with every kernel")
       ->delimiter(',')
       ->check(CLI::Range(0.0, 1000.0));
-  app.add_option("--proxy-tolerance", o.proxy_tolerance, "error of the proxy under the images, pixels")
+  group.add_option("--proxy-tolerance", o.proxy_tolerance, "error of the proxy under the images, pixels")
       ->check(CLI::Range(0.1, 1000.0));
-  app.add_option("--points", o.points, "sampling points per view")->check(CLI::Range(1, 64));
-  app.add_option("--samples", o.samples, "images blended per frame at most")->check(CLI::Range(1, 32));
-  app.add_flag("!--no-frames", o.frames, "leave the run with exact frames out");
-  app.add_option("--truth-supersampling", o.truth_supersampling, "n x n samples a pixel of the truth")
-      ->check(CLI::Range(1, 8));
-  app.add_option("--settle", o.settle_seconds, "seconds to wait at most for a view to be complete");
-  app.add_option("--realtime", o.realtime_fps,
-                 "frames per second, drawn with the data that have arrived; 0: wait for each view");
-  app.add_option("--bandwidth", a.bandwidth,
-                 "link to emulate, such as 20Mbit or 384kbit (default: the loopback as it is)");
-  app.add_option(
+  group.add_option("--points", o.points, "sampling points per view")->check(CLI::Range(1, 64));
+  group.add_option("--samples", o.samples, "images blended per frame at most")->check(CLI::Range(1, 32));
+  group.add_flag("!--no-frames", o.frames, "leave the run with exact frames out");
+  group.add_option("--settle", o.settle_seconds, "seconds to wait at most for a view to be complete");
+  group.add_option("--realtime", o.realtime_fps,
+                   "frames per second, drawn with the data that have arrived; 0: wait for each view");
+  group.add_option("--bandwidth", a.bandwidth,
+                   "link to emulate, such as 20Mbit or 384kbit (default: the loopback as it is)");
+  group.add_option(
       "--latency", a.latency,
       "delay that the emulated link adds to each message towards the viewer, so once per round trip, such as "
       "30ms (default: none)");
-  app.add_option(
-         "--method", o.methods,
-         "methods to run; the proxy without images goes with lumigraph; qsplat is drawn from the scene's file, and "
-         "its bytes are the blocks that were looked into")
-      ->delimiter(',')
-      ->check(CLI::IsMember({"lumigraph", "patches", "qsplat"}));
-  app.add_flag("!--no-pictures", o.pictures, "do not write each method's pictures");
 }
 
 // Reads the units of the link's options.
-base::Result<void> parseLink(Arguments& a) {
+base::Result<void> parseEmulatedLink(Arguments& a) {
   if (!a.bandwidth.empty()) {
     auto rate = client::parseBitRate(a.bandwidth);
     if (!rate) return base::within("--bandwidth", rate.error());
@@ -75,6 +127,93 @@ base::Result<void> parseLink(Arguments& a) {
   return {};
 }
 
+int usage(const std::string& problem) {
+  std::fprintf(stderr, "lumigrid-compare: %s\n", problem.c_str());
+  return 2;
+}
+
+void print(const std::string& line) {
+  std::printf("%s\n", line.c_str());
+  std::fflush(stdout);
+}
+
+int runOverSockets(Arguments& a) {
+  if (a.scenes.size() != 1) return usage("--clock real takes one scene");
+  if (a.path.empty()) return usage("--clock real takes --path FILE; `lumigrid tour` writes one");
+  if (auto parsed = parseEmulatedLink(a); !parsed) return usage(parsed.error().message);
+  a.run.scene = a.scenes.front();
+  a.run.report = a.report;
+  if (!a.methods.empty()) a.run.methods = a.methods;
+  for (const std::string& method : a.run.methods)
+    if (method != "lumigraph" && method != "patches" && method != "qsplat")
+      return usage("--methods " + method + " needs --clock virtual");
+  auto frames = base::readCameraPath(a.path);
+  if (!frames) return fail(frames.error());
+  a.run.path = *frames;
+  if (auto runs = compare::runComparison(a.run, print); !runs) return fail(runs.error());
+  std::printf("report: %s/index.html\n", a.report.c_str());
+  return 0;
+}
+
+int checkBaseline(const Arguments& a, const std::string& summary, const std::string& baseline) {
+  const auto losses = compare::findLosses(summary, baseline, a.baseline);
+  if (!losses) return fail(losses.error());
+  if (losses->empty()) return 0;
+  for (const std::string& loss : *losses) std::fprintf(stderr, "%s\n", loss.c_str());
+  std::fprintf(stderr,
+               "lumigrid-compare: %zu figures are worse than in %s. Where that is meant, copy %s/summary.csv there and "
+               "say why.\n",
+               losses->size(), a.baseline.c_str(), a.report.c_str());
+  return 1;
+}
+
+/// Fills in what the user left open: the preset's paths and links, or the defaults.
+void fillMatrix(Arguments& a) {
+  const bool full = a.preset == "full", quick = a.preset == "quick";
+  if (a.links.empty() && full) a.links = {"384kbit/100ms", "5Mbit/60ms/20ms/1%", "20Mbit/40ms", "1Gbit/1ms", "train"};
+  if (a.links.empty() && quick) a.links = {"384kbit/100ms", "20Mbit/40ms"};
+  if (a.links.empty()) a.links = {"20Mbit/40ms"};
+  a.matrix.sweep = a.matrix.sweep || full;
+  a.matrix.path.seconds = a.seconds.value_or(quick ? 8.0 : a.matrix.path.seconds);
+  a.matrix.play.instants = a.instants.value_or(quick ? 8 : a.matrix.play.instants);
+  if (!a.path.empty() || !a.paths.empty()) return;
+  if (full) a.paths = compare::pathNames();
+  if (quick) a.paths = {"orbit-fast", "teleports"};
+}
+
+int runInVirtualTime(Arguments& a) {
+  fillMatrix(a);
+  compare::MatrixOptions& o = a.matrix;
+  o.scenes = a.scenes;
+  o.report = a.report;
+  o.methods = a.methods;
+  o.pictures = a.run.pictures;
+  o.command = a.command;
+  o.truth_supersampling = a.run.truth_supersampling;
+  o.costs = {1e-3 * a.render_ms, 1e-3 * a.decode_ms, 1e-3 * a.draw_ms};
+  o.path.width = a.size[0];
+  o.path.height = a.size[1];
+  o.path.seed = o.play.seed;
+  if (!a.path.empty() && !a.paths.empty()) return usage("--path and --paths exclude each other");
+  if (!a.path.empty()) o.path_files = {a.path};
+  if (!a.paths.empty()) o.paths = a.paths;
+  for (const std::string& text : a.links) {
+    auto link = compare::parseLink(text);
+    if (!link) return usage(link.error().message);
+    o.links.push_back(*link);
+  }
+  std::string baseline;
+  if (!a.baseline.empty()) {
+    auto bytes = base::readFile(a.baseline);
+    if (!bytes) return fail(bytes.error());
+    baseline.assign(bytes->begin(), bytes->end());
+  }
+  const auto runs = compare::playMatrix(o, print);
+  if (!runs) return fail(runs.error());
+  std::printf("report: %s/index.html\n", a.report.c_str());
+  return a.baseline.empty() ? 0 : checkBaseline(a, compare::summaryCsv(*runs), baseline);
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
@@ -82,29 +221,20 @@ int main(int argc, char** argv) {
   spdlog::set_default_logger(spdlog::stderr_color_mt("lumigrid-compare"));
   spdlog::set_level(spdlog::level::warn);
   CLI::App app(
-      "Grid-Lumigraph, the same proxy without images, patches alone, and splats, against the truth: accuracy and bytes "
-      "of every frame.",
+      "Speed against accuracy: what each method shows at an instant, and the bytes it took, against the truth of the "
+      "view at that instant.",
       "lumigrid-compare");
   app.option_defaults()->always_capture_default();  // --help shows them
   Arguments arguments;
-  declare(app, arguments);
+  arguments.command = "lumigrid-compare";
+  for (int i = 1; i < argc; ++i) arguments.command += std::string(" ") + argv[i];
+  declareCommon(app, arguments);
+  declareVirtual(app, arguments);
+  declareReal(app, arguments);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? 0 : 2;
   }
-  if (auto parsed = parseLink(arguments); !parsed) {
-    fail(parsed.error());
-    return 2;
-  }
-  auto frames = base::readCameraPath(arguments.path);
-  if (!frames) return fail(frames.error());
-  arguments.run.path = *frames;
-  auto runs = compare::runComparison(arguments.run, [](const std::string& line) {
-    std::printf("%s\n", line.c_str());
-    std::fflush(stdout);
-  });
-  if (!runs) return fail(runs.error());
-  std::printf("report: %s/index.html\n", arguments.run.report.c_str());
-  return 0;
+  return arguments.clock == "real" ? runOverSockets(arguments) : runInVirtualTime(arguments);
 }

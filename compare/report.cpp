@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <filesystem>
 
 #include "base/file.h"
 #include "base/format_text.h"
@@ -162,9 +161,7 @@ double psnrAtBytes(const std::vector<const RunResult*>& runs, double bytes) {
 
 base::Result<void> writeReport(const std::string& directory, const ReportContext& context,
                                const std::vector<RunResult>& runs) {
-  std::error_code error;
-  std::filesystem::create_directories(directory, error);
-  if (error) return base::Error{base::ErrorCode::kIo, directory + ": cannot make this directory: " + error.message()};
+  LUMIGRID_TRY(base::makeDirectories(directory));
   const std::vector<Chart> charts{
       accuracyAgainstBytes(runs),
       alongThePath(runs, "Accuracy along the path", "PSNR on foreground, dB",

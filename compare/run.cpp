@@ -9,12 +9,14 @@
 #include <thread>
 
 #include "base/egl/headless.h"
+#include "base/file.h"
 #include "base/format_text.h"
 #include "base/json/scene_file.h"
 #include "base/parallel.h"
 #include "base/png/png.h"
 #include "base/stopwatch.h"
 #include "client/native/headless.h"
+#include "compare/painter.h"
 #include "lod/patch/format.h"
 #include "server/net/server.h"
 #include "server/render/scene_renderer.h"
@@ -30,68 +32,18 @@ std::string frameFile(const std::string& directory, std::size_t frame, const cha
   return directory + base::formatText("/frame_%04zu%s.png", frame, suffix);
 }
 
-/// The truth along a path: leaf geometry, supersampled. The pictures are kept as PNG files and used again for the same
-/// views of the same scene.
-class Truth {
- public:
-  static Result<Truth> render(const RunOptions& options, const std::function<void(const std::string&)>& log) {
-    Truth truth{options.report + "/truth"};
-    LUMIGRID_ASSIGN_OR_RETURN(auto scene, base::readScene(options.scene));
-    const std::string stamp = stampOf(scene, options);
-    if (readText(truth.directory_ + "/views.txt") == stamp) {
-      log("truth: using the pictures in " + truth.directory_);
-      return truth;
-    }
-    std::error_code error;
-    fs::create_directories(truth.directory_, error);
-    if (error)
-      return base::Error{base::ErrorCode::kIo, truth.directory_ + ": cannot make this directory: " + error.message()};
-    LUMIGRID_TRY(truth.renderAll(scene, options, log));
-    std::ofstream(truth.directory_ + "/views.txt") << stamp;
-    return truth;
+/// Draws the truth of all views before anything else runs, since llvmpipe does not stand several drawing contexts.
+Result<Truth> drawTruth(const RunOptions& options, const std::function<void(const std::string&)>& log) {
+  LUMIGRID_ASSIGN_OR_RETURN(const auto scene, server::openScene(options.scene));
+  LUMIGRID_ASSIGN_OR_RETURN(const auto gl, base::HeadlessContext::create());
+  LUMIGRID_ASSIGN_OR_RETURN(const auto painter, Painter::create(*scene, *gl));
+  const Truth truth(*scene, options.report + "/truth", options.truth_supersampling);
+  for (std::size_t i = 0; i < options.path.size(); ++i) {
+    log("truth: frame " + std::to_string(i + 1) + " of " + std::to_string(options.path.size()));
+    if (const auto drawn = truth.picture(options.path[i], *painter); !drawn) return drawn.error();
   }
-  Result<base::Image> picture(std::size_t frame) const { return base::readPng(frameFile(directory_, frame)); }
-
- private:
-  explicit Truth(std::string directory) : directory_(std::move(directory)) {}
-
-  static std::string readText(const std::string& path) {
-    std::ifstream in(path);
-    return {std::istreambuf_iterator<char>(in), {}};
-  }
-
-  // Everything that the pictures depend on: they are rendered again when it differs.
-  static std::string stampOf(const base::Scene& scene, const RunOptions& options) {
-    std::ostringstream text;
-    text.precision(17);
-    for (const auto& part : scene.parts) text << part.file << " " << part.sha256 << "\n";
-    text << "supersampling " << options.truth_supersampling << "\n";
-    for (const auto& c : options.path)
-      text << c.position.x << " " << c.position.y << " " << c.position.z << " " << c.direction.x << " " << c.direction.y
-           << " " << c.direction.z << " " << c.up.x << " " << c.up.y << " " << c.up.z << " " << c.fov_y << " "
-           << c.width << " " << c.height << "\n";
-    return text.str();
-  }
-
-  Result<void> renderAll(const base::Scene& scene, const RunOptions& options,
-                         const std::function<void(const std::string&)>& log) const {
-    LUMIGRID_ASSIGN_OR_RETURN(auto patches, lod::patch::PatchFile::open(base::patchPath(options.scene, scene)));
-    LUMIGRID_ASSIGN_OR_RETURN(const auto context, base::HeadlessContext::create());
-    LUMIGRID_ASSIGN_OR_RETURN(auto renderer, server::SceneRenderer::create(scene, patches));
-    for (std::size_t i = 0; i < options.path.size(); ++i) {
-      log("truth: frame " + std::to_string(i + 1) + " of " + std::to_string(options.path.size()));
-      const base::ViewCamera& view = options.path[i];
-      const base::Sphere bounds{renderer->sceneCenter(), renderer->sceneRadius()};
-      auto picture =
-          renderer->render(base::cameraForScene(view, scene.origin, bounds), {0.0F, options.truth_supersampling});
-      if (!picture) return picture.error();
-      LUMIGRID_TRY(base::writePng(picture->rgba, frameFile(directory_, i)));
-    }
-    return {};
-  }
-
-  std::string directory_;
-};
+  return truth;
+}
 
 /// A server in this process, on a free port of the loopback, for as long as the object lives.
 class LocalServer {
@@ -182,8 +134,7 @@ FrameResult frameResult(const client::HeadlessFrame& frame, const Accuracy& accu
 
 Result<void> writePictures(const std::string& directory, std::size_t frame, const base::Image& truth,
                            const base::Image& picture) {
-  std::error_code error;
-  fs::create_directories(directory, error);
+  LUMIGRID_TRY(base::makeDirectories(directory));
   LUMIGRID_TRY(base::writePng(picture, frameFile(directory, frame)));
   return base::writePng(differencePicture(truth, picture), frameFile(directory, frame, "_difference"));
 }
@@ -191,7 +142,7 @@ Result<void> writePictures(const std::string& directory, std::size_t frame, cons
 /// Measures a frame's picture against the truth, and writes both where pictures are wanted.
 Result<Accuracy> measureFrame(const RunOptions& options, const std::string& run_name, const Truth& truth,
                               std::size_t index, const base::Image& picture) {
-  LUMIGRID_ASSIGN_OR_RETURN(auto reference, truth.picture(index));
+  LUMIGRID_ASSIGN_OR_RETURN(auto reference, truth.keptPicture(options.path[index]));
   auto accuracy = measureAccuracy(reference, picture);
   if (!accuracy) return base::within("frame " + std::to_string(index), accuracy.error());
   if (options.pictures) LUMIGRID_TRY(writePictures(options.report + "/" + run_name, index, reference, picture));
@@ -282,7 +233,7 @@ std::string machineName() {
 Result<std::vector<RunResult>> runComparison(const RunOptions& options,
                                              const std::function<void(const std::string&)>& log) {
   if (options.path.empty()) return base::Error{base::ErrorCode::kInvalidInput, "the camera path is empty"};
-  LUMIGRID_ASSIGN_OR_RETURN(auto truth, Truth::render(options, log));
+  LUMIGRID_ASSIGN_OR_RETURN(const auto truth, drawTruth(options, log));
   std::vector<RunResult> runs;
   for (const Setting& setting : settingsOf(options)) {
     auto run = runOne(options, setting, truth);

@@ -30,8 +30,14 @@ std::string nameOf(const std::string& place, const base::Scene& scene) {
   return stem.empty() ? last : stem.substr(0, stem.rfind('.'));
 }
 
-/// Returns the object of a scene that is called stem.extension, or has that stem and extension in its published name.
-std::optional<StaticObject> partOf(const base::Scene& scene, const std::string& stem, const std::string& extension) {
+double secondsNow() {
+  return std::chrono::duration<double>(LinkClock::Clock::now().time_since_epoch()).count();
+}
+
+}  // namespace
+
+std::optional<StaticObject> objectOfPart(const base::Scene& scene, const std::string& stem,
+                                         const std::string& extension) {
   const auto file = base::partFile(scene, stem, extension);
   if (!file) return std::nullopt;
   const auto part = std::find_if(scene.parts.begin(), scene.parts.end(),
@@ -40,16 +46,10 @@ std::optional<StaticObject> partOf(const base::Scene& scene, const std::string& 
   return StaticObject{part->file, part->bytes};
 }
 
-double secondsNow() {
-  return std::chrono::duration<double>(LinkClock::Clock::now().time_since_epoch()).count();
-}
-
-}  // namespace
-
 base::Result<StaticScene> staticSceneFrom(const std::string& scene_json, const std::string& place) {
   LUMIGRID_ASSIGN_OR_RETURN(const auto scene, base::parseScene(scene_json, place + "/scene.json"));
-  const auto patches = partOf(scene, "patch", ".lgp");
-  if (!patches && partOf(scene, "qsplat", ".lgq"))
+  const auto patches = objectOfPart(scene, "patch", ".lgp");
+  if (!patches && objectOfPart(scene, "qsplat", ".lgq"))
     return base::Error{base::ErrorCode::kUnsupported, place + ": holds splats only; --method qsplat shows them"};
   if (!patches || !base::isPublishedName(patches->name))
     return base::Error{base::ErrorCode::kInvalidInput,
@@ -57,7 +57,7 @@ base::Result<StaticScene> staticSceneFrom(const std::string& scene_json, const s
   StaticScene out;
   out.place = place;
   out.patches = *patches;
-  out.index = partOf(scene, "images/index", ".lgi");
+  out.index = objectOfPart(scene, "images/index", ".lgi");
   out.welcome = protocol::welcomeOf(scene, nameOf(place, scene));
   return out;
 }
@@ -206,13 +206,13 @@ class SplatLink final : public Link {
 
 void SplatLink::acceptScene(const std::string& text, Session& session) {
   const auto scene = base::parseScene(text, place_ + "/scene.json");
-  const auto part = scene ? partOf(*scene, "qsplat", ".lgq") : std::nullopt;
+  const auto part = scene ? objectOfPart(*scene, "qsplat", ".lgq") : std::nullopt;
   if (!part) {
     refused_ = true;
     if (!scene) return session.refuse(scene.error().message);
     return session.refuse(
         place_ + ": has no splats (qsplat.lgq); build them with `lumigrid build ... --methods qsplat`",
-        partOf(*scene, "patch", ".lgp") ? std::optional(Method::kLumigraph) : std::nullopt);
+        objectOfPart(*scene, "patch", ".lgp") ? std::optional(Method::kLumigraph) : std::nullopt);
   }
   protocol::Welcome welcome = protocol::welcomeOf(*scene, nameOf(place_, *scene));
   welcome.has_colors = scene->has_colors;

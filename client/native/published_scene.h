@@ -11,6 +11,10 @@
 
 namespace client {
 
+/// Returns the object of the part that is called stem.extension, or has that stem and extension in its published name.
+/// nullopt when the scene lists neither.
+std::optional<StaticObject> objectOfPart(const base::Scene& scene, const std::string& stem,
+                                         const std::string& extension);
 /// `place` is the URL without "scene.json" and without slashes at its end. Errors say what is wrong with the text;
 /// kUnsupported means that the scene is splats-only.
 base::Result<StaticScene> staticSceneFrom(const std::string& scene_json, const std::string& place);

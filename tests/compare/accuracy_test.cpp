@@ -98,6 +98,7 @@ TEST(Accuracy, silhouetteDistanceIsHowFarAnEdgeMoved) {
   ASSERT_TRUE(same && moved);
   EXPECT_EQ(same->silhouette_px, 0.0);
   EXPECT_NEAR(moved->silhouette_px, 2.0, 1e-6);  // one of two edges by 4 pixels
+  EXPECT_NEAR(moved->silhouette_p95_px, 4.0, 1e-6);
 }
 
 TEST(Accuracy, differenceIsFourTimesTheErrorAndSaturates) {

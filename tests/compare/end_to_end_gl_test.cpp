@@ -13,10 +13,8 @@
 #include "repository/faces/face_value.h"
 #include "repository/faces/jpeg.h"
 #include "repository/sampling/cube_face.h"
-#include "server/bake/bake.h"
 #include "server/net/server.h"
-#include "tests/support/built_hierarchy.h"
-#include "tests/support/mesh_reader.h"
+#include "tests/support/baked_statue.h"
 
 namespace {
 
@@ -26,31 +24,11 @@ namespace fs = std::filesystem;
 class EndToEnd : public ::testing::Test {
  protected:
   static void SetUpTestSuite() {
-    directory_ = (fs::temp_directory_path() / ("lumigrid_end_to_end_" + std::to_string(::getpid()))).string();
-    fs::create_directories(directory_);
-    mesh::generate::SampleOptions sample;
-    sample.triangles = 40'000;
-    const support::Mesh mesh = support::makeSample(sample);
-    const auto built = support::buildHierarchy(mesh, {}, directory_ + "/patch.lgp");
-    ASSERT_TRUE(built) << built.error().message;
-    base::Scene scene;
-    scene.origin = built->origin;
-    scene.box_min = built->box_min;
-    scene.box_max = built->box_max;
-    scene.has_colors = true;
-    scene.light.mode = base::LightMode::kUnlit;
-    scene.triangles = mesh.triangleCount();
-    ASSERT_TRUE(base::writeSceneFile(scene, directory_ + "/scene.json"));
-
-    auto patches = lod::patch::PatchFile::open(directory_ + "/patch.lgp");
-    ASSERT_TRUE(patches) << patches.error().message;
-    auto store = repository::openLmdbStore(directory_ + "/images", repository::StoreMode::kWrite);
-    ASSERT_TRUE(store) << store.error().message;
-    server::BakeOptions bake;
-    bake.grid = grid_ = repository::makeGrid(scene.localBox(), 6, 0.5F, 256);
-    auto baked = server::bake(scene, *patches, **store, bake, [](const server::BakeProgress&) { return true; });
-    ASSERT_TRUE(baked) << baked.error().message;
-    scene_ = scene;
+    support::BakedStatue statue;
+    support::bakeStatue("end_to_end", statue);
+    directory_ = statue.directory;
+    scene_ = statue.scene;
+    grid_ = statue.grid;
   }
   static void TearDownTestSuite() { fs::remove_all(directory_); }
 

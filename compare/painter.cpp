@@ -1,0 +1,106 @@
+#include "compare/painter.h"
+
+#include <filesystem>
+#include <utility>
+
+#include "base/file.h"
+#include "base/format_text.h"
+#include "base/hash/sha256.h"
+#include "base/png/png.h"
+#include "server/bake/face_encoder.h"
+#include "server/net/picture.h"
+
+namespace compare {
+namespace {
+
+/// Everything in a scene that its truth depends on.
+std::string identityOf(const server::OpenScene& scene) {
+  const base::Light& light = scene.scene.light;
+  return base::hexOf(base::sha256(scene.patch_bytes.bytes())) +
+         base::formatText(" %d %.9g %.9g %.9g %.17g %.17g %.17g", static_cast<int>(light.mode),
+                          static_cast<double>(light.direction.x), static_cast<double>(light.direction.y),
+                          static_cast<double>(light.direction.z), scene.scene.origin.x, scene.scene.origin.y,
+                          scene.scene.origin.z);
+}
+
+}  // namespace
+
+std::string textOf(const base::ViewCamera& c) {
+  return base::formatText("%.17g %.17g %.17g %.17g %.17g %.17g %.17g %.17g %.17g %.17g %.17g %d %d", c.position.x,
+                          c.position.y, c.position.z, c.direction.x, c.direction.y, c.direction.z, c.up.x, c.up.y,
+                          c.up.z, c.fov_y, c.ortho_height, c.width, c.height);
+}
+
+// ---- Painter ----
+
+base::Result<std::unique_ptr<Painter>> Painter::create(const server::OpenScene& scene, base::HeadlessContext& gl) {
+  if (scene.data.patches == nullptr)
+    return base::Error{base::ErrorCode::kUnsupported, "the scene has no patches, of which the truth is drawn"};
+  std::unique_ptr<Painter> painter(new Painter(scene, gl));
+  LUMIGRID_ASSIGN_OR_RETURN(painter->gl_, base::HeadlessContext::create());
+  auto renderer = server::SceneRenderer::create(scene.scene, scene.patches);
+  if (renderer) painter->renderer_ = std::move(*renderer);
+  gl.makeCurrent();
+  if (!renderer) return renderer.error();
+  return painter;
+}
+
+Painter::~Painter() {
+  if (!gl_) return;
+  gl_->makeCurrent();
+  renderer_.reset();
+  gl_.reset();
+  callers_gl_.makeCurrent();
+}
+
+base::Result<base::Image> Painter::paint(const base::ViewCamera& camera, const server::RenderOptions& options) {
+  gl_->makeCurrent();
+  const base::Sphere bounds{renderer_->sceneCenter(), renderer_->sceneRadius()};
+  auto picture = renderer_->render(base::cameraForScene(camera, scene_.scene.origin, bounds), options);
+  callers_gl_.makeCurrent();
+  if (!picture) return picture.error();
+  return std::move(picture->rgba);
+}
+
+base::Result<base::Bytes> Painter::exactView(const base::ViewCamera& camera, const std::string& form,
+                                             const Encode& encode) {
+  const std::string key = textOf(camera) + " " + form;
+  if (const base::Bytes* kept = exact_.find(key)) return *kept;
+  LUMIGRID_ASSIGN_OR_RETURN(const auto picture, paint(camera, server::kExactFrame));
+  LUMIGRID_ASSIGN_OR_RETURN(auto encoded, encode(picture));
+  exact_.insert(key, encoded, encoded.size());
+  exact_.evict([](const std::string&) { return false; });
+  return encoded;
+}
+
+base::Result<base::Bytes> Painter::exactFrame(const base::ViewCamera& camera, int quality) {
+  return exactView(
+      camera, "jpeg " + std::to_string(quality), [quality](const base::Image& rgba) -> base::Result<base::Bytes> {
+        LUMIGRID_ASSIGN_OR_RETURN(auto encoded, server::encodeFace(rgba, quality, server::subsamplingFor(quality)));
+        return std::move(encoded.value);
+      });
+}
+
+// ---- Truth ----
+
+Truth::Truth(const server::OpenScene& scene, std::string directory, int supersampling)
+    : directory_(std::move(directory)), identity_(identityOf(scene)), samples_(supersampling) {}
+
+std::string Truth::fileOf(const base::ViewCamera& camera) const {
+  const std::string key = identity_ + " " + textOf(camera) + " " + std::to_string(samples_);
+  return directory_ + "/" + base::hexOf(base::sha256(base::viewOfText(key))).substr(0, 32) + ".png";
+}
+
+base::Result<base::Image> Truth::keptPicture(const base::ViewCamera& camera) const {
+  return base::readPng(fileOf(camera));
+}
+
+base::Result<base::Image> Truth::picture(const base::ViewCamera& camera, Painter& painter) const {
+  if (std::filesystem::exists(fileOf(camera))) return keptPicture(camera);
+  LUMIGRID_TRY(base::makeDirectories(directory_));
+  LUMIGRID_ASSIGN_OR_RETURN(auto picture, painter.paint(camera, {.tolerance_px = 0.0F, .supersampling = samples_}));
+  LUMIGRID_TRY(base::writePng(picture, fileOf(camera)));
+  return picture;
+}
+
+}  // namespace compare

@@ -1,0 +1,67 @@
+#pragma once
+// Pictures as the server draws them: exact frames, and the truth that all methods are judged against.
+#include <functional>
+#include <memory>
+#include <string>
+
+#include "base/camera.h"
+#include "base/egl/headless.h"
+#include "base/error.h"
+#include "base/image.h"
+#include "repository/cache.h"
+#include "server/net/open_scene.h"
+#include "server/render/scene_renderer.h"
+
+namespace compare {
+
+/// Draws a scene in a GL context of its own, on the thread of its caller. The context that is current before a call is
+/// current after it.
+class Painter {
+ public:
+  /// `scene` and `gl`, the context that is current, outlive it.
+  static base::Result<std::unique_ptr<Painter>> create(const server::OpenScene& scene, base::HeadlessContext& gl);
+  ~Painter();
+  Painter(const Painter&) = delete;
+  Painter& operator=(const Painter&) = delete;
+
+  base::Result<base::Image> paint(const base::ViewCamera& camera, const server::RenderOptions& options);
+  /// Turns an exact picture (server::kExactFrame) into bytes.
+  using Encode = std::function<base::Result<base::Bytes>(const base::Image& rgba)>;
+  /// Returns what `encode` makes of a view's exact picture. `form` names it: what was made before under the same name
+  /// is kept within kExactBytes, since several runs ask for the same.
+  base::Result<base::Bytes> exactView(const base::ViewCamera& camera, const std::string& form, const Encode& encode);
+  /// Returns an exact frame as the server sends it (server::FrameRenderer).
+  base::Result<base::Bytes> exactFrame(const base::ViewCamera& camera, int quality);
+
+  static constexpr std::uint64_t kExactBytes = 500'000'000;
+
+ private:
+  Painter(const server::OpenScene& scene, base::HeadlessContext& gl) : scene_(scene), callers_gl_(gl) {}
+
+  const server::OpenScene& scene_;
+  base::HeadlessContext& callers_gl_;
+  std::unique_ptr<base::HeadlessContext> gl_;
+  std::unique_ptr<server::SceneRenderer> renderer_;
+  repository::LruCache<std::string, base::Bytes> exact_{kExactBytes};
+};
+
+/// All numbers of a camera as text, equal for equal views.
+std::string textOf(const base::ViewCamera& camera);
+
+/// The truth of single views: leaf geometry, supersampled, kept as PNG files under a hash of all that it depends on.
+class Truth {
+ public:
+  /// `directory` is made when the first picture is.
+  Truth(const server::OpenScene& scene, std::string directory, int supersampling);
+  /// Returns the picture that is kept, or draws and keeps it.
+  base::Result<base::Image> picture(const base::ViewCamera& camera, Painter& painter) const;
+  /// Returns the picture that is kept. kNotFound when there is none.
+  base::Result<base::Image> keptPicture(const base::ViewCamera& camera) const;
+
+ private:
+  std::string fileOf(const base::ViewCamera& camera) const;
+  std::string directory_, identity_;
+  int samples_;
+};
+
+}  // namespace compare

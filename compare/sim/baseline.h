@@ -1,0 +1,24 @@
+#pragma once
+// The gate: a summary.csv of today against one that was kept, so that no change loses accuracy, bytes or time unseen.
+#include <string>
+#include <vector>
+
+#include "base/error.h"
+
+namespace compare {
+
+/// A figure may be worse than the baseline's by so much.
+struct GateLimits {
+  double db = 0.1;
+  double share = 0.02;      ///< of bytes and of times
+  double seconds = 0.0334;  ///< in addition: two frames of the display, in which times are counted
+  double bytes = 1024.0;    ///< in addition
+};
+
+/// Returns a line for each figure that got worse than the limits allow, and for each run that only one of the two has;
+/// none when all is well. Both texts are as compare::summaryCsv writes them. kInvalidInput for a baseline that is none;
+/// `name` begins the error's line.
+base::Result<std::vector<std::string>> findLosses(const std::string& summary, const std::string& baseline,
+                                                  const std::string& name, const GateLimits& limits = {});
+
+}  // namespace compare

@@ -1,0 +1,189 @@
+#include "compare/sim/matrix.h"
+
+#include <algorithm>
+
+#include "base/egl/headless.h"
+#include "base/file.h"
+#include "base/format_text.h"
+#include "compare/run.h"
+#include "compare/sim/page.h"
+#include "compare/sim/published.h"
+#include "server/net/open_scene.h"
+#include "server/net/scene_names.h"
+
+namespace compare {
+namespace {
+
+using base::formatText;
+using base::Result;
+
+/// One scene, opened once for all its runs.
+class SceneMatrix {
+ public:
+  SceneMatrix(const MatrixOptions& options, const std::string& directory, const std::string& name,
+              const std::function<void(const std::string&)>& log)
+      : options_(options), directory_(directory), name_(name), log_(log) {}
+
+  Result<void> play(std::vector<PlayedRun>& runs) {
+    LUMIGRID_ASSIGN_OR_RETURN(scene_, server::openScene(directory_));
+    LUMIGRID_ASSIGN_OR_RETURN(const auto gl, base::HeadlessContext::create());
+    LUMIGRID_ASSIGN_OR_RETURN(const auto painter, Painter::create(*scene_, *gl));
+    const Truth truth(*scene_, options_.report + "/truth", options_.truth_supersampling);
+    const auto methods = options_.methods.empty() ? possibleMethods() : options_.methods;
+    std::unique_ptr<PublishedObjects> published;
+    if (std::find(methods.begin(), methods.end(), "static") != methods.end()) {
+      LUMIGRID_ASSIGN_OR_RETURN(published, PublishedObjects::create(*scene_, options_.report + "/published/" + name_));
+    }
+    const Stage stage{scene_.get(), painter.get(), published.get(), options_.costs, options_.play.seed};
+    LUMIGRID_ASSIGN_OR_RETURN(const auto paths, pathsOf());
+    for (const TimedPath& path : paths)
+      for (const LinkProfile& link : options_.links)
+        for (const std::string& method : methods)
+          for (const double knob : knobsOf(method, options_.sweep)) {
+            LUMIGRID_ASSIGN_OR_RETURN(auto run, playOne(stage, {method, knob}, path, link, truth));
+            runs.push_back(std::move(run));
+          }
+    return {};
+  }
+
+ private:
+  /// All methods that the scene has data for.
+  std::vector<std::string> possibleMethods() const {
+    std::vector<std::string> possible;
+    for (const std::string& method : methodNames()) {
+      const bool wants_images = method == "lumigraph" || method == "static" || method == "paper";
+      if (wants_images && scene_->data.images == nullptr) continue;
+      if (method == "static" && scene_->directory.empty()) continue;
+      if (method == "qsplat" && scene_->splat_bytes.bytes().empty()) continue;
+      possible.push_back(method);
+    }
+    return possible;
+  }
+
+  Result<std::vector<TimedPath>> pathsOf() const {
+    std::vector<TimedPath> paths;
+    for (const std::string& file : options_.path_files) {
+      LUMIGRID_ASSIGN_OR_RETURN(auto path, readPath(file, options_.stop_seconds));
+      paths.push_back(std::move(path));
+    }
+    if (!paths.empty()) return paths;
+    for (const std::string& name : options_.paths) {
+      LUMIGRID_ASSIGN_OR_RETURN(auto path, makePath(name, scene_->scene, options_.path));
+      paths.push_back(std::move(path));
+    }
+    return paths;
+  }
+
+  Result<PlayedRun> playOne(const Stage& stage, const MethodSetting& setting, const TimedPath& path,
+                            const LinkProfile& link, const Truth& truth) {
+    PlayOptions play = options_.play;
+    std::string folder = name_ + "_" + setting.method + formatText("_%g_", setting.knob) + path.name + "_" + link.name;
+    for (char& c : folder)
+      if (c == '/' || c == '%') c = '-';
+    if (options_.pictures) play.pictures = options_.report + "/frames/" + folder;
+    auto run = playPath(stage, setting, path, link, truth, play);
+    if (!run) return base::within(setting.method + " along " + path.name, run.error());
+    run->scene = name_;
+    const PlayerCounts& counts = run->frames.back().counts;
+    log_(formatText("%-12s %-10s %-5g %-14s %-18s %7.2f MB  %6.2f dB moving  %6.2f dB at rest", name_.c_str(),
+                    setting.method.c_str(), setting.knob, path.name.c_str(), link.name.c_str(),
+                    static_cast<double>(counts.bytes) / 1e6, run->meanPsnr(), run->frames.back().accuracy.psnr_db));
+    return run;
+  }
+
+  const MatrixOptions& options_;
+  const std::string& directory_;
+  const std::string& name_;
+  const std::function<void(const std::string&)>& log_;
+  std::unique_ptr<server::OpenScene> scene_;
+};
+
+/// Empty for a time that was never reached.
+std::string secondsText(double seconds) {
+  return seconds < 0.0 ? "" : formatText("%.3f", seconds);
+}
+
+/// Empty where the last view does not show the model.
+std::string restText(const PlayedRun& run) {
+  const DisplayedFrame& last = run.frames.back();
+  return last.kind == InstantKind::kRest ? formatText("%.3f", last.accuracy.psnr_db) : "";
+}
+
+std::string keyColumns(const PlayedRun& run) {
+  return run.scene + "," + run.setting.method + "," + formatText("%g", run.setting.knob) + "," + run.path + "," +
+         run.link;
+}
+
+std::string byteColumns(const PlayerCounts& c) {
+  return formatText("%llu,%llu,%llu,%llu", static_cast<unsigned long long>(c.bytes),
+                    static_cast<unsigned long long>(c.bytes_images), static_cast<unsigned long long>(c.bytes_patches),
+                    static_cast<unsigned long long>(c.bytes_frames));
+}
+
+Result<void> writeFigures(const MatrixOptions& options, const std::vector<PlayedRun>& runs) {
+  const auto write = [&](const char* name, const std::string& text) {
+    return base::writeFileAtomically(options.report + name, base::viewOfText(text));
+  };
+  LUMIGRID_ASSIGN_OR_RETURN(const auto gl, base::HeadlessContext::create());
+  const PageContext context{machineName(),   LUMIGRID_COMMIT, gl->renderer(),
+                            options.command, options.play,    options.costs};
+  LUMIGRID_TRY(write("/index.html", formatPage(context, runs)));
+  LUMIGRID_TRY(write("/results.csv", resultsCsv(runs)));
+  return write("/summary.csv", summaryCsv(runs));
+}
+
+}  // namespace
+
+std::string resultsCsv(const std::vector<PlayedRun>& runs) {
+  std::string out =
+      "scene,method,knob,path,link,instant,seconds,bytes,bytes_images,bytes_patches,bytes_frames,requests,cache_bytes,"
+      "triangles,images,age_s,at_rest,psnr_db,ssim,mean_abs,holes_share,excess_share,silhouette_px,silhouette_p95_px,"
+      "foreground,"
+      "draw_wall_ms\n";
+  for (const PlayedRun& run : runs)
+    for (const DisplayedFrame& f : run.frames) {
+      const Accuracy& a = f.accuracy;
+      out += keyColumns(run) + "," + nameOf(f.kind) + "," + formatText("%.3f,", f.seconds) + byteColumns(f.counts) +
+             formatText(",%llu,%llu,%llu,%u,%.3f,%d", static_cast<unsigned long long>(f.counts.requests),
+                        static_cast<unsigned long long>(f.counts.cache_bytes),
+                        static_cast<unsigned long long>(f.counts.triangles), f.counts.images, f.counts.age_seconds,
+                        f.at_rest ? 1 : 0) +
+             formatText(",%.3f,%.5f,%.3f,%.5f,%.5f,%.3f,%.3f,%llu,%.2f\n", a.psnr_db, a.ssim, a.mean_abs,
+                        a.missing_share, a.excess_share, a.silhouette_px, a.silhouette_p95_px,
+                        static_cast<unsigned long long>(a.foreground), f.draw_wall_ms);
+    }
+  return out;
+}
+
+std::string summaryCsv(const std::vector<PlayedRun>& runs) {
+  std::string out =
+      "scene,method,knob,path,link,frames,bytes,bytes_images,bytes_patches,bytes_frames,mean_psnr_db,p5_psnr_db,"
+      "mean_ssim,holes_share,silhouette_px,silhouette_p95_px,time_to_first_s,time_to_25_s,time_to_30_s,time_to_35_s,"
+      "at_rest_psnr_db,rest_s,draw_wall_ms\n";
+  for (const PlayedRun& run : runs) {
+    double wall = 0.0;
+    for (const DisplayedFrame& f : run.frames) wall += f.draw_wall_ms / static_cast<double>(run.frames.size());
+    out += keyColumns(run) + "," + std::to_string(run.moving().size()) + "," + byteColumns(run.frames.back().counts) +
+           formatText(",%.3f,%.3f,%.5f,%.5f,%.3f,%.3f", run.meanPsnr(), run.p5Psnr(), run.meanSsim(), run.meanMissing(),
+                      run.silhouette(), run.p95Silhouette()) +
+           "," + secondsText(run.secondsToFirst()) + "," + secondsText(run.secondsTo(25.0)) + "," +
+           secondsText(run.secondsTo(30.0)) + "," + secondsText(run.secondsTo(35.0)) + "," + restText(run) + "," +
+           secondsText(run.rest_seconds) + formatText(",%.2f\n", wall);
+  }
+  return out;
+}
+
+Result<std::vector<PlayedRun>> playMatrix(const MatrixOptions& options,
+                                          const std::function<void(const std::string&)>& log) {
+  LUMIGRID_ASSIGN_OR_RETURN(const auto names, server::sceneNames(options.scenes));
+  LUMIGRID_TRY(base::makeDirectories(options.report));
+  std::vector<PlayedRun> runs;
+  for (std::size_t i = 0; i < names.size(); ++i) {
+    const auto played = SceneMatrix(options, options.scenes[i], names[i], log).play(runs);
+    if (!played) return base::within(options.scenes[i], played.error());
+    LUMIGRID_TRY(writeFigures(options, runs));  // so that an error in a later scene loses nothing
+  }
+  return runs;
+}
+
+}  // namespace compare

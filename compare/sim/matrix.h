@@ -1,0 +1,37 @@
+#pragma once
+// Plays methods over paths and links for scenes, and writes the figures: results.csv with a row for each judged frame,
+// summary.csv with a row for each scene, method, knob, path and link (docs/formats/comparison.md), and index.html.
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "compare/sim/play.h"
+
+namespace compare {
+
+struct MatrixOptions {
+  std::vector<std::string> scenes;          ///< directories
+  std::vector<std::string> methods;         ///< of methodNames(); empty: all
+  std::vector<std::string> paths{"orbit"};  ///< of pathNames()
+  std::vector<std::string> path_files;      ///< used in place of `paths` when there are any
+  std::vector<LinkProfile> links;           ///< one or more
+  bool sweep = false;                       ///< all values of each method's knob, not the default alone
+  std::string report;                       ///< directory
+  int truth_supersampling = 4;
+  double stop_seconds = 2.0;  ///< for path_files
+  bool pictures = true;
+  std::string command;  ///< for the page: how it was called
+  PathOptions path;
+  PlayOptions play;  ///< `pictures` is set for each run
+  Costs costs;
+};
+
+/// `log` gets a line for each run. Errors name the scene.
+base::Result<std::vector<PlayedRun>> playMatrix(const MatrixOptions& options,
+                                                const std::function<void(const std::string&)>& log);
+
+std::string resultsCsv(const std::vector<PlayedRun>& runs);
+std::string summaryCsv(const std::vector<PlayedRun>& runs);
+
+}  // namespace compare

@@ -1,0 +1,72 @@
+#include <algorithm>
+
+#include "base/view_defaults.h"
+#include "compare/sim/player.h"
+
+namespace compare {
+namespace {
+
+using MakePlayer = base::Result<std::unique_ptr<Player>> (*)(const Stage&, const MethodSetting&, const LinkProfile&);
+
+struct Method {
+  std::string name, knob;
+  double normal;              ///< the knob's default
+  std::vector<double> sweep;  ///< the default among them
+  MakePlayer make;
+};
+
+/// A new method is one file and one row here.
+const std::vector<Method>& methods() {
+  constexpr double kTolerance = base::ViewDefaults::kPatchTolerance;
+  constexpr double kQuality = base::ViewDefaults::kQuality;
+  static const std::vector<Method> all{
+      {"lumigraph", "pixels, error of the patches under the images", kTolerance, {16, 8, 4, 2, 1}, makeSessionPlayer},
+      {"static", "pixels, error of the patches under the images", kTolerance, {16, 8, 4, 2, 1}, makeStaticPlayer},
+      {"paper", "pixels, error of the patches under the images", kTolerance, {16, 8, 4, 2, 1}, makeSessionPlayer},
+      {"patches", "pixels, error of the patches", kTolerance, {16, 8, 4, 2, 1}, makeSessionPlayer},
+      {"qsplat", "pixels, diameter of the splats", 1.0, {8, 4, 2, 1, 0.5}, makeSplatsPlayer},
+      {"frames", "quality of the JPEGs", kQuality, {30, 50, 70, 85, 95}, makeFramesPlayer},
+#ifdef LUMIGRID_VIDEO
+      {"video", "percent of the link's rate", 80.0, {20, 40, 60, 80, 95}, makeVideoPlayer},
+#endif
+  };
+  return all;
+}
+
+const Method* find(const std::string& name) {
+  const auto& all = methods();
+  const auto it = std::find_if(all.begin(), all.end(), [&](const Method& one) { return one.name == name; });
+  return it == all.end() ? nullptr : &*it;
+}
+
+}  // namespace
+
+const std::vector<std::string>& methodNames() {
+  static const std::vector<std::string> names = [] {
+    std::vector<std::string> all;
+    for (const Method& one : methods()) all.push_back(one.name);
+    return all;
+  }();
+  return names;
+}
+
+std::vector<double> knobsOf(const std::string& method, bool sweep) {
+  const Method* found = find(method);
+  if (found == nullptr) return {};
+  return sweep ? found->sweep : std::vector{found->normal};
+}
+
+std::string knobName(const std::string& method) {
+  const Method* found = find(method);
+  return found == nullptr ? "" : found->knob;
+}
+
+base::Result<std::unique_ptr<Player>> makePlayer(const Stage& stage, const MethodSetting& setting,
+                                                 const LinkProfile& link) {
+  const Method* found = find(setting.method);
+  if (found == nullptr)
+    return base::Error{base::ErrorCode::kInvalidInput, "method '" + setting.method + "': there is none"};
+  return found->make(stage, setting, link);
+}
+
+}  // namespace compare

@@ -1,0 +1,195 @@
+#include "compare/sim/page.h"
+
+#include <openssl/evp.h>
+
+#include <algorithm>
+#include <map>
+
+#include "base/format_text.h"
+#include "compare/chart.h"
+
+namespace compare {
+namespace {
+
+using base::formatText;
+using Runs = std::vector<const PlayedRun*>;
+
+constexpr const char* kStyle = R"(<style>
+:root{color-scheme:light dark;--line:#8884;--soft:#8881}
+body{font:16px/1.5 system-ui,sans-serif;max-width:72rem;margin:2rem auto;padding:0 1rem}
+.scroll{overflow-x:auto}
+table{border-collapse:collapse;white-space:nowrap;font-variant-numeric:tabular-nums}
+td,th{padding:.2rem .6rem;border-bottom:1px solid var(--line);text-align:right}
+td:first-child,th:first-child{text-align:left}
+th{cursor:pointer;white-space:normal;vertical-align:bottom;line-height:1.2}
+th:hover{background:var(--soft)}
+svg{display:block;width:100%;max-width:46rem;height:auto;margin:1rem 0;border-radius:6px}
+.frames{display:grid;grid-template-columns:repeat(auto-fill,minmax(15rem,1fr));gap:1rem}
+figure{margin:0}
+figcaption{font-size:.85rem}
+img{width:100%;cursor:zoom-in;border-radius:4px}
+img.large{position:fixed;inset:0;width:100vw;height:100vh;object-fit:contain;background:#000d;cursor:zoom-out}
+@media(max-width:40rem){body{margin:1rem auto;font-size:15px}}
+</style>
+)";
+
+constexpr const char* kScript = R"(<script>
+for(const table of document.querySelectorAll("table"))
+  table.tHead.addEventListener("click",({target})=>{
+    const column=target.cellIndex,rows=[...table.tBodies[0].rows];
+    const down=target.dataset.down!=="1";
+    target.dataset.down=down?"1":"0";
+    const value=row=>{const text=row.cells[column].textContent;return text===""?NaN:isNaN(text)?text:Number(text)};
+    rows.sort((a,b)=>{const x=value(a),y=value(b);
+      if(Number.isNaN(x))return 1;
+      if(Number.isNaN(y))return -1;
+      return (x<y?-1:x>y?1:0)*(down?-1:1)});
+    table.tBodies[0].append(...rows)});
+document.addEventListener("click",({target})=>{if(target.tagName==="IMG")target.classList.toggle("large")});
+</script>
+)";
+
+std::string base64(base::ByteView bytes) {
+  std::string text(4 * ((bytes.size() + 2) / 3) + 1, '\0');
+  const int length =
+      EVP_EncodeBlock(reinterpret_cast<unsigned char*>(text.data()), bytes.data(), static_cast<int>(bytes.size()));
+  text.resize(static_cast<std::size_t>(length));
+  return text;
+}
+
+std::string nameOfRun(const PlayedRun& run, bool sweeps) {
+  return sweeps ? run.setting.method + formatText(" %g", run.setting.knob) : run.setting.method;
+}
+
+double megabytes(const PlayedRun& run) {
+  return static_cast<double>(run.frames.back().counts.bytes) / 1e6;
+}
+
+/// Mean accuracy at the moment of display against all bytes: a line for each method, a point for each value of its
+/// knob.
+Chart chartOfBytes(const std::string& title, const Runs& runs) {
+  Chart chart{title, "bytes of the whole run, MB", "mean PSNR at the moment of display, dB", true, {}};
+  for (const PlayedRun* run : runs) {
+    auto it = std::find_if(chart.series.begin(), chart.series.end(),
+                           [&](const Series& s) { return s.name == run->setting.method; });
+    if (it == chart.series.end()) it = chart.series.insert(it, Series{run->setting.method, {}});
+    it->points.emplace_back(megabytes(*run), run->meanPsnr());
+  }
+  for (Series& series : chart.series) std::sort(series.points.begin(), series.points.end());
+  return chart;
+}
+
+Chart chartAlong(const std::string& title, const Runs& runs, bool sweeps) {
+  Chart chart{title, "seconds since the client began to connect", "PSNR at that moment, dB", false, {}};
+  for (const PlayedRun* run : runs) {
+    Series series{nameOfRun(*run, sweeps), {}};
+    for (const DisplayedFrame& frame : run->frames)
+      if (frame.kind != InstantKind::kRest) series.points.emplace_back(frame.seconds, frame.accuracy.psnr_db);
+    chart.series.push_back(std::move(series));
+  }
+  return chart;
+}
+
+std::string cell(double value, const char* format, bool there = true) {
+  return there ? "<td>" + formatText(format, value) + "</td>" : "<td></td>";
+}
+
+std::string tableOf(const Runs& runs) {
+  std::string out = "<div class=\"scroll\"><table><thead><tr>";
+  for (const char* name :
+       {"method", "knob", "dB, mean", "dB, 5th percentile", "SSIM", "holes %", "silhouette px, 95 %", "MB", "requests",
+        "s to a picture", "s to 25 dB", "s to 30 dB", "s to 35 dB", "s to rest", "dB at rest"})
+    out += std::string("<th>") + name + "</th>";
+  out += "</tr></thead><tbody>\n";
+  for (const PlayedRun* run : runs) {
+    const DisplayedFrame& last = run->frames.back();
+    out += "<tr><td>" + escapeMarkup(run->setting.method) + "</td>" + cell(run->setting.knob, "%g") +
+           cell(run->meanPsnr(), "%.2f") + cell(run->p5Psnr(), "%.2f") + cell(run->meanSsim(), "%.3f") +
+           cell(100.0 * run->meanMissing(), "%.2f") + cell(run->p95Silhouette(), "%.1f") +
+           cell(megabytes(*run), "%.2f") + cell(static_cast<double>(last.counts.requests), "%.0f");
+    for (const double seconds :
+         {run->secondsToFirst(), run->secondsTo(25.0), run->secondsTo(30.0), run->secondsTo(35.0), run->rest_seconds})
+      out += cell(seconds, "%.2f", seconds >= 0.0);
+    out += cell(last.accuracy.psnr_db, "%.2f", last.kind == InstantKind::kRest) + "</tr>\n";
+  }
+  return out + "</tbody></table></div>\n";
+}
+
+std::string figureOf(const std::string& caption, const base::Bytes& jpeg) {
+  return "<figure><img alt=\"" + escapeMarkup(caption) + "\" src=\"data:image/jpeg;base64," + base64(jpeg) +
+         "\"><figcaption>" + escapeMarkup(caption) + "</figcaption></figure>\n";
+}
+
+/// The worst and the median picture of each run, each with its difference from the truth.
+std::string picturesOf(const Runs& runs, bool sweeps) {
+  std::string out = "<div class=\"frames\">\n";
+  for (const PlayedRun* run : runs) {
+    std::vector<const DisplayedFrame*> frames = run->moving();
+    if (frames.empty() || frames.front()->picture_jpeg.empty()) continue;
+    std::sort(frames.begin(), frames.end(), [](const DisplayedFrame* a, const DisplayedFrame* b) {
+      return a->accuracy.psnr_db < b->accuracy.psnr_db;
+    });
+    for (const auto& [word, frame] : {std::pair{"worst", frames.front()}, {"median", frames[frames.size() / 2]}}) {
+      const std::string caption = nameOfRun(*run, sweeps) + ", " + word +
+                                  formatText(": %.1f dB at %.2f s", frame->accuracy.psnr_db, frame->seconds);
+      out += figureOf(caption, frame->picture_jpeg) + figureOf(caption + ", error × 4", frame->difference_jpeg);
+    }
+  }
+  return out + "</div>\n";
+}
+
+/// The result of one scene, path and link in a sentence: who was nearest to the truth while moving, and at what cost.
+std::string finding(const Runs& runs) {
+  const PlayedRun* best = *std::max_element(
+      runs.begin(), runs.end(), [](const PlayedRun* a, const PlayedRun* b) { return a->meanPsnr() < b->meanPsnr(); });
+  const PlayedRun* least = *std::min_element(
+      runs.begin(), runs.end(), [](const PlayedRun* a, const PlayedRun* b) { return megabytes(*a) < megabytes(*b); });
+  std::string out = "<p>Nearest to the truth at the moment of display: <b>" + escapeMarkup(nameOfRun(*best, true)) +
+                    "</b>, " + formatText("%.1f dB in %.2f MB", best->meanPsnr(), megabytes(*best));
+  if (least != best)
+    out += ". Fewest bytes: <b>" + escapeMarkup(nameOfRun(*least, true)) + "</b>, " +
+           formatText("%.1f dB in %.2f MB", least->meanPsnr(), megabytes(*least));
+  return out + ".</p>\n";
+}
+
+}  // namespace
+
+std::string formatPage(const PageContext& c, const std::vector<PlayedRun>& runs) {
+  std::map<std::string, Runs> sections;
+  std::vector<std::string> order;
+  std::map<std::string, std::map<double, int>> knobs;
+  for (const PlayedRun& run : runs) {
+    const std::string title = run.scene + ", " + run.path + ", " + run.link;
+    if (!sections.contains(title)) order.push_back(title);
+    sections[title].push_back(&run);
+    knobs[run.setting.method][run.setting.knob] = 1;
+  }
+  const bool sweeps = std::any_of(knobs.begin(), knobs.end(), [](const auto& one) { return one.second.size() > 1; });
+
+  std::string out =
+      "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><meta name=\"viewport\" "
+      "content=\"width=device-width\"><title>Speed against accuracy</title>\n";
+  out += kStyle;
+  out +=
+      "<h1>Speed against accuracy</h1>\n<p>In virtual time: server, link and client are simulated, so another machine "
+      "shows the same figures. PSNR is that of what the display shows at a moment against the full model seen from "
+      "where the viewer is at that moment, on pixels of the model only.</p>\n";
+  for (const std::string& title : order) {
+    const Runs& section = sections[title];
+    out += "<h2>" + escapeMarkup(title) + "</h2>\n" + finding(section) + tableOf(section);
+    out += formatChart(chartOfBytes(title, section)) + formatChart(chartAlong(title, section, sweeps));
+    out += picturesOf(section, sweeps);
+  }
+  out +=
+      "<h2>How it was measured</h2>\n<p>" + escapeMarkup(c.command) + "</p>\n<p>Commit " + escapeMarkup(c.commit) +
+      ", drawn by " + escapeMarkup(c.renderer) + " on " + escapeMarkup(c.machine) +
+      formatText(
+          ". Seed %llu, %d instants a run, a display of %g Hz. Costs: %g ms an exact frame, %g ms a JPEG of "
+          "512 x 512, %g ms a frame of the client.",
+          static_cast<unsigned long long>(c.play.seed), c.play.instants, c.play.display_hertz,
+          1e3 * c.costs.server_render_seconds, 1e3 * c.costs.client_decode_seconds, 1e3 * c.costs.client_draw_seconds) +
+      " Every figure: results.csv, summary.csv.</p>\n";
+  return out + kScript + "</html>\n";
+}
+
+}  // namespace compare

@@ -1,0 +1,187 @@
+#include "compare/sim/paths.h"
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <glm/gtc/constants.hpp>
+
+#include "base/json/camera_file.h"
+#include "server/bake/random_views.h"
+
+namespace compare {
+namespace {
+
+constexpr double kRate = 60.0;  // views a second of the paths made here
+constexpr double kFast = 4.0;
+
+/// A scene as paths see it: what is up, where the ground and the middle are, and how large everything is.
+struct Place {
+  glm::dvec3 center, up, ahead, right;  // world; the last three are unit vectors at right angles
+  double diagonal = 1.0;                // of the box
+  double height = 0.0;                  // of the box, along `up`
+};
+
+Place placeOf(const base::Scene& scene) {
+  Place place;
+  place.center = 0.5 * (scene.box_min + scene.box_max);
+  place.up = glm::normalize(scene.up);
+  const glm::dvec3 other = std::abs(place.up.x) < 0.9 ? glm::dvec3(1, 0, 0) : glm::dvec3(0, 1, 0);
+  place.right = glm::normalize(glm::cross(place.up, other));
+  place.ahead = glm::cross(place.right, place.up);
+  place.diagonal = std::max(glm::length(scene.box_max - scene.box_min), 1e-9);
+  place.height = glm::dot(glm::abs(place.up), scene.box_max - scene.box_min);
+  return place;
+}
+
+base::ViewCamera lookingAt(const Place& place, const glm::dvec3& eye, const glm::dvec3& target) {
+  base::ViewCamera view;
+  view.position = eye;
+  view.direction = glm::normalize(target - eye);
+  view.up = place.up;
+  return view;
+}
+
+/// The place at an angle around the model, at an elevation and a distance in diagonals.
+glm::dvec3 around(const Place& place, double angle, double elevation, double distance) {
+  const glm::dvec3 level = std::cos(angle) * place.ahead + std::sin(angle) * place.right;
+  return place.center + distance * place.diagonal * (std::cos(elevation) * level + std::sin(elevation) * place.up);
+}
+
+constexpr double kElevation = 0.5;  // radians, 29 degrees
+constexpr double kDistance = 1.0;   // diagonals; a choice: the model about fills the picture
+
+/// Ten degrees a second around the model.
+base::ViewCamera orbit(const Place& place, double t) {
+  return lookingAt(place, around(place, glm::radians(10.0) * t, kElevation, kDistance), place.center);
+}
+
+/// Towards the middle of the model; the distance halves every four seconds, down to a twentieth of the diagonal.
+base::ViewCamera approach(const Place& place, double t) {
+  const double distance = std::max(kDistance * std::exp2(-0.25 * t), 0.05);
+  return lookingAt(place, around(place, 0.6, kElevation, distance + 0.15), place.center);
+}
+
+/// Around the model at a sixth of its height over its ground, looking ahead and a little inward; a diagonal in twelve
+/// seconds.
+base::ViewCamera walk(const Place& place, double t) {
+  constexpr double kRadius = 0.45;  // diagonals
+  const double angle = t / (12.0 * kRadius);
+  const glm::dvec3 outward = std::cos(angle) * place.ahead + std::sin(angle) * place.right;
+  const glm::dvec3 onward = -std::sin(angle) * place.ahead + std::cos(angle) * place.right;
+  const glm::dvec3 ground = place.center + (0.17 - 0.5) * place.height * place.up;
+  const glm::dvec3 eye = ground + kRadius * place.diagonal * outward;
+  return lookingAt(place, eye, eye + onward - 0.8 * outward);
+}
+
+/// Three seconds at one side, a second on the way to the next, which is nearer.
+base::ViewCamera inspection(const Place& place, double t) {
+  const double stop = std::floor(t / 4.0);
+  const double way = std::clamp(t - 4.0 * stop - 3.0, 0.0, 1.0);
+  const double smooth = way * way * (3.0 - 2.0 * way);
+  const double at = stop + smooth;
+  return lookingAt(place, around(place, 1.1 * at, kElevation, kDistance / (1.0 + 0.4 * at)), place.center);
+}
+
+/// A place anywhere around the model every two seconds.
+base::ViewCamera teleport(const Place& place, server::UnitRandom& random) {
+  const double angle = 2.0 * glm::pi<double>() * random();
+  const double elevation = 0.1 + 0.9 * random();
+  const double distance = 0.6 + 0.6 * random();
+  return lookingAt(place, around(place, angle, elevation, distance), place.center);
+}
+
+/// A slow orbit held in a hand that trembles: half a degree, at a few hertz.
+base::ViewCamera jitter(const Place& place, double t) {
+  base::ViewCamera view = orbit(place, 0.2 * t);
+  const double amplitude = glm::radians(0.5);
+  const glm::dvec3 right = glm::normalize(glm::cross(view.direction, place.up));
+  const glm::dvec3 tremble = std::sin(19.0 * t) * right + std::sin(23.0 * t + 1.0) * place.up;
+  view.direction = glm::normalize(view.direction + amplitude * tremble);
+  return view;
+}
+
+using Shape = base::ViewCamera (*)(const Place&, double);
+
+struct NamedShape {
+  const char* name;
+  Shape shape;
+};
+constexpr NamedShape kShapes[] = {
+    {"orbit", orbit}, {"approach", approach}, {"walk", walk}, {"inspection", inspection}, {"jitter", jitter}};
+
+TimedPath teleports(const Place& place, double every_seconds, const PathOptions& options) {
+  server::UnitRandom random(options.seed);
+  TimedPath path;
+  path.rate = 1.0 / every_seconds;
+  path.steps = true;
+  const auto count = static_cast<std::size_t>(std::max(1.0, std::round(options.seconds * path.rate)));
+  for (std::size_t i = 0; i < count; ++i) path.frames.push_back(teleport(place, random));
+  return path;
+}
+
+}  // namespace
+
+base::ViewCamera TimedPath::at(double seconds) const {
+  const double place = std::clamp(seconds * rate, 0.0, static_cast<double>(frames.size() - 1));
+  const auto before = static_cast<std::size_t>(place);
+  const double share = place - static_cast<double>(before);
+  if (steps || share <= 0.0 || before + 1 >= frames.size()) return frames[before];
+  const base::ViewCamera &a = frames[before], &b = frames[before + 1];
+  base::ViewCamera view = a;
+  view.position = glm::mix(a.position, b.position, share);
+  const glm::dvec3 direction = glm::mix(a.direction, b.direction, share);
+  if (glm::length(direction) > 1e-6) view.direction = glm::normalize(direction);
+  view.up = glm::mix(a.up, b.up, share);
+  view.fov_y = glm::mix(a.fov_y, b.fov_y, share);
+  return view;
+}
+
+const std::vector<std::string>& pathNames() {
+  static const std::vector<std::string> names = [] {
+    std::vector<std::string> all;
+    for (const NamedShape& one : kShapes) all.emplace_back(one.name);
+    all.emplace_back("teleports");
+    for (std::size_t i = 0, slow = all.size(); i < slow; ++i) all.push_back(all[i] + "-fast");
+    return all;
+  }();
+  return names;
+}
+
+base::Result<TimedPath> makePath(const std::string& name, const base::Scene& scene, const PathOptions& options) {
+  const std::string fast_end = "-fast";
+  const bool fast = name.ends_with(fast_end);
+  const std::string slow = fast ? name.substr(0, name.size() - fast_end.size()) : name;
+  const double speed = fast ? kFast : 1.0;
+  const Place place = placeOf(scene);
+  TimedPath path;
+  if (slow == "teleports") path = teleports(place, 2.0 / speed, options);
+  for (const NamedShape& one : kShapes) {
+    if (slow != one.name) continue;
+    path.rate = kRate;
+    const int count = std::max(1, static_cast<int>(std::lround(options.seconds * kRate)));
+    for (int i = 0; i < count; ++i) path.frames.push_back(one.shape(place, speed * i / kRate));
+  }
+  if (path.frames.empty()) {
+    std::string all;
+    for (const std::string& known : pathNames()) all += (all.empty() ? "" : ", ") + known;
+    return base::Error{base::ErrorCode::kInvalidInput, "path '" + name + "': there is none; choose from " + all};
+  }
+  path.name = name;
+  for (base::ViewCamera& view : path.frames) {
+    view.width = options.width;
+    view.height = options.height;
+  }
+  return path;
+}
+
+base::Result<TimedPath> readPath(const std::string& file, double stop_seconds) {
+  TimedPath path;
+  LUMIGRID_ASSIGN_OR_RETURN(path.frames, base::readCameraPath(file));
+  if (path.frames.empty()) return base::Error{base::ErrorCode::kInvalidInput, file + ": the path has no frames"};
+  path.name = std::filesystem::path(file).stem().string();
+  path.rate = 1.0 / stop_seconds;
+  path.steps = true;
+  return path;
+}
+
+}  // namespace compare

@@ -1,0 +1,234 @@
+#include "compare/sim/play.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "base/file.h"
+#include "base/format_text.h"
+#include "base/png/png.h"
+#include "base/stopwatch.h"
+#include "repository/faces/jpeg.h"
+#include "server/bake/face_encoder.h"
+#include "server/bake/random_views.h"
+
+namespace compare {
+namespace {
+
+using base::Result;
+
+// A picture depends on the frames before it: images fade in, and a few depth maps are drawn a frame. So one in
+// kFramesPerDrawn is drawn of this many frames of the display before each judged one: half a second.
+constexpr int kRunUpFrames = 32;
+
+// The first second of a path belongs to the ladder, since no method shows anything at its very begin: the instants of
+// means and percentiles come after it. Of a short path a quarter is enough.
+constexpr double kBeginSeconds = 1.0;
+constexpr double kMaxBeginShare = 0.25;
+
+// The ladder of instants after the begin, seconds: a picture is wanted in the first of them.
+constexpr double kLadder[] = {0.1, 0.2, 0.4, 0.8, 1.6, 3.2, 6.4};
+
+struct Tick {
+  std::size_t frame = 0;  ///< of the display
+  InstantKind kind = InstantKind::kMoving;
+};
+
+/// One instant in each of `instants` equal parts of the path after its begin, at a random place in it, and the ladder.
+std::vector<Tick> ticksOf(const TimedPath& path, const PlayOptions& options, double interval) {
+  const auto last = static_cast<std::size_t>(std::floor(path.seconds() / interval));
+  const double first = std::min(kBeginSeconds / interval, kMaxBeginShare * static_cast<double>(last));
+  server::UnitRandom random(options.seed);
+  std::vector<Tick> ticks;
+  for (int i = 0; i < options.instants; ++i) {
+    const double share = (i + random()) / options.instants;
+    const double place = first + share * (static_cast<double>(last) - first);
+    ticks.push_back({static_cast<std::size_t>(place), InstantKind::kMoving});
+  }
+  for (const double seconds : kLadder)
+    if (seconds < path.seconds())
+      ticks.push_back({static_cast<std::size_t>(std::lround(seconds / interval)), InstantKind::kBegin});
+  std::stable_sort(ticks.begin(), ticks.end(), [](const Tick& a, const Tick& b) { return a.frame < b.frame; });
+  return ticks;
+}
+
+Result<base::Bytes> jpegOf(const base::Image& rgb) {
+  constexpr int kPageQuality = 80;  // a choice: 20 kB a picture
+  return repository::encodeJpeg(rgb, kPageQuality, repository::Subsampling::k420);
+}
+
+/// Plays the display's frames one after the other.
+class Run {
+ public:
+  Run(Player& player, const TimedPath& path, const Truth& truth, Painter& painter, const PlayOptions& options,
+      double interval, PlayedRun& run)
+      : player_(player),
+        path_(path),
+        truth_(truth),
+        painter_(painter),
+        options_(options),
+        interval_(interval),
+        run_(run) {}
+
+  Result<void> play() {
+    const std::vector<Tick> ticks = ticksOf(path_, options_, interval_);
+    const auto last = static_cast<std::size_t>(std::floor(path_.seconds() / interval_));
+    std::size_t next = 0;
+    for (std::size_t frame = 0; frame <= last; ++frame) {
+      LUMIGRID_TRY(player_.advance(timeOf(frame), path_.at(timeOf(frame))));
+      for (std::size_t i = next; i < ticks.size(); ++i) runUp(frame, ticks[i].frame);
+      if (warm_up_) LUMIGRID_TRY(drawOnly());
+      for (; next < ticks.size() && ticks[next].frame == frame; ++next) LUMIGRID_TRY(judge(frame, ticks[next].kind));
+    }
+    return rest(last);
+  }
+
+ private:
+  double timeOf(std::size_t frame) const { return interval_ * static_cast<double>(frame); }
+  void runUp(std::size_t frame, std::size_t judged) {
+    const std::size_t before = judged - std::min(judged, frame);
+    warm_up_ = warm_up_ || (frame < judged && before <= kRunUpFrames && before % kFramesPerDrawn == 0);
+  }
+  Result<void> drawOnly() {
+    warm_up_ = false;
+    auto picture = player_.draw();
+    if (!picture) return picture.error();
+    return {};
+  }
+  /// Holds the last view until nothing changes any more.
+  Result<void> rest(std::size_t last) {
+    const auto limit = last + static_cast<std::size_t>(options_.rest_seconds / interval_);
+    std::size_t frame = last, quiet = 0;
+    while (frame < limit && quiet <= kRunUpFrames) {
+      ++frame;
+      LUMIGRID_TRY(player_.advance(timeOf(frame), path_.frames.back()));
+      quiet = player_.atRest() ? quiet + 1 : 0;
+      if (quiet > 0 && quiet % kFramesPerDrawn == 0) LUMIGRID_TRY(drawOnly());
+    }
+    run_.rest_seconds = quiet > kRunUpFrames ? timeOf(frame - quiet + 1) - timeOf(last) : -1.0;
+    return judge(frame, InstantKind::kRest);
+  }
+  Result<void> judge(std::size_t frame, InstantKind kind) {
+    const base::ViewCamera view = kind == InstantKind::kRest ? path_.frames.back() : path_.at(timeOf(frame));
+    DisplayedFrame shown;
+    shown.kind = kind;
+    shown.seconds = timeOf(frame);
+    const base::Stopwatch watch;
+    LUMIGRID_ASSIGN_OR_RETURN(const auto picture, player_.draw());
+    shown.draw_wall_ms = 1e3 * watch.seconds();
+    shown.counts = player_.counts();
+    shown.at_rest = player_.atRest();
+    LUMIGRID_ASSIGN_OR_RETURN(const auto reference, truth_.picture(view, painter_));
+    if (!server::showsModel(reference) && !server::showsModel(picture))
+      return {};  // there is nothing to be right or wrong about
+    LUMIGRID_ASSIGN_OR_RETURN(shown.accuracy, measureAccuracy(reference, picture));
+    if (!options_.pictures.empty()) {
+      LUMIGRID_TRY(base::makeDirectories(options_.pictures));
+      const std::string name = options_.pictures + base::formatText("/%07.3f_%s", shown.seconds, nameOf(kind));
+      const base::Image difference = differencePicture(reference, picture);
+      LUMIGRID_TRY(base::writePng(picture, name + ".png"));
+      LUMIGRID_TRY(base::writePng(difference, name + "_difference.png"));
+      LUMIGRID_ASSIGN_OR_RETURN(shown.picture_jpeg, jpegOf(overMidGrey(picture)));
+      LUMIGRID_ASSIGN_OR_RETURN(shown.difference_jpeg, jpegOf(difference));
+    }
+    run_.frames.push_back(shown);
+    return {};
+  }
+
+  Player& player_;
+  const TimedPath& path_;
+  const Truth& truth_;
+  Painter& painter_;
+  const PlayOptions& options_;
+  const double interval_;
+  PlayedRun& run_;
+  bool warm_up_ = false;
+};
+
+double meanOf(const std::vector<const DisplayedFrame*>& frames, double (*get)(const Accuracy&)) {
+  double sum = 0.0;
+  for (const DisplayedFrame* frame : frames) sum += get(frame->accuracy);
+  return frames.empty() ? 0.0 : sum / static_cast<double>(frames.size());
+}
+
+}  // namespace
+
+const char* nameOf(InstantKind kind) {
+  switch (kind) {
+    case InstantKind::kMoving:
+      return "moving";
+    case InstantKind::kBegin:
+      return "begin";
+    case InstantKind::kRest:
+      return "rest";
+  }
+  return "";
+}
+
+Result<PlayedRun> playPath(const Stage& stage, const MethodSetting& setting, const TimedPath& path,
+                           const LinkProfile& link, const Truth& truth, const PlayOptions& options) {
+  PlayedRun run;
+  run.setting = setting;
+  run.path = path.name;
+  run.link = link.name;
+  LUMIGRID_ASSIGN_OR_RETURN(const auto player, makePlayer(stage, setting, link));
+  const double frames_each = std::max(1.0, std::ceil(stage.costs.client_draw_seconds * options.display_hertz - 1e-9));
+  LUMIGRID_TRY(Run(*player, path, truth, *stage.painter, options, frames_each / options.display_hertz, run).play());
+  if (run.frames.empty())
+    return base::Error{base::ErrorCode::kInvalidInput, "no view of the path " + path.name + " shows the model"};
+  return run;
+}
+
+// ---- figures of a run ----
+
+std::vector<const DisplayedFrame*> PlayedRun::moving() const {
+  std::vector<const DisplayedFrame*> found;
+  for (const DisplayedFrame& frame : frames)
+    if (frame.kind == InstantKind::kMoving) found.push_back(&frame);
+  return found;
+}
+
+double PlayedRun::meanPsnr() const {
+  return meanOf(moving(), [](const Accuracy& a) { return a.psnr_db; });
+}
+
+double PlayedRun::meanSsim() const {
+  return meanOf(moving(), [](const Accuracy& a) { return a.ssim; });
+}
+
+double PlayedRun::meanMissing() const {
+  return meanOf(moving(), [](const Accuracy& a) { return a.missing_share; });
+}
+
+double PlayedRun::silhouette() const {
+  return meanOf(moving(), [](const Accuracy& a) { return a.silhouette_px; });
+}
+
+double PlayedRun::p95Silhouette() const {
+  return meanOf(moving(), [](const Accuracy& a) { return a.silhouette_p95_px; });
+}
+
+double PlayedRun::p5Psnr() const {
+  std::vector<double> psnr;
+  for (const DisplayedFrame* frame : moving()) psnr.push_back(frame->accuracy.psnr_db);
+  if (psnr.empty()) return 0.0;
+  std::sort(psnr.begin(), psnr.end());
+  return psnr[static_cast<std::size_t>(0.05 * static_cast<double>(psnr.size()))];
+}
+
+double PlayedRun::secondsTo(double psnr_db) const {
+  double since = -1.0;
+  for (const DisplayedFrame& frame : frames) {
+    const bool good = frame.accuracy.psnr_db >= psnr_db;
+    if (!good) since = -1.0;
+    if (good && since < 0.0) since = frame.seconds;
+  }
+  return since;
+}
+
+double PlayedRun::secondsToFirst() const {
+  for (const DisplayedFrame& frame : frames)
+    if (frame.accuracy.missing_share < 0.5) return frame.seconds;
+  return -1.0;
+}
+
+}  // namespace compare

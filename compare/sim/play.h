@@ -1,0 +1,57 @@
+#pragma once
+// Plays one method along one path over one link, in virtual time, and judges what the display shows: at seeded instants
+// while the path lasts, at a ladder of instants after the begin, and at rest after its end. Every judged picture is
+// compared with the truth of the view at that very instant.
+#include <string>
+#include <vector>
+
+#include "compare/accuracy.h"
+#include "compare/sim/paths.h"
+#include "compare/sim/player.h"
+
+namespace compare {
+
+struct PlayOptions {
+  int instants = 12;  ///< judged while the path lasts
+  double display_hertz = 60.0;
+  double rest_seconds = 30.0;  ///< longest wait after the path's end
+  std::uint32_t seed = 1;
+  std::string pictures;  ///< folder for the judged pictures and their differences; empty: none are written
+};
+
+enum class InstantKind { kMoving, kBegin, kRest };
+const char* nameOf(InstantKind kind);
+
+/// The display at one judged instant.
+struct DisplayedFrame {
+  InstantKind kind = InstantKind::kMoving;
+  double seconds = 0.0;  ///< since the client began to connect
+  double draw_wall_ms = 0.0;
+  PlayerCounts counts;
+  bool at_rest = false;
+  Accuracy accuracy;
+  base::Bytes picture_jpeg, difference_jpeg;  ///< for the page; empty where PlayOptions::pictures is
+};
+
+struct PlayedRun {
+  std::string scene, link, path;
+  MethodSetting setting;
+  std::vector<DisplayedFrame> frames;  ///< in the order of time
+  double rest_seconds = 0.0;  ///< from the path's end until nothing changed any more; < 0: not within the limit
+
+  std::vector<const DisplayedFrame*> moving() const;
+  double meanPsnr() const;
+  double p5Psnr() const;  ///< 5th percentile: the worst of twelve
+  double meanSsim() const;
+  double meanMissing() const;
+  double silhouette() const;     ///< mean over frames of the silhouettes' mean distance, pixels
+  double p95Silhouette() const;  ///< mean over frames of the 95th percentiles
+  /// The first judged instant whose picture, and every later one, has this PSNR; < 0: never.
+  double secondsTo(double psnr_db) const;
+  double secondsToFirst() const;  ///< the first judged picture that shows anything
+};
+
+base::Result<PlayedRun> playPath(const Stage& stage, const MethodSetting& setting, const TimedPath& path,
+                                 const LinkProfile& link, const Truth& truth, const PlayOptions& options);
+
+}  // namespace compare

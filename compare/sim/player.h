@@ -1,0 +1,91 @@
+#pragma once
+// A method in virtual time: server, link and client in one process, without a clock. compare::playPath() tells it what
+// time it is and what the viewer looks at, and now and then asks for the picture that the display shows.
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "base/camera.h"
+#include "base/error.h"
+#include "base/image.h"
+#include "compare/painter.h"
+#include "compare/sim/link.h"
+#include "server/net/open_scene.h"
+
+namespace compare {
+
+class PublishedObjects;
+
+/// Durations of work in virtual time. The defaults are choices (docs/formats/comparison.md, "Costs").
+struct Costs {
+  double server_render_seconds = 0.020;  ///< an exact frame, drawn and encoded
+  double client_decode_seconds = 0.004;  ///< a JPEG of 512 × 512, or as many pixels
+  double client_draw_seconds = 0.010;    ///< a frame; longer than a display's interval: frames are shown less often
+};
+
+/// Counts of a player since it began.
+struct PlayerCounts {
+  std::uint64_t bytes = 0;  ///< on the link towards the client, without headers of TCP and IP
+  std::uint64_t bytes_images = 0, bytes_patches = 0, bytes_frames = 0;
+  std::uint64_t requests = 0;     ///< messages or requests that the client sent
+  std::uint64_t cache_bytes = 0;  ///< compressed data that the client holds
+  std::uint64_t triangles = 0;    ///< in the last picture; or splats
+  std::uint32_t images = 0;       ///< blended in the last picture
+  double age_seconds = 0.0;       ///< how old the view is that the last picture shows; 0 for methods that draw here
+};
+
+/// Drawing is what costs here, so one frame in so many of the display is drawn, and counts for all of them.
+inline constexpr int kFramesPerDrawn = 4;
+
+class Player {
+ public:
+  virtual ~Player() = default;
+  /// Lets everything happen that is due by `now`, seconds since the client began to connect, and then shows `camera`.
+  /// `now` never decreases. One call for each frame of the display.
+  virtual base::Result<void> advance(double now, const base::ViewCamera& camera) = 0;
+  /// Draws what the display shows after the last advance(). RGBA, alpha is coverage.
+  virtual base::Result<base::Image> draw() = 0;
+  /// Whether nothing changes any more while the view stays.
+  virtual bool atRest() const = 0;
+  virtual PlayerCounts counts() const = 0;
+};
+
+/// The surroundings that all players of a scene share. A GL context is current.
+struct Stage {
+  const server::OpenScene* scene = nullptr;
+  Painter* painter = nullptr;
+  const PublishedObjects* published = nullptr;  ///< null where no method needs it
+  Costs costs;
+  std::uint32_t seed = 1;
+};
+
+/// A method with one setting of its knob.
+struct MethodSetting {
+  std::string method;
+  double knob = 0.0;
+};
+
+/// The methods that there are, in the order of the report.
+const std::vector<std::string>& methodNames();
+/// The knob's default, and the values of a sweep, the default among them.
+std::vector<double> knobsOf(const std::string& method, bool sweep);
+/// The meaning of the knob, as a chart's legend says it: "pixels of the patches' error".
+std::string knobName(const std::string& method);
+
+base::Result<std::unique_ptr<Player>> makePlayer(const Stage& stage, const MethodSetting& setting,
+                                                 const LinkProfile& link);
+
+// ---- one file each
+base::Result<std::unique_ptr<Player>> makeSessionPlayer(const Stage& stage, const MethodSetting& setting,
+                                                        const LinkProfile& link);
+base::Result<std::unique_ptr<Player>> makeSplatsPlayer(const Stage& stage, const MethodSetting& setting,
+                                                       const LinkProfile& link);
+base::Result<std::unique_ptr<Player>> makeStaticPlayer(const Stage& stage, const MethodSetting& setting,
+                                                       const LinkProfile& link);
+base::Result<std::unique_ptr<Player>> makeFramesPlayer(const Stage& stage, const MethodSetting& setting,
+                                                       const LinkProfile& link);
+base::Result<std::unique_ptr<Player>> makeVideoPlayer(const Stage& stage, const MethodSetting& setting,
+                                                      const LinkProfile& link);
+
+}  // namespace compare

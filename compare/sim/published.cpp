@@ -1,0 +1,55 @@
+#include "compare/sim/published.h"
+
+#include <utility>
+
+#include "base/hash/sha256.h"
+#include "base/json/scene_file.h"
+#include "base/parallel.h"
+#include "client/native/published_scene.h"
+#include "compare/sim/fetcher.h"
+#include "protocol/welcome.h"
+#include "repository/packs/publish.h"
+
+namespace compare {
+namespace {
+
+base::Result<client::StaticObject> publishInto(const std::string& directory, const repository::Store& images) {
+  LUMIGRID_ASSIGN_OR_RETURN(const auto sink, repository::openDirectorySink(directory));
+  repository::PublishOptions options;
+  options.jobs = base::coreCount();
+  LUMIGRID_ASSIGN_OR_RETURN(const auto published, repository::publishImages(images, *sink, options));
+  return client::StaticObject{published.index, published.index_bytes};
+}
+
+}  // namespace
+
+base::Result<std::unique_ptr<PublishedObjects>> PublishedObjects::create(const server::OpenScene& scene,
+                                                                         const std::string& directory) {
+  const base::ByteView patches = scene.patch_bytes.bytes();
+  if (patches.empty() || scene.directory.empty())
+    return base::Error{base::ErrorCode::kUnsupported, "the method static needs a scene on this machine, with patches"};
+  std::unique_ptr<PublishedObjects> objects(new PublishedObjects(scene));
+  client::StaticScene& description = objects->description_;
+  description.place = "scene";
+  description.welcome = protocol::welcomeOf(scene.scene, "scene");
+  description.patches = {base::publishedName("patch.lgp", base::hexOf(base::sha256(patches))), patches.size()};
+  if (!scene.images) return objects;
+  std::string place = scene.directory;
+  if (scene.packs == nullptr) {
+    place = directory;
+    LUMIGRID_ASSIGN_OR_RETURN(description.index, publishInto(directory, *scene.images));
+  } else {
+    description.index = client::objectOfPart(scene.scene, "images/index", ".lgi");
+  }
+  LUMIGRID_ASSIGN_OR_RETURN(objects->images_, repository::openDirectorySource(place));
+  return objects;
+}
+
+base::Result<base::Bytes> PublishedObjects::read(const std::string& name, std::uint64_t offset,
+                                                 std::uint64_t length) const {
+  if (name != description_.patches.name && images_) return images_->read(name, offset, length);
+  if (name == description_.patches.name) return readRange(scene_.patch_bytes.bytes(), name, offset, length);
+  return base::Error{base::ErrorCode::kNotFound, name + ": there is no such object"};
+}
+
+}  // namespace compare

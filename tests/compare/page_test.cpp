@@ -1,0 +1,41 @@
+// Tests the report page: it needs no other file, and names what was played.
+#include <gtest/gtest.h>
+
+#include "compare/sim/page.h"
+
+namespace {
+
+compare::PlayedRun runOf(const std::string& method, double psnr_db, std::uint64_t bytes) {
+  compare::PlayedRun run;
+  run.scene = "statue";
+  run.path = "orbit";
+  run.link = "20Mbit/40ms";
+  run.setting = {method, 4.0};
+  for (int i = 0; i < 4; ++i) {
+    compare::DisplayedFrame frame;
+    frame.kind = i < 3 ? compare::InstantKind::kMoving : compare::InstantKind::kRest;
+    frame.seconds = i;
+    frame.accuracy.psnr_db = psnr_db + i;
+    frame.counts.bytes = bytes;
+    frame.picture_jpeg = frame.difference_jpeg = base::Bytes(10, static_cast<std::uint8_t>(i));
+    run.frames.push_back(frame);
+  }
+  return run;
+}
+
+TEST(Page, needsNoOtherFileAndNamesTheBestAndTheSmallest) {
+  const std::vector<compare::PlayedRun> runs{runOf("lumigraph", 25.0, 3'000'000), runOf("pa<tches", 20.0, 1'000'000)};
+  const std::string page = compare::formatPage({"machine", "abc", "llvmpipe", "lumigrid-compare a & b", {}, {}}, runs);
+  for (const char* loaded : {"src=\"http", "href=\"http", "<link", "src=\"frames", "@import"})
+    EXPECT_EQ(page.find(loaded), std::string::npos) << loaded;
+  EXPECT_NE(page.find("display: <b>lumigraph 4</b>, 26.0 dB in 3.00 MB"), std::string::npos);
+  EXPECT_NE(page.find("bytes: <b>pa&lt;tches 4</b>, 21.0 dB in 1.00 MB"), std::string::npos);
+  EXPECT_NE(page.find("lumigrid-compare a &amp; b"), std::string::npos);
+  EXPECT_EQ(page.find("pa<tches"), std::string::npos);
+  // The worst of three moving frames is the first, the median the second: base64 of ten zeros and of ten ones.
+  EXPECT_NE(page.find("AAAAAAAAAAAAAA=="), std::string::npos);
+  EXPECT_NE(page.find("AQEBAQEBAQEBAQ=="), std::string::npos);
+  EXPECT_EQ(page.find("AgICAgICAgICAg=="), std::string::npos);
+}
+
+}  // namespace

@@ -1,0 +1,132 @@
+// Tests comparisons in virtual time: the same figures again and again, links and methods that behave as they should,
+// and the same end as over a socket.
+#include <gtest/gtest.h>
+
+#include <map>
+#include <sstream>
+
+#include "base/file.h"
+#include "base/json/camera_file.h"
+#include "compare/run.h"
+#include "compare/sim/matrix.h"
+#include "tests/support/baked_statue.h"
+
+namespace {
+
+using compare::PlayedRun;
+
+class VirtualTime : public ::testing::Test {
+ protected:
+  static void SetUpTestSuite() { support::bakeStatue("virtual_time", statue_); }
+  static void TearDownTestSuite() { std::filesystem::remove_all(statue_.directory); }
+
+  static compare::MatrixOptions optionsFor(std::vector<std::string> methods, const std::string& link) {
+    compare::MatrixOptions options;
+    options.scenes = {statue_.directory};
+    options.methods = std::move(methods);
+    options.links = {compare::parseLink(link).value()};
+    options.report = statue_.directory + "/report";
+    options.truth_supersampling = 2;
+    options.pictures = false;
+    options.path = {160, 120, 2.0, 1};
+    options.play.instants = 3;
+    return options;
+  }
+  static std::vector<PlayedRun> play(const compare::MatrixOptions& options) {
+    auto runs = compare::playMatrix(options, [](const std::string&) {});
+    EXPECT_TRUE(runs) << runs.error().message;
+    return runs ? std::move(*runs) : std::vector<PlayedRun>();
+  }
+
+  inline static support::BakedStatue statue_;
+};
+
+// Removes the last column, which holds wall times.
+std::string withoutWallTime(const std::string& csv) {
+  std::istringstream in(csv);
+  std::string out;
+  for (std::string line; std::getline(in, line);) out += line.substr(0, line.rfind(',')) + "\n";
+  return out;
+}
+
+TEST_F(VirtualTime, givesTheSameFiguresTwice) {
+  const auto options = optionsFor({}, "5Mbit/60ms/20ms/1%");  // all methods that the scene has data for
+  const auto first = play(options), second = play(options);
+  ASSERT_GE(first.size(), 5U);
+  EXPECT_EQ(withoutWallTime(compare::resultsCsv(first)), withoutWallTime(compare::resultsCsv(second)));
+  EXPECT_EQ(withoutWallTime(compare::summaryCsv(first)), withoutWallTime(compare::summaryCsv(second)));
+  for (const PlayedRun& run : first) {
+    EXPECT_EQ(run.moving().size(), 3U) << run.setting.method;
+    EXPECT_GT(run.frames.back().accuracy.psnr_db, 22.0) << run.setting.method;
+    EXPECT_GE(run.rest_seconds, 0.0) << run.setting.method << " never came to rest";
+  }
+}
+
+TEST_F(VirtualTime, showsLaterWhatASlowerLinkBrings) {
+  const auto slow = play(optionsFor({"lumigraph"}, "384kbit/100ms")).at(0);
+  const auto fast = play(optionsFor({"lumigraph"}, "1Gbit/1ms")).at(0);
+  ASSERT_EQ(slow.frames.size(), fast.frames.size());
+  for (std::size_t i = 0; i + 1 < slow.frames.size(); ++i) {
+    EXPECT_LE(slow.frames[i].counts.bytes, fast.frames[i].counts.bytes) << i;
+    EXPECT_LE(slow.frames[i].counts.bytes, 48'000.0 * slow.frames[i].seconds) << i << ": more than the link carries";
+  }
+  EXPECT_GT(fast.meanPsnr(), slow.meanPsnr() + 1.0);
+  EXPECT_LT(fast.secondsToFirst(), slow.secondsToFirst());
+}
+
+TEST_F(VirtualTime, framesAreAsOldAsTheLinkAndTheRendererMakeThem) {
+  auto options = optionsFor({"frames"}, "1Gbit/100ms");
+  const auto run = play(options).at(0);
+  for (const compare::DisplayedFrame* frame : run.moving()) {
+    if (frame->seconds < 0.6) continue;
+    // A round trip, the renderer, the decoder; then at most one more frame in the renderer and one of the display.
+    const double least = 0.1 + options.costs.server_render_seconds;
+    EXPECT_GE(frame->counts.age_seconds, least);
+    EXPECT_LE(frame->counts.age_seconds, least + options.costs.server_render_seconds + 0.04);
+  }
+  EXPECT_EQ(run.frames.back().counts.bytes, run.frames.back().counts.bytes_frames);
+}
+
+TEST_F(VirtualTime, aStaticHostEndsWithThePictureOfAServerWithoutExactFrames) {
+  const auto hosted = play(optionsFor({"static"}, "20Mbit/40ms")).at(0);
+  const auto served = play(optionsFor({"lumigraph"}, "20Mbit/40ms")).at(0);
+  EXPECT_GT(hosted.frames.back().counts.bytes_images, 0U);
+  EXPECT_EQ(hosted.frames.back().counts.bytes_frames, 0U);
+  // Before its exact frame is here, the server's client shows the same images over the same patches.
+  EXPECT_NEAR(hosted.meanPsnr(), served.meanPsnr(), 1.0);
+  EXPECT_EQ(hosted.frames.back().counts.triangles, served.frames.back().counts.triangles);
+}
+
+TEST_F(VirtualTime, comesToTheSameRestAsOverASocket) {
+  auto options = optionsFor({"patches"}, "1Gbit/1ms");
+  options.path_files = {statue_.directory + "/path.json"};
+  const auto path = compare::makePath("orbit", statue_.scene, {160, 120, 0.1, 1});
+  ASSERT_TRUE(path);
+  ASSERT_TRUE(base::writeFileAtomically(options.path_files[0],
+                                        base::viewOfText(base::formatCameraPath({path->frames.front()}))));
+  const auto virtual_run = play(options).at(0);
+
+  compare::RunOptions real;
+  real.scene = statue_.directory;
+  real.path = {path->frames.front()};
+  real.methods = {"patches"};
+  real.patch_tolerances = {virtual_run.setting.knob};
+  real.report = statue_.directory + "/real";
+  real.truth_supersampling = 2;
+  real.pictures = false;
+  const auto runs = compare::runComparison(real, [](const std::string&) {});
+  ASSERT_TRUE(runs) << runs.error().message;
+  const compare::FrameResult& over_socket = runs->at(0).frames.back();
+  EXPECT_EQ(virtual_run.frames.back().counts.bytes_patches, over_socket.bytes_patches);
+  EXPECT_NEAR(virtual_run.frames.back().accuracy.psnr_db, over_socket.accuracy.psnr_db, 0.1);
+}
+
+TEST_F(VirtualTime, saysWhichSceneItCannotPlay) {
+  auto options = optionsFor({"patches"}, "1Gbit/1ms");
+  options.scenes = {statue_.directory + "/nothing"};
+  const auto runs = compare::playMatrix(options, [](const std::string&) {});
+  ASSERT_FALSE(runs);
+  EXPECT_NE(runs.error().message.find("nothing"), std::string::npos) << runs.error().message;
+}
+
+}  // namespace
