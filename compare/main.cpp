@@ -29,6 +29,7 @@ struct Arguments {
   double decode_ms = 1e3 * compare::Costs().client_decode_seconds;
   double draw_ms = 1e3 * compare::Costs().client_draw_seconds;
   std::vector<int> size{640, 360};
+  bool sweep = false;
   std::optional<double> seconds;
   std::optional<int> instants;
 };
@@ -66,13 +67,14 @@ void declareVirtual(CLI::App& app, Arguments& a) {
       ->delimiter(',');
   group
       .add_option("--matrix", a.preset,
-                  "quick: two paths over two links; full: all paths over five links, each method with all values of "
-                  "its knob. --paths, --links and --path replace its own")
+                  "quick: two paths over two links; full: all paths, five links, all values of each method's knob. "
+                  "--paths, --links and --path replace its own")
       ->check(CLI::IsMember({"quick", "full"}));
-  group.add_flag("--sweep", o.sweep, "each method with all values of its knob");
-  group.add_option("--seconds", a.seconds, "duration of each path (12; quick: 8)")->check(CLI::Range(0.1, 600.0));
+  group.add_flag("--sweep", a.sweep, "each method with all values of its knob");
+  group.add_option("--seconds", a.seconds, "duration of each path (12; with --matrix 8)")
+      ->check(CLI::Range(0.1, 600.0));
   group.add_option("--size", a.size, "width and height in pixels")->expected(2)->check(CLI::Range(16, 16384));
-  group.add_option("--instants", a.instants, "pictures judged while a path lasts (12; quick: 8)")
+  group.add_option("--instants", a.instants, "pictures judged while a path lasts (12; with --matrix 8)")
       ->check(CLI::Range(1, 10000));
   group.add_option("--stop", o.stop_seconds, "seconds at each view of --path")->check(CLI::Range(0.1, 600.0));
   group.add_option("--baseline", a.baseline,
@@ -167,22 +169,27 @@ int checkBaseline(const Arguments& a, const std::string& summary, const std::str
   return 1;
 }
 
-/// Fills in what the user left open: the preset's paths and links, or the defaults.
-void fillMatrix(Arguments& a) {
-  const bool full = a.preset == "full", quick = a.preset == "quick";
-  if (a.links.empty() && full) a.links = {"384kbit/100ms", "5Mbit/60ms/20ms/1%", "20Mbit/40ms", "1Gbit/1ms", "train"};
-  if (a.links.empty() && quick) a.links = {"384kbit/100ms", "20Mbit/40ms"};
-  if (a.links.empty()) a.links = {"20Mbit/40ms"};
-  a.matrix.sweep = a.matrix.sweep || full;
-  a.matrix.path.seconds = a.seconds.value_or(quick ? 8.0 : a.matrix.path.seconds);
-  a.matrix.play.instants = a.instants.value_or(quick ? 8 : a.matrix.play.instants);
-  if (!a.path.empty() || !a.paths.empty()) return;
-  if (full) a.paths = compare::pathNames();
-  if (quick) a.paths = {"orbit-fast", "teleports"};
+/// Fills in what the user left open, with the preset's paths and links or the defaults.
+base::Result<void> fillMatrix(Arguments& a) {
+  const bool short_paths = !a.preset.empty();
+  a.matrix.path.seconds = a.seconds.value_or(short_paths ? 8.0 : a.matrix.path.seconds);
+  a.matrix.play.instants = a.instants.value_or(short_paths ? 8 : a.matrix.play.instants);
+  std::vector<compare::LinkProfile> links;
+  for (const std::string& text : a.links) {
+    LUMIGRID_ASSIGN_OR_RETURN(auto link, compare::parseLink(text));
+    links.push_back(std::move(link));
+  }
+  a.matrix.parts = compare::matrixParts(a.preset);
+  for (compare::MatrixPart& part : a.matrix.parts) {
+    if (!a.paths.empty()) part.paths = a.paths;
+    if (!links.empty()) part.links = links;
+    part.sweep = part.sweep || a.sweep;
+  }
+  return {};
 }
 
 int runInVirtualTime(Arguments& a) {
-  fillMatrix(a);
+  if (const auto filled = fillMatrix(a); !filled) return usage(filled.error().message);
   compare::MatrixOptions& o = a.matrix;
   o.scenes = a.scenes;
   o.report = a.report;
@@ -196,12 +203,6 @@ int runInVirtualTime(Arguments& a) {
   o.path.seed = o.play.seed;
   if (!a.path.empty() && !a.paths.empty()) return usage("--path and --paths exclude each other");
   if (!a.path.empty()) o.path_files = {a.path};
-  if (!a.paths.empty()) o.paths = a.paths;
-  for (const std::string& text : a.links) {
-    auto link = compare::parseLink(text);
-    if (!link) return usage(link.error().message);
-    o.links.push_back(*link);
-  }
   std::string baseline;
   if (!a.baseline.empty()) {
     auto bytes = base::readFile(a.baseline);

@@ -526,6 +526,7 @@ void LumigraphRenderer::draw(const base::Camera& camera, std::span<const std::ui
   if (occluders.empty()) occluders = cut;
   frame.occluders.assign(occluders.begin(), occluders.end());
   impl.updateSamples(frame, candidates);
+  if (options.unseen) return;
   if (options.carve) frame.push_per_distance = options.push * frame.error_per_distance * impl.strongestFade(frame);
   impl.uploadBlock(frame);
 

@@ -49,6 +49,7 @@ struct LumigraphOptions {
   /// proxy without images.
   int depth_maps_per_frame = 3;
   bool carve = true;       ///< discard fragments that the images' votes call background
+  bool unseen = false;     ///< depth maps and fades go on as in any frame, but nothing is drawn
   bool fill_holes = true;  ///< shade what no image sees by vertex colour, normal and light; otherwise leave background
   /// The proxy is pushed outward along its normals by this many times its projected error, then carved. 0 measured best
   /// on our hierarchies, whose stated error is a bound several times the typical one; 0.2 to 0.4 of an exact error

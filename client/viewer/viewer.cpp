@@ -119,6 +119,14 @@ base::Result<void> Viewer::draw(const base::ViewCamera& camera, double now) {
   return {};
 }
 
+base::Result<void> Viewer::drawUnseen(const base::ViewCamera& camera, double now) {
+  if (showsSplats()) return {};
+  options_.lumigraph.unseen = true;
+  auto drawn = draw(camera, now);
+  options_.lumigraph.unseen = false;
+  return drawn;
+}
+
 std::optional<glm::dvec3> Viewer::surfaceAt(const base::ViewCamera& camera, double x, double y) {
   if (showsSplats()) {
     if (!hasSplats()) return std::nullopt;

@@ -24,6 +24,7 @@ class HostPlayer : public Player {
     return {};
   }
   base::Result<base::Image> draw() override { return screen_.show(viewer_, camera_, now_); }
+  base::Result<void> drawUnseen() override { return viewer_.drawUnseen(camera_, now_); }
   bool atRest() const override { return viewer_.allHere() && !more_; }
   PlayerCounts counts() const override {
     const client::ViewerStats stats = viewer_.stats();

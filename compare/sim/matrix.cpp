@@ -35,14 +35,14 @@ class SceneMatrix {
       LUMIGRID_ASSIGN_OR_RETURN(published, PublishedObjects::create(*scene_, options_.report + "/published/" + name_));
     }
     const Stage stage{scene_.get(), painter.get(), published.get(), options_.costs, options_.play.seed};
-    LUMIGRID_ASSIGN_OR_RETURN(const auto paths, pathsOf());
-    for (const TimedPath& path : paths)
-      for (const LinkProfile& link : options_.links)
-        for (const std::string& method : methods)
-          for (const double knob : knobsOf(method, options_.sweep)) {
-            LUMIGRID_ASSIGN_OR_RETURN(auto run, playOne(stage, {method, knob}, path, link, truth));
-            runs.push_back(std::move(run));
-          }
+    for (const MatrixPart& part : options_.parts) {
+      LUMIGRID_ASSIGN_OR_RETURN(const auto paths, pathsOf(part));
+      for (const TimedPath& path : paths)
+        for (const LinkProfile& link : part.links)
+          for (const std::string& method : methods)
+            for (const double knob : knobsOf(method, part.sweep))
+              LUMIGRID_TRY(playOnce(stage, {method, knob}, path, link, truth, runs));
+    }
     return {};
   }
 
@@ -60,18 +60,30 @@ class SceneMatrix {
     return possible;
   }
 
-  Result<std::vector<TimedPath>> pathsOf() const {
+  Result<std::vector<TimedPath>> pathsOf(const MatrixPart& part) const {
     std::vector<TimedPath> paths;
     for (const std::string& file : options_.path_files) {
       LUMIGRID_ASSIGN_OR_RETURN(auto path, readPath(file, options_.stop_seconds));
       paths.push_back(std::move(path));
     }
     if (!paths.empty()) return paths;
-    for (const std::string& name : options_.paths) {
+    for (const std::string& name : part.paths) {
       LUMIGRID_ASSIGN_OR_RETURN(auto path, makePath(name, scene_->scene, options_.path));
       paths.push_back(std::move(path));
     }
     return paths;
+  }
+
+  /// Plays what no earlier part has played.
+  Result<void> playOnce(const Stage& stage, const MethodSetting& setting, const TimedPath& path,
+                        const LinkProfile& link, const Truth& truth, std::vector<PlayedRun>& runs) {
+    for (const PlayedRun& run : runs)
+      if (run.scene == name_ && run.setting.method == setting.method && run.setting.knob == setting.knob &&
+          run.path == path.name && run.link == link.name)
+        return {};
+    LUMIGRID_ASSIGN_OR_RETURN(auto run, playOne(stage, setting, path, link, truth));
+    runs.push_back(std::move(run));
+    return {};
   }
 
   Result<PlayedRun> playOne(const Stage& stage, const MethodSetting& setting, const TimedPath& path,
@@ -132,7 +144,21 @@ Result<void> writeFigures(const MatrixOptions& options, const std::vector<Played
   return write("/summary.csv", summaryCsv(runs));
 }
 
+LinkProfile linkOf(const char* text) {
+  return parseLink(text).value();
+}
+
 }  // namespace
+
+std::vector<MatrixPart> matrixParts(const std::string& preset) {
+  const LinkProfile phone = linkOf("384kbit/100ms"), home = linkOf("20Mbit/40ms");
+  if (preset == "quick") return {{{"orbit-fast", "teleports"}, {phone, home}}};
+  if (preset == "full")
+    return {{pathNames(), {home}},
+            {{"orbit-fast", "teleports"}, {phone, linkOf("5Mbit/60ms/20ms/1%"), linkOf("1Gbit/1ms"), linkOf("train")}},
+            {{"orbit-fast"}, {home}, true}};
+  return {{{"orbit"}, {home}}};
+}
 
 std::string resultsCsv(const std::vector<PlayedRun>& runs) {
   std::string out =

@@ -10,14 +10,24 @@
 
 namespace compare {
 
+/// Every path over every link.
+struct MatrixPart {
+  std::vector<std::string> paths;  ///< of pathNames()
+  std::vector<LinkProfile> links;
+  bool sweep = false;  ///< all values of each method's knob, not the default alone
+};
+
+/// "quick": two paths over two links. "full": every path and every link, each method at all values of its knob, but
+/// not the whole product, which would take days (docs/formats/comparison.md, "Methods, paths and links"). Anything
+/// else: an orbit over 20 Mbit/s and 40 ms.
+std::vector<MatrixPart> matrixParts(const std::string& preset);
+
 struct MatrixOptions {
-  std::vector<std::string> scenes;          ///< directories
-  std::vector<std::string> methods;         ///< of methodNames(); empty: all
-  std::vector<std::string> paths{"orbit"};  ///< of pathNames()
-  std::vector<std::string> path_files;      ///< used in place of `paths` when there are any
-  std::vector<LinkProfile> links;           ///< one or more
-  bool sweep = false;                       ///< all values of each method's knob, not the default alone
-  std::string report;                       ///< directory
+  std::vector<std::string> scenes;      ///< directories
+  std::vector<std::string> methods;     ///< of methodNames(); empty: all
+  std::vector<MatrixPart> parts;        ///< one or more; what several have is played once
+  std::vector<std::string> path_files;  ///< used in place of the parts' paths when there are any
+  std::string report;                   ///< directory
   int truth_supersampling = 4;
   double stop_seconds = 2.0;  ///< for path_files
   bool pictures = true;

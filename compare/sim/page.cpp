@@ -3,6 +3,7 @@
 #include <openssl/evp.h>
 
 #include <algorithm>
+#include <array>
 #include <map>
 
 #include "base/format_text.h"
@@ -94,19 +95,28 @@ std::string cell(double value, const char* format, bool there = true) {
   return there ? "<td>" + formatText(format, value) + "</td>" : "<td></td>";
 }
 
+/// Whether no other run is at least as near to the truth with at most as many bytes.
+bool onFront(const PlayedRun& run, const Runs& runs) {
+  return std::none_of(runs.begin(), runs.end(), [&](const PlayedRun* other) {
+    const bool as_good = other->meanPsnr() >= run.meanPsnr() && megabytes(*other) <= megabytes(run);
+    return as_good && (other->meanPsnr() > run.meanPsnr() || megabytes(*other) < megabytes(run));
+  });
+}
+
 std::string tableOf(const Runs& runs) {
   std::string out = "<div class=\"scroll\"><table><thead><tr>";
   for (const char* name :
-       {"method", "knob", "dB, mean", "dB, 5th percentile", "SSIM", "holes %", "silhouette px, 95 %", "MB", "requests",
-        "s to a picture", "s to 25 dB", "s to 30 dB", "s to 35 dB", "s to rest", "dB at rest"})
+       {"method", "knob", "front", "dB, mean", "dB, 5th percentile", "SSIM", "holes %", "silhouette px, 95 %", "MB",
+        "requests", "s to a picture", "s to 25 dB", "s to 30 dB", "s to 35 dB", "s to rest", "dB at rest"})
     out += std::string("<th>") + name + "</th>";
   out += "</tr></thead><tbody>\n";
   for (const PlayedRun* run : runs) {
     const DisplayedFrame& last = run->frames.back();
     out += "<tr><td>" + escapeMarkup(run->setting.method) + "</td>" + cell(run->setting.knob, "%g") +
-           cell(run->meanPsnr(), "%.2f") + cell(run->p5Psnr(), "%.2f") + cell(run->meanSsim(), "%.3f") +
-           cell(100.0 * run->meanMissing(), "%.2f") + cell(run->p95Silhouette(), "%.1f") +
-           cell(megabytes(*run), "%.2f") + cell(static_cast<double>(last.counts.requests), "%.0f");
+           (onFront(*run, runs) ? "<td>●</td>" : "<td></td>") + cell(run->meanPsnr(), "%.2f") +
+           cell(run->p5Psnr(), "%.2f") + cell(run->meanSsim(), "%.3f") + cell(100.0 * run->meanMissing(), "%.2f") +
+           cell(run->p95Silhouette(), "%.1f") + cell(megabytes(*run), "%.2f") +
+           cell(static_cast<double>(last.counts.requests), "%.0f");
     for (const double seconds :
          {run->secondsToFirst(), run->secondsTo(25.0), run->secondsTo(30.0), run->secondsTo(35.0), run->rest_seconds})
       out += cell(seconds, "%.2f", seconds >= 0.0);
@@ -120,19 +130,46 @@ std::string figureOf(const std::string& caption, const base::Bytes& jpeg) {
          "\"><figcaption>" + escapeMarkup(caption) + "</figcaption></figure>\n";
 }
 
-/// The worst and the median picture of each run, each with its difference from the truth.
-std::string picturesOf(const Runs& runs, bool sweeps) {
+/// A picture of a run that the page shows.
+struct Shot {
+  const PlayedRun* run;
+  const DisplayedFrame* frame;
+};
+
+/// The worst of all pictures of a method, and the median of its runs' medians.
+std::array<Shot, 2> worstAndMedian(const std::vector<Shot>& shots) {
+  const auto worse = [](const Shot& a, const Shot& b) { return a.frame->accuracy.psnr_db < b.frame->accuracy.psnr_db; };
+  std::vector<Shot> medians;  // each run's better one, since a run keeps its worst and its median
+  for (const Shot& shot : shots) {
+    if (medians.empty() || medians.back().run != shot.run) medians.push_back(shot);
+    if (worse(medians.back(), shot)) medians.back() = shot;
+  }
+  std::stable_sort(medians.begin(), medians.end(), worse);
+  return {*std::min_element(shots.begin(), shots.end(), worse), medians[medians.size() / 2]};
+}
+
+/// The worst and the median picture of each method in all runs of a scene, each with its difference from the truth.
+std::string picturesOf(const Runs& runs) {
+  std::map<std::string, std::vector<Shot>> by_method;
+  std::vector<std::string> methods;
+  for (const PlayedRun* run : runs)
+    for (const DisplayedFrame* frame : run->moving()) {
+      if (frame->picture_jpeg.empty()) continue;
+      auto& shots = by_method[run->setting.method];
+      if (shots.empty()) methods.push_back(run->setting.method);
+      shots.push_back({run, frame});
+    }
+  if (methods.empty()) return "";
   std::string out = "<div class=\"frames\">\n";
-  for (const PlayedRun* run : runs) {
-    std::vector<const DisplayedFrame*> frames = run->moving();
-    if (frames.empty() || frames.front()->picture_jpeg.empty()) continue;
-    std::sort(frames.begin(), frames.end(), [](const DisplayedFrame* a, const DisplayedFrame* b) {
-      return a->accuracy.psnr_db < b->accuracy.psnr_db;
-    });
-    for (const auto& [word, frame] : {std::pair{"worst", frames.front()}, {"median", frames[frames.size() / 2]}}) {
-      const std::string caption = nameOfRun(*run, sweeps) + ", " + word +
-                                  formatText(": %.1f dB at %.2f s", frame->accuracy.psnr_db, frame->seconds);
-      out += figureOf(caption, frame->picture_jpeg) + figureOf(caption + ", error × 4", frame->difference_jpeg);
+  for (const std::string& method : methods) {
+    const auto [worst, median] = worstAndMedian(by_method[method]);
+    for (const auto& [word, shot] : {std::pair{"worst", worst}, {"median", median}}) {
+      const std::string caption =
+          method + ", " + word +
+          formatText(": %.1f dB at %.2f s, ", shot.frame->accuracy.psnr_db, shot.frame->seconds) + shot.run->path +
+          ", " + shot.run->link;
+      out += figureOf(caption, shot.frame->picture_jpeg);
+      out += figureOf(caption + ", error × 4", shot.frame->difference_jpeg);
     }
   }
   return out + "</div>\n";
@@ -156,12 +193,17 @@ std::string finding(const Runs& runs) {
 
 std::string formatPage(const PageContext& c, const std::vector<PlayedRun>& runs) {
   std::map<std::string, Runs> sections;
-  std::vector<std::string> order;
+  std::vector<std::string> order, scenes;
+  std::map<std::string, Runs> by_scene;
+  std::map<std::string, std::string> scene_of;
   std::map<std::string, std::map<double, int>> knobs;
   for (const PlayedRun& run : runs) {
     const std::string title = run.scene + ", " + run.path + ", " + run.link;
     if (!sections.contains(title)) order.push_back(title);
     sections[title].push_back(&run);
+    if (by_scene[run.scene].empty()) scenes.push_back(run.scene);
+    by_scene[run.scene].push_back(&run);
+    scene_of[title] = run.scene;
     knobs[run.setting.method][run.setting.knob] = 1;
   }
   const bool sweeps = std::any_of(knobs.begin(), knobs.end(), [](const auto& one) { return one.second.size() > 1; });
@@ -173,12 +215,17 @@ std::string formatPage(const PageContext& c, const std::vector<PlayedRun>& runs)
   out +=
       "<h1>Speed against accuracy</h1>\n<p>In virtual time: server, link and client are simulated, so another machine "
       "shows the same figures. PSNR is that of what the display shows at a moment against the full model seen from "
-      "where the viewer is at that moment, on pixels of the model only.</p>\n";
-  for (const std::string& title : order) {
-    const Runs& section = sections[title];
-    out += "<h2>" + escapeMarkup(title) + "</h2>\n" + finding(section) + tableOf(section);
-    out += formatChart(chartOfBytes(title, section)) + formatChart(chartAlong(title, section, sweeps));
-    out += picturesOf(section, sweeps);
+      "where the viewer is at that moment, on pixels of the model only. A dot in the column front: no other run is "
+      "nearer with as few bytes.</p>\n";
+  for (const std::string& scene : scenes) {
+    for (const std::string& title : order) {
+      if (scene_of[title] != scene) continue;
+      const Runs& section = sections[title];
+      out += "<h2>" + escapeMarkup(title) + "</h2>\n" + finding(section) + tableOf(section);
+      out += formatChart(chartOfBytes(title, section)) + formatChart(chartAlong(title, section, sweeps));
+    }
+    if (const std::string pictures = picturesOf(by_scene[scene]); !pictures.empty())
+      out += "<h2>" + escapeMarkup(scene) + ", the worst and the median picture of each method</h2>\n" + pictures;
   }
   out +=
       "<h2>How it was measured</h2>\n<p>" + escapeMarkup(c.command) + "</p>\n<p>Commit " + escapeMarkup(c.commit) +

@@ -12,7 +12,7 @@ namespace compare {
 namespace {
 
 constexpr double kRate = 60.0;  // views a second of the paths made here
-constexpr double kFast = 4.0;
+constexpr double kFast = 6.0;
 
 /// A scene as paths see it: what is up, where the ground and the middle are, and how large everything is.
 struct Place {

@@ -26,7 +26,7 @@ struct PathOptions {
   std::uint32_t seed = 1;
 };
 
-/// "orbit", "approach", "walk", "inspection", "teleports", "jitter", and each with "-fast" at its end: the same at four
+/// "orbit", "approach", "walk", "inspection", "teleports", "jitter", and each with "-fast" at its end: the same at six
 /// times the speed (docs/formats/comparison.md, "Paths").
 const std::vector<std::string>& pathNames();
 /// kInvalidInput for a name that there is not.

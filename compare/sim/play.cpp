@@ -90,9 +90,7 @@ class Run {
   }
   Result<void> drawOnly() {
     warm_up_ = false;
-    auto picture = player_.draw();
-    if (!picture) return picture.error();
-    return {};
+    return player_.drawUnseen();
   }
   /// Holds the last view until nothing changes any more.
   Result<void> rest(std::size_t last) {
@@ -144,6 +142,21 @@ class Run {
   bool warm_up_ = false;
 };
 
+/// Many runs' pictures at once would take gigabytes.
+void keepFewPictures(PlayedRun& run) {
+  std::vector<DisplayedFrame*> moving;
+  for (DisplayedFrame& frame : run.frames)
+    if (frame.kind == InstantKind::kMoving) moving.push_back(&frame);
+  std::stable_sort(moving.begin(), moving.end(), [](const DisplayedFrame* a, const DisplayedFrame* b) {
+    return a->accuracy.psnr_db < b->accuracy.psnr_db;
+  });
+  for (DisplayedFrame& frame : run.frames) {
+    if (!moving.empty() && (&frame == moving.front() || &frame == moving[moving.size() / 2])) continue;
+    frame.picture_jpeg.clear();
+    frame.difference_jpeg.clear();
+  }
+}
+
 double meanOf(const std::vector<const DisplayedFrame*>& frames, double (*get)(const Accuracy&)) {
   double sum = 0.0;
   for (const DisplayedFrame* frame : frames) sum += get(frame->accuracy);
@@ -175,6 +188,7 @@ Result<PlayedRun> playPath(const Stage& stage, const MethodSetting& setting, con
   LUMIGRID_TRY(Run(*player, path, truth, *stage.painter, options, frames_each / options.display_hertz, run).play());
   if (run.frames.empty())
     return base::Error{base::ErrorCode::kInvalidInput, "no view of the path " + path.name + " shows the model"};
+  keepFewPictures(run);
   return run;
 }
 

@@ -30,7 +30,7 @@ struct DisplayedFrame {
   PlayerCounts counts;
   bool at_rest = false;
   Accuracy accuracy;
-  base::Bytes picture_jpeg, difference_jpeg;  ///< for the page; empty where PlayOptions::pictures is
+  base::Bytes picture_jpeg, difference_jpeg;  ///< for the page: of a run's worst and median moving frames alone
 };
 
 struct PlayedRun {

@@ -46,6 +46,8 @@ class Player {
   virtual base::Result<void> advance(double now, const base::ViewCamera& camera) = 0;
   /// Draws what the display shows after the last advance(). RGBA, alpha is coverage.
   virtual base::Result<base::Image> draw() = 0;
+  /// Draws as draw() does, for a picture that nobody judges: what the next one depends on.
+  virtual base::Result<void> drawUnseen() { return {}; }
   /// Whether nothing changes any more while the view stays.
   virtual bool atRest() const = 0;
   virtual PlayerCounts counts() const = 0;

@@ -28,6 +28,7 @@ class SessionPlayer final : public Player {
 
   base::Result<void> advance(double now, const base::ViewCamera& camera) override;
   base::Result<base::Image> draw() override;
+  base::Result<void> drawUnseen() override { return viewer_.drawUnseen(camera_, now_); }
   bool atRest() const override { return viewer_.allHere() && !more_; }
   PlayerCounts counts() const override;
 

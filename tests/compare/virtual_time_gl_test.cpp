@@ -24,7 +24,7 @@ class VirtualTime : public ::testing::Test {
     compare::MatrixOptions options;
     options.scenes = {statue_.directory};
     options.methods = std::move(methods);
-    options.links = {compare::parseLink(link).value()};
+    options.parts = {{{"orbit"}, {compare::parseLink(link).value()}}};
     options.report = statue_.directory + "/report";
     options.truth_supersampling = 2;
     options.pictures = false;
