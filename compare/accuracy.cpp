@@ -142,6 +142,21 @@ base::Result<Accuracy> measureAccuracy(const base::Image& truth, const base::Ima
   return result;
 }
 
+double measureFlicker(const JudgedPicture& before, const JudgedPicture& after) {
+  const auto change = [](const base::Image& from, const base::Image& to) {
+    cv::Mat difference;
+    cv::absdiff(overGrey(viewOf(from)), overGrey(viewOf(to)), difference);
+    return difference;
+  };
+  cv::Mat foreground = coveredPixels(viewOf(before.truth));
+  for (const base::Image* image : {&before.picture, &after.truth, &after.picture})
+    foreground |= coveredPixels(viewOf(*image));
+  cv::Mat beyond = change(before.picture, after.picture) - change(before.truth, after.truth);
+  cv::threshold(beyond, beyond, 0.0, 0.0, cv::THRESH_TOZERO);
+  const cv::Scalar mean = cv::mean(beyond, foreground);
+  return (mean[0] + mean[1] + mean[2]) / 3.0;
+}
+
 base::Image overMidGrey(const base::Image& rgba) {
   base::Image out(rgba.width, rgba.height, 3);
   cv::Mat pixels = viewOf(out);

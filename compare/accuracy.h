@@ -24,6 +24,15 @@ struct Accuracy {
 /// differ, or says that there is no foreground.
 base::Result<Accuracy> measureAccuracy(const base::Image& truth, const base::Image& picture);
 
+/// One display's picture and the truth of its view, RGBA of the same size.
+struct JudgedPicture {
+  base::Image truth, picture;
+};
+/// How much more a display changes from one frame to the next than the truth does: the mean of
+/// max(0, |p₁ − p₀| − |t₁ − t₀|) over RGB of the pixels that are foreground in any of the four pictures, 8-bit levels.
+/// A picture that lacks detail does not flicker; sparks at seams, popping and judder do. 0 where nothing is foreground.
+double measureFlicker(const JudgedPicture& before, const JudgedPicture& after);
+
 /// Lays a picture with coverage over mid-grey, as measureAccuracy() does. RGB.
 base::Image overMidGrey(const base::Image& rgba);
 

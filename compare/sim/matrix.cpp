@@ -1,6 +1,9 @@
 #include "compare/sim/matrix.h"
 
 #include <algorithm>
+#include <charconv>
+#include <nlohmann/json.hpp>
+#include <sstream>
 
 #include "base/egl/headless.h"
 #include "base/file.h"
@@ -132,6 +135,57 @@ std::string byteColumns(const PlayerCounts& c) {
                     static_cast<unsigned long long>(c.bytes_frames));
 }
 
+nlohmann::json numberOrText(const std::string& cell) {
+  double number = 0.0;
+  const auto [end, error] = std::from_chars(cell.data(), cell.data() + cell.size(), number);
+  if (cell.empty()) return nullptr;
+  return error == std::errc() && end == cell.data() + cell.size() ? nlohmann::json(number) : nlohmann::json(cell);
+}
+
+/// The rows of a table as objects, by its columns.
+nlohmann::json rowsOf(const std::string& csv) {
+  std::istringstream in(csv);
+  const auto cellsOf = [](const std::string& line) {
+    std::vector<std::string> cells;
+    std::istringstream rest(line + ",");
+    for (std::string cell; std::getline(rest, cell, ',');) cells.push_back(cell);
+    return cells;
+  };
+  std::string line;
+  std::getline(in, line);
+  const std::vector<std::string> columns = cellsOf(line);
+  nlohmann::json rows = nlohmann::json::array();
+  while (std::getline(in, line)) {
+    const std::vector<std::string> cells = cellsOf(line);
+    nlohmann::json row;
+    for (std::size_t i = 0; i < columns.size(); ++i) row[columns[i]] = numberOrText(cells[i]);
+    rows.push_back(std::move(row));
+  }
+  return rows;
+}
+
+std::string resultsJson(const PageContext& c, const MatrixOptions& options, const std::vector<PlayedRun>& runs) {
+  const nlohmann::json results{{"version", 1},
+                               {"command", c.command},
+                               {"commit", c.commit},
+                               {"machine", c.machine},
+                               {"renderer", c.renderer},
+                               {"parameters",
+                                {{"width", options.path.width},
+                                 {"height", options.path.height},
+                                 {"seconds", options.path.seconds},
+                                 {"instants", c.play.instants},
+                                 {"seed", c.play.seed},
+                                 {"display_hertz", c.play.display_hertz},
+                                 {"rest_seconds", c.play.rest_seconds},
+                                 {"truth_supersampling", options.truth_supersampling},
+                                 {"server_render_ms", 1e3 * c.costs.server_render_seconds},
+                                 {"decode_ms", 1e3 * c.costs.client_decode_seconds},
+                                 {"draw_ms", 1e3 * c.costs.client_draw_seconds}}},
+                               {"runs", rowsOf(summaryCsv(runs))}};
+  return results.dump(1) + "\n";
+}
+
 Result<void> writeFigures(const MatrixOptions& options, const std::vector<PlayedRun>& runs) {
   const auto write = [&](const char* name, const std::string& text) {
     return base::writeFileAtomically(options.report + name, base::viewOfText(text));
@@ -141,6 +195,7 @@ Result<void> writeFigures(const MatrixOptions& options, const std::vector<Played
                             options.command, options.play,    options.costs};
   LUMIGRID_TRY(write("/index.html", formatPage(context, runs)));
   LUMIGRID_TRY(write("/results.csv", resultsCsv(runs)));
+  LUMIGRID_TRY(write("/results.json", resultsJson(context, options, runs)));
   return write("/summary.csv", summaryCsv(runs));
 }
 
@@ -164,8 +219,7 @@ std::string resultsCsv(const std::vector<PlayedRun>& runs) {
   std::string out =
       "scene,method,knob,path,link,instant,seconds,bytes,bytes_images,bytes_patches,bytes_frames,requests,cache_bytes,"
       "triangles,images,age_s,at_rest,psnr_db,ssim,mean_abs,holes_share,excess_share,silhouette_px,silhouette_p95_px,"
-      "foreground,"
-      "draw_wall_ms\n";
+      "flicker,foreground,draw_wall_ms\n";
   for (const PlayedRun& run : runs)
     for (const DisplayedFrame& f : run.frames) {
       const Accuracy& a = f.accuracy;
@@ -174,8 +228,9 @@ std::string resultsCsv(const std::vector<PlayedRun>& runs) {
                         static_cast<unsigned long long>(f.counts.cache_bytes),
                         static_cast<unsigned long long>(f.counts.triangles), f.counts.images, f.counts.age_seconds,
                         f.at_rest ? 1 : 0) +
-             formatText(",%.3f,%.5f,%.3f,%.5f,%.5f,%.3f,%.3f,%llu,%.2f\n", a.psnr_db, a.ssim, a.mean_abs,
+             formatText(",%.3f,%.5f,%.3f,%.5f,%.5f,%.3f,%.3f,%s,%llu,%.2f\n", a.psnr_db, a.ssim, a.mean_abs,
                         a.missing_share, a.excess_share, a.silhouette_px, a.silhouette_p95_px,
+                        f.flicker ? formatText("%.3f", *f.flicker).c_str() : "",
                         static_cast<unsigned long long>(a.foreground), f.draw_wall_ms);
     }
   return out;
@@ -184,14 +239,15 @@ std::string resultsCsv(const std::vector<PlayedRun>& runs) {
 std::string summaryCsv(const std::vector<PlayedRun>& runs) {
   std::string out =
       "scene,method,knob,path,link,frames,bytes,bytes_images,bytes_patches,bytes_frames,mean_psnr_db,p5_psnr_db,"
-      "mean_ssim,holes_share,silhouette_px,silhouette_p95_px,time_to_first_s,time_to_25_s,time_to_30_s,time_to_35_s,"
+      "mean_ssim,holes_share,silhouette_px,silhouette_p95_px,flicker,time_to_first_s,time_to_25_s,time_to_30_s,time_to_"
+      "35_s,"
       "at_rest_psnr_db,rest_s,draw_wall_ms\n";
   for (const PlayedRun& run : runs) {
     double wall = 0.0;
     for (const DisplayedFrame& f : run.frames) wall += f.draw_wall_ms / static_cast<double>(run.frames.size());
     out += keyColumns(run) + "," + std::to_string(run.moving().size()) + "," + byteColumns(run.frames.back().counts) +
-           formatText(",%.3f,%.3f,%.5f,%.5f,%.3f,%.3f", run.meanPsnr(), run.p5Psnr(), run.meanSsim(), run.meanMissing(),
-                      run.silhouette(), run.p95Silhouette()) +
+           formatText(",%.3f,%.3f,%.5f,%.5f,%.3f,%.3f,%.3f", run.meanPsnr(), run.p5Psnr(), run.meanSsim(),
+                      run.meanMissing(), run.silhouette(), run.p95Silhouette(), run.meanFlicker()) +
            "," + secondsText(run.secondsToFirst()) + "," + secondsText(run.secondsTo(25.0)) + "," +
            secondsText(run.secondsTo(30.0)) + "," + secondsText(run.secondsTo(35.0)) + "," + restText(run) + "," +
            secondsText(run.rest_seconds) + formatText(",%.2f\n", wall);

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
+#include <utility>
 
 #include "base/file.h"
 #include "base/format_text.h"
@@ -77,6 +79,7 @@ class Run {
       LUMIGRID_TRY(player_.advance(timeOf(frame), path_.at(timeOf(frame))));
       for (std::size_t i = next; i < ticks.size(); ++i) runUp(frame, ticks[i].frame);
       if (warm_up_) LUMIGRID_TRY(drawOnly());
+      if (before_) LUMIGRID_TRY(judgeChange(frame));
       for (; next < ticks.size() && ticks[next].frame == frame; ++next) LUMIGRID_TRY(judge(frame, ticks[next].kind));
     }
     return rest(last);
@@ -129,6 +132,17 @@ class Run {
       LUMIGRID_ASSIGN_OR_RETURN(shown.difference_jpeg, jpegOf(difference));
     }
     run_.frames.push_back(shown);
+    if (kind == InstantKind::kMoving) before_ = JudgedPicture{reference, picture};
+    return {};
+  }
+  /// Completes the frame that was judged one earlier.
+  Result<void> judgeChange(std::size_t frame) {
+    const JudgedPicture before = *std::exchange(before_, std::nullopt);
+    LUMIGRID_ASSIGN_OR_RETURN(auto picture, player_.draw());
+    LUMIGRID_ASSIGN_OR_RETURN(auto reference, truth_.picture(path_.at(timeOf(frame)), painter_));
+    const double flicker = measureFlicker(before, {std::move(reference), std::move(picture)});
+    for (DisplayedFrame& shown : run_.frames)
+      if (shown.kind == InstantKind::kMoving && !shown.flicker) shown.flicker = flicker;
     return {};
   }
 
@@ -140,6 +154,7 @@ class Run {
   const double interval_;
   PlayedRun& run_;
   bool warm_up_ = false;
+  std::optional<JudgedPicture> before_;  // a moving frame whose change to the next one is not judged yet
 };
 
 /// Many runs' pictures at once would take gigabytes.
@@ -211,6 +226,16 @@ double PlayedRun::meanSsim() const {
 
 double PlayedRun::meanMissing() const {
   return meanOf(moving(), [](const Accuracy& a) { return a.missing_share; });
+}
+
+double PlayedRun::meanFlicker() const {
+  double sum = 0.0, count = 0.0;
+  for (const DisplayedFrame& frame : frames)
+    if (frame.flicker) {
+      sum += *frame.flicker;
+      count += 1.0;
+    }
+  return sum / std::max(1.0, count);
 }
 
 double PlayedRun::silhouette() const {

@@ -2,6 +2,7 @@
 // Plays one method along one path over one link, in virtual time, and judges what the display shows: at seeded instants
 // while the path lasts, at a ladder of instants after the begin, and at rest after its end. Every judged picture is
 // compared with the truth of the view at that very instant.
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -30,6 +31,7 @@ struct DisplayedFrame {
   PlayerCounts counts;
   bool at_rest = false;
   Accuracy accuracy;
+  std::optional<double> flicker;              ///< to the display's next frame (measureFlicker); of moving frames alone
   base::Bytes picture_jpeg, difference_jpeg;  ///< for the page: of a run's worst and median moving frames alone
 };
 
@@ -44,6 +46,7 @@ struct PlayedRun {
   double p5Psnr() const;  ///< 5th percentile: the worst of twelve
   double meanSsim() const;
   double meanMissing() const;
+  double meanFlicker() const;
   double silhouette() const;     ///< mean over frames of the silhouettes' mean distance, pixels
   double p95Silhouette() const;  ///< mean over frames of the 95th percentiles
   /// The first judged instant whose picture, and every later one, has this PSNR; < 0: never.

@@ -2,7 +2,9 @@
 // and the same end as over a socket.
 #include <gtest/gtest.h>
 
+#include <fstream>
 #include <map>
+#include <nlohmann/json.hpp>
 #include <sstream>
 
 #include "base/file.h"
@@ -51,7 +53,9 @@ std::string withoutWallTime(const std::string& csv) {
 
 TEST_F(VirtualTime, givesTheSameFiguresTwice) {
   const auto options = optionsFor({}, "5Mbit/60ms/20ms/1%");  // all methods that the scene has data for
-  const auto first = play(options), second = play(options);
+  const auto first = play(options);
+  const auto written = nlohmann::json::parse(std::ifstream(options.report + "/results.json"));
+  const auto second = play(options);
   ASSERT_GE(first.size(), 5U);
   EXPECT_EQ(withoutWallTime(compare::resultsCsv(first)), withoutWallTime(compare::resultsCsv(second)));
   EXPECT_EQ(withoutWallTime(compare::summaryCsv(first)), withoutWallTime(compare::summaryCsv(second)));
@@ -59,7 +63,12 @@ TEST_F(VirtualTime, givesTheSameFiguresTwice) {
     EXPECT_EQ(run.moving().size(), 3U) << run.setting.method;
     EXPECT_GT(run.frames.back().accuracy.psnr_db, 22.0) << run.setting.method;
     EXPECT_GE(run.rest_seconds, 0.0) << run.setting.method << " never came to rest";
+    EXPECT_GT(run.meanFlicker(), 0.0) << run.setting.method;
   }
+  EXPECT_EQ(written["parameters"]["seed"], options.play.seed);
+  ASSERT_EQ(written["runs"].size(), first.size());
+  EXPECT_EQ(written["runs"][0]["method"], first[0].setting.method);
+  EXPECT_NEAR(written["runs"][0]["mean_psnr_db"].get<double>(), first[0].meanPsnr(), 1e-3);
 }
 
 TEST_F(VirtualTime, showsLaterWhatASlowerLinkBrings) {
