@@ -120,7 +120,6 @@ base::Result<void> Viewer::draw(const base::ViewCamera& camera, double now) {
 }
 
 base::Result<void> Viewer::drawUnseen(const base::ViewCamera& camera, double now) {
-  if (showsSplats()) return {};
   options_.lumigraph.unseen = true;
   auto drawn = draw(camera, now);
   options_.lumigraph.unseen = false;

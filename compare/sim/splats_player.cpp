@@ -21,6 +21,11 @@ class SplatsPlayer final : public HostPlayer {
     viewer().setSplats(splats_);
   }
 
+  /// Splats become coarser with each frame that moves and finer with each at rest.
+  base::Result<void> drawUnseen() override {
+    const auto drawn = draw();
+    return drawn ? base::Result<void>() : drawn.error();
+  }
   bool atRest() const override { return HostPlayer::atRest() && !splats_->busy(); }
   PlayerCounts counts() const override {
     PlayerCounts counts;
