@@ -24,6 +24,7 @@ struct ViewCamera {
   double ortho_height = 0.0;
 
   bool orthographic() const { return ortho_height > 0.0; }
+  friend bool operator==(const ViewCamera&, const ViewCamera&) = default;
 };
 
 /// A general projective camera in scene-local units, as renderers need it. Off-axis and parallel projections are

@@ -38,7 +38,7 @@ struct Arguments {
 void declareCommon(CLI::App& app, Arguments& a) {
   app.add_option("SCENE", a.scenes, "scene directories; one with --clock real")->required();
   app.add_option("--report", a.report, "directory for results.csv and what else is written")->required();
-  app.add_option("--path", a.path, "camera path as JSON (`lumigrid tour` writes one)");
+  app.add_option("--path", a.path, "camera path as JSON, as `lumigrid tour` and `lumigrid-view --record` write it");
   app.add_option(
          "--methods,--method", a.methods,
          "methods to run (default: all that the scene has data for); over sockets there are lumigraph, patches and "
@@ -60,7 +60,7 @@ void declareVirtual(CLI::App& app, Arguments& a) {
   CLI::Option_group& group = *app.add_option_group("Virtual time");
   group.add_option("--paths", a.paths, "paths made for the scene (default: orbit), in place of --path")
       ->delimiter(',')
-      ->check(CLI::IsMember(compare::pathNames()));
+      ->check(CLI::IsMember(server::pathNames()));
   group
       .add_option("--links", a.links,
                   "links: rate/round trip[/jitter[/loss]], such as 20Mbit/40ms (the default); or train")
@@ -76,7 +76,8 @@ void declareVirtual(CLI::App& app, Arguments& a) {
   group.add_option("--size", a.size, "width and height in pixels")->expected(2)->check(CLI::Range(16, 16384));
   group.add_option("--instants", a.instants, "pictures judged while a path lasts (12; with --matrix 8)")
       ->check(CLI::Range(1, 10000));
-  group.add_option("--stop", o.stop_seconds, "seconds at each view of --path")->check(CLI::Range(0.1, 600.0));
+  group.add_option("--stop", o.stop_seconds, "seconds at each view of a --path without times")
+      ->check(CLI::Range(0.1, 600.0));
   group.add_option("--baseline", a.baseline,
                    "a summary.csv that was kept: fails with a table where a run loses more than 0.1 dB or 2 % of bytes "
                    "or time against it");
@@ -149,9 +150,9 @@ int runOverSockets(Arguments& a) {
   for (const std::string& method : a.run.methods)
     if (method != "lumigraph" && method != "patches" && method != "qsplat")
       return usage("--methods " + method + " needs --clock virtual");
-  auto frames = base::readCameraPath(a.path);
-  if (!frames) return fail(frames.error());
-  a.run.path = *frames;
+  auto path = base::readCameraPath(a.path);
+  if (!path) return fail(path.error());
+  a.run.path = std::move(path->frames);
   if (auto runs = compare::runComparison(a.run, print); !runs) return fail(runs.error());
   std::printf("report: %s/index.html\n", a.report.c_str());
   return 0;

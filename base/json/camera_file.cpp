@@ -1,5 +1,6 @@
 #include "base/json/camera_file.h"
 
+#include <algorithm>
 #include <cmath>
 #include <glm/gtc/constants.hpp>
 #include <nlohmann/json.hpp>
@@ -13,7 +14,8 @@ namespace {
 
 using nlohmann::json;
 
-constexpr int kMaxSide = 16384;  // pixels; the protocol's limit as well
+constexpr double kMaxRate = 1000.0;  // frames a second
+constexpr int kMaxSide = 16384;      // pixels; the protocol's limit as well
 
 Error bad(const std::string& name, const std::string& problem) {
   return {ErrorCode::kInvalidInput, name + ": " + problem + " (docs/formats/camera.md)"};
@@ -68,6 +70,27 @@ Result<ViewCamera> cameraFrom(const json& object, const std::string& name, ViewC
   return camera;
 }
 
+// Reads frames_per_second and jumps, as far as they are given.
+Result<void> readTimes(const json& document, const std::string& name, CameraPath& path) {
+  if (auto it = document.find("frames_per_second"); it != document.end()) {
+    if (!it->is_number() || !(it->get<double>() > 0.0) || !(it->get<double>() <= kMaxRate))
+      return bad(name, "frames_per_second must be above 0 and at most 1000");
+    path.frames_per_second = it->get<double>();
+  }
+  if (auto it = document.find("jumps"); it != document.end()) {
+    if (!it->is_boolean()) return bad(name, "jumps must be true or false");
+    path.jumps = it->get<bool>();
+  }
+  return {};
+}
+
+// The members of a camera that a path may have for all frames.
+json lensOf(const ViewCamera& c) {
+  json lens{{"fov_y_degrees", glm::degrees(c.fov_y)}, {"width", c.width}, {"height", c.height}};
+  if (c.orthographic()) lens["ortho_height"] = c.ortho_height;
+  return lens;
+}
+
 Result<json> parseFile(const std::string& path) {
   LUMIGRID_ASSIGN_OR_RETURN(auto bytes, readFile(path));
   json document = parseJson(bytes);
@@ -88,33 +111,35 @@ Result<ViewCamera> parseCamera(const std::string& text, const std::string& name)
   return cameraFrom(document, name, {});
 }
 
-Result<std::vector<ViewCamera>> readCameraPath(const std::string& path) {
+Result<CameraPath> readCameraPath(const std::string& path) {
   LUMIGRID_ASSIGN_OR_RETURN(auto document, parseFile(path));
   if (!document.is_object() || !document.contains("frames") || !document["frames"].is_array())
     return bad(path, "no list of frames");
   ViewCamera common;
   LUMIGRID_TRY(readLens(document, path, common));
-  std::vector<ViewCamera> frames;
+  CameraPath read;
+  LUMIGRID_TRY(readTimes(document, path, read));
   for (const json& item : document["frames"]) {
-    LUMIGRID_ASSIGN_OR_RETURN(auto camera, cameraFrom(item, path + ": frame " + std::to_string(frames.size()), common));
-    frames.push_back(camera);
+    LUMIGRID_ASSIGN_OR_RETURN(auto camera,
+                              cameraFrom(item, path + ": frame " + std::to_string(read.frames.size()), common));
+    read.frames.push_back(camera);
   }
-  if (frames.empty()) return bad(path, "the list of frames is empty");
-  return frames;
+  if (read.frames.empty()) return bad(path, "the list of frames is empty");
+  return read;
 }
 
-std::string formatCameraPath(const std::vector<ViewCamera>& frames) {
+std::string formatCameraPath(const CameraPath& path) {
   json document;
   document["version"] = 1;
+  if (path.frames_per_second > 0.0) document["frames_per_second"] = path.frames_per_second;
+  if (path.jumps) document["jumps"] = true;
+  const bool one_lens = std::all_of(path.frames.begin(), path.frames.end(),
+                                    [&](const ViewCamera& c) { return lensOf(c) == lensOf(path.frames.front()); });
+  if (one_lens && !path.frames.empty()) document.update(lensOf(path.frames.front()));
   document["frames"] = json::array();
-  for (const ViewCamera& c : frames) {
-    json frame = {{"position", toJson(c.position)},
-                  {"direction", toJson(c.direction)},
-                  {"up", toJson(c.up)},
-                  {"fov_y_degrees", glm::degrees(c.fov_y)},
-                  {"width", c.width},
-                  {"height", c.height}};
-    if (c.orthographic()) frame["ortho_height"] = c.ortho_height;
+  for (const ViewCamera& c : path.frames) {
+    json frame = {{"position", toJson(c.position)}, {"direction", toJson(c.direction)}, {"up", toJson(c.up)}};
+    if (!one_lens) frame.update(lensOf(c));
     document["frames"].push_back(std::move(frame));
   }
   return document.dump(1) + "\n";

@@ -51,6 +51,11 @@ void onSignal(int) {
   interrupted = true;
 }
 
+void endOnSignals() {
+  std::signal(SIGINT, onSignal);
+  std::signal(SIGTERM, onSignal);
+}
+
 int printError(const std::string& message, int status) {
   std::fprintf(stderr, "lumigrid-view: %s\n", message.c_str());
   return status;
@@ -146,6 +151,9 @@ void addRunOptions(CLI::App& app, Arguments& a) {
   app.add_option("--view", a.window.view, "Link to begin with, as V copies it (default: the whole scene)");
   app.add_option("--pictures", a.window.picture_directory, "Folder for the pictures that P saves")
       ->check(CLI::ExistingDirectory);
+  app.add_option(
+      "--record", a.window.record_file,
+      "File for the way of the camera, written when the window closes: a path for --path and lumigrid-compare");
   app.add_flag("--settings,!--no-settings", a.use_settings,
                "Keep settings and bookmarks in the user's configuration (docs/formats/settings.md; on unless "
                "--no-settings). Options given here take precedence over settings");
@@ -214,12 +222,14 @@ base::Result<void> parseArguments(Arguments& a) {
 }
 
 int runHeadlessMode(const Arguments& a) {
+  if (!a.window.record_file.empty())
+    return printError("--record is for a window, in which somebody moves; leave out --headless", kWrongUsage);
   if (a.path_file.empty()) return printError("--headless needs --path FILE, a recorded camera path", kWrongUsage);
   auto path = base::readCameraPath(a.path_file);
   if (!path) return printError(path.error().message, kFailed);
 
   client::HeadlessOptions options = a.run;
-  options.path = std::move(*path);
+  options.path = std::move(path->frames);
   if (!a.size.empty())
     for (base::ViewCamera& camera : options.path) {
       camera.width = a.window.width;
@@ -241,8 +251,7 @@ int runHeadlessMode(const Arguments& a) {
     std::fflush(stdout);
   };
 
-  std::signal(SIGINT, onSignal);
-  std::signal(SIGTERM, onSignal);
+  endOnSignals();
   auto done = client::runHeadless(options);
   if (!done) return printError(done.error().message, kFailed);
   if (a.json) {
@@ -303,6 +312,8 @@ int runWindowMode(const CLI::App& app, const Arguments& a) {
   options.splats.memory_bytes = options.app.viewer.memory_budget_bytes;
   options.link = a.run.link;
   options.decoder_threads = a.run.decoder_threads;
+  options.cancelled = [] { return interrupted.load(); };
+  endOnSignals();
   auto done = client::runWindow(options);
   return done ? 0 : printError(done.error().message, kFailed);
 }

@@ -17,10 +17,14 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
+#include "base/camera_path.h"
+#include "base/file.h"
 #include "base/format_text.h"
 #include "base/gl/gl.h"
 #include "base/json/annotations_file.h"
+#include "base/json/camera_file.h"
 #include "base/png/png.h"
 #include "client/app/splat_settings.h"
 #include "client/native/answer_json.h"
@@ -35,7 +39,8 @@
 namespace client {
 namespace {
 
-constexpr int kFound = 200;  // HTTP
+constexpr int kFound = 200;             // HTTP
+constexpr double kRecordedRate = 60.0;  // views a second
 
 std::string lastGlfwError() {
   const char* text = nullptr;
@@ -165,6 +170,9 @@ class Window {
 
   base::Result<void> drawScene(double now);
   void drawOverlayWindow();
+  bool closes() const;
+  void recordView(double now);
+  base::Result<void> writeRecord(double now);
 
   const WindowOptions& options_;
   GLFWwindow* window_ = nullptr;
@@ -186,6 +194,7 @@ class Window {
   int button_down_ = -1;
   bool picture_changed_ = true;
   bool method_changed_ = false;
+  std::vector<base::SeenView> recorded_;  // for options_.record_file: each view that differs from the last
 };
 
 // ---- opening and closing ----
@@ -542,6 +551,25 @@ void Window::drawOverlayWindow() {
   glfwSwapBuffers(window_);
 }
 
+bool Window::closes() const {
+  return glfwWindowShouldClose(window_) == GLFW_TRUE || (options_.cancelled && options_.cancelled());
+}
+
+void Window::recordView(double now) {
+  if (options_.record_file.empty() || !scene_ || app_->viewer().stats().accuracy == Accuracy::kNothing) return;
+  const base::ViewCamera view = app_->camera();
+  if (recorded_.empty() || recorded_.back().view != view) recorded_.push_back({now, view});
+}
+
+base::Result<void> Window::writeRecord(double now) {
+  if (options_.record_file.empty()) return {};
+  if (recorded_.empty())
+    return base::Error{base::ErrorCode::kNotFound, options_.record_file + ": not written, as no scene was shown"};
+  recorded_.push_back({now, recorded_.back().view});  // how long the last view rested
+  const std::string text = base::formatCameraPath(base::pathOf(recorded_, kRecordedRate));
+  return base::writeFileAtomically(options_.record_file, base::viewOfText(text));
+}
+
 base::Result<void> Window::run() {
   // With nothing to draw, the loop wakes for input at once, and for the network within this time.
   constexpr double kIdleSeconds = 0.02;
@@ -552,7 +580,7 @@ base::Result<void> Window::run() {
   std::uint64_t shown_overlay = 0;
   double shown_at = 0.0;
   int overlay_frames_left = 0;
-  while (glfwWindowShouldClose(window_) == GLFW_FALSE) {
+  while (!closes()) {
     glfwPollEvents();
     connection_->pump(app_->session());
     if (auto splats = connection_->splats()) app_->viewer().setSplats(std::move(splats));
@@ -567,6 +595,7 @@ base::Result<void> Window::run() {
     const bool frame = app_->wantsFrame();
     const bool figures = app_->view().statistics && now - shown_at >= kFiguresSeconds;
     if (frame) LUMIGRID_TRY(drawScene(now));
+    recordView(now);
     if (frame || picture_changed_ || figures || app_->overlayVersion() != shown_overlay)
       overlay_frames_left = kOverlayFrames;
     if (settings_open_)
@@ -581,7 +610,7 @@ base::Result<void> Window::run() {
     shown_overlay = app_->overlayVersion();
     shown_at = now;
   }
-  return {};
+  return writeRecord(glfwGetTime());
 }
 
 }  // namespace

@@ -1,6 +1,7 @@
 #pragma once
 // The viewer in a window: GLFW and Dear ImGui around client::App, which has all behaviour. The window carries out its
 // requests: pictures and clipboard, settings and bookmarks in the user's folder, picks and notes over HTTP.
+#include <functional>
 #include <string>
 
 #include "base/error.h"
@@ -23,9 +24,12 @@ struct WindowOptions {
   std::string view;              ///< permalink of the first view; empty: the whole scene
   std::string config_directory;  ///< folder for settings and bookmarks; empty: nothing is kept
   std::string picture_directory = ".";
+  std::string record_file;          ///< gets the way of the camera, a path in time, when the window closes; empty: none
+  std::function<bool()> cancelled;  ///< asked often; true closes the window. May be null
 };
 
-/// Runs until the window is closed. Errors: no display, no GLES 3 context, GL does not work, an invalid permalink. A
+/// Runs until the window is closed. Errors: no display, no GLES 3 context, GL does not work, an invalid permalink, a
+/// record_file that cannot be written. A
 /// lost server is no error: the window keeps showing what it has, says so, and reconnects.
 base::Result<void> runWindow(const WindowOptions& options);
 

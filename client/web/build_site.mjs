@@ -56,6 +56,7 @@ const decodeWasm = writeHashed("decode.wasm", shrink("client_web_decode.wasm"));
 const worker = writeHashed("decode.js", bundle("decode_worker.js"));
 const checkWasm = writeHashed("check.wasm", shrink("client_web_check.wasm"));
 const check = writeHashed("check.js", bundle("check.js", {CHECK_WASM: checkWasm}));
+const record = writeHashed("record.js", bundle("record.js"));
 const names = {
   VIEWER_WASM: viewerWasm,
   SPLATS_WASM: splatsWasm,
@@ -63,6 +64,7 @@ const names = {
   DECODE_WASM: decodeWasm,
   DECODE_WORKER: worker,
   CHECK_SCRIPT: check,
+  RECORD_SCRIPT: record,
 };
 const main = writeHashed("viewer.js", bundle("main.js", names));
 const style = writeHashed("style.css", bundle("style.css"));

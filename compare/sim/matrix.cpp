@@ -2,12 +2,14 @@
 
 #include <algorithm>
 #include <charconv>
+#include <filesystem>
 #include <nlohmann/json.hpp>
 #include <sstream>
 
 #include "base/egl/headless.h"
 #include "base/file.h"
 #include "base/format_text.h"
+#include "base/json/camera_file.h"
 #include "compare/run.h"
 #include "compare/sim/page.h"
 #include "compare/sim/published.h"
@@ -40,7 +42,7 @@ class SceneMatrix {
     const Stage stage{scene_.get(), painter.get(), published.get(), options_.costs, options_.play.seed};
     for (const MatrixPart& part : options_.parts) {
       LUMIGRID_ASSIGN_OR_RETURN(const auto paths, pathsOf(part));
-      for (const TimedPath& path : paths)
+      for (const NamedPath& path : paths)
         for (const LinkProfile& link : part.links)
           for (const std::string& method : methods)
             for (const double knob : knobsOf(method, part.sweep))
@@ -63,22 +65,26 @@ class SceneMatrix {
     return possible;
   }
 
-  Result<std::vector<TimedPath>> pathsOf(const MatrixPart& part) const {
-    std::vector<TimedPath> paths;
+  Result<std::vector<NamedPath>> pathsOf(const MatrixPart& part) const {
+    std::vector<NamedPath> paths;
     for (const std::string& file : options_.path_files) {
-      LUMIGRID_ASSIGN_OR_RETURN(auto path, readPath(file, options_.stop_seconds));
-      paths.push_back(std::move(path));
+      LUMIGRID_ASSIGN_OR_RETURN(auto path, base::readCameraPath(file));
+      if (path.frames_per_second == 0.0) {
+        path.frames_per_second = 1.0 / options_.stop_seconds;
+        path.jumps = true;
+      }
+      paths.push_back({std::filesystem::path(file).stem().string(), std::move(path)});
     }
     if (!paths.empty()) return paths;
     for (const std::string& name : part.paths) {
-      LUMIGRID_ASSIGN_OR_RETURN(auto path, makePath(name, scene_->scene, options_.path));
-      paths.push_back(std::move(path));
+      LUMIGRID_ASSIGN_OR_RETURN(auto path, server::makePath(name, scene_->scene, options_.path));
+      paths.push_back({name, std::move(path)});
     }
     return paths;
   }
 
   /// Plays what no earlier part has played.
-  Result<void> playOnce(const Stage& stage, const MethodSetting& setting, const TimedPath& path,
+  Result<void> playOnce(const Stage& stage, const MethodSetting& setting, const NamedPath& path,
                         const LinkProfile& link, const Truth& truth, std::vector<PlayedRun>& runs) {
     for (const PlayedRun& run : runs)
       if (run.scene == name_ && run.setting.method == setting.method && run.setting.knob == setting.knob &&
@@ -89,7 +95,7 @@ class SceneMatrix {
     return {};
   }
 
-  Result<PlayedRun> playOne(const Stage& stage, const MethodSetting& setting, const TimedPath& path,
+  Result<PlayedRun> playOne(const Stage& stage, const MethodSetting& setting, const NamedPath& path,
                             const LinkProfile& link, const Truth& truth) {
     PlayOptions play = options_.play;
     std::string folder = name_ + "_" + setting.method + formatText("_%g_", setting.knob) + path.name + "_" + link.name;
@@ -209,7 +215,7 @@ std::vector<MatrixPart> matrixParts(const std::string& preset) {
   const LinkProfile phone = linkOf("384kbit/100ms"), home = linkOf("20Mbit/40ms");
   if (preset == "quick") return {{{"orbit-fast", "teleports"}, {phone, home}}};
   if (preset == "full")
-    return {{pathNames(), {home}},
+    return {{server::pathNames(), {home}},
             {{"orbit-fast", "teleports"}, {phone, linkOf("5Mbit/60ms/20ms/1%"), linkOf("1Gbit/1ms"), linkOf("train")}},
             {{"orbit-fast"}, {home}, true}};
   return {{{"orbit"}, {home}}};

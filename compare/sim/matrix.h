@@ -7,12 +7,13 @@
 #include <vector>
 
 #include "compare/sim/play.h"
+#include "server/bake/camera_paths.h"
 
 namespace compare {
 
 /// Every path over every link.
 struct MatrixPart {
-  std::vector<std::string> paths;  ///< of pathNames()
+  std::vector<std::string> paths;  ///< of server::pathNames()
   std::vector<LinkProfile> links;
   bool sweep = false;  ///< all values of each method's knob, not the default alone
 };
@@ -32,7 +33,7 @@ struct MatrixOptions {
   double stop_seconds = 2.0;  ///< for path_files
   bool pictures = true;
   std::string command;  ///< for the page: how it was called
-  PathOptions path;
+  server::PathOptions path;
   PlayOptions play;  ///< `pictures` is set for each run
   Costs costs;
 };

@@ -36,7 +36,7 @@ struct Tick {
 };
 
 /// One instant in each of `instants` equal parts of the path after its begin, at a random place in it, and the ladder.
-std::vector<Tick> ticksOf(const TimedPath& path, const PlayOptions& options, double interval) {
+std::vector<Tick> ticksOf(const base::CameraPath& path, const PlayOptions& options, double interval) {
   const auto last = static_cast<std::size_t>(std::floor(path.seconds() / interval));
   const double first = std::min(kBeginSeconds / interval, kMaxBeginShare * static_cast<double>(last));
   server::UnitRandom random(options.seed);
@@ -61,7 +61,7 @@ Result<base::Bytes> jpegOf(const base::Image& rgb) {
 /// Plays the display's frames one after the other.
 class Run {
  public:
-  Run(Player& player, const TimedPath& path, const Truth& truth, Painter& painter, const PlayOptions& options,
+  Run(Player& player, const base::CameraPath& path, const Truth& truth, Painter& painter, const PlayOptions& options,
       double interval, PlayedRun& run)
       : player_(player),
         path_(path),
@@ -147,7 +147,7 @@ class Run {
   }
 
   Player& player_;
-  const TimedPath& path_;
+  const base::CameraPath& path_;
   const Truth& truth_;
   Painter& painter_;
   const PlayOptions& options_;
@@ -192,7 +192,7 @@ const char* nameOf(InstantKind kind) {
   return "";
 }
 
-Result<PlayedRun> playPath(const Stage& stage, const MethodSetting& setting, const TimedPath& path,
+Result<PlayedRun> playPath(const Stage& stage, const MethodSetting& setting, const NamedPath& path,
                            const LinkProfile& link, const Truth& truth, const PlayOptions& options) {
   PlayedRun run;
   run.setting = setting;
@@ -200,7 +200,8 @@ Result<PlayedRun> playPath(const Stage& stage, const MethodSetting& setting, con
   run.link = link.name;
   LUMIGRID_ASSIGN_OR_RETURN(const auto player, makePlayer(stage, setting, link));
   const double frames_each = std::max(1.0, std::ceil(stage.costs.client_draw_seconds * options.display_hertz - 1e-9));
-  LUMIGRID_TRY(Run(*player, path, truth, *stage.painter, options, frames_each / options.display_hertz, run).play());
+  LUMIGRID_TRY(
+      Run(*player, path.path, truth, *stage.painter, options, frames_each / options.display_hertz, run).play());
   if (run.frames.empty())
     return base::Error{base::ErrorCode::kInvalidInput, "no view of the path " + path.name + " shows the model"};
   keepFewPictures(run);

@@ -6,11 +6,16 @@
 #include <string>
 #include <vector>
 
+#include "base/camera_path.h"
 #include "compare/accuracy.h"
-#include "compare/sim/paths.h"
 #include "compare/sim/player.h"
 
 namespace compare {
+
+struct NamedPath {
+  std::string name;
+  base::CameraPath path;  ///< with times
+};
 
 struct PlayOptions {
   int instants = 12;  ///< judged while the path lasts
@@ -54,7 +59,7 @@ struct PlayedRun {
   double secondsToFirst() const;  ///< the first judged picture that shows anything
 };
 
-base::Result<PlayedRun> playPath(const Stage& stage, const MethodSetting& setting, const TimedPath& path,
+base::Result<PlayedRun> playPath(const Stage& stage, const MethodSetting& setting, const NamedPath& path,
                                  const LinkProfile& link, const Truth& truth, const PlayOptions& options);
 
 }  // namespace compare

@@ -7,6 +7,7 @@
 #include "base/json/camera_file.h"
 #include "base/json/scene_file.h"
 #include "lod/patch/format.h"
+#include "server/bake/camera_paths.h"
 #include "server/bake/enclosed.h"
 #include "server/bake/random_views.h"
 #include "server/cli/commands.h"
@@ -24,6 +25,8 @@ struct TourArguments {
   double distance = 1.2;
   std::vector<int> size{1280, 720};
   int random = 0;
+  std::string path;  // of pathNames(); empty: none
+  double seconds = PathOptions().seconds;
   unsigned seed = 1;
   double margin = 0.5;
 };
@@ -41,12 +44,16 @@ base::Result<std::vector<base::ViewCamera>> heldOutViews(const TourArguments& a,
 
 base::Result<void> run(const TourArguments& a) {
   LUMIGRID_ASSIGN_OR_RETURN(const auto scene, base::readScene(a.scene));
-  auto path = base::orbitPath(scene.box_min, scene.box_max, scene.up, a.frames, a.turns,
-                              glm::radians(a.elevation_degrees), a.distance, a.size[0], a.size[1]);
-  if (a.random > 0) {
-    LUMIGRID_ASSIGN_OR_RETURN(path, heldOutViews(a, scene));
+  if (!a.path.empty()) {
+    LUMIGRID_ASSIGN_OR_RETURN(const auto path, makePath(a.path, scene, {a.size[0], a.size[1], a.seconds, a.seed}));
+    return base::writeFileAtomically(a.output, base::viewOfText(base::formatCameraPath(path)));
   }
-  return base::writeFileAtomically(a.output, base::viewOfText(base::formatCameraPath(path)));
+  auto frames = base::orbitPath(scene.box_min, scene.box_max, scene.up, a.frames, a.turns,
+                                glm::radians(a.elevation_degrees), a.distance, a.size[0], a.size[1]);
+  if (a.random > 0) {
+    LUMIGRID_ASSIGN_OR_RETURN(frames, heldOutViews(a, scene));
+  }
+  return base::writeFileAtomically(a.output, base::viewOfText(base::formatCameraPath({std::move(frames)})));
 }
 
 }  // namespace
@@ -67,7 +74,12 @@ RunCommand addTour(CLI::App& command) {
           "this many views from random places in the viewing box, never inside or behind the model, instead of an "
           "orbit; 0: none")
       ->check(CLI::Range(0, 100000));
-  command.add_option("--seed", a->seed, "seed of the random views");
+  command
+      .add_option("--path", a->path,
+                  "a path in time, 60 views a second, instead of an orbit of still ones, as lumigrid-compare plays it")
+      ->check(CLI::IsMember(pathNames()));
+  command.add_option("--seconds", a->seconds, "duration of --path")->check(CLI::Range(0.1, 600.0));
+  command.add_option("--seed", a->seed, "seed of random views and of the path teleports");
   command.add_option("--margin", a->margin, "margin of the viewing box, as for `lumigrid build`")
       ->check(CLI::Range(0.0, 100.0));
   return [a] { return exitStatus(run(*a)); };

@@ -62,19 +62,16 @@ int main(int argc, char** argv) {
     std::fprintf(stderr, "choice_bench SCENE VIEWS.json\n");
     return 2;
   }
-  const auto cameras = base::readCameraPath(argv[2]);
+  const auto path = base::readCameraPath(argv[2]);
   const auto open = server::openScene(argv[1]);
-  if (!cameras || !open || cameras->empty()) {
-    std::fprintf(stderr, "%s\n",
-                 !cameras ? cameras.error().message.c_str()
-                 : !open  ? open.error().message.c_str()
-                          : "no views");
+  if (!path || !open) {
+    std::fprintf(stderr, "%s\n", !path ? path.error().message.c_str() : open.error().message.c_str());
     return 1;
   }
   server::SceneData scene = (*open)->data;
-  timePlans("planView", scene, *cameras);
-  if (scene.sight != nullptr) timeLines(*scene.sight, (*open)->scene, *cameras);
+  timePlans("planView", scene, path->frames);
+  if (scene.sight != nullptr) timeLines(*scene.sight, (*open)->scene, path->frames);
   scene.sight = nullptr;
-  timePlans("planView without sight", scene, *cameras);
+  timePlans("planView without sight", scene, path->frames);
   return 0;
 }

@@ -129,7 +129,7 @@ TEST(Accuracy, flickerIsWhatADisplayChangesBeyondTheTruth) {
   const base::Image dark = halfCovered(0), bright = halfCovered(10);
   EXPECT_EQ(measureFlicker({dark, dark}, {bright, bright}), 0.0);
   EXPECT_NEAR(measureFlicker({dark, dark}, {dark, bright}), 10.0, 1e-4);
-  // What stays while the truth changes is wrong, but does not flicker; nor does what is always wrong by as much.
+  // A picture that stays while the truth changes is wrong, but does not flicker; nor does one that is always wrong.
   EXPECT_EQ(measureFlicker({dark, dark}, {bright, dark}), 0.0);
   EXPECT_EQ(measureFlicker({dark, bright}, {dark, bright}), 0.0);
   // A quarter of the foreground sparks by 40 levels.

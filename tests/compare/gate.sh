@@ -2,7 +2,8 @@
 # gate.sh BIN BASELINE SHAPE|MESH... [-- REPORT]: builds scenes of generated shapes, or of meshes in the folder that
 # LUMIGRID_MESHES names, plays every method in virtual time, and fails with a table where a figure is worse than in
 # BASELINE (docs/formats/comparison.md, "The gate"). Without the folder it exits with 77: skipped. Where a change is
-# meant to move a figure: run it with a REPORT folder, copy its summary.csv over the baseline, and say why in the commit.
+# meant to move a figure: run it with a REPORT folder, copy its summary.csv over the baseline, and say why in the
+# commit.
 set -euo pipefail
 bin=$1 baseline=$2
 shift 2
@@ -19,7 +20,8 @@ while [ $# -gt 0 ] && [ "$1" != -- ]; do
       mesh=$work/$1.ply
       "$bin/lumigrid" sample --shape "$1" --triangles 100000 -o "$mesh" >/dev/null ;;
   esac
-  "$bin/lumigrid" build "$mesh" -o "$work/$name.scene" --grid 5 --face 256 --methods patch,images,qsplat --quiet >/dev/null
+  "$bin/lumigrid" build "$mesh" -o "$work/$name.scene" --grid 5 --face 256 --methods patch,images,qsplat --quiet \
+    >/dev/null
   scenes+=("$work/$name.scene")
   shift
 done

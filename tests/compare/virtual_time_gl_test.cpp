@@ -109,10 +109,10 @@ TEST_F(VirtualTime, aStaticHostEndsWithThePictureOfAServerWithoutExactFrames) {
 TEST_F(VirtualTime, comesToTheSameRestAsOverASocket) {
   auto options = optionsFor({"patches"}, "1Gbit/1ms");
   options.path_files = {statue_.directory + "/path.json"};
-  const auto path = compare::makePath("orbit", statue_.scene, {160, 120, 0.1, 1});
+  const auto path = server::makePath("orbit", statue_.scene, {160, 120, 0.1, 1});
   ASSERT_TRUE(path);
   ASSERT_TRUE(base::writeFileAtomically(options.path_files[0],
-                                        base::viewOfText(base::formatCameraPath({path->frames.front()}))));
+                                        base::viewOfText(base::formatCameraPath({{path->frames.front()}}))));
   const auto virtual_run = play(options).at(0);
 
   compare::RunOptions real;

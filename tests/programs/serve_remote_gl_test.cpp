@@ -64,9 +64,9 @@ class RemoteServe : public programs::PublishedSite {
   }
   std::string place(const std::string& name) const { return nginx_->url() + "/" + name; }
   std::vector<base::ViewCamera> cameras() {
-    auto frames = base::readCameraPath(path("tour.json"));
-    EXPECT_TRUE(frames && frames->size() == 3);
-    return frames ? std::move(*frames) : std::vector<base::ViewCamera>();
+    auto tour = base::readCameraPath(path("tour.json"));
+    EXPECT_TRUE(tour && tour->frames.size() == 3);
+    return tour ? std::move(tour->frames) : std::vector<base::ViewCamera>();
   }
   std::vector<ViewMessages> answers(const ServedSite& served) {
     std::vector<ViewMessages> all;

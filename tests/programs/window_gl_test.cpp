@@ -15,6 +15,7 @@
 #include <memory>
 #include <thread>
 
+#include "base/json/camera_file.h"
 #include "tests/programs/published_site.h"
 
 extern char** environ;
@@ -198,6 +199,33 @@ TEST_F(WindowTest, splatsAreThoseOfAHeadlessRunAndTheGlassIsDrawnOnThem) {
   EXPECT_TRUE(waitFor([&](const base::Image& shown) { return differing(shown, expected) > 200; }));
   Display::press("l");
   EXPECT_TRUE(waitFor([&](const base::Image& shown) { return differing(shown, expected) == 0; }));
+}
+
+TEST_F(WindowTest, recordsTheWayOfTheCameraWhichAHeadlessRunThenFollows) {
+  build("patch");
+  const std::string url = serve(scene_).url;
+  open(url, {"--no-settings", "--view", link_, "--record", path("hand.json")});
+  ASSERT_TRUE(waitFor(showsModel)) << readText(path("window.err"));
+  const bool moves = std::filesystem::exists(kXdotool);
+  if (moves) Display::press("Right");
+  std::this_thread::sleep_for(std::chrono::milliseconds(500));
+  close();
+  const auto recorded = base::readCameraPath(path("hand.json"));
+  ASSERT_TRUE(recorded) << recorded.error().message << readText(path("window.err"));
+  const auto linked = base::readCameraPath(path("tour.json"));
+  ASSERT_TRUE(linked);
+  EXPECT_EQ(recorded->frames_per_second, 60.0);
+  EXPECT_GE(recorded->seconds(), 0.5);
+  EXPECT_LT(glm::length(recorded->frames.front().position - linked->frames.front().position), 1e-3);
+  if (moves) {
+    EXPECT_NE(recorded->frames.back().position, recorded->frames.front().position);
+  }
+
+  writeText(path("end.json"), base::formatCameraPath({{recorded->frames.back()}}));
+  const auto drawn = run("lumigrid-view", {url, "--headless", "--path", path("end.json"), "--out", path("followed")});
+  EXPECT_EQ(drawn.status, 0) << drawn.err;
+  const auto refused = run("lumigrid-view", {url, "--headless", "--path", path("end.json"), "--record", "x.json"});
+  EXPECT_EQ(refused.status, 2);
 }
 
 TEST_F(WindowTest, aSceneOfSplatsOnlyIsShownWithoutBeingAskedFor) {

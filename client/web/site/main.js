@@ -23,6 +23,7 @@ const kMaxRatio = 2;
 // build_site.mjs replaces these names when it builds the page.
 const splatsScript = new URL(SPLATS_SCRIPT, document.baseURI).href;
 const checkScript = new URL(CHECK_SCRIPT, document.baseURI).href;
+const recordScript = new URL(RECORD_SCRIPT, document.baseURI).href;
 const files = {
   viewerWasm: new URL(VIEWER_WASM, document.baseURI).href,
   decodeWasm: new URL(DECODE_WASM, document.baseURI).href,
@@ -337,6 +338,7 @@ async function start() {
   restoreBookmarks();
   openHash();
   canvas.focus({preventScroll: true});
+  if (new URLSearchParams(location.search).has("record")) recordHand();
   if (!scene) return openServer();
   const button = document.getElementById("settings-check");
   button.hidden = false;
@@ -367,6 +369,11 @@ async function showHostCheck(base) {
   } catch (error) {
     showToast(`the host cannot be checked: ${error.message}`);
   }
+}
+
+async function recordHand() {
+  const {record} = await import(recordScript);
+  record(window.lumigrid, (name) => showToast(`way of the camera saved as ${name}`, false));
 }
 
 /// Loads the page again with another method; a link keeps its view.

@@ -1,7 +1,7 @@
-// Saves pictures: of any size from the server, or the screen's.
+// Saves pictures: of any size from the server, or the screen's; and other files.
 import {element} from "./dom.js";
 
-function saveBlob(blob, name) {
+export function saveBlob(blob, name) {
   const link = element("a", {href: URL.createObjectURL(blob), download: name});
   link.click();
   setTimeout(() => URL.revokeObjectURL(link.href), 60_000);

@@ -46,19 +46,38 @@ TEST(CameraFile, badCamerasAreNamed) {
 
 TEST(CameraPath, survivesWritingAndReading) {
   const auto path = base::orbitPath({0, 0, 0}, {2, 2, 2}, {0, 0, 1}, 12, 1.0, 0.5, 1.2, 320, 200);
-  auto read = base::readCameraPath(write(base::formatCameraPath(path)));
+  auto read = base::readCameraPath(write(base::formatCameraPath({path})));
   ASSERT_TRUE(read) << read.error().message;
-  ASSERT_EQ(read->size(), path.size());
-  for (std::size_t i = 0; i < path.size(); ++i) EXPECT_LT(glm::length((*read)[i].position - path[i].position), 1e-12);
+  ASSERT_EQ(read->frames.size(), path.size());
+  EXPECT_EQ(read->frames_per_second, 0.0);
+  for (std::size_t i = 0; i < path.size(); ++i) {
+    EXPECT_LT(glm::length(read->frames[i].position - path[i].position), 1e-12);
+    EXPECT_EQ(read->frames[i].width, 320);
+  }
+}
+
+TEST(CameraPath, keepsItsTimes) {
+  const base::CameraPath path{base::orbitPath({0, 0, 0}, {2, 2, 2}, {0, 0, 1}, 3, 1.0, 0.5, 1.2, 320, 200), 0.5, true};
+  const auto read = base::readCameraPath(write(base::formatCameraPath(path)));
+  ASSERT_TRUE(read) << read.error().message;
+  EXPECT_EQ(read->frames_per_second, 0.5);
+  EXPECT_TRUE(read->jumps);
+  EXPECT_EQ(read->seconds(), 6.0);
+  const std::string frames = R"("frames":[{"position":[0,0,5],"direction":[0,0,-1]}]})";
+  for (const char* wrong : {R"({"frames_per_second":0,)", R"({"frames_per_second":"60",)", R"({"jumps":1,)"}) {
+    const auto refused = base::readCameraPath(write(wrong + frames));
+    ASSERT_FALSE(refused) << wrong;
+    EXPECT_NE(refused.error().message.find("must be"), std::string::npos) << refused.error().message;
+  }
 }
 
 TEST(CameraPath, orthographicFramesStayOrthographic) {
   auto path = base::orbitPath({0, 0, 0}, {2, 2, 2}, {0, 0, 1}, 2, 1.0, 0.5, 1.2, 320, 200);
   path[1].ortho_height = 3.5;
-  auto read = base::readCameraPath(write(base::formatCameraPath(path)));
+  auto read = base::readCameraPath(write(base::formatCameraPath({path})));
   ASSERT_TRUE(read) << read.error().message;
-  EXPECT_FALSE((*read)[0].orthographic());
-  EXPECT_EQ((*read)[1].ortho_height, 3.5);
+  EXPECT_FALSE(read->frames[0].orthographic());
+  EXPECT_EQ(read->frames[1].ortho_height, 3.5);
 }
 
 TEST(CameraPath, orbitKeepsItsDistanceAndLooksAtTheCentre) {

@@ -1,7 +1,7 @@
-// Tests the camera paths of comparisons.
+// Tests the camera paths that are made for a scene.
 #include <gtest/gtest.h>
 
-#include "compare/sim/paths.h"
+#include "server/bake/camera_paths.h"
 
 namespace {
 
@@ -17,10 +17,9 @@ TEST(Paths, lookAtTheSceneWhereverItLiesAndWhateverIsUp) {
   for (const auto& up : {glm::dvec3(0, 1, 0), glm::dvec3(0, 0, 1), glm::dvec3(1, 0, 0)}) {
     const base::Scene scene = sceneOf({5e5, 4e6, 100.0}, {5e5 + 80.0, 4e6 + 60.0, 130.0}, up);
     const glm::dvec3 center = 0.5 * (scene.box_min + scene.box_max);
-    for (const std::string& name : compare::pathNames()) {
-      const auto path = compare::makePath(name, scene, {});
+    for (const std::string& name : server::pathNames()) {
+      const auto path = server::makePath(name, scene, {});
       ASSERT_TRUE(path) << path.error().message;
-      EXPECT_EQ(path->name, name);
       EXPECT_NEAR(path->seconds(), 12.0, 0.02) << name;
       for (const base::ViewCamera& view : path->frames) {
         EXPECT_NEAR(glm::length(view.direction), 1.0, 1e-9);
@@ -29,12 +28,12 @@ TEST(Paths, lookAtTheSceneWhereverItLiesAndWhateverIsUp) {
       }
     }
   }
-  EXPECT_FALSE(compare::makePath("stroll", sceneOf({}, glm::dvec3(1.0), {0, 1, 0}), {}));
+  EXPECT_FALSE(server::makePath("stroll", sceneOf({}, glm::dvec3(1.0), {0, 1, 0}), {}));
 }
 
 TEST(Paths, moveEvenlyBetweenTheirFramesUnlessTheyJump) {
   const base::Scene scene = sceneOf(glm::dvec3(-1.0), glm::dvec3(1.0), {0, 1, 0});
-  const auto orbit = compare::makePath("orbit", scene, {});
+  const auto orbit = server::makePath("orbit", scene, {});
   ASSERT_TRUE(orbit);
   const glm::dvec3 a = orbit->at(1.0).position, b = orbit->at(1.0 + 0.5 / 60.0).position,
                    c = orbit->at(1.0 + 1.0 / 60.0).position;
@@ -42,7 +41,7 @@ TEST(Paths, moveEvenlyBetweenTheirFramesUnlessTheyJump) {
   EXPECT_GT(glm::length(c - a), 0.0);
   EXPECT_EQ(orbit->at(1e6).position, orbit->frames.back().position);
 
-  const auto jumps = compare::makePath("teleports", scene, {});
+  const auto jumps = server::makePath("teleports", scene, {});
   ASSERT_TRUE(jumps);
   EXPECT_EQ(jumps->at(0.1).position, jumps->at(1.9).position);
   EXPECT_NE(jumps->at(1.9).position, jumps->at(2.1).position);
@@ -50,8 +49,8 @@ TEST(Paths, moveEvenlyBetweenTheirFramesUnlessTheyJump) {
 
 TEST(Paths, whenFastTakeASixthOfTheTime) {
   const base::Scene scene = sceneOf(glm::dvec3(-1.0), glm::dvec3(1.0), {0, 1, 0});
-  const auto slow = compare::makePath("orbit", scene, {});
-  const auto fast = compare::makePath("orbit-fast", scene, {});
+  const auto slow = server::makePath("orbit", scene, {});
+  const auto fast = server::makePath("orbit-fast", scene, {});
   ASSERT_TRUE(slow && fast);
   EXPECT_NEAR(glm::length(slow->at(6.0).position - fast->at(1.0).position), 0.0, 1e-9);
 }

@@ -1,14 +1,12 @@
-#include "compare/sim/paths.h"
+#include "server/bake/camera_paths.h"
 
 #include <algorithm>
 #include <cmath>
-#include <filesystem>
 #include <glm/gtc/constants.hpp>
 
-#include "base/json/camera_file.h"
 #include "server/bake/random_views.h"
 
-namespace compare {
+namespace server {
 namespace {
 
 constexpr double kRate = 60.0;  // views a second of the paths made here
@@ -83,7 +81,7 @@ base::ViewCamera inspection(const Place& place, double t) {
 }
 
 /// A place anywhere around the model every two seconds.
-base::ViewCamera teleport(const Place& place, server::UnitRandom& random) {
+base::ViewCamera teleport(const Place& place, UnitRandom& random) {
   const double angle = 2.0 * glm::pi<double>() * random();
   const double elevation = 0.1 + 0.9 * random();
   const double distance = 0.6 + 0.6 * random();
@@ -109,32 +107,17 @@ struct NamedShape {
 constexpr NamedShape kShapes[] = {
     {"orbit", orbit}, {"approach", approach}, {"walk", walk}, {"inspection", inspection}, {"jitter", jitter}};
 
-TimedPath teleports(const Place& place, double every_seconds, const PathOptions& options) {
-  server::UnitRandom random(options.seed);
-  TimedPath path;
-  path.rate = 1.0 / every_seconds;
-  path.steps = true;
-  const auto count = static_cast<std::size_t>(std::max(1.0, std::round(options.seconds * path.rate)));
+base::CameraPath teleports(const Place& place, double every_seconds, const PathOptions& options) {
+  UnitRandom random(options.seed);
+  base::CameraPath path;
+  path.frames_per_second = 1.0 / every_seconds;
+  path.jumps = true;
+  const auto count = static_cast<std::size_t>(std::max(1.0, std::round(options.seconds * path.frames_per_second)));
   for (std::size_t i = 0; i < count; ++i) path.frames.push_back(teleport(place, random));
   return path;
 }
 
 }  // namespace
-
-base::ViewCamera TimedPath::at(double seconds) const {
-  const double place = std::clamp(seconds * rate, 0.0, static_cast<double>(frames.size() - 1));
-  const auto before = static_cast<std::size_t>(place);
-  const double share = place - static_cast<double>(before);
-  if (steps || share <= 0.0 || before + 1 >= frames.size()) return frames[before];
-  const base::ViewCamera &a = frames[before], &b = frames[before + 1];
-  base::ViewCamera view = a;
-  view.position = glm::mix(a.position, b.position, share);
-  const glm::dvec3 direction = glm::mix(a.direction, b.direction, share);
-  if (glm::length(direction) > 1e-6) view.direction = glm::normalize(direction);
-  view.up = glm::mix(a.up, b.up, share);
-  view.fov_y = glm::mix(a.fov_y, b.fov_y, share);
-  return view;
-}
 
 const std::vector<std::string>& pathNames() {
   static const std::vector<std::string> names = [] {
@@ -147,17 +130,17 @@ const std::vector<std::string>& pathNames() {
   return names;
 }
 
-base::Result<TimedPath> makePath(const std::string& name, const base::Scene& scene, const PathOptions& options) {
+base::Result<base::CameraPath> makePath(const std::string& name, const base::Scene& scene, const PathOptions& options) {
   const std::string fast_end = "-fast";
   const bool fast = name.ends_with(fast_end);
   const std::string slow = fast ? name.substr(0, name.size() - fast_end.size()) : name;
   const double speed = fast ? kFast : 1.0;
   const Place place = placeOf(scene);
-  TimedPath path;
+  base::CameraPath path;
   if (slow == "teleports") path = teleports(place, 2.0 / speed, options);
   for (const NamedShape& one : kShapes) {
     if (slow != one.name) continue;
-    path.rate = kRate;
+    path.frames_per_second = kRate;
     const int count = std::max(1, static_cast<int>(std::lround(options.seconds * kRate)));
     for (int i = 0; i < count; ++i) path.frames.push_back(one.shape(place, speed * i / kRate));
   }
@@ -166,7 +149,6 @@ base::Result<TimedPath> makePath(const std::string& name, const base::Scene& sce
     for (const std::string& known : pathNames()) all += (all.empty() ? "" : ", ") + known;
     return base::Error{base::ErrorCode::kInvalidInput, "path '" + name + "': there is none; choose from " + all};
   }
-  path.name = name;
   for (base::ViewCamera& view : path.frames) {
     view.width = options.width;
     view.height = options.height;
@@ -174,14 +156,4 @@ base::Result<TimedPath> makePath(const std::string& name, const base::Scene& sce
   return path;
 }
 
-base::Result<TimedPath> readPath(const std::string& file, double stop_seconds) {
-  TimedPath path;
-  LUMIGRID_ASSIGN_OR_RETURN(path.frames, base::readCameraPath(file));
-  if (path.frames.empty()) return base::Error{base::ErrorCode::kInvalidInput, file + ": the path has no frames"};
-  path.name = std::filesystem::path(file).stem().string();
-  path.rate = 1.0 / stop_seconds;
-  path.steps = true;
-  return path;
-}
-
-}  // namespace compare
+}  // namespace server
