@@ -4,9 +4,9 @@
 #include <deque>
 #include <utility>
 
-#include "base/view_defaults.h"
-#include "client/native/jpeg_decoder.h"
 #include "compare/sim/player.h"
+#include "compare/sim/remote_picture.h"
+#include "repository/faces/jpeg.h"
 
 namespace compare {
 namespace {
@@ -32,6 +32,7 @@ class FramesPlayer final : public Player {
   struct View {
     base::ViewCamera camera;
     double seen = 0.0;  ///< when the client looked at it
+    base::Bytes mask;   ///< of the drawn picture
   };
   struct Arrival {
     View view;
@@ -42,7 +43,7 @@ class FramesPlayer final : public Player {
   double nextEvent() const;
   base::Result<void> act(double now);
   base::Result<void> render(double now);
-  void receive(double now);
+  base::Result<void> receive(double now);
 
   const Stage& stage_;
   const int quality_;
@@ -70,10 +71,14 @@ double FramesPlayer::nextEvent() const {
 
 base::Result<void> FramesPlayer::render(double now) {
   if (drawing_ && now >= drawn_at_) {
-    LUMIGRID_ASSIGN_OR_RETURN(auto frame, stage_.painter->exactFrame(drawing_->camera, quality_));
-    coming_.push_back(*drawing_);
-    drawing_.reset();
-    down_.send(std::move(frame), now);
+    const auto jpegOf = [this](const base::Image& rgb) {
+      return repository::encodeJpeg(rgb, quality_, repository::Subsampling::k420);
+    };
+    const std::string form = "frame " + std::to_string(quality_);
+    LUMIGRID_ASSIGN_OR_RETURN(auto frame, remotePicture(*stage_.painter, drawing_->camera, form, jpegOf));
+    coming_.push_back(*std::exchange(drawing_, std::nullopt));
+    coming_.back().mask = std::move(frame.mask);
+    down_.send(std::move(frame.coded), now);
   }
   if (drawing_ || !newest_ || down_.unsentBytes() > 0) return {};
   drawing_ = std::exchange(newest_, std::nullopt);
@@ -81,21 +86,23 @@ base::Result<void> FramesPlayer::render(double now) {
   return {};
 }
 
-void FramesPlayer::receive(double now) {
+base::Result<void> FramesPlayer::receive(double now) {
   for (; up_.take(now); told_.pop_front()) newest_ = told_.front();
   while (const auto frame = down_.take(now)) {
-    auto decoded = client::decodeFaceImage(0, *frame);
-    const double pixels = static_cast<double>(coming_.front().camera.width) * coming_.front().camera.height;
+    LUMIGRID_ASSIGN_OR_RETURN(const auto rgb, repository::decodeJpeg(*frame));
+    const double pixels = static_cast<double>(rgb.width) * rgb.height;
     decoder_free_ = std::max(decoder_free_, now) + stage_.costs.client_decode_seconds * pixels / (512.0 * 512.0);
-    decoding_.push_back({coming_.front(), std::move(decoded.rgba), decoder_free_});
+    base::Image picture = withCoverage(rgb, coming_.front().mask);
+    decoding_.push_back({std::move(coming_.front()), std::move(picture), decoder_free_});
     coming_.pop_front();
   }
+  return {};
 }
 
 base::Result<void> FramesPlayer::act(double now) {
   down_.advance(now);
   up_.advance(now);
-  receive(now);
+  LUMIGRID_TRY(receive(now));
   return render(now);
 }
 
@@ -105,7 +112,7 @@ base::Result<void> FramesPlayer::advance(double now, const base::ViewCamera& cam
   camera_ = camera;
   if (const std::string text = textOf(camera); now >= connected_at_ && text != sent_text_) {
     sent_text_ = text;
-    told_.push_back({camera, now});
+    told_.push_back({camera, now, {}});
     up_.send(base::Bytes(kCameraMessageBytes), now);
     ++sent_messages_;
   }
@@ -118,7 +125,7 @@ base::Result<void> FramesPlayer::advance(double now, const base::ViewCamera& cam
 }
 
 base::Result<base::Image> FramesPlayer::draw() {
-  if (shown_ && !shown_->picture.empty()) return shown_->picture;
+  if (shown_) return shown_->picture;
   return base::Image(camera_.width, camera_.height, 4);
 }
 

@@ -95,7 +95,7 @@ class Run {
     warm_up_ = false;
     return player_.drawUnseen();
   }
-  /// Holds the last view until nothing changes any more.
+  /// Holds the last view until nothing changes any more. What comes to rest by being drawn is drawn meanwhile.
   Result<void> rest(std::size_t last) {
     const auto limit = last + static_cast<std::size_t>(options_.rest_seconds / interval_);
     std::size_t frame = last, quiet = 0;
@@ -103,7 +103,7 @@ class Run {
       ++frame;
       LUMIGRID_TRY(player_.advance(timeOf(frame), path_.frames.back()));
       quiet = player_.atRest() ? quiet + 1 : 0;
-      if (quiet > 0 && quiet % kFramesPerDrawn == 0) LUMIGRID_TRY(drawOnly());
+      if ((frame - last) % kFramesPerDrawn == 0) LUMIGRID_TRY(drawOnly());
     }
     run_.rest_seconds = quiet > kRunUpFrames ? timeOf(frame - quiet + 1) - timeOf(last) : -1.0;
     return judge(frame, InstantKind::kRest);

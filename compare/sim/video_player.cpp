@@ -5,10 +5,9 @@
 #include <deque>
 #include <utility>
 
-#include "compare/accuracy.h"
 #include "compare/sim/player.h"
+#include "compare/sim/remote_picture.h"
 #include "compare/sim/video_codec.h"
-#include "server/bake/face_encoder.h"
 
 namespace compare {
 namespace {
@@ -19,14 +18,6 @@ constexpr double kMaxBitRate = 50e6;             // the most that services of cl
 constexpr int kStillFrames = kVideoHertz;        // a view at rest becomes sharper for so many pictures more
 /// While more than this share of a second's bytes waits at the server, it leaves pictures out.
 constexpr double kMaxQueueSeconds = 0.1;
-
-/// The planes that the encoder reads, and after them the coverage of each pixel.
-base::Result<base::Bytes> videoInputOf(const base::Image& rgba) {
-  LUMIGRID_ASSIGN_OR_RETURN(auto input, toVideoInput(overMidGrey(rgba)));
-  const base::Image mask = server::coverageMask(rgba);
-  input.insert(input.end(), mask.pixels.begin(), mask.pixels.end());
-  return input;
-}
 
 class VideoPlayer final : public Player {
  public:
@@ -48,7 +39,7 @@ class VideoPlayer final : public Player {
     base::ViewCamera camera;
     std::string text;
     double seen = 0.0;  ///< when the client looked at it
-    base::Bytes mask;   ///< one byte a pixel, which costs the link nothing: video has no coverage
+    base::Bytes mask;   ///< of the drawn picture
     bool last = false;  ///< the server sends no other while the view stays
   };
   struct Arrival {
@@ -112,10 +103,9 @@ base::Result<void> VideoPlayer::encode(double now) {
     LUMIGRID_ASSIGN_OR_RETURN(encoder_, VideoEncoder::create({width, height, kVideoHertz, bits_per_second_}));
     LUMIGRID_ASSIGN_OR_RETURN(decoder_, VideoDecoder::create(width, height));
   }
-  LUMIGRID_ASSIGN_OR_RETURN(const auto input, stage_.painter->exactView(view.camera, "video", videoInputOf));
-  const std::size_t planes = input.size() - static_cast<std::size_t>(width) * static_cast<std::size_t>(height);
-  LUMIGRID_ASSIGN_OR_RETURN(auto coded, encoder_->encode(base::ByteView(input).first(planes)));
-  view.mask.assign(input.begin() + static_cast<std::ptrdiff_t>(planes), input.end());
+  LUMIGRID_ASSIGN_OR_RETURN(auto picture, remotePicture(*stage_.painter, view.camera, "video", toVideoInput));
+  LUMIGRID_ASSIGN_OR_RETURN(auto coded, encoder_->encode(picture.coded));
+  view.mask = std::move(picture.mask);
   coming_.push_back(std::move(view));
   down_.send(std::move(coded), now);
   return {};
@@ -162,14 +152,8 @@ base::Result<void> VideoPlayer::advance(double now, const base::ViewCamera& came
 }
 
 base::Result<base::Image> VideoPlayer::draw() {
-  base::Image picture(camera_.width, camera_.height, 4);
-  if (!shown_) return picture;
-  const base::Image& rgb = shown_->picture;
-  for (std::size_t i = 0; i < shown_->view.mask.size(); ++i) {
-    std::copy_n(rgb.pixels.data() + 3 * i, 3, picture.pixels.data() + 4 * i);
-    picture.pixels[4 * i + 3] = shown_->view.mask[i];
-  }
-  return picture;
+  if (!shown_) return base::Image(camera_.width, camera_.height, 4);
+  return withCoverage(shown_->picture, shown_->view.mask);
 }
 
 PlayerCounts VideoPlayer::counts() const {

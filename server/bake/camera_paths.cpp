@@ -14,9 +14,10 @@ constexpr double kFast = 6.0;
 
 /// A scene as paths see it: what is up, where the ground and the middle are, and how large everything is.
 struct Place {
-  glm::dvec3 center, up, ahead, right;  // world; the last three are unit vectors at right angles
-  double diagonal = 1.0;                // of the box
-  double height = 0.0;                  // of the box, along `up`
+  glm::dvec3 center, up, ahead, right;        // world; the last three are unit vectors at right angles
+  double diagonal = 1.0;                      // of the box
+  double height = 0.0;                        // of the box, along `up`
+  double half_ahead = 0.5, half_right = 0.5;  // of its sides along the two
 };
 
 Place placeOf(const base::Scene& scene) {
@@ -27,7 +28,11 @@ Place placeOf(const base::Scene& scene) {
   place.right = glm::normalize(glm::cross(place.up, other));
   place.ahead = glm::cross(place.right, place.up);
   place.diagonal = std::max(glm::length(scene.box_max - scene.box_min), 1e-9);
-  place.height = glm::dot(glm::abs(place.up), scene.box_max - scene.box_min);
+  const glm::dvec3 sides = scene.box_max - scene.box_min;
+  const double least = 0.05 * place.diagonal;  // around a thin wall, too
+  place.height = glm::dot(glm::abs(place.up), sides);
+  place.half_ahead = std::max(0.5 * glm::dot(glm::abs(place.ahead), sides), least);
+  place.half_right = std::max(0.5 * glm::dot(glm::abs(place.right), sides), least);
   return place;
 }
 
@@ -59,16 +64,17 @@ base::ViewCamera approach(const Place& place, double t) {
   return lookingAt(place, around(place, 0.6, kElevation, distance + 0.15), place.center);
 }
 
-/// Around the model at a sixth of its height over its ground, looking ahead and a little inward; a diagonal in twelve
-/// seconds.
+/// Around the model just outside its box, where nothing of it can be in the way, at a third of its height, looking
+/// inward and ahead; a diagonal in about twelve seconds.
 base::ViewCamera walk(const Place& place, double t) {
-  constexpr double kRadius = 0.45;  // diagonals
+  constexpr double kRadius = 0.45;  // diagonals: about half of the sides
   const double angle = t / (12.0 * kRadius);
-  const glm::dvec3 outward = std::cos(angle) * place.ahead + std::sin(angle) * place.right;
-  const glm::dvec3 onward = -std::sin(angle) * place.ahead + std::cos(angle) * place.right;
-  const glm::dvec3 ground = place.center + (0.17 - 0.5) * place.height * place.up;
-  const glm::dvec3 eye = ground + kRadius * place.diagonal * outward;
-  return lookingAt(place, eye, eye + onward - 0.8 * outward);
+  const glm::dvec3 outward =
+      std::cos(angle) * place.half_ahead * place.ahead + std::sin(angle) * place.half_right * place.right;
+  const glm::dvec3 onward =
+      -std::sin(angle) * place.half_ahead * place.ahead + std::cos(angle) * place.half_right * place.right;
+  const glm::dvec3 eye = place.center + (1.0 / 3.0 - 0.5) * place.height * place.up + 1.1 * outward;
+  return lookingAt(place, eye, eye + 0.7 * glm::normalize(onward) - glm::normalize(outward));
 }
 
 /// Three seconds at one side, a second on the way to the next, which is nearer.

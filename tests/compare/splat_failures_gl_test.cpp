@@ -13,68 +13,13 @@
 #include "server/bake/bake.h"
 #include "tests/support/built_hierarchy.h"
 #include "tests/support/built_splats.h"
+#include "tests/support/failure_meshes.h"
 #include "tests/support/mesh_reader.h"
 #include "tests/support/temporary_directory.h"
-#include "tests/support/test_meshes.h"
 
 namespace {
 
 using support::Mesh;
-
-/// Colours that vary smoothly with the place, so that any surface has something to show.
-glm::u8vec4 colorAt(const glm::vec3& p) {
-  const glm::vec3 waves =
-      0.5F + 0.5F * glm::sin(glm::vec3(5.0F * p.x + 2.0F * p.z, 6.0F * p.y, 4.0F * p.z + 3.0F * p.x));
-  return {glm::u8vec3(40.0F + 200.0F * waves), 255};
-}
-
-void append(Mesh& mesh, const Mesh& part) {
-  const auto first = static_cast<std::uint32_t>(mesh.positions.size());
-  mesh.positions.insert(mesh.positions.end(), part.positions.begin(), part.positions.end());
-  for (const std::uint32_t i : part.indices) mesh.indices.push_back(first + i);
-}
-
-/// Returns a closed box with 2 n² triangles on each side.
-Mesh box(const glm::vec3& low, const glm::vec3& high, std::uint32_t n) {
-  Mesh mesh;
-  for (int axis = 0; axis < 3; ++axis)
-    for (const bool upper : {false, true}) {
-      Mesh side;
-      for (std::uint32_t v = 0; v <= n; ++v)
-        for (std::uint32_t u = 0; u <= n; ++u) {
-          glm::vec3 share(0.0F);
-          share[axis] = upper ? 1.0F : 0.0F;
-          share[(axis + 1) % 3] = static_cast<float>(u) / static_cast<float>(n);
-          share[(axis + 2) % 3] = static_cast<float>(v) / static_cast<float>(n);
-          side.positions.push_back(low + share * (high - low));
-        }
-      for (std::uint32_t v = 0; v < n; ++v)
-        for (std::uint32_t u = 0; u < n; ++u) {
-          const std::uint32_t a = v * (n + 1) + u, b = a + 1, c = a + n + 2, d = a + n + 1;
-          if (upper)
-            support::addTriangle(side, a, b, c), support::addTriangle(side, a, c, d);
-          else
-            support::addTriangle(side, a, c, b), support::addTriangle(side, a, d, c);
-        }
-      append(mesh, side);
-    }
-  return mesh;
-}
-
-/// Returns a wire bent to a closed ring.
-Mesh wire(float radius, float thickness, const glm::vec3& tilt) {
-  constexpr std::uint32_t kAround = 400, kAcross = 8;
-  Mesh mesh = support::torus(kAround, kAcross);
-  mesh.colors.clear();
-  for (std::uint32_t i = 0; i < kAround; ++i)
-    for (std::uint32_t j = 0; j < kAcross; ++j) {
-      const float u = 6.2831853F * static_cast<float>(i) / kAround, v = 6.2831853F * static_cast<float>(j) / kAcross;
-      const glm::vec3 out(std::cos(u), std::sin(u), tilt.x * std::cos(u) + tilt.y * std::sin(u));
-      mesh.positions[i * kAcross + j] =
-          out * (radius + thickness * std::cos(v)) + glm::vec3(0, 0, thickness * std::sin(v));
-    }
-  return mesh;
-}
 
 /// Each method reaches at least this PSNR in dB.
 struct MinPsnr {
@@ -89,8 +34,7 @@ class SplatFailures : public testing::Test {
 
   /// Returns the accuracy of each method at the view. PSNR is also printed as a row of docs/results/qsplat.md.
   Figures compareAt(Mesh mesh, const base::ViewCamera& view, const char* name) {
-    if (mesh.colors.empty())
-      for (const glm::vec3& p : mesh.positions) mesh.colors.push_back(colorAt(p));
+    support::colorByPlace(mesh);
     build(mesh);
     compare::RunOptions options;
     options.scene = directory_.path();
@@ -183,22 +127,20 @@ TEST_F(SplatFailures, closeUpBeyondTheSampleSpacingIsBounded) {
 }
 
 TEST_F(SplatFailures, largeFlatsOfFewTrianglesAreBounded) {
-  Mesh mesh = box({-1, -1, -0.1F}, {1, 1, 0}, 1);
-  append(mesh, box({-0.3F, -0.3F, 0.001F}, {0.3F, 0.3F, 0.6F}, 1));
+  Mesh mesh = support::box({-1, -1, -0.1F}, {1, 1, 0}, 1);
+  support::append(mesh, support::box({-0.3F, -0.3F, 0.001F}, {0.3F, 0.3F, 0.6F}, 1));
   auto figures = compareAt(mesh, lookAt({2.2, 1.4, 1.6}, {0, 0, 0.1}), "large flats");
   expectAtLeast(figures, {36.0, 37.5, 20.5, 21.0, 20.5, 25.0});
 }
 
 TEST_F(SplatFailures, sharpCornersAreBounded) {
-  auto figures = compareAt(box({-0.5F, -0.5F, -0.5F}, {0.5F, 0.5F, 0.5F}, 60), lookAt({1.3, 1.0, 0.9}, {0.2, 0.2, 0.2}),
-                           "sharp corners");
+  auto figures = compareAt(support::box({-0.5F, -0.5F, -0.5F}, {0.5F, 0.5F, 0.5F}, 60),
+                           lookAt({1.3, 1.0, 0.9}, {0.2, 0.2, 0.2}), "sharp corners");
   expectAtLeast(figures, {17.0, 31.0, 22.0, 24.0, 23.5, 30.5});
 }
 
 TEST_F(SplatFailures, thinPartsAreBounded) {
-  Mesh mesh;
-  for (const float radius : {0.4F, 0.6F, 0.8F, 1.0F}) append(mesh, wire(radius, 0.01F, {0.5F - radius, 0.3F, 0}));
-  auto figures = compareAt(mesh, lookAt({1.6, 1.2, 1.2}, {0, 0, 0}), "thin parts");
+  auto figures = compareAt(support::wires(), lookAt({1.6, 1.2, 1.2}, {0, 0, 0}), "thin parts");
   expectAtLeast(figures, {21.5, 23.0, 12.5, 13.0, 12.0, 16.5});
 }
 
