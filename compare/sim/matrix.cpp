@@ -170,7 +170,23 @@ nlohmann::json rowsOf(const std::string& csv) {
   return rows;
 }
 
+/// The bytes of a scene on disk, part by part: "patch.lgp", "qsplat.lgq", "images".
+nlohmann::json bytesOnDisk(const std::string& directory) {
+  namespace fs = std::filesystem;
+  nlohmann::json bytes = nlohmann::json::object();
+  std::error_code ignored;  // a scene behind a network has no directory here
+  for (const auto& entry : fs::recursive_directory_iterator(directory, ignored)) {
+    if (!entry.is_regular_file(ignored)) continue;
+    const std::string part = fs::relative(entry.path(), directory, ignored).begin()->string();
+    bytes[part] = bytes.value(part, std::uint64_t{0}) + entry.file_size(ignored);
+  }
+  return bytes;
+}
+
 std::string resultsJson(const PageContext& c, const MatrixOptions& options, const std::vector<PlayedRun>& runs) {
+  nlohmann::json scenes = nlohmann::json::array();
+  for (const std::string& directory : options.scenes)
+    scenes.push_back({{"scene", directory}, {"bytes_on_disk", bytesOnDisk(directory)}});
   const nlohmann::json results{{"version", 1},
                                {"command", c.command},
                                {"commit", c.commit},
@@ -188,6 +204,7 @@ std::string resultsJson(const PageContext& c, const MatrixOptions& options, cons
                                  {"server_render_ms", 1e3 * c.costs.server_render_seconds},
                                  {"decode_ms", 1e3 * c.costs.client_decode_seconds},
                                  {"draw_ms", 1e3 * c.costs.client_draw_seconds}}},
+                               {"scenes", scenes},
                                {"runs", rowsOf(summaryCsv(runs))}};
   return results.dump(1) + "\n";
 }

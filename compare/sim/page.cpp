@@ -8,6 +8,7 @@
 
 #include "base/format_text.h"
 #include "compare/chart.h"
+#include "compare/sim/equal_bytes.h"
 
 namespace compare {
 namespace {
@@ -130,6 +131,22 @@ std::string figureOf(const std::string& caption, const base::Bytes& jpeg) {
          "\"><figcaption>" + escapeMarkup(caption) + "</figcaption></figure>\n";
 }
 
+/// The first method's default beside what others show for its bytes, where their knobs were swept.
+std::string equalBytesOf(const Runs& runs) {
+  const std::string& first = runs.front()->setting.method;
+  const auto normal = std::find_if(runs.begin(), runs.end(), [&](const PlayedRun* run) {
+    return run->setting.method == first && std::vector{run->setting.knob} == knobsOf(first, false);
+  });
+  const PlayedRun& reference = normal == runs.end() ? *runs.front() : **normal;
+  const std::vector<BytesDifference> differences = differencesAtBytesOf(reference, runs);
+  if (differences.empty()) return "";
+  std::string out = "<p>At the bytes of " + escapeMarkup(nameOfRun(reference, true)) + ", its lead over ";
+  for (std::size_t i = 0; i < differences.size(); ++i)
+    out += (i == 0 ? "" : ", ") + escapeMarkup(differences[i].method) +
+           formatText(" is %.2f ± %.2f dB", differences[i].db, differences[i].confidence);
+  return out + " (95 % confidence over the judged frames).</p>\n";
+}
+
 /// A picture of a run that the page shows.
 struct Shot {
   const PlayedRun* run;
@@ -221,7 +238,7 @@ std::string formatPage(const PageContext& c, const std::vector<PlayedRun>& runs)
     for (const std::string& title : order) {
       if (scene_of[title] != scene) continue;
       const Runs& section = sections[title];
-      out += "<h2>" + escapeMarkup(title) + "</h2>\n" + finding(section) + tableOf(section);
+      out += "<h2>" + escapeMarkup(title) + "</h2>\n" + finding(section) + equalBytesOf(section) + tableOf(section);
       out += formatChart(chartOfBytes(title, section)) + formatChart(chartAlong(title, section, sweeps));
     }
     if (const std::string pictures = picturesOf(by_scene[scene]); !pictures.empty())

@@ -1,6 +1,6 @@
 #pragma once
-// The report of a matrix as one HTML file that needs no other: charts, a table that can be sorted, and for each run its
-// worst and its median picture with what is wrong in them.
+// The report of a matrix as one HTML file that needs no other: charts, tables that can be sorted, and for each method
+// its worst and its median picture with their errors.
 #include <string>
 #include <vector>
 
