@@ -57,7 +57,7 @@ void SimulatedFetcher::act(Connection& connection) {
   if (!done.cancelled) answer(done);
 }
 
-/// The bytes of an answer without data count as if it had them; a scene that is whole gets none.
+/// An error answer counts as many bytes as the range that was asked for, though it has none: whole scenes give none.
 void SimulatedFetcher::answer(const Request& request) {
   client::FetchAnswer answer;
   answer.id = request.id;

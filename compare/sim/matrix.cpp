@@ -1,7 +1,6 @@
 #include "compare/sim/matrix.h"
 
 #include <algorithm>
-#include <charconv>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 #include <sstream>
@@ -10,6 +9,7 @@
 #include "base/file.h"
 #include "base/format_text.h"
 #include "base/json/camera_file.h"
+#include "base/number.h"
 #include "compare/run.h"
 #include "compare/sim/page.h"
 #include "compare/sim/published.h"
@@ -141,11 +141,11 @@ std::string byteColumns(const PlayerCounts& c) {
                     static_cast<unsigned long long>(c.bytes_frames));
 }
 
+/// Null for an empty cell.
 nlohmann::json numberOrText(const std::string& cell) {
-  double number = 0.0;
-  const auto [end, error] = std::from_chars(cell.data(), cell.data() + cell.size(), number);
   if (cell.empty()) return nullptr;
-  return error == std::errc() && end == cell.data() + cell.size() ? nlohmann::json(number) : nlohmann::json(cell);
+  const auto number = base::parseNumber(cell);
+  return number ? nlohmann::json(*number) : nlohmann::json(cell);
 }
 
 /// The rows of a table as objects, by its columns.
@@ -175,10 +175,11 @@ nlohmann::json bytesOnDisk(const std::string& directory) {
   namespace fs = std::filesystem;
   nlohmann::json bytes = nlohmann::json::object();
   std::error_code ignored;  // a scene behind a network has no directory here
-  for (const auto& entry : fs::recursive_directory_iterator(directory, ignored)) {
-    if (!entry.is_regular_file(ignored)) continue;
-    const std::string part = fs::relative(entry.path(), directory, ignored).begin()->string();
-    bytes[part] = bytes.value(part, std::uint64_t{0}) + entry.file_size(ignored);
+  fs::recursive_directory_iterator entry(directory, ignored);
+  for (; entry != fs::recursive_directory_iterator(); entry.increment(ignored)) {
+    if (!entry->is_regular_file(ignored)) continue;
+    const std::string part = fs::relative(entry->path(), directory, ignored).begin()->string();
+    bytes[part] = bytes.value(part, std::uint64_t{0}) + entry->file_size(ignored);
   }
   return bytes;
 }
@@ -262,9 +263,8 @@ std::string resultsCsv(const std::vector<PlayedRun>& runs) {
 std::string summaryCsv(const std::vector<PlayedRun>& runs) {
   std::string out =
       "scene,method,knob,path,link,frames,bytes,bytes_images,bytes_patches,bytes_frames,mean_psnr_db,p5_psnr_db,"
-      "mean_ssim,holes_share,silhouette_px,silhouette_p95_px,flicker,time_to_first_s,time_to_25_s,time_to_30_s,time_to_"
-      "35_s,"
-      "at_rest_psnr_db,rest_s,draw_wall_ms\n";
+      "mean_ssim,holes_share,silhouette_px,silhouette_p95_px,flicker,time_to_first_s,time_to_25_s,time_to_30_s,"
+      "time_to_35_s,at_rest_psnr_db,rest_s,draw_wall_ms\n";
   for (const PlayedRun& run : runs) {
     double wall = 0.0;
     for (const DisplayedFrame& f : run.frames) wall += f.draw_wall_ms / static_cast<double>(run.frames.size());

@@ -18,8 +18,8 @@ namespace {
 
 using base::Result;
 
-// A picture depends on the frames before it: images fade in, and a few depth maps are drawn a frame. So one in
-// kFramesPerDrawn is drawn of this many frames of the display before each judged one: half a second.
+// A picture depends on the frames before it: images fade in, and a few depth maps are drawn a frame. So of this many
+// frames of the display before each judged one, half a second, one in kFramesPerDrawn is drawn unseen.
 constexpr int kRunUpFrames = 32;
 
 // The first second of a path belongs to the ladder, since no method shows anything at its very begin: the instants of
