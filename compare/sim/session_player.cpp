@@ -3,10 +3,7 @@
 #include <algorithm>
 #include <utility>
 
-#include "client/viewer/viewer.h"
-#include "compare/sim/player.h"
-#include "compare/sim/viewer_screen.h"
-#include "compare/sim/virtual_decoder.h"
+#include "compare/sim/viewer_client.h"
 #include "server/net/server.h"
 #include "server/session/session.h"
 
@@ -16,20 +13,19 @@ namespace {
 class SessionPlayer final : public Player {
  public:
   SessionPlayer(const Stage& stage, const server::SceneData& data, const client::ViewerOptions& viewer,
-                const LinkProfile& link, std::unique_ptr<VirtualDecoder> decoder)
+                const LinkProfile& link)
       : stage_(stage),
         data_(data),
         server_(data_),
         down_(std::make_shared<Wire>(link), stage.seed),
         up_(std::make_shared<Wire>(link), stage.seed + 1),
-        decoder_(decoder.get()),
-        viewer_(viewer, std::move(decoder)),
+        client_(viewer, stage.costs),
         connected_at_(kHandshakeRoundTrips * link.round_trip_seconds) {}
 
   base::Result<void> advance(double now, const base::ViewCamera& camera) override;
-  base::Result<base::Image> draw() override;
-  base::Result<void> drawUnseen() override { return viewer_.drawUnseen(camera_, now_); }
-  bool atRest() const override { return viewer_.allHere() && !more_; }
+  base::Result<base::Image> draw() override { return client_.draw(); }
+  base::Result<void> drawUnseen() override { return client_.drawUnseen(); }
+  bool atRest() const override { return client_.atRest(); }
   PlayerCounts counts() const override;
 
  private:
@@ -43,19 +39,16 @@ class SessionPlayer final : public Player {
   base::Result<void> serve(double now);
   base::Result<void> deliver(double now);
   void sendFromClient(double now);
+  client::Session& session() { return client_.viewer().session(); }
 
   const Stage& stage_;
   server::SceneData data_;
   server::Session server_;
   Pipe down_, up_;
-  VirtualDecoder* decoder_;  // the viewer's
-  client::Viewer viewer_;
-  ViewerScreen screen_;
-  base::ViewCamera camera_;
-  double connected_at_;
+  ViewerClient client_;
+  const double connected_at_;
   double now_ = 0.0;
   bool connected_ = false;
-  bool more_ = true;
   std::optional<Rendering> rendering_;
   std::uint64_t sent_messages_ = 0;
 };
@@ -82,20 +75,20 @@ base::Result<void> SessionPlayer::serve(double now) {
 }
 
 base::Result<void> SessionPlayer::deliver(double now) {
-  while (auto message = down_.take(now)) LUMIGRID_TRY(viewer_.session().receive(*message));
+  while (auto message = down_.take(now)) LUMIGRID_TRY(session().receive(*message));
   while (auto message = up_.take(now)) LUMIGRID_TRY(server_.receive(*message));
   return {};
 }
 
 void SessionPlayer::sendFromClient(double now) {
   if (!connected_) return;
-  for (; auto message = viewer_.session().nextToSend(); ++sent_messages_) up_.send(std::move(*message), now);
+  for (; auto message = session().nextToSend(); ++sent_messages_) up_.send(std::move(*message), now);
 }
 
 base::Result<void> SessionPlayer::act(double now) {
   if (!connected_ && now >= connected_at_) {
     connected_ = true;
-    viewer_.session().connected();
+    session().connected();
   }
   down_.advance(now);
   up_.advance(now);
@@ -112,27 +105,14 @@ base::Result<void> SessionPlayer::act(double now) {
 base::Result<void> SessionPlayer::advance(double now, const base::ViewCamera& camera) {
   for (double next = nextEvent(); next <= now; next = nextEvent()) LUMIGRID_TRY(act(std::max(next, now_)));
   now_ = now;
-  camera_ = camera;
-  decoder_->setTime(now);
-  LUMIGRID_ASSIGN_OR_RETURN(more_, viewer_.update(camera, now));
+  LUMIGRID_TRY(client_.update(camera, now));
   return act(now);
 }
 
-base::Result<base::Image> SessionPlayer::draw() {
-  return screen_.show(viewer_, camera_, now_);
-}
-
 PlayerCounts SessionPlayer::counts() const {
-  const client::ViewerStats stats = viewer_.stats();
-  PlayerCounts counts;
-  counts.bytes = stats.session.bytes_received;
-  counts.bytes_images = stats.session.bytes_faces;
-  counts.bytes_patches = stats.session.bytes_patches;
-  counts.bytes_frames = stats.session.bytes_frames;
+  PlayerCounts counts = client_.counts();
+  counts.bytes = down_.deliveredBytes();
   counts.requests = sent_messages_;
-  counts.cache_bytes = stats.session.cache_bytes;
-  counts.triangles = stats.lumigraph.triangles;
-  counts.images = stats.lumigraph.samples_used;
   return counts;
 }
 
@@ -144,9 +124,7 @@ base::Result<std::unique_ptr<Player>> makeSessionPlayer(const Stage& stage, cons
   data.access = nullptr;
   data.images_are_remote = false;  // the session reads them itself, which takes no virtual time
   data.welcome.can_render_frames = true;
-  client::ViewerOptions viewer;
-  viewer.lumigraph.depth_maps_per_frame *= kFramesPerDrawn;
-  viewer.session.patch_tolerance_px = static_cast<float>(setting.knob);
+  client::ViewerOptions viewer = viewerOptions(setting.knob);
   viewer.method = setting.method == "patches" ? client::Method::kPatches : client::Method::kLumigraph;
   if (setting.method == "paper") {
     // Okamoto 2011, section 6: the eight nearest points, whatever hides what, a cache of 50 MB, no exact frames.
@@ -155,8 +133,7 @@ base::Result<std::unique_ptr<Player>> makeSessionPlayer(const Stage& stage, cons
     viewer.session.cache_bytes = 50'000'000;
     viewer.session.max_points = 8;
   }
-  return std::unique_ptr<Player>(std::make_unique<SessionPlayer>(
-      stage, data, viewer, link, std::make_unique<VirtualDecoder>(stage.costs.client_decode_seconds)));
+  return std::unique_ptr<Player>(std::make_unique<SessionPlayer>(stage, data, viewer, link));
 }
 
 }  // namespace compare

@@ -28,9 +28,8 @@ class SplatsPlayer final : public HostPlayer {
   }
   bool atRest() const override { return HostPlayer::atRest() && !splats_->busy(); }
   PlayerCounts counts() const override {
-    PlayerCounts counts;
-    counts.bytes = counts.bytes_patches = fetcher().deliveredBytes();
-    counts.requests = fetcher().requests();
+    PlayerCounts counts = HostPlayer::counts();
+    counts.bytes_patches = counts.bytes;
     const client::SplatStats stats = splats_->stats();
     counts.cache_bytes = stats.stream.memory_bytes;
     counts.triangles = stats.splats;

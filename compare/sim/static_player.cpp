@@ -6,17 +6,10 @@
 namespace compare {
 namespace {
 
-client::ViewerOptions optionsFor(double tolerance) {
-  client::ViewerOptions options;
-  options.lumigraph.depth_maps_per_frame *= kFramesPerDrawn;
-  options.session.patch_tolerance_px = static_cast<float>(tolerance);
-  return options;
-}
-
 class StaticPlayer final : public HostPlayer {
  public:
   StaticPlayer(const Stage& stage, double tolerance, const LinkProfile& link, std::unique_ptr<SimulatedFetcher> fetcher)
-      : HostPlayer(*fetcher, optionsFor(tolerance), stage, link),
+      : HostPlayer(*fetcher, viewerOptions(tolerance), stage, link),
         own_fetcher_(std::move(fetcher)),
         source_(stage.published->description(), *own_fetcher_,
                 [](const std::string& text) { return repository::sampledPointsFromMeta(text, "scene"); }) {}
