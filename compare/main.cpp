@@ -8,10 +8,12 @@
 
 #include "base/file.h"
 #include "base/json/camera_file.h"
+#include "base/memory.h"
 #include "client/native/units.h"
 #include "compare/run.h"
 #include "compare/sim/baseline.h"
 #include "compare/sim/matrix.h"
+#include "compare/sim/results.h"
 
 namespace {
 
@@ -219,6 +221,7 @@ int runInVirtualTime(Arguments& a) {
 }  // namespace
 
 int main(int argc, char** argv) {
+  base::keepFreedMemory();  // pictures come and go by the thousand
   // Warnings go to standard error, since standard output carries the figures.
   spdlog::set_default_logger(spdlog::stderr_color_mt("lumigrid-compare"));
   spdlog::set_level(spdlog::level::warn);

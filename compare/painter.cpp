@@ -62,23 +62,20 @@ base::Result<base::Image> Painter::paint(const base::ViewCamera& camera, const s
   return std::move(picture->rgba);
 }
 
-base::Result<base::Bytes> Painter::exactView(const base::ViewCamera& camera, const std::string& form,
-                                             const Encode& encode) {
-  const std::string key = textOf(camera) + " " + form;
-  if (const base::Bytes* kept = exact_.find(key)) return *kept;
-  LUMIGRID_ASSIGN_OR_RETURN(const auto picture, paint(camera, server::kExactFrame));
-  LUMIGRID_ASSIGN_OR_RETURN(auto encoded, encode(picture));
-  exact_.insert(key, encoded, encoded.size());
+base::Result<std::shared_ptr<const base::Image>> Painter::exactPicture(const base::ViewCamera& camera) {
+  const std::string key = textOf(camera);
+  if (const auto* kept = exact_.find(key)) return *kept;
+  LUMIGRID_ASSIGN_OR_RETURN(auto rgba, paint(camera, server::kExactFrame));
+  auto picture = std::make_shared<const base::Image>(std::move(rgba));
+  exact_.insert(key, picture, picture->pixels.size());
   exact_.evict([](const std::string&) { return false; });
-  return encoded;
+  return std::shared_ptr<const base::Image>(std::move(picture));
 }
 
 base::Result<base::Bytes> Painter::exactFrame(const base::ViewCamera& camera, int quality) {
-  return exactView(
-      camera, "jpeg " + std::to_string(quality), [quality](const base::Image& rgba) -> base::Result<base::Bytes> {
-        LUMIGRID_ASSIGN_OR_RETURN(auto encoded, server::encodeFace(rgba, quality, server::subsamplingFor(quality)));
-        return std::move(encoded.value);
-      });
+  LUMIGRID_ASSIGN_OR_RETURN(const auto rgba, exactPicture(camera));
+  LUMIGRID_ASSIGN_OR_RETURN(auto encoded, server::encodeFace(*rgba, quality, server::subsamplingFor(quality)));
+  return std::move(encoded.value);
 }
 
 // ---- Truth ----

@@ -1,6 +1,5 @@
 #pragma once
 // Pictures as the server draws them: exact frames, and the truth that all methods are judged against.
-#include <functional>
 #include <memory>
 #include <string>
 
@@ -25,15 +24,14 @@ class Painter {
   Painter& operator=(const Painter&) = delete;
 
   base::Result<base::Image> paint(const base::ViewCamera& camera, const server::RenderOptions& options);
-  /// Turns an exact picture (server::kExactFrame) into bytes.
-  using Encode = std::function<base::Result<base::Bytes>(const base::Image& rgba)>;
-  /// Returns what `encode` makes of a view's exact picture. `form` names it: what was made before under the same name
-  /// is kept within kExactBytes, since several runs ask for the same.
-  base::Result<base::Bytes> exactView(const base::ViewCamera& camera, const std::string& form, const Encode& encode);
+  /// Returns the view's exact picture (server::kExactFrame), RGBA. Pictures are kept within kExactBytes, since all
+  /// methods that show pictures, with all their knobs and links, ask for views of the same path.
+  base::Result<std::shared_ptr<const base::Image>> exactPicture(const base::ViewCamera& camera);
   /// Returns an exact frame as the server sends it (server::FrameRenderer).
   base::Result<base::Bytes> exactFrame(const base::ViewCamera& camera, int quality);
 
-  static constexpr std::uint64_t kExactBytes = 500'000'000;
+  /// A path of 8 seconds has 480 views, and 640 × 360 pixels take 0.9 MB.
+  static constexpr std::uint64_t kExactBytes = 1'000'000'000;
 
  private:
   Painter(const server::OpenScene& scene, base::HeadlessContext& gl) : scene_(scene), callers_gl_(gl) {}
@@ -42,7 +40,7 @@ class Painter {
   base::HeadlessContext& callers_gl_;
   std::unique_ptr<base::HeadlessContext> gl_;
   std::unique_ptr<server::SceneRenderer> renderer_;
-  repository::LruCache<std::string, base::Bytes> exact_{kExactBytes};
+  repository::LruCache<std::string, std::shared_ptr<const base::Image>> exact_{kExactBytes};
 };
 
 /// All numbers of a camera as text, equal for equal views.

@@ -3,10 +3,10 @@
 #include <array>
 #include <map>
 #include <optional>
-#include <sstream>
 
 #include "base/format_text.h"
 #include "base/number.h"
+#include "compare/csv.h"
 
 namespace compare {
 namespace {
@@ -20,30 +20,17 @@ constexpr std::array<const char*, 1> kByteCounts{"bytes"};
 constexpr std::array<const char*, 5> kTimes{"time_to_first_s", "time_to_25_s", "time_to_30_s", "time_to_35_s",
                                             "rest_s"};
 
-std::vector<std::string> cellsOf(const std::string& line) {
-  std::vector<std::string> cells;
-  std::istringstream in(line + ",");
-  for (std::string cell; std::getline(in, cell, ',');) cells.push_back(cell);
-  return cells;
-}
-
 std::optional<Table> parseTable(const std::string& text) {
-  std::istringstream in(text);
-  std::string line;
-  if (!std::getline(in, line)) return std::nullopt;
-  const std::vector<std::string> columns = cellsOf(line);
+  const auto csv = parseCsv(text);
+  if (!csv) return std::nullopt;
   Table table;
-  while (std::getline(in, line)) {
-    const std::vector<std::string> cells = cellsOf(line);
-    if (cells.size() != columns.size()) return std::nullopt;
-    Row row;
-    for (std::size_t i = 0; i < cells.size(); ++i) row[columns[i]] = cells[i];
+  for (const Row& row : csv->rows) {
     std::string key;
     for (const char* name : kKey) {
       if (!row.contains(name)) return std::nullopt;
-      key += (key.empty() ? "" : " ") + row[name];
+      key += (key.empty() ? "" : " ") + row.at(name);
     }
-    table[key] = std::move(row);
+    table[key] = row;
   }
   return table;
 }

@@ -21,7 +21,7 @@ class FramesPlayer final : public RemotePlayer {
     const auto jpegOf = [this](const base::Image& rgb) {
       return repository::encodeJpeg(rgb, quality_, repository::Subsampling::k420);
     };
-    return remotePicture(*stage().painter, camera, "frame " + std::to_string(quality_), jpegOf);
+    return remotePicture(*stage().painter, camera, jpegOf);
   }
   base::Result<base::Image> decode(base::ByteView coded) override { return repository::decodeJpeg(coded); }
 

@@ -1,6 +1,5 @@
 #pragma once
-// Plays methods over paths and links for scenes, and writes the figures: results.csv with a row for each judged frame,
-// summary.csv with a row for each scene, method, knob, path and link (docs/formats/comparison.md), and index.html.
+// Plays methods over paths and links for scenes, and writes the report.
 #include <functional>
 #include <optional>
 #include <string>
@@ -41,8 +40,5 @@ struct MatrixOptions {
 /// `log` gets a line for each run. Errors name the scene.
 base::Result<std::vector<PlayedRun>> playMatrix(const MatrixOptions& options,
                                                 const std::function<void(const std::string&)>& log);
-
-std::string resultsCsv(const std::vector<PlayedRun>& runs);
-std::string summaryCsv(const std::vector<PlayedRun>& runs);
 
 }  // namespace compare

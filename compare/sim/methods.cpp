@@ -8,11 +8,25 @@ namespace {
 
 using MakePlayer = base::Result<std::unique_ptr<Player>> (*)(const Stage&, const MethodSetting&, const LinkProfile&);
 
+bool hasImages(const server::OpenScene& scene) {
+  return scene.data.images != nullptr;
+}
+bool canBePublished(const server::OpenScene& scene) {
+  return hasImages(scene) && !scene.directory.empty();
+}
+bool hasSplats(const server::OpenScene& scene) {
+  return !scene.splat_bytes.bytes().empty();
+}
+bool hasPatches(const server::OpenScene& scene) {
+  return scene.data.patches != nullptr;
+}
+
 struct Method {
   std::string name, knob;
   double normal;              ///< the knob's default
   std::vector<double> sweep;  ///< the default among them
   MakePlayer make;
+  bool (*can_play)(const server::OpenScene& scene);
 };
 
 /// A new method is one file and one row here.
@@ -20,14 +34,29 @@ const std::vector<Method>& methods() {
   constexpr double kTolerance = base::ViewDefaults::kPatchTolerance;
   constexpr double kQuality = base::ViewDefaults::kQuality;
   static const std::vector<Method> all{
-      {"lumigraph", "pixels, error of the patches under the images", kTolerance, {16, 8, 4, 2, 1}, makeSessionPlayer},
-      {"static", "pixels, error of the patches under the images", kTolerance, {16, 8, 4, 2, 1}, makeStaticPlayer},
-      {"paper", "pixels, error of the patches under the images", kTolerance, {16, 8, 4, 2, 1}, makeSessionPlayer},
-      {"patches", "pixels, error of the patches", kTolerance, {16, 8, 4, 2, 1}, makeSessionPlayer},
-      {"qsplat", "pixels, diameter of the splats", 1.0, {8, 4, 2, 1, 0.5}, makeSplatsPlayer},
-      {"frames", "quality of the JPEGs", kQuality, {30, 50, 70, 85, 95}, makeFramesPlayer},
+      {"lumigraph",
+       "pixels, error of the patches under the images",
+       kTolerance,
+       {16, 8, 4, 2, 1},
+       makeSessionPlayer,
+       hasImages},
+      {"static",
+       "pixels, error of the patches under the images",
+       kTolerance,
+       {16, 8, 4, 2, 1},
+       makeStaticPlayer,
+       canBePublished},
+      {"paper",
+       "pixels, error of the patches under the images",
+       kTolerance,
+       {16, 8, 4, 2, 1},
+       makeSessionPlayer,
+       hasImages},
+      {"patches", "pixels, error of the patches", kTolerance, {16, 8, 4, 2, 1}, makeSessionPlayer, hasPatches},
+      {"qsplat", "pixels, diameter of the splats", 1.0, {8, 4, 2, 1, 0.5}, makeSplatsPlayer, hasSplats},
+      {"frames", "quality of the JPEGs", kQuality, {30, 50, 70, 85, 95}, makeFramesPlayer, hasPatches},
 #ifdef LUMIGRID_VIDEO
-      {"video", "percent of the link's rate", 80.0, {20, 40, 60, 80, 95}, makeVideoPlayer},
+      {"video", "percent of the link's rate", 80.0, {20, 40, 60, 80, 95}, makeVideoPlayer, hasPatches},
 #endif
   };
   return all;
@@ -48,6 +77,13 @@ const std::vector<std::string>& methodNames() {
     return all;
   }();
   return names;
+}
+
+std::vector<std::string> methodsFor(const server::OpenScene& scene) {
+  std::vector<std::string> possible;
+  for (const Method& one : methods())
+    if (one.can_play(scene)) possible.push_back(one.name);
+  return possible;
 }
 
 std::vector<double> knobsOf(const std::string& method, bool sweep) {

@@ -2,6 +2,7 @@
 // A method in virtual time: server, link and client in one process, without a clock. compare::playPath() tells it what
 // time it is and what the viewer looks at, and now and then asks for the picture that the display shows.
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
@@ -57,7 +58,7 @@ class Player {
 struct Stage {
   const server::OpenScene* scene = nullptr;
   Painter* painter = nullptr;
-  const PublishedObjects* published = nullptr;  ///< null where no method needs it
+  std::function<base::Result<const PublishedObjects*>()> published;  ///< publishes the scene when it is first asked for
   Costs costs;
   std::uint32_t seed = 1;
 };
@@ -70,6 +71,8 @@ struct MethodSetting {
 
 /// The methods that there are, in the order of the report.
 const std::vector<std::string>& methodNames();
+/// Those of them that the scene has data for.
+std::vector<std::string> methodsFor(const server::OpenScene& scene);
 /// The knob's default, and the values of a sweep, the default among them.
 std::vector<double> knobsOf(const std::string& method, bool sweep);
 /// The meaning of the knob, as a chart's legend says it: "pixels of the patches' error".

@@ -3,7 +3,6 @@
 // model are as smooth as they were drawn. Such pictures have no coverage; that of the drawn picture goes with them at
 // no cost, to be judged by.
 #include <algorithm>
-#include <string>
 #include <utility>
 
 #include "compare/accuracy.h"
@@ -17,21 +16,12 @@ struct RemotePicture {
   base::Bytes mask;  ///< one byte a pixel, 255: model
 };
 
-/// Codes a view's exact picture over grey by `encode`, which gets RGB. `form` names the coding, as in
-/// Painter::exactView().
+/// Codes a view's exact picture over grey by `encode`, which gets RGB.
 template <class Encode>
-base::Result<RemotePicture> remotePicture(Painter& painter, const base::ViewCamera& camera, const std::string& form,
-                                          const Encode& encode) {
-  const auto withMask = [&encode](const base::Image& rgba) -> base::Result<base::Bytes> {
-    LUMIGRID_ASSIGN_OR_RETURN(base::Bytes bytes, encode(overMidGrey(rgba)));
-    const base::Image mask = server::coverageMask(rgba);
-    bytes.insert(bytes.end(), mask.pixels.begin(), mask.pixels.end());
-    return bytes;
-  };
-  LUMIGRID_ASSIGN_OR_RETURN(const auto bytes, painter.exactView(camera, form, withMask));
-  const std::size_t pixels = static_cast<std::size_t>(camera.width) * static_cast<std::size_t>(camera.height);
-  const auto split = bytes.end() - static_cast<std::ptrdiff_t>(pixels);
-  return RemotePicture{{bytes.begin(), split}, {split, bytes.end()}};
+base::Result<RemotePicture> remotePicture(Painter& painter, const base::ViewCamera& camera, const Encode& encode) {
+  LUMIGRID_ASSIGN_OR_RETURN(const auto rgba, painter.exactPicture(camera));
+  LUMIGRID_ASSIGN_OR_RETURN(base::Bytes coded, encode(overMidGrey(*rgba)));
+  return RemotePicture{std::move(coded), server::coverageMask(*rgba).pixels};
 }
 
 /// The decoded picture with its coverage: RGBA.

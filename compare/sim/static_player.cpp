@@ -8,10 +8,11 @@ namespace {
 
 class StaticPlayer final : public HostPlayer {
  public:
-  StaticPlayer(const Stage& stage, double tolerance, const LinkProfile& link, std::unique_ptr<SimulatedFetcher> fetcher)
+  StaticPlayer(const Stage& stage, const PublishedObjects& objects, double tolerance, const LinkProfile& link,
+               std::unique_ptr<SimulatedFetcher> fetcher)
       : HostPlayer(*fetcher, viewerOptions(tolerance), stage, link),
         own_fetcher_(std::move(fetcher)),
-        source_(stage.published->description(), *own_fetcher_,
+        source_(objects.description(), *own_fetcher_,
                 [](const std::string& text) { return repository::sampledPointsFromMeta(text, "scene"); }) {}
 
   base::Result<void> advance(double now, const base::ViewCamera& camera) override {
@@ -32,15 +33,14 @@ class StaticPlayer final : public HostPlayer {
 
 base::Result<std::unique_ptr<Player>> makeStaticPlayer(const Stage& stage, const MethodSetting& setting,
                                                        const LinkProfile& link) {
-  if (stage.published == nullptr)
-    return base::Error{base::ErrorCode::kUnsupported, "the scene was not published for the method static"};
-  const PublishedObjects& objects = *stage.published;
+  LUMIGRID_ASSIGN_OR_RETURN(const PublishedObjects* objects, stage.published());
   auto fetcher = std::make_unique<SimulatedFetcher>(
-      [&objects](const std::string& name, std::uint64_t offset, std::uint64_t length) {
-        return objects.read(name, offset, length);
+      [objects](const std::string& name, std::uint64_t offset, std::uint64_t length) {
+        return objects->read(name, offset, length);
       },
       link, stage.seed);
-  return std::unique_ptr<Player>(std::make_unique<StaticPlayer>(stage, setting.knob, link, std::move(fetcher)));
+  return std::unique_ptr<Player>(
+      std::make_unique<StaticPlayer>(stage, *objects, setting.knob, link, std::move(fetcher)));
 }
 
 }  // namespace compare

@@ -54,7 +54,7 @@ base::Result<RemotePicture> VideoPlayer::encode(const base::ViewCamera& camera) 
     LUMIGRID_ASSIGN_OR_RETURN(encoder_, VideoEncoder::create(format));
     LUMIGRID_ASSIGN_OR_RETURN(decoder_, VideoDecoder::create(camera.width, camera.height));
   }
-  LUMIGRID_ASSIGN_OR_RETURN(auto picture, remotePicture(*stage().painter, camera, "video", toVideoInput));
+  LUMIGRID_ASSIGN_OR_RETURN(auto picture, remotePicture(*stage().painter, camera, toVideoInput));
   LUMIGRID_ASSIGN_OR_RETURN(picture.coded, encoder_->encode(picture.coded));
   return picture;
 }

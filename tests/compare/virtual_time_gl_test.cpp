@@ -11,6 +11,7 @@
 #include "base/json/camera_file.h"
 #include "compare/run.h"
 #include "compare/sim/matrix.h"
+#include "compare/sim/results.h"
 #include "tests/support/baked_statue.h"
 
 namespace {
