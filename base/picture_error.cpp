@@ -35,4 +35,19 @@ PictureError modelError(const Image& rgba, const Image& rgb) {
   return error;
 }
 
+PictureError foregroundError(const Image& truth, const Image& picture) {
+  LUMIGRID_CHECK(truth.width == picture.width && truth.height == picture.height);
+  LUMIGRID_CHECK(truth.channels == 4 && picture.channels == 4);
+  const auto overGrey = [](const Image& image, std::size_t pixel, std::size_t channel) {
+    const double alpha = image.pixels[4 * pixel + 3] / 255.0;
+    return alpha * image.pixels[4 * pixel + channel] + (1.0 - alpha) * kMidGrey;
+  };
+  PictureError error;
+  for (std::size_t i = 0; 4 * i < truth.pixels.size(); ++i) {
+    if (std::max(truth.pixels[4 * i + 3], picture.pixels[4 * i + 3]) < kCoverageThreshold) continue;
+    for (std::size_t c = 0; c < 3; ++c) error.add(overGrey(truth, i, c) - overGrey(picture, i, c));
+  }
+  return error;
+}
+
 }  // namespace base

@@ -1,5 +1,6 @@
 #pragma once
-// Measures what compression does to faces. Pictures are compared in compare/, by OpenCV.
+// Measures how far pictures are from others: faces from what was compressed, and what a client shows from the truth.
+// compare/ measures more, by OpenCV.
 #include <cstdint>
 
 #include "base/image.h"
@@ -10,6 +11,10 @@ namespace base {
 inline constexpr std::uint8_t kCoverageThreshold = 128;
 /// The PSNR of equal pictures, which would be infinite, and the largest that is reported.
 inline constexpr double kEqualDb = 99.0;
+
+/// The colour beneath pixels that are not wholly covered, and in holes, where pictures are compared: 18 % reflectance
+/// in sRGB, photography's grey card.
+inline constexpr double kMidGrey = 118.0;
 
 /// Sums of differences over R, G and B of pixels, 8-bit levels.
 struct PictureError {
@@ -27,5 +32,9 @@ struct PictureError {
 /// `rgb`, without a background, since the mask is stored without loss and filler is never seen. The sums are whole
 /// numbers, hence exact in any order. Images of the same size.
 PictureError modelError(const Image& rgba, const Image& rgb);
+
+/// The error of a picture against the truth: over the pixels that are model in either, both laid over mid-grey, which
+/// also shows in holes; as compare::measureAccuracy() does. RGBA of the same size, colour not premultiplied.
+PictureError foregroundError(const Image& truth, const Image& picture);
 
 }  // namespace base

@@ -16,9 +16,7 @@ namespace {
 const cv::Size kWindow(11, 11);
 constexpr double kSigma = 1.5;
 constexpr double kC1 = 6.5025, kC2 = 58.5225;
-// The colour beneath pixels that are not wholly covered, and in holes: 18 % reflectance in sRGB, photography's grey
-// card.
-constexpr double kMidGrey = 118.0;
+using base::kMidGrey;
 
 /// OpenCV's view of an image, without a copy.
 cv::Mat viewOf(const base::Image& image) {

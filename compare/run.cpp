@@ -106,7 +106,7 @@ client::HeadlessOptions clientOptions(const RunOptions& options, const Setting& 
   client.viewer.method = setting.images ? client::Method::kLumigraph : client::Method::kPatches;
   client.viewer.session.images = setting.images;
   client.viewer.session.frames = setting.frames;
-  client.viewer.session.patch_tolerance_px = static_cast<float>(setting.tolerance);
+  client.viewer.session.setPatchTolerance(static_cast<float>(setting.tolerance));
   client.viewer.session.max_points = static_cast<std::uint16_t>(options.points);
   client.viewer.lumigraph.max_samples = options.samples;
   client.viewer.session.cache_bytes = options.cache_bytes;

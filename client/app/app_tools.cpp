@@ -408,7 +408,7 @@ bool App::pressKey(Key key, Modifiers modifiers) {
       break;
     case Key::kP: {
       const base::ViewCamera drawn = camera();
-      const auto tolerance = static_cast<double>(viewer_.options().session.patch_tolerance_px);
+      const auto tolerance = static_cast<double>(viewer_.session().patchTolerance());
       requests_.push_back(
           {.kind = RequestKind::kSavePicture, .text = pictureQuery(drawn, view_, tolerance), .camera = drawn});
       break;

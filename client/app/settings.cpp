@@ -9,7 +9,7 @@ namespace {
 
 using Kind = SettingKind;
 
-constexpr std::array<SettingField, 19> kFields{{
+constexpr std::array<SettingField, 20> kFields{{
     {"method", "What is shown, where the scene has it", Kind::kChoice, 0, 2, &Settings::method,
      "lumigraph patches qsplat", true},
     {"splat", "Shape of splats", Kind::kChoice, 0, 3, &Settings::splat, "square circle fuzzy ellipse"},
@@ -23,6 +23,8 @@ constexpr std::array<SettingField, 19> kFields{{
     {"gpu_megabytes", "Graphics memory, MB", Kind::kInteger, 16, 65536, &Settings::gpu_megabytes, "", true},
     {"patch_tolerance", "Error up to which shape is refined, pixels", Kind::kNumber, 0, 1000,
      &Settings::patch_tolerance, "", true},
+    {"alone_tolerance", "The same where no images are used", Kind::kNumber, 0, 1000, &Settings::alone_tolerance, "",
+     true},
     {"max_triangles", "Most triangles in a picture", Kind::kInteger, 1'000, 1'000'000'000, &Settings::max_triangles, "",
      true},
     {"points", "Places whose images are asked for", Kind::kInteger, 1, 64, &Settings::points, "", true},

@@ -24,7 +24,8 @@ struct Settings {
   double cache_megabytes = 50.0;     ///< compressed images and patches kept; from the next start on
   double memory_megabytes = 1000.0;  ///< all memory together, on the GPU and off; from the next start on
   double gpu_megabytes = 512.0;      ///< textures; from the next start on
-  double patch_tolerance = base::ViewDefaults::kPatchTolerance;  ///< pixels
+  double patch_tolerance = base::ViewDefaults::kPatchTolerance;  ///< pixels, of patches under images
+  double alone_tolerance = base::ViewDefaults::kAloneTolerance;  ///< pixels, of patches without images
   double max_triangles = base::ViewDefaults::kMaxTriangles;
   double points = base::ViewDefaults::kPoints;   ///< sampling points whose images are asked for
   double samples = base::ViewDefaults::kImages;  ///< images blended in a picture

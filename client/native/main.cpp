@@ -8,6 +8,7 @@
 #include <string>
 #include <tuple>
 
+#include "base/format_text.h"
 #include "base/json/camera_file.h"
 #include "client/app/permalink.h"
 #include "client/app/splat_settings.h"
@@ -76,8 +77,13 @@ void addContentOptions(CLI::App& app, Arguments& a) {
       ->check(CLI::Range(1, 64));
   app.add_option("--samples", a.run.viewer.lumigraph.max_samples, "Images blended in a picture, 1 to 32")
       ->check(CLI::Range(1, 32));
-  app.add_option("--patch-tolerance", a.run.viewer.session.patch_tolerance_px,
-                 "Patches are refined until their error is at most this, in pixels")
+  const client::SessionOptions& session = a.run.viewer.session;
+  app.add_option_function<float>(
+         "--patch-tolerance", [&a](float px) { a.run.viewer.session.setPatchTolerance(px); },
+         base::formatText("Patches are refined until their error is at most this, in pixels (default: %g, and %g where "
+                          "no images are used)",
+                          static_cast<double>(session.patch_tolerance_px),
+                          static_cast<double>(session.alone_tolerance_px)))
       ->check(CLI::Range(0.0, 1000.0));
   app.add_option("--max-triangles", a.run.viewer.session.max_triangles, "Refinement stops at this many triangles")
       ->check(CLI::Range(1'000, 1'000'000'000));
@@ -279,7 +285,10 @@ void applyUserSettings(const CLI::App& app, const client::Settings& kept, client
   if (!said("--cache")) viewer.session.cache_bytes = static_cast<std::uint64_t>(kept.cache_megabytes * 1e6);
   if (!said("--gpu-memory")) viewer.gpu_budget_bytes = static_cast<std::uint64_t>(kept.gpu_megabytes * 1e6);
   if (!said("--memory")) viewer.memory_budget_bytes = static_cast<std::uint64_t>(kept.memory_megabytes * 1e6);
-  if (!said("--patch-tolerance")) viewer.session.patch_tolerance_px = static_cast<float>(kept.patch_tolerance);
+  if (!said("--patch-tolerance")) {
+    viewer.session.patch_tolerance_px = static_cast<float>(kept.patch_tolerance);
+    viewer.session.alone_tolerance_px = static_cast<float>(kept.alone_tolerance);
+  }
   if (!said("--max-triangles")) viewer.session.max_triangles = static_cast<std::uint32_t>(kept.max_triangles);
   if (!said("--points")) viewer.session.max_points = static_cast<std::uint16_t>(kept.points);
   if (!said("--samples")) viewer.lumigraph.max_samples = static_cast<int>(kept.samples);

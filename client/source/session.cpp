@@ -224,7 +224,7 @@ base::Bytes Session::viewMessage() {
   protocol::View view;
   view.sequence = ++sequence_;
   view.camera = *camera_;
-  view.patch_tolerance_px = options_.patch_tolerance_px;
+  view.patch_tolerance_px = patchTolerance();
   view.max_triangles = options_.max_triangles;
   view.max_points = options_.images ? options_.max_points : std::uint16_t{0};
   view.want_frame = wantsFrame();
@@ -300,6 +300,11 @@ void Session::setWanted(bool images, bool frames) {
   options_.images = images;
   options_.frames = frames;
   view_unsent_ = camera_ && phase_ == SessionPhase::kReady;
+}
+
+float Session::patchTolerance() const {
+  const bool images = options_.images && (!welcome_ || welcome_->grid.pointCount() != 0);
+  return images ? options_.patch_tolerance_px : options_.alone_tolerance_px;
 }
 
 bool Session::complete() const {

@@ -37,9 +37,12 @@ struct SessionOptions {
       16'000'000;  ///< exact frames kept in coded form, the newest first; a frame larger than this is dropped
   bool images = true;
   bool frames = true;
-  float patch_tolerance_px = base::ViewDefaults::kPatchTolerance;
+  float patch_tolerance_px = base::ViewDefaults::kPatchTolerance;  ///< of patches under images
+  float alone_tolerance_px = base::ViewDefaults::kAloneTolerance;  ///< of patches where no images are used
   std::uint32_t max_triangles = base::ViewDefaults::kMaxTriangles;
   std::uint16_t max_points = base::ViewDefaults::kPoints;
+
+  void setPatchTolerance(float px) { patch_tolerance_px = alone_tolerance_px = px; }  ///< under images or not
 };
 
 struct SessionStats {
@@ -106,6 +109,9 @@ class Session {
   bool hasGroup(std::uint32_t group) const { return cache_.contains(kGroupTag | group); }
   const SessionStats& stats() const { return stats_; }
   const SessionOptions& options() const { return options_; }
+  /// Returns the projected error, pixels, up to which patches are refined: with images if they are wanted and, as far
+  /// as is known yet, there are any.
+  float patchTolerance() const;
 
  private:
   /// Faces and groups share one cache. A face's key is its code (63 bits), a group's its number with the highest bit

@@ -203,7 +203,7 @@ ViewerStats Viewer::stats() const {
   if (renderer_) stats.lumigraph = renderer_->stats();
   stats.error_px = patches_.drawn().error_px;
   const lod::patch::Cut& wanted = patches_.wanted();
-  stats.tolerance_px = options_.session.patch_tolerance_px;
+  stats.tolerance_px = session_.patchTolerance();
   // The server is asked for no more than fits, so when everything has arrived, the drawn picture is as fine as it gets.
   if (wanted.limited || (renderer_ && session_.complete()))
     stats.tolerance_px = std::max(stats.tolerance_px, wanted.error_px);
@@ -284,7 +284,7 @@ void Viewer::updatePatches() {
   lod::patch::CutRequest wanted;
   wanted.camera = camera_;
   wanted.near_plane = base::depthRangeFor(camera_.eye, scene_.center, scene_.radius).near_plane;
-  wanted.tolerance_px = options_.session.patch_tolerance_px;
+  wanted.tolerance_px = session_.patchTolerance();
   wanted.max_triangles = options_.session.max_triangles;
   wanted.max_cost = plan_.patches - records;
   patches_.update(
@@ -335,7 +335,7 @@ Accuracy Viewer::accuracy() const {
   }
   if (!renderer_ || patches_.drawn().patches.empty()) return Accuracy::kNothing;
   if (showsExactFrame()) return Accuracy::kExact;
-  const bool fine = patches_.drawn().error_px <= options_.session.patch_tolerance_px;
+  const bool fine = patches_.drawn().error_px <= session_.patchTolerance();
   const bool textured = !options_.lumigraph.use_images || renderer_->stats().samples_used > 0;
   return fine && textured ? Accuracy::kBlended : Accuracy::kCoarse;
 }

@@ -33,26 +33,14 @@ struct Method {
 const std::vector<Method>& methods() {
   constexpr double kTolerance = base::ViewDefaults::kPatchTolerance;
   constexpr double kQuality = base::ViewDefaults::kQuality;
+  constexpr const char* kUnder = "pixels, error of the patches under the images";
+  constexpr const char* kAlone = "pixels, error of the patches";
+  static const std::vector<double> tolerances{16, 8, 4, 2, 1};
   static const std::vector<Method> all{
-      {"lumigraph",
-       "pixels, error of the patches under the images",
-       kTolerance,
-       {16, 8, 4, 2, 1},
-       makeSessionPlayer,
-       hasImages},
-      {"static",
-       "pixels, error of the patches under the images",
-       kTolerance,
-       {16, 8, 4, 2, 1},
-       makeStaticPlayer,
-       canBePublished},
-      {"paper",
-       "pixels, error of the patches under the images",
-       kTolerance,
-       {16, 8, 4, 2, 1},
-       makeSessionPlayer,
-       hasImages},
-      {"patches", "pixels, error of the patches", kTolerance, {16, 8, 4, 2, 1}, makeSessionPlayer, hasPatches},
+      {"lumigraph", kUnder, kTolerance, tolerances, makeSessionPlayer, hasImages},
+      {"static", kUnder, kTolerance, tolerances, makeStaticPlayer, canBePublished},
+      {"paper", kUnder, kTolerance, tolerances, makeSessionPlayer, hasImages},
+      {"patches", kAlone, base::ViewDefaults::kAloneTolerance, tolerances, makeSessionPlayer, hasPatches},
       {"qsplat", "pixels, diameter of the splats", 1.0, {8, 4, 2, 1, 0.5}, makeSplatsPlayer, hasSplats},
       {"frames", "quality of the JPEGs", kQuality, {30, 50, 70, 85, 95}, makeFramesPlayer, hasPatches},
 #ifdef LUMIGRID_VIDEO

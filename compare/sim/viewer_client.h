@@ -64,7 +64,7 @@ class ViewerClient {
 inline client::ViewerOptions viewerOptions(double tolerance_px) {
   client::ViewerOptions options;
   options.lumigraph.depth_maps_per_frame *= kFramesPerDrawn;
-  options.session.patch_tolerance_px = static_cast<float>(tolerance_px);
+  options.session.setPatchTolerance(static_cast<float>(tolerance_px));
   return options;
 }
 

@@ -10,6 +10,7 @@
 #include "base/json/parse.h"
 #include "lod/qsplat/splat_file.h"
 #include "repository/verify.h"
+#include "server/cli/auto_choice.h"
 #include "server/cli/commands.h"
 #include "server/cli/console.h"
 #include "server/cli/method_digest.h"
@@ -226,15 +227,21 @@ void printHierarchy(const nlohmann::json& h) {
                 level["max_error"].get<double>());
 }
 
-void print(const InfoArguments& a, const nlohmann::json& j, const std::string& tuned) {
+/// The texts that describe how the scene's images were chosen; empty where they were not.
+struct ChoiceTexts {
+  std::string methods, tuning;
+};
+
+void print(const InfoArguments& a, const nlohmann::json& j, const ChoiceTexts& choices) {
   printScene(a, j);
+  if (!choices.methods.empty()) std::printf("auto: %s\n", choices.methods.c_str());
   if (j.contains("hierarchy")) printHierarchy(j["hierarchy"]);
   if (j.contains("qsplat")) {
     std::printf("splats: %s\n", describeSplats(j["qsplat"]).c_str());
     printDigest(j["qsplat"], "content");
   }
   if (j.contains("images"))
-    printImages(j["images"], tuned);
+    printImages(j["images"], choices.tuning);
   else
     std::printf("images: none\n");
   if (j.contains("annotations")) printAnnotations(j["annotations"]);
@@ -280,6 +287,9 @@ base::Result<nlohmann::json> describe(const InfoArguments& a, const OpenScene& o
   nlohmann::json j;
   j["scene"] = base::parseJson(open.scene_json);
   j["triangles"] = open.scene.triangles;
+  const auto trial = storedTrial(open.scene.parameters);
+  if (!trial) return base::within(a.scene + "/scene.json", trial.error());
+  if (*trial) j["auto"] = trialJson(**trial);
   if (open.data.patches != nullptr) {
     LUMIGRID_ASSIGN_OR_RETURN(j["hierarchy"], describePatchFile(a, open));
   }
@@ -293,12 +303,15 @@ base::Result<nlohmann::json> describe(const InfoArguments& a, const OpenScene& o
   return j;
 }
 
-/// "tuned to 36 dB: quality 78, …", or empty.
-std::string describeTuning(const Parameters& parameters) {
+ChoiceTexts choicesOf(const Parameters& parameters) {
+  ChoiceTexts texts;
+  const auto trial = storedTrial(parameters);
+  if (trial && *trial) texts.methods = describeTrial(**trial);
   const auto tuned = storedChoice(parameters);
-  if (!tuned || !*tuned) return "";
+  if (!tuned || !*tuned) return texts;
   const auto asked = parameters.find("tune");
-  return "tuned to " + (asked == parameters.end() ? "?" : asked->second) + " dB: " + describeChoice(**tuned);
+  texts.tuning = "tuned to " + (asked == parameters.end() ? "?" : asked->second) + " dB: " + describeChoice(**tuned);
+  return texts;
 }
 
 int run(const InfoArguments& a) {
@@ -309,7 +322,7 @@ int run(const InfoArguments& a) {
   if (a.json)
     std::printf("%s\n", j->dump(2).c_str());
   else
-    print(a, *j, describeTuning((*open)->scene.parameters));
+    print(a, *j, choicesOf((*open)->scene.parameters));
   return kDone;
 }
 

@@ -24,12 +24,13 @@ struct MissingParts {
   bool hierarchy = false;
   bool splats = false;
   std::uint32_t shards = 0;                   ///< the division; 0: none
+  bool methods = false;                       ///< --methods auto has not measured yet whether there are to be images
   bool points = false;                        ///< --views has not selected points yet: all of the grid count
   std::vector<repository::ShardGaps> images;  ///< shards that lack faces
   /// All is there, but nobody has checked that and written scene.json: any command that builds the scene does.
   bool declaration = false;
   bool files() const { return hierarchy || splats; }
-  bool any() const { return files() || declaration || !images.empty(); }
+  bool any() const { return files() || methods || declaration || !images.empty(); }
 };
 /// Prints the missing parts, for people or as JSON; returns the exit status.
 int reportMissing(const std::string& scene, const MissingParts& missing, bool json);

@@ -55,15 +55,6 @@ base::Result<void> openImages(const std::string& directory, OpenScene& open) {
   return setImages(std::move(store), path, open);
 }
 
-void describeHierarchy(const lod::patch::Hierarchy& hierarchy, protocol::Welcome& welcome) {
-  welcome.has_colors = hierarchy.has_colors;
-  welcome.lattice_origin = hierarchy.lattice.origin;
-  welcome.lattice_step = hierarchy.lattice.step;
-  welcome.group_count = static_cast<std::uint32_t>(hierarchy.groups.size());
-  welcome.patch_count = static_cast<std::uint32_t>(hierarchy.patches.size());
-  welcome.source_triangles = hierarchy.source_triangles;
-}
-
 }  // namespace
 
 repository::AccessIdentity accessIdentityOf(const OpenScene& open) {

@@ -20,6 +20,15 @@ constexpr std::size_t kMaxPrefetchedFaces = 16;  // per request, so that a new v
 
 }  // namespace
 
+void describeHierarchy(const lod::patch::Hierarchy& hierarchy, protocol::Welcome& welcome) {
+  welcome.has_colors = hierarchy.has_colors;
+  welcome.lattice_origin = hierarchy.lattice.origin;
+  welcome.lattice_step = hierarchy.lattice.step;
+  welcome.group_count = static_cast<std::uint32_t>(hierarchy.groups.size());
+  welcome.patch_count = static_cast<std::uint32_t>(hierarchy.patches.size());
+  welcome.source_triangles = hierarchy.source_triangles;
+}
+
 // ---- in ----
 
 base::Result<void> Session::receive(base::ByteView bytes) {

@@ -46,6 +46,9 @@ struct SceneData {
   plan::Scene toPlan() const { return {&welcome, &patches->hierarchy(), images != nullptr, tree, sight}; }
 };
 
+/// Fills in what a client is told of the hierarchy.
+void describeHierarchy(const lod::patch::Hierarchy& hierarchy, protocol::Welcome& welcome);
+
 /// An exact frame to be rendered.
 struct FrameRequest {
   std::uint32_t sequence = 0;

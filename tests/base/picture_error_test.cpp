@@ -18,6 +18,23 @@ TEST(PictureError, modelErrorComparesColoursWithoutBackground) {
   EXPECT_EQ(error.absolute, 1.0 + 2.0 + 3.0);
 }
 
+TEST(PictureError, foregroundErrorCountsHolesAndWhatStandsOver) {
+  Image truth(4, 1, 4), picture(4, 1, 4);
+  // Model in both, in the truth alone, in the picture alone, in neither.
+  truth.pixels = {10, 20, 30, 255, 118, 119, 120, 255, 7, 7, 7, 0, 1, 2, 3, 127};
+  picture.pixels = {13, 20, 30, 255, 9, 9, 9, 0, 118, 118, 114, 255, 200, 200, 200, 127};
+  const PictureError error = foregroundError(truth, picture);
+  EXPECT_EQ(error.samples, 9U);
+  EXPECT_NEAR(error.squared, 9.0 + (0.0 + 1.0 + 4.0) + 16.0, 1e-9);
+}
+
+TEST(PictureError, foregroundErrorWeighsColoursByCoverage) {
+  Image truth(1, 1, 4), picture(1, 1, 4);
+  truth.pixels = {218, 118, 118, 255};
+  picture.pixels = {218, 118, 118, 204};  // four fifths covered: a fifth of 100 levels is lost
+  EXPECT_NEAR(foregroundError(truth, picture).squared, 400.0, 1e-9);
+}
+
 TEST(PictureError, partialSumsAddUp) {
   PictureError all;
   all.add(2.0);

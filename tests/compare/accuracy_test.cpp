@@ -4,6 +4,8 @@
 
 #include <cmath>
 
+#include "base/picture_error.h"
+
 namespace {
 
 // A picture whose left half is model with a smooth pattern, and whose right half is background.
@@ -31,6 +33,19 @@ TEST(Accuracy, constantOffsetHasItsClosedFormPsnr) {
   ASSERT_TRUE(a);
   EXPECT_NEAR(a->psnr_db, 20.0 * std::log10(255.0 / 10.0), 1e-6);
   EXPECT_NEAR(a->mean_abs, 10.0, 1e-6);
+}
+
+// Two ways to the same figure: OpenCV's here, and the one of `build --methods auto`, which links no OpenCV.
+TEST(Accuracy, psnrEqualsThatOfTheTrialOfMethods) {
+  base::Image truth = halfCovered(0), picture = halfCovered(9);
+  for (int y = 0; y < 48; ++y) {
+    truth.at(30, y)[3] = static_cast<std::uint8_t>(5 * y);
+    picture.at(40, y)[3] = static_cast<std::uint8_t>(200 - 2 * y);
+    picture.at(3, y)[3] = 0;
+  }
+  const auto a = compare::measureAccuracy(truth, picture);
+  ASSERT_TRUE(a);
+  EXPECT_NEAR(a->psnr_db, base::foregroundError(truth, picture).psnr(), 1e-4);
 }
 
 TEST(Accuracy, backgroundFlattersNobody) {

@@ -80,7 +80,7 @@ class EndToEnd : public ::testing::Test {
     headless.settle_seconds = 60;
     headless.viewer.session.images = images;
     headless.viewer.session.frames = false;
-    headless.viewer.session.patch_tolerance_px = tolerance;
+    headless.viewer.session.setPatchTolerance(tolerance);
     headless.viewer.lumigraph.max_samples = samples;
     headless.viewer.method = images ? client::Method::kLumigraph : client::Method::kPatches;
     headless.on_frame = [&](const client::HeadlessFrame& frame) {

@@ -7,13 +7,9 @@
 #include <cstdio>
 #include <map>
 
-#include "base/json/scene_file.h"
 #include "compare/run.h"
-#include "repository/store.h"
-#include "server/bake/bake.h"
-#include "tests/support/built_hierarchy.h"
-#include "tests/support/built_splats.h"
 #include "tests/support/failure_meshes.h"
+#include "tests/support/made_scene.h"
 #include "tests/support/mesh_reader.h"
 #include "tests/support/temporary_directory.h"
 
@@ -84,25 +80,8 @@ class SplatFailures : public testing::Test {
 
  private:
   void build(const Mesh& mesh) {
-    const auto built = support::buildHierarchy(mesh, {}, directory_ / "patch.lgp");
-    ASSERT_TRUE(built) << built.error().message;
-    const auto splats = support::buildSplats(mesh, {}, directory_ / "qsplat.lgq");
-    ASSERT_TRUE(splats) << splats.error().message;
-    base::Scene scene;
-    scene.origin = built->origin;
-    scene.box_min = built->box_min;
-    scene.box_max = built->box_max;
-    scene.has_colors = true;
-    scene.light.mode = base::LightMode::kUnlit;
-    scene.triangles = mesh.triangleCount();
-    ASSERT_TRUE(base::writeSceneFile(scene, directory_ / "scene.json"));
-    auto patches = lod::patch::PatchFile::open(directory_ / "patch.lgp");
-    ASSERT_TRUE(patches) << patches.error().message;
-    auto store = repository::openLmdbStore(directory_ / "images", repository::StoreMode::kWrite);
-    ASSERT_TRUE(store) << store.error().message;
-    server::BakeOptions bake;
-    bake.grid = repository::makeGrid(scene.localBox(), 5, 0.5F, 256);
-    ASSERT_TRUE(server::bake(scene, *patches, **store, bake, [](const server::BakeProgress&) { return true; }));
+    const auto scene = support::makeScene(mesh, directory_.path(), {.splats = true, .points = 5});
+    ASSERT_TRUE(scene) << scene.error().message;
   }
 
   const support::TemporaryDirectory directory_;

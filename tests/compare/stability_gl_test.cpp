@@ -19,10 +19,8 @@
 #include "compare/sim/matrix.h"
 #include "repository/faces/jpeg.h"
 #include "repository/store.h"
-#include "server/bake/bake.h"
-#include "tests/support/built_hierarchy.h"
-#include "tests/support/built_splats.h"
 #include "tests/support/failure_meshes.h"
+#include "tests/support/made_scene.h"
 #include "tests/support/mesh_reader.h"
 #include "tests/support/temporary_directory.h"
 
@@ -166,30 +164,16 @@ class Stability : public testing::TestWithParam<Failure> {
   void build(const Failure& failure) {
     Mesh mesh = failure.mesh();
     support::colorByPlace(mesh);
-    const auto built = support::buildHierarchy(mesh, {}, directory_ / "patch.lgp");
-    ASSERT_TRUE(built) << built.error().message;
-    const auto splats = support::buildSplats(mesh, {}, directory_ / "qsplat.lgq");
-    ASSERT_TRUE(splats) << splats.error().message;
-    scene_.origin = built->origin;
-    scene_.box_min = built->box_min;
-    scene_.box_max = built->box_max;
-    scene_.has_colors = true;
-    scene_.light.mode = base::LightMode::kUnlit;
-    scene_.triangles = mesh.triangleCount();
-    for (const char* part : {"patch.lgp", "qsplat.lgq"})
-      scene_.parts.push_back(
-          {part, std::filesystem::file_size(directory_ / part), base::sha256OfFile(directory_ / part).value()});
-    ASSERT_TRUE(base::writeSceneFile(scene_, directory_ / "scene.json"));
-    bake(failure.lost_faces);
+    const support::SceneContents contents{.splats = true, .points = 5};
+    const auto scene = support::makeScene(mesh, directory_.path(), contents);
+    ASSERT_TRUE(scene) << scene.error().message;
+    scene_ = *scene;
+    grid_ = support::gridOf(*scene, contents);
+    if (failure.lost_faces > 0.0) loseFaces(failure.lost_faces);
   }
-  void bake(double lost_faces) {
-    const auto patches = lod::patch::PatchFile::open(directory_ / "patch.lgp");
-    ASSERT_TRUE(patches) << patches.error().message;
+  void loseFaces(double lost_faces) {
     auto store = repository::openLmdbStore(directory_ / "images", repository::StoreMode::kWrite);
     ASSERT_TRUE(store) << store.error().message;
-    server::BakeOptions options;
-    options.grid = grid_ = repository::makeGrid(scene_.localBox(), 5, 0.5F, 256);
-    ASSERT_TRUE(server::bake(scene_, *patches, **store, options, [](const server::BakeProgress&) { return true; }));
     std::vector<repository::FaceKey> lost;
     ASSERT_TRUE((*store)->forEachKey([&](const repository::FaceKey& key) {
       const std::uint32_t mixed = 7 * key.x + 13 * key.y + 29 * key.z + 5 * key.d;

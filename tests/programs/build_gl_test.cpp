@@ -315,6 +315,80 @@ TEST_F(TunedBuild, tuningAndChoosingExcludeEachOther) {
   EXPECT_EQ(run("lumigrid", off).status, 0);
 }
 
+class AutoBuild : public Build {
+ protected:
+  void SetUp() override {
+    Build::SetUp();
+    mesh_ = smallMesh();
+  }
+  std::vector<std::string> command(const std::string& more = "--json") {
+    return {"build", mesh_, "-o", path("scene"), "--grid", "3", "--face", "64", "--methods", "auto", "--quiet", more};
+  }
+  /// Changes what the build measured, so that images pay or not.
+  void replaceTrial(double images_db) {
+    const std::string file = path("scene/scene.json");
+    json scene = json::parse(programs::readText(file));
+    json trial = json::parse(scene["parameters"]["auto"].get<std::string>());
+    trial["images"]["mean_psnr_db"] = images_db;
+    scene["parameters"]["auto"] = trial.dump();
+    programs::writeText(file, scene.dump());
+  }
+  std::string mesh_;
+};
+
+TEST_F(AutoBuild, theTrialIsToldKeptShownAndFollowed) {
+  const auto open = run("lumigrid", command("--missing"));
+  EXPECT_EQ(open.status, 3) << open.err;
+  EXPECT_NE(open.out.find("methods: not tried yet"), std::string::npos) << open.out;
+
+  const auto built = run("lumigrid", command());
+  ASSERT_EQ(built.status, 0) << built.err;
+  const json trial = json::parse(built.out)["auto"];
+  EXPECT_EQ(trial["views"], 10);
+  const double gain = trial["images"]["mean_psnr_db"].get<double>() - trial["patches"]["mean_psnr_db"].get<double>();
+  EXPECT_EQ(std::filesystem::exists(path("scene/images")), gain >= 0.3) << gain;
+  EXPECT_EQ(run("lumigrid", command("--missing")).status, 0);
+  EXPECT_EQ(run("lumigrid", {"verify", path("scene")}).status, 0);
+  EXPECT_EQ(json::parse(run("lumigrid", {"info", path("scene"), "--json"}).out)["auto"], trial);
+  EXPECT_NE(run("lumigrid", {"info", path("scene")}).out.find("auto: 10 held-out views: patches alone"),
+            std::string::npos);
+  EXPECT_EQ(json::parse(run("lumigrid", command()).out)["auto"], trial) << "it is not measured again";
+}
+
+TEST_F(AutoBuild, aRerunFollowsTheStoredTrial) {
+  ASSERT_EQ(run("lumigrid", command()).status, 0);
+  replaceTrial(99.0);
+  const int missing = run("lumigrid", command("--missing")).status;
+  EXPECT_EQ(missing, std::filesystem::exists(path("scene/images")) ? 0 : 3);
+  const auto built = run("lumigrid", command());
+  ASSERT_EQ(built.status, 0) << built.err;
+  EXPECT_FALSE(values(path("scene")).empty());
+  EXPECT_EQ(json::parse(built.out)["auto"]["images"]["mean_psnr_db"], 99.0);
+  EXPECT_EQ(run("lumigrid", command("--missing")).status, 0);
+  // Without meshes and methods the command goes on with what was chosen.
+  EXPECT_EQ(run("lumigrid", {"build", "-o", path("scene"), "--quiet"}).status, 0);
+
+  replaceTrial(-1.0);
+  programs::expectOneLineError(run("lumigrid", command()), 1, {"scene.json", "auto", "--force"});
+}
+
+TEST_F(AutoBuild, imagesAndAutoExcludeEachOther) {
+  auto both = command();
+  both[9] = "auto,images";
+  programs::expectOneLineError(run("lumigrid", both), 2, {"--methods auto", "leave out"});
+}
+
+TEST_F(AutoBuild, aCloudOfPointsGetsSplats) {
+  ASSERT_EQ(run("lumigrid", {"sample", "-o", path("points.ply"), "--triangles", "10000", "--points"}).status, 0);
+  auto points = command();
+  points[1] = path("points.ply");
+  const auto built = run("lumigrid", points);
+  ASSERT_EQ(built.status, 0) << built.err;
+  EXPECT_TRUE(std::filesystem::exists(path("scene/qsplat.lgq")));
+  EXPECT_FALSE(std::filesystem::exists(path("scene/patch.lgp")));
+  EXPECT_EQ(run("lumigrid", points).status, 0) << "a rerun finds nothing to do";
+}
+
 TEST_F(Build, theResultDoesNotDependOnTheThreads) {
   const std::string mesh = smallMesh();
   for (const char* threads : {"1", "4"}) {

@@ -6,12 +6,7 @@
 #include <filesystem>
 #include <string>
 
-#include "base/json/scene_file.h"
-#include "lod/patch/format.h"
-#include "repository/sampling/grid.h"
-#include "repository/store.h"
-#include "server/bake/bake.h"
-#include "tests/support/built_hierarchy.h"
+#include "tests/support/made_scene.h"
 #include "tests/support/mesh_reader.h"
 
 namespace support {
@@ -30,26 +25,11 @@ inline void bakeStatue(const std::string& name, BakedStatue& statue) {
   std::filesystem::create_directories(statue.directory);
   mesh::generate::SampleOptions sample;
   sample.triangles = 40'000;
-  const Mesh mesh = makeSample(sample);
-  const auto built = buildHierarchy(mesh, {}, statue.directory + "/patch.lgp");
-  ASSERT_TRUE(built) << built.error().message;
-  base::Scene& scene = statue.scene;
-  scene.origin = built->origin;
-  scene.box_min = built->box_min;
-  scene.box_max = built->box_max;
-  scene.has_colors = true;
-  scene.light.mode = base::LightMode::kUnlit;
-  scene.triangles = mesh.triangleCount();
-  ASSERT_TRUE(base::writeSceneFile(scene, statue.directory + "/scene.json"));
-
-  auto patches = lod::patch::PatchFile::open(statue.directory + "/patch.lgp");
-  ASSERT_TRUE(patches) << patches.error().message;
-  auto store = repository::openLmdbStore(statue.directory + "/images", repository::StoreMode::kWrite);
-  ASSERT_TRUE(store) << store.error().message;
-  server::BakeOptions bake;
-  bake.grid = statue.grid = repository::makeGrid(scene.localBox(), 6, 0.5F, 256);
-  auto baked = server::bake(scene, *patches, **store, bake, [](const server::BakeProgress&) { return true; });
-  ASSERT_TRUE(baked) << baked.error().message;
+  const SceneContents contents{.points = 6};
+  const auto scene = makeScene(makeSample(sample), statue.directory, contents);
+  ASSERT_TRUE(scene) << scene.error().message;
+  statue.scene = *scene;
+  statue.grid = gridOf(*scene, contents);
 }
 
 }  // namespace support

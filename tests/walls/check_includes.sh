@@ -16,11 +16,12 @@ forbid() {  # forbid FOLDER REGEX: no file under FOLDER includes a path that mat
     bad=1
   fi
 }
-forbid_own() {  # as forbid, but not for the builder that lies in the folder
+forbid_but() {  # forbid_but FOLDER ROOM REGEX: as forbid, but not for a room of that name that lies in the folder
   local found
-  found=$(grep -rnE "#include \"($2)" "$root/$1" --include='*.h' --include='*.cpp' --exclude-dir=builder 2>/dev/null)
+  there "$1"
+  found=$(grep -rnE "#include \"($3)" "$root/$1" --include='*.h' --include='*.cpp' --exclude-dir="$2" 2>/dev/null)
   if [ -n "$found" ]; then
-    echo "wall: $1 must not include $2:"
+    echo "wall: $1 must not include $3:"
     echo "$found"
     bad=1
   fi
@@ -28,7 +29,7 @@ forbid_own() {  # as forbid, but not for the builder that lies in the folder
 forbid base '(mesh|lod|repository|protocol|plan|server|client|compare|tests)/'
 forbid mesh '(lod|repository|protocol|plan|server|client|compare|tests)/|base/(gl|egl|json|hash)/'
 forbid lod '(repository|protocol|plan|server|client|compare|tests)/|base/(egl|json|png)/'
-for room in patch qsplat; do forbid_own lod/$room 'mesh/|lod/ingest/|lod/[a-z]+/builder/|lod/draw/|base/gl/'; done
+for room in patch qsplat; do forbid_but lod/$room builder 'mesh/|lod/ingest/|lod/[a-z]+/builder/|lod/draw/|base/gl/'; done
 forbid lod/ingest 'lod/(patch|qsplat|draw)/|base/gl/'
 forbid lod/patch/builder 'lod/(qsplat|draw)/|base/gl/'
 forbid lod/qsplat/builder 'lod/(patch|draw)/|base/gl/'
@@ -40,7 +41,10 @@ forbid repository/objects 'repository/(sampling|faces|packs|store|repository|ver
 forbid protocol '(mesh|lod|plan|server|client|compare|tests)/|repository/(faces|packs|objects|[a-z_]+[.]h)'
 forbid plan '(mesh|server|client|compare|tests)/|lod/ingest/|lod/[a-z]+/builder/'
 forbid plan 'repository/(faces|packs|objects|[a-z_]+[.]h)'
-forbid server '(client|compare|tests)/'
+forbid server '(compare|tests)/'
+forbid_but server trial 'client/'
+forbid server/trial 'client/(app|native|web)/|server/(net|cli)/'
+for room in bake net render session; do forbid server/$room 'server/trial/'; done
 forbid server/session 'server/(net|render|bake|cli)/'
 for room in bake net render session; do forbid server/$room 'mesh/|lod/ingest/|lod/[a-z]+/builder/|server/cli/'; done
 forbid client '(mesh|server|compare|tests)/|lod/ingest/|lod/[a-z]+/builder/'

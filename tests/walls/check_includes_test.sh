@@ -5,7 +5,7 @@ here=$(cd "$(dirname "$0")" && pwd)
 tree=$(mktemp -d)
 trap 'rm -rf "$tree"' EXIT
 mkdir -p "$tree"/{base/{gl,egl,http},mesh,lod/{ingest,draw,patch/builder,qsplat/builder},protocol,plan,compare,tests}
-mkdir -p "$tree"/{repository/{sampling,faces,packs,objects},server/{cli,bake,net,render,session}}
+mkdir -p "$tree"/{repository/{sampling,faces,packs,objects},server/{cli,bake,net,render,session,trial}}
 mkdir -p "$tree"/client/{app,source,viewer,render,native,web}
 echo '#include "base/error.h"' >"$tree/lod/patch/a.h"
 "$here/check_includes.sh" "$tree"
@@ -19,7 +19,9 @@ for planted in 'base/a.h:"lod/lattice.h"' \
   'lod/patch/b.h:"server/net/server.h"' \
   'client/c.cpp:"server/session/session.h"' \
   'client/d.cpp:<boost/asio.hpp>' \
-  'server/session/e.cpp:"client/session.h"'; do
+  'server/session/e.cpp:"client/session.h"' \
+  'server/net/f.cpp:"server/trial/trial.h"' \
+  'server/trial/g.cpp:"client/app/app.h"'; do
   file=$tree/${planted%%:*}
   echo "#include ${planted#*:}" >"$file"
   if "$here/check_includes.sh" "$tree" >/dev/null; then

@@ -15,6 +15,7 @@
 #include "base/file.h"
 #include "base/memory.h"
 #include "server/bake/draw_processes.h"
+#include "server/cli/auto_choice.h"
 #include "server/cli/build_command/images.h"
 #include "server/cli/build_command/methods.h"
 #include "server/cli/build_command/options.h"
@@ -62,6 +63,29 @@ Result<BuildOutput> prepareScene(const BuildArguments& a, const SceneSources& so
   return output;
 }
 
+/// For --methods auto: a cloud of points has no triangles for patches.
+void chooseSplats(BuildArguments& a) {
+  if (!a.quiet) std::fprintf(stderr, "auto: points without faces, so only a tree of splats is built\n");
+  a.methods = {"qsplat"};
+  a.automatic = false;
+}
+
+/// Adds images to the command's methods.
+Result<void> addImages(BuildArguments& a, const SceneSources& sources, BuildOutput& output) {
+  a.methods.emplace_back("images");
+  a.force = false;  // what was there is gone already
+  LUMIGRID_ASSIGN_OR_RETURN(output, openOutput(a, sources));
+  return {};
+}
+
+/// For --methods auto: adds images to the command's methods, where they pay. Under the scene's lock.
+Result<void> settleMethods(BuildArguments& a, const SceneSources& sources, BuildOutput& output, BuildReport& report,
+                           ProgressLine& line) {
+  LUMIGRID_ASSIGN_OR_RETURN(report.trial, chooseMethods(a, output, line));
+  if (!a.quiet) std::fprintf(stderr, "auto: %s\n", describeTrial(*report.trial).c_str());
+  return report.trial->imagesPay() ? addImages(a, sources, output) : Result<void>();
+}
+
 /// Makes the choices that all images share, and writes building.json as it should be. Under the scene's lock.
 Result<ImageChoices> prepareImages(const BuildArguments& a, BuildOutput& output, const ShardSelection& selection,
                                    BuildReport& report, ProgressLine& line) {
@@ -99,7 +123,7 @@ Result<void> declareFinished(const BuildArguments& a, BuildOutput& output, const
   return {};
 }
 
-Result<void> build(const BuildArguments& a) {
+Result<void> build(BuildArguments a) {
   base::keepFreedMemory();
   LUMIGRID_ASSIGN_OR_RETURN(auto selection, shardSelectionOf(a));
   if (a.force && selection.index)
@@ -114,7 +138,14 @@ Result<void> build(const BuildArguments& a) {
   ImageChoices choices;
   {
     LUMIGRID_ASSIGN_OR_RETURN(const auto lock, lockScene(a));
-    LUMIGRID_ASSIGN_OR_RETURN(output, prepareScene(a, sources, selection, report, line));
+    auto prepared = prepareScene(a, sources, selection, report, line);
+    if (!prepared && a.automatic && prepared.error().code == base::ErrorCode::kUnsupported) {
+      chooseSplats(a);
+      prepared = prepareScene(a, sources, selection, report, line);
+    }
+    if (!prepared) return prepared.error();
+    output = std::move(*prepared);
+    if (a.automatic) LUMIGRID_TRY(settleMethods(a, sources, output, report, line));
     LUMIGRID_ASSIGN_OR_RETURN(choices, prepareImages(a, output, selection, report, line));
   }
   if (wants(a, "images")) LUMIGRID_TRY(buildImages(a, output, choices, selection, report, line));
@@ -126,15 +157,29 @@ Result<void> build(const BuildArguments& a) {
   return {};
 }
 
+/// For --methods auto: adds images to the command's methods where an earlier run found that they pay. False where none
+/// has measured it.
+Result<bool> settleRecordedMethods(BuildArguments& a, const SceneSources& sources, BuildOutput& output) {
+  if (!output.scene) return false;
+  LUMIGRID_ASSIGN_OR_RETURN(const auto trial, storedTrial(output.scene->parameters));
+  if (!trial) return false;
+  if (trial->imagesPay()) LUMIGRID_TRY(addImages(a, sources, output));
+  return true;
+}
+
 /// Finds the parts that the same command would still have to make (`build --missing`). Cheap, so that it can be asked
 /// often: sources are known by their sizes, images by their keys.
-Result<MissingParts> findMissingParts(const BuildArguments& a) {
+Result<MissingParts> findMissingParts(BuildArguments a) {
   LUMIGRID_ASSIGN_OR_RETURN(auto selection, shardSelectionOf(a));
   const SceneSources sources(a.meshes, false);
   LUMIGRID_TRY(sources.check());
-  LUMIGRID_ASSIGN_OR_RETURN(const auto output, openOutput(a, sources));
+  LUMIGRID_ASSIGN_OR_RETURN(auto output, openOutput(a, sources));
   MissingParts missing;
   missing.shards = selection.shards;
+  if (a.automatic) {
+    LUMIGRID_ASSIGN_OR_RETURN(const bool settled, settleRecordedMethods(a, sources, output));
+    missing.methods = !settled;
+  }
   if (!output.scene) {
     missing.hierarchy = wants(a, "patch");
     missing.splats = wants(a, "qsplat");

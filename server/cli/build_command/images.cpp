@@ -16,6 +16,7 @@
 #include "server/bake/bake.h"
 #include "server/bake/point_selection.h"
 #include "server/bake/random_views.h"
+#include "server/cli/auto_choice.h"
 #include "server/cli/commands.h"
 #include "server/cli/scene_images.h"
 #include "server/cli/shard_choice.h"
@@ -202,6 +203,23 @@ Result<void> removeOrphanStores(const BuildArguments& a, std::uint32_t shards) {
     std::fprintf(stderr, "lumigrid: removed %s, which is not of this scene's division\n", directory.c_str());
   }
   return {};
+}
+
+Result<Trial> chooseMethods(const BuildArguments& a, BuildOutput& output, ProgressLine& line) {
+  auto stored = storedTrial(output.scene->parameters);
+  if (!stored)
+    return base::within(a.output + "/" + (output.finished ? "scene.json" : base::kBuildingFile), stored.error());
+  if (*stored) return **stored;
+  LUMIGRID_ASSIGN_OR_RETURN(const auto patches, openPatches(a));
+  auto trial = tryMethods(*output.scene, patches, bakeOptions(a, *output.scene, {}), [&](double done) {
+    line.show("trial of methods", done);
+    return !stopRequested();
+  });
+  line.finish();
+  if (!trial) return base::within("--methods auto", trial.error());
+  output.scene->parameters[kAutoParameter] = trialJson(*trial).dump();
+  LUMIGRID_TRY(recordScene(a, output));
+  return *trial;
 }
 
 Result<ImageChoices> makeImageChoices(const BuildArguments& a, BuildOutput& output, ProgressLine& line) {

@@ -14,6 +14,7 @@
 #include "server/cli/build_command/report.h"
 #include "server/cli/build_command/resume.h"
 #include "server/cli/console.h"
+#include "server/trial/trial.h"
 
 namespace server::cli {
 
@@ -36,6 +37,10 @@ struct ImageChoices {
   std::optional<TuneChoice> tuned;               ///< with --tune
   std::optional<repository::SampleTree> points;  ///< with --views
 };
+/// For --methods auto: takes what an earlier run measured, or tries patches and images and keeps what it measured in
+/// the scene's parameters. Under the scene's lock.
+base::Result<Trial> chooseMethods(const BuildArguments& a, BuildOutput& output, ProgressLine& line);
+
 /// Takes what an earlier run or another shard's has chosen, or chooses and keeps it: --tune in the scene's parameters,
 /// --views in images/points.json. Under the scene's lock, so that all shards take the same.
 base::Result<ImageChoices> makeImageChoices(const BuildArguments& a, BuildOutput& output, ProgressLine& line);

@@ -28,9 +28,15 @@ void declareMethodOptions(CLI::App& command, BuildArguments& a) {
   command
       .add_option("--methods", a.methods,
                   "parts to build: patch (the hierarchy), images (the repository; needs patch), qsplat (a tree of "
-                  "splats; also from point clouds, PLY files without faces). A scene that is there gets what it lacks")
+                  "splats; also from point clouds, PLY files without faces). auto: patch, and images where a few "
+                  "held-out views are nearer to the full model with them; says what it measured. A scene that is there "
+                  "gets what it lacks")
       ->delimiter(',')
-      ->check(CLI::IsMember(std::vector<std::string>(std::begin(kMethods), std::end(kMethods))));
+      ->check(CLI::IsMember([] {
+        std::vector<std::string> names(std::begin(kMethods), std::end(kMethods));
+        names.emplace_back(kAuto);
+        return names;
+      }()));
   command.add_flag("--qsplat-coded", a.splats_coded,
                    "write the tree of splats entropy-coded: about half of the bytes, on disk and over a link, for some "
                    "of the viewer's time (default: plain)");
@@ -214,10 +220,13 @@ Parameters parametersOf(const BuildArguments& a) {
 }
 
 std::string usageError(const CLI::App& command, BuildArguments& a) {
+  if (std::erase(a.methods, kAuto) != 0) a.automatic = true;
+  if (a.automatic && wants(a, "images")) return "--methods auto decides on images: leave out one of the two";
+  if (a.automatic && !wants(a, "patch")) a.methods.emplace_back("patch");
   if (wants(a, "images") && !wants(a, "patch")) return "--methods images needs patch as well";
   if (!parseTune(a.tune, a.tune_db))
     return "--tune " + a.tune + ": give off, or a PSNR in dB above 0 and below 99, e.g. 36";
-  if (a.tune_db && !wants(a, "images"))
+  if (a.tune_db && !wants(a, "images") && !a.automatic)
     return "--tune chooses quality and subsampling of the images: leave out --tune, or build images";
   if (a.tune_db && (isGiven(command, "--quality") || isGiven(command, "--subsampling")))
     return "--tune chooses quality and subsampling of the images: leave out --quality and --subsampling, or --tune";

@@ -20,6 +20,7 @@ struct BuildArguments {
   std::vector<std::string> meshes;
   std::string output;
   std::vector<std::string> methods{"patch", "images"};
+  bool automatic = false;  ///< --methods auto: `methods` has patch, and images once they were found worth it
   bool force = false, json = false, quiet = false, missing = false, splats_coded = false;
   std::string shard;         ///< i/n or auto, as given
   std::uint32_t shards = 0;  ///< 0: as the scene records, or one store
@@ -45,6 +46,8 @@ inline constexpr FileMethod kPatches{"patch", "patch.lgp", "patch.lgp.work"};
 inline constexpr FileMethod kSplats{"qsplat", "qsplat.lgq", "qsplat.lgq.work"};
 inline constexpr FileMethod kFileMethods[] = {kPatches, kSplats};
 inline constexpr const char* kMethods[] = {"patch", "images", "qsplat"};
+/// Chooses among them.
+inline constexpr const char* kAuto = "auto";
 
 /// Recorded options that decide what scene.json says of the source, and the patch hierarchy besides.
 inline constexpr const char* kSourceParameters[] = {"light", "up", "units"};
@@ -67,7 +70,7 @@ Parameters parametersOf(const BuildArguments& a);
 
 /// Declares the options, each with its default.
 void declareBuildOptions(CLI::App& command, BuildArguments& a);
-/// Why options do not go together that are right each by itself; empty when they do. Sets tune_db.
+/// Why options do not go together that are right each by itself; empty when they do. Sets tune_db and automatic.
 std::string usageError(const CLI::App& command, BuildArguments& a);
 
 /// For a command without meshes: the options that it does not give are those that the scene in its output records.

@@ -4,6 +4,7 @@
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
+#include "server/cli/auto_choice.h"
 #include "server/cli/console.h"
 #include "server/cli/scene_images.h"
 #include "server/cli/splat_info.h"
@@ -57,6 +58,7 @@ nlohmann::json reportJson(const base::Scene& scene, const BuildReport& r) {
     j["import_seconds"] = r.hierarchy ? r.hierarchy->import_seconds : r.splats->import_seconds;
   if (r.hierarchy) j["hierarchy"] = hierarchyJson(*r.hierarchy, scene.triangles);
   if (r.splats) j["qsplat"] = splatBuildJson(*r.splats);
+  if (r.trial) j["auto"] = trialJson(*r.trial);
   if (r.tuned) j["tuned"] = tunedJson(*r.tuned);
   if (r.bake) j["images"] = imagesJson(*r.bake);
   return j;
@@ -111,6 +113,7 @@ void printText(const BuildArguments& a, const BuildOutput& output, const BuildRe
     std::printf("  repaired: %s %s\n", formatCount(count).c_str(), repair.c_str());
   if (r.hierarchy) printHierarchy(*r.hierarchy, scene.triangles);
   if (r.splats) printSplats(*r.splats);
+  if (r.trial) std::printf("auto: %s\n", describeTrial(*r.trial).c_str());
   if (r.tuned) std::printf("tuned to %s dB: %s\n", a.tune.c_str(), describeChoice(*r.tuned).c_str());
   if (r.bake) printImages(*r.bake);
   printOutcome(a, output, r);

@@ -10,12 +10,14 @@
 #include "server/bake/bake.h"
 #include "server/bake/tune.h"
 #include "server/cli/build_command/resume.h"
+#include "server/trial/trial.h"
 
 namespace server::cli {
 
 struct BuildReport {
   std::optional<lod::patch::builder::HierarchySummary> hierarchy;  ///< absent when a resumed build had it already
   std::optional<lod::qsplat::builder::BuildSummary> splats;        ///< the same
+  std::optional<Trial> trial;                                      ///< with --methods auto
   std::optional<TuneChoice> tuned;
   std::optional<BakeSummary> bake;             ///< over all shards that this process did
   repository::RemovalCounts removed;           ///< from a finished scene: rendered again, or not ours

@@ -7,6 +7,7 @@
 #include "base/file.h"
 #include "repository/repository.h"
 #include "repository/store.h"
+#include "server/cli/auto_choice.h"
 #include "server/cli/scene_images.h"
 #include "server/cli/scene_lock.h"
 
@@ -51,7 +52,7 @@ Fit fitOf(const BuildArguments& a, const std::vector<base::SceneSource>& sources
   if (!sameHierarchies(a, recorded, wanted)) return Fit::kOther;
   if (!wants(a, "images")) return Fit::kSame;
   if (!hasMethod(scene.parameters, "images")) return Fit::kMore;
-  for (const char* name : {"methods", kSplatsDice, kSplatsCoded}) {
+  for (const char* name : {"methods", kSplatsDice, kSplatsCoded, kAutoParameter}) {
     recorded.erase(name);
     wanted.erase(name);
   }
@@ -61,7 +62,8 @@ Fit fitOf(const BuildArguments& a, const std::vector<base::SceneSource>& sources
 
 // Adds the methods that a scene has to those that a command wants.
 void addMethods(const Parameters& recorded, Parameters& wanted) {
-  if (recorded.contains(kSplatsCoded)) wanted[kSplatsCoded] = recorded.at(kSplatsCoded);
+  for (const char* name : {kSplatsCoded, kAutoParameter})
+    if (recorded.contains(name)) wanted[name] = recorded.at(name);
   wanted["methods"] =
       listMethods([&](const char* method) { return hasMethod(recorded, method) || hasMethod(wanted, method); });
   if (const auto it = recorded.find(kSplatsDice); it != recorded.end()) wanted.insert(*it);

@@ -22,7 +22,7 @@ class AppGl : public ::testing::Test {
     ASSERT_TRUE(bool(target_made));
     target = std::move(*target_made);
     AppOptions options;
-    options.settings.patch_tolerance = 0.0;
+    options.settings.patch_tolerance = options.settings.alone_tolerance = 0.0;
     options.viewer.lumigraph.fade_seconds = 0.0F;
     app = std::make_unique<App>(options, std::make_unique<JpegDecoder>(1));
     app->resize(kWidth, kHeight, 1.0);

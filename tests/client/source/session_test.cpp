@@ -136,7 +136,7 @@ TEST(Session, theViewCarriesWhatTheOptionsSay) {
   SessionOptions options;
   options.images = false;
   options.frames = false;
-  options.patch_tolerance_px = 2.5F;
+  options.setPatchTolerance(2.5F);
   options.max_triangles = 1234;
   Session session = ready(options);
   session.setView(server().lookDown(20.0));

@@ -8,7 +8,7 @@ namespace client {
 
 inline SessionOptions smallOptions() {
   SessionOptions options;
-  options.patch_tolerance_px = 1.0F;
+  options.setPatchTolerance(1.0F);
   options.frames = false;
   return options;
 }

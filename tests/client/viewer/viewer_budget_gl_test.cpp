@@ -17,7 +17,7 @@ class ViewerBudget : public ViewerFixture {
   void openSmall(std::uint64_t budget = kMinMemory, float tolerance_px = 0.1F) {
     ViewerOptions options;
     options.memory_budget_bytes = budget;
-    options.session.patch_tolerance_px = tolerance_px;
+    options.session.setPatchTolerance(tolerance_px);
     options.session.max_triangles = 10'000'000;
     open(options);
   }

@@ -26,7 +26,7 @@ class ViewerGl : public ::testing::Test {
   void open(ViewerOptions options, double upload_milliseconds = 0.0) {
     options.lumigraph.fade_seconds = 0.0F;
     options.upload_milliseconds = upload_milliseconds;
-    options.session.patch_tolerance_px = 0.0F;
+    options.session.setPatchTolerance(0.0F);
     viewer = std::make_unique<Viewer>(options, std::make_unique<JpegDecoder>(1));
     viewer->session().connected();
     receive(server.sayWelcome());

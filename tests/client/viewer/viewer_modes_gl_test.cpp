@@ -11,7 +11,7 @@ class ViewerModes : public ViewerFixture {
   static ViewerOptions patches() {
     ViewerOptions options;
     options.method = Method::kPatches;
-    options.session.patch_tolerance_px = 0.0F;
+    options.session.setPatchTolerance(0.0F);
     return options;
   }
   base::ViewCamera orthoDown(double height) const {
@@ -91,7 +91,7 @@ TEST_F(ViewerModes, theServerIsAskedForAPerspectiveViewThatCoversTheOrthographic
 TEST_F(ViewerModes, onlyTheServersPictureOfTheVeryViewIsExact) {
   server.welcome.can_render_frames = true;
   ViewerOptions options;
-  options.session.patch_tolerance_px = 100.0F;
+  options.session.setPatchTolerance(100.0F);
   open(options);
   EXPECT_EQ(viewer->stats().accuracy, Accuracy::kNothing);
   draw(server.lookDown(20.0));
@@ -183,7 +183,7 @@ TEST_F(ViewerModes, aSettledPictureAsksForNoPinsAgain) {
 TEST_F(ViewerModes, afterALostContextThePictureIsTheSame) {
   server.welcome.can_render_frames = true;
   ViewerOptions options;
-  options.session.patch_tolerance_px = 0.5F;
+  options.session.setPatchTolerance(0.5F);
   open(options);
   receiveAllGroups();
   for (std::uint32_t x = 0; x < 4; ++x) receive(server.sayFace({x, 1, 2, 5}, 100));

@@ -1,0 +1,213 @@
+#include "server/trial/trial.h"
+
+#include <algorithm>
+#include <memory>
+#include <utility>
+#include <vector>
+
+#include "base/egl/headless.h"
+#include "base/gl/gl.h"
+#include "base/picture_error.h"
+#include "client/viewer/viewer.h"
+#include "lod/patch/proxy_sight.h"
+#include "protocol/welcome.h"
+#include "repository/faces/face_image.h"
+#include "server/bake/camera_paths.h"
+#include "server/bake/draw_memory.h"
+#include "server/bake/face_encoder.h"
+#include "server/bake/random_views.h"
+#include "server/session/session.h"
+#include "server/trial/drawn_store.h"
+#include "server/trial/own_context.h"
+
+namespace server {
+namespace {
+
+using base::Result;
+
+constexpr std::uint32_t kSeed = 4711;  // gives other views than those of comparisons, whose seed is 1 by default
+constexpr int kViewsOfPath = 2;        // a choice: ten views take a tenth of a minute on software GL
+constexpr const char* kPaths[] = {"orbit", "approach", "walk", "inspection", "teleports"};
+constexpr int kTruthSamples = 4;    // along each side of a pixel, as comparisons have
+constexpr int kMaxRounds = 10'000;  // of messages for a view; a hundred are many
+constexpr double kRoundSeconds = 1.0 / 60.0;
+
+/// Decodes at once.
+class ImmediateDecoder final : public client::ImageDecoder {
+ public:
+  void submit(std::uint64_t id, base::ByteView coded) override {
+    auto image = repository::decodeFaceImage(coded, 0);  // 0: any size
+    done_.push_back(image ? DecodedImage{id, std::move(*image), {}} : DecodedImage{id, {}, image.error().message});
+  }
+  std::vector<DecodedImage> takeDecoded() override { return std::exchange(done_, {}); }
+  std::size_t pending() const override { return done_.size(); }
+
+ private:
+  std::vector<DecodedImage> done_;
+};
+
+Result<std::vector<base::ViewCamera>> heldOutViews(const base::Scene& scene) {
+  PathOptions options;
+  options.seed = kSeed;
+  UnitRandom random(kSeed);
+  std::vector<base::ViewCamera> views;
+  for (const char* name : kPaths) {
+    LUMIGRID_ASSIGN_OR_RETURN(const auto path, makePath(name, scene, options));
+    for (int i = 0; i < kViewsOfPath; ++i) views.push_back(path.at(path.seconds() * (i + random()) / kViewsOfPath));
+  }
+  return views;
+}
+
+client::ViewerOptions viewerOptions(client::Method method) {
+  client::ViewerOptions options;
+  options.method = method;
+  options.session.images = options.lumigraph.use_images = method == client::Method::kLumigraph;
+  options.session.frames = false;
+  options.lumigraph.fade_seconds = 0.0F;
+  options.lumigraph.depth_maps_per_frame = options.lumigraph.max_samples;
+  options.upload_milliseconds = 0.0;
+  return options;
+}
+
+/// A viewer and the session that serves it, in the GL context that is current.
+class DirectViewer {
+ public:
+  DirectViewer(const SceneData& data, client::Method method)
+      : server_(data), viewer_(viewerOptions(method), std::make_unique<ImmediateDecoder>()) {
+    viewer_.session().connected();
+  }
+
+  /// The picture of a view once all that the view needs has arrived. RGBA.
+  Result<base::Image> show(const base::ViewCamera& camera) {
+    LUMIGRID_ASSIGN_OR_RETURN(const auto target, base::gl::RenderTarget::create(camera.width, camera.height));
+    for (int round = 0; round < kMaxRounds; ++round) {
+      now_ += kRoundSeconds;
+      LUMIGRID_TRY(exchangeMessages());
+      LUMIGRID_ASSIGN_OR_RETURN(const bool more, viewer_.update(camera, now_));
+      if (more || !viewer_.allHere()) continue;
+      target.bind();
+      LUMIGRID_TRY(viewer_.draw(camera, now_));
+      if (viewer_.stats().complete) return target.read();
+    }
+    return base::Error{base::ErrorCode::kUnsupported, "a view of the trial never became complete; say what to build"};
+  }
+  std::uint64_t bytesReceived() const { return viewer_.stats().session.bytes_received; }
+
+ private:
+  Result<void> exchangeMessages() {
+    client::Session& session = viewer_.session();
+    while (const auto message = session.nextToSend()) LUMIGRID_TRY(server_.receive(*message));
+    while (const auto message = server_.nextMessage()) LUMIGRID_TRY(session.receive(*message));
+    return {};
+  }
+
+  Session server_;
+  client::Viewer viewer_;
+  double now_ = 0.0;
+};
+
+struct JudgedView {
+  base::ViewCamera camera;
+  base::Image truth;
+};
+
+class Trials {
+ public:
+  Trials(const base::Scene& scene, const lod::patch::PatchFile& patches, const BakeOptions& options,
+         const std::function<bool(double)>& progress)
+      : scene_(scene), patches_(patches), options_(options), progress_(progress) {}
+
+  Result<Trial> run() {
+    LUMIGRID_TRY(checkBakeOptions(options_));
+    LUMIGRID_ASSIGN_OR_RETURN(const auto drawing, base::HeadlessContext::create());
+    LUMIGRID_ASSIGN_OR_RETURN(auto renderer, createRenderer());
+    LUMIGRID_ASSIGN_OR_RETURN(const auto viewing, base::HeadlessContext::create());
+    OwnContext gl(*drawing, *viewing);
+    auto result = tryBoth(*renderer, gl);
+    drawing->makeCurrent();
+    renderer.reset();
+    return result;
+  }
+
+ private:
+  Result<std::unique_ptr<SceneRenderer>> createRenderer() const {
+    constexpr std::uint64_t kViewerBytes = 1'000'000'000;  // ViewerOptions::memory_budget_bytes
+    LUMIGRID_ASSIGN_OR_RETURN(const auto budget,
+                              limitSampling({patches_.hierarchy(), options_.grid.face_size, renderOptions(options_)},
+                                            kViewerBytes, options_.limits.resolved().memory_bytes));
+    return SceneRenderer::create(scene_, patches_, budget);
+  }
+
+  Result<Trial> tryBoth(SceneRenderer& renderer, OwnContext& gl) {
+    LUMIGRID_ASSIGN_OR_RETURN(const auto views, judgedViews(renderer, gl));
+    if (views.empty())
+      return base::Error{base::ErrorCode::kInvalidInput, "no view of the trial shows the model; say what to build"};
+    Trial trial;
+    trial.views = views.size();
+    SceneData data;
+    data.welcome = protocol::welcomeOf(scene_, "trial");
+    describeHierarchy(patches_.hierarchy(), data.welcome);
+    data.patches = &patches_;
+    data.ahead_bytes = 0;
+    LUMIGRID_ASSIGN_OR_RETURN(trial.patches, figuresOf(data, client::Method::kPatches, views));
+
+    const DrawnStore store(renderer, gl, options_);
+    LUMIGRID_ASSIGN_OR_RETURN(const auto sight, lod::patch::ProxySight::ofFile(patches_));
+    data.images = &store;
+    data.sight = &sight;
+    data.welcome.grid = options_.grid;
+    LUMIGRID_ASSIGN_OR_RETURN(trial.images, figuresOf(data, client::Method::kLumigraph, views));
+    return trial;
+  }
+
+  Result<std::vector<JudgedView>> judgedViews(SceneRenderer& renderer, OwnContext& gl) {
+    LUMIGRID_ASSIGN_OR_RETURN(const auto cameras, heldOutViews(scene_));
+    steps_ = 3 * cameras.size();
+    const base::Sphere bounds{renderer.sceneCenter(), renderer.sceneRadius()};
+    std::vector<JudgedView> views;
+    for (const base::ViewCamera& view : cameras) {
+      LUMIGRID_TRY(step());
+      const base::Camera camera = base::cameraForScene(view, scene_.origin, bounds);
+      LUMIGRID_ASSIGN_OR_RETURN(auto picture, gl.use([&] {
+        return renderer.render(camera, {.tolerance_px = 0.0F, .supersampling = kTruthSamples});
+      }));
+      if (showsModel(picture.rgba)) views.push_back({view, std::move(picture.rgba)});
+    }
+    return views;
+  }
+
+  Result<TrialFigures> figuresOf(const SceneData& data, client::Method method, const std::vector<JudgedView>& views) {
+    DirectViewer viewer(data, method);
+    TrialFigures figures;
+    figures.worst_psnr_db = base::kEqualDb;
+    for (const JudgedView& view : views) {
+      LUMIGRID_TRY(step());
+      LUMIGRID_ASSIGN_OR_RETURN(const auto picture, viewer.show(view.camera));
+      const double psnr_db = base::foregroundError(view.truth, picture).psnr();
+      figures.mean_psnr_db += psnr_db / static_cast<double>(views.size());
+      figures.worst_psnr_db = std::min(figures.worst_psnr_db, psnr_db);
+    }
+    figures.bytes = viewer.bytesReceived();
+    return figures;
+  }
+
+  Result<void> step() {
+    if (progress_(std::min(1.0, static_cast<double>(done_++) / static_cast<double>(steps_)))) return {};
+    return base::Error{base::ErrorCode::kCancelled, "stopped; the same command tries the methods again"};
+  }
+
+  const base::Scene& scene_;
+  const lod::patch::PatchFile& patches_;
+  const BakeOptions& options_;
+  const std::function<bool(double)>& progress_;
+  std::size_t done_ = 0, steps_ = 1;
+};
+
+}  // namespace
+
+Result<Trial> tryMethods(const base::Scene& scene, const lod::patch::PatchFile& patches, const BakeOptions& options,
+                         const std::function<bool(double done)>& progress) {
+  return Trials(scene, patches, options, progress).run();
+}
+
+}  // namespace server
