@@ -101,10 +101,9 @@ class SceneMatrix {
   Result<PlayedRun> playOne(const Stage& stage, const Job& job, const Truth& truth) {
     const auto& [path, link, setting] = job;
     PlayOptions play = options_.play;
-    std::string folder = name_ + "_" + setting.method + formatText("_%g_", setting.knob) + path.name + "_" + link.name;
-    for (char& c : folder)
-      if (c == '/' || c == '%') c = '-';
-    if (options_.pictures) play.pictures = options_.report + "/frames/" + folder;
+    if (options_.pictures)
+      play.pictures = options_.report + "/frames/" +
+                      fileNameOf({name_, setting.method, formatText("%g", setting.knob), path.name, link.name});
     auto run = playPath(stage, setting, path, link, truth, play);
     if (!run) return base::within(setting.method + " along " + path.name, run.error());
     run->scene = name_;

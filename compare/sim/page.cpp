@@ -4,7 +4,7 @@
 
 #include <algorithm>
 #include <array>
-#include <map>
+#include <utility>
 
 #include "base/format_text.h"
 #include "compare/chart.h"
@@ -67,29 +67,83 @@ double megabytes(const PlayedRun& run) {
   return static_cast<double>(run.frames.back().counts.bytes) / 1e6;
 }
 
+/// The runs by a text that they share, in the order in which the texts first come.
+template <class TextOf>
+std::vector<std::pair<std::string, Runs>> grouped(const Runs& runs, const TextOf& textOf) {
+  std::vector<std::pair<std::string, Runs>> groups;
+  for (const PlayedRun* run : runs) {
+    const std::string text = textOf(*run);
+    auto it = std::find_if(groups.begin(), groups.end(), [&](const auto& group) { return group.first == text; });
+    if (it == groups.end()) it = groups.insert(it, {text, {}});
+    it->second.push_back(run);
+  }
+  return groups;
+}
+
 /// Mean accuracy at the moment of display against all bytes: a line for each method, a point for each value of its
 /// knob.
 Chart chartOfBytes(const std::string& title, const Runs& runs) {
   Chart chart{title, "bytes of the whole run, MB", "mean PSNR at the moment of display, dB", true, {}};
-  for (const PlayedRun* run : runs) {
-    auto it = std::find_if(chart.series.begin(), chart.series.end(),
-                           [&](const Series& s) { return s.name == run->setting.method; });
-    if (it == chart.series.end()) it = chart.series.insert(it, Series{run->setting.method, {}});
-    it->points.emplace_back(megabytes(*run), run->meanPsnr());
+  for (const auto& [method, of_method] : grouped(runs, [](const PlayedRun& run) { return run.setting.method; })) {
+    Series& series = chart.series.emplace_back(Series{method, {}});
+    for (const PlayedRun* run : of_method) series.points.emplace_back(megabytes(*run), run->meanPsnr());
   }
   for (Series& series : chart.series) std::sort(series.points.begin(), series.points.end());
   return chart;
 }
 
-Chart chartAlong(const std::string& title, const Runs& runs, bool sweeps) {
-  Chart chart{title, "seconds since the client began to connect", "PSNR at that moment, dB", false, {}};
+/// Each method's run with its default knob, or its first one where that was not played.
+Runs withDefaultKnobs(const Runs& runs) {
+  Runs chosen;
   for (const PlayedRun* run : runs) {
-    Series series{nameOfRun(*run, sweeps), {}};
+    const auto of_method = [&](const PlayedRun* other) { return other->setting.method == run->setting.method; };
+    const auto there = std::find_if(chosen.begin(), chosen.end(), of_method);
+    if (there == chosen.end())
+      chosen.push_back(run);
+    else if (std::vector{run->setting.knob} == knobsOf(run->setting.method, false))
+      *there = run;
+  }
+  return chosen;
+}
+
+/// A figure of each frame against time, a line for each run.
+Chart chartAlong(const std::string& title, const std::string& label, const Runs& runs,
+                 double (*figure)(const DisplayedFrame&)) {
+  Chart chart{title, "seconds since the client began to connect", label, false, {}};
+  for (const PlayedRun* run : runs) {
+    Series series{run->setting.method, {}};
     for (const DisplayedFrame& frame : run->frames)
-      if (frame.kind != InstantKind::kRest) series.points.emplace_back(frame.seconds, frame.accuracy.psnr_db);
+      if (frame.kind != InstantKind::kRest) series.points.emplace_back(frame.seconds, figure(frame));
     chart.series.push_back(std::move(series));
   }
   return chart;
+}
+
+struct NamedChart {
+  const char* name;
+  Chart chart;
+};
+
+/// The charts of one scene, path and link.
+std::vector<NamedChart> chartsOf(const std::string& title, const Runs& runs) {
+  const Runs normal = withDefaultKnobs(runs);
+  const auto psnr = [](const DisplayedFrame& f) { return f.accuracy.psnr_db; };
+  const auto arrived = [](const DisplayedFrame& f) { return static_cast<double>(f.counts.bytes) / 1e6; };
+  const auto drawn = [](const DisplayedFrame& f) { return f.draw_wall_ms; };
+  return {{"bytes", chartOfBytes(title, runs)},
+          {"accuracy", chartAlong(title, "PSNR at that moment, dB", normal, psnr)},
+          {"arrived", chartAlong(title, "bytes arrived by then, MB", normal, arrived)},
+          {"draw_wall", chartAlong(title, "time to draw on the machine that measured, ms", normal, drawn)}};
+}
+
+Runs pointersTo(const std::vector<PlayedRun>& runs) {
+  Runs all;
+  for (const PlayedRun& run : runs) all.push_back(&run);
+  return all;
+}
+
+std::string titleOf(const PlayedRun& run) {
+  return run.scene + ", " + run.path + ", " + run.link;
 }
 
 std::string cell(double value, const char* format, bool there = true) {
@@ -167,19 +221,14 @@ std::array<Shot, 2> worstAndMedian(const std::vector<Shot>& shots) {
 
 /// The worst and the median picture of each method in all runs of a scene, each with its difference from the truth.
 std::string picturesOf(const Runs& runs) {
-  std::map<std::string, std::vector<Shot>> by_method;
-  std::vector<std::string> methods;
-  for (const PlayedRun* run : runs)
-    for (const DisplayedFrame* frame : run->moving()) {
-      if (frame->picture_jpeg.empty()) continue;
-      auto& shots = by_method[run->setting.method];
-      if (shots.empty()) methods.push_back(run->setting.method);
-      shots.push_back({run, frame});
-    }
-  if (methods.empty()) return "";
-  std::string out = "<div class=\"frames\">\n";
-  for (const std::string& method : methods) {
-    const auto [worst, median] = worstAndMedian(by_method[method]);
+  std::string out;
+  for (const auto& [method, of_method] : grouped(runs, [](const PlayedRun& run) { return run.setting.method; })) {
+    std::vector<Shot> shots;
+    for (const PlayedRun* run : of_method)
+      for (const DisplayedFrame* frame : run->moving())
+        if (!frame->picture_jpeg.empty()) shots.push_back({run, frame});
+    if (shots.empty()) continue;
+    const auto [worst, median] = worstAndMedian(shots);
     for (const auto& [word, shot] : {std::pair{"worst", worst}, {"median", median}}) {
       const std::string caption =
           method + ", " + word +
@@ -189,7 +238,20 @@ std::string picturesOf(const Runs& runs) {
       out += figureOf(caption + ", error × 4", shot.frame->difference_jpeg);
     }
   }
-  return out + "</div>\n";
+  return out.empty() ? "" : "<div class=\"frames\">\n" + out + "</div>\n";
+}
+
+std::string costsOf(const SceneCosts& costs) {
+  std::string out = "<h2>" + escapeMarkup(costs.scene) +
+                    ", what it took</h2>\n<div class=\"scroll\"><table><thead><tr>" +
+                    "<th>part</th><th>MB on disk</th><th>s to build</th></tr></thead><tbody>\n";
+  for (const PartCosts& part : costs.parts)
+    out += "<tr><td>" + escapeMarkup(part.name) + "</td>" + cell(static_cast<double>(part.bytes) / 1e6, "%.2f") +
+           cell(part.build_seconds, "%.1f", part.build_seconds >= 0.0) + "</tr>\n";
+  out += "</tbody></table></div>\n";
+  if (costs.peak_memory_bytes > 0.0)
+    out += formatText("<p>The builds took %.0f MB of memory at most.</p>\n", costs.peak_memory_bytes / 1e6);
+  return out;
 }
 
 /// The result of one scene, path and link in a sentence: who was nearest to the truth while moving, and at what cost.
@@ -209,22 +271,6 @@ std::string finding(const Runs& runs) {
 }  // namespace
 
 std::string formatPage(const PageContext& c, const std::vector<PlayedRun>& runs) {
-  std::map<std::string, Runs> sections;
-  std::vector<std::string> order, scenes;
-  std::map<std::string, Runs> by_scene;
-  std::map<std::string, std::string> scene_of;
-  std::map<std::string, std::map<double, int>> knobs;
-  for (const PlayedRun& run : runs) {
-    const std::string title = run.scene + ", " + run.path + ", " + run.link;
-    if (!sections.contains(title)) order.push_back(title);
-    sections[title].push_back(&run);
-    if (by_scene[run.scene].empty()) scenes.push_back(run.scene);
-    by_scene[run.scene].push_back(&run);
-    scene_of[title] = run.scene;
-    knobs[run.setting.method][run.setting.knob] = 1;
-  }
-  const bool sweeps = std::any_of(knobs.begin(), knobs.end(), [](const auto& one) { return one.second.size() > 1; });
-
   std::string out =
       "<!doctype html><html lang=\"en\"><meta charset=\"utf-8\"><meta name=\"viewport\" "
       "content=\"width=device-width\"><title>Speed against accuracy</title>\n";
@@ -234,15 +280,15 @@ std::string formatPage(const PageContext& c, const std::vector<PlayedRun>& runs)
       "shows the same figures. PSNR is that of what the display shows at a moment against the full model seen from "
       "where the viewer is at that moment, on pixels of the model only. A dot in the column front: no other run is "
       "nearer with as few bytes.</p>\n";
-  for (const std::string& scene : scenes) {
-    for (const std::string& title : order) {
-      if (scene_of[title] != scene) continue;
-      const Runs& section = sections[title];
+  for (const auto& [scene, of_scene] : grouped(pointersTo(runs), [](const PlayedRun& run) { return run.scene; })) {
+    for (const auto& [title, section] : grouped(of_scene, titleOf)) {
       out += "<h2>" + escapeMarkup(title) + "</h2>\n" + finding(section) + equalBytesOf(section) + tableOf(section);
-      out += formatChart(chartOfBytes(title, section)) + formatChart(chartAlong(title, section, sweeps));
+      for (const NamedChart& one : chartsOf(title, section)) out += formatChart(one.chart);
     }
-    if (const std::string pictures = picturesOf(by_scene[scene]); !pictures.empty())
+    if (const std::string pictures = picturesOf(of_scene); !pictures.empty())
       out += "<h2>" + escapeMarkup(scene) + ", the worst and the median picture of each method</h2>\n" + pictures;
+    for (const SceneCosts& costs : c.scenes)
+      if (costs.scene == scene) out += costsOf(costs);
   }
   out +=
       "<h2>How it was measured</h2>\n<p>" + escapeMarkup(c.command) + "</p>\n<p>Commit " + escapeMarkup(c.commit) +
@@ -254,6 +300,16 @@ std::string formatPage(const PageContext& c, const std::vector<PlayedRun>& runs)
           1e3 * c.costs.server_render_seconds, 1e3 * c.costs.client_decode_seconds, 1e3 * c.costs.client_draw_seconds) +
       " Every figure: results.csv, summary.csv.</p>\n";
   return out + kScript + "</html>\n";
+}
+
+std::vector<ChartFile> chartFiles(const std::vector<PlayedRun>& runs) {
+  std::vector<ChartFile> files;
+  for (const auto& [title, section] : grouped(pointersTo(runs), titleOf)) {
+    const PlayedRun& first = *section.front();
+    for (const NamedChart& one : chartsOf(title, section))
+      files.push_back({fileNameOf({first.scene, first.path, first.link, one.name}) + ".svg", formatChart(one.chart)});
+  }
+  return files;
 }
 
 }  // namespace compare

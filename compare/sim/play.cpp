@@ -192,6 +192,14 @@ const char* nameOf(InstantKind kind) {
   return "";
 }
 
+std::string fileNameOf(const std::vector<std::string>& words) {
+  std::string name;
+  for (const std::string& word : words) name += (name.empty() ? "" : "_") + word;
+  for (char& c : name)
+    if (c == '/' || c == '%') c = '-';
+  return name;
+}
+
 Result<PlayedRun> playPath(const Stage& stage, const MethodSetting& setting, const NamedPath& path,
                            const LinkProfile& link, const Truth& truth, const PlayOptions& options) {
   PlayedRun run;

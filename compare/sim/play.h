@@ -59,6 +59,9 @@ struct PlayedRun {
   double secondsToFirst() const;  ///< the first judged picture that shows anything
 };
 
+/// The words joined by underscores, without what file names cannot have.
+std::string fileNameOf(const std::vector<std::string>& words);
+
 base::Result<PlayedRun> playPath(const Stage& stage, const MethodSetting& setting, const NamedPath& path,
                                  const LinkProfile& link, const Truth& truth, const PlayOptions& options);
 

@@ -1,5 +1,6 @@
 #include "compare/sim/results.h"
 
+#include <algorithm>
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
@@ -10,6 +11,7 @@
 #include "compare/csv.h"
 #include "compare/run.h"
 #include "compare/sim/page.h"
+#include "server/net/scene_names.h"
 
 namespace compare {
 
@@ -58,24 +60,55 @@ nlohmann::json rowsOf(const std::string& csv) {
   return rows;
 }
 
-/// The bytes of a scene on disk, part by part: "patch.lgp", "qsplat.lgq", "images".
-nlohmann::json bytesOnDisk(const std::string& directory) {
+/// The bytes of a file, or of all files below a folder.
+std::uint64_t bytesOf(const std::filesystem::path& path) {
   namespace fs = std::filesystem;
-  nlohmann::json bytes = nlohmann::json::object();
-  std::error_code ignored;  // a scene behind a network has no directory here
-  fs::recursive_directory_iterator entry(directory, ignored);
-  for (; entry != fs::recursive_directory_iterator(); entry.increment(ignored)) {
-    if (!entry->is_regular_file(ignored)) continue;
-    const std::string part = fs::relative(entry->path(), directory, ignored).begin()->string();
-    bytes[part] = bytes.value(part, std::uint64_t{0}) + entry->file_size(ignored);
-  }
+  std::error_code ignored;
+  if (!fs::is_directory(path, ignored)) return fs::file_size(path, ignored);
+  std::uint64_t bytes = 0;
+  for (fs::recursive_directory_iterator entry(path, ignored), end; entry != end; entry.increment(ignored))
+    if (entry->is_regular_file(ignored)) bytes += entry->file_size(ignored);
   return bytes;
+}
+
+/// A scene's bytes on disk, and its times of SCENE/build.json (docs/formats/scene.md), which a published one lacks. One
+/// behind a network has no directory here.
+SceneCosts sceneCosts(const std::string& name, const std::string& directory) {
+  namespace fs = std::filesystem;
+  SceneCosts costs{name, {}, 0.0};
+  const auto text = base::readFile(directory + "/build.json");
+  const auto record = text ? nlohmann::json::parse(*text, nullptr, false) : nlohmann::json();
+  const auto number = [&](const std::string& place, double otherwise) {
+    const nlohmann::json::json_pointer pointer(place);
+    return record.contains(pointer) && record[pointer].is_number() ? record[pointer].get<double>() : otherwise;
+  };
+  costs.peak_memory_bytes = number("/peak_memory_bytes", 0.0);
+  std::error_code ignored;
+  for (fs::directory_iterator entry(directory, ignored), end; entry != end; entry.increment(ignored)) {
+    const std::string part = entry->path().filename().string();
+    const std::string method = entry->path().stem().string();
+    if (part != "build.json")
+      costs.parts.push_back({part, bytesOf(entry->path()), number("/" + method + "/seconds", -1.0)});
+  }
+  std::sort(costs.parts.begin(), costs.parts.end(), [](const auto& a, const auto& b) { return a.name < b.name; });
+  return costs;
+}
+
+nlohmann::json toJson(const SceneCosts& costs, const std::string& directory) {
+  nlohmann::json bytes = nlohmann::json::object(), seconds = nlohmann::json::object();
+  for (const PartCosts& part : costs.parts) {
+    bytes[part.name] = part.bytes;
+    if (part.build_seconds >= 0.0) seconds[part.name] = part.build_seconds;
+  }
+  return {{"scene", directory},
+          {"bytes_on_disk", bytes},
+          {"build_wall_seconds", seconds},
+          {"build_peak_memory_bytes", costs.peak_memory_bytes}};
 }
 
 std::string resultsJson(const PageContext& c, const MatrixOptions& options, const std::vector<PlayedRun>& runs) {
   nlohmann::json scenes = nlohmann::json::array();
-  for (const std::string& directory : options.scenes)
-    scenes.push_back({{"scene", directory}, {"bytes_on_disk", bytesOnDisk(directory)}});
+  for (std::size_t i = 0; i < c.scenes.size(); ++i) scenes.push_back(toJson(c.scenes[i], options.scenes[i]));
   const nlohmann::json results{{"version", 1},
                                {"command", c.command},
                                {"commit", c.commit},
@@ -140,13 +173,16 @@ std::string summaryCsv(const std::vector<PlayedRun>& runs) {
 }
 
 base::Result<void> writeResults(const MatrixOptions& options, const std::vector<PlayedRun>& runs) {
-  const auto write = [&](const char* name, const std::string& text) {
+  const auto write = [&](const std::string& name, const std::string& text) {
     return base::writeFileAtomically(options.report + name, base::viewOfText(text));
   };
   LUMIGRID_ASSIGN_OR_RETURN(const auto gl, base::HeadlessContext::create());
-  const PageContext context{machineName(),   LUMIGRID_COMMIT, gl->renderer(),
-                            options.command, options.play,    options.costs};
+  LUMIGRID_ASSIGN_OR_RETURN(const auto names, server::sceneNames(options.scenes));
+  PageContext context{machineName(), LUMIGRID_COMMIT, gl->renderer(), options.command, options.play, options.costs, {}};
+  for (std::size_t i = 0; i < names.size(); ++i) context.scenes.push_back(sceneCosts(names[i], options.scenes[i]));
   LUMIGRID_TRY(write("/index.html", formatPage(context, runs)));
+  LUMIGRID_TRY(base::makeDirectories(options.report + "/charts"));
+  for (const ChartFile& chart : chartFiles(runs)) LUMIGRID_TRY(write("/charts/" + chart.name, chart.svg));
   LUMIGRID_TRY(write("/results.csv", resultsCsv(runs)));
   LUMIGRID_TRY(write("/results.json", resultsJson(context, options, runs)));
   return write("/summary.csv", summaryCsv(runs));

@@ -26,7 +26,8 @@ compare::PlayedRun runOf(const std::string& method, double psnr_db, std::uint64_
 
 TEST(Page, needsNoOtherFileAndNamesTheBestAndTheSmallest) {
   const std::vector<compare::PlayedRun> runs{runOf("lumigraph", 25.0, 3'000'000), runOf("pa<tches", 20.0, 1'000'000)};
-  const std::string page = compare::formatPage({"machine", "abc", "llvmpipe", "lumigrid-compare a & b", {}, {}}, runs);
+  const std::string page =
+      compare::formatPage({"machine", "abc", "llvmpipe", "lumigrid-compare a & b", {}, {}, {}}, runs);
   for (const char* loaded : {"src=\"http", "href=\"http", "<link", "src=\"frames", "@import"})
     EXPECT_EQ(page.find(loaded), std::string::npos) << loaded;
   EXPECT_NE(page.find("display: <b>lumigraph 4</b>, 26.0 dB in 3.00 MB"), std::string::npos);
@@ -41,10 +42,34 @@ TEST(Page, needsNoOtherFileAndNamesTheBestAndTheSmallest) {
 TEST(Page, marksTheFrontOfBytesAndAccuracy) {
   const std::vector<compare::PlayedRun> runs{runOf("near", 25.0, 3'000'000), runOf("beaten", 19.0, 2'000'000),
                                              runOf("small", 20.0, 1'000'000)};
-  const std::string page = compare::formatPage({"machine", "abc", "llvmpipe", "command", {}, {}}, runs);
+  const std::string page = compare::formatPage({"machine", "abc", "llvmpipe", "command", {}, {}, {}}, runs);
   for (const char* method : {"near", "small"})
     EXPECT_NE(page.find("<tr><td>" + std::string(method) + "</td><td>4</td><td>●</td>"), std::string::npos) << method;
   EXPECT_NE(page.find("<tr><td>beaten</td><td>4</td><td></td>"), std::string::npos);
+}
+
+TEST(Page, hasAChartFileOfEachKindForEachSection) {
+  std::vector<compare::PlayedRun> runs{runOf("patches", 20.0, 1'000'000), runOf("lumigraph", 22.0, 2'000'000)};
+  runs.push_back(runOf("patches", 21.0, 3'000'000));
+  runs.back().path = "walk";
+  const auto files = compare::chartFiles(runs);
+  ASSERT_EQ(files.size(), 8U);
+  EXPECT_EQ(files[0].name, "statue_orbit_20Mbit-40ms_bytes.svg");
+  EXPECT_EQ(files[7].name, "statue_walk_20Mbit-40ms_draw_wall.svg");
+  for (const auto& file : files) EXPECT_EQ(file.svg.find("<svg"), 0U) << file.name;
+  EXPECT_NE(files[2].svg.find("lumigraph"), std::string::npos);
+  EXPECT_EQ(files[6].svg.find("lumigraph"), std::string::npos);
+}
+
+TEST(Page, saysWhatASceneTook) {
+  const std::vector<compare::PlayedRun> runs{runOf("patches", 20.0, 1'000'000)};
+  const compare::SceneCosts costs{"statue", {{"images", 12'340'000, 56.7}, {"scene.json", 1000, -1.0}}, 256e6};
+  const compare::SceneCosts other{"relief", {{"patch.lgp", 99'000'000, 1.0}}, 0.0};
+  const std::string page = compare::formatPage({"machine", "abc", "llvmpipe", "command", {}, {}, {costs, other}}, runs);
+  EXPECT_NE(page.find("<tr><td>images</td><td>12.34</td><td>56.7</td></tr>"), std::string::npos);
+  EXPECT_NE(page.find("<tr><td>scene.json</td><td>0.00</td><td></td></tr>"), std::string::npos);
+  EXPECT_NE(page.find("256 MB of memory"), std::string::npos);
+  EXPECT_EQ(page.find("patch.lgp"), std::string::npos) << "no run is of that scene";
 }
 
 }  // namespace

@@ -29,7 +29,9 @@ forbid_but() {  # forbid_but FOLDER ROOM REGEX: as forbid, but not for a room of
 forbid base '(mesh|lod|repository|protocol|plan|server|client|compare|tests)/'
 forbid mesh '(lod|repository|protocol|plan|server|client|compare|tests)/|base/(gl|egl|json|hash)/'
 forbid lod '(repository|protocol|plan|server|client|compare|tests)/|base/(egl|json|png)/'
-for room in patch qsplat; do forbid_but lod/$room builder 'mesh/|lod/ingest/|lod/[a-z]+/builder/|lod/draw/|base/gl/'; done
+for room in patch qsplat; do
+  forbid_but lod/$room builder 'mesh/|lod/ingest/|lod/[a-z]+/builder/|lod/draw/|base/gl/'
+done
 forbid lod/ingest 'lod/(patch|qsplat|draw)/|base/gl/'
 forbid lod/patch/builder 'lod/(qsplat|draw)/|base/gl/'
 forbid lod/qsplat/builder 'lod/(patch|draw)/|base/gl/'

@@ -16,6 +16,7 @@
 #include "base/memory.h"
 #include "server/bake/draw_processes.h"
 #include "server/cli/auto_choice.h"
+#include "server/cli/build_command/build_record.h"
 #include "server/cli/build_command/images.h"
 #include "server/cli/build_command/methods.h"
 #include "server/cli/build_command/options.h"
@@ -152,6 +153,7 @@ Result<void> build(BuildArguments a) {
   {
     LUMIGRID_ASSIGN_OR_RETURN(const auto lock, lockScene(a));
     LUMIGRID_TRY(declareFinished(a, output, selection, report));
+    LUMIGRID_TRY(addToBuildRecord(a.output, report));
   }
   printReport(a, output, report);
   return {};

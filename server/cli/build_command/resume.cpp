@@ -8,6 +8,7 @@
 #include "repository/repository.h"
 #include "repository/store.h"
 #include "server/cli/auto_choice.h"
+#include "server/cli/build_command/build_record.h"
 #include "server/cli/scene_images.h"
 #include "server/cli/scene_lock.h"
 
@@ -151,7 +152,7 @@ Result<void> removeScene(const std::string& directory) {
     LUMIGRID_TRY(repository::removeLmdbStore(repository::storeDirectory(images, shard.count, shard.index)));
   if (layout.undivided) LUMIGRID_TRY(repository::removeLmdbStore(images));
   for (const char* name : {"scene.json", base::kBuildingFile, kPatches.file, kPatches.work_files, kSplats.file,
-                           kSplats.work_files, "images", "access.lga", "access.lga.lock"}) {
+                           kSplats.work_files, "images", "access.lga", "access.lga.lock", kBuildRecord}) {
     std::error_code error;
     fs::remove_all(fs::path(directory) / name, error);
     if (error) return Error{ErrorCode::kIo, directory + "/" + name + ": cannot remove: " + error.message()};

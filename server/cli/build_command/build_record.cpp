@@ -1,0 +1,44 @@
+#include "server/cli/build_command/build_record.h"
+
+#include <algorithm>
+#include <nlohmann/json.hpp>
+
+#include "base/file.h"
+#include "server/cli/console.h"
+
+namespace server::cli {
+namespace {
+
+template <class Summary>
+nlohmann::json timesOf(const Summary& summary) {
+  return {{"seconds", summary.seconds}, {"cpu_seconds", summary.cpu_seconds}};
+}
+
+/// 0 where there is no such number.
+double numberAt(const nlohmann::json& json, const nlohmann::json::json_pointer& place) {
+  return json.contains(place) && json[place].is_number() ? json[place].get<double>() : 0.0;
+}
+
+}  // namespace
+
+base::Result<void> addToBuildRecord(const std::string& scene, const BuildReport& report) {
+  const bool rendered = report.bake && report.bake->faces_rendered != 0;
+  if (!report.hierarchy && !report.splats && !rendered) return {};
+  using Place = nlohmann::json::json_pointer;
+  const std::string path = scene + "/" + kBuildRecord;
+  nlohmann::json record;
+  if (const auto bytes = base::readFile(path)) record = nlohmann::json::parse(*bytes, nullptr, false);
+  if (!record.is_object()) record = nlohmann::json::object();
+  record["version"] = 1;
+  record["peak_memory_bytes"] =
+      std::max(numberAt(record, Place("/peak_memory_bytes")), static_cast<double>(peakResidentBytes()));
+  if (report.hierarchy) record["patch"] = timesOf(*report.hierarchy);
+  if (report.splats) record["qsplat"] = timesOf(*report.splats);
+  if (rendered)
+    record["images"] = {
+        {"seconds", numberAt(record, Place("/images/seconds")) + report.bake->seconds},
+        {"rendered", numberAt(record, Place("/images/rendered")) + static_cast<double>(report.bake->faces_rendered)}};
+  return base::writeFileAtomically(path, base::viewOfText(record.dump(1) + "\n"));
+}
+
+}  // namespace server::cli
