@@ -570,7 +570,7 @@ base::Result<void> readPly(base::ByteView bytes, MeshStream& out) {
   }
   if (vertex_elements != 1) return invalidInput("header: there is not exactly one vertex element");
   if (!has_faces && !out.accepts_points)
-    return base::Error{base::ErrorCode::kUnsupported,
+    return base::Error{vertex_count == 0 ? base::ErrorCode::kInvalidInput : base::ErrorCode::kUnsupported,
                        "the file has no faces (a point cloud?); mesh it first, or build it with --methods qsplat"};
 
   const base::ByteView body = bytes.subspan(header.length);

@@ -37,7 +37,7 @@ const std::vector<Method>& methods() {
   constexpr const char* kAlone = "pixels, error of the patches";
   static const std::vector<double> tolerances{16, 8, 4, 2, 1};
   static const std::vector<Method> all{
-      {"lumigraph", kUnder, kTolerance, tolerances, makeSessionPlayer, hasImages},
+      {"lumigraph", kUnder, kTolerance, tolerances, makeSessionPlayer, hasPatches},
       {"static", kUnder, kTolerance, tolerances, makeStaticPlayer, canBePublished},
       {"paper", kUnder, kTolerance, tolerances, makeSessionPlayer, hasImages},
       {"patches", kAlone, base::ViewDefaults::kAloneTolerance, tolerances, makeSessionPlayer, hasPatches},

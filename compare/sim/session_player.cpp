@@ -1,5 +1,6 @@
-// The methods that a server's session feeds: the Grid-Lumigraph as it is by default, with the paper's settings, and
-// patches alone. Server and client are the programs' own; the link between them is simulated.
+// The methods that a server's session feeds: the Grid-Lumigraph as it is by default (for a scene without images,
+// patches and exact frames), with the paper's settings, and patches alone. Server and client are the programs' own; the
+// link between them is simulated.
 #include <algorithm>
 #include <utility>
 
@@ -125,7 +126,10 @@ base::Result<std::unique_ptr<Player>> makeSessionPlayer(const Stage& stage, cons
   data.images_are_remote = false;  // the session reads them itself, which takes no virtual time
   data.welcome.can_render_frames = true;
   client::ViewerOptions viewer = viewerOptions(setting.knob);
-  viewer.method = setting.method == "patches" ? client::Method::kPatches : client::Method::kLumigraph;
+  if (setting.method == "patches") {
+    viewer.method = client::Method::kPatches;
+    viewer.session.alone_tolerance_px = static_cast<float>(setting.knob);
+  }
   if (setting.method == "paper") {
     // Okamoto 2011, section 6: the eight nearest points, whatever hides what, a cache of 50 MB, no exact frames.
     data.sight = nullptr;

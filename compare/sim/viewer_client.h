@@ -60,11 +60,12 @@ class ViewerClient {
   bool more_ = true;
 };
 
-/// A viewer's defaults with this tolerance of its patches, in pixels, for displays of which few frames are drawn.
+/// A viewer's defaults for displays of which few frames are drawn, with this tolerance of the patches under images, in
+/// pixels.
 inline client::ViewerOptions viewerOptions(double tolerance_px) {
   client::ViewerOptions options;
   options.lumigraph.depth_maps_per_frame *= kFramesPerDrawn;
-  options.session.setPatchTolerance(static_cast<float>(tolerance_px));
+  options.session.patch_tolerance_px = static_cast<float>(tolerance_px);
   return options;
 }
 

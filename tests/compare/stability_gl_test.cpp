@@ -7,15 +7,15 @@
 #include <cmath>
 #include <cstdlib>
 #include <filesystem>
-#include <fstream>
 #include <map>
-#include <sstream>
+#include <ostream>
 
 #include "base/file.h"
 #include "base/format_text.h"
 #include "base/json/camera_file.h"
 #include "base/png/png.h"
 #include "compare/accuracy.h"
+#include "compare/csv.h"
 #include "compare/sim/matrix.h"
 #include "repository/faces/jpeg.h"
 #include "repository/store.h"
@@ -142,20 +142,14 @@ void PrintTo(const Failure& failure, std::ostream* out) {
 using Bounds = std::map<std::pair<std::string, std::string>, Bound>;
 
 Bounds readBounds() {
-  std::ifstream in(LUMIGRID_SOURCE_DIR "/tests/compare/stability.csv");
-  std::string line;
-  std::getline(in, line);
-  EXPECT_EQ(line, "failure,method,min_psnr_db,max_holes_share");
+  const auto bytes = base::readFile(LUMIGRID_SOURCE_DIR "/tests/compare/stability.csv");
+  EXPECT_TRUE(bytes) << bytes.error().message;
+  const auto table = bytes ? compare::parseCsv({bytes->begin(), bytes->end()}) : std::nullopt;
+  EXPECT_TRUE(table) << "stability.csv is no table";
   Bounds bounds;
-  while (std::getline(in, line)) {
-    std::istringstream cells(line);
-    std::string failure, method, psnr, holes;
-    std::getline(cells, failure, ',');
-    std::getline(cells, method, ',');
-    std::getline(cells, psnr, ',');
-    std::getline(cells, holes, ',');
-    bounds[{failure, method}] = {std::stod(psnr), std::stod(holes)};
-  }
+  for (const auto& row : table.value_or(compare::CsvTable()).rows)
+    bounds[{row.at("failure"), row.at("method")}] = {std::stod(row.at("min_psnr_db")),
+                                                     std::stod(row.at("max_holes_share"))};
   return bounds;
 }
 
