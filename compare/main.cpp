@@ -9,6 +9,7 @@
 #include "base/file.h"
 #include "base/json/camera_file.h"
 #include "base/memory.h"
+#include "base/parallel.h"
 #include "client/native/units.h"
 #include "compare/run.h"
 #include "compare/sim/baseline.h"
@@ -23,6 +24,7 @@ int fail(const base::Error& error) {
 }
 
 struct Arguments {
+  Arguments() { matrix.jobs = 0; }
   compare::RunOptions run;
   compare::MatrixOptions matrix;
   std::vector<std::string> scenes, methods, paths, links;
@@ -83,6 +85,7 @@ void declareVirtual(CLI::App& app, Arguments& a) {
   group.add_option("--baseline", a.baseline,
                    "a summary.csv that was kept: fails with a table where a run loses more than 0.1 dB or 2 % of bytes "
                    "or time against it");
+  group.add_option("--jobs", o.jobs, "scenes played at a time, each by a process; 0: as many as there are cores");
   group.add_option("--seed", o.play.seed, "seed of links, paths and instants");
   group.add_option("--server-render-ms", a.render_ms, "cost of an exact frame")->check(CLI::Range(0.0, 1e5));
   group.add_option("--decode-ms", a.decode_ms, "cost of decoding 512 x 512 pixels")->check(CLI::Range(0.0, 1e5));
@@ -195,6 +198,7 @@ int runInVirtualTime(Arguments& a) {
   if (const auto filled = fillMatrix(a); !filled) return usage(filled.error().message);
   compare::MatrixOptions& o = a.matrix;
   o.scenes = a.scenes;
+  if (o.jobs == 0) o.jobs = base::coreCount();
   o.report = a.report;
   o.methods = a.methods;
   o.pictures = a.run.pictures;

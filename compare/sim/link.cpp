@@ -50,6 +50,7 @@ base::Result<LinkProfile> parseLink(const std::string& text) {
     spelled = "20Mbit/40ms";
     link.on_seconds = 10.0;
     link.off_seconds = 5.0;
+    link.up_already_seconds = 7.0;
   }
   const std::vector<std::string> parts = split(spelled);
   if (parts.size() < 2 || parts.size() > 4) return badLink(text, "it has " + std::to_string(parts.size()) + " parts");
@@ -77,7 +78,7 @@ base::Result<LinkProfile> parseLink(const std::string& text) {
 double Wire::whenUp(double time) const {
   if (!(link_.on_seconds > 0.0)) return time;
   const double period = link_.on_seconds + link_.off_seconds;
-  const double begin = std::floor(time / period) * period;
+  const double begin = std::floor((time + link_.up_already_seconds) / period) * period - link_.up_already_seconds;
   return time - begin < link_.on_seconds ? time : begin + period;
 }
 

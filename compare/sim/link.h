@@ -33,10 +33,11 @@ struct LinkProfile {
   double loss = 0.0;                ///< probability that a segment is lost, 0 … 0.5
   double on_seconds = 0.0;          ///< > 0: after so long the link is away for off_seconds, and so on
   double off_seconds = 0.0;
+  double up_already_seconds = 0.0;  ///< how long it has been up when the client begins to connect
 };
 
 /// Reads "RATE/ROUND_TRIP[/JITTER[/LOSS]]", such as "20Mbit/40ms" or "5Mbit/60ms/20ms/1%", or "train": 20 Mbit/s and
-/// 40 ms for 10 s, then nothing for 5 s.
+/// 40 ms for 10 s, then nothing for 5 s; it begins 3 s before a tunnel, so that short paths see one.
 base::Result<LinkProfile> parseLink(const std::string& text);
 
 /// The wire that the connections of one direction share.

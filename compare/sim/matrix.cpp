@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <map>
+#include <utility>
 
 #include "base/egl/headless.h"
 #include "base/file.h"
@@ -9,6 +11,7 @@
 #include "base/json/camera_file.h"
 #include "compare/sim/published.h"
 #include "compare/sim/results.h"
+#include "compare/sim/scene_processes.h"
 #include "server/net/open_scene.h"
 #include "server/net/scene_names.h"
 
@@ -25,7 +28,7 @@ class SceneMatrix {
               const std::function<void(const std::string&)>& log)
       : options_(options), directory_(directory), name_(name), log_(log) {}
 
-  Result<void> play(std::vector<PlayedRun>& runs) {
+  Result<PlayedScene> play() {
     LUMIGRID_ASSIGN_OR_RETURN(scene_, server::openScene(directory_));
     LUMIGRID_ASSIGN_OR_RETURN(const auto gl, base::HeadlessContext::create());
     LUMIGRID_ASSIGN_OR_RETURN(const auto painter, Painter::create(*scene_, *gl));
@@ -33,8 +36,9 @@ class SceneMatrix {
     const Stage stage{scene_.get(), painter.get(), [this] { return published(); }, options_.costs, options_.play.seed};
     LUMIGRID_ASSIGN_OR_RETURN(const auto jobs,
                               jobsOf(options_.methods.empty() ? methodsFor(*scene_) : options_.methods));
-    for (const Job& job : jobs) LUMIGRID_TRY(playOnce(stage, job, truth, runs));
-    return {};
+    PlayedScene played{gl->renderer(), {}};
+    for (const Job& job : jobs) LUMIGRID_TRY(playOnce(stage, job, truth, played.runs));
+    return played;
   }
 
  private:
@@ -142,12 +146,25 @@ Result<std::vector<PlayedRun>> playMatrix(const MatrixOptions& options,
                                           const std::function<void(const std::string&)>& log) {
   LUMIGRID_ASSIGN_OR_RETURN(const auto names, server::sceneNames(options.scenes));
   LUMIGRID_TRY(base::makeDirectories(options.report));
+  const PlayScene play = [&](std::size_t i) -> Result<PlayedScene> {
+    auto played = SceneMatrix(options, options.scenes[i], names[i], log).play();
+    return played ? std::move(played) : base::within(options.scenes[i], played.error());
+  };
+  std::map<std::size_t, PlayedScene> scenes;
   std::vector<PlayedRun> runs;
-  for (std::size_t i = 0; i < names.size(); ++i) {
-    const auto played = SceneMatrix(options, options.scenes[i], names[i], log).play(runs);
-    if (!played) return base::within(options.scenes[i], played.error());
-    LUMIGRID_TRY(writeResults(options, runs));  // so that an error in a later scene loses nothing
-  }
+  const SceneDone done = [&](std::size_t i, PlayedScene played) -> Result<void> {
+    scenes[i] = std::move(played);
+    runs.clear();
+    for (const auto& [number, scene] : scenes) runs.insert(runs.end(), scene.runs.begin(), scene.runs.end());
+    return writeResults(options, scenes.begin()->second.renderer, runs);  // so that an error later loses nothing
+  };
+  if (options.jobs > 1 && names.size() > 1)
+    LUMIGRID_TRY(playInProcesses(names.size(), options.jobs, options.report, play, done));
+  else
+    for (std::size_t i = 0; i < names.size(); ++i) {
+      LUMIGRID_ASSIGN_OR_RETURN(auto played, play(i));
+      LUMIGRID_TRY(done(i, std::move(played)));
+    }
   return runs;
 }
 

@@ -30,6 +30,7 @@ struct MatrixOptions {
   std::string report;                   ///< directory
   int truth_supersampling = 4;
   double stop_seconds = 2.0;  ///< for path_files
+  unsigned jobs = 1;          ///< processes at a time, each with a scene; 1: this one. No figure depends on it.
   bool pictures = true;
   std::string command;  ///< for the page: how it was called
   server::PathOptions path;
@@ -37,7 +38,7 @@ struct MatrixOptions {
   Costs costs;
 };
 
-/// `log` gets a line for each run. Errors name the scene.
+/// `log` gets a line for each run, from the process that plays it. Errors name the scene.
 base::Result<std::vector<PlayedRun>> playMatrix(const MatrixOptions& options,
                                                 const std::function<void(const std::string&)>& log);
 

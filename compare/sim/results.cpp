@@ -4,7 +4,6 @@
 #include <filesystem>
 #include <nlohmann/json.hpp>
 
-#include "base/egl/headless.h"
 #include "base/file.h"
 #include "base/format_text.h"
 #include "base/number.h"
@@ -172,13 +171,13 @@ std::string summaryCsv(const std::vector<PlayedRun>& runs) {
   return out;
 }
 
-base::Result<void> writeResults(const MatrixOptions& options, const std::vector<PlayedRun>& runs) {
+base::Result<void> writeResults(const MatrixOptions& options, const std::string& renderer,
+                                const std::vector<PlayedRun>& runs) {
   const auto write = [&](const std::string& name, const std::string& text) {
     return base::writeFileAtomically(options.report + name, base::viewOfText(text));
   };
-  LUMIGRID_ASSIGN_OR_RETURN(const auto gl, base::HeadlessContext::create());
   LUMIGRID_ASSIGN_OR_RETURN(const auto names, server::sceneNames(options.scenes));
-  PageContext context{machineName(), LUMIGRID_COMMIT, gl->renderer(), options.command, options.play, options.costs, {}};
+  PageContext context{machineName(), LUMIGRID_COMMIT, renderer, options.command, options.play, options.costs, {}};
   for (std::size_t i = 0; i < names.size(); ++i) context.scenes.push_back(sceneCosts(names[i], options.scenes[i]));
   LUMIGRID_TRY(write("/index.html", formatPage(context, runs)));
   LUMIGRID_TRY(base::makeDirectories(options.report + "/charts"));

@@ -11,7 +11,8 @@ namespace compare {
 std::string resultsCsv(const std::vector<PlayedRun>& runs);
 std::string summaryCsv(const std::vector<PlayedRun>& runs);
 
-/// Writes all four into options.report.
-base::Result<void> writeResults(const MatrixOptions& options, const std::vector<PlayedRun>& runs);
+/// Writes all four into options.report, and the charts beside them. `renderer`: GL_RENDERER.
+base::Result<void> writeResults(const MatrixOptions& options, const std::string& renderer,
+                                const std::vector<PlayedRun>& runs);
 
 }  // namespace compare
