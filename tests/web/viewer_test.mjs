@@ -359,7 +359,8 @@ test("P saves a picture from the server at any size, and what is on the screen",
 });
 
 test("the server's picture is what the client shows: cut, tinted, orthographic", async () => {
-  // Compare the client's picture of patches with the server's, drawn with as many samples and the same tolerance.
+  // Compare the client's picture of patches with the server's, drawn with as many samples and the tolerance that
+  // patches have without images.
   const patches = await open(browser, server.url);
   await settled(patches);
   const plain = await patches.evaluate(() => window.lumigrid.permalink());
@@ -379,7 +380,7 @@ test("the server's picture is what the client shows: cut, tinted, orthographic",
     for (const [key, name] of [["c", "colors"], ["x", "section"], ["o", "ortho_height"]])
       assert.equal(url.searchParams.has(name), keys.includes(key), `${all[key]}: ${url}`);
     url.searchParams.set("supersampling", "1");
-    url.searchParams.set("tolerance", "4");
+    url.searchParams.set("tolerance", "1");
     const answer = await fetch(url);
     assert.equal(answer.status, 200, url.href);
     const apart = difference(PNG.sync.read(Buffer.from(await answer.arrayBuffer())), await canvasPicture(patches));
