@@ -25,7 +25,8 @@ td,th{padding:.2rem .6rem;border-bottom:1px solid var(--line);text-align:right}
 td:first-child,th:first-child{text-align:left}
 th{cursor:pointer;white-space:normal;vertical-align:bottom;line-height:1.2}
 th:hover{background:var(--soft)}
-svg{display:block;width:100%;max-width:46rem;height:auto;margin:1rem 0;border-radius:6px}
+svg{display:block;width:100%;height:auto;border-radius:6px}
+.charts{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(100%,30rem),1fr));gap:1rem;margin:1rem 0}
 .frames{display:grid;grid-template-columns:repeat(auto-fill,minmax(15rem,1fr));gap:1rem}
 figure{margin:0}
 figcaption{font-size:.85rem}
@@ -283,7 +284,9 @@ std::string formatPage(const PageContext& c, const std::vector<PlayedRun>& runs)
   for (const auto& [scene, of_scene] : grouped(pointersTo(runs), [](const PlayedRun& run) { return run.scene; })) {
     for (const auto& [title, section] : grouped(of_scene, titleOf)) {
       out += "<h2>" + escapeMarkup(title) + "</h2>\n" + finding(section) + equalBytesOf(section) + tableOf(section);
+      out += "<div class=\"charts\">\n";
       for (const NamedChart& one : chartsOf(title, section)) out += formatChart(one.chart);
+      out += "</div>\n";
     }
     if (const std::string pictures = picturesOf(of_scene); !pictures.empty())
       out += "<h2>" + escapeMarkup(scene) + ", the worst and the median picture of each method</h2>\n" + pictures;
