@@ -51,6 +51,13 @@ class Fields {
     }
     return all;
   }
+  double number(const char* key) {
+    const json* member = find(key);
+    if (member == nullptr) return 0.0;
+    if (member->is_number()) return member->get<double>();
+    fail(std::string(key) + " is not a number");
+    return 0.0;
+  }
   glm::dvec3 vector(const char* key) {
     const json* member = find(key);
     if (member == nullptr) return glm::dvec3(0.0);
@@ -97,6 +104,9 @@ void readLists(const json& document, Scene& scene, std::string& problem) {
     scene.parts.push_back({f.get<std::string>("file"), f.get<std::uint64_t>("bytes"), f.get<std::string>("sha256")});
   }
   scene.repairs = top.map<std::uint64_t>("repairs");
+  if (document.contains("open_edges"))
+    scene.border = SceneBorder{top.get<std::uint64_t>("source_open_edges"), top.get<std::uint64_t>("open_edges"),
+                               top.number("largest_movement")};
   scene.parameters = top.map<std::string>("parameters");
 }
 
@@ -165,6 +175,11 @@ std::string formatScene(const Scene& scene) {
   document["has_colors"] = scene.has_colors;
   document["triangles"] = scene.triangles;
   document["repairs"] = scene.repairs;
+  if (scene.border) {
+    document["source_open_edges"] = scene.border->source_open_edges;
+    document["open_edges"] = scene.border->open_edges;
+    document["largest_movement"] = scene.border->largest_movement;
+  }
   document["parameters"] = scene.parameters;
   document["parts"] = json::array();
   for (const ScenePart& p : scene.parts)

@@ -36,6 +36,13 @@ struct ScenePart {
   std::string sha256;       ///< empty for a directory (its values carry checksums)
 };
 
+/// The source's border, and what stitching did to it.
+struct SceneBorder {
+  std::uint64_t source_open_edges = 0;  ///< edges of only one triangle
+  std::uint64_t open_edges = 0;         ///< the same in the scene's leaves
+  double largest_movement = 0.0;        ///< of a stitched place, scene units
+};
+
 struct Scene {
   int version = kSceneVersion;
   std::vector<SceneSource> sources;
@@ -47,6 +54,7 @@ struct Scene {
   bool has_colors = false;
   std::uint64_t triangles = 0;
   std::map<std::string, std::uint64_t> repairs;
+  std::optional<SceneBorder> border;              ///< nothing in scenes of earlier programs and of points
   std::map<std::string, std::string> parameters;  ///< options the scene was built with, by long option name
   std::vector<ScenePart> parts;
 

@@ -42,37 +42,11 @@ class BucketSorter {
       : source_(source), info_(info), lattice_(lattice), directory_(directory), options_(options) {}
 
   base::Result<Buckets> run() {
-    LUMIGRID_ASSIGN_OR_RETURN(out_.file_, SpoolFile::create(directory_ + "/buckets"));
-    out_.packing_ = {info_.has_colors, info_.has_normals};
-
-    // A window has as many vertices as the memory holds.
-    const std::uint64_t vertex_bytes = out_.packing_.cornerBytes();
-    const std::uint64_t window = std::max<std::uint64_t>(options_.limits.memory_bytes / vertex_bytes, 1U << 16);
-    const std::uint64_t windows = (info_.vertices + window - 1) / window;
-    const std::uint64_t samples = std::min(kMaxSamples, kBucketSamples * bucketsWanted());
-    stride_ = std::max<std::uint64_t>(1, info_.vertices / samples);
-    if (windows > 1) {
-      LUMIGRID_ASSIGN_OR_RETURN(corners_, SpoolFile::create(directory_ + "/corners"));
-    }
-    for (std::uint64_t w = 0; w < windows; ++w) {
-      LUMIGRID_TRY(loadWindow(w * window, std::min(info_.vertices, (w + 1) * window), w == 0));
-      if (w == 0) chooseSplitters();
-      LUMIGRID_TRY(
-          gatherTriangles(w == 0, w + 1 == windows, (static_cast<double>(w) + 1.0) / static_cast<double>(windows)));
-    }
+    LUMIGRID_TRY(sort());
+    LUMIGRID_TRY(stitch());
     codes_.reset();
     colors_.reset();
     normals_.reset();
-    if (windows > 1) {
-      std::error_code ignored;
-      std::filesystem::remove(corners_.path(), ignored);
-    }
-    for (std::size_t b = 0; b < buffers_.size(); ++b) LUMIGRID_TRY(flush(b));
-    buffers_ = std::vector<base::Bytes>();
-    LUMIGRID_TRY(out_.file_.flush());
-    std::sort(border_.begin(), border_.end());
-    border_.erase(std::unique(border_.begin(), border_.end()), border_.end());
-    out_.border_.codes = std::move(border_);
     out_.border_.makeFilter();
     LUMIGRID_TRY(out_.makeWindingConsistent(options_.limits));
     std::uint64_t with_area = 0;
@@ -92,6 +66,63 @@ class BucketSorter {
   }
 
  private:
+  // Sorts all triangles, stitched as far as it is known how.
+  base::Result<void> sort() {
+    out_ = {};
+    border_ = {};
+    LUMIGRID_ASSIGN_OR_RETURN(out_.file_, SpoolFile::create(directory_ + "/buckets"));
+    out_.packing_ = {info_.has_colors, info_.has_normals};
+
+    // A window has as many vertices as the memory holds.
+    const std::uint64_t vertex_bytes = out_.packing_.cornerBytes();
+    const std::uint64_t window = std::max<std::uint64_t>(options_.limits.memory_bytes / vertex_bytes, 1U << 16);
+    const std::uint64_t windows = (info_.vertices + window - 1) / window;
+    const std::uint64_t samples = std::min(kMaxSamples, kBucketSamples * bucketsWanted());
+    stride_ = std::max<std::uint64_t>(1, info_.vertices / samples);
+    if (windows > 1) {
+      LUMIGRID_ASSIGN_OR_RETURN(corners_, SpoolFile::create(directory_ + "/corners"));
+    }
+    for (std::uint64_t w = 0; w < windows; ++w) {
+      LUMIGRID_TRY(loadWindow(w * window, std::min(info_.vertices, (w + 1) * window), w == 0));
+      if (w == 0) chooseSplitters();
+      LUMIGRID_TRY(
+          gatherTriangles(w == 0, w + 1 == windows, (static_cast<double>(w) + 1.0) / static_cast<double>(windows)));
+    }
+    if (windows > 1) {
+      std::error_code ignored;
+      std::filesystem::remove(corners_.path(), ignored);
+    }
+    if (!stitches_.fills().empty()) LUMIGRID_TRY(storeFills());
+    for (std::size_t b = 0; b < buffers_.size(); ++b) LUMIGRID_TRY(flush(b));
+    buffers_ = std::vector<base::Bytes>();
+    splitters_ = std::vector<std::uint64_t>();
+    LUMIGRID_TRY(out_.file_.flush());
+    std::sort(border_.begin(), border_.end());
+    border_.erase(std::unique(border_.begin(), border_.end()), border_.end());
+    out_.border_.codes = std::move(border_);
+    out_.border_.makeFilter();
+    return {};
+  }
+
+  // Finds what is to be stitched, and sorts once more where that is something: a stitched vertex may belong to another
+  // bucket, and the first sort is what tells which edges are open.
+  base::Result<void> stitch() {
+    if (!options_.stitch.on) return {};
+    const std::uint64_t most = options_.limits.memory_bytes / kStitchBytesPerEdge;
+    LUMIGRID_ASSIGN_OR_RETURN(auto edges, out_.findBorderEdges(most, options_.limits.threads));
+    if (!edges) {
+      out_.totals_.stitched.too_many = 1;
+      return {};
+    }
+    const double step = lattice_.lattice.step;
+    const StitchScale scale{options_.stitch.length / step, info_.mean_edge / step,
+                            glm::length(info_.box_max - info_.box_min) / step};
+    stitches_ = findStitches(std::move(*edges), scale, options_.limits.threads);
+    if (!stitches_.empty()) LUMIGRID_TRY(sort());
+    out_.totals_.stitched = stitches_.counts();
+    return {};
+  }
+
   std::uint64_t bucketsWanted() const { return (info_.vertices + Buckets::kVertices - 1) / Buckets::kVertices; }
 
   // Puts vertices first … last − 1 on the lattice. The first window also samples all vertices.
@@ -122,7 +153,7 @@ class BucketSorter {
   }
 
   std::uint64_t codeOf(const SpooledVertices& block, std::uint64_t vertex) const {
-    return mortonCode(lattice_.point(block.positions[static_cast<std::size_t>(vertex - block.first)]));
+    return stitches_.moved(mortonCode(lattice_.point(block.positions[static_cast<std::size_t>(vertex - block.first)])));
   }
 
   void storeVertex(const SpooledVertices& block, std::uint64_t vertex) {
@@ -179,6 +210,16 @@ class BucketSorter {
     std::vector<Run> runs;              // runs of the packed triangles
     std::vector<std::uint64_t> border;
     BucketCounts counts;
+    std::size_t used = 0;      // bytes of `packed`
+    std::uint64_t before = 0;  // as packTriangle() wants it
+
+    void beginPacking(std::size_t bytes) {
+      packed.resize(std::max(packed.size(), bytes));
+      runs.clear();
+      border.clear();
+      counts = {};
+      used = 0, before = 0;
+    }
   };
 
   // Looks up the triangles' corners in this window; the last window packs and stores the triangles.
@@ -238,13 +279,7 @@ class BucketSorter {
   // Leaves out degenerate triangles, and packs the others with the buckets that they go to.
   void packTriangles(const SpooledTriangles& block, TriangleBatch& result) const {
     const std::size_t triangles = block.corners.size() / 3;
-    result.packed.resize((BucketPacking::kHeadBytes + 3 * out_.packing_.cornerBytes()) * triangles +
-                         BucketPacking::kSlack);
-    result.runs.clear();
-    result.border.clear();
-    result.counts = {};
-    std::uint8_t* to = result.packed.data();
-    std::uint64_t before = 0;
+    result.beginPacking(packedBytes(triangles));
     for (std::size_t t = 0; t < triangles; ++t) {
       const std::uint64_t* v = &block.corners[3 * t];
       CornerRecord record = result.records.empty() ? CornerRecord{} : result.records[t];
@@ -261,18 +296,63 @@ class BucketSorter {
       if (!block.normals.empty())
         for (std::size_t k = 0; k < 3; ++k)
           if (block.normals[3 * t + k] != 0) record.corner[k].normal = block.normals[3 * t + k];
-      const std::uint32_t bucket = bucketOf(medianCode(a, b, c));
-      if (!splitters_.empty())
-        for (const std::uint64_t code : {a, b, c})
-          if (bucketOf(code) != bucket) result.border.push_back(code);
-      const bool starts_run = result.runs.empty() || result.runs.back().bucket != bucket ||
-                              result.runs.back().triangles == kMaxRunTriangles;
-      if (starts_run) result.runs.push_back({bucket, 0, 0});
-      std::uint8_t* const end = out_.packing_.packTriangle(record.corner, starts_run, before, to);
-      ++result.runs.back().triangles;
-      result.runs.back().bytes += static_cast<std::size_t>(end - to);
-      to = end;
+      packSplit(record, stitches_.hasSplits() ? 7 : 0, result);
     }
+  }
+
+  std::size_t packedBytes(std::size_t triangles) const {
+    return (BucketPacking::kHeadBytes + 3 * out_.packing_.cornerBytes()) * triangles + BucketPacking::kSlack;
+  }
+
+  // Packs the triangle, cut where vertices of other borders lie on its edges; `edges` has a bit for each to look at.
+  void packSplit(const CornerRecord& record, std::uint32_t edges, TriangleBatch& result) const {
+    for (std::size_t edge = 0; edge < 3; ++edge) {
+      if ((edges >> edge & 1U) == 0) continue;
+      const std::size_t next = (edge + 1) % 3, before = (edge + 2) % 3;
+      const auto vertices = stitches_.splitting(record.corner[edge].code, record.corner[next].code);
+      if (vertices.empty()) continue;
+      // The parts fan out from the third corner. The first has the edge before this one, the last the next.
+      result.counts.added += vertices.size();
+      CornerRecord part = record;
+      for (std::size_t i = 0; i < vertices.size(); ++i) {
+        part.corner[next] = Corner{vertices[i], 0, 0};
+        packSplit(part, i == 0 ? edges & 1U << before : 0, result);
+        part.corner[edge] = part.corner[next];
+      }
+      part.corner[next] = record.corner[next];
+      return packSplit(part, edges & 1U << next, result);
+    }
+    packOne(record, result);
+  }
+
+  void packOne(const CornerRecord& record, TriangleBatch& result) const {
+    const std::uint64_t codes[] = {record.corner[0].code, record.corner[1].code, record.corner[2].code};
+    if (result.packed.size() - result.used < packedBytes(1) + BucketPacking::kMaxTriangleBytes)
+      result.packed.resize(result.packed.size() * 3 / 2 + packedBytes(64));
+    const std::uint32_t bucket = bucketOf(medianCode(codes[0], codes[1], codes[2]));
+    if (!splitters_.empty())
+      for (const std::uint64_t code : codes)
+        if (bucketOf(code) != bucket) result.border.push_back(code);
+    const bool starts_run =
+        result.runs.empty() || result.runs.back().bucket != bucket || result.runs.back().triangles == kMaxRunTriangles;
+    if (starts_run) result.runs.push_back({bucket, 0, 0});
+    std::uint8_t* const to = result.packed.data() + result.used;
+    const std::uint8_t* const end = out_.packing_.packTriangle(record.corner, starts_run, result.before, to);
+    ++result.runs.back().triangles;
+    result.runs.back().bytes += static_cast<std::size_t>(end - to);
+    result.used += static_cast<std::size_t>(end - to);
+  }
+
+  base::Result<void> storeFills() {
+    TriangleBatch batch;
+    batch.beginPacking(packedBytes(stitches_.fills().size()));
+    for (const auto& codes : stitches_.fills()) {
+      CornerRecord record;
+      for (std::size_t k = 0; k < 3; ++k) record.corner[k].code = codes[k];
+      packOne(record, batch);
+    }
+    batch.counts.added = stitches_.fills().size();
+    return storePacked(batch);
   }
 
   base::Result<void> storePacked(const TriangleBatch& result) {
@@ -287,6 +367,7 @@ class BucketSorter {
     }
     out_.totals_.degenerate += result.counts.degenerate;
     out_.totals_.collapsed += result.counts.collapsed;
+    out_.totals_.added += result.counts.added;
     border_.insert(border_.end(), result.border.begin(), result.border.end());
     if (border_.size() > border_limit_) {
       std::sort(border_.begin(), border_.end());
@@ -311,6 +392,7 @@ class BucketSorter {
   const std::string& directory_;
   const BucketOptions& options_;
   Buckets out_;
+  Stitches stitches_;
   SpoolFile corners_;
   std::uint64_t first_ = 0, last_ = 0;  // the window
   std::size_t room_ = 0;                // vertices that the following arrays hold

@@ -17,7 +17,7 @@ namespace {
 // About what measureWinding takes for a bucket.
 constexpr std::uint64_t kWindingBytes = std::uint64_t{80} << 20;
 
-constexpr std::uint8_t kStateVersion = 1;
+constexpr std::uint8_t kStateVersion = 2;
 
 void flipTriangles(const std::vector<bool>& flips, std::vector<BorderTriangle>& triangles) {
   if (flips.empty()) return;
@@ -89,6 +89,29 @@ base::Result<std::vector<Corner>> Buckets::read(std::size_t bucket) const {
   for (std::size_t t = 0; t < flips.size(); ++t)
     if (flips[t]) std::swap((*corners)[3 * t + 1], (*corners)[3 * t + 2]);
   return corners;
+}
+
+base::Result<std::optional<std::vector<BorderEdge>>> Buckets::findBorderEdges(std::uint64_t most,
+                                                                              unsigned threads) const {
+  std::vector<BorderEdge> found, shared;  // `shared` may have a triangle in another bucket
+  std::mutex mutex;
+  LUMIGRID_TRY(base::tryParallelFor(count(), threads, [&](std::size_t bucket) -> base::Result<void> {
+    LUMIGRID_ASSIGN_OR_RETURN(const auto corners, readUnflipped(bucket));
+    for (const BorderEdge& e : borderEdges(NumberedCorners(corners), corners)) {
+      const bool crosses = border_.find(e.from) >= 0 && border_.find(e.to) >= 0;
+      const std::lock_guard lock(mutex);
+      if (found.size() + shared.size() <= most) (crosses ? shared : found).push_back(e);
+    }
+    return {};
+  }));
+  if (found.size() + shared.size() > most) return std::optional<std::vector<BorderEdge>>();
+  const auto key = [](const BorderEdge& e) { return std::minmax(e.from, e.to); };
+  std::sort(shared.begin(), shared.end(), [&](const auto& a, const auto& b) { return key(a) < key(b); });
+  for (std::size_t begin = 0, end = 0; begin < shared.size(); begin = end) {
+    while (end < shared.size() && key(shared[end]) == key(shared[begin])) ++end;
+    if (end - begin == 1) found.push_back(shared[begin]);
+  }
+  return std::optional(std::move(found));
 }
 
 std::vector<std::uint32_t> Buckets::borderPlaces(const NumberedCorners& mesh) const {
@@ -184,6 +207,7 @@ struct Buckets::WindingPass {
   std::atomic<bool> consistent = true;
   std::mutex mutex;
   std::vector<OpenEdge> open;                          // while all are consistent
+  std::uint64_t inner_open = 0;                        // the same
   std::vector<std::optional<BucketWinding>> measured;  // by bucket, once one is not
   std::uint64_t max_parts = 0;                         // triangles whose part fits the memory
   std::atomic<std::uint64_t> parts = 0;
@@ -213,6 +237,7 @@ base::Result<void> Buckets::checkBucket(std::size_t bucket, WindingPass& pass) {
   if (count() == 1 && pass.consistent) kept_ = NumberedBucket{std::move(corners), std::move(mesh)};
   const std::lock_guard lock(pass.mutex);
   pass.open.insert(pass.open.end(), check.open.begin(), check.open.end());
+  pass.inner_open += check.inner_open;
   return storeBorder(bucket, on_border);
 }
 
@@ -235,9 +260,12 @@ base::Result<void> Buckets::makeWindingConsistent(base::ResourceLimits limits) {
   areas_.resize(count());
   LUMIGRID_TRY(base::tryParallelFor(count(), threads, [&](std::size_t bucket) { return checkBucket(bucket, pass); }));
   LUMIGRID_TRY(file_.flush());
-  if (pass.consistent && runOppositely(pass.open)) {
-    winding_.setConsistent(count());
-    return {};
+  if (pass.consistent) {
+    const SharedEdges shared = compareEdges(pass.open);
+    if (shared.run_oppositely) {
+      winding_.setConsistent(count(), pass.inner_open + shared.open);
+      return {};
+    }
   }
   pass.open = {};
   kept_.reset();

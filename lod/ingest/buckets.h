@@ -16,6 +16,7 @@
 #include "lod/ingest/bucket_packing.h"
 #include "lod/ingest/morton.h"
 #include "lod/ingest/source_lattice.h"
+#include "lod/ingest/stitching.h"
 #include "lod/ingest/winding.h"
 
 namespace lod::ingest {
@@ -25,10 +26,13 @@ struct BucketCounts {
   std::uint64_t degenerate = 0;  ///< left out, since they name a vertex twice
   std::uint64_t collapsed = 0;   ///< left out, since two corners met at a lattice point
   glm::dvec3 facing{0.0};        ///< sum of all latticeNormals
+  std::uint64_t added = 0;       ///< by cutting others, or to close holes
+  StitchCounts stitched;
 };
 
 struct BucketOptions {
-  base::ResourceLimits limits;           ///< resolved; the memory bounds the window of vertices
+  base::ResourceLimits limits;  ///< resolved; the memory bounds the window of vertices
+  StitchOptions stitch;
   std::function<bool(double)> progress;  ///< share done; false cancels
 };
 
@@ -81,6 +85,8 @@ class Buckets {
 
   base::Result<std::vector<Corner>> readUnflipped(std::size_t bucket) const;
   base::Result<std::vector<BorderTriangle>> readUnflippedBorder(std::size_t bucket) const;
+  /// The edges that only one triangle has, in no certain order; nothing where there are more than `most`.
+  base::Result<std::optional<std::vector<BorderEdge>>> findBorderEdges(std::uint64_t most, unsigned threads) const;
   /// Per vertex its place on the border, or kNotOnBorder.
   std::vector<std::uint32_t> borderPlaces(const NumberedCorners& mesh) const;
   base::Result<void> storeBorder(std::size_t bucket, std::span<const BorderTriangle> triangles);

@@ -181,12 +181,25 @@ base::Result<Buckets> sortSource(WorkDirectory& directory, const ImportedSource&
   return buckets;
 }
 
-void addRepairs(const ImportedSource& source, const Buckets& buckets, RepairCounts& repairs) {
+void addRepairs(const ImportedSource& source, const Buckets& buckets, double lattice_step, SourceSummary& summary) {
+  RepairCounts& repairs = summary.repairs;
   repairs.add("degenerate_triangles", source.info.short_faces + buckets.totals().degenerate);
   repairs.add("lattice_collapsed_triangles", buckets.totals().collapsed);
   repairs.add("flipped_triangles", buckets.winding().flipped());
   repairs.add("non_orientable_parts", buckets.winding().nonOrientable());
   repairs.add("unreferenced_vertices", source.info.vertices - source.info.referenced);
+  const StitchCounts& stitched = buckets.totals().stitched;
+  repairs.add("stitched_vertices", stitched.stitched_vertices);
+  repairs.add("split_border_edges", stitched.split_edges);
+  repairs.add("closed_holes", stitched.closed_holes);
+  repairs.add("added_triangles", buckets.totals().added);
+  summary.border.open_edges = buckets.winding().openEdges();
+  summary.border.source_open_edges = std::max(stitched.source_edges, summary.border.open_edges);
+  summary.border.largest_movement = stitched.largest_movement * lattice_step;
+  if (stitched.too_many != 0)
+    summary.warnings.push_back(
+        "the source has too many border edges to be stitched in this memory; for fewer gaps "
+        "raise --memory");
 }
 
 base::Error namingSource(const std::vector<std::string>& paths, base::Error error) {
@@ -227,10 +240,10 @@ void StagedBuild::reportPlan(std::uint64_t output_bytes, std::uint64_t work_byte
                     static_cast<double>(items) / (items_per_core_second * threads())});
 }
 
-base::Result<Buckets> StagedBuild::sortTriangles() {
+base::Result<Buckets> StagedBuild::sortTriangles(const StitchOptions& stitch) {
   if (!directory_->isFinished(Stage::kSorted) && !report("sort", 0.0)) return cancelled();
-  const BucketOptions options{{limits_.threads, workMemory() / 2},
-                              [this](double done) { return report("sort", done); }};
+  const BucketOptions options{
+      {limits_.threads, workMemory() / 2}, stitch, [this](double done) { return report("sort", done); }};
   return sortSource(*directory_, source_, lattice_, options);
 }
 

@@ -59,7 +59,8 @@ struct StagedBuildOptions {
 
 /// How often each repair was made. Names are stable, since `info --json` shows them: "welded_vertices",
 /// "degenerate_triangles", "duplicate_triangles", "lattice_collapsed_triangles", "flipped_triangles",
-/// "non_orientable_parts", "unreferenced_vertices".
+/// "non_orientable_parts", "unreferenced_vertices", "stitched_vertices", "split_border_edges", "closed_holes",
+/// "added_triangles".
 struct RepairCounts {
   std::map<std::string, std::uint64_t> counts;
 
@@ -68,9 +69,17 @@ struct RepairCounts {
   }
 };
 
+/// The source's border, and what stitching did to it.
+struct BorderSummary {
+  std::uint64_t source_open_edges = 0;  ///< edges of only one triangle
+  std::uint64_t open_edges = 0;         ///< the same, after stitching
+  double largest_movement = 0.0;        ///< of a stitched place, scene units
+};
+
 /// The part of a build's summary that is the same for all methods.
 struct SourceSummary {
   RepairCounts repairs;
+  BorderSummary border;         ///< all 0 where the source is points
   std::uint64_t triangles = 0;  ///< in the leaves; 0 where the source is points
   glm::dvec3 origin{0.0};       ///< the scene's, world
   glm::dvec3 box_min{0.0};      ///< world
@@ -100,8 +109,8 @@ base::Result<SourceSpool> openSource(const WorkDirectory& directory, const Impor
 base::Result<Buckets> sortSource(WorkDirectory& directory, const ImportedSource& source, const SourceLattice& lattice,
                                  const BucketOptions& options);
 
-/// Adds the repairs of reading and sorting to `repairs`.
-void addRepairs(const ImportedSource& source, const Buckets& buckets, RepairCounts& repairs);
+/// Adds the repairs of reading and sorting to the summary, and a warning where stitching was left out.
+void addRepairs(const ImportedSource& source, const Buckets& buckets, double lattice_step, SourceSummary& summary);
 
 /// Puts the first file's name before an error about the mesh that names no file.
 base::Error namingSource(const std::vector<std::string>& paths, base::Error error);
@@ -127,8 +136,8 @@ class StagedBuild {
   /// `items_per_core_second`.
   void reportPlan(std::uint64_t output_bytes, std::uint64_t work_bytes, std::uint64_t items,
                   double items_per_core_second) const;
-  /// Goes through Stage::kSorted for triangles.
-  base::Result<Buckets> sortTriangles();
+  /// Goes through Stage::kSorted for triangles. The resume key must tell how they are stitched.
+  base::Result<Buckets> sortTriangles(const StitchOptions& stitch);
 
   /// Reports progress; false cancels. Safe from several threads.
   bool report(const std::string& stage, double done);

@@ -130,20 +130,47 @@ WindingCheck checkWinding(const NumberedCorners& mesh, std::span<const std::uint
   edges.forEach(
       [&](std::uint32_t low, std::uint32_t high, std::uint32_t first, std::uint32_t second, std::uint32_t count) {
         if (count == 2) out.consistent &= ((first ^ second) & 1U) != 0;
-        if (count != 1 || border_place[low] == kNotOnBorder || border_place[high] == kNotOnBorder) return;
+        if (count != 1) return;
+        if (border_place[low] == kNotOnBorder || border_place[high] == kNotOnBorder) {
+          ++out.inner_open;
+          return;
+        }
         const std::uint64_t a = mesh.codes[low], b = mesh.codes[high];
         out.open.push_back({std::min(a, b), std::max(a, b), 0, ((first & 1U) != 0) != (a > b)});
       });
   return out;
 }
 
-bool runOppositely(std::vector<OpenEdge>& edges) {
+std::vector<BorderEdge> borderEdges(const NumberedCorners& mesh, std::span<const Corner> corners) {
+  std::vector<BorderEdge> out;
+  EdgeUses edges(mesh, unevenVertices(mesh));
+  edges.forEach([&](std::uint32_t low, std::uint32_t high, std::uint32_t first, std::uint32_t, std::uint32_t count) {
+    if (count != 1) return;
+    const std::size_t begin = 3 * std::size_t{first / 2};
+    const std::uint32_t from = (first & 1U) != 0 ? high : low, to = (first & 1U) != 0 ? low : high;
+    BorderEdge edge{mesh.codes[from], mesh.codes[to]};
+    for (std::size_t i = begin; i < begin + 3; ++i) {
+      if (mesh.number[i] == from)
+        edge.from_color = corners[i].color;
+      else if (mesh.number[i] == to)
+        edge.to_color = corners[i].color;
+      else
+        edge.third = corners[i].code;
+    }
+    out.push_back(edge);
+  });
+  return out;
+}
+
+SharedEdges compareEdges(std::vector<OpenEdge>& edges) {
+  SharedEdges out;
   std::sort(edges.begin(), edges.end());
   for (std::size_t begin = 0, end = 0; begin < edges.size(); begin = end) {
     while (end < edges.size() && edges[end].low == edges[begin].low && edges[end].high == edges[begin].high) ++end;
-    if (end - begin == 2 && edges[begin].turned == edges[begin + 1].turned) return false;
+    if (end - begin == 2 && edges[begin].turned == edges[begin + 1].turned) out.run_oppositely = false;
+    out.open += end - begin == 1 ? 1 : 0;
   }
-  return true;
+  return out;
 }
 
 BucketWinding measureWinding(const NumberedCorners& mesh, std::span<const std::uint32_t> border_place) {
@@ -194,8 +221,9 @@ BucketWinding measureWinding(const NumberedCorners& mesh, std::span<const std::u
     } else if (e.count == 2) {
       const std::uint32_t b = out.part[e.second / 2];
       out.opposing.emplace_back(std::min(a, b), std::max(a, b));
-    } else if (a != BucketWinding::kNoPart) {
-      ++out.parts[a].perimeter;
+    } else {
+      out.inner_open += e.count == 1 ? 1 : 0;
+      if (a != BucketWinding::kNoPart) ++out.parts[a].perimeter;
     }
   }
   return out;
@@ -203,6 +231,7 @@ BucketWinding measureWinding(const NumberedCorners& mesh, std::span<const std::u
 
 void Winding::add(const BucketWinding& bucket) {
   const std::uint32_t first = first_.back();
+  open_edges_ += bucket.inner_open;
   parts_.insert(parts_.end(), bucket.parts.begin(), bucket.parts.end());
   for (OpenEdge e : bucket.open) {
     e.part += first;
@@ -220,6 +249,7 @@ void Winding::finish() {
   for (std::size_t begin = 0, end = 0; begin < open_.size(); begin = end) {
     while (end < open_.size() && open_[end].low == open_[begin].low && open_[end].high == open_[begin].high) ++end;
     const OpenEdge& a = open_[begin];
+    open_edges_ += end - begin == 1 ? 1 : 0;
     if (end - begin == 2 && a.turned != open_[begin + 1].turned)
       whole.unite(a.part, open_[begin + 1].part, 0);
     else if (end - begin == 2)
@@ -273,7 +303,7 @@ void Winding::write(base::ByteWriter& out) const {
   out.u64(first_.size());
   for (const std::uint32_t f : first_) out.u32(f);
   out.bytes(flip_);
-  base::writeFields(out, std::tie(flipped_, non_orientable_));
+  base::writeFields(out, std::tie(flipped_, non_orientable_, open_edges_));
 }
 
 bool Winding::read(base::ByteReader& in) {
@@ -283,7 +313,7 @@ bool Winding::read(base::ByteReader& in) {
   for (std::uint32_t& f : first_) f = in.u32();
   const base::ByteView flips = in.bytes(first_.back());
   flip_.assign(flips.begin(), flips.end());
-  base::readFields(in, std::tie(flipped_, non_orientable_));
+  base::readFields(in, std::tie(flipped_, non_orientable_, open_edges_));
   return in.ok();
 }
 

@@ -10,6 +10,7 @@
 #include "base/bytes.h"
 #include "base/error.h"
 #include "lod/ingest/border_vertices.h"
+#include "lod/ingest/stitching.h"
 
 namespace lod::ingest {
 
@@ -43,19 +44,27 @@ struct BucketWinding {
   };
   std::vector<std::uint32_t> part;  ///< per triangle
   std::vector<Part> parts;
-  std::vector<OpenEdge> open;  ///< edges of one triangle here, both ends on the border
+  std::vector<OpenEdge> open;    ///< edges of one triangle here, both ends on the border
+  std::uint64_t inner_open = 0;  ///< other edges of one triangle
   std::vector<std::pair<std::uint32_t, std::uint32_t>> opposing;  ///< pairs of parts at the edges counted by `against`
 };
 
 /// A check that is all that clean meshes need.
 struct WindingCheck {
-  bool consistent = true;      ///< no two triangles run along an edge in the same direction
-  std::vector<OpenEdge> open;  ///< edges of one triangle here, which another bucket may share
+  bool consistent = true;        ///< no two triangles run along an edge in the same direction
+  std::vector<OpenEdge> open;    ///< edges of one triangle here, which another bucket may share
+  std::uint64_t inner_open = 0;  ///< other edges of one triangle
 };
 /// `border_place` is per vertex, kNotOnBorder or not.
 WindingCheck checkWinding(const NumberedCorners& mesh, std::span<const std::uint32_t> border_place);
-/// Whether the edges that two buckets share run in opposite directions. Reorders `edges`.
-bool runOppositely(std::vector<OpenEdge>& edges);
+/// The edges of one triangle of a bucket. `corners`: those that were numbered.
+std::vector<BorderEdge> borderEdges(const NumberedCorners& mesh, std::span<const Corner> corners);
+struct SharedEdges {
+  bool run_oppositely = true;  ///< all that two buckets share
+  std::uint64_t open = 0;      ///< edges that only one has
+};
+/// Compares the edges of all buckets. Reorders `edges`.
+SharedEdges compareEdges(std::vector<OpenEdge>& edges);
 BucketWinding measureWinding(const NumberedCorners& mesh, std::span<const std::uint32_t> border_place);
 
 /// The parts of all buckets together. A part is flipped when at least half of its perimeter runs against its neighbours
@@ -64,7 +73,10 @@ BucketWinding measureWinding(const NumberedCorners& mesh, std::span<const std::u
 class Winding {
  public:
   /// Declares all `buckets` consistent, so that no triangle is flipped.
-  void setConsistent(std::size_t buckets) { first_.assign(buckets + 1, 0); }
+  void setConsistent(std::size_t buckets, std::uint64_t open_edges) {
+    first_.assign(buckets + 1, 0);
+    open_edges_ = open_edges;
+  }
   /// Adds the next bucket, in their order.
   void add(const BucketWinding& bucket);
   /// Decides after the last bucket which parts are flipped.
@@ -76,6 +88,8 @@ class Winding {
   std::uint64_t flipped() const { return flipped_; }
   /// How many parts run against themselves, as a Möbius strip does; they stay as they are.
   std::uint64_t nonOrientable() const { return non_orientable_; }
+  /// How many edges have only one triangle.
+  std::uint64_t openEdges() const { return open_edges_; }
   void write(base::ByteWriter& out) const;
   bool read(base::ByteReader& in);
 
@@ -88,6 +102,7 @@ class Winding {
   std::vector<std::pair<std::uint32_t, std::uint32_t>> opposing_;
   std::uint64_t flipped_ = 0;
   std::uint64_t non_orientable_ = 0;
+  std::uint64_t open_edges_ = 0;
 };
 
 }  // namespace lod::ingest

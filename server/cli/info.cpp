@@ -64,12 +64,13 @@ std::vector<LevelSummary> levelsOf(const lod::patch::Hierarchy& hierarchy) {
 
 nlohmann::json describeHierarchy(const OpenScene& open) {
   const lod::patch::Hierarchy& h = open.patches.hierarchy();
-  return {{"bytes", open.patches.fileBytes()},
-          {"groups", h.groups.size()},
-          {"patches", h.patches.size()},
-          {"lattice_step", h.lattice.step},
-          {"position_error", h.lattice.positionError()},
-          {"levels", levelsOf(h)}};
+  return {
+      {"bytes", open.patches.fileBytes()},
+      {"groups", h.groups.size()},
+      {"patches", h.patches.size()},
+      {"lattice_step", h.lattice.step},
+      {"position_error", h.lattice.positionError() + (open.scene.border ? open.scene.border->largest_movement : 0.0)},
+      {"levels", levelsOf(h)}};
 }
 
 base::Result<repository::StoreContents> contentsOf(const repository::IndexRoot& root) {

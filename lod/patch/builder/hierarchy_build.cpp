@@ -291,7 +291,7 @@ class HierarchyBuilder {
     LUMIGRID_TRY(build_.importSource(input, options_.position_bits));
     const std::uint64_t triangles = build_.source().info.triangles;
     build_.reportPlan(kOutputBytes * triangles, kWorkBytes * triangles, triangles, kTrianglesPerCoreSecond);
-    LUMIGRID_ASSIGN_OR_RETURN(buckets_, build_.sortTriangles());
+    LUMIGRID_ASSIGN_OR_RETURN(buckets_, build_.sortTriangles(options_.stitch));
     std::vector<WorkPatch> leaves;
     LUMIGRID_TRY(openStore());
     LUMIGRID_TRY(makeAllLeaves(leaves));
@@ -303,7 +303,7 @@ class HierarchyBuilder {
 
   // The key holds everything that determines the work files, their own format first. Threads and memory do not.
   std::string keyPrefix() const {
-    std::string key = "14";
+    std::string key = "15 " + ingest::describeStitch(options_.stitch);
     for (const std::uint32_t v : {options_.voxel_triangles, options_.leaf_triangles, options_.node_triangles,
                                   options_.group_patches, options_.position_bits, options_.regroup ? 1U : 0U}) {
       key += ' ';
@@ -420,9 +420,10 @@ class HierarchyBuilder {
   void fillSummary() {
     summary_.levels = levels_.levels;
     summary_.facing = buckets_.totals().facing;
-    ingest::addRepairs(build_.source(), buckets_, summary_.repairs);
+    ingest::addRepairs(build_.source(), buckets_, build_.lattice().lattice.step, summary_);
     summary_.repairs.add("duplicate_triangles", duplicates_);
-    const std::uint64_t distinct = inner_vertices_ + buckets_.border().codes.size();
+    const std::uint64_t distinct =
+        inner_vertices_ + buckets_.border().codes.size() + buckets_.totals().stitched.stitched_vertices;
     summary_.repairs.add("welded_vertices",
                          build_.source().info.referenced - std::min(build_.source().info.referenced, distinct));
     std::error_code ignored;

@@ -19,6 +19,7 @@ struct HierarchyOptions : ingest::StagedBuildOptions {
   std::uint32_t group_patches = 6;      ///< about how many patches make a group
   std::uint32_t position_bits = 0;  ///< 10..21 along the longest side; 0: chosen so that the step is at most 1/16 of
                                     ///< the mean edge, at least 14
+  ingest::StitchOptions stitch;     ///< how the seams of the source are closed
   bool regroup = true;              ///< false: the paper's binary tree, whose locked borders pile up (for the chart)
 };
 

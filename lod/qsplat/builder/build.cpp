@@ -48,7 +48,7 @@ class SplatTreeBuilder {
   bool isMesh() const { return info().triangles > 0; }
 
   base::Result<void> sortTriangles() {
-    LUMIGRID_ASSIGN_OR_RETURN(buckets_, build_.sortTriangles());
+    LUMIGRID_ASSIGN_OR_RETURN(buckets_, build_.sortTriangles({.on = false}));
     return {};
   }
 
@@ -179,7 +179,7 @@ class SplatTreeBuilder {
     if (isMesh()) {
       summary_.triangles = buckets_.totals().triangles;
       summary_.facing = buckets_.totals().facing;
-      ingest::addRepairs(build_.source(), buckets_, summary_.repairs);
+      ingest::addRepairs(build_.source(), buckets_, build_.lattice().lattice.step, summary_);
     } else {
       summary_.facing = point_leaves_->facing();
     }

@@ -131,6 +131,7 @@ Result<void> buildPatches(const BuildArguments& a, const SceneSources& sources, 
   PartFile part(a.output, kPatches.file);
   lod::patch::builder::HierarchyOptions options = a.hierarchy;
   options.limits = a.limits;
+  options.stitch = *lod::ingest::parseStitch(a.stitch);
   options.regroup = a.regroup == "on";
   options.work_directory = workDirectory(a, kPatches);
   options.resume_key = resumeKey(sources);
@@ -144,6 +145,7 @@ Result<void> buildPatches(const BuildArguments& a, const SceneSources& sources, 
 
   // The patches are the scene as it is looked at, so what they say of the source replaces what splats said.
   LUMIGRID_ASSIGN_OR_RETURN(auto described, describeScene(a, sources, *summary));
+  described.border = {summary->border.source_open_edges, summary->border.open_edges, summary->border.largest_movement};
   if (scene) {
     const Parameters wanted = std::move(described.parameters);
     described.parameters = scene->parameters;  // with the division into shards

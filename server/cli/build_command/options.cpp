@@ -95,6 +95,9 @@ void declareImageOptions(CLI::App& command, BuildArguments& a) {
 }
 
 void declareHierarchyOptions(CLI::App& command, BuildArguments& a) {
+  command.add_option("--stitch", a.stitch,
+                     "seams of the source, whose two sides were rounded apart, are closed, and its smallest holes: "
+                     "auto: how far apart is found from the borders; off; or a length in units of the mesh");
   command.add_option("--voxel-triangles", a.hierarchy.voxel_triangles, "Nv: most triangles in a voxel")
       ->check(CLI::Range(1, 1'000'000));
   command.add_option("--leaf-triangles", a.hierarchy.leaf_triangles, "Nl: most triangles in a leaf patch")
@@ -155,6 +158,7 @@ bool isGiven(const CLI::App& command, const std::string& option) {
 // tuned.
 Parameters recordedBeside(const CLI::App& given, const Parameters& parameters) {
   Parameters recorded = withoutChoice(parameters);
+  recorded.try_emplace("stitch", "off");  // scenes of programs that did not stitch
   if (recorded.contains("tune")) recorded.erase("subsampling");
   if (isGiven(given, "--quality") || isGiven(given, "--subsampling")) recorded.erase("tune");
   if (isGiven(given, "--tune") && given.get_option("--tune")->as<std::string>() != "off")
@@ -206,7 +210,8 @@ Parameters parametersOf(const BuildArguments& a) {
                         {"leaf-triangles", number(a.hierarchy.leaf_triangles)},
                         {"node-triangles", number(a.hierarchy.node_triangles)},
                         {"position-bits", number(a.hierarchy.position_bits)},
-                        {"regroup", a.regroup}};
+                        {"regroup", a.regroup},
+                        {"stitch", a.stitch}};
   const PointSelection& selection = a.bake.selection;
   if (selection.views != 0) {
     parameters["views"] = number(selection.views);
@@ -224,6 +229,7 @@ std::string usageError(const CLI::App& command, BuildArguments& a) {
   if (a.automatic && wants(a, "images")) return "--methods auto decides on images: leave out one of the two";
   if (a.automatic && !wants(a, "patch")) a.methods.emplace_back("patch");
   if (wants(a, "images") && !wants(a, "patch")) return "--methods images needs patch as well";
+  if (const auto stitch = lod::ingest::parseStitch(a.stitch); !stitch) return stitch.error().message;
   if (!parseTune(a.tune, a.tune_db))
     return "--tune " + a.tune + ": give off, or a PSNR in dB above 0 and below 99, e.g. 36";
   if (a.tune_db && !wants(a, "images") && !a.automatic)

@@ -28,7 +28,7 @@ struct BuildArguments {
   std::optional<double> tune_db;  ///< --tune in dB, nothing: off
   std::uint32_t grid = 32, face = 512;
   double margin = 0.5;
-  std::string tmpdir, regroup = "on";
+  std::string tmpdir, regroup = "on", stitch = "auto";
   std::string views_from;  ///< a scene; empty: views are drawn anywhere
   base::ResourceLimits limits;
   lod::patch::builder::HierarchyOptions hierarchy;  ///< without the limits, which all methods share
@@ -52,7 +52,7 @@ inline constexpr const char* kAuto = "auto";
 /// Recorded options that decide what scene.json says of the source, and the patch hierarchy besides.
 inline constexpr const char* kSourceParameters[] = {"light", "up", "units"};
 inline constexpr const char* kHierarchyParameters[] = {"voxel-triangles", "leaf-triangles", "node-triangles",
-                                                       "position-bits", "regroup"};
+                                                       "position-bits", "regroup", "stitch"};
 /// Recorded where the tree of splats is in the coded form.
 inline constexpr const char* kSplatsCoded = "qsplat-coded";
 /// Recorded where the scene has a tree of splats: how its triangles were diced.

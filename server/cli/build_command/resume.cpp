@@ -49,6 +49,7 @@ Fit fitOf(const BuildArguments& a, const std::vector<base::SceneSource>& sources
   if (!a.meshes.empty() && !sameSources(scene.sources, sources)) return Fit::kOther;
   Parameters recorded = withoutChoice(scene.parameters);
   recorded.erase(kShardsParameter);
+  recorded.try_emplace("stitch", "off");  // scenes of programs that did not stitch
   Parameters wanted = parametersOf(a);
   if (!sameHierarchies(a, recorded, wanted)) return Fit::kOther;
   if (!wants(a, "images")) return Fit::kSame;

@@ -8,14 +8,15 @@
 #include <random>
 
 #include "base/file.h"
-#include "lod/ingest/staged_build.h"
-#include "tests/support/ply_file.h"
-#include "tests/support/temporary_directory.h"
+#include "tests/support/sorted_mesh.h"
 
 namespace {
 
 using namespace lod::ingest;
 using support::Mesh;
+using support::SortedMesh;
+
+constexpr StitchOptions kUnstitched{false, 0.0};
 
 // Returns a bent sheet of side² quads with a random third of its triangles flipped.
 Mesh turnedSheet(std::uint32_t side) {
@@ -35,21 +36,6 @@ Mesh turnedSheet(std::uint32_t side) {
   return mesh;
 }
 
-struct SortedMesh {
-  support::TemporaryDirectory scratch;
-  SourceLattice lattice;
-  base::Result<Buckets> buckets = base::Error{base::ErrorCode::kIo, "not sorted"};
-
-  SortedMesh(const Mesh& mesh, std::uint64_t memory, unsigned threads) {
-    auto directory = WorkDirectory::open(scratch.path(), {});
-    writePly(scratch / "mesh.ply", mesh);
-    const auto input = sourceFromFiles({scratch / "mesh.ply"}, {}, 2);
-    const auto source = importSource(*directory, *input, 2);
-    lattice = makeLattice(source->info, source->origin, 0);
-    buckets = sortSource(*directory, *source, lattice, {{threads, memory}, {}});
-  }
-};
-
 void expectSame(const Buckets& a, const Buckets& b) {
   ASSERT_EQ(a.count(), b.count());
   ASSERT_EQ(a.border().codes, b.border().codes);
@@ -65,7 +51,7 @@ void expectSame(const Buckets& a, const Buckets& b) {
 
 TEST(Buckets, flipsDoNotDependOnMemoryOrThreads) {
   const Mesh mesh = turnedSheet(500);
-  const SortedMesh roomy(mesh, std::uint64_t{64} << 20, 2);
+  const SortedMesh roomy(mesh, std::uint64_t{64} << 20, 2, kUnstitched);
   ASSERT_TRUE(roomy.buckets) << roomy.buckets.error().message;
   ASSERT_GT(roomy.buckets->count(), 1U);
   EXPECT_GT(roomy.buckets->winding().flipped(), mesh.triangleCount() / 4);
@@ -81,13 +67,13 @@ TEST(Buckets, flipsDoNotDependOnMemoryOrThreads) {
   }
   EXPECT_LE(down, 4U);
   // This memory is too little to keep the part of each triangle.
-  const SortedMesh tight(mesh, std::uint64_t{1} << 20, 1);
+  const SortedMesh tight(mesh, std::uint64_t{1} << 20, 1, kUnstitched);
   ASSERT_TRUE(tight.buckets) << tight.buckets.error().message;
   expectSame(*roomy.buckets, *tight.buckets);
 }
 
 TEST(Buckets, aLaterRunReadsTheSameTriangles) {
-  const SortedMesh first(turnedSheet(400), std::uint64_t{64} << 20, 2);
+  const SortedMesh first(turnedSheet(400), std::uint64_t{64} << 20, 2, kUnstitched);
   ASSERT_TRUE(first.buckets) << first.buckets.error().message;
   const auto later = Buckets::open(first.scratch.path(), first.buckets->encodeTables());
   ASSERT_TRUE(later) << later.error().message;
@@ -96,7 +82,7 @@ TEST(Buckets, aLaterRunReadsTheSameTriangles) {
 
 TEST(Buckets, borderTrianglesAreThoseThatReadFindsAtTheBorder) {
   for (const bool later : {false, true}) {
-    const SortedMesh sorted(turnedSheet(400), std::uint64_t{64} << 20, 2);
+    const SortedMesh sorted(turnedSheet(400), std::uint64_t{64} << 20, 2, kUnstitched);
     ASSERT_TRUE(sorted.buckets);
     const auto opened = Buckets::open(sorted.scratch.path(), sorted.buckets->encodeTables());
     const Buckets& buckets = later ? *opened : *sorted.buckets;
@@ -138,7 +124,7 @@ TEST(Buckets, keepsColorsAndNormalsForAnyOrderOfTriangles) {
       std::shuffle(triangles.begin(), triangles.end(), std::minstd_rand(5));
       std::memcpy(mesh.indices.data(), triangles.data(), mesh.indices.size() * sizeof(std::uint32_t));
     }
-    const SortedMesh sorted(mesh, std::uint64_t{64} << 20, 2);
+    const SortedMesh sorted(mesh, std::uint64_t{64} << 20, 2, kUnstitched);
     ASSERT_TRUE(sorted.buckets) << sorted.buckets.error().message;
     using Key = std::array<std::uint64_t, 9>;
     const auto keyOf = [](const std::array<Corner, 3>& c) {
@@ -178,7 +164,7 @@ TEST(Buckets, keepsColorsAndNormalsForAnyOrderOfTriangles) {
 }
 
 TEST(Buckets, namesDamageOnDisk) {
-  const SortedMesh sorted(turnedSheet(300), std::uint64_t{64} << 20, 2);
+  const SortedMesh sorted(turnedSheet(300), std::uint64_t{64} << 20, 2, kUnstitched);
   ASSERT_TRUE(sorted.buckets);
   const std::string path = sorted.scratch.path() + "/buckets";
   const auto whole = base::readFile(path);

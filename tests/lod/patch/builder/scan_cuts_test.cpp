@@ -197,7 +197,9 @@ class ScanCuts : public testing::TestWithParam<Scan> {
     const std::string output = (std::filesystem::temp_directory_path() /
                                 ("scan_cuts_" + GetParam().name + std::to_string(::getpid()) + ".lgp"))
                                    .string();
-    const auto summary = buildHierarchyFromFiles({path}, {}, output);
+    HierarchyOptions options;
+    options.stitch.on = false;  // so that the source is what the leaves are compared with
+    const auto summary = buildHierarchyFromFiles({path}, options, output);
     EXPECT_TRUE(summary) << summary.error().message;
     if (!summary) return false;
     built_ = support::readBuilt(output, *summary);
