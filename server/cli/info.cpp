@@ -215,6 +215,10 @@ void printScene(const InfoArguments& a, const nlohmann::json& j) {
     std::printf("source %s, %s\n", textIn(source, "path").c_str(), bytesIn(source, "bytes").c_str());
   for (const auto& [repair, count] : s["repairs"].items())
     std::printf("repaired: %s %s\n", formatCount(count.get<std::uint64_t>()).c_str(), repair.c_str());
+  if (j.contains("open_edges"))
+    std::printf("border: %s open edges in the source, %s here; stitching moved nothing farther than %g\n",
+                countIn(j, "source_open_edges").c_str(), countIn(j, "open_edges").c_str(),
+                s["largest_movement"].get<double>());
 }
 
 void printHierarchy(const nlohmann::json& h) {
@@ -288,6 +292,13 @@ base::Result<nlohmann::json> describe(const InfoArguments& a, const OpenScene& o
   nlohmann::json j;
   j["scene"] = base::parseJson(open.scene_json);
   j["triangles"] = open.scene.triangles;
+  j["repairs"] = open.scene.repairs;
+  if (const auto& border = open.scene.border) {
+    j["source_open_edges"] = border->source_open_edges;
+    j["open_edges"] = border->open_edges;
+    for (const char* repair : {"stitched_vertices", "closed_holes"})
+      if (!j["repairs"].contains(repair)) j["repairs"][repair] = 0;
+  }
   const auto trial = storedTrial(open.scene.parameters);
   if (!trial) return base::within(a.scene + "/scene.json", trial.error());
   if (*trial) j["auto"] = trialJson(**trial);

@@ -59,6 +59,73 @@ TEST_F(Build, aFinishedSceneIsDescribedAndVerified) {
   for (const json& cut : report["cuts"]) EXPECT_EQ(cut["open_edges"], report["source"]["open_edges"]);
 }
 
+// A sheet of 20² quads in four tiles that were rounded apart.
+std::string tiledMesh() {
+  std::string vertices, faces;
+  int count = 0;
+  for (int tile = 0; tile < 4; ++tile) {
+    const int x0 = tile % 2 * 10, y0 = tile / 2 * 10, first = count;
+    for (int y = 0; y <= 10; ++y)
+      for (int x = 0; x <= 10; ++x, ++count)
+        vertices += std::to_string(x0 + x + 0.02 * tile) + " " + std::to_string(y0 + y - 0.03 * tile) + " " +
+                    std::to_string(0.05 * tile + 0.1 * ((x0 + x) % 3)) + "\n";
+    for (int y = 0; y < 10; ++y)
+      for (int x = 0; x < 10; ++x) {
+        const int a = first + 11 * y + x;
+        faces += "4 " + std::to_string(a) + " " + std::to_string(a + 1) + " " + std::to_string(a + 12) + " " +
+                 std::to_string(a + 11) + "\n";
+      }
+  }
+  return "ply\nformat ascii 1.0\nelement vertex " + std::to_string(count) +
+         "\nproperty float x\nproperty float y\nproperty float z\nelement face 400\nproperty list uchar int "
+         "vertex_indices\nend_header\n" +
+         vertices + faces;
+}
+
+TEST_F(Build, theTilesOfAScanAreStitchedAndThatIsTold) {
+  programs::writeText(path("tiles.ply"), tiledMesh());
+  const auto built = [&](const std::string& stitch) {
+    const std::string scene = path("scene-" + stitch);
+    const auto done =
+        run("lumigrid", {"build", path("tiles.ply"), "-o", scene, "--methods", "patch", "--stitch", stitch, "--quiet"});
+    EXPECT_EQ(done.status, 0) << done.err;
+    const auto info = run("lumigrid", {"info", scene, "--json"});
+    EXPECT_EQ(info.status, 0) << info.err;
+    return json::parse(info.out);
+  };
+  const json off = built("off"), found = built("auto"), given = built("0.3");
+  EXPECT_EQ(off["source_open_edges"], 160);
+  EXPECT_EQ(off["open_edges"], 160);
+  EXPECT_EQ(off["repairs"]["stitched_vertices"], 0);
+  const double still = off["hierarchy"]["position_error"].get<double>();
+  for (const json& j : {found, given}) {
+    EXPECT_EQ(j["source_open_edges"], 160);
+    EXPECT_EQ(j["open_edges"], 80);
+    EXPECT_EQ(j["repairs"]["closed_holes"], 0);
+    EXPECT_GT(j["repairs"]["stitched_vertices"], 40);
+    const double moved = j["scene"]["largest_movement"].get<double>();
+    EXPECT_GT(moved, 0.05);
+    EXPECT_LT(moved, 0.25);
+    EXPECT_NEAR(j["hierarchy"]["position_error"].get<double>(), still + moved, 1e-9);
+  }
+  programs::expectOneLineError(run("lumigrid", {"build", path("tiles.ply"), "-o", path("x"), "--stitch", "nearly"}), 2,
+                               {"--stitch nearly", "auto", "off"});
+
+  // Scenes of programs that did not stitch go on being what they are.
+  json old = json::parse(programs::readText(path("scene-off/scene.json")));
+  old["parameters"].erase("stitch");
+  for (const char* member : {"source_open_edges", "open_edges", "largest_movement"}) old.erase(member);
+  programs::writeText(path("scene-off/scene.json"), old.dump());
+  const auto again = run("lumigrid", {"build", "-o", path("scene-off"), "--quiet"});
+  EXPECT_EQ(again.status, 0) << again.err;
+  const auto info = run("lumigrid", {"info", path("scene-off"), "--json"});
+  ASSERT_EQ(info.status, 0) << info.err;
+  EXPECT_FALSE(json::parse(info.out).contains("open_edges"));
+  programs::expectOneLineError(
+      run("lumigrid", {"build", path("tiles.ply"), "-o", path("scene-off"), "--methods", "patch", "--quiet"}), 1,
+      {"scene-off", "--force"});
+}
+
 TEST_F(Build, imagesThatDoNotFitTheMemoryAreRefusedWithWhatTheyNeed) {
   const std::string mesh = smallMesh();
   const auto command = [&](const std::string& scene, const std::string& memory) {
