@@ -7,11 +7,11 @@
 
 namespace protocol {
 
-/// Hierarchy and grid are left as they are by default.
+/// Hierarchy and grid are left as they are by default. `name`: the scene's where it has no title.
 inline Welcome welcomeOf(const base::Scene& scene, const std::string& name) {
   const base::Aabb box = scene.localBox();
   Welcome welcome;
-  welcome.scene_name = name;
+  welcome.scene_name = scene.title.empty() ? name : scene.title;
   welcome.units = scene.units == "unknown" ? "" : scene.units;
   welcome.origin = scene.origin;
   welcome.box_min = box.min;

@@ -143,6 +143,7 @@ Result<Scene> parseScene(const std::string& text, const std::string& name) {
   scene.origin = top.vector("origin");
   scene.up = top.vector("up");
   scene.units = top.get<std::string>("units");
+  if (document.contains("title")) scene.title = top.get<std::string>("title");
   scene.has_colors = top.get<bool>("has_colors");
   scene.triangles = top.get<std::uint64_t>("triangles");
   Fields light(top.child("light"), "light: ", problem);
@@ -170,6 +171,7 @@ std::string formatScene(const Scene& scene) {
   document["box_max"] = toJson(scene.box_max);
   document["origin"] = toJson(scene.origin);
   document["units"] = scene.units;
+  if (!scene.title.empty()) document["title"] = scene.title;
   document["up"] = toJson(scene.up);
   document["light"] = {{"mode", lightName(scene.light.mode)}, {"direction", toJson(glm::dvec3(scene.light.direction))}};
   document["has_colors"] = scene.has_colors;

@@ -49,6 +49,7 @@ struct Scene {
   glm::dvec3 box_min{0.0}, box_max{0.0};  ///< world
   glm::dvec3 origin{0.0};                 ///< world position of scene-local (0, 0, 0)
   std::string units = "unknown";
+  std::string title;             ///< what viewers call it; empty: by its place
   glm::dvec3 up{0.0, 0.0, 1.0};  ///< world; the up vector of the first view
   Light light;
   bool has_colors = false;

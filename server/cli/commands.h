@@ -20,6 +20,7 @@ RunCommand addPublish(CLI::App& command);
 RunCommand addRender(CLI::App& command);
 RunCommand addSample(CLI::App& command);
 RunCommand addServe(CLI::App& command);
+RunCommand addSet(CLI::App& command);
 RunCommand addTour(CLI::App& command);
 
 }  // namespace server::cli

@@ -160,6 +160,7 @@ void HttpSession::answer(HttpRequest request) {
 
 void HttpSession::upgradeToWebSocket() {
   stream_.expires_never();  // a WebSocket stream has its own timeouts
+  hosted_->site->readAppearance();
   startWebSocketSession(hub_, *hosted_, std::move(stream_), parser_->get());
 }
 

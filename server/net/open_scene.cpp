@@ -83,7 +83,8 @@ std::unique_ptr<OpenScene> openDocument(base::Scene scene, base::Bytes json_byte
   auto open = std::make_unique<OpenScene>();
   open->scene = std::move(scene);
   open->scene_json = std::move(json_bytes);
-  open->data.welcome = protocol::welcomeOf(open->scene, nameOf(place));
+  open->name = nameOf(place);
+  open->data.welcome = protocol::welcomeOf(open->scene, open->name);
   return open;
 }
 

@@ -38,6 +38,7 @@ struct OpenScene {
   repository::SampledPoints points;           ///< points of the repository
   base::Bytes scene_json;                     ///< the bytes of the file
   std::string directory;                      ///< directory of a local scene; empty: remote
+  std::string name;                           ///< the scene's by its place
   std::string annotations_json;               ///< annotations of a remote scene, checked; empty: it has none
   base::MappedFile patch_bytes;               ///< patch.lgp, for byte ranges
   base::MappedFile splat_bytes;               ///< qsplat.lgq likewise; empty: not built, or remote

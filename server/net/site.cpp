@@ -1,10 +1,13 @@
 #include "server/net/site.h"
 
 #include <system_error>
+#include <tuple>
 #include <utility>
 
 #include "base/byte_range.h"
+#include "base/file.h"
 #include "base/json/annotations_file.h"
+#include "protocol/welcome.h"
 #include "server/net/http_text.h"
 #include "spdlog/spdlog.h"
 
@@ -26,6 +29,17 @@ std::string escapeHtml(std::string_view text) {
     }
   }
   return out;
+}
+
+/// Whether two documents describe the same files and differ in nothing that a running server has made use of.
+bool isSameBuild(const base::Scene& a, const base::Scene& b) {
+  const auto parts = [](const base::Scene& scene) {
+    std::vector<std::tuple<std::string, std::uint64_t, std::string>> all;
+    for (const base::ScenePart& part : scene.parts) all.emplace_back(part.file, part.bytes, part.sha256);
+    return all;
+  };
+  return a.box_min == b.box_min && a.box_max == b.box_max && a.origin == b.origin && a.light == b.light &&
+         a.triangles == b.triangles && parts(a) == parts(b);
 }
 
 /// Whether the visitor has these bytes already, so that 304 without a body is the answer.
@@ -106,6 +120,15 @@ HttpReply tryLater(int seconds, std::string text) {
   return textReply(503, std::move(text), {{"Retry-After", std::to_string(seconds)}});
 }
 
+std::optional<FileStamp> stampOf(const std::filesystem::path& path) {
+  std::error_code ec;
+  FileStamp stamp;
+  stamp.time = std::filesystem::last_write_time(path, ec);
+  if (ec) return std::nullopt;
+  stamp.size = std::filesystem::file_size(path, ec);
+  return stamp;
+}
+
 // ---- Annotations
 
 Annotations::Annotations(std::string directory, std::string text) : directory_(std::move(directory)) {
@@ -123,15 +146,9 @@ const Annotations::Document& Annotations::current() {
   return document_;
 }
 
-std::optional<Annotations::FileStamp> Annotations::currentStamp() const {
+std::optional<FileStamp> Annotations::currentStamp() const {
   if (directory_.empty()) return std::nullopt;
-  const std::filesystem::path path = std::filesystem::path(directory_) / base::kAnnotationsFile;
-  std::error_code ec;
-  FileStamp stamp;
-  stamp.time = std::filesystem::last_write_time(path, ec);
-  if (ec) return std::nullopt;
-  stamp.size = std::filesystem::file_size(path, ec);
-  return stamp;
+  return stampOf(std::filesystem::path(directory_) / base::kAnnotationsFile);
 }
 
 void Annotations::readFile() {
@@ -147,12 +164,39 @@ void Annotations::setText(std::string text) {
 
 // ---- The site
 
-Site::Site(const OpenScene& scene, PageFiles pages)
+Site::Site(OpenScene& scene, PageFiles pages)
     : scene_(scene),
+      scene_stamp_(scene.directory.empty() ? std::nullopt : stampOf(scene.directory + "/scene.json")),
       pages_(std::move(pages)),
       annotations_(scene.directory, scene.annotations_json),
       scene_etag_(entityTag(scene.scene_json)) {
   addSceneFiles();
+}
+
+void Site::readAppearance() {
+  if (scene_.directory.empty()) return;
+  const std::string path = scene_.directory + "/scene.json";
+  const std::optional<FileStamp> stamp = stampOf(path);
+  if (stamp == scene_stamp_) return;
+  scene_stamp_ = stamp;
+  auto bytes = base::readFile(path);
+  if (!bytes) return;  // a build is replacing the scene
+  const auto changed = base::parseScene(std::string(bytes->begin(), bytes->end()), path);
+  if (!changed) {
+    spdlog::warn("scene.json is served as it was: {}", changed.error().message);
+    return;
+  }
+  if (!isSameBuild(*changed, scene_.scene)) return;
+  // Other threads read the scene meanwhile, but not these members.
+  scene_.scene.up = changed->up;
+  scene_.scene.units = changed->units;
+  scene_.scene.title = changed->title;
+  scene_.scene_json = std::move(*bytes);
+  scene_etag_ = entityTag(scene_.scene_json);
+  const protocol::Welcome shown = protocol::welcomeOf(*changed, scene_.name);
+  scene_.data.welcome.up = shown.up;
+  scene_.data.welcome.units = shown.units;
+  scene_.data.welcome.scene_name = shown.scene_name;
 }
 
 void Site::addSceneFiles() {
@@ -195,7 +239,7 @@ HttpReply Site::answer(const HttpRequest& request, const std::string& place) {
   const std::string_view path = request.path();
   if (path == "/healthz") return textReply(200, "ok");
   if (path == "/") return homeReply(request, place);
-  if (path == "/scene.json") return jsonReply(request, scene_.scene_json, scene_etag_);
+  if (path == "/scene.json") return sceneReply(request);
   if (path == "/annotations.json") return annotationsReply(request);
   if (const SceneFile* file = findSceneFile(path)) return sceneFileReply(request, *file);
   if (path == "/patch.lgp") return splatsOnlyReply();
@@ -232,6 +276,14 @@ HttpReply Site::plainHomeReply(const HttpRequest& request, const std::string& pl
                "<code>web</code> and start <code>lumigrid serve</code> with <code>--web DIR</code> "
                "(docs/hosting.md).</p>\n</html>\n");
   reply.type = "text/html; charset=utf-8";
+  return reply;
+}
+
+HttpReply Site::sceneReply(const HttpRequest& request) {
+  readAppearance();
+  HttpReply reply = jsonReply(request, {}, scene_etag_);
+  // A copy, as the file may change while it is sent.
+  if (reply.status == 200) reply.text.assign(scene_.scene_json.begin(), scene_.scene_json.end());
   return reply;
 }
 

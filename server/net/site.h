@@ -56,6 +56,14 @@ HttpReply tryLater(int seconds, std::string text);
 /// The Host header as the visitor typed it, or our own place (address:port) when it is malformed.
 std::string shownHost(std::string_view host, const std::string& place);
 
+/// When a file was written and how long it is; nothing where it is not there.
+struct FileStamp {
+  std::filesystem::file_time_type time;
+  std::uintmax_t size = 0;
+  friend bool operator==(const FileStamp&, const FileStamp&) = default;
+};
+std::optional<FileStamp> stampOf(const std::filesystem::path& path);
+
 /// The scene's annotations.json as it is served. The file is read again when it changed, since people edit it while the
 /// scene is shown.
 class Annotations {
@@ -72,11 +80,6 @@ class Annotations {
   const Document& current();
 
  private:
-  struct FileStamp {
-    std::filesystem::file_time_type time;
-    std::uintmax_t size = 0;
-    friend bool operator==(const FileStamp&, const FileStamp&) = default;
-  };
   std::optional<FileStamp> currentStamp() const;
   void setText(std::string text);
   void readFile();
@@ -89,14 +92,18 @@ class Annotations {
 class Site {
  public:
   /// `scene` outlives this. `pages`: empty for none.
-  Site(const OpenScene& scene, PageFiles pages);
+  Site(OpenScene& scene, PageFiles pages);
 
   /// `place`: address:port, shown where the Host header is malformed.
   HttpReply answer(const HttpRequest& request, const std::string& place);
+  /// Takes over what `lumigrid set` wrote since the last call into a local scene's scene.json. A scene.json of another
+  /// build is left alone: it describes files that are not open here.
+  void readAppearance();
 
  private:
   HttpReply homeReply(const HttpRequest& request, const std::string& place) const;
   HttpReply plainHomeReply(const HttpRequest& request, const std::string& place) const;
+  HttpReply sceneReply(const HttpRequest& request);
   HttpReply annotationsReply(const HttpRequest& request);
   /// A file of the scene that is answered by byte ranges.
   struct SceneFile {
@@ -112,7 +119,8 @@ class Site {
   const SceneFile* findSceneFile(std::string_view path) const;
   static HttpReply sceneFileReply(const HttpRequest& request, const SceneFile& file);
 
-  const OpenScene& scene_;
+  OpenScene& scene_;
+  std::optional<FileStamp> scene_stamp_;
   const PageFiles pages_;
   Annotations annotations_;
   std::string scene_etag_;

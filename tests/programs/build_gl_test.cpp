@@ -126,6 +126,36 @@ TEST_F(Build, theTilesOfAScanAreStitchedAndThatIsTold) {
       {"scene-off", "--force"});
 }
 
+TEST_F(Build, howASceneIsShownIsSetWithoutBuildingItAgain) {
+  const std::string scene = smallScene();
+  const auto images = values(scene);
+  const std::string hash = programs::readText(scene + "/patch.lgp");
+  const auto set = run("lumigrid", {"set", scene, "--up", "-y", "--units", "mm", "--title", "The small one"});
+  ASSERT_EQ(set.status, 0) << set.err;
+  const auto changed = base::readScene(scene);
+  ASSERT_TRUE(changed) << changed.error().message;
+  EXPECT_EQ(changed->up, glm::dvec3(0.0, -1.0, 0.0));
+  EXPECT_EQ(changed->units, "mm");
+  EXPECT_EQ(changed->title, "The small one");
+  EXPECT_EQ(values(scene), images);
+  EXPECT_EQ(programs::readText(scene + "/patch.lgp"), hash);
+  EXPECT_EQ(run("lumigrid", {"build", "-o", scene, "--missing"}).status, 0);
+  EXPECT_EQ(run("lumigrid", {"verify", scene}).status, 0);
+
+  // One thing at a time leaves the others.
+  ASSERT_EQ(run("lumigrid", {"set", scene, "--title", ""}).status, 0);
+  const auto untitled = base::readScene(scene);
+  ASSERT_TRUE(untitled);
+  EXPECT_EQ(untitled->title, "");
+  EXPECT_EQ(untitled->units, "mm");
+  EXPECT_EQ(untitled->up, changed->up);
+
+  programs::expectOneLineError(run("lumigrid", {"set", scene}), 2, {"--up", "--units", "--title"});
+  EXPECT_EQ(run("lumigrid", {"set", scene, "--up", "w"}).status, 2);
+  programs::expectOneLineError(run("lumigrid", {"set", path("nothing"), "--up", "z"}), 1, {"nothing", "scene"});
+  EXPECT_FALSE(std::filesystem::exists(path("nothing")));
+}
+
 TEST_F(Build, imagesThatDoNotFitTheMemoryAreRefusedWithWhatTheyNeed) {
   const std::string mesh = smallMesh();
   const auto command = [&](const std::string& scene, const std::string& memory) {

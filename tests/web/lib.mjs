@@ -252,15 +252,15 @@ export async function allHere(page) {
   }, "the images to come to rest");
 }
 
-/// Waits until the camera is the same three times in a row, since a flight may begin with the next frame. Returns the
-/// camera.
+/// Waits until there is a camera that is the same three times in a row, since a flight may begin with the next frame.
+/// Returns the camera.
 export async function still(page) {
   let last = await camera(page);
   let same = 0;
   await until(async () => {
     await page.waitForTimeout(70);
     const now = await camera(page);
-    same = now.every((x, k) => x === last[k]) ? same + 1 : 0;
+    same = now && last && now.every((x, k) => x === last[k]) ? same + 1 : 0;
     last = now;
     return same === 3;
   }, "the camera to come to rest");

@@ -53,8 +53,10 @@ export function partOf(parts, front, end) {
   return part && /-[0-9a-f]{32}\./.test(part.file) && Number.isSafeInteger(part.bytes) && part.bytes > 0 ? part : null;
 }
 
-/// Names a scene by the last part of its address; where there is none, by its source: "tower" from "/scans/tower.ply".
+/// Names a scene by its title, or the last part of its address; where there is none, by its source: "tower" from
+/// "/scans/tower.ply".
 function nameOf(base, scene) {
+  if (typeof scene.title === "string" && scene.title) return scene.title;
   const {pathname, host} = new URL(base);
   const folder = pathname.split("/").filter(Boolean).at(-1);
   if (folder) return decodeURIComponent(folder);

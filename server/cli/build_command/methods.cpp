@@ -1,4 +1,5 @@
 #include "server/cli/build_command/methods.h"
+#include "server/cli/up_axis.h"
 
 #include <algorithm>
 #include <cstdio>
@@ -80,7 +81,7 @@ void printWarnings(const lod::ingest::SourceSummary& summary) {
 // A flat open scan stands on its shortest axis, on the side that its surface faces. Anything else is taken for a model
 // with +y up, as glTF says and scanners of objects write.
 glm::dvec3 guessUp(const lod::ingest::SourceSummary& built, const BuildArguments& a) {
-  if (a.up != "auto") return {a.up == "x" ? 1 : 0, a.up == "y" ? 1 : 0, a.up == "z" ? 1 : 0};
+  if (a.up != "auto") return axisNamed(a.up);
   const glm::dvec3 size = built.box_max - built.box_min;
   const int flat = size.x <= size.y && size.x <= size.z ? 0 : size.y <= size.z ? 1 : 2;
   const double second = std::min(size[(flat + 1) % 3], size[(flat + 2) % 3]);

@@ -90,7 +90,7 @@ void declareImageOptions(CLI::App& command, BuildArguments& a) {
                   "unlit: colours as scanned; soft: a soft directional light; auto: unlit where the mesh has colours")
       ->check(CLI::IsMember({"auto", "unlit", "soft"}));
   command.add_option("--up", a.up, "axis that points up in the first view")
-      ->check(CLI::IsMember({"auto", "x", "y", "z"}));
+      ->check(CLI::IsMember({"auto", "x", "y", "z", "-x", "-y", "-z"}));
   command.add_option("--units", a.units, "unit of length of the mesh, e.g. m; kept in scene.json");
 }
 

@@ -90,6 +90,51 @@ TEST(Site, knownBytesAreNotSentAgain) {
   EXPECT_EQ(httpRequest(server.port(), "/", {{"Accept-Encoding", "gzip"}, {"If-None-Match", plain}}).status, 200);
 }
 
+TEST(Site, howTheSceneIsShownFollowsTheFileWhileItIsServed) {
+  const SceneDirectory directory(0);
+  RunningServer server(directory.path);
+  const auto welcomed = [&] {
+    const auto client = LoopbackClient::connect(server.port());
+    EXPECT_TRUE(client && client->send(protocol::Hello{protocol::kVersion, "loopback 1"}));
+    const auto message = client->receive();
+    return message ? std::get<protocol::Welcome>(*message) : protocol::Welcome();
+  };
+  const protocol::Welcome before = welcomed();
+  const std::string etag = httpRequest(server.port(), "/scene.json").headers.at("etag");
+
+  auto scene = base::readScene(directory.path);
+  ASSERT_TRUE(scene) << scene.error().message;
+  scene->up = {0.0, -1.0, 0.0};
+  scene->units = "ft";
+  scene->title = "A tower";
+  const std::string file = directory.path + "/scene.json";
+  ASSERT_TRUE(base::writeSceneFile(*scene, file));
+  const protocol::Welcome after = welcomed();
+  EXPECT_EQ(after.up, glm::vec3(0.0F, -1.0F, 0.0F));
+  EXPECT_EQ(after.units, "ft");
+  EXPECT_EQ(after.scene_name, "A tower");
+  EXPECT_EQ(after.box_max, before.box_max);
+  const HttpAnswer served = httpRequest(server.port(), "/scene.json", {{"If-None-Match", etag}});
+  EXPECT_EQ(served.status, 200);
+  EXPECT_EQ(served.body, base::formatScene(*scene));
+
+  // Neither another build's document nor half a one is taken.
+  auto other = *scene;
+  other.title = "Another tower";
+  other.box_max += 1.0;
+  ASSERT_TRUE(base::writeSceneFile(other, file));
+  EXPECT_EQ(welcomed().scene_name, "A tower");
+  ASSERT_TRUE(base::writeFileAtomically(file, base::viewOfText(base::formatScene(*scene).substr(0, 100))));
+  EXPECT_EQ(welcomed().scene_name, "A tower");
+  EXPECT_EQ(httpRequest(server.port(), "/scene.json").body, served.body);
+  // Nor does it matter that the file is away for a moment.
+  std::filesystem::remove(file);
+  EXPECT_EQ(welcomed().scene_name, "A tower");
+  scene->title = "The tower";
+  ASSERT_TRUE(base::writeSceneFile(*scene, file));
+  EXPECT_EQ(welcomed().scene_name, "The tower");
+}
+
 TEST(Site, headAnswersWithTheHeadersOfGet) {
   const SceneDirectory scene(0);
   const PageFolder page;
