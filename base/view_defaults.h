@@ -6,13 +6,13 @@
 namespace base {
 
 struct ViewDefaults {
-  /// Pixels: the largest projected error of the patches under the images. An orbit over a coloured drone scan showed
-  /// 27.9 dB with 4 px and 27.1 dB with 8 px (docs/lumigraph-tuning.md).
-  static constexpr float kPatchTolerance = 4.0F;
-  /// The same where no images lie over them and hide it: six scans show 2 to 5 dB more than with 4 px, in a tenth of
-  /// the bytes that images take (docs/results.md).
+  /// Pixels: the largest projected error of shape of the patches under the images. An orbit over a coloured drone scan
+  /// showed 27.9 dB with about that and 27.1 dB with twice as much (docs/lumigraph-tuning.md).
+  static constexpr float kPatchTolerance = 1.0F;
+  /// The largest visible error where no images lie over them: six scans show 2 to 5 dB more than with four times as
+  /// much, in a tenth of the bytes that images take (docs/results.md).
   static constexpr float kAloneTolerance = 1.0F;
-  /// Patches are refined no further than this. The same scan has 245 000 triangles at 4 px.
+  /// Patches are refined no further than this. The same scan has some 245 000 triangles at 1 px.
   static constexpr std::uint32_t kMaxTriangles = 300'000;
   /// Sampling points whose images a view asks for: as many as the cell of a grid has corners.
   static constexpr std::uint16_t kPoints = 8;

@@ -62,9 +62,9 @@ void planGroups(const Scene& scene, const LocalView& local, ViewPlan& plan) {
   plan.group_error_px.reserve(plan.groups.size());
   for (std::uint32_t group : plan.groups) {
     const lod::patch::Group& g = scene.hierarchy->groups[group];
-    plan.group_error_px.push_back(
-        base::projectedError(g.error, g.bounds.center, g.bounds.radius, local.request.camera.eye,
-                             local.request.camera.pixelsPerUnitAtOne(), local.request.near_plane));
+    plan.group_error_px.push_back(base::projectedError(
+        lod::patch::errorOf(g, local.request.measure), g.bounds.center, g.bounds.radius, local.request.camera.eye,
+        local.request.camera.pixelsPerUnitAtOne(), local.request.near_plane));
   }
 }
 
@@ -80,6 +80,7 @@ lod::patch::CutRequest cutRequestFor(const protocol::Welcome& welcome, const pro
   request.camera = base::cameraFromView(view.camera, welcome.origin, depth.near_plane, depth.far_plane);
   request.near_plane = depth.near_plane;
   request.tolerance_px = view.patch_tolerance_px;
+  request.measure = view.measure;
   request.max_triangles = view.max_triangles;
   return request;
 }
@@ -132,8 +133,8 @@ std::vector<std::uint32_t> coarseGroups(const lod::patch::Hierarchy& hierarchy, 
   // Errors are monotone and parents have smaller numbers, so this order puts parents first.
   const auto end = order.begin() + static_cast<std::ptrdiff_t>(std::min(kMaxGroups, order.size()));
   std::partial_sort(order.begin(), end, order.end(), [&](std::uint32_t a, std::uint32_t b) {
-    const float error_a = hierarchy.groups[a].error;
-    const float error_b = hierarchy.groups[b].error;
+    const float error_a = hierarchy.groups[a].visible_error;
+    const float error_b = hierarchy.groups[b].visible_error;
     return error_a != error_b ? error_a > error_b : a < b;
   });
 

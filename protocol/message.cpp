@@ -124,7 +124,8 @@ void cameraFields(Fields& fields, Camera& camera) {
 
 template <class Fields, class SomeView>
 void settingFields(Fields& fields, SomeView& view) {
-  fields(view.patch_tolerance_px, view.max_triangles, view.max_points, view.want_frame, view.frame_quality);
+  fields(view.patch_tolerance_px, view.max_triangles, view.max_points, view.want_frame, view.frame_quality,
+         view.measure);
 }
 
 template <class Fields, class SomeWelcome>
@@ -222,6 +223,8 @@ base::Result<void> readBody(base::ByteReader& in, View& view) {
   if (!(view.patch_tolerance_px >= 0.0F && view.patch_tolerance_px <= kMaxTolerance))
     return bad("its patch tolerance is outside 0 to 1e6 pixels");
   if (!fields.flags_are_valid) return bad("its frame flag is neither 0 nor 1");
+  if (static_cast<std::uint8_t>(view.measure) >= base::kErrorMeasures)
+    return bad("its measure of errors is none of 0, 1 and 2");
   if (view.frame_quality < 1 || view.frame_quality > 100) return bad("its frame quality is outside 1 to 100");
   return {};
 }

@@ -10,13 +10,14 @@
 #include "base/bytes.h"
 #include "base/camera.h"
 #include "base/error.h"
+#include "base/error_measure.h"
 #include "base/view_defaults.h"
 #include "repository/sampling/grid.h"
 #include "repository/sampling/key.h"
 
 namespace protocol {
 
-inline constexpr std::uint16_t kVersion = 1;
+inline constexpr std::uint16_t kVersion = 2;
 /// Limits on what is accepted; a longer message is an error and ends the connection.
 inline constexpr std::size_t kMaxClientMessage = 256 * 1024;
 inline constexpr std::size_t kMaxServerMessage = 16 * 1024 * 1024;
@@ -51,6 +52,7 @@ struct View {
   std::uint16_t max_points = base::ViewDefaults::kPoints;           ///< sampling points wanted; 0: no images
   bool want_frame = false;                                    ///< render the exact view once everything else is sent
   std::uint8_t frame_quality = base::ViewDefaults::kQuality;  ///< JPEG quality of that frame
+  base::ErrorMeasure measure = base::ErrorMeasure::kVisible;  ///< of the tolerance
 };
 
 /// "I no longer have these."

@@ -20,6 +20,7 @@ ViewerOptions viewerOptions(const AppOptions& options) {
   viewer.memory_budget_bytes = static_cast<std::uint64_t>(s.memory_megabytes * 1e6);
   viewer.session.patch_tolerance_px = static_cast<float>(s.patch_tolerance);
   viewer.session.alone_tolerance_px = static_cast<float>(s.alone_tolerance);
+  viewer.session.guarantee = s.guarantee != 0.0;
   viewer.session.max_triangles = static_cast<std::uint32_t>(s.max_triangles);
   viewer.session.max_points = static_cast<std::uint16_t>(s.points);
   viewer.lumigraph.max_samples = static_cast<int>(s.samples);

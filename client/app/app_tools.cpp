@@ -21,7 +21,7 @@ std::string exact(const glm::dvec3& v) {
 /// Returns the query of /render (docs/formats/http.md) for the present view, without size and background, which the
 /// platform adds. `tolerance_px` is the viewer's patch tolerance: a picture tinted by resolution shows the viewer's
 /// patches, any other the full resolution.
-std::string pictureQuery(const base::ViewCamera& camera, const ViewState& view, double tolerance_px) {
+std::string pictureQuery(const base::ViewCamera& camera, const ViewState& view, double tolerance_px, bool guarantee) {
   std::string query = "position=" + exact(camera.position) + "&direction=" + exact(camera.direction) +
                       "&up=" + exact(camera.up) + "&fov_y=" + exact(camera.fov_y);
   if (camera.orthographic()) query += "&ortho_height=" + exact(camera.ortho_height);
@@ -29,6 +29,7 @@ std::string pictureQuery(const base::ViewCamera& camera, const ViewState& view, 
     query += std::string("&section=") + static_cast<char>('x' + view.section.axis) + "," + exact(view.section.offset) +
              (view.section.keep_below ? ",b" : ",a");
   if (view.colors_by_resolution) query += "&colors=resolution&tolerance=" + exact(tolerance_px);
+  if (guarantee) query += "&guarantee=1";
   return query;
 }
 
@@ -154,7 +155,7 @@ void App::measureAt(double x, double y) {
   // Use the point on the screen until the answer arrives.
   MeasuredPoint point;
   point.position = *surface;
-  point.accuracy = control_.pixelSizeAt(*surface) * (0.5 + static_cast<double>(viewer_.stats().error_px));
+  point.accuracy = control_.pixelSizeAt(*surface) * (0.5 + static_cast<double>(viewer_.stats().bound_px));
   point.pick_id = next_pick_;
   if (!measure_.add(point)) {
     if (measure_.full()) showToast("There are too many points; Escape clears them", false);
@@ -409,8 +410,9 @@ bool App::pressKey(Key key, Modifiers modifiers) {
     case Key::kP: {
       const base::ViewCamera drawn = camera();
       const auto tolerance = static_cast<double>(viewer_.session().patchTolerance());
-      requests_.push_back(
-          {.kind = RequestKind::kSavePicture, .text = pictureQuery(drawn, view_, tolerance), .camera = drawn});
+      requests_.push_back({.kind = RequestKind::kSavePicture,
+                           .text = pictureQuery(drawn, view_, tolerance, viewer_.session().options().guarantee),
+                           .camera = drawn});
       break;
     }
     default:

@@ -9,7 +9,7 @@ namespace {
 
 using Kind = SettingKind;
 
-constexpr std::array<SettingField, 20> kFields{{
+constexpr std::array<SettingField, 21> kFields{{
     {"method", "What is shown, where the scene has it", Kind::kChoice, 0, 2, &Settings::method,
      "lumigraph patches qsplat", true},
     {"splat", "Shape of splats", Kind::kChoice, 0, 3, &Settings::splat, "square circle fuzzy ellipse"},
@@ -25,6 +25,8 @@ constexpr std::array<SettingField, 20> kFields{{
      &Settings::patch_tolerance, "", true},
     {"alone_tolerance", "The same where no images are used", Kind::kNumber, 0, 1000, &Settings::alone_tolerance, "",
      true},
+    {"guarantee", "Refine until every point is proved to be within that error", Kind::kFlag, 0, 1, &Settings::guarantee,
+     "", true},
     {"max_triangles", "Most triangles in a picture", Kind::kInteger, 1'000, 1'000'000'000, &Settings::max_triangles, "",
      true},
     {"points", "Places whose images are asked for", Kind::kInteger, 1, 64, &Settings::points, "", true},

@@ -26,6 +26,7 @@ struct Settings {
   double gpu_megabytes = 512.0;      ///< textures; from the next start on
   double patch_tolerance = base::ViewDefaults::kPatchTolerance;  ///< pixels, of patches under images
   double alone_tolerance = base::ViewDefaults::kAloneTolerance;  ///< pixels, of patches without images
+  double guarantee = 0.0;                                        ///< tolerances hold for proved bounds
   double max_triangles = base::ViewDefaults::kMaxTriangles;
   double points = base::ViewDefaults::kPoints;   ///< sampling points whose images are asked for
   double samples = base::ViewDefaults::kImages;  ///< images blended in a picture

@@ -239,6 +239,7 @@ std::string formatHeadlessFrame(const HeadlessFrame& frame) {
   line["draw_ms"] = frame.draw_ms;
   line["complete"] = frame.stats.complete;
   line["error_px"] = frame.stats.error_px;
+  line["bound_px"] = frame.stats.bound_px;
   line["triangles"] = drawn.triangles;
   line["patches"] = drawn.patches;
   line["samples"] = drawn.samples_used;

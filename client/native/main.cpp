@@ -85,6 +85,9 @@ void addContentOptions(CLI::App& app, Arguments& a) {
                           static_cast<double>(session.patch_tolerance_px),
                           static_cast<double>(session.alone_tolerance_px)))
       ->check(CLI::Range(0.0, 1000.0));
+  app.add_flag(
+      "--guarantee,!--no-guarantee", a.run.viewer.session.guarantee,
+      "Keep --patch-tolerance by the proved bound of the error, not by what is seen of it: many times the data");
   app.add_option("--max-triangles", a.run.viewer.session.max_triangles, "Refinement stops at this many triangles")
       ->check(CLI::Range(1'000, 1'000'000'000));
 }
@@ -289,6 +292,7 @@ void applyUserSettings(const CLI::App& app, const client::Settings& kept, client
     viewer.session.patch_tolerance_px = static_cast<float>(kept.patch_tolerance);
     viewer.session.alone_tolerance_px = static_cast<float>(kept.alone_tolerance);
   }
+  if (!said("--guarantee")) viewer.session.guarantee = kept.guarantee != 0.0;
   if (!said("--max-triangles")) viewer.session.max_triangles = static_cast<std::uint32_t>(kept.max_triangles);
   if (!said("--points")) viewer.session.max_points = static_cast<std::uint16_t>(kept.points);
   if (!said("--samples")) viewer.lumigraph.max_samples = static_cast<int>(kept.samples);

@@ -225,6 +225,7 @@ base::Bytes Session::viewMessage() {
   view.sequence = ++sequence_;
   view.camera = *camera_;
   view.patch_tolerance_px = patchTolerance();
+  view.measure = errorMeasure();
   view.max_triangles = options_.max_triangles;
   view.max_points = options_.images ? options_.max_points : std::uint16_t{0};
   view.want_frame = wantsFrame();
@@ -302,9 +303,17 @@ void Session::setWanted(bool images, bool frames) {
   view_unsent_ = camera_ && phase_ == SessionPhase::kReady;
 }
 
+bool Session::showsImages() const {
+  return options_.images && (!welcome_ || welcome_->grid.pointCount() != 0);
+}
+
 float Session::patchTolerance() const {
-  const bool images = options_.images && (!welcome_ || welcome_->grid.pointCount() != 0);
-  return images ? options_.patch_tolerance_px : options_.alone_tolerance_px;
+  return showsImages() ? options_.patch_tolerance_px : options_.alone_tolerance_px;
+}
+
+base::ErrorMeasure Session::errorMeasure() const {
+  if (options_.guarantee) return base::ErrorMeasure::kBound;
+  return showsImages() ? base::ErrorMeasure::kShape : base::ErrorMeasure::kVisible;
 }
 
 bool Session::complete() const {

@@ -39,6 +39,7 @@ struct SessionOptions {
   bool frames = true;
   float patch_tolerance_px = base::ViewDefaults::kPatchTolerance;  ///< of patches under images
   float alone_tolerance_px = base::ViewDefaults::kAloneTolerance;  ///< of patches where no images are used
+  bool guarantee = false;  ///< patches are refined until their proved bounds are within the tolerance
   std::uint32_t max_triangles = base::ViewDefaults::kMaxTriangles;
   std::uint16_t max_points = base::ViewDefaults::kPoints;
 
@@ -112,8 +113,11 @@ class Session {
   /// Returns the projected error, pixels, up to which patches are refined: with images if they are wanted and, as far
   /// as is known yet, there are any.
   float patchTolerance() const;
+  /// Which error that is: of shape where images bring the colours, the visible one without them, or the bound.
+  base::ErrorMeasure errorMeasure() const;
 
  private:
+  bool showsImages() const;
   /// Faces and groups share one cache. A face's key is its code (63 bits), a group's its number with the highest bit
   /// set.
   using CacheKey = std::uint64_t;

@@ -124,8 +124,9 @@ std::vector<std::uint32_t> StaticSource::frontierOf(const lod::patch::Cut& cut, 
       // Its row is present, since the record of the group above needed it.
       const auto row = tables_->row(producer);
       if (!row || !row->has_value() || !frustum.mayOverlap((*row)->bounds)) continue;
-      const float error_px = base::projectedError((*row)->error, (*row)->bounds.center, (*row)->bounds.radius,
-                                                  request.camera.eye, pixels, request.near_plane);
+      const float error_px =
+          base::projectedError(lod::patch::errorOf(**row, request.measure), (*row)->bounds.center,
+                               (*row)->bounds.radius, request.camera.eye, pixels, request.near_plane);
       if (error_px > request.tolerance_px || request.tolerance_px <= 0.0F) found.emplace_back(error_px, producer);
     }
   }

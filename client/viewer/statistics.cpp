@@ -63,7 +63,8 @@ std::vector<StatisticsLine> statisticsLines(const Statistics& s) {
                             viewer.images_requested)},
       {"found here", formatText("%.0f %% of images", 1e2 * s.hit_rate)},
       {"patches", formatText("%u, ", drawn.patches) + formatCount(drawn.triangles, ' ') + " triangles"},
-      {"screen error", formatText("%.2f px", static_cast<double>(viewer.error_px))},
+      {"screen error", formatText("%.2f px, nowhere above %.1f", static_cast<double>(viewer.error_px),
+                                  static_cast<double>(viewer.bound_px))},
       {"memory", memoryText(viewer)},
       {"graphics", formatBytes(viewer.memory.gpu()) + " of these"},
       {"received", formatBytes(session.bytes_received) + ": images " + formatBytes(session.bytes_faces) + ", patches " +

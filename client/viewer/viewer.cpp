@@ -113,8 +113,8 @@ base::Result<void> Viewer::draw(const base::ViewCamera& camera, double now) {
     if (images_[id].state == ImageState::kResident) candidates_.push_back(id);
   const lod::patch::Cut& cut = patches_.drawn();
   options_.lumigraph.modes.section = sectionHere();
-  renderer_->draw(camera_, cut.patches, candidates_, cut.error_px, shading_, options_.lumigraph, now,
-                  patches_.occluders(), cut.patch_error_px);
+  renderer_->draw(camera_, cut.patches, candidates_, cut.bound_px, shading_, options_.lumigraph, now,
+                  patches_.occluders(), cut.patch_bound_px);
   probePins();
   return {};
 }
@@ -202,6 +202,7 @@ ViewerStats Viewer::stats() const {
   stats.session = session_.stats();
   if (renderer_) stats.lumigraph = renderer_->stats();
   stats.error_px = patches_.drawn().error_px;
+  stats.bound_px = patches_.drawn().bound_px;
   const lod::patch::Cut& wanted = patches_.wanted();
   stats.tolerance_px = session_.patchTolerance();
   // The server is asked for no more than fits, so when everything has arrived, the drawn picture is as fine as it gets.
@@ -285,6 +286,7 @@ void Viewer::updatePatches() {
   wanted.camera = camera_;
   wanted.near_plane = base::depthRangeFor(camera_.eye, scene_.center, scene_.radius).near_plane;
   wanted.tolerance_px = session_.patchTolerance();
+  wanted.measure = session_.errorMeasure();
   wanted.max_triangles = options_.session.max_triangles;
   wanted.max_cost = plan_.patches - records;
   patches_.update(

@@ -35,7 +35,7 @@ const std::vector<Method>& methods() {
   constexpr double kQuality = base::ViewDefaults::kQuality;
   constexpr const char* kUnder = "pixels, error of the patches under the images";
   constexpr const char* kAlone = "pixels, error of the patches";
-  static const std::vector<double> tolerances{16, 8, 4, 2, 1};
+  static const std::vector<double> tolerances{4, 2, 1, 0.5, 0.25};
   static const std::vector<Method> all{
       {"lumigraph", kUnder, kTolerance, tolerances, makeSessionPlayer, hasPatches},
       {"static", kUnder, kTolerance, tolerances, makeStaticPlayer, canBePublished},

@@ -55,7 +55,7 @@ class LevelGrid {
 
  private:
   static constexpr std::uint32_t kEmpty = 0xFFFFFFFFU;
-  static constexpr int kCellShift = 2;  // a cell is two to four times as wide as its items
+  static constexpr int kCellShift = 1;  // a cell is one to two times as wide as its items
 
   struct Item {
     std::uint64_t key = 0;

@@ -88,7 +88,8 @@ base::Result<void> checkMonotone(const Hierarchy& h, const std::vector<Link>& li
     const Group& child = h.groups[link.child];
     const Group& parent = h.groups[link.parent];
     const std::string name = std::to_string(link.parent);
-    if (child.error > parent.error)
+    if (child.error > parent.error || child.typical_error > parent.typical_error ||
+        child.visible_error > parent.visible_error)
       return groupError(link.child, "its error is larger than that of its parent " + name);
     if (!contains(parent.bounds, child.bounds))
       return groupError(link.child, "its sphere sticks out of that of its parent " + name);

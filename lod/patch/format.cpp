@@ -14,7 +14,7 @@ namespace lod::patch {
 namespace {
 
 constexpr std::array<char, 8> kMagic{'L', 'G', 'P', 'A', 'T', 'C', 'H', '\n'};
-constexpr std::uint32_t kVersion = 1, kHasColors = 1;
+constexpr std::uint32_t kVersion = 2, kHasColors = 1;
 constexpr std::uint64_t kBlockAlignment = 16;
 constexpr std::size_t kHeaderCrcOffset = 92;
 

@@ -17,6 +17,8 @@ void encodeGroup(const Hierarchy& hierarchy, std::uint32_t group, base::ByteWrit
     const Patch& patch = hierarchy.patches[row.first_patch + i];
     const bool known = patch.producer < hierarchy.groups.size() && hierarchy.isKnown(patch.producer);
     out.f32(known ? hierarchy.groups[patch.producer].error : patch.own_error);
+    out.f32(known ? hierarchy.groups[patch.producer].typical_error : patch.own_typical_error);
+    out.f32(known ? hierarchy.groups[patch.producer].visible_error : patch.own_visible_error);
   }
   for (const std::uint32_t parent : hierarchy.parentsOf(group)) out.u32(parent);
 }
@@ -39,15 +41,16 @@ base::Result<GroupMessage> readGroupMessage(base::ByteReader& in) {
   message.index = in.u32();
   message.group = readRow<Group>(in);
   // Memory is allocated only for rows whose bytes are there.
-  const std::uint64_t needed =
-      std::uint64_t{message.group.patch_count} * (kPatchRowBytes + 4) + std::uint64_t{message.group.parent_count} * 4;
+  const std::uint64_t needed = std::uint64_t{message.group.patch_count} * (kPatchRowBytes + kOwnErrorBytes) +
+                               std::uint64_t{message.group.parent_count} * 4;
   if (!in.ok() || needed > in.remaining()) {
     in.fail();
     return badGroup(message.index, "cut short");
   }
   message.patches.resize(message.group.patch_count);
   for (Patch& patch : message.patches) patch = readRow<Patch>(in);
-  for (Patch& patch : message.patches) patch.own_error = in.f32();
+  for (Patch& patch : message.patches)
+    patch.own_error = in.f32(), patch.own_typical_error = in.f32(), patch.own_visible_error = in.f32();
   message.parents.resize(message.group.parent_count);
   for (std::uint32_t& parent : message.parents) parent = in.u32();
   return message;
@@ -68,9 +71,12 @@ base::Result<void> checkGroupMessage(const GroupMessage& message, std::uint32_t 
     if (patch.consumer != index) return badGroup(index, "a patch names another consumer");
     if (patch.producer != kNoGroup && patch.producer >= max_groups)
       return badGroup(index, "a patch names a producer that the scene hasn't");
-    if (!(patch.own_error >= 0.0F && patch.own_error <= group.error) ||
-        (patch.producer == kNoGroup && patch.own_error != 0.0F))
-      return badGroup(index, "a patch's own error is not between 0 and its consumer's");
+    for (const base::ErrorMeasure measure :
+         {base::ErrorMeasure::kBound, base::ErrorMeasure::kShape, base::ErrorMeasure::kVisible}) {
+      const float own = ownErrorOf(patch, measure);
+      if (!(own >= 0.0F && own <= errorOf(group, measure)) || (patch.producer == kNoGroup && own != 0.0F))
+        return badGroup(index, "a patch's own error is not between 0 and its consumer's");
+    }
     if (patch.block_offset != within) return badGroup(index, "a patch's bytes are not where the patch before ends");
     within += patch.block_bytes;
   }

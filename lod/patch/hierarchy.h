@@ -19,6 +19,7 @@
 #include <span>
 #include <vector>
 
+#include "base/error_measure.h"
 #include "base/geometry.h"
 #include "lod/lattice.h"
 
@@ -32,7 +33,11 @@ struct Group {
                         ///< below is at most this; infinite for group 0
   float attribute_error =
       0.0F;  ///< the colours at both ends of these distances differ by at most this, 0 … 1 (1: black to white)
-  std::uint32_t level = 0;        ///< level of the patches that it produces, ≥ 1
+  float typical_error = 0.0F;        ///< scene units; the root mean square of the distance, an estimate
+  float typical_color_error = 0.0F;  ///< the root mean square of the difference of colours, 0 … 1, an estimate
+  float visible_error = 0.0F;  ///< scene units; what cuts go by unless they keep to the bound: twice the typical error,
+                               ///< colours included; infinite for group 0
+  std::uint32_t level = 0;     ///< level of the patches that it produces, ≥ 1
   std::uint32_t first_patch = 0;  ///< consumed patches: first_patch … first_patch + patch_count − 1
   std::uint32_t patch_count = 0;
   std::uint32_t first_parent = 0;  ///< into Hierarchy::parents
@@ -54,7 +59,23 @@ struct Patch {
   std::uint32_t block_bytes = 0;
   float own_error = 0.0F;  ///< its producer's error (0 for a leaf); travels with the patch, because a client may not
                            ///< have its producer yet
+  float own_typical_error = 0.0F;  ///< the same of its producer's typical error
+  float own_visible_error = 0.0F;  ///< the same of its producer's visible error
 };
+
+/// Nineteen of twenty points are within so many root mean squares.
+inline constexpr float kVisibleRatio = 2.0F;
+
+/// The error that decides whether a cut draws through the group, scene units. All measures are monotone.
+inline float errorOf(const Group& group, base::ErrorMeasure measure) {
+  if (measure == base::ErrorMeasure::kBound) return group.error;
+  return measure == base::ErrorMeasure::kShape ? kVisibleRatio * group.typical_error : group.visible_error;
+}
+/// The same of the group that produced a patch, as it came with the patch.
+inline float ownErrorOf(const Patch& patch, base::ErrorMeasure measure) {
+  if (measure == base::ErrorMeasure::kBound) return patch.own_error;
+  return measure == base::ErrorMeasure::kShape ? kVisibleRatio * patch.own_typical_error : patch.own_visible_error;
+}
 
 struct Hierarchy {
   Lattice lattice;

@@ -24,11 +24,16 @@ const char* groupFault(const Group& group, std::uint32_t index) {
   if (group.patch_count == 0) return "it consumes no patches";
   if (!isFinite(group.attribute_error) || group.attribute_error < 0.0F)
     return "its attribute error is not a number from 0 up";
+  if (!isFinite(group.typical_color_error) || group.typical_color_error < 0.0F)
+    return "its typical colour error is not a number from 0 up";
   if (index == 0) {
-    if (!(group.error == std::numeric_limits<float>::infinity())) return "group 0 must have infinite error";
+    constexpr float kInfinity = std::numeric_limits<float>::infinity();
+    if (group.error != kInfinity || group.typical_error != kInfinity || group.visible_error != kInfinity)
+      return "group 0 must have infinite errors";
     return group.parent_count == 0 ? nullptr : "group 0 must have no parents";
   }
-  if (!isFinite(group.error) || group.error < 0.0F) return "its error is not a number from 0 up";
+  for (const float error : {group.error, group.typical_error, group.visible_error})
+    if (!isFinite(error) || error < 0.0F) return "its error is not a number from 0 up";
   if (group.level == 0) return "its level is 0, which is the leaves'";
   return group.parent_count > 0 ? nullptr : "it has no parents";
 }

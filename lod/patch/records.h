@@ -11,15 +11,18 @@
 namespace lod::patch {
 
 inline constexpr std::uint32_t kFileHeaderBytes = 96;
-inline constexpr std::size_t kGroupRowBytes = 56;
+inline constexpr std::size_t kGroupRowBytes = 68;
 inline constexpr std::size_t kPatchRowBytes = 84;
+/// Behind the rows in a message, for each patch: its producer's error, typical and visible error.
+inline constexpr std::size_t kOwnErrorBytes = 12;
 
 /// The fields of a row in the order in which they are stored.
 template <class Row>
 auto fieldsOf(Row& row) {
   if constexpr (std::is_same_v<std::remove_const_t<Row>, Group>)
-    return std::tie(row.bounds, row.error, row.attribute_error, row.level, row.first_patch, row.patch_count,
-                    row.first_parent, row.parent_count, row.block_bytes, row.block_offset);
+    return std::tie(row.bounds, row.error, row.attribute_error, row.typical_error, row.typical_color_error,
+                    row.visible_error, row.level, row.first_patch, row.patch_count, row.first_parent, row.parent_count,
+                    row.block_bytes, row.block_offset);
   else
     return std::tie(row.box, row.bounds, row.cone, row.producer, row.consumer, row.level, row.triangles, row.vertices,
                     row.block_offset, row.block_bytes);

@@ -108,13 +108,15 @@ base::Result<TablePages::Record> TablePages::record(std::uint32_t group) const {
     for (std::uint32_t i = 0; i < g.patch_count; ++i) {
       const Patch patch = readRow<Patch>(in);
       if (patch.producer == kNoGroup) {
-        errors.f32(0.0F);
+        for (int error = 0; error < 3; ++error) errors.f32(0.0F);
         continue;
       }
       if (patch.producer >= counts_.groups) return patchError(g.first_patch + i, "its producer is not there");
       if (!read(counts_.rowOffset(patch.producer), kGroupRowBytes, &record.missing)) continue;
       LUMIGRID_ASSIGN_OR_RETURN(const auto producer, this->row(patch.producer));
       errors.f32(producer->error);
+      errors.f32(producer->typical_error);
+      errors.f32(producer->visible_error);
     }
   }
   std::sort(record.missing.begin(), record.missing.end());

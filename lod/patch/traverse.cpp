@@ -132,18 +132,21 @@ class CutSelection {
       return;
     if (request_.cull && !frustum_.mayOverlap(hierarchy_.groups[group].bounds)) return;
 
-    const float error_px = projectedErrorOf(group);
+    const float error_px = projectedErrorOf(group, request_.measure);
     if (request_.tolerance_px > 0.0F && !(error_px > request_.tolerance_px)) return;
     heap_.push({error_px, group});
   }
 
   // Pixels. A camera with NaN in it gives 0, so that the heap's order stays an order.
-  float projectedErrorOf(std::uint32_t group) const { return projectedErrorAt(group, hierarchy_.groups[group].error); }
-  float projectedErrorOf(const Patch& patch) const {
+  float projectedErrorOf(std::uint32_t group, base::ErrorMeasure measure) const {
+    return projectedErrorAt(group, errorOf(hierarchy_.groups[group], measure));
+  }
+  float projectedErrorOf(const Patch& patch, base::ErrorMeasure measure) const {
     if (patch.producer == kNoGroup) return 0.0F;
     const bool known = patch.producer < states_.size() && hierarchy_.isKnown(patch.producer);
     // A producer that isn't here has a sphere within its consumer's: at that one its error projects to a bound.
-    return known ? projectedErrorOf(patch.producer) : projectedErrorAt(patch.consumer, patch.own_error);
+    return known ? projectedErrorOf(patch.producer, measure)
+                 : projectedErrorAt(patch.consumer, ownErrorOf(patch, measure));
   }
   float projectedErrorAt(std::uint32_t group, float error) const {
     const float error_px =
@@ -159,8 +162,10 @@ class CutSelection {
       if (patch.producer < states_.size() && states_[patch.producer].expanded) continue;
       cut_.patches.push_back(index);
       cut_.triangles += patch.triangles;
-      cut_.patch_error_px.push_back(projectedErrorOf(patch));
+      cut_.patch_error_px.push_back(projectedErrorOf(patch, request_.measure));
       cut_.error_px = std::max(cut_.error_px, cut_.patch_error_px.back());
+      cut_.patch_bound_px.push_back(projectedErrorOf(patch, base::ErrorMeasure::kBound));
+      cut_.bound_px = std::max(cut_.bound_px, cut_.patch_bound_px.back());
     }
   }
 

@@ -14,6 +14,7 @@ struct CutRequest {
   base::Camera camera;        ///< perspective or parallel
   float near_plane = 1e-3F;   ///< smallest distance that projected errors are computed for, scene units
   float tolerance_px = 1.0F;  ///< refine while a visible group's projected error is above this; 0 gives the leaves
+  base::ErrorMeasure measure = base::ErrorMeasure::kVisible;  ///< of errors, here and in the cut
   /// Stop refining (largest error first) before the visible patches exceed this; the root patch is drawn whatever it
   /// has.
   std::uint64_t max_triangles = std::numeric_limits<std::uint64_t>::max();
@@ -41,6 +42,8 @@ struct Cut {
   /// Largest projected error among what is drawn (0: leaves). Where a growing hierarchy doesn't know the group that
   /// made a drawn patch, the error that came with the patch is projected at its consumer's sphere: a bound.
   float error_px = 0.0F;
+  float bound_px = 0.0F;              ///< the same of proved bounds, whatever the measure of the request
+  std::vector<float> patch_bound_px;  ///< beside `patches`
 };
 
 /// Refines by largest projected error. A group is expanded only when all its parents are and `available(group)` says

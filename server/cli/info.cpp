@@ -1,4 +1,5 @@
 #include <array>
+#include <cmath>
 #include <cstdio>
 #include <ctime>
 #include <filesystem>
@@ -34,8 +35,11 @@ struct LevelSummary {
   std::uint64_t triangles = 0, patches = 0;
   float max_error = 0.0F;
   float max_color_error = 0.0F;  // share of black to white, 0 … 1
+  double typical_error = 0.0;    // root mean squares over the level's triangles
+  double typical_color_error = 0.0;
 };
-NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(LevelSummary, triangles, patches, max_error, max_color_error)
+NLOHMANN_DEFINE_TYPE_NON_INTRUSIVE(LevelSummary, triangles, patches, max_error, max_color_error, typical_error,
+                                   typical_color_error)
 
 std::string countIn(const nlohmann::json& object, const char* name) {
   return formatCount(object[name].get<std::uint64_t>());
@@ -58,7 +62,15 @@ std::vector<LevelSummary> levelsOf(const lod::patch::Hierarchy& hierarchy) {
     const lod::patch::Group& group = hierarchy.groups[patch.producer];
     level.max_error = std::max(level.max_error, group.error);
     level.max_color_error = std::max(level.max_color_error, group.attribute_error);
+    const auto squareOf = [&](float error) {
+      return patch.triangles * static_cast<double>(error) * static_cast<double>(error);
+    };
+    level.typical_error += squareOf(group.typical_error);
+    level.typical_color_error += squareOf(group.typical_color_error);
   }
+  for (LevelSummary& level : levels)
+    for (double* sum : {&level.typical_error, &level.typical_color_error})
+      *sum = std::sqrt(*sum / static_cast<double>(std::max<std::uint64_t>(1, level.triangles)));
   return levels;
 }
 
@@ -227,9 +239,9 @@ void printHierarchy(const nlohmann::json& h) {
   printDigest(h, "content");
   int number = 0;
   for (const auto& level : h["levels"])
-    std::printf("  level %2d: %12s triangles %8s patches, error up to %g\n", number++,
+    std::printf("  level %2d: %12s triangles %8s patches, error typically %.3g, nowhere above %.3g\n", number++,
                 countIn(level, "triangles").c_str(), countIn(level, "patches").c_str(),
-                level["max_error"].get<double>());
+                level["typical_error"].get<double>(), level["max_error"].get<double>());
 }
 
 /// The texts that describe how the scene's images were chosen; empty where they were not.

@@ -26,6 +26,7 @@ struct RenderArguments {
   std::string method = kFullMethod;
   std::vector<int> size;
   double tolerance_px = 1.0;
+  bool guarantee = false;
   std::string splat = "circle";
   double cutoff_px = 1.0;
   bool back_faces = false;
@@ -51,6 +52,7 @@ base::Result<DrawnPicture> drawPatches(const RenderArguments& a, const base::Sce
   LUMIGRID_ASSIGN_OR_RETURN(auto renderer, SceneRenderer::create(scene, patches));
   RenderOptions options;
   options.tolerance_px = a.method == kFullMethod ? 0.0F : static_cast<float>(a.tolerance_px);
+  options.guarantee = a.guarantee;
   options.supersampling = a.supersampling;
   const base::Sphere bounds{renderer->sceneCenter(), renderer->sceneRadius()};
   LUMIGRID_ASSIGN_OR_RETURN(auto picture, renderer->render(base::cameraForScene(view, scene.origin, bounds), options));
@@ -103,8 +105,12 @@ RunCommand addRender(CLI::App& command) {
                   "full: leaf geometry, the ground truth; patches: the hierarchy at --tolerance; qsplat: splats at "
                   "--cutoff")
       ->check(CLI::IsMember({kFullMethod, kPatchMethod, kSplatMethod}));
-  command.add_option("--tolerance", a->tolerance_px, "largest projected error of --method patches, pixels")
+  command
+      .add_option("--tolerance", a->tolerance_px,
+                  "error of --method patches, pixels: 19 of 20 points of the surface are within about this")
       ->check(CLI::Range(0.0, 1000.0));
+  command.add_flag("--guarantee", a->guarantee,
+                   "keep --tolerance by the proved bound of the error, not by what is seen of it: many times the data");
   command
       .add_option("--splat", a->splat,
                   "kernel of --method qsplat. square: the fastest; circle; fuzzy: softly blended; ellipse: lies in the "

@@ -25,6 +25,7 @@ struct PictureRequest {
   int quality = 90;                                          ///< quality of a JPEG, 1..100
   int supersampling = 2;                                     ///< n × n samples a pixel, 1..4
   std::optional<Rgb> background;                             ///< none: transparent
+  bool guarantee = false;                                    ///< the tolerance holds for proved bounds
   float tolerance_px = base::ViewDefaults::kExactTolerance;  ///< projected error of the patches; invisible at the
                                                              ///< default, as in exact frames
   std::optional<base::SectionPlane> section;

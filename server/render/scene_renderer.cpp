@@ -53,6 +53,7 @@ lod::patch::Cut cutFor(const lod::patch::Hierarchy& hierarchy, const base::Camer
   request.camera = camera;
   if (!camera.orthographic()) request.near_plane = nearPlaneOf(camera);
   request.tolerance_px = options.tolerance_px;
+  request.measure = options.guarantee ? base::ErrorMeasure::kBound : base::ErrorMeasure::kVisible;
   request.cull = cull;
   return lod::patch::selectCut(hierarchy, request);
 }

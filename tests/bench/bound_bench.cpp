@@ -30,14 +30,15 @@ int main(int count, char** arguments) {
     const double middle = bench::seconds(CLOCK_THREAD_CPUTIME_ID);
     FacetSurface surface;
     surface.reset({positions, indices});
-    std::vector<Outlier> outliers;
-    error = carryError(surface, error, {group.positions, made.indices}, made, 0.5F, outliers);
+    TypicalError typical;
+    error = carryError(surface, error, {group.positions, made.indices}, made, 0.5F, typical);
     const double end = bench::seconds(CLOCK_THREAD_CPUTIME_ID);
     group.indices = made.indices;
-    std::printf("%9zu triangles to %9zu: simplify %.3f s, bound %.3f s (%.2f); toward %.1f, from %.1f steps\n",
-                indices.size() / 3, made.indices.size() / 3, middle - start, end - middle,
-                (end - middle) / (middle - start), *std::max_element(error.toward.begin(), error.toward.end()),
-                *std::max_element(error.from.begin(), error.from.end()));
+    std::printf(
+        "%9zu triangles to %9zu: simplify %.3f s, bound %.3f s (%.2f); toward %.1f, from %.1f, typically %.2f steps\n",
+        indices.size() / 3, made.indices.size() / 3, middle - start, end - middle, (end - middle) / (middle - start),
+        *std::max_element(error.toward.begin(), error.toward.end()),
+        *std::max_element(error.from.begin(), error.from.end()), static_cast<double>(typical.distance));
   }
   return 0;
 }

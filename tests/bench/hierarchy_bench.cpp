@@ -76,7 +76,7 @@ void compareSpeed(const std::string& path, const Mesh& peer, const std::string& 
   const double their_rate = 1e-6 * static_cast<double>(peer.triangleCount()) / median(theirs);
   std::printf(
       "speed, disk to disk: %.3f Mtri/s per core; meshopt_simplify to 10 %% of %zu triangles in memory: %.3f; ratio "
-      "%.2f (wanted 0.40)\n",
+      "%.2f (wanted 0.55)\n",
       our_rate, peer.triangleCount(), their_rate, our_rate / their_rate);
   std::printf("two cores %.2f times one (wanted 1.7); peak memory %.0f MB; medians of %d\n", median(one) / median(two),
               peak, runs);
@@ -117,6 +117,8 @@ void compareSize(const std::string& path, const std::string& scene) {
 
 struct TwoSided {
   double mean = 0.0;
+  double rms = 0.0;
+  double p95 = 0.0;
   double p999 = 0.0;
   double max = 0.0;
   double there_mean = 0.0, there_max = 0.0;  // from the source alone
@@ -126,7 +128,12 @@ TwoSided twoSided(const support::Surface& source, const support::NearestSurface&
   const support::NearestSurface to_result(result);
   const auto there = support::sampledDistance(source, to_result, 200'000);
   const auto back = support::sampledDistance(result, to_source, 200'000);
-  return {0.5 * (there.mean + back.mean), std::max(there.p999, back.p999), std::max(there.max, back.max), there.mean,
+  return {0.5 * (there.mean + back.mean),
+          std::sqrt(0.5 * (there.rms * there.rms + back.rms * back.rms)),
+          std::max(there.p95, back.p95),
+          std::max(there.p999, back.p999),
+          std::max(there.max, back.max),
+          there.mean,
           there.max};
 }
 
@@ -252,18 +259,22 @@ void compareAccuracy(const ComparedMeshes& compared, const std::string& chart_pa
 void compareBounds(const ComparedMeshes& compared) {
   const auto& [mesh, built, tree, source, to_source, diagonal] = compared;
   std::printf(
-      "stated error beside sampled distance, by level (wanted: never below the largest, at most 4 times the "
-      "99.9th percentile; the lattice's %.1e aside):\n",
+      "stated errors beside sampled distances, by level (wanted: the bound never below the largest, the lattice's %.1e "
+      "aside; nineteen of twenty within twice the typical one):\n",
       built.hierarchy.lattice.positionError() / diagonal);
   for (std::uint32_t level = 1; level < built.summary.levels.size(); ++level) {
     const support::Surface cut = support::surfaceOf(built, support::levelCut(built.hierarchy, level));
     const TwoSided d = twoSided(source, to_source, cut);
     const auto stated = static_cast<double>(built.summary.levels[level].max_error);
-    std::printf("  level %2u: %9zu triangles (binary tree %9zu), stated %.2e, largest %.2e, 99.9th %.2e, ratio %.1f\n",
-                level, cut.triangles(),
-                level < tree.summary.levels.size() ? static_cast<std::size_t>(tree.summary.levels[level].triangles)
-                                                   : std::size_t{0},
-                stated / diagonal, d.max / diagonal, d.p999 / diagonal, stated / d.p999);
+    const double typical = support::typicalErrorOf(built.hierarchy, level);
+    std::printf(
+        "  level %2u: %9zu triangles (binary tree %9zu), bound %.2e, largest %.2e, 99.9th %.2e, ratio %.1f; typical "
+        "%.2e, root mean square %.2e, ratio %.2f; 95th %.2e, over twice typical %.2f\n",
+        level, cut.triangles(),
+        level < tree.summary.levels.size() ? static_cast<std::size_t>(tree.summary.levels[level].triangles)
+                                           : std::size_t{0},
+        stated / diagonal, d.max / diagonal, d.p999 / diagonal, stated / d.p999, typical / diagonal, d.rms / diagonal,
+        typical / d.rms, d.p95 / diagonal, d.p95 / (2.0 * typical));
   }
 }
 

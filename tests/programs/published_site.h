@@ -67,10 +67,12 @@ class PublishedSite : public ProgramTest {
   }
   /// Makes that tour, and expects each picture complete and none broken; they stay in path(name). `method`: empty: the
   /// default.
-  Tour tour(const std::string& url, const std::string& name, const std::string& method = "lumigraph") {
+  Tour tour(const std::string& url, const std::string& name, const std::string& method = "lumigraph",
+            const std::vector<std::string>& more = {}) {
     std::vector<std::string> arguments{url,      "--headless",      "--settle", "60",
                                        "--path", path("tour.json"), "--out",    path(name)};
     if (!method.empty()) arguments.insert(arguments.end(), {"--method", method});
+    arguments.insert(arguments.end(), more.begin(), more.end());
     const auto viewed = run("lumigrid-view", arguments);
     EXPECT_EQ(viewed.status, 0) << viewed.err;
     Tour tour;

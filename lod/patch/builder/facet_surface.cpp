@@ -122,9 +122,9 @@ FacetSurface::Spot FacetSurface::closest(std::uint32_t t, const glm::vec3& p) co
   return spot;
 }
 
-glm::vec3 FacetSurface::colorAt(std::uint32_t t, const Spot& spot) const {
-  return (1.0F - spot.share.x - spot.share.y) * surface_.colors[corner(t, 0)] +
-         spot.share.x * surface_.colors[corner(t, 1)] + spot.share.y * surface_.colors[corner(t, 2)];
+glm::vec3 FacetSurface::valueAt(std::span<const glm::vec3> values, std::uint32_t t, const Spot& spot) const {
+  return (1.0F - spot.share.x - spot.share.y) * values[corner(t, 0)] + spot.share.x * values[corner(t, 1)] +
+         spot.share.y * values[corner(t, 2)];
 }
 
 // Sorts triangles by their corners and sides by the lower of their ends, both by counting.

@@ -107,9 +107,10 @@ class FacetTree {
 };
 
 struct SurfaceView {
-  std::span<const glm::vec3> positions;    ///< whole numbers below 2^22
-  std::span<const std::uint32_t> indices;  ///< 3 per triangle, of different vertices
-  std::span<const glm::vec3> colors = {};  ///< per vertex, 0 … 255; or none
+  std::span<const glm::vec3> positions;     ///< whole numbers below 2^22
+  std::span<const std::uint32_t> indices;   ///< 3 per triangle, of different vertices
+  std::span<const glm::vec3> colors = {};   ///< per vertex, 0 … 255; or none
+  std::span<const glm::vec3> normals = {};  ///< per vertex, of any length; or none
 };
 
 /// The share of ab at which the closest point to a + ap lies, in [0, 1].
@@ -232,7 +233,9 @@ class FacetSurface {
   /// The point of triangle t closest to p, up to rounding; it is no farther from p than its `distance`.
   Spot closest(std::uint32_t t, const glm::vec3& p) const;
   /// The interpolated colour there; only for a surface with colours.
-  glm::vec3 colorAt(std::uint32_t t, const Spot& spot) const;
+  glm::vec3 colorAt(std::uint32_t t, const Spot& spot) const { return valueAt(surface_.colors, t, spot); }
+  /// The interpolated normal there, of any length; only for a surface with normals.
+  glm::vec3 normalAt(std::uint32_t t, const Spot& spot) const { return valueAt(surface_.normals, t, spot); }
 
   /// Each edge once: those of vertex 0, then the others of vertex 1, …; at a vertex in the order of triangles and
   /// corners.
@@ -282,6 +285,7 @@ class FacetSurface {
   std::uint32_t search(const glm::vec3& p, float& distance2, std::uint32_t best, float enough2 = 0.0F);
 
  private:
+  glm::vec3 valueAt(std::span<const glm::vec3> values, std::uint32_t t, const Spot& spot) const;
   void computeFacet(std::uint32_t t, Facet& f);
   void buildFans();
   void buildEdges();

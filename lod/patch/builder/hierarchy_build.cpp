@@ -233,7 +233,7 @@ class Numbering {
     Group root;
     const WorkPatch& top = patches_.back();
     root.bounds = groups_.empty() ? top.record.bounds : groups_.back().record.bounds;
-    root.error = std::numeric_limits<float>::infinity();
+    root.error = root.typical_error = root.visible_error = std::numeric_limits<float>::infinity();
     root.attribute_error = groups_.empty() ? 0.0F : groups_.back().record.attribute_error;
     root.level = top.record.level + 1;
     root.patch_count = 1;
@@ -303,7 +303,7 @@ class HierarchyBuilder {
 
   // The key holds everything that determines the work files, their own format first. Threads and memory do not.
   std::string keyPrefix() const {
-    std::string key = "15 " + ingest::describeStitch(options_.stitch);
+    std::string key = "16 " + ingest::describeStitch(options_.stitch);
     for (const std::uint32_t v : {options_.voxel_triangles, options_.leaf_triangles, options_.node_triangles,
                                   options_.group_patches, options_.position_bits, options_.regroup ? 1U : 0U}) {
       key += ' ';
@@ -357,7 +357,7 @@ class HierarchyBuilder {
       if (finished[b] != 0) return {};
       LUMIGRID_ASSIGN_OR_RETURN(auto bucket, makeLeaves(buckets_, b, build_.lattice(), options_));
       // A unit of leaves has no group; its counts travel in the record's unused numbers.
-      WorkUnit unit{0, static_cast<std::uint32_t>(b), {}, {}};
+      WorkUnit unit{0, static_cast<std::uint32_t>(b), {}};
       unit.group.first_patch = static_cast<std::uint32_t>(bucket.duplicates);
       unit.group.block_offset = bucket.vertices;
       LUMIGRID_ASSIGN_OR_RETURN(made[b], store_->add(unit, std::move(bucket.patches)));
@@ -380,7 +380,7 @@ class HierarchyBuilder {
   base::Result<void> makeLevels(std::vector<WorkPatch> leaves) {
     for (const WorkPatch& leaf : leaves) summary_.triangles += leaf.record.triangles;
     // Groups keep two fifths of their triangles, pairs of the binary tree a half; `all` sums that over the levels. Some
-    // groups keep more, and some are rebuilt.
+    // groups keep more.
     constexpr double kNearlyDone = 0.99;  // as far as the estimate may show before the last group is built
     const double all = static_cast<double>(summary_.triangles) * (options_.regroup ? 5.0 / 3.0 : 2.0);
     std::uint64_t finished = 0;

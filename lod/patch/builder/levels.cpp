@@ -24,25 +24,17 @@ namespace {
 // A group keeps two fifths of its triangles. All levels together then have 1.67 times the source's triangles: halves
 // would make 2 and cut finer, thirds 1.5 and be built faster; the cuts of two fifths are nearer to those of halves.
 constexpr double kKeptShare = 0.4;
-// An outlying group is rebuilt up to kRebuilds times with the same share of the triangles that may change. Triangles
-// whose error was at least kLockedShare of the limit are locked then. After that it is rebuilt with larger shares.
-// Mostly one round is enough (docs/decisions/outlier-groups.md); further rounds and shares are choices, which take time
-// only for groups that are still outliers.
-constexpr int kRebuilds = 3;
-constexpr float kLockedShare = 0.95F;
-constexpr std::array<double, 3> kLargerShares{0.5, 0.6, 0.75};
-// More outliers than this are mostly false ones, where bounds are not precise. A choice: beyond it the group is bounded
-// once more, which takes time, and without that too many vertices would be locked.
-constexpr std::ptrdiff_t kFewOutliers = 30;
-constexpr float kNotPrecise = std::numeric_limits<float>::infinity();
 // From this many groups on it does not matter which are built last, so they are built in the order of the work files. A
 // choice: with a hundred threads each still builds some five of them.
 constexpr std::size_t kManyGroups = 500;
-// In a level of one group none can stand out.
-constexpr std::size_t kMinGroups = 2;
 // Distances below this share of a group's error so far are not looked into, nor those below half a lattice step. A
 // choice: a smaller share looks into more triangles for bounds that hardly shrink.
 constexpr float kNegligible = 0.05F;
+// A difference of colour counts as a distance, in proportion to the edges over which colours are interpolated: one from
+// black to white as two edges (docs/decisions/visible-error.md).
+constexpr double kDetailLength = 2.0;
+// Where there are no colours, light makes them: normals whose ends differ by 1 (60 degrees) by half of black to white.
+constexpr float kShadingOfTurn = 0.5F;
 // A group's output is split along voxels of about this share of a patch: fine enough for even parts, coarse enough that
 // bisection costs little. The number is a choice between the two.
 constexpr std::uint32_t kVoxelsPerPatch = 32;
@@ -217,10 +209,10 @@ struct GroupCandidate {
   CodedMesh mesh;                    // without triangles where all came to lie on lines
   std::vector<std::uint8_t> outer;   // per vertex: shared with another group
   std::vector<std::uint16_t> codes;  // kErrorCodes a triangle
-  ErrorHistogram errors;
-  float error = 0.0F;  // the largest of all triangles
+  float error = 0.0F;                // the largest of all triangles
   float color_error = 0.0F;
-  std::vector<Outlier> outliers;
+  TypicalError typical;  // of this simplification alone
+  double area = 0.0;     // of all triangles
 };
 
 float doubledArea(const CodedMesh& mesh, std::size_t t) {
@@ -230,112 +222,29 @@ float doubledArea(const CodedMesh& mesh, std::size_t t) {
 }
 
 GroupCandidate measureCandidate(const MergedGroup& before, FacetSurface& surface, const SurfaceError& before_error,
-                                SimplifiedGroup& group, std::uint32_t bits, float negligible, float precise) {
+                                SimplifiedGroup& group, std::uint32_t bits, float negligible) {
   MergedGroup merged{std::move(group.vertices), before.corner};
   merged.mesh.locked = before.mesh.locked;
   clampToLattice(merged, bits);
   GroupCandidate out;
   out.mesh = codedMesh(merged, group.history, out.outer);
   if (out.mesh.indices.empty()) return out;
-  const SurfaceError error =
-      carryError(surface, before_error, {merged.mesh.positions, group.history.indices, merged.mesh.colors},
-                 group.history, negligible, out.outliers, precise);
+  const SurfaceView after{merged.mesh.positions, group.history.indices, merged.mesh.colors,
+                          surface.view().normals.empty() ? std::span<const glm::vec3>() : merged.mesh.normals};
+  const SurfaceError error = carryError(surface, before_error, after, group.history, negligible, out.typical);
   out.codes.resize(kErrorCodes * error.toward.size());
   for (std::size_t t = 0; t < error.toward.size(); ++t) {
     std::uint16_t* code = &out.codes[kErrorCodes * t];
     code[0] = errorCode(error.toward[t]);
     code[1] = errorCode(error.from[t]);
     code[2] = error.color.empty() ? std::uint16_t{0} : errorCode(error.color[t]);
-    const float area = doubledArea(out.mesh, t);
-    out.errors.add(code[0], area);
-    out.errors.add(code[1], area);
+    out.area += 0.5 * static_cast<double>(doubledArea(out.mesh, t));
     out.error = std::max({out.error, error.toward[t], error.from[t]});
     if (!error.color.empty()) out.color_error = std::max(out.color_error, error.color[t]);
   }
   out.error = errorOfCode(errorCode(out.error));
   out.color_error = errorOfCode(errorCode(out.color_error));
   return out;
-}
-
-// Returns the share of all triangles to keep: all whose corners are locked, and kKeptShare of the others. With the
-// usual share of all, the others would have to make up for the locked ones, at a larger error.
-double shareBesideLocked(const GroupMesh& mesh) {
-  std::size_t locked = 0;
-  for (std::size_t i = 0; i < mesh.indices.size(); i += 3)
-    locked += mesh.locked[mesh.indices[i]] & mesh.locked[mesh.indices[i + 1]] & mesh.locked[mesh.indices[i + 2]];
-  return kKeptShare + (1.0 - kKeptShare) * static_cast<double>(3 * locked) / static_cast<double>(mesh.indices.size());
-}
-
-// Whether the outlier's triangle has to be locked for a group whose error shall be at most `max_error`.
-bool isFar(const Outlier& outlier, float max_error) {
-  return outlier.error > kLockedShare * max_error;
-}
-
-bool isAnyFar(const std::vector<Outlier>& outliers, float max_error) {
-  return std::any_of(outliers.begin(), outliers.end(),
-                     [&](const Outlier& outlier) { return isFar(outlier, max_error); });
-}
-
-// Locks the corners of far outliers; false if all were locked already.
-bool lockOutliers(const std::vector<Outlier>& outliers, float max_error, GroupMesh& mesh) {
-  bool is_any_new = false;
-  for (const Outlier& outlier : outliers)
-    for (std::size_t k = 0; k < 3 && isFar(outlier, max_error); ++k) {
-      std::uint8_t& locked = mesh.locked[mesh.indices[3 * std::size_t{outlier.triangle} + k]];
-      is_any_new |= locked == 0;
-      locked = 1;
-    }
-  return is_any_new;
-}
-
-// Simplifies a group until its error is at most `max_error`. Places of large error are mostly few, so they are locked
-// first; if that does not do, more triangles are kept. Returns the candidate of the smallest error, which has no
-// triangles if there is no valid one. `simplify(mesh, share, precise)` makes a candidate of a mesh with a share of its
-// triangles; `outliers` are those of `mesh` with the usual share.
-template <class Simplify>
-GroupCandidate simplifyWithin(float max_error, const GroupMesh& mesh, std::vector<Outlier> outliers,
-                              Simplify&& simplify) {
-  GroupCandidate best;
-  const float far = kLockedShare * max_error;
-  const auto isWithin = [&] { return !best.mesh.indices.empty() && best.error <= max_error; };
-  // Levels come to an end only if groups shrink.
-  const double max_indices = kLargerShares.back() * static_cast<double>(mesh.indices.size());
-  const auto consider = [&](GroupCandidate candidate) {
-    outliers = candidate.outliers;
-    const std::size_t indices = candidate.mesh.indices.size();
-    if (indices == 0 || static_cast<double>(indices) > max_indices) return;
-    if (best.mesh.indices.empty() || candidate.error < best.error) best = std::move(candidate);
-  };
-
-  const auto count = std::count_if(outliers.begin(), outliers.end(),
-                                   [&](const Outlier& outlier) { return isFar(outlier, max_error); });
-  if (count > kFewOutliers) consider(simplify(mesh, kKeptShare, far));
-  if (!isAnyFar(outliers, max_error)) return best;
-
-  GroupMesh locked = mesh;
-  for (int round = 0; round < kRebuilds && !isWithin(); ++round) {
-    if (!lockOutliers(outliers, max_error, locked)) break;
-    consider(simplify(locked, shareBesideLocked(locked), far));
-  }
-  for (auto share = kLargerShares.begin(); share != kLargerShares.end() && !isWithin(); ++share)
-    consider(simplify(mesh, *share, kNotPrecise));
-  return best;
-}
-
-// The error that no group of a level should exceed, in lattice steps. `errors`: those of all its groups.
-//
-// Stated bounds shall be at most four times the 99.9th percentile of true distances. That percentile was measured as
-// about 0.4 of the 90th percentile of the bounds, which are sums. It is more on the lower levels, where fewer terms are
-// added up; there it also rises with the distance of the 99th from the 90th. On the first level nothing is added up,
-// and the 90th may be that of flat parts, whose error is 0 (docs/results/hierarchy.md, "Stated errors").
-float errorLimit(const ErrorHistogram& errors, std::uint32_t level) {
-  const float usual = errors.quantile(0.9);
-  if (level == 1) return std::max(4.0F, std::min(12.0F * usual, 1.9F * errors.quantile(0.999)));
-  const auto l = static_cast<float>(level);
-  const float high = errors.quantile(0.99);
-  const float by_usual = (1.1F + 4.2F / (l * std::sqrt(l))) * usual;
-  const float by_high = 1.2F * high + 8.0F / (l * l) * (high - usual);
-  return std::max(4.0F, std::min(by_usual, by_high));
 }
 
 class LevelBuilder {
@@ -345,7 +254,7 @@ class LevelBuilder {
                const std::function<bool(std::uint64_t)>& advance)
       : lattice_(lattice), options_(options), store_(store), advance_(advance) {
     for (auto& [unit, patches] : known)
-      if (unit.level != 0) known_[unitKey(unit)] = {unit.group, unit.errors, std::move(patches), std::nullopt};
+      if (unit.level != 0) known_[unitKey(unit)] = {unit.group, std::move(patches)};
   }
 
   base::Result<BuiltLevels> buildLevels(std::vector<WorkPatch> leaves) {
@@ -369,14 +278,7 @@ class LevelBuilder {
   };
   struct BuiltGroup {
     Group record;
-    ErrorHistogram errors;
     std::vector<WorkPatch> produced;
-    std::optional<std::vector<Outlier>> outliers;  // unknown where an earlier run built the group
-  };
-  /// A group's error stands out from its level: it is built once more, within a limit.
-  struct RebuildRequest {
-    float max_error = 0.0F;                        // lattice steps
-    std::optional<std::vector<Outlier>> outliers;  // outliers of the first build, where known
   };
   struct SharedVertex {
     std::uint64_t code = 0;
@@ -486,7 +388,6 @@ class LevelBuilder {
     const std::uint32_t number = patches_[level[0]].record.level + 1;
     LUMIGRID_ASSIGN_OR_RETURN(auto inputs, groupInputs(level));
     LUMIGRID_ASSIGN_OR_RETURN(auto built, buildGroups(number, inputs));
-    if (options_.regroup && inputs.size() >= kMinGroups) LUMIGRID_TRY(rebuildOutlyingGroups(number, inputs, built));
 
     level.clear();
     for (std::size_t g = 0; g < built.size(); ++g) {
@@ -514,36 +415,13 @@ class LevelBuilder {
         inputs.size() < kManyGroups ? base::largestFirst(triangles) : std::vector<std::size_t>();
     LUMIGRID_TRY(forEachGroup(inputs.size(), [&](std::size_t i) -> base::Result<std::uint64_t> {
       const std::size_t g = order.empty() ? i : order[i];
-      LUMIGRID_ASSIGN_OR_RETURN(built[g],
-                                buildGroup(inputs[g], {level, static_cast<std::uint32_t>(g), {}, {}}, nullptr));
+      LUMIGRID_ASSIGN_OR_RETURN(built[g], buildGroup(inputs[g], {level, static_cast<std::uint32_t>(g), {}}));
       return triangles[g];
     }));
     return built;
   }
 
-  // Builds groups whose bound stands out once more; the better of both results counts. A group whose error comes from
-  // the level below stays as it is, since building it again would not help.
-  base::Result<void> rebuildOutlyingGroups(std::uint32_t level, std::span<const GroupInput> inputs,
-                                           std::vector<BuiltGroup>& built) {
-    ErrorHistogram errors;
-    for (const BuiltGroup& group : built) errors.add(group.errors);
-    const float max_error = errorLimit(errors, level);
-    const auto limit = static_cast<float>(static_cast<double>(max_error) * lattice_.lattice.step);
-    std::vector<std::size_t> outlying;
-    for (std::size_t g = 0; g < built.size(); ++g)
-      if (built[g].record.error > limit && (!built[g].outliers || isAnyFar(*built[g].outliers, max_error)))
-        outlying.push_back(g);
-    return forEachGroup(outlying.size(), [&](std::size_t i) -> base::Result<std::uint64_t> {
-      const std::size_t g = outlying[i];
-      const RebuildRequest rebuild{max_error, std::move(built[g].outliers)};
-      const auto index = static_cast<std::uint32_t>(inputs.size() + g);
-      LUMIGRID_ASSIGN_OR_RETURN(auto&& result, buildGroup(inputs[g], {level, index, {}, {}}, &rebuild));
-      if (result.record.error < built[g].record.error) built[g] = std::move(result);
-      return 0;
-    });
-  }
-
-  base::Result<BuiltGroup> buildGroup(const GroupInput& input, WorkUnit unit, const RebuildRequest* rebuild) {
+  base::Result<BuiltGroup> buildGroup(const GroupInput& input, WorkUnit unit) {
     // An earlier run may have built it.
     if (const auto at = known_.find(unitKey(unit)); at != known_.end()) return std::move(at->second);
 
@@ -560,28 +438,21 @@ class LevelBuilder {
     const auto below = static_cast<float>(static_cast<double>(record.error) / step);
     const float negligible = std::max(0.5F, kNegligible * below);
     thread_local FacetSurface surface;  // keeps its memory from group to group
-    surface.reset({merged.mesh.positions, merged.mesh.indices, merged.mesh.colors});
-    const auto simplify = [&](const GroupMesh& mesh, double share, float precise) {
-      const std::size_t target = options_.regroup
-                                     ? static_cast<std::size_t>(share * static_cast<double>(mesh.indices.size() / 3))
-                                     : options_.node_triangles;
-      SimplifiedGroup simplified = simplifyGroup(mesh, surface, target);
-      return measureCandidate(merged, surface, carried, simplified, lattice_.bits, negligible, precise);
-    };
-    GroupCandidate best;
-    if (rebuild == nullptr || !rebuild->outliers) best = simplify(merged.mesh, kKeptShare, kNotPrecise);
-    if (rebuild != nullptr) {
-      best = simplifyWithin(rebuild->max_error, merged.mesh, rebuild->outliers ? *rebuild->outliers : best.outliers,
-                            simplify);
-      if (best.mesh.indices.empty()) best = simplify(merged.mesh, kKeptShare, kNotPrecise);
-    }
+    const bool is_shaded = merged.mesh.colors.empty();
+    surface.reset({merged.mesh.positions, merged.mesh.indices, merged.mesh.colors,
+                   is_shaded ? merged.mesh.normals : std::span<const glm::vec3>()});
+    const std::size_t target =
+        options_.regroup ? static_cast<std::size_t>(kKeptShare * static_cast<double>(merged.mesh.indices.size() / 3))
+                         : options_.node_triangles;
+    SimplifiedGroup simplified = simplifyGroup(merged.mesh, surface, target);
+    GroupCandidate best = measureCandidate(merged, surface, carried, simplified, lattice_.bits, negligible);
     if (best.mesh.indices.empty())
       return base::Error{
           base::ErrorCode::kInvalidInput,
           "the mesh has a part whose triangles all lie on lines; remove that part, or raise --position-bits"};
     record.error = std::max(record.error, roundedUp(static_cast<double>(best.error) * step));
     record.attribute_error = std::max(record.attribute_error, std::min(1.0F, best.color_error / kMaxColorError));
-    unit.errors = std::move(best.errors);
+    addTypicalError(best, input, record);
 
     // Split into new patches.
     const std::vector<ingest::KeyedIndex> sorted = sortedByVoxel(best.mesh, lattice_.bits);
@@ -592,7 +463,7 @@ class LevelBuilder {
     for (const NewPatch& patch : patches) spheres.push_back(patch.record.bounds);
     record.bounds = base::boundingSphere(spheres);
     LUMIGRID_ASSIGN_OR_RETURN(auto stored, store_.add(unit, std::move(patches)));
-    return BuiltGroup{record, std::move(unit.errors), std::move(stored), std::move(best.outliers)};
+    return BuiltGroup{record, std::move(stored)};
   }
 
   // The consumed patches' geometry, and the errors that their triangles carry.
@@ -625,6 +496,39 @@ class LevelBuilder {
       }
     }
     return spheres;
+  }
+
+  // States the group's typical errors, and from them the error that cuts go by. Steps of different levels are
+  // independent of each other, so their squares are added; those of the groups below weigh as their triangles do. Cuts
+  // need errors that no group below exceeds.
+  void addTypicalError(const GroupCandidate& made, const GroupInput& input, Group& record) const {
+    const double step = lattice_.lattice.step;
+    double triangles = 0.0, distance2 = 0.0, color2 = 0.0;
+    float typical_below = 0.0F;
+    float visible_below = 0.0F;
+    for (const std::uint32_t p : input.consumed) {
+      const Patch& patch = patches_[p].record;
+      triangles += patch.triangles;
+      if (patch.producer == kNoGroup) continue;
+      const Group& below = groups_[patch.producer].record;
+      distance2 +=
+          patch.triangles * static_cast<double>(below.typical_error) * static_cast<double>(below.typical_error);
+      color2 += patch.triangles * static_cast<double>(below.typical_color_error) *
+                static_cast<double>(below.typical_color_error);
+      typical_below = std::max(typical_below, below.typical_error);
+      visible_below = std::max(visible_below, below.visible_error);
+    }
+    const double own = step * static_cast<double>(made.typical.distance);
+    const auto own_color =
+        static_cast<double>(std::max(made.typical.color / kMaxColorError, kShadingOfTurn * made.typical.normal));
+    distance2 = distance2 / triangles + own * own;
+    color2 = color2 / triangles + own_color * own_color;
+    record.typical_error = std::max(typical_below, static_cast<float>(std::sqrt(distance2)));
+    record.typical_color_error = static_cast<float>(std::min(1.0, std::sqrt(color2)));
+    const double edge = step * std::sqrt(2.0 * made.area / static_cast<double>(made.mesh.indices.size() / 3));
+    const double detail = kDetailLength * edge * static_cast<double>(record.typical_color_error);
+    const double visible = static_cast<double>(kVisibleRatio) * std::sqrt(distance2 + detail * detail);
+    record.visible_error = std::max(visible_below, static_cast<float>(visible));
   }
 
   // Calls build(0) … build(count - 1) in parallel until one fails. `build` returns the triangles that count as

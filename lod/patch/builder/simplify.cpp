@@ -520,17 +520,22 @@ class Simplifier {
     return between;
   }
 
-  // The squared distance from a place of v's component, which vanishes, to what stays: to the nearest vertex of another
-  // component. Exact where it is more than `enough2`.
-  double distance2ToOthers(std::uint32_t v, const glm::vec3& from, double enough2) {
+  // How far a triangle by itself is from other components: from that of its corners that is farthest from them.
+  struct Lonely {
+    double distance2 = -1.0;                 // below 0: not measured
+    std::uint32_t other = PointGrid::kNone;  // the vertex that is so near
+  };
+  // The vertex of another component that is nearest to a place of v's component, which vanishes. Exact where it is
+  // farther than `enough2`.
+  Lonely nearestOther(std::uint32_t v, const glm::vec3& from, double enough2) {
     // In a grid whose points are mostly gone, empty cells would be searched.
     if (!grid_ || 2 * live_ < grid_triangles_) findComponents();
     const std::uint32_t near = grid_->nearest(
-        from, [&](std::uint32_t w) { return component_[w] != component_[v] && survivor_[w] == w && isUsed(w); },
+        from, [&](std::uint32_t w) { return component_[w] != component_[v] && isThere(w); },
         static_cast<float>(enough2));
-    if (near == PointGrid::kNone) return std::numeric_limits<float>::max();
+    if (near == PointGrid::kNone) return {std::numeric_limits<float>::max(), near};
     const glm::dvec3 d(positions_[near] - from);
-    return glm::dot(d, d);
+    return {glm::dot(d, d), near};
   }
 
   void findComponents() {
@@ -626,19 +631,48 @@ class Simplifier {
         max_distance = std::max(max_distance,
                                 static_cast<double>(displacement_[v]) + std::sqrt(distance2ToNewFan(c, positions_[v])));
     double max2 = max_distance * max_distance;
-    for (const std::uint32_t t : lost_)
-      for (std::size_t k = 0; k < 3; ++k) {
-        const std::uint32_t v = triangles_[t].corner[k];
-        const std::uint32_t w = triangles_[t].corner[(k + 1) % 3];
-        const glm::vec3& p = positions_[v];
-        const double near2 = distance2ToRest(c, t, p);
-        if (near2 == std::numeric_limits<double>::max()) {
-          max2 = std::max(max2, distance2ToOthers(v, p, std::max(max2, enough * enough)));
-          continue;
-        }
-        max2 = std::max({max2, near2, distance2ToRest(c, t, 0.5F * (p + positions_[w]))});
+    for (const std::uint32_t t : lost_) {
+      const auto& [a, b, d] = triangles_[t].corner;
+      if (isAlone(c, t)) {
+        max2 = std::max(max2, lonely2(t, std::max(max2, enough * enough)));
+        continue;
       }
+      for (const auto& [v, w] : {std::pair(a, b), std::pair(b, d), std::pair(d, a)}) {
+        // Corners that remain lie on what remains.
+        if (!holds(remaining_, v)) max2 = std::max(max2, distance2ToRest(c, t, positions_[v]));
+        max2 = std::max(max2, distance2ToRest(c, t, 0.5F * (positions_[v] + positions_[w])));
+      }
+    }
     return static_cast<float>(std::sqrt(max2));
+  }
+
+  // The squared distance from the corners of a lost triangle, that nothing is joined to, to other components. Its three
+  // edges ask in turn, so what was found is kept until that other one has vanished as well.
+  double lonely2(std::uint32_t t, double enough2) {
+    if (lonely_.empty()) lonely_.resize(triangles_.size());
+    Lonely& kept = lonely_[t];
+    if (kept.distance2 >= 0.0 && (kept.other == PointGrid::kNone || isThere(kept.other))) return kept.distance2;
+    kept = {};
+    for (const std::uint32_t v : triangles_[t].corner) {
+      const Lonely near = nearestOther(v, positions_[v], std::max(kept.distance2, enough2));
+      if (near.distance2 > kept.distance2) kept = near;
+    }
+    return kept.distance2;
+  }
+  bool isThere(std::uint32_t v) const { return survivor_[v] == v && isUsed(v); }
+
+  // Whether nothing is left that the lost triangle t was joined to.
+  bool isAlone(const Collapse& c, std::uint32_t t) const {
+    if (!remaining_.empty()) return false;
+    const auto& corners = triangles_[t].corner;
+    return std::none_of(corners.begin(), corners.end(), [&](std::uint32_t v) {
+      if (v == c.gone || v == c.kept) return false;
+      const auto fan = cornersAround(v);
+      return std::any_of(fan.begin(), fan.end(), [&](const Corner& corner) {
+        return triangles_[corner.triangle].alive != 0 && !touches(corner.triangle, c.gone) &&
+               !touches(corner.triangle, c.kept);
+      });
+    });
   }
 
   // The squared distance from a place of the lost triangle t to the new fan and to the other triangles at its corners;
@@ -793,6 +827,7 @@ class Simplifier {
   std::vector<std::uint32_t> lost_;
   std::vector<std::uint32_t> component_;  // per vertex; filled with grid_
   std::optional<PointGrid> grid_;
+  std::vector<Lonely> lonely_;        // per triangle; empty until one is
   std::size_t grid_triangles_ = 0;    // living triangles when grid_ was filled
   std::vector<std::uint8_t> folded_;  // per vertex
   std::vector<float> displacement_;   // per vertex: how far what it stood for may be from the surface, where folded

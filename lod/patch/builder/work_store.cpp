@@ -8,7 +8,6 @@ namespace {
 base::Bytes payloadOf(const WorkUnit& unit, const std::vector<NewPatch>& patches) {
   base::ByteWriter out;
   base::writeFields(out, std::tie(unit.level, unit.index, unit.group));
-  unit.errors.write(out);
   out.u32(static_cast<std::uint32_t>(patches.size()));
   for (const NewPatch& patch : patches) {
     out.write(patch.record);
@@ -30,7 +29,6 @@ std::size_t borderBytes(const WorkPatch& patch) {
 bool readPayload(base::ByteView payload, std::uint64_t offset, WorkUnit& unit, std::vector<WorkPatch>& patches) {
   base::ByteReader in(payload);
   base::readFields(in, std::tie(unit.level, unit.index, unit.group));
-  if (!unit.errors.read(in)) return false;
   const std::uint32_t count = in.u32();
   if (!in.ok() || count > in.remaining() / sizeof(Patch)) return false;
   patches.resize(count);

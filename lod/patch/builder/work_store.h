@@ -8,7 +8,6 @@
 #include <vector>
 
 #include "lod/ingest/record_log.h"
-#include "lod/patch/builder/error_histogram.h"
 #include "lod/patch/hierarchy.h"
 
 namespace lod::patch::builder {
@@ -30,13 +29,11 @@ struct WorkPatch {
   std::uint32_t error_bytes = 0;
 };
 
-/// One finished unit of work: the leaves of a bucket (level 0), or the products of a group (their level). A group that
-/// was rebuilt has two units; the second one's index is behind those of all groups of the level.
+/// One finished unit of work: the leaves of a bucket (level 0), or the products of a group (their level).
 struct WorkUnit {
   std::uint32_t level = 0;
   std::uint32_t index = 0;  ///< the bucket, or the group within its level
   Group group;              ///< bounds and errors; without meaning at level 0
-  ErrorHistogram errors;    ///< the group's products, in lattice steps and their squares
 };
 
 class WorkStore {

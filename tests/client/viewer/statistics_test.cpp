@@ -57,6 +57,7 @@ TEST(Statistics, everyFigureStandsInALine) {
   s.megabits_per_second = 4.5;
   s.round_trip_milliseconds = 31.0;
   s.viewer.error_px = 1.75F;
+  s.viewer.bound_px = 9.5F;
   s.hit_rate = 0.92;
   s.viewer.accuracy = Accuracy::kBlended;
   EXPECT_EQ(lineOf(s, "picture"), "blended, more on its way");
@@ -64,7 +65,7 @@ TEST(Statistics, everyFigureStandsInALine) {
   EXPECT_EQ(lineOf(s, "images"), "11 in use, 22 resident, 33 requested");
   EXPECT_EQ(lineOf(s, "found here"), "92 % of images");
   EXPECT_EQ(lineOf(s, "patches"), "44, 1 234 567 triangles");
-  EXPECT_EQ(lineOf(s, "screen error"), "1.75 px");
+  EXPECT_EQ(lineOf(s, "screen error"), "1.75 px, nowhere above 9.5");
   EXPECT_EQ(lineOf(s, "memory"), "12.3 MB of 50.0 MB");
   EXPECT_EQ(lineOf(s, "graphics"), "9.0 MB of these");
   EXPECT_EQ(lineOf(s, "link"), "4.5 Mbit/s, 31 ms round trip");

@@ -20,7 +20,7 @@ using support::SyntheticHierarchy;
 
 // docs/formats/patch.md
 constexpr std::size_t kHeader = 96;
-constexpr std::size_t kGroupRow = 56;
+constexpr std::size_t kGroupRow = 68;
 constexpr std::size_t kPatchRow = 84;
 
 class PatchFormat : public ::testing::Test {
@@ -178,7 +178,7 @@ TEST_F(PatchFormat, aWrongFileOrVersionIsNamed) {
   const base::Bytes bytes = written(support::syntheticHierarchy(4));
   EXPECT_NE(faultOf(base::Bytes(500, 'x')).find("not a patch.lgp"), std::string::npos);
   EXPECT_NE(faultOf({}).find("not a patch.lgp"), std::string::npos);
-  const auto newer = opened(withField<std::uint32_t>(bytes, 8, 2));
+  const auto newer = opened(withField<std::uint32_t>(bytes, 8, 3));
   ASSERT_FALSE(newer);
   EXPECT_EQ(newer.error().code, base::ErrorCode::kVersion);
   const auto missing = PatchFile::open(path_ + ".none");
@@ -228,23 +228,30 @@ TEST_F(PatchFormat, eachWrongGroupRowIsNamed) {
         Break{"group 2: its error is not", at(2, 16), nan},
         Break{"group 2: its error is not", at(2, 16), bitsOf(-1.0F)},
         Break{"group 2: its error is not", at(2, 16), bitsOf(std::numeric_limits<float>::infinity())},
-        Break{"group 0 must have infinite error", at(0, 16), bitsOf(1.0F)},
+        Break{"group 0 must have infinite errors", at(0, 16), bitsOf(1.0F)},
         Break{"its error is larger than that of its parent 1", at(2, 16), bitsOf(1e6F)},
         Break{"its sphere sticks out of that of its parent 1", at(2, 0), bitsOf(1e3F)},
         Break{"group 2: its attribute error", at(2, 20), nan},
-        Break{"group 2: its level is 0", at(2, 24), 0},
-        Break{"its level is not its producer's", at(last, 24), 2},
-        Break{"consumes patches that aren't there", at(2, 28), 0xFFFFFFFF},
-        Break{"names another consumer", at(2, 28), 0},
-        Break{"group 2: it consumes no patches", at(2, 32), 0},
-        Break{"together they consume", at(2, 32), 1},
-        Break{"consumes patches that aren't there", at(2, 32), 0xFFFFFFFF},
-        Break{"its parents aren't in the table", at(2, 36), 0xFFFFFFFF},
-        Break{"group 2: it has no parents", at(2, 40), 0},
-        Break{"group 0 must have no parents", at(0, 40), 1},
-        Break{"its parents aren't in the table", at(2, 40), 0xFFFF},
-        Break{"its block has not the length", at(2, 44), 3},
-        Break{"its block is not where", at(2, 48), 3}}) {
+        Break{"group 2: its error is not", at(2, 24), nan},
+        Break{"group 0 must have infinite errors", at(0, 24), bitsOf(1.0F)},
+        Break{"its error is larger than that of its parent 1", at(2, 24), bitsOf(1e6F)},
+        Break{"group 2: its typical colour error", at(2, 28), bitsOf(-1.0F)},
+        Break{"group 2: its error is not", at(2, 32), nan},
+        Break{"group 0 must have infinite errors", at(0, 32), bitsOf(1.0F)},
+        Break{"its error is larger than that of its parent 1", at(2, 32), bitsOf(1e6F)},
+        Break{"group 2: its level is 0", at(2, 36), 0},
+        Break{"its level is not its producer's", at(last, 36), 2},
+        Break{"consumes patches that aren't there", at(2, 40), 0xFFFFFFFF},
+        Break{"names another consumer", at(2, 40), 0},
+        Break{"group 2: it consumes no patches", at(2, 44), 0},
+        Break{"together they consume", at(2, 44), 1},
+        Break{"consumes patches that aren't there", at(2, 44), 0xFFFFFFFF},
+        Break{"its parents aren't in the table", at(2, 48), 0xFFFFFFFF},
+        Break{"group 2: it has no parents", at(2, 52), 0},
+        Break{"group 0 must have no parents", at(0, 52), 1},
+        Break{"its parents aren't in the table", at(2, 52), 0xFFFF},
+        Break{"its block has not the length", at(2, 56), 3},
+        Break{"its block is not where", at(2, 60), 3}}) {
     const std::string fault = faultOf(withField(bytes, broken.offset, broken.value));
     EXPECT_NE(fault.find(broken.what), std::string::npos) << "said: " << fault << "\nmust say: " << broken.what;
   }

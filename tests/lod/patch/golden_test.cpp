@@ -1,4 +1,4 @@
-// tests/golden/patch_v1.lgp must stay readable, and the same input must give its bytes. A change of the format gets a
+// tests/golden/patch_v2.lgp must stay readable, and the same input must give its bytes. A change of the format gets a
 // new version and a new file beside it. LUMIGRID_WRITE_GOLDEN=1 writes the file anew.
 #include <gtest/gtest.h>
 #include <unistd.h>
@@ -12,7 +12,7 @@
 namespace lod::patch {
 namespace {
 
-const std::string kGolden = std::string(LUMIGRID_SOURCE_DIR) + "/tests/golden/patch_v1.lgp";
+const std::string kGolden = std::string(LUMIGRID_SOURCE_DIR) + "/tests/golden/patch_v2.lgp";
 
 // A diamond of three levels: two leaves, one group that merges them, the root.
 //
@@ -37,10 +37,13 @@ support::SyntheticHierarchy goldenScene() {
   h.patches[2].consumer = 1;
   h.source_triangles = 32;
   h.groups.resize(2);
-  h.groups[0].error = std::numeric_limits<float>::infinity();
+  h.groups[0].error = h.groups[0].typical_error = h.groups[0].visible_error = std::numeric_limits<float>::infinity();
   h.groups[0].level = 2;
   h.groups[0].patch_count = 1;
   h.groups[1].error = 0.25F;
+  h.groups[1].typical_error = 0.03125F;
+  h.groups[1].typical_color_error = 0.125F;
+  h.groups[1].visible_error = 0.0625F;
   h.groups[1].attribute_error = 0.5F;
   h.groups[1].level = 1;
   h.groups[1].first_patch = 1;
@@ -69,6 +72,9 @@ TEST(PatchGolden, theStoredFileStillReadsTheSame) {
   EXPECT_EQ(h.lattice.step, 0.0078125);
   ASSERT_EQ(h.groups.size(), 2U);
   EXPECT_EQ(h.groups[1].error, 0.25F);
+  EXPECT_EQ(h.groups[1].typical_error, 0.03125F);
+  EXPECT_EQ(h.groups[1].typical_color_error, 0.125F);
+  EXPECT_EQ(h.groups[1].visible_error, 0.0625F);
   EXPECT_EQ(h.parents, std::vector<std::uint32_t>{0});
   ASSERT_EQ(h.patches.size(), 3U);
   const auto scene = goldenScene();

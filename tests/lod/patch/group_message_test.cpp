@@ -13,7 +13,7 @@ namespace {
 using support::SyntheticHierarchy;
 
 constexpr std::size_t kGroupRow = 4;
-constexpr std::size_t kFirstPatchRow = 4 + 56;
+constexpr std::size_t kFirstPatchRow = 4 + 68;
 
 const SyntheticHierarchy& scene() {
   static const SyntheticHierarchy made = [] {
@@ -149,7 +149,7 @@ TEST(GroupMessage, aGroupIsNotExpandedBehindAParentThatItDoesNotName) {
   base::Bytes orphan = message(child);
   orphan.resize(orphan.size() - 4 * (scene().hierarchy.groups[child].parent_count - 1));
   const std::uint32_t one = 1;
-  std::memcpy(orphan.data() + kGroupRow + 40, &one, 4);
+  std::memcpy(orphan.data() + kGroupRow + 52, &one, 4);
   ASSERT_TRUE(add(orphan, growing));
   CutRequest everything = request();
   everything.tolerance_px = 0.0F;
@@ -176,17 +176,27 @@ TEST(GroupMessage, eachWrongNumberIsNamedAndChangesNothing) {
   const std::uint32_t nan = 0x7FC00000;
   const std::size_t patch = kFirstPatchRow;
   const auto parents = message(5).size() - 4 * scene().hierarchy.groups[5].parent_count;
-  for (const Break& broken :
-       {Break{"the scene has", 0, groupTotal()}, Break{"names another consumer", 0, 6},
-        Break{"its sphere", kGroupRow, nan}, Break{"its error", kGroupRow + 16, nan},
-        Break{"its level", kGroupRow + 24, 0}, Break{"the scene has", kGroupRow + 28, patchTotal()},
-        Break{"the scene has", kGroupRow + 28, 0xFFFFFFFF}, Break{"consumes no patches", kGroupRow + 32, 0},
-        Break{"cut short", kGroupRow + 32, 0xFFFFFFFF}, Break{"no parents", kGroupRow + 40, 0},
-        Break{"cut short", kGroupRow + 40, 0xFFFFFFFF}, Break{"length of its patches", kGroupRow + 44, 1},
-        Break{"its box", patch, nan}, Break{"doesn't lie below", patch + 56, 5},
-        Break{"producer that the scene hasn't", patch + 56, groupTotal()}, Break{"another consumer", patch + 60, 2},
-        Break{"its triangle count", patch + 68, 70000}, Break{"bytes are not where", patch + 76, 1},
-        Break{"no smaller number", parents, 5}}) {
+  for (const Break& broken : {Break{"the scene has", 0, groupTotal()},
+                              Break{"names another consumer", 0, 6},
+                              Break{"its sphere", kGroupRow, nan},
+                              Break{"its error", kGroupRow + 16, nan},
+                              Break{"its error", kGroupRow + 32, nan},
+                              Break{"its error", kGroupRow + 24, nan},
+                              Break{"its level", kGroupRow + 36, 0},
+                              Break{"the scene has", kGroupRow + 40, patchTotal()},
+                              Break{"the scene has", kGroupRow + 40, 0xFFFFFFFF},
+                              Break{"consumes no patches", kGroupRow + 44, 0},
+                              Break{"cut short", kGroupRow + 44, 0xFFFFFFFF},
+                              Break{"no parents", kGroupRow + 52, 0},
+                              Break{"cut short", kGroupRow + 52, 0xFFFFFFFF},
+                              Break{"length of its patches", kGroupRow + 56, 1},
+                              Break{"its box", patch, nan},
+                              Break{"doesn't lie below", patch + 56, 5},
+                              Break{"producer that the scene hasn't", patch + 56, groupTotal()},
+                              Break{"another consumer", patch + 60, 2},
+                              Break{"its triangle count", patch + 68, 70000},
+                              Break{"bytes are not where", patch + 76, 1},
+                              Break{"no smaller number", parents, 5}}) {
     base::Bytes bytes = message(5);
     std::memcpy(bytes.data() + broken.offset, &broken.value, 4);
     Hierarchy growing = emptyOne();
@@ -212,7 +222,7 @@ TEST(GroupMessage, patchesOfAnotherGroupCanNotBeTaken) {
   Hierarchy growing = emptyOne();
   ASSERT_TRUE(add(message(4), growing));
   base::Bytes thief = message(5);
-  std::memcpy(thief.data() + kGroupRow + 28, &scene().hierarchy.groups[4].first_patch, 4);
+  std::memcpy(thief.data() + kGroupRow + 40, &scene().hierarchy.groups[4].first_patch, 4);
   const auto added = add(thief, growing);
   ASSERT_FALSE(added);
   EXPECT_NE(added.error().message.find("another group's"), std::string::npos);

@@ -115,7 +115,7 @@ TEST(TablePages, onlyWholePagesAreKept) {
 
 TEST(TablePages, damageIsNoticed) {
   base::Bytes changed = file().bytes;
-  changed[96 + 56 * 3 + 20] ^= 1;
+  changed[96 + 68 * 3 + 20] ^= 1;
   TablePages tables(file().counts);
   tables.add(0, changed);
   EXPECT_FALSE(tables.checkWhole());
@@ -123,16 +123,16 @@ TEST(TablePages, damageIsNoticed) {
   // One row names patches that are not there, the other a block outside the file.
   const auto rowFails = [](std::size_t at, std::uint32_t value) {
     base::Bytes bytes = file().bytes;
-    std::memcpy(bytes.data() + 96 + 56 * 3 + at, &value, sizeof(value));
+    std::memcpy(bytes.data() + 96 + 68 * 3 + at, &value, sizeof(value));
     TablePages damaged(file().counts);
     damaged.add(0, bytes);
     return !damaged.row(3) && !damaged.record(3);
   };
-  EXPECT_TRUE(rowFails(28, file().counts.patches));
-  EXPECT_TRUE(rowFails(32, 0xFFFFFFFFU));
-  EXPECT_TRUE(rowFails(36, 0xFFFFFFF0U));
+  EXPECT_TRUE(rowFails(40, file().counts.patches));
   EXPECT_TRUE(rowFails(44, 0xFFFFFFFFU));
-  EXPECT_TRUE(rowFails(52, 1));
+  EXPECT_TRUE(rowFails(48, 0xFFFFFFF0U));
+  EXPECT_TRUE(rowFails(56, 0xFFFFFFFFU));
+  EXPECT_TRUE(rowFails(64, 1));
 }
 
 }  // namespace

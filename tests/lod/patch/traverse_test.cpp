@@ -137,12 +137,30 @@ TEST(SelectCut, toleranceZeroGivesTheLeavesAndAHugeOneTheRoot) {
 
 TEST(SelectCut, anErrorOfZeroIsStillRefinedAtToleranceZero) {
   SyntheticHierarchy flat = support::syntheticHierarchy(4);
-  for (std::size_t g = 1; g < flat.hierarchy.groups.size(); ++g) flat.hierarchy.groups[g].error = 0.0F;
+  for (std::size_t g = 1; g < flat.hierarchy.groups.size(); ++g) flat.hierarchy.groups[g].visible_error = 0.0F;
   CutRequest request = cornerRequest();
   request.tolerance_px = 0.0F;
   EXPECT_EQ(selectCut(flat.hierarchy, request).patches.size(), 16U);
   request.tolerance_px = 1e-6F;
   EXPECT_EQ(selectCut(flat.hierarchy, request).patches.size(), 1U);
+}
+
+TEST(SelectCut, goesByTheVisibleErrorUnlessTheBoundIsAskedFor) {
+  SyntheticHierarchy rough = support::syntheticHierarchy(8);
+  for (std::size_t g = 1; g < rough.hierarchy.groups.size(); ++g) rough.hierarchy.groups[g].visible_error /= 8.0F;
+  CutRequest request = cornerRequest();
+  request.tolerance_px = 2.0F;
+  const Cut visible = selectCut(rough.hierarchy, request);
+  request.measure = base::ErrorMeasure::kBound;
+  const Cut bound = selectCut(rough.hierarchy, request);
+  EXPECT_LT(visible.triangles, bound.triangles);
+  EXPECT_LE(visible.error_px, 2.0F);
+  EXPECT_LE(bound.error_px, 2.0F);
+  // An eighth of the error allows eight times the tolerance.
+  request.tolerance_px = 16.0F;
+  const Cut coarse = selectCut(rough.hierarchy, request);
+  EXPECT_EQ(visible.patches, coarse.patches);
+  EXPECT_FLOAT_EQ(8.0F * visible.error_px, coarse.error_px);
 }
 
 TEST(SelectCut, everyToleranceCoversTheSquareOnceWithoutOpenEdges) {

@@ -101,11 +101,12 @@ class TwoLevelScene {
     }
     lod::patch::Group top;
     top.bounds = base::boundingSphere(spheres);
-    top.error = std::numeric_limits<float>::infinity();
+    top.error = top.typical_error = top.visible_error = std::numeric_limits<float>::infinity();
     top.level = 2;
     top.patch_count = 1;
     lod::patch::Group merged = top;
-    merged.error = error;
+    merged.error = merged.visible_error = error;
+    merged.typical_error = error / lod::patch::kVisibleRatio;
     merged.level = 1;
     merged.first_patch = 1;
     merged.patch_count = static_cast<std::uint32_t>(geometries.size() - 1);

@@ -45,11 +45,22 @@ TEST_F(TrialOfMethods, aSmoothModelWithoutColoursGetsNoImages) {
   EXPECT_GT(progress_, 0.9);
 }
 
-TEST_F(TrialOfMethods, coloursFinerThanTheShapeGetImages) {
-  const auto trial = tryOn(support::speckledPlate());
+// Pictures of a scan with many triangles a pixel are smoother than triangles drawn with one sample a pixel.
+TEST_F(TrialOfMethods, aScanFinerThanItsPixelsGetsImages) {
+  mesh::generate::SampleOptions sample;
+  sample.triangles = 500'000;
+  sample.shape = mesh::generate::SampleShape::kRelief;
+  const auto trial = tryOn(support::makeSample(sample));
   ASSERT_TRUE(trial) << trial.error().message;
   EXPECT_TRUE(trial->imagesPay()) << trial->gainDb();
   EXPECT_GT(trial->gainDb(), 1.0);
+}
+
+// Patches are refined for their colours, so vertices show what a face of that size shows, and no edge is blurred.
+TEST_F(TrialOfMethods, coloursThatVerticesShowGetNoImages) {
+  const auto trial = tryOn(support::speckledPlate());
+  ASSERT_TRUE(trial) << trial.error().message;
+  EXPECT_FALSE(trial->imagesPay()) << trial->gainDb();
 }
 
 TEST_F(TrialOfMethods, stopsWhenAsked) {

@@ -2,6 +2,7 @@
 // These functions make a cut of a built hierarchy one surface, and find its open edges.
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <utility>
 #include <vector>
 
@@ -18,6 +19,17 @@ inline lod::patch::builder::HierarchyOptions smallPatches() {
   options.leaf_triangles = 400;
   options.node_triangles = 200;
   return options;
+}
+
+/// The root mean square of the typical errors of a level, over its triangles.
+inline double typicalErrorOf(const lod::patch::Hierarchy& h, std::uint32_t level) {
+  double sum = 0.0, triangles = 0.0;
+  for (const lod::patch::Patch& patch : h.patches) {
+    if (patch.level != level || patch.producer == lod::patch::kNoGroup) continue;
+    const double error = h.groups[patch.producer].typical_error;
+    sum += patch.triangles * error * error, triangles += patch.triangles;
+  }
+  return std::sqrt(sum / triangles);
 }
 
 /// A directed edge of triangles by the lattice points of its ends, and the patch that has it.

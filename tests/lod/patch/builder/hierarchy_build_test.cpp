@@ -41,6 +41,7 @@ void expectSound(const BuiltHierarchy& built, const HierarchyOptions& options) {
     for (const std::uint32_t parent : h.parentsOf(g)) {
       EXPECT_LT(parent, g);
       EXPECT_GE(h.groups[parent].error, h.groups[g].error);
+      EXPECT_GE(h.groups[parent].visible_error, h.groups[g].visible_error);
       EXPECT_GE(h.groups[parent].attribute_error, h.groups[g].attribute_error);
       EXPECT_LE(glm::length(h.groups[parent].bounds.center - h.groups[g].bounds.center) + h.groups[g].bounds.radius,
                 h.groups[parent].bounds.radius * 1.00001F);
@@ -139,8 +140,9 @@ TEST(HierarchyBuild, statedErrorsBoundSampledDistances) {
     expectErrorsHold(mesh, mustBuild(mesh, support::smallPatches()), 8000);
 }
 
-// docs/results/hierarchy.md, "Stated errors".
-TEST(HierarchyBuild, statedErrorsAreAtMostFourTimesTheSampledPercentile) {
+// docs/results/hierarchy.md, "Stated errors". Within the visible error, twice the typical one where there are no
+// colours, lie nineteen of twenty points.
+TEST(HierarchyBuild, typicalErrorsAreNearSampledOnesAndBoundsNotFarAbove) {
   for (const auto shape : {mesh::generate::SampleShape::kStatue, mesh::generate::SampleShape::kRelief}) {
     mesh::generate::SampleOptions sample;
     sample.shape = shape;
@@ -153,9 +155,14 @@ TEST(HierarchyBuild, statedErrorsAreAtMostFourTimesTheSampledPercentile) {
     ASSERT_GE(levels.size(), 5U);
     for (std::uint32_t l = 1; l < levels.size(); ++l) {
       const support::Surface surface = support::surfaceOf(built, support::levelCut(built.hierarchy, l));
-      const double there = support::sampledDistance(source, support::NearestSurface(surface), 40'000).p999;
-      const double back = support::sampledDistance(surface, to_source, 40'000).p999;
-      EXPECT_LE(levels[l].max_error, 4.0 * std::max(there, back)) << "level " << l;
+      const auto there = support::sampledDistance(source, support::NearestSurface(surface), 40'000);
+      const auto back = support::sampledDistance(surface, to_source, 40'000);
+      EXPECT_LE(levels[l].max_error, 5.0 * std::max(there.p999, back.p999)) << "level " << l;
+      const double typical = support::typicalErrorOf(built.hierarchy, l);
+      const double rms = std::sqrt(0.5 * (there.rms * there.rms + back.rms * back.rms));
+      EXPECT_GT(typical, 0.8 * rms) << "level " << l;
+      EXPECT_LT(typical, 2.0 * rms) << "level " << l;
+      EXPECT_LE(std::max(there.p95, back.p95), 2.0 * typical) << "level " << l;
     }
   }
 }
@@ -188,31 +195,6 @@ TEST(HierarchyBuild, soupAndTinyComponentsEndInOnePatch) {
     expectShrinking(built.summary, options);
     expectErrorsHold(mesh, built, 1000);
   }
-}
-
-// A corner of the ground is full of needles that two fifths of the triangles cannot hold.
-TEST(HierarchyBuild, outlyingGroupsAreRebuiltWithTheirNeedlesKept) {
-  Mesh mesh = support::openGrid(220);
-  const auto needle = [&](const glm::vec3& foot) {
-    const auto first = static_cast<std::uint32_t>(mesh.positions.size());
-    const float width = 0.001F;
-    for (const glm::vec3& d : {glm::vec3(0, 0, 0), glm::vec3(width, 0, 0), glm::vec3(0, width, 0)})
-      mesh.positions.push_back(foot + d);
-    mesh.positions.push_back(foot + glm::vec3(0, 0, 0.05F));
-    for (const auto& t : {glm::uvec3(0, 2, 1), glm::uvec3(0, 1, 3), glm::uvec3(1, 2, 3), glm::uvec3(2, 0, 3)})
-      for (int k = 0; k < 3; ++k) mesh.indices.push_back(first + t[k]);
-  };
-  for (int y = 0; y < 30; ++y)
-    for (int x = 0; x < 30; ++x) needle({0.01F * static_cast<float>(x), 0.01F * static_cast<float>(y), 0.5F});
-  const BuiltHierarchy built = mustBuild(mesh, support::smallPatches());
-  expectSound(built, support::smallPatches());
-  // Without rebuilt groups the first level has an error of 0.022, and the third of 0.066, since needles vanish.
-  const auto& levels = built.summary.levels;
-  ASSERT_GE(levels.size(), 4U);
-  EXPECT_LT(levels[1].max_error, 0.018F);
-  EXPECT_LT(levels[3].max_error, 0.045F);
-  EXPECT_LT(levels[3].triangles, levels[2].triangles / 2);
-  expectErrorsHold(mesh, built, 20'000);
 }
 
 // Flat sides and straight pipes take hardly any triangles, and rounding is not stated as an error.
