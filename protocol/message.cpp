@@ -130,8 +130,8 @@ void settingFields(Fields& fields, SomeView& view) {
 
 template <class Fields, class SomeWelcome>
 void sceneFields(Fields& fields, SomeWelcome& w) {
-  fields(w.origin, w.box_min, w.box_max, w.up, w.unlit, w.light_direction, w.has_colors, w.lattice_origin,
-         w.lattice_step, w.group_count, w.patch_count, w.source_triangles, w.can_render_frames);
+  fields(w.origin, w.box_min, w.box_max, w.up, w.start_direction, w.unlit, w.light_direction, w.has_colors,
+         w.lattice_origin, w.lattice_step, w.group_count, w.patch_count, w.source_triangles, w.can_render_frames);
 }
 
 // ---- cameras ----
@@ -235,6 +235,7 @@ void writeBody(base::ByteWriter& out, const Welcome& welcome) {
   out.u16(welcome.version);
   writeText(out, welcome.scene_name, kMaxText);
   writeText(out, welcome.units, kMaxUnits);
+  writeText(out, welcome.start_view, kMaxText);
   FieldWriter fields{out};
   const bool has_images = welcome.grid.pointCount() != 0;
   sceneFields(fields, welcome);
@@ -249,6 +250,8 @@ const char* checkWelcome(Welcome& welcome) {
       glm::any(glm::greaterThan(welcome.box_min, welcome.box_max)))
     return "its box is inside out or not a number";
   if (!makeUnit(welcome.up)) return "its up vector is zero or not a number";
+  if (welcome.start_direction != glm::vec3(0.0F) && !makeUnit(welcome.start_direction))
+    return "its first direction is not a number";
   if (!makeUnit(welcome.light_direction)) return "its light direction is zero or not a number";
   if (!isBounded(welcome.lattice_origin)) return "its lattice origin is not a number below 1e12";
   if (!(welcome.lattice_step > 0.0 && welcome.lattice_step <= kMaxCoordinate))
@@ -268,6 +271,8 @@ base::Result<void> readBody(base::ByteReader& in, Welcome& welcome) {
     return bad("its scene name is cut short, too long or not plain text");
   if (!readText(in, kMaxUnits, welcome.units))
     return bad("its unit of length is cut short, too long or not plain text");
+  if (!readText(in, kMaxText, welcome.start_view))
+    return bad("its first view is cut short, too long or not plain text");
   FieldReader fields{in};
   bool has_images = false;
   sceneFields(fields, welcome);

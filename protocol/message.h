@@ -77,6 +77,8 @@ struct Welcome {
   glm::dvec3 origin{0.0};                  ///< world position of scene-local (0, 0, 0)
   glm::vec3 box_min{0.0F}, box_max{0.0F};  ///< scene-local
   glm::vec3 up{0.0F, 0.0F, 1.0F};
+  glm::vec3 start_direction{0.0F};  ///< unit: where the first view looks; zero: the client chooses
+  std::string start_view;           ///< permalink of the first view (docs/formats/permalink.md); empty: none
   bool unlit = false;
   glm::vec3 light_direction{0.0F, 0.0F, 1.0F};
   bool has_colors = false;

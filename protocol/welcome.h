@@ -17,6 +17,8 @@ inline Welcome welcomeOf(const base::Scene& scene, const std::string& name) {
   welcome.box_min = box.min;
   welcome.box_max = box.max;
   welcome.up = glm::vec3(scene.up);
+  if (scene.start_direction) welcome.start_direction = glm::vec3(*scene.start_direction);
+  welcome.start_view = scene.start_view;
   welcome.unlit = scene.light.mode == base::LightMode::kUnlit;
   welcome.light_direction = scene.light.direction;
   return welcome;

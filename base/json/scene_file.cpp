@@ -144,6 +144,8 @@ Result<Scene> parseScene(const std::string& text, const std::string& name) {
   scene.up = top.vector("up");
   scene.units = top.get<std::string>("units");
   if (document.contains("title")) scene.title = top.get<std::string>("title");
+  if (document.contains("start_direction")) scene.start_direction = top.vector("start_direction");
+  if (document.contains("start_view")) scene.start_view = top.get<std::string>("start_view");
   scene.has_colors = top.get<bool>("has_colors");
   scene.triangles = top.get<std::uint64_t>("triangles");
   Fields light(top.child("light"), "light: ", problem);
@@ -157,6 +159,8 @@ Result<Scene> parseScene(const std::string& text, const std::string& name) {
   if (problem.empty() && !glm::all(glm::lessThanEqual(scene.box_min, scene.box_max)))
     problem = "box_min exceeds box_max";
   if (problem.empty() && !(glm::length(scene.up) > 0.0)) problem = "up is zero";
+  if (problem.empty() && scene.start_direction && !(glm::length(*scene.start_direction) > 0.0))
+    problem = "start_direction is zero";
   if (!problem.empty()) return Error{ErrorCode::kInvalidInput, name + ": " + problem + "; build the scene again"};
   return scene;
 }
@@ -173,6 +177,8 @@ std::string formatScene(const Scene& scene) {
   document["units"] = scene.units;
   if (!scene.title.empty()) document["title"] = scene.title;
   document["up"] = toJson(scene.up);
+  if (scene.start_direction) document["start_direction"] = toJson(*scene.start_direction);
+  if (!scene.start_view.empty()) document["start_view"] = scene.start_view;
   document["light"] = {{"mode", lightName(scene.light.mode)}, {"direction", toJson(glm::dvec3(scene.light.direction))}};
   document["has_colors"] = scene.has_colors;
   document["triangles"] = scene.triangles;

@@ -51,6 +51,8 @@ struct Scene {
   std::string units = "unknown";
   std::string title;             ///< what viewers call it; empty: by its place
   glm::dvec3 up{0.0, 0.0, 1.0};  ///< world; the up vector of the first view
+  std::optional<glm::dvec3> start_direction;  ///< unit, world: where the first view looks; nothing: viewers choose
+  std::string start_view;                     ///< permalink of the first view; empty: the whole model, so seen
   Light light;
   bool has_colors = false;
   std::uint64_t triangles = 0;

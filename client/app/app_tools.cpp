@@ -19,9 +19,10 @@ std::string exact(const glm::dvec3& v) {
 }
 
 /// Returns the query of /render (docs/formats/http.md) for the present view, without size and background, which the
-/// platform adds. `tolerance_px` is the viewer's patch tolerance: a picture tinted by resolution shows the viewer's
-/// patches, any other the full resolution.
-std::string pictureQuery(const base::ViewCamera& camera, const ViewState& view, double tolerance_px, bool guarantee) {
+/// platform adds. `tolerance_px` and `measure` are those of the viewer's patches: a picture tinted by resolution shows
+/// these, any other the full resolution.
+std::string pictureQuery(const base::ViewCamera& camera, const ViewState& view, double tolerance_px,
+                         base::ErrorMeasure measure) {
   std::string query = "position=" + exact(camera.position) + "&direction=" + exact(camera.direction) +
                       "&up=" + exact(camera.up) + "&fov_y=" + exact(camera.fov_y);
   if (camera.orthographic()) query += "&ortho_height=" + exact(camera.ortho_height);
@@ -29,7 +30,8 @@ std::string pictureQuery(const base::ViewCamera& camera, const ViewState& view, 
     query += std::string("&section=") + static_cast<char>('x' + view.section.axis) + "," + exact(view.section.offset) +
              (view.section.keep_below ? ",b" : ",a");
   if (view.colors_by_resolution) query += "&colors=resolution&tolerance=" + exact(tolerance_px);
-  if (guarantee) query += "&guarantee=1";
+  if (view.colors_by_resolution && measure != base::ErrorMeasure::kVisible)
+    query += measure == base::ErrorMeasure::kShape ? "&measure=shape" : "&measure=bound";
   return query;
 }
 
@@ -411,7 +413,7 @@ bool App::pressKey(Key key, Modifiers modifiers) {
       const base::ViewCamera drawn = camera();
       const auto tolerance = static_cast<double>(viewer_.session().patchTolerance());
       requests_.push_back({.kind = RequestKind::kSavePicture,
-                           .text = pictureQuery(drawn, view_, tolerance, viewer_.session().options().guarantee),
+                           .text = pictureQuery(drawn, view_, tolerance, viewer_.session().errorMeasure()),
                            .camera = drawn});
       break;
     }

@@ -95,14 +95,17 @@ void App::frameNewScene() {
   box_min_ = welcome->origin + glm::dvec3(welcome->box_min);
   box_max_ = welcome->origin + glm::dvec3(welcome->box_max);
   flight_.end();
-  control_.frameBox(box_min_, box_max_, glm::dvec3(welcome->up));
+  control_.frameBox(box_min_, box_max_, glm::dvec3(welcome->up), glm::dvec3(welcome->start_direction));
   if (another) {
     measure_.clear();
     view_.section.on = false;
     bookmarks_ = {};
   }
   cameraMoved();
-  if (wanted_view_) showView(*std::exchange(wanted_view_, std::nullopt), true, false);
+  if (wanted_view_) return showView(*std::exchange(wanted_view_, std::nullopt), true, false);
+  // The method is the viewer's own matter. A text that a later program wrote leaves the whole model in view.
+  if (welcome->start_view.empty()) return;
+  if (const auto first = parsePermalink(welcome->start_view)) showView(*first, false, false);
 }
 
 void App::moveTo(const Viewpoint& place, bool glide) {

@@ -19,6 +19,8 @@ constexpr double kMaxZoomDistance = 100.0;
 constexpr double kPoleMargin = 0.01;
 /// Angle by which the first view looks down (radians), a choice: 20 degrees.
 constexpr double kFirstElevation = 0.35;
+// The share of the picture that the framed model fills, so that titles and tools hide little of it.
+constexpr double kFramed = 0.9;
 
 /// Length below which a direction counts as zero.
 constexpr double kTiny = 1e-12;
@@ -31,7 +33,8 @@ glm::dvec3 anyPerpendicular(const glm::dvec3& v) {
 
 }  // namespace
 
-void OrbitControl::frameBox(const glm::dvec3& box_min, const glm::dvec3& box_max, const glm::dvec3& up) {
+void OrbitControl::frameBox(const glm::dvec3& box_min, const glm::dvec3& box_max, const glm::dvec3& up,
+                            const glm::dvec3& direction) {
   up_ = glm::normalize(up);
   box_min_ = box_min;
   box_max_ = box_max;
@@ -39,18 +42,32 @@ void OrbitControl::frameBox(const glm::dvec3& box_min, const glm::dvec3& box_max
   size_ = std::max(glm::length(box_max - box_min), 1e-12);
 
   const glm::dvec3 from = glm::rotate(anyPerpendicular(up_), 0.6, up_);
-  camera_.direction = -glm::normalize(std::cos(kFirstElevation) * from + std::sin(kFirstElevation) * up_);
+  camera_.direction = direction != glm::dvec3(0.0)
+                          ? awayFromPoles(glm::normalize(direction))
+                          : -glm::normalize(std::cos(kFirstElevation) * from + std::sin(kFirstElevation) * up_);
   camera_.up = up_;
   first_ = framingViewpoint();
   setViewpoint(first_);
 }
 
 Viewpoint OrbitControl::framingViewpoint() const {
-  // Let the box's sphere just fit into the smaller of the two angles of view.
-  const double aspect = std::min(1.0, static_cast<double>(camera_.width) / static_cast<double>(camera_.height));
-  const double half_angle = std::atan(std::tan(0.5 * camera_.fov_y) * aspect);
-  const double distance = 0.5 * size_ / std::sin(half_angle);
-  return {0.5 * (box_min_ + box_max_) - distance * camera_.direction, camera_.direction, distance};
+  // The box's centre stays in the middle, since the view turns around it. A corner at (x, z) across and ahead of it is
+  // within the sides of the picture, less a margin, where |x| <= t (z + d) for an eye d behind.
+  const glm::dvec3 center = 0.5 * (box_min_ + box_max_);
+  const glm::dvec3 right = glm::normalize(glm::cross(camera_.direction, camera_.up));
+  const glm::dvec3 above = glm::cross(right, camera_.direction);
+  const double aspect = static_cast<double>(camera_.width) / static_cast<double>(camera_.height);
+  const double tan_above = kFramed * std::tan(0.5 * camera_.fov_y);
+  double distance = 1e-3 * size_;
+  for (int corner = 0; corner < 8; ++corner) {
+    const glm::dvec3 at =
+        glm::dvec3((corner & 1) != 0 ? box_max_.x : box_min_.x, (corner & 2) != 0 ? box_max_.y : box_min_.y,
+                   (corner & 4) != 0 ? box_max_.z : box_min_.z) -
+        center;
+    const double across = std::max(std::abs(glm::dot(at, right)) / aspect, std::abs(glm::dot(at, above))) / tan_above;
+    distance = std::max(distance, across - glm::dot(at, camera_.direction));
+  }
+  return {center - distance * camera_.direction, camera_.direction, distance};
 }
 
 Viewpoint OrbitControl::viewpointCentredOn(const glm::dvec3& world) const {

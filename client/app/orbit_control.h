@@ -34,7 +34,9 @@ struct ScreenPoint {
 class OrbitControl {
  public:
   /// Looks at a box from the side and a little from above, so that all of it is in view.
-  void frameBox(const glm::dvec3& box_min, const glm::dvec3& box_max, const glm::dvec3& up);
+  /// `direction`: where that view looks; zero: from a corner, slightly down.
+  void frameBox(const glm::dvec3& box_min, const glm::dvec3& box_max, const glm::dvec3& up,
+                const glm::dvec3& direction = glm::dvec3(0.0));
   void setViewport(int width, int height);  ///< pixels, ≥ 1
   /// Returns the view that frameBox() gave.
   Viewpoint firstViewpoint() const { return first_; }

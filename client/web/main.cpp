@@ -29,7 +29,8 @@ glm::dvec3 vectorAt(const double* numbers) {
 
 }  // namespace
 
-protocol::Welcome welcomeOf(const std::string& name, const std::string& units, const double* numbers) {
+protocol::Welcome welcomeOf(const std::string& name, const std::string& units, const std::string& start_view,
+                            const double* numbers) {
   protocol::Welcome welcome;
   welcome.scene_name = name;
   welcome.units = units == "unknown" ? "" : units;
@@ -39,6 +40,8 @@ protocol::Welcome welcomeOf(const std::string& name, const std::string& units, c
   welcome.up = glm::vec3(vectorAt(numbers + 9));
   welcome.unlit = numbers[12] != 0.0;
   welcome.light_direction = glm::vec3(vectorAt(numbers + 13));
+  welcome.start_direction = glm::vec3(vectorAt(numbers + 16));
+  welcome.start_view = start_view;
   return welcome;
 }
 

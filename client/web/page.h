@@ -29,9 +29,10 @@ extern const Method kPageMethod;
 
 /// Count of the numbers that the page's JavaScript reads from scene.json (client/web/site/static_scene.js): origin,
 /// box_min, box_max, up (world, 3 each), 1 when unlit, the light's direction (3).
-inline constexpr int kWelcomeNumbers = 16;
+inline constexpr int kWelcomeNumbers = 19;
 /// Makes a Welcome from these values; `numbers` points to kWelcomeNumbers of them.
-protocol::Welcome welcomeOf(const std::string& name, const std::string& units, const double* numbers);
+protocol::Welcome welcomeOf(const std::string& name, const std::string& units, const std::string& start_view,
+                            const double* numbers);
 
 /// Keeps a text for JavaScript, valid until the next call.
 const char* handOut(std::string text);

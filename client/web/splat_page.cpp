@@ -22,17 +22,17 @@ std::shared_ptr<StreamedSplats> splats;
 extern "C" {
 
 /// Opens a file of splats. `numbers`: as in client/web/page.h, then the length of the file.
-EMSCRIPTEN_KEEPALIVE void openSplats(const char* place, const char* name, const char* units, const char* file,
-                                     const double* numbers) {
+EMSCRIPTEN_KEEPALIVE void openSplats(const char* place, const char* name, const char* units, const char* start_view,
+                                     const char* file, const double* numbers) {
   client::App& app = *client::web::page.app;
   client::SplatOptions options;
   static_cast<client::SplatQuality&>(options) = client::qualityOf(app.settings());
   options.memory_bytes = app.viewer().options().memory_budget_bytes;
   options.clock = client::web::page.options.clock;
   const auto bytes = static_cast<std::uint64_t>(numbers[client::web::kWelcomeNumbers]);
-  client::web::splats = std::make_shared<client::StreamedSplats>(client::SplatFilePlace{place, file, bytes},
-                                                                 client::web::welcomeOf(name, units, numbers),
-                                                                 std::make_unique<client::WebFetcher>(), options);
+  client::web::splats = std::make_shared<client::StreamedSplats>(
+      client::SplatFilePlace{place, file, bytes}, client::web::welcomeOf(name, units, start_view, numbers),
+      std::make_unique<client::WebFetcher>(), options);
   app.viewer().setSplats(client::web::splats);
 }
 

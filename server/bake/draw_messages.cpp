@@ -55,7 +55,7 @@ std::string readText(base::ByteReader& in) {
 
 // Both ends are one program, so fields travel as they lie in memory.
 auto settingsOf(auto& order) {
-  return std::tie(order.render.tolerance_px, order.render.guarantee, order.render.supersampling,
+  return std::tie(order.render.tolerance_px, order.render.measure, order.render.supersampling,
                   order.render.max_target_samples, order.quality, order.subsampling, order.gpu_budget_bytes);
 }
 auto fieldsOf(auto& sequence, auto& face) {

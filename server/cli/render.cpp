@@ -52,7 +52,7 @@ base::Result<DrawnPicture> drawPatches(const RenderArguments& a, const base::Sce
   LUMIGRID_ASSIGN_OR_RETURN(auto renderer, SceneRenderer::create(scene, patches));
   RenderOptions options;
   options.tolerance_px = a.method == kFullMethod ? 0.0F : static_cast<float>(a.tolerance_px);
-  options.guarantee = a.guarantee;
+  if (a.guarantee) options.measure = base::ErrorMeasure::kBound;
   options.supersampling = a.supersampling;
   const base::Sphere bounds{renderer->sceneCenter(), renderer->sceneRadius()};
   LUMIGRID_ASSIGN_OR_RETURN(auto picture, renderer->render(base::cameraForScene(view, scene.origin, bounds), options));

@@ -195,9 +195,12 @@ base::Result<void> readColors(Values& values, PictureRequest& request) {
   double tolerance = static_cast<double>(request.tolerance_px);
   LUMIGRID_TRY(readNumber(values, "tolerance", kMinTolerance, kMaxTolerance, tolerance));
   request.tolerance_px = static_cast<float>(tolerance);
-  int guarantee = 0;
-  LUMIGRID_TRY(readInteger(values, "guarantee", 0, 1, guarantee));
-  request.guarantee = guarantee == 1;
+  const std::string measure = values.removeValue("measure").value_or("visible");
+  if (measure != "visible" && measure != "shape" && measure != "bound")
+    return wrongRender("measure must be visible, shape or bound");
+  request.measure = measure == "bound"   ? base::ErrorMeasure::kBound
+                    : measure == "shape" ? base::ErrorMeasure::kShape
+                                         : base::ErrorMeasure::kVisible;
   return {};
 }
 
@@ -226,7 +229,7 @@ base::Result<PictureRequest> parsePictureRequest(const Query& query, std::uint64
   if (!values.left().empty())
     return wrongRender(
         "a name is none of position, direction, target, up, fov_y, fov_y_degrees, ortho_height, width, height, "
-        "format, quality, supersampling, background, section, colors, tolerance, guarantee");
+        "format, quality, supersampling, background, section, colors, tolerance, measure");
   return request;
 }
 
@@ -241,7 +244,7 @@ base::Result<std::unique_ptr<PicturePainter>> PicturePainter::begin(const Pictur
       base::cameraForScene(request.camera, scene.origin, {renderer.sceneCenter(), renderer.sceneRadius()});
   RenderOptions& options = painter->options_;
   options.tolerance_px = request.tolerance_px;
-  options.guarantee = request.guarantee;
+  options.measure = request.measure;
   options.modes.resolution_colors = request.resolution_colors;
   if (request.section) options.modes.section = base::sectionInScene(*request.section, scene.origin);
   options.supersampling = request.supersampling;

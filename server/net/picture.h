@@ -22,12 +22,12 @@ struct PictureRequest {
   enum class Format { kPng, kJpeg };
   base::ViewCamera camera;
   Format format = Format::kPng;
-  int quality = 90;                                          ///< quality of a JPEG, 1..100
-  int supersampling = 2;                                     ///< n × n samples a pixel, 1..4
-  std::optional<Rgb> background;                             ///< none: transparent
-  bool guarantee = false;                                    ///< the tolerance holds for proved bounds
-  float tolerance_px = base::ViewDefaults::kExactTolerance;  ///< projected error of the patches; invisible at the
-                                                             ///< default, as in exact frames
+  int quality = 90;                                           ///< quality of a JPEG, 1..100
+  int supersampling = 2;                                      ///< n × n samples a pixel, 1..4
+  std::optional<Rgb> background;                              ///< none: transparent
+  base::ErrorMeasure measure = base::ErrorMeasure::kVisible;  ///< of the tolerance
+  float tolerance_px = base::ViewDefaults::kExactTolerance;   ///< projected error of the patches; invisible at the
+                                                              ///< default, as in exact frames
   std::optional<base::SectionPlane> section;
   bool resolution_colors = false;  ///< tinted by the patches' projected errors
 };

@@ -191,12 +191,16 @@ void Site::readAppearance() {
   scene_.scene.up = changed->up;
   scene_.scene.units = changed->units;
   scene_.scene.title = changed->title;
+  scene_.scene.start_direction = changed->start_direction;
+  scene_.scene.start_view = changed->start_view;
   scene_.scene_json = std::move(*bytes);
   scene_etag_ = entityTag(scene_.scene_json);
   const protocol::Welcome shown = protocol::welcomeOf(*changed, scene_.name);
   scene_.data.welcome.up = shown.up;
   scene_.data.welcome.units = shown.units;
   scene_.data.welcome.scene_name = shown.scene_name;
+  scene_.data.welcome.start_direction = shown.start_direction;
+  scene_.data.welcome.start_view = shown.start_view;
 }
 
 void Site::addSceneFiles() {

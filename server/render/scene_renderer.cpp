@@ -53,7 +53,7 @@ lod::patch::Cut cutFor(const lod::patch::Hierarchy& hierarchy, const base::Camer
   request.camera = camera;
   if (!camera.orthographic()) request.near_plane = nearPlaneOf(camera);
   request.tolerance_px = options.tolerance_px;
-  request.measure = options.guarantee ? base::ErrorMeasure::kBound : base::ErrorMeasure::kVisible;
+  request.measure = options.measure;
   request.cull = cull;
   return lod::patch::selectCut(hierarchy, request);
 }

@@ -28,7 +28,7 @@ struct RenderOptions {
   /// Limit for the render target in samples of 8 bytes; a larger picture is drawn in tiles. Default: 4096 × 4096.
   std::uint64_t max_target_samples = std::uint64_t{1} << 24;
   lod::draw::ViewModes modes = {};  ///< only for render(); tints show the patches' projected errors
-  bool guarantee = false;           ///< errors are proved bounds, not what is seen of them
+  base::ErrorMeasure measure = base::ErrorMeasure::kVisible;  ///< of the tolerance
 };
 
 /// The options of exact frames.

@@ -150,7 +150,21 @@ TEST_F(Build, howASceneIsShownIsSetWithoutBuildingItAgain) {
   EXPECT_EQ(untitled->units, "mm");
   EXPECT_EQ(untitled->up, changed->up);
 
-  programs::expectOneLineError(run("lumigrid", {"set", scene}), 2, {"--up", "--units", "--title"});
+  // The first view: a permalink, one in a file, or the side that shows most.
+  ASSERT_TRUE(untitled->start_direction.has_value());
+  const std::string link = "v=1&p=1,2,3&a=-120.5,-20&r=12.5";
+  ASSERT_EQ(run("lumigrid", {"set", scene, "--start-view", link}).status, 0);
+  EXPECT_EQ(base::readScene(scene)->start_view, link);
+  programs::writeText(path("view.txt"), "https://example.org/scans/#" + link + "\n");
+  ASSERT_EQ(run("lumigrid", {"set", scene, "--start-view", path("view.txt"), "--light", "soft"}).status, 0);
+  EXPECT_EQ(base::readScene(scene)->start_view, link);
+  EXPECT_EQ(base::readScene(scene)->light.mode, base::LightMode::kSoft);
+  ASSERT_EQ(run("lumigrid", {"set", scene, "--start-view", "auto"}).status, 0);
+  EXPECT_EQ(base::readScene(scene)->start_view, "");
+  programs::expectOneLineError(run("lumigrid", {"set", scene, "--start-view", "from above"}), 1, {"permalink"});
+
+  programs::expectOneLineError(run("lumigrid", {"set", scene}), 2,
+                               {"--up", "--units", "--title", "--start-view", "--light"});
   EXPECT_EQ(run("lumigrid", {"set", scene, "--up", "w"}).status, 2);
   programs::expectOneLineError(run("lumigrid", {"set", path("nothing"), "--up", "z"}), 1, {"nothing", "scene"});
   EXPECT_FALSE(std::filesystem::exists(path("nothing")));

@@ -82,6 +82,8 @@ class MessageGenerator {
     drawn.box_min = glm::vec3(place());
     drawn.box_max = drawn.box_min + glm::abs(glm::vec3(place()));
     drawn.up = glm::vec3(unit());
+    if (coin()) drawn.start_direction = glm::vec3(unit());
+    if (coin()) drawn.start_view = "v=1&p=1,2,3&a=4,5&r=6";
     drawn.unlit = coin();
     drawn.light_direction = glm::vec3(unit());
     drawn.has_colors = coin();

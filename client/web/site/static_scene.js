@@ -74,22 +74,26 @@ async function readScene(base) {
         `${url} is no scene that this viewer knows`,
         "Its version is not 1; publish the scene again, or update the viewer.");
   const vectors =
-      [scene.origin, scene.box_min, scene.box_max, scene.up, scene.light?.direction ?? [0, 0, 1]].map(vector);
+      [
+        scene.origin, scene.box_min, scene.box_max, scene.up, scene.light?.direction ?? [0, 0, 1],
+        scene.start_direction ?? [0, 0, 0]
+      ].map(vector);
   if (vectors.includes(null))
     throw new SceneError(
         `${url} is damaged`, "Origin, box, up or light is not three numbers; publish the scene again.");
+  const start = vectors.pop();
   const light = vectors.pop();
   return {
     url,
     scene,
     parts: Array.isArray(scene.parts) ? scene.parts : [],
-    numbers: [...vectors.flat(), scene.light?.mode === "unlit" ? 1 : 0, ...light]
+    numbers: [...vectors.flat(), scene.light?.mode === "unlit" ? 1 : 0, ...light, ...start]
   };
 }
 
-/// Hands the scene to the client's function `name`, which gets place, scene's name, units, the names of the parts'
-/// files and all numbers. Returns a function of `now` that is to be called each turn, and returns true when something
-/// arrived.
+/// Hands the scene to the client's function `name`, which gets place, scene's name, units, first view, the names of the
+/// parts' files and all numbers. Returns a function of `now` that is to be called each turn, and returns true when
+/// something arrived.
 function openParts(name, base, {scene, numbers}, core, changed, parts) {
   const ranges = makeRanges(base, (job, outcome, status, bytes, detail) => {
     if (outcome === kBytes)
@@ -103,7 +107,7 @@ function openParts(name, base, {scene, numbers}, core, changed, parts) {
   core.withNumbers(
       [...numbers, ...parts.map((part) => part?.bytes ?? 0)],
       (at) => core.call(
-          name, base.replace(/\/$/, ""), nameOf(base, scene), String(scene.units ?? ""),
+          name, base.replace(/\/$/, ""), nameOf(base, scene), String(scene.units ?? ""), String(scene.start_view ?? ""),
           ...parts.map((part) => part?.file ?? ""), at));
   return (now) => core.call("pumpStatic", now) !== 0;
 }

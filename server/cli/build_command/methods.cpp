@@ -1,4 +1,5 @@
 #include "server/cli/build_command/methods.h"
+#include "lod/patch/orientation.h"
 #include "server/cli/up_axis.h"
 
 #include <algorithm>
@@ -78,8 +79,8 @@ void printWarnings(const lod::ingest::SourceSummary& summary) {
   for (const std::string& warning : summary.warnings) std::fprintf(stderr, "lumigrid: warning: %s\n", warning.c_str());
 }
 
-// A flat open scan stands on its shortest axis, on the side that its surface faces. Anything else is taken for a model
-// with +y up, as glTF says and scanners of objects write.
+// Points have no surface to ask. A flat open scan stands on its shortest axis, on the side that it faces.
+// Anything else is taken for a model with +y up, as glTF says and scanners of objects write.
 glm::dvec3 guessUp(const lod::ingest::SourceSummary& built, const BuildArguments& a) {
   if (a.up != "auto") return axisNamed(a.up);
   const glm::dvec3 size = built.box_max - built.box_min;
@@ -91,15 +92,37 @@ glm::dvec3 guessUp(const lod::ingest::SourceSummary& built, const BuildArguments
   return up;
 }
 
-base::Light chooseLight(const BuildArguments& a, bool has_colors, const glm::dvec3& up) {
+base::Light chooseLight(const BuildArguments& a, bool has_colors, const glm::dvec3& up,
+                        const std::optional<glm::dvec3>& start_direction) {
   base::Light light;
   const bool unlit = a.light == "unlit" || (a.light == "auto" && has_colors);
   light.mode = unlit ? base::LightMode::kUnlit : base::LightMode::kSoft;
-  // The light comes from above and a little from the side, whichever way up is.
+  // The light comes from above and a little from the side, whichever way up is, and over the shoulder of who looks
+  // first.
   const glm::vec3 z = glm::vec3(glm::normalize(up));
-  const glm::vec3 side = glm::normalize(glm::cross(z, std::abs(z.x) < 0.9F ? glm::vec3(1, 0, 0) : glm::vec3(0, 1, 0)));
+  glm::vec3 side = glm::normalize(glm::cross(z, std::abs(z.x) < 0.9F ? glm::vec3(1, 0, 0) : glm::vec3(0, 1, 0)));
+  if (start_direction) {
+    const glm::vec3 toward = -glm::vec3(*start_direction);
+    side = glm::normalize(toward - glm::dot(toward, z) * z);
+  }
   light.direction = glm::normalize(0.8F * z + 0.45F * side + 0.35F * glm::cross(side, z));
   return light;
+}
+
+// Where the first view looks, and with `--up auto` which way is up, as the surface itself tells; says how sure that is.
+base::Result<void> orientBySurface(const BuildArguments& a, const std::string& patches, base::Scene& scene) {
+  LUMIGRID_ASSIGN_OR_RETURN(const auto file, lod::patch::PatchFile::open(patches));
+  const glm::vec3 known(scene.up);
+  LUMIGRID_ASSIGN_OR_RETURN(const lod::patch::Orientation found,
+                            lod::patch::findOrientation(file, a.up == "auto" ? nullptr : &known));
+  scene.up = glm::dvec3(found.up);
+  scene.start_direction = glm::normalize(glm::dvec3(found.direction));
+  scene.light = chooseLight(a, scene.has_colors, scene.up, scene.start_direction);
+  if (a.quiet || a.up != "auto") return {};
+  const int axis = std::abs(found.up.x) > 0.5F ? 0 : std::abs(found.up.y) > 0.5F ? 1 : 2;
+  std::fprintf(stderr, "up: %s%c, since %s%s\n", found.up[axis] < 0.0F ? "-" : "", 'x' + axis, found.reason.c_str(),
+               found.is_sure ? "" : " (not sure: see the first view, and `lumigrid set --up`)");
+  return {};
 }
 
 Result<base::Scene> describeScene(const BuildArguments& a, const SceneSources& sources,
@@ -113,7 +136,7 @@ Result<base::Scene> describeScene(const BuildArguments& a, const SceneSources& s
   scene.units = a.units;
   scene.up = guessUp(built, a);
   scene.has_colors = built.has_colors;
-  scene.light = chooseLight(a, scene.has_colors, scene.up);
+  scene.light = chooseLight(a, scene.has_colors, scene.up, scene.start_direction);
   scene.triangles = built.triangles;
   scene.repairs = built.repairs.counts;
   return scene;
@@ -154,6 +177,7 @@ Result<void> buildPatches(const BuildArguments& a, const SceneSources& sources, 
     described.parts = scene->parts;
   }
   scene = std::move(described);
+  LUMIGRID_TRY(orientBySurface(a, part.path(), *scene));
   report.hierarchy = std::move(*summary);
   return part.addTo(*scene);
 }

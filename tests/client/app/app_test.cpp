@@ -472,7 +472,7 @@ TEST_F(AppTest, keyVRequestsTheLinksCopyAndKeyPAPicture) {
   press(Key::kP);
   const auto more = requests(RequestKind::kSavePicture);
   ASSERT_EQ(more.size(), 1U);
-  for (const char* name : {"&section=", "&colors=resolution&tolerance=4", "&ortho_height="})
+  for (const char* name : {"&section=", "&colors=resolution&tolerance=1&measure=shape", "&ortho_height="})
     EXPECT_NE(more[0].text.find(name), std::string::npos) << more[0].text;
 }
 

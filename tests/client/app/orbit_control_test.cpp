@@ -34,26 +34,41 @@ class Orbit : public ::testing::Test {
   }
   double pivotDistance() const { return glm::length(control.camera().position - control.pivot()); }
   glm::dvec2 shown(const glm::dvec3& point) const { return shownAt(control.camera(), point); }
+  // All corners of the box are in the picture, its centre is in the middle, and the outermost corner lies at nine
+  // tenths of the way to a side.
+  void expectFramed(double width, double height) const {
+    glm::dvec2 low(1e9), high(-1e9);
+    for (int corner = 0; corner < 8; ++corner) {
+      const glm::dvec2 at = shown({(corner & 1) != 0 ? kMax.x : kMin.x, (corner & 2) != 0 ? kMax.y : kMin.y,
+                                   (corner & 4) != 0 ? kMax.z : kMin.z});
+      low = glm::min(low, at), high = glm::max(high, at);
+    }
+    EXPECT_TRUE(low.x >= 0.0 && low.y >= 0.0 && high.x <= width && high.y <= height);
+    const glm::dvec2 middle(0.5 * width, 0.5 * height);
+    const glm::dvec2 outermost = glm::max(middle - low, high - middle) / middle;
+    EXPECT_NEAR(std::max(outermost.x, outermost.y), 0.9, 1e-3);
+    expectNear(shown(0.5 * (kMin + kMax)), middle, 1e-4);
+  }
   OrbitControl control;
 };
 
 TEST_F(Orbit, theFirstViewShowsTheWholeBox) {
-  for (int corner = 0; corner < 8; ++corner) {
-    const glm::dvec3 p((corner & 1) != 0 ? kMax.x : kMin.x, (corner & 2) != 0 ? kMax.y : kMin.y,
-                       (corner & 4) != 0 ? kMax.z : kMin.z);
-    const glm::dvec2 at = shown(p);
-    EXPECT_TRUE(at.x >= 0.0 && at.x <= 800.0 && at.y >= 0.0 && at.y <= 600.0) << at.x << ", " << at.y;
+  expectFramed(800.0, 600.0);
+}
+
+TEST_F(Orbit, theFirstViewLooksWhereItIsTold) {
+  for (const glm::dvec3& direction :
+       {glm::dvec3(1.0, 0.0, 0.0), glm::dvec3(-0.3, 0.8, -0.5), glm::dvec3(0.1, 0.1, -2)}) {
+    control.frameBox(kMin, kMax, {0.0, 0.0, 1.0}, direction);
+    EXPECT_GT(glm::dot(control.camera().direction, glm::normalize(direction)), 0.999);
+    expectFramed(800.0, 600.0);
   }
-  expectNear(shown(0.5 * (kMin + kMax)), {400.0, 300.0}, 1e-4);
 }
 
 TEST_F(Orbit, aNarrowWindowShowsTheWholeBoxToo) {
   control.setViewport(200, 900);
   control.frameBox(kMin, kMax, {0.0, 0.0, 1.0});
-  for (const glm::dvec3& p : {kMin, kMax}) {
-    EXPECT_GE(shown(p).x, 0.0);
-    EXPECT_LE(shown(p).x, 200.0);
-  }
+  expectFramed(200.0, 900.0);
 }
 
 TEST_F(Orbit, orbitingKeepsTheDistanceToThePivotAndItsPlaceOnTheScreen) {

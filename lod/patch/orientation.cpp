@@ -1,0 +1,173 @@
+#include "lod/patch/orientation.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <glm/gtc/constants.hpp>
+#include <vector>
+
+#include "lod/patch/proxy_sight.h"
+#include "lod/patch/traverse.h"
+
+namespace lod::patch {
+namespace {
+
+// Triangles of the coarse cut that is looked at. A choice: statues keep their faces, and it takes a tenth of a second.
+constexpr std::uint64_t kTriangles = 20'000;
+// Normals within 20 degrees of an axis face it.
+constexpr float kFacing = 0.94F;
+// A base is flat within ten degrees, and lies in the lowest part of so much of the extent.
+constexpr float kBaseFacing = 0.985F;
+constexpr float kBaseDepth = 0.02F;
+// The weights of the signs. They were chosen by looking at the scans of docs/decisions/first-view.md; each of them
+// decides some of those alone.
+constexpr float kBaseWeight = 2.0F;
+constexpr float kFlatWeight = 0.15F;
+constexpr float kFlat = 0.5F;   // the shortest side of a flat scan over the next one
+constexpr float kLeast = 0.1F;  // signs that count less say nothing
+constexpr float kSure = 0.15F;  // by so much the best axis is ahead of the next
+// The first view looks down by this angle; where the scan is flat by the larger one, or it would be seen edge on.
+constexpr float kElevation = 0.35F;
+constexpr float kFlatElevation = 0.75F;
+constexpr int kHeadings = 24;
+
+struct Facet {
+  glm::vec3 center{0.0F};
+  glm::vec3 normal{0.0F};
+  float area = 0.0F;
+};
+
+struct Surface {
+  std::vector<Facet> facets;
+  base::Aabb box;
+  float area = 0.0F;
+  ProxySight sight;
+};
+
+base::Result<Surface> coarseSurface(const PatchFile& patches) {
+  const Hierarchy& hierarchy = patches.hierarchy();
+  const UniformCut cut = selectFinestUniformCut(hierarchy, kTriangles);
+  LUMIGRID_ASSIGN_OR_RETURN(auto sight, ProxySight::ofFile(patches, kTriangles));
+  Surface surface{{}, {}, 0.0F, std::move(sight)};
+  for (const std::uint32_t patch : cut.cut.patches) {
+    LUMIGRID_ASSIGN_OR_RETURN(const auto geometry, patches.geometry(patch));
+    for (std::size_t i = 0; i + 2 < geometry.indices.size(); i += 3) {
+      std::array<glm::vec3, 3> p;
+      for (std::size_t k = 0; k < 3; ++k) {
+        p[k] = hierarchy.lattice.position(geometry.positions[geometry.indices[i + k]]);
+        surface.box.add(p[k]);
+      }
+      const glm::vec3 n = glm::cross(p[1] - p[0], p[2] - p[0]);
+      const float length = glm::length(n);
+      if (!(length > 0.0F)) continue;
+      surface.facets.push_back({(p[0] + p[1] + p[2]) / 3.0F, n / length, 0.5F * length});
+      surface.area += 0.5F * length;
+    }
+  }
+  return surface;
+}
+
+bool isFlat(const glm::vec3& size, int axis) {
+  return size[axis] <= kFlat * std::min(size[(axis + 1) % 3], size[(axis + 2) % 3]);
+}
+
+// The share of the footprint across `axis` that a flat base fills at its lower end, and the share of all area that
+// faces up, without that base, less what faces down.
+struct Signs {
+  float base = 0.0F;
+  float ground = 0.0F;
+};
+Signs signsOf(const Surface& surface, int axis, float sign) {
+  const glm::vec3 size = surface.box.size();
+  const float lowest = sign > 0.0F ? surface.box.min[axis] : -surface.box.max[axis];
+  Signs signs;
+  float base_area = 0.0F;
+  for (const Facet& facet : surface.facets) {
+    const float faces = sign * facet.normal[axis];
+    const bool is_low = sign * facet.center[axis] - lowest < kBaseDepth * size[axis];
+    const bool is_base = is_low && faces < -kBaseFacing;
+    if (is_base) base_area += facet.area;
+    if (faces < -kFacing && !is_base) signs.ground -= facet.area / surface.area;
+    if (faces > kFacing) signs.ground += facet.area / surface.area;
+  }
+  signs.base = std::min(1.0F, base_area / std::max(1e-30F, size[(axis + 1) % 3] * size[(axis + 2) % 3]));
+  return signs;
+}
+
+void findUp(const Surface& surface, Orientation& out) {
+  const glm::vec3 size = surface.box.size();
+  float best = 0.0F;
+  float next = 0.0F;
+  for (int axis = 0; axis < 3; ++axis)
+    for (const float sign : {1.0F, -1.0F}) {
+      const Signs signs = signsOf(surface, axis, sign);
+      const float flat = isFlat(size, axis) ? kFlatWeight : 0.0F;
+      const float score = kBaseWeight * signs.base + signs.ground + flat;
+      if (score <= best) {
+        next = std::max(next, score);
+        continue;
+      }
+      next = std::exchange(best, score);
+      out.up = glm::vec3(0.0F);
+      out.up[axis] = sign;
+      out.reason = signs.ground >= kBaseWeight * signs.base && signs.ground > flat ? "the ground faces it"
+                   : kBaseWeight * signs.base > flat                               ? "a base lies under it"
+                                                                                   : "the scan is flattest across it";
+    }
+  out.is_sure = best >= kLeast && best - next >= kSure;
+  if (best >= kLeast) return;
+  out.up = {0.0F, 1.0F, 0.0F};
+  out.reason = "nothing tells, and most models have it so";
+}
+
+// How much of the surface a far eye sees that looks along `direction`: facets count by their area and each by itself,
+// since simplification leaves more of them where there is more to see; seen at a slant they count less.
+float shownFrom(const Surface& surface, const glm::vec3& direction) {
+  const float far = surface.box.diagonal();
+  const float clearance = 2e-3F * far;
+  const auto count = static_cast<float>(surface.facets.size());
+  float shown = 0.0F;
+  for (const Facet& facet : surface.facets) {
+    const float slant = std::abs(glm::dot(facet.normal, direction));
+    if (slant < 0.05F || surface.sight.isBlocked(facet.center, facet.center - far * direction, clearance)) continue;
+    shown += slant * (facet.area / surface.area + 1.0F / count);
+  }
+  return shown;
+}
+
+void findDirection(const Surface& surface, Orientation& out) {
+  const glm::vec3 size = surface.box.size();
+  const int axis = std::abs(out.up.x) > 0.5F ? 0 : std::abs(out.up.y) > 0.5F ? 1 : 2;
+  const float elevation = isFlat(size, axis) ? kFlatElevation : kElevation;
+  glm::vec3 side(0.0F);
+  side[(axis + 1) % 3] = 1.0F;
+  const glm::vec3 across = glm::cross(out.up, side);
+  float most = -1.0F;
+  for (int h = 0; h < kHeadings; ++h) {
+    const float angle = glm::two_pi<float>() * static_cast<float>(h) / static_cast<float>(kHeadings);
+    const glm::vec3 from = std::cos(angle) * side + std::sin(angle) * across;
+    const glm::vec3 direction = -(std::cos(elevation) * from + std::sin(elevation) * out.up);
+    const float shown = shownFrom(surface, direction);
+    if (shown <= most) continue;
+    most = shown;
+    out.direction = direction;
+  }
+}
+
+}  // namespace
+
+base::Result<Orientation> findOrientation(const PatchFile& patches, const glm::vec3* up) {
+  LUMIGRID_ASSIGN_OR_RETURN(const Surface surface, coarseSurface(patches));
+  Orientation found;
+  found.reason = "nothing tells, and most models have it so";
+  if (!surface.facets.empty()) findUp(surface, found);
+  if (up != nullptr) {
+    found.up = *up;
+    found.is_sure = true;
+    found.reason = "it was said so";
+  }
+  if (!surface.facets.empty()) findDirection(surface, found);
+  return found;
+}
+
+}  // namespace lod::patch
