@@ -66,7 +66,7 @@ struct ViewerStats {
   SessionStats session;
   LumigraphStats lumigraph;
   float error_px = 0.0F;  ///< largest projected error of what is drawn, by the measure that the session goes by
-  float bound_px = 0.0F;  ///< no point of it is proved to be farther off than this; 0 for splats, which prove nothing
+  float bound_px = 0.0F;  ///< every point of it is proved to be within this; 0 for splats, which prove nothing
   float tolerance_px = 0.0F;  ///< the wanted tolerance, or more where a budget does not allow it
   Accuracy accuracy = Accuracy::kNothing;
   MemoryUse memory;

@@ -4,6 +4,8 @@
 #include <array>
 #include <cmath>
 #include <glm/gtc/constants.hpp>
+#include <optional>
+#include <utility>
 #include <vector>
 
 #include "lod/patch/proxy_sight.h"
@@ -31,39 +33,45 @@ constexpr float kElevation = 0.35F;
 constexpr float kFlatElevation = 0.75F;
 constexpr int kHeadings = 24;
 
-struct Facet {
+struct Face {
   glm::vec3 center{0.0F};
   glm::vec3 normal{0.0F};
   float area = 0.0F;
 };
 
 struct Surface {
-  std::vector<Facet> facets;
+  std::vector<Face> faces;
   base::Aabb box;
   float area = 0.0F;
-  ProxySight sight;
+  std::optional<ProxySight> sight;
+
+  void add(const Lattice& lattice, const PatchGeometry& geometry) {
+    for (std::size_t i = 0; i + 2 < geometry.indices.size(); i += 3) {
+      std::array<glm::vec3, 3> p;
+      for (std::size_t k = 0; k < 3; ++k) {
+        p[k] = lattice.position(geometry.positions[geometry.indices[i + k]]);
+        box.add(p[k]);
+      }
+      const glm::vec3 n = glm::cross(p[1] - p[0], p[2] - p[0]);
+      const float length = glm::length(n);
+      if (!(length > 0.0F)) continue;
+      faces.push_back({(p[0] + p[1] + p[2]) / 3.0F, n / length, 0.5F * length});
+      area += 0.5F * length;
+    }
+  }
 };
 
 base::Result<Surface> coarseSurface(const PatchFile& patches) {
   const Hierarchy& hierarchy = patches.hierarchy();
   const UniformCut cut = selectFinestUniformCut(hierarchy, kTriangles);
-  LUMIGRID_ASSIGN_OR_RETURN(auto sight, ProxySight::ofFile(patches, kTriangles));
-  Surface surface{{}, {}, 0.0F, std::move(sight)};
-  for (const std::uint32_t patch : cut.cut.patches) {
-    LUMIGRID_ASSIGN_OR_RETURN(const auto geometry, patches.geometry(patch));
-    for (std::size_t i = 0; i + 2 < geometry.indices.size(); i += 3) {
-      std::array<glm::vec3, 3> p;
-      for (std::size_t k = 0; k < 3; ++k) {
-        p[k] = hierarchy.lattice.position(geometry.positions[geometry.indices[i + k]]);
-        surface.box.add(p[k]);
-      }
-      const glm::vec3 n = glm::cross(p[1] - p[0], p[2] - p[0]);
-      const float length = glm::length(n);
-      if (!(length > 0.0F)) continue;
-      surface.facets.push_back({(p[0] + p[1] + p[2]) / 3.0F, n / length, 0.5F * length});
-      surface.area += 0.5F * length;
-    }
-  }
+  Surface surface;
+  LUMIGRID_ASSIGN_OR_RETURN(surface.sight,
+                            ProxySight::ofPatches(hierarchy, cut.cut.patches, cut.error,
+                                                  [&](std::uint32_t patch) -> base::Result<PatchGeometry> {
+                                                    LUMIGRID_ASSIGN_OR_RETURN(auto geometry, patches.geometry(patch));
+                                                    surface.add(hierarchy.lattice, geometry);
+                                                    return geometry;
+                                                  }));
   return surface;
 }
 
@@ -82,13 +90,13 @@ Signs signsOf(const Surface& surface, int axis, float sign) {
   const float lowest = sign > 0.0F ? surface.box.min[axis] : -surface.box.max[axis];
   Signs signs;
   float base_area = 0.0F;
-  for (const Facet& facet : surface.facets) {
-    const float faces = sign * facet.normal[axis];
-    const bool is_low = sign * facet.center[axis] - lowest < kBaseDepth * size[axis];
+  for (const Face& face : surface.faces) {
+    const float faces = sign * face.normal[axis];
+    const bool is_low = sign * face.center[axis] - lowest < kBaseDepth * size[axis];
     const bool is_base = is_low && faces < -kBaseFacing;
-    if (is_base) base_area += facet.area;
-    if (faces < -kFacing && !is_base) signs.ground -= facet.area / surface.area;
-    if (faces > kFacing) signs.ground += facet.area / surface.area;
+    if (is_base) base_area += face.area;
+    if (faces < -kFacing && !is_base) signs.ground -= face.area / surface.area;
+    if (faces > kFacing) signs.ground += face.area / surface.area;
   }
   signs.base = std::min(1.0F, base_area / std::max(1e-30F, size[(axis + 1) % 3] * size[(axis + 2) % 3]));
   return signs;
@@ -120,17 +128,17 @@ void findUp(const Surface& surface, Orientation& out) {
   out.reason = "nothing tells, and most models have it so";
 }
 
-// How much of the surface a far eye sees that looks along `direction`: facets count by their area and each by itself,
+// How much of the surface a far eye sees that looks along `direction`: faces count by their area and each by itself,
 // since simplification leaves more of them where there is more to see; seen at a slant they count less.
 float shownFrom(const Surface& surface, const glm::vec3& direction) {
   const float far = surface.box.diagonal();
   const float clearance = 2e-3F * far;
-  const auto count = static_cast<float>(surface.facets.size());
+  const auto count = static_cast<float>(surface.faces.size());
   float shown = 0.0F;
-  for (const Facet& facet : surface.facets) {
-    const float slant = std::abs(glm::dot(facet.normal, direction));
-    if (slant < 0.05F || surface.sight.isBlocked(facet.center, facet.center - far * direction, clearance)) continue;
-    shown += slant * (facet.area / surface.area + 1.0F / count);
+  for (const Face& face : surface.faces) {
+    const float slant = std::abs(glm::dot(face.normal, direction));
+    if (slant < 0.05F || surface.sight->isBlocked(face.center, face.center - far * direction, clearance)) continue;
+    shown += slant * (face.area / surface.area + 1.0F / count);
   }
   return shown;
 }
@@ -160,13 +168,13 @@ base::Result<Orientation> findOrientation(const PatchFile& patches, const glm::v
   LUMIGRID_ASSIGN_OR_RETURN(const Surface surface, coarseSurface(patches));
   Orientation found;
   found.reason = "nothing tells, and most models have it so";
-  if (!surface.facets.empty()) findUp(surface, found);
+  if (!surface.faces.empty()) findUp(surface, found);
   if (up != nullptr) {
     found.up = *up;
     found.is_sure = true;
     found.reason = "it was said so";
   }
-  if (!surface.facets.empty()) findDirection(surface, found);
+  if (!surface.faces.empty()) findDirection(surface, found);
   return found;
 }
 

@@ -227,7 +227,10 @@ void printScene(const InfoArguments& a, const nlohmann::json& j) {
     std::printf("source %s, %s\n", textIn(source, "path").c_str(), bytesIn(source, "bytes").c_str());
   for (const auto& [repair, count] : s["repairs"].items())
     std::printf("repaired: %s %s\n", formatCount(count.get<std::uint64_t>()).c_str(), repair.c_str());
-  if (j.contains("open_edges"))
+  if (!j.contains("open_edges")) return;
+  if (j["source_open_edges"] == 0 && j["open_edges"] == 0)
+    std::printf("border: none; the surface is closed\n");
+  else
     std::printf("border: %s open edges in the source, %s here; stitching moved nothing farther than %g\n",
                 countIn(j, "source_open_edges").c_str(), countIn(j, "open_edges").c_str(),
                 s["largest_movement"].get<double>());

@@ -194,15 +194,21 @@ export async function launch(gl = "mesa", flags = []) {
   return browser;
 }
 
-/// Opens a page on `url` that collects its errors and warnings in page.faults.
-export async function open(browser, url, options = {}) {
-  const context = await browser.newContext({viewport: {width: 640, height: 360}, colorScheme: "light", ...options});
+/// A new page of the context that collects its errors and warnings in page.faults.
+export async function newPage(context) {
   const page = await context.newPage();
   page.faults = [];
   page.on("pageerror", (error) => page.faults.push(error.message));
   page.on("console", (message) => {
     if (["error", "warning"].includes(message.type())) page.faults.push(message.text());
   });
+  return page;
+}
+
+/// Opens a page on `url`, in a context of its own.
+export async function open(browser, url, options = {}) {
+  const context = await browser.newContext({viewport: {width: 640, height: 360}, colorScheme: "light", ...options});
+  const page = await newPage(context);
   await page.goto(url);
   return page;
 }
@@ -226,9 +232,12 @@ export async function waitFor(page, wanted, what, milliseconds = 60000) {
   for (;;) {
     const now = await figures(page);
     if (now && (await wanted(now))) return now;
-    if (Date.now() > end)
+    if (Date.now() > end) {
+      const text = await page.evaluate(() => document.body.innerText);
       throw new Error(
-          `${what}: not within ${milliseconds / 1000} s; ${JSON.stringify(now)}; faults: ${page.faults.join("; ")}`);
+          `${what}: not within ${milliseconds / 1000} s at ${page.url()}; ${JSON.stringify(now)}; faults: ${
+              page.faults.join("; ")}; the page says: ${text.slice(0, 400)}`);
+    }
     await page.waitForTimeout(50);
   }
 }

@@ -14,6 +14,7 @@ import {
   folder,
   launch,
   nativePictures,
+  newPage,
   nginx,
   open,
   repeated,
@@ -218,7 +219,7 @@ test(
     "the method is a setting: it loads the page again, which keeps its view, and is kept for the next visit",
     async () => {
       const context = await browser.newContext({viewport: {width: 640, height: 360}});
-      const page = await context.newPage();
+      const page = await newPage(context);
       await page.goto(server.url);
       await waitFor(page, (now) => now.triangles > 0, "patches");
       await page.mouse.move(320, 180);
@@ -236,7 +237,7 @@ test(
           (value, k) => assert.ok(
               Math.abs(value - after[k]) < 1e-5 * Math.max(1, Math.abs(value)), `${k}: ${value}, ${after[k]}`));
 
-      const next = await context.newPage();
+      const next = await newPage(context);
       const fetched = wasmOf(next);
       await next.goto(server.url);
       await fine(next);

@@ -4,6 +4,7 @@
 #include <bit>
 #include <cmath>
 #include <memory>
+#include <utility>
 
 #include "base/geometry.h"
 #include "base/simd.h"
@@ -217,17 +218,15 @@ class Projector {
   // Projects source triangle t in one piece from where it may lie. True if all pieces() are within `allowed` or the
   // largest distance so far; else maxDistance() is a bound that projectClosely() may lower.
   bool project(std::uint32_t t, float allowed) {
-    allowed_ = std::min(allowed, usual_);
-    const float enough = enough_;
-    enough_ = std::min(enough_, allowed_);
-    const bool is_near = projectWhole(t);
-    enough_ = enough;
-    return is_near;
+    return withAllowed(allowed, [&] { return projectWhole(t); });
   }
   // The same in quarters, as far as walks are left for them. Triangles that lie farthest should come first: what they
   // need the others may have for nothing.
   void projectClosely(std::uint32_t t, float allowed) {
-    if (!project(t, allowed)) projectQuarters(t);
+    withAllowed(allowed, [&] {
+      if (!projectWhole(t)) projectQuarters(t);
+      return true;
+    });
     usual_ = std::max(usual_, best_);
   }
   // The pieces of the last triangle, which together cover it.
@@ -236,6 +235,15 @@ class Projector {
   float maxDistance() const { return best_; }
 
  private:
+  template <class Project>
+  bool withAllowed(float allowed, Project&& project) {
+    allowed_ = std::min(allowed, usual_);
+    const float enough = std::exchange(enough_, std::min(enough_, allowed_));
+    const bool is_near = project();
+    enough_ = enough;
+    return is_near;
+  }
+
   bool projectWhole(std::uint32_t t) {
     const std::uint32_t* c = &source_.indices[3 * std::size_t{t}];
     origin_ = source_.positions[c[0]];
@@ -707,11 +715,17 @@ class ErrorCarrier {
       else
         scratch_.far.push_back({forward_.maxDistance(), s});
     }
+    forEachFar([&](std::uint32_t s) {
+      forward_.projectClosely(s, allowedBefore(s));
+      addPiecesBefore(s);
+    });
+  }
+
+  // Calls body(triangle) for those that were put off.
+  template <class Body>
+  void forEachFar(Body&& body) {
     std::sort(scratch_.far.begin(), scratch_.far.end());
-    for (const FarTriangle& far : scratch_.far) {
-      forward_.projectClosely(far.triangle, allowedBefore(far.triangle));
-      addPiecesBefore(far.triangle);
-    }
+    for (const FarTriangle& far : scratch_.far) body(far.triangle);
   }
 
   // How far the pieces of a triangle before may be off for nothing.
@@ -762,11 +776,10 @@ class ErrorCarrier {
       else
         scratch_.far.push_back({backward_.maxDistance(), t});
     }
-    std::sort(scratch_.far.begin(), scratch_.far.end());
-    for (const FarTriangle& far : scratch_.far) {
-      backward_.projectClosely(far.triangle, allowedAfter(far.triangle));
-      addPiecesAfter(far.triangle);
-    }
+    forEachFar([&](std::uint32_t t) {
+      backward_.projectClosely(t, allowedAfter(t));
+      addPiecesAfter(t);
+    });
   }
 
   float allowedAfter(std::uint32_t t) const {

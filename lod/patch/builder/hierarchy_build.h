@@ -26,7 +26,8 @@ struct HierarchyOptions : ingest::StagedBuildOptions {
 struct LevelSummary {
   std::uint64_t triangles = 0;
   std::uint64_t patches = 0;
-  float max_error = 0.0F;  ///< scene units
+  float max_error = 0.0F;      ///< scene units
+  double typical_error = 0.0;  ///< scene units: the root mean square over the triangles of what their groups state
 };
 
 struct HierarchySummary : ingest::SourceSummary {

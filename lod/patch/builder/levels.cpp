@@ -204,8 +204,8 @@ CodedMesh codedMesh(MergedGroup& merged, CollapseHistory& history, std::vector<s
   return out;
 }
 
-// One simplification of a group, with its errors in lattice steps.
-struct GroupCandidate {
+// A simplified group, with its errors in lattice steps.
+struct MeasuredGroup {
   CodedMesh mesh;                    // without triangles where all came to lie on lines
   std::vector<std::uint8_t> outer;   // per vertex: shared with another group
   std::vector<std::uint16_t> codes;  // kErrorCodes a triangle
@@ -221,12 +221,12 @@ float doubledArea(const CodedMesh& mesh, std::size_t t) {
   return glm::length(glm::cross(corner(1) - a, corner(2) - a));
 }
 
-GroupCandidate measureCandidate(const MergedGroup& before, FacetSurface& surface, const SurfaceError& before_error,
-                                SimplifiedGroup& group, std::uint32_t bits, float negligible) {
+MeasuredGroup measureGroup(const MergedGroup& before, FacetSurface& surface, const SurfaceError& before_error,
+                           SimplifiedGroup& group, std::uint32_t bits, float negligible) {
   MergedGroup merged{std::move(group.vertices), before.corner};
   merged.mesh.locked = before.mesh.locked;
   clampToLattice(merged, bits);
-  GroupCandidate out;
+  MeasuredGroup out;
   out.mesh = codedMesh(merged, group.history, out.outer);
   if (out.mesh.indices.empty()) return out;
   const SurfaceView after{merged.mesh.positions, group.history.indices, merged.mesh.colors,
@@ -445,21 +445,21 @@ class LevelBuilder {
         options_.regroup ? static_cast<std::size_t>(kKeptShare * static_cast<double>(merged.mesh.indices.size() / 3))
                          : options_.node_triangles;
     SimplifiedGroup simplified = simplifyGroup(merged.mesh, surface, target);
-    GroupCandidate best = measureCandidate(merged, surface, carried, simplified, lattice_.bits, negligible);
-    if (best.mesh.indices.empty())
+    MeasuredGroup made = measureGroup(merged, surface, carried, simplified, lattice_.bits, negligible);
+    if (made.mesh.indices.empty())
       return base::Error{
           base::ErrorCode::kInvalidInput,
           "the mesh has a part whose triangles all lie on lines; remove that part, or raise --position-bits"};
-    record.error = std::max(record.error, roundedUp(static_cast<double>(best.error) * step));
-    record.attribute_error = std::max(record.attribute_error, std::min(1.0F, best.color_error / kMaxColorError));
-    addTypicalError(best, input, record);
+    record.error = std::max(record.error, roundedUp(static_cast<double>(made.error) * step));
+    record.attribute_error = std::max(record.attribute_error, std::min(1.0F, made.color_error / kMaxColorError));
+    addTypicalError(made, input, record);
 
     // Split into new patches.
-    const std::vector<ingest::KeyedIndex> sorted = sortedByVoxel(best.mesh, lattice_.bits);
+    const std::vector<ingest::KeyedIndex> sorted = sortedByVoxel(made.mesh, lattice_.bits);
     const std::uint32_t max_triangles = options_.regroup ? options_.node_triangles : kMaxPatchVertices / 3;
-    const auto parts = splitTriangles(best.mesh, sorted, lattice_.bits, max_triangles / kVoxelsPerPatch, max_triangles,
+    const auto parts = splitTriangles(made.mesh, sorted, lattice_.bits, max_triangles / kVoxelsPerPatch, max_triangles,
                                       TieWeight::kSharedVertices);
-    std::vector<NewPatch> patches = makePatches(best.mesh, parts, best.outer, best.codes, lattice_.lattice, unit.level);
+    std::vector<NewPatch> patches = makePatches(made.mesh, parts, made.outer, made.codes, lattice_.lattice, unit.level);
     for (const NewPatch& patch : patches) spheres.push_back(patch.record.bounds);
     record.bounds = base::boundingSphere(spheres);
     LUMIGRID_ASSIGN_OR_RETURN(auto stored, store_.add(unit, std::move(patches)));
@@ -501,7 +501,7 @@ class LevelBuilder {
   // States the group's typical errors, and from them the error that cuts go by. Steps of different levels are
   // independent of each other, so their squares are added; those of the groups below weigh as their triangles do. Cuts
   // need errors that no group below exceeds.
-  void addTypicalError(const GroupCandidate& made, const GroupInput& input, Group& record) const {
+  void addTypicalError(const MeasuredGroup& made, const GroupInput& input, Group& record) const {
     const double step = lattice_.lattice.step;
     double triangles = 0.0, distance2 = 0.0, color2 = 0.0;
     float typical_below = 0.0F;
@@ -549,11 +549,16 @@ class LevelBuilder {
   void addLevelSummary(std::span<const std::uint32_t> level) {
     LevelSummary summary;
     summary.patches = level.size();
+    double squares = 0.0;
     for (const std::uint32_t p : level) {
-      summary.triangles += patches_[p].record.triangles;
-      if (const std::uint32_t g = patches_[p].record.producer; g != kNoGroup)
-        summary.max_error = std::max(summary.max_error, groups_[g].record.error);
+      const Patch& patch = patches_[p].record;
+      summary.triangles += patch.triangles;
+      if (patch.producer == kNoGroup) continue;
+      const Group& group = groups_[patch.producer].record;
+      summary.max_error = std::max(summary.max_error, group.error);
+      squares += patch.triangles * static_cast<double>(group.typical_error) * static_cast<double>(group.typical_error);
     }
+    summary.typical_error = std::sqrt(squares / static_cast<double>(std::max<std::uint64_t>(1, summary.triangles)));
     levels_.push_back(summary);
   }
 

@@ -20,7 +20,10 @@ double perSecond(std::uint64_t count, double seconds) {
 nlohmann::json hierarchyJson(const lod::patch::builder::HierarchySummary& h, std::uint64_t triangles) {
   nlohmann::json levels = nlohmann::json::array();
   for (const auto& level : h.levels)
-    levels.push_back({{"triangles", level.triangles}, {"patches", level.patches}, {"max_error", level.max_error}});
+    levels.push_back({{"triangles", level.triangles},
+                      {"patches", level.patches},
+                      {"max_error", level.max_error},
+                      {"typical_error", level.typical_error}});
   return {{"seconds", h.seconds},
           {"cpu_seconds", h.cpu_seconds},
           {"bytes", h.bytes},
@@ -86,9 +89,9 @@ void printHierarchy(const lod::patch::builder::HierarchySummary& h, std::uint64_
   std::printf("hierarchy: %.0f triangles/s (%.0f per core), %s in %s\n", perSecond(triangles, h.seconds),
               perSecond(triangles, h.cpu_seconds), formatBytes(h.bytes).c_str(), formatSeconds(h.seconds).c_str());
   for (std::size_t level = 0; level < h.levels.size(); ++level)
-    std::printf("  level %2zu: %12s triangles %8s patches, error up to %g\n", level,
+    std::printf("  level %2zu: %12s triangles %8s patches, error typically %.3g, nowhere above %.3g\n", level,
                 formatCount(h.levels[level].triangles).c_str(), formatCount(h.levels[level].patches).c_str(),
-                static_cast<double>(h.levels[level].max_error));
+                h.levels[level].typical_error, static_cast<double>(h.levels[level].max_error));
 }
 
 void printSplats(const lod::qsplat::builder::BuildSummary& q) {
