@@ -108,16 +108,15 @@ class BucketSorter {
   // bucket, and the first sort is what tells which edges are open.
   base::Result<void> stitch() {
     if (!options_.stitch.on) return {};
-    const std::uint64_t most = options_.limits.memory_bytes / kStitchBytesPerEdge;
-    LUMIGRID_ASSIGN_OR_RETURN(auto edges, out_.findBorderEdges(most, options_.limits.threads));
-    if (!edges) {
-      out_.totals_.stitched.too_many = 1;
-      return {};
-    }
+    const glm::dvec3 size = info_.box_max - info_.box_min;
+    const int axis = size.x >= std::max(size.y, size.z) ? 0 : size.y >= size.z ? 1 : 2;
+    LUMIGRID_ASSIGN_OR_RETURN(auto border, BorderEdges::create(directory_ + "/border", axis, lattice_.bits));
+    LUMIGRID_TRY(out_.findBorderEdges(options_.limits.threads, border));
     const double step = lattice_.lattice.step;
-    const StitchScale scale{options_.stitch.length / step, info_.mean_edge / step,
-                            glm::length(info_.box_max - info_.box_min) / step};
-    stitches_ = findStitches(std::move(*edges), scale, options_.limits.threads);
+    const StitchScale scale{options_.stitch.length / step, info_.mean_edge / step, glm::length(size) / step};
+    const std::uint64_t most = options_.limits.memory_bytes / kStitchBytesPerEdge;
+    LUMIGRID_ASSIGN_OR_RETURN(stitches_, findStitches(border, scale, most, options_.limits.threads));
+    border.remove();
     if (!stitches_.empty()) LUMIGRID_TRY(sort());
     out_.totals_.stitched = stitches_.counts();
     return {};

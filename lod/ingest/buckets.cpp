@@ -91,27 +91,19 @@ base::Result<std::vector<Corner>> Buckets::read(std::size_t bucket) const {
   return corners;
 }
 
-base::Result<std::optional<std::vector<BorderEdge>>> Buckets::findBorderEdges(std::uint64_t most,
-                                                                              unsigned threads) const {
-  std::vector<BorderEdge> found, shared;  // `shared` may have a triangle in another bucket
+base::Result<void> Buckets::findBorderEdges(unsigned threads, BorderEdges& border) const {
   std::mutex mutex;
   LUMIGRID_TRY(base::tryParallelFor(count(), threads, [&](std::size_t bucket) -> base::Result<void> {
     LUMIGRID_ASSIGN_OR_RETURN(const auto corners, readUnflipped(bucket));
-    for (const BorderEdge& e : borderEdges(NumberedCorners(corners), corners)) {
-      const bool crosses = border_.find(e.from) >= 0 && border_.find(e.to) >= 0;
-      const std::lock_guard lock(mutex);
-      if (found.size() + shared.size() <= most) (crosses ? shared : found).push_back(e);
-    }
-    return {};
+    std::vector<BorderEdge> edges = borderEdges(NumberedCorners(corners), corners);
+    const auto shared = std::partition(edges.begin(), edges.end(), [this](const BorderEdge& e) {
+      return border_.find(e.from) < 0 || border_.find(e.to) < 0;
+    });
+    const auto own = static_cast<std::size_t>(shared - edges.begin());
+    const std::lock_guard lock(mutex);
+    return border.add(std::span(edges).first(own), std::span(edges).subspan(own));
   }));
-  if (found.size() + shared.size() > most) return std::optional<std::vector<BorderEdge>>();
-  const auto key = [](const BorderEdge& e) { return std::minmax(e.from, e.to); };
-  std::sort(shared.begin(), shared.end(), [&](const auto& a, const auto& b) { return key(a) < key(b); });
-  for (std::size_t begin = 0, end = 0; begin < shared.size(); begin = end) {
-    while (end < shared.size() && key(shared[end]) == key(shared[begin])) ++end;
-    if (end - begin == 1) found.push_back(shared[begin]);
-  }
-  return std::optional(std::move(found));
+  return border.flush();
 }
 
 std::vector<std::uint32_t> Buckets::borderPlaces(const NumberedCorners& mesh) const {

@@ -85,8 +85,8 @@ class Buckets {
 
   base::Result<std::vector<Corner>> readUnflipped(std::size_t bucket) const;
   base::Result<std::vector<BorderTriangle>> readUnflippedBorder(std::size_t bucket) const;
-  /// The edges that only one triangle has, in no certain order; nothing where there are more than `most`.
-  base::Result<std::optional<std::vector<BorderEdge>>> findBorderEdges(std::uint64_t most, unsigned threads) const;
+  /// Adds the edges that only one triangle of their bucket has.
+  base::Result<void> findBorderEdges(unsigned threads, BorderEdges& border) const;
   /// Per vertex its place on the border, or kNotOnBorder.
   std::vector<std::uint32_t> borderPlaces(const NumberedCorners& mesh) const;
   base::Result<void> storeBorder(std::size_t bucket, std::span<const BorderTriangle> triangles);

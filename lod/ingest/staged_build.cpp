@@ -198,8 +198,8 @@ void addRepairs(const ImportedSource& source, const Buckets& buckets, double lat
   summary.border.largest_movement = stitched.largest_movement * lattice_step;
   if (stitched.too_many != 0)
     summary.warnings.push_back(
-        "the source has too many border edges to be stitched in this memory; for fewer gaps "
-        "raise --memory");
+        "the source's border edges lie too close together to be stitched in this memory; for fewer gaps raise "
+        "--memory");
 }
 
 base::Error namingSource(const std::vector<std::string>& paths, base::Error error) {

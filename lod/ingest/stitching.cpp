@@ -41,6 +41,9 @@ constexpr std::size_t kHoleEdges = 6;
 constexpr double kLargestHole = 1.0 / 200.0;  // of the diagonal
 // The surface around a hole lies away from its middle: the mean cosine, by length.
 constexpr float kLeastAround = 0.3F;
+// So many mean edges (or lengths that were given) beside a slab decide on what lies in it: chains of moves reach two,
+// holes six.
+constexpr double kEdgesBeside = 16.0;
 
 constexpr std::uint32_t kNone = 0xFFFFFFFFU;
 constexpr std::size_t kChunk = 4096;
@@ -94,28 +97,94 @@ void inChunks(std::size_t count, unsigned threads, Body&& body) {
   });
 }
 
+// How far apart the two sides of borders are, and how alike.
+struct PairCounts {
+  std::array<double, kShares> vertices{};  // by share: from shareAt(i) to shareAt(i + 1), the first from 0
+  std::uint64_t pairs = 0, unlike = 0;
+
+  // The colours tell parts apart.
+  bool painted() const { return 2 * unlike > pairs; }
+};
+
+// The share at which the distances to the nearest vertex across have their gap: between what rounding put apart and
+// what is apart. 0 where the borders show no seams.
+double shareOfGap(const std::array<double, kShares>& count) {
+  std::array<double, kShares> density{};
+  double all = 0.0;
+  for (std::size_t i = 0; i < kShares; ++i) {
+    density[i] = count[i] / (shareAt(i + 1) - (i == 0 ? 0.0 : shareAt(i)));
+    all += count[i];
+  }
+  // The gap is beyond the densest share, which rounding put there; the last one is for what slits and the mesh's own
+  // spacing put there. A few stray vertices fill no gap.
+  const auto densest = static_cast<std::size_t>(std::max_element(density.begin(), density.end() - 1) - density.begin());
+  if (density[densest] == 0.0) return 0.0;
+  const double stray = 0.002 * all / kLargestShare;
+  const double least = *std::min_element(density.begin() + static_cast<std::ptrdiff_t>(densest) + 1, density.end());
+  std::size_t begin = 0, length = 0;
+  for (std::size_t i = densest + 1, run = 0; i < kShares; ++i) {
+    run = density[i] <= std::max(1.25 * least, stray) ? run + 1 : 0;
+    if (run > length) length = run, begin = i + 1 - run;
+  }
+  const std::size_t middle = begin + (length - 1) / 2;
+  double below = 0.0;
+  for (std::size_t i = 0; i < middle; ++i) below += count[i];
+  const double share = shareAt(middle);
+  return below / share >= kSeamContrast * density[middle] ? share : 0.0;
+}
+
+// All that was found so far.
+struct Findings {
+  std::vector<Stitches::Move> moves;
+  std::vector<Stitches::Split> splits;
+  std::vector<std::array<std::uint64_t, 3>> fills;
+  StitchCounts counts;
+};
+
+// Stitches the border within a slab. It sees what lies beside it, too, and reports what the slab owns.
 class Stitcher {
  public:
-  Stitcher(std::vector<BorderEdge> edges, const StitchScale& scale, unsigned threads)
-      : scale_(scale), threads_(threads) {
-    counts_.source_edges = edges.size();
+  Stitcher(std::vector<BorderEdge> edges, const StitchScale& scale, const BorderSlab& slab, unsigned threads)
+      : scale_(scale), slab_(slab), threads_(threads) {
     number(std::move(edges));
     measureVertices();
   }
 
-  Stitches run() {
-    const double share = measurePairs();
-    counts_.reach = scale_.length > 0.0 ? kLargestShare : share;
-    std::vector<Stitches::Split> splits;
-    std::vector<std::array<std::uint64_t, 3>> fills;
-    if (counts_.reach > 0.0) {
+  void countPairs(PairCounts& counts) const {
+    std::vector<std::atomic<std::uint32_t>> nearest(codes_.size());
+    const float none = 2.0F;
+    for (auto& share : nearest) share = std::bit_cast<std::uint32_t>(none);
+    // Numbers that are not negative have their bits in the same order.
+    std::atomic<std::uint64_t> pairs = 0, unlike = 0;
+    forEachPair(kLargestShare, [&](std::uint32_t v, std::uint32_t u, float share) {
+      pairs.fetch_add(owns(v) ? 1 : 0, std::memory_order_relaxed);
+      unlike.fetch_add(owns(v) && !looksLike(colors_[v], colors_[u]) ? 1 : 0, std::memory_order_relaxed);
+      lower(nearest[v], std::bit_cast<std::uint32_t>(share));
+      lower(nearest[u], std::bit_cast<std::uint32_t>(share));
+    });
+    counts.pairs += pairs, counts.unlike += unlike;
+    for (std::uint32_t v = 0; v < nearest.size(); ++v) {
+      const auto share = static_cast<double>(std::bit_cast<float>(nearest[v].load()));
+      if (share > kLargestShare || !owns(v)) continue;
+      std::size_t bin = 0;
+      while (bin + 1 < kShares && share > shareAt(bin + 1)) ++bin;
+      counts.vertices[bin] += 1.0;
+    }
+  }
+
+  // `reach`: so many times the shorter edge beside it a gap may be wide. `painted`: unlike colours stay apart.
+  void stitch(double reach, bool painted, Findings& out) {
+    out_ = &out;
+    reach_ = reach;
+    painted_ = painted;
+    for (const Edge& e : edges_) out.counts.source_edges += owns(std::min(e.from, e.to)) ? 1 : 0;
+    if (reach_ > 0.0) {
       move();
       closeEdges();
-      splits = split();
+      split();
       closeEdges();
     }
-    fills = fill();
-    return {std::move(moves_), std::move(splits), std::move(fills), counts_};
+    fill();
   }
 
  private:
@@ -181,64 +250,11 @@ class Stitcher {
     });
   }
 
-  // The share at which the distances to the nearest vertex across have their gap: between what rounding put apart and
-  // what is apart. 0 where the borders show no seams. Sets painted_.
-  double measurePairs() {
-    std::vector<std::atomic<std::uint32_t>> nearest(codes_.size());
-    const float none = 2.0F;
-    for (auto& share : nearest) share = std::bit_cast<std::uint32_t>(none);
-    // Numbers that are not negative have their bits in the same order.
-    std::atomic<std::uint64_t> pairs = 0, unlike = 0;
-    forEachPair(kLargestShare, [&](std::uint32_t v, std::uint32_t u, float share) {
-      pairs.fetch_add(1, std::memory_order_relaxed);
-      unlike.fetch_add(looksLike(colors_[v], colors_[u]) ? 0 : 1, std::memory_order_relaxed);
-      lower(nearest[v], std::bit_cast<std::uint32_t>(share));
-      lower(nearest[u], std::bit_cast<std::uint32_t>(share));
-    });
-    painted_ = 2 * unlike > pairs;
-    std::array<double, kShares> count{};
-    for (const auto& bits : nearest) {
-      const auto share = static_cast<double>(std::bit_cast<float>(bits.load()));
-      if (share > kLargestShare) continue;
-      std::size_t bin = 0;
-      while (bin + 1 < kShares && share > shareAt(bin + 1)) ++bin;
-      count[bin] += 1.0;
-    }
-    return shareOfGap(count);
-  }
-
-  // `count[i]`: vertices with a share from shareAt(i) to shareAt(i + 1), the first from 0.
-  static double shareOfGap(const std::array<double, kShares>& count) {
-    std::array<double, kShares> density{};
-    double all = 0.0;
-    for (std::size_t i = 0; i < kShares; ++i) {
-      density[i] = count[i] / (shareAt(i + 1) - (i == 0 ? 0.0 : shareAt(i)));
-      all += count[i];
-    }
-    // The gap is beyond the densest share, which rounding put there; the last one is for what slits and the mesh's own
-    // spacing put there. A few stray vertices fill no gap.
-    const auto densest =
-        static_cast<std::size_t>(std::max_element(density.begin(), density.end() - 1) - density.begin());
-    if (density[densest] == 0.0) return 0.0;
-    const double stray = 0.002 * all / kLargestShare;
-    const double least = *std::min_element(density.begin() + static_cast<std::ptrdiff_t>(densest) + 1, density.end());
-    std::size_t begin = 0, length = 0;
-    for (std::size_t i = densest + 1, run = 0; i < kShares; ++i) {
-      run = density[i] <= std::max(1.25 * least, stray) ? run + 1 : 0;
-      if (run > length) length = run, begin = i + 1 - run;
-    }
-    const std::size_t middle = begin + (length - 1) / 2;
-    double below = 0.0;
-    for (std::size_t i = 0; i < middle; ++i) below += count[i];
-    const double share = shareAt(middle);
-    return below / share >= kSeamContrast * density[middle] ? share : 0.0;
-  }
-
   // Moves each vertex to the one of the least code that it may be one with.
   void move() {
     std::vector<std::atomic<std::uint32_t>> target(codes_.size());
     for (std::uint32_t v = 0; v < target.size(); ++v) target[v] = v;
-    forEachPair(counts_.reach, [&](std::uint32_t v, std::uint32_t u, float) {
+    forEachPair(reach_, [&](std::uint32_t v, std::uint32_t u, float) {
       lower(target[v], u);
       lower(target[u], v);
     });
@@ -247,11 +263,10 @@ class Stitcher {
       std::uint32_t to = v;
       for (int step = 0; step < kMostSteps && target[to] != to; ++step) to = target[to];
       goes_to_[v] = to;
-      if (to == v) continue;
-      moves_.push_back({codes_[v], codes_[to]});
+      if (to == v || !owns(v)) continue;
+      out_->moves.push_back({codes_[v], codes_[to]});
       noteMovement(lengthOf(points_[to] - points_[v]));
     }
-    counts_.stitched_vertices = moves_.size();
     for (Edge& e : edges_) {
       if (const std::uint32_t third = find(mortonCode(e.third)); third != kNone) e.third = points_[goes_to_[third]];
       e.from = goes_to_[e.from], e.to = goes_to_[e.to];
@@ -261,8 +276,9 @@ class Stitcher {
     });
   }
 
+  bool owns(std::uint32_t v) const { return slab_.owns(points_[v][slab_.axis]); }
   void noteMovement(float distance) {
-    counts_.largest_movement = std::max(counts_.largest_movement, static_cast<double>(distance));
+    out_->counts.largest_movement = std::max(out_->counts.largest_movement, static_cast<double>(distance));
   }
 
   // Drops edges that two triangles share by now.
@@ -284,7 +300,7 @@ class Stitcher {
   };
 
   // Cuts border edges at the border vertices that lie on them.
-  std::vector<Stitches::Split> split() {
+  void split() {
     std::vector<glm::ivec3> middles;
     std::vector<float> lengths;
     for (const Edge& e : edges_) {
@@ -302,21 +318,16 @@ class Stitcher {
     std::sort(cuts.begin(), cuts.end(), [](const Cut& a, const Cut& b) {
       return std::tie(a.edge, a.along, a.vertex) < std::tie(b.edge, b.along, b.vertex);
     });
-    std::vector<Stitches::Split> out;
     for (std::size_t begin = 0, end = 0; begin < cuts.size(); begin = end) {
       while (end < cuts.size() && cuts[end].edge == cuts[begin].edge) ++end;
-      cutEdge(std::span(cuts).subspan(begin, end - begin), out);
+      cutEdge(std::span(cuts).subspan(begin, end - begin));
     }
-    counts_.split_edges = out.size();
-    std::sort(out.begin(), out.end(),
-              [](const auto& a, const auto& b) { return std::tie(a.from, a.to) < std::tie(b.from, b.to); });
-    return out;
   }
 
   // The nearest edge that the vertex lies on.
   Cut cutAt(std::uint32_t v, const LevelGrid& grid) const {
     Cut best{kNone, v, 0.0};
-    double nearest = counts_.reach * static_cast<double>(spacing_[v]);
+    double nearest = reach_ * static_cast<double>(spacing_[v]);
     if (scale_.length > 0.0) nearest = std::min(nearest, scale_.length);
     const double reach = nearest;
     const glm::dvec3 p(points_[v]);
@@ -329,7 +340,7 @@ class Stitcher {
           const glm::dvec3 a(points_[e.from]), along = glm::dvec3(points_[e.to]) - a;
           const double t = glm::dot(p - a, along) / glm::dot(along, along);
           const double distance = glm::length(p - (a + t * along));
-          if (!(t > 0.0 && t < 1.0) || distance > counts_.reach * glm::length(along)) return;
+          if (!(t > 0.0 && t < 1.0) || distance > reach_ * glm::length(along)) return;
           if (distance > nearest || (distance == nearest && number > best.edge)) return;
           if (glm::dot(inwardOf(points_[e.from], points_[e.to], e.third), inward_[v]) >= kMostAlike) return;
           if (painted_ && !looksLike(colors_[v], colors_[t < 0.5 ? e.from : e.to])) return;
@@ -339,8 +350,11 @@ class Stitcher {
   }
 
   // Cuts one edge at as many of the vertices as leave every part of its triangle facing as the whole.
-  void cutEdge(std::span<const Cut> cuts, std::vector<Stitches::Split>& out) {
+  void cutEdge(std::span<const Cut> cuts) {
     const Edge e = edges_[cuts.front().edge];
+    const int from = points_[e.from][slab_.axis], to = points_[e.to][slab_.axis];
+    // Vertices that lie on it may be out of sight.
+    if (!slab_.seesAll(std::min(from, to), std::max(from, to))) return;
     const glm::dvec3 whole(latticeNormal(points_[e.from], points_[e.to], e.third));
     const auto faces = [&](std::uint32_t a, std::uint32_t b) {
       return glm::dot(glm::dvec3(latticeNormal(points_[a], points_[b], e.third)), whole) > 0.0;
@@ -355,16 +369,16 @@ class Stitcher {
     for (std::size_t i = 1; i < chain.size(); ++i) {
       split.vertices.push_back(codes_[chain[i]]);
       const glm::dvec3 from_a = glm::dvec3(points_[chain[i]]) - a;
-      noteMovement(static_cast<float>(glm::length(from_a - glm::dot(from_a, along) * along)));
+      if (owns(e.from)) noteMovement(static_cast<float>(glm::length(from_a - glm::dot(from_a, along) * along)));
     }
-    out.push_back(std::move(split));
+    if (owns(e.from)) out_->splits.push_back(std::move(split));
     chain.push_back(e.to);
     edges_[cuts.front().edge].to = chain[1];
     for (std::size_t i = 1; i + 1 < chain.size(); ++i) edges_.push_back({chain[i], chain[i + 1], e.third});
   }
 
-  // Triangles for the loops of few border edges that are holes.
-  std::vector<std::array<std::uint64_t, 3>> fill() {
+  // Closes the loops of few border edges that are holes.
+  void fill() {
     // By vertex the only edge that leaves it, and whether one arrives.
     constexpr std::uint32_t kSeveral = kNone - 1;
     std::vector<std::uint32_t> leaves(codes_.size(), kNone), arrives(codes_.size(), kNone);
@@ -373,7 +387,6 @@ class Stitcher {
       note(leaves[edges_[e].from], e);
       note(arrives[edges_[e].to], e);
     }
-    std::vector<std::array<std::uint64_t, 3>> out;
     std::vector<std::uint32_t> loop;
     for (const Edge& first : edges_) {
       loop.clear();
@@ -384,9 +397,8 @@ class Stitcher {
         loop.push_back(leaves[v]);
         v = edges_[leaves[v]].to;
       } while (v != first.from);
-      if (v == first.from && loop.size() >= 3 && isHole(loop)) close(loop, out);
+      if (v == first.from && owns(v) && loop.size() >= 3 && isHole(loop)) close(loop);
     }
-    return out;
   }
 
   bool isHole(std::span<const std::uint32_t> loop) const {
@@ -407,7 +419,7 @@ class Stitcher {
   }
 
   // Closes the loop by the fan of the least area; its triangles run against the border.
-  void close(std::span<const std::uint32_t> loop, std::vector<std::array<std::uint64_t, 3>>& out) {
+  void close(std::span<const std::uint32_t> loop) {
     const std::size_t n = loop.size();
     const auto vertex = [&](std::size_t i) { return edges_[loop[i % n]].from; };
     double least = std::numeric_limits<double>::max();
@@ -422,13 +434,15 @@ class Stitcher {
       if (area < least) least = area, apex = start;
     }
     for (std::size_t i = 1; i + 1 < n; ++i)
-      out.push_back({codes_[vertex(apex)], codes_[vertex(apex + i + 1)], codes_[vertex(apex + i)]});
-    ++counts_.closed_holes;
+      out_->fills.push_back({codes_[vertex(apex)], codes_[vertex(apex + i + 1)], codes_[vertex(apex + i)]});
+    ++out_->counts.closed_holes;
   }
 
   StitchScale scale_;
+  BorderSlab slab_;
   unsigned threads_;
-  StitchCounts counts_;
+  Findings* out_ = nullptr;
+  double reach_ = 0.0;
   std::vector<std::uint64_t> codes_;  // of border vertices, ascending
   std::vector<glm::ivec3> points_;
   std::vector<ColorSum> colors_;
@@ -438,7 +452,6 @@ class Stitcher {
   std::vector<Edge> edges_;        // that are still open
   std::optional<LevelGrid> grid_;  // of the vertices
   std::vector<std::uint32_t> goes_to_;
-  std::vector<Stitches::Move> moves_;
 };
 
 }  // namespace
@@ -484,8 +497,42 @@ std::span<const std::uint64_t> Stitches::splitting(std::uint64_t from, std::uint
   return at->vertices;
 }
 
-Stitches findStitches(std::vector<BorderEdge> edges, const StitchScale& scale, unsigned threads) {
-  return Stitcher(std::move(edges), scale, threads).run();
+base::Result<Stitches> findStitches(const BorderEdges& border, const StitchScale& scale, std::uint64_t most,
+                                    unsigned threads) {
+  const double beside = kEdgesBeside * std::max(scale.mean_edge, scale.length);
+  const auto slabs = border.slabs(most, static_cast<int>(std::min(beside, 1e9)) + 1);
+  Findings found;
+  if (!slabs) {
+    found.counts.too_many = 1;
+    return Stitches({}, {}, {}, found.counts);
+  }
+  found.counts.slabs = slabs->size();
+  // A border in one slab is read and numbered once.
+  std::optional<Stitcher> stitcher;
+  const auto load = [&](const BorderSlab& slab) -> base::Result<void> {
+    if (stitcher && slabs->size() == 1) return {};
+    stitcher.reset();
+    LUMIGRID_ASSIGN_OR_RETURN(auto edges, border.read(slab));
+    stitcher.emplace(std::move(edges), scale, slab, threads);
+    return {};
+  };
+  PairCounts pairs;
+  for (const BorderSlab& slab : *slabs) {
+    LUMIGRID_TRY(load(slab));
+    stitcher->countPairs(pairs);
+  }
+  found.counts.reach = scale.length > 0.0 ? kLargestShare : shareOfGap(pairs.vertices);
+  for (const BorderSlab& slab : *slabs) {
+    LUMIGRID_TRY(load(slab));
+    stitcher->stitch(found.counts.reach, pairs.painted(), found);
+  }
+  std::sort(found.moves.begin(), found.moves.end());
+  std::sort(found.splits.begin(), found.splits.end(),
+            [](const auto& a, const auto& b) { return std::tie(a.from, a.to) < std::tie(b.from, b.to); });
+  std::sort(found.fills.begin(), found.fills.end());
+  found.counts.stitched_vertices = found.moves.size();
+  found.counts.split_edges = found.splits.size();
+  return Stitches(std::move(found.moves), std::move(found.splits), std::move(found.fills), found.counts);
 }
 
 }  // namespace lod::ingest

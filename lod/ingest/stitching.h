@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "base/error.h"
+#include "lod/ingest/border_edges.h"
 
 namespace lod::ingest {
 
@@ -24,21 +25,14 @@ base::Result<StitchOptions> parseStitch(const std::string& text);
 /// The text from which the same options are parsed.
 std::string describeStitch(const StitchOptions& options);
 
-/// An edge of only one triangle, as it runs there: codes of its ends and of the triangle's third corner, and the
-/// colours of its ends (R G B A from the lowest byte; A = 0 where unknown).
-struct BorderEdge {
-  std::uint64_t from = 0, to = 0, third = 0;
-  std::uint32_t from_color = 0, to_color = 0;
-  auto operator<=>(const BorderEdge&) const = default;
-};
-
 /// The changes by count. Lengths are in lattice steps.
 struct StitchCounts {
   std::uint64_t source_edges = 0;       ///< border edges before
   std::uint64_t stitched_vertices = 0;  ///< moved onto another
   std::uint64_t split_edges = 0;        ///< border edges cut where a vertex lies on them
   std::uint64_t closed_holes = 0;
-  std::uint64_t too_many = 0;     ///< 1: the border did not fit the memory, so that nothing was stitched
+  std::uint64_t slabs = 1;        ///< parts of space in which the border was stitched, one after the other
+  std::uint64_t too_many = 0;     ///< 1: no part was small enough for the memory, so that nothing was stitched
   double reach = 0.0;             ///< so many times the shorter edge beside it a stitched gap may be wide
   double largest_movement = 0.0;  ///< of a stitched vertex, and of an edge that was split
 };
@@ -90,10 +84,12 @@ struct StitchScale {
   double mean_edge = 0.0;  ///< of all triangles
   double diagonal = 0.0;   ///< of the box
 };
-/// Memory that findStitches takes for each border edge.
+/// Memory that findStitches takes for each border edge of a slab.
 inline constexpr std::uint64_t kStitchBytesPerEdge = 180;
-/// Finds the changes for a source with these border edges. They do not depend on the order of the edges or on the
-/// number of threads.
-Stitches findStitches(std::vector<BorderEdge> edges, const StitchScale& scale, unsigned threads);
+/// Finds the changes for a source with this border, with at most `most` edges in memory at a time. They do not depend
+/// on the order of the edges or on the number of threads; where the border takes several slabs, edges that reach
+/// across one and what lies beside it are not split. Errors: those of reading the work file.
+base::Result<Stitches> findStitches(const BorderEdges& border, const StitchScale& scale, std::uint64_t most,
+                                    unsigned threads);
 
 }  // namespace lod::ingest

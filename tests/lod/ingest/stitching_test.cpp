@@ -207,20 +207,21 @@ TEST(Stitching, leavesThatLieAboutAreNoSeams) {
   EXPECT_EQ(sorted(mesh).counts.stitched_vertices, 0U);
 }
 
+std::multiset<std::array<std::uint64_t, 3>> trianglesOf(const SortedMesh& sorted) {
+  std::multiset<std::array<std::uint64_t, 3>> all;
+  for (std::size_t bucket = 0; bucket < sorted.buckets->count(); ++bucket) {
+    const auto corners = sorted.buckets->read(bucket);
+    for (std::size_t i = 0; i < corners->size(); i += 3)
+      all.insert({(*corners)[i].code, (*corners)[i + 1].code, (*corners)[i + 2].code});
+  }
+  return all;
+}
+
 TEST(Stitching, neitherThreadsNorMemoryNorTheOrderOfTrianglesMatter) {
   PlyMesh mesh = tiledSheet(400, 20, 0.15);
   const SortedMesh first(mesh, kMemory, 2, {});
   ASSERT_TRUE(first.buckets) << first.buckets.error().message;
   ASSERT_GT(first.buckets->count(), 1U);
-  const auto trianglesOf = [](const SortedMesh& sorted) {
-    std::multiset<std::array<std::uint64_t, 3>> all;
-    for (std::size_t bucket = 0; bucket < sorted.buckets->count(); ++bucket) {
-      const auto corners = sorted.buckets->read(bucket);
-      for (std::size_t i = 0; i < corners->size(); i += 3)
-        all.insert({(*corners)[i].code, (*corners)[i + 1].code, (*corners)[i + 2].code});
-    }
-    return all;
-  };
   const auto triangles = trianglesOf(first);
   // The vertices' window of the second is a part of them.
   const SortedMesh tight(mesh, std::uint64_t{9} << 20, 1, {});
@@ -235,9 +236,31 @@ TEST(Stitching, neitherThreadsNorMemoryNorTheOrderOfTrianglesMatter) {
   EXPECT_EQ(trianglesOf(SortedMesh(mesh, kMemory, 2, {})), triangles);
 }
 
-TEST(Stitching, aBorderThatDoesNotFitTheMemoryIsLeftAndSaid) {
+TEST(Stitching, aBorderThatDoesNotFitTheMemoryIsStitchedInSlabs) {
+  PlyMesh mesh = tiledSheet(200, 4, 0.1);
+  // Vertices on others' edges, across the slabs, and small holes.
+  addSheet(
+      mesh, 0, -100, 200, 25, [](const glm::dvec3& p) { return glm::dvec3(p.x, 4.0 * p.y + 300.0, p.z); }, all);
+  for (int x = 5; x < 200; x += 10)
+    addSheet(
+        mesh, x, 220, 6, 6,
+        [](const glm::dvec3& p) { return 0.25 * glm::dvec3(p.x, p.y, 0.0) + glm::dvec3(0.0, 400.0, 0.0); },
+        [&](int column, int row) { return column != x + 3 || row != 223; });
+  const SortedMesh roomy(mesh, kMemory, 2, {}), tight(mesh, std::uint64_t{2} << 20, 2, {});
+  ASSERT_TRUE(roomy.buckets && tight.buckets);
+  const StitchCounts one = roomy.buckets->totals().stitched, several = tight.buckets->totals().stitched;
+  EXPECT_EQ(one.slabs, 1U);
+  EXPECT_GT(several.slabs, 3U);
+  EXPECT_GT(one.closed_holes, 10U);
+  EXPECT_EQ(several.source_edges, one.source_edges);
+  EXPECT_EQ(several.reach, one.reach);
+  EXPECT_EQ(several.largest_movement, one.largest_movement);
+  EXPECT_EQ(trianglesOf(tight), trianglesOf(roomy));
+}
+
+TEST(Stitching, aBorderTooDenseForTheMemoryIsLeftAndSaid) {
   const PlyMesh mesh = tiledSheet(200, 4, 0.1);
-  const SortedMesh tight(mesh, std::uint64_t{2} << 20, 1, {});
+  const SortedMesh tight(mesh, std::uint64_t{1} << 18, 1, {});
   ASSERT_TRUE(tight.buckets) << tight.buckets.error().message;
   EXPECT_EQ(tight.buckets->totals().stitched.too_many, 1U);
   EXPECT_EQ(tight.buckets->winding().openEdges(), sorted(mesh, {false, 0.0}).open);
