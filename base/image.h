@@ -1,10 +1,13 @@
 #pragma once
 // Pixel arrays. Row 0 is the top row, pixels are interleaved, rows are not padded.
+#include <array>
 #include <cstdint>
 #include <span>
 #include <vector>
 
 namespace base {
+
+using Rgb = std::array<std::uint8_t, 3>;  ///< sRGB
 
 struct Image {
   int width = 0;

@@ -1,8 +1,11 @@
 #pragma once
-// Numbers written for people, and blanks taken off texts.
+// Numbers and colours written for people, and texts of people checked.
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <string_view>
+
+#include "base/image.h"
 
 namespace base {
 
@@ -14,5 +17,13 @@ std::string formatCount(std::uint64_t count, char separator = ',');
 
 /// Removes spaces, tabs and line ends from both ends of the text.
 std::string trimmed(std::string_view text);
+
+/// Whether the text is UTF-8 without control characters, except those in `allowed`.
+bool isPlainText(std::string_view text, std::string_view allowed = "");
+
+/// "#1a2b3c", in lower case.
+std::string formatRgb(const Rgb& color);
+/// Reads the same, in either case; nothing for any other text.
+std::optional<Rgb> parseRgb(std::string_view text);
 
 }  // namespace base

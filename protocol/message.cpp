@@ -241,6 +241,10 @@ void writeBody(base::ByteWriter& out, const Welcome& welcome) {
   sceneFields(fields, welcome);
   fields(has_images);
   if (has_images) welcome.grid.encode(out);
+  writeText(out, welcome.attribution, kMaxText);
+  fields(welcome.background.has_value());
+  for (const std::uint8_t part : welcome.background.value_or(base::Rgb{})) fields(part);
+  fields(welcome.north);
 }
 
 /// Normalizes the directions. Returns null when the values are valid, and otherwise the fault.
@@ -286,6 +290,15 @@ base::Result<void> readBody(base::ByteReader& in, Welcome& welcome) {
     if (welcome.grid.face_size < 1 || welcome.grid.face_size > kMaxViewport)
       return bad("its face size is outside 1 to 16384");
   }
+  if (!readText(in, kMaxText, welcome.attribution))
+    return bad("its attribution is cut short, too long or not plain text");
+  bool has_background = false;
+  base::Rgb color{};
+  fields(has_background, color[0], color[1], color[2], welcome.north);
+  if (has_background) welcome.background = color;
+  if (!in.ok()) return bad("is cut short");
+  if (!fields.flags_are_valid) return bad("a flag is neither 0 nor 1");
+  if (welcome.north != glm::vec3(0.0F) && !makeUnit(welcome.north)) return bad("its north is not a number");
   if (!in.atEnd()) return bad("has bytes after its end");
   return {};
 }

@@ -3,6 +3,7 @@
 // message per binary WebSocket frame) is not known here. docs/formats/protocol.md is the contract.
 #include <cstdint>
 #include <glm/glm.hpp>
+#include <optional>
 #include <string>
 #include <variant>
 #include <vector>
@@ -11,6 +12,7 @@
 #include "base/camera.h"
 #include "base/error.h"
 #include "base/error_measure.h"
+#include "base/image.h"
 #include "base/view_defaults.h"
 #include "repository/sampling/grid.h"
 #include "repository/sampling/key.h"
@@ -88,6 +90,9 @@ struct Welcome {
   std::uint64_t source_triangles = 0;
   repository::Grid grid;  ///< count 0: no images
   bool can_render_frames = false;
+  std::string attribution;              ///< whom viewers name as the scan's authors; empty: nobody
+  std::optional<base::Rgb> background;  ///< of pictures, where there is no model; nothing: the client chooses
+  glm::vec3 north{0.0F};                ///< unit, perpendicular to up; zero: not known
 };
 
 /// A face as the repository stores it (repository/faces/face_value.h), empty flags included.

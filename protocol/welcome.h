@@ -21,6 +21,9 @@ inline Welcome welcomeOf(const base::Scene& scene, const std::string& name) {
   welcome.start_view = scene.start_view;
   welcome.unlit = scene.light.mode == base::LightMode::kUnlit;
   welcome.light_direction = scene.light.direction;
+  welcome.attribution = scene.attribution;
+  welcome.background = scene.background;
+  welcome.north = glm::vec3(northOf(scene));
   return welcome;
 }
 

@@ -175,8 +175,8 @@ Result<void> checkMeta(const std::string& own, const Grid& grid, const std::stri
 // Finds the gaps of one store after the other for findMissing().
 class MissingFinder {
  public:
-  MissingFinder(const std::string& images, const Grid& grid, const SampleTree* tree)
-      : images_(images), grid_(grid), tree_(tree) {}
+  MissingFinder(const std::string& images, const Grid& grid, const SampleTree* tree, bool to_replace)
+      : images_(images), grid_(grid), tree_(tree), to_replace_(to_replace) {}
 
   Result<ShardGaps> findGaps(const std::string& directory, const Shard& shard) {
     ShardGaps missing{shard, 0, isBeingWritten(directory), {}};
@@ -189,7 +189,7 @@ class MissingFinder {
     LUMIGRID_ASSIGN_OR_RETURN(const auto own_tree, treeOf(store.get(), shard));
     const ExpectedPoints points(grid_, shard, own_tree ? &*own_tree : tree_);
     GapFinder finder(points);
-    if (store)
+    if (store && !to_replace_)
       LUMIGRID_TRY(store->forEachKey([&](const FaceKey& key) {
         if (grid_.contains(key)) finder.addPresentKey(key);
         return true;
@@ -213,6 +213,7 @@ class MissingFinder {
   const std::string& images_;
   const Grid& grid_;
   const SampleTree* tree_;
+  const bool to_replace_;
   std::string meta_;  // parameters of all stores; empty before the first store that has any
 };
 
@@ -246,10 +247,10 @@ Result<std::unique_ptr<Store>> openRepository(const std::string& images, std::op
 }
 
 Result<std::vector<ShardGaps>> findMissing(const std::string& images, std::uint32_t shards, const Grid& grid,
-                                           const SampleTree* tree) {
+                                           const SampleTree* tree, bool to_replace) {
   const std::uint32_t count = std::max(shards, 1U);
   std::vector<ShardGaps> missing;
-  MissingFinder finder(images, grid, tree);
+  MissingFinder finder(images, grid, tree, to_replace);
   for (std::uint32_t i = 0; i < count; ++i) {
     LUMIGRID_ASSIGN_OR_RETURN(auto one, finder.findGaps(storeDirectory(images, shards, i), {i, count}));
     if (one.faces > 0) missing.push_back(std::move(one));

@@ -47,8 +47,9 @@ struct ShardGaps {
 /// read. A store that another process writes is not opened, because that process may run on another machine, where
 /// LMDB's table of readers does not reach. A store that does not exist lacks everything. Expected are the points that a
 /// store's own tree samples; `tree` stands for it in a store that does not exist yet, and is null where the whole grid
-/// is sampled. Errors: those of openRepository, and kInvalidInput for a repository of another grid.
+/// is sampled. `to_replace`: the faces that are there are no longer right, and count as missing too. Errors: those of
+/// openRepository, and kInvalidInput for a repository of another grid.
 base::Result<std::vector<ShardGaps>> findMissing(const std::string& images, std::uint32_t shards, const Grid& grid,
-                                                 const SampleTree* tree = nullptr);
+                                                 const SampleTree* tree = nullptr, bool to_replace = false);
 
 }  // namespace repository

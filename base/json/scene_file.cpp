@@ -1,5 +1,6 @@
 #include "base/json/scene_file.h"
 
+#include <algorithm>
 #include <cerrno>
 #include <cmath>
 #include <cstdio>
@@ -10,15 +11,12 @@
 #include "base/hash/sha256.h"
 #include "base/json/parse.h"
 #include "base/json/vector.h"
+#include "base/text.h"
 
 namespace base {
 namespace {
 
 using nlohmann::json;
-
-const char* lightName(LightMode mode) {
-  return mode == LightMode::kUnlit ? "unlit" : "soft";
-}
 
 // Reads typed members of a JSON object, and remembers the path of the first that is missing or of another type.
 class Fields {
@@ -93,6 +91,42 @@ class Fields {
   std::string& problem_;
 };
 
+std::optional<LightMode> lightModeNamed(const std::string& name) {
+  for (const LightMode mode : {LightMode::kUnlit, LightMode::kSoft})
+    if (name == nameOf(mode)) return mode;
+  return std::nullopt;
+}
+
+/// Reads what `lumigrid set` may have added; each member may be absent.
+void readAppearance(const json& document, Scene& scene, std::string& problem) {
+  Fields top(document, "", problem);
+  if (document.contains("title")) scene.title = top.get<std::string>("title");
+  if (document.contains("start_direction")) scene.start_direction = top.vector("start_direction");
+  if (document.contains("start_view")) scene.start_view = top.get<std::string>("start_view");
+  if (document.contains("north")) scene.north = top.number("north");
+  if (std::abs(scene.north.value_or(0.0)) > 360.0) top.fail("north is beyond 360 degrees");
+  if (document.contains("crs")) scene.crs = top.get<std::string>("crs");
+  if (document.contains("attribution")) scene.attribution = top.get<std::string>("attribution");
+  if (document.contains("background")) {
+    scene.background = parseRgb(top.get<std::string>("background"));
+    if (!scene.background) top.fail("background is no colour #rrggbb");
+  }
+  if (!document.contains("images_light")) return;
+  scene.images_light = lightModeNamed(top.get<std::string>("images_light"));
+  if (!scene.images_light) top.fail("images_light is neither unlit nor soft");
+}
+
+void readLight(const json& document, Scene& scene, std::string& problem) {
+  Fields top(document, "", problem);
+  Fields light(top.child("light"), "light: ", problem);
+  const auto mode = lightModeNamed(light.get<std::string>("mode"));
+  if (!mode) light.fail("mode is neither unlit nor soft");
+  scene.light.mode = mode.value_or(LightMode::kSoft);
+  scene.light.direction = glm::vec3(light.vector("direction"));
+  for (int i = 0; i < 3; ++i)
+    if (!std::isfinite(scene.light.direction[i])) light.fail("direction is too long");
+}
+
 void readLists(const json& document, Scene& scene, std::string& problem) {
   Fields top(document, "", problem);
   for (const json& item : top.child("sources")) {
@@ -143,18 +177,10 @@ Result<Scene> parseScene(const std::string& text, const std::string& name) {
   scene.origin = top.vector("origin");
   scene.up = top.vector("up");
   scene.units = top.get<std::string>("units");
-  if (document.contains("title")) scene.title = top.get<std::string>("title");
-  if (document.contains("start_direction")) scene.start_direction = top.vector("start_direction");
-  if (document.contains("start_view")) scene.start_view = top.get<std::string>("start_view");
+  readAppearance(document, scene, problem);
   scene.has_colors = top.get<bool>("has_colors");
   scene.triangles = top.get<std::uint64_t>("triangles");
-  Fields light(top.child("light"), "light: ", problem);
-  const auto mode = light.get<std::string>("mode");
-  if (mode != "unlit" && mode != "soft") light.fail("mode is neither unlit nor soft");
-  scene.light.mode = mode == "unlit" ? LightMode::kUnlit : LightMode::kSoft;
-  scene.light.direction = glm::vec3(light.vector("direction"));
-  for (int i = 0; i < 3; ++i)
-    if (!std::isfinite(scene.light.direction[i])) light.fail("direction is too long");
+  readLight(document, scene, problem);
   readLists(document, scene, problem);
   if (problem.empty() && !glm::all(glm::lessThanEqual(scene.box_min, scene.box_max)))
     problem = "box_min exceeds box_max";
@@ -179,7 +205,12 @@ std::string formatScene(const Scene& scene) {
   document["up"] = toJson(scene.up);
   if (scene.start_direction) document["start_direction"] = toJson(*scene.start_direction);
   if (!scene.start_view.empty()) document["start_view"] = scene.start_view;
-  document["light"] = {{"mode", lightName(scene.light.mode)}, {"direction", toJson(glm::dvec3(scene.light.direction))}};
+  if (scene.north) document["north"] = *scene.north;
+  if (!scene.crs.empty()) document["crs"] = scene.crs;
+  if (!scene.attribution.empty()) document["attribution"] = scene.attribution;
+  if (scene.background) document["background"] = formatRgb(*scene.background);
+  document["light"] = {{"mode", nameOf(scene.light.mode)}, {"direction", toJson(glm::dvec3(scene.light.direction))}};
+  if (scene.images_light) document["images_light"] = nameOf(*scene.images_light);
   document["has_colors"] = scene.has_colors;
   document["triangles"] = scene.triangles;
   document["repairs"] = scene.repairs;
@@ -193,6 +224,30 @@ std::string formatScene(const Scene& scene) {
   for (const ScenePart& p : scene.parts)
     document["parts"].push_back({{"file", p.file}, {"bytes", p.bytes}, {"sha256", p.sha256}});
   return document.dump(2) + "\n";
+}
+
+glm::dvec3 northOf(const Scene& scene) {
+  if (!scene.north) return glm::dvec3(0.0);
+  const glm::dvec3 up = glm::normalize(scene.up);
+  // East of the reference direction: +x made horizontal, and +y where +x points up or down.
+  const glm::dvec3 axis = std::abs(up.x) < 0.9 ? glm::dvec3(1, 0, 0) : glm::dvec3(0, 1, 0);
+  const glm::dvec3 east = glm::normalize(axis - glm::dot(axis, up) * up);
+  const double turn = glm::radians(*scene.north);
+  return std::cos(turn) * glm::cross(up, east) + std::sin(turn) * east;
+}
+
+const char* nameOf(LightMode mode) {
+  return mode == LightMode::kUnlit ? "unlit" : "soft";
+}
+
+bool isCrsName(std::string_view text) {
+  const auto isLetter = [](char c) { return (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z'); };
+  const auto isAllowed = [&](char c) {
+    return isLetter(c) || (c >= '0' && c <= '9') || std::string_view(":+-._/").find(c) != std::string_view::npos;
+  };
+  const std::size_t colon = text.find(':');
+  return !text.empty() && text.size() <= kMaxCrs && isLetter(text.front()) && text.back() != ':' &&
+         colon != std::string_view::npos && std::all_of(text.begin(), text.end(), isAllowed);
 }
 
 Result<void> writeSceneFile(const Scene& scene, const std::string& path) {

@@ -6,10 +6,12 @@
 #include <map>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "base/error.h"
 #include "base/geometry.h"
+#include "base/image.h"
 
 namespace base {
 
@@ -49,11 +51,16 @@ struct Scene {
   glm::dvec3 box_min{0.0}, box_max{0.0};  ///< world
   glm::dvec3 origin{0.0};                 ///< world position of scene-local (0, 0, 0)
   std::string units = "unknown";
-  std::string title;             ///< what viewers call it; empty: by its place
-  glm::dvec3 up{0.0, 0.0, 1.0};  ///< world; the up vector of the first view
+  std::string title;                          ///< what viewers call it; empty: by its place
+  glm::dvec3 up{0.0, 0.0, 1.0};               ///< world; the up vector of the first view
   std::optional<glm::dvec3> start_direction;  ///< unit, world: where the first view looks; nothing: viewers choose
   std::string start_view;                     ///< permalink of the first view; empty: the whole model, so seen
+  std::optional<double> north;                ///< degrees, docs/formats/scene.md, "North"; nothing: not known
+  std::string crs;                ///< coordinate reference system of world coordinates, "EPSG:32718"; empty: not known
+  std::string attribution;        ///< whom viewers name as the scan's authors; empty: nobody
+  std::optional<Rgb> background;  ///< of pictures, where there is no model; nothing: viewers choose
   Light light;
+  std::optional<LightMode> images_light;  ///< that the images there were drawn in; nothing: in `light`
   bool has_colors = false;
   std::uint64_t triangles = 0;
   std::map<std::string, std::uint64_t> repairs;
@@ -68,6 +75,16 @@ struct Scene {
     return box;
   }
 };
+
+/// The unit world vector towards north, perpendicular to `up`; zero when north is not known.
+glm::dvec3 northOf(const Scene& scene);
+/// "unlit" or "soft", as scene.json has it.
+const char* nameOf(LightMode mode);
+/// Longest attribution and name of a coordinate reference system, bytes.
+inline constexpr std::size_t kMaxAttribution = 500, kMaxCrs = 64;
+/// Whether the text names a coordinate reference system by authority and code: "EPSG:32718", "OGC:CRS84",
+/// "EPSG:25832+7837", "urn:ogc:def:crs:EPSG::4978". It is not looked up.
+bool isCrsName(std::string_view text);
 
 /// Reads directory/scene.json, which only a finished scene has.
 Result<Scene> readScene(const std::string& directory);

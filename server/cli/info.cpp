@@ -105,6 +105,13 @@ nlohmann::json describeImages(const OpenScene& open, const repository::StoreCont
           {"face_size", grid.face_size}};
 }
 
+/// Adds the light of the images where it is no longer the scene's.
+void addImagesLight(const base::Scene& scene, nlohmann::json& images) {
+  if (!scene.images_light) return;
+  images["images_light"] = base::nameOf(*scene.images_light);
+  images["to_draw_again"] = images["expected"];
+}
+
 /// Nothing when no server has counted. Counts that cannot be read are told as such and no error: they are no part of
 /// the scene.
 nlohmann::json describeAccess(const OpenScene& open, const InfoArguments& a) {
@@ -193,6 +200,11 @@ void printImages(const nlohmann::json& i, const std::string& tuned) {
   if (i["points"] != i["grid_points"])
     std::printf("  %s of the grid's %s points are sampled\n", countIn(i, "points").c_str(),
                 countIn(i, "grid_points").c_str());
+  if (i.contains("images_light"))
+    std::printf(
+        "  drawn %s, which is no longer the scene's light: all %s faces are to be drawn again; lumigrid build -o "
+        "does it where the scene was built\n",
+        textIn(i, "images_light").c_str(), countIn(i, "to_draw_again").c_str());
   if (images + i["empty"].get<std::uint64_t>() != expected)
     std::printf("  %s faces are missing; run the same `lumigrid build` again\n",
                 formatCount(expected - images - i["empty"].get<std::uint64_t>()).c_str());
@@ -213,6 +225,20 @@ base::Result<std::string> digestOf(const repository::Store& store) {
   return base::hexOf(hash.finish());
 }
 
+/// Prints what `lumigrid set` has said of the scene's place on earth and of how it is shown.
+void printAppearance(const nlohmann::json& j) {
+  const auto& s = j["scene"];
+  const std::pair<const char*, const char*> kTexts[] = {{"title", "title"},
+                                                        {"attribution", "attribution"},
+                                                        {"crs", "coordinates"},
+                                                        {"background", "background"},
+                                                        {"start_view", "first view"}};
+  for (const auto& [member, name] : kTexts)
+    if (s.contains(member)) std::printf("%s: %s\n", name, textIn(s, member).c_str());
+  if (s.contains("north"))
+    std::printf("north: %g degrees, towards %s\n", s["north"].get<double>(), j["north_direction"].dump().c_str());
+}
+
 // A scene that was made from points has splats only.
 void printScene(const InfoArguments& a, const nlohmann::json& j) {
   const auto& s = j["scene"];
@@ -223,6 +249,7 @@ void printScene(const InfoArguments& a, const nlohmann::json& j) {
               points ? "points" : "triangles", s["has_colors"].get<bool>() ? "yes" : "no",
               textIn(s["light"], "mode").c_str(), textIn(s, "units").c_str());
   std::printf("box %s to %s\n", s["box_min"].dump().c_str(), s["box_max"].dump().c_str());
+  printAppearance(j);
   for (const auto& source : s["sources"])
     std::printf("source %s, %s\n", textIn(source, "path").c_str(), bytesIn(source, "bytes").c_str());
   for (const auto& [repair, count] : s["repairs"].items())
@@ -294,6 +321,7 @@ base::Result<nlohmann::json> describeImageStore(const InfoArguments& a, const Op
   LUMIGRID_ASSIGN_OR_RETURN(const auto contents, open.packs != nullptr ? contentsOf(open.packs->root())
                                                                        : repository::contentsOf(*open.images));
   nlohmann::json j = describeImages(open, contents);
+  addImagesLight(open.scene, j);
   if (a.digest) {
     LUMIGRID_ASSIGN_OR_RETURN(j["sha256"], digestOf(*open.images));
   }
@@ -308,6 +336,8 @@ base::Result<nlohmann::json> describe(const InfoArguments& a, const OpenScene& o
   j["scene"] = base::parseJson(open.scene_json);
   j["triangles"] = open.scene.triangles;
   j["repairs"] = open.scene.repairs;
+  if (const glm::dvec3 north = base::northOf(open.scene); open.scene.north)
+    j["north_direction"] = {north.x, north.y, north.z};
   if (const auto& border = open.scene.border) {
     j["source_open_edges"] = border->source_open_edges;
     j["open_edges"] = border->open_edges;

@@ -51,7 +51,9 @@ int main(int argc, char** argv) {
   add("serve", "Serve a scene to viewers over WebSocket and HTTP on one port.", addServe);
   add("publish", "Write a scene as files that never change, for a web server or an object store to serve.", addPublish);
   add("info", "Say what is in a scene.", addInfo);
-  add("set", "Change how a scene is shown: which way is up, units, title. Nothing is built again.", addSet);
+  add("set",
+      "Change how a scene is shown: up, north, units, coordinates, title, authors, background, first view, light.",
+      addSet);
   add("verify", "Read everything in a scene; check every checksum, bound and link.", addVerify);
   add("render", "Render a picture of a scene to PNG.", addRender);
   add("tour", "Write a camera path around a scene, for lumigrid-view --headless and lumigrid-compare.", addTour);

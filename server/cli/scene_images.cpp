@@ -39,6 +39,7 @@ void printJson(const std::string& scene, const MissingParts& missing) {
   if (missing.splats) j["qsplat"] = "missing";
   if (missing.methods) j["methods"] = "missing";
   if (missing.points) j["sampling_points"] = "missing";
+  if (missing.images_light) j["images_light"] = base::nameOf(*missing.images_light);
   for (const repository::ShardGaps& shard : missing.images) {
     nlohmann::json gaps = nlohmann::json::array();
     for (const repository::Gap& gap : shard.gaps)
@@ -60,13 +61,16 @@ void printText(const std::string& scene, const MissingParts& missing) {
     std::printf("scene.json: missing, though nothing else is; lumigrid build -o %s writes it\n", scene.c_str());
   if (missing.points)
     std::printf("sampling points: not selected yet; of all faces of the grid most will not be needed\n");
+  if (missing.images_light)
+    std::printf("images: drawn %s, which is no longer the scene's light; lumigrid build -o %s draws them again\n",
+                base::nameOf(*missing.images_light), scene.c_str());
   for (const repository::ShardGaps& shard : missing.images) {
     if (missing.shards != 0) std::printf("shard %u of %u: ", shard.shard.index, shard.shard.count);
     if (shard.being_written) {
       std::printf("being written by another process\n");
       continue;
     }
-    std::printf("%s faces missing\n", formatCount(shard.faces).c_str());
+    std::printf("%s faces %s\n", formatCount(shard.faces).c_str(), missing.images_light ? "to draw again" : "missing");
     for (std::size_t i = 0; i < shard.gaps.size() && i < kMaxPrintedGaps; ++i)
       std::printf("  %s to %s: %s faces\n", placeOf(shard.gaps[i].first).c_str(), placeOf(shard.gaps[i].last).c_str(),
                   formatCount(shard.gaps[i].faces).c_str());

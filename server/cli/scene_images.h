@@ -2,6 +2,7 @@
 // The images of a scene directory as the commands see them: how they are divided, which are missing, and which stores
 // do not belong there.
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -27,6 +28,8 @@ struct MissingParts {
   bool methods = false;                       ///< --methods auto has not measured yet whether there are to be images
   bool points = false;                        ///< --views has not selected points yet: all of the grid count
   std::vector<repository::ShardGaps> images;  ///< shards that lack faces
+  /// The light of the images that are there, where it is no longer the scene's: all faces are to be drawn again.
+  std::optional<base::LightMode> images_light;
   /// All is there, but nobody has checked that and written scene.json: any command that builds the scene does.
   bool declaration = false;
   bool files() const { return hierarchy || splats; }

@@ -1,44 +1,98 @@
 // lumigrid set: changes how a scene is shown, in scene.json alone, so that nothing is built or drawn again.
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <filesystem>
 #include <memory>
 #include <optional>
+#include <sstream>
 
 #include "base/file.h"
 #include "base/json/scene_file.h"
+#include "base/number.h"
+#include "base/text.h"
 #include "lod/patch/format.h"
 #include "lod/patch/orientation.h"
+#include "protocol/message.h"
 #include "server/cli/commands.h"
 #include "server/cli/console.h"
+#include "server/cli/first_view.h"
 #include "server/cli/scene_lock.h"
 #include "server/cli/up_axis.h"
 
 namespace server::cli {
 namespace {
 
+using OptionalText = std::optional<std::string>;
+
 struct SetArguments {
   std::string scene;
-  std::optional<std::string> up, units, title, start_view, light;
+  OptionalText up, north, units, crs, title, attribution, background, start_view, light;
 };
 
-constexpr const char* kAutoView = "auto";
-constexpr std::size_t kMaxPermalink = 512;  // docs/formats/permalink.md
+constexpr OptionalText SetArguments::*kChoices[] = {
+    &SetArguments::up,         &SetArguments::north,      &SetArguments::units,
+    &SetArguments::crs,        &SetArguments::title,      &SetArguments::attribution,
+    &SetArguments::background, &SetArguments::start_view, &SetArguments::light};
 
-// The permalink itself, or the one in the file of that name.
-base::Result<std::string> permalinkOf(const std::string& text) {
-  std::string link = text;
-  if (std::error_code ignored; std::filesystem::is_regular_file(text, ignored)) {
-    LUMIGRID_ASSIGN_OR_RETURN(const auto bytes, base::readFile(text));
-    link.assign(bytes.begin(), bytes.end());
-    link.erase(std::min(link.size(), link.find_last_not_of(" \r\n") + 1));
+constexpr const char* kAutomatic = "auto";
+
+base::Error wrongValue(const std::string& problem) {
+  return {base::ErrorCode::kInvalidInput, "set: " + problem};
+}
+
+// ---- Values, of which an empty one takes away what was set
+
+base::Result<void> checkText(const char* option, const OptionalText& text, std::size_t max_bytes) {
+  if (!text || (base::isPlainText(*text) && text->size() <= max_bytes)) return {};
+  return wrongValue(std::string(option) + " must be one line of UTF-8 of at most " + std::to_string(max_bytes) +
+                    " bytes");
+}
+
+base::Result<std::optional<double>> northFrom(const std::string& text) {
+  if (text.empty()) return std::optional<double>();
+  const auto degrees = base::parseNumber(text);
+  if (degrees && std::abs(*degrees) <= 360.0) return degrees;
+  return wrongValue("--north " + text + ": it must be degrees from -360 to 360, or empty");
+}
+
+/// Reads "#rrggbb" or "r,g,b".
+base::Result<std::optional<base::Rgb>> backgroundFrom(const std::string& text) {
+  if (text.empty()) return std::optional<base::Rgb>();
+  if (const auto color = base::parseRgb(text)) return color;
+  base::Rgb color{};
+  std::istringstream numbers(text);
+  std::string number;
+  std::size_t count = 0;
+  for (; std::getline(numbers, number, ','); ++count) {
+    const auto value = base::parseDecimal(number);
+    if (count == color.size() || value.value_or(256) > 255) break;
+    color[count] = static_cast<std::uint8_t>(*value);
   }
-  link.erase(0, link.find('#') == std::string::npos ? 0 : link.find('#') + 1);
-  const bool is_plain = std::all_of(link.begin(), link.end(), [](char c) { return c > ' ' && c < 127; });
-  if (link.starts_with("v=1&") && is_plain && link.size() <= kMaxPermalink) return link;
-  return base::Error{base::ErrorCode::kInvalidInput,
-                     "set: --start-view is neither a permalink, as `V` copies it in a viewer (v=1&p=...), nor a file "
-                     "with one, nor auto"};
+  if (count == color.size() && numbers.eof() && text.back() != ',') return std::optional(color);
+  return wrongValue("--background " + text + ": it must be #rrggbb, or red,green,blue of 0 to 255, or empty");
+}
+
+/// Checks what can be checked without the scene.
+base::Result<void> checkValues(const SetArguments& a) {
+  LUMIGRID_TRY(checkText("--units", a.units, protocol::kMaxUnits));
+  LUMIGRID_TRY(checkText("--title", a.title, protocol::kMaxText));
+  LUMIGRID_TRY(checkText("--attribution", a.attribution, base::kMaxAttribution));
+  if (a.crs && !a.crs->empty() && !base::isCrsName(*a.crs))
+    return wrongValue("--crs " + *a.crs + ": it must be an authority and its code, as EPSG:32718, or empty");
+  return {};
+}
+
+// ---- Changes
+
+void setTexts(const SetArguments& a, base::Scene& scene) {
+  if (a.units) {
+    scene.units = a.units->empty() ? "unknown" : *a.units;
+    scene.parameters["units"] = scene.units;
+  }
+  if (a.crs) scene.crs = *a.crs;
+  if (a.title) scene.title = *a.title;
+  if (a.attribution) scene.attribution = *a.attribution;
 }
 
 // Where the first view looks, with this up vector; splats alone leave it to viewers.
@@ -50,41 +104,65 @@ base::Result<std::optional<glm::dvec3>> startDirectionOf(const std::string& dire
   return std::optional(glm::normalize(glm::dvec3(found.direction)));
 }
 
+base::Result<void> setView(const SetArguments& a, base::Scene& scene) {
+  if (a.up) {
+    scene.up = axisNamed(*a.up);
+    scene.parameters["up"] = *a.up;
+  }
+  if (a.north) {
+    LUMIGRID_ASSIGN_OR_RETURN(scene.north, northFrom(*a.north));
+  }
+  if (a.background) {
+    LUMIGRID_ASSIGN_OR_RETURN(scene.background, backgroundFrom(*a.background));
+  }
+  if (a.start_view) {
+    scene.start_view.clear();
+    if (*a.start_view != kAutomatic) {
+      LUMIGRID_ASSIGN_OR_RETURN(scene.start_view, permalinkIn(*a.start_view));
+    }
+  }
+  if (a.up || (a.start_view && *a.start_view == kAutomatic)) {
+    LUMIGRID_ASSIGN_OR_RETURN(scene.start_direction, startDirectionOf(a.scene, scene));
+  }
+  return {};
+}
+
+bool hasImages(const std::string& directory, const base::Scene& scene) {
+  std::error_code ignored;
+  return base::partFile(scene, "images", "") || base::partFile(scene, "images/index", ".lgi") ||
+         std::filesystem::exists(directory + "/images", ignored);
+}
+
+/// Chooses the light, and keeps in the scene in which one its images were drawn as long as that is another.
+void setLight(const std::string& name, const std::string& directory, base::Scene& scene) {
+  const base::LightMode before = scene.light.mode;
+  const bool is_unlit = name == "unlit" || (name == kAutomatic && scene.has_colors);
+  scene.light.mode = is_unlit ? base::LightMode::kUnlit : base::LightMode::kSoft;
+  scene.parameters["light"] = name;
+
+  const base::LightMode drawn = scene.images_light.value_or(before);
+  scene.images_light.reset();
+  if (drawn == scene.light.mode || !hasImages(directory, scene)) return;
+  scene.images_light = drawn;
+  if (before == scene.light.mode) return;
+  const bool is_published = base::partFile(scene, "images/index", ".lgi").has_value();
+  const std::string advice = is_published ? "draw them again where the scene was built, and publish it again"
+                                          : "lumigrid build -o " + directory +
+                                                " draws them again (--missing lists them), for servers that start then";
+  std::fprintf(stderr, "lumigrid: the images stay as they were drawn, %s; %s\n", base::nameOf(drawn), advice.c_str());
+}
+
 base::Result<void> run(const SetArguments& a) {
+  LUMIGRID_TRY(checkValues(a));
   if (const auto there = base::readScene(a.scene); !there) return there.error();  // before a lock makes the directory
   LUMIGRID_ASSIGN_OR_RETURN(const auto lock, SceneLock::acquire(a.scene, [&](const std::string& holder) {
                               std::fprintf(stderr, "lumigrid: waiting for %s, which has the scene\n", holder.c_str());
                             }));
   // Another process may have changed it while this one waited.
   LUMIGRID_ASSIGN_OR_RETURN(auto scene, base::readScene(a.scene));
-  if (a.up) {
-    scene.up = axisNamed(*a.up);
-    scene.parameters["up"] = *a.up;
-  }
-  if (a.units) {
-    scene.units = *a.units;
-    scene.parameters["units"] = *a.units;
-  }
-  if (a.title) scene.title = *a.title;
-  if (a.start_view) {
-    scene.start_view.clear();
-    if (*a.start_view != kAutoView) {
-      LUMIGRID_ASSIGN_OR_RETURN(scene.start_view, permalinkOf(*a.start_view));
-    }
-  }
-  if (a.up || (a.start_view && *a.start_view == kAutoView)) {
-    LUMIGRID_ASSIGN_OR_RETURN(scene.start_direction, startDirectionOf(a.scene, scene));
-  }
-  if (a.light) {
-    const bool is_drawn = scene.has_colors && *a.light == kAutoView;
-    scene.light.mode = *a.light == "unlit" || is_drawn ? base::LightMode::kUnlit : base::LightMode::kSoft;
-    scene.parameters["light"] = *a.light;
-    if (base::partFile(scene, "images", "") || std::filesystem::exists(a.scene + "/images"))
-      std::fprintf(stderr,
-                   "lumigrid: the images were drawn in another light; build them again: lumigrid build -o %s "
-                   "--methods images --force\n",
-                   a.scene.c_str());
-  }
+  setTexts(a, scene);
+  LUMIGRID_TRY(setView(a, scene));
+  if (a.light) setLight(*a.light, a.scene, scene);
   return base::writeSceneFile(scene, a.scene + "/scene.json");
 }
 
@@ -93,22 +171,32 @@ base::Result<void> run(const SetArguments& a) {
 RunCommand addSet(CLI::App& command) {
   auto a = std::make_shared<SetArguments>();
   command.add_option("SCENE", a->scene, "scene directory, built or published")->required();
-  command.add_option("--up", a->up, "axis that points up in the first view")
-      ->check(CLI::IsMember(axisNames()))
-      ->default_str("");
-  command.add_option("--units", a->units, "unit of length of the mesh, e.g. m; unknown: not known")->default_str("");
-  command.add_option("--title", a->title, "name that viewers show; empty: the directory's")->default_str("");
-  command
-      .add_option("--start-view", a->start_view,
-                  "first view: a permalink, a file with one, or auto: the whole model from where most of it is seen")
-      ->default_str("");
-  command
-      .add_option("--light", a->light, "unlit: colours as scanned; soft: shaded; auto: by whether there are colours")
-      ->check(CLI::IsMember({kAutoView, "unlit", "soft"}))
-      ->default_str("");
+  const auto add = [&](const char* name, OptionalText SetArguments::*choice, const char* help) {
+    return command.add_option(name, (*a).*choice, help)->default_str("");
+  };
+  add("--up", &SetArguments::up, "axis that points up in the first view")->check(CLI::IsMember(axisNames()));
+  add("--north", &SetArguments::north,
+      "where north is, degrees clockwise as seen from above: from +y where up is z, from -z where up is y "
+      "(docs/formats/scene.md); empty: not known");
+  add("--units", &SetArguments::units, "unit of length of the mesh, e.g. m; unknown: not known");
+  add("--crs", &SetArguments::crs,
+      "what its coordinates are, by authority and code, e.g. EPSG:32718; empty: not known");
+  add("--title", &SetArguments::title, "name that viewers show; empty: the directory's");
+  add("--attribution", &SetArguments::attribution, "whom viewers name as the scan's authors; empty: nobody");
+  add("--background", &SetArguments::background,
+      "colour where there is no model, #rrggbb or red,green,blue; empty: the viewer's own");
+  add("--start-view", &SetArguments::start_view,
+      "first view: a permalink, a file with one, or auto: the whole model from where most of it is seen");
+  add("--light", &SetArguments::light,
+      "unlit: colours as scanned; soft: shaded; auto: by whether there are colours. Images that were drawn in another "
+      "light are to be drawn again")
+      ->check(CLI::IsMember({kAutomatic, "unlit", "soft"}));
   return [a] {
-    if (!a->up && !a->units && !a->title && !a->start_view && !a->light) {
-      std::fprintf(stderr, "lumigrid: set: nothing to set; give --up, --units, --title, --start-view or --light\n");
+    if (std::none_of(std::begin(kChoices), std::end(kChoices),
+                     [&](auto choice) { return ((*a).*choice).has_value(); })) {
+      std::fprintf(stderr,
+                   "lumigrid: set: nothing to set; give --up, --north, --units, --crs, --title, --attribution, "
+                   "--background, --start-view or --light\n");
       return kWrongUsage;
     }
     return exitStatus(run(*a));

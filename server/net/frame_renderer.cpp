@@ -24,6 +24,7 @@ void FrameRenderer::runThread(const std::stop_token& stop, std::promise<base::Re
   started.set_value({});
   std::optional<FrameJob> frame;
   while (waitForWork(stop, frame)) {
+    takeUpLights();
     if (frame) frame->done(renderFrame(*frame));
     if (current_picture_) drawPictureBand();
   }
@@ -40,6 +41,22 @@ base::Result<void> FrameRenderer::makeRenderers() {
                               SceneRenderer::create(scene->scene, scene->patches, kPatchBytes / scenes_.size()));
   }
   return {};
+}
+
+/// A picture that was begun is drawn to its end by the light it began with, and so are frames of its scene meanwhile.
+void FrameRenderer::takeUpLights() {
+  std::map<std::size_t, base::Light> lights;
+  {
+    const std::lock_guard lock(mutex_);
+    for (auto it = lights_.begin(); it != lights_.end();) {
+      const bool is_being_drawn = current_picture_ && current_picture_->painter && current_picture_->scene == it->first;
+      const auto next = std::next(it);
+      if (!is_being_drawn) lights.insert(lights_.extract(it));
+      it = next;
+    }
+  }
+  for (const auto& [scene, light] : lights)
+    if (auto done = renderers_[scene]->setLight(light); !done) spdlog::warn("light: {}", done.error().message);
 }
 
 /// Waits for a request. Sets `frame` to the next frame, if one waits, and keeps or begins the current picture. Returns
@@ -122,6 +139,11 @@ void FrameRenderer::requestFrame(std::uint64_t client, std::size_t scene, const 
   std::lock_guard lock(mutex_);
   queue_.push_back({client, scene, request, std::move(done)});
   changed_.notify_one();
+}
+
+void FrameRenderer::setLight(std::size_t scene, const base::Light& light) {
+  const std::lock_guard lock(mutex_);
+  lights_[scene] = light;
 }
 
 bool FrameRenderer::requestPicture(std::uint64_t client, std::size_t scene, const PictureRequest& request,

@@ -7,6 +7,7 @@
 #include <deque>
 #include <functional>
 #include <future>
+#include <map>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -40,6 +41,8 @@ class FrameRenderer {
   /// already besides the one being drawn. `done` is called on the renderer's thread.
   bool requestPicture(std::uint64_t client, std::size_t scene, const PictureRequest& request, std::size_t max_waiting,
                       OnPicture done);
+  /// Draws the scene by another light: each frame, and each picture that is begun, that is asked for from here on.
+  void setLight(std::size_t scene, const base::Light& light);
   /// Removes the client's requests from the queues and abandons its picture if that is being drawn. A `done` that runs
   /// already still completes.
   void cancel(std::uint64_t client);
@@ -63,6 +66,7 @@ class FrameRenderer {
   void runThread(const std::stop_token& stop, std::promise<base::Result<void>> started);
   bool waitForWork(const std::stop_token& stop, std::optional<FrameJob>& frame);
   base::Result<void> makeRenderers();
+  void takeUpLights();
   base::Bytes renderFrame(const FrameJob& job) const;
   void drawPictureBand();
   base::Result<bool> drawNextBand(PictureJob& job) const;
@@ -71,6 +75,7 @@ class FrameRenderer {
   std::vector<std::unique_ptr<SceneRenderer>> renderers_;  // used by the thread alone; parallel to `scenes_`
   std::mutex mutex_;
   std::condition_variable_any changed_;
+  std::map<std::size_t, base::Light> lights_;    // by scene: not yet taken up
   std::deque<FrameJob> queue_;                   // one per client at most, oldest first
   std::deque<PictureJob> pictures_;              // oldest first
   std::optional<std::uint64_t> current_client_;  // the client of current_picture_

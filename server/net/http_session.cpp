@@ -172,7 +172,8 @@ void HttpSession::requestPicture(const HttpRequest& request) {
     return doWrite(textReply(501, "this server renders no pictures; they need frames and --max-picture above 0\n"));
   const auto query = parseQuery(request.target);
   if (!query) return doWrite(badRequest(query.error()));
-  const auto picture = parsePictureRequest(*query, max_pixels);
+  hosted_->site->readAppearance();
+  const auto picture = parsePictureRequest(*query, max_pixels, hosted_->scene->scene.background);
   if (!picture) return doWrite(badRequest(picture.error()));
   const char* type = contentTypeOf(picture->format);
   if (request.method == "HEAD") return doWrite(headReply(type));

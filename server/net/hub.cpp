@@ -94,7 +94,13 @@ void Hub::startRenderer() {
   auto started = FrameRenderer::start(opened);
   if (!started) return spdlog::warn("no exact frames: {}", started.error().message);
   renderer = std::move(*started);
-  for (const auto& hosted : scenes) hosted->scene->data.welcome.can_render_frames = hosted->hasPatches();
+  for (const auto& hosted : scenes) {
+    if (!hosted->hasPatches()) continue;
+    hosted->scene->data.welcome.can_render_frames = true;
+    hosted->site->onLightChanged([this, number = hosted->number](const base::Light& light) {
+      if (renderer) renderer->setLight(number, light);
+    });
+  }
 }
 
 HostedScene* Hub::findScene(std::string_view target, std::string_view& rest) const {

@@ -16,7 +16,7 @@ namespace server {
 namespace {
 
 constexpr int kMaxSide = 32'768;      // pixels; SceneRenderer draws no larger picture
-constexpr Rgb kWhite{255, 255, 255};  // the background of formats without alpha
+constexpr Rgb kWhite{255, 255, 255};  // the background of formats without alpha, unless the scene has one
 constexpr double kMinFovDegrees = 0.05, kMaxFovDegrees = 179.9;
 constexpr double kMinTolerance = 0.2, kMaxTolerance = 1000.0;  // pixels; below the minimum nothing changes visibly
 constexpr double kMinSine = 1e-6;                              // sine of the angle between up and direction
@@ -137,12 +137,12 @@ base::Result<void> readSize(Values& values, std::uint64_t max_pixels, base::View
   return {};
 }
 
-base::Result<void> readFormat(Values& values, PictureRequest& request) {
+base::Result<void> readFormat(Values& values, const std::optional<Rgb>& background, PictureRequest& request) {
   const std::string format = values.removeValue("format").value_or("png");
   if (format != "png" && format != "jpeg") return wrongRender("format must be png or jpeg");
   if (format == "jpeg") {
     request.format = PictureRequest::Format::kJpeg;
-    request.background = kWhite;
+    request.background = background.value_or(kWhite);
   }
   return readInteger(values, "quality", 1, 100, request.quality);
 }
@@ -214,14 +214,15 @@ repository::Subsampling subsamplingFor(int quality) {
   return quality >= 90 ? repository::Subsampling::k444 : repository::Subsampling::k420;
 }
 
-base::Result<PictureRequest> parsePictureRequest(const Query& query, std::uint64_t max_pixels) {
+base::Result<PictureRequest> parsePictureRequest(const Query& query, std::uint64_t max_pixels,
+                                                 const std::optional<Rgb>& background) {
   Values values(query);
   PictureRequest request;
   LUMIGRID_TRY(readCamera(values, request.camera));
   LUMIGRID_TRY(readFov(values, request.camera));
   LUMIGRID_TRY(readNumber(values, "ortho_height", 0.0, protocol::kMaxCoordinate, request.camera.ortho_height));
   LUMIGRID_TRY(readSize(values, max_pixels, request.camera));
-  LUMIGRID_TRY(readFormat(values, request));
+  LUMIGRID_TRY(readFormat(values, background, request));
   LUMIGRID_TRY(readInteger(values, "supersampling", 1, 4, request.supersampling));
   LUMIGRID_TRY(readBackground(values, request));
   LUMIGRID_TRY(readSection(values, request));

@@ -36,8 +36,10 @@ const char* contentTypeOf(PictureRequest::Format format);
 /// From quality 90 on a JPEG's chroma has full resolution (4:4:4), as its loss would be visible.
 repository::Subsampling subsamplingFor(int quality);
 
-/// `max_pixels`: of the picture, width times height. Errors are one line for the visitor, with the name that is wrong.
-base::Result<PictureRequest> parsePictureRequest(const Query& query, std::uint64_t max_pixels);
+/// `max_pixels`: of the picture, width times height. `background`: the scene's, which a JPEG has where the query names
+/// none; without one it is white. Errors are one line for the visitor, with the name that is wrong.
+base::Result<PictureRequest> parsePictureRequest(const Query& query, std::uint64_t max_pixels,
+                                                 const std::optional<Rgb>& background = std::nullopt);
 
 class PicturePainter {
  public:

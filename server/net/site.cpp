@@ -38,8 +38,8 @@ bool isSameBuild(const base::Scene& a, const base::Scene& b) {
     for (const base::ScenePart& part : scene.parts) all.emplace_back(part.file, part.bytes, part.sha256);
     return all;
   };
-  return a.box_min == b.box_min && a.box_max == b.box_max && a.origin == b.origin && a.light == b.light &&
-         a.triangles == b.triangles && parts(a) == parts(b);
+  return a.box_min == b.box_min && a.box_max == b.box_max && a.origin == b.origin && a.triangles == b.triangles &&
+         parts(a) == parts(b);
 }
 
 /// Whether the visitor has these bytes already, so that 304 without a body is the answer.
@@ -187,20 +187,40 @@ void Site::readAppearance() {
     return;
   }
   if (!isSameBuild(*changed, scene_.scene)) return;
-  // Other threads read the scene meanwhile, but not these members.
-  scene_.scene.up = changed->up;
-  scene_.scene.units = changed->units;
-  scene_.scene.title = changed->title;
-  scene_.scene.start_direction = changed->start_direction;
-  scene_.scene.start_view = changed->start_view;
+  takeUpAppearance(*changed);
   scene_.scene_json = std::move(*bytes);
   scene_etag_ = entityTag(scene_.scene_json);
-  const protocol::Welcome shown = protocol::welcomeOf(*changed, scene_.name);
-  scene_.data.welcome.up = shown.up;
-  scene_.data.welcome.units = shown.units;
-  scene_.data.welcome.scene_name = shown.scene_name;
-  scene_.data.welcome.start_direction = shown.start_direction;
-  scene_.data.welcome.start_view = shown.start_view;
+}
+
+void Site::takeUpAppearance(const base::Scene& changed) {
+  // Other threads read the scene meanwhile, but not these members.
+  base::Scene& scene = scene_.scene;
+  scene.up = changed.up;
+  scene.units = changed.units;
+  scene.title = changed.title;
+  scene.start_direction = changed.start_direction;
+  scene.start_view = changed.start_view;
+  scene.north = changed.north;
+  scene.crs = changed.crs;
+  scene.attribution = changed.attribution;
+  scene.background = changed.background;
+  scene.images_light = changed.images_light;
+  const bool is_relit = changed.light != scene.light;
+  scene.light = changed.light;
+
+  // The rest of the Welcome tells of files that are open here.
+  protocol::Welcome shown = protocol::welcomeOf(scene, scene_.name);
+  const protocol::Welcome& open = scene_.data.welcome;
+  shown.has_colors = open.has_colors;
+  shown.lattice_origin = open.lattice_origin;
+  shown.lattice_step = open.lattice_step;
+  shown.group_count = open.group_count;
+  shown.patch_count = open.patch_count;
+  shown.source_triangles = open.source_triangles;
+  shown.grid = open.grid;
+  shown.can_render_frames = open.can_render_frames;
+  scene_.data.welcome = std::move(shown);
+  if (is_relit && take_up_light_) take_up_light_(scene.light);
 }
 
 void Site::addSceneFiles() {
@@ -272,9 +292,11 @@ HttpReply Site::plainHomeReply(const HttpRequest& request, const std::string& pl
   const std::string size = scene_.data.patches != nullptr
                                ? std::to_string(scene_.data.welcome.source_triangles) + " triangles"
                                : std::string("Splats");
+  const std::string& attribution = scene_.data.welcome.attribution;
+  const std::string credit = attribution.empty() ? "" : "<p>" + escapeHtml(attribution) + "</p>\n";
   HttpReply reply = textReply(
       200, "<!doctype html>\n<html lang=\"en\"><meta charset=\"utf-8\"><title>" + name + " - Lumigrid</title>\n<h1>" +
-               name + "</h1>\n<p>" + size + ". Look at it with</p>\n<pre>lumigrid-view ws://" +
+               name + "</h1>\n" + credit + "<p>" + size + ". Look at it with</p>\n<pre>lumigrid-view ws://" +
                shownHost(request.host, place) +
                "/</pre>\n<p>To look at it here, in the browser, the server needs the page's files: build the preset "
                "<code>web</code> and start <code>lumigrid serve</code> with <code>--web DIR</code> "

@@ -2,6 +2,7 @@
 // The HTTP answers of one scene that come from memory at once: the page, the scene's files, small texts
 // (docs/formats/http.md). It knows no sockets. /render and /pick, which are answered later, are not its business.
 #include <filesystem>
+#include <functional>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -99,8 +100,11 @@ class Site {
   /// Takes over what `lumigrid set` wrote since the last call into a local scene's scene.json. A scene.json of another
   /// build is left alone: it describes files that are not open here.
   void readAppearance();
+  /// `take_up` is called by readAppearance() with a light that differs from the one before.
+  void onLightChanged(std::function<void(const base::Light&)> take_up) { take_up_light_ = std::move(take_up); }
 
  private:
+  void takeUpAppearance(const base::Scene& changed);
   HttpReply homeReply(const HttpRequest& request, const std::string& place) const;
   HttpReply plainHomeReply(const HttpRequest& request, const std::string& place) const;
   HttpReply sceneReply(const HttpRequest& request);
@@ -124,6 +128,7 @@ class Site {
   const PageFiles pages_;
   Annotations annotations_;
   std::string scene_etag_;
+  std::function<void(const base::Light&)> take_up_light_;
   std::vector<SceneFile> files_;
 };
 

@@ -194,6 +194,7 @@ void WebSocketSession::requestFaces(FaceRequest request) {
 
 void WebSocketSession::requestFrame(const FrameRequest& request) {
   if (!hub_->renderer) return;
+  hosted_.site->readAppearance();
   const auto done = answerTo<base::Bytes>(this, [request](WebSocketSession& self, base::Bytes value) {
     self.session_.frameRendered(request, std::move(value));
     self.doWrite();

@@ -1,13 +1,10 @@
 #pragma once
 // Compositing of pictures over a background.
-#include <array>
-#include <cstdint>
-
 #include "base/image.h"
 
 namespace server {
 
-using Rgb = std::array<std::uint8_t, 3>;
+using base::Rgb;
 
 /// Composites a picture with alpha (4 channels) over an opaque colour; returns 3 channels.
 base::Image compositeOver(const base::Image& rgba, const Rgb& background);

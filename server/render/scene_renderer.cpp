@@ -175,11 +175,17 @@ base::Result<std::unique_ptr<SceneRenderer>> SceneRenderer::create(const base::S
     return base::Error{base::ErrorCode::kUnsupported,
                        "render: no GL context is current on this thread; make a base::HeadlessContext first"};
   std::unique_ptr<SceneRenderer> renderer(new SceneRenderer(patches, gpu_budget_bytes));
-  LUMIGRID_ASSIGN_OR_RETURN(renderer->surface_, linkSurface(scene.light));
-  LUMIGRID_ASSIGN_OR_RETURN(renderer->with_modes_, linkModes(scene.light));
+  LUMIGRID_TRY(renderer->setLight(scene.light));
   LUMIGRID_ASSIGN_OR_RETURN(renderer->resolve_, ResolvePass::create());
-  renderer->lit_ = scene.light.mode != base::LightMode::kUnlit;
   return renderer;
+}
+
+base::Result<void> SceneRenderer::setLight(const base::Light& light) {
+  LUMIGRID_ASSIGN_OR_RETURN(auto surface, linkSurface(light));
+  LUMIGRID_ASSIGN_OR_RETURN(with_modes_, linkModes(light));
+  surface_ = std::move(surface);
+  lit_ = light.mode != base::LightMode::kUnlit;
+  return {};
 }
 
 base::Result<void> SceneRenderer::orDrop(base::Result<void> result) {

@@ -57,6 +57,9 @@ class SceneRenderer {
                                 const std::function<void(std::size_t camera, RenderedPicture)>& deliver);
   base::Result<void> finish();
 
+  /// Shades by another light from the next picture on. An error leaves the light as it is.
+  base::Result<void> setLight(const base::Light& light);
+
   float sceneRadius() const { return box_.empty() ? 0.0F : 0.5F * box_.diagonal(); }
   glm::vec3 sceneCenter() const { return box_.empty() ? glm::vec3(0.0F) : box_.center(); }
 

@@ -93,6 +93,7 @@ Result<ImageChoices> prepareImages(const BuildArguments& a, BuildOutput& output,
   ImageChoices choices;
   if (wants(a, "images")) {
     LUMIGRID_TRY(removeOrphanStores(a, selection.shards));
+    LUMIGRID_TRY(removeImagesOfOtherLight(a, selection.shards, *output.scene));
     LUMIGRID_ASSIGN_OR_RETURN(choices, makeImageChoices(a, output, line));
     report.tuned = choices.tuned;
   }
@@ -197,6 +198,7 @@ Result<MissingParts> findMissingParts(BuildArguments a) {
     missing.declaration = !missing.files() && !output.finished && !hasMethod(scene.parameters, "images");
     return missing;
   }
+  missing.images_light = scene.images_light;
   LUMIGRID_ASSIGN_OR_RETURN(missing.images, findMissingImages(a, scene, selection.shards, &missing.points));
   if (selection.index)
     std::erase_if(missing.images, [&](const auto& one) { return one.shard.index != *selection.index; });

@@ -205,6 +205,17 @@ Result<void> removeOrphanStores(const BuildArguments& a, std::uint32_t shards) {
   return {};
 }
 
+Result<void> removeImagesOfOtherLight(const BuildArguments& a, std::uint32_t shards, base::Scene& scene) {
+  if (!scene.images_light) return {};
+  for (std::uint32_t i = 0; i < std::max(shards, 1U); ++i)
+    LUMIGRID_TRY(repository::removeLmdbStore(repository::storeDirectory(imagesOf(a), shards, i)));
+  if (!a.quiet)
+    std::fprintf(stderr, "light: all images are drawn again, since those there were drawn %s\n",
+                 base::nameOf(*scene.images_light));
+  scene.images_light.reset();
+  return {};
+}
+
 Result<Trial> chooseMethods(const BuildArguments& a, BuildOutput& output, ProgressLine& line) {
   auto stored = storedTrial(output.scene->parameters);
   if (!stored)
@@ -258,10 +269,13 @@ Result<std::vector<repository::ShardGaps>> findMissingImages(const BuildArgument
     if (a.tune_db) {
       LUMIGRID_ASSIGN_OR_RETURN(choices.tuned, storedChoice(scene.parameters));
     }
-    LUMIGRID_ASSIGN_OR_RETURN(choices.points, readSelection(selectionFileOf(a), scene, bakeOptions(a, scene, choices)));
+    base::Scene drawn = scene;  // the points were selected for the light that the images were drawn in
+    drawn.light.mode = scene.images_light.value_or(scene.light.mode);
+    LUMIGRID_ASSIGN_OR_RETURN(choices.points, readSelection(selectionFileOf(a), drawn, bakeOptions(a, drawn, choices)));
     if (unselected != nullptr) *unselected = !choices.points.has_value();
   }
-  return repository::findMissing(imagesOf(a), shards, gridFor(a, scene), choices.points ? &*choices.points : nullptr);
+  return repository::findMissing(imagesOf(a), shards, gridFor(a, scene), choices.points ? &*choices.points : nullptr,
+                                 scene.images_light.has_value());
 }
 
 }  // namespace server::cli

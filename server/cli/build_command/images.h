@@ -32,6 +32,10 @@ base::Result<void> settleDivision(const BuildArguments& a, const BuildOutput& ou
 /// Removes stores of another division, which hold nothing that anybody reads.
 base::Result<void> removeOrphanStores(const BuildArguments& a, std::uint32_t shards);
 
+/// Removes the images, and forgets their light, where `lumigrid set --light` has chosen another since they were drawn.
+/// Under the scene's lock. kBusy while another process writes them.
+base::Result<void> removeImagesOfOtherLight(const BuildArguments& a, std::uint32_t shards, base::Scene& scene);
+
 /// The choices that are made once for all stores of a scene.
 struct ImageChoices {
   std::optional<TuneChoice> tuned;               ///< with --tune
@@ -50,8 +54,8 @@ base::Result<ImageChoices> makeImageChoices(const BuildArguments& a, BuildOutput
 base::Result<void> buildImages(const BuildArguments& a, const BuildOutput& output, const ImageChoices& choices,
                                const ShardSelection& selection, BuildReport& report, ProgressLine& line);
 
-/// The faces that the stores lack. `unselected`, where given, is told whether --views has yet to select points: then
-/// all points of the grid count.
+/// The faces that the stores lack, and those that are there in another light than the scene's. `unselected`, where
+/// given, is told whether --views has yet to select points: then all points of the grid count.
 base::Result<std::vector<repository::ShardGaps>> findMissingImages(const BuildArguments& a, const base::Scene& scene,
                                                                    std::uint32_t shards, bool* unselected = nullptr);
 

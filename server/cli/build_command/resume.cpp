@@ -103,7 +103,8 @@ Result<BuildOutput> goOnWith(const BuildArguments& a, const SceneSources& source
         a.output +
             ": holds an unfinished build of other meshes or options; repeat those, or say --force to start afresh"};
   if (fit == Fit::kMore) adoptParameters(a, scene);
-  return BuildOutput{std::move(scene), finished && fit == Fit::kSame, ""};
+  const bool is_relit = scene.images_light && wants(a, "images");
+  return BuildOutput{std::move(scene), finished && fit == Fit::kSame && !is_relit, ""};
 }
 
 // A build that was stopped on the way has left its work files, or a file that nothing lists yet.

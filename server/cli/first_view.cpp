@@ -1,0 +1,109 @@
+#include "server/cli/first_view.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <filesystem>
+#include <span>
+
+#include "base/camera.h"
+#include "base/file.h"
+#include "base/number.h"
+#include "base/text.h"
+
+namespace server::cli {
+namespace {
+
+constexpr std::size_t kMaxPermalink = 512;
+constexpr std::size_t kMaxNumber = 40;  // characters
+
+bool isNumber(std::string_view text, double least, double most) {
+  const double value = base::parseNumber(text).value_or(std::nan(""));
+  return text.size() <= kMaxNumber && value >= least && value <= most;
+}
+
+/// Takes what stands before the separator off the front; all of it where there is no separator.
+std::string_view takeFront(std::string_view& text, char separator) {
+  const std::string_view front = text.substr(0, text.find(separator));
+  text.remove_prefix(std::min(text.size(), front.size() + 1));
+  return front;
+}
+
+/// Whether the text is numbers with commas between them, as many as there are limits and each within ± its own.
+bool areNumbers(std::string_view text, std::span<const double> limits) {
+  if (static_cast<std::size_t>(std::count(text.begin(), text.end(), ',')) + 1 != limits.size()) return false;
+  return std::all_of(limits.begin(), limits.end(),
+                     [&](double limit) { return isNumber(takeFront(text, ','), -limit, limit); });
+}
+
+bool isPosition(std::string_view value) {
+  constexpr std::array kLimits{base::kMaxCoordinate, base::kMaxCoordinate, base::kMaxCoordinate};
+  return areNumbers(value, kLimits);
+}
+bool isDirection(std::string_view value) {
+  constexpr std::array kLimits{360.0, 90.0};
+  return areNumbers(value, kLimits);
+}
+bool isDistance(std::string_view value) {
+  return isNumber(value, 1e-9, base::kMaxCoordinate);
+}
+bool isFieldOfView(std::string_view value) {
+  return isNumber(value, 0.1, 170.0);
+}
+bool isMethod(std::string_view value) {
+  return value == "lumigraph" || value == "patches" || value == "qsplat";
+}
+bool areOptions(std::string_view value) {
+  return std::all_of(value.begin(), value.end(), [&](char c) {
+    return std::string_view("sco").find(c) != std::string_view::npos && std::count(value.begin(), value.end(), c) == 1;
+  });
+}
+bool isSection(std::string_view value) {
+  if (std::count(value.begin(), value.end(), ',') != 2) return false;
+  const std::string_view axis = takeFront(value, ',');
+  const std::string_view offset = takeFront(value, ',');
+  return (axis == "x" || axis == "y" || axis == "z") && (value == "a" || value == "b") &&
+         isNumber(offset, -base::kMaxCoordinate, base::kMaxCoordinate);
+}
+
+struct LinkPart {
+  char name;
+  bool needed;
+  bool (*is_valid)(std::string_view value);
+};
+constexpr LinkPart kParts[] = {{'p', true, isPosition},     {'a', true, isDirection}, {'r', true, isDistance},
+                               {'f', false, isFieldOfView}, {'m', false, isMethod},   {'o', false, areOptions},
+                               {'x', false, isSection}};
+
+}  // namespace
+
+bool isPermalink(std::string_view text) {
+  if (text.size() > kMaxPermalink || text.ends_with('&') || takeFront(text, '&') != "v=1") return false;
+  std::string seen;
+  while (!text.empty()) {
+    const std::string_view part = takeFront(text, '&');
+    const auto known = std::find_if(std::begin(kParts), std::end(kParts), [&](const LinkPart& one) {
+      return part.size() >= 2 && part[0] == one.name && part[1] == '=';
+    });
+    if (known == std::end(kParts) || seen.find(known->name) != std::string::npos) return false;
+    if (!known->is_valid(part.substr(2))) return false;
+    seen += known->name;
+  }
+  return std::all_of(std::begin(kParts), std::end(kParts),
+                     [&](const LinkPart& one) { return !one.needed || seen.find(one.name) != std::string::npos; });
+}
+
+base::Result<std::string> permalinkIn(const std::string& text) {
+  std::string link = text;
+  if (std::error_code ignored; std::filesystem::is_regular_file(text, ignored)) {
+    LUMIGRID_ASSIGN_OR_RETURN(const auto bytes, base::readFile(text));
+    link = base::trimmed(base::textOf(bytes));
+  }
+  link.erase(0, link.find('#') == std::string::npos ? 0 : link.find('#') + 1);
+  if (isPermalink(link)) return link;
+  return base::Error{base::ErrorCode::kInvalidInput,
+                     "set: --start-view is neither a permalink, as `V` copies it in a viewer (v=1&p=...), nor a file "
+                     "with one, nor auto"};
+}
+
+}  // namespace server::cli
