@@ -161,4 +161,13 @@ glm::dvec3 closestPointOnTriangle(const glm::dvec3& p, const glm::dvec3& a, cons
   return weight.y == 1.0 ? b : weight.z == 1.0 ? c : a + (b - a) * weight.y + (c - a) * weight.z;
 }
 
+glm::dvec3 northDirection(const glm::dvec3& up, double degrees) {
+  const glm::dvec3 above = glm::normalize(up);
+  // East of the reference: +x made horizontal, and +y where +x points up or down.
+  const glm::dvec3 axis = std::abs(above.x) < 0.9 ? glm::dvec3(1, 0, 0) : glm::dvec3(0, 1, 0);
+  const glm::dvec3 east = glm::normalize(axis - glm::dot(axis, above) * above);
+  const double turn = glm::radians(degrees);
+  return std::cos(turn) * glm::cross(above, east) + std::sin(turn) * east;
+}
+
 }  // namespace base

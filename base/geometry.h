@@ -53,6 +53,10 @@ struct Frustum {
   bool mayOverlap(const Sphere& sphere) const;
 };
 
+/// The unit direction `degrees` clockwise, as seen from above, from the reference of docs/formats/scene.md, "North".
+/// `up` need not be unit.
+glm::dvec3 northDirection(const glm::dvec3& up, double degrees);
+
 /// The weights of a, b and c, 0 … 1, that give the point of the triangle closest to p (Ericson 2005, section 5.1.5).
 glm::dvec3 closestWeightsOnTriangle(const glm::dvec3& p, const glm::dvec3& a, const glm::dvec3& b, const glm::dvec3& c);
 /// The point of the triangle closest to p.

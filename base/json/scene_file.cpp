@@ -227,13 +227,7 @@ std::string formatScene(const Scene& scene) {
 }
 
 glm::dvec3 northOf(const Scene& scene) {
-  if (!scene.north) return glm::dvec3(0.0);
-  const glm::dvec3 up = glm::normalize(scene.up);
-  // East of the reference direction: +x made horizontal, and +y where +x points up or down.
-  const glm::dvec3 axis = std::abs(up.x) < 0.9 ? glm::dvec3(1, 0, 0) : glm::dvec3(0, 1, 0);
-  const glm::dvec3 east = glm::normalize(axis - glm::dot(axis, up) * up);
-  const double turn = glm::radians(*scene.north);
-  return std::cos(turn) * glm::cross(up, east) + std::sin(turn) * east;
+  return scene.north ? northDirection(scene.up, *scene.north) : glm::dvec3(0.0);
 }
 
 const char* nameOf(LightMode mode) {

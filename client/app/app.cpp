@@ -297,6 +297,15 @@ const std::string& App::unit() const {
   return framed_ ? framed_->units : kUnknown;
 }
 
+std::optional<double> App::northTurn() const {
+  if (!framed_ || framed_->north == glm::vec3(0.0F)) return std::nullopt;
+  const base::ViewCamera view = control_.camera();
+  const glm::dvec3 right = glm::cross(view.direction, view.up);
+  const glm::dvec3 ahead = glm::cross(glm::dvec3(framed_->up), right);
+  const glm::dvec3 north(framed_->north);
+  return std::atan2(glm::dot(north, right), glm::dot(north, ahead));
+}
+
 Statistics App::statistics() const {
   Statistics out;
   out.viewer = viewer_.stats();

@@ -222,6 +222,13 @@ class App {
   const std::string& unit() const;  ///< unit of the scene's lengths; empty when not known
   /// Empty before the scene is known.
   std::string sceneName() const { return framed_ ? framed_->scene_name : ""; }
+  /// Whom the scene names as the scan's authors, to be shown with its name; mostly empty.
+  std::string attribution() const { return framed_ ? framed_->attribution : ""; }
+  /// The scene's own colour where there is no model.
+  std::optional<base::Rgb> sceneBackground() const { return framed_ ? framed_->background : std::nullopt; }
+  /// Where north is in the present view, as on a compass: radians clockwise from straight ahead. Nothing when the scene
+  /// does not know its north.
+  std::optional<double> northTurn() const;
   base::ViewCamera camera() const;  ///< the camera that is drawn now
   Statistics statistics() const;
 

@@ -15,6 +15,7 @@
 #include "base/png/png.h"
 #include "base/stopwatch.h"
 #include "client/native/jpeg_decoder.h"
+#include "client/native/units.h"
 
 namespace client {
 namespace {
@@ -120,6 +121,8 @@ base::Result<void> HeadlessRun::waitForWelcome() {
       LUMIGRID_TRY(openScene(*instead));
     LUMIGRID_TRY(checkConnection());
   }
+  const std::optional<base::Rgb>& background = viewer_->session().welcome()->background;
+  if (options_.scene_background && background) viewer_->setBackground(opaque(*background));
   start_ = base::Stopwatch();
   return {};
 }

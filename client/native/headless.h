@@ -38,7 +38,8 @@ struct HeadlessOptions {
   LinkLimit link;
   double connect_timeout = 10.0;  ///< seconds
   unsigned decoder_threads = 2;
-  std::string out_dir;  ///< folder for PNG files and frames.jsonl; empty: none are written
+  bool scene_background = false;  ///< pictures have the scene's background, where it has one
+  std::string out_dir;            ///< folder for PNG files and frames.jsonl; empty: none are written
   std::function<void(const HeadlessFrame&)> on_frame;
   std::function<bool()> cancelled;  ///< polled; true ends the run with kCancelled
 };

@@ -120,7 +120,9 @@ void addSplatOptions(CLI::App& app, Arguments& a) {
 
 void addPictureOptions(CLI::App& app, Arguments& a) {
   app.option_defaults()->group("Display");
-  app.add_option("--background", a.background, "#rrggbb, #rrggbbaa or transparent");
+  app.add_option(
+      "--background", a.background,
+      "#rrggbb, #rrggbbaa, transparent, or scene: the one that the scene has, which a window takes by itself");
   app.add_option("--size", a.size,
                  "Window size (default: 1280x720); headless: size of all pictures, whatever the path says");
 }
@@ -201,7 +203,10 @@ base::Result<void> parseArguments(Arguments& a) {
   LUMIGRID_ASSIGN_OR_RETURN(const auto cache, forOption("--cache", client::parseByteCount(a.cache)));
   LUMIGRID_ASSIGN_OR_RETURN(const auto gpu_memory, forOption("--gpu-memory", client::parseByteCount(a.gpu_memory)));
   LUMIGRID_ASSIGN_OR_RETURN(const auto memory, forOption("--memory", client::parseByteCount(a.memory)));
-  LUMIGRID_ASSIGN_OR_RETURN(const auto background, forOption("--background", client::parseColor(a.background)));
+  const bool of_scene = a.background == "scene";
+  LUMIGRID_ASSIGN_OR_RETURN(const auto background,
+                            forOption("--background", client::parseColor(of_scene ? "transparent" : a.background)));
+  run.scene_background = of_scene;
   if (!a.size.empty()) {
     LUMIGRID_ASSIGN_OR_RETURN(const auto size, forOption("--size", client::parseViewSize(a.size)));
     std::tie(a.window.width, a.window.height) = size;

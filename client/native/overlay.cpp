@@ -22,6 +22,8 @@ constexpr float kPointRadius = 4.0F;
 constexpr float kHandleRadius = 9.0F;
 constexpr float kCardWidth = 320.0F;
 constexpr float kProgressHeight = 3.0F;
+constexpr float kCreditWidth = 480.0F;
+constexpr float kCompassRadius = 20.0F;
 
 /// Places where distributions put fonts that read well.
 constexpr const char* kFonts[] = {
@@ -62,6 +64,7 @@ class Painter {
     if (app_.view().statistics) drawStatistics();
     if (app_.view().colors_by_resolution) drawLegend();
     drawMessages();
+    drawCredits();
     if (app_.helpShown()) drawHelp();
     if (app_.openAnnotation()) drawCard();
   }
@@ -191,6 +194,39 @@ class Painter {
     show("hint", colors_.text, app_.modeHint());
     for (auto toast = app_.toasts().rbegin(); toast != app_.toasts().rend(); ++toast)
       show("toast" + std::to_string(toast->id), toast->error ? colors_.error : colors_.text, toast->text);
+  }
+
+  /// Draws, at the lower right, the scan's authors and above them where north is.
+  void drawCredits() const {
+    ImDrawList& list = *ImGui::GetBackgroundDrawList();
+    float bottom = size_.y - kMargin * scale_;
+    if (const std::string text = app_.attribution(); !text.empty()) {
+      const float wrap = std::min(kCreditWidth * scale_, 0.6F * size_.x);
+      const ImVec2 size = ImGui::CalcTextSize(text.c_str(), nullptr, false, wrap);
+      const ImVec2 corner(size_.x - kMargin * scale_ - size.x, bottom - size.y);
+      const float pad = 5.0F * scale_;
+      list.AddRectFilled({corner.x - pad, corner.y - 0.5F * pad},
+                         {corner.x + size.x + pad, corner.y + size.y + 0.5F * pad}, packed(colors_.panel),
+                         4.0F * scale_);
+      list.AddText(nullptr, 0.0F, corner, packed(colors_.text), text.c_str(), nullptr, wrap);
+      bottom = corner.y - kMargin * scale_;
+    }
+    if (const auto turn = app_.northTurn()) {
+      const float radius = kCompassRadius * scale_;
+      drawCompass(list, {size_.x - kMargin * scale_ - radius, bottom - radius}, radius, static_cast<float>(*turn));
+    }
+  }
+  void drawCompass(ImDrawList& list, const ImVec2& center, float radius, float turn) const {
+    // `along` towards north, `across` to its right.
+    const auto at = [&](float along, float across) -> ImVec2 {
+      return {center.x + radius * (along * std::sin(turn) + across * std::cos(turn)),
+              center.y + radius * (across * std::sin(turn) - along * std::cos(turn))};
+    };
+    list.AddCircleFilled(center, radius, packed(colors_.panel));
+    list.AddTriangleFilled(at(0.9F, 0.0F), at(0.1F, -0.35F), at(0.1F, 0.35F), packed(colors_.accent));
+    const ImVec2 letter = ImGui::CalcTextSize("N");
+    const ImVec2 middle = at(-0.4F, 0.0F);
+    list.AddText({middle.x - 0.5F * letter.x, middle.y - 0.5F * letter.y}, packed(colors_.text), "N");
   }
 
   void drawHelp() const {

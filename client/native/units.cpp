@@ -77,4 +77,9 @@ base::Result<std::array<float, 4>> parseColor(const std::string& text) {
   return color;
 }
 
+std::array<float, 4> opaque(const base::Rgb& color) {
+  const auto share = [](std::uint8_t part) { return static_cast<float>(part) / 255.0F; };
+  return {share(color[0]), share(color[1]), share(color[2]), 1.0F};
+}
+
 }  // namespace client

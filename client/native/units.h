@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "base/error.h"
+#include "base/image.h"
 
 namespace client {
 
@@ -19,5 +20,7 @@ base::Result<double> parseDuration(const std::string& text);
 base::Result<std::pair<int, int>> parseViewSize(const std::string& text);
 /// "#rrggbb", "#rrggbbaa" or "transparent": RGBA, 0 … 1.
 base::Result<std::array<float, 4>> parseColor(const std::string& text);
+/// The same of a colour without alpha.
+std::array<float, 4> opaque(const base::Rgb& color);
 
 }  // namespace client

@@ -34,6 +34,7 @@
 #include "client/native/overlay.h"
 #include "client/native/published_scene.h"
 #include "client/native/settings_panel.h"
+#include "client/native/units.h"
 #include "client/native/user_files.h"
 
 namespace client {
@@ -179,7 +180,8 @@ class Window {
   bool overlay_ready_ = false;
   OverlayLook look_;
   std::array<float, 4> background_{};
-  bool theme_background_ = false;  // no background was given, so it follows the theme
+  std::optional<base::Rgb> scene_background_;
+  bool theme_background_ = false;  // no background was given, so it is the scene's, or follows the theme
   bool settings_open_ = false;
   SettingsPanel settings_panel_;
   std::unique_ptr<App> app_;
@@ -301,7 +303,7 @@ void Window::startOverlay() {
 void Window::applyTheme() {
   look_.dark = static_cast<Theme>(static_cast<int>(app_->settings().theme)) != Theme::kLight;
   styleOverlay(look_);
-  if (theme_background_) background_ = overlayBackground(look_.dark);
+  if (theme_background_) background_ = scene_background_ ? opaque(*scene_background_) : overlayBackground(look_.dark);
   app_->setBackground(background_);
 }
 
@@ -399,6 +401,8 @@ void Window::startScene() {
   if (scene_ == key) return;
   scene_ = key;
   glfwSetWindowTitle(window_, ("Lumigrid: " + welcome->scene_name).c_str());
+  scene_background_ = welcome->background;
+  applyTheme();
   app_->showToast("H shows what mouse and keys do");
 
   const auto bookmarks = readBookmarks(options_.config_directory, key);

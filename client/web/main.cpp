@@ -7,11 +7,14 @@
 #include <emscripten/emscripten.h>
 #include <emscripten/html5.h>
 
+#include <cmath>
 #include <memory>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "base/geometry.h"
+#include "base/text.h"
 #include "client/app/app.h"
 #include "client/web/page.h"
 #include "client/web/text_rows.h"
@@ -30,7 +33,7 @@ glm::dvec3 vectorAt(const double* numbers) {
 }  // namespace
 
 protocol::Welcome welcomeOf(const std::string& name, const std::string& units, const std::string& start_view,
-                            const double* numbers) {
+                            const std::string& attribution, const double* numbers) {
   protocol::Welcome welcome;
   welcome.scene_name = name;
   welcome.units = units == "unknown" ? "" : units;
@@ -42,6 +45,13 @@ protocol::Welcome welcomeOf(const std::string& name, const std::string& units, c
   welcome.light_direction = glm::vec3(vectorAt(numbers + 13));
   welcome.start_direction = glm::vec3(vectorAt(numbers + 16));
   welcome.start_view = start_view;
+  welcome.attribution = attribution;
+  if (numbers[19] >= 0.0) {
+    const auto color = static_cast<std::uint32_t>(numbers[19]);
+    welcome.background = base::Rgb{static_cast<std::uint8_t>(color >> 16), static_cast<std::uint8_t>(color >> 8),
+                                   static_cast<std::uint8_t>(color)};
+  }
+  if (!std::isnan(numbers[20])) welcome.north = glm::vec3(base::northDirection(vectorAt(numbers + 9), numbers[20]));
   return welcome;
 }
 
@@ -264,13 +274,18 @@ EMSCRIPTEN_KEEPALIVE double overlayVersion() {
 }
 
 /// Returns the overlay as rows that begin with their kind:
-///   scene name unit | status kind text advice | progress active share | mode mode hint | help shown
-///   view statistics colours orthographic section lens | toast id error text | annotation index
+///   scene name unit attribution background north | status kind text advice | progress active share
+///   mode mode hint | help shown | view statistics colours orthographic section lens
+///   toast id error text | annotation index
 ///   label kind index x y visible approximate open text | line x0 y0 x1 y1 approximate
 EMSCRIPTEN_KEEPALIVE const char* overlay() {
   const client::App& app = *page.app;
   client::TextRows rows;
-  rows.addRow("scene", app.sceneName(), app.unit());
+  const auto background = app.sceneBackground();
+  rows.add("scene").add(app.sceneName()).add(app.unit()).add(app.attribution());
+  rows.add(background ? base::formatRgb(*background) : std::string());
+  if (const auto north = app.northTurn()) rows.add(*north);
+  rows.end();
   const client::Status status = app.status();
   rows.addRow("status", status.kind, status.text, status.advice);
   const client::Progress progress = app.progress();

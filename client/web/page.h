@@ -28,11 +28,12 @@ extern Page page;
 extern const Method kPageMethod;
 
 /// Count of the numbers that the page's JavaScript reads from scene.json (client/web/site/static_scene.js): origin,
-/// box_min, box_max, up (world, 3 each), 1 when unlit, the light's direction (3).
-inline constexpr int kWelcomeNumbers = 19;
+/// box_min, box_max, up (world, 3 each), 1 when unlit, the light's direction (3), the first direction (3), the
+/// background as 0xrrggbb or -1, north in degrees or NaN.
+inline constexpr int kWelcomeNumbers = 21;
 /// Makes a Welcome from these values; `numbers` points to kWelcomeNumbers of them.
 protocol::Welcome welcomeOf(const std::string& name, const std::string& units, const std::string& start_view,
-                            const double* numbers);
+                            const std::string& attribution, const double* numbers);
 
 /// Keeps a text for JavaScript, valid until the next call.
 const char* handOut(std::string text);

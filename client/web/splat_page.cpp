@@ -23,7 +23,7 @@ extern "C" {
 
 /// Opens a file of splats. `numbers`: as in client/web/page.h, then the length of the file.
 EMSCRIPTEN_KEEPALIVE void openSplats(const char* place, const char* name, const char* units, const char* start_view,
-                                     const char* file, const double* numbers) {
+                                     const char* attribution, const char* file, const double* numbers) {
   client::App& app = *client::web::page.app;
   client::SplatOptions options;
   static_cast<client::SplatQuality&>(options) = client::qualityOf(app.settings());
@@ -31,7 +31,7 @@ EMSCRIPTEN_KEEPALIVE void openSplats(const char* place, const char* name, const 
   options.clock = client::web::page.options.clock;
   const auto bytes = static_cast<std::uint64_t>(numbers[client::web::kWelcomeNumbers]);
   client::web::splats = std::make_shared<client::StreamedSplats>(
-      client::SplatFilePlace{place, file, bytes}, client::web::welcomeOf(name, units, start_view, numbers),
+      client::SplatFilePlace{place, file, bytes}, client::web::welcomeOf(name, units, start_view, attribution, numbers),
       std::make_unique<client::WebFetcher>(), options);
   app.viewer().setSplats(client::web::splats);
 }

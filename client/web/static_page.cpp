@@ -78,11 +78,12 @@ extern "C" {
 /// Opens a published scene. `numbers`: as in client/web/page.h, then the lengths of the patches and of the index
 /// (0: none).
 EMSCRIPTEN_KEEPALIVE void openStatic(const char* place, const char* name, const char* units, const char* start_view,
-                                     const char* patches, const char* index, const double* numbers) {
+                                     const char* attribution, const char* patches, const char* index,
+                                     const double* numbers) {
   const double* bytes = numbers + client::web::kWelcomeNumbers;
   client::StaticScene scene;
   scene.place = place;
-  scene.welcome = client::web::welcomeOf(name, units, start_view, numbers);
+  scene.welcome = client::web::welcomeOf(name, units, start_view, attribution, numbers);
   scene.patches = {patches, static_cast<std::uint64_t>(bytes[0])};
   if (bytes[1] > 0.0) scene.index = client::StaticObject{index, static_cast<std::uint64_t>(bytes[1])};
   client::web::scene = std::make_unique<client::web::PublishedScene>(std::move(scene));

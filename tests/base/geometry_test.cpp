@@ -91,4 +91,24 @@ TEST(ClosestPointOnTriangle, holdsOnDegenerateTriangles) {
   EXPECT_EQ(base::closestPointOnTriangle({1, 1, 0}, a, a, a), a);
 }
 
+// The table of docs/formats/scene.md, "North".
+TEST(NorthDirection, isClockwiseFromTheReferenceOfEachUp) {
+  struct Row {
+    glm::dvec3 up, at_0, at_90;
+  };
+  for (const Row& row : {Row{{0, 0, 1}, {0, 1, 0}, {1, 0, 0}}, Row{{0, 0, -1}, {0, -1, 0}, {1, 0, 0}},
+                         Row{{0, 1, 0}, {0, 0, -1}, {1, 0, 0}}, Row{{0, -1, 0}, {0, 0, 1}, {1, 0, 0}},
+                         Row{{1, 0, 0}, {0, 0, 1}, {0, 1, 0}}, Row{{-1, 0, 0}, {0, 0, -1}, {0, 1, 0}}}) {
+    EXPECT_LT(glm::length(base::northDirection(row.up, 0.0) - row.at_0), 1e-12);
+    EXPECT_LT(glm::length(base::northDirection(3.0 * row.up, 90.0) - row.at_90), 1e-12);
+    EXPECT_LT(glm::length(base::northDirection(row.up, -180.0) + row.at_0), 1e-12);
+    // Seen from above, right of the reference is clockwise.
+    EXPECT_GT(glm::dot(glm::cross(row.at_0, row.up), row.at_90), 0.99);
+  }
+  const glm::dvec3 leaning = glm::normalize(glm::dvec3(0.2, -0.3, 0.9));
+  const glm::dvec3 north = base::northDirection(leaning, 12.0);
+  EXPECT_NEAR(glm::length(north), 1.0, 1e-12);
+  EXPECT_NEAR(glm::dot(north, leaning), 0.0, 1e-12);
+}
+
 }  // namespace

@@ -34,4 +34,19 @@ TEST(Text, trimmedTextHasNoBlanksAtItsEnds) {
   EXPECT_EQ(base::trimmed(" \r\n"), "");
 }
 
+TEST(Text, coloursAreSixDigitsBehindASharp) {
+  EXPECT_EQ(base::formatRgb({0, 255, 16}), "#00ff10");
+  EXPECT_EQ(base::parseRgb("#00Ff10"), (base::Rgb{0, 255, 16}));
+  for (const char* bad : {"", "#", "00ff10", "#00ff1", "#00ff100", "#00ff1g", "#-1ff10", "#+1ff10", "# 1ff10"})
+    EXPECT_FALSE(base::parseRgb(bad)) << bad;
+}
+
+TEST(Text, plainTextIsUtf8WithoutControlCharacters) {
+  for (const char* good : {"", "a b", "S\u00F6hne \u00A9 \u65E5\u672C \U0001F30B"})
+    EXPECT_TRUE(base::isPlainText(good)) << good;
+  for (const char* bad : {"a\nb", "\x1B[31m", "\x7F", "\xFF", "\xC3", "\xC0\x80", "\xED\xA0\x80", "\xF5\x80\x80\x80"})
+    EXPECT_FALSE(base::isPlainText(bad)) << bad;
+  EXPECT_TRUE(base::isPlainText("a\nb", "\n\t"));
+}
+
 }  // namespace

@@ -17,6 +17,11 @@ std::vector<base::Bytes> seeds() {
   scene.repairs["welded_vertices"] = 4;
   scene.parameters["grid"] = "12";
   scene.parts.push_back({"patch-0123456789abcdef0123456789abcdef.lgp", 77, "cd"});
+  scene.north = 12.0;
+  scene.crs = "EPSG:32718";
+  scene.attribution = "A. Nonymous";
+  scene.background = base::Rgb{1, 2, 3};
+  scene.images_light = base::LightMode::kUnlit;
   const std::string full = base::formatScene(scene);
   return {{empty.begin(), empty.end()}, {full.begin(), full.end()}};
 }
@@ -32,6 +37,7 @@ void fuzzOne(base::ByteView bytes) {
   const auto again = base::parseScene(text, "again");
   LUMIGRID_CHECK(bool(again));
   LUMIGRID_CHECK(base::formatScene(*again) == text);
+  (void)base::northOf(*scene);
   (void)base::patchPath("place", *scene);
   (void)base::splatPath("place", *scene);
 }

@@ -12,6 +12,9 @@ std::vector<base::Bytes> seeds() {
   welcome.scene_name = "scene";
   welcome.group_count = welcome.patch_count = 3;
   welcome.grid = {glm::vec3(-1.0F), 0.5F, glm::uvec3(5, 5, 5), 512};
+  welcome.attribution = "A. Nonymous";
+  welcome.background = base::Rgb{1, 2, 3};
+  welcome.north = {0.0F, 1.0F, 0.0F};
   const base::Bytes some(20, 0x5A);
   return {protocol::encode(ServerMessage(welcome)),
           protocol::encode(ServerMessage(protocol::Face{{1, 2, 3, 4}, some})),

@@ -84,6 +84,11 @@ class MessageGenerator {
     drawn.up = glm::vec3(unit());
     if (coin()) drawn.start_direction = glm::vec3(unit());
     if (coin()) drawn.start_view = "v=1&p=1,2,3&a=4,5&r=6";
+    drawn.attribution = text();
+    if (coin())
+      drawn.background =
+          base::Rgb{static_cast<std::uint8_t>(whole(0, 255)), static_cast<std::uint8_t>(whole(0, 255)), 7};
+    if (coin()) drawn.north = glm::vec3(unit());
     drawn.unlit = coin();
     drawn.light_direction = glm::vec3(unit());
     drawn.has_colors = coin();
@@ -190,6 +195,19 @@ TEST(Message, decodeReadsEveryFieldOfAWelcome) {
   EXPECT_EQ(got.unlit, sent.unlit);
   EXPECT_EQ(got.has_colors, sent.has_colors);
   EXPECT_EQ(got.can_render_frames, sent.can_render_frames);
+}
+
+TEST(Message, aWelcomeTellsHowTheSceneIsShown) {
+  Welcome sent = MessageGenerator(12).welcome();
+  for (const bool said : {true, false}) {
+    sent.attribution = said ? "S\u00F6hne & Co." : "";
+    sent.background = said ? std::optional(base::Rgb{1, 2, 255}) : std::nullopt;
+    sent.north = said ? glm::vec3(0.6F, -0.8F, 0.0F) : glm::vec3(0.0F);
+    const Welcome got = std::get<Welcome>(*decodeServerMessage(encode(ServerMessage(sent))));
+    EXPECT_EQ(got.attribution, sent.attribution);
+    EXPECT_EQ(got.background, sent.background);
+    EXPECT_EQ(got.north, sent.north);
+  }
 }
 
 // These are the bytes of docs/formats/protocol.md, "A worked row". Version 1 of the format must never read otherwise.
@@ -327,6 +345,7 @@ TEST(Message, invalidWelcomesAreRefused) {
   EXPECT_NE(withWelcome([](Welcome& w) { w.box_max.x = static_cast<float>(kNan); }), "");
   EXPECT_NE(withWelcome([](Welcome& w) { w.up = glm::vec3(0.0F); }), "");
   EXPECT_NE(withWelcome([](Welcome& w) { w.light_direction = glm::vec3(0.0F); }), "");
+  EXPECT_NE(withWelcome([](Welcome& w) { w.north.y = static_cast<float>(kNan); }), "");
   EXPECT_NE(withWelcome([](Welcome& w) { w.lattice_step = 0.0; }), "");
   EXPECT_NE(withWelcome([](Welcome& w) { w.lattice_step = kNan; }), "");
   EXPECT_NE(withWelcome([](Welcome& w) { w.group_count = kMaxGroups + 1; }), "");

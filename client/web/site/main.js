@@ -186,7 +186,7 @@ function savePicture(query) {
   openPicture({
     dialog: document.getElementById("picture"),
     canvas,
-    query,
+    query: overlay.background ? `${query}&background=${overlay.background.slice(1)}` : query,
     server: splats ? null : server,
     draw,
     name: document.getElementById("name").textContent,

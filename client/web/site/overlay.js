@@ -29,6 +29,7 @@ export function showProblem(title, advice, again, check) {
 export class Overlay {
   constructor(core, {ratio, press, retry, check}) {
     this.annotations = [];  // {title, text} by number
+    this.background = "";   // the scene's, #rrggbb; empty: it has none
     this.core = core;
     this.options = {ratio, press, retry, check};
     this.labelsShown = "";
@@ -47,7 +48,7 @@ export class Overlay {
     const rows = this.core.rows("overlay");
     const all = (name) => rows.filter((row) => row[0] === name);
     const one = (name) => rows.find((row) => row[0] === name);
-    this.showName(one("scene"));
+    this.showScene(one("scene"));
     this.showStatus(one("status"));
     this.showProgress(one("progress"));
     this.showModes(one("mode"), one("view"));
@@ -72,10 +73,23 @@ export class Overlay {
     showProblem(title, advice, again, this.options.check);
   }
 
-  showName([, name]) {
+  showScene([, name, , attribution, background, north]) {
+    byId("north").toggleAttribute("hidden", !north);
+    if (north) byId("north").style.transform = `rotate(${north}rad)`;
     if (byId("name").textContent === name) return;
     byId("name").textContent = name;
+    byId("attribution").textContent = attribution;
     document.title = name ? `${name} - Lumigrid` : "Lumigrid";
+    this.showBackground(background);
+  }
+
+  /// Shows the scene's background in place of the theme's, and title and credits in ink that is seen on it.
+  showBackground(background) {
+    this.background = background;
+    const {style, dataset} = document.documentElement;
+    for (const stop of ["--near", "--far"]) style.setProperty(stop, background);
+    const [red, green, blue] = [1, 3, 5].map((at) => parseInt(background.slice(at, at + 2), 16));
+    dataset.ground = background && (0.3 * red + 0.59 * green + 0.11 * blue < 128 ? "dark" : "light");
   }
 
   showStatus([, kindText, text, advice]) {

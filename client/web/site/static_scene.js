@@ -64,6 +64,9 @@ function nameOf(base, scene) {
   return source.replace(/\.[^.]*$/, "") || host;
 }
 
+/// Returns "#rrggbb" as a number, -1 for anything else.
+const colorOf = (text) => (/^#[0-9a-f]{6}$/i.test(text) ? parseInt(text.slice(1), 16) : -1);
+
 /// Reads scene.json. `base`: URL of its folder. Returns {url, scene, parts, numbers}, with the numbers in the order of
 /// client/web/page.h. Throws SceneError.
 async function readScene(base) {
@@ -87,12 +90,15 @@ async function readScene(base) {
     url,
     scene,
     parts: Array.isArray(scene.parts) ? scene.parts : [],
-    numbers: [...vectors.flat(), scene.light?.mode === "unlit" ? 1 : 0, ...light, ...start]
+    numbers: [
+      ...vectors.flat(), scene.light?.mode === "unlit" ? 1 : 0, ...light, ...start, colorOf(scene.background),
+      Number.isFinite(scene.north) ? scene.north : NaN
+    ]
   };
 }
 
-/// Hands the scene to the client's function `name`, which gets place, scene's name, units, first view, the names of the
-/// parts' files and all numbers. Returns a function of `now` that is to be called each turn, and returns true when
+/// Hands the scene to the client's function `name`, which gets place, scene's name, units, first view, attribution, the
+/// names of the parts' files and all numbers. Returns a function of `now` that is to be called each turn, and returns true when
 /// something arrived.
 function openParts(name, base, {scene, numbers}, core, changed, parts) {
   const ranges = makeRanges(base, (job, outcome, status, bytes, detail) => {
@@ -108,7 +114,7 @@ function openParts(name, base, {scene, numbers}, core, changed, parts) {
       [...numbers, ...parts.map((part) => part?.bytes ?? 0)],
       (at) => core.call(
           name, base.replace(/\/$/, ""), nameOf(base, scene), String(scene.units ?? ""), String(scene.start_view ?? ""),
-          ...parts.map((part) => part?.file ?? ""), at));
+          String(scene.attribution ?? ""), ...parts.map((part) => part?.file ?? ""), at));
   return (now) => core.call("pumpStatic", now) !== 0;
 }
 

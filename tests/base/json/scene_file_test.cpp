@@ -5,6 +5,7 @@
 
 #include <cstdlib>
 #include <fstream>
+#include <tuple>
 
 #include "base/file.h"
 #include "tests/support/temporary_directory.h"
@@ -24,6 +25,13 @@ base::Scene example() {
   scene.repairs["welded_vertices"] = 4;
   scene.parameters["grid"] = "12";
   scene.parts.push_back({"patch.lgp", 77, "cd"});
+  scene.title = "The tower";
+  scene.start_view = "v=1&p=1,2,3&a=4,5&r=6";
+  scene.north = -12.5;
+  scene.crs = "EPSG:32718";
+  scene.attribution = "A. Nonymous & S\u00F6hne <info@example.org>";
+  scene.background = base::Rgb{20, 40, 255};
+  scene.images_light = base::LightMode::kSoft;
   return scene;
 }
 
@@ -35,6 +43,45 @@ TEST(SceneFile, survivesWritingAndReading) {
   EXPECT_EQ(read->box_min, scene.box_min);
   EXPECT_EQ(read->triangles, scene.triangles);
   EXPECT_EQ(read->parts[0].sha256, "cd");
+  EXPECT_EQ(read->north, scene.north);
+  EXPECT_EQ(read->crs, scene.crs);
+  EXPECT_EQ(read->attribution, scene.attribution);
+  EXPECT_EQ(read->background, scene.background);
+  EXPECT_EQ(read->images_light, scene.images_light);
+}
+
+TEST(SceneFile, appearanceThatNobodySetIsAbsent) {
+  const std::string text = base::formatScene(base::Scene());
+  for (const char* member : {"title", "start_view", "north", "crs", "attribution", "background", "images_light"})
+    EXPECT_EQ(text.find(std::string("\"") + member + "\""), std::string::npos) << member;
+  const auto read = base::parseScene(text, "s");
+  ASSERT_TRUE(read) << read.error().message;
+  EXPECT_FALSE(read->north || read->background || read->images_light);
+  EXPECT_EQ(base::northOf(*read), glm::dvec3(0.0));
+}
+
+TEST(SceneFile, appearanceThatCannotBeIsNamed) {
+  const std::string good = base::formatScene(example());
+  for (const auto& [is, becomes, name] :
+       {std::tuple("-12.5", "-361.0", "north"), std::tuple("-12.5", "\"N\"", "north"),
+        std::tuple("\"#1428ff\"", "\"blue\"", "background"), std::tuple("\"#1428ff\"", "7", "background"),
+        std::tuple("\"EPSG:32718\"", "32718", "crs"),
+        std::tuple("\"images_light\": \"soft\"", "\"images_light\": \"dim\"", "images_light")}) {
+    std::string text = good;
+    ASSERT_NE(text.find(is), std::string::npos) << is;
+    text.replace(text.find(is), std::string(is).size(), becomes);
+    const auto read = base::parseScene(text, "s");
+    ASSERT_FALSE(read) << becomes;
+    EXPECT_NE(read.error().message.find(name), std::string::npos) << read.error().message;
+  }
+}
+
+TEST(SceneFile, aCoordinateReferenceSystemIsAnAuthorityAndItsCode) {
+  for (const char* good : {"EPSG:32718", "OGC:CRS84", "EPSG:25832+7837", "urn:ogc:def:crs:EPSG::4978"})
+    EXPECT_TRUE(base::isCrsName(good)) << good;
+  for (const std::string bad : {"", "32718", "EPSG", "EPSG:", ":32718", "EPSG 32718", "EPSG:<b>", "3:4"})
+    EXPECT_FALSE(base::isCrsName(bad)) << bad;
+  EXPECT_FALSE(base::isCrsName("EPSG:" + std::string(60, '1')));
 }
 
 TEST(SceneFile, everyTruncationIsANamedError) {

@@ -142,6 +142,41 @@ TEST_F(AppTest, theFirstViewLooksAtTheMiddleOfTheScene) {
   EXPECT_TRUE(app->wantsFrame());
 }
 
+// Six axes, two norths each.
+TEST_F(AppTest, theFirstViewStandsUprightAndTheCompassPointsNorth) {
+  server.welcome.start_direction = {0.48F, 0.6F, 0.64F};  // along no axis
+  for (int axis = 0; axis < 3; ++axis)
+    for (const float sign : {1.0F, -1.0F})
+      for (const double degrees : {0.0, 130.0}) {
+        server.welcome.up = glm::vec3(0.0F);
+        server.welcome.up[axis] = sign;
+        server.welcome.north = glm::vec3(base::northDirection(glm::dvec3(server.welcome.up), degrees));
+        open({});
+        welcome();
+        const base::ViewCamera camera = app->camera();
+        const glm::dvec3 up(server.welcome.up);
+        EXPECT_GT(glm::dot(camera.up, up), 0.5);
+        const glm::dvec3 right = glm::normalize(glm::cross(camera.direction, up));
+        ASSERT_TRUE(app->northTurn());
+        const glm::dvec3 pointed =
+            std::sin(*app->northTurn()) * right + std::cos(*app->northTurn()) * glm::cross(up, right);
+        EXPECT_LT(glm::length(pointed - glm::dvec3(server.welcome.north)), 1e-5) << axis << sign << degrees;
+      }
+}
+
+TEST_F(AppTest, whatASceneDoesNotSayOfItselfIsNotShown) {
+  EXPECT_FALSE(app->northTurn() || app->sceneBackground());
+  welcome();
+  EXPECT_FALSE(app->northTurn() || app->sceneBackground());
+  EXPECT_EQ(app->attribution(), "");
+  server.welcome.scene_name = "another";
+  server.welcome.attribution = "A. Nonymous";
+  server.welcome.background = base::Rgb{1, 2, 3};
+  welcome();
+  EXPECT_EQ(app->attribution(), "A. Nonymous");
+  EXPECT_EQ(app->sceneBackground(), (base::Rgb{1, 2, 3}));
+}
+
 TEST_F(AppTest, aWindowWithoutPixelsOrOutOfSightIsNotDrawn) {
   welcome();
   app->setHidden(true);

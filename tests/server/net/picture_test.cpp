@@ -66,6 +66,18 @@ TEST(PictureRequest, jpegHasAWhiteBackgroundByDefault) {
   EXPECT_FALSE(parse(kView + "&format=jpeg&background=transparent"));
 }
 
+TEST(PictureRequest, aJpegHasTheScenesBackgroundUnlessItIsToldAnother) {
+  const Rgb blue{1, 2, 255};
+  const auto backgroundOf = [&](const std::string& more) {
+    const auto query = parseQuery(kView + more);
+    const auto request = parsePictureRequest(*query, kMax, blue);
+    return request ? request->background : std::nullopt;
+  };
+  EXPECT_EQ(backgroundOf("&format=jpeg"), blue);
+  EXPECT_EQ(backgroundOf("&format=jpeg&background=ff8000"), (Rgb{255, 128, 0}));
+  EXPECT_FALSE(backgroundOf("")) << "alpha of a PNG says where the model is";
+}
+
 TEST(PictureRequest, errorsNameTheWrongValueInOneLine) {
   const std::string position = "/render?position=1,2,3";
   const std::pair<std::string, std::string> cases[] = {

@@ -1,0 +1,93 @@
+#include "server/cli/first_view.h"
+
+#include <gtest/gtest.h>
+
+#include <fstream>
+#include <random>
+
+#include "client/app/permalink.h"
+#include "tests/support/temporary_directory.h"
+
+namespace server::cli {
+namespace {
+
+const std::string kLink = "v=1&p=500004.5,4000007,103.25&a=-120.5,-20&r=12.5&f=60&m=patches&o=sco&x=z,102.5,b";
+
+// `lumigrid set` has no viewer in it, and so a check of its own; it must agree with the viewer's reader.
+TEST(FirstView, aLinkIsAcceptedExactlyWhenViewersAcceptIt) {
+  EXPECT_TRUE(isPermalink(kLink));
+  for (const std::string text : {"",
+                                 "v=1",
+                                 "v=1&",
+                                 "v=2&p=1,2,3&a=4,5&r=6",
+                                 "v=1&p=1,2,3&a=4,5&r=6",
+                                 "v=1&p=1,2,3&a=4,5&r=6&",
+                                 "p=1,2,3&a=4,5&r=6",
+                                 "v=1&a=4,5&r=6&p=1,2,3",
+                                 "v=1&p=1,2&a=4,5&r=6",
+                                 "v=1&p=1,2,3,4&a=4,5&r=6",
+                                 "v=1&p=1,2,1e13&a=4,5&r=6",
+                                 "v=1&p=1,2,nan&a=4,5&r=6",
+                                 "v=1&p=1,2,3&a=361,5&r=6",
+                                 "v=1&p=1,2,3&a=4,91&r=6",
+                                 "v=1&p=1,2,3&a=4,5&r=0",
+                                 "v=1&p=1,2,3&a=4,5&r=-1",
+                                 "v=1&p=1,2,3&a=4,5",
+                                 "v=1&p=1,2,3&a=4,5&r=6&r=6",
+                                 "v=1&p=1,2,3&a=4,5&r=6&q=1",
+                                 "v=1&p=1,2,3&a=4,5&r=6&f=171",
+                                 "v=1&p=1,2,3&a=4,5&r=6&f=0.1",
+                                 "v=1&p=1,2,3&a=4,5&r=6&m=full",
+                                 "v=1&p=1,2,3&a=4,5&r=6&o=ss",
+                                 "v=1&p=1,2,3&a=4,5&r=6&o=",
+                                 "v=1&p=1,2,3&a=4,5&r=6&o=t",
+                                 "v=1&p=1,2,3&a=4,5&r=6&x=w,1,a",
+                                 "v=1&p=1,2,3&a=4,5&r=6&x=x,1,c",
+                                 "v=1&p=1,2,3&a=4,5&r=6&x=x,1",
+                                 "v=1&p=1,2,3&a=4,5&r=6&x=x,,a",
+                                 "v=1&p=1,2,3&a=4,5&r=6&&f=60",
+                                 "v=1&p= 1,2,3&a=4,5&r=6",
+                                 "v=1&p=1,2,3&a=4,5&r=00000000000000000000000000000000000000006"})
+    EXPECT_EQ(isPermalink(text), bool(client::parsePermalink(text))) << text;
+  const std::string long_link = kLink + std::string(600, '0');
+  EXPECT_EQ(isPermalink(long_link), bool(client::parsePermalink(long_link)));
+}
+
+TEST(FirstView, linksThatWereHarmedAreJudgedAlike) {
+  std::mt19937 random(5);
+  const std::string letters = "v=1&pafrmox,.-+eE09bcsz ";
+  int refused = 0;
+  for (int round = 0; round < 4000; ++round) {
+    std::string text = kLink;
+    for (int i = std::uniform_int_distribution<int>(1, 3)(random); i > 0; --i) {
+      const auto at = std::uniform_int_distribution<std::size_t>(0, text.size() - 1)(random);
+      const char letter = letters[std::uniform_int_distribution<std::size_t>(0, letters.size() - 1)(random)];
+      if (round % 3 == 0) text.erase(at, 1);
+      if (round % 3 == 1) text[at] = letter;
+      if (round % 3 == 2) text.insert(at, 1, letter);
+    }
+    const bool is_link = isPermalink(text);
+    refused += is_link ? 0 : 1;
+    ASSERT_EQ(is_link, bool(client::parsePermalink(text))) << text;
+  }
+  EXPECT_GT(refused, 400);
+  EXPECT_LT(refused, 3600);
+}
+
+TEST(FirstView, theLinkIsFoundInAnAddressAndInAFile) {
+  EXPECT_EQ(*permalinkIn(kLink), kLink);
+  EXPECT_EQ(*permalinkIn("https://example.org/scans/#" + kLink), kLink);
+  const support::TemporaryDirectory directory;
+  const std::string file = directory / "view.txt";
+  std::ofstream(file) << "https://example.org/scans/#" << kLink << " \r\n";
+  EXPECT_EQ(*permalinkIn(file), kLink);
+  std::ofstream(file) << "nothing\n";
+  for (const std::string& bad : {file, std::string("from above"), std::string()}) {
+    const auto found = permalinkIn(bad);
+    ASSERT_FALSE(found) << bad;
+    EXPECT_EQ(found.error().code, base::ErrorCode::kInvalidInput);
+  }
+}
+
+}  // namespace
+}  // namespace server::cli
