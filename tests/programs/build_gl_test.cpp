@@ -12,28 +12,16 @@
 #include "base/file.h"
 #include "base/json/scene_file.h"
 #include "repository/store.h"
+#include "tests/programs/face_values.h"
 #include "tests/programs/run_program.h"
 
 namespace {
 
 using nlohmann::json;
+using programs::faceValues;
 using programs::run;
 
-class Build : public programs::ProgramTest {
- protected:
-  static std::map<std::uint64_t, base::Bytes> values(const std::string& scene) {
-    std::map<std::uint64_t, base::Bytes> all;
-    auto store = repository::openLmdbStore(scene + "/images", repository::StoreMode::kRead);
-    EXPECT_TRUE(store);
-    if (!store) return all;
-    auto visited = (*store)->forEach([&](const repository::FaceKey& key, base::ByteView value) {
-      all[key.code()] = base::Bytes(value.begin(), value.end());
-      return true;
-    });
-    EXPECT_TRUE(visited);
-    return all;
-  }
-};
+class Build : public programs::ProgramTest {};
 
 TEST_F(Build, aFinishedSceneIsDescribedAndVerified) {
   const std::string scene = smallScene();
@@ -44,7 +32,7 @@ TEST_F(Build, aFinishedSceneIsDescribedAndVerified) {
   EXPECT_EQ(j["hierarchy"]["levels"].back()["patches"], 1);
   EXPECT_LE(j["hierarchy"]["levels"].back()["triangles"].get<int>(), 2000);
   const std::uint64_t faces = j["images"]["images"].get<std::uint64_t>() + j["images"]["empty"].get<std::uint64_t>();
-  EXPECT_EQ(faces, values(scene).size());
+  EXPECT_EQ(faces, faceValues(scene).size());
   EXPECT_EQ(faces, j["images"]["expected"].get<std::uint64_t>());
   EXPECT_GT(j["images"]["empty"].get<int>(), 0);
   const auto verified = run("lumigrid", {"verify", scene});
@@ -126,50 +114,6 @@ TEST_F(Build, theTilesOfAScanAreStitchedAndThatIsTold) {
       {"scene-off", "--force"});
 }
 
-TEST_F(Build, howASceneIsShownIsSetWithoutBuildingItAgain) {
-  const std::string scene = smallScene();
-  const auto images = values(scene);
-  const std::string hash = programs::readText(scene + "/patch.lgp");
-  const auto set = run("lumigrid", {"set", scene, "--up", "-y", "--units", "mm", "--title", "The small one"});
-  ASSERT_EQ(set.status, 0) << set.err;
-  const auto changed = base::readScene(scene);
-  ASSERT_TRUE(changed) << changed.error().message;
-  EXPECT_EQ(changed->up, glm::dvec3(0.0, -1.0, 0.0));
-  EXPECT_EQ(changed->units, "mm");
-  EXPECT_EQ(changed->title, "The small one");
-  EXPECT_EQ(values(scene), images);
-  EXPECT_EQ(programs::readText(scene + "/patch.lgp"), hash);
-  EXPECT_EQ(run("lumigrid", {"build", "-o", scene, "--missing"}).status, 0);
-  EXPECT_EQ(run("lumigrid", {"verify", scene}).status, 0);
-
-  // One thing at a time leaves the others.
-  ASSERT_EQ(run("lumigrid", {"set", scene, "--title", ""}).status, 0);
-  const auto untitled = base::readScene(scene);
-  ASSERT_TRUE(untitled);
-  EXPECT_EQ(untitled->title, "");
-  EXPECT_EQ(untitled->units, "mm");
-  EXPECT_EQ(untitled->up, changed->up);
-
-  // The first view: a permalink, one in a file, or the side that shows most.
-  ASSERT_TRUE(untitled->start_direction.has_value());
-  const std::string link = "v=1&p=1,2,3&a=-120.5,-20&r=12.5";
-  ASSERT_EQ(run("lumigrid", {"set", scene, "--start-view", link}).status, 0);
-  EXPECT_EQ(base::readScene(scene)->start_view, link);
-  programs::writeText(path("view.txt"), "https://example.org/scans/#" + link + "\n");
-  ASSERT_EQ(run("lumigrid", {"set", scene, "--start-view", path("view.txt"), "--light", "soft"}).status, 0);
-  EXPECT_EQ(base::readScene(scene)->start_view, link);
-  EXPECT_EQ(base::readScene(scene)->light.mode, base::LightMode::kSoft);
-  ASSERT_EQ(run("lumigrid", {"set", scene, "--start-view", "auto"}).status, 0);
-  EXPECT_EQ(base::readScene(scene)->start_view, "");
-  programs::expectOneLineError(run("lumigrid", {"set", scene, "--start-view", "from above"}), 1, {"permalink"});
-
-  programs::expectOneLineError(run("lumigrid", {"set", scene}), 2,
-                               {"--up", "--units", "--title", "--start-view", "--light"});
-  EXPECT_EQ(run("lumigrid", {"set", scene, "--up", "w"}).status, 2);
-  programs::expectOneLineError(run("lumigrid", {"set", path("nothing"), "--up", "z"}), 1, {"nothing", "scene"});
-  EXPECT_FALSE(std::filesystem::exists(path("nothing")));
-}
-
 TEST_F(Build, imagesThatDoNotFitTheMemoryAreRefusedWithWhatTheyNeed) {
   const std::string mesh = smallMesh();
   const auto command = [&](const std::string& scene, const std::string& memory) {
@@ -187,7 +131,7 @@ TEST_F(Build, imagesThatDoNotFitTheMemoryAreRefusedWithWhatTheyNeed) {
   const auto built = run("lumigrid", command(path("scene"), rest.substr(0, rest.find(' '))));
   ASSERT_EQ(built.status, 0) << built.err;
   ASSERT_EQ(run("lumigrid", command(path("free"), "64G")).status, 0);
-  EXPECT_EQ(values(path("scene")), values(path("free")));
+  EXPECT_EQ(faceValues(path("scene")), faceValues(path("free")));
 }
 
 TEST_F(Build, killedInTheMiddleItGoesOnAndEndsTheSame) {
@@ -199,13 +143,13 @@ TEST_F(Build, killedInTheMiddleItGoesOnAndEndsTheSame) {
     return words;
   };
   ASSERT_EQ(run("lumigrid", command(path("whole"))).status, 0);
-  const auto whole = values(path("whole"));
+  const auto whole = faceValues(path("whole"));
 
   // Each run is killed as soon as some, but not all, of its images are there, and gets further than the one before.
   int killed = 0;
   for (int round = 0; round < 3; ++round) {
     const std::size_t before =
-        std::filesystem::exists(path("killed/images/data.mdb")) ? values(path("killed")).size() : 0;
+        std::filesystem::exists(path("killed/images/data.mdb")) ? faceValues(path("killed")).size() : 0;
     const pid_t pid = programs::start("lumigrid", command(path("killed")), path("log"));
     for (int i = 0; i < 3000; ++i) {
       std::this_thread::sleep_for(std::chrono::milliseconds(5));
@@ -221,7 +165,7 @@ TEST_F(Build, killedInTheMiddleItGoesOnAndEndsTheSame) {
     if (std::filesystem::exists(path("killed/scene.json"))) break;
   }
   ASSERT_GT(killed, 0) << "no run was killed in the middle: this test proved nothing";
-  const std::size_t committed = values(path("killed")).size();
+  const std::size_t committed = faceValues(path("killed")).size();
   ASSERT_GT(committed, 0U);
   ASSERT_LT(committed, whole.size());
 
@@ -232,7 +176,7 @@ TEST_F(Build, killedInTheMiddleItGoesOnAndEndsTheSame) {
   const json summary = json::parse(rerun.out);
   EXPECT_EQ(summary["images"]["rendered"].get<std::size_t>(), whole.size() - committed)
       << "what was committed is not rendered again";
-  EXPECT_EQ(values(path("killed")), whole);
+  EXPECT_EQ(faceValues(path("killed")), whole);
   EXPECT_EQ(base::readFile(path("killed/patch.lgp")).value(), base::readFile(path("whole/patch.lgp")).value());
   EXPECT_EQ(run("lumigrid", {"verify", path("killed")}).status, 0);
 }
@@ -273,7 +217,7 @@ TEST_F(Build, readersDuringTheBuildSeeOnlyWholeImages) {
     EXPECT_EQ(programs::wait(builder), 0) << programs::readText(path("build.err"));
 
     // The reader sees all images in the end, and ends by itself only when one is broken.
-    const std::size_t all = values(path("scene")).size();
+    const std::size_t all = faceValues(path("scene")).size();
     while (seen() < all && ::kill(reader, 0) == 0 && programs::readText(path("reader.err")).empty())
       std::this_thread::sleep_for(std::chrono::milliseconds(1));
     EXPECT_EQ(seen(), all);
@@ -298,7 +242,7 @@ TEST_F(Build, verifyNamesWhatIsDamaged) {
 
   // One bit of one image is wrong, and one image is gone.
   {
-    const auto all = values(scene);
+    const auto all = faceValues(scene);
     auto store = repository::openLmdbStore(scene + "/images", repository::StoreMode::kWrite);
     ASSERT_TRUE(store);
     auto largest = std::max_element(all.begin(), all.end(),
@@ -348,11 +292,11 @@ TEST_F(TunedBuild, theChoiceIsToldKeptAndShown) {
   EXPECT_NE(run("lumigrid", {"info", path("scene")}).out.find(words), std::string::npos);
 
   // A run with another number of threads makes the same choice and the same images.
-  const auto first = values(path("scene"));
+  const auto first = faceValues(path("scene"));
   auto again = command("38");
   again.insert(again.end(), {"--force", "--threads", "3"});
   EXPECT_EQ(json::parse(run("lumigrid", again).out)["tuned"], tuned);
-  EXPECT_TRUE(values(path("scene")) == first);
+  EXPECT_TRUE(faceValues(path("scene")) == first);
 
   std::string subsampling = tuned["subsampling"];
   std::erase(subsampling, ':');
@@ -360,7 +304,7 @@ TEST_F(TunedBuild, theChoiceIsToldKeptAndShown) {
   by_hand[3] = path("hand");
   by_hand.insert(by_hand.end(), {"--quality", tuned["quality"].dump(), "--subsampling", subsampling});
   ASSERT_EQ(run("lumigrid", by_hand).status, 0);
-  EXPECT_TRUE(values(path("hand")) == first);
+  EXPECT_TRUE(faceValues(path("hand")) == first);
 }
 
 TEST_F(TunedBuild, aResumedBuildTakesTheStoredChoice) {
@@ -473,7 +417,7 @@ TEST_F(AutoBuild, aRerunFollowsTheStoredTrial) {
   EXPECT_EQ(missing, std::filesystem::exists(path("scene/images")) ? 0 : 3);
   const auto built = run("lumigrid", command());
   ASSERT_EQ(built.status, 0) << built.err;
-  EXPECT_FALSE(values(path("scene")).empty());
+  EXPECT_FALSE(faceValues(path("scene")).empty());
   EXPECT_EQ(json::parse(built.out)["auto"]["images"]["mean_psnr_db"], 99.0);
   EXPECT_EQ(run("lumigrid", command("--missing")).status, 0);
   // Without meshes and methods the command goes on with what was chosen.
@@ -508,7 +452,7 @@ TEST_F(Build, theResultDoesNotDependOnTheThreads) {
     ASSERT_EQ(built.status, 0) << built.err;
   }
   EXPECT_EQ(base::readFile(path("t1/patch.lgp")).value(), base::readFile(path("t4/patch.lgp")).value());
-  EXPECT_EQ(values(path("t1")), values(path("t4")));
+  EXPECT_EQ(faceValues(path("t1")), faceValues(path("t4")));
 }
 
 }  // namespace
