@@ -223,10 +223,9 @@ class Painter {
               center.y + radius * (across * std::sin(turn) - along * std::cos(turn))};
     };
     list.AddCircleFilled(center, radius, packed(colors_.panel));
-    list.AddTriangleFilled(at(0.9F, 0.0F), at(0.1F, -0.35F), at(0.1F, 0.35F), packed(colors_.accent));
+    list.AddTriangleFilled(at(1.0F, 0.0F), at(0.5F, -0.35F), at(0.5F, 0.35F), packed(colors_.accent));
     const ImVec2 letter = ImGui::CalcTextSize("N");
-    const ImVec2 middle = at(-0.4F, 0.0F);
-    list.AddText({middle.x - 0.5F * letter.x, middle.y - 0.5F * letter.y}, packed(colors_.text), "N");
+    list.AddText({center.x - 0.5F * letter.x, center.y - 0.5F * letter.y}, packed(colors_.text), "N");
   }
 
   void drawHelp() const {

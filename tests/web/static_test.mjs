@@ -4,6 +4,7 @@ import assert from "node:assert/strict";
 import {cpSync, existsSync, readdirSync, readFileSync, rmSync, writeFileSync} from "node:fs";
 import {join} from "node:path";
 import {after, before, test} from "node:test";
+import {PNG} from "pngjs";
 
 import {
   allHere,
@@ -186,6 +187,37 @@ test("a lost pack is told once, and the shape is shown all the same", async () =
   const page = await open(browser, (await nginx(lost)).url);
   await until(async () => (await page.locator("#toasts").innerText()).includes("pack-"), "the lost pack to be told");
   assert.ok((await figures(page)).triangles > 0);
+  await page.close();
+});
+
+test("authors, background and north are shown as the scene says them, from a host and from our server", async () => {
+  const shown = join(folder, "shown");
+  cpSync(published, shown, {recursive: true});
+  const authors = "A. <b>Nonymous</b> & Söhne";
+  run("lumigrid", ["set", shown, "--attribution", authors, "--background", "#123456", "--north", "40"]);
+  for (const url of [(await nginx(shown)).url, (await serve(shown)).url]) {
+    const page = await open(browser, url);
+    await settled(page);
+    assert.equal(await page.locator("#attribution").innerText(), authors);
+    assert.ok(await page.locator("#north").isVisible());
+    const near = () => getComputedStyle(document.documentElement).getPropertyValue("--near").trim();
+    assert.equal(await page.evaluate(near), "#123456");
+    const corner = PNG.sync.read(await page.screenshot({clip: {x: 600, y: 10, width: 4, height: 4}})).data;
+    assert.deepEqual([...corner.subarray(0, 3)], [0x12, 0x34, 0x56]);
+    // Ink of the title that is seen on this ground, though the theme is a light one.
+    assert.equal(await page.evaluate(() => document.documentElement.dataset.ground), "dark");
+    const turn = async () => Number((await overlay(page)).find((row) => row[0] === "scene")[5]);
+    const before = await turn();
+    await drag(page, 100, 0);
+    assert.ok(Math.abs((await turn()) - before) > 0.1, "the compass turns with the view");
+    await page.close();
+  }
+  // A scene that says nothing has the theme's ground and no compass.
+  const page = await open(browser, (await nginx(published)).url);
+  await settled(page);
+  assert.equal(await page.locator("#attribution").innerText(), "");
+  assert.ok(!(await page.locator("#north").isVisible()));
+  assert.equal(await page.evaluate(() => document.documentElement.dataset.ground), "");
   await page.close();
 });
 

@@ -75,7 +75,7 @@ export class Overlay {
 
   showScene([, name, , attribution, background, north]) {
     byId("north").toggleAttribute("hidden", !north);
-    if (north) byId("north").style.transform = `rotate(${north}rad)`;
+    if (north) byId("north").firstElementChild.style.transform = `rotate(${north}rad)`;
     if (byId("name").textContent === name) return;
     byId("name").textContent = name;
     byId("attribution").textContent = attribution;
