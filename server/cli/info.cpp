@@ -202,8 +202,8 @@ void printImages(const nlohmann::json& i, const std::string& tuned) {
                 countIn(i, "grid_points").c_str());
   if (i.contains("images_light"))
     std::printf(
-        "  drawn %s, which is no longer the scene's light: all %s faces are to be drawn again; lumigrid build -o "
-        "does it where the scene was built\n",
+        "  drawn %s, which is no longer the scene's light: all %s faces are to be drawn again: lumigrid build -o "
+        "SCENE, where it was built\n",
         textIn(i, "images_light").c_str(), countIn(i, "to_draw_again").c_str());
   if (images + i["empty"].get<std::uint64_t>() != expected)
     std::printf("  %s faces are missing; run the same `lumigrid build` again\n",

@@ -34,11 +34,13 @@ class Set : public programs::ProgramTest {
     })) << programs::readText(path("serve.err"));
     return static_cast<std::uint16_t>(port);
   }
+  void stopServer() {
+    ::kill(server_, SIGTERM);
+    EXPECT_EQ(programs::wait(server_), 0) << programs::readText(path("serve.err"));
+    server_ = 0;
+  }
   void TearDown() override {
-    if (server_ > 0) {
-      ::kill(server_, SIGTERM);
-      EXPECT_EQ(programs::wait(server_), 0) << programs::readText(path("serve.err"));
-    }
+    if (server_ > 0) stopServer();
     ProgramTest::TearDown();
   }
   /// Asks again and again until it is so, for a minute.
@@ -276,6 +278,34 @@ TEST_F(Set, aRunningServerTakesUpWhatIsSet) {
     return lit && lit->pixels != unlit->pixels;
   })) << "the server goes on drawing in the light that it was started with";
   EXPECT_EQ(served()["light"]["mode"], "soft");
+}
+
+TEST_F(Set, selectedPointsAreKeptForImagesOfAnotherLight) {
+  // A new selection would want the scene whose viewers it was made for.
+  const std::string seen = smallScene(), scene = path("selected");
+  const std::uint16_t port = serve(seen);
+  ASSERT_EQ(run("lumigrid", {"tour", seen, "--frames", "1", "--size", "160", "90", "-o", path("tour.json")}).status, 0);
+  ASSERT_EQ(run("lumigrid-view", {"ws://127.0.0.1:" + std::to_string(port) + "/", "--headless", "--path",
+                                  path("tour.json"), "--out", path("tour")})
+                .status,
+            0);
+  stopServer();
+  ASSERT_EQ(run("lumigrid", {"build", smallMesh(), "-o", scene, "--grid", "9", "--face", "32", "--views", "50",
+                             "--views-from", seen, "--light", "unlit", "--quiet"})
+                .status,
+            0);
+  const auto drawn = faceValues(scene);
+  std::filesystem::remove_all(seen);
+  ASSERT_EQ(run("lumigrid", {"set", scene, "--light", "soft"}).status, 0);
+  const json missing = json::parse(run("lumigrid", {"build", "-o", scene, "--missing", "--json"}).out);
+  EXPECT_EQ(missing["missing_faces"], drawn.size());
+  EXPECT_FALSE(missing.contains("sampling_points"));
+  const auto built = run("lumigrid", {"build", "-o", scene, "--quiet"});
+  ASSERT_EQ(built.status, 0) << built.err;
+  EXPECT_EQ(run("lumigrid", {"build", "-o", scene, "--missing"}).status, 0);
+  const auto redrawn = faceValues(scene);
+  ASSERT_EQ(redrawn.size(), drawn.size());
+  for (const auto& [key, value] : drawn) EXPECT_TRUE(redrawn.contains(key));
 }
 
 }  // namespace

@@ -93,8 +93,8 @@ Result<ImageChoices> prepareImages(const BuildArguments& a, BuildOutput& output,
   ImageChoices choices;
   if (wants(a, "images")) {
     LUMIGRID_TRY(removeOrphanStores(a, selection.shards));
-    LUMIGRID_TRY(removeImagesOfOtherLight(a, selection.shards, *output.scene));
     LUMIGRID_ASSIGN_OR_RETURN(choices, makeImageChoices(a, output, line));
+    LUMIGRID_TRY(removeImagesOfOtherLight(a, selection.shards, *output.scene));
     report.tuned = choices.tuned;
   }
   if (output.finished) return choices;

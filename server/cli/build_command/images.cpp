@@ -88,11 +88,24 @@ Result<TuneChoice> chooseQuality(const BuildArguments& a, BuildOutput& output) {
   return *tuned;
 }
 
+/// The points that were selected, also where that was for images in another light: they show as much in this one.
+Result<std::optional<repository::SampleTree>> readPoints(const BuildArguments& a, const base::Scene& scene,
+                                                         const BakeOptions& options) {
+  LUMIGRID_ASSIGN_OR_RETURN(auto stored, readSelection(selectionFileOf(a), scene, options));
+  if (stored || !scene.images_light) return stored;
+  base::Scene drawn = scene;
+  drawn.light.mode = *scene.images_light;
+  return readSelection(selectionFileOf(a), drawn, options);
+}
+
 Result<repository::SampleTree> choosePoints(const BuildArguments& a, const base::Scene& scene,
                                             const ImageChoices& choices, ProgressLine& line) {
   BakeOptions options = bakeOptions(a, scene, choices);
-  LUMIGRID_ASSIGN_OR_RETURN(auto stored, readSelection(selectionFileOf(a), scene, options));
-  if (stored) return std::move(*stored);
+  LUMIGRID_ASSIGN_OR_RETURN(options.points, readPoints(a, scene, options));
+  if (options.points) {
+    if (scene.images_light) LUMIGRID_TRY(writeSelection(selectionFileOf(a), scene, options));
+    return std::move(*options.points);
+  }
 
   std::optional<ViewerPlaces> places;
   if (!a.views_from.empty()) {
@@ -269,9 +282,7 @@ Result<std::vector<repository::ShardGaps>> findMissingImages(const BuildArgument
     if (a.tune_db) {
       LUMIGRID_ASSIGN_OR_RETURN(choices.tuned, storedChoice(scene.parameters));
     }
-    base::Scene drawn = scene;  // the points were selected for the light that the images were drawn in
-    drawn.light.mode = scene.images_light.value_or(scene.light.mode);
-    LUMIGRID_ASSIGN_OR_RETURN(choices.points, readSelection(selectionFileOf(a), drawn, bakeOptions(a, drawn, choices)));
+    LUMIGRID_ASSIGN_OR_RETURN(choices.points, readPoints(a, scene, bakeOptions(a, scene, choices)));
     if (unselected != nullptr) *unselected = !choices.points.has_value();
   }
   return repository::findMissing(imagesOf(a), shards, gridFor(a, scene), choices.points ? &*choices.points : nullptr,
