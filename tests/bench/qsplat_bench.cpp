@@ -1,8 +1,11 @@
 // qsplat_bench MESH [--runs N] [--only speed|size] [--memory BYTES] [--dice FACTOR]
 // speed: `lumigrid build --methods qsplat`, disk to disk, on one core and on two, beside meshopt_simplify to 10 % of
 // the same mesh in memory, run in turn; size: the file's nodes, pointers and bytes, with and without colours, as in
-// figure 6 of Rusinkiewicz and Levoy 2000. With --memory the build of speed gets that much, and its peak is printed.
+// figure 6 of Rusinkiewicz and Levoy 2000, and how large nodes are beside their leaves. With --memory the build of
+// speed gets that much, and its peak is printed.
 // --dice: as --qsplat-dice; 0 makes of each vertex a leaf, as the original qsplat_make does.
+#include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <string>
 #include <vector>
@@ -13,6 +16,7 @@
 #include "tests/bench/build_run.h"
 #include "tests/support/built_splats.h"
 #include "tests/support/mesh_reader.h"
+#include "tests/support/node_spread.h"
 
 namespace {
 
@@ -80,12 +84,31 @@ void printSize(const char* what, const Header& h) {
       bytes / static_cast<double>(h.leaves));
 }
 
+// Leaves of even size stand as far apart as their radius says, and n of them fill a disc of √n radii.
+void printSpread(const std::string& path) {
+  const auto file = must(lod::qsplat::SplatFile::open(path));
+  const auto blocks = must(lod::qsplat::openBlocks(file.bytes(), file.header()));
+  const support::TreeSpread spread = support::SpreadReader(*blocks).run();
+  const double median = spread.medianLeafRadius();
+  double bottom = 0.0, any = 0.0;
+  for (const support::SpreadNode& node : spread.inner) {
+    const double radii = static_cast<double>(node.sphere.radius) / median;
+    if (node.above_leaves) bottom = std::max(bottom, radii);
+    any = std::max(any, radii / std::sqrt(static_cast<double>(node.leaves)));
+  }
+  std::printf(
+      "in median leaf radii: the largest leaf %.1f, the largest node above leaves %.1f, the largest node above n "
+      "leaves %.1f √n\n",
+      static_cast<double>(spread.leaf_radii.back()) / median, bottom, any);
+}
+
 void compareSize(Mesh mesh, const std::string& file, double dice) {
   lod::qsplat::builder::BuildOptions options;
   options.dice = dice;
   if (!mesh.colors.empty()) printSize("with colours", must(support::buildSplats(mesh, options, file)).header);
   mesh.colors.clear();
   printSize("without colours", must(support::buildSplats(mesh, options, file)).header);
+  printSpread(file);
 }
 
 }  // namespace

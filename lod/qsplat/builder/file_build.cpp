@@ -8,6 +8,7 @@
 #include "base/parallel.h"
 #include "lod/ingest/spool.h"
 #include "lod/qsplat/builder/code_file.h"
+#include "lod/qsplat/builder/strays.h"
 #include "lod/qsplat/builder/tree_writer.h"
 
 namespace lod::qsplat::builder {
@@ -34,17 +35,31 @@ bool readRecord(std::uint64_t offset, base::ByteView payload, Record& record) {
   return true;
 }
 
+// The root of a tile's tree.
+struct TileRoot {
+  Splat splat;
+  TreeNode node;
+  std::uint64_t nodes = 0;  // of the tree
+
+  // The means stay: strays are small.
+  void setNode(const TreeNode& root) {
+    node = root;
+    splat.sphere = root.sphere;
+    splat.direction = Node{root.bits, 0}.normalCode();
+    splat.least_cosine = cosineOfCone(root);
+  }
+};
+
 class FileBuilder {
  public:
-  FileBuilder(const SubtreeStore& subtrees, const FileBuildOptions& options) : subtrees_(subtrees), options_(options) {
-    for (std::uint32_t t = 0; t < subtrees.tiles(); ++t)
-      if (subtrees[t].nodes > 0) tiles_.push_back(t);
-    std::vector<Splat> roots;
-    for (const std::uint32_t t : tiles_) roots.push_back(subtrees[t].root);
-    top_ = makeTree(roots);
-  }
+  FileBuilder(const SubtreeStore& subtrees, const FileBuildOptions& options)
+      : subtrees_(subtrees),
+        options_(options),
+        strays_(subtrees.tiles(), [this](std::uint32_t tile) { return subtrees_.nodes(tile); }) {}
 
   base::Result<Header> run(const std::string& path) {
+    LUMIGRID_TRY(moveStrays());
+    makeTop();
     encodeTop();
     LUMIGRID_TRY(encodeTiles());
     if (options_.plain_path.empty()) return writePlain(path);
@@ -53,6 +68,30 @@ class FileBuilder {
   }
 
  private:
+  base::Result<void> moveStrays() {
+    LUMIGRID_TRY(strays_.plan(options_.threads));
+    roots_.resize(subtrees_.tiles());
+    return base::tryParallelFor(roots_.size(), options_.threads, [this](std::size_t i) -> base::Result<void> {
+      const auto t = static_cast<std::uint32_t>(i);
+      roots_[t] = {subtrees_[t].root, subtrees_[t].root_node, subtrees_[t].nodes};
+      if (!strays_.changes(t)) return {};
+      LUMIGRID_ASSIGN_OR_RETURN(const auto nodes, strays_.nodes(t));
+      roots_[t].nodes = nodes.size();
+      if (!nodes.empty()) roots_[t].setNode(nodes[0]);
+      return {};
+    });
+  }
+
+  void makeTop() {
+    std::vector<Splat> roots;
+    for (std::uint32_t t = 0; t < roots_.size(); ++t) {
+      if (roots_[t].nodes == 0) continue;
+      tiles_.push_back(t);
+      roots.push_back(roots_[t].splat);
+    }
+    top_ = makeTree(roots);
+  }
+
   base::Result<Header> writePlain(const std::string& path) {
     auto header = write(path, options_.wide_pointers);
     if (!header && header.error().code == ErrorCode::kUnsupported && !options_.wide_pointers)
@@ -78,9 +117,9 @@ class FileBuilder {
   // Names an inner node of the top tree by its number, and a tile by TreeShape::kLeaf + its place in tiles_.
   using Ref = std::uint32_t;
   static bool isTile(Ref ref) { return (ref & TreeShape::kLeaf) != 0; }
-  const StoredSubtree& tile(Ref ref) const { return subtrees_[tiles_[ref & ~TreeShape::kLeaf]]; }
+  const TileRoot& tile(Ref ref) const { return roots_[tiles_[ref & ~TreeShape::kLeaf]]; }
   const base::Sphere& sphereOf(Ref ref) const {
-    return isTile(ref) ? tile(ref).root.sphere : top_.inner[ref].splat.sphere;
+    return isTile(ref) ? tile(ref).splat.sphere : top_.inner[ref].splat.sphere;
   }
   std::span<const Ref> childrenOf(Ref inner) const {
     return std::span(top_.inner[inner].children).first(top_.inner[inner].count);
@@ -103,7 +142,7 @@ class FileBuilder {
   // `has_pointer` says whether the node's group has one.
   void encodeAt(Ref ref, bool has_pointer, std::uint32_t code, const base::Sphere& decoded) {
     if (isTile(ref)) {
-      nodeOf(ref) = tile(ref).root_node.encoded(code, has_pointer, leafCones());
+      nodeOf(ref) = tile(ref).node.encoded(code, has_pointer, leafCones());
       tile_spheres_[ref & ~TreeShape::kLeaf] = decoded;
       return;
     }
@@ -122,7 +161,7 @@ class FileBuilder {
     std::mutex mutex;
     std::size_t done = 0;
     const auto encodeTile = [&](std::size_t i) -> base::Result<void> {
-      LUMIGRID_ASSIGN_OR_RETURN(const auto nodes, subtrees_.nodes(tiles_[i]));
+      LUMIGRID_ASSIGN_OR_RETURN(const auto nodes, strays_.nodes(tiles_[i]));
       const auto runs = encodeSubtree(nodes, tile_spheres_[i], options_.colors, leafCones());
       const std::lock_guard lock(mutex);
       for (const Run& run : runs) {
@@ -198,6 +237,8 @@ class FileBuilder {
 
   const SubtreeStore& subtrees_;
   const FileBuildOptions& options_;
+  StrayMoves strays_;
+  std::vector<TileRoot> roots_;       // by tile, with strays moved
   std::vector<std::uint32_t> tiles_;  // those with nodes
   TreeShape top_;
   std::vector<Node> top_nodes_;

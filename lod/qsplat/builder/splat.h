@@ -27,6 +27,13 @@ struct Splat {
 /// each of them.
 base::Sphere enclosingSphere(std::span<const base::Sphere> spheres);
 
+/// Whether a node reaches across gaps between its leaves: its radius is more than 3 times that of a disc as large as
+/// the discs of all its leaves. Round pieces of surfaces have 1 to 1.7 times. `leaf_squares`: sum of the leaves'
+/// squared radii.
+inline bool isSpread(float radius, double leaf_squares) {
+  return static_cast<double>(radius) > 3.0 * std::sqrt(leaf_squares);
+}
+
 /// The parent of 2 to 4 children, without its cone.
 Splat parentOf(std::span<const Splat* const> children);
 

@@ -35,6 +35,10 @@ const std::array<ConeWidth, kAnyDirection + 1> kWidths = [] {
 }();
 constexpr std::uint32_t kTooWide = kAnyDirection + 1;
 
+// Splits that leave less than a sixteenth on one side, from a tree's root down to a leaf. A choice: more of them
+// separate strays at more distances, and let trees get deeper.
+constexpr std::uint32_t kMaxUnevenSplits = 24;
+
 // Leaves lie in the source's order, which may be random, so they are prefetched this many ahead.
 constexpr std::uint32_t kPrefetchDistance = 8;
 
@@ -44,28 +48,49 @@ class TreeMaker {
  public:
   TreeMaker(std::span<const Splat> splats, const LeafFacets& facets)
       : splats_(splats), facets_(facets), keys_(splats.size()), cones_(splats.size()) {
-    for (std::uint32_t i = 0; i < keys_.size(); ++i) keys_[i] = {splats[i].sphere.center, i};
+    for (std::uint32_t i = 0; i < keys_.size(); ++i) keys_[i] = {splats[i].sphere.center, splats[i].sphere.radius, i};
     shape_.inner.reserve(splats.size() / 2);
     farthest_.reserve(splats.size() / 2);
   }
   TreeShape run() {
-    shape_.root = make({0, static_cast<std::uint32_t>(keys_.size())});
+    shape_.root = make(rangeOf(0, static_cast<std::uint32_t>(keys_.size()), kMaxUnevenSplits));
     return std::move(shape_);
   }
 
  private:
   struct Key {
     glm::vec3 center;
+    float radius;
     std::uint32_t index;
   };
   struct Range {  // a range of keys_
     std::uint32_t begin = 0, end = 0;
+    std::uint32_t uneven_left = 0;  // uneven splits that it and its parts may still undergo, one after the other
+    base::Aabb box;                 // around the centres
+    float reach = 0.0F;             // half the box's diagonal
+    bool has_gaps = false;          // its splats are farther apart than their own sizes allow
+
     std::uint32_t size() const { return end - begin; }
   };
 
-  // A node merges binary splits: the largest set is split until there are four. Sets of at most four splats stay
-  // together as one child, so that the lowest nodes, which are the most, are full. Free places then take the splats of
-  // small sets.
+  Range rangeOf(std::uint32_t begin, std::uint32_t end, std::uint32_t uneven_left) const {
+    Range out;
+    out.begin = begin;
+    out.end = end;
+    out.uneven_left = uneven_left;
+    double squares = 0.0;
+    for (std::uint32_t i = begin; i < end; ++i) {
+      out.box.add(keys_[i].center);
+      squares += static_cast<double>(keys_[i].radius) * static_cast<double>(keys_[i].radius);
+    }
+    out.reach = 0.5F * glm::length(out.box.size());
+    out.has_gaps = isSpread(out.reach, squares);
+    return out;
+  }
+
+  // A node merges binary splits: sets with gaps are split first, the widest of them, and then the largest set, until
+  // there are four. Sets of at most four splats without gaps stay together as one child, so that the lowest nodes,
+  // which are the most, are full. Free places then take the splats of small sets.
   std::uint32_t make(const Range& whole) {
     if (whole.size() == 1) {
       const std::uint32_t leaf = keys_[whole.begin].index;
@@ -76,12 +101,14 @@ class TreeMaker {
     std::array<Range, kMaxChildren> parts{whole};
     std::uint32_t count = 1;
     const auto bySize = [](const Range& a, const Range& b) { return a.size() < b.size(); };
+    const auto byUrgency = [](const Range& a, const Range& b) {
+      if (a.has_gaps != b.has_gaps) return b.has_gaps;
+      return a.has_gaps ? a.reach < b.reach : a.size() < b.size();
+    };
     while (count < kMaxChildren) {
-      const auto largest = std::max_element(parts.begin(), parts.begin() + count, bySize);
-      if (largest->size() <= kMaxChildren) break;
-      const std::uint32_t middle = split(*largest);
-      parts[count++] = {middle, largest->end};
-      largest->end = middle;
+      const auto next = std::max_element(parts.begin(), parts.begin() + count, byUrgency);
+      if (next->size() <= kMaxChildren && !next->has_gaps) break;
+      parts[count++] = split(*next);
     }
     while (count < kMaxChildren) {
       Range* opened = nullptr;
@@ -90,7 +117,7 @@ class TreeMaker {
             (opened == nullptr || bySize(*opened, parts[i])))
           opened = &parts[i];
       if (opened == nullptr) break;
-      while (opened->size() > 1) parts[count++] = {opened->end - 1, opened->end}, --opened->end;
+      for (; opened->size() > 1; --opened->end) parts[count++] = rangeOf(opened->end - 1, opened->end, 0);
     }
 
     TreeShape::InnerNode node;
@@ -210,24 +237,43 @@ class TreeMaker {
     return (child & TreeShape::kLeaf) != 0 ? splats_[child & ~TreeShape::kLeaf] : shape_.inner[child].splat;
   }
 
-  // Splits a set in two by reordering it, and returns where the second one begins.
-  std::uint32_t split(const Range& part) {
-    base::Aabb box;
-    for (std::uint32_t i = part.begin; i < part.end; ++i) box.add(keys_[i].center);
-    const glm::vec3 size = box.size();
+  // Splits a set in two by reordering it; `part` keeps the first, and the second is returned. The middle of the box may
+  // leave few splats on one side, such as a stray point far from a surface. Then it is the right place, but a tree
+  // must not get deep by such splits, so only some of them are allowed.
+  Range split(Range& part) {
+    const glm::vec3 size = part.box.size();
     const int axis = size.x >= size.y && size.x >= size.z ? 0 : size.y >= size.z ? 1 : 2;
-    const float middle = box.min[axis] + 0.5F * size[axis];
+    const float middle = part.box.min[axis] + 0.5F * size[axis];
     const auto first = keys_.begin() + part.begin;
     const auto last = keys_.begin() + part.end;
     const auto at = std::partition(first, last, [&](const Key& key) { return key.center[axis] < middle; });
     const auto before = static_cast<std::uint32_t>(at - first);
-    const bool degenerate = std::min(before, part.size() - before) <= part.size() / 16;
-    const std::uint32_t place = wholeNodes(degenerate ? part.size() / 2 : before, part.size());
-    if (place != before)
-      std::nth_element(first, first + place, last, [&](const Key& a, const Key& b) {
-        return a.center[axis] != b.center[axis] ? a.center[axis] < b.center[axis] : a.index < b.index;
-      });
-    return part.begin + place;
+    const bool uneven = std::min(before, part.size() - before) <= part.size() / 16;
+    const bool by_count = uneven && (part.uneven_left == 0 || before == 0 || before == part.size());
+    if (uneven && !by_count) --part.uneven_left;
+    const std::uint32_t halves = by_count ? part.size() / 2 : before;
+    const std::uint32_t place = wholeNodes(halves, part.size());
+    if (place != before) sortAround(part, place, axis);
+    auto cut = cutAt(part, place);
+    if (place != halves && (cut.first.has_gaps || cut.second.has_gaps)) {
+      sortAround(part, halves, axis);
+      cut = cutAt(part, halves);
+    }
+    part = cut.first;
+    return cut.second;
+  }
+
+  // Puts the splats that are least along the axis before the others.
+  void sortAround(const Range& part, std::uint32_t place, int axis) {
+    const auto first = keys_.begin() + part.begin;
+    std::nth_element(first, first + place, keys_.begin() + part.end, [&](const Key& a, const Key& b) {
+      return a.center[axis] != b.center[axis] ? a.center[axis] < b.center[axis] : a.index < b.index;
+    });
+  }
+
+  std::pair<Range, Range> cutAt(const Range& part, std::uint32_t place) const {
+    return {rangeOf(part.begin, part.begin + place, part.uneven_left),
+            rangeOf(part.begin + place, part.end, part.uneven_left)};
   }
 
   // A small set is split at the multiple of four nearest to `before`, so that its nodes of leaves are full. In larger
@@ -246,6 +292,12 @@ class TreeMaker {
 };
 
 }  // namespace
+
+float cosineOfCone(const TreeNode& node) {
+  const Node word{node.bits, 0};
+  const float sine = word.isLeaf() ? coneSines(false)[node.leaf_cone] : coneSines(true)[word.coneCode()];
+  return sine < 1.0F ? std::sqrt(1.0F - sine * sine) - kCosineRounding : -1.0F;
+}
 
 TreeNode nodeFor(const Splat& splat, std::uint32_t children, bool children_are_leaves) {
   TreeNode node;

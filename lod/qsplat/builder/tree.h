@@ -34,6 +34,9 @@ struct TreeNode {
 };
 static_assert(sizeof(TreeNode) == 24);
 
+/// The cosine of the half-angle of a node's cone, as it is coded; -1 for any direction.
+float cosineOfCone(const TreeNode& node);
+
 TreeNode nodeFor(const Splat& splat, std::uint32_t children, bool children_are_leaves);
 
 /// A tree over given splats, by number.
