@@ -12,8 +12,9 @@
 namespace lod::qsplat::builder {
 namespace {
 
-constexpr std::uint64_t kMaxStrayLeaves = 2048;
-constexpr std::size_t kMaxStrays = 64;  // of a tile, at a time
+// A tile's strays have at most so many leaves together. A choice: all tiles' strays are in memory, 36 bytes a leaf.
+constexpr std::uint64_t kMaxStrayLeaves = 3072;
+constexpr std::size_t kMaxStrays = 64;
 // A sphere that lies across the steps of its parent's sphere is stored with at least this share of its radius.
 constexpr float kLeastShare = 2.0F / kSphereSteps;
 // A stray moves where the node above it will be smaller by this factor. A choice: nearer to 1, more would move for
@@ -60,6 +61,7 @@ std::vector<Stray> findStrays(const EditableTree& tree) {
   const std::vector<Below> below = sumBelow(tree, order);
   std::vector<Stray> found;
   std::vector<bool> inside(order.size(), false);
+  std::uint64_t leaves_left = kMaxStrayLeaves;
   std::size_t first = 1;  // place of the node's first child
   for (std::size_t i = 0; i < order.size(); ++i) {
     const float gap = tree.node(order[i]).sphere.radius;
@@ -70,8 +72,9 @@ std::vector<Stray> findStrays(const EditableTree& tree) {
     for (std::size_t c = first; c < end; ++c) {
       const bool apart = tree.node(order[c]).sphere.radius < kLeastShare * gap || (spread && c != largest);
       inside[c] = inside[i];
-      if (inside[c] || !apart || below[c].leaves > kMaxStrayLeaves || found.size() >= kMaxStrays) continue;
+      if (inside[c] || !apart || below[c].leaves > leaves_left || found.size() >= kMaxStrays) continue;
       inside[c] = true;
+      leaves_left -= below[c].leaves;
       found.push_back({order[c], gap, tree.nodesFrom(order[c])});
     }
     first = end;

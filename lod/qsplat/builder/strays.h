@@ -20,8 +20,8 @@ struct Stray {
 };
 
 /// Returns the strays of a tile's tree, the uppermost first: nodes too small for a sphere code below their parent, and
-/// below a parent with gaps (isSpread) all but the largest child. None has more than 2048 leaves, none lies in another,
-/// and there are at most 64.
+/// below a parent with gaps (isSpread) all but the largest child. None lies in another, there are at most 64, and they
+/// have at most 3072 leaves together.
 std::vector<Stray> findStrays(const EditableTree& tree);
 
 /// A place for a stray in a tree.
