@@ -37,8 +37,10 @@ inline std::optional<SplatKernel> splatKernelFromName(std::string_view name) {
 }
 
 enum class SplatColors {
-  kSurface,     ///< colours of the scan, shaded
-  kResolution,  ///< kResolutionLegend by projected diameter (Rusinkiewicz and Levoy 2001, section 4.1)
+  kSurface,  ///< colours of the scan, shaded
+  /// kResolutionLegend by projected diameter, hatched with dark lines where the splat stands in for finer ones that are
+  /// still to come (Rusinkiewicz and Levoy 2001, section 4.1).
+  kResolution,
 };
 
 struct SplatView {

@@ -318,6 +318,7 @@ async function start() {
         "Switch on hardware acceleration in the browser's settings, update the graphics driver, or try another " +
             "browser.");
   overlay = new Overlay(core, {
+    splats,
     ratio: () => ratio,
     press: (act) => {
       act();

@@ -1,5 +1,8 @@
 // Variants as in splat_vertex.glsl.
 flat in vec3 v_color;
+#ifdef RESOLUTION
+flat in float v_hatched;
+#endif
 #ifndef POINTS
 in vec3 v_place;
 #endif
@@ -12,6 +15,10 @@ in float v_beyond;
 #endif
 layout(location = 0) out vec4 out_color;
 void main() {
+  vec3 color = v_color;
+#ifdef RESOLUTION
+  color *= 1.0 - 0.5 * v_hatched * step(5.0, mod(gl_FragCoord.x + gl_FragCoord.y, 8.0));
+#endif
 #ifdef SECTION
   if (v_beyond > 0.0) discard;
 #endif
@@ -22,7 +29,7 @@ void main() {
   float t = 0.5 * length(v_place.xy) / v_place.z;
   if (v_place.z <= 0.0 || t >= 1.0) discard;
   float opacity = 1.0 - t * t * (3.0 - 2.0 * t);
-  out_color = vec4(v_color * opacity, opacity);
+  out_color = vec4(color * opacity, opacity);
 #else
 #ifdef ROUND
   float off = dot(v_place.xy, v_place.xy) / (v_place.z * v_place.z);
@@ -37,6 +44,6 @@ void main() {
 #endif
   gl_FragDepth = min(depth + v_depth.y * bell, 0.9999998);
 #endif
-  out_color = vec4(v_color, 1.0);
+  out_color = vec4(color, 1.0);
 #endif
 }

@@ -21,6 +21,9 @@ uniform float u_push;                  // depth is taken at a point this many ra
 uniform float u_rim;                   // and the rim's depth this many radii behind that
 uniform float u_samples;               // samples that a length of 1 covers at depth 1
 flat out vec3 v_color;
+#ifdef RESOLUTION
+flat out float v_hatched;              // 1 where finer splats are still to come, else 0
+#endif
 #ifndef POINTS
 out vec3 v_place;                      // position on the splat, homogeneous; its outline is at distance 1
 #endif
@@ -75,6 +78,7 @@ void main() {
                          u_clip_from_scene[3].w), vec4(center, 1.0));
 #ifdef RESOLUTION
   v_color = tinted(v_color, depth > 0.0 ? 2.0 * radius * u_pixels / depth : 1e9);
+  v_hatched = float(codes.x >> 15);
 #endif
   float margin = u_margin * max(depth, 0.0);
   // The step makes a splat whose depth is clamped lie behind its own first pass, too.

@@ -403,6 +403,35 @@ TEST_F(SplatsTest, resolutionShowsInTheLegendsColours) {
     }
 }
 
+TEST_F(SplatsTest, standInsAreHatchedInTheLegendsColours) {
+  SplatView view;
+  view.camera = cameraOf(30.0);
+  view.shading.unlit = true;
+  view.colors = SplatColors::kResolution;
+  for (const SplatKernel kernel : kAllKernels) {
+    qsplat::Splat splat = splatAt({0.0F, 0.0F, -10.0F}, 1.5F);
+    const base::Image known = picture(std::array{splat}, kernel, view);
+    splat.normal |= qsplat::Splat::kStandIn;
+    const base::Image stand_in = picture(std::array{splat}, kernel, view);
+    // Lines of 3 pixels in 8, at half the brightness, across the middle of the splat.
+    int darker = 0;
+    for (int x = 0; x < 8; ++x) {
+      const std::uint8_t* a = known.at(kSize / 2 - 4 + x, kSize / 2);
+      const std::uint8_t* b = stand_in.at(kSize / 2 - 4 + x, kSize / 2);
+      if (a[0] == b[0]) continue;
+      ++darker;
+      EXPECT_NEAR(b[0], a[0] / 2, 2);
+    }
+    EXPECT_EQ(darker, 3);
+
+    view.colors = SplatColors::kSurface;
+    const base::Image usual = picture(std::array{splat}, kernel, view);
+    splat.normal &= static_cast<std::uint16_t>(~qsplat::Splat::kStandIn);
+    EXPECT_EQ(picture(std::array{splat}, kernel, view).pixels, usual.pixels) << "hatched without being asked for";
+    view.colors = SplatColors::kResolution;
+  }
+}
+
 TEST_F(SplatsTest, oneRendererDrawsManyAndFewAndNone) {
   const base::Camera camera = cameraOf(60.0);
   std::vector<qsplat::Splat> row;
