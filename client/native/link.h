@@ -97,9 +97,10 @@ class Link {
 bool isPublishedScene(const std::string& url);
 /// Checks whether openLink() accepts the address. Errors say what is wrong with the text.
 base::Result<void> checkUrl(const std::string& url);
-/// Opens a link, which starts to connect at once.
+/// Opens a link, which starts to connect at once. A scene on this machine (localSceneDirectory) has no link to limit.
 base::Result<std::unique_ptr<Link>> openLink(const std::string& url, const LinkLimit& limit = {});
-/// Opens a link for Method::kQsplat: scene.json and qsplat.lgq over HTTP, from a server of ours or any other host.
+/// Opens a link for Method::kQsplat: scene.json and qsplat.lgq over HTTP, from a server of ours or any other host, or
+/// from a folder on this machine.
 base::Result<std::unique_ptr<Link>> openSplatLink(const std::string& url, const LinkLimit& limit,
                                                   const SplatOptions& options);
 

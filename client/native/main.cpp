@@ -14,6 +14,7 @@
 #include "client/app/splat_settings.h"
 #include "client/native/headless.h"
 #include "client/native/host_probe.h"
+#include "client/native/local_scene.h"
 #include "client/native/units.h"
 #include "client/native/user_files.h"
 #include "client/native/window.h"
@@ -179,7 +180,8 @@ void describe(CLI::App& app, Arguments& a) {
          "URL", a.run.url,
          "The server, as `lumigrid serve` prints it: ws://host:port/ (http:// and host:port mean the same); or a "
          "published scene: https://host/folder/, http://host/folder/ or .../scene.json (no server of ours "
-         "need run there)")
+         "need run there); or a scene's folder on this machine, whose splats, and patches where it is published, are "
+         "read from the disk")
       ->required();
   app.option_defaults()->always_capture_default();
 
@@ -378,6 +380,8 @@ int main(int argc, char** argv) {
   const std::string& link = arguments.window.view;
   arguments.run.method_is_default = app.count("--method") == 0 && link.empty();
   if (auto url = client::checkUrl(arguments.run.url); !url) return printError(url.error().message, kWrongUsage);
+  if (client::localSceneDirectory(arguments.run.url) && (app.count("--bandwidth") + app.count("--latency")) > 0)
+    return printError("--bandwidth and --latency are for a link; this scene is on this machine", kWrongUsage);
   if (!link.empty()) {
     const auto view = client::parsePermalink(link);
     if (!view) return printError("--view: " + view.error().message, kWrongUsage);

@@ -8,6 +8,7 @@
 
 #include "base/parallel.h"
 #include "client/native/connection.h"
+#include "client/native/local_scene.h"
 #include "client/source/streamed_splats.h"
 #include "protocol/welcome.h"
 #include "repository/sampling/parameters.h"
@@ -82,7 +83,10 @@ bool isPublishedScene(const std::string& url) {
 }
 
 base::Result<void> checkUrl(const std::string& url) {
+  if (localSceneDirectory(url)) return {};
   if (!isPublishedScene(url)) {
+    if (url.find("://") == std::string::npos && url.find_first_of("./") == 0)
+      return base::Error{base::ErrorCode::kNotFound, "'" + url + "': no scene is there; it would hold a scene.json"};
     if (auto server = parseServerUrl(url); !server) return server.error();
     return {};
   }
@@ -239,6 +243,7 @@ LinkCounts SplatLink::counts() const {
 // ---- any link ----
 
 base::Result<std::unique_ptr<Link>> openLink(const std::string& url, const LinkLimit& limit) {
+  if (const auto directory = localSceneDirectory(url)) return openLocalScene(*directory);
   if (isPublishedScene(url)) return std::unique_ptr<Link>(std::make_unique<PublishedSceneLink>(url, limit));
   LUMIGRID_ASSIGN_OR_RETURN(auto server, parseServerUrl(url));
   return std::unique_ptr<Link>(std::make_unique<Connection>(server, limit));
@@ -247,6 +252,7 @@ base::Result<std::unique_ptr<Link>> openLink(const std::string& url, const LinkL
 base::Result<std::unique_ptr<Link>> openSplatLink(const std::string& url, const LinkLimit& limit,
                                                   const SplatOptions& options) {
   LUMIGRID_TRY(checkUrl(url));
+  if (const auto directory = localSceneDirectory(url)) return openLocalSplats(*directory, options);
   if (isPublishedScene(url))
     return std::unique_ptr<Link>(std::make_unique<SplatLink>(placeOfScene(url), limit, options));
   LUMIGRID_ASSIGN_OR_RETURN(const auto server, parseServerUrl(url));

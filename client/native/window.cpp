@@ -31,6 +31,7 @@
 #include "client/native/connection.h"
 #include "client/native/http_get.h"
 #include "client/native/jpeg_decoder.h"
+#include "client/native/local_scene.h"
 #include "client/native/overlay.h"
 #include "client/native/published_scene.h"
 #include "client/native/settings_panel.h"
@@ -164,6 +165,7 @@ class Window {
   void keepBookmarks();
   void takeAnswers();
   void acceptNotes(const HttpGetter::Answer& answer);
+  void readNotes();
   void acceptPick(std::uint32_t pick, const HttpGetter::Answer& answer);
   using AcceptAnswer = std::function<void(const HttpGetter::Answer&)>;
   void ask(const std::string& target, std::size_t max_bytes, double seconds, AcceptAnswer accept);
@@ -187,7 +189,8 @@ class Window {
   std::unique_ptr<App> app_;
   std::unique_ptr<Link> connection_;
   bool published_ = false;            // the scene has files but no server that answers questions
-  std::unique_ptr<HttpGetter> http_;  // for files beside the scene, and a server's answers
+  std::string directory_;             // a scene on this machine; else empty
+  std::unique_ptr<HttpGetter> http_;  // for files beside the scene, and a server's answers; null with a directory_
   std::map<std::uint64_t, AcceptAnswer> open_questions_;
   std::uint64_t next_question_ = 1;
   std::optional<std::string> scene_;  // bookmarkKey of the scene whose notes and bookmarks are loaded
@@ -244,7 +247,9 @@ base::Result<void> Window::open() {
   std::copy_n(options_.app.viewer.lumigraph.background, 4, background_.begin());
   theme_background_ = background_[3] == 0.0F;
   LUMIGRID_TRY(openScene(options_.app.viewer.method));
-  published_ = isPublishedScene(options_.url);
+  directory_ = localSceneDirectory(options_.url).value_or("");
+  published_ = !directory_.empty() || isPublishedScene(options_.url);
+  if (!directory_.empty()) return {};
   if (published_)
     http_ = std::make_unique<HttpGetter>(placeOfScene(options_.url));
   else if (auto server = parseServerUrl(options_.url))
@@ -411,9 +416,19 @@ void Window::startScene() {
     reportError(app_->setBookmark(slot, bookmarks ? (*bookmarks)[static_cast<std::size_t>(slot)] : ""));
 
   app_->setAnnotations({});
+  if (!directory_.empty()) return readNotes();
   constexpr double kSeconds = 20.0;
   ask(std::string("/") + base::kAnnotationsFile, base::kMaxAnnotationsBytes, kSeconds,
       [this](const HttpGetter::Answer& answer) { acceptNotes(answer); });
+}
+
+/// Shows the notes of a scene on this machine, which may have none.
+void Window::readNotes() {
+  const auto read = base::readAnnotations(directory_);
+  if (!read) return app_->showToast(read.error().message, true);
+  if (!*read) return;
+  auto notes = base::parseAnnotations(base::viewOfText((*read)->text), base::kAnnotationsFile);
+  if (notes) app_->setAnnotations(std::move(*notes));
 }
 
 void Window::reportError(const base::Result<void>& done) {
@@ -486,6 +501,7 @@ void Window::ask(const std::string& target, std::size_t max_bytes, double second
 
 void Window::takeAnswers() {
   for (const AnsweredPick& pick : connection_->takePicks()) app_->answerPick(pick.id, pick.answer);
+  if (!http_) return;
   for (const HttpGetter::Answer& answer : http_->takeAnswers()) {
     const auto asked = open_questions_.extract(answer.id);
     if (!asked.empty()) asked.mapped()(answer);

@@ -13,9 +13,9 @@ constexpr std::uint64_t kBytesPerSplat = 4 * sizeof(lod::qsplat::Splat);
 // Traversals of one frame at most, until it has no more splats than fit the time and the memory. A choice: the last one
 // is drawn as it is.
 constexpr int kMaxTries = 4;
-// While blocks arrive and the view rests, drawing takes one part of the time and decoding three: a page has one thread
-// for both, and a frame of a million splats takes a second on some machines.
-constexpr double kRestPerDraw = 3.0;
+// While blocks arrive and the view rests, choosing and drawing splats take one part of the time and decoding three: a
+// page has one thread for both, and a frame of a million splats takes a second on some machines.
+constexpr double kRestPerChoice = 3.0;
 
 lod::qsplat::StreamOptions streamOptions(const SplatOptions& options) {
   lod::qsplat::StreamOptions stream;
@@ -51,10 +51,19 @@ StreamedSplats::StreamedSplats(SplatFilePlace file, protocol::Welcome welcome, s
       stream_(file_.bytes, streamOptions(options)),
       rate_(goalOf(options)) {}
 
+StreamedSplats::StreamedSplats(SplatFilePlace file, protocol::Welcome welcome,
+                               std::shared_ptr<lod::qsplat::FileBlocks> blocks, const SplatOptions& options)
+    : file_(std::move(file)),
+      welcome_(protocol::encode(welcome)),
+      options_(options),
+      stream_(std::move(blocks), streamOptions(options)),
+      rate_(goalOf(options)) {}
+
 // ---- the link ----
 
 bool StreamedSplats::pump(Session& session, double now) {
-  std::vector<FetchAnswer> answers = fetcher_->takeAnswers();
+  std::vector<FetchAnswer> answers;
+  if (fetcher_) answers = fetcher_->takeAnswers();
   for (FetchAnswer& answer : answers) acceptAnswer(session, answer, now);
   if (refusal_.empty() && !stream_.problem().empty())
     refusal_ = file_.place + "/" + file_.name + ": " + stream_.problem();
@@ -121,8 +130,17 @@ bool StreamedSplats::moreIsComing() const {
 
 void StreamedSplats::update(const base::Camera& camera, const SplatLook& look) {
   const bool same_view = chosen_ && base::sameCamera(camera, camera_) && look.section == section_ && look.lens == lens_;
-  if (same_view && moreIsComing()) return;
+  if (same_view && moreIsComing() && (!options_.clock || !hasRested())) return;
+  const double begin = now();
   chooseSplats(camera, look);
+  choice_end_ = now();
+  choice_seconds_ = choice_end_ - begin;
+}
+
+/// Whether the last choice of splats was so long ago that the next one may come before all requests are answered. It
+/// orders the requests anew, so that the largest splats found meanwhile come before the finest of those known before.
+bool StreamedSplats::hasRested() const {
+  return now() - choice_end_ >= kRestPerChoice * choice_seconds_;
 }
 
 void StreamedSplats::chooseSplats(const base::Camera& camera, const SplatLook& look) {
@@ -180,8 +198,8 @@ base::Result<void> StreamedSplats::draw(const base::Camera& camera, const SplatL
     waitForGpu();
     rate_.recordFrame(now() - begin, found_.splats.size());
   }
-  drawn_at_ = now();
-  draw_seconds_ = drawn_at_ - begin;
+  choice_end_ = now();
+  choice_seconds_ = choice_end_ - begin;
   return {};
 }
 
@@ -250,7 +268,7 @@ bool StreamedSplats::complete() const {
 bool StreamedSplats::busy() const {
   if (!chosen_ || cutoff_px_ > finestCutoff()) return chosen_;
   if (found_generation_ == stream_.generation()) return false;
-  return !moreIsComing() || !options_.clock || now() - drawn_at_ >= kRestPerDraw * draw_seconds_;
+  return !moreIsComing() || !options_.clock || hasRested();
 }
 
 SplatStats StreamedSplats::stats() const {

@@ -21,6 +21,9 @@ class StreamedSplats final : public SplatView {
   /// `welcome` holds the values of scene.json; only the fields that SplatView needs are used.
   StreamedSplats(SplatFilePlace file, protocol::Welcome welcome, std::unique_ptr<RangeFetcher> fetcher,
                  const SplatOptions& options);
+  /// Shows a whole file that is on this machine. `blocks`: not null.
+  StreamedSplats(SplatFilePlace file, protocol::Welcome welcome, std::shared_ptr<lod::qsplat::FileBlocks> blocks,
+                 const SplatOptions& options);
 
   bool pump(Session& session, double now) override;
   const base::Sphere* bounds() const override;
@@ -46,11 +49,12 @@ class StreamedSplats final : public SplatView {
   void setPace(const base::Camera& camera);
   base::Result<void> drawFound(const base::Camera& camera, const SplatLook& look);
   bool moreIsComing() const;
+  bool hasRested() const;
   double now() const { return options_.clock ? options_.clock() : 0.0; }
 
   const SplatFilePlace file_;
   const base::Bytes welcome_;
-  const std::unique_ptr<RangeFetcher> fetcher_;
+  const std::unique_ptr<RangeFetcher> fetcher_;  ///< null where the whole file is here
   SplatOptions options_;
   lod::qsplat::Stream stream_;
   bool host_away_ = false;  ///< the last request got no answer
@@ -67,9 +71,9 @@ class StreamedSplats final : public SplatView {
   float cutoff_factor_ = 1.0F;  ///< factor by which memory limits coarsen the cut-off in this view, ≥ 1
 
   std::optional<base::Camera> drawn_from_;
-  double drawn_at_ = -1e300;   ///< seconds; end of the last drawing
-  double draw_seconds_ = 0.0;  ///< seconds; duration of the last drawing
-  float reduction_ = 1.0F;     ///< resolution of the last drawing, pixels a side for each sample
+  double choice_end_ = -1e300;   ///< seconds; end of the last choice of splats, or of drawing them
+  double choice_seconds_ = 0.0;  ///< seconds; duration of that
+  float reduction_ = 1.0F;       ///< resolution of the last drawing, pixels a side for each sample
   std::unique_ptr<lod::draw::SplatRenderer> renderer_;
 };
 

@@ -82,6 +82,8 @@ class FileBlocks : public Blocks {
   /// Called between frames after trackUse(): shrinks decoded blocks to so many bytes, or to those that the last frame
   /// used if they are more.
   virtual void trim(std::uint64_t /*bytes*/) {}
+  /// Returns how many bytes decoded blocks take now.
+  virtual std::uint64_t decodedBytes() const { return 0; }
   /// Returns a block's length in the file, once it was found.
   virtual std::uint32_t storedBytes(std::uint64_t /*number*/) const { return kBlockBytes; }
 
@@ -117,6 +119,7 @@ class CodedBlocks final : public FileBlocks {
   CodedBlocks(base::ByteView file, const Header& header, BlockCoder coder);
   ~CodedBlocks() override;
   void trim(std::uint64_t bytes) override;
+  std::uint64_t decodedBytes() const override { return held_.load(std::memory_order_relaxed) * kBlockBytes; }
   std::uint32_t storedBytes(std::uint64_t number) const override { return places_.find(number).bytes; }
 
  private:

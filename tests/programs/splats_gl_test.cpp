@@ -140,6 +140,36 @@ TEST_F(StreamedSplatsTest, aServerOfOursPassesOnWhatLiesBehindANetwork) {
   EXPECT_NE(nginx.accessLog().find(".lgq"), std::string::npos);
 }
 
+TEST_F(StreamedSplatsTest, aSceneOnThisMachineIsShownWithoutAServer) {
+  expectLocalPictures(tour(scene_, "folder", "qsplat"));
+  expectLocalPictures(tour(scene_ + "/", "slash", "qsplat"));
+  expectLocalPictures(tour(path("site/tower/scene.json"), "file", "qsplat"));
+  // Built, it has patches for a server only, so that its splats are shown; published, its patches.
+  expectLocalPictures(tour(scene_, "built", ""));
+  const Tour patches = tour(path("site/tower"), "published", "");
+  const Tour served = tour(serve(path("site/tower")).url, "served", "");
+  ASSERT_EQ(patches.pictures.size(), served.pictures.size());
+  for (std::size_t i = 0; i < served.pictures.size(); ++i)
+    EXPECT_EQ(patches.pictures[i].pixels, served.pictures[i].pixels) << "frame " << i;
+  EXPECT_GT(patches.lines.back()["patches"].get<int>(), 0);
+}
+
+TEST_F(CodedSplatsTest, aSceneOnThisMachineIsShownWithoutAServer) {
+  expectLocalPictures(tour(scene_, "folder", "qsplat"));
+}
+
+TEST_F(StreamedSplatsTest, aFolderThatCannotBeShownIsNamedWithWhatToDo) {
+  expectOneLineError(run("lumigrid-view", {scene_, "--headless", "--path", path("tour.json"), "--method", "patches"}),
+                     1, {"lumigrid publish", "--method qsplat"});
+  expectOneLineError(view(path("nothing")), 2, {"/nothing", "no scene is there"});
+  expectOneLineError(view(scene_, {"--bandwidth", "1Mbit"}), 2, {"--bandwidth", "on this machine"});
+  ASSERT_EQ(run("lumigrid", {"build", path("mesh.ply"), "-o", path("plain"), "--methods", "patch", "--quiet"}).status,
+            0);
+  expectOneLineError(view(path("plain")), 1, {"has no splats", "--methods qsplat"});
+  fs::resize_file(scene_ + "/qsplat.lgq", 5000);
+  expectOneLineError(view(scene_), 1, {"qsplat.lgq", "has 5000 bytes"});
+}
+
 /// Builds and publishes a scene of splats only.
 class SplatsOnlyTest : public StreamedSplatsTest {
  protected:

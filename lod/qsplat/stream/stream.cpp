@@ -95,6 +95,16 @@ Stream::Stream(std::uint64_t file_bytes, const StreamOptions& options)
     giveUpForMemory(file_bytes);
 }
 
+Stream::Stream(std::shared_ptr<FileBlocks> file, const StreamOptions& options)
+    : options_(options),
+      file_bytes_(file->header().storedBytes()),
+      max_kept_(std::max(options.memory_bytes, kMinStreamMemory) / kBlockBytes),
+      availability_(0),
+      queue_(availability_),
+      whole_(std::move(file)) {
+  whole_->trackUse();
+}
+
 void Stream::giveUpForMemory(std::uint64_t plain_bytes) {
   giveUp("its " + inBytes(plain_bytes) + " are too many for " + inBytes(max_kept_ * kBlockBytes) +
          " of memory; allow at least " + inBytes(plain_bytes / kMaxFilePerMemory));
@@ -105,15 +115,16 @@ void Stream::giveUpForMemory(std::uint64_t plain_bytes) {
 void Stream::traverse(const TraverseRequest& request, const std::optional<Lens>& lens, Traversal& result) {
   queue_.clear();
   idle_ = false;
-  if (!blocks_) {
+  if (blocks() == nullptr) {
     result = {};
     return;
   }
-  blocks_->beginFrame(++frame_);
+  blocks()->beginFrame(++frame_);
   TraverseRequest ordered = request;
   ordered.lens = lens;
   ordered.priority = priorityFor(options_.order, lens, request.camera.height);
-  qsplat::traverse(*blocks_, ordered, result);
+  qsplat::traverse(*blocks(), ordered, result);
+  if (whole_) whole_->trim(options_.memory_bytes);
   if (result.damaged) giveUp("its groups don't make a tree; copy or build the file again");
 
   in_use_.reset();
@@ -128,6 +139,7 @@ void Stream::traverse(const TraverseRequest& request, const std::optional<Lens>&
 
 void Stream::queueWanted(const std::vector<WantedBlock>& wanted) {
   lacking_ = 0;
+  if (whole_) return;  // the missing blocks are damaged
   for (const WantedBlock& one : wanted) {
     if (isGivenUp(one.block)) continue;
     ++lacking_;
@@ -148,7 +160,7 @@ bool Stream::complete() const {
 
 std::vector<ByteRange> Stream::nextRequests(double now) {
   std::vector<ByteRange> ranges;
-  if (!problem_.empty() || now < pause_until_) return ranges;
+  if (!problem_.empty() || whole_ || now < pause_until_) return ranges;
   while (under_way_.size() < options_.max_requests) {
     const std::uint64_t max_blocks =
         std::min(link_.roomForRequest() / typicalBlockBytes(), std::max<std::uint64_t>(options_.max_request_blocks, 1));
@@ -438,6 +450,7 @@ std::string Stream::warning() const {
     if (times < kMaxDamages) continue;
     first = lost++ == 0 ? number : std::min(first, number);
   }
+  if (whole_ && whole_->damagedBlock() != 0) lost = 1, first = whole_->damagedBlock();
   if (lost == 0) return "";
   return "block " + std::to_string(first) + (lost > 1 ? " and " + std::to_string(lost - 1) + " more are" : " is") +
          " damaged: checksum does not match; publish the scene again";
@@ -453,6 +466,11 @@ StreamStats Stream::stats() const {
   stats.memory_bytes =
       kept_.size() * kBlockBytes + (blocks_ ? availability_.blocks() * (kTableBytes + (coder_ ? kPlaceBytes : 0)) : 0);
   stats.bytes_per_second = link_.bytesPerSecond();
+  if (whole_) {
+    stats.blocks = stats.present = header()->blocks();
+    stats.given_up = whole_->damagedBlock() != 0 ? 1 : 0;
+    stats.memory_bytes = stats.blocks * kTableBytes + whole_->decodedBytes();
+  }
   return stats;
 }
 

@@ -88,9 +88,12 @@ class Stream {
  public:
   /// `file_bytes`: length of the stored file, as scene.json has it. An impossible length becomes a problem().
   Stream(std::uint64_t file_bytes, const StreamOptions& options);
+  /// Takes a whole file that is on this machine, such as a mapped one: nothing is requested, and no memory limit holds
+  /// for a plain file. Not null.
+  Stream(std::shared_ptr<FileBlocks> file, const StreamOptions& options);
 
   /// Returns null until the front of the file has arrived.
-  const Header* header() const { return blocks_ ? &blocks_->header() : nullptr; }
+  const Header* header() const { return blocks() != nullptr ? &blocks()->header() : nullptr; }
 
   // ---- frames ----
 
@@ -139,6 +142,8 @@ class Stream {
     double sent_at = 0.0;
   };
 
+  /// Null until the front of the file has arrived.
+  Blocks* blocks() const { return whole_ ? static_cast<Blocks*>(whole_.get()) : blocks_.get(); }
   void queueWanted(const std::vector<WantedBlock>& wanted);
   bool isGivenUp(std::uint64_t number) const;
 
@@ -171,6 +176,7 @@ class Stream {
   Availability availability_;
   RequestQueue queue_;
   LinkEstimate link_;
+  const std::shared_ptr<FileBlocks> whole_;  ///< null where the file is streamed
   std::unique_ptr<GrowingBlocks> blocks_;
   std::unique_ptr<BlockCoder> coder_;                  ///< null for a plain file
   std::unique_ptr<PlaceTable> places_;                 ///< where a coded file's blocks lie

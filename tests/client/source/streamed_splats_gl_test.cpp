@@ -104,6 +104,18 @@ class StreamedSplatsTest : public ::testing::Test {
     ASSERT_TRUE(viewer_->allHere());
   }
 
+  /// Shows the whole file, as if it were mapped.
+  void openWhole(const SplatOptions& options, const base::Bytes& bytes) {
+    ViewerOptions viewer;
+    viewer.method = Method::kQsplat;
+    viewer_ = std::make_unique<Viewer>(viewer, std::make_unique<NoDecoder>());
+    const auto header = lod::qsplat::readHeader(bytes);
+    ASSERT_TRUE(bool(header));
+    splats_ = std::make_shared<StreamedSplats>(SplatFilePlace{"ball", "qsplat.lgq", bytes.size()}, protocol::Welcome(),
+                                               std::make_shared<lod::qsplat::MappedBlocks>(bytes, *header), options);
+    viewer_->setSplats(splats_);
+  }
+
   std::unique_ptr<base::HeadlessContext> context_;
   base::gl::RenderTarget target_;
   std::unique_ptr<Viewer> viewer_;
@@ -138,6 +150,30 @@ TEST_F(StreamedSplatsTest, theFinishedPictureDoesNotDependOnHowItCame) {
   EXPECT_EQ(draw(view()).pixels, at_once.pixels);
   EXPECT_EQ(viewer_->stats().accuracy, Accuracy::kFine);
   EXPECT_GT(viewer_->stats().session.bytes_received, 10'000U);
+}
+
+TEST_F(StreamedSplatsTest, aWholeFileIsShownAtOnceAsIfItHadComeAndDamagedBlocksAreNamed) {
+  open(still());
+  fetchAll(view());
+  const base::Image streamed = draw(view());
+  openWhole(still(), file());
+  pump();
+  EXPECT_EQ(viewer_->session().phase(), SessionPhase::kReady);
+  EXPECT_EQ(draw(view()).pixels, streamed.pixels);
+  EXPECT_TRUE(splats_->complete());
+  EXPECT_FALSE(splats_->busy());
+  EXPECT_EQ(viewer_->stats().splats.warning, "");
+  EXPECT_EQ(viewer_->stats().splats.stream.requests, 0U);
+
+  base::Bytes spoiled = file();
+  for (std::size_t block = 20; block < spoiled.size() / lod::qsplat::kBlockBytes; ++block)
+    spoiled[block * lod::qsplat::kBlockBytes + 7] ^= 1;
+  openWhole(still(), spoiled);
+  pump();
+  EXPECT_NE(draw(view()).pixels, streamed.pixels);
+  EXPECT_TRUE(splats_->complete());
+  EXPECT_NE(viewer_->stats().splats.warning.find("damaged: checksum does not match"), std::string::npos);
+  EXPECT_GT(viewer_->stats().broken, 0U);
 }
 
 TEST_F(StreamedSplatsTest, anotherQualityShowsInTheNextPictureAsIfItHadBeenThereFromTheBeginning) {
@@ -255,6 +291,39 @@ TEST_F(StreamedSplatsTest, aPictureAtRestIsDrawnAgainWhenAllIsHereOrDrawingHadIt
   while (stream().wanted > 0) next();
   next();
   EXPECT_TRUE(viewer_->stats().busy) << "all that it lacked";
+}
+
+// Whoever waits for a complete view, and draws none before, asks for the largest splats first all the same.
+TEST_F(StreamedSplatsTest, requestsAreOrderedAnewWhileOthersAreUnderWayOnceChoosingHadItsPart) {
+  SplatOptions options = still();
+  double clock = 0.0, choosing = 0.0;
+  options.clock = [&] { return clock += choosing; };
+  const auto stream = [&] { return splats_->stats().stream; };
+  const auto next = [&] { splats_->pump(viewer_->session(), now_ += 1.0); };
+  const auto update = [&] { EXPECT_TRUE(bool(viewer_->update(view(), now_))); };
+  open(options);
+  do {
+    next();
+    clock += 1.0;
+    update();
+  } while (stream().wanted < 40);
+
+  choosing = 0.5;  // the next choice takes this long
+  clock += 1.0;
+  next();
+  update();
+  const double chosen = clock;
+  choosing = 0.0;
+  const std::uint64_t nodes = splats_->stats().nodes;
+  next();
+  ASSERT_GT(stream().wanted, 0U);
+  ASSERT_GT(stream().requested, 0U);
+  clock = chosen + 1.4;
+  update();
+  EXPECT_EQ(splats_->stats().nodes, nodes) << "before three times what choosing took";
+  clock = chosen + 1.6;
+  update();
+  EXPECT_GT(splats_->stats().nodes, nodes) << "only when all requests were answered";
 }
 
 TEST_F(StreamedSplatsTest, throughTheLensThePictureIsFinerAndElsewhereTheSame) {
