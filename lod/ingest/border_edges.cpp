@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cstring>
 #include <filesystem>
+#include <limits>
 #include <system_error>
 #include <type_traits>
 
@@ -89,8 +90,8 @@ std::optional<std::vector<BorderSlab>> BorderEdges::slabs(std::uint64_t most, in
     int fitting = begin, too_far = bins;
     while (too_far - fitting > 1) (fits((fitting + too_far) / 2) ? fitting : too_far) = (fitting + too_far) / 2;
     end = fitting + 1;
-    if (begin > 0) slab.begin = begin << bin_shift_;
-    slab.end = end < bins ? end << bin_shift_ : std::numeric_limits<int>::max();
+    slab.begin = begin << bin_shift_;
+    slab.end = end << bin_shift_;
     out.push_back(slab);
   }
   return out;

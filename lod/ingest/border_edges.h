@@ -2,7 +2,6 @@
 // The border edges of a source, in a work file: a scan in many tiles has more of them than memory holds.
 #include <compare>
 #include <cstdint>
-#include <limits>
 #include <optional>
 #include <span>
 #include <string>
@@ -20,24 +19,18 @@ struct BorderEdge {
   auto operator<=>(const BorderEdge&) const = default;
 };
 
-/// A part of space between two planes across an axis, in lattice steps, and as much beside it on either side as decides
-/// on what lies in it.
+/// A part of the lattice between two planes across an axis, in lattice steps, and as much beside it on either side as
+/// decides on what lies in it. By default all of a lattice.
 struct BorderSlab {
   int axis = 0;
-  int begin = std::numeric_limits<int>::min();
-  int end = std::numeric_limits<int>::max();  ///< the first step beyond
+  int begin = 0;
+  int end = 1 << 21;  ///< the first step beyond; no lattice has more than 21 bits an axis
   int beside = 0;
 
   bool owns(int at) const { return at >= begin && at < end; }
-  /// Whether everything between these two steps lies here or beside. Planes at the ends of space are none.
-  bool seesAll(int low, int high) const {
-    return (begin == std::numeric_limits<int>::min() || low >= begin - beside) &&
-           (end == std::numeric_limits<int>::max() || high < end + beside);
-  }
-  bool touches(int low, int high) const {
-    return (begin == std::numeric_limits<int>::min() || high >= begin - beside) &&
-           (end == std::numeric_limits<int>::max() || low < end + beside);
-  }
+  /// Whether everything between these two steps lies here or beside.
+  bool seesAll(int low, int high) const { return low >= begin - beside && high < end + beside; }
+  bool touches(int low, int high) const { return high >= begin - beside && low < end + beside; }
 };
 
 class BorderEdges {

@@ -84,22 +84,14 @@ void printSize(const char* what, const Header& h) {
       bytes / static_cast<double>(h.leaves));
 }
 
-// Leaves of even size stand as far apart as their radius says, and n of them fill a disc of √n radii.
 void printSpread(const std::string& path) {
   const auto file = must(lod::qsplat::SplatFile::open(path));
   const auto blocks = must(lod::qsplat::openBlocks(file.bytes(), file.header()));
-  const support::TreeSpread spread = support::SpreadReader(*blocks).run();
-  const double median = spread.medianLeafRadius();
-  double bottom = 0.0, any = 0.0;
-  for (const support::SpreadNode& node : spread.inner) {
-    const double radii = static_cast<double>(node.sphere.radius) / median;
-    if (node.above_leaves) bottom = std::max(bottom, radii);
-    any = std::max(any, radii / std::sqrt(static_cast<double>(node.leaves)));
-  }
+  const auto largest = support::SpreadReader(*blocks).run().largest();
   std::printf(
       "in median leaf radii: the largest leaf %.1f, the largest node above leaves %.1f, the largest node above n "
       "leaves %.1f √n\n",
-      static_cast<double>(spread.leaf_radii.back()) / median, bottom, any);
+      largest.leaf, largest.above_leaves, largest.any);
 }
 
 void compareSize(Mesh mesh, const std::string& file, double dice) {

@@ -28,7 +28,23 @@ struct TreeSpread {
   std::vector<SpreadNode> inner;  ///< of the whole file, each behind the nodes below it
   std::vector<float> leaf_radii;  ///< as decoded, by size
 
-  double medianLeafRadius() const { return static_cast<double>(leaf_radii[leaf_radii.size() / 2]); }
+  /// The largest radii in medians of the leaves': leaves of even size stand as far apart as their radius says.
+  struct Largest {
+    double leaf = 0.0;
+    double above_leaves = 0.0;  ///< inner nodes all of whose children are leaves
+    double any = 0.0;           ///< inner nodes above n leaves, over √n: n leaves fill a disc of √n radii
+  };
+  Largest largest() const {
+    const auto median = static_cast<double>(leaf_radii[leaf_radii.size() / 2]);
+    Largest out;
+    out.leaf = static_cast<double>(leaf_radii.back()) / median;
+    for (const SpreadNode& node : inner) {
+      const double radii = static_cast<double>(node.sphere.radius) / median;
+      if (node.above_leaves) out.above_leaves = std::max(out.above_leaves, radii);
+      out.any = std::max(out.any, radii / std::sqrt(static_cast<double>(node.leaves)));
+    }
+    return out;
+  }
 };
 
 /// Reads a whole intact file.

@@ -168,9 +168,9 @@ base::Result<StrayMoves::Choices> StrayMoves::choosePlaces(unsigned threads) con
   return best;
 }
 
-// Returns how many strays move.
-std::size_t StrayMoves::move(const Choices& choices) {
-  std::size_t count = 0;
+// Returns whether a stray moves.
+bool StrayMoves::move(const Choices& choices) {
+  bool moved = false;
   // A node may be a stray's place and lose a child, so strays are added before others are removed.
   for (const bool adding : {true, false})
     for (std::size_t t = 0; t < tiles_.size(); ++t)
@@ -180,19 +180,16 @@ std::size_t StrayMoves::move(const Choices& choices) {
         if (!(choice.place.radius < kWorthMoving * stray.gap)) continue;
         Tile& changed = adding ? tiles_[choice.tile] : tiles_[t];
         changed.edits.push_back(adding ? Edit{choice.place.parent, stray.nodes} : Edit{stray.node, {}});
-        changed.changed = true;
-        count += adding ? 1 : 0;
+        moved = changed.changed = true;
       }
-  return count;
+  return moved;
 }
 
 base::Result<void> StrayMoves::plan(unsigned threads) {
   for (int round = 0; round < kRounds; ++round) {
     LUMIGRID_TRY(findAll(threads));
     LUMIGRID_ASSIGN_OR_RETURN(const auto choices, choosePlaces(threads));
-    const std::size_t moved = move(choices);
-    if (moved == 0) break;
-    moved_ += moved;
+    if (!move(choices)) break;
   }
   for (Tile& tile : tiles_) tile.strays = {};
   return {};

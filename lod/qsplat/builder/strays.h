@@ -47,7 +47,6 @@ class StrayMoves {
   bool changes(std::uint32_t tile) const { return !tiles_[tile].edits.empty(); }
   /// Returns the nodes of a tile's tree after all moves; none where everything moved out. Errors: those of reading.
   base::Result<std::vector<TreeNode>> nodes(std::uint32_t tile) const;
-  std::size_t count() const { return moved_; }
 
  private:
   /// Adds a tree below a node, or removes the node where there are none to add.
@@ -71,11 +70,10 @@ class StrayMoves {
   base::Result<void> findAll(unsigned threads);
   base::Result<Choices> choosePlaces(unsigned threads) const;
   bool mayTake(const Tile& tile, const Stray& stray) const;
-  std::size_t move(const Choices& choices);
+  bool move(const Choices& choices);
 
   ReadTree read_;
   std::vector<Tile> tiles_;
-  std::size_t moved_ = 0;
 };
 
 }  // namespace lod::qsplat::builder

@@ -122,7 +122,6 @@ class StraysTest : public testing::Test {
 TEST_F(StraysTest, aPieceFarFromItsTileMovesToTheTileAroundIt) {
   EXPECT_GT(largestSpread(tiles_[0]), 2.5);
   const StrayMoves moved = moves();
-  EXPECT_EQ(moved.count(), 1U);
   EXPECT_TRUE(moved.changes(0));
   EXPECT_FALSE(moved.changes(1));
   EXPECT_TRUE(moved.changes(2));
@@ -219,19 +218,10 @@ TEST(Gaps, nodesOfABuiltFileAreAboutAsLargeAsTheirLeavesTogether) {
   ASSERT_TRUE(file);
   const auto blocks = lod::qsplat::openBlocks(file->bytes(), file->header());
   ASSERT_TRUE(blocks);
-  const support::TreeSpread spread = support::SpreadReader(**blocks).run();
-  const double median = spread.medianLeafRadius();
-  double bottom = 0.0, any = 0.0;
-  for (const support::SpreadNode& node : spread.inner) {
-    const double radii = static_cast<double>(node.sphere.radius) / median;
-    if (node.above_leaves) bottom = std::max(bottom, radii);
-    any = std::max(any, radii / std::sqrt(static_cast<double>(node.leaves)));
-  }
-  std::printf("largest node above leaves %.1f median leaf radii, any node %.1f, leaf %.1f\n", bottom, any,
-              static_cast<double>(spread.leaf_radii.back()) / median);
-  EXPECT_LT(bottom, 7.0);
-  EXPECT_LT(any, 4.0);
-  EXPECT_LT(static_cast<double>(spread.leaf_radii.back()), 3.0 * median);
+  const auto largest = support::SpreadReader(**blocks).run().largest();
+  EXPECT_LT(largest.above_leaves, 7.0);
+  EXPECT_LT(largest.any, 4.0);
+  EXPECT_LT(largest.leaf, 3.0);
 }
 
 }  // namespace
