@@ -34,11 +34,31 @@ Camera cameraFromView(const ViewCamera& view, const glm::dvec3& scene_origin, fl
   return camera;
 }
 
-DepthRange depthRangeFor(const glm::vec3& eye, const glm::vec3& scene_center, float scene_radius) {
-  const float distance = glm::length(eye - scene_center);
-  const float far_plane = (distance + scene_radius) * 1.01F;
-  const float near_plane = std::max((distance - scene_radius) * 0.99F, far_plane / 20000.0F);
-  return {near_plane, far_plane};
+namespace {
+
+float farthestDistance(const glm::vec3& eye, const Sphere& scene) {
+  return (glm::length(eye - scene.center) + scene.radius) * 1.01F;
+}
+
+/// Near planes beyond this share of the far one leave 24 depth bits enough precision.
+constexpr float kNearestShare = 1.0F / 20000.0F;
+
+}  // namespace
+
+float nearestDistance(const glm::vec3& eye, const Sphere& scene) {
+  const float outside = (glm::length(eye - scene.center) - scene.radius) * 0.99F;
+  return std::max(outside, kNearestShare * farthestDistance(eye, scene));
+}
+
+DepthRange depthRangeFor(const glm::vec3& eye, const Sphere& scene, float corner_cosine) {
+  const float far_plane = farthestDistance(eye, scene);
+  return {std::max(corner_cosine * nearestDistance(eye, scene), kNearestShare * far_plane), far_plane};
+}
+
+float cornerCosine(const ViewCamera& view) {
+  const double up = std::tan(0.5 * view.fov_y);
+  const double aside = up * view.width / view.height;
+  return static_cast<float>(1.0 / std::sqrt(1.0 + up * up + aside * aside));
 }
 
 namespace {
@@ -59,7 +79,7 @@ ViewCamera movedAlongAxis(ViewCamera view, const glm::dvec3& center, double dist
 
 Camera cameraForScene(const ViewCamera& view, const glm::dvec3& scene_origin, const Sphere& scene) {
   if (!view.orthographic()) {
-    const DepthRange range = depthRangeFor(glm::vec3(view.position - scene_origin), scene.center, scene.radius);
+    const DepthRange range = depthRangeFor(glm::vec3(view.position - scene_origin), scene, cornerCosine(view));
     return cameraFromView(view, scene_origin, range.near_plane, range.far_plane);
   }
   const float radius = std::max(scene.radius, 1e-20F);

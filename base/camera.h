@@ -73,13 +73,21 @@ inline constexpr glm::vec4 kNoSection{0.0F, 0.0F, 0.0F, 1.0F};
 /// of either sign).
 Camera cameraFromView(const ViewCamera& view, const glm::dvec3& scene_origin, float near_plane, float far_plane);
 
-/// Near and far planes that hold a sphere of the given radius around the scene's bounds from `eye`, with near at least
-/// far / 20000 so that 24 depth bits suffice.
+/// The distance from `eye` to the nearest point of a sphere that holds the scene, or a 20000th of the distance to the
+/// farthest point, if that is more: what projected errors are computed for at least.
+float nearestDistance(const glm::vec3& eye, const Sphere& scene);
+
+/// Planes between which lies all of the scene that a picture can show. Near is at least far / 20000, so that 24 depth
+/// bits suffice.
 struct DepthRange {
   float near_plane;
   float far_plane;
 };
-DepthRange depthRangeFor(const glm::vec3& eye, const glm::vec3& scene_center, float scene_radius);
+/// `corner_cosine`: of the angle between the viewing direction and the ray through a corner of the picture. What lies
+/// there is nearer to the eye's plane than to the eye, by that factor.
+DepthRange depthRangeFor(const glm::vec3& eye, const Sphere& scene, float corner_cosine);
+/// That cosine for a perspective view.
+float cornerCosine(const ViewCamera& view);
 
 /// The camera of a view that holds the whole of a scene in this sphere (scene-local) between its near and far planes.
 Camera cameraForScene(const ViewCamera& view, const glm::dvec3& scene_origin, const Sphere& scene);

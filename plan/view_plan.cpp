@@ -71,14 +71,11 @@ void planGroups(const Scene& scene, const LocalView& local, ViewPlan& plan) {
 }  // namespace
 
 lod::patch::CutRequest cutRequestFor(const protocol::Welcome& welcome, const protocol::View& view) {
-  const glm::vec3 center = 0.5F * (welcome.box_min + welcome.box_max);
-  const float radius = 0.5F * glm::length(welcome.box_max - welcome.box_min);
-  const glm::vec3 eye(view.camera.position - welcome.origin);
-  const base::DepthRange depth = base::depthRangeFor(eye, center, radius);
-
+  const base::Sphere scene{0.5F * (welcome.box_min + welcome.box_max),
+                           0.5F * glm::length(welcome.box_max - welcome.box_min)};
   lod::patch::CutRequest request;
-  request.camera = base::cameraFromView(view.camera, welcome.origin, depth.near_plane, depth.far_plane);
-  request.near_plane = depth.near_plane;
+  request.camera = base::cameraForScene(view.camera, welcome.origin, scene);
+  request.near_plane = base::nearestDistance(request.camera.eye, scene);
   request.tolerance_px = view.patch_tolerance_px;
   request.measure = view.measure;
   request.max_triangles = view.max_triangles;

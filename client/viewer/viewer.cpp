@@ -284,7 +284,7 @@ void Viewer::updatePatches() {
   const std::uint64_t records = std::min(recordBytes(session_.hierarchy()), plan_.patches / 4 * 3);
   lod::patch::CutRequest wanted;
   wanted.camera = camera_;
-  wanted.near_plane = base::depthRangeFor(camera_.eye, scene_.center, scene_.radius).near_plane;
+  wanted.near_plane = base::nearestDistance(camera_.eye, scene_);
   wanted.tolerance_px = session_.patchTolerance();
   wanted.measure = session_.errorMeasure();
   wanted.max_triangles = options_.session.max_triangles;

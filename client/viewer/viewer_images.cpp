@@ -45,10 +45,8 @@ base::Result<void> Viewer::takeEvents() {
 
 void Viewer::addFace(const repository::FaceKey& key) {
   if (images_.count(key.code()) != 0 || session_.face(key) == nullptr) return;
-  const repository::Grid& grid = session_.welcome()->grid;
-  const base::DepthRange range = base::depthRangeFor(grid.point(key.x, key.y, key.z), scene_.center, scene_.radius);
   BlendImage image;
-  image.camera = repository::faceCamera(grid, key, range.near_plane, range.far_plane);
+  image.camera = repository::faceCamera(session_.welcome()->grid, key, scene_);
   images_.emplace(key.code(), std::move(image));
 }
 

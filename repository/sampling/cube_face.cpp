@@ -8,6 +8,8 @@
 namespace repository {
 namespace {
 
+constexpr float kCornerCosine = 0.57735F;  // a corner lies in the direction of (1, 1, 1)
+
 struct Axes {
   glm::vec3 direction;
   glm::vec3 up;
@@ -36,7 +38,7 @@ glm::vec3 faceUp(std::uint32_t d) {
   return kFaces[d].up;
 }
 
-base::Camera faceCamera(const Grid& grid, const FaceKey& key, float near_plane, float far_plane) {
+base::Camera faceCamera(const Grid& grid, const FaceKey& key, const base::Sphere& scene) {
   base::Camera camera;
   camera.eye = grid.point(key.x, key.y, key.z);
   camera.width = camera.height = static_cast<int>(grid.face_size);
@@ -48,6 +50,7 @@ base::Camera faceCamera(const Grid& grid, const FaceKey& key, float near_plane, 
   camera.eye_from_scene = glm::mat4(glm::transpose(glm::mat3(right, up, back)));
   camera.eye_from_scene[3] = glm::vec4(-(glm::mat3(camera.eye_from_scene) * camera.eye), 1.0F);
 
+  const auto [near_plane, far_plane] = base::depthRangeFor(camera.eye, scene, kCornerCosine);
   // A frustum makes x and y scale by exactly 1 at 90° and aspect 1 (section 4.3); a perspective matrix would scale by
   // 1 / tan(float π/4).
   camera.clip_from_eye = glm::frustum(-near_plane, near_plane, -near_plane, near_plane, near_plane, far_plane);

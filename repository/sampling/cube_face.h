@@ -14,8 +14,8 @@ namespace repository {
 glm::vec3 faceDirection(std::uint32_t d);
 glm::vec3 faceUp(std::uint32_t d);
 
-/// The 90° camera of a face. base::depthRangeFor gives its near and far planes, as for every camera.
-base::Camera faceCamera(const Grid& grid, const FaceKey& key, float near_plane, float far_plane);
+/// The 90° camera of a face. `scene` holds all that it shows.
+base::Camera faceCamera(const Grid& grid, const FaceKey& key, const base::Sphere& scene);
 
 /// The face in which `direction` (not zero) lies.
 std::uint32_t faceOfDirection(const glm::vec3& direction);

@@ -15,11 +15,8 @@ namespace server {
 std::vector<base::Camera> faceCameras(const SceneRenderer& renderer, const repository::Grid& grid,
                                       const std::vector<repository::FaceKey>& keys) {
   std::vector<base::Camera> cameras;
-  for (const repository::FaceKey& key : keys) {
-    const base::DepthRange depth =
-        base::depthRangeFor(grid.point(key.x, key.y, key.z), renderer.sceneCenter(), renderer.sceneRadius());
-    cameras.push_back(repository::faceCamera(grid, key, depth.near_plane, depth.far_plane));
-  }
+  const base::Sphere scene{renderer.sceneCenter(), renderer.sceneRadius()};
+  for (const repository::FaceKey& key : keys) cameras.push_back(repository::faceCamera(grid, key, scene));
   return cameras;
 }
 

@@ -52,12 +52,11 @@ struct ViewDemand {
 std::vector<ViewDemand> demandsOf(const base::Scene& scene, const repository::Grid& grid,
                                   const std::vector<base::ViewCamera>& views, const lod::patch::ProxySight& sight,
                                   unsigned threads) {
-  const glm::vec3 center(0.5 * (scene.box_min + scene.box_max) - scene.origin);
-  const float radius = 0.5F * static_cast<float>(glm::length(scene.box_max - scene.box_min));
+  const base::Sphere bounds{glm::vec3(0.5 * (scene.box_min + scene.box_max) - scene.origin),
+                            0.5F * static_cast<float>(glm::length(scene.box_max - scene.box_min))};
   std::vector<ViewDemand> demands(views.size());
   base::parallelFor(views.size(), threads, [&](std::size_t i) {
-    const base::DepthRange depth = base::depthRangeFor(glm::vec3(views[i].position - scene.origin), center, radius);
-    const base::Camera camera = base::cameraFromView(views[i], scene.origin, depth.near_plane, depth.far_plane);
+    const base::Camera camera = base::cameraForScene(views[i], scene.origin, bounds);
     plan::PointQuery& query = demands[i].query;
     query.grid = grid;
     query.sight = &sight;

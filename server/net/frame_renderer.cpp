@@ -110,10 +110,8 @@ base::Bytes FrameRenderer::renderFrame(const FrameJob& job) const {
   const FrameRequest& request = job.request;
   const glm::dvec3& origin = scenes_[job.scene]->scene.origin;
   SceneRenderer& renderer = *renderers_[job.scene];
-  const glm::vec3 eye(request.camera.position - origin);
-  const base::DepthRange depth = base::depthRangeFor(eye, renderer.sceneCenter(), renderer.sceneRadius());
-  auto picture =
-      renderer.render(base::cameraFromView(request.camera, origin, depth.near_plane, depth.far_plane), kExactFrame);
+  const base::Sphere bounds{renderer.sceneCenter(), renderer.sceneRadius()};
+  auto picture = renderer.render(base::cameraForScene(request.camera, origin, bounds), kExactFrame);
   auto encoded =
       picture ? encodeFace(picture->rgba, request.quality, subsamplingFor(request.quality)) : picture.error();
   if (!encoded) {

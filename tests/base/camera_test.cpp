@@ -47,10 +47,30 @@ TEST(Camera, projectedErrorGrowsTowardsTheEyeAndStaysFiniteInside) {
 
 TEST(Camera, depthRangeHoldsTheWholeScene) {
   for (float distance : {0.0F, 1.0F, 5.0F, 100.0F, 10000.0F}) {
-    const auto range = base::depthRangeFor(glm::vec3(distance, 0, 0), glm::vec3(0.0F), 3.0F);
+    const auto range = base::depthRangeFor(glm::vec3(distance, 0, 0), {glm::vec3(0.0F), 3.0F}, 1.0F);
     EXPECT_GT(range.near_plane, 0.0F);
     EXPECT_GE(range.far_plane, distance + 3.0F);
     EXPECT_TRUE(distance <= 4.0F || range.near_plane <= distance - 3.0F);
+  }
+}
+
+// A point in a corner of the picture is nearer to the eye's plane than to the eye; a wall there was cut open once.
+TEST(Camera, nothingInACornerIsInFrontOfTheNearPlane) {
+  const base::Sphere scene{glm::vec3(0.0F), 3.0F};
+  for (const double fov_degrees : {20.0, 60.0, 90.0, 150.0}) {
+    base::ViewCamera view = lookingDown();
+    view.fov_y = glm::radians(fov_degrees);
+    // The ray to the scene's middle runs through the picture's upper right corner.
+    const double up = std::tan(0.5 * view.fov_y);
+    const double aside = up * view.width / view.height;
+    const glm::dvec3 right = glm::normalize(glm::cross(view.direction, view.up));
+    const glm::dvec3 over = glm::cross(right, view.direction);
+    const glm::dvec3 through = glm::normalize(view.direction + aside * right + up * over);
+    view.position = -7.0 * through;
+    const base::Camera camera = base::cameraForScene(view, glm::dvec3(0.0), scene);
+    const glm::vec4 nearest = camera.clipFromScene() * glm::vec4(-3.0 * through, 1.0F);
+    EXPECT_GE(nearest.z, -nearest.w) << fov_degrees;
+    EXPECT_LE(nearest.z, nearest.w) << fov_degrees;
   }
 }
 

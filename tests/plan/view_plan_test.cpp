@@ -46,12 +46,11 @@ TEST(ViewPlan, groupsLeadAClientToTheWholeHierarchysCut) {
     std::vector<bool> sent(h.groups.size(), false);
     for (std::uint32_t group : plan.groups) sent[group] = true;
 
-    const glm::vec3 center = 0.5F * (scene.data.welcome.box_min + scene.data.welcome.box_max);
-    const float radius = 0.5F * glm::length(scene.data.welcome.box_max - scene.data.welcome.box_min);
-    const auto depth = base::depthRangeFor(glm::vec3(view.camera.position), center, radius);
+    const base::Sphere bounds{0.5F * (scene.data.welcome.box_min + scene.data.welcome.box_max),
+                              0.5F * glm::length(scene.data.welcome.box_max - scene.data.welcome.box_min)};
     lod::patch::CutRequest request;
-    request.camera = base::cameraFromView(view.camera, glm::dvec3(0.0), depth.near_plane, depth.far_plane);
-    request.near_plane = depth.near_plane;
+    request.camera = base::cameraForScene(view.camera, glm::dvec3(0.0), bounds);
+    request.near_plane = base::nearestDistance(request.camera.eye, bounds);
     request.tolerance_px = view.patch_tolerance_px;
     request.max_triangles = budget;
     const auto whole = lod::patch::selectCut(h, request);

@@ -105,10 +105,8 @@ TEST_F(PictureTest, picturesEqualTheRenderersOwn) {
   const PictureRequest request = requestOf(kAslant + "&width=300&height=200");
   const auto bands = base::decodePng(paint(request, 300 * 16));
   ASSERT_TRUE(bands);
-  const glm::vec3 eye(request.camera.position - document_.origin);
-  const auto depth = base::depthRangeFor(eye, renderer_->sceneCenter(), renderer_->sceneRadius());
-  const auto direct = renderer_->render(
-      base::cameraFromView(request.camera, document_.origin, depth.near_plane, depth.far_plane), {0.25F, 2});
+  const base::Sphere bounds{renderer_->sceneCenter(), renderer_->sceneRadius()};
+  const auto direct = renderer_->render(base::cameraForScene(request.camera, document_.origin, bounds), {0.25F, 2});
   ASSERT_TRUE(direct);
   const Difference difference = compare(*bands, direct->rgba);
   EXPECT_LE(difference.mean, 0.01);
