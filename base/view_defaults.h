@@ -18,11 +18,21 @@ struct ViewDefaults {
   static constexpr std::uint16_t kPoints = 8;
   /// Images that are blended in a picture; 24 and 32 gain 0.3 and 0.4 dB there.
   static constexpr int kImages = 16;
-  /// Pixels: the tolerance of stored images and exact frames, finer than a pixel because colours go sooner than shape:
-  /// the orbit loses 1.1 dB at 1 px.
+  /// Pixels: the tolerance of stored images, finer than a pixel because colours go sooner than shape: the orbit loses
+  /// 1.1 dB at 1 px.
   static constexpr float kExactTolerance = 0.25F;
-  /// JPEG quality of stored images and exact frames, 1..100.
+  /// JPEG quality of stored images, 1..100.
   static constexpr int kQuality = 85;
+
+  // ---- exact frames: pictures of a view at rest (docs/decisions/exact-frames.md, frames-webp.md) ----
+
+  /// Frames show leaves while the view has at most this many triangles, else the finest cut that has.
+  static constexpr std::uint64_t kFrameTriangles = 6'000'000;
+  /// Pixels of a frame at most: about twice a 4K screen. A larger frame would keep other viewers waiting.
+  static constexpr std::int64_t kMaxFramePixels = 16'000'000;
+  /// Quality of frames, 1..100, where the client leaves it to the server: as WebP, and as JPEG with 4:4:4.
+  static constexpr int kFrameWebpQuality = 90;
+  static constexpr int kFrameJpegQuality = 93;
 };
 
 }  // namespace base

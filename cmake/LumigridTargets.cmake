@@ -37,6 +37,7 @@ lumigrid_row(sampling_json USES base base_hash base_json sampling LINKS nlohmann
 lumigrid_row(cache USES base)
 lumigrid_row(faces USES base)
 lumigrid_row(jpeg USES base faces LINKS turbojpeg JPEG::JPEG)
+lumigrid_row(frames USES base faces jpeg LINKS libwebp)
 lumigrid_row(packs USES base sampling)
 lumigrid_row(objects USES base base_hash base_http LINKS OpenSSL::Crypto)
 lumigrid_row(repository
@@ -47,7 +48,7 @@ lumigrid_row(plan USES base lod_patch sampling protocol)
 lumigrid_row(server_render USES ${_any_base} lod_patch lod_qsplat lod_draw)
 lumigrid_row(client_render USES base base_gl lod_patch lod_draw)
 lumigrid_row(server_bake
-  USES ${_any_base} lod_patch lod_draw sampling faces jpeg repository protocol plan server_render
+  USES ${_any_base} lod_patch lod_draw sampling faces jpeg frames repository protocol plan server_render
   LINKS spdlog::spdlog)
 lumigrid_row(server_session USES base lod_patch sampling repository protocol plan)
 lumigrid_row(server_trial
@@ -65,7 +66,7 @@ lumigrid_row(lumigrid
 lumigrid_row(client
   USES base base_gl lod_patch lod_qsplat lod_draw sampling faces packs cache protocol plan client_render)
 lumigrid_row(client_native
-  USES ${_any_base} lod_patch lod_qsplat lod_draw sampling sampling_json cache faces packs jpeg protocol client
+  USES ${_any_base} lod_patch lod_qsplat lod_draw sampling sampling_json cache faces packs jpeg frames protocol client
   LINKS Boost::headers Threads::Threads glfw imgui spdlog::spdlog nlohmann_json::nlohmann_json)
 lumigrid_row(lumigrid-view
   USES ${_any_base} lod_patch lod_qsplat lod_draw sampling sampling_json cache faces packs jpeg protocol plan

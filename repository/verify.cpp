@@ -168,7 +168,7 @@ base::Result<StoreContents> contentsOf(const Store& store) {
     } else if (value->empty) {
       ++contents.empty;
     } else {
-      contents.jpeg_bytes += value->jpeg.size();
+      contents.jpeg_bytes += value->picture.size();
       contents.coverage_bytes += value->coverage.size();
     }
     return true;

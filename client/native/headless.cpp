@@ -14,7 +14,7 @@
 #include "base/gl/gl.h"
 #include "base/png/png.h"
 #include "base/stopwatch.h"
-#include "client/native/jpeg_decoder.h"
+#include "client/native/native_decoder.h"
 #include "client/native/units.h"
 
 namespace client {
@@ -79,7 +79,7 @@ base::Result<void> HeadlessRun::openScene(Method method) {
     viewer.lumigraph.fade_seconds = 0.0F;
     viewer.upload_milliseconds = 0.0;
   }
-  viewer_ = std::make_unique<Viewer>(viewer, std::make_unique<JpegDecoder>(std::max(1U, options_.decoder_threads)));
+  viewer_ = std::make_unique<Viewer>(viewer, std::make_unique<NativeDecoder>(std::max(1U, options_.decoder_threads)));
   // Splats are refined fully in each picture, too.
   SplatOptions splats = options_.splats;
   if (options_.realtime_fps <= 0.0) splats.frame_seconds = 0.0;

@@ -30,8 +30,8 @@
 #include "client/native/answer_json.h"
 #include "client/native/connection.h"
 #include "client/native/http_get.h"
-#include "client/native/jpeg_decoder.h"
 #include "client/native/local_scene.h"
+#include "client/native/native_decoder.h"
 #include "client/native/overlay.h"
 #include "client/native/published_scene.h"
 #include "client/native/settings_panel.h"
@@ -271,7 +271,7 @@ base::Result<void> Window::openScene(Method method) {
   options.settings = settings;
   options.viewer.method = method;
   options.clock = [] { return glfwGetTime(); };
-  app_ = std::make_unique<App>(options, std::make_unique<JpegDecoder>(std::max(1U, options_.decoder_threads)));
+  app_ = std::make_unique<App>(options, std::make_unique<NativeDecoder>(std::max(1U, options_.decoder_threads)));
   applyTheme();
   if (!options_.view.empty()) LUMIGRID_TRY(app_->openPermalink(options_.view));
   if (options_.show_figures) app_->showStatistics(true);

@@ -1,6 +1,6 @@
 #pragma once
-// Images are decoded off the render loop. Each platform brings its own decoder: libjpeg-turbo on threads, or
-// createImageBitmap in a browser.
+// Images are decoded off the render loop. Each platform brings its own decoder: libjpeg-turbo and libwebp on
+// threads, or createImageBitmap in a browser.
 #include <cstdint>
 #include <functional>
 #include <optional>

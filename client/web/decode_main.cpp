@@ -1,15 +1,18 @@
-// Decodes the part of a face that browsers have no function for: its container and its coverage mask. This is a
-// WebAssembly module of its own for the page's workers; createImageBitmap decodes the JPEG itself
-// (client/web/site/decode_worker.js).
+// Decodes the part of a face or frame that browsers have no function for: its container, its coverage mask, and colours
+// where there is no model. This is a WebAssembly module of its own for the page's workers; createImageBitmap decodes
+// the JPEG or WebP itself (client/web/site/decode_worker.js).
 #include <emscripten/emscripten.h>
 
+#include <algorithm>
 #include <cstdint>
 #include <string>
+#include <utility>
 
 #include "base/bytes.h"
 #include "base/image.h"
 #include "repository/faces/coverage.h"
 #include "repository/faces/face_value.h"
+#include "repository/faces/filler.h"
 
 namespace {
 
@@ -23,6 +26,20 @@ struct Job {
   std::string error;
 };
 Job job;
+
+int fail(std::string error) {
+  job.error = std::move(error);
+  return 0;
+}
+
+/// A canvas drops the colours of pixels without coverage, which filters would mix into those of the model's edge.
+void fillColors() {
+  base::Image alpha(job.rgba.width, job.rgba.height, 1);
+  for (std::size_t i = 0; i < alpha.pixels.size(); ++i) alpha.pixels[i] = job.rgba.pixels[4 * i + 3];
+  const base::Image filled = repository::fillBackground(job.rgba, alpha);
+  for (std::size_t i = 0; i < alpha.pixels.size(); ++i)
+    if (alpha.pixels[i] == 0) std::copy_n(&filled.pixels[3 * i], 3, &job.rgba.pixels[4 * i]);
+}
 
 }  // namespace
 
@@ -46,11 +63,14 @@ EMSCRIPTEN_KEEPALIVE int parseValue() {
   return value->empty ? 0 : 1;
 }
 
-EMSCRIPTEN_KEEPALIVE const std::uint8_t* jpegData() {
-  return job.value.jpeg.data();
+EMSCRIPTEN_KEEPALIVE int pictureIsWebp() {
+  return repository::isWebp(job.value.picture) ? 1 : 0;
 }
-EMSCRIPTEN_KEEPALIVE std::size_t jpegSize() {
-  return job.value.jpeg.size();
+EMSCRIPTEN_KEEPALIVE const std::uint8_t* pictureData() {
+  return job.value.picture.data();
+}
+EMSCRIPTEN_KEEPALIVE std::size_t pictureSize() {
+  return job.value.picture.size();
 }
 
 /// Returns room for the decoded RGBA pixels; null when no image may have that size.
@@ -60,14 +80,16 @@ EMSCRIPTEN_KEEPALIVE std::uint8_t* pixelBuffer(int width, int height) {
   return job.rgba.pixels.data();
 }
 
-/// Writes the coverage mask into the pixels' alpha; returns 0 when the mask is broken.
+/// Writes the coverage mask into the pixels' alpha; returns 0 when the mask is broken. WebP holds alpha itself.
 EMSCRIPTEN_KEEPALIVE int applyCoverage() {
-  if (job.value.coverage.empty()) return 1;
-  auto mask = repository::decodeCoverage(job.value.coverage, job.rgba.width, job.rgba.height);
-  if (!mask) {
-    job.error = mask.error().message;
-    return 0;
+  const bool is_webp = repository::isWebp(job.value.picture);
+  if (job.value.coverage.empty()) {
+    if (is_webp) fillColors();
+    return 1;
   }
+  if (is_webp) return fail("WebP: a mask comes with it, though it holds alpha itself");
+  auto mask = repository::decodeCoverage(job.value.coverage, job.rgba.width, job.rgba.height);
+  if (!mask) return fail(mask.error().message);
   for (std::size_t i = 0; i < mask->pixels.size(); ++i) job.rgba.pixels[4 * i + 3] = mask->pixels[i];
   return 1;
 }

@@ -5,7 +5,7 @@
 #include <utility>
 #include <vector>
 
-#include "client/native/jpeg_decoder.h"
+#include "client/native/native_decoder.h"
 #include "client/viewer/decode.h"
 
 namespace compare {

@@ -13,7 +13,9 @@ namespace repository {
 base::Result<FacePixels> decodeFacePixels(base::ByteView value, int side) {
   LUMIGRID_ASSIGN_OR_RETURN(const auto face, decodeFaceValue(value));
   if (face.empty) return FacePixels();
-  LUMIGRID_ASSIGN_OR_RETURN(auto rgb, side == 0 ? decodeJpeg(face.jpeg) : decodeJpeg(face.jpeg, side));
+  if (isWebp(face.picture))
+    return base::Error{base::ErrorCode::kInvalidInput, "a picture in WebP, which exact frames alone may be"};
+  LUMIGRID_ASSIGN_OR_RETURN(auto rgb, side == 0 ? decodeJpeg(face.picture) : decodeJpeg(face.picture, side));
   if (side != 0 && (rgb.width != side || rgb.height != side))
     return base::Error{base::ErrorCode::kInvalidInput, "a picture of " + std::to_string(rgb.width) + " x " +
                                                            std::to_string(rgb.height) + " pixels, not " +

@@ -1,6 +1,8 @@
 #include "repository/faces/face_value.h"
 
+#include <algorithm>
 #include <string>
+#include <string_view>
 
 #include "base/check.h"
 #include "base/crc32c.h"
@@ -14,6 +16,7 @@ constexpr std::uint8_t kEmpty = 0;
 constexpr std::uint8_t kImage = 1;
 constexpr std::size_t kCrcOffset = 4;
 constexpr std::size_t kHeaderBytes = 8;
+constexpr std::size_t kWebpMagicBytes = 12;  // "RIFF", four bytes of length, "WEBP"
 
 // The checksum covers all bytes but its own.
 std::uint32_t checksum(base::ByteView bytes) {
@@ -26,8 +29,15 @@ base::Error badValue(const std::string& problem) {
 
 }  // namespace
 
+bool isWebp(base::ByteView picture) {
+  const auto holds = [&](std::size_t at, std::string_view text) {
+    return std::equal(text.begin(), text.end(), picture.begin() + static_cast<std::ptrdiff_t>(at));
+  };
+  return picture.size() >= kWebpMagicBytes && holds(0, "RIFF") && holds(8, "WEBP");
+}
+
 base::Bytes encodeFaceValue(const FaceValue& value) {
-  LUMIGRID_CHECK_LE(value.jpeg.size(), std::size_t{0xFFFFFFFF});
+  LUMIGRID_CHECK_LE(value.picture.size(), std::size_t{0xFFFFFFFF});
   LUMIGRID_CHECK_LE(value.coverage.size(), std::size_t{0xFFFFFFFF});
   base::ByteWriter out;
   out.u8(kMagic);
@@ -36,9 +46,9 @@ base::Bytes encodeFaceValue(const FaceValue& value) {
   out.u8(0);
   out.u32(0);
   if (!value.empty) {
-    out.u32(static_cast<std::uint32_t>(value.jpeg.size()));
+    out.u32(static_cast<std::uint32_t>(value.picture.size()));
     out.u32(static_cast<std::uint32_t>(value.coverage.size()));
-    out.bytes(value.jpeg);
+    out.bytes(value.picture);
     out.bytes(value.coverage);
   }
   out.patch(kCrcOffset, checksum(out.view()));
@@ -63,11 +73,11 @@ base::Result<FaceValue> decodeFaceValue(base::ByteView bytes) {
   FaceValue value;
   value.empty = kind == kEmpty;
   if (!value.empty) {
-    const std::uint32_t jpeg_bytes = in.u32();
+    const std::uint32_t picture_bytes = in.u32();
     const std::uint32_t coverage_bytes = in.u32();
-    value.jpeg = in.bytes(jpeg_bytes);
+    value.picture = in.bytes(picture_bytes);
     value.coverage = in.bytes(coverage_bytes);
-    if (in.ok() && value.jpeg.empty()) return badValue("an image of no bytes");
+    if (in.ok() && value.picture.empty()) return badValue("an image of no bytes");
   }
   if (!in.atEnd()) return badValue("lengths do not add up");
   return value;

@@ -1,20 +1,25 @@
 #pragma once
-// The value under a FaceKey is an empty flag, or a JPEG with its coverage mask, and always has a checksum
+// The value under a FaceKey is an empty flag, or a picture with its coverage mask, and always has a checksum
 // (docs/formats/repository.md, "Value").
 #include "base/bytes.h"
 #include "base/error.h"
 
 namespace repository {
 
-/// The bytes before the JPEG and the mask, in a value that is no empty flag.
+/// The bytes before the picture and the mask, in a value that is no empty flag.
 inline constexpr std::size_t kImageHeaderBytes = 16;
 
 /// The views point into the value's bytes and are valid as long as these are.
 struct FaceValue {
-  bool empty = true;        ///< the face sees nothing: no image, no mask
-  base::ByteView jpeg;      ///< face_size × face_size; background pixels carry filler that the mask hides
-  base::ByteView coverage;  ///< from encodeCoverage(); size 0 when every pixel is model
+  bool empty = true;  ///< the face sees nothing: no image, no mask
+  /// JPEG, face_size × face_size in a stored face; background pixels carry filler that the mask hides. Exact frames may
+  /// have WebP instead (repository/faces/frame_image.h).
+  base::ByteView picture;
+  base::ByteView coverage;  ///< from encodeCoverage(); size 0 when every pixel is model, or WebP holds alpha
 };
+
+/// Tells by its first twelve bytes whether a picture is WebP; else it is JPEG, or broken.
+bool isWebp(base::ByteView picture);
 
 base::Bytes encodeFaceValue(const FaceValue& value);
 /// Checks magic, lengths and CRC.

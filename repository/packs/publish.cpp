@@ -119,7 +119,7 @@ class Publisher {
     if (length != 0) {
       pending_.values.insert(pending_.values.end(), bytes.begin(), bytes.end());
       totals_.value_bytes += length;
-      totals_.jpeg_bytes += value->jpeg.size();
+      totals_.jpeg_bytes += value->picture.size();
       totals_.coverage_bytes += value->coverage.size();
     }
     return true;

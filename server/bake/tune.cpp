@@ -11,6 +11,7 @@
 #include "base/format_text.h"
 #include "base/parallel.h"
 #include "base/picture_error.h"
+#include "repository/faces/filler.h"
 #include "server/bake/draw_memory.h"
 #include "server/bake/face_encoder.h"
 #include "server/bake/face_sample.h"
@@ -40,7 +41,7 @@ std::vector<PreparedFace> prepare(const std::vector<base::Image>& faces, unsigne
   std::vector<PreparedFace> prepared(faces.size());
   base::parallelFor(faces.size(), threads, [&](std::size_t i) {
     prepared[i].rgba = &faces[i];
-    prepared[i].filled = fillBackground(faces[i], coverageMask(faces[i]));
+    prepared[i].filled = repository::fillBackground(faces[i], coverageMask(faces[i]));
   });
   return prepared;
 }

@@ -18,6 +18,7 @@
 #include "base/parallel.h"
 #include "base/picture_error.h"
 #include "repository/faces/coverage.h"
+#include "repository/faces/filler.h"
 #include "repository/faces/jpeg.h"
 #include "server/bake/bake.h"
 #include "server/bake/face_encoder.h"
@@ -67,7 +68,7 @@ std::vector<Face> sample(const Arguments& a) {
     Face& face = faces[i];
     face.rgba = std::move(pictures[i]);
     face.mask = server::coverageMask(face.rgba);
-    face.filled = server::fillBackground(face.rgba, face.mask);
+    face.filled = repository::fillBackground(face.rgba, face.mask);
     face.black = onBackground(face.rgba, face.mask, 0);
     face.white = onBackground(face.rgba, face.mask, 255);
   }

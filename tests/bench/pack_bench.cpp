@@ -64,7 +64,7 @@ std::uint64_t fill(repository::Store& store, std::uint32_t side, std::uint32_t b
       base::Bytes jpeg(bytes / 2 + random() % bytes + 1);
       value.empty = random() % 5 == 0;
       for (std::size_t at = 0; at < jpeg.size(); at += 64) jpeg[at] = static_cast<std::uint8_t>(random());
-      if (!value.empty) value.jpeg = jpeg;
+      if (!value.empty) value.picture = jpeg;
       batch.emplace_back(FaceKey{i / 6 % side, i / 6 / side, z, i % 6}, repository::encodeFaceValue(value));
       total += batch.back().second.size();
     }

@@ -40,7 +40,7 @@ class EndToEnd : public ::testing::Test {
     if (!bytes || !bytes->has_value()) return {};
     auto value = repository::decodeFaceValue(**bytes);
     if (!value || value->empty) return {};
-    auto rgb = repository::decodeJpeg(value->jpeg);
+    auto rgb = repository::decodeJpeg(value->picture);
     if (!rgb) return {};
     base::Image rgba(rgb->width, rgb->height, 4);
     base::Image mask(rgb->width, rgb->height, 1);

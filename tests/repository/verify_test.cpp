@@ -85,6 +85,12 @@ TEST_F(VerifyTest, aPictureThatCannotBeDecodedIsFound) {
   expectOneFault("(0, 1, 0, 0)", "JPEG");
 }
 
+TEST_F(VerifyTest, aWebpIsNoStoredFace) {
+  const base::Bytes webp{'R', 'I', 'F', 'F', 4, 0, 0, 0, 'W', 'E', 'B', 'P'};
+  put({0, 1, 0, 0}, encodeFaceValue({false, webp, {}}));
+  expectOneFault("(0, 1, 0, 0)", "a picture in WebP, which exact frames alone may be");
+}
+
 TEST_F(VerifyTest, aPictureOfAnotherSizeIsFound) {
   put({0, 1, 0, 0}, goodValue(16));
   expectOneFault("(0, 1, 0, 0)", "16 x 16");
@@ -173,7 +179,7 @@ TEST_F(VerifyTest, contentsAddUp) {
   EXPECT_EQ(contents.unreadable, 1U);
   const base::Bytes good = goodValue();
   const FaceValue value = *decodeFaceValue(good);
-  EXPECT_EQ(contents.jpeg_bytes, 59 * value.jpeg.size());
+  EXPECT_EQ(contents.jpeg_bytes, 59 * value.picture.size());
   EXPECT_EQ(contents.coverage_bytes, 59 * value.coverage.size());
 }
 

@@ -77,6 +77,7 @@ home 'lmdb' repository
 home 'curl/' base/http
 home 'EGL/' base/egl
 home 'turbojpeg|jpeglib' repository/faces mesh
+home 'webp/' repository/faces
 home 'GLES3/' base/gl base/egl client/native client/web
 home 'meshoptimizer'  # a peer in benchmarks only
 home 'GLFW|imgui' client/native

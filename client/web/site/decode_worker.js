@@ -1,4 +1,4 @@
-// One of the page's decoders: the browser decodes the JPEG, WebAssembly the coverage mask.
+// One of the page's decoders: the browser decodes the JPEG or WebP, WebAssembly the coverage mask.
 import createDecoder from "client_web_decode.js";
 
 let ready;
@@ -9,13 +9,14 @@ function decoder(wasm) {
   return ready;
 }
 
-async function pixelsOf(jpeg) {
+async function pixelsOf(picture, type) {
   const bitmap = await createImageBitmap(
-      new Blob([jpeg], {type: "image/jpeg"}), {premultiplyAlpha: "none", colorSpaceConversion: "none"});
+      new Blob([picture], {type}), {premultiplyAlpha: "none", colorSpaceConversion: "none"});
   const {width, height} = bitmap;
   if (!canvas || canvas.width !== width || canvas.height !== height) {
     canvas = new OffscreenCanvas(width, height);
     context = canvas.getContext("2d", {willReadFrequently: true});
+    context.globalCompositeOperation = "copy";  // else the last picture would shine through where this has alpha
   }
   context.drawImage(bitmap, 0, 0);
   bitmap.close();
@@ -29,8 +30,9 @@ async function decode(wasm, bytes) {
   const kind = module._parseValue();
   if (kind < 0) throw new Error(module.UTF8ToString(module._errorText()));
   if (kind === 0) return null;
-  const data = module._jpegData();
-  const image = await pixelsOf(module.HEAPU8.slice(data, data + module._jpegSize()));
+  const data = module._pictureData();
+  const type = module._pictureIsWebp() ? "image/webp" : "image/jpeg";
+  const image = await pixelsOf(module.HEAPU8.slice(data, data + module._pictureSize()), type);
   const pixels = module._pixelBuffer(image.width, image.height);
   if (!pixels) throw new Error(`an image of ${image.width} x ${image.height} pixels is no face`);
   module.HEAPU8.set(image.data, pixels);

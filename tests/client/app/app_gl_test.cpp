@@ -3,7 +3,7 @@
 
 #include "base/egl/headless.h"
 #include "client/app/app.h"
-#include "client/native/jpeg_decoder.h"
+#include "client/native/native_decoder.h"
 #include "tests/client/source/scripted_server.h"
 
 namespace client {
@@ -24,7 +24,7 @@ class AppGl : public ::testing::Test {
     AppOptions options;
     options.settings.patch_tolerance = options.settings.alone_tolerance = 0.0;
     options.viewer.lumigraph.fade_seconds = 0.0F;
-    app = std::make_unique<App>(options, std::make_unique<JpegDecoder>(1));
+    app = std::make_unique<App>(options, std::make_unique<NativeDecoder>(1));
     app->resize(kWidth, kHeight, 1.0);
     app->session().connected();
     receive(server.sayWelcome());

@@ -14,7 +14,7 @@
 #include "base/png/png.h"
 #include "client/native/connection.h"
 #include "client/native/headless.h"
-#include "client/native/jpeg_decoder.h"
+#include "client/native/native_decoder.h"
 #include "tests/server/net/served_scene.h"
 
 namespace client {
@@ -79,7 +79,7 @@ TEST(Live, theRenderLoopGoesOnWhileTheServerStandsStill) {
   ASSERT_TRUE(bool(context)) << context.error().message;
   auto target = base::gl::RenderTarget::create(64, 48);
   ASSERT_TRUE(bool(target));
-  Viewer viewer(patches(), std::make_unique<JpegDecoder>(1));
+  Viewer viewer(patches(), std::make_unique<NativeDecoder>(1));
   Connection connection(*parseServerUrl(urlOf(server.port)));
   Session& session = viewer.session();
 

@@ -7,7 +7,7 @@
 #include <thread>
 
 #include "base/egl/headless.h"
-#include "client/native/jpeg_decoder.h"
+#include "client/native/native_decoder.h"
 #include "tests/client/source/scripted_server.h"
 
 namespace client {
@@ -27,7 +27,7 @@ class ViewerGl : public ::testing::Test {
     options.lumigraph.fade_seconds = 0.0F;
     options.upload_milliseconds = upload_milliseconds;
     options.session.setPatchTolerance(0.0F);
-    viewer = std::make_unique<Viewer>(options, std::make_unique<JpegDecoder>(1));
+    viewer = std::make_unique<Viewer>(options, std::make_unique<NativeDecoder>(1));
     viewer->session().connected();
     receive(server.sayWelcome());
   }

@@ -20,7 +20,7 @@ TEST(FaceValue, imageAndMaskComeBack) {
   const auto value = decodeFaceValue(bytes);
   ASSERT_TRUE(value) << value.error().message;
   EXPECT_FALSE(value->empty);
-  EXPECT_EQ(base::Bytes(value->jpeg.begin(), value->jpeg.end()), kJpeg);
+  EXPECT_EQ(base::Bytes(value->picture.begin(), value->picture.end()), kJpeg);
   EXPECT_EQ(base::Bytes(value->coverage.begin(), value->coverage.end()), kCoverage);
 }
 

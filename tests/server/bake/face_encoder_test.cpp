@@ -26,12 +26,6 @@ base::Image disc(int side, int radius) {
   return image;
 }
 
-base::Image maskWith(int width, int height, const std::vector<std::pair<int, int>>& model) {
-  base::Image mask(width, height, 1);
-  for (const auto& [x, y] : model) *mask.at(x, y) = 255;
-  return mask;
-}
-
 TEST(FaceEncoder, aFaceThatSeesNothingIsAnEmptyFlag) {
   base::Image image(64, 64, 4);
   paint(image, 3, 3, 255, 255, 255, base::kCoverageThreshold - 1);  // less than half of a pixel is nothing
@@ -60,7 +54,7 @@ TEST(FaceEncoder, modelPixelsComeBackNearTheirColours) {
   const base::Image image = disc(128, 40);
   const auto face = encodeFace(image, 90, repository::Subsampling::k420);
   const auto value = repository::decodeFaceValue(face->value);
-  const auto picture = repository::decodeJpeg(value->jpeg);
+  const auto picture = repository::decodeJpeg(value->picture);
   const auto mask = repository::decodeCoverage(value->coverage, 128, 128);
   ASSERT_TRUE(picture && mask);
   double sum = 0.0;
@@ -97,32 +91,13 @@ TEST(FaceEncoder, fillerCostsAJpegLessThanBlackBackground) {
   EXPECT_LT(filled->jpeg_bytes * 10, repository::encodeJpeg(black, 85, repository::Subsampling::k420)->size() * 9);
 }
 
-// There is model at both ends: each hidden pixel between takes the mean of the smallest aligned square that holds
-// model.
-TEST(FaceEncoder, fillerIsTheMeanOfTheSmallestSquareThatHoldsModel) {
-  base::Image image(32, 8, 4);
-  paint(image, 0, 0, 10, 0, 0, 255);
-  paint(image, 1, 0, 20, 0, 0, 255);
-  paint(image, 31, 7, 30, 0, 0, 255);
-  paint(image, 12, 4, 250, 250, 250, 100);  // hidden by the mask
-  const base::Image filled = fillBackground(image, maskWith(32, 8, {{0, 0}, {1, 0}, {31, 7}}));
-  EXPECT_EQ(filled.at(0, 0)[0], 10);
-  EXPECT_EQ(filled.at(1, 0)[0], 20);
-  EXPECT_EQ(filled.at(0, 1)[0], 15);
-  EXPECT_EQ(filled.at(5, 5)[0], 15);
-  EXPECT_EQ(filled.at(12, 4)[0], 15);
-  EXPECT_EQ(filled.at(18, 4)[0], 30);
-  EXPECT_EQ(filled.at(28, 4)[0], 30);
-  EXPECT_EQ(filled.at(31, 7)[0], 30);
-}
-
 TEST(FaceEncoder, sidesThatAreNoMultipleOfABlockWork) {
   for (const int side : {1, 7, 9, 33}) {
     base::Image image(side, side, 4);
     paint(image, side - 1, side - 1, 1, 2, 3, 255);
     const auto face = encodeFace(image, 85, repository::Subsampling::k422);
     ASSERT_TRUE(face);
-    const auto picture = repository::decodeJpeg(repository::decodeFaceValue(face->value)->jpeg);
+    const auto picture = repository::decodeJpeg(repository::decodeFaceValue(face->value)->picture);
     ASSERT_TRUE(picture);
     EXPECT_EQ(picture->width, side);
   }

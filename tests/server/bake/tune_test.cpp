@@ -8,6 +8,7 @@
 #include <optional>
 #include <random>
 
+#include "repository/faces/filler.h"
 #include "server/bake/face_encoder.h"
 
 namespace server {
@@ -73,7 +74,8 @@ TEST(Tune, thePsnrIsThatOfAllModelPixelsTogether) {
   double samples = 0.0;
   std::uint64_t bytes = 0;
   for (const base::Image& face : sample) {
-    const auto jpeg = repository::encodeJpeg(fillBackground(face, coverageMask(face)), 40, Subsampling::k420);
+    const auto jpeg =
+        repository::encodeJpeg(repository::fillBackground(face, coverageMask(face)), 40, Subsampling::k420);
     const auto back = repository::decodeJpeg(*jpeg);
     bytes += jpeg->size();
     for (int y = 0; y < face.height; ++y)

@@ -38,7 +38,7 @@ TEST(Frame, exactFrameComesAfterCompletion) {
   auto value = repository::decodeFaceValue(frame->value);
   ASSERT_TRUE(value);
   ASSERT_FALSE(value->empty);
-  auto picture = repository::decodeJpeg(value->jpeg);
+  auto picture = repository::decodeJpeg(value->picture);
   ASSERT_TRUE(picture);
   EXPECT_EQ(picture->width, 320);
   EXPECT_EQ(picture->height, 240);

@@ -63,7 +63,7 @@ class SceneDirectory {
     LUMIGRID_CHECK(bool(store));
     LUMIGRID_CHECK(bool((*store)->writeMeta(metaOf(grid))));
     const base::Bytes jpeg(face_bytes, 0xAB);
-    const base::Bytes value = repository::encodeFaceValue({.empty = false, .jpeg = jpeg, .coverage = {}});
+    const base::Bytes value = repository::encodeFaceValue({.empty = false, .picture = jpeg, .coverage = {}});
     std::vector<std::pair<repository::FaceKey, base::Bytes>> batch;
     for (const glm::uvec3& p : repository::pointsInMortonOrder(grid))
       for (std::uint32_t d = 0; d < 6; ++d) batch.push_back({{p.x, p.y, p.z, d}, value});

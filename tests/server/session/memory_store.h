@@ -48,7 +48,7 @@ class MemoryStore final : public repository::Store {
 /// A face value of about `bytes` bytes; its picture does not matter to a server.
 inline base::Bytes someFaceValue(std::size_t bytes, std::uint8_t fill) {
   const base::Bytes jpeg(bytes, fill);
-  return repository::encodeFaceValue({.empty = false, .jpeg = jpeg, .coverage = {}});
+  return repository::encodeFaceValue({.empty = false, .picture = jpeg, .coverage = {}});
 }
 
 /// `n` is that of syntheticHierarchy. Every face of an 8 × 8 × 8 grid around the square holds `face_bytes` bytes.

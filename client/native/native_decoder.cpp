@@ -1,18 +1,19 @@
-#include "client/native/jpeg_decoder.h"
+#include "client/native/native_decoder.h"
 
 #include <utility>
 
-#include "repository/faces/face_image.h"
+#include "base/view_defaults.h"
+#include "repository/faces/frame_image.h"
 
 namespace client {
 
 ImageDecoder::DecodedImage decodeFaceImage(std::uint64_t id, base::ByteView coded) {
-  auto image = repository::decodeFaceImage(coded, 0);  // 0: any size, since exact frames have that of the view
+  auto image = repository::decodeFrameImage(coded, base::ViewDefaults::kMaxFramePixels);
   if (!image) return {id, {}, "an image from the server is broken: " + image.error().message};
   return {id, std::move(*image), {}};
 }
 
-void JpegDecoder::submit(std::uint64_t id, base::ByteView coded) {
+void NativeDecoder::submit(std::uint64_t id, base::ByteView coded) {
   {
     std::lock_guard lock(mutex_);
     ++pending_;
@@ -24,13 +25,13 @@ void JpegDecoder::submit(std::uint64_t id, base::ByteView coded) {
   });
 }
 
-std::vector<ImageDecoder::DecodedImage> JpegDecoder::takeDecoded() {
+std::vector<ImageDecoder::DecodedImage> NativeDecoder::takeDecoded() {
   std::lock_guard lock(mutex_);
   pending_ -= done_.size();
   return std::exchange(done_, {});
 }
 
-std::size_t JpegDecoder::pending() const {
+std::size_t NativeDecoder::pending() const {
   std::lock_guard lock(mutex_);
   return pending_;
 }

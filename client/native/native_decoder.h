@@ -1,5 +1,5 @@
 #pragma once
-// The native ImageDecoder uses libjpeg-turbo on a few threads.
+// The native ImageDecoder uses libjpeg-turbo and libwebp on a few threads.
 #include <cstdint>
 #include <limits>
 #include <mutex>
@@ -10,10 +10,10 @@
 
 namespace client {
 
-class JpegDecoder : public ImageDecoder {
+class NativeDecoder : public ImageDecoder {
  public:
   /// `threads` ≥ 1.
-  explicit JpegDecoder(unsigned threads) : pool_(threads, std::numeric_limits<std::size_t>::max()) {}
+  explicit NativeDecoder(unsigned threads) : pool_(threads, std::numeric_limits<std::size_t>::max()) {}
   void submit(std::uint64_t id, base::ByteView coded) override;
   std::vector<DecodedImage> takeDecoded() override;
   std::size_t pending() const override;
@@ -25,7 +25,7 @@ class JpegDecoder : public ImageDecoder {
   base::ThreadPool pool_;    // last member, so that its threads end before the members they write to
 };
 
-/// Decodes with repository::decodeFaceImage, images of any size.
+/// Decodes with repository::decodeFrameImage; an error is one line.
 ImageDecoder::DecodedImage decodeFaceImage(std::uint64_t id, base::ByteView coded);
 
 }  // namespace client

@@ -1,4 +1,4 @@
-#include "client/native/jpeg_decoder.h"
+#include "client/native/native_decoder.h"
 
 #include <gtest/gtest.h>
 
@@ -10,6 +10,7 @@
 #include "repository/faces/coverage.h"
 #include "repository/faces/face_value.h"
 #include "repository/faces/jpeg.h"
+#include "repository/faces/webp.h"
 
 namespace client {
 namespace {
@@ -25,7 +26,7 @@ base::Bytes halfCovered() {
     }
   const base::Bytes jpeg = *repository::encodeJpeg(rgb, 90, repository::Subsampling::k444);
   const base::Bytes coverage = repository::encodeCoverage(mask);
-  return repository::encodeFaceValue({.empty = false, .jpeg = jpeg, .coverage = coverage});
+  return repository::encodeFaceValue({.empty = false, .picture = jpeg, .coverage = coverage});
 }
 
 std::map<std::uint64_t, ImageDecoder::DecodedImage> takeAll(ImageDecoder& decoder) {
@@ -37,7 +38,7 @@ std::map<std::uint64_t, ImageDecoder::DecodedImage> takeAll(ImageDecoder& decode
   return all;
 }
 
-TEST(JpegDecoder, alphaIsCoverageAndColourIsNotPremultiplied) {
+TEST(NativeDecoder, alphaIsCoverageAndColourIsNotPremultiplied) {
   const auto decoded = decodeFaceImage(7, halfCovered());
   EXPECT_EQ(decoded.id, 7U);
   ASSERT_TRUE(decoded.error.empty()) << decoded.error;
@@ -47,21 +48,32 @@ TEST(JpegDecoder, alphaIsCoverageAndColourIsNotPremultiplied) {
   EXPECT_NEAR(decoded.rgba.at(12, 5)[0], 200, 6);
 }
 
-TEST(JpegDecoder, withoutAMaskEveryPixelIsModel) {
+TEST(NativeDecoder, withoutAMaskEveryPixelIsModel) {
   base::Image rgb(8, 8, 3);
   const base::Bytes jpeg = *repository::encodeJpeg(rgb, 90, repository::Subsampling::k420);
-  const auto decoded = decodeFaceImage(1, repository::encodeFaceValue({.empty = false, .jpeg = jpeg, .coverage = {}}));
+  const auto decoded =
+      decodeFaceImage(1, repository::encodeFaceValue({.empty = false, .picture = jpeg, .coverage = {}}));
   ASSERT_FALSE(decoded.rgba.empty()) << decoded.error;
   for (int i = 0; i < 64; ++i) EXPECT_EQ(decoded.rgba.pixels[static_cast<std::size_t>(4 * i + 3)], 255);
 }
 
-TEST(JpegDecoder, anEmptyFlagGivesNoImageAndNoError) {
+TEST(NativeDecoder, aFrameInWebpKeepsItsAlpha) {
+  base::Image rgba(8, 8, 4);
+  for (std::size_t i = 3; i < rgba.pixels.size(); i += 4) rgba.pixels[i] = 96;
+  const base::Bytes webp = *repository::encodeWebp(rgba, 90);
+  const auto decoded =
+      decodeFaceImage(1, repository::encodeFaceValue({.empty = false, .picture = webp, .coverage = {}}));
+  ASSERT_FALSE(decoded.rgba.empty()) << decoded.error;
+  EXPECT_EQ(decoded.rgba.at(4, 4)[3], 96);
+}
+
+TEST(NativeDecoder, anEmptyFlagGivesNoImageAndNoError) {
   const auto decoded = decodeFaceImage(1, repository::encodeFaceValue({}));
   EXPECT_TRUE(decoded.rgba.empty());
   EXPECT_TRUE(decoded.error.empty());
 }
 
-TEST(JpegDecoder, everyTruncationIsAnError) {
+TEST(NativeDecoder, everyTruncationIsAnError) {
   const base::Bytes whole = halfCovered();
   for (std::size_t length = 0; length < whole.size(); length += 7) {
     const auto decoded = decodeFaceImage(1, base::ByteView(whole).first(length));
@@ -70,8 +82,8 @@ TEST(JpegDecoder, everyTruncationIsAnError) {
   }
 }
 
-TEST(JpegDecoder, manyImagesComeBackUnderTheirNumbers) {
-  JpegDecoder decoder(3);
+TEST(NativeDecoder, manyImagesComeBackUnderTheirNumbers) {
+  NativeDecoder decoder(3);
   const base::Bytes good = halfCovered();
   const base::Bytes empty = repository::encodeFaceValue({});
   for (std::uint64_t id = 0; id < 60; ++id)
@@ -84,8 +96,8 @@ TEST(JpegDecoder, manyImagesComeBackUnderTheirNumbers) {
   }
 }
 
-TEST(JpegDecoder, theBytesMayGoOnceTheyAreSubmitted) {
-  JpegDecoder decoder(1);
+TEST(NativeDecoder, theBytesMayGoOnceTheyAreSubmitted) {
+  NativeDecoder decoder(1);
   {
     base::Bytes value = halfCovered();
     decoder.submit(1, value);

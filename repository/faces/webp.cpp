@@ -1,0 +1,80 @@
+#include "repository/faces/webp.h"
+
+#include <webp/decode.h>
+#include <webp/encode.h>
+
+#include <string>
+
+#include "base/check.h"
+#include "repository/faces/face_value.h"
+
+namespace repository {
+namespace {
+
+base::Error webpError(const std::string& problem) {
+  return {base::ErrorCode::kInvalidInput, "WebP: " + problem};
+}
+
+/// Frees what libwebp allocates for a picture.
+struct PictureToEncode {
+  WebPPicture webp{};
+  ~PictureToEncode() { WebPPictureFree(&webp); }
+};
+
+int appendBytes(const std::uint8_t* data, std::size_t size, const WebPPicture* picture) {
+  auto& out = *static_cast<base::Bytes*>(picture->custom_ptr);
+  out.insert(out.end(), data, data + size);
+  return 1;
+}
+
+/// Libwebp's default quality for photographs, but for colours under alpha 0, which stay as they are.
+WebPConfig configFor(int quality) {
+  WebPConfig config;
+  LUMIGRID_CHECK(WebPConfigInit(&config) != 0);
+  config.quality = static_cast<float>(quality);
+  config.exact = 1;
+  config.thread_level = 1;  // alpha is encoded beside the colours; the bytes stay the same
+  return config;
+}
+
+}  // namespace
+
+base::Result<base::Bytes> encodeWebp(const base::Image& rgba, int quality) {
+  LUMIGRID_CHECK_EQ(rgba.channels, 4);
+  LUMIGRID_CHECK(quality >= 1 && quality <= 100);
+  if (rgba.empty()) return webpError("an image without pixels cannot be encoded");
+  if (rgba.width > kMaxWebpSide || rgba.height > kMaxWebpSide)
+    return webpError("a side of more than 16383 pixels cannot be encoded");
+
+  base::Bytes bytes;
+  const WebPConfig config = configFor(quality);
+  PictureToEncode picture;
+  LUMIGRID_CHECK(WebPPictureInit(&picture.webp) != 0);
+  picture.webp.width = rgba.width;
+  picture.webp.height = rgba.height;
+  picture.webp.writer = appendBytes;
+  picture.webp.custom_ptr = &bytes;
+  if (WebPPictureImportRGBA(&picture.webp, rgba.pixels.data(), 4 * rgba.width) == 0 ||
+      WebPEncode(&config, &picture.webp) == 0)
+    return base::Error{base::ErrorCode::kNoSpace,
+                       "WebP: cannot be encoded (libwebp's error " + std::to_string(picture.webp.error_code) + ")"};
+  return bytes;
+}
+
+base::Result<base::Image> decodeWebp(base::ByteView bytes, std::int64_t max_pixels) {
+  WebPBitstreamFeatures features;
+  if (!isWebp(bytes) || WebPGetFeatures(bytes.data(), bytes.size(), &features) != VP8_STATUS_OK)
+    return webpError("not one, or its header is broken");
+  if (features.has_animation != 0) return webpError("an animation, not a picture");
+  if (features.width < 1 || features.height < 1 || std::int64_t{features.width} * features.height > max_pixels)
+    return webpError(std::to_string(features.width) + " x " + std::to_string(features.height) + " pixels; at most " +
+                     std::to_string(max_pixels) + " are taken");
+
+  base::Image image(features.width, features.height, 4);
+  if (WebPDecodeRGBAInto(bytes.data(), bytes.size(), image.pixels.data(), image.pixels.size(), 4 * image.width) ==
+      nullptr)
+    return webpError("its data is broken or cut short");
+  return image;
+}
+
+}  // namespace repository

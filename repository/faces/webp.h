@@ -1,0 +1,22 @@
+#pragma once
+// Encodes and decodes lossy WebP with alpha, by libwebp. Exact frames alone are WebP: stored faces are JPEG.
+#include <cstdint>
+
+#include "base/bytes.h"
+#include "base/error.h"
+#include "base/image.h"
+
+namespace repository {
+
+/// As many pixels a side has a WebP at most, by its format.
+inline constexpr int kMaxWebpSide = 16383;
+
+/// Encodes RGBA whose colours are not premultiplied, sides 1..kMaxWebpSide; quality is 1..100. Alpha comes back as it
+/// is. Colours are kept under alpha 0 too, so give those pixels filler (repository/faces/filler.h).
+base::Result<base::Bytes> encodeWebp(const base::Image& rgba, int quality);
+
+/// Decodes to RGBA, not premultiplied. Refuses broken data, animations, and pictures of more than `max_pixels`, before
+/// any memory is taken for them.
+base::Result<base::Image> decodeWebp(base::ByteView bytes, std::int64_t max_pixels);
+
+}  // namespace repository
