@@ -7,8 +7,7 @@
 #include "base/format_text.h"
 #include "base/hash/sha256.h"
 #include "base/png/png.h"
-#include "server/bake/face_encoder.h"
-#include "server/net/picture.h"
+#include "server/bake/frame_encoder.h"
 
 namespace compare {
 namespace {
@@ -65,17 +64,16 @@ base::Result<base::Image> Painter::paint(const base::ViewCamera& camera, const s
 base::Result<std::shared_ptr<const base::Image>> Painter::exactPicture(const base::ViewCamera& camera) {
   const std::string key = textOf(camera);
   if (const auto* kept = exact_.find(key)) return *kept;
-  LUMIGRID_ASSIGN_OR_RETURN(auto rgba, paint(camera, server::kExactFrame));
+  LUMIGRID_ASSIGN_OR_RETURN(auto rgba, paint(camera, server::exactFrameOptions(camera.width, camera.height)));
   auto picture = std::make_shared<const base::Image>(std::move(rgba));
   exact_.insert(key, picture, picture->pixels.size());
   exact_.evict([](const std::string&) { return false; });
   return std::shared_ptr<const base::Image>(std::move(picture));
 }
 
-base::Result<base::Bytes> Painter::exactFrame(const base::ViewCamera& camera, int quality) {
-  LUMIGRID_ASSIGN_OR_RETURN(const auto rgba, exactPicture(camera));
-  LUMIGRID_ASSIGN_OR_RETURN(auto encoded, server::encodeFace(*rgba, quality, server::subsamplingFor(quality)));
-  return std::move(encoded.value);
+base::Result<base::Bytes> Painter::exactFrame(const server::FrameRequest& request) {
+  LUMIGRID_ASSIGN_OR_RETURN(const auto rgba, exactPicture(request.camera));
+  return server::encodeFrame(*rgba, request.codec, request.quality);
 }
 
 // ---- Truth ----

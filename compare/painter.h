@@ -24,11 +24,11 @@ class Painter {
   Painter& operator=(const Painter&) = delete;
 
   base::Result<base::Image> paint(const base::ViewCamera& camera, const server::RenderOptions& options);
-  /// Returns the view's exact picture (server::kExactFrame), RGBA. Pictures are kept within kExactBytes, since all
-  /// methods that show pictures, with all their knobs and links, ask for views of the same path.
+  /// Returns the view's exact picture (server::exactFrameOptions), RGBA. Pictures are kept within kExactBytes, since
+  /// all methods that show pictures, with all their knobs and links, ask for views of the same path.
   base::Result<std::shared_ptr<const base::Image>> exactPicture(const base::ViewCamera& camera);
   /// Returns an exact frame as the server sends it (server::FrameRenderer).
-  base::Result<base::Bytes> exactFrame(const base::ViewCamera& camera, int quality);
+  base::Result<base::Bytes> exactFrame(const server::FrameRequest& request);
 
   /// A path of 8 seconds has 480 views, and 640 × 360 pixels take 0.9 MB.
   static constexpr std::uint64_t kExactBytes = 1'000'000'000;

@@ -192,6 +192,7 @@ base::Result<void> readBody(base::ByteReader& in, Keys& keys) {
 void writeBody(base::ByteWriter& out, const Hello& hello) {
   out.u16(hello.version);
   writeText(out, hello.client, kMaxText);
+  out.u8(hello.frame_codecs);
 }
 
 /// Reads only the version of a Hello of another version: its other fields may have moved, and the server only refuses
@@ -201,6 +202,8 @@ base::Result<void> readBody(base::ByteReader& in, Hello& hello) {
   if (!in.ok()) return bad("is cut short");
   if (hello.version != kVersion) return {};
   if (!readText(in, kMaxText, hello.client)) return bad("its client name is cut short, too long or not plain text");
+  hello.frame_codecs = in.u8();
+  if (!in.ok()) return bad("is cut short");
   if (!in.atEnd()) return bad("has bytes after its end");
   return {};
 }
@@ -225,7 +228,7 @@ base::Result<void> readBody(base::ByteReader& in, View& view) {
   if (!fields.flags_are_valid) return bad("its frame flag is neither 0 nor 1");
   if (static_cast<std::uint8_t>(view.measure) >= base::kErrorMeasures)
     return bad("its measure of errors is none of 0, 1 and 2");
-  if (view.frame_quality < 1 || view.frame_quality > 100) return bad("its frame quality is outside 1 to 100");
+  if (view.frame_quality > 100) return bad("its frame quality is outside 0 to 100");
   return {};
 }
 

@@ -19,7 +19,7 @@
 
 namespace protocol {
 
-inline constexpr std::uint16_t kVersion = 2;
+inline constexpr std::uint16_t kVersion = 3;
 /// Limits on what is accepted; a longer message is an error and ends the connection.
 inline constexpr std::size_t kMaxClientMessage = 256 * 1024;
 inline constexpr std::size_t kMaxServerMessage = 16 * 1024 * 1024;
@@ -36,12 +36,20 @@ inline constexpr float kMaxTolerance = 1e6F;           ///< pixels
 inline constexpr std::uint32_t kMaxGroups = 1U << 27;  ///< a hierarchy of 10^11 triangles has fewer
 inline constexpr std::uint32_t kMaxPatches = 1U << 29;
 
+/// Codecs of exact frames. JPEG every client decodes, since stored faces are JPEG.
+enum class FrameCodec : std::uint8_t { kJpeg, kWebp };
+/// Hello::frame_codecs: the client decodes WebP frames.
+inline constexpr std::uint8_t kDecodesWebp = 1;
+/// View::frame_quality: the server chooses.
+inline constexpr std::uint8_t kServersChoice = 0;
+
 // ---- client to server ----
 
 /// The first message. The server answers with Welcome, or with Refusal when the versions differ.
 struct Hello {
   std::uint16_t version = kVersion;
-  std::string client;  ///< name and version, for the server's log
+  std::string client;                        ///< name and version, for the server's log
+  std::uint8_t frame_codecs = kDecodesWebp;  ///< flags of the codecs that it decodes besides JPEG; others mean nothing
 };
 
 /// "I look at this." The server drops its work for older views.
@@ -53,7 +61,7 @@ struct View {
   std::uint32_t max_triangles = base::ViewDefaults::kMaxTriangles;  ///< … or the cut reaches this
   std::uint16_t max_points = base::ViewDefaults::kPoints;           ///< sampling points wanted; 0: no images
   bool want_frame = false;                                    ///< render the exact view once everything else is sent
-  std::uint8_t frame_quality = base::ViewDefaults::kQuality;  ///< JPEG quality of that frame
+  std::uint8_t frame_quality = kServersChoice;                ///< quality of that frame in its codec, 1..100
   base::ErrorMeasure measure = base::ErrorMeasure::kVisible;  ///< of the tolerance
 };
 
@@ -108,11 +116,11 @@ struct Refinement {
   base::Bytes block;
 };
 
-/// The exact picture of a view, which the client asked for.
+/// The exact picture of a view, which the client asked for, in a codec of its Hello.
 struct Frame {
   std::uint32_t sequence = 0;  ///< sequence of the View
   base::ViewCamera camera;
-  base::Bytes value;  ///< encoded like a Face's value
+  base::Bytes value;  ///< encoded like a Face's value; its picture may be WebP with alpha
 };
 
 /// The server has sent everything it has for the view of this sequence.

@@ -96,7 +96,7 @@ base::Result<void> SessionPlayer::act(double now) {
   LUMIGRID_TRY(deliver(now));
   if (rendering_ && now >= rendering_->ready) {
     const Rendering done = *std::exchange(rendering_, std::nullopt);
-    LUMIGRID_ASSIGN_OR_RETURN(auto frame, stage_.painter->exactFrame(done.request.camera, done.request.quality));
+    LUMIGRID_ASSIGN_OR_RETURN(auto frame, stage_.painter->exactFrame(done.request));
     server_.frameRendered(done.request, std::move(frame));
   }
   sendFromClient(now);

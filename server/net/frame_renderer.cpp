@@ -3,7 +3,7 @@
 #include <utility>
 
 #include "base/egl/headless.h"
-#include "server/bake/face_encoder.h"
+#include "server/bake/frame_encoder.h"
 #include "spdlog/spdlog.h"
 
 namespace server {
@@ -111,14 +111,14 @@ base::Bytes FrameRenderer::renderFrame(const FrameJob& job) const {
   const glm::dvec3& origin = scenes_[job.scene]->scene.origin;
   SceneRenderer& renderer = *renderers_[job.scene];
   const base::Sphere bounds{renderer.sceneCenter(), renderer.sceneRadius()};
-  auto picture = renderer.render(base::cameraForScene(request.camera, origin, bounds), kExactFrame);
-  auto encoded =
-      picture ? encodeFace(picture->rgba, request.quality, subsamplingFor(request.quality)) : picture.error();
+  auto picture = renderer.render(base::cameraForScene(request.camera, origin, bounds),
+                                 exactFrameOptions(request.camera.width, request.camera.height));
+  auto encoded = picture ? encodeFrame(picture->rgba, request.codec, request.quality) : picture.error();
   if (!encoded) {
     spdlog::warn("frames: {}", encoded.error().message);
     return {};
   }
-  return std::move(encoded->value);
+  return std::move(*encoded);
 }
 
 base::Result<std::unique_ptr<FrameRenderer>> FrameRenderer::start(const std::vector<const OpenScene*>& scenes) {

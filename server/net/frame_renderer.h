@@ -32,9 +32,9 @@ class FrameRenderer {
   /// parameter `scene` below is a position in the list, of a scene with patches.
   static base::Result<std::unique_ptr<FrameRenderer>> start(const std::vector<const OpenScene*>& scenes);
 
-  /// Queues one frame: tolerance 0.25 px, 2 × 2 samples a pixel, encoded like a baked face (from quality 90 on 4:4:4,
-  /// else 4:2:0). A client's newer request replaces its older one, whose `done` is never called; so the queue holds one
-  /// request per client. `done` is called on the renderer's thread, with no bytes when rendering failed.
+  /// Queues one frame (exactFrameOptions), encoded by encodeFrame(). A client's newer request replaces its older one,
+  /// whose `done` is never called; so the queue holds one request per client. `done` is called on the renderer's
+  /// thread, with no bytes when rendering failed.
   void requestFrame(std::uint64_t client, std::size_t scene, const FrameRequest& request, OnFrame done);
   /// Queues a picture of any size, drawn in bands: at most one frame is drawn between two bands while frames wait, and
   /// no frame waits for more than one band. Returns false, and never calls `done`, when `max_waiting` pictures wait

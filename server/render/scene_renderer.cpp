@@ -14,6 +14,11 @@ namespace {
 // Tiles in flight between drawing and reading.
 constexpr std::size_t kReadbackDepth = 4;
 
+// Samples of an exact frame: 4 × 4 a pixel up to 1920 × 1080 pixels, 2 × 2 on a 4K screen.
+constexpr std::uint64_t kFrameSamples = 34'000'000;
+constexpr int kFrameMinSupersampling = 2;
+constexpr int kFrameMaxSupersampling = 4;
+
 base::Result<base::gl::Program> linkModes(const base::Light& light) {
   auto program =
       base::gl::Program::link("surface with modes", std::string("#define VIEW_MODES\n") + glsl::kSurfaceVertex,
@@ -53,12 +58,21 @@ lod::patch::Cut cutFor(const lod::patch::Hierarchy& hierarchy, const base::Camer
   request.camera = camera;
   if (!camera.orthographic()) request.near_plane = nearPlaneOf(camera);
   request.tolerance_px = options.tolerance_px;
+  request.max_triangles = options.max_triangles;
   request.measure = options.measure;
   request.cull = cull;
   return lod::patch::selectCut(hierarchy, request);
 }
 
 }  // namespace
+
+RenderOptions exactFrameOptions(int width, int height) {
+  int samples = kFrameMaxSupersampling;
+  const std::uint64_t pixels = static_cast<std::uint64_t>(width) * static_cast<std::uint64_t>(height);
+  while (samples > kFrameMinSupersampling && pixels * static_cast<std::uint64_t>(samples * samples) > kFrameSamples)
+    --samples;
+  return {.tolerance_px = 0.0F, .max_triangles = base::ViewDefaults::kFrameTriangles, .supersampling = samples};
+}
 
 // ---- Drawing ----
 

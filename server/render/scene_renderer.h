@@ -2,6 +2,7 @@
 // Draws pictures of a patch hierarchy on the server: sampling faces, exact frames, ground truth.
 #include <cstdint>
 #include <functional>
+#include <limits>
 #include <memory>
 #include <span>
 #include <unordered_map>
@@ -24,15 +25,19 @@ namespace server {
 
 struct RenderOptions {
   float tolerance_px = 1.0F;  ///< largest projected error; 0: leaf geometry (ground truth)
-  int supersampling = 1;      ///< n × n samples a pixel, 1..8; box-filtered
+  /// Refinement ends before the patches in view have more triangles, whatever the tolerance.
+  std::uint64_t max_triangles = std::numeric_limits<std::uint64_t>::max();
+  int supersampling = 1;  ///< n × n samples a pixel, 1..8; box-filtered
   /// Limit for the render target in samples of 8 bytes; a larger picture is drawn in tiles. Default: 4096 × 4096.
   std::uint64_t max_target_samples = std::uint64_t{1} << 24;
   lod::draw::ViewModes modes = {};  ///< only for render(); tints show the patches' projected errors
   base::ErrorMeasure measure = base::ErrorMeasure::kVisible;  ///< of the tolerance
 };
 
-/// The options of exact frames.
-inline constexpr RenderOptions kExactFrame{.tolerance_px = base::ViewDefaults::kExactTolerance, .supersampling = 2};
+/// Returns the options of an exact frame of so many pixels a side: leaves and 4 × 4 samples, and in views of more
+/// triangles or pixels as many as can be drawn in a few seconds without a graphics card
+/// (docs/decisions/exact-frames.md).
+RenderOptions exactFrameOptions(int width, int height);
 
 /// Draws a scene's patches with its own GPU cache. Needs a GL context that is current from create() to the destructor,
 /// on one thread. Several renderers on several threads, each with its own context, may share a PatchFile. An error

@@ -10,8 +10,6 @@
 namespace server {
 namespace {
 
-constexpr std::int64_t kMaxFramePixels =
-    16'000'000;  // about twice a 4K screen; a larger frame would keep other viewers waiting
 // A frame is dropped when the eye has moved by more than this share of the scene's diagonal since. Measured: after 8 %
 // a late frame still improves the blended view.
 constexpr double kMaxFrameShift = 0.1;
@@ -51,6 +49,8 @@ base::Result<void> Session::acceptMessage(const protocol::Hello& hello) {
                                                  "; update the " + (client_older ? "client" : "server"));
   }
   client_ = hello.client;
+  const bool decodes_webp = (hello.frame_codecs & protocol::kDecodesWebp) != 0;
+  frame_codec_ = decodes_webp ? protocol::FrameCodec::kWebp : protocol::FrameCodec::kJpeg;
   if (scene_.patches == nullptr) return refuseSplatsOnly();
   phase_ = Phase::kReady;
   const lod::patch::Hierarchy& hierarchy = scene_.patches->hierarchy();
@@ -291,13 +291,13 @@ void Session::facesFetched(const FaceRequest& request, FaceValues values) {
 
 bool Session::framePossible() const {
   const std::int64_t pixels = std::int64_t{newest_->camera.width} * newest_->camera.height;
-  return newest_->want_frame && scene_.welcome.can_render_frames && pixels <= kMaxFramePixels;
+  return newest_->want_frame && scene_.welcome.can_render_frames && pixels <= base::ViewDefaults::kMaxFramePixels;
 }
 
 std::optional<FrameRequest> Session::nextFrameRequest() {
   if (!planned_ || frame_phase_ != FramePhase::kDue) return std::nullopt;
   frame_phase_ = FramePhase::kRendering;
-  return FrameRequest{newest_->sequence, newest_->camera, newest_->frame_quality};
+  return FrameRequest{newest_->sequence, newest_->camera, newest_->frame_quality, frame_codec_};
 }
 
 void Session::frameRendered(const FrameRequest& request, base::Bytes value) {

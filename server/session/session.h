@@ -53,7 +53,8 @@ void describeHierarchy(const lod::patch::Hierarchy& hierarchy, protocol::Welcome
 struct FrameRequest {
   std::uint32_t sequence = 0;
   base::ViewCamera camera;
-  int quality = base::ViewDefaults::kQuality;
+  int quality = protocol::kServersChoice;  ///< 1..100, or kServersChoice
+  protocol::FrameCodec codec = protocol::FrameCodec::kJpeg;
 };
 
 /// Faces to be fetched, the most useful first. They are of one view, hence of one neighbourhood in the store.
@@ -131,6 +132,7 @@ class Session {
   const SceneData& scene_;
   Phase phase_ = Phase::kGreeting;
   std::string client_;
+  protocol::FrameCodec frame_codec_ = protocol::FrameCodec::kJpeg;
   SessionCounts counts_;
 
   // Data that the client holds.

@@ -10,7 +10,7 @@ std::vector<base::Bytes> seeds() {
   using protocol::ClientMessage;
   protocol::View view;
   view.sequence = 1;
-  return {protocol::encode(ClientMessage(protocol::Hello{protocol::kVersion, "viewer 1"})),
+  return {protocol::encode(ClientMessage(protocol::Hello{protocol::kVersion, "viewer 1", protocol::kDecodesWebp})),
           protocol::encode(ClientMessage(view)),
           protocol::encode(ClientMessage(protocol::Eviction{{{1, 2, 3, 4}, {5, 6, 7, 0}}, {8, 9}})),
           protocol::encode(ClientMessage(protocol::Holdings{{{1, 2, 3, 4}}, {}}))};

@@ -63,7 +63,7 @@ class MessageGenerator {
     for (std::uint32_t i = whole(0, 20); i > 0; --i) drawn.groups.push_back(whole(0, 0xFFFFFFFF));
     return drawn;
   }
-  Hello hello() { return {kVersion, text()}; }
+  Hello hello() { return {kVersion, text(), static_cast<std::uint8_t>(whole(0, 255))}; }
   View view() {
     return {whole(1, 0xFFFFFFFF),
             camera(),
@@ -210,9 +210,9 @@ TEST(Message, aWelcomeTellsHowTheSceneIsShown) {
   }
 }
 
-// These are the bytes of docs/formats/protocol.md, "A worked row". Version 1 of the format must never read otherwise.
-TEST(Message, bytesOfVersionTwoStay) {
-  EXPECT_EQ(encode(ClientMessage(Hello{2, "ab"})), (base::Bytes{0x01, 2, 0, 2, 0, 'a', 'b'}));
+// These are the bytes of docs/formats/protocol.md, "A worked row". Version 3 of the format must never read otherwise.
+TEST(Message, bytesOfVersionThreeStay) {
+  EXPECT_EQ(encode(ClientMessage(Hello{3, "ab", kDecodesWebp})), (base::Bytes{0x01, 3, 0, 2, 0, 'a', 'b', 1}));
   EXPECT_EQ(encode(ServerMessage(Completion{258})), (base::Bytes{0x85, 2, 1, 0, 0}));
   EXPECT_EQ(encode(ClientMessage(Eviction{{{1, 0, 0, 3}}, {7}})),
             (base::Bytes{0x03, 1, 0, 0, 0, 1, 0, 0, 0, 0x0B, 0, 0, 0, 0, 0, 0, 0, 7, 0, 0, 0}));
@@ -317,7 +317,7 @@ TEST(Message, invalidViewsAreRefused) {
   EXPECT_NE(withView([](View& v) { v.camera.height = 16385; }), "");
   EXPECT_NE(withView([](View& v) { v.patch_tolerance_px = -1.0F; }), "");
   EXPECT_NE(withView([](View& v) { v.patch_tolerance_px = static_cast<float>(kNan); }), "");
-  EXPECT_NE(withView([](View& v) { v.frame_quality = 0; }), "");
+  EXPECT_EQ(withView([](View& v) { v.frame_quality = kServersChoice; }), "");
   EXPECT_NE(withView([](View& v) { v.frame_quality = 101; }), "");
 }
 
@@ -386,6 +386,17 @@ TEST(Message, oversizedMessagesAreRefused) {
 
 // ---- versions and texts ----
 
+TEST(Message, helloTellsTheCodecsOfFrames) {
+  for (const std::uint8_t codecs : {0, 1, 0x81}) {
+    auto bytes = encode(ClientMessage(Hello{kVersion, "ab", codecs}));
+    const auto decoded = decodeClientMessage(bytes);
+    ASSERT_TRUE(decoded) << "flags that mean nothing yet are passed over";
+    EXPECT_EQ(std::get<Hello>(*decoded).frame_codecs, codecs);
+    bytes.pop_back();
+    EXPECT_FALSE(decodeClientMessage(bytes)) << "the byte is not optional";
+  }
+}
+
 TEST(Message, helloOfAnotherVersionTellsItsNumberWhateverFollows) {
   for (const base::Bytes& bytes : {base::Bytes{0x01, 7, 0}, base::Bytes{0x01, 7, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9}}) {
     auto decoded = decodeClientMessage(bytes);
@@ -417,7 +428,7 @@ TEST(Message, textsNeverCarryControlCharacters) {
   auto decoded = decodeClientMessage(encode(ClientMessage(Hello{kVersion, "evil\nlog\x1B[31m"})));
   ASSERT_TRUE(decoded);
   EXPECT_EQ(std::get<Hello>(*decoded).client, "evil log [31m");
-  EXPECT_FALSE(decodeClientMessage(base::Bytes{0x01, kVersion, 0, 1, 0, '\n'}));
+  EXPECT_FALSE(decodeClientMessage(base::Bytes{0x01, kVersion, 0, 1, 0, '\n', 0}));
   EXPECT_EQ(std::get<Hello>(*decodeClientMessage(encode(ClientMessage(Hello{kVersion, std::string(9999, 'x')}))))
                 .client.size(),
             kMaxText);

@@ -1,22 +1,21 @@
 #include <gtest/gtest.h>
 
-#include "repository/faces/coverage.h"
 #include "repository/faces/face_value.h"
-#include "repository/faces/jpeg.h"
+#include "repository/faces/frame_image.h"
 #include "tests/server/net/loopback.h"
 #include "tests/server/net/served_scene.h"
 
 namespace server {
 namespace {
 
-TEST(Frame, exactFrameComesAfterCompletion) {
+void expectFrameAfterCompletion(std::uint8_t frame_codecs, bool is_webp) {
   const SceneDirectory scene;
   ServerOptions options;
   options.render_frames = true;
   RunningServer server(scene.path, options);
   auto client = LoopbackClient::connect(server.port());
   ASSERT_TRUE(client);
-  ASSERT_TRUE(client->send(protocol::Hello{}));
+  ASSERT_TRUE(client->send(protocol::Hello{protocol::kVersion, "test", frame_codecs}));
   const auto welcome = std::get<protocol::Welcome>(*client->receive());
   ASSERT_TRUE(welcome.can_render_frames) << "no GL context here";
   protocol::View view = viewOf(welcome, 3);
@@ -35,18 +34,20 @@ TEST(Frame, exactFrameComesAfterCompletion) {
   EXPECT_EQ(frame->sequence, 3U);
 
   // The square of 32 units fills the middle of the view; from 20 above, the view is 16.6 high and 22 wide.
-  auto value = repository::decodeFaceValue(frame->value);
-  ASSERT_TRUE(value);
-  ASSERT_FALSE(value->empty);
-  auto picture = repository::decodeJpeg(value->picture);
-  ASSERT_TRUE(picture);
+  EXPECT_EQ(repository::isWebp(repository::decodeFaceValue(frame->value)->picture), is_webp);
+  const auto picture = repository::decodeFrameImage(frame->value, 320 * 240);
+  ASSERT_TRUE(picture) << picture.error().message;
   EXPECT_EQ(picture->width, 320);
   EXPECT_EQ(picture->height, 240);
-  if (!value->coverage.empty()) {
-    auto mask = repository::decodeCoverage(value->coverage, 320, 240);
-    ASSERT_TRUE(mask);
-    EXPECT_EQ(*mask->at(160, 120), 255);
-  }
+  EXPECT_EQ(picture->at(160, 120)[3], 255);
+}
+
+TEST(Frame, exactFrameComesAfterCompletion) {
+  expectFrameAfterCompletion(protocol::kDecodesWebp, true);
+}
+
+TEST(Frame, clientsThatDecodeNoWebpGetJpeg) {
+  expectFrameAfterCompletion(0, false);
 }
 
 TEST(Frame, viewOfNothingGivesAnEmptyFrame) {

@@ -502,6 +502,23 @@ TEST(Session, frameIsRequestedOnceAfterCompletionAndSent) {
   EXPECT_TRUE(std::holds_alternative<protocol::Face>(*talk.next())) << "then what may be needed next";
 }
 
+TEST(Session, framesAreAskedForInACodecThatHelloNamed) {
+  for (const std::uint8_t codecs : {0, 1, 2, 3}) {
+    TestScene scene;
+    Talk talk(withFrames(scene).data);
+    ASSERT_TRUE(talk.say(protocol::Hello{protocol::kVersion, "test 1", codecs}));
+    protocol::View view = scene.view(1, kAbove);
+    view.want_frame = true;
+    ASSERT_TRUE(talk.say(view));
+    talk.drain();
+    const auto request = talk.session.nextFrameRequest();
+    ASSERT_TRUE(request);
+    const bool decodes_webp = codecs % 2 == 1;
+    EXPECT_EQ(request->codec, decodes_webp ? protocol::FrameCodec::kWebp : protocol::FrameCodec::kJpeg) << int{codecs};
+    EXPECT_EQ(request->quality, protocol::kServersChoice);
+  }
+}
+
 TEST(Session, framesAreRequestedOnlyWhenPossible) {
   TestScene scene;
   for (int which = 0; which < 3; ++which) {

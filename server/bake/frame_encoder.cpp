@@ -1,0 +1,59 @@
+#include "server/bake/frame_encoder.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "base/check.h"
+#include "base/view_defaults.h"
+#include "repository/faces/face_value.h"
+#include "repository/faces/filler.h"
+#include "repository/faces/webp.h"
+#include "server/bake/face_encoder.h"
+
+namespace server {
+namespace {
+
+constexpr int kFullChromaQuality = 90;  // from here on a JPEG's loss of chroma would be visible
+
+/// Alpha as a mask of one channel, not 0 where a pixel shows any model.
+base::Image alphaOf(const base::Image& rgba) {
+  base::Image alpha(rgba.width, rgba.height, 1);
+  for (std::size_t i = 0; i < alpha.pixels.size(); ++i) alpha.pixels[i] = rgba.pixels[4 * i + 3];
+  return alpha;
+}
+
+base::Image withFiller(const base::Image& rgba, const base::Image& alpha) {
+  const base::Image filled = repository::fillBackground(rgba, alpha);
+  base::Image result(rgba.width, rgba.height, 4);
+  for (std::size_t i = 0; i < alpha.pixels.size(); ++i) {
+    std::copy_n(&filled.pixels[3 * i], 3, &result.pixels[4 * i]);
+    result.pixels[4 * i + 3] = alpha.pixels[i];
+  }
+  return result;
+}
+
+base::Result<base::Bytes> encodeWebpFrame(const base::Image& rgba, int quality) {
+  const base::Image alpha = alphaOf(rgba);
+  const bool is_empty = std::all_of(alpha.pixels.begin(), alpha.pixels.end(), [](auto a) { return a == 0; });
+  if (is_empty) return repository::encodeFaceValue({});
+  LUMIGRID_ASSIGN_OR_RETURN(const auto webp, repository::encodeWebp(withFiller(rgba, alpha), quality));
+  return repository::encodeFaceValue({.empty = false, .picture = webp, .coverage = {}});
+}
+
+base::Result<base::Bytes> encodeJpegFrame(const base::Image& rgba, int quality) {
+  const auto subsampling = quality < kFullChromaQuality ? repository::Subsampling::k420 : repository::Subsampling::k444;
+  LUMIGRID_ASSIGN_OR_RETURN(auto face, encodeFace(rgba, quality, subsampling));
+  return std::move(face.value);
+}
+
+}  // namespace
+
+base::Result<base::Bytes> encodeFrame(const base::Image& rgba, protocol::FrameCodec codec, int quality) {
+  LUMIGRID_CHECK_EQ(rgba.channels, 4);
+  const bool chosen_here = quality == protocol::kServersChoice;
+  if (codec == protocol::FrameCodec::kWebp)
+    return encodeWebpFrame(rgba, chosen_here ? base::ViewDefaults::kFrameWebpQuality : quality);
+  return encodeJpegFrame(rgba, chosen_here ? base::ViewDefaults::kFrameJpegQuality : quality);
+}
+
+}  // namespace server

@@ -1,0 +1,16 @@
+#pragma once
+// Encodes exact frames in a codec that the client decodes.
+#include "base/bytes.h"
+#include "base/error.h"
+#include "base/image.h"
+#include "protocol/message.h"
+
+namespace server {
+
+/// Encodes a picture (as RenderedPicture::rgba) as the value of a Frame: WebP with 8 bits of alpha, or JPEG with a mask
+/// of one bit (encodeFace), 4:4:4 from quality 90 on. `quality`: 1..100, or kServersChoice for the codec's default
+/// (base::ViewDefaults). A picture without model becomes an empty flag, and so does, as JPEG, one whose every pixel
+/// is less than half model.
+base::Result<base::Bytes> encodeFrame(const base::Image& rgba, protocol::FrameCodec codec, int quality);
+
+}  // namespace server

@@ -1,0 +1,79 @@
+#include "server/bake/frame_encoder.h"
+
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+
+#include "base/picture_error.h"
+#include "repository/faces/face_value.h"
+#include "repository/faces/frame_image.h"
+
+namespace server {
+namespace {
+
+using protocol::FrameCodec;
+constexpr std::int64_t kMaxPixels = 1'000'000;
+
+/// A bright square on transparent black, as the renderer leaves it; a quarter of each pixel of its rim is covered.
+base::Image square() {
+  base::Image image(64, 48, 4);
+  for (int y = 11; y < 37; ++y)
+    for (int x = 19; x < 45; ++x) {
+      const bool inside = y > 11 && y < 36 && x > 19 && x < 44;
+      std::uint8_t* pixel = image.at(x, y);
+      pixel[0] = 230, pixel[1] = static_cast<std::uint8_t>(150 + x), pixel[2] = 60, pixel[3] = inside ? 255 : 64;
+    }
+  return image;
+}
+
+base::Image decoded(const base::Bytes& value) {
+  auto image = repository::decodeFrameImage(value, kMaxPixels);
+  EXPECT_TRUE(image) << image.error().message;
+  return image ? std::move(*image) : base::Image();
+}
+
+TEST(FrameEncoder, webpKeepsSmoothEdgesAndJpegRoundsThem) {
+  const base::Image image = square();
+  const base::Image webp = decoded(*encodeFrame(image, FrameCodec::kWebp, protocol::kServersChoice));
+  const base::Image jpeg = decoded(*encodeFrame(image, FrameCodec::kJpeg, protocol::kServersChoice));
+  for (std::size_t i = 3; i < image.pixels.size(); i += 4) {
+    ASSERT_EQ(webp.pixels[i], image.pixels[i]) << i;
+    ASSERT_EQ(jpeg.pixels[i], image.pixels[i] == 255 ? 255 : 0) << i;
+  }
+}
+
+TEST(FrameEncoder, theBackgroundDarkensNeitherTheRimNorThePixelsBesideIt) {
+  const base::Image image = square();
+  for (const FrameCodec codec : {FrameCodec::kWebp, FrameCodec::kJpeg}) {
+    const base::Image back = decoded(*encodeFrame(image, codec, protocol::kServersChoice));
+    for (int y = 10; y < 38; ++y)
+      for (const int x : {18, 19, 20, 43, 44, 45}) EXPECT_GT(back.at(x, y)[0], 200) << x << ' ' << y;
+  }
+}
+
+TEST(FrameEncoder, aViewOfNothingIsAnEmptyFlag) {
+  for (const FrameCodec codec : {FrameCodec::kWebp, FrameCodec::kJpeg})
+    EXPECT_TRUE(repository::decodeFaceValue(*encodeFrame(base::Image(30, 20, 4), codec, 80))->empty);
+}
+
+TEST(FrameEncoder, aQualityThatIsAskedForHolds) {
+  const base::Image image = square();
+  for (const FrameCodec codec : {FrameCodec::kWebp, FrameCodec::kJpeg}) {
+    const base::Bytes coarse = *encodeFrame(image, codec, 5);
+    const base::Bytes fine = *encodeFrame(image, codec, 100);
+    EXPECT_LT(coarse.size(), fine.size());
+    EXPECT_LT(base::foregroundError(image, decoded(fine)).squared,
+              base::foregroundError(image, decoded(coarse)).squared);
+  }
+}
+
+TEST(FrameEncoder, picturesThatNoFormatHoldsAreErrors) {
+  base::Image wide(20'000, 1, 4);
+  for (std::size_t i = 3; i < wide.pixels.size(); i += 4) wide.pixels[i] = 255;
+  const auto frame = encodeFrame(wide, FrameCodec::kWebp, protocol::kServersChoice);
+  ASSERT_FALSE(frame);
+  EXPECT_EQ(frame.error().message, "WebP: a side of more than 16383 pixels cannot be encoded");
+}
+
+}  // namespace
+}  // namespace server
