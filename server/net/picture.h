@@ -26,8 +26,7 @@ struct PictureRequest {
   int supersampling = 2;                                      ///< n × n samples a pixel, 1..4
   std::optional<Rgb> background;                              ///< none: transparent
   base::ErrorMeasure measure = base::ErrorMeasure::kVisible;  ///< of the tolerance
-  float tolerance_px = base::ViewDefaults::kExactTolerance;   ///< projected error of the patches; invisible at the
-                                                              ///< default, as in exact frames
+  float tolerance_px = base::ViewDefaults::kExactTolerance;   ///< projected error of the patches
   std::optional<base::SectionPlane> section;
   bool resolution_colors = false;  ///< tinted by the patches' projected errors
 };

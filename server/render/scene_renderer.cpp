@@ -71,7 +71,7 @@ RenderOptions exactFrameOptions(int width, int height) {
   const std::uint64_t pixels = static_cast<std::uint64_t>(width) * static_cast<std::uint64_t>(height);
   while (samples > kFrameMinSupersampling && pixels * static_cast<std::uint64_t>(samples * samples) > kFrameSamples)
     --samples;
-  return {.tolerance_px = 0.0F, .max_triangles = base::ViewDefaults::kFrameTriangles, .supersampling = samples};
+  return {.tolerance_px = 0.0F, .supersampling = samples, .max_triangles = base::ViewDefaults::kFrameTriangles};
 }
 
 // ---- Drawing ----

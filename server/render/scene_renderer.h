@@ -25,13 +25,13 @@ namespace server {
 
 struct RenderOptions {
   float tolerance_px = 1.0F;  ///< largest projected error; 0: leaf geometry (ground truth)
-  /// Refinement ends before the patches in view have more triangles, whatever the tolerance.
-  std::uint64_t max_triangles = std::numeric_limits<std::uint64_t>::max();
-  int supersampling = 1;  ///< n × n samples a pixel, 1..8; box-filtered
+  int supersampling = 1;      ///< n × n samples a pixel, 1..8; box-filtered
   /// Limit for the render target in samples of 8 bytes; a larger picture is drawn in tiles. Default: 4096 × 4096.
   std::uint64_t max_target_samples = std::uint64_t{1} << 24;
   lod::draw::ViewModes modes = {};  ///< only for render(); tints show the patches' projected errors
   base::ErrorMeasure measure = base::ErrorMeasure::kVisible;  ///< of the tolerance
+  /// Refinement ends, largest error first, before the patches in view have more triangles, whatever the tolerance.
+  std::uint64_t max_triangles = std::numeric_limits<std::uint64_t>::max();
 };
 
 /// Returns the options of an exact frame of so many pixels a side: leaves and 4 × 4 samples, and in views of more

@@ -7,6 +7,7 @@
 #include <fstream>
 #include <random>
 #include <thread>
+#include <tuple>
 
 #include "base/egl/headless.h"
 #include "base/gl/gl.h"
@@ -197,6 +198,25 @@ TEST_F(SceneRendererTest, toleranceInPixelsChoosesBetweenRootAndLeaves) {
   EXPECT_EQ(draw(*renderer, cameraAt(8, 64), {100.0F, 1}).triangles, 1U);
   EXPECT_EQ(draw(*renderer, cameraAt(8, 64), {0.1F, 1}).triangles, 2U);
   EXPECT_EQ(draw(*renderer, cameraAt(8, 64), {0.0F, 1}).triangles, 2U);
+}
+
+TEST_F(SceneRendererTest, refinementEndsAtTheLimitOfTriangles) {
+  const Triangle left{{-4, -4, 0}, {0, -4, 0}, {0, 4, 0}};
+  const Triangle right{{0, -4, 0}, {4, -4, 0}, {0, 4, 0}};
+  TwoLevelScene scene({{{-4, -4, 0}, {4, -4, 0}, {0, 4, 0}, kOrange}}, {{left}, {right}}, 0.5F);
+  auto renderer = rendererOf(scene);
+  EXPECT_EQ(draw(*renderer, cameraAt(8, 64), {.tolerance_px = 0.0F, .max_triangles = 1}).triangles, 1U);
+  EXPECT_EQ(draw(*renderer, cameraAt(8, 64), {.tolerance_px = 0.0F, .max_triangles = 2}).triangles, 2U);
+}
+
+TEST(ExactFrameOptions, leavesWithAsManySamplesAsLargePicturesAllow) {
+  for (const auto& [width, height, samples] :
+       {std::tuple{1, 1, 4}, {1280, 720, 4}, {1920, 1080, 4}, {2560, 1440, 3}, {3840, 2160, 2}, {16384, 976, 2}}) {
+    const RenderOptions options = exactFrameOptions(width, height);
+    EXPECT_EQ(options.supersampling, samples) << width << " x " << height;
+    EXPECT_EQ(options.tolerance_px, 0.0F);
+    EXPECT_EQ(options.max_triangles, base::ViewDefaults::kFrameTriangles);
+  }
 }
 
 TEST_F(SceneRendererTest, supersamplingDoesNotChangeTheCut) {
