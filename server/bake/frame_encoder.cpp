@@ -51,7 +51,8 @@ base::Result<base::Bytes> encodeJpegFrame(const base::Image& rgba, int quality) 
 base::Result<base::Bytes> encodeFrame(const base::Image& rgba, protocol::FrameCodec codec, int quality) {
   LUMIGRID_CHECK_EQ(rgba.channels, 4);
   const bool chosen_here = quality == protocol::kServersChoice;
-  if (codec == protocol::FrameCodec::kWebp)
+  const bool fits_webp = std::max(rgba.width, rgba.height) <= repository::kMaxWebpSide;
+  if (codec == protocol::FrameCodec::kWebp && fits_webp)
     return encodeWebpFrame(rgba, chosen_here ? base::ViewDefaults::kFrameWebpQuality : quality);
   return encodeJpegFrame(rgba, chosen_here ? base::ViewDefaults::kFrameJpegQuality : quality);
 }

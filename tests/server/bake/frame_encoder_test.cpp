@@ -7,6 +7,7 @@
 #include "base/picture_error.h"
 #include "repository/faces/face_value.h"
 #include "repository/faces/frame_image.h"
+#include "repository/faces/webp.h"
 
 namespace server {
 namespace {
@@ -67,12 +68,17 @@ TEST(FrameEncoder, aQualityThatIsAskedForHolds) {
   }
 }
 
-TEST(FrameEncoder, picturesThatNoFormatHoldsAreErrors) {
-  base::Image wide(20'000, 1, 4);
+TEST(FrameEncoder, aSideLongerThanWebpAllowsIsSentAsJpeg) {
+  base::Image wide(repository::kMaxWebpSide, 1, 4);
   for (std::size_t i = 3; i < wide.pixels.size(); i += 4) wide.pixels[i] = 255;
-  const auto frame = encodeFrame(wide, FrameCodec::kWebp, protocol::kServersChoice);
-  ASSERT_FALSE(frame);
-  EXPECT_EQ(frame.error().message, "WebP: a side of more than 16383 pixels cannot be encoded");
+  const auto isWebpFrame = [](const base::Image& image) {
+    const base::Bytes value = *encodeFrame(image, FrameCodec::kWebp, protocol::kServersChoice);
+    return repository::isWebp(repository::decodeFaceValue(value)->picture);
+  };
+  EXPECT_TRUE(isWebpFrame(wide));
+  base::Image wider(repository::kMaxWebpSide + 1, 1, 4);
+  for (std::size_t i = 3; i < wider.pixels.size(); i += 4) wider.pixels[i] = 255;
+  EXPECT_FALSE(isWebpFrame(wider));
 }
 
 }  // namespace
