@@ -342,6 +342,7 @@ void writeBody(base::ByteWriter& out, const Frame& frame) {
   FieldWriter fields{out};
   fields(frame.sequence);
   cameraFields(fields, frame.camera);
+  fields(frame.last);
   out.bytes(frame.value);
 }
 
@@ -349,6 +350,8 @@ base::Result<void> readBody(base::ByteReader& in, Frame& frame) {
   FieldReader fields{in};
   fields(frame.sequence);
   if (const char* problem = readCamera(fields, frame.camera)) return bad(problem);
+  fields(frame.last);
+  if (!fields.flags_are_valid) return bad("a flag is neither 0 nor 1");
   if (frame.sequence == 0) return bad("its sequence number is 0; they count from 1");
   if (in.remaining() == 0) return bad("is cut short");
   frame.value = readRest(in);

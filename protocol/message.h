@@ -60,8 +60,8 @@ struct View {
       base::ViewDefaults::kPatchTolerance;  ///< refine patches until their projected error is at most this
   std::uint32_t max_triangles = base::ViewDefaults::kMaxTriangles;  ///< … or the cut reaches this
   std::uint16_t max_points = base::ViewDefaults::kPoints;           ///< sampling points wanted; 0: no images
-  bool want_frame = false;                                    ///< render the exact view once everything else is sent
-  std::uint8_t frame_quality = kServersChoice;                ///< quality of that frame in its codec, 1..100
+  bool want_frame = false;                                          ///< render exact frames of it
+  std::uint8_t frame_quality = kServersChoice;  ///< of its last frame in its codec, 1..100; others may have less
   base::ErrorMeasure measure = base::ErrorMeasure::kVisible;  ///< of the tolerance
 };
 
@@ -116,11 +116,12 @@ struct Refinement {
   base::Bytes block;
 };
 
-/// The exact picture of a view, which the client asked for, in a codec of its Hello.
+/// An exact picture, for a client that asked for frames, in a codec of its Hello.
 struct Frame {
-  std::uint32_t sequence = 0;  ///< sequence of the View
-  base::ViewCamera camera;
-  base::Bytes value;  ///< encoded like a Face's value; its picture may be WebP with alpha
+  std::uint32_t sequence = 0;  ///< sequence of the newest View when it was requested
+  base::ViewCamera camera;     ///< it was drawn for, which may be ahead of the View's
+  bool last = false;           ///< no other frame of this View follows
+  base::Bytes value;           ///< encoded like a Face's value; its picture may be WebP with alpha
 };
 
 /// The server has sent everything it has for the view of this sequence.

@@ -40,7 +40,7 @@ void Session::startScene(const protocol::Welcome& message) {
   cached_children_.clear();
   in_use_.clear();
   frames_.clear();
-  frame_sequence_ = 0;
+  last_frame_sequence_ = 0;
   unreported_.clear();
   stats_.cache_bytes = 0;
   stats_.frame_bytes = 0;
@@ -144,12 +144,13 @@ base::Result<void> Session::acceptRefinement(protocol::Refinement&& message, std
 }
 
 base::Result<void> Session::acceptFrame(protocol::Frame&& message, std::size_t bytes) {
-  if (!options_.frames) return badServer("sent a frame although none was asked for");
+  if (!frames_asked_for_) return badServer("sent a frame although none was asked for");
   if (message.sequence > sequence_) return badServer("sent a frame for a view that was never asked for");
   ++stats_.frames_received;
   stats_.bytes_frames += bytes;
+  if (!options_.frames) return {};  // it was on its way when they were switched off
   std::erase_if(frames_, [&](const protocol::Frame& kept) { return kept.sequence == message.sequence; });
-  frame_sequence_ = message.sequence;
+  if (message.last) last_frame_sequence_ = message.sequence;
   events_.frames_added.push_back(message.sequence);
   frames_.push_back(std::move(message));
   while (frames_.size() > kMaxFrames || frameBytes() > options_.frame_bytes) frames_.pop_front();
@@ -229,6 +230,7 @@ base::Bytes Session::viewMessage() {
   view.max_triangles = options_.max_triangles;
   view.max_points = options_.images ? options_.max_points : std::uint16_t{0};
   view.want_frame = wantsFrame();
+  frames_asked_for_ |= view.want_frame;
   return protocol::encode(view);
 }
 
@@ -241,6 +243,7 @@ void Session::connected() {
   greetings_.clear();
   greetings_.push_back(protocol::encode(protocol::Hello{protocol::kVersion, "lumigrid-view"}));
   view_unsent_ = false;
+  frames_asked_for_ = false;
 }
 
 void Session::disconnected(const std::string& reason) {
@@ -319,7 +322,7 @@ base::ErrorMeasure Session::errorMeasure() const {
 bool Session::complete() const {
   if (phase_ != SessionPhase::kReady || view_unsent_ || sequence_ == 0) return false;
   if (complete_sequence_ != sequence_) return false;
-  return !wantsFrame() || frame_sequence_ == sequence_;
+  return !wantsFrame() || last_frame_sequence_ == sequence_;
 }
 
 const protocol::Frame* Session::frame(std::uint32_t sequence) const {

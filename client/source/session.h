@@ -91,8 +91,8 @@ class Session {
   std::optional<Method> methodInstead() const { return method_instead_; }
   /// Null before the first Welcome.
   const protocol::Welcome* welcome() const { return welcome_ ? &*welcome_ : nullptr; }
-  /// Whether the server sent everything for the newest view and, where an exact frame was requested, that frame arrived
-  /// too.
+  /// Whether the server sent everything for the newest view and, where exact frames were requested, the last of them
+  /// arrived too.
   bool complete() const;
   SessionEvents takeEvents() { return std::exchange(events_, {}); }
 
@@ -156,8 +156,8 @@ class Session {
   std::unordered_map<std::uint32_t, std::uint32_t>
       cached_children_;  // per group: cached groups that have it as a parent
   std::unordered_set<CacheKey> in_use_;
-  std::deque<protocol::Frame> frames_;  // oldest first
-  std::uint32_t frame_sequence_ = 0;    // view of the last frame that arrived, kept or not
+  std::deque<protocol::Frame> frames_;     // oldest first
+  std::uint32_t last_frame_sequence_ = 0;  // view whose last frame arrived newest, kept or not
 
   std::deque<base::Bytes> greetings_;        // Hello or Holdings, sent before anything else
   std::unordered_set<CacheKey> unreported_;  // evicted, and the server does not know yet
@@ -165,6 +165,7 @@ class Session {
   std::uint32_t sequence_ = 0;               // number of the newest view
   std::uint32_t complete_sequence_ = 0;
   bool view_unsent_ = false;
+  bool frames_asked_for_ = false;  // on this connection
 
   SessionEvents events_;
   SessionStats stats_;

@@ -129,10 +129,11 @@ void Pipe::sendSegment(double now) {
   if (link.jitter_seconds > 0.0) arrives += link.jitter_seconds * random_();
   last_arrival_ = std::max(last_arrival_, arrives);
   arriving_.push_back({last_arrival_, sent_});
-  acks_.push_back({last_arrival_ + oneWay(), lost});
+  acks_.push_back({last_arrival_ + oneWay(), sent_, lost});
 }
 
 void Pipe::acknowledge(const Acknowledgement& ack) {
+  confirmed_ = ack.end;
   if (ack.lost) {
     if (ack.arrives < halved_until_) return;
     threshold_ = window_ = std::max(2.0, 0.5 * window_);

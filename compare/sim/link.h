@@ -69,6 +69,9 @@ class Pipe {
   double nextEvent() const;
   /// Bytes handed to send() that have not left: a server with TCP_NOTSENT_LOWAT writes no more while there are many.
   std::uint64_t unsentBytes() const { return written_ - sent_; }
+  /// Bytes that have left and are not acknowledged yet.
+  std::uint64_t unconfirmedBytes() const { return sent_ - confirmed_; }
+  double roundTripSeconds() const { return wire_->link().round_trip_seconds; }
   std::uint64_t deliveredBytes() const { return taken_; }
 
  private:
@@ -82,7 +85,8 @@ class Pipe {
   };
   struct Acknowledgement {
     double arrives;
-    bool lost;  ///< the segment was lost at first
+    std::uint64_t end;  ///< of the segment
+    bool lost;          ///< the segment was lost at first
   };
   void sendSegment(double now);
   void acknowledge(const Acknowledgement& ack);
@@ -93,7 +97,7 @@ class Pipe {
   std::deque<Message> messages_;  ///< not taken yet
   std::deque<Segment> arriving_;
   std::deque<Acknowledgement> acks_;
-  std::uint64_t written_ = 0, sent_ = 0, arrived_ = 0, taken_ = 0;
+  std::uint64_t written_ = 0, sent_ = 0, confirmed_ = 0, arrived_ = 0, taken_ = 0;
   double window_, threshold_, max_window_;  ///< segments
   double halved_until_ = -1.0;              ///< until then no loss halves the window again
   double last_sent_ = 0.0, last_arrival_ = 0.0;

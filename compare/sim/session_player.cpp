@@ -37,7 +37,10 @@ class SessionPlayer final : public Player {
 
   double nextEvent() const;
   base::Result<void> act(double now);
-  base::Result<void> serve(double now);
+  void tellLink(double now);
+  void requestFrame(double now);
+  base::Result<void> finishRendering(double now);
+  void serve(double now);
   base::Result<void> deliver(double now);
   void sendFromClient(double now);
   client::Session& session() { return client_.viewer().session(); }
@@ -51,27 +54,46 @@ class SessionPlayer final : public Player {
   double now_ = 0.0;
   bool connected_ = false;
   std::optional<Rendering> rendering_;
+  std::optional<server::FrameRequest> queued_;  // rendered next; a newer request replaces it
   std::uint64_t sent_messages_ = 0;
 };
 
 double SessionPlayer::nextEvent() const {
   double next = connected_ ? kNever : connected_at_;
   if (rendering_) next = std::min(next, rendering_->ready);
+  if (const auto wake = server_.wakeAt()) next = std::min(next, std::max(*wake, now_));
   return std::min({next, down_.nextEvent(), up_.nextEvent()});
 }
 
+void SessionPlayer::tellLink(double now) {
+  server_.setLink({now, down_.unsentBytes(), down_.unconfirmedBytes(), down_.roundTripSeconds()});
+}
+
+/// The renderer draws one frame at a time, as server::FrameRenderer does.
+void SessionPlayer::requestFrame(double now) {
+  if (const auto request = server_.nextFrameRequest()) queued_ = request;
+  if (rendering_ || !queued_) return;
+  rendering_ = {*std::exchange(queued_, std::nullopt), now + stage_.costs.server_render_seconds};
+}
+
 /// Writes while few bytes wait, as server::WebSocketSession does.
-base::Result<void> SessionPlayer::serve(double now) {
+void SessionPlayer::serve(double now) {
+  tellLink(now);
+  requestFrame(now);
   while (down_.unsentBytes() < server::ServerOptions().max_unsent_bytes) {
-    if (auto message = server_.nextMessage()) {
-      down_.send(std::move(*message), now);
-      continue;
-    }
-    if (rendering_) return {};
-    const auto request = server_.nextFrameRequest();
-    if (!request) return {};
-    rendering_ = {*request, now + stage_.costs.server_render_seconds};
+    auto message = server_.nextMessage();
+    if (!message) break;
+    down_.send(std::move(*message), now);
+    tellLink(now);
   }
+  requestFrame(now);
+}
+
+base::Result<void> SessionPlayer::finishRendering(double now) {
+  if (!rendering_ || now < rendering_->ready) return {};
+  const Rendering done = *std::exchange(rendering_, std::nullopt);
+  LUMIGRID_ASSIGN_OR_RETURN(auto frame, stage_.painter->exactFrame(done.request));
+  server_.frameRendered(done.request, std::move(frame));
   return {};
 }
 
@@ -93,14 +115,12 @@ base::Result<void> SessionPlayer::act(double now) {
   }
   down_.advance(now);
   up_.advance(now);
+  tellLink(now);
   LUMIGRID_TRY(deliver(now));
-  if (rendering_ && now >= rendering_->ready) {
-    const Rendering done = *std::exchange(rendering_, std::nullopt);
-    LUMIGRID_ASSIGN_OR_RETURN(auto frame, stage_.painter->exactFrame(done.request));
-    server_.frameRendered(done.request, std::move(frame));
-  }
+  LUMIGRID_TRY(finishRendering(now));
   sendFromClient(now);
-  return serve(now);
+  serve(now);
+  return {};
 }
 
 base::Result<void> SessionPlayer::advance(double now, const base::ViewCamera& camera) {

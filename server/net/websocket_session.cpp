@@ -1,6 +1,8 @@
 #include "server/net/websocket_session.h"
 
+#include <linux/sockios.h>
 #include <netinet/tcp.h>
+#include <sys/ioctl.h>
 #include <sys/socket.h>
 
 #include <algorithm>
@@ -37,7 +39,12 @@ class WebSocketSession final : public Connection {
   void doRead();
   void onRead(error_code ec, std::size_t bytes_read);
   void receiveMessage();
+  double seconds() const { return std::chrono::duration<double>(SteadyClock::now() - start_time_).count(); }
+  LinkState linkState();
+  void serve();
   void doWrite();
+  void requestNextFrame();
+  void wakeLater();
   void onWrite(error_code ec, std::size_t bytes_written);
   void requestFaces(FaceRequest request);
   void requestFrame(const FrameRequest& request);
@@ -54,6 +61,7 @@ class WebSocketSession final : public Connection {
   std::string close_reason_;  // for the log; empty while the connection is open
   beast::flat_buffer incoming_;
   std::optional<base::Bytes> outgoing_;
+  SteadyTimer wake_;
   bool writing_ = false;
   bool closing_ = false;
   bool refused_ = false;
@@ -65,7 +73,8 @@ WebSocketSession::WebSocketSession(std::shared_ptr<Hub> hub, const HostedScene& 
       hosted_(hosted),
       id_(hub_->next_client++),
       socket_(std::move(stream)),
-      session_(hosted.scene->data) {
+      session_(hosted.scene->data),
+      wake_(socket_.get_executor()) {
   error_code ignored;
   const auto endpoint = beast::get_lowest_layer(socket_).socket().remote_endpoint(ignored);
   ++hub_->viewers;
@@ -79,8 +88,8 @@ WebSocketSession::~WebSocketSession() {
   spdlog::info(
       "disconnect client={} peer={} seconds={:.1f} views={} groups={} faces={} frames={} bytes={} missing={} "
       "corrupt={} why=\"{}\"",
-      id_, peer_, std::chrono::duration<double>(SteadyClock::now() - start_time_).count(), counts.views, counts.groups,
-      counts.faces, counts.frames, counts.bytes, counts.missing, counts.corrupt, close_reason_);
+      id_, peer_, seconds(), counts.views, counts.groups, counts.faces, counts.frames, counts.bytes, counts.missing,
+      counts.corrupt, close_reason_);
 }
 
 // ---- Opening
@@ -136,8 +145,9 @@ void WebSocketSession::onRead(error_code ec, std::size_t /*bytes_read*/) {
     return doRead();
   }
   if (!socket_.got_binary()) return close(websocket::close_code::unknown_data, "messages are binary");
+  session_.setLink(linkState());
   receiveMessage();
-  doWrite();
+  serve();
   doRead();
 }
 
@@ -157,8 +167,31 @@ void WebSocketSession::receiveMessage() {
 
 // ---- Messages to the viewer
 
+/// The kernel counts what it has; a message that is still being handed to it counts whole.
+LinkState WebSocketSession::linkState() {
+  const int handle = beast::get_lowest_layer(socket_).socket().native_handle();
+  int queued = 0, unsent = 0;
+  if (::ioctl(handle, SIOCOUTQ, &queued) != 0 || ::ioctl(handle, SIOCOUTQNSD, &unsent) != 0) queued = unsent = 0;
+  tcp_info info{};
+  socklen_t size = sizeof info;
+  if (::getsockopt(handle, IPPROTO_TCP, TCP_INFO, &info, &size) != 0) info = {};
+  const std::uint64_t writing = writing_ ? outgoing_->size() : 0;
+  return {seconds(), writing + static_cast<std::uint64_t>(unsent), static_cast<std::uint64_t>(queued - unsent),
+          1e-6 * info.tcpi_rtt};
+}
+
+/// Sends and requests all that can be now; called whenever anything happened.
+void WebSocketSession::serve() {
+  if (closing_) return;
+  session_.setLink(linkState());
+  requestNextFrame();
+  if (!writing_) doWrite();
+  if (closing_) return;
+  requestNextFrame();
+  wakeLater();
+}
+
 void WebSocketSession::doWrite() {
-  if (writing_ || closing_) return;
   outgoing_ = session_.nextMessage();
   while (auto request = session_.nextFaceRequest()) requestFaces(std::move(*request));
   if (outgoing_) {
@@ -167,15 +200,26 @@ void WebSocketSession::doWrite() {
                         beast::bind_front_handler(&WebSocketSession::onWrite, self<WebSocketSession>()));
   } else if (session_.finished()) {
     close(websocket::close_code::policy_error, close_reason_);
-  } else if (auto request = session_.nextFrameRequest()) {
-    requestFrame(*request);
   }
+}
+
+void WebSocketSession::requestNextFrame() {
+  if (const auto request = session_.nextFrameRequest()) requestFrame(*request);
+}
+
+void WebSocketSession::wakeLater() {
+  const auto at = session_.wakeAt();
+  if (!at) return;
+  wake_.expires_at(start_time_ + std::chrono::duration_cast<SteadyClock::duration>(std::chrono::duration<double>(*at)));
+  wake_.async_wait([self = self<WebSocketSession>()](error_code ec) {
+    if (!ec) self->serve();
+  });
 }
 
 void WebSocketSession::onWrite(error_code ec, std::size_t /*bytes_written*/) {
   writing_ = false;
   if (ec) return fail("write", ec);
-  doWrite();
+  serve();
 }
 
 // ---- Answers of other threads: they are posted to the io thread, where the session may be gone by then
@@ -185,7 +229,7 @@ void WebSocketSession::onWrite(error_code ec, std::size_t /*bytes_written*/) {
 void WebSocketSession::requestFaces(FaceRequest request) {
   const auto done = answerTo<Session::FaceValues>(this, [request](WebSocketSession& self, Session::FaceValues values) {
     self.session_.facesFetched(request, std::move(values));
-    self.doWrite();
+    self.serve();
   });
   hub_->fetchers->submit([done, hub = hub_.get(), images = hosted_.scene->images.get(), request = std::move(request)] {
     if (!hub->stopping) done(images->getMany(request));
@@ -196,8 +240,9 @@ void WebSocketSession::requestFrame(const FrameRequest& request) {
   if (!hub_->renderer) return;
   hosted_.site->readAppearance();
   const auto done = answerTo<base::Bytes>(this, [request](WebSocketSession& self, base::Bytes value) {
+    self.session_.setLink(self.linkState());
     self.session_.frameRendered(request, std::move(value));
-    self.doWrite();
+    self.serve();
   });
   hub_->renderer->requestFrame(id_, hosted_.number, request, done);
 }

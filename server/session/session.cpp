@@ -27,6 +27,15 @@ void describeHierarchy(const lod::patch::Hierarchy& hierarchy, protocol::Welcome
   welcome.source_triangles = hierarchy.source_triangles;
 }
 
+Session::Session(const SceneData& scene)
+    : scene_(scene),
+      frames_(kMaxFrameShift * static_cast<double>(glm::length(scene.welcome.box_max - scene.welcome.box_min))) {}
+
+void Session::setLink(const LinkState& state) {
+  frames_.link().update(state, counts_.bytes);
+  frames_.passTime();
+}
+
 // ---- in ----
 
 base::Result<void> Session::receive(base::ByteView bytes) {
@@ -50,7 +59,7 @@ base::Result<void> Session::acceptMessage(const protocol::Hello& hello) {
   }
   client_ = hello.client;
   const bool decodes_webp = (hello.frame_codecs & protocol::kDecodesWebp) != 0;
-  frame_codec_ = decodes_webp ? protocol::FrameCodec::kWebp : protocol::FrameCodec::kJpeg;
+  frames_.setCodec(decodes_webp ? protocol::FrameCodec::kWebp : protocol::FrameCodec::kJpeg);
   if (scene_.patches == nullptr) return refuseSplatsOnly();
   phase_ = Phase::kReady;
   const lod::patch::Hierarchy& hierarchy = scene_.patches->hierarchy();
@@ -65,6 +74,7 @@ base::Result<void> Session::acceptMessage(const protocol::View& view) {
   if (planned_) previous_ = newest_;
   newest_ = view;
   planned_ = false;
+  frames_.accept(view, framePossible(view));
   return {};
 }
 
@@ -112,26 +122,34 @@ std::optional<base::Bytes> Session::nextMessage() {
 std::optional<base::Bytes> Session::chooseMessage() {
   if (greeting_) return std::exchange(greeting_, std::nullopt);
   if (phase_ != Phase::kReady) return std::nullopt;
-  if (frame_) {
-    ++counts_.frames;
-    return std::exchange(frame_, std::nullopt);
-  }
   if (!newest_) return std::nullopt;
   if (!planned_) planNewestView();
-  return nextForView();
+  // A frame without the coarse model has nothing to lie on.
+  if (auto message = nextCoarse()) return message;
+  if (auto message = nextFrame()) return message;
+  if (frames_.holdsOthers()) return std::nullopt;
+  auto message = nextOther();
+  if (message) frames_.countOther(message->size());
+  return message;
 }
 
-std::optional<base::Bytes> Session::nextForView() {
-  if (auto message = nextCoarse()) return message;
+std::optional<base::Bytes> Session::nextFrame() {
+  if (!frame_) return std::nullopt;
+  const protocol::Frame frame = *std::exchange(frame_, std::nullopt);
+  if (!frames_.isUseful(frame.camera)) return std::nullopt;
+  ++counts_.frames;
+  return protocol::encode(frame);
+}
+
+std::optional<base::Bytes> Session::nextOther() {
   if (auto message = nextWanted()) return message;
   if (!view_plan_.faces.empty()) return std::nullopt;  // they are being fetched
   if (!complete_sent_) {
     complete_sent_ = true;
-    if (framePossible()) frame_phase_ = FramePhase::kDue;
     return protocol::encode(protocol::Completion{newest_->sequence});
   }
   // The frame comes before anything that is not needed yet.
-  if (frame_phase_ != FramePhase::kNone) return std::nullopt;
+  if (frames_.owesFrame()) return std::nullopt;
   return nextPrefetch();
 }
 
@@ -144,7 +162,6 @@ void Session::planNewestView() {
   next_coarse_ = next_group_ = 0;
   group_bytes_ = face_bytes_ = prefetch_bytes_ = 0;
   complete_sent_ = false;
-  frame_phase_ = FramePhase::kNone;
   prefetch_.reset();
   planned_ = true;
 }
@@ -263,7 +280,7 @@ std::optional<FaceRequest> Session::nextFaceRequest() {
   if (!scene_.images_are_remote || phase_ != Phase::kReady || !planned_) return std::nullopt;
   if (requests_under_way_ == kMaxFaceRequests) return std::nullopt;
   FaceRequest request = unrequestedFaces(view_plan_.faces, view_plan_.faces.size());
-  const bool at_rest = complete_sent_ && frame_phase_ == FramePhase::kNone;
+  const bool at_rest = complete_sent_ && !frames_.owesFrame();
   if (request.empty() && at_rest && requested_.empty() && fetched_.empty() && prefetch_bytes_ < scene_.ahead_bytes) {
     planPrefetch();
     request = unrequestedFaces(*prefetch_, kMaxPrefetchedFaces);
@@ -289,29 +306,26 @@ void Session::facesFetched(const FaceRequest& request, FaceValues values) {
 
 // ---- frames ----
 
-bool Session::framePossible() const {
-  const std::int64_t pixels = std::int64_t{newest_->camera.width} * newest_->camera.height;
-  return newest_->want_frame && scene_.welcome.can_render_frames && pixels <= base::ViewDefaults::kMaxFramePixels;
+bool Session::framePossible(const protocol::View& view) const {
+  const std::int64_t pixels = std::int64_t{view.camera.width} * view.camera.height;
+  return view.want_frame && scene_.welcome.can_render_frames && pixels <= base::ViewDefaults::kMaxFramePixels;
 }
 
 std::optional<FrameRequest> Session::nextFrameRequest() {
-  if (!planned_ || frame_phase_ != FramePhase::kDue) return std::nullopt;
-  frame_phase_ = FramePhase::kRendering;
-  return FrameRequest{newest_->sequence, newest_->camera, newest_->frame_quality, frame_codec_};
+  if (phase_ != Phase::kReady || !newest_) return std::nullopt;
+  return frames_.next(planned_ && complete_sent_);
 }
 
 void Session::frameRendered(const FrameRequest& request, base::Bytes value) {
   if (phase_ != Phase::kReady || !newest_) return;
-  if (planned_ && request.sequence == newest_->sequence) frame_phase_ = FramePhase::kNone;
-
+  frames_.rendered(request, value.size());
   // A frame of an older view is still a good sample while the eye is near and looks the same way.
-  const base::ViewCamera& now = newest_->camera;
-  const double moved = glm::length(now.position - request.camera.position);
-  const double reach =
-      kMaxFrameShift * static_cast<double>(glm::length(scene_.welcome.box_max - scene_.welcome.box_min));
-  const bool same_way = glm::dot(now.direction, request.camera.direction) > std::cos(now.fov_y);
-  if (value.empty() || value.size() > protocol::kMaxPayload || moved > reach || !same_way) return;
-  frame_ = protocol::encode(protocol::Frame{request.sequence, request.camera, std::move(value)});
+  if (value.empty() || value.size() > protocol::kMaxPayload || !frames_.isUseful(request.camera)) return;
+  frame_ = protocol::Frame{request.sequence, request.camera, request.last, std::move(value)};
+}
+
+std::optional<double> Session::wakeAt() const {
+  return phase_ == Phase::kReady ? frames_.wakeAt() : std::nullopt;
 }
 
 }  // namespace server

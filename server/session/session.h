@@ -4,11 +4,14 @@
 // The order of messages for a view (docs/formats/protocol.md draws the states):
 //
 //   1. The coarse whole model: group 0 and the next groups by error, about 50 kB. Sent once; again as far as evicted.
-//   2. Groups and faces of the view. Only groups go while the largest missing projected error exceeds four times the
+//   2. A quick exact frame as soon as it is rendered, if the view wants one and the server renders. It is requested
+//   when
+//      the view arrives; other messages go meanwhile. A moving eye gets frames aimed ahead (frame_schedule.h).
+//   3. Groups and faces of the view. Only groups go while the largest missing projected error exceeds four times the
 //      tolerance, since an image projected onto a proxy that coarse is a blur. Then the kind that had fewer bytes in
 //      this view goes next.
-//   3. Completion; then the exact frame, if the view wants one and the server renders.
-//   4. Prefetch: other directions at the same points, then faces along the motion, at most SceneData::ahead_bytes.
+//   4. Completion; then the last frame, if the quick one had less than the wanted quality.
+//   5. Prefetch: other directions at the same points, then faces along the motion, at most SceneData::ahead_bytes.
 //
 // Remote images (SceneData::images_are_remote) are sent when they have been fetched, the most useful first, and groups
 // go meanwhile. A new view drops everything unsent. An evicted item is sent again only for a later view that needs it:
@@ -21,7 +24,6 @@
 #include <vector>
 
 #include "base/error.h"
-#include "base/view_defaults.h"
 #include "lod/patch/format.h"
 #include "lod/patch/proxy_sight.h"
 #include "plan/view_plan.h"
@@ -29,6 +31,7 @@
 #include "repository/access_counter.h"
 #include "repository/sampling/sample_tree.h"
 #include "repository/store.h"
+#include "server/session/frame_schedule.h"
 
 namespace server {
 
@@ -49,14 +52,6 @@ struct SceneData {
 /// Fills in what a client is told of the hierarchy.
 void describeHierarchy(const lod::patch::Hierarchy& hierarchy, protocol::Welcome& welcome);
 
-/// An exact frame to be rendered.
-struct FrameRequest {
-  std::uint32_t sequence = 0;
-  base::ViewCamera camera;
-  int quality = protocol::kServersChoice;  ///< 1..100, or kServersChoice
-  protocol::FrameCodec codec = protocol::FrameCodec::kJpeg;
-};
-
 /// Faces to be fetched, the most useful first. They are of one view, hence of one neighbourhood in the store.
 using FaceRequest = std::vector<repository::FaceKey>;
 
@@ -74,10 +69,13 @@ inline constexpr std::size_t kMaxFacesHeld = 1'000'000;
 
 class Session {
  public:
-  explicit Session(const SceneData& scene) : scene_(scene) {}
+  explicit Session(const SceneData& scene);
   Session(const Session&) = delete;
   Session& operator=(const Session&) = delete;
 
+  /// Tells the time and how the link does. The transport calls it before each of the others; without it the session
+  /// takes every view for one at which the eye stands, and every link for an idle one.
+  void setLink(const LinkState& state);
   /// Accepts one message. An error ends the connection, after the Refusal that nextMessage() returns then.
   base::Result<void> receive(base::ByteView bytes);
   /// The next message to send, the most useful first; nullopt when there is none. Call it again only when the last one
@@ -91,11 +89,15 @@ class Session {
   /// then.
   using FaceValues = std::vector<base::Result<std::optional<base::Bytes>>>;
   void facesFetched(const FaceRequest& request, FaceValues values);
-  /// The exact frame to render, once per view: when everything else was sent and the client wants the frame.
+  /// The exact frame to render now, if there is one. Ask after every other call, whether messages are left or not. A
+  /// request replaces an older one that is not answered yet.
   std::optional<FrameRequest> nextFrameRequest();
   /// Accepts the rendered frame (a face value); empty when rendering failed. It is dropped when the viewer moved far
   /// away meanwhile.
   void frameRendered(const FrameRequest& request, base::Bytes value);
+  /// When nextMessage() and nextFrameRequest() are to be asked again even if nothing happens until then, in the seconds
+  /// of setLink(); nullopt: not at all.
+  std::optional<double> wakeAt() const;
   /// Whether a Refusal was sent: the connection is to be closed.
   bool finished() const { return phase_ == Phase::kRefused && !greeting_; }
   const std::string& clientName() const { return client_; }  ///< from Hello; empty before it
@@ -103,7 +105,6 @@ class Session {
 
  private:
   enum class Phase { kGreeting, kReady, kRefused };
-  enum class FramePhase { kNone, kDue, kRendering };  ///< phase of the newest view's exact frame
 
   // ---- in ----
   base::Result<void> acceptMessage(const protocol::Hello& hello);
@@ -115,7 +116,8 @@ class Session {
 
   // ---- out ----
   std::optional<base::Bytes> chooseMessage();
-  std::optional<base::Bytes> nextForView();
+  std::optional<base::Bytes> nextFrame();
+  std::optional<base::Bytes> nextOther();
   std::optional<base::Bytes> nextCoarse();
   std::optional<base::Bytes> nextWanted();
   std::optional<base::Bytes> nextPrefetch();
@@ -127,12 +129,11 @@ class Session {
   FaceRequest unrequestedFaces(const Faces& faces, std::size_t max_count) const;
   void planPrefetch();
   void planNewestView();
-  bool framePossible() const;
+  bool framePossible(const protocol::View& view) const;
 
   const SceneData& scene_;
   Phase phase_ = Phase::kGreeting;
   std::string client_;
-  protocol::FrameCodec frame_codec_ = protocol::FrameCodec::kJpeg;
   SessionCounts counts_;
 
   // Data that the client holds.
@@ -150,7 +151,6 @@ class Session {
   std::size_t next_coarse_ = 0, next_group_ = 0;
   std::uint64_t group_bytes_ = 0, face_bytes_ = 0;
   bool complete_sent_ = false;
-  FramePhase frame_phase_ = FramePhase::kNone;
   std::optional<Faces> prefetch_;
   std::uint64_t prefetch_bytes_ = 0;
 
@@ -159,9 +159,9 @@ class Session {
   std::unordered_set<repository::FaceKey> requested_;
   std::size_t requests_under_way_ = 0;
 
-  // Messages that are sent before all others.
-  std::optional<base::Bytes> greeting_;  // Welcome or Refusal
-  std::optional<base::Bytes> frame_;
+  FrameSchedule frames_;
+  std::optional<protocol::Frame> frame_;  // rendered and not sent yet
+  std::optional<base::Bytes> greeting_;   // Welcome or Refusal, sent before all else
 };
 
 }  // namespace server

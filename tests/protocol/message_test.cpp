@@ -108,7 +108,7 @@ class MessageGenerator {
     return {welcome(),
             Face{key(), bytes(1, 300)},
             Refinement{bytes(1, 99), bytes(1, 300)},
-            Frame{whole(1, 0xFFFFFFFF), camera(), bytes(1, 300)},
+            Frame{whole(1, 0xFFFFFFFF), camera(), coin(), bytes(1, 300)},
             Completion{whole(1, 0xFFFFFFFF)},
             Refusal{static_cast<std::uint16_t>(whole(0, 0xFFFF)), text()}};
   }
@@ -216,9 +216,13 @@ TEST(Message, bytesOfVersionThreeStay) {
   EXPECT_EQ(encode(ServerMessage(Completion{258})), (base::Bytes{0x85, 2, 1, 0, 0}));
   EXPECT_EQ(encode(ClientMessage(Eviction{{{1, 0, 0, 3}}, {7}})),
             (base::Bytes{0x03, 1, 0, 0, 0, 1, 0, 0, 0, 0x0B, 0, 0, 0, 0, 0, 0, 0, 7, 0, 0, 0}));
-  EXPECT_EQ(encode(ServerMessage(Refusal{2, "no"})), (base::Bytes{0x86, 2, 0, 2, 0, 'n', 'o'}));
-  EXPECT_EQ(encode(ServerMessage(Refusal{2, "no", true})), (base::Bytes{0x86, 2, 0, 2, 0, 'n', 'o', 1}));
+  EXPECT_EQ(encode(ServerMessage(Refusal{3, "no"})), (base::Bytes{0x86, 3, 0, 2, 0, 'n', 'o'}));
+  EXPECT_EQ(encode(ServerMessage(Refusal{3, "no", true})), (base::Bytes{0x86, 3, 0, 2, 0, 'n', 'o', 1}));
   EXPECT_EQ(encode(ClientMessage(View{})).size(), 102U);
+  const base::Bytes frame = encode(ServerMessage(Frame{1, {}, true, {0x77}}));
+  ASSERT_EQ(frame.size(), 91U);
+  EXPECT_EQ(frame[89], 1);
+  EXPECT_EQ(frame[90], 0x77);
 }
 
 TEST(Message, bytesBehindARefusalAreReadWhereKnown) {

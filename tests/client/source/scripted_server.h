@@ -65,9 +65,9 @@ class ScriptedServer {
   base::Bytes sayRefusal(std::uint16_t version, const std::string& reason) const {
     return protocol::encode(protocol::ServerMessage(protocol::Refusal{version, reason}));
   }
-  base::Bytes sayFrame(std::uint32_t sequence, std::size_t bytes) const {
+  base::Bytes sayFrame(std::uint32_t sequence, std::size_t bytes, bool last = true) const {
     return protocol::encode(
-        protocol::ServerMessage(protocol::Frame{sequence, lookDown(20.0), base::Bytes(bytes, 0x5A)}));
+        protocol::ServerMessage(protocol::Frame{sequence, lookDown(20.0), last, base::Bytes(bytes, 0x5A)}));
   }
 
   /// Returns a view down on the middle of the scene from `height` scene units above it.

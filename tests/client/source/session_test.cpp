@@ -166,7 +166,7 @@ TEST(Session, aViewIsCompleteWhenTheServerSaysSoOfTheNewest) {
   EXPECT_TRUE(session.complete());
 }
 
-TEST(Session, withExactFramesAViewIsCompleteOnceItsFrameIsThere) {
+TEST(Session, withExactFramesAViewIsCompleteOnceItsLastFrameIsThere) {
   ScriptedServer frames;
   frames.welcome.can_render_frames = true;
   Session session({});
@@ -176,9 +176,15 @@ TEST(Session, withExactFramesAViewIsCompleteOnceItsFrameIsThere) {
   EXPECT_TRUE(only<protocol::View>(sent(session)).at(0).want_frame);
   receive(session, frames.sayComplete(1));
   EXPECT_FALSE(session.complete());
+  receive(session, frames.sayFrame(1, 70, false));
+  EXPECT_FALSE(session.complete()) << "that was the quick one";
+  ASSERT_NE(session.frame(1), nullptr);
+  EXPECT_EQ(session.frame(1)->value.size(), 70U);
+  session.takeEvents();
   receive(session, frames.sayFrame(1, 100));
   EXPECT_TRUE(session.complete());
   ASSERT_NE(session.frame(1), nullptr);
+  EXPECT_EQ(session.frame(1)->value.size(), 100U) << "the newest of a view wins";
   EXPECT_EQ(session.takeEvents().frames_added, std::vector<std::uint32_t>{1});
 }
 
@@ -195,6 +201,20 @@ TEST(Session, onlyTheFourNewestFramesAreKept) {
   }
   EXPECT_EQ(session.frame(2), nullptr);
   for (std::uint32_t i = 3; i <= 6; ++i) EXPECT_NE(session.frame(i), nullptr) << i;
+}
+
+TEST(Session, framesOnTheirWayWhenTheyAreSwitchedOffAreDropped) {
+  ScriptedServer frames;
+  frames.welcome.can_render_frames = true;
+  Session session({});
+  session.connected();
+  receive(session, frames.sayWelcome());
+  session.setView(frames.lookDown(20.0));
+  sent(session);
+  session.setWanted(true, false);
+  receive(session, frames.sayFrame(1, 100));
+  EXPECT_EQ(session.frame(1), nullptr);
+  EXPECT_EQ(session.phase(), SessionPhase::kReady);
 }
 
 TEST(Session, framesAreKeptAsFarAsTheirBytesAllow) {

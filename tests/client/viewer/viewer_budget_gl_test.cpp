@@ -111,7 +111,7 @@ TEST_F(ViewerBudget, anExactFrameLargerThanItsShareIsLeftOutForGood) {
   base::ViewCamera view = server.lookDown(20.0);
   draw(view);
   sent(viewer->session());
-  protocol::Frame frame{1, view, base::Bytes(100, 0x5A)};
+  protocol::Frame frame{1, view, true, base::Bytes(100, 0x5A)};
   frame.camera.width = 2000;
   frame.camera.height = 1500;
   receive(protocol::encode(protocol::ServerMessage(frame)));

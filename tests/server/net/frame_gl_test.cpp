@@ -8,7 +8,7 @@
 namespace server {
 namespace {
 
-void expectFrameAfterCompletion(std::uint8_t frame_codecs, bool is_webp) {
+void expectFrameByItself(std::uint8_t frame_codecs, bool is_webp) {
   const SceneDirectory scene;
   ServerOptions options;
   options.render_frames = true;
@@ -24,14 +24,14 @@ void expectFrameAfterCompletion(std::uint8_t frame_codecs, bool is_webp) {
 
   bool complete = false;
   std::optional<protocol::Frame> frame;
-  while (!frame) {
+  while (!frame || !complete) {
     auto message = client->receive();
     ASSERT_TRUE(message);
     complete |= std::holds_alternative<protocol::Completion>(*message);
     if (auto* got = std::get_if<protocol::Frame>(&*message)) frame = std::move(*got);
   }
-  EXPECT_TRUE(complete);
   EXPECT_EQ(frame->sequence, 3U);
+  EXPECT_TRUE(frame->last);
 
   // The square of 32 units fills the middle of the view; from 20 above, the view is 16.6 high and 22 wide.
   EXPECT_EQ(repository::isWebp(repository::decodeFaceValue(frame->value)->picture), is_webp);
@@ -42,12 +42,12 @@ void expectFrameAfterCompletion(std::uint8_t frame_codecs, bool is_webp) {
   EXPECT_EQ(picture->at(160, 120)[3], 255);
 }
 
-TEST(Frame, exactFrameComesAfterCompletion) {
-  expectFrameAfterCompletion(protocol::kDecodesWebp, true);
+TEST(Frame, exactFrameOfAViewComesByItself) {
+  expectFrameByItself(protocol::kDecodesWebp, true);
 }
 
 TEST(Frame, clientsThatDecodeNoWebpGetJpeg) {
-  expectFrameAfterCompletion(0, false);
+  expectFrameByItself(0, false);
 }
 
 TEST(Frame, viewOfNothingGivesAnEmptyFrame) {

@@ -474,7 +474,13 @@ TestScene& withFrames(TestScene& scene) {
   return scene;
 }
 
-TEST(Session, frameIsRequestedOnceAfterCompletionAndSent) {
+/// Returns the index of the first Frame, or the number of messages.
+std::size_t frameAt(const std::vector<ServerMessage>& messages) {
+  const auto isFrame = [](const auto& message) { return std::holds_alternative<protocol::Frame>(message); };
+  return static_cast<std::size_t>(std::find_if(messages.begin(), messages.end(), isFrame) - messages.begin());
+}
+
+TEST(Session, frameIsRequestedAtOnceAndFollowsTheCoarseModel) {
   TestScene scene;
   Talk talk(withFrames(scene).data);
   talk.greet();
@@ -482,24 +488,88 @@ TEST(Session, frameIsRequestedOnceAfterCompletionAndSent) {
   view.want_frame = true;
   view.frame_quality = 70;
   ASSERT_TRUE(talk.say(view));
-  EXPECT_FALSE(talk.session.nextFrameRequest()) << "not before everything else was sent";
-  const auto messages = talk.drain();
-  EXPECT_EQ(completeAt(messages, 1), messages.size() - 1) << "nothing is sent ahead before the frame";
-
   const auto request = talk.session.nextFrameRequest();
   ASSERT_TRUE(request);
   EXPECT_EQ(request->sequence, 1U);
   EXPECT_EQ(request->quality, 70);
+  EXPECT_TRUE(request->last);
   EXPECT_FALSE(talk.session.nextFrameRequest());
-  EXPECT_FALSE(talk.next());
 
   const base::Bytes value = someFaceValue(500, 3);
   talk.session.frameRendered(*request, value);
-  const auto frame = std::get<protocol::Frame>(*talk.next());
+  const auto messages = talk.drain();
+  const std::size_t at = frameAt(messages);
+  EXPECT_EQ(at, plan::coarseGroups(scene.patches->hierarchy(), plan::kCoarseBytes).size());
+  ASSERT_LT(at, completeAt(messages, 1));
+  const auto frame = std::get<protocol::Frame>(messages[at]);
   EXPECT_EQ(frame.sequence, 1U);
+  EXPECT_TRUE(frame.last);
   EXPECT_EQ(frame.value, value);
   EXPECT_EQ(frame.camera.position, view.camera.position);
-  EXPECT_TRUE(std::holds_alternative<protocol::Face>(*talk.next())) << "then what may be needed next";
+  EXPECT_TRUE(std::holds_alternative<protocol::Face>(messages.back())) << "then what may be needed next";
+}
+
+TEST(Session, otherMessagesGoWhileTheFrameIsRendered) {
+  TestScene scene;
+  Talk talk(withFrames(scene).data);
+  talk.greet();
+  protocol::View view = scene.view(1, kAbove);
+  view.want_frame = true;
+  ASSERT_TRUE(talk.say(view));
+  const auto request = talk.session.nextFrameRequest();
+  const auto messages = talk.drain();
+  EXPECT_EQ(completeAt(messages, 1), messages.size() - 1) << "but nothing ahead of need";
+  talk.session.frameRendered(*request, someFaceValue(500, 3));
+  EXPECT_TRUE(std::holds_alternative<protocol::Frame>(*talk.next()));
+  EXPECT_TRUE(std::holds_alternative<protocol::Face>(*talk.next()));
+}
+
+TEST(Session, quickFrameComesFirstAndTheLastOneAfterCompletion) {
+  TestScene scene;
+  Talk talk(withFrames(scene).data);
+  talk.greet();
+  protocol::View view = scene.view(1, kAbove);
+  view.want_frame = true;
+  view.frame_quality = 95;
+  ASSERT_TRUE(talk.say(view));
+  const auto quick = talk.session.nextFrameRequest();
+  ASSERT_TRUE(quick);
+  EXPECT_LT(quick->quality, 95);
+  talk.session.frameRendered(*quick, someFaceValue(500, 3));
+  EXPECT_FALSE(talk.session.nextFrameRequest()) << "not before everything else was sent";
+  const auto messages = talk.drain();
+  EXPECT_FALSE(std::get<protocol::Frame>(messages[frameAt(messages)]).last);
+  EXPECT_EQ(completeAt(messages, 1), messages.size() - 1) << "nothing is sent ahead before the last frame";
+
+  const auto last = talk.session.nextFrameRequest();
+  ASSERT_TRUE(last);
+  EXPECT_EQ(last->quality, 95);
+  talk.session.frameRendered(*last, someFaceValue(900, 3));
+  EXPECT_TRUE(std::get<protocol::Frame>(*talk.next()).last);
+  EXPECT_TRUE(std::holds_alternative<protocol::Face>(*talk.next()));
+}
+
+TEST(Session, aMovingViewersFrameCarriesTheCameraThatItWasDrawnFor) {
+  TestScene scene;
+  Talk talk(withFrames(scene).data);
+  talk.greet();
+  for (std::uint32_t i = 1; i <= 5; ++i) {
+    talk.session.setLink({0.03 * i, 0, 0, 0.04});
+    protocol::View view = scene.view(i, kAbove + glm::dvec3(0.002 * i, 0.0, 0.0), {0.002 * i, 0.0, 0.0});
+    view.want_frame = true;
+    ASSERT_TRUE(talk.say(view));
+    if (i == 1) talk.session.frameRendered(*talk.session.nextFrameRequest(), someFaceValue(500, 3));
+    talk.drain(3);
+  }
+  const auto request = talk.session.nextFrameRequest();
+  ASSERT_TRUE(request);
+  EXPECT_EQ(request->sequence, 5U);
+  EXPECT_GT(request->camera.position.x, scene.view(6, kAbove + glm::dvec3(0.012, 0.0, 0.0)).camera.position.x);
+  talk.session.frameRendered(*request, someFaceValue(500, 3));
+  const auto messages = talk.drain();
+  ASSERT_LT(frameAt(messages), messages.size());
+  EXPECT_EQ(std::get<protocol::Frame>(messages[frameAt(messages)]).camera.position, request->camera.position);
+  EXPECT_TRUE(talk.session.wakeAt()) << "to see that the eye has stopped";
 }
 
 TEST(Session, framesAreAskedForInACodecThatHelloNamed) {
@@ -542,8 +612,9 @@ TEST(Session, failedFrameHoldsNothingUp) {
   protocol::View view = scene.view(1, kAbove);
   view.want_frame = true;
   ASSERT_TRUE(talk.say(view));
+  const auto request = *talk.session.nextFrameRequest();
   talk.drain();
-  talk.session.frameRendered(*talk.session.nextFrameRequest(), {});
+  talk.session.frameRendered(request, {});
   EXPECT_TRUE(std::holds_alternative<protocol::Face>(*talk.next()));
 }
 
@@ -557,7 +628,9 @@ TEST(Session, frameOfAnOlderViewIsSentOnlyFromNearby) {
     ASSERT_TRUE(talk.say(view));
     talk.drain();
     const auto request = *talk.session.nextFrameRequest();
-    ASSERT_TRUE(talk.say(scene.view(2, kAbove + glm::dvec3(near ? 0.02 : 0.6, 0.0, 0.0))));
+    protocol::View next = scene.view(2, kAbove + glm::dvec3(near ? 0.02 : 0.6, 0.0, 0.0));
+    next.want_frame = true;
+    ASSERT_TRUE(talk.say(next));
     talk.session.frameRendered(request, someFaceValue(500, 3));
     const auto message = *talk.next();
     EXPECT_EQ(std::holds_alternative<protocol::Frame>(message), near);

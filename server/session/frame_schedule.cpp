@@ -1,0 +1,166 @@
+#include "server/session/frame_schedule.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+
+namespace server {
+namespace {
+
+// Choices that measurements bore out, not the best of a sweep (docs/decisions/frames-first.md).
+constexpr double kQuickSeconds = 0.1;    // a quick frame occupies the link this long
+constexpr double kMovingSeconds = 0.05;  // and a moving eye's this long
+constexpr double kOthersShare = 0.15;    // of the link, for patches and images while the eye moves
+constexpr double kMaxCredit = 0.1;       // seconds of that share that may be saved up
+constexpr int kMinQuality = 30;
+constexpr double kDecodeSeconds = 0.01;  // a client's, a guess
+constexpr double kRenderMemory = 0.25;   // weight of the newest rendering time
+constexpr double kShortQueue = 0.02;  // seconds; other messages keep the link busy up to it while a frame is rendered
+constexpr double kMinWait = 0.002;    // seconds; a transport is never woken more often
+constexpr double kFirstBytesPerPixel = 0.25;  // at quality weight 1, before a frame tells
+
+/// The bytes of a frame relative to those at quality 85, means over five scans (docs/decisions/frames-webp.md).
+struct QualityWeight {
+  int quality;
+  double weight;
+};
+using QualityWeights = std::array<QualityWeight, 7>;
+constexpr QualityWeights kJpegWeights{
+    {{1, 0.08}, {30, 0.37}, {50, 0.51}, {70, 0.69}, {85, 1.0}, {95, 2.2}, {100, 3.6}}};
+constexpr QualityWeights kWebpWeights{
+    {{1, 0.15}, {30, 0.43}, {50, 0.56}, {75, 0.71}, {85, 1.0}, {95, 1.83}, {100, 4.0}}};
+
+double weightOf(protocol::FrameCodec codec, int quality) {
+  const QualityWeights& weights = codec == protocol::FrameCodec::kWebp ? kWebpWeights : kJpegWeights;
+  for (std::size_t i = 1; i < weights.size(); ++i) {
+    const QualityWeight &a = weights[i - 1], &b = weights[i];
+    if (quality > b.quality) continue;
+    const double share = static_cast<double>(quality - a.quality) / (b.quality - a.quality);
+    return a.weight + share * (b.weight - a.weight);
+  }
+  return weights.back().weight;
+}
+
+double pixelsOf(const base::ViewCamera& camera) {
+  return static_cast<double>(camera.width) * camera.height;
+}
+
+}  // namespace
+
+void FrameSchedule::accept(const protocol::View& view, bool possible) {
+  const bool goes_on = motion_.accept(view.camera, link_.now());
+  if (view_ && pixelsOf(view_->camera) != pixelsOf(view.camera)) bytes_per_weight_ = 0.0;
+  if (!goes_on) under_way_.reset();
+  view_ = view;
+  possible_ = possible;
+  aimed_ = exact_requested_ = last_requested_ = false;
+}
+
+/// Time at which the eye stands saves nothing up.
+void FrameSchedule::passTime() {
+  const double passed = link_.now() - credited_at_;
+  credited_at_ = link_.now();
+  if (!moving()) {
+    credit_ = 0.0;
+    return;
+  }
+  const double rate = othersShare() * link_.rate();
+  credit_ = std::min(credit_ + rate * passed, kMaxCredit * rate);
+}
+
+double FrameSchedule::expectedBytes(int quality) const {
+  const double unit = bytes_per_weight_ > 0.0 ? bytes_per_weight_ : kFirstBytesPerPixel * pixelsOf(view_->camera);
+  return unit * weightOf(codec_, quality);
+}
+
+int FrameSchedule::wantedQuality() const {
+  if (view_->frame_quality != protocol::kServersChoice) return view_->frame_quality;
+  return codec_ == protocol::FrameCodec::kWebp ? base::ViewDefaults::kFrameWebpQuality
+                                               : base::ViewDefaults::kFrameJpegQuality;
+}
+
+/// The best quality, up to the wanted one, whose frame occupies the link no longer than this.
+int FrameSchedule::qualityFor(double seconds) const {
+  int quality = wantedQuality();
+  while (quality > kMinQuality && expectedBytes(quality) > seconds * link_.rate()) --quality;
+  return quality;
+}
+
+FrameRequest FrameSchedule::request(const base::ViewCamera& camera, int quality, bool last) {
+  under_way_ = UnderWay{++requests_, link_.now()};
+  return {view_->sequence, camera, quality, codec_, last, requests_};
+}
+
+std::optional<FrameRequest> FrameSchedule::next(bool all_sent) {
+  if (!possible_ || under_way_) return std::nullopt;
+  if (moving()) return nextAimed();
+  if (!exact_requested_) {
+    const int quality = qualityFor(kQuickSeconds);
+    exact_requested_ = true;
+    last_requested_ = quality == wantedQuality();
+    return request(view_->camera, quality, last_requested_);
+  }
+  if (!all_sent || last_requested_) return std::nullopt;
+  last_requested_ = true;
+  return request(view_->camera, wantedQuality(), true);
+}
+
+/// The view was half a round trip old when it came. The frame is rendered, waits for the link, travels and is decoded;
+/// then it is shown until the next one comes, so it is aimed at the middle of that time.
+std::optional<FrameRequest> FrameSchedule::nextAimed() {
+  if (aimed_ || link_.queueSeconds() > render_seconds_) return std::nullopt;
+  aimed_ = true;
+  const int quality = qualityFor(kMovingSeconds);
+  const double transfer = expectedBytes(quality) / link_.rate();
+  const double until_shown = render_seconds_ + transfer + link_.roundTrip() + kDecodeSeconds;
+  const double shown_for = std::max(render_seconds_, transfer);
+  const double view_age = link_.now() - motion_.newestAt();
+  return request(motion_.ahead(view_age + until_shown + 0.5 * shown_for), quality, false);
+}
+
+void FrameSchedule::rendered(const FrameRequest& request, std::size_t bytes) {
+  if (bytes > 0) bytes_per_weight_ = static_cast<double>(bytes) / weightOf(codec_, request.quality);
+  if (!under_way_ || under_way_->number != request.number) return;
+  render_seconds_ += kRenderMemory * (link_.now() - under_way_->since - render_seconds_);
+  under_way_.reset();
+}
+
+bool FrameSchedule::isUseful(const base::ViewCamera& camera) const {
+  if (!possible_) return false;
+  const base::ViewCamera& now = view_->camera;
+  return glm::length(now.position - camera.position) <= reach_ &&
+         glm::dot(now.direction, camera.direction) > std::cos(now.fov_y);
+}
+
+double FrameSchedule::renderSecondsLeft() const {
+  return under_way_ ? std::max(0.0, under_way_->since + render_seconds_ - link_.now()) : 0.0;
+}
+
+/// The share of the link for other messages while the eye moves: what a renderer slower than the link leaves over.
+double FrameSchedule::othersShare() const {
+  const double transfer = expectedBytes(qualityFor(kMovingSeconds)) / link_.rate();
+  return std::max(kOthersShare, 1.0 - transfer / std::max(render_seconds_, transfer));
+}
+
+bool FrameSchedule::holdsOthers() const {
+  if (moving()) return credit_ <= 0.0;
+  return possible_ && under_way_ && link_.queueSeconds() > std::max(kShortQueue, renderSecondsLeft());
+}
+
+std::optional<double> FrameSchedule::wakeAt() const {
+  if (!possible_) return std::nullopt;
+  const double now = link_.now();
+  double at = std::numeric_limits<double>::infinity();
+  const auto in = [&](double seconds) { at = std::min(at, now + std::max(kMinWait, seconds)); };
+  if (moving()) {
+    in(motion_.settledAt() - now);
+    if (!aimed_ && !under_way_) in(link_.queueSeconds() - render_seconds_);
+    if (credit_ <= 0.0) in(-credit_ / (othersShare() * link_.rate()));
+  } else if (holdsOthers()) {
+    in(link_.queueSeconds() - std::max(kShortQueue, renderSecondsLeft()));
+  }
+  return std::isfinite(at) ? std::optional(at) : std::nullopt;
+}
+
+}  // namespace server

@@ -1,0 +1,90 @@
+#pragma once
+// Decides which exact frame of a client's view is rendered next, and how much of the link the other messages get.
+//
+// A view at which the eye stands gets a quick frame at once, of a quality that the link carries in kQuickSeconds, and,
+// when everything else was sent, a last one of the wanted quality if the quick one had less. A moving eye gets frames
+// one after the other, each drawn for where the eye will be when the frame arrives.
+#include <cstdint>
+#include <optional>
+
+#include "base/camera.h"
+#include "base/view_defaults.h"
+#include "protocol/message.h"
+#include "server/session/link_estimate.h"
+#include "server/session/motion.h"
+
+namespace server {
+
+/// An exact frame to be rendered.
+struct FrameRequest {
+  std::uint32_t sequence = 0;  ///< of the newest view; the camera may be ahead of that view's
+  base::ViewCamera camera;
+  int quality = protocol::kServersChoice;  ///< 1..100, or kServersChoice
+  protocol::FrameCodec codec = protocol::FrameCodec::kJpeg;
+  bool last = false;         ///< the view gets no other frame after it
+  std::uint64_t number = 0;  ///< counts the session's requests
+};
+
+class FrameSchedule {
+ public:
+  /// `reach`: world units; a frame from farther away than that is of no use to a view.
+  explicit FrameSchedule(double reach) : reach_(reach), motion_(reach) {}
+
+  /// Sets the codec of all frames.
+  void setCodec(protocol::FrameCodec codec) { codec_ = codec; }
+  LinkEstimate& link() { return link_; }
+  /// Accepts the newest view; `possible`: it wants frames, and the server can render them.
+  void accept(const protocol::View& view, bool possible);
+  /// The frame to render now; one is under way at a time, except that a view after a jump waits for none.
+  /// `all_sent`: everything but frames was sent for the newest view.
+  std::optional<FrameRequest> next(bool all_sent);
+  /// Accepts that a request was answered, by so many bytes; 0: rendering failed.
+  void rendered(const FrameRequest& request, std::size_t bytes);
+  /// Whether a frame drawn for this camera is a good sample for the newest view.
+  bool isUseful(const base::ViewCamera& camera) const;
+  /// Whether the newest view still gets a frame, before which nothing is sent that is not needed yet.
+  bool owesFrame() const { return possible_ && (!last_requested_ || under_way_); }
+  /// Whether other messages wait, so that the link is free when the frame that is being rendered comes.
+  bool holdsOthers() const;
+  /// Counts bytes of another message that was handed out.
+  void countOther(std::size_t bytes) { credit_ -= static_cast<double>(bytes); }
+  /// Counts time: call it after link().update().
+  void passTime();
+  /// When next() or holdsOthers() may answer otherwise without any other call, seconds; nothing: never.
+  std::optional<double> wakeAt() const;
+
+ private:
+  struct UnderWay {
+    std::uint64_t number;
+    double since;
+  };
+  bool moving() const { return possible_ && motion_.moving(link_.now()); }
+  FrameRequest request(const base::ViewCamera& camera, int quality, bool last);
+  std::optional<FrameRequest> nextAimed();
+  int wantedQuality() const;
+  int qualityFor(double seconds) const;
+  double expectedBytes(int quality) const;
+  double renderSecondsLeft() const;
+  double othersShare() const;
+
+  double reach_;
+  protocol::FrameCodec codec_ = protocol::FrameCodec::kJpeg;
+  LinkEstimate link_;
+  Motion motion_;
+
+  // The newest view.
+  std::optional<protocol::View> view_;
+  bool possible_ = false;
+  bool aimed_ = false;            // a frame ahead of it was requested
+  bool exact_requested_ = false;  // a frame of this very view was
+  bool last_requested_ = false;
+
+  std::optional<UnderWay> under_way_;
+  std::uint64_t requests_ = 0;
+  double render_seconds_ = 0.03;   // how long the renderer takes; the first frame's is assumed
+  double bytes_per_weight_ = 0.0;  // a frame's bytes at quality weight 1; 0: not known
+  double credit_ = 0.0;            // bytes that other messages may take while the eye moves
+  double credited_at_ = 0.0;
+};
+
+}  // namespace server

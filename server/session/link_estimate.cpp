@@ -1,0 +1,65 @@
+#include "server/session/link_estimate.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace server {
+namespace {
+
+// Acknowledgements come in bursts of a window, so a sample lasts a round trip at least, and this long, seconds.
+constexpr double kMinSample = 0.05;
+// A link is as fast as it was at its fastest of late: windows that still grow make samples too low. So a faster sample
+// counts whole, and a slower one by half.
+constexpr double kSlowerShare = 0.5;
+// While messages go out without waiting, the link may be faster than was measured, and only more bytes would tell. So
+// the estimate grows e-fold in a second of traffic, up to this many times the last sample; the next sample corrects it.
+constexpr double kMaxGrowth = 4.0;
+constexpr double kMinRate = 1e3;  // bytes a second, so that no time becomes infinite
+
+}  // namespace
+
+void LinkEstimate::update(const LinkState& state, std::uint64_t handed_out) {
+  if (state.round_trip_seconds > 0.0)
+    round_trip_ = round_trip_ > 0.0 ? std::min(round_trip_, state.round_trip_seconds) : state.round_trip_seconds;
+  const double waiting = static_cast<double>(state.unsent_bytes + state.unconfirmed_bytes);
+  const double confirmed = std::max(confirmed_, static_cast<double>(handed_out) - waiting);
+
+  const double passed = state.seconds - state_.seconds;
+  const double arrived = confirmed - confirmed_;
+  const bool was_under_way = state_.unconfirmed_bytes > 0;
+  const bool busy = state.unsent_bytes > 0;
+  confirmed_ = confirmed;
+  state_ = state;
+
+  // Only time during which bytes waited tells the link's rate; else the session was the slower one.
+  if (busy && was_busy_) {
+    busy_seconds_ += passed;
+    busy_bytes_ += arrived;
+    takeSample();
+  } else if (!busy) {
+    busy_seconds_ = busy_bytes_ = 0.0;
+    if (was_under_way && !was_busy_) growWhileIdle(passed);
+  }
+  was_busy_ = busy;
+}
+
+void LinkEstimate::takeSample() {
+  if (busy_seconds_ < std::max(kMinSample, round_trip_)) return;
+  busy_rate_ = std::max(kMinRate, busy_bytes_ / busy_seconds_);
+  rate_ = !measured_ || busy_rate_ > rate_ ? busy_rate_ : rate_ + kSlowerShare * (busy_rate_ - rate_);
+  measured_ = true;
+  busy_seconds_ = busy_bytes_ = 0.0;
+}
+
+void LinkEstimate::growWhileIdle(double seconds) {
+  const double most = std::max(rate_, kMaxGrowth * busy_rate_);
+  rate_ = std::min(most, rate_ * std::exp(seconds));
+}
+
+/// Bytes that a round trip holds are on the way and hold nothing back; those beyond them wait in a queue somewhere.
+double LinkEstimate::queueSeconds() const {
+  const double on_the_way = static_cast<double>(state_.unconfirmed_bytes) / rate_ - round_trip_;
+  return static_cast<double>(state_.unsent_bytes) / rate_ + std::max(0.0, on_the_way);
+}
+
+}  // namespace server

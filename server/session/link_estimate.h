@@ -1,0 +1,44 @@
+#pragma once
+// The estimate of a client's link from what the transport tells: how fast acknowledgements come while more waits to be
+// sent, and how long a message waits. It knows no clock; the transport brings the time.
+#include <cstdint>
+
+namespace server {
+
+/// The transport's state at one instant.
+struct LinkState {
+  double seconds = 0.0;                 ///< since any zero; never decreases
+  std::uint64_t unsent_bytes = 0;       ///< handed out by the session, and still waiting at the server
+  std::uint64_t unconfirmed_bytes = 0;  ///< sent, and not yet acknowledged
+  double round_trip_seconds = 0.0;      ///< as the transport measured it last; 0: not known
+};
+
+class LinkEstimate {
+ public:
+  /// `handed_out`: bytes of all messages that the transport was given so far.
+  void update(const LinkState& state, std::uint64_t handed_out);
+  double now() const { return state_.seconds; }
+  /// Bytes a second towards the client; an assumption (kAssumedRate) before anything was measured. Above 0.
+  double rate() const { return rate_; }
+  /// The shortest round trip so far, seconds; 0 before one is known.
+  double roundTrip() const { return round_trip_; }
+  /// Seconds that a byte handed out now waits before it is under way as if the link were idle.
+  double queueSeconds() const;
+
+  static constexpr double kAssumedRate = 1e6;
+
+ private:
+  void takeSample();
+  void growWhileIdle(double seconds);
+
+  LinkState state_;
+  double rate_ = kAssumedRate;
+  double busy_rate_ = kAssumedRate;  // of the newest sample
+  double round_trip_ = 0.0;
+  bool measured_ = false;
+  bool was_busy_ = false;
+  double busy_seconds_ = 0.0, busy_bytes_ = 0.0;  // since the last sample was taken
+  double confirmed_ = 0.0;                        // bytes acknowledged so far
+};
+
+}  // namespace server

@@ -1,0 +1,240 @@
+#include "server/session/frame_schedule.h"
+
+#include <gtest/gtest.h>
+
+namespace server {
+namespace {
+
+constexpr double kReach = 10.0;
+constexpr double kRoundTrip = 0.04;
+
+/// A schedule whose link has the assumed rate, 1 MB/s, and a viewer who moves along x.
+struct Driven {
+  FrameSchedule schedule{kReach};
+  double now = 0.0;
+  std::uint32_t sequence = 0;
+
+  void at(double seconds, std::uint64_t unsent = 0) {
+    now = seconds;
+    schedule.link().update({seconds, unsent, 0, kRoundTrip}, unsent);
+    schedule.passTime();
+  }
+  void view(double x, int quality = 85) {
+    protocol::View view;
+    view.sequence = ++sequence;
+    view.camera.position = {x, 0.0, 5.0};
+    view.camera.width = 640;
+    view.camera.height = 360;
+    view.frame_quality = static_cast<std::uint8_t>(quality);
+    view.want_frame = true;
+    schedule.accept(view, true);
+  }
+  /// Renders and answers the request, which takes so long.
+  void render(const FrameRequest& request, double seconds, std::size_t bytes) {
+    at(now + seconds);
+    schedule.rendered(request, bytes);
+  }
+  /// A unit a second, views every 1/30 s, with a frame of the first view and none of the others; ends at the last view.
+  void move(int views) {
+    for (int i = 0; i < views; ++i) {
+      at(i / 30.0);
+      view(now);
+      if (i == 0) schedule.rendered(*schedule.next(false), 20'000);
+    }
+  }
+};
+
+// ---- an eye that stands ----
+
+TEST(FrameSchedule, aFreshViewsFrameIsRequestedAtOnceAndIsTheLastWhenItHasTheWantedQuality) {
+  Driven driven;
+  driven.view(0.0);
+  const auto request = driven.schedule.next(false);
+  ASSERT_TRUE(request);
+  EXPECT_EQ(request->quality, 85);
+  EXPECT_TRUE(request->last);
+  driven.render(*request, 0.03, 50'000);
+  EXPECT_FALSE(driven.schedule.next(false));
+  EXPECT_FALSE(driven.schedule.next(true)) << "nothing is left to improve";
+}
+
+TEST(FrameSchedule, aLinkTooSlowForTheWantedQualityGetsAQuickFrameAndTheLastOneAtTheEnd) {
+  Driven driven;
+  driven.view(0.0, 95);
+  driven.schedule.rendered(*driven.schedule.next(false), 500'000);
+  driven.at(1.0);
+  driven.view(0.0, 95);
+  const auto quick = driven.schedule.next(false);
+  ASSERT_TRUE(quick);
+  EXPECT_LT(quick->quality, 95);
+  EXPECT_FALSE(quick->last);
+  driven.render(*quick, 0.03, 90'000);
+  EXPECT_FALSE(driven.schedule.next(false)) << "other things are unsent";
+  EXPECT_TRUE(driven.schedule.owesFrame());
+  const auto last = driven.schedule.next(true);
+  ASSERT_TRUE(last);
+  EXPECT_EQ(last->quality, 95);
+  EXPECT_TRUE(last->last);
+  driven.render(*last, 0.03, 500'000);
+  EXPECT_FALSE(driven.schedule.owesFrame());
+}
+
+TEST(FrameSchedule, aFasterLinkGetsABetterQuickFrame) {
+  int quality[2];
+  for (const bool fast : {false, true}) {
+    Driven driven;
+    std::uint64_t handed_out = 0;
+    for (int i = 0; i < 100; ++i) {
+      handed_out += fast ? 30'000 : 3'000;
+      driven.schedule.link().update({0.01 * i, 50'000, 0, kRoundTrip}, handed_out + 50'000);
+    }
+    driven.now = 1.0;
+    driven.view(0.0, 95);
+    quality[fast ? 1 : 0] = driven.schedule.next(false)->quality;
+  }
+  EXPECT_GT(quality[1], quality[0] + 20);
+}
+
+TEST(FrameSchedule, oneIsUnderWayAtATimeAndTheNewestViewComesNext) {
+  Driven driven;
+  driven.view(0.0);
+  const auto first = driven.schedule.next(false);
+  ASSERT_TRUE(first);
+  driven.at(0.3);
+  driven.view(0.0);  // after a pause nothing is waited for
+  const auto second = driven.schedule.next(false);
+  ASSERT_TRUE(second);
+  for (int i = 0; i < 5; ++i) driven.view(0.01 * i);
+  EXPECT_FALSE(driven.schedule.next(false));
+  driven.schedule.rendered(*first, 1000);
+  EXPECT_FALSE(driven.schedule.next(false)) << "the second is still being rendered";
+  driven.schedule.rendered(*second, 1000);
+  EXPECT_EQ(driven.schedule.next(false)->sequence, 7U);
+}
+
+TEST(FrameSchedule, aFailedFrameIsNotAskedForAgain) {
+  Driven driven;
+  driven.view(0.0);
+  driven.schedule.rendered(*driven.schedule.next(false), 0);
+  EXPECT_FALSE(driven.schedule.next(true));
+  EXPECT_FALSE(driven.schedule.owesFrame());
+}
+
+TEST(FrameSchedule, withoutFramesNothingWaits) {
+  FrameSchedule schedule(kReach);
+  protocol::View view;
+  view.sequence = 1;
+  schedule.accept(view, false);
+  EXPECT_FALSE(schedule.next(true));
+  EXPECT_FALSE(schedule.owesFrame());
+  schedule.countOther(10'000'000);
+  EXPECT_FALSE(schedule.holdsOthers());
+  EXPECT_FALSE(schedule.wakeAt());
+}
+
+TEST(FrameSchedule, othersLeaveTheLinkFreeForTheFrameThatIsBeingRendered) {
+  Driven driven;
+  driven.view(0.0);
+  const auto request = driven.schedule.next(false);
+  ASSERT_TRUE(request);
+  driven.at(0.001, 10'000);
+  EXPECT_FALSE(driven.schedule.holdsOthers());
+  driven.at(0.002, 200'000);
+  EXPECT_TRUE(driven.schedule.holdsOthers());
+  EXPECT_GT(driven.schedule.wakeAt().value_or(0.0), driven.now);
+  driven.schedule.rendered(*request, 50'000);
+  EXPECT_FALSE(driven.schedule.holdsOthers());
+}
+
+// ---- an eye that moves ----
+
+TEST(FrameSchedule, aMovingEyesFrameIsAimedAtWhenItArrives) {
+  double ahead[2];
+  for (const bool slow : {false, true}) {
+    Driven driven;
+    driven.move(10);
+    for (int i = 0; slow && i < 20; ++i) {  // a renderer that takes 0.1 s
+      const auto request = driven.schedule.next(false);
+      driven.at(driven.now + 0.1);
+      if (request) driven.schedule.rendered(*request, 20'000);
+      driven.view(driven.now);
+    }
+    const auto request = driven.schedule.next(false);
+    ASSERT_TRUE(request);
+    EXPECT_EQ(request->sequence, driven.sequence);
+    EXPECT_FALSE(request->last);
+    ahead[slow ? 1 : 0] = request->camera.position.x - driven.now;
+  }
+  EXPECT_GT(ahead[0], kRoundTrip + 0.02) << "a round trip and 20 kB";
+  EXPECT_LT(ahead[0], 0.2);
+  EXPECT_GT(ahead[1], ahead[0] + 0.07);
+  EXPECT_LT(ahead[1], 0.4);
+}
+
+TEST(FrameSchedule, aJumpIsNotExtrapolatedAndWaitsForNoFrame) {
+  Driven driven;
+  driven.move(10);
+  ASSERT_TRUE(driven.schedule.next(false));
+  driven.at(driven.now + 0.03);
+  driven.view(500.0);
+  const auto request = driven.schedule.next(false);
+  ASSERT_TRUE(request);
+  EXPECT_EQ(request->camera.position.x, 500.0);
+  EXPECT_FALSE(driven.schedule.isUseful(base::ViewCamera())) << "from where the eye was before";
+}
+
+TEST(FrameSchedule, aMovingEyesViewGetsOneFrame) {
+  Driven driven;
+  driven.move(10);
+  const auto request = driven.schedule.next(false);
+  driven.render(*request, 0.01, 20'000);
+  EXPECT_FALSE(driven.schedule.next(false));
+  driven.view(driven.now);
+  EXPECT_TRUE(driven.schedule.next(false));
+}
+
+TEST(FrameSchedule, anEyeThatStopsGetsTheFrameOfItsOwnView) {
+  Driven driven;
+  driven.move(10);
+  const double stopped = driven.now;
+  const auto aimed = driven.schedule.next(true);
+  ASSERT_TRUE(aimed);
+  driven.render(*aimed, 0.03, 20'000);
+  EXPECT_FALSE(driven.schedule.next(true));
+  const auto wake = driven.schedule.wakeAt();
+  ASSERT_TRUE(wake);
+  driven.at(*wake + 0.2);
+  const auto exact = driven.schedule.next(true);
+  ASSERT_TRUE(exact);
+  EXPECT_EQ(exact->camera.position.x, stopped);
+  EXPECT_TRUE(exact->last);
+}
+
+TEST(FrameSchedule, framesWaitUntilTheLinkHasTakenTheLast) {
+  Driven driven;
+  driven.move(10);
+  driven.at(driven.now + 0.001, 500'000);
+  EXPECT_FALSE(driven.schedule.next(false));
+  ASSERT_TRUE(driven.schedule.wakeAt());
+  EXPECT_LT(*driven.schedule.wakeAt(), driven.now + 0.6);
+  driven.at(driven.now + 0.01, 10'000);
+  EXPECT_TRUE(driven.schedule.next(false));
+}
+
+TEST(FrameSchedule, whileTheEyeMovesOthersHaveAShareOfTheLink) {
+  Driven driven;
+  driven.move(10);
+  ASSERT_FALSE(driven.schedule.holdsOthers());
+  std::size_t others = 0;
+  for (int i = 0; i < 60; ++i) {  // two seconds of 1 MB/s
+    driven.at(driven.now + 1.0 / 30.0);
+    driven.view(driven.now);
+    if (const auto request = driven.schedule.next(false)) driven.schedule.rendered(*request, 100'000);
+    for (; !driven.schedule.holdsOthers(); others += 10'000) driven.schedule.countOther(10'000);
+  }
+  EXPECT_GT(others, 50'000U);
+  EXPECT_LT(others, 1'000'000U);
+}
+
+}  // namespace
+}  // namespace server

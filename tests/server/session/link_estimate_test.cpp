@@ -1,0 +1,63 @@
+#include "server/session/link_estimate.h"
+
+#include <gtest/gtest.h>
+
+namespace server {
+namespace {
+
+/// A transport that always has more to send, over a link of the given rate.
+struct BusyLink {
+  LinkEstimate estimate;
+  double seconds = 0.0, delivered = 0.0;
+
+  void run(double duration, double bytes_per_second) {
+    constexpr double kStep = 0.01;
+    constexpr std::uint64_t kWaiting = 100'000;
+    for (const double end = seconds + duration; seconds < end; seconds += kStep) {
+      delivered += kStep * bytes_per_second;
+      estimate.update({seconds, kWaiting, 0, 0.04}, static_cast<std::uint64_t>(delivered) + kWaiting);
+    }
+  }
+};
+
+TEST(LinkEstimate, rateIsThatOfAcknowledgementsWhileMoreWaits) {
+  BusyLink link;
+  EXPECT_EQ(link.estimate.rate(), LinkEstimate::kAssumedRate);
+  link.run(1.0, 3e6);
+  EXPECT_NEAR(link.estimate.rate(), 3e6, 1e4);
+}
+
+TEST(LinkEstimate, aSlowerLinkIsKnownWithinASecond) {
+  BusyLink link;
+  link.run(1.0, 4e6);
+  link.run(1.0, 5e5);
+  EXPECT_NEAR(link.estimate.rate(), 5e5, 5e4);
+  link.run(0.2, 2e6);
+  EXPECT_NEAR(link.estimate.rate(), 2e6, 2e5);
+}
+
+// A message of 100 bytes is acknowledged after a round trip, which says nothing about the rate.
+TEST(LinkEstimate, aTransportThatHasNothingToSendTellsNoLowerRate) {
+  BusyLink link;
+  link.run(1.0, 2e6);
+  const auto all = static_cast<std::uint64_t>(link.delivered) + 100'000;
+  for (int i = 1; i <= 100; ++i) {
+    const double seconds = link.seconds + 0.05 * i;
+    link.estimate.update({seconds, 0, 100, 0.04}, all + 100U * static_cast<unsigned>(i));
+  }
+  EXPECT_GT(link.estimate.rate(), 1.9e6);
+  EXPECT_LT(link.estimate.rate(), 9e6) << "more than was ever measured is guessed, but not without a limit";
+}
+
+TEST(LinkEstimate, onlyBytesBeyondThoseOfARoundTripQueue) {
+  LinkEstimate estimate;  // 1 MB/s
+  estimate.update({0.0, 0, 40'000, 0.06}, 40'000);
+  EXPECT_NEAR(estimate.queueSeconds(), 0.0, 1e-9) << "a round trip holds as much";
+  estimate.update({0.0, 30'000, 60'000, 0.04}, 90'000);
+  EXPECT_NEAR(estimate.queueSeconds(), 0.03 + 0.02, 1e-9);
+  estimate.update({0.0, 0, 0, 0.08}, 90'000);
+  EXPECT_EQ(estimate.roundTrip(), 0.04) << "the shortest counts";
+}
+
+}  // namespace
+}  // namespace server
