@@ -10,6 +10,7 @@
 #include "client/render/pyramid.h"
 #include "client/render/sample_array.h"
 #include "client/render/shaders.h"
+#include "client/render/whole_image.h"
 
 namespace client {
 namespace {
@@ -77,6 +78,7 @@ struct LumigraphRenderer::Impl {
   std::uint64_t for_other_sizes;
   base::gl::Program blend;
   base::gl::Program depth;
+  std::optional<WholeImageShader> whole;
   base::gl::Buffer block;
   base::gl::Texture no_color;  ///< bound where there is no array, since WebGL requires complete textures
   base::gl::Texture no_depth;
@@ -101,6 +103,7 @@ struct LumigraphRenderer::Impl {
 
   bool isFaceSize(int width, int height) const { return width == face_size && height == face_size; }
   std::uint64_t textureBytes() const;
+  base::gl::HeldBytes heldBytes() const;
   std::uint64_t budgetOf(const SampleArray& array) const;
   int maxDepthSide() const;
   int arrayFor(int width, int height);
@@ -116,6 +119,7 @@ struct LumigraphRenderer::Impl {
   void setUniforms(const Frame& frame, const lod::draw::Shading& shading);
   void bindArrays() const;
   void drawPatches(const Frame& frame);
+  void countFrame(const Frame& frame);
 };
 
 namespace {
@@ -170,6 +174,8 @@ base::Result<std::unique_ptr<LumigraphRenderer>> LumigraphRenderer::create(const
                             base::gl::Program::link("lumigraph depth", glsl::kDepthVertex, glsl::kDepthFragment));
   impl.blend = std::move(blend);
   impl.depth = std::move(depth);
+  LUMIGRID_ASSIGN_OR_RETURN(auto whole, WholeImageShader::create());
+  impl.whole = std::move(whole);
 
   impl.block = base::gl::Buffer::create();
   impl.no_color = emptyArray(GL_RGBA8);
@@ -190,14 +196,12 @@ bool LumigraphRenderer::settling() const {
 const LumigraphStats& LumigraphRenderer::stats() const {
   return impl_->stats;
 }
-float LumigraphRenderer::fadeOf(SampleId id, double now, float fade_seconds) const {
-  const auto found = impl_->samples.find(id);
-  return found == impl_->samples.end() ? 0.0F : found->second.fadeAt(now, fade_seconds);
-}
 base::gl::HeldBytes LumigraphRenderer::heldBytes() const {
-  const Impl& impl = *impl_;
-  return {impl.textureBytes() + impl.no_color.bytes() + impl.no_depth.bytes(),
-          impl.patches.gpuBytes() + impl.block.bytes(), 0};
+  return impl_->heldBytes();
+}
+
+base::gl::HeldBytes LumigraphRenderer::Impl::heldBytes() const {
+  return {textureBytes() + no_color.bytes() + no_depth.bytes(), patches.gpuBytes() + block.bytes(), 0};
 }
 
 std::uint64_t LumigraphRenderer::Impl::textureBytes() const {
@@ -526,7 +530,7 @@ void LumigraphRenderer::draw(const base::Camera& camera, std::span<const std::ui
   if (occluders.empty()) occluders = cut;
   frame.occluders.assign(occluders.begin(), occluders.end());
   impl.updateSamples(frame, candidates);
-  if (options.unseen) return;
+  if (options.unseen) return impl.countFrame(frame);
   if (options.carve) frame.push_per_distance = options.push * frame.error_per_distance * impl.strongestFade(frame);
   impl.uploadBlock(frame);
 
@@ -541,12 +545,30 @@ void LumigraphRenderer::draw(const base::Camera& camera, std::span<const std::ui
   impl.setUniforms(frame, shading);
   impl.bindArrays();
   impl.drawPatches(frame);
+  impl.countFrame(frame);
+}
 
-  impl.stats.samples_used = static_cast<std::uint32_t>(frame.active.size());
-  impl.stats.samples_resident = static_cast<std::uint32_t>(impl.samples.size());
-  impl.stats.patches = static_cast<std::uint32_t>(frame.patches.size());
-  for (const std::uint32_t patch : frame.patches) impl.stats.triangles += impl.patches.triangles(patch);
-  impl.stats.gpu_bytes = heldBytes().total();
+void LumigraphRenderer::Impl::countFrame(const Frame& frame) {
+  stats.samples_used = static_cast<std::uint32_t>(frame.active.size());
+  stats.samples_resident = static_cast<std::uint32_t>(samples.size());
+  stats.patches = static_cast<std::uint32_t>(frame.patches.size());
+  for (const std::uint32_t patch : frame.patches) stats.triangles += patches.triangles(patch);
+  stats.gpu_bytes = heldBytes().total();
+}
+
+bool LumigraphRenderer::canDrawWhole(SampleId id, const base::Camera& camera) const {
+  const auto found = impl_->samples.find(id);
+  if (found == impl_->samples.end()) return false;
+  const SampleArray& array = *impl_->arrays[static_cast<std::size_t>(found->second.array)];
+  return array.width() == camera.width && array.height() == camera.height;
+}
+
+void LumigraphRenderer::drawWhole(SampleId id, const base::Camera& camera, const std::array<float, 4>& background,
+                                  float opacity) {
+  LUMIGRID_CHECK(canDrawWhole(id, camera));
+  const Sample& sample = impl_->samples.at(id);
+  const SampleArray& array = *impl_->arrays[static_cast<std::size_t>(sample.array)];
+  impl_->whole->draw(array.color(), sample.layer, camera.width, camera.height, background, opacity);
 }
 
 }  // namespace client

@@ -49,7 +49,7 @@ struct LumigraphOptions {
   /// proxy without images.
   int depth_maps_per_frame = 3;
   bool carve = true;       ///< discard fragments that the images' votes call background
-  bool unseen = false;     ///< depth maps and fades go on as in any frame, but nothing is drawn
+  bool unseen = false;     ///< depth maps, fades and figures go on as in any frame, but nothing is drawn
   bool fill_holes = true;  ///< shade what no image sees by vertex colour, normal and light; otherwise leave background
   /// The proxy is pushed outward along its normals by this many times its projected error, then carved. 0 measured best
   /// on our hierarchies, whose stated error is a bound several times the typical one; 0.2 to 0.4 of an exact error
@@ -86,8 +86,6 @@ class LumigraphRenderer {
   /// another size. Alpha is coverage: 0 background, 255 model. The sample fades in from `now` on, in seconds.
   bool addSample(SampleId id, const base::Camera& camera, const base::Image& rgba, double now);
   void removeSample(SampleId id);
-  /// Returns the sample's fade: 1 when it is wholly in the picture, 0 while it is not part of it.
-  float fadeOf(SampleId id, double now, float fade_seconds) const;
   /// Returns what this renderer has allocated on the GPU, by kind.
   base::gl::HeldBytes heldBytes() const;
 
@@ -104,6 +102,12 @@ class LumigraphRenderer {
   void draw(const base::Camera& camera, std::span<const std::uint32_t> cut, std::span<const SampleId> candidates,
             float cut_error_px, const lod::draw::Shading& shading, const LumigraphOptions& options, double now,
             std::span<const std::uint32_t> occluders = {}, std::span<const float> patch_error_px = {});
+
+  /// Whether drawWhole() can show this sample as the camera's picture: it is here, and of the camera's size.
+  bool canDrawWhole(SampleId id, const base::Camera& camera) const;
+  /// Draws the sample's own pixels over `background` (RGBA, 0 … 1) into the framebuffer bound now, whatever the proxy
+  /// is; below 1, `opacity` mixes them with what was drawn there. canDrawWhole() must hold.
+  void drawWhole(SampleId id, const base::Camera& camera, const std::array<float, 4>& background, float opacity);
 
   /// Whether another frame of the same view would differ: fades are running, or depth maps are not all drawn yet.
   bool settling() const;

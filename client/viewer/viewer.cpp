@@ -12,14 +12,6 @@ constexpr double kUploadBytesPerMillisecond = 2e6;
 /// Layer size, pixels, of a renderer that will never get a face.
 constexpr int kNoFaceSize = 16;
 
-/// Compares with a tolerance where rounding is possible: directions are normalized again where they arrive.
-bool showsSameView(const base::ViewCamera& a, const base::ViewCamera& b) {
-  const auto near = [](const glm::dvec3& u, const glm::dvec3& v) { return glm::length(u - v) <= 1e-9; };
-  return a.position == b.position && near(a.direction, b.direction) &&
-         near(glm::normalize(a.up), glm::normalize(b.up)) && a.fov_y == b.fov_y && a.width == b.width &&
-         a.height == b.height && a.ortho_height == b.ortho_height;
-}
-
 std::uint64_t recordBytes(const lod::patch::Hierarchy& hierarchy) {
   return hierarchy.groups.capacity() * sizeof(lod::patch::Group) +
          hierarchy.patches.capacity() * sizeof(lod::patch::Patch) +
@@ -93,39 +85,6 @@ bool Viewer::allHere() const {
   return showsSplats() ? hasSplats() && splats_->complete() : session_.complete();
 }
 
-base::Result<void> Viewer::draw(const base::ViewCamera& camera, double now) {
-  if (showsSplats()) {
-    if (context_lost_) return {};
-    if (hasSplats()) return drawSplats(camera);
-    drawBackground();
-    return takeEvents();
-  }
-  if (const auto more = update(camera, now); !more) return more.error();
-  last_draw_ = now;
-  if (context_lost_) return {};
-  if (!renderer_) {
-    drawBackground();
-    return {};
-  }
-
-  candidates_.clear();
-  for (SampleId id : ranked_)
-    if (images_[id].state == ImageState::kResident) candidates_.push_back(id);
-  const lod::patch::Cut& cut = patches_.drawn();
-  options_.lumigraph.modes.section = sectionHere();
-  renderer_->draw(camera_, cut.patches, candidates_, cut.bound_px, shading_, options_.lumigraph, now,
-                  patches_.occluders(), cut.patch_bound_px);
-  probePins();
-  return {};
-}
-
-base::Result<void> Viewer::drawUnseen(const base::ViewCamera& camera, double now) {
-  options_.lumigraph.unseen = true;
-  auto drawn = draw(camera, now);
-  options_.lumigraph.unseen = false;
-  return drawn;
-}
-
 std::optional<glm::dvec3> Viewer::surfaceAt(const base::ViewCamera& camera, double x, double y) {
   if (showsSplats()) {
     if (!hasSplats()) return std::nullopt;
@@ -181,6 +140,7 @@ void Viewer::contextLost() {
   picker_.reset();
   probe_.reset();
   if (splats_) splats_->contextLost();
+  frame_.reset();
   candidates_.clear();
   patches_.forget();
   for (auto& [id, image] : images_)
@@ -217,8 +177,9 @@ ViewerStats Viewer::stats() const {
     stats.images_requested += waits && image.use >= kNeededUse ? 1 : 0;
   }
   const bool pins_pending = probe_ && probe_->pending();
-  stats.busy = renderer_ && (more_to_do_ || renderer_->settling() || pins_pending);
-  stats.complete = renderer_ && session_.complete() && !more_to_do_ && !renderer_->settling();
+  const bool settling = renderer_ && (renderer_->settling() || frame_.fading());
+  stats.busy = renderer_ && (more_to_do_ || settling || pins_pending);
+  stats.complete = renderer_ && session_.complete() && !more_to_do_ && !settling;
   stats.broken = broken_;
   stats.last_fault = last_fault_;
   if (splats_) addSplats(stats);
@@ -230,6 +191,7 @@ ViewerStats Viewer::stats() const {
 base::Result<void> Viewer::startScene() {
   const protocol::Welcome& welcome = *session_.welcome();
   images_.clear();
+  frame_.reset();
   ranked_.clear();
   patches_ = {};
   scene_ = sceneSphere(welcome);
@@ -317,26 +279,13 @@ MemoryUse Viewer::memory() const {
   return use;
 }
 
-/// Whether the server's picture of this very view is shown and has faded in.
-bool Viewer::showsExactFrame() const {
-  if (section_ || !options_.lumigraph.use_images || view_.orthographic()) return false;
-  for (const SampleId id : candidates_) {
-    if ((id & kFrameTag) == 0) continue;
-    const protocol::Frame* frame = session_.frame(static_cast<std::uint32_t>(id & ~kFrameTag));
-    if (frame != nullptr && showsSameView(frame->camera, view_) &&
-        renderer_->fadeOf(id, last_draw_, options_.lumigraph.fade_seconds) >= 1.0F)
-      return true;
-  }
-  return false;
-}
-
 Accuracy Viewer::accuracy() const {
   if (showsSplats()) {
     if (!hasSplats() || splats_->stats().splats == 0) return Accuracy::kNothing;
     return splats_->complete() ? Accuracy::kFine : Accuracy::kCoarse;
   }
+  if (renderer_ && frame_.whole()) return Accuracy::kExact;
   if (!renderer_ || patches_.drawn().patches.empty()) return Accuracy::kNothing;
-  if (showsExactFrame()) return Accuracy::kExact;
   const bool fine = patches_.drawn().error_px <= session_.patchTolerance();
   const bool textured = !options_.lumigraph.use_images || renderer_->stats().samples_used > 0;
   return fine && textured ? Accuracy::kBlended : Accuracy::kCoarse;

@@ -23,6 +23,7 @@
 #include "client/viewer/pick.h"
 #include "client/viewer/pins.h"
 #include "client/viewer/resident_patches.h"
+#include "client/viewer/whole_frame.h"
 
 namespace client {
 
@@ -58,15 +59,15 @@ enum class Accuracy : std::uint8_t {
   kNothing,  ///< no surface is here yet
   kCoarse,   ///< patches or splats are coarser than the tolerance asks for, or are being refined
   kBlended,  ///< the cut has reached the tolerance, and is textured by the images that are here
-  kExact,    ///< the server's own picture of this very view is shown and has faded in fully
+  kExact,    ///< the server's own picture of this very view is shown, pixel for pixel
   kFine,     ///< all splats that the cut-off asks for are here
 };
 
 struct ViewerStats {
   SessionStats session;
   LumigraphStats lumigraph;
-  float error_px = 0.0F;  ///< largest projected error of what is drawn, by the measure that the session goes by
-  float bound_px = 0.0F;  ///< every point of it is proved to be within this; 0 for splats, which prove nothing
+  float error_px = 0.0F;      ///< largest projected error of what is drawn, by the measure that the session goes by
+  float bound_px = 0.0F;      ///< every point of it is proved to be within this; 0 for splats, which prove nothing
   float tolerance_px = 0.0F;  ///< the wanted tolerance, or more where a budget does not allow it
   Accuracy accuracy = Accuracy::kNothing;
   MemoryUse memory;
@@ -95,7 +96,8 @@ class Viewer {
   /// picture need it; draw() calls it by itself.
   base::Result<bool> update(const base::ViewCamera& camera, double now);
   /// Draws the view into the bound framebuffer with the data that are here now. Never waits for network or decoder.
-  /// `now` in seconds.
+  /// `now` in seconds. When the server's frame of exactly this view is here, that frame is shown itself, without the
+  /// proxy, unless a section plane or a tint is to alter the picture.
   base::Result<void> draw(const base::ViewCamera& camera, double now);
   /// Does what draw() does but leaves the framebuffer as it is, so that the next draw() shows depth maps and fades as
   /// if this frame had been drawn. A tenth of the time. Splats, whose pictures depend on no earlier ones, are left out.
@@ -202,7 +204,11 @@ class Viewer {
   bool spend(double bytes);
   MemoryUse memory() const;
   std::uint64_t waitingBytes() const;
-  bool showsExactFrame() const;
+  bool mayShowFrames() const;
+  bool showsThisView(SampleId id) const;
+  std::vector<SampleId> framesOfThisView() const;
+  void drawBlended(double now);
+  void drawFrames();
   Accuracy accuracy() const;
 
   ViewerOptions options_;
@@ -224,9 +230,10 @@ class Viewer {
   ResidentPatches patches_;
   base::ViewCamera view_;
   base::Camera camera_;
+  base::ViewCamera drawn_view_;
+  WholeFrame frame_;
   bool more_to_do_ = false;
   double upload_bytes_left_ = 0.0;
-  double last_draw_ = 0.0;
   std::uint32_t broken_ = 0;
   std::string last_fault_;
 

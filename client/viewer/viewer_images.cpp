@@ -116,8 +116,8 @@ void Viewer::rankImages() {
   for (std::size_t i = 0; i < ids.size(); ++i) {
     BlendImage& image = images_[ids[i]];
     const float nearness = scene_.radius / (scene_.radius + glm::length(image.camera.eye - camera_.eye) + 1e-12F);
-    image.use = use[i];
-    image.rank = use[i] + 1e-6F * nearness;
+    image.use = mayShowFrames() && showsThisView(ids[i]) ? 1.0F : use[i];
+    image.rank = image.use + 1e-6F * nearness;
   }
   std::sort(ids.begin(), ids.end(), [this](SampleId a, SampleId b) {
     const float rank_a = images_[a].rank;

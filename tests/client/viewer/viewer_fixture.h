@@ -22,10 +22,13 @@ class PatternDecoder : public ImageDecoder {
       : face_size_(face_size), frame_width_(frame_width), frame_height_(frame_height) {}
   void submit(std::uint64_t id, base::ByteView) override {
     const bool frame = id >> 63U != 0;
-    DecodedImage decoded{id, base::Image(frame ? frame_width_ : face_size_, frame ? frame_height_ : face_size_, 4), {}};
-    for (std::size_t i = 0; i < decoded.rgba.pixels.size(); ++i)
-      decoded.rgba.pixels[i] = i % 4 == 3 ? 255 : static_cast<std::uint8_t>(40 * (id % 5) + i / 64 % 50);
-    done_.push_back(std::move(decoded));
+    done_.push_back({id, pattern(id, frame ? frame_width_ : face_size_, frame ? frame_height_ : face_size_), {}});
+  }
+  static base::Image pattern(std::uint64_t id, int width, int height) {
+    base::Image rgba(width, height, 4);
+    for (std::size_t i = 0; i < rgba.pixels.size(); ++i)
+      rgba.pixels[i] = i % 4 == 3 ? 255 : static_cast<std::uint8_t>(40 * (id % 5) + i / 64 % 50);
+    return rgba;
   }
   std::vector<DecodedImage> takeDecoded() override { return std::exchange(done_, {}); }
   std::size_t pending() const override { return done_.size(); }
@@ -52,11 +55,13 @@ class ViewerFixture : public ::testing::Test {
     ASSERT_TRUE(bool(target_made));
     target = std::move(*target_made);
   }
-  void open(ViewerOptions options) {
-    options.lumigraph.fade_seconds = 0.0F;
+  virtual std::unique_ptr<ImageDecoder> makeDecoder() {
+    return std::make_unique<PatternDecoder>(static_cast<int>(server.welcome.grid.face_size), 64, 48);
+  }
+  void open(ViewerOptions options, float fade_seconds = 0.0F) {
+    options.lumigraph.fade_seconds = fade_seconds;
     options.upload_milliseconds = 0.0;
-    viewer = std::make_unique<Viewer>(
-        options, std::make_unique<PatternDecoder>(static_cast<int>(server.welcome.grid.face_size), 64, 48));
+    viewer = std::make_unique<Viewer>(options, makeDecoder());
     viewer->session().connected();
     receive(server.sayWelcome());
   }

@@ -1,0 +1,40 @@
+#include "client/render/whole_image.h"
+
+#include <utility>
+
+#include "client/render/shaders.h"
+
+namespace client {
+
+base::Result<WholeImageShader> WholeImageShader::create() {
+  LUMIGRID_ASSIGN_OR_RETURN(auto program,
+                            base::gl::Program::link("whole image", glsl::kWholeVertex, glsl::kWholeFragment));
+  return WholeImageShader(std::move(program));
+}
+
+WholeImageShader::WholeImageShader(base::gl::Program program)
+    : program_(std::move(program)), no_attributes_(base::gl::VertexArray::create()) {}
+
+void WholeImageShader::draw(GLuint array, int layer, int width, int height, const std::array<float, 4>& background,
+                            float opacity) const {
+  program_.use();
+  glActiveTexture(GL_TEXTURE0);
+  glBindTexture(GL_TEXTURE_2D_ARRAY, array);
+  glUniform1i(program_.uniform("u_color"), 0);
+  glUniform1i(program_.uniform("u_layer"), layer);
+  glUniform4f(program_.uniform("u_background"), background[0], background[1], background[2], background[3]);
+  glViewport(0, 0, width, height);
+  glDisable(GL_DEPTH_TEST);
+  if (opacity < 1.0F) {
+    glEnable(GL_BLEND);
+    glBlendColor(0.0F, 0.0F, 0.0F, opacity);
+    glBlendFunc(GL_CONSTANT_ALPHA, GL_ONE_MINUS_CONSTANT_ALPHA);
+  }
+  glBindVertexArray(no_attributes_.name());
+  glDrawArrays(GL_TRIANGLES, 0, 3);
+  glBindVertexArray(0);
+  glDisable(GL_BLEND);
+  glEnable(GL_DEPTH_TEST);
+}
+
+}  // namespace client
