@@ -1,7 +1,9 @@
 #include "base/gl/gl.h"
 
 #include <algorithm>
+#include <array>
 #include <iterator>
+#include <string_view>
 
 namespace base::gl {
 namespace {
@@ -237,6 +239,19 @@ Image RenderTarget::read() const {
   for (int y = 0; y < height_ / 2; ++y)
     std::swap_ranges(image.at(0, y), image.at(0, y) + row, image.at(0, height_ - 1 - y));
   return image;
+}
+
+bool drawsInSoftware() {
+#ifdef __EMSCRIPTEN__
+  constexpr GLenum kRenderer = 0x9246;  // UNMASKED_RENDERER_WEBGL, since browsers hide the name otherwise
+#else
+  constexpr GLenum kRenderer = GL_RENDERER;
+#endif
+  const GLubyte* text = glGetString(kRenderer);
+  const std::string_view renderer = text == nullptr ? "" : reinterpret_cast<const char*>(text);
+  constexpr std::array<std::string_view, 4> kSoftware{"llvmpipe", "softpipe", "SwiftShader", "Basic Render"};
+  return std::any_of(kSoftware.begin(), kSoftware.end(),
+                     [&](std::string_view name) { return renderer.find(name) != std::string_view::npos; });
 }
 
 std::string takeError() {

@@ -147,6 +147,9 @@ class RenderTarget {
   int height_ = 0;
 };
 
+/// Whether the context draws on the CPU, by the renderer's name: llvmpipe, SwiftShader and the like.
+bool drawsInSoftware();
+
 /// Returns GL's errors since the last call as text, empty when none. For tests and set-up, not for the frame loop.
 std::string takeError();
 

@@ -26,6 +26,7 @@ ViewerOptions viewerOptions(const AppOptions& options) {
   viewer.lumigraph.max_samples = static_cast<int>(s.samples);
   viewer.session.images = s.images != 0.0;
   viewer.session.frames = s.frames != 0.0;
+  viewer.samples = s.antialias != 0.0 ? viewer.samples : 1;
   viewer.lumigraph.use_images = viewer.session.images || viewer.session.frames;
   return viewer;
 }
@@ -146,6 +147,7 @@ bool App::wantsFrame() const {
   if (!drawable()) return false;
   if (dirty_ || flight_.active() || flying()) return true;
   const ViewerStats stats = viewer_.stats();
+  if (stats.samples_pending && !atRest()) return stats.session.messages_received != drawn_messages_;
   return stats.busy || stats.session.messages_received != drawn_messages_;
 }
 
@@ -161,6 +163,10 @@ base::Result<void> App::drawFrame(double now) {
     return {};
   }
   configureViewer();
+  // The interval between two pictures of a moving view is the time that the first took.
+  if (moved_since_frame_ && frame_moved_) viewer_.addFrameTime(now_ - frame_at_);
+  frame_moved_ = moved_since_frame_;
+  frame_at_ = now_;
   LUMIGRID_TRY(viewer_.draw(camera(), now_));
   if (options_.clock) draw_seconds_ += 0.2 * (options_.clock() - begin - draw_seconds_);
   frame_rate_.add(now_, 1.0);

@@ -292,6 +292,7 @@ class App {
   bool pinHidden(std::size_t index) const;
   void updateProgress();
   void expireToasts();
+  bool atRest() const;
   void reportRest();
   void updateMeters();
 
@@ -340,6 +341,8 @@ class App {
   // The state of the last picture.
   bool dirty_ = true;
   bool moved_since_frame_ = true;
+  bool frame_moved_ = false;  // the last picture was of a moving view
+  double frame_at_ = 0.0;     // its time
   std::uint64_t drawn_messages_ = 0;
 
   // The overlay.

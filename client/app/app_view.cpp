@@ -166,8 +166,12 @@ void App::fly(double seconds) {
 
 // ---- time ----
 
+bool App::atRest() const {
+  return !flight_.active() && !flying() && !gestures_.anyDown() && now_ - last_motion_ >= kRestSeconds;
+}
+
 void App::reportRest() {
-  if (!ready() || flight_.active() || flying() || gestures_.anyDown() || now_ - last_motion_ < kRestSeconds) return;
+  if (!ready() || !atRest()) return;
   std::string link = formatPermalink(view_);
   if (link == last_link_) return;
   last_link_ = link;

@@ -32,6 +32,7 @@ struct Settings {
   double samples = base::ViewDefaults::kImages;  ///< images blended in a picture
   double images = 1.0;                           ///< flags are 0 or 1
   double frames = 1.0;
+  double antialias = 1.0;
   double fov_degrees = 45.0;  ///< vertical
   double orbit_speed = 1.0;
   double zoom_speed = 1.0;  ///< below 0 the wheel works the other way

@@ -189,6 +189,7 @@ base::Result<void> HeadlessRun::drawFrame(std::size_t index) {
     LUMIGRID_TRY(
         waitUntil(static_cast<double>(index) / options_.realtime_fps, options_.path[index == 0 ? 0 : index - 1]));
     LUMIGRID_TRY(drawView(camera));
+    viewer_->addFrameTime(1e-3 * draw_ms_);
   } else {
     LUMIGRID_TRY(settleView(camera));
   }
@@ -201,7 +202,7 @@ base::Result<void> HeadlessRun::drawFrame(std::size_t index) {
   result.draw_ms = draw_ms_;
   result.stats = viewer_->stats();
   result.link = connection_->counts();
-  result.image = target_->read();
+  result.image = readPicture(*target_, *viewer_);
   ++summary_.frames;
   summary_.incomplete += result.stats.complete ? 0 : 1;
   LUMIGRID_TRY(saveFrame(result));
@@ -246,6 +247,7 @@ std::string formatHeadlessFrame(const HeadlessFrame& frame) {
   line["triangles"] = drawn.triangles;
   line["patches"] = drawn.patches;
   line["samples"] = drawn.samples_used;
+  line["samples_per_pixel"] = frame.stats.samples_per_pixel;
   line["samples_resident"] = drawn.samples_resident;
   line["gpu_bytes"] = drawn.gpu_bytes;
   line["cache_bytes"] = session.cache_bytes;

@@ -37,6 +37,7 @@ struct Arguments {
   std::string order = "sweeps";
   std::string idle = "16M";
   std::string cache = "50M";
+  bool antialias = true;
   std::string gpu_memory = "512M";
   std::string memory = "1G";
   std::string bandwidth;
@@ -74,6 +75,10 @@ void addContentOptions(CLI::App& app, Arguments& a) {
                "Use images of the repository (on unless --no-images)");
   app.add_flag("--frames,!--no-frames", a.run.viewer.session.frames,
                "Ask for the exact picture when all else is sent (on unless --no-frames)");
+  app.add_flag(
+      "--antialias,!--no-antialias", a.antialias,
+      "Average four samples a pixel, of patches and images, where --memory and the time of a frame allow it (on "
+      "unless --no-antialias)");
   app.add_option("--points", a.run.viewer.session.max_points, "Sampling points whose images are asked for, 1 to 64")
       ->check(CLI::Range(1, 64));
   app.add_option("--samples", a.run.viewer.lumigraph.max_samples, "Images blended in a picture, 1 to 32")
@@ -231,6 +236,7 @@ base::Result<void> parseArguments(Arguments& a) {
   viewer.method = *client::methodFromName(a.method);
   viewer.gpu_budget_bytes = gpu_memory;
   viewer.memory_budget_bytes = memory;
+  if (!a.antialias) viewer.samples = 1;
   viewer.session.cache_bytes = cache;
   viewer.lumigraph.use_images = viewer.session.images || viewer.session.frames;
   std::copy(background.begin(), background.end(), viewer.lumigraph.background);
@@ -305,6 +311,7 @@ void applyUserSettings(const CLI::App& app, const client::Settings& kept, client
   if (!said("--samples")) viewer.lumigraph.max_samples = static_cast<int>(kept.samples);
   if (!said("--images")) viewer.session.images = kept.images != 0.0;
   if (!said("--frames")) viewer.session.frames = kept.frames != 0.0;
+  if (!said("--antialias") && kept.antialias == 0.0) viewer.samples = 1;
   viewer.lumigraph.use_images = viewer.session.images || viewer.session.frames;
 }
 

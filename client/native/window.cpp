@@ -477,12 +477,12 @@ void Window::keepBookmarks() {
 /// Asks the server for the picture, which it draws at full resolution; without a server saves what the window shows.
 void Window::savePicture(const Request& request) {
   if (published_ || app_->view().method == Method::kQsplat || app_->session().phase() != SessionPhase::kReady)
-    return writePicture(picture_.read());
+    return writePicture(readPicture(picture_, app_->viewer()));
   app_->showToast("The server draws the picture\u2026");
   constexpr std::size_t kMaxBytes = 256 * 1024 * 1024;
   constexpr double kSeconds = 300.0;
   ask(renderTarget(request, background_), kMaxBytes, kSeconds,
-      [this, shown = picture_.read()](const HttpGetter::Answer& answer) {
+      [this, shown = readPicture(picture_, app_->viewer())](const HttpGetter::Answer& answer) {
         const auto image = answer.status == kFound ? base::decodePng(answer.body) : base::Result<base::Image>(shown);
         writePicture(image ? *image : shown);
       });

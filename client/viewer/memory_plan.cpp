@@ -11,16 +11,22 @@ namespace {
 /// that sum again.
 constexpr std::uint64_t kBytesPerTriangle = 50;
 
+/// The least budget that samples have a share of. A choice: a phone's page of two megapixels takes 67 MB for four
+/// samples each, which its images need more.
+constexpr std::uint64_t kLeastForSamples = 256'000'000;
+
 }  // namespace
 
-MemoryPlan planMemory(std::uint64_t budget, std::uint64_t wanted_cache, std::uint64_t wanted_images, bool with_frames) {
+MemoryPlan planMemory(std::uint64_t budget, std::uint64_t wanted_cache, std::uint64_t wanted_images, bool with_frames,
+                      bool with_samples) {
   const std::uint64_t sixteenth = budget / 16;
   MemoryPlan plan;
   plan.cache = std::min(wanted_cache, 2 * sixteenth);
   plan.frames = sixteenth / 2;
   plan.patches = 2 * sixteenth + sixteenth / 2;
   plan.decoded = 2 * sixteenth;
-  plan.images = std::min(wanted_images, 8 * sixteenth);
+  if (with_samples && budget >= kLeastForSamples) plan.samples = 2 * sixteenth + sixteenth / 2;
+  plan.images = std::min(wanted_images, 8 * sixteenth - plan.samples);
   plan.frame_images = with_frames ? plan.images / 3 : 0;
   return plan;
 }

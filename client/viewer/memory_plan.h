@@ -12,12 +12,15 @@ struct MemoryPlan {
   std::uint64_t images = 0;        ///< images on the GPU, depth maps included
   std::uint64_t frame_images = 0;  ///< part of `images` that is reserved for exact frames
   std::uint64_t decoded = 0;       ///< images decoded or being decoded, not on the GPU yet
+  std::uint64_t samples = 0;       ///< those of the picture's pixels, where each has several
 };
 
 /// Divides `budget` into sixteenths: 8 for images, 2 1/2 for patches, 2 for the cache, 2 for decoding, 1/2 for frames.
-/// 1 stays free for what is not counted (pixels on their way to the GPU, small objects). The cache and the images get
-/// no more than `wanted_cache` and `wanted_images`.
-MemoryPlan planMemory(std::uint64_t budget, std::uint64_t wanted_cache, std::uint64_t wanted_images, bool with_frames);
+/// From 256 MB on and `with_samples`, the images leave 2 1/2 of theirs to the picture's samples. 1 stays free for what
+/// is not counted (pixels on their way to the GPU, small objects). The cache and the images get no more than
+/// `wanted_cache` and `wanted_images`.
+MemoryPlan planMemory(std::uint64_t budget, std::uint64_t wanted_cache, std::uint64_t wanted_images, bool with_frames,
+                      bool with_samples);
 
 /// Number of triangles to request from a server so that their patches and those of the coarser levels above them fit
 /// into `patch_bytes`.

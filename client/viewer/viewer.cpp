@@ -26,7 +26,7 @@ base::Sphere sceneSphere(const protocol::Welcome& welcome) {
 MemoryPlan limitByMemory(ViewerOptions& options) {
   options.memory_budget_bytes = std::max(options.memory_budget_bytes, kMinMemory);
   const MemoryPlan plan = planMemory(options.memory_budget_bytes, options.session.cache_bytes, options.gpu_budget_bytes,
-                                     options.session.frames);
+                                     options.session.frames, options.samples > 1);
   options.session.cache_bytes = plan.cache;
   options.session.frame_bytes = plan.frames;
   options.session.max_triangles = std::min(options.session.max_triangles, trianglesFor(plan.patches));
@@ -138,6 +138,8 @@ void Viewer::contextLost() {
   base::gl::contextLost();
   renderer_.reset();
   picker_.reset();
+  samples_ = {};
+  samples_refused_ = false;
   probe_.reset();
   if (splats_) splats_->contextLost();
   frame_.reset();
@@ -177,9 +179,11 @@ ViewerStats Viewer::stats() const {
     stats.images_requested += waits && image.use >= kNeededUse ? 1 : 0;
   }
   const bool pins_pending = probe_ && probe_->pending();
-  const bool settling = renderer_ && (renderer_->settling() || frame_.fading());
-  stats.busy = renderer_ && (more_to_do_ || settling || pins_pending);
-  stats.complete = renderer_ && session_.complete() && !more_to_do_ && !settling;
+  const bool samples_pending = samplesPending();
+  stats.busy = renderer_ && (more_to_do_ || settling() || pins_pending || samples_pending);
+  stats.complete = renderer_ && session_.complete() && !more_to_do_ && !settling() && !samples_pending;
+  stats.samples_pending = samples_pending && !pins_pending;
+  stats.samples_per_pixel = samples_per_pixel_;
   stats.broken = broken_;
   stats.last_fault = last_fault_;
   if (splats_) addSplats(stats);
@@ -207,6 +211,7 @@ base::Result<void> Viewer::startRenderer() {
   LUMIGRID_ASSIGN_OR_RETURN(
       auto made, LumigraphRenderer::create(session_.hierarchy().lattice, face_size, plan_.images, plan_.frame_images));
   renderer_ = std::move(made);
+  governor_ = SampleGovernor(options_.samples, base::gl::drawsInSoftware());
   gpu_full_ = false;
   return {};
 }
@@ -272,7 +277,7 @@ MemoryUse Viewer::memory() const {
     use.textures = held.textures;
     use.buffers = held.buffers;
   }
-  if (picker_) use.renderbuffers = picker_->gpuBytes();
+  use.renderbuffers = samples_.bytes() + (picker_ ? picker_->gpuBytes() : 0);
   use.decoded = waitingBytes();
   use.cache = session_.stats().cache_bytes + session_.stats().frame_bytes;
   use.records = recordBytes(session_.hierarchy());

@@ -14,6 +14,8 @@
 
 #include "base/camera.h"
 #include "base/error.h"
+#include "base/gl/multisampled_target.h"
+#include "base/image.h"
 #include "client/render/lumigraph.h"
 #include "client/source/method.h"
 #include "client/source/session.h"
@@ -23,6 +25,7 @@
 #include "client/viewer/pick.h"
 #include "client/viewer/pins.h"
 #include "client/viewer/resident_patches.h"
+#include "client/viewer/sample_governor.h"
 #include "client/viewer/whole_frame.h"
 
 namespace client {
@@ -37,6 +40,12 @@ struct ViewerOptions {
   /// Its shares (client/viewer/memory_plan.h) bound the session's cache and `gpu_budget_bytes` too. Where it does not
   /// suffice, the picture is coarser or has fewer images: see error_px. At least kMinMemory.
   std::uint64_t memory_budget_bytes = 1'000'000'000;
+  /// Samples a pixel of patches and images, 1, 2 or 4, which are averaged; fewer where their share of the memory does
+  /// not hold them. Splats have one.
+  int samples = 4;
+  /// True: a view at rest gets that many, and a moving one where frame times allow it (SampleGovernor). False: each
+  /// picture gets them.
+  bool adapt_samples = true;
   double upload_milliseconds = 4.0;  ///< longest upload per frame, at an assumed 2 MB a millisecond; 0: no limit
 };
 
@@ -46,7 +55,7 @@ inline constexpr std::uint64_t kMinMemory = 16'000'000;
 struct MemoryUse {
   std::uint64_t textures = 0;       ///< GPU: images, their mip levels and depth maps
   std::uint64_t buffers = 0;        ///< GPU: patches, uniforms
-  std::uint64_t renderbuffers = 0;  ///< GPU: picking
+  std::uint64_t renderbuffers = 0;  ///< GPU: picking, and the samples of the picture
   std::uint64_t decoded = 0;        ///< images decoded or being decoded, not yet on the GPU
   std::uint64_t cache = 0;          ///< compressed images and patches, exact frames
   std::uint64_t records = 0;        ///< records of the hierarchy
@@ -76,9 +85,13 @@ struct ViewerStats {
   std::uint32_t images_requested = 0;  ///< images that this view uses, received but not on the GPU yet
   bool complete = false;               ///< everything for this view was sent, decoded and uploaded, and has faded in
   bool busy = false;                   ///< another draw of the same view would look different without any more data
-  std::uint32_t broken = 0;            ///< images, groups and blocks of splats that could not be decoded
-  SplatStats splats;                   ///< with kQsplat
-  std::string last_fault;              ///< the error of the latest of them
+  /// The only thing to be drawn is a picture with more samples a pixel. `busy` then holds, too, but a program may wait
+  /// until the view has rested for a moment.
+  bool samples_pending = false;
+  int samples_per_pixel = 1;  ///< of the blended picture that was drawn last
+  std::uint32_t broken = 0;   ///< images, groups and blocks of splats that could not be decoded
+  SplatStats splats;          ///< with kQsplat
+  std::string last_fault;     ///< the error of the latest of them
 };
 
 inline constexpr std::size_t kMaxPins = 512;
@@ -97,11 +110,15 @@ class Viewer {
   base::Result<bool> update(const base::ViewCamera& camera, double now);
   /// Draws the view into the bound framebuffer with the data that are here now. Never waits for network or decoder.
   /// `now` in seconds. When the server's frame of exactly this view is here, that frame is shown itself, without the
-  /// proxy, unless a section plane or a tint is to alter the picture.
+  /// proxy, unless a section plane or a tint is to alter the picture. Over a transparent background colours are
+  /// premultiplied by the alpha of pixels that are covered in part, as browsers have them; splats' are not.
   base::Result<void> draw(const base::ViewCamera& camera, double now);
   /// Does what draw() does but leaves the framebuffer as it is, so that the next draw() shows depth maps and fades as
   /// if this frame had been drawn. A tenth of the time. Splats, whose pictures depend on no earlier ones, are left out.
   base::Result<void> drawUnseen(const base::ViewCamera& camera, double now);
+  /// Tells how long the last picture took, in seconds, if the view moved for it: the interval to the one before where
+  /// both were drawn as fast as they could be, or the time of drawing.
+  void addFrameTime(double seconds) { governor_.addFrame(samples_per_pixel_, seconds); }
   /// Sets the colour where there is no model, from the next draw on: RGBA, 0 … 1.
   void setBackground(const std::array<float, 4>& color);
   /// Clears the bound framebuffer, before there is a model. Tells the server of no view.
@@ -207,7 +224,12 @@ class Viewer {
   bool mayShowFrames() const;
   bool showsThisView(SampleId id) const;
   std::vector<SampleId> framesOfThisView() const;
-  void drawBlended(double now);
+  void drawBlended(bool moved, double now);
+  int samplesWanted(bool moved) const;
+  int fittingSamples(int wanted) const;
+  bool bindSamples(int samples);
+  bool samplesPending() const;
+  bool settling() const;
   void drawFrames();
   Accuracy accuracy() const;
 
@@ -232,6 +254,10 @@ class Viewer {
   base::Camera camera_;
   base::ViewCamera drawn_view_;
   WholeFrame frame_;
+  SampleGovernor governor_{1, false};
+  base::gl::MultisampledTarget samples_;
+  bool samples_refused_ = false;  // by the GL
+  int samples_per_pixel_ = 1;
   bool more_to_do_ = false;
   double upload_bytes_left_ = 0.0;
   std::uint32_t broken_ = 0;
@@ -245,5 +271,8 @@ class Viewer {
   std::vector<bool> pins_visible_;
   std::uint64_t drawn_signature_ = 0;  // signature of the picture against which the pins were tested
 };
+
+/// Reads the picture that the viewer drew into the target: RGBA, not premultiplied.
+base::Image readPicture(const base::gl::RenderTarget& target, const Viewer& viewer);
 
 }  // namespace client

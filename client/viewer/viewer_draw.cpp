@@ -31,7 +31,7 @@ base::Result<void> Viewer::draw(const base::ViewCamera& camera, double now) {
     return {};
   }
   frame_.update(framesOfThisView(), moved, options_.lumigraph.fade_seconds > 0.0F, now);
-  drawBlended(now);
+  drawBlended(moved, now);
   if (!options_.lumigraph.unseen) drawFrames();
   return {};
 }
@@ -47,7 +47,7 @@ base::Result<void> Viewer::drawUnseen(const base::ViewCamera& camera, double now
 
 /// Draws the proxy with its images. Under a frame that hides it, only depth maps and fades go on, so that the picture
 /// is ready when the view moves; pins are tested against its depth.
-void Viewer::drawBlended(double now) {
+void Viewer::drawBlended(bool moved, double now) {
   candidates_.clear();
   for (SampleId id : ranked_)
     if (images_[id].state == ImageState::kResident) candidates_.push_back(id);
@@ -55,10 +55,74 @@ void Viewer::drawBlended(double now) {
   options.modes.section = sectionHere();
   const bool hidden = frame_.whole() || frame_.under();
   options.unseen = options.unseen || (hidden && !probe_);
+  GLint target = 0;
+  glGetIntegerv(GL_FRAMEBUFFER_BINDING, &target);
+  const int samples = hidden ? 1 : fittingSamples(samplesWanted(moved));
+  const bool has_samples = !options.unseen && bindSamples(samples);
   const lod::patch::Cut& cut = patches_.drawn();
   renderer_->draw(camera_, cut.patches, candidates_, cut.bound_px, shading_, options, now, patches_.occluders(),
                   cut.patch_bound_px);
-  if (!options.unseen) probePins();
+  if (options.unseen) return;
+  probePins();
+  if (has_samples) samples_.resolveTo(static_cast<GLuint>(target));
+  samples_per_pixel_ = has_samples ? samples : 1;
+}
+
+// ---- samples ----
+
+/// Returns the samples a pixel of the next picture. The last picture of a view at rest gets all; those that another
+/// soon follows get what frame times allow.
+int Viewer::samplesWanted(bool moved) const {
+  if (!options_.adapt_samples) return options_.samples;
+  const bool fades = options_.lumigraph.fade_seconds > 0.0F;
+  const bool passing = more_to_do_ || !session_.complete() || (fades && (moved || settling()));
+  return passing ? governor_.whileMoving() : governor_.most();
+}
+
+int Viewer::fittingSamples(int wanted) const {
+  int samples = samples_refused_ ? 1 : wanted;
+  using base::gl::MultisampledTarget;
+  while (samples > 1 && MultisampledTarget::bytesOf(camera_.width, camera_.height, samples) > plan_.samples)
+    samples /= 2;
+  return samples;
+}
+
+/// Makes the picture's samples the target. False where it has one a pixel.
+bool Viewer::bindSamples(int samples) {
+  if (samples <= 1) return false;
+  if (!samples_.fits(camera_.width, camera_.height, samples)) {
+    samples_ = {};
+    auto made = base::gl::MultisampledTarget::create(camera_.width, camera_.height, samples);
+    samples_refused_ = !made;
+    if (!made) {
+      fault(made.error().message);
+      return false;
+    }
+    samples_ = std::move(*made);
+  }
+  samples_.bind();
+  return true;
+}
+
+/// Whether the view rests with a picture that has fewer samples than it may have. A frame shown whole needs none.
+bool Viewer::samplesPending() const {
+  return renderer_ && options_.adapt_samples && !frame_.shown() && session_.complete() && !more_to_do_ && !settling() &&
+         samples_per_pixel_ < fittingSamples(governor_.most());
+}
+
+bool Viewer::settling() const {
+  return renderer_ && (renderer_->settling() || frame_.fading());
+}
+
+base::Image readPicture(const base::gl::RenderTarget& target, const Viewer& viewer) {
+  base::Image picture = target.read();
+  if (viewer.options().method == Method::kQsplat) return picture;
+  for (std::size_t i = 0; i < picture.pixels.size(); i += 4) {
+    const int alpha = picture.pixels[i + 3];
+    for (std::size_t k = i; alpha > 0 && alpha < 255 && k < i + 3; ++k)
+      picture.pixels[k] = static_cast<std::uint8_t>(std::min(255, (255 * picture.pixels[k] + alpha / 2) / alpha));
+  }
+  return picture;
 }
 
 // ---- the server's frame itself ----

@@ -99,6 +99,7 @@ EMSCRIPTEN_KEEPALIVE int start(const char* canvas, const char* method) {
   attributes.powerPreference = EM_WEBGL_POWER_PREFERENCE_HIGH_PERFORMANCE;
   page.context = emscripten_webgl_create_context(canvas, &attributes);
   if (page.context <= 0 || emscripten_webgl_make_context_current(page.context) != EMSCRIPTEN_RESULT_SUCCESS) return 0;
+  emscripten_webgl_enable_extension(page.context, "WEBGL_debug_renderer_info");  // for base::gl::drawsInSoftware()
   page.options.viewer.method = client::web::kPageMethod;
   if (client::web::kPageMethod != client::Method::kQsplat && client::methodFromName(method) == client::Method::kPatches)
     page.options.viewer.method = client::Method::kPatches;
