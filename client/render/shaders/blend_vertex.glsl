@@ -7,10 +7,12 @@ uniform mat4 u_clip_from_scene;
 uniform vec4 u_eye;                    // homogeneous: parallel rays come from a point at infinity
 uniform float u_push;
 uniform vec2 u_edge;                   // length of a lattice step; octaves per unit of a_normal.w
-out float v_edge;
-out vec3 v_position;
-out vec3 v_normal;
-out vec3 v_color;
+// A triangle smaller than a pixel mostly misses the pixel's middle. With several samples a pixel its values are taken
+// where it covers the pixel, since extrapolated to the middle they would be far off.
+centroid out float v_edge;
+centroid out vec3 v_position;
+centroid out vec3 v_normal;
+centroid out vec3 v_color;
 void main() {
   float squared = dot(a_normal.xyz, a_normal.xyz);
   vec3 outward = squared > 0.0 ? a_normal.xyz * inversesqrt(squared) : vec3(0.0);

@@ -8,6 +8,7 @@
 
 #include "base/egl/headless.h"
 #include "base/gl/gl.h"
+#include "base/gl/multisampled_target.h"
 #include "base/png/png.h"
 #include "tests/client/render/ray_scene.h"
 
@@ -268,6 +269,37 @@ TEST_F(Lumigraph, imagesCoarserThanTheProxyDoNotBlurIt) {
   const double images_alone = psnrOnCovered(shaded, draw(camera));
   options_.tuning.shade_weight = client::BlendTuning{}.shade_weight;
   EXPECT_GE(psnrOnCovered(shaded, draw(camera)), std::max(30.0, images_alone + 10.0));
+}
+
+TEST_F(Lumigraph, trianglesSmallerThanAPixelKeepTheirColoursUnderSeveralSamples) {
+  // Vertices are black or white in no order, and a third of a pixel apart.
+  lod::patch::PatchGeometry patch = rectanglePatch({{0, 0, 0}, {0.3F, 0, 0}, {0, 0, 0.3F}, kRed, {}}, 180, kWhite);
+  std::uint32_t state = 1;
+  for (glm::u8vec4& color : patch.colors) {
+    state = state * 1664525U + 1013904223U;
+    color = state >> 31U != 0 ? kWhite : glm::u8vec4(0, 0, 0, 255);
+  }
+  addPatch(patch);
+  const auto camera = [](int times) { return lookAlong(kEye, glm::vec3(0.0F), 60 * times, 60 * times, 0.5F); };
+  const base::Image fine = draw(camera(8));
+  base::Image mean(60, 60, 4);
+  for (int y = 0; y < 60; ++y)
+    for (int x = 0; x < 60; ++x)
+      for (int c = 0; c < 4; ++c) {
+        int sum = 0;
+        for (int i = 0; i < 64; ++i) sum += fine.at(8 * x + i % 8, 8 * y + i / 8)[c];
+        mean.at(x, y)[c] = static_cast<std::uint8_t>(sum / 64);
+      }
+  const double one_sample = psnrOnCovered(mean, draw(camera(1)));
+
+  auto target = base::gl::RenderTarget::create(60, 60);
+  ASSERT_TRUE(target);
+  const auto samples = base::gl::MultisampledTarget::create(60, 60, 4);
+  ASSERT_TRUE(samples);
+  samples->bind();
+  renderer_->draw(camera(1), cut_, {}, 0.2F, shading_, options_, 0.0);
+  samples->resolveTo(target->framebuffer());
+  EXPECT_GE(psnrOnCovered(mean, target->read()), one_sample + 5.0);
 }
 
 TEST_F(Lumigraph, anExactFrameAtItsOwnViewIsReproduced) {
