@@ -359,9 +359,11 @@ test("P saves a picture from the server at any size, and what is on the screen",
 });
 
 test("the server's picture is what the client shows: cut, tinted, orthographic", async () => {
-  // Compare the client's picture of patches with the server's, drawn with as many samples and the tolerance that
-  // patches have without images.
-  const patches = await open(browser, server.url);
+  // Compare the client's picture of patches with the server's, drawn with one sample a pixel, as both can, and the
+  // tolerance that patches have without images.
+  const settings = JSON.stringify({version: 1, antialias: false});
+  const origins = [{origin: new URL(server.url).origin, localStorage: [{name: "lumigrid.settings", value: settings}]}];
+  const patches = await open(browser, server.url, {storageState: {cookies: [], origins}});
   await settled(patches);
   const plain = await patches.evaluate(() => window.lumigrid.permalink());
   await patches.evaluate((link) => window.lumigrid.open(link), `${plain}&m=patches`);

@@ -31,7 +31,7 @@ uniform vec4 u_background;
 uniform float u_angle_power, u_angle_floor, u_resolution_power, u_shift, u_border, u_side_low, u_side_high;
 uniform float u_bias_texels, u_bias_error, u_parallax, u_carve_below, u_vote_power, u_shade_blur, u_shade_weight;
 
-centroid in vec3 v_position;
+in vec3 v_position;
 centroid in vec3 v_normal;
 centroid in vec3 v_color;
 centroid in float v_edge;              // scene units between the proxy's vertices

@@ -8,9 +8,10 @@ uniform vec4 u_eye;                    // homogeneous: parallel rays come from a
 uniform float u_push;
 uniform vec2 u_edge;                   // length of a lattice step; octaves per unit of a_normal.w
 // A triangle smaller than a pixel mostly misses the pixel's middle. With several samples a pixel its values are taken
-// where it covers the pixel, since extrapolated to the middle they would be far off.
+// where it covers the pixel, since extrapolated to the middle they would be far off. Its plane is not, and images are
+// looked up at the middle, since the mean of many places would blur them.
 centroid out float v_edge;
-centroid out vec3 v_position;
+out vec3 v_position;
 centroid out vec3 v_normal;
 centroid out vec3 v_color;
 void main() {
