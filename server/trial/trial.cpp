@@ -6,17 +6,14 @@
 #include <vector>
 
 #include "base/egl/headless.h"
-#include "base/gl/gl.h"
 #include "base/picture_error.h"
-#include "client/viewer/viewer.h"
 #include "lod/patch/proxy_sight.h"
 #include "protocol/welcome.h"
-#include "repository/faces/face_image.h"
 #include "server/bake/camera_paths.h"
 #include "server/bake/draw_memory.h"
 #include "server/bake/face_encoder.h"
 #include "server/bake/random_views.h"
-#include "server/session/session.h"
+#include "server/trial/direct_viewer.h"
 #include "server/trial/drawn_store.h"
 #include "server/trial/own_context.h"
 
@@ -28,23 +25,7 @@ using base::Result;
 constexpr std::uint32_t kSeed = 4711;  // gives other views than those of comparisons, whose seed is 1 by default
 constexpr int kViewsOfPath = 2;        // a choice: ten views take a tenth of a minute on software GL
 constexpr const char* kPaths[] = {"orbit", "approach", "walk", "inspection", "teleports"};
-constexpr int kTruthSamples = 4;    // along each side of a pixel, as comparisons have
-constexpr int kMaxRounds = 10'000;  // of messages for a view; a hundred are many
-constexpr double kRoundSeconds = 1.0 / 60.0;
-
-/// Decodes at once.
-class ImmediateDecoder final : public client::ImageDecoder {
- public:
-  void submit(std::uint64_t id, base::ByteView coded) override {
-    auto image = repository::decodeFaceImage(coded, 0);  // 0: any size
-    done_.push_back(image ? DecodedImage{id, std::move(*image), {}} : DecodedImage{id, {}, image.error().message});
-  }
-  std::vector<DecodedImage> takeDecoded() override { return std::exchange(done_, {}); }
-  std::size_t pending() const override { return done_.size(); }
-
- private:
-  std::vector<DecodedImage> done_;
-};
+constexpr int kTruthSamples = 4;  // along each side of a pixel, as comparisons have
 
 Result<std::vector<base::ViewCamera>> heldOutViews(const base::Scene& scene) {
   PathOptions options;
@@ -57,55 +38,6 @@ Result<std::vector<base::ViewCamera>> heldOutViews(const base::Scene& scene) {
   }
   return views;
 }
-
-client::ViewerOptions viewerOptions(client::Method method) {
-  client::ViewerOptions options;
-  options.method = method;
-  options.session.images = options.lumigraph.use_images = method == client::Method::kLumigraph;
-  options.session.frames = false;
-  options.lumigraph.fade_seconds = 0.0F;
-  options.lumigraph.depth_maps_per_frame = options.lumigraph.max_samples;
-  options.upload_milliseconds = 0.0;
-  options.samples = 1;  // more would take four times as long where the GL is software
-  return options;
-}
-
-/// A viewer and the session that serves it, in the GL context that is current.
-class DirectViewer {
- public:
-  DirectViewer(const SceneData& data, client::Method method)
-      : server_(data), viewer_(viewerOptions(method), std::make_unique<ImmediateDecoder>()) {
-    viewer_.session().connected();
-  }
-
-  /// The picture of a view once all that the view needs has arrived. RGBA.
-  Result<base::Image> show(const base::ViewCamera& camera) {
-    LUMIGRID_ASSIGN_OR_RETURN(const auto target, base::gl::RenderTarget::create(camera.width, camera.height));
-    for (int round = 0; round < kMaxRounds; ++round) {
-      now_ += kRoundSeconds;
-      LUMIGRID_TRY(exchangeMessages());
-      LUMIGRID_ASSIGN_OR_RETURN(const bool more, viewer_.update(camera, now_));
-      if (more || !viewer_.allHere()) continue;
-      target.bind();
-      LUMIGRID_TRY(viewer_.draw(camera, now_));
-      if (viewer_.stats().complete) return target.read();
-    }
-    return base::Error{base::ErrorCode::kUnsupported, "a view of the trial never became complete; say what to build"};
-  }
-  std::uint64_t bytesReceived() const { return viewer_.stats().session.bytes_received; }
-
- private:
-  Result<void> exchangeMessages() {
-    client::Session& session = viewer_.session();
-    while (const auto message = session.nextToSend()) LUMIGRID_TRY(server_.receive(*message));
-    while (const auto message = server_.nextMessage()) LUMIGRID_TRY(session.receive(*message));
-    return {};
-  }
-
-  Session server_;
-  client::Viewer viewer_;
-  double now_ = 0.0;
-};
 
 struct JudgedView {
   base::ViewCamera camera;
@@ -178,7 +110,7 @@ class Trials {
   }
 
   Result<TrialFigures> figuresOf(const SceneData& data, client::Method method, const std::vector<JudgedView>& views) {
-    DirectViewer viewer(data, method);
+    DirectViewer viewer(data, settledOptions(method));
     TrialFigures figures;
     figures.worst_psnr_db = base::kEqualDb;
     for (const JudgedView& view : views) {

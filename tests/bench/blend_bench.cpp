@@ -1,0 +1,177 @@
+// Shows how much images add to their proxy: settled pictures of random views with images and without, on the same cut,
+// against the full model with 4 x 4 samples a pixel.
+//
+//   blend_bench SCENE [--views N] [--seed S] [--width W] [--height H] [--truth DIR] [--pictures DIR] [--patches 1]
+//
+// For each view it prints PSNR and SSIM of the proxy alone, by how much images change both, and the ratio of the times
+// to draw. --truth keeps the true pictures for another run, --pictures all pictures; with --patches 1 patches alone at
+// their own tolerance are shown beside.
+#include <algorithm>
+#include <cstdio>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "base/egl/headless.h"
+#include "base/format_text.h"
+#include "base/png/png.h"
+#include "compare/accuracy.h"
+#include "server/bake/enclosed.h"
+#include "server/bake/face_encoder.h"
+#include "server/bake/random_views.h"
+#include "server/net/open_scene.h"
+#include "server/render/scene_renderer.h"
+#include "server/trial/direct_viewer.h"
+#include "server/trial/own_context.h"
+#include "tests/bench/bench.h"
+
+namespace {
+
+using bench::must;
+
+constexpr int kTruthSamples = 4;
+
+/// Draws true pictures, or reads those of an earlier run.
+class Truths {
+ public:
+  Truths(const server::OpenScene& scene, std::string directory, base::HeadlessContext& own,
+         base::HeadlessContext& other)
+      : scene_(scene), directory_(std::move(directory)), gl_(own, other) {
+    if (!directory_.empty()) std::filesystem::create_directories(directory_);
+    renderer_ = gl_.use([&] { return must(server::SceneRenderer::create(scene_.scene, scene_.patches)); });
+  }
+  ~Truths() {
+    gl_.use([&] { return renderer_.reset(), 0; });
+  }
+  Truths(const Truths&) = delete;
+  Truths& operator=(const Truths&) = delete;
+
+  base::Image of(const base::ViewCamera& view, std::uint32_t seed, std::size_t index) {
+    const std::string path = base::formatText("%s/%s_%u_%dx%d_%03zu.png", directory_.c_str(), scene_.name.c_str(), seed,
+                                              view.width, view.height, index);
+    if (!directory_.empty() && std::filesystem::exists(path)) return must(base::readPng(path));
+    const base::Sphere bounds{renderer_->sceneCenter(), renderer_->sceneRadius()};
+    const base::Camera camera = base::cameraForScene(view, scene_.scene.origin, bounds);
+    auto picture = gl_.use(
+        [&] { return must(renderer_->render(camera, {.tolerance_px = 0.0F, .supersampling = kTruthSamples})); });
+    if (!directory_.empty()) must(base::writePng(picture.rgba, path));
+    return std::move(picture.rgba);
+  }
+
+ private:
+  const server::OpenScene& scene_;
+  const std::string directory_;
+  server::OwnContext gl_;
+  std::unique_ptr<server::SceneRenderer> renderer_;
+};
+
+struct Shown {
+  base::Image picture;
+  compare::Accuracy accuracy;
+  double milliseconds = 0.0;
+};
+
+Shown show(server::DirectViewer& viewer, const base::ViewCamera& view, const base::Image& truth) {
+  base::Image first = must(viewer.show(view));
+  const double start = bench::seconds();
+  must(viewer.show(view));
+  const double milliseconds = 1e3 * (bench::seconds() - start);
+  const compare::Accuracy accuracy = must(compare::measureAccuracy(truth, first));
+  return {std::move(first), accuracy, milliseconds};
+}
+
+/// Sums of what images change.
+class Gains {
+ public:
+  void add(const Shown& proxy, const Shown& images) {
+    const double psnr = images.accuracy.psnr_db - proxy.accuracy.psnr_db;
+    const double ssim = images.accuracy.ssim - proxy.accuracy.ssim;
+    ++views_;
+    proxy_psnr_ += proxy.accuracy.psnr_db;
+    psnr_ += psnr, ssim_ += ssim;
+    worst_psnr_ = std::min(worst_psnr_, psnr), worst_ssim_ = std::min(worst_ssim_, ssim);
+    worse_ += psnr < -kMostPsnrLost || ssim < -kMostSsimLost ? 1 : 0;
+    times_.push_back(images.milliseconds / proxy.milliseconds);
+    std::printf("proxy %6.2f dB %.4f   images %+6.2f dB %+.4f   %4.1f x", proxy.accuracy.psnr_db, proxy.accuracy.ssim,
+                psnr, ssim, times_.back());
+  }
+  int views() const { return views_; }
+  void print(const std::string& name) const {
+    std::printf("%s: %d views, proxy %.2f dB, images %+.2f dB %+.4f, worst %+.2f dB %+.4f, ", name.c_str(), views_,
+                proxy_psnr_ / views_, psnr_ / views_, ssim_ / views_, worst_psnr_, worst_ssim_);
+    std::printf("%d worse than allowed, median %.1f x the time", worse_, bench::median(times_));
+  }
+
+ private:
+  static constexpr double kMostPsnrLost = 0.1, kMostSsimLost = 0.001;
+  double proxy_psnr_ = 0.0, psnr_ = 0.0, ssim_ = 0.0, worst_psnr_ = 99.0, worst_ssim_ = 1.0;
+  int worse_ = 0, views_ = 0;
+  std::vector<double> times_;
+};
+
+void save(const std::string& directory, std::size_t view, const char* name, const base::Image& picture) {
+  if (directory.empty()) return;
+  std::filesystem::create_directories(directory);
+  must(base::writePng(picture, base::formatText("%s/%03zu_%s.png", directory.c_str(), view, name)));
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  bench::Arguments arguments(argc, argv,
+                             "SCENE [--views 1..1000] [--seed S] [--width W] [--height H] [--truth DIR] "
+                             "[--pictures DIR] [--patches 0..1]");
+  server::RandomViews wanted;
+  wanted.count = arguments.number("--views", std::size_t{24}, std::size_t{1}, std::size_t{1000});
+  wanted.seed = arguments.number("--seed", 5U, 0U, 1U << 30U);
+  wanted.width = static_cast<int>(arguments.number("--width", 640U, 16U, 4096U));
+  wanted.height = static_cast<int>(arguments.number("--height", 360U, 16U, 4096U));
+  const std::string directory = arguments.text("--truth", "");
+  const std::string pictures = arguments.text("--pictures", "");
+  const bool with_patches = arguments.number("--patches", 0U, 0U, 1U) == 1;
+  arguments.finish();
+  if (arguments.input().empty()) arguments.wrong();
+
+  const auto scene = must(server::openScene(arguments.input()));
+  if (!scene->images) bench::stop(arguments.input() + " has no images; lumigrid build --methods images makes them");
+  const auto views = server::randomViews(scene->scene, must(server::Enclosure::create(scene->patches)), wanted);
+  const auto drawing = must(base::HeadlessContext::create());
+  const auto viewing = must(base::HeadlessContext::create());
+  Truths truths(*scene, directory, *drawing, *viewing);
+
+  client::ViewerOptions options = server::settledOptions(client::Method::kLumigraph);
+  server::DirectViewer with_images(scene->data, options);
+  options.lumigraph.use_images = false;
+  server::DirectViewer proxy(scene->data, options);
+  std::optional<server::DirectViewer> patches;
+  if (with_patches) patches.emplace(scene->data, server::settledOptions(client::Method::kPatches));
+
+  Gains gains;
+  double patch_psnr = 0.0;
+  for (std::size_t i = 0; i < views.size(); ++i) {
+    const base::Image truth = truths.of(views[i], wanted.seed, i);
+    if (!server::showsModel(truth)) continue;
+    const Shown alone = show(proxy, views[i], truth);
+    const Shown blended = show(with_images, views[i], truth);
+    save(pictures, i, "truth", truth);
+    save(pictures, i, "proxy", alone.picture);
+    save(pictures, i, "images", blended.picture);
+    std::printf("%3zu  ", i);
+    gains.add(alone, blended);
+    if (patches) {
+      const double psnr = show(*patches, views[i], truth).accuracy.psnr_db - alone.accuracy.psnr_db;
+      std::printf("   patches %+6.2f dB", psnr);
+      patch_psnr += psnr;
+    }
+    std::printf("\n");
+    std::fflush(stdout);
+  }
+  if (gains.views() == 0) bench::stop("no view shows the model");
+  gains.print(scene->name);
+  if (patches)
+    std::printf(", patches %+.2f dB at %.2f of the bytes", patch_psnr / gains.views(),
+                static_cast<double>(patches->bytesReceived()) / static_cast<double>(with_images.bytesReceived()));
+  std::printf("\n");
+  return 0;
+}
