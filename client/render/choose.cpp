@@ -56,8 +56,8 @@ float sampleWeight(const glm::vec3& to_view, const glm::vec3& to_sample, float r
 }
 
 std::vector<std::size_t> chooseSamples(std::span<const SampleGeometry* const> samples,
-                                       std::span<const base::Aabb> boxes, const base::Camera& view, std::size_t limit,
-                                       float error_px, const BlendTuning& tuning) {
+                                       std::span<const base::Aabb> boxes, std::span<const ProxyError> errors,
+                                       const base::Camera& view, std::size_t limit, const BlendTuning& tuning) {
   // quality[s * boxes + b] is the weight of sample s in box b as a share of the best sample's there; sizes[b] is the
   // box's size on the screen.
   const std::size_t count = boxes.size();
@@ -68,6 +68,7 @@ std::vector<std::size_t> chooseSamples(std::span<const SampleGeometry* const> sa
     const float radius = 0.5F * boxes[b].diagonal() + 1e-20F;
     const glm::vec3 to_view = view.towardsViewer(center);
     const float distance = view.orthographic() ? 1.0F : std::max(glm::length(to_view), radius);
+    const float error_px = errors[b].shape * view.pixelsPerUnitAtOne() / distance;
     float best = 0.0F;
     for (std::size_t s = 0; s < samples.size(); ++s) {
       if (!samples[s]->frustum.mayOverlap(boxes[b])) continue;

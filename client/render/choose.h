@@ -23,18 +23,19 @@ struct SampleGeometry {
   explicit SampleGeometry(const base::Camera& camera);
 };
 
-/// Returns the weight of a sample at a surface point for a viewer, before visibility, by the same formula as
-/// shaders/blend_fragment.glsl. `to_view`, `to_sample`: from the point to both, of any length but zero. `ratio`: pixels
-/// per unit length of the sample over those of the view. `error_px`: the proxy's error there.
+/// Returns the weight of a sample at a surface point for a viewer, before visibility. As
+/// shaders/blend_fragment.glsl has it, but for errors of colours, which no single sample decides. `to_view`,
+/// `to_sample`: from the point to both, of any length but zero. `ratio`: pixels per unit length of the sample over
+/// those of the view. `error_px`: the proxy's typical error there.
 float sampleWeight(const glm::vec3& to_view, const glm::vec3& to_sample, float ratio, float error_px,
                    const BlendTuning& tuning);
 
 /// Returns the indices of up to `limit` of `samples`, in the order of what they add to the view. Buehler et al. 2001,
 /// section 3, rank cameras per ray; for choosing, one ray for each box of the drawn surface is enough. Samples that see
-/// no box are left out.
+/// no box are left out. `errors`: of the proxy in each box.
 std::vector<std::size_t> chooseSamples(std::span<const SampleGeometry* const> samples,
-                                       std::span<const base::Aabb> boxes, const base::Camera& view, std::size_t limit,
-                                       float error_px, const BlendTuning& tuning);
+                                       std::span<const base::Aabb> boxes, std::span<const ProxyError> errors,
+                                       const base::Camera& view, std::size_t limit, const BlendTuning& tuning);
 
 /// Returns for each sample which share of its weight it keeps at its left, right, bottom and top border (0: it fades
 /// out). Where another of these samples has the same centre and the same border (the next face of a cube, the next

@@ -24,6 +24,10 @@ constexpr int kMaxDepthSide = 512;
 constexpr int kFacesAtOnce = 32;
 constexpr std::uint64_t kFewFaces = 24;  ///< as many as a frame blends by default, and half as many arriving
 
+/// Errors of a proxy for which nobody states typical ones: those of a coarse cut of a coloured scan.
+constexpr float kGuessedColorError = 0.1F;
+constexpr float kGuessedShareOfBound = 0.1F;
+
 constexpr int kMaxSamples = 32;  ///< blended by one frame: the length of u_samples in blend_fragment.glsl
 constexpr int kMaxArrays = 3;    ///< image sizes at a time: faces, and exact frames of two sizes
 
@@ -48,8 +52,10 @@ struct Sample {
   bool wanted = false;
   float fade_from = 0.0F;
   double fade_since = 0.0;
+  float fade_share = 1.0F;
 
-  float fadeAt(double now, float seconds) const {
+  float fadeAt(double now, float usual_seconds) const {
+    const float seconds = fade_share * usual_seconds;
     const float goal = wanted ? 1.0F : 0.0F;
     if (seconds <= 0.0F) return goal;
     const float gone = static_cast<float>(std::max(0.0, now - fade_since)) / seconds;
@@ -94,9 +100,10 @@ struct LumigraphRenderer::Impl {
     double now = 0.0;
     float error_per_distance = 0.0F;
     float push_per_distance = 0.0F;
-    std::vector<std::uint32_t> patches;  ///< front to back, without those that the section cuts away
-    std::vector<float> errors_px;        ///< beside `patches`
-    std::vector<base::Aabb> boxes;       ///< beside `patches`
+    std::vector<std::uint32_t> patches;    ///< front to back, without those that the section cuts away
+    std::vector<float> errors_px;          ///< beside `patches`
+    std::vector<ProxyError> proxy_errors;  ///< beside `patches`
+    std::vector<base::Aabb> boxes;         ///< beside `patches`
     std::vector<std::uint32_t> occluders;
     std::vector<Sample*> active;  ///< in the uniform block
   };
@@ -139,6 +146,11 @@ float nearness(const base::Camera& camera, const base::Aabb& box) {
   if (camera.orthographic()) return -glm::dot(camera.towardsViewer(box.center()), box.center());
   const glm::vec3& eye = camera.eye;
   return glm::length(glm::clamp(eye, box.min, box.max) - eye) + 0.01F * glm::length(box.center() - eye);
+}
+
+ProxyError guessedError(float bound_px, const base::Camera& camera, const base::Aabb& box) {
+  const float units_per_pixel = 1.0F / camera.pixelsPerUnit(box.center());
+  return {kGuessedShareOfBound * bound_px * units_per_pixel, kGuessedColorError};
 }
 
 /// Returns the indices of patches of `cut` that the section does not cut away, front to back.
@@ -244,7 +256,8 @@ int LumigraphRenderer::Impl::arrayFor(int width, int height) {
   return -1;
 }
 
-bool LumigraphRenderer::addSample(SampleId id, const base::Camera& camera, const base::Image& rgba, double now) {
+bool LumigraphRenderer::addSample(SampleId id, const base::Camera& camera, const base::Image& rgba, double now,
+                                  float fade_share) {
   Impl& impl = *impl_;
   if (rgba.channels != 4 || rgba.empty()) return false;
   removeSample(id);
@@ -258,6 +271,7 @@ bool LumigraphRenderer::addSample(SampleId id, const base::Camera& camera, const
   sample.array = index;
   sample.layer = layer;
   sample.fade_since = now;
+  sample.fade_share = fade_share;
   impl.samples.emplace(id, sample);
   return true;
 }
@@ -358,8 +372,7 @@ void LumigraphRenderer::Impl::updateSamples(Frame& frame, std::span<const Sample
   const auto limit = static_cast<std::size_t>(std::clamp(frame.options.max_samples, 1, kMaxSamples));
   std::vector<Sample*> wanted;
   for (const std::size_t i :
-       chooseSamples(geometries, frame.boxes, frame.camera, limit,
-                     frame.error_per_distance * frame.camera.pixelsPerUnitAtOne(), frame.options.tuning))
+       chooseSamples(geometries, frame.boxes, frame.proxy_errors, frame.camera, limit, frame.options.tuning))
     wanted.push_back(all[i]);
   drawDepthMaps(frame, wanted);
 
@@ -456,7 +469,6 @@ void LumigraphRenderer::Impl::setUniforms(const Frame& frame, const lod::draw::S
   glUniform2f(blend.uniform("u_viewport"), static_cast<float>(camera.width), static_cast<float>(camera.height));
   set("u_pixels_per_unit", camera.pixelsPerUnitAtOne());
   set("u_push", frame.push_per_distance);
-  set("u_error", frame.error_per_distance);
   glUniform1i(blend.uniform("u_carve"), frame.options.carve ? 1 : 0);
   glUniform1i(blend.uniform("u_fill"), frame.options.fill_holes || !frame.options.use_images ? 1 : 0);
   lod::draw::setViewModes(blend, frame.options.modes, camera);
@@ -478,6 +490,10 @@ void LumigraphRenderer::Impl::setUniforms(const Frame& frame, const lod::draw::S
   set("u_vote_power", tuning.vote_power);
   set("u_shade_blur", tuning.shade_blur);
   set("u_shade_weight", tuning.shade_weight);
+  set("u_image_noise", tuning.image_noise);
+  set("u_proxy_noise", tuning.proxy_noise);
+  set("u_near", tuning.near_errors);
+  set("u_outlier", tuning.outlier);
   glUniform2f(blend.uniform("u_edge"), static_cast<float>(patches.lattice().step),
               127.0F / lod::draw::kEdgeCodesPerOctave);
 }
@@ -494,38 +510,43 @@ void LumigraphRenderer::Impl::drawPatches(const Frame& frame) {
   const GLint list_location = blend.uniform("u_list[0]");
   const GLint count_location = blend.uniform("u_count");
   const GLint error_location = blend.uniform("u_patch_error");
-  const bool by_patch = frame.options.modes.resolution_colors;
+  const GLint proxy_error_location = blend.uniform("u_proxy_error");
   for (std::size_t first = 0; first < frame.patches.size();) {
     const std::uint32_t mask = maskOf(first);
     std::size_t last = first + 1;
-    while (!by_patch && last < frame.patches.size() && maskOf(last) == mask) ++last;
+    while (last < frame.patches.size() && maskOf(last) == mask) ++last;
     std::array<GLint, kMaxSamples> list{};
     GLint count = 0;
     for (GLint s = 0; s < kMaxSamples; ++s)
       if ((mask >> s & 1U) != 0) list[static_cast<std::size_t>(count++)] = s;
     glUniform4iv(list_location, kMaxSamples / 4, list.data());
     glUniform1i(count_location, count);
-    glUniform1f(error_location, frame.errors_px[first]);
-    patches.draw(std::span(frame.patches).subspan(first, last - first));
-    first = last;
+    for (; first < last; ++first) {
+      glUniform1f(error_location, frame.errors_px[first]);
+      glUniform2f(proxy_error_location, frame.proxy_errors[first].shape, frame.proxy_errors[first].color);
+      patches.draw(std::span(frame.patches).subspan(first, 1));
+    }
   }
 }
 
 void LumigraphRenderer::draw(const base::Camera& camera, std::span<const std::uint32_t> cut,
                              std::span<const SampleId> candidates, float cut_error_px,
                              const lod::draw::Shading& shading, const LumigraphOptions& options, double now,
-                             std::span<const std::uint32_t> occluders, std::span<const float> patch_error_px) {
+                             std::span<const std::uint32_t> occluders, std::span<const float> patch_error_px,
+                             std::span<const ProxyError> proxy_errors) {
   Impl& impl = *impl_;
   impl.settling = false;
   impl.stats = {};
 
   // Collect the frame's patches and samples.
-  Impl::Frame frame{camera, options, now, 0.0F, 0.0F, {}, {}, {}, {}, {}};
+  Impl::Frame frame{camera, options, now, 0.0F, 0.0F, {}, {}, {}, {}, {}, {}};
   frame.error_per_distance = cut_error_px / camera.pixelsPerUnitAtOne();
   for (const std::size_t i : frontToBack(cut, impl.patches, camera, options.modes.section)) {
     frame.patches.push_back(cut[i]);
     frame.errors_px.push_back(i < patch_error_px.size() ? patch_error_px[i] : cut_error_px);
     frame.boxes.push_back(impl.patches.box(cut[i]));
+    frame.proxy_errors.push_back(i < proxy_errors.size() ? proxy_errors[i]
+                                                         : guessedError(cut_error_px, camera, frame.boxes.back()));
   }
   if (occluders.empty()) occluders = cut;
   frame.occluders.assign(occluders.begin(), occluders.end());

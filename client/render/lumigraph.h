@@ -23,11 +23,12 @@ namespace client {
 
 using SampleId = std::uint64_t;
 
-/// How samples are weighted. The defaults measured best: docs/lumigraph-tuning.md.
+/// How samples are weighted. The defaults measured best: docs/decisions/blending-weights.md, docs/lumigraph-tuning.md.
 struct BlendTuning {
-  /// Weights are ∝ blur^−resolution_power. The blur in view pixels comes from the sample's texel and the proxy's error.
+  /// Weights are ∝ (expected error of the colour)^−resolution_power. An image's grows with its blur in view pixels,
+  /// which comes from its texel and the proxy's error.
   float resolution_power = 6.0F;
-  float shift = 0.3F;  ///< share of the proxy's projected error that counts as blur, times the angle between the rays
+  float shift = 3.0F;        ///< times the proxy's projected error and the angle between the rays: counts as blur
   float angle_power = 1.0F;  ///< weights are ∝ (angle between the rays to viewer and sample + angle_floor)^−angle_power
   float angle_floor = 0.001F;  ///< radians; small, so that at a sampling point its own image is the picture
   float vote_power = 3.0F;     ///< votes on coverage ∝ (angle + angle_floor)^−vote_power
@@ -36,9 +37,13 @@ struct BlendTuning {
   float side_low = -0.3F;      ///< cosine between normal and ray to the sample where its weight begins,
   float side_high = 0.0F;      ///< and where it is full
   float bias_texels = 2.0F;    ///< shadow bias in depth map texels, scaled by the slope
-  float bias_error = 0.15F;    ///< shadow bias in units of the proxy's error and push
+  float bias_error = 2.0F;     ///< shadow bias in units of the proxy's error and push
   float shade_blur = 0.7F;     ///< blur of the proxy's own shading, in edge lengths of its triangles
   float shade_weight = 5.0F;   ///< its weight, as an image would have it at 1 / shade_weight radians; 0: images alone
+  float image_noise = 0.01F;   ///< error of an image's colours by its coding, 0..1
+  float outlier = 1.7F;        ///< an image further from the proxy's colour than so many typical errors is doubted
+  float near_errors = 3.0F;    ///< an image that is nearer to the proxy than so many of its errors is not used
+  float proxy_noise = 0.004F;  ///< error of the proxy's colours beyond its stated one, 0..1
   float parallax = 2.0F;  ///< a pushed fragment is looked up this many push lengths further along the view ray, at most
 };
 
@@ -59,6 +64,12 @@ struct LumigraphOptions {
   float background[4] = {0.0F, 0.0F, 0.0F, 0.0F};
   lod::draw::ViewModes modes;
   BlendTuning tuning;
+};
+
+/// How far a patch of the proxy typically is from the model, as root mean squares.
+struct ProxyError {
+  float shape = 0.0F;  ///< scene units
+  float color = 0.0F;  ///< 0..1
 };
 
 struct LumigraphStats {
@@ -83,8 +94,9 @@ class LumigraphRenderer {
 
   /// Adds a sampling image with its perspective camera; false if there is no room. `rgba` may be of any size and is not
   /// resampled: each size has an array of layers, at most three sizes at a time, and an empty array gives way to
-  /// another size. Alpha is coverage: 0 background, 255 model. The sample fades in from `now` on, in seconds.
-  bool addSample(SampleId id, const base::Camera& camera, const base::Image& rgba, double now);
+  /// another size. Alpha is coverage: 0 background, 255 model. The sample fades in from `now` on, in seconds,
+  /// over `fade_share` of the usual time.
+  bool addSample(SampleId id, const base::Camera& camera, const base::Image& rgba, double now, float fade_share = 1.0F);
   void removeSample(SampleId id);
   /// Returns what this renderer has allocated on the GPU, by kind.
   base::gl::HeldBytes heldBytes() const;
@@ -96,12 +108,14 @@ class LumigraphRenderer {
   /// first.
   /// - `occluders`: uploaded patches for the depth maps, empty for the cut. Best a cut without culling, since patches
   ///   outside the view hide things from samples, too.
+  /// - `proxy_errors`: for each patch of `cut`; where empty, they are guessed from cut_error_px.
   /// - `patch_error_px`: for each patch of `cut`, for colours by resolution; empty: cut_error_px for all.
   /// A section plane cuts the picture, not the depth maps: images show the whole model, so no image sees what the plane
   /// exposes, and it is shaded by its normal.
   void draw(const base::Camera& camera, std::span<const std::uint32_t> cut, std::span<const SampleId> candidates,
             float cut_error_px, const lod::draw::Shading& shading, const LumigraphOptions& options, double now,
-            std::span<const std::uint32_t> occluders = {}, std::span<const float> patch_error_px = {});
+            std::span<const std::uint32_t> occluders = {}, std::span<const float> patch_error_px = {},
+            std::span<const ProxyError> proxy_errors = {});
 
   /// Whether drawWhole() can show this sample as the camera's picture: it is here, and of the camera's size.
   bool canDrawWhole(SampleId id, const base::Camera& camera) const;

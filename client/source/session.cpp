@@ -101,7 +101,7 @@ void Session::forget(CacheKey key) {
 
 std::uint64_t Session::frameBytes() const {
   std::uint64_t bytes = 0;
-  for (const protocol::Frame& frame : frames_) bytes += frame.value.size();
+  for (const NumberedFrame& kept : frames_) bytes += kept.frame.value.size();
   return bytes;
 }
 
@@ -149,10 +149,9 @@ base::Result<void> Session::acceptFrame(protocol::Frame&& message, std::size_t b
   ++stats_.frames_received;
   stats_.bytes_frames += bytes;
   if (!options_.frames) return {};  // it was on its way when they were switched off
-  std::erase_if(frames_, [&](const protocol::Frame& kept) { return kept.sequence == message.sequence; });
   if (message.last) last_frame_sequence_ = message.sequence;
-  events_.frames_added.push_back(message.sequence);
-  frames_.push_back(std::move(message));
+  events_.frames_added.push_back(++frame_number_);
+  frames_.push_back({frame_number_, std::move(message)});
   while (frames_.size() > kMaxFrames || frameBytes() > options_.frame_bytes) frames_.pop_front();
   stats_.frame_bytes = frameBytes();
   return {};
@@ -325,9 +324,9 @@ bool Session::complete() const {
   return !wantsFrame() || last_frame_sequence_ == sequence_;
 }
 
-const protocol::Frame* Session::frame(std::uint32_t sequence) const {
-  for (const protocol::Frame& frame : frames_)
-    if (frame.sequence == sequence) return &frame;
+const protocol::Frame* Session::frame(std::uint32_t number) const {
+  for (const NumberedFrame& kept : frames_)
+    if (kept.number == number) return &kept.frame;
   return nullptr;
 }
 

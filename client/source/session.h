@@ -59,7 +59,7 @@ struct SessionEvents {
   bool welcomed = false;  ///< the first Welcome arrived, or one of another scene: everything known before is void
   std::vector<repository::FaceKey> faces_added, faces_evicted;
   std::vector<std::uint32_t> groups_added, groups_evicted;
-  std::vector<std::uint32_t> frames_added;  ///< view sequences
+  std::vector<std::uint32_t> frames_added;  ///< their numbers: frames are counted as they arrive, from 1
 };
 
 class Session {
@@ -100,8 +100,8 @@ class Session {
   /// the LRU order.
   const base::Bytes* face(const repository::FaceKey& key) { return cache_.find(key.code()); }
   const base::Bytes* block(std::uint32_t group) { return cache_.find(kGroupTag | group); }
-  const protocol::Frame* frame(
-      std::uint32_t sequence) const;  ///< one of the 4 newest that fit into frame_bytes, else null
+  /// One of the 4 newest that fit into frame_bytes, else null. A view may have several, the newest being the best.
+  const protocol::Frame* frame(std::uint32_t number) const;
   /// Names what the current picture consists of. It is never evicted until the next call names something else, and
   /// counts as the most recently used.
   void setInUse(const std::vector<repository::FaceKey>& faces, const std::vector<std::uint32_t>& groups);
@@ -156,7 +156,12 @@ class Session {
   std::unordered_map<std::uint32_t, std::uint32_t>
       cached_children_;  // per group: cached groups that have it as a parent
   std::unordered_set<CacheKey> in_use_;
-  std::deque<protocol::Frame> frames_;     // oldest first
+  struct NumberedFrame {
+    std::uint32_t number;
+    protocol::Frame frame;
+  };
+  std::deque<NumberedFrame> frames_;       // oldest first
+  std::uint32_t frame_number_ = 0;         // of the newest, kept or not
   std::uint32_t last_frame_sequence_ = 0;  // view whose last frame arrived newest, kept or not
 
   std::deque<base::Bytes> greetings_;        // Hello or Holdings, sent before anything else

@@ -190,14 +190,16 @@ class Viewer {
   base::Result<void> startRenderer();
   base::Result<void> takeEvents();
   void addFace(const repository::FaceKey& key);
-  void addFrame(std::uint32_t sequence);
+  void addFrame(std::uint32_t number);
   void dropImage(SampleId id);
   void dropOldFrames();
   void takeDecoded();
   void updatePatches();
   void rankImages();
   void uploadImages(double now);
-  bool makeRoomFor(const BlendImage& image);
+  std::optional<SampleId> oldestFrameBefore(SampleId id) const;
+  std::optional<SampleId> replacedBy(SampleId id) const;
+  bool makeRoomFor(SampleId id);
   const BlendImage* worstResident(SampleId* id, const base::Camera* of_size_like) const;
   void submitImages();
   void markInUse();
@@ -231,6 +233,7 @@ class Viewer {
   bool samplesPending() const;
   bool settling() const;
   void drawFrames();
+  std::vector<ProxyError> proxyErrors() const;
   Accuracy accuracy() const;
 
   ViewerOptions options_;

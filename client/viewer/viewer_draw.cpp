@@ -61,11 +61,22 @@ void Viewer::drawBlended(bool moved, double now) {
   const bool has_samples = !options.unseen && bindSamples(samples);
   const lod::patch::Cut& cut = patches_.drawn();
   renderer_->draw(camera_, cut.patches, candidates_, cut.bound_px, shading_, options, now, patches_.occluders(),
-                  cut.patch_bound_px);
+                  cut.patch_bound_px, proxyErrors());
   if (options.unseen) return;
   probePins();
   if (has_samples) samples_.resolveTo(static_cast<GLuint>(target));
   samples_per_pixel_ = has_samples ? samples : 1;
+}
+
+std::vector<ProxyError> Viewer::proxyErrors() const {
+  const lod::patch::Hierarchy& hierarchy = session_.hierarchy();
+  std::vector<ProxyError> errors;
+  for (const std::uint32_t number : patches_.drawn().patches) {
+    const lod::patch::Patch& patch = hierarchy.patches[number];
+    errors.push_back(
+        {patch.own_typical_error, lod::patch::typicalColorErrorOf(patch, renderer_->patches().meanEdge(number))});
+  }
+  return errors;
 }
 
 // ---- samples ----

@@ -15,6 +15,9 @@ constexpr std::size_t kMaxDecoding = 16;
 /// A resident image gives way only to one of this much larger rank, so that near equals do not flicker. A choice: a
 /// larger factor keeps worse images longer.
 constexpr float kReplaceFactor = 1.2F;
+/// A moving eye gets a frame every twentieth of a second or so, which would be old before it had faded in as slowly as
+/// a face does.
+constexpr float kFrameFadeShare = 0.25F;
 
 /// Returns the bytes of a decoded image of this camera's size.
 std::uint64_t decodedBytes(const base::Camera& camera) {
@@ -38,7 +41,7 @@ base::Result<void> Viewer::takeEvents() {
   dropOldFrames();
 
   for (const repository::FaceKey& key : events.faces_added) addFace(key);
-  for (std::uint32_t sequence : events.frames_added) addFrame(sequence);
+  for (std::uint32_t number : events.frames_added) addFrame(number);
   for (std::uint32_t group : events.groups_added) patches_.arrived(group);
   return {};
 }
@@ -50,13 +53,12 @@ void Viewer::addFace(const repository::FaceKey& key) {
   images_.emplace(key.code(), std::move(image));
 }
 
-void Viewer::addFrame(std::uint32_t sequence) {
-  const protocol::Frame* frame = session_.frame(sequence);
+void Viewer::addFrame(std::uint32_t number) {
+  const protocol::Frame* frame = session_.frame(number);
   if (frame == nullptr) return;
   BlendImage image;
   image.camera = cameraAt(frame->camera);
-  dropImage(kFrameTag | sequence);
-  images_.emplace(kFrameTag | sequence, std::move(image));
+  images_.emplace(kFrameTag | number, std::move(image));
 }
 
 void Viewer::dropImage(SampleId id) {
@@ -142,13 +144,35 @@ const Viewer::BlendImage* Viewer::worstResident(SampleId* id, const base::Camera
   return nullptr;
 }
 
-/// Removes the least useful image of this size from the GPU when it is worth less than `image`.
-bool Viewer::makeRoomFor(const BlendImage& image) {
+/// Returns the frame that is the oldest on the GPU, of those before this one and of its size.
+std::optional<SampleId> Viewer::oldestFrameBefore(SampleId id) const {
+  std::optional<SampleId> oldest;
+  const base::Camera& camera = images_.at(id).camera;
+  for (const auto& [other, image] : images_) {
+    const bool fits = image.camera.width == camera.width && image.camera.height == camera.height;
+    if ((other & kFrameTag) == 0 || other >= oldest.value_or(id)) continue;
+    if (image.state == ImageState::kResident && fits) oldest = other;
+  }
+  return oldest;
+}
+
+/// Returns the image on the GPU that gives its place to this one: to a frame the oldest one, since a newer frame is
+/// better or of a newer view, else the least useful of its size if it is worth less. Nothing: none does.
+std::optional<SampleId> Viewer::replacedBy(SampleId id) const {
+  if ((id & kFrameTag) != 0)
+    if (const auto frame = oldestFrameBefore(id)) return frame;
+  const BlendImage& image = images_.at(id);
   SampleId worst_id = 0;
   const BlendImage* worst = worstResident(&worst_id, &image.camera);
-  if (worst == nullptr || worst->rank * kReplaceFactor >= image.rank) return false;
-  renderer_->removeSample(worst_id);
-  images_[worst_id].state = ImageState::kCached;
+  if (worst == nullptr || worst->rank * kReplaceFactor >= image.rank) return std::nullopt;
+  return worst_id;
+}
+
+bool Viewer::makeRoomFor(SampleId id) {
+  const auto replaced = replacedBy(id);
+  if (!replaced) return false;
+  renderer_->removeSample(*replaced);
+  images_[*replaced].state = (*replaced & kFrameTag) != 0 ? ImageState::kUnfit : ImageState::kCached;
   return true;
 }
 
@@ -157,8 +181,10 @@ void Viewer::uploadImages(double now) {
     BlendImage& image = images_[id];
     if (image.state != ImageState::kDecoded) continue;
     if (!spend(static_cast<double>(image.rgba.pixels.size()))) return;
-    bool added = renderer_->addSample(id, image.camera, image.rgba, now);
-    while (!added && makeRoomFor(image)) added = renderer_->addSample(id, image.camera, image.rgba, now);
+    const float fade_share = (id & kFrameTag) != 0 ? kFrameFadeShare : 1.0F;
+    const auto add = [&] { return renderer_->addSample(id, image.camera, image.rgba, now, fade_share); };
+    bool added = add();
+    while (!added && makeRoomFor(id)) added = add();
     // The GPU has no place for its size at all; it would be decoded again and again.
     const bool unfit = !added && worstResident(nullptr, &image.camera) == nullptr;
     gpu_full_ = gpu_full_ || (!added && !unfit);
@@ -192,10 +218,7 @@ void Viewer::submitImages() {
     if (decoder_->pending() >= kMaxDecoding) return;
     BlendImage& image = images_[id];
     if (image.state != ImageState::kCached || decoding_.count(id) != 0) continue;
-    if (gpu_full_) {
-      const BlendImage* worst = worstResident(nullptr, &image.camera);
-      if (worst != nullptr && worst->rank * kReplaceFactor >= image.rank) continue;
-    }
+    if (gpu_full_ && worstResident(nullptr, &image.camera) != nullptr && !replacedBy(id)) continue;
     const std::uint64_t bytes = decodedBytes(image.camera);
     if (bytes > plan_.decoded) {
       image.state = ImageState::kUnfit;

@@ -54,6 +54,17 @@ std::vector<Vertex> verticesOf(const patch::PatchGeometry& geometry, const Latti
   return vertices;
 }
 
+/// Returns √(2 · area / triangles), scene units.
+float meanEdgeOf(const std::vector<Vertex>& vertices, const std::vector<std::uint16_t>& indices) {
+  double doubled_area = 0.0;
+  for (std::size_t i = 0; i + 2 < indices.size(); i += 3) {
+    const glm::vec3& a = vertices[indices[i]].position;
+    const glm::vec3 normal = glm::cross(vertices[indices[i + 1]].position - a, vertices[indices[i + 2]].position - a);
+    doubled_area += static_cast<double>(glm::length(normal));
+  }
+  return static_cast<float>(std::sqrt(3.0 * doubled_area / std::max<double>(3.0, static_cast<double>(indices.size()))));
+}
+
 const void* bufferOffset(std::size_t offset) {
   return reinterpret_cast<const void*>(offset);
 }
@@ -83,6 +94,7 @@ void PatchMeshes::upload(std::uint32_t patch, const patch::PatchGeometry& geomet
   mesh.index_count = static_cast<GLsizei>(geometry.indices.size());
   mesh.bytes = bytesFor(vertices.size(), geometry.indices.size() / 3);
   for (const Vertex& vertex : vertices) mesh.box.add(vertex.position);
+  mesh.mean_edge = meanEdgeOf(vertices, geometry.indices);
 
   glBindVertexArray(mesh.array.name());
   base::gl::allocate(mesh.vertices, GL_ARRAY_BUFFER, vertices.data(), vertices.size() * sizeof(Vertex), GL_STATIC_DRAW);

@@ -34,6 +34,9 @@ class PatchMeshes {
   std::uint64_t gpuBytes() const { return bytes_; }
   /// Return the box and the triangle count of an uploaded patch.
   const base::Aabb& box(std::uint32_t patch) const { return mesh(patch).box; }
+  /// Returns the edge of a patch's mean triangle, scene units: √(2 · area / triangles), as the hierarchy's errors of
+  /// colour have it.
+  float meanEdge(std::uint32_t patch) const { return mesh(patch).mean_edge; }
   std::uint64_t triangles(std::uint32_t patch) const { return static_cast<std::uint64_t>(mesh(patch).index_count) / 3; }
   /// Returns the GPU bytes of an uploaded patch of this size.
   static std::uint64_t bytesFor(std::uint64_t vertices, std::uint64_t triangles);
@@ -47,6 +50,7 @@ class PatchMeshes {
     GLsizei index_count = 0;
     std::uint64_t bytes = 0;
     base::Aabb box;
+    float mean_edge = 0.0F;
   };
   const Mesh& mesh(std::uint32_t patch) const;
   Lattice lattice_;

@@ -13,6 +13,8 @@
 // a parent's error is at least its child's and a parent's sphere contains the child's, so projected errors are monotone
 // too and the rule "expand g when its projected error exceeds the tolerance" never expands g without its parents. Every
 // such cut is watertight.
+#include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <glm/glm.hpp>
 #include <limits>
@@ -75,6 +77,18 @@ inline float errorOf(const Group& group, base::ErrorMeasure measure) {
 inline float ownErrorOf(const Patch& patch, base::ErrorMeasure measure) {
   if (measure == base::ErrorMeasure::kBound) return patch.own_error;
   return measure == base::ErrorMeasure::kShape ? kVisibleRatio * patch.own_typical_error : patch.own_visible_error;
+}
+
+/// A difference of colour counts as a distance, in proportion to the edges over which colours are interpolated: one
+/// from black to white as so many edges (docs/decisions/visible-error.md).
+inline constexpr float kDetailLength = 2.0F;
+
+/// The typical difference between a patch's colours and the source's, 0 … 1, as far as its own errors tell: the visible
+/// error contains it. `mean_edge`: of the patch, scene units, above 0. 0 for leaves.
+inline float typicalColorErrorOf(const Patch& patch, float mean_edge) {
+  const float seen = patch.own_visible_error / kVisibleRatio;
+  const float detail = std::sqrt(std::max(0.0F, seen * seen - patch.own_typical_error * patch.own_typical_error));
+  return std::min(1.0F, detail / (kDetailLength * mean_edge));
 }
 
 struct Hierarchy {

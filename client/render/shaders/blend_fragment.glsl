@@ -21,8 +21,8 @@ uniform vec4 u_eye;                    // homogeneous; parallel views: w is 0, x
 uniform vec2 u_viewport;               // pixels
 uniform float u_pixels_per_unit;       // the view's pixels per scene unit, at distance 1
 uniform float u_patch_error;           // error of the patch being drawn, pixels
+uniform vec2 u_proxy_error;            // its typical errors: of shape, scene units; of colour, 0..1
 uniform float u_push;                  // outward shift per distance from the eye
-uniform float u_error;                 // the proxy's error per distance from the eye
 uniform bool u_carve;
 uniform bool u_fill;
 uniform vec4 u_background;
@@ -30,6 +30,7 @@ uniform vec4 u_background;
 // BlendTuning: lumigraph.h describes each.
 uniform float u_angle_power, u_angle_floor, u_resolution_power, u_shift, u_border, u_side_low, u_side_high;
 uniform float u_bias_texels, u_bias_error, u_parallax, u_carve_below, u_vote_power, u_shade_blur, u_shade_weight;
+uniform float u_image_noise, u_proxy_noise, u_near, u_outlier;
 
 in vec3 v_position;
 centroid in vec3 v_normal;
@@ -78,14 +79,27 @@ void main() {
   vec3 normal = dot(v_normal, facet) < 0.0 ? -v_normal : v_normal;
   float squared = dot(normal, normal);
   normal = squared > 1e-12 ? normal * inversesqrt(squared) : view_ray;
-  float error = u_error * view_distance;
-  float error_px = u_error * u_pixels_per_unit;
+  float error = u_proxy_error.x;
+  float color_error = u_proxy_error.y;
 
   // A pushed fragment lies in front of the surface that its view ray meets: look further along the ray.
   float push = u_push * view_distance;
   vec3 p = v_position - view_ray * min(push / max(dot(normal, view_ray), 0.01), u_parallax * push);
   vec2 view_ndc = gl_FragCoord.xy / u_viewport * 2.0 - 1.0;
   float view_density = u_pixels_per_unit / view_distance;
+  float error_px = error * view_density;
+
+  // The colours' error grows with the blur: the proxy's own colours are blurred over its triangles, and that error is
+  // known. `slope` is the error for each view pixel of blur.
+  float shade_blur = max(u_shade_blur * v_edge * view_density, 1.0) / clamp(dot(normal, view_ray), 0.05, 1.0);
+  float slope = color_error / shade_blur;
+  float image_noise2 = u_image_noise * u_image_noise;
+  // Images that are further from the proxy's colour than it errs most often show something else: what lies beside the
+  // edge of a hidden place. Where light makes the colours, their error is less sure.
+  float believable = u_outlier * (u_unlit ? 1.0 : 4.0);
+  float believable2 = 3.0 * believable * believable * (color_error * color_error + 2e-4);
+
+  vec3 shaded = shadeSurface(v_color, normal, to_eye);
 
   vec3 color_sum = vec3(0.0);      // premultiplied
   float coverage_sum = 0.0;
@@ -112,8 +126,12 @@ void main() {
     float seen = middle;
 
     // Visibility: the fragment is compared with the sample's depth map, with a bias that grows with the slope.
-    vec3 sample_ray = normalize(u_samples[i].eye.xyz - p);
+    vec3 to_sample = u_samples[i].eye.xyz - p;
+    float sample_distance = length(to_sample);
+    vec3 sample_ray = to_sample / sample_distance;
     float cosine = dot(normal, sample_ray);
+    // From so near that the model may lie behind the image's eye, the image shows something else.
+    seen *= smoothstep(u_near, 2.0 * u_near, sample_distance * abs(cosine) / max(error, 1e-20));
     float steep = clamp(min(abs(cosine), abs(dot(facet, sample_ray))), 0.1, 1.0);
     vec4 depth = u_samples[i].depth;
     float texel = depth.z * clip.w;
@@ -146,8 +164,12 @@ void main() {
     // proxy shifts the image by error × angle. Both count as blur in view pixels; the sharpest images weigh most.
     float blur = 1.0 / clamp(ratio * cosine, 0.01, 1.0);
     float shift = u_shift * error_px * angle;
-    float weight = seen * pow(blur * blur + shift * shift, -0.5 * u_resolution_power) *
+    float error2 = image_noise2 + slope * slope * (blur * blur - 1.0 + shift * shift);
+    float weight = seen * pow(error2 / image_noise2, -0.5 * u_resolution_power) *
                    pow(angle + u_angle_floor + kBorderAngle * (1.0 - middle), -u_angle_power);
+    vec3 off = color.rgb - color.a * shaded;
+    float doubt = dot(off, off) / believable2;
+    weight /= 1.0 + doubt * doubt;
     color_sum += weight * color.rgb;
     coverage_sum += weight * color.a;
     if (u_show_resolution) {
@@ -168,9 +190,8 @@ void main() {
   if (u_fill) {
     // The proxy's own shading is one more sample, whose texels are the proxy's triangles: it weighs more where the
     // images are coarser. Its blur contains the slant, as theirs does.
-    vec3 shaded = shadeSurface(v_color, normal, to_eye);
-    float blur = max(u_shade_blur * v_edge * view_density, 1.0) / clamp(dot(normal, view_ray), 0.05, 1.0);
-    float weight = u_shade_weight * pow(blur, -u_resolution_power);
+    float error2 = u_proxy_noise * u_proxy_noise + color_error * color_error;
+    float weight = u_shade_weight * pow(error2 / image_noise2, -0.5 * u_resolution_power);
     color = mix(shaded, (color_sum + weight * shaded) / max(coverage_sum + weight, 1e-20), images);
     shown = mix(shown, u_patch_error, weight / max(coverage_sum + weight, 1e-20));
   } else if (images < 1.0) {

@@ -30,9 +30,6 @@ constexpr std::size_t kManyGroups = 500;
 // Distances below this share of a group's error so far are not looked into, nor those below half a lattice step. A
 // choice: a smaller share looks into more triangles for bounds that hardly shrink.
 constexpr float kNegligible = 0.05F;
-// A difference of colour counts as a distance, in proportion to the edges over which colours are interpolated: one from
-// black to white as two edges (docs/decisions/visible-error.md).
-constexpr double kDetailLength = 2.0;
 // Where there are no colours, light makes them: normals whose ends differ by 1 (60 degrees) by half of black to white.
 constexpr float kShadingOfTurn = 0.5F;
 // A group's output is split along voxels of about this share of a patch: fine enough for even parts, coarse enough that
@@ -526,7 +523,7 @@ class LevelBuilder {
     record.typical_error = std::max(typical_below, static_cast<float>(std::sqrt(distance2)));
     record.typical_color_error = static_cast<float>(std::min(1.0, std::sqrt(color2)));
     const double edge = step * std::sqrt(2.0 * made.area / static_cast<double>(made.mesh.indices.size() / 3));
-    const double detail = kDetailLength * edge * static_cast<double>(record.typical_color_error);
+    const double detail = static_cast<double>(kDetailLength) * edge * static_cast<double>(record.typical_color_error);
     const double visible = static_cast<double>(kVisibleRatio) * std::sqrt(distance2 + detail * detail);
     record.visible_error = std::max(visible_below, static_cast<float>(visible));
   }

@@ -30,7 +30,8 @@ struct Samples {
 const base::Aabb kBox{glm::vec3(-0.5F), glm::vec3(0.5F)};
 
 std::vector<std::size_t> choose(const Samples& samples, const base::Camera& view, std::size_t limit) {
-  return client::chooseSamples(samples.pointers, std::span(&kBox, 1), view, limit, 1.0F, {});
+  const client::ProxyError error{0.001F, 0.1F};
+  return client::chooseSamples(samples.pointers, std::span(&kBox, 1), std::span(&error, 1), view, limit, {});
 }
 
 TEST(ChooseSamples, theNearestRayComesFirst) {

@@ -172,7 +172,7 @@ TEST_F(Lumigraph, anOrthographicFarViewLooksLikeAPerspectiveOneFromAfar) {
   const base::Image far = draw(base::cameraForScene(view, glm::dvec3(0.0), {glm::vec3(0.0F), 1.5F}));
   view.ortho_height = 2.4;
   const base::Image parallel = draw(base::cameraForScene(view, glm::dvec3(0.0), {glm::vec3(0.0F), 1.5F}));
-  EXPECT_GE(psnrOnCovered(far, parallel), 38.0);
+  EXPECT_GE(psnrOnCovered(far, parallel), 36.0) << "rays differ by up to 6 mrad, and so do the images' weights";
   EXPECT_GE(coverageOverlap(far, parallel), 0.98);
 }
 
