@@ -27,4 +27,4 @@ while [ $# -gt 0 ] && [ "$1" != -- ]; do
 done
 [ $# -lt 2 ] || report=$2
 "$bin/lumigrid-compare" "${scenes[@]}" --paths orbit-fast,teleports-fast --links 1Mbit/60ms/20ms/1% --seconds 4 \
-  --size 320 240 --instants 8 --truth-supersampling 2 --no-pictures --report "$report" --baseline "$baseline"
+  --size 320 240 --instants 8 --no-pictures --report "$report" --baseline "$baseline"
