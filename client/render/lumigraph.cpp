@@ -98,8 +98,6 @@ struct LumigraphRenderer::Impl {
     const base::Camera& camera;
     const LumigraphOptions& options;
     double now = 0.0;
-    float error_per_distance = 0.0F;
-    float push_per_distance = 0.0F;
     std::vector<std::uint32_t> patches;    ///< front to back, without those that the section cuts away
     std::vector<float> errors_px;          ///< beside `patches`
     std::vector<ProxyError> proxy_errors;  ///< beside `patches`
@@ -121,7 +119,6 @@ struct LumigraphRenderer::Impl {
                                std::vector<std::uint32_t>* overlapping) const;
   void drawDepthMaps(Frame& frame, const std::vector<Sample*>& wanted);
   void drawDepthMap(Sample& sample, const std::vector<std::uint32_t>& overlapping);
-  float strongestFade(const Frame& frame) const;
   void uploadBlock(const Frame& frame);
   void setUniforms(const Frame& frame, const lod::draw::Shading& shading);
   void bindArrays() const;
@@ -406,14 +403,6 @@ void LumigraphRenderer::Impl::updateSamples(Frame& frame, std::span<const Sample
   }
 }
 
-/// Without images nothing is carved, so nothing is pushed either; the push comes in with the first image.
-float LumigraphRenderer::Impl::strongestFade(const Frame& frame) const {
-  float strongest = 0.0F;
-  for (const Sample* sample : frame.active)
-    strongest = std::max(strongest, sample->fadeAt(frame.now, frame.options.fade_seconds));
-  return strongest;
-}
-
 void LumigraphRenderer::Impl::uploadBlock(const Frame& frame) {
   std::vector<const SampleGeometry*> geometries;
   std::vector<float> fades;
@@ -468,7 +457,6 @@ void LumigraphRenderer::Impl::setUniforms(const Frame& frame, const lod::draw::S
   glUniform4f(blend.uniform("u_eye"), eye.x, eye.y, eye.z, eye.w);
   glUniform2f(blend.uniform("u_viewport"), static_cast<float>(camera.width), static_cast<float>(camera.height));
   set("u_pixels_per_unit", camera.pixelsPerUnitAtOne());
-  set("u_push", frame.push_per_distance);
   glUniform1i(blend.uniform("u_carve"), frame.options.carve ? 1 : 0);
   glUniform1i(blend.uniform("u_fill"), frame.options.fill_holes || !frame.options.use_images ? 1 : 0);
   lod::draw::setViewModes(blend, frame.options.modes, camera);
@@ -485,7 +473,6 @@ void LumigraphRenderer::Impl::setUniforms(const Frame& frame, const lod::draw::S
   set("u_side_high", tuning.side_high);
   set("u_bias_texels", tuning.bias_texels);
   set("u_bias_error", tuning.bias_error);
-  set("u_parallax", tuning.parallax);
   set("u_carve_below", tuning.carve_below);
   set("u_vote_power", tuning.vote_power);
   set("u_shade_blur", tuning.shade_blur);
@@ -539,8 +526,7 @@ void LumigraphRenderer::draw(const base::Camera& camera, std::span<const std::ui
   impl.stats = {};
 
   // Collect the frame's patches and samples.
-  Impl::Frame frame{camera, options, now, 0.0F, 0.0F, {}, {}, {}, {}, {}, {}};
-  frame.error_per_distance = cut_error_px / camera.pixelsPerUnitAtOne();
+  Impl::Frame frame{camera, options, now, {}, {}, {}, {}, {}, {}};
   for (const std::size_t i : frontToBack(cut, impl.patches, camera, options.modes.section)) {
     frame.patches.push_back(cut[i]);
     frame.errors_px.push_back(i < patch_error_px.size() ? patch_error_px[i] : cut_error_px);
@@ -552,7 +538,6 @@ void LumigraphRenderer::draw(const base::Camera& camera, std::span<const std::ui
   frame.occluders.assign(occluders.begin(), occluders.end());
   impl.updateSamples(frame, candidates);
   if (options.unseen) return impl.countFrame(frame);
-  if (options.carve) frame.push_per_distance = options.push * frame.error_per_distance * impl.strongestFade(frame);
   impl.uploadBlock(frame);
 
   glViewport(0, 0, camera.width, camera.height);

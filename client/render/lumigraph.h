@@ -37,14 +37,13 @@ struct BlendTuning {
   float side_low = -0.3F;      ///< cosine between normal and ray to the sample where its weight begins,
   float side_high = 0.0F;      ///< and where it is full
   float bias_texels = 2.0F;    ///< shadow bias in depth map texels, scaled by the slope
-  float bias_error = 2.0F;     ///< shadow bias in units of the proxy's error and push
+  float bias_error = 2.0F;     ///< shadow bias in units of the proxy's error
   float shade_blur = 0.7F;     ///< blur of the proxy's own shading, in edge lengths of its triangles
   float shade_weight = 5.0F;   ///< its weight, as an image would have it at 1 / shade_weight radians; 0: images alone
   float image_noise = 0.01F;   ///< error of an image's colours by its coding, 0..1
   float outlier = 1.7F;        ///< an image further from the proxy's colour than so many typical errors is doubted
   float near_errors = 3.0F;    ///< an image that is nearer to the proxy than so many of its errors is not used
   float proxy_noise = 0.004F;  ///< error of the proxy's colours beyond its stated one, 0..1
-  float parallax = 2.0F;  ///< a pushed fragment is looked up this many push lengths further along the view ray, at most
 };
 
 struct LumigraphOptions {
@@ -56,10 +55,6 @@ struct LumigraphOptions {
   bool carve = true;       ///< discard fragments that the images' votes call background
   bool unseen = false;     ///< depth maps, fades and figures go on as in any frame, but nothing is drawn
   bool fill_holes = true;  ///< shade what no image sees by vertex colour, normal and light; otherwise leave background
-  /// The proxy is pushed outward along its normals by this many times its projected error, then carved. 0 measured best
-  /// on our hierarchies, whose stated error is a bound several times the typical one; 0.2 to 0.4 of an exact error
-  /// helps a proxy that lies inside of the surface.
-  float push = 0.0F;
   bool use_images = true;  ///< false: draw the proxy shaded by its vertex colours
   float background[4] = {0.0F, 0.0F, 0.0F, 0.0F};
   lod::draw::ViewModes modes;
@@ -102,13 +97,13 @@ class LumigraphRenderer {
   base::gl::HeldBytes heldBytes() const;
 
   /// Draws into the framebuffer bound now, viewport 0,0 … camera.width × height. Colours are blended as sRGB values.
-  /// - `cut`: uploaded patches. `cut_error_px`: the largest projected error among them, for push, shadow bias and
-  /// weights.
+  /// - `cut`: uploaded patches. `cut_error_px`: the largest projected bound among them; `proxy_errors` are
+  /// guessed from it where they are missing.
   /// - `candidates`: resident samples to choose from, empty for all; those that add most are taken, of equals the
   /// first.
   /// - `occluders`: uploaded patches for the depth maps, empty for the cut. Best a cut without culling, since patches
   ///   outside the view hide things from samples, too.
-  /// - `proxy_errors`: for each patch of `cut`; where empty, they are guessed from cut_error_px.
+  /// - `proxy_errors`: for each patch of `cut`, for shadow bias and weights.
   /// - `patch_error_px`: for each patch of `cut`, for colours by resolution; empty: cut_error_px for all.
   /// A section plane cuts the picture, not the depth maps: images show the whole model, so no image sees what the plane
   /// exposes, and it is shaded by its normal.

@@ -22,14 +22,13 @@ uniform vec2 u_viewport;               // pixels
 uniform float u_pixels_per_unit;       // the view's pixels per scene unit, at distance 1
 uniform float u_patch_error;           // error of the patch being drawn, pixels
 uniform vec2 u_proxy_error;            // its typical errors: of shape, scene units; of colour, 0..1
-uniform float u_push;                  // outward shift per distance from the eye
 uniform bool u_carve;
 uniform bool u_fill;
 uniform vec4 u_background;
 
 // BlendTuning: lumigraph.h describes each.
 uniform float u_angle_power, u_angle_floor, u_resolution_power, u_shift, u_border, u_side_low, u_side_high;
-uniform float u_bias_texels, u_bias_error, u_parallax, u_carve_below, u_vote_power, u_shade_blur, u_shade_weight;
+uniform float u_bias_texels, u_bias_error, u_carve_below, u_vote_power, u_shade_blur, u_shade_weight;
 uniform float u_image_noise, u_proxy_noise, u_near, u_outlier;
 
 in vec3 v_position;
@@ -62,6 +61,11 @@ float litAround(int array, vec4 place, vec2 texel) {
 // fade would happen within the last thousandth of its width. Radians, about the angle between neighbouring images.
 const float kBorderAngle = 0.3;
 
+// Light's colours are believed at so many times the distance. Measured: docs/decisions/blending-weights.md.
+const float kLitDoubt = 4.0;
+// Squared: no image is doubted for less than 0.014, about what its coding does beside an edge. A choice.
+const float kLeastError2 = 2e-4;
+
 void main() {
   if (isCutAway(v_position)) discard;
   if (u_cut_open && !gl_FrontFacing) {
@@ -82,9 +86,6 @@ void main() {
   float error = u_proxy_error.x;
   float color_error = u_proxy_error.y;
 
-  // A pushed fragment lies in front of the surface that its view ray meets: look further along the ray.
-  float push = u_push * view_distance;
-  vec3 p = v_position - view_ray * min(push / max(dot(normal, view_ray), 0.01), u_parallax * push);
   vec2 view_ndc = gl_FragCoord.xy / u_viewport * 2.0 - 1.0;
   float view_density = u_pixels_per_unit / view_distance;
   float error_px = error * view_density;
@@ -96,8 +97,8 @@ void main() {
   float image_noise2 = u_image_noise * u_image_noise;
   // Images that are further from the proxy's colour than it errs most often show something else: what lies beside the
   // edge of a hidden place. Where light makes the colours, their error is less sure.
-  float believable = u_outlier * (u_unlit ? 1.0 : 4.0);
-  float believable2 = 3.0 * believable * believable * (color_error * color_error + 2e-4);
+  float believable = u_outlier * (u_unlit ? 1.0 : kLitDoubt);
+  float believable2 = 3.0 * believable * believable * (color_error * color_error + kLeastError2);
 
   vec3 shaded = shadeSurface(v_color, normal, to_eye);
 
@@ -111,7 +112,7 @@ void main() {
 
   for (int k = 0; k < u_count; ++k) {
     int i = u_list[k >> 2][k & 3];
-    vec4 clip = u_samples[i].clip_from_scene * vec4(p, 1.0);
+    vec4 clip = u_samples[i].clip_from_scene * vec4(v_position, 1.0);
     if (clip.w <= 0.0) continue;
     vec2 ndc = clip.xy / clip.w;
     vec4 inside = vec4(1.0 + ndc.x, 1.0 - ndc.x, 1.0 + ndc.y, 1.0 - ndc.y);
@@ -126,7 +127,7 @@ void main() {
     float seen = middle;
 
     // Visibility: the fragment is compared with the sample's depth map, with a bias that grows with the slope.
-    vec3 to_sample = u_samples[i].eye.xyz - p;
+    vec3 to_sample = u_samples[i].eye.xyz - v_position;
     float sample_distance = length(to_sample);
     vec3 sample_ray = to_sample / sample_distance;
     float cosine = dot(normal, sample_ray);
@@ -136,7 +137,7 @@ void main() {
     vec4 depth = u_samples[i].depth;
     float texel = depth.z * clip.w;
     float bias = u_bias_texels * texel * (1.0 + sqrt(1.0 - steep * steep) / steep) +
-                 u_bias_error * (error + push) / max(steep, 0.4);
+                 u_bias_error * error / max(steep, 0.4);
     float reference = 0.5 * (depth.y / max(clip.w - bias, 1e-6 * clip.w) - depth.x) + 0.5;
     vec4 place = u_samples[i].place;
     int array = int(place.x);

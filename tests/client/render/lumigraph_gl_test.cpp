@@ -381,20 +381,6 @@ TEST_F(Lumigraph, carvingGivesACoarseProxyTheSilhouetteOfTheImages) {
   EXPECT_GE(carved, 0.95);
 }
 
-TEST_F(Lumigraph, pushingWidensAProxyThatIsTooSmall) {
-  makeBall(0.97F, 30);
-  for (int i = 0; i < 3; ++i)
-    addCube({-0.5F + 0.5F * static_cast<float>(i), -3.0F, 0.2F}, static_cast<SampleId>(10 * i));
-  options_.max_samples = 32;
-  const base::Camera camera = lookAt(kEye, glm::vec3(0.0F), 240, 240, 45.0F);
-  const base::Image truth = castRays(scene_, camera);
-  const float error_px = 0.03F * camera.pixelsPerUnitAtOne() / 2.0F;
-  options_.push = 0.0F;
-  const double without = coverageOverlap(truth, draw(camera, 0.0, error_px));
-  options_.push = 1.0F;
-  EXPECT_GT(coverageOverlap(truth, draw(camera, 0.0, error_px)), without + 0.02);
-}
-
 TEST_F(Lumigraph, shadesSurfacesWithoutImagesOrLeavesTheBackground) {
   scene_.balls = {{glm::vec3(0.0F), 1.0F, kRed}};
   addPatch(ballPatch(glm::vec3(0.0F), 1.0F, 60, {40, 80, 160, 255}));

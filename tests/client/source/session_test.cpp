@@ -166,12 +166,16 @@ TEST(Session, aViewIsCompleteWhenTheServerSaysSoOfTheNewest) {
   EXPECT_TRUE(session.complete());
 }
 
+void connectWithFrames(ScriptedServer& server, Session& session) {
+  server.welcome.can_render_frames = true;
+  session.connected();
+  receive(session, server.sayWelcome());
+}
+
 TEST(Session, withExactFramesAViewIsCompleteOnceItsLastFrameIsThere) {
   ScriptedServer frames;
-  frames.welcome.can_render_frames = true;
   Session session({});
-  session.connected();
-  receive(session, frames.sayWelcome());
+  connectWithFrames(frames, session);
   session.setView(frames.lookDown(20.0));
   EXPECT_TRUE(only<protocol::View>(sent(session)).at(0).want_frame);
   receive(session, frames.sayComplete(1));
@@ -191,10 +195,8 @@ TEST(Session, withExactFramesAViewIsCompleteOnceItsLastFrameIsThere) {
 
 TEST(Session, onlyTheFourNewestFramesAreKept) {
   ScriptedServer frames;
-  frames.welcome.can_render_frames = true;
   Session session({});
-  session.connected();
-  receive(session, frames.sayWelcome());
+  connectWithFrames(frames, session);
   for (std::uint32_t i = 1; i <= 6; ++i) {
     session.setView(frames.lookDown(20.0 + i));
     sent(session);
@@ -206,10 +208,8 @@ TEST(Session, onlyTheFourNewestFramesAreKept) {
 
 TEST(Session, framesOnTheirWayWhenTheyAreSwitchedOffAreDropped) {
   ScriptedServer frames;
-  frames.welcome.can_render_frames = true;
   Session session({});
-  session.connected();
-  receive(session, frames.sayWelcome());
+  connectWithFrames(frames, session);
   session.setView(frames.lookDown(20.0));
   sent(session);
   session.setWanted(true, false);

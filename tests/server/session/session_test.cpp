@@ -480,14 +480,20 @@ std::size_t frameAt(const std::vector<ServerMessage>& messages) {
   return static_cast<std::size_t>(std::find_if(messages.begin(), messages.end(), isFrame) - messages.begin());
 }
 
+/// Says the first view, from above, with frames whose last has this quality.
+protocol::View sayFramesWanted(const TestScene& scene, Talk& talk, int quality) {
+  protocol::View view = scene.view(1, kAbove);
+  view.want_frame = true;
+  view.frame_quality = static_cast<std::uint8_t>(quality);
+  EXPECT_TRUE(talk.say(view));
+  return view;
+}
+
 TEST(Session, frameIsRequestedAtOnceAndFollowsTheCoarseModel) {
   TestScene scene;
   Talk talk(withFrames(scene).data);
   talk.greet();
-  protocol::View view = scene.view(1, kAbove);
-  view.want_frame = true;
-  view.frame_quality = 70;
-  ASSERT_TRUE(talk.say(view));
+  const protocol::View view = sayFramesWanted(scene, talk, 70);
   const auto request = talk.session.nextFrameRequest();
   ASSERT_TRUE(request);
   EXPECT_EQ(request->sequence, 1U);
@@ -513,10 +519,7 @@ TEST(Session, otherMessagesGoWhileTheFrameIsRendered) {
   TestScene scene;
   Talk talk(withFrames(scene).data);
   talk.greet();
-  protocol::View view = scene.view(1, kAbove);
-  view.want_frame = true;
-  view.frame_quality = 70;
-  ASSERT_TRUE(talk.say(view));
+  sayFramesWanted(scene, talk, 70);
   const auto request = talk.session.nextFrameRequest();
   const auto messages = talk.drain();
   EXPECT_EQ(completeAt(messages, 1), messages.size() - 1) << "but nothing ahead of need";
@@ -529,10 +532,7 @@ TEST(Session, quickFrameComesFirstAndTheLastOneAfterCompletion) {
   TestScene scene;
   Talk talk(withFrames(scene).data);
   talk.greet();
-  protocol::View view = scene.view(1, kAbove);
-  view.want_frame = true;
-  view.frame_quality = 95;
-  ASSERT_TRUE(talk.say(view));
+  sayFramesWanted(scene, talk, 95);
   const auto quick = talk.session.nextFrameRequest();
   ASSERT_TRUE(quick);
   EXPECT_LT(quick->quality, 95);
@@ -611,10 +611,7 @@ TEST(Session, failedFrameHoldsNothingUp) {
   TestScene scene;
   Talk talk(withFrames(scene).data);
   talk.greet();
-  protocol::View view = scene.view(1, kAbove);
-  view.want_frame = true;
-  view.frame_quality = 70;
-  ASSERT_TRUE(talk.say(view));
+  sayFramesWanted(scene, talk, 70);
   const auto request = *talk.session.nextFrameRequest();
   talk.drain();
   talk.session.frameRendered(request, {});
