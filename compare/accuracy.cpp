@@ -140,7 +140,7 @@ base::Result<Accuracy> measureAccuracy(const base::Image& truth, const base::Ima
   return result;
 }
 
-double measureFlicker(const JudgedPicture& before, const JudgedPicture& after) {
+Flicker measureFlicker(const JudgedPicture& before, const JudgedPicture& after) {
   const auto change = [](const base::Image& from, const base::Image& to) {
     cv::Mat difference;
     cv::absdiff(overGrey(viewOf(from)), overGrey(viewOf(to)), difference);
@@ -152,7 +152,11 @@ double measureFlicker(const JudgedPicture& before, const JudgedPicture& after) {
   cv::Mat beyond = change(before.picture, after.picture) - change(before.truth, after.truth);
   cv::threshold(beyond, beyond, 0.0, 0.0, cv::THRESH_TOZERO);
   const cv::Scalar mean = cv::mean(beyond, foreground);
-  return (mean[0] + mean[1] + mean[2]) / 3.0;
+  cv::Mat largest;
+  cv::reduce(beyond.reshape(1, static_cast<int>(beyond.total())), largest, 1, cv::REDUCE_MAX);
+  const cv::Mat visible = (largest.reshape(1, beyond.rows) > Flicker::kVisible) & foreground;
+  return {(mean[0] + mean[1] + mean[2]) / 3.0,
+          cv::countNonZero(visible) / std::max(1.0, 1.0 * cv::countNonZero(foreground))};
 }
 
 base::Image overMidGrey(const base::Image& rgba) {

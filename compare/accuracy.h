@@ -28,10 +28,15 @@ base::Result<Accuracy> measureAccuracy(const base::Image& truth, const base::Ima
 struct JudgedPicture {
   base::Image truth, picture;
 };
-/// How much more a display changes from one frame to the next than the truth does: the mean of
-/// max(0, |p₁ − p₀| − |t₁ − t₀|) over RGB of the pixels that are foreground in any of the four pictures, 8-bit levels.
-/// A picture that lacks detail does not flicker; sparks at seams, popping and judder do. 0 where nothing is foreground.
-double measureFlicker(const JudgedPicture& before, const JudgedPicture& after);
+/// How much more a display changes from one frame to the next than the truth does: max(0, |p₁ − p₀| − |t₁ − t₀|) in
+/// 8-bit levels, over the pixels that are foreground in any of the four pictures. A picture that lacks detail does not
+/// flicker; sparks at seams, popping and judder do. 0 where nothing is foreground.
+struct Flicker {
+  static constexpr double kVisible = 8.0;  ///< levels; a choice: smaller changes are hardly seen
+  double mean = 0.0;                       ///< over RGB, levels
+  double share = 0.0;                      ///< pixels of which a channel changes by more than kVisible, 0..1
+};
+Flicker measureFlicker(const JudgedPicture& before, const JudgedPicture& after);
 
 /// Lays a picture with coverage over mid-grey, as measureAccuracy() does. RGB.
 base::Image overMidGrey(const base::Image& rgba);

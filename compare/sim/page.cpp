@@ -162,8 +162,8 @@ bool onFront(const PlayedRun& run, const Runs& runs) {
 std::string tableOf(const Runs& runs) {
   std::string out = "<div class=\"scroll\"><table><thead><tr>";
   for (const char* name : {"method", "knob", "front", "dB, mean", "dB, 5th percentile", "SSIM", "holes %",
-                           "silhouette px, 95 %", "flicker", "MB", "requests", "s to a picture", "s to 25 dB",
-                           "s to 30 dB", "s to 35 dB", "s to rest", "dB at rest"})
+                           "silhouette px, 95 %", "flicker", "flickering pixels %", "MB", "requests", "s to a picture",
+                           "s to 25 dB", "s to 30 dB", "s to 35 dB", "s to rest", "dB at rest"})
     out += std::string("<th>") + name + "</th>";
   out += "</tr></thead><tbody>\n";
   for (const PlayedRun* run : runs) {
@@ -171,7 +171,8 @@ std::string tableOf(const Runs& runs) {
     out += "<tr><td>" + escapeMarkup(run->setting.method) + "</td>" + cell(run->setting.knob, "%g") +
            (onFront(*run, runs) ? "<td>●</td>" : "<td></td>") + cell(run->meanPsnr(), "%.2f") +
            cell(run->p5Psnr(), "%.2f") + cell(run->meanSsim(), "%.3f") + cell(100.0 * run->meanMissing(), "%.2f") +
-           cell(run->p95Silhouette(), "%.1f") + cell(run->meanFlicker(), "%.2f") + cell(megabytes(*run), "%.2f") +
+           cell(run->p95Silhouette(), "%.1f") + cell(run->meanFlicker().mean, "%.2f") +
+           cell(100.0 * run->meanFlicker().share, "%.2f") + cell(megabytes(*run), "%.2f") +
            cell(static_cast<double>(last.counts.requests), "%.0f");
     for (const double seconds :
          {run->secondsToFirst(), run->secondsTo(25.0), run->secondsTo(30.0), run->secondsTo(35.0), run->rest_seconds})

@@ -140,7 +140,7 @@ class Run {
     const JudgedPicture before = *std::exchange(before_, std::nullopt);
     LUMIGRID_ASSIGN_OR_RETURN(auto picture, player_.draw());
     LUMIGRID_ASSIGN_OR_RETURN(auto reference, truth_.picture(path_.at(timeOf(frame)), painter_));
-    const double flicker = measureFlicker(before, {std::move(reference), std::move(picture)});
+    const Flicker flicker = measureFlicker(before, {std::move(reference), std::move(picture)});
     for (DisplayedFrame& shown : run_.frames)
       if (shown.kind == InstantKind::kMoving && !shown.flicker) shown.flicker = flicker;
     return {};
@@ -237,14 +237,16 @@ double PlayedRun::meanMissing() const {
   return meanOf(moving(), [](const Accuracy& a) { return a.missing_share; });
 }
 
-double PlayedRun::meanFlicker() const {
-  double sum = 0.0, count = 0.0;
+Flicker PlayedRun::meanFlicker() const {
+  Flicker sum;
+  double count = 0.0;
   for (const DisplayedFrame& frame : frames)
     if (frame.flicker) {
-      sum += *frame.flicker;
+      sum.mean += frame.flicker->mean;
+      sum.share += frame.flicker->share;
       count += 1.0;
     }
-  return sum / std::max(1.0, count);
+  return {sum.mean / std::max(1.0, count), sum.share / std::max(1.0, count)};
 }
 
 double PlayedRun::silhouette() const {

@@ -36,7 +36,7 @@ struct DisplayedFrame {
   PlayerCounts counts;
   bool at_rest = false;
   Accuracy accuracy;
-  std::optional<double> flicker;              ///< to the display's next frame (measureFlicker); of moving frames alone
+  std::optional<Flicker> flicker;             ///< to the display's next frame (measureFlicker); of moving frames alone
   base::Bytes picture_jpeg, difference_jpeg;  ///< for the page: of a run's worst and median moving frames alone
 };
 
@@ -51,7 +51,7 @@ struct PlayedRun {
   double p5Psnr() const;  ///< 5th percentile: the worst of twelve
   double meanSsim() const;
   double meanMissing() const;
-  double meanFlicker() const;
+  Flicker meanFlicker() const;
   double silhouette() const;     ///< mean over frames of the silhouettes' mean distance, pixels
   double p95Silhouette() const;  ///< mean over frames of the 95th percentiles
   /// The first judged instant whose picture, and every later one, has this PSNR; < 0: never.

@@ -136,7 +136,7 @@ std::string resultsCsv(const std::vector<PlayedRun>& runs) {
   std::string out =
       "scene,method,knob,path,link,instant,seconds,bytes,bytes_images,bytes_patches,bytes_frames,requests,cache_bytes,"
       "triangles,images,age_s,at_rest,psnr_db,ssim,mean_abs,holes_share,excess_share,silhouette_px,silhouette_p95_px,"
-      "flicker,foreground,draw_wall_ms\n";
+      "flicker,flicker_share,foreground,draw_wall_ms\n";
   for (const PlayedRun& run : runs)
     for (const DisplayedFrame& f : run.frames) {
       const Accuracy& a = f.accuracy;
@@ -147,7 +147,7 @@ std::string resultsCsv(const std::vector<PlayedRun>& runs) {
                         f.at_rest ? 1 : 0) +
              formatText(",%.3f,%.5f,%.3f,%.5f,%.5f,%.3f,%.3f,%s,%llu,%.2f\n", a.psnr_db, a.ssim, a.mean_abs,
                         a.missing_share, a.excess_share, a.silhouette_px, a.silhouette_p95_px,
-                        f.flicker ? formatText("%.3f", *f.flicker).c_str() : "",
+                        f.flicker ? formatText("%.3f,%.5f", f.flicker->mean, f.flicker->share).c_str() : ",",
                         static_cast<unsigned long long>(a.foreground), f.draw_wall_ms);
     }
   return out;
@@ -156,14 +156,16 @@ std::string resultsCsv(const std::vector<PlayedRun>& runs) {
 std::string summaryCsv(const std::vector<PlayedRun>& runs) {
   std::string out =
       "scene,method,knob,path,link,frames,bytes,bytes_images,bytes_patches,bytes_frames,mean_psnr_db,p5_psnr_db,"
-      "mean_ssim,holes_share,silhouette_px,silhouette_p95_px,flicker,time_to_first_s,time_to_25_s,time_to_30_s,"
+      "mean_ssim,holes_share,silhouette_px,silhouette_p95_px,flicker,flicker_share,time_to_first_s,time_to_25_s,time_"
+      "to_30_s,"
       "time_to_35_s,at_rest_psnr_db,rest_s,draw_wall_ms\n";
   for (const PlayedRun& run : runs) {
+    const Flicker flicker = run.meanFlicker();
     double wall = 0.0;
     for (const DisplayedFrame& f : run.frames) wall += f.draw_wall_ms / static_cast<double>(run.frames.size());
     out += keyColumns(run) + "," + std::to_string(run.moving().size()) + "," + byteColumns(run.frames.back().counts) +
-           formatText(",%.3f,%.3f,%.5f,%.5f,%.3f,%.3f,%.3f", run.meanPsnr(), run.p5Psnr(), run.meanSsim(),
-                      run.meanMissing(), run.silhouette(), run.p95Silhouette(), run.meanFlicker()) +
+           formatText(",%.3f,%.3f,%.5f,%.5f,%.3f,%.3f,%.3f,%.5f", run.meanPsnr(), run.p5Psnr(), run.meanSsim(),
+                      run.meanMissing(), run.silhouette(), run.p95Silhouette(), flicker.mean, flicker.share) +
            "," + secondsText(run.secondsToFirst()) + "," + secondsText(run.secondsTo(25.0)) + "," +
            secondsText(run.secondsTo(30.0)) + "," + secondsText(run.secondsTo(35.0)) + "," + restText(run) + "," +
            secondsText(run.rest_seconds) + formatText(",%.2f\n", wall);

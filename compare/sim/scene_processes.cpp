@@ -27,7 +27,7 @@ void writeFrame(const DisplayedFrame& frame, base::ByteWriter& out) {
   out.write(frame.at_rest);
   out.write(frame.accuracy);
   out.write(frame.flicker.has_value());
-  out.write(frame.flicker.value_or(0.0));
+  out.write(frame.flicker.value_or(Flicker{}));
   for (const base::Bytes* picture : {&frame.picture_jpeg, &frame.difference_jpeg}) {
     out.u32(static_cast<std::uint32_t>(picture->size()));
     out.bytes(*picture);
@@ -43,7 +43,7 @@ DisplayedFrame readFrame(base::ByteReader& in) {
   frame.at_rest = in.read<bool>();
   frame.accuracy = in.read<Accuracy>();
   const bool flickers = in.read<bool>();
-  const double flicker = in.f64();
+  const auto flicker = in.read<Flicker>();
   if (flickers) frame.flicker = flicker;
   for (base::Bytes* picture : {&frame.picture_jpeg, &frame.difference_jpeg}) {
     const base::ByteView bytes = in.bytes(in.u32());

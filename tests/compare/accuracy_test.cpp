@@ -142,17 +142,19 @@ TEST(Accuracy, ssimFallsWhenStructureIsLostAndPsnrIsTheSame) {
 TEST(Accuracy, flickerIsWhatADisplayChangesBeyondTheTruth) {
   using compare::measureFlicker;
   const base::Image dark = halfCovered(0), bright = halfCovered(10);
-  EXPECT_EQ(measureFlicker({dark, dark}, {bright, bright}), 0.0);
-  EXPECT_NEAR(measureFlicker({dark, dark}, {dark, bright}), 10.0, 1e-4);
+  EXPECT_EQ(measureFlicker({dark, dark}, {bright, bright}).mean, 0.0);
+  EXPECT_NEAR(measureFlicker({dark, dark}, {dark, bright}).mean, 10.0, 1e-4);
   // A picture that stays while the truth changes is wrong, but does not flicker; nor does one that is always wrong.
-  EXPECT_EQ(measureFlicker({dark, dark}, {bright, dark}), 0.0);
-  EXPECT_EQ(measureFlicker({dark, bright}, {dark, bright}), 0.0);
+  EXPECT_EQ(measureFlicker({dark, dark}, {bright, dark}).mean, 0.0);
+  EXPECT_EQ(measureFlicker({dark, bright}, {dark, bright}).mean, 0.0);
   // A quarter of the foreground sparks by 40 levels.
   base::Image sparks = dark;
   for (int y = 0; y < 12; ++y)
     for (int x = 0; x < 32; ++x)
       for (int c = 0; c < 3; ++c) sparks.at(x, y)[c] = static_cast<std::uint8_t>(sparks.at(x, y)[c] + 40);
-  EXPECT_NEAR(measureFlicker({dark, sparks}, {dark, dark}), 10.0, 1e-4);
+  EXPECT_NEAR(measureFlicker({dark, sparks}, {dark, dark}).mean, 10.0, 1e-4);
+  EXPECT_EQ(measureFlicker({dark, sparks}, {dark, dark}).share, 0.25);
+  EXPECT_EQ(measureFlicker({dark, sparks}, {sparks, dark}).share, 0.0) << "the truth sparks as well";
 }
 
 TEST(Accuracy, differentSizesAndEmptyPicturesAreErrors) {

@@ -26,7 +26,7 @@ PlayedScene sceneOf(std::size_t number) {
   frame.counts.bytes = 1234;
   frame.accuracy.psnr_db = 30.5;
   frame.accuracy.foreground = 77;
-  frame.flicker = 0.75;
+  frame.flicker = {0.75, 0.5};
   frame.picture_jpeg = {1, 2, 3};
   run.frames.assign(2, frame);
   run.frames[1].flicker.reset();
@@ -53,7 +53,8 @@ TEST_F(SceneProcesses, bringBackWhatEachHasPlayed) {
   for (const auto& [i, scene] : played_) {
     EXPECT_EQ(compare::encodeScene(scene), compare::encodeScene(sceneOf(i)));
     EXPECT_EQ(scene.runs.at(1).scene, "scene " + std::to_string(i));
-    EXPECT_EQ(scene.runs[0].frames.at(0).flicker, 0.75);
+    ASSERT_TRUE(scene.runs[0].frames.at(0).flicker);
+    EXPECT_EQ(scene.runs[0].frames[0].flicker->share, 0.5);
     EXPECT_FALSE(scene.runs[0].frames.at(1).flicker);
     EXPECT_EQ(scene.runs[0].frames[0].picture_jpeg, (base::Bytes{1, 2, 3}));
   }
