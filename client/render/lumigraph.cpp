@@ -458,6 +458,7 @@ void LumigraphRenderer::Impl::setUniforms(const Frame& frame, const lod::draw::S
   glUniform2f(blend.uniform("u_viewport"), static_cast<float>(camera.width), static_cast<float>(camera.height));
   set("u_pixels_per_unit", camera.pixelsPerUnitAtOne());
   glUniform1i(blend.uniform("u_carve"), frame.options.carve ? 1 : 0);
+  set("u_soft", frame.options.multisampled ? 1.0F : 0.0F);
   glUniform1i(blend.uniform("u_fill"), frame.options.fill_holes || !frame.options.use_images ? 1 : 0);
   lod::draw::setViewModes(blend, frame.options.modes, camera);
   const float* background = frame.options.background;
@@ -550,7 +551,13 @@ void LumigraphRenderer::draw(const base::Camera& camera, std::span<const std::ui
   glClear(GL_COLOR_BUFFER_BIT | GL_DEPTH_BUFFER_BIT);
   impl.setUniforms(frame, shading);
   impl.bindArrays();
+  const bool soft = options.multisampled && options.carve && options.use_images;
+  if (soft) glEnable(GL_SAMPLE_ALPHA_TO_COVERAGE);
   impl.drawPatches(frame);
+  if (soft) {
+    glDisable(GL_SAMPLE_ALPHA_TO_COVERAGE);
+    impl.whole->makeOpaque(impl.no_color.name());
+  }
   impl.countFrame(frame);
 }
 

@@ -52,8 +52,9 @@ struct LumigraphOptions {
   /// Depth maps drawn in a frame at most, while pictures may still settle. Each costs about as much as drawing the
   /// proxy without images.
   int depth_maps_per_frame = 3;
-  bool carve = true;       ///< discard fragments that the images' votes call background
-  bool unseen = false;     ///< depth maps, fades and figures go on as in any frame, but nothing is drawn
+  bool carve = true;          ///< discard fragments that the images' votes call background
+  bool multisampled = false;  ///< the target has several samples a pixel, of which a carved edge covers a part
+  bool unseen = false;        ///< depth maps, fades and figures go on as in any frame, but nothing is drawn
   bool fill_holes = true;  ///< shade what no image sees by vertex colour, normal and light; otherwise leave background
   bool use_images = true;  ///< false: draw the proxy shaded by its vertex colours
   float background[4] = {0.0F, 0.0F, 0.0F, 0.0F};

@@ -17,12 +17,6 @@ WholeImageShader::WholeImageShader(base::gl::Program program)
 
 void WholeImageShader::draw(GLuint array, int layer, int width, int height, const std::array<float, 4>& background,
                             float opacity) const {
-  program_.use();
-  glActiveTexture(GL_TEXTURE0);
-  glBindTexture(GL_TEXTURE_2D_ARRAY, array);
-  glUniform1i(program_.uniform("u_color"), 0);
-  glUniform1i(program_.uniform("u_layer"), layer);
-  glUniform4f(program_.uniform("u_background"), background[0], background[1], background[2], background[3]);
   glViewport(0, 0, width, height);
   glDisable(GL_DEPTH_TEST);
   if (opacity < 1.0F) {
@@ -30,11 +24,32 @@ void WholeImageShader::draw(GLuint array, int layer, int width, int height, cons
     glBlendColor(0.0F, 0.0F, 0.0F, opacity);
     glBlendFunc(GL_CONSTANT_ALPHA, GL_ONE_MINUS_CONSTANT_ALPHA);
   }
+  cover(array, layer, background);
+  glDisable(GL_BLEND);
+  glEnable(GL_DEPTH_TEST);
+}
+
+void WholeImageShader::makeOpaque(GLuint array) const {
+  glColorMask(GL_FALSE, GL_FALSE, GL_FALSE, GL_TRUE);
+  glDepthMask(GL_FALSE);
+  glDepthFunc(GL_GREATER);
+  cover(array, 0, {0.0F, 0.0F, 0.0F, 1.0F});
+  glDepthFunc(GL_LESS);
+  glDepthMask(GL_TRUE);
+  glColorMask(GL_TRUE, GL_TRUE, GL_TRUE, GL_TRUE);
+}
+
+/// Draws a triangle over the whole viewport, at the far plane.
+void WholeImageShader::cover(GLuint array, int layer, const std::array<float, 4>& background) const {
+  program_.use();
+  glActiveTexture(GL_TEXTURE0);
+  glBindTexture(GL_TEXTURE_2D_ARRAY, array);
+  glUniform1i(program_.uniform("u_color"), 0);
+  glUniform1i(program_.uniform("u_layer"), layer);
+  glUniform4f(program_.uniform("u_background"), background[0], background[1], background[2], background[3]);
   glBindVertexArray(no_attributes_.name());
   glDrawArrays(GL_TRIANGLES, 0, 3);
   glBindVertexArray(0);
-  glDisable(GL_BLEND);
-  glEnable(GL_DEPTH_TEST);
 }
 
 }  // namespace client

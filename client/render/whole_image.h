@@ -17,8 +17,13 @@ class WholeImageShader {
   /// is.
   void draw(GLuint array, int layer, int width, int height, const std::array<float, 4>& background,
             float opacity) const;
+  /// Sets the alpha of all that is nearer than the far plane to 1, each sample by itself. `array` is any texture that
+  /// is complete.
+  void makeOpaque(GLuint array) const;
 
  private:
+  void cover(GLuint array, int layer, const std::array<float, 4>& background) const;
+
   WholeImageShader(base::gl::Program program);
   base::gl::Program program_;
   base::gl::VertexArray no_attributes_;

@@ -59,6 +59,7 @@ void Viewer::drawBlended(bool moved, double now) {
   glGetIntegerv(GL_FRAMEBUFFER_BINDING, &target);
   const int samples = hidden ? 1 : fittingSamples(samplesWanted(moved));
   const bool has_samples = !options.unseen && bindSamples(samples);
+  options.multisampled = has_samples;
   const lod::patch::Cut& cut = patches_.drawn();
   renderer_->draw(camera_, cut.patches, candidates_, cut.bound_px, shading_, options, now, patches_.occluders(),
                   cut.patch_bound_px, proxyErrors());

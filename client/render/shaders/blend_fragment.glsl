@@ -23,6 +23,7 @@ uniform float u_pixels_per_unit;       // the view's pixels per scene unit, at d
 uniform float u_patch_error;           // error of the patch being drawn, pixels
 uniform vec2 u_proxy_error;            // its typical errors: of shape, scene units; of colour, 0..1
 uniform bool u_carve;
+uniform float u_soft;                  // width of a carved edge, pixels; 0 where the target has one sample a pixel
 uniform bool u_fill;
 uniform vec4 u_background;
 
@@ -181,8 +182,12 @@ void main() {
     unseen *= 1.0 - seen * color.a;
   }
 
-  // Carving: a fragment is discarded where the images that see this place agree on background.
-  if (u_carve && voters > 0.5 && votes_for_model < u_carve_below * votes) discard;
+  // Carving: a fragment goes where the images that see this place agree on background. Beside that edge it covers a
+  // part of its pixel's samples (alpha to coverage), by its distance from the edge in pixels.
+  float kept = max(votes_for_model / max(votes, 1e-20) - u_carve_below, 0.5 - voters);
+  float edge = clamp(u_soft * length(vec2(dFdx(kept), dFdy(kept))), 1e-6, 2.0 * u_carve_below);
+  float covered = u_carve ? clamp(kept / edge + 0.5, 0.0, 1.0) : 1.0;
+  if (covered <= 0.0) discard;
 
   // Fragments that no image sees are shaded; in between both are blended, so that nothing pops.
   float images = smoothstep(0.0, 0.25, 1.0 - unseen);
@@ -199,5 +204,5 @@ void main() {
     color = mix(u_background.rgb, color, images);
   }
   if (!u_fill && images <= 0.0) discard;
-  o_color = vec4(u_show_resolution ? tinted(color, shown) : color, 1.0);
+  o_color = vec4(u_show_resolution ? tinted(color, shown) : color, covered);
 }

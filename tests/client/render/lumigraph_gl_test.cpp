@@ -87,10 +87,27 @@ class Lumigraph : public ::testing::Test {
     target->bind();
     renderer_->draw(camera, cut_, {}, cut_error_px, shading_, options_, now, occluders_, errors_px_);
     base::Image image = target->read();
-    if (const char* folder = std::getenv("LUMIGRID_TEST_PICTURES"); folder != nullptr) {
-      const std::string name = ::testing::UnitTest::GetInstance()->current_test_info()->name();
-      EXPECT_TRUE(base::writePng(image, std::string(folder) + "/" + name + "_" + std::to_string(pictures_++) + ".png"));
-    }
+    keepPicture(image);
+    return image;
+  }
+  void keepPicture(const base::Image& image) {
+    const char* folder = std::getenv("LUMIGRID_TEST_PICTURES");
+    if (folder == nullptr) return;
+    const std::string name = ::testing::UnitTest::GetInstance()->current_test_info()->name();
+    EXPECT_TRUE(base::writePng(image, std::string(folder) + "/" + name + "_" + std::to_string(pictures_++) + ".png"));
+  }
+
+  /// Draws four samples a pixel, whose means are premultiplied.
+  base::Image drawMultisampled(const base::Camera& camera, float cut_error_px = 0.2F) {
+    auto target = base::gl::RenderTarget::create(camera.width, camera.height);
+    const auto samples = base::gl::MultisampledTarget::create(camera.width, camera.height, 4);
+    EXPECT_TRUE(target && samples);
+    samples->bind();
+    options_.multisampled = true;
+    renderer_->draw(camera, cut_, {}, cut_error_px, shading_, options_, 0.0);
+    samples->resolveTo(target->framebuffer());
+    base::Image image = target->read();
+    keepPicture(image);
     return image;
   }
 
@@ -292,14 +309,7 @@ TEST_F(Lumigraph, trianglesSmallerThanAPixelKeepTheirColoursUnderSeveralSamples)
       }
   const double one_sample = psnrOnCovered(mean, draw(camera(1)));
 
-  auto target = base::gl::RenderTarget::create(60, 60);
-  ASSERT_TRUE(target);
-  const auto samples = base::gl::MultisampledTarget::create(60, 60, 4);
-  ASSERT_TRUE(samples);
-  samples->bind();
-  renderer_->draw(camera(1), cut_, {}, 0.2F, shading_, options_, 0.0);
-  samples->resolveTo(target->framebuffer());
-  EXPECT_GE(psnrOnCovered(mean, target->read()), one_sample + 5.0);
+  EXPECT_GE(psnrOnCovered(mean, drawMultisampled(camera(1))), one_sample + 5.0);
 }
 
 TEST_F(Lumigraph, anExactFrameAtItsOwnViewIsReproduced) {
@@ -379,6 +389,78 @@ TEST_F(Lumigraph, carvingGivesACoarseProxyTheSilhouetteOfTheImages) {
   const double carved = coverageOverlap(truth, draw(camera, 0.0, 4.0F));
   EXPECT_LT(uncarved, 0.93);
   EXPECT_GE(carved, 0.95);
+}
+
+// A proxy of radius 1.1 around a red ball of radius 1, which six images carve.
+class CarvedEdge : public Lumigraph {
+ protected:
+  void SetUp() override {
+    Lumigraph::SetUp();
+    scene_.balls = {{glm::vec3(0.0F), 1.0F, kRed}};
+    addPatch(ballPatch(glm::vec3(0.0F), 1.1F, 40, {230, 13, 13, 255}));
+  }
+  /// Adds images whose eyes lie around the viewer's.
+  void addImages() {
+    for (int i = 0; i < 6; ++i) {
+      const glm::vec3 apart(0.05F * static_cast<float>(i) - 0.125F, 0.0F, i % 2 == 0 ? 0.05F : -0.05F);
+      addImage(static_cast<SampleId>(i), lookAt(camera_.eye + apart, glm::vec3(0.0F), 256, 256, 45.0F));
+    }
+  }
+  /// Returns the pixels that the rows of the middle cover from the left border to the middle of the picture.
+  static std::vector<double> coverageOfRows(const base::Image& image) {
+    std::vector<double> rows;
+    for (int y = image.height / 2 - 40; y < image.height / 2 + 40; ++y) {
+      rows.push_back(0.0);
+      for (int x = 0; x < image.width / 2; ++x) rows.back() += image.at(x, y)[3] / 255.0;
+    }
+    return rows;
+  }
+  const base::Camera camera_ = lookAt({0.1F, -3.1F, 0.0F}, glm::vec3(0.0F), 240, 240, 45.0F);
+};
+
+TEST_F(CarvedEdge, coversAPartOfItsPixelsAndLiesWhereTheImagesHaveIt) {
+  addImages();
+  options_.tuning.carve_below = 0.5F;  // in the middle of an image's edge
+  const base::Image drawn = drawMultisampled(camera_, 4.0F);
+  const std::vector<double> rows = coverageOfRows(drawn), truth = coverageOfRows(castRays(scene_, camera_, 8));
+  double inside = 0.0;
+  int in_part = 0;
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    EXPECT_NEAR(rows[i], truth[i], 1.0) << i;
+    inside += (rows[i] - truth[i]) / static_cast<double>(rows.size());
+    in_part += rows[i] != std::floor(rows[i]) ? 1 : 0;
+  }
+  EXPECT_NEAR(inside, 0.0, 0.5);
+  EXPECT_GE(in_part, 40) << "of 80 rows";
+  for (int y = 0; y < 240; ++y)
+    for (int x = 0; x < 240; ++x) {
+      const glm::ivec4 p = pixel(drawn, x, y);
+      EXPECT_NEAR(p.x, 0.9 * p.w, 6.0) << "premultiplied by the share of its samples, " << x << " " << y;
+    }
+}
+
+// The images look up from below, so past the ball's upper edge they see the sky, where the viewer sees the wall.
+TEST_F(CarvedEdge, showsWhatLiesBehindItAndNoBackground) {
+  const Rectangle wall{{0, 7, 0}, {6, 0, 0}, {0, 0, 3.5F}, kGreen, {}};
+  scene_.rectangles = {wall};
+  addPatch(rectanglePatch(wall, 30, {13, 204, 13, 255}));
+  for (int i = 0; i < 6; ++i)
+    addImage(static_cast<SampleId>(i),
+             lookAt({-0.5F + 0.2F * static_cast<float>(i), -3.0F, -0.2F}, glm::vec3(0.0F), 256, 256, 70.0F));
+  const base::Image drawn = drawMultisampled(lookAt({0.0F, -3.1F, 0.2F}, glm::vec3(0.0F), 240, 240, 45.0F), 4.0F);
+  int mixed = 0;
+  for (int x = 100; x < 140; ++x) {
+    int green = 0;
+    for (int y = 119; y >= 0 && drawn.at(x, y)[3] == 255; --y) {
+      const glm::ivec4 p = pixel(drawn, x, y);
+      const float red = static_cast<float>(p.x - 13) / (230 - 13);
+      EXPECT_NEAR(static_cast<float>(p.y), glm::mix(204.0F, 13.0F, red), 5.0F) << x << " " << y;
+      mixed += red > 0.2F && red < 0.8F ? 1 : 0;
+      green += red < 0.1F ? 1 : 0;
+    }
+    EXPECT_GE(green, 8) << x;
+  }
+  EXPECT_GE(mixed, 10) << "of 40 columns";
 }
 
 TEST_F(Lumigraph, shadesSurfacesWithoutImagesOrLeavesTheBackground) {
