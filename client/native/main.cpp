@@ -77,7 +77,7 @@ void addContentOptions(CLI::App& app, Arguments& a) {
                "Ask for the exact picture when all else is sent (on unless --no-frames)");
   app.add_flag(
       "--antialias,!--no-antialias", a.antialias,
-      "Average four samples a pixel, of patches and images, where --memory and the time of a frame allow it (on "
+      "Average four samples a pixel, eight at rest, where --memory, the GL and the time of a frame allow it (on "
       "unless --no-antialias)");
   app.add_option("--points", a.run.viewer.session.max_points, "Sampling points whose images are asked for, 1 to 64")
       ->check(CLI::Range(1, 64));

@@ -40,11 +40,11 @@ struct ViewerOptions {
   /// Its shares (client/viewer/memory_plan.h) bound the session's cache and `gpu_budget_bytes` too. Where it does not
   /// suffice, the picture is coarser or has fewer images: see error_px. At least kMinMemory.
   std::uint64_t memory_budget_bytes = 1'000'000'000;
-  /// Samples a pixel of patches and images, 1, 2 or 4, which are averaged; fewer where their share of the memory does
-  /// not hold them. Splats have one.
+  /// Samples a pixel of patches and images, a power of 2, which are averaged; fewer where their share of the memory
+  /// does not hold them or the GL has fewer. Splats have one.
   int samples = 4;
-  /// True: a view at rest gets that many, and a moving one where frame times allow it (SampleGovernor). False: each
-  /// picture gets them.
+  /// True: a moving view gets that many where frame times allow it (SampleGovernor), and one at rest twice as many,
+  /// unless they are 1. False: each picture gets them.
   bool adapt_samples = true;
   double upload_milliseconds = 4.0;  ///< longest upload per frame, at an assumed 2 MB a millisecond; 0: no limit
 };
@@ -228,6 +228,7 @@ class Viewer {
   std::vector<SampleId> framesOfThisView() const;
   void drawBlended(bool moved, double now);
   int samplesWanted(bool moved) const;
+  int samplesAtRest() const;
   int fittingSamples(int wanted) const;
   bool bindSamples(int samples);
   bool samplesPending() const;

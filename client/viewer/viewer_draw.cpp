@@ -88,13 +88,21 @@ int Viewer::samplesWanted(bool moved) const {
   if (!options_.adapt_samples) return options_.samples;
   const bool fades = options_.lumigraph.fade_seconds > 0.0F;
   const bool passing = more_to_do_ || !session_.complete() || (fades && (moved || settling()));
-  return passing ? governor_.whileMoving() : governor_.most();
+  return passing ? governor_.whileMoving() : samplesAtRest();
+}
+
+int Viewer::samplesAtRest() const {
+  return governor_.most() > 1 ? 2 * governor_.most() : 1;
 }
 
 int Viewer::fittingSamples(int wanted) const {
   int samples = samples_refused_ ? 1 : wanted;
+  if (samples <= 1) return 1;
   using base::gl::MultisampledTarget;
-  while (samples > 1 && MultisampledTarget::bytesOf(camera_.width, camera_.height, samples) > plan_.samples)
+  GLint most = 1;
+  glGetIntegerv(GL_MAX_SAMPLES, &most);
+  while (samples > 1 &&
+         (samples > most || MultisampledTarget::bytesOf(camera_.width, camera_.height, samples) > plan_.samples))
     samples /= 2;
   return samples;
 }
@@ -119,7 +127,7 @@ bool Viewer::bindSamples(int samples) {
 /// Whether the view rests with a picture that has fewer samples than it may have. A frame shown whole needs none.
 bool Viewer::samplesPending() const {
   return renderer_ && options_.adapt_samples && !frame_.shown() && session_.complete() && !more_to_do_ && !settling() &&
-         samples_per_pixel_ < fittingSamples(governor_.most());
+         samples_per_pixel_ < fittingSamples(samplesAtRest());
 }
 
 bool Viewer::settling() const {

@@ -103,6 +103,27 @@ TEST_F(Antialiasing, everyPictureHasAllWhereNothingIsToBeAdapted) {
   EXPECT_FALSE(viewer->stats().samples_pending);
 }
 
+TEST_F(Antialiasing, aPictureHasNoMoreThanTheGlHas) {
+  start(patches(256));
+  GLint most = 0;
+  glGetIntegerv(GL_MAX_SAMPLES, &most);
+  settle(view());
+  EXPECT_EQ(viewer->stats().samples_per_pixel, most);
+  EXPECT_FALSE(viewer->stats().samples_pending);
+  EXPECT_EQ(viewer->stats().last_fault, "");
+}
+
+TEST_F(Antialiasing, atRestThereAreTwiceAsManyAsInMotion) {
+  start(patches(2));
+  settle(view());
+  EXPECT_EQ(viewer->stats().samples_per_pixel, 4);
+  ViewerOptions options = patches(2);
+  options.adapt_samples = false;
+  start(options);
+  settle(view());
+  EXPECT_EQ(viewer->stats().samples_per_pixel, 2);
+}
+
 TEST_F(Antialiasing, aSmallMemoryHasNoSamples) {
   ViewerOptions options = patches();
   options.memory_budget_bytes = 64'000'000;
