@@ -2,7 +2,8 @@
 #
 # FOLDER is the target's folder in the source tree, FILEs lie in its subfolder shaders/. The function writes the header
 # "FOLDER/shaders.h", on the target's include path, with a constant for each file: splat_vertex.glsl becomes
-# glsl::kSplatVertex. Shaders with variants get their #defines in front of it, in C++.
+# glsl::kSplatVertex. Shaders with variants get their #defines in front of it, in C++. Comments stay out, since the page
+# would load them; their lines stay, empty, so that a GL's messages name the file's lines.
 #
 # The header is written while CMake configures, so that editors and checkers find it before anything is compiled. Each
 # file is a dependency of the configure step: after an edit the next build configures again and recompiles what includes
@@ -14,6 +15,7 @@ function(lumigrid_shaders target folder)
     set(path ${PROJECT_SOURCE_DIR}/${folder}/shaders/${file})
     set_property(DIRECTORY APPEND PROPERTY CMAKE_CONFIGURE_DEPENDS ${path})
     file(READ ${path} text)
+    string(REGEX REPLACE "[ \t]*//[^\n]*" "" text "${text}")
     _lumigrid_shader_constant(${file} constant)
     string(APPEND header "constexpr const char* ${constant} = R\"glsl(${text})glsl\";\n\n")
   endforeach()
