@@ -80,6 +80,9 @@ void declareVirtual(CLI::App& app, Arguments& a) {
   group.add_option("--size", a.size, "width and height in pixels")->expected(2)->check(CLI::Range(16, 16384));
   group.add_option("--instants", a.instants, "pictures judged while a path lasts (12; with --matrix 8)")
       ->check(CLI::Range(1, 10000));
+  group.add_option("--judge-at", o.play.also_judged, "seconds after the begin at which pictures are judged, too")
+      ->delimiter(',')
+      ->check(CLI::Range(0.0, 600.0));
   group.add_option("--stop", o.stop_seconds, "seconds at each view of a --path without times")
       ->check(CLI::Range(0.1, 600.0));
   group.add_option("--baseline", a.baseline,

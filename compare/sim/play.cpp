@@ -46,7 +46,9 @@ std::vector<Tick> ticksOf(const base::CameraPath& path, const PlayOptions& optio
     const double place = first + share * (static_cast<double>(last) - first);
     ticks.push_back({static_cast<std::size_t>(place), InstantKind::kMoving});
   }
-  for (const double seconds : kLadder)
+  std::vector<double> ladder(std::begin(kLadder), std::end(kLadder));
+  ladder.insert(ladder.end(), options.also_judged.begin(), options.also_judged.end());
+  for (const double seconds : ladder)
     if (seconds < path.seconds())
       ticks.push_back({static_cast<std::size_t>(std::lround(seconds / interval)), InstantKind::kBegin});
   std::stable_sort(ticks.begin(), ticks.end(), [](const Tick& a, const Tick& b) { return a.frame < b.frame; });

@@ -18,7 +18,8 @@ struct NamedPath {
 };
 
 struct PlayOptions {
-  int instants = 12;  ///< judged while the path lasts
+  int instants = 12;                ///< judged while the path lasts
+  std::vector<double> also_judged;  ///< seconds after the begin, beside the ladder
   double display_hertz = 60.0;
   double rest_seconds = 30.0;  ///< longest wait after the path's end
   std::uint32_t seed = 1;
