@@ -284,6 +284,12 @@ MemoryUse Viewer::memory() const {
   return use;
 }
 
+/// Whether the blended picture has the cut of the wanted tolerance, and images.
+bool Viewer::blendIsFine() const {
+  if (patches_.drawn().patches.empty() || patches_.drawn().error_px > session_.patchTolerance()) return false;
+  return !options_.lumigraph.use_images || renderer_->stats().samples_used > 0;
+}
+
 Accuracy Viewer::accuracy() const {
   if (showsSplats()) {
     if (!hasSplats() || splats_->stats().splats == 0) return Accuracy::kNothing;
@@ -291,9 +297,7 @@ Accuracy Viewer::accuracy() const {
   }
   if (renderer_ && frame_.whole()) return Accuracy::kExact;
   if (!renderer_ || patches_.drawn().patches.empty()) return Accuracy::kNothing;
-  const bool fine = patches_.drawn().error_px <= session_.patchTolerance();
-  const bool textured = !options_.lumigraph.use_images || renderer_->stats().samples_used > 0;
-  return fine && textured ? Accuracy::kBlended : Accuracy::kCoarse;
+  return blendIsFine() ? Accuracy::kBlended : Accuracy::kCoarse;
 }
 
 }  // namespace client

@@ -233,6 +233,7 @@ class Viewer {
   bool bindSamples(int samples);
   bool samplesPending() const;
   bool settling() const;
+  bool blendIsFine() const;
   void drawFrames();
   std::vector<ProxyError> proxyErrors() const;
   Accuracy accuracy() const;

@@ -30,7 +30,7 @@ base::Result<void> Viewer::draw(const base::ViewCamera& camera, double now) {
     drawBackground();
     return {};
   }
-  frame_.update(framesOfThisView(), moved, options_.lumigraph.fade_seconds > 0.0F, now);
+  frame_.update(framesOfThisView(), moved, blendIsFine(), options_.lumigraph.fade_seconds > 0.0F, now);
   drawBlended(moved, now);
   if (!options_.lumigraph.unseen) drawFrames();
   return {};

@@ -4,7 +4,7 @@
 
 namespace client {
 
-void WholeFrame::update(std::span<const std::uint64_t> frames, bool moved, bool fades, double now) {
+void WholeFrame::update(std::span<const std::uint64_t> frames, bool moved, bool over_blend, bool fades, double now) {
   const auto here = [&](const std::optional<std::uint64_t>& frame) {
     return frame && std::find(frames.begin(), frames.end(), *frame) != frames.end();
   };
@@ -14,7 +14,7 @@ void WholeFrame::update(std::span<const std::uint64_t> frames, bool moved, bool 
     // A frame that went from below its successor leaves nothing to fade from but the successor itself.
     shown_ = frames.back();
     under_.reset();
-    since_ = was_whole ? now - kFadeSeconds : now;
+    since_ = was_whole || !over_blend ? now - kFadeSeconds : now;
   } else if (was_whole && frames.back() != *shown_) {
     // A fade that runs ends before the next begins, so that the picture never jumps.
     under_ = shown_;

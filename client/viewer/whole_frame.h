@@ -8,14 +8,16 @@
 namespace client {
 
 /// A frame comes in over the blended picture, or over an older frame of the same view, and goes at once when the view
-/// moves, since it shows another view then.
+/// moves, since it shows another view then. A blended picture that is still coarse is worth no time: the frame takes
+/// its place at once.
 class WholeFrame {
  public:
   static constexpr double kFadeSeconds = 0.15;
 
   /// Takes the frames of the present view that can be shown, oldest first. `moved`: the view is not that of the last
-  /// call. `fades`: false shows the newest at once. `now` in seconds.
-  void update(std::span<const std::uint64_t> frames, bool moved, bool fades, double now);
+  /// call. `over_blend`: the blended picture is good enough to come in over. `fades`: false shows the newest at once.
+  /// `now` in seconds.
+  void update(std::span<const std::uint64_t> frames, bool moved, bool over_blend, bool fades, double now);
   void reset() { *this = {}; }
 
   /// The frame that is shown or coming in; nothing where the picture is blended.

@@ -9,15 +9,19 @@ namespace server {
 namespace {
 
 // Choices that measurements bore out, not the best of a sweep (docs/decisions/frames-first.md).
-constexpr double kQuickSeconds = 0.1;    // a quick frame occupies the link this long
+constexpr double kQuickSeconds = 0.12;   // a quick frame occupies the link this long
 constexpr double kMovingSeconds = 0.05;  // and a moving eye's this long
 constexpr double kOthersShare = 0.15;    // of the link, for patches and images while the eye moves
+constexpr double kLastSeconds = 0.25;    // a last frame that occupies it no longer goes ahead of the others
 constexpr double kMaxCredit = 0.1;       // seconds of that share that may be saved up
 constexpr int kMinQuality = 30;
 constexpr double kDecodeSeconds = 0.01;  // a client's, a guess
 constexpr double kRenderMemory = 0.25;   // weight of the newest rendering time
-constexpr double kShortQueue = 0.02;  // seconds; other messages keep the link busy up to it while a frame is rendered
-constexpr double kMinWait = 0.002;    // seconds; a transport is never woken more often
+// Other messages keep the link busy up to this many seconds while a frame is rendered that is later than expected by
+// more than kOverdue.
+constexpr double kShortQueue = 0.02;
+constexpr double kOverdue = 0.05;
+constexpr double kMinWait = 0.002;            // seconds; a transport is never woken more often
 constexpr double kFirstBytesPerPixel = 0.25;  // at quality weight 1, before a frame tells
 
 /// The bytes of a frame relative to those at quality 85, means over five scans (docs/decisions/frames-webp.md).
@@ -83,7 +87,7 @@ int FrameSchedule::wantedQuality() const {
 /// The best quality, up to the wanted one, whose frame occupies the link no longer than this.
 int FrameSchedule::qualityFor(double seconds) const {
   int quality = wantedQuality();
-  while (quality > kMinQuality && expectedBytes(quality) > seconds * link_.rate()) --quality;
+  while (quality > kMinQuality && link_.transferSeconds(expectedBytes(quality)) > seconds) --quality;
   return quality;
 }
 
@@ -101,7 +105,8 @@ std::optional<FrameRequest> FrameSchedule::next(bool all_sent) {
     last_requested_ = quality == wantedQuality();
     return request(view_->camera, quality, last_requested_);
   }
-  if (!all_sent || last_requested_) return std::nullopt;
+  const bool takes_long = link_.transferSeconds(expectedBytes(wantedQuality())) > kLastSeconds;
+  if (last_requested_ || (takes_long && !all_sent)) return std::nullopt;
   last_requested_ = true;
   return request(view_->camera, wantedQuality(), true);
 }
@@ -112,7 +117,7 @@ std::optional<FrameRequest> FrameSchedule::nextAimed() {
   if (aimed_ || link_.queueSeconds() > render_seconds_) return std::nullopt;
   aimed_ = true;
   const int quality = qualityFor(kMovingSeconds);
-  const double transfer = expectedBytes(quality) / link_.rate();
+  const double transfer = link_.transferSeconds(expectedBytes(quality));
   const double until_shown = render_seconds_ + transfer + link_.roundTrip() + kDecodeSeconds;
   const double shown_for = std::max(render_seconds_, transfer);
   const double view_age = link_.now() - motion_.newestAt();
@@ -143,9 +148,20 @@ double FrameSchedule::othersShare() const {
   return std::max(kOthersShare, 1.0 - transfer / std::max(render_seconds_, transfer));
 }
 
-bool FrameSchedule::holdsOthers() const {
+bool FrameSchedule::overdue() const {
+  return link_.now() - under_way_->since >= render_seconds_ + kOverdue;
+}
+
+/// Bytes that wait when a frame is there delay it. While TCP begins that costs whole round trips, so nothing waits then
+/// unless it will have gone a round trip earlier.
+double FrameSchedule::othersMayWait() const {
+  return overdue() ? kShortQueue : std::max(0.0, renderSecondsLeft() - link_.roundTrip());
+}
+
+bool FrameSchedule::holdsOthers(double bytes) const {
   if (moving()) return credit_ <= 0.0;
-  return possible_ && under_way_ && link_.queueSeconds() > std::max(kShortQueue, renderSecondsLeft());
+  if (!possible_ || !under_way_) return false;
+  return link_.waitSeconds(overdue() ? 0.0 : bytes) > othersMayWait();
 }
 
 std::optional<double> FrameSchedule::wakeAt() const {
@@ -157,8 +173,9 @@ std::optional<double> FrameSchedule::wakeAt() const {
     in(motion_.settledAt() - now);
     if (!aimed_ && !under_way_) in(link_.queueSeconds() - render_seconds_);
     if (credit_ <= 0.0) in(-credit_ / (othersShare() * link_.rate()));
-  } else if (holdsOthers()) {
-    in(link_.queueSeconds() - std::max(kShortQueue, renderSecondsLeft()));
+  } else if (under_way_) {
+    if (holdsOthers()) in(link_.waitSeconds(0.0) - othersMayWait());
+    if (!overdue()) in(under_way_->since + render_seconds_ + kOverdue - now);
   }
   return std::isfinite(at) ? std::optional(at) : std::nullopt;
 }

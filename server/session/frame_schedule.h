@@ -1,9 +1,10 @@
 #pragma once
 // Decides which exact frame of a client's view is rendered next, and how much of the link the other messages get.
 //
-// A view at which the eye stands gets a quick frame at once, of a quality that the link carries in kQuickSeconds, and,
-// when everything else was sent, a last one of the wanted quality if the quick one had less. A moving eye gets frames
-// one after the other, each drawn for where the eye will be when the frame arrives.
+// A view at which the eye stands gets a quick frame at once, of a quality that the link carries in kQuickSeconds, and a
+// last one of the wanted quality if the quick one had less: at once where that occupies the link no longer than
+// kLastSeconds, else when everything else was sent. A moving eye gets frames one after the other, each drawn for where
+// the eye will be when the frame arrives.
 #include <cstdint>
 #include <optional>
 
@@ -44,8 +45,11 @@ class FrameSchedule {
   bool isUseful(const base::ViewCamera& camera) const;
   /// Whether the newest view still gets a frame, before which nothing is sent that is not needed yet.
   bool owesFrame() const { return possible_ && (!last_requested_ || under_way_); }
-  /// Whether other messages wait, so that the link is free when the frame that is being rendered comes.
-  bool holdsOthers() const;
+  /// Whether the newest view's frame is of use before there is any model: it is shown by itself while the eye stands.
+  bool standsAlone() const { return possible_ && !moving(); }
+  /// Whether other messages wait, so that the link is free when the frame that is being rendered comes. `bytes`: of the
+  /// next one, as far as they are known.
+  bool holdsOthers(double bytes = 0.0) const;
   /// Counts bytes of another message that was handed out.
   void countOther(std::size_t bytes) { credit_ -= static_cast<double>(bytes); }
   /// Counts time: call it after link().update().
@@ -65,6 +69,8 @@ class FrameSchedule {
   int qualityFor(double seconds) const;
   double expectedBytes(int quality) const;
   double renderSecondsLeft() const;
+  bool overdue() const;
+  double othersMayWait() const;
   double othersShare() const;
 
   double reach_;

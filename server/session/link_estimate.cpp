@@ -15,6 +15,9 @@ constexpr double kSlowerShare = 0.5;
 // the estimate grows e-fold in a second of traffic, up to this many times the last sample; the next sample corrects it.
 constexpr double kMaxGrowth = 4.0;
 constexpr double kMinRate = 1e3;  // bytes a second, so that no time becomes infinite
+// After so long without traffic TCP begins with a small window again (RFC 5681, section 4.1; Linux waits no less),
+// seconds.
+constexpr double kPause = 0.2;
 
 }  // namespace
 
@@ -30,6 +33,7 @@ void LinkEstimate::update(const LinkState& state, std::uint64_t handed_out) {
   const bool busy = state.unsent_bytes > 0;
   confirmed_ = confirmed;
   state_ = state;
+  growWindow(arrived, waiting <= 0.0 && !was_under_way);
 
   // Only time during which bytes waited tells the link's rate; else the session was the slower one.
   if (busy && was_busy_) {
@@ -54,6 +58,30 @@ void LinkEstimate::takeSample() {
 void LinkEstimate::growWhileIdle(double seconds) {
   const double most = std::max(rate_, kMaxGrowth * busy_rate_);
   rate_ = std::min(most, rate_ * std::exp(seconds));
+}
+
+/// A window grows by what is acknowledged until it holds more than the link does.
+void LinkEstimate::growWindow(double arrived, bool idle) {
+  if (state_.seconds - last_traffic_ >= std::max(kPause, round_trip_)) window_ = kFirstWindow;
+  window_ += arrived;
+  if (!idle) last_traffic_ = state_.seconds;
+}
+
+double LinkEstimate::waitSeconds(double bytes) const {
+  if (round_trip_ <= 0.0) return 0.0;
+  if (state_.unsent_bytes > 0) return (static_cast<double>(state_.unsent_bytes) + bytes) / rate_;
+  const double most = std::min(window_, std::max(kFirstWindow, rate_ * round_trip_));
+  const double free = std::max(0.0, most - static_cast<double>(state_.unconfirmed_bytes));
+  return std::max(0.0, bytes - free) / rate_;
+}
+
+double LinkEstimate::transferSeconds(double bytes) const {
+  double seconds = 0.0;
+  for (double window = window_; window < bytes && window < rate_ * round_trip_; window *= 2.0) {
+    bytes -= window;
+    seconds += round_trip_;
+  }
+  return seconds + bytes / rate_;
 }
 
 /// Bytes that a round trip holds are on the way and hold nothing back; those beyond them wait in a queue somewhere.

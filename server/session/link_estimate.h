@@ -24,12 +24,20 @@ class LinkEstimate {
   double roundTrip() const { return round_trip_; }
   /// Seconds that a byte handed out now waits before it is under way as if the link were idle.
   double queueSeconds() const;
+  /// Seconds for which the last of so many bytes, handed out now, would wait at the server; 0 while the round trip is
+  /// not known.
+  double waitSeconds(double bytes) const;
+  /// Seconds until so many bytes have left over an idle link. After a pause TCP sends few bytes a round trip at first.
+  double transferSeconds(double bytes) const;
 
   static constexpr double kAssumedRate = 1e6;
+  /// Bytes that a connection sends before the first acknowledgement: ten segments (RFC 6928).
+  static constexpr double kFirstWindow = 14'600.0;
 
  private:
   void takeSample();
   void growWhileIdle(double seconds);
+  void growWindow(double arrived, bool idle);
 
   LinkState state_;
   double rate_ = kAssumedRate;
@@ -39,6 +47,8 @@ class LinkEstimate {
   bool was_busy_ = false;
   double busy_seconds_ = 0.0, busy_bytes_ = 0.0;  // since the last sample was taken
   double confirmed_ = 0.0;                        // bytes acknowledged so far
+  double window_ = kFirstWindow;                  // bytes that TCP has under way at most, as far as its start tells
+  double last_traffic_ = 0.0;                     // when bytes were last under way, seconds
 };
 
 }  // namespace server

@@ -124,10 +124,12 @@ std::optional<base::Bytes> Session::chooseMessage() {
   if (phase_ != Phase::kReady) return std::nullopt;
   if (!newest_) return std::nullopt;
   if (!planned_) planNewestView();
-  // A frame without the coarse model has nothing to lie on.
-  if (auto message = nextCoarse()) return message;
+  // A frame for a moving eye has nothing to lie on without the coarse model.
+  if (!frames_.standsAlone() || !has_group_[0])
+    if (auto message = nextCoarse()) return message;
   if (auto message = nextFrame()) return message;
-  if (frames_.holdsOthers()) return std::nullopt;
+  if (frames_.holdsOthers(coarseBytesNext())) return std::nullopt;
+  if (auto message = nextCoarse()) return message;
   auto message = nextOther();
   if (message) frames_.countOther(message->size());
   return message;
@@ -191,6 +193,13 @@ std::optional<base::Bytes> Session::nextWanted() {
       return message;
     }
   }
+}
+
+/// The bytes of the next group of the coarse model; 0 when the client has it.
+double Session::coarseBytesNext() const {
+  for (std::size_t i = next_coarse_; i < coarse_.size(); ++i)
+    if (!has_group_[coarse_[i]]) return static_cast<double>(scene_.patches->hierarchy().groups[coarse_[i]].block_bytes);
+  return 0.0;
 }
 
 void Session::planPrefetch() {

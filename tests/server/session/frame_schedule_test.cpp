@@ -79,6 +79,20 @@ TEST(FrameSchedule, aLinkTooSlowForTheWantedQualityGetsAQuickFrameAndTheLastOneA
   EXPECT_FALSE(driven.schedule.owesFrame());
 }
 
+TEST(FrameSchedule, aLastFrameThatTheLinkCarriesSoonGoesAheadOfTheOthers) {
+  for (const bool soon : {true, false}) {
+    Driven driven;
+    driven.at(0.0);
+    driven.view(0.0, 95);
+    const auto quick = driven.schedule.next(false);
+    ASSERT_TRUE(quick && !quick->last);
+    driven.render(*quick, 0.03, soon ? 20'000 : 150'000);
+    const auto last = driven.schedule.next(false);
+    ASSERT_EQ(last.has_value(), soon);
+    EXPECT_TRUE(!last || last->last);
+  }
+}
+
 TEST(FrameSchedule, aFasterLinkGetsABetterQuickFrame) {
   int quality[2];
   for (const bool fast : {false, true}) {
@@ -137,13 +151,28 @@ TEST(FrameSchedule, othersLeaveTheLinkFreeForTheFrameThatIsBeingRendered) {
   driven.view(0.0);
   const auto request = driven.schedule.next(false);
   ASSERT_TRUE(request);
-  driven.at(0.001, 10'000);
-  EXPECT_FALSE(driven.schedule.holdsOthers());
+  driven.at(0.001);
+  EXPECT_FALSE(driven.schedule.holdsOthers()) << "an idle link is used";
   driven.at(0.002, 200'000);
   EXPECT_TRUE(driven.schedule.holdsOthers());
   EXPECT_GT(driven.schedule.wakeAt().value_or(0.0), driven.now);
   driven.schedule.rendered(*request, 50'000);
   EXPECT_FALSE(driven.schedule.holdsOthers());
+}
+
+// Ten segments go in the first round trip: what waits behind them costs the frame another one.
+TEST(FrameSchedule, othersThatWouldDelayTheFirstFrameWaitWhileItIsRendered) {
+  Driven driven;
+  driven.at(0.0);
+  driven.view(0.0);
+  const auto request = driven.schedule.next(false);
+  ASSERT_TRUE(request);
+  EXPECT_FALSE(driven.schedule.holdsOthers(10'000.0));
+  EXPECT_TRUE(driven.schedule.holdsOthers(20'000.0));
+  driven.at(0.3);
+  EXPECT_FALSE(driven.schedule.holdsOthers(20'000.0)) << "nothing waits for a frame that is overdue";
+  driven.at(0.301, 30'000);
+  EXPECT_TRUE(driven.schedule.holdsOthers()) << "a short queue keeps the link busy";
 }
 
 // ---- an eye that moves ----

@@ -59,5 +59,34 @@ TEST(LinkEstimate, onlyBytesBeyondThoseOfARoundTripQueue) {
   EXPECT_EQ(estimate.roundTrip(), 0.04) << "the shortest counts";
 }
 
+TEST(LinkEstimate, tcpBeginsWithFewBytesARoundTripAndAgainAfterAPause) {
+  BusyLink link;
+  link.run(1.0, 2.5e6);
+  const double busy = link.estimate.transferSeconds(100'000.0);
+  EXPECT_NEAR(busy, 0.04, 0.002) << "the rate alone counts";
+
+  const auto all = static_cast<std::uint64_t>(link.delivered) + 100'000;
+  link.estimate.update({link.seconds + 0.04, 0, 0, 0.04}, all);
+  link.estimate.update({link.seconds + 0.14, 0, 0, 0.04}, all);
+  EXPECT_NEAR(link.estimate.transferSeconds(100'000.0), busy, 0.002) << "a short pause changes nothing";
+  link.estimate.update({link.seconds + 1.0, 0, 0, 0.04}, all);
+  EXPECT_NEAR(link.estimate.transferSeconds(10'000.0), 0.004, 0.001) << "the first window holds them";
+  EXPECT_NEAR(link.estimate.transferSeconds(100'000.0), 0.08 + (100'000.0 - 3.0 * LinkEstimate::kFirstWindow) / 2.5e6,
+              0.003)
+      << "14.6 kB, 29.2 kB, then the rest";
+}
+
+TEST(LinkEstimate, bytesBeyondTheWindowWait) {
+  LinkEstimate estimate;  // 1 MB/s
+  EXPECT_EQ(estimate.waitSeconds(1e6), 0.0) << "nothing is known of the link";
+  estimate.update({0.0, 0, 9'000, 0.04}, 9'000);
+  EXPECT_EQ(estimate.waitSeconds(5'000.0), 0.0);
+  EXPECT_NEAR(estimate.waitSeconds(20'000.0), 0.0144, 1e-6) << "all but 5600 bytes";
+  estimate.update({0.04, 0, 0, 0.04}, 9'000);
+  EXPECT_NEAR(estimate.waitSeconds(24'000.0), 0.0004, 2e-5) << "what was acknowledged widens the window";
+  estimate.update({0.05, 3'000, 50'000, 0.04}, 62'000);
+  EXPECT_NEAR(estimate.waitSeconds(0.0), 0.003, 2e-4);
+}
+
 }  // namespace
 }  // namespace server

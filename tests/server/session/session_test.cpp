@@ -489,7 +489,7 @@ protocol::View sayFramesWanted(const TestScene& scene, Talk& talk, int quality) 
   return view;
 }
 
-TEST(Session, frameIsRequestedAtOnceAndFollowsTheCoarseModel) {
+TEST(Session, frameIsRequestedAtOnceAndFollowsTheFirstGroup) {
   TestScene scene;
   Talk talk(withFrames(scene).data);
   talk.greet();
@@ -505,7 +505,8 @@ TEST(Session, frameIsRequestedAtOnceAndFollowsTheCoarseModel) {
   talk.session.frameRendered(*request, value);
   const auto messages = talk.drain();
   const std::size_t at = frameAt(messages);
-  EXPECT_EQ(at, plan::coarseGroups(scene.patches->hierarchy(), plan::kCoarseBytes).size());
+  EXPECT_EQ(at, 1U) << "the eye stands, so the picture needs no model";
+  EXPECT_EQ(groupsIn(scene.data, {messages[0]}), std::vector<std::uint32_t>{0});
   ASSERT_LT(at, completeAt(messages, 1));
   const auto frame = std::get<protocol::Frame>(messages[at]);
   EXPECT_EQ(frame.sequence, 1U);
@@ -536,8 +537,8 @@ TEST(Session, quickFrameComesFirstAndTheLastOneAfterCompletion) {
   const auto quick = talk.session.nextFrameRequest();
   ASSERT_TRUE(quick);
   EXPECT_LT(quick->quality, 95);
-  talk.session.frameRendered(*quick, someFaceValue(500, 3));
-  EXPECT_FALSE(talk.session.nextFrameRequest()) << "not before everything else was sent";
+  talk.session.frameRendered(*quick, someFaceValue(500'000, 3));
+  EXPECT_FALSE(talk.session.nextFrameRequest()) << "not before everything else was sent, as it takes long";
   const auto messages = talk.drain();
   EXPECT_FALSE(std::get<protocol::Frame>(messages[frameAt(messages)]).last);
   EXPECT_EQ(completeAt(messages, 1), messages.size() - 1) << "nothing is sent ahead before the last frame";
@@ -548,6 +549,20 @@ TEST(Session, quickFrameComesFirstAndTheLastOneAfterCompletion) {
   talk.session.frameRendered(*last, someFaceValue(900, 3));
   EXPECT_TRUE(std::get<protocol::Frame>(*talk.next()).last);
   EXPECT_TRUE(std::holds_alternative<protocol::Face>(*talk.next()));
+}
+
+TEST(Session, framesWaitForTheCoarseModelWhileTheEyeMoves) {
+  TestScene scene;
+  Talk talk(withFrames(scene).data);
+  talk.greet();
+  for (std::uint32_t i = 1; i <= 3; ++i) {
+    talk.session.setLink({0.03 * i, 0, 0, 0.04});
+    protocol::View view = scene.view(i, kAbove + glm::dvec3(0.002 * i, 0.0, 0.0), {0.002 * i, 0.0, 0.0});
+    view.want_frame = true;
+    ASSERT_TRUE(talk.say(view));
+  }
+  talk.session.frameRendered(*talk.session.nextFrameRequest(), someFaceValue(500, 3));
+  EXPECT_EQ(frameAt(talk.drain()), plan::coarseGroups(scene.patches->hierarchy(), plan::kCoarseBytes).size());
 }
 
 TEST(Session, aMovingViewersFrameCarriesTheCameraThatItWasDrawnFor) {
