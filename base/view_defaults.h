@@ -31,7 +31,7 @@ struct ViewDefaults {
   /// Pixels of a frame at most: about twice a 4K screen. A larger frame would keep other viewers waiting.
   static constexpr std::int64_t kMaxFramePixels = 16'000'000;
   /// Quality of frames, 1..100, where the client leaves it to the server: as WebP, and as JPEG with 4:4:4.
-  static constexpr int kFrameWebpQuality = 90;
+  static constexpr int kFrameWebpQuality = 95;
   static constexpr int kFrameJpegQuality = 93;
 };
 

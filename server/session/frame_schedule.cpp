@@ -9,12 +9,15 @@ namespace server {
 namespace {
 
 // Choices that measurements bore out, not the best of a sweep (docs/decisions/frames-first.md).
-constexpr double kQuickSeconds = 0.12;   // a quick frame occupies the link this long
+constexpr double kQuickSeconds = 0.1;    // a quick frame occupies the link this long
 constexpr double kMovingSeconds = 0.05;  // and a moving eye's this long
 constexpr double kOthersShare = 0.15;    // of the link, for patches and images while the eye moves
 constexpr double kLastSeconds = 0.25;    // a last frame that occupies it no longer goes ahead of the others
 constexpr double kMaxCredit = 0.1;       // seconds of that share that may be saved up
 constexpr int kMinQuality = 30;
+// A moving eye's frames are blended, which costs more than this quality does; better ones would take the link from
+// patches and images.
+constexpr int kMovingQuality = 85;
 constexpr double kDecodeSeconds = 0.01;  // a client's, a guess
 constexpr double kRenderMemory = 0.25;   // weight of the newest rendering time
 // Other messages keep the link busy up to this many seconds while a frame is rendered that is later than expected by
@@ -91,6 +94,10 @@ int FrameSchedule::qualityFor(double seconds) const {
   return quality;
 }
 
+int FrameSchedule::movingQuality() const {
+  return std::min(qualityFor(kMovingSeconds), kMovingQuality);
+}
+
 FrameRequest FrameSchedule::request(const base::ViewCamera& camera, int quality, bool last) {
   under_way_ = UnderWay{++requests_, link_.now()};
   return {view_->sequence, camera, quality, codec_, last, requests_};
@@ -116,7 +123,7 @@ std::optional<FrameRequest> FrameSchedule::next(bool all_sent) {
 std::optional<FrameRequest> FrameSchedule::nextAimed() {
   if (aimed_ || link_.queueSeconds() > render_seconds_) return std::nullopt;
   aimed_ = true;
-  const int quality = qualityFor(kMovingSeconds);
+  const int quality = movingQuality();
   const double transfer = link_.transferSeconds(expectedBytes(quality));
   const double until_shown = render_seconds_ + transfer + link_.roundTrip() + kDecodeSeconds;
   const double shown_for = std::max(render_seconds_, transfer);
@@ -144,7 +151,7 @@ double FrameSchedule::renderSecondsLeft() const {
 
 /// The share of the link for other messages while the eye moves: what a renderer slower than the link leaves over.
 double FrameSchedule::othersShare() const {
-  const double transfer = expectedBytes(qualityFor(kMovingSeconds)) / link_.rate();
+  const double transfer = expectedBytes(movingQuality()) / link_.rate();
   return std::max(kOthersShare, 1.0 - transfer / std::max(render_seconds_, transfer));
 }
 

@@ -67,6 +67,7 @@ class FrameSchedule {
   std::optional<FrameRequest> nextAimed();
   int wantedQuality() const;
   int qualityFor(double seconds) const;
+  int movingQuality() const;
   double expectedBytes(int quality) const;
   double renderSecondsLeft() const;
   bool overdue() const;

@@ -5,8 +5,8 @@
 //
 //   1. The coarse whole model: group 0 and the next groups by error, about 50 kB. Sent once; again as far as evicted.
 //   2. A quick exact frame as soon as it is rendered, if the view wants one and the server renders. It is requested
-//      when the view arrives; other messages go meanwhile as far as they do not delay it. While the eye stands, it comes
-//      right after group 0 and before the rest of 1. A moving eye gets frames aimed ahead (frame_schedule.h).
+//      when the view arrives; other messages go meanwhile as far as they do not delay it. While the eye stands, it
+//      comes right after group 0 and before the rest of 1. A moving eye gets frames aimed ahead (frame_schedule.h).
 //   3. Groups and faces of the view. Only groups go while the largest missing projected error exceeds four times the
 //      tolerance, since an image projected onto a proxy that coarse is a blur. Then the kind that had fewer bytes in
 //      this view goes next.

@@ -2,6 +2,7 @@
 // and the same end as over a socket.
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <fstream>
 #include <map>
 #include <nlohmann/json.hpp>
@@ -82,6 +83,32 @@ TEST_F(VirtualTime, showsLaterWhatASlowerLinkBrings) {
   }
   EXPECT_GT(fast.meanPsnr(), slow.meanPsnr() + 1.0);
   EXPECT_LT(fast.secondsToFirst(), slow.secondsToFirst());
+}
+
+/// The figures of the picture judged at this time.
+double psnrAt(const PlayedRun& run, double seconds) {
+  for (const compare::DisplayedFrame& frame : run.frames)
+    if (std::abs(frame.seconds - seconds) < 0.01) return frame.accuracy.psnr_db;
+  ADD_FAILURE() << "no picture was judged at " << seconds << " s";
+  return 0.0;
+}
+
+// A new connection needs two round trips until it stands, one for the greeting and one for the view.
+TEST_F(VirtualTime, aFreshViewsFrameIsThereWithinAQuarterOfASecond) {
+  auto options = optionsFor({"lumigraph"}, "20Mbit/40ms");
+  options.parts[0].paths = {"teleports"};
+  options.path = {640, 360, 4.0, 1};
+  options.costs.server_render_seconds = 0.03;
+  options.play.instants = 1;
+  options.play.also_judged = {0.25, 0.5, 2.25, 2.5};
+  const auto run = play(options).at(0);
+  const double at_rest = run.frames.back().accuracy.psnr_db;
+  EXPECT_GT(at_rest, 38.0) << "of the last frame";
+  EXPECT_GT(psnrAt(run, 0.25), 25.0) << "after the connection begins";
+  EXPECT_GT(psnrAt(run, 0.5), 38.0);
+  EXPECT_GT(psnrAt(run, 2.25), 30.0) << "after the jump";
+  EXPECT_NEAR(psnrAt(run, 2.5), at_rest, 0.01) << "the view's last frame";
+  EXPECT_LT(run.rest_seconds, 2.0);
 }
 
 TEST_F(VirtualTime, framesAreAsOldAsTheLinkAndTheRendererMakeThem) {

@@ -222,6 +222,18 @@ TEST(FrameSchedule, aMovingEyesViewGetsOneFrame) {
   EXPECT_TRUE(driven.schedule.next(false));
 }
 
+TEST(FrameSchedule, aMovingEyesFramesLeaveTheBestQualityToTheEyeThatStands) {
+  Driven driven;
+  driven.move(10);
+  driven.view(driven.now, 95);
+  const auto aimed = driven.schedule.next(true);
+  ASSERT_TRUE(aimed);
+  EXPECT_LE(aimed->quality, 85) << "although the link would carry more";
+  driven.render(*aimed, 0.03, 5'000);
+  driven.at(driven.now + 1.0);
+  EXPECT_EQ(driven.schedule.next(true)->quality, 95);
+}
+
 TEST(FrameSchedule, anEyeThatStopsGetsTheFrameOfItsOwnView) {
   Driven driven;
   driven.move(10);
