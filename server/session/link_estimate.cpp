@@ -18,6 +18,7 @@ constexpr double kMinRate = 1e3;  // bytes a second, so that no time becomes inf
 // After so long without traffic TCP begins with a small window again (RFC 5681, section 4.1; Linux waits no less),
 // seconds.
 constexpr double kPause = 0.2;
+constexpr double kWideWindow = 3.0;  // times what a round trip holds, from which on the link and not TCP is the limit
 
 }  // namespace
 
@@ -49,10 +50,13 @@ void LinkEstimate::update(const LinkState& state, std::uint64_t handed_out) {
 
 void LinkEstimate::takeSample() {
   if (busy_seconds_ < std::max(kMinSample, round_trip_)) return;
-  busy_rate_ = std::max(kMinRate, busy_bytes_ / busy_seconds_);
+  const double sample = std::max(kMinRate, busy_bytes_ / busy_seconds_);
+  busy_seconds_ = busy_bytes_ = 0.0;
+  // While TCP begins, its window is what was measured, and the link is as fast at least.
+  if (window_ < kWideWindow * sample * round_trip_ && sample < rate_) return;
+  busy_rate_ = sample;
   rate_ = !measured_ || busy_rate_ > rate_ ? busy_rate_ : rate_ + kSlowerShare * (busy_rate_ - rate_);
   measured_ = true;
-  busy_seconds_ = busy_bytes_ = 0.0;
 }
 
 void LinkEstimate::growWhileIdle(double seconds) {

@@ -76,6 +76,15 @@ TEST(LinkEstimate, tcpBeginsWithFewBytesARoundTripAndAgainAfterAPause) {
       << "14.6 kB, 29.2 kB, then the rest";
 }
 
+// 14.6 kB and 29.2 kB in the first two round trips of 0.1 s are no slow link.
+TEST(LinkEstimate, theFirstRoundTripsTellNoLowerRate) {
+  LinkEstimate estimate;
+  estimate.update({0.0, 85'400, 14'600, 0.1}, 100'000);
+  estimate.update({0.1, 56'200, 29'200, 0.1}, 100'000);
+  estimate.update({0.2, 0, 56'200, 0.1}, 100'000);
+  EXPECT_GE(estimate.rate(), LinkEstimate::kAssumedRate);
+}
+
 TEST(LinkEstimate, bytesBeyondTheWindowWait) {
   LinkEstimate estimate;  // 1 MB/s
   EXPECT_EQ(estimate.waitSeconds(1e6), 0.0) << "nothing is known of the link";
