@@ -93,20 +93,21 @@ double psnrAt(const PlayedRun& run, double seconds) {
   return 0.0;
 }
 
-// A new connection needs two round trips until it stands, one for the greeting and one for the view.
+// A new connection needs two round trips until it stands, one for the greeting and one for the view; then the frame
+// precedes the coarse model, and the last one the rest. The link is slow enough that either order would show.
 TEST_F(VirtualTime, aFreshViewsFrameIsThereWithinAQuarterOfASecond) {
-  auto options = optionsFor({"lumigraph"}, "20Mbit/40ms");
+  auto options = optionsFor({"lumigraph"}, "5Mbit/40ms");
   options.parts[0].paths = {"teleports"};
   options.path = {640, 360, 4.0, 1};
   options.costs.server_render_seconds = 0.03;
   options.play.instants = 1;
-  options.play.also_judged = {0.25, 0.5, 2.25, 2.5};
+  options.play.also_judged = {0.25, 2.25, 2.5};
   const auto run = play(options).at(0);
   const double at_rest = run.frames.back().accuracy.psnr_db;
   EXPECT_GT(at_rest, 38.0) << "of the last frame";
-  EXPECT_GT(psnrAt(run, 0.25), 25.0) << "after the connection begins";
-  EXPECT_GT(psnrAt(run, 0.5), 38.0);
-  EXPECT_GT(psnrAt(run, 2.25), 30.0) << "after the jump";
+  EXPECT_GT(psnrAt(run, 0.25), 36.0) << "the coarse model came first";
+  EXPECT_GT(psnrAt(run, 0.4), 41.0) << "the frame waits for a fade over a coarse picture";
+  EXPECT_GT(psnrAt(run, 2.25), 40.0) << "after the jump";
   EXPECT_NEAR(psnrAt(run, 2.5), at_rest, 0.01) << "the view's last frame";
   EXPECT_LT(run.rest_seconds, 2.0);
 }
