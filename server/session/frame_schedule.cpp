@@ -17,7 +17,7 @@ constexpr double kMaxCredit = 0.1;       // seconds of that share that may be sa
 constexpr int kMinQuality = 30;
 // A moving eye's frames are blended, which costs more than this quality does; better ones would take the link from
 // patches and images.
-constexpr int kMovingQuality = 85;
+constexpr int kMovingQuality = 90;
 constexpr double kDecodeSeconds = 0.01;  // a client's, a guess
 constexpr double kRenderMemory = 0.25;   // weight of the newest rendering time
 // Other messages keep the link busy up to this many seconds while a frame is rendered that is later than expected by

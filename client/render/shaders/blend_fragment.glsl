@@ -66,6 +66,13 @@ const float kBorderAngle = 0.3;
 const float kLitDoubt = 4.0;
 // Squared: no image is doubted for less than 0.014, about what its coding does beside an edge. A choice.
 const float kLeastError2 = 2e-4;
+// The square of an image's blur, in texels: the variance of its texel's box is 1 / 12, and looking it up between texels
+// adds that of a tent, 1 / 6.
+const float kLookUp = 3.0;
+// This share of the squared error of scanned colours, detail that the proxy lacks, is lost in images at any blur; but
+// no more than so many times their own noise, since a coarse proxy lacks more than an image ever loses.
+const float kLostDetail = 0.05;
+const float kMostLost = 1.5;
 
 void main() {
   if (isCutAway(v_position)) discard;
@@ -96,6 +103,8 @@ void main() {
   float shade_blur = max(u_shade_blur * v_edge * view_density, 1.0) / clamp(dot(normal, view_ray), 0.05, 1.0);
   float slope = color_error / shade_blur;
   float image_noise2 = u_image_noise * u_image_noise;
+  float lost2 = u_unlit ? kLostDetail * color_error * color_error : 0.0;
+  float least_error2 = image_noise2 + min(lost2, kMostLost * image_noise2);
   // Images that are further from the proxy's colour than it errs most often show something else: what lies beside the
   // edge of a hidden place. Where light makes the colours, their error is less sure.
   float believable = u_outlier * (u_unlit ? 1.0 : kLitDoubt);
@@ -166,7 +175,7 @@ void main() {
     // proxy shifts the image by error × angle. Both count as blur in view pixels; the sharpest images weigh most.
     float blur = 1.0 / clamp(ratio * cosine, 0.01, 1.0);
     float shift = u_shift * error_px * angle;
-    float error2 = image_noise2 + slope * slope * (blur * blur - 1.0 + shift * shift);
+    float error2 = least_error2 + slope * slope * (kLookUp * blur * blur - 1.0 + shift * shift);
     float weight = seen * pow(error2 / image_noise2, -0.5 * u_resolution_power) *
                    pow(angle + u_angle_floor + kBorderAngle * (1.0 - middle), -u_angle_power);
     vec3 off = color.rgb - color.a * shaded;
