@@ -10,8 +10,11 @@ namespace server {
 namespace {
 
 constexpr std::uint64_t kPatchBytes = std::uint64_t{2} << 30;  // GPU memory for the patches of all scenes together
+constexpr std::size_t kDrawnBytes = std::size_t{64} << 20;     // eighteen pictures of 1280 x 720, one of 4K
 
 }  // namespace
+
+FrameRenderer::FrameRenderer(const std::vector<const OpenScene*>& scenes) : scenes_(scenes), drawn_(kDrawnBytes) {}
 
 void FrameRenderer::runThread(const std::stop_token& stop, std::promise<base::Result<void>> started) {
   auto context = base::HeadlessContext::create();
@@ -55,8 +58,10 @@ void FrameRenderer::takeUpLights() {
       it = next;
     }
   }
-  for (const auto& [scene, light] : lights)
+  for (const auto& [scene, light] : lights) {
+    drawn_.forget(scene);
     if (auto done = renderers_[scene]->setLight(light); !done) spdlog::warn("light: {}", done.error().message);
+  }
 }
 
 /// Waits for a request. Sets `frame` to the next frame, if one waits, and keeps or begins the current picture. Returns
@@ -106,19 +111,28 @@ base::Result<bool> FrameRenderer::drawNextBand(PictureJob& job) const {
   return job.painter->drawNextBand(renderer);
 }
 
-base::Bytes FrameRenderer::renderFrame(const FrameJob& job) const {
-  const FrameRequest& request = job.request;
-  const glm::dvec3& origin = scenes_[job.scene]->scene.origin;
-  SceneRenderer& renderer = *renderers_[job.scene];
-  const base::Sphere bounds{renderer.sceneCenter(), renderer.sceneRadius()};
-  auto picture = renderer.render(base::cameraForScene(request.camera, origin, bounds),
-                                 exactFrameOptions(request.camera.width, request.camera.height));
-  auto encoded = picture ? encodeFrame(picture->rgba, request.codec, request.quality) : picture.error();
+base::Bytes FrameRenderer::renderFrame(const FrameJob& job) {
+  auto encoded = encodedFrame(job);
   if (!encoded) {
     spdlog::warn("frames: {}", encoded.error().message);
     return {};
   }
   return std::move(*encoded);
+}
+
+base::Result<base::Bytes> FrameRenderer::encodedFrame(const FrameJob& job) {
+  const FrameRequest& request = job.request;
+  if (const base::Image* drawn = drawn_.find(job.scene, request.camera))
+    return encodeFrame(*drawn, request.codec, request.quality);
+  const glm::dvec3& origin = scenes_[job.scene]->scene.origin;
+  SceneRenderer& renderer = *renderers_[job.scene];
+  const base::Sphere bounds{renderer.sceneCenter(), renderer.sceneRadius()};
+  LUMIGRID_ASSIGN_OR_RETURN(auto picture,
+                            renderer.render(base::cameraForScene(request.camera, origin, bounds),
+                                            exactFrameOptions(request.camera.width, request.camera.height)));
+  auto encoded = encodeFrame(picture.rgba, request.codec, request.quality);
+  drawn_.add(job.scene, request.camera, std::move(picture.rgba));
+  return encoded;
 }
 
 base::Result<std::unique_ptr<FrameRenderer>> FrameRenderer::start(const std::vector<const OpenScene*>& scenes) {

@@ -15,6 +15,7 @@
 #include <vector>
 
 #include "base/error.h"
+#include "server/net/drawn_frames.h"
 #include "server/net/open_scene.h"
 #include "server/net/picture.h"
 #include "server/render/scene_renderer.h"
@@ -32,7 +33,8 @@ class FrameRenderer {
   /// parameter `scene` below is a position in the list, of a scene with patches.
   static base::Result<std::unique_ptr<FrameRenderer>> start(const std::vector<const OpenScene*>& scenes);
 
-  /// Queues one frame (exactFrameOptions), encoded by encodeFrame(). A client's newer request replaces its older one,
+  /// Queues one frame (exactFrameOptions), encoded by encodeFrame(). A view that was drawn a short while ago, for
+  /// whatever client and quality, is not drawn again. A client's newer request replaces its older one,
   /// whose `done` is never called; so the queue holds one request per client. `done` is called on the renderer's
   /// thread, with no bytes when rendering failed.
   void requestFrame(std::uint64_t client, std::size_t scene, const FrameRequest& request, OnFrame done);
@@ -48,7 +50,7 @@ class FrameRenderer {
   void cancel(std::uint64_t client);
 
  private:
-  explicit FrameRenderer(const std::vector<const OpenScene*>& scenes) : scenes_(scenes) {}
+  explicit FrameRenderer(const std::vector<const OpenScene*>& scenes);
   struct FrameJob {
     std::uint64_t client = 0;
     std::size_t scene = 0;
@@ -67,12 +69,14 @@ class FrameRenderer {
   bool waitForWork(const std::stop_token& stop, std::optional<FrameJob>& frame);
   base::Result<void> makeRenderers();
   void takeUpLights();
-  base::Bytes renderFrame(const FrameJob& job) const;
+  base::Bytes renderFrame(const FrameJob& job);
+  base::Result<base::Bytes> encodedFrame(const FrameJob& job);
   void drawPictureBand();
   base::Result<bool> drawNextBand(PictureJob& job) const;
 
   const std::vector<const OpenScene*> scenes_;
   std::vector<std::unique_ptr<SceneRenderer>> renderers_;  // used by the thread alone; parallel to `scenes_`
+  DrawnFrames drawn_;                                      // used by the thread alone
   std::mutex mutex_;
   std::condition_variable_any changed_;
   std::map<std::size_t, base::Light> lights_;    // by scene: not yet taken up

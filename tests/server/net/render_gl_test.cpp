@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <condition_variable>
+#include <future>
 #include <thread>
 
 #include "base/egl/headless.h"
@@ -200,6 +201,31 @@ TEST(FrameRendererPictures, framesComeBetweenBands) {
   std::unique_lock lock(mutex);
   changed.wait(lock, [&] { return order.size() == 4; });
   EXPECT_EQ(order, (std::vector<std::string>{"frame", "frame", "frame", "picture"}));
+}
+
+TEST(FrameRendererPictures, aViewIsEncodedAgainInAnotherQualityAndDrawnAgainInAnotherLight) {
+  const SceneDirectory scene(0);
+  const auto open = openScene(scene.path);
+  ASSERT_TRUE(open);
+  auto renderer = FrameRenderer::start({open->get()});
+  ASSERT_TRUE(renderer) << renderer.error().message;
+  FrameRequest request;
+  request.camera = requestOf(kAslant + "&width=320&height=240").camera;
+  const auto frameOf = [&](int quality) {
+    request.quality = quality;
+    std::promise<base::Bytes> promise;
+    (*renderer)->requestFrame(1, 0, request, [&](base::Bytes bytes) { promise.set_value(std::move(bytes)); });
+    return promise.get_future().get();
+  };
+  const base::Bytes quick = frameOf(40);
+  ASSERT_FALSE(quick.empty());
+  const base::Bytes last = frameOf(95);
+  EXPECT_GT(last.size(), quick.size());
+  EXPECT_EQ(frameOf(40), quick);
+  base::Light other = (*open)->scene.light;
+  other.mode = other.mode == base::LightMode::kSoft ? base::LightMode::kUnlit : base::LightMode::kSoft;
+  (*renderer)->setLight(0, other);
+  EXPECT_NE(frameOf(40), quick);
 }
 
 TEST(FrameRendererPictures, cancelledPictureIsAbandoned) {

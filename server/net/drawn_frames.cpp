@@ -1,0 +1,41 @@
+#include "server/net/drawn_frames.h"
+
+#include <algorithm>
+#include <utility>
+
+namespace server {
+
+const base::Image* DrawnFrames::find(std::size_t scene, const base::ViewCamera& camera) {
+  const auto found = std::find_if(pictures_.begin(), pictures_.end(),
+                                  [&](const Drawn& drawn) { return drawn.scene == scene && drawn.camera == camera; });
+  if (found == pictures_.end()) return nullptr;
+  pictures_.splice(pictures_.begin(), pictures_, found);
+  return &pictures_.front().picture;
+}
+
+void DrawnFrames::add(std::size_t scene, const base::ViewCamera& camera, base::Image picture) {
+  std::erase_if(pictures_, [&](const Drawn& drawn) {
+    const bool same = drawn.scene == scene && drawn.camera == camera;
+    if (same) bytes_ -= drawn.picture.pixels.size();
+    return same;
+  });
+  bytes_ += picture.pixels.size();
+  pictures_.push_front({scene, camera, std::move(picture)});
+  trim();
+}
+
+void DrawnFrames::forget(std::size_t scene) {
+  std::erase_if(pictures_, [&](const Drawn& drawn) {
+    if (drawn.scene == scene) bytes_ -= drawn.picture.pixels.size();
+    return drawn.scene == scene;
+  });
+}
+
+void DrawnFrames::trim() {
+  while (bytes_ > max_bytes_) {
+    bytes_ -= pictures_.back().picture.pixels.size();
+    pictures_.pop_back();
+  }
+}
+
+}  // namespace server
