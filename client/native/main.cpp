@@ -74,7 +74,7 @@ void addContentOptions(CLI::App& app, Arguments& a) {
   app.add_flag("--images,!--no-images", a.run.viewer.session.images,
                "Use images of the repository (on unless --no-images)");
   app.add_flag("--frames,!--no-frames", a.run.viewer.session.frames,
-               "Ask for the exact picture when all else is sent (on unless --no-frames)");
+               "Ask for the exact picture of the view (on unless --no-frames)");
   app.add_flag(
       "--antialias,!--no-antialias", a.antialias,
       "Average four samples a pixel, eight at rest, where --memory, the GL and the time of a frame allow it (on "

@@ -156,9 +156,8 @@ std::string resultsCsv(const std::vector<PlayedRun>& runs) {
 std::string summaryCsv(const std::vector<PlayedRun>& runs) {
   std::string out =
       "scene,method,knob,path,link,frames,bytes,bytes_images,bytes_patches,bytes_frames,mean_psnr_db,p5_psnr_db,"
-      "mean_ssim,holes_share,silhouette_px,silhouette_p95_px,flicker,flicker_share,time_to_first_s,time_to_25_s,time_"
-      "to_30_s,"
-      "time_to_35_s,at_rest_psnr_db,rest_s,draw_wall_ms\n";
+      "mean_ssim,holes_share,silhouette_px,silhouette_p95_px,flicker,flicker_share,time_to_first_s,time_to_25_s,"
+      "time_to_30_s,time_to_35_s,at_rest_psnr_db,rest_s,draw_wall_ms\n";
   for (const PlayedRun& run : runs) {
     const Flicker flicker = run.meanFlicker();
     double wall = 0.0;

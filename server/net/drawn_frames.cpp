@@ -14,14 +14,9 @@ const base::Image* DrawnFrames::find(std::size_t scene, const base::ViewCamera& 
 }
 
 void DrawnFrames::add(std::size_t scene, const base::ViewCamera& camera, base::Image picture) {
-  std::erase_if(pictures_, [&](const Drawn& drawn) {
-    const bool same = drawn.scene == scene && drawn.camera == camera;
-    if (same) bytes_ -= drawn.picture.pixels.size();
-    return same;
-  });
   bytes_ += picture.pixels.size();
   pictures_.push_front({scene, camera, std::move(picture)});
-  trim();
+  for (; bytes_ > max_bytes_; pictures_.pop_back()) bytes_ -= pictures_.back().picture.pixels.size();
 }
 
 void DrawnFrames::forget(std::size_t scene) {
@@ -29,13 +24,6 @@ void DrawnFrames::forget(std::size_t scene) {
     if (drawn.scene == scene) bytes_ -= drawn.picture.pixels.size();
     return drawn.scene == scene;
   });
-}
-
-void DrawnFrames::trim() {
-  while (bytes_ > max_bytes_) {
-    bytes_ -= pictures_.back().picture.pixels.size();
-    pictures_.pop_back();
-  }
 }
 
 }  // namespace server

@@ -18,7 +18,7 @@ class DrawnFrames {
   /// Returns the scene's picture for this very camera, null where none is kept; valid until the next call of another
   /// function.
   const base::Image* find(std::size_t scene, const base::ViewCamera& camera);
-  /// Keeps a picture; those that were not asked for longest go.
+  /// Keeps a picture that find() does not have; those that were not asked for longest go.
   void add(std::size_t scene, const base::ViewCamera& camera, base::Image picture);
   /// Forgets the scene's pictures, as when its light changes.
   void forget(std::size_t scene);
@@ -30,11 +30,10 @@ class DrawnFrames {
     base::ViewCamera camera;
     base::Image picture;
   };
-  void trim();
 
   std::list<Drawn> pictures_;  // the last one asked for first
   std::size_t bytes_ = 0;
-  std::size_t max_bytes_;
+  const std::size_t max_bytes_;
 };
 
 }  // namespace server

@@ -10,7 +10,7 @@ namespace server {
 namespace {
 
 constexpr std::uint64_t kPatchBytes = std::uint64_t{2} << 30;  // GPU memory for the patches of all scenes together
-constexpr std::size_t kDrawnBytes = std::size_t{64} << 20;     // eighteen pictures of 1280 x 720, one of 4K
+constexpr std::size_t kDrawnBytes = std::size_t{64} << 20;     // eighteen pictures of 1280 x 720, two of 4K
 
 }  // namespace
 

@@ -34,9 +34,9 @@ class FrameRenderer {
   static base::Result<std::unique_ptr<FrameRenderer>> start(const std::vector<const OpenScene*>& scenes);
 
   /// Queues one frame (exactFrameOptions), encoded by encodeFrame(). A view that was drawn a short while ago, for
-  /// whatever client and quality, is not drawn again. A client's newer request replaces its older one,
-  /// whose `done` is never called; so the queue holds one request per client. `done` is called on the renderer's
-  /// thread, with no bytes when rendering failed.
+  /// whatever client and quality, is not drawn again. A client's newer request replaces its older one, whose `done` is
+  /// never called; so the queue holds one request per client. `done` is called on the renderer's thread, with no bytes
+  /// when rendering failed.
   void requestFrame(std::uint64_t client, std::size_t scene, const FrameRequest& request, OnFrame done);
   /// Queues a picture of any size, drawn in bands: at most one frame is drawn between two bands while frames wait, and
   /// no frame waits for more than one band. Returns false, and never calls `done`, when `max_waiting` pictures wait

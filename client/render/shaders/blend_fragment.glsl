@@ -62,7 +62,8 @@ float litAround(int array, vec4 place, vec2 texel) {
 // fade would happen within the last thousandth of its width. Radians, about the angle between neighbouring images.
 const float kBorderAngle = 0.3;
 
-// Light's colours are believed at so many times the distance. Measured: docs/decisions/blending-weights.md.
+// Where light makes the colours, an image may be so many times as far from the proxy's before it is doubted. Measured:
+// docs/decisions/blending-weights.md.
 const float kLitDoubt = 4.0;
 // Squared: no image is doubted for less than 0.014, about what its coding does beside an edge. A choice.
 const float kLeastError2 = 2e-4;

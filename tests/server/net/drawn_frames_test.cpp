@@ -64,13 +64,5 @@ TEST(DrawnFrames, aSceneIsForgottenByItself) {
   EXPECT_EQ(frames.bytes(), kBytes);
 }
 
-TEST(DrawnFrames, theSameViewIsKeptOnce) {
-  DrawnFrames frames(10 * kBytes);
-  frames.add(0, cameraAt(1.0), pictureOf(1));
-  frames.add(0, cameraAt(1.0), pictureOf(9));
-  EXPECT_EQ(frames.bytes(), kBytes);
-  EXPECT_EQ(frames.find(0, cameraAt(1.0))->pixels[0], 9);
-}
-
 }  // namespace
 }  // namespace server

@@ -551,16 +551,19 @@ TEST(Session, quickFrameComesFirstAndTheLastOneAfterCompletion) {
   EXPECT_TRUE(std::holds_alternative<protocol::Face>(*talk.next()));
 }
 
+/// Says the i-th view of an eye that moves along x, thirty milliseconds after the one before, with frames.
+void sayMovedView(const TestScene& scene, Talk& talk, std::uint32_t i) {
+  talk.session.setLink({0.03 * i, 0, 0, 0.04});
+  protocol::View view = scene.view(i, kAbove + glm::dvec3(0.002 * i, 0.0, 0.0), {0.002 * i, 0.0, 0.0});
+  view.want_frame = true;
+  EXPECT_TRUE(talk.say(view));
+}
+
 TEST(Session, framesWaitForTheCoarseModelWhileTheEyeMoves) {
   TestScene scene;
   Talk talk(withFrames(scene).data);
   talk.greet();
-  for (std::uint32_t i = 1; i <= 3; ++i) {
-    talk.session.setLink({0.03 * i, 0, 0, 0.04});
-    protocol::View view = scene.view(i, kAbove + glm::dvec3(0.002 * i, 0.0, 0.0), {0.002 * i, 0.0, 0.0});
-    view.want_frame = true;
-    ASSERT_TRUE(talk.say(view));
-  }
+  for (std::uint32_t i = 1; i <= 3; ++i) sayMovedView(scene, talk, i);
   talk.session.frameRendered(*talk.session.nextFrameRequest(), someFaceValue(500, 3));
   EXPECT_EQ(frameAt(talk.drain()), plan::coarseGroups(scene.patches->hierarchy(), plan::kCoarseBytes).size());
 }
@@ -570,10 +573,7 @@ TEST(Session, aMovingViewersFrameCarriesTheCameraThatItWasDrawnFor) {
   Talk talk(withFrames(scene).data);
   talk.greet();
   for (std::uint32_t i = 1; i <= 5; ++i) {
-    talk.session.setLink({0.03 * i, 0, 0, 0.04});
-    protocol::View view = scene.view(i, kAbove + glm::dvec3(0.002 * i, 0.0, 0.0), {0.002 * i, 0.0, 0.0});
-    view.want_frame = true;
-    ASSERT_TRUE(talk.say(view));
+    sayMovedView(scene, talk, i);
     if (i == 1) talk.session.frameRendered(*talk.session.nextFrameRequest(), someFaceValue(500, 3));
     talk.drain(3);
   }
