@@ -44,7 +44,7 @@ PictureError foregroundError(const Image& truth, const Image& picture) {
   };
   PictureError error;
   for (std::size_t i = 0; 4 * i < truth.pixels.size(); ++i) {
-    if (std::max(truth.pixels[4 * i + 3], picture.pixels[4 * i + 3]) < kCoverageThreshold) continue;
+    if (std::max(truth.pixels[4 * i + 3], picture.pixels[4 * i + 3]) < kForegroundThreshold) continue;
     for (std::size_t c = 0; c < 3; ++c) error.add(overGrey(truth, i, c) - overGrey(picture, i, c));
   }
   return error;

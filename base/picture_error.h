@@ -7,8 +7,11 @@
 
 namespace base {
 
-/// A pixel is model, and foreground, when at least half of it is covered: from this alpha on.
+/// A pixel is model when at least half of it is covered: from this alpha on.
 inline constexpr std::uint8_t kCoverageThreshold = 128;
+/// A pixel counts where pictures are compared when either covers a sixteenth of it: thin parts cover less than half of
+/// the pixels that they cross, and a picture that lacks them must not be the better for it.
+inline constexpr std::uint8_t kForegroundThreshold = 16;
 /// The PSNR of equal pictures, which would be infinite, and the largest that is reported.
 inline constexpr double kEqualDb = 99.0;
 
@@ -33,8 +36,9 @@ struct PictureError {
 /// numbers, hence exact in any order. Images of the same size.
 PictureError modelError(const Image& rgba, const Image& rgb);
 
-/// The error of a picture against the truth: over the pixels that are model in either, both laid over mid-grey, which
-/// also shows in holes; as compare::measureAccuracy() does. RGBA of the same size, colour not premultiplied.
+/// The error of a picture against the truth: over the pixels that either covers (kForegroundThreshold), both laid over
+/// mid-grey, which also shows in holes; as compare::measureAccuracy() does. RGBA of the same size, colour not
+/// premultiplied.
 PictureError foregroundError(const Image& truth, const Image& picture);
 
 }  // namespace base

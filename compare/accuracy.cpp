@@ -34,6 +34,11 @@ cv::Mat coveredPixels(const cv::Mat& rgba) {
   return coverage(rgba) >= base::kCoverageThreshold;
 }
 
+/// Where the picture covers so much of a pixel that it is compared: 255, elsewhere 0.
+cv::Mat foregroundOf(const cv::Mat& rgba) {
+  return coverage(rgba) >= base::kForegroundThreshold;
+}
+
 /// RGB laid over mid-grey, 0..255 in float: (a · c + (255 − a) · grey) / 255, exact but for the division.
 cv::Mat overGrey(const cv::Mat& rgba) {
   cv::Mat rgb, alpha;
@@ -121,7 +126,7 @@ base::Result<Accuracy> measureAccuracy(const base::Image& truth, const base::Ima
   if (truth.width != picture.width || truth.height != picture.height || truth.channels != 4 || picture.channels != 4)
     return sizeError(truth, picture);
   const cv::Mat in_truth = coveredPixels(viewOf(truth)), in_picture = coveredPixels(viewOf(picture));
-  const cv::Mat foreground = in_truth | in_picture;
+  const cv::Mat foreground = foregroundOf(viewOf(truth)) | foregroundOf(viewOf(picture));
   Accuracy result;
   result.foreground = static_cast<std::uint64_t>(cv::countNonZero(foreground));
   if (result.foreground == 0)
@@ -146,9 +151,9 @@ Flicker measureFlicker(const JudgedPicture& before, const JudgedPicture& after) 
     cv::absdiff(overGrey(viewOf(from)), overGrey(viewOf(to)), difference);
     return difference;
   };
-  cv::Mat foreground = coveredPixels(viewOf(before.truth));
+  cv::Mat foreground = foregroundOf(viewOf(before.truth));
   for (const base::Image* image : {&before.picture, &after.truth, &after.picture})
-    foreground |= coveredPixels(viewOf(*image));
+    foreground |= foregroundOf(viewOf(*image));
   cv::Mat beyond = change(before.picture, after.picture) - change(before.truth, after.truth);
   cv::threshold(beyond, beyond, 0.0, 0.0, cv::THRESH_TOZERO);
   const cv::Scalar mean = cv::mean(beyond, foreground);

@@ -7,8 +7,9 @@
 
 namespace compare {
 
-/// A pixel is foreground when the truth or the picture covers at least half of it. Pixels that are not wholly covered
-/// are laid over mid-grey, which also shows in holes.
+/// A pixel is foreground when the truth or the picture covers at least a sixteenth of it, so that thin parts count
+/// whether the picture has them or not. Pixels that are not wholly covered are laid over mid-grey, which also shows in
+/// holes. Shares and silhouettes are of the pixels of which at least half is covered.
 struct Accuracy {
   double psnr_db = 0.0;  ///< over the foreground's RGB samples; 99 when equal
   double ssim = 0.0;     ///< mean over the foreground; luma, 11 × 11 Gaussian window of σ 1.5 (Wang et al. 2004)

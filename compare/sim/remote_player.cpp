@@ -65,14 +65,14 @@ base::Result<void> RemotePlayer::finishDrawing(double now) {
   if (!drawing_ || now < drawn_at_) return {};
   LUMIGRID_ASSIGN_OR_RETURN(auto picture, encode(drawing_->camera));
   coming_.push_back(*std::exchange(drawing_, std::nullopt));
-  coming_.back().mask = std::move(picture.mask);
+  coming_.back().coverage = std::move(picture.coverage);
   down_.send(std::move(picture.coded), now);
   return {};
 }
 
 base::Result<base::Image> RemotePlayer::draw() {
   if (!shown_) return base::Image(camera_.width, camera_.height, 4);
-  return withCoverage(shown_->picture, shown_->view.mask);
+  return withCoverage(shown_->picture, shown_->view.coverage);
 }
 
 PlayerCounts RemotePlayer::counts() const {

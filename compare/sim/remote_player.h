@@ -23,10 +23,10 @@ class RemotePlayer : public Player {
   /// A view on its way through server and link.
   struct View {
     base::ViewCamera camera;
-    std::string text;   ///< textOf(camera)
-    double seen = 0.0;  ///< when the client looked at it, seconds
-    base::Bytes mask;   ///< coverage of the drawn picture
-    bool last = true;   ///< the server sends no other picture while the view stays
+    std::string text;      ///< textOf(camera)
+    double seen = 0.0;     ///< when the client looked at it, seconds
+    base::Bytes coverage;  ///< of the drawn picture, one byte a pixel
+    bool last = true;      ///< the server sends no other picture while the view stays
   };
 
   RemotePlayer(const Stage& stage, const LinkProfile& link);

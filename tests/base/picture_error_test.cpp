@@ -21,11 +21,19 @@ TEST(PictureError, modelErrorComparesColoursWithoutBackground) {
 TEST(PictureError, foregroundErrorCountsHolesAndWhatStandsOver) {
   Image truth(4, 1, 4), picture(4, 1, 4);
   // Model in both, in the truth alone, in the picture alone, in neither.
-  truth.pixels = {10, 20, 30, 255, 118, 119, 120, 255, 7, 7, 7, 0, 1, 2, 3, 127};
-  picture.pixels = {13, 20, 30, 255, 9, 9, 9, 0, 118, 118, 114, 255, 200, 200, 200, 127};
+  truth.pixels = {10, 20, 30, 255, 118, 119, 120, 255, 7, 7, 7, 0, 1, 2, 3, 15};
+  picture.pixels = {13, 20, 30, 255, 9, 9, 9, 0, 118, 118, 114, 255, 200, 200, 200, 15};
   const PictureError error = foregroundError(truth, picture);
   EXPECT_EQ(error.samples, 9U);
   EXPECT_NEAR(error.squared, 9.0 + (0.0 + 1.0 + 4.0) + 16.0, 1e-9);
+}
+
+// A line that covers a quarter of its pixels counts whether the picture has it or not.
+TEST(PictureError, foregroundErrorCountsThinParts) {
+  Image truth(1, 1, 4), picture(1, 1, 4);
+  truth.pixels = {218, 118, 118, 51};
+  EXPECT_EQ(foregroundError(truth, truth).samples, 3U);
+  EXPECT_NEAR(foregroundError(truth, picture).squared, 400.0, 1e-9);
 }
 
 TEST(PictureError, foregroundErrorWeighsColoursByCoverage) {

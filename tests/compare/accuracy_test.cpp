@@ -91,13 +91,14 @@ TEST(Accuracy, onlyForegroundCountsAndGreyLiesBeneath) {
   EXPECT_NEAR(a->mean_abs, (3.0 + 2.0) / 6.0, 1e-5);
 }
 
-TEST(Accuracy, pixelsCoveredByHalfAreForeground) {
+TEST(Accuracy, pixelsCoveredByASixteenthAreForeground) {
   base::Image truth(2, 1, 4);
-  truth.pixels = {0, 0, 0, 127, 200, 200, 200, 128};
+  truth.pixels = {0, 0, 0, 15, 200, 200, 200, 16};
   const auto a = compare::measureAccuracy(truth, base::Image(2, 1, 4));
   ASSERT_TRUE(a);
   EXPECT_EQ(a->foreground, 1U);
-  EXPECT_NEAR(a->mean_abs, 128.0 / 255.0 * (200.0 - 118.0), 1e-4);  // half of 200 over grey, against grey
+  EXPECT_NEAR(a->mean_abs, 16.0 / 255.0 * (200.0 - 118.0), 1e-4);  // a sixteenth of 200 over grey, against grey
+  EXPECT_EQ(a->missing_share, 0.0) << "which are of pixels covered by half";
 }
 
 TEST(Accuracy, silhouetteDistanceIsHowFarAnEdgeMoved) {
