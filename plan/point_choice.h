@@ -49,17 +49,21 @@ struct SurfaceSample {
   float weight = 1.0F;       ///< share of the picture
 };
 
+/// Rays that estimate the visible surface, across the picture and up.
+inline constexpr int kSurfaceColumns = 16;
+inline constexpr int kSurfaceRows = 9;
+
 /// Estimates the visible surface from the boxes and normal cones of the cut's patches, by one ray through the middle of
 /// each of columns × rows tiles of the picture. A ray ends at the nearest patch that it meets. Where the patch's cone
 /// is narrow, it meets the plane through the patch's centre, if that lies inside the box; otherwise it meets the patch
 /// half-way through the box.
 std::vector<SurfaceSample> sampleVisibleSurface(const lod::patch::Hierarchy& hierarchy,
                                                 std::span<const std::uint32_t> patches, const base::Camera& camera,
-                                                int columns = 16, int rows = 9);
+                                                int columns = kSurfaceColumns, int rows = kSurfaceRows);
 
 /// Samples the visible surface on a coarse cut, by one ray through the middle of each tile.
 std::vector<SurfaceSample> sampleVisibleSurface(const lod::patch::ProxySight& sight, const base::Camera& camera,
-                                                int columns = 16, int rows = 9);
+                                                int columns = kSurfaceColumns, int rows = kSurfaceRows);
 
 struct PointQuery {
   repository::Grid grid;

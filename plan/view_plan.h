@@ -22,6 +22,8 @@ struct Scene {
   bool images = false;                                  ///< the scene has a repository
   const repository::SampleTree* sample_tree = nullptr;  ///< the points that are sampled; null: all of the grid
   const lod::patch::ProxySight* sight = nullptr;        ///< tests occlusion; null: nothing hides anything
+  /// Whether a tile is known not to be stored; null: nothing is known.
+  std::function<bool(const repository::FaceKey&)> is_absent = nullptr;
 };
 
 /// The coarse whole model that is sent or fetched first has at most this many bytes: 0.1 s at 4 Mbit/s.
@@ -38,6 +40,10 @@ inline constexpr float kUrgentErrorRatio = 4.0F;
 inline constexpr std::size_t kFacesPerPoint = 2;
 /// A view that asks for one or two points still gets this many faces, since they must show everything in view.
 inline constexpr std::size_t kMinFaces = 8;
+
+/// The same of tiles: a picture of 1280 × 720 pixels is covered by some twenty.
+inline constexpr std::size_t kTilesPerPoint = 8;
+inline constexpr std::size_t kMinTiles = 24;
 
 struct ViewPlan {
   std::vector<std::uint32_t> groups;  ///< expanded in the client's cut: parents first, then largest projected error

@@ -97,7 +97,7 @@ base::Result<Header> readHeader(base::ByteView bytes) {
   auto grid = Grid::decode(in);
   if (!grid) return base::within("access counts", grid.error());
   header.identity = {*grid, in.u32()};
-  if (in.u32() != 0 || in.u32() != 0 || in.u32() != 0) return bad("a field that must be 0 is not");
+  if (in.u32() != 0 || in.u32() != 0) return bad("a field that must be 0 is not");
   if (header.since > header.until) return bad("they end before they begin");
   if (header.body_bytes != bytes.size() - kHeaderBytes) return bad("another length than the header says");
   // A row takes at least two bytes, so a file's size bounds the memory that it can make us allocate.
@@ -210,7 +210,7 @@ base::Bytes encodeFile(Header header, const RowWriter& faces, const RowWriter& g
   base::writeFields(out, fieldsOf(header));
   header.identity.grid.encode(out);
   out.u32(header.identity.group_count);
-  for (int zero = 0; zero < 3; ++zero) out.u32(0);
+  for (int zero = 0; zero < 2; ++zero) out.u32(0);
   LUMIGRID_CHECK_EQ(out.size(), kHeaderBytes);
   out.bytes(faces.bytes());
   out.bytes(groups.bytes());

@@ -8,6 +8,7 @@
 #include "repository/faces/face_image.h"
 #include "repository/faces/face_value.h"
 #include "repository/sampling/expected_points.h"
+#include "repository/sampling/face_tiles.h"
 
 namespace repository {
 namespace {
@@ -31,15 +32,50 @@ std::optional<std::string> orphanFault(const FaceKey& key, const Grid& grid, con
          std::to_string(shard.count);
 }
 
-enum class FaultKind { kOrphan, kDamaged };
+enum class FaultKind { kOrphan, kDamaged, kMissing };
+using ReportFault = std::function<void(const FaceKey&, FaultKind, std::string)>;
+
+// Reports tiles that no stored tile of their face names, and those that are named and not stored. Faces with a damaged
+// value are left out, since nobody knows what it named.
+class TileChecker {
+ public:
+  explicit TileChecker(ReportFault report) : report_(std::move(report)) {}
+
+  /// Keys come in ascending order.
+  void addTile(const FaceKey& key, base::ByteView bytes) {
+    if (!face_ || *face_ != key.face()) {
+      finish();
+      face_ = key.face();
+    }
+    const auto value = decodeFaceValue(bytes);
+    if (!value) sound_ = false;
+    if (!sound_ || tiles_.add(key.tile, value->children)) return;
+    report_(key, FaultKind::kOrphan, nameOf(key) + ": no other tile of its face names it");
+  }
+  void finish() {
+    if (face_ && sound_)
+      for (const std::uint32_t tile : tiles_.missing()) {
+        FaceKey key = *face_;
+        key.tile = tile;
+        report_(key, FaultKind::kMissing, nameOf(key) + ": missing, others of its face are here");
+      }
+    face_.reset();
+    tiles_ = {};
+    sound_ = true;
+  }
+
+ private:
+  const ReportFault report_;
+  std::optional<FaceKey> face_;
+  FaceTiles tiles_;
+  bool sound_ = true;
+};
 
 // Receives every value of a store in the order of keys, decodes them in parallel and reports faults to `report`.
 class ValueChecker {
  public:
-  using ReportFault = std::function<void(const FaceKey&, FaultKind, std::string)>;
-
   ValueChecker(const Grid& grid, const Shard& shard, const ExpectedPoints& points, unsigned threads, ReportFault report)
-      : grid_(grid), shard_(shard), points_(points), threads_(threads), report_(std::move(report)) {}
+      : grid_(grid), shard_(shard), points_(points), threads_(threads), report_(std::move(report)), tiles_(report_) {}
 
   /// Returns whether this store should have the key.
   bool addValue(const FaceKey& key, base::ByteView bytes) {
@@ -47,14 +83,21 @@ class ValueChecker {
       report_(key, FaultKind::kOrphan, std::move(*orphan));
       return false;
     }
+    tiles_.addTile(key, bytes);
     portion_.emplace_back(key, base::Bytes(bytes.begin(), bytes.end()));
     if (portion_.size() == kPortion) decodePortion();
     return true;
   }
+  void finish() {
+    decodePortion();
+    tiles_.finish();
+  }
+
+ private:
   void decodePortion() {
     std::vector<std::optional<std::string>> faults(portion_.size());
     base::parallelFor(portion_.size(), threads_, [&](std::size_t i) {
-      faults[i] = decodingFault(portion_[i].first, portion_[i].second, grid_.face_size);
+      faults[i] = decodingFault(portion_[i].first, portion_[i].second, grid_.imageSide());
     });
     for (std::size_t i = 0; i < faults.size(); ++i) {
       if (faults[i]) report_(portion_[i].first, FaultKind::kDamaged, std::move(*faults[i]));
@@ -62,12 +105,12 @@ class ValueChecker {
     portion_.clear();
   }
 
- private:
   const Grid& grid_;
   const Shard shard_;
   const ExpectedPoints& points_;
   const unsigned threads_;
   const ReportFault report_;
+  TileChecker tiles_;
   std::vector<std::pair<FaceKey, base::Bytes>> portion_;
 };
 
@@ -92,7 +135,7 @@ class Verifier {
     return !enough();
   }
   std::vector<std::string> finish() {
-    checker_.decodePortion();
+    checker_.finish();
     if (!enough()) gaps_.finish();
     for (const Gap& gap : gaps_.gaps()) faults_.push_back(describeGap(gap));
     return std::move(faults_);
@@ -146,6 +189,7 @@ base::Result<RemovalCounts> removeFaulty(Store& store, const Grid& grid, const S
   std::vector<FaceKey> keys;
   const ExpectedPoints points(grid, shard, tree);
   ValueChecker checker(grid, shard, points, threads, [&](const FaceKey& key, FaultKind kind, const std::string&) {
+    if (kind == FaultKind::kMissing) return;
     keys.push_back(key);
     ++(kind == FaultKind::kOrphan ? removed.orphans : removed.damaged);
   });
@@ -153,15 +197,18 @@ base::Result<RemovalCounts> removeFaulty(Store& store, const Grid& grid, const S
     checker.addValue(key, bytes);
     return true;
   }));
-  checker.decodePortion();
+  checker.finish();
   if (!keys.empty()) LUMIGRID_TRY(store.erase(keys));
   return removed;
 }
 
 base::Result<StoreContents> contentsOf(const Store& store) {
   StoreContents contents;
-  LUMIGRID_TRY(store.forEach([&](const FaceKey&, base::ByteView bytes) {
-    ++contents.faces;
+  std::optional<FaceKey> face;
+  LUMIGRID_TRY(store.forEach([&](const FaceKey& key, base::ByteView bytes) {
+    ++contents.values;
+    contents.faces += face != key.face() ? 1U : 0U;
+    face = key.face();
     const auto value = decodeFaceValue(bytes);
     if (!value) {
       ++contents.unreadable;

@@ -81,7 +81,8 @@ void addContentOptions(CLI::App& app, Arguments& a) {
       "unless --no-antialias)");
   app.add_option("--points", a.run.viewer.session.max_points, "Sampling points whose images are asked for, 1 to 64")
       ->check(CLI::Range(1, 64));
-  app.add_option("--samples", a.run.viewer.lumigraph.max_samples, "Images blended in a picture, 1 to 32")
+  app.add_option("--samples", a.run.viewer.lumigraph.max_samples,
+                 "Images blended in a picture, 1 to 32; four tiles of a face count as one")
       ->check(CLI::Range(1, 32));
   const client::SessionOptions& session = a.run.viewer.session;
   app.add_option_function<float>(

@@ -1,8 +1,11 @@
 #include "client/render/choose.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
-#include <numeric>
+#include <queue>
+
+#include "client/render/box_index.h"
 
 namespace client {
 namespace {
@@ -10,41 +13,177 @@ namespace {
 /// Weighs a box's first image against further ones: gain = quality / (kSaturation + quality so far). Measured:
 /// docs/lumigraph-tuning.md.
 constexpr float kSaturation = 0.3F;
-constexpr float kSameDirection =
-    1.0F - 1e-6F;  ///< cosine: corners within 1.4 mrad, less than a pixel of a 90° face of 1024
 
-glm::vec3 directionThrough(const glm::mat4& scene_from_clip, const glm::vec3& eye, float x, float y) {
-  const glm::vec4 p = scene_from_clip * glm::vec4(x, y, 1.0F, 1.0F);
-  return glm::normalize(glm::vec3(p) / p.w - eye);
+/// A core is divided into 4 × 4 cells, one bit each, rows from the bottom: what finer samples of the same point show of
+/// it. Those four times as fine have a cell each.
+constexpr int kCellsAcross = 4;
+constexpr std::uint16_t kAllCells = 0xFFFF;
+
+/// Returns the cells from (x0, y0) to (x1, y1), given as −1 … 1 across the core.
+template <class Round>
+std::uint16_t cellsIn(const glm::vec2& low, const glm::vec2& high, const Round& round) {
+  const auto cell = [&](float at) {
+    return std::clamp(static_cast<int>(round(0.5F * (at + 1.0F) * kCellsAcross)), 0, kCellsAcross);
+  };
+  std::uint16_t cells = 0;
+  for (int y = cell(low.y); y < kCellsAcross - cell(-high.y); ++y)
+    for (int x = cell(low.x); x < kCellsAcross - cell(-high.x); ++x)
+      cells = static_cast<std::uint16_t>(cells | 1U << (kCellsAcross * y + x));
+  return cells;
 }
 
-/// Whether side a of one sample lies on side b of another: their corners coincide, in either order.
-bool sidesCoincide(const SampleGeometry& one, int a, const SampleGeometry& other, int b) {
-  const auto corner = [](const SampleGeometry& s, int i) { return s.corners[static_cast<std::size_t>(i & 3)]; };
-  const auto same = [](const glm::vec3& u, const glm::vec3& v) { return glm::dot(u, v) > kSameDirection; };
-  return (same(corner(one, a), corner(other, b)) && same(corner(one, a + 1), corner(other, b + 1))) ||
-         (same(corner(one, a), corner(other, b + 1)) && same(corner(one, a + 1), corner(other, b)));
+/// Returns the cells of `coarse` that `fine`, which lies in it, shows whole.
+std::uint16_t cellsUnder(const SampleGeometry& fine, const SampleGeometry& coarse) {
+  glm::vec2 low(1.0F), high(-1.0F);
+  for (const glm::vec3& corner : fine.corners) {
+    const glm::vec3 place = coarse.placeInCore(corner);
+    low = glm::min(low, glm::vec2(place) / place.z);
+    high = glm::max(high, glm::vec2(place) / place.z);
+  }
+  constexpr float kRounding = 0.05F;  // share of a cell
+  return cellsIn(low, high, [](float at) { return std::ceil(at - kRounding); });
 }
 
-bool sameCentre(const SampleGeometry& a, const SampleGeometry& b) {
-  const float scale = std::max({std::abs(a.eye.x), std::abs(a.eye.y), std::abs(a.eye.z), 1e-6F});
-  return glm::length(a.eye - b.eye) <= 1e-5F * scale;
+/// Returns the cells in which a box may be seen; none where it lies beside the core.
+std::uint16_t cellsOf(const base::Aabb& box, const SampleGeometry& sample) {
+  glm::vec2 low(1.0F), high(-1.0F);
+  for (int i = 0; i < 8; ++i) {
+    const glm::vec3 corner((i & 1) != 0 ? box.max.x : box.min.x, (i & 2) != 0 ? box.max.y : box.min.y,
+                           (i & 4) != 0 ? box.max.z : box.min.z);
+    const glm::vec3 place = sample.placeInCore(corner - sample.eye);
+    if (place.z <= 0.0F) return kAllCells;
+    low = glm::min(low, glm::vec2(place) / place.z);
+    high = glm::max(high, glm::vec2(place) / place.z);
+  }
+  return cellsIn(low, high, [](float at) { return std::floor(at); });
 }
 
-/// Component of borderFloors for each side, in the order of the corners: bottom, right, top, left.
-constexpr std::array<int, 4> kFloorOfSide{2, 1, 3, 0};
+/// One sample looks at one box.
+struct Sight {
+  std::uint32_t box;
+  float quality;                    ///< weight as a share of that of the best sample in the box
+  float shown = 0.0F;               ///< the quality that a chosen, coarser sample of the point has here already
+  std::uint16_t cells = kAllCells;  ///< where it may see the box,
+  std::uint16_t open = kAllCells;   ///< and where no chosen, finer sample of the point shows the same
+
+  float left() const {
+    const float gain = std::max(0.0F, quality - shown);
+    const auto left = static_cast<std::uint16_t>(cells & open);
+    return left == cells ? gain
+                         : gain * static_cast<float>(std::popcount(left)) / static_cast<float>(std::popcount(cells));
+  }
+};
+
+/// Greedy choice with diminishing returns for boxes that have samples already. Gains only fall as more is chosen, so
+/// that of a sample is computed again only when it may be the largest (Minoux 1978).
+class Choice {
+ public:
+  Choice(std::span<const SampleGeometry* const> samples, std::span<const base::Aabb> boxes,
+         std::span<const ProxyError> errors, const base::Camera& view, const BlendTuning& tuning)
+      : samples_(samples), boxes_(boxes), nesting_(nestingOf(samples)), had_(boxes.size(), 0.0F) {
+    look(errors, view, tuning);
+  }
+
+  std::vector<std::size_t> best(std::size_t limit) {
+    std::priority_queue<Candidate> queue;
+    for (std::size_t s = 0; s < samples_.size(); ++s) queue.push({gainOf(s), s, 0});
+    std::vector<std::size_t> chosen;
+    while (chosen.size() < limit && !queue.empty() && queue.top().gain > 0.0F) {
+      Candidate top = queue.top();
+      queue.pop();
+      if (top.round == chosen.size()) {
+        choose(top.sample);
+        chosen.push_back(top.sample);
+      } else {
+        queue.push({gainOf(top.sample), top.sample, chosen.size()});
+      }
+    }
+    return chosen;
+  }
+
+ private:
+  struct Candidate {
+    float gain;
+    std::size_t sample;
+    std::size_t round;  ///< number of samples that were chosen when the gain was computed
+    bool operator<(const Candidate& other) const {
+      return gain != other.gain ? gain < other.gain : sample > other.sample;
+    }
+  };
+
+  void look(std::span<const ProxyError> errors, const base::Camera& view, const BlendTuning& tuning);
+  float gainOf(std::size_t s) const {
+    float gain = 0.0F;
+    for (const Sight& sight : sights_[s]) gain += sizes_[sight.box] * sight.left() / (kSaturation + had_[sight.box]);
+    return gain;
+  }
+  void choose(std::size_t s) {
+    for (const Sight& sight : sights_[s]) had_[sight.box] += sight.left();
+    for (const std::uint32_t finer : nesting_.finer[s]) showIn(finer, s);
+    for (const std::uint32_t coarser : nesting_.coarser[s]) {
+      const auto open = static_cast<std::uint16_t>(~cellsUnder(*samples_[s], *samples_[coarser]));
+      for (Sight& sight : sights_[coarser]) sight.open &= open;
+    }
+  }
+  /// Notes in a finer sample what the coarser one shows of its boxes. Both lists are sorted by box.
+  void showIn(std::uint32_t finer, std::size_t coarser) {
+    auto shown = sights_[coarser].begin();
+    for (Sight& sight : sights_[finer]) {
+      while (shown != sights_[coarser].end() && shown->box < sight.box) ++shown;
+      if (shown == sights_[coarser].end()) return;
+      if (shown->box == sight.box) sight.shown = std::max(sight.shown, shown->quality);
+    }
+  }
+
+  std::span<const SampleGeometry* const> samples_;
+  std::span<const base::Aabb> boxes_;
+  SampleNesting nesting_;
+  std::vector<std::vector<Sight>> sights_;  ///< of each sample
+  std::vector<float> sizes_;                ///< of each box on the screen
+  std::vector<float> had_;                  ///< sum of qualities that each box has
+};
+
+/// Fills in what each sample shows.
+void Choice::look(std::span<const ProxyError> errors, const base::Camera& view, const BlendTuning& tuning) {
+  struct Box {
+    glm::vec3 center, to_view;
+    float radius, distance, error_px;
+    float best = 0.0F;
+  };
+  std::vector<Box> looked;
+  for (std::size_t b = 0; b < boxes_.size(); ++b) {
+    Box box{boxes_[b].center(), {}, 0.5F * boxes_[b].diagonal() + 1e-20F, 1.0F, 0.0F};
+    box.to_view = view.towardsViewer(box.center);
+    if (!view.orthographic()) box.distance = std::max(glm::length(box.to_view), box.radius);
+    box.error_px = errors[b].shape * view.pixelsPerUnitAtOne() / box.distance;
+    sizes_.push_back(box.radius / box.distance * (box.radius / box.distance));
+    looked.push_back(box);
+  }
+
+  const BoxIndex index(boxes_);
+  std::vector<std::uint32_t> overlapping;
+  sights_.resize(samples_.size());
+  for (std::size_t s = 0; s < samples_.size(); ++s) {
+    const SampleGeometry& sample = *samples_[s];
+    index.findOverlapping(sample.frustum, overlapping);
+    for (const std::uint32_t b : overlapping) {
+      Box& box = looked[b];
+      const float distance = std::max(glm::length(box.center - sample.eye), box.radius);
+      const float ratio = sample.pixels_per_unit_at_one / distance / (view.pixelsPerUnitAtOne() / box.distance);
+      const float weight = sampleWeight(box.to_view, sample.eye - box.center, ratio, box.error_px, tuning);
+      if (!std::isfinite(weight)) continue;  // from an eye in the box's middle there is no direction
+      const std::uint16_t cells = nesting_.finer[s].empty() ? kAllCells : cellsOf(boxes_[b], sample);
+      if (cells == 0) continue;
+      sights_[s].push_back({.box = b, .quality = weight, .cells = cells});
+      box.best = std::max(box.best, weight);
+    }
+  }
+  for (std::vector<Sight>& sights : sights_)
+    for (Sight& sight : sights)
+      if (looked[sight.box].best > 0.0F) sight.quality /= looked[sight.box].best;
+}
 
 }  // namespace
-
-SampleGeometry::SampleGeometry(const base::Camera& camera)
-    : clip_from_scene(camera.clipFromScene()),
-      eye(camera.eye),
-      pixels_per_unit_at_one(camera.pixelsPerUnitAtOne()),
-      frustum(clip_from_scene) {
-  const glm::mat4 scene_from_clip = glm::inverse(clip_from_scene);
-  corners = {directionThrough(scene_from_clip, eye, -1, -1), directionThrough(scene_from_clip, eye, 1, -1),
-             directionThrough(scene_from_clip, eye, 1, 1), directionThrough(scene_from_clip, eye, -1, 1)};
-}
 
 float sampleWeight(const glm::vec3& to_view, const glm::vec3& to_sample, float ratio, float error_px,
                    const BlendTuning& tuning) {
@@ -58,67 +197,7 @@ float sampleWeight(const glm::vec3& to_view, const glm::vec3& to_sample, float r
 std::vector<std::size_t> chooseSamples(std::span<const SampleGeometry* const> samples,
                                        std::span<const base::Aabb> boxes, std::span<const ProxyError> errors,
                                        const base::Camera& view, std::size_t limit, const BlendTuning& tuning) {
-  // quality[s * boxes + b] is the weight of sample s in box b as a share of the best sample's there; sizes[b] is the
-  // box's size on the screen.
-  const std::size_t count = boxes.size();
-  std::vector<float> quality(samples.size() * count, 0.0F);
-  std::vector<float> sizes(count);
-  for (std::size_t b = 0; b < count; ++b) {
-    const glm::vec3 center = boxes[b].center();
-    const float radius = 0.5F * boxes[b].diagonal() + 1e-20F;
-    const glm::vec3 to_view = view.towardsViewer(center);
-    const float distance = view.orthographic() ? 1.0F : std::max(glm::length(to_view), radius);
-    const float error_px = errors[b].shape * view.pixelsPerUnitAtOne() / distance;
-    float best = 0.0F;
-    for (std::size_t s = 0; s < samples.size(); ++s) {
-      if (!samples[s]->frustum.mayOverlap(boxes[b])) continue;
-      const float sample_distance = std::max(glm::length(center - samples[s]->eye), radius);
-      const float ratio = samples[s]->pixels_per_unit_at_one / sample_distance / (view.pixelsPerUnitAtOne() / distance);
-      const float weight = sampleWeight(to_view, samples[s]->eye - center, ratio, error_px, tuning);
-      if (!std::isfinite(weight)) continue;  // from an eye in the box's middle there is no direction
-      quality[s * count + b] = weight;
-      best = std::max(best, weight);
-    }
-    const float size_on_screen = radius / distance * (radius / distance);
-    if (best > 0.0F)
-      for (std::size_t s = 0; s < samples.size(); ++s) quality[s * count + b] /= best;
-    sizes[b] = size_on_screen;
-  }
-
-  // Choose greedily the sample that adds most, with diminishing returns for boxes that have samples already.
-  std::vector<std::size_t> chosen;
-  std::vector<float> had(count, 0.0F);
-  std::vector<char> taken(samples.size(), 0);
-  while (chosen.size() < limit) {
-    float best_gain = 0.0F;
-    std::size_t best = samples.size();
-    for (std::size_t s = 0; s < samples.size(); ++s) {
-      if (taken[s] != 0) continue;
-      float gain = 0.0F;
-      for (std::size_t b = 0; b < count; ++b) gain += sizes[b] * quality[s * count + b] / (kSaturation + had[b]);
-      if (gain > best_gain) best_gain = gain, best = s;
-    }
-    if (best == samples.size()) break;
-    taken[best] = 1;
-    chosen.push_back(best);
-    for (std::size_t b = 0; b < count; ++b) had[b] += quality[best * count + b];
-  }
-  return chosen;
-}
-
-std::vector<glm::vec4> borderFloors(std::span<const SampleGeometry* const> samples, std::span<const float> fades) {
-  std::vector<glm::vec4> floors(samples.size(), glm::vec4(0.0F));
-  for (std::size_t i = 0; i < samples.size(); ++i)
-    for (std::size_t j = 0; j < samples.size(); ++j) {
-      if (i == j || fades[i] <= 0.0F || !sameCentre(*samples[i], *samples[j])) continue;
-      for (int a = 0; a < 4; ++a)
-        for (int b = 0; b < 4; ++b) {
-          if (!sidesCoincide(*samples[i], a, *samples[j], b)) continue;
-          float& floor = floors[i][kFloorOfSide[static_cast<std::size_t>(a)]];
-          floor = std::max(floor, std::min(1.0F, fades[j] / fades[i]));
-        }
-    }
-  return floors;
+  return Choice(samples, boxes, errors, view, tuning).best(limit);
 }
 
 }  // namespace client

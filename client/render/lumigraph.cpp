@@ -2,13 +2,16 @@
 
 #include <algorithm>
 #include <array>
+#include <bitset>
 #include <optional>
 #include <unordered_map>
 
 #include "base/check.h"
+#include "client/render/box_index.h"
 #include "client/render/choose.h"
 #include "client/render/pyramid.h"
 #include "client/render/sample_array.h"
+#include "client/render/sample_borders.h"
 #include "client/render/shaders.h"
 #include "client/render/whole_image.h"
 
@@ -22,14 +25,22 @@ constexpr int kMaxDepthSide = 512;
 /// A budget for no more faces than this is allocated at once, since growing needs room for a copy. About as many as a
 /// frame blends.
 constexpr int kFacesAtOnce = 32;
-constexpr std::uint64_t kFewFaces = 24;  ///< as many as a frame blends by default, and half as many arriving
+constexpr int kFewFaces = 24;  ///< as many as a frame blends by default, and half as many arriving
+/// Faces up to this size are tiles or as small as those. A frame takes four times as many of them.
+constexpr int kTileSize = 256;
+constexpr int kTilesForAFace = 4;
+
+/// Returns how many faces of this size take the place of so many whole ones.
+int facesOfSize(int face_size, int whole_faces) {
+  return face_size <= kTileSize ? kTilesForAFace * whole_faces : whole_faces;
+}
 
 /// Errors of a proxy for which nobody states typical ones: those of a coarse cut of a coloured scan.
 constexpr float kGuessedColorError = 0.1F;
 constexpr float kGuessedShareOfBound = 0.1F;
 
-constexpr int kMaxSamples = 32;  ///< blended by one frame: the length of u_samples in blend_fragment.glsl
-constexpr int kMaxArrays = 3;    ///< image sizes at a time: faces, and exact frames of two sizes
+using SampleSet = std::bitset<kMaxBlended>;
+constexpr int kMaxArrays = 3;  ///< image sizes at a time: faces, and exact frames of two sizes
 
 /// One sample as the uniform block holds it: std140, `Sample` of blend_fragment.glsl.
 struct SampleBlock {
@@ -38,8 +49,11 @@ struct SampleBlock {
   glm::vec4 place{0.0F};
   glm::vec4 depth{0.0F};
   glm::vec4 floors{0.0F};
+  glm::vec4 beyond{0.0F};
+  glm::vec4 core{0.0F};
 };
-static_assert(sizeof(SampleBlock) == 8 * sizeof(glm::vec4));
+static_assert(sizeof(SampleBlock) == 10 * sizeof(glm::vec4));
+static_assert(kMaxBlended * sizeof(SampleBlock) <= 16384, "the least that GLES 3.0 has for a uniform block");
 
 struct Sample {
   base::Camera camera;
@@ -47,7 +61,9 @@ struct Sample {
   int array = 0;
   int layer = 0;
   bool depth_drawn = false;
-  std::uint64_t depth_signature = 0;  ///< signature of the patches in its depth map
+  std::uint64_t depth_signature = 0;   ///< signature of the patches in its depth map
+  std::uint64_t wanted_signature = 0;  ///< and of those that overlap its frustum in this list of occluders
+  std::uint64_t occluders_version = 0;
   // Fade in time: from fade_from towards 1 (wanted) or 0, since fade_since.
   bool wanted = false;
   float fade_from = 0.0F;
@@ -102,9 +118,18 @@ struct LumigraphRenderer::Impl {
     std::vector<float> errors_px;          ///< beside `patches`
     std::vector<ProxyError> proxy_errors;  ///< beside `patches`
     std::vector<base::Aabb> boxes;         ///< beside `patches`
-    std::vector<std::uint32_t> occluders;
-    std::vector<Sample*> active;  ///< in the uniform block
+    std::vector<Sample*> active;           ///< in the uniform block
   };
+
+  /// The patches that hide things from samples.
+  struct Occluders {
+    std::vector<std::uint32_t> patches;
+    std::vector<base::Aabb> boxes;  ///< beside `patches`
+    BoxIndex index{{}};
+    std::uint64_t triangles = 0;
+    std::uint64_t version = 1;  ///< counts the lists that there have been
+  };
+  Occluders occluders;
 
   bool isFaceSize(int width, int height) const { return width == face_size && height == face_size; }
   std::uint64_t textureBytes() const;
@@ -115,11 +140,14 @@ struct LumigraphRenderer::Impl {
   bool freeEmptyArrays(int but);
   void updateSamples(Frame& frame, std::span<const SampleId> candidates);
   std::vector<Sample*> candidateSamples(std::span<const SampleId> candidates);
-  std::uint64_t depthSignature(const Sample& sample, const std::vector<std::uint32_t>& occluders,
-                               std::vector<std::uint32_t>* overlapping) const;
-  void drawDepthMaps(Frame& frame, const std::vector<Sample*>& wanted);
-  void drawDepthMap(Sample& sample, const std::vector<std::uint32_t>& overlapping);
-  void uploadBlock(const Frame& frame);
+  void setOccluders(std::span<const std::uint32_t> now);
+  std::vector<std::uint32_t> occludersOf(const Sample& sample) const;
+  std::uint64_t depthSignature(Sample& sample) const;
+  void drawDepthMaps(const Frame& frame, const std::vector<Sample*>& wanted);
+  std::uint64_t drawDepthMap(Sample& sample);
+  void uploadBlock(Frame& frame);
+  SampleBlock blockOf(const Sample& sample) const;
+  std::vector<SampleSet> samplesOverPatches(const Frame& frame) const;
   void setUniforms(const Frame& frame, const lod::draw::Shading& shading);
   void bindArrays() const;
   void drawPatches(const Frame& frame);
@@ -222,8 +250,9 @@ std::uint64_t LumigraphRenderer::Impl::textureBytes() const {
 
 /// Returns the side of depth maps: half where the budget is so small that more faces help more.
 int LumigraphRenderer::Impl::maxDepthSide() const {
-  const std::uint64_t full_depth = std::uint64_t{4} * kMaxDepthSide * kMaxDepthSide;
-  const bool small = budget_bytes < kFewFaces * (pyramidBytes(face_size, face_size) + full_depth);
+  const auto side = static_cast<std::uint64_t>(face_size <= kTileSize ? face_size : kMaxDepthSide);
+  const auto few = static_cast<std::uint64_t>(facesOfSize(face_size, kFewFaces));
+  const bool small = budget_bytes < few * (pyramidBytes(face_size, face_size) + 4 * side * side);
   return small ? kMaxDepthSide / 2 : kMaxDepthSide;
 }
 
@@ -247,14 +276,15 @@ int LumigraphRenderer::Impl::arrayFor(int width, int height) {
     array.reset();
     const int depth_side = maxDepthSide();
     array.emplace(width, height, std::min(width, depth_side), std::min(height, depth_side),
-                  isFaceSize(width, height) ? kFacesAtOnce : SampleArray::kFirstLayers);
+                  isFaceSize(width, height) ? facesOfSize(face_size, kFacesAtOnce) : SampleArray::kFirstLayers);
     return i;
   }
   return -1;
 }
 
 bool LumigraphRenderer::addSample(SampleId id, const base::Camera& camera, const base::Image& rgba, double now,
-                                  float fade_share) {
+                                  float fade_share, float core) {
+  LUMIGRID_CHECK(core > 0.0F && core <= 1.0F);
   Impl& impl = *impl_;
   if (rgba.channels != 4 || rgba.empty()) return false;
   removeSample(id);
@@ -264,7 +294,7 @@ bool LumigraphRenderer::addSample(SampleId id, const base::Camera& camera, const
   int layer = array.add(rgba, impl.budgetOf(array));
   if (layer < 0 && impl.freeEmptyArrays(index)) layer = array.add(rgba, impl.budgetOf(array));
   if (layer < 0) return false;
-  Sample sample{camera, SampleGeometry(camera)};
+  Sample sample{camera, SampleGeometry(camera, core)};
   sample.array = index;
   sample.layer = layer;
   sample.fade_since = now;
@@ -306,42 +336,59 @@ std::vector<Sample*> LumigraphRenderer::Impl::candidateSamples(std::span<const S
   return result;
 }
 
-std::uint64_t LumigraphRenderer::Impl::depthSignature(const Sample& sample, const std::vector<std::uint32_t>& occluders,
-                                                      std::vector<std::uint32_t>* overlapping) const {
-  std::uint64_t sum = 1;
-  for (const std::uint32_t patch : occluders) {
-    if (!sample.geometry.frustum.mayOverlap(patches.box(patch))) continue;
-    sum += mixed(patch);
-    if (overlapping != nullptr) overlapping->push_back(patch);
+void LumigraphRenderer::Impl::setOccluders(std::span<const std::uint32_t> now) {
+  if (std::equal(now.begin(), now.end(), occluders.patches.begin(), occluders.patches.end())) return;
+  occluders.patches.assign(now.begin(), now.end());
+  occluders.boxes.clear();
+  occluders.triangles = 0;
+  for (const std::uint32_t patch : now) {
+    occluders.boxes.push_back(patches.box(patch));
+    occluders.triangles += patches.triangles(patch);
   }
-  return sum;
+  occluders.index = BoxIndex(occluders.boxes);
+  ++occluders.version;
 }
 
-void LumigraphRenderer::Impl::drawDepthMap(Sample& sample, const std::vector<std::uint32_t>& overlapping) {
+/// Returns the patches that may be seen in the sample's picture, its border included.
+std::vector<std::uint32_t> LumigraphRenderer::Impl::occludersOf(const Sample& sample) const {
+  std::vector<std::uint32_t> overlapping;
+  occluders.index.findOverlapping(base::Frustum(sample.geometry.clip_from_scene), overlapping);
+  for (std::uint32_t& place : overlapping) place = occluders.patches[place];
+  return overlapping;
+}
+
+std::uint64_t LumigraphRenderer::Impl::depthSignature(Sample& sample) const {
+  if (sample.occluders_version == occluders.version) return sample.wanted_signature;
+  sample.occluders_version = occluders.version;
+  sample.wanted_signature = 1;
+  for (const std::uint32_t patch : occludersOf(sample)) sample.wanted_signature += mixed(patch);
+  return sample.wanted_signature;
+}
+
+/// Returns the triangles drawn.
+std::uint64_t LumigraphRenderer::Impl::drawDepthMap(Sample& sample) {
+  const std::vector<std::uint32_t> overlapping = occludersOf(sample);
   arrays[static_cast<std::size_t>(sample.array)]->beginDepth(sample.layer);
   glUniformMatrix4fv(depth.uniform("u_clip_from_scene"), 1, GL_FALSE, &sample.geometry.clip_from_scene[0][0]);
   patches.draw(overlapping);
+  sample.depth_drawn = true;
+  sample.depth_signature = depthSignature(sample);
   ++stats.depth_maps_drawn;
+  std::uint64_t triangles = 0;
+  for (const std::uint32_t patch : overlapping) triangles += patches.triangles(patch);
+  return triangles;
 }
 
-/// Redraws the depth maps whose patches have changed, first those of samples without any; a few per frame, or all if
-/// the picture must be final.
-void LumigraphRenderer::Impl::drawDepthMaps(Frame& frame, const std::vector<Sample*>& wanted) {
-  struct Stale {
-    Sample* sample;
-    std::uint64_t signature;
-    std::vector<std::uint32_t> overlapping;
-  };
-  std::vector<Stale> stale;
+/// Redraws the depth maps whose patches have changed, first those of samples without any; for a few times the proxy's
+/// triangles per frame, or all if the picture must be final.
+void LumigraphRenderer::Impl::drawDepthMaps(const Frame& frame, const std::vector<Sample*>& wanted) {
+  std::vector<Sample*> stale;
   for (Sample* sample : wanted) {
-    Stale entry{sample, 0, {}};
-    entry.signature = depthSignature(*sample, frame.occluders, &entry.overlapping);
-    if (!sample->depth_drawn || sample->depth_signature != entry.signature) stale.push_back(std::move(entry));
+    const std::uint64_t signature = depthSignature(*sample);
+    if (!sample->depth_drawn || sample->depth_signature != signature) stale.push_back(sample);
   }
   if (stale.empty()) return;
-  std::stable_partition(stale.begin(), stale.end(), [](const Stale& s) { return !s.sample->depth_drawn; });
-  const std::size_t limit =
-      frame.options.fade_seconds <= 0.0F ? stale.size() : static_cast<std::size_t>(frame.options.depth_maps_per_frame);
+  std::stable_partition(stale.begin(), stale.end(), [](const Sample* s) { return !s->depth_drawn; });
 
   GLint framebuffer = 0;
   glGetIntegerv(GL_FRAMEBUFFER_BINDING, &framebuffer);
@@ -351,13 +398,17 @@ void LumigraphRenderer::Impl::drawDepthMaps(Frame& frame, const std::vector<Samp
   glDepthMask(GL_TRUE);
   glDisable(GL_BLEND);
   glDisable(GL_CULL_FACE);
-  for (std::size_t i = 0; i < std::min(limit, stale.size()); ++i) {
-    drawDepthMap(*stale[i].sample, stale[i].overlapping);
-    stale[i].sample->depth_drawn = true;
-    stale[i].sample->depth_signature = stale[i].signature;
+  const bool all = frame.options.fade_seconds <= 0.0F;
+  const std::uint64_t limit = static_cast<std::uint64_t>(frame.options.depth_maps_per_frame) * occluders.triangles;
+  std::uint64_t drawn = 0;
+  for (Sample* sample : stale) {
+    if (!all && drawn > 0 && drawn >= limit) {
+      settling = true;
+      break;
+    }
+    drawn += drawDepthMap(*sample);
   }
   glBindFramebuffer(GL_FRAMEBUFFER, static_cast<GLuint>(framebuffer));
-  settling = settling || stale.size() > limit;
 }
 
 /// Chooses this frame's samples, updates their depth maps and starts fades.
@@ -366,7 +417,7 @@ void LumigraphRenderer::Impl::updateSamples(Frame& frame, std::span<const Sample
   std::vector<const SampleGeometry*> geometries;
   geometries.reserve(all.size());
   for (const Sample* sample : all) geometries.push_back(&sample->geometry);
-  const auto limit = static_cast<std::size_t>(std::clamp(frame.options.max_samples, 1, kMaxSamples));
+  const auto limit = static_cast<std::size_t>(std::clamp(frame.options.max_samples, 1, kMaxBlended));
   std::vector<Sample*> wanted;
   for (const std::size_t i :
        chooseSamples(geometries, frame.boxes, frame.proxy_errors, frame.camera, limit, frame.options.tuning))
@@ -396,37 +447,56 @@ void LumigraphRenderer::Impl::updateSamples(Frame& frame, std::span<const Sample
   for (Sample* sample : wanted)
     if (sample->depth_drawn) frame.active.push_back(sample);
   for (Sample* sample : leaving)
-    if (frame.active.size() < kMaxSamples) frame.active.push_back(sample);
+    if (frame.active.size() < kMaxBlended) frame.active.push_back(sample);
   for (const Sample* sample : frame.active) {
     const float fade = sample->fadeAt(frame.now, seconds);
     settling = settling || (sample->wanted ? fade < 1.0F : fade > 0.0F);
   }
 }
 
-void LumigraphRenderer::Impl::uploadBlock(const Frame& frame) {
+/// Sets what does not depend on the other samples.
+SampleBlock LumigraphRenderer::Impl::blockOf(const Sample& sample) const {
+  const SampleArray& array = *arrays[static_cast<std::size_t>(sample.array)];
+  const glm::mat4& projection = sample.camera.clip_from_eye;
+  SampleBlock result;
+  result.clip_from_scene = sample.geometry.clip_from_scene;
+  result.eye = glm::vec4(sample.geometry.eye, 0.0F);
+  result.place = glm::vec4(sample.array, sample.layer, 1.0F / static_cast<float>(array.depthWidth()),
+                           1.0F / static_cast<float>(array.depthHeight()));
+  // Clip z = P22 z + P32 with w = −z: depth = P32 / w − P22.
+  const float texel = std::max(2.0F / (projection[0][0] * static_cast<float>(array.depthWidth())),
+                               2.0F / (projection[1][1] * static_cast<float>(array.depthHeight())));
+  result.depth = glm::vec4(projection[2][2], projection[3][2], texel, sample.geometry.pixels_per_unit_at_one);
+  result.core.x = 1.0F / sample.geometry.core;
+  return result;
+}
+
+/// Orders the frame's samples as the shader needs them, and uploads them.
+void LumigraphRenderer::Impl::uploadBlock(Frame& frame) {
   std::vector<const SampleGeometry*> geometries;
   std::vector<float> fades;
   for (const Sample* sample : frame.active) {
     geometries.push_back(&sample->geometry);
     fades.push_back(sample->fadeAt(frame.now, frame.options.fade_seconds));
   }
-  const std::vector<glm::vec4> floors = borderFloors(geometries, fades);
+  const SampleNesting nesting = nestingOf(geometries);
+  const std::vector<SampleBorders> borders = bordersOf(geometries, fades, nesting);
+  std::vector<std::uint32_t> groups;
+  const std::vector<std::uint32_t> order = finestFirst(geometries, nesting, &groups);
 
-  std::array<SampleBlock, kMaxSamples> blocks{};
-  for (std::size_t i = 0; i < frame.active.size(); ++i) {
-    const Sample& sample = *frame.active[i];
-    const SampleArray& array = *arrays[static_cast<std::size_t>(sample.array)];
-    const glm::mat4& projection = sample.camera.clip_from_eye;
-    blocks[i].clip_from_scene = sample.geometry.clip_from_scene;
-    blocks[i].eye = glm::vec4(sample.geometry.eye, fades[i]);
-    blocks[i].place = glm::vec4(sample.array, sample.layer, 1.0F / static_cast<float>(array.depthWidth()),
-                                1.0F / static_cast<float>(array.depthHeight()));
-    // Clip z = P22 z + P32 with w = −z: depth = P32 / w − P22.
-    const float texel = std::max(2.0F / (projection[0][0] * static_cast<float>(array.depthWidth())),
-                                 2.0F / (projection[1][1] * static_cast<float>(array.depthHeight())));
-    blocks[i].depth = glm::vec4(projection[2][2], projection[3][2], texel, sample.geometry.pixels_per_unit_at_one);
-    blocks[i].floors = floors[i];
+  std::array<SampleBlock, kMaxBlended> blocks{};
+  std::vector<Sample*> ordered;
+  for (std::size_t i = 0; i < order.size(); ++i) {
+    const std::uint32_t from = order[i];
+    ordered.push_back(frame.active[from]);
+    blocks[i] = blockOf(*ordered.back());
+    blocks[i].eye.w = fades[from];
+    blocks[i].floors = borders[from].floors;
+    blocks[i].beyond = borders[from].beyond;
+    blocks[i].core.y = static_cast<float>(groups[i]);
+    blocks[i].core.z = borders[from].under;
   }
+  frame.active = std::move(ordered);
   base::gl::allocate(block, GL_UNIFORM_BUFFER, blocks.data(), sizeof(blocks), GL_DYNAMIC_DRAW);
   glBindBufferBase(GL_UNIFORM_BUFFER, kSamplesBinding, block.name());
 }
@@ -482,38 +552,45 @@ void LumigraphRenderer::Impl::setUniforms(const Frame& frame, const lod::draw::S
   set("u_proxy_noise", tuning.proxy_noise);
   set("u_near", tuning.near_errors);
   set("u_outlier", tuning.outlier);
+  set("u_lit_outlier", tuning.lit_outlier);
+  set("u_sharpen", tuning.sharpen);
+  set("u_disagreement", tuning.disagreement);
   glUniform2f(blend.uniform("u_edge"), static_cast<float>(patches.lattice().step),
               127.0F / lod::draw::kEdgeCodesPerOctave);
+}
+
+/// Returns for each patch the samples that may see it.
+std::vector<SampleSet> LumigraphRenderer::Impl::samplesOverPatches(const Frame& frame) const {
+  std::vector<SampleSet> sets(frame.patches.size());
+  const BoxIndex index(frame.boxes);
+  std::vector<std::uint32_t> overlapping;
+  for (std::size_t s = 0; s < frame.active.size(); ++s) {
+    index.findOverlapping(frame.active[s]->geometry.frustum, overlapping);
+    for (const std::uint32_t patch : overlapping) sets[patch].set(s);
+  }
+  return sets;
 }
 
 /// Draws patches front to back. Runs of patches that the same samples may see share a list, so that a fragment tries
 /// only those.
 void LumigraphRenderer::Impl::drawPatches(const Frame& frame) {
-  const auto maskOf = [&](std::size_t i) {
-    std::uint32_t mask = 0;
-    for (std::size_t s = 0; s < frame.active.size(); ++s)
-      if (frame.active[s]->geometry.frustum.mayOverlap(frame.boxes[i])) mask |= std::uint32_t{1} << s;
-    return mask;
-  };
   const GLint list_location = blend.uniform("u_list[0]");
   const GLint count_location = blend.uniform("u_count");
   const GLint error_location = blend.uniform("u_patch_error");
   const GLint proxy_error_location = blend.uniform("u_proxy_error");
-  for (std::size_t first = 0; first < frame.patches.size();) {
-    const std::uint32_t mask = maskOf(first);
-    std::size_t last = first + 1;
-    while (last < frame.patches.size() && maskOf(last) == mask) ++last;
-    std::array<GLint, kMaxSamples> list{};
-    GLint count = 0;
-    for (GLint s = 0; s < kMaxSamples; ++s)
-      if ((mask >> s & 1U) != 0) list[static_cast<std::size_t>(count++)] = s;
-    glUniform4iv(list_location, kMaxSamples / 4, list.data());
-    glUniform1i(count_location, count);
-    for (; first < last; ++first) {
-      glUniform1f(error_location, frame.errors_px[first]);
-      glUniform2f(proxy_error_location, frame.proxy_errors[first].shape, frame.proxy_errors[first].color);
-      patches.draw(std::span(frame.patches).subspan(first, 1));
+  const std::vector<SampleSet> sets = samplesOverPatches(frame);
+  for (std::size_t i = 0; i < frame.patches.size(); ++i) {
+    if (i == 0 || sets[i] != sets[i - 1]) {
+      std::array<GLint, kMaxBlended> list{};
+      GLint count = 0;
+      for (std::size_t s = 0; s < frame.active.size(); ++s)
+        if (sets[i][s]) list[static_cast<std::size_t>(count++)] = static_cast<GLint>(s);
+      if (count > 0) glUniform4iv(list_location, (count + 3) / 4, list.data());
+      glUniform1i(count_location, count);
     }
+    glUniform1f(error_location, frame.errors_px[i]);
+    glUniform2f(proxy_error_location, frame.proxy_errors[i].shape, frame.proxy_errors[i].color);
+    patches.draw(std::span(frame.patches).subspan(i, 1));
   }
 }
 
@@ -527,7 +604,7 @@ void LumigraphRenderer::draw(const base::Camera& camera, std::span<const std::ui
   impl.stats = {};
 
   // Collect the frame's patches and samples.
-  Impl::Frame frame{camera, options, now, {}, {}, {}, {}, {}, {}};
+  Impl::Frame frame{camera, options, now, {}, {}, {}, {}, {}};
   for (const std::size_t i : frontToBack(cut, impl.patches, camera, options.modes.section)) {
     frame.patches.push_back(cut[i]);
     frame.errors_px.push_back(i < patch_error_px.size() ? patch_error_px[i] : cut_error_px);
@@ -535,8 +612,7 @@ void LumigraphRenderer::draw(const base::Camera& camera, std::span<const std::ui
     frame.proxy_errors.push_back(i < proxy_errors.size() ? proxy_errors[i]
                                                          : guessedError(cut_error_px, camera, frame.boxes.back()));
   }
-  if (occluders.empty()) occluders = cut;
-  frame.occluders.assign(occluders.begin(), occluders.end());
+  impl.setOccluders(occluders.empty() ? cut : occluders);
   impl.updateSamples(frame, candidates);
   if (options.unseen) return impl.countFrame(frame);
   impl.uploadBlock(frame);

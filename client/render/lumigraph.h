@@ -23,6 +23,9 @@ namespace client {
 
 using SampleId = std::uint64_t;
 
+/// Samples that one frame blends at most: the length of u_samples in shaders/blend_fragment.glsl.
+inline constexpr int kMaxBlended = 96;
+
 /// How samples are weighted. The defaults measured best: docs/decisions/blending-weights.md, docs/lumigraph-tuning.md.
 struct BlendTuning {
   /// Weights are ∝ (expected error of the colour)^−resolution_power. An image's grows with its blur in view pixels,
@@ -41,16 +44,19 @@ struct BlendTuning {
   float shade_blur = 0.7F;     ///< blur of the proxy's own shading, in edge lengths of its triangles
   float shade_weight = 5.0F;   ///< its weight, as an image would have it at 1 / shade_weight radians; 0: images alone
   float image_noise = 0.01F;   ///< error of an image's colours by its coding, 0..1
-  float outlier = 1.7F;        ///< an image further from the proxy's colour than so many typical errors is doubted
+  float outlier = 1.2F;        ///< an image further from the proxy's colour than so many typical errors is doubted;
+  float lit_outlier = 6.8F;    ///< the same where light makes the colours
+  float disagreement = 0.1F;   ///< share of the images' variance, over their expected error, that counts as error
+  float sharpen = 0.75F;       ///< images are looked up so many mip levels finer than one texel a view pixel
   float near_errors = 3.0F;    ///< an image that is nearer to the proxy than so many of its errors is not used
   float proxy_noise = 0.004F;  ///< error of the proxy's colours beyond its stated one, 0..1
 };
 
 struct LumigraphOptions {
-  int max_samples = base::ViewDefaults::kImages;  ///< images blended per frame, 1..32
+  int max_samples = base::ViewDefaults::kImages;  ///< images blended per frame, 1..kMaxBlended
   float fade_seconds = 0.25F;  ///< images come in and go over this; 0 for pictures that must be final at once
-  /// Depth maps drawn in a frame at most, while pictures may still settle. Each costs about as much as drawing the
-  /// proxy without images.
+  /// While pictures may still settle, a frame draws depth maps until they have so many times the proxy's triangles. A
+  /// map that shows the whole proxy costs about as much as drawing it without images.
   int depth_maps_per_frame = 3;
   bool carve = true;          ///< discard fragments that the images' votes call background
   bool multisampled = false;  ///< the target has several samples a pixel, of which a carved edge covers a part
@@ -91,8 +97,10 @@ class LumigraphRenderer {
   /// Adds a sampling image with its perspective camera; false if there is no room. `rgba` may be of any size and is not
   /// resampled: each size has an array of layers, at most three sizes at a time, and an empty array gives way to
   /// another size. Alpha is coverage: 0 background, 255 model. The sample fades in from `now` on, in seconds,
-  /// over `fade_share` of the usual time.
-  bool addSample(SampleId id, const base::Camera& camera, const base::Image& rgba, double now, float fade_share = 1.0F);
+  /// over `fade_share` of the usual time. `core`: share of the width and the height, around the middle, that is the
+  /// image's own; the border around it only serves filters. More than 0, at most 1.
+  bool addSample(SampleId id, const base::Camera& camera, const base::Image& rgba, double now, float fade_share = 1.0F,
+                 float core = 1.0F);
   void removeSample(SampleId id);
   /// Returns what this renderer has allocated on the GPU, by kind.
   base::gl::HeldBytes heldBytes() const;

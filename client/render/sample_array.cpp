@@ -76,13 +76,22 @@ void SampleArray::copyLayersTo(const base::gl::Texture& color, const base::gl::T
   }
 }
 
-bool SampleArray::grow(std::uint64_t budget_bytes) {
-  const auto affordable = static_cast<int>(
-      std::min<std::uint64_t>(budget_bytes / bytesPerLayer(), static_cast<std::uint64_t>(maxLayers())));
+int LayerGrowth::after(int capacity) const {
   // While layers are copied, old and new ones take memory. Where few are affordable anyway, all are allocated at once.
-  const int layers = capacity_ > 0                       ? std::min(affordable - capacity_, 2 * capacity_)
-                     : affordable <= whole_up_to_layers_ ? affordable
-                                                         : std::min(affordable, kFirstLayers);
+  const int wanted = capacity > 0            ? std::min(affordable - capacity, 2 * capacity)
+                     : affordable <= at_once ? affordable
+                                             : std::min(affordable, first);
+  return std::max(capacity, std::min(wanted, most));
+}
+
+bool SampleArray::grow(std::uint64_t budget_bytes) {
+  constexpr std::uint64_t kEnough = std::uint64_t{1} << 20U;  // more layers than any GL has
+  LayerGrowth growth;
+  growth.first = kFirstLayers;
+  growth.affordable = static_cast<int>(std::min(budget_bytes / bytesPerLayer(), kEnough));
+  growth.at_once = whole_up_to_layers_;
+  growth.most = maxLayers();
+  const int layers = growth.after(capacity_);
   if (layers <= capacity_) return false;
 
   GLint draw_framebuffer = 0, read_framebuffer = 0;

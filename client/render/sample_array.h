@@ -8,6 +8,15 @@
 
 namespace client {
 
+/// Layers of an array in one more step of its growth, or as many as it has where it may not grow.
+struct LayerGrowth {
+  int first = 4;       ///< layers of the first allocation
+  int affordable = 0;  ///< layers that the budget holds; while they are copied, old and new ones count
+  int at_once = 4;     ///< a budget for no more layers than this is allocated whole with the first image
+  int most = 256;      ///< the GL's limit
+  int after(int capacity) const;
+};
+
 /// Allocates and releases layers. Storage grows by doubling, with a copy on the GPU, and stays until the array is
 /// destroyed.
 class SampleArray {

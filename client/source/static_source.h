@@ -152,7 +152,8 @@ class StaticSource {
   bool settled(const FaceKey& key) const { return has_face_.count(key) != 0 || gone_.count(key) != 0; }
 
   // ---- the plan ----
-  plan::Scene planScene() const;
+  plan::Scene planScene();
+  bool isAbsent(const FaceKey& key);
   void planNewestView();
   std::vector<std::uint32_t> frontierOf(const lod::patch::Cut& cut, const lod::patch::CutRequest& request);
   bool settled(std::uint32_t group) const { return has_group_[group] || broken_groups_.count(group) != 0; }
@@ -215,6 +216,7 @@ class StaticSource {
   // The views and their plan.
   std::optional<protocol::View> newest_, previous_;
   bool planned_ = false, replan_ = false;
+  bool tiles_learned_ = false;  // the index has told which tiles there are since the plan was made
   plan::ViewPlan view_plan_;
   std::vector<std::uint32_t> frontier_;  // groups without a record that the cut leads to
   bool frontier_urgent_ = false;

@@ -88,6 +88,12 @@ StaticSource::FaceState StaticSource::locateFace(const FaceKey& key, RangeWish& 
     return FaceState::kWanted;
   }
   const auto place = block->find(code);
+  // A tile that was not worth storing has an ancestor that shows as much.
+  if (!place && key.tile != 0) {
+    gone_.insert(key);
+    const FaceKey parent{key.x, key.y, key.z, key.d, repository::parentOfTile(key.tile)};
+    return settled(parent) ? FaceState::kGone : locateFace(parent, wish);
+  }
   const std::string pack = place ? repository::packName(place->pack) : "";
   if (!place || lost_objects_.count(pack) != 0) {
     gone_.insert(key);
@@ -104,8 +110,21 @@ StaticSource::FaceState StaticSource::locateFace(const FaceKey& key, RangeWish& 
 
 // ---- the plan ----
 
-plan::Scene StaticSource::planScene() const {
-  return {&scene_.welcome, &hierarchy_, scene_.index.has_value(), points_.treeOrNull(), sight_ ? &*sight_ : nullptr};
+plan::Scene StaticSource::planScene() {
+  return {&scene_.welcome,
+          &hierarchy_,
+          scene_.index.has_value(),
+          points_.treeOrNull(),
+          sight_ ? &*sight_ : nullptr,
+          [this](const FaceKey& key) { return isAbsent(key); }};
+}
+
+/// Whether the index is known not to have a tile.
+bool StaticSource::isAbsent(const FaceKey& key) {
+  if (gone_.count(key) != 0) return true;
+  if (!root_) return false;
+  const repository::IndexBlock* block = index_blocks_.find(repository::blockOfCode(*root_, key.code()));
+  return block != nullptr && !block->find(key.code());
 }
 
 /// Returns the unknown groups that the cut would expand, the largest error first: they made patches that the cut draws,
@@ -140,7 +159,7 @@ std::vector<std::uint32_t> StaticSource::frontierOf(const lod::patch::Cut& cut, 
 
 /// Descends as far as the present pages allow, then plans as a server does.
 void StaticSource::planNewestView() {
-  if (planned_ && !(replan_ && !frontier_.empty())) return;
+  if (planned_ && !tiles_learned_ && !(replan_ && !frontier_.empty())) return;
   computeSight();
   const lod::patch::CutRequest request = plan::cutRequestFor(scene_.welcome, *newest_);
   for (bool learned = true; learned;) {
@@ -156,6 +175,7 @@ void StaticSource::planNewestView() {
   }
   planned_ = true;
   replan_ = false;
+  tiles_learned_ = false;
 }
 
 void StaticSource::wishForCoarse(std::vector<RangeWish>& wishes) {

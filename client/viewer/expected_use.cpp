@@ -67,7 +67,8 @@ std::vector<float> expectedUse(std::span<const glm::vec3> anchors, const base::C
       sum += weights[i];
     }
     if (sum <= 0.0F) continue;
-    for (std::size_t i = 0; i < samples.size(); ++i) use[i] += weights[i] / (sum * static_cast<float>(anchors.size()));
+    for (std::size_t i = 0; i < samples.size(); ++i)
+      if (weights[i] > 0.0F) use[i] += weights[i] / (sum * static_cast<float>(anchors.size()));
   }
   return use;
 }

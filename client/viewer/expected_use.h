@@ -15,7 +15,7 @@
 namespace client {
 
 /// A choice: more points represent the picture better, and each has to be weighed for every image.
-inline constexpr std::size_t kMaxAnchors = 64;
+inline constexpr std::size_t kMaxAnchors = 256;
 
 /// Returns at most kMaxAnchors points on or near the drawn surface and inside the view; none when nothing drawn is in
 /// view.

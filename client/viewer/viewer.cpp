@@ -207,7 +207,7 @@ base::Result<void> Viewer::startScene() {
 
 base::Result<void> Viewer::startRenderer() {
   const repository::Grid& grid = session_.welcome()->grid;
-  const int face_size = grid.pointCount() != 0 ? static_cast<int>(grid.face_size) : kNoFaceSize;
+  const int face_size = grid.pointCount() != 0 ? static_cast<int>(grid.imageSide()) : kNoFaceSize;
   LUMIGRID_ASSIGN_OR_RETURN(
       auto made, LumigraphRenderer::create(session_.hierarchy().lattice, face_size, plan_.images, plan_.frame_images));
   renderer_ = std::move(made);

@@ -181,9 +181,10 @@ class Viewer {
   struct BlendImage {
     ImageState state = ImageState::kCached;
     base::Camera camera;
+    float core = 1.0F;  // share of its width that is its own (LumigraphRenderer::addSample)
     base::Image rgba;   // only while kDecoded
     float use = 0.0F;   // expected share of the blend in the present view
-    float rank = 0.0F;  // use, and among the unused the nearer first
+    float rank = 0.0F;  // use, and among the unused the nearer and wider first
   };
 
   base::Result<void> startScene();
@@ -202,6 +203,8 @@ class Viewer {
   bool makeRoomFor(SampleId id);
   const BlendImage* worstResident(SampleId* id, const base::Camera* of_size_like) const;
   void submitImages();
+  bool decoderIsBusy() const;
+  int imagesBlended() const;
   void markInUse();
   base::Result<void> startPins();
   void probePins();

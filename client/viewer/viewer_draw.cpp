@@ -52,6 +52,7 @@ void Viewer::drawBlended(bool moved, double now) {
   for (SampleId id : ranked_)
     if (images_[id].state == ImageState::kResident) candidates_.push_back(id);
   LumigraphOptions options = options_.lumigraph;
+  options.max_samples = imagesBlended();
   options.modes.section = sectionHere();
   const bool hidden = frame_.whole() || frame_.under();
   options.unseen = options.unseen || (hidden && !probe_);

@@ -10,8 +10,12 @@ namespace client {
 namespace {
 
 /// Images handed to the decoder at a time: enough to keep its threads busy, few enough that a new view does not wait
-/// behind a queue.
+/// behind a queue. Small ones may be more, until they have as many bytes as so many faces of 512 × 512.
 constexpr std::size_t kMaxDecoding = 16;
+constexpr std::uint64_t kMaxDecodingBytes = kMaxDecoding * 4 * 512 * 512;
+/// Tiles that count as one image where a number of images is given: a tile has a quarter of the pixels of a face of
+/// 512 × 512.
+constexpr int kTilesPerImage = 4;
 /// A resident image gives way only to one of this much larger rank, so that near equals do not flicker. A choice: a
 /// larger factor keeps worse images longer.
 constexpr float kReplaceFactor = 1.2F;
@@ -49,7 +53,10 @@ base::Result<void> Viewer::takeEvents() {
 void Viewer::addFace(const repository::FaceKey& key) {
   if (images_.count(key.code()) != 0 || session_.face(key) == nullptr) return;
   BlendImage image;
-  image.camera = repository::faceCamera(session_.welcome()->grid, key, scene_);
+  const repository::Grid& grid = session_.welcome()->grid;
+  image.camera = repository::faceCamera(grid, key, scene_);
+  if (grid.isTiled())
+    image.core = static_cast<float>(repository::kTileCore) / static_cast<float>(repository::kTileSide);
   images_.emplace(key.code(), std::move(image));
 }
 
@@ -114,12 +121,13 @@ void Viewer::rankImages() {
   const std::vector<glm::vec3> anchors = anchorsInView(session_.hierarchy(), patches_.drawn().patches, camera_);
   const std::vector<float> use = expectedUse(anchors, camera_, cameras);
 
-  // Images of no use now are decoded too, the nearest first, for when the viewer turns.
+  // Images of no use now are decoded too, the nearest first, for when the viewer turns; of tiles, the widest.
   for (std::size_t i = 0; i < ids.size(); ++i) {
     BlendImage& image = images_[ids[i]];
     const float nearness = scene_.radius / (scene_.radius + glm::length(image.camera.eye - camera_.eye) + 1e-12F);
     image.use = mayShowFrames() && showsThisView(ids[i]) ? 1.0F : use[i];
-    image.rank = image.use + 1e-6F * nearness;
+    const float width = image.core < 1.0F ? 1.0F / image.camera.clip_from_eye[0][0] : 1.0F;
+    image.rank = image.use + 1e-6F * nearness * width;
   }
   std::sort(ids.begin(), ids.end(), [this](SampleId a, SampleId b) {
     const float rank_a = images_[a].rank;
@@ -182,7 +190,7 @@ void Viewer::uploadImages(double now) {
     if (image.state != ImageState::kDecoded) continue;
     if (!spend(static_cast<double>(image.rgba.pixels.size()))) return;
     const float fade_share = (id & kFrameTag) != 0 ? kFrameFadeShare : 1.0F;
-    const auto add = [&] { return renderer_->addSample(id, image.camera, image.rgba, now, fade_share); };
+    const auto add = [&] { return renderer_->addSample(id, image.camera, image.rgba, now, fade_share, image.core); };
     bool added = add();
     while (!added && makeRoomFor(id)) added = add();
     // The GPU has no place for its size at all; it would be decoded again and again.
@@ -210,15 +218,27 @@ std::uint64_t Viewer::waitingBytes() const {
   return bytes;
 }
 
+bool Viewer::decoderIsBusy() const {
+  std::uint64_t bytes = 0;
+  for (const auto& [id, size] : decoding_) bytes += size;
+  return decoder_->pending() >= kMaxDecoding && bytes >= kMaxDecodingBytes;
+}
+
 /// Hands the best images that are not on the GPU to the decoder, as many as may wait. When the GPU is full, only those
 /// that would get a place.
 void Viewer::submitImages() {
   std::uint64_t waiting = waitingBytes();
+  bool faces_fit = true;
   for (SampleId id : ranked_) {
-    if (decoder_->pending() >= kMaxDecoding) return;
+    if (decoderIsBusy()) return;
     BlendImage& image = images_[id];
     if (image.state != ImageState::kCached || decoding_.count(id) != 0) continue;
-    if (gpu_full_ && worstResident(nullptr, &image.camera) != nullptr && !replacedBy(id)) continue;
+    const bool is_face = (id & kFrameTag) == 0;
+    if (gpu_full_ && is_face && !faces_fit) continue;
+    if (gpu_full_ && worstResident(nullptr, &image.camera) != nullptr && !replacedBy(id)) {
+      if (is_face) faces_fit = false;  // nor does one that is worth less, since all have one size
+      continue;
+    }
     const std::uint64_t bytes = decodedBytes(image.camera);
     if (bytes > plan_.decoded) {
       image.state = ImageState::kUnfit;
@@ -234,11 +254,17 @@ void Viewer::submitImages() {
   }
 }
 
+/// Returns how many images a picture is blended from at most.
+int Viewer::imagesBlended() const {
+  const int images = options_.lumigraph.max_samples;
+  return session_.welcome()->grid.isTiled() ? std::min(kTilesPerImage * images, kMaxBlended) : images;
+}
+
 /// Keeps the present picture's faces and groups in the cache, whatever arrives.
 void Viewer::markInUse() {
   std::vector<repository::FaceKey> faces;
   for (SampleId id : ranked_) {
-    if (faces.size() >= static_cast<std::size_t>(options_.lumigraph.max_samples)) break;
+    if (faces.size() >= static_cast<std::size_t>(imagesBlended())) break;
     const BlendImage& image = images_.at(id);
     if (image.state != ImageState::kResident || image.use < kNeededUse || (id & kFrameTag) != 0) continue;
     if (auto key = repository::FaceKey::fromCode(id)) faces.push_back(*key);

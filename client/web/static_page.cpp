@@ -31,10 +31,11 @@ base::Result<repository::Grid> gridOf(const double* n) {
   repository::Grid grid;
   grid.first = glm::vec3(static_cast<float>(n[0]), static_cast<float>(n[1]), static_cast<float>(n[2]));
   grid.spacing = static_cast<float>(n[3]);
-  for (int i = 4; i < 8; ++i)
+  for (int i = 4; i < 9; ++i)
     if (!(n[i] >= 0.0 && n[i] <= 4294967295.0)) return badParameters();
   for (int axis = 0; axis < 3; ++axis) grid.count[axis] = static_cast<std::uint32_t>(n[4 + axis]);
   grid.face_size = static_cast<std::uint32_t>(n[7]);
+  grid.tile_depth = static_cast<std::uint32_t>(n[8]);
   base::ByteWriter out;
   grid.encode(out);
   base::ByteReader in(out.view());

@@ -14,6 +14,7 @@ constexpr std::uint8_t kMagic = 0x46;  // 'F'
 constexpr std::uint8_t kVersion = 1;
 constexpr std::uint8_t kEmpty = 0;
 constexpr std::uint8_t kImage = 1;
+constexpr std::uint8_t kAllChildren = 15;
 constexpr std::size_t kCrcOffset = 4;
 constexpr std::size_t kHeaderBytes = 8;
 constexpr std::size_t kWebpMagicBytes = 12;  // "RIFF", four bytes of length, "WEBP"
@@ -43,7 +44,7 @@ base::Bytes encodeFaceValue(const FaceValue& value) {
   out.u8(kMagic);
   out.u8(kVersion);
   out.u8(value.empty ? kEmpty : kImage);
-  out.u8(0);
+  out.u8(value.children);
   out.u32(0);
   if (!value.empty) {
     out.u32(static_cast<std::uint32_t>(value.picture.size()));
@@ -60,7 +61,7 @@ base::Result<FaceValue> decodeFaceValue(base::ByteView bytes) {
   const std::uint8_t magic = in.u8();
   const std::uint8_t version = in.u8();
   const std::uint8_t kind = in.u8();
-  const std::uint8_t reserved = in.u8();
+  const std::uint8_t children = in.u8();
   const std::uint32_t crc = in.u32();
   if (!in.ok()) return badValue("cut short");
   if (magic != kMagic) return badValue("not one (wrong magic)");
@@ -68,10 +69,12 @@ base::Result<FaceValue> decodeFaceValue(base::ByteView bytes) {
     return base::Error{base::ErrorCode::kVersion, "face value: version " + std::to_string(version) +
                                                       ", this program reads " + std::to_string(kVersion)};
   if (crc != checksum(bytes)) return badValue("checksum differs");
-  if (kind > kImage || reserved != 0) return badValue("unknown kind " + std::to_string(kind));
+  if (kind > kImage) return badValue("unknown kind " + std::to_string(kind));
+  if (children > (kind == kEmpty ? 0 : kAllChildren)) return badValue("children that no tile has");
 
   FaceValue value;
   value.empty = kind == kEmpty;
+  value.children = children;
   if (!value.empty) {
     const std::uint32_t picture_bytes = in.u32();
     const std::uint32_t coverage_bytes = in.u32();

@@ -16,6 +16,9 @@ struct FaceValue {
   /// have WebP instead (repository/faces/frame_image.h).
   base::ByteView picture;
   base::ByteView coverage;  ///< from encodeCoverage(); size 0 when every pixel is model, or WebP holds alpha
+  /// For a tile: bit c says that child c of it (tile.h) is stored too. Where it is not, that quarter of the image has
+  /// all there is to see.
+  std::uint8_t children = 0;
 };
 
 /// Tells by its first twelve bytes whether a picture is WebP; else it is JPEG, or broken.

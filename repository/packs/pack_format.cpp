@@ -24,21 +24,23 @@ using base::Result;
 constexpr char kPackMagic[9] = "LGPACKS\n";
 constexpr char kIndexMagic[9] = "LGINDEX\n";
 constexpr std::size_t kMagicBytes = 8;
-constexpr std::uint32_t kVersion = 1;
+constexpr std::uint32_t kVersion = 2;
 constexpr std::uint32_t kIndexHeaderBytes = 128;
 constexpr std::uint32_t kMaxParameterBytes = std::uint32_t{16} << 20;
 constexpr std::uint64_t kMaxPacks = std::uint64_t{1} << 24;
 constexpr std::uint64_t kMaxBlocks = std::uint64_t{1} << 32;
 constexpr std::uint32_t kMinBlockBytes = 4096;
-constexpr std::uint32_t kMaxBlockBytes = 65536;
+constexpr std::uint32_t kMaxBlockBytes = 262144;
 constexpr std::uint32_t kBlockHeaderBytes = 8;
 constexpr std::uint32_t kCellBits = 6;
 constexpr std::uint64_t kCellMask = (1U << kCellBits) - 1;
-constexpr std::uint64_t kNoDirection = 0xC0C0C0C0C0C0C0C0ULL;  // bits of d = 6 and 7, which do not exist
+constexpr std::uint64_t kNoDirection = 0xC0C0C0C0C0C0C0C0ULL;  // bits of d = 6 and 7 in steps of whole faces
+constexpr std::uint64_t kWholeFaces = std::uint64_t{1} << 63;  // of a run's cell: its bits stand for first tiles
 constexpr std::uint32_t kMinValueBytes = 8;                    // the header of a face value
 // The writer's choices; docs/formats/packs.md gives the reasons.
 constexpr std::uint32_t kBlockBytes = 16384;
-constexpr std::uint32_t kHashShift = 9;
+// A neighbourhood of 4 × 4 × 4 points, or of 2 × 2 × 2 where tiles make that too large for a block. No run is longer.
+constexpr std::uint32_t kHashShifts[] = {kTileBits + 9, kTileBits + 6};
 
 Error damaged(const std::string& problem) {
   return {ErrorCode::kInvalidInput, problem + "; publish it again"};
@@ -64,36 +66,58 @@ std::uint64_t blocksOffsetFor(std::uint64_t parameter_bytes, std::uint64_t block
 
 // --- Runs
 
-// The number of entries at the front that share a cell.
-std::size_t cellEnd(std::span<const PackEntry> entries) {
-  std::size_t end = 1;
-  while (end < entries.size() && entries[end].code >> kCellBits == entries[0].code >> kCellBits) ++end;
-  return end;
+// The run, without values, that begins with the first entry. Its bits stand for whole faces where no tile but the first
+// of a face is next.
+FaceRun runFrom(std::span<const PackEntry> entries) {
+  const auto isFirstTile = [&](std::size_t i) { return (entries[i].code & ((1U << kTileBits) - 1)) == 0; };
+  FaceRun run;
+  if (isFirstTile(0) && (entries.size() == 1 || isFirstTile(1))) run.step_bits = kTileBits;
+  run.cell = entries[0].code >> (run.step_bits + kCellBits);
+  return run;
 }
 
-// Writes entries of one cell as a run and returns the bytes of their values.
-std::uint32_t writeRun(std::span<const PackEntry> entries, std::uint32_t offset, ByteWriter& out) {
-  std::uint64_t present = 0;
-  for (const PackEntry& entry : entries) present |= std::uint64_t{1} << (entry.code & kCellMask);
-  out.u64(entries[0].code >> kCellBits);
-  out.u64(present);
-  out.u32(offset);
-  std::uint32_t bytes = 0;
-  for (const PackEntry& entry : entries) {
-    out.varint(entry.length);
-    bytes += entry.length;
+struct WrittenRun {
+  std::size_t entries = 0;  // of those at the front
+  std::uint32_t value_bytes = 0;
+};
+
+// Writes as many entries at the front as one run can hold.
+WrittenRun writeRun(std::span<const PackEntry> entries, std::uint32_t offset, ByteWriter& out) {
+  FaceRun run = runFrom(entries);
+  WrittenRun written;
+  for (; written.entries < entries.size(); ++written.entries) {
+    const auto bit = run.bitOf(entries[written.entries].code);
+    if (!bit) break;
+    run.present |= std::uint64_t{1} << *bit;
   }
-  return bytes;
+  out.u64(run.cell | (run.step_bits != 0 ? kWholeFaces : 0));
+  out.u64(run.present);
+  out.u32(offset);
+  for (const PackEntry& entry : entries.first(written.entries)) {
+    out.varint(entry.length);
+    written.value_bytes += entry.length;
+  }
+  return written;
+}
+
+// Why a run's codes are no keys; null when they are.
+const char* checkCodes(const FaceRun& run) {
+  if (run.present == 0) return "a run's faces are none";
+  if (run.step_bits != 0 && (run.present & kNoDirection) != 0) return "a run's faces are none";
+  if (!FaceKey::fromCode(run.firstCode()) || !FaceKey::fromCode(run.lastCode())) return "a run's cell is none";
+  return nullptr;
 }
 
 // Reads a run and appends its lengths. Returns the fault, or null when there is none.
 const char* readRun(ByteReader& in, FaceRun& run, std::vector<std::uint32_t>& lengths) {
-  run.cell = in.u64();
+  const std::uint64_t cell = in.u64();
+  run.step_bits = (cell & kWholeFaces) != 0 ? kTileBits : 0;
+  run.cell = cell & ~kWholeFaces;
   run.present = in.u64();
   run.offset = in.u32();
   if (!in.ok()) return "a run is cut short";
-  if (run.cell >> (63 - kCellBits) != 0) return "a run's cell is none";
-  if (run.present == 0 || (run.present & kNoDirection) != 0) return "a run's faces are none";
+  if (run.cell >> (63 - kCellBits - run.step_bits) != 0) return "a run's cell is none";
+  if (const char* wrong = checkCodes(run)) return wrong;
   std::uint64_t end = run.offset;
   for (int i = std::popcount(run.present); i > 0; --i) {
     const std::uint64_t length = in.varint();
@@ -110,14 +134,7 @@ const char* readRun(ByteReader& in, FaceRun& run, std::vector<std::uint32_t>& le
 template <class Visit>
 void forEachCode(const FaceRun& run, Visit visit) {
   for (std::uint64_t left = run.present; left != 0; left &= left - 1)
-    visit(run.cell << kCellBits | static_cast<std::uint64_t>(std::countr_zero(left)));
-}
-
-std::uint64_t firstCode(const FaceRun& run) {
-  return run.cell << kCellBits | static_cast<std::uint64_t>(std::countr_zero(run.present));
-}
-std::uint64_t lastCode(const FaceRun& run) {
-  return run.cell << kCellBits | static_cast<std::uint64_t>(63 - std::countl_zero(run.present));
+    visit(run.codeOf(static_cast<unsigned>(std::countr_zero(left))));
 }
 
 // Checks magic, version, and the header's checksum, which is its last word.
@@ -179,6 +196,26 @@ std::optional<ObjectId> idIn(const std::string& name, std::string_view front, st
 
 }  // namespace
 
+// --- Runs
+
+std::optional<unsigned> FaceRun::bitOf(std::uint64_t code) const {
+  const std::uint64_t steps = code >> step_bits;
+  if (steps << step_bits != code || steps >> kCellBits != cell) return std::nullopt;
+  return static_cast<unsigned>(steps & kCellMask);
+}
+
+std::uint64_t FaceRun::codeOf(unsigned bit) const {
+  return (cell << kCellBits | bit) << step_bits;
+}
+
+std::uint64_t FaceRun::firstCode() const {
+  return codeOf(static_cast<unsigned>(std::countr_zero(present)));
+}
+
+std::uint64_t FaceRun::lastCode() const {
+  return codeOf(static_cast<unsigned>(63 - std::countl_zero(present)));
+}
+
 std::string packName(const ObjectId& id) {
   return nameOf(kPackFront, id, kPackBack);
 }
@@ -199,9 +236,9 @@ Bytes encodePack(std::span<const PackEntry> entries, ByteView values) {
   ByteWriter table;
   auto offset = static_cast<std::uint32_t>(kPackHeaderBytes);
   for (auto rest = entries; !rest.empty();) {
-    const std::size_t end = cellEnd(rest);
-    offset += writeRun(rest.first(end), offset, table);
-    rest = rest.subspan(end);
+    const WrittenRun written = writeRun(rest, offset, table);
+    offset += written.value_bytes;
+    rest = rest.subspan(written.entries);
   }
   LUMIGRID_CHECK_EQ(offset, kPackHeaderBytes + values.size());
 
@@ -243,7 +280,7 @@ Result<PackTable> decodePack(ByteView pack) {
     lengths.clear();
     if (const char* wrong = readRun(in, run, lengths)) return damaged(std::string("its table: ") + wrong);
     if (run.offset != offset) return damaged("its table: values do not lie side by side");
-    if (!out.entries.empty() && out.entries.back().code >> kCellBits >= run.cell)
+    if (!out.entries.empty() && out.entries.back().code >= run.firstCode())
       return damaged("its table: runs are out of order");
     std::size_t i = 0;
     forEachCode(run, [&](std::uint64_t code) {
@@ -269,7 +306,7 @@ Result<IndexRoot> decodeIndexRoot(ByteView front) {
   if (root.empty > root.keys) return damaged("the index counts more empty flags than keys");
   if (!std::has_single_bit(root.block_bytes) || root.block_bytes < kMinBlockBytes || root.block_bytes > kMaxBlockBytes)
     return damaged("the index has blocks of " + std::to_string(root.block_bytes) + " bytes");
-  if (root.hash_shift < kCellBits || root.hash_shift > 62)
+  if (root.hash_shift < kCellBits + kTileBits || root.hash_shift > 62)
     return damaged("the index's hash shift is " + std::to_string(root.hash_shift));
   if (root.parameter_bytes > kMaxParameterBytes) return damaged("the index's parameters are too long");
   if (root.blocks == 0 || root.blocks > kMaxBlocks) return damaged("the index has no blocks or too many");
@@ -307,8 +344,8 @@ Result<IndexBlock> decodeIndexBlock(const IndexRoot& root, std::uint64_t number,
     row.first_length = static_cast<std::uint32_t>(out.lengths_.size());
     if (const char* wrong = readRun(in, row.run, out.lengths_)) return damaged(name + ": " + wrong);
     if (row.pack >= out.packs_.size()) return damaged(name + ": a run's pack is none");
-    if (blockOfCode(root, firstCode(row.run)) != number) return damaged(name + ": a run belongs in another block");
-    if (!out.rows_.empty() && lastCode(out.rows_.back().run) >= firstCode(row.run))
+    if (blockOfCode(root, row.run.firstCode()) != number) return damaged(name + ": a run belongs in another block");
+    if (!out.rows_.empty() && out.rows_.back().run.lastCode() >= row.run.firstCode())
       return damaged(name + ": runs are out of order");
     out.rows_.push_back(row);
   }
@@ -321,9 +358,11 @@ Result<IndexBlock> decodeIndexBlock(const IndexRoot& root, std::uint64_t number,
 std::optional<FaceLocation> IndexBlock::find(std::uint64_t code) const {
   // The first run that does not end before the code is the only candidate, since runs do not overlap.
   const auto row = std::partition_point(rows_.begin(), rows_.end(),
-                                        [&](const Row& candidate) { return lastCode(candidate.run) < code; });
-  if (row == rows_.end() || row->run.cell != code >> kCellBits) return std::nullopt;
-  const std::uint64_t bit = std::uint64_t{1} << (code & kCellMask);
+                                        [&](const Row& candidate) { return candidate.run.lastCode() < code; });
+  if (row == rows_.end()) return std::nullopt;
+  const auto place = row->run.bitOf(code);
+  if (!place) return std::nullopt;
+  const std::uint64_t bit = std::uint64_t{1} << *place;
   if ((row->run.present & bit) == 0) return std::nullopt;
   const auto before = static_cast<std::ptrdiff_t>(std::popcount(row->run.present & (bit - 1)));
   const auto first = lengths_.begin() + row->first_length;
@@ -370,12 +409,12 @@ void IndexBuilder::addPack(std::span<const PackEntry> entries) {
   ByteWriter run;
   auto offset = static_cast<std::uint32_t>(kPackHeaderBytes);
   for (auto rest = entries; !rest.empty();) {
-    const std::size_t end = cellEnd(rest);
     run = {};
-    offset += writeRun(rest.first(end), offset, run);
-    runs_.push_back({rest[0].code >> kCellBits, bytes_.size(), static_cast<std::uint32_t>(run.size()), packs_});
+    const WrittenRun written = writeRun(rest, offset, run);
+    offset += written.value_bytes;
+    runs_.push_back({rest[0].code, bytes_.size(), static_cast<std::uint32_t>(run.size()), packs_});
     bytes_.insert(bytes_.end(), run.view().begin(), run.view().end());
-    rest = rest.subspan(end);
+    rest = rest.subspan(written.entries);
   }
   for (const PackEntry& entry : entries) empty_ += entry.length == 0 ? 1U : 0U;
   keys_ += entries.size();
@@ -386,13 +425,38 @@ ByteView IndexBuilder::bytesOf(const EncodedRun& run) const {
   return ByteView(bytes_).subspan(run.begin, run.size);
 }
 
+// The bytes of the runs of the neighbourhood that has most, with a pack's id for each run that begins one.
+std::uint64_t IndexBuilder::fullestNeighbourhood(std::uint32_t hash_shift) const {
+  std::uint64_t fullest = 0, bytes = 0;
+  for (std::size_t i = 0; i < runs_.size(); ++i) {
+    const bool begins = i == 0 || runs_[i].first_code >> hash_shift != runs_[i - 1].first_code >> hash_shift;
+    if (begins) bytes = kBlockHeaderBytes;
+    if (begins || runs_[i].pack != runs_[i - 1].pack) bytes += sizeof(ObjectId);
+    bytes += 2 + runs_[i].size;
+    fullest = std::max(fullest, bytes);
+  }
+  return fullest;
+}
+
+// Chooses how many points share a block, and its size: the most points of which half a block holds any, and where that
+// is none, larger blocks. The largest hold the whole tiles of 2 × 2 × 2 points.
+void IndexBuilder::chooseNeighbourhood(IndexRoot& root) const {
+  root.block_bytes = kBlockBytes;
+  for (const std::uint32_t shift : kHashShifts) {
+    root.hash_shift = shift;
+    if (2 * fullestNeighbourhood(shift) <= root.block_bytes) return;
+  }
+  while (fullestNeighbourhood(root.hash_shift) > root.block_bytes) root.block_bytes *= 2;
+  LUMIGRID_CHECK_LE(root.block_bytes, kMaxBlockBytes);
+}
+
 // Whether each block has room for its runs. They come in order of packs, so a block names each of its packs once.
 bool IndexBuilder::fitsIntoBlocks(const IndexRoot& root) const {
   constexpr std::uint32_t kNone = ~std::uint32_t{0};
   std::vector<std::uint32_t> filled(root.blocks, kBlockHeaderBytes);
   std::vector<std::uint32_t> last_pack(root.blocks, kNone);
   for (const EncodedRun& run : runs_) {
-    const std::uint64_t block = blockOfCode(root, run.cell << kCellBits);
+    const std::uint64_t block = blockOfCode(root, run.first_code);
     filled[block] += 2 + run.size;
     if (last_pack[block] != run.pack) filled[block] += sizeof(ObjectId);
     last_pack[block] = run.pack;
@@ -404,7 +468,7 @@ bool IndexBuilder::fitsIntoBlocks(const IndexRoot& root) const {
 void IndexBuilder::writeBlocks(const IndexRoot& root, const std::vector<PackRow>& packs, Bytes& out) const {
   std::vector<std::pair<std::uint64_t, std::uint64_t>> order;  // number of the block, index of the run
   order.reserve(runs_.size());
-  for (std::size_t i = 0; i < runs_.size(); ++i) order.emplace_back(blockOfCode(root, runs_[i].cell << kCellBits), i);
+  for (std::size_t i = 0; i < runs_.size(); ++i) order.emplace_back(blockOfCode(root, runs_[i].first_code), i);
   std::sort(order.begin(), order.end());
 
   auto next = order.begin();
@@ -445,16 +509,15 @@ Result<Bytes> IndexBuilder::build(const std::vector<PackRow>& packs, const std::
   if (parameters.size() > kMaxParameterBytes)
     return Error{ErrorCode::kUnsupported, "the repository's parameters exceed 16 MiB"};
   IndexRoot root;
-  root.block_bytes = kBlockBytes;
-  root.hash_shift = kHashShift;
+  chooseNeighbourhood(root);
   // The number of blocks grows by an eighth until no block overflows. The hash is a bijection, so different
   // neighbourhoods part at some number of blocks and the loop ends.
-  root.blocks = 1 + bytes_.size() / kBlockBytes;
+  root.blocks = 1 + bytes_.size() / root.block_bytes;
   while (!fitsIntoBlocks(root)) root.blocks += 1 + root.blocks / 8;
 
   ByteWriter rows;
   for (const PackRow& pack : packs) base::writeFields(rows, fieldsOfRow(pack));
-  root.blocks_offset = blocksOffsetFor(parameters.size(), kBlockBytes);
+  root.blocks_offset = blocksOffsetFor(parameters.size(), root.block_bytes);
   root.object_bytes = root.rowsOffset() + rows.size();
   root.keys = keys_;
   root.empty = empty_;

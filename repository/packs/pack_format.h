@@ -38,11 +38,19 @@ struct PackEntry {
   friend bool operator==(const PackEntry&, const PackEntry&) = default;
 };
 
-/// The faces of one cell of 2 × 2 × 2 points whose values lie side by side in a pack.
+/// Values that lie side by side in a pack, and whose codes are 64 steps at most apart: the tiles of one face (steps of
+/// 1), or the first tiles of faces in one cell of 2 × 2 × 2 points (steps of 2^kTileBits).
 struct FaceRun {
-  std::uint64_t cell = 0;     ///< code >> 6
-  std::uint64_t present = 0;  ///< bit (code & 63) is set for each face
+  std::uint64_t cell = 0;     ///< code >> (step_bits + 6)
+  std::uint64_t present = 0;  ///< bit (code >> step_bits & 63) is set for each value
   std::uint32_t offset = 0;   ///< offset of the first value in the pack
+  unsigned step_bits = 0;     ///< 0 or kTileBits
+
+  /// The bit of `present` that stands for a code; nothing for a code that no bit stands for.
+  std::optional<unsigned> bitOf(std::uint64_t code) const;
+  std::uint64_t codeOf(unsigned bit) const;
+  std::uint64_t firstCode() const;
+  std::uint64_t lastCode() const;
 };
 
 // --- Packs
@@ -142,12 +150,14 @@ class IndexBuilder {
 
  private:
   struct EncodedRun {
-    std::uint64_t cell;
+    std::uint64_t first_code;
     std::uint64_t begin;  // offset in bytes_
     std::uint32_t size;
     std::uint32_t pack;
   };
   base::ByteView bytesOf(const EncodedRun& run) const;
+  void chooseNeighbourhood(IndexRoot& root) const;
+  std::uint64_t fullestNeighbourhood(std::uint32_t hash_shift) const;
   bool fitsIntoBlocks(const IndexRoot& root) const;
   void writeBlocks(const IndexRoot& root, const std::vector<PackRow>& packs, base::Bytes& out) const;
 

@@ -14,8 +14,16 @@ namespace repository {
 glm::vec3 faceDirection(std::uint32_t d);
 glm::vec3 faceUp(std::uint32_t d);
 
-/// The 90° camera of a face. `scene` holds all that it shows.
+/// The camera of the image under a key: the 90° of a plain face, or a tile's part of them with its border. `scene`
+/// holds all that it shows.
 base::Camera faceCamera(const Grid& grid, const FaceKey& key, const base::Sphere& scene);
+
+/// The camera of a face that is to be cut into tiles: its finest pixels, and as many around them as the borders of all
+/// its tiles show, those of the coarsest kTileBorder · 2^tile_depth. So its sides are kTileSide · 2^tile_depth pixels.
+base::Camera wholeFaceCamera(const Grid& grid, const FaceKey& key, const base::Sphere& scene);
+
+/// The tile of this depth in which `direction` (not zero) lies, with its face: all but its point is set.
+FaceKey tileOfDirection(const glm::vec3& direction, std::uint32_t depth);
 
 /// The face in which `direction` (not zero) lies.
 std::uint32_t faceOfDirection(const glm::vec3& direction);

@@ -61,6 +61,7 @@ void Grid::encode(base::ByteWriter& out) const {
   out.f32(spacing);
   for (int axis = 0; axis < 3; ++axis) out.u32(count[axis]);
   out.u32(face_size);
+  out.u32(tile_depth);
 }
 
 base::Result<Grid> Grid::decode(base::ByteReader& in) {
@@ -69,6 +70,7 @@ base::Result<Grid> Grid::decode(base::ByteReader& in) {
   grid.spacing = in.f32();
   for (int axis = 0; axis < 3; ++axis) grid.count[axis] = in.u32();
   grid.face_size = in.u32();
+  grid.tile_depth = in.u32();
   if (!in.ok()) return badGrid("cut short");
 
   if (!finite(grid.first) || !std::isfinite(grid.spacing) || grid.spacing <= 0.0F)
@@ -83,6 +85,9 @@ base::Result<Grid> Grid::decode(base::ByteReader& in) {
     return badGrid("its last point is not finite");
   if (grid.face_size < 1 || grid.face_size > kMaxFaceSize)
     return badGrid("face size " + std::to_string(grid.face_size) + " is not within 1.." + std::to_string(kMaxFaceSize));
+  if (grid.tile_depth > kMaxTileDepth || (grid.isTiled() && grid.face_size != kTileCore << grid.tile_depth))
+    return badGrid("tiles of depth " + std::to_string(grid.tile_depth) + " do not make faces of " +
+                   std::to_string(grid.face_size) + " pixels");
   return grid;
 }
 
@@ -112,6 +117,13 @@ Grid makeGrid(const base::Aabb& model, std::uint32_t points_per_longest_side, fl
   grid.first = glm::vec3(first);
   grid.spacing = static_cast<float>(spacing);
   grid.face_size = face_size;
+  return grid;
+}
+
+Grid withTiles(Grid grid, std::uint32_t depth) {
+  LUMIGRID_CHECK(depth >= 1 && depth <= kMaxTileDepth);
+  grid.tile_depth = depth;
+  grid.face_size = kTileCore << depth;
   return grid;
 }
 

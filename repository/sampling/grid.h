@@ -17,14 +17,26 @@ struct Grid {
   glm::vec3 first{0.0F};
   float spacing = 1.0F;
   glm::uvec3 count{0};          ///< points along each axis, each ≥ 2 (0: no repository)
-  std::uint32_t face_size = 0;  ///< pixels along one side of a face
+  std::uint32_t face_size = 0;  ///< pixels along one side of a face, where it is finest
+  /// Depth of the finest tiles (tile.h): face_size is kTileCore · 2^tile_depth then. 0: a face is one plain image of
+  /// face_size × face_size pixels.
+  std::uint32_t tile_depth = 0;
+
+  /// Whether faces are pyramids of tiles.
+  bool isTiled() const { return tile_depth > 0; }
+  /// Pixels along one side of a stored image.
+  std::uint32_t imageSide() const { return isTiled() ? kTileSide : face_size; }
+  /// Pixels along one side of a face made of the tiles of this depth.
+  std::uint32_t faceSideAt(std::uint32_t depth) const { return isTiled() ? kTileCore << depth : face_size; }
 
   glm::vec3 point(std::uint32_t x, std::uint32_t y, std::uint32_t z) const {
     return first + spacing * glm::vec3(x, y, z);
   }
   std::uint64_t pointCount() const { return std::uint64_t{count.x} * count.y * count.z; }
   std::uint64_t faceCount() const { return 6 * pointCount(); }
-  bool contains(const FaceKey& key) const { return key.x < count.x && key.y < count.y && key.z < count.z && key.d < 6; }
+  bool contains(const FaceKey& key) const {
+    return key.x < count.x && key.y < count.y && key.z < count.z && key.d < 6 && key.tile < firstTileOf(tile_depth + 1);
+  }
 
   /// The lower corner (x, y, z) of the cell that holds p, clamped so that all 8 corners exist.
   glm::uvec3 cellOf(const glm::vec3& p) const;
@@ -40,6 +52,9 @@ struct Grid {
 /// uses 0.5: a box twice as large along the longest side), with `points_per_longest_side` ≥ 2 sampling points along the
 /// longest side and at least as dense ones along the others.
 Grid makeGrid(const base::Aabb& model, std::uint32_t points_per_longest_side, float margin, std::uint32_t face_size);
+
+/// The same grid with faces that are pyramids of tiles down to `depth`, 1 … kMaxTileDepth.
+Grid withTiles(Grid grid, std::uint32_t depth);
 
 /// The code of a point's first key: codes of points ascend in Morton order.
 inline std::uint64_t codeOfPoint(const glm::uvec3& point) {

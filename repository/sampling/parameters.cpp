@@ -46,6 +46,10 @@ base::Result<Grid> gridFromMeta(const std::string& meta, const std::string& name
     return wrong;
   grid.spacing = spacing->get<float>();
   grid.face_size = face_size->get<std::uint32_t>();
+  if (const auto depth = object.find("tile_depth"); depth != object.end()) {
+    if (!depth->is_number_unsigned()) return wrong;
+    grid.tile_depth = depth->get<std::uint32_t>();
+  }
 
   // Grid::decode holds the only checks of a grid's values, so the grid passes through it.
   base::ByteWriter out;

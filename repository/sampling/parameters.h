@@ -12,8 +12,8 @@
 namespace repository {
 
 /// The grid that a meta text records, as server::bake writes it:
-/// {"grid": {"first": [x, y, z], "spacing": s, "count": [nx, ny, nz], "face_size": pixels}, …}. Errors name the store
-/// by `name`.
+/// {"grid": {"first": [x, y, z], "spacing": s, "count": [nx, ny, nz], "face_size": pixels, "tile_depth": depth}, …}.
+/// Errors name the store by `name`.
 base::Result<Grid> gridFromMeta(const std::string& meta, const std::string& name);
 
 /// Adds the tree as one more line to `parameters`, a JSON object with one parameter a line.

@@ -1,10 +1,10 @@
 #include "server/bake/bake.h"
 
 #include <algorithm>
-#include <atomic>
 #include <chrono>
 #include <deque>
 #include <memory>
+#include <mutex>
 #include <sstream>
 #include <utility>
 #include <vector>
@@ -13,11 +13,13 @@
 #include "base/format_text.h"
 #include "repository/faces/face_value.h"
 #include "repository/sampling/expected_points.h"
+#include "repository/sampling/face_tiles.h"
 #include "repository/sampling/parameters.h"
 #include "server/bake/committer.h"
 #include "server/bake/draw_memory.h"
 #include "server/bake/draw_processes.h"
 #include "server/bake/face_maker.h"
+#include "server/bake/face_sample.h"
 
 // The stages run on threads or in processes of their own: this thread deals out grid points, a FaceMaker draws, reads
 // back and encodes, and the Committer's thread commits. The queues between them are bounded, so a slow disk slows the
@@ -34,27 +36,54 @@ double secondsBetween(Clock::time_point from, Clock::time_point to) {
   return std::chrono::duration<double>(to - from).count();
 }
 
-// Knows which faces of the grid have a whole value in the store: one bit each.
+// Knows which faces of the grid are whole in the store: one bit each.
 class StoredFaces {
  public:
   StoredFaces(const repository::Grid& grid, const repository::ExpectedPoints& points)
       : grid_(grid), points_(points), bits_(grid.faceCount(), false) {}
 
-  /// Faces of other points are passed over.
+  /// Faces of other points are passed over. The keys of a face's tiles follow each other.
   base::Result<void> read(const repository::Store& store) {
-    return store.forEach([&](const repository::FaceKey& key, base::ByteView value) {
-      if (!isExpected(key) || !repository::decodeFaceValue(value)) return true;
-      bits_[index(key)] = true;
-      ++count_;
-      bytes_ += value.size();
+    std::optional<OpenFace> face;
+    LUMIGRID_TRY(store.forEach([&](const repository::FaceKey& key, base::ByteView value) {
+      if (!isExpected(key)) return true;
+      if (!face || face->key != key.face()) {
+        close(face);
+        face.emplace();
+        face->key = key.face();
+      }
+      addTile(*face, key.tile, value);
       return true;
-    });
+    }));
+    close(face);
+    return {};
   }
   bool has(const repository::FaceKey& key) const { return bits_[index(key)]; }
   std::uint64_t count() const { return count_; }
   std::uint64_t bytes() const { return bytes_; }
 
  private:
+  /// A face whose tiles are being read.
+  struct OpenFace {
+    repository::FaceKey key;
+    repository::FaceTiles tiles;
+    bool sound = true;
+    std::uint64_t bytes = 0;
+  };
+  static void addTile(OpenFace& face, std::uint32_t tile, base::ByteView bytes) {
+    const auto value = repository::decodeFaceValue(bytes);
+    if (value)
+      face.tiles.add(tile, value->children);
+    else
+      face.sound = false;
+    face.bytes += bytes.size();
+  }
+  void close(const std::optional<OpenFace>& face) {
+    if (!face || !face->sound || !face->tiles.isWhole()) return;
+    bits_[index(face->key)] = true;
+    ++count_;
+    bytes_ += face->bytes;
+  }
   bool isExpected(const repository::FaceKey& key) const {
     return grid_.contains(key) && points_.placeOf({key.x, key.y, key.z}).has_value();
   }
@@ -69,16 +98,36 @@ class StoredFaces {
   std::uint64_t bytes_ = 0;
 };
 
-struct FaceCounters {
-  std::atomic<std::uint64_t> done{0}, empty{0}, jpeg_bytes{0}, coverage_bytes{0}, value_bytes{0};
-
+// Faces come from several threads.
+class FaceCounters {
+ public:
   void add(const EncodedFace& face) {
-    empty += face.empty ? 1 : 0;
-    jpeg_bytes += face.jpeg_bytes;
-    coverage_bytes += face.coverage_bytes;
-    value_bytes += face.value.size();
-    ++done;
+    const std::lock_guard lock(mutex_);
+    ++sums_.faces_rendered;
+    sums_.faces_empty += face.empty ? 1 : 0;
+    sums_.jpeg_bytes += face.jpeg_bytes;
+    sums_.coverage_bytes += face.coverage_bytes;
+    for (const EncodedTile& tile : face.tiles) {
+      TileCount& count = sums_.by_depth[repository::placeOfTile(tile.tile).depth];
+      ++count.tiles;
+      count.bytes += tile.value.size();
+    }
+    value_bytes_ += face.valueBytes();
   }
+  /// Counts of faces and bytes; the rest is not known here.
+  BakeSummary sums() const {
+    const std::lock_guard lock(mutex_);
+    return sums_;
+  }
+  std::uint64_t valueBytes() const {
+    const std::lock_guard lock(mutex_);
+    return value_bytes_;
+  }
+
+ private:
+  mutable std::mutex mutex_;
+  BakeSummary sums_;
+  std::uint64_t value_bytes_ = 0;
 };
 
 // Faces a second over the last kRateSeconds.
@@ -97,7 +146,7 @@ class MovingRate {
 
 /// Faces that may be under way at a time.
 std::uint64_t windowOf(const BakeOptions& options) {
-  return 2 * std::uint64_t{options.batch_faces} + 16 * threadsOf(options);
+  return 2 * std::uint64_t{facesPerCommit(options)} + 16 * threadsOf(options);
 }
 
 // One context on a GPU, and one where no command for others is given; software GL draws in as many processes as keep
@@ -113,9 +162,9 @@ base::Result<DrawLimits> drawLimits(const lod::patch::PatchFile& patches, const 
   LUMIGRID_ASSIGN_OR_RETURN(const auto in_processes, needsProcesses(options));
   const std::uint64_t faces = options.grid.faceCount();
   const DrawDemand demand{patches.hierarchy(),
-                          options.grid.face_size,
+                          drawnSide(options.grid),
                           renderOptions(options),
-                          static_cast<std::uint32_t>(std::min<std::uint64_t>(options.batch_faces, faces)),
+                          static_cast<std::uint32_t>(std::min<std::uint64_t>(facesPerCommit(options), faces)),
                           std::min(windowOf(options), faces),
                           faces / 8,
                           threadsOf(options),
@@ -132,7 +181,7 @@ class FaceBake {
       : options_(options),
         points_(points),
         stored_(stored),
-        committer_(store, options.batch_faces, windowOf(options)),
+        committer_(store, facesPerCommit(options), windowOf(options)),
         faces_(makeFaces({scene, patches, options.grid, renderOptions(options), options.quality, options.subsampling,
                           limits.gpu_budget_bytes},
                          limits)) {}
@@ -172,7 +221,7 @@ class FaceBake {
   std::unique_ptr<FaceMaker> makeFaces(const FaceWork& work, const DrawLimits& limits) {
     FaceMaker::OnFace on_face = [this](std::uint64_t sequence, const repository::FaceKey& key, EncodedFace face) {
       counters_.add(face);
-      committer_.deliver(sequence, key, std::move(face.value));
+      committer_.deliver(sequence, key, std::move(face.tiles));
     };
     FaceMaker::OnError on_error = [this](const base::Error& error) { committer_.fail(error); };
     if (limits.processes == 0)
@@ -184,10 +233,10 @@ class FaceBake {
 
   BakeProgress progressNow() {
     BakeProgress now;
-    now.faces_done = counters_.done;
+    now.faces_done = counters_.sums().faces_rendered;
     now.faces_skipped = stored_.count();
     now.faces_total = 6 * points_.size();
-    now.stored_bytes = stored_.bytes() + counters_.value_bytes;
+    now.stored_bytes = stored_.bytes() + counters_.valueBytes();
     now.faces_per_second = rate_.update(Clock::now(), now.faces_done);
     return now;
   }
@@ -221,6 +270,12 @@ std::string selectionText(const PointSelection& selection) {
 }
 
 }  // namespace
+
+std::uint32_t facesPerCommit(const BakeOptions& options) {
+  // Faces of tiles have 496 pixels a side at depth 1, and twice as many at each further one.
+  const std::uint32_t depth = std::max(options.grid.tile_depth, 1U);
+  return std::max(options.batch_faces >> (2 * (depth - 1)), 1U);
+}
 
 base::Result<void> checkBakeOptions(const BakeOptions& options) {
   const auto wrong = [](const std::string& problem) {
@@ -260,11 +315,13 @@ std::string storeParameters(const base::Scene& scene, const BakeOptions& options
   for (const base::ScenePart& part : scene.parts)
     if (part.file == "patch.lgp") patch_sha256 = part.sha256;
   std::ostringstream text;
-  text << "{\n\"version\": 1"
+  text << "{\n\"version\": 2"
        << ",\n\"grid\": {\"first\": " << numbers(grid.first) << ", \"spacing\": " << number(grid.spacing)
        << ", \"count\": [" << grid.count.x << ", " << grid.count.y << ", " << grid.count.z << "]"
-       << ", \"face_size\": " << grid.face_size << "},\n\"quality\": " << options.quality << ",\n\"subsampling\": \""
-       << repository::nameOf(options.subsampling) << "\""
+       << ", \"face_size\": " << grid.face_size;
+  if (grid.isTiled()) text << ", \"tile_depth\": " << grid.tile_depth;
+  text << "},\n\"quality\": " << options.quality << ",\n\"subsampling\": \"" << repository::nameOf(options.subsampling)
+       << "\""
        << ",\n\"tolerance\": " << number(options.tolerance_px) << ",\n\"supersampling\": " << options.supersampling
        << ",\n\"light\": \"" << (scene.light.mode == base::LightMode::kUnlit ? "unlit" : "soft") << "\""
        << ",\n\"light direction\": " << numbers(scene.light.direction) << ",\n\"patch.lgp\": \"" << patch_sha256 << "\""
@@ -294,17 +351,14 @@ base::Result<BakeSummary> bake(const base::Scene& scene, const lod::patch::Patch
   StoredFaces stored(options.grid, points);
   LUMIGRID_TRY(stored.read(store));
   BakeSummary summary;
-  summary.points = points.size();
-  summary.faces_skipped = stored.count();
   if (stored.count() < 6 * points.size()) {
     LUMIGRID_ASSIGN_OR_RETURN(const auto limits, drawLimits(patches, options));
     FaceBake faces(scene, patches, store, options, limits, points, stored);
     LUMIGRID_TRY(faces.run(progress));
-    summary.faces_rendered = faces.counters().done;
-    summary.faces_empty = faces.counters().empty;
-    summary.jpeg_bytes = faces.counters().jpeg_bytes;
-    summary.coverage_bytes = faces.counters().coverage_bytes;
+    summary = faces.counters().sums();
   }
+  summary.points = points.size();
+  summary.faces_skipped = stored.count();
   summary.seconds = secondsBetween(start, Clock::now());
   return summary;
 }

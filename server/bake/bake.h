@@ -2,6 +2,7 @@
 // The bake fills the image repository (Okamoto 2011, section 4.3): it renders every face of every sampling point that
 // the store lacks, encodes it, and commits the faces in batches. A killed bake loses at most the batch in flight; the
 // rerun renders what is missing.
+#include <array>
 #include <cstdint>
 #include <functional>
 #include <optional>
@@ -37,7 +38,8 @@ struct BakeOptions {
   repository::Subsampling subsampling = repository::Subsampling::k420;
   float tolerance_px = base::ViewDefaults::kExactTolerance;  ///< face pixels
   int supersampling = 2;                                     ///< samples along each side of a face pixel
-  std::uint32_t batch_faces = 300;                           ///< faces per commit
+  /// Faces of up to 512 pixels per commit; of tiled ones, which are larger, as many fewer (facesPerCommit()).
+  std::uint32_t batch_faces = 300;
   base::ResourceLimits limits;  ///< memory: of this process and those that draw for it, together
   /// A program (with its arguments) that calls runDrawProcess: where GL is software, several of them draw the faces.
   /// Empty: one thread of this process does. The result is the same.
@@ -53,8 +55,15 @@ struct BakeProgress {
   std::uint64_t stored_bytes = 0;
 };
 
+/// The stored images of one depth; plain faces have depth 0.
+struct TileCount {
+  std::uint64_t tiles = 0, bytes = 0;
+};
+using TileCounts = std::array<TileCount, repository::kMaxTileDepth + 1>;
+
 struct BakeSummary {
   std::uint64_t faces_rendered = 0, faces_skipped = 0, faces_empty = 0;
+  TileCounts by_depth{};  ///< of the faces that were rendered
   std::uint64_t jpeg_bytes = 0, coverage_bytes = 0;
   double seconds = 0.0;
   std::uint64_t points = 0;  ///< sampling points of this shard
@@ -64,6 +73,9 @@ struct BakeSummary {
 inline unsigned threadsOf(const BakeOptions& options) {
   return options.limits.resolved().threads;
 }
+
+/// The faces that a bake commits at a time: they have about as many pixels as batch_faces of 512 pixels a side.
+std::uint32_t facesPerCommit(const BakeOptions& options);
 
 /// A grid and options that can be baked: kInvalidInput says what cannot.
 base::Result<void> checkBakeOptions(const BakeOptions& options);

@@ -1,5 +1,6 @@
 #include "server/bake/committer.h"
 
+#include <algorithm>
 #include <iterator>
 
 #include "base/check.h"
@@ -20,9 +21,15 @@ bool Committer::waitForRoom(std::uint64_t sequence) {
   return !error_;
 }
 
-void Committer::deliver(std::uint64_t sequence, const repository::FaceKey& key, base::Bytes value) {
+void Committer::deliver(std::uint64_t sequence, const repository::FaceKey& key, std::vector<EncodedTile> tiles) {
+  Batch values;
+  for (EncodedTile& tile : tiles) {
+    repository::FaceKey tile_key = key.face();
+    tile_key.tile = tile.tile;
+    values.emplace_back(tile_key, std::move(tile.value));
+  }
   const std::lock_guard lock(mutex_);
-  waiting_.emplace(sequence, std::pair(key, std::move(value)));
+  waiting_.emplace(sequence, std::move(values));
   changed_.notify_all();
 }
 
@@ -51,14 +58,15 @@ bool Committer::batchReady() const {
          std::next(waiting_.begin(), batch_faces_ - 1)->first == batched_ + batch_faces_ - 1;
 }
 
-std::vector<std::pair<repository::FaceKey, base::Bytes>> Committer::nextBatch() {
-  std::vector<std::pair<repository::FaceKey, base::Bytes>> batch;
-  while (!waiting_.empty() && batch.size() < batch_faces_) {
-    batch.push_back(std::move(waiting_.begin()->second));
+std::pair<Committer::Batch, std::uint32_t> Committer::nextBatch() {
+  Batch batch;
+  std::uint32_t faces = 0;
+  for (; !waiting_.empty() && faces < batch_faces_; ++faces) {
+    std::move(waiting_.begin()->second.begin(), waiting_.begin()->second.end(), std::back_inserter(batch));
     waiting_.erase(waiting_.begin());
   }
-  batched_ += batch.size();
-  return batch;
+  batched_ += faces;
+  return {std::move(batch), faces};
 }
 
 void Committer::runThread(const std::stop_token& stop) {
@@ -68,12 +76,12 @@ void Committer::runThread(const std::stop_token& stop) {
     if (stop.stop_requested() || error_ || !batchReady()) return;
 
     // The store waits for the disk, so the lock is released meanwhile.
-    const auto batch = nextBatch();
+    const auto [batch, faces] = nextBatch();
     lock.unlock();
     const base::Result<void> put = store_.putBatch(batch);
     lock.lock();
     if (!put && !error_) error_ = put.error();
-    if (put) committed_ += batch.size();
+    if (put) committed_ += faces;
     changed_.notify_all();
   }
 }

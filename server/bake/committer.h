@@ -13,6 +13,7 @@
 
 #include "base/error.h"
 #include "repository/store.h"
+#include "server/bake/face_encoder.h"
 
 namespace server {
 
@@ -25,8 +26,9 @@ class Committer {
   /// Blocks until face number `sequence` (0, 1, 2 … without a gap) may be started. False when the work has failed:
   /// stop.
   bool waitForRoom(std::uint64_t sequence);
-  /// Hands over the encoded face `sequence`. From any thread; never blocks for long.
-  void deliver(std::uint64_t sequence, const repository::FaceKey& key, base::Bytes value);
+  /// Hands over the encoded face `sequence`, whose tiles are committed together. From any thread; never blocks for
+  /// long.
+  void deliver(std::uint64_t sequence, const repository::FaceKey& key, std::vector<EncodedTile> tiles);
   /// Ends the work with an error from elsewhere; the first error stays.
   void fail(base::Error error);
   /// Commits what was delivered and returns the first error, if any.
@@ -34,7 +36,11 @@ class Committer {
 
  private:
   void runThread(const std::stop_token& stop);
-  std::vector<std::pair<repository::FaceKey, base::Bytes>> nextBatch();
+  /// The values of some faces.
+  using Batch = std::vector<std::pair<repository::FaceKey, base::Bytes>>;
+
+  /// Takes the next faces, and tells how many they are.
+  std::pair<Batch, std::uint32_t> nextBatch();
   bool batchReady() const;
 
   repository::Store& store_;
@@ -42,9 +48,9 @@ class Committer {
   const std::uint64_t window_;
   std::mutex mutex_;
   std::condition_variable_any changed_;
-  std::map<std::uint64_t, std::pair<repository::FaceKey, base::Bytes>> waiting_;  // by sequence number
-  std::uint64_t batched_ = 0;    // faces below this number are in a batch …
-  std::uint64_t committed_ = 0;  // … and below this one in the store
+  std::map<std::uint64_t, Batch> waiting_;  // by sequence number
+  std::uint64_t batched_ = 0;               // faces below this number are in a batch …
+  std::uint64_t committed_ = 0;             // … and below this one in the store
   bool finishing_ = false;
   std::optional<base::Error> error_;
   std::jthread thread_;  // last: it uses the others

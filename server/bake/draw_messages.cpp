@@ -130,7 +130,11 @@ base::Result<DrawJob> decodeJob(base::ByteView body) {
 base::Bytes encodeNumberedFace(std::uint64_t sequence, const EncodedFace& face) {
   base::ByteWriter out;
   base::writeFields(out, fieldsOf(sequence, face));
-  out.bytes(face.value);
+  for (const EncodedTile& tile : face.tiles) {
+    out.u32(tile.tile);
+    out.u32(static_cast<std::uint32_t>(tile.value.size()));
+    out.bytes(tile.value);
+  }
   return out.takeBytes();
 }
 
@@ -138,9 +142,12 @@ base::Result<NumberedFace> decodeNumberedFace(base::ByteView body) {
   base::ByteReader in(body);
   NumberedFace made;
   base::readFields(in, fieldsOf(made.sequence, made.face));
-  const base::ByteView value = in.bytes(in.remaining());
-  made.face.value.assign(value.begin(), value.end());
-  if (!in.ok()) return broken("a face of too few bytes");
+  while (in.ok() && !in.atEnd()) {
+    const std::uint32_t tile = in.u32();
+    const base::ByteView value = in.bytes(in.u32());
+    made.face.tiles.push_back({tile, base::Bytes(value.begin(), value.end())});
+  }
+  if (!in.ok() || made.face.tiles.empty()) return broken("a face of too few bytes");
   return made;
 }
 

@@ -16,7 +16,7 @@ namespace server {
 enum class DrawMessageKind : std::uint8_t {
   kOrder = 1,  ///< the first to the process: what to draw and how (encodeOrder)
   kJob = 2,    ///< any number follow (encodeJob)
-  kFace = 3,   ///< the answers: a job's faces in order (encodeNumberedFace)
+  kFace = 3,   ///< the answers: a job's faces in order, each with all its tiles (encodeNumberedFace)
   kError = 4   ///< the last answer where something failed: code and text (encodeError)
 };
 

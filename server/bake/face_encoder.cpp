@@ -1,42 +1,70 @@
 #include "server/bake/face_encoder.h"
 
+#include <utility>
+
 #include "base/check.h"
-#include "base/picture_error.h"
 #include "repository/faces/coverage.h"
 #include "repository/faces/face_value.h"
 #include "repository/faces/filler.h"
+#include "server/bake/face_pyramid.h"
 
 namespace server {
 
-base::Image coverageMask(const base::Image& rgba) {
+std::uint64_t EncodedFace::valueBytes() const {
+  std::uint64_t bytes = 0;
+  for (const EncodedTile& tile : tiles) bytes += tile.value.size();
+  return bytes;
+}
+
+base::Image coverageMask(const base::Image& rgba, std::uint8_t least_alpha) {
   base::Image mask(rgba.width, rgba.height, 1);
-  for (std::size_t i = 0; i < mask.pixels.size(); ++i)
-    mask.pixels[i] = rgba.pixels[4 * i + 3] >= base::kCoverageThreshold ? 255 : 0;
+  for (std::size_t i = 0; i < mask.pixels.size(); ++i) mask.pixels[i] = rgba.pixels[4 * i + 3] >= least_alpha ? 255 : 0;
   return mask;
 }
 
-bool showsModel(const base::Image& rgba) {
+bool showsModel(const base::Image& rgba, std::uint8_t least_alpha) {
   for (std::size_t i = 3; i < rgba.pixels.size(); i += 4)
-    if (rgba.pixels[i] >= base::kCoverageThreshold) return true;
+    if (rgba.pixels[i] >= least_alpha) return true;
   return false;
 }
 
-base::Result<EncodedFace> encodeFace(const base::Image& rgba, int quality, repository::Subsampling subsampling) {
+base::Result<EncodedImage> encodeImage(const base::Image& rgba, int quality, repository::Subsampling subsampling,
+                                       std::uint8_t children, std::uint8_t least_alpha) {
   LUMIGRID_CHECK_EQ(rgba.channels, 4);
-  EncodedFace face;
-  face.empty = !showsModel(rgba);
-  if (face.empty) {
-    face.value = repository::encodeFaceValue({});
-    return face;
+  EncodedImage image;
+  // Lines too thin to be stored as model here may be model in a child, and only an image can have children.
+  image.empty = children == 0 && !showsModel(rgba, least_alpha);
+  if (image.empty) {
+    image.value = repository::encodeFaceValue({});
+    return image;
   }
 
-  const base::Image mask = coverageMask(rgba);
+  const base::Image mask = coverageMask(rgba, least_alpha);
   LUMIGRID_ASSIGN_OR_RETURN(auto jpeg,
                             repository::encodeJpeg(repository::fillBackground(rgba, mask), quality, subsampling));
   const base::Bytes coverage = repository::encodeCoverage(mask);
-  face.jpeg_bytes = jpeg.size();
-  face.coverage_bytes = coverage.size();
-  face.value = repository::encodeFaceValue({false, jpeg, coverage});
+  image.jpeg_bytes = jpeg.size();
+  image.coverage_bytes = coverage.size();
+  image.value = repository::encodeFaceValue({false, jpeg, coverage, children});
+  return image;
+}
+
+base::Result<EncodedFace> encodeFace(const base::Image& rgba, const FaceCoding& coding) {
+  EncodedFace face;
+  const auto add = [&](const base::Image& picture, const ChosenTile& chosen) -> base::Result<void> {
+    LUMIGRID_ASSIGN_OR_RETURN(auto image, encodeImage(picture, coding.quality, coding.subsampling, chosen.children));
+    if (chosen.tile == 0) face.empty = image.empty;
+    face.jpeg_bytes += image.jpeg_bytes;
+    face.coverage_bytes += image.coverage_bytes;
+    face.tiles.push_back({chosen.tile, std::move(image.value)});
+    return {};
+  };
+  if (coding.tile_depth == 0) {
+    LUMIGRID_TRY(add(rgba, {}));
+    return face;
+  }
+  const FacePyramid pyramid(rgba, coding.tile_depth);
+  for (const ChosenTile& chosen : chooseTiles(pyramid)) LUMIGRID_TRY(add(pyramid.imageOf(chosen.tile), chosen));
   return face;
 }
 

@@ -1,29 +1,65 @@
 #pragma once
-// Encodes a rendered face as the value that is stored (repository/faces/face_image.h decodes it). A pixel is model when
-// at least half of its samples are: base::kCoverageThreshold.
+// Encodes rendered faces as the values that are stored (repository/faces/face_image.h decodes them).
 #include <cstdint>
+#include <vector>
 
 #include "base/bytes.h"
 #include "base/error.h"
 #include "base/image.h"
+#include "base/view_defaults.h"
 #include "repository/faces/jpeg.h"
 
 namespace server {
 
-struct EncodedFace {
+/// One image as it is stored.
+struct EncodedImage {
   base::Bytes value;  ///< repository::encodeFaceValue
   bool empty = true;
   std::uint64_t jpeg_bytes = 0;
   std::uint64_t coverage_bytes = 0;
 };
 
-/// A mask of one channel: 255 where a pixel of `rgba` (as RenderedPicture::rgba) is stored as model, else 0.
-base::Image coverageMask(const base::Image& rgba);
-/// Tells whether any pixel is stored as model. If not, the face is an empty flag.
-bool showsModel(const base::Image& rgba);
+/// How a bake encodes its faces.
+/// Alpha from which a pixel of a face is stored as model. Images carve the proxy where they agree on background, so a
+/// pixel is background only where nothing crosses it: with half of a pixel, as pictures have it, lines thinner than a
+/// texel vanished from the proxy (docs/decisions/edges.md). Coarse tiles average 4 × 4 pixels of finer ones at least.
+inline constexpr std::uint8_t kStoredCoverage = 16;
 
-/// `rgba`: as RenderedPicture::rgba. Without a pixel of model the value is an empty flag. The same picture gives the
-/// same bytes on every thread and machine with the same libjpeg-turbo.
-base::Result<EncodedFace> encodeFace(const base::Image& rgba, int quality, repository::Subsampling subsampling);
+struct FaceCoding {
+  int quality = base::ViewDefaults::kQuality;  ///< JPEG, 1..100
+  repository::Subsampling subsampling = repository::Subsampling::k420;
+  std::uint32_t tile_depth = 0;  ///< depth of the finest tiles; 0: a face is one image
+};
+
+struct EncodedTile {
+  std::uint32_t tile = 0;
+  base::Bytes value;
+};
+
+/// A face as it is stored: its tiles, ascending by number, of which a plain face has number 0 alone.
+struct EncodedFace {
+  std::vector<EncodedTile> tiles;
+  bool empty = true;
+  std::uint64_t jpeg_bytes = 0;  ///< of all tiles together
+  std::uint64_t coverage_bytes = 0;
+
+  std::uint64_t valueBytes() const;
+};
+
+/// A mask of one channel: 255 where a pixel of `rgba` (as RenderedPicture::rgba) has `least_alpha`, else 0.
+base::Image coverageMask(const base::Image& rgba, std::uint8_t least_alpha = kStoredCoverage);
+/// Tells whether any pixel is stored as model. If not, an image is an empty flag.
+bool showsModel(const base::Image& rgba, std::uint8_t least_alpha = kStoredCoverage);
+
+/// `rgba`: as RenderedPicture::rgba; `children`: as repository::FaceValue::children; `least_alpha`: from which on a
+/// pixel is model. Without a pixel of model and
+/// without children the value is an empty flag. The same picture gives the same bytes on every thread and machine with
+/// the same libjpeg-turbo.
+base::Result<EncodedImage> encodeImage(const base::Image& rgba, int quality, repository::Subsampling subsampling,
+                                       std::uint8_t children = 0, std::uint8_t least_alpha = kStoredCoverage);
+
+/// `rgba`: a face as it was drawn, that of repository::wholeFaceCamera() where it is to be cut into tiles; then those
+/// tiles are encoded that chooseTiles() chooses. As reproducible as encodeImage().
+base::Result<EncodedFace> encodeFace(const base::Image& rgba, const FaceCoding& coding);
 
 }  // namespace server

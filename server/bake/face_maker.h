@@ -28,8 +28,7 @@ class FaceMaker {
   virtual void finish() = 0;
 };
 
-using Encode =
-    std::function<base::Result<EncodedFace>(const base::Image& rgba, int quality, repository::Subsampling subsampling)>;
+using Encode = std::function<base::Result<EncodedFace>(const base::Image& rgba, const FaceCoding& coding)>;
 
 /// A DrawThread draws, and `threads` threads encode.
 std::unique_ptr<FaceMaker> makeLocalFaceMaker(const FaceWork& work, unsigned threads, FaceMaker::OnFace on_face,

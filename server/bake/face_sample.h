@@ -13,7 +13,12 @@
 
 namespace server {
 
-/// The cameras with which these faces are baked.
+/// Pixels along one side of the pictures that a bake draws.
+inline std::uint32_t drawnSide(const repository::Grid& grid) {
+  return grid.isTiled() ? repository::kTileSide << grid.tile_depth : grid.face_size;
+}
+
+/// The cameras with which these faces are baked: each shows a whole face, also where that is to be cut into tiles.
 std::vector<base::Camera> faceCameras(const SceneRenderer& renderer, const repository::Grid& grid,
                                       const std::vector<repository::FaceKey>& keys);
 
@@ -40,5 +45,11 @@ inline constexpr std::uint64_t kMaxSampleTries = 4096;  // some 30 s of software
 /// RenderedPicture::rgba; none when nothing is seen.
 base::Result<std::vector<base::Image>> sampleFaces(SceneRenderer& renderer, const repository::Grid& grid,
                                                    const RenderOptions& options, std::size_t wanted);
+
+/// The images of a grid of tiles that stand for all of them: of each of sampleFaces() at most `tiles_of_face`, evenly
+/// over those that are worth storing and show something.
+base::Result<std::vector<base::Image>> sampleTiles(SceneRenderer& renderer, const repository::Grid& grid,
+                                                   const RenderOptions& options, std::size_t wanted_faces,
+                                                   std::size_t tiles_of_face);
 
 }  // namespace server

@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "base/check.h"
+#include "base/picture_error.h"
 #include "base/view_defaults.h"
 #include "repository/faces/face_value.h"
 #include "repository/faces/filler.h"
@@ -42,8 +43,8 @@ base::Result<base::Bytes> encodeWebpFrame(const base::Image& rgba, int quality) 
 
 base::Result<base::Bytes> encodeJpegFrame(const base::Image& rgba, int quality) {
   const auto subsampling = quality < kFullChromaQuality ? repository::Subsampling::k420 : repository::Subsampling::k444;
-  LUMIGRID_ASSIGN_OR_RETURN(auto face, encodeFace(rgba, quality, subsampling));
-  return std::move(face.value);
+  LUMIGRID_ASSIGN_OR_RETURN(auto image, encodeImage(rgba, quality, subsampling, 0, base::kCoverageThreshold));
+  return std::move(image.value);
 }
 
 }  // namespace

@@ -171,7 +171,7 @@ base::Result<std::unique_ptr<ImageBytes>> ImageBytes::create(const base::Scene& 
   std::unique_ptr<ImageBytes> bytes(new ImageBytes(options));
   LUMIGRID_ASSIGN_OR_RETURN(bytes->context_, base::HeadlessContext::create());
   LUMIGRID_ASSIGN_OR_RETURN(const auto budget,
-                            limitSampling({patches.hierarchy(), options.grid.face_size, renderOptions(options)}, 0,
+                            limitSampling({patches.hierarchy(), drawnSide(options.grid), renderOptions(options)}, 0,
                                           options.limits.resolved().memory_bytes));
   LUMIGRID_ASSIGN_OR_RETURN(bytes->renderer_, SceneRenderer::create(scene, patches, budget));
   return bytes;
@@ -206,9 +206,9 @@ base::Result<void> ImageBytes::measure(const std::vector<glm::uvec3>& points) {
     std::vector<repository::FaceKey> keys;
     for (std::uint32_t d = 0; d < 6; ++d) keys.push_back({point.x, point.y, point.z, d});
     const auto add = [this, &failed, sum = &bytes->second](std::size_t, RenderedPicture rendered) {
-      const auto face = encodeFace(rendered.rgba, options_.quality, options_.subsampling);
+      const auto face = encodeFace(rendered.rgba, {options_.quality, options_.subsampling, options_.grid.tile_depth});
       if (face)
-        *sum += face->value.size();
+        *sum += face->valueBytes();
       else
         failed = face.error();
     };

@@ -90,8 +90,17 @@ base::Result<TuneChoice> lowestQuality(const std::vector<PreparedFace>& faces, d
 /// The memory of the sample as it was drawn and as it is encoded, of the list of points that it is taken from, and of
 /// the picture that each thread encodes and decodes.
 std::uint64_t sampleBytes(const BakeOptions& options, std::size_t faces) {
-  const std::uint64_t pixels = std::uint64_t{options.grid.face_size} * options.grid.face_size;
-  return pixels * (7 * faces + 16 * std::uint64_t{threadsOf(options)}) + options.grid.pointCount() * sizeof(glm::uvec3);
+  const repository::Grid& grid = options.grid;
+  const std::uint64_t pixels = std::uint64_t{grid.imageSide()} * grid.imageSide();
+  const std::uint64_t images = grid.isTiled() ? kTuneTiles : faces;
+  return pixels * (7 * images + 16 * std::uint64_t{threadsOf(options)}) + grid.pointCount() * sizeof(glm::uvec3);
+}
+
+base::Result<std::vector<base::Image>> sampleImages(SceneRenderer& renderer, const BakeOptions& options,
+                                                    std::size_t faces) {
+  const RenderOptions render = renderOptions(options);
+  return options.grid.isTiled() ? sampleTiles(renderer, options.grid, render, faces, kTuneTiles / faces)
+                                : sampleFaces(renderer, options.grid, render, faces);
 }
 
 base::Error outOfReach(double psnr_db, double best_db) {
@@ -131,12 +140,12 @@ base::Result<TuneChoice> tuneScene(const base::Scene& scene, const lod::patch::P
                                    const BakeOptions& options, double psnr_db) {
   LUMIGRID_TRY(checkBakeOptions(options));
   LUMIGRID_ASSIGN_OR_RETURN(const auto context, base::HeadlessContext::create());
-  const std::size_t wanted = tuneFacesOf(options.grid.face_size);
+  const std::size_t wanted = tuneFacesOf(drawnSide(options.grid));
   LUMIGRID_ASSIGN_OR_RETURN(const auto budget,
-                            limitSampling({patches.hierarchy(), options.grid.face_size, renderOptions(options)},
+                            limitSampling({patches.hierarchy(), drawnSide(options.grid), renderOptions(options)},
                                           sampleBytes(options, wanted), options.limits.resolved().memory_bytes));
   LUMIGRID_ASSIGN_OR_RETURN(auto renderer, SceneRenderer::create(scene, patches, budget));
-  LUMIGRID_ASSIGN_OR_RETURN(auto faces, sampleFaces(*renderer, options.grid, renderOptions(options), wanted));
+  LUMIGRID_ASSIGN_OR_RETURN(auto faces, sampleImages(*renderer, options, wanted));
   if (faces.empty())
     return base::Error{base::ErrorCode::kInvalidInput,
                        "none of the faces looked at shows the model; build without --tune, or with another --grid"};

@@ -16,13 +16,15 @@ namespace server {
 
 /// Faces that a choice is made on, up to 1024 pixels a side; fewer of larger ones, so that the sample fits in memory.
 inline constexpr std::size_t kTuneFaces = 64;
+/// Images that a choice is made on where faces are tiles: as many pixels.
+inline constexpr std::size_t kTuneTiles = 1024;
 
 struct TuneChoice {
   int quality = 0;  ///< 1..100
   repository::Subsampling subsampling = repository::Subsampling::k420;
   double psnr_db = 0.0;          ///< reached on the sample, at least the asked one
   std::uint64_t jpeg_bytes = 0;  ///< bytes of the whole sample; masks are the same at every quality
-  std::size_t faces = 0;         ///< in the sample
+  std::size_t faces = 0;         ///< images in the sample: faces, or tiles
   friend bool operator==(const TuneChoice&, const TuneChoice&) = default;
 };
 
@@ -42,8 +44,9 @@ base::Result<QualityMeasurement> measureQuality(const std::vector<base::Image>& 
 /// kInvalidInput when quality 100 does not reach it; the message says how far it comes.
 base::Result<TuneChoice> tuneQuality(const std::vector<base::Image>& faces, double psnr_db, unsigned threads);
 
-/// Calls tuneQuality() for a sample of the scene's own faces (sampleFaces, tuneFacesOf), drawn as options say; their
-/// quality and subsampling do not matter. kInvalidInput when no face shows the model; kNoSpace as bake().
+/// Calls tuneQuality() for a sample of the scene's own faces (sampleFaces, tuneFacesOf) or of their tiles
+/// (sampleTiles), drawn as options say; their quality and subsampling do not matter. kInvalidInput when no face shows
+/// the model; kNoSpace as bake().
 base::Result<TuneChoice> tuneScene(const base::Scene& scene, const lod::patch::PatchFile& patches,
                                    const BakeOptions& options, double psnr_db);
 

@@ -85,14 +85,16 @@ nlohmann::json describeHierarchy(const OpenScene& open) {
       {"levels", levelsOf(h)}};
 }
 
-base::Result<repository::StoreContents> contentsOf(const repository::IndexRoot& root) {
-  return repository::StoreContents{root.keys, root.empty, root.totals.jpeg_bytes, root.totals.coverage_bytes, 0};
+/// A repository is published when all its faces are there.
+repository::StoreContents contentsOf(const repository::IndexRoot& root, std::uint64_t expected_faces) {
+  return {root.keys, expected_faces, root.empty, root.totals.jpeg_bytes, root.totals.coverage_bytes, 0};
 }
 
 nlohmann::json describeImages(const OpenScene& open, const repository::StoreContents& contents) {
   const repository::Grid& grid = open.data.welcome.grid;
   const std::uint64_t points = open.points.count();
-  return {{"images", contents.faces - contents.empty},
+  return {{"images", contents.values - contents.empty},
+          {"faces", contents.faces},
           {"empty", contents.empty},
           {"points", points},
           {"grid_points", grid.pointCount()},
@@ -102,7 +104,9 @@ nlohmann::json describeImages(const OpenScene& open, const repository::StoreCont
           {"unreadable", contents.unreadable},
           {"grid", {grid.count.x, grid.count.y, grid.count.z}},
           {"spacing", grid.spacing},
-          {"face_size", grid.face_size}};
+          {"face_size", grid.face_size},
+          {"tile_depth", grid.tile_depth},
+          {"image_size", grid.imageSide()}};
 }
 
 /// Adds the light of the images where it is no longer the scene's.
@@ -186,10 +190,14 @@ void printAccess(const nlohmann::json& access) {
 
 void printImages(const nlohmann::json& i, const std::string& tuned) {
   const auto images = i["images"].get<std::uint64_t>();
-  const auto expected = i["expected"].get<std::uint64_t>();
+  const auto missing = i["expected"].get<std::uint64_t>() - i["faces"].get<std::uint64_t>();
   std::printf("images: %s of %d x %d pixels, %s faces see nothing; grid %s, spacing %g\n", formatCount(images).c_str(),
-              i["face_size"].get<int>(), i["face_size"].get<int>(), countIn(i, "empty").c_str(),
+              i["image_size"].get<int>(), i["image_size"].get<int>(), countIn(i, "empty").c_str(),
               i["grid"].dump().c_str(), i["spacing"].get<double>());
+  if (i["tile_depth"].get<int>() > 0)
+    std::printf("  tiles of %s faces, which have %d x %d pixels at depth %d, where they are finest\n",
+                countIn(i, "faces").c_str(), i["face_size"].get<int>(), i["face_size"].get<int>(),
+                i["tile_depth"].get<int>());
   std::printf(
       "  %s JPEG, %s coverage, %s an image\n", bytesIn(i, "jpeg_bytes").c_str(), bytesIn(i, "coverage_bytes").c_str(),
       formatBytes(
@@ -205,9 +213,8 @@ void printImages(const nlohmann::json& i, const std::string& tuned) {
         "  drawn %s, which is no longer the scene's light: all %s faces are to be drawn again: lumigrid build -o "
         "SCENE, where it was built\n",
         textIn(i, "images_light").c_str(), countIn(i, "to_draw_again").c_str());
-  if (images + i["empty"].get<std::uint64_t>() != expected)
-    std::printf("  %s faces are missing; run the same `lumigrid build` again\n",
-                formatCount(expected - images - i["empty"].get<std::uint64_t>()).c_str());
+  if (missing != 0)
+    std::printf("  %s faces are missing; run the same `lumigrid build` again\n", formatCount(missing).c_str());
 }
 
 // The SHA-256 is taken over every key (8 bytes, big-endian), length (8, little-endian) and value in the order of keys:
@@ -318,8 +325,12 @@ base::Result<nlohmann::json> describeSplatFile(const InfoArguments& a, const Ope
 /// With the digest where it is asked for, and the choice of --tune where there is one.
 base::Result<nlohmann::json> describeImageStore(const InfoArguments& a, const OpenScene& open) {
   // A published repository counts what it holds, so that nothing need be fetched.
-  LUMIGRID_ASSIGN_OR_RETURN(const auto contents, open.packs != nullptr ? contentsOf(open.packs->root())
-                                                                       : repository::contentsOf(*open.images));
+  repository::StoreContents contents;
+  if (open.packs != nullptr) {
+    contents = contentsOf(open.packs->root(), 6 * open.points.count());
+  } else {
+    LUMIGRID_ASSIGN_OR_RETURN(contents, repository::contentsOf(*open.images));
+  }
   nlohmann::json j = describeImages(open, contents);
   addImagesLight(open.scene, j);
   if (a.digest) {

@@ -40,7 +40,7 @@ const char* readChoice(const Parameters& parameters, TuneChoice& choice) {
   if (!readNumber(parameters, "psnr", 0.0, kMaxDb, choice.psnr_db)) return "psnr";
   if (!readNumber<std::uint64_t>(parameters, "jpeg-bytes", 1, std::uint64_t{1} << 40, choice.jpeg_bytes))
     return "jpeg-bytes";
-  if (!readNumber<std::size_t>(parameters, "faces", 1, kTuneFaces, choice.faces)) return "faces";
+  if (!readNumber<std::size_t>(parameters, "faces", 1, kTuneTiles, choice.faces)) return "faces";
   return nullptr;
 }
 
@@ -76,7 +76,7 @@ base::Result<std::optional<TuneChoice>> storedChoice(const Parameters& parameter
 }
 
 std::string describeChoice(const TuneChoice& choice) {
-  return base::formatText("quality %d, %s: %.2f dB on %zu faces, %s an image", choice.quality,
+  return base::formatText("quality %d, %s: %.2f dB on %zu images, %s an image", choice.quality,
                           repository::nameOf(choice.subsampling), choice.psnr_db, choice.faces,
                           formatBytes(choice.jpeg_bytes / choice.faces).c_str());
 }

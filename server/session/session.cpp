@@ -155,8 +155,18 @@ std::optional<base::Bytes> Session::nextOther() {
   return nextPrefetch();
 }
 
+plan::Scene Session::sceneToPlan() const {
+  plan::Scene scene = scene_.toPlan();
+  scene.is_absent = [this](const repository::FaceKey& key) {
+    if (scene_.images_are_remote) return absent_.count(key) != 0;
+    const auto is_there = scene_.images->contains(key);
+    return is_there && !*is_there;
+  };
+  return scene;
+}
+
 void Session::planNewestView() {
-  view_plan_ = plan::planView(scene_.toPlan(), *newest_,
+  view_plan_ = plan::planView(sceneToPlan(), *newest_,
                               [this](const repository::FaceKey& key) { return has_face_.count(key) != 0; });
   std::erase_if(fetched_, [this](const auto& one) {
     return std::find(view_plan_.faces.begin(), view_plan_.faces.end(), one.first) == view_plan_.faces.end();
@@ -206,7 +216,7 @@ void Session::planPrefetch() {
   if (prefetch_) return;
   prefetch_ = view_plan_.other_faces;
   if (!previous_) return;
-  const auto ahead = plan::planMotion(scene_.toPlan(), *newest_, *previous_,
+  const auto ahead = plan::planMotion(sceneToPlan(), *newest_, *previous_,
                                       [this](const repository::FaceKey& key) { return has_face_.count(key) != 0; });
   prefetch_->insert(prefetch_->end(), ahead.begin(), ahead.end());
 }
@@ -261,6 +271,7 @@ std::optional<base::Bytes> Session::faceMessage(const repository::FaceKey& key) 
   const auto found = fetched_.extract(key);
   auto value = found ? std::move(found.mapped()) : scene_.images->get(key);
   if (value && !value->has_value()) {
+    if (key.tile != 0) return ancestorInstead(key);
     ++counts_.missing;
     return std::nullopt;
   }
@@ -272,6 +283,18 @@ std::optional<base::Bytes> Session::faceMessage(const repository::FaceKey& key) 
   ++counts_.faces;
   if (scene_.access != nullptr) scene_.access->addFace(key);
   return protocol::encode(protocol::Face{key, std::move(**value)});
+}
+
+/// A tile that was not worth storing has an ancestor that shows as much.
+std::optional<base::Bytes> Session::ancestorInstead(const repository::FaceKey& key) {
+  constexpr std::size_t kMaxAbsent = 100'000;
+  const repository::FaceKey parent{key.x, key.y, key.z, key.d, repository::parentOfTile(key.tile)};
+  if (!scene_.images_are_remote) return faceMessage(parent);
+  if (absent_.size() >= kMaxAbsent) absent_.clear();
+  absent_.insert(key);
+  const bool is_planned = std::find(view_plan_.faces.begin(), view_plan_.faces.end(), parent) != view_plan_.faces.end();
+  if (has_face_.count(parent) == 0 && !is_planned) view_plan_.faces.push_back(parent);
+  return std::nullopt;
 }
 
 // ---- remote faces ----

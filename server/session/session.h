@@ -131,6 +131,8 @@ class Session {
   FaceRequest unrequestedFaces(const Faces& faces, std::size_t max_count) const;
   void planPrefetch();
   void planNewestView();
+  plan::Scene sceneToPlan() const;
+  std::optional<base::Bytes> ancestorInstead(const repository::FaceKey& key);
   bool framePossible(const protocol::View& view) const;
 
   const SceneData& scene_;
@@ -160,6 +162,7 @@ class Session {
   std::unordered_map<repository::FaceKey, base::Result<std::optional<base::Bytes>>> fetched_;
   std::unordered_set<repository::FaceKey> requested_;
   std::size_t requests_under_way_ = 0;
+  std::unordered_set<repository::FaceKey> absent_;  // remote tiles that are known not to be stored
 
   FrameSchedule frames_;
   std::optional<protocol::Frame> frame_;  // rendered and not sent yet

@@ -9,11 +9,19 @@ namespace server {
 
 base::Result<std::optional<base::Bytes>> DrawnStore::get(const repository::FaceKey& key) const {
   if (const auto found = drawn_.find(key); found != drawn_.end()) return std::optional(found->second);
-  const auto cameras = faceCameras(renderer_, options_.grid, {key});
+  if (drawn_.contains(key.face())) return std::optional<base::Bytes>();
+  const auto cameras = faceCameras(renderer_, options_.grid, {key.face()});
   LUMIGRID_ASSIGN_OR_RETURN(const auto picture,
                             gl_.use([&] { return renderer_.render(cameras.front(), renderOptions(options_)); }));
-  LUMIGRID_ASSIGN_OR_RETURN(auto face, encodeFace(picture.rgba, options_.quality, options_.subsampling));
-  return std::optional(drawn_.emplace(key, std::move(face.value)).first->second);
+  LUMIGRID_ASSIGN_OR_RETURN(
+      auto face, encodeFace(picture.rgba, {options_.quality, options_.subsampling, options_.grid.tile_depth}));
+  repository::FaceKey tile_key = key.face();
+  for (EncodedTile& tile : face.tiles) {
+    tile_key.tile = tile.tile;
+    drawn_.emplace(tile_key, std::move(tile.value));
+  }
+  const auto found = drawn_.find(key);
+  return found != drawn_.end() ? std::optional(found->second) : std::nullopt;
 }
 
 base::Result<void> DrawnStore::forEach(

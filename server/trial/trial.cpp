@@ -12,6 +12,7 @@
 #include "server/bake/camera_paths.h"
 #include "server/bake/draw_memory.h"
 #include "server/bake/face_encoder.h"
+#include "server/bake/face_sample.h"
 #include "server/bake/random_views.h"
 #include "server/trial/direct_viewer.h"
 #include "server/trial/drawn_store.h"
@@ -66,7 +67,7 @@ class Trials {
   Result<std::unique_ptr<SceneRenderer>> createRenderer() const {
     constexpr std::uint64_t kViewerBytes = 1'000'000'000;  // ViewerOptions::memory_budget_bytes
     LUMIGRID_ASSIGN_OR_RETURN(const auto budget,
-                              limitSampling({patches_.hierarchy(), options_.grid.face_size, renderOptions(options_)},
+                              limitSampling({patches_.hierarchy(), drawnSide(options_.grid), renderOptions(options_)},
                                             kViewerBytes, options_.limits.resolved().memory_bytes));
     return SceneRenderer::create(scene_, patches_, budget);
   }

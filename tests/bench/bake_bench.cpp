@@ -55,7 +55,7 @@ std::vector<std::string> self(const char* role) {
   return {std::filesystem::read_symlink("/proc/self/exe").string(), role};
 }
 
-base::Result<server::EncodedFace> dropPicture(const base::Image&, int, repository::Subsampling) {
+base::Result<server::EncodedFace> dropPicture(const base::Image&, const server::FaceCoding&) {
   return server::EncodedFace{};
 }
 
@@ -102,7 +102,8 @@ double encodeOnly(const std::vector<base::Image>& faces, const server::BakeOptio
   const double start = bench::seconds();
   while (bench::seconds() - start < kEncodeSeconds) {
     base::parallelFor(faces.size(), options.limits.threads, [&](std::size_t i) {
-      if (!server::encodeFace(faces[i], options.quality, options.subsampling)) bench::stop("a face cannot be encoded");
+      if (!server::encodeFace(faces[i], {options.quality, options.subsampling}))
+        bench::stop("a face cannot be encoded");
     });
     count += faces.size();
   }

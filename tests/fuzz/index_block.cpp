@@ -12,7 +12,7 @@ repository::IndexRoot root() {
   repository::IndexRoot root;
   root.blocks = 1;
   root.block_bytes = 4096;
-  root.hash_shift = 9;
+  root.hash_shift = 20;
   return root;
 }
 

@@ -210,14 +210,14 @@ TEST(Message, aWelcomeTellsHowTheSceneIsShown) {
   }
 }
 
-// These are the bytes of docs/formats/protocol.md, "A worked row". Version 3 of the format must never read otherwise.
-TEST(Message, bytesOfVersionThreeStay) {
-  EXPECT_EQ(encode(ClientMessage(Hello{3, "ab", kDecodesWebp})), (base::Bytes{0x01, 3, 0, 2, 0, 'a', 'b', 1}));
+// These are the bytes of docs/formats/protocol.md, "A worked row". Version 4 of the format must never read otherwise.
+TEST(Message, bytesOfVersionFourStay) {
+  EXPECT_EQ(encode(ClientMessage(Hello{4, "ab", kDecodesWebp})), (base::Bytes{0x01, 4, 0, 2, 0, 'a', 'b', 1}));
   EXPECT_EQ(encode(ServerMessage(Completion{258})), (base::Bytes{0x85, 2, 1, 0, 0}));
   EXPECT_EQ(encode(ClientMessage(Eviction{{{1, 0, 0, 3}}, {7}})),
-            (base::Bytes{0x03, 1, 0, 0, 0, 1, 0, 0, 0, 0x0B, 0, 0, 0, 0, 0, 0, 0, 7, 0, 0, 0}));
-  EXPECT_EQ(encode(ServerMessage(Refusal{3, "no"})), (base::Bytes{0x86, 3, 0, 2, 0, 'n', 'o'}));
-  EXPECT_EQ(encode(ServerMessage(Refusal{3, "no", true})), (base::Bytes{0x86, 3, 0, 2, 0, 'n', 'o', 1}));
+            (base::Bytes{0x03, 1, 0, 0, 0, 1, 0, 0, 0, 0, 0x58, 0, 0, 0, 0, 0, 0, 7, 0, 0, 0}));
+  EXPECT_EQ(encode(ServerMessage(Refusal{4, "no"})), (base::Bytes{0x86, 4, 0, 2, 0, 'n', 'o'}));
+  EXPECT_EQ(encode(ServerMessage(Refusal{4, "no", true})), (base::Bytes{0x86, 4, 0, 2, 0, 'n', 'o', 1}));
   EXPECT_EQ(encode(ClientMessage(View{})).size(), 102U);
   const base::Bytes frame = encode(ServerMessage(Frame{1, {}, true, {0x77}}));
   ASSERT_EQ(frame.size(), 91U);
@@ -361,7 +361,7 @@ TEST(Message, invalidWelcomesAreRefused) {
 TEST(Message, keysOutOfRangeAreRefused) {
   base::Bytes bytes = encode(ClientMessage(Holdings{{{1, 2, 3, 5}}, {}}));
   EXPECT_TRUE(decodeClientMessage(bytes));
-  bytes[9] |= 7;  // direction 7
+  bytes[10] |= 0x38;  // direction 7
   EXPECT_FALSE(decodeClientMessage(bytes));
 }
 

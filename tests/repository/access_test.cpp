@@ -42,12 +42,12 @@ AccessCounts facesOnly(std::vector<std::pair<FaceKey, std::uint64_t>> faces) {
 
 TEST(Access, encodeMatchesTheDocumentedExample) {
   const base::Bytes bytes = encodeAccess(smallIdentity(), workedCounts());
-  ASSERT_EQ(bytes.size(), 112U + 10U);
+  ASSERT_EQ(bytes.size(), 112U + 12U);
   const base::Bytes body(bytes.begin() + 112, bytes.end());
-  EXPECT_EQ(body, (base::Bytes{0x04, 0x03, 0x97, 0x06, 0xac, 0x02, 0x00, 0x02, 0x06, 0x01}));
+  EXPECT_EQ(body, (base::Bytes{0x80, 0x40, 0x03, 0xff, 0xff, 0x62, 0xac, 0x02, 0x00, 0x02, 0x06, 0x01}));
   const base::Bytes front(bytes.begin(), bytes.begin() + 24);
-  EXPECT_EQ(front, (base::Bytes{'L',  'G',  'A',  'C',  1,  0, 112, 0, 0x29, 0x0f, 0x28, 0xf1,
-                                0x07, 0x5e, 0x31, 0x09, 10, 0, 0,   0, 0,    0,    0,    0}));
+  EXPECT_EQ(front, (base::Bytes{'L',  'G',  'A',  'C',  1,  0, 112, 0, 0x0d, 0xac, 0xe0, 0x1a,
+                                0xa1, 0x84, 0x2a, 0x39, 12, 0, 0,   0, 0,    0,    0,    0}));
 }
 
 TEST(Access, decodeInvertsEncode) {

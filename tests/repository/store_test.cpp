@@ -205,7 +205,7 @@ TEST(LmdbStore, manyThreadsReadWhileOneWritesAndTheMapGrows) {
 
 // No writer makes such keys. The error must say what to do about one.
 TEST(LmdbStore, anInvalidKeyIsNamedWithWhatToDo) {
-  for (const std::string& key : {std::string("abc"), std::string("\0\0\0\0\0\0\0\7", 8)}) {
+  for (const std::string& key : {std::string("abc"), std::string("\0\0\0\0\0\0\x38\0", 8)}) {
     const TemporaryDirectory directory;
     const auto store = mustOpen(directory / "images", StoreMode::kWrite);
     auto environment = LmdbEnvironment::open(std::filesystem::canonical(directory / "images").string(), {});

@@ -183,5 +183,67 @@ TEST_F(VerifyTest, contentsAddUp) {
   EXPECT_EQ(contents.coverage_bytes, 59 * value.coverage.size());
 }
 
+// A face of which tiles 0, 1 and 6 are stored: each names the next.
+class VerifyTilesTest : public testing::Test {
+ protected:
+  VerifyTilesTest() {
+    grid_.count = glm::uvec3(2, 2, 2);
+    grid_ = withTiles(grid_, 2);
+    store_ = std::move(*openLmdbStore(directory_ / "images", StoreMode::kWrite));
+    std::vector<std::pair<FaceKey, base::Bytes>> batch;
+    for (const glm::uvec3& p : pointsInMortonOrder(grid_))
+      for (std::uint32_t d = 0; d < 6; ++d) batch.emplace_back(FaceKey{p.x, p.y, p.z, d}, encodeFaceValue({}));
+    EXPECT_TRUE(store_->putBatch(batch));
+    put(0, 1), put(1, 2), put(6, 0);
+  }
+  static FaceKey key(std::uint32_t tile) { return {1, 0, 1, 2, tile}; }
+  void put(std::uint32_t tile, std::uint8_t children) {
+    const base::Bytes jpeg = *encodeJpeg(base::Image(kTileSide, kTileSide, 3), 80, Subsampling::k420);
+    EXPECT_TRUE(store_->putBatch({{key(tile), encodeFaceValue({false, jpeg, {}, children})}}));
+  }
+  std::vector<std::string> faults() { return *verify(*store_, grid_, nullptr, 2); }
+
+  support::TemporaryDirectory directory_;
+  Grid grid_;
+  std::unique_ptr<Store> store_;
+};
+
+TEST_F(VerifyTilesTest, facesOfTilesHaveNoFault) {
+  EXPECT_EQ(faults(), std::vector<std::string>{});
+}
+
+TEST_F(VerifyTilesTest, tilesThatAreNamedAndNotStoredAreFaults) {
+  ASSERT_TRUE(store_->erase({key(6)}));
+  EXPECT_EQ(faults(), std::vector<std::string>{"tile 6 of face (1, 0, 1, 2): missing, others of its face are here"});
+  ASSERT_TRUE(store_->erase({key(1)}));
+  EXPECT_EQ(faults(), std::vector<std::string>{"tile 1 of face (1, 0, 1, 2): missing, others of its face are here"});
+  ASSERT_TRUE(store_->erase({key(0)}));
+  EXPECT_EQ(faults(), std::vector<std::string>{"face (1, 0, 1, 2): missing"});
+}
+
+TEST_F(VerifyTilesTest, tilesThatNoOtherNamesAreFaultsAndAreErased) {
+  put(8, 0);
+  EXPECT_EQ(faults(), std::vector<std::string>{"tile 8 of face (1, 0, 1, 2): no other tile of its face names it"});
+  const auto removed = removeFaulty(*store_, grid_, {0, 1});
+  ASSERT_TRUE(removed);
+  EXPECT_EQ(removed->orphans, 1U);
+  EXPECT_EQ(faults(), std::vector<std::string>{});
+}
+
+TEST_F(VerifyTilesTest, oneOfTooGreatADepthIsNoTileOfTheGrid) {
+  put(firstTileOf(3), 0);
+  const auto found = faults();
+  ASSERT_EQ(found.size(), 1U);
+  EXPECT_NE(found[0].find("tile 21 of face (1, 0, 1, 2): not a face of this grid"), std::string::npos) << found[0];
+}
+
+TEST_F(VerifyTilesTest, aDamagedTileIsOneFaultWhateverItNamed) {
+  const base::Bytes cut(9, 0x46);
+  ASSERT_TRUE(store_->putBatch({{key(1), cut}}));
+  const auto found = faults();
+  ASSERT_EQ(found.size(), 1U);
+  EXPECT_NE(found[0].find("tile 1 of face (1, 0, 1, 2)"), std::string::npos) << found[0];
+}
+
 }  // namespace
 }  // namespace repository

@@ -5,10 +5,12 @@ struct Sample {
   vec4 eye;      // xyz: centre of projection, w: fade in time
   vec4 place;    // array, layer, one depth texel's width and height in texture coordinates
   vec4 depth;    // A, B of depth −1..1 = B / w − A; width of a depth texel at distance 1; pixels per unit at distance 1
-  vec4 floors;   // share of the weight that is kept at the left, right, bottom, top border
+  vec4 floors;   // share of the weight that is kept at the left, right, bottom, top border of the core
+  vec4 beyond;   // > 0: there a sample so many times half as fine goes on; < 0: one under this sample does
+  vec4 core;     // the picture's width over its core's; its point's number; fade in time of the samples under it
 };
-layout(std140) uniform Samples { Sample u_samples[32]; };
-uniform ivec4 u_list[8];               // indices of the samples that may see the patches being drawn
+layout(std140) uniform Samples { Sample u_samples[96]; };
+uniform ivec4 u_list[24];              // indices of the samples that may see the patches being drawn
 uniform int u_count;                   // entries of u_list in use
 uniform sampler2DArray u_color0;
 uniform sampler2DArray u_color1;
@@ -30,7 +32,7 @@ uniform vec4 u_background;
 // BlendTuning: lumigraph.h describes each.
 uniform float u_angle_power, u_angle_floor, u_resolution_power, u_shift, u_border, u_side_low, u_side_high;
 uniform float u_bias_texels, u_bias_error, u_carve_below, u_vote_power, u_shade_blur, u_shade_weight;
-uniform float u_image_noise, u_proxy_noise, u_near, u_outlier;
+uniform float u_image_noise, u_proxy_noise, u_near, u_outlier, u_lit_outlier, u_sharpen, u_disagreement;
 
 in vec3 v_position;
 centroid in vec3 v_normal;
@@ -62,9 +64,6 @@ float litAround(int array, vec4 place, vec2 texel) {
 // fade would happen within the last thousandth of its width. Radians, about the angle between neighbouring images.
 const float kBorderAngle = 0.3;
 
-// Where light makes the colours, an image may be so many times as far from the proxy's before it is doubted. Measured:
-// docs/decisions/blending-weights.md.
-const float kLitDoubt = 4.0;
 // Squared: no image is doubted for less than 0.014, about what its coding does beside an edge. A choice.
 const float kLeastError2 = 2e-4;
 // The square of an image's blur, in texels: the variance of its texel's box is 1 / 12, and looking it up between texels
@@ -108,24 +107,39 @@ void main() {
   float least_error2 = image_noise2 + min(lost2, kMostLost * image_noise2);
   // Images that are further from the proxy's colour than it errs most often show something else: what lies beside the
   // edge of a hidden place. Where light makes the colours, their error is less sure.
-  float believable = u_outlier * (u_unlit ? 1.0 : kLitDoubt);
+  float believable = u_unlit ? u_outlier : u_lit_outlier;
   float believable2 = 3.0 * believable * believable * (color_error * color_error + kLeastError2);
 
+  float finest = exp2(u_sharpen);
   vec3 shaded = shadeSurface(v_color, normal, to_eye);
 
   vec3 color_sum = vec3(0.0);      // premultiplied
   float coverage_sum = 0.0;
+  float square_sum = 0.0;          // squares of the colours, weighted like them,
+  float error2_sum = 0.0;          // and their expected squared errors
   float votes = 0.0;               // on coverage, whatever way the surface faces
   float votes_for_model = 0.0;
   float voters = 0.0;              // the surest of them, 0..1
   float unseen = 1.0;              // 1 while no image shows the model here
   float octaves = 0.0;             // log2 of the blur, weighted like the colours
 
+  // Samples of one point that lie within each other stand side by side, the finest first, and share one weight: a
+  // coarser one shows what those before it have left.
+  float point = -1.0;
+  float left = 1.0;
+
   for (int k = 0; k < u_count; ++k) {
     int i = u_list[k >> 2][k & 3];
+    vec4 core = u_samples[i].core;
+    if (core.y != point) {
+      point = core.y;
+      left = 1.0;
+    }
+    if (left <= 0.0) continue;
     vec4 clip = u_samples[i].clip_from_scene * vec4(v_position, 1.0);
     if (clip.w <= 0.0) continue;
-    vec2 ndc = clip.xy / clip.w;
+    vec2 picture = clip.xy / clip.w;
+    vec2 ndc = core.x * picture;
     vec4 inside = vec4(1.0 + ndc.x, 1.0 - ndc.x, 1.0 + ndc.y, 1.0 - ndc.y);
     if (min(min(inside.x, inside.y), min(inside.z, inside.w)) <= 0.0) continue;
 
@@ -133,9 +147,17 @@ void main() {
     // nothing needs to fade.
     vec2 apart = abs(ndc - view_ndc);
     float width = clamp(8.0 * max(apart.x, apart.y), 1e-4, 2.0 * u_border);
-    vec4 rise = mix(u_samples[i].floors, vec4(1.0), smoothstep(0.0, width, inside));
-    float middle = u_samples[i].eye.w * rise.x * rise.y * rise.z * rise.w;
-    float seen = middle;
+    vec4 away = smoothstep(0.0, width, inside);
+    vec4 rise = mix(u_samples[i].floors, vec4(1.0), away);
+    float fade = u_samples[i].eye.w;
+    float seen = left * fade * rise.x * rise.y * rise.z * rise.w;
+    left -= seen;
+
+    // Over a coarser sample of the point that goes on, it keeps its priority; beside one, it ends as coarse as that.
+    vec4 beyond = u_samples[i].beyond;
+    vec4 firm = mix(max(u_samples[i].floors, -beyond), vec4(1.0), away);
+    float middle = max(fade, core.z) * firm.x * firm.y * firm.z * firm.w;
+    float fineness = exp2(-dot(max(beyond, 0.0), 1.0 - away));
 
     // Visibility: the fragment is compared with the sample's depth map, with a bias that grows with the slope.
     vec3 to_sample = u_samples[i].eye.xyz - v_position;
@@ -152,7 +174,7 @@ void main() {
     float reference = 0.5 * (depth.y / max(clip.w - bias, 1e-6 * clip.w) - depth.x) + 0.5;
     vec4 place = u_samples[i].place;
     int array = int(place.x);
-    vec2 uv = 0.5 * ndc + 0.5;
+    vec2 uv = 0.5 * picture + 0.5;
     float lit = litAround(array, vec4(uv, place.y, clamp(reference, 0.0, 1.0)), place.zw);
     float voter = seen;
     // Close to an edge of the depth map the image may show what lies in front, but not where both rays coincide.
@@ -165,18 +187,19 @@ void main() {
     // or not; model counts only where the image sees this place. Votes weigh by angle alone: the closer the ray, the
     // better the image knows the silhouette.
     float ratio = depth.w / clip.w / view_density;
-    vec4 color = colorAt(array, vec3(uv, place.y), log2(max(ratio, 1.0)));
+    vec4 color = colorAt(array, vec3(uv, place.y), max(log2(ratio) - u_sharpen, 0.0));
     float for_model = color.a * min(1.0, 2.0 * lit);
     float vote = voter * pow(angle + u_angle_floor, -u_vote_power);
     votes += vote * (1.0 - color.a + for_model);
     votes_for_model += vote * for_model;
     voters = max(voters, voter * (1.0 - color.a + for_model));
 
-    // Weight. A texel covers 1 / ratio view pixels, more where the sample sees the surface at a slant. An error of the
-    // proxy shifts the image by error × angle. Both count as blur in view pixels; the sharpest images weigh most.
-    float blur = 1.0 / clamp(ratio * cosine, 0.01, 1.0);
+    // Weight. A texel covers 1 / ratio view pixels, more where the sample sees the surface at a slant, and no less than
+    // that of the mip level that is looked up. An error of the proxy shifts the image by error × angle. Both count as
+    // blur in view pixels; the sharpest images weigh most.
+    float blur = 1.0 / clamp(ratio * fineness * cosine, 0.01, finest);
     float shift = u_shift * error_px * angle;
-    float error2 = least_error2 + slope * slope * (kLookUp * blur * blur - 1.0 + shift * shift);
+    float error2 = least_error2 + slope * slope * (max(kLookUp * blur * blur - 1.0, 0.0) + shift * shift);
     float weight = seen * pow(error2 / image_noise2, -0.5 * u_resolution_power) *
                    pow(angle + u_angle_floor + kBorderAngle * (1.0 - middle), -u_angle_power);
     vec3 off = color.rgb - color.a * shaded;
@@ -184,6 +207,8 @@ void main() {
     weight /= 1.0 + doubt * doubt;
     color_sum += weight * color.rgb;
     coverage_sum += weight * color.a;
+    square_sum += weight * dot(color.rgb, color.rgb);
+    error2_sum += weight * color.a * error2;
     if (u_show_resolution) {
       // A texel spans more view pixels where the image sees the surface at a steeper slant than the viewer does.
       float texel_px = max(1.0, dot(normal, view_ray) / max(cosine, 0.05)) / max(ratio, 1e-4);
@@ -205,9 +230,13 @@ void main() {
   float shown = mix(u_patch_error, exp2(octaves / max(coverage_sum, 1e-20)), images);
   if (u_fill) {
     // The proxy's own shading is one more sample, whose texels are the proxy's triangles: it weighs more where the
-    // images are coarser. Its blur contains the slant, as theirs does.
+    // images are coarser. Its blur contains the slant, as theirs does. Where images differ from each other by more than
+    // they are expected to err, they know less than they claim.
     float error2 = u_proxy_noise * u_proxy_noise + color_error * color_error;
     float weight = u_shade_weight * pow(error2 / image_noise2, -0.5 * u_resolution_power);
+    float variance = max(square_sum / max(coverage_sum, 1e-20) - dot(color, color), 0.0) / 3.0;
+    float expected2 = error2_sum / max(coverage_sum, 1e-20);
+    weight *= pow(1.0 + u_disagreement * variance / max(expected2, 1e-9), 0.5 * u_resolution_power);
     color = mix(shaded, (color_sum + weight * shaded) / max(coverage_sum + weight, 1e-20), images);
     shown = mix(shown, u_patch_error, weight / max(coverage_sum + weight, 1e-20));
   } else if (images < 1.0) {

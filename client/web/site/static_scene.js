@@ -159,5 +159,5 @@ export function parametersOf(text) {
   const count = vector(grid?.count);
   if (!first || !count || !Number.isFinite(grid.spacing) || !Number.isFinite(grid.face_size)) return null;
   if (root.tree !== undefined && typeof root.tree !== "string") return null;
-  return {numbers: [...first, grid.spacing, ...count, grid.face_size], tree: root.tree ?? ""};
+  return {numbers: [...first, grid.spacing, ...count, grid.face_size, grid.tile_depth ?? 0], tree: root.tree ?? ""};
 }

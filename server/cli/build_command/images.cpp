@@ -38,7 +38,8 @@ std::string selectionFileOf(const BuildArguments& a) {
 }
 
 repository::Grid gridFor(const BuildArguments& a, const base::Scene& scene) {
-  return repository::makeGrid(scene.localBox(), a.grid, static_cast<float>(a.margin), a.face);
+  const auto grid = repository::makeGrid(scene.localBox(), a.grid, static_cast<float>(a.margin), a.face);
+  return a.tile_depth == 0 ? grid : repository::withTiles(grid, a.tile_depth);
 }
 
 repository::Subsampling subsamplingOf(const std::string& name) {
@@ -135,6 +136,10 @@ void add(const BakeSummary& one, std::optional<BakeSummary>& sum) {
   sum->faces_empty += one.faces_empty;
   sum->jpeg_bytes += one.jpeg_bytes;
   sum->coverage_bytes += one.coverage_bytes;
+  for (std::size_t depth = 0; depth < one.by_depth.size(); ++depth) {
+    sum->by_depth[depth].tiles += one.by_depth[depth].tiles;
+    sum->by_depth[depth].bytes += one.by_depth[depth].bytes;
+  }
   sum->seconds += one.seconds;
 }
 

@@ -4,9 +4,11 @@
 #include <filesystem>
 #include <iterator>
 #include <nlohmann/json.hpp>
+#include <numbers>
 
 #include "base/json/scene_file.h"
 #include "repository/sampling/shard.h"
+#include "repository/sampling/tile.h"
 #include "server/bake/tune.h"
 #include "server/cli/scene_images.h"
 
@@ -68,8 +70,25 @@ void declareSamplingOptions(CLI::App& command, BuildArguments& a) {
                      "access counts say that viewers were");
 }
 
+void declareTileOptions(CLI::App& command, BuildArguments& a) {
+  command
+      .add_option(
+          "--tiles", a.tiles,
+          "instead of --face: a depth from 1 to 5; each face is a pyramid of tiles, of 248 pixels a side in its "
+          "one first tile and of 248 x 2^depth where it is finest, and tiles that show nothing new are left "
+          "out; auto: the depth that --view-pixels asks for; off: faces are plain images")
+      ->check(CLI::IsMember({"off", "auto", "1", "2", "3", "4", "5"}));
+  command
+      .add_option(
+          "--view-pixels", a.view_pixels,
+          "for --tiles auto: pixels a degree, in the middle of a face, that are worth storing; the depth is the "
+          "greatest, up to 4, whose faces have no more")
+      ->check(CLI::Range(1.0, 1000.0));
+}
+
 void declareImageOptions(CLI::App& command, BuildArguments& a) {
   command.add_option("--face", a.face, "pixels along one side of an image")->check(CLI::Range(16, 4096));
+  declareTileOptions(command, a);
   command.add_option("--quality", a.bake.quality, "JPEG quality")->check(CLI::Range(1, 100));
   command
       .add_option("--subsampling", a.subsampling,
@@ -150,8 +169,23 @@ void declareRunOptions(CLI::App& command, BuildArguments& a) {
   command.add_flag("--quiet", a.quiet, "no progress");
 }
 
+/// In the middle of a face of tiles of this depth, where it has fewest.
+double pixelsPerDegree(std::uint32_t depth) {
+  return 0.5 * static_cast<double>(repository::kTileCore << depth) * std::numbers::pi / 180.0;
+}
+
 bool isGiven(const CLI::App& command, const std::string& option) {
   return command.get_option(option)->count() > 0;
+}
+
+// The depth of --tiles; 0: off.
+std::uint32_t tileDepthOf(const std::string& tiles, double view_pixels) {
+  if (tiles == "off") return 0;
+  if (tiles != kAuto) return static_cast<std::uint32_t>(std::stoul(tiles));
+  constexpr std::uint32_t kMaxAutoDepth = 4;  // a face takes 16 Mi pixels to draw then, and one deeper four times these
+  std::uint32_t depth = 1;
+  while (depth < kMaxAutoDepth && pixelsPerDegree(depth + 1) <= view_pixels) ++depth;
+  return depth;
 }
 
 // The recorded parameters but for those that the given options overrule: how images are encoded is either said or
@@ -160,6 +194,7 @@ Parameters recordedBeside(const CLI::App& given, const Parameters& parameters) {
   Parameters recorded = withoutChoice(parameters);
   recorded.try_emplace("stitch", "off");  // scenes of programs that did not stitch
   if (recorded.contains("tune")) recorded.erase("subsampling");
+  if (isGiven(given, "--face")) recorded.erase("tiles");
   if (isGiven(given, "--quality") || isGiven(given, "--subsampling")) recorded.erase("tune");
   if (isGiven(given, "--tune") && given.get_option("--tune")->as<std::string>() != "off")
     for (const char* name : {"quality", "subsampling"}) recorded.erase(name);
@@ -197,7 +232,7 @@ Parameters parametersOf(const BuildArguments& a) {
   auto number = [](auto v) { return nlohmann::json(v).dump(); };
   Parameters parameters{{"methods", listMethods([&](const char* method) { return wants(a, method); })},
                         {"grid", number(a.grid)},
-                        {"face", number(a.face)},
+                        {a.tile_depth == 0 ? "face" : "tiles", number(a.tile_depth == 0 ? a.face : a.tile_depth)},
                         {"margin", number(a.margin)},
                         {"light", a.light},
                         {"up", a.up},
@@ -236,6 +271,10 @@ std::string usageError(const CLI::App& command, BuildArguments& a) {
     return "--tune chooses quality and subsampling of the images: leave out --tune, or build images";
   if (a.tune_db && (isGiven(command, "--quality") || isGiven(command, "--subsampling")))
     return "--tune chooses quality and subsampling of the images: leave out --quality and --subsampling, or --tune";
+  if (a.tiles != "off" && isGiven(command, "--face"))
+    return "--face gives the size of plain images, and --tiles makes others: leave out one of the two";
+  if (a.tiles != kAuto && isGiven(command, "--view-pixels")) return "--view-pixels belongs to --tiles auto";
+  a.tile_depth = tileDepthOf(a.tiles, a.view_pixels);
   const bool selects = isGiven(command, "--worth") || a.bake.selection.budget_bytes != 0 || !a.views_from.empty();
   if (a.bake.selection.views == 0 && selects)
     return "--worth, --budget and --views-from belong to sampling by use: give --views too";

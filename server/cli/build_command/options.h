@@ -27,6 +27,9 @@ struct BuildArguments {
   std::string light = "auto", up = "auto", units = "unknown", subsampling = "420", tune = "off";
   std::optional<double> tune_db;  ///< --tune in dB, nothing: off
   std::uint32_t grid = 32, face = 512;
+  std::string tiles = "off";     ///< off, auto or a depth, as given
+  std::uint32_t tile_depth = 0;  ///< --tiles as a depth; 0: plain faces of `face` pixels
+  double view_pixels = 24.0;
   double margin = 0.5;
   std::string tmpdir, regroup = "on", stitch = "auto";
   std::string views_from;  ///< a scene; empty: views are drawn anywhere
@@ -52,7 +55,7 @@ inline constexpr const char* kAuto = "auto";
 /// Recorded options that decide what scene.json says of the source, and the patch hierarchy besides.
 inline constexpr const char* kSourceParameters[] = {"light", "up", "units"};
 inline constexpr const char* kHierarchyParameters[] = {"voxel-triangles", "leaf-triangles", "node-triangles",
-                                                       "position-bits", "regroup", "stitch"};
+                                                       "position-bits",   "regroup",        "stitch"};
 /// Recorded where the tree of splats is in the coded form.
 inline constexpr const char* kSplatsCoded = "qsplat-coded";
 /// Recorded where the scene has a tree of splats: how its triangles were diced.
@@ -70,7 +73,8 @@ Parameters parametersOf(const BuildArguments& a);
 
 /// Declares the options, each with its default.
 void declareBuildOptions(CLI::App& command, BuildArguments& a);
-/// Why options do not go together that are right each by itself; empty when they do. Sets tune_db and automatic.
+/// Why options do not go together that are right each by itself; empty when they do. Sets tune_db, tile_depth
+/// and automatic.
 std::string usageError(const CLI::App& command, BuildArguments& a);
 
 /// For a command without meshes: the options that it does not give are those that the scene in its output records.

@@ -41,12 +41,24 @@ nlohmann::json splatBuildJson(const lod::qsplat::builder::BuildSummary& q) {
   return j;
 }
 
+/// Whether any face is more than one image.
+bool hasTiles(const BakeSummary& b) {
+  return std::any_of(b.by_depth.begin() + 1, b.by_depth.end(), [](const TileCount& c) { return c.tiles > 0; });
+}
+
+nlohmann::json depthsJson(const BakeSummary& b) {
+  nlohmann::json depths = nlohmann::json::array();
+  for (const TileCount& count : b.by_depth) depths.push_back({{"tiles", count.tiles}, {"bytes", count.bytes}});
+  return depths;
+}
+
 nlohmann::json imagesJson(const BakeSummary& b) {
   return {{"rendered", b.faces_rendered},
           {"skipped", b.faces_skipped},
           {"empty", b.faces_empty},
           {"jpeg_bytes", b.jpeg_bytes},
           {"coverage_bytes", b.coverage_bytes},
+          {"depths", depthsJson(b)},
           {"seconds", b.seconds},
           {"images_per_second", perSecond(b.faces_rendered, b.seconds)}};
 }
@@ -105,6 +117,10 @@ void printImages(const BakeSummary& b) {
               perSecond(b.faces_rendered, b.seconds), formatCount(b.faces_rendered).c_str(),
               formatCount(b.faces_empty).c_str(), formatCount(b.faces_skipped).c_str(),
               formatBytes(b.jpeg_bytes).c_str(), formatBytes(b.coverage_bytes).c_str());
+  if (!hasTiles(b)) return;
+  for (std::size_t depth = 0; depth < b.by_depth.size() && b.by_depth[depth].tiles > 0; ++depth)
+    std::printf("  depth %zu: %12s tiles %12s\n", depth, formatCount(b.by_depth[depth].tiles).c_str(),
+                formatBytes(b.by_depth[depth].bytes).c_str());
 }
 
 void printText(const BuildArguments& a, const BuildOutput& output, const BuildReport& r) {

@@ -529,7 +529,7 @@ TEST_F(Lumigraph, layersBeyondTheBudgetAreRefused) {
   cut_.clear();
   draw(lookAt(kEye, glm::vec3(0.0F), 32, 32, 50.0F));
   // Beside the layers: the uniform block, and a pixel of colour and of depth that stand where there is no array.
-  EXPECT_EQ(renderer_->stats().gpu_bytes, 2 * layer + 32 * 128 + 8);
+  EXPECT_EQ(renderer_->stats().gpu_bytes, 2 * layer + 96 * 160 + 8);
 }
 
 TEST_F(Lumigraph, countsWhatGlCountsAndStaysBelowTheBudget) {

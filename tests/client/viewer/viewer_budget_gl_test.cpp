@@ -121,5 +121,42 @@ TEST_F(ViewerBudget, anExactFrameLargerThanItsShareIsLeftOutForGood) {
   EXPECT_TRUE(viewer->session().complete() || viewer->stats().session.frames_received == 1);
 }
 
+/// Takes images and never finishes one.
+class EndlessDecoder : public ImageDecoder {
+ public:
+  void submit(std::uint64_t, base::ByteView) override { ++pending_; }
+  std::vector<DecodedImage> takeDecoded() override { return {}; }
+  std::size_t pending() const override { return pending_; }
+
+ private:
+  std::size_t pending_ = 0;
+};
+
+class ViewerDecoding : public ViewerFixture {
+ protected:
+  std::unique_ptr<ImageDecoder> makeDecoder() override {
+    auto decoder = std::make_unique<EndlessDecoder>();
+    decoder_ = decoder.get();
+    return decoder;
+  }
+  /// Returns the images handed to the decoder when 96 faces of this size have arrived.
+  std::size_t handedOver(std::uint32_t face_size) {
+    server.welcome.grid.face_size = face_size;
+    open({});
+    receive(server.sayGroup(0));
+    for (std::uint32_t i = 0; i < 96; ++i) receive(server.sayFace({i % 4, i / 4 % 4, i / 16 % 3, 4 + i / 48}, 1'000));
+    draw(server.lookDown(150.0));
+    return decoder_->pending();
+  }
+  EndlessDecoder* decoder_ = nullptr;
+};
+
+TEST_F(ViewerDecoding, imagesAreHandedToTheDecoderByTheirPixels) {
+  EXPECT_EQ(handedOver(1024), 16U);
+  EXPECT_EQ(handedOver(512), 16U);
+  EXPECT_EQ(handedOver(256), 64U);
+  EXPECT_EQ(handedOver(64), 96U) << "all";
+}
+
 }  // namespace
 }  // namespace client

@@ -16,7 +16,9 @@ using base::ErrorCode;
 
 // The worked example of docs/formats/packs.md has the faces of point (0, 0, 0): 0 … 4 hold a JPEG of 3 bytes, 5 is
 // empty.
-const std::vector<PackEntry> kEntries{{0, 19}, {1, 19}, {2, 19}, {3, 19}, {4, 19}, {5, 0}};
+constexpr std::uint64_t kFace = 1U << kTileBits;
+const std::vector<PackEntry> kEntries{{0, 19},         {kFace, 19},     {2 * kFace, 19},
+                                      {3 * kFace, 19}, {4 * kFace, 19}, {5 * kFace, 0}};
 
 Bytes workedValues() {
   const Bytes jpeg{0xff, 0xd8, 0xd9};
@@ -31,7 +33,7 @@ const ObjectId kId{1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16};
 Bytes workedIndex(const Bytes& pack) {
   IndexBuilder builder;
   builder.addPack(kEntries);
-  return *builder.build({{kId, pack.size(), 0, 5, 6}}, "{}", {95, 15, 0});
+  return *builder.build({{kId, pack.size(), 0, 5 * kFace, 6}}, "{}", {95, 15, 0});
 }
 
 std::uint64_t u64At(const Bytes& bytes, std::size_t offset) {
@@ -66,13 +68,13 @@ TEST(PackFormat, encodePackMatchesTheDocumentedExample) {
   EXPECT_EQ(u64At(pack, 16), 185U);
   EXPECT_EQ(u64At(pack, 24), 159U);
   EXPECT_EQ(u64At(pack, 24 + 8), 6U);
-  EXPECT_EQ(u64At(pack, 48), 5U);
+  EXPECT_EQ(u64At(pack, 48), 5 * kFace);
   EXPECT_EQ(base::hexOf(ByteView(pack).subspan(159)),
-            "0000000000000000"
+            "0000000000000080"
             "3f00000000000000"
             "40000000"
             "131313131300");
-  EXPECT_EQ(base::hexOf(ByteView(pack).subspan(56, 8)), "8a94db8def5ffdbf");
+  EXPECT_EQ(base::hexOf(ByteView(pack).subspan(56, 8)), "e72e99085458019b");
 
   const auto table = decodePack(pack);
   ASSERT_TRUE(table) << table.error().message;
@@ -95,30 +97,38 @@ TEST(PackFormat, indexMatchesTheDocumentedExample) {
   EXPECT_EQ(root->parameter_crc, base::crc32c(ByteView(index).subspan(128, 2)));
   EXPECT_TRUE(checkParameters(*root, ByteView(index).subspan(parameterOffset(), 2)));
   EXPECT_FALSE(checkParameters(*root, ByteView(index).subspan(parameterOffset() + 1, 2)));
-  EXPECT_EQ(base::hexOf(ByteView(index).subspan(100, 8)), "aad07b290cb657f9");
-  EXPECT_EQ(base::hexOf(ByteView(index).subspan(124, 4)), "348c8d3d");
-  EXPECT_EQ(base::hexOf(ByteView(index).subspan(16384, 4)), "c4695cbd");
+  EXPECT_EQ(base::hexOf(ByteView(index).subspan(100, 8)), "aad07b296ea81136");
+  EXPECT_EQ(base::hexOf(ByteView(index).subspan(124, 4)), "0262ca29");
+  EXPECT_EQ(base::hexOf(ByteView(index).subspan(16384, 4)), "93de3861");
 
   const auto block = decodeIndexBlock(*root, 0, ByteView(index).subspan(root->blockOffset(0), root->block_bytes));
   ASSERT_TRUE(block) << block.error().message;
   EXPECT_EQ(block->keys(), 6U);
   EXPECT_EQ(block->emptyFlags(), 1U);
   EXPECT_EQ(block->find(0), (FaceLocation{kId, 64, 19}));
-  EXPECT_EQ(block->find(4), (FaceLocation{kId, 140, 19}));
-  EXPECT_EQ(block->find(5)->length, 0U);
-  EXPECT_EQ(block->find(8), std::nullopt);
-  EXPECT_EQ(block->find(64), std::nullopt);
+  EXPECT_EQ(block->find(4 * kFace), (FaceLocation{kId, 140, 19}));
+  EXPECT_EQ(block->find(5 * kFace)->length, 0U);
+  EXPECT_EQ(block->find(8 * kFace), std::nullopt);
+  EXPECT_EQ(block->find(64 * kFace), std::nullopt);
+  EXPECT_EQ(block->find(1), std::nullopt) << "a tile of a face that has none";
 
   const auto rows = decodePackRows(*root, ByteView(index).subspan(root->rowsOffset()));
   ASSERT_TRUE(rows) << rows.error().message;
-  EXPECT_EQ(*rows, (std::vector<PackRow>{{kId, 185, 0, 5, 6}}));
+  EXPECT_EQ(*rows, (std::vector<PackRow>{{kId, 185, 0, 5 * kFace, 6}}));
 }
 
-TEST(PackFormat, everyKeyIsLocated) {
-  // Cells are scattered and dense, packs end within a cell, and lengths take varints of every size.
+class KeysOfDepth : public ::testing::TestWithParam<std::uint32_t> {};
+INSTANTIATE_TEST_SUITE_P(PackFormat, KeysOfDepth, ::testing::Values(0U, 1U, 3U, 5U));
+
+TEST_P(KeysOfDepth, everyOneIsLocated) {
+  // Cells are scattered and dense, packs end within a cell, and lengths take varints of every size. Some faces have all
+  // tiles that their depth allows, some the first alone.
   std::set<std::uint64_t> codes;
-  for (std::uint32_t i = 0; i < 3000; ++i)
-    for (std::uint32_t d = 0; d < 6; ++d) codes.insert(FaceKey{i * 7919U % 4096U, i * 104729U % 512U, i / 3, d}.code());
+  const std::uint32_t tiles = firstTileOf(GetParam() + 1);
+  for (std::uint32_t i = 0; codes.size() < 18000; ++i)
+    for (std::uint32_t d = 0; d < 6; ++d)
+      for (std::uint32_t tile = 0; tile < ((i + d) % 3 == 0 ? 1 : tiles); ++tile)
+        codes.insert(FaceKey{i * 7919U % 4096U, i * 104729U % 512U, i / 3, d, tile}.code());
   std::vector<PackRow> rows;
   std::vector<PackEntry> entries;
   std::vector<std::pair<std::uint64_t, FaceLocation>> places;
@@ -151,7 +161,7 @@ TEST(PackFormat, everyKeyIsLocated) {
   ASSERT_TRUE(root) << root.error().message;
   EXPECT_EQ(root->keys, codes.size());
   EXPECT_EQ(root->blocks_offset, 32768U) << "parameters longer than the root's 16 KiB move the blocks";
-  EXPECT_GT(root->blocks, 5U);
+  EXPECT_GT(root->blocks, 3U);
   EXPECT_EQ(*decodePackRows(*root, ByteView(index).subspan(root->rowsOffset())), rows);
   const auto blockOf = [&](std::uint64_t code) {
     const std::uint64_t number = blockOfCode(*root, code);
@@ -163,8 +173,10 @@ TEST(PackFormat, everyKeyIsLocated) {
     EXPECT_EQ(found->pack, places[i].second.pack) << i;
     EXPECT_EQ(found->length, places[i].second.length) << i;
     EXPECT_TRUE(found->length == 0 || found->offset == places[i].second.offset) << i;
-    const std::uint64_t beside = places[i].first ^ 8U;
-    EXPECT_EQ(blockOf(beside).find(beside).has_value(), codes.contains(beside)) << i;
+    for (const std::uint64_t other : {std::uint64_t{1}, kFace, 8 * kFace}) {
+      const std::uint64_t beside = places[i].first ^ other;
+      EXPECT_EQ(blockOf(beside).find(beside).has_value(), codes.contains(beside)) << i;
+    }
   }
 }
 
@@ -177,7 +189,7 @@ TEST(PackFormat, aTruncatedOrChangedPackIsRefused) {
     flipped[i] ^= 0x10U;
     EXPECT_FALSE(decodePack(flipped)) << i;
   }
-  EXPECT_EQ(decodePack(withHeader(pack, 64, 8, std::uint32_t{2})).error().code, ErrorCode::kVersion);
+  EXPECT_EQ(decodePack(withHeader(pack, 64, 8, std::uint32_t{1})).error().code, ErrorCode::kVersion);
   for (const std::size_t field : {16U, 24U, 32U, 40U, 48U})
     EXPECT_FALSE(decodePack(withHeader(pack, 64, field, ~std::uint64_t{0}))) << field;
 }
@@ -197,7 +209,8 @@ TEST(PackFormat, anInvalidIndexIsRefused) {
   for (const std::uint32_t value : {0U, 1U, 5000U, 1U << 20})
     EXPECT_FALSE(decodeIndexRoot(withHeader(front, 128, 88, value))) << "block bytes " << value;
   EXPECT_FALSE(decodeIndexRoot(withHeader(front, 128, 92, 63U)));
-  EXPECT_EQ(decodeIndexRoot(withHeader(front, 128, 8, 2U)).error().code, ErrorCode::kVersion);
+  EXPECT_FALSE(decodeIndexRoot(withHeader(front, 128, 92, 16U))) << "a run of whole faces would span blocks";
+  EXPECT_EQ(decodeIndexRoot(withHeader(front, 128, 8, 1U)).error().code, ErrorCode::kVersion);
 }
 
 TEST(PackFormat, anInvalidBlockIsRefused) {
@@ -216,7 +229,7 @@ TEST(PackFormat, anInvalidBlockIsRefused) {
   EXPECT_TRUE(refused(6, 2)) << "a second run of zeros";
   EXPECT_TRUE(refused(6, 0)) << "bytes that belong to no run";
   EXPECT_TRUE(refused(24, 1)) << "a pack that is not named";
-  EXPECT_TRUE(refused(26 + 7, 0x80)) << "a cell beyond the grid";
+  EXPECT_TRUE(refused(26 + 6, 0x80)) << "a cell beyond the grid";
   EXPECT_TRUE(refused(26 + 8, 0)) << "no face";
   EXPECT_TRUE(refused(26 + 8, 0x7f)) << "a seventh direction";
   EXPECT_TRUE(refused(26 + 16, 0)) << "a value within the pack's header";

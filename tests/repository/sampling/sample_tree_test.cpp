@@ -124,7 +124,7 @@ TEST(SampleTree, encodeMatchesTheDocumentedExample) {
   tree.leaveOut({1, 1, 0});
   const base::Bytes bytes = tree.encode();
   // The root is split into four open leaves of one step, since the grid ends there in z. One point is left out.
-  const base::Bytes expected{0x54, 0x01, 2, 0, 0, 0, 1, 0, 0, 0, 0x02, 0x00, 0x18, 0, 0, 0, 0, 0, 0, 0};
+  const base::Bytes expected{0x54, 0x01, 2, 0, 0, 0, 1, 0, 0, 0, 0x02, 0x00, 0, 0xc0, 0, 0, 0, 0, 0, 0};
   ASSERT_EQ(bytes.size(), expected.size() + 4);
   EXPECT_TRUE(std::equal(expected.begin(), expected.end(), bytes.begin()));
 }

@@ -81,8 +81,8 @@ TEST(Shard, theWorkedExampleOfTheFormatHolds) {
   for (std::uint32_t i = 0; i < 4; ++i) EXPECT_EQ(pointsOf({i, 4}, grid).first, firsts[i]);
   EXPECT_EQ(pointAtMortonRank(grid, 7), glm::uvec3(1, 1, 1));
   EXPECT_EQ(pointAtMortonRank(grid, 15), glm::uvec3(1, 3, 0));
-  EXPECT_EQ((FaceKey{1, 1, 1, 0}).code(), 0x38U);
-  EXPECT_EQ((FaceKey{1, 3, 0, 0}).code(), 0x98U);
+  EXPECT_EQ((FaceKey{1, 1, 1, 0}).code(), 0x1c000U);
+  EXPECT_EQ((FaceKey{1, 3, 0, 0}).code(), 0x4c000U);
 }
 
 TEST(Shard, parseShardReadsItsText) {

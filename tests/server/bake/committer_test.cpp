@@ -25,7 +25,7 @@ TEST(Committer, facesInAnyOrderAreCommittedInTheirOwn) {
   std::vector<std::uint64_t> order(45);
   std::iota(order.begin(), order.end(), 0);
   std::shuffle(order.begin(), order.end(), std::mt19937(3));
-  for (const std::uint64_t sequence : order) committer.deliver(sequence, keyOf(sequence), {1});
+  for (const std::uint64_t sequence : order) committer.deliver(sequence, keyOf(sequence), {{0, {1}}});
   ASSERT_TRUE(committer.finish());
 
   std::uint32_t next = 0;
@@ -37,10 +37,22 @@ TEST(Committer, facesInAnyOrderAreCommittedInTheirOwn) {
   EXPECT_EQ(store.batches.size(), 5U);
 }
 
+TEST(Committer, tilesOfAFaceAreInOneBatchHoweverMany) {
+  MemoryStore store;
+  Committer committer(store, 2, 10);
+  for (const std::uint64_t sequence : {2U, 0U, 1U})
+    committer.deliver(sequence, keyOf(sequence), {{0, {1}}, {2, {2}}, {9, {3}}});
+  ASSERT_TRUE(committer.finish());
+  ASSERT_EQ(store.batches.size(), 2U);
+  EXPECT_EQ(store.batches[0].size(), 6U);
+  EXPECT_EQ(store.batches[1].size(), 3U);
+  EXPECT_EQ(store.values.at(FaceKey{1, 0, 0, 0, 9}), base::Bytes{3});
+}
+
 TEST(Committer, aBatchWaitsForTheFaceThatIsLate) {
   MemoryStore store;
   Committer committer(store, 2, 10);
-  for (const std::uint64_t sequence : {1U, 2U, 3U}) committer.deliver(sequence, keyOf(sequence), {1});
+  for (const std::uint64_t sequence : {1U, 2U, 3U}) committer.deliver(sequence, keyOf(sequence), {{0, {1}}});
   committer.fail({base::ErrorCode::kIo, "the rest never came"});
   EXPECT_FALSE(committer.finish());
   EXPECT_TRUE(store.batches.empty());
@@ -52,7 +64,7 @@ TEST(Committer, roomIsGivenOnlyAsFacesReachTheStore) {
   std::vector<std::thread> late;
   for (std::uint64_t sequence = 0; sequence < 200; ++sequence) {
     ASSERT_TRUE(committer.waitForRoom(sequence));
-    late.emplace_back([&committer, sequence] { committer.deliver(sequence, keyOf(sequence), {1}); });
+    late.emplace_back([&committer, sequence] { committer.deliver(sequence, keyOf(sequence), {{0, {1}}}); });
   }
   for (std::thread& thread : late) thread.join();
   ASSERT_TRUE(committer.finish());
@@ -65,7 +77,7 @@ TEST(Committer, aFullStoreStopsTheWorkAndIsTold) {
   Committer committer(store, 5, 20);
   std::uint64_t sequence = 0;
   while (committer.waitForRoom(sequence)) {
-    committer.deliver(sequence, keyOf(sequence), {1});
+    committer.deliver(sequence, keyOf(sequence), {{0, {1}}});
     ++sequence;
     ASSERT_LT(sequence, 100U) << "the failure was never told";
   }
@@ -88,7 +100,7 @@ TEST(Committer, withoutFinishNothingIsLeftRunning) {
   MemoryStore store;
   {
     Committer committer(store, 5, 20);
-    committer.deliver(0, keyOf(0), {1});
+    committer.deliver(0, keyOf(0), {{0, {1}}});
   }
   EXPECT_TRUE(store.batches.empty());
 }

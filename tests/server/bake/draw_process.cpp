@@ -14,11 +14,10 @@
 int main(int argc, char** argv) {
   const std::string mark = argc > 2 ? argv[1] : "";
   int left = argc > 2 ? std::atoi(argv[2]) : 0;
-  return server::runDrawProcess(
-      STDIN_FILENO, [&](const base::Image& rgba, int quality, repository::Subsampling subsampling) {
-        if (!mark.empty() && left-- == 0 &&
-            (mark == "-" || ::open(mark.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC, 0644) >= 0))
-          ::kill(::getpid(), SIGKILL);
-        return server::encodeFace(rgba, quality, subsampling);
-      });
+  return server::runDrawProcess(STDIN_FILENO, [&](const base::Image& rgba, const server::FaceCoding& coding) {
+    if (!mark.empty() && left-- == 0 &&
+        (mark == "-" || ::open(mark.c_str(), O_CREAT | O_EXCL | O_WRONLY | O_CLOEXEC, 0644) >= 0))
+      ::kill(::getpid(), SIGKILL);
+    return server::encodeFace(rgba, coding);
+  });
 }

@@ -72,7 +72,11 @@ class DrawProcessesTest : public testing::Test {
     ASSERT_EQ(made.faces.size(), wanted.faces.size());
     for (const auto& [sequence, face] : wanted.faces) {
       const EncodedFace& other = made.faces.at(sequence);
-      EXPECT_EQ(other.value, face.value) << sequence;
+      ASSERT_EQ(other.tiles.size(), face.tiles.size()) << sequence;
+      for (std::size_t i = 0; i < face.tiles.size(); ++i) {
+        EXPECT_EQ(other.tiles[i].tile, face.tiles[i].tile) << sequence;
+        EXPECT_EQ(other.tiles[i].value, face.tiles[i].value) << sequence;
+      }
       EXPECT_EQ(other.empty, face.empty) << sequence;
       EXPECT_EQ(other.jpeg_bytes, face.jpeg_bytes) << sequence;
       EXPECT_EQ(other.coverage_bytes, face.coverage_bytes) << sequence;

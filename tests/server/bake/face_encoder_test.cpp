@@ -2,7 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include "base/picture_error.h"
 #include "repository/faces/coverage.h"
 #include "repository/faces/face_value.h"
 
@@ -28,8 +27,8 @@ base::Image disc(int side, int radius) {
 
 TEST(FaceEncoder, aFaceThatSeesNothingIsAnEmptyFlag) {
   base::Image image(64, 64, 4);
-  paint(image, 3, 3, 255, 255, 255, base::kCoverageThreshold - 1);  // less than half of a pixel is nothing
-  const auto face = encodeFace(image, 85, repository::Subsampling::k420);
+  paint(image, 3, 3, 255, 255, 255, kStoredCoverage - 1);  // less than a sixteenth of a pixel is nothing
+  const auto face = encodeImage(image, 85, repository::Subsampling::k420);
   ASSERT_TRUE(face);
   EXPECT_TRUE(face->empty);
   EXPECT_EQ(face->value.size(), 8U);
@@ -38,8 +37,8 @@ TEST(FaceEncoder, aFaceThatSeesNothingIsAnEmptyFlag) {
 
 TEST(FaceEncoder, onePixelOfModelIsAnImage) {
   base::Image image(64, 64, 4);
-  paint(image, 3, 3, 255, 255, 255, base::kCoverageThreshold);
-  const auto face = encodeFace(image, 85, repository::Subsampling::k420);
+  paint(image, 3, 3, 255, 255, 255, kStoredCoverage);
+  const auto face = encodeImage(image, 85, repository::Subsampling::k420);
   ASSERT_TRUE(face);
   EXPECT_FALSE(face->empty);
   const auto value = repository::decodeFaceValue(face->value);
@@ -52,7 +51,7 @@ TEST(FaceEncoder, onePixelOfModelIsAnImage) {
 
 TEST(FaceEncoder, modelPixelsComeBackNearTheirColours) {
   const base::Image image = disc(128, 40);
-  const auto face = encodeFace(image, 90, repository::Subsampling::k420);
+  const auto face = encodeImage(image, 90, repository::Subsampling::k420);
   const auto value = repository::decodeFaceValue(face->value);
   const auto picture = repository::decodeJpeg(value->picture);
   const auto mask = repository::decodeCoverage(value->coverage, 128, 128);
@@ -75,7 +74,7 @@ TEST(FaceEncoder, aPictureFullOfModelHasNoMask) {
   for (int y = 0; y < 32; ++y) {
     for (int x = 0; x < 32; ++x) paint(image, x, y, 10, 20, 30, 255);
   }
-  const auto face = encodeFace(image, 85, repository::Subsampling::k420);
+  const auto face = encodeImage(image, 85, repository::Subsampling::k420);
   ASSERT_TRUE(face);
   EXPECT_EQ(face->coverage_bytes, 0U);
   EXPECT_EQ(face->value.size(), 16 + face->jpeg_bytes);
@@ -87,7 +86,7 @@ TEST(FaceEncoder, fillerCostsAJpegLessThanBlackBackground) {
   for (int y = 0; y < 256; ++y) {
     for (int x = 0; x < 256; ++x) std::copy_n(image.at(x, y), 3, black.at(x, y));
   }
-  const auto filled = encodeFace(image, 85, repository::Subsampling::k420);
+  const auto filled = encodeImage(image, 85, repository::Subsampling::k420);
   EXPECT_LT(filled->jpeg_bytes * 10, repository::encodeJpeg(black, 85, repository::Subsampling::k420)->size() * 9);
 }
 
@@ -95,7 +94,7 @@ TEST(FaceEncoder, sidesThatAreNoMultipleOfABlockWork) {
   for (const int side : {1, 7, 9, 33}) {
     base::Image image(side, side, 4);
     paint(image, side - 1, side - 1, 1, 2, 3, 255);
-    const auto face = encodeFace(image, 85, repository::Subsampling::k422);
+    const auto face = encodeImage(image, 85, repository::Subsampling::k422);
     ASSERT_TRUE(face);
     const auto picture = repository::decodeJpeg(repository::decodeFaceValue(face->value)->picture);
     ASSERT_TRUE(picture);
@@ -104,8 +103,8 @@ TEST(FaceEncoder, sidesThatAreNoMultipleOfABlockWork) {
 }
 
 TEST(FaceEncoder, theSamePictureGivesTheSameBytes) {
-  EXPECT_EQ(encodeFace(disc(100, 30), 85, repository::Subsampling::k420)->value,
-            encodeFace(disc(100, 30), 85, repository::Subsampling::k420)->value);
+  EXPECT_EQ(encodeImage(disc(100, 30), 85, repository::Subsampling::k420)->value,
+            encodeImage(disc(100, 30), 85, repository::Subsampling::k420)->value);
 }
 
 }  // namespace

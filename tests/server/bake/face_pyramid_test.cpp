@@ -1,0 +1,154 @@
+#include "server/bake/face_pyramid.h"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "repository/faces/coverage.h"
+#include "repository/faces/face_value.h"
+#include "repository/faces/jpeg.h"
+#include "server/bake/face_encoder.h"
+
+namespace server {
+namespace {
+
+using repository::childOfTile;
+using repository::kTileSide;
+using repository::tileAt;
+
+using Rgba = std::array<std::uint8_t, 4>;
+
+void paint(base::Image& image, int left, int top, int width, int height, const Rgba& colour) {
+  for (int y = top; y < top + height; ++y)
+    for (int x = left; x < left + width; ++x) std::copy(colour.begin(), colour.end(), image.at(x, y));
+}
+
+base::Image faceOf(std::uint32_t depth) {
+  const int side = static_cast<int>(kTileSide << depth);
+  return {side, side, 4};
+}
+
+// Squares of one pixel, by turns light and dark.
+void paintChequers(base::Image& image, int left, int top, int width, int height) {
+  for (int y = top; y < top + height; ++y)
+    for (int x = left; x < left + width; ++x) {
+      const std::uint8_t grey = (x + y) % 2 == 0 ? 200 : 40;
+      paint(image, x, y, 1, 1, {grey, grey, grey, 255});
+    }
+}
+
+TEST(FacePyramid, halvingWeighsColoursByWhatTheyCover) {
+  base::Image image(2, 2, 4);
+  paint(image, 0, 0, 1, 1, {200, 0, 0, 255});
+  paint(image, 1, 0, 1, 1, {0, 100, 0, 85});
+  paint(image, 0, 1, 1, 1, {255, 255, 255, 0});  // covers nothing, so it has no colour
+  const base::Image half = halved(image);
+  ASSERT_EQ(half.width, 1);
+  // (200 · 255) / 340 = 150, (100 · 85) / 340 = 25, and 340 / 4 = 85 of alpha.
+  EXPECT_EQ(half.pixels, (std::vector<std::uint8_t>{150, 25, 0, 85}));
+}
+
+TEST(FacePyramid, aTileBeginsFourPixelsBeforeItsCore) {
+  base::Image face = faceOf(2);
+  // Depth 2 has a border of 16 pixels around its 4 × 4 cores of 248: that of the tile at (3, 1) begins at (760, 264).
+  paint(face, 760, 264, 1, 1, {9, 8, 7, 255});
+  const FacePyramid pyramid(face, 2);
+  const base::Image tile = pyramid.imageOf(tileAt({2, 3, 1}));
+  EXPECT_EQ(tile.width, 256);
+  EXPECT_EQ(tile.at(4, 4)[0], 9);
+  EXPECT_EQ(tile.at(3, 4)[3], 0);
+  // Its neighbour on the left has that pixel in its border: 248 pixels further to the right.
+  EXPECT_EQ(pyramid.imageOf(tileAt({2, 2, 1})).at(252, 4)[0], 9);
+}
+
+TEST(FacePyramid, aTileOfTheLevelAboveShowsTheSamePlaceAtHalfTheResolution) {
+  base::Image face = faceOf(1);
+  paint(face, 8 + 248, 8 + 100, 2, 2, {60, 70, 80, 255});
+  const FacePyramid pyramid(face, 1);
+  EXPECT_EQ(pyramid.imageOf(tileAt({1, 1, 0})).at(4, 104)[2], 80);
+  const base::Image whole = pyramid.imageOf(0);
+  EXPECT_EQ(std::vector<std::uint8_t>(whole.at(4 + 124, 4 + 50), whole.at(4 + 125, 4 + 50)),
+            (std::vector<std::uint8_t>{60, 70, 80, 255}));
+  EXPECT_EQ(whole.at(4 + 123, 4 + 50)[3], 0);
+}
+
+TEST(FacePyramid, evenSurfacesAreStoredOnce) {
+  base::Image face = faceOf(3);
+  paint(face, 0, 0, face.width, face.height, {120, 130, 140, 255});
+  const FacePyramid pyramid(face, 3);
+  EXPECT_EQ(pyramid.differenceFromParent(5), 0.0);
+  EXPECT_EQ(chooseTiles(pyramid), (std::vector<ChosenTile>{{0, 0}}));
+}
+
+TEST(FacePyramid, emptyFacesAreOneTile) {
+  const base::Image face = faceOf(2);
+  EXPECT_EQ(chooseTiles(FacePyramid(face, 2)), (std::vector<ChosenTile>{{0, 0}}));
+}
+
+TEST(FacePyramid, detailIsStoredWithAllThatLeadToIt) {
+  base::Image face = faceOf(2);
+  paint(face, 0, 0, face.width, face.height, {120, 120, 120, 255});
+  paintChequers(face, 16 + 248 * 2 + 20, 16 + 248 * 3 + 20, 200, 200);  // within the tile (2, 3) of depth 2
+  const std::uint32_t finest = tileAt({2, 2, 3});
+  const std::uint32_t parent = tileAt({1, 1, 1});
+  ASSERT_EQ(finest, childOfTile(parent, 2));
+  ASSERT_EQ(parent, childOfTile(0, 3));
+  EXPECT_EQ(chooseTiles(FacePyramid(face, 2)), (std::vector<ChosenTile>{{0, 1 << 3}, {parent, 1 << 2}, {finest, 0}}));
+}
+
+TEST(FacePyramid, aChequersDifferenceFromItsMeanIsItsAmplitude) {
+  base::Image face = faceOf(1);
+  paintChequers(face, 0, 0, face.width, face.height);
+  const FacePyramid pyramid(face, 1);
+  // Colours of 200 and 40 become 120: three of the four channels differ by 80, so 80 · √¾.
+  EXPECT_NEAR(pyramid.differenceFromParent(2), 80.0 * std::sqrt(0.75), 1e-9);
+  EXPECT_EQ(chooseTiles(pyramid, 69.2).size(), 5U);
+  EXPECT_EQ(chooseTiles(pyramid, 69.3).size(), 1U);
+}
+
+// A line of one pixel covers a quarter of the coarsest tile's pixels, which are model all the same.
+TEST(FacePyramid, thinLinesAreModelAtEveryDepth) {
+  base::Image face = faceOf(2);
+  paint(face, 16 + 300, 16, 1, 992, {250, 10, 10, 255});
+  const auto coded = encodeFace(face, {85, repository::Subsampling::k444, 2});
+  ASSERT_TRUE(coded);
+  ASSERT_FALSE(coded->tiles.empty());
+  EXPECT_FALSE(coded->empty);
+  const auto whole = repository::decodeFaceValue(coded->tiles.front().value);
+  ASSERT_TRUE(whole);
+  EXPECT_EQ(whole->children, 0b0101);
+  EXPECT_FALSE(whole->empty);
+  const auto mask = repository::decodeCoverage(whole->coverage, 256, 256);
+  ASSERT_TRUE(mask);
+  EXPECT_EQ(std::count(mask->pixels.begin(), mask->pixels.end(), 255), 248);
+  // Four tiles of depth 2 below one another hold the line at its full width.
+  const auto finest = std::count_if(coded->tiles.begin(), coded->tiles.end(),
+                                    [](const EncodedTile& t) { return repository::placeOfTile(t.tile).depth == 2; });
+  EXPECT_EQ(finest, 4);
+}
+
+TEST(FacePyramid, encodedTilesNameTheirChildren) {
+  base::Image face = faceOf(2);
+  paintChequers(face, 16 + 400, 16 + 400, 200, 200);  // around the middle: a part of all four quarters
+  const auto coded = encodeFace(face, {85, repository::Subsampling::k420, 2});
+  ASSERT_TRUE(coded);
+  std::vector<ChosenTile> stored;
+  std::uint64_t bytes = 0;
+  for (const EncodedTile& tile : coded->tiles) {
+    const auto value = repository::decodeFaceValue(tile.value);
+    ASSERT_TRUE(value);
+    const auto picture = repository::decodeJpeg(value->picture);
+    ASSERT_TRUE(picture);
+    EXPECT_EQ(picture->width, 256);
+    stored.push_back({tile.tile, value->children});
+    bytes += tile.value.size();
+  }
+  EXPECT_EQ(stored, chooseTiles(FacePyramid(face, 2)));
+  EXPECT_EQ(stored.size(), 9U);
+  EXPECT_EQ(coded->valueBytes(), bytes);
+}
+
+}  // namespace
+}  // namespace server
