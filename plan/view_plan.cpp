@@ -7,8 +7,8 @@
 #include <utility>
 
 #include "lod/patch/traverse.h"
+#include "plan/gain_order.h"
 #include "plan/point_choice.h"
-#include "plan/tile_choice.h"
 
 namespace plan {
 namespace {
@@ -42,27 +42,73 @@ bool wantsImages(const Scene& scene, const protocol::View& view) {
   return scene.images && scene.welcome->grid.pointCount() != 0 && view.max_points != 0;
 }
 
-/// The patch of the cut that most likely holds a place: the one nearest for its size.
-const lod::patch::Patch* patchAt(const Scene& scene, const lod::patch::Cut& cut, const glm::vec3& place) {
-  const lod::patch::Patch* nearest = nullptr;
+/// The patch of a group's finer side that most likely holds a place: the one whose box is nearest, and of those that
+/// hold it the one whose middle is nearest for its size.
+std::uint32_t patchAt(const lod::patch::Hierarchy& hierarchy, const lod::patch::Group& group, const glm::vec3& place) {
+  std::uint32_t nearest = group.first_patch;
   float least = std::numeric_limits<float>::max();
-  for (const std::uint32_t number : cut.patches) {
-    const lod::patch::Patch& patch = scene.hierarchy->patches[number];
+  for (std::uint32_t p = group.first_patch; p < group.first_patch + group.patch_count; ++p) {
+    const lod::patch::Patch& patch = hierarchy.patches[p];
+    const glm::vec3 outside = place - glm::clamp(place, patch.box.min, patch.box.max);
     const glm::vec3 away = place - patch.bounds.center;
-    const float apart = glm::dot(away, away) / (patch.bounds.radius * patch.bounds.radius + 1e-30F);
-    if (apart < least) least = apart, nearest = &patch;
+    const float size2 = patch.bounds.radius * patch.bounds.radius + 1e-30F;
+    const float apart = glm::dot(outside, outside) / size2 + 1e-3F * glm::dot(away, away) / size2;
+    if (apart < least) least = apart, nearest = p;
   }
   return nearest;
 }
 
 ProxyShading shadingOf(const lod::patch::Hierarchy& hierarchy, const lod::patch::Patch& patch) {
-  // A patch is about as large as a square whose diagonal is its sphere's; half of one edge's square is a triangle.
-  const float edge = 2.0F * patch.bounds.radius / std::sqrt(std::max(1.0F, static_cast<float>(patch.triangles)));
-  if (patch.producer == lod::patch::kNoGroup) return {0.0F, edge, 0.0F};
-  if (!hierarchy.isKnown(patch.producer))
-    return {lod::patch::typicalColorErrorOf(patch, std::max(edge, 1e-30F)), edge, patch.own_typical_error};
+  if (patch.producer == lod::patch::kNoGroup) return {0.0F, 0.0F};
+  if (!hierarchy.isKnown(patch.producer)) {
+    // A patch is about as large as a square whose diagonal is its sphere's; half of one edge's square is a triangle.
+    const float edge = 2.0F * patch.bounds.radius / std::sqrt(std::max(1.0F, static_cast<float>(patch.triangles)));
+    return {lod::patch::typicalColorErrorOf(patch, std::max(edge, 1e-30F)), patch.own_typical_error};
+  }
   const lod::patch::Group& group = hierarchy.groups[patch.producer];
-  return {group.typical_color_error, edge, group.typical_error};
+  return {group.typical_color_error, group.typical_error};
+}
+
+/// The groups of a view's cut that the viewer lacks.
+struct GroupsToSend {
+  static constexpr std::size_t kNotExpanded = SIZE_MAX, kHeld = SIZE_MAX - 1;
+  std::vector<std::uint32_t> numbers;
+  std::vector<OrderedGroup> groups;  // beside `numbers`
+  std::vector<std::size_t> place;    // of each group of the hierarchy: an index into `numbers`, or one of the above
+};
+
+GroupsToSend groupsToSend(const Scene& scene, const lod::patch::Cut& cut, const HasGroup& is_here) {
+  GroupsToSend send;
+  send.place.assign(scene.hierarchy->groups.size(), GroupsToSend::kNotExpanded);
+  for (const std::uint32_t group : cut.expanded) {
+    send.place[group] = GroupsToSend::kHeld;
+    if (is_here(group)) continue;
+    OrderedGroup ordered{std::max<std::uint64_t>(1, scene.hierarchy->groups[group].block_bytes), {}};
+    for (const std::uint32_t parent : scene.hierarchy->parentsOf(group))
+      if (send.place[parent] < GroupsToSend::kHeld) ordered.parents.push_back(send.place[parent]);
+    send.place[group] = send.numbers.size();
+    send.numbers.push_back(group);
+    send.groups.push_back(std::move(ordered));
+  }
+  return send;
+}
+
+/// How the proxy shows a place, from the root down to the cut.
+ProxyPlace proxyAt(const lod::patch::Hierarchy& hierarchy, const GroupsToSend& send, const glm::vec3& place) {
+  // Without any patch all is missing.
+  const float size = hierarchy.groups[0].bounds.radius;
+  ProxyPlace proxy{{1.0F, size}, {}};
+  for (std::uint32_t group = 0; send.place[group] != GroupsToSend::kNotExpanded;) {
+    const lod::patch::Patch& patch = hierarchy.patches[patchAt(hierarchy, hierarchy.groups[group], place)];
+    const ProxyShading shading = shadingOf(hierarchy, patch);
+    if (send.place[group] == GroupsToSend::kHeld)
+      proxy.now = shading;
+    else
+      proxy.refined.push_back({send.place[group], shading});
+    if (patch.producer == lod::patch::kNoGroup || !hierarchy.isKnown(patch.producer)) break;
+    group = patch.producer;
+  }
+  return proxy;
 }
 
 std::vector<SurfaceSample> surfaceIn(const Scene& scene, const LocalView& local, int columns, int rows) {
@@ -71,44 +117,63 @@ std::vector<SurfaceSample> surfaceIn(const Scene& scene, const LocalView& local,
              : sampleVisibleSurface(*scene.hierarchy, local.cut.patches, local.request.camera, columns, rows);
 }
 
-std::vector<repository::FaceKey> chooseTiles(const Scene& scene, const LocalView& local, const PointQuery& query,
-                                             std::span<const glm::uvec3> points, const HasFace& present) {
+/// Bytes of an image, as scans have them at the usual quality.
+std::uint64_t guessedImageBytes(const repository::Grid& grid) {
+  constexpr double kBytesPerPixel = 0.075, kBytesPerTile = 8'000.0;
+  const double side = static_cast<double>(grid.face_size);
+  return static_cast<std::uint64_t>(grid.isTiled() ? kBytesPerTile : std::max(1.0, kBytesPerPixel * side * side));
+}
+
+OrderByGain orderItems(const Scene& scene, const LocalView& local, const PointQuery& query,
+                       std::span<const glm::uvec3> points, const GroupsToSend& send, const HasFace& is_here) {
   // A tile that shows a fifteenth of the picture's width is met by a ray.
   constexpr int kColumns = 24;
   constexpr int kRows = 14;
   const auto samples = surfaceIn(scene, local, kColumns, kRows);
-  std::vector<ProxyShading> proxies;
-  for (const SurfaceSample& sample : samples) {
-    const lod::patch::Patch* patch = patchAt(scene, local.cut, sample.position);
-    proxies.push_back(patch != nullptr ? shadingOf(*scene.hierarchy, *patch) : ProxyShading());
-  }
-  TileQuery tiles{query, std::max(kMinTiles, kTilesPerPoint * query.max_points)};
-  tiles.is_here = present;
-  if (scene.is_absent) tiles.is_absent = scene.is_absent;
-  std::vector<repository::FaceKey> keys;
-  for (const ChosenTile& chosen : plan::chooseTiles(tiles, points, samples, proxies)) keys.push_back(chosen.key);
-  return keys;
+  std::vector<ProxyPlace> places;
+  places.reserve(samples.size());
+  for (const SurfaceSample& sample : samples) places.push_back(proxyAt(*scene.hierarchy, send, sample.position));
+  const std::size_t per_point = query.grid.isTiled() ? kTilesPerPoint : kFacesPerPoint;
+  GainQuery gain{query, std::max(query.grid.isTiled() ? kMinTiles : kMinFaces, per_point * query.max_points)};
+  gain.image_bytes = scene.image_bytes.typical(guessedImageBytes(query.grid));
+  gain.is_here = is_here;
+  if (scene.is_absent) gain.is_absent = scene.is_absent;
+  return orderByGain(gain, points, samples, places, send.groups);
 }
 
-/// The sampling points that the view needs, and their faces that it needs.
-struct PointsAndFaces {
-  std::vector<glm::uvec3> points;
-  std::vector<repository::FaceKey> faces;
-};
-
-PointsAndFaces chooseFaces(const Scene& scene, const protocol::View& view, const LocalView& local,
-                           const HasFace& present) {
-  const PointQuery query = queryFor(scene, view, local);
-  const auto samples = surfaceIn(scene, local, kSurfaceColumns, kSurfaceRows);
-  PointsAndFaces choice;
-  choice.points = choosePoints(query, samples);
-  if (query.grid.isTiled()) {
-    choice.faces = chooseTiles(scene, local, query, choice.points, present);
-    return choice;
+/// Plain faces that the view shows, and of which nothing tells what they gain, come after all else.
+void appendOtherFaces(const Scene& scene, const LocalView& local, const PointQuery& query,
+                      std::span<const glm::uvec3> points, const HasFace& is_here,
+                      std::vector<repository::FaceKey>& faces) {
+  const std::size_t most = std::max(kMinFaces, kFacesPerPoint * query.max_points);
+  std::size_t in_sight = 0;
+  for (const repository::FaceKey& key :
+       orderFaces(query, points, surfaceIn(scene, local, kSurfaceColumns, kSurfaceRows))) {
+    if (++in_sight > most) return;
+    if (!is_here(key) && std::find(faces.begin(), faces.end(), key) == faces.end()) faces.push_back(key);
   }
-  choice.faces = orderFaces(query, choice.points, samples);
-  choice.faces.resize(std::min(choice.faces.size(), std::max(kMinFaces, kFacesPerPoint * query.max_points)));
-  return choice;
+}
+
+std::vector<glm::uvec3> pointsFor(const Scene& scene, const LocalView& local, const PointQuery& query) {
+  return choosePoints(query, surfaceIn(scene, local, kSurfaceColumns, kSurfaceRows));
+}
+
+/// Takes groups and faces of the view into the plan.
+void planItems(const Scene& scene, const LocalView& local, const PointQuery& query, std::span<const glm::uvec3> points,
+               const Holdings& present, ViewPlan& plan) {
+  const GroupsToSend send = groupsToSend(scene, local.cut, present.group);
+  const OrderByGain order = orderItems(scene, local, query, points, send, present.face);
+  plan.error_before = order.error_before;
+  plan.error_after = order.error_after;
+  for (const OrderedItem& item : order.items) {
+    if (item.image) {
+      plan.faces.push_back(*item.image);
+    } else {
+      plan.groups.push_back(send.numbers[item.group]);
+      plan.faces_before.push_back(plan.faces.size());
+    }
+  }
+  if (!query.grid.isTiled() && !points.empty()) appendOtherFaces(scene, local, query, points, present.face, plan.faces);
 }
 
 /// The faces of a point, or their coarsest tiles of which all together are about as many bytes.
@@ -119,17 +184,6 @@ std::vector<repository::FaceKey> othersOf(const repository::Grid& grid, const gl
   for (std::uint32_t tile = 0; tile < tiles; ++tile)
     for (std::uint32_t d = 0; d < 6; ++d) keys.push_back({point.x, point.y, point.z, d, tile});
   return keys;
-}
-
-void planGroups(const Scene& scene, const LocalView& local, ViewPlan& plan) {
-  plan.groups = local.cut.expanded;
-  plan.group_error_px.reserve(plan.groups.size());
-  for (std::uint32_t group : plan.groups) {
-    const lod::patch::Group& g = scene.hierarchy->groups[group];
-    plan.group_error_px.push_back(base::projectedError(
-        lod::patch::errorOf(g, local.request.measure), g.bounds.center, g.bounds.radius, local.request.camera.eye,
-        local.request.camera.pixelsPerUnitAtOne(), local.request.near_plane));
-  }
 }
 
 }  // namespace
@@ -146,30 +200,24 @@ lod::patch::CutRequest cutRequestFor(const protocol::Welcome& welcome, const pro
   return request;
 }
 
-bool isUrgent(float error_px, const protocol::View& view) {
-  return error_px > kUrgentErrorRatio * std::max(1.0F, view.patch_tolerance_px);
-}
-
-ViewPlan planView(const Scene& scene, const protocol::View& view, const HasFace& present) {
+ViewPlan planView(const Scene& scene, const protocol::View& view, const Holdings& present) {
   const LocalView local = cutForView(scene, view);
+  const PointQuery query = queryFor(scene, view, local);
+  std::vector<glm::uvec3> points;
+  if (wantsImages(scene, view)) points = pointsFor(scene, local, query);
   ViewPlan plan;
-  planGroups(scene, local, plan);
-  if (!wantsImages(scene, view)) return plan;
-
-  PointsAndFaces choice = chooseFaces(scene, view, local, present);
-  for (const glm::uvec3& p : choice.points) {
+  planItems(scene, local, query, points, present, plan);
+  for (const glm::uvec3& p : points) {
     for (const repository::FaceKey& key : othersOf(scene.welcome->grid, p)) {
-      const bool in_view = std::find(choice.faces.begin(), choice.faces.end(), key) != choice.faces.end();
-      if (!in_view && !present(key)) plan.other_faces.push_back(key);
+      const bool in_view = std::find(plan.faces.begin(), plan.faces.end(), key) != plan.faces.end();
+      if (!in_view && !present.face(key)) plan.other_faces.push_back(key);
     }
   }
-  plan.faces = std::move(choice.faces);
-  std::erase_if(plan.faces, present);
   return plan;
 }
 
 std::vector<repository::FaceKey> planMotion(const Scene& scene, const protocol::View& newest,
-                                            const protocol::View& previous, const HasFace& present) {
+                                            const protocol::View& previous, const Holdings& present) {
   if (!wantsImages(scene, newest)) return {};
   // The eye repeats its last step and its last turn.
   const glm::dvec3 step = newest.camera.position - previous.camera.position;
@@ -180,10 +228,7 @@ std::vector<repository::FaceKey> planMotion(const Scene& scene, const protocol::
   const glm::dvec3 direction = newest.camera.direction + turn;
   if (glm::length(direction) > 1e-6) next.camera.direction = glm::normalize(direction);
   if (glm::length(glm::cross(next.camera.direction, next.camera.up)) < 1e-6) return {};
-
-  std::vector<repository::FaceKey> faces = chooseFaces(scene, next, cutForView(scene, next), present).faces;
-  std::erase_if(faces, present);
-  return faces;
+  return planView(scene, next, present).faces;
 }
 
 std::vector<std::uint32_t> coarseGroups(const lod::patch::Hierarchy& hierarchy, std::uint64_t bytes) {

@@ -15,6 +15,17 @@
 
 namespace plan {
 
+/// The bytes of a typical image: a guess, which gives way to the mean of those that came.
+class ImageBytes {
+ public:
+  void add(std::uint64_t bytes) { sum_ += bytes, ++count_; }
+  /// `guess` counts as four images.
+  std::uint64_t typical(std::uint64_t guess) const { return (4 * guess + sum_) / (4 + count_) + 1; }
+
+ private:
+  std::uint64_t sum_ = 0, count_ = 0;
+};
+
 /// The input of a plan. Everything it points to must outlive the call.
 struct Scene {
   const protocol::Welcome* welcome = nullptr;           ///< origin, box, grid
@@ -24,16 +35,13 @@ struct Scene {
   const lod::patch::ProxySight* sight = nullptr;        ///< tests occlusion; null: nothing hides anything
   /// Whether a tile is known not to be stored; null: nothing is known.
   std::function<bool(const repository::FaceKey&)> is_absent = nullptr;
+  ImageBytes image_bytes = {};
 };
 
 /// The coarse whole model that is sent or fetched first has at most this many bytes: 0.1 s at 4 Mbit/s.
 inline constexpr std::uint64_t kCoarseBytes = 50'000;
 /// Bytes that are sent or fetched ahead of need for one view, once everything that it needs is there: 2 s at 4 Mbit/s.
 inline constexpr std::uint64_t kPrefetchBytes = 1'000'000;
-/// An image projected onto a proxy whose error exceeds this many times the tolerance is a blur, so only groups are sent
-/// until the errors are smaller. A choice: with a larger ratio images come sooner and show a blur first.
-inline constexpr float kUrgentErrorRatio = 4.0F;
-
 /// A view gets at most this many faces for each point that it asks for: a client that asks for 8 points blends 16
 /// images. Sending all 30 faces that the points show took 8.0 MB for 16 views over machangara in place of 6.6 MB, for
 /// 0.02 dB more.
@@ -46,13 +54,23 @@ inline constexpr std::size_t kTilesPerPoint = 8;
 inline constexpr std::size_t kMinTiles = 24;
 
 struct ViewPlan {
-  std::vector<std::uint32_t> groups;  ///< expanded in the client's cut: parents first, then largest projected error
-  std::vector<float> group_error_px;  ///< projected errors, parallel to `groups`
-  std::vector<repository::FaceKey> faces;        ///< faces that show what is in view, most useful first
+  std::vector<std::uint32_t> groups;  ///< expanded in the client's cut and not there: parents first, then most gain
+  /// Beside `groups`: each comes after so many of `faces`.
+  std::vector<std::size_t> faces_before;
+  std::vector<repository::FaceKey> faces;        ///< images that show what is in view, most useful first
   std::vector<repository::FaceKey> other_faces;  ///< all other faces of the same points
+  /// Expected squared error of the picture's colours, 0..1, as it is, and once groups and faces have come.
+  float error_before = 0.0F, error_after = 0.0F;
 };
 
 using HasFace = std::function<bool(const repository::FaceKey&)>;
+using HasGroup = std::function<bool(std::uint32_t)>;
+
+/// Tells which faces and groups the viewer has.
+struct Holdings {
+  HasFace face = [](const repository::FaceKey&) { return false; };
+  HasGroup group = [](std::uint32_t) { return false; };
+};
 
 /// The server's limit on the sampling points of one view (docs/formats/protocol.md, View).
 inline constexpr std::size_t kMaxPointsPerView = 64;
@@ -60,18 +78,16 @@ inline constexpr std::size_t kMaxPointsPerView = 64;
 /// The camera of a view in scene-local terms, with the limits that the client's cut keeps.
 lod::patch::CutRequest cutRequestFor(const protocol::Welcome& welcome, const protocol::View& view);
 
-/// Whether a missing group with a projected error of `error_px` pixels goes before any face.
-bool isUrgent(float error_px, const protocol::View& view);
-
 /// Plans for one view. The groups are those that the whole hierarchy's cut expands under the view's tolerance and
 /// triangle budget. The client chooses by the same rule among the groups it has, so it arrives at that cut when all of
-/// them have come. Faces for which `present` returns true are left out.
-ViewPlan planView(const Scene& scene, const protocol::View& view, const HasFace& present);
+/// them have come. What the viewer has is left out; groups and images are ordered by gain for their bytes
+/// (plan/gain_order.h).
+ViewPlan planView(const Scene& scene, const protocol::View& view, const Holdings& present = {});
 
 /// Plans faces for the view after `newest`, assuming that the eye repeats its step from `previous` to `newest`; empty
 /// when the eye stood still.
 std::vector<repository::FaceKey> planMotion(const Scene& scene, const protocol::View& newest,
-                                            const protocol::View& previous, const HasFace& present);
+                                            const protocol::View& previous, const Holdings& present = {});
 
 /// The groups of the coarse whole model, by decreasing error (world units) and beginning with group 0, as long as their
 /// blocks stay within `bytes`. Parents come before their children.

@@ -118,7 +118,6 @@ void StaticSource::acceptBlock(std::uint32_t group, base::ByteView rest) {
                     front_.begin() + static_cast<std::ptrdiff_t>(end));
   block.insert(block.end(), rest.begin(), rest.end());
   has_group_[group] = true;
-  group_bytes_ += block.size();
   picks_.keepBlock(group, block);
   pick_data_arrived_ = true;
   keepCoarseBlock(group, block);
@@ -167,7 +166,7 @@ void StaticSource::acceptFace(const FaceKey& key, base::Bytes bytes) {
                          ": an image is damaged; publish the scene again with `lumigrid publish --rewrite`");
   }
   has_face_.insert(key);
-  face_bytes_ += bytes.size();
+  image_bytes_.add(bytes.size());
   outgoing_.push_back({protocol::encode(protocol::Face{key, std::move(bytes)}), key, {}});
 }
 

@@ -153,6 +153,7 @@ class StaticSource {
 
   // ---- the plan ----
   plan::Scene planScene();
+  plan::Holdings holdings();
   bool isAbsent(const FaceKey& key);
   void planNewestView();
   std::vector<std::uint32_t> frontierOf(const lod::patch::Cut& cut, const lod::patch::CutRequest& request);
@@ -218,9 +219,8 @@ class StaticSource {
   bool planned_ = false, replan_ = false;
   bool tiles_learned_ = false;  // the index has told which tiles there are since the plan was made
   plan::ViewPlan view_plan_;
+  plan::ImageBytes image_bytes_;
   std::vector<std::uint32_t> frontier_;  // groups without a record that the cut leads to
-  bool frontier_urgent_ = false;
-  std::uint64_t group_bytes_ = 0, face_bytes_ = 0;  // handed over for this view
   bool complete_sent_ = false;
   std::optional<std::vector<FaceKey>> ahead_;
 

@@ -116,7 +116,8 @@ plan::Scene StaticSource::planScene() {
           scene_.index.has_value(),
           points_.treeOrNull(),
           sight_ ? &*sight_ : nullptr,
-          [this](const FaceKey& key) { return isAbsent(key); }};
+          [this](const FaceKey& key) { return isAbsent(key); },
+          image_bytes_};
 }
 
 /// Whether the index is known not to have a tile.
@@ -151,10 +152,13 @@ std::vector<std::uint32_t> StaticSource::frontierOf(const lod::patch::Cut& cut, 
   }
   std::sort(found.begin(), found.end(),
             [](const auto& a, const auto& b) { return a.first != b.first ? a.first > b.first : a.second < b.second; });
-  frontier_urgent_ = !found.empty() && plan::isUrgent(found.front().first, *newest_);
   std::vector<std::uint32_t> groups;
   for (const auto& [error_px, group] : found) groups.push_back(group);
   return groups;
+}
+
+plan::Holdings StaticSource::holdings() {
+  return {[this](const FaceKey& key) { return settled(key); }, [this](std::uint32_t group) { return settled(group); }};
 }
 
 /// Descends as far as the present pages allow, then plans as a server does.
@@ -168,11 +172,8 @@ void StaticSource::planNewestView() {
     for (const std::uint32_t group : frontier_) learned |= readRecord(group, nullptr);
   }
   std::erase_if(frontier_, [this](std::uint32_t group) { return broken_groups_.count(group) != 0; });
-  view_plan_ = plan::planView(planScene(), *newest_, [this](const FaceKey& key) { return settled(key); });
-  if (!planned_) {
-    group_bytes_ = face_bytes_ = 0;
-    ahead_.reset();
-  }
+  view_plan_ = plan::planView(planScene(), *newest_, holdings());
+  if (!planned_) ahead_.reset();
   planned_ = true;
   replan_ = false;
   tiles_learned_ = false;
@@ -189,8 +190,6 @@ void StaticSource::wishForView(std::vector<RangeWish>& wishes) {
     if (wishes.size() >= kWishesAhead) break;
     readRecord(group, &wishes);
   }
-  std::uint64_t groups_ahead = group_bytes_;
-  std::uint64_t faces_ahead = face_bytes_;
   std::size_t g = 0;
   std::size_t f = 0;
   stats_.wanted = static_cast<std::uint32_t>(frontier_.size());
@@ -198,21 +197,16 @@ void StaticSource::wishForView(std::vector<RangeWish>& wishes) {
     while (g < view_plan_.groups.size() && settled(view_plan_.groups[g])) ++g;
     while (f < view_plan_.faces.size() && settled(view_plan_.faces[f])) ++f;
     const bool group_left = g < view_plan_.groups.size();
-    const bool face_left = f < view_plan_.faces.size() && !frontier_urgent_;
+    const bool face_left = f < view_plan_.faces.size();
     if (!group_left && !face_left) break;
     ++stats_.wanted;
 
-    const bool urgent = group_left && plan::isUrgent(view_plan_.group_error_px[g], *newest_);
-    if (group_left && (!face_left || urgent || groups_ahead <= faces_ahead)) {
-      const std::uint32_t group = view_plan_.groups[g++];
-      groups_ahead += hierarchy_.groups[group].block_bytes;
-      wishForBlock(group, wishes);
+    if (group_left && (!face_left || view_plan_.faces_before[g] <= f)) {
+      wishForBlock(view_plan_.groups[g++], wishes);
       continue;
     }
     RangeWish wish;
-    if (locateFace(view_plan_.faces[f++], wish) != FaceState::kWanted) continue;
-    faces_ahead += wish.kind == kFace ? wish.length : kTypicalFaceBytes;
-    wishes.push_back(wish);
+    if (locateFace(view_plan_.faces[f++], wish) == FaceState::kWanted) wishes.push_back(wish);
   }
   if (!wishes.empty() || complete_sent_) return;
   complete_sent_ = true;
@@ -261,8 +255,7 @@ std::vector<RangeWish> StaticSource::prefetchWishes() {
   if (!ahead_) {
     ahead_ = view_plan_.other_faces;
     if (previous_) {
-      const auto along =
-          plan::planMotion(planScene(), *newest_, *previous_, [this](const FaceKey& key) { return settled(key); });
+      const auto along = plan::planMotion(planScene(), *newest_, *previous_, holdings());
       ahead_->insert(ahead_->end(), along.begin(), along.end());
     }
   }

@@ -40,7 +40,7 @@ constexpr std::uint32_t kMinValueBytes = 8;                    // the header of 
 // The writer's choices; docs/formats/packs.md gives the reasons.
 constexpr std::uint32_t kBlockBytes = 16384;
 // A neighbourhood of 4 × 4 × 4 points, or of 2 × 2 × 2 where tiles make that too large for a block. No run is longer.
-constexpr std::uint32_t kHashShifts[] = {kTileBits + 9, kTileBits + 6};
+constexpr std::uint32_t kManyPoints = kTileBits + 9, kFewPoints = kTileBits + 6;
 
 Error damaged(const std::string& problem) {
   return {ErrorCode::kInvalidInput, problem + "; publish it again"};
@@ -438,14 +438,14 @@ std::uint64_t IndexBuilder::fullestNeighbourhood(std::uint32_t hash_shift) const
   return fullest;
 }
 
-// Chooses how many points share a block, and its size: the most points of which half a block holds any, and where that
-// is none, larger blocks. The largest hold the whole tiles of 2 × 2 × 2 points.
+// Chooses how many points share a block, and its size: 4 × 4 × 4 where half a block of the usual size holds any so
+// many, else 2 × 2 × 2, and the smallest blocks that hold those. The largest hold their whole tiles.
 void IndexBuilder::chooseNeighbourhood(IndexRoot& root) const {
   root.block_bytes = kBlockBytes;
-  for (const std::uint32_t shift : kHashShifts) {
-    root.hash_shift = shift;
-    if (2 * fullestNeighbourhood(shift) <= root.block_bytes) return;
-  }
+  root.hash_shift = kManyPoints;
+  if (2 * fullestNeighbourhood(root.hash_shift) <= root.block_bytes) return;
+  root.hash_shift = kFewPoints;
+  root.block_bytes = kMinBlockBytes;
   while (fullestNeighbourhood(root.hash_shift) > root.block_bytes) root.block_bytes *= 2;
   LUMIGRID_CHECK_LE(root.block_bytes, kMaxBlockBytes);
 }

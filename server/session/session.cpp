@@ -157,6 +157,7 @@ std::optional<base::Bytes> Session::nextOther() {
 
 plan::Scene Session::sceneToPlan() const {
   plan::Scene scene = scene_.toPlan();
+  scene.image_bytes = image_bytes_;
   scene.is_absent = [this](const repository::FaceKey& key) {
     if (scene_.images_are_remote) return absent_.count(key) != 0;
     const auto is_there = scene_.images->contains(key);
@@ -165,14 +166,19 @@ plan::Scene Session::sceneToPlan() const {
   return scene;
 }
 
+plan::Holdings Session::holdings() const {
+  return {[this](const repository::FaceKey& key) { return has_face_.count(key) != 0; },
+          [this](std::uint32_t group) { return static_cast<bool>(has_group_[group]); }};
+}
+
 void Session::planNewestView() {
-  view_plan_ = plan::planView(sceneToPlan(), *newest_,
-                              [this](const repository::FaceKey& key) { return has_face_.count(key) != 0; });
+  view_plan_ = plan::planView(sceneToPlan(), *newest_, holdings());
+  faces_planned_ = view_plan_.faces.size();
   std::erase_if(fetched_, [this](const auto& one) {
     return std::find(view_plan_.faces.begin(), view_plan_.faces.end(), one.first) == view_plan_.faces.end();
   });
   next_coarse_ = next_group_ = 0;
-  group_bytes_ = face_bytes_ = prefetch_bytes_ = 0;
+  prefetch_bytes_ = 0;
   complete_sent_ = false;
   prefetch_.reset();
   planned_ = true;
@@ -192,14 +198,11 @@ std::optional<base::Bytes> Session::nextWanted() {
     const bool face_left = face != view_plan_.faces.end();
     if (!group_left && !face_left) return std::nullopt;
 
-    const bool urgent = group_left && plan::isUrgent(view_plan_.group_error_px[next_group_], *newest_);
-    if (group_left && (!face_left || urgent || group_bytes_ <= face_bytes_)) {
-      if (auto message = groupMessage(view_plan_.groups[next_group_++])) {
-        group_bytes_ += message->size();
-        return message;
-      }
+    // Faces leave the list as they are sent.
+    const std::size_t faces_gone = faces_planned_ - std::min(faces_planned_, view_plan_.faces.size());
+    if (group_left && (!face_left || view_plan_.faces_before[next_group_] <= faces_gone)) {
+      if (auto message = groupMessage(view_plan_.groups[next_group_++])) return message;
     } else if (auto message = removeAndEncode(view_plan_.faces, face)) {
-      face_bytes_ += message->size();
       return message;
     }
   }
@@ -216,8 +219,7 @@ void Session::planPrefetch() {
   if (prefetch_) return;
   prefetch_ = view_plan_.other_faces;
   if (!previous_) return;
-  const auto ahead = plan::planMotion(sceneToPlan(), *newest_, *previous_,
-                                      [this](const repository::FaceKey& key) { return has_face_.count(key) != 0; });
+  const auto ahead = plan::planMotion(sceneToPlan(), *newest_, *previous_, holdings());
   prefetch_->insert(prefetch_->end(), ahead.begin(), ahead.end());
 }
 
@@ -280,6 +282,7 @@ std::optional<base::Bytes> Session::faceMessage(const repository::FaceKey& key) 
     return std::nullopt;
   }
   has_face_.insert(key);
+  image_bytes_.add((*value)->size());
   ++counts_.faces;
   if (scene_.access != nullptr) scene_.access->addFace(key);
   return protocol::encode(protocol::Face{key, std::move(**value)});

@@ -7,9 +7,7 @@
 //   2. A quick exact frame as soon as it is rendered, if the view wants one and the server renders. It is requested
 //      when the view arrives; other messages go meanwhile as far as they do not delay it. While the eye stands, it
 //      comes right after group 0 and before the rest of 1. A moving eye gets frames aimed ahead (frame_schedule.h).
-//   3. Groups and faces of the view. Only groups go while the largest missing projected error exceeds four times the
-//      tolerance, since an image projected onto a proxy that coarse is a blur. Then the kind that had fewer bytes in
-//      this view goes next.
+//   3. Groups and images of the view, in the order of what they gain for their bytes (plan/gain_order.h).
 //   4. Completion; then the last frame, if the quick one had less than the wanted quality. It comes before 3 where it
 //      takes the link a quarter of a second at most.
 //   5. Prefetch: other directions at the same points, then faces along the motion, at most SceneData::ahead_bytes.
@@ -132,6 +130,7 @@ class Session {
   void planPrefetch();
   void planNewestView();
   plan::Scene sceneToPlan() const;
+  plan::Holdings holdings() const;
   std::optional<base::Bytes> ancestorInstead(const repository::FaceKey& key);
   bool framePossible(const protocol::View& view) const;
 
@@ -144,6 +143,7 @@ class Session {
   std::vector<bool> has_group_;
   std::unordered_set<repository::FaceKey> has_face_;
   std::vector<std::uint32_t> coarse_;
+  plan::ImageBytes image_bytes_;
 
   // Its views.
   std::optional<protocol::View> newest_, previous_;
@@ -153,7 +153,7 @@ class Session {
   // those that the client received otherwise meanwhile are skipped.
   plan::ViewPlan view_plan_;
   std::size_t next_coarse_ = 0, next_group_ = 0;
-  std::uint64_t group_bytes_ = 0, face_bytes_ = 0;
+  std::size_t faces_planned_ = 0;
   bool complete_sent_ = false;
   std::optional<Faces> prefetch_;
   std::uint64_t prefetch_bytes_ = 0;

@@ -21,50 +21,13 @@
 #include "server/bake/face_encoder.h"
 #include "server/bake/random_views.h"
 #include "server/net/open_scene.h"
-#include "server/render/scene_renderer.h"
 #include "server/trial/direct_viewer.h"
-#include "server/trial/own_context.h"
 #include "tests/bench/bench.h"
+#include "tests/bench/truths.h"
 
 namespace {
 
 using bench::must;
-
-constexpr int kTruthSamples = 4;
-
-/// Draws true pictures, or reads those of an earlier run.
-class Truths {
- public:
-  Truths(const server::OpenScene& scene, std::string directory, base::HeadlessContext& own,
-         base::HeadlessContext& other)
-      : scene_(scene), directory_(std::move(directory)), gl_(own, other) {
-    if (!directory_.empty()) std::filesystem::create_directories(directory_);
-    renderer_ = gl_.use([&] { return must(server::SceneRenderer::create(scene_.scene, scene_.patches)); });
-  }
-  ~Truths() {
-    gl_.use([&] { return renderer_.reset(), 0; });
-  }
-  Truths(const Truths&) = delete;
-  Truths& operator=(const Truths&) = delete;
-
-  base::Image of(const base::ViewCamera& view, std::uint32_t seed, std::size_t index) {
-    const std::string path = base::formatText("%s/%s_%u_%dx%d_%03zu.png", directory_.c_str(), scene_.name.c_str(), seed,
-                                              view.width, view.height, index);
-    if (!directory_.empty() && std::filesystem::exists(path)) return must(base::readPng(path));
-    const base::Sphere bounds{renderer_->sceneCenter(), renderer_->sceneRadius()};
-    const base::Camera camera = base::cameraForScene(view, scene_.scene.origin, bounds);
-    auto picture = gl_.use(
-        [&] { return must(renderer_->render(camera, {.tolerance_px = 0.0F, .supersampling = kTruthSamples})); });
-    if (!directory_.empty()) must(base::writePng(picture.rgba, path));
-    return std::move(picture.rgba);
-  }
-
- private:
-  const server::OpenScene& scene_;
-  const std::string directory_;
-  server::OwnContext gl_;
-  std::unique_ptr<server::SceneRenderer> renderer_;
-};
 
 struct Shown {
   base::Image picture;
@@ -138,7 +101,7 @@ int main(int argc, char** argv) {
   const auto views = server::randomViews(scene->scene, must(server::Enclosure::create(scene->patches)), wanted);
   const auto drawing = must(base::HeadlessContext::create());
   const auto viewing = must(base::HeadlessContext::create());
-  Truths truths(*scene, directory, *drawing, *viewing);
+  bench::Truths truths(*scene, directory, *drawing, *viewing);
 
   client::ViewerOptions options = server::settledOptions(client::Method::kLumigraph);
   server::DirectViewer with_images(scene->data, options);

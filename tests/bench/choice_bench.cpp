@@ -32,7 +32,7 @@ void timePlans(const char* what, const server::SceneData& scene, const std::vect
     protocol::View view;
     view.camera = camera;
     const auto start = Clock::now();
-    const plan::ViewPlan plan = plan::planView(scene.toPlan(), view, [](const repository::FaceKey&) { return false; });
+    const plan::ViewPlan plan = plan::planView(scene.toPlan(), view);
     times.push_back(microsecondsSince(start));
   }
   report(what, std::move(times));

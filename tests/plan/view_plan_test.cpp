@@ -8,10 +8,6 @@
 namespace plan {
 namespace {
 
-bool nothing(const repository::FaceKey&) {
-  return false;
-}
-
 TEST(ViewPlan, coarseGroupsAreTheTopWithinTheirBytes) {
   const server::TestScene scene(16);
   const lod::patch::Hierarchy& h = scene.patches->hierarchy();
@@ -42,7 +38,7 @@ TEST(ViewPlan, groupsLeadAClientToTheWholeHierarchysCut) {
   for (const std::uint32_t budget : {500U, 2'000U, 1'000'000U}) {
     protocol::View view = scene.view(1, {0.1, -0.2, 0.3}, {0.1, 0.1, 0.0});
     view.max_triangles = budget;
-    const ViewPlan plan = planView(scene.data.toPlan(), view, nothing);
+    const ViewPlan plan = planView(scene.data.toPlan(), view);
     std::vector<bool> sent(h.groups.size(), false);
     for (std::uint32_t group : plan.groups) sent[group] = true;
 
@@ -60,19 +56,33 @@ TEST(ViewPlan, groupsLeadAClientToTheWholeHierarchysCut) {
   }
 }
 
-TEST(ViewPlan, errorsFallAlongTheGroups) {
+TEST(ViewPlan, groupsThatAreHereAreLeftOutAndParentsComeFirst) {
   const server::TestScene scene(16);
-  const ViewPlan plan = planView(scene.data.toPlan(), scene.view(1, {0.0, 0.0, 0.3}), nothing);
-  ASSERT_EQ(plan.groups.size(), plan.group_error_px.size());
-  ASSERT_GT(plan.groups.size(), 3U);
-  for (std::size_t i = 1; i < plan.groups.size(); ++i) EXPECT_LE(plan.group_error_px[i], plan.group_error_px[i - 1]);
+  const protocol::View view = scene.view(1, {0.0, 0.0, 0.3});
+  const ViewPlan whole = planView(scene.data.toPlan(), view);
+  ASSERT_GT(whole.groups.size(), 3U);
+  ASSERT_EQ(whole.faces_before.size(), whole.groups.size());
+  for (std::size_t held = 0; held <= whole.groups.size(); ++held) {
+    std::vector<bool> here(scene.patches->hierarchy().groups.size(), false);
+    for (std::size_t i = 0; i < held; ++i) here[whole.groups[i]] = true;
+    Holdings present;
+    present.group = [&](std::uint32_t group) { return static_cast<bool>(here[group]); };
+    const ViewPlan rest = planView(scene.data.toPlan(), view, present);
+    EXPECT_EQ(rest.groups.size(), whole.groups.size() - held);
+    EXPECT_TRUE(std::is_sorted(rest.faces_before.begin(), rest.faces_before.end()));
+    for (const std::uint32_t group : rest.groups) {
+      EXPECT_FALSE(here[group]);
+      for (const std::uint32_t parent : scene.patches->hierarchy().parentsOf(group)) EXPECT_TRUE(here[parent]);
+      here[group] = true;
+    }
+  }
 }
 
 TEST(ViewPlan, facesAndOtherFacesCoverAllPoints) {
   const server::TestScene scene;
   protocol::View view = scene.view(1, {0.3, 0.3, 0.6});
   view.max_points = 5;
-  const ViewPlan plan = planView(scene.data.toPlan(), view, nothing);
+  const ViewPlan plan = planView(scene.data.toPlan(), view);
   std::set<std::tuple<std::uint32_t, std::uint32_t, std::uint32_t>> points;
   std::set<std::uint64_t> keys;
   for (const auto* list : {&plan.faces, &plan.other_faces})
@@ -93,7 +103,7 @@ TEST(ViewPlan, noMoreFacesThanAClientBlends) {
   std::size_t before = 0;
   for (const std::uint16_t points : {1, 2, 4, 8}) {
     view.max_points = points;
-    const ViewPlan plan = planView(scene.data.toPlan(), view, nothing);
+    const ViewPlan plan = planView(scene.data.toPlan(), view);
     EXPECT_LE(plan.faces.size(), std::max<std::size_t>(8, std::size_t{2} * points));
     EXPECT_GE(plan.faces.size(), before);
     before = plan.faces.size();
@@ -104,13 +114,14 @@ TEST(ViewPlan, noMoreFacesThanAClientBlends) {
 TEST(ViewPlan, presentFacesAreLeftOutAndNotReplaced) {
   const server::TestScene scene;
   const protocol::View view = scene.view(1, {0.3, 0.3, 0.6});
-  const ViewPlan whole = planView(scene.data.toPlan(), view, nothing);
+  const ViewPlan whole = planView(scene.data.toPlan(), view);
   ASSERT_GT(whole.faces.size(), 3U);
-  const auto here = [&](const repository::FaceKey& key) { return key == whole.faces[0] || key == whole.faces[2]; };
-  const ViewPlan rest = planView(scene.data.toPlan(), view, here);
-  std::vector<repository::FaceKey> wanted = whole.faces;
-  std::erase_if(wanted, here);
-  EXPECT_EQ(rest.faces, wanted);
+  Holdings present;
+  present.face = [&](const repository::FaceKey& key) { return key == whole.faces[0] || key == whole.faces[2]; };
+  const ViewPlan rest = planView(scene.data.toPlan(), view, present);
+  std::set<repository::FaceKey> wanted(whole.faces.begin(), whole.faces.end());
+  std::erase_if(wanted, present.face);
+  EXPECT_EQ(std::set<repository::FaceKey>(rest.faces.begin(), rest.faces.end()), wanted);
   EXPECT_EQ(rest.other_faces, whole.other_faces);
 }
 
@@ -121,7 +132,7 @@ TEST(ViewPlan, anyEyeIsServed) {
        {glm::dvec3(0, 0, 0.001), glm::dvec3(0, 0, 1e6), glm::dvec3(-50, 20, 3), glm::dvec3(0, 0, -0.5),
         glm::dvec3(scene.data.welcome.grid.point(3, 3, 1) - glm::vec3(scene.center())) / 32.0}) {
     protocol::View view = scene.view(1, from, {0.01, 0.0, 0.0});
-    const ViewPlan plan = planView(scene.data.toPlan(), view, nothing);
+    const ViewPlan plan = planView(scene.data.toPlan(), view);
     EXPECT_GE(plan.groups.size(), 1U);
     for (const auto& key : plan.faces) EXPECT_TRUE(scene.data.welcome.grid.contains(key));
   }

@@ -74,9 +74,9 @@ void declareTileOptions(CLI::App& command, BuildArguments& a) {
   command
       .add_option(
           "--tiles", a.tiles,
-          "instead of --face: a depth from 1 to 5; each face is a pyramid of tiles, of 248 pixels a side in its "
-          "one first tile and of 248 x 2^depth where it is finest, and tiles that show nothing new are left "
-          "out; auto: the depth that --view-pixels asks for; off: faces are plain images")
+          "a depth from 1 to 5: each face is a pyramid of tiles, of 248 pixels a side in its one first tile and "
+          "of 248 x 2^depth where it is finest, and tiles that show nothing new are left out; auto: the depth "
+          "that --view-pixels asks for; off: faces are plain images (default: auto, and off with --face)")
       ->check(CLI::IsMember({"off", "auto", "1", "2", "3", "4", "5"}));
   command
       .add_option(
@@ -87,7 +87,10 @@ void declareTileOptions(CLI::App& command, BuildArguments& a) {
 }
 
 void declareImageOptions(CLI::App& command, BuildArguments& a) {
-  command.add_option("--face", a.face, "pixels along one side of an image")->check(CLI::Range(16, 4096));
+  command
+      .add_option("--face", a.face,
+                  "instead of tiles, plain images of so many pixels along one side, as the paper's (512)")
+      ->check(CLI::Range(16, 4096));
   declareTileOptions(command, a);
   command.add_option("--quality", a.bake.quality, "JPEG quality")->check(CLI::Range(1, 100));
   command
@@ -195,6 +198,7 @@ Parameters recordedBeside(const CLI::App& given, const Parameters& parameters) {
   recorded.try_emplace("stitch", "off");  // scenes of programs that did not stitch
   if (recorded.contains("tune")) recorded.erase("subsampling");
   if (isGiven(given, "--face")) recorded.erase("tiles");
+  if (isGiven(given, "--tiles")) recorded.erase("face");
   if (isGiven(given, "--quality") || isGiven(given, "--subsampling")) recorded.erase("tune");
   if (isGiven(given, "--tune") && given.get_option("--tune")->as<std::string>() != "off")
     for (const char* name : {"quality", "subsampling"}) recorded.erase(name);
@@ -271,8 +275,11 @@ std::string usageError(const CLI::App& command, BuildArguments& a) {
     return "--tune chooses quality and subsampling of the images: leave out --tune, or build images";
   if (a.tune_db && (isGiven(command, "--quality") || isGiven(command, "--subsampling")))
     return "--tune chooses quality and subsampling of the images: leave out --quality and --subsampling, or --tune";
-  if (a.tiles != "off" && isGiven(command, "--face"))
+  constexpr std::uint32_t kUsualFace = 512;  // the paper's
+  if (a.face != 0 && !a.tiles.empty() && a.tiles != "off")
     return "--face gives the size of plain images, and --tiles makes others: leave out one of the two";
+  if (a.tiles.empty()) a.tiles = a.face != 0 ? "off" : kAuto;
+  if (a.face == 0) a.face = kUsualFace;
   if (a.tiles != kAuto && isGiven(command, "--view-pixels")) return "--view-pixels belongs to --tiles auto";
   a.tile_depth = tileDepthOf(a.tiles, a.view_pixels);
   const bool selects = isGiven(command, "--worth") || a.bake.selection.budget_bytes != 0 || !a.views_from.empty();

@@ -26,8 +26,9 @@ struct BuildArguments {
   std::uint32_t shards = 0;  ///< 0: as the scene records, or one store
   std::string light = "auto", up = "auto", units = "unknown", subsampling = "420", tune = "off";
   std::optional<double> tune_db;  ///< --tune in dB, nothing: off
-  std::uint32_t grid = 32, face = 512;
-  std::string tiles = "off";     ///< off, auto or a depth, as given
+  std::uint32_t grid = 12;
+  std::uint32_t face = 0;        ///< pixels; 0: not given, so faces are tiles
+  std::string tiles;             ///< off, auto or a depth, as given; usageError() fills in what was not
   std::uint32_t tile_depth = 0;  ///< --tiles as a depth; 0: plain faces of `face` pixels
   double view_pixels = 24.0;
   double margin = 0.5;

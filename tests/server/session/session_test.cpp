@@ -208,8 +208,7 @@ TEST(Session, completionComesOnceAfterEverythingThatTheViewNeeds) {
   const std::size_t at = completeAt(messages, 5);
   ASSERT_LT(at, messages.size());
 
-  const plan::ViewPlan plan =
-      plan::planView(scene.data.toPlan(), view, [](const repository::FaceKey&) { return false; });
+  const plan::ViewPlan plan = plan::planView(scene.data.toPlan(), view);
   const auto faces = facesIn(before(messages, at));
   const auto groups = groupsIn(scene.data, before(messages, at));
   ASSERT_FALSE(plan.faces.empty());
@@ -242,8 +241,7 @@ TEST(Session, newViewDropsUnsentDataOfTheOldOne) {
   const auto messages = talk.drain();
   const auto sent = before(messages, completeAt(messages, 2));
 
-  const auto nothing = [](const repository::FaceKey&) { return false; };
-  const plan::ViewPlan wanted = plan::planView(scene.data.toPlan(), right, nothing);
+  const plan::ViewPlan wanted = plan::planView(scene.data.toPlan(), right);
   for (const auto& key : facesIn(sent))
     EXPECT_NE(std::find(wanted.faces.begin(), wanted.faces.end(), key), wanted.faces.end());
   const auto coarse = plan::coarseGroups(scene.patches->hierarchy(), 50'000);
@@ -268,10 +266,9 @@ TEST(Session, groupsStayWithinTheTriangleBudget) {
   const TestScene scene(16);
   protocol::View view = scene.view(1, kAbove);
   view.patch_tolerance_px = 0.0F;
-  const auto nothing = [](const repository::FaceKey&) { return false; };
-  const std::size_t all = plan::planView(scene.data.toPlan(), view, nothing).groups.size();
+  const std::size_t all = plan::planView(scene.data.toPlan(), view).groups.size();
   view.max_triangles = 600;
-  const std::size_t few = plan::planView(scene.data.toPlan(), view, nothing).groups.size();
+  const std::size_t few = plan::planView(scene.data.toPlan(), view).groups.size();
   EXPECT_LT(few, all / 2);
   EXPECT_GE(few, 1U);
 }
@@ -313,8 +310,7 @@ TEST(Session, lookingAwayNeedsNoFaces) {
 TEST(Session, missingAndCorruptFacesAreSkipped) {
   TestScene scene;
   const protocol::View view = scene.view(1, kAbove);
-  const plan::ViewPlan plan =
-      plan::planView(scene.data.toPlan(), view, [](const repository::FaceKey&) { return false; });
+  const plan::ViewPlan plan = plan::planView(scene.data.toPlan(), view);
   ASSERT_GE(plan.faces.size(), 3U);
   scene.store.values.erase(plan.faces[0]);
   scene.store.values[plan.faces[1]][100] ^= 1;
@@ -352,8 +348,7 @@ TEST(Session, evictedDataComesAgainWithTheNextView) {
 TEST(Session, heldDataIsNotSent) {
   const TestScene scene;
   const protocol::View view = scene.view(1, kAbove);
-  const plan::ViewPlan plan =
-      plan::planView(scene.data.toPlan(), view, [](const repository::FaceKey&) { return false; });
+  const plan::ViewPlan plan = plan::planView(scene.data.toPlan(), view);
   Talk talk(scene.data);
   talk.greet();
   ASSERT_TRUE(talk.say(protocol::Holdings{plan.faces, plan.groups}));
@@ -426,13 +421,14 @@ TEST(Session, prefetchIsOtherDirectionsThenTheMotionAndLimited) {
     const protocol::View old_view = scene.view(1, kAbove);
     ASSERT_TRUE(talk.say(old_view));
     std::set<repository::FaceKey> held;
-    const auto isHeld = [&](const repository::FaceKey& key) { return held.count(key) != 0; };
+    plan::Holdings present;
+    present.face = [&](const repository::FaceKey& key) { return held.count(key) != 0; };
     const auto hold = [&](const std::vector<repository::FaceKey>& faces) { held.insert(faces.begin(), faces.end()); };
     hold(facesIn(talk.drain(40)));  // a viewer that moves on soon, so that much is left to prefetch
 
     const protocol::View view = scene.view(2, kAbove + glm::dvec3(0.1, 0.0, 0.0));
     ASSERT_TRUE(talk.say(view));
-    const plan::ViewPlan plan = plan::planView(scene.data.toPlan(), view, isHeld);
+    const plan::ViewPlan plan = plan::planView(scene.data.toPlan(), view, present);
     const auto messages = talk.drain();
     const std::size_t complete = completeAt(messages, 2);
     ASSERT_LT(complete, messages.size());
@@ -441,11 +437,12 @@ TEST(Session, prefetchIsOtherDirectionsThenTheMotionAndLimited) {
     std::vector<repository::FaceKey> expected;
     const auto expect = [&](const std::vector<repository::FaceKey>& faces) {
       for (const repository::FaceKey& key : faces)
-        if (!isHeld(key) && std::find(expected.begin(), expected.end(), key) == expected.end()) expected.push_back(key);
+        if (!present.face(key) && std::find(expected.begin(), expected.end(), key) == expected.end())
+          expected.push_back(key);
     };
     expect(plan.other_faces);
     ASSERT_GT(expected.size(), 1U);
-    expect(plan::planMotion(scene.data.toPlan(), view, old_view, isHeld));
+    expect(plan::planMotion(scene.data.toPlan(), view, old_view, present));
 
     if (limit == kTwoFaces) expected.erase(expected.begin() + 2, expected.end());
 
@@ -458,13 +455,11 @@ TEST(Session, prefetchIsOtherDirectionsThenTheMotionAndLimited) {
 
 TEST(Session, facesAlongTheMotionAreThoseOfTheNextView) {
   const TestScene scene;
-  const auto nothing = [](const repository::FaceKey&) { return false; };
   const protocol::View a = scene.view(1, {-0.4, 0.0, 0.5}, {-0.4, 0.0, 0.0});
   const protocol::View b = scene.view(2, {-0.2, 0.0, 0.5}, {-0.2, 0.0, 0.0});
   const protocol::View c = scene.view(3, {0.0, 0.0, 0.5}, {0.0, 0.0, 0.0});
-  EXPECT_EQ(plan::planMotion(scene.data.toPlan(), b, a, nothing),
-            plan::planView(scene.data.toPlan(), c, nothing).faces);
-  EXPECT_TRUE(plan::planMotion(scene.data.toPlan(), b, b, nothing).empty());
+  EXPECT_EQ(plan::planMotion(scene.data.toPlan(), b, a), plan::planView(scene.data.toPlan(), c).faces);
+  EXPECT_TRUE(plan::planMotion(scene.data.toPlan(), b, b).empty());
 }
 
 // ---- exact frames ----
@@ -742,8 +737,7 @@ bool isComplete(const std::vector<ServerMessage>& messages) {
 TEST(RemoteImages, allFacesOfAViewAreRequestedAtOnceWhileGroupsAreSent) {
   const RemoteImageScene scene;
   const protocol::View view = scene.view(1, kAbove);
-  const plan::ViewPlan plan =
-      plan::planView(scene.data.toPlan(), view, [](const repository::FaceKey&) { return false; });
+  const plan::ViewPlan plan = plan::planView(scene.data.toPlan(), view);
   ASSERT_GT(plan.faces.size(), 4U);
   Talk talk(scene.data);
   talk.greet();
@@ -828,7 +822,7 @@ TEST(RemoteImages, newViewRequestsOnlyFacesThatAreNotUnderWay) {
   if (second) scene.answer(talk.session, *second);
   const auto after = talk.drain();
   EXPECT_TRUE(isComplete(after));
-  const auto plan = plan::planView(scene.data.toPlan(), here, [](const repository::FaceKey&) { return false; });
+  const auto plan = plan::planView(scene.data.toPlan(), here);
   const auto sent = facesIn(after);
   EXPECT_TRUE(std::is_permutation(sent.begin(), sent.end(), plan.faces.begin(), plan.faces.end()));
 }

@@ -1,0 +1,360 @@
+#include "plan/gain_order.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <queue>
+#include <unordered_map>
+
+#include "base/check.h"
+#include "repository/sampling/cube_face.h"
+
+namespace plan {
+namespace {
+
+// The formula's numbers, fitted to what pictures of random views showed (docs/decisions/gain-per-byte.md).
+constexpr float kProxyNoise2 = 1.6e-5F;  // p²
+constexpr float kColorShare = 0.45F;     // a
+constexpr float kOutline2 = 5e-4F;       // o²
+constexpr float kImageNoise2 = 5e-5F;    // n²
+constexpr float kImageShare = 0.1F;      // i
+constexpr float kShiftShare = 0.1F;      // h
+constexpr float kFarShift = 60.0F;       // f
+constexpr float kTexelShare = 0.03F;     // x
+constexpr float kTexelPower = 0.7F;
+constexpr float kShift = 3.0F;         // of s, as BlendTuning's
+constexpr float kFailingShare = 0.1F;  // q
+/// An image of some 10 kB that gains less is not sent. A picture of 40 dB has an error of 1e-4.
+constexpr float kLeastGain = 2e-7F;
+
+/// The numbers that errors at a sample depend on, after some of its groups.
+struct Shading {
+  float proxy2 = 0.0F;  // P²
+  float color2 = 0.0F;  // a c²
+  float shape = 0.0F;   // typical, scene units
+};
+
+/// One image of a sample, by the parts of its error.
+struct Look {
+  std::size_t point = 0;
+  float texel2 = 0.0F;  // the part that its texels make
+  float shift = 0.0F;   // s, for a shape that errs by 1
+
+  float error2(const Shading& shading) const {
+    const float s = shift * shading.shape;
+    const float far = s / kFarShift;
+    return kImageNoise2 + texel2 + shading.color2 * (kImageShare + kShiftShare * s / (1.0F + s) + far * far);
+  }
+};
+
+/// The best two at a place, from different points.
+struct BestTwo {
+  float best, second;
+  std::size_t best_point = SIZE_MAX;
+
+  explicit BestTwo(float proxy2) : best(proxy2), second(proxy2) {}
+  float expected() const { return (1.0F - kFailingShare) * best + kFailingShare * second; }
+  void add(std::size_t point, float error2) {
+    if (point == best_point) {
+      best = std::min(best, error2);
+    } else if (error2 < best) {
+      second = best;
+      best = error2, best_point = point;
+    } else {
+      second = std::min(second, error2);
+    }
+  }
+};
+
+struct Place {
+  std::vector<Shading> shadings;      // after 0, 1, … of its groups
+  std::vector<std::size_t> groups;    // that make the next
+  std::size_t state = 0;              // groups that came
+  std::vector<Look> looks;            // of the images that came
+  std::vector<std::uint32_t> images;  // items that show it
+
+  float expected(std::size_t at, const Look* more = nullptr) const {
+    BestTwo errors(shadings[at].proxy2);
+    for (const Look& look : looks) errors.add(look.point, look.error2(shadings[at]));
+    if (more != nullptr) errors.add(more->point, more->error2(shadings[at]));
+    return errors.expected();
+  }
+};
+
+struct Image {
+  repository::FaceKey key;
+  std::vector<std::pair<std::uint32_t, Look>> looks;  // sample, look
+  float gain = 0.0F;
+  bool is_stale = true;  // its gain may be less by now
+  bool has_come = false;
+};
+
+struct Group {
+  std::vector<std::pair<std::uint32_t, std::uint32_t>> steps;  // sample, its state before
+  std::vector<std::size_t> children;
+  std::size_t parents_left = 0;
+  float gain = 0.0F;  // of the group alone
+  bool is_stale = true;
+  bool has_come = false;
+};
+
+/// Gain and bytes of a group with the best of what it makes possible.
+struct Prospect {
+  double gain = 0.0, bytes = 1.0;
+  double rate() const { return gain / bytes; }
+};
+
+class GainOrder {
+ public:
+  GainOrder(const GainQuery& query, std::span<const SurfaceSample> samples, std::span<const ProxyPlace> places,
+            std::span<const OrderedGroup> groups)
+      : query_(query), samples_(samples), input_(groups), places_(samples.size()), groups_(groups.size()) {
+    for (std::size_t g = 0; g < groups.size(); ++g) {
+      groups_[g].parents_left = groups[g].parents.size();
+      for (const std::size_t parent : groups[g].parents) groups_[parent].children.push_back(g);
+    }
+    for (std::size_t s = 0; s < samples.size(); ++s) addPlace(static_cast<std::uint32_t>(s), places[s]);
+  }
+
+  void addPoint(std::size_t number, const glm::uvec3& point) {
+    const glm::vec3 position = query_.points.grid.point(point.x, point.y, point.z);
+    for (std::size_t s = 0; s < samples_.size(); ++s) addLooks(number, point, position, static_cast<std::uint32_t>(s));
+  }
+
+  OrderByGain order() {
+    for (std::uint32_t i = 0; i < images_.size(); ++i)
+      if (query_.is_here(images_[i].key)) take(images_[i]);
+    OrderByGain order;
+    order.error_before = expectedError();
+    order.items = takeAll();
+    order.error_after = expectedError();
+    return order;
+  }
+
+ private:
+  float expectedError() const {
+    float sum = 0.0F;
+    for (std::size_t s = 0; s < samples_.size(); ++s) sum += samples_[s].weight * places_[s].expected(places_[s].state);
+    return sum;
+  }
+
+  std::vector<OrderedItem> takeAll() {
+    for (std::uint32_t i = 0; i < images_.size(); ++i)
+      if (!images_[i].has_come) renew(i);
+    std::vector<OrderedItem> items;
+    std::size_t images_left = query_.max_images;
+    while (true) {
+      const std::optional<Prospect> group = findBestGroup();
+      const std::optional<std::uint32_t> image = images_left > 0 ? findBestImage() : std::nullopt;
+      if (!group && !image) return items;
+      if (group && (!image || group->rate() >= rateOf(images_[*image]))) {
+        items.push_back({std::nullopt, best_group_, groups_[best_group_].gain});
+        take(groups_[best_group_]);
+      } else {
+        items.push_back({images_[*image].key, 0, images_[*image].gain});
+        take(images_[*image]);
+        --images_left;
+      }
+    }
+  }
+
+  // ---- what there is ----
+
+  void addPlace(std::uint32_t s, const ProxyPlace& input) {
+    const SurfaceSample& sample = samples_[s];
+    const glm::vec3 to_eye = query_.points.eye - sample.position;
+    const float eye_distance = std::max(glm::length(to_eye), 1e-20F);
+    const float density = query_.points.pixels_per_unit_at_one / eye_distance;
+    Place& place = places_[s];
+    float color = 1.0F, shape = std::numeric_limits<float>::max();
+    const auto add = [&](const ProxyShading& shading) {
+      // Errors are estimates, and those of a finer proxy may be larger. It is no worse.
+      color = std::min(color, shading.color_error);
+      shape = std::min(shape, shading.shape_error);
+      const float shape_px = shape * density;
+      const float color2 = kColorShare * color * color;
+      place.shadings.push_back(
+          {kProxyNoise2 + color2 + kOutline2 * std::min(1.0F, shape_px * shape_px), color2, shape});
+    };
+    add(input.now);
+    for (const ProxyPlace::Refined& refined : input.refined) {
+      groups_[refined.group].steps.emplace_back(s, static_cast<std::uint32_t>(place.groups.size()));
+      place.groups.push_back(refined.group);
+      add(refined.shading);
+    }
+  }
+
+  /// The images of a point that show a sample, from the whole face down to the finest that is of use.
+  void addLooks(std::size_t number, const glm::uvec3& point, const glm::vec3& position, std::uint32_t s) {
+    const SurfaceSample& sample = samples_[s];
+    const glm::vec3 to_eye = query_.points.eye - sample.position;
+    const glm::vec3 to_point = position - sample.position;
+    const float eye_distance = glm::length(to_eye);
+    const float distance = glm::length(to_point);
+    if (!(eye_distance > 0.0F) || !(distance > 0.0F)) return;
+    float slant = 1.0F;
+    if (glm::dot(sample.normal, sample.normal) > 0.0F) {
+      // A surface that turns away from the point is not seen by it. Scans are open, so either side may be looked at.
+      const float towards_eye = glm::dot(sample.normal, to_eye) / eye_distance;
+      const float towards_point = glm::dot(sample.normal, to_point) / distance;
+      slant = towards_eye < 0.0F ? -towards_point : towards_point;
+      if (slant <= 0.0F) return;
+    }
+    if (!isInSight(query_.points, position, sample)) return;
+
+    const repository::Grid& grid = query_.points.grid;
+    const float density = query_.points.pixels_per_unit_at_one / eye_distance;
+    const auto sharpnessAt = [&](std::uint32_t depth) {
+      return 0.5F * static_cast<float>(grid.faceSideAt(depth)) / distance / density * slant;
+    };
+    std::uint32_t deepest = 0;
+    while (deepest < grid.tile_depth && sharpnessAt(deepest) < 1.0F) ++deepest;
+    const repository::FaceKey finest = repository::tileOfDirection(-to_point, deepest);
+    std::array<std::uint32_t, repository::kMaxTileDepth + 1> path{};
+    path[deepest] = finest.tile;
+    for (std::uint32_t depth = deepest; depth > 0; --depth) path[depth - 1] = repository::parentOfTile(path[depth]);
+    const auto keyAt = [&](std::uint32_t depth) {
+      return repository::FaceKey{point.x, point.y, point.z, finest.d, path[depth]};
+    };
+
+    // An absent tile leaves what it would have shown to the one above it.
+    std::uint32_t last = 0;
+    while (last < deepest && !isAbsent(keyAt(last + 1))) ++last;
+    const float angle = glm::length(to_eye / eye_distance - to_point / distance);
+    for (std::uint32_t depth = 0; depth <= last; ++depth) {
+      const float texel = 1.0F / std::clamp(sharpnessAt(depth == last ? deepest : depth), 0.01F, 1.0F);
+      const float lost = kTexelShare * std::pow(texel * texel - 1.0F, kTexelPower);
+      const Look look{number, lost * places_[s].shadings.back().color2 / kColorShare, kShift * density * angle};
+      const auto isOfUse = [&](const Shading& shading) { return look.error2(shading) < shading.proxy2; };
+      if (isOfUse(places_[s].shadings.front()) || isOfUse(places_[s].shadings.back())) addLook(keyAt(depth), s, look);
+    }
+  }
+
+  bool isAbsent(const repository::FaceKey& key) {
+    const auto [found, is_new] = absent_.try_emplace(key.code(), false);
+    if (is_new) found->second = query_.is_absent(key);
+    return found->second;
+  }
+
+  void addLook(const repository::FaceKey& key, std::uint32_t s, const Look& look) {
+    const auto [found, is_new] = numbers_.try_emplace(key.code(), static_cast<std::uint32_t>(images_.size()));
+    if (is_new) images_.push_back({key, {}});
+    images_[found->second].looks.emplace_back(s, look);
+    places_[s].images.push_back(found->second);
+  }
+
+  // ---- what it gains ----
+
+  float gainOf(const Image& image) const {
+    float sum = 0.0F;
+    for (const auto& [s, look] : image.looks) {
+      const Place& place = places_[s];
+      sum += samples_[s].weight * (place.expected(place.state) - place.expected(place.state, &look));
+    }
+    return sum;
+  }
+
+  float gainOf(const Group& group) const {
+    float sum = 0.0F;
+    for (const auto& [s, state] : group.steps)
+      sum += samples_[s].weight * (places_[s].expected(state) - places_[s].expected(state + 1));
+    return std::max(0.0F, sum);
+  }
+
+  void renew(std::uint32_t i) {
+    Image& image = images_[i];
+    image.gain = gainOf(image);
+    image.is_stale = false;
+    queue_.emplace(image.gain, images_.size() - i);  // of equals the first
+  }
+
+  double rateOf(const Image& image) const { return image.gain / static_cast<double>(query_.image_bytes); }
+
+  /// The image that gains most, if any gains enough. As images come, others gain less, but for rare second
+  /// images, so each is computed again only when it would be the next (Minoux 1978); groups renew() what they change.
+  std::optional<std::uint32_t> findBestImage() {
+    while (!queue_.empty()) {
+      const auto [gain, rank] = queue_.top();
+      const auto i = static_cast<std::uint32_t>(images_.size() - rank);
+      const Image& image = images_[i];
+      if (image.has_come || (!image.is_stale && gain != image.gain)) {
+        queue_.pop();
+      } else if (image.is_stale) {
+        queue_.pop();
+        renew(i);
+      } else {
+        return image.gain < kLeastGain ? std::nullopt : std::optional(i);
+      }
+    }
+    return std::nullopt;
+  }
+
+  /// Finds the group that may come next with the best prospect: best_group_. One that gains nothing itself may be
+  /// worth its bytes for those after it.
+  std::optional<Prospect> findBestGroup() {
+    std::optional<Prospect> best;
+    prospects_.resize(groups_.size());
+    for (std::size_t g = groups_.size(); g-- > 0;) {
+      Group& group = groups_[g];
+      if (group.has_come) continue;
+      if (group.is_stale) group.gain = gainOf(group), group.is_stale = false;
+      const Prospect alone{static_cast<double>(group.gain), static_cast<double>(input_[g].bytes)};
+      prospects_[g] = alone;
+      for (const std::size_t child : group.children) {
+        const Prospect both{alone.gain + prospects_[child].gain, alone.bytes + prospects_[child].bytes};
+        if (both.rate() > prospects_[g].rate()) prospects_[g] = both;
+      }
+      if (group.parents_left == 0 && (!best || prospects_[g].rate() >= best->rate()))
+        best = prospects_[g], best_group_ = g;
+    }
+    return best;
+  }
+
+  void take(Image& image) {
+    image.has_come = true;
+    for (const auto& [s, look] : image.looks) {
+      places_[s].looks.push_back(look);
+      for (const std::uint32_t other : places_[s].images) images_[other].is_stale = true;
+      for (const std::size_t group : places_[s].groups) groups_[group].is_stale = true;
+    }
+  }
+
+  void take(Group& group) {
+    group.has_come = true;
+    for (const std::size_t child : group.children) --groups_[child].parents_left;
+    std::vector<std::uint32_t> changed;
+    for (const auto& [s, state] : group.steps) {
+      places_[s].state = state + 1;
+      changed.insert(changed.end(), places_[s].images.begin(), places_[s].images.end());
+    }
+    std::sort(changed.begin(), changed.end());
+    changed.erase(std::unique(changed.begin(), changed.end()), changed.end());
+    for (const std::uint32_t i : changed)
+      if (!images_[i].has_come) renew(i);
+  }
+
+  const GainQuery& query_;
+  std::span<const SurfaceSample> samples_;
+  std::span<const OrderedGroup> input_;
+  std::vector<Place> places_;
+  std::vector<Group> groups_;
+  std::vector<Image> images_;
+  std::unordered_map<std::uint64_t, std::uint32_t> numbers_;  // of images, by code
+  std::unordered_map<std::uint64_t, bool> absent_;            // by code, as far as it was asked
+  std::priority_queue<std::pair<float, std::size_t>> queue_;
+  std::vector<Prospect> prospects_;
+  std::size_t best_group_ = 0;
+};
+
+}  // namespace
+
+OrderByGain orderByGain(const GainQuery& query, std::span<const glm::uvec3> points,
+                        std::span<const SurfaceSample> samples, std::span<const ProxyPlace> places,
+                        std::span<const OrderedGroup> groups) {
+  LUMIGRID_CHECK_EQ(samples.size(), places.size());
+  GainOrder order(query, samples, places, groups);
+  for (std::size_t i = 0; i < points.size(); ++i) order.addPoint(i, points[i]);
+  return order.order();
+}
+
+}  // namespace plan
