@@ -24,6 +24,8 @@ constexpr float kTexelShare = 0.03F;     // x
 constexpr float kTexelPower = 0.7F;
 constexpr float kShift = 3.0F;         // of s, as BlendTuning's
 constexpr float kFailingShare = 0.1F;  // q
+/// The share of later views' gain that counts while the eye moves. A choice (docs/decisions/gain-per-byte.md).
+constexpr float kLater = 0.3F;
 /// An image of some 10 kB that gains less is not sent. A picture of 40 dB has an error of 1e-4.
 constexpr float kLeastGain = 2e-7F;
 
@@ -33,6 +35,12 @@ struct Shading {
   float color2 = 0.0F;  // a c²
   float shape = 0.0F;   // typical, scene units
 };
+
+Shading shadingAt(const ProxyShading& proxy, float density) {
+  const float shape_px = proxy.shape_error * density;
+  const float color2 = kColorShare * proxy.color_error * proxy.color_error;
+  return {kProxyNoise2 + color2 + kOutline2 * std::min(1.0F, shape_px * shape_px), color2, proxy.shape_error};
+}
 
 /// One image of a sample, by the parts of its error.
 struct Look {
@@ -93,7 +101,8 @@ struct Group {
   std::vector<std::pair<std::uint32_t, std::uint32_t>> steps;  // sample, its state before
   std::vector<std::size_t> children;
   std::size_t parents_left = 0;
-  float gain = 0.0F;  // of the group alone
+  float gain = 0.0F;   // of the group alone, in this view
+  float later = 0.0F;  // and in others
   bool is_stale = true;
   bool has_come = false;
 };
@@ -112,6 +121,9 @@ class GainOrder {
     for (std::size_t g = 0; g < groups.size(); ++g) {
       groups_[g].parents_left = groups[g].parents.size();
       for (const std::size_t parent : groups[g].parents) groups_[parent].children.push_back(g);
+      const float gained =
+          shadingAt(groups[g].before, groups[g].density).proxy2 - shadingAt(groups[g].after, groups[g].density).proxy2;
+      if (query.is_moving) groups_[g].later = kLater * groups[g].share * std::max(0.0F, gained);
     }
     for (std::size_t s = 0; s < samples.size(); ++s) addPlace(static_cast<std::uint32_t>(s), places[s]);
   }
@@ -122,8 +134,12 @@ class GainOrder {
   }
 
   OrderByGain order() {
+    std::size_t here = 0;
     for (std::uint32_t i = 0; i < images_.size(); ++i)
-      if (query_.is_here(images_[i].key)) take(images_[i]);
+      if (query_.is_here(images_[i].key)) take(images_[i]), ++here;
+    // Tiles that are here may be too coarse by now.
+    const std::size_t least = query_.points.grid.isTiled() ? query_.max_images / 4 : 0;
+    images_left_ = std::max(least, query_.max_images - std::min(query_.max_images, here));
     OrderByGain order;
     order.error_before = expectedError();
     order.items = takeAll();
@@ -142,10 +158,9 @@ class GainOrder {
     for (std::uint32_t i = 0; i < images_.size(); ++i)
       if (!images_[i].has_come) renew(i);
     std::vector<OrderedItem> items;
-    std::size_t images_left = query_.max_images;
     while (true) {
       const std::optional<Prospect> group = findBestGroup();
-      const std::optional<std::uint32_t> image = images_left > 0 ? findBestImage() : std::nullopt;
+      const std::optional<std::uint32_t> image = images_left_ > 0 ? findBestImage() : std::nullopt;
       if (!group && !image) return items;
       if (group && (!image || group->rate() >= rateOf(images_[*image]))) {
         items.push_back({std::nullopt, best_group_, groups_[best_group_].gain});
@@ -153,7 +168,7 @@ class GainOrder {
       } else {
         items.push_back({images_[*image].key, 0, images_[*image].gain});
         take(images_[*image]);
-        --images_left;
+        --images_left_;
       }
     }
   }
@@ -171,10 +186,7 @@ class GainOrder {
       // Errors are estimates, and those of a finer proxy may be larger. It is no worse.
       color = std::min(color, shading.color_error);
       shape = std::min(shape, shading.shape_error);
-      const float shape_px = shape * density;
-      const float color2 = kColorShare * color * color;
-      place.shadings.push_back(
-          {kProxyNoise2 + color2 + kOutline2 * std::min(1.0F, shape_px * shape_px), color2, shape});
+      place.shadings.push_back(shadingAt({color, shape}, density));
     };
     add(input.now);
     for (const ProxyPlace::Refined& refined : input.refined) {
@@ -298,7 +310,7 @@ class GainOrder {
       Group& group = groups_[g];
       if (group.has_come) continue;
       if (group.is_stale) group.gain = gainOf(group), group.is_stale = false;
-      const Prospect alone{static_cast<double>(group.gain), static_cast<double>(input_[g].bytes)};
+      const Prospect alone{static_cast<double>(group.gain + group.later), static_cast<double>(input_[g].bytes)};
       prospects_[g] = alone;
       for (const std::size_t child : group.children) {
         const Prospect both{alone.gain + prospects_[child].gain, alone.bytes + prospects_[child].bytes};
@@ -344,6 +356,7 @@ class GainOrder {
   std::priority_queue<std::pair<float, std::size_t>> queue_;
   std::vector<Prospect> prospects_;
   std::size_t best_group_ = 0;
+  std::size_t images_left_ = 0;
 };
 
 }  // namespace

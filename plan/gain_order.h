@@ -40,7 +40,7 @@ namespace plan {
 
 /// How the proxy shows a piece of surface by itself.
 struct ProxyShading {
-  float color_error = 0.1F;  ///< typical, 0..1
+  float color_error = 0.0F;  ///< typical, 0..1
   float shape_error = 0.0F;  ///< typical, scene units
 };
 
@@ -57,16 +57,24 @@ struct ProxyPlace {
 struct OrderedGroup {
   std::uint64_t bytes = 1;
   std::vector<std::size_t> parents;  ///< indices of groups that must come before it, all smaller than its own
+  /// What later views may gain, for whom hidden sides turn up and edges of the picture move in: how the proxy shows the
+  /// group's place before and after it, the share of the picture that it would take if all were seen, and view pixels a
+  /// unit there.
+  ProxyShading before, after;
+  float share = 0.0F;
+  float density = 0.0F;
 };
 
 struct GainQuery {
   PointQuery points;
-  std::size_t max_images = 64;
+  std::size_t max_images = 64;  ///< with those that are here
   /// Whether a tile is known not to be stored. Its nearest ancestor then shows as much as it would.
   std::function<bool(const repository::FaceKey&)> is_absent = [](const repository::FaceKey&) { return false; };
   /// Whether the viewer has an image already, so that others gain only what they add to it.
   std::function<bool(const repository::FaceKey&)> is_here = [](const repository::FaceKey&) { return false; };
   std::uint64_t image_bytes = 10'000;  ///< of an image, as far as one knows
+  /// The eye moves, or there are no images: groups gain for later views, too. Images stay behind.
+  bool is_moving = false;
 };
 
 /// An image or a group, and by how much it lessens the squared error of the picture's colours (0..1, mean over the

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numbers>
 #include <numeric>
 #include <utility>
 
@@ -77,13 +78,34 @@ struct GroupsToSend {
   std::vector<std::size_t> place;    // of each group of the hierarchy: an index into `numbers`, or one of the above
 };
 
-GroupsToSend groupsToSend(const Scene& scene, const lod::patch::Cut& cut, const HasGroup& is_here) {
+/// All but the parents.
+OrderedGroup describe(const lod::patch::Hierarchy& hierarchy, std::uint32_t number,
+                      const lod::patch::CutRequest& request) {
+  const lod::patch::Group& group = hierarchy.groups[number];
+  OrderedGroup ordered;
+  ordered.bytes = std::max<std::uint64_t>(1, group.block_bytes);
+  if (number == 0) return ordered;  // it comes first whatever it gains
+  ordered.before = {group.typical_color_error, group.typical_error};
+  for (std::uint32_t p = group.first_patch; p < group.first_patch + group.patch_count; ++p) {
+    const ProxyShading finer = shadingOf(hierarchy, hierarchy.patches[p]);
+    ordered.after.color_error += finer.color_error / static_cast<float>(group.patch_count);
+    ordered.after.shape_error += finer.shape_error / static_cast<float>(group.patch_count);
+  }
+  const float distance = std::max(glm::length(group.bounds.center - request.camera.eye), group.bounds.radius);
+  ordered.density = request.camera.pixelsPerUnitAtOne() / distance;
+  const float radius_px = group.bounds.radius * ordered.density;
+  const float pixels = static_cast<float>(request.camera.width) * static_cast<float>(request.camera.height);
+  ordered.share = std::min(1.0F, std::numbers::pi_v<float> * radius_px * radius_px / pixels);
+  return ordered;
+}
+
+GroupsToSend groupsToSend(const Scene& scene, const LocalView& local, const HasGroup& is_here) {
   GroupsToSend send;
   send.place.assign(scene.hierarchy->groups.size(), GroupsToSend::kNotExpanded);
-  for (const std::uint32_t group : cut.expanded) {
+  for (const std::uint32_t group : local.cut.expanded) {
     send.place[group] = GroupsToSend::kHeld;
     if (is_here(group)) continue;
-    OrderedGroup ordered{std::max<std::uint64_t>(1, scene.hierarchy->groups[group].block_bytes), {}};
+    OrderedGroup ordered = describe(*scene.hierarchy, group, local.request);
     for (const std::uint32_t parent : scene.hierarchy->parentsOf(group))
       if (send.place[parent] < GroupsToSend::kHeld) ordered.parents.push_back(send.place[parent]);
     send.place[group] = send.numbers.size();
@@ -137,6 +159,7 @@ OrderByGain orderItems(const Scene& scene, const LocalView& local, const PointQu
   GainQuery gain{query, std::max(query.grid.isTiled() ? kMinTiles : kMinFaces, per_point * query.max_points)};
   gain.image_bytes = scene.image_bytes.typical(guessedImageBytes(query.grid));
   gain.is_here = is_here;
+  gain.is_moving = scene.is_moving || points.empty();
   if (scene.is_absent) gain.is_absent = scene.is_absent;
   return orderByGain(gain, points, samples, places, send.groups);
 }
@@ -146,11 +169,12 @@ void appendOtherFaces(const Scene& scene, const LocalView& local, const PointQue
                       std::span<const glm::uvec3> points, const HasFace& is_here,
                       std::vector<repository::FaceKey>& faces) {
   const std::size_t most = std::max(kMinFaces, kFacesPerPoint * query.max_points);
-  std::size_t in_sight = 0;
+  std::size_t count = faces.size();  // with those that are there
   for (const repository::FaceKey& key :
        orderFaces(query, points, surfaceIn(scene, local, kSurfaceColumns, kSurfaceRows))) {
-    if (++in_sight > most) return;
-    if (!is_here(key) && std::find(faces.begin(), faces.end(), key) == faces.end()) faces.push_back(key);
+    if (std::find(faces.begin(), faces.end(), key) != faces.end()) continue;
+    if (++count > most) return;
+    if (!is_here(key)) faces.push_back(key);
   }
 }
 
@@ -161,7 +185,7 @@ std::vector<glm::uvec3> pointsFor(const Scene& scene, const LocalView& local, co
 /// Takes groups and faces of the view into the plan.
 void planItems(const Scene& scene, const LocalView& local, const PointQuery& query, std::span<const glm::uvec3> points,
                const Holdings& present, ViewPlan& plan) {
-  const GroupsToSend send = groupsToSend(scene, local.cut, present.group);
+  const GroupsToSend send = groupsToSend(scene, local, present.group);
   const OrderByGain order = orderItems(scene, local, query, points, send, present.face);
   plan.error_before = order.error_before;
   plan.error_after = order.error_after;
@@ -187,6 +211,15 @@ std::vector<repository::FaceKey> othersOf(const repository::Grid& grid, const gl
 }
 
 }  // namespace
+
+bool isMoving(const protocol::Welcome& welcome, const protocol::View& newest, const protocol::View& previous) {
+  constexpr double kLongestStep = 0.1, kWidestTurn = 0.9;  // of the scene's diagonal; a cosine
+  const double step = glm::length(newest.camera.position - previous.camera.position);
+  const double turn = glm::dot(newest.camera.direction, previous.camera.direction);
+  const bool is_same = step == 0.0 && newest.camera.direction == previous.camera.direction;
+  return !is_same && turn > kWidestTurn &&
+         step < kLongestStep * static_cast<double>(glm::length(welcome.box_max - welcome.box_min));
+}
 
 lod::patch::CutRequest cutRequestFor(const protocol::Welcome& welcome, const protocol::View& view) {
   const base::Sphere scene{0.5F * (welcome.box_min + welcome.box_max),

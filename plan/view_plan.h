@@ -36,6 +36,7 @@ struct Scene {
   /// Whether a tile is known not to be stored; null: nothing is known.
   std::function<bool(const repository::FaceKey&)> is_absent = nullptr;
   ImageBytes image_bytes = {};
+  bool is_moving = false;  ///< the eye moves (isMoving())
 };
 
 /// The coarse whole model that is sent or fetched first has at most this many bytes: 0.1 s at 4 Mbit/s.
@@ -74,6 +75,9 @@ struct Holdings {
 
 /// The server's limit on the sampling points of one view (docs/formats/protocol.md, View).
 inline constexpr std::size_t kMaxPointsPerView = 64;
+
+/// Whether the eye went on from one view to the next: by no jump, and not by nothing.
+bool isMoving(const protocol::Welcome& welcome, const protocol::View& newest, const protocol::View& previous);
 
 /// The camera of a view in scene-local terms, with the limits that the client's cut keeps.
 lod::patch::CutRequest cutRequestFor(const protocol::Welcome& welcome, const protocol::View& view);

@@ -117,7 +117,8 @@ plan::Scene StaticSource::planScene() {
           points_.treeOrNull(),
           sight_ ? &*sight_ : nullptr,
           [this](const FaceKey& key) { return isAbsent(key); },
-          image_bytes_};
+          image_bytes_,
+          previous_ && newest_ && plan::isMoving(scene_.welcome, *newest_, *previous_)};
 }
 
 /// Whether the index is known not to have a tile.

@@ -9,14 +9,15 @@ namespace repository {
 /// For an empty flag both images are empty.
 struct FacePixels {
   base::Image rgb;
-  base::Image mask;  ///< one channel: 255 model, 0 background, where the colours are filler
+  base::Image mask;  ///< one channel: 255 model, 0 background, where the colours are filler; WebP may be in between
 };
 
 /// A picture must be `side` × `side` pixels large; with `side` 0, which exact frames use, it may have any size. Errors:
-/// those of decodeFaceValue, decodeJpeg and decodeCoverage, and a picture of another size.
+/// those of decodeFaceValue, decodeJpeg, decodeCoverage and decodeWebp, a mask beside WebP's alpha, and a picture of
+/// another size.
 base::Result<FacePixels> decodeFacePixels(base::ByteView value, int side);
 
-/// Decodes likewise into RGBA, with alpha 255 on the model and 0 on the background, not premultiplied. The image is
+/// Decodes likewise into RGBA, with the mask as alpha, not premultiplied. The image is
 /// empty for an empty flag.
 base::Result<base::Image> decodeFaceImage(base::ByteView value, int side);
 

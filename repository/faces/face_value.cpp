@@ -30,6 +30,16 @@ base::Error badValue(const std::string& problem) {
 
 }  // namespace
 
+const char* nameOf(ImageCodec codec) {
+  return codec == ImageCodec::kWebp ? "webp" : "jpeg";
+}
+
+std::optional<ImageCodec> imageCodecOf(std::string_view name) {
+  for (const ImageCodec codec : {ImageCodec::kJpeg, ImageCodec::kWebp})
+    if (name == nameOf(codec)) return codec;
+  return std::nullopt;
+}
+
 bool isWebp(base::ByteView picture) {
   const auto holds = [&](std::size_t at, std::string_view text) {
     return std::equal(text.begin(), text.end(), picture.begin() + static_cast<std::ptrdiff_t>(at));

@@ -1,5 +1,5 @@
 #pragma once
-// Encodes and decodes lossy WebP with alpha, by libwebp. Exact frames alone are WebP: stored faces are JPEG.
+// Encodes and decodes lossy WebP with alpha, by libwebp. Exact frames and stored tiles are, where nobody asks for JPEG.
 #include <cstdint>
 
 #include "base/bytes.h"

@@ -84,6 +84,12 @@ base::Result<std::optional<SampleTree>> treeFromText(const std::string& text, co
   return std::optional(std::move(*tree));
 }
 
+std::string codecFromMeta(const std::string& meta) {
+  const json root = base::parseJson(base::viewOfText(meta));
+  const auto codec = root.is_object() ? root.find("codec") : root.end();
+  return codec != root.end() && codec->is_string() ? codec->get<std::string>() : "jpeg";
+}
+
 base::Result<SampledPoints> sampledPointsFromMeta(const std::string& meta, const std::string& name) {
   LUMIGRID_ASSIGN_OR_RETURN(auto grid, gridFromMeta(meta, name));
   LUMIGRID_ASSIGN_OR_RETURN(auto tree, treeFromText(meta, grid, name));

@@ -24,6 +24,9 @@ std::string withoutTree(const std::string& text);
 base::Result<std::optional<SampleTree>> treeFromText(const std::string& text, const Grid& grid,
                                                      const std::string& name);
 
+/// The codec of the images, "jpeg" or "webp", as the text names it; "jpeg" where it names none.
+std::string codecFromMeta(const std::string& meta);
+
 /// The grid together with the tree that the text may hold.
 base::Result<SampledPoints> sampledPointsFromMeta(const std::string& meta, const std::string& name);
 

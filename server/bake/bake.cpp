@@ -183,7 +183,7 @@ class FaceBake {
         stored_(stored),
         committer_(store, facesPerCommit(options), windowOf(options)),
         faces_(makeFaces({scene, patches, options.grid, renderOptions(options), options.quality, options.subsampling,
-                          limits.gpu_budget_bytes},
+                          limits.gpu_budget_bytes, options.codec},
                          limits)) {}
 
   base::Result<void> run(const std::function<bool(const BakeProgress&)>& progress) {
@@ -309,6 +309,14 @@ RenderOptions renderOptions(const BakeOptions& options) {
   return render;
 }
 
+std::string codingText(const BakeOptions& options) {
+  const auto line = [](const char* name, const char* value) {
+    return std::string(",\n\"") + name + "\": \"" + value + "\"";
+  };
+  return options.codec == repository::ImageCodec::kJpeg ? line("subsampling", repository::nameOf(options.subsampling))
+                                                        : line("codec", repository::nameOf(options.codec));
+}
+
 std::string storeParameters(const base::Scene& scene, const BakeOptions& options) {
   const repository::Grid& grid = options.grid;
   std::string patch_sha256;
@@ -320,8 +328,7 @@ std::string storeParameters(const base::Scene& scene, const BakeOptions& options
        << ", \"count\": [" << grid.count.x << ", " << grid.count.y << ", " << grid.count.z << "]"
        << ", \"face_size\": " << grid.face_size;
   if (grid.isTiled()) text << ", \"tile_depth\": " << grid.tile_depth;
-  text << "},\n\"quality\": " << options.quality << ",\n\"subsampling\": \"" << repository::nameOf(options.subsampling)
-       << "\""
+  text << "},\n\"quality\": " << options.quality << codingText(options)
        << ",\n\"tolerance\": " << number(options.tolerance_px) << ",\n\"supersampling\": " << options.supersampling
        << ",\n\"light\": \"" << (scene.light.mode == base::LightMode::kUnlit ? "unlit" : "soft") << "\""
        << ",\n\"light direction\": " << numbers(scene.light.direction) << ",\n\"patch.lgp\": \"" << patch_sha256 << "\""

@@ -14,6 +14,7 @@
 #include "base/resource_limits.h"
 #include "base/view_defaults.h"
 #include "lod/patch/format.h"
+#include "repository/faces/face_value.h"
 #include "repository/faces/jpeg.h"
 #include "repository/sampling/grid.h"
 #include "repository/sampling/sample_tree.h"
@@ -34,10 +35,11 @@ struct PointSelection {
 struct BakeOptions {
   repository::Grid grid;
   repository::Shard shard;  ///< only the points of this shard are rendered; the default is all of them
-  int quality = base::ViewDefaults::kQuality;  ///< JPEG, 1..100
-  repository::Subsampling subsampling = repository::Subsampling::k420;
-  float tolerance_px = base::ViewDefaults::kExactTolerance;  ///< face pixels
-  int supersampling = 2;                                     ///< samples along each side of a face pixel
+  repository::ImageCodec codec = repository::ImageCodec::kJpeg;
+  int quality = base::ViewDefaults::kQuality;                           ///< 1..100
+  repository::Subsampling subsampling = repository::Subsampling::k420;  ///< of JPEG
+  float tolerance_px = base::ViewDefaults::kExactTolerance;             ///< face pixels
+  int supersampling = 2;                                                ///< samples along each side of a face pixel
   /// Faces of up to 512 pixels per commit; of tiled ones, which are larger, as many fewer (facesPerCommit()).
   std::uint32_t batch_faces = 300;
   base::ResourceLimits limits;  ///< memory: of this process and those that draw for it, together

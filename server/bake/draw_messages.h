@@ -39,6 +39,7 @@ struct DrawOrder {
   RenderOptions render;
   int quality = 0;
   repository::Subsampling subsampling = repository::Subsampling::k420;
+  repository::ImageCodec codec = repository::ImageCodec::kJpeg;
   std::uint64_t gpu_budget_bytes = 0;
 };
 

@@ -15,6 +15,7 @@
 #include "base/json/scene_file.h"
 #include "base/view_defaults.h"
 #include "lod/patch/format.h"
+#include "repository/faces/face_value.h"
 #include "repository/faces/jpeg.h"
 #include "repository/sampling/grid.h"
 #include "repository/sampling/key.h"
@@ -77,9 +78,10 @@ struct FaceWork {
   const lod::patch::PatchFile& patches;
   repository::Grid grid;
   RenderOptions render;
-  int quality = base::ViewDefaults::kQuality;  ///< JPEG, 1..100
-  repository::Subsampling subsampling = repository::Subsampling::k420;
-  std::uint64_t gpu_budget_bytes = std::uint64_t{2} << 30;  ///< uploaded patches, of each context
+  int quality = base::ViewDefaults::kQuality;                           ///< 1..100
+  repository::Subsampling subsampling = repository::Subsampling::k420;  ///< of JPEG
+  std::uint64_t gpu_budget_bytes = std::uint64_t{2} << 30;              ///< uploaded patches, of each context
+  repository::ImageCodec codec = repository::ImageCodec::kJpeg;
 };
 
 class DrawThread {

@@ -1,11 +1,13 @@
 #include "server/bake/face_encoder.h"
 
+#include <algorithm>
 #include <utility>
 
 #include "base/check.h"
 #include "repository/faces/coverage.h"
 #include "repository/faces/face_value.h"
 #include "repository/faces/filler.h"
+#include "repository/faces/webp.h"
 #include "server/bake/face_pyramid.h"
 
 namespace server {
@@ -49,10 +51,35 @@ base::Result<EncodedImage> encodeImage(const base::Image& rgba, int quality, rep
   return image;
 }
 
+base::Result<EncodedImage> encodeWebpImage(const base::Image& rgba, int quality, std::uint8_t children) {
+  LUMIGRID_CHECK_EQ(rgba.channels, 4);
+  EncodedImage image;
+  image.empty = children == 0 && !showsModel(rgba);
+  if (image.empty) {
+    image.value = repository::encodeFaceValue({});
+    return image;
+  }
+
+  const base::Image mask = coverageMask(rgba);
+  const base::Image filled = repository::fillBackground(rgba, mask);
+  base::Image masked(rgba.width, rgba.height, 4);
+  for (std::size_t i = 0; i < mask.pixels.size(); ++i) {
+    std::copy_n(&filled.pixels[3 * i], 3, &masked.pixels[4 * i]);
+    masked.pixels[4 * i + 3] = mask.pixels[i];
+  }
+  LUMIGRID_ASSIGN_OR_RETURN(const auto webp, repository::encodeWebp(masked, quality));
+  image.jpeg_bytes = webp.size();
+  image.value = repository::encodeFaceValue({.empty = false, .picture = webp, .coverage = {}, .children = children});
+  return image;
+}
+
 base::Result<EncodedFace> encodeFace(const base::Image& rgba, const FaceCoding& coding) {
   EncodedFace face;
   const auto add = [&](const base::Image& picture, const ChosenTile& chosen) -> base::Result<void> {
-    LUMIGRID_ASSIGN_OR_RETURN(auto image, encodeImage(picture, coding.quality, coding.subsampling, chosen.children));
+    LUMIGRID_ASSIGN_OR_RETURN(auto image,
+                              coding.codec == repository::ImageCodec::kWebp
+                                  ? encodeWebpImage(picture, coding.quality, chosen.children)
+                                  : encodeImage(picture, coding.quality, coding.subsampling, chosen.children));
     if (chosen.tile == 0) face.empty = image.empty;
     face.jpeg_bytes += image.jpeg_bytes;
     face.coverage_bytes += image.coverage_bytes;

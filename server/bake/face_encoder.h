@@ -7,6 +7,7 @@
 #include "base/error.h"
 #include "base/image.h"
 #include "base/view_defaults.h"
+#include "repository/faces/face_value.h"
 #include "repository/faces/jpeg.h"
 
 namespace server {
@@ -15,20 +16,21 @@ namespace server {
 struct EncodedImage {
   base::Bytes value;  ///< repository::encodeFaceValue
   bool empty = true;
-  std::uint64_t jpeg_bytes = 0;
+  std::uint64_t jpeg_bytes = 0;  ///< of the picture, whatever its codec
   std::uint64_t coverage_bytes = 0;
 };
 
-/// How a bake encodes its faces.
 /// Alpha from which a pixel of a face is stored as model. Images carve the proxy where they agree on background, so a
 /// pixel is background only where nothing crosses it: with half of a pixel, as pictures have it, lines thinner than a
 /// texel vanished from the proxy (docs/decisions/edges.md). Coarse tiles average 4 × 4 pixels of finer ones at least.
 inline constexpr std::uint8_t kStoredCoverage = 16;
 
+/// How a bake encodes its faces.
 struct FaceCoding {
-  int quality = base::ViewDefaults::kQuality;  ///< JPEG, 1..100
-  repository::Subsampling subsampling = repository::Subsampling::k420;
+  int quality = base::ViewDefaults::kQuality;                           ///< 1..100
+  repository::Subsampling subsampling = repository::Subsampling::k420;  ///< of JPEG
   std::uint32_t tile_depth = 0;  ///< depth of the finest tiles; 0: a face is one image
+  repository::ImageCodec codec = repository::ImageCodec::kJpeg;
 };
 
 struct EncodedTile {
@@ -57,6 +59,9 @@ bool showsModel(const base::Image& rgba, std::uint8_t least_alpha = kStoredCover
 /// the same libjpeg-turbo.
 base::Result<EncodedImage> encodeImage(const base::Image& rgba, int quality, repository::Subsampling subsampling,
                                        std::uint8_t children = 0, std::uint8_t least_alpha = kStoredCoverage);
+
+/// The same as WebP, whose alpha, without loss, is the mask.
+base::Result<EncodedImage> encodeWebpImage(const base::Image& rgba, int quality, std::uint8_t children = 0);
 
 /// `rgba`: a face as it was drawn, that of repository::wholeFaceCamera() where it is to be cut into tiles; then those
 /// tiles are encoded that chooseTiles() chooses. As reproducible as encodeImage().

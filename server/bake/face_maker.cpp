@@ -32,7 +32,7 @@ class LocalFaceMaker : public FaceMaker {
   void encode(std::uint64_t sequence, const repository::FaceKey& key, RenderedPicture rendered) {
     auto picture = std::make_shared<base::Image>(std::move(rendered.rgba));
     encoders_.submit([this, sequence, key, picture] {
-      auto face = encode_(*picture, {work_.quality, work_.subsampling, work_.grid.tile_depth});
+      auto face = encode_(*picture, {work_.quality, work_.subsampling, work_.grid.tile_depth, work_.codec});
       if (!face) return on_error_(face.error());
       on_face_(sequence, key, std::move(*face));
     });

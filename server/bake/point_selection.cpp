@@ -206,7 +206,8 @@ base::Result<void> ImageBytes::measure(const std::vector<glm::uvec3>& points) {
     std::vector<repository::FaceKey> keys;
     for (std::uint32_t d = 0; d < 6; ++d) keys.push_back({point.x, point.y, point.z, d});
     const auto add = [this, &failed, sum = &bytes->second](std::size_t, RenderedPicture rendered) {
-      const auto face = encodeFace(rendered.rgba, {options_.quality, options_.subsampling, options_.grid.tile_depth});
+      const auto face =
+          encodeFace(rendered.rgba, {options_.quality, options_.subsampling, options_.grid.tile_depth, options_.codec});
       if (face)
         *sum += face->valueBytes();
       else

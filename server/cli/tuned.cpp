@@ -52,7 +52,7 @@ Parameters withoutChoice(Parameters parameters) {
 }
 
 Parameters withoutEncoding(Parameters parameters) {
-  for (const char* name : {"tune", "quality", "subsampling"}) parameters.erase(name);
+  for (const char* name : {"codec", "tune", "quality", "subsampling"}) parameters.erase(name);
   return withoutChoice(std::move(parameters));
 }
 

@@ -15,7 +15,7 @@ using Parameters = std::map<std::string, std::string>;
 
 /// The parameters without the choice.
 Parameters withoutChoice(Parameters parameters);
-/// The parameters without those of encoding images: tune, quality, subsampling, and the choice.
+/// The parameters without those of encoding images: codec, tune, quality, subsampling, and the choice.
 Parameters withoutEncoding(Parameters parameters);
 
 void storeChoice(const TuneChoice& choice, Parameters& parameters);

@@ -7,6 +7,7 @@
 
 #include "base/json/annotations_file.h"
 #include "protocol/welcome.h"
+#include "repository/faces/face_value.h"
 #include "repository/objects/cached_source.h"
 #include "repository/objects/mirror.h"
 #include "repository/objects/objects.h"
@@ -29,6 +30,7 @@ base::Result<void> setImages(std::unique_ptr<repository::Store> store, const std
   if (!meta->has_value()) return {};  // a bake that was stopped before its first batch
   LUMIGRID_ASSIGN_OR_RETURN(open.points, repository::sampledPointsFromMeta(**meta, path));
   open.data.tree = open.points.treeOrNull();
+  open.data.images_are_webp = repository::codecFromMeta(**meta) == repository::nameOf(repository::ImageCodec::kWebp);
   open.images = std::move(store);
   open.data.images = open.images.get();
   open.data.welcome.grid = open.points.grid;

@@ -58,8 +58,8 @@ base::Result<void> Session::acceptMessage(const protocol::Hello& hello) {
                                                  "; update the " + (client_older ? "client" : "server"));
   }
   client_ = hello.client;
-  const bool decodes_webp = (hello.frame_codecs & protocol::kDecodesWebp) != 0;
-  frames_.setCodec(decodes_webp ? protocol::FrameCodec::kWebp : protocol::FrameCodec::kJpeg);
+  decodes_webp_ = (hello.frame_codecs & protocol::kDecodesWebp) != 0;
+  frames_.setCodec(decodes_webp_ ? protocol::FrameCodec::kWebp : protocol::FrameCodec::kJpeg);
   if (scene_.patches == nullptr) return refuseSplatsOnly();
   phase_ = Phase::kReady;
   const lod::patch::Hierarchy& hierarchy = scene_.patches->hierarchy();
@@ -157,7 +157,9 @@ std::optional<base::Bytes> Session::nextOther() {
 
 plan::Scene Session::sceneToPlan() const {
   plan::Scene scene = scene_.toPlan();
+  scene.images = scene.images && (decodes_webp_ || !scene_.images_are_webp);
   scene.image_bytes = image_bytes_;
+  scene.is_moving = previous_ && newest_ && plan::isMoving(scene_.welcome, *newest_, *previous_);
   scene.is_absent = [this](const repository::FaceKey& key) {
     if (scene_.images_are_remote) return absent_.count(key) != 0;
     const auto is_there = scene_.images->contains(key);

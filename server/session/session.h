@@ -41,6 +41,7 @@ struct SceneData {
   const lod::patch::ProxySight* sight = nullptr;   ///< occlusion, for the choice of images; null: nothing is occluded
   const repository::Store* images = nullptr;       ///< null: no repository
   bool images_are_remote = false;  ///< true: the caller fetches them for nextFaceRequest(); false: sessions read them
+  bool images_are_webp = false;    ///< true: clients that do not decode WebP get none
   const repository::SampleTree* tree = nullptr;  ///< the sampled points; null: all of the grid
   repository::AccessCounter* access = nullptr;   ///< counts each face and group that nextMessage() returns; may be null
   std::uint64_t ahead_bytes = plan::kPrefetchBytes;  ///< prefetched per view after Completion; 0: nothing
@@ -143,6 +144,7 @@ class Session {
   std::vector<bool> has_group_;
   std::unordered_set<repository::FaceKey> has_face_;
   std::vector<std::uint32_t> coarse_;
+  bool decodes_webp_ = false;
   plan::ImageBytes image_bytes_;
 
   // Its views.

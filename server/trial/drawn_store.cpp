@@ -13,8 +13,8 @@ base::Result<std::optional<base::Bytes>> DrawnStore::get(const repository::FaceK
   const auto cameras = faceCameras(renderer_, options_.grid, {key.face()});
   LUMIGRID_ASSIGN_OR_RETURN(const auto picture,
                             gl_.use([&] { return renderer_.render(cameras.front(), renderOptions(options_)); }));
-  LUMIGRID_ASSIGN_OR_RETURN(
-      auto face, encodeFace(picture.rgba, {options_.quality, options_.subsampling, options_.grid.tile_depth}));
+  LUMIGRID_ASSIGN_OR_RETURN(auto face, encodeFace(picture.rgba, {options_.quality, options_.subsampling,
+                                                                 options_.grid.tile_depth, options_.codec}));
   repository::FaceKey tile_key = key.face();
   for (EncodedTile& tile : face.tiles) {
     tile_key.tile = tile.tile;

@@ -101,13 +101,19 @@ TEST_F(GainOrders, noMoreThanAskedFor) {
 class GainOrdersOfGroups : public GainOrders {
  protected:
   std::vector<OrderedItem> choose(float left, float right, std::uint64_t bytes = 20'000) {
-    groups_ = {{1000, {}}, {bytes, {0}}, {bytes, {0}}};
+    groups_ = {group(1000, {}), group(bytes, {0}), group(bytes, {0})};
     std::vector<ProxyPlace> places;
     for (const SurfaceSample& sample : samples_) {
       const bool is_left = sample.position.y < 0.0F;
       places.push_back({{0.3F, 0.1F}, {{0, {0.2F, 0.03F}}, {is_left ? 1U : 2U, {is_left ? left : right, 0.001F}}}});
     }
     return orderByGain(query_, points_, samples_, places, groups_).items;
+  }
+  static OrderedGroup group(std::uint64_t bytes, std::vector<std::size_t> parents) {
+    OrderedGroup group;
+    group.bytes = bytes;
+    group.parents = std::move(parents);
+    return group;
   }
   static std::size_t placeOf(const std::vector<OrderedItem>& items, std::size_t group) {
     const auto found =
@@ -152,7 +158,7 @@ TEST_F(GainOrdersOfGroups, gainsAreWhatTheExpectedErrorLoses) {
 }
 
 TEST_F(GainOrdersOfGroups, aGroupThatOnlyMakesAnotherPossibleIsWorthItsBytes) {
-  groups_ = {{1000, {}}, {1000, {0}}, {1000, {}}};
+  groups_ = {group(1000, {}), group(1000, {0}), group(1000, {})};
   std::vector<ProxyPlace> places;
   for (const SurfaceSample& sample : samples_)
     if (sample.position.y < 0.0F)

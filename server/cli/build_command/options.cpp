@@ -92,7 +92,12 @@ void declareImageOptions(CLI::App& command, BuildArguments& a) {
                   "instead of tiles, plain images of so many pixels along one side, as the paper's (512)")
       ->check(CLI::Range(16, 4096));
   declareTileOptions(command, a);
-  command.add_option("--quality", a.bake.quality, "JPEG quality")->check(CLI::Range(1, 100));
+  command
+      .add_option("--codec", a.codec,
+                  "how images are coded: webp takes about half of the bytes; jpeg also serves viewers that decode "
+                  "nothing else (default: webp for tiles, and jpeg for plain images and with --tune or --subsampling)")
+      ->check(CLI::IsMember({"jpeg", "webp"}));
+  command.add_option("--quality", a.bake.quality, "quality of JPEG or WebP")->check(CLI::Range(1, 100));
   command
       .add_option("--subsampling", a.subsampling,
                   "JPEG chroma subsampling; 420 halves the bytes, 444 keeps strong colours")
@@ -197,11 +202,14 @@ Parameters recordedBeside(const CLI::App& given, const Parameters& parameters) {
   Parameters recorded = withoutChoice(parameters);
   recorded.try_emplace("stitch", "off");  // scenes of programs that did not stitch
   if (recorded.contains("tune")) recorded.erase("subsampling");
+  recorded.try_emplace("codec", "jpeg");  // scenes of programs that knew no other
   if (isGiven(given, "--face")) recorded.erase("tiles");
   if (isGiven(given, "--tiles")) recorded.erase("face");
   if (isGiven(given, "--quality") || isGiven(given, "--subsampling")) recorded.erase("tune");
   if (isGiven(given, "--tune") && given.get_option("--tune")->as<std::string>() != "off")
     for (const char* name : {"quality", "subsampling"}) recorded.erase(name);
+  if (isGiven(given, "--codec") && given.get_option("--codec")->as<std::string>() == "webp")
+    for (const char* name : {"tune", "subsampling"}) recorded.erase(name);
   return recorded;
 }
 
@@ -237,12 +245,12 @@ Parameters parametersOf(const BuildArguments& a) {
   Parameters parameters{{"methods", listMethods([&](const char* method) { return wants(a, method); })},
                         {"grid", number(a.grid)},
                         {a.tile_depth == 0 ? "face" : "tiles", number(a.tile_depth == 0 ? a.face : a.tile_depth)},
+                        {"codec", a.codec},
                         {"margin", number(a.margin)},
                         {"light", a.light},
                         {"up", a.up},
                         {"units", a.units},
                         {a.tune_db ? "tune" : "quality", a.tune_db ? number(*a.tune_db) : number(a.bake.quality)},
-                        {"subsampling", a.tune_db ? "tuned" : a.subsampling},
                         {"tolerance", number(a.bake.tolerance_px)},
                         {"supersampling", number(a.bake.supersampling)},
                         {"voxel-triangles", number(a.hierarchy.voxel_triangles)},
@@ -251,6 +259,7 @@ Parameters parametersOf(const BuildArguments& a) {
                         {"position-bits", number(a.hierarchy.position_bits)},
                         {"regroup", a.regroup},
                         {"stitch", a.stitch}};
+  if (a.codec == "jpeg") parameters["subsampling"] = a.tune_db ? "tuned" : a.subsampling;
   const PointSelection& selection = a.bake.selection;
   if (selection.views != 0) {
     parameters["views"] = number(selection.views);
@@ -280,6 +289,11 @@ std::string usageError(const CLI::App& command, BuildArguments& a) {
     return "--face gives the size of plain images, and --tiles makes others: leave out one of the two";
   if (a.tiles.empty()) a.tiles = a.face != 0 ? "off" : kAuto;
   if (a.face == 0) a.face = kUsualFace;
+  const bool needs_jpeg = a.tune_db || isGiven(command, "--subsampling");
+  if (a.codec == "webp" && needs_jpeg)
+    return "--tune and --subsampling are for JPEG: leave them out, or give --codec jpeg";
+  if (a.codec.empty()) a.codec = a.tiles == "off" || needs_jpeg ? "jpeg" : "webp";
+  a.bake.codec = *repository::imageCodecOf(a.codec);
   if (a.tiles != kAuto && isGiven(command, "--view-pixels")) return "--view-pixels belongs to --tiles auto";
   a.tile_depth = tileDepthOf(a.tiles, a.view_pixels);
   const bool selects = isGiven(command, "--worth") || a.bake.selection.budget_bytes != 0 || !a.views_from.empty();

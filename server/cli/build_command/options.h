@@ -31,6 +31,7 @@ struct BuildArguments {
   std::string tiles;             ///< off, auto or a depth, as given; usageError() fills in what was not
   std::uint32_t tile_depth = 0;  ///< --tiles as a depth; 0: plain faces of `face` pixels
   double view_pixels = 24.0;
+  std::string codec;  ///< jpeg or webp, as given; usageError() fills in what was not
   double margin = 0.5;
   std::string tmpdir, regroup = "on", stitch = "auto";
   std::string views_from;  ///< a scene; empty: views are drawn anywhere

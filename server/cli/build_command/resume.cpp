@@ -50,6 +50,7 @@ Fit fitOf(const BuildArguments& a, const std::vector<base::SceneSource>& sources
   Parameters recorded = withoutChoice(scene.parameters);
   recorded.erase(kShardsParameter);
   recorded.try_emplace("stitch", "off");  // scenes of programs that did not stitch
+  recorded.try_emplace("codec", "jpeg");  // or knew no other codec
   Parameters wanted = parametersOf(a);
   if (!sameHierarchies(a, recorded, wanted)) return Fit::kOther;
   if (!wants(a, "images")) return Fit::kSame;

@@ -53,8 +53,12 @@ TEST(FrameImage, aFaceDecodesAsAFace) {
   EXPECT_TRUE(decodeFrameImage(encodeFaceValue({}), kMaxPixels)->empty());
 }
 
-TEST(FrameImage, aStoredFaceIsNeverWebp) {
-  EXPECT_FALSE(decodeFaceImage(webpValue(), 0));
+TEST(FrameImage, aStoredFaceMayBeWebpOfItsSizeAlone) {
+  const auto image = decodeFaceImage(webpValue(), 0);
+  ASSERT_TRUE(image);
+  EXPECT_EQ(image->pixels, decodeFrameImage(webpValue(), kMaxPixels)->pixels);
+  EXPECT_FALSE(decodeFaceImage(webpValue(), 16)) << "it is no square of 16";
+  EXPECT_FALSE(decodeFaceImage(webpValue(base::Bytes{1, 2, 3}), 0)) << "a mask beside its alpha";
 }
 
 TEST(FrameImage, aMaskBesideAlphaIsRefused) {

@@ -7,6 +7,7 @@
 #include <cmath>
 
 #include "repository/faces/coverage.h"
+#include "repository/faces/face_image.h"
 #include "repository/faces/face_value.h"
 #include "repository/faces/jpeg.h"
 #include "server/bake/face_encoder.h"
@@ -148,6 +149,27 @@ TEST(FacePyramid, encodedTilesNameTheirChildren) {
   EXPECT_EQ(stored, chooseTiles(FacePyramid(face, 2)));
   EXPECT_EQ(stored.size(), 9U);
   EXPECT_EQ(coded->valueBytes(), bytes);
+}
+
+TEST(FacePyramid, webpHoldsThePixelsAndTheMaskThatJpegHolds) {
+  base::Image face = faceOf(2);
+  paintChequers(face, 16 + 400, 16 + 400, 200, 200);
+  const auto jpeg = encodeFace(face, {95, repository::Subsampling::k444, 2});
+  const auto webp = encodeFace(face, {95, repository::Subsampling::k444, 2, repository::ImageCodec::kWebp});
+  ASSERT_TRUE(jpeg && webp);
+  ASSERT_EQ(jpeg->tiles.size(), webp->tiles.size());
+  EXPECT_EQ(webp->coverage_bytes, 0U);
+  for (std::size_t i = 0; i < jpeg->tiles.size(); ++i) {
+    const auto one = repository::decodeFaceValue(jpeg->tiles[i].value);
+    const auto other = repository::decodeFaceValue(webp->tiles[i].value);
+    ASSERT_TRUE(one && other);
+    EXPECT_TRUE(repository::isWebp(other->picture));
+    EXPECT_EQ(one->children, other->children);
+    const auto a = repository::decodeFacePixels(jpeg->tiles[i].value, 256);
+    const auto b = repository::decodeFacePixels(webp->tiles[i].value, 256);
+    ASSERT_TRUE(a && b);
+    EXPECT_EQ(a->mask.pixels, b->mask.pixels);
+  }
 }
 
 }  // namespace

@@ -285,6 +285,19 @@ TEST(Session, noImagesAreSentToAClientThatWantsNone) {
   EXPECT_LT(completeAt(messages, 1), messages.size());
 }
 
+TEST(Session, webpImagesAreSentToThoseWhoDecodeWebp) {
+  for (const std::uint8_t codecs : {std::uint8_t{0}, protocol::kDecodesWebp}) {
+    TestScene scene;
+    scene.data.images_are_webp = true;
+    Talk talk(scene.data);
+    ASSERT_TRUE(talk.say(protocol::Hello{protocol::kVersion, "test 1", codecs}));
+    ASSERT_TRUE(talk.say(scene.view(1, kAbove)));
+    const auto messages = talk.drain();
+    EXPECT_EQ(facesIn(messages).empty(), codecs == 0);
+    EXPECT_LT(completeAt(messages, 1), messages.size());
+  }
+}
+
 TEST(Session, sceneWithoutImagesStillCompletes) {
   TestScene scene;
   scene.data.images = nullptr;
