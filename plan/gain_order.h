@@ -57,9 +57,9 @@ struct ProxyPlace {
 struct OrderedGroup {
   std::uint64_t bytes = 1;
   std::vector<std::size_t> parents;  ///< indices of groups that must come before it, all smaller than its own
-  /// What later views may gain, for whom hidden sides turn up and edges of the picture move in: how the proxy shows the
-  /// group's place before and after it, the share of the picture that it would take if all were seen, and view pixels a
-  /// unit there.
+  /// Later views gain as well: hidden sides turn up, and edges of the picture move in. These say how the proxy shows
+  /// the group's place before and after it, the share of the picture that it would take if all were seen, and view
+  /// pixels a unit there.
   ProxyShading before, after;
   float share = 0.0F;
   float density = 0.0F;

@@ -20,7 +20,7 @@ while [ $# -gt 0 ] && [ "$1" != -- ]; do
       mesh=$work/$1.ply
       "$bin/lumigrid" sample --shape "$1" --triangles 100000 -o "$mesh" >/dev/null ;;
   esac
-  "$bin/lumigrid" build "$mesh" -o "$work/$name.scene" --grid 5 --face 256 --methods patch,images,qsplat --quiet \
+  "$bin/lumigrid" build "$mesh" -o "$work/$name.scene" --grid 5 --tiles 1 --methods patch,images,qsplat --quiet \
     >/dev/null
   scenes+=("$work/$name.scene")
   shift

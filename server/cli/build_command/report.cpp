@@ -113,7 +113,7 @@ void printSplats(const lod::qsplat::builder::BuildSummary& q) {
 }
 
 void printImages(const BakeSummary& b) {
-  std::printf("images: %.1f images/s; %s rendered (%s empty), %s were there already; %s JPEG, %s coverage\n",
+  std::printf("images: %.1f images/s; %s rendered (%s empty), %s were there already; %s pictures, %s coverage\n",
               perSecond(b.faces_rendered, b.seconds), formatCount(b.faces_rendered).c_str(),
               formatCount(b.faces_empty).c_str(), formatCount(b.faces_skipped).c_str(),
               formatBytes(b.jpeg_bytes).c_str(), formatBytes(b.coverage_bytes).c_str());
