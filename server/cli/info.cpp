@@ -199,7 +199,8 @@ void printImages(const nlohmann::json& i, const std::string& tuned) {
                 countIn(i, "faces").c_str(), i["face_size"].get<int>(), i["face_size"].get<int>(),
                 i["tile_depth"].get<int>());
   std::printf(
-      "  %s pictures, %s coverage, %s an image\n", bytesIn(i, "jpeg_bytes").c_str(), bytesIn(i, "coverage_bytes").c_str(),
+      "  %s pictures, %s coverage, %s an image\n", bytesIn(i, "jpeg_bytes").c_str(),
+      bytesIn(i, "coverage_bytes").c_str(),
       formatBytes(
           images == 0 ? 0 : (i["jpeg_bytes"].get<std::uint64_t>() + i["coverage_bytes"].get<std::uint64_t>()) / images)
           .c_str());

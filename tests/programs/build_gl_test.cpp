@@ -11,6 +11,7 @@
 
 #include "base/file.h"
 #include "base/json/scene_file.h"
+#include "repository/faces/face_value.h"
 #include "repository/store.h"
 #include "tests/programs/face_values.h"
 #include "tests/programs/run_program.h"
@@ -132,6 +133,40 @@ TEST_F(Build, imagesThatDoNotFitTheMemoryAreRefusedWithWhatTheyNeed) {
   ASSERT_EQ(built.status, 0) << built.err;
   ASSERT_EQ(run("lumigrid", command(path("free"), "64G")).status, 0);
   EXPECT_EQ(faceValues(path("scene")), faceValues(path("free")));
+}
+
+TEST_F(Build, tilesAreWebpAndPlainFacesJpegUnlessAskedOtherwise) {
+  const std::string mesh = smallMesh();
+  const std::vector<std::pair<std::vector<std::string>, bool>> cases{{{"--tiles", "1"}, true},
+                                                                     {{"--tiles", "1", "--codec", "jpeg"}, false},
+                                                                     {{"--face", "64"}, false},
+                                                                     {{"--face", "64", "--codec", "webp"}, true}};
+  for (std::size_t i = 0; i < cases.size(); ++i) {
+    const auto& [options, is_webp] = cases[i];
+    const std::string scene = path("scene-" + std::to_string(i));
+    std::vector<std::string> words{"build", mesh, "-o", scene, "--grid", "2", "--quiet"};
+    words.insert(words.end(), options.begin(), options.end());
+    const auto built = run("lumigrid", words);
+    ASSERT_EQ(built.status, 0) << built.err;
+    std::size_t pictures = 0;
+    for (const auto& [key, bytes] : faceValues(scene)) {
+      const auto value = repository::decodeFaceValue(bytes);
+      ASSERT_TRUE(value);
+      if (value->empty) continue;
+      ++pictures;
+      EXPECT_EQ(repository::isWebp(value->picture), is_webp);
+    }
+    EXPECT_GT(pictures, 0U);
+    EXPECT_EQ(run("lumigrid", {"verify", scene}).status, 0);
+    const auto missing = run("lumigrid", {"build", "-o", scene, "--missing"});
+    EXPECT_EQ(missing.status, 0) << "the scene records its options: " << missing.out << missing.err;
+  }
+  for (const std::vector<std::string>& wrong :
+       {std::vector<std::string>{"--codec", "webp", "--subsampling", "444"}, {"--codec", "webp", "--tune", "36"}}) {
+    std::vector<std::string> words{"build", mesh, "-o", path("x")};
+    words.insert(words.end(), wrong.begin(), wrong.end());
+    programs::expectOneLineError(run("lumigrid", words), 2, {"JPEG"});
+  }
 }
 
 TEST_F(Build, killedInTheMiddleItGoesOnAndEndsTheSame) {
