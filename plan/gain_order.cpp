@@ -3,8 +3,10 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <queue>
 #include <unordered_map>
+#include <utility>
 
 #include "base/check.h"
 #include "repository/sampling/cube_face.h"
