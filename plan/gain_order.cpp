@@ -284,8 +284,8 @@ class GainOrder {
 
   double rateOf(const Image& image) const { return image.gain / static_cast<double>(query_.image_bytes); }
 
-  /// The image that gains most, if any gains enough. As images come, others gain less, but for rare second
-  /// images, so each is computed again only when it would be the next (Minoux 1978); groups renew() what they change.
+  /// The image that gains most, if any gains enough. As images come, others gain less, but for rare second images, so
+  /// each is computed again only when it would be the next (Minoux 1978); groups renew() what they change.
   std::optional<std::uint32_t> findBestImage() {
     while (!queue_.empty()) {
       const auto [gain, rank] = queue_.top();

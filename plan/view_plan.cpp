@@ -139,13 +139,6 @@ std::vector<SurfaceSample> surfaceIn(const Scene& scene, const LocalView& local,
              : sampleVisibleSurface(*scene.hierarchy, local.cut.patches, local.request.camera, columns, rows);
 }
 
-/// Bytes of an image, as scans have them at the usual quality.
-std::uint64_t guessedImageBytes(const repository::Grid& grid) {
-  constexpr double kBytesPerPixel = 0.075, kBytesPerTile = 8'000.0;
-  const double side = static_cast<double>(grid.face_size);
-  return static_cast<std::uint64_t>(grid.isTiled() ? kBytesPerTile : std::max(1.0, kBytesPerPixel * side * side));
-}
-
 OrderByGain orderItems(const Scene& scene, const LocalView& local, const PointQuery& query,
                        std::span<const glm::uvec3> points, const GroupsToSend& send, const HasFace& is_here) {
   // A tile that shows a fifteenth of the picture's width is met by a ray.
@@ -157,7 +150,7 @@ OrderByGain orderItems(const Scene& scene, const LocalView& local, const PointQu
   for (const SurfaceSample& sample : samples) places.push_back(proxyAt(*scene.hierarchy, send, sample.position));
   const std::size_t per_point = query.grid.isTiled() ? kTilesPerPoint : kFacesPerPoint;
   GainQuery gain{query, std::max(query.grid.isTiled() ? kMinTiles : kMinFaces, per_point * query.max_points)};
-  gain.image_bytes = scene.image_bytes.typical(guessedImageBytes(query.grid));
+  gain.image_bytes = scene.image_bytes.typical(query.grid);
   gain.is_here = is_here;
   gain.is_moving = scene.is_moving || points.empty();
   if (scene.is_absent) gain.is_absent = scene.is_absent;
@@ -211,6 +204,14 @@ std::vector<repository::FaceKey> othersOf(const repository::Grid& grid, const gl
 }
 
 }  // namespace
+
+std::uint64_t ImageBytes::typical(const repository::Grid& grid) const {
+  constexpr double kBytesPerPixel = 0.075, kBytesPerTile = 8'000.0;
+  constexpr std::uint64_t kGuessCounts = 4;
+  const double side = static_cast<double>(grid.face_size);
+  const auto guess = static_cast<std::uint64_t>(grid.isTiled() ? kBytesPerTile : kBytesPerPixel * side * side);
+  return std::max<std::uint64_t>(1, (kGuessCounts * guess + sum_) / (kGuessCounts + count_));
+}
 
 bool isMoving(const protocol::Welcome& welcome, const protocol::View& newest, const protocol::View& previous) {
   constexpr double kLongestStep = 0.1, kWidestTurn = 0.9;  // of the scene's diagonal; a cosine

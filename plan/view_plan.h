@@ -19,8 +19,8 @@ namespace plan {
 class ImageBytes {
  public:
   void add(std::uint64_t bytes) { sum_ += bytes, ++count_; }
-  /// `guess` counts as four images.
-  std::uint64_t typical(std::uint64_t guess) const { return (4 * guess + sum_) / (4 + count_) + 1; }
+  /// At least 1. The guess, of scans at the usual quality, counts as four images.
+  std::uint64_t typical(const repository::Grid& grid) const;
 
  private:
   std::uint64_t sum_ = 0, count_ = 0;

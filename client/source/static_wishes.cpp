@@ -13,8 +13,6 @@ namespace {
 // numbers are choices; more wishes find more neighbours to fetch in one request, and are compared longer.
 constexpr std::uint64_t kPatchFrontBytes = 16 * 1024;
 constexpr std::size_t kWishesAhead = 64;  // looked through for neighbours of a request
-/// Length assumed of a face whose place in the packs is not known yet.
-constexpr std::uint64_t kTypicalFaceBytes = 20'000;
 
 }  // namespace
 
@@ -266,7 +264,7 @@ std::vector<RangeWish> StaticSource::prefetchWishes() {
     if (gone_.count(key) != 0) continue;
     const FaceState state = has_face_.count(key) != 0 ? FaceState::kHere : locateFace(key, wish);
     if (state == FaceState::kWanted) wishes.push_back(wish);
-    bytes += wish.kind == kFace ? wish.length : kTypicalFaceBytes;
+    bytes += wish.kind == kFace ? wish.length : image_bytes_.typical(scene_.welcome.grid);
   }
   return wishes;
 }

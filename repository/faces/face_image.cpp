@@ -20,10 +20,8 @@ base::Result<void> checkSize(const base::Image& picture, int side) {
 }
 
 base::Result<FacePixels> decodeWebpPixels(const FaceValue& face, int side) {
-  if (!face.coverage.empty())
-    return base::Error{base::ErrorCode::kInvalidInput, "WebP: a mask comes with it, though it holds alpha itself"};
   const std::int64_t most = side == 0 ? std::int64_t{kMaxWebpSide} * kMaxWebpSide : std::int64_t{side} * side;
-  LUMIGRID_ASSIGN_OR_RETURN(const auto rgba, decodeWebp(face.picture, most));
+  LUMIGRID_ASSIGN_OR_RETURN(const auto rgba, decodeWebpImage(face, most));
   LUMIGRID_TRY(checkSize(rgba, side));
   FacePixels pixels{base::Image(rgba.width, rgba.height, 3), base::Image(rgba.width, rgba.height, 1)};
   for (std::size_t i = 0; i < pixels.mask.pixels.size(); ++i) {
@@ -34,6 +32,12 @@ base::Result<FacePixels> decodeWebpPixels(const FaceValue& face, int side) {
 }
 
 }  // namespace
+
+base::Result<base::Image> decodeWebpImage(const FaceValue& face, std::int64_t max_pixels) {
+  if (!face.coverage.empty())
+    return base::Error{base::ErrorCode::kInvalidInput, "WebP: a mask comes with it, though it holds alpha itself"};
+  return decodeWebp(face.picture, max_pixels);
+}
 
 base::Result<FacePixels> decodeFacePixels(base::ByteView value, int side) {
   LUMIGRID_ASSIGN_OR_RETURN(const auto face, decodeFaceValue(value));

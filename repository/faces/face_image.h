@@ -1,8 +1,11 @@
 #pragma once
 // Decodes a stored face (repository/faces/face_value.h) into pixels, for viewers, builds and `lumigrid verify`.
+#include <cstdint>
+
 #include "base/bytes.h"
 #include "base/error.h"
 #include "base/image.h"
+#include "repository/faces/face_value.h"
 
 namespace repository {
 
@@ -20,5 +23,9 @@ base::Result<FacePixels> decodeFacePixels(base::ByteView value, int side);
 /// Decodes likewise into RGBA, with the mask as alpha, not premultiplied. The image is
 /// empty for an empty flag.
 base::Result<base::Image> decodeFaceImage(base::ByteView value, int side);
+
+/// Decodes the WebP of a value that isWebp(), of at most `max_pixels`, into RGBA that is not premultiplied. Errors:
+/// those of decodeWebp, and a mask beside the WebP's own alpha.
+base::Result<base::Image> decodeWebpImage(const FaceValue& face, std::int64_t max_pixels);
 
 }  // namespace repository

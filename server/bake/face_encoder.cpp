@@ -30,6 +30,16 @@ bool showsModel(const base::Image& rgba, std::uint8_t least_alpha) {
   return false;
 }
 
+base::Image withAlpha(const base::Image& rgba, const base::Image& alpha) {
+  const base::Image filled = repository::fillBackground(rgba, alpha);
+  base::Image result(rgba.width, rgba.height, 4);
+  for (std::size_t i = 0; i < alpha.pixels.size(); ++i) {
+    std::copy_n(&filled.pixels[3 * i], 3, &result.pixels[4 * i]);
+    result.pixels[4 * i + 3] = alpha.pixels[i];
+  }
+  return result;
+}
+
 base::Result<EncodedImage> encodeImage(const base::Image& rgba, int quality, repository::Subsampling subsampling,
                                        std::uint8_t children, std::uint8_t least_alpha) {
   LUMIGRID_CHECK_EQ(rgba.channels, 4);
@@ -60,14 +70,7 @@ base::Result<EncodedImage> encodeWebpImage(const base::Image& rgba, int quality,
     return image;
   }
 
-  const base::Image mask = coverageMask(rgba);
-  const base::Image filled = repository::fillBackground(rgba, mask);
-  base::Image masked(rgba.width, rgba.height, 4);
-  for (std::size_t i = 0; i < mask.pixels.size(); ++i) {
-    std::copy_n(&filled.pixels[3 * i], 3, &masked.pixels[4 * i]);
-    masked.pixels[4 * i + 3] = mask.pixels[i];
-  }
-  LUMIGRID_ASSIGN_OR_RETURN(const auto webp, repository::encodeWebp(masked, quality));
+  LUMIGRID_ASSIGN_OR_RETURN(const auto webp, repository::encodeWebp(withAlpha(rgba, coverageMask(rgba)), quality));
   image.jpeg_bytes = webp.size();
   image.value = repository::encodeFaceValue({.empty = false, .picture = webp, .coverage = {}, .children = children});
   return image;

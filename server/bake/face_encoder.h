@@ -53,10 +53,12 @@ base::Image coverageMask(const base::Image& rgba, std::uint8_t least_alpha = kSt
 /// Tells whether any pixel is stored as model. If not, an image is an empty flag.
 bool showsModel(const base::Image& rgba, std::uint8_t least_alpha = kStoredCoverage);
 
+/// `rgba` with another alpha (one channel), and filler where that is 0 (repository/faces/filler.h): as WebP is coded.
+base::Image withAlpha(const base::Image& rgba, const base::Image& alpha);
+
 /// `rgba`: as RenderedPicture::rgba; `children`: as repository::FaceValue::children; `least_alpha`: from which on a
-/// pixel is model. Without a pixel of model and
-/// without children the value is an empty flag. The same picture gives the same bytes on every thread and machine with
-/// the same libjpeg-turbo.
+/// pixel is model. Without a pixel of model and without children the value is an empty flag. The same picture gives the
+/// same bytes on every thread and machine with the same libjpeg-turbo.
 base::Result<EncodedImage> encodeImage(const base::Image& rgba, int quality, repository::Subsampling subsampling,
                                        std::uint8_t children = 0, std::uint8_t least_alpha = kStoredCoverage);
 

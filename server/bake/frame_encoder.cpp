@@ -7,7 +7,6 @@
 #include "base/picture_error.h"
 #include "base/view_defaults.h"
 #include "repository/faces/face_value.h"
-#include "repository/faces/filler.h"
 #include "repository/faces/webp.h"
 #include "server/bake/face_encoder.h"
 
@@ -23,21 +22,11 @@ base::Image alphaOf(const base::Image& rgba) {
   return alpha;
 }
 
-base::Image withFiller(const base::Image& rgba, const base::Image& alpha) {
-  const base::Image filled = repository::fillBackground(rgba, alpha);
-  base::Image result(rgba.width, rgba.height, 4);
-  for (std::size_t i = 0; i < alpha.pixels.size(); ++i) {
-    std::copy_n(&filled.pixels[3 * i], 3, &result.pixels[4 * i]);
-    result.pixels[4 * i + 3] = alpha.pixels[i];
-  }
-  return result;
-}
-
 base::Result<base::Bytes> encodeWebpFrame(const base::Image& rgba, int quality) {
   const base::Image alpha = alphaOf(rgba);
   const bool is_empty = std::all_of(alpha.pixels.begin(), alpha.pixels.end(), [](auto a) { return a == 0; });
   if (is_empty) return repository::encodeFaceValue({});
-  LUMIGRID_ASSIGN_OR_RETURN(const auto webp, repository::encodeWebp(withFiller(rgba, alpha), quality));
+  LUMIGRID_ASSIGN_OR_RETURN(const auto webp, repository::encodeWebp(withAlpha(rgba, alpha), quality));
   return repository::encodeFaceValue({.empty = false, .picture = webp, .coverage = {}});
 }
 

@@ -17,10 +17,8 @@
 #include "base/format_text.h"
 #include "base/png/png.h"
 #include "compare/accuracy.h"
-#include "server/bake/enclosed.h"
 #include "server/bake/face_encoder.h"
 #include "server/bake/random_views.h"
-#include "server/net/open_scene.h"
 #include "server/trial/direct_viewer.h"
 #include "tests/bench/bench.h"
 #include "tests/bench/truths.h"
@@ -96,9 +94,7 @@ int main(int argc, char** argv) {
   arguments.finish();
   if (arguments.input().empty()) arguments.wrong();
 
-  const auto scene = must(server::openScene(arguments.input()));
-  if (!scene->images) bench::stop(arguments.input() + " has no images; lumigrid build --methods images makes them");
-  const auto views = server::randomViews(scene->scene, must(server::Enclosure::create(scene->patches)), wanted);
+  const auto [scene, views] = bench::openWithImages(arguments.input(), wanted);
   const auto drawing = must(base::HeadlessContext::create());
   const auto viewing = must(base::HeadlessContext::create());
   bench::Truths truths(*scene, directory, *drawing, *viewing);

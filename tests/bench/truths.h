@@ -5,10 +5,13 @@
 #include <memory>
 #include <string>
 #include <utility>
+#include <vector>
 
 #include "base/egl/headless.h"
 #include "base/format_text.h"
 #include "base/png/png.h"
+#include "server/bake/enclosed.h"
+#include "server/bake/random_views.h"
 #include "server/net/open_scene.h"
 #include "server/render/scene_renderer.h"
 #include "server/trial/own_context.h"
@@ -51,5 +54,20 @@ class Truths {
   server::OwnContext gl_;
   std::unique_ptr<server::SceneRenderer> renderer_;
 };
+
+/// A scene and the random views of it that a benchmark looks at.
+struct ViewedScene {
+  std::unique_ptr<server::OpenScene> scene;
+  std::vector<base::ViewCamera> views;
+};
+
+/// Stops where the scene has no images.
+inline ViewedScene openWithImages(const std::string& directory, const server::RandomViews& wanted) {
+  ViewedScene viewed{must(server::openScene(directory)), {}};
+  if (!viewed.scene->images) stop(directory + " has no images; lumigrid build --methods images makes them");
+  viewed.views =
+      server::randomViews(viewed.scene->scene, must(server::Enclosure::create(viewed.scene->patches)), wanted);
+  return viewed;
+}
 
 }  // namespace bench

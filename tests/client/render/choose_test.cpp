@@ -8,19 +8,14 @@
 
 #include "client/render/box_index.h"
 #include "repository/sampling/cube_face.h"
+#include "tests/client/render/ray_scene.h"
 
 namespace {
 
 using client::SampleGeometry;
 
 base::Camera cameraAt(const glm::vec3& eye, const glm::vec3& target, int size, float fov_degrees) {
-  base::ViewCamera view;
-  view.position = glm::dvec3(eye);
-  view.direction = glm::normalize(glm::dvec3(target - eye));
-  view.up = std::abs(view.direction.z) > 0.99 ? glm::dvec3(0, 1, 0) : glm::dvec3(0, 0, 1);
-  view.fov_y = glm::radians(static_cast<double>(fov_degrees));
-  view.width = view.height = size;
-  return base::cameraFromView(view, glm::dvec3(0.0), 0.05F, 50.0F);
+  return testing_scene::lookAt(eye, target, size, size, fov_degrees);
 }
 
 struct Samples {

@@ -24,7 +24,13 @@ constexpr float kCore = static_cast<float>(repository::kTileCore) / static_cast<
 const base::Sphere kScene{glm::vec3(0.0F), 8.0F};
 constexpr std::uint32_t kAhead = 2;  ///< the face towards +y
 
-//  A wall at y = 0, and a grid with the sampling points (0, −2, 0), in front of its middle, and (1, −2, 0).
+/// A period of 7 pixels of the finest tiles, of which tile 0 shows nothing.
+glm::vec3 fineRings(const glm::vec3& p) {
+  const float wave = 0.5F + 0.4F * std::sin(220.0F * std::sqrt(p.x * p.x + p.z * p.z + 0.01F));
+  return {wave, 1.0F - wave, 0.5F};
+}
+
+// A wall at y = 0, and a grid with the sampling points (0, −2, 0), in front of its middle, and (1, −2, 0).
 class TiledFaces : public ::testing::Test {
  protected:
   static void SetUpTestSuite() {
@@ -98,6 +104,14 @@ class TiledFaces : public ::testing::Test {
     renderer_->draw(camera, cut_, {}, 0.2F, shading_, options_, now);
     return target->read();
   }
+  /// The finest face, plain and as tiles.
+  std::pair<base::Image, base::Image> drawPlainAndTiled(const base::Camera& camera) {
+    addPlainFace(0, kDepth, fineRings);
+    base::Image plain = draw(camera);
+    restart();
+    addTiles(kDepth, fineRings);
+    return {std::move(plain), draw(camera)};
+  }
   /// Returns the largest difference of two pictures, of all channels or of one.
   static int difference(const base::Image& a, const base::Image& b) {
     int largest = 0;
@@ -137,21 +151,11 @@ class TiledFaces : public ::testing::Test {
 };
 std::unique_ptr<base::HeadlessContext> TiledFaces::context_;
 
-/// A period of 7 pixels of the finest tiles, of which tile 0 shows nothing.
-glm::vec3 fineRings(const glm::vec3& p) {
-  const float wave = 0.5F + 0.4F * std::sin(220.0F * std::sqrt(p.x * p.x + p.z * p.z + 0.01F));
-  return {wave, 1.0F - wave, 0.5F};
-}
-
 // Sees a bit more than the face's middle half, off its middle: the borders of all depths cross the picture.
 const base::Camera kNear = lookAt({0.2F, -1.6F, 0.15F}, {0.1F, 0.0F, 0.1F}, 400, 300, 60.0F);
 
 TEST_F(TiledFaces, theirPictureIsThatOfOneFaceWithAsManyPixels) {
-  addPlainFace(0, kDepth, fineRings);
-  const base::Image plain = draw(kNear);
-  restart();
-  addTiles(kDepth, fineRings);
-  const base::Image tiled = draw(kNear);
+  const auto [plain, tiled] = drawPlainAndTiled(kNear);
   EXPECT_LE(meanDifference(plain, tiled), 0.8) << "between texels, GL may look up to 8 bits of a place";
   EXPECT_LE(difference(plain, tiled), 8) << "at borders, too";
   restart();
@@ -161,11 +165,7 @@ TEST_F(TiledFaces, theirPictureIsThatOfOneFaceWithAsManyPixels) {
 
 TEST_F(TiledFaces, noLineShowsWhereTheirTilesMeet) {
   // Pixels beside the tiles' borders differ from the plain face's by no more than those in the middle of tiles.
-  addPlainFace(0, kDepth, fineRings);
-  const base::Image plain = draw(kNear);
-  restart();
-  addTiles(kDepth, fineRings);
-  const base::Image tiled = draw(kNear);
+  const auto [plain, tiled] = drawPlainAndTiled(kNear);
   const glm::mat4 scene_from_clip = glm::inverse(kNear.clipFromScene());
   double sums[2] = {0.0, 0.0};
   int counts[2] = {0, 0};

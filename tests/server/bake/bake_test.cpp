@@ -10,7 +10,7 @@
 #include "repository/verify.h"
 #include "server/bake/point_selection.h"
 #include "tests/server/bake/memory_store.h"
-#include "tests/server/bake/sphere.h"
+#include "tests/server/bake/sphere_bake.h"
 #include "tests/support/temporary_directory.h"
 
 namespace server {
@@ -19,26 +19,13 @@ namespace {
 using repository::FaceKey;
 using test::MemoryStore;
 
-using test::sphere;
 
-class BakeTest : public testing::Test {
+class BakeTest : public test::SphereBake {
  protected:
-  BakeTest() : scene_(sphere(6, -1.0F, 1.0F), {sphere(8, -1.0F, 0.0F), sphere(8, 0.0F, 1.0F)}, 0.1F) {
-    scene_.scene().box_min = glm::dvec3(-1.0);
-    scene_.scene().box_max = glm::dvec3(1.0);
-    scene_.scene().parts = {{"patch.lgp", 1, "abc"}};
-    options_.grid = repository::makeGrid(scene_.scene().localBox(), 3, 0.5F, 64);
+  BakeTest() : SphereBake(3) {
     options_.batch_faces = 10;
     options_.limits.threads = 3;
   }
-  base::Result<BakeSummary> run(
-      repository::Store& store,
-      const std::function<bool(const BakeProgress&)>& progress = [](const BakeProgress&) { return true; }) {
-    return bake(scene_.scene(), scene_.file(), store, options_, progress);
-  }
-
-  test::TwoLevelScene scene_;
-  BakeOptions options_;
 };
 
 TEST_F(BakeTest, processesOfTheirOwnStoreTheSameBytes) {

@@ -9,33 +9,21 @@
 #include "server/bake/face_sample.h"
 #include "server/bake/tune.h"
 #include "tests/server/bake/memory_store.h"
-#include "tests/server/bake/sphere.h"
+#include "tests/server/bake/sphere_bake.h"
 
 namespace server {
 namespace {
 
 using repository::FaceKey;
 using test::MemoryStore;
-using test::sphere;
 
-class TiledBakeTest : public testing::Test {
+class TiledBakeTest : public test::SphereBake {
  protected:
-  TiledBakeTest() : scene_(sphere(6, -1.0F, 1.0F), {sphere(8, -1.0F, 0.0F), sphere(8, 0.0F, 1.0F)}, 0.1F) {
-    scene_.scene().box_min = glm::dvec3(-1.0);
-    scene_.scene().box_max = glm::dvec3(1.0);
-    scene_.scene().parts = {{"patch.lgp", 1, "abc"}};
-    options_.grid = repository::withTiles(repository::makeGrid(scene_.scene().localBox(), 2, 0.5F, 64), 2);
+  TiledBakeTest() : SphereBake(2) {
+    options_.grid = repository::withTiles(options_.grid, 2);
     options_.batch_faces = 30;
     options_.limits.threads = 2;
   }
-  base::Result<BakeSummary> run(
-      repository::Store& store,
-      const std::function<bool(const BakeProgress&)>& progress = [](const BakeProgress&) { return true; }) {
-    return bake(scene_.scene(), scene_.file(), store, options_, progress);
-  }
-
-  test::TwoLevelScene scene_;
-  BakeOptions options_;
 };
 
 TEST_F(TiledBakeTest, facesAreStoredAsTilesAndCountedByDepth) {
