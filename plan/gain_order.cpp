@@ -82,12 +82,25 @@ struct Place {
   std::size_t state = 0;              // groups that came
   std::vector<Look> looks;            // of the images that came
   std::vector<std::uint32_t> images;  // items that show it
+  BestTwo now{0.0F};                  // in this state, with these looks
 
-  float expected(std::size_t at, const Look* more = nullptr) const {
-    BestTwo errors(shadings[at].proxy2);
-    for (const Look& look : looks) errors.add(look.point, look.error2(shadings[at]));
-    if (more != nullptr) errors.add(more->point, more->error2(shadings[at]));
+  BestTwo errorsAfter(std::size_t groups_came) const {
+    BestTwo errors(shadings[groups_came].proxy2);
+    for (const Look& look : looks) errors.add(look.point, look.error2(shadings[groups_came]));
+    return errors;
+  }
+  float expectedWith(const Look& more) const {
+    BestTwo errors = now;
+    errors.add(more.point, more.error2(shadings[state]));
     return errors.expected();
+  }
+  void takeLook(const Look& look) {
+    looks.push_back(look);
+    now.add(look.point, look.error2(shadings[state]));
+  }
+  void takeGroups(std::size_t groups_came) {
+    state = groups_came;
+    now = errorsAfter(state);
   }
 };
 
@@ -97,6 +110,7 @@ struct Image {
   float gain = 0.0F;
   bool is_stale = true;  // its gain may be less by now
   bool has_come = false;
+  std::uint32_t renewed = 0;  // for this group in the order of coming
 };
 
 struct Group {
@@ -113,6 +127,7 @@ struct Group {
 struct Prospect {
   double gain = 0.0, bytes = 1.0;
   double rate() const { return gain / bytes; }
+  bool isBetterThan(const Prospect& other) const { return gain * other.bytes > other.gain * bytes; }
 };
 
 class GainOrder {
@@ -128,6 +143,8 @@ class GainOrder {
       if (query.is_moving) groups_[g].later = kLater * groups[g].share * std::max(0.0F, gained);
     }
     for (std::size_t s = 0; s < samples.size(); ++s) addPlace(static_cast<std::uint32_t>(s), places[s]);
+    for (std::size_t g = groups.size(); g-- > 0;) left_.push_back(g);
+    prospects_.resize(groups.size());
   }
 
   void addPoint(std::size_t number, const glm::uvec3& point) {
@@ -152,7 +169,7 @@ class GainOrder {
  private:
   float expectedError() const {
     float sum = 0.0F;
-    for (std::size_t s = 0; s < samples_.size(); ++s) sum += samples_[s].weight * places_[s].expected(places_[s].state);
+    for (std::size_t s = 0; s < samples_.size(); ++s) sum += samples_[s].weight * places_[s].now.expected();
     return sum;
   }
 
@@ -196,6 +213,7 @@ class GainOrder {
       place.groups.push_back(refined.group);
       add(refined.shading);
     }
+    place.takeGroups(0);
   }
 
   /// The images of a point that show a sample, from the whole face down to the finest that is of use.
@@ -263,7 +281,7 @@ class GainOrder {
     float sum = 0.0F;
     for (const auto& [s, look] : image.looks) {
       const Place& place = places_[s];
-      sum += samples_[s].weight * (place.expected(place.state) - place.expected(place.state, &look));
+      sum += samples_[s].weight * (place.now.expected() - place.expectedWith(look));
     }
     return sum;
   }
@@ -271,7 +289,8 @@ class GainOrder {
   float gainOf(const Group& group) const {
     float sum = 0.0F;
     for (const auto& [s, state] : group.steps)
-      sum += samples_[s].weight * (places_[s].expected(state) - places_[s].expected(state + 1));
+      sum += samples_[s].weight *
+             (places_[s].errorsAfter(state).expected() - places_[s].errorsAfter(state + 1).expected());
     return std::max(0.0F, sum);
   }
 
@@ -307,18 +326,17 @@ class GainOrder {
   /// worth its bytes for those after it.
   std::optional<Prospect> findBestGroup() {
     std::optional<Prospect> best;
-    prospects_.resize(groups_.size());
-    for (std::size_t g = groups_.size(); g-- > 0;) {
+    std::erase_if(left_, [this](std::size_t g) { return groups_[g].has_come; });
+    for (const std::size_t g : left_) {
       Group& group = groups_[g];
-      if (group.has_come) continue;
       if (group.is_stale) group.gain = gainOf(group), group.is_stale = false;
       const Prospect alone{static_cast<double>(group.gain + group.later), static_cast<double>(input_[g].bytes)};
       prospects_[g] = alone;
       for (const std::size_t child : group.children) {
         const Prospect both{alone.gain + prospects_[child].gain, alone.bytes + prospects_[child].bytes};
-        if (both.rate() > prospects_[g].rate()) prospects_[g] = both;
+        if (both.isBetterThan(prospects_[g])) prospects_[g] = both;
       }
-      if (group.parents_left == 0 && (!best || prospects_[g].rate() >= best->rate()))
+      if (group.parents_left == 0 && (!best || !best->isBetterThan(prospects_[g])))
         best = prospects_[g], best_group_ = g;
     }
     return best;
@@ -327,7 +345,7 @@ class GainOrder {
   void take(Image& image) {
     image.has_come = true;
     for (const auto& [s, look] : image.looks) {
-      places_[s].looks.push_back(look);
+      places_[s].takeLook(look);
       for (const std::uint32_t other : places_[s].images) images_[other].is_stale = true;
       for (const std::size_t group : places_[s].groups) groups_[group].is_stale = true;
     }
@@ -336,15 +354,11 @@ class GainOrder {
   void take(Group& group) {
     group.has_come = true;
     for (const std::size_t child : group.children) --groups_[child].parents_left;
-    std::vector<std::uint32_t> changed;
-    for (const auto& [s, state] : group.steps) {
-      places_[s].state = state + 1;
-      changed.insert(changed.end(), places_[s].images.begin(), places_[s].images.end());
-    }
-    std::sort(changed.begin(), changed.end());
-    changed.erase(std::unique(changed.begin(), changed.end()), changed.end());
-    for (const std::uint32_t i : changed)
-      if (!images_[i].has_come) renew(i);
+    for (const auto& [s, state] : group.steps) places_[s].takeGroups(state + 1);
+    ++round_;
+    for (const auto& [s, state] : group.steps)
+      for (const std::uint32_t i : places_[s].images)
+        if (!images_[i].has_come && std::exchange(images_[i].renewed, round_) != round_) renew(i);
   }
 
   const GainQuery& query_;
@@ -356,9 +370,11 @@ class GainOrder {
   std::unordered_map<std::uint64_t, std::uint32_t> numbers_;  // of images, by code
   std::unordered_map<std::uint64_t, bool> absent_;            // by code, as far as it was asked
   std::priority_queue<std::pair<float, std::size_t>> queue_;
+  std::vector<std::size_t> left_;  // groups that have not come, children before parents
   std::vector<Prospect> prospects_;
   std::size_t best_group_ = 0;
   std::size_t images_left_ = 0;
+  std::uint32_t round_ = 0;  // groups that came
 };
 
 }  // namespace

@@ -1,5 +1,5 @@
 #pragma once
-// A picture of several samples a pixel, which is averaged into a framebuffer once it is drawn.
+// A picture of several samples a pixel, or of another size, which goes into a framebuffer once it is drawn.
 #include <cstdint>
 
 #include "base/gl/gl.h"
@@ -16,9 +16,10 @@ class MultisampledTarget {
   /// Makes it the target of what is drawn next.
   void bind() const;
   /// Writes the mean of each pixel's samples into the framebuffer, which has no samples and RGBA8 colour, and leaves
-  /// that one bound. Pixels that are covered in part get a colour premultiplied by their alpha, if the background is
-  /// transparent black.
-  void resolveTo(GLuint framebuffer) const;
+  /// that one bound, all of it the viewport. Pixels that are covered in part get a colour premultiplied by their alpha,
+  /// if the background is transparent black. A picture of one sample a pixel is filtered where the framebuffer's
+  /// width × height is another; with several samples it must be the same.
+  void resolveTo(GLuint framebuffer, int width, int height) const;
 
   bool fits(int width, int height, int samples) const {
     return width == width_ && height == height_ && samples == samples_;

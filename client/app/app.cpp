@@ -27,6 +27,7 @@ ViewerOptions viewerOptions(const AppOptions& options) {
   viewer.session.images = s.images != 0.0;
   viewer.session.frames = s.frames != 0.0;
   viewer.samples = s.antialias != 0.0 ? viewer.samples : 1;
+  viewer.fps = s.fps;
   viewer.lumigraph.use_images = viewer.session.images || viewer.session.frames;
   return viewer;
 }
@@ -42,6 +43,7 @@ bool isNotFinite(double value) {
 App::App(const AppOptions& options, std::unique_ptr<ImageDecoder> decoder)
     : options_(options), settings_(options.settings), viewer_(viewerOptions(options), std::move(decoder)) {
   view_.method = viewer_.options().method;
+  view_.colors_by_resolution = options.viewer.lumigraph.modes.resolution_colors;
   control_.setFov(glm::radians(settings_.fov_degrees));
 }
 
@@ -147,7 +149,7 @@ bool App::wantsFrame() const {
   if (!drawable()) return false;
   if (dirty_ || flight_.active() || flying()) return true;
   const ViewerStats stats = viewer_.stats();
-  if (stats.samples_pending && !atRest()) return stats.session.messages_received != drawn_messages_;
+  if (stats.effort_pending && !atRest()) return stats.session.messages_received != drawn_messages_;
   return stats.busy || stats.session.messages_received != drawn_messages_;
 }
 

@@ -9,13 +9,15 @@ namespace {
 
 using Kind = SettingKind;
 
-constexpr std::array<SettingField, 22> kFields{{
+constexpr std::array<SettingField, 23> kFields{{
     {"method", "What is shown, where the scene has it", Kind::kChoice, 0, 2, &Settings::method,
      "lumigraph patches qsplat", true},
     {"splat", "Shape of splats", Kind::kChoice, 0, 3, &Settings::splat, "square circle fuzzy ellipse"},
     {"cutoff", "Size of splats at rest, pixels", Kind::kNumber, 0, 1000, &Settings::cutoff},
     {"frame_rate", "Pictures of splats a second while moving; 0: as fine as at rest", Kind::kNumber, 0, 1000,
      &Settings::frame_rate},
+    {"fps", "Pictures a second while moving, coarser if need be; 0: as fine as at rest", Kind::kNumber, 0, 1000,
+     &Settings::fps, "", true},
     {"cache_megabytes", "Memory for images and patches as they came, MB", Kind::kInteger, 8, 65536,
      &Settings::cache_megabytes, "", true},
     {"memory_megabytes", "All memory that grows with the scene, MB", SettingKind::kInteger, 16, 65536,

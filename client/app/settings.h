@@ -21,6 +21,7 @@ struct Settings {
   double splat = 1.0;                ///< lod::draw::SplatKernel
   double cutoff = 1.0;               ///< diameter of a splat at rest, pixels; 0: refine down to the leaves
   double frame_rate = 10.0;          ///< pictures of splats a second while the view moves
+  double fps = 30.0;                 ///< the same of patches and images
   double cache_megabytes = 50.0;     ///< compressed images and patches kept; from the next start on
   double memory_megabytes = 1000.0;  ///< all memory together, on the GPU and off; from the next start on
   double gpu_megabytes = 512.0;      ///< textures; from the next start on

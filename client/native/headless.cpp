@@ -247,7 +247,8 @@ std::string formatHeadlessFrame(const HeadlessFrame& frame) {
   line["triangles"] = drawn.triangles;
   line["patches"] = drawn.patches;
   line["samples"] = drawn.samples_used;
-  line["samples_per_pixel"] = frame.stats.samples_per_pixel;
+  line["samples_per_pixel"] = frame.stats.effort.samples;
+  line["scale"] = frame.stats.effort.scale;
   line["samples_resident"] = drawn.samples_resident;
   line["gpu_bytes"] = drawn.gpu_bytes;
   line["cache_bytes"] = session.cache_bytes;

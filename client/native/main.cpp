@@ -34,6 +34,7 @@ struct Arguments {
   std::string method = "lumigraph";
   std::string splat = "circle";
   double frame_rate = 10.0;
+  std::string colors = "surface";
   std::string order = "sweeps";
   std::string idle = "16M";
   std::string cache = "50M";
@@ -79,6 +80,16 @@ void addContentOptions(CLI::App& app, Arguments& a) {
       "--antialias,!--no-antialias", a.antialias,
       "Average four samples a pixel, eight at rest, where --memory, the GL and the time of a frame allow it (on "
       "unless --no-antialias)");
+  app.add_option(
+         "--colors", a.colors,
+         "surface: the model's own; resolution: tinted by the view pixels that the detail spans, blue up to one, "
+         "red above eight; disagreement: by how many times their expected error images differ from each "
+         "other")
+      ->check(CLI::IsMember({"surface", "resolution", "disagreement"}));
+  app.add_option("--fps", a.run.viewer.fps,
+                 "Pictures a second of patches and images while the view moves: fewer samples a pixel, pixels and "
+                 "images until they come so fast. 0: as fine as at rest")
+      ->check(CLI::Range(0.0, 1000.0));
   app.add_option("--points", a.run.viewer.session.max_points, "Sampling points whose images are asked for, 1 to 64")
       ->check(CLI::Range(1, 64));
   app.add_option("--samples", a.run.viewer.lumigraph.max_samples,
@@ -238,6 +249,8 @@ base::Result<void> parseArguments(Arguments& a) {
   viewer.gpu_budget_bytes = gpu_memory;
   viewer.memory_budget_bytes = memory;
   if (!a.antialias) viewer.samples = 1;
+  viewer.lumigraph.modes.resolution_colors = a.colors == "resolution";
+  viewer.lumigraph.show_disagreement = a.colors == "disagreement";
   viewer.session.cache_bytes = cache;
   viewer.lumigraph.use_images = viewer.session.images || viewer.session.frames;
   std::copy(background.begin(), background.end(), viewer.lumigraph.background);
@@ -312,6 +325,7 @@ void applyUserSettings(const CLI::App& app, const client::Settings& kept, client
   if (!said("--samples")) viewer.lumigraph.max_samples = static_cast<int>(kept.samples);
   if (!said("--images")) viewer.session.images = kept.images != 0.0;
   if (!said("--frames")) viewer.session.frames = kept.frames != 0.0;
+  if (!said("--fps")) viewer.fps = kept.fps;
   if (!said("--antialias") && kept.antialias == 0.0) viewer.samples = 1;
   viewer.lumigraph.use_images = viewer.session.images || viewer.session.frames;
 }

@@ -2,13 +2,13 @@
 
 #include <algorithm>
 #include <array>
-#include <bitset>
 #include <optional>
 #include <unordered_map>
 
 #include "base/check.h"
 #include "client/render/box_index.h"
 #include "client/render/choose.h"
+#include "client/render/patch_samples.h"
 #include "client/render/pyramid.h"
 #include "client/render/sample_array.h"
 #include "client/render/sample_borders.h"
@@ -39,7 +39,6 @@ int facesOfSize(int face_size, int whole_faces) {
 constexpr float kGuessedColorError = 0.1F;
 constexpr float kGuessedShareOfBound = 0.1F;
 
-using SampleSet = std::bitset<kMaxBlended>;
 constexpr int kMaxArrays = 3;  ///< image sizes at a time: faces, and exact frames of two sizes
 
 /// One sample as the uniform block holds it: std140, `Sample` of blend_fragment.glsl.
@@ -119,6 +118,7 @@ struct LumigraphRenderer::Impl {
     std::vector<ProxyError> proxy_errors;  ///< beside `patches`
     std::vector<base::Aabb> boxes;         ///< beside `patches`
     std::vector<Sample*> active;           ///< in the uniform block
+    std::vector<std::uint32_t> points;     ///< beside `active`; numbers that differ from point to point
   };
 
   /// The patches that hide things from samples.
@@ -147,7 +147,8 @@ struct LumigraphRenderer::Impl {
   std::uint64_t drawDepthMap(Sample& sample);
   void uploadBlock(Frame& frame);
   SampleBlock blockOf(const Sample& sample) const;
-  std::vector<SampleSet> samplesOverPatches(const Frame& frame) const;
+  std::vector<std::vector<std::uint32_t>> samplesOverPatches(const Frame& frame) const;
+  void setList(std::span<const std::uint32_t> list);
   void setUniforms(const Frame& frame, const lod::draw::Shading& shading);
   void bindArrays() const;
   void drawPatches(const Frame& frame);
@@ -497,6 +498,7 @@ void LumigraphRenderer::Impl::uploadBlock(Frame& frame) {
     blocks[i].core.z = borders[from].under;
   }
   frame.active = std::move(ordered);
+  frame.points = std::move(groups);
   base::gl::allocate(block, GL_UNIFORM_BUFFER, blocks.data(), sizeof(blocks), GL_DYNAMIC_DRAW);
   glBindBufferBase(GL_UNIFORM_BUFFER, kSamplesBinding, block.name());
 }
@@ -528,6 +530,7 @@ void LumigraphRenderer::Impl::setUniforms(const Frame& frame, const lod::draw::S
   glUniform2f(blend.uniform("u_viewport"), static_cast<float>(camera.width), static_cast<float>(camera.height));
   set("u_pixels_per_unit", camera.pixelsPerUnitAtOne());
   glUniform1i(blend.uniform("u_carve"), frame.options.carve ? 1 : 0);
+  glUniform1i(blend.uniform("u_show_disagreement"), frame.options.show_disagreement ? 1 : 0);
   set("u_soft", frame.options.multisampled ? 1.0F : 0.0F);
   glUniform1i(blend.uniform("u_fill"), frame.options.fill_holes || !frame.options.use_images ? 1 : 0);
   lod::draw::setViewModes(blend, frame.options.modes, camera);
@@ -560,34 +563,30 @@ void LumigraphRenderer::Impl::setUniforms(const Frame& frame, const lod::draw::S
 }
 
 /// Returns for each patch the samples that may see it.
-std::vector<SampleSet> LumigraphRenderer::Impl::samplesOverPatches(const Frame& frame) const {
-  std::vector<SampleSet> sets(frame.patches.size());
-  const BoxIndex index(frame.boxes);
-  std::vector<std::uint32_t> overlapping;
-  for (std::size_t s = 0; s < frame.active.size(); ++s) {
-    index.findOverlapping(frame.active[s]->geometry.frustum, overlapping);
-    for (const std::uint32_t patch : overlapping) sets[patch].set(s);
-  }
-  return sets;
+std::vector<std::vector<std::uint32_t>> LumigraphRenderer::Impl::samplesOverPatches(const Frame& frame) const {
+  std::vector<const SampleGeometry*> geometries;
+  for (const Sample* sample : frame.active) geometries.push_back(&sample->geometry);
+  const auto most = static_cast<std::size_t>(std::max(1, frame.options.max_points_a_patch));
+  return samplesOfPatches(geometries, frame.points, frame.boxes, frame.proxy_errors, frame.camera, most,
+                          frame.options.tuning);
+}
+
+void LumigraphRenderer::Impl::setList(std::span<const std::uint32_t> list) {
+  std::array<GLint, kMaxBlended> indices{};
+  std::transform(list.begin(), list.end(), indices.begin(), [](std::uint32_t s) { return static_cast<GLint>(s); });
+  const auto quads = static_cast<GLsizei>((list.size() + 3) / 4);
+  if (quads > 0) glUniform4iv(blend.uniform("u_list[0]"), quads, indices.data());
+  glUniform1i(blend.uniform("u_count"), static_cast<GLint>(list.size()));
 }
 
 /// Draws patches front to back. Runs of patches that the same samples may see share a list, so that a fragment tries
 /// only those.
 void LumigraphRenderer::Impl::drawPatches(const Frame& frame) {
-  const GLint list_location = blend.uniform("u_list[0]");
-  const GLint count_location = blend.uniform("u_count");
   const GLint error_location = blend.uniform("u_patch_error");
   const GLint proxy_error_location = blend.uniform("u_proxy_error");
-  const std::vector<SampleSet> sets = samplesOverPatches(frame);
+  const std::vector<std::vector<std::uint32_t>> lists = samplesOverPatches(frame);
   for (std::size_t i = 0; i < frame.patches.size(); ++i) {
-    if (i == 0 || sets[i] != sets[i - 1]) {
-      std::array<GLint, kMaxBlended> list{};
-      GLint count = 0;
-      for (std::size_t s = 0; s < frame.active.size(); ++s)
-        if (sets[i][s]) list[static_cast<std::size_t>(count++)] = static_cast<GLint>(s);
-      if (count > 0) glUniform4iv(list_location, (count + 3) / 4, list.data());
-      glUniform1i(count_location, count);
-    }
+    if (i == 0 || lists[i] != lists[i - 1]) setList(lists[i]);
     glUniform1f(error_location, frame.errors_px[i]);
     glUniform2f(proxy_error_location, frame.proxy_errors[i].shape, frame.proxy_errors[i].color);
     patches.draw(std::span(frame.patches).subspan(i, 1));
@@ -604,7 +603,7 @@ void LumigraphRenderer::draw(const base::Camera& camera, std::span<const std::ui
   impl.stats = {};
 
   // Collect the frame's patches and samples.
-  Impl::Frame frame{camera, options, now, {}, {}, {}, {}, {}};
+  Impl::Frame frame{camera, options, now, {}, {}, {}, {}, {}, {}};
   for (const std::size_t i : frontToBack(cut, impl.patches, camera, options.modes.section)) {
     frame.patches.push_back(cut[i]);
     frame.errors_px.push_back(i < patch_error_px.size() ? patch_error_px[i] : cut_error_px);

@@ -26,6 +26,7 @@ MemoryPlan planMemory(std::uint64_t budget, std::uint64_t wanted_cache, std::uin
   plan.patches = 2 * sixteenth + sixteenth / 2;
   plan.decoded = 2 * sixteenth;
   if (with_samples && budget >= kLeastForSamples) plan.samples = 2 * sixteenth + sixteenth / 2;
+  plan.smaller_picture = std::max(plan.samples, sixteenth / 2);
   plan.images = std::min(wanted_images, 8 * sixteenth - plan.samples);
   plan.frame_images = with_frames ? plan.images / 3 : 0;
   return plan;

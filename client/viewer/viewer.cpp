@@ -138,8 +138,8 @@ void Viewer::contextLost() {
   base::gl::contextLost();
   renderer_.reset();
   picker_.reset();
-  samples_ = {};
-  samples_refused_ = false;
+  picture_ = {};
+  target_refused_ = false;
   probe_.reset();
   if (splats_) splats_->contextLost();
   frame_.reset();
@@ -179,11 +179,11 @@ ViewerStats Viewer::stats() const {
     stats.images_requested += waits && image.use >= kNeededUse ? 1 : 0;
   }
   const bool pins_pending = probe_ && probe_->pending();
-  const bool samples_pending = samplesPending();
-  stats.busy = renderer_ && (more_to_do_ || settling() || pins_pending || samples_pending);
-  stats.complete = renderer_ && session_.complete() && !more_to_do_ && !settling() && !samples_pending;
-  stats.samples_pending = samples_pending && !pins_pending;
-  stats.samples_per_pixel = samples_per_pixel_;
+  const bool effort_pending = effortPending();
+  stats.busy = renderer_ && (more_to_do_ || settling() || pins_pending || effort_pending);
+  stats.complete = renderer_ && session_.complete() && !more_to_do_ && !settling() && !effort_pending;
+  stats.effort_pending = effort_pending && !pins_pending;
+  stats.effort = effort_;
   stats.broken = broken_;
   stats.last_fault = last_fault_;
   if (splats_) addSplats(stats);
@@ -211,7 +211,7 @@ base::Result<void> Viewer::startRenderer() {
   LUMIGRID_ASSIGN_OR_RETURN(
       auto made, LumigraphRenderer::create(session_.hierarchy().lattice, face_size, plan_.images, plan_.frame_images));
   renderer_ = std::move(made);
-  governor_ = SampleGovernor(options_.samples, base::gl::drawsInSoftware());
+  governor_ = DrawGovernor(options_.samples, base::gl::drawsInSoftware(), options_.fps);
   gpu_full_ = false;
   return {};
 }
@@ -277,7 +277,7 @@ MemoryUse Viewer::memory() const {
     use.textures = held.textures;
     use.buffers = held.buffers;
   }
-  use.renderbuffers = samples_.bytes() + (picker_ ? picker_->gpuBytes() : 0);
+  use.renderbuffers = picture_.bytes() + (picker_ ? picker_->gpuBytes() : 0);
   use.decoded = waitingBytes();
   use.cache = session_.stats().cache_bytes + session_.stats().frame_bytes;
   use.records = recordBytes(session_.hierarchy());

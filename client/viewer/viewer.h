@@ -21,11 +21,11 @@
 #include "client/source/session.h"
 #include "client/source/splat_view.h"
 #include "client/viewer/decode.h"
+#include "client/viewer/draw_governor.h"
 #include "client/viewer/memory_plan.h"
 #include "client/viewer/pick.h"
 #include "client/viewer/pins.h"
 #include "client/viewer/resident_patches.h"
-#include "client/viewer/sample_governor.h"
 #include "client/viewer/whole_frame.h"
 
 namespace client {
@@ -43,10 +43,11 @@ struct ViewerOptions {
   /// Samples a pixel of patches and images, a power of 2, which are averaged; fewer where their share of the memory
   /// does not hold them or the GL has fewer. Splats have one.
   int samples = 4;
-  /// True: a moving view gets that many where frame times allow it (SampleGovernor), and one at rest twice as many,
-  /// unless they are 1. False: each picture gets them.
-  bool adapt_samples = true;
-  double upload_milliseconds = 4.0;  ///< longest upload per frame, at an assumed 2 MB a millisecond; 0: no limit
+  /// Each picture is drawn with this. None: a moving view gets the samples, pixels and images that frame times allow
+  /// (DrawGovernor), and one at rest all pixels and twice as many samples, unless they are 1.
+  std::optional<DrawEffort> effort;
+  double fps = DrawGovernor::kUsualRate;  ///< pictures a second that a moving view is to have; 0: no matter
+  double upload_milliseconds = 4.0;       ///< longest upload per frame, at an assumed 2 MB a millisecond; 0: no limit
 };
 
 inline constexpr std::uint64_t kMinMemory = 16'000'000;
@@ -85,13 +86,13 @@ struct ViewerStats {
   std::uint32_t images_requested = 0;  ///< images that this view uses, received but not on the GPU yet
   bool complete = false;               ///< everything for this view was sent, decoded and uploaded, and has faded in
   bool busy = false;                   ///< another draw of the same view would look different without any more data
-  /// The only thing to be drawn is a picture with more samples a pixel. `busy` then holds, too, but a program may wait
-  /// until the view has rested for a moment.
-  bool samples_pending = false;
-  int samples_per_pixel = 1;  ///< of the blended picture that was drawn last
-  std::uint32_t broken = 0;   ///< images, groups and blocks of splats that could not be decoded
-  SplatStats splats;          ///< with kQsplat
-  std::string last_fault;     ///< the error of the latest of them
+  /// The only thing to be drawn is a picture with more samples, pixels or images. `busy` then holds, too, but a program
+  /// may wait until the view has rested for a moment.
+  bool effort_pending = false;
+  DrawEffort effort;         ///< of the blended picture that was drawn last
+  std::uint32_t broken = 0;  ///< images, groups and blocks of splats that could not be decoded
+  SplatStats splats;         ///< with kQsplat
+  std::string last_fault;    ///< the error of the latest of them
 };
 
 inline constexpr std::size_t kMaxPins = 512;
@@ -118,7 +119,7 @@ class Viewer {
   base::Result<void> drawUnseen(const base::ViewCamera& camera, double now);
   /// Tells how long the last picture took, in seconds, if the view moved for it: the interval to the one before where
   /// both were drawn as fast as they could be, or the time of drawing.
-  void addFrameTime(double seconds) { governor_.addFrame(samples_per_pixel_, seconds); }
+  void addFrameTime(double seconds) { governor_.addFrame(effort_, seconds); }
   /// Sets the colour where there is no model, from the next draw on: RGBA, 0 … 1.
   void setBackground(const std::array<float, 4>& color);
   /// Clears the bound framebuffer, before there is a model. Tells the server of no view.
@@ -230,11 +231,11 @@ class Viewer {
   bool showsThisView(SampleId id) const;
   std::vector<SampleId> framesOfThisView() const;
   void drawBlended(bool moved, double now);
-  int samplesWanted(bool moved) const;
+  DrawEffort effortWanted(bool moved, double now) const;
   int samplesAtRest() const;
-  int fittingSamples(int wanted) const;
-  bool bindSamples(int samples);
-  bool samplesPending() const;
+  DrawEffort fitting(DrawEffort wanted) const;
+  bool bindTarget(int width, int height, const DrawEffort& effort);
+  bool effortPending() const;
   bool settling() const;
   bool blendIsFine() const;
   void drawFrames();
@@ -262,10 +263,11 @@ class Viewer {
   base::Camera camera_;
   base::ViewCamera drawn_view_;
   WholeFrame frame_;
-  SampleGovernor governor_{1, false};
-  base::gl::MultisampledTarget samples_;
-  bool samples_refused_ = false;  // by the GL
-  int samples_per_pixel_ = 1;
+  DrawGovernor governor_{1, false};
+  base::gl::MultisampledTarget picture_;  // of several samples a pixel, or of fewer pixels than are shown
+  bool target_refused_ = false;           // by the GL
+  DrawEffort effort_;                     // of the last picture
+  double moved_at_ = -1e9;
   bool more_to_do_ = false;
   double upload_bytes_left_ = 0.0;
   std::uint32_t broken_ = 0;

@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <cmath>
 
 #include "client/viewer/viewer.h"
 
@@ -12,6 +13,13 @@ bool showsSameView(const base::ViewCamera& a, const base::ViewCamera& b) {
          near(glm::normalize(a.up), glm::normalize(b.up)) && a.fov_y == b.fov_y && a.width == b.width &&
          a.height == b.height && a.ortho_height == b.ortho_height;
 }
+
+int scaled(int pixels, float scale) {
+  return std::max(1, static_cast<int>(std::lround(scale * static_cast<float>(pixels))));
+}
+
+/// So long after its last motion a view still counts as moving.
+constexpr double kMotionSeconds = 0.25;
 
 }  // namespace
 
@@ -52,22 +60,31 @@ void Viewer::drawBlended(bool moved, double now) {
   for (SampleId id : ranked_)
     if (images_[id].state == ImageState::kResident) candidates_.push_back(id);
   LumigraphOptions options = options_.lumigraph;
-  options.max_samples = imagesBlended();
   options.modes.section = sectionHere();
   const bool hidden = frame_.whole() || frame_.under();
   options.unseen = options.unseen || (hidden && !probe_);
   GLint target = 0;
   glGetIntegerv(GL_FRAMEBUFFER_BINDING, &target);
-  const int samples = hidden ? 1 : fittingSamples(samplesWanted(moved));
-  const bool has_samples = !options.unseen && bindSamples(samples);
-  options.multisampled = has_samples;
+  if (moved) moved_at_ = now;
+  DrawEffort effort = hidden ? DrawEffort{} : fitting(effortWanted(moved, now));
+  options.max_samples = imagesBlended();
+  options.max_points_a_patch = effort.points;
+  base::Camera camera = camera_;
+  camera.width = scaled(camera_.width, effort.scale);
+  camera.height = scaled(camera_.height, effort.scale);
+  const bool apart = !options.unseen && bindTarget(camera.width, camera.height, effort);
+  if (!apart) {
+    effort.samples = 1, effort.scale = 1.0F;
+    camera = camera_;
+  }
+  options.multisampled = effort.samples > 1;
   const lod::patch::Cut& cut = patches_.drawn();
-  renderer_->draw(camera_, cut.patches, candidates_, cut.bound_px, shading_, options, now, patches_.occluders(),
+  renderer_->draw(camera, cut.patches, candidates_, cut.bound_px, shading_, options, now, patches_.occluders(),
                   cut.patch_bound_px, proxyErrors());
   if (options.unseen) return;
   probePins();
-  if (has_samples) samples_.resolveTo(static_cast<GLuint>(target));
-  samples_per_pixel_ = has_samples ? samples : 1;
+  if (apart) picture_.resolveTo(static_cast<GLuint>(target), camera_.width, camera_.height);
+  effort_ = effort;
 }
 
 std::vector<ProxyError> Viewer::proxyErrors() const {
@@ -81,54 +98,63 @@ std::vector<ProxyError> Viewer::proxyErrors() const {
   return errors;
 }
 
-// ---- samples ----
+// ---- samples and pixels ----
 
-/// Returns the samples a pixel of the next picture. The last picture of a view at rest gets all; those that another
-/// soon follows get what frame times allow.
-int Viewer::samplesWanted(bool moved) const {
-  if (!options_.adapt_samples) return options_.samples;
+/// Returns the effort for the next picture. The last picture of a view at rest gets all; those that another soon
+/// follows get what frame times allow, but all of its pixels and images where nobody moves.
+DrawEffort Viewer::effortWanted(bool moved, double now) const {
+  if (options_.effort) return *options_.effort;
   const bool fades = options_.lumigraph.fade_seconds > 0.0F;
   const bool passing = more_to_do_ || !session_.complete() || (fades && (moved || settling()));
-  return passing ? governor_.whileMoving() : samplesAtRest();
+  if (!passing) return {.samples = samplesAtRest()};
+  const DrawEffort effort = governor_.whileMoving();
+  const bool moves = fades && (moved || now - moved_at_ < kMotionSeconds);
+  return moves ? effort : DrawEffort{.samples = effort.samples};
 }
 
 int Viewer::samplesAtRest() const {
-  return governor_.most() > 1 ? 2 * governor_.most() : 1;
+  return governor_.mostSamples() > 1 ? 2 * governor_.mostSamples() : 1;
 }
 
-int Viewer::fittingSamples(int wanted) const {
-  int samples = samples_refused_ ? 1 : wanted;
-  if (samples <= 1) return 1;
+DrawEffort Viewer::fitting(DrawEffort wanted) const {
   using base::gl::MultisampledTarget;
+  const auto fits = [this](int samples) {
+    return MultisampledTarget::bytesOf(camera_.width, camera_.height, samples) <= plan_.samples;
+  };
   GLint most = 1;
   glGetIntegerv(GL_MAX_SAMPLES, &most);
-  while (samples > 1 &&
-         (samples > most || MultisampledTarget::bytesOf(camera_.width, camera_.height, samples) > plan_.samples))
-    samples /= 2;
-  return samples;
+  if (target_refused_) wanted.samples = 1, wanted.scale = 1.0F;
+  while (wanted.samples > 1 && (wanted.samples > most || !fits(wanted.samples))) wanted.samples /= 2;
+  const int width = scaled(camera_.width, wanted.scale);
+  const int height = scaled(camera_.height, wanted.scale);
+  if (MultisampledTarget::bytesOf(width, height, 1) > plan_.smaller_picture) wanted.scale = 1.0F;
+  return wanted;
 }
 
-/// Makes the picture's samples the target. False where it has one a pixel.
-bool Viewer::bindSamples(int samples) {
-  if (samples <= 1) return false;
-  if (!samples_.fits(camera_.width, camera_.height, samples)) {
-    samples_ = {};
-    auto made = base::gl::MultisampledTarget::create(camera_.width, camera_.height, samples);
-    samples_refused_ = !made;
+/// Makes a target of this size with the effort's samples the one to draw into. False where the picture's own will do,
+/// or the GL refuses.
+bool Viewer::bindTarget(int width, int height, const DrawEffort& effort) {
+  if (effort.samples <= 1 && effort.scale >= 1.0F) return false;
+  if (!picture_.fits(width, height, effort.samples)) {
+    picture_ = {};
+    auto made = base::gl::MultisampledTarget::create(width, height, effort.samples);
+    target_refused_ = !made;
     if (!made) {
       fault(made.error().message);
       return false;
     }
-    samples_ = std::move(*made);
+    picture_ = std::move(*made);
   }
-  samples_.bind();
+  picture_.bind();
   return true;
 }
 
-/// Whether the view rests with a picture that has fewer samples than it may have. A frame shown whole needs none.
-bool Viewer::samplesPending() const {
-  return renderer_ && options_.adapt_samples && !frame_.shown() && session_.complete() && !more_to_do_ && !settling() &&
-         samples_per_pixel_ < fittingSamples(samplesAtRest());
+/// Whether another picture of this view would have more samples, pixels or images, with nothing else to be done. A
+/// frame shown whole needs none.
+bool Viewer::effortPending() const {
+  if (!renderer_ || options_.effort || frame_.shown() || more_to_do_ || settling()) return false;
+  if (effort_.scale < 1.0F || effort_.points < kMaxBlended) return true;
+  return session_.complete() && effort_.samples < fitting({.samples = samplesAtRest()}).samples;
 }
 
 bool Viewer::settling() const {
@@ -151,7 +177,7 @@ base::Image readPicture(const base::gl::RenderTarget& target, const Viewer& view
 /// A server's frame shows the model as it is, in perspective: whatever alters the picture here is missing in it.
 bool Viewer::mayShowFrames() const {
   return !section_ && options_.lumigraph.use_images && !options_.lumigraph.modes.resolution_colors &&
-         !view_.orthographic();
+         !options_.lumigraph.show_disagreement && !view_.orthographic();
 }
 
 bool Viewer::showsThisView(SampleId id) const {

@@ -65,7 +65,8 @@ class ViewerClient {
 inline client::ViewerOptions viewerOptions(double tolerance_px) {
   client::ViewerOptions options;
   options.lumigraph.depth_maps_per_frame *= kFramesPerDrawn;
-  options.adapt_samples = false;  // as on a machine with graphics hardware, whatever draws here
+  // As on a machine with graphics hardware, whatever draws here.
+  options.effort = client::DrawEffort{.samples = options.samples};
   options.session.patch_tolerance_px = static_cast<float>(tolerance_px);
   return options;
 }

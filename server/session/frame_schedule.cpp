@@ -112,10 +112,16 @@ std::optional<FrameRequest> FrameSchedule::next(bool all_sent) {
     last_requested_ = quality == wantedQuality();
     return request(view_->camera, quality, last_requested_);
   }
-  const bool takes_long = link_.transferSeconds(expectedBytes(wantedQuality())) > kLastSeconds;
-  if (last_requested_ || (takes_long && !all_sent)) return std::nullopt;
+  if (last_requested_ || (!all_sent && link_.now() < lastMayGoAt())) return std::nullopt;
   last_requested_ = true;
   return request(view_->camera, wantedQuality(), true);
+}
+
+/// A last frame shows the view better than all else that is to come, but only while the eye stands. One that has stood
+/// for as long as the frame takes is expected to go on standing.
+double FrameSchedule::lastMayGoAt() const {
+  const double takes = link_.transferSeconds(expectedBytes(wantedQuality()));
+  return motion_.newestAt() + (takes > kLastSeconds ? takes : 0.0);
 }
 
 /// The view was half a round trip old when it came. The frame is rendered, waits for the link, travels and is decoded;
@@ -183,6 +189,8 @@ std::optional<double> FrameSchedule::wakeAt() const {
   } else if (under_way_) {
     if (holdsOthers()) in(link_.waitSeconds(0.0) - othersMayWait());
     if (!overdue()) in(under_way_->since + render_seconds_ + kOverdue - now);
+  } else if (exact_requested_ && !last_requested_) {
+    in(lastMayGoAt() - now);
   }
   return std::isfinite(at) ? std::optional(at) : std::nullopt;
 }

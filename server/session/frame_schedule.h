@@ -3,8 +3,8 @@
 //
 // A view at which the eye stands gets a quick frame at once, of a quality that the link carries in kQuickSeconds, and a
 // last one of the wanted quality if the quick one had less: at once where that occupies the link no longer than
-// kLastSeconds, else when everything else was sent. A moving eye gets frames one after the other, each drawn for where
-// the eye will be when the frame arrives.
+// kLastSeconds, else when the eye has stood for as long as it takes, or everything else was sent. A moving eye gets
+// frames one after the other, each drawn for where the eye will be when the frame arrives.
 #include <cstdint>
 #include <optional>
 
@@ -69,6 +69,7 @@ class FrameSchedule {
   int qualityFor(double seconds) const;
   int movingQuality() const;
   double expectedBytes(int quality) const;
+  double lastMayGoAt() const;
   double renderSecondsLeft() const;
   bool overdue() const;
   double othersMayWait() const;

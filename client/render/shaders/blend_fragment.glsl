@@ -28,6 +28,7 @@ uniform bool u_carve;
 uniform float u_soft;                  // width of a carved edge, pixels; 0 where the target has one sample a pixel
 uniform bool u_fill;
 uniform vec4 u_background;
+uniform bool u_show_disagreement;      // tints by how many times their expected error the images differ
 
 // BlendTuning: lumigraph.h describes each.
 uniform float u_angle_power, u_angle_floor, u_resolution_power, u_shift, u_border, u_side_low, u_side_high;
@@ -228,20 +229,21 @@ void main() {
   float images = smoothstep(0.0, 0.25, 1.0 - unseen);
   vec3 color = color_sum / max(coverage_sum, 1e-20);
   float shown = mix(u_patch_error, exp2(octaves / max(coverage_sum, 1e-20)), images);
+  // Where images differ from each other by more than they are expected to err, they know less than they claim.
+  float variance = max(square_sum / max(coverage_sum, 1e-20) - dot(color, color), 0.0) / 3.0;
+  float disagreement = variance / max(error2_sum / max(coverage_sum, 1e-20), 1e-9);
   if (u_fill) {
     // The proxy's own shading is one more sample, whose texels are the proxy's triangles: it weighs more where the
-    // images are coarser. Its blur contains the slant, as theirs does. Where images differ from each other by more than
-    // they are expected to err, they know less than they claim.
+    // images are coarser. Its blur contains the slant, as theirs does.
     float error2 = u_proxy_noise * u_proxy_noise + color_error * color_error;
     float weight = u_shade_weight * pow(error2 / image_noise2, -0.5 * u_resolution_power);
-    float variance = max(square_sum / max(coverage_sum, 1e-20) - dot(color, color), 0.0) / 3.0;
-    float expected2 = error2_sum / max(coverage_sum, 1e-20);
-    weight *= pow(1.0 + u_disagreement * variance / max(expected2, 1e-9), 0.5 * u_resolution_power);
+    weight *= pow(1.0 + u_disagreement * disagreement, 0.5 * u_resolution_power);
     color = mix(shaded, (color_sum + weight * shaded) / max(coverage_sum + weight, 1e-20), images);
     shown = mix(shown, u_patch_error, weight / max(coverage_sum + weight, 1e-20));
   } else if (images < 1.0) {
     color = mix(u_background.rgb, color, images);
   }
   if (!u_fill && images <= 0.0) discard;
-  o_color = vec4(u_show_resolution ? tinted(color, shown) : color, covered);
+  if (u_show_disagreement) shown = images * sqrt(disagreement);
+  o_color = vec4(u_show_resolution || u_show_disagreement ? tinted(color, shown) : color, covered);
 }

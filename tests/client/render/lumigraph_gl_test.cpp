@@ -105,7 +105,7 @@ class Lumigraph : public ::testing::Test {
     samples->bind();
     options_.multisampled = true;
     renderer_->draw(camera, cut_, {}, cut_error_px, shading_, options_, 0.0);
-    samples->resolveTo(target->framebuffer());
+    samples->resolveTo(target->framebuffer(), camera.width, camera.height);
     base::Image image = target->read();
     keepPicture(image);
     return image;
@@ -272,6 +272,40 @@ TEST_F(Lumigraph, coloursByResolutionSayHowCoarseTheImagesAre) {
   renderer_->removeSample(1);
   addImage(2, lookAt(kEye, glm::vec3(0.0F), 50, 50, 30.0F));
   EXPECT_EQ(pixel(draw(camera), 80, 80), opaque(lod::draw::kResolutionLegend[2].color)) << "3.2 pixels";
+}
+
+TEST_F(Lumigraph, coloursByDisagreementShowWhereImagesContradictEachOther) {
+  // A white wall; the second image shows a dark one.
+  scene_.rectangles = {
+      {glm::vec3(0.0F), glm::vec3(1.0F, 0.0F, 0.0F), glm::vec3(0.0F, 0.0F, 1.0F), constant(glm::vec3(1.0F)), {}}};
+  addPatch(rectanglePatch(scene_.rectangles[0], 8, kWhite));
+  options_.show_disagreement = true;
+  const base::Camera camera = lookAt(kEye, glm::vec3(0.0F), 160, 160, 30.0F);
+  const base::Camera beside = lookAt(kEye + glm::vec3(0.5F, 0.0F, 0.0F), glm::vec3(0.0F), 160, 160, 30.0F);
+  const base::Camera opposite = lookAt(kEye - glm::vec3(0.5F, 0.0F, 0.0F), glm::vec3(0.0F), 160, 160, 30.0F);
+  addImage(0, beside);
+  addImage(1, opposite);
+  EXPECT_EQ(pixel(draw(camera), 80, 80), opaque(lod::draw::kResolutionLegend[0].color)) << "they agree";
+  renderer_->removeSample(1);
+  scene_.rectangles[0].color = constant(glm::vec3(0.5F));
+  addImage(1, opposite);
+  const glm::ivec4 tint = pixel(draw(camera), 80, 80);
+  EXPECT_NE(tint, opaque(lod::draw::kResolutionLegend[0].color)) << "by more than they are expected to err";
+}
+
+TEST_F(Lumigraph, fewPointsAPatchBlendItsBestImages) {
+  // The wall is white to the nearest image and grey to two others.
+  scene_.rectangles = {
+      {glm::vec3(0.0F), glm::vec3(1.0F, 0.0F, 0.0F), glm::vec3(0.0F, 0.0F, 1.0F), constant(glm::vec3(1.0F)), {}}};
+  addPatch(rectanglePatch(scene_.rectangles[0], 8, kWhite));
+  const base::Camera camera = lookAt(kEye, glm::vec3(0.0F), 160, 160, 30.0F);
+  addImage(0, lookAt(kEye + glm::vec3(0.3F, 0.0F, 0.0F), glm::vec3(0.0F), 160, 160, 30.0F));
+  scene_.rectangles[0].color = constant(glm::vec3(0.9F));
+  for (const float x : {-1.0F, 1.0F})
+    addImage(x < 0.0F ? 1 : 2, lookAt(kEye + glm::vec3(x, 0.0F, 0.0F), glm::vec3(0.0F), 160, 160, 30.0F));
+  EXPECT_LT(pixel(draw(camera), 80, 80).r, 252);
+  options_.max_points_a_patch = 1;
+  EXPECT_GE(pixel(draw(camera), 80, 80).r, 254);
 }
 
 TEST_F(Lumigraph, imagesCoarserThanTheProxyDoNotBlurIt) {

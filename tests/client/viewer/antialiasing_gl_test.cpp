@@ -1,5 +1,5 @@
-// Tests how many samples a pixel pictures have: a view at rest gets four, a moving one what the machine affords, which
-// is one here, where the GL is software.
+// Tests how many samples and pixels pictures are drawn with: a view at rest gets all, with four samples each, a moving
+// one what the machine affords, which is one sample here, where the GL is software.
 #include "tests/client/viewer/viewer_fixture.h"
 
 namespace client {
@@ -28,6 +28,12 @@ class Antialiasing : public ViewerFixture {
     receive(server.sayComplete(views.back().sequence));
   }
   base::ViewCamera view() const { return server.lookDown(200.0); }
+  /// Sums what pixels are covered, those in part too.
+  static double cover(const base::Image& image) {
+    double sum = 0.0;
+    for (std::size_t i = 3; i < image.pixels.size(); i += 4) sum += image.pixels[i] / 255.0;
+    return sum;
+  }
   static std::vector<std::size_t> pixelsInPart(const base::Image& image) {
     std::vector<std::size_t> found;
     for (std::size_t i = 3; i < image.pixels.size(); i += 4)
@@ -39,7 +45,7 @@ class Antialiasing : public ViewerFixture {
 TEST_F(Antialiasing, aViewAtRestHasAveragedEdges) {
   start(patches());
   const base::Image image = settle(view());
-  EXPECT_EQ(viewer->stats().samples_per_pixel, 4);
+  EXPECT_EQ(viewer->stats().effort.samples, 4);
   EXPECT_TRUE(viewer->stats().complete);
   EXPECT_FALSE(pixelsInPart(image).empty());
   EXPECT_LT(pixelsInPart(image).size(), covered(image)) << "inside all samples are covered";
@@ -48,7 +54,7 @@ TEST_F(Antialiasing, aViewAtRestHasAveragedEdges) {
 TEST_F(Antialiasing, withoutItAPixelIsModelOrBackground) {
   start(patches(1));
   EXPECT_TRUE(pixelsInPart(settle(view())).empty());
-  EXPECT_EQ(viewer->stats().samples_per_pixel, 1);
+  EXPECT_EQ(viewer->stats().effort.samples, 1);
   EXPECT_EQ(viewer->stats().memory.renderbuffers, 0U);
 }
 
@@ -73,16 +79,16 @@ TEST_F(Antialiasing, whileTheViewMovesSoftwareDrawsOneAndTheLastPictureHasFour) 
   settle(view());
   for (int i = 0; i < 5; ++i) {
     draw(server.lookDown(190.0 - i));
-    EXPECT_EQ(viewer->stats().samples_per_pixel, 1);
+    EXPECT_EQ(viewer->stats().effort.samples, 1);
   }
   draw(view());
   completeView();
-  EXPECT_EQ(viewer->stats().samples_per_pixel, 1);
+  EXPECT_EQ(viewer->stats().effort.samples, 1);
   EXPECT_TRUE(viewer->stats().busy);
-  EXPECT_TRUE(viewer->stats().samples_pending);
+  EXPECT_TRUE(viewer->stats().effort_pending);
   EXPECT_FALSE(viewer->stats().complete);
   draw(view());
-  EXPECT_EQ(viewer->stats().samples_per_pixel, 4);
+  EXPECT_EQ(viewer->stats().effort.samples, 4);
   EXPECT_FALSE(viewer->stats().busy);
   EXPECT_TRUE(viewer->stats().complete);
 }
@@ -90,17 +96,17 @@ TEST_F(Antialiasing, whileTheViewMovesSoftwareDrawsOneAndTheLastPictureHasFour) 
 TEST_F(Antialiasing, picturesThatMustBeFinalAtOnceAreDrawnOnce) {
   start(patches(), 0.0F);
   draw(view());
-  EXPECT_EQ(viewer->stats().samples_per_pixel, 4);
+  EXPECT_EQ(viewer->stats().effort.samples, 4);
   EXPECT_TRUE(viewer->stats().complete);
 }
 
 TEST_F(Antialiasing, everyPictureHasAllWhereNothingIsToBeAdapted) {
   ViewerOptions options = patches();
-  options.adapt_samples = false;
+  options.effort = DrawEffort{.samples = 4};
   start(options);
   draw(server.lookDown(190.0));
-  EXPECT_EQ(viewer->stats().samples_per_pixel, 4);
-  EXPECT_FALSE(viewer->stats().samples_pending);
+  EXPECT_EQ(viewer->stats().effort.samples, 4);
+  EXPECT_FALSE(viewer->stats().effort_pending);
 }
 
 TEST_F(Antialiasing, aPictureHasNoMoreThanTheGlHas) {
@@ -108,20 +114,20 @@ TEST_F(Antialiasing, aPictureHasNoMoreThanTheGlHas) {
   GLint most = 0;
   glGetIntegerv(GL_MAX_SAMPLES, &most);
   settle(view());
-  EXPECT_EQ(viewer->stats().samples_per_pixel, most);
-  EXPECT_FALSE(viewer->stats().samples_pending);
+  EXPECT_EQ(viewer->stats().effort.samples, most);
+  EXPECT_FALSE(viewer->stats().effort_pending);
   EXPECT_EQ(viewer->stats().last_fault, "");
 }
 
 TEST_F(Antialiasing, atRestThereAreTwiceAsManyAsInMotion) {
   start(patches(2));
   settle(view());
-  EXPECT_EQ(viewer->stats().samples_per_pixel, 4);
+  EXPECT_EQ(viewer->stats().effort.samples, 4);
   ViewerOptions options = patches(2);
-  options.adapt_samples = false;
+  options.effort = DrawEffort{.samples = 2};
   start(options);
   settle(view());
-  EXPECT_EQ(viewer->stats().samples_per_pixel, 2);
+  EXPECT_EQ(viewer->stats().effort.samples, 2);
 }
 
 TEST_F(Antialiasing, aSmallMemoryHasNoSamples) {
@@ -146,6 +152,53 @@ TEST_F(Antialiasing, aLostContextTakesTheSamplesAndANewOneHasThemAgain) {
   EXPECT_EQ(settle(view()).pixels, before.pixels);
 }
 
+TEST_F(Antialiasing, aViewThatMovesTooSlowlyIsDrawnWithFewerPixelsAndSharpAgainAtRest) {
+  start(patches());
+  const base::Image sharp = settle(view());
+  for (int i = 0; i < 12; ++i) {
+    draw(server.lookDown(190.0 - i));
+    viewer->addFrameTime(0.05);
+  }
+  const base::Image moving = draw(server.lookDown(199.0));
+  EXPECT_LT(viewer->stats().effort.scale, 0.8F);
+  EXPECT_NEAR(cover(moving), cover(sharp), 0.25 * cover(sharp)) << "it fills the same part of the target";
+  EXPECT_LE(viewer->stats().memory.renderbuffers, 8U * 64U * 48U);
+  draw(view());
+  completeView();
+  EXPECT_LT(viewer->stats().effort.scale, 0.8F) << "of the last picture that moved";
+  EXPECT_TRUE(viewer->stats().effort_pending);
+  EXPECT_FALSE(viewer->stats().complete);
+  EXPECT_EQ(settle(view()).pixels, sharp.pixels);
+  EXPECT_EQ(viewer->stats().effort.scale, 1.0F);
+  EXPECT_TRUE(viewer->stats().complete);
+}
+
+TEST_F(Antialiasing, aViewThatRestsWhileDataComeIsDrawnWithAllPixels) {
+  start(patches());
+  for (int i = 0; i < 12; ++i) {
+    draw(server.lookDown(190.0 - i));
+    viewer->addFrameTime(0.05);
+  }
+  draw(view());
+  ASSERT_LT(viewer->stats().effort.scale, 0.8F);
+  now += 1.0;
+  EXPECT_TRUE(viewer->stats().effort_pending) << "though the server has not said that the view is complete";
+  draw(view());
+  EXPECT_EQ(viewer->stats().effort.scale, 1.0F);
+  EXPECT_FALSE(viewer->stats().complete);
+}
+
+TEST_F(Antialiasing, withoutARateAMovingViewHasAllPixels) {
+  ViewerOptions options = patches();
+  options.fps = 0.0;
+  start(options);
+  for (int i = 0; i < 12; ++i) {
+    draw(server.lookDown(190.0 - i));
+    viewer->addFrameTime(1.0);
+    EXPECT_EQ(viewer->stats().effort.scale, 1.0F);
+  }
+}
+
 TEST_F(Antialiasing, aFrameShownWholeNeedsNone) {
   server.welcome.can_render_frames = true;
   ViewerOptions options;
@@ -158,11 +211,11 @@ TEST_F(Antialiasing, aFrameShownWholeNeedsNone) {
   receive(server.sayComplete(1));
   settle(server.lookDown(20.0));
   EXPECT_EQ(viewer->stats().accuracy, Accuracy::kExact);
-  EXPECT_EQ(viewer->stats().samples_per_pixel, 1);
+  EXPECT_EQ(viewer->stats().effort.samples, 1);
   EXPECT_TRUE(viewer->stats().complete);
   viewer->setSection(base::SectionPlane{{0.0, 0.0, 1.0}, server.welcome.origin.z});
   settle(server.lookDown(20.0));
-  EXPECT_EQ(viewer->stats().samples_per_pixel, 4) << "the blended picture is shown again";
+  EXPECT_EQ(viewer->stats().effort.samples, 4) << "the blended picture is shown again";
 }
 
 }  // namespace

@@ -93,6 +93,27 @@ TEST(FrameSchedule, aLastFrameThatTheLinkCarriesSoonGoesAheadOfTheOthers) {
   }
 }
 
+TEST(FrameSchedule, aLastFrameThatTakesLongGoesOnceTheEyeHasStoodAsLong) {
+  Driven driven;
+  driven.at(0.0);
+  driven.view(0.0, 95);
+  const auto quick = driven.schedule.next(false);
+  ASSERT_TRUE(quick && !quick->last);
+  driven.render(*quick, 0.03, 200'000);  // of the link's 1 MB/s; the last frame takes more
+  ASSERT_FALSE(driven.schedule.next(false));
+  const auto wake = driven.schedule.wakeAt();
+  ASSERT_TRUE(wake);
+  EXPECT_GT(*wake, 0.2);
+  EXPECT_LT(*wake, 2.0);
+  driven.at(*wake - 0.01);
+  EXPECT_FALSE(driven.schedule.next(false));
+  driven.at(*wake + 0.001);
+  const auto last = driven.schedule.next(false);
+  ASSERT_TRUE(last) << "though other things are unsent";
+  EXPECT_TRUE(last->last);
+  EXPECT_EQ(last->quality, 95);
+}
+
 TEST(FrameSchedule, aFasterLinkGetsABetterQuickFrame) {
   int quality[2];
   for (const bool fast : {false, true}) {

@@ -1,0 +1,101 @@
+// Shows what less effort for a moving view's pictures costs and saves: settled pictures of random views, drawn with
+// each effort that the governor may choose, against the full model with 4 x 4 samples a pixel.
+//
+//   effort_bench SCENE [--views N] [--seed S] [--width W] [--height H] [--truth DIR]
+//
+// For each effort it prints means of PSNR and SSIM, and medians of the time to draw and of its ratio to that of the
+// proxy alone with one sample a pixel. --truth keeps the true pictures for another run.
+#include <algorithm>
+#include <cstdio>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "base/egl/headless.h"
+#include "base/png/png.h"
+#include "client/viewer/draw_governor.h"
+#include "compare/accuracy.h"
+#include "server/bake/face_encoder.h"
+#include "server/bake/random_views.h"
+#include "server/trial/direct_viewer.h"
+#include "tests/bench/bench.h"
+#include "tests/bench/truths.h"
+
+namespace {
+
+using bench::must;
+
+constexpr int kRepeats = 3;
+
+/// A viewer of one effort, and what its pictures came to.
+struct Row {
+  std::string name;
+  std::unique_ptr<server::DirectViewer> viewer;
+  double psnr = 0.0, ssim = 0.0;     // sums
+  std::vector<double> milliseconds;  // of each view
+};
+
+Row makeRow(const server::SceneData& data, const client::DrawEffort& effort, bool images) {
+  client::ViewerOptions options = server::settledOptions(client::Method::kLumigraph);
+  options.effort = effort;
+  options.lumigraph.use_images = images;
+  char name[80];
+  std::snprintf(name, sizeof name, "%d samples, %4.2f of the width, %2d points a patch", effort.samples,
+                static_cast<double>(effort.scale), images ? effort.points : 0);
+  return {name, std::make_unique<server::DirectViewer>(data, options), 0.0, 0.0, {}};
+}
+
+void measure(Row& row, const base::ViewCamera& view, const base::Image& truth) {
+  const base::Image first = must(row.viewer->show(view));
+  std::vector<double> times;
+  for (int i = 0; i < kRepeats; ++i) {
+    const double start = bench::seconds();
+    must(row.viewer->show(view));
+    times.push_back(1e3 * (bench::seconds() - start));
+  }
+  row.milliseconds.push_back(bench::median(times));
+  const compare::Accuracy accuracy = must(compare::measureAccuracy(truth, first));
+  row.psnr += accuracy.psnr_db, row.ssim += accuracy.ssim;
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  bench::Arguments arguments(argc, argv, "SCENE [--views 1..1000] [--seed S] [--width W] [--height H] [--truth DIR]");
+  server::RandomViews wanted;
+  wanted.count = arguments.number("--views", std::size_t{6}, std::size_t{1}, std::size_t{1000});
+  wanted.seed = arguments.number("--seed", 5U, 0U, 1U << 30U);
+  wanted.width = static_cast<int>(arguments.number("--width", 640U, 16U, 4096U));
+  wanted.height = static_cast<int>(arguments.number("--height", 360U, 16U, 4096U));
+  const std::string directory = arguments.text("--truth", "");
+  arguments.finish();
+  if (arguments.input().empty()) arguments.wrong();
+
+  const auto [scene, views] = bench::openWithImages(arguments.input(), wanted);
+  const auto drawing = must(base::HeadlessContext::create());
+  const auto viewing = must(base::HeadlessContext::create());
+  bench::Truths truths(*scene, directory, *drawing, *viewing);
+
+  std::vector<Row> rows;
+  rows.push_back(makeRow(scene->data, {}, false));
+  for (const client::DrawEffort& effort : client::DrawGovernor::efforts(4))
+    rows.push_back(makeRow(scene->data, effort, true));
+  int shown = 0;
+  for (std::size_t i = 0; i < views.size(); ++i) {
+    const base::Image truth = truths.of(views[i], wanted.seed, i);
+    if (!server::showsModel(truth)) continue;
+    ++shown;
+    for (Row& row : rows) measure(row, views[i], truth);
+  }
+  if (shown == 0) bench::stop("no view shows the model");
+
+  std::printf("%s, %d views of %d x %d\n", scene->name.c_str(), shown, wanted.width, wanted.height);
+  for (const Row& row : rows) {
+    std::vector<double> ratios;
+    for (std::size_t i = 0; i < row.milliseconds.size(); ++i)
+      ratios.push_back(row.milliseconds[i] / rows.front().milliseconds[i]);
+    std::printf("%-48s %6.2f dB  %.4f  %7.1f ms  %5.1f x\n", row.name.c_str(), row.psnr / shown, row.ssim / shown,
+                bench::median(row.milliseconds), bench::median(ratios));
+  }
+  return 0;
+}

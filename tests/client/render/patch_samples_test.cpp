@@ -1,0 +1,97 @@
+#include "client/render/patch_samples.h"
+
+#include <gtest/gtest.h>
+
+#include <memory>
+
+namespace client {
+namespace {
+
+/// Samples that look down at a ground of patches from 10 units above it, and a viewer 20 units above its middle.
+class PatchSamplesTest : public ::testing::Test {
+ protected:
+  static base::Camera cameraAbove(float x, float height, int width) {
+    base::ViewCamera view;
+    view.position = {x, 0.0, height};
+    view.direction = {0.0, 0.0, -1.0};
+    view.up = {0.0, 1.0, 0.0};
+    view.fov_y = 1.5;
+    view.width = view.height = width;
+    return base::cameraFromView(view, glm::dvec3(0.0), 0.1F, 100.0F);
+  }
+  /// `point`: equal numbers are the same eye; a larger `width` is a finer picture.
+  void addSample(float x, std::uint32_t point, int width = 512) {
+    made_.push_back(std::make_unique<SampleGeometry>(cameraAbove(x, 10.0F, width)));
+    samples.push_back(made_.back().get());
+    points.push_back(point);
+  }
+  void addPatch(float x) {
+    boxes.push_back({{x - 0.5F, -0.5F, 0.0F}, {x + 0.5F, 0.5F, 0.1F}});
+    errors.push_back({0.01F, 0.1F});
+  }
+  std::vector<std::vector<std::uint32_t>> lists(std::size_t max_points) const {
+    return samplesOfPatches(samples, points, boxes, errors, cameraAbove(0.0F, 20.0F, 512), max_points, BlendTuning{});
+  }
+
+  std::vector<const SampleGeometry*> samples;
+  std::vector<std::uint32_t> points;
+  std::vector<base::Aabb> boxes;
+  std::vector<ProxyError> errors;
+
+ private:
+  std::vector<std::unique_ptr<SampleGeometry>> made_;
+};
+
+using Lists = std::vector<std::vector<std::uint32_t>>;
+
+TEST_F(PatchSamplesTest, aPatchHasTheSamplesThatMaySeeIt) {
+  addSample(0.0F, 0);
+  addSample(100.0F, 1);
+  addPatch(0.0F);
+  addPatch(100.0F);
+  addPatch(-100.0F);
+  EXPECT_EQ(lists(8), (Lists{{0}, {1}, {}}));
+}
+
+TEST_F(PatchSamplesTest, theBestPointsAreLeftInTheirOrder) {
+  for (int i = 0; i < 5; ++i) addSample(-4.0F + 2.0F * static_cast<float>(i), static_cast<std::uint32_t>(i));
+  addPatch(0.0F);
+  EXPECT_EQ(lists(5), (Lists{{0, 1, 2, 3, 4}}));
+  EXPECT_EQ(lists(3), (Lists{{1, 2, 3}})) << "those whose rays are nearest to the viewer's";
+  EXPECT_EQ(lists(1), (Lists{{2}}));
+}
+
+TEST_F(PatchSamplesTest, eachPatchHasItsOwn) {
+  addSample(-6.0F, 0);
+  addSample(6.0F, 1);
+  addPatch(-6.0F);
+  addPatch(6.0F);
+  EXPECT_EQ(lists(1), (Lists{{0}, {1}}));
+}
+
+TEST_F(PatchSamplesTest, coarseAndFineOfAPointCountOnceAndStay) {
+  addSample(0.5F, 0, 1024);
+  addSample(0.5F, 0, 256);
+  addSample(4.0F, 1, 1024);
+  addPatch(0.0F);
+  EXPECT_EQ(lists(2), (Lists{{0, 1, 2}}));
+  EXPECT_EQ(lists(1), (Lists{{0, 1}}));
+}
+
+TEST_F(PatchSamplesTest, aCoarsePictureGivesWayToAFineOneAsNear) {
+  addSample(-1.0F, 0, 64);
+  addSample(1.0F, 1, 1024);
+  addPatch(0.0F);
+  EXPECT_EQ(lists(1), (Lists{{1}}));
+}
+
+TEST_F(PatchSamplesTest, anEyeInThePatchIsNoBest) {
+  addSample(0.0F, 0);
+  addSample(1.0F, 1);
+  addPatch(0.0F);
+  boxes[0] = {{-1.0F, -1.0F, 9.0F}, {1.0F, 1.0F, 11.0F}};
+  EXPECT_LE(lists(1)[0].size(), 1U);
+}
+
+}  // namespace
+}  // namespace client
