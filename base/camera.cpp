@@ -11,6 +11,15 @@ glm::vec4 Camera::homogeneousEye() const {
   return {glm::normalize(glm::vec3(eye_from_scene[0][2], eye_from_scene[1][2], eye_from_scene[2][2])), 0.0F};
 }
 
+bool showsSameView(const ViewCamera& a, const ViewCamera& b) {
+  constexpr double kRounding = 1e-9;        // of unit vectors
+  constexpr double kPlaceRounding = 1e-14;  // of coordinates, some 50 units in the last place
+  const auto near = [](const glm::dvec3& u, const glm::dvec3& v) { return glm::length(u - v) <= kRounding; };
+  return glm::length(a.position - b.position) <= kPlaceRounding * glm::length(a.position) &&
+         near(a.direction, b.direction) && near(glm::normalize(a.up), glm::normalize(b.up)) && a.fov_y == b.fov_y &&
+         a.width == b.width && a.height == b.height && a.ortho_height == b.ortho_height;
+}
+
 glm::vec4 sectionInScene(const SectionPlane& plane, const glm::dvec3& scene_origin) {
   const double length = glm::length(plane.normal);
   const double offset = plane.offset - glm::dot(plane.normal, scene_origin);

@@ -59,6 +59,10 @@ inline bool sameCamera(const Camera& a, const Camera& b) {
          a.height == b.height;
 }
 
+/// Whether both show the same picture but for rounding, as where a path is interpolated or a direction normalized
+/// again.
+bool showsSameView(const ViewCamera& a, const ViewCamera& b);
+
 /// Cuts away the points on the side that `normal` points to: those with dot(normal, p) > offset.
 struct SectionPlane {
   glm::dvec3 normal{0.0, 0.0, 1.0};  ///< unit, world

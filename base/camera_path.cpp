@@ -9,7 +9,8 @@ ViewCamera CameraPath::at(double seconds) const {
   const double place = std::clamp(seconds * frames_per_second, 0.0, static_cast<double>(frames.size() - 1));
   const auto before = static_cast<std::size_t>(place);
   const double share = place - static_cast<double>(before);
-  if (jumps || share <= 0.0 || before + 1 >= frames.size()) return frames[before];
+  if (jumps || share <= 0.0 || before + 1 >= frames.size() || frames[before] == frames[before + 1])
+    return frames[before];
   const ViewCamera &a = frames[before], &b = frames[before + 1];
   ViewCamera view = a;
   view.position = glm::mix(a.position, b.position, share);

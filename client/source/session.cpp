@@ -14,11 +14,6 @@ constexpr std::uint64_t kEntryOverhead = 128;
 /// Exact frames that are kept, the newest, as far as their bytes allow. A choice: older ones are of views farther away.
 constexpr std::size_t kMaxFrames = 4;
 
-bool sameView(const base::ViewCamera& a, const base::ViewCamera& b) {
-  return a.position == b.position && a.direction == b.direction && a.up == b.up && a.fov_y == b.fov_y &&
-         a.width == b.width && a.height == b.height;
-}
-
 /// Whether cached faces and groups of one scene are valid in the other.
 bool sameScene(const protocol::Welcome& a, const protocol::Welcome& b) {
   return a.scene_name == b.scene_name && a.origin == b.origin && a.lattice_origin == b.lattice_origin &&
@@ -293,7 +288,7 @@ std::optional<base::Bytes> Session::nextToSend() {
 }
 
 void Session::setView(const base::ViewCamera& camera) {
-  if (camera_ && sameView(*camera_, camera)) return;
+  if (camera_ && base::showsSameView(*camera_, camera)) return;
   camera_ = camera;
   view_unsent_ = phase_ == SessionPhase::kReady;
 }

@@ -6,14 +6,6 @@
 namespace client {
 namespace {
 
-/// Compares with a tolerance where rounding is possible: directions are normalized again where they arrive.
-bool showsSameView(const base::ViewCamera& a, const base::ViewCamera& b) {
-  const auto near = [](const glm::dvec3& u, const glm::dvec3& v) { return glm::length(u - v) <= 1e-9; };
-  return a.position == b.position && near(a.direction, b.direction) &&
-         near(glm::normalize(a.up), glm::normalize(b.up)) && a.fov_y == b.fov_y && a.width == b.width &&
-         a.height == b.height && a.ortho_height == b.ortho_height;
-}
-
 int scaled(int pixels, float scale) {
   return std::max(1, static_cast<int>(std::lround(scale * static_cast<float>(pixels))));
 }
@@ -31,7 +23,7 @@ base::Result<void> Viewer::draw(const base::ViewCamera& camera, double now) {
     return takeEvents();
   }
   if (const auto more = update(camera, now); !more) return more.error();
-  const bool moved = !showsSameView(drawn_view_, view_);
+  const bool moved = !base::showsSameView(drawn_view_, view_);
   drawn_view_ = view_;
   if (context_lost_) return {};
   if (!renderer_) {
@@ -183,7 +175,7 @@ bool Viewer::mayShowFrames() const {
 bool Viewer::showsThisView(SampleId id) const {
   if ((id & kFrameTag) == 0) return false;
   const protocol::Frame* frame = session_.frame(static_cast<std::uint32_t>(id & ~kFrameTag));
-  return frame != nullptr && showsSameView(frame->camera, view_);
+  return frame != nullptr && base::showsSameView(frame->camera, view_);
 }
 
 /// Returns the frames of the present view that are on the GPU, oldest first.

@@ -14,6 +14,9 @@ constexpr double kMovingSeconds = 0.05;  // and a moving eye's this long
 constexpr double kOthersShare = 0.15;    // of the link, for patches and images while the eye moves
 constexpr double kLastSeconds = 0.25;    // a last frame that occupies it no longer goes ahead of the others
 constexpr double kMaxCredit = 0.1;       // seconds of that share that may be saved up
+// An eye that has stood for so long is expected to go on standing. With as long as the frame takes in place of it, an
+// eye that jumps every two seconds lost 1.3 dB on a link of 1 Mbit/s.
+constexpr double kStandsSeconds = 3.0;
 constexpr int kMinQuality = 30;
 // A moving eye's frames are blended, which costs more than this quality does; better ones would take the link from
 // patches and images.
@@ -24,7 +27,10 @@ constexpr double kRenderMemory = 0.25;   // weight of the newest rendering time
 // more than kOverdue.
 constexpr double kShortQueue = 0.02;
 constexpr double kOverdue = 0.05;
-constexpr double kMinWait = 0.002;            // seconds; a transport is never woken more often
+constexpr double kMinWait = 0.002;  // seconds; a transport is never woken more often
+// Messages wait once so many seconds of the link are unsent, since all that is unsent is ahead of a new view's frame:
+// the 128 KiB that a transport takes are a second at 1 Mbit/s. Less loses a decibel where an eye jumps twice a second.
+constexpr double kMostQueued = 0.5;
 constexpr double kFirstBytesPerPixel = 0.25;  // at quality weight 1, before a frame tells
 
 /// The bytes of a frame relative to those at quality 85, means over five scans (docs/decisions/frames-webp.md).
@@ -117,11 +123,10 @@ std::optional<FrameRequest> FrameSchedule::next(bool all_sent) {
   return request(view_->camera, wantedQuality(), true);
 }
 
-/// A last frame shows the view better than all else that is to come, but only while the eye stands. One that has stood
-/// for as long as the frame takes is expected to go on standing.
+/// A last frame shows the view better than all else that is to come, but only while the eye stands.
 double FrameSchedule::lastMayGoAt() const {
-  const double takes = link_.transferSeconds(expectedBytes(wantedQuality()));
-  return motion_.newestAt() + (takes > kLastSeconds ? takes : 0.0);
+  const bool takes_long = link_.transferSeconds(expectedBytes(wantedQuality())) > kLastSeconds;
+  return motion_.newestAt() + (takes_long ? kStandsSeconds : 0.0);
 }
 
 /// The view was half a round trip old when it came. The frame is rendered, waits for the link, travels and is decoded;
@@ -171,17 +176,23 @@ double FrameSchedule::othersMayWait() const {
   return overdue() ? kShortQueue : std::max(0.0, renderSecondsLeft() - link_.roundTrip());
 }
 
+bool FrameSchedule::linkIsFull() const {
+  return link_.unsentSeconds() > kMostQueued;
+}
+
 bool FrameSchedule::holdsOthers(double bytes) const {
+  if (linkIsFull()) return true;
   if (moving()) return credit_ <= 0.0;
   if (!possible_ || !under_way_) return false;
   return link_.waitSeconds(overdue() ? 0.0 : bytes) > othersMayWait();
 }
 
 std::optional<double> FrameSchedule::wakeAt() const {
-  if (!possible_) return std::nullopt;
   const double now = link_.now();
   double at = std::numeric_limits<double>::infinity();
   const auto in = [&](double seconds) { at = std::min(at, now + std::max(kMinWait, seconds)); };
+  if (linkIsFull()) in(link_.unsentSeconds() - kMostQueued);
+  if (!possible_) return std::isfinite(at) ? std::optional(at) : std::nullopt;
   if (moving()) {
     in(motion_.settledAt() - now);
     if (!aimed_ && !under_way_) in(link_.queueSeconds() - render_seconds_);

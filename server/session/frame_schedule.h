@@ -3,8 +3,8 @@
 //
 // A view at which the eye stands gets a quick frame at once, of a quality that the link carries in kQuickSeconds, and a
 // last one of the wanted quality if the quick one had less: at once where that occupies the link no longer than
-// kLastSeconds, else when the eye has stood for as long as it takes, or everything else was sent. A moving eye gets
-// frames one after the other, each drawn for where the eye will be when the frame arrives.
+// kLastSeconds, else when the eye has stood for kStandsSeconds, or everything else was sent. A moving eye gets frames
+// one after the other, each drawn for where the eye will be when the frame arrives.
 #include <cstdint>
 #include <optional>
 
@@ -47,8 +47,10 @@ class FrameSchedule {
   bool owesFrame() const { return possible_ && (!last_requested_ || under_way_); }
   /// Whether the newest view's frame is of use before there is any model: it is shown by itself while the eye stands.
   bool standsAlone() const { return possible_ && !moving(); }
-  /// Whether other messages wait, so that the link is free when the frame that is being rendered comes. `bytes`: of the
-  /// next one, as far as they are known.
+  /// Whether so much is queued already that nothing but a frame should join it.
+  bool linkIsFull() const;
+  /// Whether other messages wait, so that the link is free for a new view, or when the frame that is being rendered
+  /// comes. `bytes`: of the next one, as far as they are known.
   bool holdsOthers(double bytes = 0.0) const;
   /// Counts bytes of another message that was handed out.
   void countOther(std::size_t bytes) { credit_ -= static_cast<double>(bytes); }

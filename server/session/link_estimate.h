@@ -24,6 +24,8 @@ class LinkEstimate {
   double roundTrip() const { return round_trip_; }
   /// Seconds that a byte handed out now waits before it is under way as if the link were idle.
   double queueSeconds() const;
+  /// The part of it at the server, behind what TCP has under way.
+  double unsentSeconds() const { return static_cast<double>(state_.unsent_bytes) / rate_; }
   /// Seconds for which the last of so many bytes, handed out now, would wait at the server; 0 while the round trip is
   /// not known.
   double waitSeconds(double bytes) const;

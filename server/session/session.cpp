@@ -125,7 +125,7 @@ std::optional<base::Bytes> Session::chooseMessage() {
   if (!newest_) return std::nullopt;
   if (!planned_) planNewestView();
   // A frame for a moving eye has nothing to lie on without the coarse model.
-  if (!frames_.standsAlone() || !has_group_[0])
+  if (!frames_.linkIsFull() && (!frames_.standsAlone() || !has_group_[0]))
     if (auto message = nextCoarse()) return message;
   if (auto message = nextFrame()) return message;
   if (frames_.holdsOthers(coarseBytesNext())) return std::nullopt;

@@ -22,6 +22,13 @@ TEST(CameraPath, movesEvenlyOrJumps) {
   EXPECT_EQ(path.at(0.5).position.x, 1.0);
 }
 
+TEST(CameraPath, restsWithoutRounding) {
+  base::ViewCamera view = at(1.0 / 3.0);
+  view.direction = glm::normalize(glm::dvec3(1.0, 2.0, 3.0));
+  const base::CameraPath path{{view, view}, 10.0, false};
+  for (int i = 0; i <= 60; ++i) EXPECT_EQ(path.at(i / 600.0), view) << i;
+}
+
 TEST(CameraPath, ofAHandHasEvenTimesAndKeepsRests) {
   const std::vector<base::SeenView> seen{{10.0, at(0.0)}, {10.05, at(1.0)}, {10.31, at(2.0)}, {10.5, at(2.0)}};
   const base::CameraPath path = base::pathOf(seen, 10.0);

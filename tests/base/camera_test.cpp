@@ -24,6 +24,25 @@ TEST(Camera, surveyCoordinatesKeepTheirMillimetres) {
   EXPECT_NEAR(a.x / a.w * 400.0F, 0.001F / 20.0F * camera.pixelsPerUnitAtOne(), 1e-4F);
 }
 
+TEST(Camera, viewsThatDifferByRoundingShowTheSame) {
+  base::ViewCamera view;
+  view.position = {500'000.1, 5'000'000.2, 300.3};
+  view.direction = glm::normalize(glm::dvec3(1.0, 2.0, -3.0));
+  view.up = {0.0, 0.0, 1.0};
+  base::ViewCamera other = view;
+  other.position = view.position * 0.3 + view.position * 0.7;
+  other.direction = glm::normalize(view.direction * 3.0);
+  EXPECT_TRUE(base::showsSameView(view, other));
+  other.position.x += 1e-4;
+  EXPECT_FALSE(base::showsSameView(view, other)) << "a tenth of a millimetre";
+  other = view;
+  other.direction = glm::normalize(view.direction + glm::dvec3(1e-7, 0.0, 0.0));
+  EXPECT_FALSE(base::showsSameView(view, other));
+  other = view;
+  other.ortho_height = 2.0;
+  EXPECT_FALSE(base::showsSameView(view, other));
+}
+
 TEST(Camera, projectedErrorIsThePixelsThatALengthCovers) {
   const base::ViewCamera view = lookingDown();
   const base::Camera camera = base::cameraFromView(view, view.position - glm::dvec3(0, 0, 20), 0.1F, 100.0F);
