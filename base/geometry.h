@@ -19,6 +19,10 @@ struct Aabb {
   glm::vec3 size() const { return max - min; }
   float longest() const { return glm::max(size().x, glm::max(size().y, size().z)); }
   float diagonal() const { return glm::length(size()); }
+  /// Corner 0 … 7: bit k says whether coordinate k is the largest.
+  glm::vec3 corner(int i) const {
+    return {(i & 1) != 0 ? max.x : min.x, (i & 2) != 0 ? max.y : min.y, (i & 4) != 0 ? max.z : min.z};
+  }
   bool contains(const glm::vec3& p) const {
     return glm::all(glm::lessThanEqual(min, p)) && glm::all(glm::lessThanEqual(p, max));
   }

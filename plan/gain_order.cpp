@@ -110,7 +110,7 @@ struct Image {
   float gain = 0.0F;
   bool is_stale = true;  // its gain may be less by now
   bool has_come = false;
-  std::uint32_t renewed = 0;  // for this group in the order of coming
+  std::uint32_t renewed = 0;  // the round in which a group last changed it
 };
 
 struct Group {
@@ -374,7 +374,7 @@ class GainOrder {
   std::vector<Prospect> prospects_;
   std::size_t best_group_ = 0;
   std::size_t images_left_ = 0;
-  std::uint32_t round_ = 0;  // groups that came
+  std::uint32_t round_ = 0;  // counts the groups that came
 };
 
 }  // namespace

@@ -249,6 +249,7 @@ std::string formatHeadlessFrame(const HeadlessFrame& frame) {
   line["samples"] = drawn.samples_used;
   line["samples_per_pixel"] = frame.stats.effort.samples;
   line["scale"] = frame.stats.effort.scale;
+  line["points"] = frame.stats.effort.points;
   line["samples_resident"] = drawn.samples_resident;
   line["gpu_bytes"] = drawn.gpu_bytes;
   line["cache_bytes"] = session.cache_bytes;

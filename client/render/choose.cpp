@@ -48,9 +48,7 @@ std::uint16_t cellsUnder(const SampleGeometry& fine, const SampleGeometry& coars
 std::uint16_t cellsOf(const base::Aabb& box, const SampleGeometry& sample) {
   glm::vec2 low(1.0F), high(-1.0F);
   for (int i = 0; i < 8; ++i) {
-    const glm::vec3 corner((i & 1) != 0 ? box.max.x : box.min.x, (i & 2) != 0 ? box.max.y : box.min.y,
-                           (i & 4) != 0 ? box.max.z : box.min.z);
-    const glm::vec3 place = sample.placeInCore(corner - sample.eye);
+    const glm::vec3 place = sample.placeInCore(box.corner(i) - sample.eye);
     if (place.z <= 0.0F) return kAllCells;
     low = glm::min(low, glm::vec2(place) / place.z);
     high = glm::max(high, glm::vec2(place) / place.z);

@@ -54,7 +54,8 @@ struct BlendTuning {
 
 struct LumigraphOptions {
   int max_samples = base::ViewDefaults::kImages;  ///< images blended per frame, 1..kMaxBlended
-  /// Sampling points from which a patch is blended at most, the best for it. Fewer cost less and are less accurate.
+  /// Sampling points from which a patch is blended at most, the best for it, 1..kMaxBlended. Fewer cost less and are
+  /// less accurate: docs/decisions/moving-effort.md.
   int max_points_a_patch = kMaxBlended;
   float fade_seconds = 0.25F;  ///< images come in and go over this; 0 for pictures that must be final at once
   /// While pictures may still settle, a frame draws depth maps until they have so many times the proxy's triangles. A
@@ -65,7 +66,7 @@ struct LumigraphOptions {
   bool unseen = false;        ///< depth maps, fades and figures go on as in any frame, but nothing is drawn
   bool fill_holes = true;  ///< shade what no image sees by vertex colour, normal and light; otherwise leave background
   /// Tint every fragment by how many times their expected error the images there differ from each other, in the steps
-  /// and colours of lod::draw::kResolutionLegend. Shows where the scene moved or changed its light, or the proxy fails.
+  /// and colours of lod::draw::kResolutionLegend: where the proxy is far from the surface, and beside hidden edges.
   bool show_disagreement = false;
   bool use_images = true;  ///< false: draw the proxy shaded by its vertex colours
   float background[4] = {0.0F, 0.0F, 0.0F, 0.0F};

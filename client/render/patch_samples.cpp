@@ -15,11 +15,7 @@ namespace {
 std::array<glm::vec3, 9> placesIn(const base::Aabb& box) {
   std::array<glm::vec3, 9> places;
   places.fill(box.center());
-  for (std::size_t i = 0; i < 8; ++i) {
-    const glm::vec3 corner((i & 1U) != 0 ? box.max.x : box.min.x, (i & 2U) != 0 ? box.max.y : box.min.y,
-                           (i & 4U) != 0 ? box.max.z : box.min.z);
-    places[i] = 0.5F * (places[8] + corner);
-  }
+  for (int i = 0; i < 8; ++i) places[static_cast<std::size_t>(i)] = 0.5F * (box.center() + box.corner(i));
   return places;
 }
 

@@ -14,8 +14,10 @@ constexpr DrawEffort kEfforts[] = {{kAllSamples},          {kAllSamples, 1.0F, k
                                    {kAllSamples, 1.0F, 4}, {1, 1.0F, kSomePoints},
                                    {1, 1.0F, 4},           {1, 0.7F, 4},
                                    {1, 0.7F, 2},           {1, 0.5F, 1}};
+/// An effort's cost over that of the next one, about; the larger steps are found too large when they are tried.
+constexpr double kUsualStep = 1.5;
 constexpr double kLongestPause = 16.0 * DrawGovernor::kFirstPause;
-/// Frames must stay below this share of the budget before more effort is tried, since that costs twice as much.
+/// Frames must stay below this share of the budget before more effort is tried, which costs up to twice as much.
 constexpr double kEasyShare = 0.5;
 /// Beyond so many budgets three frames are enough to tell.
 constexpr double kFarTooSlow = 3.0;
@@ -62,7 +64,7 @@ std::size_t DrawGovernor::stepsDown() const {
       second = std::min(second, recent_[i]);
   }
   std::size_t steps = 1;
-  for (constexpr double kHalfStep = 1.4; second > 2.0 * kHalfStep * budget_; second /= 2.0) ++steps;
+  for (; second > kUsualStep * budget_; second /= kUsualStep) ++steps;
   return steps;
 }
 

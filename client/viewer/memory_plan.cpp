@@ -26,7 +26,8 @@ MemoryPlan planMemory(std::uint64_t budget, std::uint64_t wanted_cache, std::uin
   plan.patches = 2 * sixteenth + sixteenth / 2;
   plan.decoded = 2 * sixteenth;
   if (with_samples && budget >= kLeastForSamples) plan.samples = 2 * sixteenth + sixteenth / 2;
-  plan.smaller_picture = std::max(plan.samples, sixteenth / 2);
+  if (plan.samples == 0) plan.decoded -= sixteenth / 4;
+  plan.smaller_picture = std::max(plan.samples, sixteenth);
   plan.images = std::min(wanted_images, 8 * sixteenth - plan.samples);
   plan.frame_images = with_frames ? plan.images / 3 : 0;
   return plan;

@@ -119,7 +119,7 @@ class Viewer {
   base::Result<void> drawUnseen(const base::ViewCamera& camera, double now);
   /// Tells how long the last picture took, in seconds, if the view moved for it: the interval to the one before where
   /// both were drawn as fast as they could be, or the time of drawing.
-  void addFrameTime(double seconds) { governor_.addFrame(effort_, seconds); }
+  void addFrameTime(double seconds) { governor_.addFrame(asked_effort_, seconds); }
   /// Sets the colour where there is no model, from the next draw on: RGBA, 0 … 1.
   void setBackground(const std::array<float, 4>& color);
   /// Clears the bound framebuffer, before there is a model. Tells the server of no view.
@@ -233,7 +233,7 @@ class Viewer {
   void drawBlended(bool moved, double now);
   DrawEffort effortWanted(bool moved, double now) const;
   int samplesAtRest() const;
-  DrawEffort fitting(DrawEffort wanted) const;
+  DrawEffort fittingEffort(DrawEffort wanted) const;
   bool bindTarget(int width, int height, const DrawEffort& effort);
   bool effortPending() const;
   bool settling() const;
@@ -267,7 +267,8 @@ class Viewer {
   base::gl::MultisampledTarget picture_;  // of several samples a pixel, or of fewer pixels than are shown
   bool target_refused_ = false;           // by the GL
   DrawEffort effort_;                     // of the last picture
-  double moved_at_ = -1e9;
+  DrawEffort asked_effort_;               // for it, whatever memory and GL allowed
+  double moved_at_ = -1e9;                // when the view last moved, seconds
   bool more_to_do_ = false;
   double upload_bytes_left_ = 0.0;
   std::uint32_t broken_ = 0;

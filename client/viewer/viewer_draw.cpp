@@ -58,7 +58,8 @@ void Viewer::drawBlended(bool moved, double now) {
   GLint target = 0;
   glGetIntegerv(GL_FRAMEBUFFER_BINDING, &target);
   if (moved) moved_at_ = now;
-  DrawEffort effort = hidden ? DrawEffort{} : fitting(effortWanted(moved, now));
+  const DrawEffort asked = hidden ? DrawEffort{} : effortWanted(moved, now);
+  DrawEffort effort = fittingEffort(asked);
   options.max_samples = imagesBlended();
   options.max_points_a_patch = effort.points;
   base::Camera camera = camera_;
@@ -77,6 +78,7 @@ void Viewer::drawBlended(bool moved, double now) {
   probePins();
   if (apart) picture_.resolveTo(static_cast<GLuint>(target), camera_.width, camera_.height);
   effort_ = effort;
+  asked_effort_ = asked;
 }
 
 std::vector<ProxyError> Viewer::proxyErrors() const {
@@ -108,7 +110,8 @@ int Viewer::samplesAtRest() const {
   return governor_.mostSamples() > 1 ? 2 * governor_.mostSamples() : 1;
 }
 
-DrawEffort Viewer::fitting(DrawEffort wanted) const {
+/// Returns as much of the effort as the memory's plan and the GL have room for.
+DrawEffort Viewer::fittingEffort(DrawEffort wanted) const {
   using base::gl::MultisampledTarget;
   const auto fits = [this](int samples) {
     return MultisampledTarget::bytesOf(camera_.width, camera_.height, samples) <= plan_.samples;
@@ -117,9 +120,10 @@ DrawEffort Viewer::fitting(DrawEffort wanted) const {
   glGetIntegerv(GL_MAX_SAMPLES, &most);
   if (target_refused_) wanted.samples = 1, wanted.scale = 1.0F;
   while (wanted.samples > 1 && (wanted.samples > most || !fits(wanted.samples))) wanted.samples /= 2;
-  const int width = scaled(camera_.width, wanted.scale);
-  const int height = scaled(camera_.height, wanted.scale);
-  if (MultisampledTarget::bytesOf(width, height, 1) > plan_.smaller_picture) wanted.scale = 1.0F;
+  if (wanted.scale < 1.0F) {
+    const auto whole = static_cast<float>(MultisampledTarget::bytesOf(camera_.width, camera_.height, 1));
+    wanted.scale = std::min(wanted.scale, std::sqrt(static_cast<float>(plan_.smaller_picture) / whole));
+  }
   return wanted;
 }
 
@@ -146,7 +150,7 @@ bool Viewer::bindTarget(int width, int height, const DrawEffort& effort) {
 bool Viewer::effortPending() const {
   if (!renderer_ || options_.effort || frame_.shown() || more_to_do_ || settling()) return false;
   if (effort_.scale < 1.0F || effort_.points < kMaxBlended) return true;
-  return session_.complete() && effort_.samples < fitting({.samples = samplesAtRest()}).samples;
+  return session_.complete() && effort_.samples < fittingEffort({.samples = samplesAtRest()}).samples;
 }
 
 bool Viewer::settling() const {

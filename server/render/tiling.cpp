@@ -76,10 +76,8 @@ PixelBounds::PixelBounds(const base::Camera& camera)
       max_(-std::numeric_limits<double>::infinity()) {}
 
 void PixelBounds::add(const base::Aabb& box) {
-  for (int corner = 0; corner < 8; ++corner) {
-    const glm::dvec3 p((corner & 1) != 0 ? box.max.x : box.min.x, (corner & 2) != 0 ? box.max.y : box.min.y,
-                       (corner & 4) != 0 ? box.max.z : box.min.z);
-    const glm::dvec4 clip = clip_from_scene_ * glm::dvec4(p, 1.0);
+  for (int i = 0; i < 8; ++i) {
+    const glm::dvec4 clip = clip_from_scene_ * glm::dvec4(glm::dvec3(box.corner(i)), 1.0);
     if (!(clip.w > 0.0)) {
       min_ = glm::dvec2(0.0);
       max_ = size_;

@@ -80,24 +80,13 @@ void save(const std::string& directory, std::size_t view, const char* name, cons
 }  // namespace
 
 int main(int argc, char** argv) {
-  bench::Arguments arguments(argc, argv,
-                             "SCENE [--views 1..1000] [--seed S] [--width W] [--height H] [--truth DIR] "
-                             "[--pictures DIR] [--patches 0..1]");
-  server::RandomViews wanted;
-  wanted.count = arguments.number("--views", std::size_t{24}, std::size_t{1}, std::size_t{1000});
-  wanted.seed = arguments.number("--seed", 5U, 0U, 1U << 30U);
-  wanted.width = static_cast<int>(arguments.number("--width", 640U, 16U, 4096U));
-  wanted.height = static_cast<int>(arguments.number("--height", 360U, 16U, 4096U));
-  const std::string directory = arguments.text("--truth", "");
+  bench::Arguments arguments(argc, argv, std::string(bench::kViewUsage) + " [--pictures DIR] [--patches 0..1]");
+  const bench::ViewArguments wanted = bench::viewArguments(arguments, 24);
   const std::string pictures = arguments.text("--pictures", "");
   const bool with_patches = arguments.number("--patches", 0U, 0U, 1U) == 1;
   arguments.finish();
-  if (arguments.input().empty()) arguments.wrong();
-
-  const auto [scene, views] = bench::openWithImages(arguments.input(), wanted);
-  const auto drawing = must(base::HeadlessContext::create());
-  const auto viewing = must(base::HeadlessContext::create());
-  bench::Truths truths(*scene, directory, *drawing, *viewing);
+  const auto [scene, views] = bench::openWithImages(wanted.scene, wanted.views);
+  bench::Truths truths(*scene, wanted.truths);
 
   client::ViewerOptions options = server::settledOptions(client::Method::kLumigraph);
   server::DirectViewer with_images(scene->data, options);
@@ -109,7 +98,7 @@ int main(int argc, char** argv) {
   Gains gains;
   double patch_psnr = 0.0;
   for (std::size_t i = 0; i < views.size(); ++i) {
-    const base::Image truth = truths.of(views[i], wanted.seed, i);
+    const base::Image truth = truths.of(views[i], wanted.views.seed, i);
     if (!server::showsModel(truth)) continue;
     const Shown alone = show(proxy, views[i], truth);
     const Shown blended = show(with_images, views[i], truth);

@@ -11,12 +11,10 @@
 #include <string>
 #include <vector>
 
-#include "base/egl/headless.h"
-#include "base/png/png.h"
+#include "base/format_text.h"
 #include "client/viewer/draw_governor.h"
 #include "compare/accuracy.h"
 #include "server/bake/face_encoder.h"
-#include "server/bake/random_views.h"
 #include "server/trial/direct_viewer.h"
 #include "tests/bench/bench.h"
 #include "tests/bench/truths.h"
@@ -39,10 +37,12 @@ Row makeRow(const server::SceneData& data, const client::DrawEffort& effort, boo
   client::ViewerOptions options = server::settledOptions(client::Method::kLumigraph);
   options.effort = effort;
   options.lumigraph.use_images = images;
-  char name[80];
-  std::snprintf(name, sizeof name, "%d samples, %4.2f of the width, %2d points a patch", effort.samples,
-                static_cast<double>(effort.scale), images ? effort.points : 0);
-  return {name, std::make_unique<server::DirectViewer>(data, options), 0.0, 0.0, {}};
+  return {base::formatText("%d samples, %4.2f of the width, %2d points a patch", effort.samples,
+                           static_cast<double>(effort.scale), images ? effort.points : 0),
+          std::make_unique<server::DirectViewer>(data, options),
+          0.0,
+          0.0,
+          {}};
 }
 
 void measure(Row& row, const base::ViewCamera& view, const base::Image& truth) {
@@ -61,20 +61,11 @@ void measure(Row& row, const base::ViewCamera& view, const base::Image& truth) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  bench::Arguments arguments(argc, argv, "SCENE [--views 1..1000] [--seed S] [--width W] [--height H] [--truth DIR]");
-  server::RandomViews wanted;
-  wanted.count = arguments.number("--views", std::size_t{6}, std::size_t{1}, std::size_t{1000});
-  wanted.seed = arguments.number("--seed", 5U, 0U, 1U << 30U);
-  wanted.width = static_cast<int>(arguments.number("--width", 640U, 16U, 4096U));
-  wanted.height = static_cast<int>(arguments.number("--height", 360U, 16U, 4096U));
-  const std::string directory = arguments.text("--truth", "");
+  bench::Arguments arguments(argc, argv, bench::kViewUsage);
+  const bench::ViewArguments wanted = bench::viewArguments(arguments, 6);
   arguments.finish();
-  if (arguments.input().empty()) arguments.wrong();
-
-  const auto [scene, views] = bench::openWithImages(arguments.input(), wanted);
-  const auto drawing = must(base::HeadlessContext::create());
-  const auto viewing = must(base::HeadlessContext::create());
-  bench::Truths truths(*scene, directory, *drawing, *viewing);
+  const auto [scene, views] = bench::openWithImages(wanted.scene, wanted.views);
+  bench::Truths truths(*scene, wanted.truths);
 
   std::vector<Row> rows;
   rows.push_back(makeRow(scene->data, {}, false));
@@ -82,14 +73,14 @@ int main(int argc, char** argv) {
     rows.push_back(makeRow(scene->data, effort, true));
   int shown = 0;
   for (std::size_t i = 0; i < views.size(); ++i) {
-    const base::Image truth = truths.of(views[i], wanted.seed, i);
+    const base::Image truth = truths.of(views[i], wanted.views.seed, i);
     if (!server::showsModel(truth)) continue;
     ++shown;
     for (Row& row : rows) measure(row, views[i], truth);
   }
   if (shown == 0) bench::stop("no view shows the model");
 
-  std::printf("%s, %d views of %d x %d\n", scene->name.c_str(), shown, wanted.width, wanted.height);
+  std::printf("%s, %d views of %d x %d\n", scene->name.c_str(), shown, wanted.views.width, wanted.views.height);
   for (const Row& row : rows) {
     std::vector<double> ratios;
     for (std::size_t i = 0; i < row.milliseconds.size(); ++i)

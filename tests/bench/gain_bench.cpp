@@ -122,9 +122,7 @@ int main(int argc, char** argv) {
   if (arguments.input().empty()) arguments.wrong();
 
   const auto [scene, views] = bench::openWithImages(arguments.input(), wanted);
-  const auto drawing = must(base::HeadlessContext::create());
-  const auto viewing = must(base::HeadlessContext::create());
-  bench::Truths truths(*scene, directory, *drawing, *viewing);
+  bench::Truths truths(*scene, directory);
   std::map<Setting, double> measured = readMeasured(file);
   std::ofstream kept;
   if (!file.empty()) kept.open(file, std::ios::app);

@@ -21,12 +21,16 @@ namespace bench {
 
 inline constexpr int kTruthSamples = 4;
 
-/// Draws true pictures, or reads those of an earlier run.
+/// Draws true pictures in a context of its own, or reads those of an earlier run. Another context is current for the
+/// caller as long as this lives.
 class Truths {
  public:
-  Truths(const server::OpenScene& scene, std::string directory, base::HeadlessContext& own,
-         base::HeadlessContext& other)
-      : scene_(scene), directory_(std::move(directory)), gl_(own, other) {
+  Truths(const server::OpenScene& scene, std::string directory)
+      : scene_(scene),
+        directory_(std::move(directory)),
+        own_(must(base::HeadlessContext::create())),
+        callers_(must(base::HeadlessContext::create())),
+        gl_(*own_, *callers_) {
     if (!directory_.empty()) std::filesystem::create_directories(directory_);
     renderer_ = gl_.use([&] { return must(server::SceneRenderer::create(scene_.scene, scene_.patches)); });
   }
@@ -51,9 +55,28 @@ class Truths {
  private:
   const server::OpenScene& scene_;
   const std::string directory_;
+  const std::unique_ptr<base::HeadlessContext> own_, callers_;
   server::OwnContext gl_;
   std::unique_ptr<server::SceneRenderer> renderer_;
 };
+
+/// The options of benchmarks that look at random views.
+struct ViewArguments {
+  std::string scene;
+  server::RandomViews views;
+  std::string truths;  ///< directory of true pictures; "": none are kept
+};
+inline constexpr const char* kViewUsage = "SCENE [--views 1..1000] [--seed S] [--width W] [--height H] [--truth DIR]";
+
+inline ViewArguments viewArguments(Arguments& given, std::size_t usual_views) {
+  if (given.input().empty()) given.wrong();
+  ViewArguments taken{given.input(), {}, given.text("--truth", "")};
+  taken.views.count = given.number("--views", usual_views, std::size_t{1}, std::size_t{1000});
+  taken.views.seed = given.number("--seed", 5U, 0U, 1U << 30U);
+  taken.views.width = static_cast<int>(given.number("--width", 640U, 16U, 4096U));
+  taken.views.height = static_cast<int>(given.number("--height", 360U, 16U, 4096U));
+  return taken;
+}
 
 /// A scene and the random views of it that a benchmark looks at.
 struct ViewedScene {

@@ -61,13 +61,17 @@ export function countGl() {
       "renderbufferStorage",
       (context, target, format, width, height) => set(context, target, width * height * bytesOf(format)));
   watch(
+      "renderbufferStorageMultisample",
+      (context, target, samples, format, width, height) =>
+          set(context, target, Math.max(1, samples) * width * height * bytesOf(format)));
+  watch(
       "bufferData",
       (context, target, data, usage, offset, length) =>
           set(context, target,
               typeof data === "number" ? data :
                   length               ? length * data.BYTES_PER_ELEMENT :
                                          data.byteLength));
-  for (const name of ["texImage2D", "texImage3D", "renderbufferStorageMultisample", "copyTexImage2D"])
+  for (const name of ["texImage2D", "texImage3D", "copyTexImage2D"])
     watch(name, () => unknown.add(name));
   for (const name of ["deleteTexture", "deleteBuffer", "deleteRenderbuffer"])
     watch(name, (_, object) => held.delete(object));

@@ -157,7 +157,7 @@ TEST_F(Antialiasing, aViewThatMovesTooSlowlyIsDrawnWithFewerPixelsAndSharpAgainA
   const base::Image sharp = settle(view());
   for (int i = 0; i < 12; ++i) {
     draw(server.lookDown(190.0 - i));
-    viewer->addFrameTime(0.05);
+    viewer->addFrameTime(0.045);
   }
   const base::Image moving = draw(server.lookDown(199.0));
   EXPECT_LT(viewer->stats().effort.scale, 0.8F);
@@ -177,7 +177,7 @@ TEST_F(Antialiasing, aViewThatRestsWhileDataComeIsDrawnWithAllPixels) {
   start(patches());
   for (int i = 0; i < 12; ++i) {
     draw(server.lookDown(190.0 - i));
-    viewer->addFrameTime(0.05);
+    viewer->addFrameTime(0.045);
   }
   draw(view());
   ASSERT_LT(viewer->stats().effort.scale, 0.8F);
@@ -186,6 +186,26 @@ TEST_F(Antialiasing, aViewThatRestsWhileDataComeIsDrawnWithAllPixels) {
   draw(view());
   EXPECT_EQ(viewer->stats().effort.scale, 1.0F);
   EXPECT_FALSE(viewer->stats().complete);
+}
+
+TEST_F(Antialiasing, aSmallMemorysMovingViewHasFewerPixelsTooAsManyAsFit) {
+  ViewerOptions options = patches();
+  options.memory_budget_bytes = kMinMemory;
+  start(options);
+  base::ViewCamera large = view();
+  large.width = large.height = 1000;
+  auto made = base::gl::RenderTarget::create(large.width, large.height);
+  ASSERT_TRUE(bool(made));
+  target = std::move(*made);
+  for (int i = 0; i < 12; ++i) {
+    large.position.z += 1.0;
+    draw(large);
+    EXPECT_EQ(viewer->stats().effort.samples, 1) << "there is no room for more";
+    viewer->addFrameTime(1.0);
+    EXPECT_LE(viewer->stats().memory.total(), kMinMemory);
+  }
+  EXPECT_LT(viewer->stats().effort.scale, 0.5F);
+  EXPECT_GT(viewer->stats().effort.scale, 0.3F);
 }
 
 TEST_F(Antialiasing, withoutARateAMovingViewHasAllPixels) {

@@ -8,7 +8,9 @@ namespace {
 TEST(MemoryPlan, theSharesNeverExceedTheBudget) {
   for (const std::uint64_t budget : {16'000'000ULL, 64'000'000ULL, 1'000'000'000ULL, 63'999'999ULL}) {
     const MemoryPlan plan = planMemory(budget, 1ULL << 40U, 1ULL << 40U, true, true);
-    EXPECT_LE(plan.cache + plan.frames + plan.patches + plan.images + plan.decoded + plan.samples, budget) << budget;
+    EXPECT_LE(plan.cache + plan.frames + plan.patches + plan.images + plan.decoded + plan.smaller_picture, budget)
+        << budget;
+    EXPECT_GE(plan.smaller_picture, plan.samples) << "they take turns";
     EXPECT_LE(plan.frame_images, plan.images);
   }
 }
@@ -25,6 +27,11 @@ TEST(MemoryPlan, samplesHaveAShareWhereTheyAreWantedAndThereIsEnough) {
   EXPECT_GE(planMemory(1'000'000'000, 50'000'000, 512'000'000, true, true).samples, 2560U * 1440U * 4U * 8U);
   EXPECT_EQ(planMemory(1'000'000'000, 50'000'000, 512'000'000, true, false).samples, 0U);
   EXPECT_EQ(planMemory(64'000'000, 50'000'000, 512'000'000, true, true).samples, 0U);
+}
+
+TEST(MemoryPlan, aPhonesMovingViewMayHaveHalfOfItsWidth) {
+  EXPECT_GE(planMemory(64'000'000, 50'000'000, 512'000'000, true, true).smaller_picture, 1000U * 500U * 8U)
+      << "of 2000 x 1000 pixels";
 }
 
 TEST(MemoryPlan, aPhoneHoldsAFaceOfAThousandPixelsAndTheUsualTriangles) {
