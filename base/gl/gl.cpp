@@ -80,7 +80,11 @@ std::uint64_t* counterOf(detail::StorageKind kind) {
 }
 
 std::uint64_t bytesOf(GLenum format, int width, int height) {
-  const std::uint64_t pixel = format == GL_RGBA32UI ? 16 : format == GL_RGBA16F ? 8 : 4;
+  std::uint64_t pixel = 4;
+  if (format == GL_RGBA32UI || format == GL_RGBA32F) pixel = 16;
+  if (format == GL_RGBA16F) pixel = 8;
+  if (format == GL_RG8) pixel = 2;
+  if (format == GL_R8) pixel = 1;
   return pixel * static_cast<std::uint64_t>(width) * static_cast<std::uint64_t>(height);
 }
 

@@ -9,6 +9,7 @@
 #include "client/render/box_index.h"
 #include "client/render/choose.h"
 #include "client/render/patch_samples.h"
+#include "client/render/pixel_blend.h"
 #include "client/render/pyramid.h"
 #include "client/render/sample_array.h"
 #include "client/render/sample_borders.h"
@@ -39,7 +40,8 @@ int facesOfSize(int face_size, int whole_faces) {
 constexpr float kGuessedColorError = 0.1F;
 constexpr float kGuessedShareOfBound = 0.1F;
 
-constexpr int kMaxArrays = 3;  ///< image sizes at a time: faces, and exact frames of two sizes
+constexpr int kMaxArrays = 3;              ///< image sizes at a time: faces, and exact frames of two sizes
+constexpr int kFreeUnit = 2 * kMaxArrays;  ///< the first texture unit that no array takes
 
 /// One sample as the uniform block holds it: std140, `Sample` of blend_fragment.glsl.
 struct SampleBlock {
@@ -99,6 +101,7 @@ struct LumigraphRenderer::Impl {
   std::uint64_t for_other_sizes;
   base::gl::Program blend;
   base::gl::Program depth;
+  std::optional<PixelBlend> pixels;
   std::optional<WholeImageShader> whole;
   base::gl::Buffer block;
   base::gl::Texture no_color;  ///< bound where there is no array, since WebGL requires complete textures
@@ -147,11 +150,18 @@ struct LumigraphRenderer::Impl {
   std::uint64_t drawDepthMap(Sample& sample);
   void uploadBlock(Frame& frame);
   SampleBlock blockOf(const Sample& sample) const;
-  std::vector<std::vector<std::uint32_t>> samplesOverPatches(const Frame& frame) const;
+  /// For each patch, the samples that may see it.
+  using Lists = std::vector<std::vector<std::uint32_t>>;
+  Lists samplesOverPatches(const Frame& frame) const;
   void setList(std::span<const std::uint32_t> list);
-  void setUniforms(const Frame& frame, const lod::draw::Shading& shading);
-  void bindArrays() const;
-  void drawPatches(const Frame& frame);
+  void setUniforms(const base::gl::Program& program, const Frame& frame, const lod::draw::Shading& shading) const;
+  void bindArrays(const base::gl::Program& program) const;
+  bool drawOnce(const Frame& frame, const Lists& lists, const lod::draw::Shading& shading);
+  void blendPixels(const Frame& frame, const Lists& lists, const lod::draw::Shading& shading);
+  static void clearTarget(const Frame& frame);
+  template <class Draw>
+  void withSoftEdges(const Frame& frame, const Draw& draw) const;
+  void drawPatches(const Frame& frame, const Lists& lists);
   void countFrame(const Frame& frame);
 };
 
@@ -205,21 +215,25 @@ base::Result<std::unique_ptr<LumigraphRenderer>> LumigraphRenderer::create(const
   Impl& impl = *renderer->impl_;
 
   LUMIGRID_ASSIGN_OR_RETURN(
-      auto blend,
-      base::gl::Program::link("lumigraph blend", glsl::kBlendVertex,
-                              lod::draw::shadingSource() + lod::draw::viewModesSource() + glsl::kBlendFragment));
+      auto blend, base::gl::Program::link("lumigraph blend", glsl::kBlendVertex,
+                                          lod::draw::shadingSource() + lod::draw::viewModesSource() + glsl::kView +
+                                              glsl::kProxySurface + glsl::kBlendSamples + glsl::kBlendFragment));
   LUMIGRID_ASSIGN_OR_RETURN(auto depth,
                             base::gl::Program::link("lumigraph depth", glsl::kDepthVertex, glsl::kDepthFragment));
   impl.blend = std::move(blend);
   impl.depth = std::move(depth);
+  LUMIGRID_ASSIGN_OR_RETURN(auto pixels, PixelBlend::create());
+  impl.pixels = std::move(pixels);
   LUMIGRID_ASSIGN_OR_RETURN(auto whole, WholeImageShader::create());
   impl.whole = std::move(whole);
 
   impl.block = base::gl::Buffer::create();
   impl.no_color = emptyArray(GL_RGBA8);
   impl.no_depth = emptyArray(GL_DEPTH_COMPONENT24);
-  const GLuint index = glGetUniformBlockIndex(impl.blend.name(), "Samples");
-  if (index != GL_INVALID_INDEX) glUniformBlockBinding(impl.blend.name(), index, kSamplesBinding);
+  for (const GLuint program : {impl.blend.name(), impl.pixels->blend().name()}) {
+    const GLuint index = glGetUniformBlockIndex(program, "Samples");
+    if (index != GL_INVALID_INDEX) glUniformBlockBinding(program, index, kSamplesBinding);
+  }
   return renderer;
 }
 
@@ -234,12 +248,16 @@ bool LumigraphRenderer::settling() const {
 const LumigraphStats& LumigraphRenderer::stats() const {
   return impl_->stats;
 }
+std::uint64_t LumigraphRenderer::bytesToBlendOnce(int width, int height) {
+  return PixelBlend::bytesOf(width, height);
+}
 base::gl::HeldBytes LumigraphRenderer::heldBytes() const {
   return impl_->heldBytes();
 }
 
 base::gl::HeldBytes LumigraphRenderer::Impl::heldBytes() const {
-  return {textureBytes() + no_color.bytes() + no_depth.bytes(), patches.gpuBytes() + block.bytes(), 0};
+  const std::uint64_t others = no_color.bytes() + no_depth.bytes() + pixels->bytes();
+  return {textureBytes() + others, patches.gpuBytes() + block.bytes(), 0};
 }
 
 std::uint64_t LumigraphRenderer::Impl::textureBytes() const {
@@ -503,7 +521,7 @@ void LumigraphRenderer::Impl::uploadBlock(Frame& frame) {
   glBindBufferBase(GL_UNIFORM_BUFFER, kSamplesBinding, block.name());
 }
 
-void LumigraphRenderer::Impl::bindArrays() const {
+void LumigraphRenderer::Impl::bindArrays(const base::gl::Program& program) const {
   static constexpr std::array<const char*, kMaxArrays> kColor{"u_color0", "u_color1", "u_color2"};
   static constexpr std::array<const char*, kMaxArrays> kDepth{"u_depth0", "u_depth1", "u_depth2"};
   for (std::size_t i = 0; i < kMaxArrays; ++i) {
@@ -513,29 +531,30 @@ void LumigraphRenderer::Impl::bindArrays() const {
     glBindTexture(GL_TEXTURE_2D_ARRAY, filled ? arrays[i]->color() : no_color.name());
     glActiveTexture(GL_TEXTURE0 + static_cast<GLenum>(unit) + 1);
     glBindTexture(GL_TEXTURE_2D_ARRAY, filled ? arrays[i]->depth() : no_depth.name());
-    glUniform1i(blend.uniform(kColor[i]), unit);
-    glUniform1i(blend.uniform(kDepth[i]), unit + 1);
+    glUniform1i(program.uniform(kColor[i]), unit);
+    glUniform1i(program.uniform(kDepth[i]), unit + 1);
   }
   glActiveTexture(GL_TEXTURE0);
 }
 
-void LumigraphRenderer::Impl::setUniforms(const Frame& frame, const lod::draw::Shading& shading) {
-  lod::draw::setShading(blend, shading);
+void LumigraphRenderer::Impl::setUniforms(const base::gl::Program& program, const Frame& frame,
+                                          const lod::draw::Shading& shading) const {
+  lod::draw::setShading(program, shading);
   const base::Camera& camera = frame.camera;
   const glm::mat4 clip_from_scene = camera.clipFromScene();
-  const auto set = [&](const char* name, float value) { glUniform1f(blend.uniform(name), value); };
-  glUniformMatrix4fv(blend.uniform("u_clip_from_scene"), 1, GL_FALSE, &clip_from_scene[0][0]);
+  const auto set = [&](const char* name, float value) { glUniform1f(program.uniform(name), value); };
+  glUniformMatrix4fv(program.uniform("u_clip_from_scene"), 1, GL_FALSE, &clip_from_scene[0][0]);
   const glm::vec4 eye = camera.homogeneousEye();
-  glUniform4f(blend.uniform("u_eye"), eye.x, eye.y, eye.z, eye.w);
-  glUniform2f(blend.uniform("u_viewport"), static_cast<float>(camera.width), static_cast<float>(camera.height));
+  glUniform4f(program.uniform("u_eye"), eye.x, eye.y, eye.z, eye.w);
+  glUniform2f(program.uniform("u_viewport"), static_cast<float>(camera.width), static_cast<float>(camera.height));
   set("u_pixels_per_unit", camera.pixelsPerUnitAtOne());
-  glUniform1i(blend.uniform("u_carve"), frame.options.carve ? 1 : 0);
-  glUniform1i(blend.uniform("u_show_disagreement"), frame.options.show_disagreement ? 1 : 0);
+  glUniform1i(program.uniform("u_carve"), frame.options.carve ? 1 : 0);
+  glUniform1i(program.uniform("u_show_disagreement"), frame.options.show_disagreement ? 1 : 0);
   set("u_soft", frame.options.multisampled ? 1.0F : 0.0F);
-  glUniform1i(blend.uniform("u_fill"), frame.options.fill_holes || !frame.options.use_images ? 1 : 0);
-  lod::draw::setViewModes(blend, frame.options.modes, camera);
+  glUniform1i(program.uniform("u_fill"), frame.options.fill_holes || !frame.options.use_images ? 1 : 0);
+  lod::draw::setViewModes(program, frame.options.modes, camera);
   const float* background = frame.options.background;
-  glUniform4f(blend.uniform("u_background"), background[0], background[1], background[2], background[3]);
+  glUniform4f(program.uniform("u_background"), background[0], background[1], background[2], background[3]);
 
   const BlendTuning& tuning = frame.options.tuning;
   set("u_angle_power", tuning.angle_power);
@@ -558,12 +577,13 @@ void LumigraphRenderer::Impl::setUniforms(const Frame& frame, const lod::draw::S
   set("u_lit_outlier", tuning.lit_outlier);
   set("u_sharpen", tuning.sharpen);
   set("u_disagreement", tuning.disagreement);
-  glUniform2f(blend.uniform("u_edge"), static_cast<float>(patches.lattice().step),
-              127.0F / lod::draw::kEdgeCodesPerOctave);
+  const auto step = static_cast<float>(patches.lattice().step);
+  set("u_step", step);
+  glUniform2f(program.uniform("u_edge"), step, 127.0F / lod::draw::kEdgeCodesPerOctave);
 }
 
 /// Returns for each patch the samples that may see it.
-std::vector<std::vector<std::uint32_t>> LumigraphRenderer::Impl::samplesOverPatches(const Frame& frame) const {
+LumigraphRenderer::Impl::Lists LumigraphRenderer::Impl::samplesOverPatches(const Frame& frame) const {
   std::vector<const SampleGeometry*> geometries;
   for (const Sample* sample : frame.active) geometries.push_back(&sample->geometry);
   const auto most = static_cast<std::size_t>(std::max(1, frame.options.max_points_a_patch));
@@ -579,12 +599,76 @@ void LumigraphRenderer::Impl::setList(std::span<const std::uint32_t> list) {
   glUniform1i(blend.uniform("u_count"), static_cast<GLint>(list.size()));
 }
 
+/// Draws a picture of colours alone, blending the surfaces of each pixel once. False where that cannot be done.
+bool LumigraphRenderer::Impl::drawOnce(const Frame& frame, const Lists& lists, const lod::draw::Shading& shading) {
+  const LumigraphOptions& options = frame.options;
+  const base::Camera& camera = frame.camera;
+  const bool colors = !options.show_disagreement && !options.modes.resolution_colors;
+  const bool all = options.fill_holes || !options.use_images;
+  const bool images = !frame.active.empty();
+  const bool fits = options.blend_once && frame.patches.size() <= PixelBlend::kMostPatches;
+  const bool blends = images && fits && colors && all;
+  // Where nothing is blended, textures of a pixel stand in for what the program does not read.
+  const bool ready = pixels->prepare(blends ? camera.width : 1, blends ? camera.height : 1);
+  if (!ready || images != blends || !colors || !all) return false;
+
+  stats.blended_once = blends;
+  if (blends) blendPixels(frame, lists, shading);
+  if (blends && !options.multisampled) return true;
+  clearTarget(frame);
+  setUniforms(pixels->show(), frame, shading);
+  pixels->setResult(blends, glm::inverse(camera.clipFromScene()), kFreeUnit);
+  withSoftEdges(frame, [&] { patches.draw(frame.patches); });
+  return true;
+}
+
+/// Blends the surfaces of each pixel, and draws them where the target has one sample a pixel.
+void LumigraphRenderer::Impl::blendPixels(const Frame& frame, const Lists& lists, const lod::draw::Shading& shading) {
+  GLint target = 0;
+  glGetIntegerv(GL_FRAMEBUFFER_BINDING, &target);
+  pixels->setLists(frame.proxy_errors, lists);
+  for (std::size_t layer = 0; layer < PixelBlend::kLayers; ++layer) {
+    setUniforms(pixels->surface(), frame, shading);
+    pixels->beginSurface(layer, kFreeUnit);
+    if (layer > 0 && !frame.options.carve) break;
+    for (std::size_t i = 0; i < frame.patches.size(); ++i) {
+      pixels->setPatch(i);
+      patches.draw(std::span(frame.patches).subspan(i, 1));
+    }
+    setUniforms(pixels->blend(), frame, shading);
+    bindArrays(pixels->blend());
+    pixels->blendPixels(layer, glm::inverse(frame.camera.clipFromScene()), kFreeUnit);
+    glBindFramebuffer(GL_FRAMEBUFFER, static_cast<GLuint>(target));
+    if (frame.options.multisampled) continue;
+    if (layer == 0) clearTarget(frame);
+    pixels->compose(layer, kFreeUnit);
+  }
+  glBindFramebuffer(GL_FRAMEBUFFER, static_cast<GLuint>(target));
+}
+
+void LumigraphRenderer::Impl::clearTarget(const Frame& frame) {
+  const float* background = frame.options.background;
+  glViewport(0, 0, frame.camera.width, frame.camera.height);
+  glClearColor(background[0], background[1], background[2], background[3]);
+  glClear(GL_COLOR_BUFFER_BIT | GL_DEPTH_BUFFER_BIT);
+}
+
+/// Draws so that fragments which a carved edge crosses cover a part of their pixels' samples.
+template <class Draw>
+void LumigraphRenderer::Impl::withSoftEdges(const Frame& frame, const Draw& draw) const {
+  const bool soft = frame.options.multisampled && frame.options.carve && frame.options.use_images;
+  if (soft) glEnable(GL_SAMPLE_ALPHA_TO_COVERAGE);
+  draw();
+  if (!soft) return;
+  glDisable(GL_SAMPLE_ALPHA_TO_COVERAGE);
+  whole->makeOpaque(no_color.name());
+}
+
 /// Draws patches front to back. Runs of patches that the same samples may see share a list, so that a fragment tries
 /// only those.
-void LumigraphRenderer::Impl::drawPatches(const Frame& frame) {
+void LumigraphRenderer::Impl::drawPatches(const Frame& frame, const Lists& lists) {
   const GLint error_location = blend.uniform("u_patch_error");
   const GLint proxy_error_location = blend.uniform("u_proxy_error");
-  const std::vector<std::vector<std::uint32_t>> lists = samplesOverPatches(frame);
   for (std::size_t i = 0; i < frame.patches.size(); ++i) {
     if (i == 0 || lists[i] != lists[i - 1]) setList(lists[i]);
     glUniform1f(error_location, frame.errors_px[i]);
@@ -615,23 +699,18 @@ void LumigraphRenderer::draw(const base::Camera& camera, std::span<const std::ui
   impl.updateSamples(frame, candidates);
   if (options.unseen) return impl.countFrame(frame);
   impl.uploadBlock(frame);
+  const Impl::Lists lists = impl.samplesOverPatches(frame);
 
-  glViewport(0, 0, camera.width, camera.height);
   glEnable(GL_DEPTH_TEST);
   glDepthFunc(GL_LESS);
   glDepthMask(GL_TRUE);
   glDisable(GL_BLEND);
   glDisable(GL_CULL_FACE);
-  glClearColor(options.background[0], options.background[1], options.background[2], options.background[3]);
-  glClear(GL_COLOR_BUFFER_BIT | GL_DEPTH_BUFFER_BIT);
-  impl.setUniforms(frame, shading);
-  impl.bindArrays();
-  const bool soft = options.multisampled && options.carve && options.use_images;
-  if (soft) glEnable(GL_SAMPLE_ALPHA_TO_COVERAGE);
-  impl.drawPatches(frame);
-  if (soft) {
-    glDisable(GL_SAMPLE_ALPHA_TO_COVERAGE);
-    impl.whole->makeOpaque(impl.no_color.name());
+  if (!impl.drawOnce(frame, lists, shading)) {
+    impl.clearTarget(frame);
+    impl.setUniforms(impl.blend, frame, shading);
+    impl.bindArrays(impl.blend);
+    impl.withSoftEdges(frame, [&] { impl.drawPatches(frame, lists); });
   }
   impl.countFrame(frame);
 }

@@ -1,6 +1,6 @@
 #pragma once
-// The Grid-Lumigraph renderer (Okamoto 2011, section 3): the proxy is drawn once, and every fragment is blended in one
-// pass from the sampling images that see it, by shadow-masked projective texturing.
+// The Grid-Lumigraph renderer (Okamoto 2011, section 3): every pixel of the proxy is blended in one pass from the
+// sampling images that see it, by shadow-masked projective texturing.
 //
 // Every sampling image is a sample: a camera (off-axis where need be), pixels, coverage, and a depth map of the proxy.
 // Faces of the repository, their tiles and exact frames are the same thing here.
@@ -61,6 +61,9 @@ struct LumigraphOptions {
   /// While pictures may still settle, a frame draws depth maps until they have so many times the proxy's triangles. A
   /// map that shows the whole proxy costs about as much as drawing it without images.
   int depth_maps_per_frame = 3;
+  /// Blend each pixel of the foremost surface once, and fragments of other places by themselves, in place of each
+  /// fragment; where the picture has nothing that needs more of them. docs/decisions/blend-once.md.
+  bool blend_once = true;
   bool carve = true;          ///< discard fragments that the images' votes call background
   bool multisampled = false;  ///< the target has several samples a pixel, of which a carved edge covers a part
   bool unseen = false;        ///< depth maps, fades and figures go on as in any frame, but nothing is drawn
@@ -86,6 +89,7 @@ struct LumigraphStats {
   std::uint32_t patches = 0;
   std::uint64_t triangles = 0;
   std::uint32_t depth_maps_drawn = 0;  ///< this frame
+  bool blended_once = false;           ///< LumigraphOptions::blend_once was followed
   std::uint64_t gpu_bytes = 0;         ///< textures and buffers of this renderer
 };
 
@@ -108,6 +112,8 @@ class LumigraphRenderer {
   bool addSample(SampleId id, const base::Camera& camera, const base::Image& rgba, double now, float fade_share = 1.0F,
                  float core = 1.0F);
   void removeSample(SampleId id);
+  /// Returns the bytes that LumigraphOptions::blend_once takes for pictures of this size, within no budget.
+  static std::uint64_t bytesToBlendOnce(int width, int height);
   /// Returns what this renderer has allocated on the GPU, by kind.
   base::gl::HeldBytes heldBytes() const;
 

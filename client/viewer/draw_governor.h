@@ -29,7 +29,7 @@ class DrawGovernor {
   /// GL in software. `rate`: pictures a second that are wanted; 0: all effort, however long it takes.
   DrawGovernor(int most_samples, bool slow, double rate = kUsualRate);
 
-  /// Returns the efforts to choose from, the largest first; each costs half to four fifths of the one before.
+  /// Returns the efforts to choose from, the largest first; each costs less than the one before.
   static std::vector<DrawEffort> efforts(int most_samples);
 
   int mostSamples() const { return efforts_.front().samples; }

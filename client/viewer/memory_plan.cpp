@@ -11,8 +11,8 @@ namespace {
 /// that sum again.
 constexpr std::uint64_t kBytesPerTriangle = 50;
 
-/// The least budget that samples have a share of. A choice: a phone's page of two megapixels takes 67 MB for four
-/// samples each, which its images need more.
+/// The least budget that samples have a share of. A choice: a phone's page of two megapixels takes 125 MB for four
+/// samples each and what blends them, which its images need more.
 constexpr std::uint64_t kLeastForSamples = 256'000'000;
 
 }  // namespace
@@ -25,7 +25,7 @@ MemoryPlan planMemory(std::uint64_t budget, std::uint64_t wanted_cache, std::uin
   plan.frames = sixteenth / 2;
   plan.patches = 2 * sixteenth + sixteenth / 2;
   plan.decoded = 2 * sixteenth;
-  if (with_samples && budget >= kLeastForSamples) plan.samples = 2 * sixteenth + sixteenth / 2;
+  if (with_samples && budget >= kLeastForSamples) plan.samples = 4 * sixteenth;
   if (plan.samples == 0) plan.decoded -= sixteenth / 4;
   plan.smaller_picture = std::max(plan.samples, sixteenth);
   plan.images = std::min(wanted_images, 8 * sixteenth - plan.samples);

@@ -12,12 +12,12 @@ struct MemoryPlan {
   std::uint64_t images = 0;           ///< images on the GPU, depth maps included
   std::uint64_t frame_images = 0;     ///< part of `images` that is reserved for exact frames
   std::uint64_t decoded = 0;          ///< images decoded or being decoded, not on the GPU yet
-  std::uint64_t samples = 0;          ///< those of the picture's pixels, where each has several
+  std::uint64_t samples = 0;          ///< the picture's pixels where each has several, and what blends each once
   std::uint64_t smaller_picture = 0;  ///< a moving view's that is drawn with fewer pixels, which have one sample
 };
 
 /// Divides `budget` into sixteenths: 8 for images, 2 1/2 for patches, 2 for the cache, 2 for decoding, 1/2 for frames.
-/// From 256 MB on and `with_samples`, the images leave 2 1/2 of theirs to the picture's samples, and a smaller picture
+/// From 256 MB on and `with_samples`, the images leave 4 of theirs to the picture's samples, and a smaller picture
 /// takes their place. Below, it takes 1/4 from decoding and 3/4 of the 1 that else stays free for what is not counted
 /// (pixels on their way to the GPU, small objects). The cache and the images get no more than `wanted_cache` and
 /// `wanted_images`.

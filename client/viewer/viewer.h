@@ -233,6 +233,7 @@ class Viewer {
   void drawBlended(bool moved, double now);
   DrawEffort effortWanted(bool moved, double now) const;
   int samplesAtRest() const;
+  bool blendsOnce(int width, int height, int samples) const;
   DrawEffort fittingEffort(DrawEffort wanted) const;
   bool bindTarget(int width, int height, const DrawEffort& effort);
   bool effortPending() const;

@@ -10,6 +10,8 @@ int scaled(int pixels, float scale) {
   return std::max(1, static_cast<int>(std::lround(scale * static_cast<float>(pixels))));
 }
 
+constexpr int kEnoughSamples = 4;  ///< a pixel; more are only taken where there is room
+
 /// So long after its last motion a view still counts as moving.
 constexpr double kMotionSeconds = 0.25;
 
@@ -71,6 +73,7 @@ void Viewer::drawBlended(bool moved, double now) {
     camera = camera_;
   }
   options.multisampled = effort.samples > 1;
+  options.blend_once = options.blend_once && blendsOnce(camera.width, camera.height, apart ? effort.samples : 0);
   const lod::patch::Cut& cut = patches_.drawn();
   renderer_->draw(camera, cut.patches, candidates_, cut.bound_px, shading_, options, now, patches_.occluders(),
                   cut.patch_bound_px, proxyErrors());
@@ -110,16 +113,27 @@ int Viewer::samplesAtRest() const {
   return governor_.mostSamples() > 1 ? 2 * governor_.mostSamples() : 1;
 }
 
-/// Returns as much of the effort as the memory's plan and the GL have room for.
+/// Whether the memory's plan has room to blend each pixel of such a picture once. `samples`: those of a target of its
+/// own, 0 without one.
+bool Viewer::blendsOnce(int width, int height, int samples) const {
+  const std::uint64_t target = samples > 0 ? base::gl::MultisampledTarget::bytesOf(width, height, samples) : 0;
+  return LumigraphRenderer::bytesToBlendOnce(width, height) + target <= plan_.smaller_picture;
+}
+
+/// Returns as much of the effort as the memory's plan and the GL have room for. Blending each pixel once is worth more
+/// than the last of the samples.
 DrawEffort Viewer::fittingEffort(DrawEffort wanted) const {
   using base::gl::MultisampledTarget;
-  const auto fits = [this](int samples) {
+  const bool once = blendsOnce(camera_.width, camera_.height, std::min(wanted.samples, kEnoughSamples));
+  const auto fits = [&](int samples) {
+    if (once) return blendsOnce(camera_.width, camera_.height, samples);
     return MultisampledTarget::bytesOf(camera_.width, camera_.height, samples) <= plan_.samples;
   };
   GLint most = 1;
   glGetIntegerv(GL_MAX_SAMPLES, &most);
   if (target_refused_) wanted.samples = 1, wanted.scale = 1.0F;
-  while (wanted.samples > 1 && (wanted.samples > most || !fits(wanted.samples))) wanted.samples /= 2;
+  while (wanted.samples > 1 && (wanted.samples > most || plan_.samples == 0 || !fits(wanted.samples)))
+    wanted.samples /= 2;
   if (wanted.scale < 1.0F) {
     const auto whole = static_cast<float>(MultisampledTarget::bytesOf(camera_.width, camera_.height, 1));
     wanted.scale = std::min(wanted.scale, std::sqrt(static_cast<float>(plan_.smaller_picture) / whole));

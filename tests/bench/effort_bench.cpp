@@ -4,7 +4,8 @@
 //   effort_bench SCENE [--views N] [--seed S] [--width W] [--height H] [--truth DIR]
 //
 // For each effort it prints means of PSNR and SSIM, and medians of the time to draw and of its ratio to that of the
-// proxy alone with one sample a pixel. --truth keeps the true pictures for another run.
+// proxy alone with one sample a pixel. The last rows blend every fragment of the proxy by itself, in place of every
+// pixel once. --truth keeps the true pictures for another run.
 #include <algorithm>
 #include <cstdio>
 #include <memory>
@@ -33,12 +34,13 @@ struct Row {
   std::vector<double> milliseconds;  // of each view
 };
 
-Row makeRow(const server::SceneData& data, const client::DrawEffort& effort, bool images) {
+Row makeRow(const server::SceneData& data, const client::DrawEffort& effort, bool images, bool once = true) {
   client::ViewerOptions options = server::settledOptions(client::Method::kLumigraph);
   options.effort = effort;
   options.lumigraph.use_images = images;
-  return {base::formatText("%d samples, %4.2f of the width, %2d points a patch", effort.samples,
-                           static_cast<double>(effort.scale), images ? effort.points : 0),
+  options.lumigraph.blend_once = once;
+  return {base::formatText("%d samples, %4.2f of the width, %2d points a patch%s", effort.samples,
+                           static_cast<double>(effort.scale), images ? effort.points : 0, once ? "" : ", each"),
           std::make_unique<server::DirectViewer>(data, options),
           0.0,
           0.0,
@@ -71,6 +73,7 @@ int main(int argc, char** argv) {
   rows.push_back(makeRow(scene->data, {}, false));
   for (const client::DrawEffort& effort : client::DrawGovernor::efforts(4))
     rows.push_back(makeRow(scene->data, effort, true));
+  for (const int samples : {4, 1}) rows.push_back(makeRow(scene->data, {.samples = samples}, true, false));
   int shown = 0;
   for (std::size_t i = 0; i < views.size(); ++i) {
     const base::Image truth = truths.of(views[i], wanted.views.seed, i);
@@ -85,7 +88,7 @@ int main(int argc, char** argv) {
     std::vector<double> ratios;
     for (std::size_t i = 0; i < row.milliseconds.size(); ++i)
       ratios.push_back(row.milliseconds[i] / rows.front().milliseconds[i]);
-    std::printf("%-48s %6.2f dB  %.4f  %7.1f ms  %5.1f x\n", row.name.c_str(), row.psnr / shown, row.ssim / shown,
+    std::printf("%-54s %6.2f dB  %.4f  %7.1f ms  %5.1f x\n", row.name.c_str(), row.psnr / shown, row.ssim / shown,
                 bench::median(row.milliseconds), bench::median(ratios));
   }
   return 0;

@@ -1,79 +1,17 @@
-// The Grid-Lumigraph (Okamoto 2011, section 3.2): every fragment of the proxy is blended in one pass from the sampling
-// images that see it. The text of lod/draw's shading and view modes stands before it.
-struct Sample {
-  mat4 clip_from_scene;
-  vec4 eye;      // xyz: centre of projection, w: fade in time
-  vec4 place;    // array, layer, one depth texel's width and height in texture coordinates
-  vec4 depth;    // A, B of depth −1..1 = B / w − A; width of a depth texel at distance 1; pixels per unit at distance 1
-  vec4 floors;   // share of the weight that is kept at the left, right, bottom, top border of the core
-  vec4 beyond;   // > 0: there a sample so many times half as fine goes on; < 0: one under this sample does
-  vec4 core;     // the picture's width over its core's; its point's number; fade in time of the samples under it
-};
-layout(std140) uniform Samples { Sample u_samples[96]; };
-uniform ivec4 u_list[24];              // indices of the samples that may see the patches being drawn
+// Blends a fragment of the proxy by itself.
+uniform ivec4 u_list[24];              // indices of the samples that may see the patch
 uniform int u_count;                   // entries of u_list in use
-uniform sampler2DArray u_color0;
-uniform sampler2DArray u_color1;
-uniform sampler2DArray u_color2;
-uniform sampler2DArrayShadow u_depth0;
-uniform sampler2DArrayShadow u_depth1;
-uniform sampler2DArrayShadow u_depth2;
-
-uniform vec4 u_eye;                    // homogeneous; parallel views: w is 0, xyz the rays' direction, distances are 1
-uniform vec2 u_viewport;               // pixels
-uniform float u_pixels_per_unit;       // the view's pixels per scene unit, at distance 1
 uniform float u_patch_error;           // error of the patch being drawn, pixels
 uniform vec2 u_proxy_error;            // its typical errors: of shape, scene units; of colour, 0..1
-uniform bool u_carve;
-uniform float u_soft;                  // width of a carved edge, pixels; 0 where the target has one sample a pixel
 uniform bool u_fill;
 uniform vec4 u_background;
 uniform bool u_show_disagreement;      // tints by how many times their expected error the images differ
 
-// BlendTuning: lumigraph.h describes each.
-uniform float u_angle_power, u_angle_floor, u_resolution_power, u_shift, u_border, u_side_low, u_side_high;
-uniform float u_bias_texels, u_bias_error, u_carve_below, u_vote_power, u_shade_blur, u_shade_weight;
-uniform float u_image_noise, u_proxy_noise, u_near, u_outlier, u_lit_outlier, u_sharpen, u_disagreement;
-
-in vec3 v_position;
-centroid in vec3 v_normal;
-centroid in vec3 v_color;
-centroid in float v_edge;              // scene units between the proxy's vertices
 out vec4 o_color;
 
-vec4 colorAt(int array, vec3 place, float level) {
-  if (array == 0) return textureLod(u_color0, place, level);
-  if (array == 1) return textureLod(u_color1, place, level);
-  return textureLod(u_color2, place, level);
+int listed(int k) {
+  return u_list[k >> 2][k & 3];
 }
-
-float litAt(int array, vec4 place) {
-  if (array == 0) return texture(u_depth0, place);
-  if (array == 1) return texture(u_depth1, place);
-  return texture(u_depth2, place);
-}
-
-// Returns the share of a 3 × 3 neighbourhood of depth texels that lies no nearer than place.w, by four taps that are
-// each filtered over 2 × 2 texels.
-float litAround(int array, vec4 place, vec2 texel) {
-  return 0.25 * (litAt(array, place + vec4(texel, 0.0, 0.0)) + litAt(array, place - vec4(texel, 0.0, 0.0)) +
-                 litAt(array, place + vec4(texel.x, -texel.y, 0.0, 0.0)) +
-                 litAt(array, place + vec4(-texel.x, texel.y, 0.0, 0.0)));
-}
-
-// Towards its border, and while it fades in, an image loses the priority that a small angle gives it; otherwise the
-// fade would happen within the last thousandth of its width. Radians, about the angle between neighbouring images.
-const float kBorderAngle = 0.3;
-
-// Squared: no image is doubted for less than 0.014, about what its coding does beside an edge. A choice.
-const float kLeastError2 = 2e-4;
-// The square of an image's blur, in texels: the variance of its texel's box is 1 / 12, and looking it up between texels
-// adds that of a tent, 1 / 6.
-const float kLookUp = 3.0;
-// This share of the squared error of scanned colours, detail that the proxy lacks, is lost in images at any blur; but
-// no more than so many times their own noise, since a coarse proxy lacks more than an image ever loses.
-const float kLostDetail = 0.05;
-const float kMostLost = 1.5;
 
 void main() {
   if (isCutAway(v_position)) discard;
@@ -82,168 +20,21 @@ void main() {
     return;
   }
 
-  // The surface here: the side that the viewer sees, its normal, the proxy's error.
-  vec3 to_eye = u_eye.xyz - u_eye.w * v_position;
-  float view_distance = length(to_eye);
-  vec3 view_ray = to_eye / view_distance;
-  vec3 facet = cross(dFdx(v_position), dFdy(v_position));
-  if (dot(facet, view_ray) < 0.0) facet = -facet;
-  facet *= inversesqrt(max(dot(facet, facet), 1e-30));
-  vec3 normal = dot(v_normal, facet) < 0.0 ? -v_normal : v_normal;
-  float squared = dot(normal, normal);
-  normal = squared > 1e-12 ? normal * inversesqrt(squared) : view_ray;
-  float error = u_proxy_error.x;
-  float color_error = u_proxy_error.y;
-
+  Surface here = surfaceHere();
   vec2 view_ndc = gl_FragCoord.xy / u_viewport * 2.0 - 1.0;
-  float view_density = u_pixels_per_unit / view_distance;
-  float error_px = error * view_density;
-
-  // The colours' error grows with the blur: the proxy's own colours are blurred over its triangles, and that error is
-  // known. `slope` is the error for each view pixel of blur.
-  float shade_blur = max(u_shade_blur * v_edge * view_density, 1.0) / clamp(dot(normal, view_ray), 0.05, 1.0);
-  float slope = color_error / shade_blur;
-  float image_noise2 = u_image_noise * u_image_noise;
-  float lost2 = u_unlit ? kLostDetail * color_error * color_error : 0.0;
-  float least_error2 = image_noise2 + min(lost2, kMostLost * image_noise2);
-  // Images that are further from the proxy's colour than it errs most often show something else: what lies beside the
-  // edge of a hidden place. Where light makes the colours, their error is less sure.
-  float believable = u_unlit ? u_outlier : u_lit_outlier;
-  float believable2 = 3.0 * believable * believable * (color_error * color_error + kLeastError2);
-
-  float finest = exp2(u_sharpen);
-  vec3 shaded = shadeSurface(v_color, normal, to_eye);
-
-  vec3 color_sum = vec3(0.0);      // premultiplied
-  float coverage_sum = 0.0;
-  float square_sum = 0.0;          // squares of the colours, weighted like them,
-  float error2_sum = 0.0;          // and their expected squared errors
-  float votes = 0.0;               // on coverage, whatever way the surface faces
-  float votes_for_model = 0.0;
-  float voters = 0.0;              // the surest of them, 0..1
-  float unseen = 1.0;              // 1 while no image shows the model here
-  float octaves = 0.0;             // log2 of the blur, weighted like the colours
-
-  // Samples of one point that lie within each other stand side by side, the finest first, and share one weight: a
-  // coarser one shows what those before it have left.
-  float point = -1.0;
-  float left = 1.0;
-
-  for (int k = 0; k < u_count; ++k) {
-    int i = u_list[k >> 2][k & 3];
-    vec4 core = u_samples[i].core;
-    if (core.y != point) {
-      point = core.y;
-      left = 1.0;
-    }
-    if (left <= 0.0) continue;
-    vec4 clip = u_samples[i].clip_from_scene * vec4(v_position, 1.0);
-    if (clip.w <= 0.0) continue;
-    vec2 picture = clip.xy / clip.w;
-    vec2 ndc = core.x * picture;
-    vec4 inside = vec4(1.0 + ndc.x, 1.0 - ndc.x, 1.0 + ndc.y, 1.0 - ndc.y);
-    if (min(min(inside.x, inside.y), min(inside.z, inside.w)) <= 0.0) continue;
-
-    // Weights fade towards borders. Where the sample looks as the view does, its border is the screen's border and
-    // nothing needs to fade.
-    vec2 apart = abs(ndc - view_ndc);
-    float width = clamp(8.0 * max(apart.x, apart.y), 1e-4, 2.0 * u_border);
-    vec4 away = smoothstep(0.0, width, inside);
-    vec4 rise = mix(u_samples[i].floors, vec4(1.0), away);
-    float fade = u_samples[i].eye.w;
-    float seen = left * fade * rise.x * rise.y * rise.z * rise.w;
-    left -= seen;
-
-    // Over a coarser sample of the point that goes on, it keeps its priority; beside one, it ends as coarse as that.
-    vec4 beyond = u_samples[i].beyond;
-    vec4 firm = mix(max(u_samples[i].floors, -beyond), vec4(1.0), away);
-    float middle = max(fade, core.z) * firm.x * firm.y * firm.z * firm.w;
-    float fineness = exp2(-dot(max(beyond, 0.0), 1.0 - away));
-
-    // Visibility: the fragment is compared with the sample's depth map, with a bias that grows with the slope.
-    vec3 to_sample = u_samples[i].eye.xyz - v_position;
-    float sample_distance = length(to_sample);
-    vec3 sample_ray = to_sample / sample_distance;
-    float cosine = dot(normal, sample_ray);
-    // From so near that the model may lie behind the image's eye, the image shows something else.
-    seen *= smoothstep(u_near, 2.0 * u_near, sample_distance * abs(cosine) / max(error, 1e-20));
-    float steep = clamp(min(abs(cosine), abs(dot(facet, sample_ray))), 0.1, 1.0);
-    vec4 depth = u_samples[i].depth;
-    float texel = depth.z * clip.w;
-    float bias = u_bias_texels * texel * (1.0 + sqrt(1.0 - steep * steep) / steep) +
-                 u_bias_error * error / max(steep, 0.4);
-    float reference = 0.5 * (depth.y / max(clip.w - bias, 1e-6 * clip.w) - depth.x) + 0.5;
-    vec4 place = u_samples[i].place;
-    int array = int(place.x);
-    vec2 uv = 0.5 * picture + 0.5;
-    float lit = litAround(array, vec4(uv, place.y, clamp(reference, 0.0, 1.0)), place.zw);
-    float voter = seen;
-    // Close to an edge of the depth map the image may show what lies in front, but not where both rays coincide.
-    float angle = length(view_ray - sample_ray);
-    // Through a section plane the viewer sees further than the image along the same ray.
-    float apart_rays = u_cut_open ? 1.0 : smoothstep(0.002, 0.02, angle);
-    seen *= mix(1.0, smoothstep(0.75, 1.0, lit) * smoothstep(u_side_low, u_side_high, cosine), apart_rays);
-
-    // Coverage votes. Background in an image means that nothing lies along its whole ray, whether the proxy hides it
-    // or not; model counts only where the image sees this place. Votes weigh by angle alone: the closer the ray, the
-    // better the image knows the silhouette.
-    float ratio = depth.w / clip.w / view_density;
-    vec4 color = colorAt(array, vec3(uv, place.y), max(log2(ratio) - u_sharpen, 0.0));
-    float for_model = color.a * min(1.0, 2.0 * lit);
-    float vote = voter * pow(angle + u_angle_floor, -u_vote_power);
-    votes += vote * (1.0 - color.a + for_model);
-    votes_for_model += vote * for_model;
-    voters = max(voters, voter * (1.0 - color.a + for_model));
-
-    // Weight. A texel covers 1 / ratio view pixels, more where the sample sees the surface at a slant, and no less than
-    // that of the mip level that is looked up. An error of the proxy shifts the image by error × angle. Both count as
-    // blur in view pixels; the sharpest images weigh most.
-    float blur = 1.0 / clamp(ratio * fineness * cosine, 0.01, finest);
-    float shift = u_shift * error_px * angle;
-    float error2 = least_error2 + slope * slope * (max(kLookUp * blur * blur - 1.0, 0.0) + shift * shift);
-    float weight = seen * pow(error2 / image_noise2, -0.5 * u_resolution_power) *
-                   pow(angle + u_angle_floor + kBorderAngle * (1.0 - middle), -u_angle_power);
-    vec3 off = color.rgb - color.a * shaded;
-    float doubt = dot(off, off) / believable2;
-    weight /= 1.0 + doubt * doubt;
-    color_sum += weight * color.rgb;
-    coverage_sum += weight * color.a;
-    square_sum += weight * dot(color.rgb, color.rgb);
-    error2_sum += weight * color.a * error2;
-    if (u_show_resolution) {
-      // A texel spans more view pixels where the image sees the surface at a steeper slant than the viewer does.
-      float texel_px = max(1.0, dot(normal, view_ray) / max(cosine, 0.05)) / max(ratio, 1e-4);
-      octaves += weight * color.a * 0.5 * log2(texel_px * texel_px + shift * shift);
-    }
-    unseen *= 1.0 - seen * color.a;
-  }
-
-  // Carving: a fragment goes where the images that see this place agree on background. Beside that edge it covers a
-  // part of its pixel's samples (alpha to coverage), by its distance from the edge in pixels.
-  float kept = max(votes_for_model / max(votes, 1e-20) - u_carve_below, 0.5 - voters);
-  float edge = clamp(u_soft * length(vec2(dFdx(kept), dFdy(kept))), 1e-6, 2.0 * u_carve_below);
-  float covered = u_carve ? clamp(kept / edge + 0.5, 0.0, 1.0) : 1.0;
+  Blend blend = blendAt(here, view_ndc, u_proxy_error, u_count);
+  float covered = coverageOf(blend.kept, vec2(dFdx(blend.kept), dFdy(blend.kept)));
   if (covered <= 0.0) discard;
 
-  // Fragments that no image sees are shaded; in between both are blended, so that nothing pops.
-  float images = smoothstep(0.0, 0.25, 1.0 - unseen);
-  vec3 color = color_sum / max(coverage_sum, 1e-20);
-  float shown = mix(u_patch_error, exp2(octaves / max(coverage_sum, 1e-20)), images);
-  // Where images differ from each other by more than they are expected to err, they know less than they claim.
-  float variance = max(square_sum / max(coverage_sum, 1e-20) - dot(color, color), 0.0) / 3.0;
-  float disagreement = variance / max(error2_sum / max(coverage_sum, 1e-20), 1e-9);
-  if (u_fill) {
-    // The proxy's own shading is one more sample, whose texels are the proxy's triangles: it weighs more where the
-    // images are coarser. Its blur contains the slant, as theirs does.
-    float error2 = u_proxy_noise * u_proxy_noise + color_error * color_error;
-    float weight = u_shade_weight * pow(error2 / image_noise2, -0.5 * u_resolution_power);
-    weight *= pow(1.0 + u_disagreement * disagreement, 0.5 * u_resolution_power);
-    color = mix(shaded, (color_sum + weight * shaded) / max(coverage_sum + weight, 1e-20), images);
-    shown = mix(shown, u_patch_error, weight / max(coverage_sum + weight, 1e-20));
-  } else if (images < 1.0) {
-    color = mix(u_background.rgb, color, images);
+  vec3 color = mix(here.shaded, blend.color, blend.share);
+  if (!u_fill) {
+    if (blend.seen <= 0.0) discard;
+    color = mix(u_background.rgb, blend.color, blend.seen);
   }
-  if (!u_fill && images <= 0.0) discard;
-  if (u_show_disagreement) shown = images * sqrt(disagreement);
-  o_color = vec4(u_show_resolution || u_show_disagreement ? tinted(color, shown) : color, covered);
+  if (u_show_resolution || u_show_disagreement) {
+    float shown = mix(u_patch_error, exp2(blend.octaves), u_fill ? blend.share : blend.seen);
+    if (u_show_disagreement) shown = blend.seen * sqrt(blend.disagreement);
+    color = tinted(color, shown);
+  }
+  o_color = vec4(color, covered);
 }

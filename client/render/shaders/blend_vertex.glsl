@@ -10,10 +10,13 @@ centroid out float v_edge;
 out vec3 v_position;
 centroid out vec3 v_normal;
 centroid out vec3 v_color;
+centroid out vec3 v_place;
+invariant gl_Position;
 void main() {
   float squared = dot(a_normal.xyz, a_normal.xyz);
   v_edge = u_edge.x * exp2(u_edge.y * a_normal.w);
   v_position = a_position;
+  v_place = a_position;
   v_normal = squared > 0.0 ? a_normal.xyz * inversesqrt(squared) : vec3(0.0);
   v_color = a_color.rgb;
   gl_Position = u_clip_from_scene * vec4(v_position, 1.0);

@@ -45,7 +45,7 @@ TEST(DrawGovernor, aFastMachineKeepsAllSamples) {
   EXPECT_EQ(governor.whileMoving(), (DrawEffort{4, 1.0F}));
 }
 
-TEST(DrawGovernor, slowFramesCostImagesThenSamplesThenPixels) {
+TEST(DrawGovernor, slowFramesCostSamplesThenPixelsThenImages) {
   DrawGovernor governor(4, false);
   std::vector<DrawEffort> seen{governor.whileMoving()};
   for (int i = 0; i < 100; ++i) {

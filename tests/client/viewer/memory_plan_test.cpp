@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include "client/render/lumigraph.h"
+
 namespace client {
 namespace {
 
@@ -23,8 +25,9 @@ TEST(MemoryPlan, nobodyGetsMoreThanIsWanted) {
 }
 
 TEST(MemoryPlan, samplesHaveAShareWhereTheyAreWantedAndThereIsEnough) {
-  // Four samples of colour and depth for each pixel of 2560 x 1440.
-  EXPECT_GE(planMemory(1'000'000'000, 50'000'000, 512'000'000, true, true).samples, 2560U * 1440U * 4U * 8U);
+  // Four samples of colour and depth for each pixel of 2560 x 1440, and what blends each once.
+  EXPECT_GE(planMemory(1'000'000'000, 50'000'000, 512'000'000, true, true).samples,
+            2560U * 1440U * 4U * 8U + client::LumigraphRenderer::bytesToBlendOnce(2560, 1440));
   EXPECT_EQ(planMemory(1'000'000'000, 50'000'000, 512'000'000, true, false).samples, 0U);
   EXPECT_EQ(planMemory(64'000'000, 50'000'000, 512'000'000, true, true).samples, 0U);
 }

@@ -1,0 +1,211 @@
+#include "client/render/pixel_blend.h"
+
+#include <algorithm>
+#include <string>
+#include <utility>
+
+#include "base/check.h"
+#include "client/render/shaders.h"
+#include "lod/draw/triangles.h"
+#include "lod/draw/view_modes.h"
+
+namespace client {
+namespace {
+
+// As blend_pixels_fragment.glsl reads them.
+constexpr std::size_t kPatchesARow = 256;
+constexpr std::size_t kListsARow = 8;
+constexpr std::size_t kListTexels = kMaxBlended / 4;
+
+constexpr std::uint64_t kSurfaceBytes = 10;  ///< a pixel: colours 4, normals 4, patch 2
+constexpr std::uint64_t kLayerBytes = 9;     ///< depth 4, images 4, coverage 1
+
+std::size_t rowsFor(std::size_t entries, std::size_t entries_a_row) {
+  return std::max<std::size_t>(1, (entries + entries_a_row - 1) / entries_a_row);
+}
+
+/// Writes rows of texels into a texture, which is made anew where it has fewer.
+void write(base::gl::Texture& texture, GLenum format, GLenum layout, GLenum type, std::size_t width, std::size_t rows,
+           const void* texels) {
+  const std::size_t row_bytes = width * (format == GL_RGBA32F ? 16 : 4);
+  if (texture.bytes() < row_bytes * rows)
+    texture = base::gl::unfilteredTexture(format, static_cast<int>(width), static_cast<int>(rows + rows / 2));
+  glBindTexture(GL_TEXTURE_2D, texture.name());
+  glTexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, static_cast<GLsizei>(width), static_cast<GLsizei>(rows), layout, type,
+                  texels);
+  glBindTexture(GL_TEXTURE_2D, 0);
+}
+
+/// Binds textures to texture units from `unit` on, for these samplers of the program in use.
+void bind(const base::gl::Program& program, int unit,
+          std::initializer_list<std::pair<const char*, const base::gl::Texture&>> textures) {
+  for (const auto& [name, texture] : textures) {
+    glActiveTexture(GL_TEXTURE0 + static_cast<GLenum>(unit));
+    glBindTexture(GL_TEXTURE_2D, texture.name());
+    glUniform1i(program.uniform(name), unit++);
+  }
+  glActiveTexture(GL_TEXTURE0);
+}
+
+void setMatrix(const base::gl::Program& program, const glm::mat4& scene_from_clip) {
+  glUniformMatrix4fv(program.uniform("u_scene_from_clip"), 1, GL_FALSE, &scene_from_clip[0][0]);
+}
+
+void setPlace(const base::gl::Program& program, const char* name, std::size_t place) {
+  glUniform2f(program.uniform(name), static_cast<float>(place % kPatchesARow) / 255.0F,
+              static_cast<float>(place / kPatchesARow) / 255.0F);
+}
+
+/// Makes a framebuffer of these colours, and of `depth` unless it is null. False if the GL refuses it.
+bool attach(base::gl::Framebuffer& framebuffer, std::initializer_list<const base::gl::Texture*> colors,
+            const base::gl::Texture* depth) {
+  framebuffer = base::gl::Framebuffer::create();
+  glBindFramebuffer(GL_FRAMEBUFFER, framebuffer.name());
+  std::vector<GLenum> attachments;
+  for (const base::gl::Texture* color : colors) {
+    attachments.push_back(GL_COLOR_ATTACHMENT0 + static_cast<GLenum>(attachments.size()));
+    glFramebufferTexture2D(GL_FRAMEBUFFER, attachments.back(), GL_TEXTURE_2D, color->name(), 0);
+  }
+  if (depth != nullptr) glFramebufferTexture2D(GL_FRAMEBUFFER, GL_DEPTH_ATTACHMENT, GL_TEXTURE_2D, depth->name(), 0);
+  glDrawBuffers(static_cast<GLsizei>(attachments.size()), attachments.data());
+  return glCheckFramebufferStatus(GL_FRAMEBUFFER) == GL_FRAMEBUFFER_COMPLETE;
+}
+
+}  // namespace
+
+base::Result<PixelBlend> PixelBlend::create() {
+  const std::string view = lod::draw::shadingSource() + lod::draw::viewModesSource() + glsl::kView;
+  PixelBlend result;
+  LUMIGRID_ASSIGN_OR_RETURN(result.surface_, base::gl::Program::link("lumigraph surface", glsl::kBlendVertex,
+                                                                     view + glsl::kProxySurface + glsl::kSurfaceCode +
+                                                                         glsl::kSurfaceFragment));
+  LUMIGRID_ASSIGN_OR_RETURN(result.blend_, base::gl::Program::link("lumigraph pixels", glsl::kWholeVertex,
+                                                                   view + glsl::kSurfaceCode + glsl::kBlendSamples +
+                                                                       glsl::kBlendPixelsFragment));
+  LUMIGRID_ASSIGN_OR_RETURN(result.show_, base::gl::Program::link("lumigraph blended", glsl::kBlendVertex,
+                                                                  view + glsl::kProxySurface + glsl::kBlendedFragment));
+  LUMIGRID_ASSIGN_OR_RETURN(result.compose_,
+                            base::gl::Program::link("lumigraph picture", glsl::kWholeVertex, glsl::kComposeFragment));
+  result.no_attributes_ = base::gl::VertexArray::create();
+  return result;
+}
+
+std::uint64_t PixelBlend::bytesOf(int width, int height) {
+  return (kSurfaceBytes + kLayers * kLayerBytes) * static_cast<std::uint64_t>(width) *
+         static_cast<std::uint64_t>(height);
+}
+
+std::uint64_t PixelBlend::bytes() const {
+  std::uint64_t bytes = color_.bytes() + normals_.bytes() + patch_.bytes() + patches_.bytes() + lists_.bytes();
+  for (const Layer& layer : layers_) bytes += layer.depth.bytes() + layer.images.bytes() + layer.coverage.bytes();
+  return bytes;
+}
+
+bool PixelBlend::prepare(int width, int height) {
+  if (width == width_ && height == height_) return true;
+  layers_ = {};
+  for (base::gl::Texture* texture : {&color_, &normals_, &patch_}) *texture = {};
+  const auto make = [&](GLenum format) { return base::gl::unfilteredTexture(format, width, height); };
+  color_ = make(GL_RGBA8);
+  normals_ = make(GL_RGBA8);
+  patch_ = make(GL_RG8);
+  GLint bound = 0;
+  glGetIntegerv(GL_FRAMEBUFFER_BINDING, &bound);
+  bool made = true;
+  for (Layer& layer : layers_) {
+    layer.depth = make(GL_DEPTH_COMPONENT24);
+    layer.images = make(GL_RGBA8);
+    layer.coverage = make(GL_R8);
+    made = made && attach(layer.surface, {&color_, &normals_, &patch_}, &layer.depth) &&
+           attach(layer.blend, {&layer.images, &layer.coverage}, nullptr);
+  }
+  glBindFramebuffer(GL_FRAMEBUFFER, static_cast<GLuint>(bound));
+  width_ = made ? width : 0, height_ = made ? height : 0;
+  return made;
+}
+
+void PixelBlend::beginSurface(std::size_t layer, int unit) const {
+  // The first layer does not look at another, but a program's textures must not be its target.
+  const Layer& other = layers_.at(layer > 0 ? layer - 1 : 1);
+  glUniform1i(surface_.uniform("u_behind"), layer > 0 ? 1 : 0);
+  setPlace(surface_, "u_inside", patch_count_);
+  bind(surface_, unit, {{"u_front_depth", other.depth}, {"u_front_coverage", other.coverage}});
+  glBindFramebuffer(GL_FRAMEBUFFER, layers_.at(layer).surface.name());
+  glViewport(0, 0, width_, height_);
+  glClearColor(0.0F, 0.0F, 0.0F, 0.0F);
+  glClear(GL_COLOR_BUFFER_BIT | GL_DEPTH_BUFFER_BIT);
+}
+
+void PixelBlend::setPatch(std::size_t place) const {
+  setPlace(surface_, "u_patch", place);
+}
+
+void PixelBlend::setLists(std::span<const ProxyError> errors, const std::vector<std::vector<std::uint32_t>>& lists) {
+  LUMIGRID_CHECK(lists.size() <= kMostPatches && errors.size() == lists.size());
+  patch_count_ = lists.size();
+  // Runs of patches that the same samples may see share a list. The place after the last has none.
+  std::vector<glm::vec4> patches(rowsFor(lists.size() + 1, kPatchesARow) * kPatchesARow);
+  std::vector<std::array<std::uint8_t, 4 * kListTexels>> rows;
+  for (std::size_t i = 0; i < lists.size(); ++i) {
+    if (i == 0 || lists[i] != lists[i - 1]) {
+      auto& row = rows.emplace_back();
+      std::transform(lists[i].begin(), lists[i].end(), row.begin(),
+                     [](std::uint32_t sample) { return static_cast<std::uint8_t>(sample); });
+    }
+    patches[i] = {errors[i].shape, errors[i].color, rows.size() - 1, lists[i].size()};
+  }
+  rows.resize(rowsFor(rows.size(), kListsARow) * kListsARow);
+  write(patches_, GL_RGBA32F, GL_RGBA, GL_FLOAT, kPatchesARow, patches.size() / kPatchesARow, patches.data());
+  write(lists_, GL_RGBA8UI, GL_RGBA_INTEGER, GL_UNSIGNED_BYTE, kListsARow * kListTexels, rows.size() / kListsARow,
+        rows.data());
+}
+
+void PixelBlend::blendPixels(std::size_t layer, const glm::mat4& scene_from_clip, int unit) const {
+  const Layer& blended = layers_.at(layer);
+  setMatrix(blend_, scene_from_clip);
+  bind(blend_, unit,
+       {{"u_surface_depth", blended.depth},
+        {"u_surface_color", color_},
+        {"u_surface_normals", normals_},
+        {"u_surface_patch", patch_},
+        {"u_patches", patches_},
+        {"u_lists", lists_}});
+  glBindFramebuffer(GL_FRAMEBUFFER, blended.blend.name());
+  glDisable(GL_DEPTH_TEST);
+  coverPicture();
+  glEnable(GL_DEPTH_TEST);
+}
+
+void PixelBlend::compose(std::size_t layer, int unit) const {
+  const Layer& blended = layers_.at(layer);
+  compose_.use();
+  bind(compose_, unit,
+       {{"u_front_depth", blended.depth},
+        {"u_surface_color", color_},
+        {"u_front_color", blended.images},
+        {"u_front_coverage", blended.coverage}});
+  coverPicture();
+}
+
+void PixelBlend::coverPicture() const {
+  glViewport(0, 0, width_, height_);
+  glBindVertexArray(no_attributes_.name());
+  glDrawArrays(GL_TRIANGLES, 0, 3);
+  glBindVertexArray(0);
+}
+
+void PixelBlend::setResult(bool blended, const glm::mat4& scene_from_clip, int unit) const {
+  const Layer& front = layers_.front();
+  const Layer& back = layers_.back();
+  glUniform1i(show_.uniform("u_once"), blended ? 1 : 0);
+  setMatrix(show_, scene_from_clip);
+  bind(show_, unit,
+       {{"u_front_depth", front.depth},
+        {"u_front_color", front.images},
+        {"u_front_coverage", front.coverage},
+        {"u_back_depth", back.depth},
+        {"u_back_color", back.images},
+        {"u_back_coverage", back.coverage}});
+}
+
+}  // namespace client

@@ -1,0 +1,74 @@
+#pragma once
+// Blends each pixel of the proxy once, whatever triangles lie in it: the surfaces that pixels show are kept in
+// textures, and one more pass over the picture blends what images know of each (deferred shading; Saito, Takahashi
+// 1990, "Comprehensible Rendering of 3-D Shapes"). docs/decisions/blend-once.md says why, and what it costs.
+#include <array>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "base/error.h"
+#include "base/gl/gl.h"
+#include "client/render/lumigraph.h"
+
+namespace client {
+
+class PixelBlend {
+ public:
+  static base::Result<PixelBlend> create();
+
+  /// Patches of a picture at most.
+  static constexpr std::size_t kMostPatches = 65535;
+  /// Surfaces that are blended for a pixel at most: the foremost, and the one behind it where that is carved.
+  static constexpr std::size_t kLayers = 2;
+
+  /// Returns the bytes of the textures for pictures of this size.
+  static std::uint64_t bytesOf(int width, int height);
+  std::uint64_t bytes() const;
+  /// Allocates them; false if the GL refuses. What was blended before is lost where the size changes.
+  bool prepare(int width, int height);
+
+  /// The program that keeps surfaces, the one that blends them, and the one that draws the proxy with the result. All
+  /// have the uniforms of the view; the second also those of the samples and the tuning.
+  const base::gl::Program& surface() const { return surface_; }
+  const base::gl::Program& blend() const { return blend_; }
+  const base::gl::Program& show() const { return show_; }
+
+  // A layer's turn: beginSurface(), drawing each patch after setPatch(), blendPixels(), perhaps compose(); then the
+  // next layer's. surface(), blend() and show() must be in use; texture units from `unit` on are free.
+
+  /// Makes the layer's textures, cleared, the target of surface().
+  void beginSurface(std::size_t layer, int unit) const;
+  /// Tells the place in the draw order of the patch that is drawn next.
+  void setPatch(std::size_t place) const;
+  /// Tells for each place in the draw order the patch's typical errors, and the samples that may see it.
+  void setLists(std::span<const ProxyError> errors, const std::vector<std::vector<std::uint32_t>>& lists);
+  /// Blends the layer by blend().
+  void blendPixels(std::size_t layer, const glm::mat4& scene_from_clip, int unit) const;
+
+  /// Draws the layer into the framebuffer bound now, of one sample a pixel, where nothing is nearer.
+  void compose(std::size_t layer, int unit) const;
+
+  /// Sets the uniforms of show(): with what was blended, or without.
+  void setResult(bool blended, const glm::mat4& scene_from_clip, int unit) const;
+
+ private:
+  struct Layer {
+    base::gl::Texture depth, images, coverage;
+    base::gl::Framebuffer surface, blend;
+  };
+  PixelBlend() = default;
+  void coverPicture() const;
+  base::gl::Program surface_;
+  base::gl::Program blend_;
+  base::gl::Program show_;
+  base::gl::Program compose_;
+  base::gl::VertexArray no_attributes_;
+  base::gl::Texture color_, normals_, patch_;  ///< of the surface that is blended next
+  base::gl::Texture patches_, lists_;
+  std::array<Layer, kLayers> layers_;
+  std::size_t patch_count_ = 0;
+  int width_ = 0, height_ = 0;
+};
+
+}  // namespace client

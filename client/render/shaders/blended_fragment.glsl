@@ -1,0 +1,62 @@
+// Draws the proxy with what blend_pixels_fragment.glsl made of its pixels. A fragment takes what its own pixel's middle
+// shows, or a pixel beside it, where that is the same place of the surface; else it has the proxy's own colour. So
+// edges are as sharp as the picture's samples, and nothing is blended twice.
+uniform bool u_once;                   // otherwise nothing is blended
+uniform highp sampler2D u_front_depth;
+uniform sampler2D u_front_color;       // of the images, and their share
+uniform sampler2D u_front_coverage;
+uniform highp sampler2D u_back_depth;  // the same of what is seen where the front is carved
+uniform sampler2D u_back_color;
+uniform sampler2D u_back_coverage;
+uniform mat4 u_scene_from_clip;
+out vec4 o_color;
+
+// So many pixels apart, two fragments of a pixel are one place, and those of two pixels; and so many pixels apart, they
+// are carved alike. Measured best: docs/decisions/blend-once.md.
+const float kSamePlace = 4.0;
+const float kBeside = 2.0;
+const float kCarvedAlike = 16.0;
+
+// Returns by how many pixels the fragment's place lies off what the middle of a pixel of this depth shows.
+float offPixel(ivec2 pixel, float depth) {
+  vec2 ndc = (vec2(pixel) + 0.5) / u_viewport * 2.0 - 1.0;
+  vec4 place = u_scene_from_clip * vec4(ndc, 2.0 * depth - 1.0, 1.0);
+  float size = length(towardsEye(v_place)) / u_pixels_per_unit;
+  return depth < 1.0 ? distance(place.xyz / place.w, v_place) / size : 1e9;
+}
+
+void main() {
+  if (isCutAway(v_position)) discard;
+  if (u_cut_open && !gl_FrontFacing) {
+    o_color = vec4(u_section_color, 1.0);
+    return;
+  }
+  vec4 blended = vec4(0.0);
+  float covered = 1.0;
+  if (u_once) {
+    ivec2 here = ivec2(gl_FragCoord.xy);
+    ivec2 front = here;
+    float front_off = offPixel(here, texelFetch(u_front_depth, here, 0).r);
+    float back_off = offPixel(here, texelFetch(u_back_depth, here, 0).r);
+    float limit = kSamePlace;
+    if (min(front_off, back_off) >= kSamePlace) {
+      for (int i = 0; i < 4; ++i) {
+        ivec2 step = ivec2(1 - (i >> 1), i >> 1) * (2 * (i & 1) - 1);
+        ivec2 beside = clamp(here + step, ivec2(0), ivec2(u_viewport) - 1);
+        float off = offPixel(beside, texelFetch(u_front_depth, beside, 0).r);
+        if (off < front_off) front = beside;
+        front_off = min(off, front_off);
+      }
+      limit = kBeside;
+    }
+    float off = min(front_off, back_off);
+    if (off < kCarvedAlike) {
+      bool is_front = front_off < kSamePlace || front_off <= back_off;
+      covered = is_front ? texelFetch(u_front_coverage, front, 0).r : texelFetch(u_back_coverage, here, 0).r;
+      if (off < limit)
+        blended = is_front ? texelFetch(u_front_color, front, 0) : texelFetch(u_back_color, here, 0);
+    }
+  }
+  if (covered <= 0.0) discard;
+  o_color = vec4(mix(surfaceHere().shaded, blended.rgb, blended.a), covered);
+}
