@@ -84,7 +84,6 @@ std::uint64_t bytesOf(GLenum format, int width, int height) {
   if (format == GL_RGBA32UI || format == GL_RGBA32F) pixel = 16;
   if (format == GL_RGBA16F) pixel = 8;
   if (format == GL_RG8) pixel = 2;
-  if (format == GL_R8) pixel = 1;
   return pixel * static_cast<std::uint64_t>(width) * static_cast<std::uint64_t>(height);
 }
 

@@ -103,7 +103,7 @@ using Query = Object<NameTraits<glGenQueries, glDeleteQueries, detail::StorageKi
 
 /// glBufferData with `bytes` of `data` (null: undefined contents).
 void allocate(Buffer& buffer, GLenum target, const void* data, std::size_t bytes, GLenum usage);
-/// glTexStorage2D and 3D; formats: R8 (1 byte a pixel), RG8 (2), RGBA8, RGBA8UI and DEPTH_COMPONENT24
+/// glTexStorage2D and 3D; formats: RG8 (2 bytes a pixel), RGBA8, RGBA8UI, R32UI and DEPTH_COMPONENT24
 /// (4), RGBA16F (8), RGBA32F and RGBA32UI (16).
 void allocate2D(Texture& texture, GLenum target, int levels, GLenum format, int width, int height);
 void allocate3D(Texture& texture, GLenum target, int levels, GLenum format, int width, int height, int layers);

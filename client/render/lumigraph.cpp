@@ -177,6 +177,23 @@ base::gl::Texture emptyArray(GLenum format) {
   return texture;
 }
 
+/// Sets the uniforms of view.glsl that tell the place of a pixel at a depth.
+void setRays(const base::gl::Program& program, const base::Camera& camera) {
+  const glm::mat3 scene_from_eye = glm::transpose(glm::mat3(camera.eye_from_scene));
+  const glm::mat4& clip = camera.clip_from_eye;
+  const bool parallel = camera.orthographic();
+  // In perspective a pixel at x has (x + P20) / P00 of the depth beside the axis, in a parallel view (x − P30) / P00.
+  const glm::vec2 middle = parallel ? -glm::vec2(clip[3]) : glm::vec2(clip[2]);
+  const glm::vec3 right = scene_from_eye[0] / clip[0][0], up = scene_from_eye[1] / clip[1][1];
+  const glm::vec3 forward = -scene_from_eye[2];
+  const glm::vec3 beside = middle.x * right + middle.y * up;
+  const glm::mat3 from = parallel ? glm::mat3(camera.eye + beside, right, up) : glm::mat3(camera.eye, {}, {});
+  const glm::mat3 along = parallel ? glm::mat3(forward, {}, {}) : glm::mat3(forward + beside, right, up);
+  glUniform3f(program.uniform("u_forward"), forward.x, forward.y, forward.z);
+  glUniformMatrix3fv(program.uniform("u_rays_from"), 1, GL_FALSE, &from[0][0]);
+  glUniformMatrix3fv(program.uniform("u_rays_along"), 1, GL_FALSE, &along[0][0]);
+}
+
 /// Returns the sorting key of a box: the distance of its nearest point, and of its middle for boxes around the eye.
 float nearness(const base::Camera& camera, const base::Aabb& box) {
   if (camera.orthographic()) return -glm::dot(camera.towardsViewer(box.center()), box.center());
@@ -548,6 +565,7 @@ void LumigraphRenderer::Impl::setUniforms(const base::gl::Program& program, cons
   glUniform4f(program.uniform("u_eye"), eye.x, eye.y, eye.z, eye.w);
   glUniform2f(program.uniform("u_viewport"), static_cast<float>(camera.width), static_cast<float>(camera.height));
   set("u_pixels_per_unit", camera.pixelsPerUnitAtOne());
+  setRays(program, camera);
   glUniform1i(program.uniform("u_carve"), frame.options.carve ? 1 : 0);
   glUniform1i(program.uniform("u_show_disagreement"), frame.options.show_disagreement ? 1 : 0);
   set("u_soft", frame.options.multisampled ? 1.0F : 0.0F);
@@ -617,7 +635,7 @@ bool LumigraphRenderer::Impl::drawOnce(const Frame& frame, const Lists& lists, c
   if (blends && !options.multisampled) return true;
   clearTarget(frame);
   setUniforms(pixels->show(), frame, shading);
-  pixels->setResult(blends, glm::inverse(camera.clipFromScene()), kFreeUnit);
+  pixels->setResult(blends, kFreeUnit);
   withSoftEdges(frame, [&] { patches.draw(frame.patches); });
   return true;
 }
@@ -637,10 +655,11 @@ void LumigraphRenderer::Impl::blendPixels(const Frame& frame, const Lists& lists
     }
     setUniforms(pixels->blend(), frame, shading);
     bindArrays(pixels->blend());
-    pixels->blendPixels(layer, glm::inverse(frame.camera.clipFromScene()), kFreeUnit);
+    pixels->blendPixels(layer, kFreeUnit);
     glBindFramebuffer(GL_FRAMEBUFFER, static_cast<GLuint>(target));
     if (frame.options.multisampled) continue;
     if (layer == 0) clearTarget(frame);
+    setUniforms(pixels->picture(), frame, shading);
     pixels->compose(layer, kFreeUnit);
   }
   glBindFramebuffer(GL_FRAMEBUFFER, static_cast<GLuint>(target));

@@ -17,8 +17,10 @@ constexpr std::size_t kPatchesARow = 256;
 constexpr std::size_t kListsARow = 8;
 constexpr std::size_t kListTexels = kMaxBlended / 4;
 
-constexpr std::uint64_t kSurfaceBytes = 10;  ///< a pixel: colours 4, normals 4, patch 2
-constexpr std::uint64_t kLayerBytes = 9;     ///< depth 4, images 4, coverage 1
+constexpr GLint kDepthTarget = 3;
+
+constexpr std::uint64_t kSurfaceBytes = 14;  ///< a pixel: colours 4, normals 4, patch 2, depth buffer 4
+constexpr std::uint64_t kLayerBytes = 10;    ///< depth 4, images 4, coverage 2
 
 std::size_t rowsFor(std::size_t entries, std::size_t entries_a_row) {
   return std::max<std::size_t>(1, (entries + entries_a_row - 1) / entries_a_row);
@@ -45,10 +47,6 @@ void bind(const base::gl::Program& program, int unit,
     glUniform1i(program.uniform(name), unit++);
   }
   glActiveTexture(GL_TEXTURE0);
-}
-
-void setMatrix(const base::gl::Program& program, const glm::mat4& scene_from_clip) {
-  glUniformMatrix4fv(program.uniform("u_scene_from_clip"), 1, GL_FALSE, &scene_from_clip[0][0]);
 }
 
 void setPlace(const base::gl::Program& program, const char* name, std::size_t place) {
@@ -84,8 +82,8 @@ base::Result<PixelBlend> PixelBlend::create() {
                                                                        glsl::kBlendPixelsFragment));
   LUMIGRID_ASSIGN_OR_RETURN(result.show_, base::gl::Program::link("lumigraph blended", glsl::kBlendVertex,
                                                                   view + glsl::kProxySurface + glsl::kBlendedFragment));
-  LUMIGRID_ASSIGN_OR_RETURN(result.compose_,
-                            base::gl::Program::link("lumigraph picture", glsl::kWholeVertex, glsl::kComposeFragment));
+  LUMIGRID_ASSIGN_OR_RETURN(
+      result.picture_, base::gl::Program::link("lumigraph picture", glsl::kWholeVertex, view + glsl::kComposeFragment));
   result.no_attributes_ = base::gl::VertexArray::create();
   return result;
 }
@@ -96,7 +94,8 @@ std::uint64_t PixelBlend::bytesOf(int width, int height) {
 }
 
 std::uint64_t PixelBlend::bytes() const {
-  std::uint64_t bytes = color_.bytes() + normals_.bytes() + patch_.bytes() + patches_.bytes() + lists_.bytes();
+  std::uint64_t bytes = patches_.bytes() + lists_.bytes();
+  for (const base::gl::Texture* texture : {&color_, &normals_, &patch_, &depth_}) bytes += texture->bytes();
   for (const Layer& layer : layers_) bytes += layer.depth.bytes() + layer.images.bytes() + layer.coverage.bytes();
   return bytes;
 }
@@ -104,19 +103,20 @@ std::uint64_t PixelBlend::bytes() const {
 bool PixelBlend::prepare(int width, int height) {
   if (width == width_ && height == height_) return true;
   layers_ = {};
-  for (base::gl::Texture* texture : {&color_, &normals_, &patch_}) *texture = {};
+  for (base::gl::Texture* texture : {&color_, &normals_, &patch_, &depth_}) *texture = {};
   const auto make = [&](GLenum format) { return base::gl::unfilteredTexture(format, width, height); };
   color_ = make(GL_RGBA8);
   normals_ = make(GL_RGBA8);
   patch_ = make(GL_RG8);
+  depth_ = make(GL_DEPTH_COMPONENT24);
   GLint bound = 0;
   glGetIntegerv(GL_FRAMEBUFFER_BINDING, &bound);
   bool made = true;
   for (Layer& layer : layers_) {
-    layer.depth = make(GL_DEPTH_COMPONENT24);
+    layer.depth = make(GL_R32UI);
     layer.images = make(GL_RGBA8);
-    layer.coverage = make(GL_R8);
-    made = made && attach(layer.surface, {&color_, &normals_, &patch_}, &layer.depth) &&
+    layer.coverage = make(GL_RG8);
+    made = made && attach(layer.surface, {&color_, &normals_, &patch_, &layer.depth}, &depth_) &&
            attach(layer.blend, {&layer.images, &layer.coverage}, nullptr);
   }
   glBindFramebuffer(GL_FRAMEBUFFER, static_cast<GLuint>(bound));
@@ -132,8 +132,10 @@ void PixelBlend::beginSurface(std::size_t layer, int unit) const {
   bind(surface_, unit, {{"u_front_depth", other.depth}, {"u_front_coverage", other.coverage}});
   glBindFramebuffer(GL_FRAMEBUFFER, layers_.at(layer).surface.name());
   glViewport(0, 0, width_, height_);
-  glClearColor(0.0F, 0.0F, 0.0F, 0.0F);
-  glClear(GL_COLOR_BUFFER_BIT | GL_DEPTH_BUFFER_BIT);
+  // Only depths tell where there is a surface. glClear cannot clear integers.
+  const std::array<GLuint, 4> none{};
+  glClearBufferuiv(GL_COLOR, kDepthTarget, none.data());
+  glClear(GL_DEPTH_BUFFER_BIT);
 }
 
 void PixelBlend::setPatch(std::size_t place) const {
@@ -160,9 +162,8 @@ void PixelBlend::setLists(std::span<const ProxyError> errors, const std::vector<
         rows.data());
 }
 
-void PixelBlend::blendPixels(std::size_t layer, const glm::mat4& scene_from_clip, int unit) const {
+void PixelBlend::blendPixels(std::size_t layer, int unit) const {
   const Layer& blended = layers_.at(layer);
-  setMatrix(blend_, scene_from_clip);
   bind(blend_, unit,
        {{"u_surface_depth", blended.depth},
         {"u_surface_color", color_},
@@ -178,8 +179,7 @@ void PixelBlend::blendPixels(std::size_t layer, const glm::mat4& scene_from_clip
 
 void PixelBlend::compose(std::size_t layer, int unit) const {
   const Layer& blended = layers_.at(layer);
-  compose_.use();
-  bind(compose_, unit,
+  bind(picture_, unit,
        {{"u_front_depth", blended.depth},
         {"u_surface_color", color_},
         {"u_front_color", blended.images},
@@ -194,11 +194,10 @@ void PixelBlend::coverPicture() const {
   glBindVertexArray(0);
 }
 
-void PixelBlend::setResult(bool blended, const glm::mat4& scene_from_clip, int unit) const {
+void PixelBlend::setResult(bool blended, int unit) const {
   const Layer& front = layers_.front();
   const Layer& back = layers_.back();
   glUniform1i(show_.uniform("u_once"), blended ? 1 : 0);
-  setMatrix(show_, scene_from_clip);
   bind(show_, unit,
        {{"u_front_depth", front.depth},
         {"u_front_color", front.images},

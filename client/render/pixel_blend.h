@@ -19,7 +19,8 @@ class PixelBlend {
 
   /// Patches of a picture at most.
   static constexpr std::size_t kMostPatches = 65535;
-  /// Surfaces that are blended for a pixel at most: the foremost, and the one behind it where that is carved.
+  /// Surfaces that are blended for a pixel at most: the foremost, and the one behind it where that
+  /// is carved or has its edge.
   static constexpr std::size_t kLayers = 2;
 
   /// Returns the bytes of the textures for pictures of this size.
@@ -33,6 +34,7 @@ class PixelBlend {
   const base::gl::Program& surface() const { return surface_; }
   const base::gl::Program& blend() const { return blend_; }
   const base::gl::Program& show() const { return show_; }
+  const base::gl::Program& picture() const { return picture_; }
 
   // A layer's turn: beginSurface(), drawing each patch after setPatch(), blendPixels(), perhaps compose(); then the
   // next layer's. surface(), blend() and show() must be in use; texture units from `unit` on are free.
@@ -44,13 +46,13 @@ class PixelBlend {
   /// Tells for each place in the draw order the patch's typical errors, and the samples that may see it.
   void setLists(std::span<const ProxyError> errors, const std::vector<std::vector<std::uint32_t>>& lists);
   /// Blends the layer by blend().
-  void blendPixels(std::size_t layer, const glm::mat4& scene_from_clip, int unit) const;
+  void blendPixels(std::size_t layer, int unit) const;
 
   /// Draws the layer into the framebuffer bound now, of one sample a pixel, where nothing is nearer.
   void compose(std::size_t layer, int unit) const;
 
   /// Sets the uniforms of show(): with what was blended, or without.
-  void setResult(bool blended, const glm::mat4& scene_from_clip, int unit) const;
+  void setResult(bool blended, int unit) const;
 
  private:
   struct Layer {
@@ -62,9 +64,9 @@ class PixelBlend {
   base::gl::Program surface_;
   base::gl::Program blend_;
   base::gl::Program show_;
-  base::gl::Program compose_;
+  base::gl::Program picture_;
   base::gl::VertexArray no_attributes_;
-  base::gl::Texture color_, normals_, patch_;  ///< of the surface that is blended next
+  base::gl::Texture color_, normals_, patch_, depth_;  ///< of the surface that is blended next
   base::gl::Texture patches_, lists_;
   std::array<Layer, kLayers> layers_;
   std::size_t patch_count_ = 0;

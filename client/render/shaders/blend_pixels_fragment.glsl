@@ -1,25 +1,38 @@
 // Blends each pixel of the proxy's foremost surface once, as surface_fragment.glsl left it. Triangles may be smaller
 // than pixels, and each would be blended for as many pixels as the GL shades at a time.
-uniform highp sampler2D u_surface_depth;
+uniform highp usampler2D u_surface_depth;  // bits of floats; 0 where there is no surface
 uniform sampler2D u_surface_color;
 uniform sampler2D u_surface_normals;
 uniform sampler2D u_surface_patch;
 uniform highp sampler2D u_patches;     // 256 a row: typical errors of shape and colour, row of its list, entries in use
 uniform highp usampler2D u_lists;      // 8 a row, of 24 texels each: indices of samples
-uniform mat4 u_scene_from_clip;
 layout(location = 0) out vec4 o_color;     // of the images, and their share
-layout(location = 1) out float o_coverage;
+layout(location = 1) out vec2 o_coverage;  // and 1 where what lies behind is wanted as well
 
 ivec2 g_list;
 int listed(int k) {
   return int(texelFetch(u_lists, g_list + ivec2(k >> 2, 0), 0)[k & 3]);
 }
 
+// So many pixels behind or before the next one, a pixel shows the edge of something. A choice.
+const float kEdgeDepth = 4.0;
+
+// Whether samples of the pixel may show another surface than its middle does.
+bool isEdge(ivec2 pixel, vec3 position, float size) {
+  bool found = false;
+  for (int i = 0; i < 4; ++i) {
+    ivec2 step = ivec2(1 - (i >> 1), i >> 1) * (2 * (i & 1) - 1);
+    ivec2 beside = clamp(pixel + step, ivec2(0), ivec2(u_viewport) - 1);
+    float depth = uintBitsToFloat(texelFetch(u_surface_depth, beside, 0).r);
+    found = found || distance(placeAt(beside, depth), position) > kEdgeDepth * size;
+  }
+  return found;
+}
+
 void main() {
   ivec2 pixel = ivec2(gl_FragCoord.xy);
-  float depth = texelFetch(u_surface_depth, pixel, 0).r;
+  highp uint bits = texelFetch(u_surface_depth, pixel, 0).r;
   vec2 ndc = gl_FragCoord.xy / u_viewport * 2.0 - 1.0;
-  vec4 place = u_scene_from_clip * vec4(ndc, 2.0 * depth - 1.0, 1.0);
   vec4 color = texelFetch(u_surface_color, pixel, 0);
   vec4 normals = texelFetch(u_surface_normals, pixel, 0);
   vec2 code = texelFetch(u_surface_patch, pixel, 0).rg;
@@ -29,16 +42,20 @@ void main() {
   g_list = ivec2((row & 7) * 24, row >> 3);
 
   Surface here;
-  here.position = place.xyz / place.w;
+  here.position = placeAt(pixel, uintBitsToFloat(bits));
   here.to_eye = towardsEye(here.position);
   here.normal = fromOctahedral(normals.xy);
   here.facet = fromOctahedral(normals.zw);
   here.shaded = color.rgb;
   here.edge = fromEdgeCode(color.a);
-  Blend blend = blendAt(here, ndc, patch_here.xy, depth < 1.0 ? int(patch_here.w) : 0);
+  Blend blend = blendAt(here, ndc, patch_here.xy, bits != 0u ? int(patch_here.w) : 0);
   // Beside a pixel without a surface nothing is known of the slope.
-  float is_surface = depth < 1.0 ? 1.0 : 0.0;
+  float is_surface = bits != 0u ? 1.0 : 0.0;
   vec2 known = vec2(dFdx(is_surface) == 0.0, dFdy(is_surface) == 0.0);
-  o_coverage = coverageOf(blend.kept, known * vec2(dFdx(blend.kept), dFdy(blend.kept)));
+  float covered = coverageOf(blend.kept, known * vec2(dFdx(blend.kept), dFdy(blend.kept)));
+  // A carved pixel's neighbours tell the slope of the carving behind it.
+  bool carved = covered < 1.0 || dFdx(covered) != 0.0 || dFdy(covered) != 0.0;
+  bool edge = u_soft > 0.0 && isEdge(pixel, here.position, length(here.to_eye) / u_pixels_per_unit);
+  o_coverage = vec2(covered, carved || edge ? 1.0 : 0.0);
   o_color = vec4(blend.color, blend.share);
 }

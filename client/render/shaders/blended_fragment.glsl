@@ -2,27 +2,24 @@
 // shows, or a pixel beside it, where that is the same place of the surface; else it has the proxy's own colour. So
 // edges are as sharp as the picture's samples, and nothing is blended twice.
 uniform bool u_once;                   // otherwise nothing is blended
-uniform highp sampler2D u_front_depth;
+uniform highp usampler2D u_front_depth;
 uniform sampler2D u_front_color;       // of the images, and their share
 uniform sampler2D u_front_coverage;
-uniform highp sampler2D u_back_depth;  // the same of what is seen where the front is carved
+uniform highp usampler2D u_back_depth;  // the same of what is seen where the front is carved, or beside its edge
 uniform sampler2D u_back_color;
 uniform sampler2D u_back_coverage;
-uniform mat4 u_scene_from_clip;
 out vec4 o_color;
 
 // So many pixels apart, two fragments of a pixel are one place, and those of two pixels; and so many pixels apart, they
 // are carved alike. Measured best: docs/decisions/blend-once.md.
 const float kSamePlace = 4.0;
-const float kBeside = 2.0;
+const float kBeside = 1.0;
 const float kCarvedAlike = 16.0;
 
-// Returns by how many pixels the fragment's place lies off what the middle of a pixel of this depth shows.
-float offPixel(ivec2 pixel, float depth) {
-  vec2 ndc = (vec2(pixel) + 0.5) / u_viewport * 2.0 - 1.0;
-  vec4 place = u_scene_from_clip * vec4(ndc, 2.0 * depth - 1.0, 1.0);
+// Returns by how many pixels the place lies off what the middle of a pixel shows, whose depth has these bits.
+float offPixel(ivec2 pixel, highp uint bits) {
   float size = length(towardsEye(v_place)) / u_pixels_per_unit;
-  return depth < 1.0 ? distance(place.xyz / place.w, v_place) / size : 1e9;
+  return bits != 0u ? distance(placeAt(pixel, uintBitsToFloat(bits)), v_place) / size : 1e9;
 }
 
 void main() {

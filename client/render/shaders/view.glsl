@@ -2,6 +2,8 @@
 uniform vec4 u_eye;                    // homogeneous; parallel views: w is 0, xyz the rays' direction, distances are 1
 uniform vec2 u_viewport;               // pixels
 uniform float u_pixels_per_unit;       // the view's pixels per scene unit, at distance 1
+uniform vec3 u_forward;                // unit, into the scene; depths are measured along it from the eye
+uniform mat3 u_rays_from, u_rays_along;  // origins and steps of depth of rays, for (1, pixel −1..1)
 
 // A place of the proxy's surface.
 struct Surface {
@@ -12,6 +14,13 @@ struct Surface {
   vec3 shaded;                         // colour without images
   float edge;                          // scene units between the proxy's vertices
 };
+float depthOf(vec3 position) {
+  return dot(position - u_rays_from[0], u_forward);
+}
+vec3 placeAt(ivec2 pixel, float depth) {
+  vec3 at = vec3(1.0, (vec2(pixel) + 0.5) / u_viewport * 2.0 - 1.0);
+  return u_rays_from * at + depth * (u_rays_along * at);
+}
 vec3 towardsEye(vec3 position) {
   return u_eye.xyz - u_eye.w * position;
 }
