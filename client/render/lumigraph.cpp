@@ -177,6 +177,17 @@ base::gl::Texture emptyArray(GLenum format) {
   return texture;
 }
 
+/// Returns the camera whose picture lies by so many pixels elsewhere.
+base::Camera shifted(base::Camera camera, const glm::vec2& pixels) {
+  const glm::vec2 clip = 2.0F * pixels / glm::vec2(camera.width, camera.height);
+  // Clip x over w moves by a constant: through z in perspective, where w = −z.
+  if (camera.orthographic())
+    camera.clip_from_eye[3] += glm::vec4(clip, 0.0F, 0.0F);
+  else
+    camera.clip_from_eye[2] -= glm::vec4(clip, 0.0F, 0.0F);
+  return camera;
+}
+
 /// Sets the uniforms of view.glsl that tell the place of a pixel at a depth.
 void setRays(const base::gl::Program& program, const base::Camera& camera) {
   const glm::mat3 scene_from_eye = glm::transpose(glm::mat3(camera.eye_from_scene));
@@ -557,7 +568,7 @@ void LumigraphRenderer::Impl::bindArrays(const base::gl::Program& program) const
 void LumigraphRenderer::Impl::setUniforms(const base::gl::Program& program, const Frame& frame,
                                           const lod::draw::Shading& shading) const {
   lod::draw::setShading(program, shading);
-  const base::Camera& camera = frame.camera;
+  const base::Camera camera = shifted(frame.camera, frame.options.shift);
   const glm::mat4 clip_from_scene = camera.clipFromScene();
   const auto set = [&](const char* name, float value) { glUniform1f(program.uniform(name), value); };
   glUniformMatrix4fv(program.uniform("u_clip_from_scene"), 1, GL_FALSE, &clip_from_scene[0][0]);

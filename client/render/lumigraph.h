@@ -65,6 +65,7 @@ struct LumigraphOptions {
   /// fragment; where the picture has nothing that needs more of them. docs/decisions/blend-once.md.
   bool blend_once = true;
   bool carve = true;          ///< discard fragments that the images' votes call background
+  glm::vec2 shift{0.0F};      ///< of the picture on its pixels, in pixels: one of several whose mean is shown
   bool multisampled = false;  ///< the target has several samples a pixel, of which a carved edge covers a part
   bool unseen = false;        ///< depth maps, fades and figures go on as in any frame, but nothing is drawn
   bool fill_holes = true;  ///< shade what no image sees by vertex colour, normal and light; otherwise leave background

@@ -14,6 +14,7 @@ struct DrawEffort {
   int samples = 1;           ///< a pixel
   float scale = 1.0F;        ///< width and height that are drawn, over those that are shown; at most 1
   int points = kMaxBlended;  ///< whose images each patch is blended from at most
+  int pictures = 1;          ///< whose mean is shown, each shifted by a part of a pixel
 
   friend bool operator==(const DrawEffort&, const DrawEffort&) = default;
 };

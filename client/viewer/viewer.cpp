@@ -140,6 +140,8 @@ void Viewer::contextLost() {
   picker_.reset();
   picture_ = {};
   target_refused_ = false;
+  mean_.reset();
+  mean_refused_ = false;
   probe_.reset();
   if (splats_) splats_->contextLost();
   frame_.reset();
@@ -277,6 +279,7 @@ MemoryUse Viewer::memory() const {
     use.textures = held.textures;
     use.buffers = held.buffers;
   }
+  if (mean_) use.textures += mean_->bytes();
   use.renderbuffers = picture_.bytes() + (picker_ ? picker_->gpuBytes() : 0);
   use.decoded = waitingBytes();
   use.cache = session_.stats().cache_bytes + session_.stats().frame_bytes;

@@ -17,6 +17,7 @@
 #include "base/gl/multisampled_target.h"
 #include "base/image.h"
 #include "client/render/lumigraph.h"
+#include "client/render/picture_mean.h"
 #include "client/source/method.h"
 #include "client/source/session.h"
 #include "client/source/splat_view.h"
@@ -232,7 +233,8 @@ class Viewer {
   std::vector<SampleId> framesOfThisView() const;
   void drawBlended(bool moved, double now);
   DrawEffort effortWanted(bool moved, double now) const;
-  int samplesAtRest() const;
+  DrawEffort effortAtRest() const;
+  bool prepareMean();
   bool blendsOnce(int width, int height, int samples) const;
   DrawEffort fittingEffort(DrawEffort wanted) const;
   bool bindTarget(int width, int height, const DrawEffort& effort);
@@ -267,9 +269,11 @@ class Viewer {
   DrawGovernor governor_{1, false};
   base::gl::MultisampledTarget picture_;  // of several samples a pixel, or of fewer pixels than are shown
   bool target_refused_ = false;           // by the GL
-  DrawEffort effort_;                     // of the last picture
-  DrawEffort asked_effort_;               // for it, whatever memory and GL allowed
-  double moved_at_ = -1e9;                // when the view last moved, seconds
+  std::optional<PictureMean> mean_;
+  bool mean_refused_ = false;  // by the GL
+  DrawEffort effort_;          // of the last picture
+  DrawEffort asked_effort_;    // for it, whatever memory and GL allowed
+  double moved_at_ = -1e9;     // when the view last moved, seconds
   bool more_to_do_ = false;
   double upload_bytes_left_ = 0.0;
   std::uint32_t broken_ = 0;

@@ -1,5 +1,6 @@
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "client/viewer/viewer.h"
 
@@ -9,6 +10,10 @@ namespace {
 int scaled(int pixels, float scale) {
   return std::max(1, static_cast<int>(std::lround(scale * static_cast<float>(pixels))));
 }
+
+/// By so many mip levels images are looked up finer where the mean of several pictures is shown. Measured:
+/// docs/decisions/antialiasing.md.
+constexpr float kSharperMeans = 0.45F;
 
 constexpr int kEnoughSamples = 4;  ///< a pixel; more are only taken where there is room
 
@@ -62,24 +67,37 @@ void Viewer::drawBlended(bool moved, double now) {
   if (moved) moved_at_ = now;
   const DrawEffort asked = hidden ? DrawEffort{} : effortWanted(moved, now);
   DrawEffort effort = fittingEffort(asked);
+  if (!options.unseen && effort.pictures > 1 && !prepareMean()) effort = fittingEffort(asked);
   options.max_samples = imagesBlended();
   options.max_points_a_patch = effort.points;
-  base::Camera camera = camera_;
-  camera.width = scaled(camera_.width, effort.scale);
-  camera.height = scaled(camera_.height, effort.scale);
-  const bool apart = !options.unseen && bindTarget(camera.width, camera.height, effort);
-  if (!apart) {
-    effort.samples = 1, effort.scale = 1.0F;
-    camera = camera_;
+  const auto draw = [&](const base::Camera& camera) {
+    const lod::patch::Cut& cut = patches_.drawn();
+    renderer_->draw(camera, cut.patches, candidates_, cut.bound_px, shading_, options, now, patches_.occluders(),
+                    cut.patch_bound_px, proxyErrors());
+  };
+  if (options.unseen) return draw(camera_);
+  if (effort.pictures > 1) {
+    options.tuning.sharpen += kSharperMeans;
+    for (int i = 0; i < effort.pictures; ++i) {
+      options.shift = PictureMean::shiftOf(i, effort.pictures);
+      mean_->beginPicture(i == 0);
+      draw(camera_);
+      mean_->addPicture(effort.pictures);
+    }
+    probePins();
+    mean_->resolveTo(static_cast<GLuint>(target));
+  } else {
+    base::Camera camera = camera_;
+    camera.width = scaled(camera_.width, effort.scale);
+    camera.height = scaled(camera_.height, effort.scale);
+    const bool apart = bindTarget(camera.width, camera.height, effort);
+    if (!apart) effort.samples = 1, effort.scale = 1.0F, camera = camera_;
+    options.multisampled = effort.samples > 1;
+    options.blend_once = options.blend_once && blendsOnce(camera.width, camera.height, apart ? effort.samples : 0);
+    draw(camera);
+    probePins();
+    if (apart) picture_.resolveTo(static_cast<GLuint>(target), camera_.width, camera_.height);
   }
-  options.multisampled = effort.samples > 1;
-  options.blend_once = options.blend_once && blendsOnce(camera.width, camera.height, apart ? effort.samples : 0);
-  const lod::patch::Cut& cut = patches_.drawn();
-  renderer_->draw(camera, cut.patches, candidates_, cut.bound_px, shading_, options, now, patches_.occluders(),
-                  cut.patch_bound_px, proxyErrors());
-  if (options.unseen) return;
-  probePins();
-  if (apart) picture_.resolveTo(static_cast<GLuint>(target), camera_.width, camera_.height);
   effort_ = effort;
   asked_effort_ = asked;
 }
@@ -103,14 +121,16 @@ DrawEffort Viewer::effortWanted(bool moved, double now) const {
   if (options_.effort) return *options_.effort;
   const bool fades = options_.lumigraph.fade_seconds > 0.0F;
   const bool passing = more_to_do_ || !session_.complete() || (fades && (moved || settling()));
-  if (!passing) return {.samples = samplesAtRest()};
+  if (!passing) return effortAtRest();
   const DrawEffort effort = governor_.whileMoving();
   const bool moves = fades && (moved || now - moved_at_ < kMotionSeconds);
   return moves ? effort : DrawEffort{.samples = effort.samples};
 }
 
-int Viewer::samplesAtRest() const {
-  return governor_.mostSamples() > 1 ? 2 * governor_.mostSamples() : 1;
+/// The mean of twice as many pictures as a moving view has samples.
+DrawEffort Viewer::effortAtRest() const {
+  const int most = governor_.mostSamples();
+  return {.pictures = most > 1 ? std::min(2 * most, PictureMean::kMostPictures) : 1};
 }
 
 /// Whether the memory's plan has room to blend each pixel of such a picture once. `samples`: those of a target of its
@@ -124,6 +144,11 @@ bool Viewer::blendsOnce(int width, int height, int samples) const {
 /// than the last of the samples.
 DrawEffort Viewer::fittingEffort(DrawEffort wanted) const {
   using base::gl::MultisampledTarget;
+  if (wanted.pictures > 1) {
+    const std::uint64_t once = LumigraphRenderer::bytesToBlendOnce(camera_.width, camera_.height);
+    if (!mean_refused_ && once + PictureMean::bytesOf(camera_.width, camera_.height) <= plan_.samples) return wanted;
+    wanted.samples = std::exchange(wanted.pictures, 1);
+  }
   const bool once = blendsOnce(camera_.width, camera_.height, std::min(wanted.samples, kEnoughSamples));
   const auto fits = [&](int samples) {
     if (once) return blendsOnce(camera_.width, camera_.height, samples);
@@ -147,6 +172,7 @@ bool Viewer::bindTarget(int width, int height, const DrawEffort& effort) {
   if (effort.samples <= 1 && effort.scale >= 1.0F) return false;
   if (!picture_.fits(width, height, effort.samples)) {
     picture_ = {};
+    if (mean_) mean_->release();
     auto made = base::gl::MultisampledTarget::create(width, height, effort.samples);
     target_refused_ = !made;
     if (!made) {
@@ -159,12 +185,29 @@ bool Viewer::bindTarget(int width, int height, const DrawEffort& effort) {
   return true;
 }
 
+/// Makes room for means of pictures. False where the GL refuses.
+bool Viewer::prepareMean() {
+  picture_ = {};
+  const auto prepare = [this]() -> base::Result<void> {
+    if (!mean_) {
+      LUMIGRID_ASSIGN_OR_RETURN(auto made, PictureMean::create());
+      mean_ = std::move(made);
+    }
+    return mean_->prepare(camera_.width, camera_.height);
+  };
+  const auto prepared = prepare();
+  mean_refused_ = !prepared;
+  if (!prepared) fault(prepared.error().message);
+  return !mean_refused_;
+}
+
 /// Whether another picture of this view would have more samples, pixels or images, with nothing else to be done. A
 /// frame shown whole needs none.
 bool Viewer::effortPending() const {
   if (!renderer_ || options_.effort || frame_.shown() || more_to_do_ || settling()) return false;
   if (effort_.scale < 1.0F || effort_.points < kMaxBlended) return true;
-  return session_.complete() && effort_.samples < fittingEffort({.samples = samplesAtRest()}).samples;
+  const DrawEffort rest = fittingEffort(effortAtRest());
+  return session_.complete() && (effort_.samples < rest.samples || effort_.pictures < rest.pictures);
 }
 
 bool Viewer::settling() const {

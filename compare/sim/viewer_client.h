@@ -66,7 +66,7 @@ inline client::ViewerOptions viewerOptions(double tolerance_px) {
   client::ViewerOptions options;
   options.lumigraph.depth_maps_per_frame *= kFramesPerDrawn;
   // As on a machine with graphics hardware, whatever draws here.
-  options.effort = client::DrawEffort{.samples = options.samples};
+  options.fps = 0.0;
   options.session.patch_tolerance_px = static_cast<float>(tolerance_px);
   return options;
 }

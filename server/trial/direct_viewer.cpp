@@ -37,7 +37,8 @@ client::ViewerOptions settledOptions(client::Method method) {
   options.lumigraph.fade_seconds = 0.0F;
   options.lumigraph.depth_maps_per_frame = options.lumigraph.max_samples;
   options.upload_milliseconds = 0.0;
-  options.effort = client::DrawEffort{.samples = options.samples};  // each picture is a last one
+  // Each picture is a last one.
+  options.effort = client::DrawEffort{.pictures = client::PictureMean::kMostPictures};
   return options;
 }
 

@@ -1,5 +1,6 @@
-// Shows what less effort for a moving view's pictures costs and saves: settled pictures of random views, drawn with
-// each effort that the governor may choose, against the full model with 4 x 4 samples a pixel.
+// Shows what less effort for a moving view's pictures costs and saves: settled pictures of random views, drawn as at
+// rest (the mean of 8 pictures) and with each effort that the governor may choose, against the full model with 4 x 4
+// samples a pixel.
 //
 //   effort_bench SCENE [--views N] [--seed S] [--width W] [--height H] [--truth DIR]
 //
@@ -39,7 +40,7 @@ Row makeRow(const server::SceneData& data, const client::DrawEffort& effort, boo
   options.effort = effort;
   options.lumigraph.use_images = images;
   options.lumigraph.blend_once = once;
-  return {base::formatText("%d samples, %4.2f of the width, %2d points a patch%s", effort.samples,
+  return {base::formatText("%d x %d samples, %4.2f of the width, %2d points a patch%s", effort.pictures, effort.samples,
                            static_cast<double>(effort.scale), images ? effort.points : 0, once ? "" : ", each"),
           std::make_unique<server::DirectViewer>(data, options),
           0.0,
@@ -71,6 +72,7 @@ int main(int argc, char** argv) {
 
   std::vector<Row> rows;
   rows.push_back(makeRow(scene->data, {}, false));
+  for (const int pictures : {8, 4}) rows.push_back(makeRow(scene->data, {.pictures = pictures}, true));
   for (const client::DrawEffort& effort : client::DrawGovernor::efforts(4))
     rows.push_back(makeRow(scene->data, effort, true));
   for (const int samples : {4, 1}) rows.push_back(makeRow(scene->data, {.samples = samples}, true, false));

@@ -1,5 +1,5 @@
-// Tests how many samples and pixels pictures are drawn with: a view at rest gets all, with four samples each, a moving
-// one what the machine affords, which is one sample here, where the GL is software.
+// Tests how many samples and pixels pictures are drawn with: a view at rest gets all, as the mean of eight pictures, a
+// moving one what the machine affords, which is one sample here, where the GL is software.
 #include "tests/client/viewer/viewer_fixture.h"
 
 namespace client {
@@ -45,7 +45,7 @@ class Antialiasing : public ViewerFixture {
 TEST_F(Antialiasing, aViewAtRestHasAveragedEdges) {
   start(patches());
   const base::Image image = settle(view());
-  EXPECT_EQ(viewer->stats().effort.samples, 4);
+  EXPECT_EQ(viewer->stats().effort.pictures, 8);
   EXPECT_TRUE(viewer->stats().complete);
   EXPECT_FALSE(pixelsInPart(image).empty());
   EXPECT_LT(pixelsInPart(image).size(), covered(image)) << "inside all samples are covered";
@@ -74,7 +74,7 @@ TEST_F(Antialiasing, aPictureThatIsReadHasTheModelsColourAtItsEdge) {
   }
 }
 
-TEST_F(Antialiasing, whileTheViewMovesSoftwareDrawsOneAndTheLastPictureHasFour) {
+TEST_F(Antialiasing, whileTheViewMovesSoftwareDrawsOneSampleAndTheLastPictureHasEight) {
   start(patches());
   settle(view());
   for (int i = 0; i < 5; ++i) {
@@ -88,7 +88,7 @@ TEST_F(Antialiasing, whileTheViewMovesSoftwareDrawsOneAndTheLastPictureHasFour) 
   EXPECT_TRUE(viewer->stats().effort_pending);
   EXPECT_FALSE(viewer->stats().complete);
   draw(view());
-  EXPECT_EQ(viewer->stats().effort.samples, 4);
+  EXPECT_EQ(viewer->stats().effort.pictures, 8);
   EXPECT_FALSE(viewer->stats().busy);
   EXPECT_TRUE(viewer->stats().complete);
 }
@@ -96,7 +96,7 @@ TEST_F(Antialiasing, whileTheViewMovesSoftwareDrawsOneAndTheLastPictureHasFour) 
 TEST_F(Antialiasing, picturesThatMustBeFinalAtOnceAreDrawnOnce) {
   start(patches(), 0.0F);
   draw(view());
-  EXPECT_EQ(viewer->stats().effort.samples, 4);
+  EXPECT_EQ(viewer->stats().effort.pictures, 8);
   EXPECT_TRUE(viewer->stats().complete);
 }
 
@@ -109,8 +109,41 @@ TEST_F(Antialiasing, everyPictureHasAllWhereNothingIsToBeAdapted) {
   EXPECT_FALSE(viewer->stats().effort_pending);
 }
 
+TEST_F(Antialiasing, theMeanOfPicturesIsNearerToManySamplesThanThoseOfTheGl) {
+  const auto rowsOf = [this](const DrawEffort& effort, int size) {
+    ViewerOptions options = patches();
+    options.effort = effort;
+    start(options);
+    base::ViewCamera large = view();
+    large.width *= size, large.height *= size;
+    auto made = base::gl::RenderTarget::create(large.width, large.height);
+    EXPECT_TRUE(bool(made));
+    target = std::move(*made);
+    draw(large);
+    return target.read();
+  };
+  const base::Image truth = rowsOf({.samples = 1}, 16);
+  const auto offTruth = [&](const base::Image& image) {
+    double sum = 0.0;
+    for (int y = 0; y < image.height; ++y)
+      for (int x = 0; x < image.width; ++x) {
+        double mean = 0.0;
+        for (int i = 0; i < 256; ++i) mean += truth.at(16 * x + i % 16, 16 * y + i / 16)[3] / 256.0;
+        sum += std::abs(mean - image.at(x, y)[3]);
+      }
+    return sum;
+  };
+  const double one = offTruth(rowsOf({.samples = 1}, 1));
+  const double gl = offTruth(rowsOf({.samples = 4}, 1));
+  const double mean = offTruth(rowsOf({.pictures = 8}, 1));
+  EXPECT_LT(gl, 0.7 * one);
+  EXPECT_LT(mean, 0.7 * gl);
+}
+
 TEST_F(Antialiasing, aPictureHasNoMoreThanTheGlHas) {
-  start(patches(256));
+  ViewerOptions options = patches();
+  options.effort = DrawEffort{.samples = 256};
+  start(options);
   GLint most = 0;
   glGetIntegerv(GL_MAX_SAMPLES, &most);
   settle(view());
@@ -122,7 +155,7 @@ TEST_F(Antialiasing, aPictureHasNoMoreThanTheGlHas) {
 TEST_F(Antialiasing, atRestThereAreTwiceAsManyAsInMotion) {
   start(patches(2));
   settle(view());
-  EXPECT_EQ(viewer->stats().effort.samples, 4);
+  EXPECT_EQ(viewer->stats().effort.pictures, 4);
   ViewerOptions options = patches(2);
   options.effort = DrawEffort{.samples = 2};
   start(options);
@@ -235,7 +268,7 @@ TEST_F(Antialiasing, aFrameShownWholeNeedsNone) {
   EXPECT_TRUE(viewer->stats().complete);
   viewer->setSection(base::SectionPlane{{0.0, 0.0, 1.0}, server.welcome.origin.z});
   settle(server.lookDown(20.0));
-  EXPECT_EQ(viewer->stats().effort.samples, 4) << "the blended picture is shown again";
+  EXPECT_EQ(viewer->stats().effort.pictures, 8) << "the blended picture is shown again";
 }
 
 }  // namespace

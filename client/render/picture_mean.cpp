@@ -1,0 +1,114 @@
+#include "client/render/picture_mean.h"
+
+#include <array>
+#include <string>
+#include <utility>
+
+#include "base/check.h"
+#include "client/render/shaders.h"
+
+namespace client {
+namespace {
+
+constexpr std::uint64_t kBytesAPixel = 16;  ///< colour 4, depth 4, sum 8
+
+// Sixteenths of a pixel: the Direct3D 11.3 specification, section 19.2.4.1.
+constexpr std::array<glm::ivec2, 4> kFour{{{-2, -6}, {6, -2}, {-6, 2}, {2, 6}}};
+constexpr std::array<glm::ivec2, 8> kEight{{{1, -3}, {-1, 3}, {5, 1}, {-3, -5}, {-5, 5}, {-7, -1}, {3, 7}, {7, -7}}};
+
+}  // namespace
+
+base::Result<PictureMean> PictureMean::create() {
+  PictureMean mean;
+  LUMIGRID_ASSIGN_OR_RETURN(mean.program_,
+                            base::gl::Program::link("picture mean", glsl::kWholeVertex, glsl::kMeanFragment));
+  mean.no_attributes_ = base::gl::VertexArray::create();
+  return mean;
+}
+
+void PictureMean::release() {
+  for (base::gl::Texture* texture : {&color_, &depth_, &sum_}) *texture = {};
+  picture_target_ = {}, sum_target_ = {};
+  width_ = height_ = 0;
+}
+
+base::Result<void> PictureMean::prepare(int width, int height) {
+  if (width == width_ && height == height_) return {};
+  release();
+  color_ = base::gl::unfilteredTexture(GL_RGBA8, width, height);
+  depth_ = base::gl::unfilteredTexture(GL_DEPTH_COMPONENT24, width, height);
+  sum_ = base::gl::unfilteredTexture(GL_RGBA16F, width, height);
+  GLint bound = 0;
+  glGetIntegerv(GL_FRAMEBUFFER_BINDING, &bound);
+  const auto attach = [](base::gl::Framebuffer& framebuffer, const base::gl::Texture& color,
+                         const base::gl::Texture* depth) {
+    framebuffer = base::gl::Framebuffer::create();
+    glBindFramebuffer(GL_FRAMEBUFFER, framebuffer.name());
+    glFramebufferTexture2D(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_TEXTURE_2D, color.name(), 0);
+    if (depth != nullptr) glFramebufferTexture2D(GL_FRAMEBUFFER, GL_DEPTH_ATTACHMENT, GL_TEXTURE_2D, depth->name(), 0);
+    return glCheckFramebufferStatus(GL_FRAMEBUFFER) == GL_FRAMEBUFFER_COMPLETE;
+  };
+  const bool made = attach(picture_target_, color_, &depth_) && attach(sum_target_, sum_, nullptr);
+  glBindFramebuffer(GL_FRAMEBUFFER, static_cast<GLuint>(bound));
+  if (!made) {
+    release();
+    return base::Error{base::ErrorCode::kNoSpace, "means of pictures of " + std::to_string(width) + " x " +
+                                                      std::to_string(height) +
+                                                      " pixels: the GL refuses targets of half floats (" +
+                                                      base::gl::takeError() + "); pixels have several samples instead"};
+  }
+  width_ = width, height_ = height;
+  return {};
+}
+
+std::uint64_t PictureMean::bytesOf(int width, int height) {
+  return kBytesAPixel * static_cast<std::uint64_t>(width) * static_cast<std::uint64_t>(height);
+}
+
+glm::vec2 PictureMean::shiftOf(int i, int count) {
+  LUMIGRID_CHECK(i >= 0 && i < count && count <= kMostPictures);
+  if (count == 1) return glm::vec2(0.0F);
+  const auto number = static_cast<std::size_t>(i);
+  return glm::vec2(count <= 4 ? kFour.at(number) : kEight.at(number)) / 16.0F;
+}
+
+void PictureMean::beginPicture(bool first) {
+  if (first) {
+    glBindFramebuffer(GL_FRAMEBUFFER, sum_target_.name());
+    glClearColor(0.0F, 0.0F, 0.0F, 0.0F);
+    glClear(GL_COLOR_BUFFER_BIT);
+  }
+  glBindFramebuffer(GL_FRAMEBUFFER, picture_target_.name());
+}
+
+void PictureMean::addPicture(int count) {
+  glBindFramebuffer(GL_FRAMEBUFFER, sum_target_.name());
+  glEnable(GL_BLEND);
+  glBlendFunc(GL_ONE, GL_ONE);
+  cover(color_, 1.0F / static_cast<float>(count));
+  glDisable(GL_BLEND);
+  glBindFramebuffer(GL_FRAMEBUFFER, picture_target_.name());
+}
+
+void PictureMean::resolveTo(GLuint framebuffer) const {
+  glBindFramebuffer(GL_FRAMEBUFFER, framebuffer);
+  cover(sum_, 1.0F);
+}
+
+/// Draws `share` of a picture over the whole of the target.
+void PictureMean::cover(const base::gl::Texture& picture, float share) const {
+  program_.use();
+  glViewport(0, 0, width_, height_);
+  glActiveTexture(GL_TEXTURE0);
+  glBindTexture(GL_TEXTURE_2D, picture.name());
+  glUniform1i(program_.uniform("u_picture"), 0);
+  glUniform1f(program_.uniform("u_share"), share);
+  glDisable(GL_DEPTH_TEST);
+  glBindVertexArray(no_attributes_.name());
+  glDrawArrays(GL_TRIANGLES, 0, 3);
+  glBindVertexArray(0);
+  glBindTexture(GL_TEXTURE_2D, 0);
+  glEnable(GL_DEPTH_TEST);
+}
+
+}  // namespace client
