@@ -19,8 +19,8 @@ class PixelBlend {
 
   /// Patches of a picture at most.
   static constexpr std::size_t kMostPatches = 65535;
-  /// Surfaces that are blended for a pixel at most: the foremost, and the one behind it where that
-  /// is carved or has its edge.
+  /// Surfaces that are blended for a pixel at most: the foremost, and the one behind it where that is carved or has its
+  /// edge.
   static constexpr std::size_t kLayers = 2;
 
   /// Returns the bytes of the textures for pictures of this size.
@@ -29,15 +29,15 @@ class PixelBlend {
   /// Allocates them; false if the GL refuses. What was blended before is lost where the size changes.
   bool prepare(int width, int height);
 
-  /// The program that keeps surfaces, the one that blends them, and the one that draws the proxy with the result. All
-  /// have the uniforms of the view; the second also those of the samples and the tuning.
+  /// The programs that keep surfaces, blend them, draw the proxy with the result, and make it a picture of one sample a
+  /// pixel. All have the uniforms of the view; the second also those of the samples and the tuning.
   const base::gl::Program& surface() const { return surface_; }
   const base::gl::Program& blend() const { return blend_; }
   const base::gl::Program& show() const { return show_; }
   const base::gl::Program& picture() const { return picture_; }
 
   // A layer's turn: beginSurface(), drawing each patch after setPatch(), blendPixels(), perhaps compose(); then the
-  // next layer's. surface(), blend() and show() must be in use; texture units from `unit` on are free.
+  // next layer's. The programs must be in use; texture units from `unit` on are free.
 
   /// Makes the layer's textures, cleared, the target of surface().
   void beginSurface(std::size_t layer, int unit) const;
@@ -48,7 +48,7 @@ class PixelBlend {
   /// Blends the layer by blend().
   void blendPixels(std::size_t layer, int unit) const;
 
-  /// Draws the layer into the framebuffer bound now, of one sample a pixel, where nothing is nearer.
+  /// Draws the layer by picture() into the framebuffer bound now, where nothing is nearer.
   void compose(std::size_t layer, int unit) const;
 
   /// Sets the uniforms of show(): with what was blended, or without.
