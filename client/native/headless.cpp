@@ -247,7 +247,7 @@ std::string formatHeadlessFrame(const HeadlessFrame& frame) {
   line["triangles"] = drawn.triangles;
   line["patches"] = drawn.patches;
   line["samples"] = drawn.samples_used;
-  line["samples_per_pixel"] = frame.stats.effort.samples;
+  line["samples_per_pixel"] = frame.stats.effort.samples * frame.stats.effort.pictures;
   line["scale"] = frame.stats.effort.scale;
   line["points"] = frame.stats.effort.points;
   line["samples_resident"] = drawn.samples_resident;
