@@ -50,6 +50,8 @@ struct BlendTuning {
   float sharpen = 0.75F;       ///< images are looked up so many mip levels finer than one texel a view pixel
   float near_errors = 3.0F;    ///< an image that is nearer to the proxy than so many of its errors is not used
   float proxy_noise = 0.004F;  ///< error of the proxy's colours beyond its stated one, 0..1
+
+  friend bool operator==(const BlendTuning&, const BlendTuning&) = default;
 };
 
 struct LumigraphOptions {
@@ -76,6 +78,8 @@ struct LumigraphOptions {
   float background[4] = {0.0F, 0.0F, 0.0F, 0.0F};
   lod::draw::ViewModes modes;
   BlendTuning tuning;
+
+  friend bool operator==(const LumigraphOptions&, const LumigraphOptions&) = default;
 };
 
 /// How far a patch of the proxy typically is from the model, as root mean squares.

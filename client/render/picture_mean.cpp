@@ -29,7 +29,7 @@ base::Result<PictureMean> PictureMean::create() {
 void PictureMean::release() {
   for (base::gl::Texture* texture : {&color_, &depth_, &sum_}) *texture = {};
   picture_target_ = {}, sum_target_ = {};
-  width_ = height_ = 0;
+  width_ = height_ = count_ = 0;
 }
 
 base::Result<void> PictureMean::prepare(int width, int height) {
@@ -72,27 +72,28 @@ glm::vec2 PictureMean::shiftOf(int i, int count) {
   return glm::vec2(count <= 4 ? kFour.at(number) : kEight.at(number)) / 16.0F;
 }
 
-void PictureMean::beginPicture(bool first) {
-  if (first) {
-    glBindFramebuffer(GL_FRAMEBUFFER, sum_target_.name());
-    glClearColor(0.0F, 0.0F, 0.0F, 0.0F);
-    glClear(GL_COLOR_BUFFER_BIT);
-  }
+void PictureMean::beginPicture() const {
   glBindFramebuffer(GL_FRAMEBUFFER, picture_target_.name());
 }
 
-void PictureMean::addPicture(int count) {
+void PictureMean::addPicture() {
+  LUMIGRID_CHECK(count_ < kMostPictures);
   glBindFramebuffer(GL_FRAMEBUFFER, sum_target_.name());
+  if (count_++ == 0) {
+    glClearColor(0.0F, 0.0F, 0.0F, 0.0F);
+    glClear(GL_COLOR_BUFFER_BIT);
+  }
   glEnable(GL_BLEND);
   glBlendFunc(GL_ONE, GL_ONE);
-  cover(color_, 1.0F / static_cast<float>(count));
+  cover(color_, 1.0F / kMostPictures);
   glDisable(GL_BLEND);
   glBindFramebuffer(GL_FRAMEBUFFER, picture_target_.name());
 }
 
 void PictureMean::resolveTo(GLuint framebuffer) const {
+  LUMIGRID_CHECK(count_ > 0);
   glBindFramebuffer(GL_FRAMEBUFFER, framebuffer);
-  cover(sum_, 1.0F);
+  cover(sum_, static_cast<float>(kMostPictures) / static_cast<float>(count_));
 }
 
 /// Draws `share` of a picture over the whole of the target.

@@ -26,12 +26,16 @@ class PictureMean {
   /// pictures of 4 or 8 share a row or a column (the patterns of Direct3D 11's multisampling).
   static glm::vec2 shiftOf(int i, int count);
 
-  /// Makes the picture that is drawn next the target: RGBA8 and 24 bits of depth. The first begins a new mean.
-  void beginPicture(bool first);
-  /// Adds it, one of `count`. Leaves it bound.
-  void addPicture(int count);
-  /// Writes the mean into the framebuffer and leaves that one bound, all of it the viewport. Pixels that are covered in
-  /// part get a colour premultiplied by their alpha, if the background is transparent black.
+  /// The next picture is the first of another mean.
+  void restart() { count_ = 0; }
+  /// Pictures that were added since then.
+  int pictures() const { return count_; }
+  /// Makes the picture that is drawn next the target: RGBA8 and 24 bits of depth.
+  void beginPicture() const;
+  /// Adds it, at most kMostPictures in all. Leaves it bound.
+  void addPicture();
+  /// Writes the mean of the pictures into the framebuffer and leaves that one bound, all of it the viewport. Pixels
+  /// that are covered in part get a colour premultiplied by their alpha, if the background is transparent black.
   void resolveTo(GLuint framebuffer) const;
 
  private:
@@ -42,7 +46,7 @@ class PictureMean {
   base::gl::Texture color_, sum_;
   base::gl::Texture depth_;
   base::gl::Framebuffer picture_target_, sum_target_;
-  int width_ = 0, height_ = 0;
+  int width_ = 0, height_ = 0, count_ = 0;
 };
 
 }  // namespace client

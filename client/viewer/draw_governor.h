@@ -33,7 +33,8 @@ class DrawGovernor {
   /// Returns the efforts to choose from, the largest first; each costs less than the one before.
   static std::vector<DrawEffort> efforts(int most_samples);
 
-  int mostSamples() const { return efforts_.front().samples; }
+  int mostSamples() const { return most().samples; }
+  const DrawEffort& most() const { return efforts_.front(); }
   /// Returns the effort for the next picture of a moving view.
   const DrawEffort& whileMoving() const { return efforts_[level_]; }
   /// Tells that a picture of a moving view with this effort took so many seconds, from its start to that of the next

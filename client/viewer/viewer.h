@@ -235,6 +235,7 @@ class Viewer {
   DrawEffort effortWanted(bool moved, double now) const;
   DrawEffort effortAtRest() const;
   bool prepareMean();
+  int beginMean(const LumigraphOptions& options, int wanted);
   bool blendsOnce(int width, int height, int samples) const;
   DrawEffort fittingEffort(DrawEffort wanted) const;
   bool bindTarget(int width, int height, const DrawEffort& effort);
@@ -270,6 +271,18 @@ class Viewer {
   base::gl::MultisampledTarget picture_;  // of several samples a pixel, or of fewer pixels than are shown
   bool target_refused_ = false;           // by the GL
   std::optional<PictureMean> mean_;
+  /// All that the pictures of mean_ are drawn from, and how many there are to be.
+  struct Resting {
+    base::ViewCamera view;
+    std::vector<std::uint32_t> patches;
+    std::vector<SampleId> images;
+    LumigraphOptions options;
+    lod::draw::Shading shading;
+    int pictures = 0;
+
+    friend bool operator==(const Resting&, const Resting&) = default;
+  };
+  Resting resting_;
   bool mean_refused_ = false;  // by the GL
   DrawEffort effort_;          // of the last picture
   DrawEffort asked_effort_;    // for it, whatever memory and GL allowed

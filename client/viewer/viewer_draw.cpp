@@ -78,12 +78,14 @@ void Viewer::drawBlended(bool moved, double now) {
   if (options.unseen) return draw(camera_);
   if (effort.pictures > 1) {
     options.tuning.sharpen += kSharperMeans;
-    for (int i = 0; i < effort.pictures; ++i) {
-      options.shift = PictureMean::shiftOf(i, effort.pictures);
-      mean_->beginPicture(i == 0);
+    const int wanted = std::exchange(effort.pictures, beginMean(options, effort.pictures));
+    while (mean_->pictures() < effort.pictures) {
+      options.shift = PictureMean::shiftOf(mean_->pictures(), wanted);
+      mean_->beginPicture();
       draw(camera_);
-      mean_->addPicture(effort.pictures);
+      mean_->addPicture();
     }
+    mean_->beginPicture();
     probePins();
     mean_->resolveTo(static_cast<GLuint>(target));
   } else {
@@ -183,6 +185,19 @@ bool Viewer::bindTarget(int width, int height, const DrawEffort& effort) {
   }
   picture_.bind();
   return true;
+}
+
+/// Begins a mean, unless the last one was of the same view drawn from the same. Returns how many pictures it shall have
+/// now, of so many that are wanted in the end: all where a moving view has all effort or the picture must be final,
+/// else one more, so that a slow machine answers between them.
+int Viewer::beginMean(const LumigraphOptions& options, int wanted) {
+  Resting resting{view_, patches_.drawn().patches, candidates_, options, shading_, wanted};
+  if (resting != resting_) {
+    resting_ = std::move(resting);
+    mean_->restart();
+  }
+  const bool at_once = options.fade_seconds <= 0.0F || options_.effort || governor_.whileMoving() == governor_.most();
+  return at_once ? wanted : std::min(wanted, mean_->pictures() + 1);
 }
 
 /// Makes room for means of pictures. False where the GL refuses.

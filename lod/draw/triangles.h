@@ -62,6 +62,8 @@ class PatchMeshes {
 struct Shading {
   bool unlit = false;
   glm::vec3 light_direction{0.35F, 0.45F, 0.82F};  ///< unit, towards the light
+
+  friend bool operator==(const Shading&, const Shading&) = default;
 };
 
 /// Returns GLSL that defines `vec3 shadeSurface(vec3 color, vec3 normal, vec3 toEye)` and its uniforms `bool u_unlit`

@@ -31,6 +31,7 @@ struct ViewModes {
   glm::vec4 section = base::kNoSection;  ///< scene-local (base::sectionInScene)
   bool resolution_colors = false;
   bool any() const { return section != base::kNoSection || resolution_colors; }
+  friend bool operator==(const ViewModes&, const ViewModes&) = default;
 };
 
 /// Returns fragment GLSL that defines `bool isCutAway(vec3 position)`, its uniforms, and those of tintSource(). `bool

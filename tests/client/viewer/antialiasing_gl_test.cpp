@@ -93,6 +93,30 @@ TEST_F(Antialiasing, whileTheViewMovesSoftwareDrawsOneSampleAndTheLastPictureHas
   EXPECT_TRUE(viewer->stats().complete);
 }
 
+TEST_F(Antialiasing, aSlowMachineDrawsTheMeanPictureByPicture) {
+  start(patches());
+  const base::ViewCamera resting = server.lookDown(180.0);
+  draw(resting);
+  completeView();
+  for (int i = 0; i < 100 && viewer->stats().effort.pictures == 1; ++i) draw(resting);
+  for (int pictures = 2; pictures <= 8; ++pictures) {
+    EXPECT_EQ(viewer->stats().effort.pictures, pictures);
+    EXPECT_EQ(viewer->stats().effort_pending, pictures < 8);
+    EXPECT_EQ(viewer->stats().complete, pictures == 8);
+    draw(resting);
+  }
+  EXPECT_EQ(viewer->stats().effort.pictures, 8) << "there are no more";
+  const base::Image one_by_one = target.read();
+  ViewerOptions options = patches();
+  options.effort = DrawEffort{.pictures = 8};
+  start(options);
+  draw(resting);
+  EXPECT_EQ(target.read().pixels, one_by_one.pixels);
+  viewer->setSection(base::SectionPlane{{0.0, 0.0, 1.0}, server.welcome.origin.z});
+  draw(resting);
+  EXPECT_NE(target.read().pixels, one_by_one.pixels) << "a mean of before the cut is not shown";
+}
+
 TEST_F(Antialiasing, picturesThatMustBeFinalAtOnceAreDrawnOnce) {
   start(patches(), 0.0F);
   draw(view());
