@@ -85,7 +85,7 @@ void PictureMean::addPicture() {
   }
   glEnable(GL_BLEND);
   glBlendFunc(GL_ONE, GL_ONE);
-  cover(color_, 1.0F / kMostPictures);
+  cover(color_, 0);
   glDisable(GL_BLEND);
   glBindFramebuffer(GL_FRAMEBUFFER, picture_target_.name());
 }
@@ -93,17 +93,17 @@ void PictureMean::addPicture() {
 void PictureMean::resolveTo(GLuint framebuffer) const {
   LUMIGRID_CHECK(count_ > 0);
   glBindFramebuffer(GL_FRAMEBUFFER, framebuffer);
-  cover(sum_, static_cast<float>(kMostPictures) / static_cast<float>(count_));
+  cover(sum_, count_);
 }
 
-/// Draws `share` of a picture over the whole of the target.
-void PictureMean::cover(const base::gl::Texture& picture, float share) const {
+/// Draws what mean_fragment.glsl makes of a texture over the whole of the target.
+void PictureMean::cover(const base::gl::Texture& picture, int count) const {
   program_.use();
   glViewport(0, 0, width_, height_);
   glActiveTexture(GL_TEXTURE0);
   glBindTexture(GL_TEXTURE_2D, picture.name());
   glUniform1i(program_.uniform("u_picture"), 0);
-  glUniform1f(program_.uniform("u_share"), share);
+  glUniform1f(program_.uniform("u_count"), static_cast<float>(count));
   glDisable(GL_DEPTH_TEST);
   glBindVertexArray(no_attributes_.name());
   glDrawArrays(GL_TRIANGLES, 0, 3);

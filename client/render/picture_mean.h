@@ -11,7 +11,7 @@ namespace client {
 
 class PictureMean {
  public:
-  static constexpr int kMostPictures = 8;
+  static constexpr int kMostPictures = 8;  ///< whose sum half floats hold without rounding
 
   static base::Result<PictureMean> create();
 
@@ -40,7 +40,7 @@ class PictureMean {
 
  private:
   PictureMean() = default;
-  void cover(const base::gl::Texture& picture, float share) const;
+  void cover(const base::gl::Texture& picture, int count) const;
   base::gl::Program program_;
   base::gl::VertexArray no_attributes_;
   base::gl::Texture color_, sum_;
