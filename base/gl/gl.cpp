@@ -157,6 +157,31 @@ Texture unfilteredTexture(GLenum format, int width, int height) {
   return texture;
 }
 
+bool attachTextures(Framebuffer& framebuffer, std::initializer_list<const Texture*> colors, const Texture* depth) {
+  framebuffer = Framebuffer::create();
+  glBindFramebuffer(GL_FRAMEBUFFER, framebuffer.name());
+  std::vector<GLenum> attachments;
+  for (const Texture* color : colors) {
+    attachments.push_back(GL_COLOR_ATTACHMENT0 + static_cast<GLenum>(attachments.size()));
+    glFramebufferTexture2D(GL_FRAMEBUFFER, attachments.back(), GL_TEXTURE_2D, color->name(), 0);
+  }
+  if (depth != nullptr) glFramebufferTexture2D(GL_FRAMEBUFFER, GL_DEPTH_ATTACHMENT, GL_TEXTURE_2D, depth->name(), 0);
+  glDrawBuffers(static_cast<GLsizei>(attachments.size()), attachments.data());
+  return glCheckFramebufferStatus(GL_FRAMEBUFFER) == GL_FRAMEBUFFER_COMPLETE;
+}
+
+WholeTarget WholeTarget::create() {
+  WholeTarget target;
+  target.no_attributes_ = VertexArray::create();
+  return target;
+}
+
+void WholeTarget::draw() const {
+  glBindVertexArray(no_attributes_.name());
+  glDrawArrays(GL_TRIANGLES, 0, 3);
+  glBindVertexArray(0);
+}
+
 // ---- Objects ----
 
 void ProgramTraits::destroy(GLuint name) {

@@ -10,6 +10,7 @@
 #include <cstdint>
 
 #include <glm/glm.hpp>
+#include <initializer_list>
 #include <string>
 #include <utility>
 #include <vector>
@@ -110,6 +111,21 @@ void allocate3D(Texture& texture, GLenum target, int levels, GLenum format, int 
 void allocate(Renderbuffer& renderbuffer, GLenum format, int width, int height);
 /// A two-dimensional texture of one level that is read without filtering; leaves none bound.
 Texture unfilteredTexture(GLenum format, int width, int height);
+
+/// Makes a framebuffer of these colours and, unless it is null, this depth, and leaves it bound. False if the GL
+/// refuses.
+bool attachTextures(Framebuffer& framebuffer, std::initializer_list<const Texture*> colors, const Texture* depth);
+
+/// A triangle over the whole target, for vertex shaders that place its corners by gl_VertexID.
+class WholeTarget {
+ public:
+  static WholeTarget create();
+  /// Draws it with the program in use.
+  void draw() const;
+
+ private:
+  VertexArray no_attributes_;
+};
 
 /// A linked program. Uniform locations are queried by name once and kept.
 class Program {

@@ -11,7 +11,7 @@
 namespace client {
 
 /// Returns the weight of a sample at a surface point for a viewer, before visibility. As
-/// shaders/blend_fragment.glsl has it, but for errors of colours, which no single sample decides. `to_view`,
+/// shaders/blend_samples.glsl has it, but for errors of colours, which no single sample decides. `to_view`,
 /// `to_sample`: from the point to both, of any length but zero. `ratio`: pixels per unit length of the sample over
 /// those of the view. `error_px`: the proxy's typical error there.
 float sampleWeight(const glm::vec3& to_view, const glm::vec3& to_sample, float ratio, float error_px,

@@ -43,7 +43,7 @@ constexpr float kGuessedShareOfBound = 0.1F;
 constexpr int kMaxArrays = 3;              ///< image sizes at a time: faces, and exact frames of two sizes
 constexpr int kFreeUnit = 2 * kMaxArrays;  ///< the first texture unit that no array takes
 
-/// One sample as the uniform block holds it: std140, `Sample` of blend_fragment.glsl.
+/// One sample as the uniform block holds it: std140, `Sample` of blend_samples.glsl.
 struct SampleBlock {
   glm::mat4 clip_from_scene{1.0F};
   glm::vec4 eye{0.0F};

@@ -23,7 +23,7 @@ namespace client {
 
 using SampleId = std::uint64_t;
 
-/// Samples that one frame blends at most: the length of u_samples in shaders/blend_fragment.glsl.
+/// Samples that one frame blends at most: the length of u_samples in shaders/blend_samples.glsl.
 inline constexpr int kMaxBlended = 96;
 
 /// How samples are weighted. The defaults measured best: docs/decisions/blending-weights.md, docs/lumigraph-tuning.md.
@@ -117,7 +117,7 @@ class LumigraphRenderer {
   bool addSample(SampleId id, const base::Camera& camera, const base::Image& rgba, double now, float fade_share = 1.0F,
                  float core = 1.0F);
   void removeSample(SampleId id);
-  /// Returns the bytes that LumigraphOptions::blend_once takes for pictures of this size, within no budget.
+  /// Returns the bytes that LumigraphOptions::blend_once takes for pictures of this size, beside gpu_budget_bytes.
   static std::uint64_t bytesToBlendOnce(int width, int height);
   /// Returns what this renderer has allocated on the GPU, by kind.
   base::gl::HeldBytes heldBytes() const;

@@ -22,7 +22,7 @@ base::Result<PictureMean> PictureMean::create() {
   PictureMean mean;
   LUMIGRID_ASSIGN_OR_RETURN(mean.program_,
                             base::gl::Program::link("picture mean", glsl::kWholeVertex, glsl::kMeanFragment));
-  mean.no_attributes_ = base::gl::VertexArray::create();
+  mean.whole_ = base::gl::WholeTarget::create();
   return mean;
 }
 
@@ -40,15 +40,8 @@ base::Result<void> PictureMean::prepare(int width, int height) {
   sum_ = base::gl::unfilteredTexture(GL_RGBA16F, width, height);
   GLint bound = 0;
   glGetIntegerv(GL_FRAMEBUFFER_BINDING, &bound);
-  const auto attach = [](base::gl::Framebuffer& framebuffer, const base::gl::Texture& color,
-                         const base::gl::Texture* depth) {
-    framebuffer = base::gl::Framebuffer::create();
-    glBindFramebuffer(GL_FRAMEBUFFER, framebuffer.name());
-    glFramebufferTexture2D(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_TEXTURE_2D, color.name(), 0);
-    if (depth != nullptr) glFramebufferTexture2D(GL_FRAMEBUFFER, GL_DEPTH_ATTACHMENT, GL_TEXTURE_2D, depth->name(), 0);
-    return glCheckFramebufferStatus(GL_FRAMEBUFFER) == GL_FRAMEBUFFER_COMPLETE;
-  };
-  const bool made = attach(picture_target_, color_, &depth_) && attach(sum_target_, sum_, nullptr);
+  const bool made = base::gl::attachTextures(picture_target_, {&color_}, &depth_) &&
+                    base::gl::attachTextures(sum_target_, {&sum_}, nullptr);
   glBindFramebuffer(GL_FRAMEBUFFER, static_cast<GLuint>(bound));
   if (!made) {
     release();
@@ -67,7 +60,6 @@ std::uint64_t PictureMean::bytesOf(int width, int height) {
 
 glm::vec2 PictureMean::shiftOf(int i, int count) {
   LUMIGRID_CHECK(i >= 0 && i < count && count <= kMostPictures);
-  if (count == 1) return glm::vec2(0.0F);
   const auto number = static_cast<std::size_t>(i);
   return glm::vec2(count <= 4 ? kFour.at(number) : kEight.at(number)) / 16.0F;
 }
@@ -105,9 +97,7 @@ void PictureMean::cover(const base::gl::Texture& picture, int count) const {
   glUniform1i(program_.uniform("u_picture"), 0);
   glUniform1f(program_.uniform("u_count"), static_cast<float>(count));
   glDisable(GL_DEPTH_TEST);
-  glBindVertexArray(no_attributes_.name());
-  glDrawArrays(GL_TRIANGLES, 0, 3);
-  glBindVertexArray(0);
+  whole_.draw();
   glBindTexture(GL_TEXTURE_2D, 0);
   glEnable(GL_DEPTH_TEST);
 }

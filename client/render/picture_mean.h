@@ -42,7 +42,7 @@ class PictureMean {
   PictureMean() = default;
   void cover(const base::gl::Texture& picture, int count) const;
   base::gl::Program program_;
-  base::gl::VertexArray no_attributes_;
+  base::gl::WholeTarget whole_;
   base::gl::Texture color_, sum_;
   base::gl::Texture depth_;
   base::gl::Framebuffer picture_target_, sum_target_;

@@ -54,21 +54,6 @@ void setPlace(const base::gl::Program& program, const char* name, std::size_t pl
               static_cast<float>(place / kPatchesARow) / 255.0F);
 }
 
-/// Makes a framebuffer of these colours, and of `depth` unless it is null. False if the GL refuses it.
-bool attach(base::gl::Framebuffer& framebuffer, std::initializer_list<const base::gl::Texture*> colors,
-            const base::gl::Texture* depth) {
-  framebuffer = base::gl::Framebuffer::create();
-  glBindFramebuffer(GL_FRAMEBUFFER, framebuffer.name());
-  std::vector<GLenum> attachments;
-  for (const base::gl::Texture* color : colors) {
-    attachments.push_back(GL_COLOR_ATTACHMENT0 + static_cast<GLenum>(attachments.size()));
-    glFramebufferTexture2D(GL_FRAMEBUFFER, attachments.back(), GL_TEXTURE_2D, color->name(), 0);
-  }
-  if (depth != nullptr) glFramebufferTexture2D(GL_FRAMEBUFFER, GL_DEPTH_ATTACHMENT, GL_TEXTURE_2D, depth->name(), 0);
-  glDrawBuffers(static_cast<GLsizei>(attachments.size()), attachments.data());
-  return glCheckFramebufferStatus(GL_FRAMEBUFFER) == GL_FRAMEBUFFER_COMPLETE;
-}
-
 }  // namespace
 
 base::Result<PixelBlend> PixelBlend::create() {
@@ -84,7 +69,7 @@ base::Result<PixelBlend> PixelBlend::create() {
                                                                   view + glsl::kProxySurface + glsl::kBlendedFragment));
   LUMIGRID_ASSIGN_OR_RETURN(
       result.picture_, base::gl::Program::link("lumigraph picture", glsl::kWholeVertex, view + glsl::kComposeFragment));
-  result.no_attributes_ = base::gl::VertexArray::create();
+  result.whole_ = base::gl::WholeTarget::create();
   return result;
 }
 
@@ -116,8 +101,8 @@ bool PixelBlend::prepare(int width, int height) {
     layer.depth = make(GL_R32UI);
     layer.images = make(GL_RGBA8);
     layer.coverage = make(GL_RG8);
-    made = made && attach(layer.surface, {&color_, &normals_, &patch_, &layer.depth}, &depth_) &&
-           attach(layer.blend, {&layer.images, &layer.coverage}, nullptr);
+    made = made && base::gl::attachTextures(layer.surface, {&color_, &normals_, &patch_, &layer.depth}, &depth_) &&
+           base::gl::attachTextures(layer.blend, {&layer.images, &layer.coverage}, nullptr);
   }
   glBindFramebuffer(GL_FRAMEBUFFER, static_cast<GLuint>(bound));
   width_ = made ? width : 0, height_ = made ? height : 0;
@@ -173,25 +158,20 @@ void PixelBlend::blendPixels(std::size_t layer, int unit) const {
         {"u_lists", lists_}});
   glBindFramebuffer(GL_FRAMEBUFFER, blended.blend.name());
   glDisable(GL_DEPTH_TEST);
-  coverPicture();
+  glViewport(0, 0, width_, height_);
+  whole_.draw();
   glEnable(GL_DEPTH_TEST);
 }
 
 void PixelBlend::compose(std::size_t layer, int unit) const {
   const Layer& blended = layers_.at(layer);
   bind(picture_, unit,
-       {{"u_front_depth", blended.depth},
+       {{"u_layer_depth", blended.depth},
         {"u_surface_color", color_},
-        {"u_front_color", blended.images},
-        {"u_front_coverage", blended.coverage}});
-  coverPicture();
-}
-
-void PixelBlend::coverPicture() const {
+        {"u_layer_color", blended.images},
+        {"u_layer_coverage", blended.coverage}});
   glViewport(0, 0, width_, height_);
-  glBindVertexArray(no_attributes_.name());
-  glDrawArrays(GL_TRIANGLES, 0, 3);
-  glBindVertexArray(0);
+  whole_.draw();
 }
 
 void PixelBlend::setResult(bool blended, int unit) const {

@@ -60,12 +60,11 @@ class PixelBlend {
     base::gl::Framebuffer surface, blend;
   };
   PixelBlend() = default;
-  void coverPicture() const;
   base::gl::Program surface_;
   base::gl::Program blend_;
   base::gl::Program show_;
   base::gl::Program picture_;
-  base::gl::VertexArray no_attributes_;
+  base::gl::WholeTarget whole_;
   base::gl::Texture color_, normals_, patch_, depth_;  ///< of the surface that is blended next
   base::gl::Texture patches_, lists_;
   std::array<Layer, kLayers> layers_;

@@ -8,7 +8,7 @@
 
 namespace client {
 
-/// Components stand for the left, right, bottom and top side, as in shaders/blend_fragment.glsl.
+/// Components stand for the left, right, bottom and top side, as in shaders/blend_samples.glsl.
 struct SampleBorders {
   /// Share of its weight that the sample keeps at that side, 0 … 1; with 0 it fades out.
   glm::vec4 floors{0.0F};

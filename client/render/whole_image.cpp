@@ -13,7 +13,7 @@ base::Result<WholeImageShader> WholeImageShader::create() {
 }
 
 WholeImageShader::WholeImageShader(base::gl::Program program)
-    : program_(std::move(program)), no_attributes_(base::gl::VertexArray::create()) {}
+    : program_(std::move(program)), whole_(base::gl::WholeTarget::create()) {}
 
 void WholeImageShader::draw(GLuint array, int layer, int width, int height, const std::array<float, 4>& background,
                             float opacity) const {
@@ -47,9 +47,7 @@ void WholeImageShader::cover(GLuint array, int layer, const std::array<float, 4>
   glUniform1i(program_.uniform("u_color"), 0);
   glUniform1i(program_.uniform("u_layer"), layer);
   glUniform4f(program_.uniform("u_background"), background[0], background[1], background[2], background[3]);
-  glBindVertexArray(no_attributes_.name());
-  glDrawArrays(GL_TRIANGLES, 0, 3);
-  glBindVertexArray(0);
+  whole_.draw();
 }
 
 }  // namespace client

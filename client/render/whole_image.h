@@ -26,7 +26,7 @@ class WholeImageShader {
 
   WholeImageShader(base::gl::Program program);
   base::gl::Program program_;
-  base::gl::VertexArray no_attributes_;
+  base::gl::WholeTarget whole_;
 };
 
 }  // namespace client

@@ -13,7 +13,7 @@ struct MemoryPlan {
   std::uint64_t frame_images = 0;     ///< part of `images` that is reserved for exact frames
   std::uint64_t decoded = 0;          ///< images decoded or being decoded, not on the GPU yet
   std::uint64_t samples = 0;          ///< the picture's pixels where each has several, and what blends each once
-  std::uint64_t smaller_picture = 0;  ///< a moving view's that is drawn with fewer pixels, which have one sample
+  std::uint64_t smaller_picture = 0;  ///< the same of a picture of one sample a pixel, which may have fewer pixels
 };
 
 /// Divides `budget` into sixteenths: 8 for images, 2 1/2 for patches, 2 for the cache, 2 for decoding, 1/2 for frames.

@@ -274,7 +274,7 @@ class Viewer {
   /// All that the pictures of mean_ are drawn from, and how many there are to be.
   struct Resting {
     base::ViewCamera view;
-    std::vector<std::uint32_t> patches;
+    std::vector<std::uint32_t> patches, occluders;
     std::vector<SampleId> images;
     LumigraphOptions options;
     lod::draw::Shading shading;

@@ -191,7 +191,7 @@ bool Viewer::bindTarget(int width, int height, const DrawEffort& effort) {
 /// now, of so many that are wanted in the end: all where a moving view has all effort or the picture must be final,
 /// else one more, so that a slow machine answers between them.
 int Viewer::beginMean(const LumigraphOptions& options, int wanted) {
-  Resting resting{view_, patches_.drawn().patches, candidates_, options, shading_, wanted};
+  Resting resting{view_, patches_.drawn().patches, patches_.occluders(), candidates_, options, shading_, wanted};
   if (resting != resting_) {
     resting_ = std::move(resting);
     mean_->restart();

@@ -149,7 +149,7 @@ struct SplatRenderer::Pass {
 
 base::Result<std::unique_ptr<SplatRenderer>> SplatRenderer::create() {
   std::unique_ptr<SplatRenderer> renderer(new SplatRenderer);
-  renderer->no_attributes_ = base::gl::VertexArray::create();
+  renderer->whole_ = base::gl::WholeTarget::create();
   renderer->as_points_ = base::gl::VertexArray::create();
   renderer->as_quads_ = base::gl::VertexArray::create();
   renderer->buffer_ = base::gl::Buffer::create();
@@ -283,11 +283,7 @@ base::Result<void> SplatRenderer::prepareCanvas(GLenum format, int width, int he
   canvas_.color = base::gl::Texture::create();
   base::gl::allocate2D(canvas_.color, GL_TEXTURE_2D, 1, format, width, height);
   canvas_.depth = base::gl::unfilteredTexture(GL_DEPTH_COMPONENT24, width, height);
-  canvas_.framebuffer = base::gl::Framebuffer::create();
-  glBindFramebuffer(GL_FRAMEBUFFER, canvas_.framebuffer.name());
-  glFramebufferTexture2D(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_TEXTURE_2D, canvas_.color.name(), 0);
-  glFramebufferTexture2D(GL_FRAMEBUFFER, GL_DEPTH_ATTACHMENT, GL_TEXTURE_2D, canvas_.depth.name(), 0);
-  if (glCheckFramebufferStatus(GL_FRAMEBUFFER) != GL_FRAMEBUFFER_COMPLETE) {
+  if (!base::gl::attachTextures(canvas_.framebuffer, {&canvas_.color}, &canvas_.depth)) {
     canvas_ = {};
     return base::Error{base::ErrorCode::kUnsupported, "splats: the GL refuses a target of " + std::to_string(width) +
                                                           " x " + std::to_string(height) + " samples"};
@@ -349,9 +345,7 @@ void SplatRenderer::compose(const SplatTarget& reduced, const SplatTarget& targe
   glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER, filter);
   glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_WRAP_S, GL_CLAMP_TO_EDGE);
   glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_WRAP_T, GL_CLAMP_TO_EDGE);
-  glBindVertexArray(no_attributes_.name());
-  glDrawArrays(GL_TRIANGLES, 0, 3);
-  glBindVertexArray(0);
+  whole_.draw();
   bind(GL_TEXTURE1, 0);
   bind(GL_TEXTURE0, 0);
   glDisable(GL_BLEND);

@@ -95,7 +95,7 @@ class SplatRenderer {
 
   std::array<base::gl::Program, 32> programs_;  ///< by Pass::number(), linked when first needed
   base::gl::Program compose_;
-  base::gl::VertexArray no_attributes_;
+  base::gl::WholeTarget whole_;
   Canvas canvas_;
 
   std::vector<qsplat::Splat> sorted_;  ///< splats drawn as points, then the others

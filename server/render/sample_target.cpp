@@ -19,7 +19,7 @@ base::Result<ResolvePass> ResolvePass::create() {
                             base::gl::Program::link("resolve", glsl::kResolveVertex, glsl::kResolveFragment));
   ResolvePass pass;
   pass.program_ = std::move(program);
-  pass.array_ = base::gl::VertexArray::create();
+  pass.whole_ = base::gl::WholeTarget::create();
   return pass;
 }
 
@@ -30,9 +30,7 @@ void ResolvePass::run(GLuint samples, int supersampling) const {
   program_.use();
   glUniform1i(program_.uniform("u_samples"), 0);
   glUniform1i(program_.uniform("u_supersampling"), supersampling);
-  glBindVertexArray(array_.name());
-  glDrawArrays(GL_TRIANGLES, 0, 3);
-  glBindVertexArray(0);
+  whole_.draw();
   glBindTexture(GL_TEXTURE_2D, 0);
 }
 

@@ -16,7 +16,7 @@ class ResolvePass {
 
  private:
   base::gl::Program program_;
-  base::gl::VertexArray array_;
+  base::gl::WholeTarget whole_;
 };
 
 class SampleTarget {

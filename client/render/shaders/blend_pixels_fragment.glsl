@@ -21,8 +21,7 @@ const float kEdgeDepth = 4.0;
 bool isEdge(ivec2 pixel, vec3 position, float size) {
   bool found = false;
   for (int i = 0; i < 4; ++i) {
-    ivec2 step = ivec2(1 - (i >> 1), i >> 1) * (2 * (i & 1) - 1);
-    ivec2 beside = clamp(pixel + step, ivec2(0), ivec2(u_viewport) - 1);
+    ivec2 beside = pixelBeside(pixel, i);
     float depth = uintBitsToFloat(texelFetch(u_surface_depth, beside, 0).r);
     found = found || distance(placeAt(beside, depth), position) > kEdgeDepth * size;
   }

@@ -11,7 +11,6 @@ out vec3 v_position;
 centroid out vec3 v_normal;
 centroid out vec3 v_color;
 centroid out vec3 v_place;
-invariant gl_Position;
 void main() {
   float squared = dot(a_normal.xyz, a_normal.xyz);
   v_edge = u_edge.x * exp2(u_edge.y * a_normal.w);

@@ -10,10 +10,11 @@ uniform sampler2D u_back_color;
 uniform sampler2D u_back_coverage;
 out vec4 o_color;
 
-// So many pixels apart, two fragments of a pixel are one place, and those of two pixels; and so many pixels apart, they
-// are carved alike. Measured best: docs/decisions/blend-once.md.
+// So many pixels apart, a fragment and its pixel's middle are one place, or a fragment and the middle of a pixel beside
+// it. Measured best: docs/decisions/blend-once.md.
 const float kSamePlace = 4.0;
 const float kBeside = 1.0;
+// So near, a fragment is carved as the pixel is. A choice.
 const float kCarvedAlike = 16.0;
 
 // Returns by how many pixels the place lies off what the middle of a pixel shows, whose depth has these bits.
@@ -38,8 +39,7 @@ void main() {
     float limit = kSamePlace;
     if (min(front_off, back_off) >= kSamePlace) {
       for (int i = 0; i < 4; ++i) {
-        ivec2 step = ivec2(1 - (i >> 1), i >> 1) * (2 * (i & 1) - 1);
-        ivec2 beside = clamp(here + step, ivec2(0), ivec2(u_viewport) - 1);
+        ivec2 beside = pixelBeside(here, i);
         float off = offPixel(beside, texelFetch(u_front_depth, beside, 0).r);
         if (off < front_off) front = beside;
         front_off = min(off, front_off);

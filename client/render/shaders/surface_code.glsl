@@ -1,6 +1,6 @@
 // Surfaces as bytes of textures, written by surface_fragment.glsl.
 uniform float u_step;                  // length of a lattice step, scene units
-const float kEdgeCodesPerOctave = 8.0;
+const float kCodesPerOctave = 8.0;
 
 // A direction on the octahedron, its lower half folded outwards (Cigolle et al. 2014, "A Survey of Efficient
 // Representations for Independent Unit Vectors", section 3.2), 0..1.
@@ -18,8 +18,8 @@ vec3 fromOctahedral(vec2 code) {
   return normalize(n);
 }
 float edgeCode(float edge) {
-  return log2(max(edge / u_step, 1.0)) * kEdgeCodesPerOctave / 255.0;
+  return log2(max(edge / u_step, 1.0)) * kCodesPerOctave / 255.0;
 }
 float fromEdgeCode(float code) {
-  return u_step * exp2(255.0 * code / kEdgeCodesPerOctave);
+  return u_step * exp2(255.0 * code / kCodesPerOctave);
 }

@@ -21,6 +21,11 @@ vec3 placeAt(ivec2 pixel, float depth) {
   vec3 at = vec3(1.0, (vec2(pixel) + 0.5) / u_viewport * 2.0 - 1.0);
   return u_rays_from * at + depth * (u_rays_along * at);
 }
+// Returns the pixel right, left, above or below, by i = 0..3, or the pixel itself at the picture's border.
+ivec2 pixelBeside(ivec2 pixel, int i) {
+  ivec2 beside = pixel + ivec2(1 - (i >> 1), i >> 1) * (1 - 2 * (i & 1));
+  return clamp(beside, ivec2(0), ivec2(u_viewport) - 1);
+}
 vec3 towardsEye(vec3 position) {
   return u_eye.xyz - u_eye.w * position;
 }
