@@ -88,6 +88,7 @@ void Viewer::drawBlended(bool moved, double now) {
     mean_->beginPicture();
     probePins();
     mean_->resolveTo(static_cast<GLuint>(target));
+    if (settling()) resting_ = {};  // what has just begun to fade in shows in none of these pictures
   } else {
     base::Camera camera = camera_;
     camera.width = scaled(camera_.width, effort.scale);

@@ -117,6 +117,30 @@ TEST_F(Antialiasing, aSlowMachineDrawsTheMeanPictureByPicture) {
   EXPECT_NE(target.read().pixels, one_by_one.pixels) << "a mean of before the cut is not shown";
 }
 
+TEST_F(Antialiasing, aMeanHasNoPictureInWhichAnImageWasStillFadingIn) {
+  ViewerOptions options;
+  options.session.setPatchTolerance(0.5F);
+  options.lumigraph.tuning.shade_weight = 0.0F;  // the images alone, however far from the model's colours
+  options.lumigraph.tuning.outlier = options.lumigraph.tuning.lit_outlier = 1e6F;
+  const base::ViewCamera near = server.lookDown(30.0);
+  const auto begin = [&] {
+    start(options);
+    draw(near);
+    completeView();
+    receive(server.sayFace({1, 1, 2, 5}, 500));
+    return settle(near);
+  };
+  const base::Image without = begin();
+  receive(server.sayFace({2, 2, 2, 5}, 500));
+  const base::Image late = settle(near);
+  EXPECT_NE(without.pixels, late.pixels) << "it must show";
+  options.effort = DrawEffort{.pictures = 8};
+  begin();
+  receive(server.sayFace({2, 2, 2, 5}, 500));
+  for (int i = 0; i < 20; ++i) draw(near);
+  EXPECT_EQ(target.read().pixels, late.pixels);
+}
+
 TEST_F(Antialiasing, picturesThatMustBeFinalAtOnceAreDrawnOnce) {
   start(patches(), 0.0F);
   draw(view());
