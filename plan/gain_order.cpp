@@ -30,6 +30,9 @@ constexpr float kFailingShare = 0.1F;  // q
 constexpr float kLater = 0.3F;
 /// An image of some 10 kB that gains less is not sent. A picture of 40 dB has an error of 1e-4.
 constexpr float kLeastGain = 2e-7F;
+/// A group that gains less for each of its bytes is not sent to a picture that is good already
+/// (docs/decisions/refine-at-rest.md).
+constexpr double kLeastRate = 1e-11;
 
 /// The numbers that errors at a sample depend on, after some of its groups.
 struct Shading {
@@ -178,7 +181,8 @@ class GainOrder {
       if (!images_[i].has_come) renew(i);
     std::vector<OrderedItem> items;
     while (true) {
-      const std::optional<Prospect> group = findBestGroup();
+      std::optional<Prospect> group = findBestGroup();
+      if (group && query_.is_refining && group->rate() < kLeastRate) group.reset();
       const std::optional<std::uint32_t> image = images_left_ > 0 ? findBestImage() : std::nullopt;
       if (!group && !image) return items;
       if (group && (!image || group->rate() >= rateOf(images_[*image]))) {

@@ -75,6 +75,8 @@ struct GainQuery {
   std::uint64_t image_bytes = 10'000;  ///< of an image, as far as one knows
   /// The eye moves, or there are no images: groups gain for later views, too. Images stay behind.
   bool is_moving = false;
+  /// The picture is good already: groups, too, are left out where they gain too little for their bytes.
+  bool is_refining = false;
 };
 
 /// An image or a group, and by how much it lessens the squared error of the picture's colours (0..1, mean over the
@@ -87,7 +89,7 @@ struct OrderedItem {
 
 struct OrderByGain {
   /// All groups, parents first, and among them the images that are not here, as long as an image gains anything worth
-  /// its bytes.
+  /// its bytes. With GainQuery::is_refining groups end in the same way.
   std::vector<OrderedItem> items;
   float error_before = 0.0F;  ///< expected squared error of the picture's colours, without the items
   float error_after = 0.0F;   ///< and with them

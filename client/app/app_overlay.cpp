@@ -180,7 +180,7 @@ void App::updateProgress() {
     // The shape's share grows with the logarithm of its error; the images come after it.
     double share = 0.0;
     if (stats.lumigraph.triangles > 0) {
-      const double goal = std::max(static_cast<double>(viewer_.session().patchTolerance()), 0.1);
+      const double goal = std::max(static_cast<double>(viewer_.session().usualPatches().tolerance_px), 0.1);
       const double whole = std::log(std::max(static_cast<double>(first_error_), goal) / goal);
       const double open = std::log(std::max(static_cast<double>(stats.error_px), goal) / goal);
       share = kShapeShare * (whole > 0.0 ? 1.0 - open / whole : 1.0);

@@ -411,9 +411,9 @@ bool App::pressKey(Key key, Modifiers modifiers) {
       break;
     case Key::kP: {
       const base::ViewCamera drawn = camera();
-      const auto tolerance = static_cast<double>(viewer_.session().patchTolerance());
+      const PatchGoal goal = viewer_.session().usualPatches();
       requests_.push_back({.kind = RequestKind::kSavePicture,
-                           .text = pictureQuery(drawn, view_, tolerance, viewer_.session().errorMeasure()),
+                           .text = pictureQuery(drawn, view_, static_cast<double>(goal.tolerance_px), goal.measure),
                            .camera = drawn});
       break;
     }

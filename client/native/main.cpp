@@ -106,7 +106,8 @@ void addContentOptions(CLI::App& app, Arguments& a) {
   app.add_flag(
       "--guarantee,!--no-guarantee", a.run.viewer.session.guarantee,
       "Keep --patch-tolerance by the proved bound of the error, not by what is seen of it: many times the data");
-  app.add_option("--max-triangles", a.run.viewer.session.max_triangles, "Refinement stops at this many triangles")
+  app.add_option("--max-triangles", a.run.viewer.session.max_triangles,
+                 "Refinement stops at this many triangles; at four times as many in a view at rest")
       ->check(CLI::Range(1'000, 1'000'000'000));
 }
 

@@ -10,7 +10,7 @@
 namespace client {
 namespace {
 
-constexpr std::uint64_t kBytesAPixel = 16;  ///< colour 4, depth 4, sum 8
+constexpr std::uint64_t kBytesAPixel = 24;  ///< colour 4, depth 4, sums 8 each
 
 // Sixteenths of a pixel: the Direct3D 11.3 specification, section 19.2.4.1.
 constexpr std::array<glm::ivec2, 4> kFour{{{-2, -6}, {6, -2}, {-6, 2}, {2, 6}}};
@@ -27,9 +27,9 @@ base::Result<PictureMean> PictureMean::create() {
 }
 
 void PictureMean::release() {
-  for (base::gl::Texture* texture : {&color_, &depth_, &sum_}) *texture = {};
-  picture_target_ = {}, sum_target_ = {};
-  width_ = height_ = count_ = 0;
+  for (base::gl::Texture* texture : {&color_, &depth_, &sum_, &kept_}) *texture = {};
+  picture_target_ = {}, sum_target_ = {}, kept_target_ = {};
+  width_ = height_ = count_ = kept_count_ = 0;
 }
 
 base::Result<void> PictureMean::prepare(int width, int height) {
@@ -38,10 +38,12 @@ base::Result<void> PictureMean::prepare(int width, int height) {
   color_ = base::gl::unfilteredTexture(GL_RGBA8, width, height);
   depth_ = base::gl::unfilteredTexture(GL_DEPTH_COMPONENT24, width, height);
   sum_ = base::gl::unfilteredTexture(GL_RGBA16F, width, height);
+  kept_ = base::gl::unfilteredTexture(GL_RGBA16F, width, height);
   GLint bound = 0;
   glGetIntegerv(GL_FRAMEBUFFER_BINDING, &bound);
   const bool made = base::gl::attachTextures(picture_target_, {&color_}, &depth_) &&
-                    base::gl::attachTextures(sum_target_, {&sum_}, nullptr);
+                    base::gl::attachTextures(sum_target_, {&sum_}, nullptr) &&
+                    base::gl::attachTextures(kept_target_, {&kept_}, nullptr);
   glBindFramebuffer(GL_FRAMEBUFFER, static_cast<GLuint>(bound));
   if (!made) {
     release();
@@ -86,6 +88,18 @@ void PictureMean::resolveTo(GLuint framebuffer) const {
   LUMIGRID_CHECK(count_ > 0);
   glBindFramebuffer(GL_FRAMEBUFFER, framebuffer);
   cover(sum_, count_);
+}
+
+void PictureMean::keep() {
+  std::swap(sum_, kept_);
+  std::swap(sum_target_, kept_target_);
+  kept_count_ = std::exchange(count_, 0);
+}
+
+void PictureMean::resolveKeptTo(GLuint framebuffer) const {
+  LUMIGRID_CHECK(kept_count_ > 0);
+  glBindFramebuffer(GL_FRAMEBUFFER, framebuffer);
+  cover(kept_, kept_count_);
 }
 
 /// Draws what mean_fragment.glsl makes of a texture over the whole of the target.

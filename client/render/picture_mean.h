@@ -20,7 +20,7 @@ class PictureMean {
   /// Gives them back.
   void release();
   static std::uint64_t bytesOf(int width, int height);
-  std::uint64_t bytes() const { return color_.bytes() + depth_.bytes() + sum_.bytes(); }
+  std::uint64_t bytes() const { return color_.bytes() + depth_.bytes() + sum_.bytes() + kept_.bytes(); }
 
   /// Returns by how many pixels picture number i of `count` is shifted, less than half a pixel either way: no two
   /// pictures of 4 or 8 share a row or a column (the patterns of Direct3D 11's multisampling).
@@ -28,6 +28,11 @@ class PictureMean {
 
   /// The next picture is the first of another mean.
   void restart() { count_ = 0; }
+  /// The same, and the mean so far stays to be shown until dropKept(), in place of the one that was kept before.
+  void keep();
+  void dropKept() { kept_count_ = 0; }
+  /// Pictures in the mean that is kept; 0 where there is none.
+  int kept() const { return kept_count_; }
   /// Pictures that were added since then.
   int pictures() const { return count_; }
   /// Makes the picture that is drawn next the target: RGBA8 and 24 bits of depth.
@@ -37,16 +42,18 @@ class PictureMean {
   /// Writes the mean of the pictures into the framebuffer and leaves that one bound, all of it the viewport. Pixels
   /// that are covered in part get a colour premultiplied by their alpha, if the background is transparent black.
   void resolveTo(GLuint framebuffer) const;
+  /// The same of the mean that is kept.
+  void resolveKeptTo(GLuint framebuffer) const;
 
  private:
   PictureMean() = default;
   void cover(const base::gl::Texture& picture, int count) const;
   base::gl::Program program_;
   base::gl::WholeTarget whole_;
-  base::gl::Texture color_, sum_;
+  base::gl::Texture color_, sum_, kept_;
   base::gl::Texture depth_;
-  base::gl::Framebuffer picture_target_, sum_target_;
-  int width_ = 0, height_ = 0, count_ = 0;
+  base::gl::Framebuffer picture_target_, sum_target_, kept_target_;
+  int width_ = 0, height_ = 0, count_ = 0, kept_count_ = 0;
 };
 
 }  // namespace client

@@ -42,6 +42,7 @@ void Session::startScene(const protocol::Welcome& message) {
   events_ = {};
   events_.welcomed = true;
 
+  refined_ = false;
   hierarchy_ = {};
   hierarchy_.lattice = {message.lattice_origin, message.lattice_step};
   hierarchy_.has_colors = message.has_colors;
@@ -219,9 +220,10 @@ base::Bytes Session::viewMessage() {
   protocol::View view;
   view.sequence = ++sequence_;
   view.camera = *camera_;
-  view.patch_tolerance_px = patchTolerance();
-  view.measure = errorMeasure();
-  view.max_triangles = options_.max_triangles;
+  const PatchGoal goal = refined_ ? finePatches() : usualPatches();
+  view.patch_tolerance_px = goal.tolerance_px;
+  view.measure = goal.measure;
+  view.max_triangles = goal.max_triangles;
   view.max_points = options_.images ? options_.max_points : std::uint16_t{0};
   view.want_frame = wantsFrame();
   frames_asked_for_ |= view.want_frame;
@@ -290,6 +292,7 @@ std::optional<base::Bytes> Session::nextToSend() {
 void Session::setView(const base::ViewCamera& camera) {
   if (camera_ && base::showsSameView(*camera_, camera)) return;
   camera_ = camera;
+  refined_ = false;
   view_unsent_ = phase_ == SessionPhase::kReady;
 }
 
@@ -297,6 +300,7 @@ void Session::setWanted(bool images, bool frames) {
   if (options_.images == images && options_.frames == frames) return;
   options_.images = images;
   options_.frames = frames;
+  refined_ = false;
   view_unsent_ = camera_ && phase_ == SessionPhase::kReady;
 }
 
@@ -304,13 +308,25 @@ bool Session::showsImages() const {
   return options_.images && (!welcome_ || welcome_->grid.pointCount() != 0);
 }
 
-float Session::patchTolerance() const {
-  return showsImages() ? options_.patch_tolerance_px : options_.alone_tolerance_px;
+PatchGoal Session::usualPatches() const {
+  PatchGoal goal{options_.alone_tolerance_px, base::ErrorMeasure::kVisible, options_.max_triangles};
+  if (showsImages()) goal.tolerance_px = options_.patch_tolerance_px, goal.measure = base::ErrorMeasure::kShape;
+  if (options_.guarantee) goal.measure = base::ErrorMeasure::kBound;
+  return goal;
 }
 
-base::ErrorMeasure Session::errorMeasure() const {
-  if (options_.guarantee) return base::ErrorMeasure::kBound;
-  return showsImages() ? base::ErrorMeasure::kShape : base::ErrorMeasure::kVisible;
+PatchGoal Session::finePatches() const {
+  return {options_.alone_tolerance_px, base::ErrorMeasure::kVisible, options_.max_triangles_refined};
+}
+
+bool Session::mayRefine() const {
+  return options_.refine && complete() && showsImages() && !refined_ && !options_.guarantee && !wantsFrame();
+}
+
+void Session::refine() {
+  if (!mayRefine()) return;
+  refined_ = true;
+  view_unsent_ = true;
 }
 
 bool Session::complete() const {

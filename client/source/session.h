@@ -40,7 +40,11 @@ struct SessionOptions {
   float patch_tolerance_px = base::ViewDefaults::kPatchTolerance;  ///< of patches under images
   float alone_tolerance_px = base::ViewDefaults::kAloneTolerance;  ///< of patches where no images are used
   bool guarantee = false;  ///< patches are refined until their proved bounds are within the tolerance
+  /// Once a view has all that it needs and no exact frame will come, patches under images are refined like those alone,
+  /// until their colours are right as well (refine()).
+  bool refine = true;
   std::uint32_t max_triangles = base::ViewDefaults::kMaxTriangles;
+  std::uint32_t max_triangles_refined = base::ViewDefaults::kRestFactor * base::ViewDefaults::kMaxTriangles;
   std::uint16_t max_points = base::ViewDefaults::kPoints;
 
   void setPatchTolerance(float px) { patch_tolerance_px = alone_tolerance_px = px; }  ///< under images or not
@@ -52,6 +56,13 @@ struct SessionStats {
   std::uint64_t views_sent = 0;
   std::uint64_t cache_bytes = 0;  ///< compressed faces and patches held
   std::uint64_t frame_bytes = 0;  ///< exact frames held
+};
+
+/// How far patches are refined.
+struct PatchGoal {
+  float tolerance_px = 0.0F;  ///< of projected errors
+  base::ErrorMeasure measure = base::ErrorMeasure::kVisible;
+  std::uint32_t max_triangles = 0;  ///< … or up to this
 };
 
 /// Changes since the last call to takeEvents(), from which the renderer decides what to decode, upload or drop.
@@ -94,6 +105,12 @@ class Session {
   /// Whether the server sent everything for the newest view and, where exact frames were requested, the last of them
   /// arrived too.
   bool complete() const;
+  /// Whether finer patches than the complete view has may still be asked for by refine().
+  bool mayRefine() const;
+  /// Asks for finer patches, until the next view, if mayRefine(). complete() is false until they are here.
+  void refine();
+  /// Whether that was asked for the newest view.
+  bool refined() const { return refined_; }
   SessionEvents takeEvents() { return std::exchange(events_, {}); }
 
   /// Returns the cached bytes of a face or of a group's block, null when they are not cached. Both count as a use in
@@ -110,11 +127,11 @@ class Session {
   bool hasGroup(std::uint32_t group) const { return cache_.contains(kGroupTag | group); }
   const SessionStats& stats() const { return stats_; }
   const SessionOptions& options() const { return options_; }
-  /// Returns the projected error, pixels, up to which patches are refined: with images if they are wanted and, as far
-  /// as is known yet, there are any.
-  float patchTolerance() const;
-  /// Which error that is: of shape where images bring the colours, the visible one without them, or the bound.
-  base::ErrorMeasure errorMeasure() const;
+  /// Returns what any view asks for. With images, if they are wanted and, as far as is known yet, there are any, errors
+  /// are of shape, since images bring the colours; without them the visible ones, or the bounds.
+  PatchGoal usualPatches() const;
+  /// And what refine() asks for: visible errors, as without images.
+  PatchGoal finePatches() const;
 
  private:
   bool showsImages() const;
@@ -170,6 +187,7 @@ class Session {
   std::uint32_t sequence_ = 0;               // number of the newest view
   std::uint32_t complete_sequence_ = 0;
   bool view_unsent_ = false;
+  bool refined_ = false;
   bool frames_asked_for_ = false;  // on this connection
 
   SessionEvents events_;

@@ -11,6 +11,8 @@ namespace {
 constexpr double kUploadBytesPerMillisecond = 2e6;
 /// Layer size, pixels, of a renderer that will never get a face.
 constexpr int kNoFaceSize = 16;
+/// So long after its last motion a view with all that it needs has its patches refined. A choice.
+constexpr double kRestSeconds = 0.5;
 
 std::uint64_t recordBytes(const lod::patch::Hierarchy& hierarchy) {
   return hierarchy.groups.capacity() * sizeof(lod::patch::Group) +
@@ -29,7 +31,10 @@ MemoryPlan limitByMemory(ViewerOptions& options) {
                                      options.session.frames, options.samples > 1);
   options.session.cache_bytes = plan.cache;
   options.session.frame_bytes = plan.frames;
-  options.session.max_triangles = std::min(options.session.max_triangles, trianglesFor(plan.patches));
+  const std::uint64_t at_rest = std::uint64_t{base::ViewDefaults::kRestFactor} * options.session.max_triangles;
+  const std::uint32_t most = trianglesFor(plan.patches);
+  options.session.max_triangles = std::min(options.session.max_triangles, most);
+  options.session.max_triangles_refined = static_cast<std::uint32_t>(std::min<std::uint64_t>(at_rest, most));
   return plan;
 }
 
@@ -47,11 +52,15 @@ base::Result<bool> Viewer::update(const base::ViewCamera& camera, double now) {
   }
   session_.setView(viewForServer(camera));
   LUMIGRID_TRY(takeEvents());
+  if (!base::showsSameView(view_, camera)) moved_at_ = now;
   more_to_do_ = false;
   view_ = camera;
   takeDecoded();
   if (!renderer_) return false;
+  if (session_.mayRefine() && isAtRest(now)) session_.refine();
   camera_ = cameraAt(camera);
+  frozen_ = isFrozen(now);
+  if (frozen_) return false;
   upload_bytes_left_ = options_.upload_milliseconds > 0.0 ? options_.upload_milliseconds * kUploadBytesPerMillisecond
                                                           : std::numeric_limits<double>::infinity();
 
@@ -82,7 +91,7 @@ void Viewer::drawBackground() const {
 }
 
 bool Viewer::allHere() const {
-  return showsSplats() ? hasSplats() && splats_->complete() : session_.complete();
+  return showsSplats() ? hasSplats() && splats_->complete() : session_.complete() && !session_.mayRefine();
 }
 
 std::optional<glm::dvec3> Viewer::surfaceAt(const base::ViewCamera& camera, double x, double y) {
@@ -165,13 +174,13 @@ ViewerStats Viewer::stats() const {
   ViewerStats stats;
   stats.session = session_.stats();
   if (renderer_) stats.lumigraph = renderer_->stats();
-  stats.error_px = patches_.drawn().error_px;
+  stats.error_px = errorOf(patches_.drawn());
   stats.bound_px = patches_.drawn().bound_px;
   const lod::patch::Cut& wanted = patches_.wanted();
-  stats.tolerance_px = session_.patchTolerance();
+  stats.tolerance_px = session_.usualPatches().tolerance_px;
   // The server is asked for no more than fits, so when everything has arrived, the drawn picture is as fine as it gets.
   if (wanted.limited || (renderer_ && session_.complete()))
-    stats.tolerance_px = std::max(stats.tolerance_px, wanted.error_px);
+    stats.tolerance_px = std::max(stats.tolerance_px, errorOf(wanted));
   stats.accuracy = accuracy();
   stats.memory = memory();
   stats.memory_budget = options_.memory_budget_bytes;
@@ -182,8 +191,9 @@ ViewerStats Viewer::stats() const {
   }
   const bool pins_pending = probe_ && probe_->pending();
   const bool effort_pending = effortPending();
-  stats.busy = renderer_ && (more_to_do_ || settling() || pins_pending || effort_pending);
-  stats.complete = renderer_ && session_.complete() && !more_to_do_ && !settling() && !effort_pending;
+  const bool more = more_to_do_ || settling() || frozen_ || shows_older_;
+  stats.busy = renderer_ && (more || session_.mayRefine() || pins_pending || effort_pending);
+  stats.complete = renderer_ && allHere() && !more && !effort_pending;
   stats.effort_pending = effort_pending && !pins_pending;
   stats.effort = effort_;
   stats.broken = broken_;
@@ -218,6 +228,10 @@ base::Result<void> Viewer::startRenderer() {
   return {};
 }
 
+bool Viewer::isAtRest(double now) const {
+  return options_.lumigraph.fade_seconds <= 0.0F || now - moved_at_ >= kRestSeconds;
+}
+
 /// Returns the perspective view that the server is asked for, since it knows no other.
 base::ViewCamera Viewer::viewForServer(const base::ViewCamera& wanted) const {
   if (session_.welcome() == nullptr || !wanted.orthographic()) {
@@ -248,15 +262,29 @@ bool Viewer::spend(double bytes) {
 
 // ---- patches ----
 
+/// Whether patches are drawn as fine as they are here: at rest, and as long as a moving view has all effort.
+bool Viewer::drawsFinePatches() const {
+  if (session_.refined()) return true;
+  const bool may = options_.session.refine && session_.usualPatches().measure == base::ErrorMeasure::kShape;
+  return may && governor_.whileMoving() == governor_.most();
+}
+
+/// The largest projected error of a cut by the measure of usualPatches().
+float Viewer::errorOf(const lod::patch::Cut& cut) const {
+  const base::ErrorMeasure measure = session_.usualPatches().measure;
+  return measure == base::ErrorMeasure::kShape ? cut.shape_px : cut.error_px;
+}
+
 /// The hierarchy's records count towards the patches' share, but leave them at least a quarter of it.
 void Viewer::updatePatches() {
   const std::uint64_t records = std::min(recordBytes(session_.hierarchy()), plan_.patches / 4 * 3);
   lod::patch::CutRequest wanted;
   wanted.camera = camera_;
   wanted.near_plane = base::nearestDistance(camera_.eye, scene_);
-  wanted.tolerance_px = session_.patchTolerance();
-  wanted.measure = session_.errorMeasure();
-  wanted.max_triangles = options_.session.max_triangles;
+  const PatchGoal goal = drawsFinePatches() ? session_.finePatches() : session_.usualPatches();
+  wanted.tolerance_px = goal.tolerance_px;
+  wanted.measure = goal.measure;
+  wanted.max_triangles = goal.max_triangles;
   wanted.max_cost = plan_.patches - records;
   patches_.update(
       wanted, options_.lumigraph.use_images, session_, renderer_->patches(),
@@ -289,7 +317,8 @@ MemoryUse Viewer::memory() const {
 
 /// Whether the blended picture has the cut of the wanted tolerance, and images.
 bool Viewer::blendIsFine() const {
-  if (patches_.drawn().patches.empty() || patches_.drawn().error_px > session_.patchTolerance()) return false;
+  if (patches_.drawn().patches.empty() || errorOf(patches_.drawn()) > session_.usualPatches().tolerance_px)
+    return false;
   return !options_.lumigraph.use_images || renderer_->stats().samples_used > 0;
 }
 

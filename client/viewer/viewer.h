@@ -77,7 +77,7 @@ enum class Accuracy : std::uint8_t {
 struct ViewerStats {
   SessionStats session;
   LumigraphStats lumigraph;
-  float error_px = 0.0F;      ///< largest projected error of what is drawn, by the measure that the session goes by
+  float error_px = 0.0F;      ///< largest projected error of what is drawn, by the measure of Session::usualPatches()
   float bound_px = 0.0F;      ///< every point of it is proved to be within this; 0 for splats, which prove nothing
   float tolerance_px = 0.0F;  ///< the wanted tolerance, or more where a budget does not allow it
   Accuracy accuracy = Accuracy::kNothing;
@@ -125,8 +125,8 @@ class Viewer {
   void setBackground(const std::array<float, 4>& color);
   /// Clears the bound framebuffer, before there is a model. Tells the server of no view.
   void drawBackground() const;
-  /// Whether everything that the view of the last update() or draw() needs has been received; some of it may still have
-  /// to be decoded.
+  /// Whether everything that the view of the last update() or draw() needs has been received, the finer patches of a
+  /// view at rest included; some of it may still have to be decoded.
   bool allHere() const;
   /// Returns the world point of the drawn surface at (x, y), in pixels from the upper left corner; nullopt over
   /// background and where a section plane has cut the surface away. Waits for the GPU.
@@ -197,6 +197,9 @@ class Viewer {
   void dropImage(SampleId id);
   void dropOldFrames();
   void takeDecoded();
+  bool isAtRest(double now) const;
+  bool drawsFinePatches() const;
+  float errorOf(const lod::patch::Cut& cut) const;
   void updatePatches();
   void rankImages();
   void uploadImages(double now);
@@ -232,10 +235,16 @@ class Viewer {
   bool showsThisView(SampleId id) const;
   std::vector<SampleId> framesOfThisView() const;
   void drawBlended(bool moved, double now);
+  void drawProxy(const base::Camera& camera, const LumigraphOptions& options, double now);
   DrawEffort effortWanted(bool moved, double now) const;
   DrawEffort effortAtRest() const;
   bool prepareMean();
-  int beginMean(const LumigraphOptions& options, int wanted);
+  LumigraphOptions optionsAtRest(LumigraphOptions options) const;
+  void drawMean(const LumigraphOptions& options, DrawEffort& effort, GLuint target, double now);
+  int beginMean(const LumigraphOptions& options, int wanted, double now);
+  bool hasMean(const LumigraphOptions& options) const;
+  void showMean(GLuint target);
+  bool isFrozen(double now) const;
   bool blendsOnce(int width, int height, int samples) const;
   DrawEffort fittingEffort(DrawEffort wanted) const;
   bool bindTarget(int width, int height, const DrawEffort& effort);
@@ -271,22 +280,31 @@ class Viewer {
   base::gl::MultisampledTarget picture_;  // of several samples a pixel, or of fewer pixels than are shown
   bool target_refused_ = false;           // by the GL
   std::optional<PictureMean> mean_;
-  /// All that the pictures of mean_ are drawn from, and how many there are to be.
-  struct Resting {
+  /// The view and the manner in which it is to be shown, and how many pictures the mean is to have.
+  struct Look {
     base::ViewCamera view;
-    std::vector<std::uint32_t> patches, occluders;
-    std::vector<SampleId> images;
     LumigraphOptions options;
     lod::draw::Shading shading;
     int pictures = 0;
 
+    friend bool operator==(const Look&, const Look&) = default;
+  };
+  /// All that they are drawn from.
+  struct Resting {
+    Look look;
+    std::vector<std::uint32_t> patches, occluders;
+    std::vector<SampleId> images;
+
     friend bool operator==(const Resting&, const Resting&) = default;
   };
   Resting resting_;
-  bool mean_refused_ = false;  // by the GL
-  DrawEffort effort_;          // of the last picture
-  DrawEffort asked_effort_;    // for it, whatever memory and GL allowed
-  double moved_at_ = -1e9;     // when the view last moved, seconds
+  double resting_since_ = 0.0;  // seconds
+  bool shows_older_ = false;    // the last picture was of older data than are here
+  bool frozen_ = false;         // data wait until the mean of the earlier ones is whole
+  bool mean_refused_ = false;   // by the GL
+  DrawEffort effort_;           // of the last picture
+  DrawEffort asked_effort_;     // for it, whatever memory and GL allowed
+  double moved_at_ = -1e9;      // when the view last moved, seconds
   bool more_to_do_ = false;
   double upload_bytes_left_ = 0.0;
   std::uint32_t broken_ = 0;

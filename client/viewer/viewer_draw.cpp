@@ -20,6 +20,9 @@ constexpr int kEnoughSamples = 4;  ///< a pixel; more are only taken where there
 /// So long after its last motion a view still counts as moving.
 constexpr double kMotionSeconds = 0.25;
 
+/// While finer patches come, the picture is renewed after so many seconds at the soonest. A choice.
+constexpr double kRenewSeconds = 0.5;
+
 }  // namespace
 
 base::Result<void> Viewer::draw(const base::ViewCamera& camera, double now) {
@@ -64,31 +67,22 @@ void Viewer::drawBlended(bool moved, double now) {
   options.unseen = options.unseen || (hidden && !probe_);
   GLint target = 0;
   glGetIntegerv(GL_FRAMEBUFFER_BINDING, &target);
-  if (moved) moved_at_ = now;
   const DrawEffort asked = hidden ? DrawEffort{} : effortWanted(moved, now);
   DrawEffort effort = fittingEffort(asked);
   if (!options.unseen && effort.pictures > 1 && !prepareMean()) effort = fittingEffort(asked);
   options.max_samples = imagesBlended();
   options.max_points_a_patch = effort.points;
-  const auto draw = [&](const base::Camera& camera) {
-    const lod::patch::Cut& cut = patches_.drawn();
-    renderer_->draw(camera, cut.patches, candidates_, cut.bound_px, shading_, options, now, patches_.occluders(),
-                    cut.patch_bound_px, proxyErrors());
-  };
-  if (options.unseen) return draw(camera_);
+  if (options.unseen) return drawProxy(camera_, options, now);
+  shows_older_ = false;
   if (effort.pictures > 1) {
-    options.tuning.sharpen += kSharperMeans;
-    const int wanted = std::exchange(effort.pictures, beginMean(options, effort.pictures));
-    while (mean_->pictures() < effort.pictures) {
-      options.shift = PictureMean::shiftOf(mean_->pictures(), wanted);
-      mean_->beginPicture();
-      draw(camera_);
-      mean_->addPicture();
-    }
-    mean_->beginPicture();
-    probePins();
-    mean_->resolveTo(static_cast<GLuint>(target));
-    if (settling()) resting_ = {};  // what has just begun to fade in shows in none of these pictures
+    drawMean(optionsAtRest(options), effort, static_cast<GLuint>(target), now);
+  } else if (hasMean(optionsAtRest(options))) {
+    // A finished picture of this view stays until a better one is finished.
+    options.unseen = true;
+    drawProxy(camera_, options, now);
+    showMean(static_cast<GLuint>(target));
+    shows_older_ = true;
+    return;
   } else {
     base::Camera camera = camera_;
     camera.width = scaled(camera_.width, effort.scale);
@@ -97,12 +91,18 @@ void Viewer::drawBlended(bool moved, double now) {
     if (!apart) effort.samples = 1, effort.scale = 1.0F, camera = camera_;
     options.multisampled = effort.samples > 1;
     options.blend_once = options.blend_once && blendsOnce(camera.width, camera.height, apart ? effort.samples : 0);
-    draw(camera);
+    drawProxy(camera, options, now);
     probePins();
     if (apart) picture_.resolveTo(static_cast<GLuint>(target), camera_.width, camera_.height);
   }
   effort_ = effort;
   asked_effort_ = asked;
+}
+
+void Viewer::drawProxy(const base::Camera& camera, const LumigraphOptions& options, double now) {
+  const lod::patch::Cut& cut = patches_.drawn();
+  renderer_->draw(camera, cut.patches, candidates_, cut.bound_px, shading_, options, now, patches_.occluders(),
+                  cut.patch_bound_px, proxyErrors());
 }
 
 std::vector<ProxyError> Viewer::proxyErrors() const {
@@ -123,7 +123,8 @@ std::vector<ProxyError> Viewer::proxyErrors() const {
 DrawEffort Viewer::effortWanted(bool moved, double now) const {
   if (options_.effort) return *options_.effort;
   const bool fades = options_.lumigraph.fade_seconds > 0.0F;
-  const bool passing = more_to_do_ || !session_.complete() || (fades && (moved || settling()));
+  const bool incomplete = !session_.complete() && !session_.refined();
+  const bool passing = more_to_do_ || incomplete || (fades && (moved || settling()));
   if (!passing) return effortAtRest();
   const DrawEffort effort = governor_.whileMoving();
   const bool moves = fades && (moved || now - moved_at_ < kMotionSeconds);
@@ -188,14 +189,71 @@ bool Viewer::bindTarget(int width, int height, const DrawEffort& effort) {
   return true;
 }
 
+/// Returns the options with which each picture of a mean is drawn.
+LumigraphOptions Viewer::optionsAtRest(LumigraphOptions options) const {
+  options.max_points_a_patch = effortAtRest().points;
+  options.tuning.sharpen += kSharperMeans;
+  return options;
+}
+
+/// Draws pictures of the mean, and shows it, or the one before until this one is whole. Lessens effort.pictures to
+/// those that are shown.
+void Viewer::drawMean(const LumigraphOptions& options, DrawEffort& effort, GLuint target, double now) {
+  const int wanted = std::exchange(effort.pictures, beginMean(options, effort.pictures, now));
+  LumigraphOptions shifted = options;
+  while (mean_->pictures() < effort.pictures) {
+    shifted.shift = PictureMean::shiftOf(mean_->pictures(), wanted);
+    mean_->beginPicture();
+    drawProxy(camera_, shifted, now);
+    mean_->addPicture();
+  }
+  const bool spoiled = settling();  // what has just begun to fade in shows in none of these pictures
+  if (!spoiled && mean_->pictures() == wanted) mean_->dropKept();
+  shows_older_ = mean_->kept() > 0;
+  if (shows_older_) effort.pictures = mean_->kept();
+  showMean(target);
+  if (spoiled) mean_->restart();
+}
+
+/// Whether a finished mean of this look is here, perhaps of older data.
+bool Viewer::hasMean(const LumigraphOptions& options) const {
+  if (!mean_ || options_.lumigraph.fade_seconds <= 0.0F) return false;
+  const Look look{view_, options, shading_, resting_.look.pictures};
+  return look == resting_.look && (mean_->kept() > 0 || mean_->pictures() == look.pictures);
+}
+
+/// Shows the mean that is kept, or else the one that is being drawn.
+void Viewer::showMean(GLuint target) {
+  mean_->beginPicture();
+  probePins();
+  if (mean_->kept() > 0)
+    mean_->resolveKeptTo(target);
+  else
+    mean_->resolveTo(target);
+}
+
+/// Whether finer patches wait until the mean of what was here before is whole, since each would begin it anew, or until
+/// that has been shown for a while.
+bool Viewer::isFrozen(double now) const {
+  if (!session_.refined() || !mean_ || mean_->pictures() == 0 || options_.lumigraph.fade_seconds <= 0.0F) return false;
+  if (!base::showsSameView(resting_.look.view, view_)) return false;
+  if (mean_->pictures() < resting_.look.pictures) return true;
+  return !session_.complete() && now - resting_since_ < kRenewSeconds;
+}
+
 /// Begins a mean, unless the last one was of the same view drawn from the same. Returns how many pictures it shall have
 /// now, of so many that are wanted in the end: all where a moving view has all effort or the picture must be final,
 /// else one more, so that a slow machine answers between them.
-int Viewer::beginMean(const LumigraphOptions& options, int wanted) {
-  Resting resting{view_, patches_.drawn().patches, patches_.occluders(), candidates_, options, shading_, wanted};
+int Viewer::beginMean(const LumigraphOptions& options, int wanted, double now) {
+  Resting resting{{view_, options, shading_, wanted}, patches_.drawn().patches, patches_.occluders(), candidates_};
   if (resting != resting_) {
-    resting_ = std::move(resting);
+    if (resting.look != resting_.look)
+      mean_->dropKept();
+    else if (mean_->pictures() == wanted)
+      mean_->keep();
     mean_->restart();
+    resting_ = std::move(resting);
+    resting_since_ = now;
   }
   const bool at_once = options.fade_seconds <= 0.0F || options_.effort || governor_.whileMoving() == governor_.most();
   return at_once ? wanted : std::min(wanted, mean_->pictures() + 1);

@@ -47,7 +47,7 @@ void Viewer::probePins() {
   const std::uint64_t signature = pictureSignature();
   if (signature != drawn_signature_) probe_->invalidate();
   drawn_signature_ = signature;
-  probe_->draw(camera_, sectionHere(), showsSplats() ? splats_->stats().cutoff_px : patches_.drawn().error_px);
+  probe_->draw(camera_, sectionHere(), showsSplats() ? splats_->stats().cutoff_px : errorOf(patches_.drawn()));
 }
 
 // ---- splats ----

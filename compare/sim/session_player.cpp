@@ -151,8 +151,10 @@ base::Result<std::unique_ptr<Player>> makeSessionPlayer(const Stage& stage, cons
     viewer.session.alone_tolerance_px = static_cast<float>(setting.knob);
   }
   if (setting.method == "paper") {
-    // Okamoto 2011, section 6: the eight nearest points, whatever hides what, a cache of 50 MB, no exact frames.
+    // Okamoto 2011, section 6: the eight nearest points, whatever hides what, a cache of 50 MB, no exact frames, and
+    // nothing after the images.
     data.sight = nullptr;
+    viewer.session.refine = false;
     data.welcome.can_render_frames = false;
     viewer.session.cache_bytes = 50'000'000;
     viewer.session.max_points = 8;

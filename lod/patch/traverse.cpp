@@ -166,6 +166,7 @@ class CutSelection {
       cut_.error_px = std::max(cut_.error_px, cut_.patch_error_px.back());
       cut_.patch_bound_px.push_back(projectedErrorOf(patch, base::ErrorMeasure::kBound));
       cut_.bound_px = std::max(cut_.bound_px, cut_.patch_bound_px.back());
+      cut_.shape_px = std::max(cut_.shape_px, projectedErrorOf(patch, base::ErrorMeasure::kShape));
     }
   }
 

@@ -43,6 +43,7 @@ struct Cut {
   /// made a drawn patch, the error that came with the patch is projected at its consumer's sphere: a bound.
   float error_px = 0.0F;
   float bound_px = 0.0F;              ///< the same of proved bounds, whatever the measure of the request
+  float shape_px = 0.0F;              ///< and of shape
   std::vector<float> patch_bound_px;  ///< beside `patches`
 };
 

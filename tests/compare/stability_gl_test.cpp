@@ -183,6 +183,7 @@ class Stability : public testing::TestWithParam<Failure> {
     options.path_files = {directory_ / "path.json"};
     options.stop_seconds = 0.5;
     options.play.instants = 1;
+    options.truth_supersampling = 8;  // 4 x 4 samples in rows and columns suit some samplings of upright edges
     options.report = reportFolder().empty() ? directory_ / "report" : reportFolder() + "/" + name;
     options.pictures = !reportFolder().empty();
     const base::CameraPath path{views, views.size() > 1 ? 60.0 : 0.0, views.size() > 1};

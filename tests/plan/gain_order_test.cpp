@@ -139,6 +139,18 @@ TEST_F(GainOrdersOfGroups, theOneThatGainsMoreComesFirst) {
   EXPECT_LT(placeOf(right, 2), placeOf(right, 1));
 }
 
+TEST_F(GainOrdersOfGroups, aGoodPictureGetsNoneThatGainsTooLittleForItsBytes) {
+  const auto has = [](const std::vector<OrderedItem>& items, std::size_t group) {
+    return placeOf(items, group) < items.size();
+  };
+  query_.is_refining = true;
+  EXPECT_TRUE(has(choose(0.02F, 0.15F), 1));
+  EXPECT_TRUE(has(choose(0.02F, 0.2F, 30'000'000), 1));
+  EXPECT_FALSE(has(choose(0.02F, 0.2F, 30'000'000), 2)) << "its colours are no better than those that are there";
+  query_.is_refining = false;
+  EXPECT_TRUE(has(choose(0.02F, 0.2F, 30'000'000), 2));
+}
+
 TEST_F(GainOrdersOfGroups, imagesComeBeforeThoseThatCostTooMuch) {
   const auto cheap = choose(0.01F, 0.01F, 2'000);
   EXPECT_EQ(placeOf(cheap, 1) + placeOf(cheap, 2), 3U) << "then images have nothing to add to them";

@@ -38,6 +38,7 @@ TEST(ViewPlan, groupsLeadAClientToTheWholeHierarchysCut) {
   for (const std::uint32_t budget : {500U, 2'000U, 1'000'000U}) {
     protocol::View view = scene.view(1, {0.1, -0.2, 0.3}, {0.1, 0.1, 0.0});
     view.max_triangles = budget;
+    view.measure = base::ErrorMeasure::kShape;  // by visible errors the last groups would not be worth their bytes
     const ViewPlan plan = planView(scene.data.toPlan(), view);
     std::vector<bool> sent(h.groups.size(), false);
     for (std::uint32_t group : plan.groups) sent[group] = true;
@@ -49,6 +50,7 @@ TEST(ViewPlan, groupsLeadAClientToTheWholeHierarchysCut) {
     request.near_plane = base::nearestDistance(request.camera.eye, bounds);
     request.tolerance_px = view.patch_tolerance_px;
     request.max_triangles = budget;
+    request.measure = view.measure;
     const auto whole = lod::patch::selectCut(h, request);
     const auto partial = lod::patch::selectCut(h, request, [&](std::uint32_t group) { return sent[group]; });
     EXPECT_EQ(partial.patches, whole.patches);

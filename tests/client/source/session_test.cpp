@@ -166,6 +166,46 @@ TEST(Session, aViewIsCompleteWhenTheServerSaysSoOfTheNewest) {
   EXPECT_TRUE(session.complete());
 }
 
+TEST(Session, aCompleteViewMayHaveItsPatchesRefinedUntilTheNext) {
+  SessionOptions options;
+  options.patch_tolerance_px = 2.0F;
+  options.alone_tolerance_px = 0.5F;
+  options.max_triangles = 1000;
+  options.max_triangles_refined = 4000;
+  Session session = ready(options);
+  session.setView(server().lookDown(20.0));
+  session.refine();
+  auto views = only<protocol::View>(sent(session));
+  ASSERT_EQ(views.size(), 1U);
+  EXPECT_EQ(views[0].measure, base::ErrorMeasure::kShape) << "it was not complete";
+  EXPECT_EQ(views[0].patch_tolerance_px, 2.0F);
+  EXPECT_FALSE(session.mayRefine());
+  receive(session, server().sayComplete(1));
+  ASSERT_TRUE(session.mayRefine());
+
+  session.refine();
+  EXPECT_FALSE(session.complete());
+  views = only<protocol::View>(sent(session));
+  ASSERT_EQ(views.size(), 1U);
+  EXPECT_EQ(views[0].sequence, 2U);
+  EXPECT_EQ(views[0].measure, base::ErrorMeasure::kVisible);
+  EXPECT_EQ(views[0].patch_tolerance_px, 0.5F);
+  EXPECT_EQ(views[0].max_triangles, 4000U);
+  receive(session, server().sayComplete(2));
+  EXPECT_TRUE(session.complete());
+  EXPECT_TRUE(session.refined());
+  EXPECT_FALSE(session.mayRefine()) << "once";
+  session.setView(server().lookDown(20.0));
+  EXPECT_TRUE(session.refined()) << "it is the same view";
+
+  session.setView(server().lookDown(21.0));
+  EXPECT_FALSE(session.refined());
+  views = only<protocol::View>(sent(session));
+  ASSERT_EQ(views.size(), 1U);
+  EXPECT_EQ(views[0].measure, base::ErrorMeasure::kShape);
+  EXPECT_EQ(views[0].max_triangles, 1000U);
+}
+
 void connectWithFrames(ScriptedServer& server, Session& session) {
   server.welcome.can_render_frames = true;
   session.connected();
@@ -191,6 +231,31 @@ TEST(Session, withExactFramesAViewIsCompleteOnceItsLastFrameIsThere) {
   EXPECT_EQ(session.frame(2)->value.size(), 100U);
   EXPECT_NE(session.frame(1), nullptr) << "it is shown until the better one is decoded";
   EXPECT_EQ(session.takeEvents().frames_added, std::vector<std::uint32_t>{2});
+}
+
+TEST(Session, nothingIsRefinedWhereAFrameShowsAllOrNobodyAsksForIt) {
+  ScriptedServer frames;
+  Session session({});
+  connectWithFrames(frames, session);
+  session.setView(frames.lookDown(20.0));
+  sent(session);
+  receive(session, frames.sayComplete(1));
+  receive(session, frames.sayFrame(1, 100));
+  ASSERT_TRUE(session.complete());
+  EXPECT_FALSE(session.mayRefine());
+  for (const bool images : {false, true}) {
+    SessionOptions options;
+    options.images = images;
+    options.refine = !images;
+    Session other = ready(options);
+    other.setView(server().lookDown(20.0));
+    sent(other);
+    receive(other, server().sayComplete(1));
+    ASSERT_TRUE(other.complete());
+    EXPECT_FALSE(other.mayRefine()) << images;
+    other.refine();
+    EXPECT_TRUE(sent(other).empty());
+  }
 }
 
 TEST(Session, onlyTheFourNewestFramesAreKept) {

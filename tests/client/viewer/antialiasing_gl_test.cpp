@@ -141,6 +141,55 @@ TEST_F(Antialiasing, aMeanHasNoPictureInWhichAnImageWasStillFadingIn) {
   EXPECT_EQ(target.read().pixels, late.pixels);
 }
 
+TEST_F(Antialiasing, aViewAtRestIsRefinedAndItsPictureStaysUntilTheFinerOneIsWhole) {
+  ViewerOptions options;
+  options.session.patch_tolerance_px = 100.0F;
+  options.session.alone_tolerance_px = 0.01F;
+  const base::ViewCamera near = server.lookDown(30.0);
+  open(options, 0.25F);
+  draw(near);
+  receive(server.sayGroup(0));
+  receive(server.sayFace({1, 1, 2, 5}, 500));
+  ASSERT_EQ(only<protocol::View>(sent(viewer->session())).size(), 1U);
+  receive(server.sayComplete(1));
+  base::Image coarse;
+  for (int i = 0; i < 100 && !viewer->session().refined(); ++i) coarse = draw(near);
+  ASSERT_TRUE(viewer->session().refined());
+  EXPECT_FALSE(viewer->stats().complete);
+  for (int i = 0; i < 20; ++i) coarse = draw(near);
+  EXPECT_EQ(viewer->stats().effort.pictures, 8) << "finer patches are still on their way";
+  const auto views = only<protocol::View>(sent(viewer->session()));
+  ASSERT_EQ(views.size(), 1U);
+  EXPECT_EQ(views[0].measure, base::ErrorMeasure::kVisible);
+  const std::uint64_t triangles = viewer->stats().lumigraph.triangles;
+
+  receiveAllGroups();
+  receive(server.sayComplete(2));
+  base::Image last = coarse;
+  int changes = 0;
+  for (int i = 0; i < 100 && (i == 0 || viewer->stats().busy); ++i) {
+    const base::Image next = draw(near);
+    changes += next.pixels != last.pixels ? 1 : 0;
+    EXPECT_EQ(viewer->stats().effort.pictures, 8);
+    last = next;
+  }
+  EXPECT_EQ(changes, 1) << "there is no picture in between";
+  EXPECT_NE(last.pixels, coarse.pixels);
+  EXPECT_TRUE(viewer->stats().complete);
+  EXPECT_GT(viewer->stats().lumigraph.triangles, triangles);
+  EXPECT_EQ(viewer->stats().accuracy, Accuracy::kBlended);
+  options.effort = DrawEffort{.pictures = 8};
+  open(options);
+  draw(near);
+  receiveAllGroups();
+  receive(server.sayFace({1, 1, 2, 5}, 500));
+  completeView();
+  draw(near);
+  ASSERT_TRUE(viewer->session().refined()) << "at once, where a picture is to be final";
+  completeView();
+  EXPECT_EQ(settle(near).pixels, last.pixels);
+}
+
 TEST_F(Antialiasing, picturesThatMustBeFinalAtOnceAreDrawnOnce) {
   start(patches(), 0.0F);
   draw(view());
