@@ -14,8 +14,8 @@ struct ViewDefaults {
   static constexpr float kAloneTolerance = 1.0F;
   /// Patches are refined no further than this. The same scan has some 245 000 triangles at 1 px.
   static constexpr std::uint32_t kMaxTriangles = 300'000;
-  /// Times as many once a view rests and has all else.
-  static constexpr std::uint32_t kRestFactor = 4;
+  /// At rest, once all else is here, they may have so many times as many triangles (docs/decisions/refine-at-rest.md).
+  static constexpr std::uint32_t kRefinedFactor = 4;
   /// Sampling points whose images a view asks for: as many as the cell of a grid has corners.
   static constexpr std::uint16_t kPoints = 8;
   /// Images that are blended in a picture; 24 and 32 gain 0.3 and 0.4 dB there.

@@ -139,7 +139,7 @@ std::vector<SurfaceSample> surfaceIn(const Scene& scene, const LocalView& local,
              : sampleVisibleSurface(*scene.hierarchy, local.cut.patches, local.request.camera, columns, rows);
 }
 
-OrderByGain orderItems(const Scene& scene, const protocol::View& view, const LocalView& local, const PointQuery& query,
+OrderByGain orderItems(const Scene& scene, const LocalView& local, const PointQuery& query,
                        std::span<const glm::uvec3> points, const GroupsToSend& send, const HasFace& is_here) {
   // A tile that shows a fifteenth of the picture's width is met by a ray.
   constexpr int kColumns = 24;
@@ -153,7 +153,7 @@ OrderByGain orderItems(const Scene& scene, const protocol::View& view, const Loc
   gain.image_bytes = scene.image_bytes.typical(query.grid);
   gain.is_here = is_here;
   gain.is_moving = scene.is_moving || points.empty();
-  gain.is_refining = !points.empty() && view.measure == base::ErrorMeasure::kVisible;
+  gain.is_refining = !points.empty() && local.request.measure == base::ErrorMeasure::kVisible;
   if (scene.is_absent) gain.is_absent = scene.is_absent;
   return orderByGain(gain, points, samples, places, send.groups);
 }
@@ -177,10 +177,10 @@ std::vector<glm::uvec3> pointsFor(const Scene& scene, const LocalView& local, co
 }
 
 /// Takes groups and faces of the view into the plan.
-void planItems(const Scene& scene, const protocol::View& view, const LocalView& local, const PointQuery& query,
-               std::span<const glm::uvec3> points, const Holdings& present, ViewPlan& plan) {
+void planItems(const Scene& scene, const LocalView& local, const PointQuery& query, std::span<const glm::uvec3> points,
+               const Holdings& present, ViewPlan& plan) {
   const GroupsToSend send = groupsToSend(scene, local, present.group);
-  const OrderByGain order = orderItems(scene, view, local, query, points, send, present.face);
+  const OrderByGain order = orderItems(scene, local, query, points, send, present.face);
   plan.error_before = order.error_before;
   plan.error_after = order.error_after;
   for (const OrderedItem& item : order.items) {
@@ -241,7 +241,7 @@ ViewPlan planView(const Scene& scene, const protocol::View& view, const Holdings
   std::vector<glm::uvec3> points;
   if (wantsImages(scene, view)) points = pointsFor(scene, local, query);
   ViewPlan plan;
-  planItems(scene, view, local, query, points, present, plan);
+  planItems(scene, local, query, points, present, plan);
   for (const glm::uvec3& p : points) {
     for (const repository::FaceKey& key : othersOf(scene.welcome->grid, p)) {
       const bool in_view = std::find(plan.faces.begin(), plan.faces.end(), key) != plan.faces.end();

@@ -26,6 +26,7 @@ ViewerOptions viewerOptions(const AppOptions& options) {
   viewer.lumigraph.max_samples = static_cast<int>(s.samples);
   viewer.session.images = s.images != 0.0;
   viewer.session.frames = s.frames != 0.0;
+  viewer.session.refine = s.refine != 0.0;
   viewer.samples = s.antialias != 0.0 ? viewer.samples : 1;
   viewer.fps = s.fps;
   viewer.lumigraph.use_images = viewer.session.images || viewer.session.frames;

@@ -9,7 +9,7 @@ namespace {
 
 using Kind = SettingKind;
 
-constexpr std::array<SettingField, 23> kFields{{
+constexpr std::array<SettingField, 24> kFields{{
     {"method", "What is shown, where the scene has it", Kind::kChoice, 0, 2, &Settings::method,
      "lumigraph patches qsplat", true},
     {"splat", "Shape of splats", Kind::kChoice, 0, 3, &Settings::splat, "square circle fuzzy ellipse"},
@@ -35,6 +35,8 @@ constexpr std::array<SettingField, 23> kFields{{
     {"samples", "Images blended in a picture", Kind::kInteger, 1, 32, &Settings::samples, "", true},
     {"images", "Use images", Kind::kFlag, 0, 1, &Settings::images, "", true},
     {"frames", "Ask for the exact picture at rest", Kind::kFlag, 0, 1, &Settings::frames, "", true},
+    {"refine", "Refine the picture at rest where no exact one comes; takes more data", Kind::kFlag, 0, 1,
+     &Settings::refine, "", true},
     {"antialias", "Smooth edges, where memory and frame times allow", Kind::kFlag, 0, 1, &Settings::antialias, "",
      true},
     {"fov_degrees", "Vertical angle of view, degrees", Kind::kNumber, 5, 120, &Settings::fov_degrees},

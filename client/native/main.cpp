@@ -77,6 +77,10 @@ void addContentOptions(CLI::App& app, Arguments& a) {
   app.add_flag("--frames,!--no-frames", a.run.viewer.session.frames,
                "Ask for the exact picture of the view (on unless --no-frames)");
   app.add_flag(
+      "--refine,!--no-refine", a.run.viewer.session.refine,
+      "Refine a view at rest where no exact picture comes: a better picture, for 1.2 to 1.8 times the data (on "
+      "unless --no-refine)");
+  app.add_flag(
       "--antialias,!--no-antialias", a.antialias,
       "Average four samples a pixel, eight at rest, where --memory, the GL and the time of a frame allow it (on "
       "unless --no-antialias)");
@@ -326,6 +330,7 @@ void applyUserSettings(const CLI::App& app, const client::Settings& kept, client
   if (!said("--samples")) viewer.lumigraph.max_samples = static_cast<int>(kept.samples);
   if (!said("--images")) viewer.session.images = kept.images != 0.0;
   if (!said("--frames")) viewer.session.frames = kept.frames != 0.0;
+  if (!said("--refine")) viewer.session.refine = kept.refine != 0.0;
   if (!said("--fps")) viewer.fps = kept.fps;
   if (!said("--antialias") && kept.antialias == 0.0) viewer.samples = 1;
   viewer.lumigraph.use_images = viewer.session.images || viewer.session.frames;

@@ -85,21 +85,15 @@ void PictureMean::addPicture() {
 }
 
 void PictureMean::resolveTo(GLuint framebuffer) const {
-  LUMIGRID_CHECK(count_ > 0);
+  LUMIGRID_CHECK(count_ > 0 || kept_count_ > 0);
   glBindFramebuffer(GL_FRAMEBUFFER, framebuffer);
-  cover(sum_, count_);
+  cover(kept_count_ > 0 ? kept_ : sum_, kept_count_ > 0 ? kept_count_ : count_);
 }
 
 void PictureMean::keep() {
   std::swap(sum_, kept_);
   std::swap(sum_target_, kept_target_);
   kept_count_ = std::exchange(count_, 0);
-}
-
-void PictureMean::resolveKeptTo(GLuint framebuffer) const {
-  LUMIGRID_CHECK(kept_count_ > 0);
-  glBindFramebuffer(GL_FRAMEBUFFER, framebuffer);
-  cover(kept_, kept_count_);
 }
 
 /// Draws what mean_fragment.glsl makes of a texture over the whole of the target.

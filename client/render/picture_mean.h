@@ -28,7 +28,7 @@ class PictureMean {
 
   /// The next picture is the first of another mean.
   void restart() { count_ = 0; }
-  /// The same, and the mean so far stays to be shown until dropKept(), in place of the one that was kept before.
+  /// The same, and the mean so far is kept, in place of the one that was kept before.
   void keep();
   void dropKept() { kept_count_ = 0; }
   /// Pictures in the mean that is kept; 0 where there is none.
@@ -39,11 +39,10 @@ class PictureMean {
   void beginPicture() const;
   /// Adds it, at most kMostPictures in all. Leaves it bound.
   void addPicture();
-  /// Writes the mean of the pictures into the framebuffer and leaves that one bound, all of it the viewport. Pixels
-  /// that are covered in part get a colour premultiplied by their alpha, if the background is transparent black.
+  /// Writes the mean that is kept, else that of the pictures, into the framebuffer and leaves that one bound, all of it
+  /// the viewport. Pixels that are covered in part get a colour premultiplied by their alpha, if the background is
+  /// transparent black.
   void resolveTo(GLuint framebuffer) const;
-  /// The same of the mean that is kept.
-  void resolveKeptTo(GLuint framebuffer) const;
 
  private:
   PictureMean() = default;

@@ -44,7 +44,7 @@ struct SessionOptions {
   /// until their colours are right as well (refine()).
   bool refine = true;
   std::uint32_t max_triangles = base::ViewDefaults::kMaxTriangles;
-  std::uint32_t max_triangles_refined = base::ViewDefaults::kRestFactor * base::ViewDefaults::kMaxTriangles;
+  std::uint32_t max_triangles_refined = base::ViewDefaults::kRefinedFactor * base::ViewDefaults::kMaxTriangles;
   std::uint16_t max_points = base::ViewDefaults::kPoints;
 
   void setPatchTolerance(float px) { patch_tolerance_px = alone_tolerance_px = px; }  ///< under images or not

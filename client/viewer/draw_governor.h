@@ -37,6 +37,8 @@ class DrawGovernor {
   const DrawEffort& most() const { return efforts_.front(); }
   /// Returns the effort for the next picture of a moving view.
   const DrawEffort& whileMoving() const { return efforts_[level_]; }
+  /// Whether that is all effort.
+  bool isAtMost() const { return level_ == 0; }
   /// Tells that a picture of a moving view with this effort took so many seconds, from its start to that of the next
   /// one. One slow picture, or a pause of the hand that moves the view, changes nothing.
   void addFrame(const DrawEffort& effort, double seconds);

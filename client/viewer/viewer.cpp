@@ -12,7 +12,7 @@ constexpr double kUploadBytesPerMillisecond = 2e6;
 /// Layer size, pixels, of a renderer that will never get a face.
 constexpr int kNoFaceSize = 16;
 /// So long after its last motion a view with all that it needs has its patches refined. A choice.
-constexpr double kRestSeconds = 0.5;
+constexpr double kRefineAfterSeconds = 0.5;
 
 std::uint64_t recordBytes(const lod::patch::Hierarchy& hierarchy) {
   return hierarchy.groups.capacity() * sizeof(lod::patch::Group) +
@@ -31,7 +31,7 @@ MemoryPlan limitByMemory(ViewerOptions& options) {
                                      options.session.frames, options.samples > 1);
   options.session.cache_bytes = plan.cache;
   options.session.frame_bytes = plan.frames;
-  const std::uint64_t at_rest = std::uint64_t{base::ViewDefaults::kRestFactor} * options.session.max_triangles;
+  const std::uint64_t at_rest = std::uint64_t{base::ViewDefaults::kRefinedFactor} * options.session.max_triangles;
   const std::uint32_t most = trianglesFor(plan.patches);
   options.session.max_triangles = std::min(options.session.max_triangles, most);
   options.session.max_triangles_refined = static_cast<std::uint32_t>(std::min<std::uint64_t>(at_rest, most));
@@ -208,6 +208,7 @@ base::Result<void> Viewer::startScene() {
   const protocol::Welcome& welcome = *session_.welcome();
   images_.clear();
   frame_.reset();
+  resting_ = {};
   ranked_.clear();
   patches_ = {};
   scene_ = sceneSphere(welcome);
@@ -229,7 +230,7 @@ base::Result<void> Viewer::startRenderer() {
 }
 
 bool Viewer::isAtRest(double now) const {
-  return options_.lumigraph.fade_seconds <= 0.0F || now - moved_at_ >= kRestSeconds;
+  return options_.lumigraph.fade_seconds <= 0.0F || now - moved_at_ >= kRefineAfterSeconds;
 }
 
 /// Returns the perspective view that the server is asked for, since it knows no other.
@@ -266,7 +267,7 @@ bool Viewer::spend(double bytes) {
 bool Viewer::drawsFinePatches() const {
   if (session_.refined()) return true;
   const bool may = options_.session.refine && session_.usualPatches().measure == base::ErrorMeasure::kShape;
-  return may && governor_.whileMoving() == governor_.most();
+  return may && governor_.isAtMost();
 }
 
 /// The largest projected error of a cut by the measure of usualPatches().

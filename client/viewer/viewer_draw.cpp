@@ -72,8 +72,8 @@ void Viewer::drawBlended(bool moved, double now) {
   if (!options.unseen && effort.pictures > 1 && !prepareMean()) effort = fittingEffort(asked);
   options.max_samples = imagesBlended();
   options.max_points_a_patch = effort.points;
-  if (options.unseen) return drawProxy(camera_, options, now);
   shows_older_ = false;
+  if (options.unseen) return drawProxy(camera_, options, now);
   if (effort.pictures > 1) {
     drawMean(optionsAtRest(options), effort, static_cast<GLuint>(target), now);
   } else if (hasMean(optionsAtRest(options))) {
@@ -219,17 +219,14 @@ void Viewer::drawMean(const LumigraphOptions& options, DrawEffort& effort, GLuin
 bool Viewer::hasMean(const LumigraphOptions& options) const {
   if (!mean_ || options_.lumigraph.fade_seconds <= 0.0F) return false;
   const Look look{view_, options, shading_, resting_.look.pictures};
-  return look == resting_.look && (mean_->kept() > 0 || mean_->pictures() == look.pictures);
+  const bool is_whole = look.pictures > 0 && mean_->pictures() == look.pictures;
+  return look == resting_.look && (mean_->kept() > 0 || is_whole);
 }
 
-/// Shows the mean that is kept, or else the one that is being drawn.
 void Viewer::showMean(GLuint target) {
   mean_->beginPicture();
   probePins();
-  if (mean_->kept() > 0)
-    mean_->resolveKeptTo(target);
-  else
-    mean_->resolveTo(target);
+  mean_->resolveTo(target);
 }
 
 /// Whether finer patches wait until the mean of what was here before is whole, since each would begin it anew, or until
@@ -255,7 +252,7 @@ int Viewer::beginMean(const LumigraphOptions& options, int wanted, double now) {
     resting_ = std::move(resting);
     resting_since_ = now;
   }
-  const bool at_once = options.fade_seconds <= 0.0F || options_.effort || governor_.whileMoving() == governor_.most();
+  const bool at_once = options.fade_seconds <= 0.0F || options_.effort || governor_.isAtMost();
   return at_once ? wanted : std::min(wanted, mean_->pictures() + 1);
 }
 

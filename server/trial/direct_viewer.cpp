@@ -34,7 +34,7 @@ client::ViewerOptions settledOptions(client::Method method) {
   options.method = method;
   options.session.images = options.lumigraph.use_images = method == client::Method::kLumigraph;
   options.session.frames = false;
-  options.session.refine = false;  // what a moving view has
+  options.session.refine = false;  // its patches are those of a moving view
   options.lumigraph.fade_seconds = 0.0F;
   options.lumigraph.depth_maps_per_frame = options.lumigraph.max_samples;
   options.upload_milliseconds = 0.0;

@@ -255,7 +255,7 @@ export async function allHere(page) {
     await page.waitForTimeout(100);
     const {imagesResident, receivedBytes, complete, patches} = await figures(page);
     const now = [imagesResident, receivedBytes, complete, patches].join();
-    // A picture that is still to get better, on a slow machine after seconds, is not the last.
+    // On a slow machine the last picture takes seconds.
     same = complete === 1 && now === last ? same + 1 : 0;
     last = now;
     return same === 6;

@@ -190,6 +190,30 @@ TEST_F(Antialiasing, aViewAtRestIsRefinedAndItsPictureStaysUntilTheFinerOneIsWho
   EXPECT_EQ(settle(near).pixels, last.pixels);
 }
 
+TEST_F(Antialiasing, aFrameOverAKeptPictureIsTheLastPicture) {
+  server.welcome.can_render_frames = true;
+  ViewerOptions options;
+  options.session.setPatchTolerance(0.5F);
+  const base::ViewCamera near = server.lookDown(20.0);
+  open(options, 0.25F);
+  draw(near);
+  sent(viewer->session());
+  receiveAllGroups();
+  receive(server.sayFrame(1, 100));
+  receive(server.sayComplete(1));
+  settle(near);
+  viewer->setSection(base::SectionPlane{{0.0, 0.0, 1.0}, server.welcome.origin.z - 1e3});
+  settle(near);
+  ASSERT_EQ(viewer->stats().effort.pictures, 8);
+  receive(server.sayFace({1, 1, 2, 5}, 500));
+  for (int i = 0; i < 20 && viewer->stats().complete; ++i) draw(near);
+  ASSERT_FALSE(viewer->stats().complete) << "the image is to be shown, too";
+  viewer->setSection(std::nullopt);
+  settle(near);
+  EXPECT_EQ(viewer->stats().accuracy, Accuracy::kExact);
+  EXPECT_TRUE(viewer->stats().complete);
+}
+
 TEST_F(Antialiasing, picturesThatMustBeFinalAtOnceAreDrawnOnce) {
   start(patches(), 0.0F);
   draw(view());
