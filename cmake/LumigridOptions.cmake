@@ -6,6 +6,8 @@ set(CMAKE_EXPORT_COMPILE_COMMANDS ON)
 if(EMSCRIPTEN)
   # Without exceptions, type information and locks around statics: the page's one thread, and as few bytes as can be.
   add_compile_options(-msimd128 -fno-exceptions -fno-rtti)
+  # The page is the same wherever it was built, and names no folder of that machine.
+  add_compile_options(-ffile-prefix-map=${PROJECT_SOURCE_DIR}/=)
 else()
   set(CMAKE_POSITION_INDEPENDENT_CODE ON)
   # Nothing of ours is a shared library, whose functions others may put theirs in place of: calls may become part of

@@ -310,3 +310,10 @@ test("each viewer's WebAssembly has at most 174 kB, compressed", () => {
   assert.equal(found.length, 2);
   for (const name of found) assert.ok(readFileSync(join(site, name)).length <= 174_000, name);
 });
+
+test("the page is the same wherever it was built", () => {
+  const source = new URL("../..", import.meta.url).pathname;
+  const found = readdirSync(site).filter((name) => name.endsWith(".wasm"));
+  assert.ok(found.length > 0);
+  for (const name of found) assert.ok(!readFileSync(join(site, name)).includes(source), name);
+});
