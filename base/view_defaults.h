@@ -35,6 +35,9 @@ struct ViewDefaults {
   /// Quality of frames, 1..100, where the client leaves it to the server: as WebP, and as JPEG with 4:4:4.
   static constexpr int kFrameWebpQuality = 95;
   static constexpr int kFrameJpegQuality = 93;
+  /// In place of a quality: WebP without loss, so that a view at rest is the model to the last bit
+  /// (docs/decisions/frames-without-loss.md).
+  static constexpr int kWithoutLoss = 101;
 };
 
 }  // namespace base

@@ -35,7 +35,7 @@ constexpr std::array<SettingField, 24> kFields{{
     {"samples", "Images blended in a picture", Kind::kInteger, 1, 32, &Settings::samples, "", true},
     {"images", "Use images", Kind::kFlag, 0, 1, &Settings::images, "", true},
     {"frames", "Ask for the exact picture at rest", Kind::kFlag, 0, 1, &Settings::frames, "", true},
-    {"refine", "Refine the picture at rest where no exact one comes; takes more data", Kind::kFlag, 0, 1,
+    {"refine", "Refine the picture at rest until it is exact; takes more data", Kind::kFlag, 0, 1,
      &Settings::refine, "", true},
     {"antialias", "Smooth edges, where memory and frame times allow", Kind::kFlag, 0, 1, &Settings::antialias, "",
      true},

@@ -33,7 +33,7 @@ struct Settings {
   double samples = base::ViewDefaults::kImages;  ///< images blended in a picture
   double images = 1.0;                           ///< flags are 0 or 1
   double frames = 1.0;
-  double refine = 1.0;  ///< finer patches at rest, where no frame comes
+  double refine = 1.0;  ///< finer patches at rest, or a frame without loss
   double antialias = 1.0;
   double fov_degrees = 45.0;  ///< vertical
   double orbit_speed = 1.0;

@@ -78,8 +78,8 @@ void addContentOptions(CLI::App& app, Arguments& a) {
                "Ask for the exact picture of the view (on unless --no-frames)");
   app.add_flag(
       "--refine,!--no-refine", a.run.viewer.session.refine,
-      "Refine a view at rest where no exact picture comes: a better picture, for 1.2 to 1.8 times the data (on "
-      "unless --no-refine)");
+      "Refine a view at rest: where the server draws it, the last picture comes without loss, for about three times "
+      "its bytes; else patches are refined, for 1.2 to 1.8 times the data (on unless --no-refine)");
   app.add_flag(
       "--antialias,!--no-antialias", a.antialias,
       "Average four samples a pixel, eight at rest, where --memory, the GL and the time of a frame allow it (on "

@@ -606,6 +606,7 @@ void LumigraphRenderer::Impl::setUniforms(const base::gl::Program& program, cons
   set("u_lit_outlier", tuning.lit_outlier);
   set("u_sharpen", tuning.sharpen);
   set("u_disagreement", tuning.disagreement);
+  set("u_even_error", tuning.even_error);
   const auto step = static_cast<float>(patches.lattice().step);
   set("u_step", step);
   glUniform2f(program.uniform("u_edge"), step, 127.0F / lod::draw::kEdgeCodesPerOctave);

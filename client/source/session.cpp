@@ -226,6 +226,7 @@ base::Bytes Session::viewMessage() {
   view.max_triangles = goal.max_triangles;
   view.max_points = options_.images ? options_.max_points : std::uint16_t{0};
   view.want_frame = wantsFrame();
+  if (!options_.refine) view.frame_quality = base::ViewDefaults::kFrameWebpQuality;
   frames_asked_for_ |= view.want_frame;
   return protocol::encode(view);
 }

@@ -41,7 +41,7 @@ struct SessionOptions {
   float alone_tolerance_px = base::ViewDefaults::kAloneTolerance;  ///< of patches where no images are used
   bool guarantee = false;  ///< patches are refined until their proved bounds are within the tolerance
   /// Once a view has all that it needs and no exact frame will come, patches under images are refined like those alone,
-  /// until their colours are right as well (refine()).
+  /// until their colours are right as well (refine()); and the server may end with a frame without loss.
   bool refine = true;
   std::uint32_t max_triangles = base::ViewDefaults::kMaxTriangles;
   std::uint32_t max_triangles_refined = base::ViewDefaults::kRefinedFactor * base::ViewDefaults::kMaxTriangles;

@@ -27,29 +27,29 @@ int appendBytes(const std::uint8_t* data, std::size_t size, const WebPPicture* p
   return 1;
 }
 
+/// Libwebp's level of effort without loss, 0..9. Of five scans 1 takes 2 to 24 per cent more bytes in half the time,
+/// and 6 takes 0 to 4 per cent less in one and a half times of it.
+constexpr int kEffortWithoutLoss = 2;
+
 /// Libwebp's default quality for photographs, but for colours under alpha 0, which stay as they are.
-WebPConfig configFor(int quality) {
+WebPConfig baseConfig() {
   WebPConfig config;
   LUMIGRID_CHECK(WebPConfigInit(&config) != 0);
-  config.quality = static_cast<float>(quality);
   config.exact = 1;
   config.thread_level = 1;  // alpha is encoded beside the colours; the bytes stay the same
   return config;
 }
 
-}  // namespace
-
-base::Result<base::Bytes> encodeWebp(const base::Image& rgba, int quality) {
+base::Result<base::Bytes> encode(const base::Image& rgba, const WebPConfig& config) {
   LUMIGRID_CHECK_EQ(rgba.channels, 4);
-  LUMIGRID_CHECK(quality >= 1 && quality <= 100);
   if (rgba.empty()) return webpError("an image without pixels cannot be encoded");
   if (rgba.width > kMaxWebpSide || rgba.height > kMaxWebpSide)
     return webpError("a side of more than 16383 pixels cannot be encoded");
 
   base::Bytes bytes;
-  const WebPConfig config = configFor(quality);
   PictureToEncode picture;
   LUMIGRID_CHECK(WebPPictureInit(&picture.webp) != 0);
+  picture.webp.use_argb = config.lossless;
   picture.webp.width = rgba.width;
   picture.webp.height = rgba.height;
   picture.webp.writer = appendBytes;
@@ -59,6 +59,21 @@ base::Result<base::Bytes> encodeWebp(const base::Image& rgba, int quality) {
     return base::Error{base::ErrorCode::kNoSpace,
                        "WebP: cannot be encoded (libwebp's error " + std::to_string(picture.webp.error_code) + ")"};
   return bytes;
+}
+
+}  // namespace
+
+base::Result<base::Bytes> encodeWebp(const base::Image& rgba, int quality) {
+  LUMIGRID_CHECK(quality >= 1 && quality <= 100);
+  WebPConfig config = baseConfig();
+  config.quality = static_cast<float>(quality);
+  return encode(rgba, config);
+}
+
+base::Result<base::Bytes> encodeWebpWithoutLoss(const base::Image& rgba) {
+  WebPConfig config = baseConfig();
+  LUMIGRID_CHECK(WebPConfigLosslessPreset(&config, kEffortWithoutLoss) != 0);
+  return encode(rgba, config);
 }
 
 base::Result<base::Image> decodeWebp(base::ByteView bytes, std::int64_t max_pixels) {

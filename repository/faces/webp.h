@@ -1,5 +1,5 @@
 #pragma once
-// Encodes and decodes lossy WebP with alpha, by libwebp. Exact frames and stored tiles are, where nobody asks for JPEG.
+// Encodes and decodes WebP with alpha, by libwebp. Exact frames and stored tiles are, where nobody asks for JPEG.
 #include <cstdint>
 
 #include "base/bytes.h"
@@ -14,6 +14,8 @@ inline constexpr int kMaxWebpSide = 16383;
 /// Encodes RGBA whose colours are not premultiplied, sides 1..kMaxWebpSide; quality is 1..100. Alpha comes back as it
 /// is. Colours are kept under alpha 0 too, so give those pixels filler (repository/faces/filler.h).
 base::Result<base::Bytes> encodeWebp(const base::Image& rgba, int quality);
+/// The same without loss: every pixel comes back as it is.
+base::Result<base::Bytes> encodeWebpWithoutLoss(const base::Image& rgba);
 
 /// Decodes to RGBA, not premultiplied. Refuses broken data, animations, and pictures of more than `max_pixels`, before
 /// any memory is taken for them.

@@ -22,11 +22,19 @@ base::Image alphaOf(const base::Image& rgba) {
   return alpha;
 }
 
+/// Without loss as long as a message holds it.
+base::Result<base::Bytes> encodeWebpPicture(const base::Image& rgba, int quality) {
+  if (quality != base::ViewDefaults::kWithoutLoss) return repository::encodeWebp(rgba, quality);
+  LUMIGRID_ASSIGN_OR_RETURN(auto exact, repository::encodeWebpWithoutLoss(rgba));
+  if (exact.size() + repository::kImageHeaderBytes <= protocol::kMaxPayload) return exact;
+  return repository::encodeWebp(rgba, base::ViewDefaults::kFrameWebpQuality);
+}
+
 base::Result<base::Bytes> encodeWebpFrame(const base::Image& rgba, int quality) {
   const base::Image alpha = alphaOf(rgba);
   const bool is_empty = std::all_of(alpha.pixels.begin(), alpha.pixels.end(), [](auto a) { return a == 0; });
   if (is_empty) return repository::encodeFaceValue({});
-  LUMIGRID_ASSIGN_OR_RETURN(const auto webp, repository::encodeWebp(withAlpha(rgba, alpha), quality));
+  LUMIGRID_ASSIGN_OR_RETURN(const auto webp, encodeWebpPicture(withAlpha(rgba, alpha), quality));
   return repository::encodeFaceValue({.empty = false, .picture = webp, .coverage = {}});
 }
 
@@ -40,11 +48,11 @@ base::Result<base::Bytes> encodeJpegFrame(const base::Image& rgba, int quality) 
 
 base::Result<base::Bytes> encodeFrame(const base::Image& rgba, protocol::FrameCodec codec, int quality) {
   LUMIGRID_CHECK_EQ(rgba.channels, 4);
-  const bool chosen_here = quality == protocol::kServersChoice;
   const bool fits_webp = std::max(rgba.width, rgba.height) <= repository::kMaxWebpSide;
   if (codec == protocol::FrameCodec::kWebp && fits_webp)
-    return encodeWebpFrame(rgba, chosen_here ? base::ViewDefaults::kFrameWebpQuality : quality);
-  return encodeJpegFrame(rgba, chosen_here ? base::ViewDefaults::kFrameJpegQuality : quality);
+    return encodeWebpFrame(rgba, quality == protocol::kServersChoice ? base::ViewDefaults::kFrameWebpQuality : quality);
+  const bool has_quality = quality != protocol::kServersChoice && quality != base::ViewDefaults::kWithoutLoss;
+  return encodeJpegFrame(rgba, has_quality ? quality : base::ViewDefaults::kFrameJpegQuality);
 }
 
 }  // namespace server

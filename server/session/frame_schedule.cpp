@@ -13,7 +13,11 @@ constexpr double kQuickSeconds = 0.1;    // a quick frame occupies the link this
 constexpr double kMovingSeconds = 0.05;  // and a moving eye's this long
 constexpr double kOthersShare = 0.15;    // of the link, for patches and images while the eye moves
 constexpr double kLastSeconds = 0.25;    // a last frame that occupies it no longer goes ahead of the others
-constexpr double kMaxCredit = 0.1;       // seconds of that share that may be saved up
+// A frame without loss that occupies the link longer is not sent: what is under way delays a new view.
+constexpr double kWithoutLossSeconds = 1.0;
+// It goes once the eye has stood so many times as long: the longer it has, the longer it is expected to go on.
+constexpr double kStandsTimes = 3.0;
+constexpr double kMaxCredit = 0.1;  // seconds of that share that may be saved up
 // An eye that has stood for so long is expected to go on standing. With as long as the frame takes in place of it, an
 // eye that jumps every two seconds lost 1.3 dB on a link of 1 Mbit/s.
 constexpr double kStandsSeconds = 3.0;
@@ -44,6 +48,9 @@ constexpr QualityWeights kJpegWeights{
 constexpr QualityWeights kWebpWeights{
     {{1, 0.15}, {30, 0.43}, {50, 0.56}, {75, 0.71}, {85, 1.0}, {95, 1.83}, {100, 4.0}}};
 
+/// The same of a frame without loss: five scans have 3.9 to 9.2.
+constexpr double kWeightWithoutLoss = 7.0;
+
 double weightOf(protocol::FrameCodec codec, int quality) {
   const QualityWeights& weights = codec == protocol::FrameCodec::kWebp ? kWebpWeights : kJpegWeights;
   for (std::size_t i = 1; i < weights.size(); ++i) {
@@ -67,7 +74,7 @@ void FrameSchedule::accept(const protocol::View& view, bool possible) {
   if (!goes_on) under_way_.reset();
   view_ = view;
   possible_ = possible;
-  aimed_ = exact_requested_ = last_requested_ = false;
+  aimed_ = exact_requested_ = wanted_requested_ = last_requested_ = false;
 }
 
 /// Time at which the eye stands saves nothing up.
@@ -84,13 +91,28 @@ void FrameSchedule::passTime() {
 
 double FrameSchedule::expectedBytes(int quality) const {
   const double unit = bytes_per_weight_ > 0.0 ? bytes_per_weight_ : kFirstBytesPerPixel * pixelsOf(view_->camera);
-  return unit * weightOf(codec_, quality);
+  if (quality != base::ViewDefaults::kWithoutLoss) return unit * weightOf(codec_, quality);
+  return unit * (weight_without_loss_ > 0.0 ? weight_without_loss_ : kWeightWithoutLoss);
 }
 
 int FrameSchedule::wantedQuality() const {
   if (view_->frame_quality != protocol::kServersChoice) return view_->frame_quality;
   return codec_ == protocol::FrameCodec::kWebp ? base::ViewDefaults::kFrameWebpQuality
                                                : base::ViewDefaults::kFrameJpegQuality;
+}
+
+/// Whether the view gets a frame without loss. JPEG has none.
+bool FrameSchedule::comesWithoutLoss() const {
+  return view_->frame_quality == protocol::kServersChoice && codec_ == protocol::FrameCodec::kWebp &&
+         link_.transferSeconds(expectedBytes(base::ViewDefaults::kWithoutLoss)) <= kWithoutLossSeconds;
+}
+
+/// That of the frame after the quick one: without loss if that comes soon, or the one of the wanted quality came. Where
+/// one without loss was expected and the link turns out to be too slow, the wanted one is sent again, as the last.
+int FrameSchedule::betterQuality() const {
+  constexpr int kBest = base::ViewDefaults::kWithoutLoss;
+  const bool is_soon = link_.transferSeconds(expectedBytes(kBest)) <= kQuickSeconds;
+  return comesWithoutLoss() && (is_soon || wanted_requested_) ? kBest : wantedQuality();
 }
 
 /// The best quality, up to the wanted one, whose frame occupies the link no longer than this.
@@ -115,18 +137,25 @@ std::optional<FrameRequest> FrameSchedule::next(bool all_sent) {
   if (!exact_requested_) {
     const int quality = qualityFor(kQuickSeconds);
     exact_requested_ = true;
-    last_requested_ = quality == wantedQuality();
+    wanted_requested_ = quality == wantedQuality();
+    last_requested_ = wanted_requested_ && !comesWithoutLoss();
     return request(view_->camera, quality, last_requested_);
   }
-  if (last_requested_ || (!all_sent && link_.now() < lastMayGoAt())) return std::nullopt;
-  last_requested_ = true;
-  return request(view_->camera, wantedQuality(), true);
+  if (last_requested_ || link_.now() < betterMayGoAt(all_sent)) return std::nullopt;
+  const int quality = betterQuality();
+  last_requested_ = quality == base::ViewDefaults::kWithoutLoss || !comesWithoutLoss();
+  wanted_requested_ = true;
+  return request(view_->camera, quality, last_requested_);
 }
 
-/// A last frame shows the view better than all else that is to come, but only while the eye stands.
-double FrameSchedule::lastMayGoAt() const {
-  const bool takes_long = link_.transferSeconds(expectedBytes(wantedQuality())) > kLastSeconds;
-  return motion_.newestAt() + (takes_long ? kStandsSeconds : 0.0);
+/// A better frame shows the view better than all else that is to come, but only while the eye stands. `all_sent`:
+/// nothing else is to come.
+double FrameSchedule::betterMayGoAt(bool all_sent) const {
+  const int quality = betterQuality();
+  const double seconds = link_.transferSeconds(expectedBytes(quality));
+  double stands = all_sent || seconds <= kLastSeconds ? 0.0 : kStandsSeconds;
+  if (quality == base::ViewDefaults::kWithoutLoss) stands = kStandsTimes * seconds;
+  return motion_.newestAt() + stands;
 }
 
 /// The view was half a round trip old when it came. The frame is rendered, waits for the link, travels and is decoded;
@@ -142,8 +171,15 @@ std::optional<FrameRequest> FrameSchedule::nextAimed() {
   return request(motion_.ahead(view_age + until_shown + 0.5 * shown_for), quality, false);
 }
 
+void FrameSchedule::learn(int quality, double bytes) {
+  if (quality != base::ViewDefaults::kWithoutLoss)
+    bytes_per_weight_ = bytes / weightOf(codec_, quality);
+  else if (bytes_per_weight_ > 0.0)
+    weight_without_loss_ = bytes / bytes_per_weight_;
+}
+
 void FrameSchedule::rendered(const FrameRequest& request, std::size_t bytes) {
-  if (bytes > 0) bytes_per_weight_ = static_cast<double>(bytes) / weightOf(codec_, request.quality);
+  if (bytes > 0) learn(request.quality, static_cast<double>(bytes));
   if (!under_way_ || under_way_->number != request.number) return;
   render_seconds_ += kRenderMemory * (link_.now() - under_way_->since - render_seconds_);
   under_way_.reset();
@@ -201,7 +237,7 @@ std::optional<double> FrameSchedule::wakeAt() const {
     if (holdsOthers()) in(link_.waitSeconds(0.0) - othersMayWait());
     if (!overdue()) in(under_way_->since + render_seconds_ + kOverdue - now);
   } else if (exact_requested_ && !last_requested_) {
-    in(lastMayGoAt() - now);
+    in(betterMayGoAt(false) - now);
   }
   return std::isfinite(at) ? std::optional(at) : std::nullopt;
 }

@@ -1,10 +1,12 @@
 #pragma once
 // Decides which exact frame of a client's view is rendered next, and how much of the link the other messages get.
 //
-// A view at which the eye stands gets a quick frame at once, of a quality that the link carries in kQuickSeconds, and a
-// last one of the wanted quality if the quick one had less: at once where that occupies the link no longer than
-// kLastSeconds, else when the eye has stood for kStandsSeconds, or everything else was sent. A moving eye gets frames
-// one after the other, each drawn for where the eye will be when the frame arrives.
+// A view at which the eye stands gets a quick frame at once, of a quality that the link carries in kQuickSeconds, then
+// one of the wanted quality if the quick one had less, and where the client leaves the quality to the server, one
+// without loss if the link carries that in kWithoutLossSeconds. That of the wanted quality comes at once where it
+// occupies the link no longer than kLastSeconds, else when the eye has stood for kStandsSeconds, or everything else was
+// sent; the one without loss when the eye has stood kStandsTimes as long as it takes. A moving eye gets frames one after
+// the other, each drawn for where the eye will be when the frame arrives.
 #include <cstdint>
 #include <optional>
 
@@ -20,7 +22,7 @@ namespace server {
 struct FrameRequest {
   std::uint32_t sequence = 0;  ///< of the newest view; the camera may be ahead of that view's
   base::ViewCamera camera;
-  int quality = protocol::kServersChoice;  ///< 1..100, or kServersChoice
+  int quality = protocol::kServersChoice;  ///< 1..100, kServersChoice, or base::ViewDefaults::kWithoutLoss
   protocol::FrameCodec codec = protocol::FrameCodec::kJpeg;
   bool last = false;         ///< the view gets no other frame after it
   std::uint64_t number = 0;  ///< counts the session's requests
@@ -68,10 +70,13 @@ class FrameSchedule {
   FrameRequest request(const base::ViewCamera& camera, int quality, bool last);
   std::optional<FrameRequest> nextAimed();
   int wantedQuality() const;
+  bool comesWithoutLoss() const;
+  int betterQuality() const;
   int qualityFor(double seconds) const;
   int movingQuality() const;
   double expectedBytes(int quality) const;
-  double lastMayGoAt() const;
+  double betterMayGoAt(bool all_sent) const;
+  void learn(int quality, double bytes);
   double renderSecondsLeft() const;
   bool overdue() const;
   double othersMayWait() const;
@@ -85,15 +90,17 @@ class FrameSchedule {
   // The newest view.
   std::optional<protocol::View> view_;
   bool possible_ = false;
-  bool aimed_ = false;            // a frame ahead of it was requested
-  bool exact_requested_ = false;  // a frame of this very view was
+  bool aimed_ = false;             // a frame ahead of it was requested
+  bool exact_requested_ = false;   // a frame of this very view was
+  bool wanted_requested_ = false;  // one of the wanted quality was
   bool last_requested_ = false;
 
   std::optional<UnderWay> under_way_;
   std::uint64_t requests_ = 0;
-  double render_seconds_ = 0.03;   // how long the renderer takes; the first frame's is assumed
-  double bytes_per_weight_ = 0.0;  // a frame's bytes at quality weight 1; 0: not known
-  double credit_ = 0.0;            // bytes that other messages may take while the eye moves
+  double render_seconds_ = 0.03;      // how long the renderer takes; the first frame's is assumed
+  double bytes_per_weight_ = 0.0;     // a frame's bytes at quality weight 1; 0: not known
+  double weight_without_loss_ = 0.0;  // of the newest frame without loss; 0: not known
+  double credit_ = 0.0;               // bytes that other messages may take while the eye moves
   double credited_at_ = 0.0;
 };
 

@@ -2,10 +2,11 @@
 // against the full model with 4 x 4 samples a pixel.
 //
 //   blend_bench SCENE [--views N] [--seed S] [--width W] [--height H] [--truth DIR] [--pictures DIR] [--patches 1]
+//               [--only VIEW]
 //
 // For each view it prints PSNR and SSIM of the proxy alone, by how much images change both, and the ratio of the times
 // to draw. --truth keeps the true pictures for another run, --pictures all pictures; with --patches 1 patches alone at
-// their own tolerance are shown beside.
+// their own tolerance are shown beside. --only draws one of the views, by the number that is printed before it.
 #include <algorithm>
 #include <cstdio>
 #include <filesystem>
@@ -80,10 +81,13 @@ void save(const std::string& directory, std::size_t view, const char* name, cons
 }  // namespace
 
 int main(int argc, char** argv) {
-  bench::Arguments arguments(argc, argv, std::string(bench::kViewUsage) + " [--pictures DIR] [--patches 0..1]");
+  bench::Arguments arguments(argc, argv,
+                             std::string(bench::kViewUsage) + " [--pictures DIR] [--patches 0..1] [--only VIEW]");
   const bench::ViewArguments wanted = bench::viewArguments(arguments, 24);
   const std::string pictures = arguments.text("--pictures", "");
   const bool with_patches = arguments.number("--patches", 0U, 0U, 1U) == 1;
+  const unsigned every = static_cast<unsigned>(-1);
+  const unsigned only = arguments.number("--only", every, 0U, every);
   arguments.finish();
   const auto [scene, views] = bench::openWithImages(wanted.scene, wanted.views);
   bench::Truths truths(*scene, wanted.truths);
@@ -98,6 +102,7 @@ int main(int argc, char** argv) {
   Gains gains;
   double patch_psnr = 0.0;
   for (std::size_t i = 0; i < views.size(); ++i) {
+    if (only != every && i != only) continue;
     const base::Image truth = truths.of(views[i], wanted.views.seed, i);
     if (!server::showsModel(truth)) continue;
     const Shown alone = show(proxy, views[i], truth);

@@ -18,7 +18,7 @@ namespace {
 constexpr int kTruthSamples = 4;
 constexpr std::array kTolerances = {0.5F, 0.25F, 0.125F, 0.0625F, 0.03125F, 0.0F};
 constexpr std::array kSamples = {1, 2, 3, 4};
-constexpr std::array kQualities = {40, 50, 60, 70, 75, 80, 85, 90, 93, 95};
+constexpr std::array kQualities = {40, 50, 60, 70, 75, 80, 85, 90, 93, 95, base::ViewDefaults::kWithoutLoss};
 
 struct TimedPicture {
   server::RenderedPicture picture;

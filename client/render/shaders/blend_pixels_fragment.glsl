@@ -28,6 +28,24 @@ bool isEdge(ivec2 pixel, vec3 position, float size) {
   return found;
 }
 
+// Where the proxy's colours are even, as on a painted wall, they err by no more than twice what they differ over a
+// triangle, though never by less than this share of what their whole patch errs: detail that all triangles lack is seen
+// in none.
+uniform float u_even_error;
+// The difference beside a pixel, times as many pixels as a triangle spans; but colours have eight bits here, whose
+// steps would count for too much over wide ones.
+const float kWidest = 8.0;
+float contrastAt(ivec2 pixel, Surface here, float size) {
+  float squared = 0.0;
+  for (int i = 0; i < 4; ++i) {
+    ivec2 beside = pixelBeside(pixel, i);
+    float depth = uintBitsToFloat(texelFetch(u_surface_depth, beside, 0).r);
+    vec3 off = texelFetch(u_surface_color, beside, 0).rgb - here.shaded;
+    if (distance(placeAt(beside, depth), here.position) <= kEdgeDepth * size) squared += dot(off, off) / 12.0;
+  }
+  return 2.0 * sqrt(squared) * clamp(here.edge / size, 1.0, kWidest);
+}
+
 void main() {
   ivec2 pixel = ivec2(gl_FragCoord.xy);
   highp uint bits = texelFetch(u_surface_depth, pixel, 0).r;
@@ -47,14 +65,19 @@ void main() {
   here.facet = fromOctahedral(normals.zw);
   here.shaded = color.rgb;
   here.edge = fromEdgeCode(color.a);
-  Blend blend = blendAt(here, ndc, patch_here.xy, bits != 0u ? int(patch_here.w) : 0);
+  float size = length(here.to_eye) / u_pixels_per_unit;
+  float local = patch_here.y;
+  // While the proxy's shape is off by pixels, as when a scene arrives, what looks even only lacks its colours.
+  float least = mix(u_even_error, 1.0, smoothstep(0.25, 1.0, patch_here.x / size)) * local;
+  if (u_unlit) local = clamp(contrastAt(pixel, here, size), least, local);
+  Blend blend = blendAt(here, ndc, vec3(patch_here.xy, local), bits != 0u ? int(patch_here.w) : 0);
   // Beside a pixel without a surface nothing is known of the slope.
   float is_surface = bits != 0u ? 1.0 : 0.0;
   vec2 known = vec2(dFdx(is_surface) == 0.0, dFdy(is_surface) == 0.0);
   float covered = coverageOf(blend.kept, known * vec2(dFdx(blend.kept), dFdy(blend.kept)));
   // A carved pixel's neighbours tell the slope of the carving behind it.
   bool carved = covered < 1.0 || dFdx(covered) != 0.0 || dFdy(covered) != 0.0;
-  bool edge = u_soft > 0.0 && isEdge(pixel, here.position, length(here.to_eye) / u_pixels_per_unit);
+  bool edge = u_soft > 0.0 && isEdge(pixel, here.position, size);
   o_coverage = vec2(covered, carved || edge ? 1.0 : 0.0);
   o_color = vec4(blend.color, blend.share);
 }

@@ -73,8 +73,8 @@ struct Blend {
 };
 
 // Blends the first `count` samples listed. `view_ndc`: the pixel, −1..1. `proxy_error`: typical errors of the place's
-// patch: of shape, scene units; of colour, 0..1.
-Blend blendAt(Surface surface, vec2 view_ndc, vec2 proxy_error, int count) {
+// patch: of shape, scene units; of colour, 0..1; and of its own colour at this place, no more than that.
+Blend blendAt(Surface surface, vec2 view_ndc, vec3 proxy_error, int count) {
   float view_distance = length(surface.to_eye);
   vec3 view_ray = surface.to_eye / view_distance;
   float error = proxy_error.x;
@@ -212,7 +212,7 @@ Blend blendAt(Surface surface, vec2 view_ndc, vec2 proxy_error, int count) {
   result.disagreement = variance / max(error2_sum / max(coverage_sum, 1e-20), 1e-9);
   // The proxy's own shading is one more sample, whose texels are the proxy's triangles: it weighs more where the
   // images are coarser. Its blur contains the slant, as theirs does.
-  float error2 = u_proxy_noise * u_proxy_noise + color_error * color_error;
+  float error2 = u_proxy_noise * u_proxy_noise + proxy_error.z * proxy_error.z;
   float weight = u_shade_weight * pow(error2 / image_noise2, -0.5 * u_resolution_power);
   weight *= pow(1.0 + u_disagreement * result.disagreement, 0.5 * u_resolution_power);
   result.share = result.seen * coverage_sum / max(coverage_sum + weight, 1e-20);

@@ -86,7 +86,7 @@ class Lumigraph : public ::testing::Test {
     auto target = base::gl::RenderTarget::create(camera.width, camera.height);
     EXPECT_TRUE(target);
     target->bind();
-    renderer_->draw(camera, cut_, {}, cut_error_px, shading_, options_, now, occluders_, errors_px_);
+    renderer_->draw(camera, cut_, {}, cut_error_px, shading_, options_, now, occluders_, errors_px_, proxy_errors_);
     base::Image image = target->read();
     keepPicture(image);
     return image;
@@ -123,6 +123,7 @@ class Lumigraph : public ::testing::Test {
   Scene scene_;
   std::vector<std::uint32_t> cut_, occluders_;
   std::vector<float> errors_px_;
+  std::vector<client::ProxyError> proxy_errors_;
   LumigraphOptions options_;
   lod::draw::Shading shading_;
   int pictures_ = 0;
@@ -310,6 +311,51 @@ TEST_F(Lumigraph, fewPointsAPatchBlendItsBestImages) {
   EXPECT_GE(pixel(draw(camera), 80, 80).r, 254);
 }
 
+// An image from aside says that a wall is darker than its proxy. Half of the proxy is even, the other half is not, and
+// its error is that of both.
+TEST_F(Lumigraph, aProxyIsBelievedMoreWhereItsColoursAreEven) {
+  const Rectangle wall{
+      glm::vec3(0.0F), glm::vec3(1.0F, 0.0F, 0.0F), glm::vec3(0.0F, 0.0F, 1.0F), constant(glm::vec3(0.92F)), {}};
+  scene_.rectangles = {wall};
+  lod::patch::PatchGeometry proxy = rectanglePatch(wall, 40, kWhite);
+  std::int64_t middle = 0;
+  for (const glm::ivec3& position : proxy.positions) middle += position.x;
+  middle /= static_cast<std::int64_t>(proxy.positions.size());
+  for (std::size_t i = 0; i < proxy.positions.size(); ++i)
+    if (proxy.positions[i].x > middle && i % 2 == 0) proxy.colors[i] = {225, 225, 225, 255};
+  addPatch(proxy);
+  addImage(0, lookAt(kEye + glm::vec3(0.5F, 0.0F, 0.0F), glm::vec3(0.0F), 160, 160, 30.0F));
+  options_.tuning.shade_weight = client::BlendTuning{}.shade_weight;
+  const base::Camera camera = lookAt(kEye, glm::vec3(0.0F), 160, 160, 30.0F);
+  /// Means of red left and right of the middle.
+  const auto halves = [&](float error, float even_error) {
+    proxy_errors_ = {{0.001F, error}};
+    options_.tuning.even_error = even_error;
+    const base::Image image = draw(camera);
+    EXPECT_TRUE(renderer_->stats().blended_once);
+    double sums[2] = {};
+    for (int y = 60; y < 100; ++y)
+      for (int x = 0; x < 40; ++x) sums[0] += image.at(35 + x, y)[0], sums[1] += image.at(85 + x, y)[0];
+    return std::array{sums[0] / 1600.0, sums[1] / 1600.0};
+  };
+  const auto alike = halves(0.04F, 1.0F), even = halves(0.04F, 0.25F);
+  EXPECT_LT(alike[0], 238.0) << "near the image's 235";
+  EXPECT_GT(even[0], alike[0] + 15.0);
+  EXPECT_NEAR(even[1], alike[1], 1.0) << "where the proxy's colours differ by as much as they err";
+}
+
+// All triangles of a painted wall may lack what is painted on it.
+TEST_F(Lumigraph, aProxyOfWideTrianglesIsNotBelievedForItsOneColour) {
+  const Rectangle wall{
+      glm::vec3(0.0F), glm::vec3(1.0F, 0.0F, 0.0F), glm::vec3(0.0F, 0.0F, 1.0F), constant(glm::vec3(0.92F)), {}};
+  scene_.rectangles = {wall};
+  addPatch(rectanglePatch(wall, 4, kWhite));
+  addImage(0, lookAt(kEye + glm::vec3(0.5F, 0.0F, 0.0F), glm::vec3(0.0F), 320, 320, 30.0F));
+  options_.tuning.shade_weight = client::BlendTuning{}.shade_weight;
+  proxy_errors_ = {{0.001F, 0.08F}};
+  EXPECT_LT(pixel(draw(lookAt(kEye, glm::vec3(0.0F), 160, 160, 30.0F)), 80, 80).r, 242);
+}
+
 // A ball before a wall and beside a thin wire, in triangles smaller than a pixel.
 TEST_F(Lumigraph, pixelsThatAreBlendedOnceLookLikeFragmentsThatAreBlendedEach) {
   makeBall(1.0F, 200);
@@ -322,6 +368,7 @@ TEST_F(Lumigraph, pixelsThatAreBlendedOnceLookLikeFragmentsThatAreBlendedEach) {
   addCube(kEye + glm::vec3(0.8F, -0.5F, 0.3F), 10);
   const base::Camera camera = lookAt({0.3F, -3.4F, 0.2F}, glm::vec3(0.0F), 160, 120, 60.0F);
   options_.tuning.shade_weight = client::BlendTuning{}.shade_weight;
+  options_.tuning.even_error = 1.0F;  // fragments know nothing of the pixels beside theirs
   const auto both = [&](auto&& picture) {
     options_.blend_once = true;
     const base::Image once = picture();

@@ -5,6 +5,7 @@
 #include <cstdlib>
 
 #include "base/picture_error.h"
+#include "base/view_defaults.h"
 #include "repository/faces/face_value.h"
 #include "repository/faces/frame_image.h"
 #include "repository/faces/webp.h"
@@ -66,6 +67,41 @@ TEST(FrameEncoder, aQualityThatIsAskedForHolds) {
     EXPECT_LT(base::foregroundError(image, decoded(fine)).squared,
               base::foregroundError(image, decoded(coarse)).squared);
   }
+}
+
+TEST(FrameEncoder, withoutLossEveryPixelOfTheModelComesBackAsItIs) {
+  base::Image noisy(90, 70, 4);
+  std::uint32_t state = 7;
+  for (std::size_t i = 0; i < noisy.pixels.size(); ++i) {
+    state = 1664525U * state + 1013904223U;
+    noisy.pixels[i] = static_cast<std::uint8_t>(state >> 24);
+    if (i % 4 == 3 && noisy.pixels[i] < 100) noisy.pixels[i] = i % 8 == 3 ? 0 : 255;
+  }
+  const base::Image back = decoded(*encodeFrame(noisy, FrameCodec::kWebp, base::ViewDefaults::kWithoutLoss));
+  ASSERT_EQ(back.pixels.size(), noisy.pixels.size());
+  for (std::size_t i = 0; i < noisy.pixels.size(); i += 4) {
+    ASSERT_EQ(back.pixels[i + 3], noisy.pixels[i + 3]) << i;
+    for (std::size_t c = 0; noisy.pixels[i + 3] > 0 && c < 3; ++c) ASSERT_EQ(back.pixels[i + c], noisy.pixels[i + c]);
+  }
+}
+
+TEST(FrameEncoder, withoutLossThereIsNoJpegSoItHasItsDefault) {
+  const base::Image image = square();
+  EXPECT_EQ(*encodeFrame(image, FrameCodec::kJpeg, base::ViewDefaults::kWithoutLoss),
+            *encodeFrame(image, FrameCodec::kJpeg, protocol::kServersChoice));
+}
+
+// 9 million pixels of noise take 27 MB without loss, and a message has 16 MiB at most.
+TEST(FrameEncoder, aPictureTooLargeForAMessageWithoutLossHasTheDefaultQuality) {
+  base::Image noisy(3000, 3000, 4);
+  std::uint32_t state = 7;
+  for (std::size_t i = 0; i < noisy.pixels.size(); ++i) {
+    state = 1664525U * state + 1013904223U;
+    noisy.pixels[i] = i % 4 == 3 ? 255 : static_cast<std::uint8_t>(state >> 24);
+  }
+  const base::Bytes value = *encodeFrame(noisy, FrameCodec::kWebp, base::ViewDefaults::kWithoutLoss);
+  EXPECT_LE(value.size(), protocol::kMaxPayload);
+  EXPECT_EQ(value, *encodeFrame(noisy, FrameCodec::kWebp, protocol::kServersChoice));
 }
 
 TEST(FrameEncoder, aSideLongerThanWebpAllowsIsSentAsJpeg) {
