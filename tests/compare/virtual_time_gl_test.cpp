@@ -104,11 +104,11 @@ TEST_F(VirtualTime, aFreshViewsFrameIsThereWithinAQuarterOfASecond) {
   options.play.also_judged = {0.25, 2.25, 2.5};
   const auto run = play(options).at(0);
   const double at_rest = run.frames.back().accuracy.psnr_db;
-  EXPECT_GT(at_rest, 38.0) << "of the last frame";
+  EXPECT_GT(at_rest, 50.0) << "of the last frame, which has no loss";
   EXPECT_GT(psnrAt(run, 0.25), 36.0) << "the coarse model came first";
-  EXPECT_GT(psnrAt(run, 0.4), 41.0) << "the frame waits for a fade over a coarse picture";
+  EXPECT_GT(psnrAt(run, 0.4), 38.0) << "the frame waits for a fade over a coarse picture";
   EXPECT_GT(psnrAt(run, 2.25), 40.0) << "after the jump";
-  EXPECT_NEAR(psnrAt(run, 2.5), at_rest, 0.01) << "the view's last frame";
+  EXPECT_GT(psnrAt(run, 2.5), 40.0) << "nothing is worse until the last one";
   EXPECT_LT(run.rest_seconds, 2.0);
 }
 

@@ -24,7 +24,7 @@ void expectFrameByItself(std::uint8_t frame_codecs, bool is_webp) {
 
   bool complete = false;
   std::optional<protocol::Frame> frame;
-  while (!frame || !complete) {
+  while (!frame || !frame->last || !complete) {
     auto message = client->receive();
     ASSERT_TRUE(message);
     complete |= std::holds_alternative<protocol::Completion>(*message);
