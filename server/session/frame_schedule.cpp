@@ -50,6 +50,7 @@ constexpr QualityWeights kWebpWeights{
 
 /// The same of a frame without loss: five scans have 3.9 to 9.2.
 constexpr double kWeightWithoutLoss = 7.0;
+constexpr int kWithoutLoss = base::ViewDefaults::kWithoutLoss;
 
 double weightOf(protocol::FrameCodec codec, int quality) {
   const QualityWeights& weights = codec == protocol::FrameCodec::kWebp ? kWebpWeights : kJpegWeights;
@@ -91,7 +92,7 @@ void FrameSchedule::passTime() {
 
 double FrameSchedule::expectedBytes(int quality) const {
   const double unit = bytes_per_weight_ > 0.0 ? bytes_per_weight_ : kFirstBytesPerPixel * pixelsOf(view_->camera);
-  if (quality != base::ViewDefaults::kWithoutLoss) return unit * weightOf(codec_, quality);
+  if (quality != kWithoutLoss) return unit * weightOf(codec_, quality);
   return unit * (weight_without_loss_ > 0.0 ? weight_without_loss_ : kWeightWithoutLoss);
 }
 
@@ -104,15 +105,19 @@ int FrameSchedule::wantedQuality() const {
 /// Whether the view gets a frame without loss. JPEG has none.
 bool FrameSchedule::comesWithoutLoss() const {
   return view_->frame_quality == protocol::kServersChoice && codec_ == protocol::FrameCodec::kWebp &&
-         link_.transferSeconds(expectedBytes(base::ViewDefaults::kWithoutLoss)) <= kWithoutLossSeconds;
+         link_.transferSeconds(expectedBytes(kWithoutLoss)) <= kWithoutLossSeconds;
 }
 
-/// That of the frame after the quick one: without loss if that comes soon, or the one of the wanted quality came. Where
-/// one without loss was expected and the link turns out to be too slow, the wanted one is sent again, as the last.
+double FrameSchedule::withoutLossMayGoAt() const {
+  return motion_.newestAt() + kStandsTimes * link_.transferSeconds(expectedBytes(kWithoutLoss));
+}
+
+/// Returns the quality of the frame after the quick one: without loss if that may go already, or the wanted one came.
+/// Where one without loss was expected and the link turns out to be too slow, the wanted one is sent again, as the
+/// last.
 int FrameSchedule::betterQuality() const {
-  constexpr int kBest = base::ViewDefaults::kWithoutLoss;
-  const bool is_soon = link_.transferSeconds(expectedBytes(kBest)) <= kQuickSeconds;
-  return comesWithoutLoss() && (is_soon || wanted_requested_) ? kBest : wantedQuality();
+  const bool may = comesWithoutLoss() && (wanted_requested_ || link_.now() >= withoutLossMayGoAt());
+  return may ? kWithoutLoss : wantedQuality();
 }
 
 /// The best quality, up to the wanted one, whose frame occupies the link no longer than this.
@@ -143,7 +148,7 @@ std::optional<FrameRequest> FrameSchedule::next(bool all_sent) {
   }
   if (last_requested_ || link_.now() < betterMayGoAt(all_sent)) return std::nullopt;
   const int quality = betterQuality();
-  last_requested_ = quality == base::ViewDefaults::kWithoutLoss || !comesWithoutLoss();
+  last_requested_ = quality == kWithoutLoss || !comesWithoutLoss();
   wanted_requested_ = true;
   return request(view_->camera, quality, last_requested_);
 }
@@ -152,10 +157,9 @@ std::optional<FrameRequest> FrameSchedule::next(bool all_sent) {
 /// nothing else is to come.
 double FrameSchedule::betterMayGoAt(bool all_sent) const {
   const int quality = betterQuality();
-  const double seconds = link_.transferSeconds(expectedBytes(quality));
-  double stands = all_sent || seconds <= kLastSeconds ? 0.0 : kStandsSeconds;
-  if (quality == base::ViewDefaults::kWithoutLoss) stands = kStandsTimes * seconds;
-  return motion_.newestAt() + stands;
+  if (quality == kWithoutLoss) return withoutLossMayGoAt();
+  const bool at_once = all_sent || link_.transferSeconds(expectedBytes(quality)) <= kLastSeconds;
+  return motion_.newestAt() + (at_once ? 0.0 : kStandsSeconds);
 }
 
 /// The view was half a round trip old when it came. The frame is rendered, waits for the link, travels and is decoded;
@@ -172,7 +176,7 @@ std::optional<FrameRequest> FrameSchedule::nextAimed() {
 }
 
 void FrameSchedule::learn(int quality, double bytes) {
-  if (quality != base::ViewDefaults::kWithoutLoss)
+  if (quality != kWithoutLoss)
     bytes_per_weight_ = bytes / weightOf(codec_, quality);
   else if (bytes_per_weight_ > 0.0)
     weight_without_loss_ = bytes / bytes_per_weight_;

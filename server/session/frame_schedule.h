@@ -71,6 +71,7 @@ class FrameSchedule {
   std::optional<FrameRequest> nextAimed();
   int wantedQuality() const;
   bool comesWithoutLoss() const;
+  double withoutLossMayGoAt() const;
   int betterQuality() const;
   int qualityFor(double seconds) const;
   int movingQuality() const;

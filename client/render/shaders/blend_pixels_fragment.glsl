@@ -28,13 +28,14 @@ bool isEdge(ivec2 pixel, vec3 position, float size) {
   return found;
 }
 
-// Where the proxy's colours are even, as on a painted wall, they err by no more than twice what they differ over a
-// triangle, though never by less than this share of what their whole patch errs: detail that all triangles lack is seen
-// in none.
-uniform float u_even_error;
-// The difference beside a pixel, times as many pixels as a triangle spans; but colours have eight bits here, whose
-// steps would count for too much over wide ones.
+uniform float u_even_error;            // of BlendTuning
+
+// Colours have eight bits here, whose steps would count for too much over triangles of more pixels.
 const float kWidest = 8.0;
+
+// Where the proxy's colours are even, as on a painted wall, they err less than those of their whole patch: by no more
+// than this, twice what they differ over a triangle. That is the difference from the pixels beside this one, times as
+// many pixels as a triangle spans.
 float contrastAt(ivec2 pixel, Surface here, float size) {
   float squared = 0.0;
   for (int i = 0; i < 4; ++i) {
@@ -67,7 +68,8 @@ void main() {
   here.edge = fromEdgeCode(color.a);
   float size = length(here.to_eye) / u_pixels_per_unit;
   float local = patch_here.y;
-  // While the proxy's shape is off by pixels, as when a scene arrives, what looks even only lacks its colours.
+  // A share of the patch's error is always left, since detail that all triangles lack shows in none; all of it while
+  // the proxy's shape is off by pixels, as when a scene arrives.
   float least = mix(u_even_error, 1.0, smoothstep(0.25, 1.0, patch_here.x / size)) * local;
   if (u_unlit) local = clamp(contrastAt(pixel, here, size), least, local);
   Blend blend = blendAt(here, ndc, vec3(patch_here.xy, local), bits != 0u ? int(patch_here.w) : 0);

@@ -220,63 +220,59 @@ TEST(FrameSchedule, othersThatWouldDelayTheFirstFrameWaitWhileItIsRendered) {
 // ---- frames without loss ----
 
 constexpr int kWithoutLoss = base::ViewDefaults::kWithoutLoss;
+constexpr int kWanted = base::ViewDefaults::kFrameWebpQuality;
 
 /// A view whose quality the server chooses, for a client that decodes WebP; its quick frame has so many bytes.
-FrameRequest quickOfServersChoice(Driven& driven, std::size_t bytes) {
+void quickOfServersChoice(Driven& driven, std::size_t bytes) {
   driven.schedule.setCodec(protocol::FrameCodec::kWebp);
   driven.at(driven.now);
   driven.view(0.0, protocol::kServersChoice);
   const auto quick = driven.schedule.next(false);
   EXPECT_TRUE(quick && !quick->last);
-  EXPECT_LE(quick->quality, base::ViewDefaults::kFrameWebpQuality);
+  EXPECT_LE(quick->quality, kWanted);
   driven.render(*quick, 0.03, bytes);
-  return *quick;
 }
 
-TEST(FrameSchedule, aFrameWithoutLossThatComesSoonIsTheNextAndTheLast) {
+/// Whether the request is for a view's last frame, of this quality.
+bool isLast(const std::optional<FrameRequest>& request, int quality) {
+  return request && request->last && request->quality == quality;
+}
+
+TEST(FrameSchedule, anEyeThatStandsGetsAFrameOfTheWantedQualityAndThenOneWithoutLoss) {
+  for (const std::size_t bytes : {5'000, 40'000}) {
+    Driven driven;
+    quickOfServersChoice(driven, bytes);
+    const auto wanted = driven.schedule.next(true);
+    ASSERT_TRUE(wanted) << bytes;
+    EXPECT_EQ(wanted->quality, kWanted);
+    EXPECT_FALSE(wanted->last);
+    driven.render(*wanted, 0.0, bytes);
+    EXPECT_FALSE(driven.schedule.next(true)) << "the eye has stood no longer than the frame takes";
+    const auto wake = driven.schedule.wakeAt();
+    ASSERT_TRUE(wake);
+    EXPECT_LT(*wake, 4.0);
+    driven.at(*wake + 0.001);
+    const auto last = driven.schedule.next(false);
+    EXPECT_TRUE(isLast(last, kWithoutLoss)) << "though other things are unsent";
+    driven.render(*last, 0.03, 10 * bytes);
+    EXPECT_FALSE(driven.schedule.next(true));
+    EXPECT_FALSE(driven.schedule.owesFrame());
+  }
+}
+
+// As where a renderer is slow.
+TEST(FrameSchedule, anEyeThatHasStoodForLongGetsTheFrameWithoutLossAtOnce) {
   Driven driven;
   quickOfServersChoice(driven, 5'000);
-  EXPECT_FALSE(driven.schedule.next(true)) << "the eye has stood no longer than the frame takes";
-  const auto wake = driven.schedule.wakeAt();
-  ASSERT_TRUE(wake);
-  EXPECT_LT(*wake, 0.5);
-  driven.at(*wake + 0.001);
-  const auto last = driven.schedule.next(false);
-  ASSERT_TRUE(last) << "though other things are unsent";
-  EXPECT_EQ(last->quality, kWithoutLoss);
-  EXPECT_TRUE(last->last);
-  driven.render(*last, 0.03, 50'000);
-  EXPECT_FALSE(driven.schedule.next(true));
-  EXPECT_FALSE(driven.schedule.owesFrame());
-}
-
-TEST(FrameSchedule, aFrameWithoutLossThatDelaysTheNextViewWaitsForAnEyeThatStands) {
-  Driven driven;
-  quickOfServersChoice(driven, 40'000);  // at 1 MB/s, so that one without loss takes more than half a second
-  const auto wanted = driven.schedule.next(true);
-  ASSERT_TRUE(wanted);
-  EXPECT_EQ(wanted->quality, base::ViewDefaults::kFrameWebpQuality);
-  EXPECT_FALSE(wanted->last);
-  driven.render(*wanted, 0.03, 160'000);
-  EXPECT_FALSE(driven.schedule.next(true)) << "though nothing else is to come";
-  const auto wake = driven.schedule.wakeAt();
-  ASSERT_TRUE(wake);
-  EXPECT_LT(*wake, 5.0);
-  driven.at(*wake + 0.001);
-  const auto last = driven.schedule.next(false);
-  ASSERT_TRUE(last);
-  EXPECT_EQ(last->quality, kWithoutLoss);
-  EXPECT_TRUE(last->last);
+  driven.at(1.0);
+  EXPECT_TRUE(isLast(driven.schedule.next(false), kWithoutLoss));
 }
 
 TEST(FrameSchedule, aLinkThatTakesLongForItGetsNoFrameWithoutLoss) {
   Driven driven;
   quickOfServersChoice(driven, 400'000);
   driven.at(5.0);
-  const auto last = driven.schedule.next(true);
-  ASSERT_TRUE(last);
-  EXPECT_EQ(last->quality, base::ViewDefaults::kFrameWebpQuality);
-  EXPECT_TRUE(last->last);
+  EXPECT_TRUE(isLast(driven.schedule.next(true), kWanted));
 }
 
 // A client waits for the last frame of its view, so one must come even where the link's rate was overestimated.
@@ -290,14 +286,11 @@ TEST(FrameSchedule, aViewWhoseFrameWithoutLossWouldTakeTooLongAfterAllHasALastFr
   driven.view(0.0, protocol::kServersChoice);
   const auto quick = driven.schedule.next(false);
   ASSERT_TRUE(quick);
-  EXPECT_EQ(quick->quality, base::ViewDefaults::kFrameWebpQuality);
+  EXPECT_EQ(quick->quality, kWanted);
   EXPECT_FALSE(quick->last);
   driven.render(*quick, 0.03, 300'000);
   driven.at(9.0);
-  const auto last = driven.schedule.next(true);
-  ASSERT_TRUE(last);
-  EXPECT_NE(last->quality, kWithoutLoss);
-  EXPECT_TRUE(last->last);
+  EXPECT_TRUE(isLast(driven.schedule.next(true), kWanted));
 }
 
 TEST(FrameSchedule, whatFramesWithoutLossTakeIsLearned) {
@@ -307,10 +300,7 @@ TEST(FrameSchedule, whatFramesWithoutLossTakeIsLearned) {
   driven.render(*driven.schedule.next(false), 0.03, 3'000'000);  // far more than scans have
   driven.at(10.0);
   driven.view(0.0, protocol::kServersChoice);
-  const auto last = driven.schedule.next(true);
-  ASSERT_TRUE(last);
-  EXPECT_EQ(last->quality, base::ViewDefaults::kFrameWebpQuality);
-  EXPECT_TRUE(last->last);
+  EXPECT_TRUE(isLast(driven.schedule.next(true), kWanted));
 }
 
 TEST(FrameSchedule, aQualityThatIsAskedForAndJpegHaveNoFrameWithoutLoss) {
