@@ -147,15 +147,10 @@ TEST_F(RemoteSplats, tagIsOfTheContent) {
 }
 
 TEST_F(RemoteSplats, readBytesAreCached) {
-  const auto requests = [this] {
-    const std::string log = nginx->accessLog();
-    return std::count(log.begin(), log.end(), '\n');
-  };
   const HttpAnswer first = request({{"Range", "bytes=5000-9000"}});
-  const auto asked = requests();
-  EXPECT_EQ(request({{"Range", "bytes=6000-9999"}}).body, scene->file.substr(6000, 4000));
-  EXPECT_EQ(requests(), asked);
+  EXPECT_EQ(first.status, 206);
   nginx->stop();
+  EXPECT_EQ(request({{"Range", "bytes=6000-9999"}}).body, scene->file.substr(6000, 4000));
   EXPECT_EQ(request({{"Range", "bytes=5000-9000"}}).body, first.body);
 }
 
