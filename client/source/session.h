@@ -112,6 +112,8 @@ class Session {
   /// Whether that was asked for the newest view.
   bool refined() const { return refined_; }
   SessionEvents takeEvents() { return std::exchange(events_, {}); }
+  /// Whether a frame came that takeEvents() did not return yet.
+  bool hasNewFrame() const { return !events_.frames_added.empty(); }
 
   /// Returns the cached bytes of a face or of a group's block, null when they are not cached. Both count as a use in
   /// the LRU order.

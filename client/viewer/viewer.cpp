@@ -191,7 +191,7 @@ ViewerStats Viewer::stats() const {
   }
   const bool pins_pending = probe_ && probe_->pending();
   const bool effort_pending = effortPending();
-  const bool more = more_to_do_ || settling() || frozen_ || shows_older_;
+  const bool more = more_to_do_ || session_.hasNewFrame() || settling() || frozen_ || shows_older_;
   stats.busy = renderer_ && (more || session_.mayRefine() || pins_pending || effort_pending);
   stats.complete = renderer_ && allHere() && !more && !effort_pending;
   stats.effort_pending = effort_pending && !pins_pending;

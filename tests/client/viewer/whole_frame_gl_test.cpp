@@ -97,6 +97,20 @@ TEST_F(WholeFrameGl, itComesInSteadily) {
   EXPECT_EQ(settle(view()).pixels, expected(1).pixels);
 }
 
+// A page at rest draws no picture until something comes, and may be asked in between.
+TEST_F(WholeFrameGl, aViewIsNotCompleteBeforeItsLastFrameIsShown) {
+  start(0.0F);
+  receiveAllGroups();
+  receive(server.sayFrame(1, 100, false));
+  receive(server.sayComplete(1));
+  settle(view());
+  ASSERT_FALSE(viewer->stats().complete) << "the last frame is to come";
+  receive(server.sayFrame(1, 100));
+  EXPECT_FALSE(viewer->stats().complete) << "it came, and the picture is still the one before";
+  EXPECT_EQ(settle(view()).pixels, expected(2).pixels);
+  EXPECT_TRUE(viewer->stats().complete);
+}
+
 TEST_F(WholeFrameGl, aMovedViewAndASectionShowTheModelAgain) {
   start(0.0F);
   receiveAllGroups();
