@@ -25,6 +25,7 @@ void WholeFrame::update(std::span<const std::uint64_t> frames, bool moved, bool 
   const double share = (now - since_) / kFadeSeconds;
   opacity_ = fades && !over_nothing ? static_cast<float>(std::clamp(share, 0.0, 1.0)) : 1.0F;
   if (opacity_ >= 1.0F) under_.reset();
+  newer_waits_ = frames.back() != *shown_;
 }
 
 }  // namespace client

@@ -28,12 +28,14 @@ class WholeFrame {
   float opacity() const { return opacity_; }
   /// Whether the picture is the frame and nothing else.
   bool whole() const { return shown_ && opacity_ >= 1.0F; }
-  bool fading() const { return shown_ && opacity_ < 1.0F; }
+  /// Whether the next update() may show something else by itself.
+  bool fading() const { return shown_ && (opacity_ < 1.0F || newer_waits_); }
 
  private:
   std::optional<std::uint64_t> shown_, under_;
   double since_ = 0.0;
   float opacity_ = 0.0F;
+  bool newer_waits_ = false;  // for the end of a fade
 };
 
 }  // namespace client

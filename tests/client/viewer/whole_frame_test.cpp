@@ -74,6 +74,20 @@ TEST(WholeFrame, aNewerOneWaitsForAFadeThatRuns) {
   EXPECT_EQ(frame.shown(), 8U);
 }
 
+// Nobody draws a picture once nothing fades.
+TEST(WholeFrame, atTheEndOfAFadeThereIsMoreWhereANewerOneWaits) {
+  WholeFrame frame;
+  frame.update(Frames{7}, false, true, true, 3.0);
+  frame.update(Frames{7, 8}, false, true, true, 3.0 + 2.0 * WholeFrame::kFadeSeconds);
+  ASSERT_EQ(frame.shown(), 7U);
+  ASSERT_TRUE(frame.whole());
+  EXPECT_TRUE(frame.fading());
+  frame.update(Frames{7, 8}, false, true, true, 4.0);
+  frame.update(Frames{7, 8}, false, true, true, 5.0);
+  EXPECT_EQ(frame.shown(), 8U);
+  EXPECT_FALSE(frame.fading());
+}
+
 TEST(WholeFrame, anOlderOneThatIsEvictedLetsNoBlendedPictureThrough) {
   WholeFrame frame;
   frame.update(Frames{7}, true, true, false, 3.0);
