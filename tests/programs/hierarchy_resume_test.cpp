@@ -11,6 +11,7 @@
 #include <csignal>
 #include <cstdlib>
 #include <cstring>
+#include <fstream>
 #include <functional>
 #include <random>
 #include <thread>
@@ -585,6 +586,8 @@ class FullDisk : public HierarchyResume {
     std::vector<std::string> files;  // one of them is what cannot be written then, under the scene
   };
 
+  void fill(std::size_t bytes) const { std::ofstream(path("disk/filler"), std::ios::app) << std::string(bytes, 'x'); }
+
   // Stops the build at the moment, fills the disk, and lets the build go on. `in_time`: it was still that moment.
   programs::Outcome filledAt(const Moment& moment, const std::string& mesh, const std::string& scene, bool& in_time) {
     const pid_t pid = programs::start("lumigrid", build(mesh, scene, {"--threads", "1"}), path("filled"));
@@ -595,9 +598,15 @@ class FullDisk : public HierarchyResume {
     }
     ::kill(pid, SIGSTOP);
     ::waitid(P_PID, static_cast<id_t>(pid), &ended, WSTOPPED | WEXITED | WNOWAIT);
+    ended = {};
     in_time = moment.is_here(scene);
-    programs::writeText(path("disk/filler"), std::string(std::size_t{64} << 20, 'x'));
+    fill(std::size_t{64} << 20);
     ::kill(pid, SIGCONT);
+    // What the build deletes meanwhile is taken too: otherwise its last levels may find room in that.
+    while (::waitid(P_PID, static_cast<id_t>(pid), &ended, WEXITED | WNOHANG | WNOWAIT) == 0 && ended.si_pid == 0) {
+      fill(std::size_t{1} << 20);
+      std::this_thread::sleep_for(std::chrono::microseconds(200));
+    }
     programs::Outcome full;
     full.status = programs::wait(pid);
     full.err = readText(path("filled.err"));
