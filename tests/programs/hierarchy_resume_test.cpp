@@ -602,7 +602,7 @@ class FullDisk : public HierarchyResume {
     in_time = moment.is_here(scene);
     fill(std::size_t{64} << 20);
     ::kill(pid, SIGCONT);
-    // What the build deletes meanwhile is taken too: otherwise its last levels may find room in that.
+    // The room of files that the build deletes is taken, too: else its last levels may fit into that.
     while (::waitid(P_PID, static_cast<id_t>(pid), &ended, WEXITED | WNOHANG | WNOWAIT) == 0 && ended.si_pid == 0) {
       fill(std::size_t{1} << 20);
       std::this_thread::sleep_for(std::chrono::microseconds(200));
