@@ -17,7 +17,8 @@ constexpr double kLastSeconds = 0.25;    // a last frame that occupies it no lon
 constexpr double kWithoutLossSeconds = 1.0;
 // It goes once the eye has stood so many times as long: the longer it has, the longer it is expected to go on.
 constexpr double kStandsTimes = 3.0;
-constexpr double kMaxCredit = 0.1;  // seconds of that share that may be saved up
+constexpr double kStandsMost = 1.0;  // seconds, or so long: a view is exact within two, whatever the frame takes
+constexpr double kMaxCredit = 0.1;   // seconds of that share that may be saved up
 // An eye that has stood for so long is expected to go on standing. With as long as the frame takes in place of it, an
 // eye that jumps every two seconds lost 1.3 dB on a link of 1 Mbit/s.
 constexpr double kStandsSeconds = 3.0;
@@ -109,7 +110,8 @@ bool FrameSchedule::comesWithoutLoss() const {
 }
 
 double FrameSchedule::withoutLossMayGoAt() const {
-  return motion_.newestAt() + kStandsTimes * link_.transferSeconds(expectedBytes(kWithoutLoss));
+  const double transfer = link_.transferSeconds(expectedBytes(kWithoutLoss));
+  return motion_.newestAt() + std::min(kStandsTimes * transfer, kStandsMost);
 }
 
 /// Returns the quality of the frame after the quick one: without loss if that may go already, or the wanted one came.

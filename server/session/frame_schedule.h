@@ -5,8 +5,8 @@
 // one of the wanted quality if the quick one had less, and where the client leaves the quality to the server, one
 // without loss if the link carries that in kWithoutLossSeconds. That of the wanted quality comes at once where it
 // occupies the link no longer than kLastSeconds, else when the eye has stood for kStandsSeconds, or everything else was
-// sent; the one without loss when the eye has stood kStandsTimes as long as it takes. A moving eye gets frames one
-// after the other, each drawn for where the eye will be when the frame arrives.
+// sent; the one without loss when the eye has stood kStandsTimes as long as it takes, or kStandsMost. A moving eye gets
+// frames one after the other, each drawn for where the eye will be when the frame arrives.
 #include <cstdint>
 #include <optional>
 
