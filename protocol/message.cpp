@@ -193,6 +193,7 @@ void writeBody(base::ByteWriter& out, const Hello& hello) {
   out.u16(hello.version);
   writeText(out, hello.client, kMaxText);
   out.u8(hello.frame_codecs);
+  out.u32(hello.frame_pixels);
 }
 
 /// Reads only the version of a Hello of another version: its other fields may have moved, and the server only refuses
@@ -203,6 +204,7 @@ base::Result<void> readBody(base::ByteReader& in, Hello& hello) {
   if (hello.version != kVersion) return {};
   if (!readText(in, kMaxText, hello.client)) return bad("its client name is cut short, too long or not plain text");
   hello.frame_codecs = in.u8();
+  hello.frame_pixels = in.u32();
   if (!in.ok()) return bad("is cut short");
   if (!in.atEnd()) return bad("has bytes after its end");
   return {};

@@ -19,7 +19,7 @@
 
 namespace protocol {
 
-inline constexpr std::uint16_t kVersion = 4;
+inline constexpr std::uint16_t kVersion = 5;
 /// Limits on what is accepted; a longer message is an error and ends the connection.
 inline constexpr std::size_t kMaxClientMessage = 256 * 1024;
 inline constexpr std::size_t kMaxServerMessage = 16 * 1024 * 1024;
@@ -50,6 +50,7 @@ struct Hello {
   std::uint16_t version = kVersion;
   std::string client;                        ///< name and version, for the server's log
   std::uint8_t frame_codecs = kDecodesWebp;  ///< flags of the codecs that it decodes besides JPEG; others mean nothing
+  std::uint32_t frame_pixels = 0;  ///< it has room for several frames of so many pixels, where views have fewer
 };
 
 /// "I look at this." The server drops its work for older views.

@@ -303,11 +303,14 @@ int LumigraphRenderer::Impl::maxDepthSide() const {
   return small ? kMaxDepthSide / 2 : kMaxDepthSide;
 }
 
-/// Returns the part of the budget that this array may take, its present bytes included.
+/// Returns the part of the budget that this array may take, its present bytes included. Beside faces there are images
+/// of two sizes, each of which leaves the other its half where that holds two images.
 std::uint64_t LumigraphRenderer::Impl::budgetOf(const SampleArray& array) const {
   const std::uint64_t others = textureBytes() - array.bytes();
   const std::uint64_t left = budget_bytes > others ? budget_bytes - others : 0;
-  return isFaceSize(array.width(), array.height()) ? std::min(left, budget_bytes - for_other_sizes) : left;
+  if (isFaceSize(array.width(), array.height())) return std::min(left, budget_bytes - for_other_sizes);
+  const std::uint64_t half = for_other_sizes / 2;
+  return half >= 2 * array.bytesPerLayer() ? std::min(left, half) : left;
 }
 
 /// Returns the index of the array for this image size, created or put in the place of an empty one; −1 if there is no

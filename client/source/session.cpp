@@ -238,7 +238,8 @@ void Session::connected() {
   problem_.clear();
   unreported_.clear();  // a new connection begins with Holdings, which makes evictions known
   greetings_.clear();
-  greetings_.push_back(protocol::encode(protocol::Hello{protocol::kVersion, "lumigrid-view"}));
+  greetings_.push_back(protocol::encode(
+      protocol::Hello{.client = "lumigrid-view", .frame_pixels = options_.frames ? options_.frame_pixels : 0}));
   view_unsent_ = false;
   frames_asked_for_ = false;
 }

@@ -43,6 +43,8 @@ struct SessionOptions {
   /// Once a view has all that it needs and no exact frame will come, patches under images are refined like those alone,
   /// until their colours are right as well (refine()); and the server may end with a frame without loss.
   bool refine = true;
+  /// A frame for a moving eye may have so many pixels, if those of the view are fewer. 0: as many as the view.
+  std::uint32_t frame_pixels = 0;
   std::uint32_t max_triangles = base::ViewDefaults::kMaxTriangles;
   std::uint32_t max_triangles_refined = base::ViewDefaults::kRefinedFactor * base::ViewDefaults::kMaxTriangles;
   std::uint16_t max_points = base::ViewDefaults::kPoints;

@@ -206,6 +206,8 @@ class Viewer {
   std::optional<SampleId> oldestFrameBefore(SampleId id) const;
   std::optional<SampleId> replacedBy(SampleId id) const;
   bool makeRoomFor(SampleId id);
+  void removeResident(SampleId id);
+  bool removeFramesBut(std::initializer_list<base::Camera> sizes);
   const BlendImage* worstResident(SampleId* id, const base::Camera* of_size_like) const;
   void submitImages();
   bool decoderIsBusy() const;

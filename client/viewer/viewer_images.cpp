@@ -177,11 +177,34 @@ std::optional<SampleId> Viewer::replacedBy(SampleId id) const {
 }
 
 bool Viewer::makeRoomFor(SampleId id) {
-  const auto replaced = replacedBy(id);
-  if (!replaced) return false;
-  renderer_->removeSample(*replaced);
-  images_[*replaced].state = (*replaced & kFrameTag) != 0 ? ImageState::kUnfit : ImageState::kCached;
-  return true;
+  if (const auto replaced = replacedBy(id)) {
+    removeResident(*replaced);
+    return true;
+  }
+  if ((id & kFrameTag) == 0) return false;
+  // Frames of a window of another size go, and for the present view's own those of moving eyes, too.
+  const base::Camera& own = images_.at(id).camera;
+  return removeFramesBut({own, camera_}) || (showsThisView(id) && removeFramesBut({own}));
+}
+
+void Viewer::removeResident(SampleId id) {
+  renderer_->removeSample(id);
+  images_[id].state = (id & kFrameTag) != 0 ? ImageState::kUnfit : ImageState::kCached;
+}
+
+/// Removes the frames on the GPU that have none of these cameras' sizes. False where there are none.
+bool Viewer::removeFramesBut(std::initializer_list<base::Camera> sizes) {
+  bool any = false;
+  for (const auto& [id, image] : images_) {
+    if ((id & kFrameTag) == 0 || image.state != ImageState::kResident) continue;
+    const auto is_alike = [&camera = image.camera](const base::Camera& size) {
+      return camera.width == size.width && camera.height == size.height;
+    };
+    if (std::any_of(sizes.begin(), sizes.end(), is_alike)) continue;
+    removeResident(id);
+    any = true;
+  }
+  return any;
 }
 
 void Viewer::uploadImages(double now) {

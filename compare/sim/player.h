@@ -20,7 +20,7 @@ class PublishedObjects;
 
 /// Durations of work in virtual time. The defaults are choices (docs/formats/comparison.md, "Costs").
 struct Costs {
-  double server_render_seconds = 0.020;  ///< an exact frame, drawn and encoded
+  double server_render_seconds = 0.020;  ///< a frame of the view's size, drawn and encoded
   double client_decode_seconds = 0.004;  ///< a JPEG of 512 × 512, or as many pixels
   double client_draw_seconds = 0.010;    ///< a frame; longer than a display's interval: frames are shown less often
 };

@@ -52,6 +52,7 @@ class SessionPlayer final : public Player {
   ViewerClient client_;
   const double connected_at_;
   double now_ = 0.0;
+  double view_height_ = 1.0;  // pixels
   bool connected_ = false;
   std::optional<Rendering> rendering_;
   std::optional<server::FrameRequest> queued_;  // rendered next; a newer request replaces it
@@ -69,11 +70,13 @@ void SessionPlayer::tellLink(double now) {
   server_.setLink({now, down_.unsentBytes(), down_.unconfirmedBytes(), down_.roundTripSeconds()});
 }
 
-/// The renderer draws one frame at a time, as server::FrameRenderer does.
+/// The renderer draws one frame at a time, as server::FrameRenderer does, and takes longer for more pixels than the
+/// view has.
 void SessionPlayer::requestFrame(double now) {
   if (const auto request = server_.nextFrameRequest()) queued_ = request;
   if (rendering_ || !queued_) return;
-  rendering_ = {*std::exchange(queued_, std::nullopt), now + stage_.costs.server_render_seconds};
+  const double scale = queued_->camera.height / view_height_;
+  rendering_ = {*std::exchange(queued_, std::nullopt), now + scale * scale * stage_.costs.server_render_seconds};
 }
 
 /// Writes while few bytes wait, as server::WebSocketSession does.
@@ -124,6 +127,7 @@ base::Result<void> SessionPlayer::act(double now) {
 }
 
 base::Result<void> SessionPlayer::advance(double now, const base::ViewCamera& camera) {
+  view_height_ = camera.height;
   for (double next = nextEvent(); next <= now; next = nextEvent()) LUMIGRID_TRY(act(std::max(next, now_)));
   now_ = now;
   LUMIGRID_TRY(client_.update(camera, now));

@@ -26,8 +26,14 @@ constexpr int kMinQuality = 30;
 // A moving eye's frames are blended, which costs more than this quality does; better ones would take the link from
 // patches and images.
 constexpr int kMovingQuality = 90;
-constexpr double kDecodeSeconds = 0.01;  // a client's, a guess
-constexpr double kRenderMemory = 0.25;   // weight of the newest rendering time
+// More is not worth its bytes: docs/decisions/larger-frames.md.
+constexpr double kMostScale = 1.5;
+constexpr double kLeastScale = 1.1;  // less brings nothing that is seen
+// Bytes of larger frames ∝ scale^1.45: 1.6 to 1.9 times as many where each side is 1.5 times as long.
+constexpr double kBytesPower = 1.45;
+constexpr double kLargerRenderSeconds = 0.1;  // a larger frame that takes the renderer longer is late
+constexpr double kDecodeSeconds = 0.01;       // a client's, a guess
+constexpr double kRenderMemory = 0.25;        // weight of the newest rendering time
 // Other messages keep the link busy up to this many seconds while a frame is rendered that is later than expected by
 // more than kOverdue.
 constexpr double kShortQueue = 0.02;
@@ -91,9 +97,9 @@ void FrameSchedule::passTime() {
   credit_ = std::min(credit_ + rate * passed, kMaxCredit * rate);
 }
 
-double FrameSchedule::expectedBytes(int quality) const {
+double FrameSchedule::expectedBytes(int quality, double scale) const {
   const double unit = bytes_per_weight_ > 0.0 ? bytes_per_weight_ : kFirstBytesPerPixel * pixelsOf(view_->camera);
-  if (quality != kWithoutLoss) return unit * weightOf(codec_, quality);
+  if (quality != kWithoutLoss) return unit * std::pow(scale, kBytesPower) * weightOf(codec_, quality);
   return unit * (weight_without_loss_ > 0.0 ? weight_without_loss_ : kWeightWithoutLoss);
 }
 
@@ -129,12 +135,30 @@ int FrameSchedule::qualityFor(double seconds) const {
   return quality;
 }
 
-int FrameSchedule::movingQuality() const {
-  return std::min(qualityFor(kMovingSeconds), kMovingQuality);
+/// How many times as long as the view's the sides of a larger frame may be.
+double FrameSchedule::mostScale() const {
+  const double room = std::sqrt(most_pixels_ / pixelsOf(view_->camera));
+  const double time = std::sqrt(kLargerRenderSeconds / render_seconds_);
+  const double side = static_cast<double>(protocol::kMaxViewport) / std::max(view_->camera.width, view_->camera.height);
+  const double scale = std::min({kMostScale, room, time, side});
+  return scale >= kLeastScale ? scale : 1.0;
+}
+
+/// Bytes that would bring more than kMovingQuality go into pixels.
+FrameSchedule::MovingFrame FrameSchedule::movingFrame() const {
+  const int quality = qualityFor(kMovingSeconds);
+  if (quality < kMovingQuality) return {quality, 1.0};
+  const double scale = mostScale();
+  return {std::min(qualityFor(kMovingSeconds / std::pow(scale, kBytesPower)), kMovingQuality), scale};
+}
+
+double FrameSchedule::transferSeconds(const MovingFrame& frame) const {
+  return link_.transferSeconds(expectedBytes(frame.quality, frame.scale));
 }
 
 FrameRequest FrameSchedule::request(const base::ViewCamera& camera, int quality, bool last) {
-  under_way_ = UnderWay{++requests_, link_.now()};
+  const double scale = scaleOf(camera);
+  under_way_ = UnderWay{++requests_, link_.now(), scale * scale * render_seconds_};
   return {view_->sequence, camera, quality, codec_, last, requests_};
 }
 
@@ -169,12 +193,21 @@ double FrameSchedule::betterMayGoAt(bool all_sent) const {
 std::optional<FrameRequest> FrameSchedule::nextAimed() {
   if (aimed_ || link_.queueSeconds() > render_seconds_) return std::nullopt;
   aimed_ = true;
-  const int quality = movingQuality();
-  const double transfer = link_.transferSeconds(expectedBytes(quality));
-  const double until_shown = render_seconds_ + transfer + link_.roundTrip() + kDecodeSeconds;
-  const double shown_for = std::max(render_seconds_, transfer);
+  const MovingFrame frame = movingFrame();
+  const double render = frame.scale * frame.scale * render_seconds_;
+  const double transfer = transferSeconds(frame);
+  const double until_shown = render + transfer + link_.roundTrip() + kDecodeSeconds;
+  const double shown_for = std::max(render, transfer);
   const double view_age = link_.now() - motion_.newestAt();
-  return request(motion_.ahead(view_age + until_shown + 0.5 * shown_for), quality, false);
+  base::ViewCamera camera = motion_.ahead(view_age + until_shown + 0.5 * shown_for);
+  camera.width = static_cast<int>(frame.scale * camera.width);
+  camera.height = static_cast<int>(frame.scale * camera.height);
+  return request(camera, frame.quality, false);
+}
+
+/// The camera's height over that of the newest view.
+double FrameSchedule::scaleOf(const base::ViewCamera& camera) const {
+  return static_cast<double>(camera.height) / view_->camera.height;
 }
 
 void FrameSchedule::learn(int quality, double bytes) {
@@ -185,9 +218,11 @@ void FrameSchedule::learn(int quality, double bytes) {
 }
 
 void FrameSchedule::rendered(const FrameRequest& request, std::size_t bytes) {
-  if (bytes > 0) learn(request.quality, static_cast<double>(bytes));
+  const double scale = scaleOf(request.camera);
+  if (bytes > 0) learn(request.quality, static_cast<double>(bytes) / std::pow(scale, kBytesPower));
   if (!under_way_ || under_way_->number != request.number) return;
-  render_seconds_ += kRenderMemory * (link_.now() - under_way_->since - render_seconds_);
+  const double took = (link_.now() - under_way_->since) / (scale * scale);
+  render_seconds_ += kRenderMemory * (took - render_seconds_);
   under_way_.reset();
 }
 
@@ -199,17 +234,19 @@ bool FrameSchedule::isUseful(const base::ViewCamera& camera) const {
 }
 
 double FrameSchedule::renderSecondsLeft() const {
-  return under_way_ ? std::max(0.0, under_way_->since + render_seconds_ - link_.now()) : 0.0;
+  return under_way_ ? std::max(0.0, under_way_->since + under_way_->render_seconds - link_.now()) : 0.0;
 }
 
 /// The share of the link for other messages while the eye moves: what a renderer slower than the link leaves over.
 double FrameSchedule::othersShare() const {
-  const double transfer = expectedBytes(movingQuality()) / link_.rate();
-  return std::max(kOthersShare, 1.0 - transfer / std::max(render_seconds_, transfer));
+  const MovingFrame frame = movingFrame();
+  const double transfer = expectedBytes(frame.quality, frame.scale) / link_.rate();
+  const double render = frame.scale * frame.scale * render_seconds_;
+  return std::max(kOthersShare, 1.0 - transfer / std::max(render, transfer));
 }
 
 bool FrameSchedule::overdue() const {
-  return link_.now() - under_way_->since >= render_seconds_ + kOverdue;
+  return link_.now() - under_way_->since >= under_way_->render_seconds + kOverdue;
 }
 
 /// Bytes that wait when a frame is there delay it. While TCP begins that costs whole round trips, so nothing waits then
@@ -241,7 +278,7 @@ std::optional<double> FrameSchedule::wakeAt() const {
     if (credit_ <= 0.0) in(-credit_ / (othersShare() * link_.rate()));
   } else if (under_way_) {
     if (holdsOthers()) in(link_.waitSeconds(0.0) - othersMayWait());
-    if (!overdue()) in(under_way_->since + render_seconds_ + kOverdue - now);
+    if (!overdue()) in(under_way_->since + under_way_->render_seconds + kOverdue - now);
   } else if (exact_requested_ && !last_requested_) {
     in(betterMayGoAt(false) - now);
   }

@@ -6,7 +6,9 @@
 // without loss if the link carries that in kWithoutLossSeconds. That of the wanted quality comes at once where it
 // occupies the link no longer than kLastSeconds, else when the eye has stood for kStandsSeconds, or everything else was
 // sent; the one without loss when the eye has stood kStandsTimes as long as it takes, or kStandsMost. A moving eye gets
-// frames one after the other, each drawn for where the eye will be when the frame arrives.
+// frames one after the other, each drawn for where the eye will be when the frame arrives; where the link carries more
+// than they need, with more pixels than the view has, since looking a picture up between its pixels blurs it.
+#include <algorithm>
 #include <cstdint>
 #include <optional>
 
@@ -35,6 +37,10 @@ class FrameSchedule {
 
   /// Sets the codec of all frames.
   void setCodec(protocol::FrameCodec codec) { codec_ = codec; }
+  /// Sets how many pixels a moving eye's frame may have, if those of its view are fewer.
+  void setMostPixels(std::uint32_t pixels) {
+    most_pixels_ = std::min<std::uint32_t>(pixels, base::ViewDefaults::kMaxFramePixels);
+  }
   LinkEstimate& link() { return link_; }
   /// Accepts the newest view; `possible`: it wants frames, and the server can render them.
   void accept(const protocol::View& view, bool possible);
@@ -65,6 +71,12 @@ class FrameSchedule {
   struct UnderWay {
     std::uint64_t number;
     double since;
+    double render_seconds;  ///< expected
+  };
+  /// A moving eye's next frame. `scale`: its width and height over the view's.
+  struct MovingFrame {
+    int quality;
+    double scale;
   };
   bool moving() const { return possible_ && motion_.moving(link_.now()); }
   FrameRequest request(const base::ViewCamera& camera, int quality, bool last);
@@ -74,9 +86,12 @@ class FrameSchedule {
   double withoutLossMayGoAt() const;
   int betterQuality() const;
   int qualityFor(double seconds) const;
-  int movingQuality() const;
-  double expectedBytes(int quality) const;
+  MovingFrame movingFrame() const;
+  double mostScale() const;
+  double expectedBytes(int quality, double scale = 1.0) const;
+  double transferSeconds(const MovingFrame& frame) const;
   double betterMayGoAt(bool all_sent) const;
+  double scaleOf(const base::ViewCamera& camera) const;
   void learn(int quality, double bytes);
   double renderSecondsLeft() const;
   bool overdue() const;
@@ -87,6 +102,7 @@ class FrameSchedule {
   protocol::FrameCodec codec_ = protocol::FrameCodec::kJpeg;
   LinkEstimate link_;
   Motion motion_;
+  std::uint32_t most_pixels_ = 0;
 
   // The newest view.
   std::optional<protocol::View> view_;
@@ -98,7 +114,7 @@ class FrameSchedule {
 
   std::optional<UnderWay> under_way_;
   std::uint64_t requests_ = 0;
-  double render_seconds_ = 0.03;      // how long the renderer takes; the first frame's is assumed
+  double render_seconds_ = 0.03;      // how long a frame of the view's size takes the renderer; the first's is assumed
   double bytes_per_weight_ = 0.0;     // a frame's bytes at quality weight 1; 0: not known
   double weight_without_loss_ = 0.0;  // of the newest frame without loss; 0: not known
   double credit_ = 0.0;               // bytes that other messages may take while the eye moves

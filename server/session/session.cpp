@@ -60,6 +60,7 @@ base::Result<void> Session::acceptMessage(const protocol::Hello& hello) {
   client_ = hello.client;
   decodes_webp_ = (hello.frame_codecs & protocol::kDecodesWebp) != 0;
   frames_.setCodec(decodes_webp_ ? protocol::FrameCodec::kWebp : protocol::FrameCodec::kJpeg);
+  frames_.setMostPixels(hello.frame_pixels);
   if (scene_.patches == nullptr) return refuseSplatsOnly();
   phase_ = Phase::kReady;
   const lod::patch::Hierarchy& hierarchy = scene_.patches->hierarchy();

@@ -63,7 +63,7 @@ class MessageGenerator {
     for (std::uint32_t i = whole(0, 20); i > 0; --i) drawn.groups.push_back(whole(0, 0xFFFFFFFF));
     return drawn;
   }
-  Hello hello() { return {kVersion, text(), static_cast<std::uint8_t>(whole(0, 255))}; }
+  Hello hello() { return {kVersion, text(), static_cast<std::uint8_t>(whole(0, 255)), whole(0, 1U << 31U)}; }
   View view() {
     return {whole(1, 0xFFFFFFFF),
             camera(),
@@ -210,14 +210,15 @@ TEST(Message, aWelcomeTellsHowTheSceneIsShown) {
   }
 }
 
-// These are the bytes of docs/formats/protocol.md, "A worked row". Version 4 of the format must never read otherwise.
-TEST(Message, bytesOfVersionFourStay) {
-  EXPECT_EQ(encode(ClientMessage(Hello{4, "ab", kDecodesWebp})), (base::Bytes{0x01, 4, 0, 2, 0, 'a', 'b', 1}));
+// These are the bytes of docs/formats/protocol.md, "A worked row". Version 5 of the format must never read otherwise.
+TEST(Message, bytesOfVersionFiveStay) {
+  EXPECT_EQ(encode(ClientMessage(Hello{5, "ab", kDecodesWebp, 258})),
+            (base::Bytes{0x01, 5, 0, 2, 0, 'a', 'b', 1, 2, 1, 0, 0}));
   EXPECT_EQ(encode(ServerMessage(Completion{258})), (base::Bytes{0x85, 2, 1, 0, 0}));
   EXPECT_EQ(encode(ClientMessage(Eviction{{{1, 0, 0, 3}}, {7}})),
             (base::Bytes{0x03, 1, 0, 0, 0, 1, 0, 0, 0, 0, 0x58, 0, 0, 0, 0, 0, 0, 7, 0, 0, 0}));
-  EXPECT_EQ(encode(ServerMessage(Refusal{4, "no"})), (base::Bytes{0x86, 4, 0, 2, 0, 'n', 'o'}));
-  EXPECT_EQ(encode(ServerMessage(Refusal{4, "no", true})), (base::Bytes{0x86, 4, 0, 2, 0, 'n', 'o', 1}));
+  EXPECT_EQ(encode(ServerMessage(Refusal{5, "no"})), (base::Bytes{0x86, 5, 0, 2, 0, 'n', 'o'}));
+  EXPECT_EQ(encode(ServerMessage(Refusal{5, "no", true})), (base::Bytes{0x86, 5, 0, 2, 0, 'n', 'o', 1}));
   EXPECT_EQ(encode(ClientMessage(View{})).size(), 102U);
   const base::Bytes frame = encode(ServerMessage(Frame{1, {}, true, {0x77}}));
   ASSERT_EQ(frame.size(), 91U);
@@ -397,7 +398,7 @@ TEST(Message, helloTellsTheCodecsOfFrames) {
     ASSERT_TRUE(decoded) << "flags that mean nothing yet are passed over";
     EXPECT_EQ(std::get<Hello>(*decoded).frame_codecs, codecs);
     bytes.pop_back();
-    EXPECT_FALSE(decodeClientMessage(bytes)) << "the byte is not optional";
+    EXPECT_FALSE(decodeClientMessage(bytes)) << "no byte is optional";
   }
 }
 

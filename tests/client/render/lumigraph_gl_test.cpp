@@ -690,6 +690,21 @@ TEST_F(Lumigraph, facesLeaveOtherSizesTheirShare) {
   EXPECT_TRUE(renderer_->addSample(100, camera, base::Image(kFace - 2, kFace - 2, 4), 0.0));
 }
 
+TEST_F(Lumigraph, twoOtherSizesLeaveEachOtherHalf) {
+  const base::Camera camera = cubeCameras(kEye, kFace)[0];
+  const std::uint64_t share = 12ULL * kFace * kFace * 10;
+  auto made = LumigraphRenderer::create(kLattice, kFace, 2 * share, share);
+  ASSERT_TRUE(made);
+  renderer_ = std::move(made.value());
+  SampleId added = 0;
+  while (renderer_->addSample(added, camera, base::Image(kFace, kFace, 4), 0.0)) ++added;
+  for (const int side : {kFace - 2, kFace - 4}) {
+    const SampleId before = added;
+    while (renderer_->addSample(added, camera, base::Image(side, side, 4), 0.0)) ++added;
+    EXPECT_GE(added, before + 2) << side;
+  }
+}
+
 TEST_F(Lumigraph, threeImageSizesFitAndAFourthIsRefusedUntilOneIsEmpty) {
   const base::Camera camera = cubeCameras(kEye, kFace)[0];
   EXPECT_TRUE(renderer_->addSample(0, camera, base::Image(kFace, kFace, 4), 0.0));

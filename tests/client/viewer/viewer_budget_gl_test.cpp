@@ -121,6 +121,78 @@ TEST_F(ViewerBudget, anExactFrameLargerThanItsShareIsLeftOutForGood) {
   EXPECT_TRUE(viewer->session().complete() || viewer->stats().session.frames_received == 1);
 }
 
+TEST_F(ViewerBudget, littleMemoryAsksForNoLargerFrames) {
+  for (const std::uint64_t budget : {kMinMemory, std::uint64_t{1'000'000'000}}) {
+    ViewerOptions options;
+    options.memory_budget_bytes = budget;
+    Viewer asking(options, makeDecoder());
+    asking.session().connected();
+    const auto hellos = only<protocol::Hello>(sent(asking.session()));
+    ASSERT_EQ(hellos.size(), 1U);
+    if (budget == kMinMemory)
+      EXPECT_LT(hellos[0].frame_pixels, 640U * 360U);
+    else
+      EXPECT_GE(hellos[0].frame_pixels, 1920U * 1080U);
+  }
+}
+
+/// Faces have 256 × 256 pixels, and frames so many times 64 and 48 as their first byte says.
+class ScaledDecoder : public ImageDecoder {
+ public:
+  void submit(std::uint64_t id, base::ByteView coded) override {
+    const bool frame = id >> 63U != 0;
+    done_.push_back({id, PatternDecoder::pattern(id, frame ? 64 * coded[0] : 256, frame ? 48 * coded[0] : 256), {}});
+  }
+  std::vector<DecodedImage> takeDecoded() override { return std::exchange(done_, {}); }
+  std::size_t pending() const override { return done_.size(); }
+
+ private:
+  std::vector<DecodedImage> done_;
+};
+
+class FramesOfSizes : public ViewerBudget {
+ protected:
+  std::unique_ptr<ImageDecoder> makeDecoder() override { return std::make_unique<ScaledDecoder>(); }
+  void openWithFrames() {
+    server.welcome.can_render_frames = true;
+    openSmall();
+    receive(server.sayGroup(0));
+    for (std::uint32_t i = 0; i < 8; ++i) receive(server.sayFace({i % 4, i / 4, 2, 4}, 9'000));
+  }
+  /// Draws the view and then, with a frame of it of so many times its size, once more.
+  void showWithFrame(const base::ViewCamera& view, int scale, bool last = false) {
+    draw(view);
+    sent(viewer->session());
+    protocol::Frame frame{1, view, last, base::Bytes(100, static_cast<std::uint8_t>(scale))};
+    frame.camera.width = scale * view.width;
+    frame.camera.height = scale * view.height;
+    receive(protocol::encode(protocol::ServerMessage(frame)));
+    settle(view);
+    expectWithinBudget("with a frame");
+  }
+};
+
+// As those of a moving eye, or of a larger window.
+// A window that was larger twice before.
+TEST_F(FramesOfSizes, thoseOfOtherSizesGiveWayToTheViewsOwn) {
+  openWithFrames();
+  for (const int scale : {2, 3}) showWithFrame(server.lookDown(30.0), scale);
+  showWithFrame(server.lookDown(20.0), 1, true);
+  EXPECT_EQ(viewer->stats().accuracy, Accuracy::kExact);
+}
+
+TEST_F(FramesOfSizes, thoseOfAnEarlierSizeOfTheWindowGiveWayToAMovingEyes) {
+  openWithFrames();
+  showWithFrame(server.lookDown(30.0), 2);
+  showWithFrame(server.lookDown(30.2), 1);
+  const ViewerStats before = viewer->stats();
+  showWithFrame(server.lookDown(30.4), 4);
+  EXPECT_EQ(viewer->stats().lumigraph.samples_resident, before.lumigraph.samples_resident) << "one came, one went";
+  EXPECT_GT(viewer->stats().memory.textures, before.memory.textures) << "the new one is larger";
+  showWithFrame(server.lookDown(30.6), 1, true);
+  EXPECT_EQ(viewer->stats().accuracy, Accuracy::kExact);
+}
+
 /// Takes images and never finishes one.
 class EndlessDecoder : public ImageDecoder {
  public:

@@ -217,6 +217,77 @@ TEST(FrameSchedule, othersThatWouldDelayTheFirstFrameWaitWhileItIsRendered) {
   EXPECT_TRUE(driven.schedule.holdsOthers()) << "a short queue keeps the link busy";
 }
 
+// ---- larger frames ----
+
+constexpr std::uint32_t kManyPixels = 4'000'000;
+
+/// The frame of an eye that has moved for a third of a second, whose first frame had so many bytes.
+std::optional<FrameRequest> movingFrame(Driven& driven, std::uint32_t most_pixels, std::size_t bytes, int quality = 95,
+                                        double render_seconds = 0.03) {
+  driven.schedule.setMostPixels(most_pixels);
+  for (int i = 0; i < 10; ++i) {
+    driven.at(std::max(driven.now, i / 30.0));
+    driven.view(driven.now, quality);
+    if (i == 0) driven.render(*driven.schedule.next(false), render_seconds, bytes);
+  }
+  return driven.schedule.next(false);
+}
+
+TEST(FrameSchedule, aMovingEyesFrameHasMorePixelsWhereTheLinkCarriesThem) {
+  Driven driven;
+  const auto frame = movingFrame(driven, kManyPixels, 10'000);
+  ASSERT_TRUE(frame);
+  EXPECT_EQ(frame->camera.width, 960);
+  EXPECT_EQ(frame->camera.height, 540);
+  // Its bytes and its time are not those of one of the view's size.
+  driven.render(*frame, 0.06, 18'000);
+  for (int i = 10; i < 15; ++i) {
+    driven.at(std::max(driven.now, i / 30.0));
+    driven.view(driven.now, 95);
+  }
+  const auto next = driven.schedule.next(false);
+  ASSERT_TRUE(next);
+  EXPECT_EQ(next->camera.width, 960);
+  EXPECT_GE(next->quality, frame->quality);
+}
+
+TEST(FrameSchedule, aFrameHasNoMorePixelsThanItsViewWhereThatCostsMoreThanItBrings) {
+  const struct {
+    const char* why;
+    std::uint32_t most_pixels;
+    std::size_t bytes;
+    int quality;
+    double render_seconds;
+  } cases[] = {{"the link needs all of it for the view's own", kManyPixels, 60'000, 95, 0.03},
+               {"the client has no room", 0, 10'000, 95, 0.03},
+               {"the client has room for the view's own", 640 * 360, 10'000, 95, 0.03},
+               {"less quality is asked for", kManyPixels, 10'000, 60, 0.03},
+               {"the renderer is slow", kManyPixels, 10'000, 95, 0.9}};
+  for (const auto& one : cases) {
+    Driven driven;
+    const auto frame = movingFrame(driven, one.most_pixels, one.bytes, one.quality, one.render_seconds);
+    ASSERT_TRUE(frame) << one.why;
+    EXPECT_EQ(frame->camera.width, 640) << one.why;
+    EXPECT_EQ(frame->camera.height, 360) << one.why;
+  }
+}
+
+TEST(FrameSchedule, aFrameHasAsManyPixelsAsTheClientHasRoomFor) {
+  Driven driven;
+  const auto frame = movingFrame(driven, 360'000, 10'000);
+  ASSERT_TRUE(frame);
+  EXPECT_EQ(frame->camera.width, 800);
+  EXPECT_LE(frame->camera.width * frame->camera.height, 360'000);
+}
+
+TEST(FrameSchedule, aFrameOfAnEyeAtRestHasTheViewsPixels) {
+  Driven driven;
+  driven.schedule.setMostPixels(kManyPixels);
+  driven.at(0.0);
+  driven.view(0.0, 95);
+  EXPECT_EQ(driven.schedule.next(false)->camera.width, 640);
+}
+
 // ---- frames without loss ----
 
 constexpr int kWithoutLoss = base::ViewDefaults::kWithoutLoss;
