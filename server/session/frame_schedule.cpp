@@ -31,6 +31,8 @@ constexpr double kMostScale = 1.5;
 constexpr double kLeastScale = 1.1;  // less brings nothing that is seen
 // Bytes of larger frames ∝ scale^1.45: 1.6 to 1.9 times as many where each side is 1.5 times as long.
 constexpr double kBytesPower = 1.45;
+// An eye is fast that in so many seconds turns by so many radians, or moves through such a part of its reach.
+constexpr double kAheadSeconds = 0.15, kFastAngle = 0.06, kFastReach = 0.5;
 constexpr double kLargerRenderSeconds = 0.1;  // a larger frame that takes the renderer longer is late
 constexpr double kDecodeSeconds = 0.01;       // a client's, a guess
 constexpr double kRenderMemory = 0.25;        // weight of the newest rendering time
@@ -137,6 +139,7 @@ int FrameSchedule::qualityFor(double seconds) const {
 
 /// How many times as long as the view's the sides of a larger frame may be.
 double FrameSchedule::mostScale() const {
+  if (isFast()) return 1.0;
   const double room = std::sqrt(most_pixels_ / pixelsOf(view_->camera));
   const double time = std::sqrt(kLargerRenderSeconds / render_seconds_);
   const double side = static_cast<double>(protocol::kMaxViewport) / std::max(view_->camera.width, view_->camera.height);
@@ -150,6 +153,14 @@ FrameSchedule::MovingFrame FrameSchedule::movingFrame() const {
   if (quality < kMovingQuality) return {quality, 1.0};
   const double scale = mostScale();
   return {std::min(qualityFor(kMovingSeconds / std::pow(scale, kBytesPower)), kMovingQuality), scale};
+}
+
+/// A fast eye's frames are as far off as they are late, which more pixels make them.
+bool FrameSchedule::isFast() const {
+  const base::ViewCamera soon = motion_.ahead(kAheadSeconds);
+  const base::ViewCamera& now = view_->camera;
+  return glm::length(soon.position - now.position) > kFastReach * reach_ ||
+         glm::dot(soon.direction, now.direction) < std::cos(kFastAngle);
 }
 
 double FrameSchedule::transferSeconds(const MovingFrame& frame) const {

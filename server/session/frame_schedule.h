@@ -87,6 +87,7 @@ class FrameSchedule {
   int betterQuality() const;
   int qualityFor(double seconds) const;
   MovingFrame movingFrame() const;
+  bool isFast() const;
   double mostScale() const;
   double expectedBytes(int quality, double scale = 1.0) const;
   double transferSeconds(const MovingFrame& frame) const;

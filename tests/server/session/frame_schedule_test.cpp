@@ -223,11 +223,11 @@ constexpr std::uint32_t kManyPixels = 4'000'000;
 
 /// The frame of an eye that has moved for a third of a second, whose first frame had so many bytes.
 std::optional<FrameRequest> movingFrame(Driven& driven, std::uint32_t most_pixels, std::size_t bytes, int quality = 95,
-                                        double render_seconds = 0.03) {
+                                        double render_seconds = 0.03, double speed = 1.0) {
   driven.schedule.setMostPixels(most_pixels);
   for (int i = 0; i < 10; ++i) {
     driven.at(std::max(driven.now, i / 30.0));
-    driven.view(driven.now, quality);
+    driven.view(speed * driven.now, quality);
     if (i == 0) driven.render(*driven.schedule.next(false), render_seconds, bytes);
   }
   return driven.schedule.next(false);
@@ -269,6 +269,15 @@ TEST(FrameSchedule, aFrameHasNoMorePixelsThanItsViewWhereThatCostsMoreThanItBrin
     ASSERT_TRUE(frame) << one.why;
     EXPECT_EQ(frame->camera.width, 640) << one.why;
     EXPECT_EQ(frame->camera.height, 360) << one.why;
+  }
+}
+
+TEST(FrameSchedule, aFastEyesFrameHasTheViewsPixels) {
+  for (const double speed : {1.0, 100.0}) {
+    Driven driven;
+    const auto frame = movingFrame(driven, kManyPixels, 10'000, 95, 0.03, speed);
+    ASSERT_TRUE(frame);
+    EXPECT_EQ(frame->camera.width > 640, speed < 10.0) << speed;
   }
 }
 
