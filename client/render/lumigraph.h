@@ -104,7 +104,7 @@ struct LumigraphStats {
 class LumigraphRenderer {
  public:
   /// `gpu_budget_bytes` bounds textures; addSample refuses layers beyond it. Images of face_size × face_size leave
-  /// `for_other_sizes` of it to images of other sizes.
+  /// `for_other_sizes` of it to images of other sizes, of which there are two: each leaves the other half of that.
   static base::Result<std::unique_ptr<LumigraphRenderer>> create(const lod::Lattice& lattice, int face_size,
                                                                  std::uint64_t gpu_budget_bytes,
                                                                  std::uint64_t for_other_sizes = 0);

@@ -11,6 +11,14 @@ namespace {
 /// that sum again.
 constexpr std::uint64_t kBytesPerTriangle = 50;
 
+/// Bytes of a pixel of a frame on the GPU: 4, a third more of mip levels, and a depth map of 512 x 512 texels at most.
+constexpr std::uint64_t kBytesPerFramePixel = 6;
+constexpr std::uint64_t kFramesKept = 4;
+
+std::uint32_t atMost32Bits(std::uint64_t number) {
+  return static_cast<std::uint32_t>(std::min<std::uint64_t>(number, std::numeric_limits<std::uint32_t>::max()));
+}
+
 /// The least budget that samples have a share of. A choice: a phone's page of two megapixels takes 125 MB for four
 /// samples each and what blends them, which its images need more.
 constexpr std::uint64_t kLeastForSamples = 256'000'000;
@@ -34,8 +42,11 @@ MemoryPlan planMemory(std::uint64_t budget, std::uint64_t wanted_cache, std::uin
 }
 
 std::uint32_t trianglesFor(std::uint64_t patch_bytes) {
-  return static_cast<std::uint32_t>(
-      std::min<std::uint64_t>(patch_bytes / kBytesPerTriangle, std::numeric_limits<std::uint32_t>::max()));
+  return atMost32Bits(patch_bytes / kBytesPerTriangle);
+}
+
+std::uint32_t framePixelsFor(std::uint64_t frame_image_bytes) {
+  return atMost32Bits(frame_image_bytes / (kFramesKept * kBytesPerFramePixel));
 }
 
 }  // namespace client

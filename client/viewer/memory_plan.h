@@ -28,4 +28,8 @@ MemoryPlan planMemory(std::uint64_t budget, std::uint64_t wanted_cache, std::uin
 /// into `patch_bytes`.
 std::uint32_t trianglesFor(std::uint64_t patch_bytes);
 
+/// Number of pixels that a frame may have, so that four such frames fit into `frame_image_bytes`: two, and as many
+/// bytes for frames of another size.
+std::uint32_t framePixelsFor(std::uint64_t frame_image_bytes);
+
 }  // namespace client

@@ -24,10 +24,6 @@ base::Sphere sceneSphere(const protocol::Welcome& welcome) {
   return {0.5F * (welcome.box_min + welcome.box_max), 0.5F * glm::length(welcome.box_max - welcome.box_min)};
 }
 
-// A frame larger than its view must leave room for those before it, and for those of the view's size.
-constexpr std::uint64_t kFramesKept = 4;
-constexpr std::uint64_t kBytesPerPixel = 6;  // of an image on the GPU, with its mip levels and its small depth map
-
 /// Divides the memory budget, and limits the options by their shares.
 MemoryPlan limitByMemory(ViewerOptions& options) {
   options.memory_budget_bytes = std::max(options.memory_budget_bytes, kMinMemory);
@@ -35,8 +31,7 @@ MemoryPlan limitByMemory(ViewerOptions& options) {
                                      options.session.frames, options.samples > 1);
   options.session.cache_bytes = plan.cache;
   options.session.frame_bytes = plan.frames;
-  options.session.frame_pixels = static_cast<std::uint32_t>(std::min<std::uint64_t>(
-      plan.frame_images / (kFramesKept * kBytesPerPixel), std::numeric_limits<std::uint32_t>::max()));
+  options.session.frame_pixels = framePixelsFor(plan.frame_images);
   const std::uint64_t at_rest = std::uint64_t{base::ViewDefaults::kRefinedFactor} * options.session.max_triangles;
   const std::uint32_t most = trianglesFor(plan.patches);
   options.session.max_triangles = std::min(options.session.max_triangles, most);

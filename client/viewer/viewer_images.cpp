@@ -23,6 +23,10 @@ constexpr float kReplaceFactor = 1.2F;
 /// a face does.
 constexpr float kFrameFadeShare = 0.25F;
 
+bool haveSameSize(const base::Camera& a, const base::Camera& b) {
+  return a.width == b.width && a.height == b.height;
+}
+
 /// Returns the bytes of a decoded image of this camera's size.
 std::uint64_t decodedBytes(const base::Camera& camera) {
   return std::uint64_t{4} * static_cast<std::uint64_t>(camera.width) * static_cast<std::uint64_t>(camera.height);
@@ -143,9 +147,7 @@ const Viewer::BlendImage* Viewer::worstResident(SampleId* id, const base::Camera
   for (auto it = ranked_.rbegin(); it != ranked_.rend(); ++it) {
     const BlendImage& image = images_.at(*it);
     if (image.state != ImageState::kResident) continue;
-    if (of_size_like != nullptr &&
-        (image.camera.width != of_size_like->width || image.camera.height != of_size_like->height))
-      continue;
+    if (of_size_like != nullptr && !haveSameSize(image.camera, *of_size_like)) continue;
     if (id != nullptr) *id = *it;
     return &image;
   }
@@ -157,9 +159,8 @@ std::optional<SampleId> Viewer::oldestFrameBefore(SampleId id) const {
   std::optional<SampleId> oldest;
   const base::Camera& camera = images_.at(id).camera;
   for (const auto& [other, image] : images_) {
-    const bool fits = image.camera.width == camera.width && image.camera.height == camera.height;
     if ((other & kFrameTag) == 0 || other >= oldest.value_or(id)) continue;
-    if (image.state == ImageState::kResident && fits) oldest = other;
+    if (image.state == ImageState::kResident && haveSameSize(image.camera, camera)) oldest = other;
   }
   return oldest;
 }
@@ -197,9 +198,7 @@ bool Viewer::removeFramesBut(std::initializer_list<base::Camera> sizes) {
   bool any = false;
   for (const auto& [id, image] : images_) {
     if ((id & kFrameTag) == 0 || image.state != ImageState::kResident) continue;
-    const auto is_alike = [&camera = image.camera](const base::Camera& size) {
-      return camera.width == size.width && camera.height == size.height;
-    };
+    const auto is_alike = [&camera = image.camera](const base::Camera& size) { return haveSameSize(camera, size); };
     if (std::any_of(sizes.begin(), sizes.end(), is_alike)) continue;
     removeResident(id);
     any = true;

@@ -31,7 +31,7 @@ constexpr double kMostScale = 1.5;
 constexpr double kLeastScale = 1.1;  // less brings nothing that is seen
 // Bytes of larger frames ∝ scale^1.45: 1.6 to 1.9 times as many where each side is 1.5 times as long.
 constexpr double kBytesPower = 1.45;
-// An eye is fast that in so many seconds turns by so many radians, or moves through such a part of its reach.
+// An eye is fast that in so many seconds turns by so many radians, or moves by such a part of FrameSchedule's `reach`.
 constexpr double kAheadSeconds = 0.15, kFastAngle = 0.06, kFastReach = 0.5;
 constexpr double kLargerRenderSeconds = 0.1;  // a larger frame that takes the renderer longer is late
 constexpr double kDecodeSeconds = 0.01;       // a client's, a guess
@@ -72,6 +72,11 @@ double weightOf(protocol::FrameCodec codec, int quality) {
   return weights.back().weight;
 }
 
+/// The bytes of a frame whose sides are so many times the view's, relative to one of the view's size.
+double sizeWeightOf(double scale) {
+  return std::pow(scale, kBytesPower);
+}
+
 double pixelsOf(const base::ViewCamera& camera) {
   return static_cast<double>(camera.width) * camera.height;
 }
@@ -101,7 +106,7 @@ void FrameSchedule::passTime() {
 
 double FrameSchedule::expectedBytes(int quality, double scale) const {
   const double unit = bytes_per_weight_ > 0.0 ? bytes_per_weight_ : kFirstBytesPerPixel * pixelsOf(view_->camera);
-  if (quality != kWithoutLoss) return unit * std::pow(scale, kBytesPower) * weightOf(codec_, quality);
+  if (quality != kWithoutLoss) return unit * sizeWeightOf(scale) * weightOf(codec_, quality);
   return unit * (weight_without_loss_ > 0.0 ? weight_without_loss_ : kWeightWithoutLoss);
 }
 
@@ -152,7 +157,7 @@ FrameSchedule::MovingFrame FrameSchedule::movingFrame() const {
   const int quality = qualityFor(kMovingSeconds);
   if (quality < kMovingQuality) return {quality, 1.0};
   const double scale = mostScale();
-  return {std::min(qualityFor(kMovingSeconds / std::pow(scale, kBytesPower)), kMovingQuality), scale};
+  return {std::min(qualityFor(kMovingSeconds / sizeWeightOf(scale)), kMovingQuality), scale};
 }
 
 /// A fast eye's frames are as far off as they are late, which more pixels make them.
@@ -163,13 +168,13 @@ bool FrameSchedule::isFast() const {
          glm::dot(soon.direction, now.direction) < std::cos(kFastAngle);
 }
 
-double FrameSchedule::transferSeconds(const MovingFrame& frame) const {
-  return link_.transferSeconds(expectedBytes(frame.quality, frame.scale));
+/// How long a frame of so many times the view's sides is expected to take the renderer.
+double FrameSchedule::renderSeconds(double scale) const {
+  return scale * scale * render_seconds_;
 }
 
 FrameRequest FrameSchedule::request(const base::ViewCamera& camera, int quality, bool last) {
-  const double scale = scaleOf(camera);
-  under_way_ = UnderWay{++requests_, link_.now(), scale * scale * render_seconds_};
+  under_way_ = UnderWay{++requests_, link_.now(), renderSeconds(scaleOf(camera))};
   return {view_->sequence, camera, quality, codec_, last, requests_};
 }
 
@@ -205,8 +210,8 @@ std::optional<FrameRequest> FrameSchedule::nextAimed() {
   if (aimed_ || link_.queueSeconds() > render_seconds_) return std::nullopt;
   aimed_ = true;
   const MovingFrame frame = movingFrame();
-  const double render = frame.scale * frame.scale * render_seconds_;
-  const double transfer = transferSeconds(frame);
+  const double render = renderSeconds(frame.scale);
+  const double transfer = link_.transferSeconds(expectedBytes(frame.quality, frame.scale));
   const double until_shown = render + transfer + link_.roundTrip() + kDecodeSeconds;
   const double shown_for = std::max(render, transfer);
   const double view_age = link_.now() - motion_.newestAt();
@@ -230,7 +235,7 @@ void FrameSchedule::learn(int quality, double bytes) {
 
 void FrameSchedule::rendered(const FrameRequest& request, std::size_t bytes) {
   const double scale = scaleOf(request.camera);
-  if (bytes > 0) learn(request.quality, static_cast<double>(bytes) / std::pow(scale, kBytesPower));
+  if (bytes > 0) learn(request.quality, static_cast<double>(bytes) / sizeWeightOf(scale));
   if (!under_way_ || under_way_->number != request.number) return;
   const double took = (link_.now() - under_way_->since) / (scale * scale);
   render_seconds_ += kRenderMemory * (took - render_seconds_);
@@ -252,8 +257,7 @@ double FrameSchedule::renderSecondsLeft() const {
 double FrameSchedule::othersShare() const {
   const MovingFrame frame = movingFrame();
   const double transfer = expectedBytes(frame.quality, frame.scale) / link_.rate();
-  const double render = frame.scale * frame.scale * render_seconds_;
-  return std::max(kOthersShare, 1.0 - transfer / std::max(render, transfer));
+  return std::max(kOthersShare, 1.0 - transfer / std::max(renderSeconds(frame.scale), transfer));
 }
 
 bool FrameSchedule::overdue() const {

@@ -90,7 +90,7 @@ class FrameSchedule {
   bool isFast() const;
   double mostScale() const;
   double expectedBytes(int quality, double scale = 1.0) const;
-  double transferSeconds(const MovingFrame& frame) const;
+  double renderSeconds(double scale) const;
   double betterMayGoAt(bool all_sent) const;
   double scaleOf(const base::ViewCamera& camera) const;
   void learn(int quality, double bytes);

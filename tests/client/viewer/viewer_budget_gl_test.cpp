@@ -172,8 +172,7 @@ class FramesOfSizes : public ViewerBudget {
   }
 };
 
-// As those of a moving eye, or of a larger window.
-// A window that was larger twice before.
+// A window that had two other sizes before.
 TEST_F(FramesOfSizes, thoseOfOtherSizesGiveWayToTheViewsOwn) {
   openWithFrames();
   for (const int scale : {2, 3}) showWithFrame(server.lookDown(30.0), scale);
