@@ -20,7 +20,7 @@ constexpr float kColorShare = 0.45F;     // a
 constexpr float kOutline2 = 5e-4F;       // o²
 constexpr float kImageNoise2 = 5e-5F;    // n²
 constexpr float kImageShare = 0.1F;      // i
-constexpr float kShiftShare = 0.1F;      // h
+constexpr float kShiftShare = 0.5F;      // h
 constexpr float kFarShift = 60.0F;       // f
 constexpr float kTexelShare = 0.03F;     // x
 constexpr float kTexelPower = 0.7F;
@@ -28,8 +28,9 @@ constexpr float kShift = 3.0F;         // of s, as BlendTuning's
 constexpr float kFailingShare = 0.1F;  // q
 /// The share of later views' gain that counts while the eye moves. A choice (docs/decisions/gain-per-byte.md).
 constexpr float kLater = 0.3F;
-/// An image of some 10 kB that gains less is not sent. A picture of 40 dB has an error of 1e-4.
-constexpr float kLeastGain = 2e-7F;
+/// An image that gains less for each of its bytes is not sent: 2e-7 for one of 10 kB. A picture of 40 dB has an error
+/// of 1e-4.
+constexpr double kLeastImageRate = 2e-11;
 /// A group that gains less for each of its bytes is not sent to a picture that is good already
 /// (docs/decisions/refine-at-rest.md).
 constexpr double kLeastRate = 1e-11;
@@ -110,9 +111,11 @@ struct Place {
 struct Image {
   repository::FaceKey key;
   std::vector<std::pair<std::uint32_t, Look>> looks;  // sample, look
+  double bytes = 1.0;
   float gain = 0.0F;
   bool is_stale = true;  // its gain may be less by now
   bool has_come = false;
+  double rate() const { return static_cast<double>(gain) / bytes; }
   std::uint32_t renewed = 0;  // the round in which a group last changed it
 };
 
@@ -185,7 +188,7 @@ class GainOrder {
       if (group && query_.is_refining && group->rate() < kLeastRate) group.reset();
       const std::optional<std::uint32_t> image = images_left_ > 0 ? findBestImage() : std::nullopt;
       if (!group && !image) return items;
-      if (group && (!image || group->rate() >= rateOf(images_[*image]))) {
+      if (group && (!image || group->rate() >= images_[*image].rate())) {
         items.push_back({std::nullopt, best_group_, groups_[best_group_].gain});
         take(groups_[best_group_]);
       } else {
@@ -253,9 +256,10 @@ class GainOrder {
       return repository::FaceKey{point.x, point.y, point.z, finest.d, path[depth]};
     };
 
+    if (storedBytes(keyAt(0)) == 0) return;
     // An absent tile leaves what it would have shown to the one above it.
     std::uint32_t last = 0;
-    while (last < deepest && !isAbsent(keyAt(last + 1))) ++last;
+    while (last < deepest && storedBytes(keyAt(last + 1)) != 0) ++last;
     const float angle = glm::length(to_eye / eye_distance - to_point / distance);
     for (std::uint32_t depth = 0; depth <= last; ++depth) {
       const float texel = 1.0F / std::clamp(sharpnessAt(depth == last ? deepest : depth), 0.01F, 1.0F);
@@ -266,15 +270,15 @@ class GainOrder {
     }
   }
 
-  bool isAbsent(const repository::FaceKey& key) {
-    const auto [found, is_new] = absent_.try_emplace(key.code(), false);
-    if (is_new) found->second = query_.is_absent(key);
+  std::uint64_t storedBytes(const repository::FaceKey& key) {
+    const auto [found, is_new] = stored_bytes_.try_emplace(key.code(), query_.image_bytes);
+    if (is_new && query_.stored_bytes) found->second = query_.stored_bytes(key).value_or(query_.image_bytes);
     return found->second;
   }
 
   void addLook(const repository::FaceKey& key, std::uint32_t s, const Look& look) {
     const auto [found, is_new] = numbers_.try_emplace(key.code(), static_cast<std::uint32_t>(images_.size()));
-    if (is_new) images_.push_back({key, {}});
+    if (is_new) images_.push_back({key, {}, static_cast<double>(storedBytes(key))});
     images_[found->second].looks.emplace_back(s, look);
     places_[s].images.push_back(found->second);
   }
@@ -302,25 +306,23 @@ class GainOrder {
     Image& image = images_[i];
     image.gain = gainOf(image);
     image.is_stale = false;
-    queue_.emplace(image.gain, images_.size() - i);  // of equals the first
+    queue_.emplace(image.rate(), images_.size() - i);  // of equals the first
   }
-
-  double rateOf(const Image& image) const { return image.gain / static_cast<double>(query_.image_bytes); }
 
   /// The image that gains most, if any gains enough. As images come, others gain less, but for rare second images, so
   /// each is computed again only when it would be the next (Minoux 1978); groups renew() what they change.
   std::optional<std::uint32_t> findBestImage() {
     while (!queue_.empty()) {
-      const auto [gain, rank] = queue_.top();
+      const auto [rate, rank] = queue_.top();
       const auto i = static_cast<std::uint32_t>(images_.size() - rank);
       const Image& image = images_[i];
-      if (image.has_come || (!image.is_stale && gain != image.gain)) {
+      if (image.has_come || (!image.is_stale && rate != image.rate())) {
         queue_.pop();
       } else if (image.is_stale) {
         queue_.pop();
         renew(i);
       } else {
-        return image.gain < kLeastGain ? std::nullopt : std::optional(i);
+        return image.rate() < kLeastImageRate ? std::nullopt : std::optional(i);
       }
     }
     return std::nullopt;
@@ -371,9 +373,9 @@ class GainOrder {
   std::vector<Place> places_;
   std::vector<Group> groups_;
   std::vector<Image> images_;
-  std::unordered_map<std::uint64_t, std::uint32_t> numbers_;  // of images, by code
-  std::unordered_map<std::uint64_t, bool> absent_;            // by code, as far as it was asked
-  std::priority_queue<std::pair<float, std::size_t>> queue_;
+  std::unordered_map<std::uint64_t, std::uint32_t> numbers_;       // of images, by code
+  std::unordered_map<std::uint64_t, std::uint64_t> stored_bytes_;  // by code, as far as it was asked
+  std::priority_queue<std::pair<double, std::size_t>> queue_;
   std::vector<std::size_t> left_;  // groups that have not come, children before parents
   std::vector<Prospect> prospects_;
   std::size_t best_group_ = 0;

@@ -65,14 +65,17 @@ struct OrderedGroup {
   float density = 0.0F;
 };
 
+/// Bytes of a stored image: 0 where it is known not to be stored or to show nothing, nullopt where nothing is known.
+/// The nearest ancestor of a tile that is not stored shows as much as it would. Null: nothing is known of any.
+using StoredBytes = std::function<std::optional<std::uint64_t>(const repository::FaceKey&)>;
+
 struct GainQuery {
   PointQuery points;
   std::size_t max_images = 64;  ///< with those that are here
-  /// Whether a tile is known not to be stored. Its nearest ancestor then shows as much as it would.
-  std::function<bool(const repository::FaceKey&)> is_absent = [](const repository::FaceKey&) { return false; };
+  StoredBytes stored_bytes = nullptr;
   /// Whether the viewer has an image already, so that others gain only what they add to it.
   std::function<bool(const repository::FaceKey&)> is_here = [](const repository::FaceKey&) { return false; };
-  std::uint64_t image_bytes = 10'000;  ///< of an image, as far as one knows
+  std::uint64_t image_bytes = 10'000;  ///< of an image of which nothing else is known
   /// The eye moves, or there are no images: groups gain for later views, too. Images stay behind.
   bool is_moving = false;
   /// The picture is good already: groups, too, are left out where they gain too little for their bytes.

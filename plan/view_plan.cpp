@@ -8,7 +8,6 @@
 #include <utility>
 
 #include "lod/patch/traverse.h"
-#include "plan/gain_order.h"
 #include "plan/point_choice.h"
 
 namespace plan {
@@ -154,7 +153,7 @@ OrderByGain orderItems(const Scene& scene, const LocalView& local, const PointQu
   gain.is_here = is_here;
   gain.is_moving = scene.is_moving || points.empty();
   gain.is_refining = !points.empty() && local.request.measure == base::ErrorMeasure::kVisible;
-  if (scene.is_absent) gain.is_absent = scene.is_absent;
+  gain.stored_bytes = scene.stored_bytes;
   return orderByGain(gain, points, samples, places, send.groups);
 }
 
@@ -242,6 +241,7 @@ ViewPlan planView(const Scene& scene, const protocol::View& view, const Holdings
   if (wantsImages(scene, view)) points = pointsFor(scene, local, query);
   ViewPlan plan;
   planItems(scene, local, query, points, present, plan);
+  plan.points = points;
   for (const glm::uvec3& p : points) {
     for (const repository::FaceKey& key : othersOf(scene.welcome->grid, p)) {
       const bool in_view = std::find(plan.faces.begin(), plan.faces.end(), key) != plan.faces.end();

@@ -10,6 +10,7 @@
 #include "lod/patch/hierarchy.h"
 #include "lod/patch/proxy_sight.h"
 #include "lod/patch/traverse.h"
+#include "plan/gain_order.h"
 #include "protocol/message.h"
 #include "repository/sampling/sample_tree.h"
 
@@ -33,8 +34,8 @@ struct Scene {
   bool images = false;                                  ///< the scene has a repository
   const repository::SampleTree* sample_tree = nullptr;  ///< the points that are sampled; null: all of the grid
   const lod::patch::ProxySight* sight = nullptr;        ///< tests occlusion; null: nothing hides anything
-  /// Whether a tile is known not to be stored; null: nothing is known.
-  std::function<bool(const repository::FaceKey&)> is_absent = nullptr;
+  /// As GainQuery has it.
+  StoredBytes stored_bytes = nullptr;
   ImageBytes image_bytes = {};
   bool is_moving = false;  ///< the eye moves (isMoving())
 };
@@ -60,6 +61,7 @@ struct ViewPlan {
   std::vector<std::size_t> faces_before;
   std::vector<repository::FaceKey> faces;        ///< images that show what is in view, most useful first
   std::vector<repository::FaceKey> other_faces;  ///< all other faces of the same points
+  std::vector<glm::uvec3> points;                ///< whose images were chosen from
   /// Expected squared error of the picture's colours, 0..1, as it is, and once groups and faces have come.
   float error_before = 0.0F, error_after = 0.0F;
 };

@@ -73,13 +73,14 @@ class LmdbStore final : public Store {
     return copyOf(kFaces, valueOf(bytes));
   }
 
-  base::Result<bool> contains(const FaceKey& key) const override {
+  base::Result<std::optional<std::uint64_t>> valueBytes(const FaceKey& key) const override {
     const NumberKey bytes = bigEndian(key.code());
-    return read([&](MDB_txn* txn) {
-      MDB_val name = valueOf(bytes);
-      MDB_val value{};
-      return mdb_get(txn, environment_->table(kFaces), &name, &value);
-    });
+    MDB_val value{};
+    LUMIGRID_ASSIGN_OR_RETURN(const bool found, read([&](MDB_txn* txn) {
+                                MDB_val name = valueOf(bytes);
+                                return mdb_get(txn, environment_->table(kFaces), &name, &value);
+                              }));
+    return found ? std::optional<std::uint64_t>(value.mv_size) : std::nullopt;
   }
 
   base::Result<void> putBatch(const std::vector<std::pair<FaceKey, base::Bytes>>& batch) override {

@@ -62,9 +62,9 @@ class ShardedStore final : public Store {
     LUMIGRID_ASSIGN_OR_RETURN(auto store, storeOf(key));
     return store == nullptr ? Result<std::optional<base::Bytes>>(std::optional<base::Bytes>()) : store->get(key);
   }
-  Result<bool> contains(const FaceKey& key) const override {
+  Result<std::optional<std::uint64_t>> valueBytes(const FaceKey& key) const override {
     LUMIGRID_ASSIGN_OR_RETURN(auto store, storeOf(key));
-    return store == nullptr ? Result<bool>(false) : store->contains(key);
+    return store == nullptr ? Result<std::optional<std::uint64_t>>(std::nullopt) : store->valueBytes(key);
   }
 
   Result<void> forEach(const std::function<bool(const FaceKey&, base::ByteView)>& visit) const override {

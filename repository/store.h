@@ -26,7 +26,13 @@ class Store {
     for (const FaceKey& key : keys) values.push_back(get(key));
     return values;
   }
-  virtual base::Result<bool> contains(const FaceKey& key) const = 0;
+  /// Bytes of a value, as a rule without reading it: 0 where only reading it would tell, nullopt when the key is
+  /// absent.
+  virtual base::Result<std::optional<std::uint64_t>> valueBytes(const FaceKey& key) const = 0;
+  base::Result<bool> contains(const FaceKey& key) const {
+    LUMIGRID_ASSIGN_OR_RETURN(const auto bytes, valueBytes(key));
+    return bytes.has_value();
+  }
   /// Writes all values or none; they are durable on return. Keys need not be sorted. One thread at a time may call it.
   virtual base::Result<void> putBatch(const std::vector<std::pair<FaceKey, base::Bytes>>&) { return readOnlyError(); }
   virtual base::Result<void> erase(const std::vector<FaceKey>&) { return readOnlyError(); }

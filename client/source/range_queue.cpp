@@ -3,6 +3,12 @@
 #include <algorithm>
 
 namespace client {
+namespace {
+
+/// Neighbours are joined up to this share of what may be under way, so that a request does not fill the link alone.
+constexpr std::uint64_t kRequestsInWindow = 3;
+
+}  // namespace
 
 RangeQueue::~RangeQueue() {
   for (const auto& [id, request] : requests_) fetcher_.cancel(id);
@@ -13,19 +19,25 @@ RangeQueue::~RangeQueue() {
 std::vector<std::size_t> RangeQueue::neighboursOf(const std::vector<RangeWish>& wishes, std::size_t first) const {
   std::vector<std::size_t> chosen{first};
   if (wishes[first].alone) return chosen;
+  const auto itemOf = [&](std::size_t i) { return std::pair(wishes[i].kind, wishes[i].key); };
   std::vector<std::size_t> others;
   for (std::size_t i = 0; i < wishes.size(); ++i)
-    if (i != first && !wishes[i].alone && wishes[i].object == wishes[first].object &&
+    if (itemOf(i) != itemOf(first) && !wishes[i].alone && wishes[i].object == wishes[first].object &&
         !underWay(wishes[i].kind, wishes[i].key))
       others.push_back(i);
+  const std::uint64_t max_bytes = std::min(options_.max_bytes, window_.bytes() / kRequestsInWindow);
   std::sort(others.begin(), others.end(),
             [&](std::size_t a, std::size_t b) { return wishes[a].offset < wishes[b].offset; });
+  // A block of the index is wished for by each image that it locates.
+  others.erase(
+      std::unique(others.begin(), others.end(), [&](std::size_t a, std::size_t b) { return itemOf(a) == itemOf(b); }),
+      others.end());
 
   // Grow outwards from the first wish, towards higher offsets and then towards lower ones.
   std::uint64_t begin = wishes[first].offset;
   std::uint64_t end = begin + wishes[first].length;
   const auto fits = [&](const RangeWish& wish) {
-    return std::max(end, wish.offset + wish.length) - std::min(begin, wish.offset) <= options_.max_bytes;
+    return std::max(end, wish.offset + wish.length) - std::min(begin, wish.offset) <= max_bytes;
   };
   for (const std::size_t i : others) {
     const RangeWish& wish = wishes[i];
@@ -53,13 +65,15 @@ void RangeQueue::send(std::vector<RangeWish> wishes) {
     under_way_[{wish.kind, wish.key}] = id;
   }
   const std::string object = wishes.front().object;
-  requests_[id] = {begin, std::move(wishes)};
+  requests_[id] = {begin, end - begin, {now_, bytes_}, std::move(wishes)};
+  bytes_under_way_ += end - begin;
   fetcher_.submit(id, object, begin, end - begin);
 }
 
 void RangeQueue::request(const std::vector<RangeWish>& wishes, std::size_t limit) {
   limit = std::min(limit, options_.max_requests);
   for (std::size_t i = 0; i < wishes.size() && requests_.size() < limit; ++i) {
+    if (bytes_under_way_ >= window_.bytes()) return;
     if (underWay(wishes[i].kind, wishes[i].key)) continue;
     std::vector<RangeWish> together;
     for (const std::size_t n : neighboursOf(wishes, i)) together.push_back(wishes[n]);
@@ -75,6 +89,8 @@ std::vector<RangeArrival> RangeQueue::takeArrivals() {
     const Request request = std::move(it->second);
     requests_.erase(it);
     bytes_ += answer.bytes.size();
+    bytes_under_way_ -= request.length;
+    window_.answered(request.sent, {now_, bytes_});
     for (const RangeWish& wish : request.wishes) {
       under_way_.erase({wish.kind, wish.key});
       RangeArrival arrival{wish, {answer.id, answer.outcome, {}, answer.status, answer.detail}};

@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "client/source/fetch.h"
+#include "client/source/fetch_window.h"
 
 namespace client {
 
@@ -41,7 +42,11 @@ class RangeQueue {
   RangeQueue(const RangeQueue&) = delete;
   RangeQueue& operator=(const RangeQueue&) = delete;
 
-  /// Sends requests for these wishes, most urgent first, until `limit` requests are under way (at most max_requests).
+  /// Tells the time, in seconds from any zero. The queue learns from it how much to have under way (FetchWindow);
+  /// without it that stays as at first.
+  void setTime(double now) { now_ = now; }
+  /// Sends requests for these wishes, most urgent first, until `limit` requests are under way (at most max_requests),
+  /// or as many bytes as keep the link busy.
   void request(const std::vector<RangeWish>& wishes, std::size_t limit);
   void request(const std::vector<RangeWish>& wishes) { request(wishes, options_.max_requests); }
   /// Returns what has arrived since the last call, one entry for each wish.
@@ -53,7 +58,8 @@ class RangeQueue {
 
  private:
   struct Request {
-    std::uint64_t offset = 0;
+    std::uint64_t offset = 0, length = 0;
+    FetchWindow::Mark sent;
     std::vector<RangeWish> wishes;
   };
   std::vector<std::size_t> neighboursOf(const std::vector<RangeWish>& wishes, std::size_t first) const;
@@ -63,7 +69,9 @@ class RangeQueue {
   RangeQueueOptions options_;
   std::map<std::uint64_t, Request> requests_;
   std::map<std::pair<std::uint32_t, std::uint64_t>, std::uint64_t> under_way_;  // wish -> id of its request
-  std::uint64_t sent_ = 0, bytes_ = 0;
+  std::uint64_t sent_ = 0, bytes_ = 0, bytes_under_way_ = 0;
+  FetchWindow window_;
+  double now_ = 0.0;
 };
 
 }  // namespace client

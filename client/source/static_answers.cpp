@@ -153,7 +153,7 @@ void StaticSource::acceptIndexBlock(std::uint64_t number, base::ByteView bytes) 
   }
   const std::uint64_t taken = block->bytes();
   index_blocks_.insert(number, std::move(*block), taken);
-  tiles_learned_ = scene_.welcome.grid.isTiled();
+  index_learned_ = true;
   index_blocks_.evict([number](std::uint64_t other) { return other == number; });
 }
 

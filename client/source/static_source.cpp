@@ -36,6 +36,7 @@ bool StaticSource::pump(Session& session, double now) {
   }
 
   // Take in answers.
+  queue_.setTime(now);
   succeeded_ = retry_set_ = false;
   auto arrivals = queue_.takeArrivals();
   for (RangeArrival& arrival : arrivals) acceptArrival(std::move(arrival));

@@ -57,8 +57,7 @@ using ReadParameters = std::function<base::Result<repository::SampledPoints>(con
 
 struct StaticOptions {
   RangeQueueOptions queue;
-  std::uint64_t eager_table_bytes =
-      192 * 1024;                               ///< tables up to this size are read whole as soon as something is drawn
+  std::uint64_t eager_table_bytes = 24 * 1024;  ///< tables up to this size are read whole as soon as something is drawn
   std::uint64_t index_cache_bytes = 8'000'000;  ///< decoded blocks of the index, kept by LRU
 };
 
@@ -141,6 +140,7 @@ class StaticSource {
   bool tablesWhole() const { return tables_->pagesHere() == tables_->pageCount(); }
   void wishForTables(std::vector<RangeWish>& wishes) const;
   RangeWish pageWish(std::uint32_t page) const;
+  RangeWish indexWish(std::uint64_t number) const;
   void wishForBlock(std::uint32_t group, std::vector<RangeWish>& wishes);
 
   void keepCoarseBlock(std::uint32_t group, const base::Bytes& block);
@@ -154,12 +154,13 @@ class StaticSource {
   // ---- the plan ----
   plan::Scene planScene();
   plan::Holdings holdings();
-  bool isAbsent(const FaceKey& key);
+  std::optional<std::uint64_t> storedBytes(const FaceKey& key);
   void planNewestView();
   std::vector<std::uint32_t> frontierOf(const lod::patch::Cut& cut, const lod::patch::CutRequest& request);
   bool settled(std::uint32_t group) const { return has_group_[group] || broken_groups_.count(group) != 0; }
   std::vector<RangeWish> urgentWishes();
   void wishForCoarse(std::vector<RangeWish>& wishes);
+  bool wishForIndex(std::vector<RangeWish>& wishes);
   void wishForView(std::vector<RangeWish>& wishes);
   std::vector<RangeWish> prefetchWishes();
 
@@ -217,7 +218,7 @@ class StaticSource {
   // The views and their plan.
   std::optional<protocol::View> newest_, previous_;
   bool planned_ = false, replan_ = false;
-  bool tiles_learned_ = false;  // the index has told which tiles there are since the plan was made
+  bool index_learned_ = false;  // the index has told which tiles there are since the plan was made
   plan::ViewPlan view_plan_;
   plan::ImageBytes image_bytes_;
   std::vector<std::uint32_t> frontier_;  // groups without a record that the cut leads to

@@ -12,6 +12,8 @@ namespace {
 // The first request for the patches brings the header and rows of some 290 groups (docs/formats/patch.md). The three
 // numbers are choices; more wishes find more neighbours to fetch in one request, and are compared longer.
 constexpr std::uint64_t kPatchFrontBytes = 16 * 1024;
+/// As much of the index's front (repository::kIndexFrontBytes) as the roots of nearly all scenes fill.
+constexpr std::uint64_t kIndexFrontBytes = 4 * 1024;
 constexpr std::size_t kWishesAhead = 64;  // looked through for neighbours of a request
 /// Counted ahead of need for an image whose place in the packs is not known yet: it takes a block of the index, too.
 /// With the bytes of an image alone, cedar_creek over 1 Mbit/s had 25 dB half a second later.
@@ -74,6 +76,10 @@ void StaticSource::wishForTables(std::vector<RangeWish>& wishes) const {
 
 // ---- the images ----
 
+RangeWish StaticSource::indexWish(std::uint64_t number) const {
+  return {kIndexBlock, number, scene_.index->name, root_->blockOffset(number), root_->block_bytes};
+}
+
 /// Finds out how to get a face. With kWanted, `wish` is the next range that it needs. An empty face is handed over at
 /// once.
 StaticSource::FaceState StaticSource::locateFace(const FaceKey& key, RangeWish& wish) {
@@ -85,7 +91,7 @@ StaticSource::FaceState StaticSource::locateFace(const FaceKey& key, RangeWish& 
   }
   const repository::IndexBlock* block = index_blocks_.find(number);
   if (block == nullptr) {
-    wish = {kIndexBlock, number, scene_.index->name, root_->blockOffset(number), root_->block_bytes};
+    wish = indexWish(number);
     return FaceState::kWanted;
   }
   const auto place = block->find(code);
@@ -117,17 +123,19 @@ plan::Scene StaticSource::planScene() {
           scene_.index.has_value(),
           points_.treeOrNull(),
           sight_ ? &*sight_ : nullptr,
-          [this](const FaceKey& key) { return isAbsent(key); },
+          [this](const FaceKey& key) { return storedBytes(key); },
           image_bytes_,
           previous_ && newest_ && plan::isMoving(scene_.welcome, *newest_, *previous_)};
 }
 
-/// Whether the index is known not to have a tile.
-bool StaticSource::isAbsent(const FaceKey& key) {
-  if (gone_.count(key) != 0) return true;
-  if (!root_) return false;
+/// Bytes of an image as the index has them (plan::StoredBytes).
+std::optional<std::uint64_t> StaticSource::storedBytes(const FaceKey& key) {
+  if (gone_.count(key) != 0) return 0;
+  if (!root_) return std::nullopt;
   const repository::IndexBlock* block = index_blocks_.find(repository::blockOfCode(*root_, key.code()));
-  return block != nullptr && !block->find(key.code());
+  if (block == nullptr) return std::nullopt;
+  const auto place = block->find(key.code());
+  return place ? place->length : 0;
 }
 
 /// Returns the unknown groups that the cut would expand, the largest error first: they made patches that the cut draws,
@@ -165,7 +173,7 @@ plan::Holdings StaticSource::holdings() {
 
 /// Descends as far as the present pages allow, then plans as a server does.
 void StaticSource::planNewestView() {
-  if (planned_ && !tiles_learned_ && !(replan_ && !frontier_.empty())) return;
+  if (planned_ && !index_learned_ && !(replan_ && !frontier_.empty())) return;
   computeSight();
   const lod::patch::CutRequest request = plan::cutRequestFor(scene_.welcome, *newest_);
   for (bool learned = true; learned;) {
@@ -178,7 +186,7 @@ void StaticSource::planNewestView() {
   if (!planned_) ahead_.reset();
   planned_ = true;
   replan_ = false;
-  tiles_learned_ = false;
+  index_learned_ = false;
 }
 
 void StaticSource::wishForCoarse(std::vector<RangeWish>& wishes) {
@@ -186,14 +194,30 @@ void StaticSource::wishForCoarse(std::vector<RangeWish>& wishes) {
     if (!settled(group) && readRecord(group, &wishes) && !has_group_[group]) wishForBlock(group, wishes);
 }
 
-/// Collects wishes in a server's order (server::Session::nextWanted), as far ahead as requests are put together.
+/// Wishes for the blocks of the index that say which images the plan's points have, and how large they are. Returns
+/// whether all are here.
+bool StaticSource::wishForIndex(std::vector<RangeWish>& wishes) {
+  if (!root_) return true;
+  bool all_here = true;
+  for (const glm::uvec3& point : view_plan_.points) {
+    const std::uint64_t number = repository::blockOfCode(*root_, FaceKey{point.x, point.y, point.z}.code());
+    if (broken_index_blocks_.count(number) != 0 || index_blocks_.find(number) != nullptr) continue;
+    all_here = false;
+    wishes.push_back(indexWish(number));
+  }
+  return all_here;
+}
+
+/// Collects wishes in a server's order (server::Session::nextWanted), as far ahead as requests are put together. Images
+/// wait for the index, by which they are chosen; groups do not.
 void StaticSource::wishForView(std::vector<RangeWish>& wishes) {
   for (const std::uint32_t group : frontier_) {
     if (wishes.size() >= kWishesAhead) break;
     readRecord(group, &wishes);
   }
+  const bool takes_faces = wishForIndex(wishes);
   std::size_t g = 0;
-  std::size_t f = 0;
+  std::size_t f = takes_faces ? 0 : view_plan_.faces.size();
   stats_.wanted = static_cast<std::uint32_t>(frontier_.size());
   while (wishes.size() < kWishesAhead) {
     while (g < view_plan_.groups.size() && settled(view_plan_.groups[g])) ++g;
@@ -221,8 +245,7 @@ std::vector<RangeWish> StaticSource::urgentWishes() {
   if (!tables_)
     wishes.push_back({kPatchFront, 0, scene_.patches.name, 0, std::min(kPatchFrontBytes, scene_.patches.bytes)});
   if (scene_.index && !root_)
-    wishes.push_back(
-        {kIndexFront, 0, scene_.index->name, 0, std::min(repository::kIndexFrontBytes, scene_.index->bytes)});
+    wishes.push_back({kIndexFront, 0, scene_.index->name, 0, std::min(kIndexFrontBytes, scene_.index->bytes)});
   if (root_ && !points_known_)
     wishes.push_back({kParameters, 0, scene_.index->name, repository::parameterOffset(), root_->parameter_bytes});
   if (!tables_ || phase_ == Phase::kFailed) return wishes;

@@ -21,6 +21,8 @@ inline constexpr std::size_t kMaxPatchTriangles = 65535;
 /// Lattice coordinates stay within ±(2^30 − 1), so that differences of two fit 32 bits.
 inline constexpr std::int32_t kMaxLattice = (1 << 30) - 1;
 
+enum class StoredNormals : std::uint8_t { kOfVertices, kOfFacets };
+
 /// The bytes of a patch, checksum included. Triangles and vertices may be reordered, triangles rotated (a b c as b c
 /// a), and vertices that no triangle uses are left out: the surface is the same. Alpha is stored as given. The same
 /// geometry gives the same bytes. The caller sees to: 1 … kMaxPatchTriangles triangles, at most kMaxPatchVertices
@@ -29,7 +31,11 @@ inline constexpr std::int32_t kMaxLattice = (1 << 30) - 1;
 ///
 /// `triangle_order`, unless null, is set to which input triangle became each decoded one: decoded triangle i has the
 /// corners of input triangle (*triangle_order)[i].
-base::Bytes encodePatch(const PatchGeometry& geometry, std::vector<std::uint32_t>* triangle_order = nullptr);
+///
+/// `normals`: with kOfFacets those of vertices are replaced by those of the facets around them in this patch, which
+/// take next to no bytes.
+base::Bytes encodePatch(const PatchGeometry& geometry, std::vector<std::uint32_t>* triangle_order = nullptr,
+                        StoredNormals normals = StoredNormals::kOfVertices);
 
 /// Checks the checksum and every length and index, never reads past `bytes`, and never allocates more than the limits
 /// above need (12 MB, most of which the thread keeps for its next patch). Decoding gives back exactly what was encoded,

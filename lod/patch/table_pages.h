@@ -38,7 +38,7 @@ base::Result<TableCounts> readTableCounts(base::ByteView front);
 /// other is checked as far as addGroup() does.
 class TablePages {
  public:
-  static constexpr std::uint32_t kPageBytes = 4096;
+  static constexpr std::uint32_t kPageBytes = 1024;
 
   explicit TablePages(const TableCounts& counts) : counts_(counts) {}
   const TableCounts& counts() const { return counts_; }

@@ -83,9 +83,10 @@ Result<std::optional<FaceLocation>> PackStore::locate(const FaceKey& key) const 
   return found->find(key.code());
 }
 
-Result<bool> PackStore::contains(const FaceKey& key) const {
-  LUMIGRID_ASSIGN_OR_RETURN(auto location, locate(key));
-  return location.has_value();
+Result<std::optional<std::uint64_t>> PackStore::valueBytes(const FaceKey& key) const {
+  LUMIGRID_ASSIGN_OR_RETURN(const auto location, locate(key));
+  if (!location) return std::optional<std::uint64_t>();
+  return std::optional<std::uint64_t>(location->length != 0 ? location->length : encodeFaceValue({}).size());
 }
 
 // --- Reading values

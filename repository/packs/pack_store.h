@@ -43,7 +43,7 @@ class PackStore final : public Store {
   /// each block of the index is read once.
   using Values = std::vector<base::Result<std::optional<base::Bytes>>>;
   Values getMany(const std::vector<FaceKey>& keys) const override;
-  base::Result<bool> contains(const FaceKey& key) const override;
+  base::Result<std::optional<std::uint64_t>> valueBytes(const FaceKey& key) const override;
   /// Reads pack by pack and ends at the first damaged one.
   base::Result<void> forEach(const std::function<bool(const FaceKey&, base::ByteView)>& visit) const override;
   base::Result<std::uint64_t> size() const override { return root_.keys; }

@@ -139,6 +139,12 @@ void setLight(const std::string& name, const std::string& directory, base::Scene
   const bool is_unlit = name == "unlit" || (name == kAutomatic && scene.has_colors);
   scene.light.mode = is_unlit ? base::LightMode::kUnlit : base::LightMode::kSoft;
   scene.parameters["light"] = name;
+  const auto normals = scene.parameters.find("normals");
+  if (before == base::LightMode::kUnlit && !is_unlit && normals != scene.parameters.end() &&
+      normals->second != "vertices")
+    std::fprintf(stderr,
+                 "lumigrid: a scene built unlit has the normals of triangles, so that edges of patches may show; "
+                 "`lumigrid build --normals vertices` stores smooth ones\n");
 
   const base::LightMode drawn = scene.images_light.value_or(before);
   scene.images_light.reset();

@@ -161,10 +161,12 @@ plan::Scene Session::sceneToPlan() const {
   scene.images = scene.images && (decodes_webp_ || !scene_.images_are_webp);
   scene.image_bytes = image_bytes_;
   scene.is_moving = previous_ && newest_ && plan::isMoving(scene_.welcome, *newest_, *previous_);
-  scene.is_absent = [this](const repository::FaceKey& key) {
-    if (scene_.images_are_remote) return absent_.count(key) != 0;
-    const auto is_there = scene_.images->contains(key);
-    return is_there && !*is_there;
+  scene.stored_bytes = [this](const repository::FaceKey& key) -> std::optional<std::uint64_t> {
+    if (scene_.images_are_remote) return absent_.count(key) != 0 ? std::optional<std::uint64_t>(0) : std::nullopt;
+    const auto bytes = scene_.images->valueBytes(key);
+    if (!bytes || (*bytes && **bytes == 0)) return std::nullopt;
+    const bool shows_something = *bytes && **bytes > repository::kImageHeaderBytes;
+    return shows_something ? **bytes : 0;
   };
   return scene;
 }

@@ -16,7 +16,9 @@ class DrawnStore final : public repository::Store {
       : renderer_(renderer), gl_(gl), options_(options) {}
 
   base::Result<std::optional<base::Bytes>> get(const repository::FaceKey& key) const override;
-  base::Result<bool> contains(const repository::FaceKey& key) const override { return options_.grid.contains(key); }
+  base::Result<std::optional<std::uint64_t>> valueBytes(const repository::FaceKey& key) const override {
+    return options_.grid.contains(key) ? std::optional<std::uint64_t>(0) : std::nullopt;
+  }
   /// Visits the faces that were drawn, in no order.
   base::Result<void> forEach(
       const std::function<bool(const repository::FaceKey&, base::ByteView)>& visit) const override;

@@ -47,9 +47,9 @@ class CoarseTiles : public repository::Store {
     if (key.tile >= end_) return std::optional<base::Bytes>();
     return all_.get(key);
   }
-  base::Result<bool> contains(const repository::FaceKey& key) const override {
-    if (key.tile >= end_) return false;
-    return all_.contains(key);
+  base::Result<std::optional<std::uint64_t>> valueBytes(const repository::FaceKey& key) const override {
+    if (key.tile >= end_) return std::optional<std::uint64_t>();
+    return all_.valueBytes(key);
   }
   base::Result<void> forEach(
       const std::function<bool(const repository::FaceKey&, base::ByteView)>& visit) const override {
@@ -153,7 +153,9 @@ int main(int argc, char** argv) {
         if (grid.isTiled()) welcome.grid = repository::withTiles(grid, std::min(depth, grid.tile_depth));
         plan::Scene planned = data.toPlan();
         planned.welcome = &welcome;
-        planned.is_absent = [&](const repository::FaceKey& key) { return !must(coarse.contains(key)); };
+        planned.stored_bytes = [&](const repository::FaceKey& key) {
+          return std::optional<std::uint64_t>(must(coarse.valueBytes(key)).value_or(0));
+        };
         const double expected = static_cast<double>(plan::planView(planned, view).error_after);
         fit.add(measured[setting], expected);
         std::printf("%4zu %9.0f %6u %5u %9.2f %9.2f\n", i, static_cast<double>(tolerance), unsigned{points}, depth,

@@ -81,7 +81,9 @@ TEST_F(GainOrders, tilesThatAreHereAreNotSentAndLessenWhatOthersGain) {
 }
 
 TEST_F(GainOrders, theAncestorOfAnAbsentTileStandsForIt) {
-  query_.is_absent = [](const repository::FaceKey& key) { return repository::placeOfTile(key.tile).depth > 1; };
+  query_.stored_bytes = [](const repository::FaceKey& key) -> std::optional<std::uint64_t> {
+    return repository::placeOfTile(key.tile).depth > 1 ? std::optional<std::uint64_t>(0) : std::nullopt;
+  };
   const auto tiles = choose();
   ASSERT_FALSE(tiles.empty());
   float sum = 0.0F;
@@ -90,6 +92,21 @@ TEST_F(GainOrders, theAncestorOfAnAbsentTileStandsForIt) {
     sum += tile.gain;
   }
   EXPECT_GT(sum, 0.3F * 0.1F * 0.1F) << "it shows all there is to see";
+}
+
+TEST_F(GainOrders, ofTilesThatGainTheSameTheOneOfFewerBytesComesFirst) {
+  const auto before = choose();
+  ASSERT_GT(before.size(), 4U);
+  const repository::FaceKey small = *before.back().image;
+  query_.stored_bytes = [&](const repository::FaceKey& key) -> std::optional<std::uint64_t> {
+    return key == small ? std::optional<std::uint64_t>(10) : std::nullopt;
+  };
+  EXPECT_EQ(choose().front().image, small);
+  // One that costs a thousand times as much is not worth its bytes.
+  query_.stored_bytes = [&](const repository::FaceKey& key) -> std::optional<std::uint64_t> {
+    return key == small ? std::optional<std::uint64_t>(10'000'000) : std::nullopt;
+  };
+  for (const OrderedItem& item : choose()) EXPECT_NE(item.image, small);
 }
 
 TEST_F(GainOrders, noMoreThanAskedFor) {
@@ -146,9 +163,9 @@ TEST_F(GainOrdersOfGroups, aGoodPictureGetsNoneThatGainsTooLittleForItsBytes) {
   query_.is_refining = true;
   EXPECT_TRUE(has(choose(0.02F, 0.15F), 1));
   EXPECT_TRUE(has(choose(0.02F, 0.2F, 30'000'000), 1));
-  EXPECT_FALSE(has(choose(0.02F, 0.2F, 30'000'000), 2)) << "its colours are no better than those that are there";
+  EXPECT_FALSE(has(choose(0.02F, 0.2F, 300'000'000), 2)) << "its colours are no better than those that are there";
   query_.is_refining = false;
-  EXPECT_TRUE(has(choose(0.02F, 0.2F, 30'000'000), 2));
+  EXPECT_TRUE(has(choose(0.02F, 0.2F, 300'000'000), 2));
 }
 
 TEST_F(GainOrdersOfGroups, imagesComeBeforeThoseThatCostTooMuch) {

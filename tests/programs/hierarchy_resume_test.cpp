@@ -178,6 +178,18 @@ TEST_F(HierarchyResume, killedAtRandomMomentsItEndsWithTheSameBytes) {
   expectRerunFinishes(mesh, scene, bytes, "killed after shares " + delays);
 }
 
+// Colours that are shown as scanned need no normals, and what light shades does.
+TEST_F(HierarchyResume, normalsAreStoredWhereLightShadesTheModel) {
+  const std::string mesh = sample("20000");
+  const std::string usual = uninterrupted(mesh);
+  const std::string with_normals = uninterrupted(mesh, {"--normals", "vertices"});
+  EXPECT_LT(usual.size(), with_normals.size());
+  EXPECT_EQ(usual, uninterrupted(mesh, {"--normals", "facets"}));
+  EXPECT_EQ(usual, uninterrupted(mesh, {"--light", "unlit"}));
+  EXPECT_EQ(with_normals, uninterrupted(mesh, {"--light", "soft"}));
+  EXPECT_EQ(usual, uninterrupted(mesh, {"--light", "soft", "--normals", "facets"}));
+}
+
 TEST_F(HierarchyResume, killedInEveryStageItEndsWithTheSameBytes) {
   const std::string mesh = sample("200000");
   const std::string bytes = uninterrupted(mesh);

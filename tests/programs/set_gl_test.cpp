@@ -174,7 +174,10 @@ TEST_F(Set, twelveOrientationsLookAtTheModelWithTheirAxisUp) {
 }
 
 TEST_F(Set, imagesOfAnotherLightAreNamedAndDrawnAgain) {
-  const std::string scene = smallScene();
+  const std::string scene = path("scene");
+  const auto first = run("lumigrid", {"build", smallMesh(), "-o", scene, "--grid", "3", "--face", "64", "--normals",
+                                      "vertices", "--quiet"});
+  ASSERT_EQ(first.status, 0) << first.err;
   const auto drawn = faceValues(scene);
   const bool is_unlit = base::readScene(scene)->light.mode == base::LightMode::kUnlit;
   const std::string own = is_unlit ? "unlit" : "soft", other = is_unlit ? "soft" : "unlit";
@@ -226,6 +229,13 @@ TEST_F(Set, imagesOfAnotherLightAreNamedAndDrawnAgain) {
           .status,
       0);
   EXPECT_EQ(faceValues(whole), redrawn);
+}
+
+TEST_F(Set, lightOnPatchesWithoutNormalsSaysWhatMayShow) {
+  const std::string scene = path("scene");
+  ASSERT_EQ(run("lumigrid", {"build", smallMesh(), "-o", scene, "--methods", "patch", "--quiet"}).status, 0);
+  programs::expectOneLineError(run("lumigrid", {"set", scene, "--light", "soft"}), 0, {"edges", "--normals vertices"});
+  EXPECT_EQ(run("lumigrid", {"set", scene, "--light", "unlit"}).err, "");
 }
 
 TEST_F(Set, shardsOfAnotherLightAreDrawnAgainShardByShard) {

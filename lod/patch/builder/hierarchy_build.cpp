@@ -410,11 +410,22 @@ class HierarchyBuilder {
                           [&](std::uint32_t group) -> base::Result<std::vector<base::Bytes>> {
                             std::vector<base::Bytes> block;
                             for (std::uint32_t p = first[group]; p < first[group + 1]; ++p) {
-                              LUMIGRID_ASSIGN_OR_RETURN(auto bytes, store_->encoded(patches[order[p]]));
+                              LUMIGRID_ASSIGN_OR_RETURN(auto bytes, bytesToWrite(patches[order[p]]));
                               block.push_back(std::move(bytes));
                             }
                             return block;
                           });
+  }
+
+  // The levels were built with the normals of vertices, which tell the simplifier what bends.
+  base::Result<base::Bytes> bytesToWrite(const WorkPatch& patch) const {
+    LUMIGRID_ASSIGN_OR_RETURN(auto bytes, store_->encoded(patch));
+    const StoredNormals normals =
+        buckets_.hasColors() ? options_.normals_beside_colors : options_.normals_without_colors;
+    if (patch.record.level == 0 || normals == StoredNormals::kOfVertices) return bytes;
+    const auto geometry = decodePatch(bytes);
+    if (!geometry) return base::within("the builder's own file", geometry.error());
+    return encodePatch(*geometry, nullptr, normals);
   }
 
   void fillSummary() {

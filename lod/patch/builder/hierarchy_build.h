@@ -8,6 +8,7 @@
 
 #include "base/error.h"
 #include "lod/ingest/staged_build.h"
+#include "lod/patch/codec.h"
 #include "lod/patch/hierarchy.h"
 
 namespace lod::patch::builder {
@@ -20,7 +21,10 @@ struct HierarchyOptions : ingest::StagedBuildOptions {
   std::uint32_t position_bits = 0;  ///< 10..21 along the longest side; 0: chosen so that the step is at most 1/16 of
                                     ///< the mean edge, at least 14
   ingest::StitchOptions stitch;     ///< how the seams of the source are closed
-  bool regroup = true;              ///< false: the paper's binary tree, whose locked borders pile up (for the chart)
+  /// Levels above the leaves store these, with colours and without (docs/decisions/normals-of-facets.md).
+  StoredNormals normals_beside_colors = StoredNormals::kOfVertices;
+  StoredNormals normals_without_colors = StoredNormals::kOfVertices;
+  bool regroup = true;  ///< false: the paper's binary tree, whose locked borders pile up (for the chart)
 };
 
 struct LevelSummary {

@@ -130,7 +130,7 @@ void writeThreePlanes(base::ByteWriter& out, const std::vector<Uint4>& numbers, 
 
 // Residuals of the normals' codes against those that the decoder predicts from positions and triangles.
 void writeNormals(base::ByteWriter& out, const PatchGeometry& geometry, const EncodedConnectivity& order,
-                  const std::vector<Float4>& points, ResidualWriter& writer) {
+                  const std::vector<Float4>& points, StoredNormals normals, ResidualWriter& writer) {
   const std::size_t vertices = order.vertices.size();
   std::vector<FacetSum> sums(vertices);
   for (std::size_t v = 0; v < vertices; ++v) sums[v].point = points[v];
@@ -138,9 +138,11 @@ void writeNormals(base::ByteWriter& out, const PatchGeometry& geometry, const En
 
   std::array<std::vector<std::uint32_t>, 2> planes;
   for (auto& plane : planes) plane.resize(groupsOf(vertices) * kGroup, 0);
+  // Without residuals the predicted normals are decoded.
+  const std::size_t with_residuals = normals == StoredNormals::kOfVertices ? vertices : 0;
   NormalBlock sum{}, given{};
   std::array<std::int32_t, kNormalBlock> predicted_u, predicted_v, u, v;
-  for (std::size_t first = 0; first < vertices; first += kNormalBlock) {
+  for (std::size_t first = 0; first < with_residuals; first += kNormalBlock) {
     const std::size_t count = std::min(kNormalBlock, vertices - first);
     for (std::size_t i = 0; i < count; ++i) {
       const Float4& s = sums[first + i].sum;
@@ -203,7 +205,8 @@ PatchHeader headerOf(const PatchGeometry& geometry, const EncodedConnectivity& o
 }  // namespace
 }  // namespace codec
 
-base::Bytes encodePatch(const PatchGeometry& geometry, std::vector<std::uint32_t>* triangle_order) {
+base::Bytes encodePatch(const PatchGeometry& geometry, std::vector<std::uint32_t>* triangle_order,
+                        StoredNormals normals) {
   using namespace codec;
   checkGeometry(geometry);
   const EncodedConnectivity order = encodeConnectivity(geometry);
@@ -218,7 +221,7 @@ base::Bytes encodePatch(const PatchGeometry& geometry, std::vector<std::uint32_t
   out.bytes(order.escapes);
   ResidualWriter writer(groupsOf(order.vertices.size()) * kGroup);
   writeThreePlanes(out, positions, writer);
-  writeNormals(out, geometry, order, points, writer);
+  writeNormals(out, geometry, order, points, normals, writer);
   if (header.hasColors()) writeColors(out, geometry, order, writer);
   if (header.hasAlpha()) writeAlphas(out, geometry, order, writer);
   out.patch(kCrcOffset, checksum(out.view()));

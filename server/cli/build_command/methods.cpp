@@ -92,11 +92,25 @@ glm::dvec3 guessUp(const lod::ingest::SourceSummary& built, const BuildArguments
   return up;
 }
 
+bool isLit(const BuildArguments& a, bool has_colors) {
+  return a.light == "soft" || (a.light == kAuto && !has_colors);
+}
+
+// Colours that are shown as scanned need no normals.
+void setNormals(const BuildArguments& a, lod::patch::builder::HierarchyOptions& options) {
+  using lod::patch::StoredNormals;
+  const auto choose = [&a](bool has_colors) {
+    const bool needed = a.normals == kAuto ? isLit(a, has_colors) : a.normals == "vertices";
+    return needed ? StoredNormals::kOfVertices : StoredNormals::kOfFacets;
+  };
+  options.normals_beside_colors = choose(true);
+  options.normals_without_colors = choose(false);
+}
+
 base::Light chooseLight(const BuildArguments& a, bool has_colors, const glm::dvec3& up,
                         const std::optional<glm::dvec3>& start_direction) {
   base::Light light;
-  const bool unlit = a.light == "unlit" || (a.light == "auto" && has_colors);
-  light.mode = unlit ? base::LightMode::kUnlit : base::LightMode::kSoft;
+  light.mode = isLit(a, has_colors) ? base::LightMode::kSoft : base::LightMode::kUnlit;
   // The light comes from above and a little from the side, whichever way up is, and over the shoulder of who looks
   // first.
   const glm::vec3 z = glm::vec3(glm::normalize(up));
@@ -157,6 +171,7 @@ Result<void> buildPatches(const BuildArguments& a, const SceneSources& sources, 
   options.limits = a.limits;
   options.stitch = *lod::ingest::parseStitch(a.stitch);
   options.regroup = a.regroup == "on";
+  setNormals(a, options);
   options.work_directory = workDirectory(a, kPatches);
   options.resume_key = resumeKey(sources);
   options.on_plan = [&](const lod::ingest::BuildPlan& plan) { printPlan(a, line, plan); };

@@ -97,7 +97,9 @@ void declareImageOptions(CLI::App& command, BuildArguments& a) {
                   "how images are coded: webp takes about half of the bytes; jpeg also serves viewers that decode "
                   "nothing else (default: webp for tiles, and jpeg for plain images and with --tune or --subsampling)")
       ->check(CLI::IsMember({"jpeg", "webp"}));
-  command.add_option("--quality", a.bake.quality, "quality of JPEG or WebP")->check(CLI::Range(1, 100));
+  command
+      .add_option("--quality", a.quality, "of JPEG or WebP (default: 85 for JPEG, 80 for WebP, which is as accurate)")
+      ->check(CLI::Range(1, 100));
   command
       .add_option("--subsampling", a.subsampling,
                   "JPEG chroma subsampling; 420 halves the bytes, 444 keeps strong colours")
@@ -141,6 +143,13 @@ void declareHierarchyOptions(CLI::App& command, BuildArguments& a) {
           "tree of splats from a mesh: edges longer than this many times the usual length around them are cut, so "
           "that large triangles make no large splats; adds up to as many splats again; 0: none are")
       ->check(CLI::Range(0.0, 1e6));
+  command
+      .add_option(
+          "--normals", a.normals,
+          "normals of the levels above the source's own. facets: triangles give them, which makes patches a fifth "
+          "smaller; vertices: stored, for shading finer than triangles; auto: facets where colours are shown as "
+          "scanned (--light), and vertices where light shades the model")
+      ->check(CLI::IsMember({kAuto, "facets", "vertices"}));
   command
       .add_option("--regroup", a.regroup,
                   "on: new groups of patches at each level; off: the paper's binary tree, whose locked borders pile up")
@@ -258,7 +267,8 @@ Parameters parametersOf(const BuildArguments& a) {
                         {"node-triangles", number(a.hierarchy.node_triangles)},
                         {"position-bits", number(a.hierarchy.position_bits)},
                         {"regroup", a.regroup},
-                        {"stitch", a.stitch}};
+                        {"stitch", a.stitch},
+                        {"normals", a.normals}};
   if (a.codec == "jpeg") parameters["subsampling"] = a.tune_db ? "tuned" : a.subsampling;
   const PointSelection& selection = a.bake.selection;
   if (selection.views != 0) {
@@ -294,6 +304,8 @@ std::string usageError(const CLI::App& command, BuildArguments& a) {
     return "--tune and --subsampling are for JPEG: leave them out, or give --codec jpeg";
   if (a.codec.empty()) a.codec = a.tiles == "off" || needs_jpeg ? "jpeg" : "webp";
   a.bake.codec = *repository::imageCodecOf(a.codec);
+  const bool is_webp = a.bake.codec == repository::ImageCodec::kWebp;
+  a.bake.quality = a.quality.value_or(is_webp ? base::ViewDefaults::kWebpQuality : base::ViewDefaults::kQuality);
   if (a.tiles != kAuto && isGiven(command, "--view-pixels")) return "--view-pixels belongs to --tiles auto";
   a.tile_depth = tileDepthOf(a.tiles, a.view_pixels);
   const bool selects = isGiven(command, "--worth") || a.bake.selection.budget_bytes != 0 || !a.views_from.empty();

@@ -31,9 +31,10 @@ struct BuildArguments {
   std::string tiles;             ///< off, auto or a depth, as given; usageError() fills in what was not
   std::uint32_t tile_depth = 0;  ///< --tiles as a depth; 0: plain faces of `face` pixels
   double view_pixels = 24.0;
-  std::string codec;  ///< jpeg or webp, as given; usageError() fills in what was not
+  std::string codec;           ///< jpeg or webp, as given; usageError() fills in what was not
+  std::optional<int> quality;  ///< as given; nothing: the codec's usual one
   double margin = 0.5;
-  std::string tmpdir, regroup = "on", stitch = "auto";
+  std::string tmpdir, regroup = "on", stitch = "auto", normals = "auto";
   std::string views_from;  ///< a scene; empty: views are drawn anywhere
   base::ResourceLimits limits;
   lod::patch::builder::HierarchyOptions hierarchy;  ///< without the limits, which all methods share
@@ -56,8 +57,8 @@ inline constexpr const char* kAuto = "auto";
 
 /// Recorded options that decide what scene.json says of the source, and the patch hierarchy besides.
 inline constexpr const char* kSourceParameters[] = {"light", "up", "units"};
-inline constexpr const char* kHierarchyParameters[] = {"voxel-triangles", "leaf-triangles", "node-triangles",
-                                                       "position-bits",   "regroup",        "stitch"};
+inline constexpr const char* kHierarchyParameters[] = {
+    "voxel-triangles", "leaf-triangles", "node-triangles", "position-bits", "regroup", "stitch", "normals"};
 /// Recorded where the tree of splats is in the coded form.
 inline constexpr const char* kSplatsCoded = "qsplat-coded";
 /// Recorded where the scene has a tree of splats: how its triangles were diced.

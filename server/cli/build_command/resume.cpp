@@ -49,8 +49,9 @@ Fit fitOf(const BuildArguments& a, const std::vector<base::SceneSource>& sources
   if (!a.meshes.empty() && !sameSources(scene.sources, sources)) return Fit::kOther;
   Parameters recorded = withoutChoice(scene.parameters);
   recorded.erase(kShardsParameter);
-  recorded.try_emplace("stitch", "off");  // scenes of programs that did not stitch
-  recorded.try_emplace("codec", "jpeg");  // or knew no other codec
+  recorded.try_emplace("stitch", "off");        // scenes of programs that did not stitch
+  recorded.try_emplace("codec", "jpeg");        // or knew no other codec
+  recorded.try_emplace("normals", "vertices");  // or stored all normals
   Parameters wanted = parametersOf(a);
   if (!sameHierarchies(a, recorded, wanted)) return Fit::kOther;
   if (!wants(a, "images")) return Fit::kSame;

@@ -111,6 +111,56 @@ TEST(RangeQueue, aShortAnswerFailsTheWishesThatItLacks) {
   EXPECT_TRUE(arrivals[1].answer.bytes.empty());
 }
 
+TEST(RangeQueue, anItemThatIsNamedTwiceArrivesOnce) {
+  Recorder fetcher;
+  RangeQueue queue(fetcher, {});
+  queue.request({wish(1, 0, 10), wish(2, 10, 10), wish(1, 0, 10), wish(2, 10, 10)});
+  ASSERT_EQ(fetcher.asked.size(), 1U);
+  fetcher.answer(0);
+  EXPECT_EQ(queue.takeArrivals().size(), 2U);
+}
+
+// A request that is under way cannot be overtaken by a more urgent one.
+TEST(RangeQueue, noMoreBytesAreUnderWayThanKeepTheLinkBusy) {
+  Recorder fetcher;
+  RangeQueue queue(fetcher, {});
+  std::vector<RangeWish> wishes;
+  for (std::uint64_t i = 0; i < 20; ++i) wishes.push_back(wish(i, 100'000 * i, 20'000));
+  queue.request(wishes);
+  EXPECT_EQ(fetcher.asked.size(), 4U) << "the first three are below 64 KiB";
+  // Answers that take 0.1 s each, one by one: 200 kB a second.
+  double now = 0.0;
+  for (std::size_t i = 0; i < 4; ++i) {
+    queue.setTime(now += 0.1);
+    fetcher.answer(i);
+    queue.takeArrivals();
+  }
+  queue.request(wishes);
+  EXPECT_EQ(fetcher.asked.size(), 8U);
+  // All four at once after 0.02 s: 4 MB a second, and six may be under way, which is the host's limit.
+  queue.setTime(now += 0.02);
+  for (std::size_t i = 4; i < 8; ++i) fetcher.answer(i);
+  queue.takeArrivals();
+  wishes.clear();
+  for (std::uint64_t i = 20; i < 40; ++i) wishes.push_back(wish(i, 100'000 * i, 20'000));
+  queue.request(wishes);
+  EXPECT_EQ(fetcher.asked.size(), 14U);
+}
+
+TEST(FetchWindow, isTwiceWhatTheLinkDeliversInTheShortestAnswer) {
+  FetchWindow window;
+  EXPECT_EQ(window.bytes(), FetchWindow::kLeastBytes);
+  window.answered({0.0, 0}, {0.05, 50'000});  // 1 MB a second
+  EXPECT_EQ(window.bytes(), 100'000U);
+  window.answered({0.05, 50'000}, {0.25, 450'000});  // twice as fast, but the answer took longer
+  EXPECT_EQ(window.bytes(), 200'000U);
+  window.answered({0.25, 450'000}, {0.35, 450'000});  // nothing came
+  window.answered({0.35, 450'000}, {0.35, 500'000});  // in no time: the clock was not told
+  EXPECT_EQ(window.bytes(), 200'000U);
+  window.answered({9.9, 500'000}, {10.0, 510'000});
+  EXPECT_EQ(window.bytes(), FetchWindow::kLeastBytes) << "what the link did before is forgotten";
+}
+
 TEST(RangeQueue, destructionCancelsRequestsUnderWay) {
   Recorder fetcher;
   { RangeQueue(fetcher, {}).request({wish(1, 0, 10)}); }

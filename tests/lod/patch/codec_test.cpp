@@ -329,6 +329,31 @@ TEST(PatchCodec, aZeroOrInfiniteNormalBecomesUp) {
   EXPECT_EQ(support::quantizedNormal(glm::vec3(INFINITY, 1.0F, 0.0F)), up);
 }
 
+// On a bowl of 40 x 40 facets those of the facets are near those of the surface; what was given does not matter.
+TEST(PatchCodec, normalsOfFacetsTakeNextToNoBytes) {
+  PatchGeometry bowl = gridPatch(41);
+  std::vector<glm::vec3> true_normals;
+  for (glm::ivec3& p : bowl.positions) {
+    const glm::ivec2 from_middle(p.x - 20, p.y - 20);
+    p = {100 * p.x, 100 * p.y, from_middle.x * from_middle.x + from_middle.y * from_middle.y};
+    true_normals.push_back(glm::normalize(glm::vec3(-0.02F * glm::vec2(from_middle), 1.0F)));
+  }
+  bowl.normals.assign(bowl.positions.size(), glm::vec3(1.0F, 0.0F, 0.0F));
+  const base::Bytes with_facets = encodePatch(bowl, nullptr, StoredNormals::kOfFacets);
+  const auto decoded = decodePatch(with_facets);
+  ASSERT_TRUE(decoded) << decoded.error().message;
+  ASSERT_EQ(decoded->positions.size(), bowl.positions.size());
+  for (std::size_t v = 0; v < decoded->positions.size(); ++v) {
+    const auto number = static_cast<std::size_t>(decoded->positions[v].x / 100 + 41 * (decoded->positions[v].y / 100));
+    EXPECT_GT(glm::dot(decoded->normals[v], true_normals[number]), std::cos(glm::radians(3.0F))) << number;
+  }
+  std::mt19937 random(7);
+  std::normal_distribution<float> direction;
+  for (glm::vec3& n : bowl.normals) n = glm::normalize(glm::vec3(direction(random), direction(random), 1.0F));
+  EXPECT_EQ(encodePatch(bowl, nullptr, StoredNormals::kOfFacets), with_facets);
+  EXPECT_GT(encodePatch(bowl).size(), with_facets.size() + bowl.normals.size()) << "at least a byte each";
+}
+
 TEST(PatchCodec, quantizedColorIsNearAndQuantizingTwiceChangesNothing) {
   double squares = 0.0;
   for (int c = 0; c < 256; ++c) {

@@ -15,7 +15,10 @@ class MemoryStore final : public repository::Store {
     const auto it = values.find(key);
     return it == values.end() ? std::optional<base::Bytes>() : std::optional<base::Bytes>(it->second);
   }
-  base::Result<bool> contains(const Key& key) const override { return values.contains(key); }
+  base::Result<std::optional<std::uint64_t>> valueBytes(const Key& key) const override {
+    const auto it = values.find(key);
+    return it == values.end() ? std::nullopt : std::optional<std::uint64_t>(it->second.size());
+  }
   base::Result<void> putBatch(const std::vector<std::pair<Key, base::Bytes>>& batch) override {
     if (batches.size() == fail_at_batch) return base::Error{base::ErrorCode::kNoSpace, "memory: full"};
     std::vector<Key> keys;

@@ -22,7 +22,10 @@ class MemoryStore final : public repository::Store {
     const auto it = values.find(key);
     return it == values.end() ? std::nullopt : std::optional(it->second);
   }
-  base::Result<bool> contains(const repository::FaceKey& key) const override { return values.count(key) != 0; }
+  base::Result<std::optional<std::uint64_t>> valueBytes(const repository::FaceKey& key) const override {
+    const auto it = values.find(key);
+    return it == values.end() ? std::nullopt : std::optional<std::uint64_t>(it->second.size());
+  }
   base::Result<void> putBatch(const std::vector<std::pair<repository::FaceKey, base::Bytes>>& batch) override {
     for (const auto& [key, value] : batch) values[key] = value;
     return {};

@@ -99,6 +99,36 @@ TEST(HierarchyProperties, anyViewOfAClosedMeshHasNoCrack) {
   EXPECT_GT(mixed, 100) << "too few views mix levels to say much";
 }
 
+// --normals facets: leaves keep their normals, and the levels above have nearly the same, in fewer bytes.
+TEST(HierarchyProperties, normalsOfFacetsAreNearThoseOfVerticesAndTakeFewerBytes) {
+  const auto mesh = support::torus(150, 90);
+  HierarchyOptions options = support::smallPatches();
+  const BuiltHierarchy with_all = mustBuild(mesh, options);
+  options.normals_beside_colors = options.normals_without_colors = lod::patch::StoredNormals::kOfFacets;
+  const BuiltHierarchy of_facets = mustBuild(mesh, options);
+  ASSERT_EQ(with_all.geometry.size(), of_facets.geometry.size());
+  double cosines = 0.0, vertices = 0.0;
+  for (std::size_t p = 0; p < with_all.geometry.size(); ++p) {
+    const auto& stored = with_all.geometry[p];
+    const auto& facets = of_facets.geometry[p];
+    ASSERT_EQ(stored.positions, facets.positions);
+    if (with_all.hierarchy.patches[p].level == 0) {
+      EXPECT_EQ(stored.normals, facets.normals);
+      continue;
+    }
+    for (std::size_t v = 0; v < stored.normals.size(); ++v, vertices += 1.0)
+      cosines += static_cast<double>(glm::dot(stored.normals[v], facets.normals[v]));
+  }
+  ASSERT_GT(vertices, 0.0);
+  EXPECT_GT(cosines / vertices, 0.99);
+  const auto bytesOf = [](const BuiltHierarchy& built) {
+    std::uint64_t bytes = 0;
+    for (const auto& group : built.hierarchy.groups) bytes += group.block_bytes;
+    return bytes;
+  };
+  EXPECT_LT(bytesOf(of_facets), bytesOf(with_all));
+}
+
 // --regroup off builds the paper's binary tree: neighbours are merged in pairs, level by level.
 TEST(HierarchyProperties, theBinaryTreeHalvesItsPatchesAndAnyViewHasNoCrack) {
   std::mt19937 random(46);

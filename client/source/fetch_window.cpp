@@ -1,0 +1,31 @@
+#include "client/source/fetch_window.h"
+
+#include <algorithm>
+
+namespace client {
+namespace {
+
+constexpr double kMemory = 5.0;  // seconds; a choice
+constexpr double kGain = 2.0;    // as BBR's
+
+}  // namespace
+
+void FetchWindow::answered(const Mark& sent, const Mark& now) {
+  const double took = now.at - sent.at;
+  if (!(took > 0.0) || now.received <= sent.received) return;
+  now_ = now.at;
+  samples_[next_++ % samples_.size()] = {now.at, took, static_cast<double>(now.received - sent.received) / took};
+}
+
+std::uint64_t FetchWindow::bytes() const {
+  double rate = 0.0;
+  double took = kMemory;
+  for (const Sample& sample : samples_) {
+    if (sample.at < now_ - kMemory) continue;
+    rate = std::max(rate, sample.rate);
+    took = std::min(took, sample.took);
+  }
+  return std::max(kLeastBytes, static_cast<std::uint64_t>(kGain * rate * took));
+}
+
+}  // namespace client
