@@ -115,7 +115,7 @@ std::string drawSeries(const Series& s, const Frame& f, std::size_t index) {
   }
   const double y = kTop + 12 + 20 * static_cast<double>(index);
   std::string svg;
-  if (line.find(' ') != std::string::npos)
+  if (s.is_line && line.find(' ') != std::string::npos)
     svg += "<polyline points=\"" + line + "\" fill=\"none\" stroke=\"" + color + "\" stroke-width=\"2\"/>\n";
   return svg + markers + "<circle cx=\"" + number(kWidth - kRight + 18) + "\" cy=\"" + number(y - 4) +
          "\" r=\"5\" fill=\"" + color + "\"/>\n" + text(kWidth - kRight + 30, y, "start", s.name);

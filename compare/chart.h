@@ -9,6 +9,7 @@ namespace compare {
 struct Series {
   std::string name;
   std::vector<std::pair<double, double>> points;  ///< x, y; drawn in order
+  bool is_line = true;                            ///< else markers alone
 };
 
 struct Chart {

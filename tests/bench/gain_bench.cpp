@@ -1,11 +1,12 @@
 // Shows how well the plan's expected errors (plan/gain_order.h) tell those of pictures: random views, from coarse and
 // fine cuts, without images, with few and with many, against the full model with 4 x 4 samples a pixel.
 //
-//   gain_bench SCENE [--views N] [--seed S] [--truth DIR] [--measured FILE]
+//   gain_bench SCENE [--views N] [--seed S] [--truth DIR] [--measured FILE] [--chart FILE.svg]
 //
 // It prints a row for each picture: view, tolerance in pixels, points, depth of the finest tiles, measured and expected
 // error as root mean squares over the picture in levels, 0..255; at last the correlation of their logarithms and the
-// median of their ratios. --measured keeps what pictures showed for another run, which then only plans.
+// median of their ratios. --measured keeps what pictures showed for another run, which then only plans. --chart draws
+// the rows as PSNR over the picture.
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
@@ -17,7 +18,9 @@
 #include <vector>
 
 #include "base/egl/headless.h"
+#include "base/format_text.h"
 #include "base/picture_error.h"
+#include "compare/chart.h"
 #include "plan/view_plan.h"
 #include "repository/store.h"
 #include "server/bake/face_encoder.h"
@@ -108,16 +111,47 @@ class Fit {
   std::vector<double> ratios_;
 };
 
+/// Expected over measured accuracy, a series for each kind of images, and the line on which both are the same.
+class FitChart {
+ public:
+  explicit FitChart(const std::string& scene) {
+    chart_.title = scene + ": expected and measured accuracy";
+    chart_.x_label = "measured PSNR, dB", chart_.y_label = "expected PSNR, dB";
+    for (const auto& [points, depth] : kImages)
+      chart_.series.push_back({points == 0  ? "no images"
+                               : depth >= 5 ? base::formatText("%u point%s", unsigned{points}, points == 1 ? "" : "s")
+                                            : base::formatText("%u points, depth %u", unsigned{points}, depth),
+                               {},
+                               false});
+  }
+  void add(std::uint16_t points, std::uint32_t depth, double measured, double expected) {
+    const double x = -10.0 * std::log10(measured), y = -10.0 * std::log10(expected);
+    for (std::size_t i = 0; i < std::size(kImages); ++i)
+      if (kImages[i] == std::pair(points, depth)) chart_.series[i].points.emplace_back(x, y);
+    low_ = std::min(low_, x), high_ = std::max(high_, x);
+  }
+  void write(const std::string& path) {
+    chart_.series.push_back({"equal", {{low_, low_}, {high_, high_}}, true});
+    if (!(std::ofstream(path) << compare::formatChart(chart_))) bench::stop(path + ": cannot be written");
+  }
+
+ private:
+  compare::Chart chart_;
+  double low_ = 1e9, high_ = -1e9;
+};
+
 }  // namespace
 
 int main(int argc, char** argv) {
-  bench::Arguments arguments(argc, argv, "SCENE [--views 1..1000] [--seed S] [--truth DIR] [--measured FILE]");
+  bench::Arguments arguments(argc, argv,
+                             "SCENE [--views 1..1000] [--seed S] [--truth DIR] [--measured FILE] [--chart FILE.svg]");
   server::RandomViews wanted;
   wanted.count = arguments.number("--views", std::size_t{6}, std::size_t{1}, std::size_t{1000});
   wanted.seed = arguments.number("--seed", 5U, 0U, 1U << 30U);
   wanted.width = kWidth, wanted.height = kHeight;
   const std::string directory = arguments.text("--truth", "");
   const std::string file = arguments.text("--measured", "");
+  const std::string chart_path = arguments.text("--chart", "");
   arguments.finish();
   if (arguments.input().empty()) arguments.wrong();
 
@@ -128,6 +162,7 @@ int main(int argc, char** argv) {
   if (!file.empty()) kept.open(file, std::ios::app);
 
   Fit fit;
+  FitChart chart(scene->name);
   std::printf("%4s %9s %6s %5s %9s %9s\n", "view", "tolerance", "points", "depth", "measured", "expected");
   for (std::size_t i = 0; i < views.size(); ++i) {
     for (const float tolerance : kTolerances)
@@ -158,11 +193,13 @@ int main(int argc, char** argv) {
         };
         const double expected = static_cast<double>(plan::planView(planned, view).error_after);
         fit.add(measured[setting], expected);
+        chart.add(points, depth, measured[setting], expected);
         std::printf("%4zu %9.0f %6u %5u %9.2f %9.2f\n", i, static_cast<double>(tolerance), unsigned{points}, depth,
                     255.0 * std::sqrt(measured[setting]), 255.0 * std::sqrt(expected));
         std::fflush(stdout);
       }
   }
   fit.print(scene->name);
+  if (!chart_path.empty()) chart.write(chart_path);
   return 0;
 }

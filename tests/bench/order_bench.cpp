@@ -185,7 +185,7 @@ int main(int argc, char** argv) {
   for (const std::size_t mark : kMarks) std::printf(" %6zu", mark / 1000);
   for (std::size_t o = 0; o < std::size(names); ++o) {
     std::printf("\n%-14s", names[o]);
-    chart.series.push_back({names[o], {}});
+    chart.series.push_back({names[o], {}, true});
     for (std::size_t m = 0; m < std::size(kMarks); ++m) {
       std::printf(" %6.2f", sums[o][m] / drawn);
       chart.series.back().points.emplace_back(static_cast<double>(kMarks[m]) / 1000.0, sums[o][m] / drawn);
