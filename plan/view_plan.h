@@ -41,7 +41,7 @@ struct Scene {
 };
 
 /// The coarse whole model that is sent or fetched first has at most this many bytes: 0.1 s at 4 Mbit/s.
-inline constexpr std::uint64_t kCoarseBytes = 50'000;
+inline constexpr std::uint64_t kCoarseBytes = 40'000;
 /// Bytes that are sent or fetched ahead of need for one view, once everything that it needs is there: 2 s at 4 Mbit/s.
 inline constexpr std::uint64_t kPrefetchBytes = 1'000'000;
 /// A view gets at most this many faces for each point that it asks for: a client that asks for 8 points blends 16

@@ -6,8 +6,8 @@
 // docs/hosting.md says what a host must do.
 //
 // It reads, in this order:
-//   1. the first 16 KiB of patch-….lgp and of index-….lgi, which make the Welcome
-//   2. the table pages that group 0 and the next coarsest groups need, and their blocks: the first picture, some 50 kB
+//   1. the first 16 KiB of patch-….lgp and 4 KiB of index-….lgi, which make the Welcome
+//   2. the table pages that group 0 and the next coarsest groups need, and their blocks: the first picture, some 40 kB
 //   3. the tables: whole where they are small, else the pages that the view's cut leads to
 //   4. what a picked ray needs (pick()); then groups and faces in a server's order (docs/formats/protocol.md), and
 //      blocks of the index when a face needs one

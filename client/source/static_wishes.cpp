@@ -9,7 +9,7 @@
 namespace client {
 namespace {
 
-// The first request for the patches brings the header and rows of some 290 groups (docs/formats/patch.md). The three
+// The first request for the patches brings the header and rows of some 240 groups (docs/formats/patch.md). The three
 // numbers are choices; more wishes find more neighbours to fetch in one request, and are compared longer.
 constexpr std::uint64_t kPatchFrontBytes = 16 * 1024;
 /// As much of the index's front (repository::kIndexFrontBytes) as the roots of nearly all scenes fill.

@@ -32,8 +32,8 @@ enum class StoredNormals : std::uint8_t { kOfVertices, kOfFacets };
 /// `triangle_order`, unless null, is set to which input triangle became each decoded one: decoded triangle i has the
 /// corners of input triangle (*triangle_order)[i].
 ///
-/// `normals`: with kOfFacets those of vertices are replaced by those of the facets around them in this patch, which
-/// take next to no bytes.
+/// `normals`: with kOfFacets those of vertices are replaced by those of the facets around them in this patch, and take
+/// no bytes.
 base::Bytes encodePatch(const PatchGeometry& geometry, std::vector<std::uint32_t>* triangle_order = nullptr,
                         StoredNormals normals = StoredNormals::kOfVertices);
 

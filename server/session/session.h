@@ -3,7 +3,7 @@
 //
 // The order of messages for a view (docs/formats/protocol.md draws the states):
 //
-//   1. The coarse whole model: group 0 and the next groups by error, about 50 kB. Sent once; again as far as evicted.
+//   1. The coarse whole model: group 0 and the next groups by error, about 40 kB. Sent once; again as far as evicted.
 //   2. A quick exact frame as soon as it is rendered, if the view wants one and the server renders. It is requested
 //      when the view arrives; other messages go meanwhile as far as they do not delay it. While the eye stands, it
 //      comes right after group 0 and before the rest of 1. A moving eye gets frames aimed ahead (frame_schedule.h).

@@ -193,8 +193,13 @@ LUMIGRID_ALWAYS_INLINE const char* decodeParts(const PatchHeader& header, base::
   const ResidualRoom room = scratch.residualRoom(groups);
   std::size_t at = kHeaderBytes + steps.size() + escapes.size();
   bool whole = readThreePlanes(readPlane, in, at, groups, scratch, positions);
-  whole = whole && readPlane(in, at, groups, room, Scratch::room(scratch.normal_u, padded));
-  whole = whole && readPlane(in, at, groups, room, Scratch::room(scratch.normal_v, padded));
+  for (std::vector<std::uint32_t>* plane : {&scratch.normal_u, &scratch.normal_v}) {
+    std::uint32_t* codes = Scratch::room(*plane, padded);
+    if (header.hasNormals())
+      whole = whole && readPlane(in, at, groups, room, codes);
+    else
+      std::fill_n(codes, padded, 0);
+  }
   Uint4* colors = header.hasColors() ? Scratch::room(scratch.colors, padded) : nullptr;
   if (header.hasColors()) whole = whole && readThreePlanes(readPlane, in, at, groups, scratch, colors);
   std::uint32_t* alphas = header.hasAlpha() ? Scratch::room(scratch.alphas, padded) : nullptr;

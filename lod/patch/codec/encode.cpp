@@ -130,7 +130,7 @@ void writeThreePlanes(base::ByteWriter& out, const std::vector<Uint4>& numbers, 
 
 // Residuals of the normals' codes against those that the decoder predicts from positions and triangles.
 void writeNormals(base::ByteWriter& out, const PatchGeometry& geometry, const EncodedConnectivity& order,
-                  const std::vector<Float4>& points, StoredNormals normals, ResidualWriter& writer) {
+                  const std::vector<Float4>& points, ResidualWriter& writer) {
   const std::size_t vertices = order.vertices.size();
   std::vector<FacetSum> sums(vertices);
   for (std::size_t v = 0; v < vertices; ++v) sums[v].point = points[v];
@@ -138,11 +138,9 @@ void writeNormals(base::ByteWriter& out, const PatchGeometry& geometry, const En
 
   std::array<std::vector<std::uint32_t>, 2> planes;
   for (auto& plane : planes) plane.resize(groupsOf(vertices) * kGroup, 0);
-  // Without residuals the predicted normals are decoded.
-  const std::size_t with_residuals = normals == StoredNormals::kOfVertices ? vertices : 0;
   NormalBlock sum{}, given{};
   std::array<std::int32_t, kNormalBlock> predicted_u, predicted_v, u, v;
-  for (std::size_t first = 0; first < with_residuals; first += kNormalBlock) {
+  for (std::size_t first = 0; first < vertices; first += kNormalBlock) {
     const std::size_t count = std::min(kNormalBlock, vertices - first);
     for (std::size_t i = 0; i < count; ++i) {
       const Float4& s = sums[first + i].sum;
@@ -211,6 +209,7 @@ base::Bytes encodePatch(const PatchGeometry& geometry, std::vector<std::uint32_t
   checkGeometry(geometry);
   const EncodedConnectivity order = encodeConnectivity(geometry);
   PatchHeader header = headerOf(geometry, order);
+  if (normals == StoredNormals::kOfFacets) header.flags |= kNormalsOfFacets;
   std::vector<base::Float4> points;
   header.facet_shift = chooseShift(geometry, order, points);
   const std::vector<base::Uint4> positions = choosePositionResiduals(geometry, order, header);
@@ -221,7 +220,7 @@ base::Bytes encodePatch(const PatchGeometry& geometry, std::vector<std::uint32_t
   out.bytes(order.escapes);
   ResidualWriter writer(groupsOf(order.vertices.size()) * kGroup);
   writeThreePlanes(out, positions, writer);
-  writeNormals(out, geometry, order, points, normals, writer);
+  if (header.hasNormals()) writeNormals(out, geometry, order, points, writer);
   if (header.hasColors()) writeColors(out, geometry, order, writer);
   if (header.hasAlpha()) writeAlphas(out, geometry, order, writer);
   out.patch(kCrcOffset, checksum(out.view()));

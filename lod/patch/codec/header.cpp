@@ -34,7 +34,7 @@ base::Result<PatchHeader> readHeader(base::ByteView bytes) {
   base::readFields(in, fieldsOf(header, vertices, triangles));
   header.vertices = vertices, header.triangles = triangles;
 
-  constexpr int kKnownFlags = kHasColors | kHasAlpha | kIsRough;
+  constexpr int kKnownFlags = kHasColors | kHasAlpha | kIsRough | kNormalsOfFacets;
   if ((header.flags & ~kKnownFlags) != 0 || (header.hasAlpha() && !header.hasColors()))
     return brokenPatch("unknown flags");
   if (header.vertices == 0 || header.triangles == 0) return brokenPatch("no triangles");

@@ -18,6 +18,7 @@ inline constexpr std::size_t kCrcOffset = 28;
 inline constexpr std::uint8_t kHasColors = 1;
 inline constexpr std::uint8_t kHasAlpha = 2;
 inline constexpr std::uint8_t kIsRough = 4;
+inline constexpr std::uint8_t kNormalsOfFacets = 8;
 
 /// A front of 65 535 triangles has fewer than 2^17 edges.
 inline constexpr std::uint8_t kMaxFrontBits = 17;
@@ -37,6 +38,7 @@ struct PatchHeader {
 
   bool hasColors() const { return (flags & kHasColors) != 0; }
   bool hasAlpha() const { return (flags & kHasAlpha) != 0; }
+  bool hasNormals() const { return (flags & kNormalsOfFacets) == 0; }
   /// Positions are predicted as a + ((b − opposite) >> shift): from whole parallelograms, or on noisy surfaces from
   /// half ones.
   int parallelogramShift() const { return (flags & kIsRough) != 0 ? 1 : 0; }

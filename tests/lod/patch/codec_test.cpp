@@ -99,8 +99,10 @@ TEST(PatchCodec, everyMachineDecodesTheSame) {
     }
   };
   for (const Shape& shape : shapes()) {
-    const base::Bytes bytes = encodePatch(drawPatch(shape, random));
+    const PatchGeometry patch = drawPatch(shape, random);
+    const base::Bytes bytes = encodePatch(patch);
     compare(bytes);
+    compare(encodePatch(patch, nullptr, StoredNormals::kOfFacets));
     for (int i = 0; i < 200; ++i) {
       base::Bytes hurt = bytes;
       const std::size_t at = 32 + random() % (hurt.size() - 32);
@@ -468,7 +470,7 @@ TEST(PatchCodec, wrongFieldsUnderARightChecksumAreNamed) {
   };
   names(withField<std::uint8_t>(bytes, 0, 0), "version 0");
   names(withField<std::uint8_t>(bytes, 0, 2), "version 2");
-  names(withField<std::uint8_t>(bytes, 1, 8), "unknown flags");
+  names(withField<std::uint8_t>(bytes, 1, 16), "unknown flags");
   names(withField<std::uint8_t>(bytes, 1, 6), "unknown flags");
   names(withField<std::uint8_t>(bytes, 1, 2), "unknown flags");
   names(withField<std::uint8_t>(bytes, 1, 0), "vertices do not decode");

@@ -244,7 +244,7 @@ TEST(Session, newViewDropsUnsentDataOfTheOldOne) {
   const plan::ViewPlan wanted = plan::planView(scene.data.toPlan(), right);
   for (const auto& key : facesIn(sent))
     EXPECT_NE(std::find(wanted.faces.begin(), wanted.faces.end(), key), wanted.faces.end());
-  const auto coarse = plan::coarseGroups(scene.patches->hierarchy(), 50'000);
+  const auto coarse = plan::coarseGroups(scene.patches->hierarchy(), plan::kCoarseBytes);
   for (std::uint32_t group : groupsIn(scene.data, sent))
     EXPECT_TRUE(std::count(wanted.groups.begin(), wanted.groups.end(), group) ||
                 std::count(coarse.begin(), coarse.end(), group))
@@ -365,7 +365,7 @@ TEST(Session, heldDataIsNotSent) {
   Talk talk(scene.data);
   talk.greet();
   ASSERT_TRUE(talk.say(protocol::Holdings{plan.faces, plan.groups}));
-  for (std::uint32_t group : plan::coarseGroups(scene.patches->hierarchy(), 50'000))
+  for (std::uint32_t group : plan::coarseGroups(scene.patches->hierarchy(), plan::kCoarseBytes))
     ASSERT_TRUE(talk.say(protocol::Holdings{{}, {group}}));
   ASSERT_TRUE(talk.say(view));
   EXPECT_EQ(std::get<protocol::Completion>(*talk.next()).sequence, 1U);
