@@ -154,7 +154,8 @@ void StaticSource::acceptIndexBlock(std::uint64_t number, base::ByteView bytes) 
   const std::uint64_t taken = block->bytes();
   index_blocks_.insert(number, std::move(*block), taken);
   index_learned_ = true;
-  index_blocks_.evict([number](std::uint64_t other) { return other == number; });
+  index_blocks_.evict(
+      [this, number](std::uint64_t other) { return other == number || index_wanted_.count(other) != 0; });
 }
 
 void StaticSource::acceptFace(const FaceKey& key, base::Bytes bytes) {

@@ -218,7 +218,8 @@ class StaticSource {
   // The views and their plan.
   std::optional<protocol::View> newest_, previous_;
   bool planned_ = false, replan_ = false;
-  bool index_learned_ = false;  // the index has told which tiles there are since the plan was made
+  std::unordered_set<std::uint64_t> index_wanted_;  // blocks of the newest plan's points, which are kept
+  bool index_learned_ = false;                      // the index has told which tiles there are since the plan was made
   plan::ViewPlan view_plan_;
   plan::ImageBytes image_bytes_;
   std::vector<std::uint32_t> frontier_;  // groups without a record that the cut leads to

@@ -199,8 +199,10 @@ void StaticSource::wishForCoarse(std::vector<RangeWish>& wishes) {
 bool StaticSource::wishForIndex(std::vector<RangeWish>& wishes) {
   if (!root_) return true;
   bool all_here = true;
+  index_wanted_.clear();
   for (const glm::uvec3& point : view_plan_.points) {
     const std::uint64_t number = repository::blockOfCode(*root_, FaceKey{point.x, point.y, point.z}.code());
+    index_wanted_.insert(number);
     if (broken_index_blocks_.count(number) != 0 || index_blocks_.find(number) != nullptr) continue;
     all_here = false;
     wishes.push_back(indexWish(number));
