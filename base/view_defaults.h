@@ -25,7 +25,7 @@ struct ViewDefaults {
   static constexpr float kExactTolerance = 0.25F;
   /// JPEG quality of stored images, 1..100.
   static constexpr int kQuality = 85;
-  /// The same of WebP, which is as near to the picture (docs/decisions/tiles.md).
+  /// The same of WebP (docs/decisions/tiles.md).
   static constexpr int kWebpQuality = 80;
 
   // ---- exact frames: pictures of a view at rest (docs/decisions/exact-frames.md, frames-webp.md) ----

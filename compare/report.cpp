@@ -49,7 +49,7 @@ Chart accuracyAgainstBytes(const std::vector<RunResult>& runs) {
   for (const RunResult& run : runs) {
     auto it =
         std::find_if(chart.series.begin(), chart.series.end(), [&](const Series& s) { return s.name == run.method; });
-    if (it == chart.series.end()) it = chart.series.insert(it, Series{run.method, {}, true});
+    if (it == chart.series.end()) it = chart.series.insert(it, Series{run.method, {}});
     it->points.emplace_back(static_cast<double>(run.totalBytes()) / 1e6, run.meanPsnr());
   }
   for (Series& s : chart.series) std::sort(s.points.begin(), s.points.end());

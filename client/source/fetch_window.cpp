@@ -13,15 +13,16 @@ constexpr double kGain = 2.0;    // as BBR's
 void FetchWindow::answered(const Mark& sent, const Mark& now) {
   const double took = now.at - sent.at;
   if (!(took > 0.0) || now.received <= sent.received) return;
-  now_ = now.at;
-  samples_[next_++ % samples_.size()] = {now.at, took, static_cast<double>(now.received - sent.received) / took};
+  samples_[count_++ % samples_.size()] = {now.at, took, static_cast<double>(now.received - sent.received) / took};
 }
 
 std::uint64_t FetchWindow::bytes() const {
+  if (count_ == 0) return kLeastBytes;
+  const double newest = samples_[(count_ - 1) % samples_.size()].at;
   double rate = 0.0;
   double took = kMemory;
   for (const Sample& sample : samples_) {
-    if (sample.at < now_ - kMemory) continue;
+    if (sample.at < newest - kMemory) continue;
     rate = std::max(rate, sample.rate);
     took = std::min(took, sample.took);
   }

@@ -14,13 +14,14 @@ class FetchWindow {
   /// At least this much may be under way, and at first. A choice: 0.1 s at 5 Mbit/s.
   static constexpr std::uint64_t kLeastBytes = 64 * 1024;
 
-  /// A request was sent when `received` bytes had come in all.
+  /// The moment of a request or of its answer, in seconds from any zero, and all bytes received until then.
   struct Mark {
     double at = 0.0;
     std::uint64_t received = 0;
   };
-  /// Takes note of an answer to the request sent at `sent`. Seconds from any zero, never decreasing.
+  /// Takes note of an answer that came `now` to a request of `sent`. Times never decrease from call to call.
   void answered(const Mark& sent, const Mark& now);
+  /// Bytes that may be under way.
   std::uint64_t bytes() const;
 
  private:
@@ -28,8 +29,7 @@ class FetchWindow {
     double at = -1e9, took = 0.0, rate = 0.0;
   };
   std::array<Sample, 32> samples_{};  // the last ones
-  std::size_t next_ = 0;              // the oldest of them
-  double now_ = 0.0;
+  std::size_t count_ = 0;             // taken so far; each takes the place of the oldest
 };
 
 }  // namespace client

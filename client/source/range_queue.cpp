@@ -14,8 +14,14 @@ RangeQueue::~RangeQueue() {
   for (const auto& [id, request] : requests_) fetcher_.cancel(id);
 }
 
+std::uint64_t RangeQueue::bytesUnderWay() const {
+  std::uint64_t bytes = 0;
+  for (const auto& [id, request] : requests_) bytes += request.length;
+  return bytes;
+}
+
 /// Returns `first` and the wishes that can share its request: the same object, close enough, and together at most
-/// max_bytes.
+/// max_bytes and a third of the window.
 std::vector<std::size_t> RangeQueue::neighboursOf(const std::vector<RangeWish>& wishes, std::size_t first) const {
   std::vector<std::size_t> chosen{first};
   if (wishes[first].alone) return chosen;
@@ -28,7 +34,7 @@ std::vector<std::size_t> RangeQueue::neighboursOf(const std::vector<RangeWish>& 
   const std::uint64_t max_bytes = std::min(options_.max_bytes, window_.bytes() / kRequestsInWindow);
   std::sort(others.begin(), others.end(),
             [&](std::size_t a, std::size_t b) { return wishes[a].offset < wishes[b].offset; });
-  // A block of the index is wished for by each image that it locates.
+  // Several groups wish for the same page of the tables, several images for the same block of the index.
   others.erase(
       std::unique(others.begin(), others.end(), [&](std::size_t a, std::size_t b) { return itemOf(a) == itemOf(b); }),
       others.end());
@@ -66,14 +72,13 @@ void RangeQueue::send(std::vector<RangeWish> wishes) {
   }
   const std::string object = wishes.front().object;
   requests_[id] = {begin, end - begin, {now_, bytes_}, std::move(wishes)};
-  bytes_under_way_ += end - begin;
   fetcher_.submit(id, object, begin, end - begin);
 }
 
 void RangeQueue::request(const std::vector<RangeWish>& wishes, std::size_t limit) {
   limit = std::min(limit, options_.max_requests);
   for (std::size_t i = 0; i < wishes.size() && requests_.size() < limit; ++i) {
-    if (bytes_under_way_ >= window_.bytes()) return;
+    if (bytesUnderWay() >= window_.bytes()) return;
     if (underWay(wishes[i].kind, wishes[i].key)) continue;
     std::vector<RangeWish> together;
     for (const std::size_t n : neighboursOf(wishes, i)) together.push_back(wishes[n]);
@@ -89,7 +94,6 @@ std::vector<RangeArrival> RangeQueue::takeArrivals() {
     const Request request = std::move(it->second);
     requests_.erase(it);
     bytes_ += answer.bytes.size();
-    bytes_under_way_ -= request.length;
     window_.answered(request.sent, {now_, bytes_});
     for (const RangeWish& wish : request.wishes) {
       under_way_.erase({wish.kind, wish.key});

@@ -62,6 +62,7 @@ class RangeQueue {
     FetchWindow::Mark sent;
     std::vector<RangeWish> wishes;
   };
+  std::uint64_t bytesUnderWay() const;
   std::vector<std::size_t> neighboursOf(const std::vector<RangeWish>& wishes, std::size_t first) const;
   void send(std::vector<RangeWish> wishes);
 
@@ -69,7 +70,7 @@ class RangeQueue {
   RangeQueueOptions options_;
   std::map<std::uint64_t, Request> requests_;
   std::map<std::pair<std::uint32_t, std::uint64_t>, std::uint64_t> under_way_;  // wish -> id of its request
-  std::uint64_t sent_ = 0, bytes_ = 0, bytes_under_way_ = 0;
+  std::uint64_t sent_ = 0, bytes_ = 0;
   FetchWindow window_;
   double now_ = 0.0;
 };

@@ -9,8 +9,8 @@
 //   1. the first 16 KiB of patch-….lgp and 4 KiB of index-….lgi, which make the Welcome
 //   2. the table pages that group 0 and the next coarsest groups need, and their blocks: the first picture, some 40 kB
 //   3. the tables: whole where they are small, else the pages that the view's cut leads to
-//   4. what a picked ray needs (pick()); then groups and faces in a server's order (docs/formats/protocol.md), and
-//      blocks of the index when a face needs one
+//   4. what a picked ray needs (pick()); then groups in a server's order (docs/formats/protocol.md), and with them the
+//      blocks of the index that tell of the plan's images, and once these are here the images
 //   5. when the view is complete: the rest of small tables, other directions, faces along the motion; at most 1 MB
 // The newest view wins: what an older view wanted is not requested any more, requests under way are kept.
 #include <cstdint>
@@ -219,7 +219,7 @@ class StaticSource {
   std::optional<protocol::View> newest_, previous_;
   bool planned_ = false, replan_ = false;
   std::unordered_set<std::uint64_t> index_wanted_;  // blocks of the newest plan's points, which are kept
-  bool index_learned_ = false;                      // the index has told which tiles there are since the plan was made
+  bool index_learned_ = false;                      // the index has told of more images since the plan was made
   plan::ViewPlan view_plan_;
   plan::ImageBytes image_bytes_;
   std::vector<std::uint32_t> frontier_;  // groups without a record that the cut leads to

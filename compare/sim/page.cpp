@@ -86,7 +86,7 @@ std::vector<std::pair<std::string, Runs>> grouped(const Runs& runs, const TextOf
 Chart chartOfBytes(const std::string& title, const Runs& runs) {
   Chart chart{title, "bytes of the whole run, MB", "mean PSNR at the moment of display, dB", true, {}};
   for (const auto& [method, of_method] : grouped(runs, [](const PlayedRun& run) { return run.setting.method; })) {
-    Series& series = chart.series.emplace_back(Series{method, {}, true});
+    Series& series = chart.series.emplace_back(Series{method, {}});
     for (const PlayedRun* run : of_method) series.points.emplace_back(megabytes(*run), run->meanPsnr());
   }
   for (Series& series : chart.series) std::sort(series.points.begin(), series.points.end());

@@ -16,7 +16,7 @@
 namespace repository {
 
 // docs/formats/packs.md defines these sizes.
-inline constexpr std::uint64_t kIndexFrontBytes = 16384;  ///< every reader reads them first: they hold the root
+inline constexpr std::uint64_t kIndexFrontBytes = 16384;  ///< hold the root; blocks begin behind them
 inline constexpr std::uint64_t kPackHeaderBytes = 64;
 inline constexpr std::uint64_t kPackRowBytes = 48;
 inline constexpr std::uint64_t kMaxPackBytes = std::uint64_t{128} << 20;  ///< readers hold one pack in memory
@@ -90,8 +90,8 @@ struct IndexRoot {
   std::uint64_t blockOffset(std::uint64_t block) const { return blocks_offset + block * block_bytes; }
   std::uint64_t rowsOffset() const { return blockOffset(blocks); }
 };
-/// Decodes the root from the first kIndexFrontBytes of the index. The parameters lie at parameterOffset();
-/// checkParameters checks them.
+/// Decodes the root from the first bytes of the index, at least kIndexHeaderBytes. The parameters lie at
+/// parameterOffset(); checkParameters checks them.
 base::Result<IndexRoot> decodeIndexRoot(base::ByteView front);
 constexpr std::uint64_t parameterOffset() {
   return 128;

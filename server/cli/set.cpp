@@ -140,8 +140,8 @@ void setLight(const std::string& name, const std::string& directory, base::Scene
   scene.light.mode = is_unlit ? base::LightMode::kUnlit : base::LightMode::kSoft;
   scene.parameters["light"] = name;
   const auto normals = scene.parameters.find("normals");
-  if (before == base::LightMode::kUnlit && !is_unlit && normals != scene.parameters.end() &&
-      normals->second != "vertices")
+  if (before == base::LightMode::kUnlit && !is_unlit && base::partFile(scene, "patch", ".lgp") &&
+      normals != scene.parameters.end() && normals->second != "vertices")
     std::fprintf(stderr,
                  "lumigrid: a scene built unlit has the normals of triangles, so that edges of patches may show; "
                  "`lumigrid build --normals vertices` stores smooth ones\n");

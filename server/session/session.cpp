@@ -165,7 +165,7 @@ plan::Scene Session::sceneToPlan() const {
     if (scene_.images_are_remote) return absent_.count(key) != 0 ? std::optional<std::uint64_t>(0) : std::nullopt;
     const auto bytes = scene_.images->valueBytes(key);
     if (!bytes || (*bytes && **bytes == 0)) return std::nullopt;
-    const bool shows_something = *bytes && **bytes > repository::kImageHeaderBytes;
+    const bool shows_something = *bytes && **bytes > repository::kImageHeaderBytes;  // an empty flag is shorter
     return shows_something ? **bytes : 0;
   };
   return scene;

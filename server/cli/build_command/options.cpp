@@ -97,8 +97,7 @@ void declareImageOptions(CLI::App& command, BuildArguments& a) {
                   "how images are coded: webp takes about half of the bytes; jpeg also serves viewers that decode "
                   "nothing else (default: webp for tiles, and jpeg for plain images and with --tune or --subsampling)")
       ->check(CLI::IsMember({"jpeg", "webp"}));
-  command
-      .add_option("--quality", a.quality, "of JPEG or WebP (default: 85 for JPEG, 80 for WebP, which is as accurate)")
+  command.add_option("--quality", a.quality, "quality of JPEG or WebP (default: 85 for JPEG, 80 for WebP)")
       ->check(CLI::Range(1, 100));
   command
       .add_option("--subsampling", a.subsampling,
