@@ -57,23 +57,23 @@ void SampleArray::copyLayersTo(const base::gl::Texture& color, const base::gl::T
   glBindFramebuffer(GL_READ_FRAMEBUFFER, from.name());
   glBindFramebuffer(GL_DRAW_FRAMEBUFFER, to.name());
 
-  // Colour is copied from a framebuffer, level by level.
-  glBindTexture(GL_TEXTURE_2D_ARRAY, color.name());
+  // Everything is blitted: GL does not copy into depth textures, and copying colour by glCopyTexSubImage3D took 4 ms a
+  // level of 256 x 256 texels on an NVIDIA GPU, seconds for a whole array.
+  const auto blit = [](GLenum attachment, GLbitfield mask, const base::gl::Texture& source,
+                       const base::gl::Texture& target, int level, int layer, int width, int height) {
+    glFramebufferTextureLayer(GL_READ_FRAMEBUFFER, attachment, source.name(), level, layer);
+    glFramebufferTextureLayer(GL_DRAW_FRAMEBUFFER, attachment, target.name(), level, layer);
+    glBlitFramebuffer(0, 0, width, height, 0, 0, width, height, mask, GL_NEAREST);
+  };
   for (int level = 0; level < pyramidLevels(width_, height_); ++level)
-    for (int layer = 0; layer < capacity_; ++layer) {
-      glFramebufferTextureLayer(GL_READ_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, color_.name(), level, layer);
-      glCopyTexSubImage3D(GL_TEXTURE_2D_ARRAY, level, 0, 0, layer, 0, 0, std::max(1, width_ >> level),
-                          std::max(1, height_ >> level));
-    }
+    for (int layer = 0; layer < capacity_; ++layer)
+      blit(GL_COLOR_ATTACHMENT0, GL_COLOR_BUFFER_BIT, color_, color, level, layer, std::max(1, width_ >> level),
+           std::max(1, height_ >> level));
 
-  // Depth is blitted, since GL does not copy into depth textures.
-  glFramebufferTextureLayer(GL_READ_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, 0, 0, 0);
-  for (int layer = 0; layer < capacity_; ++layer) {
-    glFramebufferTextureLayer(GL_READ_FRAMEBUFFER, GL_DEPTH_ATTACHMENT, depth_.name(), 0, layer);
-    glFramebufferTextureLayer(GL_DRAW_FRAMEBUFFER, GL_DEPTH_ATTACHMENT, depth.name(), 0, layer);
-    glBlitFramebuffer(0, 0, depth_width_, depth_height_, 0, 0, depth_width_, depth_height_, GL_DEPTH_BUFFER_BIT,
-                      GL_NEAREST);
-  }
+  for (const GLenum target : {GL_READ_FRAMEBUFFER, GL_DRAW_FRAMEBUFFER})
+    glFramebufferTextureLayer(target, GL_COLOR_ATTACHMENT0, 0, 0, 0);
+  for (int layer = 0; layer < capacity_; ++layer)
+    blit(GL_DEPTH_ATTACHMENT, GL_DEPTH_BUFFER_BIT, depth_, depth, 0, layer, depth_width_, depth_height_);
 }
 
 int LayerGrowth::after(int capacity) const {

@@ -39,7 +39,6 @@ const Color kGreen = constant({0.05F, 0.8F, 0.05F});
 class Lumigraph : public ::testing::Test {
  protected:
   static void SetUpTestSuite() {
-    setenv("LUMIGRID_GL", "software", 1);
     auto made = base::HeadlessContext::create();
     ASSERT_TRUE(made) << made.error().message;
     context_ = std::move(made.value());

@@ -34,7 +34,6 @@ glm::vec3 fineRings(const glm::vec3& p) {
 class TiledFaces : public ::testing::Test {
  protected:
   static void SetUpTestSuite() {
-    setenv("LUMIGRID_GL", "software", 1);
     auto made = base::HeadlessContext::create();
     ASSERT_TRUE(made) << made.error().message;
     context_ = std::move(made.value());

@@ -132,8 +132,8 @@ TEST_F(SceneRendererTest, alphaIsExactlyTheShareOfSamplesInsideTheTriangle) {
     for (int y = 0; y < 8; ++y)
       for (int x = 0; x < 8; ++x) {
         const int inside = samplesInside(x, y, n);
-        const int expected = static_cast<int>(std::lround(255.0 * inside / (n * n)));
-        EXPECT_EQ(int{rendered.rgba.at(x, y)[3]}, expected) << "pixel " << x << ", " << y << " with " << n << "²";
+        const double expected = 255.0 * inside / (n * n);  // which GL may round either way
+        EXPECT_NEAR(rendered.rgba.at(x, y)[3], expected, 0.51) << "pixel " << x << ", " << y << " with " << n << "²";
         if (inside > 0 && inside < n * n) ++partly;
       }
     EXPECT_EQ(partly > 0, n > 1);
