@@ -4,7 +4,6 @@
 #include <array>
 #include <cmath>
 #include <limits>
-#include <queue>
 #include <unordered_map>
 #include <utility>
 
@@ -80,52 +79,45 @@ struct BestTwo {
   }
 };
 
-struct Place {
-  std::vector<Shading> shadings;      // after 0, 1, … of its groups
-  std::vector<std::size_t> groups;    // that make the next
-  std::size_t state = 0;              // groups that came
-  std::vector<Look> looks;            // of the images that came
-  std::vector<std::uint32_t> images;  // items that show it
-  BestTwo now{0.0F};                  // in this state, with these looks
+/// One image at a place that it shows.
+struct Shown {
+  std::uint32_t image = 0;
+  Look look;
+  float gain = 0.0F;  // by how much the place's expected error would fall if it came now; 0 once it has come
+};
 
-  BestTwo errorsAfter(std::size_t groups_came) const {
-    BestTwo errors(shadings[groups_came].proxy2);
-    for (const Look& look : looks) errors.add(look.point, look.error2(shadings[groups_came]));
-    return errors;
+struct Place {
+  std::vector<Shading> shadings;    // after 0, 1, … of its groups
+  std::vector<std::size_t> groups;  // that make the next
+  std::size_t state = 0;            // groups that came
+  std::vector<Shown> images;
+  std::vector<BestTwo> errors;  // beside `shadings`, with the images that came
+
+  float expected() const { return errors[state].expected(); }
+  float gainOf(const Look& look) const {
+    BestTwo with = errors[state];
+    with.add(look.point, look.error2(shadings[state]));
+    return expected() - with.expected();
   }
-  float expectedWith(const Look& more) const {
-    BestTwo errors = now;
-    errors.add(more.point, more.error2(shadings[state]));
-    return errors.expected();
-  }
-  void takeLook(const Look& look) {
-    looks.push_back(look);
-    now.add(look.point, look.error2(shadings[state]));
-  }
-  void takeGroups(std::size_t groups_came) {
-    state = groups_came;
-    now = errorsAfter(state);
-  }
+  /// By how much its group from this state to the next lessens the error.
+  float gainOfGroupAt(std::size_t at) const { return errors[at].expected() - errors[at + 1].expected(); }
 };
 
 struct Image {
   repository::FaceKey key;
-  std::vector<std::pair<std::uint32_t, Look>> looks;  // sample, look
+  std::vector<std::pair<std::uint32_t, std::uint32_t>> places;  // sample, index into its `images`
   double bytes = 1.0;
-  float gain = 0.0F;
-  bool is_stale = true;  // its gain may be less by now
+  double gain = 0.0;
   bool has_come = false;
-  double rate() const { return static_cast<double>(gain) / bytes; }
-  std::uint32_t renewed = 0;  // the round in which a group last changed it
+  double rate() const { return gain / bytes; }
 };
 
 struct Group {
   std::vector<std::pair<std::uint32_t, std::uint32_t>> steps;  // sample, its state before
   std::vector<std::size_t> children;
   std::size_t parents_left = 0;
-  float gain = 0.0F;   // of the group alone, in this view
+  double gain = 0.0;   // of the group alone, in this view
   float later = 0.0F;  // and in others
-  bool is_stale = true;
   bool has_come = false;
 };
 
@@ -160,8 +152,9 @@ class GainOrder {
 
   OrderByGain order() {
     std::size_t here = 0;
-    for (std::uint32_t i = 0; i < images_.size(); ++i)
-      if (query_.is_here(images_[i].key)) take(images_[i]), ++here;
+    for (std::uint32_t s = 0; s < places_.size(); ++s) renewImagesAt(s);
+    for (Image& image : images_)
+      if (query_.is_here(image.key)) take(image), ++here;
     // Tiles that are here may be too coarse by now.
     const std::size_t least = query_.points.grid.isTiled() ? query_.max_images / 4 : 0;
     images_left_ = std::max(least, query_.max_images - std::min(query_.max_images, here));
@@ -175,13 +168,11 @@ class GainOrder {
  private:
   float expectedError() const {
     float sum = 0.0F;
-    for (std::size_t s = 0; s < samples_.size(); ++s) sum += samples_[s].weight * places_[s].now.expected();
+    for (std::size_t s = 0; s < samples_.size(); ++s) sum += samples_[s].weight * places_[s].expected();
     return sum;
   }
 
   std::vector<OrderedItem> takeAll() {
-    for (std::uint32_t i = 0; i < images_.size(); ++i)
-      if (!images_[i].has_come) renew(i);
     std::vector<OrderedItem> items;
     while (true) {
       std::optional<Prospect> group = findBestGroup();
@@ -189,10 +180,10 @@ class GainOrder {
       const std::optional<std::uint32_t> image = images_left_ > 0 ? findBestImage() : std::nullopt;
       if (!group && !image) return items;
       if (group && (!image || group->rate() >= images_[*image].rate())) {
-        items.push_back({std::nullopt, best_group_, groups_[best_group_].gain});
+        items.push_back({std::nullopt, best_group_, static_cast<float>(std::max(0.0, groups_[best_group_].gain))});
         take(groups_[best_group_]);
       } else {
-        items.push_back({images_[*image].key, 0, images_[*image].gain});
+        items.push_back({images_[*image].key, 0, static_cast<float>(images_[*image].gain)});
         take(images_[*image]);
         --images_left_;
       }
@@ -213,6 +204,7 @@ class GainOrder {
       color = std::min(color, shading.color_error);
       shape = std::min(shape, shading.shape_error);
       place.shadings.push_back(shadingAt({color, shape}, density));
+      place.errors.emplace_back(place.shadings.back().proxy2);
     };
     add(input.now);
     for (const ProxyPlace::Refined& refined : input.refined) {
@@ -220,7 +212,8 @@ class GainOrder {
       place.groups.push_back(refined.group);
       add(refined.shading);
     }
-    place.takeGroups(0);
+    for (std::size_t at = 0; at < place.groups.size(); ++at)
+      groups_[place.groups[at]].gain += static_cast<double>(sample.weight * place.gainOfGroupAt(at));
   }
 
   /// The images of a point that show a sample, from the whole face down to the finest that is of use.
@@ -239,7 +232,6 @@ class GainOrder {
       slant = towards_eye < 0.0F ? -towards_point : towards_point;
       if (slant <= 0.0F) return;
     }
-    if (!isInSight(query_.points, position, sample)) return;
 
     const repository::Grid& grid = query_.points.grid;
     const float density = query_.points.pixels_per_unit_at_one / eye_distance;
@@ -261,13 +253,21 @@ class GainOrder {
     std::uint32_t last = 0;
     while (last < deepest && storedBytes(keyAt(last + 1)) != 0) ++last;
     const float angle = glm::length(to_eye / eye_distance - to_point / distance);
+    std::array<Look, repository::kMaxTileDepth + 1> looks;
+    std::array<bool, repository::kMaxTileDepth + 1> is_of_use{};
     for (std::uint32_t depth = 0; depth <= last; ++depth) {
       const float texel = 1.0F / std::clamp(sharpnessAt(depth == last ? deepest : depth), 0.01F, 1.0F);
       const float lost = kTexelShare * std::pow(texel * texel - 1.0F, kTexelPower);
       const Look look{number, lost * places_[s].shadings.back().color2 / kColorShare, kShift * density * angle};
-      const auto isOfUse = [&](const Shading& shading) { return look.error2(shading) < shading.proxy2; };
-      if (isOfUse(places_[s].shadings.front()) || isOfUse(places_[s].shadings.back())) addLook(keyAt(depth), s, look);
+      const auto helps = [&](const Shading& shading) { return look.error2(shading) < shading.proxy2; };
+      is_of_use[depth] = helps(places_[s].shadings.front()) || helps(places_[s].shadings.back());
+      looks[depth] = look;
     }
+    // Lines of sight are what costs most, so they are tested last.
+    if (std::find(is_of_use.begin(), is_of_use.end(), true) == is_of_use.end()) return;
+    if (!isInSight(query_.points, position, sample)) return;
+    for (std::uint32_t depth = 0; depth <= last; ++depth)
+      if (is_of_use[depth]) addLook(keyAt(depth), s, looks[depth]);
   }
 
   std::uint64_t storedBytes(const repository::FaceKey& key) {
@@ -279,53 +279,34 @@ class GainOrder {
   void addLook(const repository::FaceKey& key, std::uint32_t s, const Look& look) {
     const auto [found, is_new] = numbers_.try_emplace(key.code(), static_cast<std::uint32_t>(images_.size()));
     if (is_new) images_.push_back({key, {}, static_cast<double>(storedBytes(key))});
-    images_[found->second].looks.emplace_back(s, look);
-    places_[s].images.push_back(found->second);
+    images_[found->second].places.emplace_back(s, static_cast<std::uint32_t>(places_[s].images.size()));
+    places_[s].images.push_back({found->second, look});
   }
 
   // ---- what it gains ----
 
-  float gainOf(const Image& image) const {
-    float sum = 0.0F;
-    for (const auto& [s, look] : image.looks) {
-      const Place& place = places_[s];
-      sum += samples_[s].weight * (place.now.expected() - place.expectedWith(look));
+  // Gains are kept, and changed by what an item changes at its places: all of them are looked at for each next one.
+
+  /// The images of a place gain more or less by now.
+  void renewImagesAt(std::uint32_t s) {
+    Place& place = places_[s];
+    for (Shown& shown : place.images) {
+      Image& image = images_[shown.image];
+      if (image.has_come) continue;
+      const float gain = place.gainOf(shown.look);
+      image.gain += static_cast<double>(samples_[s].weight) * static_cast<double>(gain - shown.gain);
+      shown.gain = gain;
     }
-    return sum;
   }
 
-  float gainOf(const Group& group) const {
-    float sum = 0.0F;
-    for (const auto& [s, state] : group.steps)
-      sum += samples_[s].weight *
-             (places_[s].errorsAfter(state).expected() - places_[s].errorsAfter(state + 1).expected());
-    return std::max(0.0F, sum);
-  }
-
-  void renew(std::uint32_t i) {
-    Image& image = images_[i];
-    image.gain = gainOf(image);
-    image.is_stale = false;
-    queue_.emplace(image.rate(), images_.size() - i);  // of equals the first
-  }
-
-  /// The image that gains most, if any gains enough. As images come, others gain less, but for rare second images, so
-  /// each is computed again only when it would be the next (Minoux 1978); groups renew() what they change.
-  std::optional<std::uint32_t> findBestImage() {
-    while (!queue_.empty()) {
-      const auto [rate, rank] = queue_.top();
-      const auto i = static_cast<std::uint32_t>(images_.size() - rank);
-      const Image& image = images_[i];
-      if (image.has_come || (!image.is_stale && rate != image.rate())) {
-        queue_.pop();
-      } else if (image.is_stale) {
-        queue_.pop();
-        renew(i);
-      } else {
-        return image.rate() < kLeastImageRate ? std::nullopt : std::optional(i);
-      }
-    }
-    return std::nullopt;
+  /// The image that gains most for its bytes, of equals the first, if any gains enough.
+  std::optional<std::uint32_t> findBestImage() const {
+    std::optional<std::uint32_t> best;
+    double best_rate = kLeastImageRate;
+    for (std::uint32_t i = 0; i < images_.size(); ++i)
+      if (!images_[i].has_come && images_[i].rate() >= best_rate && !(best && images_[i].rate() == best_rate))
+        best = i, best_rate = images_[i].rate();
+    return best;
   }
 
   /// Finds the group that may come next with the best prospect: best_group_. One that gains nothing itself may be
@@ -334,9 +315,9 @@ class GainOrder {
     std::optional<Prospect> best;
     std::erase_if(left_, [this](std::size_t g) { return groups_[g].has_come; });
     for (const std::size_t g : left_) {
-      Group& group = groups_[g];
-      if (group.is_stale) group.gain = gainOf(group), group.is_stale = false;
-      const Prospect alone{static_cast<double>(group.gain + group.later), static_cast<double>(input_[g].bytes)};
+      const Group& group = groups_[g];
+      const Prospect alone{std::max(0.0, group.gain) + static_cast<double>(group.later),
+                           static_cast<double>(input_[g].bytes)};
       prospects_[g] = alone;
       for (const std::size_t child : group.children) {
         const Prospect both{alone.gain + prospects_[child].gain, alone.bytes + prospects_[child].bytes};
@@ -350,21 +331,27 @@ class GainOrder {
 
   void take(Image& image) {
     image.has_come = true;
-    for (const auto& [s, look] : image.looks) {
-      places_[s].takeLook(look);
-      for (const std::uint32_t other : places_[s].images) images_[other].is_stale = true;
-      for (const std::size_t group : places_[s].groups) groups_[group].is_stale = true;
+    for (const auto& [s, index] : image.places) {
+      Place& place = places_[s];
+      const double weight = static_cast<double>(samples_[s].weight);
+      for (std::size_t at = place.state; at < place.groups.size(); ++at)
+        groups_[place.groups[at]].gain -= weight * static_cast<double>(place.gainOfGroupAt(at));
+      const Look& look = place.images[index].look;
+      for (std::size_t at = place.state; at < place.errors.size(); ++at)
+        place.errors[at].add(look.point, look.error2(place.shadings[at]));
+      for (std::size_t at = place.state; at < place.groups.size(); ++at)
+        groups_[place.groups[at]].gain += weight * static_cast<double>(place.gainOfGroupAt(at));
+      renewImagesAt(s);
     }
   }
 
   void take(Group& group) {
     group.has_come = true;
     for (const std::size_t child : group.children) --groups_[child].parents_left;
-    for (const auto& [s, state] : group.steps) places_[s].takeGroups(state + 1);
-    ++round_;
-    for (const auto& [s, state] : group.steps)
-      for (const std::uint32_t i : places_[s].images)
-        if (!images_[i].has_come && std::exchange(images_[i].renewed, round_) != round_) renew(i);
+    for (const auto& [s, state] : group.steps) {
+      places_[s].state = state + 1;
+      renewImagesAt(s);
+    }
   }
 
   const GainQuery& query_;
@@ -375,12 +362,10 @@ class GainOrder {
   std::vector<Image> images_;
   std::unordered_map<std::uint64_t, std::uint32_t> numbers_;       // of images, by code
   std::unordered_map<std::uint64_t, std::uint64_t> stored_bytes_;  // by code, as far as it was asked
-  std::priority_queue<std::pair<double, std::size_t>> queue_;
-  std::vector<std::size_t> left_;  // groups that have not come, children before parents
+  std::vector<std::size_t> left_;                                  // groups that have not come, children before parents
   std::vector<Prospect> prospects_;
   std::size_t best_group_ = 0;
   std::size_t images_left_ = 0;
-  std::uint32_t round_ = 0;  // counts the groups that came
 };
 
 }  // namespace

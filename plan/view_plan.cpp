@@ -185,6 +185,7 @@ void planItems(const Scene& scene, const LocalView& local, const PointQuery& que
   for (const OrderedItem& item : order.items) {
     if (item.image) {
       plan.faces.push_back(*item.image);
+      plan.face_gains.push_back(item.gain);
     } else {
       plan.groups.push_back(send.numbers[item.group]);
       plan.faces_before.push_back(plan.faces.size());

@@ -59,7 +59,9 @@ struct ViewPlan {
   std::vector<std::uint32_t> groups;  ///< expanded in the client's cut and not there: parents first, then most gain
   /// Beside `groups`: each comes after so many of `faces`.
   std::vector<std::size_t> faces_before;
-  std::vector<repository::FaceKey> faces;        ///< images that show what is in view, most useful first
+  std::vector<repository::FaceKey> faces;  ///< images that show what is in view, most useful first
+  /// Beside the first of `faces`: by how much each lessens the expected squared error, after those before it.
+  std::vector<float> face_gains;
   std::vector<repository::FaceKey> other_faces;  ///< all other faces of the same points
   std::vector<glm::uvec3> points;                ///< whose images were chosen from
   /// Expected squared error of the picture's colours, 0..1, as it is, and once groups and faces have come.

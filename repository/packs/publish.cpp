@@ -14,6 +14,7 @@
 #include "base/parallel.h"
 #include "repository/faces/face_value.h"
 #include "repository/packs/pack_format.h"
+#include "repository/sampling/parameters.h"
 
 namespace repository {
 namespace {
@@ -157,7 +158,7 @@ class Publisher {
   }
 
   Result<PublishedImages> putIndex(const std::string& parameters) {
-    LUMIGRID_ASSIGN_OR_RETURN(auto index, builder_.build(rows_, parameters, totals_));
+    LUMIGRID_ASSIGN_OR_RETURN(auto index, builder_.build(rows_, withoutTiles(parameters), totals_));
     const base::Sha256Digest digest = base::sha256(index);
     result_.index = indexName(idOf(digest));
     result_.index_sha256 = base::hexOf(digest);

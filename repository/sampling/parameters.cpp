@@ -13,6 +13,7 @@ namespace {
 using nlohmann::json;
 
 constexpr const char* kTree = ",\n\"tree\": \"";
+constexpr const char* kTiles = ",\n\"tiles\": \"";
 constexpr const char* kEnd = "\n}\n";
 
 /// Reads an array of three numbers; false when there is none.
@@ -27,6 +28,31 @@ bool readVector(const json& parent, const char* key, Vector& v) {
     v[axis] = number.get<typename Vector::value_type>();
   }
   return true;
+}
+
+std::string withLine(const std::string& text, const char* name, base::ByteView bytes) {
+  return text.substr(0, text.rfind(kEnd)) + name + base::hexOf(bytes) + "\"" + kEnd;
+}
+
+std::string withoutLinesFrom(const std::string& text, const char* name) {
+  const std::size_t at = text.find(name);
+  return at == std::string::npos ? text : text.substr(0, at) + kEnd;
+}
+
+/// The bytes of a line that withLine() added: nothing where there is no such line, and none where it is damaged.
+std::optional<base::Bytes> bytesOfLine(const std::string& text, const char* name) {
+  std::size_t begin = text.find(name);
+  if (begin == std::string::npos) return std::nullopt;
+  begin += std::string_view(name).size();
+  const std::size_t end = text.find('"', begin);
+  const auto bytes = base::bytesOfHex(std::string_view(text).substr(begin, end == std::string::npos ? 0 : end - begin));
+  return bytes ? *bytes : base::Bytes();
+}
+
+base::Error damaged(const std::string& name, const base::Error& what) {
+  base::Error error = base::within(name, what);
+  error.message += "; build the images again with `lumigrid build --force`";
+  return error;
 }
 
 }  // namespace
@@ -60,28 +86,37 @@ base::Result<Grid> gridFromMeta(const std::string& meta, const std::string& name
 }
 
 std::string withTree(const std::string& parameters, const SampleTree& tree) {
-  return parameters.substr(0, parameters.rfind(kEnd)) + kTree + base::hexOf(tree.encode()) + "\"" + kEnd;
+  return withLine(parameters, kTree, tree.encode());
 }
 
-std::string withoutTree(const std::string& text) {
-  const std::size_t at = text.find(kTree);
-  return at == std::string::npos ? text : text.substr(0, at) + kEnd;
+std::string withTiles(const std::string& text, const Grid& grid, const WantedTiles& tiles) {
+  return withLine(text, kTiles, tiles.encode(grid));
+}
+
+std::string withoutSelection(const std::string& text) {
+  return withoutLinesFrom(text, kTree);
+}
+
+std::string withoutTiles(const std::string& text) {
+  return withoutLinesFrom(text, kTiles);
 }
 
 base::Result<std::optional<SampleTree>> treeFromText(const std::string& text, const Grid& grid,
                                                      const std::string& name) {
-  std::size_t begin = text.find(kTree);
-  if (begin == std::string::npos) return std::optional<SampleTree>();
-  begin += std::string(kTree).size();
-  const std::size_t end = text.find('"', begin);
-  const auto bytes = base::bytesOfHex(std::string_view(text).substr(begin, end == std::string::npos ? 0 : end - begin));
-  auto tree = SampleTree::decode(grid, bytes ? *bytes : base::Bytes());
-  if (!tree) {
-    base::Error error = base::within(name, tree.error());
-    error.message += "; build the images again with `lumigrid build --force`";
-    return error;
-  }
+  const auto bytes = bytesOfLine(text, kTree);
+  if (!bytes) return std::optional<SampleTree>();
+  auto tree = SampleTree::decode(grid, *bytes);
+  if (!tree) return damaged(name, tree.error());
   return std::optional(std::move(*tree));
+}
+
+base::Result<std::optional<WantedTiles>> tilesFromText(const std::string& text, const Grid& grid,
+                                                       const std::string& name) {
+  const auto bytes = bytesOfLine(text, kTiles);
+  if (!bytes) return std::optional<WantedTiles>();
+  auto tiles = WantedTiles::decode(grid, *bytes);
+  if (!tiles) return damaged(name, tiles.error());
+  return std::optional(std::move(*tiles));
 }
 
 std::string codecFromMeta(const std::string& meta) {
@@ -97,8 +132,8 @@ base::Result<SampledPoints> sampledPointsFromMeta(const std::string& meta, const
 }
 
 std::string firstDifference(const std::string& stored, const std::string& wanted) {
-  std::istringstream a(withoutTree(stored));
-  std::istringstream b(withoutTree(wanted));
+  std::istringstream a(withoutSelection(stored));
+  std::istringstream b(withoutSelection(wanted));
   std::string line_a;
   std::string line_b;
   while (std::getline(a, line_a) && std::getline(b, line_b)) {

@@ -183,7 +183,7 @@ class FaceBake {
         stored_(stored),
         committer_(store, facesPerCommit(options), windowOf(options)),
         faces_(makeFaces({scene, patches, options.grid, renderOptions(options), options.quality, options.subsampling,
-                          limits.gpu_budget_bytes, options.codec},
+                          limits.gpu_budget_bytes, options.codec, options.tiles ? &*options.tiles : nullptr},
                          limits)) {}
 
   base::Result<void> run(const std::function<bool(const BakeProgress&)>& progress) {
@@ -299,6 +299,8 @@ base::Result<void> checkBakeOptions(const BakeOptions& options) {
     return wrong("a worth that is not above 0 and at most 1");
   if ((options.selection.views > 0) != options.points.has_value())
     return wrong("sampling by use and selected points go together");
+  if (options.tiles && !(options.points && grid.isTiled()))
+    return wrong("tiles that were selected go with selected points and a grid of tiles");
   return {};
 }
 
@@ -333,7 +335,9 @@ std::string storeParameters(const base::Scene& scene, const BakeOptions& options
        << ",\n\"light\": \"" << (scene.light.mode == base::LightMode::kUnlit ? "unlit" : "soft") << "\""
        << ",\n\"light direction\": " << numbers(scene.light.direction) << ",\n\"patch.lgp\": \"" << patch_sha256 << "\""
        << selectionText(options.selection) << "\n}\n";
-  return options.points ? repository::withTree(text.str(), *options.points) : text.str();
+  if (!options.points) return text.str();
+  const std::string with_points = repository::withTree(text.str(), *options.points);
+  return options.tiles ? repository::withTiles(with_points, grid, *options.tiles) : with_points;
 }
 
 base::Result<void> claimStore(repository::Store& store, const std::string& parameters) {

@@ -19,6 +19,7 @@
 #include "repository/sampling/grid.h"
 #include "repository/sampling/sample_tree.h"
 #include "repository/sampling/shard.h"
+#include "repository/sampling/wanted_tiles.h"
 #include "repository/store.h"
 #include "server/render/scene_renderer.h"
 
@@ -49,6 +50,8 @@ struct BakeOptions {
   PointSelection selection;
   /// The selected points; needed when selection.views is not 0, and absent otherwise: then all points are sampled.
   std::optional<repository::SampleTree> points;
+  /// The selected tiles of these points; all where absent.
+  std::optional<repository::WantedTiles> tiles;
 };
 
 struct BakeProgress {
@@ -87,7 +90,7 @@ RenderOptions renderOptions(const BakeOptions& options);
 
 /// A store records all that decides the bytes of its faces, so that faces of different builds never mix
 /// (docs/formats/repository.md, "Parameters"): JSON with one parameter a line, so that a difference can be told by its
-/// line; with the tree of options.points as the last line where only some points are sampled.
+/// line; with options.points and options.tiles as the last lines where only some points and tiles are stored.
 std::string storeParameters(const base::Scene& scene, const BakeOptions& options);
 
 /// Writes the parameters to a new store. kExists, with the first line that differs, where the store has others.

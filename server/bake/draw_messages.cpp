@@ -96,6 +96,7 @@ base::Bytes encodeOrder(const FaceWork& work) {
   writeText(out, work.patches.path());
   work.grid.encode(out);
   base::writeFields(out, settingsOf(work));
+  if (work.tiles != nullptr) out.bytes(work.tiles->encode(work.grid));
   return out.takeBytes();
 }
 
@@ -106,6 +107,9 @@ base::Result<DrawOrder> decodeOrder(base::ByteView body) {
   order.patch_path = readText(in);
   LUMIGRID_ASSIGN_OR_RETURN(order.grid, repository::Grid::decode(in));
   base::readFields(in, settingsOf(order));
+  if (in.ok() && !in.atEnd()) {
+    LUMIGRID_ASSIGN_OR_RETURN(order.tiles, repository::WantedTiles::decode(order.grid, in.bytes(in.remaining())));
+  }
   if (!in.atEnd()) return broken("an order of another length");
   return order;
 }

@@ -9,6 +9,7 @@
 #include "base/error.h"
 #include "base/json/scene_file.h"
 #include "repository/sampling/grid.h"
+#include "repository/sampling/wanted_tiles.h"
 #include "server/bake/face_maker.h"
 
 namespace server {
@@ -41,6 +42,7 @@ struct DrawOrder {
   repository::Subsampling subsampling = repository::Subsampling::k420;
   repository::ImageCodec codec = repository::ImageCodec::kJpeg;
   std::uint64_t gpu_budget_bytes = 0;
+  std::optional<repository::WantedTiles> tiles;
 };
 
 struct NumberedFace {

@@ -189,9 +189,15 @@ base::Result<void> serveBake(int socket, const Encode& encode) {
   LUMIGRID_ASSIGN_OR_RETURN(auto patches, lod::patch::PatchFile::open(order.patch_path));
 
   // One thread encodes, so faces come in order.
-  const FaceWork work{
-      order.scene, patches, order.grid, order.render, order.quality, order.subsampling, order.gpu_budget_bytes,
-      order.codec};
+  const FaceWork work{order.scene,
+                      patches,
+                      order.grid,
+                      order.render,
+                      order.quality,
+                      order.subsampling,
+                      order.gpu_budget_bytes,
+                      order.codec,
+                      order.tiles ? &*order.tiles : nullptr};
   std::mutex mutex;
   std::optional<base::Error> failed;
   const auto fail = [&](const base::Error& error) {

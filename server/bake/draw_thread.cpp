@@ -7,6 +7,12 @@
 
 namespace server {
 
+std::uint32_t drawnDepth(const FaceWork& work, const repository::FaceKey& face) {
+  if (work.tiles == nullptr) return work.grid.tile_depth;
+  const std::uint32_t finest = repository::placeOfTile(work.tiles->ofFace(face).back()).depth;
+  return std::min(finest + 1, work.grid.tile_depth);
+}
+
 DrawThread::DrawThread(const FaceWork& work, OnRendered on_rendered, OnError on_error)
     : work_(work),
       on_rendered_(std::move(on_rendered)),
@@ -29,6 +35,14 @@ void DrawThread::runThread() {
   on_error_(drawn.error());
 }
 
+std::vector<base::Camera> DrawThread::camerasOf(const SceneRenderer& renderer, const DrawJob& job) const {
+  if (work_.tiles == nullptr) return faceCameras(renderer, work_.grid, job.keys);
+  std::vector<base::Camera> cameras;
+  for (const repository::FaceKey& key : job.keys)
+    cameras.push_back(faceCameras(renderer, repository::withTiles(work_.grid, drawnDepth(work_, key)), {key}).front());
+  return cameras;
+}
+
 base::Result<void> DrawThread::draw() {
   LUMIGRID_ASSIGN_OR_RETURN(const auto context, base::HeadlessContext::create());
   LUMIGRID_ASSIGN_OR_RETURN(auto renderer, SceneRenderer::create(work_.scene, work_.patches, work_.gpu_budget_bytes));
@@ -39,7 +53,7 @@ base::Result<void> DrawThread::draw() {
       job = jobs_.takeJob(true);
     }
     if (!job) return {};
-    LUMIGRID_TRY(renderer->renderMany(faceCameras(*renderer, work_.grid, job->keys), work_.render,
+    LUMIGRID_TRY(renderer->renderMany(camerasOf(*renderer, *job), work_.render,
                                       [this, job = *job](std::size_t i, RenderedPicture rendered) {
                                         on_rendered_(job.sequence + i, job.keys[i], std::move(rendered));
                                       }));

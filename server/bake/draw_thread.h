@@ -19,6 +19,7 @@
 #include "repository/faces/jpeg.h"
 #include "repository/sampling/grid.h"
 #include "repository/sampling/key.h"
+#include "repository/sampling/wanted_tiles.h"
 #include "server/render/scene_renderer.h"
 
 namespace server {
@@ -82,7 +83,12 @@ struct FaceWork {
   repository::Subsampling subsampling = repository::Subsampling::k420;  ///< of JPEG
   std::uint64_t gpu_budget_bytes = std::uint64_t{2} << 30;              ///< uploaded patches, of each context
   repository::ImageCodec codec = repository::ImageCodec::kJpeg;
+  const repository::WantedTiles* tiles = nullptr;  ///< outlive whoever draws, too; null: all are stored
 };
+
+/// The depth at which a face of tiles is drawn: one finer than its finest wanted tile, so that as many samples as of
+/// any make a pixel of that.
+std::uint32_t drawnDepth(const FaceWork& work, const repository::FaceKey& face);
 
 class DrawThread {
  public:
@@ -106,6 +112,7 @@ class DrawThread {
  private:
   void runThread();
   base::Result<void> draw();
+  std::vector<base::Camera> camerasOf(const SceneRenderer& renderer, const DrawJob& job) const;
 
   const FaceWork work_;
   const OnRendered on_rendered_;

@@ -94,7 +94,8 @@ base::Result<EncodedFace> encodeFace(const base::Image& rgba, const FaceCoding& 
     return face;
   }
   const FacePyramid pyramid(rgba, coding.tile_depth);
-  for (const ChosenTile& chosen : chooseTiles(pyramid)) LUMIGRID_TRY(add(pyramid.imageOf(chosen.tile), chosen));
+  for (const ChosenTile& chosen : chooseTiles(pyramid, kTileThreshold, coding.wanted))
+    LUMIGRID_TRY(add(pyramid.imageOf(chosen.tile), chosen));
   return face;
 }
 

@@ -31,6 +31,7 @@ struct FaceCoding {
   repository::Subsampling subsampling = repository::Subsampling::k420;  ///< of JPEG
   std::uint32_t tile_depth = 0;  ///< depth of the finest tiles; 0: a face is one image
   repository::ImageCodec codec = repository::ImageCodec::kJpeg;
+  const std::vector<std::uint32_t>* wanted = nullptr;  ///< as chooseTiles() has it
 };
 
 struct EncodedTile {

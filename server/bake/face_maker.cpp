@@ -1,6 +1,7 @@
 #include "server/bake/face_maker.h"
 
 #include <utility>
+#include <vector>
 
 #include "base/parallel.h"
 
@@ -32,7 +33,13 @@ class LocalFaceMaker : public FaceMaker {
   void encode(std::uint64_t sequence, const repository::FaceKey& key, RenderedPicture rendered) {
     auto picture = std::make_shared<base::Image>(std::move(rendered.rgba));
     encoders_.submit([this, sequence, key, picture] {
-      auto face = encode_(*picture, {work_.quality, work_.subsampling, work_.grid.tile_depth, work_.codec});
+      FaceCoding coding{work_.quality, work_.subsampling, drawnDepth(work_, key), work_.codec};
+      std::vector<std::uint32_t> wanted;
+      if (work_.tiles != nullptr) {
+        wanted = work_.tiles->ofFace(key);
+        coding.wanted = &wanted;
+      }
+      auto face = encode_(*picture, coding);
       if (!face) return on_error_(face.error());
       on_face_(sequence, key, std::move(*face));
     });

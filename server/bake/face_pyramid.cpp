@@ -132,12 +132,14 @@ bool FacePyramid::showsModel(std::uint32_t tile) const {
   return false;
 }
 
-std::vector<ChosenTile> chooseTiles(const FacePyramid& pyramid, double threshold) {
+std::vector<ChosenTile> chooseTiles(const FacePyramid& pyramid, double threshold,
+                                    const std::vector<std::uint32_t>* wanted) {
   // Children have larger numbers than their parents, so going down from the last tile meets them first.
   const std::uint32_t first_finest = repository::firstTileOf(pyramid.depth());
   std::vector<std::uint8_t> children(first_finest);
   std::vector<ChosenTile> chosen;
   for (std::uint32_t tile = repository::firstTileOf(pyramid.depth() + 1); tile-- > 0;) {
+    if (wanted != nullptr && !std::binary_search(wanted->begin(), wanted->end(), tile)) continue;
     const std::uint8_t own = tile < first_finest ? children[tile] : 0;
     const bool is_kept =
         tile == 0 || own != 0 || (pyramid.showsModel(tile) && pyramid.differenceFromParent(tile) > threshold);

@@ -49,7 +49,9 @@ struct ChosenTile {
 };
 
 /// Chooses tile 0, and each tile that shows model and differs from its parent by more than `threshold`, with all its
-/// ancestors. Ascending by tile.
-std::vector<ChosenTile> chooseTiles(const FacePyramid& pyramid, double threshold = kTileThreshold);
+/// ancestors. Ascending by tile. `wanted`: ascending numbers, those of all ancestors among them, of which only are
+/// chosen; null: all.
+std::vector<ChosenTile> chooseTiles(const FacePyramid& pyramid, double threshold = kTileThreshold,
+                                    const std::vector<std::uint32_t>* wanted = nullptr);
 
 }  // namespace server

@@ -64,7 +64,10 @@ BakeOptions bakeOptions(const BuildArguments& a, const base::Scene& scene, const
   options.limits = a.limits;
   options.draw_command = drawCommand();
   options.selection.by_viewers = !a.views_from.empty();
-  options.points = choices.points;
+  if (choices.selection) {
+    options.points = choices.selection->points;
+    options.tiles = choices.selection->tiles;
+  }
   if (choices.tuned) {
     options.quality = choices.tuned->quality;
     options.subsampling = choices.tuned->subsampling;
@@ -89,9 +92,9 @@ Result<TuneChoice> chooseQuality(const BuildArguments& a, BuildOutput& output) {
   return *tuned;
 }
 
-/// The points that were selected, also where that was for images in another light: they show as much in this one.
-Result<std::optional<repository::SampleTree>> readPoints(const BuildArguments& a, const base::Scene& scene,
-                                                         const BakeOptions& options) {
+/// The images that were selected, also where that was for another light: they show as much in this one.
+Result<std::optional<Selection>> readSelected(const BuildArguments& a, const base::Scene& scene,
+                                              const BakeOptions& options) {
   LUMIGRID_ASSIGN_OR_RETURN(auto stored, readSelection(selectionFileOf(a), scene, options));
   if (stored || !scene.images_light) return stored;
   base::Scene drawn = scene;
@@ -99,13 +102,20 @@ Result<std::optional<repository::SampleTree>> readPoints(const BuildArguments& a
   return readSelection(selectionFileOf(a), drawn, options);
 }
 
-Result<repository::SampleTree> choosePoints(const BuildArguments& a, const base::Scene& scene,
-                                            const ImageChoices& choices, ProgressLine& line) {
-  BakeOptions options = bakeOptions(a, scene, choices);
-  LUMIGRID_ASSIGN_OR_RETURN(options.points, readPoints(a, scene, options));
-  if (options.points) {
-    if (scene.images_light) LUMIGRID_TRY(writeSelection(selectionFileOf(a), scene, options));
-    return std::move(*options.points);
+Result<void> keepSelection(const BuildArguments& a, const base::Scene& scene, BakeOptions options,
+                           const Selection& selection) {
+  options.points = selection.points;
+  options.tiles = selection.tiles;
+  return writeSelection(selectionFileOf(a), scene, options);
+}
+
+Result<Selection> chooseImages(const BuildArguments& a, const base::Scene& scene, const ImageChoices& choices,
+                               ProgressLine& line) {
+  const BakeOptions options = bakeOptions(a, scene, choices);
+  LUMIGRID_ASSIGN_OR_RETURN(auto stored, readSelected(a, scene, options));
+  if (stored) {
+    if (scene.images_light) LUMIGRID_TRY(keepSelection(a, scene, options, *stored));
+    return std::move(*stored);
   }
 
   std::optional<ViewerPlaces> places;
@@ -115,18 +125,17 @@ Result<repository::SampleTree> choosePoints(const BuildArguments& a, const base:
     places = std::move(*read);
   }
   LUMIGRID_ASSIGN_OR_RETURN(const auto patches, openPatches(a));
-  auto selected = selectPoints(scene, patches, options, places ? &*places : nullptr, [&](double done) {
+  auto selected = selectImages(scene, patches, options, places ? &*places : nullptr, [&](double done) {
     line.show("sampling points", done);
     return !stopRequested();
   });
   line.finish();
   if (!selected) return base::within("--views", selected.error());
-  options.points = std::move(*selected);
   std::error_code error;
   std::filesystem::create_directories(imagesOf(a), error);
   if (error) return base::systemError(imagesOf(a), "make this directory", error.value());
-  LUMIGRID_TRY(writeSelection(selectionFileOf(a), scene, options));
-  return std::move(*options.points);
+  LUMIGRID_TRY(keepSelection(a, scene, options, *selected));
+  return std::move(*selected);
 }
 
 void add(const BakeSummary& one, std::optional<BakeSummary>& sum) {
@@ -257,7 +266,7 @@ Result<ImageChoices> makeImageChoices(const BuildArguments& a, BuildOutput& outp
     LUMIGRID_ASSIGN_OR_RETURN(choices.tuned, chooseQuality(a, output));
   }
   if (a.bake.selection.views != 0) {
-    LUMIGRID_ASSIGN_OR_RETURN(choices.points, choosePoints(a, *output.scene, choices, line));
+    LUMIGRID_ASSIGN_OR_RETURN(choices.selection, chooseImages(a, *output.scene, choices, line));
   }
   return choices;
 }
@@ -287,10 +296,11 @@ Result<std::vector<repository::ShardGaps>> findMissingImages(const BuildArgument
     if (a.tune_db) {
       LUMIGRID_ASSIGN_OR_RETURN(choices.tuned, storedChoice(scene.parameters));
     }
-    LUMIGRID_ASSIGN_OR_RETURN(choices.points, readPoints(a, scene, bakeOptions(a, scene, choices)));
-    if (unselected != nullptr) *unselected = !choices.points.has_value();
+    LUMIGRID_ASSIGN_OR_RETURN(choices.selection, readSelected(a, scene, bakeOptions(a, scene, choices)));
+    if (unselected != nullptr) *unselected = !choices.selection.has_value();
   }
-  return repository::findMissing(imagesOf(a), shards, gridFor(a, scene), choices.points ? &*choices.points : nullptr,
+  return repository::findMissing(imagesOf(a), shards, gridFor(a, scene),
+                                 choices.selection ? &choices.selection->points : nullptr,
                                  scene.images_light.has_value());
 }
 

@@ -9,6 +9,7 @@
 #include "base/json/scene_file.h"
 #include "repository/repository.h"
 #include "repository/sampling/sample_tree.h"
+#include "server/bake/point_selection.h"
 #include "server/bake/tune.h"
 #include "server/cli/build_command/options.h"
 #include "server/cli/build_command/report.h"
@@ -38,8 +39,8 @@ base::Result<void> removeImagesOfOtherLight(const BuildArguments& a, std::uint32
 
 /// The choices that are made once for all stores of a scene.
 struct ImageChoices {
-  std::optional<TuneChoice> tuned;               ///< with --tune
-  std::optional<repository::SampleTree> points;  ///< with --views
+  std::optional<TuneChoice> tuned;     ///< with --tune
+  std::optional<Selection> selection;  ///< with --views
 };
 /// For --methods auto: takes what an earlier run measured, or tries patches and images and keeps what it measured in
 /// the scene's parameters. Under the scene's lock.

@@ -19,18 +19,18 @@ TEST(TreeText, aTreeComesBackAndTheParametersStay) {
   tree.split({{0, 0, 4}, 4});
   tree.leaveOut({4, 4, 4});
   const std::string text = withTree(kParameters, tree);
-  EXPECT_EQ(withoutTree(text), kParameters);
+  EXPECT_EQ(withoutSelection(text), kParameters);
   const auto back = treeFromText(text, testGrid(), "images");
   ASSERT_TRUE(back && *back);
   EXPECT_EQ((*back)->encode(), tree.encode());
-  EXPECT_EQ(withTree(withoutTree(text), **back), text);
+  EXPECT_EQ(withTree(withoutSelection(text), **back), text);
 }
 
 TEST(TreeText, aTextWithoutATreeSamplesTheWholeGrid) {
   const auto none = treeFromText(kParameters, testGrid(), "images");
   ASSERT_TRUE(none);
   EXPECT_FALSE(*none);
-  EXPECT_EQ(withoutTree(kParameters), kParameters);
+  EXPECT_EQ(withoutSelection(kParameters), kParameters);
 }
 
 TEST(TreeText, aDamagedTreeIsAnErrorThatNamesTheStore) {

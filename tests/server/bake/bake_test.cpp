@@ -19,7 +19,6 @@ namespace {
 using repository::FaceKey;
 using test::MemoryStore;
 
-
 class BakeTest : public test::SphereBake {
  protected:
   BakeTest() : SphereBake(3) {
@@ -267,14 +266,15 @@ class SelectionTest : public BakeTest {
     options_.grid = repository::makeGrid(scene_.scene().localBox(), 9, 0.5F, 48);
     options_.selection.views = 60;
   }
-  base::Result<repository::SampleTree> select(
+  base::Result<Selection> select(
       const ViewerPlaces* places = nullptr, const std::function<bool(double)>& progress = [](double) { return true; }) {
-    return selectPoints(scene_.scene(), scene_.file(), options_, places, progress);
+    return selectImages(scene_.scene(), scene_.file(), options_, places, progress);
   }
   void mustSelect() {
-    auto tree = select();
-    ASSERT_TRUE(tree) << tree.error().message;
-    options_.points = std::move(*tree);
+    auto selection = select();
+    ASSERT_TRUE(selection) << selection.error().message;
+    options_.points = std::move(selection->points);
+    options_.tiles = std::move(selection->tiles);
   }
   std::uint64_t pointsOutside() const {
     std::uint64_t outside = 0;
@@ -347,10 +347,11 @@ TEST_F(SelectionTest, theMoreIsToBeKeptTheMorePointsThereAre) {
   std::size_t before = 0;
   for (const double worth : {0.6, 0.9, 1.0}) {
     options_.selection.worth = worth;
-    const auto tree = select();
-    ASSERT_TRUE(tree) << tree.error().message;
-    EXPECT_GT(tree->points().size(), before) << worth;
-    before = tree->points().size();
+    const auto selected = select();
+    ASSERT_TRUE(selected) << selected.error().message;
+    EXPECT_FALSE(selected->tiles) << "these are plain faces";
+    EXPECT_GT(selected->points.points().size(), before) << worth;
+    before = selected->points.points().size();
   }
 }
 
@@ -360,7 +361,7 @@ TEST_F(SelectionTest, theSameTreeWithAnyNumberOfThreads) {
   options_.limits.threads = 4;
   const auto many = select();
   ASSERT_TRUE(one && many);
-  EXPECT_EQ(one->encode(), many->encode());
+  EXPECT_EQ(one->points.encode(), many->points.encode());
 }
 
 TEST_F(SelectionTest, theImagesFitIntoTheBudget) {
@@ -407,9 +408,9 @@ TEST_F(SelectionTest, pointsLieWhereViewersWere) {
     for (const glm::uvec3& p : tree.points()) sum += static_cast<double>(options_.grid.point(p.x, p.y, p.z).x);
     return sum / static_cast<double>(tree.points().size());
   };
-  EXPECT_GT(meanX(*there), 0.8);
-  EXPECT_LT(std::abs(meanX(*anywhere)), 0.5);
-  EXPECT_EQ(there->encode(), select(&places)->encode());
+  EXPECT_GT(meanX(there->points), 0.8);
+  EXPECT_LT(std::abs(meanX(anywhere->points)), 0.5);
+  EXPECT_EQ(there->points.encode(), select(&places)->points.encode());
 }
 
 TEST_F(SelectionTest, aSelectionIsKeptForTheParametersThatItWasMadeFor) {
@@ -425,7 +426,7 @@ TEST_F(SelectionTest, aSelectionIsKeptForTheParametersThatItWasMadeFor) {
   asked.shard = {1, 4};
   const auto same = readSelection(path, scene_.scene(), asked);
   ASSERT_TRUE(same && *same);
-  EXPECT_EQ((*same)->encode(), options_.points->encode());
+  EXPECT_EQ((*same)->points.encode(), options_.points->encode());
   asked.selection.views = 61;
   const auto other = readSelection(path, scene_.scene(), asked);
   ASSERT_TRUE(other);

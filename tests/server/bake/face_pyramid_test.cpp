@@ -99,6 +99,17 @@ TEST(FacePyramid, detailIsStoredWithAllThatLeadToIt) {
   EXPECT_EQ(chooseTiles(FacePyramid(face, 2)), (std::vector<ChosenTile>{{0, 1 << 3}, {parent, 1 << 2}, {finest, 0}}));
 }
 
+TEST(FacePyramid, tilesThatAreNotWantedAreLeftOut) {
+  base::Image face = faceOf(2);
+  paintChequers(face, 0, 0, face.width, face.height);
+  EXPECT_EQ(chooseTiles(FacePyramid(face, 2)).size(), 21U);
+  const std::vector<std::uint32_t> wanted{0, 2, childOfTile(2, 1)};
+  const auto chosen = chooseTiles(FacePyramid(face, 2), kTileThreshold, &wanted);
+  EXPECT_EQ(chosen, (std::vector<ChosenTile>{{0, 1 << 1}, {2, 1 << 1}, {childOfTile(2, 1), 0}}));
+  const std::vector<std::uint32_t> first{0};
+  EXPECT_EQ(chooseTiles(FacePyramid(face, 2), kTileThreshold, &first), (std::vector<ChosenTile>{{0, 0}}));
+}
+
 TEST(FacePyramid, aChequersDifferenceFromItsMeanIsItsAmplitude) {
   base::Image face = faceOf(1);
   paintChequers(face, 0, 0, face.width, face.height);
