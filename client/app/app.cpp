@@ -45,6 +45,7 @@ App::App(const AppOptions& options, std::unique_ptr<ImageDecoder> decoder)
     : options_(options), settings_(options.settings), viewer_(viewerOptions(options), std::move(decoder)) {
   view_.method = viewer_.options().method;
   view_.colors_by_resolution = options.viewer.lumigraph.modes.resolution_colors;
+  view_.light = options.light;
   control_.setFov(glm::radians(settings_.fov_degrees));
 }
 
@@ -65,13 +66,14 @@ void App::resize(int width_px, int height_px, double pixel_ratio) {
 
 void App::pointerDown(const PointerEvent& event) {
   if (isNotFinite(event.x) || isNotFinite(event.y) || isNotFinite(event.now)) return;
-  if (!gestures_.anyDown() && (grabHandle(event) || grabLens(event))) return;
+  if (!gestures_.anyDown() && (grabHandle(event) || grabLight(event) || grabLens(event))) return;
   gestures_.down(event);
 }
 
 void App::pointerMove(const PointerEvent& event) {
   if (isNotFinite(event.x) || isNotFinite(event.y) || isNotFinite(event.now)) return;
   if (event.id == handle_pointer_) return dragHandle(event);
+  if (event.id == light_pointer_) return dragLight(event.x, event.y);
   if (event.id == lens_pointer_) return dragLens(event);
   for (const Gesture& gesture : gestures_.move(event)) applyGesture(gesture);
 }
@@ -80,6 +82,8 @@ void App::pointerUp(const PointerEvent& event) {
   if (isNotFinite(event.x) || isNotFinite(event.y) || isNotFinite(event.now)) return pointerCancel(event.id);
   if (event.id == handle_pointer_) {
     handle_pointer_ = -1;
+  } else if (event.id == light_pointer_) {
+    light_pointer_ = -1;
   } else if (event.id == lens_pointer_) {
     lens_pointer_ = -1;
   } else {
@@ -89,6 +93,7 @@ void App::pointerUp(const PointerEvent& event) {
 
 void App::pointerCancel(int id) {
   if (id == handle_pointer_) handle_pointer_ = -1;
+  if (id == light_pointer_) light_pointer_ = -1;
   if (id == lens_pointer_) lens_pointer_ = -1;
   gestures_.cancel(id);
 }
@@ -126,6 +131,7 @@ void App::blur() {
   shift_ = false;
   gestures_.cancelAll();
   handle_pointer_ = -1;
+  light_pointer_ = -1;
   lens_pointer_ = -1;
 }
 

@@ -45,6 +45,7 @@ using base::kMaxAnnotations;
 struct AppOptions {
   ViewerOptions viewer;
   Settings settings;  ///< must be valid (setSetting)
+  OwnLight light;     ///< at the start
   /// Takes the viewer's limits from `settings`. False: `viewer` is used as it is, since a command line has set it.
   bool apply_settings = true;
   /// Returns seconds, finer than `now`, to time drawing with. Empty: frame_milliseconds stays 0.
@@ -272,6 +273,10 @@ class App {
   glm::dvec3 sectionHandle() const;
   bool grabHandle(const PointerEvent& event);
   void dragHandle(const PointerEvent& event);
+  void toggleLight();
+  glm::dvec2 lightHandle() const;
+  bool grabLight(const PointerEvent& event);
+  void dragLight(double x, double y);
   double lensRadius() const;
   void toggleLens();
   bool grabLens(const PointerEvent& event);
@@ -286,6 +291,7 @@ class App {
   void addPins();
   void addMeasurements();
   void addLens();
+  void addLight();
   void addLine(const glm::dvec3& a, const glm::dvec3& b, bool approximate);
   Label labelAt(LabelKind kind, std::size_t index, const glm::dvec3& world) const;
   void readPinAnswers();
@@ -323,6 +329,7 @@ class App {
   glm::dvec2 handle_at_{0.0};
   std::optional<glm::dvec2> lens_;  // centre of the magnifying glass, framebuffer pixels
   int lens_pointer_ = -1;           // the pointer that drags it; −1: none
+  int light_pointer_ = -1;          // the pointer that drags the light's handle; −1: none
   struct WheelTarget {
     double at = -1e9, x = 0.0, y = 0.0;
     std::optional<glm::dvec3> surface;

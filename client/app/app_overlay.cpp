@@ -115,6 +115,23 @@ void App::addLens() {
   }
 }
 
+/// Adds the handle of the light, a sun.
+void App::addLight() {
+  if (!view_.light.on) return;
+  constexpr int kRays = 12;
+  constexpr double kInner = 7.0, kOuter = 12.0;  // points
+  const glm::dvec2 at = lightHandle();
+  for (int i = 0; i < kRays; ++i) {
+    const auto towards = [&](int ray) {
+      const double turn = glm::two_pi<double>() * ray / kRays;
+      return pixel_ratio_ * glm::dvec2(std::cos(turn), std::sin(turn));
+    };
+    const glm::dvec2 a = at + kInner * towards(i), b = at + kInner * towards(i + 1), c = at + kOuter * towards(i);
+    lines_.push_back({a.x, a.y, b.x, b.y, false});
+    lines_.push_back({a.x, a.y, c.x, c.y, false});
+  }
+}
+
 void App::refreshOverlay() {
   overlay_dirty_ = false;
   labels_.clear();
@@ -123,6 +140,7 @@ void App::refreshOverlay() {
   addPins();
   addMeasurements();
   addLens();
+  addLight();
   if (view_.section.on) labels_.push_back(labelAt(LabelKind::kSectionHandle, 0, sectionHandle()));
 }
 

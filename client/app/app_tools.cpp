@@ -29,6 +29,7 @@ std::string pictureQuery(const base::ViewCamera& camera, const ViewState& view, 
   if (view.section.on)
     query += std::string("&section=") + static_cast<char>('x' + view.section.axis) + "," + exact(view.section.offset) +
              (view.section.keep_below ? ",b" : ",a");
+  if (view.light.on) query += "&light=" + exact(view.light.direction());
   if (view.colors_by_resolution) query += "&colors=resolution&tolerance=" + exact(tolerance_px);
   if (view.colors_by_resolution && measure != base::ErrorMeasure::kVisible)
     query += measure == base::ErrorMeasure::kShape ? "&measure=shape" : "&measure=bound";
@@ -246,6 +247,63 @@ void App::dragHandle(const PointerEvent& event) {
   cameraMoved();
 }
 
+// ---- the viewer's own light ----
+
+namespace {
+
+/// The light's handle moves within a disc around the picture's middle: there the light comes from the eye, at the rim
+/// it grazes what faces the eye. Share of the view's shorter side.
+constexpr double kLightDisc = 0.4;
+/// The light comes from the eye's side by at least so much, a cosine: else nothing that faces the eye were lit.
+constexpr double kLeastTowardsEye = 0.03;
+
+}  // namespace
+
+/// Turns the light on from above left, or off.
+void App::toggleLight() {
+  light_pointer_ = -1;
+  view_.light.on = !view_.light.on;
+  constexpr double kBeside = 0.5;
+  const double reach = kBeside * kLightDisc * std::min(width_, height_);
+  if (view_.light.on && ready()) dragLight(0.5 * width_ - reach, 0.5 * height_ - reach);
+  cameraMoved();
+}
+
+/// The place of the light's handle, framebuffer pixels. A light from behind has it at the rim.
+glm::dvec2 App::lightHandle() const {
+  const base::ViewCamera view = camera();
+  const glm::dvec3 right = glm::normalize(glm::cross(view.direction, view.up));
+  const glm::dvec3 above = glm::cross(right, view.direction);
+  const glm::dvec3 light = view_.light.direction();
+  glm::dvec2 at(glm::dot(light, right), -glm::dot(light, above));
+  const double length = glm::length(at);
+  if (glm::dot(light, view.direction) > 0.0 && length > 0.0) at /= length;
+  return 0.5 * glm::dvec2(width_, height_) + kLightDisc * std::min(width_, height_) * at;
+}
+
+bool App::grabLight(const PointerEvent& event) {
+  if (!ready() || !view_.light.on || light_pointer_ >= 0 || event.button != PointerButton::kLeft) return false;
+  if (glm::length(lightHandle() - glm::dvec2(event.x, event.y)) > 2.0 * pickRadius(event.kind)) return false;
+  light_pointer_ = event.id;
+  return true;
+}
+
+void App::dragLight(double x, double y) {
+  const double reach = kLightDisc * std::min(width_, height_);
+  glm::dvec2 at = (glm::dvec2(x, y) - 0.5 * glm::dvec2(width_, height_)) / reach;
+  const double most = std::sqrt(1.0 - kLeastTowardsEye * kLeastTowardsEye);
+  if (glm::length(at) > most) at *= most / glm::length(at);
+  const base::ViewCamera view = camera();
+  const glm::dvec3 right = glm::normalize(glm::cross(view.direction, view.up));
+  const glm::dvec3 above = glm::cross(right, view.direction);
+  const glm::dvec3 light =
+      at.x * right - at.y * above - std::sqrt(std::max(0.0, 1.0 - glm::dot(at, at))) * view.direction;
+  view_.light.heading = glm::degrees(std::atan2(light.y, light.x));
+  view_.light.height = glm::degrees(std::atan2(light.z, std::hypot(light.x, light.y)));
+  dirty_ = true;
+  cameraMoved();
+}
+
 // ---- the magnifying glass ----
 
 double App::lensRadius() const {
@@ -254,7 +312,6 @@ double App::lensRadius() const {
 }
 
 void App::toggleLens() {
-  if (view_.method != Method::kQsplat) return showToast("The magnifying glass is for splats: method qsplat", false);
   if (lens_)
     lens_.reset();
   else
@@ -375,7 +432,10 @@ bool App::pressKey(Key key, Modifiers modifiers) {
       cameraMoved();
       break;
     case Key::kL:
-      toggleLens();
+      if (view_.method == Method::kQsplat && !modifiers.shift)
+        toggleLens();
+      else
+        toggleLight();
       break;
     case Key::kM:
       cycleMeasure();

@@ -44,6 +44,7 @@ base::ViewCamera App::camera() const {
 void App::configureViewer() {
   viewer_.setMethod(view_.method);
   viewer_.setResolutionColors(view_.colors_by_resolution);
+  viewer_.setLight(view_.light.on ? std::optional(view_.light.direction()) : std::nullopt);
   std::optional<lod::qsplat::Lens> glass;
   if (lens_) glass = {glm::vec2(*lens_), static_cast<float>(lensRadius())};
   viewer_.setLens(glass);
@@ -122,6 +123,7 @@ void App::showView(const ViewState& wanted, bool whole, bool glide) {
   control_.setFov(wanted.fov_y);
   control_.setOrthographic(wanted.orthographic);
   view_.section = wanted.section;
+  view_.light = wanted.light;
   view_.colors_by_resolution = wanted.colors_by_resolution;
   if (whole) {
     view_.method = wanted.method;

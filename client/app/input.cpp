@@ -30,7 +30,7 @@ constexpr std::array<PrintedKey, 5> kSigns{{
 }};
 // clang-format on
 
-constexpr std::array<HelpRow, 28> kHelp{{
+constexpr std::array<HelpRow, 29> kHelp{{
     {"left drag, one finger", "turn around the pivot"},
     {"right or shift drag, two fingers", "move sideways"},
     {"wheel, pinch, + -", "zoom to the cursor"},
@@ -44,7 +44,8 @@ constexpr std::array<HelpRow, 28> kHelp{{
     {"shift + 1 to 9", "set a bookmark (ctrl works, too)"},
     {"I", "statistics"},
     {"C", "colours by resolution"},
-    {"L", "magnifying glass for splats: what it shows comes first and is finer; drag it"},
+    {"L", "a light of your own: drag the sun; with splats shift + L"},
+    {"L with splats", "magnifying glass: what it shows comes first and is finer; drag it"},
     {"M", "measure distances, then angles, then nothing"},
     {"Backspace", "take the last measured point back"},
     {"X", "section plane across up, then the other axes, then none"},

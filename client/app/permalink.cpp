@@ -16,6 +16,7 @@ namespace {
 constexpr int kVersion = 1;
 constexpr std::size_t kMaxNumber = 40;  // characters; the longest that is written has 32
 constexpr int kAngleDecimals = 6;       // decimals of angles in degrees: 2e-8 radian
+constexpr int kLightDecimals = 1;       // of a light's angles
 constexpr int kMaxLinkDecimals = 17;
 // The angle of a view whose link names none, and the limits of the angles that are accepted. They are choices.
 constexpr double kDefaultFovDegrees = 45.0;
@@ -148,19 +149,27 @@ base::Result<void> readSection(std::string_view value, ViewState& view) {
   return {};
 }
 
+base::Result<void> readLight(std::string_view value, ViewState& view) {
+  const auto light = parseLight(value);
+  if (!light) return badLink("l (light): " + light.error().message);
+  view.light = *light;
+  return {};
+}
+
 using Reader = base::Result<void> (*)(std::string_view, ViewState&);
 struct LinkPart {
   char name;
   bool needed;
   Reader read;
 };
-constexpr std::array<LinkPart, 7> kParts{{{'p', true, readPosition},
+constexpr std::array<LinkPart, 8> kParts{{{'p', true, readPosition},
                                           {'a', true, readDirection},
                                           {'r', true, readDistance},
                                           {'f', false, readFov},
                                           {'m', false, readMethod},
                                           {'o', false, readOptions},
-                                          {'x', false, readSection}}};
+                                          {'x', false, readSection},
+                                          {'l', false, readLight}}};
 
 }  // namespace
 
@@ -187,7 +196,25 @@ std::string formatPermalink(const ViewState& view) {
   if (view.section.on)
     text += std::string("&x=") + kAxes[static_cast<std::size_t>(view.section.axis)] + "," +
             shortFixed(view.section.offset, decimals) + (view.section.keep_below ? ",b" : ",a");
+  if (view.light.on)
+    text +=
+        "&l=" + shortFixed(view.light.heading, kLightDecimals) + "," + shortFixed(view.light.height, kLightDecimals);
   return text;
+}
+
+glm::dvec3 OwnLight::direction() const {
+  const double h = glm::radians(heading), up = glm::radians(height);
+  return {std::cos(up) * std::cos(h), std::cos(up) * std::sin(h), std::sin(up)};
+}
+
+base::Result<OwnLight> parseLight(std::string_view text) {
+  const auto pieces = split<2>(text, ',');
+  const auto heading = pieces ? number((*pieces)[0], 180.0) : std::nullopt;
+  const auto height = pieces ? number((*pieces)[1], 90.0) : std::nullopt;
+  if (!heading || !height)
+    return base::Error{base::ErrorCode::kInvalidInput,
+                       "a light is a heading within 180 and a height within 90 degrees: 135,20"};
+  return OwnLight{true, *heading, *height};
 }
 
 base::Result<ViewState> parsePermalink(std::string_view text) {

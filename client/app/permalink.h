@@ -15,6 +15,9 @@ inline constexpr std::size_t kMaxPermalink = 512;  ///< bytes; longer links are 
 /// text again.
 std::string formatPermalink(const ViewState& view);
 
+/// Reads "HEADING,HEIGHT", in degrees, of a light of the viewer's own.
+base::Result<OwnLight> parseLight(std::string_view text);
+
 /// Reads a link with or without '#'. Errors say in one line what is wrong.
 base::Result<ViewState> parsePermalink(std::string_view text);
 

@@ -16,6 +16,15 @@ struct Section {
   friend bool operator==(const Section&, const Section&) = default;
 };
 
+/// A light of the viewer's own, in the world's axes.
+struct OwnLight {
+  bool on = false;
+  double heading = 0.0;  ///< degrees, −180 to 180: from x towards y
+  double height = 90.0;  ///< degrees above the plane of x and y, −90 to 90
+  glm::dvec3 direction() const;
+  friend bool operator==(const OwnLight&, const OwnLight&) = default;
+};
+
 struct ViewState {
   glm::dvec3 position{0.0, 0.0, 1.0};    ///< world
   glm::dvec3 direction{0.0, 0.0, -1.0};  ///< unit, world
@@ -26,6 +35,7 @@ struct ViewState {
   bool colors_by_resolution = false;
   bool orthographic = false;  ///< at the pivot's depth it shows what the perspective view shows there
   Section section;
+  OwnLight light;
   friend bool operator==(const ViewState&, const ViewState&) = default;
 };
 

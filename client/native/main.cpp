@@ -35,6 +35,7 @@ struct Arguments {
   std::string splat = "circle";
   double frame_rate = 10.0;
   std::string colors = "surface";
+  std::string light;
   std::string order = "sweeps";
   std::string idle = "16M";
   std::string cache = "50M";
@@ -90,6 +91,9 @@ void addContentOptions(CLI::App& app, Arguments& a) {
          "red above eight; disagreement: by how many times their expected error images differ from each "
          "other")
       ->check(CLI::IsMember({"surface", "resolution", "disagreement"}));
+  app.add_option("--light", a.light,
+                 "HEADING,HEIGHT in degrees: the model's own colours by a light from there, in place of the scene's. "
+                 "HEADING: -180 to 180, from x towards y; HEIGHT: -90 to 90 above the plane of x and y");
   app.add_option("--fps", a.run.viewer.fps,
                  "Pictures a second of patches and images while the view moves: fewer samples a pixel, pixels and "
                  "images until they come so fast. 0: as fine as at rest")
@@ -256,6 +260,11 @@ base::Result<void> parseArguments(Arguments& a) {
   if (!a.antialias) viewer.samples = 1;
   viewer.lumigraph.modes.resolution_colors = a.colors == "resolution";
   viewer.lumigraph.show_disagreement = a.colors == "disagreement";
+  if (!a.light.empty()) {
+    LUMIGRID_ASSIGN_OR_RETURN(const auto light, forOption("--light", client::parseLight(a.light)));
+    viewer.lumigraph.modes.light = glm::vec3(light.direction());
+    a.window.app.light = light;
+  }
   viewer.session.cache_bytes = cache;
   viewer.lumigraph.use_images = viewer.session.images || viewer.session.frames;
   std::copy(background.begin(), background.end(), viewer.lumigraph.background);

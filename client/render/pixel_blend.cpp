@@ -67,8 +67,9 @@ base::Result<PixelBlend> PixelBlend::create() {
                                                                        glsl::kBlendPixelsFragment));
   LUMIGRID_ASSIGN_OR_RETURN(result.show_, base::gl::Program::link("lumigraph blended", glsl::kBlendVertex,
                                                                   view + glsl::kProxySurface + glsl::kBlendedFragment));
-  LUMIGRID_ASSIGN_OR_RETURN(
-      result.picture_, base::gl::Program::link("lumigraph picture", glsl::kWholeVertex, view + glsl::kComposeFragment));
+  LUMIGRID_ASSIGN_OR_RETURN(result.picture_,
+                            base::gl::Program::link("lumigraph picture", glsl::kWholeVertex,
+                                                    view + glsl::kSurfaceCode + glsl::kComposeFragment));
   result.whole_ = base::gl::WholeTarget::create();
   return result;
 }
@@ -168,6 +169,7 @@ void PixelBlend::compose(std::size_t layer, int unit) const {
   bind(picture_, unit,
        {{"u_layer_depth", blended.depth},
         {"u_surface_color", color_},
+        {"u_surface_normals", normals_},
         {"u_layer_color", blended.images},
         {"u_layer_coverage", blended.coverage}});
   glViewport(0, 0, width_, height_);

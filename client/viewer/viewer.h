@@ -138,6 +138,10 @@ class Viewer {
   void setSection(const std::optional<base::SectionPlane>& plane) { section_ = plane; }
   /// Tints every fragment by the resolution of what is shown there (lod::draw::kResolutionLegend).
   void setResolutionColors(bool on) { options_.lumigraph.modes.resolution_colors = on; }
+  /// Shows the model's own colours by a light of the viewer's, towards which `direction` points (world axes, any
+  /// length), from the next draw on; nullopt or zero: as the scene says. Images of a scene that light shades, and the
+  /// server's frames, are not shown then, since their light is another.
+  void setLight(const std::optional<glm::dvec3>& direction);
   /// Switches between lumigraph and patches from the next draw on; patches request no images from the server. Images
   /// that ViewerOptions::session turns off stay off. A viewer never changes from or to kQsplat, since splats come from
   /// another place.
@@ -218,6 +222,7 @@ class Viewer {
   std::uint64_t pictureSignature() const;
   bool showsSplats() const { return options_.method == Method::kQsplat; }
   bool hasSplats() const { return splats_ && splats_->bounds() != nullptr && session_.welcome() != nullptr; }
+  lod::draw::Shading shadingHere() const;
   SplatLook splatLook() const;
   void addSplats(ViewerStats& stats) const;
   base::Result<bool> setSplatView(const base::ViewCamera& wanted);

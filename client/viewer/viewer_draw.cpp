@@ -63,6 +63,7 @@ void Viewer::drawBlended(bool moved, double now) {
     if (images_[id].state == ImageState::kResident) candidates_.push_back(id);
   LumigraphOptions options = options_.lumigraph;
   options.modes.section = sectionHere();
+  options.use_images = options.use_images && (shading_.unlit || !options.modes.hasLight());
   const bool hidden = frame_.whole() || frame_.under();
   options.unseen = options.unseen || (hidden && !probe_);
   GLint target = 0;
@@ -101,7 +102,7 @@ void Viewer::drawBlended(bool moved, double now) {
 
 void Viewer::drawProxy(const base::Camera& camera, const LumigraphOptions& options, double now) {
   const lod::patch::Cut& cut = patches_.drawn();
-  renderer_->draw(camera, cut.patches, candidates_, cut.bound_px, shading_, options, now, patches_.occluders(),
+  renderer_->draw(camera, cut.patches, candidates_, cut.bound_px, shadingHere(), options, now, patches_.occluders(),
                   cut.patch_bound_px, proxyErrors());
 }
 
@@ -300,7 +301,8 @@ base::Image readPicture(const base::gl::RenderTarget& target, const Viewer& view
 
 /// A server's frame shows the model as it is, in perspective: whatever alters the picture here is missing in it.
 bool Viewer::mayShowFrames() const {
-  return !section_ && options_.lumigraph.use_images && !options_.lumigraph.modes.resolution_colors &&
+  const lod::draw::ViewModes& modes = options_.lumigraph.modes;
+  return !section_ && options_.lumigraph.use_images && !modes.resolution_colors && !modes.hasLight() &&
          !options_.lumigraph.show_disagreement && !view_.orthographic();
 }
 

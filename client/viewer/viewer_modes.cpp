@@ -1,6 +1,7 @@
 #include "client/viewer/viewer.h"
 
 #include <algorithm>
+#include <cmath>
 
 namespace client {
 
@@ -50,6 +51,21 @@ void Viewer::probePins() {
   probe_->draw(camera_, sectionHere(), showsSplats() ? splats_->stats().cutoff_px : errorOf(patches_.drawn()));
 }
 
+// ---- light ----
+
+void Viewer::setLight(const std::optional<glm::dvec3>& direction) {
+  const double length = direction ? glm::length(*direction) : 0.0;
+  glm::vec3& light = options_.lumigraph.modes.light;
+  light = length > 0.0 && std::isfinite(length) ? glm::vec3(*direction / length) : glm::vec3(0.0F);
+}
+
+/// How colours come before the viewer's own light shades them.
+lod::draw::Shading Viewer::shadingHere() const {
+  lod::draw::Shading shading = shading_;
+  shading.unlit = shading.unlit || options_.lumigraph.modes.hasLight();
+  return shading;
+}
+
 // ---- splats ----
 
 void Viewer::addSplats(ViewerStats& stats) const {
@@ -67,6 +83,7 @@ void Viewer::addSplats(ViewerStats& stats) const {
 SplatLook Viewer::splatLook() const {
   SplatLook look;
   look.shading = shading_;
+  if (options_.lumigraph.modes.hasLight()) look.shading = {false, options_.lumigraph.modes.light};
   look.section = sectionHere();
   look.resolution_colors = options_.lumigraph.modes.resolution_colors;
   look.lens = lens_;

@@ -276,7 +276,7 @@ EMSCRIPTEN_KEEPALIVE double overlayVersion() {
 
 /// Returns the overlay as rows that begin with their kind:
 ///   scene name unit attribution background north | status kind text advice | progress active share
-///   mode mode hint | help shown | view statistics colours orthographic section lens
+///   mode mode hint | help shown | view statistics colours orthographic section, lens or light
 ///   toast id error text | annotation index
 ///   label kind index x y visible approximate open text | line x0 y0 x1 y1 approximate
 EMSCRIPTEN_KEEPALIVE const char* overlay() {
@@ -294,7 +294,8 @@ EMSCRIPTEN_KEEPALIVE const char* overlay() {
   rows.addRow("mode", app.mode(), app.modeHint());
   rows.addRow("help", app.helpShown());
   const client::ViewState& view = app.view();
-  rows.addRow("view", view.statistics, view.colors_by_resolution, view.orthographic, view.section.on, app.lensShown());
+  rows.addRow("view", view.statistics, view.colors_by_resolution, view.orthographic, view.section.on,
+              app.lensShown() || view.light.on);
   for (const client::Toast& toast : app.toasts()) rows.addRow("toast", toast.id, toast.error, toast.text);
   if (auto open = app.openAnnotation()) rows.addRow("annotation", *open);
   for (const client::Label& label : app.labels())

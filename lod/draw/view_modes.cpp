@@ -31,6 +31,7 @@ void setViewModes(const base::gl::Program& program, const ViewModes& modes, cons
   glUniform1i(program.uniform("u_cut_open"), section != base::kNoSection && cut_open ? 1 : 0);
   const glm::vec3 cut_color = glm::vec3(kSectionColor[0], kSectionColor[1], kSectionColor[2]) / 255.0F;
   glUniform3f(program.uniform("u_section_color"), cut_color.r, cut_color.g, cut_color.b);
+  glUniform3f(program.uniform("u_own_light"), modes.light.x, modes.light.y, modes.light.z);
   glUniform1i(program.uniform("u_show_resolution"), modes.resolution_colors ? 1 : 0);
   setTint(program);
 }

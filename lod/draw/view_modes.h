@@ -1,6 +1,6 @@
 #pragma once
-// View modes that apply to any picture: a section plane, and colours by resolution. Client and server use the same
-// GLSL, so that both show the same.
+// View modes that apply to any picture: a section plane, colours by resolution, and a light of the viewer's. Client and
+// server use the same GLSL, so that both show the same.
 #include <array>
 #include <cstdint>
 #include <glm/glm.hpp>
@@ -30,11 +30,16 @@ inline constexpr std::array<std::uint8_t, 3> kSectionColor{0xc8, 0x6a, 0x45};
 struct ViewModes {
   glm::vec4 section = base::kNoSection;  ///< scene-local (base::sectionInScene)
   bool resolution_colors = false;
-  bool any() const { return section != base::kNoSection || resolution_colors; }
+  /// Towards a light of the viewer's own, unit length, in whose light colours are shown in place of the scene's: those
+  /// must come unlit. Zero: none.
+  glm::vec3 light{0.0F};
+  bool hasLight() const { return light != glm::vec3(0.0F); }
+  bool any() const { return section != base::kNoSection || resolution_colors || hasLight(); }
   friend bool operator==(const ViewModes&, const ViewModes&) = default;
 };
 
-/// Returns fragment GLSL that defines `bool isCutAway(vec3 position)`, its uniforms, and those of tintSource(). `bool
+/// Returns fragment GLSL that defines `bool isCutAway(vec3 position)`, `vec3 litByViewer(vec3 color, vec3 normal, vec3
+/// toEye)`, their uniforms, and those of tintSource(). `bool
 /// u_cut_open`: view rays come through the half that is cut away, so back faces show the inside of the rest in
 /// `u_section_color`. `bool u_show_resolution`: colours by resolution are on.
 std::string viewModesSource();

@@ -188,6 +188,17 @@ base::Result<void> readSection(Values& values, PictureRequest& request) {
   return {};
 }
 
+base::Result<void> readLight(Values& values, PictureRequest& request) {
+  const auto text = values.removeValue("light");
+  if (!text) return {};
+  const auto towards = parseVector(*text);
+  const double length = towards ? glm::length(*towards) : 0.0;
+  if (!(length > 0.0) || !std::isfinite(length))
+    return wrongRender("light must be a direction other than 0,0,0: x,y,z");
+  request.light = *towards / length;
+  return {};
+}
+
 base::Result<void> readColors(Values& values, PictureRequest& request) {
   const std::string colors = values.removeValue("colors").value_or("scene");
   if (colors != "scene" && colors != "resolution") return wrongRender("colors must be scene or resolution");
@@ -226,11 +237,12 @@ base::Result<PictureRequest> parsePictureRequest(const Query& query, std::uint64
   LUMIGRID_TRY(readInteger(values, "supersampling", 1, 4, request.supersampling));
   LUMIGRID_TRY(readBackground(values, request));
   LUMIGRID_TRY(readSection(values, request));
+  LUMIGRID_TRY(readLight(values, request));
   LUMIGRID_TRY(readColors(values, request));
   if (!values.left().empty())
     return wrongRender(
         "a name is none of position, direction, target, up, fov_y, fov_y_degrees, ortho_height, width, height, "
-        "format, quality, supersampling, background, section, colors, tolerance, measure");
+        "format, quality, supersampling, background, section, light, colors, tolerance, measure");
   return request;
 }
 
@@ -247,6 +259,7 @@ base::Result<std::unique_ptr<PicturePainter>> PicturePainter::begin(const Pictur
   options.tolerance_px = request.tolerance_px;
   options.measure = request.measure;
   options.modes.resolution_colors = request.resolution_colors;
+  if (request.light) options.modes.light = glm::vec3(*request.light);
   if (request.section) options.modes.section = base::sectionInScene(*request.section, scene.origin);
   options.supersampling = request.supersampling;
   const std::uint64_t rows = band_pixels / static_cast<std::uint64_t>(request.camera.width);

@@ -162,10 +162,11 @@ test("bookmarks are kept and recalled, over a reload, too", async () => {
   assert.ok(distance(eye(await still()), eye(start)) < 1e-6 * distance(eye(start), [0, 0, 0]));
 });
 
-test("I, C, O, X and H switch what they say, on and off", async () => {
+test("I, C, O, L, X and H switch what they say, on and off", async () => {
   await reset();
   const view = async () => (await row("view")).slice(1);
-  for (const [key, place, tool] of [["i", 0, "#tool-i"], ["c", 1, "#tool-c"], ["o", 2, "#tool-o"]]) {
+  for (const [key, place] of [["i", 0], ["c", 1], ["o", 2], ["l", 4]]) {
+    const tool = `#tool-${key}`;
     await press(key);
     assert.equal((await view())[place], "1", `${key} on`);
     assert.equal(await page.locator(tool).getAttribute("aria-pressed"), "true");

@@ -55,5 +55,6 @@ void main() {
     }
   }
   if (covered <= 0.0) discard;
-  o_color = vec4(mix(surfaceHere().shaded, blended.rgb, blended.a), covered);
+  Surface surface = surfaceHere();
+  o_color = vec4(litByViewer(mix(surface.shaded, blended.rgb, blended.a), surface.normal, surface.to_eye), covered);
 }

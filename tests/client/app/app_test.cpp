@@ -856,13 +856,39 @@ TEST_F(AppTest, theMagnifyingGlassFollowsItsPointerAndTheViewStandsStill) {
   EXPECT_TRUE(app->lines().empty());
 }
 
-TEST_F(AppTest, withoutSplatsThereIsNoMagnifyingGlassAndTheirLinksAreForAnotherPlace) {
+// The window has 800 x 600 pixels, so the handle moves within 240 of the middle.
+TEST_F(AppTest, theLightsHandleIsWhereTheLightComesFrom) {
   welcome();
   press(Key::kL);
   pass(0.1);
-  EXPECT_TRUE(app->lines().empty());
-  ASSERT_FALSE(app->toasts().empty());
-  EXPECT_NE(app->toasts().back().text.find("qsplat"), std::string::npos);
+  EXPECT_FALSE(app->lines().empty());
+  const auto inEye = [this] {
+    const base::ViewCamera view = app->camera();
+    const glm::dvec3 right = glm::normalize(glm::cross(view.direction, view.up));
+    const glm::dvec3 light = app->view().light.direction();
+    return glm::dvec3(glm::dot(light, right), glm::dot(light, glm::cross(right, view.direction)),
+                      -glm::dot(light, view.direction));
+  };
+  EXPECT_LT(glm::length(inEye() - glm::dvec3(-0.5, 0.5, std::sqrt(0.5))), 1e-9);
+
+  // A press on the handle drags it, one beside it turns the view, and the light stays where it is in the world.
+  const std::string before = app->permalink();
+  drag(mouse(282.0, 178.0), 262.0, 122.0);
+  EXPECT_LT(glm::length(inEye() - glm::dvec3(0.6, 0.0, 0.8)), 0.02);
+  EXPECT_EQ(app->permalink().substr(0, app->permalink().find("&l=")), before.substr(0, before.find("&l=")));
+  const glm::dvec3 world = app->view().light.direction();
+  drag(mouse(100.0, 500.0), 150.0, 0.0);
+  EXPECT_EQ(app->view().light.direction(), world);
+  EXPECT_GT(glm::length(inEye() - glm::dvec3(0.6, 0.0, 0.8)), 0.1);
+
+  // Beyond the rim it grazes what faces the eye.
+  for (int i = 0; i < 2; ++i) press(Key::kL);
+  drag(mouse(280.0, 180.0), -2000.0, 0.0);
+  EXPECT_NEAR(inEye().z, 0.03, 0.01);
+}
+
+TEST_F(AppTest, withoutSplatsLinksToThemAreForAnotherPlace) {
+  welcome();
   const std::string before = app->permalink();
   const auto opened = app->openPermalink(before + "&m=qsplat");
   ASSERT_FALSE(opened);

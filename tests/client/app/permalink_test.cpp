@@ -26,6 +26,7 @@ ViewState drawnView(unsigned seed) {
   view.colors_by_resolution = coin();
   view.orthographic = coin();
   if (coin()) view.section = {true, static_cast<int>(random() % 3), coin(), scale * real(-1.0, 1.0)};
+  if (coin()) view.light = {true, real(-180.0, 180.0), real(-90.0, 90.0)};
   return view;
 }
 
@@ -52,6 +53,11 @@ TEST(Permalink, aViewComesBackAsExactlyAsIsStated) {
     EXPECT_EQ(back->statistics, view.statistics);
     EXPECT_EQ(back->colors_by_resolution, view.colors_by_resolution);
     EXPECT_EQ(back->orthographic, view.orthographic);
+    EXPECT_EQ(back->light.on, view.light.on);
+    if (view.light.on) {
+      EXPECT_NEAR(back->light.heading, view.light.heading, 0.051);
+      EXPECT_NEAR(back->light.height, view.light.height, 0.051);
+    }
     EXPECT_EQ(back->section.on, view.section.on);
     if (!view.section.on) continue;
     EXPECT_EQ(back->section.axis, view.section.axis);
@@ -123,6 +129,9 @@ TEST(Permalink, badTextIsRefusedInOneLineThatNamesThePart) {
       {"v=1&p=1,2,3&a=0,0&r=1&o=ss", "o (options)"},
       {"v=1&p=1,2,3&a=0,0&r=1&x=w,1,a", "x (section)"},
       {"v=1&p=1,2,3&a=0,0&r=1&x=z,1,c", "x (section)"},
+      {"v=1&p=1,2,3&a=0,0&r=1&l=181,0", "l (light)"},
+      {"v=1&p=1,2,3&a=0,0&r=1&l=0,91", "l (light)"},
+      {"v=1&p=1,2,3&a=0,0&r=1&l=5", "l (light)"},
       {"v=1&p=1,2,3&a=0,0&r=1&r=2", "twice"},
       {"v=1&p=1,2,3&a=0,0&r=1&z=2", "not known"},
       {"v=1&p=1,2,3&a=0,0&r=1&", "not known"},

@@ -1,4 +1,4 @@
-// Tests orthographic views, sections, pins, exact frames and lost contexts.
+// Tests orthographic views, sections, light, pins, exact frames and lost contexts.
 #include <cmath>
 
 #include "tests/client/viewer/viewer_fixture.h"
@@ -112,6 +112,55 @@ TEST_F(ViewerModes, onlyTheServersPictureOfTheVeryViewIsExact) {
   viewer->setSection(base::SectionPlane{{0.0, 0.0, 1.0}, server.welcome.origin.z});
   settle(server.lookDown(20.0));
   EXPECT_NE(viewer->stats().accuracy, Accuracy::kExact) << "the server knows of no section";
+}
+
+TEST_F(ViewerModes, aLightOfTheViewersOwnShadesTheModelsColours) {
+  server.welcome.unlit = true;
+  open(patches());
+  receiveAllGroups();
+  const base::ViewCamera view = server.lookDown(20.0);
+  const base::Image unlit = settle(view);
+  const auto brightness = [](const base::Image& image) {
+    double sum = 0.0;
+    for (std::size_t i = 0; i < image.pixels.size(); i += 4) sum += image.pixels[i];
+    return sum;
+  };
+  viewer->setLight(glm::dvec3(0.0, 0.0, 5.0));
+  const base::Image from_above = settle(view);
+  viewer->setLight(glm::dvec3(1.0, 0.0, 0.1));
+  const base::Image grazing = settle(view);
+  viewer->setLight(glm::dvec3(0.0, 0.0, -1.0));
+  const base::Image from_below = settle(view);
+  EXPECT_LE(brightness(from_above), brightness(unlit));
+  EXPECT_LT(brightness(grazing), 0.9 * brightness(from_above));
+  EXPECT_NEAR(brightness(from_below), 0.2 * brightness(unlit), 0.01 * brightness(unlit))
+      << "what comes from everywhere";
+  for (const auto& none : {std::optional<glm::dvec3>(), std::optional(glm::dvec3(0.0)),
+                           std::optional(glm::dvec3(std::nan(""), 0.0, 1.0))}) {
+    viewer->setLight(none);
+    EXPECT_EQ(settle(view).pixels, unlit.pixels);
+  }
+}
+
+TEST_F(ViewerModes, imagesAndFramesInTheScenesLightAreNotShownInAnother) {
+  for (const bool unlit : {false, true}) {
+    server.welcome.unlit = unlit;
+    server.welcome.can_render_frames = true;
+    open(ViewerOptions{});
+    const base::ViewCamera view = server.lookDown(20.0);
+    draw(view);
+    sent(viewer->session());
+    receiveAllGroups();
+    receive(server.sayFace({1, 1, 2, 5}, 500));
+    receive(server.sayFrame(1, 100));
+    receive(server.sayComplete(1));
+    settle(view);
+    EXPECT_EQ(viewer->stats().accuracy, Accuracy::kExact);
+    viewer->setLight(glm::dvec3(1.0, 0.0, 1.0));
+    settle(view);
+    EXPECT_NE(viewer->stats().accuracy, Accuracy::kExact);
+    EXPECT_EQ(viewer->stats().lumigraph.samples_used > 0, unlit) << "colours as scanned take any light";
+  }
 }
 
 TEST_F(ViewerModes, aSectionCutsWorldCoordinatesForPictureAndPickAlike) {

@@ -61,6 +61,14 @@ TEST(PictureRequest, sectionIsAPlaneThatCutsOneSideAway) {
   EXPECT_FALSE(parse(kView)->section);
 }
 
+TEST(PictureRequest, lightIsADirection) {
+  const auto lit = parse(kView + "&light=0,3,4");
+  ASSERT_TRUE(lit) << lit.error().message;
+  ASSERT_TRUE(lit->light);
+  EXPECT_LT(glm::length(*lit->light - glm::dvec3(0.0, 0.6, 0.8)), 1e-12);
+  EXPECT_FALSE(parse(kView)->light);
+}
+
 TEST(PictureRequest, jpegHasAWhiteBackgroundByDefault) {
   EXPECT_EQ(parse(kView + "&format=jpeg")->background, (Rgb{255, 255, 255}));
   EXPECT_FALSE(parse(kView + "&format=jpeg&background=transparent"));
@@ -106,6 +114,8 @@ TEST(PictureRequest, errorsNameTheWrongValueInOneLine) {
       {kView + "&supersampling=5", "supersampling"},
       {kView + "&background=blue", "background"},
       {kView + "&background=12345", "background"},
+      {kView + "&light=0,0,0", "light"},
+      {kView + "&light=1,2", "light"},
       {kView + "&section=", "section"},
       {kView + "&section=x", "section"},
       {kView + "&section=w,1,a", "section"},

@@ -186,6 +186,23 @@ TEST_F(SceneRendererTest, softLightDarkensWhatTurnsAwayAndUnlitDoesNot) {
   EXPECT_EQ(soft.rgba.at(3, 4)[3], 255);
 }
 
+TEST_F(SceneRendererTest, aLightOfTheViewersOwnShadesColoursInPlaceOfTheScenes) {
+  // Faces +z.
+  TwoLevelScene scene({kKnown}, {{kKnown}}, 0.1F);
+  const auto redIn = [&](const glm::vec3& light) {
+    RenderOptions options{0.0F, 1};
+    options.modes.light = light;
+    return int{draw(*rendererOf(scene), cameraAt(8, 8), options).rgba.at(3, 4)[0]};
+  };
+  for (const base::LightMode mode : {base::LightMode::kUnlit, base::LightMode::kSoft}) {
+    scene.scene().light.mode = mode;
+    EXPECT_NEAR(redIn({0, 0, 1}), kOrange.r, 1.5);
+    EXPECT_NEAR(redIn({0.6F, 0, 0.8F}), kOrange.r * (0.2 + 0.8 * 0.8), 1.5);
+    EXPECT_NEAR(redIn({1, 0, 0}), kOrange.r * 0.2, 1.5);
+    EXPECT_NEAR(redIn({0, 0, -1}), kOrange.r * 0.2, 1.5);
+  }
+}
+
 // ---- Choosing the cut ----
 
 // The root shows one orange triangle, the leaves two white ones. An error of 0.5 at distance 8 is about 0.5 pixels of 2
