@@ -30,7 +30,7 @@ constexpr float kLater = 0.3F;
 /// An image that gains less for each of its bytes is not sent: 2e-7 for one of 10 kB. A picture of 40 dB has an error
 /// of 1e-4.
 constexpr double kLeastImageRate = 2e-11;
-/// A group that gains less for each of its bytes is not sent to a picture that is good already
+/// A group that is not needed and gains less for each of its bytes is not sent
 /// (docs/decisions/refine-at-rest.md).
 constexpr double kLeastRate = 1e-11;
 
@@ -87,6 +87,7 @@ struct Shown {
 };
 
 struct Place {
+  float detail2 = 0.0F;             // C²
   std::vector<Shading> shadings;    // after 0, 1, … of its groups
   std::vector<std::size_t> groups;  // that make the next
   std::size_t state = 0;            // groups that came
@@ -138,7 +139,7 @@ class GainOrder {
       for (const std::size_t parent : groups[g].parents) groups_[parent].children.push_back(g);
       const float gained =
           shadingAt(groups[g].before, groups[g].density).proxy2 - shadingAt(groups[g].after, groups[g].density).proxy2;
-      if (query.is_moving) groups_[g].later = kLater * groups[g].share * std::max(0.0F, gained);
+      if (query.is_moving && groups[g].is_needed) groups_[g].later = kLater * groups[g].share * std::max(0.0F, gained);
     }
     for (std::size_t s = 0; s < samples.size(); ++s) addPlace(static_cast<std::uint32_t>(s), places[s]);
     for (std::size_t g = groups.size(); g-- > 0;) left_.push_back(g);
@@ -175,8 +176,8 @@ class GainOrder {
   std::vector<OrderedItem> takeAll() {
     std::vector<OrderedItem> items;
     while (true) {
-      std::optional<Prospect> group = findBestGroup();
-      if (group && query_.is_refining && group->rate() < kLeastRate) group.reset();
+      std::optional<Prospect> group = findBestGroup(false);
+      if (group && group->rate() < kLeastRate) group = findBestGroup(true);
       const std::optional<std::uint32_t> image = images_left_ > 0 ? findBestImage() : std::nullopt;
       if (!group && !image) return items;
       if (group && (!image || group->rate() >= images_[*image].rate())) {
@@ -198,6 +199,7 @@ class GainOrder {
     const float eye_distance = std::max(glm::length(to_eye), 1e-20F);
     const float density = query_.points.pixels_per_unit_at_one / eye_distance;
     Place& place = places_[s];
+    place.detail2 = input.detail * input.detail;
     float color = 1.0F, shape = std::numeric_limits<float>::max();
     const auto add = [&](const ProxyShading& shading) {
       // Errors are estimates, and those of a finer proxy may be larger. It is no worse.
@@ -258,7 +260,7 @@ class GainOrder {
     for (std::uint32_t depth = 0; depth <= last; ++depth) {
       const float texel = 1.0F / std::clamp(sharpnessAt(depth == last ? deepest : depth), 0.01F, 1.0F);
       const float lost = kTexelShare * std::pow(texel * texel - 1.0F, kTexelPower);
-      const Look look{number, lost * places_[s].shadings.back().color2 / kColorShare, kShift * density * angle};
+      const Look look{number, lost * places_[s].detail2, kShift * density * angle};
       const auto helps = [&](const Shading& shading) { return look.error2(shading) < shading.proxy2; };
       is_of_use[depth] = helps(places_[s].shadings.front()) || helps(places_[s].shadings.back());
       looks[depth] = look;
@@ -310,8 +312,8 @@ class GainOrder {
   }
 
   /// Finds the group that may come next with the best prospect: best_group_. One that gains nothing itself may be
-  /// worth its bytes for those after it.
-  std::optional<Prospect> findBestGroup() {
+  /// worth its bytes for those after it. `needed`: of those that are needed.
+  std::optional<Prospect> findBestGroup(bool needed) {
     std::optional<Prospect> best;
     std::erase_if(left_, [this](std::size_t g) { return groups_[g].has_come; });
     for (const std::size_t g : left_) {
@@ -323,6 +325,7 @@ class GainOrder {
         const Prospect both{alone.gain + prospects_[child].gain, alone.bytes + prospects_[child].bytes};
         if (both.isBetterThan(prospects_[g])) prospects_[g] = both;
       }
+      if (needed && !input_[g].is_needed) continue;
       if (group.parents_left == 0 && (!best || !best->isBetterThan(prospects_[g])))
         best = prospects_[g], best_group_ = g;
     }

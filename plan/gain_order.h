@@ -16,7 +16,7 @@
 //   e² = n² + a c² · (i + h s / (1 + s) + (s / f)²) + x C² · (t² − 1)^0.7
 //   s    view pixels by which the proxy's typical error shifts the image: 3 · error · angle between the rays
 //   t    view pixels that a texel covers, more where the image sees the surface at a slant; at least 1
-//   C    c of the finest proxy that is known here: what detail there is
+//   C    c of the finest proxy above the leaves that is known here: what detail there is
 // clang-format on
 //
 // with numbers that were fitted to pictures (docs/decisions/gain-per-byte.md). The shader weighs images by other ones:
@@ -52,10 +52,14 @@ struct ProxyPlace {
     ProxyShading shading;
   };
   std::vector<Refined> refined;
+  /// Colour error of the finest proxy above the leaves that is known here: what detail there is.
+  float detail = 0.0F;
 };
 
 struct OrderedGroup {
   std::uint64_t bytes = 1;
+  /// The shape wants it, as those before it: it comes whatever it gains. Others only bring colours.
+  bool is_needed = true;
   std::vector<std::size_t> parents;  ///< indices of groups that must come before it, all smaller than its own
   /// Later views gain as well: hidden sides turn up, and edges of the picture move in. These say how the proxy shows
   /// the group's place before and after it, the share of the picture that it would take if all were seen, and view
@@ -78,8 +82,6 @@ struct GainQuery {
   std::uint64_t image_bytes = 10'000;  ///< of an image of which nothing else is known
   /// The eye moves, or there are no images: groups gain for later views, too. Images stay behind.
   bool is_moving = false;
-  /// The picture is good already: groups, too, are left out where they gain too little for their bytes.
-  bool is_refining = false;
 };
 
 /// An image or a group, and by how much it lessens the squared error of the picture's colours (0..1, mean over the
@@ -91,8 +93,8 @@ struct OrderedItem {
 };
 
 struct OrderByGain {
-  /// All groups, parents first, and among them the images that are not here, as long as an image gains anything worth
-  /// its bytes. With GainQuery::is_refining groups end in the same way.
+  /// All groups that are needed, parents first, and among them other groups and the images that are not here, as long
+  /// as they gain anything worth their bytes.
   std::vector<OrderedItem> items;
   float error_before = 0.0F;  ///< expected squared error of the picture's colours, without the items
   float error_after = 0.0F;   ///< and with them

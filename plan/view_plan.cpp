@@ -98,13 +98,22 @@ OrderedGroup describe(const lod::patch::Hierarchy& hierarchy, std::uint32_t numb
   return ordered;
 }
 
-GroupsToSend groupsToSend(const Scene& scene, const LocalView& local, const HasGroup& is_here) {
+/// `images`: the view has some, which bring colours, too.
+GroupsToSend groupsToSend(const Scene& scene, const LocalView& local, bool images, const HasGroup& is_here) {
   GroupsToSend send;
+  std::vector<bool> is_needed(scene.hierarchy->groups.size(), !images);
+  if (images) {
+    lod::patch::CutRequest of_shape = local.request;
+    if (of_shape.measure == base::ErrorMeasure::kVisible) of_shape.measure = base::ErrorMeasure::kShape;
+    for (const std::uint32_t group : lod::patch::selectCut(*scene.hierarchy, of_shape).expanded)
+      is_needed[group] = true;
+  }
   send.place.assign(scene.hierarchy->groups.size(), GroupsToSend::kNotExpanded);
   for (const std::uint32_t group : local.cut.expanded) {
     send.place[group] = GroupsToSend::kHeld;
     if (is_here(group)) continue;
     OrderedGroup ordered = describe(*scene.hierarchy, group, local.request);
+    ordered.is_needed = is_needed[group];
     for (const std::uint32_t parent : scene.hierarchy->parentsOf(group))
       if (send.place[parent] < GroupsToSend::kHeld) ordered.parents.push_back(send.place[parent]);
     send.place[group] = send.numbers.size();
@@ -118,10 +127,11 @@ GroupsToSend groupsToSend(const Scene& scene, const LocalView& local, const HasG
 ProxyPlace proxyAt(const lod::patch::Hierarchy& hierarchy, const GroupsToSend& send, const glm::vec3& place) {
   // Without any patch all is missing.
   const float size = hierarchy.groups[0].bounds.radius;
-  ProxyPlace proxy{{1.0F, size}, {}};
+  ProxyPlace proxy{{1.0F, size}, {}, 1.0F};
   for (std::uint32_t group = 0; send.place[group] != GroupsToSend::kNotExpanded;) {
     const lod::patch::Patch& patch = hierarchy.patches[patchAt(hierarchy, hierarchy.groups[group], place)];
     const ProxyShading shading = shadingOf(hierarchy, patch);
+    if (shading.color_error > 0.0F) proxy.detail = std::min(proxy.detail, shading.color_error);
     if (send.place[group] == GroupsToSend::kHeld)
       proxy.now = shading;
     else
@@ -152,7 +162,6 @@ OrderByGain orderItems(const Scene& scene, const LocalView& local, const PointQu
   gain.image_bytes = scene.image_bytes.typical(query.grid);
   gain.is_here = is_here;
   gain.is_moving = scene.is_moving || points.empty();
-  gain.is_refining = !points.empty() && local.request.measure == base::ErrorMeasure::kVisible;
   gain.stored_bytes = scene.stored_bytes;
   return orderByGain(gain, points, samples, places, send.groups);
 }
@@ -178,7 +187,7 @@ std::vector<glm::uvec3> pointsFor(const Scene& scene, const LocalView& local, co
 /// Takes groups and faces of the view into the plan.
 void planItems(const Scene& scene, const LocalView& local, const PointQuery& query, std::span<const glm::uvec3> points,
                const Holdings& present, ViewPlan& plan) {
-  const GroupsToSend send = groupsToSend(scene, local, present.group);
+  const GroupsToSend send = groupsToSend(scene, local, !points.empty(), present.group);
   const OrderByGain order = orderItems(scene, local, query, points, send, present.face);
   plan.error_before = order.error_before;
   plan.error_after = order.error_after;
@@ -188,6 +197,7 @@ void planItems(const Scene& scene, const LocalView& local, const PointQuery& que
       plan.face_gains.push_back(item.gain);
     } else {
       plan.groups.push_back(send.numbers[item.group]);
+      plan.is_needed.push_back(send.groups[item.group].is_needed);
       plan.faces_before.push_back(plan.faces.size());
     }
   }
@@ -235,7 +245,15 @@ lod::patch::CutRequest cutRequestFor(const protocol::Welcome& welcome, const pro
   return request;
 }
 
-ViewPlan planView(const Scene& scene, const protocol::View& view, const Holdings& present) {
+protocol::View viewToPlan(const Scene& scene, const protocol::View& view) {
+  protocol::View planned = view;
+  const bool brings_colors = wantsImages(scene, view) && view.measure == base::ErrorMeasure::kVisible;
+  if (brings_colors && scene.is_moving && scene.link_rate < kFastLink) planned.measure = base::ErrorMeasure::kShape;
+  return planned;
+}
+
+ViewPlan planView(const Scene& scene, const protocol::View& wanted, const Holdings& present) {
+  const protocol::View view = viewToPlan(scene, wanted);
   const LocalView local = cutForView(scene, view);
   const PointQuery query = queryFor(scene, view, local);
   std::vector<glm::uvec3> points;

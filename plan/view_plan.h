@@ -38,6 +38,7 @@ struct Scene {
   StoredBytes stored_bytes = nullptr;
   ImageBytes image_bytes = {};
   bool is_moving = false;  ///< the eye moves (isMoving())
+  double link_rate = 0.0;  ///< bytes a second towards the viewer; 0: not known
 };
 
 /// The coarse whole model that is sent or fetched first has at most this many bytes: 0.1 s at 4 Mbit/s.
@@ -57,6 +58,8 @@ inline constexpr std::size_t kMinTiles = 24;
 
 struct ViewPlan {
   std::vector<std::uint32_t> groups;  ///< expanded in the client's cut and not there: parents first, then most gain
+  /// Beside `groups`: whether the shape needs it (OrderedGroup::is_needed).
+  std::vector<bool> is_needed;
   /// Beside `groups`: each comes after so many of `faces`.
   std::vector<std::size_t> faces_before;
   std::vector<repository::FaceKey> faces;  ///< images that show what is in view, most useful first
@@ -82,6 +85,13 @@ inline constexpr std::size_t kMaxPointsPerView = 64;
 
 /// Whether the eye went on from one view to the next: by no jump, and not by nothing.
 bool isMoving(const protocol::Welcome& welcome, const protocol::View& newest, const protocol::View& previous);
+
+/// From so many bytes a second on, patches that bring no more than colours are sent to a moving eye that gets images,
+/// too: 10 Mbit/s. A choice: at 1 Mbit/s they come too late, and images with them; at 20 they bring 1 to 3 dB.
+inline constexpr double kFastLink = 1'250'000.0;
+
+/// The view as it is planned: by errors of shape where the link is too slow for more.
+protocol::View viewToPlan(const Scene& scene, const protocol::View& view);
 
 /// The camera of a view in scene-local terms, with the limits that the client's cut keeps.
 lod::patch::CutRequest cutRequestFor(const protocol::Welcome& welcome, const protocol::View& view);

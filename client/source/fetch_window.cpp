@@ -16,17 +16,22 @@ void FetchWindow::answered(const Mark& sent, const Mark& now) {
   samples_[count_++ % samples_.size()] = {now.at, took, static_cast<double>(now.received - sent.received) / took};
 }
 
+double FetchWindow::rate() const {
+  if (count_ == 0) return 0.0;
+  const double newest = samples_[(count_ - 1) % samples_.size()].at;
+  double rate = 0.0;
+  for (const Sample& sample : samples_)
+    if (sample.at >= newest - kMemory) rate = std::max(rate, sample.rate);
+  return rate;
+}
+
 std::uint64_t FetchWindow::bytes() const {
   if (count_ == 0) return kLeastBytes;
   const double newest = samples_[(count_ - 1) % samples_.size()].at;
-  double rate = 0.0;
   double took = kMemory;
-  for (const Sample& sample : samples_) {
-    if (sample.at < newest - kMemory) continue;
-    rate = std::max(rate, sample.rate);
-    took = std::min(took, sample.took);
-  }
-  return std::max(kLeastBytes, static_cast<std::uint64_t>(kGain * rate * took));
+  for (const Sample& sample : samples_)
+    if (sample.at >= newest - kMemory) took = std::min(took, sample.took);
+  return std::max(kLeastBytes, static_cast<std::uint64_t>(kGain * rate() * took));
 }
 
 }  // namespace client

@@ -23,6 +23,8 @@ class FetchWindow {
   void answered(const Mark& sent, const Mark& now);
   /// Bytes that may be under way.
   std::uint64_t bytes() const;
+  /// Bytes a second: the greatest rate of delivery that was seen lately; 0 before any was.
+  double rate() const;
 
  private:
   struct Sample {

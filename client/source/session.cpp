@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "lod/patch/format.h"
+#include "plan/view_plan.h"
 
 namespace client {
 namespace {
@@ -220,7 +221,12 @@ base::Bytes Session::viewMessage() {
   protocol::View view;
   view.sequence = ++sequence_;
   view.camera = *camera_;
-  const PatchGoal goal = refined_ ? finePatches() : usualPatches();
+  // As who plans it sees it: from one view that was sent to the next.
+  protocol::View previous;
+  if (sent_camera_) previous.camera = *sent_camera_;
+  is_moving_ = sent_camera_ && welcome_ && plan::isMoving(*welcome_, view, previous);
+  sent_camera_ = camera_;
+  const PatchGoal goal = wantedPatches();
   view.patch_tolerance_px = goal.tolerance_px;
   view.measure = goal.measure;
   view.max_triangles = goal.max_triangles;
@@ -314,6 +320,14 @@ PatchGoal Session::usualPatches() const {
   PatchGoal goal{options_.alone_tolerance_px, base::ErrorMeasure::kVisible, options_.max_triangles};
   if (showsImages()) goal.tolerance_px = options_.patch_tolerance_px, goal.measure = base::ErrorMeasure::kShape;
   if (options_.guarantee) goal.measure = base::ErrorMeasure::kBound;
+  return goal;
+}
+
+PatchGoal Session::wantedPatches() const {
+  if (refined_) return finePatches();
+  PatchGoal goal = usualPatches();
+  if (options_.refine && is_moving_ && goal.measure == base::ErrorMeasure::kShape)
+    goal.measure = base::ErrorMeasure::kVisible;
   return goal;
 }
 

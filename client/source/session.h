@@ -131,14 +131,18 @@ class Session {
   bool hasGroup(std::uint32_t group) const { return cache_.contains(kGroupTag | group); }
   const SessionStats& stats() const { return stats_; }
   const SessionOptions& options() const { return options_; }
-  /// Returns what any view asks for. With images, if they are wanted and, as far as is known yet, there are any, errors
-  /// are of shape, since images bring the colours; without them the visible ones, or the bounds.
+  /// Returns what any picture is drawn from at least. With images, if they are wanted and, as far as is known yet,
+  /// there are any, errors are of shape, since images bring the colours; without them the visible ones, or the bounds.
   PatchGoal usualPatches() const;
   /// And what refine() asks for: visible errors, as without images.
   PatchGoal finePatches() const;
 
  private:
   bool showsImages() const;
+  /// Returns what the next view asks for. Close to the surface patches have its colours sooner than images do, so a
+  /// moving eye that gets images, too, asks by visible errors: the order by gain decides (plan/gain_order.h). A view
+  /// that stands has images first, then its frame, or refine().
+  PatchGoal wantedPatches() const;
   /// Faces and groups share one cache. A face's key is its code (63 bits), a group's its number with the highest bit
   /// set.
   using CacheKey = std::uint64_t;
@@ -185,13 +189,15 @@ class Session {
   std::uint32_t frame_number_ = 0;         // of the newest, kept or not
   std::uint32_t last_frame_sequence_ = 0;  // view whose last frame arrived newest, kept or not
 
-  std::deque<base::Bytes> greetings_;        // Hello or Holdings, sent before anything else
-  std::unordered_set<CacheKey> unreported_;  // evicted, and the server does not know yet
-  std::optional<base::ViewCamera> camera_;   // the newest
-  std::uint32_t sequence_ = 0;               // number of the newest view
+  std::deque<base::Bytes> greetings_;            // Hello or Holdings, sent before anything else
+  std::unordered_set<CacheKey> unreported_;      // evicted, and the server does not know yet
+  std::optional<base::ViewCamera> camera_;       // the newest
+  std::optional<base::ViewCamera> sent_camera_;  // of the last View
+  std::uint32_t sequence_ = 0;                   // number of the newest view
   std::uint32_t complete_sequence_ = 0;
   bool view_unsent_ = false;
   bool refined_ = false;
+  bool is_moving_ = false;         // the last step was one of a moving eye
   bool frames_asked_for_ = false;  // on this connection
 
   SessionEvents events_;

@@ -156,7 +156,8 @@ class StaticSource {
   plan::Holdings holdings();
   std::optional<std::uint64_t> storedBytes(const FaceKey& key);
   void planNewestView();
-  std::vector<std::uint32_t> frontierOf(const lod::patch::Cut& cut, const lod::patch::CutRequest& request);
+  std::vector<std::uint32_t> frontierOf(const lod::patch::Cut& cut, const lod::patch::CutRequest& request,
+                                        std::size_t* of_shape);
   bool settled(std::uint32_t group) const { return has_group_[group] || broken_groups_.count(group) != 0; }
   std::vector<RangeWish> urgentWishes();
   void wishForCoarse(std::vector<RangeWish>& wishes);
@@ -223,6 +224,7 @@ class StaticSource {
   plan::ViewPlan view_plan_;
   plan::ImageBytes image_bytes_;
   std::vector<std::uint32_t> frontier_;  // groups without a record that the cut leads to
+  std::size_t frontier_of_shape_ = 0;    // those that come first, before images
   bool complete_sent_ = false;
   std::optional<std::vector<FaceKey>> ahead_;
 

@@ -125,7 +125,8 @@ plan::Scene StaticSource::planScene() {
           sight_ ? &*sight_ : nullptr,
           [this](const FaceKey& key) { return storedBytes(key); },
           image_bytes_,
-          previous_ && newest_ && plan::isMoving(scene_.welcome, *newest_, *previous_)};
+          previous_ && newest_ && plan::isMoving(scene_.welcome, *newest_, *previous_),
+          queue_.rate()};
 }
 
 /// Bytes of an image as the index has them (plan::StoredBytes).
@@ -139,11 +140,18 @@ std::optional<std::uint64_t> StaticSource::storedBytes(const FaceKey& key) {
 }
 
 /// Returns the unknown groups that the cut would expand, the largest error first: they made patches that the cut draws,
-/// lie in view, and exceed the tolerance.
-std::vector<std::uint32_t> StaticSource::frontierOf(const lod::patch::Cut& cut, const lod::patch::CutRequest& request) {
+/// lie in view, and exceed the tolerance. Where images bring colours, too, those that the shape needs come before those
+/// that only bring colours: `of_shape` is their number.
+std::vector<std::uint32_t> StaticSource::frontierOf(const lod::patch::Cut& cut, const lod::patch::CutRequest& request,
+                                                    std::size_t* of_shape) {
   const base::Frustum frustum(request.camera.clipFromScene());
   const float pixels = request.camera.pixelsPerUnitAtOne();
-  std::vector<std::pair<float, std::uint32_t>> found;
+  struct Unknown {
+    bool needed = false;
+    float error_px = 0.0F;
+    std::uint32_t group = 0;
+  };
+  std::vector<Unknown> found;
   std::unordered_set<std::uint32_t> seen;
   for (const std::uint32_t group : cut.expanded) {
     const lod::patch::Group& g = hierarchy_.groups[group];
@@ -154,16 +162,24 @@ std::vector<std::uint32_t> StaticSource::frontierOf(const lod::patch::Cut& cut, 
       // Its row is present, since the record of the group above needed it.
       const auto row = tables_->row(producer);
       if (!row || !row->has_value() || !frustum.mayOverlap((*row)->bounds)) continue;
-      const float error_px =
-          base::projectedError(lod::patch::errorOf(**row, request.measure), (*row)->bounds.center,
-                               (*row)->bounds.radius, request.camera.eye, pixels, request.near_plane);
-      if (error_px > request.tolerance_px || request.tolerance_px <= 0.0F) found.emplace_back(error_px, producer);
+      const auto projected = [&](base::ErrorMeasure measure) {
+        return base::projectedError(lod::patch::errorOf(**row, measure), (*row)->bounds.center, (*row)->bounds.radius,
+                                    request.camera.eye, pixels, request.near_plane);
+      };
+      const float error_px = projected(request.measure);
+      if (error_px <= request.tolerance_px && request.tolerance_px > 0.0F) continue;
+      const bool has_images = scene_.index.has_value() && request.measure == base::ErrorMeasure::kVisible;
+      const bool needed = !has_images || projected(base::ErrorMeasure::kShape) > request.tolerance_px;
+      found.push_back({needed, error_px, producer});
     }
   }
-  std::sort(found.begin(), found.end(),
-            [](const auto& a, const auto& b) { return a.first != b.first ? a.first > b.first : a.second < b.second; });
+  std::sort(found.begin(), found.end(), [](const Unknown& a, const Unknown& b) {
+    if (a.needed != b.needed) return a.needed;
+    return a.error_px != b.error_px ? a.error_px > b.error_px : a.group < b.group;
+  });
   std::vector<std::uint32_t> groups;
-  for (const auto& [error_px, group] : found) groups.push_back(group);
+  for (const Unknown& unknown : found) groups.push_back(unknown.group);
+  *of_shape = static_cast<std::size_t>(std::count_if(found.begin(), found.end(), [](auto& u) { return u.needed; }));
   return groups;
 }
 
@@ -175,10 +191,10 @@ plan::Holdings StaticSource::holdings() {
 void StaticSource::planNewestView() {
   if (planned_ && !index_learned_ && !(replan_ && !frontier_.empty())) return;
   computeSight();
-  const lod::patch::CutRequest request = plan::cutRequestFor(scene_.welcome, *newest_);
+  const lod::patch::CutRequest request = plan::cutRequestFor(scene_.welcome, plan::viewToPlan(planScene(), *newest_));
   for (bool learned = true; learned;) {
     learned = false;
-    frontier_ = frontierOf(lod::patch::selectCut(hierarchy_, request), request);
+    frontier_ = frontierOf(lod::patch::selectCut(hierarchy_, request), request, &frontier_of_shape_);
     for (const std::uint32_t group : frontier_) learned |= readRecord(group, nullptr);
   }
   std::erase_if(frontier_, [this](std::uint32_t group) { return broken_groups_.count(group) != 0; });
@@ -211,18 +227,20 @@ bool StaticSource::wishForIndex(std::vector<RangeWish>& wishes) {
 }
 
 /// Collects wishes in a server's order (server::Session::nextWanted), as far ahead as requests are put together. Images
-/// wait for the index, by which they are chosen; groups do not.
+/// wait for the index, by which they are chosen, and so do groups that bring no more than colours; others do not.
 void StaticSource::wishForView(std::vector<RangeWish>& wishes) {
-  for (const std::uint32_t group : frontier_) {
-    if (wishes.size() >= kWishesAhead) break;
-    readRecord(group, &wishes);
-  }
+  const auto readFrontier = [&](std::size_t from, std::size_t to) {
+    for (std::size_t i = from; i < to && wishes.size() < kWishesAhead; ++i) readRecord(frontier_[i], &wishes);
+  };
+  const std::size_t of_shape = std::min(frontier_of_shape_, frontier_.size());
+  readFrontier(0, of_shape);
   const bool takes_faces = wishForIndex(wishes);
   std::size_t g = 0;
   std::size_t f = takes_faces ? 0 : view_plan_.faces.size();
   stats_.wanted = static_cast<std::uint32_t>(frontier_.size());
   while (wishes.size() < kWishesAhead) {
-    while (g < view_plan_.groups.size() && settled(view_plan_.groups[g])) ++g;
+    while (g < view_plan_.groups.size() && (settled(view_plan_.groups[g]) || !(takes_faces || view_plan_.is_needed[g])))
+      ++g;
     while (f < view_plan_.faces.size() && settled(view_plan_.faces[f])) ++f;
     const bool group_left = g < view_plan_.groups.size();
     const bool face_left = f < view_plan_.faces.size();
@@ -236,6 +254,7 @@ void StaticSource::wishForView(std::vector<RangeWish>& wishes) {
     RangeWish wish;
     if (locateFace(view_plan_.faces[f++], wish) == FaceState::kWanted) wishes.push_back(wish);
   }
+  readFrontier(of_shape, frontier_.size());
   if (!wishes.empty() || complete_sent_) return;
   complete_sent_ = true;
   outgoing_.push_back({protocol::encode(protocol::Completion{newest_->sequence})});

@@ -42,6 +42,7 @@ class FrameSchedule {
     most_pixels_ = std::min<std::uint32_t>(pixels, base::ViewDefaults::kMaxFramePixels);
   }
   LinkEstimate& link() { return link_; }
+  const LinkEstimate& link() const { return link_; }
   /// Accepts the newest view; `possible`: it wants frames, and the server can render them.
   void accept(const protocol::View& view, bool possible);
   /// The frame to render now; one is under way at a time, except that a view after a jump waits for none.

@@ -26,7 +26,7 @@ class GainOrders : public ::testing::Test {
                             glm::vec3(-1.0F, 0.0F, 0.0F), 1.0F / 273.0F});
   }
   std::vector<OrderedItem> choose(float color_error = 0.1F) {
-    const std::vector<ProxyPlace> places(samples_.size(), ProxyPlace{{color_error, 0.001F}, {}});
+    const std::vector<ProxyPlace> places(samples_.size(), ProxyPlace{{color_error, 0.001F}, {}, color_error});
     return orderByGain(query_, points_, samples_, places, {}).items;
   }
   static std::uint32_t depthOf(const OrderedItem& item) { return repository::placeOfTile(item.image->tile).depth; }
@@ -119,10 +119,12 @@ class GainOrdersOfGroups : public GainOrders {
  protected:
   std::vector<OrderedItem> choose(float left, float right, std::uint64_t bytes = 20'000) {
     groups_ = {group(1000, {}), group(bytes, {0}), group(bytes, {0})};
+    groups_[1].is_needed = groups_[2].is_needed = is_needed_;
     std::vector<ProxyPlace> places;
     for (const SurfaceSample& sample : samples_) {
       const bool is_left = sample.position.y < 0.0F;
-      places.push_back({{0.3F, 0.1F}, {{0, {0.2F, 0.03F}}, {is_left ? 1U : 2U, {is_left ? left : right, 0.001F}}}});
+      const float color = is_left ? left : right;
+      places.push_back({{0.3F, 0.1F}, {{0, {0.2F, 0.03F}}, {is_left ? 1U : 2U, {color, 0.001F}}}, color});
     }
     return orderByGain(query_, points_, samples_, places, groups_).items;
   }
@@ -138,6 +140,7 @@ class GainOrdersOfGroups : public GainOrders {
     return static_cast<std::size_t>(found - items.begin());
   }
   std::vector<OrderedGroup> groups_;
+  bool is_needed_ = true;
 };
 
 TEST_F(GainOrdersOfGroups, allComeOnceParentsFirst) {
@@ -156,15 +159,15 @@ TEST_F(GainOrdersOfGroups, theOneThatGainsMoreComesFirst) {
   EXPECT_LT(placeOf(right, 2), placeOf(right, 1));
 }
 
-TEST_F(GainOrdersOfGroups, aGoodPictureGetsNoneThatGainsTooLittleForItsBytes) {
+TEST_F(GainOrdersOfGroups, thoseThatOnlyBringColoursStayWhereTheyGainTooLittleForTheirBytes) {
   const auto has = [](const std::vector<OrderedItem>& items, std::size_t group) {
     return placeOf(items, group) < items.size();
   };
-  query_.is_refining = true;
+  is_needed_ = false;
   EXPECT_TRUE(has(choose(0.02F, 0.15F), 1));
   EXPECT_TRUE(has(choose(0.02F, 0.2F, 30'000'000), 1));
   EXPECT_FALSE(has(choose(0.02F, 0.2F, 300'000'000), 2)) << "its colours are no better than those that are there";
-  query_.is_refining = false;
+  is_needed_ = true;
   EXPECT_TRUE(has(choose(0.02F, 0.2F, 300'000'000), 2));
 }
 
@@ -178,7 +181,7 @@ TEST_F(GainOrdersOfGroups, imagesComeBeforeThoseThatCostTooMuch) {
 
 TEST_F(GainOrdersOfGroups, gainsAreWhatTheExpectedErrorLoses) {
   choose(0.02F, 0.1F);
-  std::vector<ProxyPlace> places(samples_.size(), {{0.3F, 0.1F}, {{0, {0.2F, 0.03F}}}});
+  std::vector<ProxyPlace> places(samples_.size(), {{0.3F, 0.1F}, {{0, {0.2F, 0.03F}}}, 0.2F});
   const OrderByGain order = orderByGain(query_, points_, samples_, places, groups_);
   float gains = 0.0F;
   for (const OrderedItem& item : order.items) gains += item.gain;

@@ -58,6 +58,23 @@ TEST(ViewPlan, groupsLeadAClientToTheWholeHierarchysCut) {
   }
 }
 
+// By visible errors groups may stay that only bring colours, and never those of the shape.
+TEST(ViewPlan, whatTheShapeNeedsComesWhateverItGains) {
+  const server::TestScene scene(16);
+  protocol::View view = scene.view(1, {0.1, -0.2, 0.3}, {0.1, 0.1, 0.0});
+  view.measure = base::ErrorMeasure::kShape;
+  const ViewPlan shape = planView(scene.data.toPlan(), view);
+  view.measure = base::ErrorMeasure::kVisible;
+  const ViewPlan visible = planView(scene.data.toPlan(), view);
+  view.max_points = 0;
+  const ViewPlan without_images = planView(scene.data.toPlan(), view);
+  const auto holds = [](const ViewPlan& plan, std::uint32_t group) {
+    return std::find(plan.groups.begin(), plan.groups.end(), group) != plan.groups.end();
+  };
+  for (const std::uint32_t group : shape.groups) EXPECT_TRUE(holds(visible, group)) << group;
+  for (const std::uint32_t group : visible.groups) EXPECT_TRUE(holds(without_images, group)) << group;
+}
+
 TEST(ViewPlan, groupsThatAreHereAreLeftOutAndParentsComeFirst) {
   const server::TestScene scene(16);
   const protocol::View view = scene.view(1, {0.0, 0.0, 0.3});

@@ -177,7 +177,7 @@ TEST(Session, aCompleteViewMayHaveItsPatchesRefinedUntilTheNext) {
   session.refine();
   auto views = only<protocol::View>(sent(session));
   ASSERT_EQ(views.size(), 1U);
-  EXPECT_EQ(views[0].measure, base::ErrorMeasure::kShape) << "it was not complete";
+  EXPECT_EQ(views[0].max_triangles, 1000U) << "it was not complete";
   EXPECT_EQ(views[0].patch_tolerance_px, 2.0F);
   EXPECT_FALSE(session.mayRefine());
   receive(session, server().sayComplete(1));
@@ -202,8 +202,29 @@ TEST(Session, aCompleteViewMayHaveItsPatchesRefinedUntilTheNext) {
   EXPECT_FALSE(session.refined());
   views = only<protocol::View>(sent(session));
   ASSERT_EQ(views.size(), 1U);
-  EXPECT_EQ(views[0].measure, base::ErrorMeasure::kShape);
+  EXPECT_EQ(views[0].patch_tolerance_px, 2.0F);
   EXPECT_EQ(views[0].max_triangles, 1000U);
+}
+
+TEST(Session, aMovingEyeAsksForThePatchesColoursTooUnlessDataAreSpared) {
+  for (const bool refine : {true, false}) {
+    SessionOptions options;
+    options.refine = refine;
+    Session session = ready(options);
+    session.setView(server().lookDown(20.0));
+    auto views = only<protocol::View>(sent(session));
+    ASSERT_EQ(views.size(), 1U);
+    EXPECT_EQ(views[0].measure, base::ErrorMeasure::kShape);
+    session.setView(server().lookDown(20.1));
+    views = only<protocol::View>(sent(session));
+    ASSERT_EQ(views.size(), 1U);
+    EXPECT_EQ(views[0].measure, refine ? base::ErrorMeasure::kVisible : base::ErrorMeasure::kShape);
+    EXPECT_EQ(session.usualPatches().measure, base::ErrorMeasure::kShape) << "what a slow machine draws";
+    session.setView(server().lookDown(200.0));
+    views = only<protocol::View>(sent(session));
+    ASSERT_EQ(views.size(), 1U);
+    EXPECT_EQ(views[0].measure, base::ErrorMeasure::kShape) << "after a jump images come first";
+  }
 }
 
 void connectWithFrames(ScriptedServer& server, Session& session) {
