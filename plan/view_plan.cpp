@@ -101,10 +101,11 @@ OrderedGroup describe(const lod::patch::Hierarchy& hierarchy, std::uint32_t numb
 /// `images`: the view has some, which bring colours, too.
 GroupsToSend groupsToSend(const Scene& scene, const LocalView& local, bool images, const HasGroup& is_here) {
   GroupsToSend send;
-  std::vector<bool> is_needed(scene.hierarchy->groups.size(), !images);
-  if (images) {
+  const bool brings_colors = images && local.request.measure == base::ErrorMeasure::kVisible;
+  std::vector<bool> is_needed(scene.hierarchy->groups.size(), !brings_colors);
+  if (brings_colors) {
     lod::patch::CutRequest of_shape = local.request;
-    if (of_shape.measure == base::ErrorMeasure::kVisible) of_shape.measure = base::ErrorMeasure::kShape;
+    of_shape.measure = base::ErrorMeasure::kShape;
     for (const std::uint32_t group : lod::patch::selectCut(*scene.hierarchy, of_shape).expanded)
       is_needed[group] = true;
   }
@@ -248,7 +249,7 @@ lod::patch::CutRequest cutRequestFor(const protocol::Welcome& welcome, const pro
 protocol::View viewToPlan(const Scene& scene, const protocol::View& view) {
   protocol::View planned = view;
   const bool brings_colors = wantsImages(scene, view) && view.measure == base::ErrorMeasure::kVisible;
-  if (brings_colors && scene.is_moving && scene.link_rate < kFastLink) planned.measure = base::ErrorMeasure::kShape;
+  if (brings_colors && scene.is_fresh && scene.link_rate < kFastLink) planned.measure = base::ErrorMeasure::kShape;
   return planned;
 }
 

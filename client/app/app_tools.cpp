@@ -271,13 +271,10 @@ void App::toggleLight() {
 
 /// The place of the light's handle, framebuffer pixels. A light from behind has it at the rim.
 glm::dvec2 App::lightHandle() const {
-  const base::ViewCamera view = camera();
-  const glm::dvec3 right = glm::normalize(glm::cross(view.direction, view.up));
-  const glm::dvec3 above = glm::cross(right, view.direction);
   const glm::dvec3 light = view_.light.direction();
-  glm::dvec2 at(glm::dot(light, right), -glm::dot(light, above));
+  glm::dvec2 at(glm::dot(light, control_.right()), -glm::dot(light, control_.upInView()));
   const double length = glm::length(at);
-  if (glm::dot(light, view.direction) > 0.0 && length > 0.0) at /= length;
+  if (glm::dot(light, view_.direction) > 0.0 && length > 0.0) at /= length;
   return 0.5 * glm::dvec2(width_, height_) + kLightDisc * std::min(width_, height_) * at;
 }
 
@@ -293,14 +290,10 @@ void App::dragLight(double x, double y) {
   glm::dvec2 at = (glm::dvec2(x, y) - 0.5 * glm::dvec2(width_, height_)) / reach;
   const double most = std::sqrt(1.0 - kLeastTowardsEye * kLeastTowardsEye);
   if (glm::length(at) > most) at *= most / glm::length(at);
-  const base::ViewCamera view = camera();
-  const glm::dvec3 right = glm::normalize(glm::cross(view.direction, view.up));
-  const glm::dvec3 above = glm::cross(right, view.direction);
-  const glm::dvec3 light =
-      at.x * right - at.y * above - std::sqrt(std::max(0.0, 1.0 - glm::dot(at, at))) * view.direction;
+  const glm::dvec3 light = at.x * control_.right() - at.y * control_.upInView() -
+                           std::sqrt(std::max(0.0, 1.0 - glm::dot(at, at))) * view_.direction;
   view_.light.heading = glm::degrees(std::atan2(light.y, light.x));
   view_.light.height = glm::degrees(std::atan2(light.z, std::hypot(light.x, light.y)));
-  dirty_ = true;
   cameraMoved();
 }
 

@@ -87,9 +87,11 @@ class OrbitControl {
   /// forward magnifies.
   void fly(const glm::dvec3& distance);
 
- private:
+  /// The picture's axes in the world, unit length.
   glm::dvec3 right() const;
   glm::dvec3 upInView() const;
+
+ private:
   double depthOf(const glm::dvec3& world) const;
   glm::dvec3 pointAt(double x, double y, double depth) const;
   double pixelScale() const;

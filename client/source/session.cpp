@@ -221,7 +221,6 @@ base::Bytes Session::viewMessage() {
   protocol::View view;
   view.sequence = ++sequence_;
   view.camera = *camera_;
-  // As who plans it sees it: from one view that was sent to the next.
   protocol::View previous;
   if (sent_camera_) previous.camera = *sent_camera_;
   is_moving_ = sent_camera_ && welcome_ && plan::isMoving(*welcome_, view, previous);

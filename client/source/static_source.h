@@ -156,8 +156,13 @@ class StaticSource {
   plan::Holdings holdings();
   std::optional<std::uint64_t> storedBytes(const FaceKey& key);
   void planNewestView();
-  std::vector<std::uint32_t> frontierOf(const lod::patch::Cut& cut, const lod::patch::CutRequest& request,
-                                        std::size_t* of_shape);
+  /// A group whose record is not here.
+  struct UnknownGroup {
+    std::uint32_t group = 0;
+    float error_px = 0.0F;
+    bool is_needed = true;  // by the shape; others bring no more than colours, and come after images
+  };
+  std::vector<UnknownGroup> frontierOf(const lod::patch::Cut& cut, const lod::patch::CutRequest& request);
   bool settled(std::uint32_t group) const { return has_group_[group] || broken_groups_.count(group) != 0; }
   std::vector<RangeWish> urgentWishes();
   void wishForCoarse(std::vector<RangeWish>& wishes);
@@ -223,8 +228,7 @@ class StaticSource {
   bool index_learned_ = false;                      // the index has told of more images since the plan was made
   plan::ViewPlan view_plan_;
   plan::ImageBytes image_bytes_;
-  std::vector<std::uint32_t> frontier_;  // groups without a record that the cut leads to
-  std::size_t frontier_of_shape_ = 0;    // those that come first, before images
+  std::vector<UnknownGroup> frontier_;  // that the cut leads to
   bool complete_sent_ = false;
   std::optional<std::vector<FaceKey>> ahead_;
 

@@ -126,6 +126,7 @@ plan::Scene StaticSource::planScene() {
           [this](const FaceKey& key) { return storedBytes(key); },
           image_bytes_,
           previous_ && newest_ && plan::isMoving(scene_.welcome, *newest_, *previous_),
+          !(previous_ && newest_ && base::showsSameView(previous_->camera, newest_->camera)),
           queue_.rate()};
 }
 
@@ -140,18 +141,12 @@ std::optional<std::uint64_t> StaticSource::storedBytes(const FaceKey& key) {
 }
 
 /// Returns the unknown groups that the cut would expand, the largest error first: they made patches that the cut draws,
-/// lie in view, and exceed the tolerance. Where images bring colours, too, those that the shape needs come before those
-/// that only bring colours: `of_shape` is their number.
-std::vector<std::uint32_t> StaticSource::frontierOf(const lod::patch::Cut& cut, const lod::patch::CutRequest& request,
-                                                    std::size_t* of_shape) {
+/// lie in view, and exceed the tolerance.
+std::vector<StaticSource::UnknownGroup> StaticSource::frontierOf(const lod::patch::Cut& cut,
+                                                                 const lod::patch::CutRequest& request) {
   const base::Frustum frustum(request.camera.clipFromScene());
   const float pixels = request.camera.pixelsPerUnitAtOne();
-  struct Unknown {
-    bool needed = false;
-    float error_px = 0.0F;
-    std::uint32_t group = 0;
-  };
-  std::vector<Unknown> found;
+  std::vector<UnknownGroup> found;
   std::unordered_set<std::uint32_t> seen;
   for (const std::uint32_t group : cut.expanded) {
     const lod::patch::Group& g = hierarchy_.groups[group];
@@ -170,17 +165,13 @@ std::vector<std::uint32_t> StaticSource::frontierOf(const lod::patch::Cut& cut, 
       if (error_px <= request.tolerance_px && request.tolerance_px > 0.0F) continue;
       const bool has_images = scene_.index.has_value() && request.measure == base::ErrorMeasure::kVisible;
       const bool needed = !has_images || projected(base::ErrorMeasure::kShape) > request.tolerance_px;
-      found.push_back({needed, error_px, producer});
+      found.push_back({producer, error_px, needed});
     }
   }
-  std::sort(found.begin(), found.end(), [](const Unknown& a, const Unknown& b) {
-    if (a.needed != b.needed) return a.needed;
+  std::sort(found.begin(), found.end(), [](const UnknownGroup& a, const UnknownGroup& b) {
     return a.error_px != b.error_px ? a.error_px > b.error_px : a.group < b.group;
   });
-  std::vector<std::uint32_t> groups;
-  for (const Unknown& unknown : found) groups.push_back(unknown.group);
-  *of_shape = static_cast<std::size_t>(std::count_if(found.begin(), found.end(), [](auto& u) { return u.needed; }));
-  return groups;
+  return found;
 }
 
 plan::Holdings StaticSource::holdings() {
@@ -194,10 +185,10 @@ void StaticSource::planNewestView() {
   const lod::patch::CutRequest request = plan::cutRequestFor(scene_.welcome, plan::viewToPlan(planScene(), *newest_));
   for (bool learned = true; learned;) {
     learned = false;
-    frontier_ = frontierOf(lod::patch::selectCut(hierarchy_, request), request, &frontier_of_shape_);
-    for (const std::uint32_t group : frontier_) learned |= readRecord(group, nullptr);
+    frontier_ = frontierOf(lod::patch::selectCut(hierarchy_, request), request);
+    for (const UnknownGroup& unknown : frontier_) learned |= readRecord(unknown.group, nullptr);
   }
-  std::erase_if(frontier_, [this](std::uint32_t group) { return broken_groups_.count(group) != 0; });
+  std::erase_if(frontier_, [this](const UnknownGroup& unknown) { return broken_groups_.count(unknown.group) != 0; });
   view_plan_ = plan::planView(planScene(), *newest_, holdings());
   if (!planned_) ahead_.reset();
   planned_ = true;
@@ -229,11 +220,11 @@ bool StaticSource::wishForIndex(std::vector<RangeWish>& wishes) {
 /// Collects wishes in a server's order (server::Session::nextWanted), as far ahead as requests are put together. Images
 /// wait for the index, by which they are chosen, and so do groups that bring no more than colours; others do not.
 void StaticSource::wishForView(std::vector<RangeWish>& wishes) {
-  const auto readFrontier = [&](std::size_t from, std::size_t to) {
-    for (std::size_t i = from; i < to && wishes.size() < kWishesAhead; ++i) readRecord(frontier_[i], &wishes);
+  const auto readFrontier = [&](bool needed) {
+    for (const UnknownGroup& unknown : frontier_)
+      if (unknown.is_needed == needed && wishes.size() < kWishesAhead) readRecord(unknown.group, &wishes);
   };
-  const std::size_t of_shape = std::min(frontier_of_shape_, frontier_.size());
-  readFrontier(0, of_shape);
+  readFrontier(true);
   const bool takes_faces = wishForIndex(wishes);
   std::size_t g = 0;
   std::size_t f = takes_faces ? 0 : view_plan_.faces.size();
@@ -254,7 +245,7 @@ void StaticSource::wishForView(std::vector<RangeWish>& wishes) {
     RangeWish wish;
     if (locateFace(view_plan_.faces[f++], wish) == FaceState::kWanted) wishes.push_back(wish);
   }
-  readFrontier(of_shape, frontier_.size());
+  readFrontier(false);
   if (!wishes.empty() || complete_sent_) return;
   complete_sent_ = true;
   outgoing_.push_back({protocol::encode(protocol::Completion{newest_->sequence})});

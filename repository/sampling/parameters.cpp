@@ -49,8 +49,15 @@ std::optional<base::Bytes> bytesOfLine(const std::string& text, const char* name
   return bytes ? *bytes : base::Bytes();
 }
 
-base::Error damaged(const std::string& name, const base::Error& what) {
-  base::Error error = base::within(name, what);
+/// The part that a line holds, a SampleTree or WantedTiles; nothing where there is no such line.
+template <class Part>
+base::Result<std::optional<Part>> partFromLine(const std::string& text, const char* line, const Grid& grid,
+                                               const std::string& name) {
+  const auto bytes = bytesOfLine(text, line);
+  if (!bytes) return std::optional<Part>();
+  auto part = Part::decode(grid, *bytes);
+  if (part) return std::optional(std::move(*part));
+  base::Error error = base::within(name, part.error());
   error.message += "; build the images again with `lumigrid build --force`";
   return error;
 }
@@ -103,20 +110,12 @@ std::string withoutTiles(const std::string& text) {
 
 base::Result<std::optional<SampleTree>> treeFromText(const std::string& text, const Grid& grid,
                                                      const std::string& name) {
-  const auto bytes = bytesOfLine(text, kTree);
-  if (!bytes) return std::optional<SampleTree>();
-  auto tree = SampleTree::decode(grid, *bytes);
-  if (!tree) return damaged(name, tree.error());
-  return std::optional(std::move(*tree));
+  return partFromLine<SampleTree>(text, kTree, grid, name);
 }
 
 base::Result<std::optional<WantedTiles>> tilesFromText(const std::string& text, const Grid& grid,
                                                        const std::string& name) {
-  const auto bytes = bytesOfLine(text, kTiles);
-  if (!bytes) return std::optional<WantedTiles>();
-  auto tiles = WantedTiles::decode(grid, *bytes);
-  if (!tiles) return damaged(name, tiles.error());
-  return std::optional(std::move(*tiles));
+  return partFromLine<WantedTiles>(text, kTiles, grid, name);
 }
 
 std::string codecFromMeta(const std::string& meta) {

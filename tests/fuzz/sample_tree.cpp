@@ -1,10 +1,7 @@
 // Feeds any bytes to SampleTree::decode, as they are and with a correct checksum. An accepted tree must be usable.
 #include "repository/sampling/sample_tree.h"
 
-#include <cstring>
-
 #include "base/check.h"
-#include "base/crc32c.h"
 #include "tests/fuzz/fuzz.h"
 #include "tests/support/sample_points.h"
 
@@ -45,10 +42,7 @@ std::vector<base::Bytes> seeds() {
 void fuzzOne(base::ByteView bytes) {
   decode(bytes);
   if (bytes.size() < 4) return;
-  base::Bytes signed_bytes(bytes.begin(), bytes.end());
-  const std::uint32_t crc = base::crc32c(bytes.first(bytes.size() - 4));
-  std::memcpy(signed_bytes.data() + bytes.size() - 4, &crc, sizeof(crc));
-  decode(signed_bytes);
+  decode(withChecksum(bytes));
 }
 
 }  // namespace fuzz

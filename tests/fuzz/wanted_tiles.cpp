@@ -2,10 +2,7 @@
 // grid, with their ancestors.
 #include "repository/sampling/wanted_tiles.h"
 
-#include <cstring>
-
 #include "base/check.h"
-#include "base/crc32c.h"
 #include "tests/fuzz/fuzz.h"
 
 namespace {
@@ -42,10 +39,7 @@ std::vector<base::Bytes> seeds() {
 void fuzzOne(base::ByteView bytes) {
   decode(bytes);
   if (bytes.size() < 4) return;
-  base::Bytes signed_bytes(bytes.begin(), bytes.end());
-  const std::uint32_t crc = base::crc32c(bytes.first(bytes.size() - 4));
-  std::memcpy(signed_bytes.data() + bytes.size() - 4, &crc, sizeof(crc));
-  decode(signed_bytes);
+  decode(withChecksum(bytes));
 }
 
 }  // namespace fuzz

@@ -75,6 +75,24 @@ TEST(ViewPlan, whatTheShapeNeedsComesWhateverItGains) {
   for (const std::uint32_t group : visible.groups) EXPECT_TRUE(holds(without_images, group)) << group;
 }
 
+TEST(ViewPlan, onASlowLinkTheShapeDecidesAboutAFreshView) {
+  const server::TestScene scene(16);
+  Scene planned = scene.data.toPlan();
+  protocol::View view = scene.view(1, {0.1, -0.2, 0.3}, {0.1, 0.1, 0.0});
+  view.measure = base::ErrorMeasure::kVisible;
+  const auto measureOf = [&](bool is_fresh, double link_rate) {
+    planned.is_fresh = is_fresh;
+    planned.link_rate = link_rate;
+    return viewToPlan(planned, view).measure;
+  };
+  EXPECT_EQ(measureOf(true, 0.0), base::ErrorMeasure::kShape) << "nothing is known of the link";
+  EXPECT_EQ(measureOf(true, 0.9 * kFastLink), base::ErrorMeasure::kShape);
+  EXPECT_EQ(measureOf(true, kFastLink), base::ErrorMeasure::kVisible);
+  EXPECT_EQ(measureOf(false, 0.0), base::ErrorMeasure::kVisible) << "a view at rest is refined on any link";
+  view.max_points = 0;
+  EXPECT_EQ(measureOf(true, 0.0), base::ErrorMeasure::kVisible) << "nothing else brings colours";
+}
+
 TEST(ViewPlan, groupsThatAreHereAreLeftOutAndParentsComeFirst) {
   const server::TestScene scene(16);
   const protocol::View view = scene.view(1, {0.0, 0.0, 0.3});

@@ -81,7 +81,7 @@ TEST_F(Antialiasing, aPictureThatIsReadHasTheModelsColourAtItsEdge) {
   }
 }
 
-TEST_F(Antialiasing, whileTheViewMovesSoftwareDrawsOneSampleAndTheLastPictureHasEight) {
+TEST_F(Antialiasing, whileTheViewMovesThereAreFewerSamplesAndTheLastPictureHasEight) {
   const int moving = base::gl::drawsInSoftware() ? 1 : 4;
   start(patches());
   settle(view());
