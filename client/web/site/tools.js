@@ -35,8 +35,7 @@ const kTools = [
     label: "A light of your own (L)",
     toggle: true,
     splats: false,
-    icon: "M7 10a3 3 0 1 0 6 0a3 3 0 1 0-6 0M10 2v3M10 15v3M2 10h3M15 10h3M4.3 4.3l2.1 2.1M13.6 13.6l2.1 2.1" +
-        "M4.3 15.7l2.1-2.1M13.6 6.4l2.1-2.1"
+    icon: "M10 3a7 7 0 1 0 0 14a7 7 0 1 0 0-14M10 3v14M12.5 3.6v12.8M15 5.2v9.6"
   },
   {key: "i", label: "Statistics (I)", toggle: true, wide: true, icon: "M3 17V3M3 17h14M7 14v-4M11 14V6M15 14V9"},
   {key: "p", label: "Save a picture (P)", icon: "M3 6h3l1.5-2h5L14 6h3v10H3zM7 11a3 3 0 1 0 6 0a3 3 0 1 0-6 0"},
