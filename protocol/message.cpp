@@ -22,12 +22,15 @@ struct Direction {
   std::size_t max_bytes;
   const char* max_text;
   std::uint8_t first_type;
-  std::array<const char*, 6> messages;  // in the order of the variant
+  std::array<const char*, 7> messages;  // in the order of the variant
 };
 constexpr Direction kFromClient{
     "client", kMaxClientMessage, "256 KiB", 0x01, {"Hello", "View", "Eviction", "Holdings"}};
-constexpr Direction kFromServer{
-    "server", kMaxServerMessage, "16 MiB", 0x81, {"Welcome", "Face", "Refinement", "Frame", "Completion", "Refusal"}};
+constexpr Direction kFromServer{"server",
+                                kMaxServerMessage,
+                                "16 MiB",
+                                0x81,
+                                {"Welcome", "Face", "Refinement", "Frame", "Completion", "Refusal", "Part"}};
 
 constexpr double kPi = 3.14159265358979323846;
 constexpr std::uint8_t kSplatsOnly = 1;  // the byte behind a Refusal's reason
@@ -382,6 +385,22 @@ base::Result<void> readBody(base::ByteReader& in, Refusal& refusal) {
   refusal.version = in.u16();
   if (!readText(in, kMaxText, refusal.reason)) return bad("its reason is cut short, too long or not plain text");
   refusal.splats_only = !in.atEnd() && in.u8() == kSplatsOnly;
+  return {};
+}
+
+void writeBody(base::ByteWriter& out, const Part& part) {
+  FieldWriter fields{out};
+  fields(part.stream, part.first, part.last);
+  out.bytes(part.bytes);
+}
+
+base::Result<void> readBody(base::ByteReader& in, Part& part) {
+  FieldReader fields{in};
+  fields(part.stream, part.first, part.last);
+  if (in.remaining() == 0) return bad("is cut short");
+  if (static_cast<std::size_t>(part.stream) >= kStreams) return bad("its stream is neither 0 nor 1");
+  if (!fields.flags_are_valid) return bad("a flag is neither 0 nor 1");
+  part.bytes = readRest(in);
   return {};
 }
 

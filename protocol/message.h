@@ -19,7 +19,7 @@
 
 namespace protocol {
 
-inline constexpr std::uint16_t kVersion = 5;
+inline constexpr std::uint16_t kVersion = 6;
 /// Limits on what is accepted; a longer message is an error and ends the connection.
 inline constexpr std::size_t kMaxClientMessage = 256 * 1024;
 inline constexpr std::size_t kMaxServerMessage = 16 * 1024 * 1024;
@@ -137,9 +137,21 @@ struct Refusal {
   bool splats_only = false;  ///< the scene has splats and nothing else; clients read them over HTTP (/qsplat.lgq)
 };
 
+/// Several larger messages can be under way at once, one a stream.
+enum class Stream : std::uint8_t { kData, kFrames };
+inline constexpr std::size_t kStreams = 2;
+
+/// A part of a message that would occupy a slow link for long; other messages may come between parts. A first part
+/// gives up what its stream has begun.
+struct Part {
+  Stream stream = Stream::kData;
+  bool first = false, last = false;
+  base::Bytes bytes;  ///< of the encoded message, which is none of parts itself
+};
+
 /// Their order gives the type bytes.
 using ClientMessage = std::variant<Hello, View, Eviction, Holdings>;
-using ServerMessage = std::variant<Welcome, Face, Refinement, Frame, Completion, Refusal>;
+using ServerMessage = std::variant<Welcome, Face, Refinement, Frame, Completion, Refusal, Part>;
 
 /// Control characters in texts become blanks. The caller splits lists of more than kMaxKeysPerMessage keys.
 base::Bytes encode(const ClientMessage& message);

@@ -241,6 +241,7 @@ base::Bytes Session::viewMessage() {
 void Session::connected() {
   phase_ = SessionPhase::kGreeting;
   problem_.clear();
+  parts_.clear();
   unreported_.clear();  // a new connection begins with Holdings, which makes evictions known
   greetings_.clear();
   greetings_.push_back(protocol::encode(
@@ -271,14 +272,20 @@ base::Result<void> Session::receive(base::ByteView bytes) {
   ++stats_.messages_received;
   stats_.bytes_received += bytes.size();
 
-  auto message = protocol::decodeServerMessage(bytes);
-  if (!message) {
-    problem_ = message.error().message;
-    return message.error();
-  }
-  auto taken = acceptMessage(std::move(*message), bytes.size());
-  if (!taken) problem_ = taken.error().message;
-  return taken;
+  auto accepted = acceptBytes(bytes);
+  if (!accepted) problem_ = accepted.error().message;
+  return accepted;
+}
+
+base::Result<void> Session::acceptBytes(base::ByteView bytes) {
+  LUMIGRID_ASSIGN_OR_RETURN(auto message, protocol::decodeServerMessage(bytes));
+  const auto* part = std::get_if<protocol::Part>(&message);
+  if (part == nullptr) return acceptMessage(std::move(message), bytes.size());
+  LUMIGRID_ASSIGN_OR_RETURN(const auto whole, parts_.accept(*part));
+  if (!whole) return {};
+  LUMIGRID_ASSIGN_OR_RETURN(message, protocol::decodeServerMessage(*whole));
+  if (std::holds_alternative<protocol::Part>(message)) return badServer("sent parts of a part");
+  return acceptMessage(std::move(message), whole->size());
 }
 
 std::optional<base::Bytes> Session::nextToSend() {

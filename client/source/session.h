@@ -25,6 +25,7 @@
 #include "client/source/method.h"
 #include "lod/patch/traverse.h"
 #include "protocol/message.h"
+#include "protocol/parts.h"
 #include "repository/cache.h"
 
 namespace client {
@@ -157,6 +158,7 @@ class Session {
   base::Result<void> acceptCompletion(const protocol::Completion& message);
   base::Result<void> acceptRefusal(const protocol::Refusal& message);
   base::Result<void> acceptMessage(protocol::ServerMessage&& message, std::size_t bytes);
+  base::Result<void> acceptBytes(base::ByteView bytes);
 
   void startScene(const protocol::Welcome& message);
   bool insert(CacheKey key, base::Bytes&& bytes);
@@ -189,6 +191,7 @@ class Session {
   std::uint32_t frame_number_ = 0;         // of the newest, kept or not
   std::uint32_t last_frame_sequence_ = 0;  // view whose last frame arrived newest, kept or not
 
+  protocol::PartReceiver parts_;
   std::deque<base::Bytes> greetings_;            // Hello or Holdings, sent before anything else
   std::unordered_set<CacheKey> unreported_;      // evicted, and the server does not know yet
   std::optional<base::ViewCamera> camera_;       // the newest

@@ -11,18 +11,25 @@ namespace {
 // Choices that measurements bore out, not the best of a sweep (docs/decisions/frames-first.md).
 constexpr double kQuickSeconds = 0.1;    // a quick frame occupies the link this long
 constexpr double kMovingSeconds = 0.05;  // and a moving eye's this long
-constexpr double kOthersShare = 0.15;    // of the link, for patches and images while the eye moves
-constexpr double kLastSeconds = 0.25;    // a last frame that occupies it no longer goes ahead of the others
+// Of the link, for a moving eye's frames at most, and less where one takes longer than kMovingSeconds: there patches
+// and images, which last, bring more (docs/decisions/slow-links.md).
+constexpr double kFramesShare = 0.5;
+constexpr double kLastSeconds = 0.25;  // a last frame that occupies it no longer goes ahead of the others
 // A frame without loss that occupies the link longer is not sent: what is under way delays a new view.
 constexpr double kWithoutLossSeconds = 1.0;
 // It goes once the eye has stood so many times as long: the longer it has, the longer it is expected to go on.
 constexpr double kStandsTimes = 3.0;
 constexpr double kStandsMost = 1.0;  // seconds, or so long: a view is exact within two, whatever the frame takes
 constexpr double kMaxCredit = 0.1;   // seconds of that share that may be saved up
-// An eye that has stood for so long is expected to go on standing. With as long as the frame takes in place of it, an
-// eye that jumps every two seconds lost 1.3 dB on a link of 1 Mbit/s.
+// An eye that has stood for so many times as long as a better frame takes, or for so long, is expected to go on
+// standing for long enough to see it. A better frame has so many times the bytes of the last at most, unless the eye
+// has stood for longer (docs/decisions/slow-links.md).
+constexpr double kBetterTimes = 1.5;
 constexpr double kStandsSeconds = 3.0;
-constexpr int kMinQuality = 30;
+constexpr double kStep = 2.0;
+// Below it a frame gains little by being earlier. Of an unknown link the first frame is one that a few segments carry.
+constexpr int kMinQuality = 60;
+constexpr int kFirstQuality = 30;
 // A moving eye's frames are blended, which costs more than this quality does; better ones would take the link from
 // patches and images.
 constexpr int kMovingQuality = 90;
@@ -41,9 +48,9 @@ constexpr double kRenderMemory = 0.25;        // weight of the newest rendering 
 constexpr double kShortQueue = 0.02;
 constexpr double kOverdue = 0.05;
 constexpr double kMinWait = 0.002;  // seconds; a transport is never woken more often
-// Messages wait once so many seconds of the link are unsent, since all that is unsent is ahead of a new view's frame:
-// the 128 KiB that a transport takes are a second at 1 Mbit/s. Less loses a decibel where an eye jumps twice a second.
-constexpr double kMostQueued = 0.5;
+// Messages wait once so many seconds of the link wait, here or on the way, since all of that is ahead of a new view's
+// frame: the 128 KiB that a transport takes are a second at 1 Mbit/s, and a router's queue can hold more.
+constexpr double kMostQueued = 0.1;
 constexpr double kFirstBytesPerPixel = 0.25;  // at quality weight 1, before a frame tells
 
 /// The bytes of a frame relative to those at quality 85, means over five scans (docs/decisions/frames-webp.md).
@@ -129,16 +136,24 @@ double FrameSchedule::withoutLossMayGoAt() const {
 
 /// Returns the quality of the frame after the quick one: without loss if that may go already, or the wanted one came.
 /// Where one without loss was expected and the link turns out to be too slow, the wanted one is sent again, as the
-/// last.
-int FrameSchedule::betterQuality() const {
+/// last. `all_sent`: nothing but frames is to come, so nothing speaks for steps.
+int FrameSchedule::betterQuality(bool all_sent) const {
   const bool may = comesWithoutLoss() && (wanted_requested_ || link_.now() >= withoutLossMayGoAt());
-  return may ? kWithoutLoss : wantedQuality();
+  if (may) return kWithoutLoss;
+  const int wanted = wantedQuality();
+  if (all_sent || newest_quality_ >= wanted) return wanted;
+  int quality = wanted;
+  while (quality > newest_quality_ + 1 && weightOf(codec_, quality) > kStep * weightOf(codec_, newest_quality_))
+    --quality;
+  const double stood = link_.now() - motion_.newestAt();
+  return std::max(quality, qualityFor(std::max(kLastSeconds, stood / kBetterTimes)));
 }
 
 /// The best quality, up to the wanted one, whose frame occupies the link no longer than this.
 int FrameSchedule::qualityFor(double seconds) const {
+  const int least = link_.isKnown() ? kMinQuality : kFirstQuality;
   int quality = wantedQuality();
-  while (quality > kMinQuality && link_.transferSeconds(expectedBytes(quality)) > seconds) --quality;
+  while (quality > least && link_.transferSeconds(expectedBytes(quality)) > seconds) --quality;
   return quality;
 }
 
@@ -174,6 +189,7 @@ double FrameSchedule::renderSeconds(double scale) const {
 }
 
 FrameRequest FrameSchedule::request(const base::ViewCamera& camera, int quality, bool last) {
+  newest_quality_ = quality;
   under_way_ = UnderWay{++requests_, link_.now(), renderSeconds(scaleOf(camera))};
   return {view_->sequence, camera, quality, codec_, last, requests_};
 }
@@ -189,25 +205,32 @@ std::optional<FrameRequest> FrameSchedule::next(bool all_sent) {
     return request(view_->camera, quality, last_requested_);
   }
   if (last_requested_ || link_.now() < betterMayGoAt(all_sent)) return std::nullopt;
-  const int quality = betterQuality();
-  last_requested_ = quality == kWithoutLoss || !comesWithoutLoss();
-  wanted_requested_ = true;
+  const int quality = betterQuality(all_sent);
+  wanted_requested_ = quality >= wantedQuality();
+  last_requested_ = quality == kWithoutLoss || (wanted_requested_ && !comesWithoutLoss());
   return request(view_->camera, quality, last_requested_);
+}
+
+/// Whether so large a frame waits until acknowledgements have told the rate of a link that is not known yet.
+bool FrameSchedule::waitsForRate(double bytes) const {
+  return bytes > LinkEstimate::kFirstWindow && !link_.isKnown() && !link_.isIdle();
 }
 
 /// A better frame shows the view better than all else that is to come, but only while the eye stands. `all_sent`:
 /// nothing else is to come.
 double FrameSchedule::betterMayGoAt(bool all_sent) const {
-  const int quality = betterQuality();
+  const int quality = betterQuality(all_sent);
+  if (!all_sent && waitsForRate(expectedBytes(quality))) return std::numeric_limits<double>::infinity();
   if (quality == kWithoutLoss) return withoutLossMayGoAt();
-  const bool at_once = all_sent || link_.transferSeconds(expectedBytes(quality)) <= kLastSeconds;
-  return motion_.newestAt() + (at_once ? 0.0 : kStandsSeconds);
+  const double transfer = link_.transferSeconds(expectedBytes(quality));
+  const bool at_once = all_sent || transfer <= kLastSeconds;
+  return motion_.newestAt() + (at_once ? 0.0 : std::min(kBetterTimes * transfer, kStandsSeconds));
 }
 
 /// The view was half a round trip old when it came. The frame is rendered, waits for the link, travels and is decoded;
 /// then it is shown until the next one comes, so it is aimed at the middle of that time.
 std::optional<FrameRequest> FrameSchedule::nextAimed() {
-  if (aimed_ || link_.queueSeconds() > render_seconds_) return std::nullopt;
+  if (aimed_ || frameWaits() > 0.0) return std::nullopt;
   aimed_ = true;
   const MovingFrame frame = movingFrame();
   const double render = renderSeconds(frame.scale);
@@ -219,6 +242,13 @@ std::optional<FrameRequest> FrameSchedule::nextAimed() {
   camera.width = static_cast<int>(frame.scale * camera.width);
   camera.height = static_cast<int>(frame.scale * camera.height);
   return request(camera, frame.quality, false);
+}
+
+/// Seconds for which a moving eye's frame would wait for the link, so that it is not requested yet; 0: not at all. The
+/// time is a guess where the link is not known.
+double FrameSchedule::frameWaits() const {
+  if (!link_.isKnown() && link_.unsentSeconds() > 0.0) return 0.5 * link_.roundTrip();
+  return std::max(0.0, link_.queueSeconds() - render_seconds_);
 }
 
 /// The camera's height over that of the newest view.
@@ -253,11 +283,13 @@ double FrameSchedule::renderSecondsLeft() const {
   return under_way_ ? std::max(0.0, under_way_->since + under_way_->render_seconds - link_.now()) : 0.0;
 }
 
-/// The share of the link for other messages while the eye moves: what a renderer slower than the link leaves over.
+/// The share of the link for other messages while the eye moves: what a renderer slower than the link leaves over, or
+/// more.
 double FrameSchedule::othersShare() const {
   const MovingFrame frame = movingFrame();
   const double transfer = expectedBytes(frame.quality, frame.scale) / link_.rate();
-  return std::max(kOthersShare, 1.0 - transfer / std::max(renderSeconds(frame.scale), transfer));
+  const double frames = kFramesShare * std::min(1.0, kMovingSeconds / transfer);
+  return std::max(1.0 - frames, 1.0 - transfer / std::max(renderSeconds(frame.scale), transfer));
 }
 
 bool FrameSchedule::overdue() const {
@@ -271,7 +303,8 @@ double FrameSchedule::othersMayWait() const {
 }
 
 bool FrameSchedule::linkIsFull() const {
-  return link_.unsentSeconds() > kMostQueued;
+  if (!link_.isKnown()) return link_.unsentSeconds() > 0.0;
+  return link_.queueSeconds() > kMostQueued;
 }
 
 bool FrameSchedule::holdsOthers(double bytes) const {
@@ -285,17 +318,18 @@ std::optional<double> FrameSchedule::wakeAt() const {
   const double now = link_.now();
   double at = std::numeric_limits<double>::infinity();
   const auto in = [&](double seconds) { at = std::min(at, now + std::max(kMinWait, seconds)); };
-  if (linkIsFull()) in(link_.unsentSeconds() - kMostQueued);
+  if (linkIsFull()) in(link_.isKnown() ? link_.queueSeconds() - kMostQueued : 0.5 * link_.roundTrip());
   if (!possible_) return std::isfinite(at) ? std::optional(at) : std::nullopt;
   if (moving()) {
     in(motion_.settledAt() - now);
-    if (!aimed_ && !under_way_) in(link_.queueSeconds() - render_seconds_);
+    if (!aimed_ && !under_way_) in(frameWaits());
     if (credit_ <= 0.0) in(-credit_ / (othersShare() * link_.rate()));
   } else if (under_way_) {
     if (holdsOthers()) in(link_.waitSeconds(0.0) - othersMayWait());
     if (!overdue()) in(under_way_->since + under_way_->render_seconds + kOverdue - now);
   } else if (exact_requested_ && !last_requested_) {
-    in(betterMayGoAt(false) - now);
+    const double better = betterMayGoAt(false);
+    in(std::isfinite(better) ? better - now : 0.5 * link_.roundTrip());
   }
   return std::isfinite(at) ? std::optional(at) : std::nullopt;
 }

@@ -2,12 +2,16 @@
 // Decides which exact frame of a client's view is rendered next, and how much of the link the other messages get.
 //
 // A view at which the eye stands gets a quick frame at once, of a quality that the link carries in kQuickSeconds, then
-// one of the wanted quality if the quick one had less, and where the client leaves the quality to the server, one
-// without loss if the link carries that in kWithoutLossSeconds. That of the wanted quality comes at once where it
-// occupies the link no longer than kLastSeconds, else when the eye has stood for kStandsSeconds, or everything else was
-// sent; the one without loss when the eye has stood kStandsTimes as long as it takes, or kStandsMost. A moving eye gets
-// frames one after the other, each drawn for where the eye will be when the frame arrives; where the link carries more
-// than they need, with more pixels than the view has, since looking a picture up between its pixels blurs it.
+// better ones up to the wanted quality if the quick one had less, and where the client leaves the quality to the
+// server, one without loss if the link carries that in kWithoutLossSeconds. A better one has kStep times the bytes of
+// the last at most, or what the eye has stood for long enough; it comes at once where it occupies the link no longer
+// than kLastSeconds, else when the eye has stood kBetterTimes as long as it takes, or kStandsSeconds, or everything
+// else was sent; the one without loss when the eye has stood kStandsTimes as long as it takes, or kStandsMost. A moving
+// eye gets frames one after the other, each drawn for where the eye will be when the frame arrives; where the link
+// carries more than they need, with more pixels than the view has, since looking a picture up between its pixels blurs
+// it.
+//
+// Until the link is known, no more is handed out than it takes at once: a slow one would be full for seconds.
 #include <algorithm>
 #include <cstdint>
 #include <optional>
@@ -85,7 +89,9 @@ class FrameSchedule {
   int wantedQuality() const;
   bool comesWithoutLoss() const;
   double withoutLossMayGoAt() const;
-  int betterQuality() const;
+  int betterQuality(bool all_sent) const;
+  double frameWaits() const;
+  bool waitsForRate(double bytes) const;
   int qualityFor(double seconds) const;
   MovingFrame movingFrame() const;
   bool isFast() const;
@@ -113,6 +119,7 @@ class FrameSchedule {
   bool exact_requested_ = false;   // a frame of this very view was
   bool wanted_requested_ = false;  // one of the wanted quality was
   bool last_requested_ = false;
+  int newest_quality_ = 0;  // of the newest request
 
   std::optional<UnderWay> under_way_;
   std::uint64_t requests_ = 0;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace server {
 namespace {
@@ -19,6 +20,9 @@ constexpr double kMinRate = 1e3;  // bytes a second, so that no time becomes inf
 // seconds.
 constexpr double kPause = 0.2;
 constexpr double kWideWindow = 3.0;  // times what a round trip holds, from which on the link and not TCP is the limit
+// Bytes that are acknowledged so much later than after a round trip waited in a queue on the way: seconds, and round
+// trips.
+constexpr double kLate = 0.02, kLateTrips = 0.25;
 
 }  // namespace
 
@@ -31,29 +35,53 @@ void LinkEstimate::update(const LinkState& state, std::uint64_t handed_out) {
   const double passed = state.seconds - state_.seconds;
   const double arrived = confirmed - confirmed_;
   const bool was_under_way = state_.unconfirmed_bytes > 0;
-  const bool busy = state.unsent_bytes > 0;
   confirmed_ = confirmed;
   state_ = state;
+  takeSent(static_cast<double>(handed_out) - static_cast<double>(state.unsent_bytes));
+  const bool late = isLate();
+  // Bytes that wait in a queue on the way, not here, are no less a full link. One late packet alone is none, once the
+  // rate says how many bytes fill it.
+  const bool is_full = late && (!measured_ || static_cast<double>(state.unconfirmed_bytes) >= rate_ * round_trip_);
+  const bool busy = state.unsent_bytes > 0 || is_full;
   growWindow(arrived, waiting <= 0.0 && !was_under_way);
 
-  // Only time during which bytes waited tells the link's rate; else the session was the slower one.
+  // Only time during which bytes waited tells the link's rate; else the session was the slower one. Nothing can arrive
+  // in the first round trip of it.
   if (busy && was_busy_) {
-    busy_seconds_ += passed;
-    busy_bytes_ += arrived;
-    takeSample();
+    queues_ = queues_ && late;
+    if (arrives_) {
+      busy_seconds_ += passed;
+      busy_bytes_ += arrived;
+      takeSample();
+    }
+    arrives_ = arrives_ || arrived > 0.0;
   } else if (!busy) {
     busy_seconds_ = busy_bytes_ = 0.0;
-    if (was_under_way && !was_busy_) growWhileIdle(passed);
+    arrives_ = false;
+    queues_ = true;
+    if (was_under_way && !was_busy_ && !late) growWhileIdle(passed);
   }
   was_busy_ = busy;
+}
+
+void LinkEstimate::takeSent(double sent) {
+  if (sent > (sent_.empty() ? confirmed_ : sent_.back().end)) sent_.push_back({sent, state_.seconds});
+  while (!sent_.empty() && sent_.front().end <= confirmed_) sent_.pop_front();
+}
+
+/// Whether the oldest bytes that are not acknowledged have been under way for longer than an idle link takes.
+bool LinkEstimate::isLate() const {
+  if (sent_.empty() || round_trip_ <= 0.0) return false;
+  return state_.seconds - sent_.front().at > round_trip_ + std::max(kLate, kLateTrips * round_trip_);
 }
 
 void LinkEstimate::takeSample() {
   if (busy_seconds_ < std::max(kMinSample, round_trip_)) return;
   const double sample = std::max(kMinRate, busy_bytes_ / busy_seconds_);
   busy_seconds_ = busy_bytes_ = 0.0;
-  // While TCP begins, its window is what was measured, and the link is as fast at least.
-  if (window_ < kWideWindow * sample * round_trip_ && sample < rate_) return;
+  // While TCP begins and nothing queues, its window is what was measured, and the link is as fast at least.
+  const bool queued = std::exchange(queues_, true);
+  if (!queued && window_ < kWideWindow * sample * round_trip_ && sample < rate_) return;
   busy_rate_ = sample;
   rate_ = !measured_ || busy_rate_ > rate_ ? busy_rate_ : rate_ + kSlowerShare * (busy_rate_ - rate_);
   measured_ = true;

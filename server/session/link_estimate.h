@@ -2,6 +2,7 @@
 // The estimate of a client's link from what the transport tells: how fast acknowledgements come while more waits to be
 // sent, and how long a message waits. It knows no clock; the transport brings the time.
 #include <cstdint>
+#include <deque>
 
 namespace server {
 
@@ -20,6 +21,10 @@ class LinkEstimate {
   double now() const { return state_.seconds; }
   /// Bytes a second towards the client; an assumption (kAssumedRate) before anything was measured. Above 0.
   double rate() const { return rate_; }
+  /// Whether the rate was measured, or more went through than a slow link would have carried unnoticed.
+  bool isKnown() const { return measured_ || confirmed_ >= kKnownBytes; }
+  /// Whether nothing that was handed out is still on its way.
+  bool isIdle() const { return state_.unsent_bytes + state_.unconfirmed_bytes == 0; }
   /// The shortest round trip so far, seconds; 0 before one is known.
   double roundTrip() const { return round_trip_; }
   /// Seconds that a byte handed out now waits before it is under way as if the link were idle.
@@ -35,8 +40,15 @@ class LinkEstimate {
   static constexpr double kAssumedRate = 1e6;
   /// Bytes that a connection sends before the first acknowledgement: ten segments (RFC 6928).
   static constexpr double kFirstWindow = 14'600.0;
+  static constexpr double kKnownBytes = 2.0 * kFirstWindow;
 
  private:
+  /// Bytes up to `end` were sent at `at`, seconds.
+  struct Sent {
+    double end, at;
+  };
+  void takeSent(double sent);
+  bool isLate() const;
   void takeSample();
   void growWhileIdle(double seconds);
   void growWindow(double arrived, bool idle);
@@ -47,8 +59,11 @@ class LinkEstimate {
   double round_trip_ = 0.0;
   bool measured_ = false;
   bool was_busy_ = false;
+  bool arrives_ = false;  // something was acknowledged since the link became busy
+  bool queues_ = true;    // all the time since the last sample was taken, bytes waited in a queue on the way
   double busy_seconds_ = 0.0, busy_bytes_ = 0.0;  // since the last sample was taken
   double confirmed_ = 0.0;                        // bytes acknowledged so far
+  std::deque<Sent> sent_;                         // and not yet acknowledged, the oldest first
   double window_ = kFirstWindow;                  // bytes that TCP has under way at most, as far as its start tells
   double last_traffic_ = 0.0;                     // when bytes were last under way, seconds
 };

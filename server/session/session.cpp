@@ -15,6 +15,10 @@ namespace {
 constexpr double kMaxFrameShift = 0.1;
 constexpr std::size_t kMaxFaceRequests = 2;  // under way at a time, so that a new view need not wait for the last one's
 constexpr std::size_t kMaxPrefetchedFaces = 16;  // per request, so that a new view waits for few of them
+// A message that occupies the link longer goes in parts of so many seconds, so that a new view's frame need not wait
+// for it; each is a segment of TCP at least.
+constexpr double kPartSeconds = 0.05;
+constexpr double kMinPartBytes = 1400.0;
 
 }  // namespace
 
@@ -76,6 +80,7 @@ base::Result<void> Session::acceptMessage(const protocol::View& view) {
   newest_ = view;
   planned_ = false;
   frames_.accept(view, framePossible(view));
+  if (sent_frame_ && !frames_.isUseful(*sent_frame_)) frame_parts_.giveUp();
   return {};
 }
 
@@ -126,14 +131,35 @@ std::optional<base::Bytes> Session::chooseMessage() {
   if (!newest_) return std::nullopt;
   if (!planned_) planNewestView();
   // A frame for a moving eye has nothing to lie on without the coarse model.
-  if (!frames_.linkIsFull() && (!frames_.standsAlone() || !has_group_[0]))
-    if (auto message = nextCoarse()) return message;
-  if (auto message = nextFrame()) return message;
-  if (frames_.holdsOthers(coarseBytesNext())) return std::nullopt;
-  if (auto message = nextCoarse()) return message;
-  auto message = nextOther();
-  if (message) frames_.countOther(message->size());
+  const bool needs_model = !frames_.standsAlone() || !has_group_[0];
+  const double coarse_bytes = coarseBytesNext();
+  if (needs_model && coarse_bytes > 0.0 && !frames_.linkIsFull()) return nextOfData();
+  if (auto message = nextOfFrames()) return message;
+  if (frames_.holdsOthers(std::min(coarse_bytes, partBytes()))) return std::nullopt;
+  auto message = nextOfData();
+  if (message && coarse_bytes <= 0.0) frames_.countOther(message->size());
   return message;
+}
+
+/// The bytes of a message that is sent whole are at most twice as many.
+double Session::partBytes() const {
+  const LinkEstimate& link = frames_.link();
+  if (link.roundTrip() <= 0.0) return static_cast<double>(protocol::kMaxServerMessage);  // no transport tells anything
+  if (!link.isKnown()) return LinkEstimate::kFirstWindow;
+  return std::max(kMinPartBytes, kPartSeconds * link.rate());
+}
+
+/// A large message is begun in parts where it would occupy the link for long, and returned whole otherwise.
+std::optional<base::Bytes> Session::inParts(protocol::PartSender& stream, std::optional<base::Bytes> message) const {
+  const double bytes = partBytes();
+  if (!message || static_cast<double>(message->size()) <= 2.0 * bytes) return message;
+  stream.begin(std::move(*message), static_cast<std::size_t>(bytes));
+  return stream.next();
+}
+
+std::optional<base::Bytes> Session::nextOfFrames() {
+  if (frame_parts_.empty()) return inParts(frame_parts_, nextFrame());
+  return frames_.linkIsFull() ? std::nullopt : std::optional(frame_parts_.next());
 }
 
 std::optional<base::Bytes> Session::nextFrame() {
@@ -141,7 +167,14 @@ std::optional<base::Bytes> Session::nextFrame() {
   const protocol::Frame frame = *std::exchange(frame_, std::nullopt);
   if (!frames_.isUseful(frame.camera)) return std::nullopt;
   ++counts_.frames;
+  sent_frame_ = frame.camera;
   return protocol::encode(frame);
+}
+
+std::optional<base::Bytes> Session::nextOfData() {
+  if (!data_parts_.empty()) return data_parts_.next();
+  if (auto message = nextCoarse()) return inParts(data_parts_, std::move(message));
+  return inParts(data_parts_, nextOther());
 }
 
 std::optional<base::Bytes> Session::nextOther() {
@@ -354,7 +387,7 @@ bool Session::framePossible(const protocol::View& view) const {
 }
 
 std::optional<FrameRequest> Session::nextFrameRequest() {
-  if (phase_ != Phase::kReady || !newest_) return std::nullopt;
+  if (phase_ != Phase::kReady || !newest_ || !frame_parts_.empty()) return std::nullopt;
   return frames_.next(planned_ && complete_sent_);
 }
 

@@ -27,6 +27,7 @@
 #include "lod/patch/proxy_sight.h"
 #include "plan/view_plan.h"
 #include "protocol/message.h"
+#include "protocol/parts.h"
 #include "repository/access_counter.h"
 #include "repository/sampling/sample_tree.h"
 #include "repository/store.h"
@@ -116,10 +117,14 @@ class Session {
 
   // ---- out ----
   std::optional<base::Bytes> chooseMessage();
+  std::optional<base::Bytes> nextOfFrames();
   std::optional<base::Bytes> nextFrame();
+  std::optional<base::Bytes> nextOfData();
+  std::optional<base::Bytes> inParts(protocol::PartSender& stream, std::optional<base::Bytes> message) const;
   std::optional<base::Bytes> nextOther();
   std::optional<base::Bytes> nextCoarse();
   double coarseBytesNext() const;
+  double partBytes() const;
   std::optional<base::Bytes> nextWanted();
   std::optional<base::Bytes> nextPrefetch();
   std::optional<base::Bytes> groupMessage(std::uint32_t group);
@@ -167,8 +172,10 @@ class Session {
   std::unordered_set<repository::FaceKey> absent_;  // remote tiles that are known not to be stored
 
   FrameSchedule frames_;
-  std::optional<protocol::Frame> frame_;  // rendered and not sent yet
-  std::optional<base::Bytes> greeting_;   // Welcome or Refusal, sent before all else
+  std::optional<protocol::Frame> frame_;        // rendered and not sent yet
+  std::optional<base::ViewCamera> sent_frame_;  // camera of the newest frame that was begun
+  protocol::PartSender frame_parts_{protocol::Stream::kFrames}, data_parts_{protocol::Stream::kData};
+  std::optional<base::Bytes> greeting_;  // Welcome or Refusal, sent before all else
 };
 
 }  // namespace server

@@ -110,7 +110,8 @@ class MessageGenerator {
             Refinement{bytes(1, 99), bytes(1, 300)},
             Frame{whole(1, 0xFFFFFFFF), camera(), coin(), bytes(1, 300)},
             Completion{whole(1, 0xFFFFFFFF)},
-            Refusal{static_cast<std::uint16_t>(whole(0, 0xFFFF)), text()}};
+            Refusal{static_cast<std::uint16_t>(whole(0, 0xFFFF)), text()},
+            Part{static_cast<Stream>(whole(0, 1)), coin(), coin(), bytes(1, 300)}};
   }
 
  private:
@@ -210,15 +211,16 @@ TEST(Message, aWelcomeTellsHowTheSceneIsShown) {
   }
 }
 
-// These are the bytes of docs/formats/protocol.md, "A worked row". Version 5 of the format must never read otherwise.
-TEST(Message, bytesOfVersionFiveStay) {
-  EXPECT_EQ(encode(ClientMessage(Hello{5, "ab", kDecodesWebp, 258})),
-            (base::Bytes{0x01, 5, 0, 2, 0, 'a', 'b', 1, 2, 1, 0, 0}));
+// These are the bytes of docs/formats/protocol.md, "A worked row". Version 6 of the format must never read otherwise.
+TEST(Message, bytesOfVersionSixStay) {
+  EXPECT_EQ(encode(ClientMessage(Hello{6, "ab", kDecodesWebp, 258})),
+            (base::Bytes{0x01, 6, 0, 2, 0, 'a', 'b', 1, 2, 1, 0, 0}));
   EXPECT_EQ(encode(ServerMessage(Completion{258})), (base::Bytes{0x85, 2, 1, 0, 0}));
   EXPECT_EQ(encode(ClientMessage(Eviction{{{1, 0, 0, 3}}, {7}})),
             (base::Bytes{0x03, 1, 0, 0, 0, 1, 0, 0, 0, 0, 0x58, 0, 0, 0, 0, 0, 0, 7, 0, 0, 0}));
-  EXPECT_EQ(encode(ServerMessage(Refusal{5, "no"})), (base::Bytes{0x86, 5, 0, 2, 0, 'n', 'o'}));
-  EXPECT_EQ(encode(ServerMessage(Refusal{5, "no", true})), (base::Bytes{0x86, 5, 0, 2, 0, 'n', 'o', 1}));
+  EXPECT_EQ(encode(ServerMessage(Refusal{6, "no"})), (base::Bytes{0x86, 6, 0, 2, 0, 'n', 'o'}));
+  EXPECT_EQ(encode(ServerMessage(Refusal{6, "no", true})), (base::Bytes{0x86, 6, 0, 2, 0, 'n', 'o', 1}));
+  EXPECT_EQ(encode(ServerMessage(Part{Stream::kFrames, true, false, {9, 8}})), (base::Bytes{0x87, 1, 1, 0, 9, 8}));
   EXPECT_EQ(encode(ClientMessage(View{})).size(), 102U);
   const base::Bytes frame = encode(ServerMessage(Frame{1, {}, true, {0x77}}));
   ASSERT_EQ(frame.size(), 91U);
@@ -260,7 +262,7 @@ TEST(Message, serverMessageCutAnywhereIsRefusedOrShorter) {
       auto decoded = decodeServerMessage(base::ByteView(whole).first(length));
       if (!decoded) continue;
       const bool open_ended = std::holds_alternative<Face>(*decoded) || std::holds_alternative<Refinement>(*decoded) ||
-                              std::holds_alternative<Frame>(*decoded);
+                              std::holds_alternative<Frame>(*decoded) || std::holds_alternative<Part>(*decoded);
       EXPECT_TRUE(open_ended) << "type " << int{whole[0]} << " at " << length;
       EXPECT_EQ(encode(*decoded).size(), length);
     }

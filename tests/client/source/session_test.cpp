@@ -331,6 +331,35 @@ TEST(Session, framesAreKeptAsFarAsTheirBytesAllow) {
   EXPECT_TRUE(session.complete());
 }
 
+// Other messages come between the parts of a large one, which counts by what it is.
+TEST(Session, aMessageInPartsIsTakenWithItsLast) {
+  const auto& s = server();
+  Session session = ready();
+  const base::Bytes face = s.sayFace({1, 1, 1, 3}, 5'000);
+  protocol::PartSender parts(protocol::Stream::kData);
+  parts.begin(face, 2'000);
+  receive(session, parts.next());
+  receive(session, s.sayGroup(0));
+  receive(session, parts.next());
+  EXPECT_EQ(session.stats().groups_received, 1U);
+  EXPECT_EQ(session.stats().faces_received, 0U);
+  receive(session, parts.next());
+  EXPECT_EQ(session.stats().faces_received, 1U);
+  EXPECT_EQ(session.stats().bytes_faces, face.size());
+}
+
+TEST(Session, aConnectionThatBreaksLeavesNoPartsBehind) {
+  const auto& s = server();
+  Session session = ready();
+  protocol::PartSender parts(protocol::Stream::kData);
+  parts.begin(s.sayFace({1, 1, 1, 3}, 5'000), 2'000);
+  receive(session, parts.next());
+  session.disconnected("broken");
+  session.connected();
+  receive(session, s.sayWelcome());
+  refuses(session, parts.next());
+}
+
 TEST(Session, bytesAreCountedByKind) {
   ScriptedServer frames;
   frames.welcome.can_render_frames = true;
@@ -548,6 +577,14 @@ TEST(Session, aServerThatBreaksTheRulesIsRefused) {
       {"a record with more behind it", protocol::encode(protocol::ServerMessage(long_record))},
       {"Completion for a view never sent", s.sayComplete(5)},
       {"a frame for a view never sent", s.sayFrame(5, 10)},
+      {"a part without a first one", protocol::encode(protocol::ServerMessage(protocol::Part{.bytes = {1}}))},
+      {"a part of nonsense",
+       protocol::encode(protocol::ServerMessage(protocol::Part{.first = true, .last = true, .bytes = {0x42}}))},
+      {"a part of a part",
+       protocol::encode(protocol::ServerMessage(protocol::Part{
+           .first = true,
+           .last = true,
+           .bytes = protocol::encode(protocol::ServerMessage(protocol::Part{.first = true, .bytes = {1}}))}))},
       {"nothing", {}},
       {"an unknown type", {0x42, 1, 2, 3}},
   };

@@ -49,6 +49,46 @@ TEST(LinkEstimate, aTransportThatHasNothingToSendTellsNoLowerRate) {
   EXPECT_LT(link.estimate.rate(), 9e6) << "more than was ever measured is guessed, but not without a limit";
 }
 
+// A router's queue takes all that the server has, so that nothing waits there.
+TEST(LinkEstimate, aQueueOnTheWayTellsTheRateTooWhereNothingWaitsHere) {
+  LinkEstimate estimate;  // 1 MB/s is assumed
+  EXPECT_FALSE(estimate.isKnown());
+  constexpr double kRate = 50'000.0, kStep = 0.01;
+  double delivered = 0.0;
+  std::uint64_t handed_out = 0;
+  for (double seconds = 0.0; seconds < 2.0; seconds += kStep) {
+    const double confirmed = std::max(0.0, delivered - 0.1 * kRate);
+    if (estimate.queueSeconds() < 0.1) handed_out += 4'000;
+    estimate.update({seconds, 0, handed_out - static_cast<std::uint64_t>(confirmed), 0.1}, handed_out);
+    delivered = std::min(static_cast<double>(handed_out), delivered + kStep * kRate);
+  }
+  EXPECT_TRUE(estimate.isKnown());
+  EXPECT_NEAR(estimate.rate(), kRate, 0.2 * kRate);
+}
+
+TEST(LinkEstimate, theRoundTripBeforeTheFirstAcknowledgementTellsNoLowerRate) {
+  BusyLink link;
+  link.run(1.0, 5e5);
+  const auto all = static_cast<std::uint64_t>(link.delivered) + 100'000;
+  link.estimate.update({link.seconds + 0.3, 0, 0, 0.04}, all);
+  const double before = link.estimate.rate();
+  link.estimate.update({link.seconds + 1.0, 80'000, 20'000, 0.04}, all + 100'000);
+  link.estimate.update({link.seconds + 1.06, 80'000, 20'000, 0.04}, all + 100'000);
+  EXPECT_GE(link.estimate.rate(), before);
+}
+
+TEST(LinkEstimate, aLinkIsKnownOnceItsStartIsOver) {
+  LinkEstimate estimate;
+  EXPECT_TRUE(estimate.isIdle());
+  estimate.update({0.0, 0, 20'000, 0.04}, 20'000);
+  EXPECT_FALSE(estimate.isIdle());
+  EXPECT_FALSE(estimate.isKnown());
+  estimate.update({0.05, 0, 0, 0.04}, 20'000);
+  EXPECT_FALSE(estimate.isKnown());
+  estimate.update({0.1, 0, 0, 0.04}, 40'000);
+  EXPECT_TRUE(estimate.isKnown());
+}
+
 TEST(LinkEstimate, onlyBytesBeyondThoseOfARoundTripQueue) {
   LinkEstimate estimate;  // 1 MB/s
   estimate.update({0.0, 0, 40'000, 0.06}, 40'000);
