@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 namespace server {
 namespace {
@@ -11,8 +12,8 @@ namespace {
 // Choices that measurements bore out, not the best of a sweep (docs/decisions/frames-first.md).
 constexpr double kQuickSeconds = 0.1;    // a quick frame occupies the link this long
 constexpr double kMovingSeconds = 0.05;  // and a moving eye's this long
-// Of the link, for a moving eye's frames at most, and less where one takes longer than kMovingSeconds: there patches
-// and images, which last, bring more (docs/decisions/slow-links.md).
+// A moving eye's frames have this share of the link at most, less where one takes longer than kMovingSeconds: patches
+// and images, which last, bring more there (docs/decisions/slow-links.md).
 constexpr double kFramesShare = 0.5;
 constexpr double kLastSeconds = 0.25;  // a last frame that occupies it no longer goes ahead of the others
 // A frame without loss that occupies the link longer is not sent: what is under way delays a new view.
@@ -27,6 +28,7 @@ constexpr double kMaxCredit = 0.1;   // seconds of that share that may be saved 
 constexpr double kBetterTimes = 1.5;
 constexpr double kStandsSeconds = 3.0;
 constexpr double kStep = 2.0;
+constexpr double kSeenShare = 0.5;  // of a stay, after which a frame is too late for an eye that jumps again
 // Below it a frame gains little by being earlier. Of an unknown link the first frame is one that a few segments carry.
 constexpr int kMinQuality = 60;
 constexpr int kFirstQuality = 30;
@@ -94,9 +96,25 @@ void FrameSchedule::accept(const protocol::View& view, bool possible) {
   const bool goes_on = motion_.accept(view.camera, link_.now());
   if (view_ && pixelsOf(view_->camera) != pixelsOf(view.camera)) bytes_per_weight_ = 0.0;
   if (!goes_on) under_way_.reset();
+  if (!goes_on && !(view_ && base::showsSameView(view_->camera, view.camera))) countStay();
   view_ = view;
   possible_ = possible;
   aimed_ = exact_requested_ = wanted_requested_ = last_requested_ = false;
+}
+
+/// Counts how long the eye stayed before the present jump.
+void FrameSchedule::countStay() {
+  if (view_) stays_ = {link_.now() - jumped_at_, stays_[0]};
+  jumped_at_ = link_.now();
+}
+
+/// An eye that jumped soon each time is expected to jump soon again. A frame that it would see for less than half of
+/// that waits until it has stayed for longer: patches and images outlive a jump.
+double FrameSchedule::quickMayGoAt() const {
+  const double expected = std::max(stays_[0], stays_[1]);
+  const double bytes = expectedBytes(qualityFor(kQuickSeconds));
+  const double shown_after = render_seconds_ + link_.queueSeconds() + link_.transferSeconds(bytes) + link_.roundTrip();
+  return jumped_at_ + (shown_after > kSeenShare * expected ? expected : 0.0);
 }
 
 /// Time at which the eye stands saves nothing up.
@@ -197,6 +215,7 @@ FrameRequest FrameSchedule::request(const base::ViewCamera& camera, int quality,
 std::optional<FrameRequest> FrameSchedule::next(bool all_sent) {
   if (!possible_ || under_way_) return std::nullopt;
   if (moving()) return nextAimed();
+  if (!exact_requested_ && link_.now() < quickMayGoAt()) return std::nullopt;
   if (!exact_requested_) {
     const int quality = qualityFor(kQuickSeconds);
     exact_requested_ = true;
@@ -327,7 +346,9 @@ std::optional<double> FrameSchedule::wakeAt() const {
   } else if (under_way_) {
     if (holdsOthers()) in(link_.waitSeconds(0.0) - othersMayWait());
     if (!overdue()) in(under_way_->since + under_way_->render_seconds + kOverdue - now);
-  } else if (exact_requested_ && !last_requested_) {
+  } else if (!exact_requested_) {
+    in(quickMayGoAt() - now);
+  } else if (!last_requested_) {
     const double better = betterMayGoAt(false);
     in(std::isfinite(better) ? better - now : 0.5 * link_.roundTrip());
   }

@@ -13,7 +13,9 @@
 //
 // Until the link is known, no more is handed out than it takes at once: a slow one would be full for seconds.
 #include <algorithm>
+#include <array>
 #include <cstdint>
+#include <limits>
 #include <optional>
 
 #include "base/camera.h"
@@ -92,6 +94,8 @@ class FrameSchedule {
   int betterQuality(bool all_sent) const;
   double frameWaits() const;
   bool waitsForRate(double bytes) const;
+  void countStay();
+  double quickMayGoAt() const;
   int qualityFor(double seconds) const;
   MovingFrame movingFrame() const;
   bool isFast() const;
@@ -120,6 +124,10 @@ class FrameSchedule {
   bool wanted_requested_ = false;  // one of the wanted quality was
   bool last_requested_ = false;
   int newest_quality_ = 0;  // of the newest request
+
+  double jumped_at_ = 0.0;  // when the eye came to where it is, seconds
+  // How long it stayed before the last two jumps, the newest first; infinite before there were any.
+  std::array<double, 2> stays_{std::numeric_limits<double>::infinity(), std::numeric_limits<double>::infinity()};
 
   std::optional<UnderWay> under_way_;
   std::uint64_t requests_ = 0;

@@ -153,6 +153,28 @@ TEST(FrameSchedule, untilTheLinkIsKnownNoMoreIsHandedOutThanItTakes) {
   EXPECT_TRUE(schedule.next(false)) << "more went through than a slow link would have carried unnoticed";
 }
 
+/// How long after the last of six jumps, so many seconds apart, its quick frame is requested.
+double quickFrameAfterJumps(double seconds_apart) {
+  Driven driven;
+  for (int i = 0; i < 6; ++i) {
+    driven.at(i * seconds_apart);
+    driven.view(100.0 * i);
+    if (i == 5) break;
+    if (const auto quick = driven.schedule.next(false)) driven.render(*quick, 0.03, 60'000);
+  }
+  const double jumped = driven.now;
+  while (!driven.schedule.next(false) && driven.now < jumped + 5.0) driven.at(driven.now + 0.01);
+  return driven.now - jumped;
+}
+
+// Where the link takes 0.06 s for a frame, one every quarter of a second would hardly be seen.
+TEST(FrameSchedule, anEyeThatJumpsSoonAgainGetsAFrameOnceItHasStayedForLonger) {
+  EXPECT_EQ(quickFrameAfterJumps(2.0), 0.0);
+  const double after = quickFrameAfterJumps(0.2);
+  EXPECT_GE(after, 0.19);
+  EXPECT_LE(after, 0.22);
+}
+
 TEST(FrameSchedule, aFasterLinkGetsABetterQuickFrame) {
   int quality[2];
   for (const bool fast : {false, true}) {
