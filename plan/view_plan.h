@@ -38,7 +38,7 @@ struct Scene {
   StoredBytes stored_bytes = nullptr;
   ImageBytes image_bytes = {};
   bool is_moving = false;  ///< the eye moves (isMoving())
-  bool is_fresh = false;   ///< the plan before was of another camera, or there was none
+  bool is_fresh = false;   ///< of files: the plan before was of another camera, or there was none
   double link_rate = 0.0;  ///< bytes a second towards the viewer; 0: not known
 };
 
@@ -87,11 +87,12 @@ inline constexpr std::size_t kMaxPointsPerView = 64;
 /// Whether the eye went on from one view to the next: by no jump, and not by nothing.
 bool isMoving(const protocol::Welcome& welcome, const protocol::View& newest, const protocol::View& previous);
 
-/// From so many bytes a second on, patches that bring no more than colours are sent to a moving eye that gets images,
-/// too: 10 Mbit/s. A choice: at 1 Mbit/s they come too late, and images with them; at 20 they bring 1 to 3 dB.
+/// From so many bytes a second on, patches that bring no more than colours are fetched from files for a moving eye that
+/// gets images, too: 10 Mbit/s. A choice: at 1 Mbit/s they come too late, and images with them; at 20 they bring 1 to
+/// 3 dB. A server sends them on any link.
 inline constexpr double kFastLink = 1'250'000.0;
 
-/// The view as it is planned: a fresh one by errors of shape where the link is too slow for more.
+/// The view as it is planned: a fresh one of files by errors of shape where the link is too slow for more.
 protocol::View viewToPlan(const Scene& scene, const protocol::View& view);
 
 /// The camera of a view in scene-local terms, with the limits that the client's cut keeps.

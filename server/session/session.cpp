@@ -193,8 +193,6 @@ plan::Scene Session::sceneToPlan() const {
   plan::Scene scene = scene_.toPlan();
   scene.images = scene.images && (decodes_webp_ || !scene_.images_are_webp);
   scene.image_bytes = image_bytes_;
-  scene.is_fresh = !(previous_ && newest_ && base::showsSameView(previous_->camera, newest_->camera));
-  scene.link_rate = frames_.link().rate();
   scene.is_moving = previous_ && newest_ && plan::isMoving(scene_.welcome, *newest_, *previous_);
   scene.stored_bytes = [this](const repository::FaceKey& key) -> std::optional<std::uint64_t> {
     if (scene_.images_are_remote) return absent_.count(key) != 0 ? std::optional<std::uint64_t>(0) : std::nullopt;
