@@ -28,7 +28,7 @@ constexpr double kMaxCredit = 0.1;   // seconds of that share that may be saved 
 constexpr double kBetterTimes = 1.5;
 constexpr double kStandsSeconds = 3.0;
 constexpr double kStep = 2.0;
-constexpr double kSeenShare = 0.5;  // of a stay, after which a frame is too late for an eye that jumps again
+constexpr double kLateShare = 0.75;  // of a stay, after which a frame is too late for an eye that jumps again
 // Below it a frame gains little by being earlier. Of an unknown link the first frame is one that a few segments carry.
 constexpr int kMinQuality = 60;
 constexpr int kFirstQuality = 30;
@@ -114,7 +114,7 @@ double FrameSchedule::quickMayGoAt() const {
   const double expected = std::max(stays_[0], stays_[1]);
   const double bytes = expectedBytes(qualityFor(kQuickSeconds));
   const double shown_after = render_seconds_ + link_.queueSeconds() + link_.transferSeconds(bytes) + link_.roundTrip();
-  return jumped_at_ + (shown_after > kSeenShare * expected ? expected : 0.0);
+  return jumped_at_ + (shown_after > kLateShare * expected ? expected : 0.0);
 }
 
 /// Time at which the eye stands saves nothing up.
