@@ -322,7 +322,7 @@ double FrameSchedule::othersMayWait() const {
 }
 
 bool FrameSchedule::linkIsFull() const {
-  if (!link_.isKnown()) return link_.unsentSeconds() > 0.0;
+  if (!link_.isMeasured()) return link_.unsentSeconds() > 0.0;
   return link_.queueSeconds() > kMostQueued;
 }
 
@@ -337,7 +337,7 @@ std::optional<double> FrameSchedule::wakeAt() const {
   const double now = link_.now();
   double at = std::numeric_limits<double>::infinity();
   const auto in = [&](double seconds) { at = std::min(at, now + std::max(kMinWait, seconds)); };
-  if (linkIsFull()) in(link_.isKnown() ? link_.queueSeconds() - kMostQueued : 0.5 * link_.roundTrip());
+  if (linkIsFull()) in(link_.isMeasured() ? link_.queueSeconds() - kMostQueued : 0.5 * link_.roundTrip());
   if (!possible_) return std::isfinite(at) ? std::optional(at) : std::nullopt;
   if (moving()) {
     in(motion_.settledAt() - now);

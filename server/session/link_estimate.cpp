@@ -9,6 +9,7 @@ namespace {
 
 // Acknowledgements come in bursts of a window, so a sample lasts a round trip at least, and this long, seconds.
 constexpr double kMinSample = 0.05;
+constexpr double kStall = 1.0;  // seconds without an acknowledgement after which the link counts as so slow
 // A link is as fast as it was at its fastest of late: windows that still grow make samples too low. So a faster sample
 // counts whole, and a slower one by half.
 constexpr double kSlowerShare = 0.5;
@@ -52,14 +53,14 @@ void LinkEstimate::update(const LinkState& state, std::uint64_t handed_out) {
     if (arrives_) {
       busy_seconds_ += passed;
       busy_bytes_ += arrived;
-      takeSample();
+      takeSample(arrived > 0.0);
     }
     arrives_ = arrives_ || arrived > 0.0;
   } else if (!busy) {
     busy_seconds_ = busy_bytes_ = 0.0;
     arrives_ = false;
     queues_ = true;
-    if (was_under_way && !was_busy_ && !late) growWhileIdle(passed);
+    if ((was_under_way || arrived > 0.0) && !was_busy_ && !late) growWhileIdle(passed);
   }
   was_busy_ = busy;
 }
@@ -75,7 +76,9 @@ bool LinkEstimate::isLate() const {
   return state_.seconds - sent_.front().at > round_trip_ + std::max(kLate, kLateTrips * round_trip_);
 }
 
-void LinkEstimate::takeSample() {
+/// A sample lasts from one acknowledgement to another, which can come in bursts.
+void LinkEstimate::takeSample(bool arrived) {
+  if (!arrived && busy_seconds_ < kStall) return;
   if (busy_seconds_ < std::max(kMinSample, round_trip_)) return;
   const double sample = std::max(kMinRate, busy_bytes_ / busy_seconds_);
   busy_seconds_ = busy_bytes_ = 0.0;

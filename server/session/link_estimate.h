@@ -23,6 +23,8 @@ class LinkEstimate {
   double rate() const { return rate_; }
   /// Whether the rate was measured, or more went through than a slow link would have carried unnoticed.
   bool isKnown() const { return measured_ || confirmed_ >= kKnownBytes; }
+  /// Whether the rate was measured. Buffers on the way, as of a proxy, can take some bytes at any rate.
+  bool isMeasured() const { return measured_; }
   /// Whether nothing that was handed out is still on its way.
   bool isIdle() const { return state_.unsent_bytes + state_.unconfirmed_bytes == 0; }
   /// The shortest round trip so far, seconds; 0 before one is known.
@@ -49,7 +51,7 @@ class LinkEstimate {
   };
   void takeSent(double sent);
   bool isLate() const;
-  void takeSample();
+  void takeSample(bool arrived);
   void growWhileIdle(double seconds);
   void growWindow(double arrived, bool idle);
 

@@ -145,7 +145,7 @@ std::optional<base::Bytes> Session::chooseMessage() {
 double Session::partBytes() const {
   const LinkEstimate& link = frames_.link();
   if (link.roundTrip() <= 0.0) return static_cast<double>(protocol::kMaxServerMessage);  // no transport tells anything
-  if (!link.isKnown()) return LinkEstimate::kFirstWindow;
+  if (!link.isMeasured()) return LinkEstimate::kFirstWindow;
   return std::max(kMinPartBytes, kPartSeconds * link.rate());
 }
 

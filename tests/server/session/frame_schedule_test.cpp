@@ -11,7 +11,7 @@ constexpr double kRoundTrip = 0.04;
 /// A schedule whose link has the assumed rate, 1 MB/s, and a viewer who moves along x.
 struct Driven {
   FrameSchedule schedule{kReach};
-  std::uint64_t before = 0;  // bytes that have gone through already: 50'000 make the link known
+  std::uint64_t before = 0;  // bytes that have gone through already
   double now = 0.0;
   std::uint32_t sequence = 0;
 
@@ -19,6 +19,14 @@ struct Driven {
     now = seconds;
     schedule.link().update({seconds, unsent, 0, kRoundTrip}, before + unsent);
     schedule.passTime();
+  }
+  /// Lets the link be measured at its rate; ends at 0.3 s with nothing under way.
+  void measure() {
+    constexpr std::uint64_t kWaiting = 100'000;
+    for (std::uint64_t i = 0; i <= 20; ++i)
+      schedule.link().update({0.01 * static_cast<double>(i), kWaiting, 0, kRoundTrip}, 10'000 * i + kWaiting);
+    before = 200'000 + kWaiting;
+    at(0.3);
   }
   void view(double x, int quality = 85) {
     protocol::View view;
@@ -229,13 +237,14 @@ TEST(FrameSchedule, withoutFramesNothingWaits) {
 }
 
 TEST(FrameSchedule, othersLeaveTheLinkFreeForTheFrameThatIsBeingRendered) {
-  Driven driven{.before = 50'000};
+  Driven driven;
+  driven.measure();
   driven.view(0.0);
   const auto request = driven.schedule.next(false);
   ASSERT_TRUE(request);
-  driven.at(0.001);
+  driven.at(0.301);
   EXPECT_FALSE(driven.schedule.holdsOthers()) << "an idle link is used";
-  driven.at(0.002, 90'000);
+  driven.at(0.302, 90'000);
   EXPECT_TRUE(driven.schedule.holdsOthers());
   EXPECT_GT(driven.schedule.wakeAt().value_or(0.0), driven.now);
   driven.schedule.rendered(*request, 50'000);
@@ -245,15 +254,16 @@ TEST(FrameSchedule, othersLeaveTheLinkFreeForTheFrameThatIsBeingRendered) {
 // All that is queued is ahead of a new view's frame.
 TEST(FrameSchedule, othersWaitBehindATenthOfASecondOfTheLinkWithAndWithoutFrames) {
   for (const bool frames : {true, false}) {
-    Driven driven{.before = 50'000};
+    Driven driven;
+    driven.measure();
     if (frames) {
       driven.view(0.0);
       driven.schedule.rendered(*driven.schedule.next(false), 50'000);
     }
-    driven.at(0.01, 80'000);
+    driven.at(0.31, 80'000);
     EXPECT_FALSE(driven.schedule.linkIsFull());
     EXPECT_FALSE(driven.schedule.holdsOthers());
-    driven.at(0.02, 150'000);  // at 1 MB/s
+    driven.at(0.32, 150'000);  // at 1 MB/s
     EXPECT_TRUE(driven.schedule.linkIsFull());
     EXPECT_TRUE(driven.schedule.holdsOthers());
     const auto wake = driven.schedule.wakeAt();
@@ -538,7 +548,8 @@ TEST(FrameSchedule, anEyeThatStopsGetsTheFrameOfItsOwnView) {
 }
 
 TEST(FrameSchedule, framesWaitUntilTheLinkHasTakenTheLast) {
-  Driven driven{.before = 50'000};
+  Driven driven;
+  driven.measure();
   driven.move(10);
   driven.at(driven.now + 0.001, 500'000);
   EXPECT_FALSE(driven.schedule.next(false));

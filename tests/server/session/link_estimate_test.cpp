@@ -77,6 +77,23 @@ TEST(LinkEstimate, theRoundTripBeforeTheFirstAcknowledgementTellsNoLowerRate) {
   EXPECT_GE(link.estimate.rate(), before);
 }
 
+// A proxy takes 16 kB at once whenever its own link has carried as many.
+TEST(LinkEstimate, acknowledgementsInBurstsTellTheirMean) {
+  LinkEstimate estimate;
+  constexpr double kStep = 0.005, kRate = 50'000.0;
+  constexpr std::uint64_t kBurst = 16'000;
+  std::uint64_t confirmed = 0, handed_out = 0;
+  for (int i = 0; i < 1000; ++i) {
+    const double seconds = kStep * i;
+    if (static_cast<double>(confirmed + kBurst) <= kRate * seconds) confirmed += kBurst;
+    handed_out = confirmed + 20'000;
+    estimate.update({seconds, handed_out - confirmed, 0, 0.0001}, handed_out);
+    if (seconds > 1.0) {
+      EXPECT_NEAR(estimate.rate(), kRate, 0.1 * kRate) << seconds;
+    }
+  }
+}
+
 TEST(LinkEstimate, aLinkIsKnownOnceItsStartIsOver) {
   LinkEstimate estimate;
   EXPECT_TRUE(estimate.isIdle());
