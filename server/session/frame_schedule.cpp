@@ -108,8 +108,8 @@ void FrameSchedule::countStay() {
   jumped_at_ = link_.now();
 }
 
-/// An eye that jumped soon each time is expected to jump soon again. A frame that it would see for less than half of
-/// that waits until it has stayed for longer: patches and images outlive a jump.
+/// An eye that jumped soon each time is expected to jump soon again. A frame that it would see for less than a quarter
+/// of its stay waits until it has stayed for longer: patches and images outlive a jump.
 double FrameSchedule::quickMayGoAt() const {
   const double expected = std::max(stays_[0], stays_[1]);
   const double bytes = expectedBytes(qualityFor(kQuickSeconds));
