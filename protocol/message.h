@@ -146,7 +146,7 @@ inline constexpr std::size_t kStreams = 2;
 struct Part {
   Stream stream = Stream::kData;
   bool first = false, last = false;
-  base::Bytes bytes;  ///< of the encoded message, which is none of parts itself
+  base::Bytes bytes;  ///< of the encoded message, which is no Part itself
 };
 
 /// Their order gives the type bytes.

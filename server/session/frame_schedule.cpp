@@ -4,7 +4,6 @@
 #include <array>
 #include <cmath>
 #include <limits>
-#include <utility>
 
 namespace server {
 namespace {
@@ -99,7 +98,8 @@ void FrameSchedule::accept(const protocol::View& view, bool possible) {
   if (!goes_on && !(view_ && base::showsSameView(view_->camera, view.camera))) countStay();
   view_ = view;
   possible_ = possible;
-  aimed_ = exact_requested_ = wanted_requested_ = last_requested_ = false;
+  aimed_ = last_requested_ = false;
+  quality_ = 0;
 }
 
 /// Counts how long the eye stayed before the present jump.
@@ -156,13 +156,12 @@ double FrameSchedule::withoutLossMayGoAt() const {
 /// Where one without loss was expected and the link turns out to be too slow, the wanted one is sent again, as the
 /// last. `all_sent`: nothing but frames is to come, so nothing speaks for steps.
 int FrameSchedule::betterQuality(bool all_sent) const {
-  const bool may = comesWithoutLoss() && (wanted_requested_ || link_.now() >= withoutLossMayGoAt());
-  if (may) return kWithoutLoss;
   const int wanted = wantedQuality();
-  if (all_sent || newest_quality_ >= wanted) return wanted;
+  const bool may = comesWithoutLoss() && (quality_ >= wanted || link_.now() >= withoutLossMayGoAt());
+  if (may) return kWithoutLoss;
+  if (all_sent || quality_ >= wanted) return wanted;
   int quality = wanted;
-  while (quality > newest_quality_ + 1 && weightOf(codec_, quality) > kStep * weightOf(codec_, newest_quality_))
-    --quality;
+  while (quality > quality_ + 1 && weightOf(codec_, quality) > kStep * weightOf(codec_, quality_)) --quality;
   const double stood = link_.now() - motion_.newestAt();
   return std::max(quality, qualityFor(std::max(kLastSeconds, stood / kBetterTimes)));
 }
@@ -207,7 +206,6 @@ double FrameSchedule::renderSeconds(double scale) const {
 }
 
 FrameRequest FrameSchedule::request(const base::ViewCamera& camera, int quality, bool last) {
-  newest_quality_ = quality;
   under_way_ = UnderWay{++requests_, link_.now(), renderSeconds(scaleOf(camera))};
   return {view_->sequence, camera, quality, codec_, last, requests_};
 }
@@ -215,18 +213,18 @@ FrameRequest FrameSchedule::request(const base::ViewCamera& camera, int quality,
 std::optional<FrameRequest> FrameSchedule::next(bool all_sent) {
   if (!possible_ || under_way_) return std::nullopt;
   if (moving()) return nextAimed();
-  if (!exact_requested_ && link_.now() < quickMayGoAt()) return std::nullopt;
-  if (!exact_requested_) {
-    const int quality = qualityFor(kQuickSeconds);
-    exact_requested_ = true;
-    wanted_requested_ = quality == wantedQuality();
-    last_requested_ = wanted_requested_ && !comesWithoutLoss();
-    return request(view_->camera, quality, last_requested_);
+  if (quality_ == 0) {
+    if (link_.now() < quickMayGoAt()) return std::nullopt;
+    return requestExact(qualityFor(kQuickSeconds));
   }
   if (last_requested_ || link_.now() < betterMayGoAt(all_sent)) return std::nullopt;
-  const int quality = betterQuality(all_sent);
-  wanted_requested_ = quality >= wantedQuality();
-  last_requested_ = quality == kWithoutLoss || (wanted_requested_ && !comesWithoutLoss());
+  return requestExact(betterQuality(all_sent));
+}
+
+/// Requests a frame of this very view.
+FrameRequest FrameSchedule::requestExact(int quality) {
+  quality_ = quality;
+  last_requested_ = quality == kWithoutLoss || (quality >= wantedQuality() && !comesWithoutLoss());
   return request(view_->camera, quality, last_requested_);
 }
 
@@ -302,13 +300,13 @@ double FrameSchedule::renderSecondsLeft() const {
   return under_way_ ? std::max(0.0, under_way_->since + under_way_->render_seconds - link_.now()) : 0.0;
 }
 
-/// The share of the link for other messages while the eye moves: what a renderer slower than the link leaves over, or
-/// more.
+/// The share of the link for other messages while the eye moves: what frames leave, which is more where the renderer is
+/// slower than the link.
 double FrameSchedule::othersShare() const {
   const MovingFrame frame = movingFrame();
   const double transfer = expectedBytes(frame.quality, frame.scale) / link_.rate();
-  const double frames = kFramesShare * std::min(1.0, kMovingSeconds / transfer);
-  return std::max(1.0 - frames, 1.0 - transfer / std::max(renderSeconds(frame.scale), transfer));
+  const double most = kFramesShare * std::min(1.0, kMovingSeconds / transfer);
+  return 1.0 - std::min(most, transfer / std::max(renderSeconds(frame.scale), transfer));
 }
 
 bool FrameSchedule::overdue() const {
@@ -346,7 +344,7 @@ std::optional<double> FrameSchedule::wakeAt() const {
   } else if (under_way_) {
     if (holdsOthers()) in(link_.waitSeconds(0.0) - othersMayWait());
     if (!overdue()) in(under_way_->since + under_way_->render_seconds + kOverdue - now);
-  } else if (!exact_requested_) {
+  } else if (quality_ == 0) {
     in(quickMayGoAt() - now);
   } else if (!last_requested_) {
     const double better = betterMayGoAt(false);

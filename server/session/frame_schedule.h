@@ -87,6 +87,7 @@ class FrameSchedule {
   };
   bool moving() const { return possible_ && motion_.moving(link_.now()); }
   FrameRequest request(const base::ViewCamera& camera, int quality, bool last);
+  FrameRequest requestExact(int quality);
   std::optional<FrameRequest> nextAimed();
   int wantedQuality() const;
   bool comesWithoutLoss() const;
@@ -119,11 +120,9 @@ class FrameSchedule {
   // The newest view.
   std::optional<protocol::View> view_;
   bool possible_ = false;
-  bool aimed_ = false;             // a frame ahead of it was requested
-  bool exact_requested_ = false;   // a frame of this very view was
-  bool wanted_requested_ = false;  // one of the wanted quality was
+  bool aimed_ = false;  // a frame ahead of it was requested
+  int quality_ = 0;     // of the newest frame of this very view that was requested; 0: none was
   bool last_requested_ = false;
-  int newest_quality_ = 0;  // of the newest request
 
   double jumped_at_ = 0.0;  // when the eye came to where it is, seconds
   // How long it stayed before the last two jumps, the newest first; infinite before there were any.

@@ -47,14 +47,15 @@ void LinkEstimate::update(const LinkState& state, std::uint64_t handed_out) {
   growWindow(arrived, waiting <= 0.0 && !was_under_way);
 
   // Only time during which bytes waited tells the link's rate; else the session was the slower one. Nothing can arrive
-  // in the first round trip of it.
+  // in the first round trip of it, so samples begin with what arrives first.
   if (busy && was_busy_) {
     queues_ = queues_ && late;
-    if (arrives_) {
-      busy_seconds_ += passed;
-      busy_bytes_ += arrived;
+    busy_seconds_ += passed;
+    busy_bytes_ += arrived;
+    if (arrives_ || arrived <= 0.0)
       takeSample(arrived > 0.0);
-    }
+    else
+      busy_seconds_ = busy_bytes_ = 0.0;
     arrives_ = arrives_ || arrived > 0.0;
   } else if (!busy) {
     busy_seconds_ = busy_bytes_ = 0.0;

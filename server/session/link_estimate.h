@@ -42,11 +42,12 @@ class LinkEstimate {
   static constexpr double kAssumedRate = 1e6;
   /// Bytes that a connection sends before the first acknowledgement: ten segments (RFC 6928).
   static constexpr double kFirstWindow = 14'600.0;
+  /// Once so many went through, a link that was not full yet counts as known (isKnown()).
   static constexpr double kKnownBytes = 2.0 * kFirstWindow;
 
  private:
   /// Bytes up to `end` were sent at `at`, seconds.
-  struct Sent {
+  struct Mark {
     double end, at;
   };
   void takeSent(double sent);
@@ -65,7 +66,7 @@ class LinkEstimate {
   bool queues_ = true;    // all the time since the last sample was taken, bytes waited in a queue on the way
   double busy_seconds_ = 0.0, busy_bytes_ = 0.0;  // since the last sample was taken
   double confirmed_ = 0.0;                        // bytes acknowledged so far
-  std::deque<Sent> sent_;                         // and not yet acknowledged, the oldest first
+  std::deque<Mark> sent_;                         // and not yet acknowledged, the oldest first
   double window_ = kFirstWindow;                  // bytes that TCP has under way at most, as far as its start tells
   double last_traffic_ = 0.0;                     // when bytes were last under way, seconds
 };

@@ -149,17 +149,21 @@ double Session::partBytes() const {
   return std::max(kMinPartBytes, kPartSeconds * link.rate());
 }
 
+/// The next part is as large as the link, as it is known by now, takes in kPartSeconds.
+base::Bytes Session::nextPart(protocol::PartSender& stream) const {
+  return stream.next(static_cast<std::size_t>(partBytes()));
+}
+
 /// A large message is begun in parts where it would occupy the link for long, and returned whole otherwise.
 std::optional<base::Bytes> Session::inParts(protocol::PartSender& stream, std::optional<base::Bytes> message) const {
-  const double bytes = partBytes();
-  if (!message || static_cast<double>(message->size()) <= 2.0 * bytes) return message;
-  stream.begin(std::move(*message), static_cast<std::size_t>(bytes));
-  return stream.next();
+  if (!message || static_cast<double>(message->size()) <= 2.0 * partBytes()) return message;
+  stream.begin(std::move(*message));
+  return nextPart(stream);
 }
 
 std::optional<base::Bytes> Session::nextOfFrames() {
   if (frame_parts_.empty()) return inParts(frame_parts_, nextFrame());
-  return frames_.linkIsFull() ? std::nullopt : std::optional(frame_parts_.next());
+  return frames_.linkIsFull() ? std::nullopt : std::optional(nextPart(frame_parts_));
 }
 
 std::optional<base::Bytes> Session::nextFrame() {
@@ -172,7 +176,7 @@ std::optional<base::Bytes> Session::nextFrame() {
 }
 
 std::optional<base::Bytes> Session::nextOfData() {
-  if (!data_parts_.empty()) return data_parts_.next();
+  if (!data_parts_.empty()) return nextPart(data_parts_);
   if (auto message = nextCoarse()) return inParts(data_parts_, std::move(message));
   return inParts(data_parts_, nextOther());
 }

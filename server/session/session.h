@@ -59,7 +59,7 @@ using FaceRequest = std::vector<repository::FaceKey>;
 /// Counts of one session, for the server's log.
 struct SessionCounts {
   std::uint64_t views = 0;                          ///< received
-  std::uint64_t groups = 0, faces = 0, frames = 0;  ///< sent
+  std::uint64_t groups = 0, faces = 0, frames = 0;  ///< sent; of frames some parts of which may have been given up
   std::uint64_t bytes = 0;                          ///< bytes of all messages that nextMessage() returned
   std::uint64_t missing = 0;                        ///< wanted faces that the store lacks (not baked yet)
   std::uint64_t corrupt = 0;                        ///< faces and blocks whose checksum failed
@@ -125,6 +125,7 @@ class Session {
   std::optional<base::Bytes> nextCoarse();
   double coarseBytesNext() const;
   double partBytes() const;
+  base::Bytes nextPart(protocol::PartSender& stream) const;
   std::optional<base::Bytes> nextWanted();
   std::optional<base::Bytes> nextPrefetch();
   std::optional<base::Bytes> groupMessage(std::uint32_t group);

@@ -15,14 +15,14 @@ base::Bytes counting(std::size_t size) {
 }
 
 Part nextOf(PartSender& sender) {
-  return std::get<Part>(*decodeServerMessage(sender.next()));
+  return std::get<Part>(*decodeServerMessage(sender.next(100)));
 }
 
 TEST(Parts, aMessageOfAnyLengthComesWhole) {
   for (const std::size_t size : {1U, 99U, 100U, 101U, 200U, 1234U}) {
     PartSender sender(Stream::kData);
     PartReceiver receiver;
-    sender.begin(counting(size), 100);
+    sender.begin(counting(size));
     std::size_t parts = 0;
     std::optional<base::Bytes> whole;
     for (; !sender.empty(); ++parts) {
@@ -39,8 +39,8 @@ TEST(Parts, aMessageOfAnyLengthComesWhole) {
 TEST(Parts, streamsAreApart) {
   PartSender data(Stream::kData), frames(Stream::kFrames);
   PartReceiver receiver;
-  data.begin(counting(300), 100);
-  frames.begin(counting(150), 100);
+  data.begin(counting(300));
+  frames.begin(counting(150));
   EXPECT_FALSE(*receiver.accept(nextOf(data)));
   EXPECT_FALSE(*receiver.accept(nextOf(frames)));
   EXPECT_FALSE(*receiver.accept(nextOf(data)));
@@ -51,11 +51,11 @@ TEST(Parts, streamsAreApart) {
 TEST(Parts, aFirstPartGivesUpWhatWasBegun) {
   PartSender sender(Stream::kFrames);
   PartReceiver receiver;
-  sender.begin(counting(300), 100);
+  sender.begin(counting(300));
   ASSERT_TRUE(receiver.accept(nextOf(sender)));
   sender.giveUp();
   EXPECT_TRUE(sender.empty());
-  sender.begin(counting(50), 100);
+  sender.begin(counting(50));
   EXPECT_EQ(**receiver.accept(nextOf(sender)), counting(50));
 }
 

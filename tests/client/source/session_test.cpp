@@ -337,13 +337,13 @@ TEST(Session, aMessageInPartsIsTakenWithItsLast) {
   Session session = ready();
   const base::Bytes face = s.sayFace({1, 1, 1, 3}, 5'000);
   protocol::PartSender parts(protocol::Stream::kData);
-  parts.begin(face, 2'000);
-  receive(session, parts.next());
+  parts.begin(face);
+  receive(session, parts.next(2'000));
   receive(session, s.sayGroup(0));
-  receive(session, parts.next());
+  receive(session, parts.next(2'000));
   EXPECT_EQ(session.stats().groups_received, 1U);
   EXPECT_EQ(session.stats().faces_received, 0U);
-  receive(session, parts.next());
+  receive(session, parts.next(2'000));
   EXPECT_EQ(session.stats().faces_received, 1U);
   EXPECT_EQ(session.stats().bytes_faces, face.size());
 }
@@ -352,12 +352,12 @@ TEST(Session, aConnectionThatBreaksLeavesNoPartsBehind) {
   const auto& s = server();
   Session session = ready();
   protocol::PartSender parts(protocol::Stream::kData);
-  parts.begin(s.sayFace({1, 1, 1, 3}, 5'000), 2'000);
-  receive(session, parts.next());
+  parts.begin(s.sayFace({1, 1, 1, 3}, 5'000));
+  receive(session, parts.next(2'000));
   session.disconnected("broken");
   session.connected();
   receive(session, s.sayWelcome());
-  refuses(session, parts.next());
+  refuses(session, parts.next(2'000));
 }
 
 TEST(Session, bytesAreCountedByKind) {

@@ -273,6 +273,15 @@ TEST(FrameSchedule, othersWaitBehindATenthOfASecondOfTheLinkWithAndWithoutFrames
   }
 }
 
+// Its server is not to be woken hundreds of times a second.
+TEST(FrameSchedule, aPeerThatTakesNothingIsSeldomLookedAt) {
+  FrameSchedule schedule{kReach};
+  for (int i = 0; i <= 300; ++i) schedule.link().update({0.01 * i, 50'000, 10'000, 1e-4}, 60'000);
+  ASSERT_TRUE(schedule.linkIsFull());
+  ASSERT_TRUE(schedule.wakeAt());
+  EXPECT_GT(*schedule.wakeAt(), 3.1);
+}
+
 // Ten segments go in the first round trip: what waits behind them costs the frame another one.
 TEST(FrameSchedule, othersThatWouldDelayTheFirstFrameWaitWhileItIsRendered) {
   Driven driven;

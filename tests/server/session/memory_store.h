@@ -113,4 +113,10 @@ struct TestScene {
   SceneData data;
 };
 
+/// The scene of a server that renders frames.
+inline TestScene& withFrames(TestScene& scene) {
+  scene.data.welcome.can_render_frames = true;
+  return scene;
+}
+
 }  // namespace server

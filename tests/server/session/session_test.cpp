@@ -477,11 +477,6 @@ TEST(Session, facesAlongTheMotionAreThoseOfTheNextView) {
 
 // ---- exact frames ----
 
-TestScene& withFrames(TestScene& scene) {
-  scene.data.welcome.can_render_frames = true;
-  return scene;
-}
-
 /// Returns the index of the first Frame, or the number of messages.
 std::size_t frameAt(const std::vector<ServerMessage>& messages) {
   const auto isFrame = [](const auto& message) { return std::holds_alternative<protocol::Frame>(message); };

@@ -20,12 +20,22 @@ constexpr double kRenderSeconds = 0.02;
 constexpr double kFirstWindow = 14'600.0, kWidestWindow = 70'000.0;
 
 /// A client behind the link: what came at which time, put together from parts.
-struct Played {
-  explicit Played(const SceneData& scene) : session(scene) {
+struct SlowClient {
+  /// `image_bytes`: of each stored image.
+  explicit SlowClient(std::size_t image_bytes) : scene(8, image_bytes), session(withFrames(scene).data) {
     say(protocol::Hello{protocol::kVersion, "test 1"});
     run(0.5);
   }
 
+  /// Looks from above, or from elsewhere, with frames of so many bytes, for so many seconds.
+  void look(std::uint32_t sequence, const glm::dvec3& from, std::size_t bytes_of_frames, double seconds) {
+    frame_bytes = bytes_of_frames;
+    protocol::View view = scene.view(sequence, from);
+    view.want_frame = true;
+    view.frame_quality = 95;
+    say(view);
+    run(seconds);
+  }
   void say(const protocol::ClientMessage& message) { EXPECT_TRUE(session.receive(protocol::encode(message))); }
   void run(double seconds) {
     for (const double end = now + seconds; now < end; now += kStep) step();
@@ -42,14 +52,15 @@ struct Played {
         received.begin(), received.end(), [](const auto& one) { return std::holds_alternative<Message>(one.second); }));
   }
 
+  TestScene scene;
   Session session;
   double now = 0.0;
-  std::size_t frame_bytes = 5'000;  // of each that is rendered from now on
+  std::size_t frame_bytes = 0;  // of each that is rendered from now on
   std::size_t parts = 0;
   std::vector<std::pair<double, protocol::ServerMessage>> received;
 
  private:
-  struct OnTheWay {
+  struct Delivery {
     double arrives;
     base::Bytes message;
   };
@@ -87,7 +98,7 @@ struct Played {
   }
   std::uint64_t unsent() const { return static_cast<std::uint64_t>(std::max(0.0, waiting() - window_)); }
   void tellLink() { session.setLink({now, unsent(), static_cast<std::uint64_t>(waiting()) - unsent(), kRoundTrip}); }
-  void accept(const OnTheWay& one) {
+  void accept(const Delivery& one) {
     auto message = protocol::decodeServerMessage(one.message);
     ASSERT_TRUE(message);
     if (const auto* part = std::get_if<protocol::Part>(&*message)) {
@@ -102,7 +113,7 @@ struct Played {
   }
 
   double free_at_ = 0.0, window_ = kFirstWindow;
-  std::vector<OnTheWay> on_the_way_;
+  std::vector<Delivery> on_the_way_;
   std::vector<std::pair<double, double>> unconfirmed_;  // bytes, and when their acknowledgement comes
   std::optional<std::pair<FrameRequest, double>> rendering_;
   protocol::PartReceiver receiver_;
@@ -111,25 +122,14 @@ struct Played {
 const glm::dvec3 kAbove(0.1, 0.05, 0.7);
 const glm::dvec3 kElsewhere(-0.3, 0.2, 0.5);
 
-protocol::View framesWanted(protocol::View view) {
-  view.want_frame = true;
-  view.frame_quality = 95;
-  return view;
-}
-
-// Images of 200 kB, and frames of the old view that take as long as these, are under way when the eye jumps.
+// Images of 200 kB, and frames of the old view that take two seconds, are under way when the eye jumps.
 TEST(SlowLink, aNewViewsFrameWaitsForAFewTenthsOfASecondWhateverIsUnderWay) {
-  TestScene scene(8, 200'000);
-  scene.data.welcome.can_render_frames = true;
   for (const double jump_after : {1.3, 2.0, 3.1, 4.7, 6.0}) {
     SCOPED_TRACE("a jump after " + std::to_string(jump_after) + " s");
-    Played client(scene.data);
-    client.say(framesWanted(scene.view(1, kAbove)));
-    client.run(jump_after);
-    client.frame_bytes = 5'000;
+    SlowClient client(200'000);
+    client.look(1, kAbove, 100'000, jump_after);
     const double jumped = client.now;
-    client.say(framesWanted(scene.view(2, kElsewhere)));
-    client.run(2.0);
+    client.look(2, kElsewhere, 5'000, 2.0);
     const double least = kRenderSeconds + 5'000.0 / kRate + 0.5 * kRoundTrip;
     EXPECT_LT(client.frameAt(2) - jumped, least + 0.3);
     EXPECT_GT(client.parts, 0U);
@@ -137,12 +137,8 @@ TEST(SlowLink, aNewViewsFrameWaitsForAFewTenthsOfASecondWhateverIsUnderWay) {
 }
 
 TEST(SlowLink, whatComesInPartsIsComplete) {
-  TestScene scene(8, 60'000);
-  scene.data.welcome.can_render_frames = true;
-  Played client(scene.data);
-  client.frame_bytes = 30'000;
-  client.say(framesWanted(scene.view(1, kAbove)));
-  client.run(60.0);
+  SlowClient client(60'000);
+  client.look(1, kAbove, 30'000, 60.0);
   EXPECT_EQ(client.count<protocol::Completion>(), 1U);
   EXPECT_EQ(client.count<protocol::Face>(), client.session.counts().faces);
   EXPECT_EQ(client.count<protocol::Refinement>(), client.session.counts().groups);
@@ -151,18 +147,11 @@ TEST(SlowLink, whatComesInPartsIsComplete) {
   EXPECT_GT(client.parts, client.received.size());
 }
 
-// A frame of half a second is under way when the eye jumps: nobody needs it any more.
 TEST(SlowLink, aFrameOfAViewThatIsGoneIsGivenUp) {
-  TestScene scene(8, 1'000);
-  scene.data.welcome.can_render_frames = true;
-  Played client(scene.data);
-  client.frame_bytes = 100'000;
-  client.say(framesWanted(scene.view(1, kAbove)));
-  client.run(1.0);
-  ASSERT_EQ(client.session.counts().frames, 1U);
-  client.frame_bytes = 5'000;
-  client.say(framesWanted(scene.view(2, kElsewhere)));
-  client.run(20.0);
+  SlowClient client(1'000);
+  client.look(1, kAbove, 100'000, 1.0);
+  ASSERT_EQ(client.session.counts().frames, 1U) << "which takes two seconds";
+  client.look(2, kElsewhere, 5'000, 20.0);
   EXPECT_EQ(client.frameAt(1), client.frameAt(2)) << "no frame of the first view came";
   EXPECT_EQ(client.count<protocol::Frame>(), client.session.counts().frames - 1);
 }
