@@ -102,6 +102,25 @@ FileDescriptor::~FileDescriptor() {
   if (fd_ >= 0) ::close(fd_);
 }
 
+Result<PositionedFile> PositionedFile::open(const std::string& path) {
+  LUMIGRID_ASSIGN_OR_RETURN(auto opened, openRegular(path));
+  return PositionedFile(path, std::move(opened.descriptor), opened.size);
+}
+
+Result<void> PositionedFile::readAt(std::uint64_t offset, std::span<std::uint8_t> out) const {
+  for (std::size_t done = 0; done < out.size();) {
+    const ssize_t n = ::pread(file_.get(), out.data() + done, out.size() - done, static_cast<off_t>(offset + done));
+    if (n < 0 && errno == EINTR) continue;
+    if (n < 0) return systemError(path_, "read", errno);
+    if (n == 0)
+      return Error{ErrorCode::kInvalidInput, path_ + ": ends at byte " + std::to_string(offset + done) +
+                                                 " instead of " + std::to_string(offset + out.size()) +
+                                                 "; copy or build the file again"};
+    done += static_cast<std::size_t>(n);
+  }
+  return {};
+}
+
 Result<MappedFile> MappedFile::open(const std::string& path) {
   LUMIGRID_ASSIGN_OR_RETURN(const auto opened, openRegular(path));
   MappedFile file;

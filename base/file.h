@@ -2,6 +2,7 @@
 // Reads whole files, and writes files that appear only when they are complete.
 #include <cstdint>
 #include <memory>
+#include <span>
 #include <string>
 #include <utility>
 
@@ -45,6 +46,26 @@ class FileDescriptor {
 
 /// Writes all the bytes from `offset` on. `path` is for errors: kNoSpace, kIo.
 Result<void> writeAllAt(const FileDescriptor& file, const std::string& path, std::uint64_t offset, ByteView bytes);
+
+/// A file that is read in parts, by position. It is not mapped: where the disk fails or somebody cuts the file, reading
+/// returns an error. May be read from several threads.
+class PositionedFile {
+ public:
+  /// Errors as readFile.
+  static Result<PositionedFile> open(const std::string& path);
+  /// Fills `out` with the bytes from `offset` on. Errors: kInvalidInput where the file ends before, kIo.
+  Result<void> readAt(std::uint64_t offset, std::span<std::uint8_t> out) const;
+  std::uint64_t size() const { return size_; }  ///< when it was opened
+  const std::string& path() const { return path_; }
+
+ private:
+  PositionedFile(std::string path, FileDescriptor file, std::uint64_t size)
+      : path_(std::move(path)), file_(std::move(file)), size_(size) {}
+
+  std::string path_;
+  FileDescriptor file_;
+  std::uint64_t size_;
+};
 
 /// A read-only memory map of a whole file.
 class MappedFile {

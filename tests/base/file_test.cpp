@@ -77,6 +77,24 @@ TEST_F(FileTest, errorsNameTheFileAndTheReason) {
   EXPECT_NE(directory.error().message.find("Is a directory"), std::string::npos) << directory.error().message;
 }
 
+TEST_F(FileTest, aFileReadByPositionMayBeCutMeanwhile) {
+  ASSERT_TRUE(base::writeFileAtomically(path("p"), base::Bytes{1, 2, 3, 4, 5}));
+  const auto file = base::PositionedFile::open(path("p"));
+  ASSERT_TRUE(file);
+  EXPECT_EQ(file->size(), 5U);
+  base::Bytes read(3);
+  ASSERT_TRUE(file->readAt(2, read));
+  EXPECT_EQ(read, (base::Bytes{3, 4, 5}));
+  EXPECT_TRUE(file->readAt(5, {}));
+
+  std::filesystem::resize_file(path("p"), 4);
+  const auto cut = file->readAt(2, read);
+  ASSERT_FALSE(cut);
+  EXPECT_EQ(cut.error().code, base::ErrorCode::kInvalidInput);
+  EXPECT_EQ(cut.error().message, path("p") + ": ends at byte 4 instead of 5; copy or build the file again");
+  EXPECT_FALSE(base::PositionedFile::open(path("missing")));
+}
+
 // Nobody writes into the pipe, and opening it must not wait. An earlier value of errno must not matter.
 TEST_F(FileTest, pipesAndDevicesAreRefusedAtOnce) {
   ASSERT_EQ(::mkfifo(path("pipe").c_str(), 0600), 0);
