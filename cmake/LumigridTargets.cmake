@@ -17,12 +17,13 @@ function(lumigrid_row name)
   set(LUMIGRID_MAY_LINK_${name} "${A_LINKS}" PARENT_SCOPE)
 endfunction()
 
-set(_any_base base base_gl base_egl base_hash base_http base_json base_png)
+set(_any_base base base_gl base_egl base_hash base_http base_jpeg base_json base_png)
 lumigrid_row(base LINKS glm::glm Threads::Threads)
 lumigrid_row(base_gl USES base LINKS gles)
 lumigrid_row(base_egl USES base base_gl LINKS egl)
 lumigrid_row(base_hash USES base LINKS OpenSSL::Crypto)
 lumigrid_row(base_http USES base LINKS CURL::libcurl)
+lumigrid_row(base_jpeg USES base LINKS turbojpeg JPEG::JPEG)
 lumigrid_row(base_json USES base base_hash LINKS nlohmann_json::nlohmann_json)
 lumigrid_row(base_png USES base LINKS PNG::PNG)
 lumigrid_row(mesh USES base base_png LINKS turbojpeg nlohmann_json::nlohmann_json)
@@ -36,40 +37,40 @@ lumigrid_row(sampling USES base)
 lumigrid_row(sampling_json USES base base_hash base_json sampling LINKS nlohmann_json::nlohmann_json)
 lumigrid_row(cache USES base)
 lumigrid_row(faces USES base)
-lumigrid_row(jpeg USES base faces LINKS turbojpeg JPEG::JPEG libwebp)
-lumigrid_row(frames USES base faces jpeg)
+lumigrid_row(face_image USES base base_jpeg faces LINKS libwebp)
+lumigrid_row(frames USES base faces face_image)
 lumigrid_row(packs USES base sampling)
 lumigrid_row(objects USES base base_hash base_http LINKS OpenSSL::Crypto)
 lumigrid_row(repository
-  USES base base_hash sampling sampling_json cache faces jpeg packs objects
+  USES base base_hash sampling sampling_json cache faces face_image packs objects
   LINKS lmdb nlohmann_json::nlohmann_json)
 lumigrid_row(protocol USES base sampling)
 lumigrid_row(plan USES base lod_patch sampling protocol)
 lumigrid_row(server_render USES ${_any_base} lod_patch lod_qsplat lod_draw)
 lumigrid_row(client_render USES base base_gl lod_patch lod_draw)
 lumigrid_row(server_bake
-  USES ${_any_base} lod_patch lod_draw sampling faces jpeg frames repository protocol plan server_render
+  USES ${_any_base} lod_patch lod_draw sampling faces face_image frames repository protocol plan server_render
   LINKS spdlog::spdlog)
 lumigrid_row(server_session USES base lod_patch sampling repository protocol plan)
 lumigrid_row(server_trial
-  USES base base_gl base_egl base_json lod_patch lod_draw sampling jpeg repository protocol plan client server_render
-       server_bake server_session)
+  USES base base_gl base_egl base_json lod_patch lod_draw sampling face_image repository protocol plan client
+       server_render server_bake server_session)
 lumigrid_row(server_net
-  USES ${_any_base} lod_patch lod_qsplat lod_draw sampling cache faces packs jpeg objects repository protocol plan
+  USES ${_any_base} lod_patch lod_qsplat lod_draw sampling cache faces packs objects repository protocol plan
        server_render server_bake server_session
   LINKS Boost::headers Threads::Threads spdlog::spdlog nlohmann_json::nlohmann_json)
 lumigrid_row(lumigrid
   USES ${_any_base} mesh lod_ingest lod_patch lod_patch_builder lod_qsplat lod_qsplat_builder lod_draw sampling
-       cache faces packs jpeg objects repository protocol server_render server_bake server_session server_trial
+       cache faces packs objects repository protocol server_render server_bake server_session server_trial
        server_net
   LINKS CLI11::CLI11 spdlog::spdlog nlohmann_json::nlohmann_json openmesh)
 lumigrid_row(client
   USES base base_gl lod_patch lod_qsplat lod_draw sampling faces packs cache protocol plan client_render)
 lumigrid_row(client_native
-  USES ${_any_base} lod_patch lod_qsplat lod_draw sampling sampling_json cache faces packs jpeg frames protocol client
+  USES ${_any_base} lod_patch lod_qsplat lod_draw sampling sampling_json cache faces packs frames protocol client
   LINKS Boost::headers Threads::Threads glfw imgui spdlog::spdlog nlohmann_json::nlohmann_json)
 lumigrid_row(lumigrid-view
-  USES ${_any_base} lod_patch lod_qsplat lod_draw sampling sampling_json cache faces packs jpeg protocol plan
+  USES ${_any_base} lod_patch lod_qsplat lod_draw sampling sampling_json cache faces packs protocol plan
        client client_native
   LINKS CLI11::CLI11 spdlog::spdlog nlohmann_json::nlohmann_json)
 lumigrid_row(client_web

@@ -21,9 +21,9 @@ TABLE = os.path.join(os.path.dirname(__file__), "..", "cmake", "LumigridTargets.
 FOLDERS = {
     "lumigrid": "server/cli", "lumigrid-view": "client/native", "lumigrid-compare": "compare",
     "sampling": "repository/sampling", "sampling_json": "repository/sampling", "cache": "repository (cache)",
-    "faces": "repository/faces", "jpeg": "repository/faces", "frames": "repository/faces", "packs": "repository/packs",
-    "objects": "repository/objects", "client": "client: app, source, viewer", "client_web_splats": "client/web",
-    "client_web_decode": "client/web", "client_web_check": "client/web",
+    "faces": "repository/faces", "face_image": "repository/faces", "frames": "repository/faces",
+    "packs": "repository/packs", "objects": "repository/objects", "client": "client: app, source, viewer",
+    "client_web_splats": "client/web", "client_web_decode": "client/web", "client_web_check": "client/web",
 }
 BASE = re.compile(r"base(_.*)?$")
 

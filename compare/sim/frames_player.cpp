@@ -1,7 +1,7 @@
 // Remote rendering by pictures, as trame and ParaViewWeb do it: the server draws and encodes the client's newest view
 // as soon as the last picture has left.
+#include "base/jpeg/jpeg.h"
 #include "compare/sim/remote_player.h"
-#include "repository/faces/jpeg.h"
 
 namespace compare {
 namespace {
@@ -19,11 +19,11 @@ class FramesPlayer final : public RemotePlayer {
   }
   base::Result<RemotePicture> encode(const base::ViewCamera& camera) override {
     const auto jpegOf = [this](const base::Image& rgb) {
-      return repository::encodeJpeg(rgb, quality_, repository::Subsampling::k420);
+      return base::encodeJpeg(rgb, quality_, base::Subsampling::k420);
     };
     return remotePicture(*stage().painter, camera, jpegOf);
   }
-  base::Result<base::Image> decode(base::ByteView coded) override { return repository::decodeJpeg(coded); }
+  base::Result<base::Image> decode(base::ByteView coded) override { return base::decodeJpeg(coded); }
 
   const int quality_;
   std::optional<View> newest_;  // not drawn yet

@@ -7,9 +7,9 @@
 
 #include "base/file.h"
 #include "base/format_text.h"
+#include "base/jpeg/jpeg.h"
 #include "base/png/png.h"
 #include "base/stopwatch.h"
-#include "repository/faces/jpeg.h"
 #include "server/bake/face_encoder.h"
 #include "server/bake/random_views.h"
 
@@ -57,7 +57,7 @@ std::vector<Tick> ticksOf(const base::CameraPath& path, const PlayOptions& optio
 
 Result<base::Bytes> jpegOf(const base::Image& rgb) {
   constexpr int kPageQuality = 80;  // a choice: 20 kB a picture
-  return repository::encodeJpeg(rgb, kPageQuality, repository::Subsampling::k420);
+  return base::encodeJpeg(rgb, kPageQuality, base::Subsampling::k420);
 }
 
 /// Plays the display's frames one after the other.

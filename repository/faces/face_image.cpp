@@ -4,9 +4,9 @@
 #include <string>
 #include <utility>
 
+#include "base/jpeg/jpeg.h"
 #include "repository/faces/coverage.h"
 #include "repository/faces/face_value.h"
-#include "repository/faces/jpeg.h"
 #include "repository/faces/webp.h"
 
 namespace repository {
@@ -43,7 +43,8 @@ base::Result<FacePixels> decodeFacePixels(base::ByteView value, int side) {
   LUMIGRID_ASSIGN_OR_RETURN(const auto face, decodeFaceValue(value));
   if (face.empty) return FacePixels();
   if (isWebp(face.picture)) return decodeWebpPixels(face, side);
-  LUMIGRID_ASSIGN_OR_RETURN(auto rgb, side == 0 ? decodeJpeg(face.picture) : decodeJpeg(face.picture, side));
+  LUMIGRID_ASSIGN_OR_RETURN(auto rgb,
+                            side == 0 ? base::decodeJpeg(face.picture) : base::decodeJpeg(face.picture, side));
   LUMIGRID_TRY(checkSize(rgb, side));
   LUMIGRID_ASSIGN_OR_RETURN(auto mask, decodeCoverage(face.coverage, rgb.width, rgb.height));
   return FacePixels{std::move(rgb), std::move(mask)};

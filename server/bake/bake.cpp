@@ -315,7 +315,7 @@ std::string codingText(const BakeOptions& options) {
   const auto line = [](const char* name, const char* value) {
     return std::string(",\n\"") + name + "\": \"" + value + "\"";
   };
-  return options.codec == repository::ImageCodec::kJpeg ? line("subsampling", repository::nameOf(options.subsampling))
+  return options.codec == repository::ImageCodec::kJpeg ? line("subsampling", base::nameOf(options.subsampling))
                                                         : line("codec", repository::nameOf(options.codec));
 }
 

@@ -10,12 +10,12 @@
 #include <vector>
 
 #include "base/error.h"
+#include "base/jpeg/jpeg.h"
 #include "base/json/scene_file.h"
 #include "base/resource_limits.h"
 #include "base/view_defaults.h"
 #include "lod/patch/format.h"
 #include "repository/faces/face_value.h"
-#include "repository/faces/jpeg.h"
 #include "repository/sampling/grid.h"
 #include "repository/sampling/sample_tree.h"
 #include "repository/sampling/shard.h"
@@ -37,10 +37,10 @@ struct BakeOptions {
   repository::Grid grid;
   repository::Shard shard;  ///< only the points of this shard are rendered; the default is all of them
   repository::ImageCodec codec = repository::ImageCodec::kJpeg;
-  int quality = base::ViewDefaults::kQuality;                           ///< 1..100
-  repository::Subsampling subsampling = repository::Subsampling::k420;  ///< of JPEG
-  float tolerance_px = base::ViewDefaults::kExactTolerance;             ///< face pixels
-  int supersampling = 2;                                                ///< samples along each side of a face pixel
+  int quality = base::ViewDefaults::kQuality;                ///< 1..100
+  base::Subsampling subsampling = base::Subsampling::k420;   ///< of JPEG
+  float tolerance_px = base::ViewDefaults::kExactTolerance;  ///< face pixels
+  int supersampling = 2;                                     ///< samples along each side of a face pixel
   /// Faces of up to 512 pixels per commit; of tiled ones, which are larger, as many fewer (facesPerCommit()).
   std::uint32_t batch_faces = 300;
   base::ResourceLimits limits;  ///< memory: of this process and those that draw for it, together

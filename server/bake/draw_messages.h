@@ -39,7 +39,7 @@ struct DrawOrder {
   repository::Grid grid;
   RenderOptions render;
   int quality = 0;
-  repository::Subsampling subsampling = repository::Subsampling::k420;
+  base::Subsampling subsampling = base::Subsampling::k420;
   repository::ImageCodec codec = repository::ImageCodec::kJpeg;
   std::uint64_t gpu_budget_bytes = 0;
   std::optional<repository::WantedTiles> tiles;

@@ -12,11 +12,11 @@
 #include <vector>
 
 #include "base/error.h"
+#include "base/jpeg/jpeg.h"
 #include "base/json/scene_file.h"
 #include "base/view_defaults.h"
 #include "lod/patch/format.h"
 #include "repository/faces/face_value.h"
-#include "repository/faces/jpeg.h"
 #include "repository/sampling/grid.h"
 #include "repository/sampling/key.h"
 #include "repository/sampling/wanted_tiles.h"
@@ -79,9 +79,9 @@ struct FaceWork {
   const lod::patch::PatchFile& patches;
   repository::Grid grid;
   RenderOptions render;
-  int quality = base::ViewDefaults::kQuality;                           ///< 1..100
-  repository::Subsampling subsampling = repository::Subsampling::k420;  ///< of JPEG
-  std::uint64_t gpu_budget_bytes = std::uint64_t{2} << 30;              ///< uploaded patches, of each context
+  int quality = base::ViewDefaults::kQuality;               ///< 1..100
+  base::Subsampling subsampling = base::Subsampling::k420;  ///< of JPEG
+  std::uint64_t gpu_budget_bytes = std::uint64_t{2} << 30;  ///< uploaded patches, of each context
   repository::ImageCodec codec = repository::ImageCodec::kJpeg;
   const repository::WantedTiles* tiles = nullptr;  ///< outlive whoever draws, too; null: all are stored
 };

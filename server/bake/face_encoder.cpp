@@ -40,7 +40,7 @@ base::Image withAlpha(const base::Image& rgba, const base::Image& alpha) {
   return result;
 }
 
-base::Result<EncodedImage> encodeImage(const base::Image& rgba, int quality, repository::Subsampling subsampling,
+base::Result<EncodedImage> encodeImage(const base::Image& rgba, int quality, base::Subsampling subsampling,
                                        std::uint8_t children, std::uint8_t least_alpha) {
   LUMIGRID_CHECK_EQ(rgba.channels, 4);
   EncodedImage image;
@@ -52,8 +52,7 @@ base::Result<EncodedImage> encodeImage(const base::Image& rgba, int quality, rep
   }
 
   const base::Image mask = coverageMask(rgba, least_alpha);
-  LUMIGRID_ASSIGN_OR_RETURN(auto jpeg,
-                            repository::encodeJpeg(repository::fillBackground(rgba, mask), quality, subsampling));
+  LUMIGRID_ASSIGN_OR_RETURN(auto jpeg, base::encodeJpeg(repository::fillBackground(rgba, mask), quality, subsampling));
   const base::Bytes coverage = repository::encodeCoverage(mask);
   image.jpeg_bytes = jpeg.size();
   image.coverage_bytes = coverage.size();

@@ -6,9 +6,9 @@
 #include "base/bytes.h"
 #include "base/error.h"
 #include "base/image.h"
+#include "base/jpeg/jpeg.h"
 #include "base/view_defaults.h"
 #include "repository/faces/face_value.h"
-#include "repository/faces/jpeg.h"
 
 namespace server {
 
@@ -27,9 +27,9 @@ inline constexpr std::uint8_t kStoredCoverage = 16;
 
 /// How a bake encodes its faces.
 struct FaceCoding {
-  int quality = base::ViewDefaults::kQuality;                           ///< 1..100
-  repository::Subsampling subsampling = repository::Subsampling::k420;  ///< of JPEG
-  std::uint32_t tile_depth = 0;  ///< depth of the finest tiles; 0: a face is one image
+  int quality = base::ViewDefaults::kQuality;               ///< 1..100
+  base::Subsampling subsampling = base::Subsampling::k420;  ///< of JPEG
+  std::uint32_t tile_depth = 0;                             ///< depth of the finest tiles; 0: a face is one image
   repository::ImageCodec codec = repository::ImageCodec::kJpeg;
   const std::vector<std::uint32_t>* wanted = nullptr;  ///< as chooseTiles() has it
 };
@@ -60,7 +60,7 @@ base::Image withAlpha(const base::Image& rgba, const base::Image& alpha);
 /// `rgba`: as RenderedPicture::rgba; `children`: as repository::FaceValue::children; `least_alpha`: from which on a
 /// pixel is model. Without a pixel of model and without children the value is an empty flag. The same picture gives the
 /// same bytes on every thread and machine with the same libjpeg-turbo.
-base::Result<EncodedImage> encodeImage(const base::Image& rgba, int quality, repository::Subsampling subsampling,
+base::Result<EncodedImage> encodeImage(const base::Image& rgba, int quality, base::Subsampling subsampling,
                                        std::uint8_t children = 0, std::uint8_t least_alpha = kStoredCoverage);
 
 /// The same as WebP, whose alpha, without loss, is the mask.

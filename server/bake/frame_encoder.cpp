@@ -39,7 +39,7 @@ base::Result<base::Bytes> encodeWebpFrame(const base::Image& rgba, int quality) 
 }
 
 base::Result<base::Bytes> encodeJpegFrame(const base::Image& rgba, int quality) {
-  const auto subsampling = quality < kFullChromaQuality ? repository::Subsampling::k420 : repository::Subsampling::k444;
+  const auto subsampling = quality < kFullChromaQuality ? base::Subsampling::k420 : base::Subsampling::k444;
   LUMIGRID_ASSIGN_OR_RETURN(auto image, encodeImage(rgba, quality, subsampling, 0, base::kCoverageThreshold));
   return std::move(image.value);
 }

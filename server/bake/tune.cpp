@@ -23,8 +23,7 @@ constexpr std::size_t kSamplePixels = std::size_t{1} << 26;  // 470 MB with thei
 constexpr std::size_t kMinTuneFaces = 8;                     // a choice: a mean of fewer faces says little
 constexpr int kBestQuality = 100;
 // The first of those with equally few bytes is taken, so more chroma comes first.
-constexpr std::array kSubsamplings = {repository::Subsampling::k444, repository::Subsampling::k422,
-                                      repository::Subsampling::k420};
+constexpr std::array kSubsamplings = {base::Subsampling::k444, base::Subsampling::k422, base::Subsampling::k420};
 
 /// A face with its filled background, which does not depend on quality.
 struct PreparedFace {
@@ -46,14 +45,14 @@ std::vector<PreparedFace> prepare(const std::vector<base::Image>& faces, unsigne
   return prepared;
 }
 
-base::Result<FaceMeasurement> measureFace(const PreparedFace& face, int quality, repository::Subsampling subsampling) {
-  LUMIGRID_ASSIGN_OR_RETURN(auto jpeg, repository::encodeJpeg(face.filled, quality, subsampling));
-  LUMIGRID_ASSIGN_OR_RETURN(auto back, repository::decodeJpeg(jpeg));
+base::Result<FaceMeasurement> measureFace(const PreparedFace& face, int quality, base::Subsampling subsampling) {
+  LUMIGRID_ASSIGN_OR_RETURN(auto jpeg, base::encodeJpeg(face.filled, quality, subsampling));
+  LUMIGRID_ASSIGN_OR_RETURN(auto back, base::decodeJpeg(jpeg));
   return FaceMeasurement{jpeg.size(), base::modelError(*face.rgba, back)};
 }
 
 base::Result<QualityMeasurement> measure(const std::vector<PreparedFace>& faces, int quality,
-                                         repository::Subsampling subsampling, unsigned threads) {
+                                         base::Subsampling subsampling, unsigned threads) {
   std::vector<std::optional<base::Result<FaceMeasurement>>> measured(faces.size());
   base::parallelFor(faces.size(), threads,
                     [&](std::size_t i) { measured[i].emplace(measureFace(faces[i], quality, subsampling)); });
@@ -68,7 +67,7 @@ base::Result<QualityMeasurement> measure(const std::vector<PreparedFace>& faces,
 
 /// The lowest quality that reaches `psnr_db`; psnr_db of the result is less when none does.
 base::Result<TuneChoice> lowestQuality(const std::vector<PreparedFace>& faces, double psnr_db,
-                                       repository::Subsampling subsampling, unsigned threads) {
+                                       base::Subsampling subsampling, unsigned threads) {
   auto best = measure(faces, kBestQuality, subsampling, threads);
   if (!best) return best.error();
   int reaches = kBestQuality;
@@ -118,7 +117,7 @@ std::size_t tuneFacesOf(std::uint32_t face_size) {
 }
 
 base::Result<QualityMeasurement> measureQuality(const std::vector<base::Image>& faces, int quality,
-                                                repository::Subsampling subsampling, unsigned threads) {
+                                                base::Subsampling subsampling, unsigned threads) {
   return measure(prepare(faces, threads), quality, subsampling, threads);
 }
 
@@ -127,7 +126,7 @@ base::Result<TuneChoice> tuneQuality(const std::vector<base::Image>& faces, doub
   const std::vector<PreparedFace> prepared = prepare(faces, threads);
   std::optional<TuneChoice> chosen;
   double best_db = 0.0;
-  for (const repository::Subsampling subsampling : kSubsamplings) {
+  for (const base::Subsampling subsampling : kSubsamplings) {
     LUMIGRID_ASSIGN_OR_RETURN(auto lowest, lowestQuality(prepared, psnr_db, subsampling, threads));
     best_db = std::max(best_db, lowest.psnr_db);
     if (lowest.psnr_db >= psnr_db && (!chosen || lowest.jpeg_bytes < chosen->jpeg_bytes)) chosen = lowest;

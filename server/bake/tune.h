@@ -7,9 +7,9 @@
 
 #include "base/error.h"
 #include "base/image.h"
+#include "base/jpeg/jpeg.h"
 #include "base/json/scene_file.h"
 #include "lod/patch/format.h"
-#include "repository/faces/jpeg.h"
 #include "server/bake/bake.h"
 
 namespace server {
@@ -21,7 +21,7 @@ inline constexpr std::size_t kTuneTiles = 1024;
 
 struct TuneChoice {
   int quality = 0;  ///< 1..100
-  repository::Subsampling subsampling = repository::Subsampling::k420;
+  base::Subsampling subsampling = base::Subsampling::k420;
   double psnr_db = 0.0;          ///< reached on the sample, at least the asked one
   std::uint64_t jpeg_bytes = 0;  ///< bytes of the whole sample; masks are the same at every quality
   std::size_t faces = 0;         ///< images in the sample: faces, or tiles
@@ -36,7 +36,7 @@ struct QualityMeasurement {
   double psnr_db = 0.0;
 };
 base::Result<QualityMeasurement> measureQuality(const std::vector<base::Image>& faces, int quality,
-                                                repository::Subsampling subsampling, unsigned threads);
+                                                base::Subsampling subsampling, unsigned threads);
 
 /// Finds for each subsampling the lowest quality that reaches `psnr_db` (by bisection: more quality is taken to come
 /// nearer), and returns the one of fewest bytes of these; among equals the one with more chroma. `faces`: as

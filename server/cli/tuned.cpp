@@ -33,7 +33,7 @@ bool readNumber(const Parameters& parameters, const char* name, T min, T max, T&
 
 // Reads all of the choice. Returns the name of the first parameter that is missing or out of range; null: none is.
 const char* readChoice(const Parameters& parameters, TuneChoice& choice) {
-  const auto subsampling = repository::subsamplingOf(valueOf(parameters, "subsampling"));
+  const auto subsampling = base::subsamplingOf(valueOf(parameters, "subsampling"));
   choice.subsampling = subsampling.value_or(choice.subsampling);
   if (!readNumber(parameters, "quality", 1, 100, choice.quality)) return "quality";
   if (!subsampling) return "subsampling";
@@ -59,7 +59,7 @@ Parameters withoutEncoding(Parameters parameters) {
 void storeChoice(const TuneChoice& choice, Parameters& parameters) {
   const auto put = [&](const char* name, const std::string& value) { parameters[kPrefix + std::string(name)] = value; };
   put("quality", std::to_string(choice.quality));
-  put("subsampling", repository::nameOf(choice.subsampling));
+  put("subsampling", base::nameOf(choice.subsampling));
   put("psnr", base::formatText("%.17g", choice.psnr_db));
   put("jpeg-bytes", std::to_string(choice.jpeg_bytes));
   put("faces", std::to_string(choice.faces));
@@ -77,13 +77,13 @@ base::Result<std::optional<TuneChoice>> storedChoice(const Parameters& parameter
 
 std::string describeChoice(const TuneChoice& choice) {
   return base::formatText("quality %d, %s: %.2f dB on %zu images, %s an image", choice.quality,
-                          repository::nameOf(choice.subsampling), choice.psnr_db, choice.faces,
+                          base::nameOf(choice.subsampling), choice.psnr_db, choice.faces,
                           formatBytes(choice.jpeg_bytes / choice.faces).c_str());
 }
 
 nlohmann::json tunedJson(const TuneChoice& choice) {
   return {{"quality", choice.quality},
-          {"subsampling", repository::nameOf(choice.subsampling)},
+          {"subsampling", base::nameOf(choice.subsampling)},
           {"psnr_db", choice.psnr_db},
           {"faces", choice.faces},
           {"jpeg_bytes", choice.jpeg_bytes}};

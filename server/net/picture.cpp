@@ -221,8 +221,8 @@ const char* contentTypeOf(PictureRequest::Format format) {
   return format == PictureRequest::Format::kPng ? "image/png" : "image/jpeg";
 }
 
-repository::Subsampling subsamplingFor(int quality) {
-  return quality >= 90 ? repository::Subsampling::k444 : repository::Subsampling::k420;
+base::Subsampling subsamplingFor(int quality) {
+  return quality >= 90 ? base::Subsampling::k444 : base::Subsampling::k420;
 }
 
 base::Result<PictureRequest> parsePictureRequest(const Query& query, std::uint64_t max_pixels,
@@ -272,8 +272,7 @@ base::Result<std::unique_ptr<PicturePainter>> PicturePainter::begin(const Pictur
 base::Result<std::unique_ptr<base::ImageRows>> PicturePainter::beginRows() {
   if (request_.format == PictureRequest::Format::kPng)
     return base::beginPng(camera_.width, camera_.height, request_.background ? 3 : 4, bytes_);
-  return repository::beginJpeg(camera_.width, camera_.height, request_.quality, subsamplingFor(request_.quality),
-                               bytes_);
+  return base::beginJpeg(camera_.width, camera_.height, request_.quality, subsamplingFor(request_.quality), bytes_);
 }
 
 base::Result<bool> PicturePainter::drawNextBand(SceneRenderer& renderer) {

@@ -9,9 +9,9 @@
 #include "base/camera.h"
 #include "base/error.h"
 #include "base/image_rows.h"
+#include "base/jpeg/jpeg.h"
 #include "base/json/scene_file.h"
 #include "base/view_defaults.h"
-#include "repository/faces/jpeg.h"
 #include "server/net/http_text.h"
 #include "server/render/background.h"
 #include "server/render/scene_renderer.h"
@@ -34,7 +34,7 @@ struct PictureRequest {
 
 const char* contentTypeOf(PictureRequest::Format format);
 /// From quality 90 on a JPEG's chroma has full resolution (4:4:4), as its loss would be visible.
-repository::Subsampling subsamplingFor(int quality);
+base::Subsampling subsamplingFor(int quality);
 
 /// `max_pixels`: of the picture, width times height. `background`: the scene's, which a JPEG has where the query names
 /// none; without one it is white. Errors are one line for the visitor, with the name that is wrong.

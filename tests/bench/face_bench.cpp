@@ -15,11 +15,11 @@
 #include <vector>
 
 #include "base/egl/headless.h"
+#include "base/jpeg/jpeg.h"
 #include "base/parallel.h"
 #include "base/picture_error.h"
 #include "repository/faces/coverage.h"
 #include "repository/faces/filler.h"
-#include "repository/faces/jpeg.h"
 #include "server/bake/bake.h"
 #include "server/bake/face_encoder.h"
 #include "server/bake/face_sample.h"
@@ -89,7 +89,7 @@ base::Bytes withStandardTables(const base::Image& rgb, int quality) {
 }
 
 base::Bytes withOwnTables(const base::Image& rgb, int quality) {
-  return must(repository::encodeJpeg(rgb, quality, repository::Subsampling::k420));
+  return must(base::encodeJpeg(rgb, quality, base::Subsampling::k420));
 }
 
 using Encode = std::function<base::Bytes(const Face&, int quality)>;
@@ -104,7 +104,7 @@ Point measure(const std::vector<Face>& faces, const Encode& encode, int quality)
   base::parallelFor(faces.size(), 0, [&](std::size_t f) {
     const base::Bytes jpeg = encode(faces[f], quality);
     bytes[f] = static_cast<double>(jpeg.size());
-    errors[f] = base::modelError(faces[f].rgba, must(repository::decodeJpeg(jpeg)));
+    errors[f] = base::modelError(faces[f].rgba, must(base::decodeJpeg(jpeg)));
   });
   base::PictureError all;
   for (const base::PictureError& error : errors) all.add(error);

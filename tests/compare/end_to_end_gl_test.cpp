@@ -5,13 +5,13 @@
 #include <filesystem>
 #include <thread>
 
+#include "base/jpeg/jpeg.h"
 #include "base/json/scene_file.h"
 #include "client/native/headless.h"
 #include "compare/accuracy.h"
 #include "compare/run.h"
 #include "repository/faces/coverage.h"
 #include "repository/faces/face_value.h"
-#include "repository/faces/jpeg.h"
 #include "repository/sampling/cube_face.h"
 #include "server/net/server.h"
 #include "tests/support/baked_statue.h"
@@ -40,7 +40,7 @@ class EndToEnd : public ::testing::Test {
     if (!bytes || !bytes->has_value()) return {};
     auto value = repository::decodeFaceValue(**bytes);
     if (!value || value->empty) return {};
-    auto rgb = repository::decodeJpeg(value->picture);
+    auto rgb = base::decodeJpeg(value->picture);
     if (!rgb) return {};
     base::Image rgba(rgb->width, rgb->height, 4);
     base::Image mask(rgb->width, rgb->height, 1);

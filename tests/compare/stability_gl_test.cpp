@@ -12,12 +12,12 @@
 
 #include "base/file.h"
 #include "base/format_text.h"
+#include "base/jpeg/jpeg.h"
 #include "base/json/camera_file.h"
 #include "base/png/png.h"
 #include "compare/accuracy.h"
 #include "compare/csv.h"
 #include "compare/sim/matrix.h"
-#include "repository/faces/jpeg.h"
 #include "repository/store.h"
 #include "tests/support/failure_meshes.h"
 #include "tests/support/made_scene.h"
@@ -238,7 +238,7 @@ class Stability : public testing::TestWithParam<Failure> {
         for (int y = 0; y < height; ++y)
           std::copy_n(sheet_[r][c].at(0, y), 3 * kCell,
                       all.at(static_cast<int>(c) * kCell, static_cast<int>(r) * height + y));
-    const auto jpeg = repository::encodeJpeg(all, 80, repository::Subsampling::k420);
+    const auto jpeg = base::encodeJpeg(all, 80, base::Subsampling::k420);
     ASSERT_TRUE(jpeg);
     EXPECT_TRUE(base::writeFileAtomically(reportFolder() + "/stability.jpg", *jpeg));
   }

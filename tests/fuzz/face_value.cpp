@@ -5,9 +5,9 @@
 
 #include "base/check.h"
 #include "base/crc32c.h"
+#include "base/jpeg/jpeg.h"
 #include "repository/faces/coverage.h"
 #include "repository/faces/face_image.h"
-#include "repository/faces/jpeg.h"
 #include "tests/fuzz/fuzz.h"
 
 namespace {
@@ -34,8 +34,7 @@ std::vector<base::Bytes> seeds() {
   const base::Bytes coverage(9, 1);
   base::Image mask(kSide, kSide, 1);
   for (int y = 4; y < 12; ++y) std::fill_n(mask.at(y, y), 4, std::uint8_t{255});
-  const base::Bytes real_jpeg =
-      *repository::encodeJpeg(base::Image(kSide, kSide, 3), 80, repository::Subsampling::k420);
+  const base::Bytes real_jpeg = *base::encodeJpeg(base::Image(kSide, kSide, 3), 80, base::Subsampling::k420);
   const base::Bytes real_coverage = repository::encodeCoverage(mask);
   return {repository::encodeFaceValue({}), repository::encodeFaceValue({false, real_jpeg, real_coverage}),
           repository::encodeFaceValue({false, jpeg, coverage}), repository::encodeFaceValue({false, jpeg, {}})};

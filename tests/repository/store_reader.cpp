@@ -17,9 +17,9 @@
 #include <thread>
 
 #include "base/crc32c.h"
+#include "base/jpeg/jpeg.h"
 #include "repository/faces/coverage.h"
 #include "repository/faces/face_value.h"
-#include "repository/faces/jpeg.h"
 #include "repository/store.h"
 
 namespace {
@@ -49,7 +49,7 @@ class Reader {
     const auto value = repository::decodeFaceValue(bytes);
     if (!value) return fault(key, value.error().message);
     if (!value->empty) {
-      const auto image = repository::decodeJpeg(value->picture, 16384);
+      const auto image = base::decodeJpeg(value->picture, 16384);
       if (!image) return fault(key, image.error().message);
       if (const auto mask = repository::decodeCoverage(value->coverage, image->width, image->height); !mask)
         return fault(key, mask.error().message);

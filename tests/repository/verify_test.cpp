@@ -2,9 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include "base/jpeg/jpeg.h"
 #include "repository/faces/coverage.h"
 #include "repository/faces/face_value.h"
-#include "repository/faces/jpeg.h"
 #include "tests/support/temporary_directory.h"
 
 namespace repository {
@@ -13,7 +13,7 @@ namespace {
 constexpr std::uint32_t kFace = 24;
 
 base::Bytes goodValue(int side = kFace) {
-  const base::Bytes jpeg = *encodeJpeg(base::Image(side, side, 3), 80, Subsampling::k420);
+  const base::Bytes jpeg = *base::encodeJpeg(base::Image(side, side, 3), 80, base::Subsampling::k420);
   base::Image mask(kFace, kFace, 1);
   mask.pixels[5] = 255;
   return encodeFaceValue({false, jpeg, encodeCoverage(mask)});
@@ -97,7 +97,7 @@ TEST_F(VerifyTest, aPictureOfAnotherSizeIsFound) {
 }
 
 TEST_F(VerifyTest, aMaskThatCannotBeDecodedIsFound) {
-  const base::Bytes jpeg = *encodeJpeg(base::Image(kFace, kFace, 3), 80, Subsampling::k420);
+  const base::Bytes jpeg = *base::encodeJpeg(base::Image(kFace, kFace, 3), 80, base::Subsampling::k420);
   put({0, 1, 0, 0}, encodeFaceValue({false, jpeg, base::Bytes{1, 2, 3}}));
   expectOneFault("(0, 1, 0, 0)", "coverage");
 }
@@ -198,7 +198,7 @@ class VerifyTilesTest : public testing::Test {
   }
   static FaceKey key(std::uint32_t tile) { return {1, 0, 1, 2, tile}; }
   void put(std::uint32_t tile, std::uint8_t children) {
-    const base::Bytes jpeg = *encodeJpeg(base::Image(kTileSide, kTileSide, 3), 80, Subsampling::k420);
+    const base::Bytes jpeg = *base::encodeJpeg(base::Image(kTileSide, kTileSide, 3), 80, base::Subsampling::k420);
     EXPECT_TRUE(store_->putBatch({{key(tile), encodeFaceValue({false, jpeg, {}, children})}}));
   }
   std::vector<std::string> faults() { return *verify(*store_, grid_, nullptr, 2); }

@@ -76,7 +76,7 @@ home 'boost/' server/net client/native
 home 'lmdb' repository
 home 'curl/' base/http
 home 'EGL/' base/egl
-home 'turbojpeg|jpeglib' repository/faces mesh
+home 'turbojpeg|jpeglib' base/jpeg mesh
 home 'webp/' repository/faces
 home 'GLES3/' base/gl base/egl client/native client/web
 home 'meshoptimizer'  # a peer in benchmarks only

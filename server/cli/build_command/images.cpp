@@ -42,10 +42,8 @@ repository::Grid gridFor(const BuildArguments& a, const base::Scene& scene) {
   return a.tile_depth == 0 ? grid : repository::withTiles(grid, a.tile_depth);
 }
 
-repository::Subsampling subsamplingOf(const std::string& name) {
-  return name == "444"   ? repository::Subsampling::k444
-         : name == "422" ? repository::Subsampling::k422
-                         : repository::Subsampling::k420;
+base::Subsampling subsamplingOf(const std::string& name) {
+  return name == "444" ? base::Subsampling::k444 : name == "422" ? base::Subsampling::k422 : base::Subsampling::k420;
 }
 
 // This program, to draw in several processes.

@@ -7,9 +7,9 @@
 #include <map>
 #include <thread>
 
+#include "base/jpeg/jpeg.h"
 #include "repository/faces/coverage.h"
 #include "repository/faces/face_value.h"
-#include "repository/faces/jpeg.h"
 #include "repository/faces/webp.h"
 
 namespace client {
@@ -24,7 +24,7 @@ base::Bytes halfCovered() {
       rgb.at(x, y)[0] = 200;
       mask.at(x, y)[0] = x < 8 ? 255 : 0;
     }
-  const base::Bytes jpeg = *repository::encodeJpeg(rgb, 90, repository::Subsampling::k444);
+  const base::Bytes jpeg = *base::encodeJpeg(rgb, 90, base::Subsampling::k444);
   const base::Bytes coverage = repository::encodeCoverage(mask);
   return repository::encodeFaceValue({.empty = false, .picture = jpeg, .coverage = coverage});
 }
@@ -50,7 +50,7 @@ TEST(NativeDecoder, alphaIsCoverageAndColourIsNotPremultiplied) {
 
 TEST(NativeDecoder, withoutAMaskEveryPixelIsModel) {
   base::Image rgb(8, 8, 3);
-  const base::Bytes jpeg = *repository::encodeJpeg(rgb, 90, repository::Subsampling::k420);
+  const base::Bytes jpeg = *base::encodeJpeg(rgb, 90, base::Subsampling::k420);
   const auto decoded =
       decodeFaceImage(1, repository::encodeFaceValue({.empty = false, .picture = jpeg, .coverage = {}}));
   ASSERT_FALSE(decoded.rgba.empty()) << decoded.error;

@@ -4,10 +4,10 @@
 #include <limits>
 #include <set>
 
+#include "base/jpeg/jpeg.h"
 #include "repository/faces/coverage.h"
 #include "repository/faces/face_image.h"
 #include "repository/faces/face_value.h"
-#include "repository/faces/jpeg.h"
 #include "repository/sampling/cube_face.h"
 #include "server/render/scene_renderer.h"
 #include "tests/client/viewer/viewer_fixture.h"
@@ -71,7 +71,7 @@ base::Bytes valueOf(const base::Image& rgba, std::uint8_t children) {
       any = any || mask.at(x, y)[0] != 0;
     }
   if (!any) return repository::encodeFaceValue({});
-  const auto jpeg = repository::encodeJpeg(rgb, 95, repository::Subsampling::k444);
+  const auto jpeg = base::encodeJpeg(rgb, 95, base::Subsampling::k444);
   EXPECT_TRUE(bool(jpeg));
   const base::Bytes coverage = repository::encodeCoverage(mask);
   return repository::encodeFaceValue({false, *jpeg, coverage, children});

@@ -2,9 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include "base/jpeg/jpeg.h"
 #include "repository/faces/coverage.h"
 #include "repository/faces/face_value.h"
-#include "repository/faces/jpeg.h"
 
 namespace repository {
 namespace {
@@ -21,7 +21,7 @@ base::Bytes face(bool masked) {
       rgb.at(x, y)[0] = 200;
       mask.at(x, y)[0] = masked && x < 8 ? 0 : 255;
     }
-  const base::Bytes jpeg = *encodeJpeg(rgb, 95, Subsampling::k444);
+  const base::Bytes jpeg = *base::encodeJpeg(rgb, 95, base::Subsampling::k444);
   const base::Bytes coverage = encodeCoverage(mask);
   EXPECT_EQ(coverage.empty(), !masked);
   return encodeFaceValue({false, jpeg, coverage});
@@ -65,7 +65,7 @@ TEST(FaceImage, everyTruncationIsAnError) {
 }
 
 TEST(FaceImage, aBrokenMaskIsAnError) {
-  const base::Bytes jpeg = *encodeJpeg(base::Image(16, 16, 3), 80, Subsampling::k420);
+  const base::Bytes jpeg = *base::encodeJpeg(base::Image(16, 16, 3), 80, base::Subsampling::k420);
   EXPECT_FALSE(decodeFaceImage(encodeFaceValue({false, jpeg, base::Bytes{1, 2, 3}}), 16));
 }
 

@@ -2,10 +2,10 @@
 
 #include <gtest/gtest.h>
 
+#include "base/jpeg/jpeg.h"
 #include "repository/faces/coverage.h"
 #include "repository/faces/face_image.h"
 #include "repository/faces/face_value.h"
-#include "repository/faces/jpeg.h"
 #include "repository/faces/webp.h"
 
 namespace repository {
@@ -40,13 +40,13 @@ TEST(FrameImage, webpIsToldByItsFirstBytes) {
   const base::Bytes webp = *encodeWebp(translucent(), 90);
   EXPECT_TRUE(isWebp(webp));
   EXPECT_FALSE(isWebp(base::ByteView(webp).first(11)));
-  EXPECT_FALSE(isWebp(*encodeJpeg(base::Image(16, 16, 3), 90, Subsampling::k444)));
+  EXPECT_FALSE(isWebp(*base::encodeJpeg(base::Image(16, 16, 3), 90, base::Subsampling::k444)));
 }
 
 TEST(FrameImage, aFaceDecodesAsAFace) {
   base::Image mask(16, 16, 1);
   *mask.at(3, 3) = 255;
-  const base::Bytes jpeg = *encodeJpeg(base::Image(16, 16, 3), 90, Subsampling::k444);
+  const base::Bytes jpeg = *base::encodeJpeg(base::Image(16, 16, 3), 90, base::Subsampling::k444);
   const base::Bytes coverage = encodeCoverage(mask);
   const base::Bytes value = encodeFaceValue({.empty = false, .picture = jpeg, .coverage = coverage});
   EXPECT_EQ(decodeFrameImage(value, kMaxPixels)->pixels, decodeFaceImage(value, 16)->pixels);

@@ -181,7 +181,7 @@ TEST_F(BakeTest, otherParametersAreRefusedByName) {
   const BakeOptions good = options_;
   std::vector<std::pair<BakeOptions, std::string>> others(5, {good, ""});
   others[0].first.quality = 70, others[0].second = "quality";
-  others[1].first.subsampling = repository::Subsampling::k444, others[1].second = "subsampling";
+  others[1].first.subsampling = base::Subsampling::k444, others[1].second = "subsampling";
   others[2].first.tolerance_px = 2.0F, others[2].second = "tolerance";
   others[3].first.supersampling = 1, others[3].second = "supersampling";
   others[4].first.grid = repository::makeGrid(scene_.scene().localBox(), 4, 0.5F, 64), others[4].second = "grid";

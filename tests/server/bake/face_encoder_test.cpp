@@ -28,7 +28,7 @@ base::Image disc(int side, int radius) {
 TEST(FaceEncoder, aFaceThatSeesNothingIsAnEmptyFlag) {
   base::Image image(64, 64, 4);
   paint(image, 3, 3, 255, 255, 255, kStoredCoverage - 1);  // less than a sixteenth of a pixel is nothing
-  const auto face = encodeImage(image, 85, repository::Subsampling::k420);
+  const auto face = encodeImage(image, 85, base::Subsampling::k420);
   ASSERT_TRUE(face);
   EXPECT_TRUE(face->empty);
   EXPECT_EQ(face->value.size(), 8U);
@@ -38,7 +38,7 @@ TEST(FaceEncoder, aFaceThatSeesNothingIsAnEmptyFlag) {
 TEST(FaceEncoder, onePixelOfModelIsAnImage) {
   base::Image image(64, 64, 4);
   paint(image, 3, 3, 255, 255, 255, kStoredCoverage);
-  const auto face = encodeImage(image, 85, repository::Subsampling::k420);
+  const auto face = encodeImage(image, 85, base::Subsampling::k420);
   ASSERT_TRUE(face);
   EXPECT_FALSE(face->empty);
   const auto value = repository::decodeFaceValue(face->value);
@@ -51,9 +51,9 @@ TEST(FaceEncoder, onePixelOfModelIsAnImage) {
 
 TEST(FaceEncoder, modelPixelsComeBackNearTheirColours) {
   const base::Image image = disc(128, 40);
-  const auto face = encodeImage(image, 90, repository::Subsampling::k420);
+  const auto face = encodeImage(image, 90, base::Subsampling::k420);
   const auto value = repository::decodeFaceValue(face->value);
-  const auto picture = repository::decodeJpeg(value->picture);
+  const auto picture = base::decodeJpeg(value->picture);
   const auto mask = repository::decodeCoverage(value->coverage, 128, 128);
   ASSERT_TRUE(picture && mask);
   double sum = 0.0;
@@ -74,7 +74,7 @@ TEST(FaceEncoder, aPictureFullOfModelHasNoMask) {
   for (int y = 0; y < 32; ++y) {
     for (int x = 0; x < 32; ++x) paint(image, x, y, 10, 20, 30, 255);
   }
-  const auto face = encodeImage(image, 85, repository::Subsampling::k420);
+  const auto face = encodeImage(image, 85, base::Subsampling::k420);
   ASSERT_TRUE(face);
   EXPECT_EQ(face->coverage_bytes, 0U);
   EXPECT_EQ(face->value.size(), 16 + face->jpeg_bytes);
@@ -86,25 +86,25 @@ TEST(FaceEncoder, fillerCostsAJpegLessThanBlackBackground) {
   for (int y = 0; y < 256; ++y) {
     for (int x = 0; x < 256; ++x) std::copy_n(image.at(x, y), 3, black.at(x, y));
   }
-  const auto filled = encodeImage(image, 85, repository::Subsampling::k420);
-  EXPECT_LT(filled->jpeg_bytes * 10, repository::encodeJpeg(black, 85, repository::Subsampling::k420)->size() * 9);
+  const auto filled = encodeImage(image, 85, base::Subsampling::k420);
+  EXPECT_LT(filled->jpeg_bytes * 10, base::encodeJpeg(black, 85, base::Subsampling::k420)->size() * 9);
 }
 
 TEST(FaceEncoder, sidesThatAreNoMultipleOfABlockWork) {
   for (const int side : {1, 7, 9, 33}) {
     base::Image image(side, side, 4);
     paint(image, side - 1, side - 1, 1, 2, 3, 255);
-    const auto face = encodeImage(image, 85, repository::Subsampling::k422);
+    const auto face = encodeImage(image, 85, base::Subsampling::k422);
     ASSERT_TRUE(face);
-    const auto picture = repository::decodeJpeg(repository::decodeFaceValue(face->value)->picture);
+    const auto picture = base::decodeJpeg(repository::decodeFaceValue(face->value)->picture);
     ASSERT_TRUE(picture);
     EXPECT_EQ(picture->width, side);
   }
 }
 
 TEST(FaceEncoder, theSamePictureGivesTheSameBytes) {
-  EXPECT_EQ(encodeImage(disc(100, 30), 85, repository::Subsampling::k420)->value,
-            encodeImage(disc(100, 30), 85, repository::Subsampling::k420)->value);
+  EXPECT_EQ(encodeImage(disc(100, 30), 85, base::Subsampling::k420)->value,
+            encodeImage(disc(100, 30), 85, base::Subsampling::k420)->value);
 }
 
 }  // namespace

@@ -6,10 +6,10 @@
 #include <array>
 #include <cmath>
 
+#include "base/jpeg/jpeg.h"
 #include "repository/faces/coverage.h"
 #include "repository/faces/face_image.h"
 #include "repository/faces/face_value.h"
-#include "repository/faces/jpeg.h"
 #include "server/bake/face_encoder.h"
 
 namespace server {
@@ -124,7 +124,7 @@ TEST(FacePyramid, aChequersDifferenceFromItsMeanIsItsAmplitude) {
 TEST(FacePyramid, thinLinesAreModelAtEveryDepth) {
   base::Image face = faceOf(2);
   paint(face, 16 + 300, 16, 1, 992, {250, 10, 10, 255});
-  const auto coded = encodeFace(face, {85, repository::Subsampling::k444, 2});
+  const auto coded = encodeFace(face, {85, base::Subsampling::k444, 2});
   ASSERT_TRUE(coded);
   ASSERT_FALSE(coded->tiles.empty());
   EXPECT_FALSE(coded->empty);
@@ -144,14 +144,14 @@ TEST(FacePyramid, thinLinesAreModelAtEveryDepth) {
 TEST(FacePyramid, encodedTilesNameTheirChildren) {
   base::Image face = faceOf(2);
   paintChequers(face, 16 + 400, 16 + 400, 200, 200);  // around the middle: a part of all four quarters
-  const auto coded = encodeFace(face, {85, repository::Subsampling::k420, 2});
+  const auto coded = encodeFace(face, {85, base::Subsampling::k420, 2});
   ASSERT_TRUE(coded);
   std::vector<ChosenTile> stored;
   std::uint64_t bytes = 0;
   for (const EncodedTile& tile : coded->tiles) {
     const auto value = repository::decodeFaceValue(tile.value);
     ASSERT_TRUE(value);
-    const auto picture = repository::decodeJpeg(value->picture);
+    const auto picture = base::decodeJpeg(value->picture);
     ASSERT_TRUE(picture);
     EXPECT_EQ(picture->width, 256);
     stored.push_back({tile.tile, value->children});
@@ -165,8 +165,8 @@ TEST(FacePyramid, encodedTilesNameTheirChildren) {
 TEST(FacePyramid, webpHoldsThePixelsAndTheMaskThatJpegHolds) {
   base::Image face = faceOf(2);
   paintChequers(face, 16 + 400, 16 + 400, 200, 200);
-  const auto jpeg = encodeFace(face, {95, repository::Subsampling::k444, 2});
-  const auto webp = encodeFace(face, {95, repository::Subsampling::k444, 2, repository::ImageCodec::kWebp});
+  const auto jpeg = encodeFace(face, {95, base::Subsampling::k444, 2});
+  const auto webp = encodeFace(face, {95, base::Subsampling::k444, 2, repository::ImageCodec::kWebp});
   ASSERT_TRUE(jpeg && webp);
   ASSERT_EQ(jpeg->tiles.size(), webp->tiles.size());
   EXPECT_EQ(webp->coverage_bytes, 0U);

@@ -14,7 +14,7 @@
 namespace server {
 namespace {
 
-using repository::Subsampling;
+using base::Subsampling;
 
 constexpr std::array kAll = {Subsampling::k420, Subsampling::k422, Subsampling::k444};
 
@@ -74,9 +74,8 @@ TEST(Tune, thePsnrIsThatOfAllModelPixelsTogether) {
   double samples = 0.0;
   std::uint64_t bytes = 0;
   for (const base::Image& face : sample) {
-    const auto jpeg =
-        repository::encodeJpeg(repository::fillBackground(face, coverageMask(face)), 40, Subsampling::k420);
-    const auto back = repository::decodeJpeg(*jpeg);
+    const auto jpeg = base::encodeJpeg(repository::fillBackground(face, coverageMask(face)), 40, Subsampling::k420);
+    const auto back = base::decodeJpeg(*jpeg);
     bytes += jpeg->size();
     for (int y = 0; y < face.height; ++y)
       for (int x = 0; x < face.width; ++x) {

@@ -6,8 +6,8 @@
 #include <thread>
 
 #include "base/egl/headless.h"
+#include "base/jpeg/jpeg.h"
 #include "base/png/png.h"
-#include "repository/faces/jpeg.h"
 #include "server/net/frame_renderer.h"
 #include "server/net/picture.h"
 #include "tests/server/net/loopback.h"
@@ -168,7 +168,7 @@ TEST_F(PictureTest, resolutionColoursFollowThePatchesErrors) {
 TEST_F(PictureTest, jpegsAreTheSamePicture) {
   const auto png = base::decodePng(paint(requestOf(kAslant + "&width=333&height=222&background=ffffff"), 333 * 17));
   const auto jpeg =
-      repository::decodeJpeg(paint(requestOf(kAslant + "&width=333&height=222&format=jpeg&quality=95"), 333 * 17));
+      base::decodeJpeg(paint(requestOf(kAslant + "&width=333&height=222&format=jpeg&quality=95"), 333 * 17));
   ASSERT_TRUE(png && jpeg);
   EXPECT_LT(compare(*png, *jpeg).mean, 1.0);
 }

@@ -1,4 +1,4 @@
-#include "repository/faces/jpeg.h"
+#include "base/jpeg/jpeg.h"
 
 // libjpeg's header needs these two before it.
 #include <cstddef>
@@ -13,7 +13,7 @@
 
 #include "base/check.h"
 
-namespace repository {
+namespace base {
 namespace {
 
 struct CloseHandle {
@@ -24,8 +24,8 @@ using Handle = std::unique_ptr<void, CloseHandle>;
 // Each call makes its own handle: threads may not share one, and in version 2.1.5 a handle that met broken data refuses
 // good data afterwards.
 
-base::Error jpegError(const std::string& problem) {
-  return {base::ErrorCode::kInvalidInput, "JPEG: " + problem};
+Error jpegError(const std::string& problem) {
+  return {ErrorCode::kInvalidInput, "JPEG: " + problem};
 }
 
 // --- Encoding. It uses libjpeg's own interface, since TurboJPEG 2.1 can neither make Huffman tables for the picture
@@ -36,9 +36,9 @@ constexpr std::size_t kBuffer = 64 * 1024;
 
 // Every call of libjpeg needs an `if (setjmp(failed_) != 0)` before it: errors jump there, past destructors. So the
 // functions that make these calls hold nothing that needs a destructor.
-class RowEncoder final : public base::ImageRows {
+class RowEncoder final : public ImageRows {
  public:
-  explicit RowEncoder(base::Bytes& out) : out_(out) {
+  explicit RowEncoder(Bytes& out) : out_(out) {
     jpeg_.err = jpeg_std_error(&errors_);
     jpeg_.client_data = this;
     errors_.error_exit = [](j_common_ptr common) {
@@ -64,7 +64,7 @@ class RowEncoder final : public base::ImageRows {
   RowEncoder(const RowEncoder&) = delete;
   RowEncoder& operator=(const RowEncoder&) = delete;
 
-  base::Result<void> start(int width, int height, int quality, Subsampling subsampling, bool own_tables) {
+  Result<void> start(int width, int height, int quality, Subsampling subsampling, bool own_tables) {
     if (setjmp(failed_) != 0) return jpegError(message_.data());
     jpeg_create_compress(&jpeg_);
     jpeg_.dest = &destination_;
@@ -84,7 +84,7 @@ class RowEncoder final : public base::ImageRows {
     return {};
   }
 
-  base::Result<void> add(const base::Image& rgb) override {
+  Result<void> add(const Image& rgb) override {
     LUMIGRID_CHECK_EQ(rgb.channels, 3);
     LUMIGRID_CHECK_EQ(static_cast<JDIMENSION>(rgb.width), jpeg_.image_width);
     LUMIGRID_CHECK(jpeg_.next_scanline + static_cast<JDIMENSION>(rgb.height) <= jpeg_.image_height);
@@ -105,7 +105,7 @@ class RowEncoder final : public base::ImageRows {
     self->destination_.free_in_buffer = kBuffer;
   }
 
-  base::Bytes& out_;
+  Bytes& out_;
   jpeg_compress_struct jpeg_{};
   jpeg_error_mgr errors_{};
   std::jmp_buf failed_{};
@@ -134,25 +134,25 @@ std::optional<Subsampling> subsamplingOf(std::string_view name) {
   return std::nullopt;
 }
 
-base::Result<std::unique_ptr<base::ImageRows>> beginJpeg(int width, int height, int quality, Subsampling subsampling,
-                                                         base::Bytes& out, bool own_tables) {
+Result<std::unique_ptr<ImageRows>> beginJpeg(int width, int height, int quality, Subsampling subsampling, Bytes& out,
+                                             bool own_tables) {
   LUMIGRID_CHECK(width > 0 && height > 0 && quality >= 1 && quality <= 100);
   auto rows = std::make_unique<RowEncoder>(out);
   LUMIGRID_TRY(rows->start(width, height, quality, subsampling, own_tables));
-  return std::unique_ptr<base::ImageRows>(std::move(rows));
+  return std::unique_ptr<ImageRows>(std::move(rows));
 }
 
-base::Result<base::Bytes> encodeJpeg(const base::Image& rgb, int quality, Subsampling subsampling) {
+Result<Bytes> encodeJpeg(const Image& rgb, int quality, Subsampling subsampling) {
   if (rgb.empty()) return jpegError("an image without pixels cannot be encoded");
-  base::Bytes bytes;
+  Bytes bytes;
   LUMIGRID_ASSIGN_OR_RETURN(auto rows, beginJpeg(rgb.width, rgb.height, quality, subsampling, bytes, true));
   LUMIGRID_TRY(rows->add(rgb));
   return bytes;
 }
 
-base::Result<base::Image> decodeJpeg(base::ByteView bytes, int max_side) {
+Result<Image> decodeJpeg(ByteView bytes, int max_side) {
   const Handle decompressor(tjInitDecompress());
-  if (decompressor == nullptr) return base::Error{base::ErrorCode::kNoSpace, "JPEG: no memory for a decoder"};
+  if (decompressor == nullptr) return Error{ErrorCode::kNoSpace, "JPEG: no memory for a decoder"};
 
   int width = 0;
   int height = 0;
@@ -169,11 +169,11 @@ base::Result<base::Image> decodeJpeg(base::ByteView bytes, int max_side) {
 
   // A warning (TJERR_WARNING) means broken data and a picture with grey parts, so it fails like an error. LIMITSCANS
   // stops progressive files that are made to keep a decoder busy.
-  base::Image image(width, height, 3);
+  Image image(width, height, 3);
   const int failed = tjDecompress2(decompressor.get(), bytes.data(), bytes.size(), image.pixels.data(), width, 0,
                                    height, TJPF_RGB, TJFLAG_ACCURATEDCT | TJFLAG_LIMITSCANS);
   if (failed != 0) return jpegError(tjGetErrorStr2(decompressor.get()));
   return image;
 }
 
-}  // namespace repository
+}  // namespace base

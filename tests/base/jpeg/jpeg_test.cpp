@@ -1,4 +1,4 @@
-#include "repository/faces/jpeg.h"
+#include "base/jpeg/jpeg.h"
 
 #include <gtest/gtest.h>
 #include <turbojpeg.h>
@@ -11,11 +11,11 @@
 #include <thread>
 #include <vector>
 
-namespace repository {
+namespace base {
 namespace {
 
-base::Image smoothImage(int width, int height) {
-  base::Image image(width, height, 3);
+Image smoothImage(int width, int height) {
+  Image image(width, height, 3);
   for (int y = 0; y < height; ++y) {
     for (int x = 0; x < width; ++x) {
       image.at(x, y)[0] = static_cast<std::uint8_t>(127.0 + 100.0 * std::sin(0.05 * x));
@@ -26,14 +26,14 @@ base::Image smoothImage(int width, int height) {
   return image;
 }
 
-double meanDifference(const base::Image& a, const base::Image& b) {
+double meanDifference(const Image& a, const Image& b) {
   double sum = 0.0;
   for (std::size_t i = 0; i < a.pixels.size(); ++i) sum += std::abs(int{a.pixels[i]} - int{b.pixels[i]});
   return sum / static_cast<double>(a.pixels.size());
 }
 
 TEST(Jpeg, aPictureComesBackNearlyTheSame) {
-  const base::Image image = smoothImage(200, 120);
+  const Image image = smoothImage(200, 120);
   for (const Subsampling subsampling : {Subsampling::k420, Subsampling::k422, Subsampling::k444}) {
     const auto bytes = encodeJpeg(image, 92, subsampling);
     ASSERT_TRUE(bytes) << bytes.error().message;
@@ -47,7 +47,7 @@ TEST(Jpeg, aPictureComesBackNearlyTheSame) {
 }
 
 TEST(Jpeg, higherQualityCostsBytesAndComesNearer) {
-  const base::Image image = smoothImage(256, 256);
+  const Image image = smoothImage(256, 256);
   const auto low = encodeJpeg(image, 20, Subsampling::k444);
   const auto high = encodeJpeg(image, 95, Subsampling::k444);
   ASSERT_TRUE(low && high);
@@ -56,26 +56,26 @@ TEST(Jpeg, higherQualityCostsBytesAndComesNearer) {
 }
 
 // Encodes with TurboJPEG, which uses the standard Huffman tables.
-base::Bytes withStandardTables(const base::Image& rgb, int quality, int samples) {
+Bytes withStandardTables(const Image& rgb, int quality, int samples) {
   void* handle = tjInitCompress();
   unsigned char* bytes = nullptr;
   unsigned long size = 0;
   EXPECT_EQ(tjCompress2(handle, rgb.pixels.data(), rgb.width, 0, rgb.height, TJPF_RGB, &bytes, &size, samples, quality,
                         TJFLAG_ACCURATEDCT),
             0);
-  base::Bytes all(bytes, bytes + size);
+  Bytes all(bytes, bytes + size);
   tjFree(bytes);
   tjDestroy(handle);
   return all;
 }
 
 TEST(Jpeg, ownTablesSaveBytesAndChangeNoPixel) {
-  const base::Image image = smoothImage(203, 121);
+  const Image image = smoothImage(203, 121);
   const std::pair<Subsampling, int> pairs[] = {
       {Subsampling::k420, TJSAMP_420}, {Subsampling::k422, TJSAMP_422}, {Subsampling::k444, TJSAMP_444}};
   for (const auto& [ours, theirs] : pairs) {
     for (const int quality : {1, 30, 85, 96, 100}) {
-      const base::Bytes standard = withStandardTables(image, quality, theirs);
+      const Bytes standard = withStandardTables(image, quality, theirs);
       const auto own = encodeJpeg(image, quality, ours);
       ASSERT_TRUE(own);
       EXPECT_LT(own->size() * 10, standard.size() * 9);
@@ -85,7 +85,7 @@ TEST(Jpeg, ownTablesSaveBytesAndChangeNoPixel) {
 }
 
 TEST(Jpeg, aPictureTooLargeForTheFormatIsAnError) {
-  const auto bytes = encodeJpeg(base::Image(65501, 1, 3), 85, Subsampling::k420);
+  const auto bytes = encodeJpeg(Image(65501, 1, 3), 85, Subsampling::k420);
   ASSERT_FALSE(bytes);
   EXPECT_NE(bytes.error().message.find("65500"), std::string::npos) << bytes.error().message;
 }
@@ -102,7 +102,7 @@ TEST(Jpeg, oddSizesAndOnePixelWork) {
 }
 
 TEST(Jpeg, theSamePictureGivesTheSameBytesFromEveryThread) {
-  const base::Image image = smoothImage(128, 128);
+  const Image image = smoothImage(128, 128);
   const auto expected = encodeJpeg(image, 85, Subsampling::k420);
   ASSERT_TRUE(expected);
   std::atomic<int> equal{0};
@@ -125,12 +125,12 @@ TEST(Jpeg, everyTruncationIsRefused) {
   ASSERT_TRUE(bytes);
   // libjpeg only warns when the end marker (the last two bytes) or any part of the data is missing.
   for (std::size_t size = 0; size < bytes->size(); ++size)
-    EXPECT_FALSE(decodeJpeg(base::ByteView(*bytes).first(size))) << size;
+    EXPECT_FALSE(decodeJpeg(ByteView(*bytes).first(size))) << size;
 }
 
 TEST(Jpeg, bytesThatAreNoJpegAreRefused) {
   std::mt19937 random(3);
-  base::Bytes bytes(500);
+  Bytes bytes(500);
   for (std::uint8_t& byte : bytes) byte = static_cast<std::uint8_t>(random());
   EXPECT_FALSE(decodeJpeg(bytes));
   bytes[0] = 0xFF, bytes[1] = 0xD8;
@@ -143,7 +143,7 @@ TEST(Jpeg, flippedBitsNeverCrashAndADecoderRecoversAfterThem) {
   ASSERT_TRUE(good);
   std::mt19937 random(5);
   for (int i = 0; i < 500; ++i) {
-    base::Bytes bytes = *good;
+    Bytes bytes = *good;
     for (int flips = 0; flips < 3; ++flips)
       bytes[random() % bytes.size()] ^= static_cast<std::uint8_t>(1U << random() % 8);
     const auto decoded = decodeJpeg(bytes, 256);
@@ -165,16 +165,16 @@ TEST(Jpeg, aPictureLargerThanAllowedIsRefusedBeforeItIsDecoded) {
 
 // A picture encoded row by row with the standard tables has the same pixels as one encoded whole with its own tables.
 TEST(JpegRows, anyDivisionIntoRowsGivesTheSamePicture) {
-  const base::Image image = smoothImage(117, 61);
+  const Image image = smoothImage(117, 61);
   for (const Subsampling subsampling : {Subsampling::k420, Subsampling::k444}) {
     const auto whole = decodeJpeg(*encodeJpeg(image, 85, subsampling));
     ASSERT_TRUE(whole);
     for (const int rows : {1, 7, 16, 61}) {
-      base::Bytes bytes;
+      Bytes bytes;
       auto jpeg = beginJpeg(image.width, image.height, 85, subsampling, bytes);
       ASSERT_TRUE(jpeg);
       for (int y = 0; y < image.height; y += rows) {
-        base::Image part(image.width, std::min(rows, image.height - y), 3);
+        Image part(image.width, std::min(rows, image.height - y), 3);
         std::copy_n(image.at(0, y), part.pixels.size(), part.pixels.begin());
         ASSERT_TRUE((*jpeg)->add(part));
       }
@@ -186,9 +186,9 @@ TEST(JpegRows, anyDivisionIntoRowsGivesTheSamePicture) {
 }
 
 TEST(JpegRows, sidesTooLargeForJpegAreAnError) {
-  base::Bytes bytes;
+  Bytes bytes;
   EXPECT_FALSE(beginJpeg(70'000, 1, 85, Subsampling::k420, bytes));
 }
 
 }  // namespace
-}  // namespace repository
+}  // namespace base
