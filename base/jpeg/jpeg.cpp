@@ -150,18 +150,35 @@ Result<Bytes> encodeJpeg(const Image& rgb, int quality, Subsampling subsampling)
   return bytes;
 }
 
-Result<Image> decodeJpeg(ByteView bytes, int max_side) {
-  const Handle decompressor(tjInitDecompress());
-  if (decompressor == nullptr) return Error{ErrorCode::kNoSpace, "JPEG: no memory for a decoder"};
+namespace {
 
-  int width = 0;
-  int height = 0;
+Result<JpegSize> readSize(void* decompressor, ByteView bytes) {
+  JpegSize size;
   int samples = 0;
   int colors = 0;
-  if (bytes.empty() ||
-      tjDecompressHeader3(decompressor.get(), bytes.data(), bytes.size(), &width, &height, &samples, &colors) != 0) {
-    return jpegError(bytes.empty() ? "no bytes" : tjGetErrorStr2(decompressor.get()));
-  }
+  if (bytes.empty()) return jpegError("no bytes");
+  if (tjDecompressHeader3(decompressor, bytes.data(), bytes.size(), &size.width, &size.height, &samples, &colors) != 0)
+    return jpegError(tjGetErrorStr2(decompressor));
+  return size;
+}
+
+Result<Handle> makeDecompressor() {
+  Handle decompressor(tjInitDecompress());
+  if (decompressor == nullptr) return Error{ErrorCode::kNoSpace, "JPEG: no memory for a decoder"};
+  return decompressor;
+}
+
+}  // namespace
+
+Result<JpegSize> readJpegSize(ByteView bytes) {
+  LUMIGRID_ASSIGN_OR_RETURN(const auto decompressor, makeDecompressor());
+  return readSize(decompressor.get(), bytes);
+}
+
+Result<Image> decodeJpeg(ByteView bytes, int max_side) {
+  LUMIGRID_ASSIGN_OR_RETURN(const auto decompressor, makeDecompressor());
+  LUMIGRID_ASSIGN_OR_RETURN(const auto size, readSize(decompressor.get(), bytes));
+  const auto [width, height] = size;
   if (width < 1 || height < 1 || width > max_side || height > max_side) {
     return jpegError(std::to_string(width) + " x " + std::to_string(height) + " pixels; the largest side taken is " +
                      std::to_string(max_side));

@@ -26,6 +26,12 @@ Result<Bytes> encodeJpeg(const Image& rgb, int quality, Subsampling subsampling)
 /// coefficients. The bytes are appended to `out`, which must outlive the result.
 Result<std::unique_ptr<ImageRows>> beginJpeg(int width, int height, int quality, Subsampling subsampling, Bytes& out,
                                              bool own_tables = false);
+/// The size that a JPEG's header says.
+struct JpegSize {
+  int width = 0, height = 0;
+};
+/// Reads the header alone, so that a caller can refuse a size before memory is taken for it.
+Result<JpegSize> readJpegSize(ByteView bytes);
 /// Decodes to RGB. Refuses broken data, also where libjpeg would only warn, and sides over `max_side` pixels.
 Result<Image> decodeJpeg(ByteView bytes, int max_side = 16384);
 

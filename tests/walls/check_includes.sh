@@ -35,6 +35,7 @@ done
 forbid lod/ingest 'lod/(patch|qsplat|draw)/|base/gl/'
 forbid lod/patch/builder 'lod/(qsplat|draw)/|base/gl/'
 forbid lod/qsplat/builder 'lod/(patch|draw)/|base/gl/'
+forbid lod/texture 'mesh/|lod/(ingest|patch|qsplat|draw)/|base/gl/'
 forbid lod/draw 'mesh/|lod/ingest/|lod/[a-z]+/builder/'
 forbid repository '(mesh|lod|protocol|plan|server|client|compare|tests)/'
 forbid repository/sampling 'repository/(faces|packs|objects|[a-z_]+[.]h)'
@@ -78,6 +79,7 @@ home 'curl/' base/http
 home 'EGL/' base/egl
 home 'turbojpeg|jpeglib' base/jpeg mesh
 home 'webp/' repository/faces
+home 'zlib' lod/texture
 home 'GLES3/' base/gl base/egl client/native client/web
 home 'meshoptimizer'  # a peer in benchmarks only
 home 'GLFW|imgui' client/native

@@ -157,6 +157,8 @@ TEST(Jpeg, flippedBitsNeverCrashAndADecoderRecoversAfterThem) {
 TEST(Jpeg, aPictureLargerThanAllowedIsRefusedBeforeItIsDecoded) {
   const auto bytes = encodeJpeg(smoothImage(300, 20), 85, Subsampling::k420);
   ASSERT_TRUE(bytes);
+  EXPECT_EQ(readJpegSize(*bytes)->width, 300);
+  EXPECT_EQ(readJpegSize(*bytes)->height, 20);
   EXPECT_TRUE(decodeJpeg(*bytes, 300));
   const auto refused = decodeJpeg(*bytes, 299);
   ASSERT_FALSE(refused);
