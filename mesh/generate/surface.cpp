@@ -19,13 +19,13 @@ std::uint32_t latticeHash(std::int64_t x, std::int64_t y, std::int64_t z, std::u
   return h ^ (h >> 16U);
 }
 
-namespace {
-
 // Truncates and corrects negatives: the same as floor(), without a call.
 std::int64_t floorToInt(double x) {
   const auto i = static_cast<std::int64_t>(x);
   return static_cast<double>(i) > x ? i - 1 : i;
 }
+
+namespace {
 
 double quintic(double t) {
   return t * t * t * (t * (t * 6.0 - 15.0) + 10.0);
@@ -72,6 +72,15 @@ double valueNoise(const glm::dvec3& p, std::uint32_t seed) {
   const double far = mixed(mixed(corner(x, y, z + 1, seed), corner(x + 1, y, z + 1, seed), u),
                            mixed(corner(x, y + 1, z + 1, seed), corner(x + 1, y + 1, z + 1, seed), u), v);
   return mixed(near, far, w);
+}
+
+double valueNoise(const glm::dvec2& p, std::uint32_t seed) {
+  const std::int64_t x = floorToInt(p.x);
+  const std::int64_t y = floorToInt(p.y);
+  const double u = quintic(p.x - static_cast<double>(x));
+  const double v = quintic(p.y - static_cast<double>(y));
+  return mixed(mixed(corner(x, y, 0, seed), corner(x + 1, y, 0, seed), u),
+               mixed(corner(x, y + 1, 0, seed), corner(x + 1, y + 1, 0, seed), u), v);
 }
 
 double sinQuarter(double x) {

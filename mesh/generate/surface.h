@@ -41,6 +41,10 @@ std::uint32_t latticeHash(std::int64_t x, std::int64_t y, std::int64_t z, std::u
 /// Value noise on the integer lattice with quintic blending, in [−1, 1], with mean 0 and about one bump per unit
 /// length.
 double valueNoise(const glm::dvec3& p, std::uint32_t seed);
+/// The same in the plane, in about half of the time.
+double valueNoise(const glm::dvec2& p, std::uint32_t seed);
+/// floor(), for values within 63 bits.
+std::int64_t floorToInt(double x);
 /// sin(x · 90°) for x in [0, 1]; absolute error below 1e-9.
 double sinQuarter(double x);
 /// A wave of period 1 made of parabolas: 0 at 0, 1 at 0.25, −1 at 0.75.

@@ -58,7 +58,7 @@ int main(int argc, char** argv) {
   add("render", "Render a picture of a scene to PNG.", addRender);
   add("tour", "Write a camera path around a scene, for lumigrid-view --headless and lumigrid-compare.", addTour);
   add(kDrawCommand, "Draw images for a build that started this.", addDraw)->group("");  // not in --help
-  add("sample", "Generate a scan-like mesh of any size as PLY.", addSample);
+  add("sample", "Generate a scan-like mesh of any size: as PLY, or with textures as OBJ.", addSample);
 
   try {
     app.parse(argc, argv);
