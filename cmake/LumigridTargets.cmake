@@ -31,7 +31,7 @@ lumigrid_row(lod_patch USES base)
 lumigrid_row(lod_qsplat USES base)
 lumigrid_row(lod_texture USES base base_jpeg LINKS ZLIB::ZLIB)
 lumigrid_row(lod_ingest USES base mesh)
-lumigrid_row(lod_patch_builder USES base mesh lod_ingest lod_patch LINKS metis)
+lumigrid_row(lod_patch_builder USES base mesh lod_ingest lod_patch lod_texture LINKS metis)
 lumigrid_row(lod_qsplat_builder USES base mesh lod_ingest lod_qsplat)
 lumigrid_row(lod_draw USES base base_gl lod_patch lod_qsplat)
 lumigrid_row(sampling USES base)
@@ -47,7 +47,7 @@ lumigrid_row(repository
   LINKS lmdb nlohmann_json::nlohmann_json)
 lumigrid_row(protocol USES base sampling)
 lumigrid_row(plan USES base lod_patch sampling protocol)
-lumigrid_row(server_render USES ${_any_base} lod_patch lod_qsplat lod_draw)
+lumigrid_row(server_render USES ${_any_base} lod_patch lod_qsplat lod_texture lod_draw)
 lumigrid_row(client_render USES base base_gl lod_patch lod_draw)
 lumigrid_row(server_bake
   USES ${_any_base} lod_patch lod_draw sampling faces face_image frames repository protocol plan server_render
@@ -61,8 +61,8 @@ lumigrid_row(server_net
        server_render server_bake server_session
   LINKS Boost::headers Threads::Threads spdlog::spdlog nlohmann_json::nlohmann_json)
 lumigrid_row(lumigrid
-  USES ${_any_base} mesh lod_ingest lod_patch lod_patch_builder lod_qsplat lod_qsplat_builder lod_draw sampling
-       cache faces packs objects repository protocol server_render server_bake server_session server_trial
+  USES ${_any_base} mesh lod_ingest lod_patch lod_patch_builder lod_qsplat lod_qsplat_builder lod_texture lod_draw
+       sampling cache faces packs objects repository protocol server_render server_bake server_session server_trial
        server_net
   LINKS CLI11::CLI11 spdlog::spdlog nlohmann_json::nlohmann_json openmesh)
 lumigrid_row(client

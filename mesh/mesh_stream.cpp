@@ -7,9 +7,31 @@
 
 namespace mesh {
 
+void MeshStream::addTextured(std::span<const std::uint64_t> polygon, std::span<const glm::vec3> its_normals,
+                             std::span<const glm::dvec2> uv, std::uint32_t picture) {
+  baked_.resize(uv.size());
+  baker.bake(textures[picture], uv, baked_);
+  const std::size_t before = corners.size();
+  addPolygon(polygon, its_normals, baked_);
+  if (corners.size() == before) return;
+  corner_uv.resize(before, glm::vec2(0.0F));
+  pictures.resize(before / 3, kNoPicture);
+  for (std::size_t i = 2; i < uv.size(); ++i) {
+    corner_uv.insert(corner_uv.end(), {glm::vec2(uv[0]), glm::vec2(uv[i - 1]), glm::vec2(uv[i])});
+    pictures.push_back(picture);
+  }
+}
+
+void MeshStream::clearBlocks() {
+  positions.clear(), normals.clear(), colors.clear();
+  corners.clear(), corner_normals.clear(), corner_colors.clear(), corner_uv.clear(), pictures.clear();
+}
+
 base::Result<void> MeshStream::flush(const void* at) {
   if (!corner_normals.empty()) corner_normals.resize(corners.size(), glm::vec3(0.0F));
   if (!corner_colors.empty()) corner_colors.resize(corners.size(), glm::u8vec4(0));
+  if (!pictures.empty())
+    corner_uv.resize(corners.size(), glm::vec2(0.0F)), pictures.resize(corners.size() / 3, kNoPicture);
   summary.has_normals |= !normals.empty() || !corner_normals.empty();
   summary.has_colors |= !colors.empty() || !corner_colors.empty();
   if (!positions.empty()) {
@@ -20,11 +42,12 @@ base::Result<void> MeshStream::flush(const void* at) {
   if (!corners.empty()) {
     TriangleBlock block;
     block.corners = corners, block.normals = corner_normals, block.colors = corner_colors;
+    block.uv = corner_uv, block.pictures = pictures;
     LUMIGRID_TRY(sink_.triangles(block));
   }
   summary.vertices += positions.size();
   summary.triangles += corners.size() / 3;
-  positions.clear(), normals.clear(), colors.clear(), corners.clear(), corner_normals.clear(), corner_colors.clear();
+  clearBlocks();
 
   // Pages that have been read are clean: the system loads them again from the file if anybody needs them.
   constexpr std::size_t kPage = 4096;
@@ -41,7 +64,7 @@ base::Result<void> MeshStream::flush(const void* at) {
 }
 
 base::Result<void> MeshStream::restart() {
-  positions.clear(), normals.clear(), colors.clear(), corners.clear(), corner_normals.clear(), corner_colors.clear();
+  clearBlocks();
   summary = {};
   dropped_ = 0;
   baker = {};

@@ -33,10 +33,10 @@ inline base::Error truncatedIn(const std::string& place) {
 /// been read, so that memory stays bounded whatever the file's length.
 class MeshStream {
  public:
-  /// `file` is the whole mapped file, and `directory` the one that holds it, for textures beside it. `progress` gets
-  /// the share read, and cancels by false; it may be empty.
-  MeshStream(MeshSink& sink, base::ByteView file, std::string directory, std::function<bool(double)> progress)
-      : textures(std::move(directory)), sink_(sink), file_(file), progress_(std::move(progress)) {
+  /// `file` is the whole mapped file and `path` its name, beside which textures lie. `progress` gets the share read,
+  /// and cancels by false; it may be empty.
+  MeshStream(MeshSink& sink, base::ByteView file, const std::string& path, std::function<bool(double)> progress)
+      : textures(path), sink_(sink), file_(file), progress_(std::move(progress)) {
     positions.reserve(kBlock);
     corners.reserve(3 * kBlock);
   }
@@ -47,9 +47,11 @@ class MeshStream {
   std::vector<std::uint64_t> corners;
   std::vector<glm::vec3> corner_normals;   ///< empty, or as many as corners
   std::vector<glm::u8vec4> corner_colors;  ///< empty, or as many as corners; a = 0 where unknown
+  std::vector<glm::vec2> corner_uv;        ///< empty, or as many as corners
+  std::vector<std::uint32_t> pictures;     ///< empty, or one per triangle
   StreamedFile summary;                    ///< of the blocks handed to the sink; short faces and warnings so far
   bool accepts_points = false;             ///< a file of vertices without faces is no error
-  TextureFiles textures;
+  Textures textures;
   TextureBaker baker;
 
   std::uint64_t vertexCount() const { return summary.vertices + positions.size(); }
@@ -74,6 +76,10 @@ class MeshStream {
         corner_colors.insert(corner_colors.end(), {its_colors[0], its_colors[i - 1], its_colors[i]});
     }
   }
+  /// Adds a polygon with a texture: each corner has its place `uv` in the picture, as TriangleBlock has it. The
+  /// corners' colours are the picture's.
+  void addTextured(std::span<const std::uint64_t> polygon, std::span<const glm::vec3> its_normals,
+                   std::span<const glm::dvec2> uv, std::uint32_t picture);
   /// Hands full blocks to the sink. Readers call it after each element, with the place in the file that they reached.
   base::Result<void> flushFullBlocks(const void* at) {
     if (positions.size() < kBlock && corners.size() < 3 * kBlock) return {};
@@ -86,10 +92,12 @@ class MeshStream {
   static constexpr std::size_t kBlock = std::size_t{1} << 16;
 
  private:
+  void clearBlocks();
   MeshSink& sink_;
   base::ByteView file_;
   std::function<bool(double)> progress_;
   std::size_t dropped_ = 0;
+  std::vector<glm::u8vec4> baked_;
 };
 
 /// A colour component in 0..1 as a byte; larger values are clamped, and NaN becomes 0.

@@ -376,11 +376,11 @@ class GlbReader {
     const auto corner = [&](std::uint64_t i) { return indices ? std::uint64_t{indices->index(i)} : i; };
 
     // Textured primitives take their texture's colours; the base colour factor is not applied to them.
-    const Texture* texture = baseTexture(primitive);
+    std::uint32_t picture = basePicture(primitive);
     std::optional<Accessor> uv;
-    if (texture != nullptr) {
+    if (picture != kNoPicture) {
       LUMIGRID_ASSIGN_OR_RETURN(uv, attribute(primitive, "TEXCOORD_0", place, 2, 2, vertex_count));
-      if (!uv) texture = nullptr;
+      if (!uv) picture = kNoPicture;
     }
 
     // Mode 4 is a list of triangles, 5 a strip, in which every other triangle is turned, and 6 a fan (section 3.7.2.1).
@@ -392,15 +392,16 @@ class GlbReader {
       const bool stitch = mode == 5 && (t[0] == t[1] || t[1] == t[2] || t[2] == t[0]);
       if (stitch) continue;
       const std::array<std::uint64_t, 3> corners{first + t[0], first + t[1], first + t[2]};
-      if (texture != nullptr) {
-        std::array<glm::dvec2, 3> uv_of;
-        std::array<glm::u8vec4, 3> baked;
-        for (std::size_t k = 0; k < 3; ++k) uv_of[k] = {uv->value(t[k], 0), uv->value(t[k], 1)};
-        out_.baker.bake(*texture, uv_of, baked);
-        out_.addPolygon(corners, {}, baked);
-      } else {
-        out_.addPolygon(corners);
+      std::array<glm::dvec2, 3> uv_of{};
+      bool complete = picture != kNoPicture;
+      for (std::size_t k = 0; k < 3 && complete; ++k) {
+        uv_of[k] = {uv->value(t[k], 0), uv->value(t[k], 1)};
+        complete = std::isfinite(uv_of[k].x) && std::isfinite(uv_of[k].y);
       }
+      if (complete)
+        out_.addTextured(corners, {}, uv_of, picture);
+      else
+        out_.addPolygon(corners);
       LUMIGRID_TRY(out_.flushFullBlocks(file_));
     }
     if (out_.triangleCount() > std::max(file_bytes_, 4 * kMaxInstancedVertices))
@@ -413,28 +414,25 @@ class GlbReader {
     return member(material, "pbrMetallicRoughness");
   }
 
-  // Returns the texture of a primitive's base colour; null where there is none, or where it cannot be read.
-  const Texture* baseTexture(const json& primitive) {
+  // Returns the picture of a primitive's base colour; kNoPicture where there is none, or where it cannot be read.
+  std::uint32_t basePicture(const json& primitive) {
     const json& reference = member(baseMaterial(primitive), "baseColorTexture");
-    if (!reference.is_object()) return nullptr;
+    if (!reference.is_object()) return kNoPicture;
     const json& texture = item(member(document_, "textures"), integer(member(reference, "index"), kMissing));
-    const std::uint64_t source = integer(member(texture, "source"), kMissing);
-    const auto known = textures_.find(source);
-    if (known != textures_.end()) return known->second.get();
-    std::unique_ptr<Texture>& slot = textures_[source];
-    const json& view = item(member(document_, "bufferViews"),
-                            integer(member(item(member(document_, "images"), source), "bufferView"), kMissing));
+    const json& image = item(member(document_, "images"), integer(member(texture, "source"), kMissing));
+    if (const std::string uri = text(member(image, "uri")); !uri.empty() && uri.rfind("data:", 0) != 0)
+      return out_.textures.find({out_.textures.pathOf(uri), 0, 0}, out_.summary.warnings);
+    const json& view = item(member(document_, "bufferViews"), integer(member(image, "bufferView"), kMissing));
     const std::uint64_t offset = integer(member(view, "byteOffset"), 0);
     const std::uint64_t length = integer(member(view, "byteLength"), 0);
-    base::Result<Texture> decoded = invalidInput("it is not in the file");
-    if (length > 0 && offset <= binary_.size() && length <= binary_.size() - offset)
-      decoded = Texture::decode(binary_.subspan(static_cast<std::size_t>(offset), static_cast<std::size_t>(length)));
-    if (decoded)
-      slot = std::make_unique<Texture>(std::move(*decoded));
-    else
-      out_.summary.warnings.push_back("textures are not used where they cannot be read, vertex colours stay: " +
-                                      decoded.error().message);
-    return slot.get();
+    if (length > 0 && offset <= binary_.size() && length <= binary_.size() - offset) {
+      const auto begin = static_cast<std::uint64_t>(binary_.data() - file_) + offset;
+      return out_.textures.find({out_.textures.path(), begin, length}, out_.summary.warnings);
+    }
+    if (!warned_of_picture_)
+      out_.summary.warnings.push_back("a texture cannot be read, vertex colours stay: it is not in the file");
+    warned_of_picture_ = true;
+    return kNoPicture;
   }
 
   json document_;
@@ -442,8 +440,8 @@ class GlbReader {
   std::uint64_t file_bytes_ = 0;
   MeshStream& out_;
   const std::uint8_t* file_ = nullptr;  // accessors point anywhere into it, so no page is released
-  std::map<std::uint64_t, std::unique_ptr<Texture>> textures_;  // by image; null where it cannot be read
   std::uint64_t skipped_primitives_ = 0;
+  bool warned_of_picture_ = false;
 };
 
 }  // namespace

@@ -4,6 +4,7 @@
 #include <limits>
 #include <map>
 
+#include "base/file.h"
 #include "mesh/readers.h"
 
 namespace mesh {
@@ -33,11 +34,10 @@ struct ObjReader {
   bool has_colors = false;
   bool has_normals = false;
   bool too_many_normals = false;
-  std::vector<glm::vec2> file_uv;  // texture coordinates of the vt lines
-  std::vector<glm::dvec2> uv;      // the face's, where it has a texture; NaN where a corner names none
-  std::vector<glm::u8vec4> baked;
+  std::vector<glm::vec2> file_uv;                 // texture coordinates of the vt lines
+  std::vector<glm::dvec2> uv;                     // the face's, where it has a texture; NaN where a corner names none
   std::map<std::string, std::string> texture_of;  // the picture file of each material
-  const Texture* texture = nullptr;               // the one of the material in use
+  std::uint32_t picture = kNoPicture;             // the one of the material in use
   bool too_many_uv = false;
 
   std::string place() const { return "line " + std::to_string(line_number); }
@@ -68,7 +68,7 @@ struct ObjReader {
         file_normals.clear();
         file_uv.clear();
         has_normals = false;
-        texture = nullptr;
+        picture = kNoPicture;
         continue;
       }
       // Where colours begin in the middle of a block, the vertices before are white.
@@ -157,16 +157,13 @@ struct ObjReader {
         LUMIGRID_TRY(readCorner(nextWord(line)));
       }
     }
-    std::span<const glm::u8vec4> colors_of_corners;
     const auto known = [](const glm::dvec2& p) { return std::isfinite(p.x) && std::isfinite(p.y); };
-    if (texture != nullptr && uv.size() >= 3 && std::all_of(uv.begin(), uv.end(), known)) {
-      baked.resize(uv.size());
-      out.baker.bake(*texture, uv, baked);
-      colors_of_corners = baked;
-    }
     if (has_normals) normals.resize(corners.size(), glm::vec3(0.0F));
-    out.addPolygon(corners, has_normals ? std::span<const glm::vec3>(normals) : std::span<const glm::vec3>(),
-                   colors_of_corners);
+    const auto its_normals = has_normals ? std::span<const glm::vec3>(normals) : std::span<const glm::vec3>();
+    if (picture != kNoPicture && std::all_of(uv.begin(), uv.end(), known))
+      out.addTextured(corners, its_normals, uv, picture);
+    else
+      out.addPolygon(corners, its_normals);
     return {};
   }
 
@@ -180,7 +177,7 @@ struct ObjReader {
     if (slash == std::string_view::npos) return {};
 
     const std::size_t last_slash = word.rfind('/');
-    if (texture != nullptr) {
+    if (picture != kNoPicture) {
       const std::size_t end = last_slash == slash ? word.size() : last_slash;
       std::int64_t at = 0;
       if (parseNumber(word.substr(slash + 1, end - slash - 1), number) && resolveIndex(number, file_uv.size(), at) &&
@@ -205,13 +202,13 @@ struct ObjReader {
       return indexOutOfRange(place(), number, out.vertexCount());
     if (index > highest_index) highest_index = index, highest_index_line = line_number;
     corners.push_back(static_cast<std::uint64_t>(index));
-    if (texture != nullptr) uv.emplace_back(std::numeric_limits<double>::quiet_NaN());
+    if (picture != kNoPicture) uv.emplace_back(std::numeric_limits<double>::quiet_NaN());
     return {};
   }
 
   // Notes the picture of each material in a material library.
   void readMaterials(std::string_view name) {
-    const auto bytes = out.textures.read(std::string(name));
+    const auto bytes = base::readFile(out.textures.pathOf(std::string(name)));
     if (!bytes) {
       out.summary.warnings.push_back("its materials cannot be read, vertex colours stay: " + bytes.error().message);
       return;
@@ -231,7 +228,9 @@ struct ObjReader {
 
   void useMaterial(std::string_view name) {
     const auto found = texture_of.find(std::string(name));
-    texture = found == texture_of.end() ? nullptr : out.textures.find(found->second, out.summary.warnings);
+    picture = found == texture_of.end()
+                  ? kNoPicture
+                  : out.textures.find({out.textures.pathOf(found->second), 0, 0}, out.summary.warnings);
   }
 
   base::Result<void> finish() {

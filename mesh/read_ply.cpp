@@ -31,8 +31,8 @@ struct Element {
 struct Header {
   Encoding encoding = Encoding::kAscii;
   std::vector<Element> elements;
-  std::size_t length = 0;  // bytes, end_header line included
-  std::string texture;     // the file named last
+  std::size_t length = 0;             // bytes, end_header line included
+  std::vector<std::string> textures;  // the files named, by number
 };
 
 // Choices, far above what files of scanners have: they bound what a hostile header costs.
@@ -116,7 +116,7 @@ base::Result<Header> parseHeader(base::ByteView bytes) {
       if (nextWord(line) == "TextureFile") {
         skipSpaces(line);
         while (!line.empty() && isSpace(line.back())) line.remove_suffix(1);
-        header.texture = std::string(line);
+        header.textures.emplace_back(line);
       }
     } else if (keyword == "end_header" && whole_line) {
       if (!has_format) return invalidInput("header: the format line is missing");
@@ -468,6 +468,10 @@ bool isPlainFace(const Element& element) {
   return sizeOf(p.count_type) == 1 && (p.type == Scalar::kInt32 || p.type == Scalar::kUint32);
 }
 
+bool isFinite(const glm::dvec2& p) {
+  return std::isfinite(p.x) && std::isfinite(p.y);
+}
+
 // Reads the list of a face's texture coordinates, two for each corner.
 template <class Source>
 base::Result<void> readUv(Source& source, const Element& element, const Property& property, std::uint64_t row,
@@ -497,14 +501,14 @@ base::Result<void> readFaces(Source& source, const Element& element, bool strips
   [[maybe_unused]] const bool plain = isPlainFace(element) && !strips;  // used by binary sources
   const auto is_uv = [](const Property& p) { return p.is_list && p.name == "texcoord"; };
   const bool has_uv = std::any_of(element.properties.begin(), element.properties.end(), is_uv);
-  const Texture* texture = nullptr;
-  if (!header.texture.empty() && has_uv && !strips) texture = out.textures.find(header.texture, out.summary.warnings);
-  if (!header.texture.empty() && !has_uv)
+  const bool textured = !header.textures.empty() && has_uv && !strips;
+  // A file of several pictures numbers them by face; the texcoord list may come first.
+  double number = 0.0;
+  if (!header.textures.empty() && !has_uv)
     out.summary.warnings.push_back(
         "textures are not used, since its faces have no texcoord list; vertex colours stay (bake the texture to vertex "
         "colours first)");
   std::vector<glm::dvec2> uv;
-  std::vector<glm::u8vec4> baked;
   std::vector<std::uint64_t> corners;
   for (std::uint64_t row = 0; row < element.count; ++row) {
     if constexpr (std::is_same_v<Source, BinarySource>) {
@@ -519,8 +523,10 @@ base::Result<void> readFaces(Source& source, const Element& element, bool strips
     for (const Property& property : element.properties) {
       if (is_corners(property)) {
         LUMIGRID_TRY(readCorners(source, element, property, row, vertex_count, strips, corners));
-      } else if (texture != nullptr && is_uv(property)) {
+      } else if (textured && is_uv(property)) {
         LUMIGRID_TRY(readUv(source, element, property, row, uv));
+      } else if (textured && !property.is_list && property.name == "texnumber") {
+        if (!source.scalar(property.type, number)) return badRow(source, element, row);
       } else {
         LUMIGRID_TRY(skipProperty(source, element, property, row));
       }
@@ -528,12 +534,16 @@ base::Result<void> readFaces(Source& source, const Element& element, bool strips
     if (strips) {
       addStrip(out, corners);
     } else {
-      baked.clear();
-      if (texture != nullptr && uv.size() == corners.size() && uv.size() >= 3) {
-        baked.resize(uv.size());
-        out.baker.bake(*texture, uv, baked);
+      std::uint32_t picture = kNoPicture;
+      const bool complete = uv.size() == corners.size() && std::all_of(uv.begin(), uv.end(), isFinite);
+      if (textured && complete && number >= 0.0 && number < static_cast<double>(header.textures.size())) {
+        const std::string& name = header.textures[static_cast<std::size_t>(number)];
+        picture = out.textures.find({out.textures.pathOf(name), 0, 0}, out.summary.warnings);
       }
-      out.addPolygon(corners, {}, baked);
+      if (picture != kNoPicture)
+        out.addTextured(corners, {}, uv, picture);
+      else
+        out.addPolygon(corners);
     }
     LUMIGRID_TRY(out.flushFullBlocks(source.place()));
   }

@@ -20,10 +20,10 @@ base::Result<void> SinkThread::vertices(const VertexBlock& block) {
 }
 
 base::Result<void> SinkThread::triangles(const TriangleBlock& block) {
-  return submit(
-      [this, corners = copyOf(block.corners), colors = copyOf(block.colors), normals = copyOf(block.normals)] {
-        return inner_.triangles({corners, colors, normals});
-      });
+  return submit([this, corners = copyOf(block.corners), colors = copyOf(block.colors), normals = copyOf(block.normals),
+                 uv = copyOf(block.uv), pictures = copyOf(block.pictures)] {
+    return inner_.triangles({corners, colors, normals, uv, pictures});
+  });
 }
 
 base::Result<void> SinkThread::restart() {

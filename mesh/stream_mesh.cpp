@@ -57,8 +57,7 @@ base::Result<void> readFile(const std::string& path, base::ByteView bytes, MeshS
 
 base::Result<StreamedFile> streamMesh(const std::string& path, MeshSink& sink, const StreamOptions& options) {
   LUMIGRID_ASSIGN_OR_RETURN(auto file, base::MappedFile::open(path));
-  const std::size_t slash = path.rfind('/');
-  MeshStream stream(sink, file.bytes(), slash == std::string::npos ? "" : path.substr(0, slash), options.progress);
+  MeshStream stream(sink, file.bytes(), path, options.progress);
   stream.accepts_points = options.accepts_points;
   if (auto read = readFile(path, file.bytes(), stream); !read) {
     // The sink's errors name their file already.
@@ -69,7 +68,8 @@ base::Result<StreamedFile> streamMesh(const std::string& path, MeshSink& sink, c
   }
   StreamedFile& summary = stream.summary;
   summary.bytes = file.bytes().size();
-  if (const std::string lost = stream.baker.warning(summary.vertices); !lost.empty()) summary.warnings.push_back(lost);
+  summary.pictures = stream.textures.pictures();
+  summary.texels = stream.baker.texels();
   return std::move(summary);
 }
 

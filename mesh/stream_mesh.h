@@ -19,12 +19,26 @@ struct VertexBlock {
   std::span<const glm::u8vec4> colors;    ///< empty, or as many as positions; sRGB, a = 255
 };
 
+/// A picture that triangles take their colours from: a JPEG or PNG file, or a part of another file.
+struct SourcePicture {
+  std::string path;
+  std::uint64_t offset = 0;
+  std::uint64_t bytes = 0;  ///< 0: all of the file
+  friend bool operator==(const SourcePicture&, const SourcePicture&) = default;
+};
+/// In place of a picture's number where a triangle has none.
+inline constexpr std::uint32_t kNoPicture = 0xFFFFFFFFU;
+
 /// The next triangles. Corners are vertex numbers within the file. The reader checks, here or before it returns, that
 /// each is below the file's number of vertices, but a vertex may come after its triangle.
 struct TriangleBlock {
   std::span<const std::uint64_t> corners;  ///< 3 per triangle
   std::span<const glm::u8vec4> colors;     ///< empty, or one per corner: sRGB from a texture; a = 0 where unknown
   std::span<const glm::vec3> normals;      ///< empty, or one per corner, instead of its vertex's; zero where unknown
+  /// Empty, or one per corner: its place in its triangle's picture, which is repeated; 0..1 across it, x to the right,
+  /// y downwards. Without meaning where the triangle has no picture.
+  std::span<const glm::vec2> uv;
+  std::span<const std::uint32_t> pictures;  ///< empty, or one per triangle: into StreamedFile::pictures, or kNoPicture
 };
 
 class MeshSink {
@@ -49,7 +63,9 @@ struct StreamedFile {
   std::uint64_t short_faces = 0;  ///< faces with fewer than three corners: left out
   bool has_normals = false;
   bool has_colors = false;
-  std::vector<std::string> warnings;  ///< one line each, without the file's name
+  std::vector<std::string> warnings;    ///< one line each, without the file's name
+  std::vector<SourcePicture> pictures;  ///< all could be read
+  double texels = 0.0;                  ///< of these, as many as triangles cover
 };
 
 /// The format is told by the content, and by the file's name only where the content does not tell. Errors name the file

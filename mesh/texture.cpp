@@ -21,6 +21,13 @@ constexpr int kMaxSide = 16384;           // pixels: 1 GB as RGBA, and the large
 constexpr double kMinTexelsToWarn = 1.5;  // per vertex; below, next to nothing is lost
 constexpr double kInward = 0.2;           // samples lie this share of the way from the corner to the polygon's middle
 
+// CMYK as Adobe's programs write it: inverted, so that 255 is no ink.
+void rgbFromCmyk(const std::vector<std::uint8_t>& cmyk, Image& image) {
+  for (std::size_t i = 0; i < cmyk.size() / 4; ++i)
+    for (std::size_t k = 0; k < 3; ++k)
+      image.pixels[3 * i + k] = static_cast<std::uint8_t>(cmyk[4 * i + k] * cmyk[4 * i + 3] / 255);
+}
+
 base::Result<Image> decodeJpeg(base::ByteView bytes) {
   struct Close {
     void operator()(void* handle) const { tjDestroy(handle); }
@@ -34,8 +41,12 @@ base::Result<Image> decodeJpeg(base::ByteView bytes) {
     return Error{ErrorCode::kUnsupported, "a JPEG of " + std::to_string(width) + " x " + std::to_string(height) +
                                               " pixels; at most " + std::to_string(kMaxSide) + " on a side are read"};
   Image image(width, height, 3);
-  if (tjDecompress2(handle.get(), bytes.data(), size, image.pixels.data(), width, 0, height, TJPF_RGB, 0) != 0)
+  const bool cmyk = space == TJCS_CMYK || space == TJCS_YCCK;
+  std::vector<std::uint8_t> inks(cmyk ? image.pixels.size() / 3 * 4 : 0);
+  std::uint8_t* const to = cmyk ? inks.data() : image.pixels.data();
+  if (tjDecompress2(handle.get(), bytes.data(), size, to, width, 0, height, cmyk ? TJPF_CMYK : TJPF_RGB, 0) != 0)
     return Error{ErrorCode::kInvalidInput, "a broken JPEG"};
+  if (cmyk) rgbFromCmyk(inks, image);
   return image;
 }
 
@@ -69,17 +80,40 @@ int wrapped(double i, int size) {
 
 }  // namespace
 
-base::Result<Texture> Texture::decode(base::ByteView bytes) {
+base::Result<Image> decodePicture(base::ByteView bytes) {
   constexpr std::array<std::uint8_t, 4> kPng{0x89, 'P', 'N', 'G'};
   const bool png = bytes.size() > 4 && std::equal(kPng.begin(), kPng.end(), bytes.begin());
   LUMIGRID_ASSIGN_OR_RETURN(auto image, png ? base::decodePng(bytes) : decodeJpeg(bytes));
   if (image.empty() || std::max(image.width, image.height) > kMaxSide)
     return Error{ErrorCode::kUnsupported, "a picture of more than " + std::to_string(kMaxSide) + " pixels on a side"};
-  Texture out;
-  out.levels_.push_back(asRgb(std::move(image)));
-  while (std::max(out.levels_.back().width, out.levels_.back().height) > 1)
-    out.levels_.push_back(halved(out.levels_.back()));
-  return out;
+  return image.channels == 4 ? std::move(image) : asRgb(std::move(image));
+}
+
+base::Result<Image> readPicture(const SourcePicture& picture) {
+  LUMIGRID_ASSIGN_OR_RETURN(const auto file, base::MappedFile::open(picture.path));
+  base::ByteView bytes = file.bytes();
+  if (picture.offset > bytes.size() || picture.bytes > bytes.size() - picture.offset)
+    return Error{ErrorCode::kInvalidInput, picture.path + ": truncated: a picture reaches past its end"};
+  bytes = bytes.subspan(static_cast<std::size_t>(picture.offset));
+  if (picture.bytes > 0) bytes = bytes.first(static_cast<std::size_t>(picture.bytes));
+  auto image = decodePicture(bytes);
+  return image ? std::move(image) : base::within(picture.path, image.error());
+}
+
+Texture::Texture(Image picture) {
+  levels_.push_back(asRgb(std::move(picture)));
+  while (std::max(levels_.back().width, levels_.back().height) > 1) levels_.push_back(halved(levels_.back()));
+}
+
+base::Result<Texture> Texture::decode(base::ByteView bytes) {
+  LUMIGRID_ASSIGN_OR_RETURN(auto image, decodePicture(bytes));
+  return Texture(std::move(image));
+}
+
+std::size_t Texture::bytes() const {
+  std::size_t sum = 0;
+  for (const Image& level : levels_) sum += level.pixels.size();
+  return sum;
 }
 
 glm::u8vec4 Texture::mean(const glm::dvec2& uv, double texels) const {
@@ -119,36 +153,57 @@ void TextureBaker::bake(const Texture& texture, std::span<const glm::dvec2> uv, 
   }
 }
 
-std::string TextureBaker::warning(std::uint64_t vertices) const {
-  const double ratio = texels_ / static_cast<double>(std::max<std::uint64_t>(1, vertices));
+std::string lostTexels(double texels, std::uint64_t vertices) {
+  const double ratio = texels / static_cast<double>(std::max<std::uint64_t>(1, vertices));
   if (!(ratio > kMinTexelsToWarn)) return {};
   return base::formatText(
-      "its textures have %.1f texels for every vertex; one colour per vertex is kept, what is finer is lost", ratio);
+      "its textures have %.1f texels for every vertex; one colour per vertex is kept, finer ones are lost", ratio);
 }
 
-base::Result<base::Bytes> TextureFiles::read(const std::string& name) const {
-  // Windows programs write backslashes.
+std::string Textures::pathOf(const std::string& name) const {
   std::string path = name;
   std::replace(path.begin(), path.end(), '\\', '/');
-  return base::readFile(path.empty() || path[0] == '/' || directory_.empty() ? path : directory_ + "/" + path);
+  const std::size_t slash = path_.rfind('/');
+  return path.empty() || path[0] == '/' || slash == std::string::npos ? path : path_.substr(0, slash + 1) + path;
 }
 
-const Texture* TextureFiles::find(const std::string& name, std::vector<std::string>& warnings) {
-  const auto at = textures_.find(name);
-  if (at != textures_.end()) return at->second.get();
-  std::unique_ptr<Texture>& texture = textures_[name];
-  const auto bytes = read(name);
-  if (!bytes) {
-    warnings.push_back("its texture cannot be read, vertex colours stay: " + bytes.error().message);
-    return nullptr;
+std::uint32_t Textures::find(const SourcePicture& picture, std::vector<std::string>& warnings) {
+  if (last_ < known_.size() && known_[last_].picture == picture) return last_;
+  if (std::find(unreadable_.begin(), unreadable_.end(), picture) != unreadable_.end()) return kNoPicture;
+  auto known = std::find_if(known_.begin(), known_.end(), [&](const Known& k) { return k.picture == picture; });
+  if (known == known_.end() || known->decoded == nullptr) {
+    auto image = readPicture(picture);
+    if (!image) {
+      unreadable_.push_back(picture);
+      warnings.push_back("a texture cannot be read, vertex colours stay: " + image.error().message);
+      return kNoPicture;
+    }
+    if (known == known_.end()) known = known_.insert(known_.end(), Known{picture, nullptr, 0});
+    known->decoded = std::make_unique<Texture>(std::move(*image));
+    forgetOldest(*known);
   }
-  auto decoded = Texture::decode(*bytes);
-  if (!decoded) {
-    warnings.push_back("its texture " + name + " cannot be read, vertex colours stay: " + decoded.error().message);
-    return nullptr;
+  known->used = ++uses_;
+  last_ = static_cast<std::uint32_t>(known - known_.begin());
+  return last_;
+}
+
+void Textures::forgetOldest(const Known& but) {
+  std::size_t kept = 0;
+  for (const Known& k : known_) kept += k.decoded ? k.decoded->bytes() : 0;
+  while (kept > kKeptBytes) {
+    Known* oldest = nullptr;
+    for (Known& k : known_)
+      if (k.decoded && &k != &but && (oldest == nullptr || k.used < oldest->used)) oldest = &k;
+    if (oldest == nullptr) return;
+    kept -= oldest->decoded->bytes();
+    oldest->decoded.reset();
   }
-  texture = std::make_unique<Texture>(std::move(*decoded));
-  return texture.get();
+}
+
+std::vector<SourcePicture> Textures::pictures() const {
+  std::vector<SourcePicture> all;
+  for (const Known& k : known_) all.push_back(k.picture);
+  return all;
 }
 
 }  // namespace mesh

@@ -59,7 +59,7 @@ std::uint32_t patchAt(const lod::patch::Hierarchy& hierarchy, const lod::patch::
 }
 
 ProxyShading shadingOf(const lod::patch::Hierarchy& hierarchy, const lod::patch::Patch& patch) {
-  if (patch.producer == lod::patch::kNoGroup) return {0.0F, 0.0F};
+  if (patch.producer == lod::patch::kNoGroup) return {lod::patch::colorDetailOf(patch), 0.0F};
   if (!hierarchy.isKnown(patch.producer)) {
     // A patch is about as large as a square whose diagonal is its sphere's; half of one edge's square is a triangle.
     const float edge = 2.0F * patch.bounds.radius / std::sqrt(std::max(1.0F, static_cast<float>(patch.triangles)));

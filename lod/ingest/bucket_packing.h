@@ -18,9 +18,10 @@ namespace lod::ingest {
 struct BucketPacking {
   bool has_colors = false;
   bool has_normals = false;
+  bool has_sources = false;  ///< each triangle is followed by its number in the source
 
   static constexpr std::size_t kHeadBytes = 2;
-  static constexpr std::size_t kMaxTriangleBytes = kHeadBytes + 3 * sizeof(Corner);
+  static constexpr std::size_t kMaxTriangleBytes = kHeadBytes + 3 * sizeof(Corner) + sizeof(std::uint64_t);
   static constexpr std::size_t kSlack = 8;  ///< bytes that may be read or written behind the last triangle
 
   std::size_t cornerBytes() const { return 8 + (has_colors ? 4U : 0U) + (has_normals ? 4U : 0U); }
@@ -36,9 +37,14 @@ struct BucketPacking {
     return unpackAttributes(from, corner);
   }
 
+  /// Bytes of a triangle at most.
+  std::size_t triangleBytes() const {
+    return kHeadBytes + 3 * cornerBytes() + (has_sources ? sizeof(std::uint64_t) : 0U);
+  }
+
   /// `before` is the first corner's code of the triangle before in the run, and then of this one.
   std::uint8_t* packTriangle(std::span<const Corner, 3> corner, bool starts_run, std::uint64_t& before,
-                             std::uint8_t* to) const {
+                             std::uint64_t source, std::uint8_t* to) const {
     if (starts_run) before = 0;
     std::uint8_t* const head = to;
     to += kHeadBytes;
@@ -53,11 +59,12 @@ struct BucketPacking {
     const auto stored = static_cast<std::uint16_t>(lengths);
     std::memcpy(head, &stored, sizeof(stored));
     for (const Corner& c : corner) to = packAttributes(c, to);
+    if (has_sources) std::memcpy(to, &source, sizeof(source)), to += sizeof(source);
     return to;
   }
   /// Advances by at most kMaxTriangleBytes, whatever the bytes are.
-  const std::uint8_t* unpackTriangle(const std::uint8_t* from, std::span<Corner, 3> corner,
-                                     std::uint64_t& before) const {
+  const std::uint8_t* unpackTriangle(const std::uint8_t* from, std::span<Corner, 3> corner, std::uint64_t& before,
+                                     std::uint64_t& source) const {
     std::uint16_t head = 0;
     std::memcpy(&head, from, sizeof(head)), from += sizeof(head);
     if ((head & kStartsRun) != 0) before = 0;
@@ -68,6 +75,7 @@ struct BucketPacking {
     }
     before = corner[0].code;
     for (Corner& c : corner) from = unpackAttributes(from, c);
+    if (has_sources) std::memcpy(&source, from, sizeof(source)), from += sizeof(source);
     return from;
   }
 

@@ -71,7 +71,10 @@ class BucketSorter {
     out_ = {};
     border_ = {};
     LUMIGRID_ASSIGN_OR_RETURN(out_.file_, SpoolFile::create(directory_ + "/buckets"));
-    out_.packing_ = {info_.has_colors, info_.has_normals};
+    out_.packing_ = {info_.has_colors, info_.has_normals, options_.keeps_textures && !info_.pictures.empty()};
+    if (out_.packing_.has_sources) {
+      LUMIGRID_ASSIGN_OR_RETURN(textures_, TexturePlaces::create(directory_));
+    }
 
     // A window has as many vertices as the memory holds.
     const std::uint64_t vertex_bytes = out_.packing_.cornerBytes();
@@ -97,6 +100,7 @@ class BucketSorter {
     buffers_ = std::vector<base::Bytes>();
     splitters_ = std::vector<std::uint64_t>();
     LUMIGRID_TRY(out_.file_.flush());
+    if (out_.packing_.has_sources) LUMIGRID_TRY(textures_.flush());
     std::sort(border_.begin(), border_.end());
     border_.erase(std::unique(border_.begin(), border_.end()), border_.end());
     out_.border_.codes = std::move(border_);
@@ -208,6 +212,7 @@ class BucketSorter {
     base::Bytes packed;                 // the triangles that are kept, packed for their buckets
     std::vector<Run> runs;              // runs of the packed triangles
     std::vector<std::uint64_t> border;
+    std::vector<TexturePlace> textures;  // by triangle; empty where they are not kept
     BucketCounts counts;
     std::size_t used = 0;      // bytes of `packed`
     std::uint64_t before = 0;  // as packTriangle() wants it
@@ -216,6 +221,7 @@ class BucketSorter {
       packed.resize(std::max(packed.size(), bytes));
       runs.clear();
       border.clear();
+      textures.clear();
       counts = {};
       used = 0, before = 0;
     }
@@ -279,10 +285,12 @@ class BucketSorter {
   void packTriangles(const SpooledTriangles& block, TriangleBatch& result) const {
     const std::size_t triangles = block.corners.size() / 3;
     result.beginPacking(packedBytes(triangles));
+    if (out_.packing_.has_sources) result.textures.resize(triangles);
     for (std::size_t t = 0; t < triangles; ++t) {
       const std::uint64_t* v = &block.corners[3 * t];
       CornerRecord record = result.records.empty() ? CornerRecord{} : result.records[t];
       lookUpCorners(v, record);
+      if (out_.packing_.has_sources) result.textures[t] = texturePlace(block, t, record);
       const std::uint64_t a = record.corner[0].code, b = record.corner[1].code, c = record.corner[2].code;
       if (a == b || b == c || c == a) {
         const bool named_twice = v[0] == v[1] || v[1] == v[2] || v[2] == v[0];
@@ -295,16 +303,26 @@ class BucketSorter {
       if (!block.normals.empty())
         for (std::size_t k = 0; k < 3; ++k)
           if (block.normals[3 * t + k] != 0) record.corner[k].normal = block.normals[3 * t + k];
-      packSplit(record, stitches_.hasSplits() ? 7 : 0, result);
+      packSplit(record, block.first + t, stitches_.hasSplits() ? 7 : 0, result);
     }
   }
 
+  static TexturePlace texturePlace(const SpooledTriangles& block, std::size_t triangle, const CornerRecord& record) {
+    TexturePlace place;
+    for (std::size_t k = 0; k < 3; ++k) {
+      place.codes[k] = record.corner[k].code;
+      if (!block.uv.empty()) place.uv[k] = block.uv[3 * triangle + k];
+    }
+    if (!block.pictures.empty()) place.picture = block.pictures[triangle];
+    return place;
+  }
+
   std::size_t packedBytes(std::size_t triangles) const {
-    return (BucketPacking::kHeadBytes + 3 * out_.packing_.cornerBytes()) * triangles + BucketPacking::kSlack;
+    return out_.packing_.triangleBytes() * triangles + BucketPacking::kSlack;
   }
 
   // Packs the triangle, cut where vertices of other borders lie on its edges; `edges` has a bit for each to look at.
-  void packSplit(const CornerRecord& record, std::uint32_t edges, TriangleBatch& result) const {
+  void packSplit(const CornerRecord& record, std::uint64_t source, std::uint32_t edges, TriangleBatch& result) const {
     for (std::size_t edge = 0; edge < 3; ++edge) {
       if ((edges >> edge & 1U) == 0) continue;
       const std::size_t next = (edge + 1) % 3, before = (edge + 2) % 3;
@@ -315,16 +333,16 @@ class BucketSorter {
       CornerRecord part = record;
       for (std::size_t i = 0; i < vertices.size(); ++i) {
         part.corner[next] = Corner{vertices[i], 0, 0};
-        packSplit(part, i == 0 ? edges & 1U << before : 0, result);
+        packSplit(part, source, i == 0 ? edges & 1U << before : 0, result);
         part.corner[edge] = part.corner[next];
       }
       part.corner[next] = record.corner[next];
-      return packSplit(part, edges & 1U << next, result);
+      return packSplit(part, source, edges & 1U << next, result);
     }
-    packOne(record, result);
+    packOne(record, source, result);
   }
 
-  void packOne(const CornerRecord& record, TriangleBatch& result) const {
+  void packOne(const CornerRecord& record, std::uint64_t source, TriangleBatch& result) const {
     const std::uint64_t codes[] = {record.corner[0].code, record.corner[1].code, record.corner[2].code};
     if (result.packed.size() - result.used < packedBytes(1) + BucketPacking::kMaxTriangleBytes)
       result.packed.resize(result.packed.size() * 3 / 2 + packedBytes(64));
@@ -336,7 +354,7 @@ class BucketSorter {
         result.runs.empty() || result.runs.back().bucket != bucket || result.runs.back().triangles == kMaxRunTriangles;
     if (starts_run) result.runs.push_back({bucket, 0, 0});
     std::uint8_t* const to = result.packed.data() + result.used;
-    const std::uint8_t* const end = out_.packing_.packTriangle(record.corner, starts_run, result.before, to);
+    const std::uint8_t* const end = out_.packing_.packTriangle(record.corner, starts_run, result.before, source, to);
     ++result.runs.back().triangles;
     result.runs.back().bytes += static_cast<std::size_t>(end - to);
     result.used += static_cast<std::size_t>(end - to);
@@ -348,13 +366,14 @@ class BucketSorter {
     for (const auto& codes : stitches_.fills()) {
       CornerRecord record;
       for (std::size_t k = 0; k < 3; ++k) record.corner[k].code = codes[k];
-      packOne(record, batch);
+      packOne(record, kNoSource, batch);
     }
     batch.counts.added = stitches_.fills().size();
     return storePacked(batch);
   }
 
   base::Result<void> storePacked(const TriangleBatch& result) {
+    LUMIGRID_TRY(textures_.append(result.textures));
     const std::uint8_t* from = result.packed.data();
     for (const Run& run : result.runs) {
       base::Bytes& buffer = buffers_[run.bucket];
@@ -393,6 +412,7 @@ class BucketSorter {
   Buckets out_;
   Stitches stitches_;
   SpoolFile corners_;
+  TexturePlaces textures_;
   std::uint64_t first_ = 0, last_ = 0;  // the window
   std::size_t room_ = 0;                // vertices that the following arrays hold
   std::unique_ptr<std::uint64_t[]> codes_;

@@ -1,6 +1,7 @@
 #include "lod/ingest/buckets.h"
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <cstring>
 #include <filesystem>
@@ -17,7 +18,7 @@ namespace {
 // About what measureWinding takes for a bucket.
 constexpr std::uint64_t kWindingBytes = std::uint64_t{80} << 20;
 
-constexpr std::uint8_t kStateVersion = 2;
+constexpr std::uint8_t kStateVersion = 3;
 
 void flipTriangles(const std::vector<bool>& flips, std::vector<BorderTriangle>& triangles) {
   if (flips.empty()) return;
@@ -44,9 +45,9 @@ Buckets::Area Buckets::areaOf(const NumberedCorners& mesh) {
   return area;
 }
 
-base::Result<std::vector<Corner>> Buckets::readUnflipped(std::size_t bucket) const {
-  std::vector<Corner> corners(3 * static_cast<std::size_t>(counts_[bucket]));
-  std::size_t count = 0;
+template <class Body>
+base::Result<void> Buckets::forEachTriangle(std::size_t bucket, Body&& body) const {
+  std::uint64_t left = counts_[bucket];
   base::Bytes packed;
   for (const Extent& extent : extents_[bucket]) {
     const auto bytes = static_cast<std::size_t>(extent.bytes);
@@ -55,14 +56,33 @@ base::Result<std::vector<Corner>> Buckets::readUnflipped(std::size_t bucket) con
     const std::uint8_t* from = packed.data();
     const std::uint8_t* const end = from + bytes;
     std::uint64_t before = 0;
-    for (; from < end; count += 3) {
-      if (count == corners.size()) return damaged();
-      from = packing_.unpackTriangle(from, std::span<Corner, 3>(&corners[count], 3), before);
+    for (; from < end; --left) {
+      if (left == 0) return damaged();
+      std::array<Corner, 3> corners;
+      std::uint64_t source = kNoSource;
+      from = packing_.unpackTriangle(from, corners, before, source);
+      body(corners, source);
     }
     if (from != end) return damaged();
   }
-  if (count != corners.size()) return damaged();
-  return corners;
+  return left == 0 ? base::Result<void>() : damaged();
+}
+
+base::Result<std::vector<Corner>> Buckets::readUnflipped(std::size_t bucket) const {
+  std::vector<Corner> all;
+  all.reserve(3 * static_cast<std::size_t>(counts_[bucket]));
+  LUMIGRID_TRY(forEachTriangle(bucket, [&](const std::array<Corner, 3>& corners, std::uint64_t) {
+    all.insert(all.end(), corners.begin(), corners.end());
+  }));
+  return all;
+}
+
+base::Result<std::vector<std::uint64_t>> Buckets::sources(std::size_t bucket) const {
+  std::vector<std::uint64_t> all;
+  all.reserve(static_cast<std::size_t>(counts_[bucket]));
+  LUMIGRID_TRY(
+      forEachTriangle(bucket, [&](const std::array<Corner, 3>&, std::uint64_t source) { all.push_back(source); }));
+  return all;
 }
 
 base::Result<Buckets::NumberedBucket> Buckets::readNumbered(std::size_t bucket) const {
@@ -304,7 +324,7 @@ void Buckets::release() {
 base::Bytes Buckets::encodeTables() const {
   base::ByteWriter out;
   out.u8(kStateVersion);
-  base::writeFields(out, std::tie(packing_.has_colors, packing_.has_normals, totals_));
+  base::writeFields(out, std::tie(packing_.has_colors, packing_.has_normals, packing_.has_sources, totals_));
   out.u64(file_.size());
   out.u64(count());
   for (std::size_t b = 0; b < count(); ++b) {
@@ -326,7 +346,8 @@ base::Result<Buckets> Buckets::open(const std::string& directory, base::ByteView
   Buckets out;
   base::ByteReader in(state);
   if (in.u8() != kStateVersion) return broken;
-  base::readFields(in, std::tie(out.packing_.has_colors, out.packing_.has_normals, out.totals_));
+  base::readFields(in,
+                   std::tie(out.packing_.has_colors, out.packing_.has_normals, out.packing_.has_sources, out.totals_));
   if (in.u64() != file.size()) return broken;
   const std::uint64_t buckets = in.u64();
   if (!in.ok() || buckets > in.remaining() / 16) return broken;

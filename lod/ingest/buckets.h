@@ -17,6 +17,7 @@
 #include "lod/ingest/morton.h"
 #include "lod/ingest/source_lattice.h"
 #include "lod/ingest/stitching.h"
+#include "lod/ingest/texture_places.h"
 #include "lod/ingest/winding.h"
 
 namespace lod::ingest {
@@ -33,6 +34,7 @@ struct BucketCounts {
 struct BucketOptions {
   base::ResourceLimits limits;  ///< resolved; the memory bounds the window of vertices
   StitchOptions stitch;
+  bool keeps_textures = false;           ///< triangles can be asked for their textures
   std::function<bool(double)> progress;  ///< share done; false cancels
 };
 
@@ -69,6 +71,11 @@ class Buckets {
   base::Result<NumberedBucket> readNumbered(std::size_t bucket) const;
   /// The same, but `mesh` is empty unless the bucket was kept in memory.
   base::Result<NumberedBucket> readKept(std::size_t bucket) const;
+  /// Whether the source has textures that are kept.
+  bool hasTextures() const { return packing_.has_sources; }
+  /// The number in the source of each triangle that read() gives; kNoSource for one that closes a hole. Only where
+  /// textures are kept.
+  base::Result<std::vector<std::uint64_t>> sources(std::size_t bucket) const;
   /// The triangles with a corner on the border, as read() gives them.
   base::Result<std::vector<BorderTriangle>> borderTriangles(std::size_t bucket) const;
   /// Frees the buckets' disk space; they can no longer be read.
@@ -83,6 +90,9 @@ class Buckets {
   using Flips = std::vector<bool>;
   struct WindingPass;
 
+  /// Calls body(corners, source) with each triangle of the bucket.
+  template <class Body>
+  base::Result<void> forEachTriangle(std::size_t bucket, Body&& body) const;
   base::Result<std::vector<Corner>> readUnflipped(std::size_t bucket) const;
   base::Result<std::vector<BorderTriangle>> readUnflippedBorder(std::size_t bucket) const;
   /// Adds the edges that only one triangle of their bucket has.

@@ -16,7 +16,7 @@ namespace {
 // Squares of coordinates must stay finite in float32.
 constexpr double kMaxCoordinate = 1e18;
 constexpr std::size_t kMaxSampledTriangles = std::size_t{1} << 14;  // the mean edge is known within 1 %
-constexpr std::uint32_t kDouble = 1, kNormals = 2, kColors = 4, kWide = 8;
+constexpr std::uint32_t kDouble = 1, kNormals = 2, kColors = 4, kWide = 8, kTextures = 16;
 
 struct BlockHeader {
   std::uint32_t count = 0;
@@ -57,7 +57,9 @@ std::uint64_t vertexBlockBytes(std::uint64_t count, std::uint32_t flags) {
 }
 std::uint64_t triangleBlockBytes(std::uint64_t count, std::uint32_t flags) {
   return 3 * count *
-         (((flags & kWide) != 0 ? 8U : 4U) + ((flags & kColors) != 0 ? 4U : 0U) + ((flags & kNormals) != 0 ? 4U : 0U));
+             (((flags & kWide) != 0 ? 8U : 4U) + ((flags & kColors) != 0 ? 4U : 0U) +
+              ((flags & kNormals) != 0 ? 4U : 0U)) +
+         ((flags & kTextures) != 0 ? count * (3 * sizeof(glm::vec2) + sizeof(std::uint32_t)) : 0U);
 }
 
 bool fitsFloat(std::span<const glm::dvec3> positions) {
@@ -187,9 +189,9 @@ base::Result<void> SourceSpool::triangles(const mesh::TriangleBlock& block) {
   if (highest / 64 >= used_.size()) used_.resize(std::max<std::size_t>(highest / 64 + 1, used_.size() * 3 / 2), 0);
   const bool wide = highest > std::numeric_limits<std::uint32_t>::max();
   scratch_.clear();
-  const BlockHeader header{static_cast<std::uint32_t>(corners / 3), (wide ? kWide : 0U) |
-                                                                        (block.colors.empty() ? 0U : kColors) |
-                                                                        (block.normals.empty() ? 0U : kNormals)};
+  const BlockHeader header{static_cast<std::uint32_t>(corners / 3),
+                           (wide ? kWide : 0U) | (block.colors.empty() ? 0U : kColors) |
+                               (block.normals.empty() ? 0U : kNormals) | (block.pictures.empty() ? 0U : kTextures)};
   put(scratch_, &header, 1);
   const std::size_t at = scratch_.size();
   scratch_.resize(at + corners * (wide ? 8U : 4U));
@@ -206,6 +208,12 @@ base::Result<void> SourceSpool::triangles(const mesh::TriangleBlock& block) {
   for (const glm::vec3& n : block.normals) {
     const std::uint32_t packed = packNormal(n);
     put(scratch_, &packed, 1);
+  }
+  // The file's pictures are numbered behind those of the files before.
+  put(scratch_, block.uv.data(), block.uv.size());
+  for (std::uint32_t picture : block.pictures) {
+    if (picture != mesh::kNoPicture) picture += static_cast<std::uint32_t>(info_.pictures.size());
+    put(scratch_, &picture, 1);
   }
   sample(block.corners);
   triangle_blocks_.push_back({info_.triangles, triangles_.size(), header.count, header.flags});
@@ -342,6 +350,8 @@ base::Result<void> SourceSpool::readTriangles(std::size_t block, SpooledTriangle
   unpackNarrow<std::uint32_t>(in, out.corners, corners, (at.flags & kWide) == 0);
   unpack(in, out.colors, (at.flags & kColors) != 0 ? corners : 0);
   unpack(in, out.normals, (at.flags & kNormals) != 0 ? corners : 0);
+  unpack(in, out.uv, (at.flags & kTextures) != 0 ? corners : 0);
+  unpack(in, out.pictures, (at.flags & kTextures) != 0 ? at.count : 0);
   return {};
 }
 

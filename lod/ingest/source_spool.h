@@ -20,7 +20,9 @@ struct SourceInfo {
   glm::dvec3 box_max{0.0};
   double mean_edge = 0.0;  ///< geometric mean over a sample of the edges; 0 when all are points
   std::vector<std::string> warnings;
-  std::uint64_t short_faces = 0;  ///< faces of fewer than three corners, which readers leave out
+  std::vector<mesh::SourcePicture> pictures;  ///< of all files, as triangles number them
+  double texels = 0.0;                        ///< of the pictures, as many as triangles cover
+  std::uint64_t short_faces = 0;              ///< faces of fewer than three corners, which readers leave out
 };
 
 /// Vertices and triangles of a block, numbered through all files. `packed` is scratch memory that reads use again.
@@ -34,8 +36,10 @@ struct SpooledVertices {
 struct SpooledTriangles {
   std::uint64_t first = 0;
   std::vector<std::uint64_t> corners;
-  std::vector<std::uint32_t> colors;   ///< per corner, A = 0 where unknown; empty when the block has none
-  std::vector<std::uint32_t> normals;  ///< per corner, packed, 0 where unknown; empty when the block has none
+  std::vector<std::uint32_t> colors;    ///< per corner, A = 0 where unknown; empty when the block has none
+  std::vector<std::uint32_t> normals;   ///< per corner, packed, 0 where unknown; empty when the block has none
+  std::vector<glm::vec2> uv;            ///< per corner, as mesh::TriangleBlock has it; empty when the block has none
+  std::vector<std::uint32_t> pictures;  ///< per triangle, of SourceInfo::pictures or mesh::kNoPicture; the same
   base::Bytes packed;
 };
 
@@ -57,6 +61,10 @@ class SourceSpool : public mesh::MeshSink {
 
   /// Called before each source file, whose numbers start at 0. `name` is the file's in errors.
   void beginFile(const std::string& name);
+  /// Called after each source file that has textures: its pictures, in their order.
+  void addPictures(const std::vector<mesh::SourcePicture>& pictures) {
+    info_.pictures.insert(info_.pictures.end(), pictures.begin(), pictures.end());
+  }
   /// Called after the last file: flushes, and reads all vertices once to measure them. A source without triangles is an
   /// error unless `accepts_points`; then every vertex counts as referenced. Errors: those of reading, kInvalidInput
   /// where the source is empty.

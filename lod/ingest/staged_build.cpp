@@ -11,6 +11,7 @@
 #include "base/text.h"
 #include "mesh/sink_thread.h"
 #include "mesh/stream_mesh.h"
+#include "mesh/texture.h"
 
 namespace lod::ingest {
 namespace {
@@ -35,7 +36,7 @@ glm::dvec3 originFor(const glm::dvec3& low, const glm::dvec3& high) {
 auto fieldsOf(auto& s) {
   return std::tie(s.vertex_bytes, s.triangle_bytes, s.origin, s.info.vertices, s.info.triangles, s.info.referenced,
                   s.info.has_normals, s.info.has_colors, s.info.box_min, s.info.box_max, s.info.mean_edge,
-                  s.info.short_faces);
+                  s.info.short_faces, s.info.texels);
 }
 
 base::Bytes stateOf(const ImportedSource& source) {
@@ -43,6 +44,11 @@ base::Bytes stateOf(const ImportedSource& source) {
   base::writeFields(out, fieldsOf(source));
   out.u32(static_cast<std::uint32_t>(source.info.warnings.size()));
   for (const std::string& warning : source.info.warnings) out.string16(warning);
+  out.u32(static_cast<std::uint32_t>(source.info.pictures.size()));
+  for (const mesh::SourcePicture& picture : source.info.pictures) {
+    out.string16(picture.path);
+    base::writeFields(out, std::tie(picture.offset, picture.bytes));
+  }
   return out.takeBytes();
 }
 
@@ -52,6 +58,12 @@ base::Result<ImportedSource> readState(const WorkDirectory& directory) {
   ImportedSource source;
   base::readFields(in, fieldsOf(source));
   for (std::uint32_t left = in.u32(); left > 0 && in.ok(); --left) source.info.warnings.push_back(in.string16());
+  for (std::uint32_t left = in.u32(); left > 0 && in.ok(); --left) {
+    mesh::SourcePicture picture;
+    picture.path = in.string16();
+    base::readFields(in, std::tie(picture.offset, picture.bytes));
+    source.info.pictures.push_back(std::move(picture));
+  }
   if (!in.atEnd()) return directory.damaged();
   return source;
 }
@@ -103,7 +115,7 @@ bool canResume(const base::Error& error) {
 }  // namespace
 
 base::Result<SourceInput> sourceFromFiles(const std::vector<std::string>& paths, const Progress& progress,
-                                          unsigned threads, bool points) {
+                                          unsigned threads, bool points, bool keeps_textures) {
   if (paths.empty()) return Error{ErrorCode::kInvalidInput, "no mesh file is named"};
   SourceInput input;
   input.points = points;
@@ -112,7 +124,8 @@ base::Result<SourceInput> sourceFromFiles(const std::vector<std::string>& paths,
     const auto size = std::filesystem::file_size(path, ignored);
     if (!ignored) input.bytes += size;
   }
-  input.read = [paths, progress, threads, points](SourceSpool& spool, SourceInfo& notes) -> base::Result<void> {
+  input.read = [paths, progress, threads, points, keeps_textures](SourceSpool& spool,
+                                                                  SourceInfo& notes) -> base::Result<void> {
     std::vector<bool> colored;
     for (std::size_t i = 0; i < paths.size(); ++i) {
       mesh::StreamOptions stream;
@@ -124,6 +137,10 @@ base::Result<SourceInput> sourceFromFiles(const std::vector<std::string>& paths,
       LUMIGRID_ASSIGN_OR_RETURN(auto file, readFile(paths[i], spool, threads, stream));
       for (const std::string& warning : file.warnings) notes.warnings.push_back(paths[i] + ": " + warning);
       notes.short_faces += file.short_faces;
+      notes.texels += file.texels;
+      spool.addPictures(file.pictures);
+      if (const std::string lost = keeps_textures ? "" : mesh::lostTexels(file.texels, file.vertices); !lost.empty())
+        notes.warnings.push_back(paths[i] + ": " + lost);
       colored.push_back(file.has_colors);
     }
     for (std::size_t i = 0; i < paths.size(); ++i)
@@ -144,6 +161,7 @@ base::Result<ImportedSource> importSource(WorkDirectory& directory, const Source
   LUMIGRID_ASSIGN_OR_RETURN(source.info, spool.finish(input.points, threads));
   source.info.warnings = std::move(notes.warnings);
   source.info.short_faces = notes.short_faces;
+  source.info.texels = notes.texels;
   const glm::dvec3 size = source.info.box_max - source.info.box_min;
   const double longest = std::max({size.x, size.y, size.z});
   if (longest > 0.0 && longest < kMinSize)
@@ -170,13 +188,16 @@ base::Result<Buckets> sortSource(WorkDirectory& directory, const ImportedSource&
     return Buckets::open(directory.path(), state);
   }
   const SourceInfo& info = source.info;
-  const std::uint64_t record = 3 * (8U + (info.has_colors ? 4U : 0U) + (info.has_normals ? 4U : 0U));
+  const bool textures = options.keeps_textures && !info.pictures.empty();
+  const std::uint64_t record = 3 * (8U + (info.has_colors ? 4U : 0U) + (info.has_normals ? 4U : 0U)) +
+                               (textures ? sizeof(TexturePlace) + sizeof(std::uint64_t) : 0U);
   LUMIGRID_TRY(directory.needSpace(info.triangles * record, "the triangles sorted by voxels"));
   LUMIGRID_ASSIGN_OR_RETURN(auto spool, openSource(directory, source));
   LUMIGRID_ASSIGN_OR_RETURN(auto buckets, Buckets::sort(spool, info, lattice, directory.path(), options));
+  std::vector<std::string> files{"buckets"};
+  if (textures) files.emplace_back(TexturePlaces::kName);
   const auto sorted = std::make_shared<SourceSpool>(std::move(spool));
-  LUMIGRID_TRY(
-      directory.finishStage(Stage::kSorted, buckets.encodeTables(), {"buckets"}, [sorted] { sorted->remove(); }));
+  LUMIGRID_TRY(directory.finishStage(Stage::kSorted, buckets.encodeTables(), files, [sorted] { sorted->remove(); }));
   base::releaseFreedMemory(2 * options.limits.memory_bytes);
   return buckets;
 }
@@ -240,10 +261,11 @@ void StagedBuild::reportPlan(std::uint64_t output_bytes, std::uint64_t work_byte
                     static_cast<double>(items) / (items_per_core_second * threads())});
 }
 
-base::Result<Buckets> StagedBuild::sortTriangles(const StitchOptions& stitch) {
+base::Result<Buckets> StagedBuild::sortTriangles(const StitchOptions& stitch, bool keeps_textures) {
   if (!directory_->isFinished(Stage::kSorted) && !report("sort", 0.0)) return cancelled();
-  const BucketOptions options{
-      {limits_.threads, workMemory() / 2}, stitch, [this](double done) { return report("sort", done); }};
+  const BucketOptions options{{limits_.threads, workMemory() / 2}, stitch, keeps_textures, [this](double done) {
+                                return report("sort", done);
+                              }};
   return sortSource(*directory_, source_, lattice_, options);
 }
 

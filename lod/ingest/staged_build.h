@@ -31,9 +31,10 @@ struct SourceInput {
   bool points = false;      ///< a source without any triangle is no error
 };
 /// With one thread, reading a file and spooling what was read take turns. `points`: files without faces are welcome.
+/// `keeps_textures`: the builder does more with textures than to colour vertices, so that no warning is due.
 /// Error: no file is named.
 base::Result<SourceInput> sourceFromFiles(const std::vector<std::string>& paths, const Progress& progress,
-                                          unsigned threads, bool points = false);
+                                          unsigned threads, bool points = false, bool keeps_textures = false);
 
 /// The disk space and time that a build will take, known once the source has been read. The figures were measured on
 /// other scans and are rough.
@@ -137,7 +138,7 @@ class StagedBuild {
   void reportPlan(std::uint64_t output_bytes, std::uint64_t work_bytes, std::uint64_t items,
                   double items_per_core_second) const;
   /// Goes through Stage::kSorted for triangles. The resume key must tell how they are stitched.
-  base::Result<Buckets> sortTriangles(const StitchOptions& stitch);
+  base::Result<Buckets> sortTriangles(const StitchOptions& stitch, bool keeps_textures = false);
 
   /// Reports progress; false cancels. Safe from several threads.
   bool report(const std::string& stage, double done);

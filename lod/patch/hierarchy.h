@@ -54,7 +54,8 @@ struct Patch {
   base::NormalCone cone;
   std::uint32_t producer = kNoGroup;  ///< kNoGroup: a leaf (error 0: the source itself, quantised)
   std::uint32_t consumer = 0;
-  std::uint32_t level = 0;  ///< 0 = leaf
+  std::uint16_t level = 0;         ///< 0 = leaf
+  std::uint16_t color_detail = 0;  ///< of a leaf whose source has a texture: colorDetailOf() in 65535ths
   std::uint32_t triangles = 0;
   std::uint32_t vertices = 0;
   std::uint32_t block_offset = 0;  ///< within its consumer's block
@@ -79,13 +80,20 @@ inline float ownErrorOf(const Patch& patch, base::ErrorMeasure measure) {
   return measure == base::ErrorMeasure::kShape ? kVisibleRatio * patch.own_typical_error : patch.own_visible_error;
 }
 
+/// The root mean square difference, 0 … 1, of a leaf's texture from the colours of its vertices between them; 0 where
+/// the source has no texture.
+inline float colorDetailOf(const Patch& patch) {
+  return static_cast<float>(patch.color_detail) / 65535.0F;
+}
+
 /// A difference of colour counts as a distance, in proportion to the edges over which colours are interpolated: one
 /// from black to white as so many edges (docs/decisions/visible-error.md).
 inline constexpr float kDetailLength = 2.0F;
 
 /// The typical difference between a patch's colours and the source's, 0 … 1, as far as its own errors tell: the visible
-/// error contains it. `mean_edge`: of the patch, scene units, above 0. 0 for leaves.
+/// error contains it. `mean_edge`: of the patch, scene units, above 0. For leaves it is their colorDetailOf().
 inline float typicalColorErrorOf(const Patch& patch, float mean_edge) {
+  if (patch.producer == kNoGroup) return colorDetailOf(patch);
   const float seen = patch.own_visible_error / kVisibleRatio;
   const float detail = std::sqrt(std::max(0.0F, seen * seen - patch.own_typical_error * patch.own_typical_error));
   return std::min(1.0F, detail / (kDetailLength * mean_edge));

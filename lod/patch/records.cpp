@@ -47,6 +47,7 @@ const char* patchFault(const Patch& patch) {
   if (patch.vertices == 0 || patch.vertices > kMaxPatchVertices) return "its vertex count is 0 or above 65535";
   if ((patch.producer == kNoGroup) != (patch.level == 0))
     return "a leaf has level 0 and no producer, any other patch both";
+  if (patch.producer != kNoGroup && patch.color_detail != 0) return "it has a texture's detail but is no leaf";
   if (patch.producer != kNoGroup && patch.producer <= patch.consumer)
     return "its producer doesn't lie below its consumer";
   return nullptr;

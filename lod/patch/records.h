@@ -24,8 +24,8 @@ auto fieldsOf(Row& row) {
                     row.visible_error, row.level, row.first_patch, row.patch_count, row.first_parent, row.parent_count,
                     row.block_bytes, row.block_offset);
   else
-    return std::tie(row.box, row.bounds, row.cone, row.producer, row.consumer, row.level, row.triangles, row.vertices,
-                    row.block_offset, row.block_bytes);
+    return std::tie(row.box, row.bounds, row.cone, row.producer, row.consumer, row.level, row.color_detail,
+                    row.triangles, row.vertices, row.block_offset, row.block_bytes);
 }
 
 template <class Row>

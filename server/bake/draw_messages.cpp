@@ -90,7 +90,6 @@ base::Result<std::optional<DrawMessage>> receiveMessage(int socket) {
 base::Bytes encodeOrder(const FaceWork& work) {
   base::Scene drawn = work.scene;  // where its bytes are from does not matter here
   drawn.sources.clear();
-  drawn.parts.clear();
   base::ByteWriter out;
   writeText(out, base::formatScene(drawn));
   writeText(out, work.patches.path());

@@ -10,6 +10,7 @@
 #include "base/json/annotations_file.h"
 #include "base/json/parse.h"
 #include "lod/qsplat/splat_file.h"
+#include "lod/texture/format.h"
 #include "repository/verify.h"
 #include "server/cli/auto_choice.h"
 #include "server/cli/commands.h"
@@ -282,6 +283,15 @@ void printHierarchy(const nlohmann::json& h) {
                 level["typical_error"].get<double>(), level["max_error"].get<double>());
 }
 
+void printTextures(const nlohmann::json& t) {
+  std::printf("textures: %s pictures, %s texels on %s triangles (%.0f each), a texel is %.3g across; %s\n",
+              countIn(t, "images").c_str(), countIn(t, "texels").c_str(), countIn(t, "triangles").c_str(),
+              t["texels_per_triangle"].get<double>(), t["texel"].get<double>(), bytesIn(t, "bytes").c_str());
+  if (t["reduced_pages"] != 0)
+    std::printf("  %s of %s pages were too large and have coarser texels\n", countIn(t, "reduced_pages").c_str(),
+                countIn(t, "pages").c_str());
+}
+
 /// The texts that describe how the scene's images were chosen; empty where they were not.
 struct ChoiceTexts {
   std::string methods, tuning;
@@ -291,6 +301,7 @@ void print(const InfoArguments& a, const nlohmann::json& j, const ChoiceTexts& c
   printScene(a, j);
   if (!choices.methods.empty()) std::printf("auto: %s\n", choices.methods.c_str());
   if (j.contains("hierarchy")) printHierarchy(j["hierarchy"]);
+  if (j.contains("texture")) printTextures(j["texture"]);
   if (j.contains("qsplat")) {
     std::printf("splats: %s\n", describeSplats(j["qsplat"]).c_str());
     printDigest(j["qsplat"], "content");
@@ -309,6 +320,30 @@ base::Result<nlohmann::json> describePatchFile(const InfoArguments& a, const Ope
   if (!a.digest || open.directory.empty()) return j;
   LUMIGRID_ASSIGN_OR_RETURN(j["sha256"], methodDigest(base::patchPath(open.directory, open.scene)));
   return j;
+}
+
+/// Nothing when the scene keeps no textures, or is not on this machine.
+base::Result<nlohmann::json> describeTextures(const OpenScene& open) {
+  const auto file = base::partFile(open.scene, "texture", ".lgt");
+  if (open.directory.empty() || !file) return nlohmann::json();
+  LUMIGRID_ASSIGN_OR_RETURN(const auto textures, lod::texture::TextureFile::open(open.directory + "/" + *file));
+  const lod::texture::TextureSummary& s = textures.summary();
+  double texels = 0.0, area = 0.0;
+  for (const lod::texture::PageRecord& page : textures.pages()) {
+    const double count = static_cast<double>(page.width) * static_cast<double>(page.height);
+    texels += count;
+    area += count * static_cast<double>(page.texel) * static_cast<double>(page.texel);
+  }
+  const auto triangles = static_cast<double>(std::max<std::uint64_t>(1, s.triangles));
+  return nlohmann::json{{"images", s.pictures},
+                        {"texels", s.texels},
+                        {"triangles", s.triangles},
+                        {"texels_per_triangle", static_cast<double>(s.texels) / triangles},
+                        {"texel", std::sqrt(area / std::max(texels, 1.0))},
+                        {"typical_error", s.typical_error},
+                        {"pages", textures.pages().size()},
+                        {"reduced_pages", s.reduced_pages},
+                        {"bytes", textures.fileBytes()}};
 }
 
 /// Nothing when the scene has no tree of splats, or is not on this machine.
@@ -364,6 +399,8 @@ base::Result<nlohmann::json> describe(const InfoArguments& a, const OpenScene& o
   }
   LUMIGRID_ASSIGN_OR_RETURN(auto splats, describeSplatFile(a, open));
   if (!splats.is_null()) j["qsplat"] = std::move(splats);
+  LUMIGRID_ASSIGN_OR_RETURN(auto textures, describeTextures(open));
+  if (!textures.is_null()) j["texture"] = std::move(textures);
   if (open.images) {
     LUMIGRID_ASSIGN_OR_RETURN(j["images"], describeImageStore(a, open));
   }

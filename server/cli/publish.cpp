@@ -36,7 +36,7 @@ struct PublishArguments {
   repository::PublishOptions images;
   std::string viewer = "auto";  // or "on", "off"
   std::string web;              // folder of the page's files; empty: where they are installed
-  bool prune = false, json = false, quiet = false;
+  bool prune = false, with_textures = false, json = false, quiet = false;
 };
 
 struct PublishedPage {
@@ -89,6 +89,12 @@ Result<base::ScenePart> publishPart(const PublishArguments& a, const base::Scene
 
 bool isImages(const base::ScenePart& part) {
   return part.sha256.empty() || repository::idOfIndexName(part.file);
+}
+
+// Viewers do not read them; a server that draws frames does.
+bool isTextures(const base::ScenePart& part) {
+  const std::string name = base::isPublishedName(part.file) ? part.file.substr(0, part.file.find('-')) : part.file;
+  return name == "texture" || name == "texture.lgt";
 }
 
 Result<base::ScenePart> publishImages(const PublishArguments& a, const OpenScene& scene, repository::ObjectSink& sink,
@@ -371,7 +377,7 @@ Result<PublishReport> publish(const PublishArguments& a) {
   if (pages) LUMIGRID_TRY(publishPageTo(a, *pages, splats_only, *sink, report));
   base::Scene scene = publicScene(built);
   for (const base::ScenePart& part : built.parts) {
-    if (isImages(part)) continue;
+    if (isImages(part) || (isTextures(part) && !a.with_textures)) continue;
     LUMIGRID_ASSIGN_OR_RETURN(auto published, publishPart(a, part, *sink, report));
     scene.parts.push_back(std::move(published));
   }
@@ -458,6 +464,8 @@ RunCommand addPublish(CLI::App& command) {
   command.add_flag("--prune", a->prune,
                    "when all is done remove what earlier versions had and this one has not; viewers and servers that "
                    "still read those lose them");
+  command.add_flag("--with-textures", a->with_textures,
+                   "publish the source's textures too, for servers that draw frames from the copy; viewers need none");
   command.add_flag("--json", a->json, "summary as JSON");
   command.add_flag("--quiet", a->quiet, "no progress and no summary");
   return [a]() -> int {

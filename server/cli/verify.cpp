@@ -13,6 +13,7 @@
 #include "base/hash/sha256.h"
 #include "base/json/annotations_file.h"
 #include "lod/qsplat/splat_file.h"
+#include "lod/texture/format.h"
 #include "repository/access.h"
 #include "repository/objects/mirror.h"
 #include "repository/objects/open_objects.h"
@@ -76,6 +77,24 @@ void verifyPatches(const std::string& path, const base::Scene& scene, Faults& fa
   for (std::size_t i = 0; i < h.patches.size(); ++i)
     if (h.patches[i].level == 0 && !(box.contains(h.patches[i].box.min) && box.contains(h.patches[i].box.max)))
       faults.push_back(path + ": leaf patch " + std::to_string(i) + " lies outside the scene's box");
+}
+
+// Checks the textures of the leaves.
+void verifyTextures(const std::string& path, const std::string& patch_path, Faults& faults) {
+  const auto textures = valueOrFault(lod::texture::TextureFile::open(path), faults);
+  if (!textures) return;
+  for (const std::string& fault : textures->verify()) faults.push_back(fault);
+  const auto patches = lod::patch::PatchFile::open(patch_path);  // whose own faults are told elsewhere
+  if (!patches) return;
+  const std::vector<lod::patch::Patch>& rows = patches->hierarchy().patches;
+  if (textures->summary().patches != rows.size())
+    return faults.push_back(path + ": belongs to a hierarchy of " + std::to_string(textures->summary().patches) +
+                            " patches, this one has " + std::to_string(rows.size()));
+  for (const lod::texture::PageRecord& page : textures->pages()) {
+    const lod::patch::Patch& patch = rows[page.patch];
+    if (patch.level != 0 || page.triangles > patch.triangles)
+      faults.push_back(path + ": patch " + std::to_string(page.patch) + " cannot have its page");
+  }
 }
 
 // Checks published images; messages name the path of their index.
@@ -177,6 +196,8 @@ base::Result<Faults> verifyHere(const std::string& directory, const VerifyProgre
   if (has_splats) verifySplats(base::splatPath(directory, scene), scene, faults);
   if (!has_splats || base::partFile(scene, "patch", ".lgp"))
     verifyPatches(base::patchPath(directory, scene), scene, faults);
+  if (const auto textures = base::partFile(scene, "texture", ".lgt"))
+    verifyTextures(directory + "/" + *textures, base::patchPath(directory, scene), faults);
   const auto index = base::partFile(scene, "images/index", ".lgi");
   is_published = index.has_value();
   if (index)

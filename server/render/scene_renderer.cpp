@@ -19,19 +19,29 @@ constexpr std::uint64_t kFrameSamples = 34'000'000;
 constexpr int kFrameMinSupersampling = 2;
 constexpr int kFrameMaxSupersampling = 4;
 
-base::Result<base::gl::Program> linkModes(const base::Light& light) {
-  auto program =
-      base::gl::Program::link("surface with modes", std::string("#define VIEW_MODES\n") + glsl::kSurfaceVertex,
-                              lod::draw::shadingSource() + lod::draw::viewModesSource() + glsl::kModesFragment);
+std::string definesOf(SurfaceKind kind) {
+  if (kind == SurfaceKind::kColors) return "#define SURFACE_COLOR(color) color\n";
+  return std::string("#define PAGES\n#define SURFACE_COLOR(color) pageColor(color)\n") +
+         (kind == SurfaceKind::kPagesWithAlpha ? "#define ALPHA\n" : "");
+}
+std::string fragmentOf(SurfaceKind kind, const std::string& source) {
+  return definesOf(kind) + (kind == SurfaceKind::kColors ? "" : glsl::kPage) + source;
+}
+
+base::Result<base::gl::Program> linkModes(const base::Light& light, SurfaceKind kind) {
+  auto program = base::gl::Program::link(
+      "surface with modes", "#define VIEW_MODES\n" + definesOf(kind) + glsl::kSurfaceVertex,
+      fragmentOf(kind, lod::draw::shadingSource() + lod::draw::viewModesSource() + glsl::kModesFragment));
   if (program) lod::draw::setShading(*program, {light.mode == base::LightMode::kUnlit, light.direction});
   return program;
 }
 
-base::Result<base::gl::Program> linkSurface(const base::Light& light) {
+base::Result<base::gl::Program> linkSurface(const base::Light& light, SurfaceKind kind) {
   if (light.mode == base::LightMode::kUnlit)
-    return base::gl::Program::link("unlit", glsl::kUnlitVertex, glsl::kUnlitFragment);
-  auto lit =
-      base::gl::Program::link("surface", glsl::kSurfaceVertex, lod::draw::shadingSource() + glsl::kSurfaceFragment);
+    return base::gl::Program::link("unlit", definesOf(kind) + glsl::kUnlitVertex,
+                                   fragmentOf(kind, glsl::kUnlitFragment));
+  auto lit = base::gl::Program::link("surface", definesOf(kind) + glsl::kSurfaceVertex,
+                                     fragmentOf(kind, lod::draw::shadingSource() + glsl::kSurfaceFragment));
   if (lit) lod::draw::setShading(*lit, {false, light.direction});
   return lit;
 }
@@ -106,8 +116,31 @@ Tile SceneRenderer::touchedPart(const base::Camera& tile_camera, std::span<const
   return bounds.within(tile.width, tile.height);
 }
 
+void SceneRenderer::prepare(const base::gl::Program& program, const base::Camera& camera,
+                            const lod::draw::ViewModes& modes) const {
+  program.use();
+  if (modes.any()) lod::draw::setViewModes(program, modes, camera);
+  const glm::mat4 clip_from_scene = camera.clipFromScene();
+  glUniformMatrix4fv(program.uniform("u_clip_from_scene"), 1, GL_FALSE, &clip_from_scene[0][0]);
+  const glm::vec4 eye = camera.homogeneousEye();
+  if (lit_ || modes.any()) glUniform4f(program.uniform("u_eye"), eye.x, eye.y, eye.z, eye.w);
+  glUniform1i(program.uniform("u_page"), 0);
+}
+
+/// Says how finely each patch's pages are drawn.
+std::vector<DrawnPatch> SceneRenderer::withPages(std::span<const std::uint32_t> patches, const base::Camera& camera,
+                                                 int samples) const {
+  std::vector<DrawnPatch> drawn;
+  drawn.reserve(patches.size());
+  for (const std::uint32_t patch : patches)
+    drawn.push_back(
+        {patch, textures_ ? pageReduction(textures_->pagesOf(patch), hierarchy_.patches[patch].bounds, camera, samples)
+                          : kNoPages});
+  return drawn;
+}
+
 base::Result<void> SceneRenderer::drawTile(const base::Camera& camera, std::span<const std::uint32_t> visible,
-                                           const lod::draw::ViewModes& modes) {
+                                           const RenderOptions& options) {
   target_.begin();
   glEnable(GL_DEPTH_TEST);
   glDepthFunc(GL_LESS);
@@ -116,24 +149,34 @@ base::Result<void> SceneRenderer::drawTile(const base::Camera& camera, std::span
   glDisable(GL_BLEND);
   glDisable(GL_SCISSOR_TEST);
   glColorMask(GL_TRUE, GL_TRUE, GL_TRUE, GL_TRUE);
+  glActiveTexture(GL_TEXTURE0);
 
-  const base::gl::Program& program = modes.any() ? with_modes_ : surface_;
-  program.use();
-  if (modes.any()) lod::draw::setViewModes(program, modes, camera);
-  const glm::mat4 clip_from_scene = camera.clipFromScene();
-  glUniformMatrix4fv(program.uniform("u_clip_from_scene"), 1, GL_FALSE, &clip_from_scene[0][0]);
-  const glm::vec4 eye = camera.homogeneousEye();
-  if (lit_ || modes.any()) glUniform4f(program.uniform("u_eye"), eye.x, eye.y, eye.z, eye.w);
-  return modes.resolution_colors ? drawTinted(visible) : cache_.draw(visible);
-}
+  const lod::draw::ViewModes& modes = options.modes;
+  const std::vector<DrawnPatch> drawn = withPages(visible, camera, options.supersampling);
+  const auto& programs = modes.any() ? with_modes_ : surface_;
+  std::array<bool, 3> prepared{};
+  const base::gl::Program* in_use = nullptr;
+  const auto use = [&](SurfaceKind kind) -> const base::gl::Program& {
+    const auto k = static_cast<std::size_t>(kind);
+    const base::gl::Program& program = programs[k];
+    if (!std::exchange(prepared[k], true))
+      prepare(program, camera, modes);
+    else if (in_use != &program)
+      program.use();
+    in_use = &program;
+    return program;
+  };
+  if (!modes.resolution_colors) return cache_.draw(drawn, use);
 
-/// Draws patches one by one, each with its error.
-base::Result<void> SceneRenderer::drawTinted(std::span<const std::uint32_t> visible) {
-  const GLint error = with_modes_.uniform("u_patch_error");
-  for (const std::uint32_t& patch : visible) {
-    const auto found = errors_px_.find(patch);
-    glUniform1f(error, found != errors_px_.end() ? found->second : 0.0F);
-    LUMIGRID_TRY(cache_.draw({&patch, 1}));
+  // Tinted patches are drawn one by one, each with its error.
+  for (const DrawnPatch& patch : drawn) {
+    const auto found = errors_px_.find(patch.number);
+    const auto tint = [&](SurfaceKind kind) -> const base::gl::Program& {
+      const base::gl::Program& program = use(kind);
+      glUniform1f(program.uniform("u_patch_error"), found != errors_px_.end() ? found->second : 0.0F);
+      return program;
+    };
+    LUMIGRID_TRY(cache_.draw({&patch, 1}, tint));
   }
   return {};
 }
@@ -165,7 +208,7 @@ base::Result<void> SceneRenderer::drawPicture(const base::Camera& camera, std::s
       LUMIGRID_TRY(readback_.skip(picture));
       continue;
     }
-    LUMIGRID_TRY(drawTile(tile_camera, in_tile, options.modes));
+    LUMIGRID_TRY(drawTile(tile_camera, in_tile, options));
     LUMIGRID_TRY(readback_.read(picture, {tile.x + part.x, tile.y + part.y, part.width, part.height},
                                 target_.resolve(resolve_, part), part.x, target_.height() - part.y - part.height));
   }
@@ -174,9 +217,11 @@ base::Result<void> SceneRenderer::drawPicture(const base::Camera& camera, std::s
 
 // ---- SceneRenderer ----
 
-SceneRenderer::SceneRenderer(const lod::patch::PatchFile& patches, std::uint64_t gpu_budget_bytes)
+SceneRenderer::SceneRenderer(const lod::patch::PatchFile& patches, std::optional<lod::texture::TextureFile> textures,
+                             std::uint64_t gpu_budget_bytes)
     : hierarchy_(patches.hierarchy()),
-      cache_(patches, gpu_budget_bytes),
+      textures_(std::move(textures)),
+      cache_(patches, textures_ ? &*textures_ : nullptr, gpu_budget_bytes),
       readback_(kReadbackDepth),
       max_side_(SampleTarget::maxSide()) {
   for (const lod::patch::Patch& patch : hierarchy_.patches) box_.add(patch.box);
@@ -188,16 +233,26 @@ base::Result<std::unique_ptr<SceneRenderer>> SceneRenderer::create(const base::S
   if (glGetString(GL_VERSION) == nullptr)
     return base::Error{base::ErrorCode::kUnsupported,
                        "render: no GL context is current on this thread; make a base::HeadlessContext first"};
-  std::unique_ptr<SceneRenderer> renderer(new SceneRenderer(patches, gpu_budget_bytes));
+  std::optional<lod::texture::TextureFile> textures;
+  if (const auto file = base::partFile(scene, "texture", ".lgt")) {
+    const std::size_t slash = patches.path().rfind('/');
+    const std::string directory = slash == std::string::npos ? "" : patches.path().substr(0, slash + 1);
+    LUMIGRID_ASSIGN_OR_RETURN(textures, lod::texture::TextureFile::open(directory + *file));
+  }
+  std::unique_ptr<SceneRenderer> renderer(new SceneRenderer(patches, std::move(textures), gpu_budget_bytes));
   LUMIGRID_TRY(renderer->setLight(scene.light));
   LUMIGRID_ASSIGN_OR_RETURN(renderer->resolve_, ResolvePass::create());
   return renderer;
 }
 
 base::Result<void> SceneRenderer::setLight(const base::Light& light) {
-  LUMIGRID_ASSIGN_OR_RETURN(auto surface, linkSurface(light));
-  LUMIGRID_ASSIGN_OR_RETURN(with_modes_, linkModes(light));
+  std::array<base::gl::Program, 3> surface, with_modes;
+  for (std::size_t k = 0; k < (textures_ ? surface.size() : 1); ++k) {
+    LUMIGRID_ASSIGN_OR_RETURN(surface[k], linkSurface(light, static_cast<SurfaceKind>(k)));
+    LUMIGRID_ASSIGN_OR_RETURN(with_modes[k], linkModes(light, static_cast<SurfaceKind>(k)));
+  }
   surface_ = std::move(surface);
+  with_modes_ = std::move(with_modes);
   lit_ = light.mode != base::LightMode::kUnlit;
   return {};
 }

@@ -1,9 +1,11 @@
 #pragma once
 // Draws pictures of a patch hierarchy on the server: sampling faces, exact frames, ground truth.
+#include <array>
 #include <cstdint>
 #include <functional>
 #include <limits>
 #include <memory>
+#include <optional>
 #include <span>
 #include <unordered_map>
 #include <vector>
@@ -44,6 +46,7 @@ RenderOptions exactFrameOptions(int width, int height);
 /// while drawing or reading back drops all pictures that were not delivered yet.
 class SceneRenderer {
  public:
+  /// Leaves are drawn with the textures of texture.lgt beside the patches, where the scene lists it.
   /// `gpu_budget_bytes`: limit for uploaded patches, of which the least recently used are evicted; a cut that needs
   /// more is drawn in batches. `patches` must outlive the renderer.
   static base::Result<std::unique_ptr<SceneRenderer>> create(const base::Scene& scene,
@@ -69,22 +72,27 @@ class SceneRenderer {
   glm::vec3 sceneCenter() const { return box_.empty() ? glm::vec3(0.0F) : box_.center(); }
 
  private:
-  SceneRenderer(const lod::patch::PatchFile& patches, std::uint64_t gpu_budget_bytes);
+  SceneRenderer(const lod::patch::PatchFile& patches, std::optional<lod::texture::TextureFile> textures,
+                std::uint64_t gpu_budget_bytes);
   base::Result<void> drawPicture(const base::Camera& camera, std::span<const std::uint32_t> cut,
                                  const RenderOptions& options, std::function<void(RenderedPicture)> deliver);
   base::Result<void> drawTile(const base::Camera& camera, std::span<const std::uint32_t> visible,
-                              const lod::draw::ViewModes& modes);
-  base::Result<void> drawTinted(std::span<const std::uint32_t> visible);
+                              const RenderOptions& options);
+  void prepare(const base::gl::Program& program, const base::Camera& camera, const lod::draw::ViewModes& modes) const;
+  std::vector<DrawnPatch> withPages(std::span<const std::uint32_t> patches, const base::Camera& camera,
+                                    int samples) const;
   base::Result<void> orDrop(base::Result<void> result);
   std::vector<std::uint32_t> visibleFrom(const base::Camera& camera, std::span<const std::uint32_t> cut) const;
   Tile touchedPart(const base::Camera& tile_camera, std::span<const std::uint32_t> visible, const Tile& tile) const;
   void sortFrontToBack(std::vector<std::uint32_t>& cut, const glm::vec3& eye) const;
 
   const lod::patch::Hierarchy& hierarchy_;
+  std::optional<lod::texture::TextureFile> textures_;
   base::Aabb box_;
   bool lit_ = false;  ///< whether the surface program shades by normals
-  base::gl::Program surface_;
-  base::gl::Program with_modes_;
+  /// By SurfaceKind; those with pages only where the scene has textures.
+  std::array<base::gl::Program, 3> surface_;
+  std::array<base::gl::Program, 3> with_modes_;
   std::unordered_map<std::uint32_t, float> errors_px_;  ///< by patch, for a tinted picture
   ResolvePass resolve_;
   SampleTarget target_;

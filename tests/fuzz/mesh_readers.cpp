@@ -84,7 +84,7 @@ void fuzzOne(base::ByteView bytes) {
   if (bytes.empty()) return;
   const base::ByteView file = bytes.subspan(1);
   CheckingSink sink;
-  MeshStream stream(sink, file, "/nowhere", nullptr);
+  MeshStream stream(sink, file, "/nowhere/mesh", nullptr);
   base::Result<void> read;
   switch (bytes[0] % 5) {
     case 0:

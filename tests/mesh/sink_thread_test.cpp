@@ -38,7 +38,7 @@ base::Result<void> passBlocks(MeshSink& sink, int blocks) {
     for (int i = 0; i < 10; ++i) positions[static_cast<std::size_t>(i)].x = 10 * b + i;
     LUMIGRID_TRY(sink.vertices({positions, {}, {}}));
     const std::vector<std::uint64_t> corners(3, static_cast<std::uint64_t>(b));
-    LUMIGRID_TRY(sink.triangles({corners, {}, {}}));
+    LUMIGRID_TRY(sink.triangles({corners, {}, {}, {}, {}}));
   }
   return {};
 }

@@ -14,6 +14,7 @@
 #include "lod/ingest/buckets.h"
 #include "lod/ingest/code_map.h"
 #include "lod/ingest/staged_build.h"
+#include "lod/patch/builder/leaf_textures.h"
 #include "lod/patch/builder/levels.h"
 #include "lod/patch/builder/patch_split.h"
 #include "lod/patch/codec.h"
@@ -171,6 +172,11 @@ base::Result<BucketLeaves> makeLeaves(const ingest::Buckets& buckets, std::size_
     __builtin_prefetch(&read.corners[3 * std::size_t{sorted[std::min(i + kPrefetchDistance, triangles - 1)].index}]);
     for (std::size_t k = 0; k < 3; ++k) sums[v[k]].add(face, read.corners[3 * std::size_t{sorted[i].index} + k]);
   }
+  std::vector<std::uint64_t> sources;
+  if (buckets.hasTextures()) {
+    LUMIGRID_ASSIGN_OR_RETURN(const auto in_bucket, buckets.sources(bucket));
+    for (const ingest::KeyedIndex& t : sorted) sources.push_back(in_bucket[t.index]);
+  }
   for (std::uint32_t t = 0; t < triangles; ++t) sorted[t].index = t;
   read = {};
 
@@ -196,7 +202,8 @@ base::Result<BucketLeaves> makeLeaves(const ingest::Buckets& buckets, std::size_
   out.duplicates = dropDuplicates(mesh, sorted);
   const auto parts =
       splitTriangles(mesh, sorted, lattice.bits, options.voxel_triangles, options.leaf_triangles, TieWeight::kNormals);
-  out.patches = makePatches(mesh, parts, outer, {}, lattice.lattice, 0);
+  const base::ByteView carried(reinterpret_cast<const std::uint8_t*>(sources.data()), kSourceBytes * sources.size());
+  out.patches = makePatches(mesh, parts, outer, carried, lattice.lattice, 0);
   return out;
 }
 
@@ -291,10 +298,11 @@ class HierarchyBuilder {
     LUMIGRID_TRY(build_.importSource(input, options_.position_bits));
     const std::uint64_t triangles = build_.source().info.triangles;
     build_.reportPlan(kOutputBytes * triangles, kWorkBytes * triangles, triangles, kTrianglesPerCoreSecond);
-    LUMIGRID_ASSIGN_OR_RETURN(buckets_, build_.sortTriangles(options_.stitch));
+    LUMIGRID_ASSIGN_OR_RETURN(buckets_, build_.sortTriangles(options_.stitch, keepsTextures()));
     std::vector<WorkPatch> leaves;
     LUMIGRID_TRY(openStore());
     LUMIGRID_TRY(makeAllLeaves(leaves));
+    LUMIGRID_TRY(makeTextures(leaves));
     LUMIGRID_TRY(makeLevels(std::move(leaves)));
     LUMIGRID_TRY(write());
     fillSummary();
@@ -303,7 +311,7 @@ class HierarchyBuilder {
 
   // The key holds everything that determines the work files, their own format first. Threads and memory do not.
   std::string keyPrefix() const {
-    std::string key = "16 " + ingest::describeStitch(options_.stitch);
+    std::string key = (keepsTextures() ? "17 textures " : "17 ") + ingest::describeStitch(options_.stitch);
     for (const std::uint32_t v : {options_.voxel_triangles, options_.leaf_triangles, options_.node_triangles,
                                   options_.group_patches, options_.position_bits, options_.regroup ? 1U : 0U}) {
       key += ' ';
@@ -377,6 +385,21 @@ class HierarchyBuilder {
     return {};
   }
 
+  bool keepsTextures() const { return !options_.texture_path.empty(); }
+
+  // Cuts the source's pictures up for the leaves, which get to know what detail their own colours lack.
+  base::Result<void> makeTextures(std::vector<WorkPatch>& leaves) {
+    if (!buckets_.hasTextures()) return {};
+    LUMIGRID_ASSIGN_OR_RETURN(const auto places, ingest::TexturePlaces::open(build_.directory().path()));
+    const LeafTextureSource source{build_.source().info.pictures, places, *store_, build_.lattice().lattice};
+    const auto report = [this](double done) { return build_.report("textures", done); };
+    const bool resume = build_.directory().has("pages");
+    LUMIGRID_ASSIGN_OR_RETURN(
+        textures_, LeafTextures::make(source, leaves, build_.directory().path(), resume, build_.threads(), report));
+    for (std::size_t i = 0; i < leaves.size(); ++i) leaves[i].record.color_detail = textures_->colorDetail(i);
+    return {};
+  }
+
   base::Result<void> makeLevels(std::vector<WorkPatch> leaves) {
     for (const WorkPatch& leaf : leaves) summary_.triangles += leaf.record.triangles;
     // Groups keep two fifths of their triangles, pairs of the binary tree a half; `all` sums that over the levels. Some
@@ -406,6 +429,7 @@ class HierarchyBuilder {
     std::vector<std::uint32_t> first;
     for (const Group& group : hierarchy.groups) first.push_back(group.first_patch);
     first.push_back(static_cast<std::uint32_t>(order.size()));
+    if (textures_) LUMIGRID_TRY(writeTextures(order));
     return writePatchFile(build_.outputPath(), std::move(hierarchy),
                           [&](std::uint32_t group) -> base::Result<std::vector<base::Bytes>> {
                             std::vector<base::Bytes> block;
@@ -415,6 +439,15 @@ class HierarchyBuilder {
                             }
                             return block;
                           });
+  }
+
+  // The leaves are the first of the work patches.
+  base::Result<void> writeTextures(std::span<const std::uint32_t> order) {
+    std::vector<std::uint32_t> patch_of(order.size());
+    for (std::uint32_t p = 0; p < order.size(); ++p) patch_of[order[p]] = p;
+    LUMIGRID_ASSIGN_OR_RETURN(
+        summary_.texture, textures_->write(options_.texture_path, patch_of, static_cast<std::uint32_t>(order.size())));
+    return {};
   }
 
   // The levels were built with the normals of vertices, which tell the simplifier what bends.
@@ -453,6 +486,7 @@ class HierarchyBuilder {
   ingest::Buckets buckets_;
   std::optional<WorkStore> store_;
   std::vector<std::pair<WorkUnit, std::vector<WorkPatch>>> known_;
+  std::optional<LeafTextures> textures_;
   BuiltLevels levels_;
   std::uint64_t duplicates_ = 0;
   std::uint64_t inner_vertices_ = 0;
@@ -464,7 +498,8 @@ class HierarchyBuilder {
 base::Result<HierarchySummary> buildHierarchyFromFiles(const std::vector<std::string>& paths,
                                                        const HierarchyOptions& options, const std::string& output_path,
                                                        const ingest::Progress& progress) {
-  LUMIGRID_ASSIGN_OR_RETURN(const auto input, ingest::sourceFromFiles(paths, progress, options.limits.threads));
+  LUMIGRID_ASSIGN_OR_RETURN(const auto input, ingest::sourceFromFiles(paths, progress, options.limits.threads, false,
+                                                                      !options.texture_path.empty()));
   return ingest::buildFromSource(paths, input, [&](const ingest::SourceInput& source) {
     return HierarchyBuilder(options, output_path, progress).run(source);
   });

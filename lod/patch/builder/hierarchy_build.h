@@ -3,6 +3,7 @@
 // into leaf patches, and levels are regrouped and simplified. The build is out of core: data beyond the memory given
 // lies in files of a work directory, and a build that was stopped or killed continues from there.
 #include <cstdint>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -10,6 +11,7 @@
 #include "lod/ingest/staged_build.h"
 #include "lod/patch/codec.h"
 #include "lod/patch/hierarchy.h"
+#include "lod/texture/format.h"
 
 namespace lod::patch::builder {
 
@@ -24,6 +26,9 @@ struct HierarchyOptions : ingest::StagedBuildOptions {
   /// Levels above the leaves store these, with colours and without (docs/decisions/normals-of-facets.md).
   StoredNormals normals_beside_colors = StoredNormals::kOfVertices;
   StoredNormals normals_without_colors = StoredNormals::kOfVertices;
+  /// Where the textures of the leaves go (docs/formats/texture.md), for a source that has some; empty: they only colour
+  /// the vertices.
+  std::string texture_path;
   bool regroup = true;  ///< false: the paper's binary tree, whose locked borders pile up (for the chart)
 };
 
@@ -35,7 +40,8 @@ struct LevelSummary {
 };
 
 struct HierarchySummary : ingest::SourceSummary {
-  std::vector<LevelSummary> levels;  ///< 0 = leaves
+  std::vector<LevelSummary> levels;                ///< 0 = leaves
+  std::optional<texture::TextureSummary> texture;  ///< where textures were kept
 };
 
 /// Mesh files to `output_path`, which appears whole or not at all. Errors: what is wrong with a file (kInvalidInput,

@@ -118,6 +118,10 @@ base::Result<void> appendErrors(base::ByteView codes, std::size_t triangles, Sur
   return {};
 }
 
+base::ByteView bytesOf(std::span<const std::uint16_t> codes) {
+  return {reinterpret_cast<const std::uint8_t*>(codes.data()), codes.size_bytes()};
+}
+
 // The simplifier moves vertices to whole numbers, but does not know where the lattice ends.
 void clampToLattice(MergedGroup& merged, std::uint32_t bits) {
   const glm::vec3 low(-merged.corner);
@@ -456,7 +460,8 @@ class LevelBuilder {
     const std::uint32_t max_triangles = options_.regroup ? options_.node_triangles : kMaxPatchVertices / 3;
     const auto parts = splitTriangles(made.mesh, sorted, lattice_.bits, max_triangles / kVoxelsPerPatch, max_triangles,
                                       TieWeight::kSharedVertices);
-    std::vector<NewPatch> patches = makePatches(made.mesh, parts, made.outer, made.codes, lattice_.lattice, unit.level);
+    std::vector<NewPatch> patches =
+        makePatches(made.mesh, parts, made.outer, bytesOf(made.codes), lattice_.lattice, unit.level);
     for (const NewPatch& patch : patches) spheres.push_back(patch.record.bounds);
     record.bounds = base::boundingSphere(spheres);
     LUMIGRID_ASSIGN_OR_RETURN(auto stored, store_.add(unit, std::move(patches)));
@@ -472,7 +477,9 @@ class LevelBuilder {
       const base::ByteView encoded = base::ByteView(bytes).first(patches_[p].encoded_bytes);
       auto decoded = decodePatch(encoded);
       if (!decoded) return base::within("the builder's own file", decoded.error());
-      const base::ByteView codes = base::ByteView(bytes).subspan(encoded.size());
+      // Leaves have no errors, whatever else they carry.
+      const bool leaf = patches_[p].record.level == 0;
+      const base::ByteView codes = leaf ? base::ByteView() : base::ByteView(bytes).subspan(encoded.size());
       LUMIGRID_TRY(appendErrors(codes, decoded->indices.size() / 3, carried));
       geometry.push_back(std::move(*decoded));
     }
@@ -506,7 +513,12 @@ class LevelBuilder {
     for (const std::uint32_t p : input.consumed) {
       const Patch& patch = patches_[p].record;
       triangles += patch.triangles;
-      if (patch.producer == kNoGroup) continue;
+      if (patch.producer == kNoGroup) {
+        // Leaves have the source's shape, but their colours may lack a texture's detail.
+        const double detail = static_cast<double>(colorDetailOf(patch));
+        color2 += patch.triangles * detail * detail;
+        continue;
+      }
       const Group& below = groups_[patch.producer].record;
       distance2 +=
           patch.triangles * static_cast<double>(below.typical_error) * static_cast<double>(below.typical_error);

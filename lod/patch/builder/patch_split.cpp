@@ -79,8 +79,8 @@ std::vector<std::vector<std::uint32_t>> splitTriangles(const CodedMesh& mesh,
 }
 
 std::vector<NewPatch> makePatches(const CodedMesh& mesh, const std::vector<std::vector<std::uint32_t>>& parts,
-                                  std::span<const std::uint8_t> outer, std::span<const std::uint16_t> errors,
-                                  const Lattice& lattice, std::uint32_t level) {
+                                  std::span<const std::uint8_t> outer, base::ByteView carried, const Lattice& lattice,
+                                  std::uint32_t level) {
   // Vertices that several parts use are border.
   std::vector<std::uint8_t> border(outer.begin(), outer.end());
   std::vector<std::uint32_t> owner(mesh.positions.size(), kNobody);
@@ -101,6 +101,7 @@ std::vector<NewPatch> makePatches(const CodedMesh& mesh, const std::vector<std::
       }
     }
 
+  const std::size_t each = carried.size() / (mesh.indices.size() / 3);
   std::vector<NewPatch> patches;
   patches.reserve(parts.size());
   // Numbers of vertices within a patch. They count on from patch to patch: a number below a patch's first one is an
@@ -136,12 +137,12 @@ std::vector<NewPatch> makePatches(const CodedMesh& mesh, const std::vector<std::
       if (border[v] != 0) patch.border.push_back(mesh.codes[v]);
     std::sort(patch.border.begin(), patch.border.end());
     describe(geometry, lattice, patch.record);
-    patch.record.level = level;
+    patch.record.level = static_cast<std::uint16_t>(level);
     patch.encoded = encodePatch(geometry, &order);
-    if (!errors.empty()) {
-      patch.errors.resize(kErrorBytes * order.size());
+    if (!carried.empty()) {
+      patch.carried.resize(each * order.size());
       for (std::size_t t = 0; t < order.size(); ++t)
-        std::memcpy(&patch.errors[kErrorBytes * t], &errors[kErrorCodes * part[order[t]]], kErrorBytes);
+        std::memcpy(&patch.carried[each * t], &carried[each * part[order[t]]], each);
     }
     patches.push_back(std::move(patch));
   }

@@ -10,7 +10,7 @@
 
 namespace lod::patch::builder {
 
-/// A triangle carries errorCode() of SurfaceError's toward, from and color from level to level.
+/// Above the leaves a triangle carries errorCode() of SurfaceError's toward, from and color from level to level.
 inline constexpr std::size_t kErrorCodes = 3;
 inline constexpr std::size_t kErrorBytes = kErrorCodes * sizeof(std::uint16_t);
 
@@ -36,10 +36,10 @@ std::vector<std::vector<std::uint32_t>> splitTriangles(const CodedMesh& mesh,
                                                        TieWeight weight);
 
 /// Encodes the parts as patches of a level. `outer[v]` != 0: patches that are not among the parts may share the vertex.
-/// Such vertices and those that parts share are listed as border. `errors`: kErrorCodes codes per triangle of the mesh,
-/// or empty.
+/// Such vertices and those that parts share are listed as border. `carried`: as many bytes for each triangle of the
+/// mesh, which travel with it, or empty.
 std::vector<NewPatch> makePatches(const CodedMesh& mesh, const std::vector<std::vector<std::uint32_t>>& parts,
-                                  std::span<const std::uint8_t> outer, std::span<const std::uint16_t> errors,
-                                  const Lattice& lattice, std::uint32_t level);
+                                  std::span<const std::uint8_t> outer, base::ByteView carried, const Lattice& lattice,
+                                  std::uint32_t level);
 
 }  // namespace lod::patch::builder

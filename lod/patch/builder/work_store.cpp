@@ -13,10 +13,10 @@ base::Bytes payloadOf(const WorkUnit& unit, const std::vector<NewPatch>& patches
     out.write(patch.record);
     out.u32(static_cast<std::uint32_t>(patch.border.size()));
     out.u32(static_cast<std::uint32_t>(patch.encoded.size()));
-    out.u32(static_cast<std::uint32_t>(patch.errors.size()));
+    out.u32(static_cast<std::uint32_t>(patch.carried.size()));
     out.bytes(base::ByteView(reinterpret_cast<const std::uint8_t*>(patch.border.data()), 8 * patch.border.size()));
     out.bytes(patch.encoded);
-    out.bytes(patch.errors);
+    out.bytes(patch.carried);
   }
   return out.takeBytes();
 }
@@ -33,9 +33,9 @@ bool readPayload(base::ByteView payload, std::uint64_t offset, WorkUnit& unit, s
   if (!in.ok() || count > in.remaining() / sizeof(Patch)) return false;
   patches.resize(count);
   for (WorkPatch& patch : patches) {
-    base::readFields(in, std::tie(patch.record, patch.border_codes, patch.encoded_bytes, patch.error_bytes));
+    base::readFields(in, std::tie(patch.record, patch.border_codes, patch.encoded_bytes, patch.carried_bytes));
     patch.offset = offset + in.offset();
-    (void)in.bytes(borderBytes(patch) + patch.encoded_bytes + patch.error_bytes);
+    (void)in.bytes(borderBytes(patch) + patch.encoded_bytes + patch.carried_bytes);
   }
   return in.atEnd();
 }
@@ -77,7 +77,7 @@ base::Result<base::Bytes> WorkStore::encoded(const WorkPatch& patch) const {
 }
 
 base::Result<void> WorkStore::readWhole(const WorkPatch& patch, base::Bytes& bytes) const {
-  bytes.resize(std::size_t{patch.encoded_bytes} + patch.error_bytes);
+  bytes.resize(std::size_t{patch.encoded_bytes} + patch.carried_bytes);
   return log_.readAt(patch.offset + borderBytes(patch), bytes);
 }
 

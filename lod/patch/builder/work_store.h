@@ -12,21 +12,25 @@
 
 namespace lod::patch::builder {
 
+/// A leaf's triangle carries its number in the source, or ingest::kNoSource.
+inline constexpr std::size_t kSourceBytes = sizeof(std::uint64_t);
+
 /// A patch that is not in the store yet.
 struct NewPatch {
   Patch record;                       ///< box, bounds, cone, counts, level
   std::vector<std::uint64_t> border;  ///< Morton codes of the vertices it may share with other patches, ascending
   base::Bytes encoded;                ///< by encodePatch()
-  base::Bytes errors;                 ///< kErrorBytes for each triangle; empty for leaves
+  /// kErrorBytes for each triangle above the leaves, kSourceBytes at leaves of a source with textures; else empty.
+  base::Bytes carried;
 };
 
 /// A patch in the store. Producer and consumer are numbered in the order in which groups are built.
 struct WorkPatch {
   Patch record;
-  std::uint64_t offset = 0;  ///< where its bytes lie in the store: border codes, encoded patch, errors
+  std::uint64_t offset = 0;  ///< where its bytes lie in the store: border codes, encoded patch, carried bytes
   std::uint32_t border_codes = 0;
   std::uint32_t encoded_bytes = 0;
-  std::uint32_t error_bytes = 0;
+  std::uint32_t carried_bytes = 0;
 };
 
 /// One finished unit of work: the leaves of a bucket (level 0), or the products of a group (their level).
@@ -49,8 +53,8 @@ class WorkStore {
   base::Result<void> readBorder(const WorkPatch& patch, std::vector<std::uint64_t>& codes) const;
   /// The encoded bytes of the patch.
   base::Result<base::Bytes> encoded(const WorkPatch& patch) const;
-  /// The encoded bytes and behind them its triangles' errors: encoded_bytes + error_bytes in all. `bytes` is written
-  /// over.
+  /// The encoded bytes and behind them what its triangles carry: encoded_bytes + carried_bytes in all. `bytes` is
+  /// written over.
   base::Result<void> readWhole(const WorkPatch& patch, base::Bytes& bytes) const;
   std::uint64_t bytes() const { return log_.size(); }
 

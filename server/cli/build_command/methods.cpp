@@ -175,6 +175,8 @@ Result<void> buildPatches(const BuildArguments& a, const SceneSources& sources, 
   options.work_directory = workDirectory(a, kPatches);
   options.resume_key = resumeKey(sources);
   options.on_plan = [&](const lod::ingest::BuildPlan& plan) { printPlan(a, line, plan); };
+  PartFile textures(a.output, kTextureFile);
+  if (a.textures == "keep") options.texture_path = textures.path();
   options.on_written = part.startHashing();
   auto summary =
       lod::patch::builder::buildHierarchyFromFiles(a.meshes, options, part.path(), progressOn(line, "hierarchy"));
@@ -189,10 +191,17 @@ Result<void> buildPatches(const BuildArguments& a, const SceneSources& sources, 
     const Parameters wanted = std::move(described.parameters);
     described.parameters = scene->parameters;  // with the division into shards
     for (const char* name : kHierarchyParameters) described.parameters[name] = wanted.at(name);
+    described.parameters.erase(kTexturesParameter);
+    if (const auto it = wanted.find(kTexturesParameter); it != wanted.end()) described.parameters.insert(*it);
     described.parts = scene->parts;
   }
   scene = std::move(described);
   LUMIGRID_TRY(orientBySurface(a, part.path(), *scene));
+  std::erase_if(scene->parts, [](const base::ScenePart& old) { return old.file == kTextureFile; });
+  if (summary->texture) {
+    textures.startHashing()();
+    LUMIGRID_TRY(textures.addTo(*scene));
+  }
   report.hierarchy = std::move(*summary);
   return part.addTo(*scene);
 }

@@ -150,6 +150,11 @@ void declareHierarchyOptions(CLI::App& command, BuildArguments& a) {
           "scanned (--light), and vertices where light shades the model")
       ->check(CLI::IsMember({kAuto, "facets", "vertices"}));
   command
+      .add_option("--textures", a.textures,
+                  "keep: textures stay at their own resolution on the server, which draws images and frames with them; "
+                  "vertex: they only colour the vertices")
+      ->check(CLI::IsMember({"keep", "vertex"}));
+  command
       .add_option("--regroup", a.regroup,
                   "on: new groups of patches at each level; off: the paper's binary tree, whose locked borders pile up")
       ->check(CLI::IsMember({"on", "off"}));
@@ -268,6 +273,7 @@ Parameters parametersOf(const BuildArguments& a) {
                         {"regroup", a.regroup},
                         {"stitch", a.stitch},
                         {"normals", a.normals}};
+  if (a.textures == "vertex") parameters[kTexturesParameter] = a.textures;
   if (a.codec == "jpeg") parameters["subsampling"] = a.tune_db ? "tuned" : a.subsampling;
   const PointSelection& selection = a.bake.selection;
   if (selection.views != 0) {

@@ -34,7 +34,7 @@ struct BuildArguments {
   std::string codec;           ///< jpeg or webp, as given; usageError() fills in what was not
   std::optional<int> quality;  ///< as given; nothing: the codec's usual one
   double margin = 0.5;
-  std::string tmpdir, regroup = "on", stitch = "auto", normals = "auto";
+  std::string tmpdir, regroup = "on", stitch = "auto", normals = "auto", textures = "keep";
   std::string views_from;  ///< a scene; empty: views are drawn anywhere
   base::ResourceLimits limits;
   lod::patch::builder::HierarchyOptions hierarchy;  ///< without the limits, which all methods share
@@ -50,6 +50,8 @@ struct FileMethod {
 };
 inline constexpr FileMethod kPatches{"patch", "patch.lgp", "patch.lgp.work"};
 inline constexpr FileMethod kSplats{"qsplat", "qsplat.lgq", "qsplat.lgq.work"};
+/// Where the source has textures: the leaves' part of them.
+inline constexpr const char* kTextureFile = "texture.lgt";
 inline constexpr FileMethod kFileMethods[] = {kPatches, kSplats};
 inline constexpr const char* kMethods[] = {"patch", "images", "qsplat"};
 /// Chooses among them.
@@ -59,6 +61,8 @@ inline constexpr const char* kAuto = "auto";
 inline constexpr const char* kSourceParameters[] = {"light", "up", "units"};
 inline constexpr const char* kHierarchyParameters[] = {
     "voxel-triangles", "leaf-triangles", "node-triangles", "position-bits", "regroup", "stitch", "normals"};
+/// Recorded as "vertex" where textures only coloured the vertices.
+inline constexpr const char* kTexturesParameter = "textures";
 /// Recorded where the tree of splats is in the coded form.
 inline constexpr const char* kSplatsCoded = "qsplat-coded";
 /// Recorded where the scene has a tree of splats: how its triangles were diced.

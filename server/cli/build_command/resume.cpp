@@ -40,6 +40,7 @@ bool sameHierarchies(const BuildArguments& a, Parameters recorded, const Paramet
   if (wants(a, "patch") && hasMethod(recorded, "patch"))
     for (const char* name : kHierarchyParameters)
       if (recorded[name] != wanted.at(name)) return false;
+  if (recorded.contains(kTexturesParameter) != wanted.contains(kTexturesParameter)) return false;
   if (!wants(a, "qsplat") || !hasMethod(recorded, "qsplat")) return true;
   return recorded.contains(kSplatsCoded) == a.splats_coded && recorded[kSplatsDice] == wanted.at(kSplatsDice);
 }
@@ -155,8 +156,8 @@ Result<void> removeScene(const std::string& directory) {
   for (const repository::Shard& shard : layout.shards)
     LUMIGRID_TRY(repository::removeLmdbStore(repository::storeDirectory(images, shard.count, shard.index)));
   if (layout.undivided) LUMIGRID_TRY(repository::removeLmdbStore(images));
-  for (const char* name : {"scene.json", base::kBuildingFile, kPatches.file, kPatches.work_files, kSplats.file,
-                           kSplats.work_files, "images", "access.lga", "access.lga.lock", kBuildRecord}) {
+  for (const char* name : {"scene.json", base::kBuildingFile, kPatches.file, kPatches.work_files, kTextureFile,
+                           kSplats.file, kSplats.work_files, "images", "access.lga", "access.lga.lock", kBuildRecord}) {
     std::error_code error;
     fs::remove_all(fs::path(directory) / name, error);
     if (error) return Error{ErrorCode::kIo, directory + "/" + name + ": cannot remove: " + error.message()};

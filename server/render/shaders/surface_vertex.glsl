@@ -4,6 +4,11 @@ uniform vec4 u_eye;                    // homogeneous: parallel rays come from a
 layout(location = 0) in vec3 position;
 layout(location = 1) in vec3 normal;
 layout(location = 2) in vec4 color;
+#ifdef PAGES
+uniform vec2 u_page_scale;             // from stored places to 0..1
+layout(location = 3) in vec2 page_corner;
+out vec2 v_place;
+#endif
 #ifdef VIEW_MODES
 out vec3 v_position;
 #endif
@@ -17,5 +22,8 @@ void main() {
   v_normal = normal;
   v_to_eye = u_eye.xyz - u_eye.w * position;
   v_color = color.rgb;
+#ifdef PAGES
+  v_place = page_corner * u_page_scale;
+#endif
   gl_Position = u_clip_from_scene * vec4(position, 1.0);
 }

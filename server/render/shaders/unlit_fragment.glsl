@@ -1,5 +1,5 @@
 in vec3 v_color;
 layout(location = 0) out vec4 out_color;
 void main() {
-  out_color = vec4(v_color, 1.0);
+  out_color = vec4(SURFACE_COLOR(v_color), 1.0);
 }

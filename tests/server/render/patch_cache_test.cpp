@@ -2,7 +2,8 @@
 
 #include <gtest/gtest.h>
 
-#include <array>
+#include <initializer_list>
+#include <vector>
 
 #include "base/egl/headless.h"
 #include "tests/server/render/two_level_scene.h"
@@ -30,6 +31,12 @@ class PatchCacheTest : public testing::Test {
 
   static std::vector<test::Triangle> one(float x) { return {{{x, 0, 0}, {x + 1, 0, 0}, {x, 1, 0}}}; }
 
+  bool draw(PatchCache& cache, std::initializer_list<std::uint32_t> patches) {
+    std::vector<DrawnPatch> drawn;
+    for (const std::uint32_t patch : patches) drawn.push_back({patch});
+    return static_cast<bool>(cache.draw(drawn, [this](SurfaceKind) -> const base::gl::Program& { return program_; }));
+  }
+
   std::unique_ptr<base::HeadlessContext> context_;
   base::gl::Program program_;
   test::TwoLevelScene scene_{one(0), {one(1), one(2), one(3), one(4)}, 0.5F};
@@ -37,46 +44,46 @@ class PatchCacheTest : public testing::Test {
 };
 
 TEST_F(PatchCacheTest, doesNotUploadCachedPatchesAgain) {
-  PatchCache cache(scene_.file(), 100 * patch_bytes_);
-  ASSERT_TRUE(cache.draw(std::array{1U, 2U, 3U}));
-  ASSERT_TRUE(cache.draw(std::array{2U, 3U, 4U}));
+  PatchCache cache(scene_.file(), nullptr, 100 * patch_bytes_);
+  ASSERT_TRUE(draw(cache, {1U, 2U, 3U}));
+  ASSERT_TRUE(draw(cache, {2U, 3U, 4U}));
   EXPECT_EQ(cache.uploads(), 4U);
   EXPECT_EQ(cache.gpuBytes(), 4 * patch_bytes_);
 }
 
 TEST_F(PatchCacheTest, leastRecentlyUsedGoesFirst) {
-  PatchCache cache(scene_.file(), 2 * patch_bytes_);
-  ASSERT_TRUE(cache.draw(std::array{1U}));
-  ASSERT_TRUE(cache.draw(std::array{2U}));
-  ASSERT_TRUE(cache.draw(std::array{1U}));  // 2 is the oldest now
-  ASSERT_TRUE(cache.draw(std::array{3U}));
+  PatchCache cache(scene_.file(), nullptr, 2 * patch_bytes_);
+  ASSERT_TRUE(draw(cache, {1U}));
+  ASSERT_TRUE(draw(cache, {2U}));
+  ASSERT_TRUE(draw(cache, {1U}));  // 2 is the oldest now
+  ASSERT_TRUE(draw(cache, {3U}));
   EXPECT_EQ(cache.uploads(), 3U);
-  ASSERT_TRUE(cache.draw(std::array{1U}));
+  ASSERT_TRUE(draw(cache, {1U}));
   EXPECT_EQ(cache.uploads(), 3U);
-  ASSERT_TRUE(cache.draw(std::array{2U}));
+  ASSERT_TRUE(draw(cache, {2U}));
   EXPECT_EQ(cache.uploads(), 4U);
 }
 
 TEST_F(PatchCacheTest, budgetHoldsWhateverIsDrawn) {
-  PatchCache cache(scene_.file(), 3 * patch_bytes_ - 1);
+  PatchCache cache(scene_.file(), nullptr, 3 * patch_bytes_ - 1);
   for (int round = 0; round < 3; ++round) {
-    ASSERT_TRUE(cache.draw(std::array{1U, 2U, 3U, 4U, 0U}));
+    ASSERT_TRUE(draw(cache, {1U, 2U, 3U, 4U, 0U}));
     EXPECT_LE(cache.gpuBytes(), 3 * patch_bytes_ - 1);
   }
 }
 
 TEST_F(PatchCacheTest, onePatchIsDrawnEvenWithoutAnyBudget) {
-  PatchCache cache(scene_.file(), 0);
-  ASSERT_TRUE(cache.draw(std::array{1U, 2U}));
-  ASSERT_TRUE(cache.draw(std::array{2U}));  // still there: it is the one that may stay
+  PatchCache cache(scene_.file(), nullptr, 0);
+  ASSERT_TRUE(draw(cache, {1U, 2U}));
+  ASSERT_TRUE(draw(cache, {2U}));  // still there: it is the one that may stay
   EXPECT_EQ(cache.uploads(), 2U);
   EXPECT_EQ(cache.gpuBytes(), patch_bytes_);
 }
 
 TEST_F(PatchCacheTest, residentPatchOfALaterBatchMayHaveToReturn) {
-  PatchCache cache(scene_.file(), 2 * patch_bytes_);
-  ASSERT_TRUE(cache.draw(std::array{3U, 4U}));
-  ASSERT_TRUE(cache.draw(std::array{1U, 2U, 3U, 4U}));
+  PatchCache cache(scene_.file(), nullptr, 2 * patch_bytes_);
+  ASSERT_TRUE(draw(cache, {3U, 4U}));
+  ASSERT_TRUE(draw(cache, {1U, 2U, 3U, 4U}));
   EXPECT_LE(cache.gpuBytes(), 2 * patch_bytes_);
 }
 
