@@ -59,7 +59,7 @@ std::vector<Page> makePages(const base::Image& picture, std::span<const PictureT
 /// Returns the page as bytes: corners and alpha without loss, colours as a JPEG of this quality, 1 … 100. Errors:
 /// kInvalidInput for a page that decodePage() would refuse.
 base::Result<base::Bytes> encodePage(const Page& page, int quality = 95);
-/// Reads what encodePage() wrote. Errors: kInvalidInput. Hostile bytes of length n take at most some 800 n bytes of
+/// Reads what encodePage() wrote. Errors: kInvalidInput. Hostile bytes of length n take at most some 2000 n bytes of
 /// memory, besides 4 MB.
 base::Result<Page> decodePage(base::ByteView bytes);
 
