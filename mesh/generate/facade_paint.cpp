@@ -173,7 +173,7 @@ dvec3 FacadePaint::masonry(const dvec2& p, double texel) const {
 }
 
 dvec3 FacadePaint::bricks(const dvec2& p, double texel) const {
-  constexpr double kLength = 0.25, kHeight = 0.075, kJoint = 0.005;  // metres; the joint is half as wide as a real one
+  constexpr double kLength = 0.25, kHeight = 0.075, kJoint = 0.005;  // metres; a joint is twice kJoint wide
   const dvec3 mean(161.0, 96.0, 74.0);
   const double seen = resolved(kHeight, texel);
   if (seen <= 0.0) return mean;

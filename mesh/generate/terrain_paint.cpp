@@ -60,7 +60,7 @@ void TerrainPaint::letter() {
 
 double TerrainPaint::hills(const dvec2& p) const {
   const dvec2 turned(0.8 * p.x + 0.6 * p.y, -0.6 * p.x + 0.8 * p.y);
-  return 10.0 + 9.0 * valueNoise(p / 90.0, seed_ + 1U) + 4.0 * valueNoise(turned / 41.0, seed_ + 2U) +
+  return 10.0 + 7.0 * valueNoise(p / 90.0, seed_ + 1U) + 3.2 * valueNoise(turned / 41.0, seed_ + 2U) +
          1.4 * valueNoise(p / 19.0, seed_ + 3U);
 }
 
@@ -117,7 +117,7 @@ void TerrainPaint::shadeHills() {
       const dvec2 rise((heights[i + 1] - heights[i]) / step.x, (heights[i + kTable + 2] - heights[i]) / step.y);
       // The sun stands in the north-west.
       const double light = (0.4 * rise.x - 0.4 * rise.y + 0.8) / std::sqrt(1.0 + glm::dot(rise, rise)) / 0.8;
-      slope_and_light_[static_cast<std::size_t>(y * (kTable + 1) + x)] = {glm::length(rise), std::max(light, 0.5)};
+      slope_and_light_[static_cast<std::size_t>(y * (kTable + 1) + x)] = {glm::length(rise), std::max(light, 0.6)};
     }
 }
 
@@ -131,9 +131,13 @@ dvec2 TerrainPaint::slopeAndLight(const dvec2& p) const {
   return low + (high - low) * share.y;
 }
 
+// Octaves that are turned against each other hide the lattice. Both turns have sides of whole numbers.
 double TerrainPaint::noise(const dvec2& p, double wavelength, double texel, std::uint32_t salt) const {
   const double seen = resolved(wavelength, texel);
-  return seen > 0.0 ? seen * valueNoise(p / wavelength, seed_ + salt) : 0.0;
+  if (seen <= 0.0) return 0.0;
+  const dvec2 turn = salt % 2U == 0U ? dvec2(0.8, 0.6) : dvec2(0.28, -0.96);
+  const dvec2 turned(turn.x * p.x + turn.y * p.y, -turn.y * p.x + turn.x * p.y);
+  return seen * valueNoise(turned / wavelength, seed_ + salt);
 }
 
 dvec3 TerrainPaint::ground(const dvec2& p, double texel) const {
@@ -188,10 +192,13 @@ dvec3 TerrainPaint::withPlant(const dvec3& color, const Plant& plant, const dvec
   const double room = plant.cell - 2.0 * radius - 0.9;  // for the shadow, too
   const dvec2 middle = plant.cell * dvec2(x, y) + 0.3 + radius + std::max(room, 0.0) * dvec2(part(h, 8), part(h, 16));
   const double forest = valueNoise(middle / 41.0, seed_ + 32U) + 0.9 * part(h, 24) - 0.35;
-  if (forest < plant.rarity || coverage(middle, kFieldLow - 2.0, kFieldHigh + 2.0, texel) > 0.0 ||
-      std::min(alongFirst(middle).aside, alongSecond(middle).aside) < kRoadHalf + 1.5 + radius ||
-      lettering_.nearness(middle, radius + 1.0).share > 0.0)
-    return color;
+  if (forest < plant.rarity) return color;
+  const dvec2 away = p - middle;
+  const double reach = 1.25 * radius + 0.7;  // with ragged rim and shadow
+  if (glm::dot(away, away) > reach * reach) return color;
+  const bool on_road = std::min(alongFirst(middle).aside, alongSecond(middle).aside) < kRoadHalf + 1.5 + radius;
+  const bool in_field = coverage(middle, kFieldLow - 2.0, kFieldHigh + 2.0, texel) > 0.0;
+  if (on_road || in_field || lettering_.nearness(middle, radius + 1.0).share > 0.0) return color;
 
   // The crown is round with a ragged rim, lit from the north-west, and its shadow falls to the south-east.
   const auto crown = [&](const dvec2& at) {
@@ -200,7 +207,7 @@ dvec3 TerrainPaint::withPlant(const dvec3& color, const Plant& plant, const dvec
   };
   const double share = crown(p);
   const double shadow = (1.0 - share) * crown(p - dvec2(0.4, -0.4));
-  const dvec2 q = (p - middle) / radius;
+  const dvec2 q = away / radius;
   const double leaves = 0.24 * noise(p, 0.55, texel, 35U) + 0.2 * noise(p, 0.17, texel, 36U);
   const dvec3 green = blend({46.0, 70.0, 34.0}, {84.0, 98.0, 44.0}, part(h, 12));
   return blend(color * (1.0 - 0.5 * shadow), green * (1.0 + leaves + 0.35 * (q.y - q.x)), share);

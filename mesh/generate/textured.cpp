@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <span>
 
 #include "base/file.h"
 #include "base/image.h"
@@ -17,7 +18,7 @@ namespace {
 constexpr int kJpegQuality = 92;                   // a usual one of cameras
 constexpr std::uint64_t kBlockVertices = 1 << 14;  // lines of a block, about
 constexpr double kMaxOrigin = 1e12;                // metres; with five decimals still within 63 bits
-constexpr double kMeshShare = 0.1;                 // share of the time that the mesh takes, measured at 500 texels
+constexpr double kTexelCost = 0.4;                 // time for a texel over that for a triangle's text, measured
 
 std::unique_ptr<TexturedSurface> makeSurface(const TexturedOptions& options) {
   return options.shape == TexturedShape::kFacade ? makeFacade(options.triangles, options.seed)
@@ -217,9 +218,9 @@ base::Result<void> goOn(const Progress& progress, double done) {
 }
 
 base::Result<void> writePictures(const TexturedSurface& surface, const Atlas& atlas, std::span<base::AtomicFile> files,
-                                 const Progress& progress) {
+                                 double share, const Progress& progress) {
   for (std::uint32_t i = 0; i < files.size(); ++i) {
-    LUMIGRID_TRY(goOn(progress, (1.0 - kMeshShare) * i / static_cast<double>(files.size())));
+    LUMIGRID_TRY(goOn(progress, share * i / static_cast<double>(files.size())));
     LUMIGRID_ASSIGN_OR_RETURN(const auto jpeg, encoded(painted(surface, atlas, i)));
     LUMIGRID_TRY(files[i].write(jpeg));
   }
@@ -227,7 +228,7 @@ base::Result<void> writePictures(const TexturedSurface& surface, const Atlas& at
 }
 
 // Blocks are made on all cores and written in order, so memory holds a few of them.
-base::Result<void> writeMesh(const MeshText& mesh, base::AtomicFile& file, const Progress& progress) {
+base::Result<void> writeMesh(const MeshText& mesh, base::AtomicFile& file, double share, const Progress& progress) {
   const std::size_t slots = std::size_t{4} * base::coreCount();
   std::vector<std::string> texts(slots);
   LUMIGRID_TRY(file.write(bytesOf(mesh.header())));
@@ -239,7 +240,8 @@ base::Result<void> writeMesh(const MeshText& mesh, base::AtomicFile& file, const
       },
       [&](std::size_t i, std::size_t slot) -> base::Result<void> {
         LUMIGRID_TRY(file.write(bytesOf(texts[slot])));
-        return goOn(progress, 1.0 - kMeshShare * (1.0 - static_cast<double>(i + 1) / mesh.blockCount()));
+        return goOn(progress,
+                    1.0 - share * (1.0 - static_cast<double>(i + 1) / static_cast<double>(mesh.blockCount())));
       });
 }
 
@@ -261,9 +263,11 @@ base::Result<void> writeTexturedObj(const TexturedOptions& options, const std::s
     files.push_back(std::move(file));
   }
   const MeshText mesh(options, *surface, atlas, std::filesystem::path(path).stem().string());
-  LUMIGRID_TRY(writePictures(*surface, atlas, std::span(files).subspan(2), progress));
+  const double pictures = kTexelCost * static_cast<double>(options.texels);
+  const double share = pictures / (1.0 + pictures);
+  LUMIGRID_TRY(writePictures(*surface, atlas, std::span(files).subspan(2), share, progress));
   LUMIGRID_TRY(files[1].write(bytesOf(mesh.materials())));
-  LUMIGRID_TRY(writeMesh(mesh, files[0], progress));
+  LUMIGRID_TRY(writeMesh(mesh, files[0], 1.0 - share, progress));
 
   // The mesh appears last, when all that it names is there.
   for (std::size_t i = files.size(); i-- > 0;) LUMIGRID_TRY(files[i].commit());
