@@ -9,6 +9,10 @@ namespace mesh {
 /// GLB, the binary form of glTF 2.0; section numbers in the source refer to the Khronos specification.
 base::Result<void> readGlb(base::ByteView bytes, MeshStream& out);
 
+/// LAS 1.0 to 1.4, the points of airborne and terrestrial laser scanners (ASPRS). Points that are withheld or noise are
+/// left out; LAZ is an error.
+base::Result<void> readLas(base::ByteView bytes, MeshStream& out);
+
 /// Wavefront OBJ: vertices (with optional colours), normals, texture coordinates, faces and diffuse textures.
 base::Result<void> readObj(base::ByteView bytes, MeshStream& out);
 

@@ -29,11 +29,30 @@ bool looksLikeObj(std::string_view text) {
   return false;
 }
 
+// Formats that another program converts, as their content and their names tell.
+struct ConvertedFormat {
+  std::string_view start;
+  std::string_view extension;
+  const char* advice;
+};
+constexpr const char* kConvertE57 =
+    "E57 is not read; convert it: pdal translate in.e57 out.las (PDAL with its E57 plugin, from pdal.io; Debian 12 has "
+    "no package of it)";
+constexpr const char* kConvertFbx =
+    "FBX is not read; convert it: assimp export in.fbx out.glb (Debian package assimp-utils)";
+constexpr ConvertedFormat kConverted[] = {
+    {"ASTM-E57", "e57", kConvertE57},
+    {"Kaydara FBX Binary", "fbx", kConvertFbx},
+};
+
 // Reads the file in the format that its content or else its name tells.
 base::Result<void> readFile(const std::string& path, base::ByteView bytes, MeshStream& out) {
   if (bytes.empty()) return invalidInput("the file is empty");
   const std::string_view text = textOf(bytes);
   if (text.substr(0, 4) == "glTF") return readGlb(bytes, out);
+  if (text.substr(0, 4) == "LASF") return readLas(bytes, out);
+  for (const ConvertedFormat& format : kConverted)
+    if (text.substr(0, format.start.size()) == format.start) return unsupported(format.advice);
   if (isBinaryStlBySize(bytes)) return readStl(bytes, out);
   std::string_view rest = text.substr(0, 1 << 16);
   const std::string_view word = nextWord(rest);
@@ -44,13 +63,16 @@ base::Result<void> readFile(const std::string& path, base::ByteView bytes, MeshS
 
   // The content does not tell, so the name has to.
   const std::string extension = extensionOf(path);
+  for (const ConvertedFormat& format : kConverted)
+    if (extension == format.extension) return unsupported(format.advice);
   if (extension == "gltf") return unsupported("glTF with outside buffers is not read; write it as one GLB file");
   if (extension == "ply") return readPly(bytes, out);
   if (extension == "obj") return readObj(bytes, out);
   if (extension == "stl") return readStl(bytes, out);
   if (extension == "off") return readOff(bytes, out);
   if (extension == "glb") return readGlb(bytes, out);
-  return unsupported("neither the content nor the name is that of a mesh (PLY, OBJ, STL, OFF and GLB are read)");
+  if (extension == "las" || extension == "laz") return readLas(bytes, out);
+  return unsupported("neither the content nor the name is that of a mesh (PLY, OBJ, STL, OFF, GLB and LAS are read)");
 }
 
 }  // namespace

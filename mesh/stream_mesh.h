@@ -1,6 +1,7 @@
 #pragma once
 // Reads a mesh file of any format from front to back into a sink: PLY (ASCII and both binary orders), OBJ, STL (ASCII
-// and binary), OFF, GLB. Memory does not grow with the file, apart from OBJ's normals and texture coordinates.
+// and binary), OFF, GLB, and the points of LAS. Memory does not grow with the file, apart from OBJ's normals and
+// texture coordinates.
 #include <cstdint>
 #include <functional>
 #include <glm/glm.hpp>
@@ -52,8 +53,15 @@ class MeshSink {
 };
 
 struct StreamOptions {
-  bool accepts_points = false;           ///< a PLY without faces is no error
+  bool accepts_points = false;           ///< a PLY without faces, and LAS, is no error
   std::function<bool(double)> progress;  ///< share of the file read; false cancels
+};
+
+/// Tells how a file's coordinates lie in the world, as far as the file says.
+struct Georeference {
+  std::string crs;           ///< the coordinate reference system by authority and code, "EPSG:26912"; empty: not known
+  std::string units;         ///< of length: "m", "ft", "us-ft" or another name; empty: not known
+  bool z_is_height = false;  ///< by the format's definition
 };
 
 struct StreamedFile {
@@ -63,6 +71,7 @@ struct StreamedFile {
   std::uint64_t short_faces = 0;  ///< faces with fewer than three corners: left out
   bool has_normals = false;
   bool has_colors = false;
+  Georeference georeference;
   std::vector<std::string> warnings;    ///< one line each, without the file's name
   std::vector<SourcePicture> pictures;  ///< all could be read
   double texels = 0.0;                  ///< of these, as many as triangles cover

@@ -57,6 +57,23 @@ std::string binaryStl() {
   return s + std::string(50, '\2');
 }
 
+// LAS 1.4 with a record of GeoTIFF keys, one of well-known text, and two points of format 7.
+std::string las() {
+  std::string s(375, '\0');
+  s.replace(0, 4, "LASF");
+  s[24] = 1, s[25] = 4, s[94] = 0x77, s[95] = 1, s[100] = 2, s[104] = 7, s[105] = 36, s[247] = 2;
+  for (std::size_t axis = 0; axis < 3; ++axis) s[131 + 8 * axis + 6] = '\xf0', s[131 + 8 * axis + 7] = 0x3f;
+  const auto add = [&s](std::uint16_t number, const std::string& content) {
+    s += std::string(2, '\0') + std::string("LASF_Projection\0", 16);
+    s += {static_cast<char>(number & 255), static_cast<char>(number >> 8), static_cast<char>(content.size()), 0};
+    s += std::string(32, '\0') + content;
+  };
+  add(34735, std::string("\1\0\1\0\0\0\1\0\0\x0c\0\0\1\0\x64\x7f", 16));
+  add(2112, R"(PROJCS["a",GEOGCS["b"],UNIT["metre",1],AUTHORITY["EPSG","32612"]])");
+  s[96] = static_cast<char>(s.size() & 255), s[97] = static_cast<char>(s.size() >> 8);
+  return s + std::string(36, '\1') + std::string(36, '\2');
+}
+
 }  // namespace
 
 namespace fuzz {
@@ -77,7 +94,8 @@ std::vector<base::Bytes> seeds() {
       seed(3, "COFF\n3 1 0\n0 0 0 255 0 0\n1 0 0 0 255 0\n0 1 0 0 0 255\n3 0 1 2\n"),
       seed(4, std::string("glTF\2\0\0\0\x7c\0\0\0\x68\0\0\0JSON", 20) +
                   R"({"buffers":[{"byteLength":0}],)"
-                  R"("meshes":[{"primitives":[{"attributes":{"POSITION":0}}]}],"accessors":[]} )")};
+                  R"("meshes":[{"primitives":[{"attributes":{"POSITION":0}}]}],"accessors":[]} )"),
+      seed(5, las())};
 }
 
 void fuzzOne(base::ByteView bytes) {
@@ -85,8 +103,9 @@ void fuzzOne(base::ByteView bytes) {
   const base::ByteView file = bytes.subspan(1);
   CheckingSink sink;
   MeshStream stream(sink, file, "/nowhere/mesh", nullptr);
+  stream.accepts_points = true;
   base::Result<void> read;
-  switch (bytes[0] % 5) {
+  switch (bytes[0] % 6) {
     case 0:
       read = readPly(file, stream);
       break;
@@ -98,6 +117,9 @@ void fuzzOne(base::ByteView bytes) {
       break;
     case 3:
       read = readOff(file, stream);
+      break;
+    case 5:
+      read = readLas(file, stream);
       break;
     default:
       read = readGlb(file, stream);
