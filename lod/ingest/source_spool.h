@@ -18,7 +18,8 @@ struct SourceInfo {
   bool has_colors = false;
   glm::dvec3 box_min{0.0};  ///< box of the referenced vertices, world
   glm::dvec3 box_max{0.0};
-  double mean_edge = 0.0;  ///< geometric mean over a sample of the edges; 0 when all are points
+  double mean_edge = 0.0;           ///< geometric mean over a sample of the edges; 0 when all are points
+  mesh::Georeference georeference;  ///< as far as the files agree
   std::vector<std::string> warnings;
   std::vector<mesh::SourcePicture> pictures;  ///< of all files, as triangles number them
   double texels = 0.0;                        ///< of the pictures, as many as triangles cover

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <set>
 
 #include "base/fields.h"
 #include "base/memory.h"
@@ -49,6 +50,10 @@ base::Bytes stateOf(const ImportedSource& source) {
     out.string16(picture.path);
     base::writeFields(out, std::tie(picture.offset, picture.bytes));
   }
+  const mesh::Georeference& georeference = source.info.georeference;
+  out.string16(georeference.crs);
+  out.string16(georeference.units);
+  out.u8(georeference.z_is_height ? 1 : 0);
   return out.takeBytes();
 }
 
@@ -64,8 +69,28 @@ base::Result<ImportedSource> readState(const WorkDirectory& directory) {
     base::readFields(in, std::tie(picture.offset, picture.bytes));
     source.info.pictures.push_back(std::move(picture));
   }
+  mesh::Georeference& georeference = source.info.georeference;
+  georeference.crs = in.string16();
+  georeference.units = in.string16();
+  georeference.z_is_height = in.u8() != 0;
   if (!in.atEnd()) return directory.damaged();
   return source;
+}
+
+// The georeference that all files have in common. A file that names no system is taken to lie in the others'.
+mesh::Georeference agreedOn(const std::vector<mesh::Georeference>& files, std::vector<std::string>& warnings) {
+  mesh::Georeference agreed = files.front();
+  std::set<std::string> systems;
+  for (const mesh::Georeference& file : files) {
+    if (!file.crs.empty()) systems.insert(file.crs);
+    if (file.units != agreed.units) agreed.units.clear();
+    agreed.z_is_height = agreed.z_is_height && file.z_is_height;
+  }
+  agreed.crs = systems.size() == 1 ? *systems.begin() : "";
+  if (systems.size() > 1)
+    warnings.push_back("the files are in different coordinate reference systems (" + *systems.begin() + " and " +
+                       *systems.rbegin() + "), so that they do not fit together; bring them into one first");
+  return agreed;
 }
 
 base::Result<mesh::StreamedFile> readFile(const std::string& path, SourceSpool& spool, unsigned threads,
@@ -127,6 +152,7 @@ base::Result<SourceInput> sourceFromFiles(const std::vector<std::string>& paths,
   input.read = [paths, progress, threads, points, keeps_textures](SourceSpool& spool,
                                                                   SourceInfo& notes) -> base::Result<void> {
     std::vector<bool> colored;
+    std::vector<mesh::Georeference> georeferences;
     for (std::size_t i = 0; i < paths.size(); ++i) {
       mesh::StreamOptions stream;
       stream.accepts_points = points;
@@ -142,7 +168,9 @@ base::Result<SourceInput> sourceFromFiles(const std::vector<std::string>& paths,
       if (const std::string lost = keeps_textures ? "" : mesh::lostTexels(file.texels, file.vertices); !lost.empty())
         notes.warnings.push_back(paths[i] + ": " + lost);
       colored.push_back(file.has_colors);
+      georeferences.push_back(file.georeference);
     }
+    notes.georeference = agreedOn(georeferences, notes.warnings);
     for (std::size_t i = 0; i < paths.size(); ++i)
       if (!colored[i] && std::find(colored.begin(), colored.end(), true) != colored.end())
         notes.warnings.push_back(paths[i] + ": has no colours while other files have; it becomes white");
@@ -159,6 +187,7 @@ base::Result<ImportedSource> importSource(WorkDirectory& directory, const Source
   LUMIGRID_TRY(input.read(spool, notes));
   ImportedSource source;
   LUMIGRID_ASSIGN_OR_RETURN(source.info, spool.finish(input.points, threads));
+  source.info.georeference = std::move(notes.georeference);
   source.info.warnings = std::move(notes.warnings);
   source.info.short_faces = notes.short_faces;
   source.info.texels = notes.texels;
@@ -279,6 +308,7 @@ void StagedBuild::summarize(SourceSummary& summary) const {
   summary.box_min = source_.info.box_min;
   summary.box_max = source_.info.box_max;
   summary.has_colors = source_.info.has_colors;
+  summary.georeference = source_.info.georeference;
   summary.warnings = source_.info.warnings;
   summary.import_seconds = import_seconds_;
   summary.seconds = watch_.seconds();

@@ -25,7 +25,7 @@ using Progress = std::function<bool(const std::string& stage, double done)>;
 
 /// The source files of a build.
 struct SourceInput {
-  /// Fills the spool, and adds the files' warnings and short_faces to `notes`.
+  /// Fills the spool, and adds the files' georeference, warnings and short_faces to `notes`.
   std::function<base::Result<void>(SourceSpool& spool, SourceInfo& notes)> read;
   std::uint64_t bytes = 0;  ///< about what the spool takes
   bool points = false;      ///< a source without any triangle is no error
@@ -87,6 +87,7 @@ struct SourceSummary {
   glm::dvec3 box_max{0.0};
   glm::dvec3 facing{0.0};  ///< sum of all normals by area: the side that an open scan shows
   bool has_colors = false;
+  mesh::Georeference georeference;
   std::vector<std::string> warnings;
   double import_seconds = 0.0;  ///< the part of `seconds` for reading the sources
   double seconds = 0.0;

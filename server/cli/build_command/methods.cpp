@@ -83,6 +83,7 @@ void printWarnings(const lod::ingest::SourceSummary& summary) {
 // Anything else is taken for a model with +y up, as glTF says and scanners of objects write.
 glm::dvec3 guessUp(const lod::ingest::SourceSummary& built, const BuildArguments& a) {
   if (a.up != "auto") return axisNamed(a.up);
+  if (built.georeference.z_is_height) return {0, 0, 1};
   const glm::dvec3 size = built.box_max - built.box_min;
   const int flat = size.x <= size.y && size.x <= size.z ? 0 : size.y <= size.z ? 1 : 2;
   const double second = std::min(size[(flat + 1) % 3], size[(flat + 2) % 3]);
@@ -147,7 +148,9 @@ Result<base::Scene> describeScene(const BuildArguments& a, const SceneSources& s
   scene.origin = built.origin;
   scene.box_min = built.box_min;
   scene.box_max = built.box_max;
-  scene.units = a.units;
+  const mesh::Georeference& georeference = built.georeference;
+  if (base::isCrsName(georeference.crs)) scene.crs = georeference.crs;
+  scene.units = a.units == "unknown" && !georeference.units.empty() ? georeference.units : a.units;
   scene.up = guessUp(built, a);
   scene.has_colors = built.has_colors;
   scene.light = chooseLight(a, scene.has_colors, scene.up, scene.start_direction);

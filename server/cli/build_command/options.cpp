@@ -22,17 +22,17 @@ using base::ErrorCode;
 void declareMethodOptions(CLI::App& command, BuildArguments& a) {
   command
       .add_option("MESH", a.meshes,
-                  "PLY, OBJ, STL, OFF or GLB files; several make one scene. May be left out once the scene has its "
-                  "hierarchy: then the options that are not given are those that the scene records")
+                  "PLY, OBJ, STL, OFF, GLB or LAS files; several make one scene. May be left out once the scene has "
+                  "its hierarchy: then the options that are not given are those that the scene records")
       ->default_str("");
   command.add_option("-o,--output", a.output, "scene directory to make, or to go on with")->required();
   command.add_flag("--force", a.force, "replace a scene that is there");
   command
       .add_option("--methods", a.methods,
                   "parts to build: patch (the hierarchy), images (the repository; needs patch), qsplat (a tree of "
-                  "splats; also from point clouds, PLY files without faces). auto: patch, and images where a few "
-                  "held-out views are nearer to the full model with them; says what it measured. A scene that is there "
-                  "gets what it lacks")
+                  "splats; also from point clouds, which are LAS files and PLY files without faces). auto: patch, and "
+                  "images where a few held-out views are nearer to the full model with them; says what it measured. A "
+                  "scene that is there gets what it lacks")
       ->delimiter(',')
       ->check(CLI::IsMember([] {
         std::vector<std::string> names(std::begin(kMethods), std::end(kMethods));

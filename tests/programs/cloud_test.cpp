@@ -1,0 +1,70 @@
+// A LAS file becomes a scene of splats that knows where on earth it lies.
+#include <nlohmann/json.hpp>
+
+#include "tests/programs/run_program.h"
+#include "tests/support/las_file.h"
+
+namespace {
+
+using programs::readText;
+using programs::run;
+using support::LasFile;
+
+class CloudTest : public programs::ProgramTest {
+ protected:
+  /// A cube's surface of points, 10 m wide, far from the origin: no side is shorter, so that its shape tells no up.
+  std::string cloud(const std::string& name, const std::string& epsg, const std::string& unit) {
+    LasFile file;
+    file.offset = {500000.0, 4000000.0, 100.0};
+    constexpr int kSide = 20, kStep = 500;
+    for (int i = 0; i < kSide; ++i)
+      for (int j = 0; j < kSide; ++j)
+        for (int side = 0; side < 6; ++side) {
+          support::LasPoint point;
+          const auto axis = static_cast<std::size_t>(side % 3);
+          point.number[axis] = side < 3 ? 0 : kSide * kStep;
+          point.number[(axis + 1) % 3] = i * kStep;
+          point.number[(axis + 2) % 3] = j * kStep;
+          point.color = {static_cast<std::uint16_t>(12 * i), static_cast<std::uint16_t>(12 * j), 90};
+          file.points.push_back(point);
+        }
+    file.records.emplace_back(
+        2112, "PROJCS[\"grid\",GEOGCS[\"base\"],UNIT[\"unit\"," + unit + "],AUTHORITY[\"EPSG\",\"" + epsg + "\"]]");
+    programs::writeText(path(name), bytesOf(file));
+    return path(name);
+  }
+  nlohmann::json scene() const { return nlohmann::json::parse(readText(path("scene/scene.json"))); }
+};
+
+TEST_F(CloudTest, aLasFileBecomesAGeoreferencedSceneOfSplats) {
+  const auto built =
+      run("lumigrid", {"build", cloud("a.las", "32612", "1"), "-o", path("scene"), "--methods", "qsplat", "--quiet"});
+  ASSERT_EQ(built.status, 0) << built.err;
+  EXPECT_EQ(built.err, "");
+  EXPECT_EQ(scene()["crs"], "EPSG:32612");
+  EXPECT_EQ(scene()["units"], "m");
+  EXPECT_EQ(scene()["up"], nlohmann::json({0.0, 0.0, 1.0}));
+  EXPECT_EQ(scene()["box_min"], nlohmann::json({500000.0, 4000000.0, 100.0}));
+  EXPECT_EQ(scene()["box_max"], nlohmann::json({500010.0, 4000010.0, 110.0}));
+  EXPECT_EQ(scene()["has_colors"], true);
+}
+
+TEST_F(CloudTest, theUsersUnitsAndUpComeFirst) {
+  const auto built = run("lumigrid", {"build", cloud("a.las", "2992", "0.3048"), "-o", path("scene"), "--methods",
+                                      "qsplat", "--units", "yard", "--up", "y", "--quiet"});
+  ASSERT_EQ(built.status, 0) << built.err;
+  EXPECT_NE(built.err.find("its coordinates are in feet"), std::string::npos);
+  EXPECT_EQ(scene()["units"], "yard");
+  EXPECT_EQ(scene()["up"], nlohmann::json({0.0, 1.0, 0.0}));
+}
+
+TEST_F(CloudTest, filesInDifferentSystemsGiveAWarningAndNone) {
+  const auto built = run("lumigrid", {"build", cloud("a.las", "32612", "1"), cloud("b.las", "32613", "1"), "-o",
+                                      path("scene"), "--methods", "qsplat", "--quiet"});
+  ASSERT_EQ(built.status, 0) << built.err;
+  EXPECT_NE(built.err.find("(EPSG:32612 and EPSG:32613)"), std::string::npos) << built.err;
+  EXPECT_FALSE(scene().contains("crs"));
+  EXPECT_EQ(scene()["units"], "m");
+}
+
+}  // namespace
