@@ -19,7 +19,12 @@ using base::Image;
 
 constexpr int kMaxSide = 16384;           // pixels: 1 GB as RGBA, and the largest side of common GPUs' textures
 constexpr double kMinTexelsToWarn = 1.5;  // per vertex; below, next to nothing is lost
-constexpr double kInward = 0.2;           // samples lie this share of the way from the corner to the polygon's middle
+// A corner's colour is a mean over its share of the polygon: so many texels lie between two samples, along each side of
+// it, and at most so many samples. A sample is itself a mean over half of that, and lies a little nearer to the
+// polygon's middle, so that what lies beyond a seam in the picture does not count.
+constexpr double kTexelsApart = 3.0;
+constexpr int kMostApart = 4;
+constexpr double kInward = 0.1;
 
 // CMYK as Adobe's programs write it: inverted, so that 255 is no ink.
 void rgbFromCmyk(const std::vector<std::uint8_t>& cmyk, Image& image) {
@@ -144,12 +149,23 @@ void TextureBaker::bake(const Texture& texture, std::span<const glm::dvec2> uv, 
     middle += uv[i] / static_cast<double>(uv.size());
     area += 0.5 * (a.x * b.y - a.y * b.x);
   }
-  if (std::isfinite(area)) texels_ += std::abs(area);
+  area = std::abs(area);
+  if (std::isfinite(area)) texels_ += area;
+
+  // A corner's share of the polygon is the quadrilateral between it, the middles of its edges and the polygon's middle.
+  const double share = area / static_cast<double>(std::max<std::size_t>(1, uv.size()));
+  const int n = std::isfinite(share) ? std::clamp(static_cast<int>(std::sqrt(share) / kTexelsApart), 1, kMostApart) : 1;
   for (std::size_t i = 0; i < uv.size(); ++i) {
-    const glm::dvec2& before = uv[(i + uv.size() - 1) % uv.size()];
-    const glm::dvec2& after = uv[(i + 1) % uv.size()];
-    const double reach = 0.25 * (glm::length(size * (before - uv[i])) + glm::length(size * (after - uv[i])));
-    colors[i] = texture.mean(glm::mix(uv[i], middle, kInward), reach);
+    const glm::dvec2 before = 0.5 * (uv[i] + uv[(i + uv.size() - 1) % uv.size()]);
+    const glm::dvec2 after = 0.5 * (uv[i] + uv[(i + 1) % uv.size()]);
+    glm::dvec3 sum(0.0);
+    for (int y = 0; y < n; ++y)
+      for (int x = 0; x < n; ++x) {
+        const double s = (x + 0.5) / n, t = (y + 0.5) / n;
+        const glm::dvec2 at = glm::mix(glm::mix(uv[i], after, s), glm::mix(before, middle, s), t);
+        sum += glm::dvec3(glm::u8vec3(texture.mean(glm::mix(at, middle, kInward), 0.5 * std::sqrt(share) / n)));
+      }
+    colors[i] = {glm::u8vec3(sum / static_cast<double>(n * n) + 0.5), 255};
   }
 }
 

@@ -41,8 +41,7 @@ class Texture {
 /// Bakes polygons, and measures how much finer the textures are than the mesh.
 class TextureBaker {
  public:
-  /// Gives each corner of a polygon the texture's mean over half the way to its neighbours. The mean is taken a little
-  /// inside the polygon, so that what lies beyond a seam in the picture does not count.
+  /// Gives each corner of a polygon the texture's mean over its share of the polygon.
   void bake(const Texture& texture, std::span<const glm::dvec2> uv, std::span<glm::u8vec4> colors);
   /// How many texels all polygons covered, those that several covered counted for each.
   double texels() const { return texels_; }

@@ -34,8 +34,8 @@ struct BucketCounts {
 struct BucketOptions {
   base::ResourceLimits limits;  ///< resolved; the memory bounds the window of vertices
   StitchOptions stitch;
-  bool keeps_textures = false;           ///< triangles can be asked for their textures
   std::function<bool(double)> progress;  ///< share done; false cancels
+  bool keeps_textures = false;           ///< triangles can be asked for their textures
 };
 
 class Buckets {

@@ -292,9 +292,8 @@ void StagedBuild::reportPlan(std::uint64_t output_bytes, std::uint64_t work_byte
 
 base::Result<Buckets> StagedBuild::sortTriangles(const StitchOptions& stitch, bool keeps_textures) {
   if (!directory_->isFinished(Stage::kSorted) && !report("sort", 0.0)) return cancelled();
-  const BucketOptions options{{limits_.threads, workMemory() / 2}, stitch, keeps_textures, [this](double done) {
-                                return report("sort", done);
-                              }};
+  const auto progress = [this](double done) { return report("sort", done); };
+  const BucketOptions options{{limits_.threads, workMemory() / 2}, stitch, progress, keeps_textures};
   return sortSource(*directory_, source_, lattice_, options);
 }
 

@@ -21,7 +21,7 @@ struct SortedMesh {
     const auto input = sourceFromFiles({scratch / "mesh.ply"}, {}, 2);
     const auto source = importSource(*directory, *input, 2);
     lattice = makeLattice(source->info, source->origin, 0);
-    buckets = sortSource(*directory, *source, lattice, {{threads, memory}, stitch, false, {}});
+    buckets = sortSource(*directory, *source, lattice, {{threads, memory}, stitch, {}, false});
   }
 };
 

@@ -3,12 +3,14 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <optional>
 #include <utility>
 
 #include "base/fields.h"
 #include "base/parallel.h"
 #include "lod/ingest/morton.h"
 #include "lod/patch/codec.h"
+#include "lod/texture/picture_charts.h"
 #include "mesh/texture.h"
 
 namespace lod::patch::builder {
@@ -83,6 +85,33 @@ double detailOf(const base::Image& picture, const std::array<glm::vec2, 3>& corn
   return sum / count;
 }
 
+// A leaf's triangle in a picture.
+base::Result<std::optional<texture::PictureTriangle>> triangleIn(const LeafTextureSource& source, const Leaf& leaf,
+                                                                 std::size_t t, std::uint32_t number,
+                                                                 const base::Image& picture) {
+  if (leaf.sources[t] == ingest::kNoSource) return std::optional<texture::PictureTriangle>();
+  LUMIGRID_ASSIGN_OR_RETURN(const auto place, source.places[leaf.sources[t]]);
+  if (place.picture != number) return std::optional<texture::PictureTriangle>();
+  texture::PictureTriangle triangle;
+  triangle.triangle = static_cast<std::uint16_t>(t);
+  for (std::size_t k = 0; k < 3; ++k) {
+    const std::uint64_t code = ingest::mortonCode(leaf.geometry.positions[leaf.geometry.indices[3 * t + k]]);
+    triangle.corners[k] = place.at(code) * glm::vec2(picture.width, picture.height);
+  }
+  return std::optional(triangle);
+}
+
+// Notes what the leaf covers of the picture.
+base::Result<void> addCharts(const LeafTextureSource& source, const WorkPatch& patch, std::uint32_t number,
+                             const base::Image& picture, texture::PictureCharts& charts) {
+  LUMIGRID_ASSIGN_OR_RETURN(const auto leaf, readLeaf(source.store, patch));
+  for (std::size_t t = 0; t < leaf.sources.size(); ++t) {
+    LUMIGRID_ASSIGN_OR_RETURN(const auto triangle, triangleIn(source, leaf, t, number, picture));
+    if (triangle) charts.add(*triangle);
+  }
+  return {};
+}
+
 base::Result<MadePages> makeLeafPages(const LeafTextureSource& source, const WorkPatch& patch, std::uint32_t number,
                                       const base::Image& picture) {
   LUMIGRID_ASSIGN_OR_RETURN(const auto leaf, readLeaf(source.store, patch));
@@ -91,18 +120,14 @@ base::Result<MadePages> makeLeafPages(const LeafTextureSource& source, const Wor
   std::vector<texture::PictureTriangle> triangles;
   std::vector<double> areas(leaf.sources.size(), 0.0), texels(leaf.sources.size(), 0.0);
   for (std::size_t t = 0; t < leaf.sources.size(); ++t) {
-    if (leaf.sources[t] == ingest::kNoSource) continue;
-    LUMIGRID_ASSIGN_OR_RETURN(const auto place, source.places[leaf.sources[t]]);
-    if (place.picture != number) continue;
-    texture::PictureTriangle triangle;
-    triangle.triangle = static_cast<std::uint16_t>(t);
+    LUMIGRID_ASSIGN_OR_RETURN(const auto found, triangleIn(source, leaf, t, number, picture));
+    if (!found) continue;
+    const texture::PictureTriangle& triangle = *found;
     std::array<glm::dvec3, 3> points, colors;
     for (std::size_t k = 0; k < 3; ++k) {
       const std::size_t v = geometry.indices[3 * t + k];
       points[k] = source.lattice.step * glm::dvec3(geometry.positions[v]);
       colors[k] = geometry.colors.empty() ? glm::dvec3(255.0) : glm::dvec3(glm::u8vec3(geometry.colors[v]));
-      triangle.corners[k] =
-          place.at(ingest::mortonCode(geometry.positions[v])) * glm::vec2(picture.width, picture.height);
     }
     areas[t] = 0.5 * glm::length(glm::cross(points[1] - points[0], points[2] - points[0]));
     texels[t] = areaOf(triangle.corners);
@@ -173,7 +198,12 @@ class LeafTextures::Maker {
     const std::vector<std::uint32_t>& leaves = leaves_of_[number];
     std::vector<MadePages> made(leaves.size());
     if (!leaves.empty()) {
-      LUMIGRID_ASSIGN_OR_RETURN(const auto picture, mesh::readPicture(source_.pictures[number]));
+      LUMIGRID_ASSIGN_OR_RETURN(auto picture, mesh::readPicture(source_.pictures[number]));
+      texture::PictureCharts charts(picture.width, picture.height);
+      LUMIGRID_TRY(base::tryParallelFor(leaves.size(), threads_, [&](std::size_t i) {
+        return addCharts(source_, leaves_[leaves[i]], number, picture, charts);
+      }));
+      charts.growInto(picture);
       LUMIGRID_TRY(base::tryParallelFor(leaves.size(), threads_, [&](std::size_t i) -> base::Result<void> {
         LUMIGRID_ASSIGN_OR_RETURN(made[i], makeLeafPages(source_, leaves_[leaves[i]], number, picture));
         return {};

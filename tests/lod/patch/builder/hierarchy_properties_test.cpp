@@ -56,8 +56,8 @@ std::pair<std::uint32_t, std::uint32_t> levelsOf(const lod::patch::Hierarchy& h,
                                                  const std::vector<std::uint32_t>& patches) {
   std::pair<std::uint32_t, std::uint32_t> range{h.patches[patches.front()].level, 0};
   for (const std::uint32_t p : patches) {
-    range.first = std::min(range.first, h.patches[p].level);
-    range.second = std::max(range.second, h.patches[p].level);
+    range.first = std::min<std::uint32_t>(range.first, h.patches[p].level);
+    range.second = std::max<std::uint32_t>(range.second, h.patches[p].level);
   }
   return range;
 }

@@ -47,7 +47,8 @@ inline MeshSplats splatsOf(const Mesh& mesh, double dice = 0.0) {
   const auto source = importSource(*directory, *input, 2);
   EXPECT_TRUE(source);
   out.lattice = makeLattice(source->info, source->origin, 0);
-  const auto buckets = sortSource(*directory, *source, out.lattice, {{1, std::uint64_t{64} << 20}, {.on = false}, {}});
+  const auto buckets =
+      sortSource(*directory, *source, out.lattice, {{1, std::uint64_t{64} << 20}, {.on = false}, {}, false});
   EXPECT_TRUE(buckets);
   MeshLeaves leaves(*buckets, out.lattice, dice);
   EXPECT_TRUE(leaves.measureBorder(1, {}));
