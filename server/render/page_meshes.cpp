@@ -4,14 +4,8 @@
 #include <cmath>
 #include <cstddef>
 #include <cstring>
-#include <string_view>
 
 #include "lod/draw/triangles.h"
-
-// GL_EXT_texture_filter_anisotropic is an extension, in WebGL and in GLES.
-#ifndef GL_TEXTURE_MAX_ANISOTROPY_EXT
-#define GL_TEXTURE_MAX_ANISOTROPY_EXT 0x84FE
-#endif
 
 namespace server {
 namespace {
@@ -24,14 +18,6 @@ struct CornerVertex {
   glm::u16vec2 place;  // on the page × kCornerSteps
 };
 static_assert(sizeof(CornerVertex) == 24 && offsetof(CornerVertex, place) == 20);
-
-constexpr float kAnisotropy = 4.0F;
-
-bool hasAnisotropy() {
-  const auto* extensions = reinterpret_cast<const char*>(glGetString(GL_EXTENSIONS));
-  return extensions != nullptr &&
-         std::string_view(extensions).find("GL_EXT_texture_filter_anisotropic") != std::string_view::npos;
-}
 
 std::int8_t snorm8(float v) {
   return static_cast<std::int8_t>(std::lround(std::clamp(v, -1.0F, 1.0F) * 127.0F));
@@ -70,18 +56,20 @@ base::Image withAlpha(const base::Image& image) {
   return out;
 }
 
+// Mip levels are made here and not by the GL, so that they are the same on whatever level the upload begins.
 base::gl::Texture textureOf(const base::Image& page, int levels) {
-  const base::Image rgba = withAlpha(page);
   base::gl::Texture texture = base::gl::Texture::create();
-  base::gl::allocate2D(texture, GL_TEXTURE_2D, levels, GL_RGBA8, rgba.width, rgba.height);
+  base::gl::allocate2D(texture, GL_TEXTURE_2D, levels, GL_RGBA8, page.width, page.height);
   glPixelStorei(GL_UNPACK_ALIGNMENT, 1);
-  glTexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, rgba.width, rgba.height, GL_RGBA, GL_UNSIGNED_BYTE, rgba.pixels.data());
+  base::Image level = withAlpha(page);
+  for (int k = 0; k < levels; ++k) {
+    if (k > 0) level = halved(level);
+    glTexSubImage2D(GL_TEXTURE_2D, k, 0, 0, level.width, level.height, GL_RGBA, GL_UNSIGNED_BYTE, level.pixels.data());
+  }
   glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_WRAP_S, GL_CLAMP_TO_EDGE);
   glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_WRAP_T, GL_CLAMP_TO_EDGE);
   glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER, GL_LINEAR);
   glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, GL_LINEAR_MIPMAP_LINEAR);
-  if (hasAnisotropy()) glTexParameterf(GL_TEXTURE_2D, GL_TEXTURE_MAX_ANISOTROPY_EXT, kAnisotropy);
-  if (levels > 1) glGenerateMipmap(GL_TEXTURE_2D);
   glBindTexture(GL_TEXTURE_2D, 0);
   return texture;
 }
@@ -156,10 +144,11 @@ PageMeshes::Mesh PageMeshes::meshOf(const lod::patch::PatchGeometry& geometry, c
                      GL_STATIC_DRAW);
   describeCorner();
   glBindVertexArray(0);
-  mesh.texture = textureOf(page.image, static_cast<int>(page.levels));
+  mesh.size = {page.image.width, page.image.height};
+  mesh.levels = std::min(static_cast<int>(page.levels), halvings(page.image.width, page.image.height) + 1);
+  mesh.texture = textureOf(page.image, mesh.levels);
   mesh.scale = 1.0F / (static_cast<float>(lod::texture::kCornerSteps) * glm::vec2(reduced.width, reduced.height));
   mesh.alpha = page.image.channels == 4;
-  mesh.last_level = static_cast<float>(page.levels - 1);
   mesh.bytes = mesh.corners.bytes() + mesh.texture.bytes();
   return mesh;
 }
@@ -181,14 +170,19 @@ void PageMeshes::remove(std::uint32_t patch) {
   meshes_.erase(found);
 }
 
-void PageMeshes::draw(std::uint32_t patch, const std::function<const base::gl::Program&(bool alpha)>& use) const {
+void PageMeshes::draw(std::uint32_t patch, int times,
+                      const std::function<const base::gl::Program&(bool alpha)>& use) const {
   const auto found = meshes_.find(patch);
   LUMIGRID_CHECK(found != meshes_.end());
   for (const Mesh& mesh : found->second) {
     const base::gl::Program& program = use(mesh.alpha);
+    const int first = std::min(times, mesh.levels - 1);
     glUniform2f(program.uniform("u_page_scale"), mesh.scale.x, mesh.scale.y);
-    glUniform1f(program.uniform("u_last_level"), mesh.last_level);
+    glUniform2f(program.uniform("u_page_size"), static_cast<float>(mesh.size.x >> first),
+                static_cast<float>(mesh.size.y >> first));
+    glUniform1f(program.uniform("u_last_level"), static_cast<float>(mesh.levels - 1 - first));
     glBindTexture(GL_TEXTURE_2D, mesh.texture.name());
+    glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_BASE_LEVEL, first);
     glBindVertexArray(mesh.array.name());
     glDrawArrays(GL_TRIANGLES, 0, mesh.count);
   }

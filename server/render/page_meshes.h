@@ -41,9 +41,10 @@ class PageMeshes {
   /// The pages' triangles must be the geometry's.
   void upload(std::uint32_t patch, const lod::patch::PatchGeometry& geometry, std::span<const ReducedPage> pages);
   void remove(std::uint32_t patch);
-  /// Draws an uploaded patch's pages. `use(alpha)` puts a program with the uniforms of page.glsl into use and returns
+  /// Draws an uploaded patch's pages, halved `times` more: the picture is the same as if they had been uploaded so.
+  /// `use(alpha)` puts a program with the uniforms of page.glsl into use and returns
   /// it; with `alpha` one that leaves out what the page says is not there.
-  void draw(std::uint32_t patch, const std::function<const base::gl::Program&(bool alpha)>& use) const;
+  void draw(std::uint32_t patch, int times, const std::function<const base::gl::Program&(bool alpha)>& use) const;
   std::uint64_t gpuBytes() const { return bytes_; }
   /// Returns the GPU bytes that a page takes, once it has been reduced so often.
   static std::uint64_t bytesFor(const lod::texture::PageRecord& page, int times);
@@ -55,7 +56,8 @@ class PageMeshes {
     base::gl::Texture texture;
     GLsizei count = 0;
     glm::vec2 scale{1.0F};  // of stored places to 0..1
-    float last_level = 0.0F;
+    glm::ivec2 size{0};     // texels, as uploaded
+    int levels = 1;
     bool alpha = false;
     std::uint64_t bytes = 0;
   };

@@ -59,11 +59,12 @@ base::Result<void> PatchCache::draw(std::span<const DrawnPatch> patches, const U
 }
 
 void PatchCache::drawOne(const DrawnPatch& patch, const UseProgram& use) const {
+  const Resident& resident = resident_.at(patch.number);
   if (patch.reduction != kNoPages)
-    pages_.draw(patch.number, [&](bool alpha) -> const base::gl::Program& {
+    pages_.draw(patch.number, patch.reduction - resident.reduction, [&](bool alpha) -> const base::gl::Program& {
       return use(alpha ? SurfaceKind::kPagesWithAlpha : SurfaceKind::kPages);
     });
-  if (!resident_.at(patch.number).has_rest) return;
+  if (!resident.has_rest) return;
   use(SurfaceKind::kColors);
   meshes_.draw({&patch.number, 1});
 }
@@ -82,7 +83,7 @@ base::Result<void> PatchCache::makeResident(std::span<const DrawnPatch> batch) {
   std::uint64_t missing_bytes = 0;
   for (const DrawnPatch& patch : batch) {
     const auto found = resident_.find(patch.number);
-    if (found != resident_.end() && found->second.reduction == patch.reduction) {
+    if (found != resident_.end() && found->second.serves(patch.reduction)) {
       by_age_.splice(by_age_.end(), by_age_, found->second.age);
       continue;
     }

@@ -49,6 +49,8 @@ class PatchCache {
     int reduction = kNoPages;
     bool has_rest = true;  ///< some triangles are on no page
     std::list<std::uint32_t>::iterator age;
+    /// Pages that were halved less often serve as well.
+    bool serves(int wanted) const { return (wanted == kNoPages) == (reduction == kNoPages) && reduction <= wanted; }
   };
   base::Result<void> makeResident(std::span<const DrawnPatch> batch);
   base::Result<void> uploadMissing(std::span<const DrawnPatch> missing);
