@@ -27,7 +27,7 @@ void MeshStream::clearBlocks() {
   corners.clear(), corner_normals.clear(), corner_colors.clear(), corner_uv.clear(), pictures.clear();
 }
 
-base::Result<void> MeshStream::flush(const void* at) {
+base::Result<void> MeshStream::handOver() {
   if (!corner_normals.empty()) corner_normals.resize(corners.size(), glm::vec3(0.0F));
   if (!corner_colors.empty()) corner_colors.resize(corners.size(), glm::u8vec4(0));
   if (!pictures.empty())
@@ -48,7 +48,19 @@ base::Result<void> MeshStream::flush(const void* at) {
   summary.vertices += positions.size();
   summary.triangles += corners.size() / 3;
   clearBlocks();
+  return {};
+}
 
+base::Result<void> MeshStream::report(double share) {
+  constexpr double kStep = 0.001;  // a choice: a line of progress shows no less
+  if (!progress_ || share < reported_ + kStep) return {};
+  reported_ = share;
+  if (!progress_(share)) return base::Error{base::ErrorCode::kCancelled, "reading the mesh was cancelled"};
+  return {};
+}
+
+base::Result<void> MeshStream::flush(const void* at) {
+  LUMIGRID_TRY(handOver());
   // Pages that have been read are clean: the system loads them again from the file if anybody needs them.
   constexpr std::size_t kPage = 4096;
   const auto offset = static_cast<std::size_t>(static_cast<const std::uint8_t*>(at) - file_.data());
@@ -57,8 +69,7 @@ base::Result<void> MeshStream::flush(const void* at) {
   if (end >= dropped_ + kStep) {
     ::madvise(const_cast<std::uint8_t*>(file_.data()) + dropped_, end - dropped_, MADV_DONTNEED);
     dropped_ = end;
-    if (progress_ && !progress_(static_cast<double>(end) / static_cast<double>(file_.size())))
-      return base::Error{base::ErrorCode::kCancelled, "reading the mesh was cancelled"};
+    return report(static_cast<double>(end) / static_cast<double>(file_.size()));
   }
   return {};
 }
@@ -67,6 +78,7 @@ base::Result<void> MeshStream::restart() {
   clearBlocks();
   summary = {};
   dropped_ = 0;
+  reported_ = 0.0;
   baker = {};
   return sink_.restart();
 }

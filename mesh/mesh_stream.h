@@ -81,11 +81,14 @@ class MeshStream {
   void addTextured(std::span<const std::uint64_t> polygon, std::span<const glm::vec3> its_normals,
                    std::span<const glm::dvec2> uv, std::uint32_t picture);
   /// Hands full blocks to the sink. Readers call it after each element, with the place in the file that they reached.
-  base::Result<void> flushFullBlocks(const void* at) {
-    if (positions.size() < kBlock && corners.size() < 3 * kBlock) return {};
-    return flush(at);
-  }
+  base::Result<void> flushFullBlocks(const void* at) { return isFull() ? flush(at) : base::Result<void>(); }
   base::Result<void> flush(const void* at);
+  bool isFull() const { return positions.size() >= kBlock || corners.size() >= 3 * kBlock; }
+  /// Hands what there is to the sink. Readers that do not go through the file from front to back call it in place of
+  /// flush(), and report(): no page is released.
+  base::Result<void> handOver();
+  /// Reports which share of the source has been read, 0..1; an error where that cancels.
+  base::Result<void> report(double share);
   /// Drops all that was read of the file so far, since it was read the wrong way.
   base::Result<void> restart();
 
@@ -97,6 +100,7 @@ class MeshStream {
   base::ByteView file_;
   std::function<bool(double)> progress_;
   std::size_t dropped_ = 0;
+  double reported_ = 0.0;
   std::vector<glm::u8vec4> baked_;
 };
 

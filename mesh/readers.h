@@ -6,8 +6,8 @@
 
 namespace mesh {
 
-/// GLB, the binary form of glTF 2.0; section numbers in the source refer to the Khronos specification.
-base::Result<void> readGlb(base::ByteView bytes, MeshStream& out);
+/// Khronos' glTF 2.0: GLB, its binary form, or JSON (.gltf). Buffers and pictures may lie in other files.
+base::Result<void> readGltf(base::ByteView bytes, MeshStream& out);
 
 /// LAS 1.0 to 1.4, the points of airborne and terrestrial laser scanners (ASPRS). Points that are withheld or noise are
 /// left out; LAZ is an error.

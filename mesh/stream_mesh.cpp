@@ -29,6 +29,11 @@ bool looksLikeObj(std::string_view text) {
   return false;
 }
 
+bool looksLikeJson(std::string_view text) {
+  if (text.substr(0, 3) == "\xEF\xBB\xBF") text.remove_prefix(3);  // UTF-8's mark
+  return skipSpaces(text) && text.front() == '{';
+}
+
 // Formats that another program converts, as their content and their names tell.
 struct ConvertedFormat {
   std::string_view start;
@@ -49,7 +54,7 @@ constexpr ConvertedFormat kConverted[] = {
 base::Result<void> readFile(const std::string& path, base::ByteView bytes, MeshStream& out) {
   if (bytes.empty()) return invalidInput("the file is empty");
   const std::string_view text = textOf(bytes);
-  if (text.substr(0, 4) == "glTF") return readGlb(bytes, out);
+  if (text.substr(0, 4) == "glTF" || looksLikeJson(text)) return readGltf(bytes, out);
   if (text.substr(0, 4) == "LASF") return readLas(bytes, out);
   for (const ConvertedFormat& format : kConverted)
     if (text.substr(0, format.start.size()) == format.start) return unsupported(format.advice);
@@ -65,14 +70,13 @@ base::Result<void> readFile(const std::string& path, base::ByteView bytes, MeshS
   const std::string extension = extensionOf(path);
   for (const ConvertedFormat& format : kConverted)
     if (extension == format.extension) return unsupported(format.advice);
-  if (extension == "gltf") return unsupported("glTF with outside buffers is not read; write it as one GLB file");
   if (extension == "ply") return readPly(bytes, out);
   if (extension == "obj") return readObj(bytes, out);
   if (extension == "stl") return readStl(bytes, out);
   if (extension == "off") return readOff(bytes, out);
-  if (extension == "glb") return readGlb(bytes, out);
+  if (extension == "glb") return readGltf(bytes, out);
   if (extension == "las" || extension == "laz") return readLas(bytes, out);
-  return unsupported("neither the content nor the name is that of a mesh (PLY, OBJ, STL, OFF, GLB and LAS are read)");
+  return unsupported("neither the content nor the name is that of a mesh (PLY, OBJ, STL, OFF, glTF and LAS are read)");
 }
 
 }  // namespace

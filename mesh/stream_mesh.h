@@ -1,7 +1,7 @@
 #pragma once
 // Reads a mesh file of any format from front to back into a sink: PLY (ASCII and both binary orders), OBJ, STL (ASCII
-// and binary), OFF, GLB, and the points of LAS. Memory does not grow with the file, apart from OBJ's normals and
-// texture coordinates.
+// and binary), OFF, glTF (GLB, and JSON with files beside it), and the points of LAS. Memory does not grow with the
+// file, apart from OBJ's normals and texture coordinates and glTF's JSON with all that is written into it.
 #include <cstdint>
 #include <functional>
 #include <glm/glm.hpp>
@@ -20,11 +20,12 @@ struct VertexBlock {
   std::span<const glm::u8vec4> colors;    ///< empty, or as many as positions; sRGB, a = 255
 };
 
-/// A picture that triangles take their colours from: a JPEG or PNG file, or a part of another file.
+/// A picture that triangles take their colours from: a file, or a part of another file.
 struct SourcePicture {
   std::string path;
   std::uint64_t offset = 0;
   std::uint64_t bytes = 0;  ///< 0: all of the file
+  bool base64 = false;      ///< the bytes are base64 text
   friend bool operator==(const SourcePicture&, const SourcePicture&) = default;
 };
 /// In place of a picture's number where a triangle has none.

@@ -5,10 +5,12 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <optional>
 
 #include "base/file.h"
 #include "base/format_text.h"
 #include "base/png/png.h"
+#include "mesh/uri.h"
 
 namespace mesh {
 namespace {
@@ -101,6 +103,12 @@ base::Result<Image> readPicture(const SourcePicture& picture) {
     return Error{ErrorCode::kInvalidInput, picture.path + ": truncated: a picture reaches past its end"};
   bytes = bytes.subspan(static_cast<std::size_t>(picture.offset));
   if (picture.bytes > 0) bytes = bytes.first(static_cast<std::size_t>(picture.bytes));
+  std::optional<base::Bytes> decoded;
+  if (picture.base64) {
+    decoded = bytesOfBase64(base::textOf(bytes));
+    if (!decoded) return Error{ErrorCode::kInvalidInput, picture.path + ": a picture is broken base64"};
+    bytes = *decoded;
+  }
   auto image = decodePicture(bytes);
   return image ? std::move(image) : base::within(picture.path, image.error());
 }

@@ -49,6 +49,7 @@ base::Bytes stateOf(const ImportedSource& source) {
   for (const mesh::SourcePicture& picture : source.info.pictures) {
     out.string16(picture.path);
     base::writeFields(out, std::tie(picture.offset, picture.bytes));
+    out.u8(picture.base64 ? 1 : 0);
   }
   const mesh::Georeference& georeference = source.info.georeference;
   out.string16(georeference.crs);
@@ -67,6 +68,7 @@ base::Result<ImportedSource> readState(const WorkDirectory& directory) {
     mesh::SourcePicture picture;
     picture.path = in.string16();
     base::readFields(in, std::tie(picture.offset, picture.bytes));
+    picture.base64 = in.u8() != 0;
     source.info.pictures.push_back(std::move(picture));
   }
   mesh::Georeference& georeference = source.info.georeference;

@@ -74,6 +74,20 @@ std::string las() {
   return s + std::string(36, '\1') + std::string(36, '\2');
 }
 
+// A .gltf with everything in its text: a triangle of 16-bit positions, one of which is replaced, colours and a picture.
+std::string gltf() {
+  return R"({"asset":{"version":"2.0"},"buffers":[{"byteLength":33,"uri":"data:;base64,)"
+         R"(AAAAAAAAAAABAAAAAAAAAAEAAAABAQEBAQEBAQEBAQEB"}],"bufferViews":[{"buffer":0,"byteLength":24,)"
+         R"("byteStride":8},{"buffer":0,"byteOffset":20,"byteLength":12}],"accessors":[{"bufferView":0,)"
+         R"("componentType":5122,"count":3,"type":"VEC3","sparse":{"count":1,"indices":{"bufferView":1,)"
+         R"("componentType":5121},"values":{"bufferView":1,"byteOffset":4}}},{"bufferView":1,"componentType":5121,)"
+         R"("count":3,"type":"VEC3","normalized":true}],"materials":[{"pbrMetallicRoughness":{"baseColorTexture":)"
+         R"({"index":0,"extensions":{"KHR_texture_transform":{"offset":[0,1],"rotation":1,"scale":[2,2]}}}}}],)"
+         R"("textures":[{"source":0}],"images":[{"uri":"data:image/png;base64,iVBORw0KGgo"}],"meshes":[{"primitives":)"
+         R"([{"attributes":{"POSITION":0,"COLOR_0":1},"mode":5,"material":0}]}],"nodes":[{"mesh":0,"scale":[1,2,3],)"
+         R"("children":[1]},{"mesh":0,"rotation":[0,0,0,1]}],"scenes":[{"nodes":[0]}]})";
+}
+
 }  // namespace
 
 namespace fuzz {
@@ -95,6 +109,7 @@ std::vector<base::Bytes> seeds() {
       seed(4, std::string("glTF\2\0\0\0\x7c\0\0\0\x68\0\0\0JSON", 20) +
                   R"({"buffers":[{"byteLength":0}],)"
                   R"("meshes":[{"primitives":[{"attributes":{"POSITION":0}}]}],"accessors":[]} )"),
+      seed(4, gltf()),
       seed(5, las())};
 }
 
@@ -122,7 +137,7 @@ void fuzzOne(base::ByteView bytes) {
       read = readLas(file, stream);
       break;
     default:
-      read = readGlb(file, stream);
+      read = readGltf(file, stream);
   }
   if (read) sink.checkWhole();
 }

@@ -25,7 +25,10 @@ TEST(BadInput, isNamedInOneLine) {
   } cases[] = {
       {"a.ply", "", "a.ply: the file is empty"},
       {"a.xyz", "hello world", "neither the content nor the name is that of a mesh"},
-      {"a.gltf", "{\"asset\":{}}", "glTF with outside buffers is not read; write it as one GLB file"},
+      {"a.gltf", "{\"asset\":{}}", "the file has no triangles"},
+      {"a.gltf", "{\"asset\":{\"version\":\"1.0\"}}", "glTF version \"1.0\" is not read (only 2 is)"},
+      {"a.gltf", "{\"asset\":{}", "the JSON is broken (truncated?)"},
+      {"a.json", "{\"rows\":1}", "the JSON is not glTF"},
       {"a.ply", "ply\nformat ascii 1.0\nelement vertex 3\n", "the header has no end_header line"},
       {"a.ply", "ply\nformat ascii_art 1.0\nend_header\n", "header: unknown format \"ascii_art\""},
       {"a.ply", "ply\nformat ascii 1.0\nelement vertex x\nend_header\n",

@@ -5,9 +5,6 @@
 //   |   / |
 //   | /   |
 //   0 --- 1
-#include <cmath>
-#include <nlohmann/json.hpp>
-
 #include "tests/mesh/mesh_files.h"
 #include "tests/support/open_mesh.h"
 
@@ -19,19 +16,6 @@ const std::string kAsciiSquare =
     "ply\nformat ascii 1.0\ncomment square\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n"
     "element face 1\nproperty list uchar int vertex_indices\nend_header\n"
     "0 0 0\n1 0 0\n1 1 0\n0 1 0\n4 0 1 2 3\n";
-
-void expectSquare(const base::Result<MeshFile>& result) {
-  ASSERT_TRUE(result) << result.error().message;
-  const Mesh& mesh = result->mesh;
-  ASSERT_EQ(mesh.positions.size(), 4U);
-  const std::vector<std::uint32_t> two_triangles{0, 1, 2, 0, 2, 3};
-  EXPECT_EQ(mesh.indices, two_triangles);
-  const std::array<glm::dvec3, 4> corners{{{0.0, 0.0, 0.0}, {1.0, 0.0, 0.0}, {1.0, 1.0, 0.0}, {0.0, 1.0, 0.0}}};
-  for (std::size_t v = 0; v < 4; ++v)
-    EXPECT_LT(glm::distance(glm::dvec3(mesh.positions[v]) + mesh.origin, corners[v]), 1e-6) << v;
-  ASSERT_EQ(mesh.normals.size(), 4U);
-  for (const glm::vec3& n : mesh.normals) EXPECT_LT(glm::distance(n, glm::vec3(0.0F, 0.0F, 1.0F)), 1e-6F);
-}
 
 /// Returns a binary square with every property kind we know, and some we don't.
 std::string binarySquare(bool big) {
@@ -192,131 +176,6 @@ TEST(OffReader, plainColoredAndNormalFormsAreRead) {
   expectSquare(both);
   EXPECT_TRUE(both->file.has_normals);
   EXPECT_EQ(both->mesh.colors[0], glm::u8vec4(128, 0, 0, 255));
-}
-
-// ---- GLB ----
-
-using nlohmann::json;
-
-std::string glb(const json& document, std::string binary) {
-  std::string text = document.dump();
-  text.resize((text.size() + 3) / 4 * 4, ' ');
-  binary.resize((binary.size() + 3) / 4 * 4, '\0');
-  std::string b = "glTF";
-  put(b, std::uint32_t{2});
-  put(b, static_cast<std::uint32_t>(12 + 8 + text.size() + 8 + binary.size()));
-  put(b, static_cast<std::uint32_t>(text.size()));
-  b += "JSON" + text;
-  put(b, static_cast<std::uint32_t>(binary.size()));
-  return b + std::string("BIN\0", 4) + binary;
-}
-
-/// The square has positions with a stride of 16, 16-bit indices and byte colours.
-json squareDocument(std::string& binary) {
-  const float xy[4][2] = {{0, 0}, {1, 0}, {1, 1}, {0, 1}};
-  for (const auto& p : xy)
-    for (const float x : {p[0], p[1], 0.0F, 99.0F}) put(binary, x);
-  for (const int i : {0, 1, 2, 0, 2, 3}) put(binary, static_cast<std::uint16_t>(i));
-  for (int v = 0; v < 4; ++v)
-    for (const int c : {255, 0, 55, 255}) put(binary, static_cast<std::uint8_t>(c));
-  return json{{"asset", {{"version", "2.0"}}},
-              {"buffers", {{{"byteLength", binary.size()}}}},
-              {"bufferViews",
-               {{{"buffer", 0}, {"byteOffset", 0}, {"byteLength", 64}, {"byteStride", 16}},
-                {{"buffer", 0}, {"byteOffset", 64}, {"byteLength", 12}},
-                {{"buffer", 0}, {"byteOffset", 76}, {"byteLength", 16}}}},
-              {"accessors",
-               {{{"bufferView", 0}, {"componentType", 5126}, {"count", 4}, {"type", "VEC3"}},
-                {{"bufferView", 1}, {"componentType", 5123}, {"count", 6}, {"type", "SCALAR"}},
-                {{"bufferView", 2}, {"componentType", 5121}, {"count", 4}, {"type", "VEC4"}, {"normalized", true}}}},
-              {"meshes", {{{"primitives", {{{"attributes", {{"POSITION", 0}}}, {"indices", 1}}}}}}},
-              {"nodes", {{{"mesh", 0}}}},
-              {"scenes", {{{"nodes", {0}}}}},
-              {"scene", 0}};
-}
-
-TEST(GlbReader, stridesIndicesAndByteColorsAreRead) {
-  std::string binary;
-  json document = squareDocument(binary);
-  document["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"] = 2;
-  auto result = read("square.glb", glb(document, binary));
-  expectSquare(result);
-
-  // Linear 55/255 is sRGB 128: glTF's colours are linear.
-  EXPECT_EQ(result->mesh.colors[0], glm::u8vec4(255, 0, 128, 255));
-}
-
-TEST(GlbReader, nodesMoveTurnScaleAndMirrorTheirMeshes) {
-  std::string binary;
-  json document = squareDocument(binary);
-  // The parent lies at survey coordinates; its child is turned 90° about z (x to y) and mirrored in z.
-  const double h = std::sqrt(0.5);
-  document["nodes"] = {{{"translation", {431000.25, 5410000.5, 0}}, {"children", {1}}},
-                       {{"mesh", 0}, {"rotation", {0, 0, h, h}}, {"scale", {2, 2, -1}}}};
-  auto result = read("square.glb", glb(document, binary));
-  ASSERT_TRUE(result) << result.error().message;
-  const auto world = [&](std::size_t v) { return result->mesh.origin + glm::dvec3(result->mesh.positions[v]); };
-  EXPECT_LT(glm::distance(world(1), glm::dvec3(431000.25, 5410002.5, 0.0)), 1e-5);
-  EXPECT_LT(glm::distance(world(2), glm::dvec3(430998.25, 5410002.5, 0.0)), 1e-5);
-
-  // Mirrored, the square faces the other way: its winding has to be turned to agree.
-  for (const glm::vec3& n : result->mesh.normals) EXPECT_NEAR(n.z, -1.0F, 1e-5F);
-}
-
-TEST(GlbReader, stripsFansAndMeshesWithoutIndicesAreRead) {
-  std::string binary;
-  for (const auto& p : {std::array{0.F, 0.F}, std::array{1.F, 0.F}, std::array{1.F, 1.F}, std::array{0.F, 1.F}})
-    for (const float x : {p[0], p[1], 0.0F}) put(binary, x);
-  json document = {{"asset", {{"version", "2.0"}}},
-                   {"buffers", {{{"byteLength", 48}}}},
-                   {"bufferViews", {{{"buffer", 0}, {"byteLength", 48}}}},
-                   {"accessors", {{{"bufferView", 0}, {"componentType", 5126}, {"count", 4}, {"type", "VEC3"}}}},
-                   {"meshes", {{{"primitives", {{{"attributes", {{"POSITION", 0}}}, {"mode", 6}}}}}}}};
-  expectSquare(read("fan.glb", glb(document, binary)));
-  document["meshes"][0]["primitives"][0]["mode"] = 5;
-  auto strip = read("strip.glb", glb(document, binary));
-  ASSERT_TRUE(strip) << strip.error().message;
-  EXPECT_EQ(strip->mesh.triangleCount(), 2U);
-}
-
-TEST(GlbReader, materialColorsStandInAndTexturesWarn) {
-  std::string binary;
-  json document = squareDocument(binary);
-  document["meshes"][0]["primitives"][0]["material"] = 0;
-  document["materials"] = {
-      {{"pbrMetallicRoughness", {{"baseColorFactor", {1, 0, 0, 1}}, {"baseColorTexture", {{"index", 0}}}}}}};
-  auto result = read("square.glb", glb(document, binary));
-  expectSquare(result);
-  EXPECT_EQ(result->mesh.colors[3], glm::u8vec4(255, 0, 0, 255));
-  ASSERT_EQ(result->file.warnings.size(), 1U);
-  EXPECT_NE(result->file.warnings[0].find("a texture cannot be read"), std::string::npos);
-}
-
-TEST(GlbReader, unreadableContentIsRefusedByItsName) {
-  std::string binary;
-  const json good = squareDocument(binary);
-  const auto refusal = [&](const json& document) { return errorOf("bad.glb", glb(document, binary)); };
-  json d = good;
-  d["extensionsRequired"] = {"KHR_draco_mesh_compression"};
-  EXPECT_NE(refusal(d).find("compressed by KHR_draco_mesh_compression, which is not read"), std::string::npos);
-  d["extensionsRequired"] = {"EXT_meshopt_compression"};
-  EXPECT_NE(refusal(d).find("compressed by EXT_meshopt_compression, which is not read"), std::string::npos);
-  d = good;
-  d["accessors"][0]["sparse"] = {{"count", 1}};
-  EXPECT_NE(refusal(d).find("mesh 0 primitive 0: POSITION: accessor 0 is sparse, which is not read"),
-            std::string::npos);
-  d = good;
-  d["accessors"][0]["count"] = 5;
-  EXPECT_NE(refusal(d).find("POSITION: accessor 0 reaches past its buffer"), std::string::npos);
-  d = good;
-  d["buffers"][0]["uri"] = "a.bin";
-  EXPECT_NE(refusal(d).find("lies outside the file"), std::string::npos);
-  d = good;
-  d["nodes"] = {{{"children", {0}}, {"mesh", 0}}};
-  EXPECT_NE(refusal(d).find("node 0 has two parents or is its own child"), std::string::npos);
-  d = good;
-  d["meshes"][0]["primitives"][0]["indices"] = 0;
-  EXPECT_NE(refusal(d).find("indices are not unsigned integers"), std::string::npos);
 }
 
 // ---- OpenMesh ----

@@ -76,6 +76,20 @@ inline bool isClosed(const Mesh& mesh) {
   });
 }
 
+/// Whether the mesh is the unit square, as two triangles that face upwards.
+inline void expectSquare(const base::Result<MeshFile>& result) {
+  ASSERT_TRUE(result) << result.error().message;
+  const Mesh& mesh = result->mesh;
+  ASSERT_EQ(mesh.positions.size(), 4U);
+  const std::vector<std::uint32_t> two_triangles{0, 1, 2, 0, 2, 3};
+  EXPECT_EQ(mesh.indices, two_triangles);
+  const std::array<glm::dvec3, 4> corners{{{0.0, 0.0, 0.0}, {1.0, 0.0, 0.0}, {1.0, 1.0, 0.0}, {0.0, 1.0, 0.0}}};
+  for (std::size_t v = 0; v < 4; ++v)
+    EXPECT_LT(glm::distance(glm::dvec3(mesh.positions[v]) + mesh.origin, corners[v]), 1e-6) << v;
+  ASSERT_EQ(mesh.normals.size(), 4U);
+  for (const glm::vec3& n : mesh.normals) EXPECT_LT(glm::distance(n, glm::vec3(0.0F, 0.0F, 1.0F)), 1e-6F);
+}
+
 inline double signedVolume(const Mesh& mesh) {
   double volume = 0.0;
   for (std::size_t i = 0; i < mesh.indices.size(); i += 3) {

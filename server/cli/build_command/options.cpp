@@ -22,7 +22,7 @@ using base::ErrorCode;
 void declareMethodOptions(CLI::App& command, BuildArguments& a) {
   command
       .add_option("MESH", a.meshes,
-                  "PLY, OBJ, STL, OFF, GLB or LAS files; several make one scene. May be left out once the scene has "
+                  "PLY, OBJ, STL, OFF, glTF or LAS files; several make one scene. May be left out once the scene has "
                   "its hierarchy: then the options that are not given are those that the scene records")
       ->default_str("");
   command.add_option("-o,--output", a.output, "scene directory to make, or to go on with")->required();

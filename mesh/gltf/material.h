@@ -1,0 +1,39 @@
+#pragma once
+// The base colour of a primitive: a factor, or a picture with the place of each corner in it.
+#include <glm/glm.hpp>
+#include <map>
+#include <string>
+
+#include "mesh/gltf/document.h"
+#include "mesh/gltf/reader.h"
+#include "mesh/mesh_stream.h"
+
+namespace mesh::gltf {
+
+struct BaseColor {
+  glm::dvec4 factor{1.0};               ///< linear
+  std::uint32_t picture = kNoPicture;   ///< of MeshStream::textures
+  std::string coordinates;              ///< the attribute that holds them, "TEXCOORD_0"
+  glm::dmat2 picture_from_vertex{1.0};  ///< turns and scales them (KHR_texture_transform)
+  glm::dvec2 offset{0.0};               ///< is added after that
+};
+
+/// Finds the base colours of a document's materials, and notes textures that are not read.
+class Materials {
+ public:
+  Materials(Document& document, Omissions& omissions, MeshStream& out)
+      : document_(document), omissions_(omissions), out_(out) {}
+  BaseColor of(const json& primitive);
+
+ private:
+  std::uint32_t pictureOf(std::uint64_t texture);
+  std::uint32_t readTexture(std::uint64_t texture);
+
+  Document& document_;
+  Omissions& omissions_;
+  MeshStream& out_;
+  std::map<std::uint64_t, SourcePicture> pictures_;  // by texture, as far as they lie somewhere
+  std::set<std::uint64_t> unread_;                   // textures that do not
+};
+
+}  // namespace mesh::gltf

@@ -1,0 +1,338 @@
+#include "mesh/gltf/reader.h"
+
+#include <array>
+#include <cmath>
+#include <glm/gtc/quaternion.hpp>
+#include <optional>
+
+#include "mesh/gltf/material.h"
+
+namespace mesh::gltf {
+namespace {
+
+// Nodes may draw one mesh many times, and a small hostile file must not fill the disk: 2^27 vertices are 3 GB of
+// doubles.
+constexpr std::uint64_t kMaxInstancedVertices = std::uint64_t{1} << 27;
+
+// The sRGB transfer function (IEC 61966-2-1): glTF's vertex colours and factors are linear, ours are sRGB.
+double srgbFromLinear(double v) {
+  return v <= 0.0031308 ? 12.92 * v : 1.055 * std::pow(v, 1.0 / 2.4) - 0.055;
+}
+
+// ---- Scene graph (section 3.5) ----
+
+glm::dmat4 nodeMatrix(const json& node) {
+  if (const auto whole = numbers<glm::dmat4>(member(node, "matrix"))) return *whole;  // column-major, as glm's
+  const auto translation = numbers<glm::dvec3>(member(node, "translation")).value_or(glm::dvec3(0.0));
+  const auto scale = numbers<glm::dvec3>(member(node, "scale")).value_or(glm::dvec3(1.0));
+  // The order in the file is x y z w.
+  const auto rotation = numbers<glm::dvec4>(member(node, "rotation")).value_or(glm::dvec4(0.0, 0.0, 0.0, 1.0));
+  glm::dmat4 matrix(glm::mat3_cast(glm::dquat(rotation.w, rotation.x, rotation.y, rotation.z)));
+  for (int k = 0; k < 3; ++k) matrix[k] *= scale[k];
+  matrix[3] = glm::dvec4(translation, 1.0);
+  return matrix;
+}
+
+/// The roots of the default scene, or all nodes that are nobody's child.
+std::vector<std::uint64_t> rootNodes(const json& document) {
+  std::vector<std::uint64_t> roots;
+  const json& listed = member(item(member(document, "scenes"), integer(member(document, "scene"), 0)), "nodes");
+  if (listed.is_array()) {
+    for (const json& node : listed) roots.push_back(integer(node, kMissing));
+    return roots;
+  }
+  const json& nodes = member(document, "nodes");
+  std::vector<bool> is_child(itemsOf(nodes), false);
+  for (std::size_t n = 0; n < is_child.size(); ++n) {
+    const json& children = member(nodes[n], "children");
+    for (std::size_t c = 0; c < itemsOf(children); ++c) {
+      const std::uint64_t child = integer(children[c], kMissing);
+      if (child < is_child.size()) is_child[child] = true;
+    }
+  }
+  for (std::size_t n = 0; n < is_child.size(); ++n)
+    if (!is_child[n]) roots.push_back(n);
+  return roots;
+}
+
+// ---- Extensions ----
+
+constexpr const char* kKnownExtensions[] = {
+    "KHR_mesh_quantization", "KHR_texture_transform", "EXT_texture_webp", "EXT_mesh_gpu_instancing", "CESIUM_RTC",
+    "KHR_texture_basisu"};
+
+bool isKnown(const std::string& extension) {
+  // Materials differ by how they shine, which is not shown.
+  if (extension.rfind("KHR_materials_", 0) == 0) return true;
+  return std::find(std::begin(kKnownExtensions), std::end(kKnownExtensions), extension) != std::end(kKnownExtensions);
+}
+
+base::Result<void> checkExtensions(const json& document, Omissions& omissions) {
+  const json& required = member(document, "extensionsRequired");
+  for (std::size_t i = 0; i < itemsOf(required); ++i) {
+    const std::string name = text(required[i]);
+    if (name == "KHR_draco_mesh_compression" || name == "EXT_meshopt_compression")
+      return unsupported("compressed by " + name + ", which is not read; write the file without mesh compression");
+    if (name == "KHR_texture_basisu")
+      return unsupported(
+          "its textures are KTX2 (KHR_texture_basisu), which is not read; write them as JPEG, PNG or WebP");
+    if (!isKnown(name)) omissions.unknown_extensions.insert(name);
+  }
+  return {};
+}
+
+// ---- Primitives (section 3.7.2) ----
+
+/// A primitive's numbers, wherever they come from.
+struct Primitive {
+  std::uint64_t mode = 4;
+  Accessor position;
+  std::optional<Accessor> normal, color, uv, indices;
+  BaseColor base;
+};
+
+class SceneReader {
+ public:
+  SceneReader(Document& document, const ShareOfSource& share, Omissions& omissions, MeshStream& out)
+      : document_(document), share_(share), omissions_(omissions), out_(out), materials_(document, omissions, out) {}
+
+  base::Result<void> read(const glm::dmat4& out_from_document) {
+    LUMIGRID_TRY(checkExtensions(document_.root(), omissions_));
+    measureMeshes();
+    LUMIGRID_TRY(readNodes(out_from_document));
+    omissions_.triangles += out_.triangleCount() - first_triangle_;
+    omissions_.triangles_in_meshes += triangles_in_meshes_;
+    return {};
+  }
+
+ private:
+  // Adds up the corners that the meshes hold, which progress and a warning of instances are measured by.
+  void measureMeshes() {
+    const json& meshes = document_.list("meshes");
+    const auto count = [&](const json& accessor) {
+      return integer(member(item(document_.list("accessors"), integer(accessor, kMissing)), "count"), 0);
+    };
+    for (std::size_t m = 0; m < itemsOf(meshes); ++m) {
+      const json& primitives = member(meshes[m], "primitives");
+      for (std::size_t p = 0; p < itemsOf(primitives); ++p) {
+        const json& indices = member(primitives[p], "indices");
+        const std::uint64_t vertices = count(member(member(primitives[p], "attributes"), "POSITION"));
+        const std::uint64_t corners = indices.is_null() ? vertices : count(indices);
+        const bool list = integer(member(primitives[p], "mode"), 4) == 4;
+        corners_in_meshes_ += static_cast<double>(corners);
+        triangles_in_meshes_ += list ? corners / 3 : corners;
+      }
+    }
+  }
+
+  base::Result<void> readNodes(const glm::dmat4& out_from_document) {
+    const json& nodes = document_.list("nodes");
+    const std::size_t node_count = itemsOf(nodes);
+
+    // Where there are no nodes the meshes stand as they are.
+    if (node_count == 0) {
+      for (std::size_t m = 0; m < itemsOf(document_.list("meshes")); ++m) LUMIGRID_TRY(readMesh(m, out_from_document));
+      return {};
+    }
+
+    // The walk is depth first. A node has one parent (section 3.5.2), so a file in which it is met twice is broken.
+    std::vector<std::pair<std::uint64_t, glm::dmat4>> stack;
+    std::vector<bool> seen(node_count, false);
+    for (const std::uint64_t root : rootNodes(document_.root())) stack.emplace_back(root, out_from_document);
+    std::reverse(stack.begin(), stack.end());
+    while (!stack.empty()) {
+      const auto [index, out_from_parent] = stack.back();
+      stack.pop_back();
+      if (index >= node_count) return invalidInput("a scene or node names a node that is not there");
+      if (seen[index]) return invalidInput("node " + std::to_string(index) + " has two parents or is its own child");
+      seen[index] = true;
+      const json& node = nodes[index];
+      const glm::dmat4 out_from_node = out_from_parent * nodeMatrix(node);
+      if (extension(node, "EXT_mesh_gpu_instancing").is_object()) ++omissions_.instanced_nodes;
+      if (!member(node, "mesh").is_null())
+        LUMIGRID_TRY(readMesh(integer(member(node, "mesh"), kMissing), out_from_node));
+      const json& children = member(node, "children");
+      for (std::size_t c = itemsOf(children); c-- > 0;)
+        stack.emplace_back(integer(children[c], kMissing), out_from_node);
+    }
+    return {};
+  }
+
+  base::Result<void> readMesh(std::uint64_t index, const glm::dmat4& out_from_mesh) {
+    const std::string place = "mesh " + std::to_string(index);
+    const json& primitives = member(item(document_.list("meshes"), index), "primitives");
+    if (!primitives.is_array()) return invalidInput(place + " is not there or has no primitives");
+    for (std::size_t p = 0; p < primitives.size(); ++p)
+      LUMIGRID_TRY(readPrimitive(primitives[p], place + " primitive " + std::to_string(p), out_from_mesh));
+    return {};
+  }
+
+  base::Result<void> readPrimitive(const json& source, const std::string& place, const glm::dmat4& out_from_mesh) {
+    const std::uint64_t mode = integer(member(source, "mode"), 4);
+    if (mode < 4 || mode > 6) {
+      ++omissions_.point_and_line_primitives;
+      return {};
+    }
+    LUMIGRID_ASSIGN_OR_RETURN(const auto primitive, findNumbers(source, place));
+    const std::uint64_t first = out_.vertexCount();
+    LUMIGRID_TRY(readVertices(primitive, place, out_from_mesh));
+    LUMIGRID_TRY(readTriangles(primitive, place, first, glm::determinant(glm::dmat3(out_from_mesh)) < 0.0));
+    corners_read_ += static_cast<double>(primitive.indices ? primitive.indices->count : primitive.position.count);
+    return report();
+  }
+
+  base::Result<Primitive> findNumbers(const json& source, const std::string& place) {
+    Primitive p;
+    p.mode = integer(member(source, "mode"), 4);
+    if (extension(source, "KHR_draco_mesh_compression").is_object() &&
+        !item(document_.list("accessors"), integer(member(member(source, "attributes"), "POSITION"), kMissing))
+             .contains("bufferView"))
+      return unsupported(place +
+                         ": compressed by KHR_draco_mesh_compression, which is not read; write the file without");
+    const json& points = member(member(source, "attributes"), "POSITION");
+    LUMIGRID_ASSIGN_OR_RETURN(p.position, document_.accessor(integer(points, kMissing), place + ": POSITION"));
+    if (p.position.components != 3) return invalidInput(place + ": POSITION is not VEC3");
+    const std::uint64_t count = p.position.count;
+    LUMIGRID_ASSIGN_OR_RETURN(p.normal, attribute(source, "NORMAL", place, 3, 3, count));
+    LUMIGRID_ASSIGN_OR_RETURN(p.color, attribute(source, "COLOR_0", place, 3, 4, count));
+    p.base = materials_.of(source);
+    if (p.base.picture != kNoPicture) {
+      LUMIGRID_ASSIGN_OR_RETURN(p.uv, attribute(source, p.base.coordinates, place, 2, 2, count));
+    }
+    if (!member(source, "indices").is_null()) {
+      LUMIGRID_ASSIGN_OR_RETURN(p.indices,
+                                document_.accessor(integer(member(source, "indices"), kMissing), place + ": indices"));
+      if (!p.indices->isIndex()) return invalidInput(place + ": indices are not unsigned integers");
+    }
+    return p;
+  }
+
+  // Nothing where the primitive has no such attribute.
+  base::Result<std::optional<Accessor>> attribute(const json& source, const std::string& name, const std::string& place,
+                                                  std::size_t min_components, std::size_t max_components,
+                                                  std::uint64_t count) {
+    const json& index = member(member(source, "attributes"), name.c_str());
+    if (index.is_null()) return std::optional<Accessor>();
+    LUMIGRID_ASSIGN_OR_RETURN(const auto found, document_.accessor(integer(index, kMissing), place + ": " + name));
+    if (found.components < min_components || found.components > max_components || found.count != count)
+      return invalidInput(place + ": " + name + " does not go with POSITION");
+    return std::optional(found);
+  }
+
+  base::Result<void> readVertices(const Primitive& p, const std::string& place, const glm::dmat4& out_from_mesh) {
+    const std::uint64_t total = out_.vertexCount() - first_vertex_ + p.position.count;
+    if (total > std::max(document_.bytes(), kMaxInstancedVertices))
+      return unsupported(place + ": instances make " + std::to_string(total) + " vertices; write them as one mesh");
+    const bool colored = p.color || glm::dvec3(p.base.factor) != glm::dvec3(1.0);
+
+    // A block's vertices have the same attributes.
+    const bool differs = out_.normals.empty() == p.normal.has_value() || out_.colors.empty() == colored;
+    if (differs && !out_.positions.empty()) LUMIGRID_TRY(out_.handOver());
+
+    // Normals are transformed by the inverse transpose. The cofactor matrix equals it up to scale, and exists for
+    // singular matrices too.
+    const glm::dmat3 m(out_from_mesh);
+    const glm::dmat3 cofactor(glm::cross(m[1], m[2]), glm::cross(m[2], m[0]), glm::cross(m[0], m[1]));
+    const double side = glm::determinant(m) < 0.0 ? -1.0 : 1.0;
+    const glm::dvec4& factor = p.base.factor;
+    const auto encode = [](double linear) { return byteFromUnit(srgbFromLinear(std::min(linear, 1.0))); };
+    for (std::uint64_t i = 0; i < p.position.count; ++i) {
+      out_.positions.emplace_back(glm::dvec3(out_from_mesh * glm::dvec4(p.position.vector(i), 1.0)));
+      if (p.normal) out_.normals.emplace_back(side * (cofactor * p.normal->vector(i)));
+      if (colored) {
+        const glm::dvec3 c = p.color ? p.color->vector(i) : glm::dvec3(1.0);
+        out_.colors.push_back({encode(factor.r * c.r), encode(factor.g * c.g), encode(factor.b * c.b), 255});
+      }
+      LUMIGRID_TRY(flushFullBlocks());
+    }
+    return {};
+  }
+
+  base::Result<void> readTriangles(const Primitive& p, const std::string& place, std::uint64_t first, bool flip) {
+    const std::uint64_t vertex_count = p.position.count;
+    if (p.indices)
+      for (std::uint64_t i = 0; i < p.indices->count; ++i)
+        if (p.indices->index(i) >= vertex_count) return indexOutOfRange(place, p.indices->index(i), vertex_count);
+    const std::uint64_t count = p.indices ? p.indices->count : vertex_count;
+    const auto corner = [&](std::uint64_t i) { return p.indices ? std::uint64_t{p.indices->index(i)} : i; };
+
+    // Mode 4 is a list of triangles, 5 a strip, in which every other triangle is turned, and 6 a fan (section 3.7.2.1).
+    const std::size_t step = p.mode == 4 ? 3 : 1;
+    for (std::uint64_t i = 0; i + 3 <= count; i += step) {
+      std::array<std::uint64_t, 3> t{corner(p.mode == 6 ? 0 : i), corner(i + 1), corner(i + 2)};
+      if ((p.mode == 5 && (i & 1U) != 0) != flip) std::swap(t[1], t[2]);
+      const bool stitch = p.mode == 5 && (t[0] == t[1] || t[1] == t[2] || t[2] == t[0]);
+      if (!stitch) addTriangle(p, first, t);
+      LUMIGRID_TRY(flushFullBlocks());
+    }
+    if (out_.triangleCount() - first_triangle_ > std::max(document_.bytes(), 4 * kMaxInstancedVertices))
+      return unsupported(place + ": instances make too many triangles; write them as one mesh");
+    return {};
+  }
+
+  // Textured primitives take their texture's colours; the base colour factor is not applied to them.
+  void addTriangle(const Primitive& p, std::uint64_t first, const std::array<std::uint64_t, 3>& t) {
+    const std::array<std::uint64_t, 3> corners{first + t[0], first + t[1], first + t[2]};
+    std::array<glm::dvec2, 3> uv{};
+    bool complete = p.uv.has_value();
+    for (std::size_t k = 0; k < 3 && complete; ++k) {
+      uv[k] = p.base.picture_from_vertex * glm::dvec2(p.uv->value(t[k], 0), p.uv->value(t[k], 1)) + p.base.offset;
+      complete = std::isfinite(uv[k].x) && std::isfinite(uv[k].y);
+    }
+    if (complete)
+      out_.addTextured(corners, {}, uv, p.base.picture);
+    else
+      out_.addPolygon(corners);
+  }
+
+  // Accessors point anywhere into several files, so no page is released.
+  base::Result<void> flushFullBlocks() {
+    if (!out_.isFull()) return {};
+    LUMIGRID_TRY(out_.handOver());
+    return report();
+  }
+  base::Result<void> report() {
+    const double done = corners_in_meshes_ > 0.0 ? std::min(1.0, corners_read_ / corners_in_meshes_) : 1.0;
+    return out_.report(share_.begin + done * (share_.end - share_.begin));
+  }
+
+  Document& document_;
+  const ShareOfSource share_;
+  Omissions& omissions_;
+  MeshStream& out_;
+  Materials materials_;
+  const std::uint64_t first_vertex_ = out_.vertexCount();
+  const std::uint64_t first_triangle_ = out_.triangleCount();
+  double corners_in_meshes_ = 0.0;
+  double corners_read_ = 0.0;
+  std::uint64_t triangles_in_meshes_ = 0;
+};
+
+}  // namespace
+
+void Omissions::describe(std::vector<std::string>& warnings) const {
+  if (point_and_line_primitives > 0)
+    warnings.push_back(std::to_string(point_and_line_primitives) + " primitives of points or lines are left out");
+  if (instanced_nodes > 0)
+    warnings.push_back(std::to_string(instanced_nodes) +
+                       " nodes have many instances (EXT_mesh_gpu_instancing), which is not read; each is shown once");
+  if (unread_textures == 1) warnings.push_back("a texture cannot be read, vertex colours stay: " + first_unread);
+  if (unread_textures > 1)
+    warnings.push_back(std::to_string(unread_textures) +
+                       " textures cannot be read, vertex colours stay; of the first: " + first_unread);
+  for (const std::string& name : unknown_extensions)
+    warnings.push_back("it requires the extension " + inQuotes(name) +
+                       ", which is not known, so that the model may look otherwise");
+  // A choice: files that repeat one tree or chair a few times are as their authors expect them.
+  constexpr std::uint64_t kManyTriangles = 1000000, kManyTimes = 4;
+  if (triangles > kManyTriangles && triangles / kManyTimes > triangles_in_meshes)
+    warnings.push_back("its nodes show meshes many times: " + std::to_string(triangles_in_meshes) +
+                       " triangles in the file become " + std::to_string(triangles));
+}
+
+base::Result<void> readScene(Document& document, const glm::dmat4& out_from_document, const ShareOfSource& share,
+                             Omissions& omissions, MeshStream& out) {
+  return SceneReader(document, share, omissions, out).read(out_from_document);
+}
+
+}  // namespace mesh::gltf
