@@ -21,9 +21,7 @@ find_package(JPEG REQUIRED)
 find_package(Boost 1.74 REQUIRED)
 find_package(CURL REQUIRED)
 find_package(OpenSSL REQUIRED)
-if(LUMIGRID_TESTS AND LUMIGRID_BENCH)
-  find_package(meshoptimizer REQUIRED)  # a peer in benchmarks
-endif()
+find_package(meshoptimizer REQUIRED)
 find_package(glfw3 REQUIRED)
 
 # lumigrid_find(NAME HEADER LIBRARY): a library without a CMake package file.
@@ -36,6 +34,7 @@ function(lumigrid_find name header library)
 endfunction()
 
 lumigrid_find(metis metis.h metis)
+lumigrid_find(draco draco/compression/decode.h draco)
 lumigrid_find(lmdb lmdb.h lmdb)
 lumigrid_find(turbojpeg turbojpeg.h turbojpeg)
 lumigrid_find(libwebp webp/decode.h webp)

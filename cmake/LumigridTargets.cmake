@@ -26,7 +26,9 @@ lumigrid_row(base_http USES base LINKS CURL::libcurl)
 lumigrid_row(base_jpeg USES base LINKS turbojpeg JPEG::JPEG)
 lumigrid_row(base_json USES base base_hash LINKS nlohmann_json::nlohmann_json)
 lumigrid_row(base_png USES base LINKS PNG::PNG)
-lumigrid_row(mesh USES base base_png LINKS turbojpeg nlohmann_json::nlohmann_json)
+lumigrid_row(mesh
+  USES base base_png
+  LINKS turbojpeg libwebp draco meshoptimizer::meshoptimizer nlohmann_json::nlohmann_json)
 lumigrid_row(lod_patch USES base)
 lumigrid_row(lod_qsplat USES base)
 lumigrid_row(lod_texture USES base base_jpeg LINKS ZLIB::ZLIB)
@@ -82,7 +84,7 @@ lumigrid_row(client_web_check USES base client)
 lumigrid_row(compare USES * LINKS *)
 lumigrid_row(lumigrid-compare USES * LINKS *)
 
-set(LUMIGRID_CLIENT_FORBIDDEN metis openmesh opencv_core opencv_imgproc mesh lod_ingest lod_patch_builder
+set(LUMIGRID_CLIENT_FORBIDDEN metis openmesh draco opencv_core opencv_imgproc mesh lod_ingest lod_patch_builder
   lod_qsplat_builder repository objects server_render server_bake server_session server_net lmdb)
 
 function(_lumigrid_check_list kind name allowed)

@@ -94,6 +94,8 @@ base::Result<StreamedFile> streamMesh(const std::string& path, MeshSink& sink, c
   }
   StreamedFile& summary = stream.summary;
   summary.bytes = file.bytes().size();
+  if (const std::size_t more = stream.textures.unnamed(); more > 0)
+    summary.warnings.push_back(std::to_string(more) + " more textures cannot be read");
   summary.pictures = stream.textures.pictures();
   summary.texels = stream.baker.texels();
   return std::move(summary);

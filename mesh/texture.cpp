@@ -1,6 +1,7 @@
 #include "mesh/texture.h"
 
 #include <turbojpeg.h>
+#include <webp/decode.h>
 
 #include <algorithm>
 #include <array>
@@ -57,6 +58,19 @@ base::Result<Image> decodeJpeg(base::ByteView bytes) {
   return image;
 }
 
+// A picture without alpha becomes 3 channels.
+base::Result<Image> decodeWebp(base::ByteView bytes) {
+  WebPBitstreamFeatures features;
+  if (WebPGetFeatures(bytes.data(), bytes.size(), &features) != VP8_STATUS_OK || features.has_animation != 0)
+    return Error{ErrorCode::kInvalidInput, "not a WebP that can be read"};
+  Image image(features.width, features.height, features.has_alpha != 0 ? 4 : 3);
+  const auto decode = features.has_alpha != 0 ? WebPDecodeRGBAInto : WebPDecodeRGBInto;
+  if (decode(bytes.data(), bytes.size(), image.pixels.data(), image.pixels.size(), image.channels * image.width) ==
+      nullptr)
+    return Error{ErrorCode::kInvalidInput, "a broken WebP"};
+  return image;
+}
+
 Image asRgb(Image image) {
   if (image.channels == 3) return image;
   Image rgb(image.width, image.height, 3);
@@ -88,9 +102,12 @@ int wrapped(double i, int size) {
 }  // namespace
 
 base::Result<Image> decodePicture(base::ByteView bytes) {
-  constexpr std::array<std::uint8_t, 4> kPng{0x89, 'P', 'N', 'G'};
-  const bool png = bytes.size() > 4 && std::equal(kPng.begin(), kPng.end(), bytes.begin());
-  LUMIGRID_ASSIGN_OR_RETURN(auto image, png ? base::decodePng(bytes) : decodeJpeg(bytes));
+  const std::string_view begin = base::textOf(bytes).substr(0, 12);
+  if (begin.substr(0, 7) == "\xABKTX 20" || begin.substr(0, 7) == "\xABKTX 11")
+    return Error{ErrorCode::kUnsupported, "it is KTX, which is not read; write the textures as JPEG, PNG or WebP"};
+  const bool png = begin.substr(0, 4) == "\x89PNG";
+  const bool webp = begin.substr(0, 4) == "RIFF" && begin.size() == 12 && begin.substr(8) == "WEBP";
+  LUMIGRID_ASSIGN_OR_RETURN(auto image, png ? base::decodePng(bytes) : webp ? decodeWebp(bytes) : decodeJpeg(bytes));
   if (image.empty() || std::max(image.width, image.height) > kMaxSide)
     return Error{ErrorCode::kUnsupported, "a picture of more than " + std::to_string(kMaxSide) + " pixels on a side"};
   return image.channels == 4 ? std::move(image) : asRgb(std::move(image));
@@ -199,6 +216,7 @@ std::uint32_t Textures::find(const SourcePicture& picture, std::vector<std::stri
     auto image = readPicture(picture);
     if (!image) {
       unreadable_.push_back(picture);
+      if (unreadable_.size() > kMaxNamed) return kNoPicture;
       warnings.push_back("a texture cannot be read, vertex colours stay: " + image.error().message);
       return kNoPicture;
     }

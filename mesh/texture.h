@@ -1,6 +1,7 @@
 #pragma once
 // The textures of a mesh file: its pictures, and the colours that they give to triangles' corners, since hierarchies
 // keep colours at vertices.
+#include <algorithm>
 #include <glm/glm.hpp>
 #include <map>
 #include <memory>
@@ -15,13 +16,14 @@
 
 namespace mesh {
 
-/// Decodes a JPEG (grey, RGB or CMYK; baseline or progressive) or a PNG (8 or 16 bits, which become 8) to 3 channels,
-/// or to 4 where it has an alpha. Errors: kInvalidInput (broken, or neither of them), kUnsupported (a side over 16384).
+/// Decodes a JPEG (grey, RGB or CMYK; baseline or progressive), a PNG (8 or 16 bits, which become 8) or a WebP to 3
+/// channels, or to 4 where it has an alpha. Errors: kInvalidInput (broken, or none of them), kUnsupported (a side over
+/// 16384, or KTX).
 base::Result<base::Image> decodePicture(base::ByteView bytes);
 /// Reads and decodes a picture; errors name its file.
 base::Result<base::Image> readPicture(const SourcePicture& picture);
 
-/// A JPEG or PNG as a pyramid of images, each half as wide and high as the one before.
+/// A picture as a pyramid of images, each half as wide and high as the one before.
 class Texture {
  public:
   /// Errors: those of decodePicture().
@@ -65,10 +67,13 @@ class Textures {
   std::string pathOf(const std::string& name) const;
   /// The mesh file itself, for pictures inside it.
   const std::string& path() const { return path_; }
-  /// The number of a picture; kNoPicture where it cannot be read, for which `warnings` gets a line the first time.
+  /// The number of a picture; kNoPicture where it cannot be read, for which `warnings` gets a line, for the
+  /// first few.
   std::uint32_t find(const SourcePicture& picture, std::vector<std::string>& warnings);
   /// The picture of that number, decoded; valid until the next find().
   const Texture& operator[](std::uint32_t number) const { return *known_[number].decoded; }
+  /// How many cannot be read beyond those that find() named.
+  std::size_t unnamed() const { return unreadable_.size() - std::min(unreadable_.size(), kMaxNamed); }
   /// Those that could be read, by number.
   std::vector<SourcePicture> pictures() const;
 
@@ -79,6 +84,7 @@ class Textures {
     std::uint64_t used = 0;
   };
   static constexpr std::size_t kKeptBytes = std::size_t{256} << 20;  // a choice: three pictures of 4096 x 4096
+  static constexpr std::size_t kMaxNamed = 8;  // a choice, since a set of tiles may have thousands
   void forgetOldest(const Known& but);
 
   std::string path_;

@@ -1,7 +1,9 @@
 #include "mesh/gltf/document.h"
 
+#include <algorithm>
 #include <string_view>
 
+#include "mesh/gltf/meshopt.h"
 #include "mesh/mesh_stream.h"
 #include "mesh/uri.h"
 
@@ -22,6 +24,8 @@ std::size_t componentsOf(const std::string& type) {
   if (type == "VEC3") return 3;
   return type == "VEC4" ? 4 : 0;
 }
+
+constexpr std::size_t kKeptBytes = std::size_t{1} << 30;  // a choice: 60 million vertices with normals and colours
 
 base::Error reachesPast(const std::string& here) {
   return invalidInput(here + " reaches past its buffer (truncated?)");
@@ -119,7 +123,29 @@ base::Result<const Document::Buffer*> Document::buffer(std::uint64_t index, cons
 base::Result<View> Document::view(std::uint64_t index, const std::string& here) {
   const json& source = item(list("bufferViews"), index);
   if (!source.is_object()) return invalidInput(here + " has no buffer view");
-  return plainView(source, here);
+  const json& compression = meshoptOf(source);
+  return compression.is_object() ? decodedView(index, compression, here) : plainView(source, here);
+}
+
+// Meshes often share views, so that decoded ones are kept up to a ceiling.
+base::Result<View> Document::decodedView(std::uint64_t index, const json& compression, const std::string& here) {
+  const auto known = std::find_if(decoded_.begin(), decoded_.end(), [&](const auto& d) { return d.index == index; });
+  if (known != decoded_.end()) {
+    std::rotate(known, known + 1, decoded_.end());
+    return decoded_.back().view;
+  }
+  LUMIGRID_ASSIGN_OR_RETURN(const auto compressed, plainView(compression, here));
+  LUMIGRID_ASSIGN_OR_RETURN(auto bytes, decodeMeshopt(compression, compressed.bytes, here));
+  const auto owner = std::make_shared<const base::Bytes>(std::move(bytes));
+  // The stride is the compression's, but for indices, which stand without gaps.
+  decoded_.push_back({index, {*owner, compressed.stride, owner}});
+  std::size_t kept = 0;
+  for (const DecodedView& d : decoded_) kept += d.view.bytes.size();
+  while (kept > kKeptBytes && decoded_.size() > 1) {
+    kept -= decoded_.front().view.bytes.size();
+    decoded_.erase(decoded_.begin());
+  }
+  return decoded_.back().view;
 }
 
 // The part of a buffer that `source`, a buffer view or a compression's object, names.

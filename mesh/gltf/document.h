@@ -39,6 +39,7 @@ class Document {
   base::Result<Accessor> accessor(std::uint64_t index, const std::string& place);
   /// Type, components and count alone, as accessors of compressed primitives have them.
   base::Result<Accessor> accessorType(std::uint64_t index, const std::string& here) const;
+  /// The bytes of a view, decoded where they are compressed.
   base::Result<View> view(std::uint64_t index, const std::string& here);
   /// Where the bytes of an image lie; an error says why there are none.
   base::Result<SourcePicture> picture(std::uint64_t image);
@@ -54,6 +55,11 @@ class Document {
 
   base::Result<void> splitChunks(base::ByteView bytes);
   base::Result<const Buffer*> buffer(std::uint64_t index, const std::string& here);
+  struct DecodedView {
+    std::uint64_t index = 0;
+    View view;
+  };
+  base::Result<View> decodedView(std::uint64_t index, const json& compression, const std::string& here);
   base::Result<View> plainView(const json& source, const std::string& here);
   base::Result<void> fillIn(const json& sparse, Accessor& accessor, const std::string& here);
   base::Result<SourcePicture> pictureInText(const std::string& uri);
@@ -67,7 +73,8 @@ class Document {
   std::uint64_t binary_offset_ = 0;
   std::uint64_t total_bytes_ = 0;
   std::map<std::uint64_t, Buffer> buffers_;
-  std::size_t searched_ = 0;  // as far as pictures were found in the text
+  std::vector<DecodedView> decoded_;  // in the order of their last use
+  std::size_t searched_ = 0;          // as far as pictures were found in the text
 };
 
 }  // namespace mesh::gltf

@@ -5,6 +5,7 @@
 #include <glm/gtc/quaternion.hpp>
 #include <optional>
 
+#include "mesh/gltf/draco_mesh.h"
 #include "mesh/gltf/material.h"
 
 namespace mesh::gltf {
@@ -58,8 +59,8 @@ std::vector<std::uint64_t> rootNodes(const json& document) {
 // ---- Extensions ----
 
 constexpr const char* kKnownExtensions[] = {
-    "KHR_mesh_quantization", "KHR_texture_transform", "EXT_texture_webp", "EXT_mesh_gpu_instancing", "CESIUM_RTC",
-    "KHR_texture_basisu"};
+    "KHR_mesh_quantization",   "KHR_texture_transform",   "KHR_draco_mesh_compression", "EXT_meshopt_compression",
+    "KHR_meshopt_compression", "EXT_mesh_gpu_instancing", "EXT_texture_webp",           "CESIUM_RTC"};
 
 bool isKnown(const std::string& extension) {
   // Materials differ by how they shine, which is not shown.
@@ -71,8 +72,6 @@ base::Result<void> checkExtensions(const json& document, Omissions& omissions) {
   const json& required = member(document, "extensionsRequired");
   for (std::size_t i = 0; i < itemsOf(required); ++i) {
     const std::string name = text(required[i]);
-    if (name == "KHR_draco_mesh_compression" || name == "EXT_meshopt_compression")
-      return unsupported("compressed by " + name + ", which is not read; write the file without mesh compression");
     if (name == "KHR_texture_basisu")
       return unsupported(
           "its textures are KTX2 (KHR_texture_basisu), which is not read; write them as JPEG, PNG or WebP");
@@ -89,6 +88,14 @@ struct Primitive {
   Accessor position;
   std::optional<Accessor> normal, color, uv, indices;
   BaseColor base;
+};
+
+/// The places where a primitive's attributes may come from.
+struct AttributeSource {
+  const json& primitive;
+  const json& compression;  // of the primitive; may be null
+  const DracoMesh* draco;   // null where there is none
+  const std::string& place;
 };
 
 class SceneReader {
@@ -184,20 +191,31 @@ class SceneReader {
   base::Result<Primitive> findNumbers(const json& source, const std::string& place) {
     Primitive p;
     p.mode = integer(member(source, "mode"), 4);
-    if (extension(source, "KHR_draco_mesh_compression").is_object() &&
-        !item(document_.list("accessors"), integer(member(member(source, "attributes"), "POSITION"), kMissing))
-             .contains("bufferView"))
-      return unsupported(place +
-                         ": compressed by KHR_draco_mesh_compression, which is not read; write the file without");
-    const json& points = member(member(source, "attributes"), "POSITION");
-    LUMIGRID_ASSIGN_OR_RETURN(p.position, document_.accessor(integer(points, kMissing), place + ": POSITION"));
-    if (p.position.components != 3) return invalidInput(place + ": POSITION is not VEC3");
-    const std::uint64_t count = p.position.count;
-    LUMIGRID_ASSIGN_OR_RETURN(p.normal, attribute(source, "NORMAL", place, 3, 3, count));
-    LUMIGRID_ASSIGN_OR_RETURN(p.color, attribute(source, "COLOR_0", place, 3, 4, count));
+    const json& compression = extension(source, "KHR_draco_mesh_compression");
+    std::optional<DracoMesh> draco;
+    if (compression.is_object()) {
+      LUMIGRID_ASSIGN_OR_RETURN(const auto view,
+                                document_.view(integer(member(compression, "bufferView"), kMissing), place));
+      LUMIGRID_ASSIGN_OR_RETURN(draco, DracoMesh::decode(view.bytes, place));
+    }
+    const AttributeSource attributes{source, compression, draco ? &*draco : nullptr, place};
+    LUMIGRID_ASSIGN_OR_RETURN(const auto position, attribute(attributes, "POSITION", 3, 3));
+    if (!position) return invalidInput(place + ": POSITION is missing");
+    p.position = *position;
+    LUMIGRID_ASSIGN_OR_RETURN(p.normal, attribute(attributes, "NORMAL", 3, 3));
+    LUMIGRID_ASSIGN_OR_RETURN(p.color, attribute(attributes, "COLOR_0", 3, 4));
     p.base = materials_.of(source);
     if (p.base.picture != kNoPicture) {
-      LUMIGRID_ASSIGN_OR_RETURN(p.uv, attribute(source, p.base.coordinates, place, 2, 2, count));
+      LUMIGRID_ASSIGN_OR_RETURN(p.uv, attribute(attributes, p.base.coordinates, 2, 2));
+    }
+    for (const auto* other : {&p.normal, &p.color, &p.uv})
+      if (*other && (*other)->count != p.position.count)
+        return invalidInput(place + ": its attributes have different numbers of elements");
+    if (draco) {
+      // Strips, too, are decoded to a list of triangles.
+      p.mode = 4;
+      p.indices = draco->indices();
+      return p;
     }
     if (!member(source, "indices").is_null()) {
       LUMIGRID_ASSIGN_OR_RETURN(p.indices,
@@ -208,14 +226,22 @@ class SceneReader {
   }
 
   // Nothing where the primitive has no such attribute.
-  base::Result<std::optional<Accessor>> attribute(const json& source, const std::string& name, const std::string& place,
-                                                  std::size_t min_components, std::size_t max_components,
-                                                  std::uint64_t count) {
-    const json& index = member(member(source, "attributes"), name.c_str());
+  base::Result<std::optional<Accessor>> attribute(const AttributeSource& from, const std::string& name,
+                                                  std::size_t min_components, std::size_t max_components) {
+    const std::string here = from.place + ": " + name;
+    const json& index = member(member(from.primitive, "attributes"), name.c_str());
     if (index.is_null()) return std::optional<Accessor>();
-    LUMIGRID_ASSIGN_OR_RETURN(const auto found, document_.accessor(integer(index, kMissing), place + ": " + name));
-    if (found.components < min_components || found.components > max_components || found.count != count)
-      return invalidInput(place + ": " + name + " does not go with POSITION");
+    const json& compressed = member(member(from.compression, "attributes"), name.c_str());
+    Accessor found;
+    if (from.draco != nullptr && !compressed.is_null()) {
+      LUMIGRID_ASSIGN_OR_RETURN(found, from.draco->attribute(integer(compressed, kMissing), here));
+      const json& accessor = item(document_.list("accessors"), integer(index, kMissing));
+      found.normalized = member(accessor, "normalized") == json(true);
+    } else {
+      LUMIGRID_ASSIGN_OR_RETURN(found, document_.accessor(integer(index, kMissing), here));
+    }
+    if (found.components < min_components || found.components > max_components)
+      return invalidInput(here + " has " + std::to_string(found.components) + " components");
     return std::optional(found);
   }
 

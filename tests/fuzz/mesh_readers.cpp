@@ -1,5 +1,10 @@
 // Feeds any bytes to the mesh readers; the first byte chooses the reader. Blocks keep the promises of MeshSink.
+#include <draco/compression/expert_encode.h>
+#include <draco/mesh/triangle_soup_mesh_builder.h>
+#include <meshoptimizer.h>
+
 #include <algorithm>
+#include <array>
 
 #include "base/check.h"
 #include "mesh/readers.h"
@@ -74,6 +79,62 @@ std::string las() {
   return s + std::string(36, '\1') + std::string(36, '\2');
 }
 
+std::string glb(std::string text, std::string binary) {
+  text.resize((text.size() + 3) / 4 * 4, ' ');
+  binary.resize((binary.size() + 3) / 4 * 4, '\0');
+  const auto number = [](std::size_t n) {
+    std::string bytes;
+    for (int shift = 0; shift < 32; shift += 8) bytes += static_cast<char>(n >> shift & 255);
+    return bytes;
+  };
+  return "glTF" + number(2) + number(28 + text.size() + binary.size()) + number(text.size()) + "JSON" + text +
+         number(binary.size()) + std::string("BIN\0", 4) + binary;
+}
+
+const float kTriangle[9] = {0, 0, 0, 1, 0, 0, 0, 1, 0};
+
+// A GLB whose points and indices are compressed by meshoptimizer.
+std::string meshoptGlb() {
+  std::array<unsigned char, 512> points{}, indices{};
+  const unsigned int corners[3] = {0, 1, 2};
+  const std::size_t p = meshopt_encodeVertexBuffer(points.data(), points.size(), kTriangle, 3, 12);
+  const std::size_t i = meshopt_encodeIndexBuffer(indices.data(), indices.size(), corners, 3);
+  const auto view = [](std::size_t offset, std::size_t length, const char* rest) {
+    return R"({"extensions":{"EXT_meshopt_compression":{"buffer":0,"byteOffset":)" + std::to_string(offset) +
+           R"(,"byteLength":)" + std::to_string(length) + R"(,"count":3,)" + rest + "}}}";
+  };
+  const std::string text =
+      R"({"asset":{"version":"2.0"},"buffers":[{}],"bufferViews":[)" +
+      view(0, p, R"("byteStride":12,"mode":"ATTRIBUTES","filter":"EXPONENTIAL")") + "," +
+      view(p, i, R"("byteStride":2,"mode":"TRIANGLES")") +
+      R"(],"accessors":[{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3"},{"bufferView":1,)"
+      R"("componentType":5123,"count":3,"type":"SCALAR"}],"meshes":[{"primitives":[{"attributes":{"POSITION":0},)"
+      R"("indices":1}]}]})";
+  return glb(text, std::string(points.begin(), points.begin() + static_cast<std::ptrdiff_t>(p)) +
+                       std::string(indices.begin(), indices.begin() + static_cast<std::ptrdiff_t>(i)));
+}
+
+// A GLB whose triangle is compressed by Draco, by connectivity or in its order.
+std::string dracoGlb(bool connectivity) {
+  draco::TriangleSoupMeshBuilder builder;
+  builder.Start(1);
+  const int position = builder.AddAttribute(draco::GeometryAttribute::POSITION, 3, draco::DT_FLOAT32);
+  builder.SetAttributeValuesForFace(position, draco::FaceIndex(0), kTriangle, kTriangle + 3, kTriangle + 6);
+  const std::unique_ptr<draco::Mesh> mesh = builder.Finalize();
+  draco::ExpertEncoder encoder(*mesh);
+  encoder.SetEncodingMethod(connectivity ? draco::MESH_EDGEBREAKER_ENCODING : draco::MESH_SEQUENTIAL_ENCODING);
+  if (connectivity) encoder.SetAttributeQuantization(position, 8);
+  draco::EncoderBuffer buffer;
+  LUMIGRID_CHECK(encoder.EncodeToBuffer(&buffer).ok());
+  const std::string text =
+      R"({"asset":{"version":"2.0"},"buffers":[{}],"bufferViews":[{"buffer":0,"byteLength":)" +
+      std::to_string(buffer.size()) +
+      R"(}],"accessors":[{"componentType":5126,"count":3,"type":"VEC3"}],"meshes":[{"primitives":[{"attributes":)"
+      R"({"POSITION":0},"extensions":{"KHR_draco_mesh_compression":{"bufferView":0,"attributes":{"POSITION":)" +
+      std::to_string(mesh->attribute(position)->unique_id()) + "}}}}]}]}";
+  return glb(text, {buffer.data(), buffer.size()});
+}
+
 // A .gltf with everything in its text: a triangle of 16-bit positions, one of which is replaced, colours and a picture.
 std::string gltf() {
   return R"({"asset":{"version":"2.0"},"buffers":[{"byteLength":33,"uri":"data:;base64,)"
@@ -110,6 +171,9 @@ std::vector<base::Bytes> seeds() {
                   R"({"buffers":[{"byteLength":0}],)"
                   R"("meshes":[{"primitives":[{"attributes":{"POSITION":0}}]}],"accessors":[]} )"),
       seed(4, gltf()),
+      seed(4, meshoptGlb()),
+      seed(4, dracoGlb(true)),
+      seed(4, dracoGlb(false)),
       seed(5, las())};
 }
 

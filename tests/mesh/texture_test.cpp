@@ -106,6 +106,20 @@ TEST_F(Textures, thatAreMissingWarnAndTheMeshStays) {
   EXPECT_EQ(broken->file.warnings.size(), 1U);
 }
 
+TEST_F(Textures, thatAreMissingByTheHundredAreNotAllNamed) {
+  std::ofstream library(folder / "skin.mtl");
+  std::string text = "mtllib skin.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\n";
+  for (int i = 0; i < 100; ++i) {
+    library << "newmtl m" << i << "\nmap_Kd nowhere" << i << ".png\n";
+    text += "usemtl m" + std::to_string(i) + "\nf 1/1 2/1 3/1\n";
+  }
+  library.close();
+  const auto mesh = read("many.obj", text);
+  ASSERT_TRUE(mesh) << mesh.error().message;
+  ASSERT_EQ(mesh->file.warnings.size(), 9U);
+  EXPECT_EQ(mesh->file.warnings.back(), "92 more textures cannot be read");
+}
+
 TEST_F(Textures, plyFaceCoordinatesColorTheVertices) {
   const auto mesh = read(
       "quad.ply",

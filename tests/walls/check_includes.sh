@@ -78,10 +78,10 @@ home 'lmdb' repository
 home 'curl/' base/http
 home 'EGL/' base/egl
 home 'turbojpeg|jpeglib' base/jpeg mesh
-home 'webp/' repository/faces
+home 'webp/' repository/faces mesh
 home 'zlib' lod/texture
 home 'GLES3/' base/gl base/egl client/native client/web
-home 'meshoptimizer'  # a peer in benchmarks only
+home 'meshoptimizer|draco/' mesh/gltf
 home 'GLFW|imgui' client/native
 home 'opencv' compare
 exit $bad

@@ -4,7 +4,7 @@ set -eu
 here=$(cd "$(dirname "$0")" && pwd)
 tree=$(mktemp -d)
 trap 'rm -rf "$tree"' EXIT
-mkdir -p "$tree"/{base/{gl,egl,http,jpeg},mesh,protocol,plan,compare,tests}
+mkdir -p "$tree"/{base/{gl,egl,http,jpeg},mesh/gltf,protocol,plan,compare,tests}
 mkdir -p "$tree"/lod/{ingest,draw,texture,patch/builder,qsplat/builder}
 mkdir -p "$tree"/{repository/{sampling,faces,packs,objects},server/{cli,bake,net,render,session,trial}}
 mkdir -p "$tree"/client/{app,source,viewer,render,native,web}
