@@ -138,6 +138,12 @@ inline bool skipSpaces(std::string_view& text) {
   return !text.empty();
 }
 
+/// Whether the text begins as a JSON object does.
+inline bool looksLikeJson(std::string_view text) {
+  if (text.substr(0, 3) == "\xEF\xBB\xBF") text.remove_prefix(3);  // UTF-8's mark
+  return skipSpaces(text) && text.front() == '{';
+}
+
 /// Removes the next word from the front of `text` and returns it; empty when none is left.
 inline std::string_view nextWord(std::string_view& text) {
   skipSpaces(text);

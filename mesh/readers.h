@@ -2,12 +2,21 @@
 // The readers of the formats. Each reads the bytes of a whole file into `out`, block by block. Errors name the place in
 // the file, not the file.
 
+#include <nlohmann/json_fwd.hpp>
+
 #include "mesh/mesh_stream.h"
 
 namespace mesh {
 
-/// Khronos' glTF 2.0: GLB, its binary form, or JSON (.gltf). Buffers and pictures may lie in other files.
-base::Result<void> readGltf(base::ByteView bytes, MeshStream& out);
+/// GLB, the binary form of Khronos' glTF 2.0. Buffers and pictures may lie in other files.
+base::Result<void> readGlb(base::ByteView bytes, MeshStream& out);
+
+/// JSON: glTF 2.0, or a tileset of 3D Tiles.
+base::Result<void> readJson(base::ByteView bytes, MeshStream& out);
+/// The finest tiles of a tileset of 3D Tiles 1.0 or 1.1, all of which lie in local files.
+base::Result<void> readTileset(const nlohmann::json& tileset, MeshStream& out);
+/// One tile of 3D Tiles, a batched model (b3dm).
+base::Result<void> readTile(base::ByteView bytes, MeshStream& out);
 
 /// LAS 1.0 to 1.4, the points of airborne and terrestrial laser scanners (ASPRS). Points that are withheld or noise are
 /// left out; LAZ is an error.

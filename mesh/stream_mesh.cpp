@@ -29,11 +29,6 @@ bool looksLikeObj(std::string_view text) {
   return false;
 }
 
-bool looksLikeJson(std::string_view text) {
-  if (text.substr(0, 3) == "\xEF\xBB\xBF") text.remove_prefix(3);  // UTF-8's mark
-  return skipSpaces(text) && text.front() == '{';
-}
-
 // Formats that another program converts, as their content and their names tell.
 struct ConvertedFormat {
   std::string_view start;
@@ -45,16 +40,22 @@ constexpr const char* kConvertE57 =
     "no package of it)";
 constexpr const char* kConvertFbx =
     "FBX is not read; convert it: assimp export in.fbx out.glb (Debian package assimp-utils)";
+constexpr const char* kConvertTile =
+    "tiles of points, instances and several formats (pnts, i3dm, cmpt) are not read; write the tileset with b3dm or "
+    "GLB";
 constexpr ConvertedFormat kConverted[] = {
-    {"ASTM-E57", "e57", kConvertE57},
-    {"Kaydara FBX Binary", "fbx", kConvertFbx},
+    {"ASTM-E57", "e57", kConvertE57}, {"Kaydara FBX Binary", "fbx", kConvertFbx},
+    {"pnts", "pnts", kConvertTile},   {"i3dm", "i3dm", kConvertTile},
+    {"cmpt", "cmpt", kConvertTile},
 };
 
 // Reads the file in the format that its content or else its name tells.
 base::Result<void> readFile(const std::string& path, base::ByteView bytes, MeshStream& out) {
   if (bytes.empty()) return invalidInput("the file is empty");
   const std::string_view text = textOf(bytes);
-  if (text.substr(0, 4) == "glTF" || looksLikeJson(text)) return readGltf(bytes, out);
+  if (text.substr(0, 4) == "glTF") return readGlb(bytes, out);
+  if (text.substr(0, 4) == "b3dm") return readTile(bytes, out);
+  if (looksLikeJson(text)) return readJson(bytes, out);
   if (text.substr(0, 4) == "LASF") return readLas(bytes, out);
   for (const ConvertedFormat& format : kConverted)
     if (text.substr(0, format.start.size()) == format.start) return unsupported(format.advice);
@@ -74,9 +75,10 @@ base::Result<void> readFile(const std::string& path, base::ByteView bytes, MeshS
   if (extension == "obj") return readObj(bytes, out);
   if (extension == "stl") return readStl(bytes, out);
   if (extension == "off") return readOff(bytes, out);
-  if (extension == "glb") return readGltf(bytes, out);
+  if (extension == "glb") return readGlb(bytes, out);
   if (extension == "las" || extension == "laz") return readLas(bytes, out);
-  return unsupported("neither the content nor the name is that of a mesh (PLY, OBJ, STL, OFF, glTF and LAS are read)");
+  return unsupported(
+      "neither the content nor the name is that of a mesh (PLY, OBJ, STL, OFF, glTF, 3D Tiles and LAS are read)");
 }
 
 }  // namespace

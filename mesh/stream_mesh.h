@@ -1,7 +1,8 @@
 #pragma once
 // Reads a mesh file of any format from front to back into a sink: PLY (ASCII and both binary orders), OBJ, STL (ASCII
-// and binary), OFF, glTF (GLB, and JSON with files beside it), and the points of LAS. Memory does not grow with the
-// file, apart from OBJ's normals and texture coordinates and glTF's JSON with all that is written into it.
+// and binary), OFF, glTF (GLB, and JSON with files beside it), 3D Tiles in local files, and the points of LAS. Memory
+// does not grow with the file, apart from OBJ's normals and texture coordinates, the JSON of glTF and of tilesets, and
+// primitives of glTF that are compressed.
 #include <cstdint>
 #include <functional>
 #include <glm/glm.hpp>

@@ -79,19 +79,36 @@ std::string las() {
   return s + std::string(36, '\1') + std::string(36, '\2');
 }
 
+std::string number(std::size_t n) {
+  std::string bytes;
+  for (int shift = 0; shift < 32; shift += 8) bytes += static_cast<char>(n >> shift & 255);
+  return bytes;
+}
+
 std::string glb(std::string text, std::string binary) {
   text.resize((text.size() + 3) / 4 * 4, ' ');
   binary.resize((binary.size() + 3) / 4 * 4, '\0');
-  const auto number = [](std::size_t n) {
-    std::string bytes;
-    for (int shift = 0; shift < 32; shift += 8) bytes += static_cast<char>(n >> shift & 255);
-    return bytes;
-  };
   return "glTF" + number(2) + number(28 + text.size() + binary.size()) + number(text.size()) + "JSON" + text +
          number(binary.size()) + std::string("BIN\0", 4) + binary;
 }
 
 const float kTriangle[9] = {0, 0, 0, 1, 0, 0, 0, 1, 0};
+
+// A tile with a centre in its feature table's binary part.
+std::string b3dm() {
+  const std::string table = R"({"BATCH_LENGTH":0,"RTC_CENTER":{"byteOffset":0}} )";
+  std::string points(reinterpret_cast<const char*>(kTriangle), sizeof(kTriangle));
+  const std::string model =
+      glb(R"({"asset":{"version":"2.0"},"buffers":[{}],"bufferViews":[{"buffer":0,"byteLength":36}],"accessors":)"
+          R"([{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3"}],"meshes":[{"primitives":[{"attributes":)"
+          R"({"POSITION":0}}]}],"extensions":{"CESIUM_RTC":{"center":[1,2,3]}}})",
+          points);
+  std::string s = "b3dm";
+  for (const std::size_t n : {std::size_t{1}, 28 + table.size() + 12 + model.size(), table.size(), std::size_t{12},
+                              std::size_t{0}, std::size_t{0}})
+    s += number(n);
+  return s + table + points.substr(0, 12) + model;
+}
 
 // A GLB whose points and indices are compressed by meshoptimizer.
 std::string meshoptGlb() {
@@ -174,6 +191,10 @@ std::vector<base::Bytes> seeds() {
       seed(4, meshoptGlb()),
       seed(4, dracoGlb(true)),
       seed(4, dracoGlb(false)),
+      seed(4, R"({"asset":{"version":"1.1","gltfUpAxis":"Z"},"root":{"refine":"ADD","boundingVolume":{"box":[0,0,0]},)"
+              R"("transform":[1,0,0,0,0,1,0,0,0,0,1,0,9,9,9,1],"content":{"uri":"a.b3dm"},"children":[{"contents":)"
+              R"([{"uri":"b%20.json?c"}],"implicitTiling":{}}]}})"),
+      seed(6, b3dm()),
       seed(5, las())};
 }
 
@@ -184,7 +205,7 @@ void fuzzOne(base::ByteView bytes) {
   MeshStream stream(sink, file, "/nowhere/mesh", nullptr);
   stream.accepts_points = true;
   base::Result<void> read;
-  switch (bytes[0] % 6) {
+  switch (bytes[0] % 7) {
     case 0:
       read = readPly(file, stream);
       break;
@@ -200,8 +221,11 @@ void fuzzOne(base::ByteView bytes) {
     case 5:
       read = readLas(file, stream);
       break;
+    case 6:
+      read = readTile(file, stream);
+      break;
     default:
-      read = readGltf(file, stream);
+      read = looksLikeJson(textOf(file)) ? readJson(file, stream) : readGlb(file, stream);
   }
   if (read) sink.checkWhole();
 }

@@ -22,8 +22,8 @@ using base::ErrorCode;
 void declareMethodOptions(CLI::App& command, BuildArguments& a) {
   command
       .add_option("MESH", a.meshes,
-                  "PLY, OBJ, STL, OFF, glTF or LAS files; several make one scene. May be left out once the scene has "
-                  "its hierarchy: then the options that are not given are those that the scene records")
+                  "PLY, OBJ, STL, OFF, glTF, 3D Tiles or LAS files; several make one scene. May be left out once the "
+                  "scene has its hierarchy: then the options that are not given are those that the scene records")
       ->default_str("");
   command.add_option("-o,--output", a.output, "scene directory to make, or to go on with")->required();
   command.add_flag("--force", a.force, "replace a scene that is there");
