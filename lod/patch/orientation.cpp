@@ -156,6 +156,7 @@ void findDirection(const Surface& surface, Orientation& out) {
   const float elevation = isFlat(size, axis) ? kFlatElevation : kElevation;
   glm::vec3 side(0.0F);
   side[(axis + 1) % 3] = 1.0F;
+  side = glm::normalize(side - glm::dot(side, out.up) * out.up);
   const glm::vec3 across = glm::cross(out.up, side);
   struct View {
     glm::vec3 direction{0.0F};

@@ -9,7 +9,7 @@
 namespace lod::patch {
 
 struct Orientation {
-  glm::vec3 up{0.0F, 1.0F, 0.0F};          ///< unit, along an axis
+  glm::vec3 up{0.0F, 1.0F, 0.0F};          ///< unit, along an axis unless it was given
   bool is_sure = false;                    ///< nothing else fits nearly as well
   std::string reason;                      ///< "the ground faces it"; never empty
   glm::vec3 direction{0.0F, 0.0F, -1.0F};  ///< unit, from the eye: where the first view looks
@@ -17,7 +17,7 @@ struct Orientation {
 
 /// A guess from a coarse cut of the scene. What speaks for an axis: ground that faces it, a flat base at its lower end,
 /// and that a flat scan stands on its shortest side. Where nothing does, it is +y, as glTF says and scanners of objects
-/// write. `up`: an axis that is known, or null. Errors: those of reading patches.
+/// write. `up`: a unit vector that is known, or null. Errors: those of reading patches.
 base::Result<Orientation> findOrientation(const PatchFile& patches, const glm::vec3* up = nullptr);
 
 }  // namespace lod::patch

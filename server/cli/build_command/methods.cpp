@@ -79,11 +79,28 @@ void printWarnings(const lod::ingest::SourceSummary& summary) {
   for (const std::string& warning : summary.warnings) std::fprintf(stderr, "lumigrid: warning: %s\n", warning.c_str());
 }
 
+/// An up that the source's coordinates have by definition.
+struct DefinedUp {
+  glm::dvec3 up;
+  const char* reason;
+};
+
+std::optional<DefinedUp> definedUp(const lod::ingest::SourceSummary& built) {
+  if (built.georeference.z_is_height) return DefinedUp{{0, 0, 1}, "z, since tilesets have it so"};
+  if (built.georeference.crs != "EPSG:4978") return std::nullopt;
+  // The vertical of the ellipsoid WGS 84, whose half axes are in metres.
+  constexpr double kEquatorial = 6378137.0, kPolar = 6356752.314245;
+  const glm::dvec3 middle = 0.5 * (built.box_min + built.box_max);
+  const glm::dvec3 normal = middle / glm::dvec3(kEquatorial * kEquatorial, kEquatorial * kEquatorial, kPolar * kPolar);
+  if (!(glm::length(normal) > 0.0)) return std::nullopt;
+  return DefinedUp{glm::normalize(normal), "away from the earth, since the coordinates are geocentric"};
+}
+
 // Points have no surface to ask. A flat open scan stands on its shortest axis, on the side that it faces.
 // Anything else is taken for a model with +y up, as glTF says and scanners of objects write.
 glm::dvec3 guessUp(const lod::ingest::SourceSummary& built, const BuildArguments& a) {
   if (a.up != "auto") return axisNamed(a.up);
-  if (built.georeference.z_is_height) return {0, 0, 1};
+  if (const auto defined = definedUp(built)) return defined->up;
   const glm::dvec3 size = built.box_max - built.box_min;
   const int flat = size.x <= size.y && size.x <= size.z ? 0 : size.y <= size.z ? 1 : 2;
   const double second = std::min(size[(flat + 1) % 3], size[(flat + 2) % 3]);
@@ -124,16 +141,21 @@ base::Light chooseLight(const BuildArguments& a, bool has_colors, const glm::dve
   return light;
 }
 
-// Where the first view looks, and with `--up auto` which way is up, as the surface itself tells; says how sure that is.
-base::Result<void> orientBySurface(const BuildArguments& a, const std::string& patches, base::Scene& scene) {
+// Where the first view looks, and with `--up auto` which way is up, as the coordinates or the surface itself tell; says
+// how sure that is.
+base::Result<void> orientBySurface(const BuildArguments& a, const lod::ingest::SourceSummary& built,
+                                   const std::string& patches, base::Scene& scene) {
   LUMIGRID_ASSIGN_OR_RETURN(const auto file, lod::patch::PatchFile::open(patches));
+  const auto defined = a.up == "auto" ? definedUp(built) : std::nullopt;
+  const bool is_known = a.up != "auto" || defined;
   const glm::vec3 known(scene.up);
   LUMIGRID_ASSIGN_OR_RETURN(const lod::patch::Orientation found,
-                            lod::patch::findOrientation(file, a.up == "auto" ? nullptr : &known));
-  scene.up = glm::dvec3(found.up);
+                            lod::patch::findOrientation(file, is_known ? &known : nullptr));
+  if (!is_known) scene.up = glm::dvec3(found.up);
   scene.start_direction = glm::normalize(glm::dvec3(found.direction));
   scene.light = chooseLight(a, scene.has_colors, scene.up, scene.start_direction);
-  if (a.quiet || a.up != "auto") return {};
+  if (defined && !a.quiet) std::fprintf(stderr, "up: %s\n", defined->reason);
+  if (a.quiet || is_known) return {};
   const int axis = std::abs(found.up.x) > 0.5F ? 0 : std::abs(found.up.y) > 0.5F ? 1 : 2;
   std::fprintf(stderr, "up: %s%c, since %s%s\n", found.up[axis] < 0.0F ? "-" : "", 'x' + axis, found.reason.c_str(),
                found.is_sure ? "" : " (not sure: see the first view, and `lumigrid set --up`)");
@@ -199,7 +221,7 @@ Result<void> buildPatches(const BuildArguments& a, const SceneSources& sources, 
     described.parts = scene->parts;
   }
   scene = std::move(described);
-  LUMIGRID_TRY(orientBySurface(a, part.path(), *scene));
+  LUMIGRID_TRY(orientBySurface(a, *summary, part.path(), *scene));
   std::erase_if(scene->parts, [](const base::ScenePart& old) { return old.file == kTextureFile; });
   if (summary->texture) {
     textures.startHashing()();
