@@ -54,6 +54,8 @@ lumigrid_row(client_render USES base base_gl lod_patch lod_draw)
 lumigrid_row(server_bake
   USES ${_any_base} lod_patch lod_draw sampling faces face_image frames repository protocol plan server_render
   LINKS spdlog::spdlog)
+lumigrid_row(server_export
+  USES base base_jpeg base_json base_png lod_patch lod_texture LINKS nlohmann_json::nlohmann_json)
 lumigrid_row(server_session USES base lod_patch sampling repository protocol plan)
 lumigrid_row(server_trial
   USES base base_gl base_egl base_json lod_patch lod_draw sampling face_image repository protocol plan client
@@ -64,8 +66,8 @@ lumigrid_row(server_net
   LINKS Boost::headers Threads::Threads spdlog::spdlog nlohmann_json::nlohmann_json)
 lumigrid_row(lumigrid
   USES ${_any_base} mesh lod_ingest lod_patch lod_patch_builder lod_qsplat lod_qsplat_builder lod_texture lod_draw
-       sampling cache faces packs objects repository protocol server_render server_bake server_session server_trial
-       server_net
+       sampling cache faces packs objects repository protocol server_render server_bake server_export server_session
+       server_trial server_net
   LINKS CLI11::CLI11 spdlog::spdlog nlohmann_json::nlohmann_json openmesh)
 lumigrid_row(client
   USES base base_gl lod_patch lod_qsplat lod_draw sampling faces packs cache protocol plan client_render)

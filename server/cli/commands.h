@@ -14,6 +14,7 @@ inline constexpr const char* kDrawCommand = "draw-images";
 
 RunCommand addBuild(CLI::App& command);
 RunCommand addDraw(CLI::App& command);
+RunCommand addExport(CLI::App& command);
 RunCommand addInfo(CLI::App& command);
 RunCommand addVerify(CLI::App& command);
 RunCommand addPublish(CLI::App& command);

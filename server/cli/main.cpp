@@ -50,6 +50,7 @@ int main(int argc, char** argv) {
       addBuild);
   add("serve", "Serve a scene to viewers over WebSocket and HTTP on one port.", addServe);
   add("publish", "Write a scene as files that never change, for a web server or an object store to serve.", addPublish);
+  add("export", "Write a scene for other programs: as 3D Tiles, or as one mesh in PLY or GLB.", addExport);
   add("info", "Say what is in a scene.", addInfo);
   add("set",
       "Change how a scene is shown: up, north, units, coordinates, title, authors, background, first view, light.",

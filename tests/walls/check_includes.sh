@@ -47,9 +47,12 @@ forbid plan 'repository/(faces|packs|objects|[a-z_]+[.]h)'
 forbid server '(compare|tests)/'
 forbid_but server trial 'client/'
 forbid server/trial 'client/(app|native|web)/|server/(net|cli)/'
-for room in bake net render session; do forbid server/$room 'server/trial/'; done
+for room in bake export net render session; do forbid server/$room 'server/trial/'; done
 forbid server/session 'server/(net|render|bake|cli)/'
-for room in bake net render session; do forbid server/$room 'mesh/|lod/ingest/|lod/[a-z]+/builder/|server/cli/'; done
+forbid server/export 'lod/draw/|base/(gl|egl)/|repository/|protocol/|plan/|server/(net|render|bake|cli|session)/'
+for room in bake export net render session; do
+  forbid server/$room 'mesh/|lod/ingest/|lod/[a-z]+/builder/|server/cli/'
+done
 forbid client '(mesh|server|compare|tests)/|lod/ingest/|lod/[a-z]+/builder/'
 forbid client 'repository/(objects|packs/(pack_store|publish)|store|repository|verify|access)'
 forbid client/render 'client/(app|source|viewer|native|web)/'
