@@ -18,10 +18,11 @@ constexpr float kLessThanParent = 1.0F - 1e-6F;
 class TileTreeBuilder {
  public:
   TileTreeBuilder(const Hierarchy& hierarchy, const std::function<bool(std::uint32_t)>& alone)
-      : hierarchy_(hierarchy), alone_(alone), tiles_of_(hierarchy.groups.size()) {}
+      : hierarchy_(hierarchy), alone_(alone), boxes_(hierarchy.groups.size()), tiles_of_(hierarchy.groups.size()) {}
 
   TileTree build() {
     stateErrors();
+    boundGroups();
     addRoot();
     // Parents have smaller numbers, so all tiles of a group are there when its turn comes.
     for (std::uint32_t g = 0; g < hierarchy_.groups.size(); ++g) addTilesBelow(g);
@@ -40,12 +41,27 @@ class TileTreeBuilder {
     }
   }
 
+  // Children have larger numbers, so they come first.
+  void boundGroups() {
+    for (const Patch& patch : hierarchy_.patches) {
+      boxes_[patch.consumer].add(patch.box);
+      if (patch.producer != kNoGroup) boxes_[patch.producer].add(patch.box);
+    }
+    for (std::size_t g = hierarchy_.groups.size(); g-- > 0;) {
+      const Group& group = hierarchy_.groups[g];
+      for (std::uint32_t p = group.first_patch; p < group.first_patch + group.patch_count; ++p)
+        if (const std::uint32_t producer = hierarchy_.patches[p].producer; producer != kNoGroup)
+          boxes_[g].add(boxes_[producer]);
+    }
+  }
+
   // Group 0 produces nothing. Its tile draws nothing and is left out where a single one would be below it.
   void addRoot() {
-    if (unitsOf(0).size() > 1) tiles_of_[0].push_back(addTile({0, {}, {}}));
+    if (unitsOf(0).size() > 1) tiles_of_[0].push_back(addTile({0, {}, {}, {}}));
   }
 
   std::uint32_t addTile(Tile tile) {
+    tile.box = tile.group != kNoGroup ? boxes_[tile.group] : boxOf(hierarchy_, tile.patches);
     tree_.tiles.push_back(std::move(tile));
     return static_cast<std::uint32_t>(tree_.tiles.size() - 1);
   }
@@ -58,7 +74,7 @@ class TileTreeBuilder {
     for (std::uint32_t p = g.first_patch; p < g.first_patch + g.patch_count; ++p) {
       const std::uint32_t producer = hierarchy_.patches[p].producer;
       if (producer == kNoGroup && alone_(p)) {
-        units.push_back({kNoGroup, {p}, {}});
+        units.push_back({kNoGroup, {p}, {}, {}});
         continue;
       }
       Tile& unit = by_producer[producer];
@@ -76,7 +92,7 @@ class TileTreeBuilder {
           units.begin(), units.end(), [](const Tile& a, const Tile& b) { return a.patches.size() < b.patches.size(); });
       if (largest->patches.size() < 2) return;
       const auto middle = largest->patches.begin() + static_cast<std::ptrdiff_t>(largest->patches.size() / 2);
-      Tile half{largest->group, {middle, largest->patches.end()}, {}};
+      Tile half{largest->group, {middle, largest->patches.end()}, {}, {}};
       largest->patches.erase(middle, largest->patches.end());
       units.push_back(std::move(half));
     }
@@ -87,20 +103,25 @@ class TileTreeBuilder {
     std::vector<Tile> units = unitsOf(group);
     divide(units, above.size());
     const std::vector<std::size_t> bearer = bearersOf(units, above);
-    std::vector<bool> bears(above.size(), false);
     for (std::size_t u = 0; u < units.size(); ++u) {
       const std::uint32_t producer = units[u].group;
       const std::uint32_t tile = addTile(std::move(units[u]));
       if (producer != kNoGroup) tiles_of_[producer].push_back(tile);
-      if (above.empty()) continue;  // the root
-      tree_.tiles[above[bearer[u]]].children.push_back(tile);
-      bears[bearer[u]] = true;
+      if (!above.empty()) tree_.tiles[above[bearer[u]]].children.push_back(tile);
     }
-    for (std::size_t a = 0; a < above.size(); ++a) {
-      if (bears[a]) continue;
-      const std::uint32_t stand_in = addTile({});
-      tree_.tiles[above[a]].children.push_back(stand_in);
-    }
+    for (const std::uint32_t tile : above) addStandIn(tile);
+  }
+
+  void addStandIn(std::uint32_t bearer) {
+    const base::Aabb drawn = boxOf(hierarchy_, tree_.tiles[bearer].patches);
+    const std::vector<std::uint32_t>& below = tree_.tiles[bearer].children;
+    const auto holds = [&](std::uint32_t tile) {
+      return tree_.tiles[tile].box.contains(drawn.min) && tree_.tiles[tile].box.contains(drawn.max);
+    };
+    if (drawn.empty() || std::any_of(below.begin(), below.end(), holds)) return;
+    const std::uint32_t stand_in = addTile({});
+    tree_.tiles[stand_in].box = drawn;
+    tree_.tiles[bearer].children.push_back(stand_in);
   }
 
   // For each unit the place in `above` of the tile that it hangs under: the nearest, so that a viewer that has loaded
@@ -132,6 +153,7 @@ class TileTreeBuilder {
 
   const Hierarchy& hierarchy_;
   const std::function<bool(std::uint32_t)>& alone_;
+  std::vector<base::Aabb> boxes_;                     // per group, of its tiles
   std::vector<std::vector<std::uint32_t>> tiles_of_;  // per group, the tiles that draw what it produced
   TileTree tree_;
 };

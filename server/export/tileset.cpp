@@ -82,10 +82,6 @@ std::string contentName(std::uint32_t tile) {
 
 // ---- Documents
 
-json sphereVolume(const base::Sphere& s) {
-  return {{"sphere", {s.center.x, s.center.y, s.center.z, s.radius}}};
-}
-
 /// `min_half`: that of a side, since viewers invert boxes.
 json boxVolume(const base::Aabb& box, float min_half) {
   const glm::vec3 c = box.center(), h = glm::max(0.5F * box.size(), glm::vec3(min_half));
@@ -109,7 +105,7 @@ class TilesetWriter {
     LUMIGRID_TRY(writeContents());
     report_.tiles = tree_.tiles.size();
     std::size_t count = 0;
-    LUMIGRID_ASSIGN_OR_RETURN(auto root, describe(0, {}, count));
+    LUMIGRID_ASSIGN_OR_RETURN(auto root, describe(0, count));
     addTransform(root);
     LUMIGRID_TRY(writeDocument(kDocument, std::move(root), wholeError()));
     return report_;
@@ -161,26 +157,20 @@ class TilesetWriter {
   // The error of drawing nothing, scene units.
   double wholeError() const { return 2.0 * static_cast<double>(hierarchy_.groups[0].bounds.radius); }
 
-  // A tile and all below it. `above`: the sphere of the tile above, for a stand-in. `count` grows by the tiles that the
-  // description has.
-  Result<json> describe(std::uint32_t number, const base::Sphere& above, std::size_t& count) {
+  // A tile and all below it. `count` grows by the tiles that the description has.
+  Result<json> describe(std::uint32_t number, std::size_t& count) {
     const Tile& tile = tree_.tiles[number];
     const bool leaf = tile.group == kNoGroup;
-    const base::Sphere sphere = leaf ? above : hierarchy_.groups[tile.group].bounds;
     const auto min_half = static_cast<float>(0.5 * hierarchy_.lattice.step);
-    json j{{"geometricError", leaf ? 0.0F : tree_.errors[tile.group]}};
-    if (leaf && !tile.patches.empty())
-      j["boundingVolume"] = boxVolume(boxOf(hierarchy_, tile.patches), min_half);
-    else
-      j["boundingVolume"] = sphereVolume(sphere);
-    if (!tile.patches.empty()) {
-      j["content"]["uri"] = contentName(number);
-      if (!leaf) j["content"]["boundingVolume"] = boxVolume(boxOf(hierarchy_, tile.patches), min_half);
-    }
+    json j{{"geometricError", leaf ? 0.0F : tree_.errors[tile.group]},
+           {"boundingVolume", boxVolume(tile.box, min_half)}};
+    if (!tile.patches.empty()) j["content"]["uri"] = contentName(number);
+    if (!tile.patches.empty() && !leaf)
+      j["content"]["boundingVolume"] = boxVolume(boxOf(hierarchy_, tile.patches), min_half);
     ++count;
     for (const std::uint32_t child : tile.children) {
       std::size_t below = 0;
-      LUMIGRID_ASSIGN_OR_RETURN(auto description, describe(child, sphere, below));
+      LUMIGRID_ASSIGN_OR_RETURN(auto description, describe(child, below));
       if (below >= tiles_per_document_) {
         LUMIGRID_ASSIGN_OR_RETURN(description, referTo(std::move(description)));
         below = 1;

@@ -12,7 +12,7 @@ namespace server::exports {
 struct TilesetOptions {
   bool force = false;  ///< into a directory that is not empty: removes the files of an earlier export
   /// A tree of this many tiles or more, without those in documents below, gets a document of its own. A tile has some
-  /// 400 bytes in it.
+  /// 300 bytes in it.
   std::size_t tiles_per_document = 1000;
 };
 

@@ -59,7 +59,8 @@ class Export : public programs::ProgramTest {
   }
   void collectLeaves(const json& tile, std::vector<std::string>& paths) {
     for (const json& child : tile.value("children", json::array())) collectLeaves(child, paths);
-    if (!tile.contains("children")) paths.push_back(path("tiles/" + tile["content"]["uri"].get<std::string>()));
+    if (!tile.contains("children") && tile.contains("content"))
+      paths.push_back(path("tiles/" + tile["content"]["uri"].get<std::string>()));
   }
   std::string scene_;
 };

@@ -3,6 +3,7 @@
 
 #include <gtest/gtest.h>
 
+#include <map>
 #include <random>
 #include <set>
 
@@ -23,21 +24,17 @@ bool never(std::uint32_t) {
   return false;
 }
 
-/// Decides by error and sphere alone, as viewers do.
-using Refine = std::function<bool(float error, const base::Sphere& sphere)>;
-
-bool isRefined(const Hierarchy& hierarchy, const TileTree& tree, std::uint32_t group, const Refine& refine) {
-  return refine(tree.errors[group], hierarchy.groups[group].bounds);
-}
+/// Decides by error and box alone, as viewers do.
+using Refine = std::function<bool(float error, const base::Aabb& box)>;
 
 /// The patches of the tiles at which a walk of REPLACE refinement ends.
-std::multiset<std::uint32_t> drawnBy(const Hierarchy& hierarchy, const TileTree& tree, const Refine& refine) {
+std::multiset<std::uint32_t> drawnBy(const TileTree& tree, const Refine& refine) {
   std::multiset<std::uint32_t> drawn;
   std::vector<std::uint32_t> open{0};
   while (!open.empty()) {
     const Tile& tile = tree.tiles[open.back()];
     open.pop_back();
-    if (!tile.children.empty() && isRefined(hierarchy, tree, tile.group, refine))
+    if (!tile.children.empty() && refine(tree.errors[tile.group], tile.box))
       open.insert(open.end(), tile.children.begin(), tile.children.end());
     else
       drawn.insert(tile.patches.begin(), tile.patches.end());
@@ -47,9 +44,12 @@ std::multiset<std::uint32_t> drawnBy(const Hierarchy& hierarchy, const TileTree&
 
 /// The same decisions on the graph of groups.
 std::multiset<std::uint32_t> cutBy(const Hierarchy& hierarchy, const TileTree& tree, const Refine& refine) {
+  std::vector<base::Aabb> boxes(hierarchy.groups.size());
+  for (const Tile& tile : tree.tiles)
+    if (tile.group != kNoGroup) boxes[tile.group] = tile.box;
   std::vector<std::uint8_t> expanded(hierarchy.groups.size());
   for (std::uint32_t g = 0; g < expanded.size(); ++g) {
-    expanded[g] = g == 0 || isRefined(hierarchy, tree, g, refine);
+    expanded[g] = g == 0 || refine(tree.errors[g], boxes[g]);
     for (const std::uint32_t parent : hierarchy.parentsOf(g)) expanded[g] &= expanded[parent];
   }
   const auto cut = lod::patch::cutOfExpanded(hierarchy, expanded);
@@ -62,9 +62,9 @@ Refine randomViewer(const Hierarchy& hierarchy, std::mt19937& random) {
   std::uniform_real_distribution<float> share(-2.0F, 2.0F), exponent(-12.0F, 0.0F);
   const glm::vec3 eye = whole.center + whole.radius * glm::vec3(share(random), share(random), share(random));
   const float tolerance = std::exp2(exponent(random));
-  return [eye, tolerance](float error, const base::Sphere& sphere) {
-    const float distance = glm::distance(eye, sphere.center) - sphere.radius;
-    return error > tolerance * std::max(distance, 1e-6F);
+  return [eye, tolerance](float error, const base::Aabb& box) {
+    const glm::vec3 outside = glm::max(glm::max(box.min - eye, eye - box.max), glm::vec3(0.0F));
+    return error > tolerance * std::max(glm::length(outside), 1e-6F);
   };
 }
 
@@ -73,7 +73,7 @@ void expectTreeOfCuts(const Hierarchy& hierarchy, const TileTree& tree) {
   std::set<std::multiset<std::uint32_t>> cuts;
   for (int i = 0; i < 300; ++i) {
     const Refine viewer = randomViewer(hierarchy, random);
-    const auto drawn = drawnBy(hierarchy, tree, viewer);
+    const auto drawn = drawnBy(tree, viewer);
     ASSERT_EQ(drawn, cutBy(hierarchy, tree, viewer));
     cuts.insert(drawn);
   }
@@ -114,6 +114,36 @@ TEST(TileTree, hasEachPatchInOneTileAndEachTileOnce) {
   EXPECT_EQ(drawn, std::vector<int>(hierarchy.patches.size(), 1));
   EXPECT_EQ(above[0], 0);
   EXPECT_EQ(std::count(above.begin() + 1, above.end(), 1), static_cast<std::ptrdiff_t>(above.size() - 1));
+}
+
+TEST(TileTree, hasBoxesThatContainThoseBelow) {
+  const Hierarchy hierarchy = support::syntheticHierarchy(8).hierarchy;
+  const TileTree tree = makeTileTree(hierarchy, never);
+  std::map<std::uint32_t, base::Aabb> boxes;
+  const auto contains = [](const base::Aabb& outer, const base::Aabb& inner) {
+    return outer.contains(inner.min) && outer.contains(inner.max);
+  };
+  for (const Tile& tile : tree.tiles) {
+    const base::Aabb drawn = server::exports::boxOf(hierarchy, tile.patches);
+    EXPECT_TRUE(drawn.empty() || contains(tile.box, drawn));
+    for (const std::uint32_t child : tile.children) EXPECT_TRUE(contains(tile.box, tree.tiles[child].box));
+    if (tile.group == kNoGroup) continue;
+    const auto [first, is_new] = boxes.try_emplace(tile.group, tile.box);
+    EXPECT_TRUE(is_new || (first->second.min == tile.box.min && first->second.max == tile.box.max));
+  }
+}
+
+// Viewers leave a tile out where none of those below is in view, which must not lose anything that it draws.
+TEST(TileTree, hasOneBelowEachTileThatHoldsAllThatItDraws) {
+  const Hierarchy hierarchy = support::syntheticHierarchy(16).hierarchy;
+  const TileTree tree = makeTileTree(hierarchy, never);
+  for (const Tile& tile : tree.tiles) {
+    if (tile.group == kNoGroup || tile.patches.empty()) continue;
+    const base::Aabb drawn = server::exports::boxOf(hierarchy, tile.patches);
+    EXPECT_TRUE(std::any_of(tile.children.begin(), tile.children.end(), [&](std::uint32_t child) {
+      return tree.tiles[child].box.contains(drawn.min) && tree.tiles[child].box.contains(drawn.max);
+    }));
+  }
 }
 
 TEST(TileTree, givesEachTileLessErrorThanTheOneAbove) {
@@ -160,8 +190,8 @@ TEST(TileTree, hangsAnEmptyTileUnderOneThatWouldHaveNoneBelow) {
     EXPECT_EQ(tile.children.empty(), tile.group == kNoGroup);
     if (tile.group == kNoGroup && tile.patches.empty()) ++stand_ins;
   }
-  EXPECT_EQ(stand_ins, 1U);
-  const auto all = drawnBy(h, tree, [](float, const base::Sphere&) { return true; });
+  EXPECT_EQ(stand_ins, 4U) << "each box here is a point, which no other contains";
+  const auto all = drawnBy(tree, [](float, const base::Aabb&) { return true; });
   EXPECT_EQ(all, (std::multiset<std::uint32_t>{4}));
 }
 

@@ -29,10 +29,6 @@ json readJson(const std::string& path) {
 
 /// Distance from a point to a tile's volume; boxes have sides along the axes.
 double distanceTo(const json& volume, const glm::dvec3& eye) {
-  if (volume.contains("sphere")) {
-    const auto s = volume["sphere"].get<std::vector<double>>();
-    return std::max(0.0, glm::distance(eye, glm::dvec3(s[0], s[1], s[2])) - s[3]);
-  }
   const auto b = volume["box"].get<std::vector<double>>();
   const glm::dvec3 outside = glm::abs(eye - glm::dvec3(b[0], b[1], b[2])) - glm::dvec3(b[3], b[7], b[11]);
   return glm::length(glm::max(outside, glm::dvec3(0.0)));
