@@ -89,7 +89,8 @@ TEST_F(Glb, statesItsLengthsInMultiplesOfFour) {
     EXPECT_EQ(text % 4, 0U);
     EXPECT_EQ(binary % 4, 0U);
     EXPECT_EQ(28 + text + binary, file.size());
-    for (const json& view : documentOf(file)["bufferViews"]) EXPECT_EQ(view["byteOffset"].get<int>() % 4, 0);
+    const json document = documentOf(file);
+    for (const json& view : document["bufferViews"]) EXPECT_EQ(view["byteOffset"].get<int>() % 4, 0);
   }
 }
 
