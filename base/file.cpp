@@ -28,13 +28,17 @@ struct OpenFile {
   FileDescriptor descriptor;
   std::size_t size = 0;
 };
+Error noFile(const std::string& path) {
+  return {ErrorCode::kUnsupported, path + ": is a pipe or a device; give a file"};
+}
+
 Result<OpenFile> openRegular(const std::string& path) {
   FileDescriptor file(::open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK));
   if (!file) return systemError(path, "open", errno);
   struct stat info {};
   if (::fstat(file.get(), &info) != 0) return systemError(path, "read", errno);
   if (S_ISDIR(info.st_mode)) return systemError(path, "read", EISDIR);
-  if (!S_ISREG(info.st_mode)) return Error{ErrorCode::kUnsupported, path + ": is a pipe or a device; give a file"};
+  if (!S_ISREG(info.st_mode)) return noFile(path);
   return OpenFile{std::move(file), static_cast<std::size_t>(info.st_size)};
 }
 
@@ -151,6 +155,9 @@ void removeUnfinished(const std::string& path) {
 }
 
 Result<AtomicFile> AtomicFile::create(const std::string& path) {
+  // The new file takes the name of what is there, and must not take a device's.
+  struct stat there {};
+  if (::stat(path.c_str(), &there) == 0 && !S_ISREG(there.st_mode) && !S_ISDIR(there.st_mode)) return noFile(path);
   AtomicFile file;
   file.path_ = path;
   file.temporary_ = path + kPart + std::to_string(::getpid());

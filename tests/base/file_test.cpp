@@ -105,6 +105,9 @@ TEST_F(FileTest, pipesAndDevicesAreRefusedAtOnce) {
     EXPECT_EQ(read.error().code, base::ErrorCode::kUnsupported);
     EXPECT_EQ(read.error().message, name + ": is a pipe or a device; give a file");
     EXPECT_FALSE(base::MappedFile::open(name));
+    const auto written = base::writeFileAtomically(name, base::Bytes{1});
+    ASSERT_FALSE(written);
+    EXPECT_EQ(written.error().message, name + ": is a pipe or a device; give a file");
   }
 }
 
