@@ -69,7 +69,6 @@ base::gl::Texture textureOf(const base::Image& page, int levels) {
   glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_WRAP_S, GL_CLAMP_TO_EDGE);
   glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_WRAP_T, GL_CLAMP_TO_EDGE);
   glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER, GL_LINEAR);
-  glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, GL_LINEAR_MIPMAP_LINEAR);
   glBindTexture(GL_TEXTURE_2D, 0);
   return texture;
 }
@@ -183,6 +182,7 @@ void PageMeshes::draw(std::uint32_t patch, int times,
     glUniform1f(program.uniform("u_last_level"), static_cast<float>(mesh.levels - 1 - first));
     glBindTexture(GL_TEXTURE_2D, mesh.texture.name());
     glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_BASE_LEVEL, first);
+    glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, filter_);
     glBindVertexArray(mesh.array.name());
     glDrawArrays(GL_TRIANGLES, 0, mesh.count);
   }

@@ -40,6 +40,8 @@ class PatchCache {
   /// does the picture.
   base::Result<void> draw(std::span<const DrawnPatch> patches, const UseProgram& use);
 
+  /// Samples of a pixel along each side, from the next picture on.
+  void setSamples(int samples) { pages_.setSamples(samples); }
   std::uint64_t gpuBytes() const { return meshes_.gpuBytes() + pages_.gpuBytes(); }
   std::uint64_t uploads() const { return uploads_; }  ///< patches uploaded so far
 

@@ -153,6 +153,7 @@ base::Result<void> SceneRenderer::drawTile(const base::Camera& camera, std::span
 
   const lod::draw::ViewModes& modes = options.modes;
   const std::vector<DrawnPatch> drawn = withPages(visible, camera, options.supersampling);
+  cache_.setSamples(options.supersampling);
   const auto& programs = modes.any() ? with_modes_ : surface_;
   std::array<bool, 3> prepared{};
   const base::gl::Program* in_use = nullptr;
