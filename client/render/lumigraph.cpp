@@ -706,7 +706,7 @@ void LumigraphRenderer::Impl::drawPatches(const Frame& frame, const Lists& lists
   for (std::size_t i = 0; i < frame.patches.size(); ++i) {
     if (i == 0 || lists[i] != lists[i - 1]) setList(lists[i]);
     glUniform1f(error_location, frame.errors_px[i]);
-    glUniform2f(proxy_error_location, frame.proxy_errors[i].shape, frame.proxy_errors[i].color);
+    glUniform2f(proxy_error_location, frame.proxy_errors[i].shapeForShader(), frame.proxy_errors[i].color);
     patches.draw(std::span(frame.patches).subspan(i, 1));
   }
 }

@@ -89,6 +89,10 @@ struct LumigraphOptions {
 struct ProxyError {
   float shape = 0.0F;  ///< scene units
   float color = 0.0F;  ///< 0..1
+  /// The shape is exact, and the colours lack a texture's detail: any colour may be right.
+  bool texture = false;
+  /// The shape's error as shaders get it: below 0 for a texture.
+  float shapeForShader() const { return texture ? -1.0F : shape; }
 };
 
 struct LumigraphStats {

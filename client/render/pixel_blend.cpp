@@ -140,7 +140,7 @@ void PixelBlend::setLists(std::span<const ProxyError> errors, const std::vector<
       std::transform(lists[i].begin(), lists[i].end(), row.begin(),
                      [](std::uint32_t sample) { return static_cast<std::uint8_t>(sample); });
     }
-    patches[i] = {errors[i].shape, errors[i].color, rows.size() - 1, lists[i].size()};
+    patches[i] = {errors[i].shapeForShader(), errors[i].color, rows.size() - 1, lists[i].size()};
   }
   rows.resize(rowsFor(rows.size(), kListsARow) * kListsARow);
   write(patches_, GL_RGBA32F, GL_RGBA, GL_FLOAT, kPatchesARow, patches.size() / kPatchesARow, patches.data());

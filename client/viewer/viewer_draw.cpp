@@ -111,8 +111,9 @@ std::vector<ProxyError> Viewer::proxyErrors() const {
   std::vector<ProxyError> errors;
   for (const std::uint32_t number : patches_.drawn().patches) {
     const lod::patch::Patch& patch = hierarchy.patches[number];
-    errors.push_back(
-        {patch.own_typical_error, lod::patch::typicalColorErrorOf(patch, renderer_->patches().meanEdge(number))});
+    errors.push_back({patch.own_typical_error,
+                      lod::patch::typicalColorErrorOf(patch, renderer_->patches().meanEdge(number)),
+                      patch.color_detail != 0});
   }
   return errors;
 }

@@ -40,6 +40,15 @@ auto fieldsOf(auto& s) {
                   s.info.short_faces, s.info.texels);
 }
 
+// Tells whether a file is the one that it was: its length and time. The keys of work directories hold the hashes of the
+// files that a command names, but not of the pictures that these name.
+std::pair<std::uint64_t, std::int64_t> stampOf(const std::string& path) {
+  std::error_code size_error, time_error;
+  const std::uint64_t size = std::filesystem::file_size(path, size_error);
+  const auto time = std::filesystem::last_write_time(path, time_error);
+  return {size_error ? 0 : size, time_error ? 0 : time.time_since_epoch().count()};
+}
+
 base::Bytes stateOf(const ImportedSource& source) {
   base::ByteWriter out;
   base::writeFields(out, fieldsOf(source));
@@ -50,6 +59,8 @@ base::Bytes stateOf(const ImportedSource& source) {
     out.string16(picture.path);
     base::writeFields(out, std::tie(picture.offset, picture.bytes));
     out.u8(picture.base64 ? 1 : 0);
+    const auto [size, time] = stampOf(picture.path);
+    base::writeFields(out, std::tie(size, time));
   }
   const mesh::Georeference& georeference = source.info.georeference;
   out.string16(georeference.crs);
@@ -69,6 +80,9 @@ base::Result<ImportedSource> readState(const WorkDirectory& directory) {
     picture.path = in.string16();
     base::readFields(in, std::tie(picture.offset, picture.bytes));
     picture.base64 = in.u8() != 0;
+    std::pair<std::uint64_t, std::int64_t> stamp;
+    base::readFields(in, std::tie(stamp.first, stamp.second));
+    if (stamp != stampOf(picture.path)) return directory.damaged();  // and so all is read again
     source.info.pictures.push_back(std::move(picture));
   }
   mesh::Georeference& georeference = source.info.georeference;

@@ -16,12 +16,16 @@ while [ $# -gt 0 ] && [ "$1" != -- ]; do
     *.*)
       mesh=${LUMIGRID_MESHES:-}/$1
       [ -f "$mesh" ] || { echo "gate.sh: $1 is skipped: LUMIGRID_MESHES names no folder that has it"; exit 77; } ;;
+    facade)
+      mesh=$work/$1.obj
+      "$bin/lumigrid" sample --shape "$1" --triangles 5000 -o "$mesh" >/dev/null ;;
     *)
       mesh=$work/$1.ply
       "$bin/lumigrid" sample --shape "$1" --triangles 100000 -o "$mesh" >/dev/null ;;
   esac
-  "$bin/lumigrid" build "$mesh" -o "$work/$name.scene" --grid 5 --tiles 1 --methods patch,images,qsplat --quiet \
-    >/dev/null
+  up=$([ "$name" = facade ] && echo y || echo auto)
+  "$bin/lumigrid" build "$mesh" -o "$work/$name.scene" --grid 5 --tiles 1 --methods patch,images,qsplat --up "$up" \
+    --quiet >/dev/null
   scenes+=("$work/$name.scene")
   shift
 done

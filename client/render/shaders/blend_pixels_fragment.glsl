@@ -69,9 +69,9 @@ void main() {
   float size = length(here.to_eye) / u_pixels_per_unit;
   float local = patch_here.y;
   // A share of the patch's error is always left, since detail that all triangles lack shows in none; all of it while
-  // the proxy's shape is off by pixels, as when a scene arrives.
+  // the proxy's shape is off by pixels, as when a scene arrives, and where it lacks a texture.
   float least = mix(u_even_error, 1.0, smoothstep(0.25, 1.0, patch_here.x / size)) * local;
-  if (u_unlit) local = clamp(contrastAt(pixel, here, size), least, local);
+  if (u_unlit && patch_here.x >= 0.0) local = clamp(contrastAt(pixel, here, size), least, local);
   Blend blend = blendAt(here, ndc, vec3(patch_here.xy, local), bits != 0u ? int(patch_here.w) : 0);
   // Beside a pixel without a surface nothing is known of the slope.
   float is_surface = bits != 0u ? 1.0 : 0.0;

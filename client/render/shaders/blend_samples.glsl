@@ -73,11 +73,12 @@ struct Blend {
 };
 
 // Blends the first `count` samples listed. `view_ndc`: the pixel, −1..1. `proxy_error`: typical errors of the place's
-// patch: of shape, scene units; of colour, 0..1; and of its own colour at this place, no more than that.
+// patch: of shape, scene units, below 0 where a texture is all that it lacks; of colour, 0..1; and of its own colour at
+// this place, no more than that.
 Blend blendAt(Surface surface, vec2 view_ndc, vec3 proxy_error, int count) {
   float view_distance = length(surface.to_eye);
   vec3 view_ray = surface.to_eye / view_distance;
-  float error = proxy_error.x;
+  float error = max(proxy_error.x, 0.0);
   float color_error = proxy_error.y;
   float view_density = u_pixels_per_unit / view_distance;
   float error_px = error * view_density;
@@ -91,8 +92,8 @@ Blend blendAt(Surface surface, vec2 view_ndc, vec3 proxy_error, int count) {
   float lost2 = u_unlit ? kLostDetail * color_error * color_error : 0.0;
   float least_error2 = image_noise2 + min(lost2, kMostLost * image_noise2);
   // Images that are further from the proxy's colour than it errs most often show something else: what lies beside the
-  // edge of a hidden place. Where light makes the colours, their error is less sure.
-  float believable = u_unlit ? u_outlier : u_lit_outlier;
+  // edge of a hidden place. Where light makes the colours, or a texture that the patch lacks, their error is less sure.
+  float believable = u_unlit && proxy_error.x >= 0.0 ? u_outlier : u_lit_outlier;
   float believable2 = 3.0 * believable * believable * (color_error * color_error + kLeastError2);
 
   float finest = exp2(u_sharpen);

@@ -180,6 +180,21 @@ TEST_F(TexturedSheet, goesOnBehindThePicturesThatWereDone) {
   EXPECT_EQ(bytesOf("texture.lgt"), textures);
 }
 
+TEST_F(TexturedSheet, aPictureThatChangedMeanwhileIsReadAgain) {
+  HierarchyOptions options;
+  options.texture_path = folder_ / "texture.lgt";
+  options.resume_key = [] { return base::Result<std::string>("sheet"); };
+  const auto cancel = [](const std::string& stage, double) { return stage != "simplify"; };
+  ASSERT_FALSE(buildHierarchyFromFiles({folder_ / "sheet.obj"}, options, folder_ / "patch.lgp", cancel));
+  ASSERT_TRUE(base::writePng(base::Image(kSide, kSide, 3), folder_ / "picture0.png"));
+  const auto resumed = buildHierarchyFromFiles({folder_ / "sheet.obj"}, options, folder_ / "patch.lgp");
+  ASSERT_TRUE(resumed) << resumed.error().message;
+  const std::string patches = bytesOf("patch.lgp"), textures = bytesOf("texture.lgt");
+  build();
+  EXPECT_EQ(bytesOf("patch.lgp"), patches);
+  EXPECT_EQ(bytesOf("texture.lgt"), textures);
+}
+
 TEST_F(TexturedSheet, leavesSayWhatDetailTheirVerticesLack) {
   // Noise of 100 levels on either side of a mean, a texel each: the vertices' means know nothing of it.
   base::Image noise(kSide, kSide, 3);
