@@ -178,6 +178,32 @@ TEST_F(RedCharts, noLineShowsAtAnyMipLevel) {
   }
 }
 
+// The right half of each chart is not there.
+TEST_F(RedCharts, alphaLeavesOutWhatIsNotThere) {
+  write();
+  base::Image image = *base::readPng(folder_ / "charts.png");
+  base::Image masked(image.width, image.height, 4);
+  for (int y = 0; y < image.height; ++y)
+    for (int x = 0; x < image.width; ++x) {
+      for (int k = 0; k < 3; ++k) masked.at(x, y)[k] = image.at(x, y)[k];
+      masked.at(x, y)[3] = x % (kChart + kGap) < kChart / 2 ? 255 : 0;
+    }
+  ASSERT_TRUE(base::writePng(masked, folder_ / "charts.png"));
+  build("sheet.obj");
+  open(true);
+  base::ViewCamera view;
+  view.position = {12.0, 12.0, 10.0}, view.direction = {0.0, 0.0, -1.0}, view.up = {0.0, 1.0, 0.0};
+  view.width = 320, view.height = 240;
+  const base::Image picture = draw(view, {.tolerance_px = 0.0F});
+  int covered = 0;
+  for (std::size_t i = 0; i < picture.pixels.size(); i += 4) {
+    if (picture.pixels[i + 3] == 0) continue;
+    ++covered;
+    EXPECT_GT(picture.pixels[i], 200);
+  }
+  EXPECT_NEAR(static_cast<double>(covered) / (320.0 * 240.0), 0.5, 0.03);
+}
+
 TEST_F(RedCharts, pictureDoesNotDependOnWhatWasDrawnBefore) {
   write();
   build("sheet.obj");
