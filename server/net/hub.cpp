@@ -96,7 +96,11 @@ void Hub::startRenderer() {
   renderer = std::move(*started);
   for (const auto& hosted : scenes) {
     if (!hosted->hasPatches()) continue;
-    hosted->scene->data.welcome.can_render_frames = true;
+    const bool lacks_textures = lacksTextures(*hosted->scene);
+    if (lacks_textures)
+      spdlog::warn("no exact frames of {}: it was published without its textures; publish it --with-textures",
+                   hosted->scene->directory);
+    hosted->scene->data.welcome.can_render_frames = !lacks_textures;
     hosted->site->onLightChanged([this, number = hosted->number](const base::Light& light) {
       if (renderer) renderer->setLight(number, light);
     });

@@ -58,6 +58,9 @@ base::Result<std::unique_ptr<OpenScene>> openScene(const std::string& place, con
 /// Reads scene.json at a place. Errors as ObjectSource::read; kInvalidInput for a file over 16 MiB, which no scene.json
 /// reaches.
 base::Result<base::Bytes> readSceneJson(const repository::ObjectSource& source);
+/// Whether the source's textures belong to the scene and are not there: it was published without them. Its leaves then
+/// have colours of vertices only, so that no frame would be exact.
+bool lacksTextures(const OpenScene& open);
 /// Opens the images of a published scene; `index` as scene.json lists it.
 base::Result<std::unique_ptr<repository::PackStore>> openPacks(const std::string& directory, const std::string& index);
 /// Identifies the scene in a file of access counts.

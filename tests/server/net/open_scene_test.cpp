@@ -4,8 +4,10 @@
 
 #include "repository/packs/publish.h"
 #include "repository/sampling/parameters.h"
+#include "tests/programs/run_program.h"
 #include "tests/server/net/loopback.h"
 #include "tests/server/net/served_scene.h"
+#include "tests/support/temporary_directory.h"
 
 namespace server {
 namespace {
@@ -96,6 +98,24 @@ TEST(OpenScene, gridsAreReadFromMetaOrRefused) {
     auto refused = repository::gridFromMeta(meta, "images");
     ASSERT_FALSE(refused) << meta;
     EXPECT_NE(refused.error().message.find("images"), std::string::npos);
+  }
+}
+
+// A copy without textures could only draw frames that are less exact than the images beside them.
+TEST(OpenScene, aCopyWithoutTexturesSaysSo) {
+  const support::TemporaryDirectory folder;
+  const auto done = [](const std::vector<std::string>& arguments) {
+    const programs::Outcome outcome = programs::run("lumigrid", arguments);
+    EXPECT_EQ(outcome.status, 0) << outcome.err;
+  };
+  done({"sample", "--shape", "facade", "--triangles", "500", "--texels", "50", "-o", folder / "facade.obj"});
+  done({"build", folder / "facade.obj", "-o", folder / "scene", "--methods", "patch", "--quiet"});
+  done({"publish", folder / "scene", folder / "copy", "--quiet", "--viewer", "off"});
+  done({"publish", folder / "scene", folder / "whole", "--quiet", "--viewer", "off", "--with-textures"});
+  for (const auto& [name, lacks] : {std::pair("scene", false), {"copy", true}, {"whole", false}}) {
+    const auto open = openScene(folder / name);
+    ASSERT_TRUE(open) << open.error().message;
+    EXPECT_EQ(lacksTextures(**open), lacks) << name;
   }
 }
 
