@@ -86,7 +86,7 @@ lumigrid_row(client_web_check USES base client)
 lumigrid_row(compare USES * LINKS *)
 lumigrid_row(lumigrid-compare USES * LINKS *)
 
-set(LUMIGRID_CLIENT_FORBIDDEN metis openmesh opencv_core opencv_imgproc mesh lod_ingest lod_patch_builder
+set(LUMIGRID_CLIENT_FORBIDDEN metis openmesh draco opencv_core opencv_imgproc mesh lod_ingest lod_patch_builder
   lod_qsplat_builder repository objects server_render server_bake server_export server_session server_net lmdb)
 
 function(_lumigrid_check_list kind name allowed)
