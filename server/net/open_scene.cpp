@@ -126,6 +126,28 @@ base::Result<void> openRemoteImages(std::unique_ptr<repository::CachedSource> so
   return {};
 }
 
+/// Null when the scene does not list the part, or under a name without the id that published parts have.
+const base::ScenePart* publishedPart(const base::Scene& scene, const std::string& stem, const std::string& extension) {
+  const auto name = base::partFile(scene, stem, extension);
+  if (!name || !base::isPublishedName(*name)) return nullptr;
+  const auto part = std::find_if(scene.parts.begin(), scene.parts.end(),
+                                 [&](const base::ScenePart& one) { return one.file == *name; });
+  return part == scene.parts.end() ? nullptr : &*part;
+}
+
+// Frames are drawn with textures that lie beside the patches. A scene whose textures cannot be had is served as one
+// that was published without them.
+void mirrorTextures(const repository::ObjectSource& source, const std::string& directory, const RemoteOptions& options,
+                    OpenScene& open) {
+  const base::ScenePart* textures = publishedPart(open.scene, "texture", ".lgt");
+  if (textures == nullptr) return;
+  const std::string file = textures->file;
+  const auto path = repository::mirrorObject(source, file, directory, textures->sha256);
+  if (path) return;
+  if (options.warn) options.warn("no textures: " + path.error().message);
+  std::erase_if(open.scene.parts, [&](const base::ScenePart& part) { return part.file == file; });
+}
+
 // A scene is served without annotations when they are absent or damaged.
 void readRemoteAnnotations(const repository::ObjectSource& source, const RemoteOptions& options, OpenScene& open) {
   const auto read = [&]() -> base::Result<base::Bytes> {
@@ -140,15 +162,6 @@ void readRemoteAnnotations(const repository::ObjectSource& source, const RemoteO
     open.annotations_json.assign(bytes->begin(), bytes->end());
   else if (options.warn)
     options.warn("no annotations: " + notes.error().message);
-}
-
-/// Null when the scene does not list the part, or under a name without the id that published parts have.
-const base::ScenePart* publishedPart(const base::Scene& scene, const std::string& stem, const std::string& extension) {
-  const auto name = base::partFile(scene, stem, extension);
-  if (!name || !base::isPublishedName(*name)) return nullptr;
-  const auto part = std::find_if(scene.parts.begin(), scene.parts.end(),
-                                 [&](const base::ScenePart& one) { return one.file == *name; });
-  return part == scene.parts.end() ? nullptr : &*part;
 }
 
 // Opens a published scene behind a network. Every object but scene.json is named by its content, so caches stay valid.
@@ -171,6 +184,7 @@ base::Result<std::unique_ptr<OpenScene>> openRemoteScene(const std::string& plac
     LUMIGRID_ASSIGN_OR_RETURN(
         const auto path, repository::mirrorObject(*source, patches->file, directory + "/hierarchies", patches->sha256));
     LUMIGRID_TRY(openHierarchy(path, *open));
+    mirrorTextures(*source, directory + "/hierarchies", options, *open);
   }
   if (splats != nullptr) {
     LUMIGRID_ASSIGN_OR_RETURN(open->remote_splats, openCachedSource(source, directory, options));

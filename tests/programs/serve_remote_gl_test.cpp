@@ -10,6 +10,7 @@
 #include "base/json/camera_file.h"
 #include "protocol/message.h"
 #include "repository/faces/face_value.h"
+#include "server/net/open_scene.h"
 #include "tests/programs/published_site.h"
 #include "tests/server/net/loopback.h"
 
@@ -237,6 +238,35 @@ TEST_F(RemoteVerify, aPlaceThatHoldsNoSceneIsAnErrorInOneLine) {
   expectOneLineError(verify(place("nothing")), 1, {place("nothing") + "/scene.json", "404"});
   fs::copy(scene_, path("site/built"), fs::copy_options::recursive);
   expectOneLineError(verify(place("built")), 1, {place("built"), "lumigrid publish"});
+}
+
+TEST_F(RemoteServe, texturesOfAFarSceneLieBesideItsPatches) {
+  const auto done = [](const std::vector<std::string>& arguments) {
+    const auto outcome = run("lumigrid", arguments);
+    EXPECT_EQ(outcome.status, 0) << outcome.err;
+  };
+  done({"sample", "--shape", "facade", "--triangles", "500", "--texels", "50", "-o", path("wall.obj")});
+  done({"build", path("wall.obj"), "-o", path("wall"), "--methods", "patch", "--quiet"});
+  done({"publish", path("wall"), path("site/wall"), "--quiet", "--viewer", "off", "--with-textures"});
+  server::RemoteOptions options;
+  options.cache_directory = path("textures-cache");
+  std::vector<std::string> warnings;
+  options.warn = [&](const std::string& warning) { warnings.push_back(warning); };
+  const auto open = server::openScene(place("wall"), options);
+  ASSERT_TRUE(open) << open.error().message;
+  EXPECT_FALSE(server::lacksTextures(**open));
+  const fs::path texture =
+      fs::path((*open)->patches.path()).parent_path() / *base::partFile((*open)->scene, "texture", ".lgt");
+  EXPECT_TRUE(fs::exists(texture)) << texture;
+
+  // Where they cannot be had the scene is served without them.
+  fs::remove_all(options.cache_directory);
+  fs::remove(fs::path(path("site/wall")) / texture.filename());
+  const auto without = server::openScene(place("wall"), options);
+  ASSERT_TRUE(without) << without.error().message;
+  EXPECT_TRUE(server::lacksTextures(**without));
+  ASSERT_FALSE(warnings.empty());
+  EXPECT_NE(warnings.back().find("no textures"), std::string::npos) << warnings.back();
 }
 
 }  // namespace
