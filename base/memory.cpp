@@ -50,6 +50,12 @@ void keepFreedMemory() {
 #endif
 }
 
+void returnLargeBlocks() {
+#if defined(__GLIBC__)
+  ::mallopt(M_MMAP_THRESHOLD, kMegabyte);
+#endif
+}
+
 void releaseFreedMemory(std::uint64_t memory_bytes) {
 #if defined(__GLIBC__)
   // Less than this is used again sooner than it is returned and fetched.

@@ -11,6 +11,10 @@ std::uint64_t machineMemory();
 /// system anew costs a fault for each page. Holds for the whole process.
 void keepFreedMemory();
 
+/// Makes the allocator fetch blocks of a megabyte and more from the system and return each when it is freed, for a
+/// program whose large blocks are of ever other sizes: kept ones would add up. Holds for the whole process.
+void returnLargeBlocks();
+
 /// Returns to the system what the allocator keeps, where that is a large share of the `memory_bytes` that may be used.
 void releaseFreedMemory(std::uint64_t memory_bytes);
 

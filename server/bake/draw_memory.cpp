@@ -28,6 +28,8 @@ constexpr std::uint64_t kTargetBytesPerSample = 8;
 // RGBA pictures of 4 bytes a pixel: the resolved one, four being read back, five under way, two waiting, and one being
 // encoded, which takes half as much again; and the rest is rounding up.
 constexpr std::uint64_t kPictureBytesPerPixel = 80;
+// With textures: pages being decoded, and those given up whose drawing is under way.
+constexpr std::uint64_t kPageBytes = 256 * kMebi;
 constexpr std::uint64_t kEncoderBytesPerPixel = 24;  // each further thread has one picture in work, two waiting
 // A stored face takes up to a byte for 8 pixels: twice what a full one takes at quality 85.
 constexpr std::uint64_t kPixelsPerValueByte = 8;
@@ -44,8 +46,15 @@ std::uint64_t tableBytes(const lod::patch::Hierarchy& hierarchy) {
   return hierarchy.patches.size() * sizeof(lod::patch::Patch) + hierarchy.groups.size() * sizeof(lod::patch::Group);
 }
 
+bool hasTextures(const lod::patch::Hierarchy& hierarchy) {
+  return std::any_of(hierarchy.patches.begin(), hierarchy.patches.end(),
+                     [](const lod::patch::Patch& patch) { return patch.color_detail != 0; });
+}
+
 /// The memory of all patches uploaded at once: no cut needs more.
 std::uint64_t geometryBytes(const lod::patch::Hierarchy& hierarchy) {
+  // Pages are many times as large as patches, and how large depends on the view.
+  if (hasTextures(hierarchy)) return kGpuBudgetBytes;
   std::uint64_t bytes = 0;
   for (const lod::patch::Patch& patch : hierarchy.patches)
     bytes += lod::draw::PatchMeshes::bytesFor(patch.vertices, patch.triangles);
@@ -56,7 +65,8 @@ std::uint64_t geometryBytes(const lod::patch::Hierarchy& hierarchy) {
 std::uint64_t contextBytes(const DrawDemand& demand) {
   const auto side = static_cast<std::uint64_t>(demand.render.supersampling);
   const std::uint64_t samples = std::min(pixelsOf(demand) * side * side, demand.render.max_target_samples);
-  return std::min(kDrawnBytesPerTriangle * demand.hierarchy.source_triangles, kMaxDrawnBytes) +
+  return (hasTextures(demand.hierarchy) ? kPageBytes : 0) +
+         std::min(kDrawnBytesPerTriangle * demand.hierarchy.source_triangles, kMaxDrawnBytes) +
          samples * kTargetBytesPerSample + pixelsOf(demand) * kPictureBytesPerPixel;
 }
 

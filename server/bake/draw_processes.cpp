@@ -17,6 +17,7 @@
 #include <thread>
 #include <utility>
 
+#include "base/memory.h"
 #include "server/bake/draw_messages.h"
 
 namespace server {
@@ -187,6 +188,8 @@ base::Result<void> serveBake(int socket, const Encode& encode) {
     return base::Error{base::ErrorCode::kInvalidInput, "the first message to a drawing process is no order"};
   LUMIGRID_ASSIGN_OR_RETURN(auto order, decodeOrder(first->body));
   LUMIGRID_ASSIGN_OR_RETURN(auto patches, lod::patch::PatchFile::open(order.patch_path));
+  // Pages of textures have tens of megabytes each; without this they cost a third of a ceiling of 1 GB.
+  if (base::partFile(order.scene, "texture", ".lgt")) base::returnLargeBlocks();
 
   // One thread encodes, so faces come in order.
   const FaceWork work{order.scene,

@@ -10,7 +10,9 @@ namespace {
 
 // Patches decoded at a time: enough for all cores, and at most some megabytes that wait for their upload.
 constexpr std::size_t kDecodeTogether = 64;
-constexpr std::uint64_t kDecodeBytes = std::uint64_t{64} << 20;
+constexpr std::uint64_t kDecodeBytes = std::uint64_t{16} << 20;
+// Software GL keeps pages that were given up until all that was drawn with them is done.
+constexpr std::uint64_t kMostGivenUp = std::uint64_t{16} << 20;
 // Patches a thread: with fewer, starting it costs more than it saves. Decoding a page takes longer than that.
 constexpr std::size_t kDecodePerThread = 4;
 
@@ -94,7 +96,13 @@ base::Result<void> PatchCache::makeResident(std::span<const DrawnPatch> batch) {
 
   // Evict the oldest patches, but none of the batch.
   std::size_t evictable = by_age_.size() - (batch.size() - missing.size());
+  const std::uint64_t pages_before = pages_.gpuBytes();
   for (; evictable > 0 && gpuBytes() + missing_bytes > budget_bytes_; --evictable) remove(by_age_.front());
+  given_up_bytes_ += pages_before - pages_.gpuBytes();
+  if (given_up_bytes_ > kMostGivenUp) {
+    glFinish();
+    given_up_bytes_ = 0;
+  }
 
   for (std::size_t i = 0; i < missing.size();) {
     std::size_t count = 0;

@@ -69,6 +69,7 @@ class PatchCache {
   std::list<std::uint32_t> by_age_;  ///< resident patches, oldest first
   std::unordered_map<std::uint32_t, Resident> resident_;
   std::uint64_t uploads_ = 0;
+  std::uint64_t given_up_bytes_ = 0;  ///< of pages, since the GL finished last
 };
 
 }  // namespace server
