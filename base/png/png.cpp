@@ -132,6 +132,8 @@ Result<Image> decodePng(ByteView bytes) {
                                                std::to_string(png.height) +
                                                " pixels, more than its bytes can hold or than we read"};
 
+  // Deep pictures that do not say what their samples mean are sRGB like all others; libpng would take them as linear.
+  png.flags |= PNG_IMAGE_FLAG_16BIT_sRGB;
   // Channels as stored; palettes and 16 bits become 8-bit channels, grey with alpha becomes RGBA.
   const bool color = (png.format & PNG_FORMAT_FLAG_COLOR) != 0;
   const bool alpha = (png.format & PNG_FORMAT_FLAG_ALPHA) != 0;

@@ -115,6 +115,12 @@ struct Hierarchy {
   }
 };
 
+/// Whether some leaf's source has a texture that its vertices' colours lack.
+inline bool hasTextures(const Hierarchy& hierarchy) {
+  return std::any_of(hierarchy.patches.begin(), hierarchy.patches.end(),
+                     [](const Patch& patch) { return patch.color_detail != 0; });
+}
+
 /// One patch's geometry, decoded.
 struct PatchGeometry {
   std::vector<glm::ivec3> positions;   ///< lattice points

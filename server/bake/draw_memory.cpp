@@ -46,11 +46,6 @@ std::uint64_t tableBytes(const lod::patch::Hierarchy& hierarchy) {
   return hierarchy.patches.size() * sizeof(lod::patch::Patch) + hierarchy.groups.size() * sizeof(lod::patch::Group);
 }
 
-bool hasTextures(const lod::patch::Hierarchy& hierarchy) {
-  return std::any_of(hierarchy.patches.begin(), hierarchy.patches.end(),
-                     [](const lod::patch::Patch& patch) { return patch.color_detail != 0; });
-}
-
 /// The memory of all patches uploaded at once: no cut needs more.
 std::uint64_t geometryBytes(const lod::patch::Hierarchy& hierarchy) {
   // Pages are many times as large as patches, and how large depends on the view.

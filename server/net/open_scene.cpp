@@ -223,10 +223,8 @@ base::Result<std::unique_ptr<OpenScene>> openScene(const std::string& place, con
 }
 
 bool lacksTextures(const OpenScene& open) {
-  if (open.data.patches == nullptr || base::partFile(open.scene, "texture", ".lgt")) return false;
-  const auto& patches = open.patches.hierarchy().patches;
-  return std::any_of(patches.begin(), patches.end(),
-                     [](const lod::patch::Patch& patch) { return patch.color_detail != 0; });
+  return open.data.patches != nullptr && !base::partFile(open.scene, "texture", ".lgt") &&
+         hasTextures(open.patches.hierarchy());
 }
 
 }  // namespace server

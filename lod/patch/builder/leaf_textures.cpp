@@ -44,6 +44,7 @@ base::Result<Leaf> readLeaf(const WorkStore& store, const WorkPatch& patch) {
 struct MadePages {
   struct One {
     float texel = 0.0F;
+    bool reduced = false;
     base::Bytes bytes;
   };
   std::vector<One> pages;
@@ -142,7 +143,7 @@ base::Result<MadePages> makeLeafPages(const LeafTextureSource& source, const Wor
     covered *= static_cast<double>(page.scale) * static_cast<double>(page.scale);
     const double texel = std::sqrt(area / std::max(covered, 1e-6));
     LUMIGRID_ASSIGN_OR_RETURN(auto bytes, texture::encodePage(page));
-    made.pages.push_back({std::max(static_cast<float>(texel), 1e-30F), std::move(bytes)});
+    made.pages.push_back({std::max(static_cast<float>(texel), 1e-30F), page.scale < 1.0F, std::move(bytes)});
   }
   return made;
 }
@@ -218,6 +219,7 @@ class LeafTextures::Maker {
       out.u32(static_cast<std::uint32_t>(m.pages.size()));
       for (const MadePages::One& page : m.pages) {
         out.f32(page.texel);
+        out.u8(page.reduced ? 1 : 0);
         out.u32(static_cast<std::uint32_t>(page.bytes.size()));
         out.bytes(page.bytes);
       }
@@ -242,6 +244,7 @@ class LeafTextures::Maker {
         Kept kept;
         kept.leaf = leaf;
         kept.texel = in.f32();
+        out_.summary_.reduced_pages += in.u8();
         kept.bytes = in.u32();
         kept.offset = offset + in.offset();
         (void)in.bytes(kept.bytes);

@@ -195,6 +195,16 @@ TEST_F(TexturedSheet, aPictureThatChangedMeanwhileIsReadAgain) {
   EXPECT_EQ(bytesOf("texture.lgt"), textures);
 }
 
+TEST_F(TexturedSheet, chartsThatAreTooLargeForAPageAreReducedAndCounted) {
+  ASSERT_TRUE(base::writePng(base::Image(9000, 8, 3), folder_ / "picture0.png"));
+  const auto summary = build();
+  ASSERT_TRUE(summary.texture);
+  EXPECT_GT(summary.texture->reduced_pages, 0U);
+  const auto textures = texture::TextureFile::open(folder_ / "texture.lgt");
+  ASSERT_TRUE(textures) << textures.error().message;
+  EXPECT_EQ(textures->verify(), std::vector<std::string>{});
+}
+
 TEST_F(TexturedSheet, leavesSayWhatDetailTheirVerticesLack) {
   // Noise of 100 levels on either side of a mean, a texel each: the vertices' means know nothing of it.
   base::Image noise(kSide, kSide, 3);
