@@ -70,8 +70,17 @@ RunCommand addServe(CLI::App& command) {
   command.add_option("--address", a->options.address,
                      "address to listen at; 0.0.0.0 for every network of this machine");
   command.add_option("--port", a->options.port, "port; 0 picks a free one and prints it");
-  command.add_option("--max-connections", a->options.max_connections, "viewers at a time; more are answered 503");
-  command.add_option("--idle", a->options.idle_seconds, "seconds after which a silent viewer is let go");
+  command.add_option("--max-connections", a->options.max_connections, "connections at a time; more are answered 503");
+  command.add_option("--connections-per-address", a->options.connections_per_address,
+                     "connections of one address at a time; more are answered 429");
+  command
+      .add_option("--pictures-per-address", a->options.picture_limits.of_one_address,
+                  "pictures that one address may have asked for at a time; more are answered 503")
+      ->check(CLI::Range(1, 1000));
+  command
+      .add_option("--idle", a->options.idle_seconds,
+                  "seconds after which a viewer that sent nothing is let go; it may connect again")
+      ->check(CLI::Range(1.0, 1e6));
   command.add_option("--web", a->web,
                      "folder with the browser client's files, served at /; off: none. Default: ../share/lumigrid/web "
                      "beside the folder of this program, where installing puts them");
@@ -80,7 +89,7 @@ RunCommand addServe(CLI::App& command) {
                   "most megapixels of a picture asked for at /render; 0: render none")
       ->check(CLI::Range(0.0, 1000.0));
   command
-      .add_option("--max-waiting-pictures", a->options.max_waiting_pictures,
+      .add_option("--max-waiting-pictures", a->options.picture_limits.waiting,
                   "pictures that may wait while one is rendered; further ones are answered 503")
       ->check(CLI::Range(0, 1000));
   command.add_flag("--no-frames", a->no_frames,

@@ -2,6 +2,7 @@
 // The base class of HTTP and WebSocket sessions.
 #include <boost/asio/post.hpp>
 #include <memory>
+#include <string>
 #include <utility>
 
 #include "server/net/hub.h"
@@ -11,9 +12,14 @@ namespace server {
 /// A connection lives as long as one of its operations is pending.
 class Connection : public std::enable_shared_from_this<Connection> {
  public:
-  explicit Connection(std::shared_ptr<Hub> hub) : hub_(std::move(hub)) { hub_->connections.insert(this); }
+  /// `address`: the peer's, without its port.
+  Connection(std::shared_ptr<Hub> hub, std::string address) : hub_(std::move(hub)), address_(std::move(address)) {
+    hub_->connections.insert(this);
+    ++hub_->connections_of[address_];
+  }
   virtual ~Connection() {
     hub_->connections.erase(this);
+    if (const auto it = hub_->connections_of.find(address_); --it->second == 0) hub_->connections_of.erase(it);
     if (hub_->stopping && hub_->connections.empty() && hub_->on_last_connection_closed)
       hub_->on_last_connection_closed();
   }
@@ -39,6 +45,7 @@ class Connection : public std::enable_shared_from_this<Connection> {
     };
   }
   const std::shared_ptr<Hub> hub_;
+  const std::string address_;
 };
 
 }  // namespace server

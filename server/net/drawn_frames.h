@@ -3,6 +3,7 @@
 // picture, and everybody who opens a scene looks at the same first view: each is drawn once.
 #include <cstddef>
 #include <list>
+#include <memory>
 
 #include "base/camera.h"
 #include "base/image.h"
@@ -12,23 +13,26 @@ namespace server {
 /// Keeps the newest pictures. Not for several threads.
 class DrawnFrames {
  public:
+  using Picture = std::shared_ptr<const base::Image>;
+
   /// `max_bytes`: of all pixels; a larger picture is not kept.
   explicit DrawnFrames(std::size_t max_bytes) : max_bytes_(max_bytes) {}
 
-  /// Returns the scene's picture for this very camera, null where none is kept; valid until the next call of another
-  /// function.
-  const base::Image* find(std::size_t scene, const base::ViewCamera& camera);
+  // `scene` tells scenes apart, and is not looked into.
+
+  /// Returns the scene's picture for this very camera, null where none is kept.
+  Picture find(const void* scene, const base::ViewCamera& camera);
   /// Keeps a picture that find() does not have; those that were not asked for longest go.
-  void add(std::size_t scene, const base::ViewCamera& camera, base::Image picture);
+  void add(const void* scene, const base::ViewCamera& camera, Picture picture);
   /// Forgets the scene's pictures, as when its light changes.
-  void forget(std::size_t scene);
+  void forget(const void* scene);
   std::size_t bytes() const { return bytes_; }
 
  private:
   struct Drawn {
-    std::size_t scene;
+    const void* scene;
     base::ViewCamera camera;
-    base::Image picture;
+    Picture picture;
   };
 
   std::list<Drawn> pictures_;  // the last one asked for first

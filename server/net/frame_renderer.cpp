@@ -1,8 +1,10 @@
 #include "server/net/frame_renderer.h"
 
+#include <algorithm>
 #include <utility>
 
 #include "base/egl/headless.h"
+#include "base/parallel.h"
 #include "server/bake/frame_encoder.h"
 #include "spdlog/spdlog.h"
 
@@ -11,80 +13,211 @@ namespace {
 
 constexpr std::uint64_t kPatchBytes = std::uint64_t{2} << 30;  // GPU memory for the patches of all scenes together
 constexpr std::size_t kDrawnBytes = std::size_t{64} << 20;     // eighteen pictures of 1280 x 720, two of 4K
+// Each holds up to 64 MB; small frames go on meanwhile.
+constexpr std::size_t kMaxBegun = 2;
+constexpr std::uint64_t kMaxEncodingBytes = std::uint64_t{128} << 20;
+constexpr std::size_t kMaxClients = 4096;  // whose drawn pixels are remembered
+
+std::uint64_t pixelsOf(const base::ViewCamera& camera) {
+  return static_cast<std::uint64_t>(camera.width) * static_cast<std::uint64_t>(camera.height);
+}
 
 }  // namespace
 
-FrameRenderer::FrameRenderer(const std::vector<const OpenScene*>& scenes) : scenes_(scenes), drawn_(kDrawnBytes) {}
+FrameRenderer::FrameRenderer() : drawn_(kDrawnBytes), encoders_(base::coreCount()) {}
 
-void FrameRenderer::runThread(const std::stop_token& stop, std::promise<base::Result<void>> started) {
+// ---- The thread
+
+void FrameRenderer::runThread(const std::stop_token& stop, const std::vector<ScenePointer>& scenes,
+                              std::promise<base::Result<void>> started) {
   auto context = base::HeadlessContext::create();
   if (!context) return started.set_value(context.error());
-  if (auto made = makeRenderers(); !made) {
+  for (const ScenePointer& scene : scenes) {
+    const auto made = rendererOf(scene);
+    if (made) continue;
     renderers_.clear();
     return started.set_value(made.error());
   }
   spdlog::info("frames: rendered by {}", (*context)->renderer());
   started.set_value({});
-  std::optional<FrameJob> frame;
-  while (waitForWork(stop, frame)) {
-    takeUpLights();
-    if (frame) frame->done(renderFrame(*frame));
+  while (waitForWork(stop)) {
+    takeUpScenes();
+    if (current_frame_) drawFrameBand();
     if (current_picture_) drawPictureBand();
   }
+  current_frame_.reset();
   current_picture_.reset();
   renderers_.clear();  // their GL objects go before the context does
 }
 
-/// The renderers share the GPU memory that one would take. Splats-only scenes have none.
-base::Result<void> FrameRenderer::makeRenderers() {
-  for (const OpenScene* scene : scenes_) {
-    renderers_.emplace_back();
-    if (scene->data.patches == nullptr) continue;
-    LUMIGRID_ASSIGN_OR_RETURN(renderers_.back(),
-                              SceneRenderer::create(scene->scene, scene->patches, kPatchBytes / scenes_.size()));
+/// The scenes share the GPU memory that one would take.
+base::Result<SceneRenderer*> FrameRenderer::rendererOf(const ScenePointer& scene) {
+  Drawn& drawn = renderers_[scene.get()];
+  if (!drawn.renderer) {
+    drawn.scene = scene;
+    LUMIGRID_ASSIGN_OR_RETURN(
+        drawn.renderer,
+        SceneRenderer::create(scene->scene, scene->patches, kPatchBytes / std::max<std::size_t>(1, renderers_.size())));
   }
-  return {};
+  return drawn.renderer.get();
 }
 
-/// A picture that was begun is drawn to its end by the light it began with, and so are frames of its scene meanwhile.
-void FrameRenderer::takeUpLights() {
-  std::map<std::size_t, base::Light> lights;
+/// A picture that is drawn in part is drawn to its end by the light it began with, and so are frames of its scene
+/// meanwhile.
+void FrameRenderer::takeUpScenes() {
+  std::map<ScenePointer, base::Light> lights;
+  std::vector<ScenePointer> forgotten;
   {
     const std::lock_guard lock(mutex_);
+    const auto is_being_drawn = [this](const ScenePointer& scene) {
+      return (current_picture_ && current_picture_->painter && current_picture_->scene == scene) ||
+             (current_frame_ && current_frame_->painter && current_frame_->scene == scene) ||
+             std::any_of(frames_.begin(), frames_.end(),
+                         [&](const FrameJob& job) { return job.painter && job.scene == scene; });
+    };
     for (auto it = lights_.begin(); it != lights_.end();) {
-      const bool is_being_drawn = current_picture_ && current_picture_->painter && current_picture_->scene == it->first;
       const auto next = std::next(it);
-      if (!is_being_drawn) lights.insert(lights_.extract(it));
+      if (!is_being_drawn(it->first)) lights.insert(lights_.extract(it));
       it = next;
     }
+    std::erase_if(forgotten_, [&](const ScenePointer& scene) {
+      if (is_being_drawn(scene)) return false;
+      forgotten.push_back(scene);
+      return true;
+    });
   }
   for (const auto& [scene, light] : lights) {
-    drawn_.forget(scene);
-    if (auto done = renderers_[scene]->setLight(light); !done) spdlog::warn("light: {}", done.error().message);
+    drawn_.forget(scene.get());
+    const auto renderer = rendererOf(scene);
+    const auto done = renderer ? (*renderer)->setLight(light) : base::Result<void>(renderer.error());
+    if (!done) spdlog::warn("light: {}", done.error().message);
+  }
+  for (const ScenePointer& scene : forgotten) {
+    drawn_.forget(scene.get());
+    renderers_.erase(scene.get());
   }
 }
 
-/// Waits for a request. Sets `frame` to the next frame, if one waits, and keeps or begins the current picture. Returns
-/// false when the renderer stops.
-bool FrameRenderer::waitForWork(const std::stop_token& stop, std::optional<FrameJob>& frame) {
-  std::unique_lock lock(mutex_);
-  if (std::exchange(current_cancelled_, false)) {
-    current_picture_.reset();
-    current_client_.reset();
+/// The frame of which a band comes next; the end where none may be begun now.
+std::list<FrameRenderer::FrameJob>::iterator FrameRenderer::nextFrame() {
+  auto best = frames_.end();
+  const auto usedBy = [this](const FrameJob& job) {
+    const auto it = used_.find(job.client);
+    return it == used_.end() ? served_ : it->second;
+  };
+  for (auto job = frames_.begin(); job != frames_.end(); ++job) {
+    const bool is_large = pixelsOf(job->request.camera) > FramePainter::kBandPixels;
+    if (is_large && !job->painter && begun_ >= kMaxBegun) continue;
+    if (!job->painter && encoding_bytes_ > kMaxEncodingBytes) continue;
+    if (best == frames_.end() || std::pair(usedBy(*job), job->number) < std::pair(usedBy(*best), best->number))
+      best = job;
   }
-  changed_.wait(lock, stop, [this] { return current_picture_ || !queue_.empty() || !pictures_.empty(); });
+  return best;
+}
+
+/// Waits for a request. Sets the current frame, if one waits, and keeps or begins the current picture. Returns false
+/// when the renderer stops.
+bool FrameRenderer::waitForWork(const std::stop_token& stop) {
+  std::unique_lock lock(mutex_);
+  if (std::exchange(picture_cancelled_, false)) {
+    current_picture_.reset();
+    picture_client_.reset();
+  }
+  auto frame = frames_.end();
+  changed_.wait(lock, stop, [&] {
+    frame = nextFrame();
+    return current_picture_ || frame != frames_.end() || !pictures_.empty() || !forgotten_.empty();
+  });
   if (stop.stop_requested()) return false;
-  frame.reset();
-  if (!queue_.empty()) {
-    frame = std::move(queue_.front());
-    queue_.pop_front();
+  if (frame != frames_.end()) {
+    current_frame_ = std::move(*frame);
+    frames_.erase(frame);
+    frame_client_ = current_frame_->client;
+    frame_cancelled_ = false;
   }
   if (!current_picture_ && !pictures_.empty()) {
     current_picture_ = std::move(pictures_.front());
     pictures_.pop_front();
-    current_client_ = current_picture_->client;
+    picture_client_ = current_picture_->client;
+    picture_address_ = current_picture_->address;
   }
   return true;
+}
+
+void FrameRenderer::drawFrameBand() {
+  FrameJob job = std::move(*current_frame_);
+  current_frame_.reset();
+  const bool was_begun = job.painter != nullptr;
+  std::shared_ptr<const base::Image> picture;
+  base::Result<bool> whole = true;
+  if (!was_begun) picture = drawn_.find(job.scene.get(), job.request.camera);
+  if (!picture) whole = drawNextBand(job);
+  if (!whole) spdlog::warn("frames: {}", whole.error().message);
+  if (whole && *whole && !picture) {
+    picture = std::make_shared<const base::Image>(job.painter->takePicture());
+    drawn_.add(job.scene.get(), job.request.camera, picture);
+  }
+
+  std::unique_lock lock(mutex_);
+  frame_client_.reset();
+  const bool goes_on = whole && !*whole && !frame_cancelled_;
+  if (goes_on && !was_begun) ++begun_;
+  if (!goes_on && was_begun) --begun_;
+  if (goes_on) return frames_.push_back(std::move(job));
+  if (frame_cancelled_) return;
+  lock.unlock();
+  if (picture)
+    encode(std::move(job), std::move(picture));
+  else
+    job.done({});
+}
+
+base::Result<bool> FrameRenderer::drawNextBand(FrameJob& job) {
+  LUMIGRID_ASSIGN_OR_RETURN(SceneRenderer* const renderer, rendererOf(job.scene));
+  if (!job.painter) job.painter = std::make_unique<FramePainter>(job.request.camera, job.scene->scene, *renderer);
+  charge(job.client, std::min(pixelsOf(job.request.camera), FramePainter::kBandPixels));
+  return job.painter->drawNextBand(*renderer);
+}
+
+void FrameRenderer::charge(std::uint64_t client, std::uint64_t pixels) {
+  const std::lock_guard lock(mutex_);
+  if (used_.size() > kMaxClients) std::erase_if(used_, [this](const auto& one) { return one.second <= served_; });
+  auto [used, is_new] = used_.try_emplace(client, served_);
+  // Nobody saves up pixels while idle.
+  used->second = std::max(used->second, served_);
+  served_ = used->second;
+  used->second += pixels;
+}
+
+/// A picture that is being encoded, or waits for it. Its bytes are counted, even if the encoders drop it.
+struct FrameRenderer::Encoding {
+  Encoding(FrameRenderer& owner, FrameJob asked, std::shared_ptr<const base::Image> drawn)
+      : renderer(owner), job(std::move(asked)), picture(std::move(drawn)) {
+    const std::lock_guard lock(renderer.mutex_);
+    renderer.encoding_bytes_ += picture->pixels.size();
+  }
+  ~Encoding() {
+    const std::lock_guard lock(renderer.mutex_);
+    renderer.encoding_bytes_ -= picture->pixels.size();
+    renderer.changed_.notify_one();
+  }
+  Encoding(const Encoding&) = delete;
+  Encoding& operator=(const Encoding&) = delete;
+
+  FrameRenderer& renderer;
+  const FrameJob job;
+  const std::shared_ptr<const base::Image> picture;
+};
+
+/// Encoding takes as long as drawing, and needs no GL.
+void FrameRenderer::encode(FrameJob job, std::shared_ptr<const base::Image> picture) {
+  const std::uint64_t client = job.client;
+  encoders_.submit(client, [encoding = std::make_shared<Encoding>(*this, std::move(job), std::move(picture))] {
+    const FrameRequest& request = encoding->job.request;
+    auto encoded = encodeFrame(*encoding->picture, request.codec, request.quality);
+    if (!encoded) spdlog::warn("frames: {}", encoded.error().message);
+    encoding->job.done(encoded ? std::move(*encoded) : base::Bytes());
+  });
 }
 
 void FrameRenderer::drawPictureBand() {
@@ -93,8 +226,8 @@ void FrameRenderer::drawPictureBand() {
   if (!whole) spdlog::warn("picture: {}", whole.error().message);
   {
     const std::lock_guard lock(mutex_);
-    current_client_.reset();
-    if (std::exchange(current_cancelled_, false)) return current_picture_.reset();
+    picture_client_.reset();
+    if (std::exchange(picture_cancelled_, false)) return current_picture_.reset();
   }
   if (whole)
     current_picture_->done(current_picture_->painter->takePicture());
@@ -103,75 +236,68 @@ void FrameRenderer::drawPictureBand() {
   current_picture_.reset();
 }
 
-base::Result<bool> FrameRenderer::drawNextBand(PictureJob& job) const {
-  SceneRenderer& renderer = *renderers_[job.scene];
+base::Result<bool> FrameRenderer::drawNextBand(PictureJob& job) {
+  LUMIGRID_ASSIGN_OR_RETURN(SceneRenderer* const renderer, rendererOf(job.scene));
   if (!job.painter) {
-    LUMIGRID_ASSIGN_OR_RETURN(job.painter, PicturePainter::begin(job.request, scenes_[job.scene]->scene, renderer));
+    LUMIGRID_ASSIGN_OR_RETURN(job.painter, PicturePainter::begin(job.request, job.scene->scene, *renderer));
   }
-  return job.painter->drawNextBand(renderer);
+  return job.painter->drawNextBand(*renderer);
 }
 
-base::Bytes FrameRenderer::renderFrame(const FrameJob& job) {
-  auto encoded = encodedFrame(job);
-  if (!encoded) {
-    spdlog::warn("frames: {}", encoded.error().message);
-    return {};
-  }
-  return std::move(*encoded);
-}
+// ---- The other threads
 
-base::Result<base::Bytes> FrameRenderer::encodedFrame(const FrameJob& job) {
-  const FrameRequest& request = job.request;
-  if (const base::Image* drawn = drawn_.find(job.scene, request.camera))
-    return encodeFrame(*drawn, request.codec, request.quality);
-  const glm::dvec3& origin = scenes_[job.scene]->scene.origin;
-  SceneRenderer& renderer = *renderers_[job.scene];
-  const base::Sphere bounds{renderer.sceneCenter(), renderer.sceneRadius()};
-  LUMIGRID_ASSIGN_OR_RETURN(auto picture,
-                            renderer.render(base::cameraForScene(request.camera, origin, bounds),
-                                            exactFrameOptions(request.camera.width, request.camera.height)));
-  auto encoded = encodeFrame(picture.rgba, request.codec, request.quality);
-  drawn_.add(job.scene, request.camera, std::move(picture.rgba));
-  return encoded;
-}
-
-base::Result<std::unique_ptr<FrameRenderer>> FrameRenderer::start(const std::vector<const OpenScene*>& scenes) {
-  std::unique_ptr<FrameRenderer> renderer(new FrameRenderer(scenes));
+base::Result<std::unique_ptr<FrameRenderer>> FrameRenderer::start(const std::vector<ScenePointer>& scenes) {
+  std::unique_ptr<FrameRenderer> renderer(new FrameRenderer);
   std::promise<base::Result<void>> promise;
   auto started = promise.get_future();
-  renderer->thread_ = std::jthread([raw = renderer.get(), p = std::move(promise)](const std::stop_token& stop) mutable {
-    raw->runThread(stop, std::move(p));
-  });
+  renderer->thread_ =
+      std::jthread([raw = renderer.get(), scenes, p = std::move(promise)](const std::stop_token& stop) mutable {
+        raw->runThread(stop, scenes, std::move(p));
+      });
   LUMIGRID_TRY(started.get());
   return renderer;
 }
 
-void FrameRenderer::requestFrame(std::uint64_t client, std::size_t scene, const FrameRequest& request, OnFrame done) {
+void FrameRenderer::requestFrame(std::uint64_t client, ScenePointer scene, const FrameRequest& request, OnFrame done) {
   cancel(client);
-  std::lock_guard lock(mutex_);
-  queue_.push_back({client, scene, request, std::move(done)});
+  const std::lock_guard lock(mutex_);
+  frames_.push_back({client, next_number_++, std::move(scene), request, std::move(done)});
   changed_.notify_one();
 }
 
-void FrameRenderer::setLight(std::size_t scene, const base::Light& light) {
+void FrameRenderer::setLight(const ScenePointer& scene, const base::Light& light) {
   const std::lock_guard lock(mutex_);
   lights_[scene] = light;
 }
 
-bool FrameRenderer::requestPicture(std::uint64_t client, std::size_t scene, const PictureRequest& request,
-                                   std::size_t max_waiting, OnPicture done) {
+void FrameRenderer::forgetScene(const ScenePointer& scene) {
   const std::lock_guard lock(mutex_);
-  if (pictures_.size() >= max_waiting + (current_client_ ? 0 : 1)) return false;
-  pictures_.push_back({client, scene, request, std::move(done), nullptr});
+  forgotten_.push_back(scene);
+  changed_.notify_one();
+}
+
+bool FrameRenderer::requestPicture(std::uint64_t client, const std::string& address, ScenePointer scene,
+                                   const PictureRequest& request, const PictureLimits& limits, OnPicture done) {
+  const std::lock_guard lock(mutex_);
+  if (pictures_.size() >= limits.waiting + (picture_client_ ? 0 : 1)) return false;
+  std::size_t of_address = picture_client_ && picture_address_ == address ? 1 : 0;
+  for (const PictureJob& job : pictures_) of_address += job.address == address ? 1 : 0;
+  if (of_address >= limits.of_one_address) return false;
+  pictures_.push_back({client, address, std::move(scene), request, std::move(done)});
   changed_.notify_one();
   return true;
 }
 
 void FrameRenderer::cancel(std::uint64_t client) {
+  encoders_.cancel(client);
   const std::lock_guard lock(mutex_);
-  std::erase_if(queue_, [client](const FrameJob& job) { return job.client == client; });
+  std::erase_if(frames_, [&](const FrameJob& job) {
+    if (job.client == client && job.painter) --begun_;
+    return job.client == client;
+  });
   std::erase_if(pictures_, [client](const PictureJob& job) { return job.client == client; });
-  if (current_client_ == client) current_cancelled_ = true;
+  if (frame_client_ == client) frame_cancelled_ = true;
+  if (picture_client_ == client) picture_cancelled_ = true;
 }
 
 }  // namespace server

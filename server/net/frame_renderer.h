@@ -2,90 +2,128 @@
 // Renders exact frames of viewers' views, and between them pictures of any size that were requested over HTTP, on a
 // thread of its own with its own GL context. All scenes of a server share that thread, since Mesa's llvmpipe crashes
 // with several drawing contexts at once (docs/decisions/software-gl-processes.md).
+//
+// Large frames are drawn in bands, and the next band is that of the client for whom fewest pixels were drawn so far:
+// who asks for large frames waits for those who ask for small ones. Frames are encoded on other threads.
 #include <condition_variable>
 #include <cstdint>
 #include <deque>
 #include <functional>
 #include <future>
+#include <list>
 #include <map>
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <string>
 #include <thread>
+#include <unordered_map>
 #include <vector>
 
 #include "base/error.h"
 #include "server/net/drawn_frames.h"
+#include "server/net/frame_painter.h"
 #include "server/net/open_scene.h"
 #include "server/net/picture.h"
 #include "server/render/scene_renderer.h"
+#include "server/session/fair_queue.h"
 #include "server/session/session.h"
 
 namespace server {
 
-/// Its end drops queued requests and waits for the current band or frame.
+/// How many pictures may wait.
+struct PictureLimits {
+  std::size_t waiting = 4;         ///< of all, besides the one being drawn
+  std::size_t of_one_address = 2;  ///< with the one being drawn
+};
+
+/// Its end drops queued requests and waits for the current band.
 class FrameRenderer {
  public:
   using OnFrame = std::function<void(base::Bytes value)>;
   using OnPicture = std::function<void(base::Result<base::Bytes> picture)>;
+  using ScenePointer = std::shared_ptr<const OpenScene>;
 
-  /// Starts the thread and waits for its GL context; the error says why there is none. The scenes outlive this; the
-  /// parameter `scene` below is a position in the list, of a scene with patches.
-  static base::Result<std::unique_ptr<FrameRenderer>> start(const std::vector<const OpenScene*>& scenes);
+  /// Starts the thread and waits for its GL context; the error says why there is none. The scenes here are prepared at
+  /// once; others when they are first asked for.
+  static base::Result<std::unique_ptr<FrameRenderer>> start(const std::vector<ScenePointer>& scenes);
 
-  /// Queues one frame (exactFrameOptions), encoded by encodeFrame(). A view that was drawn a short while ago, for
-  /// whatever client and quality, is not drawn again. A client's newer request replaces its older one, whose `done` is
-  /// never called; so the queue holds one request per client. `done` is called on the renderer's thread, with no bytes
-  /// when rendering failed.
-  void requestFrame(std::uint64_t client, std::size_t scene, const FrameRequest& request, OnFrame done);
-  /// Queues a picture of any size, drawn in bands: at most one frame is drawn between two bands while frames wait, and
-  /// no frame waits for more than one band. Returns false, and never calls `done`, when `max_waiting` pictures wait
-  /// already besides the one being drawn. `done` is called on the renderer's thread.
-  bool requestPicture(std::uint64_t client, std::size_t scene, const PictureRequest& request, std::size_t max_waiting,
-                      OnPicture done);
+  /// Queues one frame (exactFrameOptions) of a scene with patches, encoded by encodeFrame(). A view that was drawn a
+  /// short while ago, for whatever client and quality, is not drawn again. A client's newer request replaces its older
+  /// one, whose `done` is never called; so the queue holds one request per client. `done` is called on an encoder's
+  /// thread, with no bytes when rendering failed.
+  void requestFrame(std::uint64_t client, ScenePointer scene, const FrameRequest& request, OnFrame done);
+  /// Queues a picture of any size, drawn in bands, one between two bands of frames while frames wait. Returns false,
+  /// and never calls `done`, when as many wait as the limits allow. `done` is called on the renderer's thread.
+  bool requestPicture(std::uint64_t client, const std::string& address, ScenePointer scene,
+                      const PictureRequest& request, const PictureLimits& limits, OnPicture done);
   /// Draws the scene by another light: each frame, and each picture that is begun, that is asked for from here on.
-  void setLight(std::size_t scene, const base::Light& light);
-  /// Removes the client's requests from the queues and abandons its picture if that is being drawn. A `done` that runs
-  /// already still completes.
+  void setLight(const ScenePointer& scene, const base::Light& light);
+  /// Removes the client's requests from the queues and abandons those that are being drawn. A `done` that runs already
+  /// still completes.
   void cancel(std::uint64_t client);
+  /// Lets go of the scene once its last request is done.
+  void forgetScene(const ScenePointer& scene);
 
  private:
-  explicit FrameRenderer(const std::vector<const OpenScene*>& scenes);
+  FrameRenderer();
   struct FrameJob {
     std::uint64_t client = 0;
-    std::size_t scene = 0;
+    std::uint64_t number = 0;  // in the order of the requests
+    ScenePointer scene;
     FrameRequest request;
     OnFrame done;
+    std::unique_ptr<FramePainter> painter = nullptr;  // used by the thread alone; null: not begun
   };
   struct PictureJob {
     std::uint64_t client = 0;
-    std::size_t scene = 0;
+    std::string address;
+    ScenePointer scene;
     PictureRequest request;
     OnPicture done;
-    std::unique_ptr<PicturePainter> painter;  // used by the thread alone; null: not begun
+    std::unique_ptr<PicturePainter> painter = nullptr;  // used by the thread alone; null: not begun
+  };
+  struct Drawn {
+    ScenePointer scene;
+    std::unique_ptr<SceneRenderer> renderer;
   };
 
-  void runThread(const std::stop_token& stop, std::promise<base::Result<void>> started);
-  bool waitForWork(const std::stop_token& stop, std::optional<FrameJob>& frame);
-  base::Result<void> makeRenderers();
-  void takeUpLights();
-  base::Bytes renderFrame(const FrameJob& job);
-  base::Result<base::Bytes> encodedFrame(const FrameJob& job);
+  void runThread(const std::stop_token& stop, const std::vector<ScenePointer>& scenes,
+                 std::promise<base::Result<void>> started);
+  bool waitForWork(const std::stop_token& stop);
+  std::list<FrameJob>::iterator nextFrame();
+  base::Result<SceneRenderer*> rendererOf(const ScenePointer& scene);
+  void takeUpScenes();
+  void drawFrameBand();
+  base::Result<bool> drawNextBand(FrameJob& job);
+  struct Encoding;
+  void encode(FrameJob job, std::shared_ptr<const base::Image> picture);
   void drawPictureBand();
-  base::Result<bool> drawNextBand(PictureJob& job) const;
+  base::Result<bool> drawNextBand(PictureJob& job);
+  void charge(std::uint64_t client, std::uint64_t pixels);
 
-  const std::vector<const OpenScene*> scenes_;
-  std::vector<std::unique_ptr<SceneRenderer>> renderers_;  // used by the thread alone; parallel to `scenes_`
-  DrawnFrames drawn_;                                      // used by the thread alone
+  // Used by the thread alone.
+  std::map<const OpenScene*, Drawn> renderers_;
+  DrawnFrames drawn_;
+  std::optional<FrameJob> current_frame_;
+  std::optional<PictureJob> current_picture_;
+
   std::mutex mutex_;
   std::condition_variable_any changed_;
-  std::map<std::size_t, base::Light> lights_;    // by scene: not yet taken up
-  std::deque<FrameJob> queue_;                   // one per client at most, oldest first
-  std::deque<PictureJob> pictures_;              // oldest first
-  std::optional<std::uint64_t> current_client_;  // the client of current_picture_
-  bool current_cancelled_ = false;               // nobody wants current_picture_ any more
-  std::optional<PictureJob> current_picture_;    // used by the thread alone
-  std::jthread thread_;                          // last: it uses the others
+  std::map<ScenePointer, base::Light> lights_;             // not yet taken up
+  std::vector<ScenePointer> forgotten_;                    // likewise
+  std::list<FrameJob> frames_;                             // one per client at most
+  std::unordered_map<std::uint64_t, std::uint64_t> used_;  // pixels drawn for each client
+  std::uint64_t served_ = 0;                               // `used_` of the client that was served last
+  std::uint64_t next_number_ = 0;
+  std::size_t begun_ = 0;                                       // frames that are drawn in part
+  std::uint64_t encoding_bytes_ = 0;                            // of pictures that are being encoded
+  std::deque<PictureJob> pictures_;                             // oldest first
+  std::optional<std::uint64_t> frame_client_, picture_client_;  // of the current jobs
+  std::string picture_address_;
+  bool frame_cancelled_ = false, picture_cancelled_ = false;  // nobody wants the current job any more
+  FairQueue encoders_;
+  std::jthread thread_;  // last: it uses the others
 };
 
 }  // namespace server

@@ -24,6 +24,8 @@ namespace {
 
 // Choices, but for Beast's: shorter times and smaller numbers cut slow clients off, larger ones let more of them hold
 // connections and memory.
+constexpr auto kHeaderTimeout = std::chrono::seconds(10);           // for the first request
+constexpr auto kTurnedAwayTimeout = std::chrono::seconds(2);        // of one that gets a refusal
 constexpr auto kIdleTimeout = std::chrono::seconds(30);             // for the next request on an open connection
 constexpr auto kAnswerTimeout = std::chrono::minutes(10);           // for a picture, a picked point or a remote range
 constexpr std::uint64_t kMinBytesPerSecond = 16 * 1024;             // a slower download is cut
@@ -34,15 +36,20 @@ constexpr std::uint64_t kRemoteRange = std::uint64_t{1} << 20;      // bytes of 
 
 class HttpSession final : public Connection {
  public:
-  HttpSession(std::shared_ptr<Hub> hub, TcpSocket&& socket, bool turned_away)
-      : Connection(std::move(hub)), stream_(std::move(socket)), turned_away_(turned_away) {}
+  HttpSession(std::shared_ptr<Hub> hub, TcpSocket&& socket, const std::string& address, bool turned_away)
+      : Connection(std::move(hub), address),
+        stream_(std::move(socket)),
+        deadline_(stream_.get_executor()),
+        turned_away_(turned_away) {}
   ~HttpSession() override { hub_->unsent_picture_bytes -= picture_bytes_; }
   void start() { doRead(); }
   void closeForShutdown() override { close(); }
 
  private:
   void doRead();
+  void allowTimeToRead();
   void onRead(error_code ec, std::size_t bytes_read);
+  void onUnreadable(error_code ec);
   void answer(HttpRequest request);
   void upgradeToWebSocket();
 
@@ -82,8 +89,12 @@ class HttpSession final : public Connection {
 
   using Body = http::span_body<const std::uint8_t>;
   BeastStream stream_;
+  SteadyTimer deadline_;  // of reading
+  bool is_late_ = false;
+  bool keep_alive_ = true;
+  std::uint64_t requests_ = 0;
   const bool turned_away_;
-  HostedScene* hosted_ = nullptr;  // the scene that the current request addresses
+  std::shared_ptr<HostedScene> hosted_;  // the scene that the current request addresses
   beast::flat_buffer buffer_;
   std::optional<http::request_parser<http::empty_body>> parser_;
   std::optional<std::uint64_t> awaited_;  // id of the answer
@@ -127,16 +138,45 @@ void HttpSession::doRead() {
   parser_.emplace();
   parser_->header_limit(kMaxHeaderBytes);
   parser_->body_limit(0);
-  stream_.expires_after(kIdleTimeout);
+  allowTimeToRead();
   http::async_read(stream_, buffer_, *parser_, beast::bind_front_handler(&HttpSession::onRead, self<HttpSession>()));
 }
 
+/// The stream's own timeout would close the socket, so that no 408 could be written.
+void HttpSession::allowTimeToRead() {
+  stream_.expires_never();
+  is_late_ = false;
+  deadline_.expires_after(turned_away_ ? kTurnedAwayTimeout : requests_ == 0 ? kHeaderTimeout : kIdleTimeout);
+  deadline_.async_wait([self = self<HttpSession>()](error_code cancelled) {
+    if (cancelled) return;
+    self->is_late_ = true;
+    error_code ignored;
+    self->stream_.socket().cancel(ignored);
+  });
+}
+
 void HttpSession::onRead(error_code ec, std::size_t /*bytes_read*/) {
-  if (ec == http::error::end_of_stream) return shutDownSending();
-  if (ec) return;  // a timeout, a lost peer or bytes that are not HTTP: the socket closes with the session
-  if (turned_away_)
+  deadline_.cancel();
+  ++requests_;
+  if (ec) return onUnreadable(ec);
+  const HttpRequest request = viewOf(parser_->get());
+  if (turned_away_ && request.path() != "/healthz")
     return doWrite(tryLater(kRetrySeconds, "this server has as many viewers as it may; try again later\n"));
-  answer(viewOf(parser_->get()));
+  answer(request);
+}
+
+/// Bytes that are no request get an answer that says why, as far as there were any.
+void HttpSession::onUnreadable(error_code ec) {
+  if (ec == http::error::end_of_stream) return shutDownSending();
+  keep_alive_ = false;
+  if (ec == asio::error::operation_aborted && is_late_)
+    return parser_->got_some() ? doWrite(textReply(408, "the request did not come in time\n")) : shutDownSending();
+  if (ec == http::error::header_limit)
+    return doWrite(textReply(431, "the request's header has more than 8 KB; send fewer or shorter fields\n"));
+  if (ec == http::error::body_limit) return doWrite(textReply(413, "requests have no body here\n"));
+  if (ec.category() == http::make_error_code(http::error::bad_method).category() && ec != http::error::partial_message)
+    return doWrite(textReply(400, "this is no HTTP request\n"));
+  // A lost peer: the socket closes with the session.
 }
 
 void HttpSession::answer(HttpRequest request) {
@@ -161,7 +201,7 @@ void HttpSession::answer(HttpRequest request) {
 void HttpSession::upgradeToWebSocket() {
   stream_.expires_never();  // a WebSocket stream has its own timeouts
   hosted_->site->readAppearance();
-  startWebSocketSession(hub_, *hosted_, std::move(stream_), parser_->get());
+  startWebSocketSession(hub_, hosted_, address_, std::move(stream_), parser_->get());
 }
 
 // ---- Answers of other threads
@@ -183,7 +223,7 @@ void HttpSession::requestPicture(const HttpRequest& request) {
       id, [type](HttpSession& session, base::Result<base::Bytes> bytes) { session.onPicture(type, std::move(bytes)); });
   const bool accepted =
       hub_->unsent_picture_bytes < kMaxUnsentPictures &&
-      hub_->renderer->requestPicture(id, hosted_->number, *picture, hub_->options.max_waiting_pictures, done);
+      hub_->renderer->requestPicture(id, address_, hosted_->scene, *picture, hub_->options.picture_limits, done);
   if (!accepted) return doWrite(tryLater(kRetrySeconds, "too many pictures are asked for at once; try again later\n"));
   waitForAnswer(id);
 }
@@ -247,6 +287,7 @@ void HttpSession::onReadable(std::uint64_t id) {
 void HttpSession::stopWaiting() {
   if (!awaited_) return;
   if (hub_->renderer) hub_->renderer->cancel(*awaited_);
+  if (hosted_) hosted_->fetchers->cancel(*awaited_);
   awaited_.reset();
   answer_timer_->cancel();
   error_code ignored;
@@ -258,11 +299,12 @@ void HttpSession::stopWaiting() {
 void HttpSession::readRemoteRange() {
   const RemoteBody& body = reply_.remote;
   const std::uint64_t id = hub_->next_client++;
-  hub_->fetchers->submit([done = whenAwaited<base::Result<base::Bytes>>(id, std::mem_fn(&HttpSession::onRemoteRange)),
-                          hub = hub_.get(), source = body.source, name = body.name, offset = body.offset,
-                          length = std::min(body.length, kRemoteRange)] {
-    if (!hub->stopping) done(source->read(name, offset, length));
-  });
+  hosted_->fetchers->submit(
+      id,
+      [done = whenAwaited<base::Result<base::Bytes>>(id, std::mem_fn(&HttpSession::onRemoteRange)), hub = hub_.get(),
+       source = body.source, name = body.name, offset = body.offset, length = std::min(body.length, kRemoteRange)] {
+        if (!hub->stopping) done(source->read(name, offset, length));
+      });
   waitForAnswer(id);
 }
 
@@ -322,7 +364,7 @@ void HttpSession::setFields(const UpgradeRequest& request) {
   auto& fields = *response_;
   fields.result(static_cast<unsigned>(reply_.status));
   fields.version(request.version());
-  fields.keep_alive(request.keep_alive() && !turned_away_ && !hub_->stopping && reply_.has_length);
+  fields.keep_alive(keep_alive_ && request.keep_alive() && !turned_away_ && !hub_->stopping && reply_.has_length);
   fields.set(http::field::server, "lumigrid");
   fields.set(http::field::content_type, reply_.type);
   fields.set(http::field::cache_control, reply_.cache);
@@ -355,13 +397,14 @@ void HttpSession::shutDownSending() {
 
 void HttpSession::close() {
   stopWaiting();
+  deadline_.cancel();
   stream_.close();
 }
 
 }  // namespace
 
-void startHttpSession(std::shared_ptr<Hub> hub, TcpSocket&& socket, bool turned_away) {
-  std::make_shared<HttpSession>(std::move(hub), std::move(socket), turned_away)->start();
+void startHttpSession(std::shared_ptr<Hub> hub, TcpSocket&& socket, const std::string& address, bool turned_away) {
+  std::make_shared<HttpSession>(std::move(hub), std::move(socket), address, turned_away)->start();
 }
 
 }  // namespace server

@@ -6,13 +6,18 @@
 #include <set>
 #include <utility>
 
+#include "base/parallel.h"
 #include "server/net/scene_names.h"
 #include "spdlog/spdlog.h"
 
 namespace server {
 namespace {
 
-constexpr unsigned kFetchers = 8;  // as many views, or ranges of files, are fetched from a network at a time; a choice
+// As many views, or ranges of files, of a scene are fetched at a time; choices.
+constexpr unsigned kFarFetchers = 8, kLocalFetchers = 2;
+constexpr unsigned kFetchesPerClient = 2;  // a viewer's newest view need not wait for the one before
+// A machine of one core has two workers, too, so that one that waits for a disk does not stop all.
+constexpr unsigned kMinWorkers = 2;
 
 base::Result<PageFiles> readPages(const std::string& directory) {
   if (directory.empty()) return PageFiles();
@@ -37,6 +42,11 @@ void logImageErrors(OpenScene& scene) {
 
 }  // namespace
 
+std::unique_ptr<FairQueue> HostedScene::makeFetchers(const OpenScene& scene) {
+  const bool is_far = scene.data.images_are_remote || scene.remote_splats != nullptr;
+  return std::make_unique<FairQueue>(is_far ? kFarFetchers : kLocalFetchers, kFetchesPerClient);
+}
+
 void HostedScene::startAccessLog(const ServerOptions& options, const std::string& scene_directory) {
   if (!hasPatches()) return;
   std::string path = options.access_file;
@@ -53,6 +63,9 @@ void HostedScene::startAccessLog(const ServerOptions& options, const std::string
   scene->data.access = &access->counter();
 }
 
+Hub::Hub(boost::asio::io_context& context, ServerOptions chosen)
+    : io(context), options(std::move(chosen)), workers(std::max(kMinWorkers, base::coreCount())) {}
+
 base::Result<void> Hub::openScenes(const std::vector<std::string>& places) {
   if (places.empty()) return base::Error{base::ErrorCode::kInvalidInput, "there is no scene to serve"};
   if (places.size() > 1 && !options.access_file.empty())
@@ -66,7 +79,7 @@ base::Result<void> Hub::openScenes(const std::vector<std::string>& places) {
     LUMIGRID_ASSIGN_OR_RETURN(auto scene, openScene(places[i], remote));
     logImageErrors(*scene);
     scene->data.ahead_bytes = options.ahead_bytes;
-    scenes.push_back(std::make_unique<HostedScene>(i, places.size() > 1 ? (*names)[i] : "", std::move(scene)));
+    scenes.push_back(std::make_shared<HostedScene>(places.size() > 1 ? (*names)[i] : "", std::move(scene)));
   }
 
   LUMIGRID_ASSIGN_OR_RETURN(const auto pages, readPages(options.page_directory));
@@ -77,20 +90,11 @@ base::Result<void> Hub::openScenes(const std::vector<std::string>& places) {
   return {};
 }
 
-void Hub::startFetchers() {
-  const bool any_remote = std::any_of(scenes.begin(), scenes.end(), [](const auto& hosted) {
-    return hosted->scene->data.images_are_remote || hosted->scene->remote_splats != nullptr;
-  });
-  if (!any_remote) return;
-  // A viewer has at most two requests under way, any other connection one; so submit() never blocks the io thread.
-  const std::size_t max_connections = std::size_t{options.max_connections} + kMaxTurnedAway;
-  fetchers = std::make_unique<base::ThreadPool>(kFetchers, 2 * max_connections + kFetchers);
-}
-
 void Hub::startRenderer() {
-  std::vector<const OpenScene*> opened;
-  for (const auto& hosted : scenes) opened.push_back(hosted->scene.get());
-  if (std::none_of(scenes.begin(), scenes.end(), [](const auto& hosted) { return hosted->hasPatches(); })) return;
+  std::vector<FrameRenderer::ScenePointer> opened;
+  for (const auto& hosted : scenes)
+    if (hosted->hasPatches()) opened.emplace_back(hosted->scene);
+  if (opened.empty()) return;
   auto started = FrameRenderer::start(opened);
   if (!started) return spdlog::warn("no exact frames: {}", started.error().message);
   renderer = std::move(*started);
@@ -101,21 +105,21 @@ void Hub::startRenderer() {
       spdlog::warn("no exact frames of {}: it was published without its textures; publish it --with-textures",
                    hosted->scene->directory);
     hosted->scene->data.welcome.can_render_frames = !lacks_textures;
-    hosted->site->onLightChanged([this, number = hosted->number](const base::Light& light) {
-      if (renderer) renderer->setLight(number, light);
+    hosted->site->onLightChanged([this, scene = hosted->scene.get()](const base::Light& light) {
+      if (renderer) renderer->setLight(scene->shared_from_this(), light);
     });
   }
 }
 
-HostedScene* Hub::findScene(std::string_view target, std::string_view& rest) const {
+std::shared_ptr<HostedScene> Hub::findScene(std::string_view target, std::string_view& rest) const {
   if (scenes.size() == 1) {
     rest = target;
-    return scenes.front().get();
+    return scenes.front();
   }
   const NamedTarget named = splitTarget(target);
   rest = named.rest;
   for (const auto& hosted : scenes)
-    if (hosted->name == named.name) return hosted.get();
+    if (hosted->name == named.name) return hosted;
   return nullptr;
 }
 
@@ -132,7 +136,8 @@ HttpReply Hub::answerForAllScenes(const HttpRequest& request) const {
 
 void Hub::endThreads() {
   stopping = true;
-  fetchers.reset();
+  workers.stop();
+  for (const auto& hosted : scenes) hosted->fetchers->stop();
   renderer.reset();
   for (const auto& hosted : scenes) hosted->picker.reset();
 }

@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <functional>
+#include <map>
 #include <memory>
 #include <set>
 #include <string>
@@ -11,13 +12,13 @@
 #include <vector>
 
 #include "base/error.h"
-#include "base/parallel.h"
 #include "server/net/access_log.h"
 #include "server/net/frame_renderer.h"
 #include "server/net/open_scene.h"
 #include "server/net/pick.h"
 #include "server/net/server.h"
 #include "server/net/site.h"
+#include "server/session/fair_queue.h"
 
 namespace boost::asio {
 class io_context;
@@ -29,49 +30,54 @@ class Connection;
 
 /// One scene of a server with everything that answers for it.
 struct HostedScene {
-  HostedScene(std::size_t position, std::string served_as, std::unique_ptr<OpenScene> opened)
-      : number(position), name(std::move(served_as)), scene(std::move(opened)) {}
+  HostedScene(std::string served_as, std::shared_ptr<OpenScene> opened)
+      : name(std::move(served_as)), scene(std::move(opened)), fetchers(makeFetchers(*scene)) {}
 
-  const std::size_t number;  ///< position in the server's list; the renderer knows the scene by it
-  const std::string name;    ///< first part of its addresses; empty for an only scene, which is at "/"
-  std::unique_ptr<OpenScene> scene;
+  const std::string name;  ///< first part of its addresses; empty for an only scene, which is at "/"
+  std::shared_ptr<OpenScene> scene;
   std::unique_ptr<Site> site;
   std::unique_ptr<Picker> picker;     ///< null: the scene is splats-only
   std::unique_ptr<AccessLog> access;  ///< null: nothing is counted
+  /// Wait for the scene's disk or network, each of which may stall without delaying other scenes. The last member: what
+  /// its jobs use outlives them.
+  std::unique_ptr<FairQueue> fetchers;
 
   bool hasPatches() const { return scene->data.patches != nullptr; }
   /// Starts to count what is sent, in the file that the options name or in the scene's directory. A scene without
   /// patches has nothing to count; where the counts would have no place, the log says so.
   void startAccessLog(const ServerOptions& options, const std::string& scene_directory);
+
+ private:
+  static std::unique_ptr<FairQueue> makeFetchers(const OpenScene& scene);
 };
 
-/// Only the io thread uses it, with two exceptions: fetchers read `stopping`, and the renderer has its own lock.
+/// Only the io thread uses it, with these exceptions: fetchers read `stopping`, and queues and renderer have their own
+/// locks.
 struct Hub {
-  Hub(boost::asio::io_context& context, ServerOptions chosen) : io(context), options(std::move(chosen)) {}
+  Hub(boost::asio::io_context& context, ServerOptions chosen);
 
   /// Opens the scenes and gives each its site and picker. Errors: as Server::open, but for those of the port.
   base::Result<void> openScenes(const std::vector<std::string>& places);
-  /// Starts the threads that fetch images and splats of remote scenes; none where all scenes are local.
-  void startFetchers();
   /// Starts the renderer for exact frames and pictures. Without a GL context the log says why there are none.
   void startRenderer();
   /// The scene that a target addresses, and in `rest` what is asked of it; null for an unknown scene and for the list.
-  HostedScene* findScene(std::string_view target, std::string_view& rest) const;
+  std::shared_ptr<HostedScene> findScene(std::string_view target, std::string_view& rest) const;
   /// The answer to a request that addresses none of several scenes.
   HttpReply answerForAllScenes(const HttpRequest& request) const;
-  /// Ends fetchers, renderer and pickers, whose threads post to `io`; so this precedes the end of `io`.
+  /// Ends workers, fetchers, renderer and pickers, whose threads post to `io`; so this precedes the end of `io`.
   void endThreads();
   /// Writes the access counts of all scenes; nothing is counted from here on.
   void endAccessLogs();
 
   boost::asio::io_context& io;
   ServerOptions options;
-  std::vector<std::unique_ptr<HostedScene>> scenes;  ///< at least one
+  std::vector<std::shared_ptr<HostedScene>> scenes;  ///< at least one
   std::unique_ptr<FrameRenderer> renderer;           ///< null: no exact frames
-  std::unique_ptr<base::ThreadPool> fetchers;        ///< null: all scenes are local
+  FairQueue workers;                                 ///< plan for viewers and make their messages
   std::string place;                                 ///< address:port
   std::set<Connection*> connections;
-  std::function<void()> on_last_connection_closed;  ///< called while the server stops; may be empty
+  std::map<std::string, std::uint32_t> connections_of;  ///< their number, by the peer's address
+  std::function<void()> on_last_connection_closed;      ///< called while the server stops; may be empty
   std::uint64_t next_client = 1;
   std::size_t viewers = 0;
   std::size_t unsent_picture_bytes = 0;  ///< rendered, but not yet written to their connections

@@ -1,6 +1,12 @@
 #include "server/net/listener.h"
 
+#include <fcntl.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <array>
 #include <string>
+#include <string_view>
 #include <utility>
 
 #include "server/net/http_session.h"
@@ -11,6 +17,40 @@ namespace {
 
 // After an accept that failed, e.g. for want of file descriptors: trying again at once would spin.
 constexpr auto kAcceptPause = std::chrono::milliseconds(100);
+
+/// A whole answer without a session.
+std::string refusalOf(const char* status, const std::string& text) {
+  return std::string("HTTP/1.1 ") + status +
+         "\r\nServer: lumigrid\r\nContent-Type: text/plain; charset=utf-8\r\nRetry-After: 5\r\nConnection: close\r\n"
+         "Content-Length: " +
+         std::to_string(text.size()) + "\r\n\r\n" + text;
+}
+
+const std::string& fullAnswer() {
+  static const std::string answer =
+      refusalOf("503 Service Unavailable", "this server has as many connections as it may; try again later\n");
+  return answer;
+}
+
+const std::string& tooManyAnswer() {
+  static const std::string answer =
+      refusalOf("429 Too Many Requests", "there are too many connections of your address; close others\n");
+  return answer;
+}
+
+/// Answers whoever it is without waiting for a request, as far as the kernel takes it at once.
+void answerAndClose(int socket, std::string_view answer) {
+  ::send(socket, answer.data(), answer.size(), MSG_DONTWAIT | MSG_NOSIGNAL);
+  ::shutdown(socket, SHUT_WR);
+  // Closing with bytes unread would reset the connection, and the peer could lose the answer.
+  std::array<char, 4096> unread;
+  while (::recv(socket, unread.data(), unread.size(), MSG_DONTWAIT) > 0) {
+  }
+}
+
+base::FileDescriptor openSpare() {
+  return base::FileDescriptor(::open("/dev/null", O_RDONLY | O_CLOEXEC));
+}
 
 base::Error bindError(const std::string& address, std::uint16_t port, error_code ec) {
   const std::string place = address + ":" + std::to_string(port);
@@ -26,7 +66,7 @@ base::Error bindError(const std::string& address, std::uint16_t port, error_code
 }  // namespace
 
 Listener::Listener(asio::io_context& io, std::shared_ptr<Hub> hub)
-    : hub_(std::move(hub)), acceptor_(io), incoming_(io), pause_(io) {}
+    : hub_(std::move(hub)), acceptor_(io), incoming_(io), pause_(io), spare_(openSpare()) {}
 
 base::Result<void> Listener::bind() {
   const ServerOptions& options = hub_->options;
@@ -54,15 +94,38 @@ void Listener::onAccept(error_code ec) {
   if (hub_->stopping || ec == asio::error::operation_aborted) return;
   if (ec) {
     spdlog::warn("accept: {}", ec.message());
+    if (ec == asio::error::no_descriptors) refuseOne();
     return acceptAfterPause();
   }
-  const std::size_t open = hub_->connections.size();
-  const bool turned_away = open >= hub_->options.max_connections;
-  if (turned_away) spdlog::warn("turn away: {} connections are open", open);
-  TcpSocket socket(std::move(incoming_));  // incoming_ is as new afterwards
-  if (open < std::size_t{hub_->options.max_connections} + kMaxTurnedAway)
-    startHttpSession(hub_, std::move(socket), turned_away);
+  startSession(TcpSocket(std::move(incoming_)));  // incoming_ is as new afterwards
   doAccept();
+}
+
+void Listener::startSession(TcpSocket socket) {
+  error_code ec;
+  const auto peer = socket.remote_endpoint(ec);
+  if (ec) return;  // it has gone already
+  const std::string address = peer.address().to_string();
+  const ServerOptions& options = hub_->options;
+  const std::size_t open = hub_->connections.size();
+  const auto of_address = hub_->connections_of.find(address);
+  if (of_address != hub_->connections_of.end() && of_address->second >= options.connections_per_address) {
+    spdlog::warn("turn away: {} connections of {} are open", of_address->second, address);
+    return answerAndClose(socket.native_handle(), tooManyAnswer());
+  }
+  const bool turned_away = open >= options.max_connections;
+  if (turned_away) spdlog::warn("turn away: {} connections are open", open);
+  if (open >= std::size_t{options.max_connections} + kMaxTurnedAway)
+    return answerAndClose(socket.native_handle(), fullAnswer());
+  startHttpSession(hub_, std::move(socket), address, turned_away);
+}
+
+/// A peer that waits in the queue of the kernel would be told nothing.
+void Listener::refuseOne() {
+  spare_ = base::FileDescriptor();
+  const base::FileDescriptor peer(::accept4(acceptor_.native_handle(), nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC));
+  if (peer) answerAndClose(peer.get(), fullAnswer());
+  spare_ = openSpare();
 }
 
 void Listener::acceptAfterPause() {

@@ -4,6 +4,7 @@
 #include <memory>
 
 #include "base/error.h"
+#include "base/file.h"
 #include "server/net/asio_types.h"
 #include "server/net/hub.h"
 
@@ -24,12 +25,15 @@ class Listener {
  private:
   void doAccept();
   void onAccept(error_code ec);
+  void startSession(TcpSocket socket);
   void acceptAfterPause();
+  void refuseOne();
 
   const std::shared_ptr<Hub> hub_;
   asio::basic_socket_acceptor<Tcp, Executor> acceptor_;
   TcpSocket incoming_;
   SteadyTimer pause_;
+  base::FileDescriptor spare_;  // given up for a moment to refuse a peer when there is no other descriptor left
 };
 
 }  // namespace server

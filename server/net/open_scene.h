@@ -30,7 +30,7 @@ struct RemoteOptions {
 std::string defaultCacheDirectory();
 
 /// Owns everything that `data` points to, and so must not be moved.
-struct OpenScene {
+struct OpenScene : std::enable_shared_from_this<OpenScene> {
   base::Scene scene;
   lod::patch::PatchFile patches;              ///< empty where data.patches is null: a splats-only scene
   std::unique_ptr<repository::Store> images;  ///< null: the scene has no repository

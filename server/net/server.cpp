@@ -37,7 +37,6 @@ base::Result<std::unique_ptr<Server>> Server::open(const std::vector<std::string
   LUMIGRID_TRY(server->impl_->listener.bind());
   if (options.count_access)
     for (std::size_t i = 0; i < scenes.size(); ++i) hub.scenes[i]->startAccessLog(options, scenes[i]);
-  hub.startFetchers();
   if (options.render_frames) hub.startRenderer();
   return server;
 }

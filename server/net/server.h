@@ -8,6 +8,7 @@
 
 #include "base/error.h"
 #include "base/json/scene_file.h"
+#include "server/net/frame_renderer.h"
 #include "server/net/open_scene.h"
 #include "server/session/session.h"
 
@@ -15,18 +16,22 @@ namespace server {
 
 struct ServerOptions {
   std::string address = "127.0.0.1";
-  std::uint16_t port = 8080;  ///< 0: any free one
-  std::uint32_t max_connections = 256;
+  std::uint16_t port = 8080;                    ///< 0: any free one
+  std::uint32_t max_connections = 1024;         ///< fewer where the system allows fewer open files
+  std::uint32_t connections_per_address = 256;  ///< of them
   /// Bytes per client that wait in the kernel before the connection counts as full; at most one more message waits in
   /// the session. The limit is small, so that a new view's data does not queue behind an old one's. Fast links stay
   /// busy all the same, since bytes under way do not count.
   std::uint64_t max_unsent_bytes = 128 * 1024;
-  double idle_seconds = 300.0;                       ///< a viewer that answers no ping for so long is dropped
+  double hello_seconds = 10.0;         ///< for a viewer's first message
+  double stall_seconds = 30.0;         ///< a viewer that takes no byte of what waits for so long is dropped
+  double idle_seconds = 3600.0;        ///< one that sends no message for so long likewise
+  double messages_per_second = 120.0;  ///< of a viewer that are read; others wait on its side
   std::uint64_t ahead_bytes = plan::kPrefetchBytes;  ///< sent to each viewer beyond what its view needs
   bool render_frames = true;                         ///< exact frames, on a thread with its own GL context
   std::string page_directory;  ///< files of the browser client (page_files.h); empty: a plain page at "/"
   std::uint64_t max_picture_pixels = 64'000'000;  ///< width times height of one picture of /render; 0: none
-  std::size_t max_waiting_pictures = 4;           ///< besides the one being drawn; more are answered with a 503
+  PictureLimits picture_limits;                   ///< further pictures are answered with a 503
   /// Whether to count how often each face and group is sent, and keep the counts (docs/formats/access.md). If the file
   /// cannot be written, the log says so, and the scene is served all the same.
   bool count_access = true;

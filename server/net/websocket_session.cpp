@@ -9,12 +9,14 @@
 #include <boost/beast/core/bind_handler.hpp>
 #include <boost/beast/core/flat_buffer.hpp>
 #include <boost/beast/websocket.hpp>
-#include <optional>
+#include <deque>
 #include <string>
 #include <utility>
 
+#include "base/format_text.h"
 #include "server/net/connection.h"
-#include "server/session/session.h"
+#include "server/net/rate_limit.h"
+#include "server/session/session_runner.h"
 #include "spdlog/spdlog.h"
 
 namespace server {
@@ -22,12 +24,16 @@ namespace {
 
 namespace websocket = beast::websocket;
 
-constexpr auto kHandshakeTimeout = std::chrono::seconds(30);
-constexpr std::size_t kMaxCloseReason = 120;  // bytes; RFC 6455, section 5.5.1, has room for 123
+constexpr auto kHandshakeTimeout = std::chrono::seconds(10);  // for the upgrade, and for the peer's close frame
+constexpr std::size_t kMaxCloseReason = 120;                  // bytes; RFC 6455, section 5.5.1, has room for 123
+constexpr std::size_t kMaxBacklog = 64;  // messages of a viewer that wait for its session; then none is read
+constexpr auto kPingTimeout = std::chrono::seconds(60);  // for the pong of a peer that is silent
+constexpr double kMaxWatchSeconds = 10.0;                // between two looks at a connection's deadlines
 
 class WebSocketSession final : public Connection {
  public:
-  WebSocketSession(std::shared_ptr<Hub> hub, const HostedScene& hosted, BeastStream&& stream);
+  WebSocketSession(std::shared_ptr<Hub> hub, std::shared_ptr<HostedScene> hosted, const std::string& address,
+                   BeastStream&& stream);
   ~WebSocketSession() override;
   void start(const UpgradeRequest& upgrade);
   void closeForShutdown() override { close(websocket::close_code::going_away, "the server stops"); }
@@ -36,45 +42,61 @@ class WebSocketSession final : public Connection {
   void setSocketOptions();
   void setWebSocketOptions();
   void onAccept(error_code ec);
+  void startRunner();
   void doRead();
+  void readOn();
   void onRead(error_code ec, std::size_t bytes_read);
-  void receiveMessage();
   double seconds() const { return std::chrono::duration<double>(SteadyClock::now() - start_time_).count(); }
-  LinkState linkState();
-  void serve();
+  ConnectionState state();
+  void onOutput(SessionOutput output);
+  void wakeAt(double at);
   void doWrite();
-  void requestNextFrame();
-  void wakeLater();
   void onWrite(error_code ec, std::size_t bytes_written);
   void requestFaces(FaceRequest request);
   void requestFrame(const FrameRequest& request);
+  void watch();
+  void checkDeadlines();
+  bool isStalled(double now);
   void close(websocket::close_code code, const std::string& reason);
   void onClose(error_code ec);
-  void fail(const char* operation, error_code ec);
+  void fail(const std::string& reason);
+  void endTimers();
+  SteadyClock::time_point timeOf(double at) const {
+    return start_time_ + std::chrono::duration_cast<SteadyClock::duration>(std::chrono::duration<double>(at));
+  }
 
-  const HostedScene& hosted_;
+  const std::shared_ptr<HostedScene> hosted_;
   const std::uint64_t id_;
   const SteadyClock::time_point start_time_ = SteadyClock::now();
   websocket::stream<BeastStream, false> socket_;
-  Session session_;
+  std::shared_ptr<SessionRunner> runner_;
   std::string peer_;          // address:port
   std::string close_reason_;  // for the log; empty while the connection is open
   beast::flat_buffer incoming_;
-  std::optional<base::Bytes> outgoing_;
-  SteadyTimer wake_;
-  bool writing_ = false;
+  bool reading_ = false;
+  std::deque<base::Bytes> outgoing_;  // the first is being written
+  std::uint64_t outgoing_bytes_ = 0;
+  std::uint64_t tell_below_ = 0;  // outgoing bytes at which the session is told that there is room
+  SteadyTimer wake_, watch_, read_pause_;
+  RateLimit messages_;
   bool closing_ = false;
   bool refused_ = false;
-  bool hello_logged_ = false;
+  bool greeted_ = false;
+  double last_heard_ = 0.0, last_taken_ = 0.0;  // seconds
+  int queued_ = 0;                              // bytes in the kernel at the last look
+  bool has_written_ = false;                    // since the last look
 };
 
-WebSocketSession::WebSocketSession(std::shared_ptr<Hub> hub, const HostedScene& hosted, BeastStream&& stream)
-    : Connection(std::move(hub)),
-      hosted_(hosted),
+WebSocketSession::WebSocketSession(std::shared_ptr<Hub> hub, std::shared_ptr<HostedScene> hosted,
+                                   const std::string& address, BeastStream&& stream)
+    : Connection(std::move(hub), address),
+      hosted_(std::move(hosted)),
       id_(hub_->next_client++),
       socket_(std::move(stream)),
-      session_(hosted.scene->data),
-      wake_(socket_.get_executor()) {
+      wake_(socket_.get_executor()),
+      watch_(socket_.get_executor()),
+      read_pause_(socket_.get_executor()),
+      messages_(hub_->options.messages_per_second) {
   error_code ignored;
   const auto endpoint = beast::get_lowest_layer(socket_).socket().remote_endpoint(ignored);
   ++hub_->viewers;
@@ -83,8 +105,10 @@ WebSocketSession::WebSocketSession(std::shared_ptr<Hub> hub, const HostedScene& 
 
 WebSocketSession::~WebSocketSession() {
   if (hub_->renderer) hub_->renderer->cancel(id_);
+  hosted_->fetchers->cancel(id_);
+  if (runner_) runner_->end();
   --hub_->viewers;
-  const SessionCounts& counts = session_.counts();
+  const SessionCounts counts = runner_ ? runner_->counts() : SessionCounts();
   spdlog::info(
       "disconnect client={} peer={} seconds={:.1f} views={} groups={} faces={} frames={} bytes={} missing={} "
       "corrupt={} why=\"{}\"",
@@ -96,7 +120,7 @@ WebSocketSession::~WebSocketSession() {
 
 void WebSocketSession::start(const UpgradeRequest& upgrade) {
   spdlog::info("connect client={} peer={} viewers={}{}{}", id_, peer_, hub_->viewers,
-               hosted_.name.empty() ? "" : " scene=", hosted_.name);
+               hosted_->name.empty() ? "" : " scene=", hosted_->name);
   setSocketOptions();
   setWebSocketOptions();
   socket_.async_accept(upgrade, beast::bind_front_handler(&WebSocketSession::onAccept, self<WebSocketSession>()));
@@ -115,8 +139,7 @@ void WebSocketSession::setSocketOptions() {
 void WebSocketSession::setWebSocketOptions() {
   websocket::stream_base::timeout timeout;
   timeout.handshake_timeout = kHandshakeTimeout;
-  timeout.idle_timeout =
-      std::chrono::duration_cast<SteadyClock::duration>(std::chrono::duration<double>(hub_->options.idle_seconds));
+  timeout.idle_timeout = kPingTimeout;
   timeout.keep_alive_pings = true;
   socket_.set_option(timeout);
   socket_.set_option(
@@ -127,99 +150,123 @@ void WebSocketSession::setWebSocketOptions() {
 }
 
 void WebSocketSession::onAccept(error_code ec) {
-  if (ec) return fail("handshake", ec);
+  if (ec) return fail("handshake: " + ec.message());
+  startRunner();
+  watch();
   doRead();
+}
+
+/// The answers of workers are posted to the io thread, where the session may be gone by then.
+void WebSocketSession::startRunner() {
+  const auto done = answerTo<SessionOutput>(
+      this, [](WebSocketSession& self, SessionOutput output) { self.onOutput(std::move(output)); });
+  runner_ = std::make_shared<SessionRunner>(hosted_->scene->data, hosted_, hub_->workers, id_, done);
 }
 
 // ---- Messages of the viewer
 
 void WebSocketSession::doRead() {
+  reading_ = true;
   socket_.async_read(incoming_, beast::bind_front_handler(&WebSocketSession::onRead, self<WebSocketSession>()));
 }
 
-void WebSocketSession::onRead(error_code ec, std::size_t /*bytes_read*/) {
-  if (ec) return fail("read", ec);
-  if (closing_ || refused_) {
-    // Only the peer's close frame still matters; its other messages are dropped.
-    incoming_.clear();
+/// Reads the next message, unless more of them wait already than a session takes at a time. A viewer that sends more
+/// than it may is read more slowly.
+void WebSocketSession::readOn() {
+  // async_close() reads by itself what still comes before the peer's close frame.
+  if (reading_ || closing_ || refused_ || runner_->backlog() >= kMaxBacklog) return;
+  const double pause = messages_.secondsUntilNext(seconds());
+  if (pause <= 0.0) {
+    messages_.count(seconds());
     return doRead();
   }
-  if (!socket_.got_binary()) return close(websocket::close_code::unknown_data, "messages are binary");
-  session_.setLink(linkState());
-  receiveMessage();
-  serve();
-  doRead();
+  read_pause_.expires_at(timeOf(seconds() + pause));
+  read_pause_.async_wait([self = self<WebSocketSession>()](error_code cancelled) {
+    if (!cancelled) self->readOn();
+  });
 }
 
-void WebSocketSession::receiveMessage() {
+void WebSocketSession::onRead(error_code ec, std::size_t /*bytes_read*/) {
+  reading_ = false;
+  if (ec == websocket::error::closed) return fail("the viewer left");
+  if (ec) return fail("read: " + ec.message());
+  if (closing_) return;
+  if (!socket_.got_binary()) return close(websocket::close_code::unknown_data, "messages are binary");
+  last_heard_ = seconds();
   const auto bytes = incoming_.cdata();
-  const auto received = session_.receive({static_cast<const std::uint8_t*>(bytes.data()), bytes.size()});
-  if (!received) {
-    refused_ = true;
-    close_reason_ = received.error().message;
-    spdlog::warn("refuse client={} peer={} why=\"{}\"", id_, peer_, close_reason_);
-  } else if (!hello_logged_ && !session_.clientName().empty()) {
-    hello_logged_ = true;
-    spdlog::info("hello client={} program=\"{}\"", id_, session_.clientName());
-  }
+  const auto* first = static_cast<const std::uint8_t*>(bytes.data());
+  runner_->receive({first, first + bytes.size()}, state());
   incoming_.clear();
+  readOn();
 }
 
 // ---- Messages to the viewer
 
 /// The kernel counts what it has; a message that is still being handed to it counts whole.
-LinkState WebSocketSession::linkState() {
+ConnectionState WebSocketSession::state() {
   const int handle = beast::get_lowest_layer(socket_).socket().native_handle();
   int queued = 0, unsent = 0;
   if (::ioctl(handle, SIOCOUTQ, &queued) != 0 || ::ioctl(handle, SIOCOUTQNSD, &unsent) != 0) queued = unsent = 0;
   tcp_info info{};
   socklen_t size = sizeof info;
   if (::getsockopt(handle, IPPROTO_TCP, TCP_INFO, &info, &size) != 0) info = {};
-  const std::uint64_t writing = writing_ ? outgoing_->size() : 0;
-  return {seconds(), writing + static_cast<std::uint64_t>(unsent), static_cast<std::uint64_t>(queued - unsent),
-          1e-6 * info.tcpi_rtt};
+  return {{seconds(), outgoing_bytes_ + static_cast<std::uint64_t>(unsent), static_cast<std::uint64_t>(queued - unsent),
+           1e-6 * info.tcpi_rtt},
+          outgoing_bytes_};
 }
 
-/// Sends and requests all that can be now; called whenever anything happened.
-void WebSocketSession::serve() {
-  if (closing_) return;
-  session_.setLink(linkState());
-  requestNextFrame();
-  if (!writing_) doWrite();
-  if (closing_) return;
-  requestNextFrame();
-  wakeLater();
-}
-
-void WebSocketSession::doWrite() {
-  outgoing_ = session_.nextMessage();
-  while (auto request = session_.nextFaceRequest()) requestFaces(std::move(*request));
-  if (outgoing_) {
-    writing_ = true;
-    socket_.async_write(asio::buffer(*outgoing_),
-                        beast::bind_front_handler(&WebSocketSession::onWrite, self<WebSocketSession>()));
-  } else if (session_.finished()) {
-    close(websocket::close_code::policy_error, close_reason_);
+void WebSocketSession::onOutput(SessionOutput output) {
+  runner_->take(output);
+  if (output.client_name) {
+    greeted_ = true;
+    spdlog::info("hello client={} program=\"{}\"", id_, *output.client_name);
   }
+  if (output.refusal) {
+    refused_ = true;
+    close_reason_ = *output.refusal;
+    spdlog::warn("refuse client={} peer={} why=\"{}\"", id_, peer_, close_reason_);
+  }
+  if (closing_) return;
+  const bool was_idle = outgoing_.empty();
+  std::uint64_t added = 0;
+  for (base::Bytes& message : output.messages) {
+    added += message.size();
+    outgoing_.push_back(std::move(message));
+  }
+  outgoing_bytes_ += added;
+  tell_below_ = added / 2;
+  if (was_idle) doWrite();
+  for (FaceRequest& request : output.faces) requestFaces(std::move(request));
+  if (output.frame) requestFrame(*output.frame);
+  if (output.wake_at) wakeAt(*output.wake_at);
+  readOn();
 }
 
-void WebSocketSession::requestNextFrame() {
-  if (const auto request = session_.nextFrameRequest()) requestFrame(*request);
-}
-
-void WebSocketSession::wakeLater() {
-  const auto at = session_.wakeAt();
-  if (!at) return;
-  wake_.expires_at(start_time_ + std::chrono::duration_cast<SteadyClock::duration>(std::chrono::duration<double>(*at)));
-  wake_.async_wait([self = self<WebSocketSession>()](error_code ec) {
-    if (!ec) self->serve();
+void WebSocketSession::wakeAt(double at) {
+  wake_.expires_at(timeOf(at));
+  wake_.async_wait([self = self<WebSocketSession>()](error_code cancelled) {
+    if (!cancelled) self->runner_->tell(self->state());
   });
 }
 
+void WebSocketSession::doWrite() {
+  if (closing_) return;
+  if (!outgoing_.empty())
+    socket_.async_write(asio::buffer(outgoing_.front()),
+                        beast::bind_front_handler(&WebSocketSession::onWrite, self<WebSocketSession>()));
+  else if (refused_)
+    close(websocket::close_code::policy_error, close_reason_);
+}
+
 void WebSocketSession::onWrite(error_code ec, std::size_t /*bytes_written*/) {
-  writing_ = false;
-  if (ec) return fail("write", ec);
-  serve();
+  if (ec) return fail("write: " + ec.message());
+  has_written_ = true;
+  const std::uint64_t before = outgoing_bytes_;
+  outgoing_bytes_ -= outgoing_.front().size();
+  outgoing_.pop_front();
+  // Once in between, so that the next messages are made while these are written, and in the end.
+  if (outgoing_.empty() || (before > tell_below_ && outgoing_bytes_ <= tell_below_)) runner_->tell(state());
+  doWrite();
 }
 
 // ---- Answers of other threads: they are posted to the io thread, where the session may be gone by then
@@ -228,53 +275,91 @@ void WebSocketSession::onWrite(error_code ec, std::size_t /*bytes_written*/) {
 /// network in place of the io thread.
 void WebSocketSession::requestFaces(FaceRequest request) {
   const auto done = answerTo<Session::FaceValues>(this, [request](WebSocketSession& self, Session::FaceValues values) {
-    self.session_.facesFetched(request, std::move(values));
-    self.serve();
+    self.runner_->facesFetched(request, std::move(values), self.state());
   });
-  hub_->fetchers->submit([done, hub = hub_.get(), images = hosted_.scene->images.get(), request = std::move(request)] {
-    if (!hub->stopping) done(images->getMany(request));
+  hosted_->fetchers->submit(id_, [done, images = hosted_->scene->images.get(), request = std::move(request)] {
+    done(images->getMany(request));
   });
 }
 
 void WebSocketSession::requestFrame(const FrameRequest& request) {
   if (!hub_->renderer) return;
-  hosted_.site->readAppearance();
+  hosted_->site->readAppearance();
   const auto done = answerTo<base::Bytes>(this, [request](WebSocketSession& self, base::Bytes value) {
-    self.session_.setLink(self.linkState());
-    self.session_.frameRendered(request, std::move(value));
-    self.serve();
+    self.runner_->frameRendered(request, std::move(value), self.state());
   });
-  hub_->renderer->requestFrame(id_, hosted_.number, request, done);
+  hub_->renderer->requestFrame(id_, hosted_->scene, request, done);
 }
 
 // ---- Closing
 
+/// Looks at the deadlines when the next of them may be over. Looking seldom costs less than a timer for each message.
+void WebSocketSession::watch() {
+  const ServerOptions& options = hub_->options;
+  const double shortest =
+      std::min({kMaxWatchSeconds, options.hello_seconds, options.stall_seconds, options.idle_seconds});
+  watch_.expires_at(timeOf(seconds() + std::max(0.01, 0.5 * shortest)));
+  watch_.async_wait([self = self<WebSocketSession>()](error_code cancelled) {
+    if (!cancelled) self->checkDeadlines();
+  });
+}
+
+/// The kernel takes some bytes even if the viewer reads none, and then no longer any, nor does it get rid of them.
+bool WebSocketSession::isStalled(double now) {
+  int queued = 0;
+  if (::ioctl(beast::get_lowest_layer(socket_).socket().native_handle(), SIOCOUTQ, &queued) != 0) return false;
+  const bool waits = !outgoing_.empty() || queued > 0;
+  const bool moves = std::exchange(queued_, queued) != queued || std::exchange(has_written_, false);
+  if (!waits || moves) last_taken_ = now;
+  return now - last_taken_ > hub_->options.stall_seconds;
+}
+
+void WebSocketSession::checkDeadlines() {
+  if (closing_) return;
+  const ServerOptions& options = hub_->options;
+  const double now = seconds();
+  if (isStalled(now)) return fail(base::formatText("the viewer took nothing for %.0f seconds", options.stall_seconds));
+  if (!greeted_ && !refused_ && now > options.hello_seconds)
+    return close(websocket::close_code::policy_error, "no Hello came in time");
+  if (now - last_heard_ > options.idle_seconds)
+    return close(websocket::close_code::going_away, "the viewer was silent for too long; it may connect again");
+  watch();
+}
+
 void WebSocketSession::close(websocket::close_code code, const std::string& reason) {
   if (closing_) return;
+  if (!runner_) return fail(reason);  // there was no handshake yet
   closing_ = true;
   if (close_reason_.empty()) close_reason_ = reason;
+  endTimers();
   websocket::close_reason close_reason(code);
   close_reason.reason.assign(reason.data(), std::min(reason.size(), kMaxCloseReason));
   socket_.async_close(close_reason, beast::bind_front_handler(&WebSocketSession::onClose, self<WebSocketSession>()));
 }
 
 void WebSocketSession::onClose(error_code ec) {
-  if (ec) fail("close", ec);
+  if (ec) fail("close: " + ec.message());
 }
 
-void WebSocketSession::fail(const char* operation, error_code ec) {
-  if (close_reason_.empty())
-    close_reason_ = ec == websocket::error::closed ? "the viewer left" : std::string(operation) + ": " + ec.message();
+/// Ends the operations that are still pending, and so the session.
+void WebSocketSession::fail(const std::string& reason) {
+  if (close_reason_.empty()) close_reason_ = reason;
   closing_ = true;
-  // Ends the operations that are still pending, and so the session.
+  endTimers();
   beast::get_lowest_layer(socket_).close();
+}
+
+void WebSocketSession::endTimers() {
+  wake_.cancel();
+  watch_.cancel();
+  read_pause_.cancel();
 }
 
 }  // namespace
 
-void startWebSocketSession(std::shared_ptr<Hub> hub, const HostedScene& hosted, BeastStream&& stream,
-                           const UpgradeRequest& upgrade) {
-  std::make_shared<WebSocketSession>(std::move(hub), hosted, std::move(stream))->start(upgrade);
+void startWebSocketSession(std::shared_ptr<Hub> hub, std::shared_ptr<HostedScene> hosted, const std::string& address,
+                           BeastStream&& stream, const UpgradeRequest& upgrade) {
+  std::make_shared<WebSocketSession>(std::move(hub), std::move(hosted), address, std::move(stream))->start(upgrade);
 }
 
 }  // namespace server

@@ -1,12 +1,13 @@
 #pragma once
-// One viewer: a WebSocket with a protocol Session. Reads and writes run side by side; the next message is chosen when
-// the one before it was written.
+// One viewer: a WebSocket with a protocol Session that workers run (session_runner.h). Reads and writes run side by
+// side. The io thread only passes messages on: it plans nothing, reads no disk, waits for nobody.
 #include "server/net/asio_types.h"
 
 #include <boost/beast/core/basic_stream.hpp>
 #include <boost/beast/http/empty_body.hpp>
 #include <boost/beast/http/message.hpp>
 #include <memory>
+#include <string>
 
 #include "server/net/hub.h"
 
@@ -18,8 +19,8 @@ namespace http = beast::http;
 using BeastStream = beast::basic_stream<Tcp, Executor>;
 using UpgradeRequest = http::request<http::empty_body>;
 
-/// Answers the upgrade and serves the viewer. `hosted` outlives the session.
-void startWebSocketSession(std::shared_ptr<Hub> hub, const HostedScene& hosted, BeastStream&& stream,
-                           const UpgradeRequest& upgrade);
+/// Answers the upgrade and serves the viewer. `address`: the peer's.
+void startWebSocketSession(std::shared_ptr<Hub> hub, std::shared_ptr<HostedScene> hosted, const std::string& address,
+                           BeastStream&& stream, const UpgradeRequest& upgrade);
 
 }  // namespace server

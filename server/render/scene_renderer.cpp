@@ -264,14 +264,25 @@ base::Result<void> SceneRenderer::orDrop(base::Result<void> result) {
 }
 
 base::Result<RenderedPicture> SceneRenderer::render(const base::Camera& camera, const RenderOptions& options) {
+  LUMIGRID_ASSIGN_OR_RETURN(const auto chosen, selectPatches(camera, options));
+  return renderPatches(camera, chosen, options);
+}
+
+base::Result<lod::patch::Cut> SceneRenderer::selectPatches(const base::Camera& camera,
+                                                           const RenderOptions& options) const {
+  LUMIGRID_TRY(checkRequest(camera, options));
+  return cutFor(hierarchy_, camera, options, true);
+}
+
+base::Result<RenderedPicture> SceneRenderer::renderPatches(const base::Camera& camera, const lod::patch::Cut& chosen,
+                                                           const RenderOptions& options) {
   LUMIGRID_TRY(checkRequest(camera, options));
   LUMIGRID_TRY(finish());
-  lod::patch::Cut chosen = cutFor(hierarchy_, camera, options, true);
   errors_px_.clear();
   if (options.modes.resolution_colors)
     for (std::size_t i = 0; i < chosen.patches.size(); ++i)
       errors_px_.emplace(chosen.patches[i], chosen.patch_error_px[i]);
-  std::vector<std::uint32_t> cut = std::move(chosen.patches);
+  std::vector<std::uint32_t> cut = chosen.patches;
   sortFrontToBack(cut, camera.eye);
   RenderedPicture result;
   LUMIGRID_TRY(

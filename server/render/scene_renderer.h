@@ -56,6 +56,11 @@ class SceneRenderer {
   /// Draws a picture of any camera, perspective or parallel; each side 1..32768 pixels, in tiles where the GL's limit
   /// is lower. The background is transparent black; back faces are drawn. Delivers pictures of renderMany first.
   base::Result<RenderedPicture> render(const base::Camera& camera, const RenderOptions& options);
+  /// The two steps of render(). Parts of a picture (tileCamera) that are drawn one by one share the cut of the whole,
+  /// so that no seam shows between them.
+  base::Result<lod::patch::Cut> selectPatches(const base::Camera& camera, const RenderOptions& options) const;
+  base::Result<RenderedPicture> renderPatches(const base::Camera& camera, const lod::patch::Cut& chosen,
+                                              const RenderOptions& options);
 
   /// Draws several cameras of the same `eye` with one cut (the six faces of a sampling point): it is selected without
   /// frustum for the finest of them, then culled for each. Pictures are read back asynchronously: `deliver(i, picture)`

@@ -19,6 +19,11 @@ constexpr std::size_t kMaxPrefetchedFaces = 16;  // per request, so that a new v
 // for it; each is a segment of TCP at least.
 constexpr double kPartSeconds = 0.05;
 constexpr double kMinPartBytes = 1400.0;
+// Plans of a moving eye are so far apart, seconds. Displays send a view with every picture, which is more often than
+// the choice of what to send changes.
+constexpr double kPlanSeconds = 0.033;
+// Messages that wait to be written while the next ones are made: seconds of the link, and bytes.
+constexpr double kSecondsAhead = 0.01, kMaxBytesAhead = 256.0 * 1024.0;
 
 }  // namespace
 
@@ -33,6 +38,7 @@ void describeHierarchy(const lod::patch::Hierarchy& hierarchy, protocol::Welcome
 
 Session::Session(const SceneData& scene)
     : scene_(scene),
+      welcome_(scene.welcome),
       frames_(kMaxFrameShift * static_cast<double>(glm::length(scene.welcome.box_max - scene.welcome.box_min))) {}
 
 void Session::setLink(const LinkState& state) {
@@ -70,7 +76,7 @@ base::Result<void> Session::acceptMessage(const protocol::Hello& hello) {
   const lod::patch::Hierarchy& hierarchy = scene_.patches->hierarchy();
   has_group_.assign(hierarchy.groups.size(), false);
   coarse_ = plan::coarseGroups(hierarchy, plan::kCoarseBytes);
-  greeting_ = protocol::encode(scene_.welcome);
+  greeting_ = protocol::encode(welcome_);
   return {};
 }
 
@@ -94,12 +100,12 @@ base::Result<void> Session::acceptMessage(const protocol::Eviction& evicted) {
 /// Keys that this scene does not have are ignored: the client may hold them from an older build of the scene.
 base::Result<void> Session::acceptMessage(const protocol::Holdings& have) {
   for (const repository::FaceKey& key : have.faces)
-    if (scene_.welcome.grid.contains(key)) has_face_.insert(key);
+    if (welcome_.grid.contains(key)) has_face_.insert(key);
   for (std::uint32_t group : have.groups)
     if (group < has_group_.size()) has_group_[group] = true;
   if (has_face_.size() > kMaxFacesHeld)
-    return refuse(base::ErrorCode::kInvalidInput,
-                  "the client claims to hold over a million faces; give it a smaller cache");
+    return refuse(base::ErrorCode::kInvalidInput, "the client claims to hold over " + std::to_string(kMaxFacesHeld) +
+                                                      " faces; give it a smaller cache");
   return {};
 }
 
@@ -129,7 +135,7 @@ std::optional<base::Bytes> Session::chooseMessage() {
   if (greeting_) return std::exchange(greeting_, std::nullopt);
   if (phase_ != Phase::kReady) return std::nullopt;
   if (!newest_) return std::nullopt;
-  if (!planned_) planNewestView();
+  if (!planned_ && planIsDue()) planNewestView();
   // A frame for a moving eye has nothing to lie on without the coarse model.
   const bool needs_model = !frames_.standsAlone() || !has_group_[0];
   const double coarse_bytes = coarseBytesNext();
@@ -139,6 +145,19 @@ std::optional<base::Bytes> Session::chooseMessage() {
   auto message = nextOfData();
   if (message && coarse_bytes <= 0.0) frames_.countOther(message->size());
   return message;
+}
+
+/// A view at which the eye arrived by a jump is planned for at once, one of a motion when the last plan is old enough:
+/// what that chose is still good, and goes on being sent.
+bool Session::planIsDue() const {
+  const double now = frames_.link().now();
+  return !previous_ || now <= 0.0 || now >= planned_at_ + kPlanSeconds ||
+         !plan::isMoving(welcome_, *newest_, *previous_);
+}
+
+std::uint64_t Session::bytesAhead() const {
+  if (!frames_.link().isKnown()) return 0;
+  return static_cast<std::uint64_t>(std::min(kMaxBytesAhead, kSecondsAhead * frames_.link().rate()));
 }
 
 /// The bytes of a message that is sent whole are at most twice as many.
@@ -184,6 +203,7 @@ std::optional<base::Bytes> Session::nextOfData() {
 std::optional<base::Bytes> Session::nextOther() {
   if (auto message = nextWanted()) return message;
   if (!view_plan_.faces.empty()) return std::nullopt;  // they are being fetched
+  if (!planned_) return std::nullopt;                  // that was an older view's
   if (!complete_sent_) {
     complete_sent_ = true;
     return protocol::encode(protocol::Completion{newest_->sequence});
@@ -195,9 +215,10 @@ std::optional<base::Bytes> Session::nextOther() {
 
 plan::Scene Session::sceneToPlan() const {
   plan::Scene scene = scene_.toPlan();
+  scene.welcome = &welcome_;
   scene.images = scene.images && (decodes_webp_ || !scene_.images_are_webp);
   scene.image_bytes = image_bytes_;
-  scene.is_moving = previous_ && newest_ && plan::isMoving(scene_.welcome, *newest_, *previous_);
+  scene.is_moving = previous_ && newest_ && plan::isMoving(welcome_, *newest_, *previous_);
   scene.stored_bytes = [this](const repository::FaceKey& key) -> std::optional<std::uint64_t> {
     if (scene_.images_are_remote) return absent_.count(key) != 0 ? std::optional<std::uint64_t>(0) : std::nullopt;
     const auto bytes = scene_.images->valueBytes(key);
@@ -224,6 +245,7 @@ void Session::planNewestView() {
   complete_sent_ = false;
   prefetch_.reset();
   planned_ = true;
+  planned_at_ = frames_.link().now();
 }
 
 std::optional<base::Bytes> Session::nextCoarse() {
@@ -385,7 +407,7 @@ void Session::facesFetched(const FaceRequest& request, FaceValues values) {
 
 bool Session::framePossible(const protocol::View& view) const {
   const std::int64_t pixels = std::int64_t{view.camera.width} * view.camera.height;
-  return view.want_frame && scene_.welcome.can_render_frames && pixels <= base::ViewDefaults::kMaxFramePixels;
+  return view.want_frame && welcome_.can_render_frames && pixels <= base::ViewDefaults::kMaxFramePixels;
 }
 
 std::optional<FrameRequest> Session::nextFrameRequest() {
@@ -402,7 +424,11 @@ void Session::frameRendered(const FrameRequest& request, base::Bytes value) {
 }
 
 std::optional<double> Session::wakeAt() const {
-  return phase_ == Phase::kReady ? frames_.wakeAt() : std::nullopt;
+  if (phase_ != Phase::kReady) return std::nullopt;
+  std::optional<double> at = frames_.wakeAt();
+  const double due = planned_at_ + kPlanSeconds;
+  if (newest_ && !planned_ && due > frames_.link().now()) at = std::min(at.value_or(due), due);
+  return at;
 }
 
 }  // namespace server

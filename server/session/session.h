@@ -35,9 +35,10 @@
 
 namespace server {
 
-/// The data that all sessions of a scene share; outlives them. Read-only, except the counter.
+/// The data that all sessions of a scene share; outlives them. Read-only, except the counter and, for the thread that
+/// makes sessions, `welcome`.
 struct SceneData {
-  protocol::Welcome welcome;
+  protocol::Welcome welcome;                       ///< as new sessions take it
   const lod::patch::PatchFile* patches = nullptr;  ///< null: a splats-only scene; every client is refused
   const lod::patch::ProxySight* sight = nullptr;   ///< occlusion, for the choice of images; null: nothing is occluded
   const repository::Store* images = nullptr;       ///< null: no repository
@@ -65,8 +66,8 @@ struct SessionCounts {
   std::uint64_t corrupt = 0;                        ///< faces and blocks whose checksum failed
 };
 
-/// As many faces may a client claim to hold; a cache of 50 MB holds some 2 000.
-inline constexpr std::size_t kMaxFacesHeld = 1'000'000;
+/// As many faces may a client claim to hold: 512 MB of tiles. A cache of 50 MB holds some 6 000.
+inline constexpr std::size_t kMaxFacesHeld = 65'536;
 
 class Session {
  public:
@@ -99,6 +100,9 @@ class Session {
   /// When nextMessage() and nextFrameRequest() are to be asked again even if nothing happens until then, in the seconds
   /// of setLink(); nullopt: not at all.
   std::optional<double> wakeAt() const;
+  /// Bytes of messages that may wait to be written while nextMessage() is asked for more: few, since they can no longer
+  /// be replaced by a newer view's. 0: one message at a time.
+  std::uint64_t bytesAhead() const;
   /// Whether a Refusal was sent: the connection is to be closed.
   bool finished() const { return phase_ == Phase::kRefused && !greeting_; }
   const std::string& clientName() const { return client_; }  ///< from Hello; empty before it
@@ -125,6 +129,7 @@ class Session {
   std::optional<base::Bytes> nextCoarse();
   double coarseBytesNext() const;
   double partBytes() const;
+  bool planIsDue() const;
   base::Bytes nextPart(protocol::PartSender& stream) const;
   std::optional<base::Bytes> nextWanted();
   std::optional<base::Bytes> nextPrefetch();
@@ -142,6 +147,7 @@ class Session {
   bool framePossible(const protocol::View& view) const;
 
   const SceneData& scene_;
+  const protocol::Welcome welcome_;  // as it was when the session began; the scene's may change
   Phase phase_ = Phase::kGreeting;
   std::string client_;
   SessionCounts counts_;
@@ -155,7 +161,8 @@ class Session {
 
   // Its views.
   std::optional<protocol::View> newest_, previous_;
-  bool planned_ = false;  // the fields below belong to `newest_`
+  bool planned_ = false;     // the fields below belong to `newest_`, else to `previous_`
+  double planned_at_ = 0.0;  // seconds
 
   // Data to send for the newest view. A cursor runs over the groups, and faces leave their lists when they are sent;
   // those that the client received otherwise meanwhile are skipped.

@@ -15,52 +15,54 @@ base::ViewCamera cameraAt(double x) {
   return camera;
 }
 
-base::Image pictureOf(std::uint8_t value) {
+const int kScene = 0, kOther = 0;  // addresses stand for scenes
+
+DrawnFrames::Picture pictureOf(std::uint8_t value) {
   base::Image picture;
   picture.width = picture.height = 8;
   picture.channels = 4;
   picture.pixels.assign(kBytes, value);
-  return picture;
+  return std::make_shared<const base::Image>(std::move(picture));
 }
 
 TEST(DrawnFrames, aPictureBelongsToItsSceneAndCamera) {
   DrawnFrames frames(10 * kBytes);
-  frames.add(0, cameraAt(1.0), pictureOf(7));
-  ASSERT_TRUE(frames.find(0, cameraAt(1.0)));
-  EXPECT_EQ(frames.find(0, cameraAt(1.0))->pixels[0], 7);
-  EXPECT_FALSE(frames.find(1, cameraAt(1.0)));
-  EXPECT_FALSE(frames.find(0, cameraAt(1.0000001)));
+  frames.add(&kScene, cameraAt(1.0), pictureOf(7));
+  ASSERT_TRUE(frames.find(&kScene, cameraAt(1.0)));
+  EXPECT_EQ(frames.find(&kScene, cameraAt(1.0))->pixels[0], 7);
+  EXPECT_FALSE(frames.find(&kOther, cameraAt(1.0)));
+  EXPECT_FALSE(frames.find(&kScene, cameraAt(1.0000001)));
   base::ViewCamera wider = cameraAt(1.0);
   wider.width += 1;
-  EXPECT_FALSE(frames.find(0, wider));
+  EXPECT_FALSE(frames.find(&kScene, wider));
 }
 
 TEST(DrawnFrames, thoseThatWereNotAskedForLongestGo) {
   DrawnFrames frames(2 * kBytes);
-  frames.add(0, cameraAt(1.0), pictureOf(1));
-  frames.add(0, cameraAt(2.0), pictureOf(2));
-  ASSERT_TRUE(frames.find(0, cameraAt(1.0)));
-  frames.add(0, cameraAt(3.0), pictureOf(3));
-  EXPECT_TRUE(frames.find(0, cameraAt(1.0)));
-  EXPECT_FALSE(frames.find(0, cameraAt(2.0)));
-  EXPECT_TRUE(frames.find(0, cameraAt(3.0)));
+  frames.add(&kScene, cameraAt(1.0), pictureOf(1));
+  frames.add(&kScene, cameraAt(2.0), pictureOf(2));
+  ASSERT_TRUE(frames.find(&kScene, cameraAt(1.0)));
+  frames.add(&kScene, cameraAt(3.0), pictureOf(3));
+  EXPECT_TRUE(frames.find(&kScene, cameraAt(1.0)));
+  EXPECT_FALSE(frames.find(&kScene, cameraAt(2.0)));
+  EXPECT_TRUE(frames.find(&kScene, cameraAt(3.0)));
   EXPECT_EQ(frames.bytes(), 2 * kBytes);
 }
 
 TEST(DrawnFrames, aPictureLargerThanTheLimitIsNotKept) {
   DrawnFrames frames(kBytes - 1);
-  frames.add(0, cameraAt(1.0), pictureOf(1));
-  EXPECT_FALSE(frames.find(0, cameraAt(1.0)));
+  frames.add(&kScene, cameraAt(1.0), pictureOf(1));
+  EXPECT_FALSE(frames.find(&kScene, cameraAt(1.0)));
   EXPECT_EQ(frames.bytes(), 0U);
 }
 
 TEST(DrawnFrames, aSceneIsForgottenByItself) {
   DrawnFrames frames(10 * kBytes);
-  frames.add(0, cameraAt(1.0), pictureOf(1));
-  frames.add(1, cameraAt(1.0), pictureOf(2));
-  frames.forget(0);
-  EXPECT_FALSE(frames.find(0, cameraAt(1.0)));
-  EXPECT_TRUE(frames.find(1, cameraAt(1.0)));
+  frames.add(&kScene, cameraAt(1.0), pictureOf(1));
+  frames.add(&kOther, cameraAt(1.0), pictureOf(2));
+  frames.forget(&kScene);
+  EXPECT_FALSE(frames.find(&kScene, cameraAt(1.0)));
+  EXPECT_TRUE(frames.find(&kOther, cameraAt(1.0)));
   EXPECT_EQ(frames.bytes(), kBytes);
 }
 

@@ -177,9 +177,10 @@ TEST_F(PictureTest, jpegsAreTheSamePicture) {
 
 TEST(FrameRendererPictures, framesComeBetweenBands) {
   const SceneDirectory scene(0);
-  const auto open = openScene(scene.path);
+  auto open = openScene(scene.path);
   ASSERT_TRUE(open);
-  auto renderer = FrameRenderer::start({open->get()});
+  const std::shared_ptr<OpenScene> shared = std::move(*open);
+  auto renderer = FrameRenderer::start({shared});
   ASSERT_TRUE(renderer) << renderer.error().message;
   std::mutex mutex;
   std::condition_variable changed;
@@ -190,14 +191,14 @@ TEST(FrameRendererPictures, framesComeBetweenBands) {
     changed.notify_all();
   };
   // 20 bands.
-  ASSERT_TRUE((*renderer)->requestPicture(1, 0,
-                                          requestOf(kAslant + "&width=5000&height=4000&supersampling=1&format=jpeg"), 0,
-                                          [&](const auto& bytes) { note(bytes ? "picture" : "failed"); }));
+  ASSERT_TRUE((*renderer)->requestPicture(1, "address", shared,
+                                          requestOf(kAslant + "&width=5000&height=4000&supersampling=1&format=jpeg"),
+                                          {0, 1}, [&](const auto& bytes) { note(bytes ? "picture" : "failed"); }));
   FrameRequest frame;
   frame.camera = requestOf(kAslant + "&width=64&height=64").camera;
   frame.quality = 80;
   for (std::uint64_t client = 2; client < 5; ++client)
-    (*renderer)->requestFrame(client, 0, frame, [&](const base::Bytes&) { note("frame"); });
+    (*renderer)->requestFrame(client, shared, frame, [&](const base::Bytes&) { note("frame"); });
   std::unique_lock lock(mutex);
   changed.wait(lock, [&] { return order.size() == 4; });
   EXPECT_EQ(order, (std::vector<std::string>{"frame", "frame", "frame", "picture"}));
@@ -205,16 +206,17 @@ TEST(FrameRendererPictures, framesComeBetweenBands) {
 
 TEST(FrameRendererPictures, aViewIsEncodedAgainInAnotherQualityAndDrawnAgainInAnotherLight) {
   const SceneDirectory scene(0);
-  const auto open = openScene(scene.path);
+  auto open = openScene(scene.path);
   ASSERT_TRUE(open);
-  auto renderer = FrameRenderer::start({open->get()});
+  const std::shared_ptr<OpenScene> shared = std::move(*open);
+  auto renderer = FrameRenderer::start({shared});
   ASSERT_TRUE(renderer) << renderer.error().message;
   FrameRequest request;
   request.camera = requestOf(kAslant + "&width=320&height=240").camera;
   const auto frameOf = [&](int quality) {
     request.quality = quality;
     std::promise<base::Bytes> promise;
-    (*renderer)->requestFrame(1, 0, request, [&](base::Bytes bytes) { promise.set_value(std::move(bytes)); });
+    (*renderer)->requestFrame(1, shared, request, [&](base::Bytes bytes) { promise.set_value(std::move(bytes)); });
     return promise.get_future().get();
   };
   const base::Bytes quick = frameOf(40);
@@ -222,36 +224,158 @@ TEST(FrameRendererPictures, aViewIsEncodedAgainInAnotherQualityAndDrawnAgainInAn
   const base::Bytes last = frameOf(95);
   EXPECT_GT(last.size(), quick.size());
   EXPECT_EQ(frameOf(40), quick);
-  base::Light other = (*open)->scene.light;
+  base::Light other = shared->scene.light;
   other.mode = other.mode == base::LightMode::kSoft ? base::LightMode::kUnlit : base::LightMode::kSoft;
-  (*renderer)->setLight(0, other);
+  (*renderer)->setLight(shared, other);
   EXPECT_NE(frameOf(40), quick);
 }
 
 TEST(FrameRendererPictures, cancelledPictureIsAbandoned) {
   const SceneDirectory scene(0);
-  const auto open = openScene(scene.path);
-  auto renderer = FrameRenderer::start({open->get()});
+  auto open = openScene(scene.path);
+  const std::shared_ptr<OpenScene> shared = std::move(*open);
+  auto renderer = FrameRenderer::start({shared});
   ASSERT_TRUE(renderer) << renderer.error().message;
   std::atomic<bool> unwanted{false};
   const auto fail = [&](const auto&) { unwanted = true; };
   // 64 bands are being drawn or wait, and one more picture is in the queue.
   const PictureRequest large = requestOf(kAslant + "&width=8000&height=8000");
-  ASSERT_TRUE((*renderer)->requestPicture(1, 0, large, 2, fail));
-  ASSERT_TRUE((*renderer)->requestPicture(2, 0, large, 2, fail));
+  ASSERT_TRUE((*renderer)->requestPicture(1, "address", shared, large, {2, 3}, fail));
+  ASSERT_TRUE((*renderer)->requestPicture(2, "address", shared, large, {2, 3}, fail));
   (*renderer)->cancel(1);
   (*renderer)->cancel(2);
   std::mutex mutex;
   std::condition_variable changed;
   bool done = false;
-  ASSERT_TRUE((*renderer)->requestPicture(3, 0, requestOf(kAslant + "&width=64&height=64"), 2, [&](const auto& bytes) {
-    const std::lock_guard lock(mutex);
-    done = bool(bytes);
-    changed.notify_all();
-  }));
+  ASSERT_TRUE((*renderer)->requestPicture(3, "address", shared, requestOf(kAslant + "&width=64&height=64"), {2, 3},
+                                          [&](const auto& bytes) {
+                                            const std::lock_guard lock(mutex);
+                                            done = bool(bytes);
+                                            changed.notify_all();
+                                          }));
   std::unique_lock lock(mutex);
   changed.wait(lock, [&] { return done; });
   EXPECT_FALSE(unwanted);
+}
+
+/// Notes in which order things happen.
+class Order {
+ public:
+  void note(const std::string& what) {
+    const std::lock_guard lock(mutex_);
+    order_.push_back(what);
+    changed_.notify_all();
+  }
+  std::vector<std::string> waitFor(std::size_t count) {
+    std::unique_lock lock(mutex_);
+    changed_.wait(lock, [&] { return order_.size() >= count; });
+    return order_;
+  }
+
+ private:
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  std::vector<std::string> order_;
+};
+
+FrameRequest frameOf(int width, int height) {
+  FrameRequest frame;
+  frame.camera = requestOf(kAslant + "&width=64&height=64").camera;
+  frame.camera.width = width;
+  frame.camera.height = height;
+  frame.quality = 60;
+  return frame;
+}
+
+// Several large frames were asked for first. Small ones that come later are drawn between their bands, one after the
+// other, and the large ones come in the end.
+TEST(FrameRendererFrames, smallFramesDoNotWaitForLargeOnes) {
+  const SceneDirectory scene(0);
+  auto open = openScene(scene.path);
+  ASSERT_TRUE(open);
+  const std::shared_ptr<OpenScene> shared = std::move(*open);
+  auto renderer = FrameRenderer::start({shared});
+  ASSERT_TRUE(renderer) << renderer.error().message;
+  Order order;
+  for (std::uint64_t client = 1; client < 4; ++client)
+    (*renderer)->requestFrame(client, shared, frameOf(4000, 3000 + static_cast<int>(client)),
+                              [&](const base::Bytes& bytes) { order.note(bytes.empty() ? "failed" : "large"); });
+  for (int i = 0; i < 4; ++i) {
+    (*renderer)->requestFrame(9, shared, frameOf(64 + i, 64),
+                              [&](const base::Bytes& bytes) { order.note(bytes.empty() ? "failed" : "small"); });
+    const auto so_far = order.waitFor(static_cast<std::size_t>(i) + 1);
+    EXPECT_EQ(so_far.back(), "small") << i;
+  }
+  const auto all = order.waitFor(7);
+  EXPECT_EQ(std::count(all.begin(), all.end(), "large"), 3);
+}
+
+// Bands share one cut, so that a frame in bands is the frame in one piece.
+TEST(FrameRendererFrames, bandsMakeTheFrameThatOnePieceMakes) {
+  const SceneDirectory scene(0);
+  auto open = openScene(scene.path);
+  ASSERT_TRUE(open);
+  const std::shared_ptr<OpenScene> shared = std::move(*open);
+  auto context = base::HeadlessContext::create();
+  ASSERT_TRUE(context);
+  auto renderer = SceneRenderer::create(shared->scene, shared->patches);
+  ASSERT_TRUE(renderer);
+  const base::ViewCamera view = frameOf(2400, 1500).camera;
+  FramePainter painter(view, shared->scene, **renderer);
+  int steps = 1;
+  for (;; ++steps) {
+    const auto whole = painter.drawNextBand(**renderer);
+    ASSERT_TRUE(whole);
+    if (*whole) break;
+  }
+  EXPECT_EQ(steps, 2);
+  const base::Image bands = painter.takePicture();
+  const base::Sphere bounds{(*renderer)->sceneCenter(), (*renderer)->sceneRadius()};
+  const auto direct = (*renderer)->render(base::cameraForScene(view, shared->scene.origin, bounds),
+                                          exactFrameOptions(view.width, view.height));
+  ASSERT_TRUE(direct);
+  const Difference difference = compare(bands, direct->rgba);
+  EXPECT_LE(difference.mean, 0.01);
+  EXPECT_LE(difference.off, 1e-3);
+}
+
+// A connection that goes while its large frame is drawn, or waits, leaves room for others.
+TEST(FrameRendererFrames, cancelledLargeFramesMakeRoom) {
+  const SceneDirectory scene(0);
+  auto open = openScene(scene.path);
+  ASSERT_TRUE(open);
+  const std::shared_ptr<OpenScene> shared = std::move(*open);
+  auto renderer = FrameRenderer::start({shared});
+  ASSERT_TRUE(renderer) << renderer.error().message;
+  for (int round = 0; round < 3; ++round) {
+    for (std::uint64_t client = 1; client < 6; ++client)
+      (*renderer)->requestFrame(client, shared, frameOf(4000, 4000), [](const base::Bytes&) {});
+    for (std::uint64_t client = 1; client < 6; ++client) (*renderer)->cancel(client);
+  }
+  Order order;
+  (*renderer)->requestFrame(7, shared, frameOf(2000, 2000),
+                            [&](const base::Bytes& bytes) { order.note(bytes.empty() ? "failed" : "large"); });
+  EXPECT_EQ(order.waitFor(1).front(), "large");
+}
+
+TEST(FrameRendererPictures, oneAddressCannotTakeAllPlaces) {
+  const SceneDirectory scene(0);
+  auto open = openScene(scene.path);
+  ASSERT_TRUE(open);
+  const std::shared_ptr<OpenScene> shared = std::move(*open);
+  auto renderer = FrameRenderer::start({shared});
+  ASSERT_TRUE(renderer) << renderer.error().message;
+  const PictureRequest large = requestOf(kAslant + "&width=4000&height=4000");
+  const auto ask = [&](std::uint64_t client, const std::string& address) {
+    return (*renderer)->requestPicture(client, address, shared, large, {4, 2}, [](const auto&) {});
+  };
+  EXPECT_TRUE(ask(1, "a"));
+  EXPECT_TRUE(ask(2, "a"));
+  EXPECT_FALSE(ask(3, "a"));
+  EXPECT_TRUE(ask(4, "b"));
+  (*renderer)->cancel(2);
+  EXPECT_TRUE(ask(5, "a"));
+  for (std::uint64_t client = 1; client < 6; ++client) (*renderer)->cancel(client);
 }
 
 // ---- Over HTTP
@@ -299,7 +423,7 @@ TEST(Render, picturesNeedFramesAndPixels) {
 TEST(Render, picturesBeyondTheQueueAreAskedToComeAgain) {
   const SceneDirectory scene(0);
   ServerOptions options;
-  options.max_waiting_pictures = 1;
+  options.picture_limits = {1, 10};
   RunningServer server(scene.path, options);
   std::mutex mutex;
   std::map<int, int> statuses;
@@ -325,7 +449,7 @@ TEST(Render, picturesBeyondTheQueueAreAskedToComeAgain) {
 TEST(Render, visitorsThatLeaveFreeTheirPlaceInTheQueue) {
   const SceneDirectory scene(0);
   ServerOptions options;
-  options.max_waiting_pictures = 0;
+  options.picture_limits = {0, 10};
   RunningServer server(scene.path, options);
   for (int i = 0; i < 3; ++i) {
     const HttpAnswer gone = askAndLeave(server.port(), kAslant + "&width=8000&height=8000");

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <csignal>
+#include <thread>
 
 #include "base/file.h"
 #include "tests/server/net/loopback.h"
@@ -224,15 +225,104 @@ TEST(Server, moreConnectionsThanAllowedAreTurnedAway) {
   auto first = LoopbackClient::connect(server.port());
   ASSERT_TRUE(first);
   greet(*first);
-  EXPECT_EQ(httpRequest(server.port(), "/healthz").status, 503);
+  const HttpAnswer refusal = httpRequest(server.port(), "/scene.json");
+  EXPECT_EQ(refusal.status, 503);
+  EXPECT_EQ(refusal.headers.at("retry-after"), "5");
   EXPECT_FALSE(LoopbackClient::connect(server.port()));
+  // Whoever watches over the server is told that it is well.
+  EXPECT_EQ(httpRequest(server.port(), "/healthz").status, 200);
   first->close();
   first.reset();
   // The server notices it with a delay.
   int status = 0;
   for (int attempt = 0; attempt < 500 && status != 200; ++attempt)
-    status = httpRequest(server.port(), "/healthz").status;
+    status = httpRequest(server.port(), "/scene.json").status;
   EXPECT_EQ(status, 200);
+}
+
+TEST(Server, oneAddressCannotTakeAllConnections) {
+  const SceneDirectory scene(0);
+  ServerOptions options = RunningServer::quiet();
+  options.connections_per_address = 2;
+  RunningServer server(scene.path, options);
+  auto first = LoopbackClient::connect(server.port());
+  auto second = LoopbackClient::connect(server.port());
+  ASSERT_TRUE(first && second);
+  const std::string refusal = rawExchange(server.port(), "GET / HTTP/1.1\r\nHost: a\r\n\r\n");
+  EXPECT_TRUE(refusal.starts_with("HTTP/1.1 429 Too Many Requests\r\n")) << refusal;
+  EXPECT_TRUE(refusal.ends_with("close others\n")) << refusal;
+}
+
+// Whatever is sent in place of a request, the answer says what was wrong with it.
+TEST(Server, badRequestsAreAnswered) {
+  const SceneDirectory scene(0);
+  RunningServer server(scene.path);
+  const auto answerTo = [&](const std::string& bytes) { return rawExchange(server.port(), bytes).substr(0, 13); };
+  EXPECT_EQ(answerTo("\x16\x03\x01 this is not HTTP\r\n\r\n"), "HTTP/1.1 400 ");
+  EXPECT_EQ(answerTo("GET /healthz HTTP/1.1\r\nHost: a\r\nA: " + std::string(9000, 'a') + "\r\n\r\n"), "HTTP/1.1 431 ");
+  EXPECT_EQ(answerTo("POST / HTTP/1.1\r\nHost: a\r\nContent-Length: 5\r\n\r\nhello"), "HTTP/1.1 413 ");
+  EXPECT_EQ(answerTo("PUT / HTTP/1.1\r\nHost: a\r\nConnection: close\r\n\r\n"), "HTTP/1.1 405 ");
+}
+
+// ---- Viewers that behave badly
+
+TEST(Server, aViewerThatSaysNothingIsLetGo) {
+  const SceneDirectory scene(0);
+  ServerOptions options = RunningServer::quiet();
+  options.hello_seconds = 0.2;
+  RunningServer server(scene.path, options);
+  auto mute = LoopbackClient::connect(server.port());
+  ASSERT_TRUE(mute);
+  EXPECT_FALSE(mute->receive());
+  EXPECT_EQ(mute->closeCode(), 1008);
+  EXPECT_EQ(mute->closeReason(), "no Hello came in time");
+}
+
+TEST(Server, aViewerThatIsSilentForLongIsLetGo) {
+  const SceneDirectory scene(0);
+  ServerOptions options = RunningServer::quiet();
+  options.idle_seconds = 0.2;
+  RunningServer server(scene.path, options);
+  auto silent = LoopbackClient::connect(server.port());
+  ASSERT_TRUE(silent);
+  greet(*silent);
+  EXPECT_FALSE(silent->receive());
+  EXPECT_EQ(silent->closeCode(), 1001);
+}
+
+TEST(Server, aViewerThatTakesNothingIsDropped) {
+  const SceneDirectory scene(2'000'000);
+  ServerOptions options = RunningServer::quiet();
+  options.stall_seconds = 0.3;
+  RunningServer server(scene.path, options);
+  auto stalled = LoopbackClient::connect(server.port(), "/", 4096);
+  ASSERT_TRUE(stalled);
+  const auto welcome = greet(*stalled);
+  ASSERT_TRUE(stalled->send(viewOf(welcome, 1)));
+  // It reads again once the server has given it up: what was under way comes, and then the end.
+  std::this_thread::sleep_for(std::chrono::milliseconds(1500));
+  EXPECT_FALSE(receiveAll(*stalled, 1).complete);
+}
+
+// Thousands of messages are read at the pace that is allowed, and another viewer is served meanwhile.
+TEST(Server, aFloodOfViewsStarvesItself) {
+  const SceneDirectory scene;
+  ServerOptions options = RunningServer::quiet();
+  options.messages_per_second = 50.0;
+  RunningServer server(scene.path, options);
+  auto flood = LoopbackClient::connect(server.port());
+  ASSERT_TRUE(flood);
+  const auto welcome = greet(*flood);
+  protocol::View view = viewOf(welcome, 1);
+  view.max_points = 64;
+  for (; view.sequence < 2000; ++view.sequence) ASSERT_TRUE(flood->send(view));
+  for (int i = 0; i < 3; ++i) {
+    auto other = LoopbackClient::connect(server.port());
+    ASSERT_TRUE(other);
+    greet(*other);
+    ASSERT_TRUE(other->send(viewOf(welcome, 1)));
+    EXPECT_TRUE(receiveAll(*other, 1).complete);
+  }
 }
 
 // ---- starting and stopping ----

@@ -1,0 +1,127 @@
+#include "server/session/fair_queue.h"
+
+#include <algorithm>
+
+#include "base/stopwatch.h"
+
+namespace server {
+
+FairQueue::FairQueue(unsigned threads, unsigned jobs_at_once) : jobs_at_once_(std::max(1U, jobs_at_once)) {
+  for (unsigned i = 0; i < std::max(1U, threads); ++i) threads_.emplace_back([this] { runThread(); });
+}
+
+void FairQueue::stop() {
+  std::vector<std::deque<Job>> dropped;  // they end after the lock, since a job's end may run other code
+  {
+    const std::lock_guard lock(mutex_);
+    stopping_ = true;
+    for (auto& [number, client] : clients_) {
+      dropped.push_back(std::exchange(client.jobs, {}));
+      setUnready(number, client);
+    }
+    waiting_ = 0;
+  }
+  changed_.notify_all();
+  threads_.clear();
+}
+
+void FairQueue::submit(std::uint64_t client, Job job) {
+  const std::lock_guard lock(mutex_);
+  if (stopping_) return;
+  if (clients_.size() > forget_above_) forgetIdleClients();
+  Client& known = clients_[client];
+  known.is_forgotten = false;
+  // Nobody saves up time while idle.
+  if (known.jobs.empty() && known.running == 0) known.used = std::max(known.used, served_);
+  known.jobs.push_back(std::move(job));
+  ++waiting_;
+  setReady(client, known);
+}
+
+void FairQueue::cancel(std::uint64_t client) {
+  std::deque<Job> dropped;  // ends after the lock, since a job's end may run other code
+  const std::lock_guard lock(mutex_);
+  const auto it = clients_.find(client);
+  if (it == clients_.end()) return;
+  waiting_ -= it->second.jobs.size();
+  dropped.swap(it->second.jobs);
+  setUnready(client, it->second);
+  if (it->second.running == 0)
+    clients_.erase(it);
+  else
+    it->second.is_forgotten = true;
+}
+
+std::size_t FairQueue::waiting() const {
+  const std::lock_guard lock(mutex_);
+  return waiting_;
+}
+
+std::size_t FairQueue::waiting(std::uint64_t client) const {
+  const std::lock_guard lock(mutex_);
+  const auto it = clients_.find(client);
+  return it == clients_.end() ? 0 : it->second.jobs.size();
+}
+
+bool FairQueue::isBehind() const {
+  const std::lock_guard lock(mutex_);
+  return ready_.size() > threads_.size();
+}
+
+void FairQueue::runThread() {
+  std::unique_lock lock(mutex_);
+  for (;;) {
+    changed_.wait(lock, [this] { return stopping_ || !ready_.empty(); });
+    if (stopping_) return;
+    const auto [used, number] = *ready_.begin();
+    Client& client = clients_.at(number);
+    setUnready(number, client);
+    served_ = std::max(served_, used);
+    Job job = std::move(client.jobs.front());
+    client.jobs.pop_front();
+    --waiting_;
+    ++client.running;
+    setReady(number, client);
+    lock.unlock();
+    const base::Stopwatch watch;
+    job();
+    job = nullptr;
+    const double seconds = watch.seconds();
+    lock.lock();
+    endJob(number, seconds);
+  }
+}
+
+void FairQueue::endJob(std::uint64_t number, double seconds) {
+  Client& client = clients_.at(number);
+  setUnready(number, client);
+  --client.running;
+  client.used += seconds;
+  if (client.is_forgotten && client.running == 0)
+    clients_.erase(number);
+  else
+    setReady(number, client);
+}
+
+/// Puts the client into its place among those that can be served, if it has a job that may begin.
+void FairQueue::setReady(std::uint64_t number, Client& client) {
+  if (client.is_ready || client.jobs.empty() || client.running >= jobs_at_once_) return;
+  client.is_ready = true;
+  ready_.insert({client.used, number});
+  changed_.notify_one();
+}
+
+void FairQueue::setUnready(std::uint64_t number, Client& client) {
+  if (!std::exchange(client.is_ready, false)) return;
+  ready_.erase({client.used, number});
+}
+
+/// Idle clients that were given no more than others start as unknown ones do.
+void FairQueue::forgetIdleClients() {
+  std::erase_if(clients_, [this](const auto& one) {
+    return one.second.jobs.empty() && one.second.running == 0 && one.second.used <= served_;
+  });
+  forget_above_ = std::max(kForgetAbove, 2 * clients_.size());
+}
+
+}  // namespace server

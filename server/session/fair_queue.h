@@ -1,0 +1,73 @@
+#pragma once
+// Threads that work for many clients, none of whom can starve the others: the client that was given least time comes
+// next, and its own jobs wait for each other.
+#include <condition_variable>
+#include <cstddef>
+#include <cstdint>
+#include <deque>
+#include <functional>
+#include <mutex>
+#include <set>
+#include <thread>
+#include <unordered_map>
+#include <utility>
+#include <vector>
+
+namespace server {
+
+/// Nothing here blocks but the end of the object. All calls are safe from any thread, from a job, too.
+class FairQueue {
+ public:
+  using Job = std::function<void()>;
+
+  /// `threads`: at least 1. `jobs_at_once`: of one client; others of its jobs wait, even if a thread is idle.
+  explicit FairQueue(unsigned threads, unsigned jobs_at_once = 1);
+  ~FairQueue() { stop(); }
+  FairQueue(const FairQueue&) = delete;
+  FairQueue& operator=(const FairQueue&) = delete;
+
+  /// Adds a job behind the client's others. A client that had none for a while competes as if it had been given as much
+  /// time as whoever was served last.
+  void submit(std::uint64_t client, Job job);
+  /// Drops the jobs that wait, and waits for those that run; not to be called from a job. Jobs that are submitted later
+  /// are dropped, too.
+  void stop();
+  /// Drops the client's jobs that wait, and forgets the client.
+  void cancel(std::uint64_t client);
+  /// Jobs that no thread has begun.
+  std::size_t waiting() const;
+  /// Jobs of one client that no thread has begun.
+  std::size_t waiting(std::uint64_t client) const;
+  /// Whether more clients wait for a thread than there are threads.
+  bool isBehind() const;
+
+ private:
+  struct Client {
+    std::deque<Job> jobs;
+    unsigned running = 0;
+    double used = 0.0;          // seconds of threads that it was given
+    bool is_ready = false;      // stands in ready_
+    bool is_forgotten = false;  // goes when its last running job ends
+  };
+  using Turn = std::pair<double, std::uint64_t>;  // used, client
+
+  void runThread();
+  void setReady(std::uint64_t number, Client& client);
+  void setUnready(std::uint64_t number, Client& client);
+  void forgetIdleClients();
+  void endJob(std::uint64_t number, double seconds);
+
+  const unsigned jobs_at_once_;
+  mutable std::mutex mutex_;
+  std::condition_variable changed_;
+  std::unordered_map<std::uint64_t, Client> clients_;
+  std::set<Turn> ready_;                             // clients that have a job to begin, the least served first
+  static constexpr std::size_t kForgetAbove = 4096;  // 100 bytes each
+  std::size_t forget_above_ = kForgetAbove;          // clients, from which on idle ones are forgotten
+  std::size_t waiting_ = 0;
+  double served_ = 0.0;  // `used` of the client that was served last
+  bool stopping_ = false;
+  std::vector<std::jthread> threads_;
+};
+
+}  // namespace server

@@ -1,0 +1,125 @@
+#include "server/session/session_runner.h"
+
+#include <utility>
+
+namespace server {
+
+SessionRunner::SessionRunner(const SceneData& scene, std::shared_ptr<const void> keep_alive, FairQueue& workers,
+                             std::uint64_t client, OnOutput done)
+    : keep_alive_(std::move(keep_alive)), workers_(workers), client_(client), done_(std::move(done)), session_(scene) {}
+
+// ---- The connection's side
+
+void SessionRunner::receive(base::Bytes message, const ConnectionState& state) {
+  add(state, [message = std::move(message)](SessionRunner& self) { self.receiveMessage(message); });
+}
+
+void SessionRunner::facesFetched(FaceRequest request, Session::FaceValues values, const ConnectionState& state) {
+  // A function that is copied holds what can only be moved behind a pointer.
+  auto held = std::make_shared<Session::FaceValues>(std::move(values));
+  add(state, [request = std::move(request), held](SessionRunner& self) {
+    self.session_.facesFetched(request, std::move(*held));
+  });
+}
+
+void SessionRunner::frameRendered(FrameRequest request, base::Bytes value, const ConnectionState& state) {
+  auto held = std::make_shared<base::Bytes>(std::move(value));
+  add(state, [request, held](SessionRunner& self) { self.session_.frameRendered(request, std::move(*held)); });
+}
+
+void SessionRunner::tell(const ConnectionState& state) {
+  add(state, nullptr);
+}
+
+void SessionRunner::take(const SessionOutput& output) {
+  for (const base::Bytes& message : output.messages) bytes_taken_ += message.size();
+}
+
+void SessionRunner::end() {
+  {
+    const std::lock_guard lock(mutex_);
+    ended_ = true;
+    events_.clear();
+  }
+  workers_.cancel(client_);
+}
+
+SessionCounts SessionRunner::counts() const {
+  const std::lock_guard lock(mutex_);
+  return counts_;
+}
+
+std::size_t SessionRunner::backlog() const {
+  const std::lock_guard lock(mutex_);
+  return events_.size();
+}
+
+void SessionRunner::add(const ConnectionState& state, std::function<void(SessionRunner&)> apply) {
+  const std::lock_guard lock(mutex_);
+  if (ended_) return;
+  const bool only_tells = apply == nullptr;
+  // The newest of several states in a row tells all.
+  if (only_tells && !events_.empty() && events_.back().apply == nullptr) events_.pop_back();
+  events_.push_back({state, bytes_taken_, std::move(apply)});
+  if (!std::exchange(scheduled_, true)) schedule();
+}
+
+void SessionRunner::schedule() {
+  workers_.submit(client_, [self = shared_from_this()] { self->runTurn(); });
+}
+
+// ---- The workers' side
+
+void SessionRunner::runTurn() {
+  std::vector<Event> events;
+  {
+    const std::lock_guard lock(mutex_);
+    if (ended_) return;
+    events.swap(events_);
+  }
+  for (const Event& event : events) acceptEvent(event);
+  SessionOutput output;
+  makeMessages(output);
+  {
+    const std::lock_guard lock(mutex_);
+    counts_ = session_.counts();
+    scheduled_ = !events_.empty();
+    if (ended_) return;
+    if (scheduled_) schedule();
+  }
+  done_(std::move(output));
+}
+
+void SessionRunner::acceptEvent(const Event& event) {
+  // Messages that the connection had not taken yet when it told its state wait all the same.
+  const std::uint64_t on_the_way = session_.counts().bytes - event.bytes_taken;
+  link_ = event.state.link;
+  link_.unsent_bytes += on_the_way;
+  waiting_ = event.state.unwritten_bytes + on_the_way;
+  session_.setLink(link_);
+  if (event.apply) event.apply(*this);
+}
+
+void SessionRunner::receiveMessage(const base::Bytes& message) {
+  if (refusal_) return;
+  if (const auto received = session_.receive(message); !received) refusal_ = received.error().message;
+}
+
+void SessionRunner::makeMessages(SessionOutput& output) {
+  output.frame = session_.nextFrameRequest();
+  while (waiting_ == 0 || waiting_ < session_.bytesAhead()) {
+    auto message = session_.nextMessage();
+    if (!message) break;
+    waiting_ += message->size();
+    link_.unsent_bytes += message->size();
+    session_.setLink(link_);
+    output.messages.push_back(std::move(*message));
+  }
+  while (auto request = session_.nextFaceRequest()) output.faces.push_back(std::move(*request));
+  if (auto frame = session_.nextFrameRequest()) output.frame = std::move(frame);
+  output.wake_at = session_.wakeAt();
+  if (!name_told_ && !session_.clientName().empty()) output.client_name = session_.clientName(), name_told_ = true;
+  if (refusal_ && session_.finished() && !std::exchange(refusal_told_, true)) output.refusal = refusal_;
+}
+
+}  // namespace server

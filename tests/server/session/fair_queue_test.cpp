@@ -1,0 +1,192 @@
+#include "server/session/fair_queue.h"
+
+#include <gtest/gtest.h>
+
+#include <atomic>
+#include <chrono>
+#include <future>
+#include <string>
+#include <thread>
+
+namespace server {
+namespace {
+
+/// Keeps a thread of the queue until it is let go.
+class Gate {
+ public:
+  FairQueue::Job job() {
+    return [this] {
+      begun_.set_value();
+      opened_.get_future().wait();
+    };
+  }
+  void waitUntilBegun() { begun_.get_future().wait(); }
+  void open() { opened_.set_value(); }
+
+ private:
+  std::promise<void> begun_, opened_;
+};
+
+/// Takes time of a thread.
+void spend(std::chrono::milliseconds time) {
+  const auto end = std::chrono::steady_clock::now() + time;
+  while (std::chrono::steady_clock::now() < end) {
+  }
+}
+
+TEST(FairQueue, jobsOfAClientRunOneAfterTheOtherInTheirOrder) {
+  FairQueue queue(4);
+  std::atomic<int> running{0}, done{0};
+  std::string order;
+  std::promise<void> all;
+  for (int i = 0; i < 100; ++i) {
+    queue.submit(7, [&, i] {
+      EXPECT_EQ(++running, 1);
+      order += static_cast<char>('0' + i % 10);
+      --running;
+      if (++done == 100) all.set_value();
+    });
+  }
+  all.get_future().wait();
+  for (int i = 0; i < 100; ++i) EXPECT_EQ(order[static_cast<std::size_t>(i)], '0' + i % 10);
+}
+
+TEST(FairQueue, severalJobsOfAClientRunAtOnceWhereThatIsAllowed) {
+  FairQueue queue(3, 2);
+  Gate first, second;
+  std::atomic<bool> third{false};
+  queue.submit(1, first.job());
+  queue.submit(1, second.job());
+  queue.submit(1, [&] { third = true; });
+  first.waitUntilBegun();
+  second.waitUntilBegun();
+  EXPECT_FALSE(third);
+  EXPECT_EQ(queue.waiting(1), 1U);
+  first.open();
+  second.open();
+}
+
+// Ten jobs of a greedy client were there first. Once it was given time, the others come before its next job.
+TEST(FairQueue, whoWasGivenLeastTimeComesNext) {
+  FairQueue queue(1);
+  Gate gate;
+  queue.submit(99, gate.job());
+  gate.waitUntilBegun();
+  std::string order;
+  std::promise<void> all;
+  const auto add = [&](std::uint64_t client, char name, std::chrono::milliseconds time) {
+    queue.submit(client, [&, name, time] {
+      spend(time);
+      order += name;
+      if (order.size() == 14) all.set_value();
+    });
+  };
+  for (int i = 0; i < 10; ++i) add(1, 'g', std::chrono::milliseconds(20));
+  for (int i = 0; i < 2; ++i) add(2, 'a', std::chrono::milliseconds(1));
+  for (int i = 0; i < 2; ++i) add(3, 'b', std::chrono::milliseconds(1));
+  gate.open();
+  all.get_future().wait();
+  EXPECT_EQ(order.substr(0, 1), "g");
+  EXPECT_EQ(order.substr(5), "ggggggggg") << order;
+}
+
+// While client 1 works, client 2 is idle. It does not come back with all that time saved up.
+TEST(FairQueue, idleClientsSaveUpNoTime) {
+  FairQueue queue(1);
+  std::promise<void> worked;
+  queue.submit(2, [] {});
+  for (int i = 0; i < 5; ++i) queue.submit(1, [] { spend(std::chrono::milliseconds(20)); });
+  queue.submit(1, [&] { worked.set_value(); });
+  worked.get_future().wait();
+
+  Gate gate;
+  queue.submit(99, gate.job());
+  gate.waitUntilBegun();
+  std::string order;
+  std::promise<void> all;
+  const auto add = [&](std::uint64_t client, char name) {
+    queue.submit(client, [&, name] {
+      spend(std::chrono::milliseconds(10));
+      order += name;
+      if (order.size() == 8) all.set_value();
+    });
+  };
+  for (int i = 0; i < 4; ++i) add(2, 'b');
+  for (int i = 0; i < 4; ++i) add(1, 'a');
+  gate.open();
+  all.get_future().wait();
+  EXPECT_NE(order, "bbbbaaaa");
+}
+
+TEST(FairQueue, cancelDropsWhatWaits) {
+  FairQueue queue(1);
+  Gate gate;
+  std::atomic<bool> ran{false};
+  queue.submit(1, gate.job());
+  queue.submit(1, [&] { ran = true; });
+  gate.waitUntilBegun();
+  EXPECT_EQ(queue.waiting(), 1U);
+  queue.cancel(1);
+  EXPECT_EQ(queue.waiting(), 0U);
+  gate.open();
+  std::promise<void> later;
+  queue.submit(2, [&] { later.set_value(); });
+  later.get_future().wait();
+  EXPECT_FALSE(ran);
+}
+
+TEST(FairQueue, aJobMayCancelItsOwnClient) {
+  FairQueue queue(2);
+  std::promise<void> done;
+  queue.submit(1, [&] {
+    queue.submit(1, [] { FAIL(); });
+    queue.cancel(1);
+    done.set_value();
+  });
+  done.get_future().wait();
+}
+
+TEST(FairQueue, isBehindWhereMoreClientsWaitThanThreads) {
+  FairQueue queue(1);
+  Gate gate;
+  queue.submit(1, gate.job());
+  gate.waitUntilBegun();
+  EXPECT_FALSE(queue.isBehind());
+  queue.submit(2, [] {});
+  EXPECT_FALSE(queue.isBehind());
+  queue.submit(3, [] {});
+  EXPECT_TRUE(queue.isBehind());
+  gate.open();
+}
+
+TEST(FairQueue, stopDropsWhatWaitsAndWhatComesLater) {
+  FairQueue queue(1);
+  Gate gate;
+  std::atomic<bool> ran{false};
+  queue.submit(1, gate.job());
+  gate.waitUntilBegun();
+  queue.submit(2, [&] { ran = true; });
+  std::thread stopper([&] { queue.stop(); });
+  while (queue.waiting() != 0) std::this_thread::yield();
+  gate.open();
+  stopper.join();
+  queue.submit(3, [&] { ran = true; });
+  EXPECT_EQ(queue.waiting(), 0U);
+  EXPECT_FALSE(ran);
+}
+
+// Many clients come and go; what is known of them stays bounded, and all jobs run.
+TEST(FairQueue, manyClients) {
+  FairQueue queue(4);
+  std::atomic<int> ran{0};
+  std::promise<void> all;
+  for (std::uint64_t client = 0; client < 20'000; ++client)
+    queue.submit(client, [&] {
+      if (++ran == 20'000) all.set_value();
+    });
+  all.get_future().wait();
+  EXPECT_EQ(ran, 20'000);
+}
+
+}  // namespace
+}  // namespace server

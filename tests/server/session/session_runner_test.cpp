@@ -1,0 +1,186 @@
+#include "server/session/session_runner.h"
+
+#include <gtest/gtest.h>
+
+#include <condition_variable>
+#include <deque>
+#include <future>
+#include <thread>
+#include <variant>
+
+#include "tests/server/session/memory_store.h"
+
+namespace server {
+namespace {
+
+/// A connection without a socket: takes outputs as they come, and writes when the test says so.
+class FakeConnection {
+ public:
+  FakeConnection(const SceneData& scene, FairQueue& workers, std::uint64_t client = 1)
+      : runner(std::make_shared<SessionRunner>(scene, nullptr, workers, client, [this](SessionOutput output) {
+          const std::lock_guard lock(mutex_);
+          outputs_.push_back(std::move(output));
+          changed_.notify_all();
+        })) {}
+  ~FakeConnection() { runner->end(); }
+
+  void send(const protocol::ClientMessage& message) { runner->receive(protocol::encode(message), state()); }
+  /// Waits for the output of the next turn and takes it.
+  SessionOutput next() {
+    std::unique_lock lock(mutex_);
+    EXPECT_TRUE(changed_.wait_for(lock, std::chrono::seconds(20), [this] { return !outputs_.empty(); }));
+    SessionOutput output = std::move(outputs_.front());
+    outputs_.pop_front();
+    runner->take(output);
+    for (const base::Bytes& message : output.messages) unwritten += message.size();
+    return output;
+  }
+  /// Tells that all was written.
+  void written() {
+    unwritten = 0;
+    runner->tell(state());
+  }
+  /// Takes and writes until Completion(sequence); returns the types' counts.
+  std::size_t readUntilComplete(std::uint32_t sequence) {
+    for (std::size_t messages = 0;;) {
+      for (const base::Bytes& bytes : next().messages) {
+        ++messages;
+        const auto message = protocol::decodeServerMessage(bytes);
+        EXPECT_TRUE(message);
+        const auto* complete = std::get_if<protocol::Completion>(&*message);
+        if (complete != nullptr && complete->sequence == sequence) return messages;
+      }
+      written();
+    }
+  }
+  ConnectionState state() const { return {{seconds, unwritten, 0, 0.0}, unwritten}; }
+
+  double seconds = 0.0;
+  std::uint64_t unwritten = 0;
+  std::shared_ptr<SessionRunner> runner;
+
+ private:
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  std::deque<SessionOutput> outputs_;
+};
+
+protocol::View someView(std::uint32_t sequence) {
+  protocol::View view;
+  view.sequence = sequence;
+  view.camera.position = {16.0, 16.0, 20.0};
+  view.camera.direction = {0.0, 0.0, -1.0};
+  view.camera.up = {0.0, 1.0, 0.0};
+  view.camera.width = 320;
+  view.camera.height = 240;
+  return view;
+}
+
+TEST(SessionRunner, servesAViewToItsCompletion) {
+  const TestScene scene;
+  FairQueue workers(2);
+  FakeConnection connection(scene.data, workers);
+  connection.send(protocol::Hello{protocol::kVersion, "a program"});
+  const SessionOutput greeting = connection.next();
+  EXPECT_EQ(greeting.client_name, "a program");
+  ASSERT_EQ(greeting.messages.size(), 1U);
+  connection.written();
+  connection.next();
+  connection.send(someView(1));
+  EXPECT_GT(connection.readUntilComplete(1), 5U);
+  const SessionCounts counts = connection.runner->counts();
+  EXPECT_EQ(counts.views, 1U);
+  EXPECT_GT(counts.faces, 0U);
+}
+
+// The back-pressure: what was not written yet keeps others from being made, however many turns there are.
+TEST(SessionRunner, makesNothingWhileTheConnectionIsFull) {
+  const TestScene scene;
+  FairQueue workers(2);
+  FakeConnection connection(scene.data, workers);
+  connection.send(protocol::Hello{protocol::kVersion, "a program"});
+  EXPECT_EQ(connection.next().messages.size(), 1U);
+  connection.send(someView(1));
+  EXPECT_TRUE(connection.next().messages.empty());
+  connection.runner->tell(connection.state());
+  EXPECT_TRUE(connection.next().messages.empty());
+  connection.written();
+  EXPECT_EQ(connection.next().messages.size(), 1U);
+}
+
+// Messages that wait in front of a busy worker are accepted in one turn, which plans for the newest view alone.
+TEST(SessionRunner, ofViewsThatWaitTheNewestIsPlannedFor) {
+  const TestScene scene;
+  FairQueue workers(1);
+  FakeConnection connection(scene.data, workers);
+  connection.send(protocol::Hello{protocol::kVersion, "a program"});
+  connection.next();
+  connection.written();
+  connection.next();
+
+  std::promise<void> begun, opened;
+  workers.submit(99, [&] {
+    begun.set_value();
+    opened.get_future().wait();
+  });
+  begun.get_future().wait();
+  for (std::uint32_t sequence = 1; sequence <= 5; ++sequence) connection.send(someView(sequence));
+  EXPECT_EQ(connection.runner->backlog(), 5U);
+  opened.set_value();
+  connection.readUntilComplete(5);
+  EXPECT_EQ(connection.runner->counts().views, 5U);
+}
+
+TEST(SessionRunner, aRefusalIsToldOnceAndAfterItsMessage) {
+  const TestScene scene;
+  FairQueue workers(1);
+  FakeConnection connection(scene.data, workers);
+  connection.runner->receive({0x42, 0x13}, connection.state());
+  const SessionOutput refusal = connection.next();
+  ASSERT_EQ(refusal.messages.size(), 1U);
+  EXPECT_TRUE(std::holds_alternative<protocol::Refusal>(*protocol::decodeServerMessage(refusal.messages[0])));
+  ASSERT_TRUE(refusal.refusal);
+  EXPECT_NE(*refusal.refusal, "");
+  connection.runner->receive({0x42, 0x13}, connection.state());
+  EXPECT_FALSE(connection.next().refusal);
+}
+
+TEST(SessionRunner, nothingComesAfterTheEnd) {
+  const TestScene scene;
+  FairQueue workers(1);
+  int outputs = 0;
+  const auto runner =
+      std::make_shared<SessionRunner>(scene.data, nullptr, workers, 1, [&](const SessionOutput&) { ++outputs; });
+  std::promise<void> begun, opened;
+  workers.submit(99, [&] {
+    begun.set_value();
+    opened.get_future().wait();
+  });
+  begun.get_future().wait();
+  runner->receive(protocol::encode(protocol::ClientMessage(protocol::Hello{})), {});
+  runner->end();
+  runner->tell({});
+  EXPECT_EQ(runner->backlog(), 0U);
+  opened.set_value();
+  workers.stop();
+  EXPECT_EQ(outputs, 0);
+}
+
+// Many viewers at once on several workers; the thread sanitizer looks on.
+TEST(SessionRunner, manyViewersAtOnce) {
+  const TestScene scene(8, 500);
+  FairQueue workers(4);
+  std::vector<std::unique_ptr<FakeConnection>> connections;
+  for (std::uint64_t client = 1; client <= 16; ++client) {
+    connections.push_back(std::make_unique<FakeConnection>(scene.data, workers, client));
+    connections.back()->send(protocol::Hello{protocol::kVersion, "a program"});
+    connections.back()->send(someView(1));
+  }
+  std::vector<std::thread> threads;
+  for (const auto& connection : connections)
+    threads.emplace_back([&connection] { EXPECT_GT(connection->readUntilComplete(1), 5U); });
+  for (std::thread& thread : threads) thread.join();
+}
+
+}  // namespace
+}  // namespace server
