@@ -25,7 +25,7 @@ struct Direction {
   std::array<const char*, 7> messages;  // in the order of the variant
 };
 constexpr Direction kFromClient{
-    "client", kMaxClientMessage, "256 KiB", 0x01, {"Hello", "View", "Eviction", "Holdings"}};
+    "client", kMaxClientMessage, "64 KiB", 0x01, {"Hello", "View", "Eviction", "Holdings"}};
 constexpr Direction kFromServer{"server",
                                 kMaxServerMessage,
                                 "16 MiB",

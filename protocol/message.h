@@ -21,12 +21,12 @@ namespace protocol {
 
 inline constexpr std::uint16_t kVersion = 6;
 /// Limits on what is accepted; a longer message is an error and ends the connection.
-inline constexpr std::size_t kMaxClientMessage = 256 * 1024;
+inline constexpr std::size_t kMaxClientMessage = 64 * 1024;
 inline constexpr std::size_t kMaxServerMessage = 16 * 1024 * 1024;
 /// Bytes of a face's value or a group's block that surely fit into one server message: 256 are left for its other
 /// fields. Larger ones are never sent.
 inline constexpr std::size_t kMaxPayload = kMaxServerMessage - 256;
-inline constexpr std::size_t kMaxKeysPerMessage = 8192;  ///< keys of each kind
+inline constexpr std::size_t kMaxKeysPerMessage = 4096;  ///< keys of each kind
 inline constexpr std::size_t kMaxText = 512;             ///< bytes of a name or reason; encode() cuts longer ones
 inline constexpr std::size_t kMaxUnits = 32;             ///< bytes of the name of a unit of length
 inline constexpr int kMaxViewport = 16384;               ///< pixels a side; also of a face

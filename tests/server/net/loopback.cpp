@@ -12,6 +12,7 @@
 #include <boost/beast/http.hpp>
 #include <boost/beast/websocket.hpp>
 #include <cctype>
+#include <thread>
 
 namespace server {
 namespace {
@@ -148,6 +149,76 @@ std::string LoopbackClient::closeReason() const {
 
 void LoopbackClient::close() {
   await(state_->io, [&](auto handler) { state_->socket.async_close(websocket::close_code::normal, handler); });
+}
+
+namespace {
+
+/// One client of a PlainSender.
+class PlainConnection : public std::enable_shared_from_this<PlainConnection> {
+ public:
+  PlainConnection(asio::ip::tcp::socket socket, const std::vector<base::Bytes>& messages)
+      : socket_(std::move(socket)), messages_(messages) {
+    beast::get_lowest_layer(socket_).socket().set_option(asio::ip::tcp::no_delay(true));
+    socket_.binary(true);
+    socket_.auto_fragment(false);
+  }
+  void start() {
+    socket_.async_accept([self = shared_from_this()](error_code ec) {
+      if (!ec) self->read();
+    });
+  }
+
+ private:
+  void read() {
+    socket_.async_read(incoming_, [self = shared_from_this()](error_code ec, std::size_t) {
+      if (ec) return;
+      self->incoming_.clear();
+      self->next_ = 0;
+      self->write();
+    });
+  }
+  void write() {
+    if (next_ == messages_.size()) return read();
+    socket_.async_write(asio::buffer(messages_[next_++]), [self = shared_from_this()](error_code ec, std::size_t) {
+      if (!ec) self->write();
+    });
+  }
+
+  websocket::stream<beast::tcp_stream> socket_;
+  const std::vector<base::Bytes>& messages_;
+  beast::flat_buffer incoming_;
+  std::size_t next_ = 0;
+};
+
+}  // namespace
+
+struct PlainSender::State {
+  explicit State(std::vector<base::Bytes> sent) : messages(std::move(sent)), acceptor(io, endpointOf(0)) { accept(); }
+  void accept() {
+    acceptor.async_accept([this](error_code ec, asio::ip::tcp::socket socket) {
+      if (ec) return;
+      std::make_shared<PlainConnection>(std::move(socket), messages)->start();
+      accept();
+    });
+  }
+
+  const std::vector<base::Bytes> messages;
+  asio::io_context io{1};
+  asio::ip::tcp::acceptor acceptor;
+  std::thread thread;
+};
+
+PlainSender::PlainSender(std::vector<base::Bytes> messages) : state_(std::make_unique<State>(std::move(messages))) {
+  state_->thread = std::thread([this] { state_->io.run(); });
+}
+
+PlainSender::~PlainSender() {
+  state_->io.stop();
+  state_->thread.join();
+}
+
+std::uint16_t PlainSender::port() const {
+  return state_->acceptor.local_endpoint().port();
 }
 
 }  // namespace server

@@ -5,6 +5,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "base/bytes.h"
 #include "protocol/message.h"
@@ -45,6 +46,20 @@ class LoopbackClient {
 
  private:
   LoopbackClient() = default;
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+/// A bare Beast server for benchmarks: each message of a client is answered with the same list of messages.
+class PlainSender {
+ public:
+  explicit PlainSender(std::vector<base::Bytes> messages);
+  ~PlainSender();
+  PlainSender(const PlainSender&) = delete;
+  PlainSender& operator=(const PlainSender&) = delete;
+  std::uint16_t port() const;
+
+ private:
   struct State;
   std::unique_ptr<State> state_;
 };

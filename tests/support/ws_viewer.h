@@ -18,7 +18,7 @@
 #include "base/bytes.h"
 #include "base/file.h"
 
-namespace bench {
+namespace support {
 
 /// Connects to a port of this machine, from 127.0.0.`last_byte` so that servers take viewers for different machines.
 inline base::FileDescriptor connectTo(std::uint16_t port, std::uint8_t last_byte = 1) {
@@ -139,4 +139,4 @@ class WsViewer {
   std::uint64_t bytes_ = 0;
 };
 
-}  // namespace bench
+}  // namespace support
