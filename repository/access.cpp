@@ -189,8 +189,8 @@ base::Error anotherSceneError() {
 }
 
 base::Result<AccessFile> readAccess(const std::string& path, const AccessIdentity& identity) {
-  LUMIGRID_ASSIGN_OR_RETURN(auto mapped, base::MappedFile::open(path));
-  auto file = decodeAccess(mapped.bytes());
+  LUMIGRID_ASSIGN_OR_RETURN(const auto bytes, base::readFile(path));
+  auto file = decodeAccess(bytes);
   if (!file) return base::within(path, file.error());
   if (file->identity != identity) return base::within(path, anotherSceneError());
   return file;
@@ -288,9 +288,9 @@ base::Result<void> addToAccessFile(const std::string& path, const AccessIdentity
   if (!lock) return lock.error();
   base::removeUnfinished(path);  // only the holder of the lock writes, so this is what a killed writer left
 
-  auto stored = base::MappedFile::open(path);
+  const auto stored = base::readFile(path);
   if (!stored && stored.error().code != base::ErrorCode::kNotFound) return stored.error();
-  auto whole = stored ? encodeSum(stored->bytes(), identity, more) : encodeAccess(identity, more);
+  auto whole = stored ? encodeSum(*stored, identity, more) : encodeAccess(identity, more);
   if (!whole) return base::within(path, whole.error());
   if (isEmpty(more)) return {};
   return base::writeFileAtomically(path, *whole);

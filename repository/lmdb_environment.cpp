@@ -11,8 +11,10 @@
 #include <array>
 #include <bit>
 #include <cerrno>
-#include <map>
+#include <cstring>
+#include <list>
 #include <optional>
+#include <tuple>
 #include <vector>
 
 #include "base/bytes.h"
@@ -28,11 +30,13 @@ constexpr std::uint64_t kMinMapBytes = std::uint64_t{1} << 30;
 // Besides its values a batch writes pages of keys and free lists.
 constexpr std::size_t kExtraWriteBytes = std::size_t{1} << 20;
 constexpr int kCheckAttempts = 50;  // a writer may overtake the check a few times in a row
+// Values up to here are copied without a look at the file's length, which takes a system call.
+constexpr std::size_t kUsualValueBytes = std::size_t{1} << 20;
 
 // ---- Checks ----
 
 // LMDB trusts its file, and a wild page number in a damaged one makes it crash. These checks read the file before LMDB
-// does.
+// does, by position and not through a map, so that a file that is cut meanwhile is an error.
 //
 // This is the layout of an LMDB 0.9 file on a 64-bit little-endian machine, after its source (mdb.c: MDB_meta,
 // MDB_page, MDB_node, MDB_db).
@@ -57,6 +61,7 @@ constexpr std::uint16_t kBigData = 0x01, kSubTable = 0x02;                      
 constexpr std::uint16_t kIntegerKeys = 0x08;                                               // table flags
 constexpr std::uint64_t kNoPage = ~std::uint64_t{0};
 constexpr std::uint64_t kPageHeader = 16, kNodeHeader = 8, kTableRecordBytes = 48;
+constexpr std::size_t kMetaBytes = kPageHeader + 24 + 2 * kTableRecordBytes + 16;
 constexpr std::uint64_t kMaxBytes = std::uint64_t{1} << 46;  // half of the address space of an x86-64 process
 constexpr int kMaxDepth = 32;                                // CURSOR_STACK in mdb.c
 
@@ -84,9 +89,10 @@ Table readTable(base::ByteReader& in) {
   return table;
 }
 
-std::optional<Meta> readMeta(base::ByteView file, std::uint64_t offset) {
-  if (offset > file.size()) return std::nullopt;
-  base::ByteReader in(file.subspan(offset));
+std::optional<Meta> readMeta(const base::PositionedFile& file, std::uint64_t offset) {
+  std::array<std::uint8_t, kMetaBytes> bytes{};
+  if (!file.readAt(offset, bytes)) return std::nullopt;
+  base::ByteReader in(bytes);
   in.bytes(kPageHeader);
   const std::uint32_t magic = in.u32();
   const std::uint32_t version = in.u32();
@@ -112,7 +118,7 @@ base::Error damagedError(const std::string& directory, const std::string& proble
 // Walks the trees, marks the pages that it reaches and keeps the first fault.
 class TreeWalker {
  public:
-  TreeWalker(base::ByteView file, const Meta& meta, CheckDepth depth)
+  TreeWalker(const base::PositionedFile& file, const Meta& meta, CheckDepth depth)
       : file_(file),
         depth_(depth),
         page_bytes_(meta.free_pages.pad),
@@ -129,10 +135,12 @@ class TreeWalker {
     walkTable({0, 0, meta.free_pages.depth, meta.free_pages.root}, false, 0);
   }
   const std::string& fault() const { return fault_; }
+  /// An error of the disk, or of a file that was cut since it was opened.
+  const base::Result<void>& readResult() const { return read_; }
 
  private:
   struct Page {
-    base::ByteView bytes;
+    base::Bytes bytes;
     std::uint16_t lower = 0;
     std::uint16_t upper = 0;
     std::uint64_t nodes() const { return (lower - kPageHeader) / 2; }
@@ -140,6 +148,15 @@ class TreeWalker {
 
   void fail(const std::string& problem, std::uint64_t page) {
     if (fault_.empty()) fault_ = problem + " at page " + std::to_string(page);
+  }
+
+  base::Bytes readBytes(std::uint64_t offset, std::uint64_t count) {
+    base::Bytes bytes(count);
+    if (auto read = file_.readAt(offset, bytes); !read) {
+      if (read_) read_ = read;
+      fail("bytes that cannot be read", offset / page_bytes_);
+    }
+    return bytes;
   }
 
   // Marks pages as reached; false when one lies outside of the file or was reached before.
@@ -169,7 +186,7 @@ class TreeWalker {
 
   std::optional<Page> readPage(std::uint64_t number, std::uint16_t kind) {
     Page page;
-    page.bytes = file_.subspan(number * page_bytes_, page_bytes_);
+    page.bytes = readBytes(number * page_bytes_, page_bytes_);
     base::ByteReader in(page.bytes);
     const std::uint64_t own_number = in.u64();
     in.u16();
@@ -185,10 +202,11 @@ class TreeWalker {
   }
 
   void walkNode(const Page& page, std::uint64_t number, std::uint64_t i, int depth, bool holds_tables) {
-    base::ByteReader offsets(page.bytes.subspan(kPageHeader + 2 * i));
+    const base::ByteView bytes(page.bytes);
+    base::ByteReader offsets(bytes.subspan(kPageHeader + 2 * i));
     const std::uint64_t at = offsets.u16();
     if (at < page.upper || at % 2 != 0 || at + kNodeHeader > page_bytes_) return fail("a node out of its page", number);
-    base::ByteReader in(page.bytes.subspan(at));
+    base::ByteReader in(bytes.subspan(at));
     const std::uint64_t low = in.u16();
     const std::uint64_t high = in.u16();
     const std::uint16_t flags = in.u16();
@@ -202,6 +220,7 @@ class TreeWalker {
   void walkData(base::ByteReader& in, std::uint64_t bytes, std::uint16_t flags, std::uint64_t number,
                 bool holds_tables) {
     base::ByteView data;
+    base::Bytes own;
     if (flags == kBigData) {
       const std::uint64_t first = in.u64();
       if (!in.ok()) return fail("a value's link out of its page", number);
@@ -209,7 +228,8 @@ class TreeWalker {
       if (!markReached(first, pages)) return;
       if (depth_ == CheckDepth::kValues && !isOverflow(first, pages))
         return fail("a value's page of the wrong kind", first);
-      data = file_.subspan(first * page_bytes_ + kPageHeader, bytes);
+      if (holds_tables || in_free_table_) own = readBytes(first * page_bytes_ + kPageHeader, bytes);
+      data = own;
     } else {
       data = in.bytes(bytes);
       if (!in.ok()) return fail("a value out of its page", number);
@@ -224,8 +244,9 @@ class TreeWalker {
     if (in_free_table_) walkFreeList(data, number);
   }
 
-  bool isOverflow(std::uint64_t number, std::uint64_t pages) const {
-    base::ByteReader in(file_.subspan(number * page_bytes_, kPageHeader));
+  bool isOverflow(std::uint64_t number, std::uint64_t pages) {
+    const base::Bytes header = readBytes(number * page_bytes_, kPageHeader);
+    base::ByteReader in(header);
     const std::uint64_t own_number = in.u64();
     in.u16();
     const std::uint16_t flags = in.u16();
@@ -248,7 +269,7 @@ class TreeWalker {
     }
   }
 
-  base::ByteView file_;
+  const base::PositionedFile& file_;
   CheckDepth depth_;
   std::uint64_t page_bytes_;
   std::uint64_t last_page_;
@@ -256,18 +277,19 @@ class TreeWalker {
   std::vector<bool> reached_;
   bool in_free_table_ = false;
   std::string fault_;
+  base::Result<void> read_;
 };
 
 // Checks the two meta pages of `directory`/data.mdb before LMDB opens it, so that LMDB can work with their numbers. A
 // file that is absent or empty passes, since LMDB creates it.
 base::Result<void> checkLmdbHeader(const std::string& directory) {
-  const auto file = base::MappedFile::open(directory + "/data.mdb");
+  const auto file = base::PositionedFile::open(directory + "/data.mdb");
   if (!file)
     return file.error().code == base::ErrorCode::kNotFound ? base::Result<void>() : base::Result<void>(file.error());
-  if (file->bytes().empty()) return {};
-  const auto first = readMeta(file->bytes(), 0);
+  if (file->size() == 0) return {};
+  const auto first = readMeta(*file, 0);
   if (!first) return damagedError(directory, "its first meta page is none");
-  const auto second = readMeta(file->bytes(), first->free_pages.pad);
+  const auto second = readMeta(*file, first->free_pages.pad);
   if (!second || second->free_pages.pad != first->free_pages.pad)
     return damagedError(directory, "its second meta page is none");
   return {};
@@ -278,15 +300,16 @@ base::Result<void> checkLmdbHeader(const std::string& directory) {
 // every value in the file. Errors: kInvalidInput; kBusy when a writer has overwritten that transaction's meta page,
 // after which the caller begins a new transaction and tries again.
 base::Result<void> checkLmdbTrees(const std::string& directory, std::uint64_t txn_id, CheckDepth depth) {
-  LUMIGRID_ASSIGN_OR_RETURN(const auto file, base::MappedFile::open(directory + "/data.mdb"));
-  const auto first = readMeta(file.bytes(), 0);
-  const auto second = first ? readMeta(file.bytes(), first->free_pages.pad) : first;
+  LUMIGRID_ASSIGN_OR_RETURN(const auto file, base::PositionedFile::open(directory + "/data.mdb"));
+  const auto first = readMeta(file, 0);
+  const auto second = first ? readMeta(file, first->free_pages.pad) : first;
   if (!first || !second) return damagedError(directory, "no meta page");
   const Meta& meta = first->txn_id == txn_id ? *first : *second;
   if (meta.txn_id != txn_id)
     return base::Error{base::ErrorCode::kBusy, directory + ": its writer is quicker than we can look; try again"};
-  TreeWalker walker(file.bytes(), meta, depth);
+  TreeWalker walker(file, meta, depth);
   walker.walkTrees(meta);
+  LUMIGRID_TRY(walker.readResult());
   if (!walker.fault().empty()) return damagedError(directory, walker.fault());
   return {};
 }
@@ -307,9 +330,14 @@ base::Result<void> reserveLockFile(const std::string& directory) {
 
 // LMDB must not open a directory twice in one process, because its locks belong to the process. Handles therefore share
 // environments, which are opened and closed under one mutex.
+struct SharedEnvironment {
+  std::string directory;
+  std::unique_ptr<LmdbEnvironment> environment;
+  int shares = 0;
+};
 struct Registry {
   std::mutex mutex;
-  std::map<std::string, std::pair<std::unique_ptr<LmdbEnvironment>, int>> open;  // and the number of shares
+  std::list<SharedEnvironment> open;
 };
 Registry& registry() {
   static Registry* const instance = new Registry;  // never destroyed: handles may outlive statics
@@ -347,6 +375,8 @@ base::Error storeError(const std::string& path, const std::string& action, int c
     case MDB_INVALID:
       return say(ErrorCode::kInvalidInput,
                  "data.mdb is not an LMDB file; delete the directory and build the images again");
+    case kReadFault:
+      return {ErrorCode::kIo, path + "/data.mdb: a read failed: the file was cut or the disk fails"};
     case MDB_PANIC:
       return say(ErrorCode::kIo, "an earlier write failed; close the store and open it again");
     default:
@@ -385,7 +415,53 @@ int LmdbEnvironment::openEnv(std::uint64_t map_bytes, unsigned flags) {
   mdb_env_set_mapsize(raw, map_bytes);
   mdb_env_set_maxreaders(raw, kMaxReaders);
   mdb_env_set_maxdbs(raw, kMaxTables);
-  return mdb_env_open(raw, directory_.c_str(), MDB_NOTLS | flags, 0644);
+  // A page that makes no sense ends the call as one that cannot be read does. All calls are guarded.
+  mdb_env_set_assert(raw, [](MDB_env*, const char*) { base::leaveGuard(); });
+  return guarded([&] { return mdb_env_open(raw, directory_.c_str(), MDB_NOTLS | flags, 0644); });
+}
+
+void LmdbEnvironment::CloseEnv::operator()(MDB_env* env) const {
+  std::ignore = base::guardedRead([env] { mdb_env_close(env); });
+}
+
+// A failed environment is never closed: the call that failed may have left a lock or a transaction in it.
+LmdbEnvironment::~LmdbEnvironment() {
+  static std::vector<MDB_env*>* const given_up = new std::vector<MDB_env*>;
+  static std::mutex mutex;
+  if (!failed_ || !env_) return;
+  const std::lock_guard guard(mutex);
+  given_up->push_back(env_.release());
+}
+
+int LmdbEnvironment::begin(unsigned flags, MDB_txn** txn) {
+  return guarded([&] { return mdb_txn_begin(env_.get(), nullptr, flags, txn); });
+}
+
+int LmdbEnvironment::commit(MDB_txn* txn) {
+  return guarded([txn] { return mdb_txn_commit(txn); });
+}
+
+int LmdbEnvironment::get(MDB_txn* txn, std::size_t table, MDB_val name, MDB_val& value) {
+  return guarded([&] { return mdb_get(txn, tables_[table], &name, &value); });
+}
+
+int LmdbEnvironment::put(MDB_txn* txn, std::size_t table, MDB_val name, MDB_val data) {
+  return guarded([&] { return mdb_put(txn, tables_[table], &name, &data, 0); });
+}
+
+int LmdbEnvironment::erase(MDB_txn* txn, std::size_t table, MDB_val name) {
+  return guarded([&] { return mdb_del(txn, tables_[table], &name, nullptr); });
+}
+
+int LmdbEnvironment::copy(const MDB_val& value, base::Bytes& out) {
+  if (value.mv_size > kUsualValueBytes) {
+    mdb_filehandle_t file = -1;
+    struct stat info {};
+    if (mdb_env_get_fd(env_.get(), &file) != 0 || ::fstat(file, &info) != 0) return EIO;
+    if (value.mv_size > static_cast<std::uint64_t>(info.st_size)) return MDB_CORRUPTED;
+  }
+  out.resize(value.mv_size);
+  return guarded([&] { return std::memcpy(out.data(), value.mv_data, value.mv_size), 0; });
 }
 
 base::Result<std::unique_ptr<LmdbEnvironment>> LmdbEnvironment::openUnshared(const std::string& directory,
@@ -421,17 +497,20 @@ base::Result<std::unique_ptr<LmdbEnvironment>> LmdbEnvironment::openUnshared(con
 base::Result<std::shared_ptr<LmdbEnvironment>> LmdbEnvironment::open(const std::string& directory,
                                                                      const LmdbEnvironmentOptions& options) {
   const std::lock_guard guard(registry().mutex);
-  auto it = registry().open.find(directory);
-  if (it == registry().open.end()) {
+  auto& open = registry().open;
+  auto it = std::find_if(open.begin(), open.end(), [&](const SharedEnvironment& one) {
+    return one.directory == directory && !one.environment->failed();
+  });
+  if (it == open.end()) {
     LUMIGRID_ASSIGN_OR_RETURN(auto opened, openUnshared(directory, options));
-    it = registry().open.emplace(directory, std::pair(std::move(opened), 0)).first;
+    it = open.insert(open.end(), {directory, std::move(opened)});
   }
-  ++it->second.second;
+  ++it->shares;
   const auto close_share = [it](LmdbEnvironment*) {
     const std::lock_guard closing(registry().mutex);
-    if (--it->second.second == 0) registry().open.erase(it);
+    if (--it->shares == 0) registry().open.erase(it);
   };
-  return std::shared_ptr<LmdbEnvironment>(it->second.first.get(), close_share);
+  return std::shared_ptr<LmdbEnvironment>(it->environment.get(), close_share);
 }
 
 // A damaged tree would make LMDB follow wild links, so we walk it first. The open transaction keeps its pages from
@@ -455,7 +534,8 @@ int LmdbEnvironment::openTables(const std::vector<const char*>& names, bool crea
   tables_.assign(names.size(), 0);
   const auto open_all = [&](MDB_txn* txn, unsigned flags) {
     for (std::size_t i = 0; i < names.size(); ++i)
-      if (const int code = mdb_dbi_open(txn, names[i], flags, &tables_[i]); code != 0) return code;
+      if (const int code = guarded([&] { return mdb_dbi_open(txn, names[i], flags, &tables_[i]); }); code != 0)
+        return code;
     return 0;
   };
   int code = 0;
@@ -465,10 +545,10 @@ int LmdbEnvironment::openTables(const std::vector<const char*>& names, bool crea
     // A table's handle outlives its transaction only if that is committed.
     const std::shared_lock lock(mapping_);
     MDB_txn* raw = nullptr;
-    code = mdb_txn_begin(env_.get(), nullptr, MDB_RDONLY, &raw);
-    Txn txn(raw);
+    code = begin(MDB_RDONLY, &raw);
+    Txn txn(raw, {this});
     if (code == 0) code = open_all(raw, 0);
-    if (code == 0) code = mdb_txn_commit(txn.release());
+    if (code == 0) code = commit(txn.release());
   }
   tables_open_ = code == 0;
   return code;
@@ -476,15 +556,16 @@ int LmdbEnvironment::openTables(const std::vector<const char*>& names, bool crea
 
 void LmdbEnvironment::dropDeadReaders() {
   int dead = 0;
-  mdb_reader_check(env_.get(), &dead);
+  if (!failed_) guarded([&] { return mdb_reader_check(env_.get(), &dead); });
 }
 
 // The map may change only while no transaction of this process runs. LMDB would be left without any map if the system
 // refused the new one, so a trial map asks the system first.
 int LmdbEnvironment::growMap() {
   const std::unique_lock lock(mapping_);
+  if (const int code = usability(); code != 0) return code;
   MDB_envinfo info{};
-  mdb_env_info(env_.get(), &info);
+  if (const int code = guarded([&] { return mdb_env_info(env_.get(), &info); }); code != 0) return code;
   const std::size_t bytes = info.me_mapsize * 2;
   void* const probe = ::mmap(nullptr, bytes, PROT_NONE, MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0);
   if (probe == MAP_FAILED) return MDB_MAP_FULL;
@@ -499,7 +580,8 @@ int LmdbEnvironment::adoptMap() {
 }
 
 int LmdbEnvironment::setMap(std::size_t bytes) {
-  const int code = broken_ ? MDB_PANIC : mdb_env_set_mapsize(env_.get(), bytes);
+  if (const int code = usability(); code != 0) return code;
+  const int code = guarded([&] { return mdb_env_set_mapsize(env_.get(), bytes); });
   if (code != 0) broken_ = true;
   return code;
 }

@@ -1,10 +1,12 @@
 #pragma once
 // Wraps an LMDB 0.9 environment and avoids its traps in one place (docs/formats/repository.md, "Using LMDB"): it sets
 // the map size and the number of readers before opening, uses MDB_NOTLS, opens one environment per directory and
-// process, and checks files before LMDB trusts them.
+// process, checks files before LMDB trusts them, and reads the map under guards, since a file that is cut while it is
+// mapped would otherwise end the process (docs/decisions/reads-that-cannot-kill.md).
 #include <lmdb.h>
 
 #include <array>
+#include <atomic>
 #include <cstdint>
 #include <memory>
 #include <mutex>
@@ -15,8 +17,12 @@
 
 #include "base/bytes.h"
 #include "base/error.h"
+#include "base/guarded_read.h"
 
 namespace repository {
+
+/// Besides LMDB's own codes: the map could not be read. LMDB's lie between -30799 and -30780.
+inline constexpr int kReadFault = -30600;
 
 struct LmdbEnvironmentOptions {
   /// Address space for the map; less where the system refuses so much.
@@ -36,20 +42,22 @@ class LmdbEnvironment {
  public:
   /// Shares the one environment that this process has of a directory, or opens it and checks its trees
   /// (CheckDepth::kKeys). The last share closes it. `directory` is a canonical path (std::filesystem::canonical), so
-  /// that two names cannot open one directory twice. The options of the first open one hold.
+  /// that two names cannot open one directory twice. The options of the first open one hold. One that has failed() is
+  /// not shared any more: opening reads the file anew.
   static base::Result<std::shared_ptr<LmdbEnvironment>> open(const std::string& directory,
                                                              const LmdbEnvironmentOptions& options);
 
-  /// Runs body(txn) in a read transaction. body returns an LMDB code.
+  /// Runs body(txn) in a read transaction. body returns an LMDB code and calls LMDB by the functions below. kReadFault
+  /// from the first fault on, until the environment is opened anew.
   template <class Body>
   int read(const Body& body) {
     for (;;) {
       {
         const std::shared_lock lock(mapping_);
-        if (broken_) return MDB_PANIC;
+        if (const int code = usability(); code != 0) return code;
         MDB_txn* raw = nullptr;
-        const int code = mdb_txn_begin(env_.get(), nullptr, MDB_RDONLY, &raw);
-        const Txn txn(raw);
+        const int code = begin(MDB_RDONLY, &raw);
+        const Txn txn(raw, {this});
         if (code == 0) return body(raw);
         if (code != MDB_MAP_RESIZED) return code;
       }
@@ -58,6 +66,7 @@ class LmdbEnvironment {
   }
 
   /// Runs body(txn) in a write transaction and commits it. When the map is full, both are repeated in a larger map.
+  /// body as for read().
   template <class Body>
   int write(const Body& body) {
     for (;;) {
@@ -68,7 +77,27 @@ class LmdbEnvironment {
     }
   }
 
-  /// Errors: kInvalidInput when the file is damaged.
+  /// Calls call(), which returns an LMDB code and may touch the map, but holds nothing with a destructor. kReadFault
+  /// when the map could not be read; the environment has failed then.
+  template <class Call>
+  int guarded(const Call& call) {
+    int code = kReadFault;
+    if (base::guardedRead([&] { code = call(); })) return code;
+    failed_ = true;
+    return kReadFault;
+  }
+  /// As mdb_get, mdb_put (`data` may be null: mdb_del), each within a guard. Values lie in the map and are valid in the
+  /// transaction, to be copied by copy().
+  int get(MDB_txn* txn, std::size_t table, MDB_val name, MDB_val& value);
+  int put(MDB_txn* txn, std::size_t table, MDB_val name, MDB_val data);
+  int erase(MDB_txn* txn, std::size_t table, MDB_val name);
+  /// Copies a value out of the map. MDB_CORRUPTED for a value longer than the file.
+  int copy(const MDB_val& value, base::Bytes& out);
+
+  /// Whether the map could once not be read: the file was cut or the disk fails.
+  bool failed() const { return failed_; }
+
+  /// Errors: kInvalidInput when the file is damaged, kIo.
   base::Result<void> checkTrees(CheckDepth depth);
   /// Opens named tables and creates absent ones if `create`; otherwise an absent one gives MDB_NOTFOUND. Each call
   /// names the same tables.
@@ -78,26 +107,36 @@ class LmdbEnvironment {
   /// Frees the slots of readers that died, so that LMDB can reuse the pages that they held.
   void dropDeadReaders();
   bool readOnly() const { return read_only_; }
+  ~LmdbEnvironment();
 
  private:
   struct CloseEnv {
-    void operator()(MDB_env* env) const { mdb_env_close(env); }
+    void operator()(MDB_env* env) const;
   };
   struct AbortTxn {
-    void operator()(MDB_txn* txn) const { mdb_txn_abort(txn); }
+    LmdbEnvironment* environment;
+    void operator()(MDB_txn* txn) const {
+      environment->guarded([txn] { return mdb_txn_abort(txn), 0; });
+    }
   };
   using Txn = std::unique_ptr<MDB_txn, AbortTxn>;
 
   template <class Body>
   int writeOnce(const Body& body) {
     const std::shared_lock lock(mapping_);
-    if (broken_) return MDB_PANIC;
+    if (const int code = usability(); code != 0) return code;
     MDB_txn* raw = nullptr;
-    if (const int code = mdb_txn_begin(env_.get(), nullptr, 0, &raw); code != 0) return code;
-    Txn txn(raw);
-    if (const int code = body(raw); code != 0) return code;
-    return mdb_txn_commit(txn.release());
+    if (const int code = begin(0, &raw); code != 0) return code;
+    Txn txn(raw, {this});
+    const int code = body(raw);
+    // A fault left LMDB in the middle of a change, where it would free cursors that are gone. The transaction is leaked
+    // with the lock of writers, which the system takes back when this process ends.
+    if (code == kReadFault) return static_cast<void>(txn.release()), code;
+    return code != 0 ? code : commit(txn.release());
   }
+  int usability() const { return failed_ ? kReadFault : broken_ ? MDB_PANIC : 0; }
+  int begin(unsigned flags, MDB_txn** txn);
+  int commit(MDB_txn* txn);
   static base::Result<std::unique_ptr<LmdbEnvironment>> openUnshared(const std::string& directory,
                                                                      const LmdbEnvironmentOptions& options);
   int openEnv(std::uint64_t map_bytes, unsigned flags);
@@ -112,6 +151,7 @@ class LmdbEnvironment {
   bool read_only_ = false;
   bool grows_ = true;
   bool broken_ = false;  // LMDB has lost its map and must not be called
+  std::atomic<bool> failed_{false};
   bool tables_open_ = false;
   std::vector<MDB_dbi> tables_;
 };

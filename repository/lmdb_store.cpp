@@ -8,8 +8,10 @@
 #include <algorithm>
 #include <array>
 #include <cerrno>
+#include <cstring>
 #include <filesystem>
 #include <string>
+#include <tuple>
 #include <utility>
 
 #include "base/file.h"
@@ -31,12 +33,18 @@ const std::string kMetaKey = "parameters";
 
 // ---- Keys ----
 
-base::Result<FaceKey> keyFrom(const MDB_val& value) {
+// A key as a cursor returns it, copied out of the map.
+struct CopiedKey {
+  std::size_t size = 0;
+  NumberKey bytes{};
+};
+
+base::Result<FaceKey> keyFrom(const CopiedKey& copied) {
   const auto wrong = [](const std::string& problem) {
     return base::Error{base::ErrorCode::kInvalidInput, problem + "; delete the directory and build the images again"};
   };
-  if (value.mv_size != 8) return wrong("a key of " + std::to_string(value.mv_size) + " bytes");
-  const auto* bytes = static_cast<const std::uint8_t*>(value.mv_data);
+  if (copied.size != 8) return wrong("a key of " + std::to_string(copied.size) + " bytes");
+  const NumberKey& bytes = copied.bytes;
   std::uint64_t code = 0;
   for (std::size_t i = 0; i < 8; ++i) code = code << 8 | bytes[i];
   auto key = FaceKey::fromCode(code);
@@ -76,10 +84,8 @@ class LmdbStore final : public Store {
   base::Result<std::optional<std::uint64_t>> valueBytes(const FaceKey& key) const override {
     const NumberKey bytes = bigEndian(key.code());
     MDB_val value{};
-    LUMIGRID_ASSIGN_OR_RETURN(const bool found, read([&](MDB_txn* txn) {
-                                MDB_val name = valueOf(bytes);
-                                return mdb_get(txn, environment_->table(kFaces), &name, &value);
-                              }));
+    LUMIGRID_ASSIGN_OR_RETURN(
+        const bool found, read([&](MDB_txn* txn) { return environment_->get(txn, kFaces, valueOf(bytes), value); }));
     return found ? std::optional<std::uint64_t>(value.mv_size) : std::nullopt;
   }
 
@@ -100,9 +106,8 @@ class LmdbStore final : public Store {
     return write(bytes_of_batch, [&](MDB_txn* txn) {
       for (const auto& [key, value] : sorted) {
         const NumberKey bytes = bigEndian(key);
-        MDB_val name = valueOf(bytes);
-        MDB_val data = valueOf(*value);
-        if (const int put = mdb_put(txn, environment_->table(kFaces), &name, &data, 0); put != 0) return put;
+        const int put = environment_->put(txn, kFaces, valueOf(bytes), valueOf(*value));
+        if (put != 0) return put;
       }
       return 0;
     });
@@ -113,8 +118,7 @@ class LmdbStore final : public Store {
     return write(0, [&](MDB_txn* txn) {
       for (const FaceKey& key : keys) {
         const NumberKey bytes = bigEndian(key.code());
-        MDB_val name = valueOf(bytes);
-        const int erased = mdb_del(txn, environment_->table(kFaces), &name, nullptr);
+        const int erased = environment_->erase(txn, kFaces, valueOf(bytes));
         if (erased != 0 && erased != MDB_NOTFOUND) return erased;
       }
       return 0;
@@ -126,9 +130,10 @@ class LmdbStore final : public Store {
     return forEachPortion<std::pair<FaceKey, base::Bytes>>(
         [&](const FaceKey& key, const MDB_val& value, auto& portion) {
           if (portion.empty()) bytes = 0;
-          portion.emplace_back(key, base::Bytes(viewOf(value).begin(), viewOf(value).end()));
+          portion.emplace_back(key, base::Bytes());
           bytes += value.mv_size;
-          return portion.size() < kPortionValues && bytes < kPortionBytes;
+          const int code = environment_->copy(value, portion.back().second);
+          return std::pair(code, portion.size() < kPortionValues && bytes < kPortionBytes);
         },
         [&](const auto& row) { return visit(row.first, row.second); }, [](const auto& row) { return row.first; });
   }
@@ -137,15 +142,16 @@ class LmdbStore final : public Store {
     return forEachPortion<FaceKey>(
         [](const FaceKey& key, const MDB_val&, auto& portion) {
           portion.push_back(key);
-          return portion.size() < kPortionKeys;
+          return std::pair(0, portion.size() < kPortionKeys);
         },
         visit, [](const FaceKey& key) { return key; });
   }
 
   base::Result<std::uint64_t> size() const override {
     MDB_stat stat{};
-    const int code =
-        environment_->read([&](MDB_txn* txn) { return mdb_stat(txn, environment_->table(kFaces), &stat); });
+    const int code = environment_->read([&](MDB_txn* txn) {
+      return environment_->guarded([&] { return mdb_stat(txn, environment_->table(kFaces), &stat); });
+    });
     if (code != 0) return storeError(path_, "read", code);
     return std::uint64_t{stat.ms_entries};
   }
@@ -158,11 +164,7 @@ class LmdbStore final : public Store {
 
   base::Result<void> writeMeta(const std::string& text) override {
     if (!lock_) return readOnlyError();
-    return write(0, [&](MDB_txn* txn) {
-      MDB_val name = valueOf(kMetaKey);
-      MDB_val data = valueOf(text);
-      return mdb_put(txn, environment_->table(kMeta), &name, &data, 0);
-    });
+    return write(0, [&](MDB_txn* txn) { return environment_->put(txn, kMeta, valueOf(kMetaKey), valueOf(text)); });
   }
 
  private:
@@ -170,38 +172,50 @@ class LmdbStore final : public Store {
     base::Bytes bytes;
     LUMIGRID_ASSIGN_OR_RETURN(const auto found, read([&](MDB_txn* txn) {
                                 MDB_val value{};
-                                const int code = mdb_get(txn, environment_->table(table), &name, &value);
-                                if (code == 0) bytes.assign(viewOf(value).begin(), viewOf(value).end());
-                                return code;
+                                const int code = environment_->get(txn, table, name, value);
+                                return code == 0 ? environment_->copy(value, bytes) : code;
                               }));
     return found ? std::optional(std::move(bytes)) : std::nullopt;
   }
 
-  // Visits keys from code `next` on until visit(key, value) returns false; returns MDB_NOTFOUND when the end was
-  // reached. An invalid key ends the walk, and `keys` receives the error.
+  // Visits keys from code `next` on; visit(key, value) returns an LMDB code and whether to go on. Returns MDB_NOTFOUND
+  // when the end was reached. An invalid key ends the walk, and `keys` receives the error.
   template <class Visit>
   int visitFrom(MDB_txn* txn, std::uint64_t next, base::Result<void>& keys, const Visit& visit) const {
     MDB_cursor* raw = nullptr;
-    if (const int code = mdb_cursor_open(txn, environment_->table(kFaces), &raw); code != 0) return code;
+    const int opened = environment_->guarded([&] { return mdb_cursor_open(txn, environment_->table(kFaces), &raw); });
+    if (opened != 0) return opened;
     const std::unique_ptr<MDB_cursor, decltype(&mdb_cursor_close)> cursor(raw, mdb_cursor_close);
 
     const NumberKey start = bigEndian(next);
-    MDB_val name = valueOf(start);
+    CopiedKey name{start.size(), start};
     MDB_val value{};
-    int code = mdb_cursor_get(raw, &name, &value, MDB_SET_RANGE);
-    for (bool more = true; code == 0 && more; code = more ? mdb_cursor_get(raw, &name, &value, MDB_NEXT) : 0) {
+    int code = move(raw, MDB_SET_RANGE, name, value);
+    for (bool more = true; code == 0 && more; code = more && code == 0 ? move(raw, MDB_NEXT, name, value) : code) {
       const auto key = keyFrom(name);
       if (!key) {
         keys = key.error();
         return 0;
       }
-      more = visit(*key, value);
+      std::tie(code, more) = visit(*key, value);
     }
     return code;
   }
 
+  // Moves a cursor, from `name` where `operation` asks for that, and copies the key that it comes to.
+  int move(MDB_cursor* cursor, MDB_cursor_op operation, CopiedKey& name, MDB_val& value) const {
+    MDB_val key = valueOf(name.bytes);
+    return environment_->guarded([&] {
+      const int code = mdb_cursor_get(cursor, &key, &value, operation);
+      if (code != 0) return code;
+      name.size = key.mv_size;
+      if (key.mv_size == name.bytes.size()) std::memcpy(name.bytes.data(), key.mv_data, key.mv_size);
+      return 0;
+    });
+  }
+
   // Visits all rows in portions, so that no transaction is open while `visit` runs, however long it takes. `copy`
-  // appends a row to the portion and returns whether there is room for more.
+  // appends a row to the portion and returns an LMDB code and whether there is room for more.
   template <class Row, class Copy, class Visit, class KeyOf>
   base::Result<void> forEachPortion(const Copy& copy, const Visit& visit, const KeyOf& key_of) const {
     std::vector<Row> portion;

@@ -54,12 +54,13 @@ struct Record {
 };
 static_assert(sizeof(Record) == 16);
 
+// Reads a value that is one T; of another size it is MDB_CORRUPTED. Returns an LMDB code.
 template <class T>
-std::optional<T> copyOf(const MDB_val& value) {
-  if (value.mv_size != sizeof(T)) return std::nullopt;
-  T copy;
-  std::memcpy(&copy, value.mv_data, sizeof(T));
-  return copy;
+int getRecord(LmdbEnvironment& environment, MDB_txn* txn, std::size_t table, MDB_val name, T& record) {
+  MDB_val value{};
+  if (const int code = environment.get(txn, table, name, value); code != 0) return code;
+  if (value.mv_size != sizeof(T)) return MDB_CORRUPTED;
+  return environment.guarded([&] { return std::memcpy(&record, value.mv_data, sizeof(T)), 0; });
 }
 
 template <class T>
@@ -88,15 +89,8 @@ class Transaction {
   Transaction(MDB_txn* txn, LmdbEnvironment* environment) : txn_(txn), environment_(environment) {}
 
   int readTotals() {
-    MDB_val key = valueOf(kTotalsKey);
-    MDB_val value{};
-    const int code = mdb_get(txn_, environment_->table(kCacheMeta), &key, &value);
-    if (code == MDB_NOTFOUND) return 0;
-    if (code != 0) return code;
-    const auto read = copyOf<Totals>(value);
-    if (!read) return MDB_CORRUPTED;
-    totals = *read;
-    return 0;
+    const int code = getRecord(*environment_, txn_, kCacheMeta, valueOf(kTotalsKey), totals);
+    return code == MDB_NOTFOUND ? 0 : code;
   }
   int writeTotals() { return putValue(kCacheMeta, kTotalsKey, viewOfRecord(totals)); }
 
@@ -148,37 +142,29 @@ class Transaction {
 
  private:
   int findRecord(const CacheKey& piece, Record& record) {
-    MDB_val key = valueOf(piece);
-    MDB_val value{};
-    if (const int code = mdb_get(txn_, environment_->table(kIndex), &key, &value); code != 0) return code;
-    const auto read = copyOf<Record>(value);
-    if (!read) return MDB_CORRUPTED;
-    record = *read;
-    return 0;
+    return getRecord(*environment_, txn_, kIndex, valueOf(piece), record);
   }
   int findOldest(NumberKey& sequence, CacheKey& piece) {
-    MDB_cursor* raw = nullptr;
-    if (const int code = mdb_cursor_open(txn_, environment_->table(kOrder), &raw); code != 0) return code;
-    const std::unique_ptr<MDB_cursor, decltype(&mdb_cursor_close)> cursor(raw, mdb_cursor_close);
-    MDB_val key{};
-    MDB_val value{};
-    if (const int code = mdb_cursor_get(raw, &key, &value, MDB_FIRST); code != 0) return code;
-    const auto read_sequence = copyOf<NumberKey>(key);
-    const auto read_piece = copyOf<CacheKey>(value);
-    if (!read_sequence || !read_piece) return MDB_CORRUPTED;
-    sequence = *read_sequence;
-    piece = *read_piece;
-    return 0;
+    MDB_cursor* cursor = nullptr;
+    return environment_->guarded([&] {
+      if (const int code = mdb_cursor_open(txn_, environment_->table(kOrder), &cursor); code != 0) return code;
+      MDB_val key{};
+      MDB_val value{};
+      int code = mdb_cursor_get(cursor, &key, &value, MDB_FIRST);
+      if (code == 0 && (key.mv_size != sequence.size() || value.mv_size != piece.size())) code = MDB_CORRUPTED;
+      if (code == 0) std::memcpy(sequence.data(), key.mv_data, sequence.size());
+      if (code == 0) std::memcpy(piece.data(), value.mv_data, piece.size());
+      mdb_cursor_close(cursor);
+      return code;
+    });
   }
   template <class Key>
   int putValue(std::size_t table, const Key& name, MDB_val value) {
-    MDB_val key = valueOf(name);
-    return mdb_put(txn_, environment_->table(table), &key, &value, 0);
+    return environment_->put(txn_, table, valueOf(name), value);
   }
   template <class Key>
   int eraseValue(std::size_t table, const Key& name) {
-    MDB_val key = valueOf(name);
-    const int code = mdb_del(txn_, environment_->table(table), &key, nullptr);
+    const int code = environment_->erase(txn_, table, valueOf(name));
     return code == MDB_NOTFOUND ? 0 : code;
   }
 
@@ -260,13 +246,13 @@ std::optional<base::Bytes> RangeCache::get(const CacheKey& key) {
   base::Bytes bytes;
   std::optional<Record> record;
   const int code = environment_->read([&](MDB_txn* txn) {
-    MDB_val name = valueOf(key);
+    Record read;
+    const int indexed = getRecord(*environment_, txn, kIndex, valueOf(key), read);
+    if (indexed != 0 && indexed != MDB_CORRUPTED) return indexed;
+    if (indexed == 0) record = read;
     MDB_val value{};
-    if (const int found = mdb_get(txn, environment_->table(kIndex), &name, &value); found != 0) return found;
-    record = copyOf<Record>(value);
-    if (const int found = mdb_get(txn, environment_->table(kData), &name, &value); found != 0) return found;
-    bytes.assign(viewOf(value).begin(), viewOf(value).end());
-    return 0;
+    if (const int found = environment_->get(txn, kData, valueOf(key), value); found != 0) return found;
+    return environment_->copy(value, bytes);
   });
   if (code != 0) {
     if (code != MDB_NOTFOUND) disableAfter(code, 0);
@@ -329,7 +315,9 @@ void RangeCache::disableAfter(int code, std::uint64_t bytes) {
   const bool no_space = reason == ENOSPC || reason == EDQUOT || reason == EFBIG;
   if (!no_space) reads_ = false;
   if (!writes_.exchange(false)) return;
-  const std::string why = reason > 0 ? std::strerror(reason) : mdb_strerror(reason);
+  const std::string why = reason > 0             ? std::strerror(reason)
+                          : reason == kReadFault ? "a read failed: its file was cut or the disk fails"
+                                                 : mdb_strerror(reason);
   warn(no_space ? "nothing more is cached (" + why + "); free some space and start again"
                 : "the cache is not used any more (" + why + "); start again, it is then checked");
 }

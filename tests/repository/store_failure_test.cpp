@@ -3,17 +3,24 @@
 #include <sys/mount.h>
 #include <sys/resource.h>
 
+#include <atomic>
 #include <csignal>
 #include <cstring>
 #include <fstream>
 #include <random>
 #include <set>
+#include <thread>
 
 #include "base/file.h"
 #include "repository/store.h"
 #include "tests/repository/sample_values.h"
 #include "tests/repository/writer_process.h"
 #include "tests/support/temporary_directory.h"
+
+// LMDB allocates a transaction before it reads what may fault.
+extern "C" const char* __lsan_default_suppressions() {
+  return "leak:mdb_txn_begin\n";
+}
 
 namespace repository {
 namespace {
@@ -93,6 +100,100 @@ TEST(StoreFailure, readersSeeOnlyWholeValuesWhileAnotherProcessWrites) {
   EXPECT_EQ(last, 29U);
   EXPECT_EQ(writer.wait(), 0);
   EXPECT_EQ(*store->size(), 30 * kBatchValues);
+}
+
+// How many values are right, and how many reads fail; nothing else may happen.
+struct Answers {
+  std::uint32_t right = 0, failed = 0;
+};
+Answers askForAll(const Store& store, std::uint32_t batches) {
+  Answers answers;
+  for (std::uint32_t batch = 0; batch < batches; ++batch)
+    for (const auto& [key, expected] : batchOf(batch)) {
+      const auto value = store.get(key);
+      const auto bytes = store.valueBytes(key);
+      if (!value) {
+        ++answers.failed;
+        EXPECT_EQ(value.error().code, base::ErrorCode::kIo);
+        EXPECT_NE(value.error().message.find("/data.mdb: a read failed: the file was cut or the disk fails"),
+                  std::string::npos)
+            << value.error().message;
+        EXPECT_FALSE(bytes) << "once it has failed it stays so";
+      } else if (*value && **value == expected) {
+        ++answers.right;
+      }
+    }
+  return answers;
+}
+
+TEST(StoreFailure, aFileThatIsCutWhileItIsOpenIsAnErrorUntilItIsOpenedAnew) {
+  constexpr std::uint32_t kBatches = 10, kValues = kBatches * kBatchValues;
+  const TemporaryDirectory directory;
+  const std::string path = directory / "images";
+  {
+    const auto writer = mustOpen(path, StoreMode::kWrite);
+    for (std::uint32_t batch = 0; batch < kBatches; ++batch) ASSERT_TRUE(writer->putBatch(batchOf(batch)));
+    ASSERT_TRUE(writer->writeMeta("{}"));
+  }
+  const base::Bytes whole = *base::readFile(path + "/data.mdb");
+  for (const char* name : {"data.mdb", "lock.mdb"})
+    for (const int divisor : {2, 0}) {
+      const std::string file = path + "/" + name;
+      const auto store = mustOpen(path, StoreMode::kRead);
+      ASSERT_EQ(askForAll(*store, kBatches).right, kValues);
+      std::filesystem::resize_file(file, divisor == 0 ? 0 : std::filesystem::file_size(file) / 2);
+
+      const bool can_be_read = std::string(name) == "lock.mdb" && divisor != 0;  // readers' places stand in front
+      const Answers answers = askForAll(*store, kBatches);
+      EXPECT_EQ(answers.failed == 0, can_be_read) << file;
+      EXPECT_EQ(answers.right == kValues, can_be_read) << file;
+      EXPECT_EQ(bool(store->size()), can_be_read);
+      EXPECT_EQ(bool(store->readMeta()), can_be_read);
+      EXPECT_EQ(bool(store->forEach([](const FaceKey&, base::ByteView) { return true; })), can_be_read);
+      EXPECT_EQ(bool(store->forEachKey([](const FaceKey&) { return true; })), can_be_read);
+
+      // Whole again it can be opened anew, beside the handle that has failed.
+      ASSERT_TRUE(base::writeFileAtomically(path + "/data.mdb", whole));
+      const auto again = mustOpen(path, StoreMode::kRead);
+      ASSERT_NE(again, nullptr);
+      EXPECT_EQ(askForAll(*again, kBatches).right, kValues);
+      EXPECT_EQ(bool(store->size()), can_be_read);
+    }
+}
+
+TEST(StoreFailure, threadsThatReadAFileThatIsCutGetErrors) {
+  constexpr std::uint32_t kBatches = 5;
+  const TemporaryDirectory directory;
+  const std::string path = directory / "images";
+  {
+    const auto writer = mustOpen(path, StoreMode::kWrite);
+    for (std::uint32_t batch = 0; batch < kBatches; ++batch) ASSERT_TRUE(writer->putBatch(batchOf(batch)));
+  }
+  const auto store = mustOpen(path, StoreMode::kRead);
+  std::atomic<std::uint32_t> failed{0};
+  std::vector<std::thread> readers;
+  for (int t = 0; t < 4; ++t)
+    readers.emplace_back([&] {
+      while (askForAll(*store, kBatches).failed == 0) {
+      }
+      ++failed;
+    });
+  std::filesystem::resize_file(path + "/data.mdb", 4096);
+  for (std::thread& reader : readers) reader.join();
+  EXPECT_EQ(failed, 4U);
+}
+
+TEST(StoreFailure, writingIntoAFileThatIsCutIsAnError) {
+  const TemporaryDirectory directory;
+  const std::string path = directory / "images";
+  const auto store = mustOpen(path, StoreMode::kWrite);
+  for (std::uint32_t batch = 0; batch < 5; ++batch) ASSERT_TRUE(store->putBatch(batchOf(batch)));
+  std::filesystem::resize_file(path + "/data.mdb", 0);
+  const auto put = store->putBatch(batchOf(5));
+  ASSERT_FALSE(put);
+  EXPECT_EQ(put.error().code, base::ErrorCode::kIo) << put.error().message;
+  EXPECT_FALSE(store->putBatch(batchOf(6)));
+  EXPECT_FALSE(store->erase({keyOf(0)}));
 }
 
 TEST(StoreFailure, aWriterOfAnotherProcessIsNamedByItsPid) {

@@ -211,9 +211,7 @@ TEST(LmdbStore, anInvalidKeyIsNamedWithWhatToDo) {
     auto environment = LmdbEnvironment::open(std::filesystem::canonical(directory / "images").string(), {});
     ASSERT_TRUE(environment);
     ASSERT_EQ((*environment)->write([&](MDB_txn* txn) {
-      MDB_val name = repository::valueOf(key);
-      MDB_val value = name;
-      return mdb_put(txn, (*environment)->table(0), &name, &value, 0);
+      return (*environment)->put(txn, 0, repository::valueOf(key), repository::valueOf(key));
     }),
               0);
     const auto walked = store->forEach([](const FaceKey&, base::ByteView) { return true; });

@@ -353,6 +353,24 @@ TEST(RangeCache, killedProcessesLeaveASoundCacheToTheOthers) {
   EXPECT_EQ(user(77, "100")->wait(), 0);
 }
 
+TEST(RangeCache, aFileThatIsCutWhileItIsOpenOnlyEndsCaching) {
+  for (const char* name : {"data.mdb", "lock.mdb"})
+    for (const int divisor : {2, 0}) {
+      const TemporaryDirectory directory;
+      Fixture f;
+      const auto cached = f.open(directory.path());
+      const std::uint64_t size = f.far->objects["pack"].size();
+      f.expectRead(*cached, "pack", 0, size / 2);
+      const std::string file = directory / (std::string("lumigrid-cache/") + name);
+      std::filesystem::resize_file(file, divisor == 0 ? 0 : std::filesystem::file_size(file) / 2);
+      for (int again = 0; again < 2; ++again) f.expectRead(*cached, "pack", 0, size);
+      EXPECT_LE(f.warnings.size(), 1U);
+
+      const auto anew = f.open(directory.path());
+      f.expectRead(*anew, "pack", 0, size);
+    }
+}
+
 TEST(RangeCache, aFullDiskOnlyEndsCaching) {
   const TemporaryDirectory directory;
   WriterProcess user({directory.path(), std::to_string(64 << 20), "1", "300", std::to_string(4 << 20)});
