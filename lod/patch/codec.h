@@ -52,6 +52,8 @@ struct PatchCounts {
   std::uint32_t triangles = 0;
 };
 base::Result<PatchCounts> encodedCounts(base::ByteView bytes);
+/// The same, and checks the checksum of all the bytes.
+base::Result<PatchCounts> checkedCounts(base::ByteView bytes);
 
 /// Replaces normals by those that their stored octahedral codes decode to; the builder uses it so that shared vertices
 /// agree bit for bit. They have any length but zero; zero or NaN gives +z. Applied twice it changes nothing more.

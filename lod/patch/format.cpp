@@ -144,28 +144,48 @@ base::Result<Hierarchy> readTables(base::ByteView front) {
 // Reading -----------------------------------------------------------------------------------------
 
 base::Result<PatchFile> PatchFile::open(const std::string& path) {
-  LUMIGRID_ASSIGN_OR_RETURN(auto mapped, base::MappedFile::open(path));
-  const auto header = readTableCounts(mapped.bytes());
-  if (!header) return base::within(path, header.error());
-  if (header->file_bytes != mapped.bytes().size())
-    return base::within(path, damaged("has " + std::to_string(mapped.bytes().size()) + " bytes, its header says " +
-                                      std::to_string(header->file_bytes)));
-  auto hierarchy = readTablesBehind(*header, mapped.bytes());
-  if (!hierarchy) return base::within(path, hierarchy.error());
-
   PatchFile file;
   file.path_ = path;
-  file.file_ = std::move(mapped);
+  LUMIGRID_ASSIGN_OR_RETURN(file.file_, base::PositionedFile::open(path));
+  const std::uint64_t size = file.file_->size();
+  LUMIGRID_ASSIGN_OR_RETURN(auto front, file.read(0, std::min<std::uint64_t>(kFileHeaderBytes, size)));
+  const auto header = readTableCounts(front);
+  if (!header) return base::within(path, header.error());
+  if (header->file_bytes != size)
+    return base::within(
+        path, damaged("has " + std::to_string(size) + " bytes, its header says " + std::to_string(header->file_bytes)));
+  LUMIGRID_ASSIGN_OR_RETURN(front, file.read(0, header->blocks_offset));
+  auto hierarchy = readTablesBehind(*header, front);
+  if (!hierarchy) return base::within(path, hierarchy.error());
   file.hierarchy_ = std::move(*hierarchy);
   return file;
 }
 
-base::Result<base::ByteView> PatchFile::block(std::uint32_t group) const {
+base::Result<base::Bytes> PatchFile::read(std::uint64_t offset, std::uint64_t bytes) const {
+  base::Bytes read(bytes);
+  LUMIGRID_TRY(file_->readAt(offset, read));
+  return read;
+}
+
+base::Result<base::Bytes> PatchFile::block(std::uint32_t group) const {
   if (group >= hierarchy_.groups.size())
     return base::Error{base::ErrorCode::kNotFound, path_ + ": no group " + std::to_string(group) + " among " +
                                                        std::to_string(hierarchy_.groups.size())};
   const Group& row = hierarchy_.groups[group];
-  return file_.bytes().subspan(row.block_offset, row.block_bytes);
+  return read(row.block_offset, row.block_bytes);
+}
+
+base::Result<base::Bytes> PatchFile::checkedBlock(std::uint32_t group) const {
+  LUMIGRID_ASSIGN_OR_RETURN(auto bytes, block(group));
+  const Group& row = hierarchy_.groups[group];
+  for (std::uint32_t p = row.first_patch; p < row.first_patch + row.patch_count; ++p) {
+    const Patch& patch = hierarchy_.patches[p];
+    const auto counts = checkedCounts(base::ByteView(bytes).subspan(patch.block_offset, patch.block_bytes));
+    if (!counts) return base::within(path_ + ": patch " + std::to_string(p), counts.error());
+    if (counts->triangles != patch.triangles || counts->vertices != patch.vertices)
+      return base::within(path_, patchError(p, "its counts are not its record's"));
+  }
+  return bytes;
 }
 
 base::Result<PatchGeometry> PatchFile::geometry(std::uint32_t patch) const {
@@ -173,9 +193,13 @@ base::Result<PatchGeometry> PatchFile::geometry(std::uint32_t patch) const {
     return base::Error{base::ErrorCode::kNotFound, path_ + ": no patch " + std::to_string(patch) + " among " +
                                                        std::to_string(hierarchy_.patches.size())};
   const Patch& row = hierarchy_.patches[patch];
-  const auto bytes =
-      file_.bytes().subspan(hierarchy_.groups[row.consumer].block_offset + row.block_offset, row.block_bytes);
-  auto geometry = decodeRow(row, bytes);
+  LUMIGRID_ASSIGN_OR_RETURN(const auto bytes,
+                            read(hierarchy_.groups[row.consumer].block_offset + row.block_offset, row.block_bytes));
+  return decode(patch, bytes);
+}
+
+base::Result<PatchGeometry> PatchFile::decode(std::uint32_t patch, base::ByteView bytes) const {
+  auto geometry = decodeRow(hierarchy_.patches[patch], bytes);
   const std::string place = path_ + ": patch " + std::to_string(patch);
   if (!geometry) return base::within(place, geometry.error());
   if (geometry->colors.empty() == hierarchy_.has_colors)
@@ -229,24 +253,28 @@ void verifyGeometry(const Hierarchy& hierarchy, std::uint32_t index, const Patch
 
 std::vector<std::string> PatchFile::verify() const {
   std::vector<std::string> faults;
-  for (std::uint32_t p = 0; p < hierarchy_.patches.size(); ++p) {
-    const auto decoded = geometry(p);
-    if (decoded) {
-      verifyGeometry(hierarchy_, p, *decoded, faults);
-    } else {
-      faults.push_back(decoded.error().message);
-    }
-  }
-
-  // Bytes between blocks must be zero.
-  std::uint64_t end = 0;
-  for (std::size_t g = 0; g < hierarchy_.groups.size(); ++g) {
-    const Group& group = hierarchy_.groups[g];
-    for (std::uint64_t at = end; g > 0 && at < group.block_offset; ++at)
-      if (file_.bytes()[at] != 0) faults.push_back(path_ + ": bytes between blocks at " + std::to_string(at));
-    end = group.block_offset + group.block_bytes;
-  }
+  for (std::uint32_t g = 0; g < hierarchy_.groups.size(); ++g) verifyBlock(g, faults);
   return faults;
+}
+
+// Reads a block with the bytes up to the next one, which must be zero.
+void PatchFile::verifyBlock(std::uint32_t group, std::vector<std::string>& faults) const {
+  const Group& row = hierarchy_.groups[group];
+  const bool is_last = group + 1 == hierarchy_.groups.size();
+  const std::uint64_t end = is_last ? fileBytes() : hierarchy_.groups[group + 1].block_offset;
+  const auto bytes = read(row.block_offset, end - row.block_offset);
+  if (!bytes) return faults.push_back(bytes.error().message);
+  for (std::uint32_t p = row.first_patch; p < row.first_patch + row.patch_count; ++p) {
+    const Patch& patch = hierarchy_.patches[p];
+    const auto decoded = decode(p, base::ByteView(*bytes).subspan(patch.block_offset, patch.block_bytes));
+    if (decoded)
+      verifyGeometry(hierarchy_, p, *decoded, faults);
+    else
+      faults.push_back(decoded.error().message);
+  }
+  for (std::size_t at = row.block_bytes; at < bytes->size(); ++at)
+    if ((*bytes)[at] != 0)
+      faults.push_back(path_ + ": bytes between blocks at " + std::to_string(row.block_offset + at));
 }
 
 // Writing -----------------------------------------------------------------------------------------

@@ -4,7 +4,7 @@
 // Header and tables stand at the front and their length is in the first 32 bytes, so a client of a static host reads
 // them with two byte ranges and then any block with one.
 #include <functional>
-#include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -15,28 +15,35 @@
 
 namespace lod::patch {
 
-/// A patch.lgp on disk, memory-mapped. Opening checks header and tables (checksums, every index and link, monotone
-/// errors and spheres); blocks are checked as they are read. Safe to read from several threads.
+/// A patch.lgp on disk. Opening reads header and tables and checks them (checksums, every index and link, monotone
+/// errors and spheres); blocks are read by position when they are asked for, and not mapped: a file that is cut while
+/// it is open gives an error (docs/decisions/reads-that-cannot-kill.md). Safe to read from several threads.
 class PatchFile {
  public:
   /// Errors name the file and the row. kNotFound, kIo; kVersion for a newer format; kInvalidInput for a damaged or cut
   /// file.
   static base::Result<PatchFile> open(const std::string& path);
   const Hierarchy& hierarchy() const { return hierarchy_; }
-  /// The block of a group: its consumed patches' bytes, one after the other, as a client is sent them. A number that is
-  /// not a group's is an error. Valid as long as this PatchFile lives.
-  base::Result<base::ByteView> block(std::uint32_t group) const;
-  /// The decoded patch, whose counts were compared with its record.
+  /// Reads the block of a group: its consumed patches' bytes, one after the other, as a client is sent them. They are
+  /// not looked at. Errors: kNotFound, a number that is not a group's; those of PositionedFile::readAt.
+  base::Result<base::Bytes> block(std::uint32_t group) const;
+  /// The same, and checks every patch's checksum and that its counts are its record's. Errors name file and patch.
+  base::Result<base::Bytes> checkedBlock(std::uint32_t group) const;
+  /// Reads and decodes a patch; its counts are compared with its record. Errors as block(), and damage.
   base::Result<PatchGeometry> geometry(std::uint32_t patch) const;
   /// Reads everything and checks each patch's checksum, its geometry against its record (counts, box, sphere, cone of
   /// facet normals), and its positions against the sphere of the group that consumes it. Returns a line for each fault.
   std::vector<std::string> verify() const;
-  std::uint64_t fileBytes() const { return file_.bytes().size(); }
+  std::uint64_t fileBytes() const { return file_ ? file_->size() : 0; }  ///< when it was opened
   const std::string& path() const { return path_; }
 
  private:
+  base::Result<base::Bytes> read(std::uint64_t offset, std::uint64_t bytes) const;
+  base::Result<PatchGeometry> decode(std::uint32_t patch, base::ByteView bytes) const;
+  void verifyBlock(std::uint32_t group, std::vector<std::string>& faults) const;
+
   std::string path_;
-  base::MappedFile file_;
+  std::optional<base::PositionedFile> file_;  // nothing only where nothing was opened
   Hierarchy hierarchy_;
 };
 

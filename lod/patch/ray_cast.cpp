@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <memory>
 #include <queue>
 #include <string>
 #include <utility>
@@ -233,9 +234,19 @@ base::Result<void> checkRay(const Ray& ray) {
 }  // namespace
 
 BlockSource blocksOf(const PatchFile& file) {
-  return [&file](std::uint32_t group) -> base::Result<std::optional<base::ByteView>> {
-    LUMIGRID_ASSIGN_OR_RETURN(const auto block, file.block(group));
-    return std::optional(block);
+  // Several patches of one block are mostly asked for one after the other.
+  struct HeldBlock {
+    std::optional<std::uint32_t> group;
+    base::Bytes bytes;
+  };
+  return [&file,
+          held = std::make_shared<HeldBlock>()](std::uint32_t group) -> base::Result<std::optional<base::ByteView>> {
+    if (held->group != group) {
+      held->group.reset();
+      LUMIGRID_ASSIGN_OR_RETURN(held->bytes, file.block(group));
+      held->group = group;
+    }
+    return std::optional(base::ByteView(held->bytes));
   };
 }
 

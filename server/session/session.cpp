@@ -25,6 +25,10 @@ constexpr double kPlanSeconds = 0.033;
 // Messages that wait to be written while the next ones are made: seconds of the link, and bytes.
 constexpr double kSecondsAhead = 0.01, kMaxBytesAhead = 256.0 * 1024.0;
 
+base::Error damaged(const std::string& item) {
+  return {base::ErrorCode::kInvalidInput, item + " is damaged or too large for a message; it is not sent"};
+}
+
 }  // namespace
 
 void describeHierarchy(const lod::patch::Hierarchy& hierarchy, protocol::Welcome& welcome) {
@@ -314,12 +318,12 @@ std::optional<base::Bytes> Session::removeAndEncode(Faces& faces, Faces::iterato
   return faceMessage(key);
 }
 
-/// The Refinement message of a group; nullopt when the client has it or the block cannot be read.
+/// The Refinement message of a group; nullopt when the client has it, or the block cannot be read or is damaged.
 std::optional<base::Bytes> Session::groupMessage(std::uint32_t group) {
   if (has_group_[group]) return std::nullopt;
-  auto block = scene_.patches->block(group);
-  if (!block || block->size() > protocol::kMaxPayload) {
-    ++counts_.corrupt;
+  auto block = readGroup(group);
+  if (!block) {
+    countCorrupt(block.error());
     return std::nullopt;
   }
   base::ByteWriter record;
@@ -327,7 +331,7 @@ std::optional<base::Bytes> Session::groupMessage(std::uint32_t group) {
   has_group_[group] = true;
   ++counts_.groups;
   if (scene_.access != nullptr) scene_.access->addGroup(group);
-  return protocol::encode(protocol::Refinement{record.takeBytes(), {block->begin(), block->end()}});
+  return protocol::encode(protocol::Refinement{record.takeBytes(), std::move(*block)});
 }
 
 /// The Face message of a key; nullopt when the client has it, the store lacks it (it is being baked) or holds damaged
@@ -342,7 +346,7 @@ std::optional<base::Bytes> Session::faceMessage(const repository::FaceKey& key) 
     return std::nullopt;
   }
   if (!value || (*value)->size() > protocol::kMaxPayload || !repository::decodeFaceValue(**value)) {
-    ++counts_.corrupt;
+    countCorrupt(value ? damaged(repository::nameOf(key)) : value.error());
     return std::nullopt;
   }
   has_face_.insert(key);
@@ -350,6 +354,17 @@ std::optional<base::Bytes> Session::faceMessage(const repository::FaceKey& key) 
   ++counts_.faces;
   if (scene_.access != nullptr) scene_.access->addFace(key);
   return protocol::encode(protocol::Face{key, std::move(**value)});
+}
+
+base::Result<base::Bytes> Session::readGroup(std::uint32_t group) const {
+  if (scene_.patches->hierarchy().groups[group].block_bytes > protocol::kMaxPayload)
+    return damaged("group " + std::to_string(group));
+  return scene_.patches->checkedBlock(group);
+}
+
+void Session::countCorrupt(const base::Error& error) {
+  ++counts_.corrupt;
+  if (scene_.on_read_error) scene_.on_read_error(error);
 }
 
 /// A tile that was not worth storing has an ancestor that shows as much.

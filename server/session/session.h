@@ -16,6 +16,7 @@
 // go meanwhile. A new view drops everything unsent. An evicted item is sent again only for a later view that needs it:
 // a client whose cache is too small for its view would otherwise receive the same bytes for ever.
 #include <cstdint>
+#include <functional>
 #include <optional>
 #include <string>
 #include <unordered_map>
@@ -46,6 +47,9 @@ struct SceneData {
   bool images_are_webp = false;    ///< true: clients that do not decode WebP get none
   const repository::SampleTree* tree = nullptr;  ///< the sampled points; null: all of the grid
   repository::AccessCounter* access = nullptr;   ///< counts each face and group that nextMessage() returns; may be null
+  /// Gets the error of each group or face that is not sent since it cannot be read or is damaged; may be empty. Called
+  /// by any thread that uses a session.
+  std::function<void(const base::Error&)> on_read_error;
   std::uint64_t ahead_bytes = plan::kPrefetchBytes;  ///< prefetched per view after Completion; 0: nothing
 
   plan::Scene toPlan() const { return {&welcome, &patches->hierarchy(), images != nullptr, tree, sight}; }
@@ -63,7 +67,7 @@ struct SessionCounts {
   std::uint64_t groups = 0, faces = 0, frames = 0;  ///< sent; of frames some parts of which may have been given up
   std::uint64_t bytes = 0;                          ///< bytes of all messages that nextMessage() returned
   std::uint64_t missing = 0;                        ///< wanted faces that the store lacks (not baked yet)
-  std::uint64_t corrupt = 0;                        ///< faces and blocks whose checksum failed
+  std::uint64_t corrupt = 0;                        ///< faces and blocks that could not be read or were damaged
 };
 
 /// As many faces may a client claim to hold: 512 MB of tiles. A cache of 50 MB holds some 6 000.
@@ -135,6 +139,8 @@ class Session {
   std::optional<base::Bytes> nextPrefetch();
   std::optional<base::Bytes> groupMessage(std::uint32_t group);
   std::optional<base::Bytes> faceMessage(const repository::FaceKey& key);
+  base::Result<base::Bytes> readGroup(std::uint32_t group) const;
+  void countCorrupt(const base::Error& error);
   using Faces = std::vector<repository::FaceKey>;
   Faces::iterator findSendable(Faces& faces);
   std::optional<base::Bytes> removeAndEncode(Faces& faces, Faces::iterator face);

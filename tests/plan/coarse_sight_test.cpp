@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <map>
 
 #include "plan/view_plan.h"
 #include "tests/server/session/memory_store.h"
@@ -12,11 +13,14 @@ namespace {
 
 class CoarseSight : public testing::Test {
  protected:
-  base::ByteView blockOf(std::uint32_t group) const { return *scene_.patches->block(group); }
+  base::ByteView blockOf(std::uint32_t group) const {
+    return blocks_.insert_or_assign(group, *scene_.patches->block(group)).first->second;
+  }
   base::Result<lod::patch::ProxySight> sightOf(const std::vector<std::uint32_t>& groups) const {
     return makeCoarseSight(scene_.patches->hierarchy(), groups, [this](std::uint32_t group) { return blockOf(group); });
   }
   const server::TestScene scene_{16};
+  mutable std::map<std::uint32_t, base::Bytes> blocks_;
 };
 
 // The groups whose error is above a limit are those that the cut of that error expands.

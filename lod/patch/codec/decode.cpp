@@ -281,6 +281,12 @@ base::Result<PatchGeometry> decodePatchPortably(base::ByteView bytes) {
   return codec::decodeBy(codec::decodeAnywhere, bytes);
 }
 
+base::Result<PatchCounts> checkedCounts(base::ByteView bytes) {
+  LUMIGRID_ASSIGN_OR_RETURN(const auto header, codec::readHeader(bytes));
+  if (codec::checksum(bytes) != header.crc) return codec::brokenPatch("checksum does not match");
+  return PatchCounts{header.vertices, header.triangles};
+}
+
 base::Result<PatchCounts> encodedCounts(base::ByteView bytes) {
   LUMIGRID_ASSIGN_OR_RETURN(const auto header, codec::readHeader(bytes));
   return PatchCounts{header.vertices, header.triangles};

@@ -18,8 +18,10 @@ using repository::FaceKey;
 /// Returns the occlusion that a client knows that reads the scene by itself.
 lod::patch::ProxySight coarseSightOf(const server::SceneData& data) {
   const lod::patch::Hierarchy& hierarchy = data.patches->hierarchy();
-  auto sight = plan::makeCoarseSight(hierarchy, plan::coarseGroups(hierarchy, plan::kCoarseBytes),
-                                     [&](std::uint32_t group) { return *data.patches->block(group); });
+  base::Bytes block;
+  auto sight =
+      plan::makeCoarseSight(hierarchy, plan::coarseGroups(hierarchy, plan::kCoarseBytes),
+                            [&](std::uint32_t group) -> base::ByteView { return block = *data.patches->block(group); });
   EXPECT_TRUE(sight && sight->triangleCount() > 0);
   return std::move(*sight);
 }

@@ -121,14 +121,66 @@ TEST_F(PatchFormat, aBlockIsItsPatchesOneAfterTheOther) {
     base::Bytes joined;
     const auto patches = support::encodedBlock(scene, g);
     for (const base::Bytes& patch : *patches) joined.insert(joined.end(), patch.begin(), patch.end());
-    EXPECT_TRUE(std::equal(block->begin(), block->end(), joined.begin(), joined.end()));
+    EXPECT_EQ(*block, joined);
+    EXPECT_EQ(*file->checkedBlock(g), joined);
     for (std::uint32_t p = group.first_patch; p < group.first_patch + group.patch_count; ++p) {
       const Patch& row = file->hierarchy().patches[p];
-      EXPECT_TRUE(decodePatch(block->subspan(row.block_offset, row.block_bytes)));
+      EXPECT_TRUE(decodePatch(base::ByteView(*block).subspan(row.block_offset, row.block_bytes)));
     }
   }
   EXPECT_FALSE(file->block(static_cast<std::uint32_t>(file->hierarchy().groups.size())));
   EXPECT_FALSE(file->geometry(static_cast<std::uint32_t>(file->hierarchy().patches.size())));
+}
+
+TEST_F(PatchFormat, aFileThatIsCutWhileItIsOpenGivesErrors) {
+  const SyntheticHierarchy scene = support::syntheticHierarchy(4);
+  for (const bool to_nothing : {false, true}) {
+    const base::Bytes bytes = written(scene);
+    const auto file = PatchFile::open(path_);
+    ASSERT_TRUE(file);
+    const Hierarchy& h = file->hierarchy();
+    const std::uint64_t left = to_nothing ? 0 : h.groups.back().block_offset + 1;
+    std::filesystem::resize_file(path_, left);
+    for (std::uint32_t g = 0; g < h.groups.size(); ++g) {
+      const bool is_there = h.groups[g].block_offset + h.groups[g].block_bytes <= left;
+      EXPECT_EQ(bool(file->block(g)), is_there);
+      EXPECT_EQ(bool(file->checkedBlock(g)), is_there);
+      for (std::uint32_t p = h.groups[g].first_patch; is_there && p < h.groups[g].first_patch + 1; ++p)
+        EXPECT_TRUE(file->geometry(p));
+    }
+    const auto lost = file->geometry(h.groups.back().first_patch);
+    ASSERT_FALSE(lost);
+    EXPECT_NE(lost.error().message.find(path_), std::string::npos) << lost.error().message;
+    EXPECT_FALSE(file->verify().empty());
+    EXPECT_EQ(file->fileBytes(), bytes.size());
+  }
+}
+
+// A byte of each patch is changed while the file is open.
+TEST_F(PatchFormat, damageIsFoundInACheckedBlock) {
+  const SyntheticHierarchy scene = support::syntheticHierarchy(4);
+  base::Bytes bytes = written(scene);
+  const auto file = PatchFile::open(path_);
+  ASSERT_TRUE(file);
+  const Hierarchy& h = file->hierarchy();
+  std::fstream out(path_, std::ios::in | std::ios::out | std::ios::binary);
+  for (std::uint32_t p = 0; p < h.patches.size(); ++p) {
+    const Patch& patch = h.patches[p];
+    const std::uint64_t at = h.groups[patch.consumer].block_offset + patch.block_offset + patch.block_bytes / 2;
+    const auto overwrite = [&](std::uint8_t byte) {
+      out.seekp(static_cast<std::streamoff>(at));
+      out.put(static_cast<char>(byte));
+      out.flush();
+    };
+    overwrite(bytes[at] ^ 0x10U);
+    const auto block = file->checkedBlock(patch.consumer);
+    ASSERT_FALSE(block);
+    EXPECT_NE(block.error().message.find("patch " + std::to_string(p) + ":"), std::string::npos)
+        << block.error().message;
+    EXPECT_TRUE(file->block(patch.consumer));
+    overwrite(bytes[at]);
+    EXPECT_TRUE(file->checkedBlock(patch.consumer));
+  }
 }
 
 TEST_F(PatchFormat, theFrontAloneGivesTheHierarchy) {

@@ -256,11 +256,13 @@ TEST(RayCast, onACoarseCutFindsTheCutsNearestFacet) {
 struct PartialBlocks {
   const PatchFile& file;
   std::set<std::uint32_t> here;
+  base::Bytes held = {};
 
   BlockSource source() {
     return [this](std::uint32_t group) -> base::Result<std::optional<base::ByteView>> {
       if (here.count(group) == 0) return std::optional<base::ByteView>();
-      return std::optional(*file.block(group));
+      held = *file.block(group);
+      return std::optional(base::ByteView(held));
     };
   }
 };
@@ -369,14 +371,13 @@ TEST(RayCast, refusesWhatIsNoRay) {
 TEST(RayCast, passesErrorsOnAndNamesDamagedBlocks) {
   const BuiltScene scene(support::torus(60, 40), "damage");
   const Ray ray{{1.0, 0.0, 3.0}, {0.0, 0.0, -1.0}};
-  const auto cut_short = [&](std::uint32_t group) -> base::Result<std::optional<base::ByteView>> {
-    const auto block = *scene.file().block(group);
-    return std::optional(block.first(block.size() - 1));
-  };
   base::Bytes copy;
+  const auto cut_short = [&](std::uint32_t group) -> base::Result<std::optional<base::ByteView>> {
+    copy = *scene.file().block(group);
+    return std::optional(base::ByteView(copy).first(copy.size() - 1));
+  };
   const auto flipped = [&](std::uint32_t group) -> base::Result<std::optional<base::ByteView>> {
-    const auto block = *scene.file().block(group);
-    copy.assign(block.begin(), block.end());
+    copy = *scene.file().block(group);
     for (std::size_t i = 0; i < copy.size(); i += 50) copy[i] ^= 0x55U;
     return std::optional(base::ByteView(copy));
   };

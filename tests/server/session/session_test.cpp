@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <filesystem>
+#include <fstream>
 #include <map>
 #include <random>
 #include <set>
@@ -338,6 +340,48 @@ TEST(Session, missingAndCorruptFacesAreSkipped) {
   EXPECT_GE(talk.session.counts().missing, 1U);
   EXPECT_GE(talk.session.counts().corrupt, 1U);
   EXPECT_LT(completeAt(messages, 1), messages.size());
+}
+
+// The file is damaged, then cut, while a viewer looks: no such group is sent, and each is reported.
+TEST(Session, damagedAndCutGroupsAreNeverSent) {
+  TestScene scene;
+  std::vector<std::string> reported;
+  scene.data.on_read_error = [&](const base::Error& error) { reported.push_back(error.message); };
+  const protocol::View view = scene.view(1, kAbove);
+  const auto wanted = plan::planView(scene.data.toPlan(), view).groups;
+  ASSERT_GE(wanted.size(), 2U);
+  const lod::patch::Group& last = scene.patches->hierarchy().groups[wanted.back()];
+  const auto flipByte = [&] {
+    std::fstream file(scene.path, std::ios::in | std::ios::out | std::ios::binary);
+    file.seekg(static_cast<std::streamoff>(last.block_offset + last.block_bytes - 1));
+    const int byte = file.get();
+    file.seekp(static_cast<std::streamoff>(last.block_offset + last.block_bytes - 1));
+    file.put(static_cast<char>(byte ^ 1));
+  };
+  const auto sent = [&] {
+    Talk talk(scene.data);
+    talk.greet();
+    EXPECT_TRUE(talk.say(view));
+    const auto messages = talk.drain();
+    EXPECT_LT(completeAt(messages, 1), messages.size());
+    EXPECT_EQ(talk.session.counts().corrupt > 0, !reported.empty());
+    return talk.session.counts().groups;
+  };
+  const std::uint64_t all = sent();
+  EXPECT_TRUE(reported.empty());
+
+  flipByte();
+  EXPECT_LT(sent(), all);
+  ASSERT_FALSE(reported.empty());
+  EXPECT_NE(reported[0].find(scene.path + ": patch "), std::string::npos) << reported[0];
+  EXPECT_NE(reported[0].find("checksum"), std::string::npos) << reported[0];
+  flipByte();
+  reported.clear();
+  EXPECT_EQ(sent(), all) << "it was mended";
+
+  std::filesystem::resize_file(scene.path, 0);
+  EXPECT_EQ(sent(), 0U);
+  EXPECT_NE(reported.at(0).find(scene.path + ": ends at byte"), std::string::npos) << reported[0];
 }
 
 // ---- what the client holds ----
