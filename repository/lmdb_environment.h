@@ -17,7 +17,7 @@
 
 #include "base/bytes.h"
 #include "base/error.h"
-#include "base/guarded_read.h"
+#include "base/guard/guarded_read.h"
 
 namespace repository {
 

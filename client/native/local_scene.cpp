@@ -57,26 +57,26 @@ class FileFetcher final : public RangeFetcher {
     FetchAnswer answer;
     auto file = files_.find(name);
     if (file == files_.end()) {
-      auto mapped = base::MappedFile::open(directory_ + "/" + name);
-      if (!mapped) {
+      auto opened = base::PositionedFile::open(directory_ + "/" + name);
+      if (!opened) {
         answer.outcome = FetchOutcome::kNotFound;
         return answer;
       }
-      file = files_.emplace(name, std::move(*mapped)).first;
+      file = files_.emplace(name, std::move(*opened)).first;
     }
-    const base::ByteView bytes = file->second.bytes();
-    if (offset > bytes.size() || length > bytes.size() - offset) {
-      answer.outcome = FetchOutcome::kTooShort;
-      return answer;
-    }
-    const base::ByteView range = bytes.subspan(static_cast<std::size_t>(offset), static_cast<std::size_t>(length));
-    answer.outcome = FetchOutcome::kBytes;
-    answer.bytes.assign(range.begin(), range.end());
+    const std::uint64_t size = file->second.size();
+    answer.outcome = FetchOutcome::kTooShort;  // a file that cannot be read any more counts as cut
+    if (offset > size || length > size - offset) return answer;
+    answer.bytes.resize(static_cast<std::size_t>(length));
+    if (file->second.readAt(offset, answer.bytes))
+      answer.outcome = FetchOutcome::kBytes;
+    else
+      answer.bytes.clear();
     return answer;
   }
 
   const std::string directory_;
-  std::map<std::string, base::MappedFile> files_;
+  std::map<std::string, base::PositionedFile> files_;
   std::vector<FetchAnswer> answers_;
 };
 
@@ -117,7 +117,7 @@ class RefusedLink final : public Link {
   const std::optional<Method> instead_;
 };
 
-/// The splats of a folder. The file stays mapped as long as anybody shows it.
+/// The splats of a folder. The file stays open as long as anybody shows it.
 class LocalSplatLink final : public Link {
  public:
   explicit LocalSplatLink(std::shared_ptr<StreamedSplats> splats) : splats_(std::move(splats)) {}
@@ -129,15 +129,10 @@ class LocalSplatLink final : public Link {
   const std::shared_ptr<StreamedSplats> splats_;
 };
 
-base::Result<std::shared_ptr<lod::qsplat::FileBlocks>> mapSplats(const std::string& path) {
-  struct Mapped {
-    lod::qsplat::SplatFile file;
-    std::unique_ptr<lod::qsplat::FileBlocks> blocks;
-  };
-  const auto mapped = std::make_shared<Mapped>();
-  LUMIGRID_ASSIGN_OR_RETURN(mapped->file, lod::qsplat::SplatFile::open(path));
-  LUMIGRID_ASSIGN_OR_RETURN(mapped->blocks, lod::qsplat::openBlocks(mapped->file.bytes(), mapped->file.header()));
-  return std::shared_ptr<lod::qsplat::FileBlocks>(mapped, mapped->blocks.get());
+base::Result<std::shared_ptr<lod::qsplat::FileBlocks>> openSplatBlocks(const std::string& path) {
+  LUMIGRID_ASSIGN_OR_RETURN(const auto file, lod::qsplat::SplatFile::open(path));
+  LUMIGRID_ASSIGN_OR_RETURN(auto blocks, lod::qsplat::openBlocks(file.bytes(), file.header()));
+  return std::shared_ptr<lod::qsplat::FileBlocks>(std::move(blocks));
 }
 
 }  // namespace
@@ -180,7 +175,7 @@ base::Result<std::unique_ptr<Link>> openLocalSplats(const std::string& directory
         directory + ": has no splats (qsplat.lgq); build them with `lumigrid build ... --methods qsplat`",
         published ? std::optional(Method::kLumigraph) : std::nullopt));
   }
-  LUMIGRID_ASSIGN_OR_RETURN(auto blocks, mapSplats(base::splatPath(directory, scene)));
+  LUMIGRID_ASSIGN_OR_RETURN(auto blocks, openSplatBlocks(base::splatPath(directory, scene)));
   protocol::Welcome welcome = protocol::welcomeOf(scene, nameOf(directory));
   welcome.has_colors = scene.has_colors;
   SplatOptions local = options;

@@ -1,11 +1,12 @@
 #pragma once
-// The blocks of a qsplat.lgq in memory: all of them in a mapped file, or those that have arrived so far.
+// The blocks of a qsplat.lgq: of a whole file in memory or on disk, or those that have arrived so far.
 #include <atomic>
 #include <cstdint>
 #include <memory>
 #include <vector>
 
 #include "lod/qsplat/coded_block.h"
+#include "lod/qsplat/file_bytes.h"
 #include "lod/qsplat/format.h"
 
 namespace lod::qsplat {
@@ -72,18 +73,18 @@ class PlaceTable {
   std::unique_ptr<std::atomic<std::uint64_t>[]> places_;  ///< offset · 2^11 + length; 0: not known
 };
 
-/// A whole file of either form in memory. A block's checksum is checked when it is first looked up; damaged blocks
-/// count as missing.
+/// A whole file of either form. A block's checksum is checked when it is first looked up; blocks that are damaged or
+/// cannot be read count as missing.
 class FileBlocks : public Blocks {
  public:
   using Blocks::Blocks;
-  /// Returns the first damaged block that was looked up; 0: none.
+  /// Returns the first block that was looked up and was damaged or could not be read; 0: none.
   std::uint64_t damagedBlock() const { return damaged_.load(std::memory_order_relaxed); }
-  /// Called between frames after trackUse(): shrinks decoded blocks to so many bytes, or to those that the last frame
-  /// used if they are more.
+  /// Called between frames after trackUse(): shrinks the blocks that were read or decoded to so many bytes, or to those
+  /// that the last frame used if they are more.
   virtual void trim(std::uint64_t /*bytes*/) {}
-  /// Returns how many bytes decoded blocks take now.
-  virtual std::uint64_t decodedBytes() const { return 0; }
+  /// Returns how many bytes such blocks take now.
+  virtual std::uint64_t heldBytes() const { return 0; }
   /// Returns a block's length in the file, once it was found.
   virtual std::uint32_t storedBytes(std::uint64_t /*number*/) const { return kBlockBytes; }
 
@@ -97,37 +98,61 @@ class FileBlocks : public Blocks {
   std::atomic<std::uint64_t> damaged_{0};
 };
 
-/// `file` has header.storedBytes() and must outlive the result. Errors: kInvalidInput, a coded file without tables.
+/// `file` has header.storedBytes(). Errors: kInvalidInput, a coded file without tables.
+base::Result<std::unique_ptr<FileBlocks>> openBlocks(std::shared_ptr<const FileBytes> file, const Header& header);
+/// The same for a file in memory, which must outlive the result. Plain blocks are used where they lie.
 base::Result<std::unique_ptr<FileBlocks>> openBlocks(base::ByteView file, const Header& header);
 
-/// The blocks of a plain file.
-class MappedBlocks final : public FileBlocks {
+/// The blocks of a plain file in memory.
+class MemoryBlocks final : public FileBlocks {
  public:
   /// `file` has header.file_bytes and must outlive this.
-  MappedBlocks(base::ByteView file, const Header& header);
+  MemoryBlocks(base::ByteView file, const Header& header);
 
  private:
   const std::uint8_t* load(std::uint64_t number) override;
   base::ByteView file_;
 };
 
-/// The blocks of a coded file. A block is decoded when it is first looked up; it can be found once a block with parents
-/// of its nodes was.
-class CodedBlocks final : public FileBlocks {
+/// Blocks that are read or decoded when they are first looked up, and held until they are trimmed.
+class HeldBlocks : public FileBlocks {
  public:
-  /// `file` has header.coded_bytes and must outlive this.
-  CodedBlocks(base::ByteView file, const Header& header, BlockCoder coder);
-  ~CodedBlocks() override;
+  using FileBlocks::FileBlocks;
+  ~HeldBlocks() override;
   void trim(std::uint64_t bytes) override;
-  std::uint64_t decodedBytes() const override { return held_.load(std::memory_order_relaxed) * kBlockBytes; }
+  std::uint64_t heldBytes() const override { return held_.load(std::memory_order_relaxed) * kBlockBytes; }
+
+ protected:
+  /// Holds a block of kBlockBytes, unless another thread was quicker; returns the one that is held.
+  const std::uint8_t* hold(std::uint64_t number, std::unique_ptr<std::uint8_t[]> block);
+
+ private:
+  std::atomic<std::uint64_t> held_{0};  ///< blocks
+};
+
+/// The blocks of a plain file on disk.
+class ReadBlocks final : public HeldBlocks {
+ public:
+  /// `file` has header.file_bytes.
+  ReadBlocks(std::shared_ptr<const FileBytes> file, const Header& header);
+
+ private:
+  const std::uint8_t* load(std::uint64_t number) override;
+  std::shared_ptr<const FileBytes> file_;
+};
+
+/// The blocks of a coded file. A block can be found once a block with parents of its nodes was.
+class CodedBlocks final : public HeldBlocks {
+ public:
+  /// `file` has header.coded_bytes.
+  CodedBlocks(std::shared_ptr<const FileBytes> file, const Header& header, BlockCoder coder);
   std::uint32_t storedBytes(std::uint64_t number) const override { return places_.find(number).bytes; }
 
  private:
   const std::uint8_t* load(std::uint64_t number) override;
-  base::ByteView file_;
+  std::shared_ptr<const FileBytes> file_;
   BlockCoder coder_;
   PlaceTable places_;
-  std::atomic<std::uint64_t> held_{0};  ///< blocks
 };
 
 /// Blocks that arrive one by one. The caller owns and checks their bytes (isIntactBlock).

@@ -1,8 +1,10 @@
 // Implements checkTree of format.h.
+#include <algorithm>
 #include <array>
 #include <deque>
 
 #include "lod/qsplat/coded_block.h"
+#include "lod/qsplat/file_bytes.h"
 #include "lod/qsplat/format.h"
 
 namespace lod::qsplat {
@@ -22,21 +24,22 @@ class BlockSource {
 
 class PlainSource final : public BlockSource {
  public:
-  explicit PlainSource(base::ByteView file) : file_(file) {}
+  explicit PlainSource(const FileBytes& file) : file_(file) {}
   const std::uint8_t* block(std::uint64_t number) override {
-    const base::ByteView block = file_.subspan(static_cast<std::size_t>(number * kBlockBytes), kBlockBytes);
-    return isIntactBlock(block, static_cast<std::uint32_t>(number)) ? block.data() : nullptr;
+    const bool is_read = file_.read(number * kBlockBytes, block_);
+    return is_read && isIntactBlock(block_, static_cast<std::uint32_t>(number)) ? block_.data() : nullptr;
   }
 
  private:
-  base::ByteView file_;
+  const FileBytes& file_;
+  std::array<std::uint8_t, kBlockBytes> block_{};
 };
 
 /// Decodes coded blocks. Checks that they follow each other without gaps where their parents say they are, and that
 /// only zeros follow the last one.
 class CodedSource final : public BlockSource {
  public:
-  CodedSource(base::ByteView file, const Header& header, const BlockCoder& coder)
+  CodedSource(const FileBytes& file, const Header& header, const BlockCoder& coder)
       : file_(file), header_(header), coder_(coder) {
     restart();
   }
@@ -52,9 +55,10 @@ class CodedSource final : public BlockSource {
   std::string fault() override {
     if (!fault_.empty()) return fault_;
     const std::uint64_t end = (known_end_ + kBlockBytes - 1) / kBlockBytes * kBlockBytes;
-    return end == header_.coded_bytes && allZero(file_.subspan(static_cast<std::size_t>(known_end_)))
-               ? ""
-               : "something stands behind its last block";
+    const char* const wrong = "something stands behind its last block";
+    if (end != header_.coded_bytes) return wrong;
+    base::Bytes rest(static_cast<std::size_t>(end - known_end_));
+    return file_.read(known_end_, rest) && allZero(rest) ? "" : wrong;
   }
 
  private:
@@ -72,8 +76,8 @@ class CodedSource final : public BlockSource {
     ChildBlocks children;
     ++number_;
     const std::uint64_t at = at_;
-    const bool good =
-        coder_.decode(number_, file_.subspan(static_cast<std::size_t>(at), length), plain_.data(), children);
+    coded_.resize(length);
+    const bool good = file_.read(at, coded_) && coder_.decode(number_, coded_, plain_.data(), children);
     if (good)
       forEachChildBlock(children, [this](std::uint64_t child, const CodedPlace& place) { addPlace(child, place); });
     lengths_.pop_front();
@@ -97,9 +101,10 @@ class CodedSource final : public BlockSource {
                " that it is where it is not";
   }
 
-  base::ByteView file_;
+  const FileBytes& file_;
   const Header& header_;
   const BlockCoder& coder_;
+  base::Bytes coded_;
   std::array<std::uint8_t, kBlockBytes> plain_{};
   std::uint64_t number_ = 0;           // number of the block in plain_
   std::uint64_t known_ = 0;            // the last block whose place is known
@@ -228,8 +233,19 @@ class TreeChecker {
 
 }  // namespace
 
+base::Bytes readFront(const FileBytes& file) {
+  base::Bytes front(static_cast<std::size_t>(std::min<std::uint64_t>(file.size(), kMaxCodedHeaderBytes)));
+  if (!file.read(0, front)) front.clear();
+  return front;
+}
+
 std::vector<std::string> checkTree(base::ByteView file) {
-  const auto header = readHeader(file);
+  return checkTree(MemoryBytes(file));
+}
+
+std::vector<std::string> checkTree(const FileBytes& file) {
+  const base::Bytes front = readFront(file);
+  const auto header = readHeader(front);
   if (!header) return {header.error().message};
   if (header->storedBytes() != file.size())
     return {"has " + std::to_string(file.size()) + " bytes, its header says " + std::to_string(header->storedBytes())};
@@ -237,7 +253,7 @@ std::vector<std::string> checkTree(base::ByteView file) {
     PlainSource source(file);
     return TreeChecker(source, *header).run();
   }
-  const auto coder = BlockCoder::fromHeader(file, *header);
+  const auto coder = BlockCoder::fromHeader(front, *header);
   if (!coder) return {coder.error().message};
   CodedSource source(file, *header, *coder);
   return TreeChecker(source, *header).run();

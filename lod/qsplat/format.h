@@ -28,6 +28,8 @@ inline constexpr std::uint32_t kMaxCodedHeaderBytes = 4096;
 /// Limits for the length of a coded block.
 inline constexpr std::uint32_t kMinCodedBytes = 10, kMaxCodedBytes = 1068;
 
+class FileBytes;
+
 struct Header {
   std::uint64_t file_bytes = 0;  ///< in the plain form
   std::uint64_t nodes = 0;
@@ -173,8 +175,9 @@ const char* groupFault(const std::uint8_t* block, std::uint64_t offset, std::uin
 /// the header's counts, unused bytes, and each "all children are leaves". Returns a line for each of the first few
 /// faults, nothing for an intact file. Memory: a byte for each inner node of a level or two; for a coded file, four
 /// bytes for each block of a level.
-
 std::vector<std::string> checkTree(base::ByteView file);
+/// The same for a file on disk.
+std::vector<std::string> checkTree(const FileBytes& file);
 
 bool allZero(base::ByteView bytes);
 

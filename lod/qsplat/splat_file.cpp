@@ -1,16 +1,33 @@
 #include "lod/qsplat/splat_file.h"
 
+#include <utility>
+
 namespace lod::qsplat {
+namespace {
+
+class DiskBytes final : public FileBytes {
+ public:
+  explicit DiskBytes(base::PositionedFile file) : file_(std::move(file)) {}
+  bool read(std::uint64_t offset, std::span<std::uint8_t> out) const override {
+    return bool(file_.readAt(offset, out));
+  }
+  std::uint64_t size() const override { return file_.size(); }
+
+ private:
+  base::PositionedFile file_;
+};
+
+}  // namespace
 
 base::Result<SplatFile> SplatFile::open(const std::string& path) {
-  LUMIGRID_ASSIGN_OR_RETURN(auto mapped, base::MappedFile::open(path));
-  auto header = readHeader(mapped.bytes());
-  if (!header) return base::within(path, header.error());
-  if (header->storedBytes() != mapped.bytes().size())
-    return base::within(path, damaged("has " + std::to_string(mapped.bytes().size()) + " bytes, its header says " +
-                                      std::to_string(header->storedBytes())));
+  LUMIGRID_ASSIGN_OR_RETURN(auto opened, base::PositionedFile::open(path));
   SplatFile file;
-  file.file_ = std::move(mapped);
+  file.bytes_ = std::make_shared<DiskBytes>(std::move(opened));
+  auto header = readHeader(readFront(*file.bytes_));
+  if (!header) return base::within(path, header.error());
+  if (header->storedBytes() != file.bytes_->size())
+    return base::within(path, damaged("has " + std::to_string(file.bytes_->size()) + " bytes, its header says " +
+                                      std::to_string(header->storedBytes())));
   file.header_ = *header;
   return file;
 }

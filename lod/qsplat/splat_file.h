@@ -1,10 +1,12 @@
 #pragma once
-// A qsplat.lgq on disk, memory-mapped, so that the system pages in the blocks that are used (Rusinkiewicz and Levoy
-// 2000, section 3.2).
+// A qsplat.lgq on disk. Blocks are read by position as they are used, and not mapped: a file that is cut while it is
+// open has damaged blocks (docs/decisions/reads-that-cannot-kill.md).
+#include <memory>
 #include <string>
 #include <vector>
 
 #include "base/file.h"
+#include "lod/qsplat/file_bytes.h"
 #include "lod/qsplat/format.h"
 
 namespace lod::qsplat {
@@ -15,13 +17,13 @@ class SplatFile {
   /// kNotFound, kIo, and those of readHeader.
   static base::Result<SplatFile> open(const std::string& path);
   const Header& header() const { return header_; }
-  /// Returns the whole file, whose length is as the header has it.
-  base::ByteView bytes() const { return file_.bytes(); }
+  /// The whole file, whose length was as the header has it when it was opened. Null where nothing was opened.
+  const std::shared_ptr<const FileBytes>& bytes() const { return bytes_; }
   /// Runs checkTree on the file.
-  std::vector<std::string> verify() const { return checkTree(file_.bytes()); }
+  std::vector<std::string> verify() const { return checkTree(*bytes_); }
 
  private:
-  base::MappedFile file_;
+  std::shared_ptr<const FileBytes> bytes_;
   Header header_;
 };
 

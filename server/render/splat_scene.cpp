@@ -62,7 +62,7 @@ base::Result<lod::qsplat::Traversal> SplatScene::splatsFor(const base::Camera& c
   blocks_->trim(kDecodedBytes);
   if (blocks_->damagedBlock() != 0)
     return lod::qsplat::damaged("qsplat.lgq: block " + std::to_string(blocks_->damagedBlock()) +
-                                ": checksum does not match");
+                                " cannot be read, or its checksum does not match");
   if (found.damaged) return lod::qsplat::damaged("qsplat.lgq: its groups don't make a tree");
   return found;
 }

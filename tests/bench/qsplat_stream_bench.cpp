@@ -24,7 +24,6 @@
 #include "compare/accuracy.h"
 #include "compare/chart.h"
 #include "lod/draw/splats.h"
-#include "lod/qsplat/splat_file.h"
 #include "lod/qsplat/stream/stream.h"
 #include "tests/bench/bench.h"
 #include "tests/bench/splat_view.h"
@@ -116,14 +115,20 @@ struct Run {
   std::uint64_t wasted = 0;
 };
 
-Run streamed(const SplatFile& file, const base::Camera& camera, const base::Image& truth, StreamOrder order,
+/// A qsplat.lgq in memory.
+struct WholeFile {
+  const base::Bytes& bytes;
+  Header header;
+};
+
+Run streamed(const WholeFile& file, const base::Camera& camera, const base::Image& truth, StreamOrder order,
              Canvas& canvas) {
   StreamOptions options;
   options.order = order;
   options.idle_bytes = 0;
-  options.memory_bytes = std::max(file.header().file_bytes, std::uint64_t{1} << 20);
-  Stream stream(file.bytes().size(), options);
-  Link link(file.bytes());
+  options.memory_bytes = std::max(file.header.file_bytes, std::uint64_t{1} << 20);
+  Stream stream(file.bytes.size(), options);
+  Link link(file.bytes);
   TraverseRequest request;
   request.camera = camera;
   Run run;
@@ -201,12 +206,12 @@ struct TourResult {
   double lacking = 0.0;  ///< of the splats drawn, the share that stood in for finer ones, mean over the frames
 };
 
-TourResult runTour(const SplatFile& file, const MovingView& view, const Rate& rate, std::uint64_t idle_bytes) {
+TourResult runTour(const WholeFile& file, const MovingView& view, const Rate& rate, std::uint64_t idle_bytes) {
   StreamOptions options;
   options.idle_bytes = idle_bytes;
-  options.memory_bytes = std::max(file.bytes().size(), std::size_t{1} << 20);
-  Stream stream(file.bytes().size(), options);
-  Link link(file.bytes(), rate);
+  options.memory_bytes = std::max(file.bytes.size(), std::size_t{1} << 20);
+  Stream stream(file.bytes.size(), options);
+  Link link(file.bytes, rate);
   TourResult run;
   Traversal found;
   std::optional<base::Camera> before;
@@ -215,7 +220,7 @@ TourResult runTour(const SplatFile& file, const MovingView& view, const Rate& ra
     link.acceptRequests(stream, now);
     while (const auto at = link.arrive(stream, now)) link.acceptRequests(stream, *at);
     TraverseRequest request;
-    request.camera = cameraAt(view.at(now), file.header().root);
+    request.camera = cameraAt(view.at(now), file.header.root);
     const bool rests = before && before->eye_from_scene == request.camera.eye_from_scene;
     request.cutoff_px = rests ? kRestingPx : kMovingPx;
     before = request.camera;
@@ -233,7 +238,7 @@ TourResult runTour(const SplatFile& file, const MovingView& view, const Rate& ra
   return run;
 }
 
-void printTours(const SplatFile& file) {
+void printTours(const WholeFile& file) {
   std::printf("%.0f s each, a frame every %.1f s, cut-off %.0f px moving and %.0f px at rest\n", kTourSeconds,
               kTourFrame, static_cast<double>(kMovingPx), static_cast<double>(kRestingPx));
   std::printf("%-50s %-12s %-10s | %8s %9s %7s %9s %9s\n", "view", "link", "ahead", "kB", "wasted kB", "%", "stand-ins",
@@ -257,22 +262,23 @@ int main(int argc, char** argv) {
     std::fprintf(stderr, "usage: qsplat_stream_bench SCENE/qsplat.lgq [CHART.svg | --tours]\n");
     return 2;
   }
-  const auto file = bench::must(SplatFile::open(argv[1]));
+  const base::Bytes bytes = bench::must(base::readFile(argv[1]));
+  const WholeFile file{bytes, bench::must(readHeader(bytes))};
   if (argc > 2 && std::string_view(argv[2]) == "--tours") return printTours(file), 0;
   std::printf("%s: %.1f MB%s, %llu leaves; 384 kbit/s, 100 ms there and back; 1280 x 720\n", argv[1],
-              1e-6 * static_cast<double>(file.bytes().size()), file.header().coded() ? " coded" : "",
-              static_cast<unsigned long long>(file.header().leaves));
-  Canvas canvas(file.header());
+              1e-6 * static_cast<double>(file.bytes.size()), file.header.coded() ? " coded" : "",
+              static_cast<unsigned long long>(file.header.leaves));
+  Canvas canvas(file.header);
   compare::Chart chart;
   chart.title = "Splats over 384 kbit/s: five orders";
   chart.x_label = "seconds";
   chart.y_label = "PSNR against the fully streamed picture, dB (at most 60)";
   chart.log_x = true;
 
-  const std::vector<base::Camera> views = viewsOf(file.header().root);
+  const std::vector<base::Camera> views = viewsOf(file.header.root);
   std::vector<base::Image> truths;
   for (const base::Camera& camera : views) {
-    const auto blocks = bench::must(openBlocks(file.bytes(), file.header()));
+    const auto blocks = bench::must(openBlocks(file.bytes, file.header));
     TraverseRequest request;
     request.camera = camera;
     truths.push_back(canvas.picture(traverse(*blocks, request).splats, camera));

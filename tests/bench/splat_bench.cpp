@@ -10,10 +10,10 @@
 #include <vector>
 
 #include "base/egl/headless.h"
+#include "base/file.h"
 #include "base/parallel.h"
 #include "compare/accuracy.h"
 #include "lod/draw/splats.h"
-#include "lod/qsplat/splat_file.h"
 #include "lod/qsplat/traverse.h"
 #include "tests/bench/bench.h"
 #include "tests/bench/splat_view.h"
@@ -158,13 +158,8 @@ int main(int argc, char** argv) {
   const int width = static_cast<int>(arguments.number<unsigned>("--width", 1280U, 16U, 8192U));
   const bool saving = arguments.number<unsigned>("--saving", 0U, 0U, 1U) != 0;
   arguments.finish();
-  base::Bytes made;
-  std::optional<SplatFile> opened;
-  if (arguments.input().empty())
-    made = support::splatFile(support::bumpySphere(700, 1400));
-  else
-    opened.emplace(bench::must(SplatFile::open(arguments.input())));
-  const base::ByteView bytes = opened ? opened->bytes() : base::ByteView(made);
+  const base::Bytes bytes = arguments.input().empty() ? support::splatFile(support::bumpySphere(700, 1400))
+                                                      : bench::must(base::readFile(arguments.input()));
   const auto opened_blocks = bench::must(openBlocks(bytes, bench::must(readHeader(bytes))));
   FileBlocks& blocks = *opened_blocks;
   Canvas canvas(width);

@@ -13,11 +13,11 @@
 #include <vector>
 
 #include "base/egl/headless.h"
+#include "base/file.h"
 #include "base/gl/gl.h"
 #include "base/parallel.h"
 #include "client/app/splat_settings.h"
 #include "client/source/streamed_splats.h"
-#include "lod/qsplat/splat_file.h"
 #include "tests/bench/bench.h"
 #include "tests/bench/splat_view.h"
 #include "tests/support/splat_tree.h"
@@ -161,17 +161,12 @@ int main(int argc, char** argv) {
   const int width = static_cast<int>(arguments.number<unsigned>("--width", 1280U, 16U, 8192U));
   const double step_seconds = arguments.number<unsigned>("--seconds", 8U, 1U, 3600U);
   arguments.finish();
-  base::Bytes made;
-  std::optional<lod::qsplat::SplatFile> opened;
-  if (arguments.input().empty())
-    made = support::splatFile(support::bumpySphere(700, 1400));
-  else
-    opened.emplace(bench::must(lod::qsplat::SplatFile::open(arguments.input())));
+  const base::Bytes bytes = arguments.input().empty() ? support::splatFile(support::bumpySphere(700, 1400))
+                                                      : bench::must(base::readFile(arguments.input()));
   const auto context = bench::must(base::HeadlessContext::create());
   std::printf("%s, %u cores; %d x %d; %.0f s a step, the view turning all the while\n", context->renderer().c_str(),
               base::coreCount(), width, width * 9 / 16, step_seconds);
   std::printf("kernel    asked step       frames   rate  of asked  off, med.  settled     px  px/smp    splats\n");
-  const base::ByteView bytes = opened ? opened->bytes() : base::ByteView(made);
   for (const double rate : {5.0, 10.0, 20.0}) measure(bytes, SplatKernel::kCircle, "circle", rate, width, step_seconds);
   measure(bytes, SplatKernel::kSquare, "square", 10.0, width, step_seconds);
   measure(bytes, SplatKernel::kEllipse, "ellipse", 10.0, width, step_seconds);

@@ -33,7 +33,7 @@ void check(const Traversal& found, const Header& header) {
 }
 
 void traverseAll(base::ByteView file, const Header& header) {
-  MappedBlocks whole(file, header);
+  MemoryBlocks whole(file, header);
   GrowingBlocks half(header);
   for (std::uint64_t b = 1; b < header.blocks(); b += 2) half.put(b, &file[b * kBlockBytes]);
   for (Blocks* blocks : {static_cast<Blocks*>(&whole), static_cast<Blocks*>(&half)})

@@ -469,7 +469,7 @@ StreamStats Stream::stats() const {
   if (whole_) {
     stats.blocks = stats.present = header()->blocks();
     stats.given_up = whole_->damagedBlock() != 0 ? 1 : 0;
-    stats.memory_bytes = stats.blocks * kTableBytes + whole_->decodedBytes();
+    stats.memory_bytes = stats.blocks * kTableBytes + whole_->heldBytes();
   }
   return stats;
 }

@@ -112,7 +112,7 @@ class StreamedSplatsTest : public ::testing::Test {
     const auto header = lod::qsplat::readHeader(bytes);
     ASSERT_TRUE(bool(header));
     splats_ = std::make_shared<StreamedSplats>(SplatFilePlace{"ball", "qsplat.lgq", bytes.size()}, protocol::Welcome(),
-                                               std::make_shared<lod::qsplat::MappedBlocks>(bytes, *header), options);
+                                               std::make_shared<lod::qsplat::MemoryBlocks>(bytes, *header), options);
     viewer_->setSplats(splats_);
   }
 

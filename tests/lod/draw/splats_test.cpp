@@ -253,7 +253,7 @@ TEST_F(SplatsTest, littleOfALayerShowsThroughTheOneBeforeIt) {
   sheets.colors.insert(sheets.colors.end(), behind.positions.size(), {255, 0, 0, 255});
   for (const std::uint32_t i : behind.indices) sheets.indices.push_back(first + i);
   const base::Bytes file = support::splatFile(sheets);
-  qsplat::MappedBlocks blocks(file, *qsplat::readHeader(file));
+  qsplat::MemoryBlocks blocks(file, *qsplat::readHeader(file));
   base::ViewCamera view;
   view.position = {0.5, 0.5, 1.0};
   view.width = view.height = kSize;
@@ -563,7 +563,7 @@ void SplatsTest::expectNoHoles(const support::Mesh& mesh, unsigned seed, int vie
 void SplatsTest::expectNoHolesIn(const base::Bytes& file, const support::Mesh& mesh, unsigned seed, int views_count,
                                  bool from_near) {
   const qsplat::Header header = *qsplat::readHeader(file);
-  qsplat::MappedBlocks blocks(file, header);
+  qsplat::MemoryBlocks blocks(file, header);
   setMesh(mesh);
   support::RandomViews views(seed, header.root, kSize);
   qsplat::Traversal found;
@@ -714,7 +714,7 @@ TEST_F(SplatsTest, parentsLeaveNoHolesWhereBlocksAreMissing) {
 TEST_F(SplatsTest, ellipsesLeaveFewHolesAndFitTheSilhouetteBest) {
   const support::Mesh mesh = support::bumpySphere(120, 240, 0.05F);
   const base::Bytes file = support::splatFile(mesh);
-  qsplat::MappedBlocks blocks(file, *qsplat::readHeader(file));
+  qsplat::MemoryBlocks blocks(file, *qsplat::readHeader(file));
   setMesh(mesh);
   support::RandomViews views(7, blocks.header().root, kSize);
   int seen = 0, holes = 0, excess = 0, excess_of_circles = 0;

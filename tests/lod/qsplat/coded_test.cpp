@@ -70,7 +70,7 @@ TEST(QsplatCoded, aBlockIsFoundOnceItsParentsWereAndDecodedWithoutOthers) {
   const base::Bytes plain = surface();
   const base::Bytes coded = support::codedSplats(plain);
   const Header header = *readHeader(coded);
-  CodedBlocks blocks(coded, header, *BlockCoder::fromHeader(coded, header));
+  CodedBlocks blocks(std::make_shared<MemoryBytes>(coded), header, *BlockCoder::fromHeader(coded, header));
   const std::uint64_t last = header.blocks() - 1;
   EXPECT_EQ(blocks.find(last), nullptr) << "nobody has told where it is";
   EXPECT_EQ(blocks.damagedBlock(), 0U);
@@ -100,7 +100,7 @@ TEST(QsplatCoded, memoryIsGivenBackAndWhatWasDroppedComesAgain) {
   const base::Bytes plain = surface();
   const base::Bytes coded = support::codedSplats(plain);
   const Header header = *readHeader(coded);
-  CodedBlocks blocks(coded, header, *BlockCoder::fromHeader(coded, header));
+  CodedBlocks blocks(std::make_shared<MemoryBytes>(coded), header, *BlockCoder::fromHeader(coded, header));
   blocks.trackUse();
   blocks.beginFrame(1);
   for (std::uint64_t b = 1; b < header.blocks(); ++b) ASSERT_NE(blocks.find(b), nullptr);
@@ -288,9 +288,10 @@ TEST(QsplatCoded, goldenFileIsReadAndWrittenAsEver) {
   const auto coded = SplatFile::open(folder + "qsplat_v2.lgq");
   ASSERT_TRUE(plain && coded);
   EXPECT_EQ(coded->verify(), std::vector<std::string>());
-  const auto bytes = [](const SplatFile& file) { return base::Bytes(file.bytes().begin(), file.bytes().end()); };
-  EXPECT_TRUE(support::plainSplats(coded->bytes()) == bytes(*plain));
-  EXPECT_TRUE(support::codedSplats(plain->bytes()) == bytes(*coded));
+  const base::Bytes plain_bytes = *base::readFile(folder + "qsplat_v1.lgq");
+  const base::Bytes coded_bytes = *base::readFile(folder + "qsplat_v2.lgq");
+  EXPECT_TRUE(support::plainSplats(coded_bytes) == plain_bytes);
+  EXPECT_TRUE(support::codedSplats(plain_bytes) == coded_bytes);
 }
 
 }  // namespace

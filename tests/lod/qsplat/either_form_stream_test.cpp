@@ -35,7 +35,7 @@ class StreamOfEitherForm : public testing::TestWithParam<bool> {
   /// Returns the splats of the local file, and checks that the plain form has the same.
   static std::vector<Splat> localSplats(const TraverseRequest& request) {
     const auto blocks = openBlocks(file(), *readHeader(file()));
-    MappedBlocks plain(plainFile(), *readHeader(plainFile()));
+    MemoryBlocks plain(plainFile(), *readHeader(plainFile()));
     const std::vector<Splat> splats = traverse(**blocks, request).splats;
     EXPECT_EQ(splats, traverse(plain, request).splats);
     return splats;

@@ -3,7 +3,11 @@
 
 #include <gtest/gtest.h>
 
+#include <filesystem>
+#include <tuple>
+
 #include "base/crc32c.h"
+#include "lod/qsplat/blocks.h"
 #include "lod/qsplat/splat_file.h"
 #include "tests/support/decoded_splats.h"
 #include "tests/support/random_splats.h"
@@ -199,21 +203,66 @@ TEST_F(QsplatFormat, openingNamesTheFile) {
   ASSERT_TRUE(file) << file.error().message;
   EXPECT_EQ(file->header().nodes, header.nodes);
   EXPECT_TRUE(file->verify().empty());
-  ASSERT_TRUE(base::writeFileAtomically(path, file->bytes().first(file->bytes().size() - 1)));
+  const base::Bytes bytes = *base::readFile(path);
+  ASSERT_TRUE(base::writeFileAtomically(path, base::ByteView(bytes).first(bytes.size() - 1)));
   const auto cut = SplatFile::open(path);
   ASSERT_FALSE(cut);
   EXPECT_EQ(cut.error().message.rfind(path, 0), 0U) << cut.error().message;
 }
 
+// A file of either form that is cut while it is open: what was read stays, the rest is damaged.
+TEST_F(QsplatFormat, blocksOfAFileThatIsCutWhileItIsOpenAreDamaged) {
+  const std::string golden = std::string(LUMIGRID_SOURCE_DIR) + "/tests/golden/";
+  for (const char* name : {"qsplat_v1.lgq", "qsplat_v2.lgq"})
+    for (const bool to_nothing : {false, true}) {
+      const std::string path = directory_ / name;
+      const base::Bytes bytes = *base::readFile(golden + name);
+      ASSERT_TRUE(base::writeFileAtomically(path, bytes));
+      const auto file = SplatFile::open(path);
+      ASSERT_TRUE(file) << file.error().message;
+      const auto whole = openBlocks(file->bytes(), file->header());
+      ASSERT_TRUE(whole);
+      FileBlocks& blocks = **whole;
+      blocks.trackUse();
+      ASSERT_NE(blocks.find(1), nullptr);
+      const std::uint64_t last = blocks.header().blocks() - 1;
+      std::filesystem::resize_file(path, to_nothing ? 0 : bytes.size() / 2);
+      EXPECT_NE(blocks.find(1), nullptr);
+      for (std::uint64_t b = 1; b <= last; ++b) std::ignore = blocks.find(b);
+      EXPECT_EQ(blocks.find(last), nullptr);
+      EXPECT_GT(blocks.damagedBlock(), 1U);
+      EXPECT_FALSE(file->verify().empty());
+    }
+}
+
+TEST_F(QsplatFormat, blocksReadFromDiskAreTrimmed) {
+  const std::string path = directory_ / "tree.lgq";
+  const Header header = support::writeRandomSplats(path, 5, true, false);
+  const auto file = SplatFile::open(path);
+  ASSERT_TRUE(file);
+  const auto opened = openBlocks(file->bytes(), file->header());
+  ASSERT_TRUE(opened);
+  FileBlocks& blocks = **opened;
+  blocks.trackUse();
+  for (std::uint64_t b = 1; b < header.blocks(); ++b) EXPECT_NE(blocks.find(b), nullptr);
+  EXPECT_EQ(blocks.heldBytes(), (header.blocks() - 1) * kBlockBytes);
+  blocks.beginFrame(2);
+  ASSERT_NE(blocks.find(1), nullptr);
+  blocks.trim(0);
+  EXPECT_EQ(blocks.heldBytes(), kBlockBytes) << "the last frame used one";
+  EXPECT_NE(blocks.find(header.blocks() - 1), nullptr);
+}
+
 // Sums over all nodes of the golden file, as they were when it was written. Centres, radii and colours are compared to
 // the bit: every reader decodes the same.
 TEST_F(QsplatFormat, goldenFileIsReadAsEver) {
-  const auto file = SplatFile::open(std::string(LUMIGRID_SOURCE_DIR) + "/tests/golden/qsplat_v1.lgq");
+  const std::string path = std::string(LUMIGRID_SOURCE_DIR) + "/tests/golden/qsplat_v1.lgq";
+  const auto file = SplatFile::open(path);
   ASSERT_TRUE(file) << file.error().message;
   EXPECT_EQ(file->verify(), std::vector<std::string>());
   EXPECT_TRUE(file->header().colors);
   EXPECT_EQ(file->header().leaves, 288U);
-  const auto nodes = support::decodeSplats(file->bytes());
+  const auto nodes = support::decodeSplats(*base::readFile(path));
   ASSERT_EQ(nodes.size(), file->header().nodes);
   glm::dvec3 centers(0.0);
   glm::dvec3 normals(0.0);

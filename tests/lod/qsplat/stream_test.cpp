@@ -43,7 +43,7 @@ TraverseRequest requestFor(const base::Camera& camera, float cutoff_px = 1.0F) {
 }
 
 std::vector<Splat> localSplats(const TraverseRequest& request) {
-  MappedBlocks blocks(file(), header());
+  MemoryBlocks blocks(file(), header());
   return traverse(blocks, request).splats;
 }
 
@@ -193,7 +193,7 @@ TEST(StreamTest, aSmallTurnAtRestFindsItsBlocksHere) {
   double now = 0.0;
   fetchAll(stream, host, requestFor(cameraFrom({0.0, 0.0, -1.0}, 1.15)), now);
   const auto lacking = [&](const base::Camera& camera) {
-    MappedBlocks all(file(), header());
+    MemoryBlocks all(file(), header());
     all.trackUse();
     traverse(all, requestFor(camera));
     Traversal found;

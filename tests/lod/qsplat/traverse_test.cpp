@@ -87,7 +87,7 @@ TraverseRequest requestFor(const base::Camera& camera, float cutoff_px) {
 
 TEST(TraverseTest, withoutCullingAndCutOffAllLeavesAreDrawnAndAllNodesMet) {
   for (const Model* model : {&ball(), &ring()}) {
-    MappedBlocks blocks(model->file, model->header);
+    MemoryBlocks blocks(model->file, model->header);
     TraverseRequest request = requestFor(support::RandomViews(1, model->header.root, 64).next(), 0.0F);
     request.cull = request.cull_back_faces = false;
     const Traversal all = traverse(blocks, request);
@@ -101,7 +101,7 @@ TEST(TraverseTest, withoutCullingAndCutOffAllLeavesAreDrawnAndAllNodesMet) {
 }
 
 TEST(TraverseTest, splatsHaveTheLooksOfTheirNodes) {
-  MappedBlocks blocks(ring().file, ring().header);
+  MemoryBlocks blocks(ring().file, ring().header);
   TraverseRequest request = requestFor(support::RandomViews(1, ring().header.root, 64).next(), 0.0F);
   request.cull = request.cull_back_faces = false;
   // Vertices are found by position: a leaf's sphere has its vertex near its middle.
@@ -118,14 +118,14 @@ TEST(TraverseTest, splatsHaveTheLooksOfTheirNodes) {
     const glm::vec3 got(support::decodeColor(splat.color));
     EXPECT_LE(glm::length(wanted - got), 60.0F);
   }
-  MappedBlocks plain(ball().file, ball().header);
+  MemoryBlocks plain(ball().file, ball().header);
   for (const Splat& splat : traverse(plain, requestFor(request.camera, 1.0F)).splats) ASSERT_EQ(splat.color, kWhite565);
 }
 
 TEST(TraverseTest, splatsHoldAllOfTheSurfaceThatIsSeenAtAnyCutOff) {
   for (const Model* model : {&ball(), &ring()}) {
     const std::vector<Sample> samples = samplesOf(model->mesh, 600);
-    MappedBlocks blocks(model->file, model->header);
+    MemoryBlocks blocks(model->file, model->header);
     support::RandomViews views(3, model->header.root, 400);
     std::uint64_t outside = 0, facing_away = 0;
     for (int i = 0; i < 150; ++i) {
@@ -203,7 +203,7 @@ TEST(TraverseTest, cullingWithShortCutsDropsNothingThatEachNodeByItselfWouldKeep
   std::size_t plain_total = 0, total = 0;
   for (int i = 0; i < 60; ++i) {
     const TraverseRequest request = requestFor(views.next(), static_cast<float>(views.number(0.0, 30.0)));
-    MappedBlocks blocks(ball().file, ball().header);
+    MemoryBlocks blocks(ball().file, ball().header);
     const std::vector<Splat> splats = traverse(blocks, request).splats;
     std::set<std::array<float, 4>> drawn;
     for (const Splat& splat : splats) drawn.insert(key(splat));
@@ -226,7 +226,7 @@ TEST(TraverseTest, aFinerCutOffMeetsAllNodesThatACoarserOneMet) {
     std::uint64_t before = 0;
     std::set<std::uint64_t> used_before;
     for (const float cutoff : {200.0F, 50.0F, 20.0F, 8.0F, 3.0F, 1.0F, 0.0F}) {
-      MappedBlocks blocks(ring().file, ring().header);
+      MemoryBlocks blocks(ring().file, ring().header);
       blocks.trackUse();
       const Traversal found = traverse(blocks, requestFor(camera, cutoff));
       EXPECT_GE(found.nodes, before);
@@ -246,7 +246,7 @@ TEST(TraverseTest, aFinerCutOffMeetsAllNodesThatACoarserOneMet) {
 
 // Seen through the lens, splats have at most a third of the size; outside of it nothing changes.
 TEST(TraverseTest, aLensRefinesWhatIsSeenThroughItAndNothingElse) {
-  MappedBlocks blocks(ball().file, ball().header);
+  MemoryBlocks blocks(ball().file, ball().header);
   support::RandomViews views(31, ball().header.root, 512);
   std::size_t replaced = 0, came = 0;
   for (int i = 0; i < 20; ++i) {
@@ -305,7 +305,7 @@ TEST(TraverseTest, theResultDoesNotDependOnThreadsOrTheirOrder) {
   };
   for (int i = 0; i < 10; ++i) {
     TraverseRequest request = requestFor(views.next(), 1.0F);
-    MappedBlocks blocks(ball().file, ball().header);
+    MemoryBlocks blocks(ball().file, ball().header);
     const Traversal one = traverse(blocks, request);
     request.for_each = backwards;
     const Traversal other_way = traverse(blocks, request);
@@ -314,7 +314,7 @@ TEST(TraverseTest, theResultDoesNotDependOnThreadsOrTheirOrder) {
       request.for_each = [threads](std::size_t count, const std::function<void(std::size_t)>& body) {
         base::parallelFor(count, threads, body);
       };
-      MappedBlocks fresh(ball().file, ball().header);
+      MemoryBlocks fresh(ball().file, ball().header);
       const Traversal many = traverse(fresh, request);
       EXPECT_EQ(many.splats, one.splats);
       EXPECT_EQ(many.nodes, one.nodes);
@@ -324,7 +324,7 @@ TEST(TraverseTest, theResultDoesNotDependOnThreadsOrTheirOrder) {
 
 TEST(TraverseTest, memoryOfAFrameBeforeIsUsedAgainAndLeavesNothingBehind) {
   support::RandomViews views(10, ball().header.root, 300);
-  MappedBlocks blocks(ball().file, ball().header);
+  MemoryBlocks blocks(ball().file, ball().header);
   Traversal kept;
   for (int i = 0; i < 10; ++i) {
     const TraverseRequest request = requestFor(views.next(), 2.0F);
@@ -381,7 +381,7 @@ TEST(TraverseTest, whateverIsMissingParentsAreDrawnAndTheWantedBlocksCompleteThe
       }
       traverse(arriving.blocks, request, found);
     }
-    MappedBlocks whole(ball().file, ball().header);
+    MemoryBlocks whole(ball().file, ball().header);
     EXPECT_EQ(found.splats, traverse(whole, request).splats);
   }
 }
@@ -447,7 +447,7 @@ TEST(TraverseTest, parallelViewsCutAllNodesAtOneSize) {
   view.width = view.height = 500;
   view.ortho_height = 2.5;
   const base::Camera camera = base::cameraForScene(view, glm::dvec3(0.0), ball().header.root);
-  MappedBlocks blocks(ball().file, ball().header);
+  MemoryBlocks blocks(ball().file, ball().header);
   const Traversal found = traverse(blocks, requestFor(camera, 20.0F));
   ASSERT_FALSE(found.splats.empty());
   for (const Splat& splat : found.splats)
@@ -460,7 +460,7 @@ TEST(TraverseTest, aSectionLeavesOutWhatLiesBeyondAndShowsTheInsideOfTheRest) {
   TraverseRequest request = requestFor(camera, 0.0F);
   request.cull = false;
   request.section = {1.0F, 0.0F, 0.0F, 0.25F};
-  MappedBlocks blocks(ball().file, ball().header);
+  MemoryBlocks blocks(ball().file, ball().header);
   const Traversal found = traverse(blocks, request);
   std::size_t expected = 0;
   for (const glm::vec3& p : ball().mesh.positions) expected += p.x <= 0.25F ? 1 : 0;
@@ -481,7 +481,7 @@ TEST(TraverseTest, aRootThatIsALeafIsDrawn) {
   std::memcpy(&file[kBlockBytes], &bits, sizeof(bits));
   sealBlock(&file[kBlockBytes], 1);
   ASSERT_TRUE(checkTree(file).empty()) << checkTree(file)[0];
-  MappedBlocks blocks(file, *readHeader(file));
+  MemoryBlocks blocks(file, *readHeader(file));
   const Traversal found = traverse(blocks, requestFor(support::RandomViews(1, header.root, 64).next(), 1.0F));
   ASSERT_EQ(found.splats.size(), 1U);
   EXPECT_EQ(found.splats[0].radius, 1.0F);
@@ -492,7 +492,7 @@ TEST(TraverseTest, aRootThatIsALeafIsDrawn) {
 TEST(TraverseTest, aDamagedBlockIsNotUsed) {
   base::Bytes file = ball().file;
   file[5 * kBlockBytes + 100] ^= 1;
-  MappedBlocks blocks(file, ball().header);
+  MemoryBlocks blocks(file, ball().header);
   TraverseRequest request = requestFor(support::RandomViews(1, ball().header.root, 64).next(), 0.0F);
   request.cull = request.cull_back_faces = false;
   const Traversal found = traverse(blocks, request);
@@ -535,7 +535,7 @@ TEST(TraverseTest, aFileWhoseWaysMeetAgainAndAgainEndsAtItsNumberOfNodes) {
   const auto read = readHeader(file);
   ASSERT_TRUE(read) << read.error().message;
   for (const bool threads : {false, true}) {
-    MappedBlocks blocks(file, *read);
+    MemoryBlocks blocks(file, *read);
     TraverseRequest request = requestFor(support::RandomViews(1, header.root, 64).next(), 0.0F);
     if (threads)
       request.for_each = [](std::size_t count, const std::function<void(std::size_t)>& body) {
@@ -552,7 +552,7 @@ TEST(TraverseTest, aPointerThatLeadsBackOrBeyondIsNotFollowed) {
     base::Bytes file = ball().file;
     std::memcpy(&file[kBlockBytes + ball().header.nodeBytes()], &half, sizeof(half));
     sealBlock(&file[kBlockBytes], 1);
-    MappedBlocks blocks(file, ball().header);
+    MemoryBlocks blocks(file, ball().header);
     const Traversal found = traverse(blocks, requestFor(support::RandomViews(1, ball().header.root, 64).next(), 0.0F));
     EXPECT_TRUE(found.damaged);
     ASSERT_EQ(found.splats.size(), 1U);

@@ -1,4 +1,4 @@
-#include "base/guarded_read.h"
+#include "base/guard/guarded_read.h"
 
 #include <setjmp.h>  // sigsetjmp is POSIX
 #include <signal.h>

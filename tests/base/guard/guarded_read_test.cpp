@@ -1,4 +1,4 @@
-#include "base/guarded_read.h"
+#include "base/guard/guarded_read.h"
 
 #include <gtest/gtest.h>
 #include <signal.h>
