@@ -86,7 +86,7 @@ void SessionPlayer::serve(double now) {
   while (down_.unsentBytes() < server::ServerOptions().max_unsent_bytes) {
     auto message = server_.nextMessage();
     if (!message) break;
-    down_.send(std::move(*message), now);
+    down_.send(message->bytes(), now);
     tellLink(now);
   }
   requestFrame(now);

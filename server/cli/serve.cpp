@@ -99,6 +99,10 @@ RunCommand addServe(CLI::App& command) {
                   "bytes that a viewer at rest is sent beyond what its view needs, e.g. 4M; 0: none, which makes "
                   "pictures repeatable")
       ->transform(CLI::AsSizeValue(true));
+  command
+      .add_option("--message-cache", a->options.message_cache_bytes,
+                  "memory for what several viewers are sent, e.g. 256M; 0: none")
+      ->transform(CLI::AsSizeValue(true));
   command.add_option("--access-file", a->options.access_file,
                      "file that keeps how often each image and patch group was sent to viewers; default: access.lga in "
                      "the scene; servers may share it");

@@ -79,6 +79,8 @@ base::Result<void> Hub::openScenes(const std::vector<std::string>& places) {
     LUMIGRID_ASSIGN_OR_RETURN(auto scene, openScene(places[i], remote));
     logImageErrors(*scene);
     scene->data.ahead_bytes = options.ahead_bytes;
+    scene->messages = std::make_unique<MessageCache>(options.message_cache_bytes / places.size());
+    scene->data.messages = scene->messages.get();
     scenes.push_back(std::make_shared<HostedScene>(places.size() > 1 ? (*names)[i] : "", std::move(scene)));
   }
 

@@ -44,6 +44,7 @@ struct OpenScene : std::enable_shared_from_this<OpenScene> {
   base::MappedFile splat_bytes;               ///< qsplat.lgq likewise; empty: not built, or remote
   std::unique_ptr<repository::ObjectSource> remote_splats;  ///< reads a remote qsplat.lgq by ranges; null: no such file
   std::unique_ptr<lod::patch::ProxySight> sight;  ///< null: no images, or the hierarchy's coarse patches are damaged
+  std::unique_ptr<MessageCache> messages;         ///< null: none
   SceneData data;                                 ///< for sessions; can_render_frames is false until a renderer runs
 };
 

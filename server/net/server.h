@@ -27,8 +27,9 @@ struct ServerOptions {
   double stall_seconds = 30.0;         ///< a viewer that takes no byte of what waits for so long is dropped
   double idle_seconds = 3600.0;        ///< one that sends no message for so long likewise
   double messages_per_second = 120.0;  ///< of a viewer that are read; others wait on its side
-  std::uint64_t ahead_bytes = plan::kPrefetchBytes;  ///< sent to each viewer beyond what its view needs
-  bool render_frames = true;                         ///< exact frames, on a thread with its own GL context
+  std::uint64_t ahead_bytes = plan::kPrefetchBytes;              ///< sent to each viewer beyond what its view needs
+  std::uint64_t message_cache_bytes = std::uint64_t{256} << 20;  ///< of what several viewers get, in all scenes
+  bool render_frames = true;                                     ///< exact frames, on a thread with its own GL context
   std::string page_directory;  ///< files of the browser client (page_files.h); empty: a plain page at "/"
   std::uint64_t max_picture_pixels = 64'000'000;  ///< width times height of one picture of /render; 0: none
   PictureLimits picture_limits;                   ///< further pictures are answered with a 503

@@ -74,7 +74,7 @@ class WebSocketSession final : public Connection {
   std::string close_reason_;  // for the log; empty while the connection is open
   beast::flat_buffer incoming_;
   bool reading_ = false;
-  std::deque<base::Bytes> outgoing_;  // the first is being written
+  std::deque<SharedMessage> outgoing_;  // the first is being written
   std::uint64_t outgoing_bytes_ = 0;
   std::uint64_t tell_below_ = 0;  // outgoing bytes at which the session is told that there is room
   SteadyTimer wake_, watch_, read_pause_;
@@ -229,7 +229,7 @@ void WebSocketSession::onOutput(SessionOutput output) {
   if (closing_) return;
   const bool was_idle = outgoing_.empty();
   std::uint64_t added = 0;
-  for (base::Bytes& message : output.messages) {
+  for (SharedMessage& message : output.messages) {
     added += message.size();
     outgoing_.push_back(std::move(message));
   }
@@ -252,7 +252,7 @@ void WebSocketSession::wakeAt(double at) {
 void WebSocketSession::doWrite() {
   if (closing_) return;
   if (!outgoing_.empty())
-    socket_.async_write(asio::buffer(outgoing_.front()),
+    socket_.async_write(asio::buffer(outgoing_.front().bytes()),
                         beast::bind_front_handler(&WebSocketSession::onWrite, self<WebSocketSession>()));
   else if (refused_)
     close(websocket::close_code::policy_error, close_reason_);

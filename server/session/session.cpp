@@ -129,13 +129,13 @@ base::Error Session::refuseSplatsOnly() {
 
 // ---- out ----
 
-std::optional<base::Bytes> Session::nextMessage() {
+std::optional<SharedMessage> Session::nextMessage() {
   auto message = chooseMessage();
   if (message) counts_.bytes += message->size();
   return message;
 }
 
-std::optional<base::Bytes> Session::chooseMessage() {
+std::optional<SharedMessage> Session::chooseMessage() {
   if (greeting_) return std::exchange(greeting_, std::nullopt);
   if (phase_ != Phase::kReady) return std::nullopt;
   if (!newest_) return std::nullopt;
@@ -173,23 +173,24 @@ double Session::partBytes() const {
 }
 
 /// The next part is as large as the link, as it is known by now, takes in kPartSeconds.
-base::Bytes Session::nextPart(protocol::PartSender& stream) const {
+SharedMessage Session::nextPart(protocol::PartSender& stream) const {
   return stream.next(static_cast<std::size_t>(partBytes()));
 }
 
 /// A large message is begun in parts where it would occupy the link for long, and returned whole otherwise.
-std::optional<base::Bytes> Session::inParts(protocol::PartSender& stream, std::optional<base::Bytes> message) const {
+std::optional<SharedMessage> Session::inParts(protocol::PartSender& stream,
+                                              std::optional<SharedMessage> message) const {
   if (!message || static_cast<double>(message->size()) <= 2.0 * partBytes()) return message;
-  stream.begin(std::move(*message));
+  stream.begin(message->bytes());
   return nextPart(stream);
 }
 
-std::optional<base::Bytes> Session::nextOfFrames() {
+std::optional<SharedMessage> Session::nextOfFrames() {
   if (frame_parts_.empty()) return inParts(frame_parts_, nextFrame());
   return frames_.linkIsFull() ? std::nullopt : std::optional(nextPart(frame_parts_));
 }
 
-std::optional<base::Bytes> Session::nextFrame() {
+std::optional<SharedMessage> Session::nextFrame() {
   if (!frame_) return std::nullopt;
   const protocol::Frame frame = *std::exchange(frame_, std::nullopt);
   if (!frames_.isUseful(frame.camera)) return std::nullopt;
@@ -198,13 +199,13 @@ std::optional<base::Bytes> Session::nextFrame() {
   return protocol::encode(frame);
 }
 
-std::optional<base::Bytes> Session::nextOfData() {
+std::optional<SharedMessage> Session::nextOfData() {
   if (!data_parts_.empty()) return nextPart(data_parts_);
   if (auto message = nextCoarse()) return inParts(data_parts_, std::move(message));
   return inParts(data_parts_, nextOther());
 }
 
-std::optional<base::Bytes> Session::nextOther() {
+std::optional<SharedMessage> Session::nextOther() {
   if (auto message = nextWanted()) return message;
   if (!view_plan_.faces.empty()) return std::nullopt;  // they are being fetched
   if (!planned_) return std::nullopt;                  // that was an older view's
@@ -252,13 +253,13 @@ void Session::planNewestView() {
   planned_at_ = frames_.link().now();
 }
 
-std::optional<base::Bytes> Session::nextCoarse() {
+std::optional<SharedMessage> Session::nextCoarse() {
   while (next_coarse_ < coarse_.size())
     if (auto message = groupMessage(coarse_[next_coarse_++])) return message;
   return std::nullopt;
 }
 
-std::optional<base::Bytes> Session::nextWanted() {
+std::optional<SharedMessage> Session::nextWanted() {
   while (true) {
     while (next_group_ < view_plan_.groups.size() && has_group_[view_plan_.groups[next_group_]]) ++next_group_;
     const auto face = findSendable(view_plan_.faces);
@@ -291,7 +292,7 @@ void Session::planPrefetch() {
   prefetch_->insert(prefetch_->end(), ahead.begin(), ahead.end());
 }
 
-std::optional<base::Bytes> Session::nextPrefetch() {
+std::optional<SharedMessage> Session::nextPrefetch() {
   planPrefetch();
   while (prefetch_bytes_ < scene_.ahead_bytes) {
     const auto face = findSendable(*prefetch_);
@@ -312,48 +313,70 @@ Session::Faces::iterator Session::findSendable(Faces& faces) {
                       [this](const repository::FaceKey& key) { return fetched_.count(key) != 0; });
 }
 
-std::optional<base::Bytes> Session::removeAndEncode(Faces& faces, Faces::iterator face) {
+std::optional<SharedMessage> Session::removeAndEncode(Faces& faces, Faces::iterator face) {
   const repository::FaceKey key = *face;
   faces.erase(face);
   return faceMessage(key);
 }
 
 /// The Refinement message of a group; nullopt when the client has it, or the block cannot be read or is damaged.
-std::optional<base::Bytes> Session::groupMessage(std::uint32_t group) {
+std::optional<SharedMessage> Session::groupMessage(std::uint32_t group) {
   if (has_group_[group]) return std::nullopt;
-  auto block = readGroup(group);
-  if (!block) {
-    countCorrupt(block.error());
-    return std::nullopt;
-  }
-  base::ByteWriter record;
-  lod::patch::encodeGroup(scene_.patches->hierarchy(), group, record);
+  auto message = encodedOnce(MessageCache::keyOf(group), [&]() -> std::optional<base::Bytes> {
+    auto block = readGroup(group);
+    if (!block) {
+      countCorrupt(block.error());
+      return std::nullopt;
+    }
+    base::ByteWriter record;
+    lod::patch::encodeGroup(scene_.patches->hierarchy(), group, record);
+    return protocol::encode(protocol::Refinement{record.takeBytes(), std::move(*block)});
+  });
+  if (!message) return std::nullopt;
   has_group_[group] = true;
   ++counts_.groups;
   if (scene_.access != nullptr) scene_.access->addGroup(group);
-  return protocol::encode(protocol::Refinement{record.takeBytes(), std::move(*block)});
+  return message;
+}
+
+/// The message of the scene's cache, or what `encode` returns, which is kept there.
+template <class Encode>
+std::optional<SharedMessage> Session::encodedOnce(std::uint64_t key, Encode encode) {
+  if (scene_.messages != nullptr)
+    if (auto message = scene_.messages->find(key)) return message;
+  auto bytes = encode();
+  if (!bytes) return std::nullopt;
+  SharedMessage message(std::move(*bytes));
+  if (scene_.messages != nullptr) scene_.messages->add(key, message);
+  return message;
 }
 
 /// The Face message of a key; nullopt when the client has it, the store lacks it (it is being baked) or holds damaged
 /// bytes.
-std::optional<base::Bytes> Session::faceMessage(const repository::FaceKey& key) {
+std::optional<SharedMessage> Session::faceMessage(const repository::FaceKey& key) {
   if (has_face_.count(key) != 0) return std::nullopt;
   const auto found = fetched_.extract(key);
-  auto value = found ? std::move(found.mapped()) : scene_.images->get(key);
-  if (value && !value->has_value()) {
-    if (key.tile != 0) return ancestorInstead(key);
-    ++counts_.missing;
-    return std::nullopt;
-  }
-  if (!value || (*value)->size() > protocol::kMaxPayload || !repository::decodeFaceValue(**value)) {
-    countCorrupt(value ? damaged(repository::nameOf(key)) : value.error());
+  bool is_absent = false;
+  auto message = encodedOnce(MessageCache::keyOf(key), [&]() -> std::optional<base::Bytes> {
+    auto value = found ? std::move(found.mapped()) : scene_.images->get(key);
+    is_absent = value && !value->has_value();
+    if (is_absent) return std::nullopt;
+    if (!value || (*value)->size() > protocol::kMaxPayload || !repository::decodeFaceValue(**value)) {
+      countCorrupt(value ? damaged(repository::nameOf(key)) : value.error());
+      return std::nullopt;
+    }
+    return protocol::encode(protocol::Face{key, std::move(**value)});
+  });
+  if (!message) {
+    if (is_absent && key.tile != 0) return ancestorInstead(key);
+    if (is_absent) ++counts_.missing;
     return std::nullopt;
   }
   has_face_.insert(key);
-  image_bytes_.add((*value)->size());
+  image_bytes_.add(message->size());
   ++counts_.faces;
   if (scene_.access != nullptr) scene_.access->addFace(key);
-  return protocol::encode(protocol::Face{key, std::move(**value)});
+  return message;
 }
 
 base::Result<base::Bytes> Session::readGroup(std::uint32_t group) const {
@@ -368,7 +391,7 @@ void Session::countCorrupt(const base::Error& error) {
 }
 
 /// A tile that was not worth storing has an ancestor that shows as much.
-std::optional<base::Bytes> Session::ancestorInstead(const repository::FaceKey& key) {
+std::optional<SharedMessage> Session::ancestorInstead(const repository::FaceKey& key) {
   constexpr std::size_t kMaxAbsent = 100'000;
   const repository::FaceKey parent{key.x, key.y, key.z, key.d, repository::parentOfTile(key.tile)};
   if (!scene_.images_are_remote) return faceMessage(parent);

@@ -33,11 +33,12 @@
 #include "repository/sampling/sample_tree.h"
 #include "repository/store.h"
 #include "server/session/frame_schedule.h"
+#include "server/session/message_cache.h"
 
 namespace server {
 
-/// The data that all sessions of a scene share; outlives them. Read-only, except the counter and, for the thread that
-/// makes sessions, `welcome`.
+/// The data that all sessions of a scene share; outlives them. Read-only, except counter and cache and, for the thread
+/// that makes sessions, `welcome`.
 struct SceneData {
   protocol::Welcome welcome;                       ///< as new sessions take it
   const lod::patch::PatchFile* patches = nullptr;  ///< null: a splats-only scene; every client is refused
@@ -50,6 +51,7 @@ struct SceneData {
   /// Gets the error of each group or face that is not sent since it cannot be read or is damaged; may be empty. Called
   /// by any thread that uses a session.
   std::function<void(const base::Error&)> on_read_error;
+  MessageCache* messages = nullptr;                  ///< of groups and local images; null: each session encodes its own
   std::uint64_t ahead_bytes = plan::kPrefetchBytes;  ///< prefetched per view after Completion; 0: nothing
 
   plan::Scene toPlan() const { return {&welcome, &patches->hierarchy(), images != nullptr, tree, sight}; }
@@ -86,7 +88,7 @@ class Session {
   base::Result<void> receive(base::ByteView bytes);
   /// The next message to send, the most useful first; nullopt when there is none. Call it again only when the last one
   /// was written: that is the back-pressure.
-  std::optional<base::Bytes> nextMessage();
+  std::optional<SharedMessage> nextMessage();
   /// The remote faces to fetch next: first all that the newest view needs, later, when the view is complete, those to
   /// prefetch. nullopt for local images and while two requests are under way. Only faces and Completion wait for the
   /// answers; nextMessage() returns other messages meanwhile.
@@ -124,32 +126,34 @@ class Session {
   base::Error refuseSplatsOnly();
 
   // ---- out ----
-  std::optional<base::Bytes> chooseMessage();
-  std::optional<base::Bytes> nextOfFrames();
-  std::optional<base::Bytes> nextFrame();
-  std::optional<base::Bytes> nextOfData();
-  std::optional<base::Bytes> inParts(protocol::PartSender& stream, std::optional<base::Bytes> message) const;
-  std::optional<base::Bytes> nextOther();
-  std::optional<base::Bytes> nextCoarse();
+  std::optional<SharedMessage> chooseMessage();
+  std::optional<SharedMessage> nextOfFrames();
+  std::optional<SharedMessage> nextFrame();
+  std::optional<SharedMessage> nextOfData();
+  std::optional<SharedMessage> inParts(protocol::PartSender& stream, std::optional<SharedMessage> message) const;
+  std::optional<SharedMessage> nextOther();
+  std::optional<SharedMessage> nextCoarse();
   double coarseBytesNext() const;
   double partBytes() const;
   bool planIsDue() const;
-  base::Bytes nextPart(protocol::PartSender& stream) const;
-  std::optional<base::Bytes> nextWanted();
-  std::optional<base::Bytes> nextPrefetch();
-  std::optional<base::Bytes> groupMessage(std::uint32_t group);
-  std::optional<base::Bytes> faceMessage(const repository::FaceKey& key);
+  SharedMessage nextPart(protocol::PartSender& stream) const;
+  std::optional<SharedMessage> nextWanted();
+  std::optional<SharedMessage> nextPrefetch();
+  template <class Encode>
+  std::optional<SharedMessage> encodedOnce(std::uint64_t key, Encode encode);
+  std::optional<SharedMessage> groupMessage(std::uint32_t group);
+  std::optional<SharedMessage> faceMessage(const repository::FaceKey& key);
   base::Result<base::Bytes> readGroup(std::uint32_t group) const;
   void countCorrupt(const base::Error& error);
   using Faces = std::vector<repository::FaceKey>;
   Faces::iterator findSendable(Faces& faces);
-  std::optional<base::Bytes> removeAndEncode(Faces& faces, Faces::iterator face);
+  std::optional<SharedMessage> removeAndEncode(Faces& faces, Faces::iterator face);
   FaceRequest unrequestedFaces(const Faces& faces, std::size_t max_count) const;
   void planPrefetch();
   void planNewestView();
   plan::Scene sceneToPlan() const;
   plan::Holdings holdings() const;
-  std::optional<base::Bytes> ancestorInstead(const repository::FaceKey& key);
+  std::optional<SharedMessage> ancestorInstead(const repository::FaceKey& key);
   bool framePossible(const protocol::View& view) const;
 
   const SceneData& scene_;

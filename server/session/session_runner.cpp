@@ -32,7 +32,7 @@ void SessionRunner::tell(const ConnectionState& state) {
 }
 
 void SessionRunner::take(const SessionOutput& output) {
-  for (const base::Bytes& message : output.messages) bytes_taken_ += message.size();
+  for (const SharedMessage& message : output.messages) bytes_taken_ += message.size();
 }
 
 void SessionRunner::end() {

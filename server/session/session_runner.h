@@ -27,7 +27,7 @@ struct ConnectionState {
 
 /// The things that the connection is to do after a turn of its session.
 struct SessionOutput {
-  std::vector<base::Bytes> messages;       ///< to be written in this order
+  std::vector<SharedMessage> messages;     ///< to be written in this order
   std::vector<FaceRequest> faces;          ///< to be fetched
   std::optional<FrameRequest> frame;       ///< to be rendered, in place of one that waits
   std::optional<double> wake_at;           ///< call tell() then, seconds of LinkState; nothing: not by the clock

@@ -63,11 +63,11 @@ Sent sentFor(const server::SceneData& data, const client::ViewerOptions& options
       const client::SessionEvents events = client.takeEvents();
       const bool has_group = !events.groups_added.empty();
       if (has_group && std::find(coarse.begin(), coarse.end(), events.groups_added[0]) == coarse.end())
-        sent.items.push_back({std::move(*message), events.groups_added[0]});
+        sent.items.push_back({message->bytes(), events.groups_added[0]});
       else if (!events.faces_added.empty())
-        sent.items.push_back({std::move(*message), {}});
+        sent.items.push_back({message->bytes(), {}});
       else if (client.complete())
-        sent.completion = std::move(*message);
+        sent.completion = message->bytes();
       else
         sent.first.push_back(std::move(*message));
       going = true;

@@ -32,7 +32,7 @@ class FakeConnection {
     SessionOutput output = std::move(outputs_.front());
     outputs_.pop_front();
     runner->take(output);
-    for (const base::Bytes& message : output.messages) unwritten += message.size();
+    for (const SharedMessage& message : output.messages) unwritten += message.size();
     return output;
   }
   /// Tells that all was written.
@@ -43,7 +43,7 @@ class FakeConnection {
   /// Takes and writes until Completion(sequence); returns the types' counts.
   std::size_t readUntilComplete(std::uint32_t sequence) {
     for (std::size_t messages = 0;;) {
-      for (const base::Bytes& bytes : next().messages) {
+      for (const SharedMessage& bytes : next().messages) {
         ++messages;
         const auto message = protocol::decodeServerMessage(bytes);
         EXPECT_TRUE(message);

@@ -77,7 +77,7 @@ struct SlowClient {
     while (unsent() == 0) {
       auto message = session.nextMessage();
       if (!message) break;
-      send(std::move(*message));
+      send(message->bytes());
       tellLink();
       request();
     }

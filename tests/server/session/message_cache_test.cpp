@@ -1,0 +1,104 @@
+#include "server/session/message_cache.h"
+
+#include <gtest/gtest.h>
+
+#include <thread>
+#include <vector>
+
+#include "tests/server/session/memory_store.h"
+
+namespace server {
+namespace {
+
+SharedMessage messageOf(std::size_t bytes, std::uint8_t fill) {
+  return base::Bytes(bytes, fill);
+}
+
+TEST(MessageCache, keepsWhatWasAdded) {
+  MessageCache cache(1 << 20);
+  const repository::FaceKey face{1, 2, 3, 4};
+  cache.add(MessageCache::keyOf(face), messageOf(100, 7));
+  cache.add(MessageCache::keyOf(5U), messageOf(50, 8));
+  ASSERT_TRUE(cache.find(MessageCache::keyOf(face)));
+  EXPECT_EQ(cache.find(MessageCache::keyOf(face))->bytes(), base::Bytes(100, 7));
+  EXPECT_EQ(cache.find(MessageCache::keyOf(5U))->size(), 50U);
+  EXPECT_FALSE(cache.find(MessageCache::keyOf(6U)));
+  EXPECT_EQ(cache.bytes(), 150U);
+  EXPECT_EQ(cache.hits(), 3U);
+  EXPECT_EQ(cache.misses(), 1U);
+}
+
+// However much is added, the limit holds, and a message that is asked for again and again stays.
+TEST(MessageCache, theLeastRecentlyUsedGo) {
+  constexpr std::uint64_t kLimit = 1 << 20;
+  MessageCache cache(kLimit);
+  cache.add(MessageCache::keyOf(0U), messageOf(1000, 1));
+  for (std::uint32_t group = 1; group < 5000; ++group) {
+    cache.add(MessageCache::keyOf(group), messageOf(1000, 2));
+    ASSERT_TRUE(cache.find(MessageCache::keyOf(0U))) << group;
+    ASSERT_LE(cache.bytes(), kLimit);
+  }
+  EXPECT_GT(cache.bytes(), kLimit / 2);
+  EXPECT_FALSE(cache.find(MessageCache::keyOf(1U)));
+}
+
+TEST(MessageCache, aMessageLargerThanAShardIsNotKept) {
+  MessageCache cache(16'000);
+  cache.add(1, messageOf(1001, 1));
+  EXPECT_FALSE(cache.find(1));
+  EXPECT_EQ(cache.bytes(), 0U);
+}
+
+TEST(MessageCache, severalThreads) {
+  MessageCache cache(1 << 18);
+  std::vector<std::thread> threads;
+  for (int t = 0; t < 4; ++t) {
+    threads.emplace_back([&] {
+      for (std::uint32_t i = 0; i < 20'000; ++i) {
+        const std::uint32_t group = i * 7919U % 997U;
+        if (const auto found = cache.find(MessageCache::keyOf(group)))
+          ASSERT_EQ(found->bytes()[0], static_cast<std::uint8_t>(group));
+        else
+          cache.add(MessageCache::keyOf(group), messageOf(500, static_cast<std::uint8_t>(group)));
+      }
+    });
+  }
+  for (std::thread& thread : threads) thread.join();
+}
+
+/// All messages of one view of a new client.
+std::vector<SharedMessage> messagesOfAView(const SceneData& data) {
+  Session session(data);
+  EXPECT_TRUE(session.receive(protocol::encode(protocol::ClientMessage(protocol::Hello{}))));
+  protocol::View view;
+  view.sequence = 1;
+  view.camera.position = {16.0, 16.0, 20.0};
+  view.camera.direction = {0.0, 0.0, -1.0};
+  view.camera.up = {0.0, 1.0, 0.0};
+  EXPECT_TRUE(session.receive(protocol::encode(protocol::ClientMessage(view))));
+  std::vector<SharedMessage> messages;
+  while (auto message = session.nextMessage()) messages.push_back(std::move(*message));
+  return messages;
+}
+
+TEST(MessageCache, viewersOfTheSamePlaceAreSentTheSameBytes) {
+  TestScene scene;
+  const auto alone = messagesOfAView(scene.data);
+  MessageCache cache(std::uint64_t{64} << 20);
+  scene.data.messages = &cache;
+  const auto first = messagesOfAView(scene.data);
+  const auto second = messagesOfAView(scene.data);
+  ASSERT_EQ(first.size(), alone.size());
+  ASSERT_EQ(second.size(), alone.size());
+  std::size_t shared = 0;
+  for (std::size_t i = 0; i < alone.size(); ++i) {
+    EXPECT_EQ(first[i].bytes(), alone[i].bytes());
+    EXPECT_EQ(second[i].bytes(), alone[i].bytes());
+    shared += first[i].data() == second[i].data() ? 1 : 0;
+  }
+  // All but Welcome and Completion.
+  EXPECT_EQ(shared, alone.size() - 2);
+}
+
+}  // namespace
+}  // namespace server
