@@ -19,9 +19,9 @@ constexpr std::size_t kMaxPrefetchedFaces = 16;  // per request, so that a new v
 // for it; each is a segment of TCP at least.
 constexpr double kPartSeconds = 0.05;
 constexpr double kMinPartBytes = 1400.0;
-// Plans of a moving eye are so far apart, seconds. Displays send a view with every picture, which is more often than
-// the choice of what to send changes.
-constexpr double kPlanSeconds = 0.033;
+// Plans of a moving eye are so far apart where others wait for the server, seconds. Displays send a view with every
+// picture, which is more often than the choice of what to send changes.
+constexpr double kPlanSeconds = 0.1;
 // Messages that wait to be written while the next ones are made: seconds of the link, and bytes.
 constexpr double kSecondsAhead = 0.01, kMaxBytesAhead = 256.0 * 1024.0;
 
@@ -151,11 +151,11 @@ std::optional<SharedMessage> Session::chooseMessage() {
   return message;
 }
 
-/// A view at which the eye arrived by a jump is planned for at once, one of a motion when the last plan is old enough:
-/// what that chose is still good, and goes on being sent.
+/// On a busy server a view at which the eye arrived by a jump is planned for at once, one of a motion when the last
+/// plan is old enough: what that chose is still good, and goes on being sent.
 bool Session::planIsDue() const {
   const double now = frames_.link().now();
-  return !previous_ || now <= 0.0 || now >= planned_at_ + kPlanSeconds ||
+  return !is_busy_ || !previous_ || now <= 0.0 || now >= planned_at_ + kPlanSeconds ||
          !plan::isMoving(welcome_, *newest_, *previous_);
 }
 
@@ -287,7 +287,7 @@ double Session::coarseBytesNext() const {
 void Session::planPrefetch() {
   if (prefetch_) return;
   prefetch_ = view_plan_.other_faces;
-  if (!previous_) return;
+  if (!previous_ || is_busy_) return;
   const auto ahead = plan::planMotion(sceneToPlan(), *newest_, *previous_, holdings());
   prefetch_->insert(prefetch_->end(), ahead.begin(), ahead.end());
 }

@@ -84,6 +84,8 @@ class Session {
   /// Tells the time and how the link does. The transport calls it before each of the others; without it the session
   /// takes every view for one at which the eye stands, and every link for an idle one.
   void setLink(const LinkState& state);
+  /// Tells whether others wait for the server, which then plans less often, and nothing along the motion.
+  void setBusy(bool is_busy) { is_busy_ = is_busy; }
   /// Accepts one message. An error ends the connection, after the Refusal that nextMessage() returns then.
   base::Result<void> receive(base::ByteView bytes);
   /// The next message to send, the most useful first; nullopt when there is none. Call it again only when the last one
@@ -171,7 +173,8 @@ class Session {
 
   // Its views.
   std::optional<protocol::View> newest_, previous_;
-  bool planned_ = false;     // the fields below belong to `newest_`, else to `previous_`
+  bool planned_ = false;  // the fields below belong to `newest_`, else to `previous_`
+  bool is_busy_ = false;
   double planned_at_ = 0.0;  // seconds
 
   // Data to send for the newest view. A cursor runs over the groups, and faces leave their lists when they are sent;

@@ -77,6 +77,7 @@ void SessionRunner::runTurn() {
     if (ended_) return;
     events.swap(events_);
   }
+  session_.setBusy(workers_.isBehind());
   for (const Event& event : events) acceptEvent(event);
   SessionOutput output;
   makeMessages(output);
