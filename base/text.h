@@ -1,5 +1,6 @@
 #pragma once
 // Numbers and colours written for people, and texts of people checked.
+#include <cstddef>
 #include <cstdint>
 #include <optional>
 #include <string>
@@ -20,6 +21,12 @@ std::string trimmed(std::string_view text);
 
 /// Whether the text is UTF-8 without control characters, except those in `allowed`.
 bool isPlainText(std::string_view text, std::string_view allowed = "");
+
+/// The number of bytes, 1 to 4, of the UTF-8 sequence at the front of a text that is not empty; 0 for an invalid one:
+/// overlong, cut off, a surrogate or above U+10FFFF.
+std::size_t utf8Length(std::string_view text);
+/// The character of a valid sequence of `length` bytes at the front of the text.
+std::uint32_t utf8Character(std::string_view text, std::size_t length);
 
 /// "#1a2b3c", in lower case.
 std::string formatRgb(const Rgb& color);

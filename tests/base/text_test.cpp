@@ -49,4 +49,15 @@ TEST(Text, plainTextIsUtf8WithoutControlCharacters) {
   EXPECT_TRUE(base::isPlainText("a\nb", "\n\t"));
 }
 
+TEST(Text, utf8SequencesAreMeasuredAndRead) {
+  const auto read = [](std::string_view text) { return base::utf8Character(text, base::utf8Length(text)); };
+  EXPECT_EQ(read("ab"), 0x61U);
+  EXPECT_EQ(read("\xC2\x9B"), 0x9BU);
+  EXPECT_EQ(read("\xE2\x82\xAC."), 0x20ACU);
+  EXPECT_EQ(read("\xF0\x9F\x98\x80"), 0x1F600U);
+  for (const char* invalid :
+       {"\x80", "\xC0\x80", "\xE2\x82", "\xE0\x80\x80", "\xED\xA0\x80", "\xF4\x90\x80\x80", "\xFF"})
+    EXPECT_EQ(base::utf8Length(invalid), 0U);
+}
+
 }  // namespace

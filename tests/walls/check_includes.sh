@@ -48,7 +48,11 @@ forbid server '(compare|tests)/'
 forbid_but server trial 'client/'
 forbid server/trial 'client/(app|native|web)/|server/(net|cli)/'
 for room in bake export net render session; do forbid server/$room 'server/trial/'; done
+for room in bake export render session trial; do forbid server/$room 'server/(log|metrics)/'; done
 forbid server/session 'server/(net|render|bake|cli)/'
+for room in log metrics; do
+  forbid server/$room '(mesh|lod|repository|protocol|plan|client)/|server/(net|render|bake|cli|session|export|trial)/'
+done
 forbid server/export 'lod/draw/|base/(gl|egl)/|repository/|protocol/|plan/|server/(net|render|bake|cli|session)/'
 for room in bake export net render session; do
   forbid server/$room 'mesh/|lod/ingest/|lod/[a-z]+/builder/|server/cli/'
