@@ -16,6 +16,8 @@
 #include <mutex>
 #include <thread>
 
+#include "client/source/backoff.h"
+
 namespace client {
 namespace {
 
@@ -25,10 +27,7 @@ namespace websocket = beast::websocket;
 using asio::ip::tcp;
 using Clock = LinkClock::Clock;
 
-/// Waits between attempts to connect, and the time that one may take. They are choices: shorter ones burden a server
-/// that starts again with all its viewers at once, longer ones are noticed by people.
-constexpr std::chrono::milliseconds kMinBackoff{250};
-constexpr std::chrono::milliseconds kMaxBackoff{5000};
+/// The time that an attempt to connect may take. A choice: a longer one is noticed by people.
 constexpr std::chrono::seconds kConnectTimeout{10};
 /// Silence after which the connection counts as lost; a ping is sent half-way. A choice: a ping every half minute also
 /// keeps proxies from closing the connection, as nginx does after a minute unless told otherwise.
@@ -155,7 +154,7 @@ struct Connection::Impl {
   asio::steady_timer retry_timer;
   LinkPointer link;
   std::uint64_t epochs = 0;
-  Clock::duration backoff = kMinBackoff;
+  Backoff backoff;
 
   std::mutex mutex;
   std::condition_variable arrived;
@@ -231,7 +230,7 @@ void Connection::Impl::onRead(const LinkPointer& on, const beast::error_code& er
   if (error) return loseLink(on, "lost the connection to " + url.authority() + " (" + error.message() + ")");
 
   // A message proves that the server is there, so the next loss starts with short waits again.
-  backoff = kMinBackoff;
+  backoff.reset();
   Event event;
   event.epoch = on->epoch;
   const asio::const_buffer data = on->buffer.cdata();
@@ -284,8 +283,8 @@ void Connection::Impl::loseLink(LinkPointer on, const std::string& reason) {
 
   push({.kind = EventKind::kDisconnected, .epoch = on->epoch, .reason = reason});
 
-  retry_timer.expires_after(backoff);
-  backoff = std::min<Clock::duration>(2 * backoff, kMaxBackoff);
+  retry_timer.expires_after(
+      std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(backoff.nextPause())));
   retry_timer.async_wait([this](const beast::error_code& error) {
     if (!error) connect();
   });
@@ -344,7 +343,7 @@ bool Connection::pump(Session& session) {
       s.session_epoch = 0;
       asio::post(s.io, [&s, epoch = event.epoch, reason = taken.error().message] {
         if (!s.link || s.link->epoch != epoch) return;
-        s.backoff = kMaxBackoff;
+        s.backoff.slowDown();
         s.loseLink(s.link, reason);
       });
     }

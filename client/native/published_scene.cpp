@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <chrono>
-#include <cmath>
 #include <optional>
 #include <utility>
 
@@ -18,7 +17,6 @@ namespace {
 
 constexpr std::uint64_t kMaxJsonBytes = std::uint64_t{16} << 20;
 constexpr std::uint64_t kSceneJsonId = ~std::uint64_t{0};  // no id of a range
-constexpr double kMinPause = 0.25, kMaxPause = 5.0;        // seconds between attempts, as in connection.cpp
 
 /// Names a scene by the last part of its address; where there is none, by its source: "tower" from "/scans/tower.ply".
 std::string nameOf(const std::string& place, const base::Scene& scene) {
@@ -125,7 +123,7 @@ std::optional<std::string> SceneJson::takeText(Session& session, double now) {
     session.refuse(why);
   else
     session.disconnected(why);
-  retry_at_ = now + std::min(kMaxPause, kMinPause * std::exp2(std::min(failures_++, 8)));
+  retry_at_ = now + backoff_.nextPause();
   return std::nullopt;
 }
 

@@ -7,6 +7,7 @@
 #include "base/json/scene_file.h"
 #include "client/native/curl_fetcher.h"
 #include "client/native/link.h"
+#include "client/source/backoff.h"
 #include "client/source/static_source.h"
 
 namespace client {
@@ -35,7 +36,7 @@ class SceneJson {
   CurlFetcher& fetcher_;
   const std::string place_;
   bool asked_ = false;
-  int failures_ = 0;
+  Backoff backoff_;
   std::uint64_t bytes_ = 0;
   double retry_at_ = 0.0;
 };

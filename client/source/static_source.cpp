@@ -1,7 +1,6 @@
 #include "client/source/static_source.h"
 
 #include <algorithm>
-#include <cmath>
 #include <utility>
 
 namespace client {
@@ -9,7 +8,6 @@ namespace {
 
 // A share of the 6 that may be under way, so that a new view finds room.
 constexpr std::size_t kRequestsAheadOfNeed = 2;
-constexpr double kMinPause = 0.25, kMaxPause = 5.0;  // seconds between attempts; choices
 /// One failed request is not reported: hosts close kept connections now and then.
 constexpr int kMinReportedFailures = 2;
 
@@ -42,9 +40,10 @@ bool StaticSource::pump(Session& session, double now) {
   for (RangeArrival& arrival : arrivals) acceptArrival(std::move(arrival));
   if (succeeded_) {
     failures_ = 0;
+    backoff_.reset();
     if (!std::exchange(linked_, true)) session.connected();
   } else if (retry_set_) {
-    retry_at_ = now + std::min(kMaxPause, kMinPause * std::exp2(std::min(failures_, 8)));
+    retry_at_ = now + backoff_.nextPause();
     ++failures_;
     if (linked_ && failures_ >= kMinReportedFailures) {
       linked_ = false;

@@ -22,6 +22,7 @@
 #include <vector>
 
 #include "base/error.h"
+#include "client/source/backoff.h"
 #include "client/source/fetch.h"
 #include "client/source/range_queue.h"
 #include "client/source/ray_picks.h"
@@ -189,6 +190,7 @@ class StaticSource {
   std::string last_failure_;
   bool succeeded_ = false;  // since pump() began
   bool retry_set_ = false;
+  Backoff backoff_;
   double retry_at_ = 0.0;
   struct OutgoingMessage {
     base::Bytes bytes;

@@ -1,7 +1,10 @@
 // Connects the client to a lumigrid server by a WebSocket, again after every loss.
 
+// Milliseconds between tries, and their spread, as the other viewer has them (client/source/backoff.h): when a server
+// starts anew, its viewers come back spread over time.
 const kMinDelay = 250;
 const kMaxDelay = 5000;
+const spread = (delay) => delay * (0.5 + Math.random());
 
 /// Returns the address at which the page's own server accepts viewers, without the page's query and hash.
 export function socketUrl(page) {
@@ -28,7 +31,7 @@ export function openLink(url, core, changed, showSplats) {
     core.disconnected(reason);
     changed();
     if (core.refused()) return;
-    timer = setTimeout(open, delay);
+    timer = setTimeout(open, spread(delay));
     delay = Math.min(2 * delay, kMaxDelay);
   }
 
