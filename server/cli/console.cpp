@@ -88,6 +88,10 @@ std::uint64_t peakResidentBytes() {
   return static_cast<std::uint64_t>(usage.ru_maxrss) * 1024;
 }
 
+void ignoreBrokenPipes() {
+  std::signal(SIGPIPE, SIG_IGN);
+}
+
 void stopOnSignals() {
   std::signal(SIGINT, onSignal);
   std::signal(SIGTERM, onSignal);

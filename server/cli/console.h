@@ -45,6 +45,10 @@ std::string formatSeconds(double seconds);  ///< "2 min 10 s"
 std::uint64_t residentBytes();              ///< memory of this process, now
 std::uint64_t peakResidentBytes();          ///< memory of this process, so far
 
+/// After this, writing to a pipe or a connection that nobody reads any more is an error in place of the process's end:
+/// for commands whose work is worth more than their lines. The others end quietly in `lumigrid info | head`.
+void ignoreBrokenPipes();
+
 /// After this, SIGINT and SIGTERM only set a flag, so that work stops at a clean place; a second one ends the process
 /// at once.
 void stopOnSignals();

@@ -3,7 +3,9 @@
 #include <nlohmann/json.hpp>
 
 #include "server/cli/commands.h"
+#include "server/cli/config_file.h"
 #include "server/cli/console.h"
+#include "server/log/server_log.h"
 #include "server/net/page_files.h"
 #include "server/net/server.h"
 
@@ -13,6 +15,8 @@ namespace {
 struct ServeArguments {
   std::vector<std::string> scenes;
   ServerOptions options;
+  std::string config;
+  LogOptions log;
   std::string web;
   double max_picture_megapixels = 64.0;
   bool no_frames = false;
@@ -40,7 +44,23 @@ void printAddresses(const ServeArguments& a, const Server& server, const std::st
     std::printf("%s: lumigrid-view ws://%s/%s/\n", a.scenes[i].c_str(), place.c_str(), names[i].c_str());
 }
 
-int run(ServeArguments& a) {
+/// Takes what the command line leaves out from the file of --config.
+base::Result<void> completeArguments(CLI::App& command, ServeArguments& a) {
+  if (!a.config.empty()) LUMIGRID_TRY(applyConfigFile(command, a.config, "config", "scenes", "SCENE"));
+  if (!a.scenes.empty()) return {};
+  return base::Error{base::ErrorCode::kInvalidInput,
+                     "SCENE is required: name a scene's directory, or a file with \"scenes\" by --config"};
+}
+
+int run(CLI::App& command, ServeArguments& a) {
+  if (auto complete = completeArguments(command, a); !complete) {
+    fail(complete.error());
+    return kWrongUsage;
+  }
+  ignoreBrokenPipes();
+  auto log = ServerLog::open(a.log);
+  if (!log) return fail(log.error());
+  (*log)->install();
   a.options.render_frames = !a.no_frames;
   a.options.count_access = !a.no_access;
   a.options.max_picture_pixels = static_cast<std::uint64_t>(a.max_picture_megapixels * 1e6);
@@ -65,8 +85,10 @@ RunCommand addServe(CLI::App& command) {
           "SCENE", a->scenes,
           "scene directory made by `lumigrid build` or `publish`, or where a published scene lies: https://host/scene, "
           "s3://bucket/scene (docs/places.md). Several: each is served below its directory's name, and / lists them")
-      ->required()
       ->default_str("");
+  command.add_option("--config", a->config,
+                     "JSON file with the options that the command line leaves out: {\"scenes\": [\"tower\"], \"port\": "
+                     "8080} (docs/formats/config.md)");
   command.add_option("--address", a->options.address,
                      "address to listen at; 0.0.0.0 for every network of this machine");
   command.add_option("--port", a->options.port, "port; 0 picks a free one and prints it");
@@ -117,8 +139,11 @@ RunCommand addServe(CLI::App& command) {
       "or ~/.cache/lumigrid; servers may share it");
   command.add_option("--cache-size", a->options.remote.cache_bytes, "most bytes of images to keep there, e.g. 4G")
       ->transform(CLI::AsSizeValue(false));
+  command.add_option("--log", a->log.file,
+                     "file that the log is appended to, opened anew on SIGHUP; default: standard error");
+  command.add_flag("--log-json", a->log.json, "log one JSON object a line (docs/formats/log.md)");
   command.add_flag("--json", a->json, "print port and URL as JSON");
-  return [a] { return run(*a); };
+  return [a, &command] { return run(command, *a); };
 }
 
 }  // namespace server::cli
