@@ -470,6 +470,7 @@ RunCommand addPublish(CLI::App& command) {
   command.add_flag("--quiet", a->quiet, "no progress and no summary");
   return [a]() -> int {
     stopOnSignals();
+    ignoreBrokenPipes();
     auto report = publish(*a);
     if (!report) return fail(report.error());
     print(*a, *report);

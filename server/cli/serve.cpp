@@ -1,4 +1,6 @@
+#include <csignal>
 #include <cstdio>
+#include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
 
@@ -8,6 +10,7 @@
 #include "server/log/server_log.h"
 #include "server/net/page_files.h"
 #include "server/net/server.h"
+#include "spdlog/spdlog.h"
 
 namespace server::cli {
 namespace {
@@ -52,6 +55,18 @@ base::Result<void> completeArguments(CLI::App& command, ServeArguments& a) {
                      "SCENE is required: name a scene's directory, or a file with \"scenes\" by --config"};
 }
 
+/// `log` outlives the metrics.
+void countLines(ServerMetrics& metrics, const ServerLog& log) {
+  const auto count = [&](const char* outcome, std::uint64_t LogCounts::*lines) {
+    metrics.all.read(Metrics::Kind::kCounter, "lumigrid_log_lines_total", "Lines of the log, by what became of them.",
+                     {{"outcome", outcome}}, [&log, lines] { return static_cast<double>(log.counts().*lines); });
+  };
+  count("written", &LogCounts::written);
+  count("dropped", &LogCounts::dropped);
+  count("left_out", &LogCounts::left_out);
+  count("failed", &LogCounts::failed);
+}
+
 int run(CLI::App& command, ServeArguments& a) {
   if (auto complete = completeArguments(command, a); !complete) {
     fail(complete.error());
@@ -61,6 +76,8 @@ int run(CLI::App& command, ServeArguments& a) {
   auto log = ServerLog::open(a.log);
   if (!log) return fail(log.error());
   (*log)->install();
+  // Until the server listens for it; a terminal that closes, or an operator, may send it while scenes are opened.
+  std::signal(SIGHUP, SIG_IGN);
   a.options.render_frames = !a.no_frames;
   a.options.count_access = !a.no_access;
   a.options.max_picture_pixels = static_cast<std::uint64_t>(a.max_picture_megapixels * 1e6);
@@ -73,6 +90,11 @@ int run(CLI::App& command, ServeArguments& a) {
   else
     printAddresses(a, **server, place);
   std::fflush(stdout);
+  countLines((*server)->metrics(), **log);
+  (*server)->onReload([&log] {
+    spdlog::info("reload: the log is opened anew");
+    (*log)->reopen();
+  });
   return exitStatus((*server)->run(true));
 }
 
@@ -139,6 +161,13 @@ RunCommand addServe(CLI::App& command) {
       "or ~/.cache/lumigrid; servers may share it");
   command.add_option("--cache-size", a->options.remote.cache_bytes, "most bytes of images to keep there, e.g. 4G")
       ->transform(CLI::AsSizeValue(false));
+  command
+      .add_option(
+          "--drain", a->options.drain_seconds,
+          "seconds after SIGTERM within which downloads under way are finished, e.g. 30s; the port is closed and "
+          "viewers are sent elsewhere at once")
+      ->transform(CLI::AsNumberWithUnit(std::map<std::string, double>{{"s", 1.0}, {"min", 60.0}}))
+      ->check(CLI::Range(0.0, 86400.0));
   command.add_option("--log", a->log.file,
                      "file that the log is appended to, opened anew on SIGHUP; default: standard error");
   command.add_flag("--log-json", a->log.json, "log one JSON object a line (docs/formats/log.md)");

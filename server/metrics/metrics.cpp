@@ -125,14 +125,6 @@ void Metrics::read(Kind kind, const std::string& name, const std::string& help, 
   seriesOf(kind, name, help, labels).read = std::move(value);
 }
 
-void Metrics::forget(const std::string& name, const MetricLabels& labels) {
-  const std::lock_guard lock(mutex_);
-  const auto family = families_.find(name);
-  if (family == families_.end()) return;
-  const auto series = family->second.series.find(textOf(labels));
-  if (series != family->second.series.end()) series->second.read = nullptr;
-}
-
 Metrics::Series& Metrics::seriesOf(Kind kind, const std::string& name, const std::string& help,
                                    const MetricLabels& labels) {
   LUMIGRID_CHECK(isName(name));

@@ -74,11 +74,9 @@ class Metrics {
 
   enum class Kind { kCounter, kGauge, kHistogram };
   /// A value that is known elsewhere: `read` is asked for it whenever the text is made, by the thread that makes it.
-  /// Asked again with the same name and labels, the newer one counts.
+  /// It must be good as long as text() is called. Asked again with the same name and labels, the newer one counts.
   void read(Kind kind, const std::string& name, const std::string& help, const MetricLabels& labels,
             std::function<double()> value);
-  /// Forgets what read() was given, after which nothing asks it any more.
-  void forget(const std::string& name, const MetricLabels& labels);
 
   /// All metrics, by name and labels in alphabetical order.
   std::string text() const;

@@ -6,7 +6,7 @@ namespace server {
 namespace {
 
 constexpr const char* kSentBytes = "lumigrid_sent_bytes_total";
-constexpr const char* kSentBytesHelp = "Bytes of messages to viewers, and of HTTP answers, by kind.";
+constexpr const char* kSentBytesHelp = "Bytes of groups, faces and frames sent to viewers, and of HTTP answers.";
 constexpr const char* kSentItems = "lumigrid_sent_items_total";
 constexpr const char* kSentItemsHelp = "Groups, faces and frames sent to viewers.";
 constexpr const char* kOpen = "lumigrid_connections_open";
@@ -37,7 +37,6 @@ SceneMetrics::SceneMetrics(Metrics& metrics, const std::string& scene)
       group_bytes(metrics.counter(kSentBytes, kSentBytesHelp, kindOf("group", scene))),
       face_bytes(metrics.counter(kSentBytes, kSentBytesHelp, kindOf("face", scene))),
       frame_bytes(metrics.counter(kSentBytes, kSentBytesHelp, kindOf("frame", scene))),
-      other_bytes(metrics.counter(kSentBytes, kSentBytesHelp, kindOf("other", scene))),
       groups_sent(metrics.counter(kSentItems, kSentItemsHelp, kindOf("group", scene))),
       faces_sent(metrics.counter(kSentItems, kSentItemsHelp, kindOf("face", scene))),
       frames_sent(metrics.counter(kSentItems, kSentItemsHelp, kindOf("frame", scene))),
@@ -54,13 +53,14 @@ SceneMetrics::SceneMetrics(Metrics& metrics, const std::string& scene)
 
 void SessionReporter::report(const SessionTotals& now) {
   metrics_.views_received.add(now.views - reported_.views);
+  metrics_.views_planned.add(now.planned - reported_.planned);
+  metrics_.views_dropped.add(now.dropped - reported_.dropped);
   metrics_.groups_sent.add(now.groups - reported_.groups);
   metrics_.faces_sent.add(now.faces - reported_.faces);
   metrics_.frames_sent.add(now.frames - reported_.frames);
   metrics_.group_bytes.add(now.group_bytes - reported_.group_bytes);
   metrics_.face_bytes.add(now.face_bytes - reported_.face_bytes);
   metrics_.frame_bytes.add(now.frame_bytes - reported_.frame_bytes);
-  metrics_.other_bytes.add(now.other_bytes - reported_.other_bytes);
   metrics_.missing.add(now.missing - reported_.missing);
   metrics_.damaged.add(now.damaged - reported_.damaged);
   reported_ = now;
@@ -76,6 +76,10 @@ ServerMetrics::ServerMetrics()
       pictures_failed(all.counter(kPictures, kPicturesHelp, {{"outcome", "failed"}})),
       pictures_refused(all.counter(kPictures, kPicturesHelp, {{"outcome", "refused"}})) {
   addProcessMetrics(all);
+  for (const int status :
+       {0, 200, 204, 206, 301, 302, 304, 400, 401, 403, 404, 405, 408, 413, 416, 429, 431, 500, 501, 502, 503})
+    answers_[status] = &all.counter("lumigrid_http_answers_total", "HTTP answers by status.",
+                                    {{"status", status == 0 ? "other" : std::to_string(status)}});
 }
 
 Counter& ServerMetrics::refused(const std::string& reason) {
@@ -83,21 +87,21 @@ Counter& ServerMetrics::refused(const std::string& reason) {
                      {{"reason", reason}});
 }
 
-Counter& ServerMetrics::answers(int status) {
-  return all.counter("lumigrid_http_answers_total", "HTTP answers by status.", {{"status", std::to_string(status)}});
-}
-
-ServerMetrics::Cache ServerMetrics::cache(const std::string& name) {
-  return {all.counter(kLookups, kLookupsHelp, {{"cache", name}, {"outcome", "hit"}}),
-          all.counter(kLookups, kLookupsHelp, {{"cache", name}, {"outcome", "miss"}})};
+Counter& ServerMetrics::answers(int status) const {
+  const auto known = answers_.find(status);
+  return *(known == answers_.end() ? answers_.at(0) : known->second);
 }
 
 void ServerMetrics::readQueue(const std::string& name, std::function<double()> length) {
   all.read(Metrics::Kind::kGauge, kQueue, kQueueHelp, {{"queue", name}}, std::move(length));
 }
 
-void ServerMetrics::forgetQueue(const std::string& name) {
-  all.forget(kQueue, {{"queue", name}});
+void ServerMetrics::readCache(const std::string& name,
+                              const std::function<std::pair<std::uint64_t, std::uint64_t>()>& lookups) {
+  all.read(Metrics::Kind::kCounter, kLookups, kLookupsHelp, {{"cache", name}, {"outcome", "hit"}},
+           [lookups] { return static_cast<double>(lookups().first); });
+  all.read(Metrics::Kind::kCounter, kLookups, kLookupsHelp, {{"cache", name}, {"outcome", "miss"}},
+           [lookups] { return static_cast<double>(lookups().second); });
 }
 
 SceneMetrics& ServerMetrics::scene(const std::string& name) {

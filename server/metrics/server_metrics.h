@@ -17,7 +17,7 @@ struct SceneMetrics {
 
   Counter& messages_received;
   Counter &views_received, &views_planned, &views_dropped;
-  Counter &group_bytes, &face_bytes, &frame_bytes, &other_bytes;  ///< of messages, by their kind
+  Counter &group_bytes, &face_bytes, &frame_bytes;  ///< without the messages' headers
   Counter &groups_sent, &faces_sent, &frames_sent;
   Counter& missing;               ///< faces that the store lacks
   Counter& damaged;               ///< faces and blocks of groups whose checksum failed
@@ -28,9 +28,9 @@ struct SceneMetrics {
 
 /// Numbers of one session as they are now; they only grow.
 struct SessionTotals {
-  std::uint64_t views = 0;
+  std::uint64_t views = 0, planned = 0, dropped = 0;
   std::uint64_t groups = 0, faces = 0, frames = 0;
-  std::uint64_t group_bytes = 0, face_bytes = 0, frame_bytes = 0, other_bytes = 0;
+  std::uint64_t group_bytes = 0, face_bytes = 0, frame_bytes = 0;
   std::uint64_t missing = 0, damaged = 0;
 };
 
@@ -59,19 +59,14 @@ class ServerMetrics {
   /// "connections", "address", "rate", "timeout", "protocol", "origin", "token".
   Counter& refused(const std::string& reason);
   /// Answers with this status.
-  Counter& answers(int status);
-  /// Look-ups in a cache of this name, and those of them that found something.
-  struct Cache {
-    Counter &hits, &misses;
-  };
-  Cache cache(const std::string& name);
-  /// Asks for the length of a queue whenever the metrics are read. The function must outlive this or be forgotten, and
-  /// any thread may call it.
+  Counter& answers(int status) const;
+  /// Asks for the length of a queue, and for the hits and misses of a cache, whenever the text is made.
   void readQueue(const std::string& name, std::function<double()> length);
-  void forgetQueue(const std::string& name);
+  void readCache(const std::string& name, const std::function<std::pair<std::uint64_t, std::uint64_t>()>& lookups);
   SceneMetrics& scene(const std::string& name);
 
  private:
+  std::map<int, Counter*> answers_;  // not changed after the start; 0: any other status
   std::mutex mutex_;
   std::map<std::string, std::unique_ptr<SceneMetrics>> scenes_;
 };

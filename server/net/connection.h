@@ -20,13 +20,14 @@ class Connection : public std::enable_shared_from_this<Connection> {
   virtual ~Connection() {
     hub_->connections.erase(this);
     if (const auto it = hub_->connections_of.find(address_); --it->second == 0) hub_->connections_of.erase(it);
-    if (hub_->stopping && hub_->connections.empty() && hub_->on_last_connection_closed)
-      hub_->on_last_connection_closed();
+    if (hub_->connections.empty() && hub_->on_last_connection_closed) hub_->on_last_connection_closed();
   }
   Connection(const Connection&) = delete;
   Connection& operator=(const Connection&) = delete;
   /// Called once when the server stops: says goodbye where the protocol has one, and closes.
   virtual void closeForShutdown() = 0;
+  /// Called once when the server drains: closes as soon as what is under way is done.
+  virtual void closeForDrain() { closeForShutdown(); }
 
  protected:
   /// The pointer that a pending operation holds.

@@ -151,6 +151,7 @@ void FrameRenderer::drawFrameBand() {
   std::shared_ptr<const base::Image> picture;
   base::Result<bool> whole = true;
   if (!was_begun) picture = drawn_.find(job.scene.get(), job.request.camera);
+  if (!was_begun) ++(picture ? found_ : not_found_);
   if (!picture) whole = drawNextBand(job);
   if (!whole) spdlog::warn("frames: {}", whole.error().message);
   if (whole && *whole && !picture) {
@@ -268,6 +269,11 @@ void FrameRenderer::requestFrame(std::uint64_t client, ScenePointer scene, const
 void FrameRenderer::setLight(const ScenePointer& scene, const base::Light& light) {
   const std::lock_guard lock(mutex_);
   lights_[scene] = light;
+}
+
+FrameRenderer::Counts FrameRenderer::counts() {
+  const std::lock_guard lock(mutex_);
+  return {frames_.size(), pictures_.size(), found_, not_found_};
 }
 
 void FrameRenderer::forgetScene(const ScenePointer& scene) {

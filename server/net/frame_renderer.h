@@ -5,6 +5,7 @@
 //
 // Large frames are drawn in bands, and the next band is that of the client for whom fewest pixels were drawn so far:
 // who asks for large frames waits for those who ask for small ones. Frames are encoded on other threads.
+#include <atomic>
 #include <condition_variable>
 #include <cstdint>
 #include <deque>
@@ -62,6 +63,12 @@ class FrameRenderer {
   /// Removes the client's requests from the queues and abandons those that are being drawn. A `done` that runs already
   /// still completes.
   void cancel(std::uint64_t client);
+  /// Numbers for metrics: requests that wait, and views that were found drawn, or not, since the start. Any thread.
+  struct Counts {
+    std::size_t waiting_frames = 0, waiting_pictures = 0;
+    std::uint64_t found = 0, not_found = 0;
+  };
+  Counts counts();
   /// Lets go of the scene once its last request is done.
   void forgetScene(const ScenePointer& scene);
 
@@ -108,6 +115,7 @@ class FrameRenderer {
   std::optional<FrameJob> current_frame_;
   std::optional<PictureJob> current_picture_;
 
+  std::atomic<std::uint64_t> found_ = 0, not_found_ = 0;
   std::mutex mutex_;
   std::condition_variable_any changed_;
   std::map<ScenePointer, base::Light> lights_;             // not yet taken up

@@ -40,10 +40,19 @@ class HttpSession final : public Connection {
       : Connection(std::move(hub), address),
         stream_(std::move(socket)),
         deadline_(stream_.get_executor()),
-        turned_away_(turned_away) {}
-  ~HttpSession() override { hub_->unsent_picture_bytes -= picture_bytes_; }
+        turned_away_(turned_away) {
+    hub_->metrics.http_open.add(1);
+    hub_->metrics.http_accepted.add();
+  }
+  ~HttpSession() override {
+    hub_->unsent_picture_bytes -= picture_bytes_;
+    hub_->metrics.http_open.add(-1);
+  }
   void start() { doRead(); }
   void closeForShutdown() override { close(); }
+  void closeForDrain() override {
+    if (reading_) close();
+  }
 
  private:
   void doRead();
@@ -90,6 +99,7 @@ class HttpSession final : public Connection {
   using Body = http::span_body<const std::uint8_t>;
   BeastStream stream_;
   SteadyTimer deadline_;  // of reading
+  bool reading_ = false;  // waits for a request or its rest
   bool is_late_ = false;
   bool keep_alive_ = true;
   std::uint64_t requests_ = 0;
@@ -138,6 +148,7 @@ void HttpSession::doRead() {
   parser_.emplace();
   parser_->header_limit(kMaxHeaderBytes);
   parser_->body_limit(0);
+  reading_ = true;
   allowTimeToRead();
   http::async_read(stream_, buffer_, *parser_, beast::bind_front_handler(&HttpSession::onRead, self<HttpSession>()));
 }
@@ -156,11 +167,13 @@ void HttpSession::allowTimeToRead() {
 }
 
 void HttpSession::onRead(error_code ec, std::size_t /*bytes_read*/) {
+  reading_ = false;
   deadline_.cancel();
   ++requests_;
   if (ec) return onUnreadable(ec);
   const HttpRequest request = viewOf(parser_->get());
-  if (turned_away_ && request.path() != "/healthz")
+  if (auto reply = hub_->answerForServer(request)) return doWrite(std::move(*reply));
+  if (turned_away_)
     return doWrite(tryLater(kRetrySeconds, "this server has as many viewers as it may; try again later\n"));
   answer(request);
 }
@@ -224,11 +237,15 @@ void HttpSession::requestPicture(const HttpRequest& request) {
   const bool accepted =
       hub_->unsent_picture_bytes < kMaxUnsentPictures &&
       hub_->renderer->requestPicture(id, address_, hosted_->scene, *picture, hub_->options.picture_limits, done);
-  if (!accepted) return doWrite(tryLater(kRetrySeconds, "too many pictures are asked for at once; try again later\n"));
+  if (!accepted) {
+    hub_->metrics.pictures_refused.add();
+    return doWrite(tryLater(kRetrySeconds, "too many pictures are asked for at once; try again later\n"));
+  }
   waitForAnswer(id);
 }
 
 void HttpSession::onPicture(const char* type, base::Result<base::Bytes> bytes) {
+  (bytes ? hub_->metrics.pictures_drawn : hub_->metrics.pictures_failed).add();
   if (!bytes) return doWrite(textReply(500, "the picture could not be rendered; the server's log says why\n"));
   HttpReply reply{.type = type, .cache = "no-store", .owned = std::move(*bytes)};
   picture_bytes_ = reply.owned.size();
@@ -318,8 +335,9 @@ void HttpSession::onRemoteRange(base::Result<base::Bytes> bytes) {
   writeRemoteRange();
 }
 
-void HttpSession::onHeader(error_code ec, std::size_t /*bytes_written*/) {
-  if (ec) return onWrite(ec, 0);
+void HttpSession::onHeader(error_code ec, std::size_t bytes_written) {
+  if (ec) return onWrite(ec, bytes_written);
+  hub_->metrics.http_bytes.add(bytes_written);
   writeRemoteRange();
 }
 
@@ -333,7 +351,8 @@ void HttpSession::onRemoteRangeWritten(error_code ec, std::size_t bytes_written)
   RemoteBody& body = reply_.remote;
   body.offset += bytes_written;
   body.length -= bytes_written;
-  if (ec || body.length == 0) return onWrite(ec, 0);
+  if (ec || body.length == 0) return onWrite(ec, bytes_written);
+  hub_->metrics.http_bytes.add(bytes_written);
   readRemoteRange();
 }
 
@@ -344,6 +363,7 @@ void HttpSession::doWrite(HttpReply reply) {
   reply_ = std::move(reply);
   response_.emplace();
   setFields(request);
+  hub_->metrics.answers(reply_.status).add();
   const bool is_remote = reply_.remote.length > 0;
   const base::ByteView body = is_remote ? base::ByteView() : reply_.body();
   response_->body() = {body.data(), body.size()};
@@ -364,7 +384,8 @@ void HttpSession::setFields(const UpgradeRequest& request) {
   auto& fields = *response_;
   fields.result(static_cast<unsigned>(reply_.status));
   fields.version(request.version());
-  fields.keep_alive(keep_alive_ && request.keep_alive() && !turned_away_ && !hub_->stopping && reply_.has_length);
+  fields.keep_alive(keep_alive_ && request.keep_alive() && !turned_away_ && !hub_->draining && !hub_->stopping &&
+                    reply_.has_length);
   fields.set(http::field::server, "lumigrid");
   fields.set(http::field::content_type, reply_.type);
   fields.set(http::field::cache_control, reply_.cache);
@@ -381,12 +402,13 @@ void HttpSession::allowTimeToWrite(std::size_t bytes) {
   stream_.expires_after(kIdleTimeout + std::chrono::seconds(bytes / kMinBytesPerSecond));
 }
 
-void HttpSession::onWrite(error_code ec, std::size_t /*bytes_written*/) {
+void HttpSession::onWrite(error_code ec, std::size_t bytes_written) {
+  hub_->metrics.http_bytes.add(bytes_written);
   hub_->unsent_picture_bytes -= std::exchange(picture_bytes_, 0);
   reply_ = {};
   header_written_ = false;
   if (ec) return;
-  if (!response_->keep_alive()) return shutDownSending();
+  if (!response_->keep_alive() || hub_->draining) return shutDownSending();
   doRead();
 }
 

@@ -64,7 +64,16 @@ void HostedScene::startAccessLog(const ServerOptions& options, const std::string
 }
 
 Hub::Hub(boost::asio::io_context& context, ServerOptions chosen)
-    : io(context), options(std::move(chosen)), workers(std::max(kMinWorkers, base::coreCount())) {}
+    : io(context), options(std::move(chosen)), workers(std::max(kMinWorkers, base::coreCount())) {
+  metrics.all.read(Metrics::Kind::kGauge, "lumigrid_ready", "1 while new visitors are welcome, else 0.", {},
+                   [this] { return isReady() ? 1.0 : 0.0; });
+  metrics.readQueue("workers", [this] { return static_cast<double>(workers.waiting()); });
+  metrics.readQueue("fetchers", [this] {
+    std::size_t waiting = 0;
+    for (const auto& hosted : scenes) waiting += hosted->fetchers->waiting();
+    return static_cast<double>(waiting);
+  });
+}
 
 base::Result<void> Hub::openScenes(const std::vector<std::string>& places) {
   if (places.empty()) return base::Error{base::ErrorCode::kInvalidInput, "there is no scene to serve"};
@@ -100,6 +109,12 @@ void Hub::startRenderer() {
   auto started = FrameRenderer::start(opened);
   if (!started) return spdlog::warn("no exact frames: {}", started.error().message);
   renderer = std::move(*started);
+  metrics.readQueue("frames", [this] { return static_cast<double>(renderer->counts().waiting_frames); });
+  metrics.readQueue("pictures", [this] { return static_cast<double>(renderer->counts().waiting_pictures); });
+  metrics.readCache("drawn frames", [this] {
+    const FrameRenderer::Counts counts = renderer->counts();
+    return std::pair(counts.found, counts.not_found);
+  });
   for (const auto& hosted : scenes) {
     if (!hosted->hasPatches()) continue;
     const bool lacks_textures = lacksTextures(*hosted->scene);
@@ -125,9 +140,22 @@ std::shared_ptr<HostedScene> Hub::findScene(std::string_view target, std::string
   return nullptr;
 }
 
+std::optional<HttpReply> Hub::answerForServer(const HttpRequest& request) const {
+  const std::string_view path = request.path();
+  const bool is_known = path == "/healthz" || path == "/readyz" || path == "/metrics";
+  if (!is_known || (request.method != "GET" && request.method != "HEAD")) return std::nullopt;
+  HttpReply reply = textReply(200, "ok");
+  if (path == "/readyz" && !isReady()) reply = textReply(503, "the server stops\n");
+  if (path == "/metrics") {
+    reply.type = Metrics::kContentType;
+    reply.text = metrics.all.text();
+  }
+  reply.cache = "no-store";
+  return reply;
+}
+
 HttpReply Hub::answerForAllScenes(const HttpRequest& request) const {
   if (request.method != "GET" && request.method != "HEAD") return textReply(405, "only GET and HEAD\n");
-  if (request.path() == "/healthz") return textReply(200, "ok");
   if (request.path() != "/") return textReply(404, "there is no such scene here; / lists them\n");
   std::vector<ListedScene> listed;
   for (const auto& hosted : scenes) listed.push_back({hosted->name, hosted->scene->scene.triangles});

@@ -6,12 +6,14 @@
 #include <functional>
 #include <map>
 #include <memory>
+#include <optional>
 #include <set>
 #include <string>
 #include <string_view>
 #include <vector>
 
 #include "base/error.h"
+#include "server/metrics/server_metrics.h"
 #include "server/net/access_log.h"
 #include "server/net/frame_renderer.h"
 #include "server/net/open_scene.h"
@@ -62,6 +64,9 @@ struct Hub {
   void startRenderer();
   /// The scene that a target addresses, and in `rest` what is asked of it; null for an unknown scene and for the list.
   std::shared_ptr<HostedScene> findScene(std::string_view target, std::string_view& rest) const;
+  /// The answer to a request that is about the server: /healthz, /readyz and /metrics, with one scene or several. For
+  /// the io thread, as what is measured includes what is its alone.
+  std::optional<HttpReply> answerForServer(const HttpRequest& request) const;
   /// The answer to a request that addresses none of several scenes.
   HttpReply answerForAllScenes(const HttpRequest& request) const;
   /// Ends workers, fetchers, renderer and pickers, whose threads post to `io`; so this precedes the end of `io`.
@@ -69,18 +74,24 @@ struct Hub {
   /// Writes the access counts of all scenes; nothing is counted from here on.
   void endAccessLogs();
 
+  /// Whether new visitors are welcome.
+  bool isReady() const { return running && !draining && !stopping; }
+
   boost::asio::io_context& io;
   ServerOptions options;
+  ServerMetrics metrics;                             ///< before all that updates it
   std::vector<std::shared_ptr<HostedScene>> scenes;  ///< at least one
   std::unique_ptr<FrameRenderer> renderer;           ///< null: no exact frames
   FairQueue workers;                                 ///< plan for viewers and make their messages
   std::string place;                                 ///< address:port
   std::set<Connection*> connections;
   std::map<std::string, std::uint32_t> connections_of;  ///< their number, by the peer's address
-  std::function<void()> on_last_connection_closed;      ///< called while the server stops; may be empty
+  std::function<void()> on_last_connection_closed;      ///< set while the server drains or stops
   std::uint64_t next_client = 1;
   std::size_t viewers = 0;
   std::size_t unsent_picture_bytes = 0;  ///< rendered, but not yet written to their connections
+  std::atomic<bool> running = false;
+  std::atomic<bool> draining = false;  ///< the port is closed, and no connection is kept for another request
   std::atomic<bool> stopping = false;
 };
 

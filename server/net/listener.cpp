@@ -111,10 +111,14 @@ void Listener::startSession(TcpSocket socket) {
   const auto of_address = hub_->connections_of.find(address);
   if (of_address != hub_->connections_of.end() && of_address->second >= options.connections_per_address) {
     spdlog::warn("turn away: {} connections of {} are open", of_address->second, address);
+    hub_->metrics.refused("address").add();
     return answerAndClose(socket.native_handle(), tooManyAnswer());
   }
   const bool turned_away = open >= options.max_connections;
-  if (turned_away) spdlog::warn("turn away: {} connections are open", open);
+  if (turned_away) {
+    spdlog::warn("turn away: {} connections are open", open);
+    hub_->metrics.refused("connections").add();
+  }
   if (open >= std::size_t{options.max_connections} + kMaxTurnedAway)
     return answerAndClose(socket.native_handle(), fullAnswer());
   startHttpSession(hub_, std::move(socket), address, turned_away);
@@ -122,6 +126,7 @@ void Listener::startSession(TcpSocket socket) {
 
 /// A peer that waits in the queue of the kernel would be told nothing.
 void Listener::refuseOne() {
+  hub_->metrics.refused("descriptors").add();
   spare_ = base::FileDescriptor();
   const base::FileDescriptor peer(::accept4(acceptor_.native_handle(), nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC));
   if (peer) answerAndClose(peer.get(), fullAnswer());

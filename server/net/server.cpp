@@ -18,7 +18,12 @@ struct Server::Impl {
   ~Impl() { endThreads(); }
 
   base::Result<void> listenForSignals();
+  void waitForSignal();
+  void onSignal(int signal);
+  void drain();
   void shutDown();
+  std::vector<std::shared_ptr<Connection>> openConnections() const;
+  void finish();
   void endThreads();
 
   asio::io_context io{1};
@@ -26,6 +31,7 @@ struct Server::Impl {
   Listener listener;
   std::optional<asio::basic_signal_set<Executor>> signals;
   std::optional<SteadyTimer> close_timer;
+  std::function<void()> on_reload;
 };
 
 base::Result<std::unique_ptr<Server>> Server::open(const std::vector<std::string>& scenes,
@@ -56,6 +62,7 @@ std::vector<std::string> Server::names() const {
 base::Result<void> Server::run(bool handle_signals) {
   if (handle_signals) LUMIGRID_TRY(impl_->listenForSignals());
   impl_->listener.start();
+  impl_->hub->running = true;
   impl_->io.run();
   impl_->endThreads();
   return {};
@@ -65,37 +72,94 @@ void Server::stop() {
   asio::post(impl_->io, [this] { impl_->shutDown(); });
 }
 
+void Server::reload() {
+  asio::post(impl_->io, [this] {
+    if (impl_->on_reload) impl_->on_reload();
+  });
+}
+
+void Server::onReload(std::function<void()> reload) {
+  impl_->on_reload = std::move(reload);
+}
+
+ServerMetrics& Server::metrics() {
+  return impl_->hub->metrics;
+}
+
 base::Result<void> Server::Impl::listenForSignals() {
   signals.emplace(io);
   error_code ec;
-  signals->add(SIGINT, ec);
-  if (!ec) signals->add(SIGTERM, ec);
-  if (ec) return base::Error{base::ErrorCode::kIo, "cannot listen for SIGINT and SIGTERM: " + ec.message()};
-  signals->async_wait([this](error_code cancelled, int) {
+  for (const int signal : {SIGINT, SIGTERM, SIGHUP})
+    if (!ec) signals->add(signal, ec);
+  if (ec) return base::Error{base::ErrorCode::kIo, "cannot listen for SIGINT, SIGTERM and SIGHUP: " + ec.message()};
+  waitForSignal();
+  return {};
+}
+
+void Server::Impl::waitForSignal() {
+  signals->async_wait([this](error_code cancelled, int signal) {
+    if (cancelled) return;
+    waitForSignal();
+    onSignal(signal);
+  });
+}
+
+void Server::Impl::onSignal(int signal) {
+  if (signal == SIGHUP) {
+    if (on_reload) on_reload();
+  } else if (hub->draining || hub->stopping) {
+    io.stop();
+  } else if (signal == SIGTERM) {
+    drain();
+  } else {
+    shutDown();
+  }
+}
+
+void Server::Impl::drain() {
+  hub->draining = true;
+  spdlog::info("draining for {:g} s at most: {} connections are open", hub->options.drain_seconds,
+               hub->connections.size());
+  listener.close();
+  hub->on_last_connection_closed = [this] { finish(); };
+  close_timer.emplace(
+      io, std::chrono::duration_cast<SteadyClock::duration>(std::chrono::duration<double>(hub->options.drain_seconds)));
+  close_timer->async_wait([this](error_code cancelled) {
     if (!cancelled) shutDown();
   });
-  return {};
+  const auto open = openConnections();
+  if (open.empty()) return finish();
+  for (const auto& connection : open) connection->closeForDrain();
 }
 
 void Server::Impl::shutDown() {
   if (hub->stopping) return;
   hub->stopping = true;
   spdlog::info("stopping: {} connections are open", hub->connections.size());
-  error_code ignored;
   listener.close();
-  if (signals) signals->cancel(ignored);
-
-  // A copy of the list, since closing may end a connection at once.
-  std::vector<std::shared_ptr<Connection>> open;
-  for (Connection* connection : hub->connections) open.push_back(connection->shared_from_this());
-  if (open.empty()) return;
+  hub->on_last_connection_closed = [this] { finish(); };
   constexpr auto kCloseTimeout = std::chrono::seconds(2);  // for viewers to answer the close frame
   close_timer.emplace(io, kCloseTimeout);
   close_timer->async_wait([this](error_code cancelled) {
     if (!cancelled) io.stop();
   });
-  hub->on_last_connection_closed = [this] { close_timer->cancel(); };
+  const auto open = openConnections();
+  if (open.empty()) return finish();
   for (const auto& connection : open) connection->closeForShutdown();
+}
+
+/// They hold the connections, since closing one may end it at once.
+std::vector<std::shared_ptr<Connection>> Server::Impl::openConnections() const {
+  std::vector<std::shared_ptr<Connection>> open;
+  for (Connection* connection : hub->connections) open.push_back(connection->shared_from_this());
+  return open;
+}
+
+/// Nothing keeps the io thread any more.
+void Server::Impl::finish() {
+  close_timer.reset();
+  error_code ignored;
+  if (signals) signals->cancel(ignored);
 }
 
 /// Connections that did not close in time are destroyed with `io`, after all else: nothing may wait for them.

@@ -8,6 +8,7 @@
 
 #include "base/error.h"
 #include "base/json/scene_file.h"
+#include "server/metrics/server_metrics.h"
 #include "server/net/frame_renderer.h"
 #include "server/net/open_scene.h"
 #include "server/session/session.h"
@@ -39,9 +40,12 @@ struct ServerOptions {
   std::string access_file;                ///< empty: SCENE/access.lga
   double access_interval_seconds = 30.0;  ///< between writes; a killed server loses at most so much
   RemoteOptions remote;                   ///< for remote scenes; `warn` is replaced by the server's log
+  double drain_seconds = 30.0;            ///< after SIGTERM, for answers that are under way
 };
 
-/// Serves until stop() (any thread) or until SIGINT/SIGTERM when `handle_signals`.
+/// Serves until stop() (any thread) or until a signal when `handle_signals`. SIGINT is stop(). SIGTERM closes the port,
+/// sends viewers away to connect elsewhere, and lets answers under way be finished within `drain_seconds`; a further
+/// SIGTERM or SIGINT ends that at once. SIGHUP is reload().
 class Server {
  public:
   /// Opens the scenes and binds the port. A single scene is at "/"; several are below "/NAME/" each (scene_names.h),
@@ -54,7 +58,13 @@ class Server {
   std::uint16_t port() const;
   std::vector<std::string> names() const;  ///< names of the scenes, in their order; a single scene's name is empty
   base::Result<void> run(bool handle_signals);
+  /// Tells viewers that the server stops, and ends within two seconds. Any thread.
   void stop();
+  /// Calls what onReload() was given, on the server's thread. Any thread.
+  void reload();
+  /// `reload` opens anew or reads again what may change while the server runs. To be called before run().
+  void onReload(std::function<void()> reload);
+  ServerMetrics& metrics();
 
  private:
   Server() = default;

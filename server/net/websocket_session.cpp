@@ -10,10 +10,12 @@
 #include <boost/beast/core/flat_buffer.hpp>
 #include <boost/beast/websocket.hpp>
 #include <deque>
+#include <optional>
 #include <string>
 #include <utility>
 
 #include "base/format_text.h"
+#include "server/log/log_text.h"
 #include "server/net/connection.h"
 #include "server/net/rate_limit.h"
 #include "server/session/session_runner.h"
@@ -28,7 +30,22 @@ constexpr auto kHandshakeTimeout = std::chrono::seconds(10);  // for the upgrade
 constexpr std::size_t kMaxCloseReason = 120;                  // bytes; RFC 6455, section 5.5.1, has room for 123
 constexpr std::size_t kMaxBacklog = 64;  // messages of a viewer that wait for its session; then none is read
 constexpr auto kPingTimeout = std::chrono::seconds(60);  // for the pong of a peer that is silent
+constexpr std::uint8_t kViewType = 0x02;                 // docs/formats/protocol.md
 constexpr double kMaxWatchSeconds = 10.0;                // between two looks at a connection's deadlines
+
+SessionTotals totalsOf(const SessionCounts& counts) {
+  return {.views = counts.views,
+          .planned = counts.planned,
+          .dropped = counts.replaced,
+          .groups = counts.groups,
+          .faces = counts.faces,
+          .frames = counts.frames,
+          .group_bytes = counts.group_bytes,
+          .face_bytes = counts.face_bytes,
+          .frame_bytes = counts.frame_bytes,
+          .missing = counts.missing,
+          .damaged = counts.corrupt};
+}
 
 class WebSocketSession final : public Connection {
  public:
@@ -67,6 +84,8 @@ class WebSocketSession final : public Connection {
 
   const std::shared_ptr<HostedScene> hosted_;
   const std::uint64_t id_;
+  SceneMetrics& metrics_;
+  SessionReporter reporter_{metrics_};
   const SteadyClock::time_point start_time_ = SteadyClock::now();
   websocket::stream<BeastStream, false> socket_;
   std::shared_ptr<SessionRunner> runner_;
@@ -82,6 +101,7 @@ class WebSocketSession final : public Connection {
   bool closing_ = false;
   bool refused_ = false;
   bool greeted_ = false;
+  std::optional<double> asked_at_;              // seconds: a view came, and no message was written since
   double last_heard_ = 0.0, last_taken_ = 0.0;  // seconds
   int queued_ = 0;                              // bytes in the kernel at the last look
   bool has_written_ = false;                    // since the last look
@@ -92,6 +112,7 @@ WebSocketSession::WebSocketSession(std::shared_ptr<Hub> hub, std::shared_ptr<Hos
     : Connection(std::move(hub), address),
       hosted_(std::move(hosted)),
       id_(hub_->next_client++),
+      metrics_(hub_->metrics.scene(hosted_->scene->name)),
       socket_(std::move(stream)),
       wake_(socket_.get_executor()),
       watch_(socket_.get_executor()),
@@ -100,6 +121,8 @@ WebSocketSession::WebSocketSession(std::shared_ptr<Hub> hub, std::shared_ptr<Hos
   error_code ignored;
   const auto endpoint = beast::get_lowest_layer(socket_).socket().remote_endpoint(ignored);
   ++hub_->viewers;
+  hub_->metrics.viewers_open.add(1);
+  hub_->metrics.viewers_accepted.add();
   peer_ = endpoint.address().to_string() + ":" + std::to_string(endpoint.port());
 }
 
@@ -108,12 +131,14 @@ WebSocketSession::~WebSocketSession() {
   hosted_->fetchers->cancel(id_);
   if (runner_) runner_->end();
   --hub_->viewers;
+  hub_->metrics.viewers_open.add(-1);
   const SessionCounts counts = runner_ ? runner_->counts() : SessionCounts();
+  reporter_.report(totalsOf(counts));
   spdlog::info(
       "disconnect client={} peer={} seconds={:.1f} views={} groups={} faces={} frames={} bytes={} missing={} "
-      "corrupt={} why=\"{}\"",
+      "corrupt={} why={}",
       id_, peer_, seconds(), counts.views, counts.groups, counts.faces, counts.frames, counts.bytes, counts.missing,
-      counts.corrupt, close_reason_);
+      counts.corrupt, quoteText(close_reason_));
 }
 
 // ---- Opening
@@ -195,6 +220,8 @@ void WebSocketSession::onRead(error_code ec, std::size_t /*bytes_read*/) {
   last_heard_ = seconds();
   const auto bytes = incoming_.cdata();
   const auto* first = static_cast<const std::uint8_t*>(bytes.data());
+  metrics_.messages_received.add();
+  if (bytes.size() > 0 && *first == kViewType && !asked_at_) asked_at_ = last_heard_;
   runner_->receive({first, first + bytes.size()}, state());
   incoming_.clear();
   readOn();
@@ -217,14 +244,17 @@ ConnectionState WebSocketSession::state() {
 
 void WebSocketSession::onOutput(SessionOutput output) {
   runner_->take(output);
+  reporter_.report(totalsOf(runner_->counts()));
+  if (output.plan_seconds) metrics_.plan_seconds.observe(*output.plan_seconds);
   if (output.client_name) {
     greeted_ = true;
-    spdlog::info("hello client={} program=\"{}\"", id_, *output.client_name);
+    spdlog::info("hello client={} program={}", id_, quoteText(*output.client_name));
   }
   if (output.refusal) {
     refused_ = true;
+    hub_->metrics.refused("protocol").add();
     close_reason_ = *output.refusal;
-    spdlog::warn("refuse client={} peer={} why=\"{}\"", id_, peer_, close_reason_);
+    spdlog::warn("refuse client={} peer={} why={}", id_, peer_, quoteText(close_reason_));
   }
   if (closing_) return;
   const bool was_idle = outgoing_.empty();
@@ -261,6 +291,7 @@ void WebSocketSession::doWrite() {
 void WebSocketSession::onWrite(error_code ec, std::size_t /*bytes_written*/) {
   if (ec) return fail("write: " + ec.message());
   has_written_ = true;
+  if (asked_at_) metrics_.first_byte_seconds.observe(seconds() - *std::exchange(asked_at_, std::nullopt));
   const std::uint64_t before = outgoing_bytes_;
   outgoing_bytes_ -= outgoing_.front().size();
   outgoing_.pop_front();
@@ -285,9 +316,11 @@ void WebSocketSession::requestFaces(FaceRequest request) {
 void WebSocketSession::requestFrame(const FrameRequest& request) {
   if (!hub_->renderer) return;
   hosted_->site->readAppearance();
-  const auto done = answerTo<base::Bytes>(this, [request](WebSocketSession& self, base::Bytes value) {
-    self.runner_->frameRendered(request, std::move(value), self.state());
-  });
+  const auto done =
+      answerTo<base::Bytes>(this, [request, start = seconds()](WebSocketSession& self, base::Bytes value) {
+        self.metrics_.frame_seconds.observe(self.seconds() - start);
+        self.runner_->frameRendered(request, std::move(value), self.state());
+      });
   hub_->renderer->requestFrame(id_, hosted_->scene, request, done);
 }
 
@@ -318,9 +351,14 @@ void WebSocketSession::checkDeadlines() {
   if (closing_) return;
   const ServerOptions& options = hub_->options;
   const double now = seconds();
-  if (isStalled(now)) return fail(base::formatText("the viewer took nothing for %.0f seconds", options.stall_seconds));
-  if (!greeted_ && !refused_ && now > options.hello_seconds)
+  if (isStalled(now)) {
+    hub_->metrics.refused("stall").add();
+    return fail(base::formatText("the viewer took nothing for %.0f seconds", options.stall_seconds));
+  }
+  if (!greeted_ && !refused_ && now > options.hello_seconds) {
+    hub_->metrics.refused("no hello").add();
     return close(websocket::close_code::policy_error, "no Hello came in time");
+  }
   if (now - last_heard_ > options.idle_seconds)
     return close(websocket::close_code::going_away, "the viewer was silent for too long; it may connect again");
   watch();

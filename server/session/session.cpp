@@ -86,6 +86,7 @@ base::Result<void> Session::acceptMessage(const protocol::Hello& hello) {
 
 base::Result<void> Session::acceptMessage(const protocol::View& view) {
   ++counts_.views;
+  if (newest_ && !planned_) ++counts_.replaced;
   if (planned_) previous_ = newest_;
   newest_ = view;
   planned_ = false;
@@ -195,6 +196,7 @@ std::optional<SharedMessage> Session::nextFrame() {
   const protocol::Frame frame = *std::exchange(frame_, std::nullopt);
   if (!frames_.isUseful(frame.camera)) return std::nullopt;
   ++counts_.frames;
+  counts_.frame_bytes += frame.value.size();
   sent_frame_ = frame.camera;
   return protocol::encode(frame);
 }
@@ -250,6 +252,7 @@ void Session::planNewestView() {
   complete_sent_ = false;
   prefetch_.reset();
   planned_ = true;
+  ++counts_.planned;
   planned_at_ = frames_.link().now();
 }
 
@@ -335,6 +338,7 @@ std::optional<SharedMessage> Session::groupMessage(std::uint32_t group) {
   if (!message) return std::nullopt;
   has_group_[group] = true;
   ++counts_.groups;
+  counts_.group_bytes += block->size();
   if (scene_.access != nullptr) scene_.access->addGroup(group);
   return message;
 }
@@ -375,6 +379,7 @@ std::optional<SharedMessage> Session::faceMessage(const repository::FaceKey& key
   has_face_.insert(key);
   image_bytes_.add(message->size());
   ++counts_.faces;
+  counts_.face_bytes += (*value)->size();
   if (scene_.access != nullptr) scene_.access->addFace(key);
   return message;
 }

@@ -63,13 +63,16 @@ void describeHierarchy(const lod::patch::Hierarchy& hierarchy, protocol::Welcome
 /// Faces to be fetched, the most useful first. They are of one view, hence of one neighbourhood in the store.
 using FaceRequest = std::vector<repository::FaceKey>;
 
-/// Counts of one session, for the server's log.
+/// Counts of one session, for the server's log and metrics.
 struct SessionCounts {
   std::uint64_t views = 0;                          ///< received
+  std::uint64_t planned = 0;                        ///< views for which was chosen what to send
+  std::uint64_t replaced = 0;                       ///< views that a newer one replaced before that
   std::uint64_t groups = 0, faces = 0, frames = 0;  ///< sent; of frames some parts of which may have been given up
   std::uint64_t bytes = 0;                          ///< bytes of all messages that nextMessage() returned
-  std::uint64_t missing = 0;                        ///< wanted faces that the store lacks (not baked yet)
-  std::uint64_t corrupt = 0;                        ///< faces and blocks that could not be read or were damaged
+  std::uint64_t group_bytes = 0, face_bytes = 0, frame_bytes = 0;  ///< of those
+  std::uint64_t missing = 0;  ///< wanted faces that the store lacks (not baked yet)
+  std::uint64_t corrupt = 0;  ///< faces and blocks that could not be read or were damaged
 };
 
 /// As many faces may a client claim to hold: 512 MB of tiles. A cache of 50 MB holds some 6 000.

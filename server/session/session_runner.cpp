@@ -1,5 +1,6 @@
 #include "server/session/session_runner.h"
 
+#include <chrono>
 #include <utility>
 
 namespace server {
@@ -80,7 +81,11 @@ void SessionRunner::runTurn() {
   session_.setBusy(workers_.isBehind());
   for (const Event& event : events) acceptEvent(event);
   SessionOutput output;
+  const auto start = std::chrono::steady_clock::now();
+  const std::uint64_t planned = session_.counts().planned;
   makeMessages(output);
+  if (session_.counts().planned > planned)
+    output.plan_seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   {
     const std::lock_guard lock(mutex_);
     counts_ = session_.counts();

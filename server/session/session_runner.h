@@ -32,6 +32,7 @@ struct SessionOutput {
   std::optional<FrameRequest> frame;       ///< to be rendered, in place of one that waits
   std::optional<double> wake_at;           ///< call tell() then, seconds of LinkState; nothing: not by the clock
   std::optional<std::string> client_name;  ///< once, when it is known
+  std::optional<double> plan_seconds;      ///< how long the turn took, if it planned for a view
   std::optional<std::string> refusal;      ///< once: why the connection is to be closed, after the messages
 };
 

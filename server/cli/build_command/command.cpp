@@ -226,6 +226,7 @@ RunCommand addBuild(CLI::App& command) {
       return missing ? reportMissing(a->output, *missing, a->json) : fail(missing.error());
     }
     stopOnSignals();
+    ignoreBrokenPipes();
     return exitStatus(build(*a));
   };
 }

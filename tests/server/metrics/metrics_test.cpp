@@ -49,8 +49,6 @@ TEST(Metrics, valuesFromElsewhereAreReadWhenTheTextIsMade) {
   EXPECT_EQ(metrics.text(), "# HELP r R.\n# TYPE r gauge\nr 0.1\n");
   value = std::numeric_limits<double>::infinity();
   EXPECT_EQ(metrics.text(), "# HELP r R.\n# TYPE r gauge\nr +Inf\n");
-  metrics.forget("r", {});
-  EXPECT_EQ(metrics.text(), "");
 }
 
 TEST(Metrics, threadsLoseNothing) {

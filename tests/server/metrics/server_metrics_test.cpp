@@ -36,12 +36,14 @@ TEST(ServerMetrics, aSessionAddsWhatItsNumbersGrewBy) {
   EXPECT_EQ(valueOf(text, "lumigrid_damaged_total{scene=\"tower\"}"), 1.0);
 }
 
-TEST(ServerMetrics, queuesAreReadUntilTheyAreForgotten) {
+TEST(ServerMetrics, queuesAndCachesAreReadWhenTheTextIsMade) {
   ServerMetrics metrics;
   metrics.readQueue("frames", [] { return 4.0; });
-  EXPECT_EQ(valueOf(metrics.all.text(), "lumigrid_queue_length{queue=\"frames\"}"), 4.0);
-  metrics.forgetQueue("frames");
-  EXPECT_EQ(metrics.all.text().find("lumigrid_queue_length"), std::string::npos);
+  metrics.readCache("frames", [] { return std::pair<std::uint64_t, std::uint64_t>(3, 2); });
+  const std::string text = metrics.all.text();
+  EXPECT_EQ(valueOf(text, "lumigrid_queue_length{queue=\"frames\"}"), 4.0);
+  EXPECT_EQ(valueOf(text, "lumigrid_cache_lookups_total{cache=\"frames\",outcome=\"hit\"}"), 3.0);
+  EXPECT_EQ(valueOf(text, "lumigrid_cache_lookups_total{cache=\"frames\",outcome=\"miss\"}"), 2.0);
 }
 
 // promtool has the same opinion of what a line is.
@@ -50,7 +52,6 @@ TEST(ServerMetrics, eachLineHasTheFormOfOne) {
   metrics.scene("tower \"of\" Pisa");
   metrics.refused("connections").add();
   metrics.answers(200).add();
-  metrics.cache("frames").hits.add();
   const std::regex comment("# (HELP|TYPE) [a-z_]+ .+");
   const std::regex sample(R"re([a-z_]+(\{([a-z]+="([^"\\]|\\.)*",?)+\})? ([-+0-9.e]+|NaN|\+Inf))re");
   std::istringstream lines(metrics.all.text());

@@ -1,0 +1,368 @@
+// `lumigrid serve` as a process: its signals, its log with readers of every kind, its options from a file.
+#include <arpa/inet.h>
+#include <fcntl.h>
+#include <gtest/gtest.h>
+#include <netinet/in.h>
+#include <signal.h>
+#include <sys/prctl.h>
+#include <sys/socket.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <array>
+#include <chrono>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <sstream>
+#include <thread>
+
+#include "tests/programs/run_program.h"
+#include "tests/server/net/loopback.h"
+#include "tests/server/net/page_folder.h"
+#include "tests/server/net/served_scene.h"
+#include "tests/support/temporary_directory.h"
+
+namespace server {
+namespace {
+
+using nlohmann::json;
+using programs::readText;
+
+// The server runs as long as the object lives.
+class ServeProcess {
+ public:
+  // `standard_error`: a descriptor; it is closed here, so that the process is the only one that has it. -1: a file.
+  explicit ServeProcess(const std::vector<std::string>& arguments, int standard_error = -1) {
+    if (standard_error < 0) standard_error = ::open(logPath().c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0644);
+    const std::string out = directory_ / "out";
+    std::vector<std::string> words{
+        std::string(LUMIGRID_BIN_DIR) + "/lumigrid", "serve", "--json", "--port", "0", "--no-frames"};
+    words.insert(words.end(), arguments.begin(), arguments.end());
+    pid_ = ::fork();
+    if (pid_ == 0) {
+      ::prctl(PR_SET_PDEATHSIG, SIGKILL);
+      ::dup2(::open(out.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0644), STDOUT_FILENO);
+      ::dup2(standard_error, STDERR_FILENO);
+      std::vector<char*> argv;
+      for (std::string& word : words) argv.push_back(word.data());
+      argv.push_back(nullptr);
+      ::execv(argv[0], argv.data());
+      ::_exit(127);
+    }
+    ::close(standard_error);
+    for (int i = 0; i < 2000 && port_ == 0 && isRunning(); ++i) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(10));
+      const json said = json::parse(readText(out), nullptr, false);
+      if (said.is_object()) port_ = said["port"];
+    }
+    EXPECT_NE(port_, 0) << "the server does not start";
+  }
+  ~ServeProcess() {
+    if (isRunning()) ::kill(pid_, SIGKILL);
+    wait();
+  }
+
+  std::uint16_t port() const { return port_; }
+  std::string log() const { return readText(logPath()); }
+  void send(int signal) const { ::kill(pid_, signal); }
+  bool isRunning() {
+    if (ended_) return false;
+    int status = 0;
+    if (::waitpid(pid_, &status, WNOHANG) == pid_) end(status);
+    return !ended_;
+  }
+  // The exit status; 128 + n where signal n ended it.
+  int wait() {
+    int status = 0;
+    if (!ended_ && ::waitpid(pid_, &status, 0) == pid_) end(status);
+    return status_;
+  }
+
+ private:
+  std::string logPath() const { return directory_ / "err"; }
+  void end(int status) {
+    ended_ = true;
+    status_ = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
+  }
+  const support::TemporaryDirectory directory_;
+  pid_t pid_ = -1;
+  std::uint16_t port_ = 0;
+  bool ended_ = false;
+  int status_ = 0;
+};
+
+template <class Condition>
+bool waitFor(const Condition& condition) {
+  for (int i = 0; i < 2000; ++i) {
+    if (condition()) return true;
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  }
+  return false;
+}
+
+// A whole view of one viewer.
+void expectAView(std::uint16_t port, const std::string& name = "test") {
+  auto client = LoopbackClient::connect(port);
+  ASSERT_TRUE(client);
+  ASSERT_TRUE(client->send(protocol::Hello{protocol::kVersion, name}));
+  const auto welcome = client->receive();
+  ASSERT_TRUE(welcome && std::holds_alternative<protocol::Welcome>(*welcome));
+  ASSERT_TRUE(client->send(viewOf(std::get<protocol::Welcome>(*welcome), 1)));
+  bool complete = false;
+  while (auto message = client->receive())
+    if ((complete = std::holds_alternative<protocol::Completion>(*message))) break;
+  EXPECT_TRUE(complete);
+  client->close();
+}
+
+void expectItServes(ServeProcess& server) {
+  for (int i = 0; i < 320; ++i) {
+    auto client = LoopbackClient::connect(server.port());
+    ASSERT_TRUE(client) << "viewer " << i;
+    client->close();
+  }
+  EXPECT_EQ(httpRequest(server.port(), "/healthz").status, 200);
+  expectAView(server.port());
+}
+
+// One HTTP connection that reads when the test says so.
+class SlowReader {
+ public:
+  explicit SlowReader(std::uint16_t port) : fd_(::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0)) {
+    const int small = 16 << 10;
+    ::setsockopt(fd_, SOL_SOCKET, SO_RCVBUF, &small, sizeof small);
+    const timeval patience{20, 0};
+    ::setsockopt(fd_, SOL_SOCKET, SO_RCVTIMEO, &patience, sizeof patience);
+    sockaddr_in address{};
+    address.sin_family = AF_INET;
+    address.sin_port = htons(port);
+    address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    connected_ = ::connect(fd_, reinterpret_cast<sockaddr*>(&address), sizeof address) == 0;
+  }
+  ~SlowReader() { ::close(fd_); }
+  bool isConnected() const { return connected_; }
+  void ask(const std::string& path) const {
+    const std::string text = "GET " + path + " HTTP/1.1\r\nHost: x\r\n\r\n";
+    EXPECT_EQ(::send(fd_, text.data(), text.size(), MSG_NOSIGNAL), static_cast<ssize_t>(text.size()));
+  }
+  // Reads at least so many bytes more, or to the end; false at the end.
+  bool read(std::size_t bytes) {
+    const std::size_t wanted = text.size() + bytes;
+    std::array<char, 65536> piece;
+    while (text.size() < wanted) {
+      const ssize_t n = ::recv(fd_, piece.data(), piece.size(), 0);
+      if (n <= 0) return false;
+      text.append(piece.data(), static_cast<std::size_t>(n));
+    }
+    return true;
+  }
+  std::string text;
+
+ private:
+  const int fd_;
+  bool connected_ = false;
+};
+
+// ---- The log ----
+
+TEST(ServeProcess, aFullPipeThatNobodyReadsStopsNothing) {
+  const SceneDirectory scene;
+  std::array<int, 2> ends{};
+  ASSERT_EQ(::pipe2(ends.data(), O_CLOEXEC | O_NONBLOCK), 0);
+  const std::string filler(65536, 'x');
+  while (::write(ends[1], filler.data(), filler.size()) > 0) {
+  }
+  ASSERT_EQ(::fcntl(ends[1], F_SETFL, 0), 0);  // the server's end blocks, as a shell's does
+  ServeProcess server({scene.path, "--no-access"}, ends[1]);
+  ASSERT_NE(server.port(), 0);
+  expectItServes(server);
+  server.send(SIGTERM);
+  EXPECT_EQ(server.wait(), 0);
+  ::close(ends[0]);
+}
+
+TEST(ServeProcess, aReaderThatGoesAwayEndsNothing) {
+  const SceneDirectory scene;
+  std::array<int, 2> ends{};
+  ASSERT_EQ(::pipe2(ends.data(), O_CLOEXEC), 0);
+  ServeProcess server({scene.path, "--no-access"}, ends[1]);
+  ASSERT_NE(server.port(), 0);
+  ::close(ends[0]);
+  expectItServes(server);
+  EXPECT_NE(httpRequest(server.port(), "/metrics").body.find("lumigrid_log_lines_total{outcome=\"failed\"}"),
+            std::string::npos);
+  server.send(SIGTERM);
+  EXPECT_EQ(server.wait(), 0);
+}
+
+TEST(ServeProcess, namesOfViewersAreEscapedInEachJsonLine) {
+  const SceneDirectory scene;
+  ServeProcess server({scene.path, "--no-access", "--log-json"});
+  ASSERT_NE(server.port(), 0);
+  const std::string name =
+      "x\" client=99 peer=\"\xC2\x9B"
+      "31m\xE2\x80\xAE";
+  expectAView(server.port(), name);
+  server.send(SIGTERM);
+  EXPECT_EQ(server.wait(), 0);
+  std::istringstream lines(server.log());
+  int hellos = 0;
+  bool has_disconnected = false;
+  for (std::string line; std::getline(lines, line);) {
+    const json object = json::parse(line, nullptr, false);
+    ASSERT_TRUE(object.is_object()) << line;
+    EXPECT_EQ(object["time"].get<std::string>().size(), 24U);
+    if (object["message"] == "hello") {
+      ++hellos;
+      EXPECT_EQ(object["program"], "x\" client=99 peer=\"\\xc2\\x9b31m\\xe2\\x80\\xae");
+      EXPECT_NE(object["client"], 99);
+    }
+    if (object["message"] == "disconnect") has_disconnected = object["views"] == 1;
+  }
+  EXPECT_EQ(hellos, 1) << server.log();
+  EXPECT_TRUE(has_disconnected) << server.log();
+}
+
+TEST(ServeProcess, sighupOpensTheLogAnewAndEndsNothing) {
+  const SceneDirectory scene;
+  const support::TemporaryDirectory directory;
+  const std::string log = directory / "serve.log";
+  ServeProcess server({scene.path, "--no-access", "--log", log});
+  ASSERT_NE(server.port(), 0);
+  expectAView(server.port());
+  ASSERT_TRUE(waitFor([&] { return readText(log).find("disconnect") != std::string::npos; }));
+  std::filesystem::rename(log, log + ".1");
+  server.send(SIGHUP);
+  ASSERT_TRUE(waitFor([&] { return std::filesystem::exists(log); }));
+  expectAView(server.port());
+  EXPECT_TRUE(waitFor([&] { return readText(log).find("disconnect") != std::string::npos; }));
+  EXPECT_EQ(httpRequest(server.port(), "/healthz").status, 200);
+  EXPECT_EQ(server.log(), "");
+  server.send(SIGTERM);
+  EXPECT_EQ(server.wait(), 0);
+}
+
+// ---- Metrics ----
+
+// The value behind `sample`; -1 where it is not there.
+double valueOf(const std::string& text, const std::string& sample) {
+  const std::size_t at = text.find("\n" + sample + " ");
+  return at == std::string::npos ? -1.0 : std::stod(text.substr(at + 1 + sample.size()));
+}
+
+TEST(ServeProcess, metricsTellWhatAViewerGot) {
+  const SceneDirectory scene;
+  const std::string name = std::filesystem::path(scene.path).filename().string();
+  ServeProcess server({scene.path, "--no-access"});
+  ASSERT_NE(server.port(), 0);
+  expectAView(server.port());
+  const std::string label = "scene=\"" + name + "\"}";
+  std::string text;
+  ASSERT_TRUE(waitFor([&] {
+    const HttpAnswer answer = httpRequest(server.port(), "/metrics");
+    EXPECT_EQ(answer.headers.at("content-type"), "text/plain; version=0.0.4; charset=utf-8");
+    text = answer.body;
+    return valueOf(text, "lumigrid_connections_open{kind=\"viewer\"}") == 0.0;
+  })) << text;
+  EXPECT_EQ(valueOf(text, "lumigrid_connections_total{kind=\"viewer\"}"), 1.0);
+  EXPECT_EQ(valueOf(text, "lumigrid_views_received_total{" + label), 1.0) << text;
+  EXPECT_EQ(valueOf(text, "lumigrid_views_planned_total{" + label), 1.0);
+  EXPECT_GE(valueOf(text, "lumigrid_messages_received_total{" + label), 2.0);
+  EXPECT_GT(valueOf(text, "lumigrid_sent_bytes_total{kind=\"group\"," + label), 1000.0);
+  EXPECT_GT(valueOf(text, "lumigrid_sent_bytes_total{kind=\"face\"," + label), 1000.0);
+  EXPECT_GT(valueOf(text, "lumigrid_sent_bytes_total{kind=\"http\"}"), 1000.0);
+  EXPECT_EQ(valueOf(text, "lumigrid_ready"), 1.0);
+  EXPECT_GE(valueOf(text, "lumigrid_log_lines_total{outcome=\"written\"}"), 3.0);
+}
+
+// ---- The end ----
+
+TEST(ServeProcess, drainingFinishesDownloadsAndSendsViewersAway) {
+  const SceneDirectory scene;
+  const PageFolder page;
+  const std::size_t bytes = std::size_t{48} << 20;
+  page.write("large.bin", std::string(bytes, 'x'));
+  ServeProcess server({scene.path, "--no-access", "--web", page.path, "--drain", "60s"});
+  ASSERT_NE(server.port(), 0);
+  EXPECT_EQ(httpRequest(server.port(), "/readyz").status, 200);
+  auto viewer = LoopbackClient::connect(server.port());
+  ASSERT_TRUE(viewer);
+  SlowReader idle(server.port()), download(server.port());
+  idle.ask("/healthz");
+  ASSERT_TRUE(idle.read(1));
+  download.ask("/large.bin");
+  ASSERT_TRUE(download.read(1 << 20));
+
+  server.send(SIGTERM);
+  EXPECT_FALSE(viewer->receive());
+  EXPECT_EQ(viewer->closeCode(), 1001);
+  EXPECT_EQ(viewer->closeReason(), "the server stops");
+  EXPECT_FALSE(idle.read(1 << 20)) << "a connection that waits for another request is closed";
+  EXPECT_TRUE(waitFor([&] { return !SlowReader(server.port()).isConnected(); })) << "the port is closed";
+  EXPECT_TRUE(server.isRunning());
+  EXPECT_FALSE(download.read(2 * bytes)) << "the connection ends behind the answer";
+  EXPECT_EQ(download.text.size(), download.text.find("\r\n\r\n") + 4 + bytes);
+  EXPECT_EQ(server.wait(), 0);
+}
+
+TEST(ServeProcess, aDownloadThatTakesLongerThanTheDrainIsCut) {
+  const SceneDirectory scene;
+  const PageFolder page;
+  page.write("large.bin", std::string(std::size_t{48} << 20, 'x'));
+  ServeProcess server({scene.path, "--no-access", "--web", page.path, "--drain", "0.2"});
+  ASSERT_NE(server.port(), 0);
+  SlowReader download(server.port());
+  download.ask("/large.bin");
+  ASSERT_TRUE(download.read(1));
+  server.send(SIGTERM);
+  EXPECT_EQ(server.wait(), 0);
+}
+
+TEST(ServeProcess, aSecondSignalEndsTheDrain) {
+  for (const int second : {SIGTERM, SIGINT}) {
+    const SceneDirectory scene;
+    const PageFolder page;
+    page.write("large.bin", std::string(std::size_t{48} << 20, 'x'));
+    ServeProcess server({scene.path, "--no-access", "--web", page.path, "--drain", "3600"});
+    ASSERT_NE(server.port(), 0);
+    SlowReader download(server.port());
+    download.ask("/large.bin");
+    ASSERT_TRUE(download.read(1));
+    server.send(SIGTERM);
+    ASSERT_TRUE(waitFor([&] { return server.log().find("draining") != std::string::npos; }));
+    EXPECT_TRUE(server.isRunning());
+    server.send(second);
+    EXPECT_EQ(server.wait(), 0);
+  }
+}
+
+// ---- Options from a file ----
+
+TEST(ServeProcess, aFileHasTheScenesAndOptions) {
+  const SceneDirectory tower, yard;
+  const support::TemporaryDirectory directory;
+  const std::string config = directory / "serve.json";
+  programs::writeText(config, json{{"scenes", {tower.path, yard.path}}, {"no-access", true}, {"port", 1}}.dump());
+  ServeProcess server({"--config", config});  // the command line's --port 0 wins
+  ASSERT_NE(server.port(), 0);
+  EXPECT_EQ(
+      httpRequest(server.port(), "/" + std::filesystem::path(yard.path).filename().string() + "/scene.json").status,
+      200);
+  for (const char* path : {"/healthz", "/readyz", "/metrics"}) EXPECT_EQ(httpRequest(server.port(), path).status, 200);
+}
+
+TEST(ServeProcess, mistakesInAFileAreOneLineAndWrongUsage) {
+  const support::TemporaryDirectory directory;
+  const std::string config = directory / "serve.json";
+  programs::writeText(config, R"({"scenes": ["x"], "prot": 8080})");
+  programs::expectOneLineError(programs::run("lumigrid", {"serve", "--config", config}), 2, {config, "\"prot\""});
+  programs::writeText(config, R"({"scenes": ["x"], "port": "many"})");
+  programs::expectOneLineError(programs::run("lumigrid", {"serve", "--config", config}), 2, {config, "\"port\""});
+  programs::expectOneLineError(programs::run("lumigrid", {"serve"}), 2, {"SCENE", "--config"});
+  programs::expectOneLineError(programs::run("lumigrid", {"serve", "--config", directory / "none"}), 2,
+                               {directory / "none"});
+}
+
+}  // namespace
+}  // namespace server
