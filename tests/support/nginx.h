@@ -39,6 +39,19 @@ inline void replaceAll(std::string& text, const std::string& what, const std::st
     text.replace(at, what.size(), by);
 }
 
+/// A port at which nobody listens at present.
+inline std::uint16_t freePort() {
+  const int fd = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
+  sockaddr_in address{};
+  address.sin_family = AF_INET;
+  address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+  socklen_t size = sizeof(address);
+  EXPECT_EQ(::bind(fd, reinterpret_cast<sockaddr*>(&address), size), 0);
+  EXPECT_EQ(::getsockname(fd, reinterpret_cast<sockaddr*>(&address), &size), 0);
+  ::close(fd);
+  return ntohs(address.sin_port);
+}
+
 class Nginx {
  public:
   /// `lines`: its http block with the servers; $PORT0, $PORT1 … stand for ports.
@@ -89,6 +102,7 @@ class Nginx {
     pid_ = ::fork();
     if (pid_ == 0) {
       ::prctl(PR_SET_PDEATHSIG, SIGTERM);  // a test that crashes leaves no server behind
+      ::close_range(3, ~0U, 0);            // ports of the test's own servers would stay open in nginx
       ::execv(argv[0], argv.data());
       ::_exit(127);
     }
@@ -114,18 +128,6 @@ class Nginx {
     std::ostringstream text;
     text << in.rdbuf();
     return text.str();
-  }
-  // Returns a port at which nobody listens at present.
-  static std::uint16_t freePort() {
-    const int fd = ::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0);
-    sockaddr_in address{};
-    address.sin_family = AF_INET;
-    address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-    socklen_t size = sizeof(address);
-    EXPECT_EQ(::bind(fd, reinterpret_cast<sockaddr*>(&address), size), 0);
-    EXPECT_EQ(::getsockname(fd, reinterpret_cast<sockaddr*>(&address), &size), 0);
-    ::close(fd);
-    return ntohs(address.sin_port);
   }
 
   const TemporaryDirectory directory_;

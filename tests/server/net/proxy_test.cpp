@@ -1,0 +1,127 @@
+// The snippets of docs/hosting-server.md do what the document says, with a real nginx and a real Caddy.
+#include <gtest/gtest.h>
+#include <signal.h>
+#include <sys/prctl.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <fstream>
+#include <memory>
+#include <string>
+#include <thread>
+
+#include "base/file.h"
+#include "tests/server/net/loopback.h"
+#include "tests/server/net/served_scene.h"
+#include "tests/support/nginx.h"
+
+namespace server {
+namespace {
+
+void replaceOnce(std::string& text, const std::string& from, const std::string& to) {
+  const std::size_t at = text.find(from);
+  ASSERT_NE(at, std::string::npos) << "docs/hosting-server.md lacks '" << from << "'";
+  text.replace(at, from.size(), to);
+}
+
+std::string snippet(const std::string& language) {
+  const auto bytes = base::readFile(LUMIGRID_SOURCE_DIR "/docs/hosting-server.md");
+  if (!bytes) return "";
+  const std::string document(bytes->begin(), bytes->end());
+  const std::string fence = "```" + language + "\n";
+  const std::size_t begin = document.find(fence);
+  if (begin == std::string::npos) return "";
+  const std::size_t end = document.find("```", begin + fence.size());
+  return document.substr(begin + fence.size(), end - begin - fence.size());
+}
+
+// A page, a range, and a viewer with a whole view, through the proxy.
+void expectAVisit(std::uint16_t port) {
+  EXPECT_EQ(httpRequest(port, "/scene.json").status, 200);
+  const HttpAnswer part = httpRequest(port, "/patch.lgp", {{"Range", "bytes=0-15"}});
+  EXPECT_EQ(part.status, 206);
+  EXPECT_EQ(part.body.size(), 16U);
+  auto client = LoopbackClient::connect(port, "/ws");
+  ASSERT_TRUE(client) << "the proxy passes no WebSocket on";
+  ASSERT_TRUE(client->send(protocol::Hello{protocol::kVersion, "proxied"}));
+  const auto welcome = client->receive();
+  ASSERT_TRUE(welcome && std::holds_alternative<protocol::Welcome>(*welcome));
+  ASSERT_TRUE(client->send(viewOf(std::get<protocol::Welcome>(*welcome), 1)));
+  bool complete = false;
+  while (auto message = client->receive())
+    if ((complete = std::holds_alternative<protocol::Completion>(*message))) break;
+  EXPECT_TRUE(complete);
+  client->close();
+}
+
+TEST(Proxy, nginxPassesViewersOn) {
+  LUMIGRID_SKIP_WITHOUT_NGINX();
+  const SceneDirectory scene;
+  const RunningServer server(scene.path);
+  std::string http = snippet("nginx");
+  replaceOnce(http, "listen 8088;", "listen 127.0.0.1:$PORT0;");
+  replaceOnce(http, "server 127.0.0.1:8080;", "server 127.0.0.1:" + std::to_string(server.port()) + ";");
+  replaceOnce(http, "allow 127.0.0.1; deny all;", "deny all;");  // this test is on this machine, too
+  const support::Nginx nginx(support::Nginx::Configuration{http});
+  ASSERT_TRUE(nginx.running());
+  expectAVisit(nginx.port());
+  EXPECT_EQ(httpRequest(nginx.port(), "/readyz").status, 200);
+  EXPECT_EQ(httpRequest(nginx.port(), "/metrics").status, 403);
+  EXPECT_EQ(httpRequest(server.port(), "/metrics").status, 200);
+}
+
+// The second of two servers goes on when the first one stops.
+TEST(Proxy, nginxSendsViewersToTheServerThatIsLeft) {
+  LUMIGRID_SKIP_WITHOUT_NGINX();
+  const SceneDirectory scene, copy;
+  auto first = std::make_unique<RunningServer>(scene.path);
+  const RunningServer second(copy.path);
+  std::string http = snippet("nginx");
+  replaceOnce(http, "listen 8088;", "listen 127.0.0.1:$PORT0;");
+  replaceOnce(http, "server 127.0.0.1:8080;",
+              "server 127.0.0.1:" + std::to_string(first->port()) +
+                  ";\nserver 127.0.0.1:" + std::to_string(second.port()) + ";");
+  const support::Nginx nginx(support::Nginx::Configuration{http});
+  ASSERT_TRUE(nginx.running());
+  expectAVisit(nginx.port());
+  first.reset();
+  for (int i = 0; i < 4; ++i) expectAVisit(nginx.port());
+}
+
+TEST(Proxy, caddyPassesViewersOn) {
+  if (::access("/usr/bin/caddy", X_OK) != 0) GTEST_SKIP() << "caddy is not installed (Debian: caddy)";
+  const SceneDirectory scene;
+  const RunningServer server(scene.path);
+  const support::TemporaryDirectory directory;
+  const std::uint16_t port = support::freePort();
+  std::string sites = snippet("caddy");
+  replaceOnce(sites, ":8088", "http://127.0.0.1:" + std::to_string(port));
+  replaceOnce(sites, "127.0.0.1:8080", "127.0.0.1:" + std::to_string(server.port()));
+  const std::string file = directory / "Caddyfile";
+  std::ofstream(file) << "{\nadmin off\n}\n" << sites;
+
+  const pid_t pid = ::fork();
+  if (pid == 0) {
+    ::prctl(PR_SET_PDEATHSIG, SIGTERM);
+    ::close_range(3, ~0U, 0);
+    ::setenv("HOME", directory.path().c_str(), 1);
+    ::setenv("XDG_DATA_HOME", directory.path().c_str(), 1);
+    ::setenv("XDG_CONFIG_HOME", directory.path().c_str(), 1);
+    ::execl("/usr/bin/caddy", "caddy", "run", "--adapter", "caddyfile", "--config", file.c_str(), nullptr);
+    ::_exit(127);
+  }
+  bool is_up = false;
+  for (int i = 0; i < 1000 && !is_up; ++i) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    is_up = httpRequest(port, "/healthz").status == 200;
+  }
+  EXPECT_TRUE(is_up);
+  if (is_up) expectAVisit(port);
+  EXPECT_EQ(httpRequest(port, "/metrics").status, 403);
+  ::kill(pid, SIGTERM);
+  ::waitpid(pid, nullptr, 0);
+}
+
+}  // namespace
+}  // namespace server
