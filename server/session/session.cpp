@@ -338,7 +338,7 @@ std::optional<SharedMessage> Session::groupMessage(std::uint32_t group) {
   if (!message) return std::nullopt;
   has_group_[group] = true;
   ++counts_.groups;
-  counts_.group_bytes += block->size();
+  counts_.group_bytes += message->size();
   if (scene_.access != nullptr) scene_.access->addGroup(group);
   return message;
 }
@@ -379,7 +379,7 @@ std::optional<SharedMessage> Session::faceMessage(const repository::FaceKey& key
   has_face_.insert(key);
   image_bytes_.add(message->size());
   ++counts_.faces;
-  counts_.face_bytes += (*value)->size();
+  counts_.face_bytes += message->size();
   if (scene_.access != nullptr) scene_.access->addFace(key);
   return message;
 }

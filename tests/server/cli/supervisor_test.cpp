@@ -46,12 +46,18 @@ int waitFor(pid_t pid) {
   return WIFEXITED(waited) ? WEXITSTATUS(waited) : -1;
 }
 
-/// Waits until it gets a signal, as a server does.
-int waitForEnd() {
+sigset_t endSignal() {
   sigset_t set;
   sigemptyset(&set);
   sigaddset(&set, SIGTERM);
+  return set;
+}
+
+/// Serves nothing, and ends by a signal, which is not missed once `begun` is called.
+int serveUntilEnd(const std::function<void()>& begun) {
+  const sigset_t set = endSignal();
   sigprocmask(SIG_BLOCK, &set, nullptr);
+  begun();
   int signal = 0;
   sigwait(&set, &signal);
   return 0;
@@ -72,9 +78,10 @@ TEST(Supervisor, aWorkerThatCannotStartEndsAll) {
 TEST(Supervisor, killedWorkersAreStartedAgainAndSignalsAreHandedOn) {
   const Notes notes;
   const pid_t supervisor = startSupervisor(2, [&](unsigned, const std::function<void()>& ready) {
-    ready();
-    notes.write(::getpid());
-    return waitForEnd();
+    return serveUntilEnd([&] {
+      ready();
+      notes.write(::getpid());
+    });
   });
   std::set<pid_t> workers{notes.read(), notes.read()};
   EXPECT_EQ(workers.size(), 2U);
@@ -90,9 +97,10 @@ TEST(Supervisor, killedWorkersAreStartedAgainAndSignalsAreHandedOn) {
 TEST(Supervisor, workersEndWithTheSupervisor) {
   const Notes notes;
   const pid_t supervisor = startSupervisor(1, [&](unsigned, const std::function<void()>& ready) {
-    ready();
-    notes.write(::getpid());
-    const int status = waitForEnd();
+    const int status = serveUntilEnd([&] {
+      ready();
+      notes.write(::getpid());
+    });
     notes.write(43);
     return status;
   });

@@ -182,5 +182,45 @@ TEST(SessionRunner, manyViewersAtOnce) {
   for (std::thread& thread : threads) thread.join();
 }
 
+// ---- A busy server
+
+bool completes(Session& session, std::uint32_t sequence) {
+  bool complete = false;
+  while (const auto message = session.nextMessage()) {
+    const auto decoded = protocol::decodeServerMessage(*message);
+    const auto* completion = decoded ? std::get_if<protocol::Completion>(&*decoded) : nullptr;
+    complete = complete || (completion != nullptr && completion->sequence == sequence);
+  }
+  return complete;
+}
+
+// While others wait, a motion is planned for ten times a second, and a jump at once.
+TEST(BusySession, plansMotionsSeldom) {
+  const TestScene scene;
+  for (const bool is_busy : {false, true}) {
+    Session session(scene.data);
+    const auto look = [&](double seconds, std::uint32_t sequence, double x) {
+      session.setLink({seconds, 0, 0, 0.0});
+      protocol::View view = someView(sequence);
+      view.camera.position.x += x;
+      EXPECT_TRUE(session.receive(protocol::encode(protocol::ClientMessage(view))));
+    };
+    EXPECT_TRUE(session.receive(protocol::encode(protocol::ClientMessage(protocol::Hello{}))));
+    session.setBusy(is_busy);
+    look(1.0, 1, 0.0);
+    EXPECT_TRUE(completes(session, 1));
+    look(1.03, 2, 0.5);
+    EXPECT_EQ(completes(session, 2), !is_busy);
+    if (is_busy) {
+      ASSERT_TRUE(session.wakeAt());
+      EXPECT_NEAR(*session.wakeAt(), 1.1, 1e-9);
+      session.setLink({1.1, 0, 0, 0.0});
+      EXPECT_TRUE(completes(session, 2));
+    }
+    look(1.12, 3, 30.0);
+    EXPECT_TRUE(completes(session, 3));
+  }
+}
+
 }  // namespace
 }  // namespace server

@@ -635,39 +635,6 @@ TEST(Session, aMovingViewersFrameCarriesTheCameraThatItWasDrawnFor) {
   EXPECT_TRUE(talk.session.wakeAt()) << "to see that the eye has stopped";
 }
 
-// ---- a busy server ----
-
-bool completes(Talk& talk, std::uint32_t sequence) {
-  const auto messages = talk.drain();
-  return completeAt(messages, sequence) < messages.size();
-}
-
-// While others wait, a motion is planned for ten times a second, and a jump at once.
-TEST(Session, aBusyServerPlansMotionsSeldom) {
-  const TestScene scene;
-  for (const bool is_busy : {false, true}) {
-    Talk talk(scene.data);
-    talk.greet();
-    talk.session.setBusy(is_busy);
-    talk.session.setLink({1.0, 0, 0, 0.0});
-    ASSERT_TRUE(talk.say(scene.view(1, kAbove)));
-    EXPECT_TRUE(completes(talk, 1));
-
-    talk.session.setLink({1.03, 0, 0, 0.0});
-    ASSERT_TRUE(talk.say(scene.view(2, kAbove + glm::dvec3(0.01, 0.0, 0.0))));
-    EXPECT_EQ(completes(talk, 2), !is_busy);
-    if (is_busy) {
-      ASSERT_TRUE(talk.session.wakeAt());
-      EXPECT_NEAR(*talk.session.wakeAt(), 1.1, 1e-9);
-      talk.session.setLink({1.1, 0, 0, 0.0});
-      EXPECT_TRUE(completes(talk, 2));
-    }
-    talk.session.setLink({1.12, 0, 0, 0.0});
-    ASSERT_TRUE(talk.say(scene.view(3, -kAbove)));
-    EXPECT_TRUE(completes(talk, 3));
-  }
-}
-
 TEST(Session, framesAreAskedForInACodecThatHelloNamed) {
   for (const std::uint8_t codecs : {0, 1, 2, 3}) {
     TestScene scene;
