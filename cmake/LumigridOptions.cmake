@@ -21,6 +21,7 @@ option(LUMIGRID_COMPARE "Build lumigrid-compare, which needs OpenCV" ON)
 option(LUMIGRID_VIDEO "lumigrid-compare with H.264 video, by a libavcodec that may bring x264 under GPL" ON)
 option(LUMIGRID_QUICK "Compile many files at once: a whole build takes half the time, a change to one file more" OFF)
 option(LUMIGRID_WERROR "Treat warnings as errors" ON)
+option(LUMIGRID_FUZZ "The fuzz targets of tests/fuzz alone, linked to libFuzzer (clang; see the preset fuzz)" OFF)
 set(LUMIGRID_SANITIZE "" CACHE STRING "Sanitizers to build with, e.g. address,undefined or thread")
 
 # Nobody asks errno about a square root, and with it none can be vectorised. Products are rounded before they are added,
@@ -31,14 +32,32 @@ add_compile_options(-fno-math-errno -fno-trapping-math -ffp-contract=off)
 add_library(lumigrid_flags INTERFACE)
 target_compile_options(lumigrid_flags INTERFACE -Wall -Wextra -Wshadow -Wnon-virtual-dtor -Wold-style-cast -Wcast-qual
   -Wpedantic)
-if(CMAKE_CXX_COMPILER_ID STREQUAL "GNU")
+# lumigrid_without_warnings(WARNING...): turns off those of the warnings that the compiler knows. clang stops at others.
+include(CheckCXXCompilerFlag)
+function(lumigrid_without_warnings)
+  set(CMAKE_REQUIRED_FLAGS -Werror)
+  foreach(warning IN LISTS ARGN)
+    # gcc accepts any -Wno-, so it is asked for the warning itself.
+    string(MAKE_C_IDENTIFIER "LUMIGRID_WARNS_OF_${warning}" known)
+    check_cxx_compiler_flag(-W${warning} ${known})
+    if(${known})
+      target_compile_options(lumigrid_flags INTERFACE -Wno-${warning})
+    endif()
+  endforeach()
+endfunction()
+if(NOT EMSCRIPTEN)
   # gcc 12 takes a literal plus a std::string for a copy onto itself (its bug 105651).
-  target_compile_options(lumigrid_flags INTERFACE -Wno-restrict)
+  lumigrid_without_warnings(restrict)
 endif()
 if(LUMIGRID_QUICK AND NOT EMSCRIPTEN)
   # gcc takes the grouped files for headers: a type with a member from an anonymous namespace would be a fault in one.
-  # And a constant of one file may have the name of a local variable in another.
-  target_compile_options(lumigrid_flags INTERFACE -Wno-subobject-linkage -Wno-shadow -Wshadow=local)
+  # And a constant of one file may have the name of a local variable in another, which only gcc can tell apart from
+  # two local variables.
+  lumigrid_without_warnings(subobject-linkage shadow)
+  check_cxx_compiler_flag(-Wshadow=local LUMIGRID_WARNS_OF_SHADOW_LOCAL)
+  if(LUMIGRID_WARNS_OF_SHADOW_LOCAL)
+    target_compile_options(lumigrid_flags INTERFACE -Wshadow=local)
+  endif()
 endif()
 if(LUMIGRID_WERROR)
   target_compile_options(lumigrid_flags INTERFACE -Werror)
@@ -48,12 +67,16 @@ target_compile_definitions(lumigrid_flags INTERFACE GLM_FORCE_EXPLICIT_CTOR GLM_
 target_include_directories(lumigrid_flags INTERFACE ${PROJECT_SOURCE_DIR})
 if(LUMIGRID_SANITIZE)
   # gcc documents that sanitizers make these two warn where nothing is wrong.
-  target_compile_options(lumigrid_flags INTERFACE -Wno-maybe-uninitialized -Wno-stringop-overflow)
+  lumigrid_without_warnings(maybe-uninitialized stringop-overflow)
   if(LUMIGRID_SANITIZE MATCHES "thread")
     # gcc's thread sanitizer does not know fences; Asio does without them.
-    target_compile_options(lumigrid_flags INTERFACE -Wno-tsan)
+    lumigrid_without_warnings(tsan)
     target_compile_definitions(lumigrid_flags INTERFACE BOOST_ASIO_DISABLE_FENCED_BLOCK)
   endif()
   add_compile_options(-fsanitize=${LUMIGRID_SANITIZE} -fno-omit-frame-pointer)
   add_link_options(-fsanitize=${LUMIGRID_SANITIZE})
+endif()
+if(LUMIGRID_FUZZ)
+  # libFuzzer follows inputs through all of our code, not only through the targets. A finding ends the run.
+  add_compile_options(-fsanitize=fuzzer-no-link -fno-sanitize-recover=all)
 endif()
