@@ -14,10 +14,6 @@ constexpr std::uint32_t kMagic = 0x46546C67;      // "glTF"
 constexpr std::uint32_t kJsonChunk = 0x4E4F534A;  // "JSON"
 constexpr std::uint32_t kBinChunk = 0x004E4942;   // "BIN\0"
 
-// A sparse accessor may stand on zeros that take no place in the file, and a small hostile file must not fill the
-// memory: a choice, with 2^24 vertices for the largest that is plausible.
-constexpr std::uint64_t kMaxSparseBase = std::uint64_t{1} << 24;
-
 std::size_t componentsOf(const std::string& type) {
   if (type == "SCALAR") return 1;
   if (type == "VEC2") return 2;

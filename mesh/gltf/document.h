@@ -14,6 +14,10 @@
 
 namespace mesh::gltf {
 
+/// A sparse accessor may stand on zeros that take no place in the file, and a small hostile file must not fill the
+/// memory: more are an error. A choice, with 2^24 vertices for the largest that is plausible.
+inline constexpr std::uint64_t kMaxSparseBase = std::uint64_t{1} << 24;
+
 /// The bytes of a buffer view (section 3.6.1).
 struct View {
   base::ByteView bytes;

@@ -6,14 +6,11 @@
 #include <optional>
 
 #include "mesh/gltf/draco_mesh.h"
+#include "mesh/gltf/instances.h"
 #include "mesh/gltf/material.h"
 
 namespace mesh::gltf {
 namespace {
-
-// Nodes may draw one mesh many times, and a small hostile file must not fill the disk: 2^27 vertices are 3 GB of
-// doubles.
-constexpr std::uint64_t kMaxInstancedVertices = std::uint64_t{1} << 27;
 
 // The sRGB transfer function (IEC 61966-2-1): glTF's vertex colours and factors are linear, ours are sRGB.
 double srgbFromLinear(double v) {
@@ -32,28 +29,6 @@ glm::dmat4 nodeMatrix(const json& node) {
   for (int k = 0; k < 3; ++k) matrix[k] *= scale[k];
   matrix[3] = glm::dvec4(translation, 1.0);
   return matrix;
-}
-
-/// The roots of the default scene, or all nodes that are nobody's child.
-std::vector<std::uint64_t> rootNodes(const json& document) {
-  std::vector<std::uint64_t> roots;
-  const json& listed = member(item(member(document, "scenes"), integer(member(document, "scene"), 0)), "nodes");
-  if (listed.is_array()) {
-    for (const json& node : listed) roots.push_back(integer(node, kMissing));
-    return roots;
-  }
-  const json& nodes = member(document, "nodes");
-  std::vector<bool> is_child(itemsOf(nodes), false);
-  for (std::size_t n = 0; n < is_child.size(); ++n) {
-    const json& children = member(nodes[n], "children");
-    for (std::size_t c = 0; c < itemsOf(children); ++c) {
-      const std::uint64_t child = integer(children[c], kMissing);
-      if (child < is_child.size()) is_child[child] = true;
-    }
-  }
-  for (std::size_t n = 0; n < is_child.size(); ++n)
-    if (!is_child[n]) roots.push_back(n);
-  return roots;
 }
 
 // ---- Extensions ----
@@ -105,62 +80,52 @@ class SceneReader {
 
   base::Result<void> read(const glm::dmat4& out_from_document) {
     LUMIGRID_TRY(checkExtensions(document_.root(), omissions_));
-    measureMeshes();
-    LUMIGRID_TRY(readNodes(out_from_document));
+    LUMIGRID_ASSIGN_OR_RETURN(const auto shown, shownNodes(document_));
+    // The claims alone tell of most files that show too much, before minutes have been spent on them.
+    LUMIGRID_TRY(checkTimesShown(claimedBy(shown), amounts_.distinct));
+    LUMIGRID_TRY(readNodes(shown, out_from_document));
     omissions_.triangles += out_.triangleCount() - first_triangle_;
-    omissions_.triangles_in_meshes += triangles_in_meshes_;
+    omissions_.triangles_in_meshes += static_cast<std::uint64_t>(held().triangles);
     return {};
   }
 
  private:
-  // Adds up the corners that the meshes hold, which progress and a warning of instances are measured by.
-  void measureMeshes() {
-    const json& meshes = document_.list("meshes");
-    const auto count = [&](const json& accessor) {
-      return integer(member(item(document_.list("accessors"), integer(accessor, kMissing)), "count"), 0);
-    };
-    for (std::size_t m = 0; m < itemsOf(meshes); ++m) {
-      const json& primitives = member(meshes[m], "primitives");
-      for (std::size_t p = 0; p < itemsOf(primitives); ++p) {
-        const json& indices = member(primitives[p], "indices");
-        const std::uint64_t vertices = count(member(member(primitives[p], "attributes"), "POSITION"));
-        const std::uint64_t corners = indices.is_null() ? vertices : count(indices);
-        const bool list = integer(member(primitives[p], "mode"), 4) == 4;
-        corners_in_meshes_ += static_cast<double>(corners);
-        triangles_in_meshes_ += list ? corners / 3 : corners;
-      }
-    }
+  std::uint64_t meshOf(const ShownNode& node) const {
+    return integer(member(document_.list("nodes")[node.index], "mesh"), kMissing);
   }
 
-  base::Result<void> readNodes(const glm::dmat4& out_from_document) {
-    const json& nodes = document_.list("nodes");
-    const std::size_t node_count = itemsOf(nodes);
+  Amount claimedBy(const std::vector<ShownNode>& shown) const {
+    Amount claimed;
+    for (const ShownNode& node : shown) {
+      const std::uint64_t mesh = meshOf(node);
+      if (mesh >= amounts_.meshes.size()) continue;
+      claimed.triangles += amounts_.meshes[mesh].triangles;
+      claimed.vertices += amounts_.meshes[mesh].vertices;
+    }
+    return claimed;
+  }
 
+  /// The geometry that the document can hold: a triangle or vertex takes a byte at least, but in codecs' best cases.
+  Amount held() const {
+    const auto bytes = static_cast<double>(document_.bytes());
+    return {std::min(amounts_.distinct.triangles, bytes), std::min(amounts_.distinct.vertices, bytes)};
+  }
+
+  base::Result<void> readNodes(const std::vector<ShownNode>& shown, const glm::dmat4& out_from_document) {
+    const json& nodes = document_.list("nodes");
     // Where there are no nodes the meshes stand as they are.
-    if (node_count == 0) {
+    if (itemsOf(nodes) == 0) {
       for (std::size_t m = 0; m < itemsOf(document_.list("meshes")); ++m) LUMIGRID_TRY(readMesh(m, out_from_document));
       return {};
     }
-
-    // The walk is depth first. A node has one parent (section 3.5.2), so a file in which it is met twice is broken.
-    std::vector<std::pair<std::uint64_t, glm::dmat4>> stack;
-    std::vector<bool> seen(node_count, false);
-    for (const std::uint64_t root : rootNodes(document_.root())) stack.emplace_back(root, out_from_document);
-    std::reverse(stack.begin(), stack.end());
-    while (!stack.empty()) {
-      const auto [index, out_from_parent] = stack.back();
-      stack.pop_back();
-      if (index >= node_count) return invalidInput("a scene or node names a node that is not there");
-      if (seen[index]) return invalidInput("node " + std::to_string(index) + " has two parents or is its own child");
-      seen[index] = true;
-      const json& node = nodes[index];
-      const glm::dmat4 out_from_node = out_from_parent * nodeMatrix(node);
+    std::vector<glm::dmat4> out_from_nodes;
+    out_from_nodes.reserve(shown.size());
+    for (const ShownNode& one : shown) {
+      const json& node = nodes[one.index];
+      const glm::dmat4& out_from_parent = one.parent == kMissing ? out_from_document : out_from_nodes[one.parent];
+      out_from_nodes.push_back(out_from_parent * nodeMatrix(node));
       if (extension(node, "EXT_mesh_gpu_instancing").is_object()) ++omissions_.instanced_nodes;
-      if (!member(node, "mesh").is_null())
-        LUMIGRID_TRY(readMesh(integer(member(node, "mesh"), kMissing), out_from_node));
-      const json& children = member(node, "children");
-      for (std::size_t c = itemsOf(children); c-- > 0;)
-        stack.emplace_back(integer(children[c], kMissing), out_from_node);
+      if (!member(node, "mesh").is_null()) LUMIGRID_TRY(readMesh(meshOf(one), out_from_nodes.back()));
     }
     return {};
   }
@@ -246,9 +211,7 @@ class SceneReader {
   }
 
   base::Result<void> readVertices(const Primitive& p, const std::string& place, const glm::dmat4& out_from_mesh) {
-    const std::uint64_t total = out_.vertexCount() - first_vertex_ + p.position.count;
-    if (total > std::max(document_.bytes(), kMaxInstancedVertices))
-      return unsupported(place + ": instances make " + std::to_string(total) + " vertices; write them as one mesh");
+    LUMIGRID_TRY(checkSoFar(p, place));
     const bool colored = p.color || glm::dvec3(p.base.factor) != glm::dvec3(1.0);
 
     // A block's vertices have the same attributes.
@@ -291,9 +254,17 @@ class SceneReader {
       if (!stitch) addTriangle(p, first, t);
       LUMIGRID_TRY(flushFullBlocks());
     }
-    if (out_.triangleCount() - first_triangle_ > std::max(document_.bytes(), 4 * kMaxInstancedVertices))
-      return unsupported(place + ": instances make too many triangles; write them as one mesh");
     return {};
+  }
+
+  // Numbers may turn out larger than the document claimed: Draco's are told by its bytes alone.
+  base::Result<void> checkSoFar(const Primitive& next, const std::string& place) const {
+    const std::uint64_t corners = next.indices ? next.indices->count : next.position.count;
+    const Amount shown{static_cast<double>(out_.triangleCount() - first_triangle_) +
+                           trianglesOf(next.mode, static_cast<double>(corners)),
+                       static_cast<double>(out_.vertexCount() - first_vertex_ + next.position.count)};
+    const auto checked = checkTimesShown(shown, held());
+    return checked ? checked : base::within(place, checked.error());
   }
 
   // Textured primitives take their texture's colours; the base colour factor is not applied to them.
@@ -318,7 +289,7 @@ class SceneReader {
     return report();
   }
   base::Result<void> report() {
-    const double done = corners_in_meshes_ > 0.0 ? std::min(1.0, corners_read_ / corners_in_meshes_) : 1.0;
+    const double done = amounts_.corners > 0.0 ? std::min(1.0, corners_read_ / amounts_.corners) : 1.0;
     return out_.report(share_.begin + done * (share_.end - share_.begin));
   }
 
@@ -329,9 +300,8 @@ class SceneReader {
   Materials materials_;
   const std::uint64_t first_vertex_ = out_.vertexCount();
   const std::uint64_t first_triangle_ = out_.triangleCount();
-  double corners_in_meshes_ = 0.0;
+  const MeshAmounts amounts_ = measureMeshes(document_);  // progress and a warning of instances are measured by it
   double corners_read_ = 0.0;
-  std::uint64_t triangles_in_meshes_ = 0;
 };
 
 }  // namespace
