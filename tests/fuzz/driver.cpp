@@ -1,9 +1,9 @@
-// Runs a target over its seeds, over every cut of them, and over a fixed number of mutations of them.
+// Runs a target over the files of its corpus, over its seeds, over every cut of them, and over a fixed number of
+// mutations of all.
 //
-//   fuzz_NAME [--inputs N]      all inputs, which are the same on every machine
-//   fuzz_NAME --only I          input number I alone, as a crash names it
-//   fuzz_NAME --write-seeds DIR the seeds as files, for libFuzzer
-//   fuzz_NAME FILE...           these files
+//   fuzz_NAME [--corpus DIR] [--inputs N]  all inputs, which are the same on every machine
+//   fuzz_NAME [--corpus DIR] --only I      input number I alone, as a crash names it
+//   fuzz_NAME FILE...                      these files
 #include <unistd.h>
 
 #include <algorithm>
@@ -11,7 +11,11 @@
 #include <csignal>
 #include <cstdio>
 #include <cstdlib>
+#include <filesystem>
+#include <optional>
 #include <string>
+#include <system_error>
+#include <utility>
 #include <vector>
 
 #include "base/file.h"
@@ -108,45 +112,82 @@ extern "C" void reportCrash(int signal) {
   std::raise(signal);
 }
 
-void runAll(const std::vector<base::Bytes>& seeds, std::uint64_t inputs) {
+/// The files of the corpus in the order of their names; none where the target has no corpus yet.
+std::vector<std::string> corpusFiles(const std::string& directory) {
+  std::vector<std::string> paths;
+  std::error_code ec;
+  for (const auto& entry : std::filesystem::directory_iterator(directory, ec)) paths.push_back(entry.path().string());
+  std::sort(paths.begin(), paths.end());
+  return paths;
+}
+
+/// Appends the bytes of the files; false, with a line, where one cannot be read.
+bool readInto(std::vector<base::Bytes>& inputs, const std::vector<std::string>& paths) {
+  for (const std::string& path : paths) {
+    auto bytes = base::readFile(path);
+    if (!bytes) return std::fprintf(stderr, "%s\n", bytes.error().message.c_str()), false;
+    inputs.push_back(std::move(*bytes));
+  }
+  return true;
+}
+
+struct Arguments {
+  std::string corpus;
+  std::uint64_t inputs = 20000;
+  std::optional<std::uint64_t> only;
+  std::vector<std::string> files;
+};
+
+Arguments parse(int argc, char** argv) {
+  Arguments parsed;
+  for (int i = 1; i < argc; ++i) {
+    const std::string word = argv[i];
+    const bool has_value = i + 1 < argc;
+    if (word == "--corpus" && has_value)
+      parsed.corpus = argv[++i];
+    else if (word == "--inputs" && has_value)
+      parsed.inputs = std::stoull(argv[++i]);
+    else if (word == "--only" && has_value)
+      parsed.only = std::stoull(argv[++i]);
+    else
+      parsed.files.push_back(word);
+  }
+  return parsed;
+}
+
+void runSeeds(const std::vector<base::Bytes>& seeds) {
   for (const base::Bytes& seed : seeds) {
     fuzz::fuzzOne(seed);
     for (std::size_t length = 0; seed.size() <= kMaxExhaustiveBytes && length < seed.size(); ++length)
       fuzz::fuzzOne(base::ByteView(seed).first(length));
   }
+}
+
+void runMutations(const std::vector<base::Bytes>& origins, std::uint64_t inputs) {
   for (std::uint64_t i = 0; i < inputs; ++i) {
     current_input = static_cast<std::sig_atomic_t>(i);
-    fuzz::fuzzOne(mutated(seeds, i));
+    fuzz::fuzzOne(mutated(origins, i));
   }
-}
-
-int writeSeeds(const std::vector<base::Bytes>& seeds, const std::string& directory) {
-  for (std::size_t i = 0; i < seeds.size(); ++i)
-    if (!base::writeFileAtomically(directory + "/seed" + std::to_string(i), seeds[i])) return 1;
-  return 0;
-}
-
-int runFiles(const std::vector<std::string>& paths) {
-  for (const std::string& path : paths) {
-    const auto bytes = base::readFile(path);
-    if (!bytes) return std::fprintf(stderr, "%s\n", bytes.error().message.c_str()), 1;
-    fuzz::fuzzOne(*bytes);
-  }
-  return 0;
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
   for (const int signal : {SIGABRT, SIGSEGV, SIGBUS, SIGFPE, SIGILL}) std::signal(signal, reportCrash);
-  const std::vector<std::string> words(argv + 1, argv + argc);
-  const std::vector<base::Bytes> seeds = fuzz::seeds();
-  if (words.size() == 2 && words[0] == "--write-seeds") return writeSeeds(seeds, words[1]);
-  if (words.size() == 2 && words[0] == "--only") return fuzz::fuzzOne(mutated(seeds, std::stoull(words[1]))), 0;
-  if (!words.empty() && words[0] != "--inputs") return runFiles(words);
+  const Arguments arguments = parse(argc, argv);
+  std::vector<base::Bytes> corpus;
+  if (!readInto(corpus, arguments.files.empty() ? corpusFiles(arguments.corpus) : arguments.files)) return 1;
+  if (!arguments.only)
+    for (const base::Bytes& input : corpus) fuzz::fuzzOne(input);
+  if (!arguments.files.empty()) return 0;
 
-  const std::uint64_t inputs = words.size() == 2 ? std::stoull(words[1]) : 20000;
-  runAll(seeds, inputs);
-  std::printf("%zu seeds, their cuts and %llu mutations\n", seeds.size(), static_cast<unsigned long long>(inputs));
+  const std::vector<base::Bytes> seeds = fuzz::seeds();
+  std::vector<base::Bytes> origins = seeds;
+  origins.insert(origins.end(), corpus.begin(), corpus.end());
+  if (arguments.only) return fuzz::fuzzOne(mutated(origins, *arguments.only)), 0;
+  runSeeds(seeds);
+  runMutations(origins, arguments.inputs);
+  std::printf("%zu files of the corpus, %zu seeds, their cuts and %llu mutations\n", corpus.size(), seeds.size(),
+              static_cast<unsigned long long>(arguments.inputs));
   return 0;
 }
