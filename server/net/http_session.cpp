@@ -212,6 +212,10 @@ void HttpSession::answer(HttpRequest request) {
 }
 
 void HttpSession::upgradeToWebSocket() {
+  // Beast looks whether there is a key, not at what it is.
+  const beast::string_view key = parser_->get()[http::field::sec_websocket_key];
+  if (!key.empty() && !isWebSocketKey({key.data(), key.size()}))
+    return doWrite(textReply(400, "the handshake's key is not 16 bytes in base64\n"));
   stream_.expires_never();  // a WebSocket stream has its own timeouts
   hosted_->site->readAppearance();
   startWebSocketSession(hub_, hosted_, address_, std::move(stream_), parser_->get());

@@ -96,6 +96,14 @@ bool namesEntityTag(std::string_view if_none_match, std::string_view etag) {
   return false;
 }
 
+bool isWebSocketKey(std::string_view key) {
+  // 16 bytes are 22 characters and two of padding.
+  constexpr std::size_t kCharacters = 22;
+  constexpr const char* kAlphabet = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+  return key.size() == kCharacters + 2 && key.substr(kCharacters) == "==" &&
+         key.find_first_not_of(kAlphabet) == kCharacters;
+}
+
 std::string entityTag(base::ByteView bytes) {
   const base::Sha256Digest digest = base::sha256(bytes);
   return '"' + base::hexOf(base::ByteView(digest).first(kTagBytes)) + '"';

@@ -17,6 +17,9 @@ bool acceptsCoding(std::string_view accept_encoding, std::string_view coding);
 /// Whether the value of If-None-Match ("\"a\", W/\"b\"" or "*") names `etag`, compared weakly as for GET.
 bool namesEntityTag(std::string_view if_none_match, std::string_view etag);
 
+/// Whether the value of Sec-WebSocket-Key is 16 bytes in base64, as a handshake needs (RFC 6455, section 4.2.1).
+bool isWebSocketKey(std::string_view key);
+
 /// A strong entity tag with its quotes, made from the bytes' SHA-256.
 std::string entityTag(base::ByteView bytes);
 

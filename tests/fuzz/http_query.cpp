@@ -45,6 +45,7 @@ void fuzzOne(base::ByteView bytes) {
   (void)server::acceptsCoding(text, "br");
   (void)server::namesEntityTag(text, "\"def\"");
   (void)server::isHashedName(text);
+  (void)server::isWebSocketKey(text);
   const auto query = server::parseQuery(text);
   if (!query) return;
   const auto picture = server::parsePictureRequest(*query, kMaxPixels);

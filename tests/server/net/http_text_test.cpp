@@ -48,6 +48,13 @@ TEST(HttpText, malformedQueriesAreErrors) {
   EXPECT_FALSE(parseQuery(many));
 }
 
+TEST(WebSocketKey, isSixteenBytesInBase64) {
+  EXPECT_TRUE(isWebSocketKey("dGhlIHNhbXBsZSBub25jZQ=="));  // RFC 6455, section 1.3
+  for (const char* other : {"", "==", "dGhlIHNhbXBsZSBub25jZQ=", "dGhlIHNhbXBsZSBub25jZQ", "dGhlIHNhbXBsZSBub25jZQAA",
+                            "dGhlIHNhbXBsZSBub25 ZQ==", "dGhlIHNhbXBsZSBub=5jZQ==", "AAAdGhlIHNhbXBsZSBub25jZQ=="})
+    EXPECT_FALSE(isWebSocketKey(other)) << other;
+}
+
 TEST(PageNames, hashedNamesAreRecognised) {
   EXPECT_TRUE(isHashedName("lumigrid-1f0c2a9b.js"));
   EXPECT_TRUE(isHashedName("lumigrid.0123456789abcdef.wasm"));
