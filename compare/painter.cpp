@@ -15,7 +15,9 @@ namespace {
 /// Everything in a scene that its truth depends on.
 std::string identityOf(const server::OpenScene& scene) {
   const base::Light& light = scene.scene.light;
-  return base::hexOf(base::sha256(scene.patch_bytes.bytes())) +
+  const auto patches = scene.patch_file ? scene.patch_file->readAll() : base::Result<base::Bytes>(base::Bytes());
+  // Nothing is drawn of a file that cannot be read, so its picture's identity does not matter.
+  return (patches ? base::hexOf(base::sha256(*patches)) : patches.error().message) +
          base::formatText(" %d %.9g %.9g %.9g %.17g %.17g %.17g", static_cast<int>(light.mode),
                           static_cast<double>(light.direction.x), static_cast<double>(light.direction.y),
                           static_cast<double>(light.direction.z), scene.scene.origin.x, scene.scene.origin.y,

@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <utility>
 
-#include "repository/objects/objects.h"
-
 namespace compare {
 namespace {
 
@@ -13,14 +11,6 @@ constexpr std::size_t kRequestBytes = 400;  // request line and headers of a bro
 constexpr std::size_t kHeadBytes = 300;     // status line and headers of an answer
 
 }  // namespace
-
-base::Result<base::Bytes> readRange(base::ByteView object, const std::string& name, std::uint64_t offset,
-                                    std::uint64_t length) {
-  if (offset > object.size() || length > object.size() - offset)
-    return repository::tooShortError(name, object.size(), offset, length);
-  const base::ByteView range = object.subspan(offset, length);
-  return base::Bytes(range.begin(), range.end());
-}
 
 SimulatedFetcher::SimulatedFetcher(ReadObject read, const LinkProfile& link, std::uint32_t seed)
     : read_(std::move(read)), round_trip_(link.round_trip_seconds) {

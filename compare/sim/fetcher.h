@@ -17,10 +17,6 @@ namespace compare {
 using ReadObject =
     std::function<base::Result<base::Bytes>(const std::string& name, std::uint64_t offset, std::uint64_t length)>;
 
-/// The range of an object that lies in memory. kInvalidInput beyond its end.
-base::Result<base::Bytes> readRange(base::ByteView object, const std::string& name, std::uint64_t offset,
-                                    std::uint64_t length);
-
 class SimulatedFetcher final : public client::RangeFetcher {
  public:
   SimulatedFetcher(ReadObject read, const LinkProfile& link, std::uint32_t seed);

@@ -15,7 +15,7 @@ bool canBePublished(const server::OpenScene& scene) {
   return hasImages(scene) && !scene.directory.empty();
 }
 bool hasSplats(const server::OpenScene& scene) {
-  return !scene.splat_bytes.bytes().empty();
+  return scene.splat_file != nullptr;
 }
 bool hasPatches(const server::OpenScene& scene) {
   return scene.data.patches != nullptr;

@@ -25,9 +25,9 @@ base::Result<client::StaticObject> publishInto(const std::string& directory, con
 
 base::Result<std::unique_ptr<PublishedObjects>> PublishedObjects::create(const server::OpenScene& scene,
                                                                          const std::string& directory) {
-  const base::ByteView patches = scene.patch_bytes.bytes();
-  if (patches.empty() || scene.directory.empty())
+  if (scene.patch_file == nullptr || scene.directory.empty())
     return base::Error{base::ErrorCode::kUnsupported, "the method static needs a scene on this machine, with patches"};
+  LUMIGRID_ASSIGN_OR_RETURN(const auto patches, scene.patch_file->readAll());
   std::unique_ptr<PublishedObjects> objects(new PublishedObjects(scene));
   client::StaticScene& description = objects->description_;
   description.place = "scene";
@@ -48,7 +48,7 @@ base::Result<std::unique_ptr<PublishedObjects>> PublishedObjects::create(const s
 base::Result<base::Bytes> PublishedObjects::read(const std::string& name, std::uint64_t offset,
                                                  std::uint64_t length) const {
   if (name != description_.patches.name && images_) return images_->read(name, offset, length);
-  if (name == description_.patches.name) return readRange(scene_.patch_bytes.bytes(), name, offset, length);
+  if (name == description_.patches.name) return scene_.patch_file->read(name, offset, length);
   return base::Error{base::ErrorCode::kNotFound, name + ": there is no such object"};
 }
 

@@ -46,8 +46,8 @@ class SplatsPlayer final : public HostPlayer {
 
 base::Result<std::unique_ptr<Player>> makeSplatsPlayer(const Stage& stage, const MethodSetting& setting,
                                                        const LinkProfile& link) {
-  const base::ByteView file = stage.scene->splat_bytes.bytes();
-  if (file.empty())
+  const server::OpenFile* const file = stage.scene->splat_file.get();
+  if (file == nullptr)
     return base::Error{base::ErrorCode::kNotFound, "the scene has no splats; build it with --methods qsplat"};
   protocol::Welcome welcome = protocol::welcomeOf(stage.scene->scene, "scene");
   welcome.has_colors = stage.scene->scene.has_colors;
@@ -56,10 +56,10 @@ base::Result<std::unique_ptr<Player>> makeSplatsPlayer(const Stage& stage, const
   options.clock = {};  // every frame of motion counts as if it took the time that it may take
   auto fetcher =
       std::make_unique<SimulatedFetcher>([file](const std::string& name, std::uint64_t offset,
-                                                std::uint64_t length) { return readRange(file, name, offset, length); },
+                                                std::uint64_t length) { return file->read(name, offset, length); },
                                          link, stage.seed);
   return std::unique_ptr<Player>(
-      std::make_unique<SplatsPlayer>(stage, client::SplatFilePlace{"scene", "qsplat.lgq", file.size()},
+      std::make_unique<SplatsPlayer>(stage, client::SplatFilePlace{"scene", "qsplat.lgq", file->size()},
                                      std::move(welcome), std::move(fetcher), options, link));
 }
 

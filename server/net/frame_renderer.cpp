@@ -153,7 +153,7 @@ void FrameRenderer::drawFrameBand() {
   if (!was_begun) picture = drawn_.find(job.scene.get(), job.request.camera);
   if (!was_begun) ++(picture ? found_ : not_found_);
   if (!picture) whole = drawNextBand(job);
-  if (!whole) spdlog::warn("frames: {}", whole.error().message);
+  if (!whole) job.scene->read_errors->report("frames", whole.error());
   if (whole && *whole && !picture) {
     picture = std::make_shared<const base::Image>(job.painter->takePicture());
     drawn_.add(job.scene.get(), job.request.camera, picture);
@@ -216,7 +216,7 @@ void FrameRenderer::encode(FrameJob job, std::shared_ptr<const base::Image> pict
   encoders_.submit(client, [encoding = std::make_shared<Encoding>(*this, std::move(job), std::move(picture))] {
     const FrameRequest& request = encoding->job.request;
     auto encoded = encodeFrame(*encoding->picture, request.codec, request.quality);
-    if (!encoded) spdlog::warn("frames: {}", encoded.error().message);
+    if (!encoded) encoding->job.scene->read_errors->report("frames", encoded.error());
     encoding->job.done(encoded ? std::move(*encoded) : base::Bytes());
   });
 }
@@ -224,7 +224,7 @@ void FrameRenderer::encode(FrameJob job, std::shared_ptr<const base::Image> pict
 void FrameRenderer::drawPictureBand() {
   const auto whole = drawNextBand(*current_picture_);
   if (whole && !*whole) return;
-  if (!whole) spdlog::warn("picture: {}", whole.error().message);
+  if (!whole) current_picture_->scene->read_errors->report("picture", whole.error());
   {
     const std::lock_guard lock(mutex_);
     picture_client_.reset();

@@ -32,7 +32,7 @@ constexpr std::uint64_t kMinBytesPerSecond = 16 * 1024;             // a slower 
 constexpr std::uint32_t kMaxHeaderBytes = 8 * 1024;                 // Beast's default for requests
 constexpr int kRetrySeconds = 5;                                    // in Retry-After
 constexpr std::size_t kMaxUnsentPictures = std::size_t{256} << 20;  // bytes of all; beyond, no new one is begun
-constexpr std::uint64_t kRemoteRange = std::uint64_t{1} << 20;      // bytes of a remote file that a connection holds
+constexpr std::uint64_t kRemoteRange = std::uint64_t{1} << 20;      // bytes of a file that a connection holds
 
 class HttpSession final : public Connection {
  public:
@@ -81,7 +81,7 @@ class HttpSession final : public Connection {
   void onReadable(std::uint64_t id);
   void stopWaiting();
 
-  // Bodies of remote files. A range is read on another thread, then written; status and header fields are written
+  // Bodies of the scene's files. A range is read on another thread, then written; status and header fields are written
   // after the first one was read, so that they can tell of an error.
   void readRemoteRange();
   void onRemoteRange(base::Result<base::Bytes> bytes);
@@ -110,7 +110,7 @@ class HttpSession final : public Connection {
   std::optional<std::uint64_t> awaited_;  // id of the answer
   std::optional<SteadyTimer> answer_timer_;
   std::size_t picture_bytes_ = 0;  // counted in Hub::unsent_picture_bytes
-  bool header_written_ = false;    // the header of a reply from a remote file
+  bool header_written_ = false;    // the header of a reply whose body is read range by range
   HttpReply reply_;
   std::optional<http::response<Body>> response_;
   std::optional<http::response_serializer<Body>> serializer_;
@@ -126,9 +126,18 @@ HttpReply headReply(const char* type) {
   return {.type = type, .cache = "no-store", .has_length = false};
 }
 
+/// A disk may be mended and a network come back; what is wrong at its origin stays so.
 HttpReply remoteErrorReply(const base::Error& error) {
   const std::string text = "this file cannot be read where the scene lies; the server's log says why\n";
-  return error.code == base::ErrorCode::kNetwork ? tryLater(kRetrySeconds, text) : textReply(502, text);
+  const bool may_pass = error.code == base::ErrorCode::kNetwork || error.code == base::ErrorCode::kIo;
+  return may_pass ? tryLater(kRetrySeconds, text) : textReply(502, text);
+}
+
+/// Bytes of the scene that are damaged or cannot be read are no fault of the renderer's.
+HttpReply renderErrorReply(const base::Error& error) {
+  const std::string text = "the picture could not be rendered; the server's log says why\n";
+  const bool is_data = error.code == base::ErrorCode::kInvalidInput || error.code == base::ErrorCode::kIo;
+  return is_data ? tryLater(kRetrySeconds, text) : textReply(500, text);
 }
 
 HttpRequest viewOf(const UpgradeRequest& request) {
@@ -250,7 +259,7 @@ void HttpSession::requestPicture(const HttpRequest& request) {
 
 void HttpSession::onPicture(const char* type, base::Result<base::Bytes> bytes) {
   (bytes ? hub_->metrics.pictures_drawn : hub_->metrics.pictures_failed).add();
-  if (!bytes) return doWrite(textReply(500, "the picture could not be rendered; the server's log says why\n"));
+  if (!bytes) return doWrite(renderErrorReply(bytes.error()));
   HttpReply reply{.type = type, .cache = "no-store", .owned = std::move(*bytes)};
   picture_bytes_ = reply.owned.size();
   hub_->unsent_picture_bytes += picture_bytes_;
@@ -272,8 +281,8 @@ void HttpSession::requestPick(const HttpRequest& request) {
 
 void HttpSession::onPick(base::Result<std::string> json) {
   if (!json) {
-    spdlog::warn("pick: {}", json.error().message);
-    return doWrite(textReply(500, "the scene's data is damaged there; the server's log says more\n"));
+    hosted_->scene->read_errors->report("pick", json.error());
+    return doWrite(tryLater(kRetrySeconds, "the scene's data cannot be read there; the server's log says more\n"));
   }
   doWrite({.type = "application/json", .cache = "no-store", .text = std::move(*json)});
 }
@@ -315,7 +324,7 @@ void HttpSession::stopWaiting() {
   stream_.socket().cancel(ignored);
 }
 
-// ---- Bodies of remote files
+// ---- Bodies of the scene's files
 
 void HttpSession::readRemoteRange() {
   const RemoteBody& body = reply_.remote;
@@ -331,7 +340,7 @@ void HttpSession::readRemoteRange() {
 
 void HttpSession::onRemoteRange(base::Result<base::Bytes> bytes) {
   if (!bytes) {
-    spdlog::warn("remote file: {}", bytes.error().message);
+    hosted_->scene->read_errors->report("download", bytes.error());
     return header_written_ ? close() : doWrite(remoteErrorReply(bytes.error()));
   }
   reply_.owned = std::move(*bytes);

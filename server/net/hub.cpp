@@ -2,8 +2,6 @@
 
 #include <algorithm>
 #include <filesystem>
-#include <mutex>
-#include <set>
 #include <utility>
 
 #include "base/parallel.h"
@@ -24,20 +22,11 @@ base::Result<PageFiles> readPages(const std::string& directory) {
   return readPageFiles(directory);
 }
 
-/// Writes to the log which published images cannot be read. Each message is logged once, at most 100 of them: a
-/// missing pack holds hundreds of faces, and viewers ask for them again and again.
-void logImageErrors(OpenScene& scene) {
+/// Reports which published images cannot be read.
+void reportImageErrors(OpenScene& scene) {
   if (scene.packs == nullptr) return;
-  constexpr std::size_t kMaxLoggedErrors = 100;
-  struct LoggedErrors {
-    std::mutex mutex;
-    std::set<std::string> messages;
-  };
-  scene.packs->setErrorListener([logged = std::make_shared<LoggedErrors>()](const base::Error& error) {
-    const std::lock_guard guard(logged->mutex);
-    if (logged->messages.size() < kMaxLoggedErrors && logged->messages.insert(error.message).second)
-      spdlog::warn("image: {}", error.message);
-  });
+  scene.packs->setErrorListener(
+      [errors = scene.read_errors.get()](const base::Error& error) { errors->report("image", error); });
 }
 
 }  // namespace
@@ -86,7 +75,7 @@ base::Result<void> Hub::openScenes(const std::vector<std::string>& places) {
   remote.warn = [](const std::string& message) { spdlog::warn("cache: {}", message); };
   for (std::size_t i = 0; i < places.size(); ++i) {
     LUMIGRID_ASSIGN_OR_RETURN(auto scene, openScene(places[i], remote));
-    logImageErrors(*scene);
+    reportImageErrors(*scene);
     scene->data.ahead_bytes = options.ahead_bytes;
     scene->messages = std::make_unique<MessageCache>(options.message_cache_bytes / places.size());
     scene->data.messages = scene->messages.get();
@@ -170,6 +159,13 @@ void Hub::endThreads() {
   for (const auto& hosted : scenes) hosted->fetchers->stop();
   renderer.reset();
   for (const auto& hosted : scenes) hosted->picker.reset();
+}
+
+void Hub::logReadErrors() const {
+  for (const auto& hosted : scenes)
+    if (const std::uint64_t count = hosted->scene->read_errors->count(); count > 0)
+      spdlog::warn("{} reads{}{} failed since the server began", count, hosted->name.empty() ? "" : " of scene ",
+                   hosted->name);
 }
 
 void Hub::endAccessLogs() {

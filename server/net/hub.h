@@ -71,6 +71,8 @@ struct Hub {
   HttpReply answerForAllScenes(const HttpRequest& request) const;
   /// Ends workers, fetchers, renderer and pickers, whose threads post to `io`; so this precedes the end of `io`.
   void endThreads();
+  /// Tells the log how many reads of each scene failed.
+  void logReadErrors() const;
   /// Writes the access counts of all scenes; nothing is counted from here on.
   void endAccessLogs();
 

@@ -87,12 +87,15 @@ std::unique_ptr<OpenScene> openDocument(base::Scene scene, base::Bytes json_byte
   open->scene_json = std::move(json_bytes);
   open->name = nameOf(place);
   open->data.welcome = protocol::welcomeOf(open->scene, open->name);
+  open->data.on_read_error = [errors = open->read_errors.get()](const base::Error& error) {
+    errors->report("scene", error);
+  };
   return open;
 }
 
 base::Result<void> openHierarchy(const std::string& path, OpenScene& open) {
   LUMIGRID_ASSIGN_OR_RETURN(open.patches, lod::patch::PatchFile::open(path));
-  LUMIGRID_ASSIGN_OR_RETURN(open.patch_bytes, base::MappedFile::open(path));
+  LUMIGRID_ASSIGN_OR_RETURN(open.patch_file, OpenFile::open(path));
   open.data.patches = &open.patches;
   describeHierarchy(open.patches.hierarchy(), open.data.welcome);
   return {};
@@ -214,7 +217,7 @@ base::Result<std::unique_ptr<OpenScene>> openScene(const std::string& place, con
   open->directory = place;
   const bool has_splats = base::partFile(open->scene, "qsplat", ".lgq").has_value();
   if (has_splats) {
-    LUMIGRID_ASSIGN_OR_RETURN(open->splat_bytes, base::MappedFile::open(base::splatPath(place, open->scene)));
+    LUMIGRID_ASSIGN_OR_RETURN(open->splat_file, OpenFile::open(base::splatPath(place, open->scene)));
   }
   if (has_splats && !base::partFile(open->scene, "patch", ".lgp")) return open;
   LUMIGRID_TRY(openHierarchy(base::patchPath(place, open->scene), *open));

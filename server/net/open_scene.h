@@ -16,6 +16,8 @@
 #include "repository/sampling/grid.h"
 #include "repository/sampling/parameters.h"
 #include "repository/store.h"
+#include "server/net/open_file.h"
+#include "server/net/read_errors.h"
 #include "server/session/session.h"
 
 namespace server {
@@ -40,20 +42,21 @@ struct OpenScene : std::enable_shared_from_this<OpenScene> {
   std::string directory;                      ///< directory of a local scene; empty: remote
   std::string name;                           ///< the scene's by its place
   std::string annotations_json;               ///< annotations of a remote scene, checked; empty: it has none
-  base::MappedFile patch_bytes;               ///< patch.lgp, for byte ranges
-  base::MappedFile splat_bytes;               ///< qsplat.lgq likewise; empty: not built, or remote
+  std::unique_ptr<OpenFile> patch_file;       ///< patch.lgp, or its mirror, for byte ranges; null: no patches
+  std::unique_ptr<OpenFile> splat_file;       ///< qsplat.lgq likewise; null: not built, or remote
   std::unique_ptr<repository::ObjectSource> remote_splats;  ///< reads a remote qsplat.lgq by ranges; null: no such file
   std::unique_ptr<lod::patch::ProxySight> sight;  ///< null: no images, or the hierarchy's coarse patches are damaged
   std::unique_ptr<MessageCache> messages;         ///< null: none
-  SceneData data;                                 ///< for sessions; can_render_frames is false until a renderer runs
+  const std::unique_ptr<ReadErrors> read_errors = std::make_unique<ReadErrors>();  ///< of all that reads the scene
+  SceneData data;  ///< for sessions; can_render_frames is false until a renderer runs
 };
 
 /// Opens scene.json, patch.lgp, qsplat.lgq and images/, as far as they are there, as `lumigrid build` or `lumigrid
 /// publish` left them (docs/formats/scene.md). Errors name the file; kNotFound without patches and splats. A built
 /// scene's repository is opened for reading, while a bake may write to it; LMDB forbids to open it twice in one
 /// process. `place` may also be a published scene behind a network, "https://host/scene" or "s3://bucket/scene"
-/// (docs/places.md): its hierarchy is mirrored, since it is memory-mapped; images and splats are read by range through
-/// a cache.
+/// (docs/places.md): its hierarchy is mirrored, since blocks are read all the time; images and splats are read by range
+/// through a cache.
 base::Result<std::unique_ptr<OpenScene>> openScene(const std::string& place, const RemoteOptions& options = {});
 
 /// Reads scene.json at a place. Errors as ObjectSource::read; kInvalidInput for a file over 16 MiB, which no scene.json

@@ -136,6 +136,7 @@ void Server::Impl::shutDown() {
   if (hub->stopping) return;
   hub->stopping = true;
   spdlog::info("stopping: {} connections are open", hub->connections.size());
+  hub->logReadErrors();
   listener.close();
   hub->on_last_connection_closed = [this] { finish(); };
   constexpr auto kCloseTimeout = std::chrono::seconds(2);  // for viewers to answer the close frame

@@ -224,24 +224,24 @@ void Site::takeUpAppearance(const base::Scene& changed) {
 }
 
 void Site::addSceneFiles() {
-  const auto addLocal = [this](SceneFile file, base::ByteView bytes) {
-    file.bytes = bytes;
-    file.size = bytes.size();
+  const auto addLocal = [this](SceneFile file, const OpenFile& opened) {
+    file.source = &opened;
+    file.size = opened.size();
     files_.push_back(std::move(file));
   };
-  if (scene_.data.patches != nullptr) addLocal(sceneFile("patch", ".lgp"), scene_.patch_bytes.bytes());
+  if (scene_.patch_file != nullptr) addLocal(sceneFile("patch", ".lgp"), *scene_.patch_file);
   SceneFile splats = sceneFile("qsplat", ".lgq");
   splats.source = scene_.remote_splats.get();
   if (splats.source != nullptr)
     files_.push_back(std::move(splats));
-  else if (!scene_.splat_bytes.bytes().empty())
-    addLocal(std::move(splats), scene_.splat_bytes.bytes());
+  else if (scene_.splat_file != nullptr)
+    addLocal(std::move(splats), *scene_.splat_file);
 }
 
 /// The names, tag and size of a file as scene.json has them.
 Site::SceneFile Site::sceneFile(const std::string& stem, const std::string& extension) const {
   const std::string name = base::partFile(scene_.scene, stem, extension).value_or(stem + extension);
-  SceneFile file{"/" + stem + extension, "/" + name, "", {}, nullptr, 0};
+  SceneFile file{"/" + stem + extension, "/" + name, "", nullptr, 0};
   for (const base::ScenePart& listed : scene_.scene.parts) {
     if (listed.file != name) continue;
     file.size = listed.bytes;
@@ -335,10 +335,8 @@ HttpReply Site::sceneFileReply(const HttpRequest& request, const SceneFile& file
     reply.headers.emplace_back("Content-Range", base::formatContentRange(range, file.size));
   if (range.kind == base::RangeRequest::Kind::kUnsatisfiable)
     reply.status = 416;
-  else if (file.source != nullptr)
-    reply.remote = {file.source, file.path.substr(1), range.first, range.length};
   else
-    reply.bytes = file.bytes.subspan(range.first, range.length);
+    reply.remote = {file.source, file.path.substr(1), range.first, range.length};
   if (range.kind == base::RangeRequest::Kind::kPart) reply.status = 206;
   return reply;
 }

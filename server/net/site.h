@@ -1,6 +1,7 @@
 #pragma once
-// The HTTP answers of one scene that come from memory at once: the page, the scene's files, small texts
-// (docs/formats/http.md). It knows no sockets. /render and /pick, which are answered later, are not its business.
+// The HTTP answers of one scene that are known at once: the page, small texts, and where the bytes of the scene's files
+// are to be read (docs/formats/http.md). It knows no sockets. /render and /pick, which are answered later, are not its
+// business.
 #include <filesystem>
 #include <functional>
 #include <optional>
@@ -22,7 +23,8 @@ struct HttpRequest {
   std::string_view path() const { return target.substr(0, target.find('?')); }
 };
 
-/// A body that lies behind a network and is read range by range while it is sent.
+/// A body that lies on a disk or behind a network, away from the io thread, and is read range by range while it is
+/// sent.
 struct RemoteBody {
   const repository::ObjectSource* source = nullptr;
   std::string name;
@@ -39,7 +41,7 @@ struct HttpReply {
   std::string text = {};      ///< the body, unless `bytes`, `owned` or `remote` has one
   base::ByteView bytes = {};  ///< bytes of the site, with which they live
   base::Bytes owned = {};
-  RemoteBody remote = {};    ///< part of a remote file; length 0: none
+  RemoteBody remote = {};    ///< part of a file of the scene; length 0: none
   bool has_length = true;    ///< false: a HEAD that does not say how long the body were
   HttpHeaders headers = {};  ///< besides type and cache
 
@@ -114,8 +116,7 @@ class Site {
     std::string plain;                                 ///< "/patch.lgp"
     std::string path;                                  ///< the same, or with the name that scene.json has for it
     std::string etag;                                  ///< empty where scene.json has no SHA-256
-    base::ByteView bytes;                              ///< bytes of a local file
-    const repository::ObjectSource* source = nullptr;  ///< reads a remote file; null: it is local
+    const repository::ObjectSource* source = nullptr;  ///< reads it; outlives the site
     std::uint64_t size = 0;
   };
   SceneFile sceneFile(const std::string& stem, const std::string& extension) const;

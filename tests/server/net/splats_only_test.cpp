@@ -63,6 +63,49 @@ TEST(SplatsOnly, splatFileIsServedAndPatchesAreRefused) {
   }
 }
 
+// Files are read a megabyte at a time while they are sent, so a cut one is noticed there.
+TEST(SplatsOnly, downloadsOfAFileThatIsCutEndEarlyOrAreRefused) {
+  constexpr std::size_t kBytes = 3'500'000, kLeft = 2'500'000;
+  const support::TemporaryDirectory directory;
+  const SplatsOnly scene(directory / "cloud", kBytes), other(directory / "other", kBytes);
+  const RunningServer server(std::vector<std::string>{directory / "cloud", directory / "other"});
+  const HttpAnswer whole = httpRequest(server.port(), "/cloud/qsplat.lgq");
+  EXPECT_TRUE(whole.body == scene.file);
+  fs::resize_file(scene.path, kLeft);
+
+  const std::string answer = rawExchange(server.port(), "GET /cloud/qsplat.lgq HTTP/1.1\r\nHost: x\r\n\r\n");
+  EXPECT_NE(answer.find("Content-Length: " + std::to_string(kBytes)), std::string::npos);
+  const std::string body = answer.substr(answer.find("\r\n\r\n") + 4);
+  EXPECT_GT(body.size(), 1'000'000U);
+  EXPECT_LE(body.size(), kLeft);
+  EXPECT_TRUE(body == scene.file.substr(0, body.size()));
+
+  const auto range = [&](const std::string& name, const std::string& bytes) {
+    return httpRequest(server.port(), "/" + name + "/qsplat.lgq", {{"Range", "bytes=" + bytes}});
+  };
+  const HttpAnswer gone = range("cloud", "3000000-3000009");
+  EXPECT_EQ(gone.status, 503);
+  EXPECT_EQ(gone.headers.count("retry-after"), 1U);
+  EXPECT_NE(gone.body.find("cannot be read"), std::string::npos) << gone.body;
+  const HttpAnswer there = range("cloud", "2000000-2000009");
+  EXPECT_EQ(there.status, 206);
+  EXPECT_EQ(there.body, scene.file.substr(2'000'000, 10));
+  EXPECT_EQ(there.headers.at("etag"), whole.headers.at("etag"));
+  EXPECT_TRUE(httpRequest(server.port(), "/other/qsplat.lgq").body == other.file);
+  EXPECT_EQ(httpRequest(server.port(), "/healthz").status, 200);
+}
+
+// A build that replaces a file leaves those who download the old one alone.
+TEST(SplatsOnly, aFileThatIsReplacedIsServedAsItWas) {
+  const support::TemporaryDirectory directory;
+  const SplatsOnly scene(directory / "cloud", 5000);
+  const RunningServer server(directory / "cloud");
+  write(scene.path, std::string(5000, 'x'));
+  EXPECT_EQ(httpRequest(server.port(), "/qsplat.lgq").body, scene.file);
+  fs::remove(scene.path);
+  EXPECT_EQ(httpRequest(server.port(), "/qsplat.lgq").body, scene.file);
+}
+
 TEST(SplatsOnly, pageIsRedirectedToTheProgramForSplats) {
   const support::TemporaryDirectory directory;
   const SplatsOnly scene(directory / "cloud", 5000);
