@@ -18,6 +18,16 @@ using Double4 = double __attribute__((vector_size(32)));
 using Ushort8 = std::uint16_t __attribute__((vector_size(16)));
 using Char8 = std::int8_t __attribute__((vector_size(8)));
 
+/// Bit i is lane i of a comparison's result (−1 or 0).
+LUMIGRID_ALWAYS_INLINE std::uint32_t bitsOf(Int4 comparison) {
+#ifdef __SSE2__
+  return static_cast<std::uint32_t>(__builtin_ia32_movmskps(reinterpret_cast<Float4>(comparison)));
+#else
+  return static_cast<std::uint32_t>((comparison[0] & 1) | (comparison[1] & 2) | (comparison[2] & 4) |
+                                    (comparison[3] & 8));
+#endif
+}
+
 /// Transposes four vectors of four lanes: lane j of result i is lane i of in[j].
 template <class Vector>
 LUMIGRID_ALWAYS_INLINE std::array<Vector, 4> transposed(const Vector* in) {

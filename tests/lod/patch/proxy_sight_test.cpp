@@ -2,11 +2,13 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <random>
 
 #include "base/camera.h"
 #include "lod/patch/ray_cast.h"
+#include "lod/patch/ray_triangle.h"
 #include "tests/lod/patch/built_scene.h"
 
 namespace lod::patch {
@@ -70,6 +72,127 @@ TEST(ProxySight, noClosedSurfaceLetsALineThrough) {
   RandomRays rays(scene.file());
   for (int i = 0; i < 5000; ++i)
     ASSERT_TRUE(sight->isBlocked(glm::vec3(0.2 * rays.unit()), glm::vec3(4.0 * rays.unit()), 0.0F)) << i;
+}
+
+// ---- the tree against all triangles one by one ----
+
+struct Triangle {
+  glm::vec3 a, b, c;
+};
+
+/// Triangles of all sizes with corners on a lattice, so that rays along it meet edges, corners and planes exactly.
+class Heap {
+ public:
+  Heap() {
+    hierarchy_.lattice = {glm::dvec3(-8.0), 0.25};
+    for (int i = 0; i < 3000; ++i) {
+      const int size = i % 100 == 0 ? 64 : 2 + i % 6;
+      const auto draw = [&] { return glm::ivec3(at(size), at(size), at(size)); };
+      const glm::ivec3 first = glm::ivec3(at(64), at(64), at(64)) + draw();
+      glm::ivec3 second = first, third = first;
+      // Where a triangle without area is met is a matter of rounding.
+      while (glm::cross(glm::vec3(second - first), glm::vec3(third - first)) == glm::vec3(0.0F))
+        second = first + draw(), third = first - draw();
+      for (const glm::ivec3& corner : {first, second, third}) {
+        geometry_.indices.push_back(static_cast<std::uint32_t>(geometry_.positions.size()));
+        geometry_.positions.push_back(corner);
+      }
+    }
+    for (std::size_t i = 0; i < geometry_.positions.size(); i += 3)
+      triangles_.push_back({place(i), place(i + 1), place(i + 2)});
+  }
+  ProxySight sight() const {
+    const std::vector<std::uint32_t> patches{0};
+    return *ProxySight::ofPatches(hierarchy_, patches, 0.1F,
+                                  [&](std::uint32_t) -> base::Result<PatchGeometry> { return geometry_; });
+  }
+  /// The nearest distance along the ray from `from` to `to`, in lengths of the direction.
+  std::optional<double> nearest(const glm::dvec3& origin, const glm::dvec3& direction, double from, double to) const {
+    const ShearedRay ray(origin, direction);
+    std::optional<double> least;
+    for (const Triangle& triangle : triangles_) {
+      const auto met = ray.meets(glm::dvec3(triangle.a), glm::dvec3(triangle.b), glm::dvec3(triangle.c));
+      if (met && met->distance >= from && met->distance <= to && (!least || met->distance < *least))
+        least = met->distance;
+    }
+    return least;
+  }
+  const std::vector<Triangle>& triangles() const { return triangles_; }
+
+  /// A place on the lattice, or anywhere.
+  glm::vec3 drawPlace(bool on_lattice) {
+    const glm::ivec3 step(at(80) - 8, at(80) - 8, at(80) - 8);
+    return glm::vec3(-8.0F) +
+           0.25F * (glm::vec3(step) + (on_lattice ? 0.0F : 0.01F) * glm::vec3(at(100), at(90), at(80)));
+  }
+  glm::vec3 drawDirection(bool along_an_axis) {
+    glm::vec3 direction(0.0F);
+    while (direction == glm::vec3(0.0F)) direction = glm::vec3(at(20) - 10, at(20) - 10, at(20) - 10);
+    if (!along_an_axis) return glm::normalize(direction);
+    glm::vec3 axis(0.0F);
+    axis[at(3)] = at(2) == 0 ? 1.0F : -1.0F;
+    return axis;
+  }
+
+ private:
+  int at(int count) { return static_cast<int>(random_() % static_cast<unsigned>(count)); }
+  glm::vec3 place(std::size_t i) const { return hierarchy_.lattice.position(geometry_.positions[i]); }
+
+  std::mt19937 random_{7};
+  Hierarchy hierarchy_;
+  PatchGeometry geometry_;
+  std::vector<Triangle> triangles_;
+};
+
+TEST(ProxySight, nearestIsThatOfAllTriangles) {
+  Heap heap;
+  const ProxySight sight = heap.sight();
+  int hits = 0;
+  for (int i = 0; i < 3000; ++i) {
+    const glm::vec3 origin = heap.drawPlace(i % 2 == 0);
+    const glm::vec3 direction = heap.drawDirection(i % 3 == 0);
+    const auto met = sight.nearest(origin, direction, 30.0F);
+    const auto expected = heap.nearest(glm::dvec3(origin), glm::dvec3(direction), 0.0, 30.0);
+    ASSERT_EQ(met.has_value(), expected.has_value()) << i;
+    if (!met) continue;
+    ++hits;
+    ASSERT_EQ(met->distance, static_cast<float>(*expected)) << i;
+    const ProxySight::Cell& cell = sight.cell(met->cell);
+    EXPECT_LE(glm::length(origin + met->distance * direction - cell.place), 1.001F * cell.radius) << i;
+  }
+  EXPECT_GT(hits, 1000);
+}
+
+TEST(ProxySight, aLineIsBlockedWhereAnyTriangleIsInTheWay) {
+  Heap heap;
+  const ProxySight sight = heap.sight();
+  int blocked = 0;
+  for (int i = 0; i < 3000; ++i) {
+    const glm::vec3 from = heap.drawPlace(i % 2 == 0);
+    const glm::vec3 to = i % 3 == 0 ? from + 4.0F * heap.drawDirection(true) : heap.drawPlace(i % 4 == 0);
+    const float clearance = i % 5 == 0 ? 0.0F : 0.5F;
+    const double length = glm::length(glm::dvec3(to) - glm::dvec3(from));
+    const auto inset = static_cast<double>(clearance);
+    const bool expected =
+        length > 2.0 * inset &&
+        heap.nearest(glm::dvec3(from), (glm::dvec3(to) - glm::dvec3(from)) / length, inset, length - inset).has_value();
+    ASSERT_EQ(sight.isBlocked(from, to, clearance), expected) << i;
+    blocked += expected ? 1 : 0;
+  }
+  EXPECT_GT(blocked, 500);
+  EXPECT_LT(blocked, 2900);
+}
+
+TEST(ProxySight, cellsHoldAllTriangles) {
+  const Heap heap;
+  const ProxySight sight = heap.sight();
+  EXPECT_GE(4 * sight.cellCount(), heap.triangles().size());
+  EXPECT_LT(sight.cellCount(), heap.triangles().size());
+  for (std::uint32_t cell = 0; cell < sight.cellCount(); ++cell) {
+    EXPECT_TRUE(std::any_of(heap.triangles().begin(), heap.triangles().end(), [&](const Triangle& triangle) {
+      return glm::length((triangle.a + triangle.b + triangle.c) / 3.0F - sight.cell(cell).place) < 1e-4F;
+    }));
+  }
 }
 
 TEST(ProxySight, emptyCutHidesNothing) {
