@@ -4,24 +4,22 @@
 #include <array>
 #include <cmath>
 #include <limits>
-#include <numeric>
 #include <optional>
 #include <tuple>
-#include <unordered_map>
 #include <utility>
 
+#include "plan/greedy_choice.h"
 #include "repository/sampling/cube_face.h"
 
 namespace plan {
 namespace {
 
-constexpr std::size_t kMaxCandidates = 256;  // computing 256 × 144 uses takes less than a millisecond
-// The next four are choices. A larger kSecondBest prefers points that show places twice; a larger kSightClearance lets
-// points see through thin walls, a smaller one lets the proxy's error hide the surface itself.
-constexpr float kSecondBest = 0.5F;      // weight of the second image of a place, as in the header's formula
-constexpr float kSightClearance = 0.5F;  // share of the stated error, which is an upper bound
-constexpr float kNarrowCone = 0.5F;      // cosine of 60°: with normals so close a patch is nearly a plane
-constexpr float kGrazing = 0.2F;         // cosine below which the ratio of the two facings is dominated by noise
+constexpr std::size_t kMaxCandidates = 256;  // computing 256 × 144 uses takes 0.2 ms
+// The next three are choices. A larger kSightClearance lets points see through thin walls, a smaller one lets the
+// proxy's error hide the surface itself.
+constexpr float kSightClearance = 0.5F;     // share of the stated error, which is an upper bound
+constexpr float kCellShare = 1.0F / 16.0F;  // radians: about one tile of the samples' picture
+constexpr float kNarrowCone = 0.5F;         // cosine of 60°: with normals so close a patch is nearly a plane
 
 using Index = std::tuple<std::uint32_t, std::uint32_t, std::uint32_t>;
 Index orderOf(const glm::uvec3& p) {
@@ -78,106 +76,19 @@ using SurfaceHit = lod::patch::ProxySight::Intersection;
 template <class Intersect>
 std::vector<SurfaceSample> sampleTiles(const base::Camera& camera, int columns, int rows, const Intersect& intersect) {
   std::vector<SurfaceSample> samples;
+  samples.reserve(static_cast<std::size_t>(columns * rows));
   const float weight = 1.0F / static_cast<float>(columns * rows);
   for (int tile = 0; tile < columns * rows; ++tile) {
     const float x = (static_cast<float>(tile % columns) + 0.5F) / static_cast<float>(columns);
     const float y = (static_cast<float>(tile / columns) + 0.5F) / static_cast<float>(rows);
     const Ray ray = rayThrough(camera, 2.0F * x - 1.0F, 2.0F * y - 1.0F);
     const std::optional<SurfaceHit> hit = intersect(ray);
-    if (hit) samples.push_back({ray.origin + hit->distance * ray.direction, hit->normal, weight});
+    if (hit) samples.push_back({ray.origin + hit->distance * ray.direction, hit->normal, weight, hit->cell});
   }
   return samples;
 }
 
-// ---- the worth of a set of points ----
-
-/// The best and second best use of a sample so far.
-struct SampleWorth {
-  float best = 0.0F, second = 0.0F;
-
-  float gain(float use) const {
-    if (use > best) return (use - best) + kSecondBest * (best - second);
-    return use > second ? kSecondBest * (use - second) : 0.0F;
-  }
-  void add(float use) {
-    if (use > best) {
-      second = std::exchange(best, use);
-    } else {
-      second = std::max(second, use);
-    }
-  }
-};
-
-/// The state of a greedy choice. uses[i] holds the use of item i for every sample, and `remove_hidden(i)` zeroes those
-/// that something hides. That test takes most of the time and can only lower an item's gain, so it runs only when the
-/// item would be chosen next.
-struct GreedyChoice {
-  std::vector<std::vector<float>>& uses;
-  const std::vector<SurfaceSample>& samples;
-  std::function<void(std::size_t item)> remove_hidden;
-  std::vector<SampleWorth> worths = std::vector<SampleWorth>(samples.size());
-  std::vector<char> is_tested = std::vector<char>(uses.size(), 0);  // one an item: remove_hidden has run
-
-  float gainOf(std::size_t item) const {
-    float sum = 0.0F;
-    for (std::size_t s = 0; s < samples.size(); ++s) sum += samples[s].weight * worths[s].gain(uses[item][s]);
-    return sum;
-  }
-  void testOnce(std::size_t item) {
-    if (is_tested[item] == 0) remove_hidden(item);
-    is_tested[item] = 1;
-  }
-  void addItem(std::size_t item) {
-    testOnce(item);
-    for (std::size_t s = 0; s < samples.size(); ++s) worths[s].add(uses[item][s]);
-  }
-  /// The index into `items` of the one that adds most; of equal ones the first.
-  std::size_t bestOf(const std::vector<std::size_t>& items) {
-    std::vector<float> gains;
-    for (const std::size_t item : items) gains.push_back(gainOf(item));
-    for (;;) {
-      const auto best = static_cast<std::size_t>(std::max_element(gains.begin(), gains.end()) - gains.begin());
-      if (is_tested[items[best]] != 0) return best;
-      testOnce(items[best]);
-      gains[best] = gainOf(items[best]);
-    }
-  }
-};
-
-struct ChosenItem {
-  std::size_t item = 0;
-  float gain = 0.0F;
-};
-
-/// Chooses up to `limit` items in greedy order.
-std::vector<ChosenItem> chooseGreedily(GreedyChoice& choice, std::vector<std::size_t> items, std::size_t limit) {
-  std::vector<ChosenItem> chosen;
-  while (!items.empty() && chosen.size() < limit) {
-    const std::size_t at = choice.bestOf(items);
-    chosen.push_back({items[at], choice.gainOf(items[at])});
-    choice.addItem(items[at]);
-    items.erase(items.begin() + static_cast<std::ptrdiff_t>(at));
-  }
-  return chosen;
-}
-
-std::vector<std::size_t> indicesBelow(std::size_t count) {
-  std::vector<std::size_t> items(count);
-  std::iota(items.begin(), items.end(), std::size_t{0});
-  return items;
-}
-
-bool isOfUse(const std::vector<float>& uses) {
-  return std::any_of(uses.begin(), uses.end(), [](float use) { return use > 0.0F; });
-}
-
-/// Zeroes the uses of samples that something hides from the point.
-void zeroHidden(const PointQuery& query, const glm::uvec3& point, const std::vector<SurfaceSample>& samples,
-                std::vector<float>& uses) {
-  const glm::vec3 place = query.grid.point(point.x, point.y, point.z);
-  for (std::size_t s = 0; s < samples.size(); ++s)
-    if (uses[s] > 0.0F && !isInSight(query, place, samples[s])) uses[s] = 0.0F;
-}
+// ---- samples ----
 
 /// Sums of floats depend on their order. Sorting makes the answer independent of the order in which samples came.
 void sortSamples(std::vector<SurfaceSample>& samples) {
@@ -189,22 +100,31 @@ void sortSamples(std::vector<SurfaceSample>& samples) {
 
 // ---- candidates ----
 
-/// The sampling points at the corners of the cell that holds a place.
-std::vector<glm::uvec3> cornersAround(const PointQuery& query, const glm::vec3& place) {
-  if (query.tree == nullptr) {
-    const auto corners = query.grid.cellCorners(place);
-    return {corners.begin(), corners.end()};
+/// The sampling points at the corners of a cell, each once.
+class CellCorners {
+ public:
+  CellCorners(const PointQuery& query, const glm::vec3& place) {
+    if (query.tree == nullptr) {
+      points_ = query.grid.cellCorners(place);
+      count_ = points_.size();
+      return;
+    }
+    // Where the grid ends within a cell some corners coincide.
+    for (const glm::uvec3& p : query.tree->cornersOf(query.tree->leafAt(query.grid, place)))
+      if (!query.tree->leavesOut(p) && std::find(begin(), end(), p) == end()) points_[count_++] = p;
   }
-  // Where the grid ends within a cell some corners coincide.
-  std::vector<glm::uvec3> points;
-  for (const glm::uvec3& p : query.tree->cornersOf(query.tree->leafAt(query.grid, place)))
-    if (!query.tree->leavesOut(p) && std::find(points.begin(), points.end(), p) == points.end()) points.push_back(p);
-  return points;
-}
+  const glm::uvec3* begin() const { return points_.data(); }
+  const glm::uvec3* end() const { return points_.data() + count_; }
+
+ private:
+  std::array<glm::uvec3, 8> points_;
+  std::size_t count_ = 0;
+};
 
 /// The corners of the eye's cell, nearest first.
 std::vector<glm::uvec3> cornersByDistance(const PointQuery& query) {
-  std::vector<glm::uvec3> sorted = cornersAround(query, query.eye);
+  const CellCorners corners(query, query.eye);
+  std::vector<glm::uvec3> sorted(corners.begin(), corners.end());
   auto distance = [&](const glm::uvec3& p) { return glm::length(query.grid.point(p.x, p.y, p.z) - query.eye); };
   std::sort(sorted.begin(), sorted.end(), [&](const glm::uvec3& a, const glm::uvec3& b) {
     return std::tuple(distance(a), orderOf(a)) < std::tuple(distance(b), orderOf(b));
@@ -212,34 +132,75 @@ std::vector<glm::uvec3> cornersByDistance(const PointQuery& query) {
   return sorted;
 }
 
+/// Sums by point: a table of open places, of which at most half are taken.
+class PointScores {
+ public:
+  struct Entry {
+    glm::uvec3 point{0};
+    float score = 0.0F;
+  };
+  PointScores() : places_(std::size_t{1} << kFirstBits, kFree), shift_(64 - kFirstBits) {}
+
+  void add(const glm::uvec3& point, float score) {
+    std::uint32_t& place = placeOf(point);
+    if (place == kFree) {
+      place = static_cast<std::uint32_t>(entries_.size());
+      entries_.push_back({point, 0.0F});
+    }
+    entries_[place].score += score;
+    if (2 * entries_.size() > places_.size()) grow();
+  }
+  std::vector<Entry>& entries() { return entries_; }  ///< in the order in which their points came
+
+ private:
+  static constexpr unsigned kFirstBits = 10;
+  static constexpr std::uint32_t kFree = ~0U;
+
+  std::uint32_t& placeOf(const glm::uvec3& point) {
+    const std::uint64_t key = point.x | std::uint64_t{point.y} << 16 | std::uint64_t{point.z} << 32;
+    std::size_t at = key * 0x9E3779B97F4A7C15U >> shift_;  // Knuth's multiplicative hashing
+    while (places_[at] != kFree && entries_[places_[at]].point != point) at = (at + 1) & (places_.size() - 1);
+    return places_[at];
+  }
+  void grow() {
+    --shift_;
+    places_.assign(2 * places_.size(), kFree);
+    for (std::uint32_t i = 0; i < entries_.size(); ++i) placeOf(entries_[i].point) = i;
+  }
+
+  std::vector<Entry> entries_;
+  std::vector<std::uint32_t> places_;  // of entries
+  unsigned shift_;
+};
+
 /// Ranks the corners of cells at four places on each line from the eye to a sample: at the eye, where a face is as fine
-/// as the view, and half-way before and behind that. A point scores for each place the more, the nearer it lies.
-std::vector<glm::uvec3> pointsTowardsSurface(const PointQuery& query, const std::vector<SurfaceSample>& samples) {
+/// as the view, and half-way before and behind that. A point scores for each place the more, the nearer it lies. The
+/// best `count` are returned.
+std::vector<glm::uvec3> pointsTowardsSurface(const PointQuery& query, const std::vector<SurfaceSample>& samples,
+                                             std::size_t count) {
   const float focal_face = 0.5F * static_cast<float>(query.grid.face_size);
   const float even = 1.0F - std::min(1.0F, focal_face / query.pixels_per_unit_at_one);
   const std::array<float, 4> fractions{0.0F, 0.5F * even, even, 0.5F * (1.0F + even)};
 
-  std::unordered_map<std::uint64_t, std::pair<glm::uvec3, float>> scores;
+  PointScores scores;
   for (const SurfaceSample& sample : samples) {
     for (float fraction : fractions) {
       const glm::vec3 place = glm::mix(query.eye, sample.position, fraction);
-      for (const glm::uvec3& p : cornersAround(query, place)) {
+      for (const glm::uvec3& p : CellCorners(query, place)) {
         const float distance = glm::length(query.grid.point(p.x, p.y, p.z) - place) / query.grid.spacing;
-        const std::uint64_t key = repository::codeOfPoint(p);
-        auto& entry = scores.try_emplace(key, p, 0.0F).first->second;
-        entry.second += sample.weight / (1.0F + distance * distance);
+        scores.add(p, sample.weight / (1.0F + distance * distance));
       }
     }
   }
 
-  std::vector<std::pair<glm::uvec3, float>> ranked;
-  ranked.reserve(scores.size());
-  for (const auto& [key, entry] : scores) ranked.push_back(entry);
-  std::sort(ranked.begin(), ranked.end(), [](const auto& a, const auto& b) {
-    return a.second != b.second ? a.second > b.second : orderOf(a.first) < orderOf(b.first);
-  });
-  std::vector<glm::uvec3> points;
-  for (const auto& [point, score] : ranked) points.push_back(point);
+  std::vector<PointScores::Entry>& ranked = scores.entries();
+  count = std::min(count, ranked.size());
+  std::partial_sort(ranked.begin(), ranked.begin() + static_cast<std::ptrdiff_t>(count), ranked.end(),
+                    [](const PointScores::Entry& a, const PointScores::Entry& b) {
+                      return a.score != b.score ? a.score > b.score : orderOf(a.point) < orderOf(b.point);
+                    });
+  std::vector<glm::uvec3> points(count);
+  for (std::size_t i = 0; i < count; ++i) points[i] = ranked[i].point;
   return points;
 }
 
@@ -257,7 +218,7 @@ std::vector<SurfaceSample> sampleVisibleSurface(const lod::patch::Hierarchy& hie
     }
     if (nearest == nullptr) return std::nullopt;
     const bool narrow = nearest->cone.cos_angle >= kNarrowCone;
-    return SurfaceHit{nearest_distance, narrow ? nearest->cone.axis : glm::vec3(0.0F)};
+    return SurfaceHit{nearest_distance, narrow ? nearest->cone.axis : glm::vec3(0.0F), SurfaceSample::kNoCell};
   });
 }
 
@@ -269,37 +230,26 @@ std::vector<SurfaceSample> sampleVisibleSurface(const lod::patch::ProxySight& si
 }
 
 bool isInSight(const PointQuery& query, const glm::vec3& point, const SurfaceSample& sample) {
-  return query.sight == nullptr ||
-         !query.sight->isBlocked(sample.position, point, kSightClearance * query.sight->error());
+  return query.sight == nullptr || !query.sight->isBlocked(sample.position, point, sightClearance(*query.sight));
 }
 
-float useOfPoint(const PointQuery& query, const glm::vec3& point, const SurfaceSample& sample) {
-  const glm::vec3 to_eye = query.eye - sample.position;
-  const glm::vec3 to_point = point - sample.position;
-  const float eye_distance = glm::length(to_eye);
-  const float point_distance = glm::length(to_point);
-  if (!(eye_distance > 0.0F) || !(point_distance > 0.0F)) return 0.0F;
-  const float cosine = glm::dot(to_eye, to_point) / (eye_distance * point_distance);
-  if (!(cosine > 0.0F)) return 0.0F;
+float sightClearance(const lod::patch::ProxySight& sight) {
+  return kSightClearance * sight.error();
+}
 
-  // The blur of the image at the sample, in pixels of the view.
-  const float focal_face = 0.5F * static_cast<float>(query.grid.face_size);
-  const float view_resolution = query.pixels_per_unit_at_one / eye_distance;
-  const float face_resolution = focal_face / point_distance;
-  const float covers = std::max(1.0F, view_resolution / face_resolution);
-  const float shift = kTypicalError * query.error_px * std::sqrt(std::max(0.0F, 1.0F - cosine * cosine)) / cosine;
-  const float blur = std::sqrt(covers * covers + shift * shift);
+SightOfPoint::SightOfPoint(const PointQuery& query, const glm::uvec3& point)
+    : query_(query), place_(query.grid.point(point.x, point.y, point.z)) {
+  if (query.sight != nullptr && query.sight_cache != nullptr) row_ = query.sight_cache->rowOf(point);
+}
 
-  // How much the surface faces the point. Scans are open, so a surface seen from behind counts like one seen from the
-  // front.
-  float facing = cosine;
-  if (glm::dot(sample.normal, sample.normal) > 0.0F) {
-    float towards_eye = glm::dot(sample.normal, to_eye) / eye_distance;
-    float towards_point = glm::dot(sample.normal, to_point) / point_distance;
-    if (towards_eye < 0.0F) towards_eye = -towards_eye, towards_point = -towards_point;
-    facing = std::clamp(towards_point / std::max(towards_eye, kGrazing), 0.0F, 1.0F);
-  }
-  return facing / blur;
+bool SightOfPoint::sees(const SurfaceSample& sample) const {
+  if (row_ == nullptr || sample.cell == SurfaceSample::kNoCell) return isInSight(query_, place_, sample);
+  const glm::vec3 to_eye = query_.eye - sample.position;
+  const glm::vec3 to_point = place_ - sample.position;
+  const float reach = query_.sight->cell(sample.cell).radius / kCellShare;
+  if (reach * reach > std::min(glm::dot(to_eye, to_eye), glm::dot(to_point, to_point)))
+    return isInSight(query_, place_, sample);
+  return query_.sight_cache->sees(*row_, place_, sample.cell);
 }
 
 std::vector<glm::uvec3> choosePoints(const PointQuery& query, std::vector<SurfaceSample> samples) {
@@ -315,21 +265,20 @@ std::vector<ChosenPoint> choosePointsWithGains(const PointQuery& query, std::vec
   // The candidates are the corners of the eye's cell and then the most promising other points.
   std::vector<glm::uvec3> candidates = cornersByDistance(query);
   const std::size_t corner_count = candidates.size();
-  for (const glm::uvec3& point : pointsTowardsSurface(query, samples)) {
+  for (const glm::uvec3& point : pointsTowardsSurface(query, samples, kMaxCandidates)) {
     if (candidates.size() >= kMaxCandidates) break;
-    if (std::find(candidates.begin(), candidates.begin() + static_cast<std::ptrdiff_t>(corner_count), point) ==
-        candidates.begin() + static_cast<std::ptrdiff_t>(corner_count))
-      candidates.push_back(point);
+    const auto end = candidates.begin() + static_cast<std::ptrdiff_t>(corner_count);
+    if (std::find(candidates.begin(), end, point) == end) candidates.push_back(point);
   }
-  std::vector<std::vector<float>> uses(candidates.size(), std::vector<float>(samples.size()));
-  for (std::size_t c = 0; c < candidates.size(); ++c)
-    for (std::size_t s = 0; s < samples.size(); ++s)
-      uses[c][s] = useOfPoint(query, query.grid.point(candidates[c].x, candidates[c].y, candidates[c].z), samples[s]);
-
-  GreedyChoice choice{uses, samples, [&](std::size_t c) { zeroHidden(query, candidates[c], samples, uses[c]); }};
+  UseTable uses = usesOfPoints(query, candidates, samples);
+  std::vector<std::optional<SightOfPoint>> sights(candidates.size());
+  const IsShown is_shown = [&](std::size_t c, std::size_t s) {
+    if (!sights[c]) sights[c].emplace(query, candidates[c]);
+    return sights[c]->sees(samples[s]);
+  };
   std::vector<ChosenPoint> chosen;
-  for (const ChosenItem& item : chooseGreedily(choice, indicesBelow(candidates.size()), query.max_points))
-    if (isOfUse(uses[item.item])) chosen.push_back({candidates[item.item], item.gain});
+  for (const ChosenItem& item : chooseGreedily(uses, samples, is_shown, query.max_points))
+    if (uses.isOfUse(item.item)) chosen.push_back({candidates[item.item], item.gain});
   return chosen;
 }
 
@@ -338,32 +287,25 @@ std::vector<repository::FaceKey> orderFaces(const PointQuery& query, std::span<c
   sortSamples(samples);
 
   // A face has its point's uses for the samples that lie in it.
-  std::vector<repository::FaceKey> faces;
-  std::vector<std::vector<float>> uses;
-  for (const glm::uvec3& p : points) {
-    const glm::vec3 point = query.grid.point(p.x, p.y, p.z);
-    std::vector<float> of_point(samples.size());
-    for (std::size_t s = 0; s < samples.size(); ++s) of_point[s] = useOfPoint(query, point, samples[s]);
-    zeroHidden(query, p, samples, of_point);
-    std::array<std::vector<float>, 6> of_face;
+  const UseTable of_points = usesOfPoints(query, points, samples);
+  constexpr std::size_t kFaces = 6;
+  UseTable of_faces(kFaces * points.size(), samples.size());
+  for (std::size_t p = 0; p < points.size(); ++p) {
+    const glm::vec3 point = query.grid.point(points[p].x, points[p].y, points[p].z);
+    const SightOfPoint sight(query, points[p]);
     for (std::size_t s = 0; s < samples.size(); ++s) {
       const glm::vec3 direction = samples[s].position - point;
-      if (!(glm::dot(direction, direction) > 0.0F)) continue;
-      std::vector<float>& row = of_face[repository::faceOfDirection(direction)];
-      row.resize(samples.size(), 0.0F);
-      row[s] = of_point[s];
-    }
-    for (std::uint32_t d = 0; d < 6; ++d) {
-      if (!isOfUse(of_face[d])) continue;
-      faces.push_back({p.x, p.y, p.z, d});
-      uses.push_back(std::move(of_face[d]));
+      if (of_points.at(p, s) > 0.0F && sight.sees(samples[s]))
+        of_faces.set(kFaces * p + repository::faceOfDirection(direction), s, of_points.at(p, s));
     }
   }
 
-  GreedyChoice choice{uses, samples, [](std::size_t) {}};
   std::vector<repository::FaceKey> ordered;
-  for (const ChosenItem& item : chooseGreedily(choice, indicesBelow(faces.size()), faces.size()))
-    ordered.push_back(faces[item.item]);
+  for (const ChosenItem& chosen : chooseGreedily(of_faces, samples, nullptr, of_faces.items())) {
+    const glm::uvec3& point = points[chosen.item / kFaces];
+    if (of_faces.isOfUse(chosen.item))
+      ordered.push_back({point.x, point.y, point.z, static_cast<std::uint32_t>(chosen.item % kFaces)});
+  }
   return ordered;
 }
 

@@ -25,6 +25,7 @@
 #include <cstdint>
 #include <functional>
 #include <glm/glm.hpp>
+#include <memory>
 #include <span>
 #include <vector>
 
@@ -32,6 +33,7 @@
 #include "base/view_defaults.h"
 #include "lod/patch/hierarchy.h"
 #include "lod/patch/proxy_sight.h"
+#include "plan/sight_cache.h"
 #include "repository/sampling/grid.h"
 #include "repository/sampling/sample_tree.h"
 
@@ -44,9 +46,12 @@ inline constexpr float kTypicalError = 2.0F;
 
 /// A piece of surface that the view shows.
 struct SurfaceSample {
-  glm::vec3 position{0.0F};  ///< scene-local
-  glm::vec3 normal{0.0F};    ///< unit length; zero where it is not known
-  float weight = 1.0F;       ///< share of the picture
+  glm::vec3 position{0.0F};      ///< scene-local
+  glm::vec3 normal{0.0F};        ///< unit length; zero where it is not known
+  float weight = 1.0F;           ///< share of the picture
+  std::uint32_t cell = kNoCell;  ///< of the proxy's surface (lod::patch::ProxySight::cellCount()), where it is known
+
+  static constexpr std::uint32_t kNoCell = ~0U;
 };
 
 /// Rays that estimate the visible surface, across the picture and up.
@@ -69,6 +74,7 @@ struct PointQuery {
   repository::Grid grid;
   const repository::SampleTree* tree = nullptr;          ///< the points that are sampled; null: all of the grid
   const lod::patch::ProxySight* sight = nullptr;         ///< tests occlusion; null: nothing hides anything
+  SightCache* sight_cache = nullptr;                     ///< remembers what `sight` said; may be null
   glm::vec3 eye{0.0F};                                   ///< scene-local
   float pixels_per_unit_at_one = 1.0F;                   ///< base::Camera::pixelsPerUnitAtOne() of the view
   float error_px = base::ViewDefaults::kPatchTolerance;  ///< projected error of the client's proxy
@@ -78,6 +84,21 @@ struct PointQuery {
 /// Whether nothing lies between the two, as far as `query.sight` can tell. Like a shadow map with its bias, it ignores
 /// surfaces within half its stated error of either end.
 bool isInSight(const PointQuery& query, const glm::vec3& point, const SurfaceSample& sample);
+/// The clearance that it keeps, scene units.
+float sightClearance(const lod::patch::ProxySight& sight);
+
+/// isInSight() for one point of the grid and many samples. Where the query has a cache, it answers for samples in cells
+/// that look small both from the eye and from the point.
+class SightOfPoint {
+ public:
+  SightOfPoint(const PointQuery& query, const glm::uvec3& point);
+  bool sees(const SurfaceSample& sample) const;
+
+ private:
+  const PointQuery& query_;
+  glm::vec3 place_;
+  std::shared_ptr<SightCache::Row> row_;
+};
 
 /// use(p, s) of the formula above for an s that p sees, 0..1.
 float useOfPoint(const PointQuery& query, const glm::vec3& point, const SurfaceSample& sample);

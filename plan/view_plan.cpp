@@ -31,6 +31,7 @@ PointQuery queryFor(const Scene& scene, const protocol::View& view, const LocalV
   query.grid = scene.welcome->grid;
   query.tree = scene.sample_tree;
   query.sight = scene.sight;
+  query.sight_cache = scene.sight_cache;
   query.eye = local.request.camera.eye;
   query.pixels_per_unit_at_one = local.request.camera.pixelsPerUnitAtOne();
   query.error_px = std::max(1.0F, view.patch_tolerance_px);

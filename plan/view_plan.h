@@ -34,6 +34,7 @@ struct Scene {
   bool images = false;                                  ///< the scene has a repository
   const repository::SampleTree* sample_tree = nullptr;  ///< the points that are sampled; null: all of the grid
   const lod::patch::ProxySight* sight = nullptr;        ///< tests occlusion; null: nothing hides anything
+  SightCache* sight_cache = nullptr;                    ///< remembers what `sight` said; may be null
   /// As GainQuery has it.
   StoredBytes stored_bytes = nullptr;
   ImageBytes image_bytes = {};
