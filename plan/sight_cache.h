@@ -1,7 +1,7 @@
 #pragma once
 // Remembers which pieces of a scene's surface its sampling points see, for all who plan views of the scene. Views that
 // are near each other, and many viewers of one scene, ask for nearly the same lines of sight, which cost a third of a
-// microsecond each and more than all else of a plan together.
+// microsecond each, and half of all that a plan does.
 //
 // A line is remembered by its point and the cell of the proxy's surface that it ends in
 // (lod::patch::ProxySight::cellCount()), and it is computed for a fixed place in that cell. So an answer depends on the
@@ -40,7 +40,7 @@ class SightCache {
     static constexpr std::size_t kPerWord = 16;  // two bits a cell: seen, hidden; neither: not known
     std::vector<std::atomic<std::uint32_t>> verdicts_;
   };
-  /// `point`: of the grid, at `place` (scene-local).
+  /// `point`: of the grid.
   std::shared_ptr<Row> rowOf(const glm::uvec3& point);
   /// Whether nothing lies between `place`, to which the row belongs, and the cell.
   bool sees(Row& row, const glm::vec3& place, std::uint32_t cell) const;

@@ -37,8 +37,11 @@ base::Result<void> setImages(std::unique_ptr<repository::Store> store, const std
 
   // Damaged patches are reported when they are read for a client; images are chosen without occlusion then.
   auto sight = lod::patch::ProxySight::ofFile(open.patches);
-  if (sight) open.sight = std::make_unique<lod::patch::ProxySight>(std::move(*sight));
+  if (!sight) return {};
+  open.sight = std::make_unique<lod::patch::ProxySight>(std::move(*sight));
+  open.sight_cache = std::make_unique<plan::SightCache>(*open.sight, plan::sightClearance(*open.sight));
   open.data.sight = open.sight.get();
+  open.data.sight_cache = open.sight_cache.get();
   return {};
 }
 

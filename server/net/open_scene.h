@@ -46,6 +46,7 @@ struct OpenScene : std::enable_shared_from_this<OpenScene> {
   std::unique_ptr<OpenFile> splat_file;       ///< qsplat.lgq likewise; null: not built, or remote
   std::unique_ptr<repository::ObjectSource> remote_splats;  ///< reads a remote qsplat.lgq by ranges; null: no such file
   std::unique_ptr<lod::patch::ProxySight> sight;  ///< null: no images, or the hierarchy's coarse patches are damaged
+  std::unique_ptr<plan::SightCache> sight_cache;  ///< of `sight`
   std::unique_ptr<MessageCache> messages;         ///< null: none
   const std::unique_ptr<ReadErrors> read_errors = std::make_unique<ReadErrors>();  ///< of all that reads the scene
   SceneData data;  ///< for sessions; can_render_frames is false until a renderer runs

@@ -37,12 +37,13 @@
 
 namespace server {
 
-/// The data that all sessions of a scene share; outlives them. Read-only, except counter and cache and, for the thread
+/// The data that all sessions of a scene share; outlives them. Read-only, except counter and caches and, for the thread
 /// that makes sessions, `welcome`.
 struct SceneData {
   protocol::Welcome welcome;                       ///< as new sessions take it
   const lod::patch::PatchFile* patches = nullptr;  ///< null: a splats-only scene; every client is refused
   const lod::patch::ProxySight* sight = nullptr;   ///< occlusion, for the choice of images; null: nothing is occluded
+  plan::SightCache* sight_cache = nullptr;         ///< what `sight` told any session; null: nothing is remembered
   const repository::Store* images = nullptr;       ///< null: no repository
   bool images_are_remote = false;  ///< true: the caller fetches them for nextFaceRequest(); false: sessions read them
   bool images_are_webp = false;    ///< true: clients that do not decode WebP get none
@@ -54,7 +55,7 @@ struct SceneData {
   MessageCache* messages = nullptr;                  ///< of groups and local images; null: each session encodes its own
   std::uint64_t ahead_bytes = plan::kPrefetchBytes;  ///< prefetched per view after Completion; 0: nothing
 
-  plan::Scene toPlan() const { return {&welcome, &patches->hierarchy(), images != nullptr, tree, sight}; }
+  plan::Scene toPlan() const { return {&welcome, &patches->hierarchy(), images != nullptr, tree, sight, sight_cache}; }
 };
 
 /// Fills in what a client is told of the hierarchy.
