@@ -123,6 +123,7 @@ plan::Scene StaticSource::planScene() {
           scene_.index.has_value(),
           points_.treeOrNull(),
           sight_ ? &*sight_ : nullptr,
+          nullptr,
           [this](const FaceKey& key) { return storedBytes(key); },
           image_bytes_,
           previous_ && newest_ && plan::isMoving(scene_.welcome, *newest_, *previous_),
