@@ -21,7 +21,7 @@ constexpr double kPartSeconds = 0.05;
 constexpr double kMinPartBytes = 1400.0;
 // Plans of a moving eye are so far apart where others wait for the server, seconds. Displays send a view with every
 // picture, which is more often than the choice of what to send changes.
-constexpr double kPlanSeconds = 0.1;
+constexpr double kPlanSeconds = 0.075;
 // Messages that wait to be written while the next ones are made: seconds of the link, and bytes.
 constexpr double kSecondsAhead = 0.01, kMaxBytesAhead = 256.0 * 1024.0;
 
