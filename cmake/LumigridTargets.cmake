@@ -17,7 +17,7 @@ function(lumigrid_row name)
   set(LUMIGRID_MAY_LINK_${name} "${A_LINKS}" PARENT_SCOPE)
 endfunction()
 
-set(_any_base base base_gl base_egl base_hash base_http base_jpeg base_json base_png)
+set(_any_base base base_gl base_egl base_hash base_http base_jpeg base_json base_png base_tls)
 lumigrid_row(base LINKS glm::glm Threads::Threads)
 lumigrid_row(base_gl USES base LINKS gles)
 lumigrid_row(base_egl USES base base_gl LINKS egl)
@@ -26,6 +26,7 @@ lumigrid_row(base_http USES base LINKS CURL::libcurl)
 lumigrid_row(base_jpeg USES base LINKS turbojpeg JPEG::JPEG)
 lumigrid_row(base_json USES base base_hash LINKS nlohmann_json::nlohmann_json)
 lumigrid_row(base_png USES base LINKS PNG::PNG)
+lumigrid_row(base_tls USES base LINKS OpenSSL::SSL)
 lumigrid_row(mesh
   USES base base_png
   LINKS turbojpeg libwebp draco meshoptimizer::meshoptimizer nlohmann_json::nlohmann_json)
@@ -43,7 +44,7 @@ lumigrid_row(faces USES base)
 lumigrid_row(face_image USES base base_jpeg faces LINKS libwebp)
 lumigrid_row(frames USES base faces face_image)
 lumigrid_row(packs USES base sampling)
-lumigrid_row(objects USES base base_hash base_http LINKS OpenSSL::Crypto)
+lumigrid_row(objects USES base base_hash base_http)
 lumigrid_row(repository
   USES base base_hash sampling sampling_json cache faces face_image packs objects
   LINKS lmdb nlohmann_json::nlohmann_json)
@@ -60,16 +61,17 @@ lumigrid_row(server_session USES base lod_patch sampling repository protocol pla
 lumigrid_row(server_trial
   USES base base_gl base_egl base_json lod_patch lod_draw sampling face_image repository protocol plan client
        server_render server_bake server_session)
+lumigrid_row(server_auth USES base base_hash base_json LINKS nlohmann_json::nlohmann_json)
 lumigrid_row(server_log USES base LINKS Threads::Threads spdlog::spdlog nlohmann_json::nlohmann_json)
 lumigrid_row(server_metrics USES base)
 lumigrid_row(server_net
   USES ${_any_base} lod_patch lod_qsplat lod_draw sampling cache faces packs objects repository protocol plan
-       server_render server_bake server_session server_log server_metrics
+       server_auth server_render server_bake server_session server_log server_metrics
   LINKS Boost::headers Threads::Threads spdlog::spdlog nlohmann_json::nlohmann_json)
 lumigrid_row(lumigrid
   USES ${_any_base} mesh lod_ingest lod_patch lod_patch_builder lod_qsplat lod_qsplat_builder lod_texture lod_draw
-       sampling cache faces packs objects repository protocol server_render server_bake server_export server_session
-       server_trial server_net server_log server_metrics
+       sampling cache faces packs objects repository protocol server_auth server_render server_bake server_export
+       server_session server_trial server_net server_log server_metrics
   LINKS CLI11::CLI11 spdlog::spdlog nlohmann_json::nlohmann_json openmesh)
 lumigrid_row(client
   USES base base_gl lod_patch lod_qsplat lod_draw sampling faces packs cache protocol plan client_render)
@@ -89,8 +91,8 @@ lumigrid_row(compare USES * LINKS *)
 lumigrid_row(lumigrid-compare USES * LINKS *)
 
 set(LUMIGRID_CLIENT_FORBIDDEN metis openmesh draco opencv_core opencv_imgproc mesh lod_ingest lod_patch_builder
-  lod_qsplat_builder repository objects server_render server_bake server_export server_session server_net server_log
-  server_metrics lmdb)
+  lod_qsplat_builder repository objects server_auth server_render server_bake server_export server_session server_net
+  server_log server_metrics lmdb)
 
 function(_lumigrid_check_list kind name allowed)
   if("${allowed}" STREQUAL "*")

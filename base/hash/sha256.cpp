@@ -1,6 +1,8 @@
 #include "base/hash/sha256.h"
 
+#include <openssl/crypto.h>
 #include <openssl/evp.h>
+#include <openssl/hmac.h>
 
 #include "base/check.h"
 
@@ -29,6 +31,18 @@ Sha256Digest sha256(ByteView bytes) {
   Sha256 hash;
   hash.add(bytes);
   return hash.finish();
+}
+
+Sha256Digest hmacSha256(ByteView key, std::string_view text) {
+  Sha256Digest digest{};
+  const ByteView bytes = viewOfText(text);
+  LUMIGRID_CHECK(HMAC(EVP_sha256(), key.data(), static_cast<int>(key.size()), bytes.data(), bytes.size(), digest.data(),
+                      nullptr) != nullptr);
+  return digest;
+}
+
+bool areEqual(const Sha256Digest& a, const Sha256Digest& b) {
+  return CRYPTO_memcmp(a.data(), b.data(), a.size()) == 0;
 }
 
 }  // namespace base

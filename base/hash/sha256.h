@@ -1,8 +1,9 @@
 #pragma once
-// SHA-256 (FIPS 180-4), which names and checks whole files and objects.
+// SHA-256 (FIPS 180-4), which names and checks whole files and objects, and what signs with it.
 #include <array>
 #include <cstdint>
 #include <memory>
+#include <string_view>
 
 #include "base/bytes.h"
 
@@ -28,5 +29,11 @@ class Sha256 {
 };
 
 Sha256Digest sha256(ByteView bytes);
+
+/// HMAC-SHA-256 (RFC 2104): only who has the key can compute it.
+Sha256Digest hmacSha256(ByteView key, std::string_view text);
+
+/// Compares in a time that does not depend on where the digests differ, so that nobody can guess one byte by byte.
+bool areEqual(const Sha256Digest& a, const Sha256Digest& b);
 
 }  // namespace base

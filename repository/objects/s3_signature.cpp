@@ -1,13 +1,10 @@
 #include "repository/objects/s3_signature.h"
 
-#include <openssl/evp.h>
-#include <openssl/hmac.h>
-
 #include <algorithm>
 #include <utility>
 #include <vector>
 
-#include "base/check.h"
+#include "base/hash/sha256.h"
 #include "repository/objects/http_client.h"
 
 namespace repository {
@@ -57,18 +54,10 @@ std::string authorization(const S3Request& request, const S3Credentials& credent
   const std::string scope = day + "/" + region + "/" + service + "/aws4_request";
   const std::string to_sign = "AWS4-HMAC-SHA256\n" + time + "\n" + scope + "\n" + hexOfText(canonicalRequest(request));
 
-  base::Sha256Digest key = hmacSha256(base::viewOfText("AWS4" + credentials.secret_key), day);
-  for (const std::string& part : {region, service, std::string("aws4_request")}) key = hmacSha256(key, part);
+  base::Sha256Digest key = base::hmacSha256(base::viewOfText("AWS4" + credentials.secret_key), day);
+  for (const std::string& part : {region, service, std::string("aws4_request")}) key = base::hmacSha256(key, part);
   return "AWS4-HMAC-SHA256 Credential=" + credentials.access_key + "/" + scope +
-         ", SignedHeaders=" + signedHeaders(request) + ", Signature=" + base::hexOf(hmacSha256(key, to_sign));
-}
-
-base::Sha256Digest hmacSha256(base::ByteView key, std::string_view text) {
-  base::Sha256Digest digest{};
-  const base::ByteView bytes = base::viewOfText(text);
-  LUMIGRID_CHECK(HMAC(EVP_sha256(), key.data(), static_cast<int>(key.size()), bytes.data(), bytes.size(), digest.data(),
-                      nullptr) != nullptr);
-  return digest;
+         ", SignedHeaders=" + signedHeaders(request) + ", Signature=" + base::hexOf(base::hmacSha256(key, to_sign));
 }
 
 }  // namespace repository

@@ -5,9 +5,6 @@
 #include <string>
 #include <string_view>
 
-#include "base/bytes.h"
-#include "base/hash/sha256.h"
-
 namespace repository {
 
 struct S3Credentials {
@@ -30,8 +27,5 @@ std::string canonicalQuery(const std::map<std::string, std::string>& query);
 /// The value of the header Authorization. `time` equals the header x-amz-date, such as "20150830T123600Z".
 std::string authorization(const S3Request& request, const S3Credentials& credentials, const std::string& region,
                           const std::string& service, const std::string& time);
-
-/// HMAC-SHA-256 (RFC 2104), with which the request is signed.
-base::Sha256Digest hmacSha256(base::ByteView key, std::string_view text);
 
 }  // namespace repository

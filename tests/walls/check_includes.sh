@@ -80,7 +80,8 @@ home() {  # home REGEX FOLDER...: only these folders include it
 }
 home 'metis' lod/patch/builder
 home 'OpenMesh/' server/cli
-home 'boost/' server/net client/native
+home 'boost/' server/net client/native base/tls
+home 'openssl/(ssl|x509)' base/tls
 home 'lmdb' repository
 home 'curl/' base/http
 home 'EGL/' base/egl
