@@ -9,6 +9,7 @@
 #include <boost/asio/post.hpp>
 #include <boost/asio/steady_timer.hpp>
 #include <boost/beast/core.hpp>
+#include <boost/beast/http/field.hpp>
 #include <boost/beast/websocket.hpp>
 #include <chrono>
 #include <condition_variable>
@@ -16,6 +17,8 @@
 #include <mutex>
 #include <thread>
 
+#include "base/text.h"
+#include "base/tls/any_stream.h"
 #include "client/source/backoff.h"
 
 namespace client {
@@ -34,6 +37,7 @@ constexpr std::chrono::seconds kConnectTimeout{10};
 constexpr std::chrono::seconds kIdleTimeout{60};
 /// Bytes that may wait for the render loop; above this, reading pauses, and TCP makes the server wait.
 constexpr std::size_t kInboxLimit = 8 << 20;
+constexpr unsigned kFirstRefusal = 400;  // of HTTP's statuses
 /// Receive buffer with an emulated link: the system must not read seconds of it ahead.
 constexpr int kLimitedReceiveBuffer = 64 << 10;
 
@@ -67,16 +71,18 @@ base::Result<ServerUrl> parseServerUrl(const std::string& text) {
   };
 
   // Read the scheme.
+  ServerUrl url;
   std::string rest = text;
   if (const std::size_t end = text.find("://"); end != std::string::npos) {
     const std::string scheme = text.substr(0, end);
-    if (scheme == "wss" || scheme == "https") return bad("encrypted connections are not supported yet");
-    if (scheme != "ws" && scheme != "http") return bad("'" + scheme + "' is not ws or http");
+    url.is_secure = scheme == "wss" || scheme == "https";
+    if (!url.is_secure && scheme != "ws" && scheme != "http")
+      return bad("'" + scheme + "' is not ws, wss, http or https");
+    if (url.is_secure) url.port = "443";
     rest = text.substr(end + 3);
   }
 
   // Split off the path, then host and port.
-  ServerUrl url;
   if (const std::size_t slash = rest.find('/'); slash != std::string::npos) {
     url.target = rest.substr(slash);
     rest.resize(slash);
@@ -108,7 +114,8 @@ base::Result<ServerUrl> parseServerUrl(const std::string& text) {
 // ---- the thread ----
 
 struct Connection::Impl {
-  Impl(const ServerUrl& to, const LinkLimit& limit) : url(to), resolver(io), retry_timer(io) {
+  Impl(const ServerUrl& to, const LinkLimit& limit, HostAccess given)
+      : url(to), access(std::move(given)), resolver(io), retry_timer(io) {
     link_clock.setLimit(limit);
     asio::post(io, [this] { connect(); });
     thread = std::thread([this] { io.run(); });
@@ -122,8 +129,9 @@ struct Connection::Impl {
   struct Link {
     explicit Link(asio::io_context& io) : socket(io), delay(io) {}
     std::uint64_t epoch = 0;
-    websocket::stream<beast::tcp_stream> socket;
+    websocket::stream<base::AnyStream<asio::any_io_executor>> socket;
     asio::steady_timer delay;
+    websocket::response_type answer;  // to the handshake
     beast::flat_buffer buffer;
     base::Bytes writing;
     bool open = false;
@@ -136,6 +144,9 @@ struct Connection::Impl {
   void connect();
   void onResolved(const LinkPointer& on, const beast::error_code& error, tcp::resolver::results_type results);
   void onConnected(const LinkPointer& on, const beast::error_code& error);
+  void startTls(const LinkPointer& on);
+  void onTls(const LinkPointer& on, const beast::error_code& error);
+  void startHandshake(const LinkPointer& on);
   void onHandshake(const LinkPointer& on, const beast::error_code& error);
   void read(const LinkPointer& on);
   void onRead(const LinkPointer& on, const beast::error_code& error);
@@ -149,6 +160,8 @@ struct Connection::Impl {
   std::vector<Event> takeDue();
 
   ServerUrl url;
+  const HostAccess access;
+  base::TlsContext tls;  // made for the first connection
   asio::io_context io;
   tcp::resolver resolver;
   asio::steady_timer retry_timer;
@@ -199,7 +212,35 @@ void Connection::Impl::onConnected(const LinkPointer& on, const beast::error_cod
     if (link_clock.limited())
       stream.socket().set_option(asio::socket_base::receive_buffer_size(kLimitedReceiveBuffer), ignored);
   }
+  if (url.is_secure) return startTls(on);
+  startHandshake(on);
+}
 
+void Connection::Impl::startTls(const LinkPointer& on) {
+  if (!tls) {
+    auto made = base::makeClientTls(access.ca_file);
+    if (!made) return loseLink(on, made.error().message);
+    tls = std::move(*made);
+  }
+  auto& stream = on->socket.next_layer();
+  stream.startTlsAsClient(tls, url.host);
+  stream.expires_after(kConnectTimeout);
+  stream.async_handshake([this, on](const beast::error_code& failed) { onTls(on, failed); });
+}
+
+void Connection::Impl::onTls(const LinkPointer& on, const beast::error_code& error) {
+  if (error) {
+    const std::string problem = on->socket.next_layer().tlsProblem();
+    backoff.slowDown();
+    return loseLink(on, "no encrypted connection to " + url.authority() + " (" +
+                            (problem.empty() ? error.message() : problem) +
+                            "); check the address, or name the server's authority with --ca");
+  }
+  on->socket.next_layer().expires_never();
+  startHandshake(on);
+}
+
+void Connection::Impl::startHandshake(const LinkPointer& on) {
   websocket::stream_base::timeout timeouts{};
   timeouts.handshake_timeout = kConnectTimeout;
   timeouts.idle_timeout = kIdleTimeout;
@@ -207,11 +248,27 @@ void Connection::Impl::onConnected(const LinkPointer& on, const beast::error_cod
   on->socket.set_option(timeouts);
   on->socket.read_message_max(protocol::kMaxServerMessage);
   on->socket.binary(true);
-  on->socket.async_handshake(url.authority(), url.target,
+  if (!access.token.empty())
+    on->socket.set_option(websocket::stream_base::decorator([token = access.token](websocket::request_type& request) {
+      request.set(beast::http::field::authorization, "Bearer " + token);
+    }));
+  on->socket.async_handshake(on->answer, url.authority(), url.target,
                              [this, on](const beast::error_code& failed) { onHandshake(on, failed); });
 }
 
+/// The server's own line, where it refuses in HTTP.
+std::string refusalOf(const websocket::response_type& answer) {
+  std::string line = answer.body().substr(0, answer.body().find('\n'));
+  constexpr std::size_t kMaxLine = 300;
+  if (!base::isPlainText(line) || line.size() > kMaxLine) line.clear();
+  return "HTTP status " + std::to_string(answer.result_int()) + (line.empty() ? "" : ": " + line);
+}
+
 void Connection::Impl::onHandshake(const LinkPointer& on, const beast::error_code& error) {
+  if (error == websocket::error::upgrade_declined && on->answer.result_int() >= kFirstRefusal) {
+    backoff.slowDown();
+    return loseLink(on, url.authority() + " refuses (" + refusalOf(on->answer) + ")");
+  }
   if (error)
     return loseLink(on, url.authority() + " does not answer as a lumigrid server (" + error.message() +
                             "); check address and port");
@@ -321,7 +378,8 @@ std::vector<Event> Connection::Impl::takeDue() {
 
 // ---- the session's side ----
 
-Connection::Connection(const ServerUrl& url, const LinkLimit& limit) : impl_(std::make_unique<Impl>(url, limit)) {}
+Connection::Connection(const ServerUrl& url, const LinkLimit& limit, const HostAccess& access)
+    : impl_(std::make_unique<Impl>(url, limit, access)) {}
 Connection::~Connection() = default;
 
 bool Connection::pump(Session& session) {

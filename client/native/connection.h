@@ -5,6 +5,7 @@
 #include <string>
 
 #include "base/error.h"
+#include "client/native/host_access.h"
 #include "client/native/link.h"
 
 namespace client {
@@ -13,17 +14,21 @@ struct ServerUrl {
   std::string host;  ///< name or address; an IPv6 address without its brackets
   std::string port = "8080";
   std::string target = "/";       ///< path and query
+  bool is_secure = false;         ///< wss or https
   std::string authority() const;  ///< host:port as in a Host header
+  /// "http://host:port" or "https://host:port", where the server answers requests.
+  std::string httpPlace() const { return (is_secure ? "https://" : "http://") + authority(); }
 };
 
-/// "ws://host:port/path", "http://…", or "host:port" alone. Errors say what is wrong; wss and https are not supported.
+/// "ws://host:port/path", "http://…", or "host:port" alone; "wss://host/path" or "https://…", whose port is 443 unless
+/// it is given. Errors say what is wrong.
 base::Result<ServerUrl> parseServerUrl(const std::string& text);
 
 class Connection final : public Link {
  public:
   /// Starts to connect at once, and again after every loss: first after 0.25 s, then after twice as long each time, at
-  /// most 5 s.
-  explicit Connection(const ServerUrl& url, const LinkLimit& limit = {});
+  /// most 5 s. A server that refuses, or whose certificate is refused, is asked again every 5 s.
+  explicit Connection(const ServerUrl& url, const LinkLimit& limit = {}, const HostAccess& access = {});
   ~Connection() override;
   Connection(const Connection&) = delete;
   Connection& operator=(const Connection&) = delete;

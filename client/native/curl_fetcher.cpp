@@ -25,6 +25,7 @@ constexpr long kConnections = 6;
 struct CurlFetcher::Transfer {
   RangeOrder order;
   base::CurlHandle handle;
+  CurlProblem problem{};
   base::HttpHead head;
   base::Bytes body;
   std::optional<FetchAnswer> verdict;  // known before the body: the transfer is aborted
@@ -82,14 +83,15 @@ bool CurlFetcher::Transfer::addBody(base::ByteView bytes) {
 FetchAnswer CurlFetcher::Transfer::finish(CURLcode code) {
   if (head.status != 0 && !verdict && head.complete) judgeHead();
   if (verdict) return std::move(*verdict);
-  if (code != CURLE_OK) return answer(FetchOutcome::kNetwork, curl_easy_strerror(code));
+  if (code != CURLE_OK) return answer(FetchOutcome::kNetwork, problemOf(code, problem));
   if (!order.whole && body.size() != order.length) return answer(FetchOutcome::kNetwork, "the answer is cut short");
   FetchAnswer good = answer(FetchOutcome::kBytes);
   good.bytes = std::move(body);
   return good;
 }
 
-CurlFetcher::CurlFetcher(const std::string& place, const LinkLimit& limit) : place_(place) {
+CurlFetcher::CurlFetcher(const std::string& place, const LinkLimit& limit, const HostAccess& access)
+    : place_(place), access_(access) {
   link_clock_.setLimit(limit);
   curl_multi_setopt(multi_.get(), CURLMOPT_MAX_HOST_CONNECTIONS, kConnections);
   thread_ = std::thread([this] { run(); });
@@ -152,7 +154,7 @@ void CurlFetcher::start(RangeOrder order) {
   const RangeOrder& o = transfer->order;
   CURL* handle = transfer->handle.get();
   curl_easy_reset(handle);
-  setUpRequest(handle, place_ + "/" + o.name);
+  setUpRequest(handle, place_ + "/" + o.name, access_, transfer->problem);
   curl_easy_setopt(handle, CURLOPT_CONNECTTIMEOUT, kConnectSeconds);
   curl_easy_setopt(handle, CURLOPT_LOW_SPEED_LIMIT, kStallBytesPerSecond);
   curl_easy_setopt(handle, CURLOPT_LOW_SPEED_TIME, kStallSeconds);
@@ -167,6 +169,7 @@ void CurlFetcher::start(RangeOrder order) {
 /// Keeps the handle, and with it its connection.
 void CurlFetcher::end(CURL* handle) {
   curl_multi_remove_handle(multi_.get(), handle);
+  curl_easy_setopt(handle, CURLOPT_ERRORBUFFER, nullptr);  // goes with the transfer
   idle_.push_back(std::move(transfers_.extract(handle).mapped()->handle));
 }
 

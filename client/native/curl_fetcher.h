@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "base/http/http.h"
+#include "client/native/host_access.h"
 #include "client/native/link.h"
 #include "client/source/fetch.h"
 
@@ -19,7 +20,7 @@ namespace client {
 class CurlFetcher final : public RangeFetcher {
  public:
   /// `place`: "http://host:port/folder" or "https://…", without a slash at its end.
-  explicit CurlFetcher(const std::string& place, const LinkLimit& limit = {});
+  explicit CurlFetcher(const std::string& place, const LinkLimit& limit = {}, const HostAccess& access = {});
   ~CurlFetcher() override;
   void submit(std::uint64_t id, const std::string& name, std::uint64_t offset, std::uint64_t length) override {
     push({id, name, offset, length, false});
@@ -56,6 +57,7 @@ class CurlFetcher final : public RangeFetcher {
   void checkVersion(const Transfer& transfer, FetchAnswer& answer);
 
   const std::string place_;
+  const HostAccess access_;
   const base::CurlMulti multi_ = base::makeCurlMulti();
   std::map<CURL*, std::unique_ptr<Transfer>> transfers_;
   std::vector<base::CurlHandle> idle_;

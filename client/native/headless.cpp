@@ -83,8 +83,9 @@ base::Result<void> HeadlessRun::openScene(Method method) {
   // Splats are refined fully in each picture, too.
   SplatOptions splats = options_.splats;
   if (options_.realtime_fps <= 0.0) splats.frame_seconds = 0.0;
-  LUMIGRID_ASSIGN_OR_RETURN(auto link, method == Method::kQsplat ? openSplatLink(options_.url, options_.link, splats)
-                                                                 : openLink(options_.url, options_.link));
+  LUMIGRID_ASSIGN_OR_RETURN(auto link, method == Method::kQsplat
+                                           ? openSplatLink(options_.url, options_.link, splats, options_.access)
+                                           : openLink(options_.url, options_.link, options_.access));
   connection_ = std::move(link);
   return {};
 }

@@ -36,6 +36,7 @@ struct HeadlessOptions {
   double settle_seconds = 10.0;  ///< longest wait for each view to be complete; nothing fades in then
   double realtime_fps = 0.0;     ///< > 0: draws frames at this rate without waiting for anything
   LinkLimit link;
+  HostAccess access;
   double connect_timeout = 10.0;  ///< seconds
   unsigned decoder_threads = 2;
   bool scene_background = false;  ///< pictures have the scene's background, where it has one

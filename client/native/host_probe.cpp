@@ -18,9 +18,9 @@ HostAnswer answerOf(const HttpResponse& reply) {
 
 }  // namespace
 
-base::Result<HostAnswers> askHost(const std::string& url) {
+base::Result<HostAnswers> askHost(const std::string& url, const HostAccess& access) {
   const std::string place = placeOfScene(url);
-  HttpClient client;
+  HttpClient client(access);
   HostAnswers answers;
   answers.other_origin = true;
 

@@ -25,7 +25,7 @@ class HttpGetter {
   };
 
   /// `place`: "http://host:port", or "https://host/folder", without a slash at its end.
-  explicit HttpGetter(const std::string& place) : place_(place) {}
+  explicit HttpGetter(const std::string& place, const HostAccess& access = {}) : place_(place), client_(access) {}
   /// Aborts the request under way.
   ~HttpGetter();
   HttpGetter(const HttpGetter&) = delete;

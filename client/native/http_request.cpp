@@ -25,7 +25,13 @@ struct PartialResponse {
 
 }  // namespace
 
-void setUpRequest(CURL* handle, const std::string& url) {
+std::string problemOf(CURLcode code, const CurlProblem& problem) {
+  return problem[0] != '\0' ? problem.data() : curl_easy_strerror(code);
+}
+
+void setUpRequest(CURL* handle, const std::string& url, const HostAccess& access, CurlProblem& problem) {
+  problem[0] = '\0';
+  curl_easy_setopt(handle, CURLOPT_ERRORBUFFER, problem.data());
   curl_easy_setopt(handle, CURLOPT_URL, url.c_str());
   curl_easy_setopt(handle, CURLOPT_PROTOCOLS_STR, "http,https");
   curl_easy_setopt(handle, CURLOPT_REDIR_PROTOCOLS_STR, url.rfind("https:", 0) == 0 ? "https" : "http,https");
@@ -33,6 +39,13 @@ void setUpRequest(CURL* handle, const std::string& url) {
   curl_easy_setopt(handle, CURLOPT_MAXREDIRS, kRedirects);
   curl_easy_setopt(handle, CURLOPT_NOSIGNAL, 1L);
   curl_easy_setopt(handle, CURLOPT_USERAGENT, "lumigrid-view");
+  curl_easy_setopt(handle, CURLOPT_SSLVERSION, CURL_SSLVERSION_TLSv1_2);
+  // Replaces the system's file of authorities, but not its folder, which has the same.
+  if (!access.ca_file.empty()) curl_easy_setopt(handle, CURLOPT_CAINFO, access.ca_file.c_str());
+  if (!access.token.empty()) {
+    curl_easy_setopt(handle, CURLOPT_HTTPAUTH, CURLAUTH_BEARER);
+    curl_easy_setopt(handle, CURLOPT_XOAUTH2_BEARER, access.token.c_str());
+  }
 }
 
 void HttpClient::stop() {
@@ -58,8 +71,9 @@ CURLcode HttpClient::perform(CURL* handle) {
 HttpResponse HttpClient::send(const HttpRequest& request) {
   PartialResponse incoming;
   incoming.max_body_bytes = request.max_bytes;
+  CurlProblem problem{};  // before the handle, which may write to it until its end
   const base::CurlHandle handle = base::makeCurlHandle();
-  setUpRequest(handle.get(), request.url);
+  setUpRequest(handle.get(), request.url, access_, problem);
   if (request.method != "GET") curl_easy_setopt(handle.get(), CURLOPT_CUSTOMREQUEST, request.method.c_str());
   curl_easy_setopt(handle.get(), CURLOPT_TIMEOUT_MS, static_cast<long>(1e3 * request.seconds));
   base::receiveInto(incoming, handle.get());
@@ -71,7 +85,7 @@ HttpResponse HttpClient::send(const HttpRequest& request) {
   if (incoming.reply.too_long)
     incoming.reply.problem = "the answer is too large";
   else if (code != CURLE_OK)
-    incoming.reply.problem = curl_easy_strerror(code);
+    incoming.reply.problem = problemOf(code, problem);
   return std::move(incoming.reply);
 }
 

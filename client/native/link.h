@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "base/error.h"
+#include "client/native/host_access.h"
 #include "client/source/ray_picks.h"
 #include "client/source/session.h"
 #include "client/source/splat_view.h"
@@ -98,10 +99,11 @@ bool isPublishedScene(const std::string& url);
 /// Checks whether openLink() accepts the address. Errors say what is wrong with the text.
 base::Result<void> checkUrl(const std::string& url);
 /// Opens a link, which starts to connect at once. A scene on this machine (localSceneDirectory) has no link to limit.
-base::Result<std::unique_ptr<Link>> openLink(const std::string& url, const LinkLimit& limit = {});
+base::Result<std::unique_ptr<Link>> openLink(const std::string& url, const LinkLimit& limit = {},
+                                             const HostAccess& access = {});
 /// Opens a link for Method::kQsplat: scene.json and qsplat.lgq over HTTP, from a server of ours or any other host, or
 /// from a folder on this machine.
 base::Result<std::unique_ptr<Link>> openSplatLink(const std::string& url, const LinkLimit& limit,
-                                                  const SplatOptions& options);
+                                                  const SplatOptions& options, const HostAccess& access = {});
 
 }  // namespace client

@@ -13,6 +13,7 @@
 #include "client/app/permalink.h"
 #include "client/app/splat_settings.h"
 #include "client/native/headless.h"
+#include "client/native/host_access.h"
 #include "client/native/host_probe.h"
 #include "client/native/local_scene.h"
 #include "client/native/units.h"
@@ -44,6 +45,8 @@ struct Arguments {
   std::string memory = "1G";
   std::string bandwidth;
   std::string latency;
+  std::string token;
+  std::string token_file;
   std::string background = "transparent";
   bool use_settings = true;
   bool json = false;
@@ -170,6 +173,20 @@ void addLimitOptions(CLI::App& app, Arguments& a) {
       ->check(CLI::Range(0.1, 3600.0));
 }
 
+void addAccessOptions(CLI::App& app, Arguments& a) {
+  app.option_defaults()->group("Private scenes");
+  CLI::Option* token = app.add_option("--token", a.token,
+                                      "Token that opens a private scene. Other users of this machine see it in the "
+                                      "list of processes; --token-file and LUMIGRID_TOKEN keep it from them");
+  app.add_option(
+         "--token-file", a.token_file,
+         "File that holds the token; without it the environment's LUMIGRID_TOKEN counts. A signed link needs neither")
+      ->excludes(token);
+  app.add_option("--ca", a.run.access.ca_file,
+                 "Certificates (PEM) of authorities that are trusted besides those of this system")
+      ->check(CLI::ExistingFile);
+}
+
 void addRunOptions(CLI::App& app, Arguments& a) {
   app.add_flag("--check-host", a.check_host,
                "Say whether the host of a published scene does all that viewers need, and what to change; no pictures")
@@ -204,7 +221,8 @@ void describe(CLI::App& app, Arguments& a) {
       "Only the images and coarse patches near the view travel; a small cache keeps them.");
   app.add_option(
          "URL", a.run.url,
-         "The server, as `lumigrid serve` prints it: ws://host:port/ (http:// and host:port mean the same); or a "
+         "The server, as `lumigrid serve` prints it: ws://host:port/ (http:// and host:port mean the same), or "
+         "encrypted wss://host/; or a "
          "published scene: https://host/folder/, http://host/folder/ or .../scene.json (no server of ours "
          "need run there); or a scene's folder on this machine, whose splats, and patches where it is published, are "
          "read from the disk")
@@ -215,6 +233,7 @@ void describe(CLI::App& app, Arguments& a) {
   addSplatOptions(app, a);
   addPictureOptions(app, a);
   addLimitOptions(app, a);
+  addAccessOptions(app, a);
   addRunOptions(app, a);
 }
 
@@ -268,6 +287,24 @@ base::Result<void> parseArguments(Arguments& a) {
   viewer.session.cache_bytes = cache;
   viewer.lumigraph.use_images = viewer.session.images || viewer.session.frames;
   std::copy(background.begin(), background.end(), viewer.lumigraph.background);
+  return {};
+}
+
+/// Puts together what opens a private scene: the options count before a link's credential, and that before the
+/// environment.
+base::Result<void> readAccess(Arguments& a) {
+  std::string& token = a.run.access.token;
+  const std::string of_link = client::localSceneDirectory(a.run.url) ? "" : client::takeCredential(a.run.url);
+  const char* of_environment = std::getenv("LUMIGRID_TOKEN");
+  if (!a.token_file.empty()) {
+    LUMIGRID_ASSIGN_OR_RETURN(token, forOption("--token-file", client::readTokenFile(a.token_file)));
+  } else {
+    token = !a.token.empty() ? a.token : !of_link.empty() ? of_link : of_environment != nullptr ? of_environment : "";
+  }
+  if (token.find_first_of("\r\n") != std::string::npos)
+    return base::Error{base::ErrorCode::kInvalidInput, "the token has a line end, which no token has"};
+  if (!token.empty() && client::wouldExposeToken(a.run.url))
+    printError("the token travels unencrypted, and others on the way can read it; use wss:// or https://", 0);
   return {};
 }
 
@@ -368,6 +405,7 @@ int runWindowMode(const CLI::App& app, const Arguments& a) {
   applyUserSettings(app, options.app.settings, options);
   options.splats.memory_bytes = options.app.viewer.memory_budget_bytes;
   options.link = a.run.link;
+  options.access = a.run.access;
   options.decoder_threads = a.run.decoder_threads;
   options.cancelled = [] { return interrupted.load(); };
   endOnSignals();
@@ -380,7 +418,7 @@ int runHostCheck(const Arguments& a) {
   if (!client::isPublishedScene(a.run.url))
     return printError("--check-host needs the address of a published scene, such as https://example.org/scenes/tower/",
                       kWrongUsage);
-  const auto answers = client::askHost(a.run.url);
+  const auto answers = client::askHost(a.run.url, a.run.access);
   if (!answers) return printError(answers.error().message, kFailed);
   bool fails = false;
   nlohmann::ordered_json list = nlohmann::ordered_json::array();
@@ -416,6 +454,7 @@ int main(int argc, char** argv) {
   }
   const std::string& link = arguments.window.view;
   arguments.run.method_is_default = app.count("--method") == 0 && link.empty();
+  if (auto access = readAccess(arguments); !access) return printError(access.error().message, kWrongUsage);
   if (auto url = client::checkUrl(arguments.run.url); !url) return printError(url.error().message, kWrongUsage);
   if (client::localSceneDirectory(arguments.run.url) && (app.count("--bandwidth") + app.count("--latency")) > 0)
     return printError("--bandwidth and --latency are for a link; this scene is on this machine", kWrongUsage);

@@ -178,10 +178,10 @@ namespace {
 class SplatLink final : public Link {
  public:
   /// `place` is the scene's URL; "http://host:port" of a server of ours is one, too.
-  SplatLink(const std::string& place, const LinkLimit& limit, const SplatOptions& options)
+  SplatLink(const std::string& place, const LinkLimit& limit, const SplatOptions& options, const HostAccess& access)
       : place_(place),
         options_(options),
-        fetcher_(std::make_unique<CurlFetcher>(place, limit)),
+        fetcher_(std::make_unique<CurlFetcher>(place, limit, access)),
         connection_(fetcher_.get()),
         scene_json_(*fetcher_, place) {
     if (!options_.clock) options_.clock = secondsNow;
@@ -240,23 +240,23 @@ LinkCounts SplatLink::counts() const {
 
 // ---- any link ----
 
-base::Result<std::unique_ptr<Link>> openLink(const std::string& url, const LinkLimit& limit) {
+base::Result<std::unique_ptr<Link>> openLink(const std::string& url, const LinkLimit& limit, const HostAccess& access) {
   if (const auto directory = localSceneDirectory(url)) return openLocalScene(*directory);
-  if (isPublishedScene(url)) return std::unique_ptr<Link>(std::make_unique<PublishedSceneLink>(url, limit));
+  if (isPublishedScene(url)) return std::unique_ptr<Link>(std::make_unique<PublishedSceneLink>(url, limit, access));
   LUMIGRID_ASSIGN_OR_RETURN(auto server, parseServerUrl(url));
-  return std::unique_ptr<Link>(std::make_unique<Connection>(server, limit));
+  return std::unique_ptr<Link>(std::make_unique<Connection>(server, limit, access));
 }
 
 base::Result<std::unique_ptr<Link>> openSplatLink(const std::string& url, const LinkLimit& limit,
-                                                  const SplatOptions& options) {
+                                                  const SplatOptions& options, const HostAccess& access) {
   LUMIGRID_TRY(checkUrl(url));
   if (const auto directory = localSceneDirectory(url)) return openLocalSplats(*directory, options);
   if (isPublishedScene(url))
-    return std::unique_ptr<Link>(std::make_unique<SplatLink>(placeOfScene(url), limit, options));
+    return std::unique_ptr<Link>(std::make_unique<SplatLink>(placeOfScene(url), limit, options, access));
   LUMIGRID_ASSIGN_OR_RETURN(const auto server, parseServerUrl(url));
   // A server with several scenes has each in a folder of its own.
-  const std::string place = placeOfScene("http://" + server.authority() + server.target);
-  return std::unique_ptr<Link>(std::make_unique<SplatLink>(place, limit, options));
+  const std::string place = placeOfScene(server.httpPlace() + server.target);
+  return std::unique_ptr<Link>(std::make_unique<SplatLink>(place, limit, options, access));
 }
 
 }  // namespace client

@@ -45,8 +45,8 @@ class SceneJson {
 /// that.
 class PublishedSceneLink final : public Link {
  public:
-  explicit PublishedSceneLink(const std::string& url, const LinkLimit& limit = {})
-      : place_(placeOfScene(url)), fetcher_(place_, limit), scene_json_(fetcher_, place_) {}
+  explicit PublishedSceneLink(const std::string& url, const LinkLimit& limit = {}, const HostAccess& access = {})
+      : place_(placeOfScene(url)), fetcher_(place_, limit, access), scene_json_(fetcher_, place_) {}
   bool pump(Session& session) override;
   void waitForArrival(double seconds) override { fetcher_.wait(seconds); }
   /// False until scene.json is here.

@@ -251,9 +251,9 @@ base::Result<void> Window::open() {
   published_ = !directory_.empty() || isPublishedScene(options_.url);
   if (!directory_.empty()) return {};
   if (published_)
-    http_ = std::make_unique<HttpGetter>(placeOfScene(options_.url));
+    http_ = std::make_unique<HttpGetter>(placeOfScene(options_.url), options_.access);
   else if (auto server = parseServerUrl(options_.url))
-    http_ = std::make_unique<HttpGetter>("http://" + server->authority() + folderOf(server->target));
+    http_ = std::make_unique<HttpGetter>(server->httpPlace() + folderOf(server->target), options_.access);
   return {};
 }
 
@@ -263,8 +263,8 @@ base::Result<void> Window::openScene(Method method) {
   const Settings settings = app_ ? app_->settings() : options_.app.settings;
   SplatOptions splat_options = options_.splats;
   applyChanges(options_.app.settings, settings, splat_options);
-  auto link =
-      splats ? openSplatLink(options_.url, options_.link, splat_options) : openLink(options_.url, options_.link);
+  auto link = splats ? openSplatLink(options_.url, options_.link, splat_options, options_.access)
+                     : openLink(options_.url, options_.link, options_.access);
   if (!link) return link.error();
   connection_ = std::move(*link);
   AppOptions options = options_.app;

@@ -16,6 +16,7 @@ struct WindowOptions {
   bool method_is_default =
       false;  ///< the user named no method: where the scene lacks the data for the viewer's method, another is shown
   LinkLimit link;
+  HostAccess access;
   SplatOptions splats;  ///< for method kQsplat
   int width = 1280;     ///< initial window size, screen units
   int height = 720;

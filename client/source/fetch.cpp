@@ -24,7 +24,7 @@ std::string fault(const FetchAnswer& answer) {
       return "is not there" + inBrackets(answer) +
              "; open the scene anew if it was published again, else publish all of it with `lumigrid publish`";
     case FetchOutcome::kForbidden:
-      return "may not be read" + inBrackets(answer) + "; sign in, or let the host allow reading";
+      return "may not be read" + inBrackets(answer) + "; sign in, give a token, or let the host allow reading";
     case FetchOutcome::kRangeIgnored:
       return "this host ignores Range" + inBrackets(answer) +
              ", so a scene cannot be read piece by piece; switch ranges on there, or in the proxy before it "

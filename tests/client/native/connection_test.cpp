@@ -72,7 +72,9 @@ TEST(ServerUrl, isReadInItsUsualSpellings) {
                          {"localhost:81", "localhost", "81", "/"},
                          {"localhost", "localhost", "8080", "/"},
                          {"ws://[::1]:8081/x", "::1", "8081", "/x"},
-                         {"ws://[::1]", "::1", "8080", "/"}};
+                         {"ws://[::1]", "::1", "8080", "/"},
+                         {"wss://example.org", "example.org", "443", "/"},
+                         {"https://example.org:8443/a", "example.org", "8443", "/a"}};
   for (const UrlRow& row : rows) {
     auto url = parseServerUrl(row.text);
     ASSERT_TRUE(bool(url)) << row.text;
@@ -84,9 +86,8 @@ TEST(ServerUrl, isReadInItsUsualSpellings) {
 }
 
 TEST(ServerUrl, refusesMalformedAddressesInOneLine) {
-  for (const char* bad :
-       {"", "ws://", "ftp://a", "wss://a", "https://a", "ws://a:0", "ws://a:65536", "ws://a:x", "ws://a:", "ws://[::1",
-        "ws://[::1]x", "ws://a b", "ws://a/ b", "ws://u@a", "ws://a\r\nHost: b"}) {
+  for (const char* bad : {"", "ws://", "ftp://a", "ws://a:0", "ws://a:65536", "ws://a:x", "ws://a:", "ws://[::1",
+                          "ws://[::1]x", "ws://a b", "ws://a/ b", "ws://u@a", "ws://a\r\nHost: b"}) {
     auto url = parseServerUrl(bad);
     ASSERT_FALSE(bool(url)) << bad;
   }
