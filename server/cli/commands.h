@@ -22,6 +22,7 @@ RunCommand addRender(CLI::App& command);
 RunCommand addSample(CLI::App& command);
 RunCommand addServe(CLI::App& command);
 RunCommand addSet(CLI::App& command);
+RunCommand addSign(CLI::App& command);
 RunCommand addTour(CLI::App& command);
 
 }  // namespace server::cli

@@ -49,6 +49,7 @@ int main(int argc, char** argv) {
   add("build", "Build a scene from meshes: patch hierarchy and image repository. Resumes where it was stopped.",
       addBuild);
   add("serve", "Serve a scene to viewers over WebSocket and HTTP on one port.", addServe);
+  add("sign", "Make a link that opens one private scene for a time.", addSign);
   add("publish", "Write a scene as files that never change, for a web server or an object store to serve.", addPublish);
   add("export", "Write a scene for other programs: as 3D Tiles, or as one mesh in PLY or GLB.", addExport);
   add("info", "Say what is in a scene.", addInfo);
