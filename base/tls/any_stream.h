@@ -6,6 +6,7 @@
 // all on the stream's executor.
 #include <utility>  // before Asio: Boost 1.74 uses std::exchange without it, which gcc 12 refuses
 
+#include <algorithm>
 #include <array>
 #include <boost/asio/async_result.hpp>
 #include <boost/asio/basic_waitable_timer.hpp>
@@ -19,9 +20,12 @@
 #include <boost/beast/core/role.hpp>
 #include <boost/beast/websocket/teardown.hpp>
 #include <chrono>
+#include <cstring>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
+#include <type_traits>
 
 #include "base/tls/tls_engine.h"
 
@@ -34,6 +38,10 @@ class AnyStream {
   using TcpStream = boost::beast::basic_stream<boost::asio::ip::tcp, Executor>;
   using Socket = typename TcpStream::socket_type;
   using ErrorValue = boost::system::error_code;
+  /// Written out, since finding it out would compile an operation for each question whether this is a stream.
+  template <class Token>
+  using TransferResult =
+      typename boost::asio::async_result<std::decay_t<Token>, void(ErrorValue, std::size_t)>::return_type;
 
   template <class... Arguments>
   explicit AnyStream(Arguments&&... arguments) : core_(std::make_shared<Core>(std::forward<Arguments>(arguments)...)) {}
@@ -93,7 +101,7 @@ class AnyStream {
   }
 
   template <class Buffers, class Token>
-  auto async_read_some(const Buffers& buffers, Token&& token) {
+  TransferResult<Token> async_read_some(const Buffers& buffers, Token&& token) {
     return boost::asio::async_initiate<Token, void(ErrorValue, std::size_t)>(
         [](auto&& handler, std::shared_ptr<Core> core, const Buffers& into) {
           if (!core->tls) return core->tcp.async_read_some(into, std::forward<decltype(handler)>(handler));
@@ -104,7 +112,7 @@ class AnyStream {
   }
 
   template <class Buffers, class Token>
-  auto async_write_some(const Buffers& buffers, Token&& token) {
+  TransferResult<Token> async_write_some(const Buffers& buffers, Token&& token) {
     return boost::asio::async_initiate<Token, void(ErrorValue, std::size_t)>(
         [](auto&& handler, std::shared_ptr<Core> core, const Buffers& from) {
           if (!core->tls) return core->tcp.async_write_some(from, std::forward<decltype(handler)>(handler));
@@ -152,7 +160,8 @@ class AnyStream {
       const TlsEngine::Outcome outcome = run(*tls);
       if (outcome.step == TlsEngine::Step::kClosed) ec = boost::asio::error::eof;
       if (outcome.step == TlsEngine::Step::kFailed)
-        ec = boost::system::errc::make_error_code(boost::system::errc::protocol_error);
+        ec = tls->systemError() != 0 ? ErrorValue(tls->systemError(), boost::system::system_category())
+                                     : boost::system::errc::make_error_code(boost::system::errc::protocol_error);
       return outcome;
     }
 
@@ -241,10 +250,7 @@ class AnyStream {
       static thread_local std::array<std::uint8_t, kRecord> gathered;
       const std::size_t all = boost::asio::buffer_size(buffers);
       while (bytes < all) {
-        boost::beast::buffers_suffix<Buffers> rest(buffers);
-        rest.consume(bytes);
-        const std::size_t size = boost::asio::buffer_copy(boost::asio::buffer(gathered), rest);
-        const TlsEngine::Outcome outcome = tls.write(ByteView(gathered).first(size));
+        const TlsEngine::Outcome outcome = tls.write(ByteView(gathered).first(gather(gathered)));
         if (outcome.step != TlsEngine::Step::kDone) {
           const bool waits =
               outcome.step == TlsEngine::Step::kWantsToRead || outcome.step == TlsEngine::Step::kWantsToWrite;
@@ -253,6 +259,22 @@ class AnyStream {
         bytes += outcome.bytes;
       }
       return {TlsEngine::Step::kDone, bytes};
+    }
+    /// Copies what follows the bytes that were written; returns how many came together.
+    std::size_t gather(std::span<std::uint8_t> out) const {
+      std::size_t skipped = bytes, size = 0;
+      for (auto it = boost::asio::buffer_sequence_begin(buffers); it != boost::asio::buffer_sequence_end(buffers);
+           ++it) {
+        boost::asio::const_buffer buffer(*it);
+        const std::size_t skip = std::min(skipped, buffer.size());
+        skipped -= skip;
+        buffer += skip;
+        const std::size_t count = std::min(buffer.size(), out.size() - size);
+        if (count != 0) std::memcpy(out.data() + size, buffer.data(), count);
+        size += count;
+        if (size == out.size()) break;
+      }
+      return size;
     }
     template <class Self>
     void finish(Self& self, ErrorValue ec) {

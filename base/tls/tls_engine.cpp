@@ -151,7 +151,8 @@ TlsEngine::Outcome TlsEngine::outcomeOf(int returned) {
       return {Step::kClosed};
     case SSL_ERROR_SYSCALL:
       broken_ = true;
-      problem_ = saved_errno != 0 ? std::strerror(saved_errno) : "the connection was closed";
+      system_error_ = saved_errno != 0 ? saved_errno : ECONNRESET;
+      problem_ = std::strerror(system_error_);
       ERR_clear_error();
       return {Step::kFailed};
     default:

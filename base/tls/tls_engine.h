@@ -40,6 +40,8 @@ class TlsEngine {
 
   /// After kFailed: the reason for people, such as "certificate has expired".
   const std::string& problem() const { return problem_; }
+  /// After kFailed: the system's error number where the socket failed, 0 where TLS did.
+  int systemError() const { return system_error_; }
   /// After a failed handshake: whether the peer sent an HTTP request in the clear.
   bool metPlainHttp() const { return met_plain_http_; }
 
@@ -53,6 +55,7 @@ class TlsEngine {
   };
   std::unique_ptr<ssl_st, FreeSsl> ssl_;
   std::string problem_;
+  int system_error_ = 0;
   bool met_plain_http_ = false;
   bool broken_ = false;  // after an error of the connection nothing may be sent any more
 };

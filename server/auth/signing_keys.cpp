@@ -48,7 +48,7 @@ base::Result<SigningKeys> SigningKeys::read(const std::string& path) {
     if (line.empty() || line.front() == '#') continue;
     if (line.size() < kMinKeyLength) return problem("a key has fewer than 32 characters");
     if (std::any_of(line.begin(), line.end(), [](char c) { return c < 0x21 || c > 0x7E; }))
-      return problem("a key has other characters than printable ASCII");
+      return problem("a key has spaces or other characters than printable ASCII");
     keys.keys_.push_back(std::move(line));
   }
   if (keys.keys_.empty()) return problem("holds no key");

@@ -27,24 +27,35 @@ struct ServeArguments {
   bool json = false;
 };
 
-void printAddressesJson(const Server& server, const std::string& place) {
-  nlohmann::ordered_json j{{"port", server.port()}, {"url", "ws://" + place + "/"}};
+bool usesTls(const ServeArguments& a) {
+  return !a.options.certificate_file.empty();
+}
+
+std::string socketScheme(const ServeArguments& a) {
+  return usesTls(a) ? "wss://" : "ws://";
+}
+
+void printAddressesJson(const ServeArguments& a, const Server& server, const std::string& place) {
+  const std::string url = socketScheme(a) + place + "/";
+  nlohmann::ordered_json j{{"port", server.port()}, {"url", url}};
   for (const std::string& name : server.names())
-    if (!name.empty()) j["scenes"].push_back({{"name", name}, {"url", "ws://" + place + "/" + name + "/"}});
+    if (!name.empty()) j["scenes"].push_back({{"name", name}, {"url", url + name + "/"}});
   std::printf("%s\n", j.dump().c_str());
 }
 
 void printAddresses(const ServeArguments& a, const Server& server, const std::string& place) {
   const char* page = a.options.page_directory.empty() ? "" : " (open it in a browser)";
+  const std::string url = (usesTls(a) ? "https://" : "http://") + place;
+  const std::string socket = socketScheme(a) + place;
   if (a.scenes.size() == 1) {
-    std::printf("serving %s at http://%s/%s\nlook at it with: lumigrid-view ws://%s/\n", a.scenes.front().c_str(),
-                place.c_str(), page, place.c_str());
+    std::printf("serving %s at %s/%s\nlook at it with: lumigrid-view %s/\n", a.scenes.front().c_str(), url.c_str(),
+                page, socket.c_str());
     return;
   }
-  std::printf("serving %zu scenes at http://%s/%s\n", a.scenes.size(), place.c_str(), page);
+  std::printf("serving %zu scenes at %s/%s\n", a.scenes.size(), url.c_str(), page);
   const std::vector<std::string> names = server.names();
   for (std::size_t i = 0; i < names.size(); ++i)
-    std::printf("%s: lumigrid-view ws://%s/%s/\n", a.scenes[i].c_str(), place.c_str(), names[i].c_str());
+    std::printf("%s: lumigrid-view %s/%s/\n", a.scenes[i].c_str(), socket.c_str(), names[i].c_str());
 }
 
 /// Takes what the command line leaves out from the file of --config.
@@ -86,7 +97,7 @@ int run(CLI::App& command, ServeArguments& a) {
   if (!server) return fail(server.error());
   const std::string place = a.options.address + ":" + std::to_string((*server)->port());
   if (a.json)
-    printAddressesJson(**server, place);
+    printAddressesJson(a, **server, place);
   else
     printAddresses(a, **server, place);
   std::fflush(stdout);
@@ -96,6 +107,31 @@ int run(CLI::App& command, ServeArguments& a) {
     (*log)->reopen();
   });
   return exitStatus((*server)->run(true));
+}
+
+/// Who may see the scenes, and how they are kept from others (docs/private-scenes.md).
+void addAccessOptions(CLI::App& command, ServerOptions& options) {
+  AccessOptions& access = options.access;
+  command.add_flag("--public", access.is_public,
+                   "other machines may reach this server; needed where --address is none of this machine's own. "
+                   "Besides it one of --open, --tokens, --signing-key");
+  command.add_flag("--open", access.is_open, "anybody may see the scenes, and pages of any host may read them");
+  command.add_option("--tokens", access.token_file,
+                     "JSON file of tokens that open private scenes (docs/private-scenes.md); read again on SIGHUP");
+  command.add_option("--signing-key", access.signing_keys,
+                     "file of keys whose signed links open private scenes (`lumigrid sign`); read again on SIGHUP");
+  command.add_option(
+      "--allow-origin", access.origins,
+      "origin whose pages may read the scenes besides the server's own: https://example.org. Repeatable");
+  command.add_option("--host", access.hosts,
+                     "name by which the server may be asked, as a proxy's; by others it answers 421. Repeatable");
+  command.add_option("--trusted-proxy", access.trusted_proxies,
+                     "address of a proxy whose X-Forwarded-For and X-Forwarded-Proto count: 10.0.0.1, 10.0.0.0/8. "
+                     "Repeatable");
+  command.add_option("--certificate", options.certificate_file,
+                     "the server's certificate (PEM), and those between it and its authority: speaks TLS. Read again "
+                     "on SIGHUP");
+  command.add_option("--key", options.key_file, "the certificate's key (PEM)");
 }
 
 }  // namespace
@@ -112,7 +148,8 @@ RunCommand addServe(CLI::App& command) {
                      "JSON file with the options that the command line leaves out: {\"scenes\": [\"tower\"], \"port\": "
                      "8080} (docs/formats/config.md)");
   command.add_option("--address", a->options.address,
-                     "address to listen at; 0.0.0.0 for every network of this machine");
+                     "address to listen at; 0.0.0.0 for every network of this machine, with --public");
+  addAccessOptions(command, a->options);
   command.add_option("--port", a->options.port, "port; 0 picks a free one and prints it");
   command.add_option("--max-connections", a->options.max_connections, "connections at a time; more are answered 503");
   command.add_option("--connections-per-address", a->options.connections_per_address,

@@ -12,14 +12,14 @@ namespace server {
 /// A connection lives as long as one of its operations is pending.
 class Connection : public std::enable_shared_from_this<Connection> {
  public:
-  /// `address`: the peer's, without its port.
+  /// `address`: the client's, without a port.
   Connection(std::shared_ptr<Hub> hub, std::string address) : hub_(std::move(hub)), address_(std::move(address)) {
     hub_->connections.insert(this);
     ++hub_->connections_of[address_];
   }
   virtual ~Connection() {
     hub_->connections.erase(this);
-    if (const auto it = hub_->connections_of.find(address_); --it->second == 0) hub_->connections_of.erase(it);
+    uncount();
     if (hub_->connections.empty() && hub_->on_last_connection_closed) hub_->on_last_connection_closed();
   }
   Connection(const Connection&) = delete;
@@ -45,8 +45,24 @@ class Connection : public std::enable_shared_from_this<Connection> {
       });
     };
   }
+  /// Counts this connection for a client in place of the proxy that passed it on. Returns whether the client may have
+  /// so many.
+  bool countFor(const std::string& address) {
+    if (address != address_) {
+      ++hub_->connections_of[address];
+      uncount();
+      address_ = address;
+    }
+    return hub_->connections_of[address_] <= hub_->options.connections_per_address;
+  }
+  const std::string& address() const { return address_; }
   const std::shared_ptr<Hub> hub_;
-  const std::string address_;
+
+ private:
+  void uncount() {
+    if (const auto it = hub_->connections_of.find(address_); --it->second == 0) hub_->connections_of.erase(it);
+  }
+  std::string address_;
 };
 
 }  // namespace server

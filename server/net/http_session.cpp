@@ -26,6 +26,7 @@ namespace {
 // connections and memory.
 constexpr auto kHeaderTimeout = std::chrono::seconds(10);           // for the first request
 constexpr auto kTurnedAwayTimeout = std::chrono::seconds(2);        // of one that gets a refusal
+constexpr auto kHandshakeTimeout = std::chrono::seconds(10);        // of TLS
 constexpr auto kIdleTimeout = std::chrono::seconds(30);             // for the next request on an open connection
 constexpr auto kAnswerTimeout = std::chrono::minutes(10);           // for a picture, a picked point or a remote range
 constexpr std::uint64_t kMinBytesPerSecond = 16 * 1024;             // a slower download is cut
@@ -39,6 +40,7 @@ class HttpSession final : public Connection {
   HttpSession(std::shared_ptr<Hub> hub, TcpSocket&& socket, const std::string& address, bool turned_away)
       : Connection(std::move(hub), address),
         stream_(std::move(socket)),
+        peer_(parseIpAddress(address).value_or(IpAddress())),
         deadline_(stream_.get_executor()),
         turned_away_(turned_away) {
     hub_->metrics.http_open.add(1);
@@ -48,17 +50,20 @@ class HttpSession final : public Connection {
     hub_->unsent_picture_bytes -= picture_bytes_;
     hub_->metrics.http_open.add(-1);
   }
-  void start() { doRead(); }
+  void start();
   void closeForShutdown() override { close(); }
   void closeForDrain() override {
     if (reading_) close();
   }
 
  private:
+  void onHandshake(error_code ec);
+  void answerPlainHttp();
   void doRead();
   void allowTimeToRead();
   void onRead(error_code ec, std::size_t bytes_read);
   void onUnreadable(error_code ec);
+  void readHead();
   void answer(HttpRequest request);
   void upgradeToWebSocket();
 
@@ -97,7 +102,9 @@ class HttpSession final : public Connection {
   void close();
 
   using Body = http::span_body<const std::uint8_t>;
-  BeastStream stream_;
+  AnyStream stream_;
+  const IpAddress peer_;
+  IpAddress client_;      // the peer, or who asks by it where it is a trusted proxy
   SteadyTimer deadline_;  // of reading
   bool reading_ = false;  // waits for a request or its rest
   bool is_late_ = false;
@@ -107,6 +114,8 @@ class HttpSession final : public Connection {
   std::shared_ptr<HostedScene> hosted_;  // the scene that the current request addresses
   beast::flat_buffer buffer_;
   std::optional<http::request_parser<http::empty_body>> parser_;
+  std::string cookies_;                   // of the current request, joined
+  RequestHead head_;                      // points into parser_ and cookies_
   std::optional<std::uint64_t> awaited_;  // id of the answer
   std::optional<SteadyTimer> answer_timer_;
   std::size_t picture_bytes_ = 0;  // counted in Hub::unsent_picture_bytes
@@ -151,9 +160,42 @@ HttpRequest viewOf(const UpgradeRequest& request) {
           view(request[http::field::accept_encoding])};
 }
 
+// ---- TLS
+
+void HttpSession::start() {
+  if (!hub_->security->tls) return doRead();
+  stream_.startTlsAsServer(hub_->security->tls);
+  stream_.expires_after(kHandshakeTimeout);
+  stream_.async_handshake(beast::bind_front_handler(&HttpSession::onHandshake, self<HttpSession>()));
+}
+
+void HttpSession::onHandshake(error_code ec) {
+  if (!ec) return doRead();
+  if (stream_.metPlainHttp()) answerPlainHttp();
+}
+
+/// Tells a visitor who wrote http:// what to write.
+void HttpSession::answerPlainHttp() {
+  constexpr std::string_view kAnswer =
+      "HTTP/1.1 400 Bad Request\r\nServer: lumigrid\r\nContent-Type: text/plain; charset=utf-8\r\nContent-Length: "
+      "54\r\nConnection: close\r\n\r\nthis port speaks TLS; begin the address with https://\n";
+  stream_.expires_never();
+  auto& tcp = stream_.next_layer();
+  tcp.expires_after(kHandshakeTimeout);
+  // Bytes left unread would have the system reset the connection, and the answer might be lost.
+  error_code ignored;
+  tcp.socket().non_blocking(true, ignored);
+  buffer_.commit(tcp.socket().read_some(buffer_.prepare(kMaxHeaderBytes), ignored));
+  asio::async_write(tcp, asio::buffer(kAnswer), [self = self<HttpSession>()](error_code, std::size_t) {
+    error_code also_ignored;
+    self->stream_.socket().shutdown(Tcp::socket::shutdown_send, also_ignored);
+  });
+}
+
 // ---- Reading requests
 
 void HttpSession::doRead() {
+  head_ = {};
   parser_.emplace();
   parser_->header_limit(kMaxHeaderBytes);
   parser_->body_limit(0);
@@ -181,10 +223,43 @@ void HttpSession::onRead(error_code ec, std::size_t /*bytes_read*/) {
   ++requests_;
   if (ec) return onUnreadable(ec);
   const HttpRequest request = viewOf(parser_->get());
-  if (auto reply = hub_->answerForServer(request)) return doWrite(std::move(*reply));
+  readHead();
+  if (auto reply = hub_->answerForServer(request, head_)) return doWrite(std::move(*reply));
   if (turned_away_)
     return doWrite(tryLater(kRetrySeconds, "this server has as many viewers as it may; try again later\n"));
+  // A proxy's connections are counted for its clients, which are known only now.
+  if (client_ != peer_ && !countFor(client_.text()))
+    return doWrite(textReply(429, "there are too many connections of your address; close others\n",
+                             {{"Retry-After", std::to_string(kRetrySeconds)}}));
   answer(request);
+}
+
+/// Puts together what decides who may have an answer, and who asks.
+void HttpSession::readHead() {
+  const UpgradeRequest& request = parser_->get();
+  const auto view = [&](auto field) {
+    const beast::string_view text = request[field];
+    return std::string_view(text.data(), text.size());
+  };
+  const auto joined = [&](auto field, const char* separator) {
+    std::string all;
+    for (auto [it, end] = request.equal_range(field); it != end; ++it)
+      all += (all.empty() ? "" : separator) + std::string(it->value());
+    return all;
+  };
+  const TrustedProxies& proxies = hub_->security->rules.proxies();
+  client_ = proxies.clientAddress(peer_, joined("X-Forwarded-For", ","));
+  cookies_ = joined(http::field::cookie, ";");
+  head_ = {.method = {request.method_string().data(), request.method_string().size()},
+           .target = {request.target().data(), request.target().size()},
+           .host = view(http::field::host),
+           .origin = view(http::field::origin),
+           .authorization = view(http::field::authorization),
+           .cookie = cookies_,
+           .fetch_site = view("Sec-Fetch-Site"),
+           .fetch_mode = view("Sec-Fetch-Mode"),
+           .is_upgrade = beast::websocket::is_upgrade(request),
+           .is_secure = stream_.isTls() || proxies.cameByTls(peer_, joined("X-Forwarded-Proto", ","))};
 }
 
 /// Bytes that are no request get an answer that says why, as far as there were any.
@@ -202,13 +277,15 @@ void HttpSession::onUnreadable(error_code ec) {
 }
 
 void HttpSession::answer(HttpRequest request) {
+  request.is_secure = head_.is_secure;
   std::string_view rest;
   hosted_ = hub_->findScene(request.target, rest);
-  if (hosted_ == nullptr) return doWrite(hub_->answerForAllScenes(request));
+  if (auto instead = hub_->answerInstead(head_, hosted_.get())) return doWrite(std::move(*instead));
+  if (hosted_ == nullptr) return doWrite(hub_->answerForAllScenes(request, head_));
   if (rest.empty()) return doWrite(redirectToFolder(hosted_->name));
   request.target = rest;
   const std::string_view path = request.path();
-  if (beast::websocket::is_upgrade(parser_->get()) && (path == "/" || path == "/ws")) return upgradeToWebSocket();
+  if (head_.is_upgrade && (path == "/" || path == "/ws")) return upgradeToWebSocket();
   const bool reads = request.method == "GET" || request.method == "HEAD";
   const bool needs_patches = reads && (path == "/render" || path == "/pick");
   if (needs_patches && !hosted_->hasPatches()) return doWrite(splatsOnlyReply());
@@ -227,7 +304,8 @@ void HttpSession::upgradeToWebSocket() {
     return doWrite(textReply(400, "the handshake's key is not 16 bytes in base64\n"));
   stream_.expires_never();  // a WebSocket stream has its own timeouts
   hosted_->site->readAppearance();
-  startWebSocketSession(hub_, hosted_, address_, std::move(stream_), parser_->get());
+  const std::int64_t until = hub_->security->rules.accessTo(hosted_->access_name, head_, secondsNow()).until;
+  startWebSocketSession(hub_, hosted_, {address(), until}, std::move(stream_), parser_->get());
 }
 
 // ---- Answers of other threads
@@ -249,7 +327,7 @@ void HttpSession::requestPicture(const HttpRequest& request) {
       id, [type](HttpSession& session, base::Result<base::Bytes> bytes) { session.onPicture(type, std::move(bytes)); });
   const bool accepted =
       hub_->unsent_picture_bytes < kMaxUnsentPictures &&
-      hub_->renderer->requestPicture(id, address_, hosted_->scene, *picture, hub_->options.picture_limits, done);
+      hub_->renderer->requestPicture(id, address(), hosted_->scene, *picture, hub_->options.picture_limits, done);
   if (!accepted) {
     hub_->metrics.pictures_refused.add();
     return doWrite(tryLater(kRetrySeconds, "too many pictures are asked for at once; try again later\n"));
@@ -309,9 +387,7 @@ void HttpSession::onAnswerTimeout(std::uint64_t id) {
 }
 
 void HttpSession::onReadable(std::uint64_t id) {
-  error_code ec;
-  if (awaited_ != id || (stream_.socket().available(ec) != 0 && !ec)) return;
-  close();
+  if (awaited_ == id && stream_.isPeerGone()) close();
 }
 
 void HttpSession::stopWaiting() {
@@ -401,14 +477,11 @@ void HttpSession::setFields(const UpgradeRequest& request) {
                     reply_.has_length);
   fields.set(http::field::server, "lumigrid");
   fields.set(http::field::content_type, reply_.type);
-  fields.set(http::field::cache_control, reply_.cache);
+  fields.set(http::field::cache_control, hub_->security->cacheControl(reply_.cache));
   fields.set("X-Content-Type-Options", "nosniff");
-  // A server without tokens has public scenes, so any page may read what anybody may fetch.
-  fields.set(http::field::access_control_allow_origin, "*");
-  fields.set(http::field::access_control_expose_headers,
-             "Accept-Ranges, Content-Length, Content-Range, ETag, Retry-After");
-  fields.set("Cross-Origin-Resource-Policy", "cross-origin");
+  fields.set("Referrer-Policy", "no-referrer");  // an address may hold a credential
   for (const auto& [name, value] : reply_.headers) fields.set(name, value);
+  for (const auto& [name, value] : hub_->security->rules.origins().fields(head_)) fields.insert(name, value);
 }
 
 void HttpSession::allowTimeToWrite(std::size_t bytes) {
@@ -426,8 +499,7 @@ void HttpSession::onWrite(error_code ec, std::size_t bytes_written) {
 }
 
 void HttpSession::shutDownSending() {
-  error_code ignored;
-  stream_.socket().shutdown(Tcp::socket::shutdown_send, ignored);
+  stream_.shutDownSending();
 }
 
 void HttpSession::close() {

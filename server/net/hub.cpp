@@ -80,6 +80,7 @@ base::Result<void> Hub::openScenes(const std::vector<std::string>& places) {
     scene->messages = std::make_unique<MessageCache>(options.message_cache_bytes / places.size());
     scene->data.messages = scene->messages.get();
     scenes.push_back(std::make_shared<HostedScene>(places.size() > 1 ? (*names)[i] : "", std::move(scene)));
+    if (names) scenes.back()->access_name = (*names)[i];
   }
 
   LUMIGRID_ASSIGN_OR_RETURN(const auto pages, readPages(options.page_directory));
@@ -129,13 +130,14 @@ std::shared_ptr<HostedScene> Hub::findScene(std::string_view target, std::string
   return nullptr;
 }
 
-std::optional<HttpReply> Hub::answerForServer(const HttpRequest& request) const {
+std::optional<HttpReply> Hub::answerForServer(const HttpRequest& request, const RequestHead& head) const {
   const std::string_view path = request.path();
   const bool is_known = path == "/healthz" || path == "/readyz" || path == "/metrics";
   if (!is_known || (request.method != "GET" && request.method != "HEAD")) return std::nullopt;
   HttpReply reply = textReply(200, "ok");
   if (path == "/readyz" && !isReady()) reply = textReply(503, "the server stops\n");
   if (path == "/metrics") {
+    if (auto refused = security->refuseFigures(head, secondsNow())) return refused;
     reply.type = Metrics::kContentType;
     reply.text = metrics.all.text();
   }
@@ -143,12 +145,30 @@ std::optional<HttpReply> Hub::answerForServer(const HttpRequest& request) const 
   return reply;
 }
 
-HttpReply Hub::answerForAllScenes(const HttpRequest& request) const {
+base::Result<void> Hub::readSecurity() {
+  std::vector<std::string> names;
+  for (const auto& hosted : scenes) names.push_back(hosted->access_name);
+  LUMIGRID_ASSIGN_OR_RETURN(security, Security::read(options, std::move(names)));
+  return {};
+}
+
+std::optional<HttpReply> Hub::answerInstead(const RequestHead& request, const HostedScene* hosted) const {
+  std::optional<std::string_view> scene;
+  if (hosted != nullptr)
+    scene = hosted->access_name;
+  else if (const NamedTarget named = splitTarget(request.target); !named.name.empty())
+    scene = named.name;
+  return security->answerInstead(request, scene, secondsNow());
+}
+
+HttpReply Hub::answerForAllScenes(const HttpRequest& request, const RequestHead& head) const {
   if (request.method != "GET" && request.method != "HEAD") return textReply(405, "only GET and HEAD\n");
   if (request.path() != "/") return textReply(404, "there is no such scene here; / lists them\n");
   std::vector<ListedScene> listed;
-  for (const auto& hosted : scenes) listed.push_back({hosted->name, hosted->scene->scene.triangles});
-  HttpReply reply = textReply(200, sceneListPage(listed, shownHost(request.host, place)));
+  for (const auto& hosted : scenes)
+    if (security->opens(hosted->access_name, head, secondsNow()))
+      listed.push_back({hosted->name, hosted->scene->scene.triangles});
+  HttpReply reply = textReply(200, sceneListPage(listed, socketPlace(request, place)));
   reply.type = "text/html; charset=utf-8";
   return reply;
 }

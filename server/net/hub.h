@@ -18,6 +18,7 @@
 #include "server/net/frame_renderer.h"
 #include "server/net/open_scene.h"
 #include "server/net/pick.h"
+#include "server/net/security.h"
 #include "server/net/server.h"
 #include "server/net/site.h"
 #include "server/session/fair_queue.h"
@@ -35,7 +36,8 @@ struct HostedScene {
   HostedScene(std::string served_as, std::shared_ptr<OpenScene> opened)
       : name(std::move(served_as)), scene(std::move(opened)), fetchers(makeFetchers(*scene)) {}
 
-  const std::string name;  ///< first part of its addresses; empty for an only scene, which is at "/"
+  const std::string name;   ///< first part of its addresses; empty for an only scene, which is at "/"
+  std::string access_name;  ///< its name in tokens and signed links, an only scene's too
   std::shared_ptr<OpenScene> scene;
   std::unique_ptr<Site> site;
   std::unique_ptr<Picker> picker;     ///< null: the scene is splats-only
@@ -65,10 +67,16 @@ struct Hub {
   /// The scene that a target addresses, and in `rest` what is asked of it; null for an unknown scene and for the list.
   std::shared_ptr<HostedScene> findScene(std::string_view target, std::string_view& rest) const;
   /// The answer to a request that is about the server: /healthz, /readyz and /metrics, with one scene or several. For
-  /// the io thread, as what is measured includes what is its alone.
-  std::optional<HttpReply> answerForServer(const HttpRequest& request) const;
-  /// The answer to a request that addresses none of several scenes.
-  HttpReply answerForAllScenes(const HttpRequest& request) const;
+  /// the io thread, as what is measured includes what is its alone. What is measured tells of all scenes, so it is for
+  /// those who may see them all.
+  std::optional<HttpReply> answerForServer(const HttpRequest& request, const RequestHead& head) const;
+  /// Reads the files on who may see the scenes, and the certificate. Call it after openScenes(), and again when they
+  /// changed: what is wrong then leaves all as it was.
+  base::Result<void> readSecurity();
+  /// As Security::answerInstead, for the scene that findScene() found.
+  std::optional<HttpReply> answerInstead(const RequestHead& request, const HostedScene* hosted) const;
+  /// The answer to a request that addresses none of several scenes. The list has those that the visitor may see.
+  HttpReply answerForAllScenes(const HttpRequest& request, const RequestHead& head) const;
   /// Ends workers, fetchers, renderer and pickers, whose threads post to `io`; so this precedes the end of `io`.
   void endThreads();
   /// Tells the log how many reads of each scene failed.
@@ -83,6 +91,7 @@ struct Hub {
   ServerOptions options;
   ServerMetrics metrics;                             ///< before all that updates it
   std::vector<std::shared_ptr<HostedScene>> scenes;  ///< at least one
+  std::shared_ptr<const Security> security;          ///< after readSecurity()
   std::unique_ptr<FrameRenderer> renderer;           ///< null: no exact frames
   FairQueue workers;                                 ///< plan for viewers and make their messages
   std::string place;                                 ///< address:port

@@ -68,14 +68,20 @@ base::Error bindError(const std::string& address, std::uint16_t port, error_code
 Listener::Listener(asio::io_context& io, std::shared_ptr<Hub> hub)
     : hub_(std::move(hub)), acceptor_(io), incoming_(io), pause_(io), spare_(openSpare()) {}
 
+base::Result<void> Listener::checkAddress() const {
+  error_code ec;
+  asio::ip::make_address(hub_->options.address, ec);
+  if (!ec) return {};
+  return base::Error{base::ErrorCode::kInvalidInput,
+                     "'" + hub_->options.address +
+                         "' is no IP address; use 127.0.0.1 for this machine alone or 0.0.0.0 for all its networks"};
+}
+
 base::Result<void> Listener::bind() {
+  LUMIGRID_TRY(checkAddress());
   const ServerOptions& options = hub_->options;
   error_code ec;
   const auto address = asio::ip::make_address(options.address, ec);
-  if (ec)
-    return base::Error{base::ErrorCode::kInvalidInput,
-                       "'" + options.address +
-                           "' is no IP address; use 127.0.0.1 for this machine alone or 0.0.0.0 for all its networks"};
   const Tcp::endpoint endpoint(address, options.port);
   acceptor_.open(endpoint.protocol(), ec);
   if (!ec) acceptor_.set_option(asio::socket_base::reuse_address(true), ec);
@@ -108,11 +114,12 @@ void Listener::startSession(TcpSocket socket) {
   const std::string address = peer.address().to_string();
   const ServerOptions& options = hub_->options;
   const std::size_t open = hub_->connections.size();
+  const bool is_proxy = hub_->security->rules.proxies().contains(parseIpAddress(address).value_or(IpAddress()));
   const auto of_address = hub_->connections_of.find(address);
-  if (of_address != hub_->connections_of.end() && of_address->second >= options.connections_per_address) {
+  if (!is_proxy && of_address != hub_->connections_of.end() && of_address->second >= options.connections_per_address) {
     spdlog::warn("turn away: {} connections of {} are open", of_address->second, address);
     hub_->metrics.refused("address").add();
-    return answerAndClose(socket.native_handle(), tooManyAnswer());
+    return refuse(socket.native_handle(), tooManyAnswer());
   }
   const bool turned_away = open >= options.max_connections;
   if (turned_away) {
@@ -120,7 +127,7 @@ void Listener::startSession(TcpSocket socket) {
     hub_->metrics.refused("connections").add();
   }
   if (open >= std::size_t{options.max_connections} + kMaxTurnedAway)
-    return answerAndClose(socket.native_handle(), fullAnswer());
+    return refuse(socket.native_handle(), fullAnswer());
   startHttpSession(hub_, std::move(socket), address, turned_away);
 }
 
@@ -129,8 +136,13 @@ void Listener::refuseOne() {
   hub_->metrics.refused("descriptors").add();
   spare_ = base::FileDescriptor();
   const base::FileDescriptor peer(::accept4(acceptor_.native_handle(), nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC));
-  if (peer) answerAndClose(peer.get(), fullAnswer());
+  if (peer) refuse(peer.get(), fullAnswer());
   spare_ = openSpare();
+}
+
+/// A peer that speaks TLS would not understand, and a handshake for it would cost what it is refused for.
+void Listener::refuse(int socket, const std::string& answer) const {
+  if (!hub_->security->tls) answerAndClose(socket, answer);
 }
 
 void Listener::acceptAfterPause() {

@@ -2,6 +2,7 @@
 // The port of a server: accepts connections and starts an HTTP session for each.
 #include <cstdint>
 #include <memory>
+#include <string>
 
 #include "base/error.h"
 #include "base/file.h"
@@ -15,6 +16,8 @@ namespace server {
 class Listener {
  public:
   Listener(asio::io_context& io, std::shared_ptr<Hub> hub);
+  /// Whether the address of the hub's options is one.
+  base::Result<void> checkAddress() const;
   /// Binds the address and port of the hub's options and sets Hub::place. Errors say which other option to choose.
   base::Result<void> bind();
   /// Starts to accept; every callback runs on the io thread.
@@ -26,6 +29,7 @@ class Listener {
   void doAccept();
   void onAccept(error_code ec);
   void startSession(TcpSocket socket);
+  void refuse(int socket, const std::string& answer) const;
   void acceptAfterPause();
   void refuseOne();
 

@@ -54,7 +54,7 @@ NamedTarget splitTarget(std::string_view target) {
   return {name, target.substr(end)};
 }
 
-std::string sceneListPage(const std::vector<ListedScene>& scenes, const std::string& host) {
+std::string sceneListPage(const std::vector<ListedScene>& scenes, const std::string& place) {
   std::string html =
       "<!doctype html>\n<html lang=\"en\"><meta charset=\"utf-8\"><meta name=\"viewport\" "
       "content=\"width=device-width\">"
@@ -65,7 +65,7 @@ std::string sceneListPage(const std::vector<ListedScene>& scenes, const std::str
   // Names need no escaping: they hold only kAddressCharacters.
   for (const ListedScene& scene : scenes)
     html += "<li><a href=\"" + scene.name + "/\">" + scene.name + "</a> <small>" + base::formatCount(scene.triangles) +
-            " triangles</small><br><code>lumigrid-view ws://" + host + "/" + scene.name + "/</code></li>\n";
+            " triangles</small><br><code>lumigrid-view " + place + "/" + scene.name + "/</code></li>\n";
   return html + "</ul>\n</html>\n";
 }
 

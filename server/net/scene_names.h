@@ -23,7 +23,7 @@ struct ListedScene {
   std::string name;
   std::uint64_t triangles = 0;
 };
-/// The page as HTML. `host`: as a visitor would write it in an address.
-std::string sceneListPage(const std::vector<ListedScene>& scenes, const std::string& host);
+/// The page as HTML. `place`: the server's, as a viewer is given it, "ws://host:port".
+std::string sceneListPage(const std::vector<ListedScene>& scenes, const std::string& place);
 
 }  // namespace server

@@ -20,6 +20,7 @@ struct Server::Impl {
   base::Result<void> listenForSignals();
   void waitForSignal();
   void onSignal(int signal);
+  void reload();
   void drain();
   void shutDown();
   std::vector<std::shared_ptr<Connection>> openConnections() const;
@@ -40,6 +41,8 @@ base::Result<std::unique_ptr<Server>> Server::open(const std::vector<std::string
   server->impl_ = std::make_unique<Impl>(options);
   Hub& hub = *server->impl_->hub;
   LUMIGRID_TRY(hub.openScenes(scenes));
+  LUMIGRID_TRY(server->impl_->listener.checkAddress());
+  LUMIGRID_TRY(hub.readSecurity());
   LUMIGRID_TRY(server->impl_->listener.bind());
   if (options.count_access)
     for (std::size_t i = 0; i < scenes.size(); ++i) hub.scenes[i]->startAccessLog(options, scenes[i]);
@@ -73,9 +76,7 @@ void Server::stop() {
 }
 
 void Server::reload() {
-  asio::post(impl_->io, [this] {
-    if (impl_->on_reload) impl_->on_reload();
-  });
+  asio::post(impl_->io, [this] { impl_->reload(); });
 }
 
 void Server::onReload(std::function<void()> reload) {
@@ -106,7 +107,7 @@ void Server::Impl::waitForSignal() {
 
 void Server::Impl::onSignal(int signal) {
   if (signal == SIGHUP) {
-    if (on_reload) on_reload();
+    reload();
   } else if (hub->draining || hub->stopping) {
     io.stop();
   } else if (signal == SIGTERM) {
@@ -130,6 +131,16 @@ void Server::Impl::drain() {
   const auto open = openConnections();
   if (open.empty()) return finish();
   for (const auto& connection : open) connection->closeForDrain();
+}
+
+void Server::Impl::reload() {
+  if (on_reload) on_reload();
+  const ServerOptions& options = hub->options;
+  if (options.certificate_file.empty() && options.access.token_file.empty() && options.access.signing_keys.empty())
+    return;
+  if (const auto read = hub->readSecurity(); !read)
+    return spdlog::warn("certificate and tokens stay as they were: {}", read.error().message);
+  spdlog::info("certificate and tokens are read again");
 }
 
 void Server::Impl::shutDown() {

@@ -8,6 +8,7 @@
 
 #include "base/error.h"
 #include "base/json/scene_file.h"
+#include "server/auth/access_rules.h"
 #include "server/metrics/server_metrics.h"
 #include "server/net/frame_renderer.h"
 #include "server/net/open_scene.h"
@@ -17,8 +18,10 @@ namespace server {
 
 struct ServerOptions {
   std::string address = "127.0.0.1";
-  std::uint16_t port = 8080;                    ///< 0: any free one
-  std::uint32_t max_connections = 1024;         ///< fewer where the system allows fewer open files
+  std::uint16_t port = 8080;               ///< 0: any free one
+  AccessOptions access;                    ///< who may see the scenes; the default is enough for a loopback address
+  std::string certificate_file, key_file;  ///< PEM, for TLS; both empty: plain TCP
+  std::uint32_t max_connections = 1024;    ///< fewer where the system allows fewer open files
   std::uint32_t connections_per_address = 256;  ///< of them
   /// Bytes per client that wait in the kernel before the connection counts as full; at most one more message waits in
   /// the session. The limit is small, so that a new view's data does not queue behind an old one's. Fast links stay
@@ -60,7 +63,9 @@ class Server {
   base::Result<void> run(bool handle_signals);
   /// Tells viewers that the server stops, and ends within two seconds. Any thread.
   void stop();
-  /// Calls what onReload() was given, on the server's thread. Any thread.
+  /// Calls what onReload() was given, on the server's thread, and reads certificate, key, tokens and signing keys
+  /// again, for connections from then on. Where a file is wrong, the log says so, and all stays as it was. Any thread;
+  /// SIGHUP does it, too.
   void reload();
   /// `reload` opens anew or reads again what may change while the server runs. To be called before run().
   void onReload(std::function<void()> reload);

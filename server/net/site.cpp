@@ -79,14 +79,6 @@ HttpReply jsonReply(const HttpRequest& request, base::ByteView bytes, const std:
   return reply;
 }
 
-/// Tells browsers what a page of another host may request (CORS); they may keep the answer for a day.
-HttpReply preflightReply() {
-  return {.status = 204,
-          .headers = {{"Access-Control-Allow-Methods", "GET, HEAD"},
-                      {"Access-Control-Allow-Headers", "Range, If-Range, If-None-Match"},
-                      {"Access-Control-Max-Age", "86400"}}};
-}
-
 }  // namespace
 
 std::string shownHost(std::string_view host, const std::string& place) {
@@ -94,6 +86,10 @@ std::string shownHost(std::string_view host, const std::string& place) {
                      host.find_first_not_of("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789.-:[]") ==
                          std::string_view::npos;
   return plain ? std::string(host) : place;
+}
+
+std::string socketPlace(const HttpRequest& request, const std::string& place) {
+  return (request.is_secure ? "wss://" : "ws://") + shownHost(request.host, place);
 }
 
 base::ByteView HttpReply::body() const {
@@ -114,6 +110,13 @@ HttpReply splatsOnlyReply() {
   return textReply(501,
                    "this scene has splats only, and this needs patches; build them too (lumigrid build --methods "
                    "patch,qsplat), which needs a mesh\n");
+}
+
+HttpReply preflightReply() {
+  return {.status = 204,
+          .headers = {{"Access-Control-Allow-Methods", "GET, HEAD"},
+                      {"Access-Control-Allow-Headers", "Authorization, Range, If-Range, If-None-Match"},
+                      {"Access-Control-Max-Age", "86400"}}};
 }
 
 HttpReply tryLater(int seconds, std::string text) {
@@ -296,8 +299,8 @@ HttpReply Site::plainHomeReply(const HttpRequest& request, const std::string& pl
   const std::string credit = attribution.empty() ? "" : "<p>" + escapeHtml(attribution) + "</p>\n";
   HttpReply reply = textReply(
       200, "<!doctype html>\n<html lang=\"en\"><meta charset=\"utf-8\"><title>" + name + " - Lumigrid</title>\n<h1>" +
-               name + "</h1>\n" + credit + "<p>" + size + ". Look at it with</p>\n<pre>lumigrid-view ws://" +
-               shownHost(request.host, place) +
+               name + "</h1>\n" + credit + "<p>" + size + ". Look at it with</p>\n<pre>lumigrid-view " +
+               socketPlace(request, place) +
                "/</pre>\n<p>To look at it here, in the browser, the server needs the page's files: build the preset "
                "<code>web</code> and start <code>lumigrid serve</code> with <code>--web DIR</code> "
                "(docs/hosting.md).</p>\n</html>\n");

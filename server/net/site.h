@@ -20,6 +20,7 @@ namespace server {
 /// The parts of a request that matter here; absent fields are empty.
 struct HttpRequest {
   std::string_view method, target, host, range, if_range, if_none_match, accept_encoding;
+  bool is_secure = false;  ///< came by TLS
   std::string_view path() const { return target.substr(0, target.find('?')); }
 };
 
@@ -53,11 +54,16 @@ HttpReply textReply(int status, std::string text, HttpHeaders headers = {});
 HttpReply badRequest(const base::Error& error);
 /// The answer of a splats-only scene to requests that need patches.
 HttpReply splatsOnlyReply();
+/// Tells browsers what a page of another host may request (CORS); they may keep the answer for a day.
+HttpReply preflightReply();
 /// Status 503, which tells the visitor to ask again after `seconds`.
 HttpReply tryLater(int seconds, std::string text);
 
 /// The Host header as the visitor typed it, or our own place (address:port) when it is malformed.
 std::string shownHost(std::string_view host, const std::string& place);
+
+/// The same with "ws://" or "wss://" before it.
+std::string socketPlace(const HttpRequest& request, const std::string& place);
 
 /// When a file was written and how long it is; nothing where it is not there.
 struct FileStamp {

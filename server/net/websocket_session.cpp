@@ -49,8 +49,8 @@ SessionTotals totalsOf(const SessionCounts& counts) {
 
 class WebSocketSession final : public Connection {
  public:
-  WebSocketSession(std::shared_ptr<Hub> hub, std::shared_ptr<HostedScene> hosted, const std::string& address,
-                   BeastStream&& stream);
+  WebSocketSession(std::shared_ptr<Hub> hub, std::shared_ptr<HostedScene> hosted, const Visitor& visitor,
+                   AnyStream&& stream);
   ~WebSocketSession() override;
   void start(const UpgradeRequest& upgrade);
   void closeForShutdown() override { close(websocket::close_code::going_away, "the server stops"); }
@@ -84,10 +84,11 @@ class WebSocketSession final : public Connection {
 
   const std::shared_ptr<HostedScene> hosted_;
   const std::uint64_t id_;
+  const std::int64_t until_;  // Unix seconds
   SceneMetrics& metrics_;
   SessionReporter reporter_{metrics_};
   const SteadyClock::time_point start_time_ = SteadyClock::now();
-  websocket::stream<BeastStream, false> socket_;
+  websocket::stream<AnyStream, false> socket_;
   std::shared_ptr<SessionRunner> runner_;
   std::string peer_;          // address:port
   std::string close_reason_;  // for the log; empty while the connection is open
@@ -108,10 +109,11 @@ class WebSocketSession final : public Connection {
 };
 
 WebSocketSession::WebSocketSession(std::shared_ptr<Hub> hub, std::shared_ptr<HostedScene> hosted,
-                                   const std::string& address, BeastStream&& stream)
-    : Connection(std::move(hub), address),
+                                   const Visitor& visitor, AnyStream&& stream)
+    : Connection(std::move(hub), visitor.address),
       hosted_(std::move(hosted)),
       id_(hub_->next_client++),
+      until_(visitor.until),
       metrics_(hub_->metrics.scene(hosted_->scene->name)),
       socket_(std::move(stream)),
       wake_(socket_.get_executor()),
@@ -123,7 +125,7 @@ WebSocketSession::WebSocketSession(std::shared_ptr<Hub> hub, std::shared_ptr<Hos
   ++hub_->viewers;
   hub_->metrics.viewers_open.add(1);
   hub_->metrics.viewers_accepted.add();
-  peer_ = endpoint.address().to_string() + ":" + std::to_string(endpoint.port());
+  peer_ = visitor.address + ":" + std::to_string(endpoint.port());
 }
 
 WebSocketSession::~WebSocketSession() {
@@ -329,8 +331,8 @@ void WebSocketSession::requestFrame(const FrameRequest& request) {
 /// Looks at the deadlines when the next of them may be over. Looking seldom costs less than a timer for each message.
 void WebSocketSession::watch() {
   const ServerOptions& options = hub_->options;
-  const double shortest =
-      std::min({kMaxWatchSeconds, options.hello_seconds, options.stall_seconds, options.idle_seconds});
+  double shortest = std::min({kMaxWatchSeconds, options.hello_seconds, options.stall_seconds, options.idle_seconds});
+  if (until_ != kNoEnd) shortest = std::min(shortest, 2.0 * static_cast<double>(until_ - secondsNow()));
   watch_.expires_at(timeOf(seconds() + std::max(0.01, 0.5 * shortest)));
   watch_.async_wait([self = self<WebSocketSession>()](error_code cancelled) {
     if (!cancelled) self->checkDeadlines();
@@ -361,6 +363,8 @@ void WebSocketSession::checkDeadlines() {
   }
   if (now - last_heard_ > options.idle_seconds)
     return close(websocket::close_code::going_away, "the viewer was silent for too long; it may connect again");
+  if (until_ != kNoEnd && secondsNow() >= until_)
+    return close(websocket::close_code::policy_error, "the link or token has expired; ask for a new one");
   watch();
 }
 
@@ -395,9 +399,9 @@ void WebSocketSession::endTimers() {
 
 }  // namespace
 
-void startWebSocketSession(std::shared_ptr<Hub> hub, std::shared_ptr<HostedScene> hosted, const std::string& address,
-                           BeastStream&& stream, const UpgradeRequest& upgrade) {
-  std::make_shared<WebSocketSession>(std::move(hub), std::move(hosted), address, std::move(stream))->start(upgrade);
+void startWebSocketSession(std::shared_ptr<Hub> hub, std::shared_ptr<HostedScene> hosted, const Visitor& visitor,
+                           AnyStream&& stream, const UpgradeRequest& upgrade) {
+  std::make_shared<WebSocketSession>(std::move(hub), std::move(hosted), visitor, std::move(stream))->start(upgrade);
 }
 
 }  // namespace server

@@ -289,7 +289,7 @@ test("a point cloud, which has splats only, is served and published, and shown w
   }
 
   // A link that names another method, and a page that does not know the scene, both find the splats.
-  const {url: elsewhere} = await serve(place);
+  const {url: elsewhere} = await serve(place, {args: ["--open"]});
   for (const url of [`${own.url}#m=lumigraph`, `${server.url}?scene=${elsewhere}`]) {
     const page = await open(browser, "about:blank");
     await page.goto(url);

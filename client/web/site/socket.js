@@ -13,6 +13,16 @@ export function socketUrl(page) {
   return url.href;
 }
 
+/// Returns the server's own words where it lets nobody in (docs/private-scenes.md), else "". A WebSocket tells none.
+async function refusalAt(url) {
+  try {
+    const answer = await fetch(new URL("scene.json", url.replace(/^ws/, "http")), {cache: "no-store"});
+    return [401, 403].includes(answer.status) ? (await answer.text()).trim() : "";
+  } catch {
+    return "";
+  }
+}
+
 /// Opens the link. `core` has connected(), disconnected(reason), receive(bytes) -> error text, next() -> bytes or null,
 /// refused() -> whether another try is of no use, and splatsOnly() -> whether the scene has splats only: then
 /// `showSplats()` is called.
@@ -39,8 +49,10 @@ export function openLink(url, core, changed, showSplats) {
     clearTimeout(timer);
     if (socket) return;
     const mine = (socket = new WebSocket(url));
+    let opened = false;
     mine.binaryType = "arraybuffer";
     mine.onopen = () => {
+      opened = true;
       core.connected();
       flush();
     };
@@ -58,8 +70,9 @@ export function openLink(url, core, changed, showSplats) {
       flush();
       changed();
     };
-    mine.onclose = ({reason}) => {
-      if (socket === mine) lost(reason || "the connection to the server was lost");
+    mine.onclose = async ({reason}) => {
+      const why = reason || (!opened && await refusalAt(url)) || "the connection to the server was lost";
+      if (socket === mine) lost(why);
     };
   }
 

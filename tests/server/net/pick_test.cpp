@@ -114,8 +114,8 @@ TEST(Pick, manyRequestsAtOnceAreAllAnswered) {
 TEST(Pick, requestsThatComeTogetherAreAnsweredInTurn) {
   const SceneDirectory scene(0);
   RunningServer server(scene.path);
-  const std::string first = "GET " + target("600", "-1") + " HTTP/1.1\r\nHost: a\r\n\r\n";
-  const std::string last = "GET " + target("600", "1") + " HTTP/1.1\r\nHost: a\r\nConnection: close\r\n\r\n";
+  const std::string first = "GET " + target("600", "-1") + " HTTP/1.1\r\nHost: localhost\r\n\r\n";
+  const std::string last = "GET " + target("600", "1") + " HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n";
   const std::string answers = rawExchange(server.port(), first + last);
   const std::size_t hit = answers.find("{\"hit\":true");
   const std::size_t miss = answers.find("{\"hit\":false");

@@ -38,7 +38,7 @@ TEST(SceneNames, targetsAreSplitAtTheirFirstFolder) {
 }
 
 TEST(SceneNames, listGroupsTheDigitsOfCounts) {
-  const std::string list = sceneListPage({{"tower", 3'024'763}, {"mill", 999}, {"mast", 1'000}}, "host:8080");
+  const std::string list = sceneListPage({{"tower", 3'024'763}, {"mill", 999}, {"mast", 1'000}}, "ws://host:8080");
   for (const char* piece : {">3,024,763 triangles", ">999 triangles", ">1,000 triangles", "ws://host:8080/mill/"})
     EXPECT_NE(list.find(piece), std::string::npos) << list;
 }

@@ -95,6 +95,12 @@ class RunningServer {
     options.render_frames = false;
     return options;
   }
+  /// As quiet(), for anybody and from any page.
+  static ServerOptions open() {
+    ServerOptions options = quiet();
+    options.access.is_open = true;
+    return options;
+  }
   std::uint16_t port() const { return server->port(); }
 
   std::unique_ptr<Server> server;

@@ -203,9 +203,9 @@ TEST(Site, foldersWithoutAPageAreRefusedAtStart) {
   EXPECT_EQ(codeOf(many.path), base::ErrorCode::kInvalidInput);
 }
 
-TEST(Site, pagesOfOtherHostsMayReadTheScene) {
+TEST(Site, pagesOfOtherHostsMayReadAnOpenScene) {
   const SceneDirectory scene(0);
-  RunningServer server(scene.path);
+  RunningServer server(scene.path, RunningServer::open());
   const HttpAnswer asked =
       httpRequest(server.port(), "/patch.lgp",
                   {{"Origin", "https://other"}, {"Access-Control-Request-Headers", "range"}}, "OPTIONS");
