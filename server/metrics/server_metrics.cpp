@@ -76,8 +76,8 @@ ServerMetrics::ServerMetrics()
       pictures_failed(all.counter(kPictures, kPicturesHelp, {{"outcome", "failed"}})),
       pictures_refused(all.counter(kPictures, kPicturesHelp, {{"outcome", "refused"}})) {
   addProcessMetrics(all);
-  for (const int status :
-       {0, 200, 204, 206, 301, 302, 304, 400, 401, 403, 404, 405, 408, 413, 416, 429, 431, 500, 501, 502, 503})
+  for (const int status : {0,   200, 204, 206, 301, 302, 303, 304, 400, 401, 403, 404,
+                           405, 408, 413, 416, 421, 429, 431, 500, 501, 502, 503})
     answers_[status] = &all.counter("lumigrid_http_answers_total", "HTTP answers by status.",
                                     {{"status", status == 0 ? "other" : std::to_string(status)}});
 }

@@ -228,9 +228,11 @@ void HttpSession::onRead(error_code ec, std::size_t /*bytes_read*/) {
   if (turned_away_)
     return doWrite(tryLater(kRetrySeconds, "this server has as many viewers as it may; try again later\n"));
   // A proxy's connections are counted for its clients, which are known only now.
-  if (client_ != peer_ && !countFor(client_.text()))
+  if (client_ != peer_ && !countFor(client_.text())) {
+    hub_->metrics.refused("address").add();
     return doWrite(textReply(429, "there are too many connections of your address; close others\n",
                              {{"Retry-After", std::to_string(kRetrySeconds)}}));
+  }
   answer(request);
 }
 
@@ -280,7 +282,10 @@ void HttpSession::answer(HttpRequest request) {
   request.is_secure = head_.is_secure;
   std::string_view rest;
   hosted_ = hub_->findScene(request.target, rest);
-  if (auto instead = hub_->answerInstead(head_, hosted_.get())) return doWrite(std::move(*instead));
+  if (auto instead = hub_->answerInstead(head_, hosted_.get())) {
+    if (const char* reason = refusalReason(*instead)) hub_->metrics.refused(reason).add();
+    return doWrite(std::move(*instead));
+  }
   if (hosted_ == nullptr) return doWrite(hub_->answerForAllScenes(request, head_));
   if (rest.empty()) return doWrite(redirectToFolder(hosted_->name));
   request.target = rest;

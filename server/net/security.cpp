@@ -69,6 +69,14 @@ std::string Security::cacheControl(const char* of_reply) const {
   return "private, " + std::string(value);
 }
 
+const char* refusalReason(const HttpReply& reply) {
+  if (reply.status == 421) return "host";
+  if (reply.status != 401 && reply.status != 403) return nullptr;
+  for (const auto& [name, value] : reply.headers)
+    if (name == "WWW-Authenticate") return "token";
+  return "origin";
+}
+
 std::int64_t secondsNow() {
   return std::chrono::duration_cast<std::chrono::seconds>(std::chrono::system_clock::now().time_since_epoch()).count();
 }

@@ -41,6 +41,9 @@ struct Security {
   std::string cacheControl(const char* of_reply) const;
 };
 
+/// The word of the metrics for a refusal of answerInstead(): "token", "origin" or "host"; null for another answer.
+const char* refusalReason(const HttpReply& reply);
+
 /// Unix seconds.
 std::int64_t secondsNow();
 

@@ -143,7 +143,7 @@ class SlowReader {
   ~SlowReader() { ::close(fd_); }
   bool isConnected() const { return connected_; }
   void ask(const std::string& path) const {
-    const std::string text = "GET " + path + " HTTP/1.1\r\nHost: x\r\n\r\n";
+    const std::string text = "GET " + path + " HTTP/1.1\r\nHost: localhost\r\n\r\n";
     EXPECT_EQ(::send(fd_, text.data(), text.size(), MSG_NOSIGNAL), static_cast<ssize_t>(text.size()));
   }
   // Reads at least so many bytes more, or to the end; false at the end.
