@@ -2,6 +2,7 @@
 
 #include <boost/asio/post.hpp>
 #include <boost/asio/signal_set.hpp>
+#include <boost/system/system_error.hpp>
 #include <csignal>
 #include <optional>
 #include <utility>
@@ -38,7 +39,12 @@ struct Server::Impl {
 base::Result<std::unique_ptr<Server>> Server::open(const std::vector<std::string>& scenes,
                                                    const ServerOptions& options) {
   std::unique_ptr<Server> server(new Server);
-  server->impl_ = std::make_unique<Impl>(options);
+  // Asio has no constructor that returns its error, where the process may open no more descriptors.
+  try {
+    server->impl_ = std::make_unique<Impl>(options);
+  } catch (const boost::system::system_error& failed) {
+    return base::Error{base::ErrorCode::kIo, "cannot wait for connections: " + failed.code().message()};
+  }
   Hub& hub = *server->impl_->hub;
   LUMIGRID_TRY(hub.openScenes(scenes));
   LUMIGRID_TRY(server->impl_->listener.checkAddress());
