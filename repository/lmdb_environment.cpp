@@ -461,6 +461,7 @@ int LmdbEnvironment::copy(const MDB_val& value, base::Bytes& out) {
     if (value.mv_size > static_cast<std::uint64_t>(info.st_size)) return MDB_CORRUPTED;
   }
   out.resize(value.mv_size);
+  if (out.empty()) return 0;
   return guarded([&] { return std::memcpy(out.data(), value.mv_data, value.mv_size), 0; });
 }
 
