@@ -58,6 +58,9 @@ lumigrid_row(server_bake
 lumigrid_row(server_export
   USES base base_jpeg base_json base_png lod_patch lod_texture LINKS nlohmann_json::nlohmann_json)
 lumigrid_row(server_session USES base lod_patch sampling repository protocol plan)
+lumigrid_row(server_scene
+  USES base base_json lod_patch sampling faces packs objects repository protocol plan server_session
+  LINKS Threads::Threads spdlog::spdlog)
 lumigrid_row(server_trial
   USES base base_gl base_egl base_json lod_patch lod_draw sampling face_image repository protocol plan client
        server_render server_bake server_session)
@@ -66,12 +69,12 @@ lumigrid_row(server_log USES base LINKS Threads::Threads spdlog::spdlog nlohmann
 lumigrid_row(server_metrics USES base)
 lumigrid_row(server_net
   USES ${_any_base} lod_patch lod_qsplat lod_draw sampling cache faces packs objects repository protocol plan
-       server_auth server_render server_bake server_session server_log server_metrics
+       server_auth server_render server_bake server_session server_scene server_log server_metrics
   LINKS Boost::headers Threads::Threads spdlog::spdlog nlohmann_json::nlohmann_json)
 lumigrid_row(lumigrid
   USES ${_any_base} mesh lod_ingest lod_patch lod_patch_builder lod_qsplat lod_qsplat_builder lod_texture lod_draw
        sampling cache faces packs objects repository protocol server_auth server_render server_bake server_export
-       server_session server_trial server_net server_log server_metrics
+       server_session server_scene server_trial server_net server_log server_metrics
   LINKS CLI11::CLI11 spdlog::spdlog nlohmann_json::nlohmann_json openmesh)
 lumigrid_row(client
   USES base base_gl lod_patch lod_qsplat lod_draw sampling faces packs cache protocol plan client_render)
@@ -91,8 +94,8 @@ lumigrid_row(compare USES * LINKS *)
 lumigrid_row(lumigrid-compare USES * LINKS *)
 
 set(LUMIGRID_CLIENT_FORBIDDEN metis openmesh draco opencv_core opencv_imgproc mesh lod_ingest lod_patch_builder
-  lod_qsplat_builder repository objects server_auth server_render server_bake server_export server_session server_net
-  server_log server_metrics lmdb)
+  lod_qsplat_builder repository objects server_auth server_render server_bake server_export server_session server_scene
+  server_net server_log server_metrics lmdb)
 
 function(_lumigrid_check_list kind name allowed)
   if("${allowed}" STREQUAL "*")

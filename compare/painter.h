@@ -8,7 +8,7 @@
 #include "base/error.h"
 #include "base/image.h"
 #include "repository/cache.h"
-#include "server/net/open_scene.h"
+#include "server/scene/open_scene.h"
 #include "server/render/scene_renderer.h"
 
 namespace compare {

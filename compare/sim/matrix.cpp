@@ -12,7 +12,7 @@
 #include "compare/sim/published.h"
 #include "compare/sim/results.h"
 #include "compare/sim/scene_processes.h"
-#include "server/net/open_scene.h"
+#include "server/scene/open_scene.h"
 #include "server/net/scene_names.h"
 
 namespace compare {

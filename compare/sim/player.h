@@ -12,7 +12,7 @@
 #include "base/image.h"
 #include "compare/painter.h"
 #include "compare/sim/link.h"
-#include "server/net/open_scene.h"
+#include "server/scene/open_scene.h"
 
 namespace compare {
 

@@ -7,7 +7,7 @@
 #include "base/error.h"
 #include "client/source/static_source.h"
 #include "repository/objects/objects.h"
-#include "server/net/open_scene.h"
+#include "server/scene/open_scene.h"
 
 namespace compare {
 

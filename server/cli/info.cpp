@@ -18,7 +18,7 @@
 #include "server/cli/method_digest.h"
 #include "server/cli/splat_info.h"
 #include "server/cli/tuned.h"
-#include "server/net/open_scene.h"
+#include "server/scene/open_scene.h"
 
 namespace server::cli {
 namespace {

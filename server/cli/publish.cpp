@@ -20,7 +20,7 @@
 #include "repository/packs/pack_format.h"
 #include "server/cli/commands.h"
 #include "server/cli/console.h"
-#include "server/net/open_scene.h"
+#include "server/scene/open_scene.h"
 #include "server/net/page_files.h"
 
 namespace server::cli {

@@ -26,7 +26,7 @@
 #include "server/cli/console.h"
 #include "server/cli/scene_images.h"
 #include "server/cli/verify_cuts.h"
-#include "server/net/open_scene.h"
+#include "server/scene/open_scene.h"
 
 namespace server::cli {
 namespace {

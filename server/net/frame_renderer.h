@@ -24,7 +24,7 @@
 #include "base/error.h"
 #include "server/net/drawn_frames.h"
 #include "server/net/frame_painter.h"
-#include "server/net/open_scene.h"
+#include "server/scene/open_scene.h"
 #include "server/net/picture.h"
 #include "server/render/scene_renderer.h"
 #include "server/session/fair_queue.h"

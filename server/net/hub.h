@@ -14,9 +14,9 @@
 
 #include "base/error.h"
 #include "server/metrics/server_metrics.h"
-#include "server/net/access_log.h"
+#include "server/scene/access_log.h"
 #include "server/net/frame_renderer.h"
-#include "server/net/open_scene.h"
+#include "server/scene/open_scene.h"
 #include "server/net/pick.h"
 #include "server/net/security.h"
 #include "server/net/server.h"

@@ -11,7 +11,7 @@
 #include "server/auth/access_rules.h"
 #include "server/metrics/server_metrics.h"
 #include "server/net/frame_renderer.h"
-#include "server/net/open_scene.h"
+#include "server/scene/open_scene.h"
 #include "server/session/session.h"
 
 namespace server {

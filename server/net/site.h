@@ -12,7 +12,7 @@
 
 #include "base/bytes.h"
 #include "base/error.h"
-#include "server/net/open_scene.h"
+#include "server/scene/open_scene.h"
 #include "server/net/page_files.h"
 
 namespace server {

@@ -11,7 +11,7 @@
 
 #include "base/json/camera_file.h"
 #include "plan/view_plan.h"
-#include "server/net/open_scene.h"
+#include "server/scene/open_scene.h"
 
 namespace {
 

@@ -17,7 +17,7 @@
 
 #include "plan/view_plan.h"
 #include "repository/faces/face_value.h"
-#include "server/net/open_scene.h"
+#include "server/scene/open_scene.h"
 #include "tests/bench/bench.h"
 
 namespace {

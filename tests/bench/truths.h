@@ -12,7 +12,7 @@
 #include "base/png/png.h"
 #include "server/bake/enclosed.h"
 #include "server/bake/random_views.h"
-#include "server/net/open_scene.h"
+#include "server/scene/open_scene.h"
 #include "server/render/scene_renderer.h"
 #include "server/trial/own_context.h"
 #include "tests/bench/bench.h"

@@ -5,7 +5,7 @@
 #include "base/byte_range.h"
 #include "base/check.h"
 #include "server/net/http_text.h"
-#include "server/net/open_scene.h"
+#include "server/scene/open_scene.h"
 #include "server/net/page_files.h"
 #include "server/net/site.h"
 #include "tests/fuzz/fuzz.h"

@@ -10,7 +10,7 @@
 #include "base/json/camera_file.h"
 #include "protocol/message.h"
 #include "repository/faces/face_value.h"
-#include "server/net/open_scene.h"
+#include "server/scene/open_scene.h"
 #include "tests/programs/published_site.h"
 #include "tests/server/net/loopback.h"
 

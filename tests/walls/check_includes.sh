@@ -47,14 +47,15 @@ forbid plan 'repository/(faces|packs|objects|(access|access_counter|lmdb_environ
 forbid server '(compare|tests)/'
 forbid_but server trial 'client/'
 forbid server/trial 'client/(app|native|web)/|server/(net|cli)/'
-for room in bake export net render session; do forbid server/$room 'server/trial/'; done
-for room in bake export render session trial; do forbid server/$room 'server/(log|metrics)/'; done
-forbid server/session 'server/(net|render|bake|cli)/'
+for room in bake export net render scene session; do forbid server/$room 'server/trial/'; done
+for room in bake export render scene session trial; do forbid server/$room 'server/(log|metrics)/'; done
+forbid server/session 'server/(net|render|bake|cli|scene)/'
+forbid server/scene 'server/(net|render|bake|cli)/'
 for room in log metrics; do
   forbid server/$room '(mesh|lod|repository|protocol|plan|client)/|server/(net|render|bake|cli|session|export|trial)/'
 done
 forbid server/export 'lod/draw/|base/(gl|egl)/|repository/|protocol/|plan/|server/(net|render|bake|cli|session)/'
-for room in bake export net render session; do
+for room in bake export net render scene session; do
   forbid server/$room 'mesh/|lod/ingest/|lod/[a-z]+/builder/|server/cli/'
 done
 forbid client '(mesh|server|compare|tests)/|lod/ingest/|lod/[a-z]+/builder/'

@@ -1,5 +1,5 @@
 // The counts that a server keeps equal what its clients received.
-#include "server/net/access_log.h"
+#include "server/scene/access_log.h"
 
 #include <gtest/gtest.h>
 #include <sys/mount.h>
@@ -11,7 +11,7 @@
 #include <nlohmann/json.hpp>
 
 #include "base/file.h"
-#include "server/net/open_scene.h"
+#include "server/scene/open_scene.h"
 #include "tests/programs/run_program.h"
 #include "tests/server/net/loopback.h"
 #include "tests/server/net/served_scene.h"

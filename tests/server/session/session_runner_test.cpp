@@ -213,7 +213,7 @@ TEST(BusySession, plansMotionsSeldom) {
     EXPECT_EQ(completes(session, 2), !is_busy);
     if (is_busy) {
       ASSERT_TRUE(session.wakeAt());
-      EXPECT_NEAR(*session.wakeAt(), 1.1, 1e-9);
+      EXPECT_NEAR(*session.wakeAt(), 1.075, 1e-9);
       session.setLink({1.1, 0, 0, 0.0});
       EXPECT_TRUE(completes(session, 2));
     }

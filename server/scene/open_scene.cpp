@@ -1,4 +1,4 @@
-#include "server/net/open_scene.h"
+#include "server/scene/open_scene.h"
 
 #include <algorithm>
 #include <cstdlib>

@@ -16,8 +16,8 @@
 #include "repository/sampling/grid.h"
 #include "repository/sampling/parameters.h"
 #include "repository/store.h"
-#include "server/net/open_file.h"
-#include "server/net/read_errors.h"
+#include "server/scene/open_file.h"
+#include "server/scene/read_errors.h"
 #include "server/session/session.h"
 
 namespace server {

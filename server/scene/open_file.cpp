@@ -1,4 +1,4 @@
-#include "server/net/open_file.h"
+#include "server/scene/open_file.h"
 
 #include <utility>
 

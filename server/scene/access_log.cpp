@@ -1,4 +1,4 @@
-#include "server/net/access_log.h"
+#include "server/scene/access_log.h"
 
 #include <algorithm>
 #include <chrono>

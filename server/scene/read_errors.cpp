@@ -1,4 +1,4 @@
-#include "server/net/read_errors.h"
+#include "server/scene/read_errors.h"
 
 #include "spdlog/spdlog.h"
 
