@@ -173,7 +173,7 @@ double expectedError(const plan::Scene& planned, const plan::Scene& judge, const
   return sum / static_cast<double>(cameras.size());
 }
 
-/// What it costs that lines of sight are remembered by cells: expected errors as exact lines tell them.
+/// Prints what pictures are expected to lose when lines of sight are remembered by cells.
 void compareErrors(const std::string& what, const plan::Scene& scene, const Cameras& cameras, std::uint16_t points) {
   plan::Scene exact = scene;
   exact.sight_cache = nullptr;
