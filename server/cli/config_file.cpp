@@ -112,4 +112,18 @@ base::Result<void> applyConfigFile(CLI::App& command, const std::string& path, c
   return {};
 }
 
+base::Result<std::vector<std::string>> textsInConfigFile(const std::string& path, const std::string& key) {
+  LUMIGRID_ASSIGN_OR_RETURN(const json object, readObject(path));
+  const auto found = object.find(key);
+  if (found == object.end()) return wrongValue(path, key, "is missing");
+  const json values = found->is_array() ? *found : json::array({*found});
+  std::vector<std::string> texts;
+  for (const json& value : values) {
+    if (!value.is_string()) return wrongValue(path, key, "must be a text, or a list of texts");
+    texts.push_back(value.get<std::string>());
+  }
+  if (texts.empty()) return wrongValue(path, key, "is an empty list");
+  return texts;
+}
+
 }  // namespace server::cli

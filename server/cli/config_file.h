@@ -2,6 +2,7 @@
 // Options of a command from a JSON file in place of the command line (docs/formats/config.md).
 #include <CLI/CLI.hpp>
 #include <string>
+#include <vector>
 
 #include "base/error.h"
 
@@ -14,5 +15,8 @@ namespace server::cli {
 /// text that is no object, an unknown or repeated key, a value of the wrong type or out of range.
 base::Result<void> applyConfigFile(CLI::App& command, const std::string& path, const std::string& own_option,
                                    const std::string& positional_key, const std::string& positional);
+
+/// The texts of one key of such a file, a list or a single one. Errors as applyConfigFile(); a file without the key.
+base::Result<std::vector<std::string>> textsInConfigFile(const std::string& path, const std::string& key);
 
 }  // namespace server::cli

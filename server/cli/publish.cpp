@@ -20,8 +20,8 @@
 #include "repository/packs/pack_format.h"
 #include "server/cli/commands.h"
 #include "server/cli/console.h"
-#include "server/scene/open_scene.h"
 #include "server/net/page_files.h"
+#include "server/scene/open_scene.h"
 
 namespace server::cli {
 namespace {

@@ -1,14 +1,20 @@
 #include <csignal>
 #include <cstdio>
+#include <functional>
 #include <map>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <optional>
+#include <string>
+#include <vector>
 
 #include "server/cli/commands.h"
 #include "server/cli/config_file.h"
 #include "server/cli/console.h"
+#include "server/cli/supervisor.h"
 #include "server/log/server_log.h"
 #include "server/net/page_files.h"
+#include "server/net/scene_names.h"
 #include "server/net/server.h"
 #include "spdlog/spdlog.h"
 
@@ -22,6 +28,8 @@ struct ServeArguments {
   LogOptions log;
   std::string web;
   double max_picture_megapixels = 64.0;
+  unsigned workers = 1;
+  bool scenes_are_configured = false;  // and not named on the command line
   bool no_frames = false;
   bool no_access = false;
   bool json = false;
@@ -31,31 +39,43 @@ bool usesTls(const ServeArguments& a) {
   return !a.options.certificate_file.empty();
 }
 
+std::string placeOf(const ServeArguments& a, std::uint16_t port) {
+  return a.options.address + ":" + std::to_string(port);
+}
+
 std::string socketScheme(const ServeArguments& a) {
   return usesTls(a) ? "wss://" : "ws://";
 }
 
-void printAddressesJson(const ServeArguments& a, const Server& server, const std::string& place) {
-  const std::string url = socketScheme(a) + place + "/";
-  nlohmann::ordered_json j{{"port", server.port()}, {"url", url}};
-  for (const std::string& name : server.names())
+/// `names`: of the scenes, in their order; an only scene's is empty.
+void printAddressesJson(const ServeArguments& a, std::uint16_t port, const std::vector<std::string>& names) {
+  const std::string url = socketScheme(a) + placeOf(a, port) + "/";
+  nlohmann::ordered_json j{{"port", port}, {"url", url}};
+  for (const std::string& name : names)
     if (!name.empty()) j["scenes"].push_back({{"name", name}, {"url", url + name + "/"}});
   std::printf("%s\n", j.dump().c_str());
 }
 
-void printAddresses(const ServeArguments& a, const Server& server, const std::string& place) {
+void printAddressesText(const ServeArguments& a, std::uint16_t port, const std::vector<std::string>& names) {
   const char* page = a.options.page_directory.empty() ? "" : " (open it in a browser)";
-  const std::string url = (usesTls(a) ? "https://" : "http://") + place;
-  const std::string socket = socketScheme(a) + place;
+  const std::string url = (usesTls(a) ? "https://" : "http://") + placeOf(a, port);
+  const std::string socket = socketScheme(a) + placeOf(a, port);
   if (a.scenes.size() == 1) {
     std::printf("serving %s at %s/%s\nlook at it with: lumigrid-view %s/\n", a.scenes.front().c_str(), url.c_str(),
                 page, socket.c_str());
     return;
   }
   std::printf("serving %zu scenes at %s/%s\n", a.scenes.size(), url.c_str(), page);
-  const std::vector<std::string> names = server.names();
   for (std::size_t i = 0; i < names.size(); ++i)
     std::printf("%s: lumigrid-view %s/%s/\n", a.scenes[i].c_str(), socket.c_str(), names[i].c_str());
+}
+
+void printAddresses(const ServeArguments& a, std::uint16_t port, const std::vector<std::string>& names) {
+  if (a.json)
+    printAddressesJson(a, port, names);
+  else
+    printAddressesText(a, port, names);
+  std::fflush(stdout);
 }
 
 /// Takes what the command line leaves out from the file of --config.
@@ -78,35 +98,67 @@ void countLines(ServerMetrics& metrics, const ServerLog& log) {
   count("failed", &LogCounts::failed);
 }
 
-int run(CLI::App& command, ServeArguments& a) {
-  if (auto complete = completeArguments(command, a); !complete) {
-    fail(complete.error());
-    return kWrongUsage;
-  }
-  ignoreBrokenPipes();
+/// The scenes that the file of --config names by now, where they came from it.
+std::optional<std::vector<std::string>> scenesOfConfig(const ServeArguments& a) {
+  if (!a.scenes_are_configured) return std::nullopt;
+  auto scenes = textsInConfigFile(a.config, "scenes");
+  if (scenes) return std::move(*scenes);
+  spdlog::warn("the scenes stay as they were: {}", scenes.error().message);
+  return std::nullopt;
+}
+
+/// Serves in this process. `ready` is called once connections are accepted.
+int serveHere(const ServeArguments& a, const std::function<void(const Server&)>& ready) {
   auto log = ServerLog::open(a.log);
   if (!log) return fail(log.error());
   (*log)->install();
   // Until the server listens for it; a terminal that closes, or an operator, may send it while scenes are opened.
   std::signal(SIGHUP, SIG_IGN);
+  auto server = Server::open(a.scenes, a.options);
+  if (!server) return fail(server.error());
+  ready(**server);
+  countLines((*server)->metrics(), **log);
+  (*server)->onReload([&a, &log] {
+    spdlog::info("reload: the log is opened anew");
+    (*log)->reopen();
+    return scenesOfConfig(a);
+  });
+  return exitStatus((*server)->run(true));
+}
+
+/// Serves in several processes that share the port. Each takes its part of the limits.
+int serveByWorkers(ServeArguments& a) {
+  auto kept = keepPort(a.options.address, a.options.port);
+  if (!kept) return fail(kept.error());
+  a.options.port = kept->port;
+  a.options.shares_port = true;
+  a.options.max_connections = (a.options.max_connections + a.workers - 1) / a.workers;
+  a.options.message_cache_bytes /= a.workers;
+  std::vector<std::string> names{""};
+  if (a.scenes.size() > 1) {
+    auto several = sceneNames(a.scenes);
+    if (!several) return fail(several.error());
+    names = std::move(*several);
+  }
+  const auto worker = [&a](unsigned /*number*/, const std::function<void()>& ready) {
+    return serveHere(a, [&ready](const Server&) { ready(); });
+  };
+  return supervise(a.workers, worker, [&] { printAddresses(a, kept->port, names); });
+}
+
+int run(CLI::App& command, ServeArguments& a) {
+  a.scenes_are_configured = a.scenes.empty();
+  if (auto complete = completeArguments(command, a); !complete) {
+    fail(complete.error());
+    return kWrongUsage;
+  }
+  ignoreBrokenPipes();
   a.options.render_frames = !a.no_frames;
   a.options.count_access = !a.no_access;
   a.options.max_picture_pixels = static_cast<std::uint64_t>(a.max_picture_megapixels * 1e6);
   if (a.web != "off") a.options.page_directory = a.web.empty() ? installedPageFiles() : a.web;
-  auto server = Server::open(a.scenes, a.options);
-  if (!server) return fail(server.error());
-  const std::string place = a.options.address + ":" + std::to_string((*server)->port());
-  if (a.json)
-    printAddressesJson(a, **server, place);
-  else
-    printAddresses(a, **server, place);
-  std::fflush(stdout);
-  countLines((*server)->metrics(), **log);
-  (*server)->onReload([&log] {
-    spdlog::info("reload: the log is opened anew");
-    (*log)->reopen();
-  });
-  return exitStatus((*server)->run(true));
+  if (a.workers > 1) return serveByWorkers(a);
+  return serveHere(a, [&a](const Server& server) { printAddresses(a, server.port(), server.names()); });
 }
 
 /// Who may see the scenes, and how they are kept from others (docs/private-scenes.md).
@@ -147,6 +199,11 @@ RunCommand addServe(CLI::App& command) {
   command.add_option("--config", a->config,
                      "JSON file with the options that the command line leaves out: {\"scenes\": [\"tower\"], \"port\": "
                      "8080} (docs/formats/config.md)");
+  command
+      .add_option("--workers", a->workers,
+                  "processes that share the port and the limits; one that ends is started again. Several draw frames "
+                  "side by side (docs/hosting-server.md)")
+      ->check(CLI::Range(1, 256));
   command.add_option("--address", a->options.address,
                      "address to listen at; 0.0.0.0 for every network of this machine, with --public");
   addAccessOptions(command, a->options);

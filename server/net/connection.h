@@ -28,6 +28,10 @@ class Connection : public std::enable_shared_from_this<Connection> {
   virtual void closeForShutdown() = 0;
   /// Called once when the server drains: closes as soon as what is under way is done.
   virtual void closeForDrain() { closeForShutdown(); }
+  /// Called when scene() is no longer served, or another one in its place.
+  virtual void closeForOtherScene() { closeForDrain(); }
+  /// The scene that the connection is about; null: none.
+  virtual const HostedScene* scene() const = 0;
 
  protected:
   /// The pointer that a pending operation holds.

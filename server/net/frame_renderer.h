@@ -24,9 +24,9 @@
 #include "base/error.h"
 #include "server/net/drawn_frames.h"
 #include "server/net/frame_painter.h"
-#include "server/scene/open_scene.h"
 #include "server/net/picture.h"
 #include "server/render/scene_renderer.h"
+#include "server/scene/open_scene.h"
 #include "server/session/fair_queue.h"
 #include "server/session/session.h"
 

@@ -52,6 +52,7 @@ class HttpSession final : public Connection {
   }
   void start();
   void closeForShutdown() override { close(); }
+  const HostedScene* scene() const override { return nullptr; }  // an answer that was begun is finished
   void closeForDrain() override {
     if (reading_) close();
   }

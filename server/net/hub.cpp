@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "base/parallel.h"
+#include "server/net/connection.h"
 #include "server/net/scene_names.h"
 #include "spdlog/spdlog.h"
 
@@ -65,30 +66,84 @@ Hub::Hub(boost::asio::io_context& context, ServerOptions chosen)
 }
 
 base::Result<void> Hub::openScenes(const std::vector<std::string>& places) {
+  LUMIGRID_ASSIGN_OR_RETURN(pages, readPages(options.page_directory));
+  LUMIGRID_ASSIGN_OR_RETURN(auto opened, openPlaces(places, {}));
+  serveScenes(std::move(opened));
+  return {};
+}
+
+namespace {
+
+base::Result<std::shared_ptr<HostedScene>> openPlace(const std::string& place, const ServerOptions& options,
+                                                     const PageFiles& pages, std::size_t scenes) {
+  RemoteOptions remote = options.remote;
+  remote.warn = [](const std::string& message) { spdlog::warn("cache: {}", message); };
+  LUMIGRID_ASSIGN_OR_RETURN(auto scene, openScene(place, remote));
+  reportImageErrors(*scene);
+  scene->data.ahead_bytes = options.ahead_bytes;
+  scene->messages = std::make_unique<MessageCache>(options.message_cache_bytes / scenes);
+  scene->data.messages = scene->messages.get();
+  auto hosted = std::make_shared<HostedScene>(place, std::move(scene));
+  hosted->site = std::make_unique<Site>(*hosted->scene, pages);
+  if (hosted->hasPatches()) hosted->picker = std::make_unique<Picker>(hosted->scene->scene, hosted->scene->patches);
+  return hosted;
+}
+
+}  // namespace
+
+base::Result<Hub::Scenes> Hub::openPlaces(const std::vector<std::string>& places, const Scenes& kept) const {
   if (places.empty()) return base::Error{base::ErrorCode::kInvalidInput, "there is no scene to serve"};
   if (places.size() > 1 && !options.access_file.empty())
     return base::Error{base::ErrorCode::kInvalidInput,
                        "one --access-file cannot keep the counts of several scenes; leave it out, or serve them apart"};
-  auto names = sceneNames(places);
-  if (places.size() > 1 && !names) return names.error();
-  RemoteOptions remote = options.remote;
-  remote.warn = [](const std::string& message) { spdlog::warn("cache: {}", message); };
-  for (std::size_t i = 0; i < places.size(); ++i) {
-    LUMIGRID_ASSIGN_OR_RETURN(auto scene, openScene(places[i], remote));
-    reportImageErrors(*scene);
-    scene->data.ahead_bytes = options.ahead_bytes;
-    scene->messages = std::make_unique<MessageCache>(options.message_cache_bytes / places.size());
-    scene->data.messages = scene->messages.get();
-    scenes.push_back(std::make_shared<HostedScene>(places.size() > 1 ? (*names)[i] : "", std::move(scene)));
-    if (names) scenes.back()->access_name = (*names)[i];
+  if (const auto names = sceneNames(places); places.size() > 1 && !names) return names.error();
+  Scenes opened;
+  for (const std::string& place : places) {
+    const auto known =
+        std::find_if(kept.begin(), kept.end(), [&](const auto& hosted) { return hosted->place == place; });
+    if (known != kept.end() && !isReplaced(*(*known)->scene, place)) {
+      opened.push_back(*known);
+      continue;
+    }
+    LUMIGRID_ASSIGN_OR_RETURN(auto hosted, openPlace(place, options, pages, places.size()));
+    opened.push_back(std::move(hosted));
   }
+  return opened;
+}
 
-  LUMIGRID_ASSIGN_OR_RETURN(const auto pages, readPages(options.page_directory));
-  for (const auto& hosted : scenes) {
-    hosted->site = std::make_unique<Site>(*hosted->scene, pages);
-    if (hosted->hasPatches()) hosted->picker = std::make_unique<Picker>(hosted->scene->scene, hosted->scene->patches);
+void Hub::serveScenes(Scenes opened) {
+  const Scenes before = std::exchange(scenes, std::move(opened));
+  std::vector<std::string> places;
+  for (const auto& hosted : scenes) places.push_back(hosted->place);
+  const auto names = sceneNames(places);  // of a single scene there may be none
+  for (std::size_t i = 0; i < scenes.size(); ++i) {
+    HostedScene& hosted = *scenes[i];
+    hosted.name = scenes.size() > 1 ? (*names)[i] : "";
+    if (names) hosted.access_name = (*names)[i];
+    if (std::find(before.begin(), before.end(), scenes[i]) != before.end()) continue;
+    if (renderer) offerFrames(hosted);
+    if (counts_access) hosted.startAccessLog(options, hosted.place);
   }
-  return {};
+  for (const auto& hosted : before)
+    if (std::find(scenes.begin(), scenes.end(), hosted) == scenes.end()) endScene(hosted);
+}
+
+/// The scene itself lives until its last connection has gone.
+void Hub::endScene(const std::shared_ptr<HostedScene>& hosted) {
+  spdlog::info("scene {} is no longer served as it was", hosted->place);
+  // A copy of the list, since closing may end a connection at once.
+  std::vector<std::shared_ptr<Connection>> ended;
+  for (Connection* connection : connections)
+    if (connection->scene() == hosted.get()) ended.push_back(connection->shared_from_this());
+  for (const auto& connection : ended) connection->closeForOtherScene();
+  if (renderer) renderer->forgetScene(hosted->scene);
+  std::erase_if(ended_scenes, [](const auto& one) { return one.expired(); });
+  ended_scenes.push_back(hosted);
+}
+
+void Hub::startAccessLogs() {
+  counts_access = true;
+  for (const auto& hosted : scenes) hosted->startAccessLog(options, hosted->place);
 }
 
 void Hub::startRenderer() {
@@ -105,17 +160,19 @@ void Hub::startRenderer() {
     const FrameRenderer::Counts counts = renderer->counts();
     return std::pair(counts.found, counts.not_found);
   });
-  for (const auto& hosted : scenes) {
-    if (!hosted->hasPatches()) continue;
-    const bool lacks_textures = lacksTextures(*hosted->scene);
-    if (lacks_textures)
-      spdlog::warn("no exact frames of {}: it was published without its textures; publish it --with-textures",
-                   hosted->scene->directory);
-    hosted->scene->data.welcome.can_render_frames = !lacks_textures;
-    hosted->site->onLightChanged([this, scene = hosted->scene.get()](const base::Light& light) {
-      if (renderer) renderer->setLight(scene->shared_from_this(), light);
-    });
-  }
+  for (const auto& hosted : scenes) offerFrames(*hosted);
+}
+
+void Hub::offerFrames(const HostedScene& hosted) {
+  if (!hosted.hasPatches()) return;
+  const bool lacks_textures = lacksTextures(*hosted.scene);
+  if (lacks_textures)
+    spdlog::warn("no exact frames of {}: it was published without its textures; publish it --with-textures",
+                 hosted.place);
+  hosted.scene->data.welcome.can_render_frames = !lacks_textures;
+  hosted.site->onLightChanged([this, scene = hosted.scene.get()](const base::Light& light) {
+    if (renderer) renderer->setLight(scene->shared_from_this(), light);
+  });
 }
 
 std::shared_ptr<HostedScene> Hub::findScene(std::string_view target, std::string_view& rest) const {
@@ -176,9 +233,12 @@ HttpReply Hub::answerForAllScenes(const HttpRequest& request, const RequestHead&
 void Hub::endThreads() {
   stopping = true;
   workers.stop();
-  for (const auto& hosted : scenes) hosted->fetchers->stop();
+  Scenes all = scenes;
+  for (const auto& one : ended_scenes)
+    if (auto hosted = one.lock()) all.push_back(std::move(hosted));
+  for (const auto& hosted : all) hosted->fetchers->stop();
   renderer.reset();
-  for (const auto& hosted : scenes) hosted->picker.reset();
+  for (const auto& hosted : all) hosted->picker.reset();
 }
 
 void Hub::logReadErrors() const {

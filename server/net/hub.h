@@ -14,13 +14,13 @@
 
 #include "base/error.h"
 #include "server/metrics/server_metrics.h"
-#include "server/scene/access_log.h"
 #include "server/net/frame_renderer.h"
-#include "server/scene/open_scene.h"
 #include "server/net/pick.h"
 #include "server/net/security.h"
 #include "server/net/server.h"
 #include "server/net/site.h"
+#include "server/scene/access_log.h"
+#include "server/scene/open_scene.h"
 #include "server/session/fair_queue.h"
 
 namespace boost::asio {
@@ -33,10 +33,11 @@ class Connection;
 
 /// One scene of a server with everything that answers for it.
 struct HostedScene {
-  HostedScene(std::string served_as, std::shared_ptr<OpenScene> opened)
-      : name(std::move(served_as)), scene(std::move(opened)), fetchers(makeFetchers(*scene)) {}
+  HostedScene(std::string from, std::shared_ptr<OpenScene> opened)
+      : place(std::move(from)), scene(std::move(opened)), fetchers(makeFetchers(*scene)) {}
 
-  const std::string name;   ///< first part of its addresses; empty for an only scene, which is at "/"
+  std::string place;        ///< where it was opened
+  std::string name;         ///< first part of its addresses; empty for an only scene, which is at "/"
   std::string access_name;  ///< its name in tokens and signed links, an only scene's too
   std::shared_ptr<OpenScene> scene;
   std::unique_ptr<Site> site;
@@ -60,10 +61,19 @@ struct HostedScene {
 struct Hub {
   Hub(boost::asio::io_context& context, ServerOptions chosen);
 
-  /// Opens the scenes and gives each its site and picker. Errors: as Server::open, but for those of the port.
+  /// Opens the scenes at these places and serves them. Errors: as Server::open, but for those of the port.
   base::Result<void> openScenes(const std::vector<std::string>& places);
+  using Scenes = std::vector<std::shared_ptr<HostedScene>>;
+  /// Opens those of the places that are none of `kept`, or where another scene lies by now; the others are taken from
+  /// `kept`. Uses nothing but the options and `pages`, so that another thread may call it. Errors as openScenes().
+  base::Result<Scenes> openPlaces(const std::vector<std::string>& places, const Scenes& kept) const;
+  /// Serves these scenes, as openPlaces() returned them for the places, from here on, and closes the connections to
+  /// others; their viewers may come back.
+  void serveScenes(Scenes opened);
   /// Starts the renderer for exact frames and pictures. Without a GL context the log says why there are none.
   void startRenderer();
+  /// Counts what is sent, from here on and in scenes that come later, if the options ask for it.
+  void startAccessLogs();
   /// The scene that a target addresses, and in `rest` what is asked of it; null for an unknown scene and for the list.
   std::shared_ptr<HostedScene> findScene(std::string_view target, std::string_view& rest) const;
   /// The answer to a request that is about the server: /healthz, /readyz and /metrics, with one scene or several. For
@@ -79,6 +89,8 @@ struct Hub {
   HttpReply answerForAllScenes(const HttpRequest& request, const RequestHead& head) const;
   /// Ends workers, fetchers, renderer and pickers, whose threads post to `io`; so this precedes the end of `io`.
   void endThreads();
+  void offerFrames(const HostedScene& hosted);
+  void endScene(const std::shared_ptr<HostedScene>& hosted);
   /// Tells the log how many reads of each scene failed.
   void logReadErrors() const;
   /// Writes the access counts of all scenes; nothing is counted from here on.
@@ -89,18 +101,21 @@ struct Hub {
 
   boost::asio::io_context& io;
   ServerOptions options;
-  ServerMetrics metrics;                             ///< before all that updates it
-  std::vector<std::shared_ptr<HostedScene>> scenes;  ///< at least one
-  std::shared_ptr<const Security> security;          ///< after readSecurity()
-  std::unique_ptr<FrameRenderer> renderer;           ///< null: no exact frames
-  FairQueue workers;                                 ///< plan for viewers and make their messages
-  std::string place;                                 ///< address:port
+  ServerMetrics metrics;                                 ///< before all that updates it
+  Scenes scenes;                                         ///< at least one
+  std::vector<std::weak_ptr<HostedScene>> ended_scenes;  ///< those that connections may still hold
+  PageFiles pages;                                       ///< of the browser client
+  std::shared_ptr<const Security> security;              ///< after readSecurity()
+  std::unique_ptr<FrameRenderer> renderer;               ///< null: no exact frames
+  FairQueue workers;                                     ///< plan for viewers and make their messages
+  std::string place;                                     ///< address:port
   std::set<Connection*> connections;
   std::map<std::string, std::uint32_t> connections_of;  ///< their number, by the peer's address
   std::function<void()> on_last_connection_closed;      ///< set while the server drains or stops
   std::uint64_t next_client = 1;
   std::size_t viewers = 0;
   std::size_t unsent_picture_bytes = 0;  ///< rendered, but not yet written to their connections
+  bool counts_access = false;
   std::atomic<bool> running = false;
   std::atomic<bool> draining = false;  ///< the port is closed, and no connection is kept for another request
   std::atomic<bool> stopping = false;

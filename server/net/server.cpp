@@ -22,6 +22,7 @@ struct Server::Impl {
   void waitForSignal();
   void onSignal(int signal);
   void reload();
+  void takeUp(base::Result<Hub::Scenes> opened);
   void drain();
   void shutDown();
   std::vector<std::shared_ptr<Connection>> openConnections() const;
@@ -33,7 +34,8 @@ struct Server::Impl {
   Listener listener;
   std::optional<asio::basic_signal_set<Executor>> signals;
   std::optional<SteadyTimer> close_timer;
-  std::function<void()> on_reload;
+  std::function<std::optional<std::vector<std::string>>()> on_reload;
+  FairQueue opener{1};  // opens scenes while others are served
 };
 
 base::Result<std::unique_ptr<Server>> Server::open(const std::vector<std::string>& scenes,
@@ -50,8 +52,7 @@ base::Result<std::unique_ptr<Server>> Server::open(const std::vector<std::string
   LUMIGRID_TRY(server->impl_->listener.checkAddress());
   LUMIGRID_TRY(hub.readSecurity());
   LUMIGRID_TRY(server->impl_->listener.bind());
-  if (options.count_access)
-    for (std::size_t i = 0; i < scenes.size(); ++i) hub.scenes[i]->startAccessLog(options, scenes[i]);
+  if (options.count_access) hub.startAccessLogs();
   if (options.render_frames) hub.startRenderer();
   return server;
 }
@@ -85,7 +86,7 @@ void Server::reload() {
   asio::post(impl_->io, [this] { impl_->reload(); });
 }
 
-void Server::onReload(std::function<void()> reload) {
+void Server::onReload(OnReload reload) {
   impl_->on_reload = std::move(reload);
 }
 
@@ -140,13 +141,29 @@ void Server::Impl::drain() {
 }
 
 void Server::Impl::reload() {
-  if (on_reload) on_reload();
-  const ServerOptions& options = hub->options;
-  if (options.certificate_file.empty() && options.access.token_file.empty() && options.access.signing_keys.empty())
-    return;
+  std::optional<std::vector<std::string>> places = on_reload ? on_reload() : std::nullopt;
+  if (!places) {
+    places.emplace();
+    for (const auto& hosted : hub->scenes) places->push_back(hosted->place);
+  }
   if (const auto read = hub->readSecurity(); !read)
-    return spdlog::warn("certificate and tokens stay as they were: {}", read.error().message);
-  spdlog::info("certificate and tokens are read again");
+    spdlog::warn("certificate and tokens stay as they were: {}", read.error().message);
+  else
+    spdlog::info("certificate and tokens are read again");
+  // Scenes are opened by another thread; viewers of others notice nothing.
+  opener.submit(0, [this, places = std::move(*places), kept = hub->scenes] {
+    auto opened = std::make_shared<base::Result<Hub::Scenes>>(hub->openPlaces(places, kept));
+    asio::post(io, [this, opened] { takeUp(std::move(*opened)); });
+  });
+}
+
+void Server::Impl::takeUp(base::Result<Hub::Scenes> opened) {
+  if (hub->stopping) return;
+  if (!opened) return spdlog::warn("the scenes stay as they were: {}", opened.error().message);
+  hub->serveScenes(std::move(*opened));
+  // Tokens name scenes.
+  if (const auto read = hub->readSecurity(); !read) spdlog::warn("tokens: {}", read.error().message);
+  spdlog::info("reloaded: {} scenes", hub->scenes.size());
 }
 
 void Server::Impl::shutDown() {
@@ -182,6 +199,7 @@ void Server::Impl::finish() {
 
 /// Connections that did not close in time are destroyed with `io`, after all else: nothing may wait for them.
 void Server::Impl::endThreads() {
+  opener.stop();
   hub->on_last_connection_closed = nullptr;
   close_timer.reset();
   hub->endThreads();

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -19,6 +20,7 @@ namespace server {
 struct ServerOptions {
   std::string address = "127.0.0.1";
   std::uint16_t port = 8080;               ///< 0: any free one
+  bool shares_port = false;                ///< with other processes of this user (SO_REUSEPORT)
   AccessOptions access;                    ///< who may see the scenes; the default is enough for a loopback address
   std::string certificate_file, key_file;  ///< PEM, for TLS; both empty: plain TCP
   std::uint32_t max_connections = 1024;    ///< fewer where the system allows fewer open files
@@ -64,11 +66,14 @@ class Server {
   /// Tells viewers that the server stops, and ends within two seconds. Any thread.
   void stop();
   /// Calls what onReload() was given, on the server's thread, and reads certificate, key, tokens and signing keys
-  /// again, for connections from then on. Where a file is wrong, the log says so, and all stays as it was. Any thread;
-  /// SIGHUP does it, too.
+  /// again, for connections from then on. Then scenes that are new or were built anew are opened while others are
+  /// served on, and viewers of those that were replaced or removed are told to connect again. Where a file is wrong,
+  /// the log says so, and all stays as it was. Any thread; SIGHUP does it, too.
   void reload();
-  /// `reload` opens anew or reads again what may change while the server runs. To be called before run().
-  void onReload(std::function<void()> reload);
+  /// `reload` opens anew or reads again what may change while the server runs, and returns the places of the scenes to
+  /// serve from then on; nothing: those that are served. To be called before run().
+  using OnReload = std::function<std::optional<std::vector<std::string>>()>;
+  void onReload(OnReload reload);
   ServerMetrics& metrics();
 
  private:

@@ -1,7 +1,6 @@
 #include "server/net/site.h"
 
 #include <system_error>
-#include <tuple>
 #include <utility>
 
 #include "base/byte_range.h"
@@ -29,17 +28,6 @@ std::string escapeHtml(std::string_view text) {
     }
   }
   return out;
-}
-
-/// Whether two documents describe the same files and differ in nothing that a running server has made use of.
-bool isSameBuild(const base::Scene& a, const base::Scene& b) {
-  const auto parts = [](const base::Scene& scene) {
-    std::vector<std::tuple<std::string, std::uint64_t, std::string>> all;
-    for (const base::ScenePart& part : scene.parts) all.emplace_back(part.file, part.bytes, part.sha256);
-    return all;
-  };
-  return a.box_min == b.box_min && a.box_max == b.box_max && a.origin == b.origin && a.triangles == b.triangles &&
-         parts(a) == parts(b);
 }
 
 /// Whether the visitor has these bytes already, so that 304 without a body is the answer.

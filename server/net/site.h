@@ -12,8 +12,8 @@
 
 #include "base/bytes.h"
 #include "base/error.h"
-#include "server/scene/open_scene.h"
 #include "server/net/page_files.h"
+#include "server/scene/open_scene.h"
 
 namespace server {
 

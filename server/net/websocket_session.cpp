@@ -54,6 +54,10 @@ class WebSocketSession final : public Connection {
   ~WebSocketSession() override;
   void start(const UpgradeRequest& upgrade);
   void closeForShutdown() override { close(websocket::close_code::going_away, "the server stops"); }
+  void closeForOtherScene() override {
+    close(websocket::close_code::service_restart, "this scene was replaced or is no longer served; connect again");
+  }
+  const HostedScene* scene() const override { return hosted_.get(); }
 
  private:
   void setSocketOptions();

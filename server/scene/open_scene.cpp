@@ -1,8 +1,11 @@
 #include "server/scene/open_scene.h"
 
+#include <sys/stat.h>
+
 #include <algorithm>
 #include <cstdlib>
 #include <filesystem>
+#include <tuple>
 #include <utility>
 
 #include "base/json/annotations_file.h"
@@ -94,6 +97,23 @@ std::unique_ptr<OpenScene> openDocument(base::Scene scene, base::Bytes json_byte
     errors->report("scene", error);
   };
   return open;
+}
+
+std::string imagesFileOf(const std::string& directory) {
+  return directory + "/images/data.mdb";
+}
+
+/// The number that tells files of one file system apart; 0 where there is no such file.
+std::uint64_t fileNumber(const std::string& path) {
+  struct stat status {};
+  return ::stat(path.c_str(), &status) == 0 ? status.st_ino : 0;
+}
+
+base::Result<base::Scene> readSceneAt(const std::string& place) {
+  if (!repository::isRemotePlace(place)) return base::readScene(place);
+  LUMIGRID_ASSIGN_OR_RETURN(const auto source, repository::openObjectSource(place));
+  LUMIGRID_ASSIGN_OR_RETURN(const auto bytes, readSceneJson(*source));
+  return base::parseScene(std::string(bytes.begin(), bytes.end()), place + "/scene.json");
 }
 
 base::Result<void> openHierarchy(const std::string& path, OpenScene& open) {
@@ -218,6 +238,7 @@ base::Result<std::unique_ptr<OpenScene>> openScene(const std::string& place, con
   LUMIGRID_ASSIGN_OR_RETURN(auto json_bytes, base::readFile(place + "/scene.json"));
   std::unique_ptr<OpenScene> open = openDocument(std::move(scene), std::move(json_bytes), place);
   open->directory = place;
+  open->images_file = fileNumber(imagesFileOf(place));
   const bool has_splats = base::partFile(open->scene, "qsplat", ".lgq").has_value();
   if (has_splats) {
     LUMIGRID_ASSIGN_OR_RETURN(open->splat_file, OpenFile::open(base::splatPath(place, open->scene)));
@@ -226,6 +247,23 @@ base::Result<std::unique_ptr<OpenScene>> openScene(const std::string& place, con
   LUMIGRID_TRY(openHierarchy(base::patchPath(place, open->scene), *open));
   LUMIGRID_TRY(openImages(place, *open));
   return open;
+}
+
+bool isSameBuild(const base::Scene& a, const base::Scene& b) {
+  const auto parts = [](const base::Scene& scene) {
+    std::vector<std::tuple<std::string, std::uint64_t, std::string>> all;
+    for (const base::ScenePart& part : scene.parts) all.emplace_back(part.file, part.bytes, part.sha256);
+    return all;
+  };
+  return a.box_min == b.box_min && a.box_max == b.box_max && a.origin == b.origin && a.triangles == b.triangles &&
+         parts(a) == parts(b);
+}
+
+bool isReplaced(const OpenScene& open, const std::string& place) {
+  const auto now = readSceneAt(place);
+  if (!now) return false;
+  return !isSameBuild(*now, open.scene) ||
+         (!open.directory.empty() && fileNumber(imagesFileOf(place)) != open.images_file);
 }
 
 bool lacksTextures(const OpenScene& open) {

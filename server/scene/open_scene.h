@@ -40,6 +40,7 @@ struct OpenScene : std::enable_shared_from_this<OpenScene> {
   repository::SampledPoints points;           ///< points of the repository
   base::Bytes scene_json;                     ///< the bytes of the file
   std::string directory;                      ///< directory of a local scene; empty: remote
+  std::uint64_t images_file = 0;              ///< number of the store's file in its file system; 0: there is none
   std::string name;                           ///< the scene's by its place
   std::string annotations_json;               ///< annotations of a remote scene, checked; empty: it has none
   std::unique_ptr<OpenFile> patch_file;       ///< patch.lgp, or its mirror, for byte ranges; null: no patches
@@ -59,6 +60,12 @@ struct OpenScene : std::enable_shared_from_this<OpenScene> {
 /// (docs/places.md): its hierarchy is mirrored, since blocks are read all the time; images and splats are read by range
 /// through a cache.
 base::Result<std::unique_ptr<OpenScene>> openScene(const std::string& place, const RemoteOptions& options = {});
+
+/// Whether two documents describe the same files and differ in nothing that a running server has made use of.
+bool isSameBuild(const base::Scene& a, const base::Scene& b);
+/// Whether the place from which a scene was opened holds another one by now. One that cannot be read, as while it is
+/// being replaced, does not.
+bool isReplaced(const OpenScene& open, const std::string& place);
 
 /// Reads scene.json at a place. Errors as ObjectSource::read; kInvalidInput for a file over 16 MiB, which no scene.json
 /// reaches.

@@ -223,6 +223,8 @@ std::optional<SharedMessage> Session::nextOther() {
 plan::Scene Session::sceneToPlan() const {
   plan::Scene scene = scene_.toPlan();
   scene.welcome = &welcome_;
+  // Remembered lines of sight are those of places nearby, which choose a little less well for a fifth of the time.
+  if (!is_busy_) scene.sight_cache = nullptr;
   scene.images = scene.images && (decodes_webp_ || !scene_.images_are_webp);
   scene.image_bytes = image_bytes_;
   scene.is_moving = previous_ && newest_ && plan::isMoving(welcome_, *newest_, *previous_);

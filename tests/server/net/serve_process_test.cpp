@@ -64,6 +64,7 @@ class ServeProcess {
   }
 
   std::uint16_t port() const { return port_; }
+  pid_t pid() const { return pid_; }
   std::string log() const { return readText(logPath()); }
   void send(int signal) const { ::kill(pid_, signal); }
   bool isRunning() {
@@ -257,6 +258,7 @@ TEST(ServeProcess, metricsTellWhatAViewerGot) {
   ServeProcess server({scene.path, "--no-access"});
   ASSERT_NE(server.port(), 0);
   expectAView(server.port());
+  EXPECT_EQ(httpRequest(server.port(), "/patch.lgp").status, 200);
   const std::string label = "scene=\"" + name + "\"}";
   std::string text;
   ASSERT_TRUE(waitFor([&] {
@@ -362,6 +364,153 @@ TEST(ServeProcess, mistakesInAFileAreOneLineAndWrongUsage) {
   programs::expectOneLineError(programs::run("lumigrid", {"serve"}), 2, {"SCENE", "--config"});
   programs::expectOneLineError(programs::run("lumigrid", {"serve", "--config", directory / "none"}), 2,
                                {directory / "none"});
+}
+
+// ---- Scenes that change while they are served
+
+bool logSays(const ServeProcess& server, const std::string& text) {
+  for (int i = 0; i < 2000; ++i) {
+    if (server.log().find(text) != std::string::npos) return true;
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  }
+  return false;
+}
+
+std::unique_ptr<LoopbackClient> viewerAt(std::uint16_t port, const std::string& path, protocol::Welcome& welcome) {
+  auto client = LoopbackClient::connect(port, path);
+  EXPECT_TRUE(client && client->send(protocol::Hello{}));
+  auto message = client ? client->receive() : std::nullopt;
+  EXPECT_TRUE(message && std::holds_alternative<protocol::Welcome>(*message));
+  if (message) welcome = std::get<protocol::Welcome>(*message);
+  return client;
+}
+
+bool completes(LoopbackClient& client, const protocol::Welcome& welcome, std::uint32_t sequence) {
+  if (!client.send(viewOf(welcome, sequence))) return false;
+  while (const auto message = client.receive()) {
+    const auto* completion = std::get_if<protocol::Completion>(&*message);
+    if (completion != nullptr && completion->sequence == sequence) return true;
+  }
+  return false;
+}
+
+/// The server says that the viewer may connect again.
+void expectSentAway(LoopbackClient& client) {
+  while (client.receive()) {
+  }
+  EXPECT_EQ(client.closeCode(), 1012);
+}
+
+class Reload : public ::testing::Test {
+ protected:
+  std::string nameOf(const SceneDirectory& scene) const { return std::filesystem::path(scene.path).filename(); }
+  void configure(const std::vector<std::string>& places) const {
+    std::ofstream(config()) << json{{"scenes", places}, {"no-access", true}}.dump();
+  }
+  std::string config() const { return files_ / "serve.json"; }
+
+  const support::TemporaryDirectory files_;
+  const SceneDirectory tower_, yard_, barn_;
+};
+
+TEST_F(Reload, viewersOfOtherScenesNoticeNothing) {
+  configure({tower_.path, yard_.path});
+  ServeProcess server({"--config", config()});
+  protocol::Welcome welcome;
+  const auto in_tower = viewerAt(server.port(), "/" + nameOf(tower_) + "/", welcome);
+  const auto in_yard = viewerAt(server.port(), "/" + nameOf(yard_) + "/", welcome);
+  ASSERT_TRUE(in_tower && in_yard);
+  ASSERT_TRUE(completes(*in_tower, welcome, 1));
+
+  configure({tower_.path, barn_.path});
+  server.send(SIGHUP);
+  expectSentAway(*in_yard);
+  EXPECT_TRUE(completes(*in_tower, welcome, 2));
+  EXPECT_EQ(httpRequest(server.port(), "/" + nameOf(barn_) + "/scene.json").status, 200);
+  EXPECT_EQ(httpRequest(server.port(), "/" + nameOf(yard_) + "/scene.json").status, 404);
+  const auto in_barn = viewerAt(server.port(), "/" + nameOf(barn_) + "/", welcome);
+  ASSERT_TRUE(in_barn);
+  EXPECT_TRUE(completes(*in_barn, welcome, 1));
+}
+
+TEST_F(Reload, aSceneThatWasBuiltAnewIsServedAnew) {
+  configure({tower_.path, yard_.path});
+  ServeProcess server({"--config", config()});
+  protocol::Welcome welcome;
+  const auto in_tower = viewerAt(server.port(), "/" + nameOf(tower_) + "/", welcome);
+  const auto in_yard = viewerAt(server.port(), "/" + nameOf(yard_) + "/", welcome);
+  ASSERT_TRUE(in_tower && in_yard);
+
+  // The barn moves into the yard.
+  std::filesystem::rename(yard_.path, yard_.path + ".old");
+  std::filesystem::copy(barn_.path, yard_.path, std::filesystem::copy_options::recursive);
+  server.send(SIGHUP);
+  expectSentAway(*in_yard);
+  EXPECT_TRUE(completes(*in_tower, welcome, 1));
+  const auto again = viewerAt(server.port(), "/" + nameOf(yard_) + "/", welcome);
+  ASSERT_TRUE(again);
+  EXPECT_TRUE(completes(*again, welcome, 1));
+  std::filesystem::remove_all(yard_.path + ".old");
+
+  // A scene that has not changed is left alone.
+  server.send(SIGHUP);
+  EXPECT_TRUE(logSays(server, "reloaded: 2 scenes"));
+  EXPECT_TRUE(completes(*again, welcome, 2));
+}
+
+TEST_F(Reload, wrongListsLeaveAllAsItIs) {
+  configure({tower_.path});
+  ServeProcess server({"--config", config()});
+  protocol::Welcome welcome;
+  const auto viewer = viewerAt(server.port(), "/", welcome);
+  ASSERT_TRUE(viewer);
+  configure({tower_.path, files_ / "nowhere"});
+  server.send(SIGHUP);
+  EXPECT_TRUE(logSays(server, "the scenes stay as they were"));
+  std::ofstream(config()) << "{\"scenes\": 7}";
+  server.send(SIGHUP);
+  EXPECT_TRUE(logSays(server, "must be a text, or a list of texts"));
+  EXPECT_TRUE(completes(*viewer, welcome, 1));
+  EXPECT_EQ(httpRequest(server.port(), "/scene.json").status, 200);
+}
+
+// ---- Several processes
+
+std::vector<pid_t> childrenOf(pid_t pid) {
+  std::ifstream in("/proc/" + std::to_string(pid) + "/task/" + std::to_string(pid) + "/children");
+  std::vector<pid_t> children;
+  for (pid_t child = 0; in >> child;) children.push_back(child);
+  return children;
+}
+
+TEST(Workers, aKilledOneIsReplacedWhileOthersServe) {
+  const SceneDirectory scene;
+  ServeProcess server({scene.path, "--workers", "2", "--no-access"});
+  ASSERT_EQ(childrenOf(server.pid()).size(), 2U);
+  protocol::Welcome welcome;
+  for (int i = 0; i < 8; ++i) {
+    const auto client = viewerAt(server.port(), "/", welcome);
+    ASSERT_TRUE(client);
+    EXPECT_TRUE(completes(*client, welcome, 1));
+  }
+  const pid_t killed = childrenOf(server.pid()).front();
+  ::kill(killed, SIGKILL);
+  EXPECT_TRUE(logSays(server, "ended by signal 9"));
+  // The other one has the port for itself.
+  for (int i = 0; i < 8; ++i) EXPECT_EQ(httpRequest(server.port(), "/healthz").status, 200);
+  for (int i = 0; i < 2000 && childrenOf(server.pid()).size() < 2; ++i)
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  const auto children = childrenOf(server.pid());
+  EXPECT_EQ(children.size(), 2U);
+  EXPECT_EQ(std::count(children.begin(), children.end(), killed), 0);
+  server.send(SIGTERM);
+  EXPECT_EQ(server.wait(), 0);
+}
+
+TEST(Workers, aSceneThatCannotBeOpenedIsOneErrorOfAll) {
+  const auto outcome = programs::run("lumigrid", {"serve", "/nowhere", "--port", "0", "--workers", "3"});
+  EXPECT_EQ(outcome.status, 1);
+  EXPECT_EQ(std::count(outcome.err.begin(), outcome.err.end(), '\n'), 1) << outcome.err;
 }
 
 }  // namespace
