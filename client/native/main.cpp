@@ -62,6 +62,7 @@ void onSignal(int) {
 void endOnSignals() {
   std::signal(SIGINT, onSignal);
   std::signal(SIGTERM, onSignal);
+  std::signal(SIGPIPE, SIG_IGN);  // whoever reads the lines may go away; the pictures matter more
 }
 
 int printError(const std::string& message, int status) {
