@@ -69,7 +69,7 @@ Sent sentFor(const server::SceneData& data, const client::ViewerOptions& options
       else if (client.complete())
         sent.completion = message->bytes();
       else
-        sent.first.push_back(std::move(*message));
+        sent.first.push_back(message->bytes());
       going = true;
     }
     if (!has_view && client.welcome()) client.setView(camera), has_view = going = true;

@@ -227,7 +227,7 @@ class Run {
     for (std::size_t i = 0; i < request.size(); ++i) {
       const unsigned kind = kinds >> 2U * (i % 4) & 3U;
       if (kind == 0)
-        values.push_back(std::optional<base::Bytes>());
+        values.emplace_back(std::optional<base::Bytes>());
       else if (kind == 1)
         values.push_back(base::Error{base::ErrorCode::kIo, "the network is away"});
       else if (kind == 2)
