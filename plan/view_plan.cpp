@@ -150,12 +150,18 @@ std::vector<SurfaceSample> surfaceIn(const Scene& scene, const LocalView& local,
              : sampleVisibleSurface(*scene.hierarchy, local.cut.patches, local.request.camera, columns, rows);
 }
 
+/// One in so many of the rays across, and of those up, is cast.
+int rayStep(const Scene& scene) {
+  return scene.is_hurried ? 2 : 1;
+}
+
 OrderByGain orderItems(const Scene& scene, const LocalView& local, const PointQuery& query,
                        std::span<const glm::uvec3> points, const GroupsToSend& send, const HasFace& is_here) {
   // A tile that shows a fifteenth of the picture's width is met by a ray.
   constexpr int kColumns = 24;
   constexpr int kRows = 14;
-  const auto samples = surfaceIn(scene, local, kColumns, kRows);
+  const int step = rayStep(scene);
+  const auto samples = surfaceIn(scene, local, kColumns / step, kRows / step);
   std::vector<ProxyPlace> places;
   places.reserve(samples.size());
   for (const SurfaceSample& sample : samples) places.push_back(proxyAt(*scene.hierarchy, send, sample.position));
@@ -183,7 +189,8 @@ void appendOtherFaces(const Scene& scene, const LocalView& local, const PointQue
 }
 
 std::vector<glm::uvec3> pointsFor(const Scene& scene, const LocalView& local, const PointQuery& query) {
-  return choosePoints(query, surfaceIn(scene, local, kSurfaceColumns, kSurfaceRows));
+  const int step = rayStep(scene);
+  return choosePoints(query, surfaceIn(scene, local, kSurfaceColumns / step, kSurfaceRows / step));
 }
 
 /// Takes groups and faces of the view into the plan.

@@ -330,8 +330,22 @@ base::Result<void> reserveLockFile(const std::string& directory) {
 
 // LMDB must not open a directory twice in one process, because its locks belong to the process. Handles therefore share
 // environments, which are opened and closed under one mutex.
+/// Tells a directory's store from one that took its place under the same name, which LMDB may well open beside it.
+struct FileIdentity {
+  dev_t device = 0;
+  ino_t file = 0;
+  friend bool operator==(const FileIdentity&, const FileIdentity&) = default;
+};
+
+FileIdentity storeFileOf(const std::string& directory) {
+  struct stat status {};
+  if (::stat((directory + "/data.mdb").c_str(), &status) != 0) return {};
+  return {status.st_dev, status.st_ino};
+}
+
 struct SharedEnvironment {
   std::string directory;
+  FileIdentity file;
   std::unique_ptr<LmdbEnvironment> environment;
   int shares = 0;
 };
@@ -499,12 +513,13 @@ base::Result<std::shared_ptr<LmdbEnvironment>> LmdbEnvironment::open(const std::
                                                                      const LmdbEnvironmentOptions& options) {
   const std::lock_guard guard(registry().mutex);
   auto& open = registry().open;
+  const FileIdentity file = storeFileOf(directory);
   auto it = std::find_if(open.begin(), open.end(), [&](const SharedEnvironment& one) {
-    return one.directory == directory && !one.environment->failed();
+    return one.directory == directory && one.file == file && !one.environment->failed();
   });
   if (it == open.end()) {
     LUMIGRID_ASSIGN_OR_RETURN(auto opened, openUnshared(directory, options));
-    it = open.insert(open.end(), {directory, std::move(opened)});
+    it = open.insert(open.end(), {directory, storeFileOf(directory), std::move(opened)});
   }
   ++it->shares;
   const auto close_share = [it](LmdbEnvironment*) {

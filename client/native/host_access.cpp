@@ -1,6 +1,10 @@
 #include "client/native/host_access.h"
 
+#include <arpa/inet.h>
+
 #include <algorithm>
+#include <array>
+#include <cstdint>
 #include <string_view>
 
 #include "base/file.h"
@@ -14,6 +18,29 @@ std::string_view takeUntil(std::string_view& rest, char separator) {
   const std::string_view piece = rest.substr(0, end);
   rest = end == std::string_view::npos ? std::string_view() : rest.substr(end + 1);
   return piece;
+}
+
+/// The host of a server's address in lower case, without port, brackets and last dot.
+std::string hostOf(std::string_view url) {
+  const std::size_t scheme = url.find("://");
+  if (scheme != std::string_view::npos) url.remove_prefix(scheme + 3);
+  url = url.substr(0, url.find_first_of("/?#"));
+  if (url.starts_with('[')) return std::string(url.substr(1, std::min(url.find(']'), url.size()) - 1));
+  std::string host(url.substr(0, url.find(':')));
+  for (char& c : host)
+    if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
+  if (host.ends_with('.')) host.pop_back();
+  return host;
+}
+
+/// Whether the host is this machine: 127.0.0.0/8, ::1, or a name that is kept for it (RFC 6761, section 6.3).
+bool isThisMachine(const std::string& host) {
+  if (host == "localhost" || host.ends_with(".localhost")) return true;
+  std::array<std::uint8_t, 4> v4{};
+  if (::inet_pton(AF_INET, host.c_str(), v4.data()) == 1) return v4[0] == 127;
+  constexpr std::array<std::uint8_t, 16> kLoopback{0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1};
+  std::array<std::uint8_t, 16> v6{};
+  return ::inet_pton(AF_INET6, host.c_str(), v6.data()) == 1 && v6 == kLoopback;
 }
 
 }  // namespace
@@ -54,10 +81,7 @@ std::string takeCredential(std::string& url) {
 
 bool wouldExposeToken(const std::string& url) {
   if (url.starts_with("wss://") || url.starts_with("https://")) return false;
-  const std::size_t scheme = url.find("://");
-  std::string host = url.substr(scheme == std::string::npos ? 0 : scheme + 3);
-  host = host.substr(0, host.find_first_of("/?#"));
-  return !host.starts_with("localhost") && !host.starts_with("127.") && !host.starts_with("[::1]");
+  return !isThisMachine(hostOf(url));
 }
 
 }  // namespace client

@@ -7,7 +7,6 @@ namespace server {
 namespace {
 
 constexpr std::string_view kCookiePrefix = "lumigrid-";
-constexpr std::size_t kMaxCredentials = 16;  // of one request; each costs a few hashes
 constexpr std::size_t kCookieNameDigits = 8;
 
 std::string_view takeUntil(std::string_view& rest, char separator) {
@@ -60,20 +59,6 @@ std::string_view bearerOf(std::string_view authorization) {
                   [&](char scheme, char given) { return same(given, scheme); }))
     return {};
   return withoutSpaces(authorization.substr(kScheme.size()));
-}
-
-std::vector<std::string> credentialsOf(const RequestHead& request) {
-  std::vector<std::string> credentials;
-  const auto add = [&](std::string_view text) {
-    if (!text.empty() && credentials.size() < kMaxCredentials) credentials.emplace_back(text);
-  };
-  add(bearerOf(request.authorization));
-  add(readLinkQuery(request.target).credential);
-  for (std::string_view rest = request.cookie; !rest.empty();) {
-    std::string_view value = withoutSpaces(takeUntil(rest, ';'));
-    if (takeUntil(value, '=').starts_with(kCookiePrefix)) add(value);
-  }
-  return credentials;
 }
 
 /// The name holds a piece of the value's hash: so cookies of several links stand side by side, and servers on other
@@ -130,10 +115,11 @@ std::vector<std::string> AccessRules::warnings(std::span<const std::string> serv
   std::vector<std::string> lines;
   warnOfFile(options_.token_file, lines);
   warnOfFile(options_.signing_keys, lines);
-  for (std::size_t i = 0; i < tokens_.size(); ++i) {
-    const std::string place = options_.token_file + ": token " + std::to_string(i + 1);
-    if (tokens_[i].expires && *tokens_[i].expires <= now) lines.push_back(place + " has expired");
-    for (const std::string& scene : tokens_[i].scenes)
+  std::size_t number = 0;
+  for (const Token& token : tokens_.all()) {
+    const std::string place = options_.token_file + ": token " + std::to_string(++number);
+    if (token.expires && *token.expires <= now) lines.push_back(place + " has expired");
+    for (const std::string& scene : token.scenes)
       if (std::find(served.begin(), served.end(), scene) == served.end())
         lines.push_back(place + " is for the scene '" + scene + "', which is not served here");
   }
@@ -147,24 +133,43 @@ void AccessRules::warnOfFile(const std::string& path, std::vector<std::string>& 
 
 // ---- Deciding
 
-AccessRules::Finding AccessRules::judge(std::string_view credential, std::string_view scene, std::int64_t now) const {
-  if (const Token* token = findToken(tokens_, credential)) {
+AccessRules::Credential AccessRules::lookUp(std::string_view text) const {
+  if (const Token* token = tokens_.find(text)) return {token, std::nullopt};
+  return {nullptr, parseLinkGrant(text)};
+}
+
+AccessRules::Credentials AccessRules::credentialsOf(const RequestHead& request) const {
+  Credentials credentials;
+  if (!isPrivate()) return credentials;
+  const auto add = [&](std::string_view text) {
+    if (!text.empty()) credentials.push_back(lookUp(text));
+  };
+  add(bearerOf(request.authorization));
+  add(readLinkQuery(request.target).credential);
+  for (std::string_view rest = request.cookie; !rest.empty();) {
+    std::string_view value = withoutSpaces(takeUntil(rest, ';'));
+    if (takeUntil(value, '=').starts_with(kCookiePrefix)) add(value);
+  }
+  return credentials;
+}
+
+AccessRules::Finding AccessRules::judge(const Credential& credential, std::string_view scene, std::int64_t now) const {
+  if (const Token* token = credential.token) {
     if (token->expires && *token->expires <= now) return {Verdict::kExpired};
     if (!token->opens(scene)) return {Verdict::kOtherScene};
     return {Verdict::kOpens, token->expires.value_or(kNoEnd)};
   }
-  const auto grant = parseLinkGrant(credential);
+  const auto& grant = credential.grant;
   if (!grant || !keys_ || !keys_->hasSigned(scene, *grant)) return {Verdict::kUnknown};
   if (grant->expires <= now) return {Verdict::kExpired};
   return {Verdict::kOpens, grant->expires};
 }
 
-SceneAccess AccessRules::accessTo(std::string_view scene, const RequestHead& request, std::int64_t now) const {
+SceneAccess AccessRules::accessTo(std::string_view scene, const Credentials& credentials, std::int64_t now) const {
   if (!isPrivate()) return {};
   Finding best;
-  const std::vector<std::string> credentials = credentialsOf(request);
   bool expired = false, other_scene = false;
-  for (const std::string& credential : credentials) {
+  for (const Credential& credential : credentials) {
     const Finding finding = judge(credential, scene, now);
     if (finding.verdict == Verdict::kOpens && (best.verdict != Verdict::kOpens || finding.until > best.until))
       best = finding;
@@ -193,15 +198,17 @@ std::optional<AccessRules::CleanedAddress> AccessRules::cleanAddress(std::span<c
   const LinkQuery query = readLinkQuery(request.target);
   if (query.credential.empty()) return std::nullopt;
   CleanedAddress cleaned{cleanLocation(request.target, query.rest), ""};
+  const Credential of_link = lookUp(query.credential);
   for (const std::string& scene : scenes) {
-    const Finding finding = judge(query.credential, scene, now);
+    const Finding finding = judge(of_link, scene, now);
     if (finding.verdict != Verdict::kOpens) continue;
     cleaned.cookie =
         cookieOf(query.credential, finding.until == kNoEnd ? kNoEnd : finding.until - now, request.is_secure);
     return cleaned;
   }
+  const Credentials credentials = credentialsOf(request);
   for (const std::string& scene : scenes)
-    if (!accessTo(scene, request, now).refusal) return cleaned;
+    if (!accessTo(scene, credentials, now).refusal) return cleaned;
   return std::nullopt;
 }
 

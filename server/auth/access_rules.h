@@ -48,8 +48,19 @@ class AccessRules {
   /// Warnings for the log: files that are no secret, tokens of scenes that are not `served`, tokens that have expired.
   std::vector<std::string> warnings(std::span<const std::string> served, std::int64_t now) const;
 
-  /// Looks at Authorization (Bearer), cookies and query; one credential that opens the scene is enough.
-  SceneAccess accessTo(std::string_view scene, const RequestHead& request, std::int64_t now) const;
+  /// What a request shows to be let in, looked up once for all scenes. It points into the rules.
+  struct Credential {
+    const Token* token = nullptr;
+    std::optional<LinkGrant> grant;  // neither: a text that opens nothing
+  };
+  using Credentials = std::vector<Credential>;
+  /// Those in Authorization (Bearer), query and cookies. How many there are, the length of the request's header bounds.
+  Credentials credentialsOf(const RequestHead& request) const;
+  /// One credential that opens the scene is enough.
+  SceneAccess accessTo(std::string_view scene, const Credentials& credentials, std::int64_t now) const;
+  SceneAccess accessTo(std::string_view scene, const RequestHead& request, std::int64_t now) const {
+    return accessTo(scene, credentialsOf(request), now);
+  }
   /// For a request by which a visitor follows a link with a credential: moves the visitor to the same address without
   /// it, and makes it a cookie, so that it neither stays in the address nor goes into Referer. `scenes`: those of which
   /// the link must open one. Nothing when the request has no credential in its query, is none that a browser follows,
@@ -68,12 +79,13 @@ class AccessRules {
     Verdict verdict = Verdict::kUnknown;
     std::int64_t until = kNoEnd;
   };
-  Finding judge(std::string_view credential, std::string_view scene, std::int64_t now) const;
+  Credential lookUp(std::string_view text) const;
+  Finding judge(const Credential& credential, std::string_view scene, std::int64_t now) const;
   void warnOfFile(const std::string& path, std::vector<std::string>& lines) const;
 
   AccessOptions options_;
   bool has_tokens_ = false;
-  std::vector<Token> tokens_;
+  TokenList tokens_;
   std::optional<SigningKeys> keys_;
   OriginRules origins_;
   TrustedProxies proxies_;

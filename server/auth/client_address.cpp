@@ -12,6 +12,7 @@ namespace {
 
 constexpr std::array<std::uint8_t, 12> kV4Prefix{0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0xFF, 0xFF};
 constexpr int kV4PrefixBits = 96;
+constexpr int kNetworkBytes = 8;  // of an IPv6 address; a machine chooses the others (RFC 4291, section 2.5.4)
 
 /// An entry of X-Forwarded-For: an address, with a port at some proxies ("192.0.2.1:4711", "[2001:db8::1]:4711").
 std::optional<IpAddress> parseForwarded(std::string_view text) {
@@ -61,6 +62,14 @@ std::optional<IpAddress> parseIpAddress(std::string_view text) {
   std::copy(kV4Prefix.begin(), kV4Prefix.end(), address.bytes.begin());
   if (::inet_pton(AF_INET, copy.c_str(), address.bytes.data() + kV4Prefix.size()) == 1) return address;
   return std::nullopt;
+}
+
+std::string limitKey(const std::string& address) {
+  auto parsed = parseIpAddress(address);
+  if (!parsed) return address;
+  if (parsed->isV4()) return parsed->text();
+  std::fill(parsed->bytes.begin() + kNetworkBytes, parsed->bytes.end(), std::uint8_t{0});
+  return parsed->text() + "/64";
 }
 
 base::Result<TrustedProxies> TrustedProxies::parse(const std::vector<std::string>& ranges) {

@@ -23,6 +23,11 @@ struct IpAddress {
 /// Reads "192.0.2.1", "2001:db8::1" or "[2001:db8::1]"; nothing for any other text, a port behind it included.
 std::optional<IpAddress> parseIpAddress(std::string_view text);
 
+/// The name under which limits per client count an address: IPv4 in dotted form, whichever form it came in; of IPv6 the
+/// first 64 bits ("2001:db8:0:1::/64"), since one client commonly has all addresses of such a network and could begin
+/// anew with each. A text that is no address is its own key.
+std::string limitKey(const std::string& address);
+
 /// The proxies of `--trusted-proxy`.
 class TrustedProxies {
  public:

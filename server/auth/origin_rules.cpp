@@ -37,6 +37,13 @@ std::string normalizedOrigin(std::string_view text) {
   return origin;
 }
 
+/// Whether a Host can be a name or an address with a port at all. Programs that stand between browsers and servers
+/// differ in what they make of other characters.
+bool isHostText(std::string_view host) {
+  return host.find_first_not_of("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789.:_-[]") ==
+         std::string_view::npos;
+}
+
 bool isLoopbackName(const std::string& name) {
   if (name == "localhost" || name.ends_with(".localhost")) return true;
   const auto address = parseIpAddress(name);
@@ -57,8 +64,7 @@ base::Result<OriginRules> OriginRules::make(const OriginOptions& options) {
   for (const std::string& host : options.hosts) {
     std::string name = nameOfHost(
         parseIpAddress(host) && host.find(':') != std::string::npos && host.front() != '[' ? "[" + host + "]" : host);
-    if (name.empty() || host.find_first_of("/ @?#") != std::string::npos)
-      return wrong("--host: '" + host + "' is no host name like example.org");
+    if (name.empty() || !isHostText(host)) return wrong("--host: '" + host + "' is no host name like example.org");
     rules.hosts_.push_back(std::move(name));
   }
   rules.any_origin_ = options.is_open && rules.origins_.empty();
@@ -68,6 +74,8 @@ base::Result<OriginRules> OriginRules::make(const OriginOptions& options) {
 }
 
 std::optional<Refusal> OriginRules::check(const RequestHead& request) const {
+  if (!isHostText(request.host))
+    return Refusal{421, "the address names a host with characters that stand in no host's name"};
   if (!isHostAllowed(request))
     return Refusal{421,
                    "this server does not answer by the name in this address; whoever runs it may add the name with "
@@ -114,7 +122,8 @@ bool OriginRules::isOriginAllowed(const RequestHead& request) const {
 /// The scheme counts where we know ours. Where TLS ends at a proxy that is not trusted, we do not.
 bool OriginRules::isOwnOrigin(const RequestHead& request) const {
   const std::string origin = normalizedOrigin(request.origin);
-  if (request.host.empty()) return false;
+  // Texts that are no origin ("null" of a sandboxed page, "file://") are all normalized to "", which is nobody's own.
+  if (request.host.empty() || origin.empty()) return false;
   if (origin == normalizedOrigin("https://" + std::string(request.host))) return true;
   return !request.is_secure && origin == normalizedOrigin("http://" + std::string(request.host));
 }

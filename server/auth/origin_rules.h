@@ -26,7 +26,8 @@ class OriginRules {
   /// Errors name an origin or a host that is none.
   static base::Result<OriginRules> make(const OriginOptions& options);
 
-  /// Nothing for a request that may be answered. A request without Host comes from no browser, and may.
+  /// Nothing for a request that may be answered. A request without Host comes from no browser, and may; a Host that can
+  /// be no name is answered by no server.
   std::optional<Refusal> check(const RequestHead& request) const;
   /// Fields that let browsers hand the answer to the pages that may read it (CORS), and to no others.
   HeaderFields fields(const RequestHead& request) const;

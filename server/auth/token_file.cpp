@@ -16,7 +16,7 @@ using Json = nlohmann::json;
 
 constexpr std::size_t kMinTokenLength = 16;  // characters; 62^16 of letters and digits are 95 bits
 constexpr std::size_t kMaxTokenLength = 256;
-constexpr std::size_t kMaxTokens = 100'000;  // each request is compared with all of them
+constexpr std::size_t kMaxTokens = 100'000;
 
 /// "2027-01-31T12:00:00Z" or "2027-01-31" (its begin, UTC) as Unix seconds.
 std::optional<std::int64_t> parseUtcTime(const std::string& text) {
@@ -91,35 +91,37 @@ bool Token::opens(std::string_view scene) const {
   return scenes.empty() || std::find(scenes.begin(), scenes.end(), scene) != scenes.end();
 }
 
+void TokenList::add(Token token) {
+  places_.insert_or_assign(token.digest, tokens_.size());
+  tokens_.push_back(std::move(token));
+}
+
+const Token* TokenList::find(std::string_view text) const {
+  if (tokens_.empty() || !isTokenText(text)) return nullptr;
+  const auto place = places_.find(base::sha256(base::viewOfText(text)));
+  return place == places_.end() ? nullptr : &tokens_[place->second];
+}
+
 bool isTokenText(std::string_view text) {
   return text.size() >= kMinTokenLength && text.size() <= kMaxTokenLength &&
          text.find_first_not_of("abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789-._~") ==
              std::string_view::npos;
 }
 
-base::Result<std::vector<Token>> readTokenFile(const std::string& path) {
+base::Result<TokenList> readTokenFile(const std::string& path) {
   LUMIGRID_ASSIGN_OR_RETURN(const base::Bytes bytes, base::readFile(path));
   const Json list = base::parseJson(bytes);
   if (!list.is_array())
     return base::within(path, wrong("is no list of tokens like [{\"token\": \"…\", \"scenes\": [\"tower\"]}]"));
   if (list.size() > kMaxTokens)
     return base::within(path, wrong("has more than " + std::to_string(kMaxTokens) + " tokens"));
-  std::vector<Token> tokens;
+  TokenList tokens;
   for (const Json& entry : list) {
     auto token = tokenOf(entry);
-    if (!token) return base::within(path + ": token " + std::to_string(tokens.size() + 1), token.error());
-    tokens.push_back(std::move(*token));
+    if (!token) return base::within(path + ": token " + std::to_string(tokens.all().size() + 1), token.error());
+    tokens.add(std::move(*token));
   }
   return tokens;
-}
-
-const Token* findToken(const std::vector<Token>& tokens, std::string_view text) {
-  if (!isTokenText(text)) return nullptr;
-  const base::Sha256Digest digest = base::sha256(base::viewOfText(text));
-  const Token* found = nullptr;
-  for (const Token& token : tokens)
-    if (base::areEqual(token.digest, digest)) found = &token;
-  return found;
 }
 
 bool isReadableByAll(const std::string& path) {

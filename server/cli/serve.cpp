@@ -40,7 +40,8 @@ bool usesTls(const ServeArguments& a) {
 }
 
 std::string placeOf(const ServeArguments& a, std::uint16_t port) {
-  return a.options.address + ":" + std::to_string(port);
+  const bool is_ipv6 = a.options.address.find(':') != std::string::npos;
+  return (is_ipv6 ? "[" + a.options.address + "]" : a.options.address) + ":" + std::to_string(port);
 }
 
 std::string socketScheme(const ServeArguments& a) {
@@ -107,14 +108,18 @@ std::optional<std::vector<std::string>> scenesOfConfig(const ServeArguments& a) 
   return std::nullopt;
 }
 
+volatile std::sig_atomic_t hangup_came = 0;
+
 /// Serves in this process. `ready` is called once connections are accepted.
 int serveHere(const ServeArguments& a, const std::function<void(const Server&)>& ready) {
+  // A worker that is started again serves what the others do by now.
+  const std::vector<std::string> scenes = scenesOfConfig(a).value_or(a.scenes);
   auto log = ServerLog::open(a.log);
   if (!log) return fail(log.error());
   (*log)->install();
   // Until the server listens for it; a terminal that closes, or an operator, may send it while scenes are opened.
-  std::signal(SIGHUP, SIG_IGN);
-  auto server = Server::open(a.scenes, a.options);
+  std::signal(SIGHUP, [](int) { hangup_came = 1; });
+  auto server = Server::open(scenes, a.options);
   if (!server) return fail(server.error());
   ready(**server);
   countLines((*server)->metrics(), **log);
@@ -123,6 +128,7 @@ int serveHere(const ServeArguments& a, const std::function<void(const Server&)>&
     (*log)->reopen();
     return scenesOfConfig(a);
   });
+  if (hangup_came != 0) (*server)->reload();
   return exitStatus((*server)->run(true));
 }
 
@@ -133,6 +139,7 @@ int serveByWorkers(ServeArguments& a) {
   a.options.port = kept->port;
   a.options.shares_port = true;
   a.options.max_connections = (a.options.max_connections + a.workers - 1) / a.workers;
+  a.options.connections_per_address = (a.options.connections_per_address + a.workers - 1) / a.workers;
   a.options.message_cache_bytes /= a.workers;
   std::vector<std::string> names{""};
   if (a.scenes.size() > 1) {

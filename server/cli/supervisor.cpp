@@ -12,8 +12,10 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <cerrno>
 #include <cmath>
+#include <cstddef>
 #include <cstdlib>
 #include <cstring>
 #include <limits>
@@ -64,17 +66,19 @@ class Supervisor {
     if (::pipe2(ends, O_CLOEXEC) != 0) return status = 1, false;
     base::FileDescriptor reads(ends[0]);
     start(number, base::FileDescriptor(ends[1]));
-    char ready = 0;
-    // The end of the pipe comes when the worker's process does.
-    while (::read(reads.get(), &ready, 1) < 0 && errno == EINTR) {
-    }
-    if (ready == 1) return true;
+    if (processes_[number].pid < 0) return status = 1, false;
+    starting_ = static_cast<std::ptrdiff_t>(number);
+    const bool is_ready = waitUntilReady(reads);
+    starting_ = -1;
+    if (is_ready) return true;
     int waited = 0;
-    ::waitpid(processes_[number].pid, &waited, 0);
-    processes_[number].pid = 0;
-    status = statusOf(waited);
+    Process& ended = processes_[number];
+    if (ended.pid > 0 && ::waitpid(ended.pid, &waited, 0) == ended.pid) start_status_ = statusOf(waited);
+    ended.pid = 0;
+    status = start_status_;
     return false;
   }
+  bool isStopping() const { return stopping_; }
 
   int run() {
     while (!stopping_ || anyRuns()) {
@@ -92,6 +96,20 @@ class Supervisor {
   }
 
  private:
+  /// The end of the pipe comes when the worker's process does. Signals are heard meanwhile.
+  bool waitUntilReady(const base::FileDescriptor& reads) {
+    for (;;) {
+      std::array<pollfd, 2> wanted{pollfd{reads.get(), POLLIN, 0}, pollfd{signals_.get(), POLLIN, 0}};
+      if (::poll(wanted.data(), wanted.size(), -1) < 0) {
+        if (errno != EINTR) return false;
+        continue;
+      }
+      char ready = 0;
+      if (wanted[0].revents != 0) return ::read(reads.get(), &ready, 1) == 1;
+      if (wanted[1].revents != 0) acceptSignal();
+    }
+  }
+
   /// The worker tells through `ready`, where there is one, that it accepts connections.
   void start(unsigned number, base::FileDescriptor ready = base::FileDescriptor()) {
     Process& process = processes_[number];
@@ -150,6 +168,10 @@ class Supervisor {
           std::find_if(processes_.begin(), processes_.end(), [pid](const Process& one) { return one.pid == pid; });
       if (process == processes_.end()) continue;
       process->pid = 0;
+      if (process - processes_.begin() == starting_) {
+        start_status_ = statusOf(waited);
+        continue;
+      }
       if (stopping_) {
         status_ = std::max(status_, statusOf(waited));
         continue;
@@ -170,6 +192,8 @@ class Supervisor {
   base::FileDescriptor signals_;
   const base::Stopwatch clock_;
   bool stopping_ = false;
+  std::ptrdiff_t starting_ = -1;  // the worker that startAndWait() waits for
+  int start_status_ = 1;          // of one that ended meanwhile
   int status_ = 0;
 };
 
@@ -207,6 +231,7 @@ int supervise(unsigned count, const Worker& worker, const std::function<void()>&
   for (unsigned number = 0; number < count; ++number) {
     int status = 0;
     if (supervisor.startAndWait(number, status)) continue;
+    if (supervisor.isStopping()) return supervisor.run();
     supervisor.stopAll(SIGTERM);
     supervisor.run();
     return status;

@@ -5,6 +5,7 @@
 #include <string>
 #include <utility>
 
+#include "server/auth/client_address.h"
 #include "server/net/hub.h"
 
 namespace server {
@@ -15,7 +16,7 @@ class Connection : public std::enable_shared_from_this<Connection> {
   /// `address`: the client's, without a port.
   Connection(std::shared_ptr<Hub> hub, std::string address) : hub_(std::move(hub)), address_(std::move(address)) {
     hub_->connections.insert(this);
-    ++hub_->connections_of[address_];
+    ++hub_->connections_of[limitKey(address_)];
   }
   virtual ~Connection() {
     hub_->connections.erase(this);
@@ -53,18 +54,19 @@ class Connection : public std::enable_shared_from_this<Connection> {
   /// so many.
   bool countFor(const std::string& address) {
     if (address != address_) {
-      ++hub_->connections_of[address];
+      ++hub_->connections_of[limitKey(address)];
       uncount();
       address_ = address;
     }
-    return hub_->connections_of[address_] <= hub_->options.connections_per_address;
+    return hub_->connections_of[limitKey(address_)] <= hub_->options.connections_per_address;
   }
   const std::string& address() const { return address_; }
   const std::shared_ptr<Hub> hub_;
 
  private:
   void uncount() {
-    if (const auto it = hub_->connections_of.find(address_); --it->second == 0) hub_->connections_of.erase(it);
+    if (const auto it = hub_->connections_of.find(limitKey(address_)); --it->second == 0)
+      hub_->connections_of.erase(it);
   }
   std::string address_;
 };

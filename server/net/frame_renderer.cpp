@@ -30,6 +30,7 @@ FrameRenderer::FrameRenderer() : drawn_(kDrawnBytes), encoders_(base::coreCount(
 
 void FrameRenderer::runThread(const std::stop_token& stop, const std::vector<ScenePointer>& scenes,
                               std::promise<base::Result<void>> started) {
+  takeUpScenes();
   auto context = base::HeadlessContext::create();
   if (!context) return started.set_value(context.error());
   for (const ScenePointer& scene : scenes) {
@@ -52,39 +53,57 @@ void FrameRenderer::runThread(const std::stop_token& stop, const std::vector<Sce
 
 /// The scenes share the GPU memory that one would take.
 base::Result<SceneRenderer*> FrameRenderer::rendererOf(const ScenePointer& scene) {
-  Drawn& drawn = renderers_[scene.get()];
+  const auto known = renderers_.find(scene.get());
+  if (known == renderers_.end()) return base::Error{base::ErrorCode::kNotFound, scene->name + ": is no longer served"};
+  Drawn& drawn = known->second;
   if (!drawn.renderer) {
-    drawn.scene = scene;
-    LUMIGRID_ASSIGN_OR_RETURN(
-        drawn.renderer,
-        SceneRenderer::create(scene->scene, scene->patches, kPatchBytes / std::max<std::size_t>(1, renderers_.size())));
+    LUMIGRID_ASSIGN_OR_RETURN(drawn.renderer,
+                              SceneRenderer::create(drawn.described, scene->patches, kPatchBytes / renderers_.size()));
   }
   return drawn.renderer.get();
+}
+
+bool FrameRenderer::isBeingDrawn(const ScenePointer& scene) const {
+  const auto draws = [&](const auto& job) { return job && job->painter && job->scene == scene; };
+  return draws(current_picture_) || draws(current_frame_) ||
+         std::any_of(frames_.begin(), frames_.end(),
+                     [&](const FrameJob& job) { return job.painter && job.scene == scene; });
+}
+
+bool FrameRenderer::isAskedFor(const ScenePointer& scene) const {
+  const auto asks = [&](const auto& job) { return job.scene == scene; };
+  return (current_picture_ && asks(*current_picture_)) || (current_frame_ && asks(*current_frame_)) ||
+         std::any_of(frames_.begin(), frames_.end(), asks) || std::any_of(pictures_.begin(), pictures_.end(), asks);
+}
+
+bool FrameRenderer::canForget() const {
+  return std::any_of(forgotten_.begin(), forgotten_.end(),
+                     [this](const ScenePointer& scene) { return !isAskedFor(scene); });
 }
 
 /// A picture that is drawn in part is drawn to its end by the light it began with, and so are frames of its scene
 /// meanwhile.
 void FrameRenderer::takeUpScenes() {
+  std::vector<Drawn> added;
   std::map<ScenePointer, base::Light> lights;
   std::vector<ScenePointer> forgotten;
   {
     const std::lock_guard lock(mutex_);
-    const auto is_being_drawn = [this](const ScenePointer& scene) {
-      return (current_picture_ && current_picture_->painter && current_picture_->scene == scene) ||
-             (current_frame_ && current_frame_->painter && current_frame_->scene == scene) ||
-             std::any_of(frames_.begin(), frames_.end(),
-                         [&](const FrameJob& job) { return job.painter && job.scene == scene; });
-    };
+    added.swap(added_);
     for (auto it = lights_.begin(); it != lights_.end();) {
       const auto next = std::next(it);
-      if (!is_being_drawn(it->first)) lights.insert(lights_.extract(it));
+      if (!isBeingDrawn(it->first)) lights.insert(lights_.extract(it));
       it = next;
     }
     std::erase_if(forgotten_, [&](const ScenePointer& scene) {
-      if (is_being_drawn(scene)) return false;
+      if (isAskedFor(scene)) return false;
       forgotten.push_back(scene);
       return true;
     });
+  }
+  for (Drawn& one : added) {
+    const OpenScene* const scene = one.scene.get();
+    renderers_.emplace(scene, std::move(one));
   }
   for (const auto& [scene, light] : lights) {
     drawn_.forget(scene.get());
@@ -126,7 +145,7 @@ bool FrameRenderer::waitForWork(const std::stop_token& stop) {
   auto frame = frames_.end();
   changed_.wait(lock, stop, [&] {
     frame = nextFrame();
-    return current_picture_ || frame != frames_.end() || !pictures_.empty() || !forgotten_.empty();
+    return current_picture_ || frame != frames_.end() || !pictures_.empty() || canForget();
   });
   if (stop.stop_requested()) return false;
   if (frame != frames_.end()) {
@@ -249,6 +268,7 @@ base::Result<bool> FrameRenderer::drawNextBand(PictureJob& job) {
 
 base::Result<std::unique_ptr<FrameRenderer>> FrameRenderer::start(const std::vector<ScenePointer>& scenes) {
   std::unique_ptr<FrameRenderer> renderer(new FrameRenderer);
+  for (const ScenePointer& scene : scenes) renderer->addScene(scene);
   std::promise<base::Result<void>> promise;
   auto started = promise.get_future();
   renderer->thread_ =
@@ -260,10 +280,16 @@ base::Result<std::unique_ptr<FrameRenderer>> FrameRenderer::start(const std::vec
 }
 
 void FrameRenderer::requestFrame(std::uint64_t client, ScenePointer scene, const FrameRequest& request, OnFrame done) {
-  cancel(client);
+  encoders_.drop(client);
+  drop(client);
   const std::lock_guard lock(mutex_);
   frames_.push_back({client, next_number_++, std::move(scene), request, std::move(done)});
   changed_.notify_one();
+}
+
+void FrameRenderer::addScene(const ScenePointer& scene) {
+  const std::lock_guard lock(mutex_);
+  added_.push_back({scene, scene->scene});
 }
 
 void FrameRenderer::setLight(const ScenePointer& scene, const base::Light& light) {
@@ -295,7 +321,11 @@ bool FrameRenderer::requestPicture(std::uint64_t client, const std::string& addr
 }
 
 void FrameRenderer::cancel(std::uint64_t client) {
-  encoders_.cancel(client);
+  encoders_.forget(client);
+  drop(client);
+}
+
+void FrameRenderer::drop(std::uint64_t client) {
   const std::lock_guard lock(mutex_);
   std::erase_if(frames_, [&](const FrameJob& job) {
     if (job.client == client && job.painter) --begun_;

@@ -46,7 +46,7 @@ class FrameRenderer {
   using ScenePointer = std::shared_ptr<const OpenScene>;
 
   /// Starts the thread and waits for its GL context; the error says why there is none. The scenes here are prepared at
-  /// once; others when they are first asked for.
+  /// once, those of addScene() when they are first asked for.
   static base::Result<std::unique_ptr<FrameRenderer>> start(const std::vector<ScenePointer>& scenes);
 
   /// Queues one frame (exactFrameOptions) of a scene with patches, encoded by encodeFrame(). A view that was drawn a
@@ -58,6 +58,8 @@ class FrameRenderer {
   /// and never calls `done`, when as many wait as the limits allow. `done` is called on the renderer's thread.
   bool requestPicture(std::uint64_t client, const std::string& address, ScenePointer scene,
                       const PictureRequest& request, const PictureLimits& limits, OnPicture done);
+  /// Makes a scene known that is asked for from here on. The thread that may change the scene calls it.
+  void addScene(const ScenePointer& scene);
   /// Draws the scene by another light: each frame, and each picture that is begun, that is asked for from here on.
   void setLight(const ScenePointer& scene, const base::Light& light);
   /// Removes the client's requests from the queues and abandons those that are being drawn. A `done` that runs already
@@ -92,7 +94,8 @@ class FrameRenderer {
   };
   struct Drawn {
     ScenePointer scene;
-    std::unique_ptr<SceneRenderer> renderer;
+    base::Scene described;  // a copy, since the scene's appearance may change
+    std::unique_ptr<SceneRenderer> renderer = nullptr;
   };
 
   void runThread(const std::stop_token& stop, const std::vector<ScenePointer>& scenes,
@@ -101,6 +104,10 @@ class FrameRenderer {
   std::list<FrameJob>::iterator nextFrame();
   base::Result<SceneRenderer*> rendererOf(const ScenePointer& scene);
   void takeUpScenes();
+  bool isAskedFor(const ScenePointer& scene) const;
+  bool isBeingDrawn(const ScenePointer& scene) const;
+  bool canForget() const;
+  void drop(std::uint64_t client);
   void drawFrameBand();
   base::Result<bool> drawNextBand(FrameJob& job);
   struct Encoding;
@@ -118,7 +125,8 @@ class FrameRenderer {
   std::atomic<std::uint64_t> found_ = 0, not_found_ = 0;
   std::mutex mutex_;
   std::condition_variable_any changed_;
-  std::map<ScenePointer, base::Light> lights_;             // not yet taken up
+  std::vector<Drawn> added_;                               // not yet taken up
+  std::map<ScenePointer, base::Light> lights_;             // likewise
   std::vector<ScenePointer> forgotten_;                    // likewise
   std::list<FrameJob> frames_;                             // one per client at most
   std::unordered_map<std::uint64_t, std::uint64_t> used_;  // pixels drawn for each client

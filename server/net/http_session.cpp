@@ -42,11 +42,13 @@ class HttpSession final : public Connection {
         stream_(std::move(socket)),
         peer_(parseIpAddress(address).value_or(IpAddress())),
         deadline_(stream_.get_executor()),
-        turned_away_(turned_away) {
+        turned_away_(turned_away),
+        fetch_client_(hub_->next_client++) {
     hub_->metrics.http_open.add(1);
     hub_->metrics.http_accepted.add();
   }
   ~HttpSession() override {
+    leaveScene();
     hub_->unsent_picture_bytes -= picture_bytes_;
     hub_->metrics.http_open.add(-1);
   }
@@ -86,6 +88,7 @@ class HttpSession final : public Connection {
   void onAnswerTimeout(std::uint64_t id);
   void onReadable(std::uint64_t id);
   void stopWaiting();
+  void leaveScene();
 
   // Bodies of the scene's files. A range is read on another thread, then written; status and header fields are written
   // after the first one was read, so that they can tell of an error.
@@ -113,6 +116,7 @@ class HttpSession final : public Connection {
   std::uint64_t requests_ = 0;
   const bool turned_away_;
   std::shared_ptr<HostedScene> hosted_;  // the scene that the current request addresses
+  const std::uint64_t fetch_client_;     // the session's number among those whom the scene's fetchers work for
   beast::flat_buffer buffer_;
   std::optional<http::request_parser<http::empty_body>> parser_;
   std::string cookies_;                   // of the current request, joined
@@ -197,6 +201,7 @@ void HttpSession::answerPlainHttp() {
 
 void HttpSession::doRead() {
   head_ = {};
+  leaveScene();
   parser_.emplace();
   parser_->header_limit(kMaxHeaderBytes);
   parser_->body_limit(0);
@@ -211,7 +216,7 @@ void HttpSession::allowTimeToRead() {
   is_late_ = false;
   deadline_.expires_after(turned_away_ ? kTurnedAwayTimeout : requests_ == 0 ? kHeaderTimeout : kIdleTimeout);
   deadline_.async_wait([self = self<HttpSession>()](error_code cancelled) {
-    if (cancelled) return;
+    if (cancelled || !self->reading_) return;  // a timer that was ready already cannot be called off
     self->is_late_ = true;
     error_code ignored;
     self->stream_.socket().cancel(ignored);
@@ -223,7 +228,13 @@ void HttpSession::onRead(error_code ec, std::size_t /*bytes_read*/) {
   deadline_.cancel();
   ++requests_;
   if (ec) return onUnreadable(ec);
-  const HttpRequest request = viewOf(parser_->get());
+  // RFC 9112, sections 3.2 and 6.3: where a proxy could read the request otherwise, nobody answers it.
+  const UpgradeRequest& fields = parser_->get();
+  if (fields.count(http::field::host) > 1 || fields.count(http::field::transfer_encoding) > 0) {
+    keep_alive_ = false;
+    return doWrite(textReply(400, "the request has two Host fields, or a Transfer-Encoding\n"));
+  }
+  const HttpRequest request = viewOf(fields);
   readHead();
   if (auto reply = hub_->answerForServer(request, head_)) return doWrite(std::move(*reply));
   if (turned_away_)
@@ -231,6 +242,7 @@ void HttpSession::onRead(error_code ec, std::size_t /*bytes_read*/) {
   // A proxy's connections are counted for its clients, which are known only now.
   if (client_ != peer_ && !countFor(client_.text())) {
     hub_->metrics.refused("address").add();
+    keep_alive_ = false;
     return doWrite(textReply(429, "there are too many connections of your address; close others\n",
                              {{"Retry-After", std::to_string(kRetrySeconds)}}));
   }
@@ -308,6 +320,7 @@ void HttpSession::upgradeToWebSocket() {
   const beast::string_view key = parser_->get()[http::field::sec_websocket_key];
   if (!key.empty() && !isWebSocketKey({key.data(), key.size()}))
     return doWrite(textReply(400, "the handshake's key is not 16 bytes in base64\n"));
+  if (hub_->draining) return doWrite(tryLater(kRetrySeconds, "the server stops; try again later\n"));
   stream_.expires_never();  // a WebSocket stream has its own timeouts
   hosted_->site->readAppearance();
   const std::int64_t until = hub_->security->rules.accessTo(hosted_->access_name, head_, secondsNow()).until;
@@ -331,9 +344,9 @@ void HttpSession::requestPicture(const HttpRequest& request) {
   const std::uint64_t id = hub_->next_client++;
   const auto done = whenAwaited<base::Result<base::Bytes>>(
       id, [type](HttpSession& session, base::Result<base::Bytes> bytes) { session.onPicture(type, std::move(bytes)); });
-  const bool accepted =
-      hub_->unsent_picture_bytes < kMaxUnsentPictures &&
-      hub_->renderer->requestPicture(id, address(), hosted_->scene, *picture, hub_->options.picture_limits, done);
+  const bool accepted = hub_->unsent_picture_bytes < kMaxUnsentPictures &&
+                        hub_->renderer->requestPicture(id, limitKey(address()), hosted_->scene, *picture,
+                                                       hub_->options.picture_limits, done);
   if (!accepted) {
     hub_->metrics.pictures_refused.add();
     return doWrite(tryLater(kRetrySeconds, "too many pictures are asked for at once; try again later\n"));
@@ -399,11 +412,17 @@ void HttpSession::onReadable(std::uint64_t id) {
 void HttpSession::stopWaiting() {
   if (!awaited_) return;
   if (hub_->renderer) hub_->renderer->cancel(*awaited_);
-  if (hosted_) hosted_->fetchers->cancel(*awaited_);
+  if (hosted_) hosted_->fetchers->drop(fetch_client_);
   awaited_.reset();
   answer_timer_->cancel();
   error_code ignored;
   stream_.socket().cancel(ignored);
+}
+
+/// A scene that is no longer served lives as long as somebody holds it.
+void HttpSession::leaveScene() {
+  if (hosted_) hosted_->fetchers->forget(fetch_client_);
+  hosted_.reset();
 }
 
 // ---- Bodies of the scene's files
@@ -412,7 +431,7 @@ void HttpSession::readRemoteRange() {
   const RemoteBody& body = reply_.remote;
   const std::uint64_t id = hub_->next_client++;
   hosted_->fetchers->submit(
-      id,
+      fetch_client_,
       [done = whenAwaited<base::Result<base::Bytes>>(id, std::mem_fn(&HttpSession::onRemoteRange)), hub = hub_.get(),
        source = body.source, name = body.name, offset = body.offset, length = std::min(body.length, kRemoteRange)] {
         if (!hub->stopping) done(source->read(name, offset, length));

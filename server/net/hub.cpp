@@ -75,7 +75,8 @@ base::Result<void> Hub::openScenes(const std::vector<std::string>& places) {
 namespace {
 
 base::Result<std::shared_ptr<HostedScene>> openPlace(const std::string& place, const ServerOptions& options,
-                                                     const PageFiles& pages, std::size_t scenes) {
+                                                     const PageFiles& pages, std::size_t scenes,
+                                                     const std::shared_ptr<FairQueue>& disposer) {
   RemoteOptions remote = options.remote;
   remote.warn = [](const std::string& message) { spdlog::warn("cache: {}", message); };
   LUMIGRID_ASSIGN_OR_RETURN(auto scene, openScene(place, remote));
@@ -83,7 +84,10 @@ base::Result<std::shared_ptr<HostedScene>> openPlace(const std::string& place, c
   scene->data.ahead_bytes = options.ahead_bytes;
   scene->messages = std::make_unique<MessageCache>(options.message_cache_bytes / scenes);
   scene->data.messages = scene->messages.get();
-  auto hosted = std::make_shared<HostedScene>(place, std::move(scene));
+  // The io thread must not wait for what the end of a scene waits for: its fetchers, its file of counts.
+  const std::shared_ptr<HostedScene> hosted(new HostedScene(place, std::move(scene)), [disposer](HostedScene* ended) {
+    disposer->submit(0, [held = std::shared_ptr<HostedScene>(ended)] {});
+  });
   hosted->site = std::make_unique<Site>(*hosted->scene, pages);
   if (hosted->hasPatches()) hosted->picker = std::make_unique<Picker>(hosted->scene->scene, hosted->scene->patches);
   return hosted;
@@ -105,7 +109,7 @@ base::Result<Hub::Scenes> Hub::openPlaces(const std::vector<std::string>& places
       opened.push_back(*known);
       continue;
     }
-    LUMIGRID_ASSIGN_OR_RETURN(auto hosted, openPlace(place, options, pages, places.size()));
+    LUMIGRID_ASSIGN_OR_RETURN(auto hosted, openPlace(place, options, pages, places.size(), disposer));
     opened.push_back(std::move(hosted));
   }
   return opened;
@@ -121,9 +125,11 @@ void Hub::serveScenes(Scenes opened) {
     hosted.name = scenes.size() > 1 ? (*names)[i] : "";
     if (names) hosted.access_name = (*names)[i];
     if (std::find(before.begin(), before.end(), scenes[i]) != before.end()) continue;
+    if (renderer && hosted.hasPatches()) renderer->addScene(hosted.scene);
     if (renderer) offerFrames(hosted);
     if (counts_access) hosted.startAccessLog(options, hosted.place);
   }
+  if (draws_frames && !renderer) startRenderer();  // the first scenes had nothing to draw
   for (const auto& hosted : before)
     if (std::find(scenes.begin(), scenes.end(), hosted) == scenes.end()) endScene(hosted);
 }
@@ -147,6 +153,7 @@ void Hub::startAccessLogs() {
 }
 
 void Hub::startRenderer() {
+  draws_frames = true;
   std::vector<FrameRenderer::ScenePointer> opened;
   for (const auto& hosted : scenes)
     if (hosted->hasPatches()) opened.emplace_back(hosted->scene);

@@ -101,21 +101,23 @@ struct Hub {
 
   boost::asio::io_context& io;
   ServerOptions options;
-  ServerMetrics metrics;                                 ///< before all that updates it
-  Scenes scenes;                                         ///< at least one
-  std::vector<std::weak_ptr<HostedScene>> ended_scenes;  ///< those that connections may still hold
-  PageFiles pages;                                       ///< of the browser client
-  std::shared_ptr<const Security> security;              ///< after readSecurity()
-  std::unique_ptr<FrameRenderer> renderer;               ///< null: no exact frames
-  FairQueue workers;                                     ///< plan for viewers and make their messages
-  std::string place;                                     ///< address:port
+  ServerMetrics metrics;                                                 ///< before all that updates it
+  std::shared_ptr<FairQueue> disposer = std::make_shared<FairQueue>(1);  ///< ends scenes that nobody holds any more
+  Scenes scenes;                                                         ///< at least one
+  std::vector<std::weak_ptr<HostedScene>> ended_scenes;                  ///< those that connections may still hold
+  PageFiles pages;                                                       ///< of the browser client
+  std::shared_ptr<const Security> security;                              ///< after readSecurity()
+  std::unique_ptr<FrameRenderer> renderer;                               ///< null: no exact frames
+  FairQueue workers;                                                     ///< plan for viewers and make their messages
+  std::string place;                                                     ///< address:port
   std::set<Connection*> connections;
-  std::map<std::string, std::uint32_t> connections_of;  ///< their number, by the peer's address
+  std::map<std::string, std::uint32_t> connections_of;  ///< their number, by limitKey() of the client's address
   std::function<void()> on_last_connection_closed;      ///< set while the server drains or stops
   std::uint64_t next_client = 1;
   std::size_t viewers = 0;
   std::size_t unsent_picture_bytes = 0;  ///< rendered, but not yet written to their connections
   bool counts_access = false;
+  bool draws_frames = false;
   std::atomic<bool> running = false;
   std::atomic<bool> draining = false;  ///< the port is closed, and no connection is kept for another request
   std::atomic<bool> stopping = false;

@@ -99,7 +99,8 @@ void Listener::doAccept() {
 }
 
 void Listener::onAccept(error_code ec) {
-  if (hub_->stopping || ec == asio::error::operation_aborted) return;
+  // A peer that was accepted already, before the port was closed, would begin to accept again.
+  if (hub_->stopping || !acceptor_.is_open() || ec == asio::error::operation_aborted) return;
   if (ec) {
     spdlog::warn("accept: {}", ec.message());
     if (ec == asio::error::no_descriptors) refuseOne();
@@ -117,7 +118,7 @@ void Listener::startSession(TcpSocket socket) {
   const ServerOptions& options = hub_->options;
   const std::size_t open = hub_->connections.size();
   const bool is_proxy = hub_->security->rules.proxies().contains(parseIpAddress(address).value_or(IpAddress()));
-  const auto of_address = hub_->connections_of.find(address);
+  const auto of_address = hub_->connections_of.find(limitKey(address));
   if (!is_proxy && of_address != hub_->connections_of.end() && of_address->second >= options.connections_per_address) {
     spdlog::warn("turn away: {} connections of {} are open", of_address->second, address);
     hub_->metrics.refused("address").add();

@@ -43,19 +43,19 @@ base::Result<lod::patch::Ray> parsePickRequest(const Query& query) {
   return ray;
 }
 
-base::Result<std::string> pick(const base::Scene& scene, const lod::patch::PatchFile& patches,
+base::Result<std::string> pick(const glm::dvec3& origin, const std::string& units, const lod::patch::PatchFile& patches,
                                const lod::patch::Ray& ray) {
   lod::patch::Ray local = ray;
-  local.origin -= scene.origin;
+  local.origin -= origin;
   LUMIGRID_ASSIGN_OR_RETURN(auto cast, lod::patch::castRay(patches.hierarchy(), local, lod::patch::blocksOf(patches)));
   nlohmann::ordered_json answer{{"hit", cast.hit.has_value()}};
   if (cast.hit) {
-    answer["point"] = triple(scene.origin + cast.hit->point);
+    answer["point"] = triple(origin + cast.hit->point);
     answer["normal"] = triple(cast.hit->front ? cast.hit->normal : -cast.hit->normal);
     answer["distance"] = cast.hit->distance;
     answer["accuracy"] = cast.hit->accuracy;
   }
-  answer["unit"] = scene.units;
+  answer["unit"] = units;
   return answer.dump() + "\n";
 }
 
@@ -65,7 +65,7 @@ Picker::Picker(const base::Scene& scene, const lod::patch::PatchFile& patches)
 bool Picker::submit(const lod::patch::Ray& ray, OnPick done) {
   const std::lock_guard lock(mutex_);
   if (queue_.size() >= kMaxQueued) return false;
-  queue_.push_back({ray, std::move(done)});
+  queue_.push_back({ray, scene_.units, std::move(done)});
   changed_.notify_one();
   return true;
 }
@@ -78,7 +78,7 @@ void Picker::runThread(const std::stop_token& stop) {
     Job job = std::move(queue_.front());
     queue_.pop_front();
     lock.unlock();
-    job.done(pick(scene_, patches_, job.ray));
+    job.done(pick(scene_.origin, job.units, patches_, job.ray));
     lock.lock();
   }
 }

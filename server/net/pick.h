@@ -20,8 +20,9 @@ namespace server {
 /// The ray in world coordinates. Errors are one line for the visitor, with the name that is wrong.
 base::Result<lod::patch::Ray> parsePickRequest(const Query& query);
 
-/// The answer as JSON; `ray` is in world coordinates. Errors: damaged blocks of the file.
-base::Result<std::string> pick(const base::Scene& scene, const lod::patch::PatchFile& patches,
+/// The answer as JSON; `ray` is in world coordinates, `origin` and `units` are the scene's. Errors: damaged blocks of
+/// the file.
+base::Result<std::string> pick(const glm::dvec3& origin, const std::string& units, const lod::patch::PatchFile& patches,
                                const lod::patch::Ray& ray);
 
 /// Its end drops queued rays and waits for the one being cast.
@@ -32,12 +33,14 @@ class Picker {
 
   /// Both must outlive this.
   Picker(const base::Scene& scene, const lod::patch::PatchFile& patches);
-  /// Calls `done` on the picker's thread. Returns false, and never calls it, when kMaxQueued rays wait already.
+  /// For the thread that may change the scene. Calls `done` on the picker's thread. Returns false, and never calls it,
+  /// when kMaxQueued rays wait already.
   bool submit(const lod::patch::Ray& ray, OnPick done);
 
  private:
   struct Job {
     lod::patch::Ray ray;
+    std::string units;  // the scene's may change meanwhile
     OnPick done;
   };
   void runThread(const std::stop_token& stop);

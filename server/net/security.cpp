@@ -1,13 +1,25 @@
 #include "server/net/security.h"
 
+#include <algorithm>
 #include <chrono>
 #include <utility>
 
+#include "server/net/scene_names.h"
 #include "server/net/server.h"
 #include "spdlog/spdlog.h"
 
 namespace server {
 namespace {
+
+/// The answer to a link to a scene's folder that lacks the slash at its end. A cookie made here would be for the folder
+/// above, and so be sent to all scenes of the host. So it leads to the folder, where the link becomes a cookie.
+std::optional<HttpReply> moveIntoFolder(std::string_view target, std::string_view scene) {
+  const NamedTarget named = splitTarget(target);
+  if (named.name != scene || !named.rest.empty()) return std::nullopt;
+  const std::string folder = "./" + std::string(scene) + "/";
+  const std::size_t query = std::min(target.find('?'), target.size());
+  return textReply(303, "see " + folder + "\n", {{"Location", folder + std::string(target.substr(query))}});
+}
 
 HttpReply replyOf(const Refusal& refusal) {
   return textReply(refusal.status, refusal.line + "\n", refusal.fields);
@@ -39,14 +51,19 @@ std::optional<HttpReply> Security::answerInstead(const RequestHead& request, std
   if (request.method == "OPTIONS") return preflightReply();  // for all names alike, so that it tells of none
   const std::vector<std::string> wanted = scene ? std::vector<std::string>{std::string(*scene)} : scene_names;
   if (const auto cleaned = rules.cleanAddress(wanted, request, now)) {
-    HttpReply reply = textReply(303, "see " + cleaned->location + "\n", {{"Location", cleaned->location}});
-    if (!cleaned->cookie.empty()) reply.headers.emplace_back("Set-Cookie", cleaned->cookie);
-    reply.cache = "no-store";
+    // Addresses of an only scene have no name.
+    auto reply = scene && scene_names.size() != 1 ? moveIntoFolder(request.target, *scene) : std::nullopt;
+    if (!reply) {
+      reply = textReply(303, "see " + cleaned->location + "\n", {{"Location", cleaned->location}});
+      if (!cleaned->cookie.empty()) reply->headers.emplace_back("Set-Cookie", cleaned->cookie);
+    }
+    reply->cache = "no-store";
     return reply;
   }
   std::optional<HttpReply> refused;
+  const AccessRules::Credentials credentials = rules.credentialsOf(request);
   for (const std::string& name : wanted) {
-    const SceneAccess access = rules.accessTo(name, request, now);
+    const SceneAccess access = rules.accessTo(name, credentials, now);
     if (!access.refusal) return std::nullopt;
     refused = replyOf(*access.refusal);
     refused->cache = "no-store";
@@ -56,8 +73,10 @@ std::optional<HttpReply> Security::answerInstead(const RequestHead& request, std
 
 std::optional<HttpReply> Security::refuseFigures(const RequestHead& request, std::int64_t now) const {
   if (const auto refusal = rules.origins().check(request)) return replyOf(*refusal);
+  const AccessRules::Credentials credentials = rules.credentialsOf(request);
   for (const std::string& name : scene_names)
-    if (const SceneAccess access = rules.accessTo(name, request, now); access.refusal) return replyOf(*access.refusal);
+    if (const SceneAccess access = rules.accessTo(name, credentials, now); access.refusal)
+      return replyOf(*access.refusal);
   return std::nullopt;
 }
 

@@ -22,6 +22,7 @@ struct Server::Impl {
   void waitForSignal();
   void onSignal(int signal);
   void reload();
+  void openWanted();
   void takeUp(base::Result<Hub::Scenes> opened);
   void drain();
   void shutDown();
@@ -35,6 +36,8 @@ struct Server::Impl {
   std::optional<asio::basic_signal_set<Executor>> signals;
   std::optional<SteadyTimer> close_timer;
   std::function<std::optional<std::vector<std::string>>()> on_reload;
+  std::optional<std::vector<std::string>> wanted_places;  // of the newest reload, while an older one goes on
+  bool is_opening = false;
   FairQueue opener{1};  // opens scenes while others are served
 };
 
@@ -74,6 +77,7 @@ base::Result<void> Server::run(bool handle_signals) {
   impl_->listener.start();
   impl_->hub->running = true;
   impl_->io.run();
+  impl_->signals.reset();  // nobody would hear one from here on, so that it may end the process
   impl_->endThreads();
   return {};
 }
@@ -150,8 +154,14 @@ void Server::Impl::reload() {
     spdlog::warn("certificate and tokens stay as they were: {}", read.error().message);
   else
     spdlog::info("certificate and tokens are read again");
-  // Scenes are opened by another thread; viewers of others notice nothing.
-  opener.submit(0, [this, places = std::move(*places), kept = hub->scenes] {
+  wanted_places = std::move(places);
+  if (!is_opening) openWanted();
+}
+
+/// Scenes are opened by another thread, for one reload after the other; viewers of others notice nothing.
+void Server::Impl::openWanted() {
+  is_opening = true;
+  opener.submit(0, [this, places = *std::exchange(wanted_places, std::nullopt), kept = hub->scenes] {
     auto opened = std::make_shared<base::Result<Hub::Scenes>>(hub->openPlaces(places, kept));
     asio::post(io, [this, opened] { takeUp(std::move(*opened)); });
   });
@@ -159,11 +169,16 @@ void Server::Impl::reload() {
 
 void Server::Impl::takeUp(base::Result<Hub::Scenes> opened) {
   if (hub->stopping) return;
-  if (!opened) return spdlog::warn("the scenes stay as they were: {}", opened.error().message);
-  hub->serveScenes(std::move(*opened));
-  // Tokens name scenes.
-  if (const auto read = hub->readSecurity(); !read) spdlog::warn("tokens: {}", read.error().message);
-  spdlog::info("reloaded: {} scenes", hub->scenes.size());
+  is_opening = false;
+  if (opened) {
+    hub->serveScenes(std::move(*opened));
+    // Tokens name scenes.
+    if (const auto read = hub->readSecurity(); !read) spdlog::warn("tokens: {}", read.error().message);
+    spdlog::info("reloaded: {} scenes", hub->scenes.size());
+  } else {
+    spdlog::warn("the scenes stay as they were: {}", opened.error().message);
+  }
+  if (wanted_places) openWanted();
 }
 
 void Server::Impl::shutDown() {

@@ -28,10 +28,9 @@ namespace websocket = beast::websocket;
 
 constexpr auto kHandshakeTimeout = std::chrono::seconds(10);  // for the upgrade, and for the peer's close frame
 constexpr std::size_t kMaxCloseReason = 120;                  // bytes; RFC 6455, section 5.5.1, has room for 123
-constexpr std::size_t kMaxBacklog = 64;  // messages of a viewer that wait for its session; then none is read
-constexpr auto kPingTimeout = std::chrono::seconds(60);  // for the pong of a peer that is silent
-constexpr std::uint8_t kViewType = 0x02;                 // docs/formats/protocol.md
-constexpr double kMaxWatchSeconds = 10.0;                // between two looks at a connection's deadlines
+constexpr auto kPingTimeout = std::chrono::seconds(60);       // for the pong of a peer that is silent
+constexpr std::uint8_t kViewType = 0x02;                      // docs/formats/protocol.md
+constexpr double kMaxWatchSeconds = 10.0;                     // between two looks at a connection's deadlines
 
 SessionTotals totalsOf(const SessionCounts& counts) {
   return {.views = counts.views,
@@ -134,7 +133,7 @@ WebSocketSession::WebSocketSession(std::shared_ptr<Hub> hub, std::shared_ptr<Hos
 
 WebSocketSession::~WebSocketSession() {
   if (hub_->renderer) hub_->renderer->cancel(id_);
-  hosted_->fetchers->cancel(id_);
+  hosted_->fetchers->forget(id_);
   if (runner_) runner_->end();
   --hub_->viewers;
   hub_->metrics.viewers_open.add(-1);
@@ -205,7 +204,7 @@ void WebSocketSession::doRead() {
 /// than it may is read more slowly.
 void WebSocketSession::readOn() {
   // async_close() reads by itself what still comes before the peer's close frame.
-  if (reading_ || closing_ || refused_ || runner_->backlog() >= kMaxBacklog) return;
+  if (reading_ || closing_ || refused_ || runner_->isFull()) return;
   const double pause = messages_.secondsUntilNext(seconds());
   if (pause <= 0.0) {
     messages_.count(seconds());

@@ -99,14 +99,16 @@ std::unique_ptr<OpenScene> openDocument(base::Scene scene, base::Bytes json_byte
   return open;
 }
 
-std::string imagesFileOf(const std::string& directory) {
-  return directory + "/images/data.mdb";
-}
-
-/// The number that tells files of one file system apart; 0 where there is no such file.
-std::uint64_t fileNumber(const std::string& path) {
-  struct stat status {};
-  return ::stat(path.c_str(), &status) == 0 ? status.st_ino : 0;
+/// A number that differs when a store of the scene's images was replaced by another file; 0 where there is none.
+std::uint64_t imagesIdentity(const std::string& directory) {
+  std::uint64_t sum = 0;
+  std::error_code ignored;
+  for (const auto& entry : std::filesystem::recursive_directory_iterator(directory + "/images", ignored)) {
+    struct stat status {};
+    if (entry.path().filename() == "data.mdb" && ::stat(entry.path().c_str(), &status) == 0)
+      sum += status.st_ino * 0x9E3779B97F4A7C15U;
+  }
+  return sum;
 }
 
 base::Result<base::Scene> readSceneAt(const std::string& place) {
@@ -238,7 +240,7 @@ base::Result<std::unique_ptr<OpenScene>> openScene(const std::string& place, con
   LUMIGRID_ASSIGN_OR_RETURN(auto json_bytes, base::readFile(place + "/scene.json"));
   std::unique_ptr<OpenScene> open = openDocument(std::move(scene), std::move(json_bytes), place);
   open->directory = place;
-  open->images_file = fileNumber(imagesFileOf(place));
+  open->images_identity = imagesIdentity(place);
   const bool has_splats = base::partFile(open->scene, "qsplat", ".lgq").has_value();
   if (has_splats) {
     LUMIGRID_ASSIGN_OR_RETURN(open->splat_file, OpenFile::open(base::splatPath(place, open->scene)));
@@ -262,8 +264,7 @@ bool isSameBuild(const base::Scene& a, const base::Scene& b) {
 bool isReplaced(const OpenScene& open, const std::string& place) {
   const auto now = readSceneAt(place);
   if (!now) return false;
-  return !isSameBuild(*now, open.scene) ||
-         (!open.directory.empty() && fileNumber(imagesFileOf(place)) != open.images_file);
+  return !isSameBuild(*now, open.scene) || (!open.directory.empty() && imagesIdentity(place) != open.images_identity);
 }
 
 bool lacksTextures(const OpenScene& open) {

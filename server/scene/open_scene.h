@@ -40,7 +40,7 @@ struct OpenScene : std::enable_shared_from_this<OpenScene> {
   repository::SampledPoints points;           ///< points of the repository
   base::Bytes scene_json;                     ///< the bytes of the file
   std::string directory;                      ///< directory of a local scene; empty: remote
-  std::uint64_t images_file = 0;              ///< number of the store's file in its file system; 0: there is none
+  std::uint64_t images_identity = 0;          ///< tells the images' stores from others of the same names
   std::string name;                           ///< the scene's by its place
   std::string annotations_json;               ///< annotations of a remote scene, checked; empty: it has none
   std::unique_ptr<OpenFile> patch_file;       ///< patch.lgp, or its mirror, for byte ranges; null: no patches

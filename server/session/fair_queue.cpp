@@ -38,18 +38,28 @@ void FairQueue::submit(std::uint64_t client, Job job) {
   setReady(client, known);
 }
 
-void FairQueue::cancel(std::uint64_t client) {
+void FairQueue::drop(std::uint64_t client) {
   std::deque<Job> dropped;  // ends after the lock, since a job's end may run other code
+  const std::lock_guard lock(mutex_);
+  if (const auto it = clients_.find(client); it != clients_.end()) dropped = dropJobs(client, it->second);
+}
+
+void FairQueue::forget(std::uint64_t client) {
+  std::deque<Job> dropped;
   const std::lock_guard lock(mutex_);
   const auto it = clients_.find(client);
   if (it == clients_.end()) return;
-  waiting_ -= it->second.jobs.size();
-  dropped.swap(it->second.jobs);
-  setUnready(client, it->second);
+  dropped = dropJobs(client, it->second);
   if (it->second.running == 0)
     clients_.erase(it);
   else
     it->second.is_forgotten = true;
+}
+
+std::deque<FairQueue::Job> FairQueue::dropJobs(std::uint64_t number, Client& client) {
+  waiting_ -= client.jobs.size();
+  setUnready(number, client);
+  return std::exchange(client.jobs, {});
 }
 
 std::size_t FairQueue::waiting() const {
@@ -73,7 +83,7 @@ void FairQueue::runThread() {
   for (;;) {
     changed_.wait(lock, [this] { return stopping_ || !ready_.empty(); });
     if (stopping_) return;
-    const auto [used, number] = *ready_.begin();
+    const auto [used, turn, number] = *ready_.begin();
     Client& client = clients_.at(number);
     setUnready(number, client);
     served_ = std::max(served_, used);
@@ -105,15 +115,14 @@ void FairQueue::endJob(std::uint64_t number, double seconds) {
 
 /// Puts the client into its place among those that can be served, if it has a job that may begin.
 void FairQueue::setReady(std::uint64_t number, Client& client) {
-  if (client.is_ready || client.jobs.empty() || client.running >= jobs_at_once_) return;
-  client.is_ready = true;
-  ready_.insert({client.used, number});
+  if (client.turn || client.jobs.empty() || client.running >= jobs_at_once_) return;
+  client.turn = next_turn_++;
+  ready_.insert({client.used, *client.turn, number});
   changed_.notify_one();
 }
 
 void FairQueue::setUnready(std::uint64_t number, Client& client) {
-  if (!std::exchange(client.is_ready, false)) return;
-  ready_.erase({client.used, number});
+  if (const auto turn = std::exchange(client.turn, std::nullopt)) ready_.erase({client.used, *turn, number});
 }
 
 /// Idle clients that were given no more than others start as unknown ones do.

@@ -1,12 +1,14 @@
 #pragma once
 // Threads that work for many clients, none of whom can starve the others: the client that was given least time comes
 // next, and its own jobs wait for each other.
+#include <compare>
 #include <condition_variable>
 #include <cstddef>
 #include <cstdint>
 #include <deque>
 #include <functional>
 #include <mutex>
+#include <optional>
 #include <set>
 #include <thread>
 #include <unordered_map>
@@ -32,8 +34,10 @@ class FairQueue {
   /// Drops the jobs that wait, and waits for those that run; not to be called from a job. Jobs that are submitted later
   /// are dropped, too.
   void stop();
-  /// Drops the client's jobs that wait, and forgets the client.
-  void cancel(std::uint64_t client);
+  /// Drops the client's jobs that wait.
+  void drop(std::uint64_t client);
+  /// The same, and forgets the client, who would begin anew as one that was given nothing yet.
+  void forget(std::uint64_t client);
   /// Jobs that no thread has begun.
   std::size_t waiting() const;
   /// Jobs of one client that no thread has begun.
@@ -45,13 +49,20 @@ class FairQueue {
   struct Client {
     std::deque<Job> jobs;
     unsigned running = 0;
-    double used = 0.0;          // seconds of threads that it was given
-    bool is_ready = false;      // stands in ready_
+    double used = 0.0;  // seconds of threads that it was given
+    std::optional<std::uint64_t>
+        turn;                   // its place in ready_ among those who were given as much; nothing: it is not there
     bool is_forgotten = false;  // goes when its last running job ends
   };
-  using Turn = std::pair<double, std::uint64_t>;  // used, client
+  /// The client that waits longest comes first of those who were given as much.
+  struct Turn {
+    double used;
+    std::uint64_t number, client;
+    friend auto operator<=>(const Turn&, const Turn&) = default;
+  };
 
   void runThread();
+  std::deque<Job> dropJobs(std::uint64_t number, Client& client);
   void setReady(std::uint64_t number, Client& client);
   void setUnready(std::uint64_t number, Client& client);
   void forgetIdleClients();
@@ -64,6 +75,7 @@ class FairQueue {
   std::set<Turn> ready_;                             // clients that have a job to begin, the least served first
   static constexpr std::size_t kForgetAbove = 4096;  // 100 bytes each
   std::size_t forget_above_ = kForgetAbove;          // clients, from which on idle ones are forgotten
+  std::uint64_t next_turn_ = 0;
   std::size_t waiting_ = 0;
   double served_ = 0.0;  // `used` of the client that was served last
   bool stopping_ = false;

@@ -22,8 +22,8 @@ constexpr double kMinPartBytes = 1400.0;
 // Plans of a moving eye are so far apart where others wait for the server, seconds. Displays send a view with every
 // picture, which is more often than the choice of what to send changes.
 constexpr double kPlanSeconds = 0.075;
-// Messages that wait to be written while the next ones are made: seconds of the link, and bytes.
-constexpr double kSecondsAhead = 0.01, kMaxBytesAhead = 256.0 * 1024.0;
+constexpr double kBusySeconds =
+    0.5;  // until a busy server is asked again whether it has time for what is not needed yet
 
 base::Error damaged(const std::string& item) {
   return {base::ErrorCode::kInvalidInput, item + " is damaged or too large for a message; it is not sent"};
@@ -160,11 +160,6 @@ bool Session::planIsDue() const {
          !plan::isMoving(welcome_, *newest_, *previous_);
 }
 
-std::uint64_t Session::bytesAhead() const {
-  if (!frames_.link().isKnown()) return 0;
-  return static_cast<std::uint64_t>(std::min(kMaxBytesAhead, kSecondsAhead * frames_.link().rate()));
-}
-
 /// The bytes of a message that is sent whole are at most twice as many.
 double Session::partBytes() const {
   const LinkEstimate& link = frames_.link();
@@ -225,6 +220,7 @@ plan::Scene Session::sceneToPlan() const {
   scene.welcome = &welcome_;
   // Remembered lines of sight are those of places nearby, which choose a little less well for a fifth of the time.
   if (!is_busy_) scene.sight_cache = nullptr;
+  scene.is_hurried = is_busy_;
   scene.images = scene.images && (decodes_webp_ || !scene_.images_are_webp);
   scene.image_bytes = image_bytes_;
   scene.is_moving = previous_ && newest_ && plan::isMoving(welcome_, *newest_, *previous_);
@@ -253,6 +249,7 @@ void Session::planNewestView() {
   prefetch_bytes_ = 0;
   complete_sent_ = false;
   prefetch_.reset();
+  prefetch_waits_ = false;
   planned_ = true;
   ++counts_.planned;
   planned_at_ = frames_.link().now();
@@ -292,12 +289,14 @@ double Session::coarseBytesNext() const {
 void Session::planPrefetch() {
   if (prefetch_) return;
   prefetch_ = view_plan_.other_faces;
-  if (!previous_ || is_busy_) return;
+  if (!previous_) return;
   const auto ahead = plan::planMotion(sceneToPlan(), *newest_, *previous_, holdings());
   prefetch_->insert(prefetch_->end(), ahead.begin(), ahead.end());
 }
 
 std::optional<SharedMessage> Session::nextPrefetch() {
+  prefetch_waits_ = is_busy_;
+  if (prefetch_waits_) return std::nullopt;
   planPrefetch();
   while (prefetch_bytes_ < scene_.ahead_bytes) {
     const auto face = findSendable(*prefetch_);
@@ -471,8 +470,10 @@ void Session::frameRendered(const FrameRequest& request, base::Bytes value) {
 std::optional<double> Session::wakeAt() const {
   if (phase_ != Phase::kReady) return std::nullopt;
   std::optional<double> at = frames_.wakeAt();
+  const double now = frames_.link().now();
   const double due = planned_at_ + kPlanSeconds;
-  if (newest_ && !planned_ && due > frames_.link().now()) at = std::min(at.value_or(due), due);
+  if (newest_ && !planned_ && due > now) at = std::min(at.value_or(due), due);
+  if (prefetch_waits_) at = std::min(at.value_or(now + kBusySeconds), now + kBusySeconds);
   return at;
 }
 

@@ -88,7 +88,8 @@ class Session {
   /// Tells the time and how the link does. The transport calls it before each of the others; without it the session
   /// takes every view for one at which the eye stands, and every link for an idle one.
   void setLink(const LinkState& state);
-  /// Tells whether others wait for the server, which then plans less often, and nothing along the motion.
+  /// Tells whether others wait for the server, which then plans less often and from fewer rays, and
+  /// prefetches nothing.
   void setBusy(bool is_busy) { is_busy_ = is_busy; }
   /// Accepts one message. An error ends the connection, after the Refusal that nextMessage() returns then.
   base::Result<void> receive(base::ByteView bytes);
@@ -112,9 +113,6 @@ class Session {
   /// When nextMessage() and nextFrameRequest() are to be asked again even if nothing happens until then, in the seconds
   /// of setLink(); nullopt: not at all.
   std::optional<double> wakeAt() const;
-  /// Bytes of messages that may wait to be written while nextMessage() is asked for more: few, since they can no longer
-  /// be replaced by a newer view's. 0: one message at a time.
-  std::uint64_t bytesAhead() const;
   /// Whether a Refusal was sent: the connection is to be closed.
   bool finished() const { return phase_ == Phase::kRefused && !greeting_; }
   const std::string& clientName() const { return client_; }  ///< from Hello; empty before it
@@ -189,6 +187,7 @@ class Session {
   bool complete_sent_ = false;
   std::optional<Faces> prefetch_;
   std::uint64_t prefetch_bytes_ = 0;
+  bool prefetch_waits_ = false;  // for a server that has time
 
   // Remote faces: fetched but not sent yet, and requested but not fetched yet.
   std::unordered_map<repository::FaceKey, base::Result<std::optional<base::Bytes>>> fetched_;

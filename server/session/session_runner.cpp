@@ -12,6 +12,10 @@ SessionRunner::SessionRunner(const SceneData& scene, std::shared_ptr<const void>
 // ---- The connection's side
 
 void SessionRunner::receive(base::Bytes message, const ConnectionState& state) {
+  {
+    const std::lock_guard lock(mutex_);
+    event_bytes_ += message.size();
+  }
   add(state, [message = std::move(message)](SessionRunner& self) { self.receiveMessage(message); });
 }
 
@@ -42,7 +46,7 @@ void SessionRunner::end() {
     ended_ = true;
     events_.clear();
   }
-  workers_.cancel(client_);
+  workers_.forget(client_);
 }
 
 SessionCounts SessionRunner::counts() const {
@@ -50,9 +54,9 @@ SessionCounts SessionRunner::counts() const {
   return counts_;
 }
 
-std::size_t SessionRunner::backlog() const {
+bool SessionRunner::isFull() const {
   const std::lock_guard lock(mutex_);
-  return events_.size();
+  return events_.size() >= kMaxEvents || event_bytes_ >= kMaxEventBytes;
 }
 
 void SessionRunner::add(const ConnectionState& state, std::function<void(SessionRunner&)> apply) {
@@ -77,6 +81,7 @@ void SessionRunner::runTurn() {
     const std::lock_guard lock(mutex_);
     if (ended_) return;
     events.swap(events_);
+    event_bytes_ = 0;
   }
   session_.setBusy(workers_.isBehind());
   for (const Event& event : events) acceptEvent(event);
@@ -113,7 +118,7 @@ void SessionRunner::receiveMessage(const base::Bytes& message) {
 
 void SessionRunner::makeMessages(SessionOutput& output) {
   output.frame = session_.nextFrameRequest();
-  while (waiting_ == 0 || waiting_ < session_.bytesAhead()) {
+  while (waiting_ == 0 || waiting_ < kBytesAhead) {
     auto message = session_.nextMessage();
     if (!message) break;
     waiting_ += message->size();

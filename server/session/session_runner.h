@@ -19,6 +19,14 @@
 
 namespace server {
 
+/// Things that may wait for a session's next turn, and bytes of the viewer's messages among them.
+inline constexpr std::size_t kMaxEvents = 64;
+inline constexpr std::uint64_t kMaxEventBytes = 256 * 1024;
+
+/// Bytes of messages that may wait to be written while others are made, so that a fast link does not idle between
+/// turns: half of what the kernel may hold. On a slow link the session makes fewer by itself.
+inline constexpr std::uint64_t kBytesAhead = 64 * 1024;
+
 /// The connection as a session is told of it.
 struct ConnectionState {
   LinkState link;                     ///< its unsent bytes count `unwritten_bytes`, too
@@ -56,8 +64,8 @@ class SessionRunner : public std::enable_shared_from_this<SessionRunner> {
   /// No turn begins from here on, and one that runs has no output.
   void end();
   SessionCounts counts() const;
-  /// Messages of the viewer that no turn has accepted yet.
-  std::size_t backlog() const;
+  /// Whether as much of the viewer's waits for a turn as may wait: the connection reads no more until the next output.
+  bool isFull() const;
 
  private:
   /// Something that happened, in the order in which it did.
@@ -90,6 +98,7 @@ class SessionRunner : public std::enable_shared_from_this<SessionRunner> {
 
   mutable std::mutex mutex_;
   std::vector<Event> events_;
+  std::uint64_t event_bytes_ = 0;
   bool scheduled_ = false;  // a turn waits or runs
   bool ended_ = false;
   SessionCounts counts_;

@@ -46,9 +46,13 @@ TEST(TokenFile, holdsOneTokenAndNothingElse) {
 
 TEST(Token, isExposedOnlyOnTheWayToAnotherMachine) {
   for (const char* safe :
-       {"wss://example.org/", "https://example.org/", "ws://localhost:8080/", "127.0.0.1:8080", "http://[::1]:8080/"})
+       {"wss://example.org/", "https://example.org/", "ws://localhost:8080/", "127.0.0.1:8080", "http://[::1]:8080/",
+        "localhost", "ws://LOCALHOST./tower/", "tower.localhost:8080", "ws://127.9.8.7", "ws://[0:0:0:0:0:0:0:1]/"})
     EXPECT_FALSE(wouldExposeToken(safe)) << safe;
-  for (const char* open : {"ws://example.org/", "http://192.168.1.1/tower/", "example.org:8080"})
+  for (const char* open :
+       {"ws://example.org/", "http://192.168.1.1/tower/", "example.org:8080", "ws://localhost.example.org/",
+        "ws://localhost-tower:8080/", "ws://127.example.org/", "ws://127.0.0.1.example.org:8080/", "ws://notlocalhost/",
+        "ws://[::1:2]/", "ws://[::2]/", "ws://128.0.0.1/", "ws://localhost@example.org/", "ws://[", "", "ws://"})
     EXPECT_TRUE(wouldExposeToken(open)) << open;
 }
 

@@ -180,12 +180,35 @@ TEST_F(AccessRulesTest, oneGoodCredentialOfSeveralIsEnough) {
   EXPECT_EQ(statusOf("hall", request), 401);
   request.cookie = "theme=token-of-the-tower-alone; xlumigrid-2=token-of-the-tower-alone";
   EXPECT_EQ(statusOf("tower", request), 401) << "cookies of others";
-  // Floods of cookies cost no more than sixteen.
+}
+
+// A host may have many servers, on other ports, whose cookies a browser sends along.
+TEST_F(AccessRulesTest, manyCookiesOfOtherServersLockNobodyOut) {
   std::string many;
-  for (int i = 0; i < 20; ++i) many += "lumigrid-" + std::to_string(i) + "=token-of-nobody-at-all; ";
-  many += "lumigrid-20=token-of-the-tower-alone";
+  for (int i = 0; i < 200; ++i) many += "lumigrid-" + std::to_string(i) + "=token-of-nobody-at-all; ";
+  RequestHead request = get("/tower/");
   request.cookie = many;
   EXPECT_EQ(statusOf("tower", request), 401);
+  const std::string with_token = many + "lumigrid-200=token-of-the-tower-alone";
+  request.cookie = with_token;
+  EXPECT_EQ(statusOf("tower", request), 200);
+  EXPECT_EQ(statusOf("hall", request), 403);
+  const std::string with_grant = many + "lumigrid-200=" + keys_->sign("hall", kNow + 60).text();
+  request.cookie = with_grant;
+  EXPECT_EQ(statusOf("hall", request), 200);
+  EXPECT_EQ(statusOf("tower", request), 401);
+}
+
+TEST_F(AccessRulesTest, credentialsAreReadOnceForAllScenes) {
+  RequestHead request = get("/?token=token-that-has-expired");
+  request.authorization = "Bearer token-of-the-tower-alone";
+  const std::string cookie = "lumigrid-1=" + keys_->sign("hall", kNow + 60).text();
+  request.cookie = cookie;
+  const AccessRules::Credentials credentials = rules_->credentialsOf(request);
+  EXPECT_EQ(credentials.size(), 3U);
+  EXPECT_EQ(rules_->accessTo("tower", credentials, kNow).until, 1800000100);
+  EXPECT_EQ(rules_->accessTo("hall", credentials, kNow).until, kNow + 60);
+  ASSERT_TRUE(rules_->accessTo("cellar", credentials, kNow).refusal.has_value());
 }
 
 TEST_F(AccessRulesTest, withoutTokensAndKeysEveryoneSeesTheScenes) {

@@ -28,6 +28,18 @@ TEST(IpAddress, isReadInAllItsForms) {
     EXPECT_FALSE(parseIpAddress(bad)) << bad;
 }
 
+TEST(LimitKey, countsANetworkOfIpv6AsOneClient) {
+  EXPECT_EQ(limitKey("192.0.2.1"), "192.0.2.1");
+  EXPECT_EQ(limitKey("192.0.2.2"), "192.0.2.2");
+  EXPECT_EQ(limitKey("::ffff:192.0.2.1"), "192.0.2.1") << "by a socket for IPv6 and IPv4";
+  EXPECT_EQ(limitKey("2001:db8:0:1::1"), "2001:db8:0:1::/64");
+  EXPECT_EQ(limitKey("2001:DB8:0:1:ffff:ffff:ffff:ffff"), "2001:db8:0:1::/64") << "another address of that client";
+  EXPECT_EQ(limitKey("2001:db8:0:2::1"), "2001:db8:0:2::/64");
+  EXPECT_EQ(limitKey("::1"), "::/64");
+  for (const char* other : {"", "unix", "unix:/run/lumigrid.sock", "192.0.2.1:80", "2001:db8::1%eth0"})
+    EXPECT_EQ(limitKey(other), other);
+}
+
 TEST(TrustedProxies, rangesCoverWhatTheirBitsSay) {
   const TrustedProxies proxies = proxiesOf({"10.0.0.0/9", "192.0.2.1", "2001:db8::/33"});
   for (const char* in : {"10.127.255.255", "192.0.2.1", "::ffff:10.1.2.3", "2001:db8:7fff::1"})

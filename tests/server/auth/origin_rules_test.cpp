@@ -42,6 +42,29 @@ TEST(OriginRules, aLocalServerAnswersByItsOwnNamesAlone) {
     EXPECT_EQ(statusOf(rules, requestOf(host)), 421) << host;
 }
 
+TEST(OriginRules, aMalformedHostIsNoNameOfAnyServer) {
+  for (const OriginOptions& options : {OriginOptions{.address = "127.0.0.1"}, OriginOptions{.address = "0.0.0.0"},
+                                       OriginOptions{.address = "0.0.0.0", .is_open = true},
+                                       OriginOptions{.address = "0.0.0.0", .hosts = {"scenes.example"}}}) {
+    const OriginRules rules = rulesOf(options);
+    for (const char* host :
+         {"a,b.localhost", "localhost/x", "a b", "a@localhost", "a%2eb", "m\xC3\xBCller.localhost"}) {
+      EXPECT_EQ(statusOf(rules, requestOf(host)), 421) << host;
+      EXPECT_EQ(statusOf(rules, requestOf(host, "null")), 421) << host;
+    }
+  }
+}
+
+TEST(OriginRules, aTextThatIsNoOriginIsNobodysOwnPage) {
+  for (const char* address : {"127.0.0.1", "0.0.0.0"}) {
+    const OriginRules rules = rulesOf({.address = address});
+    for (const char* host : {"127.0.0.1:8080", "a,b.localhost", "localhost"})
+      for (const char* origin : {"null", "file://", "chrome-extension://x", "http://", "https://a b"})
+        EXPECT_NE(statusOf(rules, requestOf(host, origin)), 200) << host << " " << origin;
+    EXPECT_EQ(statusOf(rules, requestOf("127.0.0.1:8080", "null")), 403);
+  }
+}
+
 TEST(OriginRules, noOtherHostsPageReadsALocalServer) {
   const OriginRules rules = rulesOf({.address = "::1"});
   EXPECT_EQ(statusOf(rules, requestOf("127.0.0.1:8080", "http://127.0.0.1:8080")), 200);
@@ -128,7 +151,7 @@ TEST(OriginRules, whatIsNoOriginOrHostIsNamed) {
     ASSERT_FALSE(bool(rules)) << bad;
     EXPECT_NE(rules.error().message.find(std::string("--allow-origin: '") + bad), std::string::npos);
   }
-  for (const char* bad : {"", "https://x", "a b", ":80"}) {
+  for (const char* bad : {"", "https://x", "a b", ":80", "a,b.example", "*.example"}) {
     const auto rules = OriginRules::make({.address = "0.0.0.0", .hosts = {bad}});
     ASSERT_FALSE(bool(rules)) << bad;
     EXPECT_NE(rules.error().message.find("--host"), std::string::npos);

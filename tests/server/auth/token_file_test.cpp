@@ -12,7 +12,7 @@ namespace {
 
 class TokenFileTest : public testing::Test {
  protected:
-  base::Result<std::vector<Token>> tokensOf(const std::string& text) const {
+  base::Result<TokenList> tokensOf(const std::string& text) const {
     EXPECT_TRUE(base::writeFileAtomically(path_, base::viewOfText(text)));
     return readTokenFile(path_);
   }
@@ -26,8 +26,8 @@ TEST_F(TokenFileTest, tokensOpenWhatTheyAreFor) {
       tokensOf(R"([{"token": "plain-token-of-bert", "scenes": "all"}, {"sha256": ")" + digest +
                R"(", "scenes": ["tower", "hall"], "expires": "2027-01-31T12:00:00Z", "note": "Anna"}])");
   ASSERT_TRUE(bool(tokens)) << tokens.error().message;
-  const Token* bert = findToken(*tokens, "plain-token-of-bert");
-  const Token* anna = findToken(*tokens, "hashed-token-of-anna");
+  const Token* bert = tokens->find("plain-token-of-bert");
+  const Token* anna = tokens->find("hashed-token-of-anna");
   ASSERT_NE(bert, nullptr);
   ASSERT_NE(anna, nullptr);
   EXPECT_TRUE(bert->opens("tower"));
@@ -37,12 +37,38 @@ TEST_F(TokenFileTest, tokensOpenWhatTheyAreFor) {
   EXPECT_FALSE(anna->opens("cellar"));
   EXPECT_EQ(anna->expires, 1801396800);
   for (const char* other : {"plain-token-of-berta", "Plain-token-of-bert", "", "bert"})
-    EXPECT_EQ(findToken(*tokens, other), nullptr) << other;
-  EXPECT_EQ(findToken(*tokens, digest), nullptr) << "the hash is no token";
-  EXPECT_EQ(
-      tokensOf(R"([{"token": "plain-token-of-bert", "scenes": "all", "expires": "1970-01-02"}])")->front().expires,
-      86400);
-  EXPECT_EQ(tokensOf(R"([{"token": "plain-token-of-bert", "scenes": "all", "expires": 12}])")->front().expires, 12);
+    EXPECT_EQ(tokens->find(other), nullptr) << other;
+  EXPECT_EQ(tokens->find(digest), nullptr) << "the hash is no token";
+  const auto expiry = [&](const std::string& text) {
+    return tokensOf(R"([{"token": "plain-token-of-bert", "scenes": "all", "expires": )" + text + "}]")
+        ->all()[0]
+        .expires;
+  };
+  EXPECT_EQ(expiry("\"1970-01-02\""), 86400);
+  EXPECT_EQ(expiry("12"), 12);
+}
+
+TEST_F(TokenFileTest, eachOfManyTokensIsFound) {
+  const auto textOf = [](int i) { return "token-of-visitor-" + std::to_string(i); };
+  std::string list;
+  for (int i = 0; i < 1000; ++i)
+    list +=
+        (i == 0 ? "[" : ", ") + (R"({"token": ")" + textOf(i)) + R"(", "scenes": ["scene)" + std::to_string(i) + "\"]}";
+  const auto tokens = tokensOf(list + "]");
+  ASSERT_TRUE(bool(tokens)) << tokens.error().message;
+  ASSERT_EQ(tokens->all().size(), 1000U);
+  for (int i = 0; i < 1000; ++i) {
+    ASSERT_NE(tokens->find(textOf(i)), nullptr) << i;
+    EXPECT_EQ(tokens->find(textOf(i))->scenes, std::vector{"scene" + std::to_string(i)});
+  }
+  EXPECT_EQ(tokens->find(textOf(1000)), nullptr);
+}
+
+TEST_F(TokenFileTest, ofAnEntryThatComesTwiceTheLastCounts) {
+  const auto tokens = tokensOf(R"([{"token": "plain-token-of-bert", "scenes": ["tower"]},
+    {"token": "plain-token-of-anna", "scenes": "all"}, {"token": "plain-token-of-bert", "scenes": ["hall"]}])");
+  ASSERT_TRUE(bool(tokens)) << tokens.error().message;
+  EXPECT_EQ(tokens->find("plain-token-of-bert")->scenes, std::vector<std::string>{"hall"});
 }
 
 TEST_F(TokenFileTest, badFilesAreNamedWithTheirEntryAndNoSecret) {

@@ -163,6 +163,25 @@ TEST_F(SecurityTest, aLinkBecomesACookieAndLeavesTheAddress) {
   EXPECT_EQ(get("/" + first_ + "/?token=" + kWrong).status, 401);
 }
 
+// A cookie made at "/NAME" would be for "/", all scenes of the host.
+TEST_F(SecurityTest, aLinkWithoutItsLastSlashBecomesACookieInTheFolder) {
+  start();
+  const std::string query = "?method=patches&token=" + std::string(kFirst);
+  const HttpAnswer moved = get("/" + first_ + query);
+  EXPECT_EQ(moved.status, 303);
+  EXPECT_EQ(moved.headers.at("location"), "./" + first_ + "/" + query);
+  EXPECT_EQ(moved.headers.count("set-cookie"), 0U);
+  EXPECT_TRUE(moved.headers.at("cache-control").ends_with("no-store"));
+  EXPECT_EQ(moved.body.find(kFirst), std::string::npos);
+  const HttpAnswer there = get("/" + first_ + "/" + query);
+  EXPECT_EQ(there.headers.at("location"), "./?method=patches");
+  EXPECT_FALSE(cookieOf(there).empty());
+  // Scenes that are there and others are not told apart, and what opens nothing is refused at once.
+  EXPECT_EQ(get("/nobody?token=" + std::string(kAll)).headers.at("location"), "./nobody/?token=" + std::string(kAll));
+  EXPECT_EQ(get("/" + second_ + query).status, 403);
+  EXPECT_EQ(get("/" + first_ + "?token=" + kWrong).status, 401);
+}
+
 TEST_F(SecurityTest, webSocketsAreOpenedLikeTheRest) {
   start();
   const std::string place = "/" + first_ + "/ws";

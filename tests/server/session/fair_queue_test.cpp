@@ -2,11 +2,13 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <atomic>
 #include <chrono>
 #include <future>
 #include <string>
 #include <thread>
+#include <vector>
 
 namespace server {
 namespace {
@@ -118,7 +120,7 @@ TEST(FairQueue, idleClientsSaveUpNoTime) {
   EXPECT_NE(order, "bbbbaaaa");
 }
 
-TEST(FairQueue, cancelDropsWhatWaits) {
+TEST(FairQueue, forgottenClientsHaveNoJobs) {
   FairQueue queue(1);
   Gate gate;
   std::atomic<bool> ran{false};
@@ -126,7 +128,7 @@ TEST(FairQueue, cancelDropsWhatWaits) {
   queue.submit(1, [&] { ran = true; });
   gate.waitUntilBegun();
   EXPECT_EQ(queue.waiting(), 1U);
-  queue.cancel(1);
+  queue.forget(1);
   EXPECT_EQ(queue.waiting(), 0U);
   gate.open();
   std::promise<void> later;
@@ -135,15 +137,41 @@ TEST(FairQueue, cancelDropsWhatWaits) {
   EXPECT_FALSE(ran);
 }
 
-TEST(FairQueue, aJobMayCancelItsOwnClient) {
+TEST(FairQueue, aJobMayForgetItsOwnClient) {
   FairQueue queue(2);
   std::promise<void> done;
   queue.submit(1, [&] {
     queue.submit(1, [] { FAIL(); });
-    queue.cancel(1);
+    queue.forget(1);
     done.set_value();
   });
   done.get_future().wait();
+}
+
+// Clients whose jobs replace each other get their turns all the same, whatever their numbers are.
+TEST(FairQueue, droppedJobsLeaveTheClientKnown) {
+  FairQueue queue(1);
+  std::array<std::atomic<int>, 4> ran{};
+  std::atomic<bool> stop{false};
+  std::vector<std::thread> clients;
+  for (std::uint64_t client = 0; client < ran.size(); ++client)
+    clients.emplace_back([&, client] {
+      while (!stop) {
+        std::promise<void> done;
+        auto over = done.get_future();
+        queue.drop(client);
+        queue.submit(client, [&] {
+          spend(std::chrono::milliseconds(2));
+          ++ran[client];
+          done.set_value();
+        });
+        over.wait();
+      }
+    });
+  while (ran[0] + ran[1] + ran[2] + ran[3] < 100) std::this_thread::yield();
+  stop = true;
+  for (std::thread& client : clients) client.join();
+  for (const auto& times : ran) EXPECT_GT(times, 10);
 }
 
 TEST(FairQueue, isBehindWhereMoreClientsWaitThanThreads) {
