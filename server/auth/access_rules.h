@@ -48,7 +48,7 @@ class AccessRules {
   /// Warnings for the log: files that are no secret, tokens of scenes that are not `served`, tokens that have expired.
   std::vector<std::string> warnings(std::span<const std::string> served, std::int64_t now) const;
 
-  /// What a request shows to be let in, looked up once for all scenes. It points into the rules.
+  /// A token or a link of a request, looked up once for all scenes. It points into the rules.
   struct Credential {
     const Token* token = nullptr;
     std::optional<LinkGrant> grant;  // neither: a text that opens nothing

@@ -27,7 +27,7 @@ struct Token {
 /// The tokens of a file, in its order.
 class TokenList {
  public:
-  /// Of tokens with the same digest, find() knows the one that was added last.
+  /// The last one that was added counts where several have the same digest.
   void add(Token token);
   /// The token of this text; null for another text. Takes the same time however many tokens there are. They are looked
   /// up by their digests without regard to what the time tells: whoever learns a piece of a digest knows no more of a
