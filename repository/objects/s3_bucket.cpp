@@ -4,6 +4,7 @@
 #include <ctime>
 #include <utility>
 
+#include "base/hash/sha256.h"
 #include "repository/objects/objects.h"
 #include "repository/objects/s3_signature.h"
 #include "repository/objects/s3_xml.h"

@@ -173,7 +173,9 @@ class Supervisor {
         continue;
       }
       if (stopping_) {
-        status_ = std::max(status_, statusOf(waited));
+        // One that was told to end before it could listen for that ended well.
+        const int signal = WIFSIGNALED(waited) ? WTERMSIG(waited) : 0;
+        if (signal != SIGTERM && signal != SIGINT) status_ = std::max(status_, statusOf(waited));
         continue;
       }
       const bool was_soon = process->since.seconds() < kSoon;

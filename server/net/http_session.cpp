@@ -53,10 +53,12 @@ class HttpSession final : public Connection {
     hub_->metrics.http_open.add(-1);
   }
   void start();
-  void closeForShutdown() override { close(); }
+  void closeForShutdown() override {
+    if (!is_upgraded_) close();
+  }
   const HostedScene* scene() const override { return nullptr; }  // an answer that was begun is finished
   void closeForDrain() override {
-    if (reading_) close();
+    if (reading_) closeForShutdown();
   }
 
  private:
@@ -108,9 +110,10 @@ class HttpSession final : public Connection {
   using Body = http::span_body<const std::uint8_t>;
   AnyStream stream_;
   const IpAddress peer_;
-  IpAddress client_;      // the peer, or who asks by it where it is a trusted proxy
-  SteadyTimer deadline_;  // of reading
-  bool reading_ = false;  // waits for a request or its rest
+  IpAddress client_;          // the peer, or who asks by it where it is a trusted proxy
+  SteadyTimer deadline_;      // of reading
+  bool is_upgraded_ = false;  // the stream has gone to a WebSocket session; handlers still hold this one for a moment
+  bool reading_ = false;      // waits for a request or its rest
   bool is_late_ = false;
   bool keep_alive_ = true;
   std::uint64_t requests_ = 0;
@@ -324,6 +327,7 @@ void HttpSession::upgradeToWebSocket() {
   stream_.expires_never();  // a WebSocket stream has its own timeouts
   hosted_->site->readAppearance();
   const std::int64_t until = hub_->security->rules.accessTo(hosted_->access_name, head_, secondsNow()).until;
+  is_upgraded_ = true;
   startWebSocketSession(hub_, hosted_, {address(), until}, std::move(stream_), parser_->get());
 }
 

@@ -185,7 +185,6 @@ void Server::Impl::shutDown() {
   if (hub->stopping) return;
   hub->stopping = true;
   spdlog::info("stopping: {} connections are open", hub->connections.size());
-  hub->logReadErrors();
   listener.close();
   hub->on_last_connection_closed = [this] { finish(); };
   constexpr auto kCloseTimeout = std::chrono::seconds(2);  // for viewers to answer the close frame
@@ -215,6 +214,7 @@ void Server::Impl::finish() {
 /// Connections that did not close in time are destroyed with `io`, after all else: nothing may wait for them.
 void Server::Impl::endThreads() {
   opener.stop();
+  hub->logReadErrors();
   hub->on_last_connection_closed = nullptr;
   close_timer.reset();
   hub->endThreads();
