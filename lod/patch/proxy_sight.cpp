@@ -2,11 +2,11 @@
 
 #include <algorithm>
 #include <array>
-#include <bit>
 #include <cmath>
 #include <functional>
 #include <limits>
 
+#include "base/bytes.h"
 #include "base/simd.h"
 #include "lod/patch/ray_triangle.h"
 #include "lod/patch/traverse.h"
@@ -295,9 +295,9 @@ template <bool kNearestFirst, class Visit>
 void ProxySight::walk(const RayPart& ray, const Visit& visit) const {
   // Distances are not negative, so the bits of their floats are in their order.
   const auto pending = [](float entry, std::uint32_t node) {
-    return std::uint64_t{std::bit_cast<std::uint32_t>(entry)} << 32 | node;
+    return std::uint64_t{base::bitCast<std::uint32_t>(entry)} << 32 | node;
   };
-  const auto entryOf = [](std::uint64_t next) { return std::bit_cast<float>(static_cast<std::uint32_t>(next >> 32)); };
+  const auto entryOf = [](std::uint64_t next) { return base::bitCast<float>(static_cast<std::uint32_t>(next >> 32)); };
   std::array<std::uint64_t, kMaxStack> stack;
   std::size_t depth = 0;
   stack[depth++] = pending(static_cast<float>(ray.from), 0);

@@ -4,9 +4,10 @@ set -eu
 here=$(cd "$(dirname "$0")" && pwd)
 tree=$(mktemp -d)
 trap 'rm -rf "$tree"' EXIT
-mkdir -p "$tree"/{base/{gl,egl,http,jpeg},mesh/gltf,protocol,plan,compare,tests}
+mkdir -p "$tree"/{base/{gl,egl,http,jpeg,tls},mesh/gltf,protocol,plan,compare,tests}
 mkdir -p "$tree"/lod/{ingest,draw,texture,patch/builder,qsplat/builder}
-mkdir -p "$tree"/{repository/{sampling,faces,packs,objects},server/{cli,bake,export,net,render,session,trial}}
+mkdir -p "$tree"/{repository/{sampling,faces,packs,objects},server/{auth,bake,cli,export,log,metrics}}
+mkdir -p "$tree"/server/{net,render,scene,session,trial}
 mkdir -p "$tree"/client/{app,source,viewer,render,native,web}
 echo '#include "base/error.h"' >"$tree/lod/patch/a.h"
 "$here/check_includes.sh" "$tree"
