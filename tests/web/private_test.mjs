@@ -80,12 +80,13 @@ const reach = (page, url) => page.evaluate(async (url) => {
     target[bad] = () => done(false);
   });
   const image = new Image();
+  const drawn = event(image, "onload", "onerror");  // before it can happen
   image.src = `${url}render?position=0,0,99&direction=0,0,-1&width=8&height=8`;
   return {
     fetch: await answered(fetch(`${url}scene.json`)),
     cookies: await answered(fetch(`${url}scene.json`, {credentials: "include"})),
     socket: await event(new WebSocket(url.replace(/^http/, "ws")), "onopen", "onerror"),
-    image: await event(image, "onload", "onerror"),
+    image: await drawn,
   };
 }, url);
 

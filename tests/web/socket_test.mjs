@@ -27,7 +27,7 @@ function delays(count, random) {
   const core = {connected() {}, disconnected() {}, refused: () => false};
   openLink("ws://host/ws", core, () => {}, () => {});
   for (let i = 0; i < count; ++i) {
-    sockets.at(-1).onclose({reason: ""});
+    sockets.at(-1).onclose({reason: "the server stops"});  // a reason, or it asks for one
     timers.at(-1).call();
   }
   Math.random = draw;
