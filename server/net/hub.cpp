@@ -58,6 +58,14 @@ Hub::Hub(boost::asio::io_context& context, ServerOptions chosen)
   metrics.all.read(Metrics::Kind::kGauge, "lumigrid_ready", "1 while new visitors are welcome, else 0.", {},
                    [this] { return isReady() ? 1.0 : 0.0; });
   metrics.readQueue("workers", [this] { return static_cast<double>(workers.waiting()); });
+  metrics.readCache("messages", [this] {
+    std::pair<std::uint64_t, std::uint64_t> found_or_not;
+    for (const auto& hosted : scenes) {
+      found_or_not.first += hosted->scene->messages->hits();
+      found_or_not.second += hosted->scene->messages->misses();
+    }
+    return found_or_not;
+  });
   metrics.readQueue("fetchers", [this] {
     std::size_t waiting = 0;
     for (const auto& hosted : scenes) waiting += hosted->fetchers->waiting();
