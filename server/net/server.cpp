@@ -1,5 +1,7 @@
 #include "server/net/server.h"
 
+#include <sys/resource.h>
+
 #include <boost/asio/post.hpp>
 #include <boost/asio/signal_set.hpp>
 #include <boost/system/system_error.hpp>
@@ -41,6 +43,26 @@ struct Server::Impl {
   FairQueue opener{1};  // opens scenes while others are served
 };
 
+namespace {
+
+/// Descriptors besides those of connections: files of scenes, caches, far origins.
+constexpr rlim_t kOtherDescriptors = 128;
+
+/// The connections that the system has descriptors for, when this process may have as many as it can.
+std::uint32_t connectionsPossible(std::uint32_t wanted) {
+  rlimit limit{};
+  if (::getrlimit(RLIMIT_NOFILE, &limit) != 0) return wanted;
+  limit.rlim_cur = limit.rlim_max;
+  ::setrlimit(RLIMIT_NOFILE, &limit);
+  if (::getrlimit(RLIMIT_NOFILE, &limit) != 0 || limit.rlim_cur == RLIM_INFINITY) return wanted;
+  const rlim_t left = limit.rlim_cur > 2 * kOtherDescriptors ? limit.rlim_cur - kOtherDescriptors : limit.rlim_cur / 2;
+  if (left >= wanted) return wanted;
+  spdlog::warn("at most {} connections in place of {}: the system allows no more open files (ulimit -n)", left, wanted);
+  return static_cast<std::uint32_t>(left);
+}
+
+}  // namespace
+
 base::Result<std::unique_ptr<Server>> Server::open(const std::vector<std::string>& scenes,
                                                    const ServerOptions& options) {
   std::unique_ptr<Server> server(new Server);
@@ -51,6 +73,7 @@ base::Result<std::unique_ptr<Server>> Server::open(const std::vector<std::string
     return base::Error{base::ErrorCode::kIo, "cannot wait for connections: " + failed.code().message()};
   }
   Hub& hub = *server->impl_->hub;
+  hub.options.max_connections = connectionsPossible(options.max_connections);
   LUMIGRID_TRY(hub.openScenes(scenes));
   LUMIGRID_TRY(server->impl_->listener.checkAddress());
   LUMIGRID_TRY(hub.readSecurity());
