@@ -39,18 +39,13 @@ bool usesTls(const ServeArguments& a) {
   return !a.options.certificate_file.empty();
 }
 
-std::string placeOf(const ServeArguments& a, std::uint16_t port) {
-  const bool is_ipv6 = a.options.address.find(':') != std::string::npos;
-  return (is_ipv6 ? "[" + a.options.address + "]" : a.options.address) + ":" + std::to_string(port);
-}
-
 std::string socketScheme(const ServeArguments& a) {
   return usesTls(a) ? "wss://" : "ws://";
 }
 
 /// `names`: of the scenes, in their order; an only scene's is empty.
 void printAddressesJson(const ServeArguments& a, std::uint16_t port, const std::vector<std::string>& names) {
-  const std::string url = socketScheme(a) + placeOf(a, port) + "/";
+  const std::string url = socketScheme(a) + placeText(a.options.address, port) + "/";
   nlohmann::ordered_json j{{"port", port}, {"url", url}};
   for (const std::string& name : names)
     if (!name.empty()) j["scenes"].push_back({{"name", name}, {"url", url + name + "/"}});
@@ -59,8 +54,8 @@ void printAddressesJson(const ServeArguments& a, std::uint16_t port, const std::
 
 void printAddressesText(const ServeArguments& a, std::uint16_t port, const std::vector<std::string>& names) {
   const char* page = a.options.page_directory.empty() ? "" : " (open it in a browser)";
-  const std::string url = (usesTls(a) ? "https://" : "http://") + placeOf(a, port);
-  const std::string socket = socketScheme(a) + placeOf(a, port);
+  const std::string url = (usesTls(a) ? "https://" : "http://") + placeText(a.options.address, port);
+  const std::string socket = socketScheme(a) + placeText(a.options.address, port);
   if (a.scenes.size() == 1) {
     std::printf("serving %s at %s/%s\nlook at it with: lumigrid-view %s/\n", a.scenes.front().c_str(), url.c_str(),
                 page, socket.c_str());

@@ -14,6 +14,7 @@
 #include <utility>
 
 #include "server/net/connection.h"
+#include "server/net/http_text.h"
 #include "server/net/pick.h"
 #include "server/net/picture.h"
 #include "server/net/websocket_session.h"
@@ -24,16 +25,16 @@ namespace {
 
 // Choices, but for Beast's: shorter times and smaller numbers cut slow clients off, larger ones let more of them hold
 // connections and memory.
-constexpr auto kHeaderTimeout = std::chrono::seconds(10);           // for the first request
-constexpr auto kTurnedAwayTimeout = std::chrono::seconds(2);        // of one that gets a refusal
-constexpr auto kHandshakeTimeout = std::chrono::seconds(10);        // of TLS
-constexpr auto kIdleTimeout = std::chrono::seconds(30);             // for the next request on an open connection
-constexpr auto kAnswerTimeout = std::chrono::minutes(10);           // for a picture, a picked point or a remote range
-constexpr std::uint64_t kMinBytesPerSecond = 16 * 1024;             // a slower download is cut
-constexpr std::uint32_t kMaxHeaderBytes = 8 * 1024;                 // Beast's default for requests
-constexpr int kRetrySeconds = 5;                                    // in Retry-After
+constexpr auto kHeaderTimeout = std::chrono::seconds(10);     // for the first request
+constexpr auto kTurnedAwayTimeout = std::chrono::seconds(2);  // of one that gets a refusal
+constexpr auto kHandshakeTimeout = std::chrono::seconds(10);  // of TLS
+constexpr auto kIdleTimeout = std::chrono::seconds(30);       // for the next request on an open connection
+constexpr auto kAnswerTimeout = std::chrono::minutes(10);     // for a picture, a picked point or a range of a file
+constexpr std::uint64_t kMinBytesPerSecond = 16 * 1024;       // a slower download is cut
+constexpr std::uint32_t kMaxHeaderBytes = 8 * 1024;           // Beast's default for requests
+constexpr int kRetrySeconds = 5;                              // in Retry-After
 constexpr std::size_t kMaxUnsentPictures = std::size_t{256} << 20;  // bytes of all; beyond, no new one is begun
-constexpr std::uint64_t kRemoteRange = std::uint64_t{1} << 20;      // bytes of a file that a connection holds
+constexpr std::uint64_t kMaxRange = std::uint64_t{1} << 20;         // bytes of a file that a connection holds
 
 class HttpSession final : public Connection {
  public:
@@ -94,11 +95,11 @@ class HttpSession final : public Connection {
 
   // Bodies of the scene's files. A range is read on another thread, then written; status and header fields are written
   // after the first one was read, so that they can tell of an error.
-  void readRemoteRange();
-  void onRemoteRange(base::Result<base::Bytes> bytes);
+  void readRange();
+  void onRange(base::Result<base::Bytes> bytes);
   void onHeader(error_code ec, std::size_t bytes_written);
-  void writeRemoteRange();
-  void onRemoteRangeWritten(error_code ec, std::size_t bytes_written);
+  void writeRange();
+  void onRangeWritten(error_code ec, std::size_t bytes_written);
 
   void doWrite(HttpReply reply);
   void setFields(const UpgradeRequest& request);
@@ -144,7 +145,7 @@ HttpReply headReply(const char* type) {
 }
 
 /// A disk may be mended and a network come back; what is wrong at its origin stays so.
-HttpReply remoteErrorReply(const base::Error& error) {
+HttpReply fileErrorReply(const base::Error& error) {
   const std::string text = "this file cannot be read where the scene lies; the server's log says why\n";
   const bool may_pass = error.code == base::ErrorCode::kNetwork || error.code == base::ErrorCode::kIo;
   return may_pass ? tryLater(kRetrySeconds, text) : textReply(502, text);
@@ -184,9 +185,8 @@ void HttpSession::onHandshake(error_code ec) {
 
 /// Tells a visitor who wrote http:// what to write.
 void HttpSession::answerPlainHttp() {
-  constexpr std::string_view kAnswer =
-      "HTTP/1.1 400 Bad Request\r\nServer: lumigrid\r\nContent-Type: text/plain; charset=utf-8\r\nContent-Length: "
-      "54\r\nConnection: close\r\n\r\nthis port speaks TLS; begin the address with https://\n";
+  static const std::string answer =
+      closingAnswer("400 Bad Request", "this port speaks TLS; begin the address with https://\n");
   stream_.expires_never();
   auto& tcp = stream_.next_layer();
   tcp.expires_after(kHandshakeTimeout);
@@ -194,7 +194,7 @@ void HttpSession::answerPlainHttp() {
   error_code ignored;
   tcp.socket().non_blocking(true, ignored);
   buffer_.commit(tcp.socket().read_some(buffer_.prepare(kMaxHeaderBytes), ignored));
-  asio::async_write(tcp, asio::buffer(kAnswer), [self = self<HttpSession>()](error_code, std::size_t) {
+  asio::async_write(tcp, asio::buffer(answer), [self = self<HttpSession>()](error_code, std::size_t) {
     error_code also_ignored;
     self->stream_.socket().shutdown(Tcp::socket::shutdown_send, also_ignored);
   });
@@ -313,9 +313,9 @@ void HttpSession::answer(HttpRequest request) {
   if (reads && path == "/render") return requestPicture(request);
   if (reads && path == "/pick") return requestPick(request);
   HttpReply reply = hosted_->site->answer(request, hub_->place);
-  if (reply.remote.length == 0 || request.method == "HEAD") return doWrite(std::move(reply));
+  if (reply.file.length == 0 || request.method == "HEAD") return doWrite(std::move(reply));
   reply_ = std::move(reply);
-  readRemoteRange();
+  readRange();
 }
 
 void HttpSession::upgradeToWebSocket() {
@@ -431,47 +431,47 @@ void HttpSession::leaveScene() {
 
 // ---- Bodies of the scene's files
 
-void HttpSession::readRemoteRange() {
-  const RemoteBody& body = reply_.remote;
+void HttpSession::readRange() {
+  const FileBody& body = reply_.file;
   const std::uint64_t id = hub_->next_client++;
   hosted_->fetchers->submit(
       fetch_client_,
-      [done = whenAwaited<base::Result<base::Bytes>>(id, std::mem_fn(&HttpSession::onRemoteRange)), hub = hub_.get(),
-       source = body.source, name = body.name, offset = body.offset, length = std::min(body.length, kRemoteRange)] {
+      [done = whenAwaited<base::Result<base::Bytes>>(id, std::mem_fn(&HttpSession::onRange)), hub = hub_.get(),
+       source = body.source, name = body.name, offset = body.offset, length = std::min(body.length, kMaxRange)] {
         if (!hub->stopping) done(source->read(name, offset, length));
       });
   waitForAnswer(id);
 }
 
-void HttpSession::onRemoteRange(base::Result<base::Bytes> bytes) {
+void HttpSession::onRange(base::Result<base::Bytes> bytes) {
   if (!bytes) {
     hosted_->scene->read_errors->report("download", bytes.error());
-    return header_written_ ? close() : doWrite(remoteErrorReply(bytes.error()));
+    return header_written_ ? close() : doWrite(fileErrorReply(bytes.error()));
   }
   reply_.owned = std::move(*bytes);
   if (!std::exchange(header_written_, true)) return doWrite(std::move(reply_));
-  writeRemoteRange();
+  writeRange();
 }
 
 void HttpSession::onHeader(error_code ec, std::size_t bytes_written) {
   if (ec) return onWrite(ec, bytes_written);
   hub_->metrics.http_bytes.add(bytes_written);
-  writeRemoteRange();
+  writeRange();
 }
 
-void HttpSession::writeRemoteRange() {
+void HttpSession::writeRange() {
   allowTimeToWrite(reply_.owned.size());
   asio::async_write(stream_, asio::buffer(reply_.owned),
-                    beast::bind_front_handler(&HttpSession::onRemoteRangeWritten, self<HttpSession>()));
+                    beast::bind_front_handler(&HttpSession::onRangeWritten, self<HttpSession>()));
 }
 
-void HttpSession::onRemoteRangeWritten(error_code ec, std::size_t bytes_written) {
-  RemoteBody& body = reply_.remote;
+void HttpSession::onRangeWritten(error_code ec, std::size_t bytes_written) {
+  FileBody& body = reply_.file;
   body.offset += bytes_written;
   body.length -= bytes_written;
   if (ec || body.length == 0) return onWrite(ec, bytes_written);
   hub_->metrics.http_bytes.add(bytes_written);
-  readRemoteRange();
+  readRange();
 }
 
 // ---- Writing answers
@@ -482,11 +482,11 @@ void HttpSession::doWrite(HttpReply reply) {
   response_.emplace();
   setFields(request);
   hub_->metrics.answers(reply_.status).add();
-  const bool is_remote = reply_.remote.length > 0;
-  const base::ByteView body = is_remote ? base::ByteView() : reply_.body();
+  const bool is_file = reply_.file.length > 0;
+  const base::ByteView body = is_file ? base::ByteView() : reply_.body();
   response_->body() = {body.data(), body.size()};
   const bool bodiless = reply_.status == 204 || reply_.status == 304;
-  if (reply_.has_length && !bodiless) response_->content_length(is_remote ? reply_.remote.length : body.size());
+  if (reply_.has_length && !bodiless) response_->content_length(is_file ? reply_.file.length : body.size());
 
   allowTimeToWrite(body.size());
   serializer_.emplace(*response_);

@@ -109,6 +109,13 @@ std::string entityTag(base::ByteView bytes) {
   return '"' + base::hexOf(base::ByteView(digest).first(kTagBytes)) + '"';
 }
 
+std::string closingAnswer(std::string_view status, std::string_view text) {
+  return "HTTP/1.1 " + std::string(status) +
+         "\r\nServer: lumigrid\r\nContent-Type: text/plain; charset=utf-8\r\nRetry-After: 5\r\nConnection: close\r\n"
+         "Content-Length: " +
+         std::to_string(text.size()) + "\r\n\r\n" + std::string(text);
+}
+
 base::Result<Query> parseQuery(std::string_view target) {
   Query query;
   takeUntil(target, '?');

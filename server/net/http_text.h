@@ -23,6 +23,10 @@ bool isWebSocketKey(std::string_view key);
 /// A strong entity tag with its quotes, made from the bytes' SHA-256.
 std::string entityTag(base::ByteView bytes);
 
+/// A whole answer with a text, after which the connection is closed, as bytes: for peers that have no session.
+/// `status`: "503 Service Unavailable".
+std::string closingAnswer(std::string_view status, std::string_view text);
+
 /// Reads the names and values of a target's query, "/pick?ox=1&oy=2": percent-decoded, '+' is a space. Errors are one
 /// line for the visitor: more than 32 values, a name twice, a name without value, '%' without two hexadecimal digits,
 /// control characters.

@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "server/net/http_session.h"
+#include "server/net/http_text.h"
 #include "spdlog/spdlog.h"
 
 namespace server {
@@ -18,23 +19,15 @@ namespace {
 // After an accept that failed, e.g. for want of file descriptors: trying again at once would spin.
 constexpr auto kAcceptPause = std::chrono::milliseconds(100);
 
-/// A whole answer without a session.
-std::string refusalOf(const char* status, const std::string& text) {
-  return std::string("HTTP/1.1 ") + status +
-         "\r\nServer: lumigrid\r\nContent-Type: text/plain; charset=utf-8\r\nRetry-After: 5\r\nConnection: close\r\n"
-         "Content-Length: " +
-         std::to_string(text.size()) + "\r\n\r\n" + text;
-}
-
 const std::string& fullAnswer() {
   static const std::string answer =
-      refusalOf("503 Service Unavailable", "this server has as many connections as it may; try again later\n");
+      closingAnswer("503 Service Unavailable", "this server has as many connections as it may; try again later\n");
   return answer;
 }
 
 const std::string& tooManyAnswer() {
   static const std::string answer =
-      refusalOf("429 Too Many Requests", "there are too many connections of your address; close others\n");
+      closingAnswer("429 Too Many Requests", "there are too many connections of your address; close others\n");
   return answer;
 }
 
@@ -53,7 +46,7 @@ base::FileDescriptor openSpare() {
 }
 
 base::Error bindError(const std::string& address, std::uint16_t port, error_code ec) {
-  const std::string place = address + ":" + std::to_string(port);
+  const std::string place = placeText(address, port);
   if (ec == asio::error::address_in_use)
     return {base::ErrorCode::kNetwork, place + " is in use; choose another port with --port (0 picks a free one)"};
   if (ec == asio::error::access_denied)
@@ -90,7 +83,7 @@ base::Result<void> Listener::bind() {
   if (!ec) acceptor_.bind(endpoint, ec);
   if (!ec) acceptor_.listen(asio::socket_base::max_listen_connections, ec);
   if (ec) return bindError(options.address, options.port, ec);
-  hub_->place = options.address + ":" + std::to_string(port());
+  hub_->place = placeText(options.address, port());
   return {};
 }
 

@@ -28,7 +28,7 @@ struct Server::Impl {
   void takeUp(base::Result<Hub::Scenes> opened);
   void drain();
   void shutDown();
-  std::vector<std::shared_ptr<Connection>> openConnections() const;
+  void closeConnections(double seconds, std::function<void()> too_late, void (Connection::*close)());
   void finish();
   void endThreads();
 
@@ -81,6 +81,11 @@ base::Result<std::unique_ptr<Server>> Server::open(const std::vector<std::string
   if (options.count_access) hub.startAccessLogs();
   if (options.render_frames) hub.startRenderer();
   return server;
+}
+
+std::string placeText(const std::string& address, std::uint16_t port) {
+  const bool is_ipv6 = address.find(':') != std::string::npos;
+  return (is_ipv6 ? "[" + address + "]" : address) + ":" + std::to_string(port);
 }
 
 Server::~Server() = default;
@@ -155,16 +160,8 @@ void Server::Impl::drain() {
   hub->draining = true;
   spdlog::info("draining for {:g} s at most: {} connections are open", hub->options.drain_seconds,
                hub->connections.size());
-  listener.close();
-  hub->on_last_connection_closed = [this] { finish(); };
-  close_timer.emplace(
-      io, std::chrono::duration_cast<SteadyClock::duration>(std::chrono::duration<double>(hub->options.drain_seconds)));
-  close_timer->async_wait([this](error_code cancelled) {
-    if (!cancelled) shutDown();
-  });
-  const auto open = openConnections();
-  if (open.empty()) return finish();
-  for (const auto& connection : open) connection->closeForDrain();
+  closeConnections(
+      hub->options.drain_seconds, [this] { shutDown(); }, &Connection::closeForDrain);
 }
 
 void Server::Impl::reload() {
@@ -208,23 +205,24 @@ void Server::Impl::shutDown() {
   if (hub->stopping) return;
   hub->stopping = true;
   spdlog::info("stopping: {} connections are open", hub->connections.size());
-  listener.close();
-  hub->on_last_connection_closed = [this] { finish(); };
-  constexpr auto kCloseTimeout = std::chrono::seconds(2);  // for viewers to answer the close frame
-  close_timer.emplace(io, kCloseTimeout);
-  close_timer->async_wait([this](error_code cancelled) {
-    if (!cancelled) io.stop();
-  });
-  const auto open = openConnections();
-  if (open.empty()) return finish();
-  for (const auto& connection : open) connection->closeForShutdown();
+  constexpr double kCloseSeconds = 2.0;  // for viewers to answer the close frame
+  closeConnections(
+      kCloseSeconds, [this] { io.stop(); }, &Connection::closeForShutdown);
 }
 
-/// They hold the connections, since closing one may end it at once.
-std::vector<std::shared_ptr<Connection>> Server::Impl::openConnections() const {
+/// Closes the port and all connections; `too_late` is called if some are left after so many seconds.
+void Server::Impl::closeConnections(double seconds, std::function<void()> too_late, void (Connection::*close)()) {
+  listener.close();
+  hub->on_last_connection_closed = [this] { finish(); };
+  close_timer.emplace(io, std::chrono::duration_cast<SteadyClock::duration>(std::chrono::duration<double>(seconds)));
+  close_timer->async_wait([too_late = std::move(too_late)](error_code cancelled) {
+    if (!cancelled) too_late();
+  });
+  // A list that holds them, since closing one may end it at once.
   std::vector<std::shared_ptr<Connection>> open;
   for (Connection* connection : hub->connections) open.push_back(connection->shared_from_this());
-  return open;
+  if (open.empty()) return finish();
+  for (const auto& connection : open) ((*connection).*close)();
 }
 
 /// Nothing keeps the io thread any more.

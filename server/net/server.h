@@ -48,6 +48,9 @@ struct ServerOptions {
   double drain_seconds = 30.0;            ///< after SIGTERM, for answers that are under way
 };
 
+/// "address:port" as it stands in an address of the web: IPv6 in brackets.
+std::string placeText(const std::string& address, std::uint16_t port);
+
 /// Serves until stop() (any thread) or until a signal when `handle_signals`. SIGINT is stop(). SIGTERM closes the port,
 /// sends viewers away to connect elsewhere, and lets answers under way be finished within `drain_seconds`; a further
 /// SIGTERM or SIGINT ends that at once. SIGHUP is reload().

@@ -327,7 +327,7 @@ HttpReply Site::sceneFileReply(const HttpRequest& request, const SceneFile& file
   if (range.kind == base::RangeRequest::Kind::kUnsatisfiable)
     reply.status = 416;
   else
-    reply.remote = {file.source, file.path.substr(1), range.first, range.length};
+    reply.file = {file.source, file.path.substr(1), range.first, range.length};
   if (range.kind == base::RangeRequest::Kind::kPart) reply.status = 206;
   return reply;
 }

@@ -26,7 +26,7 @@ struct HttpRequest {
 
 /// A body that lies on a disk or behind a network, away from the io thread, and is read range by range while it is
 /// sent.
-struct RemoteBody {
+struct FileBody {
   const repository::ObjectSource* source = nullptr;
   std::string name;
   std::uint64_t offset = 0;
@@ -39,10 +39,10 @@ struct HttpReply {
   int status = 200;
   std::string type = "text/plain; charset=utf-8";
   const char* cache = "no-cache";
-  std::string text = {};      ///< the body, unless `bytes`, `owned` or `remote` has one
+  std::string text = {};      ///< the body, unless `bytes`, `owned` or `file` has one
   base::ByteView bytes = {};  ///< bytes of the site, with which they live
   base::Bytes owned = {};
-  RemoteBody remote = {};    ///< part of a file of the scene; length 0: none
+  FileBody file = {};        ///< part of a file of the scene; length 0: none
   bool has_length = true;    ///< false: a HEAD that does not say how long the body were
   HttpHeaders headers = {};  ///< besides type and cache
 

@@ -67,12 +67,6 @@ std::size_t FairQueue::waiting() const {
   return waiting_;
 }
 
-std::size_t FairQueue::waiting(std::uint64_t client) const {
-  const std::lock_guard lock(mutex_);
-  const auto it = clients_.find(client);
-  return it == clients_.end() ? 0 : it->second.jobs.size();
-}
-
 bool FairQueue::isBehind() const {
   const std::lock_guard lock(mutex_);
   return ready_.size() > threads_.size();

@@ -40,8 +40,6 @@ class FairQueue {
   void forget(std::uint64_t client);
   /// Jobs that no thread has begun.
   std::size_t waiting() const;
-  /// Jobs of one client that no thread has begun.
-  std::size_t waiting(std::uint64_t client) const;
   /// Whether more clients wait for a thread than there are threads.
   bool isBehind() const;
 

@@ -14,6 +14,7 @@
 #include "base/file.h"
 #include "tests/server/net/loopback.h"
 #include "tests/server/net/served_scene.h"
+#include "tests/server/net/whole_view.h"
 #include "tests/support/nginx.h"
 
 namespace server {
@@ -42,17 +43,7 @@ void expectAVisit(std::uint16_t port) {
   const HttpAnswer part = httpRequest(port, "/patch.lgp", {{"Range", "bytes=0-15"}});
   EXPECT_EQ(part.status, 206);
   EXPECT_EQ(part.body.size(), 16U);
-  auto client = LoopbackClient::connect(port, "/ws");
-  ASSERT_TRUE(client) << "the proxy passes no WebSocket on";
-  ASSERT_TRUE(client->send(protocol::Hello{protocol::kVersion, "proxied"}));
-  const auto welcome = client->receive();
-  ASSERT_TRUE(welcome && std::holds_alternative<protocol::Welcome>(*welcome));
-  ASSERT_TRUE(client->send(viewOf(std::get<protocol::Welcome>(*welcome), 1)));
-  bool complete = false;
-  while (auto message = client->receive())
-    if ((complete = std::holds_alternative<protocol::Completion>(*message))) break;
-  EXPECT_TRUE(complete);
-  client->close();
+  expectAView(port, "/ws", "proxied");
 }
 
 TEST(Proxy, nginxPassesViewersOn) {

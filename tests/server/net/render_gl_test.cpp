@@ -175,88 +175,21 @@ TEST_F(PictureTest, jpegsAreTheSamePicture) {
 
 // ---- On the renderer's thread
 
-TEST(FrameRendererPictures, framesComeBetweenBands) {
-  const SceneDirectory scene(0);
-  auto open = openScene(scene.path);
-  ASSERT_TRUE(open);
-  const std::shared_ptr<OpenScene> shared = std::move(*open);
-  auto renderer = FrameRenderer::start({shared});
-  ASSERT_TRUE(renderer) << renderer.error().message;
-  std::mutex mutex;
-  std::condition_variable changed;
-  std::vector<std::string> order;
-  const auto note = [&](const std::string& what) {
-    const std::lock_guard lock(mutex);
-    order.push_back(what);
-    changed.notify_all();
-  };
-  // 20 bands.
-  ASSERT_TRUE((*renderer)->requestPicture(1, "address", shared,
-                                          requestOf(kAslant + "&width=5000&height=4000&supersampling=1&format=jpeg"),
-                                          {0, 1}, [&](const auto& bytes) { note(bytes ? "picture" : "failed"); }));
-  FrameRequest frame;
-  frame.camera = requestOf(kAslant + "&width=64&height=64").camera;
-  frame.quality = 80;
-  for (std::uint64_t client = 2; client < 5; ++client)
-    (*renderer)->requestFrame(client, shared, frame, [&](const base::Bytes&) { note("frame"); });
-  std::unique_lock lock(mutex);
-  changed.wait(lock, [&] { return order.size() == 4; });
-  EXPECT_EQ(order, (std::vector<std::string>{"frame", "frame", "frame", "picture"}));
-}
+class FrameRendererTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    auto open = openScene(directory_.path);
+    ASSERT_TRUE(open) << open.error().message;
+    scene_ = std::move(*open);
+    auto started = FrameRenderer::start({scene_});
+    ASSERT_TRUE(started) << started.error().message;
+    renderer_ = std::move(*started);
+  }
 
-TEST(FrameRendererPictures, aViewIsEncodedAgainInAnotherQualityAndDrawnAgainInAnotherLight) {
-  const SceneDirectory scene(0);
-  auto open = openScene(scene.path);
-  ASSERT_TRUE(open);
-  const std::shared_ptr<OpenScene> shared = std::move(*open);
-  auto renderer = FrameRenderer::start({shared});
-  ASSERT_TRUE(renderer) << renderer.error().message;
-  FrameRequest request;
-  request.camera = requestOf(kAslant + "&width=320&height=240").camera;
-  const auto frameOf = [&](int quality) {
-    request.quality = quality;
-    std::promise<base::Bytes> promise;
-    (*renderer)->requestFrame(1, shared, request, [&](base::Bytes bytes) { promise.set_value(std::move(bytes)); });
-    return promise.get_future().get();
-  };
-  const base::Bytes quick = frameOf(40);
-  ASSERT_FALSE(quick.empty());
-  const base::Bytes last = frameOf(95);
-  EXPECT_GT(last.size(), quick.size());
-  EXPECT_EQ(frameOf(40), quick);
-  base::Light other = shared->scene.light;
-  other.mode = other.mode == base::LightMode::kSoft ? base::LightMode::kUnlit : base::LightMode::kSoft;
-  (*renderer)->setLight(shared, other);
-  EXPECT_NE(frameOf(40), quick);
-}
-
-TEST(FrameRendererPictures, cancelledPictureIsAbandoned) {
-  const SceneDirectory scene(0);
-  auto open = openScene(scene.path);
-  const std::shared_ptr<OpenScene> shared = std::move(*open);
-  auto renderer = FrameRenderer::start({shared});
-  ASSERT_TRUE(renderer) << renderer.error().message;
-  std::atomic<bool> unwanted{false};
-  const auto fail = [&](const auto&) { unwanted = true; };
-  // 64 bands are being drawn or wait, and one more picture is in the queue.
-  const PictureRequest large = requestOf(kAslant + "&width=8000&height=8000");
-  ASSERT_TRUE((*renderer)->requestPicture(1, "address", shared, large, {2, 3}, fail));
-  ASSERT_TRUE((*renderer)->requestPicture(2, "address", shared, large, {2, 3}, fail));
-  (*renderer)->cancel(1);
-  (*renderer)->cancel(2);
-  std::mutex mutex;
-  std::condition_variable changed;
-  bool done = false;
-  ASSERT_TRUE((*renderer)->requestPicture(3, "address", shared, requestOf(kAslant + "&width=64&height=64"), {2, 3},
-                                          [&](const auto& bytes) {
-                                            const std::lock_guard lock(mutex);
-                                            done = bool(bytes);
-                                            changed.notify_all();
-                                          }));
-  std::unique_lock lock(mutex);
-  changed.wait(lock, [&] { return done; });
-  EXPECT_FALSE(unwanted);
-}
+  const SceneDirectory directory_{0};
+  std::shared_ptr<OpenScene> scene_;
+  std::unique_ptr<FrameRenderer> renderer_;
+};
 
 /// Notes in which order things happen.
 class Order {
@@ -278,6 +211,63 @@ class Order {
   std::vector<std::string> order_;
 };
 
+TEST_F(FrameRendererTest, framesComeBetweenBands) {
+  Order order;
+  // 20 bands.
+  ASSERT_TRUE(renderer_->requestPicture(1, "address", scene_,
+                                        requestOf(kAslant + "&width=5000&height=4000&supersampling=1&format=jpeg"),
+                                        {0, 1}, [&](const auto& bytes) { order.note(bytes ? "picture" : "failed"); }));
+  FrameRequest frame;
+  frame.camera = requestOf(kAslant + "&width=64&height=64").camera;
+  frame.quality = 80;
+  for (std::uint64_t client = 2; client < 5; ++client)
+    renderer_->requestFrame(client, scene_, frame, [&](const base::Bytes&) { order.note("frame"); });
+  EXPECT_EQ(order.waitFor(4), (std::vector<std::string>{"frame", "frame", "frame", "picture"}));
+}
+
+TEST_F(FrameRendererTest, aViewIsEncodedAgainInAnotherQualityAndDrawnAgainInAnotherLight) {
+  FrameRequest request;
+  request.camera = requestOf(kAslant + "&width=320&height=240").camera;
+  const auto frameOf = [&](int quality) {
+    request.quality = quality;
+    std::promise<base::Bytes> promise;
+    renderer_->requestFrame(1, scene_, request, [&](base::Bytes bytes) { promise.set_value(std::move(bytes)); });
+    return promise.get_future().get();
+  };
+  const base::Bytes quick = frameOf(40);
+  ASSERT_FALSE(quick.empty());
+  const base::Bytes last = frameOf(95);
+  EXPECT_GT(last.size(), quick.size());
+  EXPECT_EQ(frameOf(40), quick);
+  base::Light other = scene_->scene.light;
+  other.mode = other.mode == base::LightMode::kSoft ? base::LightMode::kUnlit : base::LightMode::kSoft;
+  renderer_->setLight(scene_, other);
+  EXPECT_NE(frameOf(40), quick);
+}
+
+TEST_F(FrameRendererTest, cancelledPictureIsAbandoned) {
+  std::atomic<bool> unwanted{false};
+  const auto fail = [&](const auto&) { unwanted = true; };
+  // 64 bands are being drawn or wait, and one more picture is in the queue.
+  const PictureRequest large = requestOf(kAslant + "&width=8000&height=8000");
+  ASSERT_TRUE(renderer_->requestPicture(1, "address", scene_, large, {2, 3}, fail));
+  ASSERT_TRUE(renderer_->requestPicture(2, "address", scene_, large, {2, 3}, fail));
+  renderer_->cancel(1);
+  renderer_->cancel(2);
+  std::mutex mutex;
+  std::condition_variable changed;
+  bool done = false;
+  ASSERT_TRUE(renderer_->requestPicture(3, "address", scene_, requestOf(kAslant + "&width=64&height=64"), {2, 3},
+                                        [&](const auto& bytes) {
+                                          const std::lock_guard lock(mutex);
+                                          done = bool(bytes);
+                                          changed.notify_all();
+                                        }));
+  std::unique_lock lock(mutex);
+  changed.wait(lock, [&] { return done; });
+  EXPECT_FALSE(unwanted);
+}
+
 FrameRequest frameOf(int width, int height) {
   FrameRequest frame;
   frame.camera = requestOf(kAslant + "&width=64&height=64").camera;
@@ -289,20 +279,14 @@ FrameRequest frameOf(int width, int height) {
 
 // Several large frames were asked for first. Small ones that come later are drawn between their bands, one after the
 // other, and the large ones come in the end.
-TEST(FrameRendererFrames, smallFramesDoNotWaitForLargeOnes) {
-  const SceneDirectory scene(0);
-  auto open = openScene(scene.path);
-  ASSERT_TRUE(open);
-  const std::shared_ptr<OpenScene> shared = std::move(*open);
-  auto renderer = FrameRenderer::start({shared});
-  ASSERT_TRUE(renderer) << renderer.error().message;
+TEST_F(FrameRendererTest, smallFramesDoNotWaitForLargeOnes) {
   Order order;
   for (std::uint64_t client = 1; client < 4; ++client)
-    (*renderer)->requestFrame(client, shared, frameOf(4000, 3000 + static_cast<int>(client)),
-                              [&](const base::Bytes& bytes) { order.note(bytes.empty() ? "failed" : "large"); });
+    renderer_->requestFrame(client, scene_, frameOf(4000, 3000 + static_cast<int>(client)),
+                            [&](const base::Bytes& bytes) { order.note(bytes.empty() ? "failed" : "large"); });
   for (int i = 0; i < 4; ++i) {
-    (*renderer)->requestFrame(9, shared, frameOf(64 + i, 64),
-                              [&](const base::Bytes& bytes) { order.note(bytes.empty() ? "failed" : "small"); });
+    renderer_->requestFrame(9, scene_, frameOf(64 + i, 64),
+                            [&](const base::Bytes& bytes) { order.note(bytes.empty() ? "failed" : "small"); });
     const auto so_far = order.waitFor(static_cast<std::size_t>(i) + 1);
     EXPECT_EQ(so_far.back(), "small") << i;
   }
@@ -340,42 +324,30 @@ TEST(FrameRendererFrames, bandsMakeTheFrameThatOnePieceMakes) {
 }
 
 // A connection that goes while its large frame is drawn, or waits, leaves room for others.
-TEST(FrameRendererFrames, cancelledLargeFramesMakeRoom) {
-  const SceneDirectory scene(0);
-  auto open = openScene(scene.path);
-  ASSERT_TRUE(open);
-  const std::shared_ptr<OpenScene> shared = std::move(*open);
-  auto renderer = FrameRenderer::start({shared});
-  ASSERT_TRUE(renderer) << renderer.error().message;
+TEST_F(FrameRendererTest, cancelledLargeFramesMakeRoom) {
   for (int round = 0; round < 3; ++round) {
     for (std::uint64_t client = 1; client < 6; ++client)
-      (*renderer)->requestFrame(client, shared, frameOf(4000, 4000), [](const base::Bytes&) {});
-    for (std::uint64_t client = 1; client < 6; ++client) (*renderer)->cancel(client);
+      renderer_->requestFrame(client, scene_, frameOf(4000, 4000), [](const base::Bytes&) {});
+    for (std::uint64_t client = 1; client < 6; ++client) renderer_->cancel(client);
   }
   Order order;
-  (*renderer)->requestFrame(7, shared, frameOf(2000, 2000),
-                            [&](const base::Bytes& bytes) { order.note(bytes.empty() ? "failed" : "large"); });
+  renderer_->requestFrame(7, scene_, frameOf(2000, 2000),
+                          [&](const base::Bytes& bytes) { order.note(bytes.empty() ? "failed" : "large"); });
   EXPECT_EQ(order.waitFor(1).front(), "large");
 }
 
-TEST(FrameRendererPictures, oneAddressCannotTakeAllPlaces) {
-  const SceneDirectory scene(0);
-  auto open = openScene(scene.path);
-  ASSERT_TRUE(open);
-  const std::shared_ptr<OpenScene> shared = std::move(*open);
-  auto renderer = FrameRenderer::start({shared});
-  ASSERT_TRUE(renderer) << renderer.error().message;
+TEST_F(FrameRendererTest, oneAddressCannotTakeAllPlaces) {
   const PictureRequest large = requestOf(kAslant + "&width=4000&height=4000");
   const auto ask = [&](std::uint64_t client, const std::string& address) {
-    return (*renderer)->requestPicture(client, address, shared, large, {4, 2}, [](const auto&) {});
+    return renderer_->requestPicture(client, address, scene_, large, {4, 2}, [](const auto&) {});
   };
   EXPECT_TRUE(ask(1, "a"));
   EXPECT_TRUE(ask(2, "a"));
   EXPECT_FALSE(ask(3, "a"));
   EXPECT_TRUE(ask(4, "b"));
-  (*renderer)->cancel(2);
+  renderer_->cancel(2);
   EXPECT_TRUE(ask(5, "a"));
-  for (std::uint64_t client = 1; client < 6; ++client) (*renderer)->cancel(client);
+  for (std::uint64_t client = 1; client < 6; ++client) renderer_->cancel(client);
 }
 
 // ---- Over HTTP

@@ -21,6 +21,7 @@
 #include "tests/server/net/loopback.h"
 #include "tests/server/net/page_folder.h"
 #include "tests/server/net/served_scene.h"
+#include "tests/server/net/whole_view.h"
 #include "tests/support/temporary_directory.h"
 
 namespace server {
@@ -100,21 +101,6 @@ bool waitFor(const Condition& condition) {
     std::this_thread::sleep_for(std::chrono::milliseconds(10));
   }
   return false;
-}
-
-// A whole view of one viewer.
-void expectAView(std::uint16_t port, const std::string& name = "test") {
-  auto client = LoopbackClient::connect(port);
-  ASSERT_TRUE(client);
-  ASSERT_TRUE(client->send(protocol::Hello{protocol::kVersion, name}));
-  const auto welcome = client->receive();
-  ASSERT_TRUE(welcome && std::holds_alternative<protocol::Welcome>(*welcome));
-  ASSERT_TRUE(client->send(viewOf(std::get<protocol::Welcome>(*welcome), 1)));
-  bool complete = false;
-  while (auto message = client->receive())
-    if ((complete = std::holds_alternative<protocol::Completion>(*message))) break;
-  EXPECT_TRUE(complete);
-  client->close();
 }
 
 void expectItServes(ServeProcess& server) {
@@ -204,7 +190,7 @@ TEST(ServeProcess, namesOfViewersAreEscapedInEachJsonLine) {
   const std::string name =
       "x\" client=99 peer=\"\xC2\x9B"
       "31m\xE2\x80\xAE";
-  expectAView(server.port(), name);
+  expectAView(server.port(), "/", name);
   server.send(SIGTERM);
   EXPECT_EQ(server.wait(), 0);
   std::istringstream lines(server.log());
@@ -376,33 +362,7 @@ TEST(ServeProcess, mistakesInAFileAreOneLineAndWrongUsage) {
 // ---- Scenes that change while they are served
 
 bool logSays(const ServeProcess& server, const std::string& text) {
-  for (int i = 0; i < 2000; ++i) {
-    if (server.log().find(text) != std::string::npos) return true;
-    std::this_thread::sleep_for(std::chrono::milliseconds(10));
-  }
-  return false;
-}
-
-std::unique_ptr<LoopbackClient> viewerAt(std::uint16_t port, const std::string& path, protocol::Welcome& welcome) {
-  auto client = LoopbackClient::connect(port, path);
-  EXPECT_TRUE(client && client->send(protocol::Hello{}));
-  auto message = client ? client->receive() : std::nullopt;
-  EXPECT_TRUE(message && std::holds_alternative<protocol::Welcome>(*message));
-  if (message) welcome = std::get<protocol::Welcome>(*message);
-  return client;
-}
-
-/// `largest_face`: where to put the bytes of the largest image that came.
-bool completes(LoopbackClient& client, const protocol::Welcome& welcome, std::uint32_t sequence,
-               std::size_t* largest_face = nullptr) {
-  if (!client.send(viewOf(welcome, sequence))) return false;
-  while (const auto message = client.receive()) {
-    const auto* face = std::get_if<protocol::Face>(&*message);
-    if (face != nullptr && largest_face != nullptr) *largest_face = std::max(*largest_face, face->value.size());
-    const auto* completion = std::get_if<protocol::Completion>(&*message);
-    if (completion != nullptr && completion->sequence == sequence) return true;
-  }
-  return false;
+  return waitFor([&] { return server.log().find(text) != std::string::npos; });
 }
 
 /// The server says that the viewer may connect again.
@@ -500,21 +460,14 @@ TEST(Workers, aKilledOneIsReplacedWhileOthersServe) {
   const SceneDirectory scene;
   ServeProcess server({scene.path, "--workers", "2", "--no-access"});
   ASSERT_EQ(childrenOf(server.pid()).size(), 2U);
-  protocol::Welcome welcome;
-  for (int i = 0; i < 8; ++i) {
-    const auto client = viewerAt(server.port(), "/", welcome);
-    ASSERT_TRUE(client);
-    EXPECT_TRUE(completes(*client, welcome, 1));
-  }
+  for (int i = 0; i < 8; ++i) expectAView(server.port());
   const pid_t killed = childrenOf(server.pid()).front();
   ::kill(killed, SIGKILL);
   EXPECT_TRUE(logSays(server, "ended by signal 9"));
   // The other one has the port for itself.
   for (int i = 0; i < 8; ++i) EXPECT_EQ(httpRequest(server.port(), "/healthz").status, 200);
-  for (int i = 0; i < 2000 && childrenOf(server.pid()).size() < 2; ++i)
-    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  EXPECT_TRUE(waitFor([&] { return childrenOf(server.pid()).size() == 2; }));
   const auto children = childrenOf(server.pid());
-  EXPECT_EQ(children.size(), 2U);
   EXPECT_EQ(std::count(children.begin(), children.end(), killed), 0);
   server.send(SIGTERM);
   EXPECT_EQ(server.wait(), 0);

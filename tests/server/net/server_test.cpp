@@ -339,6 +339,11 @@ TEST(Server, takenPortIsNamedWithAdvice) {
                                         " is in use; choose another port with --port (0 picks a free one)");
 }
 
+TEST(Server, placesAreWrittenAsInAddressesOfTheWeb) {
+  EXPECT_EQ(placeText("127.0.0.1", 80), "127.0.0.1:80");
+  EXPECT_EQ(placeText("::1", 8080), "[::1]:8080");
+}
+
 TEST(Server, wrongAddressesAndFoldersAreErrors) {
   const SceneDirectory scene(0);
   ServerOptions options = RunningServer::quiet();
