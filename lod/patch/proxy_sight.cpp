@@ -124,8 +124,8 @@ class ProxySight::Builder {
 
   /// A little larger, so that rays within the plane of a side meet the box for certain.
   static base::Aabb grown(const base::Aabb& box) {
-    constexpr float kShare = 1e-6F, kLeast = 1e-20F;
-    return {box.min - kShare * glm::abs(box.min) - kLeast, box.max + kShare * glm::abs(box.max) + kLeast};
+    constexpr float kWiden = 1e-6F, kWidenLeast = 1e-20F;
+    return {box.min - kWiden * glm::abs(box.min) - kWidenLeast, box.max + kWiden * glm::abs(box.max) + kWidenLeast};
   }
 
   std::pair<Range, Range> divide(const Range& range, std::size_t depth) {
