@@ -128,7 +128,9 @@ std::map<std::uint64_t, std::pair<double, std::size_t>> answersOf(compare::Simul
 
 /// A host with one object. `file` outlives the function.
 compare::ReadObject hostOf(const base::Bytes& file) {
-  return [&file](const std::string&, std::uint64_t offset, std::uint64_t length) {
+  return [&file](const std::string&, std::uint64_t offset, std::uint64_t length) -> base::Result<base::Bytes> {
+    if (offset > file.size() || length > file.size() - offset)
+      return base::Error{base::ErrorCode::kInvalidInput, "the file ends before"};
     const base::ByteView range = base::ByteView(file).subspan(offset, length);
     return base::Bytes(range.begin(), range.end());
   };
