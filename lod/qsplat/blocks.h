@@ -5,8 +5,8 @@
 #include <memory>
 #include <vector>
 
+#include "lod/file_bytes.h"
 #include "lod/qsplat/coded_block.h"
-#include "lod/qsplat/file_bytes.h"
 #include "lod/qsplat/format.h"
 
 namespace lod::qsplat {

@@ -3,8 +3,8 @@
 #include <array>
 #include <deque>
 
+#include "lod/file_bytes.h"
 #include "lod/qsplat/coded_block.h"
-#include "lod/qsplat/file_bytes.h"
 #include "lod/qsplat/format.h"
 
 namespace lod::qsplat {

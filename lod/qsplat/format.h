@@ -14,6 +14,7 @@
 #include "base/bytes.h"
 #include "base/error.h"
 #include "base/geometry.h"
+#include "lod/file_bytes.h"
 #include "lod/qsplat/node.h"
 
 namespace lod::qsplat {
@@ -27,8 +28,6 @@ inline constexpr std::uint32_t kMaxLevels = 128;
 inline constexpr std::uint32_t kMaxCodedHeaderBytes = 4096;
 /// Limits for the length of a coded block.
 inline constexpr std::uint32_t kMinCodedBytes = 10, kMaxCodedBytes = 1068;
-
-class FileBytes;
 
 struct Header {
   std::uint64_t file_bytes = 0;  ///< in the plain form
@@ -53,6 +52,9 @@ struct Header {
   std::uint32_t pointerBytes() const { return wide_pointers ? 8 : 4; }
 };
 
+/// As many of a file's first bytes as readHeader and BlockCoder::fromHeader need; fewer where it is shorter or cannot
+/// be read.
+base::Bytes readFront(const FileBytes& file);
 /// Reads the header from the file's front. `front`: at least 1024 bytes of a plain file, kMaxCodedHeaderBytes of a
 /// coded one, or the whole file. Errors: kVersion for an unknown version; kInvalidInput for a file that is no
 /// qsplat.lgq, cut short, damaged or contradictory.

@@ -2,23 +2,9 @@
 
 #include <utility>
 
+#include "lod/disk_bytes.h"
+
 namespace lod::qsplat {
-namespace {
-
-class DiskBytes final : public FileBytes {
- public:
-  explicit DiskBytes(base::PositionedFile file) : file_(std::move(file)) {}
-  bool read(std::uint64_t offset, std::span<std::uint8_t> out) const override {
-    return bool(file_.readAt(offset, out));
-  }
-  std::uint64_t size() const override { return file_.size(); }
-
- private:
-  base::PositionedFile file_;
-};
-
-}  // namespace
-
 base::Result<SplatFile> SplatFile::open(const std::string& path) {
   LUMIGRID_ASSIGN_OR_RETURN(auto opened, base::PositionedFile::open(path));
   SplatFile file;

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "base/file.h"
-#include "lod/qsplat/file_bytes.h"
+#include "lod/file_bytes.h"
 #include "lod/qsplat/format.h"
 
 namespace lod::qsplat {

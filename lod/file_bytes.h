@@ -1,12 +1,12 @@
 #pragma once
-// The bytes of a qsplat.lgq, wherever they lie.
+// The bytes of a hierarchy's file, wherever they lie.
 #include <algorithm>
 #include <cstdint>
 #include <span>
 
 #include "base/bytes.h"
 
-namespace lod::qsplat {
+namespace lod {
 
 /// Reads parts of a file. Safe to use from several threads.
 class FileBytes {
@@ -32,8 +32,4 @@ class MemoryBytes final : public FileBytes {
   base::ByteView file_;
 };
 
-/// As many of a file's first bytes as readHeader and BlockCoder::fromHeader need; fewer where it is shorter or cannot
-/// be read.
-base::Bytes readFront(const FileBytes& file);
-
-}  // namespace lod::qsplat
+}  // namespace lod

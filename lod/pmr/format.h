@@ -1,0 +1,87 @@
+#pragma once
+// pmr.lgm: an octree whose leaves hold points in eleven levels, and the umbrella triangles of each level (Dey and
+// Hudson 2002, section 2, "Records"; docs/formats/pmr.md).
+//
+// Level 0 has all points; level L = 1 … 10 those that decimation with the threshold ρ = L / 10 leaves, so each level is
+// part of the finer one. A point's class is the coarsest level that it is part of. A leaf's points lie in one chunk for
+// each class, its triangles in one chunk for each level.
+#include <array>
+#include <cstdint>
+#include <glm/glm.hpp>
+#include <vector>
+
+#include "base/bytes.h"
+#include "base/error.h"
+#include "base/geometry.h"
+#include "lod/lattice.h"
+
+namespace lod::pmr {
+
+inline constexpr std::uint32_t kLevels = 11;
+inline constexpr std::uint32_t kCoarsest = kLevels - 1;
+/// Most own points of a leaf (section 2, "Spatial decomposition": between 8000 and 12000).
+inline constexpr std::uint32_t kMaxLeafPoints = 12'000;
+/// Most points that a leaf's triangles can refer to, own and foreign ones.
+inline constexpr std::uint32_t kMaxVertices = 65'535;
+/// Lattice coordinates are 0 … 2^kPositionBits − 1.
+inline constexpr std::uint32_t kPositionBits = 21;
+
+/// The threshold ρ of radius / height that made a level; 0 for level 0.
+inline constexpr float thresholdOf(std::uint32_t level) {
+  return 0.1F * static_cast<float>(level);
+}
+
+struct Header {
+  std::uint64_t file_bytes = 0;
+  std::uint64_t points = 0;  ///< of all leaves
+  std::uint32_t leaves = 0;
+  bool colors = false;
+  bool oriented = false;  ///< normals point to the outside; otherwise they have no sign, and are seen from both sides
+  Lattice lattice;        ///< of the positions
+  base::Sphere bounds;    ///< of all points, scene-local
+  std::uint32_t table_bytes = 0;  ///< length of the leaf table, which follows the header
+  std::uint64_t base_bytes = 0;   ///< length of the base section, which follows the table: the coarsest level
+};
+
+/// A class and level of a leaf.
+struct LevelRow {
+  std::uint32_t points = 0;       ///< own points of this class
+  std::uint32_t foreign = 0;      ///< points of other leaves that triangles of this level use, but those of no coarser
+  std::uint32_t triangles = 0;    ///< of this level
+  float radius = 0.0F;            ///< mean umbrella radius of the level's own points, scene units
+  std::uint32_t point_bytes = 0;  ///< length of the chunk of the class
+  std::uint32_t triangle_bytes = 0;  ///< length of the chunk of the level
+};
+
+struct Leaf {
+  std::uint64_t code = 0;   ///< Morton code of the octree cell's lowest lattice point
+  std::uint32_t depth = 0;  ///< of the octree cell, whose edge is 2^(kPositionBits − depth) lattice points
+  base::Aabb box;           ///< of all points that it draws, foreign ones included; scene-local
+  std::array<LevelRow, kLevels> levels;
+  std::uint64_t base_offset = 0;  ///< of its points of class kCoarsest; the triangles of that level follow
+  std::uint64_t fine_offset = 0;  ///< of its points of class 9, then 8 … 0; then the triangles of level 9, 8 … 0
+
+  /// Own points of the level, and all that the level can use; foreign points count from their class on.
+  std::uint32_t pointsAt(std::uint32_t level) const;
+  std::uint32_t verticesAt(std::uint32_t level) const;
+  /// Where the chunks lie in the file.
+  std::uint64_t pointOffset(std::uint32_t point_class) const;
+  std::uint64_t triangleOffset(std::uint32_t level) const;
+};
+
+/// Length of the header: fixed.
+inline constexpr std::uint32_t kHeaderBytes = 128;
+/// Reads the header from the file's front. Errors: kVersion for an unknown version; kInvalidInput for a file that is no
+/// pmr.lgm, cut short, damaged or contradictory.
+base::Result<Header> readHeader(base::ByteView front);
+base::Bytes headerBytes(const Header& header);
+
+/// Reads the table, of header.table_bytes bytes, in the order of the leaves' codes. Errors: kInvalidInput where it is
+/// damaged or contradicts itself or the header.
+base::Result<std::vector<Leaf>> readTable(const Header& header, base::ByteView table);
+/// Encodes the table. The leaves' offsets are ignored: they follow from the lengths of the chunks.
+base::Bytes tableBytes(const std::vector<Leaf>& leaves, const Lattice& lattice);
+/// Sets the leaves' offsets, and base_bytes and file_bytes of the header, from the lengths of table and chunks.
+void placeChunks(Header& header, std::vector<Leaf>& leaves);
+
+}  // namespace lod::pmr

@@ -1,0 +1,118 @@
+#pragma once
+// Streams a pmr.lgm chunk by chunk, in the order in which views need the chunks. The class has no socket, clock or
+// thread: it hands out byte ranges to request, takes their bytes, and is told the time.
+//
+// First come the header and the table, then for each leaf in view the coarsest level, nearest leaves first, then the
+// points and triangles of the level that the view asks for. A leaf is shown at the finest level that is here and no
+// finer than asked for; where only finer ones are here, at the coarsest of those.
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "base/bytes.h"
+#include "lod/file_bytes.h"
+#include "lod/pmr/draw_list.h"
+#include "lod/pmr/format.h"
+#include "lod/pmr/traverse.h"
+
+namespace lod::pmr {
+
+inline constexpr std::uint64_t kMinStreamMemory = 1'000'000;
+
+struct StreamOptions {
+  /// Limit for chunks and decoded leaves together, besides the table; at least kMinStreamMemory. Leaves that no frame
+  /// has used for the longest time are dropped; what a view needs beyond it stays coarse.
+  std::uint64_t memory_bytes = 256'000'000;
+  std::size_t max_requests = 16;              ///< under way at a time
+  std::uint64_t max_request_bytes = 262'144;  ///< neighbouring chunks are joined up to this
+  /// Points and triangles decoded for a frame, about; the rest waits for the next one. 0: no limit.
+  std::uint64_t decode_per_frame = 0;
+};
+
+/// Bytes offset … offset + length − 1 of the file.
+struct ByteRange {
+  std::uint64_t id = 0;
+  std::uint64_t offset = 0;
+  std::uint64_t length = 0;
+};
+
+/// A vertex as the GPU gets it: 20 bytes.
+struct Vertex {
+  glm::vec3 position{0.0F};             ///< scene-local
+  std::array<std::int8_t, 4> normal{};  ///< unit vector, 127ths; the last is 0
+  glm::u8vec4 color{255};               ///< sRGB, A = 255
+};
+
+/// A leaf at a level, decoded; it never changes.
+struct LeafPicture {
+  std::uint32_t leaf = 0, level = 0;
+  std::vector<Vertex> vertices;
+  DrawList list;
+};
+
+struct DrawnLeaf {
+  float pixel = 0.0F;                          ///< as in ChosenLeaf
+  std::uint32_t wanted = 0;                    ///< the level that the view asks for
+  std::shared_ptr<const LeafPicture> picture;  ///< not null
+};
+
+struct StreamStats {
+  std::uint64_t leaves = 0, present = 0;  ///< leaves of the file; leaves decoded at some level
+  std::uint64_t chosen = 0, lacking = 0;  ///< leaves of the last view; those not at the level asked for
+  std::uint64_t bytes_received = 0;       ///< unusable answers included
+  std::uint64_t memory_bytes = 0;         ///< chunks, decoded leaves and table
+  std::uint64_t requests = 0, failures = 0;
+  std::uint64_t damaged = 0;  ///< chunks that came damaged three times and were given up
+};
+
+class Stream {
+ public:
+  /// `file_bytes`: length of the file, as scene.json has it.
+  Stream(std::uint64_t file_bytes, const StreamOptions& options);
+  /// Reads a file that is on this machine: nothing is requested. Not null.
+  Stream(std::shared_ptr<const FileBytes> file, const StreamOptions& options);
+  ~Stream();
+
+  /// Null until header and table have arrived.
+  const Header* header() const;
+  std::span<const Leaf> leaves() const;
+
+  // ---- frames ----
+
+  /// Finds the leaves to draw from what is here, decoding as much as a frame may, and queues what is missing in place
+  /// of what earlier frames queued. `result` is replaced: front to back. Finds nothing before header().
+  void update(const TraverseRequest& request, std::vector<DrawnLeaf>& result);
+  /// Rises when another update() of the same view may find more.
+  std::uint64_t generation() const;
+  /// Whether the last update() had all it asked for that can be had.
+  bool complete() const;
+  /// Whether chunks that are here wait to be decoded for the last view.
+  bool decoding() const;
+  /// Whether memory kept the last view coarser than it asked for.
+  bool limitedByMemory() const;
+
+  // ---- the link ----
+
+  /// Returns the ranges to request now; each must be answered by acceptAnswer() or acceptFailure(). A byte is never
+  /// requested while it is under way. Returns nothing once there is a problem().
+  std::vector<ByteRange> nextRequests(double now);
+  /// Takes all the bytes of a range. Each chunk is checked by itself; damaged ones are requested again, at most twice.
+  void acceptAnswer(std::uint64_t id, base::ByteView bytes, double now);
+  /// The range was not answered: it is requested again if still wanted, after a pause that grows.
+  void acceptFailure(std::uint64_t id, double now);
+  /// Stops requesting for good. `reason`: one line.
+  void giveUp(std::string reason);
+  /// Why the stream has stopped, one line; empty when all is well.
+  const std::string& problem() const;
+  /// Names damaged leaves that were given up, in one line; empty when there are none.
+  std::string warning() const;
+  StreamStats stats() const;
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace lod::pmr
