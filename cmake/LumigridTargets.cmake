@@ -38,7 +38,7 @@ lumigrid_row(lod_ingest USES base mesh)
 lumigrid_row(lod_patch_builder USES base mesh lod_ingest lod_patch lod_texture LINKS metis)
 lumigrid_row(lod_qsplat_builder USES base mesh lod_ingest lod_qsplat)
 lumigrid_row(lod_pmr_builder USES base mesh lod_ingest lod_pmr LINKS CGAL::CGAL)
-lumigrid_row(lod_draw USES base base_gl lod_patch lod_qsplat)
+lumigrid_row(lod_draw USES base base_gl lod_patch lod_qsplat lod_pmr)
 lumigrid_row(sampling USES base)
 lumigrid_row(sampling_json USES base base_hash base_json sampling LINKS nlohmann_json::nlohmann_json)
 lumigrid_row(cache USES base)
@@ -79,25 +79,28 @@ lumigrid_row(lumigrid
        server_session server_scene server_trial server_net server_log server_metrics
   LINKS CLI11::CLI11 spdlog::spdlog nlohmann_json::nlohmann_json openmesh)
 lumigrid_row(client
-  USES base base_gl lod_patch lod_qsplat lod_draw sampling faces packs cache protocol plan client_render)
+  USES base base_gl lod_patch lod_qsplat lod_pmr lod_draw sampling faces packs cache protocol plan
+       client_render)
 lumigrid_row(client_native
-  USES ${_any_base} lod_patch lod_qsplat lod_draw sampling sampling_json cache faces packs frames protocol client
+  USES ${_any_base} lod_patch lod_qsplat lod_pmr lod_draw sampling sampling_json cache faces packs frames protocol
+       client
   LINKS Boost::headers Threads::Threads glfw imgui spdlog::spdlog nlohmann_json::nlohmann_json)
 lumigrid_row(lumigrid-view
-  USES ${_any_base} lod_patch lod_qsplat lod_draw sampling sampling_json cache faces packs protocol plan
+  USES ${_any_base} lod_patch lod_qsplat lod_pmr lod_draw sampling sampling_json cache faces packs protocol plan
        client client_native
   LINKS CLI11::CLI11 spdlog::spdlog nlohmann_json::nlohmann_json)
 lumigrid_row(client_web
   USES base base_gl lod_patch lod_qsplat lod_draw sampling faces packs cache protocol plan client)
 lumigrid_row(client_web_splats USES base base_gl lod_qsplat client)
+lumigrid_row(client_web_umbrellas USES base base_gl lod_pmr client)
 lumigrid_row(client_web_decode USES base faces)
 lumigrid_row(client_web_check USES base client)
 lumigrid_row(compare USES * LINKS *)
 lumigrid_row(lumigrid-compare USES * LINKS *)
 
 set(LUMIGRID_CLIENT_FORBIDDEN metis openmesh draco opencv_core opencv_imgproc mesh lod_ingest lod_patch_builder
-  lod_qsplat_builder repository objects server_auth server_render server_bake server_export server_session server_scene
-  server_net server_log server_metrics lmdb)
+  lod_qsplat_builder lod_pmr_builder CGAL::CGAL repository objects server_auth server_render server_bake server_export
+  server_session server_scene server_net server_log server_metrics lmdb)
 
 function(_lumigrid_check_list kind name allowed)
   if("${allowed}" STREQUAL "*")
@@ -179,7 +182,8 @@ function(_lumigrid_reach name out)
 endfunction()
 
 function(lumigrid_check_walls)
-  foreach(thin client client_native lumigrid-view client_web client_web_splats client_web_decode client_web_check)
+  foreach(thin client client_native lumigrid-view client_web client_web_splats client_web_umbrellas client_web_decode
+      client_web_check)
     if(TARGET ${thin})
       _lumigrid_reach(${thin} reached)
       foreach(bad IN LISTS LUMIGRID_CLIENT_FORBIDDEN)

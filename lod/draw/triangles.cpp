@@ -17,7 +17,7 @@ struct Vertex {
   std::array<std::int8_t, 4> normal;
   glm::u8vec4 color;
 };
-static_assert(sizeof(Vertex) == 20 && offsetof(Vertex, normal) == 12 && offsetof(Vertex, color) == 16);
+static_assert(sizeof(Vertex) == kSurfaceVertexBytes && offsetof(Vertex, normal) == 12 && offsetof(Vertex, color) == 16);
 
 std::int8_t snorm8(float v) {
   return static_cast<std::int8_t>(std::lround(std::clamp(v, -1.0F, 1.0F) * 127.0F));
@@ -69,7 +69,9 @@ const void* bufferOffset(std::size_t offset) {
   return reinterpret_cast<const void*>(offset);
 }
 
-void describeVertex() {
+}  // namespace
+
+void describeSurfaceVertices() {
   glEnableVertexAttribArray(kPosition);
   glVertexAttribPointer(kPosition, 3, GL_FLOAT, GL_FALSE, sizeof(Vertex), bufferOffset(offsetof(Vertex, position)));
   glEnableVertexAttribArray(kNormal);
@@ -77,8 +79,6 @@ void describeVertex() {
   glEnableVertexAttribArray(kColor);
   glVertexAttribPointer(kColor, 4, GL_UNSIGNED_BYTE, GL_TRUE, sizeof(Vertex), bufferOffset(offsetof(Vertex, color)));
 }
-
-}  // namespace
 
 std::uint64_t PatchMeshes::bytesFor(std::uint64_t vertices, std::uint64_t triangles) {
   return vertices * sizeof(Vertex) + triangles * 3 * sizeof(std::uint16_t);
@@ -100,7 +100,7 @@ void PatchMeshes::upload(std::uint32_t patch, const patch::PatchGeometry& geomet
   base::gl::allocate(mesh.vertices, GL_ARRAY_BUFFER, vertices.data(), vertices.size() * sizeof(Vertex), GL_STATIC_DRAW);
   base::gl::allocate(mesh.indices, GL_ELEMENT_ARRAY_BUFFER, geometry.indices.data(),
                      geometry.indices.size() * sizeof(std::uint16_t), GL_STATIC_DRAW);
-  describeVertex();
+  describeSurfaceVertices();
   glBindVertexArray(0);
 
   bytes_ += mesh.bytes;

@@ -14,6 +14,11 @@ namespace lod::draw {
 /// Vertex attribute locations that every program drawing patches uses.
 enum AttributeLocation : GLuint { kPosition = 0, kNormal = 1, kColor = 2 };
 
+/// Describes these attributes of the vertices in the bound GL_ARRAY_BUFFER: a float32 position, a normal of four signed
+/// bytes and a colour of four unsigned ones.
+void describeSurfaceVertices();
+inline constexpr std::size_t kSurfaceVertexBytes = 20;
+
 /// The normal's fourth component encodes how finely the surface is sampled at the vertex: 127 × a_normal.w is
 /// kEdgeCodesPerOctave × log2 of the root mean square length of the vertex's edges, in lattice steps.
 inline constexpr float kEdgeCodesPerOctave = 4.0F;
