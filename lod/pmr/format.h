@@ -8,6 +8,7 @@
 #include <array>
 #include <cstdint>
 #include <glm/glm.hpp>
+#include <string>
 #include <vector>
 
 #include "base/bytes.h"
@@ -23,8 +24,12 @@ inline constexpr std::uint32_t kCoarsest = kLevels - 1;
 inline constexpr std::uint32_t kMaxLeafPoints = 12'000;
 /// Most points that a leaf's triangles can refer to, own and foreign ones.
 inline constexpr std::uint32_t kMaxVertices = 65'535;
+/// Most triangles of a level of a leaf.
+inline constexpr std::uint32_t kMaxTriangles = 4 * kMaxVertices;
 /// Lattice coordinates are 0 … 2^kPositionBits − 1.
 inline constexpr std::uint32_t kPositionBits = 21;
+/// Most bytes of a chunk.
+inline constexpr std::uint32_t kMaxChunkBytes = 1U << 23;
 
 /// The threshold ρ of radius / height that made a level; 0 for level 0.
 inline constexpr float thresholdOf(std::uint32_t level) {
@@ -64,13 +69,18 @@ struct Leaf {
   /// Own points of the level, and all that the level can use; foreign points count from their class on.
   std::uint32_t pointsAt(std::uint32_t level) const;
   std::uint32_t verticesAt(std::uint32_t level) const;
-  /// Where the chunks lie in the file.
+  /// Where the chunks lie in the file. A chunk without points, or without triangles, has no bytes.
   std::uint64_t pointOffset(std::uint32_t point_class) const;
   std::uint64_t triangleOffset(std::uint32_t level) const;
 };
 
 /// Length of the header: fixed.
 inline constexpr std::uint32_t kHeaderBytes = 128;
+/// A table has at least so many bytes for each leaf, so a short damaged one cannot claim many leaves.
+inline constexpr std::uint32_t kMinLeafBytes = 8;
+/// The error for a damaged file: `problem`, and what to do.
+base::Error damaged(const std::string& problem);
+
 /// Reads the header from the file's front. Errors: kVersion for an unknown version; kInvalidInput for a file that is no
 /// pmr.lgm, cut short, damaged or contradictory.
 base::Result<Header> readHeader(base::ByteView front);
@@ -79,9 +89,11 @@ base::Bytes headerBytes(const Header& header);
 /// Reads the table, of header.table_bytes bytes, in the order of the leaves' codes. Errors: kInvalidInput where it is
 /// damaged or contradicts itself or the header.
 base::Result<std::vector<Leaf>> readTable(const Header& header, base::ByteView table);
-/// Encodes the table. The leaves' offsets are ignored: they follow from the lengths of the chunks.
+/// Encodes the table, of at least kMinLeafBytes for each leaf. The leaves' offsets are ignored: they follow from the
+/// lengths of the chunks. Boxes grow to a coarser lattice, and radii are rounded by about 1 %.
 base::Bytes tableBytes(const std::vector<Leaf>& leaves, const Lattice& lattice);
-/// Sets the leaves' offsets, and base_bytes and file_bytes of the header, from the lengths of table and chunks.
+/// Sets the leaves' offsets, and base_bytes and file_bytes of the header, from header.table_bytes and the lengths of
+/// the chunks.
 void placeChunks(Header& header, std::vector<Leaf>& leaves);
 
 }  // namespace lod::pmr

@@ -21,12 +21,12 @@ struct TraverseRequest {
 struct ChosenLeaf {
   std::uint32_t leaf = 0;
   std::uint32_t level = 0;
-  float pixel = 0.0F;     ///< size of a pixel at the nearest corner of the leaf's box, scene units (figure 5); above 0
+  float pixel = 0.0F;     ///< pixelSizeAt() the leaf's box (figure 5)
   float priority = 0.0F;  ///< larger ones are fetched first: the leaf's extent in pixels
 };
 
-/// The size of a pixel at the corner of the box that is nearest to the eye, scene units: the least of the box, so no
-/// detail is left out that shows. The eye within the box: a pixel at the near plane.
+/// The size of a pixel where the box is nearest to the eye, scene units: the least of what a picture shows of the box,
+/// so no detail is left out. It counts by distance along the viewing direction, at least to the near plane.
 float pixelSizeAt(const base::Camera& camera, const base::Aabb& box);
 /// The level whose mean umbrella radius is nearest to tolerance × pixel by ratio. The tolerance fades to 1 between
 /// pixels of 2 and 4 times the radius at level 0, if it is above 1 ("Results": sparse levels are used where they do not

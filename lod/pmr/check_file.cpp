@@ -1,0 +1,1 @@
+#include "lod/pmr/check_file.h"

@@ -1,0 +1,69 @@
+#include "lod/pmr/draw_list.h"
+
+#include <algorithm>
+#include <numeric>
+
+namespace lod::pmr {
+namespace {
+
+/// The numbers 0 … values.size() − 1 by falling values.
+std::vector<std::uint32_t> orderByFalling(const std::vector<float>& values) {
+  std::vector<std::uint32_t> order(values.size());
+  std::iota(order.begin(), order.end(), 0U);
+  std::sort(order.begin(), order.end(),
+            [&](std::uint32_t a, std::uint32_t b) { return values[a] != values[b] ? values[a] > values[b] : a < b; });
+  return order;
+}
+
+/// How many of the falling radii belong to umbrellas larger than the pixel.
+std::uint32_t countUmbrellas(const std::vector<float>& radii, float pixel) {
+  const auto end = std::partition_point(radii.begin(), radii.end(), [&](float r) { return !(2.0F * r < pixel); });
+  return static_cast<std::uint32_t>(end - radii.begin());
+}
+
+}  // namespace
+
+DrawnPart DrawList::pointsAt(float pixel) const {
+  return {countUmbrellas(point_radii, pixel), static_cast<std::uint32_t>(point_radii.size())};
+}
+
+DrawnPart DrawList::trianglesAt(float pixel) const {
+  return {0, countUmbrellas(reaches, pixel)};
+}
+
+DrawList makeDrawList(std::span<const glm::vec3> positions, const std::vector<bool>& is_own,
+                      std::span<const std::uint16_t> corners) {
+  std::vector<float> radii(positions.size(), 0.0F);
+  for (std::size_t i = 0; i + 2 < corners.size(); i += 3) {
+    for (const auto& [a, b] : {std::pair(i, i + 1), std::pair(i + 1, i + 2), std::pair(i + 2, i)}) {
+      const float length = glm::length(positions[corners[a]] - positions[corners[b]]);
+      radii[corners[a]] = std::max(radii[corners[a]], length);
+      radii[corners[b]] = std::max(radii[corners[b]], length);
+    }
+  }
+
+  DrawList list;
+  std::vector<std::uint16_t> own;
+  std::vector<float> own_radii;
+  for (std::size_t v = 0; v < positions.size(); ++v) {
+    if (!is_own[v]) continue;
+    own.push_back(static_cast<std::uint16_t>(v));
+    own_radii.push_back(radii[v]);
+  }
+  for (const std::uint32_t i : orderByFalling(own_radii)) {
+    list.points.push_back(own[i]);
+    list.point_radii.push_back(own_radii[i]);
+  }
+
+  std::vector<float> reaches(corners.size() / 3, 0.0F);
+  for (std::size_t i = 0; i < 3 * reaches.size(); ++i)
+    if (is_own[corners[i]]) reaches[i / 3] = std::max(reaches[i / 3], radii[corners[i]]);
+  for (const std::uint32_t t : orderByFalling(reaches)) {
+    const auto first = corners.begin() + std::ptrdiff_t{3} * t;
+    list.corners.insert(list.corners.end(), first, first + 3);
+    list.reaches.push_back(reaches[t]);
+  }
+  return list;
+}
+
+}  // namespace lod::pmr

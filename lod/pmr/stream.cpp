@@ -1,0 +1,1 @@
+#include "lod/pmr/stream.h"
