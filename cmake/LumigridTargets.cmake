@@ -74,9 +74,9 @@ lumigrid_row(server_net
        server_auth server_render server_bake server_session server_scene server_log server_metrics
   LINKS Boost::headers Threads::Threads spdlog::spdlog nlohmann_json::nlohmann_json)
 lumigrid_row(lumigrid
-  USES ${_any_base} mesh lod_ingest lod_patch lod_patch_builder lod_qsplat lod_qsplat_builder lod_texture lod_draw
-       sampling cache faces packs objects repository protocol server_auth server_render server_bake server_export
-       server_session server_scene server_trial server_net server_log server_metrics
+  USES ${_any_base} mesh lod_ingest lod_patch lod_patch_builder lod_qsplat lod_qsplat_builder lod_pmr lod_pmr_builder
+       lod_texture lod_draw sampling cache faces packs objects repository protocol server_auth server_render server_bake
+       server_export server_session server_scene server_trial server_net server_log server_metrics
   LINKS CLI11::CLI11 spdlog::spdlog nlohmann_json::nlohmann_json openmesh)
 lumigrid_row(client
   USES base base_gl lod_patch lod_qsplat lod_pmr lod_draw sampling faces packs cache protocol plan
@@ -196,11 +196,13 @@ function(lumigrid_check_walls)
   endforeach()
 endfunction()
 
-# Rows of the page are for the preset "web" alone, those of lumigrid-compare for builds that have it.
+# Rows of the page are for the preset "web" alone, those of lumigrid-compare and of CGAL's user for builds that have
+# them.
 function(lumigrid_check_rows)
   foreach(name IN LISTS LUMIGRID_ROWS)
     set(expected TRUE)
-    if(EMSCRIPTEN OR name MATCHES "^client_web" OR (name MATCHES "compare$" AND NOT LUMIGRID_COMPARE))
+    if(EMSCRIPTEN OR name MATCHES "^client_web" OR (name MATCHES "compare$" AND NOT LUMIGRID_COMPARE)
+       OR (name STREQUAL "lod_pmr_builder" AND NOT LUMIGRID_PMR))
       set(expected FALSE)
     endif()
     if(expected AND NOT TARGET ${name})

@@ -24,8 +24,7 @@ struct Direction {
   std::uint8_t first_type;
   std::array<const char*, 7> messages;  // in the order of the variant
 };
-constexpr Direction kFromClient{
-    "client", kMaxClientMessage, "64 KiB", 0x01, {"Hello", "View", "Eviction", "Holdings"}};
+constexpr Direction kFromClient{"client", kMaxClientMessage, "64 KiB", 0x01, {"Hello", "View", "Eviction", "Holdings"}};
 constexpr Direction kFromServer{"server",
                                 kMaxServerMessage,
                                 "16 MiB",
@@ -33,7 +32,6 @@ constexpr Direction kFromServer{"server",
                                 {"Welcome", "Face", "Refinement", "Frame", "Completion", "Refusal", "Part"}};
 
 constexpr double kPi = 3.14159265358979323846;
-constexpr std::uint8_t kSplatsOnly = 1;  // the byte behind a Refusal's reason
 
 base::Error bad(std::string problem) {
   return {base::ErrorCode::kInvalidInput, std::move(problem)};
@@ -377,14 +375,15 @@ base::Result<void> readBody(base::ByteReader& in, Completion& complete) {
 void writeBody(base::ByteWriter& out, const Refusal& refusal) {
   out.u16(refusal.version);
   writeText(out, refusal.reason, kMaxText);
-  if (refusal.splats_only) out.u8(kSplatsOnly);
+  if (refusal.instead != Streamed::kNothing) out.u8(static_cast<std::uint8_t>(refusal.instead));
 }
 
 /// A Refusal has the same layout in every version, and later versions may append bytes, which are ignored here.
 base::Result<void> readBody(base::ByteReader& in, Refusal& refusal) {
   refusal.version = in.u16();
   if (!readText(in, kMaxText, refusal.reason)) return bad("its reason is cut short, too long or not plain text");
-  refusal.splats_only = !in.atEnd() && in.u8() == kSplatsOnly;
+  const std::uint8_t instead = in.atEnd() ? std::uint8_t{0} : in.u8();
+  if (instead <= static_cast<std::uint8_t>(Streamed::kUmbrellas)) refusal.instead = static_cast<Streamed>(instead);
   return {};
 }
 

@@ -130,11 +130,18 @@ struct Completion {
   std::uint32_t sequence = 0;
 };
 
+/// The file of a scene without patches, which clients read over HTTP.
+enum class Streamed : std::uint8_t {
+  kNothing,
+  kSplats,     ///< /qsplat.lgq
+  kUmbrellas,  ///< /pmr.lgm
+};
+
 /// Says in plain words why the connection is about to end.
 struct Refusal {
   std::uint16_t version = kVersion;  ///< the server's
   std::string reason;
-  bool splats_only = false;  ///< the scene has splats and nothing else; clients read them over HTTP (/qsplat.lgq)
+  Streamed instead = Streamed::kNothing;  ///< what the scene has, where it has no patches
 };
 
 /// Several larger messages can be under way at once, one a stream.

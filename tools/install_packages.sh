@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # tools/install_packages.sh PURPOSE...: installs the Debian packages of these sections of tools/packages.txt (run,
-# build, web, compare, test, fuzz) that are missing, and says what to do where it cannot. --list prints the names and
-# installs nothing.
+# build, web, compare, pmr, test, fuzz) that are missing, and says what to do where it cannot. --list prints the names
+# and installs nothing.
 set -eu
 here=$(cd "$(dirname "$0")" && pwd)
 list=no
@@ -10,7 +10,7 @@ if [ "${1:-}" = --list ]; then
   shift
 fi
 if [ $# -eq 0 ]; then
-  echo "usage: tools/install_packages.sh [--list] PURPOSE... (run, build, web, compare, test, fuzz)" >&2
+  echo "usage: tools/install_packages.sh [--list] PURPOSE... (run, build, web, compare, pmr, test, fuzz)" >&2
   exit 2
 fi
 

@@ -289,7 +289,18 @@ std::string patchPath(const std::string& directory, const Scene& scene) {
 }
 
 std::string splatPath(const std::string& directory, const Scene& scene) {
-  return directory + "/" + partFile(scene, "qsplat", ".lgq").value_or("qsplat.lgq");
+  return streamedPath(directory, scene, kSplatMethod);
+}
+
+const StreamedMethod* methodWithoutPatches(const Scene& scene) {
+  if (partFile(scene, "patch", ".lgp")) return nullptr;
+  for (const StreamedMethod& method : kStreamedMethods)
+    if (partFile(scene, method.name, method.extension)) return &method;
+  return nullptr;
+}
+
+std::string streamedPath(const std::string& directory, const Scene& scene, const StreamedMethod& method) {
+  return directory + "/" + partFile(scene, method.name, method.extension).value_or(method.file());
 }
 
 Result<std::string> sha256OfFile(const std::string& path, const std::function<bool()>& go_on) {

@@ -103,6 +103,21 @@ std::optional<std::string> partFile(const Scene& scene, const std::string& stem,
 std::string patchPath(const std::string& directory, const Scene& scene);
 /// The path of the splat tree: directory/qsplat.lgq, or its published name.
 std::string splatPath(const std::string& directory, const Scene& scene);
+/// A method of one file that viewers stream by ranges, with no need of patches. The file is called as the method is:
+/// qsplat.lgq.
+struct StreamedMethod {
+  const char* name;
+  const char* extension;
+  std::string file() const { return std::string(name) + extension; }
+};
+inline constexpr StreamedMethod kSplatMethod{"qsplat", ".lgq"};
+inline constexpr StreamedMethod kUmbrellaMethod{"pmr", ".lgm"};
+inline constexpr StreamedMethod kStreamedMethods[] = {kSplatMethod, kUmbrellaMethod};
+/// The method of a scene without patches that viewers show unless they are told another; null: the scene has patches,
+/// or nothing to stream.
+const StreamedMethod* methodWithoutPatches(const Scene& scene);
+/// The path of the method's file: directory/qsplat.lgq, or its published name.
+std::string streamedPath(const std::string& directory, const Scene& scene, const StreamedMethod& method);
 /// Turns "patch.lgp", or a name that has an id already, into "patch-<id>.lgp". `sha256`: of the bytes, lower-case hex.
 std::string publishedName(const std::string& file, const std::string& sha256);
 /// Whether the name has an id before the last dot, as publishedName gives it.

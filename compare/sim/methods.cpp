@@ -15,7 +15,7 @@ bool canBePublished(const server::OpenScene& scene) {
   return hasImages(scene) && !scene.directory.empty();
 }
 bool hasSplats(const server::OpenScene& scene) {
-  return scene.splat_file != nullptr;
+  return !scene.directory.empty() && server::streamedFile(scene, base::kSplatMethod) != nullptr;
 }
 bool hasPatches(const server::OpenScene& scene) {
   return scene.data.patches != nullptr;

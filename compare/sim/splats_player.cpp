@@ -46,7 +46,7 @@ class SplatsPlayer final : public HostPlayer {
 
 base::Result<std::unique_ptr<Player>> makeSplatsPlayer(const Stage& stage, const MethodSetting& setting,
                                                        const LinkProfile& link) {
-  const server::OpenFile* const file = stage.scene->splat_file.get();
+  const server::StreamedFile* const file = server::streamedFile(*stage.scene, base::kSplatMethod);
   if (file == nullptr)
     return base::Error{base::ErrorCode::kNotFound, "the scene has no splats; build it with --methods qsplat"};
   protocol::Welcome welcome = protocol::welcomeOf(stage.scene->scene, "scene");
@@ -54,12 +54,13 @@ base::Result<std::unique_ptr<Player>> makeSplatsPlayer(const Stage& stage, const
   client::SplatOptions options;
   options.cutoff_px = static_cast<float>(setting.knob);
   options.clock = {};  // every frame of motion counts as if it took the time that it may take
-  auto fetcher =
-      std::make_unique<SimulatedFetcher>([file](const std::string& name, std::uint64_t offset,
-                                                std::uint64_t length) { return file->read(name, offset, length); },
-                                         link, stage.seed);
+  auto fetcher = std::make_unique<SimulatedFetcher>(
+      [file](const std::string& name, std::uint64_t offset, std::uint64_t length) {
+        return file->source->read(name, offset, length);
+      },
+      link, stage.seed);
   return std::unique_ptr<Player>(
-      std::make_unique<SplatsPlayer>(stage, client::SplatFilePlace{"scene", "qsplat.lgq", file->size()},
+      std::make_unique<SplatsPlayer>(stage, client::SplatFilePlace{"scene", "qsplat.lgq", file->bytes},
                                      std::move(welcome), std::move(fetcher), options, link));
 }
 

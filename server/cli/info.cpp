@@ -5,6 +5,7 @@
 #include <filesystem>
 #include <memory>
 #include <nlohmann/json.hpp>
+#include <optional>
 
 #include "base/hash/sha256.h"
 #include "base/json/annotations_file.h"
@@ -16,7 +17,7 @@
 #include "server/cli/commands.h"
 #include "server/cli/console.h"
 #include "server/cli/method_digest.h"
-#include "server/cli/splat_info.h"
+#include "server/cli/streamed_info.h"
 #include "server/cli/tuned.h"
 #include "server/scene/open_scene.h"
 
@@ -248,13 +249,19 @@ void printAppearance(const nlohmann::json& j) {
     std::printf("north: %g degrees, towards %s\n", s["north"].get<double>(), j["north_direction"].dump().c_str());
 }
 
-// A scene that was made from points has splats only.
+/// The points of a scene that was made from points; nothing for others, and where the scene is far away.
+std::optional<std::uint64_t> sourcePoints(const nlohmann::json& j) {
+  if (j["scene"]["triangles"].get<std::uint64_t>() != 0) return std::nullopt;
+  if (j.contains("qsplat")) return j["qsplat"]["leaves"].get<std::uint64_t>();
+  if (j.contains("pmr")) return j["pmr"]["points"].get<std::uint64_t>();
+  return std::nullopt;
+}
+
 void printScene(const InfoArguments& a, const nlohmann::json& j) {
   const auto& s = j["scene"];
-  const auto triangles = s["triangles"].get<std::uint64_t>();
-  const bool points = triangles == 0 && j.contains("qsplat");
+  const auto points = sourcePoints(j);
   std::printf("%s: %s %s, colours: %s, light: %s, units: %s\n", a.scene.c_str(),
-              formatCount(points ? j["qsplat"]["leaves"].get<std::uint64_t>() : triangles).c_str(),
+              formatCount(points.value_or(s["triangles"].get<std::uint64_t>())).c_str(),
               points ? "points" : "triangles", s["has_colors"].get<bool>() ? "yes" : "no",
               textIn(s["light"], "mode").c_str(), textIn(s, "units").c_str());
   std::printf("box %s to %s\n", s["box_min"].dump().c_str(), s["box_max"].dump().c_str());
@@ -305,6 +312,10 @@ void print(const InfoArguments& a, const nlohmann::json& j, const ChoiceTexts& c
   if (j.contains("qsplat")) {
     std::printf("splats: %s\n", describeSplats(j["qsplat"]).c_str());
     printDigest(j["qsplat"], "content");
+  }
+  if (j.contains("pmr")) {
+    std::printf("umbrellas: %s\n", describeUmbrellas(j["pmr"]).c_str());
+    printDigest(j["pmr"], "content");
   }
   if (j.contains("images"))
     printImages(j["images"], choices.tuning);
@@ -358,6 +369,17 @@ base::Result<nlohmann::json> describeSplatFile(const InfoArguments& a, const Ope
   return j;
 }
 
+/// Nothing when the scene has no pmr.lgm, or is not on this machine.
+base::Result<nlohmann::json> describeUmbrellaFile(const InfoArguments& a, const OpenScene& open) {
+  if (open.directory.empty() || streamedFile(open, base::kUmbrellaMethod) == nullptr) return nlohmann::json();
+  const std::string path = base::streamedPath(open.directory, open.scene, base::kUmbrellaMethod);
+  LUMIGRID_ASSIGN_OR_RETURN(auto j, readUmbrellasJson(path));
+  if (a.digest) {
+    LUMIGRID_ASSIGN_OR_RETURN(j["sha256"], methodDigest(path));
+  }
+  return j;
+}
+
 /// With the digest where it is asked for, and the choice of --tune where there is one.
 base::Result<nlohmann::json> describeImageStore(const InfoArguments& a, const OpenScene& open) {
   // A published repository counts what it holds, so that nothing need be fetched.
@@ -399,6 +421,8 @@ base::Result<nlohmann::json> describe(const InfoArguments& a, const OpenScene& o
   }
   LUMIGRID_ASSIGN_OR_RETURN(auto splats, describeSplatFile(a, open));
   if (!splats.is_null()) j["qsplat"] = std::move(splats);
+  LUMIGRID_ASSIGN_OR_RETURN(auto umbrellas, describeUmbrellaFile(a, open));
+  if (!umbrellas.is_null()) j["pmr"] = std::move(umbrellas);
   LUMIGRID_ASSIGN_OR_RETURN(auto textures, describeTextures(open));
   if (!textures.is_null()) j["texture"] = std::move(textures);
   if (open.images) {
@@ -444,7 +468,7 @@ RunCommand addInfo(CLI::App& command) {
   command.add_flag(
       "--digest", a->digest,
       "also SHA-256s: over the keys and values of all images, the same however they are divided; and, of a "
-      "scene on this machine, over patch.lgp and qsplat.lgq without the version of their format");
+      "scene on this machine, over patch.lgp, qsplat.lgq and pmr.lgm without the version of their format");
   command.add_flag("--json", a->json, "as JSON");
   return [a] { return run(*a); };
 }

@@ -9,8 +9,8 @@
 namespace server::cli {
 namespace {
 
-// Both formats begin alike (docs/formats/patch.md, docs/formats/qsplat.md): 8 bytes of magic, u32 version, u32 length
-// of the header, whose last field is its checksum.
+// All formats begin alike (docs/formats/patch.md, qsplat.md and pmr.md there): 8 bytes of magic, u32 version, u32
+// length of the header, whose last field is its checksum.
 constexpr std::size_t kVersionAt = 8;
 constexpr std::size_t kLengthAt = 12;
 constexpr std::size_t kFieldBytes = 4;

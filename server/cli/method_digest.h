@@ -6,9 +6,9 @@
 
 namespace server::cli {
 
-/// SHA-256, in hexadecimal digits, of patch.lgp or qsplat.lgq with zeros in place of the header's version (bytes 8 to
-/// 11) and checksum (the header's last 4 bytes), which covers the version. Errors: kNotFound, kIo; kInvalidInput where
-/// the file is shorter than its header says.
+/// SHA-256, in hexadecimal digits, of patch.lgp, qsplat.lgq or pmr.lgm with zeros in place of the header's version
+/// (bytes 8 to 11) and checksum (the header's last 4 bytes), which covers the version. Errors: kNotFound, kIo;
+/// kInvalidInput where the file is shorter than its header says.
 base::Result<std::string> methodDigest(const std::string& path);
 
 }  // namespace server::cli

@@ -59,7 +59,9 @@ constexpr const char* kBinary = "application/octet-stream";
 
 // A directory in which `lumigrid build` made a scene is refused: objects of two kinds would lie side by side there.
 Result<void> refuseBuiltScene(repository::ObjectSink& sink) {
-  for (const char* name : {"patch.lgp", "qsplat.lgq", base::kBuildingFile, "images/data.mdb"}) {
+  std::vector<std::string> built{"patch.lgp", base::kBuildingFile, "images/data.mdb"};
+  for (const base::StreamedMethod& method : base::kStreamedMethods) built.push_back(method.file());
+  for (const std::string& name : built) {
     LUMIGRID_ASSIGN_OR_RETURN(auto size, sink.size(name));
     if (size.has_value())
       return Error{ErrorCode::kExists,
@@ -197,10 +199,10 @@ Result<void> setMeta(std::string& html, const std::string& name, const std::stri
 }
 
 /// The page's index.html, told to show the scene beside it.
-Result<base::Bytes> rootBesideScene(const base::Bytes& html, bool splats_only) {
+Result<base::Bytes> rootBesideScene(const base::Bytes& html, const base::StreamedMethod* method) {
   std::string text(html.begin(), html.end());
   LUMIGRID_TRY(setMeta(text, "lumigrid-scene", "scene.json"));
-  if (splats_only) LUMIGRID_TRY(setMeta(text, "lumigrid-method", "qsplat"));
+  if (method != nullptr) LUMIGRID_TRY(setMeta(text, "lumigrid-method", method->name));
   return base::Bytes(text.begin(), text.end());
 }
 
@@ -210,7 +212,9 @@ bool isCompressedForm(const std::string& name, const Objects& objects) {
 
 bool isScenes(const std::string& name) {
   return name == "scene.json" || name == "annotations.json" || name == kPageList || name.starts_with("images/") ||
-         name.ends_with(".lgp") || name.ends_with(".lgq");
+         name.ends_with(".lgp") ||
+         std::any_of(std::begin(base::kStreamedMethods), std::end(base::kStreamedMethods),
+                     [&](const base::StreamedMethod& method) { return name.ends_with(method.extension); });
 }
 
 /// The files that the last publisher wrote; none where there is no list.
@@ -278,15 +282,15 @@ Result<void> putList(const Hashes& hashes, repository::ObjectSink& sink) {
 /// Writes the files that are not there already, index.html after all that it names, then the list. `place` is the
 /// sink's, to read from.
 ///
-/// index.html is told in its <meta name="lumigrid-scene"> where the scene is, and in <meta name="lumigrid-method">
-/// whether it has splats only, so its compressed forms are left out; kInvalidInput where it has no such elements.
-/// A file that an earlier call did not write is never replaced: kExists, naming it, before anything is written.
-/// `prune` removes files of earlier pages that this one does not have. Otherwise they stay for pages that are open
-/// somewhere, but for compressed forms of files that this page has: they would be sent in these files' place.
+/// index.html is told in its <meta name="lumigrid-scene"> where the scene is, and in <meta name="lumigrid-method"> the
+/// method of one without patches (null: it has them), so its compressed forms are left out; kInvalidInput where it has
+/// no such elements. A file that an earlier call did not write is never replaced: kExists, naming it, before anything
+/// is written. `prune` removes files of earlier pages that this one does not have. Otherwise they stay for pages that
+/// are open somewhere, but for compressed forms of files that this page has: they would be sent in these files' place.
 Result<PublishedPage> publishPage(const PageFiles& pages, const std::string& place, repository::ObjectSink& sink,
-                                  bool splats_only, bool prune) {
+                                  const base::StreamedMethod* method, bool prune) {
   LUMIGRID_ASSIGN_OR_RETURN(auto source, repository::openObjectSource(place));
-  LUMIGRID_ASSIGN_OR_RETURN(const auto root, rootBesideScene(pages.at(kRoot).plain.bytes, splats_only));
+  LUMIGRID_ASSIGN_OR_RETURN(const auto root, rootBesideScene(pages.at(kRoot).plain.bytes, method));
   const Objects objects = objectsOf(pages, root);
   LUMIGRID_ASSIGN_OR_RETURN(const auto before, readList(sink, *source));
   LUMIGRID_ASSIGN_OR_RETURN(auto names, namesToWrite(objects, before, sink, *source));
@@ -330,9 +334,9 @@ Result<std::optional<PageFiles>> pageFiles(const PublishArguments& a) {
 }
 
 // A place keeps a page of somebody's own, unless --viewer on asks for ours, which is an error then.
-Result<void> publishPageTo(const PublishArguments& a, const PageFiles& pages, bool splats_only,
+Result<void> publishPageTo(const PublishArguments& a, const PageFiles& pages, const base::StreamedMethod* method,
                            repository::ObjectSink& sink, PublishReport& report) {
-  auto page = publishPage(pages, a.destination, sink, splats_only, a.prune);
+  auto page = publishPage(pages, a.destination, sink, method, a.prune);
   if (!page && page.error().code == ErrorCode::kExists && a.viewer == "auto") {
     std::fprintf(stderr, "lumigrid: the page is left out: %s\n", page.error().message.c_str());
     return {};
@@ -358,7 +362,7 @@ Result<void> publishAnnotations(const PublishArguments& a, const std::optional<b
 
 // Opens the scene as a server does, which checks that its patches and images belong together.
 Result<std::unique_ptr<OpenScene>> openWhole(const PublishArguments& a, const base::Scene& scene) {
-  if (base::partFile(scene, "patch", ".lgp") || base::partFile(scene, "qsplat", ".lgq")) return openScene(a.scene);
+  if (base::partFile(scene, "patch", ".lgp") || base::methodWithoutPatches(scene) != nullptr) return openScene(a.scene);
   return Error{ErrorCode::kInvalidInput, a.scene + ": scene.json lists no patch.lgp; build the scene again"};
 }
 
@@ -373,8 +377,7 @@ Result<PublishReport> publish(const PublishArguments& a) {
   LUMIGRID_TRY(refuseBuiltScene(*sink));
 
   PublishReport report;
-  const bool splats_only = open->data.patches == nullptr;
-  if (pages) LUMIGRID_TRY(publishPageTo(a, *pages, splats_only, *sink, report));
+  if (pages) LUMIGRID_TRY(publishPageTo(a, *pages, base::methodWithoutPatches(built), *sink, report));
   base::Scene scene = publicScene(built);
   for (const base::ScenePart& part : built.parts) {
     if (isImages(part) || (isTextures(part) && !a.with_textures)) continue;

@@ -12,6 +12,8 @@
 #include "base/file.h"
 #include "base/hash/sha256.h"
 #include "base/json/annotations_file.h"
+#include "lod/disk_bytes.h"
+#include "lod/pmr/check_file.h"
 #include "lod/qsplat/splat_file.h"
 #include "lod/texture/format.h"
 #include "repository/access.h"
@@ -63,6 +65,23 @@ void verifySplats(const std::string& path, const base::Scene& scene, Faults& fau
     faults.push_back(path + ": its root lies outside the scene's box");
 }
 
+// Checks points and umbrellas on the disk in the same way.
+void verifyUmbrellas(const std::string& path, const base::Scene& scene, Faults& faults) {
+  auto opened = valueOrFault(base::PositionedFile::open(path), faults);
+  if (!opened) return;
+  const lod::DiskBytes file(std::move(*opened));
+  for (const std::string& fault : lod::pmr::checkFile(file)) faults.push_back(path + ": " + fault);
+  base::Bytes front(lod::pmr::kHeaderBytes);
+  if (!file.read(0, front)) return;
+  const auto header = lod::pmr::readHeader(front);
+  if (!header) return;
+  if (header->colors != scene.has_colors) faults.push_back(path + ": colours do not agree with scene.json");
+  const base::Aabb box = scene.localBox();
+  const float slack = header->bounds.radius + 1e-6F * box.diagonal();
+  if (!base::Aabb{box.min - slack, box.max + slack}.contains(header->bounds.center))
+    faults.push_back(path + ": its points lie outside the scene's box");
+}
+
 // Checks a patch hierarchy on the disk in the same way.
 void verifyPatches(const std::string& path, const base::Scene& scene, Faults& faults) {
   const auto patches = valueOrFault(lod::patch::PatchFile::open(path), faults);
@@ -78,6 +97,18 @@ void verifyPatches(const std::string& path, const base::Scene& scene, Faults& fa
     if (h.patches[i].level == 0 && !(box.contains(h.patches[i].box.min) && box.contains(h.patches[i].box.max)))
       faults.push_back(path + ": leaf patch " + std::to_string(i) + " lies outside the scene's box");
 }
+
+using VerifyFile = void (*)(const std::string& path, const base::Scene& scene, Faults& faults);
+
+/// A method's one file.
+struct MethodFile {
+  const char* stem;
+  const char* extension;
+  VerifyFile verify;
+};
+constexpr MethodFile kMethodFiles[] = {{"patch", ".lgp", verifyPatches},
+                                       {base::kSplatMethod.name, base::kSplatMethod.extension, verifySplats},
+                                       {base::kUmbrellaMethod.name, base::kUmbrellaMethod.extension, verifyUmbrellas}};
 
 // Checks the textures of the leaves.
 void verifyTextures(const std::string& path, const std::string& patch_path, Faults& faults) {
@@ -192,10 +223,13 @@ base::Result<Faults> verifyHere(const std::string& directory, const VerifyProgre
   LUMIGRID_ASSIGN_OR_RETURN(auto scene, base::readScene(directory));
   Faults faults;
   verifyParts(directory, scene, faults);
-  const bool has_splats = base::partFile(scene, "qsplat", ".lgq").has_value();
-  if (has_splats) verifySplats(base::splatPath(directory, scene), scene, faults);
-  if (!has_splats || base::partFile(scene, "patch", ".lgp"))
-    verifyPatches(base::patchPath(directory, scene), scene, faults);
+  bool has_method = false;
+  for (const MethodFile& method : kMethodFiles) {
+    const auto file = base::partFile(scene, method.stem, method.extension);
+    if (file) method.verify(directory + "/" + *file, scene, faults);
+    has_method = has_method || file;
+  }
+  if (!has_method) verifyPatches(base::patchPath(directory, scene), scene, faults);  // says that there are none
   if (const auto textures = base::partFile(scene, "texture", ".lgt"))
     verifyTextures(directory + "/" + *textures, base::patchPath(directory, scene), faults);
   const auto index = base::partFile(scene, "images/index", ".lgi");
@@ -268,10 +302,8 @@ void verifyPart(const repository::ObjectSource& source, const base::ScenePart& p
     faults.push_back(object + ": its SHA-256 is " + *hash + ", scene.json says " + part.sha256);
 }
 
-using VerifyFile = void (*)(const std::string& path, const base::Scene& scene, Faults& faults);
-
-// Checks a method's file through a local copy, since it is read through a memory map; length and SHA-256 are compared
-// while it is copied.
+// Checks a method's file through a local copy, since it is read out of order; length and SHA-256 are compared while it
+// is copied.
 void verifyFarFile(const repository::ObjectSource& source, const base::ScenePart& part, const base::Scene& scene,
                    VerifyFile verify, const VerifyProgress& progress, Faults& faults) {
   const auto folder = valueOrFault(WorkFolder::make(), faults);
@@ -302,7 +334,7 @@ void verifyFarAnnotations(const repository::ObjectSource& source, Faults& faults
 }
 
 /// Reads everything of the scene at a place ("https://host/scene", "s3://bucket/scene") by ranges, several at a time,
-/// and past every cache: each part's length and SHA-256 against scene.json; the hierarchy, through a file in the
+/// and past every cache: each part's length and SHA-256 against scene.json; hierarchies, through a file in the
 /// directory for temporary files; each pack and value; annotations. Memory does not grow with the scene. Errors: those
 /// of reading scene.json, and no published scene there.
 base::Result<Faults> verifyFar(const std::string& place, const VerifyProgress& progress) {
@@ -311,10 +343,14 @@ base::Result<Faults> verifyFar(const std::string& place, const VerifyProgress& p
   LUMIGRID_ASSIGN_OR_RETURN(const auto json, readSceneJson(*source));
   LUMIGRID_ASSIGN_OR_RETURN(const auto scene,
                             base::parseScene(std::string(json.begin(), json.end()), source->place() + "/scene.json"));
-  const auto patches = base::partFile(scene, "patch", ".lgp");
-  const auto splats = base::partFile(scene, "qsplat", ".lgq");
+  const auto methodOf = [&](const base::ScenePart& part) {
+    return std::find_if(std::begin(kMethodFiles), std::end(kMethodFiles), [&](const MethodFile& method) {
+      return base::isPublishedName(part.file) && base::partFile(scene, method.stem, method.extension) == part.file;
+    });
+  };
   const auto index = base::partFile(scene, "images/index", ".lgi");
-  if (!patches || !base::isPublishedName(*patches))
+  if (std::all_of(scene.parts.begin(), scene.parts.end(),
+                  [&](const base::ScenePart& part) { return methodOf(part) == std::end(kMethodFiles); }))
     return base::Error{base::ErrorCode::kInvalidInput,
                        place + ": is not a published scene; put there what `lumigrid publish` wrote"};
 
@@ -323,10 +359,8 @@ base::Result<Faults> verifyFar(const std::string& place, const VerifyProgress& p
     if (!progress(0.0)) return faults;
     if (!repository::isObjectName(part.file))
       faults.push_back(place + ": scene.json lists a part '" + part.file + "', which cannot be");
-    else if (part.file == *patches)
-      verifyFarFile(*source, part, scene, verifyPatches, progress, faults);
-    else if (part.file == splats)
-      verifyFarFile(*source, part, scene, verifySplats, progress, faults);
+    else if (const auto* method = methodOf(part); method != std::end(kMethodFiles))
+      verifyFarFile(*source, part, scene, method->verify, progress, faults);
     else
       verifyPart(*source, part, faults);
   }

@@ -309,7 +309,7 @@ void HttpSession::answer(HttpRequest request) {
   if (head_.is_upgrade && (path == "/" || path == "/ws")) return upgradeToWebSocket();
   const bool reads = request.method == "GET" || request.method == "HEAD";
   const bool needs_patches = reads && (path == "/render" || path == "/pick");
-  if (needs_patches && !hosted_->hasPatches()) return doWrite(splatsOnlyReply());
+  if (needs_patches && !hosted_->hasPatches()) return doWrite(withoutPatchesReply());
   if (reads && path == "/render") return requestPicture(request);
   if (reads && path == "/pick") return requestPick(request);
   HttpReply reply = hosted_->site->answer(request, hub_->place);

@@ -33,7 +33,7 @@ void reportImageErrors(OpenScene& scene) {
 }  // namespace
 
 std::unique_ptr<FairQueue> HostedScene::makeFetchers(const OpenScene& scene) {
-  const bool is_far = scene.data.images_are_remote || scene.remote_splats != nullptr;
+  const bool is_far = scene.data.images_are_remote || (scene.directory.empty() && !scene.streamed.empty());
   return std::make_unique<FairQueue>(is_far ? kFarFetchers : kLocalFetchers, kFetchesPerClient);
 }
 

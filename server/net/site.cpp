@@ -94,10 +94,11 @@ HttpReply badRequest(const base::Error& error) {
   return textReply(400, error.message + "\n");
 }
 
-HttpReply splatsOnlyReply() {
-  return textReply(501,
-                   "this scene has splats only, and this needs patches; build them too (lumigrid build --methods "
-                   "patch,qsplat), which needs a mesh\n");
+HttpReply withoutPatchesReply() {
+  return textReply(
+      501,
+      "this scene has no patches, which this needs; build them too (lumigrid build --methods patch), which "
+      "needs a mesh\n");
 }
 
 HttpReply preflightReply() {
@@ -161,7 +162,9 @@ Site::Site(OpenScene& scene, PageFiles pages)
       pages_(std::move(pages)),
       annotations_(scene.directory, scene.annotations_json),
       scene_etag_(entityTag(scene.scene_json)) {
-  addSceneFiles();
+  if (scene.patch_file != nullptr) addSceneFile("patch", ".lgp", *scene.patch_file, scene.patch_file->size());
+  for (const StreamedFile& file : scene.streamed)
+    addSceneFile(file.method.name, file.method.extension, *file.source, file.bytes);
 }
 
 void Site::readAppearance() {
@@ -214,31 +217,15 @@ void Site::takeUpAppearance(const base::Scene& changed) {
   if (is_relit && take_up_light_) take_up_light_(scene.light);
 }
 
-void Site::addSceneFiles() {
-  const auto addLocal = [this](SceneFile file, const OpenFile& opened) {
-    file.source = &opened;
-    file.size = opened.size();
-    files_.push_back(std::move(file));
-  };
-  if (scene_.patch_file != nullptr) addLocal(sceneFile("patch", ".lgp"), *scene_.patch_file);
-  SceneFile splats = sceneFile("qsplat", ".lgq");
-  splats.source = scene_.remote_splats.get();
-  if (splats.source != nullptr)
-    files_.push_back(std::move(splats));
-  else if (scene_.splat_file != nullptr)
-    addLocal(std::move(splats), *scene_.splat_file);
-}
-
-/// The names, tag and size of a file as scene.json has them.
-Site::SceneFile Site::sceneFile(const std::string& stem, const std::string& extension) const {
+/// Its names and tag are those that scene.json has.
+void Site::addSceneFile(const std::string& stem, const std::string& extension, const repository::ObjectSource& source,
+                        std::uint64_t bytes) {
   const std::string name = base::partFile(scene_.scene, stem, extension).value_or(stem + extension);
-  SceneFile file{"/" + stem + extension, "/" + name, "", nullptr, 0};
-  for (const base::ScenePart& listed : scene_.scene.parts) {
-    if (listed.file != name) continue;
-    file.size = listed.bytes;
-    if (listed.sha256.size() > kIdDigits) file.etag = '"' + listed.sha256.substr(0, kIdDigits) + '"';
-  }
-  return file;
+  SceneFile file{"/" + stem + extension, "/" + name, "", &source, bytes};
+  for (const base::ScenePart& listed : scene_.scene.parts)
+    if (listed.file == name && listed.sha256.size() > kIdDigits)
+      file.etag = '"' + listed.sha256.substr(0, kIdDigits) + '"';
+  files_.push_back(std::move(file));
 }
 
 const Site::SceneFile* Site::findSceneFile(std::string_view path) const {
@@ -257,32 +244,33 @@ HttpReply Site::answer(const HttpRequest& request, const std::string& place) {
   if (path == "/scene.json") return sceneReply(request);
   if (path == "/annotations.json") return annotationsReply(request);
   if (const SceneFile* file = findSceneFile(path)) return sceneFileReply(request, *file);
-  if (path == "/patch.lgp") return splatsOnlyReply();
+  if (path == "/patch.lgp") return withoutPatchesReply();
   // The page's files are looked up in memory, never on the disk, so that no path can lead elsewhere.
   if (path.starts_with('/'))
     if (const auto page = pages_.find(path.substr(1)); page != pages_.end()) return pageReply(request, page->second);
   return textReply(404,
-                   "not here; there are /, /scene.json, /patch.lgp, /qsplat.lgq (if built), /annotations.json, "
-                   "/render, /pick, /healthz and "
-                   "the WebSocket at /\n");
+                   "not here; there are /, /scene.json, /patch.lgp, /qsplat.lgq and /pmr.lgm (if built), "
+                   "/annotations.json, /render, /pick, /healthz and the WebSocket at /\n");
 }
 
-/// For a splats-only scene the page is redirected to ?method=qsplat, so that it loads the program for splats at once.
+/// For a scene without patches the page is redirected to ?method=qsplat or pmr, so that it loads that program at once.
 HttpReply Site::homeReply(const HttpRequest& request, const std::string& place) const {
   const auto page = pages_.find("index.html");
   if (page == pages_.end()) return plainHomeReply(request, place);
   const std::string_view query = request.target.substr(request.path().size());
   const bool has_choice = query.find("method=") != query.npos || query.find("scene=") != query.npos;
-  if (scene_.data.patches != nullptr || has_choice) return pageReply(request, page->second);
-  return textReply(302, "see ?method=qsplat\n",
-                   {{"Location", query.size() > 1 ? std::string(query) + "&method=qsplat" : "?method=qsplat"}});
+  if (scene_.streamed.empty() || scene_.data.patches != nullptr || has_choice) return pageReply(request, page->second);
+  const std::string choice = std::string("method=") + scene_.streamed.front().method.name;
+  return textReply(302, "see ?" + choice + "\n",
+                   {{"Location", query.size() > 1 ? std::string(query) + "&" + choice : "?" + choice}});
 }
 
 HttpReply Site::plainHomeReply(const HttpRequest& request, const std::string& place) const {
   const std::string name = escapeHtml(scene_.data.welcome.scene_name);
+  const bool splats = scene_.data.instead == protocol::Streamed::kSplats;
   const std::string size = scene_.data.patches != nullptr
                                ? std::to_string(scene_.data.welcome.source_triangles) + " triangles"
-                               : std::string("Splats");
+                               : std::string(splats ? "Splats" : "Points");
   const std::string& attribution = scene_.data.welcome.attribution;
   const std::string credit = attribution.empty() ? "" : "<p>" + escapeHtml(attribution) + "</p>\n";
   HttpReply reply = textReply(

@@ -52,8 +52,8 @@ struct HttpReply {
 HttpReply textReply(int status, std::string text, HttpHeaders headers = {});
 /// Status 400 with the error's line.
 HttpReply badRequest(const base::Error& error);
-/// The answer of a splats-only scene to requests that need patches.
-HttpReply splatsOnlyReply();
+/// The answer of a scene without patches to requests that need them.
+HttpReply withoutPatchesReply();
 /// Tells browsers what a page of another host may request (CORS); they may keep the answer for a day.
 HttpReply preflightReply();
 /// Status 503, which tells the visitor to ask again after `seconds`.
@@ -125,8 +125,8 @@ class Site {
     const repository::ObjectSource* source = nullptr;  ///< reads it; outlives the site
     std::uint64_t size = 0;
   };
-  SceneFile sceneFile(const std::string& stem, const std::string& extension) const;
-  void addSceneFiles();
+  void addSceneFile(const std::string& stem, const std::string& extension, const repository::ObjectSource& source,
+                    std::uint64_t bytes);
   const SceneFile* findSceneFile(std::string_view path) const;
   static HttpReply sceneFileReply(const HttpRequest& request, const SceneFile& file);
 

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cstdlib>
 #include <filesystem>
+#include <string_view>
 #include <tuple>
 #include <utility>
 
@@ -87,12 +88,20 @@ namespace {
 
 constexpr unsigned kRemoteReads = 8;  // under way at a time for the images of one view
 
+protocol::Streamed streamedInstead(const base::Scene& scene) {
+  const base::StreamedMethod* method = base::methodWithoutPatches(scene);
+  if (method == nullptr) return protocol::Streamed::kNothing;
+  const bool splats = std::string_view(method->name) == base::kSplatMethod.name;
+  return splats ? protocol::Streamed::kSplats : protocol::Streamed::kUmbrellas;
+}
+
 std::unique_ptr<OpenScene> openDocument(base::Scene scene, base::Bytes json_bytes, const std::string& place) {
   auto open = std::make_unique<OpenScene>();
   open->scene = std::move(scene);
   open->scene_json = std::move(json_bytes);
   open->name = nameOf(place);
   open->data.welcome = protocol::welcomeOf(open->scene, open->name);
+  open->data.instead = streamedInstead(open->scene);
   open->data.on_read_error = [errors = open->read_errors.get()](const base::Error& error) {
     errors->report("scene", error);
   };
@@ -192,6 +201,27 @@ void readRemoteAnnotations(const repository::ObjectSource& source, const RemoteO
     options.warn("no annotations: " + notes.error().message);
 }
 
+base::Result<void> openRemoteStreamed(const std::shared_ptr<const repository::ObjectSource>& source,
+                                      const std::string& directory, const RemoteOptions& options, OpenScene& open) {
+  for (const base::StreamedMethod& method : base::kStreamedMethods) {
+    const base::ScenePart* part = publishedPart(open.scene, method.name, method.extension);
+    if (part == nullptr) continue;
+    LUMIGRID_ASSIGN_OR_RETURN(auto cached, openCachedSource(source, directory, options));
+    open.streamed.push_back({method, part->bytes, std::move(cached)});
+  }
+  return {};
+}
+
+base::Result<void> openStreamed(const std::string& directory, OpenScene& open) {
+  for (const base::StreamedMethod& method : base::kStreamedMethods) {
+    if (!base::partFile(open.scene, method.name, method.extension)) continue;
+    LUMIGRID_ASSIGN_OR_RETURN(auto file, OpenFile::open(base::streamedPath(directory, open.scene, method)));
+    const std::uint64_t bytes = file->size();
+    open.streamed.push_back({method, bytes, std::move(file)});
+  }
+  return {};
+}
+
 // Opens a published scene behind a network. Every object but scene.json is named by its content, so caches stay valid.
 base::Result<std::unique_ptr<OpenScene>> openRemoteScene(const std::string& place, const RemoteOptions& options) {
   LUMIGRID_ASSIGN_OR_RETURN(const auto directory, cacheDirectory(options, place));
@@ -203,9 +233,9 @@ base::Result<std::unique_ptr<OpenScene>> openRemoteScene(const std::string& plac
 
   std::unique_ptr<OpenScene> open = openDocument(std::move(scene), std::move(json_bytes), place);
   const base::ScenePart* patches = publishedPart(open->scene, "patch", ".lgp");
-  const base::ScenePart* splats = publishedPart(open->scene, "qsplat", ".lgq");
   const auto index = base::partFile(open->scene, "images/index", ".lgi");
-  if (patches == nullptr && splats == nullptr)
+  LUMIGRID_TRY(openRemoteStreamed(source, directory, options, *open));
+  if (patches == nullptr && open->streamed.empty())
     return base::Error{base::ErrorCode::kInvalidInput,
                        place + ": is not a published scene; put there what `lumigrid publish` wrote"};
   if (patches != nullptr) {
@@ -213,9 +243,6 @@ base::Result<std::unique_ptr<OpenScene>> openRemoteScene(const std::string& plac
         const auto path, repository::mirrorObject(*source, patches->file, directory + "/hierarchies", patches->sha256));
     LUMIGRID_TRY(openHierarchy(path, *open));
     mirrorTextures(*source, directory + "/hierarchies", options, *open);
-  }
-  if (splats != nullptr) {
-    LUMIGRID_ASSIGN_OR_RETURN(open->remote_splats, openCachedSource(source, directory, options));
   }
   if (patches != nullptr && index) {
     LUMIGRID_ASSIGN_OR_RETURN(auto far, openCachedSource(source, directory, options));
@@ -241,14 +268,18 @@ base::Result<std::unique_ptr<OpenScene>> openScene(const std::string& place, con
   std::unique_ptr<OpenScene> open = openDocument(std::move(scene), std::move(json_bytes), place);
   open->directory = place;
   open->images_identity = imagesIdentity(place);
-  const bool has_splats = base::partFile(open->scene, "qsplat", ".lgq").has_value();
-  if (has_splats) {
-    LUMIGRID_ASSIGN_OR_RETURN(open->splat_file, OpenFile::open(base::splatPath(place, open->scene)));
-  }
-  if (has_splats && !base::partFile(open->scene, "patch", ".lgp")) return open;
+  LUMIGRID_TRY(openStreamed(place, *open));
+  if (!open->streamed.empty() && !base::partFile(open->scene, "patch", ".lgp")) return open;
   LUMIGRID_TRY(openHierarchy(base::patchPath(place, open->scene), *open));
   LUMIGRID_TRY(openImages(place, *open));
   return open;
+}
+
+const StreamedFile* streamedFile(const OpenScene& open, const base::StreamedMethod& method) {
+  const auto it = std::find_if(open.streamed.begin(), open.streamed.end(), [&](const StreamedFile& one) {
+    return std::string_view(one.method.name) == method.name;
+  });
+  return it == open.streamed.end() ? nullptr : &*it;
 }
 
 bool isSameBuild(const base::Scene& a, const base::Scene& b) {

@@ -24,17 +24,25 @@ namespace server {
 
 /// The local cache of a remote scene.
 struct RemoteOptions {
-  std::string cache_directory;                         ///< empty: defaultCacheDirectory()
-  std::uint64_t cache_bytes = std::uint64_t{4} << 30;  ///< for images, index and splats; the hierarchy comes on top
-  std::function<void(const std::string&)> warn;        ///< gets a line for each failure of the cache; may be null
+  std::string cache_directory;  ///< empty: defaultCacheDirectory()
+  std::uint64_t cache_bytes = std::uint64_t{4}
+                              << 30;             ///< for images, index and streamed files; the hierarchy comes on top
+  std::function<void(const std::string&)> warn;  ///< gets a line for each failure of the cache; may be null
 };
 /// $XDG_CACHE_HOME/lumigrid or ~/.cache/lumigrid; empty where neither is known.
 std::string defaultCacheDirectory();
 
+/// The file of a method that viewers stream by ranges: qsplat.lgq, pmr.lgm.
+struct StreamedFile {
+  base::StreamedMethod method{};
+  std::uint64_t bytes = 0;
+  std::unique_ptr<repository::ObjectSource> source;  ///< not null; reads a remote file through the cache
+};
+
 /// Owns everything that `data` points to, and so must not be moved.
 struct OpenScene : std::enable_shared_from_this<OpenScene> {
   base::Scene scene;
-  lod::patch::PatchFile patches;              ///< empty where data.patches is null: a splats-only scene
+  lod::patch::PatchFile patches;              ///< empty where data.patches is null
   std::unique_ptr<repository::Store> images;  ///< null: the scene has no repository
   repository::PackStore* packs = nullptr;     ///< `images` of a published scene; null for a built one
   repository::SampledPoints points;           ///< points of the repository
@@ -44,8 +52,7 @@ struct OpenScene : std::enable_shared_from_this<OpenScene> {
   std::string name;                           ///< the scene's by its place
   std::string annotations_json;               ///< annotations of a remote scene, checked; empty: it has none
   std::unique_ptr<OpenFile> patch_file;       ///< patch.lgp, or its mirror, for byte ranges; null: no patches
-  std::unique_ptr<OpenFile> splat_file;       ///< qsplat.lgq likewise; null: not built, or remote
-  std::unique_ptr<repository::ObjectSource> remote_splats;  ///< reads a remote qsplat.lgq by ranges; null: no such file
+  std::vector<StreamedFile> streamed;         ///< of the methods that the scene has, in the order of kStreamedMethods
   std::unique_ptr<lod::patch::ProxySight> sight;  ///< null: no images, or the hierarchy's coarse patches are damaged
   std::unique_ptr<plan::SightCache> sight_cache;  ///< of `sight`
   std::unique_ptr<MessageCache> messages;         ///< null: none
@@ -53,11 +60,14 @@ struct OpenScene : std::enable_shared_from_this<OpenScene> {
   SceneData data;  ///< for sessions; can_render_frames is false until a renderer runs
 };
 
-/// Opens scene.json, patch.lgp, qsplat.lgq and images/, as far as they are there, as `lumigrid build` or `lumigrid
-/// publish` left them (docs/formats/scene.md). Errors name the file; kNotFound without patches and splats. A built
-/// scene's repository is opened for reading, while a bake may write to it; LMDB forbids to open it twice in one
+/// Null: the scene has no such file.
+const StreamedFile* streamedFile(const OpenScene& open, const base::StreamedMethod& method);
+
+/// Opens scene.json, patch.lgp, qsplat.lgq, pmr.lgm and images/, as far as they are there, as `lumigrid build` or
+/// `lumigrid publish` left them (docs/formats/scene.md). Errors name the file; kNotFound without any of the three. A
+/// built scene's repository is opened for reading, while a bake may write to it; LMDB forbids to open it twice in one
 /// process. `place` may also be a published scene behind a network, "https://host/scene" or "s3://bucket/scene"
-/// (docs/places.md): its hierarchy is mirrored, since blocks are read all the time; images and splats are read by range
+/// (docs/places.md): its hierarchy is mirrored, since blocks are read all the time; the rest is read by range
 /// through a cache.
 base::Result<std::unique_ptr<OpenScene>> openScene(const std::string& place, const RemoteOptions& options = {});
 

@@ -75,7 +75,7 @@ base::Result<void> Session::acceptMessage(const protocol::Hello& hello) {
   decodes_webp_ = (hello.frame_codecs & protocol::kDecodesWebp) != 0;
   frames_.setCodec(decodes_webp_ ? protocol::FrameCodec::kWebp : protocol::FrameCodec::kJpeg);
   frames_.setMostPixels(hello.frame_pixels);
-  if (scene_.patches == nullptr) return refuseSplatsOnly();
+  if (scene_.patches == nullptr) return refuseWithoutPatches();
   phase_ = Phase::kReady;
   const lod::patch::Hierarchy& hierarchy = scene_.patches->hierarchy();
   has_group_.assign(hierarchy.groups.size(), false);
@@ -120,11 +120,14 @@ base::Error Session::refuse(base::ErrorCode code, const std::string& reason) {
   return {code, reason};
 }
 
-/// The Refusal says that the scene is splats-only; clients that draw splats fetch them over HTTP then.
-base::Error Session::refuseSplatsOnly() {
-  const base::Error error = refuse(base::ErrorCode::kUnsupported,
-                                   "this scene has splats only; look at it with --method qsplat, or in a browser");
-  greeting_ = protocol::encode(protocol::Refusal{protocol::kVersion, error.message, true});
+/// The Refusal says what the scene has instead; clients that draw that fetch it over HTTP then.
+base::Error Session::refuseWithoutPatches() {
+  const bool splats = scene_.instead == protocol::Streamed::kSplats;
+  const base::Error error =
+      refuse(base::ErrorCode::kUnsupported, std::string("this scene has ") + (splats ? "splats" : "points") +
+                                                " only; look at it with --method " + (splats ? "qsplat" : "pmr") +
+                                                ", or in a browser");
+  greeting_ = protocol::encode(protocol::Refusal{protocol::kVersion, error.message, scene_.instead});
   return error;
 }
 

@@ -41,10 +41,11 @@ namespace server {
 /// that makes sessions, `welcome`.
 struct SceneData {
   protocol::Welcome welcome;                       ///< as new sessions take it
-  const lod::patch::PatchFile* patches = nullptr;  ///< null: a splats-only scene; every client is refused
-  const lod::patch::ProxySight* sight = nullptr;   ///< occlusion, for the choice of images; null: nothing is occluded
-  plan::SightCache* sight_cache = nullptr;         ///< what `sight` told any session; null: nothing is remembered
-  const repository::Store* images = nullptr;       ///< null: no repository
+  const lod::patch::PatchFile* patches = nullptr;  ///< null: every client is refused, and told what there is instead
+  protocol::Streamed instead = protocol::Streamed::kSplats;  ///< where `patches` is null
+  const lod::patch::ProxySight* sight = nullptr;  ///< occlusion, for the choice of images; null: nothing is occluded
+  plan::SightCache* sight_cache = nullptr;        ///< what `sight` told any session; null: nothing is remembered
+  const repository::Store* images = nullptr;      ///< null: no repository
   bool images_are_remote = false;  ///< true: the caller fetches them for nextFaceRequest(); false: sessions read them
   bool images_are_webp = false;    ///< true: clients that do not decode WebP get none
   const repository::SampleTree* tree = nullptr;  ///< the sampled points; null: all of the grid
@@ -127,7 +128,7 @@ class Session {
   base::Result<void> acceptMessage(const protocol::Eviction& evicted);
   base::Result<void> acceptMessage(const protocol::Holdings& have);
   base::Error refuse(base::ErrorCode code, const std::string& reason);
-  base::Error refuseSplatsOnly();
+  base::Error refuseWithoutPatches();
 
   // ---- out ----
   std::optional<SharedMessage> chooseMessage();

@@ -39,7 +39,7 @@ void fuzzOne(base::ByteView bytes) {
   LUMIGRID_CHECK(base::formatScene(*again) == text);
   (void)base::northOf(*scene);
   (void)base::patchPath("place", *scene);
-  (void)base::splatPath("place", *scene);
+  for (const base::StreamedMethod& method : base::kStreamedMethods) (void)base::streamedPath("place", *scene, method);
 }
 
 }  // namespace fuzz

@@ -219,7 +219,7 @@ TEST(Message, bytesOfVersionSixStay) {
   EXPECT_EQ(encode(ClientMessage(Eviction{{{1, 0, 0, 3}}, {7}})),
             (base::Bytes{0x03, 1, 0, 0, 0, 1, 0, 0, 0, 0, 0x58, 0, 0, 0, 0, 0, 0, 7, 0, 0, 0}));
   EXPECT_EQ(encode(ServerMessage(Refusal{6, "no"})), (base::Bytes{0x86, 6, 0, 2, 0, 'n', 'o'}));
-  EXPECT_EQ(encode(ServerMessage(Refusal{6, "no", true})), (base::Bytes{0x86, 6, 0, 2, 0, 'n', 'o', 1}));
+  EXPECT_EQ(encode(ServerMessage(Refusal{6, "no", Streamed::kSplats})), (base::Bytes{0x86, 6, 0, 2, 0, 'n', 'o', 1}));
   EXPECT_EQ(encode(ServerMessage(Part{Stream::kFrames, true, false, {9, 8}})), (base::Bytes{0x87, 1, 1, 0, 9, 8}));
   EXPECT_EQ(encode(ClientMessage(View{})).size(), 102U);
   const base::Bytes frame = encode(ServerMessage(Frame{1, {}, true, {0x77}}));
@@ -229,14 +229,18 @@ TEST(Message, bytesOfVersionSixStay) {
 }
 
 TEST(Message, bytesBehindARefusalAreReadWhereKnown) {
-  for (const auto& [more, splats_only] : std::vector<std::pair<base::Bytes, bool>>{
-           {{}, false}, {{0}, false}, {{1}, true}, {{1, 7, 7}, true}, {{2}, false}}) {
+  for (const auto& [more, instead] : std::vector<std::pair<base::Bytes, Streamed>>{{{}, Streamed::kNothing},
+                                                                                   {{0}, Streamed::kNothing},
+                                                                                   {{1}, Streamed::kSplats},
+                                                                                   {{1, 7, 7}, Streamed::kSplats},
+                                                                                   {{2}, Streamed::kUmbrellas},
+                                                                                   {{3}, Streamed::kNothing}}) {
     base::Bytes bytes{0x86, 2, 0, 2, 0, 'n', 'o'};
     bytes.insert(bytes.end(), more.begin(), more.end());
     const auto message = decodeServerMessage(bytes);
     ASSERT_TRUE(message);
     EXPECT_EQ(std::get<Refusal>(*message).reason, "no");
-    EXPECT_EQ(std::get<Refusal>(*message).splats_only, splats_only);
+    EXPECT_EQ(std::get<Refusal>(*message).instead, instead);
   }
 }
 

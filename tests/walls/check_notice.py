@@ -23,11 +23,13 @@ LIBRARIES = {
     "libcurl": "libcurl",
     "libdraco": "Draco",
     "libfmt": "{fmt}",
+    "libgmp": "GMP",
     "libglfw": "GLFW",
     "libjpeg": "libjpeg-turbo",
     "liblmdb": "LMDB",
     "libmeshoptimizer": "meshoptimizer",
     "libmetis": "METIS",
+    "libmpfr": "MPFR",
     "libopencv": "OpenCV",
     "libpng": "libpng",
     "libspdlog": "spdlog",
@@ -44,6 +46,7 @@ SYSTEM = ("libc.so", "libm.so", "libgcc_s.so", "libstdc++.so", "ld-linux", "liba
 # Names in NOTICE by the beginning of an include.
 HEADERS = {
     "boost/": "Boost",
+    "CGAL/": "CGAL",
     "CLI/": "CLI11",
     "draco/": "Draco",
     "glm/": "GLM",
@@ -104,6 +107,8 @@ def named_in(notice):
     names = set(re.findall(r"(?:^|, )([^,()]+) \([^()]*\)", listed[1]))
     if "FFmpeg's libavcodec" in text:
         names.add("FFmpeg")
+    if "CGAL's 3D triangulation" in text:
+        names.update(("CGAL", "GMP", "MPFR"))
     return names
 
 

@@ -23,7 +23,7 @@ double numberAt(const nlohmann::json& json, const nlohmann::json::json_pointer& 
 
 base::Result<void> addToBuildRecord(const std::string& scene, const BuildReport& report) {
   const bool rendered = report.bake && report.bake->faces_rendered != 0;
-  if (!report.hierarchy && !report.splats && !rendered) return {};
+  if (!report.hierarchy && !report.splats && !report.umbrellas && !rendered) return {};
   using Place = nlohmann::json::json_pointer;
   const std::string path = scene + "/" + kBuildRecord;
   nlohmann::json record;
@@ -34,6 +34,7 @@ base::Result<void> addToBuildRecord(const std::string& scene, const BuildReport&
       std::max(numberAt(record, Place("/peak_memory_bytes")), static_cast<double>(peakResidentBytes()));
   if (report.hierarchy) record["patch"] = timesOf(*report.hierarchy);
   if (report.splats) record["qsplat"] = timesOf(*report.splats);
+  if (report.umbrellas) record["pmr"] = timesOf(*report.umbrellas);
   if (rendered)
     record["images"] = {
         {"seconds", numberAt(record, Place("/images/seconds")) + report.bake->seconds},

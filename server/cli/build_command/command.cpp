@@ -1,4 +1,5 @@
-// lumigrid build makes a scene: hierarchy, tree of splats, images, one after the other, each resumable.
+// lumigrid build makes a scene: hierarchy, tree of splats, points with umbrellas, images, one after the other, each
+// resumable.
 //
 // Any number of processes may work on one scene. Steps that concern the whole scene run under its lock
 // (SceneLock): making or opening it with its hierarchy, the choices made once for all images, and declaring it
@@ -45,13 +46,14 @@ Result<SceneLock> lockScene(const BuildArguments& a) {
 Result<BuildOutput> prepareScene(const BuildArguments& a, const SceneSources& sources, ShardSelection& selection,
                                  BuildReport& report, ProgressLine& line) {
   LUMIGRID_ASSIGN_OR_RETURN(auto output, openOutput(a, sources));
+  const auto lacks = [&](const FileMethod& method) {
+    return output.scene ? lacksFile(a, *output.scene, method) : wants(a, method.method);
+  };
+  if (lacks(kUmbrellas)) LUMIGRID_TRY(needUmbrellaBuilder());
   if (a.force) {
     LUMIGRID_TRY(needMeshes(a, "hierarchy"));
     LUMIGRID_TRY(removeScene(a.output));
   }
-  const auto lacks = [&](const FileMethod& method) {
-    return output.scene ? lacksFile(a, *output.scene, method) : wants(a, method.method);
-  };
   if (lacks(kPatches)) {
     LUMIGRID_TRY(buildPatches(a, sources, output.scene, report, line));
     LUMIGRID_TRY(recordMethods(a, output));
@@ -60,14 +62,22 @@ Result<BuildOutput> prepareScene(const BuildArguments& a, const SceneSources& so
     LUMIGRID_TRY(buildSplats(a, sources, output.scene, report, line));
     LUMIGRID_TRY(recordMethods(a, output));
   }
+  if (lacks(kUmbrellas)) {
+    LUMIGRID_TRY(buildUmbrellas(a, sources, output.scene, report, line));
+    LUMIGRID_TRY(recordMethods(a, output));
+  }
   LUMIGRID_TRY(settleDivision(a, output, selection));
   return output;
 }
 
 /// For --methods auto: a cloud of points has no triangles for patches.
-void chooseSplats(BuildArguments& a) {
-  if (!a.quiet) std::fprintf(stderr, "auto: points without faces, so only a tree of splats is built\n");
-  a.methods = {"qsplat"};
+void chooseWithoutPatches(BuildArguments& a) {
+  std::erase(a.methods, "patch");
+  if (a.methods.empty()) a.methods = {"qsplat"};
+  if (!a.quiet) {
+    const std::string methods = listMethods([&](const char* method) { return wants(a, method); });
+    std::fprintf(stderr, "auto: points without faces, so only %s is built\n", methods.c_str());
+  }
   a.automatic = false;
 }
 
@@ -142,7 +152,7 @@ Result<void> build(BuildArguments a) {
     LUMIGRID_ASSIGN_OR_RETURN(const auto lock, lockScene(a));
     auto prepared = prepareScene(a, sources, selection, report, line);
     if (!prepared && a.automatic && prepared.error().code == base::ErrorCode::kUnsupported) {
-      chooseSplats(a);
+      chooseWithoutPatches(a);
       prepared = prepareScene(a, sources, selection, report, line);
     }
     if (!prepared) return prepared.error();
@@ -186,6 +196,7 @@ Result<MissingParts> findMissingParts(BuildArguments a) {
   if (!output.scene) {
     missing.hierarchy = wants(a, "patch");
     missing.splats = wants(a, "qsplat");
+    missing.umbrellas = wants(a, "pmr");
     return missing;
   }
 
@@ -194,6 +205,7 @@ Result<MissingParts> findMissingParts(BuildArguments a) {
   missing.shards = selection.shards;
   missing.hierarchy = lacksFile(a, scene, kPatches);
   missing.splats = lacksFile(a, scene, kSplats);
+  missing.umbrellas = lacksFile(a, scene, kUmbrellas);
   if (!wants(a, "images")) {
     missing.declaration = !missing.files() && !output.finished && !hasMethod(scene.parameters, "images");
     return missing;

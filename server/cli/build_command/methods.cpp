@@ -231,27 +231,68 @@ Result<void> buildPatches(const BuildArguments& a, const SceneSources& sources, 
   return part.addTo(*scene);
 }
 
-Result<void> buildSplats(const BuildArguments& a, const SceneSources& sources, std::optional<base::Scene>& scene,
-                         BuildReport& report, ProgressLine& line) {
-  LUMIGRID_TRY(needMeshes(a, "tree of splats"));
-  PartFile part(a.output, kSplats.file);
-  lod::qsplat::builder::BuildOptions options;
+namespace {
+
+/// Builds a method's file from files of meshes or points. The method describes the scene only where no other one has.
+template <class Summary, class Options, class Build>
+Result<void> buildStreamed(const BuildArguments& a, const SceneSources& sources, const FileMethod& method,
+                           const char* name, Options options, const Build& build, std::optional<base::Scene>& scene,
+                           std::optional<Summary>& report, ProgressLine& line) {
+  PartFile part(a.output, method.file);
   options.limits = a.limits;
-  options.dice = a.splats_dice;
-  options.work_directory = workDirectory(a, kSplats);
+  options.work_directory = workDirectory(a, method);
   options.resume_key = resumeKey(sources);
-  options.coded = a.splats_coded;
   options.on_plan = [&](const lod::ingest::BuildPlan& plan) { printPlan(a, line, plan); };
   options.on_written = part.startHashing();
-  auto summary = lod::qsplat::builder::buildFromFiles(a.meshes, options, part.path(), progressOn(line, "splats"));
+  auto summary = build(a.meshes, options, part.path(), progressOn(line, name));
   line.finish();
   if (!summary) return summary.error();
   if (!scene) {
     printWarnings(*summary);
     LUMIGRID_ASSIGN_OR_RETURN(scene, describeScene(a, sources, *summary));
   }
-  report.splats = std::move(*summary);
+  report = std::move(*summary);
   return part.addTo(*scene);
 }
+
+}  // namespace
+
+Result<void> buildSplats(const BuildArguments& a, const SceneSources& sources, std::optional<base::Scene>& scene,
+                         BuildReport& report, ProgressLine& line) {
+  LUMIGRID_TRY(needMeshes(a, "tree of splats"));
+  lod::qsplat::builder::BuildOptions options;
+  options.dice = a.splats_dice;
+  options.coded = a.splats_coded;
+  return buildStreamed(a, sources, kSplats, "splats", options, lod::qsplat::builder::buildFromFiles, scene,
+                       report.splats, line);
+}
+
+#ifdef LUMIGRID_PMR
+
+Result<void> needUmbrellaBuilder() {
+  return {};
+}
+
+Result<void> buildUmbrellas(const BuildArguments& a, const SceneSources& sources, std::optional<base::Scene>& scene,
+                            BuildReport& report, ProgressLine& line) {
+  LUMIGRID_TRY(needMeshes(a, "points and umbrellas"));
+  return buildStreamed(a, sources, kUmbrellas, "umbrellas", lod::pmr::builder::BuildOptions(),
+                       lod::pmr::builder::buildFromFiles, scene, report.umbrellas, line);
+}
+
+#else
+
+Result<void> needUmbrellaBuilder() {
+  return base::Error{base::ErrorCode::kInvalidInput,
+                     "--methods pmr: this program was built without it, since it needs CGAL, which is under GPL-3; "
+                     "build Lumigrid with cmake -DLUMIGRID_PMR=ON (docs/pmr.md)"};
+}
+
+Result<void> buildUmbrellas(const BuildArguments&, const SceneSources&, std::optional<base::Scene>&, BuildReport&,
+                            ProgressLine&) {
+  return needUmbrellaBuilder();
+}
+
+#endif
 
 }  // namespace server::cli

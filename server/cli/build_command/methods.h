@@ -1,5 +1,6 @@
 #pragma once
-// `lumigrid build` makes the files of the methods: the patch hierarchy and the tree of splats.
+// `lumigrid build` makes the files of the methods: the patch hierarchy, the tree of splats, and points with their
+// umbrellas.
 #include <optional>
 #include <string>
 
@@ -23,5 +24,10 @@ base::Result<void> buildPatches(const BuildArguments& a, const SceneSources& sou
 /// The same for the tree of splats; it describes the scene only where no hierarchy has.
 base::Result<void> buildSplats(const BuildArguments& a, const SceneSources& sources, std::optional<base::Scene>& scene,
                                BuildReport& report, ProgressLine& line);
+/// The same for points and umbrellas.
+base::Result<void> buildUmbrellas(const BuildArguments& a, const SceneSources& sources,
+                                  std::optional<base::Scene>& scene, BuildReport& report, ProgressLine& line);
+/// An error where this program was built without the builder of pmr.lgm (CMake's option LUMIGRID_PMR).
+base::Result<void> needUmbrellaBuilder();
 
 }  // namespace server::cli

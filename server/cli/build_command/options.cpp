@@ -30,8 +30,9 @@ void declareMethodOptions(CLI::App& command, BuildArguments& a) {
   command
       .add_option("--methods", a.methods,
                   "parts to build: patch (the hierarchy), images (the repository; needs patch), qsplat (a tree of "
-                  "splats; also from point clouds, which are LAS files and PLY files without faces). auto: patch, and "
-                  "images where a few held-out views are nearer to the full model with them; says what it measured. A "
+                  "splats), pmr (points, and triangles around each); the last two also from point clouds, which are "
+                  "LAS files and PLY files without faces. auto: patch, and images where a few held-out views are "
+                  "nearer to the full model with them; says what it measured. A "
                   "scene that is there gets what it lacks")
       ->delimiter(',')
       ->check(CLI::IsMember([] {

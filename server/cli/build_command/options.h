@@ -50,10 +50,11 @@ struct FileMethod {
 };
 inline constexpr FileMethod kPatches{"patch", "patch.lgp", "patch.lgp.work"};
 inline constexpr FileMethod kSplats{"qsplat", "qsplat.lgq", "qsplat.lgq.work"};
+inline constexpr FileMethod kUmbrellas{"pmr", "pmr.lgm", "pmr.lgm.work"};
 /// Where the source has textures: the leaves' part of them.
 inline constexpr const char* kTextureFile = "texture.lgt";
-inline constexpr FileMethod kFileMethods[] = {kPatches, kSplats};
-inline constexpr const char* kMethods[] = {"patch", "images", "qsplat"};
+inline constexpr FileMethod kFileMethods[] = {kPatches, kSplats, kUmbrellas};
+inline constexpr const char* kMethods[] = {"patch", "images", "qsplat", "pmr"};
 /// Chooses among them.
 inline constexpr const char* kAuto = "auto";
 

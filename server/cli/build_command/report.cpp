@@ -7,7 +7,7 @@
 #include "server/cli/auto_choice.h"
 #include "server/cli/console.h"
 #include "server/cli/scene_images.h"
-#include "server/cli/splat_info.h"
+#include "server/cli/streamed_info.h"
 #include "server/cli/tuned.h"
 
 namespace server::cli {
@@ -41,6 +41,23 @@ nlohmann::json splatBuildJson(const lod::qsplat::builder::BuildSummary& q) {
   return j;
 }
 
+nlohmann::json umbrellaBuildJson(const lod::pmr::builder::BuildSummary& p) {
+  nlohmann::json j = umbrellasJson(p.header, p.points, p.triangles);
+  j["duplicates"] = p.duplicates;
+  j["outliers"] = p.outliers;
+  j["seconds"] = p.seconds;
+  j["cpu_seconds"] = p.cpu_seconds;
+  j["points_per_cpu_second"] = perSecond(p.header.points, p.cpu_seconds);
+  return j;
+}
+
+/// The summary of the source by the first method that was built; null where none was.
+const lod::ingest::SourceSummary* sourceSummary(const BuildReport& r) {
+  if (r.hierarchy) return &*r.hierarchy;
+  if (r.splats) return &*r.splats;
+  return r.umbrellas ? &*r.umbrellas : nullptr;
+}
+
 /// Whether any face is more than one image.
 bool hasTiles(const BakeSummary& b) {
   return std::any_of(b.by_depth.begin() + 1, b.by_depth.end(), [](const TileCount& c) { return c.tiles > 0; });
@@ -69,10 +86,10 @@ nlohmann::json reportJson(const base::Scene& scene, const BuildReport& r) {
                    {"peak_memory_bytes", peakResidentBytes()},
                    {"complete", r.missing.empty()},
                    {"removed", {{"damaged", r.removed.damaged}, {"orphans", r.removed.orphans}}}};
-  if (r.hierarchy || r.splats)
-    j["import_seconds"] = r.hierarchy ? r.hierarchy->import_seconds : r.splats->import_seconds;
+  if (const auto* source = sourceSummary(r)) j["import_seconds"] = source->import_seconds;
   if (r.hierarchy) j["hierarchy"] = hierarchyJson(*r.hierarchy, scene.triangles);
   if (r.splats) j["qsplat"] = splatBuildJson(*r.splats);
+  if (r.umbrellas) j["pmr"] = umbrellaBuildJson(*r.umbrellas);
   if (r.trial) j["auto"] = trialJson(*r.trial);
   if (r.tuned) j["tuned"] = tunedJson(*r.tuned);
   if (r.bake) j["images"] = imagesJson(*r.bake);
@@ -84,7 +101,7 @@ void printOutcome(const BuildArguments& a, const BuildOutput& output, const Buil
   if (r.removed.damaged + r.removed.orphans > 0)
     std::printf("repaired: %s damaged images rendered again, %s removed that did not belong here\n",
                 formatCount(r.removed.damaged).c_str(), formatCount(r.removed.orphans).c_str());
-  else if (output.finished && !r.hierarchy && !r.splats && (!r.bake || r.bake->faces_rendered == 0))
+  else if (output.finished && sourceSummary(r) == nullptr && (!r.bake || r.bake->faces_rendered == 0))
     std::printf("%s: finished and whole; nothing was to be done\n", a.output.c_str());
   std::printf("peak memory %s\n", formatBytes(peakResidentBytes()).c_str());
   if (r.missing.empty())
@@ -112,6 +129,21 @@ void printSplats(const lod::qsplat::builder::BuildSummary& q) {
               describeSplats(splatsJson(q.header)).c_str());
 }
 
+void printUmbrellas(const lod::pmr::builder::BuildSummary& p) {
+  std::printf("umbrellas: %.0f points/s (%.0f per core) in %s; %s duplicates left out, %s points without a triangle\n",
+              perSecond(p.header.points, p.seconds), perSecond(p.header.points, p.cpu_seconds),
+              formatSeconds(p.seconds).c_str(), formatCount(p.duplicates).c_str(), formatCount(p.outliers).c_str());
+  std::printf("  %s\n", describeUmbrellas(umbrellasJson(p.header, p.points, p.triangles)).c_str());
+}
+
+/// The points of a scene that was made from points, where they were built; nothing for others.
+std::optional<std::uint64_t> sourcePoints(const base::Scene& scene, const BuildReport& r) {
+  if (scene.triangles != 0) return std::nullopt;
+  if (r.splats) return r.splats->header.leaves;
+  if (r.umbrellas) return r.umbrellas->header.points;
+  return std::nullopt;
+}
+
 void printImages(const BakeSummary& b) {
   std::printf("images: %.1f images/s; %s rendered (%s empty), %s were there already; %s pictures, %s coverage\n",
               perSecond(b.faces_rendered, b.seconds), formatCount(b.faces_rendered).c_str(),
@@ -125,13 +157,14 @@ void printImages(const BakeSummary& b) {
 
 void printText(const BuildArguments& a, const BuildOutput& output, const BuildReport& r) {
   const base::Scene& scene = *output.scene;
-  const bool points = scene.triangles == 0 && r.splats;
-  std::printf("%s: %s %s\n", a.output.c_str(), formatCount(points ? r.splats->header.leaves : scene.triangles).c_str(),
+  const auto points = sourcePoints(scene, r);
+  std::printf("%s: %s %s\n", a.output.c_str(), formatCount(points.value_or(scene.triangles)).c_str(),
               points ? "points" : "triangles");
   for (const auto& [repair, count] : scene.repairs)
     std::printf("  repaired: %s %s\n", formatCount(count).c_str(), repair.c_str());
   if (r.hierarchy) printHierarchy(*r.hierarchy, scene.triangles);
   if (r.splats) printSplats(*r.splats);
+  if (r.umbrellas) printUmbrellas(*r.umbrellas);
   if (r.trial) std::printf("auto: %s\n", describeTrial(*r.trial).c_str());
   if (r.tuned) std::printf("tuned to %s dB: %s\n", a.tune.c_str(), describeChoice(*r.tuned).c_str());
   if (r.bake) printImages(*r.bake);

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "lod/patch/builder/hierarchy_build.h"
+#include "lod/pmr/builder/build.h"
 #include "lod/qsplat/builder/build.h"
 #include "repository/repository.h"
 #include "repository/verify.h"
@@ -17,6 +18,7 @@ namespace server::cli {
 struct BuildReport {
   std::optional<lod::patch::builder::HierarchySummary> hierarchy;  ///< absent when a resumed build had it already
   std::optional<lod::qsplat::builder::BuildSummary> splats;        ///< the same
+  std::optional<lod::pmr::builder::BuildSummary> umbrellas;        ///< the same
   std::optional<Trial> trial;                                      ///< with --methods auto
   std::optional<TuneChoice> tuned;
   std::optional<BakeSummary> bake;             ///< over all shards that this process did

@@ -157,7 +157,8 @@ Result<void> removeScene(const std::string& directory) {
     LUMIGRID_TRY(repository::removeLmdbStore(repository::storeDirectory(images, shard.count, shard.index)));
   if (layout.undivided) LUMIGRID_TRY(repository::removeLmdbStore(images));
   for (const char* name : {"scene.json", base::kBuildingFile, kPatches.file, kPatches.work_files, kTextureFile,
-                           kSplats.file, kSplats.work_files, "images", "access.lga", "access.lga.lock", kBuildRecord}) {
+                           kSplats.file, kSplats.work_files, kUmbrellas.file, kUmbrellas.work_files, "images",
+                           "access.lga", "access.lga.lock", kBuildRecord}) {
     std::error_code error;
     fs::remove_all(fs::path(directory) / name, error);
     if (error) return Error{ErrorCode::kIo, directory + "/" + name + ": cannot remove: " + error.message()};

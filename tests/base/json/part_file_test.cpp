@@ -30,4 +30,24 @@ TEST(PartFile, partsAreFoundByStemAndExtensionUnderEitherName) {
   EXPECT_EQ(base::partFile(scene, "qsplat", ".lgq"), std::nullopt);
 }
 
+TEST(PartFile, streamedMethodsHaveAFileOfTheirName) {
+  base::Scene scene;
+  EXPECT_EQ(base::streamedPath("dir", scene, base::kSplatMethod), "dir/qsplat.lgq");
+  scene.parts = {{"pmr-" + kId + ".lgm", 1, ""}};
+  EXPECT_EQ(base::streamedPath("dir", scene, base::kUmbrellaMethod), "dir/pmr-" + kId + ".lgm");
+}
+
+TEST(PartFile, methodOfASceneWithoutPatchesIsTheFirstOfThoseItHas) {
+  const auto methodOf = [](const std::vector<base::ScenePart>& parts) {
+    base::Scene scene;
+    scene.parts = parts;
+    const base::StreamedMethod* method = base::methodWithoutPatches(scene);
+    return std::string(method == nullptr ? "none" : method->name);
+  };
+  EXPECT_EQ(methodOf({}), "none");
+  EXPECT_EQ(methodOf({{"pmr.lgm", 1, ""}}), "pmr");
+  EXPECT_EQ(methodOf({{"pmr.lgm", 1, ""}, {"qsplat.lgq", 1, ""}}), "qsplat");
+  EXPECT_EQ(methodOf({{"patch.lgp", 1, ""}, {"pmr.lgm", 1, ""}}), "none");
+}
+
 }  // namespace

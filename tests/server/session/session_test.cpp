@@ -125,16 +125,21 @@ TEST(Session, anotherVersionIsRefusedInPlainWords) {
       "this server speaks protocol " + std::to_string(protocol::kVersion) + ", the client speaks 0; update the client");
 }
 
-TEST(Session, splatsOnlySceneIsRefused) {
-  SceneData data;
-  Talk talk(data);
-  const auto taken = talk.say(protocol::Hello{protocol::kVersion, "test 1"});
-  ASSERT_FALSE(taken);
-  EXPECT_EQ(taken.error().code, base::ErrorCode::kUnsupported);
-  const auto refusal = std::get<protocol::Refusal>(*talk.next());
-  EXPECT_TRUE(refusal.splats_only);
-  EXPECT_EQ(refusal.reason, taken.error().message);
-  EXPECT_TRUE(talk.session.finished());
+TEST(Session, sceneWithoutPatchesIsRefusedAndSaysWhatItHas) {
+  for (const auto& [instead, method] : {std::pair(protocol::Streamed::kSplats, "--method qsplat"),
+                                        std::pair(protocol::Streamed::kUmbrellas, "--method pmr")}) {
+    SceneData data;
+    data.instead = instead;
+    Talk talk(data);
+    const auto taken = talk.say(protocol::Hello{protocol::kVersion, "test 1"});
+    ASSERT_FALSE(taken);
+    EXPECT_EQ(taken.error().code, base::ErrorCode::kUnsupported);
+    const auto refusal = std::get<protocol::Refusal>(*talk.next());
+    EXPECT_EQ(refusal.instead, instead);
+    EXPECT_EQ(refusal.reason, taken.error().message);
+    EXPECT_NE(refusal.reason.find(method), std::string::npos) << refusal.reason;
+    EXPECT_TRUE(talk.session.finished());
+  }
 }
 
 TEST(Session, messagesBeforeHelloAreRefused) {

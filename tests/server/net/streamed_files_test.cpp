@@ -1,4 +1,5 @@
-// Tests splats-only scenes, and splats of remote scenes.
+// The files that viewers stream by ranges, served from this machine and from elsewhere, and scenes that have nothing
+// else. A server does not read their contents, so any bytes do.
 #include <gtest/gtest.h>
 #include <openssl/evp.h>
 
@@ -22,16 +23,16 @@ void write(const std::string& path, const std::string& text) {
   ASSERT_TRUE(base::writeFileAtomically(path, {reinterpret_cast<const std::uint8_t*>(text.data()), text.size()}));
 }
 
-/// A published splats-only scene in `directory`; a server does not read the content of its file.
-class SplatsOnly {
+/// A published scene of one streamed file.
+class StreamedScene {
  public:
-  explicit SplatsOnly(const std::string& directory, std::size_t bytes) {
+  StreamedScene(const std::string& directory, std::size_t bytes, const base::StreamedMethod& method) {
     fs::create_directories(directory);
     file.resize(bytes);
     for (std::size_t i = 0; i < bytes; ++i) file[i] = static_cast<char>(i * i % 251);
     const std::string hash =
         base::hexOf(base::sha256({reinterpret_cast<const std::uint8_t*>(file.data()), file.size()}));
-    name = base::publishedName("qsplat.lgq", hash);
+    name = base::publishedName(method.file(), hash);
     path = directory + "/" + name;
     write(path, file);
     base::Scene scene;
@@ -42,38 +43,47 @@ class SplatsOnly {
   std::string name, path, file;
 };
 
-TEST(SplatsOnly, splatFileIsServedAndPatchesAreRefused) {
+class StreamedFiles : public ::testing::TestWithParam<base::StreamedMethod> {
+ protected:
+  /// As the server names it, whatever the scene calls it.
+  const std::string target = "/" + GetParam().file();
+};
+INSTANTIATE_TEST_SUITE_P(Of, StreamedFiles, ::testing::ValuesIn(base::kStreamedMethods),
+                         [](const auto& method) { return std::string(method.param.name); });
+
+TEST_P(StreamedFiles, fileIsServedAndPatchesAreRefused) {
   const support::TemporaryDirectory directory;
-  const SplatsOnly scene(directory / "cloud", 5000);
+  const StreamedScene scene(directory / "cloud", 5000, GetParam());
   const PageFolder page;
   ServerOptions options = RunningServer::quiet();
   options.page_directory = page.path;
   const RunningServer server(directory / "cloud", options);
 
-  EXPECT_EQ(httpRequest(server.port(), "/qsplat.lgq").body, scene.file);
+  EXPECT_EQ(httpRequest(server.port(), target).body, scene.file);
   EXPECT_EQ(httpRequest(server.port(), "/" + scene.name, {{"Range", "bytes=1000-1009"}}).body,
             scene.file.substr(1000, 10));
-  for (const std::string target :
+  for (const std::string other :
        {"/patch.lgp", "/render?position=0,0,9&direction=0,0,-1", "/pick?ox=0&oy=0&oz=9&dx=0&dy=0&dz=-1"}) {
-    const HttpAnswer answer = httpRequest(server.port(), target);
-    EXPECT_EQ(answer.status, 501) << target;
-    EXPECT_NE(answer.body.find("splats only"), std::string::npos) << answer.body;
-    EXPECT_NE(answer.body.find("--methods patch,qsplat"), std::string::npos) << answer.body;
+    const HttpAnswer answer = httpRequest(server.port(), other);
+    EXPECT_EQ(answer.status, 501) << other;
+    EXPECT_NE(answer.body.find("no patches"), std::string::npos) << answer.body;
+    EXPECT_NE(answer.body.find("--methods patch"), std::string::npos) << answer.body;
     EXPECT_EQ(answer.body.find('\n'), answer.body.size() - 1) << answer.body;
   }
 }
 
 // Files are read a megabyte at a time while they are sent, so a cut one is noticed there.
-TEST(SplatsOnly, downloadsOfAFileThatIsCutEndEarlyOrAreRefused) {
+TEST_P(StreamedFiles, downloadsOfAFileThatIsCutEndEarlyOrAreRefused) {
   constexpr std::size_t kBytes = 3'500'000, kLeft = 2'500'000;
   const support::TemporaryDirectory directory;
-  const SplatsOnly scene(directory / "cloud", kBytes), other(directory / "other", kBytes);
+  const StreamedScene scene(directory / "cloud", kBytes, GetParam());
+  const StreamedScene other(directory / "other", kBytes, GetParam());
   const RunningServer server(std::vector<std::string>{directory / "cloud", directory / "other"});
-  const HttpAnswer whole = httpRequest(server.port(), "/cloud/qsplat.lgq");
+  const HttpAnswer whole = httpRequest(server.port(), "/cloud" + target);
   EXPECT_TRUE(whole.body == scene.file);
   fs::resize_file(scene.path, kLeft);
 
-  const std::string answer = rawExchange(server.port(), "GET /cloud/qsplat.lgq HTTP/1.1\r\nHost: localhost\r\n\r\n");
+  const std::string answer = rawExchange(server.port(), "GET /cloud" + target + " HTTP/1.1\r\nHost: localhost\r\n\r\n");
   EXPECT_NE(answer.find("Content-Length: " + std::to_string(kBytes)), std::string::npos);
   const std::string body = answer.substr(answer.find("\r\n\r\n") + 4);
   EXPECT_GT(body.size(), 1'000'000U);
@@ -81,7 +91,7 @@ TEST(SplatsOnly, downloadsOfAFileThatIsCutEndEarlyOrAreRefused) {
   EXPECT_TRUE(body == scene.file.substr(0, body.size()));
 
   const auto range = [&](const std::string& name, const std::string& bytes) {
-    return httpRequest(server.port(), "/" + name + "/qsplat.lgq", {{"Range", "bytes=" + bytes}});
+    return httpRequest(server.port(), "/" + name + target, {{"Range", "bytes=" + bytes}});
   };
   const HttpAnswer gone = range("cloud", "3000000-3000009");
   EXPECT_EQ(gone.status, 503);
@@ -91,43 +101,44 @@ TEST(SplatsOnly, downloadsOfAFileThatIsCutEndEarlyOrAreRefused) {
   EXPECT_EQ(there.status, 206);
   EXPECT_EQ(there.body, scene.file.substr(2'000'000, 10));
   EXPECT_EQ(there.headers.at("etag"), whole.headers.at("etag"));
-  EXPECT_TRUE(httpRequest(server.port(), "/other/qsplat.lgq").body == other.file);
+  EXPECT_TRUE(httpRequest(server.port(), "/other" + target).body == other.file);
   EXPECT_EQ(httpRequest(server.port(), "/healthz").status, 200);
 }
 
 // A build that replaces a file leaves those who download the old one alone.
-TEST(SplatsOnly, aFileThatIsReplacedIsServedAsItWas) {
+TEST_P(StreamedFiles, aFileThatIsReplacedIsServedAsItWas) {
   const support::TemporaryDirectory directory;
-  const SplatsOnly scene(directory / "cloud", 5000);
+  const StreamedScene scene(directory / "cloud", 5000, GetParam());
   const RunningServer server(directory / "cloud");
   write(scene.path, std::string(5000, 'x'));
-  EXPECT_EQ(httpRequest(server.port(), "/qsplat.lgq").body, scene.file);
+  EXPECT_EQ(httpRequest(server.port(), target).body, scene.file);
   fs::remove(scene.path);
-  EXPECT_EQ(httpRequest(server.port(), "/qsplat.lgq").body, scene.file);
+  EXPECT_EQ(httpRequest(server.port(), target).body, scene.file);
 }
 
-TEST(SplatsOnly, pageIsRedirectedToTheProgramForSplats) {
+TEST_P(StreamedFiles, pageIsRedirectedToTheMethodsProgram) {
   const support::TemporaryDirectory directory;
-  const SplatsOnly scene(directory / "cloud", 5000);
+  const StreamedScene scene(directory / "cloud", 5000, GetParam());
   const SceneDirectory patches(0);
   const PageFolder page;
   ServerOptions options = RunningServer::quiet();
   options.page_directory = page.path;
   const RunningServer server(std::vector<std::string>{directory / "cloud", patches.path}, options);
 
+  const std::string choice = std::string("method=") + GetParam().name;
   const HttpAnswer moved = httpRequest(server.port(), "/cloud/");
   EXPECT_EQ(moved.status, 302);
-  EXPECT_EQ(moved.headers.at("location"), "?method=qsplat");
-  EXPECT_EQ(httpRequest(server.port(), "/cloud/?check").headers.at("location"), "?check&method=qsplat");
+  EXPECT_EQ(moved.headers.at("location"), "?" + choice);
+  EXPECT_EQ(httpRequest(server.port(), "/cloud/?check").headers.at("location"), "?check&" + choice);
   EXPECT_EQ(httpRequest(server.port(), "/cloud/?method=qsplat").status, 200);
   EXPECT_EQ(httpRequest(server.port(), "/cloud/?scene=https://elsewhere/tower").status, 200);
   const std::string other = "/" + fs::path(patches.path).filename().string() + "/";
   EXPECT_EQ(httpRequest(server.port(), other).status, 200);
 }
 
-TEST(SplatsOnly, viewersOfOtherMethodsAreRefusedWithAdvice) {
+TEST_P(StreamedFiles, viewersOfOtherMethodsAreRefusedWithAdvice) {
   const support::TemporaryDirectory directory;
-  const SplatsOnly scene(directory / "cloud", 5000);
+  const StreamedScene scene(directory / "cloud", 5000, GetParam());
   const RunningServer server(directory / "cloud");
   const auto client = LoopbackClient::connect(server.port());
   ASSERT_TRUE(client);
@@ -135,18 +146,19 @@ TEST(SplatsOnly, viewersOfOtherMethodsAreRefusedWithAdvice) {
   const auto message = client->receive();
   ASSERT_TRUE(message && std::holds_alternative<protocol::Refusal>(*message));
   const auto& refusal = std::get<protocol::Refusal>(*message);
-  EXPECT_TRUE(refusal.splats_only);
-  EXPECT_NE(refusal.reason.find("--method qsplat"), std::string::npos) << refusal.reason;
+  const bool splats = GetParam().file() == "qsplat.lgq";
+  EXPECT_EQ(refusal.instead, splats ? protocol::Streamed::kSplats : protocol::Streamed::kUmbrellas);
+  EXPECT_NE(refusal.reason.find(std::string("--method ") + GetParam().name), std::string::npos) << refusal.reason;
   EXPECT_FALSE(client->receive());
 }
 
 /// A server of the scene that nginx serves from path("site/cloud"), with a cache of its own.
-class RemoteSplats : public ::testing::Test {
+class RemoteStreamedFile : public StreamedFiles {
  protected:
   static constexpr std::size_t kBytes = 3'500'000;  // some pieces
   void SetUp() override {
     LUMIGRID_SKIP_WITHOUT_NGINX();
-    scene = std::make_unique<SplatsOnly>(directory / "site/cloud", kBytes);
+    scene = std::make_unique<StreamedScene>(directory / "site/cloud", kBytes, GetParam());
     nginx = std::make_unique<support::Nginx>(directory / "site");
     ASSERT_TRUE(nginx->running());
     ServerOptions options = RunningServer::quiet();
@@ -154,16 +166,19 @@ class RemoteSplats : public ::testing::Test {
     server = std::make_unique<RunningServer>(nginx->url() + "/cloud", options);
   }
   HttpAnswer request(const std::map<std::string, std::string>& headers = {}, const std::string& method = "GET") const {
-    return httpRequest(server->port(), "/qsplat.lgq", headers, method);
+    return httpRequest(server->port(), target, headers, method);
   }
 
   const support::TemporaryDirectory directory;
-  std::unique_ptr<SplatsOnly> scene;
+  std::unique_ptr<StreamedScene> scene;
   std::unique_ptr<support::Nginx> nginx;
   std::unique_ptr<RunningServer> server;
 };
 
-TEST_F(RemoteSplats, wholeFileAndRangesArePassedOn) {
+INSTANTIATE_TEST_SUITE_P(Of, RemoteStreamedFile, ::testing::ValuesIn(base::kStreamedMethods),
+                         [](const auto& method) { return std::string(method.param.name); });
+
+TEST_P(RemoteStreamedFile, wholeFileAndRangesArePassedOn) {
   const HttpAnswer whole = request();
   EXPECT_EQ(whole.status, 200);
   EXPECT_TRUE(whole.body == scene->file);
@@ -181,15 +196,15 @@ TEST_F(RemoteSplats, wholeFileAndRangesArePassedOn) {
   EXPECT_EQ(head.body, "");
 }
 
-TEST_F(RemoteSplats, tagIsOfTheContent) {
+TEST_P(RemoteStreamedFile, tagIsOfTheContent) {
   const std::string etag = request({{"Range", "bytes=0-9"}}).headers.at("etag");
-  EXPECT_EQ(etag, "\"" + scene->name.substr(7, 32) + "\"");
+  EXPECT_EQ(etag, "\"" + scene->name.substr(std::string(GetParam().name).size() + 1, 32) + "\"");
   EXPECT_EQ(request({{"If-None-Match", etag}}).status, 304);
   EXPECT_EQ(request({{"Range", "bytes=0-9"}, {"If-Range", etag}}).status, 206);
   EXPECT_EQ(request({{"Range", "bytes=0-9"}, {"If-Range", "\"other\""}}).status, 200);
 }
 
-TEST_F(RemoteSplats, readBytesAreCached) {
+TEST_P(RemoteStreamedFile, readBytesAreCached) {
   const HttpAnswer first = request({{"Range", "bytes=5000-9000"}});
   EXPECT_EQ(first.status, 206);
   nginx->stop();
@@ -197,7 +212,7 @@ TEST_F(RemoteSplats, readBytesAreCached) {
   EXPECT_EQ(request({{"Range", "bytes=5000-9000"}}).body, first.body);
 }
 
-TEST_F(RemoteSplats, unreachableOrMissingFileIsAnErrorInOneLine) {
+TEST_P(RemoteStreamedFile, unreachableOrMissingFileIsAnErrorInOneLine) {
   const auto expectLine = [](const HttpAnswer& answer, int status) {
     EXPECT_EQ(answer.status, status);
     EXPECT_NE(answer.body.find("where the scene lies"), std::string::npos) << answer.body;
@@ -214,10 +229,10 @@ TEST_F(RemoteSplats, unreachableOrMissingFileIsAnErrorInOneLine) {
 }
 
 // The server cannot invent the rest of the body, so it closes the connection, and the visitor sees a short body.
-TEST_F(RemoteSplats, interruptedBodyEndsTheConnection) {
+TEST_P(RemoteStreamedFile, interruptedBodyEndsTheConnection) {
   EXPECT_EQ(request({{"Range", "bytes=0-2000000"}}).body.size(), 2'000'001U);
   nginx->stop();
-  const std::string answer = rawExchange(server->port(), "GET /qsplat.lgq HTTP/1.1\r\nHost: localhost\r\n\r\n");
+  const std::string answer = rawExchange(server->port(), "GET " + target + " HTTP/1.1\r\nHost: localhost\r\n\r\n");
   EXPECT_NE(answer.find("Content-Length: " + std::to_string(kBytes)), std::string::npos);
   EXPECT_GT(answer.size(), 1'000'000U);
   EXPECT_LT(answer.size(), kBytes);

@@ -1,0 +1,30 @@
+#pragma once
+// Describes the files that viewers stream by ranges, for `build` and `info`: qsplat.lgq and pmr.lgm.
+#include <array>
+#include <cstdint>
+#include <nlohmann/json.hpp>
+#include <string>
+
+#include "base/error.h"
+#include "lod/pmr/format.h"
+#include "lod/qsplat/format.h"
+
+namespace server::cli {
+
+/// Counts, bytes per leaf, the pointers' share of the file, and children per inner node.
+nlohmann::json splatsJson(const lod::qsplat::Header& header);
+/// The same as one line of text.
+std::string describeSplats(const nlohmann::json& splats);
+
+/// Points or triangles at each level of a pmr.lgm, the finest first.
+using LevelCounts = std::array<std::uint64_t, lod::pmr::kLevels>;
+
+/// Counts, bytes per point, and points and triangles at each level.
+nlohmann::json umbrellasJson(const lod::pmr::Header& header, const LevelCounts& points, const LevelCounts& triangles);
+/// The same for a file, of which header and table are read. Errors name the file: those of opening it, and of
+/// lod::pmr::readHeader and readTable.
+base::Result<nlohmann::json> readUmbrellasJson(const std::string& path);
+/// One line, and one for each level.
+std::string describeUmbrellas(const nlohmann::json& umbrellas);
+
+}  // namespace server::cli
