@@ -1,5 +1,5 @@
 #pragma once
-// What is drawn of a leaf at a level: points and triangles in an order in which, for any size of a pixel, those to draw
+// Lists of the points and triangles of a leaf at a level, in an order in which those to draw, for any size of a pixel,
 // are a part of each list without gaps (Dey and Hudson 2002, section 3, "Point vs. umbrella").
 #include <cstdint>
 #include <glm/glm.hpp>

@@ -65,7 +65,7 @@ class RangeEncoder {
 
   /// Returns the bytes, without zeros at the end: a decoder reads zeros behind them.
   base::Bytes finish() {
-    // Of the numbers within the range, the one with the most zero bytes says it all.
+    // One number within the range is enough: the one with the most zero bytes at its end.
     for (unsigned zeros = 24;; zeros -= 8) {
       const std::uint64_t mask = (std::uint64_t{1} << zeros) - 1;
       const std::uint64_t rounded = (low_ + mask) & ~mask;

@@ -44,8 +44,8 @@ float pixelSizeAt(const base::Camera& camera, const base::Aabb& box) {
   const float scale = camera.pixelsPerUnitAtOne();
   if (camera.orthographic()) return positive(1.0F / scale);
 
-  // What is seen of the box is not nearer, along the view's axis, than its nearest corner or than its nearest point
-  // would be at the picture's corner.
+  // The part of the box that is seen is not nearer, along the view's axis, than its nearest corner or than its nearest
+  // point would be at the picture's corner.
   const glm::mat4 clip = camera.clipFromScene();
   float depth = std::numeric_limits<float>::max();
   for (int i = 0; i < 8; ++i) depth = std::min(depth, (clip * glm::vec4(box.corner(i), 1.0F)).w);
@@ -65,7 +65,7 @@ std::uint32_t levelFor(const Leaf& leaf, float pixel, float tolerance) {
   for (std::uint32_t level = 0; level < kLevels; ++level) {
     const float radius = leaf.levels[level].radius;
     if (!(radius > 0.0F)) continue;
-    // Of levels that are equally near, the coarsest has the fewest triangles.
+    // Among levels that are equally near, the coarsest has the fewest triangles.
     const float ratio = std::max(radius / wanted, wanted / radius);
     if (ratio <= least) least = ratio, best = level;
   }

@@ -76,7 +76,7 @@ struct MadePmr {
   base::Bytes file;
   lod::pmr::Header header;
   std::vector<lod::pmr::Leaf> leaves;
-  /// Of each leaf: all its vertices by number, and the corners of each level's triangles.
+  /// Each leaf has all its vertices by number, and the corners of each level's triangles.
   struct Content {
     std::vector<lod::pmr::CodedPoint> vertices;
     std::vector<bool> is_own;

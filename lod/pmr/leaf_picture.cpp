@@ -1,0 +1,72 @@
+#include "lod/pmr/leaf_picture.h"
+
+#include <cmath>
+
+#include "lod/pmr/chunk_checksum.h"
+#include "lod/pmr/chunks.h"
+
+namespace lod::pmr {
+namespace {
+
+Vertex vertexOf(const CodedPoint& point, const Lattice& lattice) {
+  Vertex vertex;
+  vertex.position = lattice.position(point.place);
+  const glm::vec3 normal = 127.0F * decodeNormal(point.normal);
+  for (int axis = 0; axis < 3; ++axis)
+    vertex.normal[static_cast<std::size_t>(axis)] = static_cast<std::int8_t>(std::lround(normal[axis]));
+  vertex.color = glm::u8vec4(point.color, 255);
+  return vertex;
+}
+
+}  // namespace
+
+ChunkPlace placeOf(const Leaf& leaf, std::uint32_t chunk) {
+  if (chunk < kLevels) return {leaf.pointOffset(chunk), leaf.levels[chunk].point_bytes};
+  return {leaf.triangleOffset(chunk - kLevels), leaf.levels[chunk - kLevels].triangle_bytes};
+}
+
+bool isIntact(const Leaf& leaf, std::uint32_t chunk, base::ByteView bytes) {
+  const LevelRow& row = leaf.levels[chunk % kLevels];
+  if (chunk < kLevels) return intactChunk(bytes, row.points, row.foreign).has_value();
+  return row.triangles == 0 ? bytes.empty()
+                            : intactChunk(bytes, row.triangles, leaf.verticesAt(chunk - kLevels)).has_value();
+}
+
+std::uint64_t pictureBytes(const Leaf& leaf, std::uint32_t level) {
+  return sizeof(LeafPicture) + leaf.verticesAt(level) * sizeof(Vertex) +
+         std::uint64_t{leaf.pointsAt(level)} * (sizeof(std::uint16_t) + sizeof(float)) +
+         std::uint64_t{leaf.levels[level].triangles} * (3 * sizeof(std::uint16_t) + sizeof(float));
+}
+
+DecodedLeaf decodeLeaf(const Header& header, const Leaf& leaf, std::uint32_t number, std::uint32_t level,
+                       const ChunkBytes& bytes_of) {
+  std::vector<CodedPoint> points;
+  std::vector<bool> is_own;
+  for (std::uint32_t c = kLevels; c-- > level;) {
+    const LevelRow& row = leaf.levels[c];
+    const auto chunk = bytes_of(c);
+    if (!chunk || !decodePoints(*chunk, row.points, row.foreign, header.colors, points)) return {nullptr, c};
+    is_own.resize(points.size() - row.foreign, true);
+    is_own.resize(points.size(), false);
+  }
+
+  std::vector<glm::ivec3> places;
+  std::vector<glm::vec3> positions;
+  auto picture = std::make_shared<LeafPicture>();
+  picture->leaf = number;
+  picture->level = level;
+  picture->vertices.reserve(points.size());
+  for (const CodedPoint& point : points) {
+    places.push_back(point.place);
+    picture->vertices.push_back(vertexOf(point, header.lattice));
+    positions.push_back(picture->vertices.back().position);
+  }
+  const auto chunk = bytes_of(kLevels + level);
+  if (!chunk) return {nullptr, kLevels + level};
+  const auto corners = decodeTriangles(*chunk, leaf.levels[level].triangles, places);
+  if (!corners) return {nullptr, kLevels + level};
+  picture->list = makeDrawList(positions, is_own, *corners);
+  return {std::move(picture), 0};
+}
+
+}  // namespace lod::pmr
