@@ -52,7 +52,7 @@ lumigrid_row(repository
   LINKS lmdb nlohmann_json::nlohmann_json)
 lumigrid_row(protocol USES base sampling)
 lumigrid_row(plan USES base lod_patch sampling cache protocol)
-lumigrid_row(server_render USES ${_any_base} lod_patch lod_qsplat lod_texture lod_draw)
+lumigrid_row(server_render USES ${_any_base} lod_patch lod_qsplat lod_pmr lod_texture lod_draw)
 lumigrid_row(client_render USES base base_gl lod_patch lod_draw)
 lumigrid_row(server_bake
   USES ${_any_base} lod_patch lod_draw sampling faces face_image frames repository protocol plan server_render

@@ -10,6 +10,7 @@
 #include "server/render/background.h"
 #include "server/render/scene_renderer.h"
 #include "server/render/splat_scene.h"
+#include "server/render/umbrella_scene.h"
 
 namespace server::cli {
 namespace {
@@ -18,6 +19,7 @@ namespace {
 constexpr const char* kFullMethod = "full";
 constexpr const char* kPatchMethod = "patches";
 constexpr const char* kSplatMethod = "qsplat";
+constexpr const char* kUmbrellaMethod = "pmr";
 
 struct RenderArguments {
   std::string scene;
@@ -74,6 +76,25 @@ base::Result<DrawnPicture> drawSplats(const RenderArguments& a, const base::Scen
                       formatCount(picture->splats) + " splats of " + formatCount(picture->nodes) + " nodes"};
 }
 
+base::Result<DrawnPicture> drawUmbrellas(const RenderArguments& a, const base::Scene& scene,
+                                         const base::ViewCamera& view) {
+  LUMIGRID_ASSIGN_OR_RETURN(auto renderer, UmbrellaScene::create(a.scene, scene));
+  UmbrellaOptions options;
+  options.tolerance = static_cast<float>(a.tolerance_px);
+  options.supersampling = a.supersampling;
+  LUMIGRID_ASSIGN_OR_RETURN(auto picture,
+                            renderer->render(base::cameraForScene(view, scene.origin, renderer->bounds()), options));
+  return DrawnPicture{std::move(picture.rgba),
+                      formatCount(picture.points) + " points and " + formatCount(picture.triangles) + " triangles"};
+}
+
+base::Result<DrawnPicture> drawPicture(const RenderArguments& a, const base::Scene& scene,
+                                       const base::ViewCamera& view) {
+  if (a.method == kSplatMethod) return drawSplats(a, scene, view);
+  if (a.method == kUmbrellaMethod) return drawUmbrellas(a, scene, view);
+  return drawPatches(a, scene, view);
+}
+
 base::Result<void> run(const RenderArguments& a) {
   LUMIGRID_ASSIGN_OR_RETURN(const auto scene, base::readScene(a.scene));
   LUMIGRID_ASSIGN_OR_RETURN(auto view, base::readCamera(a.camera));
@@ -82,8 +103,7 @@ base::Result<void> run(const RenderArguments& a) {
     view.height = a.size[1];
   }
   LUMIGRID_ASSIGN_OR_RETURN(const auto context, base::HeadlessContext::create());
-  LUMIGRID_ASSIGN_OR_RETURN(const auto drawn,
-                            a.method == kSplatMethod ? drawSplats(a, scene, view) : drawPatches(a, scene, view));
+  LUMIGRID_ASSIGN_OR_RETURN(const auto drawn, drawPicture(a, scene, view));
   LUMIGRID_TRY(base::writePng(a.background.size() == 3 ? compositeOver(drawn.rgba, colorOf(a.background)) : drawn.rgba,
                               a.output));
   std::printf("%s: %d x %d, %s drawn\n", a.output.c_str(), view.width, view.height, drawn.amount.c_str());
@@ -103,11 +123,13 @@ RunCommand addRender(CLI::App& command) {
   command
       .add_option("--method", a->method,
                   "full: leaf geometry, the ground truth; patches: the hierarchy at --tolerance; qsplat: splats at "
-                  "--cutoff")
-      ->check(CLI::IsMember({kFullMethod, kPatchMethod, kSplatMethod}));
+                  "--cutoff; pmr: points and umbrellas at --tolerance")
+      ->check(CLI::IsMember({kFullMethod, kPatchMethod, kSplatMethod, kUmbrellaMethod}));
   command
-      .add_option("--tolerance", a->tolerance_px,
-                  "error of --method patches, pixels: 19 of 20 points of the surface are within about this")
+      .add_option(
+          "--tolerance", a->tolerance_px,
+          "error of --method patches, pixels: 19 of 20 points of the surface are within about this; of --method "
+          "pmr (above 0): umbrellas have about this many pixels")
       ->check(CLI::Range(0.0, 1000.0));
   command.add_flag("--guarantee", a->guarantee,
                    "keep --tolerance by the proved bound of the error, not by what is seen of it: many times the data");

@@ -4,13 +4,10 @@
 #include <utility>
 
 #include "base/parallel.h"
-#include "server/render/tiling.h"
 
 namespace server {
 namespace {
 
-// Tiles that are read back while the next ones are drawn.
-constexpr std::size_t kSplatReadbackDepth = 2;
 // Limit for decoded blocks of a coded file that are kept for the next picture.
 constexpr std::uint64_t kDecodedBytes = 512 << 20;
 
@@ -25,10 +22,7 @@ base::Result<lod::qsplat::SplatFile> openSplats(const std::string& directory, co
 }
 
 SplatScene::SplatScene(std::unique_ptr<lod::qsplat::FileBlocks> blocks, const base::Light& light)
-    : blocks_(std::move(blocks)),
-      shading_{light.mode == base::LightMode::kUnlit, light.direction},
-      readback_(kSplatReadbackDepth),
-      max_side_(SampleTarget::maxSide()) {
+    : blocks_(std::move(blocks)), shading_{light.mode == base::LightMode::kUnlit, light.direction} {
   blocks_->trackUse();
 }
 
@@ -37,7 +31,7 @@ base::Result<std::unique_ptr<SplatScene>> SplatScene::create(const base::Scene& 
   LUMIGRID_ASSIGN_OR_RETURN(auto blocks, lod::qsplat::openBlocks(file.bytes(), file.header()));
   std::unique_ptr<SplatScene> made(new SplatScene(std::move(blocks), scene.light));
   LUMIGRID_ASSIGN_OR_RETURN(made->renderer_, lod::draw::SplatRenderer::create());
-  LUMIGRID_ASSIGN_OR_RETURN(made->resolve_, ResolvePass::create());
+  LUMIGRID_ASSIGN_OR_RETURN(made->tiles_, TiledPicture::create());
   return made;
 }
 
@@ -67,49 +61,29 @@ base::Result<lod::qsplat::Traversal> SplatScene::splatsFor(const base::Camera& c
   return found;
 }
 
-base::Result<void> SplatScene::drawTile(const base::Camera& camera, const lod::qsplat::Traversal& found,
-                                        const SplatOptions& options) {
-  target_.begin();
+base::Result<void> SplatScene::drawTile(const base::Camera& camera, const SplatOptions& options,
+                                        const SampleTarget& target, SplatPicture& picture) {
+  LUMIGRID_ASSIGN_OR_RETURN(const auto found, splatsFor(camera, options));
+  picture.splats += found.splats.size();
+  picture.nodes += found.nodes;
   lod::draw::SplatView view;
   view.camera = camera;
   view.shading = shading_;
   view.two_sided = !options.cull_back_faces;
   return renderer_->draw(
       found.splats, options.kernel, view,
-      {target_.framebuffer(), camera.width * options.supersampling, camera.height * options.supersampling, false});
-}
-
-base::Result<void> SplatScene::drawPicture(const base::Camera& camera, const SplatOptions& options,
-                                           SplatPicture& picture, const std::shared_ptr<PendingPicture>& pending) {
-  const TilePlan plan =
-      planTiles(camera.width, camera.height, options.supersampling, max_side_, options.max_target_samples);
-  LUMIGRID_TRY(target_.fit(plan.tile_width, plan.tile_height, options.supersampling));
-  pending->tiles_left = plan.tiles.size();
-  for (const Tile& tile : plan.tiles) {
-    const base::Camera tile_camera = tileCamera(camera, tile.x, tile.y, plan.tile_width, plan.tile_height);
-    LUMIGRID_ASSIGN_OR_RETURN(auto found, splatsFor(tile_camera, options));
-    picture.splats += found.splats.size();
-    picture.nodes += found.nodes;
-    LUMIGRID_TRY(drawTile(tile_camera, found, options));
-    LUMIGRID_TRY(readback_.read(pending, tile, target_.resolve(resolve_), 0, target_.height() - tile.height));
-  }
-  return readback_.finish();
+      {target.framebuffer(), camera.width * options.supersampling, camera.height * options.supersampling, false});
 }
 
 base::Result<SplatPicture> SplatScene::render(const base::Camera& camera, const SplatOptions& options) {
-  LUMIGRID_TRY(checkPicture(camera, options.supersampling));
   if (!(options.cutoff_px >= 0.0F))
     return base::Error{base::ErrorCode::kInvalidInput,
                        "render: a cut-off of " + std::to_string(options.cutoff_px) + " pixels; it must be 0 or more"};
   SplatPicture picture;
-  auto pending = std::make_shared<PendingPicture>();
-  pending->rendered.rgba = base::Image(camera.width, camera.height, 4);
-  pending->deliver = [&](RenderedPicture rendered) { picture.rgba = std::move(rendered.rgba); };
-  auto drawn = drawPicture(camera, options, picture, pending);
-  if (!drawn) {
-    readback_.drop();
-    return drawn.error();
-  }
+  LUMIGRID_ASSIGN_OR_RETURN(picture.rgba,
+                            tiles_->draw(camera, options, [&](const base::Camera& tile, const SampleTarget& target) {
+                              return drawTile(tile, options, target, picture);
+                            }));
   countBlocks(picture);
   return picture;
 }

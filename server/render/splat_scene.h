@@ -11,25 +11,21 @@
 #include "lod/draw/splats.h"
 #include "lod/qsplat/splat_file.h"
 #include "lod/qsplat/traverse.h"
-#include "server/render/readback.h"
-#include "server/render/sample_target.h"
+#include "server/render/tiled_picture.h"
 
 namespace server {
 
 /// Opens the splats of the scene in `directory`. kNotFound if it was built without them; the message says how to.
 base::Result<lod::qsplat::SplatFile> openSplats(const std::string& directory, const base::Scene& scene);
 
-struct SplatOptions {
+struct SplatOptions : SampleOptions {
   lod::draw::SplatKernel kernel = lod::draw::SplatKernel::kCircle;
   float cutoff_px = 1.0F;       ///< limit for the projected diameter of inner nodes, pixels; 0: leaves only
-  int supersampling = 1;        ///< n × n samples a pixel, 1 … 8; box-filtered
   bool cull_back_faces = true;  ///< right for closed surfaces
-  /// Limit for the render target in samples; a larger picture is drawn in tiles.
-  std::uint64_t max_target_samples = std::uint64_t{1} << 24;
 };
 
 struct SplatPicture {
-  base::Image rgba;  ///< alpha: 255 where all samples of the pixel saw the model, 0 where none did
+  base::Image rgba;  ///< as TiledPicture::draw() returns it
   std::uint64_t splats = 0;
   std::uint64_t nodes = 0;   ///< visited
   std::uint64_t blocks = 0;  ///< blocks of the file that any picture used since create()
@@ -53,20 +49,15 @@ class SplatScene {
  private:
   SplatScene(std::unique_ptr<lod::qsplat::FileBlocks> blocks, const base::Light& light);
   base::Result<lod::qsplat::Traversal> splatsFor(const base::Camera& camera, const SplatOptions& options);
-  base::Result<void> drawTile(const base::Camera& camera, const lod::qsplat::Traversal& found,
-                              const SplatOptions& options);
-  base::Result<void> drawPicture(const base::Camera& camera, const SplatOptions& options, SplatPicture& picture,
-                                 const std::shared_ptr<PendingPicture>& pending);
+  base::Result<void> drawTile(const base::Camera& camera, const SplatOptions& options, const SampleTarget& target,
+                              SplatPicture& picture);
   void countBlocks(SplatPicture& picture) const;
 
   std::unique_ptr<lod::qsplat::FileBlocks> blocks_;
   std::uint32_t frame_ = 0;
   std::unique_ptr<lod::draw::SplatRenderer> renderer_;
   lod::draw::Shading shading_;
-  ResolvePass resolve_;
-  SampleTarget target_;
-  ReadbackQueue readback_;
-  int max_side_ = 0;
+  std::unique_ptr<TiledPicture> tiles_;
 };
 
 }  // namespace server

@@ -16,84 +16,21 @@
 #include <random>
 #include <thread>
 
-#include "tests/programs/run_program.h"
+#include "tests/programs/resumed_build.h"
 
 namespace {
 
 using programs::expectOneLineError;
+using programs::longTests;
 using programs::readText;
 using programs::run;
+using programs::sizeOf;
 namespace fs = std::filesystem;
 using Clock = std::chrono::steady_clock;
 using Arguments = std::vector<std::string>;
 
-bool longTests() {
-  return std::getenv("LUMIGRID_LONG_TESTS") != nullptr;
-}
-
-std::uintmax_t sizeOf(const std::string& file) {
-  std::error_code error;
-  const auto size = fs::file_size(file, error);
-  return error ? 0 : size;
-}
-
-class HierarchyResume : public programs::ProgramTest {
+class HierarchyResume : public programs::ResumedBuild {
  protected:
-  std::string sample(const std::string& triangles) {
-    const std::string mesh = path("mesh.ply");
-    const auto made = run("lumigrid", {"sample", "--triangles", triangles, "-o", mesh});
-    EXPECT_EQ(made.status, 0) << made.err;
-    return mesh;
-  }
-
-  // The method that is built, the options of every build, and the file that it becomes.
-  std::string method_ = "patch";
-  Arguments options_;
-  std::string file_ = "patch.lgp";
-
-  std::string workFile(const std::string& scene, const std::string& name) const {
-    return scene + "/" + file_ + ".work/" + name;
-  }
-  // A rerun goes on from a stage once its file is there, a while after the stage is done.
-  bool hasStage(const std::string& scene, int stage) const {
-    return fs::exists(workFile(scene, "stage" + std::to_string(stage)));
-  }
-  Arguments build(const std::string& mesh, const std::string& scene, const Arguments& more = {}) const {
-    Arguments arguments{"build", mesh, "-o", scene, "--methods", method_, "--quiet"};
-    arguments.insert(arguments.end(), options_.begin(), options_.end());
-    arguments.insert(arguments.end(), more.begin(), more.end());
-    return arguments;
-  }
-
-  // Builds without interruption; returns the bytes of the file.
-  std::string uninterrupted(const std::string& mesh, const Arguments& more = {}) {
-    const std::string scene = path("uninterrupted");
-    const auto built = run("lumigrid", build(mesh, scene, more));
-    EXPECT_EQ(built.status, 0) << built.err;
-    description_ = readText(scene + "/scene.json");
-    std::string bytes = readText(scene + "/" + file_);
-    EXPECT_FALSE(bytes.empty());
-    fs::remove_all(scene);
-    return bytes;
-  }
-
-  void expectFinished(const std::string& scene, const std::string& bytes, const std::string& what) {
-    EXPECT_TRUE(readText(scene + "/" + file_) == bytes) << what << ": other bytes than an uninterrupted build";
-    EXPECT_EQ(readText(scene + "/scene.json"), description_) << what;  // counts of repairs among it
-    std::vector<std::string> names;
-    for (const auto& entry : fs::directory_iterator(scene)) names.push_back(entry.path().filename());
-    std::erase(names, "build.json");  // tells of the last run that built anything
-    std::sort(names.begin(), names.end());
-    EXPECT_EQ(names, (std::vector<std::string>{file_, "scene.json"})) << what << ": work files stayed";
-  }
-
-  void expectRerunFinishes(const std::string& mesh, const std::string& scene, const std::string& bytes,
-                           const std::string& what) {
-    const auto rerun = run("lumigrid", build(mesh, scene));
-    ASSERT_EQ(rerun.status, 0) << what << ": " << rerun.err;
-    expectFinished(scene, bytes, what);
-  }
-
   // Expects the same of a copy of a stopped build whose journal holds `journal` instead.
   void expectRerunFinishesWith(const std::string& journal, const std::string& mesh, const std::string& stopped,
                                const std::string& bytes, const std::string& what) {
@@ -122,36 +59,6 @@ class HierarchyResume : public programs::ProgramTest {
         killedWhen(late_.mesh, late_.stopped, [&] { return sizeOf(journal) > most && hasStage(late_.stopped, 2); }));
     late_.journal = readText(journal);
   }
-
-  // Starts a build and kills it as soon as `now` says so. False: it ended before.
-  bool killWhen(const Arguments& arguments, const std::function<bool()>& now) {
-    const pid_t pid = programs::start("lumigrid", arguments, path("killed"));
-    int status = 0;
-    while (!now()) {
-      if (::waitpid(pid, &status, WNOHANG) == pid) {
-        EXPECT_TRUE(WIFEXITED(status) && WEXITSTATUS(status) == 0) << readText(path("killed.err"));
-        return false;
-      }
-      std::this_thread::sleep_for(std::chrono::microseconds(200));
-    }
-    ::kill(pid, SIGKILL);
-    ::waitpid(pid, &status, 0);
-    return WIFSIGNALED(status);
-  }
-
-  // Leaves a scene whose build, on one thread, was killed when `now` said so. A busy machine may look too late, so a
-  // build that is killed once a stage counts has to take a good deal longer than stages take to reach the disk.
-  void killedWhen(const std::string& mesh, const std::string& scene, const std::function<bool()>& now,
-                  Arguments more = {}) {
-    more.insert(more.end(), {"--threads", "1"});
-    for (int attempt = 0; attempt < 10; ++attempt) {
-      if (killWhen(build(mesh, scene, more), now)) return;
-      fs::remove_all(scene);
-    }
-    FAIL() << "every build ended before it was killed";
-  }
-
-  std::string description_;  // scene.json of the uninterrupted build
 };
 
 TEST_F(HierarchyResume, killedAtRandomMomentsItEndsWithTheSameBytes) {
