@@ -375,7 +375,7 @@ base::Result<nlohmann::json> describeUmbrellaFile(const InfoArguments& a, const 
   const std::string path = base::streamedPath(open.directory, open.scene, base::kUmbrellaMethod);
   LUMIGRID_ASSIGN_OR_RETURN(auto j, readUmbrellasJson(path));
   if (a.digest) {
-    LUMIGRID_ASSIGN_OR_RETURN(j["sha256"], methodDigest(path));
+    LUMIGRID_ASSIGN_OR_RETURN(j["sha256"], methodDigest(path, lod::pmr::kHeaderBytes));
   }
   return j;
 }

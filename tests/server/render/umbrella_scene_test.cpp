@@ -103,9 +103,9 @@ TEST_F(UmbrellaSceneTest, aClosedSurfaceHasNoHoles) {
 TEST_F(UmbrellaSceneTest, aLargerToleranceDrawsFewer) {
   UmbrellaScene& scene = renderer();
   UmbrellaOptions options;
-  const auto fine = scene.render(camera(240, 180), options);
-  options.tolerance = 8.0F;
-  const auto coarse = scene.render(camera(240, 180), options);
+  const auto fine = scene.render(camera(640, 480), options);
+  options.tolerance = 64.0F;
+  const auto coarse = scene.render(camera(640, 480), options);
   ASSERT_TRUE(fine && coarse);
   EXPECT_GT(fine->triangles + fine->points, 2 * (coarse->triangles + coarse->points));
 }
