@@ -24,6 +24,9 @@ enum class Stage : std::uint8_t {
   kPatchLeaves = 3,    ///< lod/patch/builder: the leaf patches
   kSplatLeaves = 3,    ///< lod/qsplat/builder: all that leaves need to know of other tiles
   kSplatSubtrees = 4,  ///< lod/qsplat/builder: the tree of each tile
+  kPmrOrdered = 3,     ///< lod/pmr/builder: the points in order, and the octree
+  kPmrClasses = 4,     ///< lod/pmr/builder: normal and class of each point
+  kPmrLeaves = 5,      ///< lod/pmr/builder: the chunks of each leaf
 };
 
 /// Gives a text that is the same as long as the output would be, apart from the build's options: the checksums of the

@@ -71,13 +71,14 @@ class SplatTreeBuilder {
   base::Result<void> sortPoints() {
     if (build_.directory().isFinished(ingest::Stage::kSorted)) {
       LUMIGRID_ASSIGN_OR_RETURN(auto state, build_.directory().readStageState(ingest::Stage::kSorted));
-      LUMIGRID_ASSIGN_OR_RETURN(points_, PointTiles::open(build_.directory().path(), build_.lattice(), state));
+      LUMIGRID_ASSIGN_OR_RETURN(points_, ingest::PointTiles::open(build_.directory().path(), build_.lattice(), state));
       return {};
     }
     LUMIGRID_TRY(build_.directory().needSpace(kPointBytes * info().vertices, "the points sorted by tiles"));
     LUMIGRID_ASSIGN_OR_RETURN(auto spool, ingest::openSource(build_.directory(), build_.source()));
-    LUMIGRID_ASSIGN_OR_RETURN(points_, PointTiles::sort(spool, info(), build_.lattice(), build_.directory().path(),
-                                                        [this](double done) { return build_.report("sort", done); }));
+    LUMIGRID_ASSIGN_OR_RETURN(points_,
+                              ingest::PointTiles::sort(spool, info(), build_.lattice(), build_.directory().path(),
+                                                       [this](double done) { return build_.report("sort", done); }));
     const auto sorted = std::make_shared<ingest::SourceSpool>(std::move(spool));
     LUMIGRID_TRY(build_.directory().finishStage(ingest::Stage::kSorted, points_.encodeTables(), {"points"},
                                                 [sorted] { sorted->remove(); }));
@@ -200,7 +201,7 @@ class SplatTreeBuilder {
   ingest::StagedBuild build_;
   ingest::Buckets buckets_;
   std::optional<MeshLeaves> mesh_leaves_;
-  PointTiles points_;
+  ingest::PointTiles points_;
   std::optional<PointLeaves> point_leaves_;
   std::optional<SubtreeStore> subtrees_;
   BuildSummary summary_;

@@ -13,55 +13,11 @@
 #include <vector>
 
 #include "base/geometry.h"
-#include "lod/ingest/buckets.h"
+#include "lod/ingest/point_tiles.h"
 #include "lod/ingest/record_log.h"
 #include "lod/qsplat/builder/splat.h"
 
 namespace lod::qsplat::builder {
-
-/// All source points at one lattice point become one.
-struct SourcePoint {
-  std::uint64_t code = 0;
-  glm::vec3 position{0.0F};  ///< scene-local
-  glm::vec3 normal{0.0F};    ///< as given, of any length; zero where unknown
-  glm::u8vec3 color{255};
-};
-
-/// The points, sorted on disk into tiles along the Morton curve, each small enough to be worked on in memory.
-class PointTiles {
- public:
-  /// About the most points of a tile. It does not depend on the memory there is, since the tree must not.
-  static constexpr std::uint64_t kPoints = ingest::Buckets::kVertices;
-
-  /// Reads the source twice and writes `directory`/points. Errors: kNoSpace, kIo, kCancelled.
-  static base::Result<PointTiles> sort(const ingest::SourceSpool& source, const ingest::SourceInfo& info,
-                                       const ingest::SourceLattice& lattice, const std::string& directory,
-                                       const std::function<bool(double)>& progress);
-  /// Returns the tables to store beside the file.
-  base::Bytes encodeTables() const;
-  /// Opens the tiles again with their tables. Errors: kIo, damaged work files.
-  static base::Result<PointTiles> open(const std::string& directory, const ingest::SourceLattice& lattice,
-                                       base::ByteView state);
-
-  std::size_t count() const { return tiles_.size(); }
-  std::uint64_t points(std::size_t tile) const { return tiles_[tile].points; }
-  /// The box of its points, scene-local.
-  const base::Aabb& box(std::size_t tile) const { return tiles_[tile].box; }
-  /// Returns the points in the order of their codes. Safe from several threads. Errors: those of reading.
-  base::Result<std::vector<SourcePoint>> read(std::size_t tile) const;
-  /// Frees the disk space; the points can no longer be read.
-  void release() { file_.release(0, file_.size()); }
-
- private:
-  struct Tile {
-    std::vector<ingest::Extent> extents;
-    std::uint64_t points = 0;
-    base::Aabb box;
-  };
-  ingest::SpoolFile file_;
-  ingest::SourceLattice lattice_;
-  std::vector<Tile> tiles_;
-};
 
 /// The unit normal of the least-squares plane through the points, of either sign; +z where they lie on a line or at one
 /// place.
@@ -75,7 +31,7 @@ double cellReach(const glm::dvec3& center, const glm::dvec3& normal, std::span<c
 class PointLeaves : public LeafSource {
  public:
   /// `tiles` and `lattice` must outlive it. `given_normals` says that some points have one.
-  PointLeaves(const PointTiles& tiles, const ingest::SourceLattice& lattice, bool given_normals)
+  PointLeaves(const ingest::PointTiles& tiles, const ingest::SourceLattice& lattice, bool given_normals)
       : tiles_(tiles), lattice_(lattice), given_normals_(given_normals) {}
   /// Must be called first, or reopen(). Fits all tiles, writes the leaves to the file `path`, and decides which way the
   /// normals face. `progress` gets the share done, and cancels by false. Errors: those of reading, kNoSpace, kIo,
@@ -97,11 +53,11 @@ class PointLeaves : public LeafSource {
   struct Orientation;
   base::Result<FittedTile> fit(std::size_t tile) const;
   base::Result<void> addNeighbours(std::size_t tile, std::span<const glm::vec3> positions, std::span<const float> ball,
-                                   std::vector<SourcePoint>& points) const;
+                                   std::vector<ingest::SourcePoint>& points) const;
   // `tree_neighbours` has the same number for each of the tile's own points, the point itself where there are fewer.
   static void makeSignsAgree(FittedTile& out, std::span<const std::uint32_t> tree_neighbours);
 
-  const PointTiles& tiles_;
+  const ingest::PointTiles& tiles_;
   const ingest::SourceLattice& lattice_;
   const bool given_normals_;
   // A leaf whose normal agrees in sign with its part of the tile.

@@ -7,8 +7,8 @@
 #include <map>
 #include <random>
 
+#include "lod/ingest/nearest_points.h"
 #include "lod/qsplat/builder/build.h"
-#include "lod/qsplat/builder/neighbours.h"
 #include "lod/qsplat/builder/point_leaves.h"
 #include "lod/qsplat/splat_file.h"
 #include "mesh/generate/sample.h"

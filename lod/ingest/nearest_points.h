@@ -7,7 +7,7 @@
 
 #include "base/geometry.h"
 
-namespace lod::qsplat::builder {
+namespace lod::ingest {
 
 class NearestPoints {
  public:
@@ -93,4 +93,4 @@ class NearestPoints {
   std::vector<Node> nodes_;
 };
 
-}  // namespace lod::qsplat::builder
+}  // namespace lod::ingest

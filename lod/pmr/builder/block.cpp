@@ -1,0 +1,315 @@
+#include "lod/pmr/builder/block.h"
+
+#include <algorithm>
+#include <limits>
+
+#include "lod/ingest/morton.h"
+#include "lod/ingest/source_spool.h"
+#include "lod/pmr/builder/decimate.h"
+#include "lod/pmr/builder/umbrellas.h"
+#include "lod/pmr/chunks.h"
+
+namespace lod::pmr::builder {
+namespace {
+
+// A height counts up to this share of its cell's edge. A polygon's radius then stays below half the edge, and what is
+// within that is known; and in the coarsest level of a wide plane some twenty points of each leaf are left.
+constexpr float kHeightLimit = 0.25F;
+
+// The sign of a source's normal counts; where there is none, normals point up.
+glm::vec3 signedNormal(const glm::dvec3& normal, std::uint32_t given) {
+  const glm::dvec3 reference = given != 0 ? glm::dvec3(ingest::unpackNormal(given)) : glm::dvec3(0.0, 0.0, 1.0);
+  return glm::vec3(glm::dot(normal, reference) < 0.0 ? -normal : normal);
+}
+
+// The place of a lattice point, moved by less than a thousandth of a step. Points of a regular grid then never lie on
+// one circle, where any of four triangles is as right as the other two; and everybody moves them alike.
+glm::dvec3 apart(std::uint64_t code) {
+  std::uint64_t bits = code * 0x9e3779b97f4a7c15;  // Fibonacci hashing (Knuth 1998, section 6.4)
+  bits ^= bits >> 29;
+  bits *= 0xbf58476d1ce4e5b9;
+  const glm::dvec3 by(static_cast<double>(bits >> 34 & 1023), static_cast<double>(bits >> 44 & 1023),
+                      static_cast<double>(bits >> 54 & 1023));
+  return glm::dvec3(ingest::mortonPoint(code)) + by / (1024.0 * 1024.0);
+}
+
+glm::u8vec3 colorOf(const OrderedPoint& point) {
+  return {point.color & 255U, point.color >> 8 & 255U, point.color >> 16 & 255U};
+}
+
+// Builds the leaves of a block.
+class LeafMaker {
+ public:
+  LeafMaker(const OrderedPoints& points, const LoadedBlock& loaded, const std::vector<PointClass>& classes, bool colors)
+      : points_(points),
+        loaded_(loaded),
+        classes_(classes),
+        colors_(colors),
+        vertex_(loaded.points.size(), kNoVertex),
+        foreign_class_(loaded.points.size(), kNoClass) {}
+
+  std::vector<BuiltLeaf> run(const CellBlock& block) {
+    triangles_.assign(block.end - block.first, {});
+    for (std::uint32_t level = 0; level < kLevels; ++level) findTriangles(block, level);
+    std::vector<BuiltLeaf> leaves;
+    std::size_t begin = 0;
+    for (std::uint32_t c = block.first; c < block.end; ++c) {
+      const std::size_t end = begin + points_.cells()[c].count;
+      leaves.push_back(makeLeaf(points_.cells()[c], begin, end, triangles_[c - block.first]));
+      begin = end;
+    }
+    return leaves;
+  }
+
+ private:
+  using ByLevel = std::array<std::vector<Triangle>, kLevels>;
+  static constexpr std::uint16_t kNoVertex = 65535;
+  static constexpr std::uint8_t kNoClass = 255;
+  static_assert(kMaxVertices <= kNoVertex);
+
+  void findTriangles(const CellBlock& block, std::uint32_t level) {
+    std::vector<glm::dvec3> places;
+    std::vector<std::uint32_t> numbers;
+    for (std::uint32_t i = 0; i < loaded_.points.size(); ++i)
+      if (classes_[i].coarsest >= level) places.push_back(loaded_.places[i]), numbers.push_back(i);
+    Umbrellas umbrellas(places, numbers);
+    for (std::uint32_t k = 0; k < numbers.size() && numbers[k] < loaded_.own; ++k) {
+      auto& found = triangles_[loaded_.cell[numbers[k]] - block.first][level];
+      umbrellas.find(k, decodeNormal(classes_[numbers[k]].normal), found);
+    }
+    for (ByLevel& cell : triangles_) {
+      std::sort(cell[level].begin(), cell[level].end());
+      cell[level].erase(std::unique(cell[level].begin(), cell[level].end()), cell[level].end());
+    }
+  }
+
+  // Own points are [begin, end).
+  BuiltLeaf makeLeaf(const OctreeCell& cell, std::size_t begin, std::size_t end, ByLevel& triangles) {
+    BuiltLeaf out;
+    out.leaf.code = cell.code;
+    out.leaf.depth = cell.depth;
+    const auto isOwn = [&](std::uint32_t i) { return i >= begin && i < end; };
+    const std::vector<std::uint32_t> foreign = findForeign(end - begin, isOwn, triangles);
+
+    std::vector<std::uint32_t> order;  // of vertices
+    std::array<std::size_t, kLevels> vertices_at{};
+    std::array<base::Bytes, kLevels> point_chunks, triangle_chunks;
+    for (std::uint32_t c = kLevels; c-- > 0;) {
+      const std::size_t first = order.size();
+      for (std::size_t i = begin; i < end; ++i)
+        if (classes_[i].coarsest == c) order.push_back(static_cast<std::uint32_t>(i));
+      const std::size_t own = order.size() - first;
+      for (const std::uint32_t f : foreign)
+        if (foreign_class_[f] == c) order.push_back(f);
+      LevelRow& row = out.leaf.levels[c];
+      row.points = static_cast<std::uint32_t>(own);
+      row.foreign = static_cast<std::uint32_t>(order.size() - first - own);
+      std::vector<CodedPoint> coded;
+      for (std::size_t i = first; i < order.size(); ++i) coded.push_back(codedPoint(order[i]));
+      point_chunks[c] = encodePoints(std::span(coded).first(own), std::span(coded).subspan(own), colors_);
+      row.point_bytes = static_cast<std::uint32_t>(point_chunks[c].size());
+      vertices_at[c] = order.size();
+    }
+    std::vector<glm::ivec3> places;
+    for (std::uint32_t v = 0; v < order.size(); ++v) {
+      vertex_[order[v]] = static_cast<std::uint16_t>(v);
+      places.push_back(ingest::mortonPoint(loaded_.points[order[v]].code));
+      out.leaf.box.add(points_.lattice().position(places.back()));
+    }
+
+    float coarser = 0.0F;
+    for (std::uint32_t level = 0; level < kLevels; ++level) {
+      LevelRow& row = out.leaf.levels[level];
+      std::vector<std::uint16_t> corners;
+      for (const Triangle& triangle : triangles[level])
+        for (const std::uint32_t i : triangle) corners.push_back(vertex_[i]);
+      row.triangles = static_cast<std::uint32_t>(triangles[level].size());
+      triangle_chunks[level] = encodeTriangles(corners, std::span(places).first(vertices_at[level]));
+      row.triangle_bytes = static_cast<std::uint32_t>(triangle_chunks[level].size());
+      row.radius = coarser = std::max(coarser, meanRadius(begin, end, level, triangles[level], out.unused));
+    }
+    // A leaf of points without umbrellas looks the same at all levels.
+    const auto edge = static_cast<float>(cell.edge() * points_.lattice().step);
+    for (LevelRow& row : out.leaf.levels)
+      if (row.radius == 0.0F) row.radius = edge;
+
+    const auto append = [&](const base::Bytes& chunk) {
+      out.chunks.insert(out.chunks.end(), chunk.begin(), chunk.end());
+    };
+    append(point_chunks[kCoarsest]);
+    append(triangle_chunks[kCoarsest]);
+    for (std::uint32_t c = kCoarsest; c-- > 0;) append(point_chunks[c]);
+    for (std::uint32_t level = kCoarsest; level-- > 0;) append(triangle_chunks[level]);
+
+    for (const std::uint32_t i : order) vertex_[i] = kNoVertex;
+    for (const std::uint32_t f : foreign) foreign_class_[f] = kNoClass;
+    return out;
+  }
+
+  // The foreign points that the triangles use, in order, each with the coarsest level at which they do. Triangles for
+  // whose points the leaf has no number left are dropped.
+  template <class IsOwn>
+  std::vector<std::uint32_t> findForeign(std::size_t own, const IsOwn& isOwn, ByLevel& triangles) {
+    std::vector<std::uint32_t> foreign;
+    for (std::uint32_t level = kLevels; level-- > 0;) {
+      const auto has_no_room = [&](const Triangle& triangle) {
+        for (const std::uint32_t i : triangle) {
+          if (isOwn(i) || foreign_class_[i] != kNoClass) continue;
+          if (own + foreign.size() >= kMaxVertices) return true;
+          foreign_class_[i] = static_cast<std::uint8_t>(level);
+          foreign.push_back(i);
+        }
+        return false;
+      };
+      std::erase_if(triangles[level], has_no_room);
+    }
+    std::sort(foreign.begin(), foreign.end(),
+              [this](std::uint32_t a, std::uint32_t b) { return loaded_.points[a].code < loaded_.points[b].code; });
+    return foreign;
+  }
+
+  // The mean of the longest edges at the own points that have triangles. At level 0 counts the others.
+  float meanRadius(std::size_t begin, std::size_t end, std::uint32_t level, const std::vector<Triangle>& triangles,
+                   std::uint64_t& unused) const {
+    std::vector<double> squared(end - begin, 0.0);
+    for (const Triangle& triangle : triangles)
+      for (int k = 0; k < 3; ++k) {
+        const std::uint32_t a = triangle[static_cast<std::size_t>(k)];
+        if (a < begin || a >= end) continue;
+        for (const std::uint32_t b : triangle) {
+          const glm::dvec3 d = loaded_.places[b] - loaded_.places[a];
+          squared[a - begin] = std::max(squared[a - begin], glm::dot(d, d));
+        }
+      }
+    double sum = 0.0, count = 0.0;
+    for (std::size_t i = 0; i < squared.size(); ++i) {
+      if (squared[i] > 0.0) sum += std::sqrt(squared[i]), count += 1.0;
+      if (level == 0 && squared[i] == 0.0) ++unused;
+    }
+    return count > 0.0 ? static_cast<float>(sum / count * points_.lattice().step) : 0.0F;
+  }
+
+  CodedPoint codedPoint(std::uint32_t i) const {
+    const OrderedPoint& point = loaded_.points[i];
+    return {ingest::mortonPoint(point.code), classes_[i].normal, colors_ ? colorOf(point) : glm::u8vec3(255)};
+  }
+
+  const OrderedPoints& points_;
+  const LoadedBlock& loaded_;
+  const std::vector<PointClass>& classes_;
+  const bool colors_;
+  std::vector<ByLevel> triangles_;           // by cell of the block; of numbers in loaded_
+  std::vector<std::uint16_t> vertex_;        // by point, in the leaf that is being made
+  std::vector<std::uint8_t> foreign_class_;  // by point, likewise
+};
+
+}  // namespace
+
+base::Result<ClassStore> ClassStore::open(const std::string& path, bool resume, const std::vector<OctreeCell>& cells,
+                                          const std::vector<CellBlock>& blocks) {
+  ClassStore store;
+  store.cells_ = &cells;
+  store.blocks_ = &blocks;
+  store.offsets_.resize(blocks.size());
+  store.block_of_.resize(cells.size());
+  for (std::uint32_t b = 0; b < blocks.size(); ++b)
+    for (std::uint32_t c = blocks[b].first; c < blocks[b].end; ++c) store.block_of_[c] = b;
+  const auto keep = [&](std::uint64_t offset, base::ByteView payload) {
+    base::ByteReader in(payload);
+    const std::uint32_t block = in.u32();
+    if (!in.ok() || block >= blocks.size()) return false;
+    std::uint64_t points = 0;
+    for (std::uint32_t c = blocks[block].first; c < blocks[block].end; ++c) points += cells[c].count;
+    if (in.remaining() != points * sizeof(PointClass)) return false;
+    if (store.has(block)) return true;
+    store.offsets_[block] = offset + sizeof(block);
+    while (in.remaining() > 0)
+      if (in.read<PointClass>().coarsest >= kLevels) return false;
+    return true;
+  };
+  LUMIGRID_ASSIGN_OR_RETURN(store.log_, ingest::RecordLog::open(path, resume, keep));
+  return store;
+}
+
+base::Result<void> ClassStore::add(std::uint32_t block, std::span<const PointClass> classes) {
+  base::ByteWriter out;
+  out.u32(block);
+  out.bytes(base::ByteView(reinterpret_cast<const std::uint8_t*>(classes.data()), classes.size_bytes()));
+  LUMIGRID_ASSIGN_OR_RETURN(const auto offset, log_.add(out.view()));
+  offsets_[block] = offset + sizeof(block);
+  return {};
+}
+
+base::Result<std::vector<PointClass>> ClassStore::read(std::uint32_t cell) const {
+  const std::uint32_t block = block_of_[cell];
+  const std::uint64_t before = (*cells_)[cell].first - (*cells_)[(*blocks_)[block].first].first;
+  std::vector<PointClass> classes((*cells_)[cell].count);
+  LUMIGRID_TRY(
+      log_.readAt(*offsets_[block] + before * sizeof(PointClass),
+                  std::span(reinterpret_cast<std::uint8_t*>(classes.data()), classes.size() * sizeof(PointClass))));
+  return classes;
+}
+
+base::Result<LoadedBlock> loadBlock(const OrderedPoints& points, const CellBlock& block) {
+  LoadedBlock out;
+  const auto& cells = points.cells();
+  const auto isNear = [&](const glm::ivec3& place) {
+    for (std::uint32_t c = block.first; c < block.end; ++c) {
+      const glm::ivec3 half(cells[c].edge() / 2), corner = cells[c].corner();
+      if (glm::all(glm::greaterThanEqual(place, corner - half)) &&
+          glm::all(glm::lessThanEqual(place, corner + cells[c].edge() + half)))
+        return true;
+    }
+    return false;
+  };
+  const auto load = [&](std::uint32_t cell, bool own) -> base::Result<void> {
+    LUMIGRID_ASSIGN_OR_RETURN(const auto read, points.read(cells[cell]));
+    for (std::uint32_t i = 0; i < read.size(); ++i) {
+      const glm::ivec3 place = ingest::mortonPoint(read[i].code);
+      if (!own && !isNear(place)) continue;
+      out.points.push_back(read[i]);
+      out.cell.push_back(cell);
+      out.number.push_back(i);
+      out.places.push_back(apart(read[i].code));
+    }
+    return {};
+  };
+  for (std::uint32_t c = block.first; c < block.end; ++c) LUMIGRID_TRY(load(c, true));
+  out.own = out.points.size();
+  for (const std::uint32_t c : block.around) LUMIGRID_TRY(load(c, false));
+  return out;
+}
+
+base::Result<std::vector<PointClass>> classify(const OrderedPoints& points, const CellBlock& block) {
+  LUMIGRID_ASSIGN_OR_RETURN(const auto loaded, loadBlock(points, block));
+  std::vector<VoronoiCell> cells = voronoiCells(loaded.places, loaded.places.size());
+  std::vector<float> limits;
+  for (const std::uint32_t cell : loaded.cell)
+    limits.push_back(kHeightLimit * static_cast<float>(points.cells()[cell].edge()));
+  const PointBlock decided{loaded.places, loaded.own, limits};
+  const Neighbourhoods near(loaded.places);
+  mendRims(decided, near, cells);
+  const auto coarsest = decimate(decided, near, cells);
+  std::vector<PointClass> classes(loaded.own);
+  for (std::size_t i = 0; i < loaded.own; ++i)
+    classes[i] = {coarsest[i], encodeNormal(signedNormal(cells[i].normal, loaded.points[i].normal))};
+  return classes;
+}
+
+base::Result<std::vector<BuiltLeaf>> makeLeaves(const OrderedPoints& points, const ClassStore& classes,
+                                                const CellBlock& block, bool colors) {
+  LUMIGRID_ASSIGN_OR_RETURN(const auto loaded, loadBlock(points, block));
+  std::vector<PointClass> all;
+  std::vector<PointClass> of_cell;
+  std::uint32_t cell = ~std::uint32_t{0};
+  for (std::size_t i = 0; i < loaded.points.size(); ++i) {
+    if (loaded.cell[i] != cell) {
+      cell = loaded.cell[i];
+      LUMIGRID_ASSIGN_OR_RETURN(of_cell, classes.read(cell));
+    }
+    all.push_back(of_cell[loaded.number[i]]);
+  }
+  return LeafMaker(points, loaded, all, colors).run(block);
+}
+
+}  // namespace lod::pmr::builder

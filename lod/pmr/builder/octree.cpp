@@ -1,0 +1,239 @@
+#include "lod/pmr/builder/octree.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "base/fields.h"
+#include "lod/ingest/morton.h"
+#include "lod/ingest/work_directory.h"
+
+namespace lod::pmr::builder {
+namespace {
+
+// Points between two codes that are kept in memory to find cells by.
+constexpr std::uint64_t kStride = 64;
+// Cells with more points by that measure are divided; it is short of the exact number by less than two strides.
+constexpr std::uint64_t kMaxEstimate = kMaxLeafPoints - 2 * kStride;
+// The lattice is at most this many times finer than the points of the denser places are apart: positions are then exact
+// to a hundredth of the spacing.
+constexpr double kStepsPerSpacing = 64.0;
+// Share of the points whose places may be denser than that.
+constexpr double kDenserShare = 0.02;
+constexpr std::size_t kWriteRecords = 1 << 14;
+
+std::uint64_t cellsCodes(std::uint32_t depth) {
+  return std::uint64_t{1} << (3 * (kPositionBits - depth));
+}
+
+// Divides a cell until each part is small enough. `sampled`: every kStride-th code.
+class Divider {
+ public:
+  Divider(std::span<const std::uint64_t> sampled, std::function<void(std::uint64_t, std::uint32_t)> leaf)
+      : sampled_(sampled), leaf_(std::move(leaf)) {}
+  void divide(std::uint64_t code, std::uint32_t depth) {
+    const auto from = std::lower_bound(sampled_.begin(), sampled_.end(), code);
+    const auto to = std::lower_bound(from, sampled_.end(), code + cellsCodes(depth));
+    const std::uint64_t estimate = static_cast<std::uint64_t>(to - from) * kStride;
+    if (estimate <= kMaxEstimate || depth == kPositionBits) return leaf_(code, depth);
+    for (std::uint64_t k = 0; k < 8; ++k) divide(code + k * cellsCodes(depth + 1), depth + 1);
+  }
+
+ private:
+  std::span<const std::uint64_t> sampled_;
+  std::function<void(std::uint64_t, std::uint32_t)> leaf_;
+};
+
+// By how many bits the lattice is finer than the points deserve. The points of a surface that crosses a cell are about
+// edge / √count apart.
+std::uint32_t spareBits(std::span<const std::uint64_t> sampled) {
+  struct Place {
+    double spacing = 0.0;
+    double points = 0.0;
+  };
+  std::vector<Place> places;
+  const auto note = [&](std::uint64_t code, std::uint32_t depth) {
+    const auto from = std::lower_bound(sampled.begin(), sampled.end(), code);
+    const auto to = std::lower_bound(from, sampled.end(), code + cellsCodes(depth));
+    const double points = static_cast<double>(to - from) * static_cast<double>(kStride);
+    if (points > 0.0)
+      places.push_back({static_cast<double>(std::int64_t{1} << (kPositionBits - depth)) / std::sqrt(points), points});
+  };
+  Divider(sampled, note).divide(0, 0);
+  std::sort(places.begin(), places.end(), [](const Place& a, const Place& b) { return a.spacing < b.spacing; });
+  double all = 0.0, seen = 0.0;
+  for (const Place& place : places) all += place.points;
+  for (const Place& place : places) {
+    seen += place.points;
+    if (seen < kDenserShare * all) continue;
+    const double bits = std::floor(std::log2(place.spacing / kStepsPerSpacing));
+    return static_cast<std::uint32_t>(std::clamp(bits, 0.0, double{kPositionBits - 8}));
+  }
+  return 0;
+}
+
+// Joins points of one lattice point: the first one's normal and colour stay, as that of all is the mean already.
+class OrderedWriter {
+ public:
+  explicit OrderedWriter(ingest::SpoolFile& file) : file_(file) {}
+  base::Result<void> add(const OrderedPoint& point) {
+    if (count_ > 0 && point.code == last_) return {};
+    last_ = point.code;
+    if (count_++ % kStride == 0) sampled_.push_back(point.code);
+    records_.push_back(point);
+    return records_.size() < kWriteRecords ? base::Result<void>() : flush();
+  }
+  base::Result<void> flush() {
+    const auto* bytes = reinterpret_cast<const std::uint8_t*>(records_.data());
+    LUMIGRID_TRY(file_.append(base::ByteView(bytes, records_.size() * sizeof(OrderedPoint))));
+    records_.clear();
+    return {};
+  }
+  std::uint64_t count() const { return count_; }
+  const std::vector<std::uint64_t>& sampled() const { return sampled_; }
+
+ private:
+  ingest::SpoolFile& file_;
+  std::vector<OrderedPoint> records_;
+  std::vector<std::uint64_t> sampled_;
+  std::uint64_t count_ = 0, last_ = 0;
+};
+
+base::Result<std::uint64_t> firstNotBelow(const ingest::SpoolFile& file, std::span<const std::uint64_t> sampled,
+                                          std::uint64_t points, std::uint64_t code) {
+  const auto after =
+      static_cast<std::uint64_t>(std::lower_bound(sampled.begin(), sampled.end(), code) - sampled.begin());
+  if (after == 0) return std::uint64_t{0};
+  const std::uint64_t from = (after - 1) * kStride, to = std::min(points, after * kStride);
+  std::vector<OrderedPoint> records(static_cast<std::size_t>(to - from));
+  LUMIGRID_TRY(file.readAt(from * sizeof(OrderedPoint), std::span(reinterpret_cast<std::uint8_t*>(records.data()),
+                                                                  records.size() * sizeof(OrderedPoint))));
+  const auto it = std::partition_point(records.begin(), records.end(),
+                                       [code](const OrderedPoint& point) { return point.code < code; });
+  return from + static_cast<std::uint64_t>(it - records.begin());
+}
+
+std::uint32_t packed(const glm::u8vec3& color) {
+  return static_cast<std::uint32_t>(color.x) | static_cast<std::uint32_t>(color.y) << 8 |
+         static_cast<std::uint32_t>(color.z) << 16;
+}
+
+}  // namespace
+
+glm::ivec3 OctreeCell::corner() const {
+  return ingest::mortonPoint(code);
+}
+
+base::Result<OrderedPoints> OrderedPoints::order(const ingest::PointTiles& tiles, const Lattice& lattice,
+                                                 const std::string& directory,
+                                                 const std::function<bool(double)>& progress) {
+  // The tiles are read twice: the first time to see how dense the points are.
+  std::vector<std::uint64_t> sampled;
+  std::uint64_t seen = 0;
+  for (std::size_t t = 0; t < tiles.count(); ++t) {
+    LUMIGRID_ASSIGN_OR_RETURN(const auto codes, tiles.codes(t));
+    for (const std::uint64_t code : codes)
+      if (seen++ % kStride == 0) sampled.push_back(code);
+    if (progress && !progress(0.5 * static_cast<double>(t + 1) / static_cast<double>(tiles.count())))
+      return base::Error{base::ErrorCode::kCancelled, "ordering the points was cancelled"};
+  }
+  const std::uint32_t shift = spareBits(sampled);
+
+  OrderedPoints out;
+  LUMIGRID_ASSIGN_OR_RETURN(out.file_, ingest::SpoolFile::create(directory + "/ordered"));
+  OrderedWriter writer(out.file_);
+  for (std::size_t t = 0; t < tiles.count(); ++t) {
+    LUMIGRID_ASSIGN_OR_RETURN(const auto points, tiles.read(t));
+    for (const ingest::SourcePoint& point : points)
+      LUMIGRID_TRY(writer.add({point.code >> (3 * shift), ingest::packNormal(point.normal), packed(point.color)}));
+    if (progress && !progress(0.5 + 0.5 * static_cast<double>(t + 1) / static_cast<double>(tiles.count())))
+      return base::Error{base::ErrorCode::kCancelled, "ordering the points was cancelled"};
+  }
+  LUMIGRID_TRY(writer.flush());
+  LUMIGRID_TRY(out.file_.flush());
+  out.points_ = writer.count();
+
+  // A coarse lattice point stands for 2^shift fine ones on each axis, and lies in their middle.
+  out.lattice_.step = lattice.step * static_cast<double>(std::uint64_t{1} << shift);
+  out.lattice_.origin = lattice.origin + glm::dvec3(0.5 * (out.lattice_.step - lattice.step));
+
+  std::vector<std::pair<std::uint64_t, std::uint32_t>> leaves;
+  Divider(writer.sampled(), [&](std::uint64_t code, std::uint32_t depth) {
+    leaves.emplace_back(code, depth);
+  }).divide(0, 0);
+  std::uint64_t first = 0;
+  for (std::size_t i = 0; i < leaves.size(); ++i) {
+    std::uint64_t end = out.points_;
+    if (i + 1 < leaves.size()) {
+      LUMIGRID_ASSIGN_OR_RETURN(end, firstNotBelow(out.file_, writer.sampled(), out.points_, leaves[i + 1].first));
+    }
+    if (end > first)
+      out.cells_.push_back({first, static_cast<std::uint32_t>(end - first), leaves[i].second, leaves[i].first});
+    first = end;
+  }
+  return out;
+}
+
+base::Bytes OrderedPoints::encodeTables() const {
+  base::ByteWriter out;
+  out.u64(points_);
+  out.write(lattice_);
+  out.u64(cells_.size());
+  for (const OctreeCell& cell : cells_) out.write(cell);
+  return out.takeBytes();
+}
+
+base::Result<OrderedPoints> OrderedPoints::open(const std::string& directory, base::ByteView state) {
+  OrderedPoints out;
+  base::ByteReader in(state);
+  out.points_ = in.u64();
+  out.lattice_ = in.read<Lattice>();
+  const std::uint64_t cells = in.u64();
+  if (!in.ok() || in.remaining() != cells * sizeof(OctreeCell)) return ingest::damagedWorkFiles(directory);
+  for (std::uint64_t i = 0; i < cells; ++i) out.cells_.push_back(in.read<OctreeCell>());
+  LUMIGRID_ASSIGN_OR_RETURN(out.file_, ingest::SpoolFile::open(directory + "/ordered"));
+  if (out.file_.size() != out.points_ * sizeof(OrderedPoint)) return ingest::damagedWorkFiles(directory);
+  return out;
+}
+
+base::Result<std::vector<OrderedPoint>> OrderedPoints::read(const OctreeCell& cell) const {
+  std::vector<OrderedPoint> points(cell.count);
+  LUMIGRID_TRY(file_.readAt(cell.first * sizeof(OrderedPoint), std::span(reinterpret_cast<std::uint8_t*>(points.data()),
+                                                                         points.size() * sizeof(OrderedPoint))));
+  return points;
+}
+
+std::vector<CellBlock> makeBlocks(const std::vector<OctreeCell>& cells) {
+  std::vector<CellBlock> blocks;
+  std::uint64_t points = 0;
+  for (std::uint32_t i = 0; i < cells.size(); ++i) {
+    if (blocks.empty() || points + cells[i].count > kBlockPoints) {
+      blocks.push_back({i, i, {}});
+      points = 0;
+    }
+    points += cells[i].count;
+    blocks.back().end = i + 1;
+  }
+  for (CellBlock& block : blocks) {
+    glm::ivec3 block_low(1 << kPositionBits), block_high(0);
+    for (std::uint32_t own = block.first; own < block.end; ++own) {
+      const glm::ivec3 half(cells[own].edge() / 2);
+      block_low = glm::min(block_low, cells[own].corner() - half);
+      block_high = glm::max(block_high, cells[own].corner() + cells[own].edge() + half);
+    }
+    for (std::uint32_t other = 0; other < cells.size(); ++other) {
+      if (other >= block.first && other < block.end) continue;
+      const glm::ivec3 low = cells[other].corner(), high = low + cells[other].edge();
+      if (glm::any(glm::lessThan(high, block_low)) || glm::any(glm::greaterThan(low, block_high))) continue;
+      for (std::uint32_t own = block.first; own < block.end; ++own) {
+        const glm::ivec3 half(cells[own].edge() / 2);
+        const glm::ivec3 from = cells[own].corner() - half, to = cells[own].corner() + cells[own].edge() + half;
+        if (glm::any(glm::lessThan(high, from)) || glm::any(glm::greaterThan(low, to))) continue;
+        block.around.push_back(other);
+        break;
+      }
+    }
+  }
+  return blocks;
+}
+
+}  // namespace lod::pmr::builder

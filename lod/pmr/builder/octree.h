@@ -1,0 +1,71 @@
+#pragma once
+// The points in the order of their Morton codes, in one file, and the octree over them (Dey and Hudson 2002, section 2,
+// "Spatial decomposition").
+#include <cstdint>
+#include <functional>
+#include <glm/glm.hpp>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "lod/ingest/point_tiles.h"
+#include "lod/lattice.h"
+#include "lod/pmr/format.h"
+
+namespace lod::pmr::builder {
+
+/// A leaf of the octree. Codes and cells are of the scene's lattice.
+struct OctreeCell {
+  std::uint64_t first = 0;  ///< its points in the order of codes
+  std::uint32_t count = 0;
+  std::uint32_t depth = 0;  ///< as in Leaf
+  std::uint64_t code = 0;   ///< as in Leaf
+
+  std::int32_t edge() const { return std::int32_t{1} << (kPositionBits - depth); }
+  glm::ivec3 corner() const;
+};
+
+/// A source point; all at one lattice point are one.
+struct OrderedPoint {
+  std::uint64_t code = 0;
+  std::uint32_t normal = 0;  ///< as ingest::packNormal; 0 where unknown
+  std::uint32_t color = 0;   ///< R G B from the lowest byte
+};
+
+class OrderedPoints {
+ public:
+  /// Writes `directory`/ordered from the tiles, and divides the octree. The lattice becomes coarser than that of the
+  /// tiles where these are much finer than the points are dense, and points that fall together are one. Errors:
+  /// kNoSpace, kIo, kCancelled.
+  static base::Result<OrderedPoints> order(const ingest::PointTiles& tiles, const Lattice& lattice,
+                                           const std::string& directory, const std::function<bool(double)>& progress);
+  /// The tables to store beside the file; open() reads both again. Errors: kIo, damaged work files.
+  base::Bytes encodeTables() const;
+  static base::Result<OrderedPoints> open(const std::string& directory, base::ByteView state);
+
+  const std::vector<OctreeCell>& cells() const { return cells_; }
+  const Lattice& lattice() const { return lattice_; }
+  std::uint64_t points() const { return points_; }
+  /// Reads the points of a cell. Safe from several threads. Errors: kIo.
+  base::Result<std::vector<OrderedPoint>> read(const OctreeCell& cell) const;
+  void release() { file_.release(0, file_.size()); }
+
+ private:
+  ingest::SpoolFile file_;
+  std::vector<OctreeCell> cells_;
+  Lattice lattice_;
+  std::uint64_t points_ = 0;
+};
+
+/// Cells that are worked on together, and those around them.
+struct CellBlock {
+  std::uint32_t first = 0, end = 0;   ///< cells
+  std::vector<std::uint32_t> around;  ///< other cells that reach into the surroundings of one of the block's: half its
+                                      ///< edge on each side, so all that touch it are there
+};
+/// Divides the cells, in their order, into blocks of about this many points. It does not depend on the memory there is,
+/// since the result must not.
+inline constexpr std::uint64_t kBlockPoints = 120'000;
+std::vector<CellBlock> makeBlocks(const std::vector<OctreeCell>& cells);
+
+}  // namespace lod::pmr::builder

@@ -1,0 +1,235 @@
+// Decimation and umbrellas of shapes that are known.
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <map>
+#include <numeric>
+
+#include "lod/pmr/builder/decimate.h"
+#include "lod/pmr/builder/tangent_polygon.h"
+#include "lod/pmr/builder/umbrellas.h"
+#include "lod/pmr/format.h"
+#include "tests/support/shapes.h"
+
+namespace {
+
+using namespace lod::pmr;
+using namespace lod::pmr::builder;
+
+struct Levels {
+  std::vector<support::ShapeSample> samples;
+  std::vector<glm::dvec3> places;
+  std::vector<VoronoiCell> cells;
+  std::vector<std::uint8_t> classes;
+
+  explicit Levels(std::vector<support::ShapeSample> shape, float limit = 1e9F) : samples(std::move(shape)) {
+    for (const auto& sample : samples) places.push_back(sample.place);
+    cells = voronoiCells(places, places.size());
+    // As the builder does: points of a regular grid lie on no common circle.
+    std::mt19937 random(99);
+    std::uniform_real_distribution<double> at(0.0, 1e-3);
+    for (glm::dvec3& p : places) p += glm::dvec3(at(random), at(random), at(random));
+    const std::vector<float> limits(places.size(), limit);
+    const PointBlock block{places, places.size(), limits};
+    const Neighbourhoods near(places);
+    mendRims(block, near, cells);
+    classes = decimate(block, near, cells);
+  }
+  std::vector<std::uint32_t> at(std::uint32_t level) const {
+    std::vector<std::uint32_t> left;
+    for (std::uint32_t i = 0; i < classes.size(); ++i)
+      if (classes[i] >= level) left.push_back(i);
+    return left;
+  }
+  std::vector<Triangle> trianglesAt(std::uint32_t level) const {
+    const auto left = at(level);
+    std::vector<glm::dvec3> of_level;
+    for (const std::uint32_t i : left) of_level.push_back(places[i]);
+    Umbrellas umbrellas(of_level, left);
+    std::vector<Triangle> triangles;
+    for (std::uint32_t k = 0; k < left.size(); ++k) umbrellas.find(k, glm::vec3(cells[left[k]].normal), triangles);
+    std::sort(triangles.begin(), triangles.end());
+    triangles.erase(std::unique(triangles.begin(), triangles.end()), triangles.end());
+    return triangles;
+  }
+};
+
+// The share of the samples whose ray from outside to inside along the normal meets no triangle. `reach`: half the
+// length of the ray.
+double uncovered(const std::vector<support::ShapeSample>& samples, const std::vector<glm::dvec3>& places,
+                 const std::vector<Triangle>& triangles, double reach) {
+  const double cell = reach;
+  const auto keyOf = [cell](const glm::dvec3& p) {
+    const glm::ivec3 q(glm::floor(p / cell));
+    return std::tuple(q.x, q.y, q.z);
+  };
+  std::map<std::tuple<int, int, int>, std::vector<std::uint32_t>> grid;
+  for (std::uint32_t t = 0; t < triangles.size(); ++t) {
+    glm::dvec3 low(1e300), high(-1e300);
+    for (const std::uint32_t i : triangles[t]) low = glm::min(low, places[i]), high = glm::max(high, places[i]);
+    const glm::ivec3 from(glm::floor(low / cell)), to(glm::floor(high / cell));
+    for (int x = from.x; x <= to.x; ++x)
+      for (int y = from.y; y <= to.y; ++y)
+        for (int z = from.z; z <= to.z; ++z) grid[{x, y, z}].push_back(t);
+  }
+  const auto meets = [&](const support::ShapeSample& sample, std::uint32_t t) {
+    const glm::dvec3 &a = places[triangles[t][0]], &b = places[triangles[t][1]], &c = places[triangles[t][2]];
+    const glm::dvec3 cross = glm::cross(b - a, c - a);
+    const double along = glm::dot(cross, sample.normal);
+    if (along == 0.0) return false;
+    const double s = glm::dot(cross, a - sample.place) / along;
+    if (std::abs(s) > reach) return false;
+    const glm::dvec3 p = sample.place + s * sample.normal;
+    const double slack = -1e-9 * glm::dot(cross, cross);  // a ray through an edge counts
+    return glm::dot(glm::cross(b - a, p - a), cross) >= slack && glm::dot(glm::cross(c - b, p - b), cross) >= slack &&
+           glm::dot(glm::cross(a - c, p - c), cross) >= slack;
+  };
+  std::size_t missed = 0;
+  for (const auto& sample : samples) {
+    bool met = false;
+    for (const double s : {-0.99, 0.0, 0.99}) {
+      const auto found = grid.find(keyOf(sample.place + s * reach * sample.normal));
+      if (found == grid.end() || met) continue;
+      met = std::any_of(found->second.begin(), found->second.end(), [&](std::uint32_t t) { return meets(sample, t); });
+    }
+    missed += met ? 0 : 1;
+  }
+  return static_cast<double>(missed) / static_cast<double>(samples.size());
+}
+
+TEST(TangentPolygon, ofASquareGridIsASquare) {
+  TangentPolygon polygon(glm::dvec3(0.0), glm::dvec3(0, 0, 1), 10.0);
+  std::uint32_t number = 0;
+  for (const double reach : {1.0, 2.0}) {
+    for (const glm::dvec2 side : {glm::dvec2(1, 0), glm::dvec2(0, 1), glm::dvec2(-1, 0), glm::dvec2(0, -1)})
+      polygon.cut(reach * glm::dvec3(side, 0.0), number++);
+    for (const glm::dvec2 side : {glm::dvec2(1, 1), glm::dvec2(-1, 1), glm::dvec2(-1, -1), glm::dvec2(1, -1)})
+      polygon.cut(reach * glm::dvec3(side, 0.0), number++);
+  }
+  EXPECT_EQ(polygon.corners(), 4U);
+  EXPECT_NEAR(polygon.radius(), std::sqrt(0.5), 1e-12);
+  for (std::uint32_t k = 0; k < 4; ++k) EXPECT_NE(polygon.edge(k), TangentPolygon::kNone);
+}
+
+TEST(TangentPolygon, keepsTheSquareWhereNothingCuts) {
+  TangentPolygon polygon(glm::dvec3(0.0), glm::dvec3(0, 0, 1), 1.0);
+  polygon.cut({1.0, 0.0, 0.0}, 7);
+  polygon.cut({0.0, 0.0, 0.5}, 8);   // straight above: cuts nothing
+  polygon.cut({0.0, 0.0, 0.0}, 9);   // at the centre
+  polygon.cut({5.0, 0.0, 0.0}, 10);  // too far
+  ASSERT_EQ(polygon.corners(), 4U);
+  EXPECT_NEAR(polygon.radius(), std::sqrt(2.0), 1e-12);
+  std::size_t open = 0, sevens = 0;
+  for (std::uint32_t k = 0; k < 4; ++k) {
+    open += polygon.edge(k) == TangentPolygon::kNone ? 1 : 0;
+    sevens += polygon.edge(k) == 7 ? 1 : 0;
+  }
+  EXPECT_EQ(open, 3U);
+  EXPECT_EQ(sevens, 1U);
+}
+
+TEST(Decimation, keepsWhatItsThresholdSays) {
+  const Levels sphere(support::sphereSamples(1e5, 30000, 5));
+  std::size_t finer = sphere.places.size();
+  for (std::uint32_t level = 1; level < kLevels; ++level) {
+    const auto left = sphere.at(level);
+    ASSERT_LT(left.size(), finer);
+    finer = left.size();
+    // Points of a sphere whose polygons have the radius ρ R are about 12 / ρ² (hexagons of that radius), and no polygon
+    // is smaller than the threshold.
+    const double rho = thresholdOf(level);
+    const double hexagons = 4.0 * std::numbers::pi / (1.5 * std::sqrt(3.0) * rho * rho);
+    if (left.size() < 100) continue;
+    EXPECT_LT(static_cast<double>(left.size()), 1.8 * hexagons) << level;
+    EXPECT_GT(static_cast<double>(left.size()), 0.3 * hexagons) << level;
+  }
+}
+
+TEST(Decimation, leavesMorePointsWhereTheShapeIsThin) {
+  // The surface of a torus is proportional to its minor radius, and the points left for each unit of it to the inverse
+  // square of that.
+  const Levels thin(support::torusSamples(1e5, 1e4, 40000, 6));
+  const Levels thick(support::torusSamples(1e5, 4e4, 40000, 6));
+  for (const std::uint32_t level : {3U, 5U}) {
+    EXPECT_GT(thin.at(level).size(), 3 * thick.at(level).size());
+    EXPECT_LT(thin.at(level).size(), 5 * thick.at(level).size());
+  }
+}
+
+TEST(Decimation, keepsTheRimOfAnOpenSurface) {
+  std::vector<support::ShapeSample> plane;
+  for (int x = 0; x < 60; ++x)
+    for (int y = 0; y < 60; ++y) plane.push_back({{1000.0 * x, 1000.0 * y, 0.0}, {0, 0, 1}, 0.0});
+  const Levels levels(plane, 6e3F);
+  std::size_t corners = 0;
+  for (const std::uint32_t i : levels.at(kCoarsest)) {
+    const glm::dvec3 p = glm::round(levels.places[i]);
+    corners += (p.x == 0.0 || p.x == 59000.0) && (p.y == 0.0 || p.y == 59000.0) ? 1 : 0;
+  }
+  EXPECT_EQ(corners, 4U);
+  EXPECT_LT(levels.at(kCoarsest).size(), 600U);
+}
+
+TEST(Umbrellas, coverClosedSurfacesAtEachLevel) {
+  const auto shapes = {support::sphereSamples(1e5, 20000, 7), support::torusSamples(1e5, 4e4, 30000, 8)};
+  for (const auto& shape : shapes) {
+    const Levels levels(shape);
+    const auto probes =
+        shape.front().height == 1e5 ? support::sphereSamples(1e5, 20000, 9) : support::torusSamples(1e5, 4e4, 20000, 9);
+    for (const std::uint32_t level : {0U, 1U, 2U, 5U}) {
+      const auto triangles = levels.trianglesAt(level);
+      EXPECT_LT(uncovered(probes, levels.places, triangles, 2e4), 1e-4) << level;
+      // Twice as many as points: a closed surface (Euler), with few that overlap.
+      if (level == 5) continue;
+      EXPECT_LT(static_cast<double>(triangles.size()), 2.1 * static_cast<double>(levels.at(level).size())) << level;
+    }
+  }
+}
+
+TEST(Umbrellas, ofARegularGridCoverIt) {
+  std::vector<support::ShapeSample> plane, probes;
+  std::mt19937 random(10);
+  std::uniform_real_distribution<double> at(0.0, 29000.0);
+  for (int x = 0; x < 30; ++x)
+    for (int y = 0; y < 30; ++y) plane.push_back({{1000.0 * x, 1000.0 * y, 0.0}, {0, 0, 1}, 0.0});
+  for (int i = 0; i < 5000; ++i) probes.push_back({{at(random), at(random), 0.0}, {0, 0, 1}, 0.0});
+  const Levels levels(plane, 6e3F);
+  EXPECT_EQ(uncovered(probes, levels.places, levels.trianglesAt(0), 2e3), 0.0);
+  EXPECT_EQ(uncovered(probes, levels.places, levels.trianglesAt(3), 2e3), 0.0);
+}
+
+TEST(Umbrellas, leaveWideGapsOpen) {
+  // Two squares of a plane with a gap of twenty spacings between them.
+  std::vector<support::ShapeSample> halves;
+  for (int x = 0; x < 60; ++x)
+    for (int y = 0; y < 30; ++y)
+      halves.push_back({{1000.0 * x + (x < 30 ? 0.0 : 20000.0), 1000.0 * y, 0.0}, {0, 0, 1}, 0.0});
+  const Levels levels(halves, 6e3F);
+  for (const Triangle& triangle : levels.trianglesAt(0)) {
+    double low = 1e300, high = -1e300;
+    for (const std::uint32_t i : triangle) {
+      low = std::min(low, levels.places[i].x);
+      high = std::max(high, levels.places[i].x);
+    }
+    EXPECT_LT(high - low, 10000.0);
+  }
+}
+
+TEST(Umbrellas, doNotDependOnWhoElseIsThere) {
+  // The umbrellas of points in the middle of a part are those of the whole.
+  const Levels all(support::torusSamples(1e5, 4e4, 20000, 11));
+  const auto triangles = all.trianglesAt(0);
+  std::vector<std::uint32_t> near;
+  for (std::uint32_t i = 0; i < all.places.size(); ++i)
+    if (all.places[i].x > 0.0) near.push_back(i);
+  std::vector<glm::dvec3> places;
+  for (const std::uint32_t i : near) places.push_back(all.places[i]);
+  Umbrellas umbrellas(places, near);
+  std::vector<Triangle> found;
+  for (std::uint32_t k = 0; k < near.size(); ++k)
+    if (places[k].x > 3e4) umbrellas.find(k, glm::vec3(all.cells[near[k]].normal), found);
+  ASSERT_GT(found.size(), 1000U);
+  for (const Triangle& triangle : found) EXPECT_TRUE(std::binary_search(triangles.begin(), triangles.end(), triangle));
+}
+
+}  // namespace
