@@ -216,6 +216,7 @@ class PmrMaker {
       for (const auto* chunks : {&point_chunks_[i], &triangle_chunks_[i]})
         for (std::uint32_t level = kCoarsest; level-- > 0;) append((*chunks)[level]);
     }
+    made_.leaves = *readTable(header, table);  // with their boxes and radii rounded
     return std::move(made_);
   }
 
