@@ -4,9 +4,11 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <functional>
 #include <glm/glm.hpp>
 #include <glm/gtc/constants.hpp>
 #include <map>
+#include <utility>
 #include <vector>
 
 #include "base/geometry.h"
@@ -88,8 +90,16 @@ struct MadePmr {
 /// Cuts a surface into leaves and writes them.
 class PmrMaker {
  public:
-  PmrMaker(const LevelledSurface& surface, bool colors, std::uint32_t max_leaf_points)
-      : surface_(surface), colors_(colors), max_leaf_points_(max_leaf_points) {}
+  /// Functions that spoil what is written. An empty one changes nothing.
+  struct Changes {
+    std::function<void(lod::pmr::Header&)> header;
+    std::function<void(lod::pmr::Leaf&)> leaf;
+    std::function<void(std::vector<lod::pmr::CodedPoint>& own, std::vector<lod::pmr::CodedPoint>& foreign)> points;
+    std::function<void(std::vector<std::uint16_t>& corners, const std::vector<bool>& is_own)> corners;
+  };
+
+  PmrMaker(const LevelledSurface& surface, bool colors, std::uint32_t max_leaf_points, Changes changes = {})
+      : surface_(surface), colors_(colors), max_leaf_points_(max_leaf_points), changes_(std::move(changes)) {}
 
   MadePmr make() {
     std::vector<std::uint32_t> all(surface_.points.size());
@@ -169,10 +179,12 @@ class PmrMaker {
       for (const auto& triangle : umbrella)
         for (const std::uint32_t p : triangle) content.corners[level].push_back(numbers[p]);
 
+      if (changes_.points) changes_.points(lists[0], lists[1]);
+      if (changes_.corners) changes_.corners(content.corners[level], content.is_own);
       LevelRow& row = leaf.levels[level];
       row.points = static_cast<std::uint32_t>(own.size());
       row.foreign = static_cast<std::uint32_t>(foreign.size());
-      row.triangles = static_cast<std::uint32_t>(umbrella.size());
+      row.triangles = static_cast<std::uint32_t>(content.corners[level].size() / 3);
       const DrawList list = makeDrawList(positions, content.is_own, content.corners[level]);
       double sum = 0.0;
       for (const float radius : list.point_radii) sum += static_cast<double>(radius);
@@ -182,6 +194,7 @@ class PmrMaker {
       row.point_bytes = static_cast<std::uint32_t>(point_chunks[level].size());
       row.triangle_bytes = static_cast<std::uint32_t>(triangle_chunks[level].size());
     }
+    if (changes_.leaf) changes_.leaf(leaf);
     made_.leaves.push_back(leaf);
     made_.contents.push_back(std::move(content));
     point_chunks_.push_back(std::move(point_chunks));
@@ -199,6 +212,7 @@ class PmrMaker {
     std::vector<glm::vec3> positions;
     for (const CodedPoint& point : surface_.points) positions.push_back(surface_.lattice.position(point.place));
     header.bounds = base::boundingSphere(positions);
+    if (changes_.header) changes_.header(header);
     const base::Bytes table = tableBytes(made_.leaves, surface_.lattice);
     header.table_bytes = static_cast<std::uint32_t>(table.size());
     placeChunks(header, made_.leaves);
@@ -223,6 +237,7 @@ class PmrMaker {
   const LevelledSurface& surface_;
   const bool colors_;
   const std::uint32_t max_leaf_points_;
+  const Changes changes_;
   std::vector<std::uint32_t> leaf_of_;
   std::vector<Cell> cells_;
   std::vector<std::array<base::Bytes, lod::pmr::kLevels>> point_chunks_, triangle_chunks_;
