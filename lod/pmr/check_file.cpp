@@ -6,10 +6,10 @@
 #include <optional>
 #include <unordered_map>
 
+#include "lod/morton.h"
 #include "lod/pmr/chunks.h"
 #include "lod/pmr/draw_list.h"
 #include "lod/pmr/leaf_picture.h"
-#include "lod/pmr/morton.h"
 
 namespace lod::pmr {
 namespace {

@@ -6,8 +6,8 @@
 #include <cmath>
 #include <tuple>
 
+#include "lod/morton.h"
 #include "lod/pmr/chunk_checksum.h"
-#include "lod/pmr/morton.h"
 #include "lod/pmr/range_coder.h"
 
 namespace lod::pmr {

@@ -4,8 +4,8 @@
 
 #include "base/check.h"
 #include "base/crc32c.h"
+#include "lod/morton.h"
 #include "lod/pmr/format.h"
-#include "lod/pmr/morton.h"
 #include "lod/pmr/range_coder.h"
 
 namespace lod::pmr {
@@ -71,7 +71,7 @@ std::int32_t floorDivide(std::int32_t a, std::int32_t b) {
 }
 
 std::array<std::int32_t, 6> codedBox(const Leaf& leaf, const Lattice& lattice) {
-  const glm::ivec3 begin = placeOfMorton(leaf.code);
+  const glm::ivec3 begin = mortonPoint(leaf.code);
   const std::int32_t step = boxStep(leaf.depth);
   const std::int32_t last = (1 << edgeBits(leaf.depth)) - 1;
   std::array<std::int32_t, 6> box{};
@@ -87,7 +87,7 @@ std::array<std::int32_t, 6> codedBox(const Leaf& leaf, const Lattice& lattice) {
 
 /// False where the box is none.
 bool readBox(const std::array<std::int32_t, 6>& coded, const Lattice& lattice, Leaf& leaf) {
-  const glm::ivec3 begin = placeOfMorton(leaf.code);
+  const glm::ivec3 begin = mortonPoint(leaf.code);
   const std::int64_t step = boxStep(leaf.depth);
   const std::int32_t last = (1 << edgeBits(leaf.depth)) - 1;
   glm::ivec3 low, high;

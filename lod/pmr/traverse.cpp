@@ -4,7 +4,7 @@
 #include <cmath>
 #include <limits>
 
-#include "lod/pmr/morton.h"
+#include "lod/morton.h"
 
 namespace lod::pmr {
 namespace {

@@ -8,9 +8,9 @@
 #include <numeric>
 
 #include "base/check.h"
+#include "lod/morton.h"
 #include "lod/pmr/chunk_checksum.h"
 #include "lod/pmr/chunks.h"
-#include "lod/pmr/morton.h"
 #include "lod/pmr/range_coder.h"
 
 namespace lod::pmr {

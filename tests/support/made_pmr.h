@@ -12,10 +12,10 @@
 #include <vector>
 
 #include "base/geometry.h"
+#include "lod/morton.h"
 #include "lod/pmr/chunks.h"
 #include "lod/pmr/draw_list.h"
 #include "lod/pmr/format.h"
-#include "lod/pmr/morton.h"
 
 namespace support {
 

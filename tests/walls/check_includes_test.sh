@@ -5,7 +5,7 @@ here=$(cd "$(dirname "$0")" && pwd)
 tree=$(mktemp -d)
 trap 'rm -rf "$tree"' EXIT
 mkdir -p "$tree"/{base/{gl,egl,http,jpeg,tls},mesh/gltf,protocol,plan,compare,tests}
-mkdir -p "$tree"/lod/{ingest,draw,texture,patch/builder,qsplat/builder}
+mkdir -p "$tree"/lod/{ingest,draw,texture,patch/builder,qsplat/builder,pmr/builder}
 mkdir -p "$tree"/{repository/{sampling,faces,packs,objects},server/{auth,bake,cli,export,log,metrics}}
 mkdir -p "$tree"/server/{net,render,scene,session,trial}
 mkdir -p "$tree"/client/{app,source,viewer,render,native,web}

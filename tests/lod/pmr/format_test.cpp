@@ -7,7 +7,7 @@
 #include <random>
 
 #include "base/crc32c.h"
-#include "lod/pmr/morton.h"
+#include "lod/morton.h"
 #include "tests/support/made_pmr.h"
 
 namespace lod::pmr {
@@ -198,7 +198,7 @@ TEST(PmrFormatTest, cellsOfAllDepthsReturn) {
     for (Leaf& leaf : leaves) {
       leaf.levels[0].points = 1;
       leaf.levels[0].point_bytes = 30;
-      leaf.box.add(header.lattice.position(placeOfMorton(leaf.code)));
+      leaf.box.add(header.lattice.position(mortonPoint(leaf.code)));
     }
     header.leaves = static_cast<std::uint32_t>(leaves.size());
     header.points = leaves.size();
@@ -245,7 +245,7 @@ TEST(PmrFormatTest, mortonCodesReturn) {
   for (int i = 0; i < 1000; ++i) {
     const auto number = [&] { return static_cast<std::int32_t>(random() >> 11); };
     const glm::ivec3 place(number(), number(), number());
-    EXPECT_EQ(placeOfMorton(mortonCode(place)), place);
+    EXPECT_EQ(mortonPoint(mortonCode(place)), place);
   }
   EXPECT_EQ(mortonCode({1, 0, 0}), 1U);
   EXPECT_EQ(mortonCode({0, 1, 0}), 2U);
