@@ -127,7 +127,7 @@ class PmrMaker {
     }
     const std::uint32_t shift = 3 * (kPositionBits - 1 - depth);
     std::array<std::vector<std::uint32_t>, 8> parts;
-    for (const std::uint32_t p : points) parts[mortonCode(surface_.points[p].place) >> shift & 7].push_back(p);
+    for (const std::uint32_t p : points) parts[lod::mortonCode(surface_.points[p].place) >> shift & 7].push_back(p);
     for (std::uint64_t octant = 0; octant < 8; ++octant) split(parts[octant], code | octant << shift, depth + 1);
   }
 
@@ -161,7 +161,8 @@ class PmrMaker {
       for (const bool is_own : {true, false}) {
         std::vector<std::uint32_t>& points = is_own ? own : foreign;
         std::sort(points.begin(), points.end(), [&](std::uint32_t a, std::uint32_t b) {
-          const std::uint64_t ma = mortonCode(surface_.points[a].place), mb = mortonCode(surface_.points[b].place);
+          const std::uint64_t ma = lod::mortonCode(surface_.points[a].place),
+                              mb = lod::mortonCode(surface_.points[b].place);
           return ma != mb ? ma < mb : a < b;
         });
         for (const std::uint32_t p : points) {
