@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "client/app/permalink.h"
-#include "client/app/splat_settings.h"
+#include "client/app/streamed_settings.h"
 
 namespace client {
 namespace {
@@ -228,7 +228,8 @@ base::Result<void> App::openPermalink(std::string_view text) {
     showToast(wanted.error().message, true);
     return wanted.error();
   }
-  if ((wanted->method == Method::kQsplat) != (view_.method == Method::kQsplat)) {
+  const bool another = isStreamed(wanted->method) || isStreamed(view_.method);
+  if (another && wanted->method != view_.method) {
     const base::Error error{base::ErrorCode::kUnsupported,
                             "this link is for another method, whose data come from another place; open it anew"};
     showToast(error.message, true);
@@ -266,11 +267,11 @@ base::Result<void> App::changeSetting(std::string_view name, double value) {
     control_.setFov(glm::radians(settings_.fov_degrees));
     cameraMoved();
   }
-  if (SplatView* splats = viewer_.splats()) {
-    SplatQuality quality = splats->quality();
+  if (StreamedView* view = viewer_.streamed()) {
+    StreamedQuality quality = view->quality();
     applyChanges(before, settings_, quality);
-    if (quality != splats->quality()) {
-      splats->setQuality(quality);
+    if (quality != view->quality()) {
+      view->setQuality(quality);
       dirty_ = true;
     }
   }

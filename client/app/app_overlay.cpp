@@ -204,9 +204,9 @@ void App::updateProgress() {
       share = kShapeShare * (whole > 0.0 ? 1.0 - open / whole : 1.0);
       const double used = stats.lumigraph.samples_used;
       if (open <= 0.0 && used > 0.0) share += (0.95 - kShapeShare) * used / (used + stats.images_requested);
-    } else if (stats.splats.splats > 0) {
-      const auto lacking = static_cast<double>(stats.splats.stream.wanted + stats.splats.stream.requested);
-      share = 1.0 - lacking / (lacking + static_cast<double>(stats.splats.stream.present));
+    } else if (stats.streamed.drawn > 0) {
+      const auto lacking = static_cast<double>(stats.streamed.lacking);
+      share = 1.0 - lacking / (lacking + static_cast<double>(stats.streamed.present));
     }
     progress_.active = now_ - incomplete_since_ >= kProgressSeconds;
     progress_.share = std::max(progress_.share, share);

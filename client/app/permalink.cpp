@@ -122,7 +122,7 @@ base::Result<void> readFov(std::string_view value, ViewState& view) {
 
 base::Result<void> readMethod(std::string_view value, ViewState& view) {
   const auto method = methodFromName(value);
-  if (!method) return badLink("m (method) must be lumigraph, patches or qsplat");
+  if (!method) return badLink("m (method) must be lumigraph, patches, qsplat or pmr");
   view.method = *method;
   return {};
 }

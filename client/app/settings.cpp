@@ -9,13 +9,14 @@ namespace {
 
 using Kind = SettingKind;
 
-constexpr std::array<SettingField, 24> kFields{{
-    {"method", "What is shown, where the scene has it", Kind::kChoice, 0, 2, &Settings::method,
-     "lumigraph patches qsplat", true},
+constexpr std::array<SettingField, 25> kFields{{
+    {"method", "What is shown, where the scene has it", Kind::kChoice, 0, 3, &Settings::method,
+     "lumigraph patches qsplat pmr", true},
     {"splat", "Shape of splats", Kind::kChoice, 0, 3, &Settings::splat, "square circle fuzzy ellipse"},
     {"cutoff", "Size of splats at rest, pixels", Kind::kNumber, 0, 1000, &Settings::cutoff},
-    {"frame_rate", "Pictures of splats a second while moving; 0: as fine as at rest", Kind::kNumber, 0, 1000,
-     &Settings::frame_rate},
+    {"tolerance", "Size of umbrellas at rest, pixels", Kind::kNumber, 0.25, 1000, &Settings::tolerance},
+    {"frame_rate", "Pictures of splats or umbrellas a second while moving; 0: as fine as at rest", Kind::kNumber, 0,
+     1000, &Settings::frame_rate},
     {"fps", "Pictures a second while moving, coarser if need be; 0: as fine as at rest", Kind::kNumber, 0, 1000,
      &Settings::fps, "", true},
     {"cache_megabytes", "Memory for images and patches as they came, MB", Kind::kInteger, 8, 65536,

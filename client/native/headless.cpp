@@ -80,20 +80,23 @@ base::Result<void> HeadlessRun::openScene(Method method) {
     viewer.upload_milliseconds = 0.0;
   }
   viewer_ = std::make_unique<Viewer>(viewer, std::make_unique<NativeDecoder>(std::max(1U, options_.decoder_threads)));
-  // Splats are refined fully in each picture, too.
-  SplatOptions splats = options_.splats;
-  if (options_.realtime_fps <= 0.0) splats.frame_seconds = 0.0;
-  LUMIGRID_ASSIGN_OR_RETURN(auto link, method == Method::kQsplat
-                                           ? openSplatLink(options_.url, options_.link, splats, options_.access)
-                                           : openLink(options_.url, options_.link, options_.access));
+  // Streamed methods are refined fully in each picture, too.
+  StreamedOptions streamed = options_.streamed;
+  if (options_.realtime_fps <= 0.0) {
+    streamed.frame_seconds = 0.0;
+    streamed.decode_per_frame = 0;
+  }
+  LUMIGRID_ASSIGN_OR_RETURN(
+      auto link, isStreamed(method) ? openStreamedLink(options_.url, method, options_.link, streamed, options_.access)
+                                    : openLink(options_.url, options_.link, options_.access));
   connection_ = std::move(link);
   return {};
 }
 
-/// Takes in what arrived, and hands the viewer the splats as soon as the link has them.
+/// Takes in what arrived, and hands the viewer the streamed view as soon as the link has it.
 bool HeadlessRun::pump() {
   const bool arrived = connection_->pump(viewer_->session());
-  if (summary_.method == Method::kQsplat) viewer_->setSplats(connection_->splats());
+  if (isStreamed(summary_.method)) viewer_->setStreamed(connection_->streamed());
   return arrived;
 }
 
@@ -258,16 +261,19 @@ std::string formatHeadlessFrame(const HeadlessFrame& frame) {
                    {"faces", session.bytes_faces},
                    {"patches", session.bytes_patches},
                    {"frames", session.bytes_frames}};
-  if (const SplatStats& splats = frame.stats.splats; splats.stream.blocks > 0) {
-    line["splats"] = {{"drawn", splats.splats},
-                      {"nodes", splats.nodes},
-                      {"cutoff_px", splats.cutoff_px},
-                      {"blocks", splats.stream.blocks},
-                      {"present", splats.stream.present},
-                      {"requested", splats.stream.requested},
-                      {"wanted", splats.stream.wanted},
-                      {"evicted", splats.stream.evicted},
+  const StreamedStats& streamed = frame.stats.streamed;
+  if (const SplatStats& splats = streamed.splats; splats.stream.blocks > 0) {
+    line["splats"] = {{"drawn", streamed.drawn},           {"nodes", splats.nodes},
+                      {"cutoff_px", streamed.error_px},    {"blocks", splats.stream.blocks},
+                      {"present", splats.stream.present},  {"requested", splats.stream.requested},
+                      {"wanted", splats.stream.wanted},    {"evicted", splats.stream.evicted},
                       {"failures", splats.stream.failures}};
+  }
+  if (const UmbrellaStats& umbrellas = streamed.umbrellas; umbrellas.stream.leaves > 0) {
+    line["umbrellas"] = {{"points", umbrellas.points},          {"triangles", umbrellas.triangles},
+                         {"tolerance", streamed.error_px},      {"leaves", umbrellas.stream.leaves},
+                         {"drawn", umbrellas.leaves},           {"present", umbrellas.stream.present},
+                         {"lacking", umbrellas.stream.lacking}, {"failures", umbrellas.stream.failures}};
   }
   line["messages"] = session.messages_received;
   if (frame.link.requests > 0) line["link"] = {{"requests", frame.link.requests}, {"bytes", frame.link.bytes}};

@@ -32,7 +32,7 @@ struct HeadlessOptions {
   ViewerOptions viewer;
   bool method_is_default =
       false;  ///< the user named no method: where the scene lacks the data for ViewerOptions::method, another is used
-  SplatOptions splats;           ///< for method kQsplat
+  StreamedOptions streamed;      ///< for methods for which isStreamed()
   double settle_seconds = 10.0;  ///< longest wait for each view to be complete; nothing fades in then
   double realtime_fps = 0.0;     ///< > 0: draws frames at this rate without waiting for anything
   LinkLimit link;

@@ -32,7 +32,9 @@ base::Result<HostAnswers> askHost(const std::string& url, const HostAccess& acce
   const HttpResponse json = client.send(request);
   answers.scene = answerOf(json);
   if (answers.scene.status < 200 || answers.scene.status >= 300) return answers;
-  LUMIGRID_ASSIGN_OR_RETURN(const auto scene, staticSceneFrom(std::string(json.body.begin(), json.body.end()), place));
+  LUMIGRID_ASSIGN_OR_RETURN(const auto parsed,
+                            base::parseScene(std::string(json.body.begin(), json.body.end()), place + "/scene.json"));
+  LUMIGRID_ASSIGN_OR_RETURN(const auto scene, staticSceneFrom(parsed, place));
 
   request.url = place + "/" + scene.patches.name;
   request.max_bytes = 16;

@@ -14,7 +14,7 @@
 #include "client/native/host_access.h"
 #include "client/source/ray_picks.h"
 #include "client/source/session.h"
-#include "client/source/splat_view.h"
+#include "client/source/streamed_view.h"
 
 namespace client {
 
@@ -86,9 +86,9 @@ class Link {
     return false;
   }
   virtual std::vector<AnsweredPick> takePicks() { return {}; }
-  /// The splats of a link that was opened for them, for Viewer::setSplats(). Null until it has them, and for other
-  /// links.
-  virtual std::shared_ptr<SplatView> splats() const { return nullptr; }
+  /// The view of a link that was opened for a streamed method, for Viewer::setStreamed(). Null until the link has it,
+  /// and for other links.
+  virtual std::shared_ptr<StreamedView> streamed() const { return nullptr; }
   /// Counts since the link was opened; zeros with a server, whose messages the session counts.
   virtual LinkCounts counts() const { return {}; }
 };
@@ -101,9 +101,9 @@ base::Result<void> checkUrl(const std::string& url);
 /// Opens a link, which starts to connect at once. A scene on this machine (localSceneDirectory) has no link to limit.
 base::Result<std::unique_ptr<Link>> openLink(const std::string& url, const LinkLimit& limit = {},
                                              const HostAccess& access = {});
-/// Opens a link for Method::kQsplat: scene.json and qsplat.lgq over HTTP, from a server of ours or any other host, or
-/// from a folder on this machine.
-base::Result<std::unique_ptr<Link>> openSplatLink(const std::string& url, const LinkLimit& limit,
-                                                  const SplatOptions& options, const HostAccess& access = {});
+/// Opens a link for a method for which isStreamed(): scene.json and the method's file over HTTP, from a server of ours
+/// or any other host, or from a folder on this machine.
+base::Result<std::unique_ptr<Link>> openStreamedLink(const std::string& url, Method method, const LinkLimit& limit,
+                                                     const StreamedOptions& options, const HostAccess& access = {});
 
 }  // namespace client

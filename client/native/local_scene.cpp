@@ -13,6 +13,8 @@
 #include "base/parallel.h"
 #include "client/native/published_scene.h"
 #include "client/source/streamed_splats.h"
+#include "client/source/streamed_umbrellas.h"
+#include "lod/disk_bytes.h"
 #include "lod/qsplat/splat_file.h"
 #include "protocol/welcome.h"
 #include "repository/sampling/parameters.h"
@@ -117,22 +119,30 @@ class RefusedLink final : public Link {
   const std::optional<Method> instead_;
 };
 
-/// The splats of a folder. The file stays open as long as anybody shows it.
-class LocalSplatLink final : public Link {
+/// The file of a streamed method in a folder. It stays open as long as anybody shows it.
+class LocalFileLink final : public Link {
  public:
-  explicit LocalSplatLink(std::shared_ptr<StreamedSplats> splats) : splats_(std::move(splats)) {}
-  bool pump(Session& session) override { return splats_->pump(session, secondsNow()); }
+  explicit LocalFileLink(std::shared_ptr<StreamedView> view) : view_(std::move(view)) {}
+  bool pump(Session& session) override { return view_->pump(session, secondsNow()); }
   void waitForArrival(double seconds) override { rest(seconds); }
-  std::shared_ptr<SplatView> splats() const override { return splats_; }
+  std::shared_ptr<StreamedView> streamed() const override { return view_; }
 
  private:
-  const std::shared_ptr<StreamedSplats> splats_;
+  const std::shared_ptr<StreamedView> view_;
 };
 
-base::Result<std::shared_ptr<lod::qsplat::FileBlocks>> openSplatBlocks(const std::string& path) {
-  LUMIGRID_ASSIGN_OR_RETURN(const auto file, lod::qsplat::SplatFile::open(path));
-  LUMIGRID_ASSIGN_OR_RETURN(auto blocks, lod::qsplat::openBlocks(file.bytes(), file.header()));
-  return std::shared_ptr<lod::qsplat::FileBlocks>(std::move(blocks));
+base::Result<std::shared_ptr<StreamedView>> openFile(const FilePlace& file, Method method,
+                                                     const protocol::Welcome& welcome, const StreamedOptions& options) {
+  const std::string path = file.place + "/" + file.name;
+  if (method == Method::kPmr) {
+    LUMIGRID_ASSIGN_OR_RETURN(auto opened, base::PositionedFile::open(path));
+    auto bytes = std::make_shared<lod::DiskBytes>(std::move(opened));
+    return std::shared_ptr<StreamedView>(std::make_shared<StreamedUmbrellas>(file, welcome, std::move(bytes), options));
+  }
+  LUMIGRID_ASSIGN_OR_RETURN(const auto tree, lod::qsplat::SplatFile::open(path));
+  LUMIGRID_ASSIGN_OR_RETURN(std::shared_ptr<lod::qsplat::FileBlocks> blocks,
+                            lod::qsplat::openBlocks(tree.bytes(), tree.header()));
+  return std::shared_ptr<StreamedView>(std::make_shared<StreamedSplats>(file, welcome, std::move(blocks), options));
 }
 
 }  // namespace
@@ -148,15 +158,15 @@ std::optional<std::string> localSceneDirectory(const std::string& text) {
 base::Result<std::unique_ptr<Link>> openLocalScene(const std::string& directory) {
   LUMIGRID_ASSIGN_OR_RETURN(const auto scene, base::readScene(directory));
   const auto patches = objectOfPart(scene, "patch", ".lgp");
-  const bool splats = objectOfPart(scene, "qsplat", ".lgq").has_value();
   if (!patches || !base::isPublishedName(patches->name)) {
-    const std::string reason =
-        patches
-            ? directory + ": without a server patches are shown of what `lumigrid publish` wrote; serve or publish it"
-            : directory + ": holds splats only";
-    return std::unique_ptr<Link>(
-        std::make_unique<RefusedLink>(splats ? reason + "; --method qsplat shows its splats" : reason,
-                                      splats ? std::optional(Method::kQsplat) : std::nullopt));
+    const MethodFile* const file = streamedFileOf(scene);
+    std::string reason = directory +
+                         ": without a server patches are shown of what `lumigrid publish` wrote; serve or "
+                         "publish it";
+    if (!patches && file != nullptr) reason = directory + ": holds " + std::string(file->content) + " only";
+    if (file == nullptr) return std::unique_ptr<Link>(std::make_unique<RefusedLink>(reason, std::nullopt));
+    reason += "; --method " + std::string(nameOf(file->method)) + " shows its " + std::string(file->content);
+    return std::unique_ptr<Link>(std::make_unique<RefusedLink>(reason, file->method));
   }
   StaticScene files;
   files.place = directory;
@@ -166,25 +176,25 @@ base::Result<std::unique_ptr<Link>> openLocalScene(const std::string& directory)
   return std::unique_ptr<Link>(std::make_unique<LocalSceneLink>(std::move(files), directory));
 }
 
-base::Result<std::unique_ptr<Link>> openLocalSplats(const std::string& directory, const SplatOptions& options) {
+base::Result<std::unique_ptr<Link>> openLocalFile(const std::string& directory, Method method,
+                                                  const StreamedOptions& options) {
   LUMIGRID_ASSIGN_OR_RETURN(const auto scene, base::readScene(directory));
-  const auto part = objectOfPart(scene, "qsplat", ".lgq");
+  const MethodFile& file = *fileOf(method);
+  const auto part = objectOfPart(scene, std::string(file.stem), std::string(file.extension));
   if (!part) {
     const bool published = base::isPublishedName(base::patchPath(directory, scene));
-    return std::unique_ptr<Link>(std::make_unique<RefusedLink>(
-        directory + ": has no splats (qsplat.lgq); build them with `lumigrid build ... --methods qsplat`",
-        published ? std::optional(Method::kLumigraph) : std::nullopt));
+    return std::unique_ptr<Link>(
+        std::make_unique<RefusedLink>(directory + lackOf(file), insteadOf(method, scene, published)));
   }
-  LUMIGRID_ASSIGN_OR_RETURN(auto blocks, openSplatBlocks(base::splatPath(directory, scene)));
   protocol::Welcome welcome = protocol::welcomeOf(scene, nameOf(directory));
   welcome.has_colors = scene.has_colors;
-  SplatOptions local = options;
+  StreamedOptions local = options;
   if (!local.clock) local.clock = secondsNow;
   local.for_each = [](std::size_t count, const std::function<void(std::size_t)>& body) {
     base::parallelFor(count, 0, body);
   };
-  return std::unique_ptr<Link>(std::make_unique<LocalSplatLink>(std::make_shared<StreamedSplats>(
-      SplatFilePlace{directory, part->name, part->bytes}, std::move(welcome), std::move(blocks), local)));
+  LUMIGRID_ASSIGN_OR_RETURN(auto view, openFile({directory, part->name, part->bytes}, method, welcome, local));
+  return std::unique_ptr<Link>(std::make_unique<LocalFileLink>(std::move(view)));
 }
 
 }  // namespace client

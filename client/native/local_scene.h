@@ -1,6 +1,6 @@
 #pragma once
-// Opens a scene that is a folder on this machine, without a server: splats as they lie on the disk, memory-mapped, and
-// a published scene's patches and images.
+// Opens a scene that is a folder on this machine, without a server: the files of streamed methods as they lie on the
+// disk, and a published scene's patches and images.
 #include <memory>
 #include <optional>
 #include <string>
@@ -16,7 +16,8 @@ std::optional<std::string> localSceneDirectory(const std::string& text);
 /// Opens a link for patches and images. The session is refused where the folder is as `lumigrid build` wrote it: its
 /// images are for a server. Errors: those of reading scene.json.
 base::Result<std::unique_ptr<Link>> openLocalScene(const std::string& directory);
-/// Opens a link for Method::kQsplat. Errors: those of reading scene.json and of the splats' file.
-base::Result<std::unique_ptr<Link>> openLocalSplats(const std::string& directory, const SplatOptions& options);
+/// Opens a link for a method for which isStreamed(). Errors: those of reading scene.json and of the method's file.
+base::Result<std::unique_ptr<Link>> openLocalFile(const std::string& directory, Method method,
+                                                  const StreamedOptions& options);
 
 }  // namespace client

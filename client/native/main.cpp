@@ -11,7 +11,7 @@
 #include "base/format_text.h"
 #include "base/json/camera_file.h"
 #include "client/app/permalink.h"
-#include "client/app/splat_settings.h"
+#include "client/app/streamed_settings.h"
 #include "client/native/headless.h"
 #include "client/native/host_access.h"
 #include "client/native/host_probe.h"
@@ -27,7 +27,7 @@ constexpr int kWrongUsage = 2;
 
 /// The command line as typed: values with units and choices are still text, all others are in `run` and `window`.
 struct Arguments {
-  client::HeadlessOptions run;   ///< a window takes its URL, viewer, splats, link and threads from here
+  client::HeadlessOptions run;   ///< a window takes its URL, viewer, streamed options, link and threads from here
   client::WindowOptions window;  ///< what only a window has
   bool headless = false;
   std::string path_file;
@@ -74,9 +74,10 @@ void addContentOptions(CLI::App& app, Arguments& a) {
   app.option_defaults()->group("Display");
   app.add_option("--method", a.method,
                  "lumigraph: patches textured by images; patches: the patches alone; qsplat: splats, streamed from the "
-                 "scene's qsplat.lgq in the order in which the view has use for them. Where it is left out, a scene of "
-                 "splats only is shown as such")
-      ->check(CLI::IsMember({"lumigraph", "patches", "qsplat"}));
+                 "scene's qsplat.lgq in the order in which the view has use for them; pmr: points and umbrella "
+                 "triangles, streamed from its pmr.lgm. Where it is left out, a scene of one of these only is shown as "
+                 "such")
+      ->check(CLI::IsMember({"lumigraph", "patches", "qsplat", "pmr"}));
   app.add_flag("--images,!--no-images", a.run.viewer.session.images,
                "Use images of the repository (on unless --no-images)");
   app.add_flag("--frames,!--no-frames", a.run.viewer.session.frames,
@@ -123,25 +124,29 @@ void addContentOptions(CLI::App& app, Arguments& a) {
       ->check(CLI::Range(1'000, 1'000'000'000));
 }
 
-void addSplatOptions(CLI::App& app, Arguments& a) {
+void addStreamedOptions(CLI::App& app, Arguments& a) {
   app.option_defaults()->group("Display");
   app.add_option("--splat", a.splat,
                  "Kernel of --method qsplat. square: the fastest; circle; fuzzy: softly blended; ellipse: lies in the "
                  "surface, the sharpest, with a hole now and then")
       ->check(CLI::IsMember({"square", "circle", "fuzzy", "ellipse"}));
-  app.add_option("--cutoff", a.run.splats.cutoff_px,
+  app.add_option("--cutoff", a.run.streamed.cutoff_px,
                  "Splats are refined down to this diameter, in pixels, when the view rests; 0: down to the leaves")
       ->check(CLI::Range(0.0, 1000.0));
+  app.add_option("--tolerance", a.run.streamed.tolerance,
+                 "Umbrellas of --method pmr have about this radius, in pixels, when the view rests; above 1, sparser "
+                 "ones are drawn where points do not show that")
+      ->check(CLI::Range(static_cast<double>(client::kMinTolerance), 1000.0));
   app.add_option("--frame-rate", a.frame_rate,
-                 "Pictures a second with --method qsplat while the view moves: splats get as large as that asks for. "
-                 "0: as fine as at rest")
+                 "Pictures a second with --method qsplat or pmr while the view moves: splats and umbrellas get as "
+                 "large as that asks for. 0: as fine as at rest")
       ->check(CLI::Range(0.0, 1000.0));
   app.add_option("--order", a.order,
                  "In which order splats come. sweeps: from the top down, each time twice as fine; level: by level of "
                  "the tree; radius: the largest of the scene first; size: the largest in the picture first; rows: from "
                  "the top down, each at its finest")
       ->check(CLI::IsMember({"sweeps", "level", "radius", "size", "rows"}));
-  app.add_flag("--back-faces", a.run.splats.back_faces,
+  app.add_flag("--back-faces", a.run.streamed.back_faces,
                "Draw splats that turn their backs, too (default: leave them out); for open surfaces that are seen from "
                "behind");
   app.add_option("--idle", a.idle,
@@ -225,13 +230,13 @@ void describe(CLI::App& app, Arguments& a) {
          "The server, as `lumigrid serve` prints it: ws://host:port/ (http:// and host:port mean the same), or "
          "encrypted wss://host/; or a "
          "published scene: https://host/folder/, http://host/folder/ or .../scene.json (no server of ours "
-         "need run there); or a scene's folder on this machine, whose splats, and patches where it is published, are "
-         "read from the disk")
+         "need run there); or a scene's folder on this machine, whose splats and umbrellas, and patches where it "
+         "is published, are read from the disk")
       ->required();
   app.option_defaults()->always_capture_default();
 
   addContentOptions(app, a);
-  addSplatOptions(app, a);
+  addStreamedOptions(app, a);
   addPictureOptions(app, a);
   addLimitOptions(app, a);
   addAccessOptions(app, a);
@@ -267,11 +272,11 @@ base::Result<void> parseArguments(Arguments& a) {
   }
   LUMIGRID_ASSIGN_OR_RETURN(const auto idle, forOption("--idle", client::parseByteCount(a.idle)));
 
-  run.splats.kernel = *lod::draw::splatKernelFromName(a.splat);
-  run.splats.frame_seconds = client::secondsPerFrame(a.frame_rate);
-  run.splats.order = *lod::qsplat::streamOrderFromName(a.order);
-  run.splats.idle_bytes = idle;
-  run.splats.memory_bytes = memory;
+  run.streamed.kernel = *lod::draw::splatKernelFromName(a.splat);
+  run.streamed.frame_seconds = client::secondsPerFrame(a.frame_rate);
+  run.streamed.order = *lod::qsplat::streamOrderFromName(a.order);
+  run.streamed.idle_bytes = idle;
+  run.streamed.memory_bytes = memory;
 
   client::ViewerOptions& viewer = run.viewer;
   viewer.method = *client::methodFromName(a.method);
@@ -326,16 +331,19 @@ int runHeadlessMode(const Arguments& a) {
   options.cancelled = [] { return interrupted.load(); };
   const std::size_t count = options.path.size();
   options.on_frame = [&](const client::HeadlessFrame& frame) {
-    const bool splats = frame.stats.splats.stream.blocks > 0;
+    const bool streamed = frame.stats.streamed.drawn > 0;
+    const char* const things = frame.stats.streamed.splats.stream.blocks > 0 ? "splats"
+                               : streamed                                    ? "points and triangles"
+                                                                             : "triangles";
     if (a.json)
       std::printf("%s\n", client::formatHeadlessFrame(frame).c_str());
     else
-      std::printf("frame %zu of %zu: %.2f s, %.1f ms to draw, %llu %s, %u images, %.2f MB received%s\n",
-                  frame.index + 1, count, frame.seconds, frame.draw_ms,
-                  static_cast<unsigned long long>(splats ? frame.stats.splats.splats : frame.stats.lumigraph.triangles),
-                  splats ? "splats" : "triangles", frame.stats.lumigraph.samples_used,
-                  1e-6 * static_cast<double>(frame.stats.session.bytes_received),
-                  frame.stats.complete ? "" : " (not complete)");
+      std::printf(
+          "frame %zu of %zu: %.2f s, %.1f ms to draw, %llu %s, %u images, %.2f MB received%s\n", frame.index + 1, count,
+          frame.seconds, frame.draw_ms,
+          static_cast<unsigned long long>(streamed ? frame.stats.streamed.drawn : frame.stats.lumigraph.triangles),
+          things, frame.stats.lumigraph.samples_used, 1e-6 * static_cast<double>(frame.stats.session.bytes_received),
+          frame.stats.complete ? "" : " (not complete)");
     std::fflush(stdout);
   };
 
@@ -359,11 +367,12 @@ int runHeadlessMode(const Arguments& a) {
 void applyUserSettings(const CLI::App& app, const client::Settings& kept, client::WindowOptions& options) {
   const auto said = [&app](const char* option) { return app.count(option) > 0; };
   client::ViewerOptions& viewer = options.app.viewer;
-  client::SplatOptions& splats = options.splats;
+  client::StreamedOptions& streamed = options.streamed;
   if (options.method_is_default) viewer.method = client::methodOf(kept);
-  if (!said("--splat")) splats.kernel = static_cast<lod::draw::SplatKernel>(static_cast<int>(kept.splat));
-  if (!said("--cutoff")) splats.cutoff_px = static_cast<float>(kept.cutoff);
-  if (!said("--frame-rate")) splats.frame_seconds = client::secondsPerFrame(kept.frame_rate);
+  if (!said("--splat")) streamed.kernel = static_cast<lod::draw::SplatKernel>(static_cast<int>(kept.splat));
+  if (!said("--cutoff")) streamed.cutoff_px = static_cast<float>(kept.cutoff);
+  if (!said("--tolerance")) streamed.tolerance = static_cast<float>(kept.tolerance);
+  if (!said("--frame-rate")) streamed.frame_seconds = client::secondsPerFrame(kept.frame_rate);
   if (!said("--cache")) viewer.session.cache_bytes = static_cast<std::uint64_t>(kept.cache_megabytes * 1e6);
   if (!said("--gpu-memory")) viewer.gpu_budget_bytes = static_cast<std::uint64_t>(kept.gpu_megabytes * 1e6);
   if (!said("--memory")) viewer.memory_budget_bytes = static_cast<std::uint64_t>(kept.memory_megabytes * 1e6);
@@ -402,9 +411,9 @@ int runWindowMode(const CLI::App& app, const Arguments& a) {
   options.app.viewer = a.run.viewer;
   options.app.apply_settings = false;
   options.method_is_default = a.run.method_is_default;
-  options.splats = a.run.splats;
+  options.streamed = a.run.streamed;
   applyUserSettings(app, options.app.settings, options);
-  options.splats.memory_bytes = options.app.viewer.memory_budget_bytes;
+  options.streamed.memory_bytes = options.app.viewer.memory_budget_bytes;
   options.link = a.run.link;
   options.access = a.run.access;
   options.decoder_threads = a.run.decoder_threads;

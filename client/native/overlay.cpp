@@ -170,7 +170,7 @@ class Painter {
       else
         ImGui::Text("up to %.0f", static_cast<double>(step.up_to_px));
     }
-    if (app_.view().method == Method::kQsplat) ImGui::TextUnformatted("hatched: finer is to come");
+    if (isStreamed(app_.view().method)) ImGui::TextUnformatted("hatched: finer is to come");
     ImGui::End();
   }
 

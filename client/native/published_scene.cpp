@@ -9,6 +9,7 @@
 #include "client/native/connection.h"
 #include "client/native/local_scene.h"
 #include "client/source/streamed_splats.h"
+#include "client/source/streamed_umbrellas.h"
 #include "protocol/welcome.h"
 #include "repository/sampling/parameters.h"
 
@@ -45,11 +46,30 @@ std::optional<StaticObject> objectOfPart(const base::Scene& scene, const std::st
   return StaticObject{part->file, part->bytes};
 }
 
-base::Result<StaticScene> staticSceneFrom(const std::string& scene_json, const std::string& place) {
-  LUMIGRID_ASSIGN_OR_RETURN(const auto scene, base::parseScene(scene_json, place + "/scene.json"));
+const MethodFile* streamedFileOf(const base::Scene& scene) {
+  for (const MethodFile& file : kMethodFiles)
+    if (base::partFile(scene, std::string(file.stem), std::string(file.extension))) return &file;
+  return nullptr;
+}
+
+std::string lackOf(const MethodFile& file) {
+  const std::string stem(file.stem);
+  return ": has no " + std::string(file.content) + " (" + stem + std::string(file.extension) +
+         "); build them with `lumigrid build ... --methods " + stem + "`";
+}
+
+std::optional<Method> insteadOf(Method method, const base::Scene& scene, bool patches) {
+  if (patches) return Method::kLumigraph;
+  const MethodFile* const other = streamedFileOf(scene);
+  return other != nullptr && other->method != method ? std::optional(other->method) : std::nullopt;
+}
+
+base::Result<StaticScene> staticSceneFrom(const base::Scene& scene, const std::string& place) {
   const auto patches = objectOfPart(scene, "patch", ".lgp");
-  if (!patches && objectOfPart(scene, "qsplat", ".lgq"))
-    return base::Error{base::ErrorCode::kUnsupported, place + ": holds splats only; --method qsplat shows them"};
+  if (const MethodFile* const file = streamedFileOf(scene); !patches && file != nullptr)
+    return base::Error{base::ErrorCode::kUnsupported, place + ": holds " + std::string(file->content) +
+                                                          " only; --method " + std::string(nameOf(file->method)) +
+                                                          " shows them"};
   if (!patches || !base::isPublishedName(patches->name))
     return base::Error{base::ErrorCode::kInvalidInput,
                        place + ": is not a published scene; put there what `lumigrid publish` wrote"};
@@ -134,14 +154,16 @@ bool PublishedSceneLink::acceptScene(Session& session, double now) {
   if (refused_) return false;
   const auto text = scene_json_.takeText(session, now);
   if (!text) return false;
-  auto scene = staticSceneFrom(*text, place_);
-  if (!scene) {
+  const auto scene = base::parseScene(*text, place_ + "/scene.json");
+  auto files = scene ? staticSceneFrom(*scene, place_) : base::Result<StaticScene>(scene.error());
+  if (!files) {
     refused_ = true;
-    const bool splats_only = scene.error().code == base::ErrorCode::kUnsupported;
-    session.refuse(scene.error().message, splats_only ? std::optional(Method::kQsplat) : std::nullopt);
+    const bool has_patches = scene && objectOfPart(*scene, "patch", ".lgp");
+    const MethodFile* const file = scene && !has_patches ? streamedFileOf(*scene) : nullptr;
+    session.refuse(files.error().message, file != nullptr ? std::optional(file->method) : std::nullopt);
     return true;
   }
-  source_.emplace(std::move(*scene), fetcher_, [](const std::string& parameters) {
+  source_.emplace(std::move(*files), fetcher_, [](const std::string& parameters) {
     return repository::sampledPointsFromMeta(parameters, "parameters");
   });
   return true;
@@ -170,16 +192,18 @@ LinkCounts PublishedSceneLink::counts() const {
   return {1 + stats.requests, scene_json_.bytes() + stats.bytes};
 }
 
-// ---- the link for splats ----
+// ---- the link for streamed methods ----
 
 namespace {
 
-/// Reads a scene's splats at an HTTP address: scene.json names their file, and client::StreamedSplats reads it.
-class SplatLink final : public Link {
+/// Reads the file of a streamed method at an HTTP address: scene.json names it, and the method's view reads it.
+class FileLink final : public Link {
  public:
   /// `place` is the scene's URL; "http://host:port" of a server of ours is one, too.
-  SplatLink(const std::string& place, const LinkLimit& limit, const SplatOptions& options, const HostAccess& access)
+  FileLink(const std::string& place, Method method, const LinkLimit& limit, const StreamedOptions& options,
+           const HostAccess& access)
       : place_(place),
+        method_(method),
         options_(options),
         fetcher_(std::make_unique<CurlFetcher>(place, limit, access)),
         connection_(fetcher_.get()),
@@ -192,47 +216,51 @@ class SplatLink final : public Link {
   bool pump(Session& session) override;
   void waitForArrival(double seconds) override { connection_->wait(seconds); }
   LinkCounts counts() const override;
-  std::shared_ptr<SplatView> splats() const override { return splats_; }
+  std::shared_ptr<StreamedView> streamed() const override { return view_; }
 
  private:
   void acceptScene(const std::string& text, Session& session);
 
   const std::string place_;
-  SplatOptions options_;
-  std::unique_ptr<CurlFetcher> fetcher_;  // until the splats take it over
+  const Method method_;
+  StreamedOptions options_;
+  std::unique_ptr<CurlFetcher> fetcher_;  // until the view takes it over
   CurlFetcher* connection_;               // the same fetcher, whoever owns it
   SceneJson scene_json_;
   bool refused_ = false;
-  std::shared_ptr<StreamedSplats> splats_;
+  std::shared_ptr<StreamedView> view_;
 };
 
-void SplatLink::acceptScene(const std::string& text, Session& session) {
+void FileLink::acceptScene(const std::string& text, Session& session) {
   const auto scene = base::parseScene(text, place_ + "/scene.json");
-  const auto part = scene ? objectOfPart(*scene, "qsplat", ".lgq") : std::nullopt;
+  const MethodFile& file = *fileOf(method_);
+  const auto part = scene ? objectOfPart(*scene, std::string(file.stem), std::string(file.extension)) : std::nullopt;
   if (!part) {
     refused_ = true;
     if (!scene) return session.refuse(scene.error().message);
-    return session.refuse(
-        place_ + ": has no splats (qsplat.lgq); build them with `lumigrid build ... --methods qsplat`",
-        objectOfPart(*scene, "patch", ".lgp") ? std::optional(Method::kLumigraph) : std::nullopt);
+    return session.refuse(place_ + lackOf(file),
+                          insteadOf(method_, *scene, objectOfPart(*scene, "patch", ".lgp").has_value()));
   }
   protocol::Welcome welcome = protocol::welcomeOf(*scene, nameOf(place_, *scene));
   welcome.has_colors = scene->has_colors;
-  splats_ = std::make_shared<StreamedSplats>(SplatFilePlace{place_, part->name, part->bytes}, std::move(welcome),
-                                             std::move(fetcher_), options_);
+  const FilePlace place{place_, part->name, part->bytes};
+  if (method_ == Method::kPmr)
+    view_ = std::make_shared<StreamedUmbrellas>(place, welcome, std::move(fetcher_), options_);
+  else
+    view_ = std::make_shared<StreamedSplats>(place, welcome, std::move(fetcher_), options_);
 }
 
-bool SplatLink::pump(Session& session) {
+bool FileLink::pump(Session& session) {
   if (refused_) return false;
-  if (splats_) return splats_->pump(session, secondsNow());
+  if (view_) return view_->pump(session, secondsNow());
   const auto text = scene_json_.takeText(session, secondsNow());
   if (text) acceptScene(*text, session);
   return text.has_value();
 }
 
-LinkCounts SplatLink::counts() const {
-  if (!splats_) return {1, scene_json_.bytes()};
-  const lod::qsplat::StreamStats stats = splats_->stream().stats();
+LinkCounts FileLink::counts() const {
+  if (!view_) return {1, scene_json_.bytes()};
+  const StreamedStats stats = view_->stats();
   return {1 + stats.requests, scene_json_.bytes() + stats.bytes_received};
 }
 
@@ -247,16 +275,16 @@ base::Result<std::unique_ptr<Link>> openLink(const std::string& url, const LinkL
   return std::unique_ptr<Link>(std::make_unique<Connection>(server, limit, access));
 }
 
-base::Result<std::unique_ptr<Link>> openSplatLink(const std::string& url, const LinkLimit& limit,
-                                                  const SplatOptions& options, const HostAccess& access) {
+base::Result<std::unique_ptr<Link>> openStreamedLink(const std::string& url, Method method, const LinkLimit& limit,
+                                                     const StreamedOptions& options, const HostAccess& access) {
   LUMIGRID_TRY(checkUrl(url));
-  if (const auto directory = localSceneDirectory(url)) return openLocalSplats(*directory, options);
+  if (const auto directory = localSceneDirectory(url)) return openLocalFile(*directory, method, options);
   if (isPublishedScene(url))
-    return std::unique_ptr<Link>(std::make_unique<SplatLink>(placeOfScene(url), limit, options, access));
+    return std::unique_ptr<Link>(std::make_unique<FileLink>(placeOfScene(url), method, limit, options, access));
   LUMIGRID_ASSIGN_OR_RETURN(const auto server, parseServerUrl(url));
   // A server with several scenes has each in a folder of its own.
   const std::string place = placeOfScene(server.httpPlace() + server.target);
-  return std::unique_ptr<Link>(std::make_unique<SplatLink>(place, limit, options, access));
+  return std::unique_ptr<Link>(std::make_unique<FileLink>(place, method, limit, options, access));
 }
 
 }  // namespace client

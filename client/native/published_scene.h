@@ -16,9 +16,14 @@ namespace client {
 /// nullopt when the scene lists neither.
 std::optional<StaticObject> objectOfPart(const base::Scene& scene, const std::string& stem,
                                          const std::string& extension);
-/// `place` is the URL without "scene.json" and without slashes at its end. Errors say what is wrong with the text;
-/// kUnsupported means that the scene is splats-only.
-base::Result<StaticScene> staticSceneFrom(const std::string& scene_json, const std::string& place);
+/// The first of the streamed methods' files that the scene has; null when it has none.
+const MethodFile* streamedFileOf(const base::Scene& scene);
+/// Says behind a scene's place that it lacks a method's file, and what to do.
+std::string lackOf(const MethodFile& file);
+/// The method that shows a scene that lacks the file of `method`. `patches`: they can be shown.
+std::optional<Method> insteadOf(Method method, const base::Scene& scene, bool patches);
+/// `place` is the URL without "scene.json" and without slashes at its end. Errors say what is wrong with the scene.
+base::Result<StaticScene> staticSceneFrom(const base::Scene& scene, const std::string& place);
 /// Shortens "http://host/folder/scene.json" or "http://host/folder/" to "http://host/folder".
 std::string placeOfScene(const std::string& url);
 

@@ -26,7 +26,7 @@
 #include "base/json/annotations_file.h"
 #include "base/json/camera_file.h"
 #include "base/png/png.h"
-#include "client/app/splat_settings.h"
+#include "client/app/streamed_settings.h"
 #include "client/native/answer_json.h"
 #include "client/native/connection.h"
 #include "client/native/http_get.h"
@@ -259,12 +259,11 @@ base::Result<void> Window::open() {
 
 /// Makes the link for a method, and the App that shows the scene.
 base::Result<void> Window::openScene(Method method) {
-  const bool splats = method == Method::kQsplat;
   const Settings settings = app_ ? app_->settings() : options_.app.settings;
-  SplatOptions splat_options = options_.splats;
-  applyChanges(options_.app.settings, settings, splat_options);
-  auto link = splats ? openSplatLink(options_.url, options_.link, splat_options, options_.access)
-                     : openLink(options_.url, options_.link, options_.access);
+  StreamedOptions streamed = options_.streamed;
+  applyChanges(options_.app.settings, settings, streamed);
+  auto link = isStreamed(method) ? openStreamedLink(options_.url, method, options_.link, streamed, options_.access)
+                                 : openLink(options_.url, options_.link, options_.access);
   if (!link) return link.error();
   connection_ = std::move(*link);
   AppOptions options = options_.app;
@@ -476,7 +475,7 @@ void Window::keepBookmarks() {
 
 /// Asks the server for the picture, which it draws at full resolution; without a server saves what the window shows.
 void Window::savePicture(const Request& request) {
-  if (published_ || app_->view().method == Method::kQsplat || app_->session().phase() != SessionPhase::kReady)
+  if (published_ || isStreamed(app_->view().method) || app_->session().phase() != SessionPhase::kReady)
     return writePicture(readPicture(picture_, app_->viewer()));
   app_->showToast("The server draws the picture\u2026");
   constexpr std::size_t kMaxBytes = 256 * 1024 * 1024;
@@ -523,7 +522,7 @@ void Window::acceptNotes(const HttpGetter::Answer& answer) {
 }
 
 void Window::acceptPick(std::uint32_t pick, const HttpGetter::Answer& answer) {
-  constexpr int kNotImplemented = 501;  // a splats-only scene has no surface to be found
+  constexpr int kNotImplemented = 501;  // a scene without patches has no surface to be found
   PickAnswer found;
   std::string problem = answer.problem;
   if (answer.status == kFound) {
@@ -603,7 +602,7 @@ base::Result<void> Window::run() {
   while (!closes()) {
     glfwPollEvents();
     connection_->pump(app_->session());
-    if (auto splats = connection_->splats()) app_->viewer().setSplats(std::move(splats));
+    if (auto view = connection_->streamed()) app_->viewer().setStreamed(std::move(view));
     LUMIGRID_TRY(changeMethod());
     takeAnswers();
     const double now = glfwGetTime();

@@ -17,8 +17,8 @@ struct WindowOptions {
       false;  ///< the user named no method: where the scene lacks the data for the viewer's method, another is shown
   LinkLimit link;
   HostAccess access;
-  SplatOptions splats;  ///< for method kQsplat
-  int width = 1280;     ///< initial window size, screen units
+  StreamedOptions streamed;  ///< for methods for which isStreamed()
+  int width = 1280;          ///< initial window size, screen units
   int height = 720;
   unsigned decoder_threads = 2;
   bool show_figures = false;     ///< shows the statistics (key I) at the start

@@ -3,64 +3,49 @@
 #include <memory>
 #include <string>
 
-#include "client/source/fetch.h"
-#include "client/source/splat_view.h"
-#include "lod/qsplat/rate_control.h"
+#include "client/source/motion_pace.h"
+#include "client/source/streamed_file.h"
+#include "client/source/streamed_view.h"
 
 namespace client {
 
-/// The address of a file of splats.
-struct SplatFilePlace {
-  std::string place;  ///< the scene's URL without a slash at its end, for error messages
-  std::string name;   ///< name of the object, "qsplat.lgq" or "qsplat-….lgq"
-  std::uint64_t bytes = 0;
-};
-
-class StreamedSplats final : public SplatView {
+class StreamedSplats final : public StreamedView {
  public:
-  /// `welcome` holds the values of scene.json; only the fields that SplatView needs are used.
-  StreamedSplats(SplatFilePlace file, protocol::Welcome welcome, std::unique_ptr<RangeFetcher> fetcher,
-                 const SplatOptions& options);
+  /// `welcome` and `fetcher`: as in StreamedFile.
+  StreamedSplats(FilePlace file, const protocol::Welcome& welcome, std::unique_ptr<RangeFetcher> fetcher,
+                 const StreamedOptions& options);
   /// Shows a whole file that is on this machine. `blocks`: not null.
-  StreamedSplats(SplatFilePlace file, protocol::Welcome welcome, std::shared_ptr<lod::qsplat::FileBlocks> blocks,
-                 const SplatOptions& options);
+  StreamedSplats(FilePlace file, const protocol::Welcome& welcome, std::shared_ptr<lod::qsplat::FileBlocks> blocks,
+                 const StreamedOptions& options);
 
-  bool pump(Session& session, double now) override;
+  bool pump(Session& session, double now) override { return file_.pump(stream_, session, now); }
   const base::Sphere* bounds() const override;
-  void update(const base::Camera& camera, const SplatLook& look) override;
-  base::Result<void> draw(const base::Camera& camera, const SplatLook& look) override;
-  std::optional<glm::vec3> surfaceAt(const base::Camera& camera, const SplatLook& look, double x,
+  void update(const base::Camera& camera, const StreamedLook& look) override;
+  base::Result<void> draw(const base::Camera& camera, const StreamedLook& look) override;
+  bool isMultisampled() const override { return false; }
+  std::optional<glm::vec3> surfaceAt(const base::Camera& camera, const StreamedLook& look, double x,
                                      double y) const override;
   bool complete() const override;
   bool busy() const override;
-  void setQuality(const SplatQuality& quality) override;
-  const SplatQuality& quality() const override { return options_; }
+  void setQuality(const StreamedQuality& quality) override;
+  const StreamedQuality& quality() const override { return options_; }
   void contextLost() override { renderer_.reset(); }
-  SplatStats stats() const override;
+  StreamedStats stats() const override;
 
   const lod::qsplat::Stream& stream() const { return stream_; }
 
  private:
-  void acceptAnswer(Session& session, FetchAnswer& answer, double now);
-  void sendWelcome(Session& session);
-  float wantedCutoff() const;
   float finestCutoff() const;
-  void chooseSplats(const base::Camera& camera, const SplatLook& look);
-  void setPace(const base::Camera& camera);
-  base::Result<void> drawFound(const base::Camera& camera, const SplatLook& look);
+  void chooseSplats(const base::Camera& camera, const StreamedLook& look);
+  base::Result<void> drawFound(const base::Camera& camera, const StreamedLook& look);
   bool moreIsComing() const;
   bool hasRested() const;
   double now() const { return options_.clock ? options_.clock() : 0.0; }
 
-  const SplatFilePlace file_;
-  const base::Bytes welcome_;
-  const std::unique_ptr<RangeFetcher> fetcher_;  ///< null where the whole file is here
-  SplatOptions options_;
+  StreamedFile file_;
+  StreamedOptions options_;
   lod::qsplat::Stream stream_;
-  bool host_away_ = false;  ///< the last request got no answer
-  std::string refusal_;     ///< a failure that no other try repairs; empty when there is none
-
-  lod::qsplat::RateControl rate_;
+  MotionPace pace_;
   lod::qsplat::Traversal found_;
   std::uint64_t found_generation_ = 0;  ///< generation of the stream when found_ was chosen
   bool chosen_ = false;
@@ -70,7 +55,6 @@ class StreamedSplats final : public SplatView {
   float cutoff_px_ = 0.0F;
   float cutoff_factor_ = 1.0F;  ///< factor by which memory limits coarsen the cut-off in this view, ≥ 1
 
-  std::optional<base::Camera> drawn_from_;
   double choice_end_ = -1e300;   ///< seconds; end of the last choice of splats, or of drawing them
   double choice_seconds_ = 0.0;  ///< seconds; duration of that
   float reduction_ = 1.0F;       ///< resolution of the last drawing, pixels a side for each sample

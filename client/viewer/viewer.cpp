@@ -47,8 +47,8 @@ Viewer::Viewer(const ViewerOptions& options, std::unique_ptr<ImageDecoder> decod
 }
 
 base::Result<bool> Viewer::update(const base::ViewCamera& camera, double now) {
-  if (showsSplats()) {
-    LUMIGRID_TRY(updateSplats(camera));
+  if (showsStreamed()) {
+    LUMIGRID_TRY(updateStreamed(camera));
     return false;
   }
   session_.setView(viewForServer(camera));
@@ -92,13 +92,13 @@ void Viewer::drawBackground() const {
 }
 
 bool Viewer::allHere() const {
-  return showsSplats() ? hasSplats() && splats_->complete() : session_.complete() && !session_.mayRefine();
+  return showsStreamed() ? hasStreamed() && streamed_->complete() : session_.complete() && !session_.mayRefine();
 }
 
 std::optional<glm::dvec3> Viewer::surfaceAt(const base::ViewCamera& camera, double x, double y) {
-  if (showsSplats()) {
-    if (!hasSplats()) return std::nullopt;
-    const auto point = splats_->surfaceAt(cameraAt(camera), splatLook(), x, y);
+  if (showsStreamed()) {
+    if (!hasStreamed()) return std::nullopt;
+    const auto point = streamed_->surfaceAt(cameraAt(camera), streamedLook(), x, y);
     return point ? std::optional(session_.welcome()->origin + glm::dvec3(*point)) : std::nullopt;
   }
   if (!renderer_ || patches_.drawn().patches.empty()) return std::nullopt;
@@ -119,7 +119,7 @@ std::optional<glm::dvec3> Viewer::surfaceAt(const base::ViewCamera& camera, doub
 // ---- modes of display ----
 
 void Viewer::setMethod(Method method) {
-  if (showsSplats() || method == Method::kQsplat) return;
+  if (showsStreamed() || isStreamed(method)) return;
   const SessionOptions& asked = options_.session;
   const bool images = method == Method::kLumigraph;
   options_.method = method;
@@ -153,7 +153,7 @@ void Viewer::contextLost() {
   mean_.reset();
   mean_refused_ = false;
   probe_.reset();
-  if (splats_) splats_->contextLost();
+  if (streamed_) streamed_->contextLost();
   frame_.reset();
   candidates_.clear();
   patches_.forget();
@@ -165,7 +165,7 @@ base::Result<void> Viewer::contextRestored() {
   if (!context_lost_) return {};
   context_lost_ = false;
   if (session_.welcome() == nullptr) return {};
-  if (!showsSplats()) LUMIGRID_TRY(startRenderer());
+  if (!showsStreamed()) LUMIGRID_TRY(startRenderer());
   return startPins();
 }
 
@@ -199,7 +199,7 @@ ViewerStats Viewer::stats() const {
   stats.effort = effort_;
   stats.broken = broken_;
   stats.last_fault = last_fault_;
-  if (splats_) addSplats(stats);
+  if (streamed_) addStreamed(stats);
   return stats;
 }
 
@@ -215,7 +215,7 @@ base::Result<void> Viewer::startScene() {
   scene_ = sceneSphere(welcome);
   shading_ = {welcome.unlit, welcome.light_direction};
   if (context_lost_) return {};
-  if (!showsSplats()) LUMIGRID_TRY(startRenderer());
+  if (!showsStreamed()) LUMIGRID_TRY(startRenderer());
   return startPins();
 }
 
@@ -298,10 +298,11 @@ void Viewer::updatePatches() {
 
 MemoryUse Viewer::memory() const {
   MemoryUse use;
-  if (splats_) {
-    const SplatStats stats = splats_->stats();
-    use.cache = stats.stream.memory_bytes;
+  if (streamed_) {
+    const StreamedStats stats = streamed_->stats();
+    use.cache = stats.file_bytes;
     use.buffers = stats.buffer_bytes;
+    use.renderbuffers = picture_.bytes();
     return use;
   }
   if (renderer_) {
@@ -325,9 +326,9 @@ bool Viewer::blendIsFine() const {
 }
 
 Accuracy Viewer::accuracy() const {
-  if (showsSplats()) {
-    if (!hasSplats() || splats_->stats().splats == 0) return Accuracy::kNothing;
-    return splats_->complete() ? Accuracy::kFine : Accuracy::kCoarse;
+  if (showsStreamed()) {
+    if (!hasStreamed() || streamed_->stats().drawn == 0) return Accuracy::kNothing;
+    return streamed_->complete() ? Accuracy::kFine : Accuracy::kCoarse;
   }
   if (renderer_ && frame_.whole()) return Accuracy::kExact;
   if (!renderer_ || patches_.drawn().patches.empty()) return Accuracy::kNothing;

@@ -20,7 +20,7 @@
 #include "client/render/picture_mean.h"
 #include "client/source/method.h"
 #include "client/source/session.h"
-#include "client/source/splat_view.h"
+#include "client/source/streamed_view.h"
 #include "client/viewer/decode.h"
 #include "client/viewer/draw_governor.h"
 #include "client/viewer/memory_plan.h"
@@ -34,7 +34,8 @@ namespace client {
 struct ViewerOptions {
   SessionOptions session;
   LumigraphOptions lumigraph;
-  /// kLumigraph or kPatches (the same client without images); with kQsplat only what setSplats() brings is shown.
+  /// kLumigraph or kPatches (the same client without images); with one for which isStreamed() only what setStreamed()
+  /// brings is shown.
   Method method = Method::kLumigraph;
   std::uint64_t gpu_budget_bytes = 512'000'000;  ///< limit for images on the GPU
   /// Everything that grows with the scene, on the GPU and off (MemoryUse::total()), stays below this at every frame.
@@ -42,7 +43,7 @@ struct ViewerOptions {
   /// suffice, the picture is coarser or has fewer images: see error_px. At least kMinMemory.
   std::uint64_t memory_budget_bytes = 1'000'000'000;
   /// Samples a pixel of patches and images, a power of 2, which are averaged; fewer where their share of the memory
-  /// does not hold them or the GL has fewer. Splats have one.
+  /// does not hold them or the GL has fewer. Umbrellas have this number always, splats one.
   int samples = 4;
   /// Each picture is drawn with this. None: a moving view gets the samples, pixels and images that frame times allow
   /// (DrawGovernor), and one at rest all pixels and twice as many samples, unless they are 1.
@@ -68,17 +69,18 @@ struct MemoryUse {
 /// How close a picture is to the true one.
 enum class Accuracy : std::uint8_t {
   kNothing,  ///< no surface is here yet
-  kCoarse,   ///< patches or splats are coarser than the tolerance asks for, or are being refined
+  kCoarse,   ///< the surface is coarser than the tolerance asks for, or is being refined
   kBlended,  ///< the cut has reached the tolerance, and is textured by the images that are here
   kExact,    ///< the server's own picture of this very view is shown, pixel for pixel
-  kFine,     ///< all splats that the cut-off asks for are here
+  kFine,     ///< all splats or umbrellas that the options ask for are here
 };
 
 struct ViewerStats {
   SessionStats session;
   LumigraphStats lumigraph;
-  float error_px = 0.0F;      ///< largest projected error of what is drawn, by the measure of Session::usualPatches()
-  float bound_px = 0.0F;      ///< every point of it is proved to be within this; 0 for splats, which prove nothing
+  float error_px = 0.0F;  ///< largest projected error of what is drawn, by the measure of Session::usualPatches()
+  float bound_px =
+      0.0F;  ///< every point of it is proved to be within this; 0 with streamed methods, which prove nothing
   float tolerance_px = 0.0F;  ///< the wanted tolerance, or more where a budget does not allow it
   Accuracy accuracy = Accuracy::kNothing;
   MemoryUse memory;
@@ -91,8 +93,8 @@ struct ViewerStats {
   /// may wait until the view has rested for a moment.
   bool effort_pending = false;
   DrawEffort effort;         ///< of the blended picture that was drawn last
-  std::uint32_t broken = 0;  ///< images, groups and blocks of splats that could not be decoded
-  SplatStats splats;         ///< with kQsplat
+  std::uint32_t broken = 0;  ///< images, groups and parts of a streamed file that could not be decoded
+  StreamedStats streamed;    ///< with a method for which isStreamed()
   std::string last_fault;    ///< the error of the latest of them
 };
 
@@ -116,7 +118,8 @@ class Viewer {
   /// premultiplied by the alpha of pixels that are covered in part, as browsers have them; splats' are not.
   base::Result<void> draw(const base::ViewCamera& camera, double now);
   /// Does what draw() does but leaves the framebuffer as it is, so that the next draw() shows depth maps and fades as
-  /// if this frame had been drawn. A tenth of the time. Splats, whose pictures depend on no earlier ones, are left out.
+  /// if this frame had been drawn. A tenth of the time. Streamed methods, whose pictures depend on no earlier ones, are
+  /// left out.
   base::Result<void> drawUnseen(const base::ViewCamera& camera, double now);
   /// Tells how long the last picture took, in seconds, if the view moved for it: the interval to the one before where
   /// both were drawn as fast as they could be, or the time of drawing.
@@ -143,12 +146,12 @@ class Viewer {
   /// server's frames, are not shown then, since their light is another.
   void setLight(const std::optional<glm::dvec3>& direction);
   /// Switches between lumigraph and patches from the next draw on; patches request no images from the server. Images
-  /// that ViewerOptions::session turns off stay off. A viewer never changes from or to kQsplat, since splats come from
-  /// another place.
+  /// that ViewerOptions::session turns off stay off. A viewer never changes from or to a streamed method, whose data
+  /// come from another place.
   void setMethod(Method method);
-  /// Sets the source of splats for kQsplat; the caller pumps it.
-  void setSplats(std::shared_ptr<SplatView> splats) { splats_ = std::move(splats); }
-  SplatView* splats() { return splats_.get(); }  ///< null while there are none
+  /// Sets the source of a streamed method; the caller pumps it.
+  void setStreamed(std::shared_ptr<StreamedView> view) { streamed_ = std::move(view); }
+  StreamedView* streamed() { return streamed_.get(); }  ///< null while there is none
   /// Places the magnifying glass of kQsplat: what is seen through it comes first and is finer. Framebuffer pixels.
   void setLens(const std::optional<lod::qsplat::Lens>& lens) { lens_ = lens; }
 
@@ -220,14 +223,14 @@ class Viewer {
   base::Result<void> startPins();
   void probePins();
   std::uint64_t pictureSignature() const;
-  bool showsSplats() const { return options_.method == Method::kQsplat; }
-  bool hasSplats() const { return splats_ && splats_->bounds() != nullptr && session_.welcome() != nullptr; }
+  bool showsStreamed() const { return isStreamed(options_.method); }
+  bool hasStreamed() const { return streamed_ && streamed_->bounds() != nullptr && session_.welcome() != nullptr; }
   lod::draw::Shading shadingHere() const;
-  SplatLook splatLook() const;
-  void addSplats(ViewerStats& stats) const;
-  base::Result<bool> setSplatView(const base::ViewCamera& wanted);
-  base::Result<void> updateSplats(const base::ViewCamera& wanted);
-  base::Result<void> drawSplats(const base::ViewCamera& wanted);
+  StreamedLook streamedLook() const;
+  void addStreamed(ViewerStats& stats) const;
+  base::Result<bool> setStreamedView(const base::ViewCamera& wanted);
+  base::Result<void> updateStreamed(const base::ViewCamera& wanted);
+  base::Result<void> drawStreamed(const base::ViewCamera& wanted);
   base::Camera cameraAt(const base::ViewCamera& wanted) const {
     return base::cameraForScene(wanted, session_.welcome()->origin, scene_);
   }
@@ -317,7 +320,7 @@ class Viewer {
   std::uint32_t broken_ = 0;
   std::string last_fault_;
 
-  std::shared_ptr<SplatView> splats_;  // for kQsplat; null until its link has them
+  std::shared_ptr<StreamedView> streamed_;  // null until its link has it
   std::optional<lod::qsplat::Lens> lens_;
 
   std::vector<glm::dvec3> pins_;  // world

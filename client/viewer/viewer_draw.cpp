@@ -26,9 +26,9 @@ constexpr double kRenewSeconds = 0.5;
 }  // namespace
 
 base::Result<void> Viewer::draw(const base::ViewCamera& camera, double now) {
-  if (showsSplats()) {
+  if (showsStreamed()) {
     if (context_lost_) return {};
-    if (hasSplats()) return drawSplats(camera);
+    if (hasStreamed()) return drawStreamed(camera);
     drawBackground();
     return takeEvents();
   }

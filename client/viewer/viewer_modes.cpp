@@ -34,10 +34,10 @@ std::uint64_t Viewer::pictureSignature() const {
   mix(&clip, sizeof(clip));
   mix(&cut_plane, sizeof(cut_plane));
   mix(drawn.data(), drawn.size() * sizeof(std::uint32_t));
-  if (hasSplats()) {
-    const SplatStats stats = splats_->stats();
-    mix(&stats.nodes, sizeof(stats.nodes));
-    mix(&stats.cutoff_px, sizeof(stats.cutoff_px));
+  if (hasStreamed()) {
+    const StreamedStats stats = streamed_->stats();
+    mix(&stats.drawn, sizeof(stats.drawn));
+    mix(&stats.error_px, sizeof(stats.error_px));
   }
   return sum;
 }
@@ -48,7 +48,7 @@ void Viewer::probePins() {
   const std::uint64_t signature = pictureSignature();
   if (signature != drawn_signature_) probe_->invalidate();
   drawn_signature_ = signature;
-  probe_->draw(camera_, sectionHere(), showsSplats() ? splats_->stats().cutoff_px : errorOf(patches_.drawn()));
+  probe_->draw(camera_, sectionHere(), showsStreamed() ? streamed_->stats().error_px : errorOf(patches_.drawn()));
 }
 
 // ---- light ----
@@ -66,22 +66,22 @@ lod::draw::Shading Viewer::shadingHere() const {
   return shading;
 }
 
-// ---- splats ----
+// ---- streamed methods ----
 
-void Viewer::addSplats(ViewerStats& stats) const {
+void Viewer::addStreamed(ViewerStats& stats) const {
   const bool pins_pending = probe_ && probe_->pending();
-  stats.splats = splats_->stats();
-  stats.error_px = stats.splats.cutoff_px;
-  stats.tolerance_px = stats.splats.finest_px;
-  stats.busy = hasSplats() && (splats_->busy() || pins_pending);
-  stats.complete = hasSplats() && splats_->complete();
-  stats.session.bytes_received = stats.splats.stream.bytes_received;
-  stats.broken += static_cast<std::uint32_t>(stats.splats.stream.given_up);
-  if (!stats.splats.warning.empty()) stats.last_fault = stats.splats.warning;
+  stats.streamed = streamed_->stats();
+  stats.error_px = stats.streamed.error_px;
+  stats.tolerance_px = stats.streamed.finest_px;
+  stats.busy = hasStreamed() && (streamed_->busy() || pins_pending);
+  stats.complete = hasStreamed() && streamed_->complete();
+  stats.session.bytes_received = stats.streamed.bytes_received;
+  stats.broken += stats.streamed.broken;
+  if (!stats.streamed.warning.empty()) stats.last_fault = stats.streamed.warning;
 }
 
-SplatLook Viewer::splatLook() const {
-  SplatLook look;
+StreamedLook Viewer::streamedLook() const {
+  StreamedLook look;
   look.shading = shading_;
   if (options_.lumigraph.modes.hasLight()) look.shading = {false, options_.lumigraph.modes.light};
   look.section = sectionHere();
@@ -91,28 +91,37 @@ SplatLook Viewer::splatLook() const {
   return look;
 }
 
-/// Takes over the view of a frame of splats; returns false while there are none. The server is told of no view, since
-/// splats come by ranges of the file.
-base::Result<bool> Viewer::setSplatView(const base::ViewCamera& wanted) {
+/// Takes over the view of a frame of a streamed method; returns false while it has nothing. The server is told of no
+/// view, since the data come by ranges of a file.
+base::Result<bool> Viewer::setStreamedView(const base::ViewCamera& wanted) {
   LUMIGRID_TRY(takeEvents());
   view_ = wanted;
-  if (!hasSplats()) return false;
-  scene_ = *splats_->bounds();
+  if (!hasStreamed()) return false;
+  scene_ = *streamed_->bounds();
   camera_ = cameraAt(wanted);
   return true;
 }
 
-base::Result<void> Viewer::updateSplats(const base::ViewCamera& wanted) {
-  LUMIGRID_ASSIGN_OR_RETURN(const bool has_splats, setSplatView(wanted));
-  if (has_splats) splats_->update(camera_, splatLook());
+base::Result<void> Viewer::updateStreamed(const base::ViewCamera& wanted) {
+  LUMIGRID_ASSIGN_OR_RETURN(const bool has_streamed, setStreamedView(wanted));
+  if (has_streamed) streamed_->update(camera_, streamedLook());
   return {};
 }
 
-base::Result<void> Viewer::drawSplats(const base::ViewCamera& wanted) {
-  LUMIGRID_ASSIGN_OR_RETURN(const bool has_splats, setSplatView(wanted));
-  if (!has_splats) return {};
-  LUMIGRID_TRY(splats_->draw(camera_, splatLook()));
+base::Result<void> Viewer::drawStreamed(const base::ViewCamera& wanted) {
+  LUMIGRID_ASSIGN_OR_RETURN(const bool has_streamed, setStreamedView(wanted));
+  if (!has_streamed) return {};
+  GLint target = 0;
+  glGetIntegerv(GL_FRAMEBUFFER_BINDING, &target);
+  effort_ = streamed_->isMultisampled() ? fittingEffort({.samples = options_.samples}) : DrawEffort{};
+  const bool apart = bindTarget(camera_.width, camera_.height, effort_);
+  if (!apart) {
+    effort_.samples = 1;
+    glBindFramebuffer(GL_FRAMEBUFFER, static_cast<GLuint>(target));
+  }
+  LUMIGRID_TRY(streamed_->draw(camera_, streamedLook()));
   probePins();
+  if (apart) picture_.resolveTo(static_cast<GLuint>(target), camera_.width, camera_.height);
   return {};
 }
 

@@ -101,7 +101,7 @@ EMSCRIPTEN_KEEPALIVE int start(const char* canvas, const char* method) {
   if (page.context <= 0 || emscripten_webgl_make_context_current(page.context) != EMSCRIPTEN_RESULT_SUCCESS) return 0;
   emscripten_webgl_enable_extension(page.context, "WEBGL_debug_renderer_info");  // for base::gl::drawsInSoftware()
   page.options.viewer.method = client::web::kPageMethod;
-  if (client::web::kPageMethod != client::Method::kQsplat && client::methodFromName(method) == client::Method::kPatches)
+  if (!client::isStreamed(client::web::kPageMethod) && client::methodFromName(method) == client::Method::kPatches)
     page.options.viewer.method = client::Method::kPatches;
   page.options.clock = [] { return emscripten_get_now() / 1000.0; };
   page.app = std::make_unique<client::App>(page.options, std::make_unique<client::WebDecoder>());
@@ -334,7 +334,7 @@ EMSCRIPTEN_KEEPALIVE const char* figures() {
   rows.addRow("receivedPatchBytes", viewer.session.bytes_patches);
   rows.addRow("receivedFrameBytes", viewer.session.bytes_frames);
   rows.addRow("errorPixels", viewer.error_px);
-  rows.addRow("splats", viewer.splats.splats);
+  rows.addRow("drawn", viewer.streamed.drawn);
   rows.addRow("blocks", viewer.splats.stream.blocks);
   rows.addRow("blocksPresent", viewer.splats.stream.present);
   rows.addRow("accuracy", viewer.accuracy);

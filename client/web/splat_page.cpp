@@ -3,7 +3,7 @@
 
 #include <memory>
 
-#include "client/app/splat_settings.h"
+#include "client/app/streamed_settings.h"
 #include "client/source/streamed_splats.h"
 #include "client/web/page.h"
 #include "client/web/web_fetcher.h"
@@ -25,15 +25,15 @@ extern "C" {
 EMSCRIPTEN_KEEPALIVE void openSplats(const char* place, const char* name, const char* units, const char* start_view,
                                      const char* attribution, const char* file, const double* numbers) {
   client::App& app = *client::web::page.app;
-  client::SplatOptions options;
-  static_cast<client::SplatQuality&>(options) = client::qualityOf(app.settings());
+  client::StreamedOptions options;
+  static_cast<client::StreamedQuality&>(options) = client::qualityOf(app.settings());
   options.memory_bytes = app.viewer().options().memory_budget_bytes;
   options.clock = client::web::page.options.clock;
   const auto bytes = static_cast<std::uint64_t>(numbers[client::web::kWelcomeNumbers]);
   client::web::splats = std::make_shared<client::StreamedSplats>(
-      client::SplatFilePlace{place, file, bytes}, client::web::welcomeOf(name, units, start_view, attribution, numbers),
+      client::FilePlace{place, file, bytes}, client::web::welcomeOf(name, units, start_view, attribution, numbers),
       std::make_unique<client::WebFetcher>(), options);
-  app.viewer().setSplats(client::web::splats);
+  app.viewer().setStreamed(client::web::splats);
 }
 
 /// Returns 1 when something arrived.

@@ -14,11 +14,12 @@ client::ViewerOptions splatOptions() {
 
 class SplatsPlayer final : public HostPlayer {
  public:
-  SplatsPlayer(const Stage& stage, const client::SplatFilePlace& file, protocol::Welcome welcome,
-               std::unique_ptr<SimulatedFetcher> fetcher, const client::SplatOptions& options, const LinkProfile& link)
+  SplatsPlayer(const Stage& stage, const client::FilePlace& file, protocol::Welcome welcome,
+               std::unique_ptr<SimulatedFetcher> fetcher, const client::StreamedOptions& options,
+               const LinkProfile& link)
       : HostPlayer(*fetcher, splatOptions(), stage, link),
         splats_(std::make_shared<client::StreamedSplats>(file, std::move(welcome), std::move(fetcher), options)) {
-    viewer().setSplats(splats_);
+    viewer().setStreamed(splats_);
   }
 
   /// Splats become coarser with each frame that moves and finer with each at rest.
@@ -30,9 +31,9 @@ class SplatsPlayer final : public HostPlayer {
   PlayerCounts counts() const override {
     PlayerCounts counts = HostPlayer::counts();
     counts.bytes_patches = counts.bytes;
-    const client::SplatStats stats = splats_->stats();
-    counts.cache_bytes = stats.stream.memory_bytes;
-    counts.triangles = stats.splats;
+    const client::StreamedStats stats = splats_->stats();
+    counts.cache_bytes = stats.file_bytes;
+    counts.triangles = stats.drawn;
     return counts;
   }
 
@@ -51,7 +52,7 @@ base::Result<std::unique_ptr<Player>> makeSplatsPlayer(const Stage& stage, const
     return base::Error{base::ErrorCode::kNotFound, "the scene has no splats; build it with --methods qsplat"};
   protocol::Welcome welcome = protocol::welcomeOf(stage.scene->scene, "scene");
   welcome.has_colors = stage.scene->scene.has_colors;
-  client::SplatOptions options;
+  client::StreamedOptions options;
   options.cutoff_px = static_cast<float>(setting.knob);
   options.clock = {};  // every frame of motion counts as if it took the time that it may take
   auto fetcher = std::make_unique<SimulatedFetcher>(
@@ -59,9 +60,9 @@ base::Result<std::unique_ptr<Player>> makeSplatsPlayer(const Stage& stage, const
         return file->source->read(name, offset, length);
       },
       link, stage.seed);
-  return std::unique_ptr<Player>(
-      std::make_unique<SplatsPlayer>(stage, client::SplatFilePlace{"scene", "qsplat.lgq", file->bytes},
-                                     std::move(welcome), std::move(fetcher), options, link));
+  return std::unique_ptr<Player>(std::make_unique<SplatsPlayer>(stage,
+                                                                client::FilePlace{"scene", "qsplat.lgq", file->bytes},
+                                                                std::move(welcome), std::move(fetcher), options, link));
 }
 
 }  // namespace compare

@@ -16,7 +16,7 @@
 #include "base/file.h"
 #include "base/gl/gl.h"
 #include "base/parallel.h"
-#include "client/app/splat_settings.h"
+#include "client/app/streamed_settings.h"
 #include "client/source/streamed_splats.h"
 #include "tests/bench/bench.h"
 #include "tests/bench/splat_view.h"
@@ -64,14 +64,14 @@ base::Camera cameraAt(double radii, double turn, const base::Sphere& root, int w
 
 struct Drawn {
   double seconds = 0.0;
-  client::SplatStats stats;
+  client::StreamedStats stats;
 };
 
 class Viewer {
  public:
   Viewer(base::ByteView file, SplatKernel kernel, double rate, int width)
       : width_(width), target_(bench::must(base::gl::RenderTarget::create(width, width * 9 / 16))) {
-    client::SplatOptions options;
+    client::StreamedOptions options;
     options.kernel = kernel;
     options.frame_seconds = client::secondsPerFrame(rate);
     options.clock = [] { return bench::seconds(); };
@@ -81,7 +81,7 @@ class Viewer {
     options.memory_bytes = std::max<std::uint64_t>(8 * file.size(), options.memory_bytes);
     options.idle_bytes = ~std::uint64_t{0};
     splats_ =
-        std::make_unique<client::StreamedSplats>(client::SplatFilePlace{"here", "qsplat.lgq", file.size()},
+        std::make_unique<client::StreamedSplats>(client::FilePlace{"here", "qsplat.lgq", file.size()},
                                                  protocol::Welcome{}, std::make_unique<LocalFetcher>(file), options);
     // Stream one view, then the rest of the file ahead.
     client::Session session({});
@@ -133,8 +133,8 @@ void measure(base::ByteView file, SplatKernel kernel, const char* kernel_name, d
       off.push_back(std::abs(frames.back().seconds / asked - 1.0));
     }
     const Drawn& last = frames.back();
-    const bool finest = last.stats.cutoff_px <= last.stats.finest_px;
-    const bool coarsest = last.stats.cutoff_px >= lod::qsplat::RateGoal{}.coarsest_px;
+    const bool finest = last.stats.error_px <= last.stats.finest_px;
+    const bool coarsest = last.stats.error_px >= lod::qsplat::RateGoal{}.coarsest_px;
     if (!finest && !coarsest) {
       all += spent;
       count += frames.size();
@@ -142,8 +142,8 @@ void measure(base::ByteView file, SplatKernel kernel, const char* kernel_name, d
     std::printf("%-8s %5.0f  %-10s %6zu %8.2f %8.2f %9.1f%% %8zu %7.1f %6.1f %9llu%s\n", kernel_name, rate, step.name,
                 frames.size(), static_cast<double>(frames.size()) / spent,
                 static_cast<double>(frames.size()) / spent / rate, 1e2 * bench::median(off),
-                settledAfter(frames, asked), static_cast<double>(last.stats.cutoff_px),
-                static_cast<double>(last.stats.reduction), static_cast<unsigned long long>(last.stats.splats),
+                settledAfter(frames, asked), static_cast<double>(last.stats.error_px),
+                static_cast<double>(last.stats.splats.reduction), static_cast<unsigned long long>(last.stats.drawn),
                 finest     ? "  (as fine as it gets)"
                 : coarsest ? "  (as coarse as it gets)"
                            : "");

@@ -770,41 +770,42 @@ TEST_F(AppTest, settingsSetTheViewersOptions) {
 }
 
 /// Records the quality that it is given.
-class PlainSplats final : public SplatView {
+class PlainSplats final : public StreamedView {
  public:
   bool pump(Session&, double) override { return false; }
   const base::Sphere* bounds() const override { return nullptr; }
-  void update(const base::Camera&, const SplatLook&) override {}
-  base::Result<void> draw(const base::Camera&, const SplatLook&) override { return {}; }
-  std::optional<glm::vec3> surfaceAt(const base::Camera&, const SplatLook&, double, double) const override {
+  void update(const base::Camera&, const StreamedLook&) override {}
+  base::Result<void> draw(const base::Camera&, const StreamedLook&) override { return {}; }
+  std::optional<glm::vec3> surfaceAt(const base::Camera&, const StreamedLook&, double, double) const override {
     return std::nullopt;
   }
+  bool isMultisampled() const override { return false; }
   bool complete() const override { return true; }
   bool busy() const override { return false; }
-  void setQuality(const SplatQuality& quality) override {
+  void setQuality(const StreamedQuality& quality) override {
     quality_ = quality;
     ++times;
   }
-  const SplatQuality& quality() const override { return quality_; }
+  const StreamedQuality& quality() const override { return quality_; }
   void contextLost() override {}
-  SplatStats stats() const override { return {}; }
+  StreamedStats stats() const override { return {}; }
 
   int times = 0;
 
  private:
-  SplatQuality quality_{lod::draw::SplatKernel::kSquare, 3.0F, 0.5};  // as a command line may have set it
+  StreamedQuality quality_{lod::draw::SplatKernel::kSquare, 3.0F, 0.5};  // as a command line may have set it
 };
 
 TEST_F(AppTest, settingsOfSplatsTakeEffectAtOnceAndKeepTheCommandLinesValues) {
   open({}, Method::kQsplat);
   const auto splats = std::make_shared<PlainSplats>();
-  app->viewer().setSplats(splats);
+  app->viewer().setStreamed(splats);
   EXPECT_EQ(splats->times, 0);
   ASSERT_TRUE(bool(app->changeSetting("cutoff", 2.0)));
-  EXPECT_EQ(splats->quality(), (SplatQuality{lod::draw::SplatKernel::kSquare, 2.0F, 0.5}));
+  EXPECT_EQ(splats->quality(), (StreamedQuality{lod::draw::SplatKernel::kSquare, 2.0F, 0.5}));
   ASSERT_TRUE(bool(app->changeSetting("splat", 3.0)));
   ASSERT_TRUE(bool(app->changeSetting("frame_rate", 20.0)));
-  EXPECT_EQ(splats->quality(), (SplatQuality{lod::draw::SplatKernel::kEllipse, 2.0F, 0.05}));
+  EXPECT_EQ(splats->quality(), (StreamedQuality{lod::draw::SplatKernel::kEllipse, 2.0F, 0.05}));
   EXPECT_EQ(splats->times, 3);
   ASSERT_TRUE(bool(app->changeSetting("orbit_speed", 2.0)));
   ASSERT_TRUE(bool(app->changeSetting("frame_rate", 20.0)));

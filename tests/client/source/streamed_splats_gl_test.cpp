@@ -67,7 +67,7 @@ class StreamedSplatsTest : public ::testing::Test {
     static const base::Bytes bytes = support::splatFile(support::bumpySphere(120, 240, 0.1F));
     return bytes;
   }
-  void open(SplatOptions options) {
+  void open(StreamedOptions options) {
     ViewerOptions viewer;
     viewer.method = Method::kQsplat;
     viewer_ = std::make_unique<Viewer>(viewer, std::make_unique<NoDecoder>());
@@ -78,9 +78,9 @@ class StreamedSplatsTest : public ::testing::Test {
     welcome.box_min = glm::vec3(-1.2F);
     welcome.box_max = glm::vec3(1.2F);
     options.idle_bytes = 0;
-    splats_ = std::make_shared<StreamedSplats>(SplatFilePlace{"http://host/ball", "qsplat.lgq", file().size()}, welcome,
+    splats_ = std::make_shared<StreamedSplats>(FilePlace{"http://host/ball", "qsplat.lgq", file().size()}, welcome,
                                                std::move(host), options);
-    viewer_->setSplats(splats_);
+    viewer_->setStreamed(splats_);
   }
   static base::ViewCamera view(double turn = 0.0) {
     base::ViewCamera camera;
@@ -105,15 +105,15 @@ class StreamedSplatsTest : public ::testing::Test {
   }
 
   /// Shows the whole file, as if it were mapped.
-  void openWhole(const SplatOptions& options, const base::Bytes& bytes) {
+  void openWhole(const StreamedOptions& options, const base::Bytes& bytes) {
     ViewerOptions viewer;
     viewer.method = Method::kQsplat;
     viewer_ = std::make_unique<Viewer>(viewer, std::make_unique<NoDecoder>());
     const auto header = lod::qsplat::readHeader(bytes);
     ASSERT_TRUE(bool(header));
-    splats_ = std::make_shared<StreamedSplats>(SplatFilePlace{"ball", "qsplat.lgq", bytes.size()}, protocol::Welcome(),
+    splats_ = std::make_shared<StreamedSplats>(FilePlace{"ball", "qsplat.lgq", bytes.size()}, protocol::Welcome(),
                                                std::make_shared<lod::qsplat::MemoryBlocks>(bytes, *header), options);
-    viewer_->setSplats(splats_);
+    viewer_->setStreamed(splats_);
   }
 
   std::unique_ptr<base::HeadlessContext> context_;
@@ -124,14 +124,14 @@ class StreamedSplatsTest : public ::testing::Test {
   double now_ = 0.0;
 };
 
-SplatOptions still() {
-  SplatOptions options;
+StreamedOptions still() {
+  StreamedOptions options;
   options.frame_seconds = 0.0;
   return options;
 }
 
 // Each frame takes twice the time that it may.
-void makeLate(SplatOptions& options, double& clock) {
+void makeLate(StreamedOptions& options, double& clock) {
   options.clock = [&clock] { return clock += 0.2; };
   options.frame_seconds = 0.1;
 }
@@ -162,8 +162,8 @@ TEST_F(StreamedSplatsTest, aWholeFileIsShownAtOnceAsIfItHadComeAndDamagedBlocksA
   EXPECT_EQ(draw(view()).pixels, streamed.pixels);
   EXPECT_TRUE(splats_->complete());
   EXPECT_FALSE(splats_->busy());
-  EXPECT_EQ(viewer_->stats().splats.warning, "");
-  EXPECT_EQ(viewer_->stats().splats.stream.requests, 0U);
+  EXPECT_EQ(viewer_->stats().streamed.warning, "");
+  EXPECT_EQ(viewer_->stats().streamed.splats.stream.requests, 0U);
 
   base::Bytes spoiled = file();
   for (std::size_t block = 20; block < spoiled.size() / lod::qsplat::kBlockBytes; ++block)
@@ -172,19 +172,19 @@ TEST_F(StreamedSplatsTest, aWholeFileIsShownAtOnceAsIfItHadComeAndDamagedBlocksA
   pump();
   EXPECT_NE(draw(view()).pixels, streamed.pixels);
   EXPECT_TRUE(splats_->complete());
-  EXPECT_NE(viewer_->stats().splats.warning.find("damaged: checksum does not match"), std::string::npos);
+  EXPECT_NE(viewer_->stats().streamed.warning.find("damaged: checksum does not match"), std::string::npos);
   EXPECT_GT(viewer_->stats().broken, 0U);
 }
 
 TEST_F(StreamedSplatsTest, anotherQualityShowsInTheNextPictureAsIfItHadBeenThereFromTheBeginning) {
-  std::vector<SplatQuality> qualities(4, SplatQuality{lod::draw::SplatKernel::kCircle, 10.0F, 0.0});
+  std::vector<StreamedQuality> qualities(4, StreamedQuality{lod::draw::SplatKernel::kCircle, 10.0F, 0.0});
   qualities[1].kernel = lod::draw::SplatKernel::kSquare;
   qualities[2].cutoff_px = 20.0F;
   qualities[3].cutoff_px = 0.0F;
   std::vector<base::Image> pictures;
-  for (const SplatQuality& quality : qualities) {
-    SplatOptions options;
-    static_cast<SplatQuality&>(options) = quality;
+  for (const StreamedQuality& quality : qualities) {
+    StreamedOptions options;
+    static_cast<StreamedQuality&>(options) = quality;
     open(options);
     fetchAll(view());
     pictures.push_back(draw(view()));
@@ -201,7 +201,7 @@ TEST_F(StreamedSplatsTest, anotherQualityShowsInTheNextPictureAsIfItHadBeenThere
 }
 
 TEST_F(StreamedSplatsTest, aMovingViewIsAsCoarseAsTheRateAsksForAndRestRefinesItStepByStep) {
-  SplatOptions options;
+  StreamedOptions options;
   double clock = 0.0;
   makeLate(options, clock);
   open(options);
@@ -210,20 +210,20 @@ TEST_F(StreamedSplatsTest, aMovingViewIsAsCoarseAsTheRateAsksForAndRestRefinesIt
     pump();
     draw(view(0.01 * i));
   }
-  const SplatStats moving = viewer_->stats().splats;
-  EXPECT_GT(moving.cutoff_px, 20.0F);
-  float last = moving.cutoff_px;
-  std::uint64_t nodes = moving.nodes;
+  const StreamedStats moving = viewer_->stats().streamed;
+  EXPECT_GT(moving.error_px, 20.0F);
+  float last = moving.error_px;
+  std::uint64_t nodes = moving.splats.nodes;
   int frames = 0;
   for (; frames < 500 && !viewer_->stats().complete; ++frames) {
     pump();
     draw(view(1.99));
-    const SplatStats now = viewer_->stats().splats;
-    EXPECT_LE(now.cutoff_px, last);
+    const StreamedStats now = viewer_->stats().streamed;
+    EXPECT_LE(now.error_px, last);
     // The number of splats may grow, since a split node shows more exactly which part of it is turned away.
-    EXPECT_GE(now.nodes, nodes);
-    last = now.cutoff_px;
-    nodes = now.nodes;
+    EXPECT_GE(now.splats.nodes, nodes);
+    last = now.error_px;
+    nodes = now.splats.nodes;
   }
   EXPECT_GT(frames, 5);
   EXPECT_EQ(last, 1.0F);
@@ -233,12 +233,12 @@ TEST_F(StreamedSplatsTest, aMovingViewIsAsCoarseAsTheRateAsksForAndRestRefinesIt
 TEST_F(StreamedSplatsTest, aMovingViewThatIsLateIsDrawnWithFewerSamplesAndAtRestIsThePictureThatItAlwaysWas) {
   using lod::draw::SplatKernel;
   for (const SplatKernel kernel : {SplatKernel::kSquare, SplatKernel::kCircle, SplatKernel::kEllipse}) {
-    SplatOptions options = still();
+    StreamedOptions options = still();
     options.kernel = kernel;
     open(options);
     fetchAll(view(0.5));
     const base::Image wanted = draw(view(0.5));
-    EXPECT_EQ(viewer_->stats().splats.reduction, 1.0F);
+    EXPECT_EQ(viewer_->stats().streamed.splats.reduction, 1.0F);
 
     double clock = 0.0;
     makeLate(options, clock);
@@ -248,14 +248,14 @@ TEST_F(StreamedSplatsTest, aMovingViewThatIsLateIsDrawnWithFewerSamplesAndAtRest
       pump();
       draw(view(0.01 * i));
     }
-    EXPECT_GT(viewer_->stats().splats.reduction, 4.0F);
+    EXPECT_GT(viewer_->stats().streamed.splats.reduction, 4.0F);
     const base::Image moving = draw(view(0.5));
-    float last = viewer_->stats().splats.reduction;
+    float last = viewer_->stats().streamed.splats.reduction;
     for (int i = 0; i < 300 && !(viewer_->stats().complete && !viewer_->stats().busy); ++i) {
       pump();
       draw(view(0.5));
-      EXPECT_LE(viewer_->stats().splats.reduction, last);
-      last = viewer_->stats().splats.reduction;
+      EXPECT_LE(viewer_->stats().streamed.splats.reduction, last);
+      last = viewer_->stats().streamed.splats.reduction;
     }
     EXPECT_EQ(last, 1.0F);
     EXPECT_NE(moving.pixels, wanted.pixels);
@@ -265,7 +265,7 @@ TEST_F(StreamedSplatsTest, aMovingViewThatIsLateIsDrawnWithFewerSamplesAndAtRest
 
 // A page has one thread for drawing and for incoming data.
 TEST_F(StreamedSplatsTest, aPictureAtRestIsDrawnAgainWhenAllIsHereOrDrawingHadItsPart) {
-  SplatOptions options = still();
+  StreamedOptions options = still();
   double clock = 0.0, drawing = 0.5;
   options.clock = [&] { return clock += drawing; };
   open(options);
@@ -295,7 +295,7 @@ TEST_F(StreamedSplatsTest, aPictureAtRestIsDrawnAgainWhenAllIsHereOrDrawingHadIt
 
 // Whoever waits for a complete view, and draws none before, asks for the largest splats first all the same.
 TEST_F(StreamedSplatsTest, requestsAreOrderedAnewWhileOthersAreUnderWayOnceChoosingHadItsPart) {
-  SplatOptions options = still();
+  StreamedOptions options = still();
   double clock = 0.0, choosing = 0.0;
   options.clock = [&] { return clock += choosing; };
   const auto stream = [&] { return splats_->stats().stream; };
@@ -327,20 +327,20 @@ TEST_F(StreamedSplatsTest, requestsAreOrderedAnewWhileOthersAreUnderWayOnceChoos
 }
 
 TEST_F(StreamedSplatsTest, throughTheLensThePictureIsFinerAndElsewhereTheSame) {
-  SplatOptions options = still();
+  StreamedOptions options = still();
   options.cutoff_px = 12.0F;
   open(options);
   fetchAll(view());
   const base::Image without = draw(view());
-  const std::uint64_t splats = viewer_->stats().splats.splats;
-  EXPECT_EQ(viewer_->stats().splats.lens_px, 0.0F);
+  const std::uint64_t splats = viewer_->stats().streamed.drawn;
+  EXPECT_EQ(viewer_->stats().streamed.splats.lens_px, 0.0F);
 
   const lod::qsplat::Lens lens{{110.0F, 140.0F}, 40.0F};
   viewer_->setLens(lens);
   fetchAll(view());
   const base::Image with = draw(view());
-  EXPECT_EQ(viewer_->stats().splats.lens_px, 4.0F);
-  EXPECT_GT(viewer_->stats().splats.splats, splats + splats / 20);
+  EXPECT_EQ(viewer_->stats().streamed.splats.lens_px, 4.0F);
+  EXPECT_GT(viewer_->stats().streamed.drawn, splats + splats / 20);
 
   options.cutoff_px = 4.0F;
   open(options);
@@ -391,15 +391,15 @@ TEST_F(StreamedSplatsTest, theDrawnSurfaceIsFoundUnderThePointer) {
 }
 
 TEST_F(StreamedSplatsTest, drawsCoarserBeyondTheMemoryLimit) {
-  SplatOptions options = still();
+  StreamedOptions options = still();
   options.memory_bytes = 512 * 1024;
   open(options);
   fetchAll(view());
   draw(view());
   const ViewerStats stats = viewer_->stats();
-  EXPECT_TRUE(stats.splats.limited);
-  EXPECT_GT(stats.splats.cutoff_px, 1.0F);
-  EXPECT_GT(stats.splats.splats, 500U);
+  EXPECT_TRUE(stats.streamed.limited);
+  EXPECT_GT(stats.streamed.error_px, 1.0F);
+  EXPECT_GT(stats.streamed.drawn, 500U);
   EXPECT_LE(stats.memory.total(), options.memory_bytes);
 }
 

@@ -15,23 +15,23 @@ std::string lineOf(const Statistics& statistics, const std::string& name) {
 
 TEST(Statistics, withSplatsBlocksAreCounted) {
   Statistics s;
-  s.viewer.splats.splats = 123'456;
-  s.viewer.splats.stream.blocks = 4'000;
-  s.viewer.splats.stream.present = 1'200;
-  s.viewer.splats.stream.requested = 6;
-  s.viewer.splats.stream.wanted = 77;
+  s.viewer.streamed.drawn = 123'456;
+  s.viewer.streamed.splats.stream.blocks = 4'000;
+  s.viewer.streamed.splats.stream.present = 1'200;
+  s.viewer.streamed.splats.stream.requested = 6;
+  s.viewer.streamed.splats.stream.wanted = 77;
   s.viewer.error_px = 1.0F;
   s.viewer.accuracy = Accuracy::kFine;
   s.viewer.complete = true;
   EXPECT_EQ(lineOf(s, "picture"), "fine, complete");
   EXPECT_EQ(lineOf(s, "splats"), "123 456, down to 1.0 px");
-  s.viewer.splats.reduction = 2.5F;
+  s.viewer.streamed.splats.reduction = 2.5F;
   EXPECT_EQ(lineOf(s, "splats"), "123 456, down to 1.0 px, one sample for 2.5 px");
-  s.viewer.splats.reduction = 1.0F;
-  s.viewer.splats.lens_px = 0.5F;
+  s.viewer.streamed.splats.reduction = 1.0F;
+  s.viewer.streamed.splats.lens_px = 0.5F;
   EXPECT_EQ(lineOf(s, "splats"), "123 456, down to 1.0 px, 0.5 in the glass");
   EXPECT_EQ(lineOf(s, "memory").find("finer"), std::string::npos);
-  s.viewer.splats.limited = true;
+  s.viewer.streamed.limited = true;
   EXPECT_NE(lineOf(s, "memory").find(": finer splats need more"), std::string::npos);
   EXPECT_EQ(lineOf(s, "blocks"), "1 200 of 4 000 here, 6 requested, 77 wanted");
   EXPECT_EQ(lineOf(s, "images"), "");

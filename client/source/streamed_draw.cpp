@@ -1,0 +1,48 @@
+#include "client/source/streamed_draw.h"
+
+#include "base/gl/gl.h"
+
+namespace client {
+
+void clearPicture(const std::array<float, 4>& background) {
+  glDisable(GL_SCISSOR_TEST);
+  glColorMask(GL_TRUE, GL_TRUE, GL_TRUE, GL_TRUE);
+  glDepthMask(GL_TRUE);
+  glClearColor(background[0], background[1], background[2], background[3]);
+  glClear(GL_COLOR_BUFFER_BIT | GL_DEPTH_BUFFER_BIT);
+}
+
+/// Reading a pixel waits on every platform; glFinish does not in browsers. Where pixels have several samples, one of
+/// them is resolved first, since others cannot be read.
+void waitForGpu() {
+  std::array<std::uint8_t, 4> pixel{};
+  const auto readPixel = [&] { glReadPixels(0, 0, 1, 1, GL_RGBA, GL_UNSIGNED_BYTE, pixel.data()); };
+  GLint samples = 0;
+  glGetIntegerv(GL_SAMPLES, &samples);
+  if (samples == 0) return readPixel();
+  GLint drawn = 0;
+  std::array<GLint, 4> viewport{};
+  glGetIntegerv(GL_FRAMEBUFFER_BINDING, &drawn);
+  glGetIntegerv(GL_VIEWPORT, viewport.data());
+  if (const auto one = base::gl::RenderTarget::create(1, 1)) {
+    one->bind();
+    glBindFramebuffer(GL_READ_FRAMEBUFFER, static_cast<GLuint>(drawn));
+    glBlitFramebuffer(0, 0, 1, 1, 0, 0, 1, 1, GL_COLOR_BUFFER_BIT, GL_NEAREST);
+    glBindFramebuffer(GL_READ_FRAMEBUFFER, one->framebuffer());
+    readPixel();
+  }
+  glBindFramebuffer(GL_FRAMEBUFFER, static_cast<GLuint>(drawn));
+  glViewport(viewport[0], viewport[1], viewport[2], viewport[3]);
+}
+
+SceneRay rayThrough(const base::Camera& camera, double x, double y) {
+  const glm::dmat4 scene_from_clip = glm::inverse(glm::dmat4(camera.clip_from_eye) * glm::dmat4(camera.eye_from_scene));
+  const double u = 2.0 * (x / camera.width) - 1.0;
+  const double v = 1.0 - 2.0 * (y / camera.height);
+  const glm::dvec4 near_point = scene_from_clip * glm::dvec4(u, v, -1.0, 1.0);
+  const glm::dvec4 far_point = scene_from_clip * glm::dvec4(u, v, 1.0, 1.0);
+  const glm::dvec3 origin = glm::dvec3(near_point) / near_point.w;
+  return {origin, glm::normalize(glm::dvec3(far_point) / far_point.w - origin)};
+}
+
+}  // namespace client
