@@ -11,8 +11,8 @@
 namespace lod::draw {
 namespace {
 
-// Each point of a triangle lies within this share of its longest edge of one of the corners. The umbrellas of points
-// are no wider than half a pixel's diameter, so discs of this share of a pixel close the surface.
+// Each place in a triangle is at most this share of the longest edge away from a corner, so discs of that radius around
+// the corners cover it.
 constexpr float kClosingShare = 0.5774F;
 
 const void* bufferOffset(std::size_t bytes) {
@@ -182,7 +182,7 @@ base::Result<std::uint64_t> UmbrellaRenderer::drawPass(const Pass& pass, std::sp
     const pmr::DrawnPart part = pass.points ? list.pointsAt(leaf.pixel) : list.trianglesAt(leaf.pixel);
     if (part.count() == 0) continue;
     const Mesh& mesh = meshes_.find(leaf.picture.get())->second;
-    if (pass.points) glUniform1f(used.uniform("u_closing"), kClosingShare * leaf.pixel);
+    if (pass.points) glUniform1f(used.uniform("u_closing"), 2.0F * kClosingShare * list.point_radii[part.first]);
     if (pass.resolution) {
       glUniform1f(used.uniform("u_diameter"), 2.0F * mesh.mean_radius);
       glUniform1f(used.uniform("u_hatched"), leaf.wanted < leaf.picture->level ? 1.0F : 0.0F);
