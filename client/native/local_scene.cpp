@@ -159,14 +159,14 @@ base::Result<std::unique_ptr<Link>> openLocalScene(const std::string& directory)
   LUMIGRID_ASSIGN_OR_RETURN(const auto scene, base::readScene(directory));
   const auto patches = objectOfPart(scene, "patch", ".lgp");
   if (!patches || !base::isPublishedName(patches->name)) {
-    const MethodFile* const file = streamedFileOf(scene);
+    const std::optional<Method> method = streamedMethodOf(scene);
     std::string reason = directory +
                          ": without a server patches are shown of what `lumigrid publish` wrote; serve or "
                          "publish it";
-    if (!patches && file != nullptr) reason = directory + ": holds " + std::string(file->content) + " only";
-    if (file == nullptr) return std::unique_ptr<Link>(std::make_unique<RefusedLink>(reason, std::nullopt));
-    reason += "; --method " + std::string(nameOf(file->method)) + " shows its " + std::string(file->content);
-    return std::unique_ptr<Link>(std::make_unique<RefusedLink>(reason, file->method));
+    const std::string content(method ? contentOf(*method) : "");
+    if (!patches && method) reason = directory + ": holds " + content + " only";
+    if (method) reason += "; --method " + std::string(nameOf(*method)) + " shows its " + content;
+    return std::unique_ptr<Link>(std::make_unique<RefusedLink>(reason, method));
   }
   StaticScene files;
   files.place = directory;
@@ -179,12 +179,11 @@ base::Result<std::unique_ptr<Link>> openLocalScene(const std::string& directory)
 base::Result<std::unique_ptr<Link>> openLocalFile(const std::string& directory, Method method,
                                                   const StreamedOptions& options) {
   LUMIGRID_ASSIGN_OR_RETURN(const auto scene, base::readScene(directory));
-  const MethodFile& file = *fileOf(method);
-  const auto part = objectOfPart(scene, std::string(file.stem), std::string(file.extension));
+  const auto part = objectOfMethod(scene, method);
   if (!part) {
     const bool published = base::isPublishedName(base::patchPath(directory, scene));
     return std::unique_ptr<Link>(
-        std::make_unique<RefusedLink>(directory + lackOf(file), insteadOf(method, scene, published)));
+        std::make_unique<RefusedLink>(directory + lackOf(method), insteadOf(method, scene, published)));
   }
   protocol::Welcome welcome = protocol::welcomeOf(scene, nameOf(directory));
   welcome.has_colors = scene.has_colors;

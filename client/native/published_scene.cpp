@@ -46,29 +46,38 @@ std::optional<StaticObject> objectOfPart(const base::Scene& scene, const std::st
   return StaticObject{part->file, part->bytes};
 }
 
-const MethodFile* streamedFileOf(const base::Scene& scene) {
-  for (const MethodFile& file : kMethodFiles)
-    if (base::partFile(scene, std::string(file.stem), std::string(file.extension))) return &file;
-  return nullptr;
+std::optional<StaticObject> objectOfMethod(const base::Scene& scene, Method method) {
+  for (const base::StreamedMethod& streamed : base::kStreamedMethods)
+    if (streamed.name == nameOf(method)) return objectOfPart(scene, streamed.name, streamed.extension);
+  return std::nullopt;
 }
 
-std::string lackOf(const MethodFile& file) {
-  const std::string stem(file.stem);
-  return ": has no " + std::string(file.content) + " (" + stem + std::string(file.extension) +
-         "); build them with `lumigrid build ... --methods " + stem + "`";
+std::optional<Method> streamedMethodOf(const base::Scene& scene) {
+  for (const base::StreamedMethod& streamed : base::kStreamedMethods)
+    if (base::partFile(scene, streamed.name, streamed.extension)) return methodFromName(streamed.name);
+  return std::nullopt;
+}
+
+std::string lackOf(Method method) {
+  const std::string name(nameOf(method));
+  std::string file = name;
+  for (const base::StreamedMethod& streamed : base::kStreamedMethods)
+    if (streamed.name == name) file = streamed.file();
+  return ": has no " + std::string(contentOf(method)) + " (" + file +
+         "); build them with `lumigrid build ... --methods " + name + "`";
 }
 
 std::optional<Method> insteadOf(Method method, const base::Scene& scene, bool patches) {
   if (patches) return Method::kLumigraph;
-  const MethodFile* const other = streamedFileOf(scene);
-  return other != nullptr && other->method != method ? std::optional(other->method) : std::nullopt;
+  const std::optional<Method> other = streamedMethodOf(scene);
+  return other != method ? other : std::nullopt;
 }
 
 base::Result<StaticScene> staticSceneFrom(const base::Scene& scene, const std::string& place) {
   const auto patches = objectOfPart(scene, "patch", ".lgp");
-  if (const MethodFile* const file = streamedFileOf(scene); !patches && file != nullptr)
-    return base::Error{base::ErrorCode::kUnsupported, place + ": holds " + std::string(file->content) +
-                                                          " only; --method " + std::string(nameOf(file->method)) +
+  if (const auto method = streamedMethodOf(scene); !patches && method)
+    return base::Error{base::ErrorCode::kUnsupported, place + ": holds " + std::string(contentOf(*method)) +
+                                                          " only; --method " + std::string(nameOf(*method)) +
                                                           " shows them"};
   if (!patches || !base::isPublishedName(patches->name))
     return base::Error{base::ErrorCode::kInvalidInput,
@@ -159,8 +168,7 @@ bool PublishedSceneLink::acceptScene(Session& session, double now) {
   if (!files) {
     refused_ = true;
     const bool has_patches = scene && objectOfPart(*scene, "patch", ".lgp");
-    const MethodFile* const file = scene && !has_patches ? streamedFileOf(*scene) : nullptr;
-    session.refuse(files.error().message, file != nullptr ? std::optional(file->method) : std::nullopt);
+    session.refuse(files.error().message, scene && !has_patches ? streamedMethodOf(*scene) : std::nullopt);
     return true;
   }
   source_.emplace(std::move(*files), fetcher_, [](const std::string& parameters) {
@@ -233,12 +241,11 @@ class FileLink final : public Link {
 
 void FileLink::acceptScene(const std::string& text, Session& session) {
   const auto scene = base::parseScene(text, place_ + "/scene.json");
-  const MethodFile& file = *fileOf(method_);
-  const auto part = scene ? objectOfPart(*scene, std::string(file.stem), std::string(file.extension)) : std::nullopt;
+  const auto part = scene ? objectOfMethod(*scene, method_) : std::nullopt;
   if (!part) {
     refused_ = true;
     if (!scene) return session.refuse(scene.error().message);
-    return session.refuse(place_ + lackOf(file),
+    return session.refuse(place_ + lackOf(method_),
                           insteadOf(method_, *scene, objectOfPart(*scene, "patch", ".lgp").has_value()));
   }
   protocol::Welcome welcome = protocol::welcomeOf(*scene, nameOf(place_, *scene));

@@ -16,10 +16,12 @@ namespace client {
 /// nullopt when the scene lists neither.
 std::optional<StaticObject> objectOfPart(const base::Scene& scene, const std::string& stem,
                                          const std::string& extension);
-/// The first of the streamed methods' files that the scene has; null when it has none.
-const MethodFile* streamedFileOf(const base::Scene& scene);
-/// Says behind a scene's place that it lacks a method's file, and what to do.
-std::string lackOf(const MethodFile& file);
+/// Returns the object of a method for which isStreamed(); nullopt when the scene lacks it.
+std::optional<StaticObject> objectOfMethod(const base::Scene& scene, Method method);
+/// Returns the first of these methods whose file the scene has.
+std::optional<Method> streamedMethodOf(const base::Scene& scene);
+/// Says behind a scene's place that it lacks the method's file, and what to do.
+std::string lackOf(Method method);
 /// The method that shows a scene that lacks the file of `method`. `patches`: they can be shown.
 std::optional<Method> insteadOf(Method method, const base::Scene& scene, bool patches);
 /// `place` is the URL without "scene.json" and without slashes at its end. Errors say what is wrong with the scene.

@@ -32,24 +32,13 @@ inline std::optional<Method> methodFromName(std::string_view name) {
   return std::nullopt;
 }
 
-/// The file of a method that streams one of its own.
-struct MethodFile {
-  Method method;
-  std::string_view stem, extension;  ///< "qsplat", ".lgq": its name in a scene that is not published
-  std::string_view content;          ///< for people
-};
-inline constexpr std::array<MethodFile, 2> kMethodFiles{{
-    {Method::kQsplat, "qsplat", ".lgq", "splats"},
-    {Method::kPmr, "pmr", ".lgm", "points and umbrellas"},
-}};
-/// Null for methods that stream no file of their own.
-inline constexpr const MethodFile* fileOf(Method method) {
-  for (const MethodFile& file : kMethodFiles)
-    if (file.method == method) return &file;
-  return nullptr;
-}
+/// Whether the method streams a file of its own.
 inline constexpr bool isStreamed(Method method) {
-  return fileOf(method) != nullptr;
+  return method == Method::kQsplat || method == Method::kPmr;
+}
+/// What such a method draws, for people.
+inline constexpr std::string_view contentOf(Method method) {
+  return method == Method::kPmr ? "points and umbrellas" : "splats";
 }
 
 }  // namespace client

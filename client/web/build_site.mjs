@@ -52,6 +52,8 @@ function shrink(name) {
 const viewerWasm = writeHashed("viewer.wasm", shrink("client_web.wasm"));
 const splatsWasm = writeHashed("splats.wasm", shrink("client_web_splats.wasm"));
 const splats = writeHashed("splats.js", bundle("splats.js"));
+const umbrellasWasm = writeHashed("umbrellas.wasm", shrink("client_web_umbrellas.wasm"));
+const umbrellas = writeHashed("umbrellas.js", bundle("umbrellas.js"));
 const decodeWasm = writeHashed("decode.wasm", shrink("client_web_decode.wasm"));
 const worker = writeHashed("decode.js", bundle("decode_worker.js"));
 const checkWasm = writeHashed("check.wasm", shrink("client_web_check.wasm"));
@@ -61,6 +63,8 @@ const names = {
   VIEWER_WASM: viewerWasm,
   SPLATS_WASM: splatsWasm,
   SPLATS_SCRIPT: splats,
+  UMBRELLAS_WASM: umbrellasWasm,
+  UMBRELLAS_SCRIPT: umbrellas,
   DECODE_WASM: decodeWasm,
   DECODE_WORKER: worker,
   CHECK_SCRIPT: check,
@@ -75,6 +79,8 @@ const references = {
   "viewer.wasm": viewerWasm,
   "splats.wasm": splatsWasm,
   "splats.js": splats,
+  "umbrellas.wasm": umbrellasWasm,
+  "umbrellas.js": umbrellas,
 };
 for (const [from, to] of Object.entries(references)) {
   if (!html.includes(`"${from}"`)) throw new Error(`index.html does not name ${from}`);

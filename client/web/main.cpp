@@ -335,8 +335,7 @@ EMSCRIPTEN_KEEPALIVE const char* figures() {
   rows.addRow("receivedFrameBytes", viewer.session.bytes_frames);
   rows.addRow("errorPixels", viewer.error_px);
   rows.addRow("drawn", viewer.streamed.drawn);
-  rows.addRow("blocks", viewer.splats.stream.blocks);
-  rows.addRow("blocksPresent", viewer.splats.stream.present);
+  rows.addRow("present", viewer.streamed.present);
   rows.addRow("accuracy", viewer.accuracy);
   rows.addRow("complete", viewer.complete);
   rows.addRow("broken", viewer.broken);
@@ -385,8 +384,10 @@ EMSCRIPTEN_KEEPALIVE void disconnected(const char* reason) {
 EMSCRIPTEN_KEEPALIVE int refused() {
   return page.app->session().phase() == client::SessionPhase::kRefused ? 1 : 0;
 }
-EMSCRIPTEN_KEEPALIVE int splatsOnly() {
-  return page.app->session().methodInstead() == client::Method::kQsplat ? 1 : 0;
+/// Returns the method that shows a scene whose server refused this one; mostly empty.
+EMSCRIPTEN_KEEPALIVE const char* methodInstead() {
+  const auto other = page.app->session().methodInstead();
+  return other ? client::nameOf(*other).data() : "";
 }
 /// Returns room for one message of the server, to be filled before receiveMessage().
 EMSCRIPTEN_KEEPALIVE std::uint8_t* messageBuffer(std::size_t size) {

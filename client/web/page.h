@@ -1,7 +1,7 @@
 #pragma once
 // Shared by main.cpp, which has the functions of every page, and the two sources of scenes: static_page.cpp for patches
-// and images, splat_page.cpp for splats. Each makes a WebAssembly module of its own, so that neither carries the
-// other's code.
+// and images, streamed_page.cpp for methods that stream a file of their own, which splat_page.cpp and umbrella_page.cpp
+// name. Each method makes a WebAssembly module of its own, so that none carries another's code.
 #include <emscripten/html5.h>
 
 #include <memory>
@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "client/app/app.h"
+#include "client/source/streamed_file.h"
 
 namespace client::web {
 
@@ -26,6 +27,10 @@ extern Page page;
 
 /// The method that this WebAssembly module shows.
 extern const Method kPageMethod;
+
+/// Makes the view of the streamed method that this module shows.
+std::shared_ptr<StreamedView> makeView(FilePlace file, const protocol::Welcome& welcome,
+                                       std::unique_ptr<RangeFetcher> fetcher, const StreamedOptions& options);
 
 /// Count of the numbers that the page's JavaScript reads from scene.json (client/web/site/static_scene.js): origin,
 /// box_min, box_max, up (world, 3 each), 1 when unlit, the light's direction (3), the first direction (3), the

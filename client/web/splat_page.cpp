@@ -1,49 +1,16 @@
-// Shows splats, from a server of ours or any other host.
-#include <emscripten/emscripten.h>
+// The module that shows splats.
+#include <utility>
 
-#include <memory>
-
-#include "client/app/streamed_settings.h"
 #include "client/source/streamed_splats.h"
 #include "client/web/page.h"
-#include "client/web/web_fetcher.h"
 
 namespace client::web {
 
 const Method kPageMethod = Method::kQsplat;
 
-namespace {
+std::shared_ptr<StreamedView> makeView(FilePlace file, const protocol::Welcome& welcome,
+                                       std::unique_ptr<RangeFetcher> fetcher, const StreamedOptions& options) {
+  return std::make_shared<StreamedSplats>(std::move(file), welcome, std::move(fetcher), options);
+}
 
-std::shared_ptr<StreamedSplats> splats;
-
-}  // namespace
 }  // namespace client::web
-
-extern "C" {
-
-/// Opens a file of splats. `numbers`: as in client/web/page.h, then the length of the file.
-EMSCRIPTEN_KEEPALIVE void openSplats(const char* place, const char* name, const char* units, const char* start_view,
-                                     const char* attribution, const char* file, const double* numbers) {
-  client::App& app = *client::web::page.app;
-  client::StreamedOptions options;
-  static_cast<client::StreamedQuality&>(options) = client::qualityOf(app.settings());
-  options.memory_bytes = app.viewer().options().memory_budget_bytes;
-  options.clock = client::web::page.options.clock;
-  const auto bytes = static_cast<std::uint64_t>(numbers[client::web::kWelcomeNumbers]);
-  client::web::splats = std::make_shared<client::StreamedSplats>(
-      client::FilePlace{place, file, bytes}, client::web::welcomeOf(name, units, start_view, attribution, numbers),
-      std::make_unique<client::WebFetcher>(), options);
-  app.viewer().setStreamed(client::web::splats);
-}
-
-/// Returns 1 when something arrived.
-EMSCRIPTEN_KEEPALIVE int pumpStatic(double now) {
-  return client::web::splats->pump(client::web::page.app->session(), now) ? 1 : 0;
-}
-
-/// Returns what cannot be shown though the rest goes on; mostly empty.
-EMSCRIPTEN_KEEPALIVE const char* staticProblem() {
-  return client::web::handOut(client::web::splats->stats().warning);
-}
-
-}  // extern "C"

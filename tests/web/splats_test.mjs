@@ -38,16 +38,16 @@ before(async () => {
 });
 after(cleanUp);
 
-const fine = (page) => waitFor(page, (now) => now.complete === 1 && now.splats > 0, "all splats of the view");
+const fine = (page) => waitFor(page, (now) => now.complete === 1 && now.drawn > 0, "all splats of the view");
 
 /// Waits until no block arrives any more, those ahead of need included.
 async function quiet(page) {
   let last = -1;
   await until(async () => {
     await page.waitForTimeout(500);
-    const {blocksPresent} = await fine(page);
-    const same = blocksPresent === last;
-    last = blocksPresent;
+    const {present} = await fine(page);
+    const same = present === last;
+    last = present;
     return same;
   }, "the last block");
   return last;
@@ -98,7 +98,7 @@ test(
       await Promise.all([
         page.waitForEvent("load"), page.evaluate((hash) => void (location.hash = hash), link.replace("&m=qsplat", ""))
       ]);
-      await waitFor(page, (now) => now.triangles > 0 && now.splats === 0, "patches");
+      await waitFor(page, (now) => now.triangles > 0 && now.drawn === 0, "patches");
       assert.deepEqual(page.faults.filter((fault) => !/404/.test(fault)), []);  // it has no annotations
       await page.close();
     });
@@ -125,7 +125,7 @@ test("what is seen through the magnifying glass is finer, all else the same", as
   const before = await fine(page);
   const without = await canvasPicture(page);
   await page.keyboard.press("l");
-  await until(async () => (await fine(page)).splats > before.splats * 1.1, "more splats");
+  await until(async () => (await fine(page)).drawn > before.drawn * 1.1, "more splats");
   await fine(page);
   const through = await canvasPicture(page);
   const radius = 0.18 * 360;  // share of the view's shorter side (client/app/app_tools.cpp)
@@ -205,10 +205,10 @@ test("shape and size of splats are settings that take effect without loading the
   await until(() => differs(circles), "squares");
   await page.locator("#settings input[name=cutoff]").fill("12");
   await page.locator("#settings input[name=cutoff]").blur();
-  await until(async () => (await fine(page)).splats < before.splats / 2, "fewer splats");
+  await until(async () => (await fine(page)).drawn < before.drawn / 2, "fewer splats");
   await page.locator("#settings input[name=cutoff]").fill("1");
   await page.locator("#settings input[name=cutoff]").blur();
-  await until(async () => (await fine(page)).splats === before.splats, "as many as before");
+  await until(async () => (await fine(page)).drawn === before.drawn, "as many as before");
   await page.locator("#settings select[name=splat]").selectOption({label: "circle"});
   await until(async () => !(await differs(circles)), "circles");
   assert.equal(await page.evaluate(() => window.sameDocument), true);
@@ -245,7 +245,7 @@ test(
 
       // A link overrules the setting, and so does a scene that has no splats.
       await next.goto(`${server.url}?method=patches`);
-      await waitFor(next, (now) => now.triangles > 0 && now.splats === 0, "patches");
+      await waitFor(next, (now) => now.triangles > 0 && now.drawn === 0, "patches");
       assert.match(await next.evaluate(() => window.lumigrid.permalink()), /m=patches/);
       const plain = join(folder, "plain.scene");
       run("lumigrid", ["build", sampleMesh({triangles: 10000}), "-o", plain, "--methods", "patch"]);
@@ -293,7 +293,7 @@ test("a point cloud, which has splats only, is served and published, and shown w
   for (const url of [`${own.url}#m=lumigraph`, `${server.url}?scene=${elsewhere}`]) {
     const page = await open(browser, "about:blank");
     await page.goto(url);
-    await afterReload(page, (now) => now.splats > 0, "splats");
+    await afterReload(page, (now) => now.drawn > 0, "splats");
     await page.close();
   }
 });
@@ -306,8 +306,8 @@ test("a host without ranges is named", async () => {
 });
 
 test("each viewer's WebAssembly has at most 185 kB, compressed", () => {
-  const found = readdirSync(site).filter((name) => /^(viewer|splats)-.*\.wasm\.br$/.test(name));
-  assert.equal(found.length, 2);
+  const found = readdirSync(site).filter((name) => /^(viewer|splats|umbrellas)-.*\.wasm\.br$/.test(name));
+  assert.equal(found.length, 3);
   for (const name of found) assert.ok(readFileSync(join(site, name)).length <= 185_000, name);
 });
 

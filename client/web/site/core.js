@@ -5,7 +5,7 @@ import {callsOf} from "./calls.js";
 import {makeDecoder} from "./decode.js";
 import {parametersOf} from "./static_scene.js";
 
-/// `create` makes the WebAssembly module at files.viewerWasm; splats have another one.
+/// `create` makes the WebAssembly module at files.viewerWasm; streamed methods have others.
 export async function loadCore(files, create = createViewer) {
   let module;
   const decode = makeDecoder({worker: files.worker, wasm: files.decodeWasm}, (low, high, image, error) => {
@@ -57,7 +57,7 @@ export async function loadCore(files, create = createViewer) {
     connected: () => call("connected"),
     disconnected: (reason) => call("disconnected", reason),
     refused: () => call("refused") !== 0,
-    splatsOnly: () => call("splatsOnly") !== 0,
+    methodInstead: () => text("methodInstead"),
     receive(bytes) {
       fill(call("messageBuffer", bytes.length), bytes);
       return text("receiveMessage");

@@ -1,4 +1,4 @@
-// Decides which of the page's two programs is needed: by the scene that lies beside the page, a link, the address or
+// Decides which of the page's programs is needed: by the scene that lies beside the page, a link, the address or
 // the settings, in this order. It runs in index.html before everything else, to fetch the right WebAssembly early, and
 // again as a part of main.js, for hosts whose policy forbids inline scripts.
 window.lumigridMethod = () => {
@@ -18,9 +18,10 @@ window.lumigridMethod = () => {
 };
 if (document.currentScript) {
   const files = document.currentScript.dataset;
-  const splats = window.lumigridMethod().name === "qsplat";
+  const {name} = window.lumigridMethod();
+  const streamed = name === "qsplat" || name === "pmr";
   const fetchEarly = (properties) => document.head.append(Object.assign(document.createElement("link"), properties));
-  const wasm = splats ? files.splats : files.viewer;
+  const wasm = files[streamed ? name : "viewer"];
   fetchEarly({rel: "preload", as: "fetch", type: "application/wasm", crossOrigin: "anonymous", href: wasm});
-  if (splats) fetchEarly({rel: "modulepreload", href: files.script});
+  if (streamed) fetchEarly({rel: "modulepreload", href: files[`${name}Script`]});
 }

@@ -9,7 +9,7 @@ import {Overlay, showProblem} from "./overlay.js";
 import {openPicture} from "./picture.js";
 import {keepSettings, restoreSettings, settingValue, showSettings} from "./settings.js";
 import {openLink, socketUrl} from "./socket.js";
-import {NoSplats, openSplatScene, openStaticScene, SplatsOnly} from "./static_scene.js";
+import {openStaticScene, openStreamedScene, OtherMethod} from "./static_scene.js";
 import {makeTools} from "./tools.js";
 
 /// Memory budget on phones, unless the settings name another: everything that grows with the scene.
@@ -21,7 +21,6 @@ const kStatisticsMilliseconds = 250;
 const kMaxRatio = 2;
 
 // build_site.mjs replaces these names when it builds the page.
-const splatsScript = new URL(SPLATS_SCRIPT, document.baseURI).href;
 const checkScript = new URL(CHECK_SCRIPT, document.baseURI).href;
 const recordScript = new URL(RECORD_SCRIPT, document.baseURI).href;
 const files = {
@@ -30,10 +29,13 @@ const files = {
   worker: new URL(DECODE_WORKER, document.baseURI).href
 };
 
-/// The method for which the page was loaded; splats have another program.
+/// The method for which the page was loaded. Those that stream a file of their own have programs of their own.
 const method = window.lumigridMethod();
-const splats = method.name === "qsplat";
-if (splats) files.viewerWasm = new URL(SPLATS_WASM, document.baseURI).href;
+const program = new Map([["qsplat", [SPLATS_WASM, SPLATS_SCRIPT]], ["pmr", [UMBRELLAS_WASM, UMBRELLAS_SCRIPT]]]).get(
+    method.name);
+const [streamedWasm, streamedScript] = (program ?? []).map((name) => new URL(name, document.baseURI).href);
+const streamed = Boolean(program);
+if (streamed) files.viewerWasm = streamedWasm;
 
 const canvas = document.getElementById("view");
 const now = () => performance.now() / 1000;
@@ -62,7 +64,7 @@ function draw() {
   if (error) return fail("The picture cannot be drawn", error);
   if (first) return;
   const seen = core.figures();
-  if (seen.triangles > 0 || seen.splats > 0) first = seen;
+  if (seen.triangles > 0 || seen.drawn > 0) first = seen;
 }
 
 function turn() {
@@ -187,7 +189,7 @@ function savePicture(query) {
     dialog: document.getElementById("picture"),
     canvas,
     query: overlay.background ? `${query}&background=${overlay.background.slice(1)}` : query,
-    server: splats ? null : server,
+    server: streamed ? null : server,
     draw,
     name: document.getElementById("name").textContent,
     say: showToast
@@ -195,7 +197,7 @@ function savePicture(query) {
 }
 
 function openSettings() {
-  const shown = {method: splats ? "qsplat" : core.text("method")};
+  const shown = {method: streamed ? method.name : core.text("method")};
   showSettings(document.getElementById("settings"), core, shown, settingChanged);
 }
 
@@ -272,7 +274,8 @@ function watchPage() {
   addEventListener("hashchange", (event) => {
     // Restore the address as it was set: keepLink() may have put the view's own link there since.
     history.replaceState(null, "", event.newURL);
-    if ((window.lumigridMethod().name === "qsplat") !== splats) return location.reload();
+    const {name} = window.lumigridMethod();
+    if (name !== method.name && (streamed || name === "qsplat" || name === "pmr")) return location.reload();
     openHash();
     schedule();
   });
@@ -302,7 +305,7 @@ async function start() {
         "It needs WebAssembly, WebGL2 and OffscreenCanvas: a Chrome, Edge or Firefox of the last years, or Safari " +
             "from 16.4 on.");
   try {
-    core = await loadCore(files, splats ? (await import(splatsScript)).default : undefined);
+    core = await loadCore(files, streamed ? (await import(streamedScript)).default : undefined);
   } catch (error) {
     return bare("The viewer could not be loaded", `${error.message}. Check the connection and try again.`);
   }
@@ -318,7 +321,7 @@ async function start() {
         "Switch on hardware acceleration in the browser's settings, update the graphics driver, or try another " +
             "browser.");
   overlay = new Overlay(core, {
-    splats,
+    streamed,
     ratio: () => ratio,
     press: (act) => {
       act();
@@ -327,7 +330,7 @@ async function start() {
     retry: () => link?.retry(),
     check: scene && checkHost,
   });
-  makeTools(document.getElementById("tools"), splats, (key) => {
+  makeTools(document.getElementById("tools"), method.name === "qsplat", (key) => {
     core.call("key", `Key${key.toUpperCase()}`, key, 1, 0, now());
     core.call("key", `Key${key.toUpperCase()}`, key, 0, 0, now());
     schedule();
@@ -391,10 +394,10 @@ async function openStatic(base) {
     if (!/^https?:/.test(base))
       throw Object.assign(
           new Error(`${base} cannot be read`), {advice: "A scene's address begins with http:// or https://."});
-    pumpStatic = await (splats ? openSplatScene : openStaticScene)(base, core, schedule);
+    pumpStatic = await (
+        streamed ? openStreamedScene(method.name, base, core, schedule) : openStaticScene(base, core, schedule));
   } catch (error) {
-    if (error instanceof SplatsOnly) return load("qsplat");
-    if (error instanceof NoSplats && !method.said) return load("lumigraph");
+    if (error instanceof OtherMethod && (!streamed || !method.said)) return load(error.method);
     return fail(error.message, error.advice ?? "Try again; if it stays, the page and the scene do not fit together.");
   }
   schedule();
@@ -403,8 +406,8 @@ async function openStatic(base) {
 
 function openServer() {
   server = new URL("./", location.href);
-  if (splats) return openStatic(server.href);
-  link = openLink(socketUrl(server), core, schedule, () => load("qsplat"));
+  if (streamed) return openStatic(server.href);
+  link = openLink(socketUrl(server), core, schedule, load);
   loadAnnotations(new URL("annotations.json", server), core, overlay.annotations, showToast);
 }
 

@@ -24,14 +24,14 @@ export function showProblem(title, advice, again, check) {
   box.hidden = false;
 }
 
-/// Shows the labels, lines and panels over the picture, for `splats` or not. `press(act)` runs what a click does;
+/// Shows the labels, lines and panels over the picture, of a streamed method or not. `press(act)` runs what a click does;
 /// `retry()` tries the server again; `check()` shows what the scene's host sends, and is null with a server of ours.
 export class Overlay {
-  constructor(core, {splats, ratio, press, retry, check}) {
+  constructor(core, {streamed, ratio, press, retry, check}) {
     this.annotations = [];  // {title, text} by number
     this.background = "";   // the scene's, #rrggbb; empty: it has none
     this.core = core;
-    this.options = {splats, ratio, press, retry, check};
+    this.options = {streamed, ratio, press, retry, check};
     this.labelsShown = "";
     this.closingHelp = false;  // the next "close" of the help dialog is our own doing
     this.fatal = false;
@@ -135,7 +135,7 @@ export class Overlay {
       swatch.style.background = `rgb(${color.join()})`;
       box.append(element("span", {}, swatch, i + 1 < steps.length ? `up to ${pixels}` : "more"));
     });
-    if (this.options.splats) box.append(element("span", {}, "hatched: finer is to come"));
+    if (this.options.streamed) box.append(element("span", {}, "hatched: finer is to come"));
   }
 
   showToasts(toasts) {

@@ -24,9 +24,9 @@ async function refusalAt(url) {
 }
 
 /// Opens the link. `core` has connected(), disconnected(reason), receive(bytes) -> error text, next() -> bytes or null,
-/// refused() -> whether another try is of no use, and splatsOnly() -> whether the scene has splats only: then
-/// `showSplats()` is called.
-export function openLink(url, core, changed, showSplats) {
+/// refused() -> whether another try is of no use, and methodInstead() -> the method that shows the scene, or nothing:
+/// `showOther(method)` is called then.
+export function openLink(url, core, changed, showOther) {
   let socket = null;
   let delay = kMinDelay;
   let timer = 0;
@@ -66,7 +66,8 @@ export function openLink(url, core, changed, showSplats) {
         mine.close();
         return lost(error);
       }
-      if (core.splatsOnly()) return showSplats();
+      const other = core.methodInstead();
+      if (other) return showOther(other);
       flush();
       changed();
     };

@@ -1,2 +1,2 @@
-// The viewer of splats, which is fetched instead of the other one when a page shows splats (m=qsplat).
+// The viewer of splats, which is fetched instead of the others when a page shows splats (m=qsplat).
 export {default} from "client_web_splats.js";

@@ -4,8 +4,8 @@ import {kBytes, makeRanges} from "./ranges.js";
 
 const kMaxBytes = 16_000_000;
 
-/// Thrown by openStaticScene where a scene has splats and no patches: the viewer of splats shows it.
-export class SplatsOnly extends Error {}
+/// What methods that stream a file of their own draw, by the stem and the extension of the file.
+const kStreamed = [["qsplat", ".lgq", "splats"], ["pmr", ".lgm", "points and umbrellas"]];
 
 /// An error with advice for the user.
 class SceneError extends Error {
@@ -15,8 +15,13 @@ class SceneError extends Error {
   }
 }
 
-/// Thrown by openSplatScene where a scene has patches and no splats.
-export class NoSplats extends SceneError {}
+/// Thrown where a scene lacks what is to be shown, but has what `method` shows.
+export class OtherMethod extends SceneError {
+  constructor(method, title, advice) {
+    super(title, advice);
+    this.method = method;
+  }
+}
 
 async function readJson(url) {
   let answer;
@@ -118,27 +123,34 @@ function openParts(name, base, {scene, numbers}, core, changed, parts) {
   return (now) => core.call("pumpStatic", now) !== 0;
 }
 
-/// Opens the splats of a scene, as openStaticScene does its patches. A scene of our server has them under their plain
-/// name.
-export async function openSplatScene(base, core, changed) {
-  const read = await readScene(base);
-  const {url, parts} = read;
-  const plain = parts.find(({file, bytes}) => file === "qsplat.lgq" && Number.isSafeInteger(bytes) && bytes > 0);
-  const splats = partOf(parts, "qsplat-", ".lgq") ?? plain;
-  const advice = "Build them with lumigrid build ... --methods qsplat, and publish the scene again.";
-  if (!splats && parts.some(({file}) => /^patch.*\.lgp$/.test(file)))
-    throw new NoSplats(`${url} lists no splats`, advice);
-  if (!splats) throw new SceneError(`${url} lists no splats`, advice);
-  return openParts("openSplats", base, read, core, changed, [splats]);
+/// Returns the part of a streamed method. A scene of our server has it under its plain name.
+function streamedPart(parts, stem, extension) {
+  const plain =
+      parts.find(({file, bytes}) => file === stem + extension && Number.isSafeInteger(bytes) && bytes > 0);
+  return partOf(parts, `${stem}-`, extension) ?? plain;
 }
 
-/// Hands the scene to the client and returns what openParts() does. `base`: URL of its folder. Throws SceneError or
-/// SplatsOnly.
+/// Opens the file of a streamed method, as openStaticScene does patches.
+export async function openStreamedScene(method, base, core, changed) {
+  const read = await readScene(base);
+  const {url, parts} = read;
+  const [stem, extension, content] = kStreamed.find(([name]) => name === method);
+  const part = streamedPart(parts, stem, extension);
+  if (part) return openParts("openStreamed", base, read, core, changed, [part]);
+  const title = `${url} lists no ${content}`;
+  const advice = `Build them with lumigrid build ... --methods ${method}, and publish the scene again.`;
+  const hasPatches = parts.some(({file}) => /^patch.*\.lgp$/.test(file));
+  const other = hasPatches ? "lumigraph" : kStreamed.find(([stem, end]) => streamedPart(parts, stem, end))?.[0];
+  throw other ? new OtherMethod(other, title, advice) : new SceneError(title, advice);
+}
+
+/// Hands the scene to the client and returns what openParts() does. `base`: URL of its folder. Throws SceneError.
 export async function openStaticScene(base, core, changed) {
   const read = await readScene(base);
   const {url, parts} = read;
   const patches = partOf(parts, "patch-", ".lgp");
-  if (!patches && partOf(parts, "qsplat-", ".lgq")) throw new SplatsOnly();
+  const other = kStreamed.find(([stem, extension]) => partOf(parts, `${stem}-`, extension));
+  if (!patches && other) throw new OtherMethod(other[0], `${url} lists no patches`);
   if (!patches)
     throw new SceneError(
         `${url} is not published`, "Its parts have no names by content; put there what lumigrid publish wrote.");
