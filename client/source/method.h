@@ -36,7 +36,7 @@ inline std::optional<Method> methodFromName(std::string_view name) {
 inline constexpr bool isStreamed(Method method) {
   return method == Method::kQsplat || method == Method::kPmr;
 }
-/// What such a method draws, for people.
+/// Names for people what such a method draws.
 inline constexpr std::string_view contentOf(Method method) {
   return method == Method::kPmr ? "points and umbrellas" : "splats";
 }

@@ -1,5 +1,5 @@
 #pragma once
-// What the views of all streamed methods need to draw and to pick.
+// The functions by which the views of all streamed methods draw and pick.
 #include <array>
 
 #include "base/camera.h"

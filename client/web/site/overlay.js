@@ -24,8 +24,9 @@ export function showProblem(title, advice, again, check) {
   box.hidden = false;
 }
 
-/// Shows the labels, lines and panels over the picture, of a streamed method or not. `press(act)` runs what a click does;
-/// `retry()` tries the server again; `check()` shows what the scene's host sends, and is null with a server of ours.
+/// Shows the labels, lines and panels over the picture, of a method for which isStreamed() or not. `press(act)` runs
+/// what a click does; `retry()` tries the server again; `check()` shows what the scene's host sends, and is null with a
+/// server of ours.
 export class Overlay {
   constructor(core, {streamed, ratio, press, retry, check}) {
     this.annotations = [];  // {title, text} by number

@@ -4,7 +4,7 @@ import {kBytes, makeRanges} from "./ranges.js";
 
 const kMaxBytes = 16_000_000;
 
-/// What methods that stream a file of their own draw, by the stem and the extension of the file.
+/// Methods that stream a file of their own: its stem and extension, and what they draw.
 const kStreamed = [["qsplat", ".lgq", "splats"], ["pmr", ".lgm", "points and umbrellas"]];
 
 /// An error with advice for the user.

@@ -7,16 +7,10 @@
 
 #include "client/app/permalink.h"
 #include "tests/client/source/scripted_server.h"
+#include "tests/support/range_host.h"
 
 namespace client {
 namespace {
-
-class NoDecoder : public ImageDecoder {
- public:
-  void submit(std::uint64_t, base::ByteView) override {}
-  std::vector<DecodedImage> takeDecoded() override { return {}; }
-  std::size_t pending() const override { return 0; }
-};
 
 constexpr Modifiers kShiftDown{true, false, false};
 constexpr Modifiers kCtrlDown{false, true, false};
@@ -30,7 +24,7 @@ class AppTest : public ::testing::Test {
     options.settings = settings;
     options.viewer.method = method;
     options.surface = [this](const base::ViewCamera& camera, double x, double y) { return plane(camera, x, y); };
-    app = std::make_unique<App>(options, std::make_unique<NoDecoder>());
+    app = std::make_unique<App>(options, std::make_unique<support::NoDecoder>());
     app->resize(800, 600, 1.0);
     now = 0.0;
     app->advance(now);
@@ -806,11 +800,14 @@ TEST_F(AppTest, settingsOfSplatsTakeEffectAtOnceAndKeepTheCommandLinesValues) {
   ASSERT_TRUE(bool(app->changeSetting("splat", 3.0)));
   ASSERT_TRUE(bool(app->changeSetting("frame_rate", 20.0)));
   EXPECT_EQ(splats->quality(), (StreamedQuality{lod::draw::SplatKernel::kEllipse, 2.0F, 0.05}));
-  EXPECT_EQ(splats->times, 3);
+  ASSERT_TRUE(bool(app->changeSetting("tolerance", 2.5)));
+  EXPECT_EQ(splats->quality().tolerance, 2.5F);
+  EXPECT_EQ(splats->times, 4);
   ASSERT_TRUE(bool(app->changeSetting("orbit_speed", 2.0)));
   ASSERT_TRUE(bool(app->changeSetting("frame_rate", 20.0)));
-  EXPECT_EQ(splats->times, 3) << "nothing changed for them";
-  for (const char* name : {"splat", "cutoff", "frame_rate"}) EXPECT_FALSE(findSetting(name)->from_next_start) << name;
+  EXPECT_EQ(splats->times, 4) << "nothing changed for them";
+  for (const char* name : {"splat", "cutoff", "tolerance", "frame_rate"})
+    EXPECT_FALSE(findSetting(name)->from_next_start) << name;
 }
 
 TEST_F(AppTest, eventsWithoutFiniteNumbersAreIgnored) {

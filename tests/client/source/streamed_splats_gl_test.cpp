@@ -2,11 +2,10 @@
 
 #include <gtest/gtest.h>
 
-#include <deque>
-
 #include "base/egl/headless.h"
 #include "base/gl/gl.h"
 #include "client/viewer/viewer.h"
+#include "tests/support/range_host.h"
 #include "tests/support/splat_tree.h"
 #include "tests/support/test_meshes.h"
 
@@ -14,43 +13,6 @@ namespace client {
 namespace {
 
 constexpr int kSize = 256;
-
-class NoDecoder : public ImageDecoder {
- public:
-  void submit(std::uint64_t, base::ByteView) override {}
-  std::vector<DecodedImage> takeDecoded() override { return {}; }
-  std::size_t pending() const override { return 0; }
-};
-
-/// Answers a fixed number of requests at each takeAnswers().
-class Host final : public RangeFetcher {
- public:
-  explicit Host(const base::Bytes& file) : file_(file) {}
-  void submit(std::uint64_t id, const std::string& name, std::uint64_t offset, std::uint64_t length) override {
-    EXPECT_EQ(name, "qsplat.lgq");
-    asked.push_back({id, offset, length});
-  }
-  std::vector<FetchAnswer> takeAnswers() override {
-    std::vector<FetchAnswer> answers;
-    for (std::size_t i = 0; i < at_a_time && !asked.empty(); ++i, asked.pop_front()) {
-      const lod::qsplat::ByteRange range = asked.front();
-      FetchAnswer answer{range.id, outcome, {}, outcome == FetchOutcome::kBytes ? 206 : 0, ""};
-      const auto begin = file_.begin() + static_cast<std::ptrdiff_t>(range.offset);
-      if (outcome == FetchOutcome::kBytes)
-        answer.bytes.assign(begin, begin + static_cast<std::ptrdiff_t>(range.length));
-      answers.push_back(std::move(answer));
-    }
-    return answers;
-  }
-  void cancel(std::uint64_t) override {}
-
-  std::deque<lod::qsplat::ByteRange> asked;
-  std::size_t at_a_time = 1;
-  FetchOutcome outcome = FetchOutcome::kBytes;
-
- private:
-  const base::Bytes& file_;
-};
 
 /// Views splats without a network.
 class StreamedSplatsTest : public ::testing::Test {
@@ -70,8 +32,8 @@ class StreamedSplatsTest : public ::testing::Test {
   void open(StreamedOptions options) {
     ViewerOptions viewer;
     viewer.method = Method::kQsplat;
-    viewer_ = std::make_unique<Viewer>(viewer, std::make_unique<NoDecoder>());
-    auto host = std::make_unique<Host>(file());
+    viewer_ = std::make_unique<Viewer>(viewer, std::make_unique<support::NoDecoder>());
+    auto host = std::make_unique<support::RangeHost>("qsplat.lgq", file());
     host_ = host.get();
     protocol::Welcome welcome;
     welcome.scene_name = "ball";
@@ -108,7 +70,7 @@ class StreamedSplatsTest : public ::testing::Test {
   void openWhole(const StreamedOptions& options, const base::Bytes& bytes) {
     ViewerOptions viewer;
     viewer.method = Method::kQsplat;
-    viewer_ = std::make_unique<Viewer>(viewer, std::make_unique<NoDecoder>());
+    viewer_ = std::make_unique<Viewer>(viewer, std::make_unique<support::NoDecoder>());
     const auto header = lod::qsplat::readHeader(bytes);
     ASSERT_TRUE(bool(header));
     splats_ = std::make_shared<StreamedSplats>(FilePlace{"ball", "qsplat.lgq", bytes.size()}, protocol::Welcome(),
@@ -120,7 +82,7 @@ class StreamedSplatsTest : public ::testing::Test {
   base::gl::RenderTarget target_;
   std::unique_ptr<Viewer> viewer_;
   std::shared_ptr<StreamedSplats> splats_;
-  Host* host_ = nullptr;
+  support::RangeHost* host_ = nullptr;
   double now_ = 0.0;
 };
 
@@ -270,7 +232,7 @@ TEST_F(StreamedSplatsTest, aPictureAtRestIsDrawnAgainWhenAllIsHereOrDrawingHadIt
   options.clock = [&] { return clock += drawing; };
   open(options);
   // The link is so slow that few requests may be under way; draw until a picture lacks more than that.
-  const auto stream = [&] { return splats_->stats().stream; };
+  const auto stream = [&] { return splats_->stats().splats.stream; };
   const auto next = [&] { splats_->pump(viewer_->session(), now_ += 1.0); };
   do {
     next();
@@ -298,7 +260,7 @@ TEST_F(StreamedSplatsTest, requestsAreOrderedAnewWhileOthersAreUnderWayOnceChoos
   StreamedOptions options = still();
   double clock = 0.0, choosing = 0.0;
   options.clock = [&] { return clock += choosing; };
-  const auto stream = [&] { return splats_->stats().stream; };
+  const auto stream = [&] { return splats_->stats().splats.stream; };
   const auto next = [&] { splats_->pump(viewer_->session(), now_ += 1.0); };
   const auto update = [&] { EXPECT_TRUE(bool(viewer_->update(view(), now_))); };
   open(options);
@@ -314,16 +276,16 @@ TEST_F(StreamedSplatsTest, requestsAreOrderedAnewWhileOthersAreUnderWayOnceChoos
   update();
   const double chosen = clock;
   choosing = 0.0;
-  const std::uint64_t nodes = splats_->stats().nodes;
+  const std::uint64_t nodes = splats_->stats().splats.nodes;
   next();
   ASSERT_GT(stream().wanted, 0U);
   ASSERT_GT(stream().requested, 0U);
   clock = chosen + 1.4;
   update();
-  EXPECT_EQ(splats_->stats().nodes, nodes) << "before three times what choosing took";
+  EXPECT_EQ(splats_->stats().splats.nodes, nodes) << "before three times what choosing took";
   clock = chosen + 1.6;
   update();
-  EXPECT_GT(splats_->stats().nodes, nodes) << "only when all requests were answered";
+  EXPECT_GT(splats_->stats().splats.nodes, nodes) << "only when all requests were answered";
 }
 
 TEST_F(StreamedSplatsTest, throughTheLensThePictureIsFinerAndElsewhereTheSame) {

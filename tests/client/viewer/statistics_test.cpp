@@ -41,6 +41,22 @@ TEST(Statistics, withSplatsBlocksAreCounted) {
   EXPECT_EQ(lineOf(s, "broken"), "block 7 is damaged");
 }
 
+TEST(Statistics, withUmbrellasLeavesAreCounted) {
+  Statistics s;
+  s.viewer.streamed.umbrellas.points = 1'234;
+  s.viewer.streamed.umbrellas.triangles = 56'789;
+  s.viewer.streamed.umbrellas.leaves = 30;
+  s.viewer.streamed.umbrellas.stream.leaves = 400;
+  s.viewer.streamed.umbrellas.stream.present = 120;
+  s.viewer.streamed.umbrellas.stream.lacking = 6;
+  s.viewer.error_px = 1.0F;
+  EXPECT_EQ(lineOf(s, "umbrellas"), "56 789 triangles, 1 234 points, of 1.0 px");
+  EXPECT_EQ(lineOf(s, "leaves"), "30 in view, 120 of 400 here, 6 to be refined");
+  EXPECT_EQ(lineOf(s, "blocks"), "");
+  s.viewer.streamed.limited = true;
+  EXPECT_NE(lineOf(s, "memory").find(": a finer picture needs more"), std::string::npos);
+}
+
 TEST(Statistics, everyFigureStandsInALine) {
   Statistics s;
   s.frames_per_second = 58.0;

@@ -1,0 +1,129 @@
+// Tests points and umbrellas in the browser: streamed from a server of ours and from nginx, with the same pictures as
+// the native client's.
+import assert from "node:assert/strict";
+import {writeFileSync} from "node:fs";
+import {join} from "node:path";
+import {after, before, test} from "node:test";
+
+import {
+  camera,
+  canvasPicture,
+  cleanUp,
+  difference,
+  figures,
+  folder,
+  launch,
+  nativePictures,
+  nginx,
+  open,
+  repeated,
+  run,
+  serve,
+  site,
+  still,
+  until,
+  waitFor
+} from "./lib.mjs";
+
+/// Writes a cloud of a sphere with bumps, without faces or normals.
+function writeCloud(path, count) {
+  const golden = Math.PI * (3 - Math.sqrt(5));
+  const lines = [
+    "ply", "format ascii 1.0", `element vertex ${count}`, "property float x", "property float y", "property float z",
+    "property uchar red", "property uchar green", "property uchar blue", "end_header"
+  ];
+  for (let i = 0; i < count; ++i) {
+    const z = 1 - (2 * i + 1) / count;
+    const turn = golden * i;
+    const radius = 1 + 0.05 * Math.sin(5 * turn) * (1 - z * z);
+    const around = radius * Math.sqrt(1 - z * z);
+    const color = [0, 1, 2].map((k) => Math.round(140 + 100 * Math.sin(3 * z + k)));
+    lines.push(`${around * Math.cos(turn)} ${around * Math.sin(turn)} ${radius * z} ${color.join(" ")}`);
+  }
+  writeFileSync(path, `${lines.join("\n")}\n`);
+}
+
+let published, server, browser;
+before(async () => {
+  const cloud = join(folder, "cloud.ply");
+  const scene = join(folder, "umbrellas.scene");
+  writeCloud(cloud, 40000);
+  run("lumigrid", ["build", cloud, "-o", scene, "--methods", "pmr"]);
+  published = join(folder, "umbrellas.published");
+  run("lumigrid", ["publish", scene, published, "--viewer", "on", "--web", site]);
+  server = await serve(scene);
+  browser = await launch();
+});
+after(cleanUp);
+
+const fine = (page) => waitFor(page, (now) => now.complete === 1 && now.drawn > 0, "all umbrellas of the view");
+
+async function expectNative(page, url) {
+  const [native] = nativePictures(url, [await camera(page)], ["--method", "pmr"]);
+  const apart = difference(await canvasPicture(page), native);
+  assert.ok(apart.covered > 0.05, "there is nothing in the pictures");
+  assert.ok(apart.mean < 0.5 && apart.outliers < 0.002, `mean ${apart.mean} levels, outliers ${apart.outliers}`);
+}
+
+test("a server's umbrellas, as the native client draws them, also after a drag", async () => {
+  const page = await open(browser, `${server.url}?method=pmr`);
+  await fine(page);
+  await expectNative(page, server.url);
+  await page.mouse.move(320, 180);
+  await page.mouse.down();
+  await page.mouse.move(420, 150, {steps: 5});
+  await page.mouse.up();
+  await still(page);
+  await fine(page);
+  await expectNative(page, server.url);
+  assert.match(await page.evaluate(() => window.lumigrid.permalink()), /&m=pmr/);
+  assert.deepEqual(page.faults, []);
+  await page.close();
+});
+
+test("a link with m=pmr opens them on a static host; no byte comes twice", async () => {
+  const first = await open(browser, `${(await nginx(published)).url}?method=pmr`);
+  await fine(first);
+  const link = await first.evaluate(() => window.lumigrid.permalink());
+  await first.close();
+  const host = await nginx(published);
+  const page = await open(browser, `${host.url}#${link}`);
+  await fine(page);
+  assert.equal(repeated(host.requests()), 0);
+  await expectNative(page, host.url);
+  assert.deepEqual(page.faults.filter((fault) => !/404/.test(fault)), []);  // it has no annotations
+  await page.close();
+});
+
+test("a scene that has nothing else is shown without being asked for, by its own WebAssembly", async () => {
+  for (const {url} of [server, await nginx(published)]) {
+    const page = await open(browser, "about:blank");
+    const fetched = [];
+    page.on("request", (request) => /\.wasm$/.test(request.url()) && fetched.push(request.url().split("/").at(-1)));
+    await page.goto(url);
+    await fine(page);
+    assert.ok(fetched.length >= 1 && fetched.every((name) => name.startsWith("umbrellas-")), fetched.join());
+    await page.close();
+  }
+  const page = await open(browser, `${server.url}#m=qsplat`);
+  await until(async () => (await figures(page).catch(() => null))?.drawn > 0 || /no splats/.test(
+      await page.locator("body").innerText()), "umbrellas, or what is missing");
+  await page.close();
+});
+
+test("the tolerance is a setting that takes effect at once, and statistics tell what is drawn", async () => {
+  const page = await open(browser, `${server.url}?method=pmr`);
+  const before = await fine(page);
+  await page.keyboard.press("g");
+  await page.locator("#settings input[name=tolerance]").fill("8");
+  await page.locator("#settings input[name=tolerance]").blur();
+  await until(async () => (await fine(page)).drawn < before.drawn / 2, "fewer umbrellas");
+  await page.locator("#settings input[name=tolerance]").fill("1");
+  await page.locator("#settings input[name=tolerance]").blur();
+  await until(async () => (await fine(page)).drawn === before.drawn, "as many as before");
+  await page.keyboard.press("Escape");
+  await page.keyboard.press("i");
+  await until(async () => /leaves/.test(await page.locator("#statistics").innerText()), "leaves in the statistics");
+  assert.match(await page.locator("#tool-l").getAttribute("title"), /light/, "the glass is for splats");
+  await page.close();
+});
