@@ -90,10 +90,14 @@ TEST(Session, aRefusalTellsWhichOtherMethodTheSceneHasDataFor) {
   session.connected();
   receive(session, server().sayRefusal(protocol::kVersion, "full up"));
   EXPECT_EQ(session.methodInstead(), std::nullopt);
-  Session other({});
-  other.connected();
-  receive(other, protocol::encode(protocol::ServerMessage(protocol::Refusal{protocol::kVersion, "no patches", true})));
-  EXPECT_EQ(other.methodInstead(), Method::kQsplat);
+  for (const auto& [streamed, method] :
+       {std::pair(protocol::Streamed::kSplats, Method::kQsplat), {protocol::Streamed::kUmbrellas, Method::kPmr}}) {
+    Session other({});
+    other.connected();
+    const protocol::Refusal refusal{protocol::kVersion, "no patches", streamed};
+    receive(other, protocol::encode(protocol::ServerMessage(refusal)));
+    EXPECT_EQ(other.methodInstead(), method);
+  }
   Session read({});
   read.refuse("no splats", Method::kLumigraph);
   EXPECT_EQ(read.methodInstead(), Method::kLumigraph);
