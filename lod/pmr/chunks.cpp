@@ -13,8 +13,9 @@
 namespace lod::pmr {
 namespace {
 
-/// A point's normal and position are predicted from the nearest of so many points before it.
-constexpr std::size_t kWindow = 16;
+/// A point's normal, position and colour are predicted from the nearest of so many points before it. Among more, the
+/// nearest one lies on another part of the surface more often than it is a better neighbour.
+constexpr std::size_t kWindow = 8;
 constexpr std::int32_t kLatticeEnd = 1 << kPositionBits;
 
 float sign(float x) {
@@ -57,10 +58,9 @@ class PointModel {
     if (!codeTwo(point.place, i, j, k)) return false;
     const Known& near = nearest(point.place, i, j);
     const std::int32_t distance = std::abs(point.place[i] - near.place[i]) + std::abs(point.place[j] - near.place[j]);
-    const std::uint32_t reach = std::min(lengthOf(distance), 15U);
-    codeNormal(near, reach, point.normal);
+    codeNormal(near, point.normal);
     const glm::ivec3 whole = wholeNormal(point.normal);
-    if (!codeThird(near, whole, reach, i, j, k, point.place)) return false;
+    if (!codeThird(near, whole, std::min(lengthOf(distance), 15U), i, j, k, point.place)) return false;
     if (colors_) codeColor(near, point.color);
 
     last_ = point.place;
@@ -82,7 +82,7 @@ class PointModel {
     const std::uint32_t differing =
         static_cast<std::uint32_t>(place[i] ^ last_[i]) | static_cast<std::uint32_t>(place[j] ^ last_[j]);
     const std::uint32_t length =
-        lengths_[length_before_].code(coder_, static_cast<std::uint32_t>(std::bit_width(differing)));
+        lengths_[length_before_ / 2].code(coder_, static_cast<std::uint32_t>(std::bit_width(differing)));
     if (length > kPositionBits) return false;
     length_before_ = length;
     if (length == 0) {
@@ -119,8 +119,8 @@ class PointModel {
     return known_[best];
   }
 
-  void codeNormal(const Known& near, std::uint32_t reach, glm::u8vec2& normal) {
-    const std::int32_t x = codeByte(normals_x_[reach / 2 * 4 + turn_before_], near.normal.x, normal.x);
+  void codeNormal(const Known& near, glm::u8vec2& normal) {
+    const std::int32_t x = codeByte(normals_x_[turn_before_], near.normal.x, normal.x);
     const std::uint32_t length = std::min(lengthOf(x), 7U);
     const std::int32_t y = codeByte(normals_y_[length], near.normal.y, normal.y);
     turn_before_ = std::min(std::max(lengthOf(x), lengthOf(y)) / 2, 3U);
@@ -138,8 +138,7 @@ class PointModel {
       expected -= rise / mean[k];
     }
     const auto plane = static_cast<std::int32_t>(std::clamp<std::int64_t>(expected, 0, kLatticeEnd - 1));
-    const std::int32_t off = thirds_[reach * 4 + off_before_].code(coder_, place[k] - plane);
-    off_before_ = std::min(lengthOf(off) / 2, 3U);
+    const std::int32_t off = thirds_[reach].code(coder_, place[k] - plane);
     const std::int64_t decoded = std::int64_t{plane} + off;
     place[k] = static_cast<std::int32_t>(decoded);
     return decoded >= 0 && decoded < kLatticeEnd;
@@ -168,12 +167,12 @@ class PointModel {
   std::size_t count_ = 0;
   glm::ivec3 last_{0};
   glm::ivec3 last_whole_{0, 0, 255};
-  std::uint32_t length_before_ = 0, turn_before_ = 0, off_before_ = 0, green_before_ = 0;
-  std::array<SymbolModel<5>, kPositionBits + 1> lengths_;
+  std::uint32_t length_before_ = 0, turn_before_ = 0, green_before_ = 0;
+  std::array<SymbolModel<5>, kPositionBits / 2 + 1> lengths_;
   std::array<SymbolModel<2>, 12> quadrants_;
-  std::array<SignedModel, 32> normals_x_;
+  std::array<SignedModel, 4> normals_x_;
   std::array<SignedModel, 8> normals_y_;
-  std::array<SignedModel, 64> thirds_;
+  std::array<SignedModel, 16> thirds_;
   std::array<SignedModel, 8> greens_, reds_, blues_;
 };
 

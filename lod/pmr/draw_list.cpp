@@ -1,17 +1,34 @@
 #include "lod/pmr/draw_list.h"
 
 #include <algorithm>
+#include <array>
 #include <numeric>
+#include <utility>
+
+#include "base/bytes.h"
 
 namespace lod::pmr {
 namespace {
 
-/// The numbers 0 … values.size() − 1 by falling values.
+/// The numbers 0 … values.size() − 1 by falling values, which are not negative. A stable radix sort: bits of such
+/// floats are in the order of their values.
 std::vector<std::uint32_t> orderByFalling(const std::vector<float>& values) {
+  constexpr unsigned kDigitBits = 11, kKeyBits = 32;
+  constexpr std::uint32_t kDigits = 1U << kDigitBits;
+  struct Keyed {
+    std::uint32_t key = 0, number = 0;
+  };
+  std::vector<Keyed> items(values.size()), sorted(values.size());
+  for (std::uint32_t i = 0; i < items.size(); ++i) items[i] = {~base::bitCast<std::uint32_t>(values[i]), i};
+  for (unsigned shift = 0; shift < kKeyBits; shift += kDigitBits) {
+    std::array<std::uint32_t, kDigits + 1> begins{};
+    for (const Keyed& item : items) ++begins[(item.key >> shift & (kDigits - 1)) + 1];
+    std::partial_sum(begins.begin(), begins.end(), begins.begin());
+    for (const Keyed& item : items) sorted[begins[item.key >> shift & (kDigits - 1)]++] = item;
+    std::swap(items, sorted);
+  }
   std::vector<std::uint32_t> order(values.size());
-  std::iota(order.begin(), order.end(), 0U);
-  std::sort(order.begin(), order.end(),
-            [&](std::uint32_t a, std::uint32_t b) { return values[a] != values[b] ? values[a] > values[b] : a < b; });
+  std::transform(items.begin(), items.end(), order.begin(), [](const Keyed& item) { return item.number; });
   return order;
 }
 

@@ -172,8 +172,8 @@ std::uint64_t codeRaw(Coder& coder, unsigned count, std::uint64_t value) {
   return coded;
 }
 
-/// A number below 2^(2^kLengthBits − 1): its length in bits as a symbol, the two bits behind its first one with learnt
-/// probabilities, the others as they are.
+/// A number below 2^(2^kLengthBits − 1): its length in bits as a symbol, the bit behind its first one with a learnt
+/// probability, the others as they are.
 template <unsigned kLengthBits>
 class BasicNumberModel {
  public:
@@ -181,18 +181,14 @@ class BasicNumberModel {
   std::uint64_t code(Coder& coder, std::uint64_t value) {
     const std::uint32_t length = length_.code(coder, static_cast<std::uint32_t>(std::bit_width(value)));
     if (length < 2) return length;
-    std::uint64_t coded = 1;
-    unsigned left = length - 1;
-    for (unsigned learnt = std::min(left, 2U); learnt > 0; --learnt) {
-      --left;
-      coded = coded << 1 | coder.bit(top_[length][coded], static_cast<std::uint32_t>(value >> left) & 1);
-    }
-    return left == 0 ? coded : coded << left | codeRaw(coder, left, value & ((std::uint64_t{1} << left) - 1));
+    const unsigned left = length - 2;
+    const std::uint64_t top = 2 | coder.bit(second_[length], static_cast<std::uint32_t>(value >> left) & 1);
+    return left == 0 ? top : top << left | codeRaw(coder, left, value & ((std::uint64_t{1} << left) - 1));
   }
 
  private:
   SymbolModel<kLengthBits> length_;
-  std::array<std::array<BitModel, 4>, 1U << kLengthBits> top_;
+  std::array<BitModel, 1U << kLengthBits> second_;
 };
 using NumberModel = BasicNumberModel<5>;
 /// Up to 2^63 − 1.

@@ -5,6 +5,7 @@
 // of.
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <numeric>
 
 #include "base/check.h"
@@ -87,7 +88,7 @@ class EdgeModel {
         lowest_(places.size(), kNone),
         candidate_of_(places.size(), kNone),
         votes_(places.size()),
-        sharpness_(places.size()) {
+        wideness_(places.size()) {
     graph_.first.push_back(0);
   }
 
@@ -122,34 +123,35 @@ class EdgeModel {
       const std::span<const Rank> above = graph_.above(a);
       steps_ += above.size();
       if (steps_ > limits_.steps) return false;
+      const std::uint64_t first_side = squaredDistance(a, v);
       for (const Rank w : above) {
         if (w <= v) continue;
-        const std::uint8_t sharp = sharpnessAt(a, v, w);
+        const std::uint32_t wide = wideness(first_side + squaredDistance(a, w), squaredDistance(v, w));
         if (candidate_of_[w] != v) {
           candidate_of_[w] = v;
           votes_[w] = 0;
-          sharpness_[w] = sharp;
+          wideness_[w] = wide;
           candidates_.push_back(w);
         }
         ++votes_[w];
-        sharpness_[w] = std::min(sharpness_[w], sharp);
+        wideness_[w] = std::min(wideness_[w], wide);
       }
     }
     std::sort(candidates_.begin(), candidates_.end());
     return true;
   }
 
-  // How wide the angle at a is, between the directions to v and w: 8 is a right angle, 0 none, 16 the opposite
-  // direction.
-  std::uint8_t sharpnessAt(Rank a, Rank v, Rank w) const {
-    const auto squared = [this](Rank from, Rank to) {
-      const glm::ivec3 d = places_[to] - places_[from];
-      return std::uint64_t{0} +
-             static_cast<std::uint64_t>(std::int64_t{d.x} * d.x + std::int64_t{d.y} * d.y + std::int64_t{d.z} * d.z);
-    };
-    const std::uint64_t beside = squared(a, v) + squared(a, w);
-    return static_cast<std::uint8_t>(
-        std::min<std::uint64_t>(8 * squared(v, w) / std::max<std::uint64_t>(beside, 1), 15));
+  std::uint64_t squaredDistance(Rank a, Rank b) const {
+    const glm::ivec3 d = places_[b] - places_[a];
+    return static_cast<std::uint64_t>(std::int64_t{d.x} * d.x + std::int64_t{d.y} * d.y + std::int64_t{d.z} * d.z);
+  }
+
+  // How wide the angle between two sides of a triangle is: 8 is a right angle, 0 none, 15 almost the opposite
+  // direction. `beside`: the sum of the sides' squares. Numbers of 27 bits are exact enough.
+  static std::uint32_t wideness(std::uint64_t beside, std::uint64_t opposite) {
+    const unsigned shift = std::max(static_cast<unsigned>(std::bit_width(beside)), 27U) - 27U;
+    const auto divisor = std::max(static_cast<std::uint32_t>(beside >> shift), 1U);
+    return std::min(8 * static_cast<std::uint32_t>(opposite >> shift) / divisor, 15U);
   }
 
   void codeCandidates(std::span<const Rank> above) {
@@ -158,7 +160,7 @@ class EdgeModel {
       const std::uint32_t votes = std::min(votes_[w], 3U) - 1;
       const auto accepted = static_cast<std::uint32_t>(std::min<std::size_t>(found_.size(), 3));
       const std::uint32_t known = std::binary_search(above.begin(), above.end(), w) ? 1 : 0;
-      if (coder_.bit(accepts_[votes][accepted][sharpness_[w]], known) != 0) found_.push_back(w);
+      if (coder_.bit(accepts_[votes][accepted][wideness_[w]], known) != 0) found_.push_back(w);
     }
   }
 
@@ -192,7 +194,7 @@ class EdgeModel {
   std::vector<Rank> from_;                 // of each edge: its lower end
   std::vector<Rank> candidate_of_;
   std::vector<std::uint32_t> votes_;
-  std::vector<std::uint8_t> sharpness_;
+  std::vector<std::uint32_t> wideness_;
   std::vector<Rank> candidates_, found_;
   std::uint64_t steps_ = 0;
   std::uint32_t lower_ = 0;
