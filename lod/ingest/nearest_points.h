@@ -1,5 +1,5 @@
 #pragma once
-// A k-d tree that finds the k nearest of a set of points (Bentley 1975).
+// A k-d tree that finds the k nearest of a set of points, or those within a distance (Bentley 1975).
 #include <algorithm>
 #include <glm/glm.hpp>
 #include <span>
@@ -29,6 +29,13 @@ class NearestPoints {
     found.clear();
     if (nodes_.empty() || count == 0) return;
     search(0, p, count, reach_squared, found);
+  }
+
+  /// Calls visit(index) for the points within the squared distance, about nearest first. It returns the squared
+  /// distance within which points still matter: at most what it was.
+  template <class Visit>
+  void visitWithin(const glm::vec3& p, float reach_squared, const Visit& visit) const {
+    if (!nodes_.empty()) visitNode(0, p, reach_squared, visit);
   }
 
  private:
@@ -87,6 +94,21 @@ class NearestPoints {
     search(beyond < 0.0F ? number + 1 : node.right, p, count, reach_squared, found);
     const float limit = found.size() < count ? reach_squared : found.back().distance_squared;
     if (beyond * beyond <= limit) search(beyond < 0.0F ? node.right : number + 1, p, count, reach_squared, found);
+  }
+
+  template <class Visit>
+  void visitNode(std::uint32_t number, const glm::vec3& p, float& reach_squared, const Visit& visit) const {
+    const Node& node = nodes_[number];
+    if (node.right == 0) {
+      for (std::uint32_t i = node.begin; i < node.end; ++i) {
+        const glm::vec3 d = points_[i].position - p;
+        if (glm::dot(d, d) <= reach_squared) reach_squared = visit(points_[i].index);
+      }
+      return;
+    }
+    const float beyond = p[node.axis] - node.at;
+    visitNode(beyond < 0.0F ? number + 1 : node.right, p, reach_squared, visit);
+    if (beyond * beyond <= reach_squared) visitNode(beyond < 0.0F ? node.right : number + 1, p, reach_squared, visit);
   }
 
   std::vector<Point> points_;  // in the order of the nodes

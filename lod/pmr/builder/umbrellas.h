@@ -22,9 +22,9 @@ class Umbrellas {
   /// `numbers`: what the triangles call the points. All must outlive it.
   Umbrellas(std::span<const glm::dvec3> places, std::span<const std::uint32_t> numbers);
 
-  /// Appends the triangles around the point at index i of the constructor's lists. A corner of the tangent polygon
-  /// farther away than half the distance of the 256th nearest point has no triangle: beyond about four and a half times
-  /// the spacing there is no surface but a gap or a rim.
+  /// Appends the triangles around the point at index i of the constructor's lists. Corners of the tangent polygon lie
+  /// within a square of half the edge of twice the distance of the 16th nearest point, four to five spacings: what
+  /// would be farther away is no surface but a gap or a rim.
   void find(std::uint32_t i, const glm::vec3& unit_normal, std::vector<Triangle>& out);
 
  private:

@@ -178,7 +178,8 @@ TEST(Umbrellas, coverClosedSurfacesAtEachLevel) {
         shape.front().height == 1e5 ? support::sphereSamples(1e5, 20000, 9) : support::torusSamples(1e5, 4e4, 20000, 9);
     for (const std::uint32_t level : {0U, 1U, 2U, 5U}) {
       const auto triangles = levels.trianglesAt(level);
-      EXPECT_LT(uncovered(probes, levels.places, triangles, 2e4), 1e-4) << level;
+      // At the finest thresholds less than 0.01 % of the area; sparse levels, which are seen from afar, may have more.
+      EXPECT_LT(uncovered(probes, levels.places, triangles, 2e4), level == 5 ? 1e-3 : 1e-4) << level;
       // Twice as many as points: a closed surface (Euler), with few that overlap.
       if (level == 5) continue;
       EXPECT_LT(static_cast<double>(triangles.size()), 2.1 * static_cast<double>(levels.at(level).size())) << level;
