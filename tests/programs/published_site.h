@@ -89,6 +89,38 @@ class PublishedSite : public ProgramTest {
     return tour;
   }
 
+  /// The picture that `lumigrid render` draws of scene_ on this disk, for a frame of the tour.
+  base::Image localPicture(std::size_t frame, const std::string& method) {
+    const nlohmann::json tour = nlohmann::json::parse(readText(path("tour.json")));
+    nlohmann::json camera = tour["frames"][frame];
+    for (const char* name : {"width", "height", "fov_y_degrees", "ortho_height"})
+      if (!camera.contains(name) && tour.contains(name)) camera[name] = tour[name];
+    writeText(path("camera.json"), camera.dump());
+    const auto drawn = run("lumigrid", {"render", scene_, "--method", method, "--camera", path("camera.json"),
+                                        "--supersampling", "1", "-o", path("local.png")});
+    EXPECT_EQ(drawn.status, 0) << drawn.err;
+    auto picture = base::readPng(path("local.png"));
+    EXPECT_TRUE(picture);
+    return picture ? std::move(*picture) : base::Image();
+  }
+  /// Expects these, pixel for pixel.
+  void expectLocalPictures(const Tour& streamed, const std::string& method) {
+    const nlohmann::json tour = nlohmann::json::parse(readText(path("tour.json")));
+    ASSERT_EQ(streamed.pictures.size(), tour["frames"].size());
+    for (std::size_t i = 0; i < streamed.pictures.size(); ++i) {
+      const base::Image local = localPicture(i, method);
+      ASSERT_EQ(streamed.pictures[i].pixels.size(), local.pixels.size());
+      std::size_t different = 0;
+      std::size_t covered = 0;
+      for (std::size_t k = 0; k < local.pixels.size(); ++k) {
+        different += local.pixels[k] != streamed.pictures[i].pixels[k] ? 1 : 0;
+        covered += k % 4 == 3 && local.pixels[k] > 0 ? 1 : 0;
+      }
+      EXPECT_EQ(different, 0U) << "frame " << i;
+      EXPECT_GT(covered, 1000U) << "frame " << i;
+    }
+  }
+
   std::string scene_;
   std::vector<pid_t> servers_;
 };

@@ -50,35 +50,7 @@ class StreamedSplatsTest : public programs::PublishedSite {
       if (entry.path().extension() == ".lgq") return entry.path().string();
     return "";
   }
-  /// The picture that `lumigrid render` draws of the built scene on this disk.
-  base::Image localPicture(std::size_t frame) {
-    const json tour = json::parse(readText(path("tour.json")));
-    json camera = tour["frames"][frame];
-    for (const char* name : {"width", "height", "fov_y_degrees", "ortho_height"})
-      if (!camera.contains(name) && tour.contains(name)) camera[name] = tour[name];
-    writeText(path("camera.json"), camera.dump());
-    const auto drawn = run("lumigrid", {"render", scene_, "--method", "qsplat", "--camera", path("camera.json"),
-                                        "--supersampling", "1", "-o", path("local.png")});
-    EXPECT_EQ(drawn.status, 0) << drawn.err;
-    auto picture = base::readPng(path("local.png"));
-    EXPECT_TRUE(picture);
-    return picture ? std::move(*picture) : base::Image();
-  }
-  void expectLocalPictures(const Tour& streamed) {
-    ASSERT_EQ(streamed.pictures.size(), static_cast<std::size_t>(kFrames));
-    for (std::size_t i = 0; i < streamed.pictures.size(); ++i) {
-      const base::Image local = localPicture(i);
-      ASSERT_EQ(streamed.pictures[i].pixels.size(), local.pixels.size());
-      std::size_t different = 0;
-      std::size_t covered = 0;
-      for (std::size_t k = 0; k < local.pixels.size(); ++k) {
-        different += local.pixels[k] != streamed.pictures[i].pixels[k] ? 1 : 0;
-        covered += k % 4 == 3 && local.pixels[k] > 0 ? 1 : 0;
-      }
-      EXPECT_EQ(different, 0U) << "frame " << i;
-      EXPECT_GT(covered, 1000U) << "frame " << i;
-    }
-  }
+  void expectLocalPictures(const Tour& streamed) { PublishedSite::expectLocalPictures(streamed, "qsplat"); }
 };
 
 void StreamedSplatsTest::expectLocalPicturesFromNginx(std::uint64_t most_repeated) {

@@ -7,11 +7,9 @@
 #include <numeric>
 #include <thread>
 
-#include "base/file.h"
-#include "base/json/scene_file.h"
+#include "tests/programs/pmr_scene.h"
 #include "tests/programs/run_program.h"
 #include "tests/server/net/loopback.h"
-#include "tests/support/made_pmr.h"
 
 namespace {
 
@@ -28,19 +26,7 @@ class Umbrellas : public programs::ProgramTest {
   void SetUp() override {
     ProgramTest::SetUp();
     scene_ = path("scene");
-    fs::create_directories(scene_);
-    made_ = support::madePmr();
-    ASSERT_TRUE(base::writeFileAtomically(file(), made_.file));
-    base::Scene scene;
-    scene.box_min = glm::dvec3(-1.5);
-    scene.box_max = glm::dvec3(1.5);
-    scene.has_colors = true;
-    scene.light.mode = base::LightMode::kUnlit;
-    scene.parameters["methods"] = "pmr";
-    const auto hash = base::sha256OfFile(file());
-    ASSERT_TRUE(hash);
-    scene.parts = {{"pmr.lgm", made_.file.size(), *hash}};
-    ASSERT_TRUE(base::writeSceneFile(scene, scene_ + "/scene.json"));
+    made_ = programs::writePmrScene(scene_);
   }
   void TearDown() override {
     if (server_ > 0) {
