@@ -73,6 +73,30 @@ inline LevelledSurface bumpyTorus(std::uint32_t rows, std::uint32_t columns) {
   return made;
 }
 
+/// The part of a torus of 96 × 96 points in its first rows and columns: a small surface with a border.
+inline LevelledSurface torusPatch(std::uint32_t rows, std::uint32_t columns) {
+  constexpr std::uint32_t kSide = 96;
+  const LevelledSurface torus = bumpyTorus(kSide, kSide);
+  LevelledSurface patch;
+  patch.lattice = torus.lattice;
+  std::vector<std::uint32_t> numbers(torus.points.size(), kSide * kSide);
+  for (std::uint32_t r = 0; r < rows; ++r) {
+    for (std::uint32_t c = 0; c < columns; ++c) {
+      numbers[r * kSide + c] = static_cast<std::uint32_t>(patch.points.size());
+      patch.points.push_back(torus.points[r * kSide + c]);
+      patch.classes.push_back(torus.classes[r * kSide + c]);
+    }
+  }
+  for (std::uint32_t level = 0; level < lod::pmr::kLevels; ++level) {
+    for (const auto& [a, b, c] : torus.triangles[level]) {
+      const std::array<std::uint32_t, 3> triangle{numbers[a], numbers[b], numbers[c]};
+      if (*std::max_element(triangle.begin(), triangle.end()) < patch.points.size())
+        patch.triangles[level].push_back(triangle);
+    }
+  }
+  return patch;
+}
+
 /// A file, and what is in it.
 struct MadePmr {
   base::Bytes file;
