@@ -17,6 +17,9 @@ bool canBePublished(const server::OpenScene& scene) {
 bool hasSplats(const server::OpenScene& scene) {
   return !scene.directory.empty() && server::streamedFile(scene, base::kSplatMethod) != nullptr;
 }
+bool hasUmbrellas(const server::OpenScene& scene) {
+  return !scene.directory.empty() && server::streamedFile(scene, base::kUmbrellaMethod) != nullptr;
+}
 bool hasPatches(const server::OpenScene& scene) {
   return scene.data.patches != nullptr;
 }
@@ -42,6 +45,7 @@ const std::vector<Method>& methods() {
       {"paper", kUnder, kTolerance, tolerances, makeSessionPlayer, hasImages},
       {"patches", kAlone, base::ViewDefaults::kAloneTolerance, tolerances, makeSessionPlayer, hasPatches},
       {"qsplat", "pixels, diameter of the splats", 1.0, {8, 4, 2, 1, 0.5}, makeSplatsPlayer, hasSplats},
+      {"pmr", "pixels, radius of the umbrellas", 1.0, {5, 3, 2, 1, 0.5}, makeUmbrellasPlayer, hasUmbrellas},
       {"frames", "quality of the JPEGs", kQuality, {30, 50, 70, 85, 95}, makeFramesPlayer, hasPatches},
 #ifdef LUMIGRID_VIDEO
       {"video", "percent of the link's rate", 80.0, {20, 40, 60, 80, 95}, makeVideoPlayer, hasPatches},

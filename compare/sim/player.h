@@ -31,7 +31,7 @@ struct PlayerCounts {
   std::uint64_t bytes_images = 0, bytes_patches = 0, bytes_frames = 0;
   std::uint64_t requests = 0;     ///< messages or requests that the client sent
   std::uint64_t cache_bytes = 0;  ///< compressed data that the client holds
-  std::uint64_t triangles = 0;    ///< in the last picture; or splats
+  std::uint64_t triangles = 0;    ///< in the last picture; splats, or points and triangles
   std::uint32_t images = 0;       ///< blended in the last picture
   double age_seconds = 0.0;       ///< how old the view is that the last picture shows; 0 for methods that draw here
 };
@@ -81,11 +81,13 @@ std::string knobName(const std::string& method);
 base::Result<std::unique_ptr<Player>> makePlayer(const Stage& stage, const MethodSetting& setting,
                                                  const LinkProfile& link);
 
-// ---- one file each
+// ---- one file each, but for the two of streamed files
 base::Result<std::unique_ptr<Player>> makeSessionPlayer(const Stage& stage, const MethodSetting& setting,
                                                         const LinkProfile& link);
 base::Result<std::unique_ptr<Player>> makeSplatsPlayer(const Stage& stage, const MethodSetting& setting,
                                                        const LinkProfile& link);
+base::Result<std::unique_ptr<Player>> makeUmbrellasPlayer(const Stage& stage, const MethodSetting& setting,
+                                                          const LinkProfile& link);
 base::Result<std::unique_ptr<Player>> makeStaticPlayer(const Stage& stage, const MethodSetting& setting,
                                                        const LinkProfile& link);
 base::Result<std::unique_ptr<Player>> makeFramesPlayer(const Stage& stage, const MethodSetting& setting,

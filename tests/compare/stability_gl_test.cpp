@@ -19,6 +19,7 @@
 #include "compare/csv.h"
 #include "compare/sim/matrix.h"
 #include "repository/store.h"
+#include "tests/support/built_umbrellas.h"
 #include "tests/support/failure_meshes.h"
 #include "tests/support/made_scene.h"
 #include "tests/support/mesh_reader.h"
@@ -165,6 +166,8 @@ class Stability : public testing::TestWithParam<Failure> {
     const support::SceneContents contents{.splats = true, .points = 5};
     const auto scene = support::makeScene(mesh, directory_.path(), contents);
     ASSERT_TRUE(scene) << scene.error().message;
+    const auto added = support::addUmbrellas(mesh, directory_.path());
+    ASSERT_TRUE(added) << added.error().message;
     scene_ = *scene;
     grid_ = support::gridOf(*scene, contents);
     if (failure.lost_faces > 0.0) loseFaces(failure.lost_faces);
