@@ -4,6 +4,9 @@
 
 #include <functional>
 
+#include "base/crc32c.h"
+#include "base/file.h"
+#include "lod/pmr/leaf_picture.h"
 #include "tests/support/made_pmr.h"
 
 namespace lod::pmr {
@@ -36,6 +39,40 @@ TEST(CheckFileTest, intactFilesHaveNoFaults) {
   EXPECT_EQ(faultsOf(support::madePmr(96, true, 900).file), std::vector<std::string>());
   EXPECT_EQ(faultsOf(support::madePmr(128, false, 12'000).file), std::vector<std::string>());
   EXPECT_EQ(faultsOf(support::madePmr(96, true, 100).file), std::vector<std::string>());
+}
+
+// The file was written by version 1; its points must be read for ever as they were then.
+TEST(CheckFileTest, theGoldenFileIsReadAsEver) {
+  const base::Bytes file = *base::readFile(std::string(LUMIGRID_SOURCE_DIR) + "/tests/golden/pmr_v1.lgm");
+  EXPECT_EQ(faultsOf(file), std::vector<std::string>());
+  const auto header = readHeader(file);
+  ASSERT_TRUE(header);
+  EXPECT_TRUE(header->colors && header->oriented);
+  EXPECT_EQ(header->points, 680U);
+  EXPECT_EQ(header->leaves, 7U);
+  const auto leaves = readTable(*header, base::ByteView(file).subspan(kHeaderBytes, header->table_bytes));
+  ASSERT_TRUE(leaves);
+  std::uint32_t crc = 0;
+  std::uint64_t triangles = 0;
+  for (const Leaf& leaf : *leaves) {
+    std::vector<CodedPoint> points;
+    for (std::uint32_t c = kLevels; c-- > 0;) {
+      const ChunkPlace place = placeOf(leaf, c);
+      const LevelRow& row = leaf.levels[c];
+      triangles += row.triangles;
+      ASSERT_TRUE(
+          decodePoints(base::ByteView(file).subspan(place.offset, place.bytes), row.points, row.foreign, true, points));
+    }
+    base::ByteWriter out;
+    for (const CodedPoint& point : points) {
+      out.write(point.place);
+      out.write(point.normal);
+      out.write(point.color);
+    }
+    crc = base::crc32c(out.view(), crc);
+  }
+  EXPECT_EQ(crc, 0x4DD3DA2AU);
+  EXPECT_EQ(triangles, 3079U);
 }
 
 TEST(CheckFileTest, damageAnywhereIsFound) {
