@@ -29,7 +29,6 @@ LIBRARIES = {
     "liblmdb": "LMDB",
     "libmeshoptimizer": "meshoptimizer",
     "libmetis": "METIS",
-    "libmpfr": "MPFR",
     "libopencv": "OpenCV",
     "libpng": "libpng",
     "libspdlog": "spdlog",
@@ -108,7 +107,7 @@ def named_in(notice):
     if "FFmpeg's libavcodec" in text:
         names.add("FFmpeg")
     if "CGAL's 3D triangulation" in text:
-        names.update(("CGAL", "GMP", "MPFR"))
+        names.update(("CGAL", "GMP"))
     return names
 
 
