@@ -174,10 +174,14 @@ class Checker {
   }
 
   void checkRadius(std::uint32_t leaf, std::uint32_t level, const DrawList& list) {
-    double sum = 0.0;
-    for (const float radius : list.point_radii) sum += static_cast<double>(radius);
-    const auto mean = static_cast<float>(list.points.empty() ? 0.0 : sum / static_cast<double>(list.points.size()));
-    if (!(std::abs(leaves_[leaf].levels[level].radius - mean) <= kRadiusTolerance * mean))
+    double sum = 0.0, with_umbrella = 0.0;
+    for (const float radius : list.point_radii)
+      if (radius > 0.0F) sum += static_cast<double>(radius), with_umbrella += 1.0;
+    const float finer = level == 0 ? 0.0F : leaves_[leaf].levels[level - 1].radius;
+    const float expected = std::max(finer, with_umbrella > 0.0 ? static_cast<float>(sum / with_umbrella) : 0.0F);
+    const float radius = leaves_[leaf].levels[level].radius;
+    // Where there is no umbrella at all, it is the cell's edge.
+    if (radius <= 0.0F || (expected > 0.0F && std::abs(radius - expected) > kRadiusTolerance * expected))
       leafFault(leaf, ofLevel("level", level) + ": its mean radius is not that of its points");
   }
 

@@ -50,11 +50,13 @@ struct Header {
 
 /// A class and level of a leaf.
 struct LevelRow {
-  std::uint32_t points = 0;       ///< own points of this class
-  std::uint32_t foreign = 0;      ///< points of other leaves that triangles of this level use, but those of no coarser
-  std::uint32_t triangles = 0;    ///< of this level
-  float radius = 0.0F;            ///< mean umbrella radius of the level's own points, scene units
-  std::uint32_t point_bytes = 0;  ///< length of the chunk of the class
+  std::uint32_t points = 0;     ///< own points of this class
+  std::uint32_t foreign = 0;    ///< points of other leaves that triangles of this level use, but those of no coarser
+  std::uint32_t triangles = 0;  ///< of this level
+  /// Mean umbrella radius of the level's own points that have triangles, scene units, but at least that of the finer
+  /// level; the edge of the leaf's cell where there is none. Above 0.
+  float radius = 0.0F;
+  std::uint32_t point_bytes = 0;     ///< length of the chunk of the class
   std::uint32_t triangle_bytes = 0;  ///< length of the chunk of the level
 };
 

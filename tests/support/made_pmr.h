@@ -211,14 +211,17 @@ class PmrMaker {
       row.foreign = static_cast<std::uint32_t>(foreign.size());
       row.triangles = static_cast<std::uint32_t>(content.corners[level].size() / 3);
       const DrawList list = makeDrawList(positions, content.is_own, content.corners[level]);
-      double sum = 0.0;
-      for (const float radius : list.point_radii) sum += static_cast<double>(radius);
-      if (!list.points.empty()) row.radius = static_cast<float>(sum / static_cast<double>(list.points.size()));
+      double sum = 0.0, with_umbrella = 0.0;
+      for (const float radius : list.point_radii)
+        if (radius > 0.0F) sum += static_cast<double>(radius), with_umbrella += 1.0;
+      if (with_umbrella > 0.0) row.radius = static_cast<float>(sum / with_umbrella);
       point_chunks[level] = encodePoints(lists[0], lists[1], colors_);
       triangle_chunks[level] = encodeTriangles(content.corners[level], places);
       row.point_bytes = static_cast<std::uint32_t>(point_chunks[level].size());
       row.triangle_bytes = static_cast<std::uint32_t>(triangle_chunks[level].size());
     }
+    for (std::uint32_t level = 1; level < lod::pmr::kLevels; ++level)
+      leaf.levels[level].radius = std::max(leaf.levels[level].radius, leaf.levels[level - 1].radius);
     if (changes_.leaf) changes_.leaf(leaf);
     made_.leaves.push_back(leaf);
     made_.contents.push_back(std::move(content));

@@ -289,10 +289,11 @@ base::Result<std::vector<PointClass>> classify(const OrderedPoints& points, cons
   const PointBlock decided{loaded.places, loaded.own, limits};
   const Neighbourhoods near(loaded.places);
   mendRims(decided, near, cells);
+  const auto normals = umbrellaNormals(decided, near, cells, loaded.own);
   const auto coarsest = decimate(decided, near, cells);
   std::vector<PointClass> classes(loaded.own);
   for (std::size_t i = 0; i < loaded.own; ++i)
-    classes[i] = {coarsest[i], encodeNormal(signedNormal(cells[i].normal, loaded.points[i].normal))};
+    classes[i] = {coarsest[i], encodeNormal(signedNormal(normals[i], loaded.points[i].normal))};
   return classes;
 }
 

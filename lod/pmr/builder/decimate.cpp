@@ -5,30 +5,10 @@
 #include <queue>
 #include <tuple>
 
-#include "lod/ingest/nearest_points.h"
-#include "lod/pmr/builder/tangent_polygon.h"
 #include "lod/pmr/format.h"
 
 namespace lod::pmr::builder {
 namespace {
-
-// Nearest points that begin a polygon. A regular one has six neighbours; where so many leave a polygon open, as at a
-// rim, the point stays at all levels anyway.
-constexpr std::size_t kNearest = 20;
-// A polygon that reaches this many times as far as the sixth neighbour is a rim's. A choice.
-constexpr double kRimReach = 4.0;
-constexpr std::size_t kUsualNeighbours = 6;
-// Nearest points whose normals a rim takes.
-constexpr std::size_t kRimNeighbours = 12;
-// A square of this many height limits around a point: polygons that reach its edge belong to the rim.
-constexpr double kRim = 2.0;
-
-TangentPolygon polygonOf(const PointBlock& block, std::uint32_t i, const glm::dvec3& normal,
-                         std::span<const std::uint32_t> candidates) {
-  TangentPolygon polygon(block.places[i], normal, kRim * static_cast<double>(block.height_limits[i]));
-  for (const std::uint32_t c : candidates) polygon.cut(block.places[c], c);
-  return polygon;
-}
 
 class Decimation {
  public:
@@ -51,15 +31,13 @@ class Decimation {
     std::span<const std::uint32_t> around() const { return std::span(neighbour).first(neighbours); }
   };
 
-  // `candidates`: nearest first, so that the polygon is small soon.
   void setPolygon(std::uint32_t i, std::span<const std::uint32_t> candidates) {
     Point& point = points_[i];
-    const double limit = block_.height_limits[i];
     const TangentPolygon polygon = polygonOf(block_, i, cells_[i].normal, candidates);
     point.neighbours = 0;
     for (std::uint32_t k = 0; k < polygon.corners(); ++k)
       if (polygon.edge(k) != TangentPolygon::kNone) point.neighbour[point.neighbours++] = polygon.edge(k);
-    const double height = std::min(cells_[i].height, limit);
+    const double height = std::min(cells_[i].height, static_cast<double>(block_.height_limits[i]));
     point.ratio = height > 0.0 ? static_cast<float>(polygon.radius() / height) : std::numeric_limits<float>::max();
   }
 
@@ -119,38 +97,6 @@ class Decimation {
 };
 
 }  // namespace
-
-Neighbourhoods::Neighbourhoods(std::span<const glm::dvec3> places)
-    : each_(std::min(kNearest, places.empty() ? 0 : places.size() - 1)) {
-  const std::vector<glm::vec3> floats(places.begin(), places.end());
-  const ingest::NearestPoints near(floats);
-  std::vector<ingest::NearestPoints::Neighbour> found;
-  found_.reserve(places.size() * each_);
-  for (std::uint32_t i = 0; i < places.size(); ++i) {
-    near.find(floats[i], each_ + 1, std::numeric_limits<float>::max(), found);
-    std::size_t added = 0;
-    for (const auto& one : found)
-      if (one.index != i && added < each_) found_.push_back(one.index), ++added;
-  }
-}
-
-void mendRims(const PointBlock& block, const Neighbourhoods& near, std::span<VoronoiCell> cells) {
-  std::vector<bool> at_rim(cells.size(), false);
-  for (std::uint32_t i = 0; i < cells.size(); ++i) {
-    const auto around = near.of(i);
-    if (around.size() < kUsualNeighbours) continue;
-    const double usual = glm::distance(block.places[i], block.places[around[kUsualNeighbours - 1]]);
-    at_rim[i] = polygonOf(block, i, cells[i].normal, around).radius() > kRimReach * usual;
-  }
-  for (std::uint32_t i = 0; i < cells.size(); ++i) {
-    if (!at_rim[i]) continue;
-    glm::dvec3 sum(0.0);
-    const auto around = near.of(i);
-    for (const std::uint32_t n : around.first(std::min(around.size(), kRimNeighbours)))
-      if (!at_rim[n]) sum += glm::dot(sum, cells[n].normal) < 0.0 ? -cells[n].normal : cells[n].normal;
-    if (glm::length(sum) > 0.0) cells[i].normal = glm::normalize(sum);
-  }
-}
 
 std::vector<std::uint8_t> decimate(const PointBlock& block, const Neighbourhoods& near,
                                    std::span<const VoronoiCell> cells) {
