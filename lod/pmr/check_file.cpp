@@ -84,6 +84,7 @@ class Checker {
     std::vector<bool> is_own;
     std::vector<glm::ivec3> places;
     std::vector<glm::vec3> positions;
+    std::array<float, kLevels> means{};
     for (std::uint32_t level = kLevels; level-- > 0;) {
       const LevelRow& row = leaves_[leaf].levels[level];
       const std::size_t before = points.size();
@@ -102,8 +103,9 @@ class Checker {
       if (!corners)
         return leafFault(leaf, ofLevel("its triangles of level", level) + " are damaged; copy the file again");
       checkTriangles(leaf, level, is_own, before + row.points, *corners);
-      checkRadius(leaf, level, makeDrawList(positions, is_own, *corners));
+      means[level] = meanRadius(makeDrawList(positions, is_own, *corners));
     }
+    checkRadii(leaf, means);
     checkBounds(leaf, positions);
   }
 
@@ -173,16 +175,18 @@ class Checker {
       leafFault(leaf, place + ": a foreign point has no triangle");
   }
 
-  void checkRadius(std::uint32_t leaf, std::uint32_t level, const DrawList& list) {
-    double sum = 0.0, with_umbrella = 0.0;
-    for (const float radius : list.point_radii)
-      if (radius > 0.0F) sum += static_cast<double>(radius), with_umbrella += 1.0;
-    const float finer = level == 0 ? 0.0F : leaves_[leaf].levels[level - 1].radius;
-    const float expected = std::max(finer, with_umbrella > 0.0 ? static_cast<float>(sum / with_umbrella) : 0.0F);
-    const float radius = leaves_[leaf].levels[level].radius;
-    // Where there is no umbrella at all, it is the cell's edge.
-    if (radius <= 0.0F || (expected > 0.0F && std::abs(radius - expected) > kRadiusTolerance * expected))
-      leafFault(leaf, ofLevel("level", level) + ": its mean radius is not that of its points");
+  /// `means`: meanRadius() of each level's list. Radii don't fall from level to level; where there is no umbrella up to
+  /// a level, its radius is the edge of the cell.
+  void checkRadii(std::uint32_t leaf, const std::array<float, kLevels>& means) {
+    const Leaf& of = leaves_[leaf];
+    const auto edge = static_cast<float>(header_.lattice.step * std::exp2(double{kPositionBits} - of.depth));
+    float largest = 0.0F;
+    for (std::uint32_t level = 0; level < kLevels; ++level) {
+      largest = std::max(largest, means[level]);
+      const float expected = largest > 0.0F ? largest : edge;
+      if (!(std::abs(of.levels[level].radius - expected) <= kRadiusTolerance * expected))
+        leafFault(leaf, ofLevel("level", level) + ": its mean radius is not that of its points");
+    }
   }
 
   void checkBounds(std::uint32_t leaf, const std::vector<glm::vec3>& positions) {

@@ -48,6 +48,14 @@ DrawnPart DrawList::trianglesAt(float pixel) const {
   return {0, countUmbrellas(reaches, pixel)};
 }
 
+float meanRadius(const DrawList& list) {
+  double sum = 0.0;
+  std::size_t umbrellas = 0;
+  for (; umbrellas < list.point_radii.size() && list.point_radii[umbrellas] > 0.0F; ++umbrellas)
+    sum += static_cast<double>(list.point_radii[umbrellas]);
+  return umbrellas > 0 ? static_cast<float>(sum / static_cast<double>(umbrellas)) : 0.0F;
+}
+
 DrawList makeDrawList(std::span<const glm::vec3> positions, const std::vector<bool>& is_own,
                       std::span<const std::uint16_t> corners) {
   std::vector<float> radii(positions.size(), 0.0F);

@@ -27,6 +27,9 @@ struct DrawList {
   DrawnPart trianglesAt(float pixel) const;
 };
 
+/// The mean radius of the umbrellas that have triangles; 0 without any.
+float meanRadius(const DrawList& list);
+
 /// `is_own`: for each of the leaf's vertices at the level whether it is its own point.
 DrawList makeDrawList(std::span<const glm::vec3> positions, const std::vector<bool>& is_own,
                       std::span<const std::uint16_t> corners);

@@ -210,18 +210,17 @@ class PmrMaker {
       row.points = static_cast<std::uint32_t>(own.size());
       row.foreign = static_cast<std::uint32_t>(foreign.size());
       row.triangles = static_cast<std::uint32_t>(content.corners[level].size() / 3);
-      const DrawList list = makeDrawList(positions, content.is_own, content.corners[level]);
-      double sum = 0.0, with_umbrella = 0.0;
-      for (const float radius : list.point_radii)
-        if (radius > 0.0F) sum += static_cast<double>(radius), with_umbrella += 1.0;
-      if (with_umbrella > 0.0) row.radius = static_cast<float>(sum / with_umbrella);
+      row.radius = meanRadius(makeDrawList(positions, content.is_own, content.corners[level]));
       point_chunks[level] = encodePoints(lists[0], lists[1], colors_);
       triangle_chunks[level] = encodeTriangles(content.corners[level], places);
       row.point_bytes = static_cast<std::uint32_t>(point_chunks[level].size());
       row.triangle_bytes = static_cast<std::uint32_t>(triangle_chunks[level].size());
     }
-    for (std::uint32_t level = 1; level < lod::pmr::kLevels; ++level)
+    for (std::uint32_t level = 1; level < kLevels; ++level)
       leaf.levels[level].radius = std::max(leaf.levels[level].radius, leaf.levels[level - 1].radius);
+    const double edge = surface_.lattice.step * std::exp2(double{kPositionBits} - leaf.depth);
+    for (LevelRow& row : leaf.levels)
+      if (row.radius == 0.0F) row.radius = static_cast<float>(edge);
     if (changes_.leaf) changes_.leaf(leaf);
     made_.leaves.push_back(leaf);
     made_.contents.push_back(std::move(content));
