@@ -26,11 +26,6 @@ base::gl::Buffer indexBuffer(const std::vector<std::uint16_t>& indices) {
   return buffer;
 }
 
-float meanRadius(const pmr::DrawList& list) {
-  const float sum = std::accumulate(list.point_radii.begin(), list.point_radii.end(), 0.0F);
-  return sum / static_cast<float>(std::max<std::size_t>(list.point_radii.size(), 1));
-}
-
 float samplesPerUnit(const UmbrellaView& view, const UmbrellaTarget& target) {
   const glm::mat4& lens = view.camera.clip_from_eye;
   return 0.5F * std::max(static_cast<float>(target.width) * lens[0][0], static_cast<float>(target.height) * lens[1][1]);
@@ -44,7 +39,7 @@ UmbrellaRenderer::Mesh UmbrellaRenderer::upload(const std::shared_ptr<const pmr:
   static_assert(sizeof(pmr::Vertex) == kSurfaceVertexBytes);
   Mesh mesh;
   mesh.picture = picture;
-  mesh.mean_radius = meanRadius(picture->list);
+  mesh.mean_radius = pmr::meanRadius(picture->list);
   mesh.vertices = base::gl::Buffer::create();
   base::gl::allocate(mesh.vertices, GL_ARRAY_BUFFER, picture->vertices.data(),
                      picture->vertices.size() * sizeof(pmr::Vertex), GL_STATIC_DRAW);

@@ -31,8 +31,8 @@ class NearestPoints {
     search(0, p, count, reach_squared, found);
   }
 
-  /// Calls visit(index) for the points within the squared distance, about nearest first. It returns the squared
-  /// distance within which points still matter: at most what it was.
+  /// Calls visit(index, squared distance) for the points within the squared distance, about nearest first. It returns
+  /// the squared distance within which points still matter: at most what it was.
   template <class Visit>
   void visitWithin(const glm::vec3& p, float reach_squared, const Visit& visit) const {
     if (!nodes_.empty()) visitNode(0, p, reach_squared, visit);
@@ -102,7 +102,8 @@ class NearestPoints {
     if (node.right == 0) {
       for (std::uint32_t i = node.begin; i < node.end; ++i) {
         const glm::vec3 d = points_[i].position - p;
-        if (glm::dot(d, d) <= reach_squared) reach_squared = visit(points_[i].index);
+        const float squared = glm::dot(d, d);
+        if (squared <= reach_squared) reach_squared = visit(points_[i].index, squared);
       }
       return;
     }

@@ -50,6 +50,7 @@ class LeafMaker {
 
   std::vector<BuiltLeaf> run(const CellBlock& block) {
     triangles_.assign(block.end - block.first, {});
+    umbrellas_.resize(loaded_.own);
     for (std::uint32_t level = 0; level < kLevels; ++level) findTriangles(block, level);
     std::vector<BuiltLeaf> leaves;
     std::size_t begin = 0;
@@ -73,9 +74,14 @@ class LeafMaker {
     for (std::uint32_t i = 0; i < loaded_.points.size(); ++i)
       if (classes_[i].coarsest >= level) places.push_back(loaded_.places[i]), numbers.push_back(i);
     Umbrellas umbrellas(places, numbers);
+    const auto isHere = [&](std::uint32_t i) { return classes_[i].coarsest >= level; };
     for (std::uint32_t k = 0; k < numbers.size() && numbers[k] < loaded_.own; ++k) {
-      auto& found = triangles_[loaded_.cell[numbers[k]] - block.first][level];
-      umbrellas.find(k, decodeNormal(classes_[numbers[k]].normal), found);
+      const std::uint32_t i = numbers[k];
+      Umbrella& umbrella = umbrellas_[i];
+      if (level == 0 || !umbrella.isClosed() ||
+          !std::all_of(umbrella.around.begin(), umbrella.around.begin() + umbrella.count, isHere))
+        umbrellas.find(k, decodeNormal(classes_[i].normal), umbrella);
+      umbrella.appendTriangles(i, triangles_[loaded_.cell[i] - block.first][level]);
     }
     for (ByLevel& cell : triangles_) {
       std::sort(cell[level].begin(), cell[level].end());
@@ -122,7 +128,7 @@ class LeafMaker {
       LevelRow& row = out.leaf.levels[level];
       std::vector<std::uint16_t> corners;
       for (const Triangle& triangle : triangles[level])
-        for (const std::uint32_t i : triangle) corners.push_back(vertex_[i]);
+        for (const std::uint32_t i : triangle.corners()) corners.push_back(vertex_[i]);
       row.triangles = static_cast<std::uint32_t>(triangles[level].size());
       triangle_chunks[level] = encodeTriangles(corners, std::span(places).first(vertices_at[level]));
       row.triangle_bytes = static_cast<std::uint32_t>(triangle_chunks[level].size());
@@ -153,7 +159,7 @@ class LeafMaker {
     std::vector<std::uint32_t> foreign;
     for (std::uint32_t level = kLevels; level-- > 0;) {
       const auto has_no_room = [&](const Triangle& triangle) {
-        for (const std::uint32_t i : triangle) {
+        for (const std::uint32_t i : triangle.corners()) {
           if (isOwn(i) || foreign_class_[i] != kNoClass) continue;
           if (own + foreign.size() >= kMaxVertices) return true;
           foreign_class_[i] = static_cast<std::uint8_t>(level);
@@ -173,10 +179,9 @@ class LeafMaker {
                    std::uint64_t& unused) const {
     std::vector<double> squared(end - begin, 0.0);
     for (const Triangle& triangle : triangles)
-      for (int k = 0; k < 3; ++k) {
-        const std::uint32_t a = triangle[static_cast<std::size_t>(k)];
+      for (const std::uint32_t a : triangle.corners()) {
         if (a < begin || a >= end) continue;
-        for (const std::uint32_t b : triangle) {
+        for (const std::uint32_t b : triangle.corners()) {
           const glm::dvec3 d = loaded_.places[b] - loaded_.places[a];
           squared[a - begin] = std::max(squared[a - begin], glm::dot(d, d));
         }
@@ -199,6 +204,7 @@ class LeafMaker {
   const std::vector<PointClass>& classes_;
   const bool colors_;
   std::vector<ByLevel> triangles_;           // by cell of the block; of numbers in loaded_
+  std::vector<Umbrella> umbrellas_;          // by own point, at the level looked at last
   std::vector<std::uint16_t> vertex_;        // by point, in the leaf that is being made
   std::vector<std::uint8_t> foreign_class_;  // by point, likewise
 };

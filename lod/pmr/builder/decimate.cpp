@@ -42,26 +42,31 @@ class Decimation {
   }
 
   // The order of deletion must not depend on the block, so equal ratios go by place.
-  using Entry = std::tuple<float, double, double, double, std::uint32_t>;
-  Entry entryOf(std::uint32_t i) const {
-    const glm::dvec3& p = block_.places[i];
-    return {points_[i].ratio, p.x, p.y, p.z, i};
+  struct Entry {
+    float ratio = 0.0F;
+    std::uint32_t point = 0;
+  };
+  bool comesLater(const Entry& a, const Entry& b) const {
+    if (a.ratio != b.ratio) return a.ratio > b.ratio;
+    const glm::dvec3 &p = block_.places[a.point], &q = block_.places[b.point];
+    return std::tie(p.x, p.y, p.z) > std::tie(q.x, q.y, q.z);
   }
 
   void decimateTo(std::uint32_t level) {
     const float threshold = thresholdOf(level);
     std::vector<Entry> first;
     for (std::uint32_t i = 0; i < points_.size(); ++i)
-      if (points_[i].alive && points_[i].ratio < threshold) first.push_back(entryOf(i));
-    std::priority_queue<Entry, std::vector<Entry>, std::greater<>> queue(std::greater<>(), std::move(first));
+      if (points_[i].alive && points_[i].ratio < threshold) first.push_back({points_[i].ratio, i});
+    const auto later = [this](const Entry& a, const Entry& b) { return comesLater(a, b); };
+    std::priority_queue<Entry, std::vector<Entry>, decltype(later)> queue(later, std::move(first));
     while (!queue.empty()) {
       const Entry entry = queue.top();
       queue.pop();
-      const std::uint32_t i = std::get<4>(entry);
-      if (!points_[i].alive || points_[i].ratio != std::get<0>(entry)) continue;
+      const std::uint32_t i = entry.point;
+      if (!points_[i].alive || points_[i].ratio != entry.ratio) continue;
       remove(i, level);
       for (const std::uint32_t n : points_[i].around())
-        if (points_[n].alive && points_[n].ratio < threshold) queue.push(entryOf(n));
+        if (points_[n].alive && points_[n].ratio < threshold) queue.push({points_[n].ratio, n});
     }
   }
 

@@ -65,7 +65,7 @@ struct CellBlock {
 };
 /// Divides the cells, in their order, into blocks of about this many points. It does not depend on the memory there is,
 /// since the result must not.
-inline constexpr std::uint64_t kBlockPoints = 120'000;
+inline constexpr std::uint64_t kBlockPoints = 240'000;
 std::vector<CellBlock> makeBlocks(const std::vector<OctreeCell>& cells);
 
 }  // namespace lod::pmr::builder

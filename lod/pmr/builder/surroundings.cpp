@@ -10,7 +10,7 @@ namespace {
 
 // Nearest points that begin a polygon. A regular one has six neighbours; where so many leave a polygon open, as at a
 // rim, the point stays at all levels anyway.
-constexpr std::size_t kNearest = 20;
+constexpr std::size_t kNearest = 16;
 // A polygon that reaches this many times as far as the sixth neighbour is a rim's. A choice.
 constexpr double kRimReach = 4.0;
 constexpr std::size_t kUsualNeighbours = 6;

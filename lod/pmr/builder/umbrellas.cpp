@@ -1,9 +1,6 @@
 #include "lod/pmr/builder/umbrellas.h"
 
-#include <algorithm>
 #include <cmath>
-
-#include "lod/pmr/builder/tangent_polygon.h"
 
 namespace lod::pmr::builder {
 namespace {
@@ -15,12 +12,21 @@ constexpr double kGap = 2.0;
 
 }  // namespace
 
+void Umbrella::appendTriangles(std::uint32_t center, std::vector<Triangle>& out) const {
+  for (std::uint32_t k = 0; k < count; ++k) {
+    const std::uint32_t a = around[k == 0 ? count - 1 : k - 1], b = around[k];
+    if (a == kNone || b == kNone || a == b) continue;
+    out.emplace_back(center, a, b);
+  }
+}
+
 Umbrellas::Umbrellas(std::span<const glm::dvec3> places, std::span<const std::uint32_t> numbers)
     : places_(places), numbers_(numbers), floats_(places.begin(), places.end()) {
   near_.emplace(floats_);
 }
 
-void Umbrellas::find(std::uint32_t i, const glm::vec3& unit_normal, std::vector<Triangle>& out) {
+void Umbrellas::find(std::uint32_t i, const glm::vec3& unit_normal, Umbrella& out) {
+  out.count = 0;
   near_->find(floats_[i], kNearest + 1, std::numeric_limits<float>::max(), found_);
   if (found_.size() < 3) return;
   const double known = std::sqrt(static_cast<double>(found_.back().distance_squared));
@@ -30,18 +36,15 @@ void Umbrellas::find(std::uint32_t i, const glm::vec3& unit_normal, std::vector<
   // Whatever is not among the nearest is at least as far as the last, and cuts nothing within half of that.
   const bool all = found_.size() <= kNearest;
   if (!all && 2.0 * polygon.radius() > known) {
-    const auto cut = [&](std::uint32_t other) {
-      if (other != i) polygon.cut(places_[other], other);
+    const auto cut = [&](std::uint32_t other, float squared) {
+      if (squared >= found_.back().distance_squared) polygon.cut(places_[other], other);
       return static_cast<float>(4.0 * polygon.radiusSquared());
     };
     near_->visitWithin(floats_[i], static_cast<float>(4.0 * polygon.radiusSquared()), cut);
   }
   for (std::uint32_t k = 0; k < polygon.corners(); ++k) {
-    const std::uint32_t a = polygon.edgeBefore(k), b = polygon.edge(k);
-    if (a == TangentPolygon::kNone || b == TangentPolygon::kNone || a == b) continue;
-    Triangle triangle{numbers_[i], numbers_[a], numbers_[b]};
-    std::sort(triangle.begin(), triangle.end());
-    out.push_back(triangle);
+    const std::uint32_t other = polygon.edge(k);
+    out.around[out.count++] = other == TangentPolygon::kNone ? Umbrella::kNone : numbers_[other];
   }
 }
 

@@ -47,7 +47,11 @@ struct Levels {
     for (const std::uint32_t i : left) of_level.push_back(places[i]);
     Umbrellas umbrellas(of_level, left);
     std::vector<Triangle> triangles;
-    for (std::uint32_t k = 0; k < left.size(); ++k) umbrellas.find(k, glm::vec3(cells[left[k]].normal), triangles);
+    Umbrella umbrella;
+    for (std::uint32_t k = 0; k < left.size(); ++k) {
+      umbrellas.find(k, glm::vec3(cells[left[k]].normal), umbrella);
+      umbrella.appendTriangles(left[k], triangles);
+    }
     std::sort(triangles.begin(), triangles.end());
     triangles.erase(std::unique(triangles.begin(), triangles.end()), triangles.end());
     return triangles;
@@ -66,14 +70,16 @@ double uncovered(const std::vector<support::ShapeSample>& samples, const std::ve
   std::map<std::tuple<int, int, int>, std::vector<std::uint32_t>> grid;
   for (std::uint32_t t = 0; t < triangles.size(); ++t) {
     glm::dvec3 low(1e300), high(-1e300);
-    for (const std::uint32_t i : triangles[t]) low = glm::min(low, places[i]), high = glm::max(high, places[i]);
+    for (const std::uint32_t i : triangles[t].corners())
+      low = glm::min(low, places[i]), high = glm::max(high, places[i]);
     const glm::ivec3 from(glm::floor(low / cell)), to(glm::floor(high / cell));
     for (int x = from.x; x <= to.x; ++x)
       for (int y = from.y; y <= to.y; ++y)
         for (int z = from.z; z <= to.z; ++z) grid[{x, y, z}].push_back(t);
   }
   const auto meets = [&](const support::ShapeSample& sample, std::uint32_t t) {
-    const glm::dvec3 &a = places[triangles[t][0]], &b = places[triangles[t][1]], &c = places[triangles[t][2]];
+    const auto corners = triangles[t].corners();
+    const glm::dvec3 &a = places[corners[0]], &b = places[corners[1]], &c = places[corners[2]];
     const glm::dvec3 cross = glm::cross(b - a, c - a);
     const double along = glm::dot(cross, sample.normal);
     if (along == 0.0) return false;
@@ -208,7 +214,7 @@ TEST(Umbrellas, leaveWideGapsOpen) {
   const Levels levels(halves, 6e3F);
   for (const Triangle& triangle : levels.trianglesAt(0)) {
     double low = 1e300, high = -1e300;
-    for (const std::uint32_t i : triangle) {
+    for (const std::uint32_t i : triangle.corners()) {
       low = std::min(low, levels.places[i].x);
       high = std::max(high, levels.places[i].x);
     }
@@ -227,8 +233,12 @@ TEST(Umbrellas, doNotDependOnWhoElseIsThere) {
   for (const std::uint32_t i : near) places.push_back(all.places[i]);
   Umbrellas umbrellas(places, near);
   std::vector<Triangle> found;
-  for (std::uint32_t k = 0; k < near.size(); ++k)
-    if (places[k].x > 3e4) umbrellas.find(k, glm::vec3(all.cells[near[k]].normal), found);
+  Umbrella umbrella;
+  for (std::uint32_t k = 0; k < near.size(); ++k) {
+    if (places[k].x <= 3e4) continue;
+    umbrellas.find(k, glm::vec3(all.cells[near[k]].normal), umbrella);
+    umbrella.appendTriangles(near[k], found);
+  }
   ASSERT_GT(found.size(), 1000U);
   for (const Triangle& triangle : found) EXPECT_TRUE(std::binary_search(triangles.begin(), triangles.end(), triangle));
 }
