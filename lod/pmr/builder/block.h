@@ -13,7 +13,7 @@
 
 namespace lod::pmr::builder {
 
-/// What is known of a point after the first pass.
+/// A point as the first pass leaves it.
 struct PointClass {
   std::uint8_t coarsest = 0;  ///< its class
   glm::u8vec2 normal{0};      ///< encodeNormal
@@ -65,7 +65,7 @@ struct BuiltLeaf {
 base::Result<std::vector<BuiltLeaf>> makeLeaves(const OrderedPoints& points, const ClassStore& classes,
                                                 const CellBlock& block, bool colors);
 
-/// What either pass takes for a point, own or around, while it works; measured.
+/// Memory that either pass takes for a point, own or around, while it works; measured.
 inline constexpr std::uint64_t kBlockBytesPerPoint = 1000;
 
 }  // namespace lod::pmr::builder

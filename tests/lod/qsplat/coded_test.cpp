@@ -70,7 +70,7 @@ TEST(QsplatCoded, aBlockIsFoundOnceItsParentsWereAndDecodedWithoutOthers) {
   const base::Bytes plain = surface();
   const base::Bytes coded = support::codedSplats(plain);
   const Header header = *readHeader(coded);
-  CodedBlocks blocks(std::make_shared<MemoryBytes>(coded), header, *BlockCoder::fromHeader(coded, header));
+  CodedBlocks blocks(std::make_shared<lod::MemoryBytes>(coded), header, *BlockCoder::fromHeader(coded, header));
   const std::uint64_t last = header.blocks() - 1;
   EXPECT_EQ(blocks.find(last), nullptr) << "nobody has told where it is";
   EXPECT_EQ(blocks.damagedBlock(), 0U);
@@ -100,7 +100,7 @@ TEST(QsplatCoded, memoryIsGivenBackAndWhatWasDroppedComesAgain) {
   const base::Bytes plain = surface();
   const base::Bytes coded = support::codedSplats(plain);
   const Header header = *readHeader(coded);
-  CodedBlocks blocks(std::make_shared<MemoryBytes>(coded), header, *BlockCoder::fromHeader(coded, header));
+  CodedBlocks blocks(std::make_shared<lod::MemoryBytes>(coded), header, *BlockCoder::fromHeader(coded, header));
   blocks.trackUse();
   blocks.beginFrame(1);
   for (std::uint64_t b = 1; b < header.blocks(); ++b) ASSERT_NE(blocks.find(b), nullptr);
