@@ -51,6 +51,7 @@ class LeafMaker {
   std::vector<BuiltLeaf> run(const CellBlock& block) {
     triangles_.assign(block.end - block.first, {});
     umbrellas_.resize(loaded_.own);
+    at_rim_.resize(loaded_.own);
     for (std::uint32_t level = 0; level < kLevels; ++level) findTriangles(block, level);
     std::vector<BuiltLeaf> leaves;
     std::size_t begin = 0;
@@ -78,9 +79,13 @@ class LeafMaker {
     for (std::uint32_t k = 0; k < numbers.size() && numbers[k] < loaded_.own; ++k) {
       const std::uint32_t i = numbers[k];
       Umbrella& umbrella = umbrellas_[i];
-      if (level == 0 || !umbrella.isClosed() ||
-          !std::all_of(umbrella.around.begin(), umbrella.around.begin() + umbrella.count, isHere))
-        umbrellas.find(k, decodeNormal(classes_[i].normal), umbrella);
+      const bool is_same = level > 0 && umbrella.isClosed() &&
+                           std::all_of(umbrella.around.begin(), umbrella.around.begin() + umbrella.count, isHere);
+      if (!is_same) {
+        const double reach = at_rim_[i] || level == 0 ? 0.0 : 0.5 * points_.cells()[loaded_.cell[i]].edge();
+        umbrellas.find(k, decodeNormal(classes_[i].normal), reach, umbrella);
+      }
+      if (level == 0) at_rim_[i] = !umbrella.isClosed();
       umbrella.appendTriangles(i, triangles_[loaded_.cell[i] - block.first][level]);
     }
     for (ByLevel& cell : triangles_) {
@@ -205,6 +210,7 @@ class LeafMaker {
   const bool colors_;
   std::vector<ByLevel> triangles_;           // by cell of the block; of numbers in loaded_
   std::vector<Umbrella> umbrellas_;          // by own point, at the level looked at last
+  std::vector<bool> at_rim_;                 // by own point
   std::vector<std::uint16_t> vertex_;        // by point, in the leaf that is being made
   std::vector<std::uint8_t> foreign_class_;  // by point, likewise
 };

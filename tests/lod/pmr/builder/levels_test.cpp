@@ -9,53 +9,24 @@
 #include "lod/pmr/builder/tangent_polygon.h"
 #include "lod/pmr/builder/umbrellas.h"
 #include "lod/pmr/format.h"
+#include "tests/support/point_levels.h"
 #include "tests/support/shapes.h"
+#include "tests/support/thinning.h"
 
 namespace {
 
 using namespace lod::pmr;
 using namespace lod::pmr::builder;
 
-struct Levels {
-  std::vector<support::ShapeSample> samples;
-  std::vector<glm::dvec3> places;
-  std::vector<VoronoiCell> cells;
-  std::vector<std::uint8_t> classes;
-
-  explicit Levels(std::vector<support::ShapeSample> shape, float limit = 1e9F) : samples(std::move(shape)) {
-    for (const auto& sample : samples) places.push_back(sample.place);
-    cells = voronoiCells(places, places.size());
-    // As the builder does: points of a regular grid lie on no common circle.
-    std::mt19937 random(99);
-    std::uniform_real_distribution<double> at(0.0, 1e-3);
-    for (glm::dvec3& p : places) p += glm::dvec3(at(random), at(random), at(random));
-    const std::vector<float> limits(places.size(), limit);
-    const PointBlock block{places, places.size(), limits};
-    const Neighbourhoods near(places);
-    mendRims(block, near, cells);
-    classes = decimate(block, near, cells);
+struct Levels : support::PointLevels {
+  explicit Levels(const std::vector<support::ShapeSample>& shape, float limit = 1e9F)
+      : PointLevels(placesOf(shape), limit) {}
+  static std::vector<glm::dvec3> placesOf(const std::vector<support::ShapeSample>& shape) {
+    std::vector<glm::dvec3> places;
+    for (const auto& sample : shape) places.push_back(sample.place);
+    return places;
   }
-  std::vector<std::uint32_t> at(std::uint32_t level) const {
-    std::vector<std::uint32_t> left;
-    for (std::uint32_t i = 0; i < classes.size(); ++i)
-      if (classes[i] >= level) left.push_back(i);
-    return left;
-  }
-  std::vector<Triangle> trianglesAt(std::uint32_t level) const {
-    const auto left = at(level);
-    std::vector<glm::dvec3> of_level;
-    for (const std::uint32_t i : left) of_level.push_back(places[i]);
-    Umbrellas umbrellas(of_level, left);
-    std::vector<Triangle> triangles;
-    Umbrella umbrella;
-    for (std::uint32_t k = 0; k < left.size(); ++k) {
-      umbrellas.find(k, glm::vec3(cells[left[k]].normal), umbrella);
-      umbrella.appendTriangles(left[k], triangles);
-    }
-    std::sort(triangles.begin(), triangles.end());
-    triangles.erase(std::unique(triangles.begin(), triangles.end()), triangles.end());
-    return triangles;
-  }
+  std::vector<Triangle> trianglesAt(std::uint32_t level) const { return umbrellasOf(at(level)); }
 };
 
 // The share of the samples whose ray from outside to inside along the normal meets no triangle. `reach`: half the
@@ -162,6 +133,39 @@ TEST(Decimation, leavesMorePointsWhereTheShapeIsThin) {
   }
 }
 
+TEST(Decimation, keepsThinFeaturesWhichThinningWears) {
+  // A ball, and a wire that is about as thin as points thinned to the same number are apart.
+  support::Surface shape, wire;
+  support::addRing(wire, {0, 0, 0}, 1.6e5, 4e3, 600, 24);
+  support::addRing(shape, {0, 0, 0}, 1.6e5, 4e3, 600, 24);
+  support::addRing(shape, {0, 0, 0}, 0.0, 8e4, 120, 60);
+  const support::PointLevels levels(support::pointsOn(shape, 60000, 12));
+  for (const std::uint32_t level : {4U, 8U}) {
+    const auto left = levels.at(level);
+    const auto distanceOf = [&](const std::vector<std::uint32_t>& points) {
+      const support::Surface umbrellas = levels.surfaceOf(points);
+      return sampledDistance(wire, support::NearestSurface(umbrellas), 5000).rms;
+    };
+    const double ours = distanceOf(left);
+    EXPECT_LT(ours, 0.7 * distanceOf(support::uniformThinning(levels.places, left.size(), 13))) << level;
+    EXPECT_LT(ours, 0.7 * distanceOf(support::randomThinning(levels.places.size(), left.size(), 14))) << level;
+  }
+}
+
+TEST(Decimation, staysWithinItsThresholdOfTheShape) {
+  // The umbrellas of a ball of radius R at threshold ρ are chords of polygons of about that radius: their middle is
+  // ρ² R / 2 deep.
+  support::Surface ball;
+  support::addRing(ball, {0, 0, 0}, 0.0, 1e5, 240, 120);
+  const Levels levels(support::sphereSamples(1e5, 30000, 15));
+  for (const std::uint32_t level : {1U, 2U, 4U}) {
+    const double rho = thresholdOf(level);
+    const support::Surface umbrellas = levels.surfaceOf(levels.at(level));
+    EXPECT_LT(sampledDistance(ball, support::NearestSurface(umbrellas), 5000).p999, 1.5 * rho * rho * 1e5) << level;
+    EXPECT_LT(sampledDistance(umbrellas, support::NearestSurface(ball), 5000).p999, 1.5 * rho * rho * 1e5) << level;
+  }
+}
+
 TEST(Decimation, keepsTheRimOfAnOpenSurface) {
   std::vector<support::ShapeSample> plane;
   for (int x = 0; x < 60; ++x)
@@ -236,7 +240,7 @@ TEST(Umbrellas, doNotDependOnWhoElseIsThere) {
   Umbrella umbrella;
   for (std::uint32_t k = 0; k < near.size(); ++k) {
     if (places[k].x <= 3e4) continue;
-    umbrellas.find(k, glm::vec3(all.cells[near[k]].normal), umbrella);
+    umbrellas.find(k, glm::vec3(all.normals[near[k]]), 0.0, umbrella);
     umbrella.appendTriangles(near[k], found);
   }
   ASSERT_GT(found.size(), 1000U);

@@ -1,0 +1,111 @@
+// pmr_bench MESH [--runs N] [--only speed|decimation] [--memory BYTES]
+// speed: `lumigrid build --methods pmr` of the mesh's vertices, on one core and on two, beside CGAL's bare Delaunay
+// triangulation of the same points in memory, run in turn; and the rate of Dey and Hudson 2002, table 1.
+// decimation: at the number of points of each level, how far the source mesh is from the umbrellas, beside those over
+// as many points thinned evenly and by chance: a line of CSV for each.
+#include <CGAL/Delaunay_triangulation_3.h>
+#include <CGAL/Exact_predicates_inexact_constructions_kernel.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "lod/pmr/format.h"
+#include "tests/bench/bench.h"
+#include "tests/bench/build_run.h"
+#include "tests/support/mesh_reader.h"
+#include "tests/support/point_levels.h"
+#include "tests/support/thinning.h"
+
+namespace {
+
+using bench::median;
+using bench::must;
+using bench::seconds;
+using support::Mesh;
+
+// Table 1: 3 h 53 min for 437 645 vertices, 1.7 GHz.
+constexpr double kPaperSeconds = (3.0 * 60.0 + 53.0) * 60.0 / 437645.0;
+
+double bareDelaunay(const std::vector<glm::vec3>& positions) {
+  using Kernel = CGAL::Exact_predicates_inexact_constructions_kernel;
+  std::vector<Kernel::Point_3> points;
+  for (const glm::vec3& p : positions) points.emplace_back(p.x, p.y, p.z);
+  const double start = seconds(CLOCK_PROCESS_CPUTIME_ID);
+  const CGAL::Delaunay_triangulation_3<Kernel> delaunay(points.begin(), points.end());
+  return seconds(CLOCK_PROCESS_CPUTIME_ID) - start;
+}
+
+void compareSpeed(const std::string& path, const Mesh& mesh, const std::string& scene, int runs,
+                  const std::string& memory) {
+  std::vector<std::string> more;
+  if (!memory.empty()) more = {"--memory", memory};
+  std::vector<double> ours, theirs, one, two;
+  double peak = 0.0;
+  for (int run = 0; run < runs; ++run) {
+    theirs.push_back(bareDelaunay(mesh.positions));
+    const bench::Run single = bench::runBuild(LUMIGRID_PROGRAM, "pmr", path, scene, 1, more);
+    const bench::Run pair = bench::runBuild(LUMIGRID_PROGRAM, "pmr", path, scene, 2, more);
+    ours.push_back(single.cpu), one.push_back(single.wall), two.push_back(pair.wall);
+    peak = std::max({peak, single.peak_mb, pair.peak_mb});
+  }
+  const auto points = static_cast<double>(mesh.positions.size());
+  const double bytes = static_cast<double>(std::filesystem::file_size(scene + "/pmr.lgm"));
+  std::printf("%s: %.0f points\n", path.c_str(), points);
+  std::printf(
+      "  all levels, disk to disk: %.1f us a point of one core; CGAL's bare Delaunay %.1f us; ratio %.1f (wanted "
+      "8.0)\n",
+      1e6 * median(ours) / points, 1e6 * median(theirs) / points, median(ours) / median(theirs));
+  std::printf("  on two cores %.1f us a point: %.0f times the paper's rate (wanted 300); two cores %.2f times one\n",
+              1e6 * median(two) / points, kPaperSeconds / (median(two) / points), median(one) / median(two));
+  std::printf("  peak memory %.0f MB, file %.2f bytes a point; medians of %d\n", peak, bytes / points, runs);
+}
+
+void compareDecimation(const std::string& path, const Mesh& mesh) {
+  // The lattice of a build: points about 64 steps apart.
+  support::Surface source{mesh.positions, mesh.indices};
+  double edges = 0.0;
+  for (std::size_t t = 0; t < source.triangles(); ++t) edges += glm::distance(source.corner(t, 0), source.corner(t, 1));
+  const auto scale = static_cast<float>(64.0 / (edges / static_cast<double>(source.triangles())));
+  for (glm::vec3& p : source.positions) p *= scale;
+  std::vector<glm::dvec3> places;
+  for (const glm::vec3& p : source.positions) places.emplace_back(glm::round(p));
+  std::sort(places.begin(), places.end(),
+            [](const glm::dvec3& a, const glm::dvec3& b) { return std::tie(a.x, a.y, a.z) < std::tie(b.x, b.y, b.z); });
+  places.erase(std::unique(places.begin(), places.end()), places.end());
+  const support::PointLevels levels(std::move(places));
+  const std::string name = std::filesystem::path(path).stem();
+  const auto print = [&](std::uint32_t level, const char* method, const std::vector<std::uint32_t>& points) {
+    const support::Surface umbrellas = levels.surfaceOf(points);
+    const auto there = sampledDistance(source, support::NearestSurface(umbrellas), 20000);
+    const auto back = sampledDistance(umbrellas, support::NearestSurface(source), 20000);
+    std::printf("%s,%u,%s,%zu,%.4f,%.4f,%.4f,%.4f\n", name.c_str(), level, method, points.size(), there.rms / 64.0,
+                there.p999 / 64.0, back.rms / 64.0, back.p999 / 64.0);
+    std::fflush(stdout);
+  };
+  std::printf("mesh,level,method,points,rms,p999,rms_back,p999_back (distances in mean edges of the mesh)\n");
+  for (std::uint32_t level = 1; level < lod::pmr::kLevels; ++level) {
+    const auto left = levels.at(level);
+    print(level, "pmr", left);
+    print(level, "uniform", support::uniformThinning(levels.places, left.size(), 1));
+    print(level, "random", support::randomThinning(levels.places.size(), left.size(), 2));
+  }
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  bench::Arguments arguments(argc, argv, "MESH [--runs N] [--only speed|decimation] [--memory BYTES]");
+  const auto runs = static_cast<int>(arguments.number("--runs", 3U, 1U, 100U));
+  const std::string only = arguments.text("--only", "");
+  const std::string memory = arguments.text("--memory", "");
+  arguments.finish();
+  if (arguments.input().empty() || (!only.empty() && only != "speed" && only != "decimation")) arguments.wrong();
+  const bench::WorkDirectory directory;
+  const Mesh mesh = must(support::readMesh(arguments.input())).mesh;
+  if (only.empty() || only == "speed") compareSpeed(arguments.input(), mesh, directory / "scene", runs, memory);
+  if (only.empty() || only == "decimation") compareDecimation(arguments.input(), mesh);
+  return 0;
+}
