@@ -34,6 +34,11 @@ base::Result<void> readPly(base::ByteView bytes, MeshStream& out);
 /// STL, ASCII and binary.
 base::Result<void> readStl(base::ByteView bytes, MeshStream& out);
 
+/// Text with a point on each line, as XYZ, PTS, CSV and other names have it: x y z, then an intensity, a colour (0 to
+/// 255, or decimals from 0 to 1) or a normal. The number of columns and their first values tell which, or a first line
+/// of names. Blanks, tabs, commas or semicolons separate columns; lines that begin with # or // are comments.
+base::Result<void> readXyz(base::ByteView bytes, MeshStream& out);
+
 /// Whether the file's length is that of a binary STL with as many triangles as it says, at least one.
 bool isBinaryStlBySize(base::ByteView bytes);
 

@@ -29,7 +29,7 @@ bool looksLikeObj(std::string_view text) {
   return false;
 }
 
-// Formats that another program converts, as their content and their names tell.
+// Formats that another program converts, as their content (empty: it does not) and their names tell.
 struct ConvertedFormat {
   std::string_view start;
   std::string_view extension;
@@ -40,14 +40,20 @@ constexpr const char* kConvertE57 =
     "no package of it)";
 constexpr const char* kConvertFbx =
     "FBX is not read; convert it: assimp export in.fbx out.glb (Debian package assimp-utils)";
+constexpr const char* kConvertPtx =
+    "PTX is not read, whose scans each have their own coordinates; convert it: CloudCompare -SILENT -O in.ptx "
+    "-C_EXPORT_FMT PLY -MERGE_CLOUDS (Debian package cloudcompare)";
 constexpr const char* kConvertTile =
     "tiles of points, instances and several formats (pnts, i3dm, cmpt) are not read; write the tileset with b3dm or "
     "GLB";
 constexpr ConvertedFormat kConverted[] = {
     {"ASTM-E57", "e57", kConvertE57}, {"Kaydara FBX Binary", "fbx", kConvertFbx},
     {"pnts", "pnts", kConvertTile},   {"i3dm", "i3dm", kConvertTile},
-    {"cmpt", "cmpt", kConvertTile},
+    {"cmpt", "cmpt", kConvertTile},   {"", "ptx", kConvertPtx},
 };
+
+// Points as text have many names, and no content that tells them from other text.
+constexpr std::string_view kXyzNames[] = {"xyz", "txt", "pts", "asc", "csv", "xyzrgb", "xyzn"};
 
 // Reads the file in the format that its content or else its name tells.
 base::Result<void> readFile(const std::string& path, base::ByteView bytes, MeshStream& out) {
@@ -58,7 +64,7 @@ base::Result<void> readFile(const std::string& path, base::ByteView bytes, MeshS
   if (looksLikeJson(text)) return readJson(bytes, out);
   if (text.substr(0, 4) == "LASF") return readLas(bytes, out);
   for (const ConvertedFormat& format : kConverted)
-    if (text.substr(0, format.start.size()) == format.start) return unsupported(format.advice);
+    if (!format.start.empty() && text.substr(0, format.start.size()) == format.start) return unsupported(format.advice);
   if (isBinaryStlBySize(bytes)) return readStl(bytes, out);
   std::string_view rest = text.substr(0, 1 << 16);
   const std::string_view word = nextWord(rest);
@@ -77,8 +83,10 @@ base::Result<void> readFile(const std::string& path, base::ByteView bytes, MeshS
   if (extension == "off") return readOff(bytes, out);
   if (extension == "glb") return readGlb(bytes, out);
   if (extension == "las" || extension == "laz") return readLas(bytes, out);
+  if (std::find(std::begin(kXyzNames), std::end(kXyzNames), extension) != std::end(kXyzNames))
+    return readXyz(bytes, out);
   return unsupported(
-      "neither the content nor the name is that of a mesh (PLY, OBJ, STL, OFF, glTF, 3D Tiles and LAS are read)");
+      "neither the content nor the name is that of a mesh (PLY, OBJ, STL, OFF, glTF, 3D Tiles, LAS and XYZ are read)");
 }
 
 }  // namespace

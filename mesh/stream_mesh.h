@@ -1,8 +1,8 @@
 #pragma once
 // Reads a mesh file of any format from front to back into a sink: PLY (ASCII and both binary orders), OBJ, STL (ASCII
-// and binary), OFF, glTF (GLB, and JSON with files beside it), 3D Tiles in local files, and the points of LAS. Memory
-// does not grow with the file, apart from OBJ's normals and texture coordinates, the JSON of glTF and of tilesets, and
-// primitives of glTF that are compressed.
+// and binary), OFF, glTF (GLB, and JSON with files beside it), 3D Tiles in local files, and points from LAS and from
+// text (XYZ). Memory does not grow with the file, apart from OBJ's normals and texture coordinates, the JSON of glTF
+// and of tilesets, and primitives of glTF that are compressed.
 #include <cstdint>
 #include <functional>
 #include <glm/glm.hpp>
@@ -55,7 +55,7 @@ class MeshSink {
 };
 
 struct StreamOptions {
-  bool accepts_points = false;           ///< a PLY without faces, and LAS, is no error
+  bool accepts_points = false;           ///< a file of points without faces is no error
   std::function<bool(double)> progress;  ///< share of the file read; false cancels
 };
 

@@ -24,7 +24,7 @@ TEST(BadInput, isNamedInOneLine) {
     std::string name, bytes, message;
   } cases[] = {
       {"a.ply", "", "a.ply: the file is empty"},
-      {"a.xyz", "hello world", "neither the content nor the name is that of a mesh"},
+      {"a.dat", "hello world", "neither the content nor the name is that of a mesh"},
       {"a.gltf", "{\"asset\":{}}", "the file has no triangles"},
       {"a.gltf", "{\"asset\":{\"version\":\"1.0\"}}", "glTF version \"1.0\" is not read (only 2 is)"},
       {"a.gltf", "{\"asset\":{}", "the JSON is broken (truncated?)"},
