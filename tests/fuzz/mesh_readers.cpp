@@ -195,7 +195,12 @@ std::vector<base::Bytes> seeds() {
               R"("transform":[1,0,0,0,0,1,0,0,0,0,1,0,9,9,9,1],"content":{"uri":"a.b3dm"},"children":[{"contents":)"
               R"([{"uri":"b%20.json?c"}],"implicitTiling":{}}]}})"),
       seed(6, b3dm()),
-      seed(5, las())};
+      seed(5, las()),
+      seed(7, "2\n1 2 3 -7 255 0 9\r\n4 5e1 6 0 1 2 3\n1\n7 8 9 0 1 2 3\n"),
+      seed(7,
+           "\xEF\xBB\xBF//X,Y,Z,Nx,Ny,Nz,Red,Green,Blue,Label\n# "
+           "a\n1.5,2,-3,0,0,1,0.5,0,1.0,wall\n1,2,3,nan,0,0,2,2,2,a\n"),
+      seed(7, "1;2;3;-0.6;0.8;0\n4;5;6;0;0;0;\n")};
 }
 
 void fuzzOne(base::ByteView bytes) {
@@ -205,7 +210,7 @@ void fuzzOne(base::ByteView bytes) {
   MeshStream stream(sink, file, "/nowhere/mesh", nullptr);
   stream.accepts_points = true;
   base::Result<void> read;
-  switch (bytes[0] % 7) {
+  switch (bytes[0] % 8) {
     case 0:
       read = readPly(file, stream);
       break;
@@ -223,6 +228,9 @@ void fuzzOne(base::ByteView bytes) {
       break;
     case 6:
       read = readTile(file, stream);
+      break;
+    case 7:
+      read = readXyz(file, stream);
       break;
     default:
       read = looksLikeJson(textOf(file)) ? readJson(file, stream) : readGlb(file, stream);
