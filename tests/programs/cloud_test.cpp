@@ -1,4 +1,5 @@
-// A LAS file becomes a scene of splats that knows where on earth it lies.
+// A LAS file becomes a scene of splats that knows where on earth it lies; points as text become that of their PLY.
+#include <cmath>
 #include <nlohmann/json.hpp>
 
 #include "tests/programs/run_program.h"
@@ -33,6 +34,22 @@ class CloudTest : public programs::ProgramTest {
     programs::writeText(path(name), bytesOf(file));
     return path(name);
   }
+  /// The same points and colours as text, and as PLY without faces: their paths.
+  std::pair<std::string, std::string> textAndPly() {
+    std::string lines;
+    constexpr int kSide = 40;
+    for (int i = 0; i < kSide; ++i)
+      for (int j = 0; j < kSide; ++j)
+        lines += std::to_string(i) + " " + std::to_string(j) + " " + std::to_string(std::sin(0.2 * i)) + " " +
+                 std::to_string(6 * i) + " " + std::to_string(6 * j) + " 90\n";
+    programs::writeText(path("cloud.xyz"), "// a wavy sheet\n" + lines);
+    programs::writeText(path("cloud.ply"),
+                        "ply\nformat ascii 1.0\nelement vertex " + std::to_string(kSide * kSide) +
+                            "\nproperty double x\nproperty double y\nproperty double z\nproperty uchar red\n"
+                            "property uchar green\nproperty uchar blue\nend_header\n" +
+                            lines);
+    return {path("cloud.xyz"), path("cloud.ply")};
+  }
   nlohmann::json scene() const { return nlohmann::json::parse(readText(path("scene/scene.json"))); }
 };
 
@@ -56,6 +73,25 @@ TEST_F(CloudTest, theUsersUnitsAndUpComeFirst) {
   EXPECT_NE(built.err.find("its coordinates are in feet"), std::string::npos);
   EXPECT_EQ(scene()["units"], "yard");
   EXPECT_EQ(scene()["up"], nlohmann::json({0.0, 1.0, 0.0}));
+}
+
+TEST_F(CloudTest, pointsAsTextMakeTheSplatsOfTheirPly) {
+  const auto [text, ply] = textAndPly();
+  std::string files[2];
+  for (const std::string& source : {text, ply}) {
+    const std::string scene = source + ".scene";
+    const auto built = run("lumigrid", {"build", source, "-o", scene, "--methods", "qsplat", "--json"});
+    ASSERT_EQ(built.status, 0) << built.err;
+    EXPECT_EQ(nlohmann::json::parse(built.out)["qsplat"]["leaves"], 1600) << built.out;
+    files[source == ply ? 1 : 0] = readText(scene + "/qsplat.lgq");
+  }
+  EXPECT_TRUE(files[0] == files[1]) << files[0].size() << " and " << files[1].size() << " bytes";
+}
+
+TEST_F(CloudTest, aBadLineOfTextIsNamed) {
+  programs::writeText(path("a.xyz"), "1 2 3\n4 5 six\n");
+  const auto built = run("lumigrid", {"build", path("a.xyz"), "-o", path("scene"), "--methods", "qsplat", "--quiet"});
+  programs::expectOneLineError(built, 1, {"a.xyz: line 2: \"six\" is not a number"});
 }
 
 TEST_F(CloudTest, filesInDifferentSystemsGiveAWarningAndNone) {

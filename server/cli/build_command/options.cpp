@@ -22,8 +22,8 @@ using base::ErrorCode;
 void declareMethodOptions(CLI::App& command, BuildArguments& a) {
   command
       .add_option("MESH", a.meshes,
-                  "PLY, OBJ, STL, OFF, glTF, 3D Tiles or LAS files; several make one scene. May be left out once the "
-                  "scene has its hierarchy: then the options that are not given are those that the scene records")
+                  "PLY, OBJ, STL, OFF, glTF, 3D Tiles, LAS or XYZ files; several make one scene. May be left out once "
+                  "the scene has its hierarchy: then the options that are not given are those that the scene records")
       ->default_str("");
   command.add_option("-o,--output", a.output, "scene directory to make, or to go on with")->required();
   command.add_flag("--force", a.force, "replace a scene that is there");
@@ -31,9 +31,9 @@ void declareMethodOptions(CLI::App& command, BuildArguments& a) {
       .add_option("--methods", a.methods,
                   "parts to build: patch (the hierarchy), images (the repository; needs patch), qsplat (a tree of "
                   "splats), pmr (points, and triangles around each); the last two also from point clouds, which are "
-                  "LAS files and PLY files without faces. auto: patch, and images where a few held-out views are "
-                  "nearer to the full model with them; says what it measured. A "
-                  "scene that is there gets what it lacks")
+                  "LAS files, text with a point on each line (XYZ, PTS, CSV) and PLY files without faces. auto: patch, "
+                  "and images where a few held-out views are nearer to the full model with them; says what it "
+                  "measured. A scene that is there gets what it lacks")
       ->delimiter(',')
       ->check(CLI::IsMember([] {
         std::vector<std::string> names(std::begin(kMethods), std::end(kMethods));
