@@ -379,7 +379,7 @@ base::Result<void> XyzReader::finish() {
   if (points < counted) return truncatedIn("point " + std::to_string(points) + " of " + std::to_string(counted));
   auto& warnings = out_.summary.warnings;
   if (counted > 0 && points > counted)
-    warnings.push_back("it counts " + std::to_string(counted) + " points and has " + std::to_string(points) +
+    warnings.push_back("its count of points is " + std::to_string(counted) + ", and it has " + std::to_string(points) +
                        "; all are read");
   if (layout_.unused.empty()) return {};
   std::string unused;

@@ -179,7 +179,7 @@ TEST(XyzReader, scansWithCountsFollowEachOther) {
   const Cloud cloud = cloudOf("2\r\n1 2 3\r\n4 5 6\r\n1\r\n7 8 9\r\n", "cloud.pts");
   EXPECT_EQ(cloud.positions, points({{1, 2, 3}, {4, 5, 6}, {7, 8, 9}}));
   EXPECT_TRUE(cloud.file.warnings.empty());
-  EXPECT_EQ(cloudOf("1\n1 2 3\n4 5 6\n").file.warnings.at(0), "it counts 1 points and has 2; all are read");
+  EXPECT_EQ(cloudOf("1\n1 2 3\n4 5 6\n").file.warnings.at(0), "its count of points is 1, and it has 2; all are read");
 }
 
 TEST(XyzReader, allItsNamesAreTriedAndContentComesFirst) {

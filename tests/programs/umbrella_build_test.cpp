@@ -45,6 +45,14 @@ class UmbrellaBuild : public programs::ResumedBuild {
   }
 };
 
+TEST_F(UmbrellaBuild, pointsAsTextMakeTheFileOfTheirPly) {
+  const std::string ply = readText(cloud(30)), end_of_header = "end_header\n";
+  programs::writeText(path("cloud.txt"), ply.substr(ply.find(end_of_header) + end_of_header.size()));
+  for (const std::string name : {"cloud.txt", "cloud.ply"})
+    ASSERT_EQ(run("lumigrid", build(path(name), path(name + ".scene"))).status, 0);
+  EXPECT_TRUE(readText(path("cloud.txt.scene/pmr.lgm")) == readText(path("cloud.ply.scene/pmr.lgm")));
+}
+
 TEST_F(UmbrellaBuild, aBareCloudBecomesASceneThatIsWell) {
   const std::string scene = path("scene");
   const auto built = run("lumigrid", build(cloud(60), scene, {"--json"}));
