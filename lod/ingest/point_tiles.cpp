@@ -9,8 +9,8 @@
 namespace lod::ingest {
 namespace {
 
-constexpr std::size_t kMaxSamples = std::size_t{1} << 20;        // 8 MB
-constexpr std::uint64_t kBufferBytes = std::uint64_t{64} << 20;  // bytes of all tiles together
+constexpr std::size_t kMaxSamples = std::size_t{1} << 20;           // 8 MB
+constexpr std::uint64_t kBufferBytes = std::uint64_t{64} << 20;     // bytes of all tiles together
 constexpr std::uint64_t kMaxColorBytes = std::uint64_t{128} << 20;  // of 32 million vertices
 
 std::uint64_t codeOf(const SourceLattice& lattice, const glm::dvec3& world) {
@@ -38,10 +38,10 @@ base::Result<std::vector<std::uint64_t>> splitters(const SourceSpool& source, co
   return out;
 }
 
-// The vertices of a mesh that triangles use, with the colours of their corners where these have some.
+// The vertices of a mesh that triangles use, with the colours and normals of their corners where these have some.
 class UsedVertices {
  public:
-  // Reads all triangles. Of several corners the last one's colour counts. `max_bytes` bounds what colours take; above,
+  // Reads all triangles. The last of several corners counts. `max_bytes` bounds what colours take, and normals; above,
   // vertices keep their own.
   static base::Result<UsedVertices> find(const SourceSpool& source, const SourceInfo& info, std::uint64_t max_bytes) {
     UsedVertices out;
@@ -50,26 +50,31 @@ class UsedVertices {
     SpooledTriangles block;
     for (std::size_t b = 0; b < source.triangleBlocks(); ++b) {
       LUMIGRID_TRY(source.readTriangles(b, block));
-      if (out.colors_.empty() && !block.colors.empty() && sizeof(std::uint32_t) * info.vertices <= max_bytes)
-        out.colors_.resize(static_cast<std::size_t>(info.vertices), 0);
-      for (std::size_t c = 0; c < block.corners.size(); ++c) {
-        const auto vertex = static_cast<std::size_t>(block.corners[c]);
-        out.used_[vertex] = true;
-        if (!out.colors_.empty() && !block.colors.empty() && block.colors[c] != 0)
-          out.colors_[vertex] = block.colors[c];
-      }
+      for (const std::uint64_t corner : block.corners) out.used_[static_cast<std::size_t>(corner)] = true;
+      if (sizeof(std::uint32_t) * info.vertices > max_bytes) continue;
+      out.take(block.corners, block.colors, out.colors_);
+      out.take(block.corners, block.normals, out.normals_);
     }
     return out;
   }
   bool contains(std::uint64_t vertex) const { return used_.empty() || used_[static_cast<std::size_t>(vertex)]; }
-  std::uint32_t colorOf(std::uint64_t vertex, std::uint32_t own) const {
-    const std::uint32_t of_corner = colors_.empty() ? 0 : colors_[static_cast<std::size_t>(vertex)];
+  std::uint32_t colorOf(std::uint64_t vertex, std::uint32_t own) const { return either(colors_, vertex, own); }
+  std::uint32_t normalOf(std::uint64_t vertex, std::uint32_t own) const { return either(normals_, vertex, own); }
+
+ private:
+  void take(const std::vector<std::uint64_t>& corners, const std::vector<std::uint32_t>& values,
+            std::vector<std::uint32_t>& of_vertices) const {
+    if (!values.empty()) of_vertices.resize(used_.size(), 0);
+    for (std::size_t c = 0; c < values.size(); ++c)
+      if (values[c] != 0) of_vertices[static_cast<std::size_t>(corners[c])] = values[c];
+  }
+  static std::uint32_t either(const std::vector<std::uint32_t>& of_corners, std::uint64_t vertex, std::uint32_t own) {
+    const std::uint32_t of_corner = of_corners.empty() ? 0 : of_corners[static_cast<std::size_t>(vertex)];
     return of_corner != 0 ? of_corner : own;
   }
 
- private:
   std::vector<bool> used_;
-  std::vector<std::uint32_t> colors_;
+  std::vector<std::uint32_t> colors_, normals_;  // by vertex, 0 where unknown; empty where no corner has one
 };
 
 }  // namespace
@@ -100,7 +105,7 @@ base::Result<PointTiles> PointTiles::sort(const SourceSpool& source, const Sourc
       if (!used.contains(vertex)) continue;
       const Record record{codeOf(lattice, block.positions[i]),
                           used.colorOf(vertex, block.colors.empty() ? 0 : block.colors[i]),
-                          block.normals.empty() ? 0 : block.normals[i]};
+                          used.normalOf(vertex, block.normals.empty() ? 0 : block.normals[i])};
       const auto tile = static_cast<std::size_t>(std::upper_bound(first_codes.begin(), first_codes.end(), record.code) -
                                                  first_codes.begin());
       const auto* bytes = reinterpret_cast<const std::uint8_t*>(&record);

@@ -186,7 +186,7 @@ class LeafModel {
 bool placeCell(std::uint64_t gap, std::uint32_t depth_before, std::uint64_t end_before, Leaf& leaf) {
   const std::uint64_t unit = cellVolume(std::max(leaf.depth, depth_before));
   const std::uint64_t whole = cellVolume(0);
-  if (gap > whole / unit) return false;
+  if (end_before > whole || gap > (whole - end_before) / unit) return false;
   leaf.code = end_before + gap * unit;
   const std::uint64_t volume = cellVolume(leaf.depth);
   return leaf.code % volume == 0 && leaf.code <= whole - volume;
@@ -228,14 +228,15 @@ base::Result<std::vector<Leaf>> readTable(const Header& header, base::ByteView t
 
   RangeDecoder decoder(coded_bytes);
   LeafModel<RangeDecoder> model(decoder);
-  std::vector<Leaf> leaves(header.leaves);
+  // It grows with what is decoded: a file's own word for the number of leaves takes no memory.
+  std::vector<Leaf> leaves;
   std::uint64_t end = 0, points = 0;
   std::uint32_t depth_before = kPositionBits;
-  for (std::size_t i = 0; i < leaves.size(); ++i) {
+  for (std::uint32_t i = 0; i < header.leaves; ++i) {
     const std::string place = "table: leaf " + std::to_string(i) + ": ";
     CodedLeaf coded;
     if (!model.code(coded)) return damaged(place + "its counts cannot be");
-    Leaf& leaf = leaves[i];
+    Leaf& leaf = leaves.emplace_back();
     leaf.depth = coded.depth;
     if (!placeCell(coded.gap, depth_before, end, leaf)) return damaged(place + "its cell cannot be there");
     if (!readBox(coded.box, header.lattice, leaf)) return damaged(place + "its box is none");

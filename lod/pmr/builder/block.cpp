@@ -1,8 +1,8 @@
 #include "lod/pmr/builder/block.h"
 
 #include <algorithm>
-#include <limits>
 
+#include "base/check.h"
 #include "lod/ingest/morton.h"
 #include "lod/ingest/source_spool.h"
 #include "lod/pmr/builder/decimate.h"
@@ -12,9 +12,11 @@
 namespace lod::pmr::builder {
 namespace {
 
-// A height counts up to this share of its cell's edge. A polygon's radius then stays below half the edge, and what is
-// within that is known; and in the coarsest level of a wide plane some twenty points of each leaf are left.
-constexpr float kHeightLimit = 0.25F;
+// A height counts up to this share of its cell's edge, so that polygons stay within kReach of them, where they are
+// known for certain; in the coarsest level of a wide plane about a hundred points of each leaf are left.
+constexpr float kHeightLimit = 0.1F;
+// Corners of polygons lie within a quarter of their cell's edge: the half edge of the square, of the edge.
+constexpr double kReach = 0.17;
 
 // The sign of a source's normal counts; where there is none, normals point up.
 glm::vec3 signedNormal(const glm::dvec3& normal, std::uint32_t given) {
@@ -82,7 +84,7 @@ class LeafMaker {
       const bool is_same = level > 0 && umbrella.isClosed() &&
                            std::all_of(umbrella.around.begin(), umbrella.around.begin() + umbrella.count, isHere);
       if (!is_same) {
-        const double reach = at_rim_[i] || level == 0 ? 0.0 : 0.5 * points_.cells()[loaded_.cell[i]].edge();
+        const double reach = at_rim_[i] || level == 0 ? 0.0 : kReach * points_.cells()[loaded_.cell[i]].edge();
         umbrellas.find(k, decodeNormal(classes_[i].normal), reach, umbrella);
       }
       if (level == 0) at_rim_[i] = !umbrella.isClosed();
@@ -163,10 +165,14 @@ class LeafMaker {
   std::vector<std::uint32_t> findForeign(std::size_t own, const IsOwn& isOwn, ByLevel& triangles) {
     std::vector<std::uint32_t> foreign;
     for (std::uint32_t level = kLevels; level-- > 0;) {
+      std::uint32_t kept = 0;
       const auto has_no_room = [&](const Triangle& triangle) {
-        for (const std::uint32_t i : triangle.corners()) {
-          if (isOwn(i) || foreign_class_[i] != kNoClass) continue;
-          if (own + foreign.size() >= kMaxVertices) return true;
+        const auto corners = triangle.corners();
+        const auto isNew = [&](std::uint32_t i) { return !isOwn(i) && foreign_class_[i] == kNoClass; };
+        const auto fresh = static_cast<std::size_t>(std::count_if(corners.begin(), corners.end(), isNew));
+        if (own + foreign.size() + fresh > kMaxVertices || ++kept > kMaxTriangles) return true;
+        for (const std::uint32_t i : corners) {
+          if (!isNew(i)) continue;
           foreign_class_[i] = static_cast<std::uint8_t>(level);
           foreign.push_back(i);
         }
@@ -289,6 +295,7 @@ base::Result<LoadedBlock> loadBlock(const OrderedPoints& points, const CellBlock
   for (std::uint32_t c = block.first; c < block.end; ++c) LUMIGRID_TRY(load(c, true));
   out.own = out.points.size();
   for (const std::uint32_t c : block.around) LUMIGRID_TRY(load(c, false));
+  LUMIGRID_CHECK(out.points.size() < Triangle::kMaxPoints);
   return out;
 }
 

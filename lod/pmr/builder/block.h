@@ -41,8 +41,8 @@ class ClassStore {
   std::vector<std::uint32_t> block_of_;                // by cell
 };
 
-/// The points of a block and those around it, within half the edge of its nearest cell. What lies farther away changes
-/// no height below its limit and no umbrella.
+/// The points of a block and those around it, within half the edge of its nearest cell. A polygon whose corners are
+/// within a quarter of the edge is not cut by anything farther away.
 struct LoadedBlock {
   std::vector<OrderedPoint> points;   ///< own points in order, then the others by cell
   std::vector<std::uint32_t> cell;    ///< of each

@@ -10,6 +10,7 @@
 #include "lod/pmr/builder/block.h"
 #include "lod/pmr/builder/leaf_store.h"
 #include "lod/pmr/builder/octree.h"
+#include "lod/pmr/builder/umbrellas.h"
 
 namespace lod::pmr::builder {
 namespace {
@@ -24,7 +25,7 @@ class PmrBuilder {
       : build_("points and umbrellas", options, std::move(output_path), progress) {}
 
   base::Result<BuildSummary> run(const ingest::SourceInput& input) {
-    LUMIGRID_TRY(build_.run("pmr 1 ", [&] { return runStages(input); }));
+    LUMIGRID_TRY(build_.run("pmr 2 ", [&] { return runStages(input); }));
     build_.summarize(summary_);
     return std::move(summary_);
   }
@@ -52,7 +53,8 @@ class PmrBuilder {
       LUMIGRID_ASSIGN_OR_RETURN(points_, OrderedPoints::open(directory().path(), state));
       return {};
     }
-    LUMIGRID_TRY(directory().needSpace(2 * kPointBytes * info().referenced, "the points in order"));
+    const bool is_sorted = directory().isFinished(ingest::Stage::kSorted);
+    LUMIGRID_TRY(directory().needSpace((is_sorted ? 1 : 2) * kPointBytes * info().referenced, "the points in order"));
     LUMIGRID_ASSIGN_OR_RETURN(auto tiles, sortPoints());
     const auto sorted = std::make_shared<ingest::PointTiles>(std::move(tiles));
     LUMIGRID_ASSIGN_OR_RETURN(points_,
@@ -85,11 +87,16 @@ class PmrBuilder {
     for (const CellBlock& block : blocks_) {
       std::uint64_t points = 0;
       for (std::uint32_t c = block.first; c < block.end; ++c) points += points_.cells()[c].count;
-      // About half of the points of the cells around lie near enough.
+      // A cell around lies half in reach, or wholly where it is much smaller than the cells that it is near.
+      std::int32_t widest = 0;
+      for (std::uint32_t c = block.first; c < block.end; ++c) widest = std::max(widest, points_.cells()[c].edge());
       std::uint64_t around = 0;
-      for (const std::uint32_t c : block.around) around += points_.cells()[c].count;
-      largest = std::max(largest, points + around / 2);
+      for (const std::uint32_t c : block.around)
+        around += points_.cells()[c].edge() < widest ? points_.cells()[c].count : points_.cells()[c].count / 2;
+      largest = std::max(largest, points + around);
     }
+    if (largest >= Triangle::kMaxPoints)
+      return Error{ErrorCode::kUnsupported, std::to_string(largest) + " points lie in nearly one place"};
     const std::uint64_t needed = kBlockBytesPerPoint * largest;
     if (needed > build_.workMemory())
       return Error{ErrorCode::kNoSpace,
@@ -150,7 +157,7 @@ class PmrBuilder {
     const auto leaves = leaves_->leaves();
     Header header;
     header.colors = info().has_colors;
-    header.oriented = info().has_normals;
+    header.oriented = points_.haveNormals();
     header.lattice = points_.lattice();
     LUMIGRID_ASSIGN_OR_RETURN(summary_.header, writeFile(*leaves_, leaves, header, build_.outputPath(),
                                                          [this](double done) { return build_.report("write", done); }));

@@ -1,7 +1,8 @@
 #include "lod/pmr/builder/octree.h"
 
 #include <algorithm>
-#include <cmath>
+#include <array>
+#include <bit>
 
 #include "base/fields.h"
 #include "lod/ingest/morton.h"
@@ -14,64 +15,97 @@ namespace {
 constexpr std::uint64_t kStride = 64;
 // Cells with more points by that measure are divided; it is short of the exact number by less than two strides.
 constexpr std::uint64_t kMaxEstimate = kMaxLeafPoints - 2 * kStride;
-// The lattice is at most this many times finer than the points of the denser places are apart: positions are then exact
-// to a hundredth of the spacing.
-constexpr double kStepsPerSpacing = 64.0;
-// Share of the points whose places may be denser than that.
-constexpr double kDenserShare = 0.02;
+// Cells in whose surroundings there are more points are divided, too: next to a dense place a wide cell with few points
+// would take in all of it.
+constexpr std::uint64_t kMaxSurroundings = 12 * kMaxLeafPoints;
 constexpr std::size_t kWriteRecords = 1 << 14;
 
 std::uint64_t cellsCodes(std::uint32_t depth) {
   return std::uint64_t{1} << (3 * (kPositionBits - depth));
 }
 
-// Divides a cell until each part is small enough. `sampled`: every kStride-th code.
+// Divides a cell until each part and its surroundings are small enough. `sampled`: every kStride-th code.
 class Divider {
  public:
   Divider(std::span<const std::uint64_t> sampled, std::function<void(std::uint64_t, std::uint32_t)> leaf)
       : sampled_(sampled), leaf_(std::move(leaf)) {}
   void divide(std::uint64_t code, std::uint32_t depth) {
-    const auto from = std::lower_bound(sampled_.begin(), sampled_.end(), code);
-    const auto to = std::lower_bound(from, sampled_.end(), code + cellsCodes(depth));
-    const std::uint64_t estimate = static_cast<std::uint64_t>(to - from) * kStride;
-    if (estimate <= kMaxEstimate || depth == kPositionBits) return leaf_(code, depth);
+    const std::uint64_t points = pointsIn(code, depth);
+    // An empty cell may have a few points all the same, between two samples.
+    if (depth == kPositionBits || (points <= kMaxEstimate && surroundings(code, depth) <= kMaxSurroundings))
+      return leaf_(code, depth);
     for (std::uint64_t k = 0; k < 8; ++k) divide(code + k * cellsCodes(depth + 1), depth + 1);
   }
 
  private:
+  std::uint64_t pointsIn(std::uint64_t code, std::uint32_t depth) const {
+    const auto from = std::lower_bound(sampled_.begin(), sampled_.end(), code);
+    return kStride *
+           static_cast<std::uint64_t>(std::lower_bound(from, sampled_.end(), code + cellsCodes(depth)) - from);
+  }
+  // Points within half the cell's edge on each side, or as many as are too many.
+  std::uint64_t surroundings(std::uint64_t code, std::uint32_t depth) const {
+    const std::int32_t edge = std::int32_t{1} << (kPositionBits - depth);
+    const glm::ivec3 corner = ingest::mortonPoint(code);
+    return pointsWithin({corner - edge / 2, corner + edge + edge / 2}, 0, 0);
+  }
+  struct Box {
+    glm::ivec3 low{0}, high{0};
+  };
+  std::uint64_t pointsWithin(const Box& box, std::uint64_t code, std::uint32_t depth) const {
+    const glm::ivec3 low = ingest::mortonPoint(code), high = low + (std::int32_t{1} << (kPositionBits - depth));
+    if (glm::any(glm::greaterThanEqual(low, box.high)) || glm::any(glm::lessThanEqual(high, box.low))) return 0;
+    const std::uint64_t points = pointsIn(code, depth);
+    const bool inside = glm::all(glm::greaterThanEqual(low, box.low)) && glm::all(glm::lessThanEqual(high, box.high));
+    if (points <= kStride || inside || depth == kPositionBits) return points;
+    std::uint64_t sum = 0;
+    for (std::uint64_t k = 0; k < 8 && sum <= kMaxSurroundings; ++k)
+      sum += pointsWithin(box, code + k * cellsCodes(depth + 1), depth + 1);
+    return sum;
+  }
+
   std::span<const std::uint64_t> sampled_;
   std::function<void(std::uint64_t, std::uint32_t)> leaf_;
 };
 
-// By how many bits the lattice is finer than the points deserve. The points of a surface that crosses a cell are about
-// edge / √count apart.
-std::uint32_t spareBits(std::span<const std::uint64_t> sampled) {
-  struct Place {
-    double spacing = 0.0;
-    double points = 0.0;
-  };
-  std::vector<Place> places;
-  const auto note = [&](std::uint64_t code, std::uint32_t depth) {
-    const auto from = std::lower_bound(sampled.begin(), sampled.end(), code);
-    const auto to = std::lower_bound(from, sampled.end(), code + cellsCodes(depth));
-    const double points = static_cast<double>(to - from) * static_cast<double>(kStride);
-    if (points > 0.0)
-      places.push_back({static_cast<double>(std::int64_t{1} << (kPositionBits - depth)) / std::sqrt(points), points});
-  };
-  Divider(sampled, note).divide(0, 0);
-  std::sort(places.begin(), places.end(), [](const Place& a, const Place& b) { return a.spacing < b.spacing; });
-  double all = 0.0, seen = 0.0;
-  for (const Place& place : places) all += place.points;
-  for (const Place& place : places) {
-    seen += place.points;
-    if (seen < kDenserShare * all) continue;
-    const double bits = std::floor(std::log2(place.spacing / kStepsPerSpacing));
-    return static_cast<std::uint32_t>(std::clamp(bits, 0.0, double{kPositionBits - 8}));
+// How far points are apart, by the number of bits that a lattice would have to lose for a point to fall together with
+// the one before it in Morton order.
+class MergeCounts {
+ public:
+  void add(std::uint64_t code) {
+    if (any_ && code == last_) return;
+    if (any_) ++merged_[(static_cast<std::size_t>(std::bit_width(code ^ last_)) + 2) / 3];
+    any_ = true;
+    last_ = code;
+    ++points_;
   }
-  return 0;
-}
+  // The bits that the lattice may lose: hardly any two points fall together then, and the steps are still a fraction of
+  // the distances, also in the denser places.
+  std::uint32_t spareBits() const {
+    std::uint32_t bits = 0;
+    while (bits + kMedianBits < kPositionBits - 1 && share(bits + 1) <= kMerged &&
+           share(bits + 1 + kDenseBits) <= kDense && share(bits + 1 + kMedianBits) <= 0.5)
+      ++bits;
+    return bits;
+  }
 
-// Joins points of one lattice point: the first one's normal and colour stay, as that of all is the mean already.
+ private:
+  static constexpr double kMerged = 0.0001;
+  static constexpr double kDense = 0.02;  // of the points are nearer than 2^kDenseBits steps
+  static constexpr std::uint32_t kDenseBits = 3, kMedianBits = 5;
+
+  double share(std::uint32_t bits) const {
+    std::uint64_t sum = 0;
+    for (std::uint32_t k = 0; k <= bits && k < merged_.size(); ++k) sum += merged_[k];
+    return static_cast<double>(sum) / static_cast<double>(std::max<std::uint64_t>(points_, 1));
+  }
+
+  std::array<std::uint64_t, kPositionBits + 1> merged_{};
+  std::uint64_t points_ = 0, last_ = 0;
+  bool any_ = false;
+};
+
+// Writes points in order. Those that fall together on the coarser lattice are one: the first stays.
 class OrderedWriter {
  public:
   explicit OrderedWriter(ingest::SpoolFile& file) : file_(file) {}
@@ -79,6 +113,7 @@ class OrderedWriter {
     if (count_ > 0 && point.code == last_) return {};
     last_ = point.code;
     if (count_++ % kStride == 0) sampled_.push_back(point.code);
+    all_have_normals_ &= point.normal != 0;
     records_.push_back(point);
     return records_.size() < kWriteRecords ? base::Result<void>() : flush();
   }
@@ -89,6 +124,7 @@ class OrderedWriter {
     return {};
   }
   std::uint64_t count() const { return count_; }
+  bool allHaveNormals() const { return all_have_normals_; }
   const std::vector<std::uint64_t>& sampled() const { return sampled_; }
 
  private:
@@ -96,6 +132,7 @@ class OrderedWriter {
   std::vector<OrderedPoint> records_;
   std::vector<std::uint64_t> sampled_;
   std::uint64_t count_ = 0, last_ = 0;
+  bool all_have_normals_ = true;
 };
 
 base::Result<std::uint64_t> firstNotBelow(const ingest::SpoolFile& file, std::span<const std::uint64_t> sampled,
@@ -126,17 +163,15 @@ glm::ivec3 OctreeCell::corner() const {
 base::Result<OrderedPoints> OrderedPoints::order(const ingest::PointTiles& tiles, const Lattice& lattice,
                                                  const std::string& directory,
                                                  const std::function<bool(double)>& progress) {
-  // The tiles are read twice: the first time to see how dense the points are.
-  std::vector<std::uint64_t> sampled;
-  std::uint64_t seen = 0;
+  // The tiles are read twice: the first time to see how far the points are apart.
+  MergeCounts distances;
   for (std::size_t t = 0; t < tiles.count(); ++t) {
     LUMIGRID_ASSIGN_OR_RETURN(const auto codes, tiles.codes(t));
-    for (const std::uint64_t code : codes)
-      if (seen++ % kStride == 0) sampled.push_back(code);
+    for (const std::uint64_t code : codes) distances.add(code);
     if (progress && !progress(0.5 * static_cast<double>(t + 1) / static_cast<double>(tiles.count())))
       return base::Error{base::ErrorCode::kCancelled, "ordering the points was cancelled"};
   }
-  const std::uint32_t shift = spareBits(sampled);
+  const std::uint32_t shift = distances.spareBits();
 
   OrderedPoints out;
   LUMIGRID_ASSIGN_OR_RETURN(out.file_, ingest::SpoolFile::create(directory + "/ordered"));
@@ -151,6 +186,7 @@ base::Result<OrderedPoints> OrderedPoints::order(const ingest::PointTiles& tiles
   LUMIGRID_TRY(writer.flush());
   LUMIGRID_TRY(out.file_.flush());
   out.points_ = writer.count();
+  out.has_normals_ = writer.allHaveNormals();
 
   // A coarse lattice point stands for 2^shift fine ones on each axis, and lies in their middle.
   out.lattice_.step = lattice.step * static_cast<double>(std::uint64_t{1} << shift);
@@ -159,7 +195,7 @@ base::Result<OrderedPoints> OrderedPoints::order(const ingest::PointTiles& tiles
   std::vector<std::pair<std::uint64_t, std::uint32_t>> leaves;
   Divider(writer.sampled(), [&](std::uint64_t code, std::uint32_t depth) {
     leaves.emplace_back(code, depth);
-  }).divide(0, 0);
+  }).divide(0, shift);
   std::uint64_t first = 0;
   for (std::size_t i = 0; i < leaves.size(); ++i) {
     std::uint64_t end = out.points_;
@@ -177,6 +213,7 @@ base::Bytes OrderedPoints::encodeTables() const {
   base::ByteWriter out;
   out.u64(points_);
   out.write(lattice_);
+  out.u8(has_normals_ ? 1 : 0);
   out.u64(cells_.size());
   for (const OctreeCell& cell : cells_) out.write(cell);
   return out.takeBytes();
@@ -187,6 +224,7 @@ base::Result<OrderedPoints> OrderedPoints::open(const std::string& directory, ba
   base::ByteReader in(state);
   out.points_ = in.u64();
   out.lattice_ = in.read<Lattice>();
+  out.has_normals_ = in.u8() != 0;
   const std::uint64_t cells = in.u64();
   if (!in.ok() || in.remaining() != cells * sizeof(OctreeCell)) return ingest::damagedWorkFiles(directory);
   for (std::uint64_t i = 0; i < cells; ++i) out.cells_.push_back(in.read<OctreeCell>());

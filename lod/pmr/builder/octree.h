@@ -25,7 +25,7 @@ struct OctreeCell {
   glm::ivec3 corner() const;
 };
 
-/// A source point; all at one lattice point are one.
+/// A source point. All at one point of the source's lattice are one, with the mean of their colours and normals.
 struct OrderedPoint {
   std::uint64_t code = 0;
   std::uint32_t normal = 0;  ///< as ingest::packNormal; 0 where unknown
@@ -35,7 +35,8 @@ struct OrderedPoint {
 class OrderedPoints {
  public:
   /// Writes `directory`/ordered from the tiles, and divides the octree. The lattice becomes coarser than that of the
-  /// tiles where these are much finer than the points are dense, and points that fall together are one. Errors:
+  /// tiles where this is much finer than the points are dense; of points that fall together then, which are hardly any,
+  /// one stays. Errors:
   /// kNoSpace, kIo, kCancelled.
   static base::Result<OrderedPoints> order(const ingest::PointTiles& tiles, const Lattice& lattice,
                                            const std::string& directory, const std::function<bool(double)>& progress);
@@ -46,6 +47,8 @@ class OrderedPoints {
   const std::vector<OctreeCell>& cells() const { return cells_; }
   const Lattice& lattice() const { return lattice_; }
   std::uint64_t points() const { return points_; }
+  /// Whether the source told a normal for each point.
+  bool haveNormals() const { return has_normals_; }
   /// Reads the points of a cell. Safe from several threads. Errors: kIo.
   base::Result<std::vector<OrderedPoint>> read(const OctreeCell& cell) const;
   void release() { file_.release(0, file_.size()); }
@@ -55,6 +58,7 @@ class OrderedPoints {
   std::vector<OctreeCell> cells_;
   Lattice lattice_;
   std::uint64_t points_ = 0;
+  bool has_normals_ = false;
 };
 
 /// Cells that are worked on together, and those around them.

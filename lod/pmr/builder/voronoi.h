@@ -22,7 +22,4 @@ struct VoronoiCell {
 /// a point meanwhile.
 std::vector<VoronoiCell> voronoiCells(std::span<const glm::dvec3> points, std::size_t count);
 
-/// Memory that voronoiCells() takes for a point while it works.
-inline constexpr std::uint64_t kVoronoiBytesPerPoint = 700;
-
 }  // namespace lod::pmr::builder

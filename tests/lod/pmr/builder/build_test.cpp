@@ -136,7 +136,7 @@ TEST_F(PmrBuild, neighboursShareTheTrianglesBetweenThem) {
   const Whole file = whole();
   ASSERT_GT(file.leaves.size(), 20U);
   using Place = std::tuple<int, int, int>;
-  for (const std::uint32_t level : {0U, 1U, 2U}) {
+  for (const std::uint32_t level : {0U, 1U, 2U, 5U}) {
     // Each triangle by its places, with the leaves that have it; and the leaf of each point.
     std::map<std::array<Place, 3>, std::set<std::uint32_t>> leaves_of;
     std::map<Place, std::uint32_t> leaf_of;
@@ -216,8 +216,7 @@ TEST_F(PmrBuild, hardInputsAreBuilt) {
 
   std::vector<glm::dvec3> outliers = sphere;
   for (int i = 0; i < 200; ++i) outliers.emplace_back(20.0 * unit(random), 20.0 * unit(random), 20.0 * unit(random));
-  const BuildSummary with_outliers = mustBuild(outliers);
-  EXPECT_EQ(with_outliers.points[0] + with_outliers.duplicates, outliers.size());
+  EXPECT_LE(mustBuild(outliers).duplicates, 2U);
 
   std::vector<glm::dvec3> block;  // a solid: no surface at all, all cospherical by eights
   for (int x = 0; x < 25; ++x)
@@ -244,6 +243,84 @@ TEST_F(PmrBuild, aPlaneLosesItsMiddleButNotItsRim) {
   EXPECT_GT(static_cast<double>(summary.triangles[0]), 1.9 * static_cast<double>(plane.size()));
 }
 
+TEST_F(PmrBuild, aPlaneOfOneLeafKeepsSomeOfItsMiddle) {
+  std::vector<glm::dvec3> plane;
+  for (int x = 0; x < 100; ++x)
+    for (int y = 0; y < 100; ++y) plane.emplace_back(x, y, 5.0);
+  const BuildSummary summary = mustBuild(plane);
+  EXPECT_EQ(summary.points[0], plane.size());
+  EXPECT_GT(summary.points[1], 396U + 100U);  // the rim and more
+  EXPECT_GT(summary.triangles[kCoarsest], 396U);
+}
+
+TEST_F(PmrBuild, strayPointsChangeNothingForTheOthers) {
+  // Cells of stray points are wide, and one that lies beside the cloud must not take in all of it.
+  auto points = placesOf(support::sphereSamples(1.0, 200000, 7));
+  const BuildSummary alone = mustBuild(points);
+  points.emplace_back(5.0, 0.0, 0.0);
+  points.emplace_back(-3.0, 0.0, 0.0);
+  BuildOptions options;
+  options.limits.memory_bytes = std::uint64_t{512} << 20;
+  const BuildSummary summary = mustBuild(points, options);
+  EXPECT_EQ(summary.points[0] + summary.duplicates, points.size());
+  EXPECT_LT(summary.duplicates, points.size() / 1000);
+  EXPECT_LT(static_cast<double>(summary.points[5]), 1.3 * static_cast<double>(alone.points[5]));
+}
+
+TEST_F(PmrBuild, unevenCloudsKeepTheirPoints) {
+  // A far point, and a dense part beside a wide one: the lattice must suit the dense part.
+  auto points = placesOf(support::sphereSamples(1.0, 5000, 8));
+  points.emplace_back(1000.0, 0.0, 0.0);
+  EXPECT_LT(mustBuild(points).duplicates, 10U);
+  points.pop_back();
+  for (const auto& sample : support::sphereSamples(0.001, 5000, 9))
+    points.push_back(glm::dvec3(1.5, 0.0, 0.0) + sample.place);
+  EXPECT_LT(mustBuild(points).duplicates, 10U);
+  // Points that have no place, as some scanners write them, are one.
+  points.resize(5000);
+  points.insert(points.end(), 1000, glm::dvec3(0.0));
+  const BuildSummary summary = mustBuild(points);
+  EXPECT_GE(summary.duplicates, 999U);
+  EXPECT_LT(summary.duplicates, 1009U);
+}
+
+TEST_F(PmrBuild, sidesAreThoseOfTheSource) {
+  // Normals at corners, as OBJ has them, count like those of vertices; where some are missing there are no sides.
+  const auto samples = support::sphereSamples(1.0, 4000, 10);
+  const auto facing = [&](const std::string& text) {
+    EXPECT_TRUE(base::writeFileAtomically(
+        directory_ / "sides.obj", base::ByteView(reinterpret_cast<const std::uint8_t*>(text.data()), text.size())));
+    const auto summary = buildFromFiles({directory_ / "sides.obj"}, {}, path());
+    EXPECT_TRUE(summary) << summary.error().message;
+    const Whole file = whole();
+    std::size_t out = 0;
+    for (const Leaf& leaf : file.leaves)
+      for (const CodedPoint& point : file.at(leaf, 0).points)
+        out += glm::dot(decodeNormal(point.normal), file.header.lattice.position(point.place)) > 0.0F ? 1 : 0;
+    return std::pair(file.header.oriented, static_cast<double>(out) / static_cast<double>(file.header.points));
+  };
+  std::string text;
+  for (const auto& sample : samples) {
+    const auto &p = sample.place, &n = sample.normal;
+    text += "v " + std::to_string(p.x) + " " + std::to_string(p.y) + " " + std::to_string(p.z) + "\n";
+    text += "vn " + std::to_string(n.x) + " " + std::to_string(n.y) + " " + std::to_string(n.z) + "\n";
+  }
+  std::string with, without;
+  for (std::size_t i = 0; i + 2 < samples.size(); ++i) {
+    with += "f";
+    without += "f";
+    for (std::size_t k = i + 1; k < i + 4; ++k) {
+      with += " " + std::to_string(k) + "//" + std::to_string(k);
+      without += " " + std::to_string(k);
+    }
+    with += "\n", without += "\n";
+  }
+  const auto [oriented, share] = facing(text + with);
+  EXPECT_TRUE(oriented);
+  EXPECT_GT(share, 0.99);
+  EXPECT_FALSE(facing(text + without).first);
+}
+
 TEST_F(PmrBuild, meshesAreTheirVertices) {
   mesh::generate::SampleOptions options;
   options.triangles = 20000;
@@ -262,7 +339,6 @@ TEST_F(PmrBuild, meshesAreTheirVertices) {
 TEST_F(PmrBuild, tooLittleMemoryIsSaidWithWhatWouldDo) {
   BuildOptions options;
   options.limits.memory_bytes = std::uint64_t{256} << 20;
-  // A wall of many points in a small part of a wide cloud: its cells are full, and all of them lie side by side.
   auto points = placesOf(support::torusSamples(10.0, 4.0, 400000, 6));
   const auto summary = build(points, options);
   ASSERT_FALSE(summary);
