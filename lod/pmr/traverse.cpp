@@ -103,7 +103,7 @@ Octree::Octree(std::span<const Leaf> leaves) {
 void Octree::choose(std::span<const Leaf> leaves, const TraverseRequest& request,
                     std::vector<ChosenLeaf>& result) const {
   result.clear();
-  const base::Frustum frustum(request.camera.clipFromScene());
+  const base::Frustum frustum(request.tile.value_or(request.camera).clipFromScene());
   const bool cut = glm::vec3(request.section) != glm::vec3(0.0F);
   for (std::uint32_t i = 0; i < nodes_.size();) {
     const Node& node = nodes_[i];

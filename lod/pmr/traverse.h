@@ -1,6 +1,7 @@
 #pragma once
 // Chooses for a view which leaves of the octree are seen, and the level of each (Dey and Hudson 2002, section 3).
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -14,6 +15,8 @@ struct TraverseRequest {
   base::Camera camera;     ///< perspective, off-axis too, or parallel; its width and height give pixels their size
   float tolerance = 1.0F;  ///< umbrellas of the chosen level have about this many pixels; above 0
   bool cull = true;        ///< leaves outside the frustum are skipped
+  /// Where a part of the picture is drawn: that part's camera, whose frustum culls in place of `camera`'s.
+  std::optional<base::Camera> tile;
   /// Leaves wholly beyond it are skipped.
   glm::vec4 section = base::kNoSection;
 };

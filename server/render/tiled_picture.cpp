@@ -10,10 +10,11 @@ constexpr std::size_t kReadbackDepth = 2;
 
 }  // namespace
 
-TiledPicture::TiledPicture() : readback_(kReadbackDepth), max_side_(SampleTarget::maxSide()) {}
+TiledPicture::TiledPicture(int border)
+    : readback_(kReadbackDepth), max_side_(SampleTarget::maxSide()), border_(border) {}
 
-base::Result<std::unique_ptr<TiledPicture>> TiledPicture::create() {
-  std::unique_ptr<TiledPicture> made(new TiledPicture);
+base::Result<std::unique_ptr<TiledPicture>> TiledPicture::create(int border) {
+  std::unique_ptr<TiledPicture> made(new TiledPicture(border));
   LUMIGRID_ASSIGN_OR_RETURN(made->resolve_, ResolvePass::create());
   return made;
 }
@@ -21,13 +22,15 @@ base::Result<std::unique_ptr<TiledPicture>> TiledPicture::create() {
 base::Result<void> TiledPicture::drawTiles(const base::Camera& camera, const SampleOptions& options,
                                            const DrawTile& draw_tile, const std::shared_ptr<PendingPicture>& pending) {
   const TilePlan plan =
-      planTiles(camera.width, camera.height, options.supersampling, max_side_, options.max_target_samples);
-  LUMIGRID_TRY(target_.fit(plan.tile_width, plan.tile_height, options.supersampling));
+      planTiles(camera.width, camera.height, options.supersampling, max_side_, options.max_target_samples, border_);
+  const int border = plan.border;
+  const int width = plan.tile_width + 2 * border, height = plan.tile_height + 2 * border;
+  LUMIGRID_TRY(target_.fit(width, height, options.supersampling));
   pending->tiles_left = plan.tiles.size();
   for (const Tile& tile : plan.tiles) {
     target_.begin();
-    LUMIGRID_TRY(draw_tile(tileCamera(camera, tile.x, tile.y, plan.tile_width, plan.tile_height), target_));
-    LUMIGRID_TRY(readback_.read(pending, tile, target_.resolve(resolve_), 0, target_.height() - tile.height));
+    LUMIGRID_TRY(draw_tile(tileCamera(camera, tile.x - border, tile.y - border, width, height), target_));
+    LUMIGRID_TRY(readback_.read(pending, tile, target_.resolve(resolve_), border, height - border - tile.height));
   }
   return readback_.finish();
 }

@@ -24,9 +24,9 @@ base::Result<void> checkPicture(const base::Camera& camera, int supersampling) {
   return {};
 }
 
-TilePlan planTiles(int width, int height, int supersampling, int max_side, std::uint64_t max_samples) {
-  TilePlan plan{width, height, {}};
-  const auto samples = [&](int pixels) { return std::int64_t{pixels} * supersampling; };
+TilePlan planTiles(int width, int height, int supersampling, int max_side, std::uint64_t max_samples, int border) {
+  TilePlan plan{width, height, 0, {}};
+  const auto samples = [&](int pixels) { return std::int64_t{pixels + 2 * plan.border} * supersampling; };
   const auto fits = [&] {
     return samples(plan.tile_width) <= max_side && samples(plan.tile_height) <= max_side &&
            static_cast<std::uint64_t>(samples(plan.tile_width) * samples(plan.tile_height)) <= max_samples;
@@ -36,6 +36,7 @@ TilePlan planTiles(int width, int height, int supersampling, int max_side, std::
   int columns = 1;
   int rows = 1;
   while (!fits() && (plan.tile_width > 1 || plan.tile_height > 1)) {
+    plan.border = border;
     (plan.tile_width >= plan.tile_height ? columns : rows) += 1;
     plan.tile_width = (width + columns - 1) / columns;
     plan.tile_height = (height + rows - 1) / rows;

@@ -24,12 +24,13 @@ struct Tile {
 struct TilePlan {
   int tile_width = 0;  ///< pixels of every tile's target, which may extend beyond the picture's right and lower edge
   int tile_height = 0;
+  int border = 0;           ///< pixels more that the target has on each of its four sides; 0 with a single tile
   std::vector<Tile> tiles;  ///< row by row from the top left
 };
 
 /// Divides a picture into as few tiles as keep each side at most `max_side` samples and each tile at most
-/// `max_samples`, with `supersampling`² samples a pixel. A tile has at least one pixel.
-TilePlan planTiles(int width, int height, int supersampling, int max_side, std::uint64_t max_samples);
+/// `max_samples`, with `supersampling`² samples a pixel, borders included. A tile has at least one pixel.
+TilePlan planTiles(int width, int height, int supersampling, int max_side, std::uint64_t max_samples, int border = 0);
 
 /// Returns the camera of the tile_width × tile_height pixels of `camera`'s picture whose top left pixel is (x, y).
 base::Camera tileCamera(const base::Camera& camera, int x, int y, int tile_width, int tile_height);

@@ -13,6 +13,10 @@ namespace {
 constexpr std::uint64_t kDecodedBytes = std::uint64_t{4} << 30;
 constexpr std::uint64_t kGpuBytes = 512 << 20;
 
+// A point's square reaches about a pixel beyond its centre, and some drivers discard points whose centre lies outside
+// the target.
+constexpr int kTileBorder = 1;
+
 lod::pmr::StreamOptions wholeFile() {
   lod::pmr::StreamOptions options;
   options.memory_bytes = kDecodedBytes;
@@ -40,7 +44,7 @@ base::Result<std::unique_ptr<UmbrellaScene>> UmbrellaScene::create(const std::st
   std::unique_ptr<UmbrellaScene> made(new UmbrellaScene(path, bytes, scene.light));
   if (made->stream_.header() == nullptr) return made->damage();
   LUMIGRID_ASSIGN_OR_RETURN(made->renderer_, lod::draw::UmbrellaRenderer::create(kGpuBytes));
-  LUMIGRID_ASSIGN_OR_RETURN(made->tiles_, TiledPicture::create());
+  LUMIGRID_ASSIGN_OR_RETURN(made->tiles_, TiledPicture::create(kTileBorder));
   return made;
 }
 
@@ -50,20 +54,17 @@ base::Error UmbrellaScene::damage() const {
   return {base::ErrorCode::kInvalidInput, path_ + ": " + (problem.empty() ? stream_.warning() : problem)};
 }
 
-base::Result<void> UmbrellaScene::drawTile(const base::Camera& camera, float tolerance, const SampleTarget& target,
+base::Result<void> UmbrellaScene::drawTile(const lod::pmr::TraverseRequest& request, const SampleTarget& target,
                                            int samples, UmbrellaPicture& picture) {
-  lod::pmr::TraverseRequest request;
-  request.camera = camera;
-  request.tolerance = tolerance;
   stream_.update(request, leaves_);
   if (!stream_.problem().empty() || !stream_.warning().empty()) return damage();
   lod::draw::UmbrellaView view;
-  view.camera = camera;
+  view.camera = *request.tile;
   view.shading = shading_;
   view.oriented = stream_.header()->oriented;
-  LUMIGRID_ASSIGN_OR_RETURN(
-      const auto count,
-      renderer_->draw(leaves_, view, {target.framebuffer(), camera.width * samples, camera.height * samples}));
+  LUMIGRID_ASSIGN_OR_RETURN(const auto count, renderer_->draw(leaves_, view,
+                                                              {target.framebuffer(), view.camera.width * samples,
+                                                               view.camera.height * samples}));
   picture.points += count.points;
   picture.triangles += count.triangles;
   return {};
@@ -74,9 +75,14 @@ base::Result<UmbrellaPicture> UmbrellaScene::render(const base::Camera& camera, 
     return base::Error{base::ErrorCode::kInvalidInput,
                        "render: a tolerance of " + std::to_string(options.tolerance) + " pixels; it must be above 0"};
   UmbrellaPicture picture;
+  // A leaf that lies in several tiles has the same level in all of them.
+  lod::pmr::TraverseRequest request;
+  request.camera = camera;
+  request.tolerance = options.tolerance;
   LUMIGRID_ASSIGN_OR_RETURN(picture.rgba,
                             tiles_->draw(camera, options, [&](const base::Camera& tile, const SampleTarget& target) {
-                              return drawTile(tile, options.tolerance, target, options.supersampling, picture);
+                              request.tile = tile;
+                              return drawTile(request, target, options.supersampling, picture);
                             }));
   return picture;
 }

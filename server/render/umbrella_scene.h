@@ -40,7 +40,8 @@ class UmbrellaScene {
 
  private:
   UmbrellaScene(std::string path, const std::shared_ptr<const lod::FileBytes>& file, const base::Light& light);
-  base::Result<void> drawTile(const base::Camera& camera, float tolerance, const SampleTarget& target, int samples,
+  /// `request`: with the tile.
+  base::Result<void> drawTile(const lod::pmr::TraverseRequest& request, const SampleTarget& target, int samples,
                               UmbrellaPicture& picture);
   base::Error damage() const;
 

@@ -157,6 +157,32 @@ TEST(PmrTraverseTest, theOctreeChoosesWhatATestOfEachLeafChooses) {
   EXPECT_GT(parallel, 20U);
 }
 
+TEST(PmrTraverseTest, aTileHasTheLevelsOfItsPicture) {
+  const Octree octree(made().leaves);
+  support::RandomViews views(3, made().header.bounds, 400);
+  std::size_t fewer = 0;
+  for (int i = 0; i < 100; ++i) {
+    TraverseRequest request;
+    request.camera = views.next();
+    std::vector<ChosenLeaf> whole, part;
+    octree.choose(made().leaves, request, whole);
+    std::map<std::uint32_t, ChosenLeaf> by_leaf;
+    for (const ChosenLeaf& one : whole) by_leaf[one.leaf] = one;
+    // The picture's middle.
+    request.tile = request.camera;
+    for (int column = 0; column < 4; ++column)
+      for (int row = 0; row < 2; ++row) request.tile->clip_from_eye[column][row] *= 3.0F;
+    octree.choose(made().leaves, request, part);
+    for (const ChosenLeaf& one : part) {
+      ASSERT_EQ(by_leaf.count(one.leaf), 1U);
+      EXPECT_EQ(by_leaf[one.leaf].level, one.level);
+      EXPECT_EQ(by_leaf[one.leaf].pixel, one.pixel);
+    }
+    fewer += part.size() < whole.size() ? 1 : 0;
+  }
+  EXPECT_GT(fewer, 50U);
+}
+
 TEST(PmrTraverseTest, aCameraOfNumbersThatAreNoneStillGivesAnOrder) {
   const Octree octree(made().leaves);
   TraverseRequest request;

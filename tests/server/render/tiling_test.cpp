@@ -47,6 +47,15 @@ TEST(Tiling, samplesStayWithinTheLimit) {
       }
 }
 
+TEST(Tiling, bordersCountTowardsTheLimitsAndOnlyBetweenTiles) {
+  EXPECT_EQ(planTiles(100, 30, 4, 400, kNoLimit, 3).border, 0);
+  const TilePlan plan = planTiles(100, 30, 4, 128, kNoLimit, 3);
+  EXPECT_EQ(plan.border, 3);
+  EXPECT_LE((plan.tile_width + 6) * 4, 128);
+  EXPECT_LE((plan.tile_height + 6) * 4, 128);
+  expectCovered(plan, 100, 30);
+}
+
 TEST(Tiling, onePixelIsTheSmallestTileEvenBeyondTheLimit) {
   const TilePlan plan = planTiles(3, 2, 8, 4, 1);
   EXPECT_EQ(plan.tile_width, 1);

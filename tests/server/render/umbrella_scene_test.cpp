@@ -66,16 +66,20 @@ double shareDifferent(const base::Image& a, const base::Image& b) {
   return static_cast<double>(different) / (static_cast<double>(a.pixels.size()) / 4.0);
 }
 
-TEST_F(UmbrellaSceneTest, aPictureInTilesIsNearlyThatInOne) {
-  UmbrellaOptions options;
-  options.supersampling = 2;
-  const auto whole = renderer().render(camera(150, 90), options);
-  ASSERT_TRUE(whole) << whole.error().message;
-  options.max_target_samples = 5000;
-  const auto tiled = renderer().render(camera(150, 90), options);
-  ASSERT_TRUE(tiled) << tiled.error().message;
-  EXPECT_LT(shareDifferent(whole->rgba, tiled->rgba), 0.02) << "a leaf may have another level in a tile";
-  EXPECT_GT(tiled->triangles + tiled->points, whole->triangles + whole->points) << "some leaves lie in several tiles";
+// Cameras of tiles round otherwise, which moves the edge of a triangle by a sample here and there.
+TEST_F(UmbrellaSceneTest, aPictureInTilesIsThatInOne) {
+  for (const auto& [away, tolerance] : {std::pair(1.0, 1.0F), {3.0, 1.0F}, {6.0, 0.25F}}) {
+    UmbrellaOptions options;
+    options.tolerance = tolerance;
+    options.supersampling = 2;
+    const auto whole = renderer().render(camera(150, 90, away), options);
+    ASSERT_TRUE(whole) << whole.error().message;
+    options.max_target_samples = 500;
+    const auto tiled = renderer().render(camera(150, 90, away), options);
+    ASSERT_TRUE(tiled) << tiled.error().message;
+    EXPECT_LT(shareDifferent(whole->rgba, tiled->rgba), 0.0005) << away;
+    EXPECT_GT(tiled->triangles + tiled->points, whole->triangles + whole->points) << "some leaves lie in several tiles";
+  }
 }
 
 TEST_F(UmbrellaSceneTest, aClosedSurfaceHasNoHoles) {
@@ -111,9 +115,11 @@ TEST_F(UmbrellaSceneTest, aLargerToleranceDrawsFewer) {
 }
 
 TEST_F(UmbrellaSceneTest, umbrellasSmallerThanAPixelAreDrawnAsPoints) {
-  const auto far = renderer().render(camera(120, 90, 30.0), {});
+  UmbrellaOptions options;
+  options.tolerance = 0.25F;
+  const auto far = renderer().render(camera(120, 90, 8.0), options);
   ASSERT_TRUE(far) << far.error().message;
-  EXPECT_GT(far->points, 0U);
+  EXPECT_GT(far->points, far->triangles);
 }
 
 TEST_F(UmbrellaSceneTest, aDamagedFileIsAnErrorThatNamesIt) {
