@@ -70,7 +70,8 @@ void LeafCache::keepPicture(std::shared_ptr<const LeafPicture> picture) {
   auto* place = &state.pictures[0];
   if (*place && state.pictures[1] && (*place)->level == state.shown) place = &state.pictures[1];
   if (*place && !state.pictures[1]) place = &state.pictures[1];
-  dropPicture(*place);
+  dropPicture(picture->leaf, *place);
+  leaves_with_picture_ += state.hasPicture() ? 0 : 1;
   bytes_ += pictureBytes(leaves_[picture->leaf], picture->level);
   *place = std::move(picture);
 }
@@ -85,15 +86,16 @@ void LeafCache::dropChunks(std::uint32_t leaf, ChunkMask chunks) {
   }
 }
 
-void LeafCache::dropPicture(std::shared_ptr<const LeafPicture>& picture) {
+void LeafCache::dropPicture(std::uint32_t leaf, std::shared_ptr<const LeafPicture>& picture) {
   if (!picture) return;
-  bytes_ -= pictureBytes(leaves_[picture->leaf], picture->level);
+  bytes_ -= pictureBytes(leaves_[leaf], picture->level);
   picture.reset();
+  leaves_with_picture_ -= states_[leaf].hasPicture() ? 0 : 1;
 }
 
 void LeafCache::dropLeaf(std::uint32_t leaf) {
   dropChunks(leaf, chunkBit(kLeafChunks) - 1);
-  for (auto& picture : states_[leaf].pictures) dropPicture(picture);
+  for (auto& picture : states_[leaf].pictures) dropPicture(leaf, picture);
 }
 
 void LeafCache::evict(std::uint32_t frame) {
@@ -125,7 +127,7 @@ void LeafCache::evictSurplus(std::uint32_t leaf, bool also_shown) {
   dropChunks(leaf, ~(chunksOfLevel(planned) | chunksOfLevel(kCoarsest)));
   for (auto& picture : state.pictures) {
     const bool needed = !picture || picture->level == planned || picture->level == kCoarsest;
-    if (!needed && (also_shown || picture->level != state.shown)) dropPicture(picture);
+    if (!needed && (also_shown || picture->level != state.shown)) dropPicture(leaf, picture);
   }
 }
 

@@ -44,6 +44,7 @@ class LeafCache {
   const LeafState& operator[](std::uint32_t leaf) const { return states_[leaf]; }
   std::span<const LeafState> states() const { return states_; }
   std::uint64_t bytes() const { return bytes_; }
+  std::uint64_t leavesWithPicture() const { return leaves_with_picture_; }
   std::uint64_t limit() const { return limit_; }
 
   /// Memory of a leaf shown at a level: its chunks and picture, and those of the coarsest level.
@@ -63,7 +64,7 @@ class LeafCache {
 
  private:
   void dropChunks(std::uint32_t leaf, ChunkMask chunks);
-  void dropPicture(std::shared_ptr<const LeafPicture>& picture);
+  void dropPicture(std::uint32_t leaf, std::shared_ptr<const LeafPicture>& picture);
   void dropLeaf(std::uint32_t leaf);
   void evictUnseen(std::uint32_t frame, std::uint64_t target);
   void evictSurplus(std::uint32_t leaf, bool also_shown);
@@ -74,6 +75,7 @@ class LeafCache {
   std::vector<LeafState> states_;
   std::unordered_map<std::uint64_t, base::Bytes> chunks_;  // by leaf · kLeafChunks + chunk
   std::uint64_t bytes_ = 0;
+  std::uint64_t leaves_with_picture_ = 0;
 };
 
 }  // namespace lod::pmr

@@ -518,10 +518,10 @@ const std::string& Stream::problem() const {
 
 std::string Stream::warning() const {
   const State& s = *state_;
+  if (s.counted.damaged == 0) return "";
   std::uint64_t damaged_leaves = 0, first = 0;
   for (std::uint64_t leaf = s.leaves.size(); s.cache && leaf-- > 0;)
     if (s.cache->states()[leaf].given_up != 0) ++damaged_leaves, first = leaf;
-  if (damaged_leaves == 0) return "";
   return "leaf " + std::to_string(first) +
          (damaged_leaves > 1 ? " and " + std::to_string(damaged_leaves - 1) + " more are" : " is") +
          " damaged: checksums do not match; " + (s.file ? "copy the file" : "publish the scene") + " again";
@@ -534,7 +534,7 @@ StreamStats Stream::stats() const {
   stats.chosen = s.chosen.size();
   stats.lacking = s.lacking;
   if (!s.cache) return stats;
-  for (const LeafState& state : s.cache->states()) stats.present += state.hasPicture() ? 1 : 0;
+  stats.present = s.cache->leavesWithPicture();
   stats.memory_bytes = s.cache->bytes() + s.leaves.size() * (sizeof(Leaf) + sizeof(LeafState));
   return stats;
 }
