@@ -53,6 +53,9 @@ base::Result<nlohmann::json> readUmbrellasJson(const std::string& path) {
   LUMIGRID_TRY(file.readAt(0, front));
   const auto header = lod::pmr::readHeader(front);
   if (!header) return base::within(path, header.error());
+  if (header->file_bytes != file.size())
+    return base::within(path, lod::pmr::damaged("has " + std::to_string(file.size()) + " bytes, its header says " +
+                                                std::to_string(header->file_bytes)));
   base::Bytes table(header->table_bytes);
   LUMIGRID_TRY(file.readAt(lod::pmr::kHeaderBytes, table));
   const auto leaves = lod::pmr::readTable(*header, table);
