@@ -88,11 +88,11 @@ namespace {
 
 constexpr unsigned kRemoteReads = 8;  // under way at a time for the images of one view
 
-protocol::Streamed streamedInstead(const base::Scene& scene) {
-  const base::StreamedMethod* method = base::methodWithoutPatches(scene);
-  if (method == nullptr) return protocol::Streamed::kNothing;
-  const bool splats = std::string_view(method->name) == base::kSplatMethod.name;
-  return splats ? protocol::Streamed::kSplats : protocol::Streamed::kUmbrellas;
+/// Names what viewers of patches change over to, by the files that were opened: scene.json may list others, too.
+void setMethodInstead(OpenScene& open) {
+  if (open.data.patches != nullptr || open.streamed.empty()) return;
+  const bool splats = std::string_view(open.streamed.front().method.name) == base::kSplatMethod.name;
+  open.data.instead = splats ? protocol::Streamed::kSplats : protocol::Streamed::kUmbrellas;
 }
 
 std::unique_ptr<OpenScene> openDocument(base::Scene scene, base::Bytes json_bytes, const std::string& place) {
@@ -101,7 +101,6 @@ std::unique_ptr<OpenScene> openDocument(base::Scene scene, base::Bytes json_byte
   open->scene_json = std::move(json_bytes);
   open->name = nameOf(place);
   open->data.welcome = protocol::welcomeOf(open->scene, open->name);
-  open->data.instead = streamedInstead(open->scene);
   open->data.on_read_error = [errors = open->read_errors.get()](const base::Error& error) {
     errors->report("scene", error);
   };
@@ -249,6 +248,7 @@ base::Result<std::unique_ptr<OpenScene>> openRemoteScene(const std::string& plac
     LUMIGRID_TRY(openRemoteImages(std::move(far), *index, *open));
   }
   readRemoteAnnotations(*source, options, *open);
+  setMethodInstead(*open);
   return open;
 }
 
@@ -269,7 +269,10 @@ base::Result<std::unique_ptr<OpenScene>> openScene(const std::string& place, con
   open->directory = place;
   open->images_identity = imagesIdentity(place);
   LUMIGRID_TRY(openStreamed(place, *open));
-  if (!open->streamed.empty() && !base::partFile(open->scene, "patch", ".lgp")) return open;
+  if (!open->streamed.empty() && !base::partFile(open->scene, "patch", ".lgp")) {
+    setMethodInstead(*open);
+    return open;
+  }
   LUMIGRID_TRY(openHierarchy(base::patchPath(place, open->scene), *open));
   LUMIGRID_TRY(openImages(place, *open));
   return open;

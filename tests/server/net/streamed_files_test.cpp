@@ -136,20 +136,24 @@ TEST_P(StreamedFiles, pageIsRedirectedToTheMethodsProgram) {
   EXPECT_EQ(httpRequest(server.port(), other).status, 200);
 }
 
-TEST_P(StreamedFiles, viewersOfOtherMethodsAreRefusedWithAdvice) {
-  const support::TemporaryDirectory directory;
-  const StreamedScene scene(directory / "cloud", 5000, GetParam());
-  const RunningServer server(directory / "cloud");
+/// Expects that a viewer of patches is told to show the method.
+void expectRefusal(const RunningServer& server, const base::StreamedMethod& method) {
   const auto client = LoopbackClient::connect(server.port());
   ASSERT_TRUE(client);
   ASSERT_TRUE(client->send(protocol::Hello{protocol::kVersion, "test"}));
   const auto message = client->receive();
   ASSERT_TRUE(message && std::holds_alternative<protocol::Refusal>(*message));
   const auto& refusal = std::get<protocol::Refusal>(*message);
-  const bool splats = GetParam().file() == "qsplat.lgq";
+  const bool splats = method.file() == "qsplat.lgq";
   EXPECT_EQ(refusal.instead, splats ? protocol::Streamed::kSplats : protocol::Streamed::kUmbrellas);
-  EXPECT_NE(refusal.reason.find(std::string("--method ") + GetParam().name), std::string::npos) << refusal.reason;
+  EXPECT_NE(refusal.reason.find(std::string("--method ") + method.name), std::string::npos) << refusal.reason;
   EXPECT_FALSE(client->receive());
+}
+
+TEST_P(StreamedFiles, viewersOfOtherMethodsAreRefusedWithAdvice) {
+  const support::TemporaryDirectory directory;
+  const StreamedScene scene(directory / "cloud", 5000, GetParam());
+  expectRefusal(RunningServer(directory / "cloud"), GetParam());
 }
 
 /// A server of the scene that nginx serves from path("site/cloud"), with a cache of its own.
@@ -226,6 +230,15 @@ TEST_P(RemoteStreamedFile, unreachableOrMissingFileIsAnErrorInOneLine) {
   const HttpAnswer away = request({{"Range", "bytes=3000000-3000009"}});
   expectLine(away, 503);
   EXPECT_EQ(away.headers.count("retry-after"), 1U);
+}
+
+TEST_P(RemoteStreamedFile, patchesThatWereNotPublishedDoNotCount) {
+  base::Scene listed = *base::readScene(directory / "site/cloud");
+  listed.parts.push_back({"patch.lgp", 9, ""});
+  ASSERT_TRUE(base::writeSceneFile(listed, directory / "site/cloud/scene.json"));
+  ServerOptions options = RunningServer::quiet();
+  options.remote.cache_directory = directory / "cache";
+  expectRefusal(RunningServer(nginx->url() + "/cloud", options), GetParam());
 }
 
 // The server cannot invent the rest of the body, so it closes the connection, and the visitor sees a short body.
