@@ -30,7 +30,8 @@ std::string fault(const FetchAnswer& answer) {
              ", so a scene cannot be read piece by piece; switch ranges on there, or in the proxy before it "
              "(docs/hosting.md)";
     case FetchOutcome::kCompressed:
-      return "the host compresses it" + inBrackets(answer) + "; switch that off for .lgp, .lgq, .lgi and .lgk files";
+      return "the host compresses it" + inBrackets(answer) +
+             "; switch that off for .lgp, .lgq, .lgm, .lgi and .lgk files";
     case FetchOutcome::kChanged:
       return "changed while it was read; open the scene anew";
     case FetchOutcome::kTooShort:

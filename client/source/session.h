@@ -100,8 +100,8 @@ class Session {
   SessionPhase phase() const { return phase_; }
   /// The reason when disconnected or refused; empty when all is well.
   const std::string& problem() const { return problem_; }
-  /// After a refusal: the method of a viewer that would not be refused, because the scene is splats-only, or has no
-  /// splats.
+  /// After a refusal: the method of a viewer that would not be refused, because the scene has no patches, or lacks the
+  /// file of the method.
   std::optional<Method> methodInstead() const { return method_instead_; }
   /// Null before the first Welcome.
   const protocol::Welcome* welcome() const { return welcome_ ? &*welcome_ : nullptr; }

@@ -41,7 +41,7 @@ struct HostedScene {
   std::string access_name;  ///< its name in tokens and signed links, an only scene's too
   std::shared_ptr<OpenScene> scene;
   std::unique_ptr<Site> site;
-  std::unique_ptr<Picker> picker;     ///< null: the scene is splats-only
+  std::unique_ptr<Picker> picker;     ///< null: the scene has no patches
   std::unique_ptr<AccessLog> access;  ///< null: nothing is counted
   /// Wait for the scene's disk or network, each of which may stall without delaying other scenes. The last member: what
   /// its jobs use outlives them.
