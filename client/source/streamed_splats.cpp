@@ -5,6 +5,8 @@
 #include <limits>
 #include <utility>
 
+#include "base/format_text.h"
+#include "base/text.h"
 #include "client/source/streamed_draw.h"
 
 namespace client {
@@ -183,6 +185,19 @@ bool StreamedSplats::busy() const {
   return !moreIsComing() || !options_.clock || hasRested();
 }
 
+std::vector<StatisticsLine> describeSplats(const StreamedStats& s) {
+  const SplatStats& splats = s.splats;
+  const auto count = [](std::uint64_t value) { return base::formatCount(value, ' '); };
+  const auto px = [](const char* pattern, float value) {
+    return base::formatText(pattern, static_cast<double>(value));
+  };
+  return {{"splats", count(s.drawn) + px(", down to %.1f px", s.error_px) +
+                         (splats.reduction > 1.0F ? px(", one sample for %.1f px", splats.reduction) : std::string()) +
+                         (splats.lens_px > 0.0F ? px(", %.1f in the glass", splats.lens_px) : std::string())},
+          {"blocks", count(splats.stream.present) + " of " + count(splats.stream.blocks) + " here, " +
+                         count(splats.stream.requested) + " requested, " + count(splats.stream.wanted) + " wanted"}};
+}
+
 StreamedStats StreamedSplats::stats() const {
   StreamedStats stats;
   stats.drawn = found_.splats.size();
@@ -198,6 +213,7 @@ StreamedStats StreamedSplats::stats() const {
   stats.lacking = stream.wanted + stream.requested;
   stats.broken = static_cast<std::uint32_t>(stream.given_up);
   stats.warning = stream_.warning();
+  stats.describe = describeSplats;
   stats.splats = {found_.nodes, reduction_, lens_ ? lod::qsplat::cutoffThroughLens(cutoff_px_) : 0.0F, stream};
   return stats;
 }

@@ -2,6 +2,7 @@
 // Streams a qsplat.lgq from any host that answers byte ranges, and draws it (Rusinkiewicz and Levoy 2001).
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "client/source/motion_pace.h"
 #include "client/source/streamed_file.h"
@@ -60,5 +61,8 @@ class StreamedSplats final : public StreamedView {
   float reduction_ = 1.0F;       ///< resolution of the last drawing, pixels a side for each sample
   std::unique_ptr<lod::draw::SplatRenderer> renderer_;
 };
+
+/// The statistics of splats.
+std::vector<StatisticsLine> describeSplats(const StreamedStats& stats);
 
 }  // namespace client

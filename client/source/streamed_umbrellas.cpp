@@ -5,6 +5,8 @@
 #include <limits>
 #include <utility>
 
+#include "base/format_text.h"
+#include "base/text.h"
 #include "client/source/streamed_draw.h"
 
 namespace client {
@@ -190,6 +192,16 @@ bool StreamedUmbrellas::busy() const {
   return tolerance_ > options_.tolerance || stream_.decoding() || chosen_generation_ != stream_.generation();
 }
 
+std::vector<StatisticsLine> describeUmbrellas(const StreamedStats& s) {
+  const UmbrellaStats& umbrellas = s.umbrellas;
+  const auto count = [](std::uint64_t value) { return base::formatCount(value, ' '); };
+  return {
+      {"umbrellas", count(umbrellas.triangles) + " triangles, " + count(umbrellas.points) + " points" +
+                        base::formatText(", of %.1f px", static_cast<double>(s.error_px))},
+      {"leaves", count(umbrellas.leaves) + " in view, " + count(umbrellas.stream.present) + " of " +
+                     count(umbrellas.stream.leaves) + " here, " + count(umbrellas.stream.lacking) + " to be refined"}};
+}
+
 StreamedStats StreamedUmbrellas::stats() const {
   StreamedStats stats;
   stats.drawn = count_.points + count_.triangles;
@@ -205,6 +217,7 @@ StreamedStats StreamedUmbrellas::stats() const {
   stats.lacking = stream.lacking;
   stats.broken = static_cast<std::uint32_t>(stream.damaged);
   stats.warning = stream_.warning();
+  stats.describe = describeUmbrellas;
   stats.umbrellas = {count_.points, count_.triangles, leaves_.size(), stream};
   return stats;
 }

@@ -54,4 +54,7 @@ class StreamedUmbrellas final : public StreamedView {
   std::unique_ptr<lod::draw::UmbrellaRenderer> renderer_;
 };
 
+/// The statistics of points and umbrellas.
+std::vector<StatisticsLine> describeUmbrellas(const StreamedStats& stats);
+
 }  // namespace client

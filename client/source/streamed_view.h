@@ -6,6 +6,7 @@
 #include <functional>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "base/camera.h"
 #include "base/error.h"
@@ -67,6 +68,12 @@ struct UmbrellaStats {
   lod::pmr::StreamStats stream;
 };
 
+/// A line of the statistics overlay.
+struct StatisticsLine {
+  std::string name;   ///< "images"
+  std::string value;  ///< "12 in use, 30 resident, 2 requested"
+};
+
 struct StreamedStats {
   std::uint64_t drawn = 0;         ///< splats; points and triangles
   float error_px = 0.0F;           ///< pixels; the diameter, or the radius of umbrellas, down to which was refined
@@ -81,6 +88,8 @@ struct StreamedStats {
   std::string warning;        ///< names these, one line; mostly empty
   SplatStats splats;          ///< with Method::kQsplat
   UmbrellaStats umbrellas;    ///< with Method::kPmr
+  /// Describes these figures in the method's words. Null: nothing is streamed.
+  std::vector<StatisticsLine> (*describe)(const StreamedStats&) = nullptr;
 };
 
 class StreamedView {

@@ -1,6 +1,7 @@
 #include "client/viewer/statistics.h"
 
 #include <array>
+#include <utility>
 
 #include "base/format_text.h"
 #include "base/text.h"
@@ -28,46 +29,15 @@ std::string framesText(const Statistics& s) {
              : formatText("at rest, %.1f ms the last", s.frame_milliseconds);
 }
 
-/// Adds the lines about the link of a streamed method.
-void addLinkLines(const Statistics& s, std::vector<StatisticsLine>& lines) {
-  lines.push_back({"received", formatBytes(s.viewer.session.bytes_received)});
+/// The lines of a viewer that shows splats, or points and umbrellas.
+std::vector<StatisticsLine> streamedLines(const Statistics& s) {
+  const ViewerStats& viewer = s.viewer;
+  std::vector<StatisticsLine> lines{{"picture", pictureText(viewer)}, {"frames", framesText(s)}};
+  for (StatisticsLine& line : viewer.streamed.describe(viewer.streamed)) lines.push_back(std::move(line));
+  lines.push_back({"memory", memoryText(viewer) + (viewer.streamed.limited ? ": a finer picture needs more" : "")});
+  lines.push_back({"received", formatBytes(viewer.session.bytes_received)});
   lines.push_back({"link", formatText("%.1f Mbit/s", s.megabits_per_second)});
-  if (s.viewer.broken > 0) lines.push_back({"broken", s.viewer.last_fault});
-}
-
-/// The lines of a viewer that shows splats.
-std::vector<StatisticsLine> splatLines(const Statistics& s) {
-  const ViewerStats& viewer = s.viewer;
-  const SplatStats& splats = viewer.streamed.splats;
-  const auto px = [](const char* pattern, float value) { return formatText(pattern, static_cast<double>(value)); };
-  std::vector<StatisticsLine> lines{
-      {"picture", pictureText(viewer)},
-      {"frames", framesText(s)},
-      {"splats", formatCount(viewer.streamed.drawn, ' ') + px(", down to %.1f px", viewer.error_px) +
-                     (splats.reduction > 1.0F ? px(", one sample for %.1f px", splats.reduction) : std::string()) +
-                     (splats.lens_px > 0.0F ? px(", %.1f in the glass", splats.lens_px) : std::string())},
-      {"blocks", formatCount(splats.stream.present, ' ') + " of " + formatCount(splats.stream.blocks, ' ') + " here, " +
-                     formatCount(splats.stream.requested, ' ') + " requested, " +
-                     formatCount(splats.stream.wanted, ' ') + " wanted"},
-      {"memory", memoryText(viewer) + (viewer.streamed.limited ? ": finer splats need more" : "")}};
-  addLinkLines(s, lines);
-  return lines;
-}
-
-/// The lines of a viewer that shows points and umbrellas.
-std::vector<StatisticsLine> umbrellaLines(const Statistics& s) {
-  const ViewerStats& viewer = s.viewer;
-  const UmbrellaStats& umbrellas = viewer.streamed.umbrellas;
-  std::vector<StatisticsLine> lines{
-      {"picture", pictureText(viewer)},
-      {"frames", framesText(s)},
-      {"umbrellas", formatCount(umbrellas.triangles, ' ') + " triangles, " + formatCount(umbrellas.points, ' ') +
-                        " points" + formatText(", of %.1f px", static_cast<double>(viewer.error_px))},
-      {"leaves", formatCount(umbrellas.leaves, ' ') + " in view, " + formatCount(umbrellas.stream.present, ' ') +
-                     " of " + formatCount(umbrellas.stream.leaves, ' ') + " here, " +
-                     formatCount(umbrellas.stream.lacking, ' ') + " to be refined"},
-      {"memory", memoryText(viewer) + (viewer.streamed.limited ? ": a finer picture needs more" : "")}};
-  addLinkLines(s, lines);
+  if (viewer.broken > 0) lines.push_back({"broken", viewer.last_fault});
   return lines;
 }
 
@@ -75,8 +45,7 @@ std::vector<StatisticsLine> umbrellaLines(const Statistics& s) {
 
 std::vector<StatisticsLine> statisticsLines(const Statistics& s) {
   const ViewerStats& viewer = s.viewer;
-  if (viewer.streamed.splats.stream.blocks > 0) return splatLines(s);
-  if (viewer.streamed.umbrellas.stream.leaves > 0) return umbrellaLines(s);
+  if (viewer.streamed.describe != nullptr) return streamedLines(s);
   const LumigraphStats& drawn = viewer.lumigraph;
   const SessionStats& session = viewer.session;
   std::vector<StatisticsLine> lines{

@@ -16,10 +16,6 @@ struct Statistics {
   double hit_rate = 0.0;                 ///< share of the images used by moving views that were here already, 0 … 1
 };
 
-struct StatisticsLine {
-  std::string name;   ///< "images"
-  std::string value;  ///< "12 in use, 30 resident, 2 requested"
-};
 std::vector<StatisticsLine> statisticsLines(const Statistics& statistics);
 
 }  // namespace client

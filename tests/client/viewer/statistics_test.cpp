@@ -3,6 +3,8 @@
 #include <gtest/gtest.h>
 
 #include "client/app/meters.h"
+#include "client/source/streamed_splats.h"
+#include "client/source/streamed_umbrellas.h"
 
 namespace client {
 namespace {
@@ -15,12 +17,13 @@ std::string lineOf(const Statistics& statistics, const std::string& name) {
 
 TEST(Statistics, withSplatsBlocksAreCounted) {
   Statistics s;
+  s.viewer.streamed.describe = describeSplats;
   s.viewer.streamed.drawn = 123'456;
+  s.viewer.streamed.error_px = 1.0F;
   s.viewer.streamed.splats.stream.blocks = 4'000;
   s.viewer.streamed.splats.stream.present = 1'200;
   s.viewer.streamed.splats.stream.requested = 6;
   s.viewer.streamed.splats.stream.wanted = 77;
-  s.viewer.error_px = 1.0F;
   s.viewer.accuracy = Accuracy::kFine;
   s.viewer.complete = true;
   EXPECT_EQ(lineOf(s, "picture"), "fine, complete");
@@ -32,7 +35,7 @@ TEST(Statistics, withSplatsBlocksAreCounted) {
   EXPECT_EQ(lineOf(s, "splats"), "123 456, down to 1.0 px, 0.5 in the glass");
   EXPECT_EQ(lineOf(s, "memory").find("finer"), std::string::npos);
   s.viewer.streamed.limited = true;
-  EXPECT_NE(lineOf(s, "memory").find(": finer splats need more"), std::string::npos);
+  EXPECT_NE(lineOf(s, "memory").find(": a finer picture needs more"), std::string::npos);
   EXPECT_EQ(lineOf(s, "blocks"), "1 200 of 4 000 here, 6 requested, 77 wanted");
   EXPECT_EQ(lineOf(s, "images"), "");
   EXPECT_EQ(lineOf(s, "broken"), "");
@@ -43,13 +46,14 @@ TEST(Statistics, withSplatsBlocksAreCounted) {
 
 TEST(Statistics, withUmbrellasLeavesAreCounted) {
   Statistics s;
+  s.viewer.streamed.describe = describeUmbrellas;
+  s.viewer.streamed.error_px = 1.0F;
   s.viewer.streamed.umbrellas.points = 1'234;
   s.viewer.streamed.umbrellas.triangles = 56'789;
   s.viewer.streamed.umbrellas.leaves = 30;
   s.viewer.streamed.umbrellas.stream.leaves = 400;
   s.viewer.streamed.umbrellas.stream.present = 120;
   s.viewer.streamed.umbrellas.stream.lacking = 6;
-  s.viewer.error_px = 1.0F;
   EXPECT_EQ(lineOf(s, "umbrellas"), "56 789 triangles, 1 234 points, of 1.0 px");
   EXPECT_EQ(lineOf(s, "leaves"), "30 in view, 120 of 400 here, 6 to be refined");
   EXPECT_EQ(lineOf(s, "blocks"), "");
