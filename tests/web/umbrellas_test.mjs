@@ -43,9 +43,9 @@ function writeCloud(path, count) {
   writeFileSync(path, `${lines.join("\n")}\n`);
 }
 
+const cloud = join(folder, "cloud.ply");
 let published, server, browser;
 before(async () => {
-  const cloud = join(folder, "cloud.ply");
   const scene = join(folder, "umbrellas.scene");
   writeCloud(cloud, 40000);
   run("lumigrid", ["build", cloud, "-o", scene, "--methods", "pmr"]);
@@ -96,19 +96,43 @@ test("a link with m=pmr opens them on a static host; hardly a byte comes twice",
   await page.close();
 });
 
+/// Expects that a page shows a cloud by the WebAssembly of that name alone.
+async function expectProgram(url, program) {
+  const page = await open(browser, "about:blank");
+  const fetched = [];
+  page.on("request", (request) => /\.wasm$/.test(request.url()) && fetched.push(request.url().split("/").at(-1)));
+  await page.goto(url);
+  await fine(page);
+  assert.ok(
+      fetched.length >= 1 && fetched.every((name) => name.startsWith(`${program}-`)), `${url}: ${fetched.join()}`);
+  await page.close();
+}
+
 test("a scene that has nothing else is shown without being asked for, by its own WebAssembly", async () => {
-  for (const {url} of [server, await nginx(published)]) {
-    const page = await open(browser, "about:blank");
-    const fetched = [];
-    page.on("request", (request) => /\.wasm$/.test(request.url()) && fetched.push(request.url().split("/").at(-1)));
-    await page.goto(url);
-    await fine(page);
-    assert.ok(fetched.length >= 1 && fetched.every((name) => name.startsWith("umbrellas-")), fetched.join());
-    await page.close();
-  }
+  for (const {url} of [server, await nginx(published)]) await expectProgram(url, "umbrellas");
   const page = await open(browser, `${server.url}#m=qsplat`);
   await until(async () => (await figures(page).catch(() => null))?.drawn > 0 || /no splats/.test(
       await page.locator("body").innerText()), "umbrellas, or what is missing");
+  await page.close();
+});
+
+test("a published scene with splats and umbrellas shows splats, unless a link or the address names umbrellas", async () => {
+  const scene = join(folder, "both.scene");
+  const place = join(folder, "both.published");
+  run("lumigrid", ["build", cloud, "-o", scene, "--methods", "qsplat,pmr"]);
+  run("lumigrid", ["publish", scene, place, "--viewer", "on", "--web", site]);
+  const {url} = await nginx(place);
+  await expectProgram(url, "splats");
+  await expectProgram(`${url}#m=lumigraph`, "splats");
+  await expectProgram(`${url}#m=pmr`, "umbrellas");
+  await expectProgram(`${url}?method=pmr`, "umbrellas");
+  await expectProgram(`${url}?method=pmr#m=qsplat`, "splats");
+});
+
+test("a link to splats finds the umbrellas of a published scene that has no splats", async () => {
+  const page = await open(browser, `${(await nginx(published)).url}#m=qsplat`);
+  await until(async () => (await figures(page).catch(() => null))?.drawn > 0, "umbrellas");
+  assert.match(page.url(), /m=pmr/);
   await page.close();
 });
 
