@@ -116,7 +116,7 @@ test("a scene that has nothing else is shown without being asked for, by its own
   await page.close();
 });
 
-test("a published scene with splats and umbrellas shows splats, unless a link or the address names umbrellas", async () => {
+test("a published scene with splats and umbrellas shows splats unless umbrellas are named", async () => {
   const scene = join(folder, "both.scene");
   const place = join(folder, "both.published");
   run("lumigrid", ["build", cloud, "-o", scene, "--methods", "qsplat,pmr"]);
