@@ -1,5 +1,6 @@
 #include "lod/pmr/builder/umbrellas.h"
 
+#include <algorithm>
 #include <cmath>
 
 namespace lod::pmr::builder {
@@ -30,7 +31,7 @@ void Umbrellas::find(std::uint32_t i, const glm::vec3& unit_normal, double reach
   near_->find(floats_[i], kNearest + 1, std::numeric_limits<float>::max(), found_);
   if (found_.size() < 3) return;
   const double known = std::sqrt(static_cast<double>(found_.back().distance_squared));
-  TangentPolygon polygon(places_[i], glm::dvec3(unit_normal), reach > 0.0 ? reach : kGap * known);
+  TangentPolygon polygon(places_[i], glm::dvec3(unit_normal), std::max(reach, kGap * known));
   for (const auto& one : found_)
     if (one.index != i) polygon.cut(places_[one.index], one.index);
   // Whatever is not among the nearest is at least as far as the last, and cuts nothing within half of that.

@@ -56,10 +56,10 @@ class Umbrellas {
   Umbrellas(std::span<const glm::dvec3> places, std::span<const std::uint32_t> numbers);
 
   /// Finds the umbrella of the point at index i of the constructor's lists. `out` is replaced. Corners of the tangent
-  /// polygon lie within a square of half the edge `reach`, or, where that is 0, of twice the distance of the 16th
-  /// nearest point, four to five spacings: what would be farther away is no surface but a gap or a rim. At level 0 that
-  /// tells who is at a rim; the umbrellas of all others are closed, and stay so at all levels, however far their points
-  /// are apart.
+  /// polygon lie within a square of half the edge `reach`, but at least twice the distance of the 16th nearest point,
+  /// four to five spacings: with 0 what would be farther away is no surface but a gap or a rim. At level 0 that tells
+  /// who is at a rim; the umbrellas of all others are closed, and stay so at all levels, however far their points are
+  /// apart.
   void find(std::uint32_t i, const glm::vec3& unit_normal, double reach, Umbrella& out);
 
  private:
