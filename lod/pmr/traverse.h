@@ -16,7 +16,7 @@ struct TraverseRequest {
   float tolerance = 1.0F;  ///< umbrellas of the chosen level have about this many pixels; above 0
   bool cull = true;        ///< leaves outside the frustum are skipped
   /// Where a part of the picture is drawn: that part's camera, whose frustum culls in place of `camera`'s.
-  std::optional<base::Camera> tile;
+  std::optional<base::Camera> tile = std::nullopt;
   /// Leaves wholly beyond it are skipped.
   glm::vec4 section = base::kNoSection;
 };
