@@ -87,12 +87,8 @@ class PmrBuilder {
     for (const CellBlock& block : blocks_) {
       std::uint64_t points = 0;
       for (std::uint32_t c = block.first; c < block.end; ++c) points += points_.cells()[c].count;
-      // A cell around lies half in reach, or wholly where it is much smaller than the cells that it is near.
-      std::int32_t widest = 0;
-      for (std::uint32_t c = block.first; c < block.end; ++c) widest = std::max(widest, points_.cells()[c].edge());
       std::uint64_t around = 0;
-      for (const std::uint32_t c : block.around)
-        around += points_.cells()[c].edge() < widest ? points_.cells()[c].count : points_.cells()[c].count / 2;
+      for (const std::uint32_t c : block.around) around += pointsInReach(block, points_.cells()[c]);
       largest = std::max(largest, points + around);
     }
     if (largest >= Triangle::kMaxPoints)
@@ -104,6 +100,19 @@ class PmrBuilder {
                        std::to_string((needed + ingest::kMinMemory / 2) / 1'000'000 + 1) + "M or more (--memory)"};
     at_once_ = static_cast<unsigned>(std::clamp<std::uint64_t>(build_.workMemory() / needed, 1, build_.threads()));
     return {};
+  }
+
+  // About how many points of a cell around a block are loaded with it: half, or all where one of the block's cells near
+  // it is at least twice as wide, since half of that reaches through.
+  std::uint64_t pointsInReach(const CellBlock& block, const OctreeCell& cell) const {
+    const glm::ivec3 low = cell.corner(), high = low + cell.edge();
+    for (std::uint32_t c = block.first; c < block.end; ++c) {
+      const OctreeCell& own = points_.cells()[c];
+      if (own.edge() < 2 * cell.edge()) continue;
+      const glm::ivec3 from = own.corner() - own.edge() / 2, to = own.corner() + own.edge() + own.edge() / 2;
+      if (glm::all(glm::greaterThanEqual(high, from)) && glm::all(glm::lessThanEqual(low, to))) return cell.count;
+    }
+    return cell.count / 2;
   }
 
   // Calls work(block) for each block that is not done, several at a time.
