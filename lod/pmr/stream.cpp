@@ -7,6 +7,7 @@
 #include <unordered_map>
 #include <utility>
 
+#include "lod/link_estimate.h"
 #include "lod/pmr/leaf_cache.h"
 #include "lod/pmr/leaf_picture.h"
 
@@ -85,9 +86,9 @@ struct Stream::State {
   // ---- the link ----
 
   std::optional<ByteRange> nextFrontRange() const;
-  std::optional<PendingRequest> nextChunkRange();
+  std::optional<PendingRequest> nextChunkRange(std::uint64_t max_bytes);
   bool isWanted(const ChunkId& id) const;
-  ChunkId extended(ChunkId from, int direction, std::uint64_t& bytes) const;
+  ChunkId extended(ChunkId from, int direction, std::uint64_t max_bytes, std::uint64_t& bytes) const;
   template <class Visit>
   void forEachChunk(const ChunkId& first, const ChunkId& last, const Visit& visit);
   ByteRange send(PendingRequest request, double now);
@@ -118,6 +119,7 @@ struct Stream::State {
   std::vector<ChosenLeaf> chosen;
   std::vector<ChunkId> queue;  // the last frame's missing chunks, most urgent first
   std::size_t queue_at = 0;
+  LinkEstimate link;
   std::uint64_t decoded = 0;  // points and triangles of this frame
   std::uint64_t waiting = 0;  // leaves that are not shown at their planned level
   std::uint64_t lacking = 0;
@@ -297,24 +299,26 @@ std::optional<ByteRange> Stream::State::nextFrontRange() const {
 
 bool Stream::State::isWanted(const ChunkId& id) const {
   const LeafState& state = (*cache)[id.leaf];
-  return state.used == frame && (state.wanted & ~state.requested & ~state.present & chunkBit(id.chunk)) != 0;
+  return state.used == frame &&
+         (state.wanted & ~state.requested & ~state.present & ~state.given_up & chunkBit(id.chunk)) != 0;
 }
 
-std::optional<PendingRequest> Stream::State::nextChunkRange() {
+/// A chunk, however long, and neighbours as long as both have at most so many bytes.
+std::optional<PendingRequest> Stream::State::nextChunkRange(std::uint64_t max_bytes) {
   if (!cache) return std::nullopt;
   while (queue_at < queue.size() && !isWanted(queue[queue_at])) ++queue_at;
   if (queue_at == queue.size()) return std::nullopt;
   const ChunkId id = queue[queue_at];
   std::uint64_t bytes = placeOf(leaves[id.leaf], id.chunk).bytes;
   PendingRequest request;
-  request.last = extended(id, 1, bytes);
-  request.first = extended(id, -1, bytes);
+  request.last = extended(id, 1, max_bytes, bytes);
+  request.first = extended(id, -1, max_bytes, bytes);
   request.range = {0, placeOf(leaves[request.first.leaf], request.first.chunk).offset, bytes};
   return request;
 }
 
 /// Extends a range, of so many bytes, by neighbours that are wanted, too; returns its new end.
-ChunkId Stream::State::extended(ChunkId from, int direction, std::uint64_t& bytes) const {
+ChunkId Stream::State::extended(ChunkId from, int direction, std::uint64_t max_bytes, std::uint64_t& bytes) const {
   ChunkId end = from;
   std::uint64_t more = 0, gap = 0;  // bytes since `end`, and of these the ones that are not wanted
   while (step(from, direction, static_cast<std::uint32_t>(leaves.size()))) {
@@ -322,7 +326,7 @@ ChunkId Stream::State::extended(ChunkId from, int direction, std::uint64_t& byte
     const std::uint64_t length = placeOf(leaves[from.leaf], from.chunk).bytes;
     more += length;
     gap += isWanted(from) ? 0 : length;
-    if (gap > kMaxGap || bytes + more > options.max_request_bytes) break;
+    if (gap > kMaxGap || bytes + more > max_bytes) break;
     if (!isWanted(from)) continue;
     end = from;
     bytes += more;
@@ -348,6 +352,7 @@ ByteRange Stream::State::send(PendingRequest request, double now) {
     forEachChunk(request.first, request.last,
                  [&](const ChunkId& id) { (*cache)[id.leaf].requested |= chunkBit(id.chunk); });
   under_way[request.range.id] = request;
+  link.recordRequest(request.range.length, now);
   return request.range;
 }
 
@@ -462,7 +467,9 @@ std::vector<ByteRange> Stream::nextRequests(double now) {
   std::vector<ByteRange> ranges;
   if (!s.problem.empty() || s.file || now < s.pause_until) return ranges;
   while (s.under_way.size() < s.options.max_requests) {
-    std::optional<PendingRequest> next = s.nextChunkRange();
+    const std::uint64_t room = s.link.roomForRequest();
+    if (room == 0) break;
+    std::optional<PendingRequest> next = s.nextChunkRange(std::min(room, s.options.max_request_bytes));
     if (const auto front = s.nextFrontRange()) next = PendingRequest{*front, 0.0, true, {}, {}};
     if (!next) break;
     ranges.push_back(s.send(*next, now));
@@ -478,6 +485,7 @@ void Stream::acceptAnswer(std::uint64_t id, base::ByteView bytes, double now) {
   s.counted.bytes_received += bytes.size();
   if (bytes.size() != request.range.length) return acceptFailure(id, now);
   s.under_way.erase(found);
+  s.link.recordAnswer(bytes.size(), bytes.size(), request.sent_at, now);
   s.failures_in_a_row = 0;
   if (request.is_front) {
     s.front_requested = false;
@@ -499,6 +507,7 @@ void Stream::acceptFailure(std::uint64_t id, double now) {
   if (found == s.under_way.end()) return;
   const PendingRequest request = found->second;
   s.under_way.erase(found);
+  s.link.recordAnswer(request.range.length, 0, request.sent_at, now);
   if (request.is_front)
     s.front_requested = false;
   else

@@ -25,8 +25,8 @@
 #include <vector>
 
 #include "base/bytes.h"
+#include "lod/link_estimate.h"
 #include "lod/qsplat/blocks.h"
-#include "lod/qsplat/stream/link_estimate.h"
 #include "lod/qsplat/stream/request_queue.h"
 #include "lod/qsplat/traverse.h"
 

@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <deque>
 #include <map>
 #include <random>
 #include <set>
@@ -132,6 +134,36 @@ TEST(PmrStreamTest, theCoarsestLevelOfAllLeavesComesFirst) {
     EXPECT_LE(range.length, StreamOptions{}.max_request_bytes);
   }
   EXPECT_TRUE(fine);
+}
+
+// Bytes under way delay what a new view needs: over a slow link they must be few, however many are wanted.
+TEST(PmrStreamTest, aSlowLinkHasLittleUnderWay) {
+  constexpr double kBytesPerSecond = 20'000.0;
+  TraverseRequest request = viewFrom(2.2, 3000);
+  request.cull = false;
+  Stream stream(made().file.size(), {});
+  std::deque<ByteRange> asked;
+  std::vector<DrawnLeaf> drawn;
+  std::uint64_t under_way = 0, most = 0, longest = 0;
+  double now = 0.0;
+  for (int answers = 0; answers < 60; ++answers) {
+    stream.update(request, drawn);
+    for (const ByteRange& range : stream.nextRequests(now)) {
+      asked.push_back(range);
+      under_way += range.length;
+      if (stream.header() != nullptr) longest = std::max(longest, range.length);
+    }
+    if (asked.empty()) break;
+    if (answers > 5) most = std::max(most, under_way);
+    const ByteRange range = asked.front();
+    asked.pop_front();
+    under_way -= range.length;
+    now += static_cast<double>(range.length) / kBytesPerSecond;
+    stream.acceptAnswer(range.id, base::ByteView(made().file).subspan(range.offset, range.length), now);
+  }
+  EXPECT_GT(most, 0U);
+  EXPECT_LT(most, static_cast<std::uint64_t>(kBytesPerSecond) + longest);
+  EXPECT_LT(longest, 30'000U);  // single chunks
 }
 
 TEST(PmrStreamTest, neighboursAreJoined) {

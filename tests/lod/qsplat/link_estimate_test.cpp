@@ -1,4 +1,4 @@
-#include "lod/qsplat/stream/link_estimate.h"
+#include "lod/link_estimate.h"
 
 #include <gtest/gtest.h>
 
