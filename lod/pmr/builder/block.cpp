@@ -8,6 +8,7 @@
 #include "lod/pmr/builder/decimate.h"
 #include "lod/pmr/builder/umbrellas.h"
 #include "lod/pmr/chunks.h"
+#include "lod/pmr/draw_list.h"
 
 namespace lod::pmr::builder {
 namespace {
@@ -124,22 +125,30 @@ class LeafMaker {
       vertices_at[c] = order.size();
     }
     std::vector<glm::ivec3> places;
+    std::vector<glm::vec3> positions;
+    std::vector<bool> is_own;
     for (std::uint32_t v = 0; v < order.size(); ++v) {
       vertex_[order[v]] = static_cast<std::uint16_t>(v);
       places.push_back(ingest::mortonPoint(loaded_.points[order[v]].code));
-      out.leaf.box.add(points_.lattice().position(places.back()));
+      positions.push_back(points_.lattice().position(places.back()));
+      is_own.push_back(isOwn(order[v]));
+      out.leaf.box.add(positions.back());
     }
 
-    float coarser = 0.0F;
+    float finer = 0.0F;  // radius
     for (std::uint32_t level = 0; level < kLevels; ++level) {
       LevelRow& row = out.leaf.levels[level];
       std::vector<std::uint16_t> corners;
       for (const Triangle& triangle : triangles[level])
         for (const std::uint32_t i : triangle.corners()) corners.push_back(vertex_[i]);
+      const std::size_t vertices = vertices_at[level];
       row.triangles = static_cast<std::uint32_t>(triangles[level].size());
-      triangle_chunks[level] = encodeTriangles(corners, std::span(places).first(vertices_at[level]));
+      triangle_chunks[level] = encodeTriangles(corners, std::span(places).first(vertices));
       row.triangle_bytes = static_cast<std::uint32_t>(triangle_chunks[level].size());
-      row.radius = coarser = std::max(coarser, meanRadius(begin, end, level, triangles[level], out.unused));
+      const DrawList list = makeDrawList(std::span(positions).first(vertices), is_own, corners);
+      row.radius = finer = std::max(finer, meanRadius(list));
+      if (level == 0)
+        out.unused = static_cast<std::uint64_t>(std::count(list.point_radii.begin(), list.point_radii.end(), 0.0F));
     }
     // A leaf of points without umbrellas looks the same at all levels.
     const auto edge = static_cast<float>(cell.edge() * points_.lattice().step);
@@ -185,26 +194,6 @@ class LeafMaker {
     return foreign;
   }
 
-  // The mean of the longest edges at the own points that have triangles. At level 0 counts the others.
-  float meanRadius(std::size_t begin, std::size_t end, std::uint32_t level, const std::vector<Triangle>& triangles,
-                   std::uint64_t& unused) const {
-    std::vector<double> squared(end - begin, 0.0);
-    for (const Triangle& triangle : triangles)
-      for (const std::uint32_t a : triangle.corners()) {
-        if (a < begin || a >= end) continue;
-        for (const std::uint32_t b : triangle.corners()) {
-          const glm::dvec3 d = loaded_.places[b] - loaded_.places[a];
-          squared[a - begin] = std::max(squared[a - begin], glm::dot(d, d));
-        }
-      }
-    double sum = 0.0, count = 0.0;
-    for (std::size_t i = 0; i < squared.size(); ++i) {
-      if (squared[i] > 0.0) sum += std::sqrt(squared[i]), count += 1.0;
-      if (level == 0 && squared[i] == 0.0) ++unused;
-    }
-    return count > 0.0 ? static_cast<float>(sum / count * points_.lattice().step) : 0.0F;
-  }
-
   CodedPoint codedPoint(std::uint32_t i) const {
     const OrderedPoint& point = loaded_.points[i];
     return {ingest::mortonPoint(point.code), classes_[i].normal, colors_ ? colorOf(point) : glm::u8vec3(255)};
@@ -223,62 +212,14 @@ class LeafMaker {
 
 }  // namespace
 
-base::Result<ClassStore> ClassStore::open(const std::string& path, bool resume, const std::vector<OctreeCell>& cells,
-                                          const std::vector<CellBlock>& blocks) {
-  ClassStore store;
-  store.cells_ = &cells;
-  store.blocks_ = &blocks;
-  store.offsets_.resize(blocks.size());
-  store.block_of_.resize(cells.size());
-  for (std::uint32_t b = 0; b < blocks.size(); ++b)
-    for (std::uint32_t c = blocks[b].first; c < blocks[b].end; ++c) store.block_of_[c] = b;
-  const auto keep = [&](std::uint64_t offset, base::ByteView payload) {
-    base::ByteReader in(payload);
-    const std::uint32_t block = in.u32();
-    if (!in.ok() || block >= blocks.size()) return false;
-    std::uint64_t points = 0;
-    for (std::uint32_t c = blocks[block].first; c < blocks[block].end; ++c) points += cells[c].count;
-    if (in.remaining() != points * sizeof(PointClass)) return false;
-    if (store.has(block)) return true;
-    store.offsets_[block] = offset + sizeof(block);
-    while (in.remaining() > 0)
-      if (in.read<PointClass>().coarsest >= kLevels) return false;
-    return true;
-  };
-  LUMIGRID_ASSIGN_OR_RETURN(store.log_, ingest::RecordLog::open(path, resume, keep));
-  return store;
-}
-
-base::Result<void> ClassStore::add(std::uint32_t block, std::span<const PointClass> classes) {
-  base::ByteWriter out;
-  out.u32(block);
-  out.bytes(base::ByteView(reinterpret_cast<const std::uint8_t*>(classes.data()), classes.size_bytes()));
-  LUMIGRID_ASSIGN_OR_RETURN(const auto offset, log_.add(out.view()));
-  offsets_[block] = offset + sizeof(block);
-  return {};
-}
-
-base::Result<std::vector<PointClass>> ClassStore::read(std::uint32_t cell) const {
-  const std::uint32_t block = block_of_[cell];
-  const std::uint64_t before = (*cells_)[cell].first - (*cells_)[(*blocks_)[block].first].first;
-  std::vector<PointClass> classes((*cells_)[cell].count);
-  LUMIGRID_TRY(
-      log_.readAt(*offsets_[block] + before * sizeof(PointClass),
-                  std::span(reinterpret_cast<std::uint8_t*>(classes.data()), classes.size() * sizeof(PointClass))));
-  return classes;
-}
-
 base::Result<LoadedBlock> loadBlock(const OrderedPoints& points, const CellBlock& block) {
   LoadedBlock out;
   const auto& cells = points.cells();
+  std::vector<LatticeBox> surroundings;
+  for (std::uint32_t c = block.first; c < block.end; ++c) surroundings.push_back(cells[c].box().withSurroundings());
   const auto isNear = [&](const glm::ivec3& place) {
-    for (std::uint32_t c = block.first; c < block.end; ++c) {
-      const glm::ivec3 half(cells[c].edge() / 2), corner = cells[c].corner();
-      if (glm::all(glm::greaterThanEqual(place, corner - half)) &&
-          glm::all(glm::lessThanEqual(place, corner + cells[c].edge() + half)))
-        return true;
-    }
-    return false;
+    return std::any_of(surroundings.begin(), surroundings.end(),
+                       [&](const LatticeBox& one) { return one.contains(place); });
   };
   const auto load = [&](std::uint32_t cell, bool own) -> base::Result<void> {
     LUMIGRID_ASSIGN_OR_RETURN(const auto read, points.read(cells[cell]));
@@ -301,7 +242,7 @@ base::Result<LoadedBlock> loadBlock(const OrderedPoints& points, const CellBlock
 
 base::Result<std::vector<PointClass>> classify(const OrderedPoints& points, const CellBlock& block) {
   LUMIGRID_ASSIGN_OR_RETURN(const auto loaded, loadBlock(points, block));
-  std::vector<VoronoiCell> cells = voronoiCells(loaded.places, loaded.places.size());
+  std::vector<VoronoiCell> cells = voronoiCells(loaded.places);
   std::vector<float> limits;
   for (const std::uint32_t cell : loaded.cell)
     limits.push_back(kHeightLimit * static_cast<float>(points.cells()[cell].edge()));

@@ -103,16 +103,13 @@ class PmrBuilder {
   }
 
   // About how many points of a cell around a block are loaded with it: half, or all where one of the block's cells near
-  // it is at least twice as wide, since half of that reaches through.
+  // it is at least twice as wide, so that its surroundings reach through.
   std::uint64_t pointsInReach(const CellBlock& block, const OctreeCell& cell) const {
-    const glm::ivec3 low = cell.corner(), high = low + cell.edge();
-    for (std::uint32_t c = block.first; c < block.end; ++c) {
-      const OctreeCell& own = points_.cells()[c];
-      if (own.edge() < 2 * cell.edge()) continue;
-      const glm::ivec3 from = own.corner() - own.edge() / 2, to = own.corner() + own.edge() + own.edge() / 2;
-      if (glm::all(glm::greaterThanEqual(high, from)) && glm::all(glm::lessThanEqual(low, to))) return cell.count;
-    }
-    return cell.count / 2;
+    const auto own = points_.cells().begin();
+    const bool reaches_through = std::any_of(own + block.first, own + block.end, [&](const OctreeCell& one) {
+      return one.edge() >= 2 * cell.edge() && one.box().withSurroundings().touches(cell.box());
+    });
+    return reaches_through ? cell.count : cell.count / 2;
   }
 
   // Calls work(block) for each block that is not done, several at a time.

@@ -30,9 +30,9 @@ class Divider {
   Divider(std::span<const std::uint64_t> sampled, std::function<void(std::uint64_t, std::uint32_t)> leaf)
       : sampled_(sampled), leaf_(std::move(leaf)) {}
   void divide(std::uint64_t code, std::uint32_t depth) {
-    const std::uint64_t points = pointsIn(code, depth);
-    // An empty cell may have a few points all the same, between two samples.
-    if (depth == kPositionBits || (points <= kMaxEstimate && surroundings(code, depth) <= kMaxSurroundings))
+    // A cell without samples may have a few points all the same, between two samples.
+    if (depth == kPositionBits || (pointsIn(code, depth) <= kMaxEstimate &&
+                                   pointsWithin(cellBox(code, depth).withSurroundings(), 0, 0) <= kMaxSurroundings))
       return leaf_(code, depth);
     for (std::uint64_t k = 0; k < 8; ++k) divide(code + k * cellsCodes(depth + 1), depth + 1);
   }
@@ -43,21 +43,12 @@ class Divider {
     return kStride *
            static_cast<std::uint64_t>(std::lower_bound(from, sampled_.end(), code + cellsCodes(depth)) - from);
   }
-  // Points within half the cell's edge on each side, or as many as are too many.
-  std::uint64_t surroundings(std::uint64_t code, std::uint32_t depth) const {
-    const std::int32_t edge = std::int32_t{1} << (kPositionBits - depth);
-    const glm::ivec3 corner = ingest::mortonPoint(code);
-    return pointsWithin({corner - edge / 2, corner + edge + edge / 2}, 0, 0);
-  }
-  struct Box {
-    glm::ivec3 low{0}, high{0};
-  };
-  std::uint64_t pointsWithin(const Box& box, std::uint64_t code, std::uint32_t depth) const {
-    const glm::ivec3 low = ingest::mortonPoint(code), high = low + (std::int32_t{1} << (kPositionBits - depth));
-    if (glm::any(glm::greaterThanEqual(low, box.high)) || glm::any(glm::lessThanEqual(high, box.low))) return 0;
+  // Points within the box, or about as many as are too many.
+  std::uint64_t pointsWithin(const LatticeBox& box, std::uint64_t code, std::uint32_t depth) const {
+    const LatticeBox cell = cellBox(code, depth);
+    if (!cell.overlaps(box)) return 0;
     const std::uint64_t points = pointsIn(code, depth);
-    const bool inside = glm::all(glm::greaterThanEqual(low, box.low)) && glm::all(glm::lessThanEqual(high, box.high));
-    if (points <= kStride || inside || depth == kPositionBits) return points;
+    if (points <= kStride || box.contains(cell) || depth == kPositionBits) return points;
     std::uint64_t sum = 0;
     for (std::uint64_t k = 0; k < 8 && sum <= kMaxSurroundings; ++k)
       sum += pointsWithin(box, code + k * cellsCodes(depth + 1), depth + 1);
@@ -156,8 +147,9 @@ std::uint32_t packed(const glm::u8vec3& color) {
 
 }  // namespace
 
-glm::ivec3 OctreeCell::corner() const {
-  return ingest::mortonPoint(code);
+LatticeBox cellBox(std::uint64_t code, std::uint32_t depth) {
+  const glm::ivec3 low = ingest::mortonPoint(code);
+  return {low, low + (std::int32_t{1} << (kPositionBits - depth))};
 }
 
 base::Result<OrderedPoints> OrderedPoints::order(const ingest::PointTiles& tiles, const Lattice& lattice,
@@ -252,23 +244,19 @@ std::vector<CellBlock> makeBlocks(const std::vector<OctreeCell>& cells) {
     blocks.back().end = i + 1;
   }
   for (CellBlock& block : blocks) {
-    glm::ivec3 block_low(1 << kPositionBits), block_high(0);
+    std::vector<LatticeBox> surroundings;
+    LatticeBox all{glm::ivec3(1 << kPositionBits), glm::ivec3(0)};
     for (std::uint32_t own = block.first; own < block.end; ++own) {
-      const glm::ivec3 half(cells[own].edge() / 2);
-      block_low = glm::min(block_low, cells[own].corner() - half);
-      block_high = glm::max(block_high, cells[own].corner() + cells[own].edge() + half);
+      surroundings.push_back(cells[own].box().withSurroundings());
+      all = {glm::min(all.low, surroundings.back().low), glm::max(all.high, surroundings.back().high)};
     }
     for (std::uint32_t other = 0; other < cells.size(); ++other) {
-      if (other >= block.first && other < block.end) continue;
-      const glm::ivec3 low = cells[other].corner(), high = low + cells[other].edge();
-      if (glm::any(glm::lessThan(high, block_low)) || glm::any(glm::greaterThan(low, block_high))) continue;
-      for (std::uint32_t own = block.first; own < block.end; ++own) {
-        const glm::ivec3 half(cells[own].edge() / 2);
-        const glm::ivec3 from = cells[own].corner() - half, to = cells[own].corner() + cells[own].edge() + half;
-        if (glm::any(glm::lessThan(high, from)) || glm::any(glm::greaterThan(low, to))) continue;
+      const LatticeBox box = cells[other].box();
+      const bool is_own = other >= block.first && other < block.end;
+      if (!is_own && all.touches(box) &&
+          std::any_of(surroundings.begin(), surroundings.end(),
+                      [&](const LatticeBox& one) { return one.touches(box); }))
         block.around.push_back(other);
-        break;
-      }
     }
   }
   return blocks;

@@ -8,9 +8,9 @@
 // point is nearer. So it is on the Voronoi edge that is dual to their Delaunay triangle: one of the umbrella.
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstdint>
 #include <glm/glm.hpp>
-#include <span>
 
 namespace lod::pmr::builder {
 
@@ -75,7 +75,6 @@ class TangentPolygon {
   std::uint32_t edge(std::uint32_t i) const { return corners_[i].edge; }
   /// The point of the edge that ends at corner i.
   std::uint32_t edgeBefore(std::uint32_t i) const { return corners_[i == 0 ? count_ - 1 : i - 1].edge; }
-  double distanceSquared(std::uint32_t i) const { return glm::dot(corners_[i].at, corners_[i].at); }
 
  private:
   struct Corner {
@@ -85,7 +84,8 @@ class TangentPolygon {
 
   void measure() {
     radius_squared_ = 0.0;
-    for (std::uint32_t i = 0; i < count_; ++i) radius_squared_ = std::max(radius_squared_, distanceSquared(i));
+    for (std::uint32_t i = 0; i < count_; ++i)
+      radius_squared_ = std::max(radius_squared_, glm::dot(corners_[i].at, corners_[i].at));
   }
 
   glm::dvec3 center_, u_{0.0}, v_{0.0};

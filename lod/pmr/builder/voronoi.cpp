@@ -38,7 +38,7 @@ glm::dvec3 circumcenter(const std::array<glm::dvec3, 4>& corners) {
 
 }  // namespace
 
-std::vector<VoronoiCell> voronoiCells(std::span<const glm::dvec3> points, std::size_t count) {
+std::vector<VoronoiCell> voronoiCells(std::span<const glm::dvec3> points) {
   std::vector<std::pair<Kernel::Point_3, std::uint32_t>> numbered;
   numbered.reserve(points.size() + 8);
   glm::dvec3 low(0.0), high(0.0);
@@ -65,7 +65,7 @@ std::vector<VoronoiCell> voronoiCells(std::span<const glm::dvec3> points, std::s
     glm::dvec3 to{0.0};
     double squared = 0.0, opposite = 0.0;
   };
-  std::vector<Farthest> farthest(count);
+  std::vector<Farthest> farthest(points.size());
   const auto forEachVertex = [&](const auto& body) {
     for (auto cell = delaunay.finite_cells_begin(); cell != delaunay.finite_cells_end(); ++cell) {
       std::array<glm::dvec3, 4> corners;
@@ -74,7 +74,8 @@ std::vector<VoronoiCell> voronoiCells(std::span<const glm::dvec3> points, std::s
       if (!std::isfinite(glm::dot(from_first, from_first))) continue;
       for (int k = 0; k < 4; ++k) {
         const std::uint32_t number = cell->vertex(k)->info();
-        if (number < count) body(farthest[number], from_first + corners[0] - corners[static_cast<std::size_t>(k)]);
+        if (number < points.size())
+          body(farthest[number], from_first + corners[0] - corners[static_cast<std::size_t>(k)]);
       }
     }
   };
@@ -86,8 +87,8 @@ std::vector<VoronoiCell> voronoiCells(std::span<const glm::dvec3> points, std::s
     if (glm::dot(to, f.to) < 0.0) f.opposite = std::max(f.opposite, glm::dot(to, to));
   });
 
-  std::vector<VoronoiCell> cells(count);
-  for (std::size_t i = 0; i < count; ++i) {
+  std::vector<VoronoiCell> cells(points.size());
+  for (std::size_t i = 0; i < points.size(); ++i) {
     const Farthest& f = farthest[i];
     if (f.squared > 0.0) cells[i].normal = f.to / std::sqrt(f.squared);
     cells[i].height = std::sqrt(f.opposite > 0.0 ? f.opposite : f.squared);

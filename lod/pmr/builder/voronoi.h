@@ -16,10 +16,10 @@ struct VoronoiCell {
   double height = 0.0;
 };
 
-/// Triangulates the points (CGAL) and returns the cell of each of the first `count` ones. All points are different;
-/// fewer than four, or all of a plane, are no trouble: far points around them close every cell, so that the pole of a
-/// cell that has no end lies about in the mean direction of its open edges, as the theory has it. Takes about 700 bytes
-/// a point meanwhile.
-std::vector<VoronoiCell> voronoiCells(std::span<const glm::dvec3> points, std::size_t count);
+/// Triangulates the points (CGAL) and returns the cell of each. All points are different; fewer than four, or all of a
+/// plane, are no trouble: far points around them close every cell, so that the pole of a cell that has no end lies
+/// about in the mean direction of its open edges, as the theory has it. Heights are in the points' unit. Takes about
+/// 700 bytes a point meanwhile.
+std::vector<VoronoiCell> voronoiCells(std::span<const glm::dvec3> points);
 
 }  // namespace lod::pmr::builder

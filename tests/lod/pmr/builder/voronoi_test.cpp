@@ -25,7 +25,7 @@ struct Deviation {
 
 Deviation deviationOf(const std::vector<support::ShapeSample>& samples) {
   const auto places = placesOf(samples);
-  const auto cells = voronoiCells(places, places.size());
+  const auto cells = voronoiCells(places);
   std::vector<double> degrees, heights;
   for (std::size_t i = 0; i < cells.size(); ++i) {
     const double cosine = std::min(1.0, std::abs(glm::dot(cells[i].normal, samples[i].normal)));
@@ -60,7 +60,7 @@ TEST(Voronoi, normalsAndHeightsOfABox) {
   const glm::dvec3 edges(1e5, 8e4, 6e4);
   const auto samples = support::boxSamples(edges, 40000, 3);
   const auto places = placesOf(samples);
-  const auto cells = voronoiCells(places, places.size());
+  const auto cells = voronoiCells(places);
   std::vector<double> degrees, heights;
   for (std::size_t i = 0; i < cells.size(); ++i) {
     if (samples[i].height < 5e3) continue;
@@ -80,7 +80,7 @@ TEST(Voronoi, theThinnerSideCounts) {
   std::mt19937 random(4);
   std::uniform_real_distribution<double> at(0.0, 1e5);
   for (int i = 0; i < 8000; ++i) places.emplace_back(at(random), at(random), i % 2 == 0 ? 0.0 : 1e4);
-  const auto cells = voronoiCells(places, places.size());
+  const auto cells = voronoiCells(places);
   std::vector<double> heights;
   for (const auto& cell : cells) heights.push_back(cell.height);
   std::sort(heights.begin(), heights.end());
@@ -88,11 +88,11 @@ TEST(Voronoi, theThinnerSideCounts) {
 }
 
 TEST(Voronoi, flatAndFewPointsHaveCells) {
-  EXPECT_TRUE(voronoiCells({}, 0).empty());
+  EXPECT_TRUE(voronoiCells({}).empty());
   for (const std::size_t count : {1U, 2U, 3U, 4U, 5U}) {
     std::vector<glm::dvec3> line;
     for (std::size_t i = 0; i < count; ++i) line.emplace_back(10.0 * static_cast<double>(i), 5.0, 5.0);
-    for (const auto& cell : voronoiCells(line, count)) {
+    for (const auto& cell : voronoiCells(line)) {
       EXPECT_NEAR(glm::length(cell.normal), 1.0, 1e-9);
       EXPECT_GT(cell.height, 0.0);
     }
@@ -101,7 +101,7 @@ TEST(Voronoi, flatAndFewPointsHaveCells) {
   std::vector<glm::dvec3> grid;
   for (int x = 0; x < 40; ++x)
     for (int y = 0; y < 40; ++y) grid.emplace_back(100.0 * x, 100.0 * y, 7.0);
-  const auto cells = voronoiCells(grid, grid.size());
+  const auto cells = voronoiCells(grid);
   for (std::size_t i = 0; i < grid.size(); ++i) {
     if (glm::all(glm::greaterThan(grid[i], glm::dvec3(0.0))) && grid[i].x < 3900.0 && grid[i].y < 3900.0) {
       EXPECT_GT(std::abs(cells[i].normal.z), 0.99);
