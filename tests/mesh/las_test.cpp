@@ -11,32 +11,14 @@ using support::LasFile;
 using support::LasPoint;
 using support::patch;
 
-/// The points as they come, which support::readMesh() would make a mesh of.
-struct Cloud {
-  std::vector<glm::dvec3> positions;
-  std::vector<glm::u8vec4> colors;
-  mesh::StreamedFile file;
-};
-
-base::Result<Cloud> readCloud(const std::string& bytes, const std::string& name = "cloud.las") {
-  const std::string path = write(name, bytes);
-  support::WholeMesh whole;
-  mesh::StreamOptions options;
-  options.accepts_points = true;
-  auto read = mesh::streamMesh(path, whole, options);
-  std::remove(path.c_str());
-  if (!read) return read.error();
-  return Cloud{std::move(whole.positions), std::move(whole.colors), std::move(*read)};
+base::Result<Cloud> readLas(const std::string& bytes, const std::string& name = "cloud.las") {
+  return readCloud(bytes, name);
 }
 
 std::string cloudError(const std::string& bytes, const std::string& name = "cloud.las") {
-  const auto read = readCloud(bytes, name);
+  const auto read = readLas(bytes, name);
   EXPECT_FALSE(read) << "it was read";
   return read ? "" : read.error().message;
-}
-
-bool contains(const std::string& text, const std::string& part) {
-  return text.find(part) != std::string::npos;
 }
 
 /// Three points with colours of 16 bits.
@@ -55,7 +37,7 @@ TEST(LasReader, readsAllFormatsOfAllVersions) {
     for (int format = 0; format <= (minor < 4 ? 5 : 10); ++format) {
       LasFile file = threePoints();
       file.minor = minor, file.format = format, file.padding = 5;
-      const auto cloud = readCloud(bytesOf(file));
+      const auto cloud = readLas(bytesOf(file));
       ASSERT_TRUE(cloud) << cloud.error().message;
       ASSERT_EQ(cloud->positions.size(), 3U) << minor << " " << format;
       EXPECT_EQ(cloud->positions[1], glm::dvec3(1.0, -2.0, 0.003));
@@ -71,7 +53,7 @@ TEST(LasReader, positionsKeepTheScaleFarFromTheOrigin) {
   LasFile file = threePoints();
   file.scale = {0.001, 0.0001, 0.01};
   file.offset = {1e6, 4e6, -1e6};
-  const auto cloud = readCloud(bytesOf(file));
+  const auto cloud = readLas(bytesOf(file));
   ASSERT_TRUE(cloud) << cloud.error().message;
   for (std::size_t i = 0; i < 3; ++i)
     for (int axis = 0; axis < 3; ++axis) {
@@ -87,7 +69,7 @@ TEST(LasReader, positionsKeepTheScaleFarFromTheOrigin) {
 TEST(LasReader, colorsOfEightBitsAreToldByTheirValues) {
   LasFile file = threePoints();
   file.points[0].color = {255, 0, 17}, file.points[1].color = {1, 2, 3}, file.points[2].color = {0, 0, 0};
-  const auto cloud = readCloud(bytesOf(file));
+  const auto cloud = readLas(bytesOf(file));
   ASSERT_TRUE(cloud);
   EXPECT_EQ(cloud->colors[0], glm::u8vec4(255, 0, 17, 255));
   EXPECT_EQ(cloud->colors[1], glm::u8vec4(1, 2, 3, 255));
@@ -109,7 +91,7 @@ LasFile manyPoints(const glm::u16vec3& usual, const glm::u16vec3& in_gap) {
 }
 
 TEST(LasReader, oneLateColorOfSixteenBitsMakesAllOfThemSo) {
-  const auto cloud = readCloud(bytesOf(manyPoints({200, 100, 0}, {0xFFFF, 0, 0x100})));
+  const auto cloud = readLas(bytesOf(manyPoints({200, 100, 0}, {0xFFFF, 0, 0x100})));
   ASSERT_TRUE(cloud);
   ASSERT_EQ(cloud->colors.size(), std::size_t{1} << 18);
   EXPECT_EQ(cloud->colors.front(), glm::u8vec4(0, 0, 0, 255));
@@ -118,7 +100,7 @@ TEST(LasReader, oneLateColorOfSixteenBitsMakesAllOfThemSo) {
 }
 
 TEST(LasReader, oneLateColorAmongBlackOnesMeansThatThereAreColors) {
-  const auto cloud = readCloud(bytesOf(manyPoints({0, 0, 0}, {7, 8, 9})));
+  const auto cloud = readLas(bytesOf(manyPoints({0, 0, 0}, {7, 8, 9})));
   ASSERT_TRUE(cloud);
   EXPECT_EQ(cloud->colors[50], glm::u8vec4(0, 0, 0, 255));
   EXPECT_EQ(cloud->colors[cloud->colors.size() - 2], glm::u8vec4(7, 8, 9, 255));
@@ -130,7 +112,7 @@ TEST(LasReader, withoutColorsIntensitiesBecomeGreyAndAreSaidSo) {
     LasFile file = threePoints();
     file.format = format;
     for (LasPoint& point : file.points) point.color = {};
-    const auto cloud = readCloud(bytesOf(file));
+    const auto cloud = readLas(bytesOf(file));
     ASSERT_TRUE(cloud);
     ASSERT_EQ(cloud->file.warnings.size(), 1U);
     EXPECT_EQ(cloud->file.warnings[0], "it has no colours; intensities from 100 to 300 are shown from black to white");
@@ -141,7 +123,7 @@ TEST(LasReader, withoutColorsIntensitiesBecomeGreyAndAreSaidSo) {
 TEST(LasReader, aFewBrightReflectorsDoNotDarkenTheRest) {
   LasFile file = manyPoints({0, 0, 0}, {0, 0, 0});
   file.points[5].intensity = 65535;
-  const auto cloud = readCloud(bytesOf(file));
+  const auto cloud = readLas(bytesOf(file));
   ASSERT_TRUE(cloud);
   EXPECT_EQ(cloud->colors[5], glm::u8vec4(255));
   EXPECT_GT(cloud->colors[90].r, 200);
@@ -152,7 +134,7 @@ TEST(LasReader, equalIntensitiesAreNoColors) {
   LasFile file = threePoints();
   file.format = 6;
   for (LasPoint& point : file.points) point.intensity = 500;
-  const auto cloud = readCloud(bytesOf(file));
+  const auto cloud = readLas(bytesOf(file));
   ASSERT_TRUE(cloud);
   EXPECT_FALSE(cloud->file.has_colors);
   EXPECT_TRUE(cloud->colors.empty());
@@ -169,7 +151,7 @@ TEST(LasReader, withheldPointsAndNoiseStayOutAndAreCounted) {
     }
     file.points.insert(file.points.begin(), file.points[1]);
     file.points.front().is_withheld = true;
-    const auto cloud = readCloud(bytesOf(file));
+    const auto cloud = readLas(bytesOf(file));
     ASSERT_TRUE(cloud);
     EXPECT_EQ(cloud->positions.size(), 3U);
     EXPECT_EQ(cloud->file.vertices, 3U);
@@ -213,7 +195,7 @@ mesh::StreamedFile readWith(const std::string& well_known_text, bool extended = 
   auto& records = extended ? file.extended_records : file.records;
   records.emplace_back(2111, "unknown");
   records.emplace_back(2112, well_known_text + '\0');
-  auto cloud = readCloud(bytesOf(file));
+  auto cloud = readLas(bytesOf(file));
   EXPECT_TRUE(cloud) << cloud.error().message;
   return cloud ? cloud->file : mesh::StreamedFile();
 }
@@ -266,13 +248,13 @@ TEST(LasReader, geoTiffKeysTellTheSystemToo) {
   LasFile file = threePoints();
   file.minor = 2, file.format = 3;
   file.records = {{34735, geoKeys({{1024, 0, 1, 1}, {3072, 0, 1, 2992}, {3076, 0, 1, 9002}})}};
-  auto cloud = readCloud(bytesOf(file));
+  auto cloud = readLas(bytesOf(file));
   ASSERT_TRUE(cloud);
   EXPECT_EQ(cloud->file.georeference.crs, "EPSG:2992");
   EXPECT_EQ(cloud->file.georeference.units, "ft");
 
   file.records = {{34735, geoKeys({{3072, 0, 1, 32767}, {3073, 34737, 9, 4}})}, {34737, "any|My grid|"}};
-  cloud = readCloud(bytesOf(file));
+  cloud = readLas(bytesOf(file));
   ASSERT_TRUE(cloud);
   EXPECT_EQ(cloud->file.georeference.crs, "");
   ASSERT_EQ(cloud->file.warnings.size(), 1U);
@@ -284,7 +266,7 @@ TEST(LasReader, brokenRecordsCostTheSystemAndNotThePoints) {
   file.records = {{2112, kUtm}};
   std::string bytes = bytesOf(file);
   patch(bytes, 375 + 20, std::uint16_t{65535});  // its length
-  const auto cloud = readCloud(bytes);
+  const auto cloud = readLas(bytes);
   ASSERT_TRUE(cloud) << cloud.error().message;
   EXPECT_EQ(cloud->positions.size(), 3U);
   EXPECT_EQ(cloud->file.georeference.crs, "");
@@ -336,15 +318,15 @@ TEST(LasReader, oneOfTheTwoCountsIsEnough) {
   file.format = 3;
   std::string bytes = bytesOf(file);
   patch(bytes, 247, std::uint64_t{0});
-  EXPECT_TRUE(readCloud(bytes));
+  EXPECT_TRUE(readLas(bytes));
   bytes = bytesOf(file);
   patch(bytes, 107, std::uint32_t{0});
-  EXPECT_TRUE(readCloud(bytes));
+  EXPECT_TRUE(readLas(bytes));
 }
 
 TEST(LasReader, contentDecidesOverTheName) {
-  EXPECT_TRUE(readCloud(bytesOf(threePoints()), "cloud.laz"));
-  EXPECT_TRUE(readCloud(bytesOf(threePoints()), "cloud.ply"));
+  EXPECT_TRUE(readLas(bytesOf(threePoints()), "cloud.laz"));
+  EXPECT_TRUE(readLas(bytesOf(threePoints()), "cloud.ply"));
 }
 
 TEST(LasReader, withoutSplatsACloudGetsTheAdviceOfAPly) {
@@ -395,13 +377,13 @@ TEST(LasReader, filesCutAtEveryLengthNeverCrash) {
   LasFile plain = threePoints();
   const std::string without_records = bytesOf(plain);
   for (std::size_t length = 1; length < without_records.size(); ++length)
-    EXPECT_FALSE(readCloud(without_records.substr(0, length))) << length;
+    EXPECT_FALSE(readLas(without_records.substr(0, length))) << length;
 
   // Behind the points a cut costs the records that are there, and is told.
   const std::string whole = fullFile();
   const std::size_t end_of_points = whole.size() - 60 - kUtm.size();
   for (std::size_t length = 1; length < whole.size(); ++length) {
-    const auto read = readCloud(whole.substr(0, length));
+    const auto read = readLas(whole.substr(0, length));
     ASSERT_EQ(static_cast<bool>(read), length >= end_of_points) << length;
     if (read) {
       EXPECT_TRUE(contains(read->file.warnings.front(), "cannot be read"));
@@ -415,7 +397,7 @@ TEST(LasReader, filesWithAnyByteChangedNeverCrash) {
     for (const char value : {'\0', '\1', '\xff', '[', '"'}) {
       std::string broken = whole;
       broken[at] = value;
-      const auto read = readCloud(broken);
+      const auto read = readLas(broken);
       if (!read) {
         EXPECT_EQ(read.error().message.find('\n'), std::string::npos);
       }

@@ -99,4 +99,28 @@ inline double signedVolume(const Mesh& mesh) {
   return volume;
 }
 
+/// The points of a file as they come, of which support::readMesh() would make a mesh.
+struct Cloud {
+  std::vector<glm::dvec3> positions;
+  std::vector<glm::u8vec4> colors;
+  std::vector<glm::vec3> normals;
+  mesh::StreamedFile file;
+};
+
+/// Reads a cloud of these bytes.
+inline base::Result<Cloud> readCloud(const std::string& bytes, const std::string& name) {
+  const std::string path = write(name, bytes);
+  support::WholeMesh whole;
+  mesh::StreamOptions options;
+  options.accepts_points = true;
+  auto read = mesh::streamMesh(path, whole, options);
+  std::remove(path.c_str());
+  if (!read) return read.error();
+  return Cloud{std::move(whole.positions), std::move(whole.colors), std::move(whole.normals), std::move(*read)};
+}
+
+inline bool contains(const std::string& text, const std::string& part) {
+  return text.find(part) != std::string::npos;
+}
+
 }  // namespace mesh_files

@@ -7,37 +7,19 @@ namespace {
 
 using namespace mesh_files;
 
-struct Cloud {
-  std::vector<glm::dvec3> positions;
-  std::vector<glm::u8vec4> colors;
-  std::vector<glm::vec3> normals;
-  mesh::StreamedFile file;
-};
-
-base::Result<Cloud> readCloud(const std::string& text, const std::string& name = "cloud.xyz") {
-  const std::string path = write(name, text);
-  support::WholeMesh whole;
-  mesh::StreamOptions options;
-  options.accepts_points = true;
-  auto read = mesh::streamMesh(path, whole, options);
-  std::remove(path.c_str());
-  if (!read) return read.error();
-  return Cloud{std::move(whole.positions), std::move(whole.colors), std::move(whole.normals), std::move(*read)};
-}
-
-bool contains(const std::string& text, const std::string& part) {
-  return text.find(part) != std::string::npos;
+base::Result<Cloud> readXyz(const std::string& text, const std::string& name = "cloud.xyz") {
+  return readCloud(text, name);
 }
 
 /// The cloud of a text that must be read; empty, and a failed test, where it is refused.
 Cloud cloudOf(const std::string& text, const std::string& name = "cloud.xyz") {
-  auto cloud = readCloud(text, name);
+  auto cloud = readXyz(text, name);
   EXPECT_TRUE(cloud) << cloud.error().message;
   return cloud ? std::move(*cloud) : Cloud();
 }
 
 void expectError(const std::string& text, const std::string& message, const std::string& name = "cloud.xyz") {
-  const auto cloud = readCloud(text, name);
+  const auto cloud = readXyz(text, name);
   ASSERT_FALSE(cloud) << "it was read; wanted: " << message;
   EXPECT_TRUE(contains(cloud.error().message, name + ": " + message)) << cloud.error().message;
   EXPECT_EQ(cloud.error().message.find('\n'), std::string::npos);
@@ -185,7 +167,7 @@ TEST(XyzReader, scansWithCountsFollowEachOther) {
 TEST(XyzReader, allItsNamesAreTriedAndContentComesFirst) {
   for (const std::string name : {"xyz", "txt", "pts", "asc", "csv", "xyzrgb", "xyzn", "XYZ"})
     EXPECT_EQ(cloudOf("1 2 3\n", "cloud." + name).positions.size(), 1U) << name;
-  const auto ply = readCloud(
+  const auto ply = readXyz(
       "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\n"
       "property float z\nend_header\n1 2 3\n");
   EXPECT_TRUE(ply) << ply.error().message;
@@ -256,7 +238,7 @@ TEST(XyzReader, withoutSplatsACloudGetsTheAdviceOfAPly) {
 TEST(XyzReader, filesCutAtEveryLengthNeverCrash) {
   const std::string whole = "\xEF\xBB\xBF//X,Y,Z,R,G,B\n2\n1.5,2,3,0.1,0.2,1\n\n4,5e1,6,0.3,0,7\r\n# end\n";
   for (std::size_t length = 1; length <= whole.size(); ++length) {
-    const auto cloud = readCloud(whole.substr(0, length));
+    const auto cloud = readXyz(whole.substr(0, length));
     if (!cloud) {
       EXPECT_EQ(cloud.error().message.find('\n'), std::string::npos);
     }

@@ -25,7 +25,7 @@ struct PointLevels {
   /// `limit`: what heights count at most.
   explicit PointLevels(std::vector<glm::dvec3> points, float limit = 1e9F) : places(std::move(points)) {
     using namespace lod::pmr::builder;
-    cells = voronoiCells(places, places.size());
+    cells = voronoiCells(places);
     // As the builder does: points of a regular grid lie on no common circle.
     std::mt19937 random(99);
     std::uniform_real_distribution<double> at(0.0, 1e-3);

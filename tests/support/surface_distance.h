@@ -104,27 +104,40 @@ struct SampledDistance {
   double max = 0.0;   ///< over those and all vertices in use
 };
 
+/// Draws random points of a surface, by area.
+class SurfacePoints {
+ public:
+  SurfacePoints(const Surface& surface, std::uint32_t seed) : surface_(surface), random_(seed) {
+    for (std::size_t t = 0; t < surface.triangles(); ++t) {
+      const glm::dvec3 a(surface.corner(t, 0));
+      sum_ += 0.5 * glm::length(glm::cross(glm::dvec3(surface.corner(t, 1)) - a, glm::dvec3(surface.corner(t, 2)) - a));
+      area_sum_.push_back(sum_);
+    }
+  }
+  glm::dvec3 next() {
+    const auto found = std::lower_bound(area_sum_.begin(), area_sum_.end(), unit_(random_) * sum_);
+    const auto t = static_cast<std::size_t>(std::min(found, area_sum_.end() - 1) - area_sum_.begin());
+    const double r = std::sqrt(unit_(random_));
+    const double s = unit_(random_);
+    return (1.0 - r) * glm::dvec3(surface_.corner(t, 0)) + r * (1.0 - s) * glm::dvec3(surface_.corner(t, 1)) +
+           r * s * glm::dvec3(surface_.corner(t, 2));
+  }
+
+ private:
+  const Surface& surface_;
+  std::vector<double> area_sum_;
+  double sum_ = 0.0;
+  std::mt19937 random_;
+  std::uniform_real_distribution<double> unit_{0.0, 1.0};
+};
+
 /// Distances to `to` from `samples` random points of `from` (by area, fixed seed) and from as many of its vertices.
 inline SampledDistance sampledDistance(const Surface& from, const NearestSurface& to, std::size_t samples) {
-  std::vector<double> area_sum;
-  double sum = 0.0;
-  for (std::size_t t = 0; t < from.triangles(); ++t) {
-    const glm::dvec3 a(from.corner(t, 0));
-    sum += 0.5 * glm::length(glm::cross(glm::dvec3(from.corner(t, 1)) - a, glm::dvec3(from.corner(t, 2)) - a));
-    area_sum.push_back(sum);
-  }
   SampledDistance result;
-  std::mt19937 random(7);
-  std::uniform_real_distribution<double> unit(0.0, 1.0);
+  SurfacePoints points(from, 7);
   std::vector<double> distances(samples);
   for (std::size_t i = 0; i < samples; ++i) {
-    const auto found = std::lower_bound(area_sum.begin(), area_sum.end(), unit(random) * sum);
-    const auto t = static_cast<std::size_t>(std::min(found, area_sum.end() - 1) - area_sum.begin());
-    const double r = std::sqrt(unit(random));
-    const double s = unit(random);
-    const glm::dvec3 p = (1.0 - r) * glm::dvec3(from.corner(t, 0)) + r * (1.0 - s) * glm::dvec3(from.corner(t, 1)) +
-                         r * s * glm::dvec3(from.corner(t, 2));
-    const double d = to.distance(glm::vec3(p));
+    const double d = to.distance(glm::vec3(points.next()));
     result.mean += d / static_cast<double>(samples);
     result.rms += d * d / static_cast<double>(samples);
     result.max = std::max(result.max, d);

@@ -31,12 +31,10 @@ inline std::vector<std::uint32_t> thinnedTo(const std::vector<glm::dvec3>& place
   const auto cellOf = [distance](const glm::dvec3& p) { return glm::ivec3(glm::floor(p / distance)); };
   std::map<std::tuple<int, int, int>, std::vector<std::uint32_t>> grid;
   std::vector<std::uint32_t> left;
-  for (const std::uint32_t i : [&] {
-         std::vector<std::uint32_t> order(places.size());
-         std::iota(order.begin(), order.end(), 0U);
-         std::shuffle(order.begin(), order.end(), std::mt19937(seed));
-         return order;
-       }()) {
+  std::vector<std::uint32_t> order(places.size());
+  std::iota(order.begin(), order.end(), 0U);
+  std::shuffle(order.begin(), order.end(), std::mt19937(seed));
+  for (const std::uint32_t i : order) {
     const glm::ivec3 c = cellOf(places[i]);
     bool near = false;
     for (int k = 0; k < 27 && !near; ++k) {
@@ -92,26 +90,10 @@ inline void addRing(Surface& surface, const glm::dvec3& at, double major, double
     }
 }
 
-/// Random points of a surface, by area.
 inline std::vector<glm::dvec3> pointsOn(const Surface& surface, std::size_t count, std::uint32_t seed) {
-  std::vector<double> area;
-  double sum = 0.0;
-  for (std::size_t t = 0; t < surface.triangles(); ++t) {
-    const glm::dvec3 a(surface.corner(t, 0)), b(surface.corner(t, 1)), c(surface.corner(t, 2));
-    area.push_back(sum += glm::length(glm::cross(b - a, c - a)));
-  }
-  std::mt19937 random(seed);
-  std::uniform_real_distribution<double> unit(0.0, 1.0);
+  SurfacePoints random(surface, seed);
   std::vector<glm::dvec3> points;
-  while (points.size() < count) {
-    const auto t = static_cast<std::size_t>(
-        std::min<std::ptrdiff_t>(std::lower_bound(area.begin(), area.end(), sum * unit(random)) - area.begin(),
-                                 static_cast<std::ptrdiff_t>(area.size()) - 1));
-    double u = unit(random), v = unit(random);
-    if (u + v > 1.0) u = 1.0 - u, v = 1.0 - v;
-    const glm::dvec3 a(surface.corner(t, 0)), b(surface.corner(t, 1)), c(surface.corner(t, 2));
-    points.push_back(a + u * (b - a) + v * (c - a));
-  }
+  while (points.size() < count) points.push_back(random.next());
   return points;
 }
 

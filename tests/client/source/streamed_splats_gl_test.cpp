@@ -2,100 +2,43 @@
 
 #include <gtest/gtest.h>
 
-#include "base/egl/headless.h"
-#include "base/gl/gl.h"
-#include "client/viewer/viewer.h"
-#include "tests/support/range_host.h"
 #include "tests/support/splat_tree.h"
+#include "tests/support/streamed_viewer.h"
 #include "tests/support/test_meshes.h"
 
 namespace client {
 namespace {
 
-constexpr int kSize = 256;
-
-/// Views splats without a network.
-class StreamedSplatsTest : public ::testing::Test {
+class StreamedSplatsTest : public support::StreamedViewer<StreamedSplats> {
  protected:
-  void SetUp() override {
-    auto made = base::HeadlessContext::create();
-    if (!made) GTEST_SKIP() << made.error().message;
-    context_ = std::move(*made);
-    auto target = base::gl::RenderTarget::create(kSize, kSize);
-    ASSERT_TRUE(bool(target));
-    target_ = std::move(*target);
-  }
   static const base::Bytes& file() {
     static const base::Bytes bytes = support::splatFile(support::bumpySphere(120, 240, 0.1F));
     return bytes;
   }
   void open(StreamedOptions options) {
-    ViewerOptions viewer;
-    viewer.method = Method::kQsplat;
-    viewer_ = std::make_unique<Viewer>(viewer, std::make_unique<support::NoDecoder>());
-    auto host = std::make_unique<support::RangeHost>("qsplat.lgq", file());
-    host_ = host.get();
-    protocol::Welcome welcome;
-    welcome.scene_name = "ball";
-    welcome.box_min = glm::vec3(-1.2F);
-    welcome.box_max = glm::vec3(1.2F);
     options.idle_bytes = 0;
-    splats_ = std::make_shared<StreamedSplats>(FilePlace{"http://host/ball", "qsplat.lgq", file().size()}, welcome,
-                                               std::move(host), options);
-    viewer_->setStreamed(splats_);
+    openAtHost(viewerOptions(), "qsplat.lgq", file(), 1.2F, options);
   }
-  static base::ViewCamera view(double turn = 0.0) {
-    base::ViewCamera camera;
-    camera.position = {3.0 * std::sin(turn), 0.0, 3.0 * std::cos(turn)};
-    camera.direction = -glm::normalize(camera.position);
-    camera.width = camera.height = kSize;
-    return camera;
-  }
-  void pump() { splats_->pump(viewer_->session(), now_ += 0.02); }
-  base::Image draw(const base::ViewCamera& camera) {
-    target_.bind();
-    EXPECT_TRUE(bool(viewer_->draw(camera, now_)));
-    return target_.read();
-  }
-  void fetchAll(const base::ViewCamera& camera) {
-    ASSERT_TRUE(bool(viewer_->update(camera, now_)));
-    for (int i = 0; i < 5000 && !viewer_->allHere(); ++i) {
-      pump();
-      ASSERT_TRUE(bool(viewer_->update(camera, now_)));
-    }
-    ASSERT_TRUE(viewer_->allHere());
-  }
-
-  /// Shows the whole file, as if it were mapped.
+  /// Shows the whole file, as one that is on this machine.
   void openWhole(const StreamedOptions& options, const base::Bytes& bytes) {
-    ViewerOptions viewer;
-    viewer.method = Method::kQsplat;
-    viewer_ = std::make_unique<Viewer>(viewer, std::make_unique<support::NoDecoder>());
     const auto header = lod::qsplat::readHeader(bytes);
     ASSERT_TRUE(bool(header));
-    splats_ = std::make_shared<StreamedSplats>(FilePlace{"ball", "qsplat.lgq", bytes.size()}, protocol::Welcome(),
-                                               std::make_shared<lod::qsplat::MemoryBlocks>(bytes, *header), options);
-    viewer_->setStreamed(splats_);
+    show(viewerOptions(),
+         std::make_shared<StreamedSplats>(FilePlace{"ball", "qsplat.lgq", bytes.size()}, protocol::Welcome(),
+                                          std::make_shared<lod::qsplat::MemoryBlocks>(bytes, *header), options));
   }
-
-  std::unique_ptr<base::HeadlessContext> context_;
-  base::gl::RenderTarget target_;
-  std::unique_ptr<Viewer> viewer_;
-  std::shared_ptr<StreamedSplats> splats_;
-  support::RangeHost* host_ = nullptr;
-  double now_ = 0.0;
+  static ViewerOptions viewerOptions() {
+    ViewerOptions options;
+    options.method = Method::kQsplat;
+    return options;
+  }
+  static base::ViewCamera view(double turn = 0.0) { return viewFrom(turn, 3.0); }
 };
 
 StreamedOptions still() {
   StreamedOptions options;
   options.frame_seconds = 0.0;
   return options;
-}
-
-// Each frame takes twice the time that it may.
-void makeLate(StreamedOptions& options, double& clock) {
-  options.clock = [&clock] { return clock += 0.2; };
-  options.frame_seconds = 0.1;
 }
 
 TEST_F(StreamedSplatsTest, theFinishedPictureDoesNotDependOnHowItCame) {
@@ -122,8 +65,8 @@ TEST_F(StreamedSplatsTest, aWholeFileIsShownAtOnceAsIfItHadComeAndDamagedBlocksA
   pump();
   EXPECT_EQ(viewer_->session().phase(), SessionPhase::kReady);
   EXPECT_EQ(draw(view()).pixels, streamed.pixels);
-  EXPECT_TRUE(splats_->complete());
-  EXPECT_FALSE(splats_->busy());
+  EXPECT_TRUE(streamed_->complete());
+  EXPECT_FALSE(streamed_->busy());
   EXPECT_EQ(viewer_->stats().streamed.warning, "");
   EXPECT_EQ(viewer_->stats().streamed.splats.stream.requests, 0U);
 
@@ -133,7 +76,7 @@ TEST_F(StreamedSplatsTest, aWholeFileIsShownAtOnceAsIfItHadComeAndDamagedBlocksA
   openWhole(still(), spoiled);
   pump();
   EXPECT_NE(draw(view()).pixels, streamed.pixels);
-  EXPECT_TRUE(splats_->complete());
+  EXPECT_TRUE(streamed_->complete());
   EXPECT_NE(viewer_->stats().streamed.warning.find("damaged: checksum does not match"), std::string::npos);
   EXPECT_GT(viewer_->stats().broken, 0U);
 }
@@ -154,11 +97,11 @@ TEST_F(StreamedSplatsTest, anotherQualityShowsInTheNextPictureAsIfItHadBeenThere
   }
   // All blocks have arrived.
   for (const std::size_t i : {0U, 2U, 1U, 3U, 0U}) {
-    splats_->setQuality(qualities[i]);
-    EXPECT_EQ(splats_->quality(), qualities[i]);
+    streamed_->setQuality(qualities[i]);
+    EXPECT_EQ(streamed_->quality(), qualities[i]);
     EXPECT_EQ(draw(view()).pixels, pictures[i].pixels) << "quality " << i;
-    EXPECT_FALSE(splats_->busy());
-    EXPECT_TRUE(splats_->complete());
+    EXPECT_FALSE(streamed_->busy());
+    EXPECT_TRUE(streamed_->complete());
   }
 }
 
@@ -232,8 +175,8 @@ TEST_F(StreamedSplatsTest, aPictureAtRestIsDrawnAgainWhenAllIsHereOrDrawingHadIt
   options.clock = [&] { return clock += drawing; };
   open(options);
   // The link is so slow that few requests may be under way; draw until a picture lacks more than that.
-  const auto stream = [&] { return splats_->stats().splats.stream; };
-  const auto next = [&] { splats_->pump(viewer_->session(), now_ += 1.0); };
+  const auto stream = [&] { return streamed_->stats().splats.stream; };
+  const auto next = [&] { streamed_->pump(viewer_->session(), now_ += 1.0); };
   do {
     next();
     draw(view());
@@ -260,8 +203,8 @@ TEST_F(StreamedSplatsTest, requestsAreOrderedAnewWhileOthersAreUnderWayOnceChoos
   StreamedOptions options = still();
   double clock = 0.0, choosing = 0.0;
   options.clock = [&] { return clock += choosing; };
-  const auto stream = [&] { return splats_->stats().splats.stream; };
-  const auto next = [&] { splats_->pump(viewer_->session(), now_ += 1.0); };
+  const auto stream = [&] { return streamed_->stats().splats.stream; };
+  const auto next = [&] { streamed_->pump(viewer_->session(), now_ += 1.0); };
   const auto update = [&] { EXPECT_TRUE(bool(viewer_->update(view(), now_))); };
   open(options);
   do {
@@ -276,16 +219,16 @@ TEST_F(StreamedSplatsTest, requestsAreOrderedAnewWhileOthersAreUnderWayOnceChoos
   update();
   const double chosen = clock;
   choosing = 0.0;
-  const std::uint64_t nodes = splats_->stats().splats.nodes;
+  const std::uint64_t nodes = streamed_->stats().splats.nodes;
   next();
   ASSERT_GT(stream().wanted, 0U);
   ASSERT_GT(stream().requested, 0U);
   clock = chosen + 1.4;
   update();
-  EXPECT_EQ(splats_->stats().splats.nodes, nodes) << "before three times what choosing took";
+  EXPECT_EQ(streamed_->stats().splats.nodes, nodes) << "before three times what choosing took";
   clock = chosen + 1.6;
   update();
-  EXPECT_GT(splats_->stats().splats.nodes, nodes) << "only when all requests were answered";
+  EXPECT_GT(streamed_->stats().splats.nodes, nodes) << "only when all requests were answered";
 }
 
 TEST_F(StreamedSplatsTest, throughTheLensThePictureIsFinerAndElsewhereTheSame) {
@@ -378,7 +321,7 @@ TEST_F(StreamedSplatsTest, aLostContextAndALostHostComeBack) {
   pump();
   pump();
   EXPECT_EQ(viewer_->session().phase(), SessionPhase::kDisconnected);
-  EXPECT_NE(viewer_->session().problem().find("http://host/ball/qsplat.lgq: no answer"), std::string::npos);
+  EXPECT_NE(viewer_->session().problem().find("http://host/scene/qsplat.lgq: no answer"), std::string::npos);
   EXPECT_EQ(draw(view()).pixels, before.pixels) << "what is here can be looked at";
   host_->outcome = FetchOutcome::kBytes;
   now_ += 10.0;

@@ -2,86 +2,34 @@
 
 #include <gtest/gtest.h>
 
-#include "base/egl/headless.h"
-#include "base/gl/gl.h"
-#include "client/viewer/viewer.h"
 #include "tests/support/made_pmr.h"
-#include "tests/support/range_host.h"
+#include "tests/support/streamed_viewer.h"
 
 namespace client {
 namespace {
 
-constexpr int kSize = 256;
-
-/// Views points and umbrellas without a network.
-class StreamedUmbrellasTest : public ::testing::Test {
+class StreamedUmbrellasTest : public support::StreamedViewer<StreamedUmbrellas> {
  protected:
-  void SetUp() override {
-    auto made = base::HeadlessContext::create();
-    if (!made) GTEST_SKIP() << made.error().message;
-    context_ = std::move(*made);
-    auto target = base::gl::RenderTarget::create(kSize, kSize);
-    ASSERT_TRUE(bool(target));
-    target_ = std::move(*target);
-  }
   static const base::Bytes& file() {
     static const base::Bytes bytes = support::madePmr(128).file;
     return bytes;
   }
   void open(const StreamedOptions& options, const base::Bytes& bytes = file(), int samples = 1) {
-    viewer_ = makeViewer(samples);
-    auto host = std::make_unique<support::RangeHost>("pmr.lgm", bytes);
-    host_ = host.get();
-    protocol::Welcome welcome;
-    welcome.scene_name = "torus";
-    welcome.box_min = glm::vec3(-1.5F);
-    welcome.box_max = glm::vec3(1.5F);
-    umbrellas_ = std::make_shared<StreamedUmbrellas>(FilePlace{"http://host/torus", "pmr.lgm", bytes.size()}, welcome,
-                                                     std::move(host), options);
-    viewer_->setStreamed(umbrellas_);
+    openAtHost(viewerOptions(samples), "pmr.lgm", bytes, 1.5F, options);
   }
   /// Shows a whole file, as one that is on this machine.
   void openWhole(const StreamedOptions& options, const base::Bytes& bytes) {
-    viewer_ = makeViewer(1);
-    umbrellas_ = std::make_shared<StreamedUmbrellas>(FilePlace{"torus", "pmr.lgm", bytes.size()}, protocol::Welcome(),
-                                                     std::make_shared<lod::MemoryBytes>(bytes), options);
-    viewer_->setStreamed(umbrellas_);
+    show(viewerOptions(1),
+         std::make_shared<StreamedUmbrellas>(FilePlace{"torus", "pmr.lgm", bytes.size()}, protocol::Welcome(),
+                                             std::make_shared<lod::MemoryBytes>(bytes), options));
   }
-  static std::unique_ptr<Viewer> makeViewer(int samples) {
+  static ViewerOptions viewerOptions(int samples) {
     ViewerOptions options;
     options.method = Method::kPmr;
     options.samples = samples;
-    return std::make_unique<Viewer>(options, std::make_unique<support::NoDecoder>());
+    return options;
   }
-  static base::ViewCamera view(double turn = 0.0, double distance = 3.5) {
-    base::ViewCamera camera;
-    camera.position = {distance * std::sin(turn), 0.0, distance * std::cos(turn)};
-    camera.direction = -glm::normalize(camera.position);
-    camera.width = camera.height = kSize;
-    return camera;
-  }
-  void pump() { umbrellas_->pump(viewer_->session(), now_ += 0.02); }
-  base::Image draw(const base::ViewCamera& camera) {
-    target_.bind();
-    EXPECT_TRUE(bool(viewer_->draw(camera, now_)));
-    EXPECT_EQ(base::gl::takeError(), "");
-    return readPicture(target_, *viewer_);
-  }
-  void fetchAll(const base::ViewCamera& camera) {
-    ASSERT_TRUE(bool(viewer_->update(camera, now_)));
-    for (int i = 0; i < 5000 && !viewer_->allHere(); ++i) {
-      pump();
-      ASSERT_TRUE(bool(viewer_->update(camera, now_)));
-    }
-    ASSERT_TRUE(viewer_->allHere());
-  }
-
-  std::unique_ptr<base::HeadlessContext> context_;
-  base::gl::RenderTarget target_;
-  std::unique_ptr<Viewer> viewer_;
-  std::shared_ptr<StreamedUmbrellas> umbrellas_;
-  support::RangeHost* host_ = nullptr;
-  double now_ = 0.0;
+  static base::ViewCamera view(double turn = 0.0, double distance = 3.5) { return viewFrom(turn, distance); }
 };
 
 StreamedOptions still() {
@@ -113,7 +61,7 @@ TEST_F(StreamedUmbrellasTest, theFinishedPictureDoesNotDependOnHowItCame) {
   pump();
   EXPECT_EQ(viewer_->session().phase(), SessionPhase::kReady);
   EXPECT_EQ(draw(view()).pixels, at_once.pixels);
-  EXPECT_TRUE(umbrellas_->complete());
+  EXPECT_TRUE(streamed_->complete());
   EXPECT_EQ(viewer_->stats().streamed.requests, 0U);
 }
 
@@ -126,11 +74,11 @@ TEST_F(StreamedUmbrellasTest, aFrameDecodesItsShareAndTheRestComesInTheNextOnes)
   openWhole(options, file());
   pump();
   draw(view());
-  EXPECT_FALSE(umbrellas_->complete());
+  EXPECT_FALSE(streamed_->complete());
   int frames = 1;
   for (; viewer_->stats().busy && frames < 1000; ++frames) draw(view());
   EXPECT_GT(frames, 5);
-  EXPECT_TRUE(umbrellas_->complete());
+  EXPECT_TRUE(streamed_->complete());
   EXPECT_EQ(draw(view()).pixels, whole.pixels);
 }
 
@@ -145,7 +93,7 @@ TEST_F(StreamedUmbrellasTest, damagedChunksAreNamedAndOtherLevelsStandInForThem)
   for (int i = 0; i < 50; ++i) draw(view());
   const base::Image picture = draw(view());
   EXPECT_NE(picture.pixels, intact.pixels);
-  EXPECT_TRUE(umbrellas_->complete());
+  EXPECT_TRUE(streamed_->complete());
   EXPECT_NE(viewer_->stats().streamed.warning, "");
   EXPECT_EQ(viewer_->stats().last_fault, viewer_->stats().streamed.warning);
   EXPECT_GT(viewer_->stats().broken, 0U);
@@ -169,21 +117,21 @@ TEST_F(StreamedUmbrellasTest, anotherToleranceShowsInTheNextPictureAsIfItHadBeen
   EXPECT_LT(4 * drawn[1], drawn[0]);
   EXPECT_GE(drawn[2], drawn[0]);
   for (const std::size_t i : {0U, 2U, 1U, 0U}) {
-    umbrellas_->setQuality(qualities[i]);
-    EXPECT_EQ(umbrellas_->quality(), qualities[i]);
+    streamed_->setQuality(qualities[i]);
+    EXPECT_EQ(streamed_->quality(), qualities[i]);
     fetchAll(view());
     EXPECT_EQ(draw(view()).pixels, pictures[i].pixels) << "quality " << i;
   }
   StreamedQuality least = qualities[0];
   least.tolerance = 0.0F;
-  umbrellas_->setQuality(least);
-  EXPECT_EQ(umbrellas_->quality().tolerance, kMinTolerance);
+  streamed_->setQuality(least);
+  EXPECT_EQ(streamed_->quality().tolerance, kMinTolerance);
 }
 
 TEST_F(StreamedUmbrellasTest, aMovingViewIsAsCoarseAsTheRateAsksForAndRestRefinesItStepByStep) {
   double clock = 0.0;
   StreamedOptions options;
-  options.clock = [&clock] { return clock += 0.2; };  // each frame takes twice the time that it may
+  makeLate(options, clock);
   open(options);
   host_->at_a_time = 100;
   for (int i = 0; i < 200; ++i) {

@@ -7,6 +7,7 @@
 
 #include "base/egl/headless.h"
 #include "base/gl/gl.h"
+#include "tests/support/compared_pictures.h"
 #include "tests/support/splat_tree.h"
 #include "tests/support/temporary_directory.h"
 #include "tests/support/test_meshes.h"
@@ -59,17 +60,6 @@ class SplatSceneTest : public testing::Test {
   std::unique_ptr<SplatScene> renderer_;
 };
 
-double shareDifferent(const base::Image& a, const base::Image& b) {
-  EXPECT_EQ(a.pixels.size(), b.pixels.size());
-  std::size_t different = 0;
-  for (std::size_t i = 0; i < a.pixels.size(); i += 4) {
-    int most = 0;
-    for (std::size_t c = 0; c < 4; ++c) most = std::max(most, std::abs(a.pixels[i + c] - b.pixels[i + c]));
-    different += most > 24 ? 1 : 0;
-  }
-  return static_cast<double>(different) / (static_cast<double>(a.pixels.size()) / 4.0);
-}
-
 TEST_F(SplatSceneTest, aPictureInTilesIsThatInOne) {
   for (const auto kernel : {lod::draw::SplatKernel::kSquare, lod::draw::SplatKernel::kFuzzy}) {
     SplatOptions options;
@@ -80,7 +70,7 @@ TEST_F(SplatSceneTest, aPictureInTilesIsThatInOne) {
     options.max_target_samples = 5000;
     auto tiled = renderer().render(camera(150, 90), options);
     ASSERT_TRUE(tiled) << tiled.error().message;
-    EXPECT_LT(shareDifferent(whole->rgba, tiled->rgba), 0.01);
+    EXPECT_LT(support::shareDifferent(whole->rgba, tiled->rgba), 0.01);
     EXPECT_GT(tiled->splats, whole->splats) << "some belong to several tiles";
   }
 }
@@ -124,7 +114,7 @@ TEST_F(SplatSceneTest, backFacesAreLeftOutUnlessAskedFor) {
   auto all = renderer().render(camera(120, 90), options);
   ASSERT_TRUE(culled && all);
   EXPECT_GT(static_cast<double>(all->splats), 1.4 * static_cast<double>(culled->splats));
-  EXPECT_LT(shareDifferent(culled->rgba, all->rgba), 0.02) << "a closed surface looks the same";
+  EXPECT_LT(support::shareDifferent(culled->rgba, all->rgba), 0.02) << "a closed surface looks the same";
 }
 
 TEST_F(SplatSceneTest, aDamagedBlockIsAnErrorThatNamesIt) {

@@ -7,6 +7,7 @@
 #include "base/egl/headless.h"
 #include "base/file.h"
 #include "base/gl/gl.h"
+#include "tests/support/compared_pictures.h"
 #include "tests/support/made_pmr.h"
 #include "tests/support/temporary_directory.h"
 
@@ -55,17 +56,6 @@ class UmbrellaSceneTest : public testing::Test {
   std::unique_ptr<UmbrellaScene> renderer_;
 };
 
-double shareDifferent(const base::Image& a, const base::Image& b) {
-  EXPECT_EQ(a.pixels.size(), b.pixels.size());
-  std::size_t different = 0;
-  for (std::size_t i = 0; i < a.pixels.size(); i += 4) {
-    int most = 0;
-    for (std::size_t c = 0; c < 4; ++c) most = std::max(most, std::abs(a.pixels[i + c] - b.pixels[i + c]));
-    different += most > 24 ? 1 : 0;
-  }
-  return static_cast<double>(different) / (static_cast<double>(a.pixels.size()) / 4.0);
-}
-
 // Cameras of tiles round otherwise, which moves the edge of a triangle by a sample here and there.
 TEST_F(UmbrellaSceneTest, aPictureInTilesIsThatInOne) {
   for (const auto& [away, tolerance] : {std::pair(1.0, 1.0F), {3.0, 1.0F}, {6.0, 0.25F}}) {
@@ -77,7 +67,7 @@ TEST_F(UmbrellaSceneTest, aPictureInTilesIsThatInOne) {
     options.max_target_samples = 500;
     const auto tiled = renderer().render(camera(150, 90, away), options);
     ASSERT_TRUE(tiled) << tiled.error().message;
-    EXPECT_LT(shareDifferent(whole->rgba, tiled->rgba), 0.0005) << away;
+    EXPECT_LT(support::shareDifferent(whole->rgba, tiled->rgba), 0.0005) << away;
     EXPECT_GT(tiled->triangles + tiled->points, whole->triangles + whole->points) << "some leaves lie in several tiles";
   }
 }
