@@ -16,6 +16,9 @@ namespace {
 /// samples of the picture (client/viewer/memory_plan.h).
 constexpr std::uint64_t kStreamShare = 7;
 constexpr std::uint64_t kGpuShare = 5;
+/// While chunks arrive and the view rests, drawing takes one part of the time and the link and decoding three: a page
+/// has one thread for all, and a frame of two million triangles takes a second on some machines.
+constexpr std::uint32_t kRestPerFrame = 3;
 
 StreamedOptions checked(StreamedOptions options) {
   options.tolerance = std::max(options.tolerance, kMinTolerance);
@@ -116,16 +119,42 @@ void StreamedUmbrellas::update(const base::Camera& camera, const StreamedLook& l
   const bool same_view =
       chosen_ && base::sameCamera(camera, camera_) && look.section == section_ && tolerance == tolerance_;
   if (same_view && stream_.generation() == chosen_generation_ && !stream_.decoding()) return;
+  if (same_view && moreIsComing() && !hasRested()) return;
   camera_ = camera;
   section_ = look.section;
   tolerance_ = tolerance;
   chosen_ = true;
+  // A view that rests makes up for the frames in between, which are not drawn.
+  choose(same_view ? 1 + kRestPerFrame : 1);
+}
+
+void StreamedUmbrellas::choose(std::uint32_t frames) {
   lod::pmr::TraverseRequest request;
-  request.camera = camera;
-  request.tolerance = tolerance;
-  request.section = look.section;
+  request.camera = camera_;
+  request.tolerance = tolerance_;
+  request.section = section_;
   chosen_generation_ = stream_.generation();
-  stream_.update(request, leaves_);
+  stream_.update(request, leaves_, frames);
+}
+
+bool StreamedUmbrellas::pump(Session& session, double now) {
+  const bool came = file_.pump(stream_, session, now);
+  // Between the frames of a view that rests, what comes is decoded while the link goes on.
+  if (came && chosen_ && moreIsComing() && !hasRested()) {
+    choose(1);
+    has_undrawn_ = true;
+  }
+  return came;
+}
+
+/// Whether requests are under way for a view that lacks something.
+bool StreamedUmbrellas::moreIsComing() const {
+  return !stream_.complete() && stream_.stats().under_way > 0;
+}
+
+/// Whether the last frame was so long ago that the next one may come before all requests are answered.
+bool StreamedUmbrellas::hasRested() const {
+  return !options_.clock || options_.clock() - frame_end_ >= kRestPerFrame * frame_seconds_;
 }
 
 // ---- drawing ----
@@ -136,9 +165,13 @@ base::Result<void> StreamedUmbrellas::draw(const base::Camera& camera, const Str
   const bool moved = pace_.beginFrame(camera);
   update(camera, look);
   LUMIGRID_TRY(drawChosen(camera, look));
-  if (moved && stream_.header() != nullptr && options_.clock && pace_.isOn()) {
+  has_undrawn_ = false;
+  const bool paced = moved && pace_.isOn();
+  if (stream_.header() != nullptr && options_.clock && (paced || moreIsComing())) {
     waitForGpu();
-    pace_.recordFrame(now() - begin, count_.points + count_.triangles);
+    frame_end_ = now();
+    frame_seconds_ = frame_end_ - begin;
+    if (paced) pace_.recordFrame(frame_seconds_, count_.points + count_.triangles);
   }
   return {};
 }
@@ -183,13 +216,14 @@ void StreamedUmbrellas::setQuality(const StreamedQuality& quality) {
 // ---- figures ----
 
 bool StreamedUmbrellas::complete() const {
-  return chosen_ && stream_.complete() && chosen_generation_ == stream_.generation() &&
+  return chosen_ && !has_undrawn_ && stream_.complete() && chosen_generation_ == stream_.generation() &&
          tolerance_ <= options_.tolerance;
 }
 
 bool StreamedUmbrellas::busy() const {
-  if (!chosen_) return false;
-  return tolerance_ > options_.tolerance || stream_.decoding() || chosen_generation_ != stream_.generation();
+  if (!chosen_ || tolerance_ > options_.tolerance) return chosen_;
+  if (!has_undrawn_ && !stream_.decoding() && chosen_generation_ == stream_.generation()) return false;
+  return !moreIsComing() || hasRested();
 }
 
 std::vector<StatisticsLine> describeUmbrellas(const StreamedStats& s) {

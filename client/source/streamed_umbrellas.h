@@ -20,7 +20,7 @@ class StreamedUmbrellas final : public StreamedView {
   StreamedUmbrellas(FilePlace file, const protocol::Welcome& welcome, std::shared_ptr<const lod::FileBytes> bytes,
                     const StreamedOptions& options);
 
-  bool pump(Session& session, double now) override { return file_.pump(stream_, session, now); }
+  bool pump(Session& session, double now) override;
   const base::Sphere* bounds() const override;
   void update(const base::Camera& camera, const StreamedLook& look) override;
   base::Result<void> draw(const base::Camera& camera, const StreamedLook& look) override;
@@ -35,6 +35,9 @@ class StreamedUmbrellas final : public StreamedView {
   StreamedStats stats() const override;
 
  private:
+  void choose(std::uint32_t frames);
+  bool moreIsComing() const;
+  bool hasRested() const;
   float wantedTolerance() const { return pace_.wantedPx(options_.tolerance); }
   base::Result<void> drawChosen(const base::Camera& camera, const StreamedLook& look);
 
@@ -46,9 +49,11 @@ class StreamedUmbrellas final : public StreamedView {
   std::vector<lod::pmr::DrawnLeaf> leaves_;
   std::uint64_t chosen_generation_ = 0;  ///< generation of the stream when leaves_ was chosen
   bool chosen_ = false;
-  base::Camera camera_;  ///< camera for which leaves_ was chosen; the next two members belong to that choice, too
+  bool has_undrawn_ = false;  ///< leaves_ was chosen anew since the last drawing
+  base::Camera camera_;       ///< camera for which leaves_ was chosen; the next two members belong to that choice, too
   glm::vec4 section_ = base::kNoSection;
   float tolerance_ = 1.0F;
+  double frame_end_ = 0.0, frame_seconds_ = 0.0;  ///< of the last frame that was timed
 
   lod::draw::UmbrellaCount count_;  ///< of the last drawing
   std::unique_ptr<lod::draw::UmbrellaRenderer> renderer_;

@@ -74,14 +74,14 @@ struct Stream::State {
 
   // ---- frames ----
 
-  void update(const TraverseRequest& request, std::vector<DrawnLeaf>& result);
+  void update(const TraverseRequest& request, std::vector<DrawnLeaf>& result, std::uint32_t frames);
   void plan();
   std::uint32_t attainable(std::uint32_t leaf, std::uint32_t level) const;
   void queueMissing();
   void show(const base::Camera& camera, std::vector<DrawnLeaf>& result);
   std::uint32_t bestHere(std::uint32_t leaf) const;
   bool decode(std::uint32_t leaf, std::uint32_t level);
-  bool mayDecode() const { return options.decode_per_frame == 0 || decoded < options.decode_per_frame; }
+  bool mayDecode() const { return may_decode == 0 || decoded < may_decode; }
 
   // ---- the link ----
 
@@ -120,8 +120,9 @@ struct Stream::State {
   std::vector<ChunkId> queue;  // the last frame's missing chunks, most urgent first
   std::size_t queue_at = 0;
   LinkEstimate link;
-  std::uint64_t decoded = 0;  // points and triangles of this frame
-  std::uint64_t waiting = 0;  // leaves that are not shown at their planned level
+  std::uint64_t decoded = 0;     // points and triangles of this frame
+  std::uint64_t may_decode = 0;  // 0: no limit
+  std::uint64_t waiting = 0;     // leaves that are not shown at their planned level
   std::uint64_t lacking = 0;
   bool is_decoding = false, is_limited = false;
 
@@ -135,9 +136,10 @@ struct Stream::State {
 
 // ---- frames ----
 
-void Stream::State::update(const TraverseRequest& request, std::vector<DrawnLeaf>& result) {
+void Stream::State::update(const TraverseRequest& request, std::vector<DrawnLeaf>& result, std::uint32_t frames) {
   result.clear();
   if (!cache) return;
+  may_decode = frames * options.decode_per_frame;
   ++frame;
   octree->choose(leaves, request, chosen);
   plan();
@@ -219,7 +221,7 @@ void Stream::State::show(const base::Camera& camera, std::vector<DrawnLeaf>& res
   decoded = waiting = lacking = 0;
   is_decoding = false;
   // With little time for decoding, a hole in the picture is worse than a coarse leaf.
-  if (options.decode_per_frame != 0)
+  if (may_decode != 0)
     for (const ChosenLeaf& one : chosen)
       if (const LeafState& state = (*cache)[one.leaf];
           state.planned != kNoLevel && !state.hasPicture() && state.has(kCoarsest) && mayDecode())
@@ -446,8 +448,8 @@ std::span<const Leaf> Stream::leaves() const {
   return state_->leaves;
 }
 
-void Stream::update(const TraverseRequest& request, std::vector<DrawnLeaf>& result) {
-  state_->update(request, result);
+void Stream::update(const TraverseRequest& request, std::vector<DrawnLeaf>& result, std::uint32_t frames) {
+  state_->update(request, result, frames);
 }
 std::uint64_t Stream::generation() const {
   return state_->generation;
@@ -542,6 +544,7 @@ StreamStats Stream::stats() const {
   stats.leaves = s.leaves.size();
   stats.chosen = s.chosen.size();
   stats.lacking = s.lacking;
+  stats.under_way = s.under_way.size();
   if (!s.cache) return stats;
   stats.present = s.cache->leavesWithPicture();
   stats.memory_bytes = s.cache->bytes() + s.leaves.size() * (sizeof(Leaf) + sizeof(LeafState));

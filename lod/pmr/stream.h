@@ -25,7 +25,7 @@ struct StreamOptions {
   /// Limit for chunks and decoded leaves together, besides the table; at least kMinStreamMemory. Leaves that no frame
   /// has used for the longest time are dropped; what a view needs beyond it stays coarse.
   std::uint64_t memory_bytes = 256'000'000;
-  std::size_t max_requests = 16;              ///< under way at a time
+  std::size_t max_requests = 64;              ///< under way at a time
   std::uint64_t max_request_bytes = 262'144;  ///< neighbouring chunks are joined up to this
   /// Points and triangles decoded for a frame, about; the rest waits for the next one. 0: no limit.
   std::uint64_t decode_per_frame = 0;
@@ -64,7 +64,8 @@ struct StreamStats {
   std::uint64_t bytes_received = 0;       ///< unusable answers included
   std::uint64_t memory_bytes = 0;         ///< chunks, decoded leaves and table
   std::uint64_t requests = 0, failures = 0;
-  std::uint64_t damaged = 0;  ///< chunks that came damaged three times and were given up
+  std::uint64_t under_way = 0;  ///< requests that have no answer yet
+  std::uint64_t damaged = 0;    ///< chunks that came damaged three times and were given up
 };
 
 class Stream {
@@ -82,8 +83,9 @@ class Stream {
   // ---- frames ----
 
   /// Finds the leaves to draw from what is here, decoding as much as a frame may, and queues what is missing in place
-  /// of what earlier frames queued. `result` is replaced: front to back. Finds nothing before header().
-  void update(const TraverseRequest& request, std::vector<DrawnLeaf>& result);
+  /// of what earlier frames queued. `result` is replaced: front to back. Finds nothing before header(). `frames`: how
+  /// many frames' share may be decoded, for views that are drawn less often.
+  void update(const TraverseRequest& request, std::vector<DrawnLeaf>& result, std::uint32_t frames = 1);
   /// Rises when another update() of the same view may find more.
   std::uint64_t generation() const;
   /// Whether the last update() had all it asked for that can be had.

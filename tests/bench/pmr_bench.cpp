@@ -1,17 +1,20 @@
-// pmr_bench MESH [--runs N] [--only speed|decimation] [--memory BYTES]
+// pmr_bench MESH [--runs N] [--only speed|decimation] [--memory BYTES] [--chart FILE.svg]
 // speed: `lumigrid build --methods pmr` of the mesh's vertices, on one core and on two, beside CGAL's bare Delaunay
 // triangulation of the same points in memory, run in turn; and the rate of Dey and Hudson 2002, table 1.
 // decimation: at the number of points of each level, how far the source mesh is from the umbrellas, beside those over
-// as many points thinned evenly and by chance: a line of CSV for each.
+// as many points thinned evenly and by chance: a line of CSV for each. The chart has the larger of both ways'
+// distances.
 #include <CGAL/Delaunay_triangulation_3.h>
 #include <CGAL/Exact_predicates_inexact_constructions_kernel.h>
 
 #include <algorithm>
 #include <cstdio>
 #include <filesystem>
+#include <fstream>
 #include <string>
 #include <vector>
 
+#include "compare/chart.h"
 #include "lod/pmr/format.h"
 #include "tests/bench/bench.h"
 #include "tests/bench/build_run.h"
@@ -63,7 +66,7 @@ void compareSpeed(const std::string& path, const Mesh& mesh, const std::string& 
   std::printf("  peak memory %.0f MB, file %.2f bytes a point; medians of %d\n", peak, bytes / points, runs);
 }
 
-void compareDecimation(const std::string& path, const Mesh& mesh) {
+void compareDecimation(const std::string& path, const Mesh& mesh, const std::string& chart_path) {
   // The lattice of a build: points about 64 steps apart.
   support::Surface source{mesh.positions, mesh.indices};
   double edges = 0.0;
@@ -75,37 +78,49 @@ void compareDecimation(const std::string& path, const Mesh& mesh) {
   std::sort(places.begin(), places.end(),
             [](const glm::dvec3& a, const glm::dvec3& b) { return std::tie(a.x, a.y, a.z) < std::tie(b.x, b.y, b.z); });
   places.erase(std::unique(places.begin(), places.end()), places.end());
-  const support::PointLevels levels(std::move(places));
+  // A tenth of the edge of a leaf, as the builder has it: a surface of ten thousand points is a hundred spacings wide.
+  const support::PointLevels levels(std::move(places), 10.0F * 64.0F);
   const std::string name = std::filesystem::path(path).stem();
-  const auto print = [&](std::uint32_t level, const char* method, const std::vector<std::uint32_t>& points) {
+  compare::Chart chart{name + ": sampled distance of mesh and umbrellas, the larger of both ways",
+                       "points left",
+                       "root mean square, mean edges of the mesh",
+                       true,
+                       {{"by depth (pmr)", {}}, {"thinned evenly", {}}, {"thinned by chance", {}}}};
+  constexpr const char* kMethods[] = {"pmr", "uniform", "random"};
+  const auto print = [&](std::uint32_t level, std::size_t method, const std::vector<std::uint32_t>& points) {
     const support::Surface umbrellas = levels.surfaceOf(points);
     const auto there = sampledDistance(source, support::NearestSurface(umbrellas), 20000);
     const auto back = sampledDistance(umbrellas, support::NearestSurface(source), 20000);
-    std::printf("%s,%u,%s,%zu,%.4f,%.4f,%.4f,%.4f\n", name.c_str(), level, method, points.size(), there.rms / 64.0,
-                there.p999 / 64.0, back.rms / 64.0, back.p999 / 64.0);
+    std::printf("%s,%u,%s,%zu,%.4f,%.4f,%.4f,%.4f\n", name.c_str(), level, kMethods[method], points.size(),
+                there.rms / 64.0, there.p999 / 64.0, back.rms / 64.0, back.p999 / 64.0);
+    chart.series[method].points.emplace_back(static_cast<double>(points.size()), std::max(there.rms, back.rms) / 64.0);
     std::fflush(stdout);
   };
   std::printf("mesh,level,method,points,rms,p999,rms_back,p999_back (distances in mean edges of the mesh)\n");
   for (std::uint32_t level = 1; level < lod::pmr::kLevels; ++level) {
     const auto left = levels.at(level);
-    print(level, "pmr", left);
-    print(level, "uniform", support::uniformThinning(levels.places, left.size(), 1));
-    print(level, "random", support::randomThinning(levels.places.size(), left.size(), 2));
+    print(level, 0, left);
+    print(level, 1, support::uniformThinning(levels.places, left.size(), 1));
+    print(level, 2, support::randomThinning(levels.places.size(), left.size(), 2));
   }
+  if (!chart_path.empty() && !(std::ofstream(chart_path) << compare::formatChart(chart)))
+    bench::stop(chart_path + ": cannot be written");
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
-  bench::Arguments arguments(argc, argv, "MESH [--runs N] [--only speed|decimation] [--memory BYTES]");
+  bench::Arguments arguments(argc, argv,
+                             "MESH [--runs N] [--only speed|decimation] [--memory BYTES] [--chart FILE.svg]");
   const auto runs = static_cast<int>(arguments.number("--runs", 3U, 1U, 100U));
   const std::string only = arguments.text("--only", "");
   const std::string memory = arguments.text("--memory", "");
+  const std::string chart = arguments.text("--chart", "");
   arguments.finish();
   if (arguments.input().empty() || (!only.empty() && only != "speed" && only != "decimation")) arguments.wrong();
   const bench::WorkDirectory directory;
   const Mesh mesh = must(support::readMesh(arguments.input())).mesh;
   if (only.empty() || only == "speed") compareSpeed(arguments.input(), mesh, directory / "scene", runs, memory);
-  if (only.empty() || only == "decimation") compareDecimation(arguments.input(), mesh);
+  if (only.empty() || only == "decimation") compareDecimation(arguments.input(), mesh, chart);
   return 0;
 }

@@ -23,7 +23,7 @@ struct PointLevels {
   std::vector<bool> at_rim;
 
   /// `limit`: what heights count at most.
-  explicit PointLevels(std::vector<glm::dvec3> points, float limit = 1e9F) : places(std::move(points)) {
+  PointLevels(std::vector<glm::dvec3> points, float limit) : places(std::move(points)) {
     using namespace lod::pmr::builder;
     cells = voronoiCells(places);
     // As the builder does: points of a regular grid lie on no common circle.

@@ -90,6 +90,17 @@ inline void addRing(Surface& surface, const glm::dvec3& at, double major, double
     }
 }
 
+/// A closed box.
+inline void addBox(Surface& surface, const glm::dvec3& low, const glm::dvec3& high) {
+  const auto first = static_cast<std::uint32_t>(surface.positions.size());
+  for (int k = 0; k < 8; ++k)
+    surface.positions.emplace_back((k & 1) != 0 ? high.x : low.x, (k & 2) != 0 ? high.y : low.y,
+                                   (k & 4) != 0 ? high.z : low.z);
+  for (const std::uint32_t i :
+       {0, 2, 1, 1, 2, 3, 4, 5, 6, 5, 7, 6, 0, 1, 4, 1, 5, 4, 2, 6, 3, 3, 6, 7, 0, 4, 2, 2, 4, 6, 1, 3, 5, 3, 7, 5})
+    surface.indices.push_back(first + i);
+}
+
 inline std::vector<glm::dvec3> pointsOn(const Surface& surface, std::size_t count, std::uint32_t seed) {
   SurfacePoints random(surface, seed);
   std::vector<glm::dvec3> points;

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
+#include <limits>
 #include <queue>
 #include <tuple>
 
@@ -37,8 +39,10 @@ class Decimation {
     point.neighbours = 0;
     for (std::uint32_t k = 0; k < polygon.corners(); ++k)
       if (polygon.edge(k) != TangentPolygon::kNone) point.neighbour[point.neighbours++] = polygon.edge(k);
-    const double height = std::min(cells_[i].height, static_cast<double>(block_.height_limits[i]));
-    point.ratio = height > 0.0 ? static_cast<float>(polygon.radius() / height) : std::numeric_limits<float>::max();
+    const auto limit = static_cast<double>(block_.height_limits[i]);
+    const double height = std::min(cells_[i].height, limit);
+    point.ratio = height > 0.0 ? static_cast<float>(polygon.radius() / std::sqrt(height * limit))
+                               : std::numeric_limits<float>::max();
   }
 
   // The order of deletion must not depend on the block, so equal ratios go by place.

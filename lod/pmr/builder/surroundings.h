@@ -15,7 +15,7 @@ struct PointBlock {
   std::span<const glm::dvec3> places;
   std::size_t own = 0;
   /// By point: what height counts at most, so that the polygons of points in wide flat parts stay within the
-  /// surroundings that a block knows.
+  /// surroundings that a block knows. It is the unit of the levels' depth, too: decimate().
   std::span<const float> height_limits;
 };
 
