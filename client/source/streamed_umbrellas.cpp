@@ -115,6 +115,7 @@ const base::Sphere* StreamedUmbrellas::bounds() const {
 
 void StreamedUmbrellas::update(const base::Camera& camera, const StreamedLook& look) {
   if (stream_.header() == nullptr) return;
+  has_undrawn_ = false;
   const float tolerance = wantedTolerance();
   const bool same_view =
       chosen_ && base::sameCamera(camera, camera_) && look.section == section_ && tolerance == tolerance_;
@@ -124,8 +125,8 @@ void StreamedUmbrellas::update(const base::Camera& camera, const StreamedLook& l
   section_ = look.section;
   tolerance_ = tolerance;
   chosen_ = true;
-  // A view that rests makes up for the frames in between, which are not drawn.
-  choose(same_view ? 1 + kRestPerFrame : 1);
+  // A view that rests makes up for the frames in between, which are not drawn while requests are under way.
+  choose(same_view && stream_.stats().requests > 0 ? 1 + kRestPerFrame : 1);
 }
 
 void StreamedUmbrellas::choose(std::uint32_t frames) {
@@ -140,7 +141,7 @@ void StreamedUmbrellas::choose(std::uint32_t frames) {
 bool StreamedUmbrellas::pump(Session& session, double now) {
   const bool came = file_.pump(stream_, session, now);
   // Between the frames of a view that rests, what comes is decoded while the link goes on.
-  if (came && chosen_ && moreIsComing() && !hasRested()) {
+  if (came && chosen_ && !moved_ && moreIsComing() && !hasRested()) {
     choose(1);
     has_undrawn_ = true;
   }
@@ -165,7 +166,7 @@ base::Result<void> StreamedUmbrellas::draw(const base::Camera& camera, const Str
   const bool moved = pace_.beginFrame(camera);
   update(camera, look);
   LUMIGRID_TRY(drawChosen(camera, look));
-  has_undrawn_ = false;
+  moved_ = moved;
   const bool paced = moved && pace_.isOn();
   if (stream_.header() != nullptr && options_.clock && (paced || moreIsComing())) {
     waitForGpu();

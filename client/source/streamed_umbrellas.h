@@ -49,7 +49,8 @@ class StreamedUmbrellas final : public StreamedView {
   std::vector<lod::pmr::DrawnLeaf> leaves_;
   std::uint64_t chosen_generation_ = 0;  ///< generation of the stream when leaves_ was chosen
   bool chosen_ = false;
-  bool has_undrawn_ = false;  ///< leaves_ was chosen anew since the last drawing
+  bool moved_ = false;        ///< the last frame drawn was of a view that moved
+  bool has_undrawn_ = false;  ///< leaves_ was chosen anew since the last update()
   base::Camera camera_;       ///< camera for which leaves_ was chosen; the next two members belong to that choice, too
   glm::vec4 section_ = base::kNoSection;
   float tolerance_ = 1.0F;

@@ -31,7 +31,7 @@ inline constexpr std::uint32_t kPositionBits = 21;
 /// Most bytes of a chunk.
 inline constexpr std::uint32_t kMaxChunkBytes = 1U << 23;
 
-/// The threshold ρ of radius / height that made a level; 0 for level 0.
+/// The threshold ρ that made a level (lod/pmr/builder/decimate.h); 0 for level 0.
 inline constexpr float thresholdOf(std::uint32_t level) {
   return 0.1F * static_cast<float>(level);
 }

@@ -1,7 +1,7 @@
 // pmr_bench MESH [--runs N] [--only speed|decimation] [--memory BYTES] [--chart FILE.svg]
 // speed: `lumigrid build --methods pmr` of the mesh's vertices, on one core and on two, beside CGAL's bare Delaunay
 // triangulation of the same points in memory, run in turn; and the rate of Dey and Hudson 2002, table 1.
-// decimation: at the number of points of each level, how far the source mesh is from the umbrellas, beside those over
+// decimation: how far the source mesh is from the umbrellas of each level that `lumigrid build` made, beside those over
 // as many points thinned evenly and by chance: a line of CSV for each. The chart has the larger of both ways'
 // distances.
 #include <CGAL/Delaunay_triangulation_3.h>
@@ -11,11 +11,15 @@
 #include <cstdio>
 #include <filesystem>
 #include <fstream>
+#include <nlohmann/json.hpp>
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "base/file.h"
 #include "compare/chart.h"
 #include "lod/pmr/format.h"
+#include "lod/pmr/leaf_picture.h"
 #include "tests/bench/bench.h"
 #include "tests/bench/build_run.h"
 #include "tests/support/mesh_reader.h"
@@ -66,20 +70,67 @@ void compareSpeed(const std::string& path, const Mesh& mesh, const std::string& 
   std::printf("  peak memory %.0f MB, file %.2f bytes a point; medians of %d\n", peak, bytes / points, runs);
 }
 
-void compareDecimation(const std::string& path, const Mesh& mesh, const std::string& chart_path) {
+/// The levels of a scene's pmr.lgm, in units of the source's positions by `scale`.
+class BuiltLevels {
+ public:
+  BuiltLevels(const std::string& scene, float scale)
+      : bytes_(must(base::readFile(scene + "/pmr.lgm"))), header_(must(lod::pmr::readHeader(bytes_))), scale_(scale) {
+    leaves_ =
+        must(lod::pmr::readTable(header_, part(lod::pmr::kHeaderBytes, static_cast<std::size_t>(header_.table_bytes))));
+    const auto described = must(base::readFile(scene + "/scene.json"));
+    const auto origin = nlohmann::json::parse(described.begin(), described.end()).at("origin");
+    for (int k = 0; k < 3; ++k) origin_[k] = origin.at(static_cast<std::size_t>(k)).get<float>();
+  }
+  std::size_t points(std::uint32_t level) const {
+    std::size_t sum = 0;
+    for (const lod::pmr::Leaf& leaf : leaves_) sum += leaf.pointsAt(level);
+    return sum;
+  }
+  support::Surface surface(std::uint32_t level) const {
+    support::Surface surface;
+    for (std::uint32_t number = 0; number < leaves_.size(); ++number) {
+      const auto bytesOf = [&](std::uint32_t chunk) -> std::optional<base::ByteView> {
+        const auto place = lod::pmr::placeOf(leaves_[number], chunk);
+        return part(place.offset, place.bytes);
+      };
+      const auto leaf = lod::pmr::decodeLeaf(header_, leaves_[number], number, level, bytesOf);
+      if (!leaf.picture) bench::stop("pmr.lgm is damaged");
+      const auto first = static_cast<std::uint32_t>(surface.positions.size());
+      for (const auto& vertex : leaf.picture->vertices)
+        surface.positions.push_back(scale_ * (origin_ + vertex.position));
+      for (const std::uint16_t corner : leaf.picture->list.corners) surface.indices.push_back(first + corner);
+    }
+    return surface;
+  }
+
+ private:
+  base::ByteView part(std::uint64_t offset, std::size_t bytes) const {
+    return base::ByteView(bytes_).subspan(static_cast<std::size_t>(offset), bytes);
+  }
+
+  base::Bytes bytes_;
+  lod::pmr::Header header_;
+  std::vector<lod::pmr::Leaf> leaves_;
+  glm::vec3 origin_{0.0F};
+  float scale_ = 1.0F;
+};
+
+void compareDecimation(const std::string& path, const Mesh& mesh, const std::string& scene,
+                       const std::string& chart_path) {
   // The lattice of a build: points about 64 steps apart.
   support::Surface source{mesh.positions, mesh.indices};
   double edges = 0.0;
   for (std::size_t t = 0; t < source.triangles(); ++t) edges += glm::distance(source.corner(t, 0), source.corner(t, 1));
   const auto scale = static_cast<float>(64.0 / (edges / static_cast<double>(source.triangles())));
+  bench::runBuild(LUMIGRID_PROGRAM, "pmr", path, scene, 2, {});
+  const BuiltLevels built(scene, scale);
   for (glm::vec3& p : source.positions) p *= scale;
   std::vector<glm::dvec3> places;
   for (const glm::vec3& p : source.positions) places.emplace_back(glm::round(p));
   std::sort(places.begin(), places.end(),
             [](const glm::dvec3& a, const glm::dvec3& b) { return std::tie(a.x, a.y, a.z) < std::tie(b.x, b.y, b.z); });
   places.erase(std::unique(places.begin(), places.end()), places.end());
-  // A tenth of the edge of a leaf, as the builder has it: a surface of ten thousand points is a hundred spacings wide.
-  const support::PointLevels levels(std::move(places), 10.0F * 64.0F);
+  const support::PointLevels levels(std::move(places));
   const std::string name = std::filesystem::path(path).stem();
   compare::Chart chart{name + ": sampled distance of mesh and umbrellas, the larger of both ways",
                        "points left",
@@ -87,21 +138,22 @@ void compareDecimation(const std::string& path, const Mesh& mesh, const std::str
                        true,
                        {{"by depth (pmr)", {}}, {"thinned evenly", {}}, {"thinned by chance", {}}}};
   constexpr const char* kMethods[] = {"pmr", "uniform", "random"};
-  const auto print = [&](std::uint32_t level, std::size_t method, const std::vector<std::uint32_t>& points) {
-    const support::Surface umbrellas = levels.surfaceOf(points);
+  const auto print = [&](std::uint32_t level, std::size_t method, std::size_t points,
+                         const support::Surface& umbrellas) {
     const auto there = sampledDistance(source, support::NearestSurface(umbrellas), 20000);
     const auto back = sampledDistance(umbrellas, support::NearestSurface(source), 20000);
-    std::printf("%s,%u,%s,%zu,%.4f,%.4f,%.4f,%.4f\n", name.c_str(), level, kMethods[method], points.size(),
-                there.rms / 64.0, there.p999 / 64.0, back.rms / 64.0, back.p999 / 64.0);
-    chart.series[method].points.emplace_back(static_cast<double>(points.size()), std::max(there.rms, back.rms) / 64.0);
+    std::printf("%s,%u,%s,%zu,%.4f,%.4f,%.4f,%.4f\n", name.c_str(), level, kMethods[method], points, there.rms / 64.0,
+                there.p999 / 64.0, back.rms / 64.0, back.p999 / 64.0);
+    chart.series[method].points.emplace_back(static_cast<double>(points), std::max(there.rms, back.rms) / 64.0);
     std::fflush(stdout);
   };
   std::printf("mesh,level,method,points,rms,p999,rms_back,p999_back (distances in mean edges of the mesh)\n");
   for (std::uint32_t level = 1; level < lod::pmr::kLevels; ++level) {
-    const auto left = levels.at(level);
-    print(level, 0, left);
-    print(level, 1, support::uniformThinning(levels.places, left.size(), 1));
-    print(level, 2, support::randomThinning(levels.places.size(), left.size(), 2));
+    const std::size_t count = built.points(level);
+    print(level, 0, count, built.surface(level));
+    const auto evenly = support::uniformThinning(levels.places, count, 1);
+    print(level, 1, evenly.size(), levels.surfaceOf(evenly));
+    print(level, 2, count, levels.surfaceOf(support::randomThinning(levels.places.size(), count, 2)));
   }
   if (!chart_path.empty() && !(std::ofstream(chart_path) << compare::formatChart(chart)))
     bench::stop(chart_path + ": cannot be written");
@@ -121,6 +173,6 @@ int main(int argc, char** argv) {
   const bench::WorkDirectory directory;
   const Mesh mesh = must(support::readMesh(arguments.input())).mesh;
   if (only.empty() || only == "speed") compareSpeed(arguments.input(), mesh, directory / "scene", runs, memory);
-  if (only.empty() || only == "decimation") compareDecimation(arguments.input(), mesh, chart);
+  if (only.empty() || only == "decimation") compareDecimation(arguments.input(), mesh, directory / "scene", chart);
   return 0;
 }

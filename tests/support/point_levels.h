@@ -19,20 +19,21 @@ struct PointLevels {
   std::vector<glm::dvec3> places;        ///< steps of a lattice, as the builder has them
   std::vector<lod::pmr::builder::VoronoiCell> cells;
   std::vector<glm::dvec3> normals;
+  std::vector<float> limits;  ///< of heights
   std::vector<std::uint8_t> classes;
   std::vector<bool> at_rim;
 
-  /// `limit`: what heights count at most.
-  PointLevels(std::vector<glm::dvec3> points, float limit) : places(std::move(points)) {
+  /// `most`: what heights count at most, as the edge of a leaf bounds it; the default bounds nothing.
+  explicit PointLevels(std::vector<glm::dvec3> points, float most = 1e9F) : places(std::move(points)) {
     using namespace lod::pmr::builder;
     cells = voronoiCells(places);
     // As the builder does: points of a regular grid lie on no common circle.
     std::mt19937 random(99);
     std::uniform_real_distribution<double> at(0.0, 1e-3);
     for (glm::dvec3& p : places) p += glm::dvec3(at(random), at(random), at(random));
-    const std::vector<float> limits(places.size(), limit);
-    const PointBlock block{places, places.size(), limits};
     const Neighbourhoods near(places);
+    limits = heightLimits(places, near, std::vector<std::uint32_t>(places.size()), std::vector(places.size(), most));
+    const PointBlock block{places, places.size(), limits};
     mendRims(block, near, cells);
     normals = umbrellaNormals(block, near, cells, places.size());
     classes = decimate(block, near, cells);

@@ -14,7 +14,7 @@ namespace lod::pmr::builder {
 namespace {
 
 // A height counts up to this share of its cell's edge, so that polygons stay within kReach of them, where they are
-// known for certain; in the coarsest level of a wide plane about a hundred points of each leaf are left.
+// known for certain.
 constexpr float kHeightLimit = 0.1F;
 // Corners of polygons lie within a quarter of their cell's edge: the half edge of the square, of the edge.
 constexpr double kReach = 0.17;
@@ -243,11 +243,12 @@ base::Result<LoadedBlock> loadBlock(const OrderedPoints& points, const CellBlock
 base::Result<std::vector<PointClass>> classify(const OrderedPoints& points, const CellBlock& block) {
   LUMIGRID_ASSIGN_OR_RETURN(const auto loaded, loadBlock(points, block));
   std::vector<VoronoiCell> cells = voronoiCells(loaded.places);
-  std::vector<float> limits;
+  std::vector<float> most;
   for (const std::uint32_t cell : loaded.cell)
-    limits.push_back(kHeightLimit * static_cast<float>(points.cells()[cell].edge()));
-  const PointBlock decided{loaded.places, loaded.own, limits};
+    most.push_back(kHeightLimit * static_cast<float>(points.cells()[cell].edge()));
   const Neighbourhoods near(loaded.places);
+  const std::vector<float> limits = heightLimits(loaded.places, near, loaded.cell, std::move(most));
+  const PointBlock decided{loaded.places, loaded.own, limits};
   mendRims(decided, near, cells);
   const auto normals = umbrellaNormals(decided, near, cells, loaded.own);
   const auto coarsest = decimate(decided, near, cells);

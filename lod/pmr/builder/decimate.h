@@ -15,9 +15,9 @@ namespace lod::pmr::builder {
 /// height stays that of all points: it measures the shape, and the denser the points, the better. Points at a rim stay.
 ///
 /// The ratio is r / sqrt(h l), of the cell's radius r, height h, and height limit l. A chord of length r on a part of
-/// height h is about r^2 / 2h deep, so that a threshold bounds the depth everywhere by the same rho^2 l / 2. The
-/// paper's r / h bounds it by the height of the part: at equal numbers the mesh is farther from such levels than from
-/// points thinned evenly (docs/decisions/pmr.md).
+/// height h is about r^2 / 2h deep, so that a threshold bounds the depth by rho^2 l / 2, whatever the height, l being a
+/// number of spacings. The paper's r / h bounds it by the height of the part: at equal numbers the mesh is farther from
+/// such levels than from points thinned evenly (docs/decisions/pmr.md).
 ///
 /// The others are treated alike, as far as the block knows, and so, nearly always, as their own block treats them.
 std::vector<std::uint8_t> decimate(const PointBlock& block, const Neighbourhoods& near,

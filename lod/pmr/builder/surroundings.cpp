@@ -14,6 +14,9 @@ constexpr std::size_t kNearest = 16;
 // A polygon that reaches this many times as far as the sixth neighbour is a rim's. A choice.
 constexpr double kRimReach = 4.0;
 constexpr std::size_t kUsualNeighbours = 6;
+// The height limit in distances of the sixth neighbour, which is about 1.4 spacings away. A choice: the coarsest level
+// keeps about one in a hundred points of a flat.
+constexpr float kLimitReach = 6.0F;
 // Nearest points whose normals a rim takes.
 constexpr std::size_t kRimNeighbours = 12;
 // A square of this many height limits around a point: polygons that reach its edge belong to the rim.
@@ -40,6 +43,24 @@ Neighbourhoods::Neighbourhoods(std::span<const glm::dvec3> places)
     for (const auto& one : found)
       if (one.index != i && added < each_) found_.push_back(one.index), ++added;
   }
+}
+
+std::vector<float> heightLimits(std::span<const glm::dvec3> places, const Neighbourhoods& near,
+                                std::span<const std::uint32_t> cell, std::vector<float> most) {
+  std::vector<float> distances;
+  for (std::size_t first = 0, end = 0; first < places.size(); first = end) {
+    distances.clear();
+    for (end = first; end < places.size() && cell[end] == cell[first]; ++end) {
+      const auto around = near.of(static_cast<std::uint32_t>(end));
+      if (around.size() < kUsualNeighbours) continue;
+      distances.push_back(static_cast<float>(glm::distance(places[end], places[around[kUsualNeighbours - 1]])));
+    }
+    if (distances.empty()) continue;
+    const auto middle = distances.begin() + static_cast<std::ptrdiff_t>(distances.size() / 2);
+    std::nth_element(distances.begin(), middle, distances.end());
+    for (std::size_t i = first; i < end; ++i) most[i] = std::min(most[i], kLimitReach * *middle);
+  }
+  return most;
 }
 
 void mendRims(const PointBlock& block, const Neighbourhoods& near, std::span<VoronoiCell> cells) {

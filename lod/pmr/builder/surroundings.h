@@ -14,8 +14,7 @@ namespace lod::pmr::builder {
 struct PointBlock {
   std::span<const glm::dvec3> places;
   std::size_t own = 0;
-  /// By point: what height counts at most, so that the polygons of points in wide flat parts stay within the
-  /// surroundings that a block knows. It is the unit of the levels' depth, too: decimate().
+  /// By point: what height counts at most, and the unit of the levels' depth: heightLimits().
   std::span<const float> height_limits;
 };
 
@@ -29,6 +28,13 @@ class Neighbourhoods {
   std::size_t each_ = 0;
   std::vector<std::uint32_t> found_;
 };
+
+/// Returns what the height of each point counts at most: about eight spacings, the same for all points of a cell
+/// (`cell`, by point, those of one side by side), so that levels are of equal depth in that unit, however empty the
+/// cell; and no more than `most`, by point, so that polygons in wide flat parts stay within the surroundings that a
+/// block knows.
+std::vector<float> heightLimits(std::span<const glm::dvec3> places, const Neighbourhoods& near,
+                                std::span<const std::uint32_t> cell, std::vector<float> most);
 
 /// Gives the points at a rim the normal of the points around them. A rim's Voronoi cells are open sideways, too, so
 /// that their poles tell no normal; the theory knows closed surfaces only. A point is at a rim if its tangent polygon

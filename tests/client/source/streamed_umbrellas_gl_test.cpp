@@ -65,6 +65,51 @@ TEST_F(StreamedUmbrellasTest, theFinishedPictureDoesNotDependOnHowItCame) {
   EXPECT_EQ(viewer_->stats().streamed.requests, 0U);
 }
 
+// A host that answers one request at a time, and a view of which a part is here, drawn in half a second.
+class HalfAViewOfUmbrellas : public StreamedUmbrellasTest {
+ protected:
+  void SetUp() override {
+    StreamedUmbrellasTest::SetUp();
+    if (IsSkipped()) return;
+    StreamedOptions options = still();
+    options.clock = [this] { return clock_ += drawing_; };
+    open(options);
+    host_->at_a_time = 1;
+    for (int i = 0; i < 200 && (stream().lacking == 0 || stream().under_way == 0); ++i) {
+      pump();
+      draw(view());
+    }
+    ASSERT_GT(stream().lacking, 1U);
+    drawing_ = 0.0;
+  }
+  lod::pmr::StreamStats stream() const { return streamed_->stats().umbrellas.stream; }
+
+  double clock_ = 0.0, drawing_ = 0.5;
+};
+
+TEST_F(HalfAViewOfUmbrellas, isDrawnAgainWhenAllIsHereOrDrawingHadItsPart) {
+  const double drawn = clock_;
+  pump();
+  ASSERT_GT(stream().under_way, 0U);
+  EXPECT_FALSE(viewer_->stats().busy);
+  clock_ = drawn + 1.4;
+  EXPECT_FALSE(viewer_->stats().busy);
+  clock_ = drawn + 1.6;
+  EXPECT_TRUE(viewer_->stats().busy) << "three times what drawing took";
+  draw(view());
+  EXPECT_FALSE(viewer_->stats().busy) << "nothing came";
+  for (int i = 0; i < 1000 && stream().under_way > 0; ++i) pump();
+  EXPECT_TRUE(viewer_->stats().busy) << "all that it lacked";
+}
+
+TEST_F(HalfAViewOfUmbrellas, isCompleteForOneWhoDoesNotDraw) {
+  for (int i = 0; i < 1000 && !viewer_->allHere(); ++i) {
+    pump();
+    ASSERT_TRUE(bool(viewer_->update(view(), now_)));
+  }
+  EXPECT_TRUE(viewer_->allHere());
+}
+
 TEST_F(StreamedUmbrellasTest, aFrameDecodesItsShareAndTheRestComesInTheNextOnes) {
   openWhole(still(), file());
   pump();

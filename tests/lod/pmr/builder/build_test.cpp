@@ -267,6 +267,16 @@ TEST_F(PmrBuild, strayPointsChangeNothingForTheOthers) {
   EXPECT_LT(static_cast<double>(summary.points[5]), 1.3 * static_cast<double>(alone.points[5]));
 }
 
+TEST_F(PmrBuild, aStrayPointInALeafDoesNotThinIt) {
+  // One leaf, nearly all of it empty. The narrow one's edge bounds heights a little, so that it keeps more.
+  auto points = placesOf(support::sphereSamples(1.0, 9000, 11));
+  const BuildSummary alone = mustBuild(points);
+  points.emplace_back(1000.0, 0.0, 0.0);
+  const BuildSummary summary = mustBuild(points);
+  for (const std::uint32_t level : {1U, 3U, 6U, kCoarsest})
+    EXPECT_GT(static_cast<double>(summary.points[level]), 0.3 * static_cast<double>(alone.points[level])) << level;
+}
+
 TEST_F(PmrBuild, unevenCloudsKeepTheirPoints) {
   // A far point, and a dense part beside a wide one: the lattice must suit the dense part.
   auto points = placesOf(support::sphereSamples(1.0, 5000, 8));

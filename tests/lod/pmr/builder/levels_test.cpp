@@ -19,8 +19,8 @@ using namespace lod::pmr;
 using namespace lod::pmr::builder;
 
 struct Levels : support::PointLevels {
-  explicit Levels(const std::vector<support::ShapeSample>& shape, float limit = 1e5F)
-      : PointLevels(placesOf(shape), limit) {}
+  explicit Levels(const std::vector<support::ShapeSample>& shape, float most = 1e9F)
+      : PointLevels(placesOf(shape), most) {}
   static std::vector<glm::dvec3> placesOf(const std::vector<support::ShapeSample>& shape) {
     std::vector<glm::dvec3> places;
     for (const auto& sample : shape) places.push_back(sample.place);
@@ -107,15 +107,18 @@ TEST(TangentPolygon, keepsTheSquareWhereNothingCuts) {
 
 TEST(Decimation, keepsWhatItsThresholdSays) {
   const Levels sphere(support::sphereSamples(1e5, 30000, 5));
+  const double limit = std::accumulate(sphere.limits.begin(), sphere.limits.end(), 0.0) / 30000.0;
+  ASSERT_LT(limit, 5e4);
   std::size_t finer = sphere.places.size();
   for (std::uint32_t level = 1; level < kLevels; ++level) {
     const auto left = sphere.at(level);
     ASSERT_LT(left.size(), finer);
     finer = left.size();
-    // Points of a sphere whose polygons have the radius ρ R are about 12 / ρ² (hexagons of that radius), and no polygon
-    // is smaller than the threshold.
-    const double rho = thresholdOf(level);
-    const double hexagons = 4.0 * std::numbers::pi / (1.5 * std::sqrt(3.0) * rho * rho);
+    // The limit is less than the sphere's radius, so that heights count as much as it: polygons are hexagons of the
+    // radius ρ l, about, and none is smaller.
+    const double radius = thresholdOf(level) * limit / 1e5;
+    const double hexagons = 4.0 * std::numbers::pi / (1.5 * std::sqrt(3.0) * radius * radius);
+    if (hexagons > 0.5 * static_cast<double>(sphere.places.size())) continue;
     if (left.size() < 100) continue;
     EXPECT_LT(static_cast<double>(left.size()), 1.8 * hexagons) << level;
     EXPECT_GT(static_cast<double>(left.size()), 0.3 * hexagons) << level;
@@ -123,13 +126,13 @@ TEST(Decimation, keepsWhatItsThresholdSays) {
 }
 
 TEST(Decimation, leavesMorePointsWhereTheShapeIsThin) {
-  // The surface of a torus is proportional to its minor radius, and the points left for each unit of it to the inverse
-  // of that: as many on a quarter of the surface.
-  const Levels thin(support::torusSamples(1e5, 1e4, 40000, 6), 4e4F);
-  const Levels thick(support::torusSamples(1e5, 4e4, 40000, 6), 4e4F);
+  // Points as far apart on a thin torus and on one four times as thick: the thin one has a quarter of the surface, and
+  // keeps as many points of it where the thick one's height counts whole, more where the limit cuts that.
+  const Levels thin(support::torusSamples(1e5, 5e3, 20000, 6));
+  const Levels thick(support::torusSamples(1e5, 2e4, 80000, 6));
   for (const std::uint32_t level : {3U, 5U}) {
-    EXPECT_GT(4 * thin.at(level).size(), 3 * thick.at(level).size());
-    EXPECT_LT(2 * thin.at(level).size(), 3 * thick.at(level).size());
+    EXPECT_GT(3 * thin.at(level).size(), thick.at(level).size()) << level;
+    EXPECT_LT(thin.at(level).size(), 2 * thick.at(level).size()) << level;
   }
 }
 
@@ -139,7 +142,7 @@ TEST(Decimation, keepsThinFeaturesWhichThinningWears) {
   support::addRing(wire, {0, 0, 0}, 1.6e5, 4e3, 600, 24);
   support::addRing(shape, {0, 0, 0}, 1.6e5, 4e3, 600, 24);
   support::addRing(shape, {0, 0, 0}, 0.0, 8e4, 120, 60);
-  const support::PointLevels levels(support::pointsOn(shape, 60000, 12), 1.2e4F);
+  const support::PointLevels levels(support::pointsOn(shape, 60000, 12));
   for (const std::uint32_t level : {4U, 8U}) {
     const auto left = levels.at(level);
     const auto distanceOf = [&](const std::vector<std::uint32_t>& points) {
@@ -156,10 +159,10 @@ TEST(Decimation, keepsThinFeaturesWhichThinningWears) {
 // the other.
 TEST(Decimation, isNearerToAMachinedPartThanThinning) {
   support::Surface part;
-  support::addBox(part, {-1.5e5, -1e5, -1e4}, {1.5e5, 1e5, 1e4});
+  support::addBox(part, {-1.5e5, -1e5, -1e5}, {1.5e5, 1e5, 1e4});
   support::addRing(part, {-7e4, 0, 1e4}, 5e4, 8e3, 300, 32);
   support::addRing(part, {8e4, 0, 2e4}, 0.0, 4e4, 120, 60);
-  const support::PointLevels levels(support::pointsOn(part, 50000, 21), 1.6e4F);
+  const support::PointLevels levels(support::pointsOn(part, 50000, 21));
   for (const std::uint32_t level : {2U, 4U, 8U}) {
     const auto left = levels.at(level);
     const auto distanceOf = [&](const std::vector<std::uint32_t>& points) {
@@ -175,17 +178,17 @@ TEST(Decimation, isNearerToAMachinedPartThanThinning) {
 
 TEST(Decimation, staysWithinItsThresholdOfTheShape) {
   // The umbrellas of a ball of radius R at threshold ρ are chords of polygons of radius ρ √(R l): their middle is
-  // ρ² l / 2 deep, however large the ball.
-  constexpr double kLimit = 1e5;
-  for (const double radius : {1e5, 2.5e4}) {
+  // ρ² l / 2 deep, however large the ball. Level 0 has a depth of its own, that of its points' distances.
+  for (const std::size_t points : {30000, 2000}) {
     support::Surface ball;
-    support::addRing(ball, {0, 0, 0}, 0.0, radius, 240, 120);
-    const Levels levels(support::sphereSamples(radius, 30000, 15), static_cast<float>(kLimit));
-    for (const std::uint32_t level : {1U, 2U, 4U}) {
-      const double bound = 1.5 * thresholdOf(level) * thresholdOf(level) * kLimit;
+    support::addRing(ball, {0, 0, 0}, 0.0, 1e5, 240, 120);
+    const Levels levels(support::sphereSamples(1e5, points, 15));
+    const double limit = std::accumulate(levels.limits.begin(), levels.limits.end(), 0.0) / static_cast<double>(points);
+    for (const std::uint32_t level : {2U, 5U, 8U}) {
+      const double bound = 1.5 * thresholdOf(level) * thresholdOf(level) * limit;
       const support::Surface umbrellas = levels.surfaceOf(levels.at(level));
-      EXPECT_LT(sampledDistance(ball, support::NearestSurface(umbrellas), 5000).p999, bound) << radius << level;
-      EXPECT_LT(sampledDistance(umbrellas, support::NearestSurface(ball), 5000).p999, bound) << radius << level;
+      EXPECT_LT(sampledDistance(ball, support::NearestSurface(umbrellas), 5000).p999, bound) << points << ' ' << level;
+      EXPECT_LT(sampledDistance(umbrellas, support::NearestSurface(ball), 5000).p999, bound) << points << ' ' << level;
     }
   }
 }
