@@ -215,7 +215,7 @@ RunCommand addServe(CLI::App& command) {
                      "connections of one address at a time; more are answered 429");
   command
       .add_option("--pictures-per-address", a->options.picture_limits.of_one_address,
-                  "pictures that one address may have asked for at a time; more are answered 503")
+                  "pictures of one address that wait, are drawn or are not yet fetched; more are answered 503")
       ->check(CLI::Range(1, 1000));
   command
       .add_option("--idle", a->options.idle_seconds,

@@ -30,11 +30,10 @@ constexpr auto kTurnedAwayTimeout = std::chrono::seconds(2);  // of one that get
 constexpr auto kHandshakeTimeout = std::chrono::seconds(10);  // of TLS
 constexpr auto kIdleTimeout = std::chrono::seconds(30);       // for the next request on an open connection
 constexpr auto kAnswerTimeout = std::chrono::minutes(10);     // for a picture, a picked point or a range of a file
-constexpr std::uint64_t kMinBytesPerSecond = 16 * 1024;       // a slower download is cut
 constexpr std::uint32_t kMaxHeaderBytes = 8 * 1024;           // Beast's default for requests
 constexpr int kRetrySeconds = 5;                              // in Retry-After
-constexpr std::size_t kMaxUnsentPictures = std::size_t{256} << 20;  // bytes of all; beyond, no new one is begun
-constexpr std::uint64_t kMaxRange = std::uint64_t{1} << 20;         // bytes of a file that a connection holds
+constexpr std::uint64_t kMaxRange = std::uint64_t{1} << 20;   // bytes of a file that a connection holds
+constexpr std::size_t kMaxPiece = std::size_t{1} << 20;       // bytes of a body that have a time limit of their own
 
 class HttpSession final : public Connection {
  public:
@@ -50,7 +49,6 @@ class HttpSession final : public Connection {
   }
   ~HttpSession() override {
     leaveScene();
-    hub_->unsent_picture_bytes -= picture_bytes_;
     hub_->metrics.http_open.add(-1);
   }
   void start();
@@ -97,11 +95,12 @@ class HttpSession final : public Connection {
   // after the first one was read, so that they can tell of an error.
   void readRange();
   void onRange(base::Result<base::Bytes> bytes);
-  void onHeader(error_code ec, std::size_t bytes_written);
-  void writeRange();
-  void onRangeWritten(error_code ec, std::size_t bytes_written);
 
+  // A large body is written piece by piece after its header, so that a peer that takes nothing is soon noticed.
   void doWrite(HttpReply reply);
+  void onHeader(error_code ec, std::size_t bytes_written);
+  void writePiece();
+  void onPiece(error_code ec, std::size_t bytes_written);
   void setFields(const UpgradeRequest& request);
   void allowTimeToWrite(std::size_t bytes);
   void onWrite(error_code ec, std::size_t bytes_written);
@@ -127,9 +126,10 @@ class HttpSession final : public Connection {
   RequestHead head_;                      // points into parser_ and cookies_
   std::optional<std::uint64_t> awaited_;  // id of the answer
   std::optional<SteadyTimer> answer_timer_;
-  std::size_t picture_bytes_ = 0;  // counted in Hub::unsent_picture_bytes
-  bool header_written_ = false;    // the header of a reply whose body is read range by range
+  std::optional<UnsentPicture> picture_;  // the body of the current answer
+  bool header_written_ = false;           // the header of a reply whose body follows piece by piece
   HttpReply reply_;
+  base::ByteView unwritten_;  // what is left of the body, or of its range that was read
   std::optional<http::response<Body>> response_;
   std::optional<http::response_serializer<Body>> serializer_;
 };
@@ -348,9 +348,11 @@ void HttpSession::requestPicture(const HttpRequest& request) {
   const std::uint64_t id = hub_->next_client++;
   const auto done = whenAwaited<base::Result<base::Bytes>>(
       id, [type](HttpSession& session, base::Result<base::Bytes> bytes) { session.onPicture(type, std::move(bytes)); });
-  const bool accepted = hub_->unsent_picture_bytes < kMaxUnsentPictures &&
-                        hub_->renderer->requestPicture(id, limitKey(address()), hosted_->scene, *picture,
-                                                       hub_->options.picture_limits, done);
+  const std::string key = limitKey(address());
+  PictureLimits limits = hub_->options.picture_limits;
+  limits.of_one_address -= std::min(limits.of_one_address, hub_->unsent_pictures.countOf(key));
+  const bool accepted = hub_->unsent_pictures.hasRoom() &&
+                        hub_->renderer->requestPicture(id, key, hosted_->scene, *picture, limits, done);
   if (!accepted) {
     hub_->metrics.pictures_refused.add();
     return doWrite(tryLater(kRetrySeconds, "too many pictures are asked for at once; try again later\n"));
@@ -362,8 +364,7 @@ void HttpSession::onPicture(const char* type, base::Result<base::Bytes> bytes) {
   (bytes ? hub_->metrics.pictures_drawn : hub_->metrics.pictures_failed).add();
   if (!bytes) return doWrite(renderErrorReply(bytes.error()));
   HttpReply reply{.type = type, .cache = "no-store", .owned = std::move(*bytes)};
-  picture_bytes_ = reply.owned.size();
-  hub_->unsent_picture_bytes += picture_bytes_;
+  picture_.emplace(hub_->unsent_pictures, limitKey(address()), reply.owned.size());
   doWrite(std::move(reply));
 }
 
@@ -449,29 +450,9 @@ void HttpSession::onRange(base::Result<base::Bytes> bytes) {
     return header_written_ ? close() : doWrite(fileErrorReply(bytes.error()));
   }
   reply_.owned = std::move(*bytes);
-  if (!std::exchange(header_written_, true)) return doWrite(std::move(reply_));
-  writeRange();
-}
-
-void HttpSession::onHeader(error_code ec, std::size_t bytes_written) {
-  if (ec) return onWrite(ec, bytes_written);
-  hub_->metrics.http_bytes.add(bytes_written);
-  writeRange();
-}
-
-void HttpSession::writeRange() {
-  allowTimeToWrite(reply_.owned.size());
-  asio::async_write(stream_, asio::buffer(reply_.owned),
-                    beast::bind_front_handler(&HttpSession::onRangeWritten, self<HttpSession>()));
-}
-
-void HttpSession::onRangeWritten(error_code ec, std::size_t bytes_written) {
-  FileBody& body = reply_.file;
-  body.offset += bytes_written;
-  body.length -= bytes_written;
-  if (ec || body.length == 0) return onWrite(ec, bytes_written);
-  hub_->metrics.http_bytes.add(bytes_written);
-  readRange();
+  if (!header_written_) return doWrite(std::move(reply_));
+  unwritten_ = reply_.owned;
+  writePiece();
 }
 
 // ---- Writing answers
@@ -483,19 +464,49 @@ void HttpSession::doWrite(HttpReply reply) {
   setFields(request);
   hub_->metrics.answers(reply_.status).add();
   const bool is_file = reply_.file.length > 0;
-  const base::ByteView body = is_file ? base::ByteView() : reply_.body();
-  response_->body() = {body.data(), body.size()};
+  const base::ByteView body = is_file ? base::ByteView(reply_.owned) : reply_.body();
   const bool bodiless = reply_.status == 204 || reply_.status == 304;
   if (reply_.has_length && !bodiless) response_->content_length(is_file ? reply_.file.length : body.size());
 
-  allowTimeToWrite(body.size());
+  const bool is_head = request.method() == http::verb::head;
+  const bool in_pieces = !is_head && (is_file || body.size() > kMaxPiece);
+  if (!in_pieces) response_->body() = {body.data(), body.size()};
+  allowTimeToWrite(in_pieces ? 0 : body.size());
   serializer_.emplace(*response_);
-  if (header_written_)
+  if (in_pieces) {
+    header_written_ = true;
+    unwritten_ = body;
     return http::async_write_header(stream_, *serializer_,
                                     beast::bind_front_handler(&HttpSession::onHeader, self<HttpSession>()));
+  }
   auto handler = beast::bind_front_handler(&HttpSession::onWrite, self<HttpSession>());
-  if (request.method() == http::verb::head) return http::async_write_header(stream_, *serializer_, std::move(handler));
+  if (is_head) return http::async_write_header(stream_, *serializer_, std::move(handler));
   http::async_write(stream_, *serializer_, std::move(handler));
+}
+
+void HttpSession::onHeader(error_code ec, std::size_t bytes_written) {
+  if (ec) return onWrite(ec, bytes_written);
+  hub_->metrics.http_bytes.add(bytes_written);
+  writePiece();
+}
+
+void HttpSession::writePiece() {
+  const base::ByteView piece = unwritten_.first(std::min(unwritten_.size(), kMaxPiece));
+  allowTimeToWrite(piece.size());
+  asio::async_write(stream_, asio::buffer(piece.data(), piece.size()),
+                    beast::bind_front_handler(&HttpSession::onPiece, self<HttpSession>()));
+}
+
+void HttpSession::onPiece(error_code ec, std::size_t bytes_written) {
+  unwritten_ = unwritten_.subspan(bytes_written);
+  FileBody& file = reply_.file;
+  const std::uint64_t of_file = std::min<std::uint64_t>(file.length, bytes_written);  // 0 where the body is no file's
+  file.offset += of_file;
+  file.length -= of_file;
+  if (ec || (unwritten_.empty() && file.length == 0)) return onWrite(ec, bytes_written);
+  hub_->metrics.http_bytes.add(bytes_written);
+  if (unwritten_.empty()) return readRange();
+  writePiece();
 }
 
 void HttpSession::setFields(const UpgradeRequest& request) {
@@ -514,12 +525,14 @@ void HttpSession::setFields(const UpgradeRequest& request) {
 }
 
 void HttpSession::allowTimeToWrite(std::size_t bytes) {
-  stream_.expires_after(kIdleTimeout + std::chrono::seconds(bytes / kMinBytesPerSecond));
+  const double seconds = hub_->options.stall_seconds + static_cast<double>(bytes) / hub_->options.min_bytes_per_second;
+  stream_.expires_after(std::chrono::duration_cast<SteadyClock::duration>(std::chrono::duration<double>(seconds)));
 }
 
 void HttpSession::onWrite(error_code ec, std::size_t bytes_written) {
   hub_->metrics.http_bytes.add(bytes_written);
-  hub_->unsent_picture_bytes -= std::exchange(picture_bytes_, 0);
+  picture_.reset();
+  unwritten_ = {};
   reply_ = {};
   header_written_ = false;
   if (ec) return;

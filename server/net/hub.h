@@ -19,6 +19,7 @@
 #include "server/net/security.h"
 #include "server/net/server.h"
 #include "server/net/site.h"
+#include "server/net/unsent_pictures.h"
 #include "server/scene/access_log.h"
 #include "server/scene/open_scene.h"
 #include "server/session/fair_queue.h"
@@ -115,7 +116,7 @@ struct Hub {
   std::function<void()> on_last_connection_closed;      ///< set while the server drains or stops
   std::uint64_t next_client = 1;
   std::size_t viewers = 0;
-  std::size_t unsent_picture_bytes = 0;  ///< rendered, but not yet written to their connections
+  UnsentPictures unsent_pictures;
   bool counts_access = false;
   bool draws_frames = false;
   std::atomic<bool> running = false;

@@ -1,13 +1,16 @@
 #include "server/net/server.h"
 
 #include <gtest/gtest.h>
+#include <sys/socket.h>
 
 #include <csignal>
 #include <thread>
 
 #include "base/file.h"
 #include "tests/server/net/loopback.h"
+#include "tests/server/net/page_folder.h"
 #include "tests/server/net/served_scene.h"
+#include "tests/support/ws_viewer.h"
 
 namespace server {
 namespace {
@@ -302,6 +305,47 @@ TEST(Server, aViewerThatTakesNothingIsDropped) {
   // It reads again once the server has given it up: what was under way comes, and then the end.
   std::this_thread::sleep_for(std::chrono::milliseconds(1500));
   EXPECT_FALSE(receiveAll(*stalled, 1).complete);
+}
+
+// The answer as a whole might take 48 seconds.
+TEST(Server, aVisitorThatTakesNothingIsDropped) {
+  const SceneDirectory scene(0);
+  const PageFolder page;
+  page.write("large.bin", std::string(std::size_t{48} << 20, 'x'));
+  ServerOptions options = RunningServer::quiet();
+  options.page_directory = page.path;
+  options.stall_seconds = 0.3;
+  options.min_bytes_per_second = 1 << 20;
+  RunningServer server(scene.path, options);
+  const base::FileDescriptor stalled = support::connectTo(server.port());
+  const std::string request = "GET /large.bin HTTP/1.1\r\nHost: localhost\r\n\r\n";
+  ASSERT_EQ(::send(stalled.get(), request.data(), request.size(), 0), static_cast<ssize_t>(request.size()));
+  const auto isOpen = [&](int connections) {
+    const std::string line = "lumigrid_connections_open{kind=\"http\"} " + std::to_string(connections) + "\n";
+    return httpRequest(server.port(), "/metrics").body.find(line) != std::string::npos;
+  };
+  bool is_dropped = false;  // the connection that asks is left
+  for (int attempt = 0; attempt < 200 && !is_dropped; ++attempt) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(100));
+    is_dropped = isOpen(1);
+  }
+  EXPECT_TRUE(is_dropped);
+}
+
+TEST(Server, largeAnswersComeWholeAndTheConnectionIsKept) {
+  const SceneDirectory scene(0);
+  const PageFolder page;
+  std::string large(3'500'000, 'x');
+  for (std::size_t i = 0; i < large.size(); i += 7) large[i] = static_cast<char>('a' + i % 26);
+  page.write("large.bin", large);
+  ServerOptions options = RunningServer::quiet();
+  options.page_directory = page.path;
+  RunningServer server(scene.path, options);
+  const std::string ask = "GET /large.bin HTTP/1.1\r\nHost: localhost\r\n";
+  const std::string both = rawExchange(server.port(), ask + "\r\n" + ask + "Connection: close\r\n\r\n");
+  const std::size_t first = both.find("\r\n\r\n") + 4, second = both.find("\r\n\r\n", first + large.size()) + 4;
+  EXPECT_TRUE(both.substr(first, large.size()) == large);
+  EXPECT_TRUE(both.substr(second) == large);
 }
 
 // Thousands of messages are read at the pace that is allowed, and another viewer is served meanwhile.
