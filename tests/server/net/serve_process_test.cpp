@@ -153,20 +153,33 @@ class SlowReader {
 
 // ---- The log ----
 
+// A pipe that has no room, and that somebody has open to read from; the end to write to.
+class FullPipe {
+ public:
+  FullPipe() {
+    EXPECT_EQ(::pipe2(ends_.data(), O_CLOEXEC | O_NONBLOCK), 0);
+    const std::string filler(65536, 'x');
+    while (::write(ends_[1], filler.data(), filler.size()) > 0) {
+    }
+    EXPECT_EQ(::fcntl(ends_[1], F_SETFL, 0), 0);  // the server's end blocks, as a shell's does
+  }
+  ~FullPipe() { ::close(ends_[0]); }
+  FullPipe(const FullPipe&) = delete;
+  FullPipe& operator=(const FullPipe&) = delete;
+  int end() const { return ends_[1]; }
+
+ private:
+  std::array<int, 2> ends_{};
+};
+
 TEST(ServeProcess, aFullPipeThatNobodyReadsStopsNothing) {
   const SceneDirectory scene;
-  std::array<int, 2> ends{};
-  ASSERT_EQ(::pipe2(ends.data(), O_CLOEXEC | O_NONBLOCK), 0);
-  const std::string filler(65536, 'x');
-  while (::write(ends[1], filler.data(), filler.size()) > 0) {
-  }
-  ASSERT_EQ(::fcntl(ends[1], F_SETFL, 0), 0);  // the server's end blocks, as a shell's does
-  ServeProcess server({scene.path, "--no-access"}, ends[1]);
+  const FullPipe full;
+  ServeProcess server({scene.path, "--no-access"}, full.end());
   ASSERT_NE(server.port(), 0);
   expectItServes(server);
   server.send(SIGTERM);
   EXPECT_EQ(server.wait(), 0);
-  ::close(ends[0]);
 }
 
 TEST(ServeProcess, aReaderThatGoesAwayEndsNothing) {
@@ -470,6 +483,59 @@ TEST(Workers, aKilledOneIsReplacedWhileOthersServe) {
   const auto children = childrenOf(server.pid());
   EXPECT_EQ(std::count(children.begin(), children.end(), killed), 0);
   server.send(SIGTERM);
+  EXPECT_EQ(server.wait(), 0);
+}
+
+TEST(Workers, aFullPipeThatNobodyReadsStopsNoRestart) {
+  const SceneDirectory scene;
+  const FullPipe full;
+  ServeProcess server({scene.path, "--workers", "2", "--no-access"}, full.end());
+  ASSERT_EQ(childrenOf(server.pid()).size(), 2U);
+  const pid_t killed = childrenOf(server.pid()).front();
+  ::kill(killed, SIGKILL);
+  EXPECT_TRUE(waitFor([&] {
+    const auto children = childrenOf(server.pid());
+    return children.size() == 2 && std::count(children.begin(), children.end(), killed) == 0;
+  }));
+  server.send(SIGTERM);
+  EXPECT_EQ(server.wait(), 0);
+}
+
+TEST(Workers, theEndOfOneIsInTheLogThatIsNamed) {
+  const SceneDirectory scene;
+  const support::TemporaryDirectory directory;
+  const std::string log = directory / "serve.log";
+  ServeProcess server({scene.path, "--workers", "2", "--no-access", "--log", log, "--log-json"});
+  const auto endIsLogged = [&] {
+    ::kill(childrenOf(server.pid()).front(), SIGKILL);
+    return waitFor([&] { return readText(log).find("ended by signal 9") != std::string::npos; });
+  };
+  EXPECT_TRUE(endIsLogged());
+  ASSERT_TRUE(waitFor([&] { return childrenOf(server.pid()).size() == 2; }));
+  std::filesystem::rename(log, log + ".1");
+  server.send(SIGHUP);
+  ASSERT_TRUE(waitFor([&] { return std::filesystem::exists(log); }));
+  EXPECT_TRUE(endIsLogged()) << "the supervisor has not opened it anew";
+  server.send(SIGTERM);
+  EXPECT_EQ(server.wait(), 0);
+  EXPECT_EQ(server.log(), "");
+  std::istringstream lines(readText(log + ".1"));
+  for (std::string line; std::getline(lines, line);) EXPECT_TRUE(json::parse(line, nullptr, false).is_object()) << line;
+}
+
+// Otherwise the system would deal new connections to processes that end, in place of those that follow.
+TEST(Workers, aSharedPortIsClosedWhileTheServerDrains) {
+  const SceneDirectory scene;
+  const PageFolder page;
+  page.write("large.bin", std::string(std::size_t{48} << 20, 'x'));
+  ServeProcess server({scene.path, "--no-access", "--web", page.path, "--workers", "2", "--drain", "3600"});
+  SlowReader download(server.port());
+  download.ask("/large.bin");
+  ASSERT_TRUE(download.read(1));
+  server.send(SIGTERM);
+  EXPECT_TRUE(waitFor([&] { return !SlowReader(server.port()).isConnected(); }));
+  EXPECT_TRUE(server.isRunning());
+  EXPECT_FALSE(download.read(std::size_t{96} << 20)) << "the connection ends behind the answer";
   EXPECT_EQ(server.wait(), 0);
 }
 
