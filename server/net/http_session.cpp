@@ -25,13 +25,12 @@ namespace {
 
 // Choices, but for Beast's: shorter times and smaller numbers cut slow clients off, larger ones let more of them hold
 // connections and memory.
-constexpr auto kHeaderTimeout = std::chrono::seconds(10);     // for the first request
-constexpr auto kTurnedAwayTimeout = std::chrono::seconds(2);  // of one that gets a refusal
+constexpr auto kTurnedAwayTimeout = std::chrono::seconds(2);  // for the request that a refusal needs, its rest
 constexpr auto kHandshakeTimeout = std::chrono::seconds(10);  // of TLS
 constexpr auto kIdleTimeout = std::chrono::seconds(30);       // for the next request on an open connection
 constexpr auto kAnswerTimeout = std::chrono::minutes(10);     // for a picture, a picked point or a range of a file
 constexpr std::uint32_t kMaxHeaderBytes = 8 * 1024;           // Beast's default for requests
-constexpr int kRetrySeconds = 5;                              // in Retry-After
+constexpr std::size_t kMaxDiscarded = 256 * 1024;             // bytes behind a request that was refused
 constexpr std::uint64_t kMaxRange = std::uint64_t{1} << 20;   // bytes of a file that a connection holds
 constexpr std::size_t kMaxPiece = std::size_t{1} << 20;       // bytes of a body that have a time limit of their own
 
@@ -64,7 +63,7 @@ class HttpSession final : public Connection {
   void onHandshake(error_code ec);
   void answerPlainHttp();
   void doRead();
-  void allowTimeToRead();
+  void allowTimeToRead(SteadyClock::duration time);
   void onRead(error_code ec, std::size_t bytes_read);
   void onUnreadable(error_code ec);
   void readHead();
@@ -105,6 +104,8 @@ class HttpSession final : public Connection {
   void allowTimeToWrite(std::size_t bytes);
   void onWrite(error_code ec, std::size_t bytes_written);
   void shutDownSending();
+  void closeBehindTheRest();
+  void discard();
   void close();
 
   using Body = http::span_body<const std::uint8_t>;
@@ -121,6 +122,7 @@ class HttpSession final : public Connection {
   std::shared_ptr<HostedScene> hosted_;  // the scene that the current request addresses
   const std::uint64_t fetch_client_;     // the session's number among those whom the scene's fetchers work for
   beast::flat_buffer buffer_;
+  std::size_t discarded_ = 0;
   std::optional<http::request_parser<http::empty_body>> parser_;
   std::string cookies_;                   // of the current request, joined
   RequestHead head_;                      // points into parser_ and cookies_
@@ -156,6 +158,10 @@ HttpReply renderErrorReply(const base::Error& error) {
   const std::string text = "the picture could not be rendered; the server's log says why\n";
   const bool is_data = error.code == base::ErrorCode::kInvalidInput || error.code == base::ErrorCode::kIo;
   return is_data ? tryLater(kRetrySeconds, text) : textReply(500, text);
+}
+
+SteadyClock::duration durationOf(double seconds) {
+  return std::chrono::duration_cast<SteadyClock::duration>(std::chrono::duration<double>(seconds));
 }
 
 HttpRequest viewOf(const UpgradeRequest& request) {
@@ -209,15 +215,17 @@ void HttpSession::doRead() {
   parser_->header_limit(kMaxHeaderBytes);
   parser_->body_limit(0);
   reading_ = true;
-  allowTimeToRead();
+  allowTimeToRead(turned_away_    ? kTurnedAwayTimeout
+                  : requests_ == 0 ? durationOf(hub_->options.head_seconds)
+                                   : kIdleTimeout);
   http::async_read(stream_, buffer_, *parser_, beast::bind_front_handler(&HttpSession::onRead, self<HttpSession>()));
 }
 
 /// The stream's own timeout would close the socket, so that no 408 could be written.
-void HttpSession::allowTimeToRead() {
+void HttpSession::allowTimeToRead(SteadyClock::duration time) {
   stream_.expires_never();
   is_late_ = false;
-  deadline_.expires_after(turned_away_ ? kTurnedAwayTimeout : requests_ == 0 ? kHeaderTimeout : kIdleTimeout);
+  deadline_.expires_after(time);
   deadline_.async_wait([self = self<HttpSession>()](error_code cancelled) {
     if (cancelled || !self->reading_) return;  // a timer that was ready already cannot be called off
     self->is_late_ = true;
@@ -526,7 +534,7 @@ void HttpSession::setFields(const UpgradeRequest& request) {
 
 void HttpSession::allowTimeToWrite(std::size_t bytes) {
   const double seconds = hub_->options.stall_seconds + static_cast<double>(bytes) / hub_->options.min_bytes_per_second;
-  stream_.expires_after(std::chrono::duration_cast<SteadyClock::duration>(std::chrono::duration<double>(seconds)));
+  stream_.expires_after(durationOf(seconds));
 }
 
 void HttpSession::onWrite(error_code ec, std::size_t bytes_written) {
@@ -536,12 +544,32 @@ void HttpSession::onWrite(error_code ec, std::size_t bytes_written) {
   reply_ = {};
   header_written_ = false;
   if (ec) return;
+  if (!keep_alive_) return closeBehindTheRest();
   if (!response_->keep_alive() || hub_->draining) return shutDownSending();
   doRead();
 }
 
 void HttpSession::shutDownSending() {
   stream_.shutDownSending();
+}
+
+/// Closing with bytes of a request unread would have the system reset the connection, and the peer could lose the
+/// answer. So what still comes is read, as far as a peer that was refused may take time and bytes.
+void HttpSession::closeBehindTheRest() {
+  shutDownSending();
+  stream_.expires_never();
+  stream_.next_layer().expires_after(kTurnedAwayTimeout);
+  discard();
+}
+
+void HttpSession::discard() {
+  constexpr std::size_t kPiece = 16 * 1024;
+  buffer_.clear();
+  stream_.next_layer().async_read_some(buffer_.prepare(kPiece),
+                                       [self = self<HttpSession>()](error_code ec, std::size_t bytes) {
+                                         self->discarded_ += bytes;
+                                         if (!ec && self->discarded_ < kMaxDiscarded) self->discard();
+                                       });
 }
 
 void HttpSession::close() {

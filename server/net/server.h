@@ -31,6 +31,7 @@ struct ServerOptions {
   std::uint64_t max_unsent_bytes = 128 * 1024;
   /// A visitor over HTTP has `stall_seconds` for each megabyte of an answer, and a second more for so many bytes of it.
   double min_bytes_per_second = 16.0 * 1024.0;
+  double head_seconds = 10.0;          ///< for the head of a connection's first request
   double hello_seconds = 10.0;         ///< for a viewer's first message
   double stall_seconds = 30.0;         ///< a viewer that takes no byte of what waits for so long is dropped
   double idle_seconds = 3600.0;        ///< one that sends no message for so long likewise

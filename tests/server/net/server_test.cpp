@@ -3,7 +3,9 @@
 #include <gtest/gtest.h>
 #include <sys/socket.h>
 
+#include <cerrno>
 #include <csignal>
+#include <cstring>
 #include <thread>
 
 #include "base/file.h"
@@ -265,6 +267,51 @@ TEST(Server, badRequestsAreAnswered) {
   EXPECT_EQ(answerTo("GET /healthz HTTP/1.1\r\nHost: a\r\nA: " + std::string(9000, 'a') + "\r\n\r\n"), "HTTP/1.1 431 ");
   EXPECT_EQ(answerTo("POST / HTTP/1.1\r\nHost: a\r\nContent-Length: 5\r\n\r\nhello"), "HTTP/1.1 413 ");
   EXPECT_EQ(answerTo("PUT / HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n"), "HTTP/1.1 405 ");
+}
+
+// Bytes behind the part that was read do not have the connection reset before the answer is read.
+TEST(Server, refusedRequestsAreReadToTheirEnd) {
+  const SceneDirectory scene(0);
+  RunningServer server(scene.path);
+  const std::pair<std::string, std::string> requests[] = {
+      {"GET /healthz HTTP/1.1\r\nHost: a\r\nA: " + std::string(100'000, 'a') + "\r\n\r\n", "HTTP/1.1 431 "},
+      {"POST / HTTP/1.1\r\nHost: a\r\nContent-Length: 100000\r\n\r\n" + std::string(100'000, 'a'), "HTTP/1.1 413 "},
+      {std::string(100'000, '\1'), "HTTP/1.1 400 "}};
+  for (const auto& [request, answer] : requests) {
+    const base::FileDescriptor socket = support::connectTo(server.port());
+    ASSERT_EQ(::send(socket.get(), request.data(), request.size(), MSG_NOSIGNAL), static_cast<ssize_t>(request.size()));
+    std::string said(4096, ' ');
+    ssize_t size = 0, last = 0;
+    while ((last = ::recv(socket.get(), &said[static_cast<std::size_t>(size)], 1, 0)) > 0) size += last;
+    EXPECT_EQ(last, 0) << std::strerror(errno);
+    EXPECT_TRUE(said.starts_with(answer)) << said;
+    // A reset would follow at once, and other systems than this one would lose what was not read by then.
+    std::this_thread::sleep_for(std::chrono::milliseconds(100));
+    int failure = 0;
+    socklen_t length = sizeof failure;
+    EXPECT_EQ(::getsockopt(socket.get(), SOL_SOCKET, SO_ERROR, &failure, &length), 0);
+    EXPECT_EQ(failure, 0) << "the connection was reset: " << std::strerror(failure);
+  }
+}
+
+TEST(Server, aRequestThatDoesNotComeInTimeIsToldSo) {
+  const SceneDirectory scene(0);
+  ServerOptions options = RunningServer::quiet();
+  options.head_seconds = 1.0;
+  RunningServer server(scene.path, options);
+  EXPECT_TRUE(rawExchange(server.port(), "GET /healthz HT").starts_with("HTTP/1.1 408 "));
+  EXPECT_EQ(rawExchange(server.port(), ""), "");
+}
+
+TEST(Server, otherMethodsAreToldWhichThereAre) {
+  const SceneDirectory first(0), second(0);
+  RunningServer one(first.path), two({first.path, second.path});
+  for (const RunningServer* server : {&one, &two}) {
+    HttpAnswer refused = httpRequest(server->port(), "/", {}, "DELETE");
+    EXPECT_EQ(refused.status, 405);
+    EXPECT_EQ(refused.headers["allow"], "GET, HEAD, OPTIONS");
+    EXPECT_EQ(httpRequest(server->port(), "/", {}, "OPTIONS").status, 204);
+  }
 }
 
 // ---- Viewers that behave badly
