@@ -25,7 +25,7 @@ namespace {
 
 // Choices, but for Beast's: shorter times and smaller numbers cut slow clients off, larger ones let more of them hold
 // connections and memory.
-constexpr auto kTurnedAwayTimeout = std::chrono::seconds(2);  // for the request that a refusal needs, its rest
+constexpr auto kTurnedAwayTimeout = std::chrono::seconds(2);  // for what a refusal needs: handshake, request, its rest
 constexpr auto kHandshakeTimeout = std::chrono::seconds(10);  // of TLS
 constexpr auto kIdleTimeout = std::chrono::seconds(30);       // for the next request on an open connection
 constexpr auto kAnswerTimeout = std::chrono::minutes(10);     // for a picture, a picked point or a range of a file
@@ -41,13 +41,16 @@ class HttpSession final : public Connection {
         stream_(std::move(socket)),
         peer_(parseIpAddress(address).value_or(IpAddress())),
         deadline_(stream_.get_executor()),
-        turned_away_(turned_away),
+        turned_away_(turned_away ? limitKey(address) : std::string()),
         fetch_client_(hub_->next_client++) {
+    if (isTurnedAway()) ++hub_->turned_away_of[turned_away_];
     hub_->metrics.http_open.add(1);
     hub_->metrics.http_accepted.add();
   }
   ~HttpSession() override {
     leaveScene();
+    if (const auto it = hub_->turned_away_of.find(turned_away_); isTurnedAway() && --it->second == 0)
+      hub_->turned_away_of.erase(it);
     hub_->metrics.http_open.add(-1);
   }
   void start();
@@ -107,6 +110,7 @@ class HttpSession final : public Connection {
   void closeBehindTheRest();
   void discard();
   void close();
+  bool isTurnedAway() const { return !turned_away_.empty(); }
 
   using Body = http::span_body<const std::uint8_t>;
   AnyStream stream_;
@@ -118,7 +122,7 @@ class HttpSession final : public Connection {
   bool is_late_ = false;
   bool keep_alive_ = true;
   std::uint64_t requests_ = 0;
-  const bool turned_away_;
+  const std::string turned_away_;  // limitKey() of the peer's address, if it gets nothing but a refusal; else empty
   std::shared_ptr<HostedScene> hosted_;  // the scene that the current request addresses
   const std::uint64_t fetch_client_;     // the session's number among those whom the scene's fetchers work for
   beast::flat_buffer buffer_;
@@ -180,7 +184,7 @@ HttpRequest viewOf(const UpgradeRequest& request) {
 void HttpSession::start() {
   if (!hub_->security->tls) return doRead();
   stream_.startTlsAsServer(hub_->security->tls);
-  stream_.expires_after(kHandshakeTimeout);
+  stream_.expires_after(isTurnedAway() ? kTurnedAwayTimeout : kHandshakeTimeout);
   stream_.async_handshake(beast::bind_front_handler(&HttpSession::onHandshake, self<HttpSession>()));
 }
 
@@ -215,7 +219,7 @@ void HttpSession::doRead() {
   parser_->header_limit(kMaxHeaderBytes);
   parser_->body_limit(0);
   reading_ = true;
-  allowTimeToRead(turned_away_    ? kTurnedAwayTimeout
+  allowTimeToRead(isTurnedAway()    ? kTurnedAwayTimeout
                   : requests_ == 0 ? durationOf(hub_->options.head_seconds)
                                    : kIdleTimeout);
   http::async_read(stream_, buffer_, *parser_, beast::bind_front_handler(&HttpSession::onRead, self<HttpSession>()));
@@ -248,7 +252,7 @@ void HttpSession::onRead(error_code ec, std::size_t /*bytes_read*/) {
   const HttpRequest request = viewOf(fields);
   readHead();
   if (auto reply = hub_->answerForServer(request, head_)) return doWrite(std::move(*reply));
-  if (turned_away_)
+  if (isTurnedAway())
     return doWrite(tryLater(kRetrySeconds, "this server has as many viewers as it may; try again later\n"));
   // A proxy's connections are counted for its clients, which are known only now.
   if (client_ != peer_ && !countFor(client_.text())) {
@@ -521,7 +525,7 @@ void HttpSession::setFields(const UpgradeRequest& request) {
   auto& fields = *response_;
   fields.result(static_cast<unsigned>(reply_.status));
   fields.version(request.version());
-  fields.keep_alive(keep_alive_ && request.keep_alive() && !turned_away_ && !hub_->draining && !hub_->stopping &&
+  fields.keep_alive(keep_alive_ && request.keep_alive() && !isTurnedAway() && !hub_->draining && !hub_->stopping &&
                     reply_.has_length);
   fields.set(http::field::server, "lumigrid");
   fields.set(http::field::content_type, reply_.type);

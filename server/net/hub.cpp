@@ -13,7 +13,7 @@ namespace server {
 namespace {
 
 // As many views, or ranges of files, of a scene are fetched at a time; choices.
-constexpr unsigned kFarFetchers = 8, kLocalFetchers = 2;
+constexpr unsigned kFarFetchers = HostedScene::kMaxFetchers, kLocalFetchers = 2;
 constexpr unsigned kFetchesPerClient = 2;  // a viewer's newest view need not wait for the one before
 // A machine of one core has two workers, too, so that one that waits for a disk does not stop all.
 constexpr unsigned kMinWorkers = 2;

@@ -5,6 +5,7 @@
 #include <netinet/in.h>
 #include <signal.h>
 #include <sys/prctl.h>
+#include <sys/resource.h>
 #include <sys/socket.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -34,7 +35,8 @@ using programs::readText;
 class ServeProcess {
  public:
   // `standard_error`: a descriptor; it is closed here, so that the process is the only one that has it. -1: a file.
-  explicit ServeProcess(const std::vector<std::string>& arguments, int standard_error = -1) {
+  // `max_files`: descriptors that it may have; 0: as many as the test.
+  explicit ServeProcess(const std::vector<std::string>& arguments, int standard_error = -1, rlim_t max_files = 0) {
     if (standard_error < 0) standard_error = ::open(logPath().c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0644);
     const std::string out = directory_ / "out";
     std::vector<std::string> words{
@@ -45,6 +47,8 @@ class ServeProcess {
       ::prctl(PR_SET_PDEATHSIG, SIGKILL);
       ::dup2(::open(out.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0644), STDOUT_FILENO);
       ::dup2(standard_error, STDERR_FILENO);
+      const rlimit files{max_files, max_files};
+      if (max_files != 0) ::setrlimit(RLIMIT_NOFILE, &files);
       std::vector<char*> argv;
       for (std::string& word : words) argv.push_back(word.data());
       argv.push_back(nullptr);
@@ -241,6 +245,31 @@ TEST(ServeProcess, sighupOpensTheLogAnewAndEndsNothing) {
   EXPECT_EQ(server.log(), "");
   server.send(SIGTERM);
   EXPECT_EQ(server.wait(), 0);
+}
+
+// ---- Limits of the system ----
+
+TEST(ServeProcess, theFilesOfScenesAreNoConnections) {
+  struct Measured {
+    std::size_t connections = 0, files = 0;
+  };
+  const auto measure = [](const std::vector<std::string>& places) {
+    std::vector<std::string> arguments = places;
+    arguments.emplace_back("--no-access");
+    ServeProcess server(arguments, -1, 900);
+    const std::string before = "at most ";
+    EXPECT_TRUE(waitFor([&] { return server.log().find(before) != std::string::npos; }));
+    const std::string log = server.log();
+    const std::filesystem::directory_iterator files("/proc/" + std::to_string(server.pid()) + "/fd");
+    return Measured{std::stoul(log.substr(log.find(before) + before.size())),
+                    static_cast<std::size_t>(std::distance(files, {}))};
+  };
+  std::vector<std::unique_ptr<SceneDirectory>> scenes;
+  std::vector<std::string> places;
+  for (int i = 0; i < 16; ++i) places.push_back(scenes.emplace_back(std::make_unique<SceneDirectory>())->path);
+  const Measured one = measure({places.front()}), all = measure(places);
+  EXPECT_GE(all.files, one.files + 15) << "scenes keep no files open";
+  EXPECT_LE(all.connections + all.files, one.connections + one.files);
 }
 
 // ---- Metrics ----

@@ -9,6 +9,7 @@
 #include <thread>
 
 #include "base/file.h"
+#include "server/net/hub.h"
 #include "tests/server/net/loopback.h"
 #include "tests/server/net/page_folder.h"
 #include "tests/server/net/served_scene.h"
@@ -256,6 +257,21 @@ TEST(Server, oneAddressCannotTakeAllConnections) {
   const std::string refusal = rawExchange(server.port(), "GET / HTTP/1.1\r\nHost: a\r\n\r\n");
   EXPECT_TRUE(refusal.starts_with("HTTP/1.1 429 Too Many Requests\r\n")) << refusal;
   EXPECT_TRUE(refusal.ends_with("close others\n")) << refusal;
+}
+
+TEST(Server, mutePeersOfOneAddressDoNotHideTheServersHealth) {
+  const SceneDirectory scene(0);
+  ServerOptions options = RunningServer::quiet();
+  options.max_connections = 1;
+  RunningServer server(scene.path, options);
+  const auto viewer = LoopbackClient::connect(server.port());
+  ASSERT_TRUE(viewer);
+  std::vector<base::FileDescriptor> mute;
+  for (std::uint32_t i = 0; i < kMaxTurnedAway + 4; ++i) mute.push_back(support::connectTo(server.port(), 66));
+  EXPECT_EQ(httpRequest(server.port(), "/healthz").status, 200);
+  // Beyond its share an address is told at once.
+  char first = 0;
+  EXPECT_EQ(::recv(mute.back().get(), &first, 1, 0), 1);
 }
 
 // Whatever is sent in place of a request, the answer says what was wrong with it.
