@@ -267,8 +267,8 @@ RunCommand addServe(CLI::App& command) {
   command
       .add_option(
           "--drain", a->options.drain_seconds,
-          "seconds after SIGTERM within which downloads under way are finished, e.g. 30s; the port is closed and "
-          "viewers are sent elsewhere at once")
+          "seconds after SIGTERM within which downloads under way are finished, e.g. 30s; viewers are sent elsewhere "
+          "at once, and new requests are answered 503")
       ->transform(CLI::AsNumberWithUnit(std::map<std::string, double>{{"s", 1.0}, {"min", 60.0}}))
       ->check(CLI::Range(0.0, 86400.0));
   command.add_option("--log", a->log.file,

@@ -58,8 +58,11 @@ class HttpSession final : public Connection {
     if (!is_upgraded_) close();
   }
   const HostedScene* scene() const override { return nullptr; }  // an answer that was begun is finished
+  /// Who has just come may be about to ask for the server's health.
   void closeForDrain() override {
-    if (reading_) closeForShutdown();
+    if (!reading_) return;
+    if (requests_ > 0) return closeForShutdown();
+    allowTimeToRead(kTurnedAwayTimeout);
   }
 
  private:
@@ -219,9 +222,9 @@ void HttpSession::doRead() {
   parser_->header_limit(kMaxHeaderBytes);
   parser_->body_limit(0);
   reading_ = true;
-  allowTimeToRead(isTurnedAway()    ? kTurnedAwayTimeout
-                  : requests_ == 0 ? durationOf(hub_->options.head_seconds)
-                                   : kIdleTimeout);
+  allowTimeToRead(isTurnedAway() || hub_->draining ? kTurnedAwayTimeout
+                  : requests_ == 0                 ? durationOf(hub_->options.head_seconds)
+                                                   : kIdleTimeout);
   http::async_read(stream_, buffer_, *parser_, beast::bind_front_handler(&HttpSession::onRead, self<HttpSession>()));
 }
 
@@ -252,6 +255,7 @@ void HttpSession::onRead(error_code ec, std::size_t /*bytes_read*/) {
   const HttpRequest request = viewOf(fields);
   readHead();
   if (auto reply = hub_->answerForServer(request, head_)) return doWrite(std::move(*reply));
+  if (hub_->draining) return doWrite(tryLater(kRetrySeconds, "the server stops; try again later\n"));
   if (isTurnedAway())
     return doWrite(tryLater(kRetrySeconds, "this server has as many viewers as it may; try again later\n"));
   // A proxy's connections are counted for its clients, which are known only now.
@@ -335,7 +339,6 @@ void HttpSession::upgradeToWebSocket() {
   const beast::string_view key = parser_->get()[http::field::sec_websocket_key];
   if (!key.empty() && !isWebSocketKey({key.data(), key.size()}))
     return doWrite(textReply(400, "the handshake's key is not 16 bytes in base64\n"));
-  if (hub_->draining) return doWrite(tryLater(kRetrySeconds, "the server stops; try again later\n"));
   stream_.expires_never();  // a WebSocket stream has its own timeouts
   hosted_->site->readAppearance();
   const std::int64_t until = hub_->security->rules.accessTo(hosted_->access_name, head_, secondsNow()).until;

@@ -115,14 +115,15 @@ struct Hub {
   std::set<Connection*> connections;
   std::map<std::string, std::uint32_t> connections_of;  ///< their number, by limitKey() of the client's address
   std::map<std::string, std::uint32_t> turned_away_of;  ///< likewise, of connections that get nothing but a refusal
-  std::function<void()> on_last_connection_closed;      ///< set while the server drains or stops
+  std::size_t connections_to_finish = 0;                ///< those that did not come while the server drained
+  std::function<void()> on_last_connection_closed;      ///< of those to finish; set while the server drains or stops
   std::uint64_t next_client = 1;
   std::size_t viewers = 0;
   UnsentPictures unsent_pictures;
   bool counts_access = false;
   bool draws_frames = false;
   std::atomic<bool> running = false;
-  std::atomic<bool> draining = false;  ///< the port is closed, and no connection is kept for another request
+  std::atomic<bool> draining = false;  ///< only health is told to new requests, and no connection is kept for another
   std::atomic<bool> stopping = false;
 };
 

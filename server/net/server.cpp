@@ -31,7 +31,9 @@ struct Server::Impl {
   void takeUp(base::Result<Hub::Scenes> opened);
   void drain();
   void shutDown();
-  void closeConnections(double seconds, std::function<void()> too_late, void (Connection::*close)());
+  using Close = void (Connection::*)();
+  void closeConnections(double seconds, std::function<void()> too_late, Close close);
+  void closeEach(Close close) const;
   void finish();
   void endThreads();
 
@@ -181,8 +183,11 @@ void Server::Impl::onSignal(int signal) {
   }
 }
 
+/// The port stays open, so that whoever watches over the server is told that it stops. A port that is shared is closed,
+/// since the system would go on to deal connections to it in place of the processes that stay or come.
 void Server::Impl::drain() {
   hub->draining = true;
+  if (hub->options.shares_port) listener.close();
   spdlog::info("draining for {:g} s at most: {} connections are open", hub->options.drain_seconds,
                hub->connections.size());
   closeConnections(
@@ -235,28 +240,34 @@ void Server::Impl::shutDown() {
   if (hub->stopping) return;
   hub->stopping = true;
   spdlog::info("stopping: {} connections are open", hub->connections.size());
+  listener.close();
   constexpr double kCloseSeconds = 2.0;  // for viewers to answer the close frame
   closeConnections(
       kCloseSeconds, [this] { io.stop(); }, &Connection::closeForShutdown);
 }
 
-/// Closes the port and all connections; `too_late` is called if some are left after so many seconds.
-void Server::Impl::closeConnections(double seconds, std::function<void()> too_late, void (Connection::*close)()) {
-  listener.close();
+/// Closes all connections; `too_late` is called if some of those to finish are left after so many seconds.
+void Server::Impl::closeConnections(double seconds, std::function<void()> too_late, Close close) {
   hub->on_last_connection_closed = [this] { finish(); };
   close_timer.emplace(io, std::chrono::duration_cast<SteadyClock::duration>(std::chrono::duration<double>(seconds)));
   close_timer->async_wait([too_late = std::move(too_late)](error_code cancelled) {
     if (!cancelled) too_late();
   });
+  if (hub->connections_to_finish == 0) return finish();
+  closeEach(close);
+}
+
+void Server::Impl::closeEach(Close close) const {
   // A list that holds them, since closing one may end it at once.
   std::vector<std::shared_ptr<Connection>> open;
   for (Connection* connection : hub->connections) open.push_back(connection->shared_from_this());
-  if (open.empty()) return finish();
   for (const auto& connection : open) ((*connection).*close)();
 }
 
-/// Nothing keeps the io thread any more.
+/// Nothing keeps the io thread any more, once the connections that came meanwhile are closed.
 void Server::Impl::finish() {
+  listener.close();
+  closeEach(&Connection::closeForShutdown);
   close_timer.reset();
   error_code ignored;
   if (signals) signals->cancel(ignored);

@@ -54,8 +54,9 @@ struct ServerOptions {
 /// "address:port" as it stands in an address of the web: IPv6 in brackets.
 std::string placeText(const std::string& address, std::uint16_t port);
 
-/// Serves until stop() (any thread) or until a signal when `handle_signals`. SIGINT is stop(). SIGTERM closes the port,
-/// sends viewers away to connect elsewhere, and lets answers under way be finished within `drain_seconds`; a further
+/// Serves until stop() (any thread) or until a signal when `handle_signals`. SIGINT is stop(). SIGTERM sends viewers
+/// away to connect elsewhere, and lets answers under way be finished within `drain_seconds`; new requests are told to
+/// come again later, but for those about the server's health, or the port is closed where it is shared. A further
 /// SIGTERM or SIGINT ends that at once. SIGHUP is reload().
 class Server {
  public:

@@ -330,7 +330,15 @@ TEST(ServeProcess, drainingFinishesDownloadsAndSendsViewersAway) {
   EXPECT_EQ(viewer->closeCode(), 1001);
   EXPECT_EQ(viewer->closeReason(), "the server stops");
   EXPECT_FALSE(idle.read(1 << 20)) << "a connection that waits for another request is closed";
-  EXPECT_TRUE(waitFor([&] { return !SlowReader(server.port()).isConnected(); })) << "the port is closed";
+  // Whoever watches over the server is told, and new visitors likewise.
+  const HttpAnswer ready = httpRequest(server.port(), "/readyz");
+  EXPECT_EQ(ready.status, 503);
+  EXPECT_EQ(ready.headers.count("retry-after"), 1U);
+  EXPECT_EQ(httpRequest(server.port(), "/healthz").status, 200);
+  const HttpAnswer late = httpRequest(server.port(), "/scene.json");
+  EXPECT_EQ(late.status, 503);
+  EXPECT_EQ(late.headers.count("retry-after"), 1U);
+  EXPECT_FALSE(LoopbackClient::connect(server.port()));
   EXPECT_TRUE(server.isRunning());
   EXPECT_FALSE(download.read(2 * bytes)) << "the connection ends behind the answer";
   EXPECT_EQ(download.text.size(), download.text.find("\r\n\r\n") + 4 + bytes);
