@@ -107,11 +107,11 @@ volatile std::sig_atomic_t hangup_came = 0;
 
 /// Serves in this process. `ready` is called once connections are accepted.
 int serveHere(const ServeArguments& a, const std::function<void(const Server&)>& ready) {
-  // A worker that is started again serves what the others do by now.
-  const std::vector<std::string> scenes = scenesOfConfig(a).value_or(a.scenes);
   auto log = ServerLog::open(a.log);
   if (!log) return fail(log.error());
   (*log)->install();
+  // A worker that is started again serves what the others do by now.
+  const std::vector<std::string> scenes = scenesOfConfig(a).value_or(a.scenes);
   // Until the server listens for it; a terminal that closes, or an operator, may send it while scenes are opened.
   std::signal(SIGHUP, [](int) { hangup_came = 1; });
   auto server = Server::open(scenes, a.options);
@@ -142,10 +142,17 @@ int serveByWorkers(ServeArguments& a) {
     if (!several) return fail(several.error());
     names = std::move(*several);
   }
-  const auto worker = [&a](unsigned /*number*/, const std::function<void()>& ready) {
+  // A reader of the log that stops reading must not keep the supervisor from its signals.
+  auto log = ServerLog::open(a.log);
+  if (!log) return fail(log.error());
+  const auto before_log = spdlog::default_logger();
+  (*log)->install();
+  const auto worker = [&](unsigned /*number*/, const std::function<void()>& ready) {
+    spdlog::set_default_logger(before_log);  // the log's thread is not in this process
     return serveHere(a, [&ready](const Server&) { ready(); });
   };
-  return supervise(a.workers, worker, [&] { printAddresses(a, kept->port, names); });
+  return supervise(
+      a.workers, worker, [&] { printAddresses(a, kept->port, names); }, [&log] { (*log)->reopen(); });
 }
 
 int run(CLI::App& command, ServeArguments& a) {
@@ -215,7 +222,7 @@ RunCommand addServe(CLI::App& command) {
                      "connections of one address at a time; more are answered 429");
   command
       .add_option("--pictures-per-address", a->options.picture_limits.of_one_address,
-                  "pictures that one address may have asked for at a time; more are answered 503")
+                  "pictures of one address that wait, are drawn or are not yet fetched; more are answered 503")
       ->check(CLI::Range(1, 1000));
   command
       .add_option("--idle", a->options.idle_seconds,
@@ -260,8 +267,8 @@ RunCommand addServe(CLI::App& command) {
   command
       .add_option(
           "--drain", a->options.drain_seconds,
-          "seconds after SIGTERM within which downloads under way are finished, e.g. 30s; the port is closed and "
-          "viewers are sent elsewhere at once")
+          "seconds after SIGTERM within which downloads under way are finished, e.g. 30s; viewers are sent elsewhere "
+          "at once, and new requests are answered 503")
       ->transform(CLI::AsNumberWithUnit(std::map<std::string, double>{{"s", 1.0}, {"min", 60.0}}))
       ->check(CLI::Range(0.0, 86400.0));
   command.add_option("--log", a->log.file,

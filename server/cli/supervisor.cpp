@@ -51,7 +51,8 @@ int statusOf(int waited) {
 
 class Supervisor {
  public:
-  Supervisor(unsigned count, const Worker& worker) : worker_(worker), processes_(count) {
+  Supervisor(unsigned count, const Worker& worker, const std::function<void()>& on_hangup)
+      : worker_(worker), on_hangup_(on_hangup), processes_(count) {
     const sigset_t watched = watchedSignals();
     sigprocmask(SIG_BLOCK, &watched, &before_);
     signals_ = base::FileDescriptor(::signalfd(-1, &watched, SFD_CLOEXEC));
@@ -153,6 +154,7 @@ class Supervisor {
     const int signal = static_cast<int>(info.ssi_signo);
     if (signal == SIGCHLD) return acceptEnds();
     stopping_ = stopping_ || signal != SIGHUP;
+    if (signal == SIGHUP) on_hangup_();
     handOn(signal);
   }
 
@@ -189,6 +191,7 @@ class Supervisor {
   }
 
   const Worker& worker_;
+  const std::function<void()>& on_hangup_;
   std::vector<Process> processes_;
   sigset_t before_{};
   base::FileDescriptor signals_;
@@ -228,8 +231,9 @@ base::Result<KeptPort> keepPort(const std::string& address, std::uint16_t port) 
   return kept;
 }
 
-int supervise(unsigned count, const Worker& worker, const std::function<void()>& all_ready) {
-  Supervisor supervisor(count, worker);
+int supervise(unsigned count, const Worker& worker, const std::function<void()>& all_ready,
+              const std::function<void()>& on_hangup) {
+  Supervisor supervisor(count, worker, on_hangup);
   for (unsigned number = 0; number < count; ++number) {
     int status = 0;
     if (supervisor.startAndWait(number, status)) continue;

@@ -22,8 +22,10 @@ using Worker = std::function<int(unsigned number, const std::function<void()>& r
 
 /// Starts `count` workers as processes, the first by itself: if it ends before it is ready, its exit status is returned
 /// and no other is started. Calls `all_ready` when all are. A worker that ends by itself is started again, after a
-/// pause that grows while workers end soon. SIGTERM, SIGINT and SIGHUP are handed on; after the first two this returns
-/// when all workers have ended, the largest of their exit statuses. To be called while the process has one thread.
-int supervise(unsigned count, const Worker& worker, const std::function<void()>& all_ready);
+/// pause that grows while workers end soon. SIGTERM, SIGINT and SIGHUP are handed on, the last one after a call of
+/// `on_hangup`; after the first two this returns when all workers have ended, the largest of their exit statuses. To be
+/// called while the process has no thread besides that of the log, of which no worker may make use.
+int supervise(unsigned count, const Worker& worker, const std::function<void()>& all_ready,
+              const std::function<void()>& on_hangup);
 
 }  // namespace server::cli

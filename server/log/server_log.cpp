@@ -1,5 +1,7 @@
 #include "server/log/server_log.h"
 
+#include <signal.h>
+
 #include <atomic>
 #include <chrono>
 #include <condition_variable>
@@ -89,8 +91,13 @@ base::Result<std::unique_ptr<ServerLog>> ServerLog::open(const LogOptions& optio
   return std::unique_ptr<ServerLog>(new ServerLog(std::make_shared<State>(options, std::move(file))));
 }
 
+/// The thread hears no signals, so that those come to whoever waits for them.
 ServerLog::ServerLog(std::shared_ptr<State> state) : state_(std::move(state)) {
+  sigset_t all, before;
+  ::sigfillset(&all);
+  ::pthread_sigmask(SIG_SETMASK, &all, &before);
   state_->thread = std::thread([state = state_] { state->runThread(); });
+  ::pthread_sigmask(SIG_SETMASK, &before, nullptr);
 }
 
 ServerLog::~ServerLog() {

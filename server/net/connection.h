@@ -14,14 +14,17 @@ namespace server {
 class Connection : public std::enable_shared_from_this<Connection> {
  public:
   /// `address`: the client's, without a port.
-  Connection(std::shared_ptr<Hub> hub, std::string address) : hub_(std::move(hub)), address_(std::move(address)) {
+  Connection(std::shared_ptr<Hub> hub, std::string address)
+      : hub_(std::move(hub)), address_(std::move(address)), came_while_draining_(hub_->draining) {
     hub_->connections.insert(this);
+    if (!came_while_draining_) ++hub_->connections_to_finish;
     ++hub_->connections_of[limitKey(address_)];
   }
   virtual ~Connection() {
     hub_->connections.erase(this);
     uncount();
-    if (hub_->connections.empty() && hub_->on_last_connection_closed) hub_->on_last_connection_closed();
+    if (came_while_draining_) return;
+    if (--hub_->connections_to_finish == 0 && hub_->on_last_connection_closed) hub_->on_last_connection_closed();
   }
   Connection(const Connection&) = delete;
   Connection& operator=(const Connection&) = delete;
@@ -69,6 +72,7 @@ class Connection : public std::enable_shared_from_this<Connection> {
       hub_->connections_of.erase(it);
   }
   std::string address_;
+  const bool came_while_draining_;
 };
 
 }  // namespace server

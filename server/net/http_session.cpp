@@ -25,16 +25,14 @@ namespace {
 
 // Choices, but for Beast's: shorter times and smaller numbers cut slow clients off, larger ones let more of them hold
 // connections and memory.
-constexpr auto kHeaderTimeout = std::chrono::seconds(10);     // for the first request
-constexpr auto kTurnedAwayTimeout = std::chrono::seconds(2);  // of one that gets a refusal
+constexpr auto kTurnedAwayTimeout = std::chrono::seconds(2);  // for what a refusal needs: handshake, request, its rest
 constexpr auto kHandshakeTimeout = std::chrono::seconds(10);  // of TLS
 constexpr auto kIdleTimeout = std::chrono::seconds(30);       // for the next request on an open connection
 constexpr auto kAnswerTimeout = std::chrono::minutes(10);     // for a picture, a picked point or a range of a file
-constexpr std::uint64_t kMinBytesPerSecond = 16 * 1024;       // a slower download is cut
 constexpr std::uint32_t kMaxHeaderBytes = 8 * 1024;           // Beast's default for requests
-constexpr int kRetrySeconds = 5;                              // in Retry-After
-constexpr std::size_t kMaxUnsentPictures = std::size_t{256} << 20;  // bytes of all; beyond, no new one is begun
-constexpr std::uint64_t kMaxRange = std::uint64_t{1} << 20;         // bytes of a file that a connection holds
+constexpr std::size_t kMaxDiscarded = 256 * 1024;             // bytes behind a request that was refused
+constexpr std::uint64_t kMaxRange = std::uint64_t{1} << 20;   // bytes of a file that a connection holds
+constexpr std::size_t kMaxPiece = std::size_t{1} << 20;       // bytes of a body that have a time limit of their own
 
 class HttpSession final : public Connection {
  public:
@@ -43,14 +41,16 @@ class HttpSession final : public Connection {
         stream_(std::move(socket)),
         peer_(parseIpAddress(address).value_or(IpAddress())),
         deadline_(stream_.get_executor()),
-        turned_away_(turned_away),
+        turned_away_(turned_away ? limitKey(address) : std::string()),
         fetch_client_(hub_->next_client++) {
+    if (isTurnedAway()) ++hub_->turned_away_of[turned_away_];
     hub_->metrics.http_open.add(1);
     hub_->metrics.http_accepted.add();
   }
   ~HttpSession() override {
     leaveScene();
-    hub_->unsent_picture_bytes -= picture_bytes_;
+    if (const auto it = hub_->turned_away_of.find(turned_away_); isTurnedAway() && --it->second == 0)
+      hub_->turned_away_of.erase(it);
     hub_->metrics.http_open.add(-1);
   }
   void start();
@@ -58,15 +58,18 @@ class HttpSession final : public Connection {
     if (!is_upgraded_) close();
   }
   const HostedScene* scene() const override { return nullptr; }  // an answer that was begun is finished
+  /// Who has just come may be about to ask for the server's health.
   void closeForDrain() override {
-    if (reading_) closeForShutdown();
+    if (!reading_) return;
+    if (requests_ > 0) return closeForShutdown();
+    allowTimeToRead(kTurnedAwayTimeout);
   }
 
  private:
   void onHandshake(error_code ec);
   void answerPlainHttp();
   void doRead();
-  void allowTimeToRead();
+  void allowTimeToRead(SteadyClock::duration time);
   void onRead(error_code ec, std::size_t bytes_read);
   void onUnreadable(error_code ec);
   void readHead();
@@ -97,16 +100,20 @@ class HttpSession final : public Connection {
   // after the first one was read, so that they can tell of an error.
   void readRange();
   void onRange(base::Result<base::Bytes> bytes);
-  void onHeader(error_code ec, std::size_t bytes_written);
-  void writeRange();
-  void onRangeWritten(error_code ec, std::size_t bytes_written);
 
+  // A large body is written piece by piece after its header, so that a peer that takes nothing is soon noticed.
   void doWrite(HttpReply reply);
+  void onHeader(error_code ec, std::size_t bytes_written);
+  void writePiece();
+  void onPiece(error_code ec, std::size_t bytes_written);
   void setFields(const UpgradeRequest& request);
   void allowTimeToWrite(std::size_t bytes);
   void onWrite(error_code ec, std::size_t bytes_written);
   void shutDownSending();
+  void closeBehindTheRest();
+  void discard();
   void close();
+  bool isTurnedAway() const { return !turned_away_.empty(); }
 
   using Body = http::span_body<const std::uint8_t>;
   AnyStream stream_;
@@ -118,18 +125,20 @@ class HttpSession final : public Connection {
   bool is_late_ = false;
   bool keep_alive_ = true;
   std::uint64_t requests_ = 0;
-  const bool turned_away_;
+  const std::string turned_away_;  // limitKey() of the peer's address, if it gets nothing but a refusal; else empty
   std::shared_ptr<HostedScene> hosted_;  // the scene that the current request addresses
   const std::uint64_t fetch_client_;     // the session's number among those whom the scene's fetchers work for
   beast::flat_buffer buffer_;
+  std::size_t discarded_ = 0;
   std::optional<http::request_parser<http::empty_body>> parser_;
   std::string cookies_;                   // of the current request, joined
   RequestHead head_;                      // points into parser_ and cookies_
   std::optional<std::uint64_t> awaited_;  // id of the answer
   std::optional<SteadyTimer> answer_timer_;
-  std::size_t picture_bytes_ = 0;  // counted in Hub::unsent_picture_bytes
-  bool header_written_ = false;    // the header of a reply whose body is read range by range
+  std::optional<UnsentPicture> picture_;  // the body of the current answer
+  bool header_written_ = false;           // the header of a reply whose body follows piece by piece
   HttpReply reply_;
+  base::ByteView unwritten_;  // what is left of the body, or of its range that was read
   std::optional<http::response<Body>> response_;
   std::optional<http::response_serializer<Body>> serializer_;
 };
@@ -158,6 +167,10 @@ HttpReply renderErrorReply(const base::Error& error) {
   return is_data ? tryLater(kRetrySeconds, text) : textReply(500, text);
 }
 
+SteadyClock::duration durationOf(double seconds) {
+  return std::chrono::duration_cast<SteadyClock::duration>(std::chrono::duration<double>(seconds));
+}
+
 HttpRequest viewOf(const UpgradeRequest& request) {
   const auto view = [](beast::string_view text) { return std::string_view(text.data(), text.size()); };
   return {view(request.method_string()),
@@ -174,7 +187,7 @@ HttpRequest viewOf(const UpgradeRequest& request) {
 void HttpSession::start() {
   if (!hub_->security->tls) return doRead();
   stream_.startTlsAsServer(hub_->security->tls);
-  stream_.expires_after(kHandshakeTimeout);
+  stream_.expires_after(isTurnedAway() ? kTurnedAwayTimeout : kHandshakeTimeout);
   stream_.async_handshake(beast::bind_front_handler(&HttpSession::onHandshake, self<HttpSession>()));
 }
 
@@ -209,15 +222,17 @@ void HttpSession::doRead() {
   parser_->header_limit(kMaxHeaderBytes);
   parser_->body_limit(0);
   reading_ = true;
-  allowTimeToRead();
+  allowTimeToRead(isTurnedAway() || hub_->draining ? kTurnedAwayTimeout
+                  : requests_ == 0                 ? durationOf(hub_->options.head_seconds)
+                                                   : kIdleTimeout);
   http::async_read(stream_, buffer_, *parser_, beast::bind_front_handler(&HttpSession::onRead, self<HttpSession>()));
 }
 
 /// The stream's own timeout would close the socket, so that no 408 could be written.
-void HttpSession::allowTimeToRead() {
+void HttpSession::allowTimeToRead(SteadyClock::duration time) {
   stream_.expires_never();
   is_late_ = false;
-  deadline_.expires_after(turned_away_ ? kTurnedAwayTimeout : requests_ == 0 ? kHeaderTimeout : kIdleTimeout);
+  deadline_.expires_after(time);
   deadline_.async_wait([self = self<HttpSession>()](error_code cancelled) {
     if (cancelled || !self->reading_) return;  // a timer that was ready already cannot be called off
     self->is_late_ = true;
@@ -240,7 +255,8 @@ void HttpSession::onRead(error_code ec, std::size_t /*bytes_read*/) {
   const HttpRequest request = viewOf(fields);
   readHead();
   if (auto reply = hub_->answerForServer(request, head_)) return doWrite(std::move(*reply));
-  if (turned_away_)
+  if (hub_->draining) return doWrite(tryLater(kRetrySeconds, "the server stops; try again later\n"));
+  if (isTurnedAway())
     return doWrite(tryLater(kRetrySeconds, "this server has as many viewers as it may; try again later\n"));
   // A proxy's connections are counted for its clients, which are known only now.
   if (client_ != peer_ && !countFor(client_.text())) {
@@ -323,7 +339,6 @@ void HttpSession::upgradeToWebSocket() {
   const beast::string_view key = parser_->get()[http::field::sec_websocket_key];
   if (!key.empty() && !isWebSocketKey({key.data(), key.size()}))
     return doWrite(textReply(400, "the handshake's key is not 16 bytes in base64\n"));
-  if (hub_->draining) return doWrite(tryLater(kRetrySeconds, "the server stops; try again later\n"));
   stream_.expires_never();  // a WebSocket stream has its own timeouts
   hosted_->site->readAppearance();
   const std::int64_t until = hub_->security->rules.accessTo(hosted_->access_name, head_, secondsNow()).until;
@@ -348,9 +363,11 @@ void HttpSession::requestPicture(const HttpRequest& request) {
   const std::uint64_t id = hub_->next_client++;
   const auto done = whenAwaited<base::Result<base::Bytes>>(
       id, [type](HttpSession& session, base::Result<base::Bytes> bytes) { session.onPicture(type, std::move(bytes)); });
-  const bool accepted = hub_->unsent_picture_bytes < kMaxUnsentPictures &&
-                        hub_->renderer->requestPicture(id, limitKey(address()), hosted_->scene, *picture,
-                                                       hub_->options.picture_limits, done);
+  const std::string key = limitKey(address());
+  PictureLimits limits = hub_->options.picture_limits;
+  limits.of_one_address -= std::min(limits.of_one_address, hub_->unsent_pictures.countOf(key));
+  const bool accepted = hub_->unsent_pictures.hasRoom() &&
+                        hub_->renderer->requestPicture(id, key, hosted_->scene, *picture, limits, done);
   if (!accepted) {
     hub_->metrics.pictures_refused.add();
     return doWrite(tryLater(kRetrySeconds, "too many pictures are asked for at once; try again later\n"));
@@ -362,8 +379,7 @@ void HttpSession::onPicture(const char* type, base::Result<base::Bytes> bytes) {
   (bytes ? hub_->metrics.pictures_drawn : hub_->metrics.pictures_failed).add();
   if (!bytes) return doWrite(renderErrorReply(bytes.error()));
   HttpReply reply{.type = type, .cache = "no-store", .owned = std::move(*bytes)};
-  picture_bytes_ = reply.owned.size();
-  hub_->unsent_picture_bytes += picture_bytes_;
+  picture_.emplace(hub_->unsent_pictures, limitKey(address()), reply.owned.size());
   doWrite(std::move(reply));
 }
 
@@ -449,29 +465,9 @@ void HttpSession::onRange(base::Result<base::Bytes> bytes) {
     return header_written_ ? close() : doWrite(fileErrorReply(bytes.error()));
   }
   reply_.owned = std::move(*bytes);
-  if (!std::exchange(header_written_, true)) return doWrite(std::move(reply_));
-  writeRange();
-}
-
-void HttpSession::onHeader(error_code ec, std::size_t bytes_written) {
-  if (ec) return onWrite(ec, bytes_written);
-  hub_->metrics.http_bytes.add(bytes_written);
-  writeRange();
-}
-
-void HttpSession::writeRange() {
-  allowTimeToWrite(reply_.owned.size());
-  asio::async_write(stream_, asio::buffer(reply_.owned),
-                    beast::bind_front_handler(&HttpSession::onRangeWritten, self<HttpSession>()));
-}
-
-void HttpSession::onRangeWritten(error_code ec, std::size_t bytes_written) {
-  FileBody& body = reply_.file;
-  body.offset += bytes_written;
-  body.length -= bytes_written;
-  if (ec || body.length == 0) return onWrite(ec, bytes_written);
-  hub_->metrics.http_bytes.add(bytes_written);
-  readRange();
+  if (!header_written_) return doWrite(std::move(reply_));
+  unwritten_ = reply_.owned;
+  writePiece();
 }
 
 // ---- Writing answers
@@ -483,26 +479,56 @@ void HttpSession::doWrite(HttpReply reply) {
   setFields(request);
   hub_->metrics.answers(reply_.status).add();
   const bool is_file = reply_.file.length > 0;
-  const base::ByteView body = is_file ? base::ByteView() : reply_.body();
-  response_->body() = {body.data(), body.size()};
+  const base::ByteView body = is_file ? base::ByteView(reply_.owned) : reply_.body();
   const bool bodiless = reply_.status == 204 || reply_.status == 304;
   if (reply_.has_length && !bodiless) response_->content_length(is_file ? reply_.file.length : body.size());
 
-  allowTimeToWrite(body.size());
+  const bool is_head = request.method() == http::verb::head;
+  const bool in_pieces = !is_head && (is_file || body.size() > kMaxPiece);
+  if (!in_pieces) response_->body() = {body.data(), body.size()};
+  allowTimeToWrite(in_pieces ? 0 : body.size());
   serializer_.emplace(*response_);
-  if (header_written_)
+  if (in_pieces) {
+    header_written_ = true;
+    unwritten_ = body;
     return http::async_write_header(stream_, *serializer_,
                                     beast::bind_front_handler(&HttpSession::onHeader, self<HttpSession>()));
+  }
   auto handler = beast::bind_front_handler(&HttpSession::onWrite, self<HttpSession>());
-  if (request.method() == http::verb::head) return http::async_write_header(stream_, *serializer_, std::move(handler));
+  if (is_head) return http::async_write_header(stream_, *serializer_, std::move(handler));
   http::async_write(stream_, *serializer_, std::move(handler));
+}
+
+void HttpSession::onHeader(error_code ec, std::size_t bytes_written) {
+  if (ec) return onWrite(ec, bytes_written);
+  hub_->metrics.http_bytes.add(bytes_written);
+  writePiece();
+}
+
+void HttpSession::writePiece() {
+  const base::ByteView piece = unwritten_.first(std::min(unwritten_.size(), kMaxPiece));
+  allowTimeToWrite(piece.size());
+  asio::async_write(stream_, asio::buffer(piece.data(), piece.size()),
+                    beast::bind_front_handler(&HttpSession::onPiece, self<HttpSession>()));
+}
+
+void HttpSession::onPiece(error_code ec, std::size_t bytes_written) {
+  unwritten_ = unwritten_.subspan(bytes_written);
+  FileBody& file = reply_.file;
+  const std::uint64_t of_file = std::min<std::uint64_t>(file.length, bytes_written);  // 0 where the body is no file's
+  file.offset += of_file;
+  file.length -= of_file;
+  if (ec || (unwritten_.empty() && file.length == 0)) return onWrite(ec, bytes_written);
+  hub_->metrics.http_bytes.add(bytes_written);
+  if (unwritten_.empty()) return readRange();
+  writePiece();
 }
 
 void HttpSession::setFields(const UpgradeRequest& request) {
   auto& fields = *response_;
   fields.result(static_cast<unsigned>(reply_.status));
   fields.version(request.version());
-  fields.keep_alive(keep_alive_ && request.keep_alive() && !turned_away_ && !hub_->draining && !hub_->stopping &&
+  fields.keep_alive(keep_alive_ && request.keep_alive() && !isTurnedAway() && !hub_->draining && !hub_->stopping &&
                     reply_.has_length);
   fields.set(http::field::server, "lumigrid");
   fields.set(http::field::content_type, reply_.type);
@@ -514,21 +540,43 @@ void HttpSession::setFields(const UpgradeRequest& request) {
 }
 
 void HttpSession::allowTimeToWrite(std::size_t bytes) {
-  stream_.expires_after(kIdleTimeout + std::chrono::seconds(bytes / kMinBytesPerSecond));
+  const double seconds = hub_->options.stall_seconds + static_cast<double>(bytes) / hub_->options.min_bytes_per_second;
+  stream_.expires_after(durationOf(seconds));
 }
 
 void HttpSession::onWrite(error_code ec, std::size_t bytes_written) {
   hub_->metrics.http_bytes.add(bytes_written);
-  hub_->unsent_picture_bytes -= std::exchange(picture_bytes_, 0);
+  picture_.reset();
+  unwritten_ = {};
   reply_ = {};
   header_written_ = false;
   if (ec) return;
+  if (!keep_alive_) return closeBehindTheRest();
   if (!response_->keep_alive() || hub_->draining) return shutDownSending();
   doRead();
 }
 
 void HttpSession::shutDownSending() {
   stream_.shutDownSending();
+}
+
+/// Closing with bytes of a request unread would have the system reset the connection, and the peer could lose the
+/// answer. So what still comes is read, as far as a peer that was refused may take time and bytes.
+void HttpSession::closeBehindTheRest() {
+  shutDownSending();
+  stream_.expires_never();
+  stream_.next_layer().expires_after(kTurnedAwayTimeout);
+  discard();
+}
+
+void HttpSession::discard() {
+  constexpr std::size_t kPiece = 16 * 1024;
+  buffer_.clear();
+  stream_.next_layer().async_read_some(buffer_.prepare(kPiece),
+                                       [self = self<HttpSession>()](error_code ec, std::size_t bytes) {
+                                         self->discarded_ += bytes;
+                                         if (!ec && self->discarded_ < kMaxDiscarded) self->discard();
+                                       });
 }
 
 void HttpSession::close() {

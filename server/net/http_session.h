@@ -9,8 +9,8 @@
 
 namespace server {
 
-/// Starts to read requests. `address`: the peer's. `turned_away`: the server is full, and every request but those for
-/// its health is answered with a 503.
+/// Starts to read requests. `address`: the peer's. `turned_away`: the server is full or drains, and every request but
+/// those for its health is answered with a 503.
 void startHttpSession(std::shared_ptr<Hub> hub, TcpSocket&& socket, const std::string& address, bool turned_away);
 
 }  // namespace server

@@ -13,7 +13,7 @@ namespace server {
 namespace {
 
 // As many views, or ranges of files, of a scene are fetched at a time; choices.
-constexpr unsigned kFarFetchers = 8, kLocalFetchers = 2;
+constexpr unsigned kFarFetchers = HostedScene::kMaxFetchers, kLocalFetchers = 2;
 constexpr unsigned kFetchesPerClient = 2;  // a viewer's newest view need not wait for the one before
 // A machine of one core has two workers, too, so that one that waits for a disk does not stop all.
 constexpr unsigned kMinWorkers = 2;
@@ -207,7 +207,7 @@ std::optional<HttpReply> Hub::answerForServer(const HttpRequest& request, const 
   const bool is_known = path == "/healthz" || path == "/readyz" || path == "/metrics";
   if (!is_known || (request.method != "GET" && request.method != "HEAD")) return std::nullopt;
   HttpReply reply = textReply(200, "ok");
-  if (path == "/readyz" && !isReady()) reply = textReply(503, "the server stops\n");
+  if (path == "/readyz" && !isReady()) reply = tryLater(kRetrySeconds, "the server stops\n");
   if (path == "/metrics") {
     if (auto refused = security->refuseFigures(head, secondsNow())) return refused;
     reply.type = Metrics::kContentType;
@@ -234,7 +234,8 @@ std::optional<HttpReply> Hub::answerInstead(const RequestHead& request, const Ho
 }
 
 HttpReply Hub::answerForAllScenes(const HttpRequest& request, const RequestHead& head) const {
-  if (request.method != "GET" && request.method != "HEAD") return textReply(405, "only GET and HEAD\n");
+  if (request.method == "OPTIONS") return preflightReply();
+  if (request.method != "GET" && request.method != "HEAD") return methodNotAllowedReply();
   if (request.path() != "/") return textReply(404, "there is no such scene here; / lists them\n");
   std::vector<ListedScene> listed;
   for (const auto& hosted : scenes)

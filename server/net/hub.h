@@ -19,6 +19,7 @@
 #include "server/net/security.h"
 #include "server/net/server.h"
 #include "server/net/site.h"
+#include "server/net/unsent_pictures.h"
 #include "server/scene/access_log.h"
 #include "server/scene/open_scene.h"
 #include "server/session/fair_queue.h"
@@ -47,6 +48,7 @@ struct HostedScene {
   /// its jobs use outlives them.
   std::unique_ptr<FairQueue> fetchers;
 
+  static constexpr unsigned kMaxFetchers = 8;  ///< each has a file or a connection of its own while it reads
   bool hasPatches() const { return scene->data.patches != nullptr; }
   /// Starts to count what is sent, in the file that the options name or in the scene's directory. A scene without
   /// patches has nothing to count; where the counts would have no place, the log says so.
@@ -112,19 +114,22 @@ struct Hub {
   std::string place;                                                     ///< address:port
   std::set<Connection*> connections;
   std::map<std::string, std::uint32_t> connections_of;  ///< their number, by limitKey() of the client's address
-  std::function<void()> on_last_connection_closed;      ///< set while the server drains or stops
+  std::map<std::string, std::uint32_t> turned_away_of;  ///< likewise, of connections that get nothing but a refusal
+  std::size_t connections_to_finish = 0;                ///< those that did not come while the server drained
+  std::function<void()> on_last_connection_closed;      ///< of those to finish; set while the server drains or stops
   std::uint64_t next_client = 1;
   std::size_t viewers = 0;
-  std::size_t unsent_picture_bytes = 0;  ///< rendered, but not yet written to their connections
+  UnsentPictures unsent_pictures;
   bool counts_access = false;
   bool draws_frames = false;
   std::atomic<bool> running = false;
-  std::atomic<bool> draining = false;  ///< the port is closed, and no connection is kept for another request
+  std::atomic<bool> draining = false;  ///< only health is told to new requests, and no connection is kept for another
   std::atomic<bool> stopping = false;
 };
 
-/// Connections over ServerOptions::max_connections that are still accepted, to be answered with a 503. A choice:
-/// each holds a descriptor for a moment.
-inline constexpr std::uint32_t kMaxTurnedAway = 64;
+/// Connections over ServerOptions::max_connections that are still accepted, to be answered with a 503; and those of one
+/// address, so that no other one is kept from asking for the server's health. Choices: each holds a descriptor for a
+/// moment.
+inline constexpr std::uint32_t kMaxTurnedAway = 64, kMaxTurnedAwayOfAddress = kMaxTurnedAway / 4;
 
 }  // namespace server

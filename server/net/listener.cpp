@@ -117,12 +117,16 @@ void Listener::startSession(TcpSocket socket) {
     hub_->metrics.refused("address").add();
     return refuse(socket.native_handle(), tooManyAnswer());
   }
-  const bool turned_away = open >= options.max_connections;
-  if (turned_away) {
+  const bool is_full = open >= options.max_connections;
+  if (is_full) {
     spdlog::warn("turn away: {} connections are open", open);
     hub_->metrics.refused("connections").add();
   }
-  if (open >= std::size_t{options.max_connections} + kMaxTurnedAway)
+  const bool turned_away = is_full || hub_->draining;
+  const auto turned_away_of = hub_->turned_away_of.find(limitKey(address));
+  const bool has_its_share = !is_proxy && turned_away && turned_away_of != hub_->turned_away_of.end() &&
+                             turned_away_of->second >= kMaxTurnedAwayOfAddress;
+  if (has_its_share || open >= std::size_t{options.max_connections} + kMaxTurnedAway)
     return refuse(socket.native_handle(), fullAnswer());
   startHttpSession(hub_, std::move(socket), address, turned_away);
 }

@@ -2,10 +2,12 @@
 
 #include <sys/resource.h>
 
+#include <algorithm>
 #include <boost/asio/post.hpp>
 #include <boost/asio/signal_set.hpp>
 #include <boost/system/system_error.hpp>
 #include <csignal>
+#include <filesystem>
 #include <optional>
 #include <utility>
 
@@ -25,10 +27,13 @@ struct Server::Impl {
   void onSignal(int signal);
   void reload();
   void openWanted();
+  void limitConnections();
   void takeUp(base::Result<Hub::Scenes> opened);
   void drain();
   void shutDown();
-  void closeConnections(double seconds, std::function<void()> too_late, void (Connection::*close)());
+  using Close = void (Connection::*)();
+  void closeConnections(double seconds, std::function<void()> too_late, Close close);
+  void closeEach(Close close) const;
   void finish();
   void endThreads();
 
@@ -40,22 +45,40 @@ struct Server::Impl {
   std::function<std::optional<std::vector<std::string>>()> on_reload;
   std::optional<std::vector<std::string>> wanted_places;  // of the newest reload, while an older one goes on
   bool is_opening = false;
-  FairQueue opener{1};  // opens scenes while others are served
+  std::uint32_t wanted_connections = 0;
+  std::size_t files_of_scene = 0;  // those that a scene keeps open, by the mean of the first ones
+  FairQueue opener{1};             // opens scenes while others are served
 };
 
 namespace {
 
-/// Descriptors besides those of connections: files of scenes, caches, far origins.
+/// Descriptors besides those of connections and scenes: the renderer's, caches, the log.
 constexpr rlim_t kOtherDescriptors = 128;
 
-/// The connections that the system has descriptors for, when this process may have as many as it can.
-std::uint32_t connectionsPossible(std::uint32_t wanted) {
+/// Lets this process have as many descriptors as it can.
+void raiseDescriptorLimit() {
   rlimit limit{};
-  if (::getrlimit(RLIMIT_NOFILE, &limit) != 0) return wanted;
+  if (::getrlimit(RLIMIT_NOFILE, &limit) != 0) return;
   limit.rlim_cur = limit.rlim_max;
   ::setrlimit(RLIMIT_NOFILE, &limit);
+}
+
+/// The descriptors of this process; 0 where the system does not tell.
+std::size_t openDescriptors() {
+  std::error_code failed;
+  std::filesystem::directory_iterator it("/proc/self/fd", failed);
+  std::size_t count = 0;
+  for (; !failed && it != std::filesystem::directory_iterator(); it.increment(failed)) ++count;
+  return count;
+}
+
+/// The connections that the system has descriptors for, besides those of `scenes` that keep so many files open each.
+std::uint32_t connectionsPossible(std::uint32_t wanted, std::size_t scenes, std::size_t files_of_scene) {
+  rlimit limit{};
   if (::getrlimit(RLIMIT_NOFILE, &limit) != 0 || limit.rlim_cur == RLIM_INFINITY) return wanted;
-  const rlim_t left = limit.rlim_cur > 2 * kOtherDescriptors ? limit.rlim_cur - kOtherDescriptors : limit.rlim_cur / 2;
+  // While scenes that were built anew take the place of others, both are open.
+  const rlim_t other = kOtherDescriptors + scenes * (2 * files_of_scene + HostedScene::kMaxFetchers);
+  const rlim_t left = limit.rlim_cur > 2 * other ? limit.rlim_cur - other : limit.rlim_cur / 2;
   if (left >= wanted) return wanted;
   spdlog::warn("at most {} connections in place of {}: the system allows no more open files (ulimit -n)", left, wanted);
   return static_cast<std::uint32_t>(left);
@@ -73,8 +96,12 @@ base::Result<std::unique_ptr<Server>> Server::open(const std::vector<std::string
     return base::Error{base::ErrorCode::kIo, "cannot wait for connections: " + failed.code().message()};
   }
   Hub& hub = *server->impl_->hub;
-  hub.options.max_connections = connectionsPossible(options.max_connections);
+  raiseDescriptorLimit();
+  const std::size_t before = openDescriptors();
   LUMIGRID_TRY(hub.openScenes(scenes));
+  server->impl_->wanted_connections = options.max_connections;
+  server->impl_->files_of_scene = (std::max(openDescriptors(), before) - before + scenes.size() - 1) / scenes.size();
+  server->impl_->limitConnections();
   LUMIGRID_TRY(server->impl_->listener.checkAddress());
   LUMIGRID_TRY(hub.readSecurity());
   LUMIGRID_TRY(server->impl_->listener.bind());
@@ -156,8 +183,11 @@ void Server::Impl::onSignal(int signal) {
   }
 }
 
+/// The port stays open, so that whoever watches over the server is told that it stops. A port that is shared is closed,
+/// since the system would go on to deal connections to it in place of the processes that stay or come.
 void Server::Impl::drain() {
   hub->draining = true;
+  if (hub->options.shares_port) listener.close();
   spdlog::info("draining for {:g} s at most: {} connections are open", hub->options.drain_seconds,
                hub->connections.size());
   closeConnections(
@@ -192,6 +222,7 @@ void Server::Impl::takeUp(base::Result<Hub::Scenes> opened) {
   is_opening = false;
   if (opened) {
     hub->serveScenes(std::move(*opened));
+    limitConnections();
     // Tokens name scenes.
     if (const auto read = hub->readSecurity(); !read) spdlog::warn("tokens: {}", read.error().message);
     spdlog::info("reloaded: {} scenes", hub->scenes.size());
@@ -201,32 +232,42 @@ void Server::Impl::takeUp(base::Result<Hub::Scenes> opened) {
   if (wanted_places) openWanted();
 }
 
+void Server::Impl::limitConnections() {
+  hub->options.max_connections = connectionsPossible(wanted_connections, hub->scenes.size(), files_of_scene);
+}
+
 void Server::Impl::shutDown() {
   if (hub->stopping) return;
   hub->stopping = true;
   spdlog::info("stopping: {} connections are open", hub->connections.size());
+  listener.close();
   constexpr double kCloseSeconds = 2.0;  // for viewers to answer the close frame
   closeConnections(
       kCloseSeconds, [this] { io.stop(); }, &Connection::closeForShutdown);
 }
 
-/// Closes the port and all connections; `too_late` is called if some are left after so many seconds.
-void Server::Impl::closeConnections(double seconds, std::function<void()> too_late, void (Connection::*close)()) {
-  listener.close();
+/// Closes all connections; `too_late` is called if some of those to finish are left after so many seconds.
+void Server::Impl::closeConnections(double seconds, std::function<void()> too_late, Close close) {
   hub->on_last_connection_closed = [this] { finish(); };
   close_timer.emplace(io, std::chrono::duration_cast<SteadyClock::duration>(std::chrono::duration<double>(seconds)));
   close_timer->async_wait([too_late = std::move(too_late)](error_code cancelled) {
     if (!cancelled) too_late();
   });
+  if (hub->connections_to_finish == 0) return finish();
+  closeEach(close);
+}
+
+void Server::Impl::closeEach(Close close) const {
   // A list that holds them, since closing one may end it at once.
   std::vector<std::shared_ptr<Connection>> open;
   for (Connection* connection : hub->connections) open.push_back(connection->shared_from_this());
-  if (open.empty()) return finish();
   for (const auto& connection : open) ((*connection).*close)();
 }
 
-/// Nothing keeps the io thread any more.
+/// Nothing keeps the io thread any more, once the connections that came meanwhile are closed.
 void Server::Impl::finish() {
+  listener.close();
+  closeEach(&Connection::closeForShutdown);
   close_timer.reset();
   error_code ignored;
   if (signals) signals->cancel(ignored);

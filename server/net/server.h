@@ -29,6 +29,9 @@ struct ServerOptions {
   /// the session. The limit is small, so that a new view's data does not queue behind an old one's. Fast links stay
   /// busy all the same, since bytes under way do not count.
   std::uint64_t max_unsent_bytes = 128 * 1024;
+  /// A visitor over HTTP has `stall_seconds` for each megabyte of an answer, and a second more for so many bytes of it.
+  double min_bytes_per_second = 16.0 * 1024.0;
+  double head_seconds = 10.0;          ///< for the head of a connection's first request
   double hello_seconds = 10.0;         ///< for a viewer's first message
   double stall_seconds = 30.0;         ///< a viewer that takes no byte of what waits for so long is dropped
   double idle_seconds = 3600.0;        ///< one that sends no message for so long likewise
@@ -51,8 +54,9 @@ struct ServerOptions {
 /// "address:port" as it stands in an address of the web: IPv6 in brackets.
 std::string placeText(const std::string& address, std::uint16_t port);
 
-/// Serves until stop() (any thread) or until a signal when `handle_signals`. SIGINT is stop(). SIGTERM closes the port,
-/// sends viewers away to connect elsewhere, and lets answers under way be finished within `drain_seconds`; a further
+/// Serves until stop() (any thread) or until a signal when `handle_signals`. SIGINT is stop(). SIGTERM sends viewers
+/// away to connect elsewhere, and lets answers under way be finished within `drain_seconds`; new requests are told to
+/// come again later, but for those about the server's health, or the port is closed where it is shared. A further
 /// SIGTERM or SIGINT ends that at once. SIGHUP is reload().
 class Server {
  public:

@@ -108,6 +108,10 @@ HttpReply preflightReply() {
                       {"Access-Control-Max-Age", "86400"}}};
 }
 
+HttpReply methodNotAllowedReply() {
+  return textReply(405, "only GET and HEAD\n", {{"Allow", "GET, HEAD, OPTIONS"}});
+}
+
 HttpReply tryLater(int seconds, std::string text) {
   return textReply(503, std::move(text), {{"Retry-After", std::to_string(seconds)}});
 }
@@ -236,8 +240,7 @@ const Site::SceneFile* Site::findSceneFile(std::string_view path) const {
 
 HttpReply Site::answer(const HttpRequest& request, const std::string& place) {
   if (request.method == "OPTIONS") return preflightReply();
-  if (request.method != "GET" && request.method != "HEAD")
-    return textReply(405, "only GET and HEAD\n", {{"Allow", "GET, HEAD, OPTIONS"}});
+  if (request.method != "GET" && request.method != "HEAD") return methodNotAllowedReply();
   const std::string_view path = request.path();
   if (path == "/healthz") return textReply(200, "ok");
   if (path == "/") return homeReply(request, place);

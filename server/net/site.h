@@ -56,6 +56,10 @@ HttpReply badRequest(const base::Error& error);
 HttpReply withoutPatchesReply();
 /// Tells browsers what a page of another host may request (CORS); they may keep the answer for a day.
 HttpReply preflightReply();
+/// Status 405, with the methods that there are.
+HttpReply methodNotAllowedReply();
+/// In Retry-After, unless it is known better when to ask again.
+inline constexpr int kRetrySeconds = 5;
 /// Status 503, which tells the visitor to ask again after `seconds`.
 HttpReply tryLater(int seconds, std::string text);
 

@@ -36,7 +36,9 @@ class Notes {
 /// Runs the supervisor in a process of its own, since it waits for signals.
 pid_t startSupervisor(unsigned count, const Worker& worker) {
   const pid_t pid = ::fork();
-  if (pid == 0) ::_exit(supervise(count, worker, [] {}));
+  if (pid == 0)
+    ::_exit(supervise(
+        count, worker, [] {}, [] {}));
   return pid;
 }
 

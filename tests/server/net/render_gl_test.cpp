@@ -1,5 +1,6 @@
 // /render draws pictures in bands, and other requests are answered meanwhile.
 #include <gtest/gtest.h>
+#include <sys/socket.h>
 
 #include <condition_variable>
 #include <future>
@@ -12,6 +13,7 @@
 #include "server/net/picture.h"
 #include "tests/server/net/loopback.h"
 #include "tests/server/net/served_scene.h"
+#include "tests/support/ws_viewer.h"
 
 namespace server {
 namespace {
@@ -415,6 +417,37 @@ TEST(Render, picturesBeyondTheQueueAreAskedToComeAgain) {
   EXPECT_GE(statuses[200], 2);
   EXPECT_EQ(statuses[200] + statuses[503], 12);
   EXPECT_EQ(httpRequest(server.port(), kAslant).status, 200);
+}
+
+// A picture that its visitor does not take counts among those of its address, and others get theirs.
+TEST(Render, picturesThatAreNotTakenCountForTheirAddress) {
+  const SceneDirectory scene(0);
+  ServerOptions options;
+  options.picture_limits = {4, 1};
+  RunningServer server(scene.path, options);
+  constexpr std::uint8_t kSlow = 66;
+  const auto ask = [&](const base::FileDescriptor& socket, const std::string& target) {
+    const std::string text = "GET " + target + " HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n";
+    EXPECT_EQ(::send(socket.get(), text.data(), text.size(), MSG_NOSIGNAL), static_cast<ssize_t>(text.size()));
+  };
+  const auto statusFor = [&](std::uint8_t last_byte) {
+    const base::FileDescriptor socket = support::connectTo(server.port(), last_byte);
+    ask(socket, kAslant + "&width=32&height=32");
+    std::string head(12, ' ');
+    EXPECT_EQ(::recv(socket.get(), head.data(), head.size(), MSG_WAITALL), static_cast<ssize_t>(head.size()));
+    return head;
+  };
+  base::FileDescriptor slow = support::connectTo(server.port(), kSlow);
+  ask(slow, kAslant + "&width=6000&height=6000&supersampling=1&format=jpeg&quality=100");
+  const std::string drawn = "lumigrid_pictures_total{outcome=\"drawn\"} 1\n";
+  while (httpRequest(server.port(), "/metrics").body.find(drawn) == std::string::npos)
+    std::this_thread::sleep_for(std::chrono::milliseconds(20));
+  EXPECT_EQ(statusFor(kSlow), "HTTP/1.1 503");
+  EXPECT_EQ(statusFor(1), "HTTP/1.1 200");
+  slow = base::FileDescriptor();
+  std::string status;
+  for (int attempt = 0; attempt < 1000 && status != "HTTP/1.1 200"; ++attempt) status = statusFor(kSlow);
+  EXPECT_EQ(status, "HTTP/1.1 200");
 }
 
 // When a visitor closes the connection while the picture is drawn, the next picture gets its turn.

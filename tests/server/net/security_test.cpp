@@ -12,7 +12,9 @@
 #include "base/file.h"
 #include "tests/server/net/loopback.h"
 #include "tests/server/net/served_scene.h"
+#include "tests/support/certificates.h"
 #include "tests/support/temporary_directory.h"
+#include "tests/support/ws_viewer.h"
 
 namespace server {
 namespace {
@@ -314,6 +316,21 @@ TEST_F(SecurityTest, aCertificateNeedsItsKey) {
   const auto refused = Server::open({first_scene_.path}, options_);
   ASSERT_FALSE(bool(refused));
   EXPECT_NE(refused.error().message.find("--key"), std::string::npos);
+}
+
+// Places of those who are turned away are few.
+TEST_F(SecurityTest, whoIsTurnedAwayHasLessTimeForTheHandshake) {
+  const support::Authority authority("authority");
+  authority.issue("IP:127.0.0.1", -60, 3600, path("certificate.pem"), path("key.pem"));
+  options_.certificate_file = path("certificate.pem");
+  options_.key_file = path("key.pem");
+  options_.max_connections = 1;
+  start();
+  const base::FileDescriptor admitted = support::connectTo(server_->port());
+  const base::FileDescriptor turned_away = support::connectTo(server_->port());
+  char none = 0;
+  EXPECT_EQ(::recv(turned_away.get(), &none, 1, 0), 0) << "the server closes it";
+  EXPECT_EQ(::recv(admitted.get(), &none, 1, MSG_DONTWAIT), -1) << "closed as early, though it came first";
 }
 
 TEST_F(SecurityTest, nothingSecretIsInTheLog) {

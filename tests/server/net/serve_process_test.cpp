@@ -5,6 +5,7 @@
 #include <netinet/in.h>
 #include <signal.h>
 #include <sys/prctl.h>
+#include <sys/resource.h>
 #include <sys/socket.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -34,7 +35,8 @@ using programs::readText;
 class ServeProcess {
  public:
   // `standard_error`: a descriptor; it is closed here, so that the process is the only one that has it. -1: a file.
-  explicit ServeProcess(const std::vector<std::string>& arguments, int standard_error = -1) {
+  // `max_files`: descriptors that it may have; 0: as many as the test.
+  explicit ServeProcess(const std::vector<std::string>& arguments, int standard_error = -1, rlim_t max_files = 0) {
     if (standard_error < 0) standard_error = ::open(logPath().c_str(), O_WRONLY | O_CREAT | O_APPEND | O_CLOEXEC, 0644);
     const std::string out = directory_ / "out";
     std::vector<std::string> words{
@@ -45,6 +47,8 @@ class ServeProcess {
       ::prctl(PR_SET_PDEATHSIG, SIGKILL);
       ::dup2(::open(out.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0644), STDOUT_FILENO);
       ::dup2(standard_error, STDERR_FILENO);
+      const rlimit files{max_files, max_files};
+      if (max_files != 0) ::setrlimit(RLIMIT_NOFILE, &files);
       std::vector<char*> argv;
       for (std::string& word : words) argv.push_back(word.data());
       argv.push_back(nullptr);
@@ -153,20 +157,33 @@ class SlowReader {
 
 // ---- The log ----
 
+// A pipe that has no room, and that somebody has open to read from; the end to write to.
+class FullPipe {
+ public:
+  FullPipe() {
+    EXPECT_EQ(::pipe2(ends_.data(), O_CLOEXEC | O_NONBLOCK), 0);
+    const std::string filler(65536, 'x');
+    while (::write(ends_[1], filler.data(), filler.size()) > 0) {
+    }
+    EXPECT_EQ(::fcntl(ends_[1], F_SETFL, 0), 0);  // the server's end blocks, as a shell's does
+  }
+  ~FullPipe() { ::close(ends_[0]); }
+  FullPipe(const FullPipe&) = delete;
+  FullPipe& operator=(const FullPipe&) = delete;
+  int end() const { return ends_[1]; }
+
+ private:
+  std::array<int, 2> ends_{};
+};
+
 TEST(ServeProcess, aFullPipeThatNobodyReadsStopsNothing) {
   const SceneDirectory scene;
-  std::array<int, 2> ends{};
-  ASSERT_EQ(::pipe2(ends.data(), O_CLOEXEC | O_NONBLOCK), 0);
-  const std::string filler(65536, 'x');
-  while (::write(ends[1], filler.data(), filler.size()) > 0) {
-  }
-  ASSERT_EQ(::fcntl(ends[1], F_SETFL, 0), 0);  // the server's end blocks, as a shell's does
-  ServeProcess server({scene.path, "--no-access"}, ends[1]);
+  const FullPipe full;
+  ServeProcess server({scene.path, "--no-access"}, full.end());
   ASSERT_NE(server.port(), 0);
   expectItServes(server);
   server.send(SIGTERM);
   EXPECT_EQ(server.wait(), 0);
-  ::close(ends[0]);
 }
 
 TEST(ServeProcess, aReaderThatGoesAwayEndsNothing) {
@@ -230,6 +247,31 @@ TEST(ServeProcess, sighupOpensTheLogAnewAndEndsNothing) {
   EXPECT_EQ(server.wait(), 0);
 }
 
+// ---- Limits of the system ----
+
+TEST(ServeProcess, theFilesOfScenesAreNoConnections) {
+  struct Measured {
+    std::size_t connections = 0, files = 0;
+  };
+  const auto measure = [](const std::vector<std::string>& places) {
+    std::vector<std::string> arguments = places;
+    arguments.emplace_back("--no-access");
+    ServeProcess server(arguments, -1, 900);
+    const std::string before = "at most ";
+    EXPECT_TRUE(waitFor([&] { return server.log().find(before) != std::string::npos; }));
+    const std::string log = server.log();
+    const std::filesystem::directory_iterator files("/proc/" + std::to_string(server.pid()) + "/fd");
+    return Measured{std::stoul(log.substr(log.find(before) + before.size())),
+                    static_cast<std::size_t>(std::distance(files, {}))};
+  };
+  std::vector<std::unique_ptr<SceneDirectory>> scenes;
+  std::vector<std::string> places;
+  for (int i = 0; i < 16; ++i) places.push_back(scenes.emplace_back(std::make_unique<SceneDirectory>())->path);
+  const Measured one = measure({places.front()}), all = measure(places);
+  EXPECT_GE(all.files, one.files + 15) << "scenes keep no files open";
+  EXPECT_LE(all.connections + all.files, one.connections + one.files);
+}
+
 // ---- Metrics ----
 
 // The value behind `sample`; -1 where it is not there.
@@ -288,7 +330,15 @@ TEST(ServeProcess, drainingFinishesDownloadsAndSendsViewersAway) {
   EXPECT_EQ(viewer->closeCode(), 1001);
   EXPECT_EQ(viewer->closeReason(), "the server stops");
   EXPECT_FALSE(idle.read(1 << 20)) << "a connection that waits for another request is closed";
-  EXPECT_TRUE(waitFor([&] { return !SlowReader(server.port()).isConnected(); })) << "the port is closed";
+  // Whoever watches over the server is told, and new visitors likewise.
+  const HttpAnswer ready = httpRequest(server.port(), "/readyz");
+  EXPECT_EQ(ready.status, 503);
+  EXPECT_EQ(ready.headers.count("retry-after"), 1U);
+  EXPECT_EQ(httpRequest(server.port(), "/healthz").status, 200);
+  const HttpAnswer late = httpRequest(server.port(), "/scene.json");
+  EXPECT_EQ(late.status, 503);
+  EXPECT_EQ(late.headers.count("retry-after"), 1U);
+  EXPECT_FALSE(LoopbackClient::connect(server.port()));
   EXPECT_TRUE(server.isRunning());
   EXPECT_FALSE(download.read(2 * bytes)) << "the connection ends behind the answer";
   EXPECT_EQ(download.text.size(), download.text.find("\r\n\r\n") + 4 + bytes);
@@ -470,6 +520,59 @@ TEST(Workers, aKilledOneIsReplacedWhileOthersServe) {
   const auto children = childrenOf(server.pid());
   EXPECT_EQ(std::count(children.begin(), children.end(), killed), 0);
   server.send(SIGTERM);
+  EXPECT_EQ(server.wait(), 0);
+}
+
+TEST(Workers, aFullPipeThatNobodyReadsStopsNoRestart) {
+  const SceneDirectory scene;
+  const FullPipe full;
+  ServeProcess server({scene.path, "--workers", "2", "--no-access"}, full.end());
+  ASSERT_EQ(childrenOf(server.pid()).size(), 2U);
+  const pid_t killed = childrenOf(server.pid()).front();
+  ::kill(killed, SIGKILL);
+  EXPECT_TRUE(waitFor([&] {
+    const auto children = childrenOf(server.pid());
+    return children.size() == 2 && std::count(children.begin(), children.end(), killed) == 0;
+  }));
+  server.send(SIGTERM);
+  EXPECT_EQ(server.wait(), 0);
+}
+
+TEST(Workers, theEndOfOneIsInTheLogThatIsNamed) {
+  const SceneDirectory scene;
+  const support::TemporaryDirectory directory;
+  const std::string log = directory / "serve.log";
+  ServeProcess server({scene.path, "--workers", "2", "--no-access", "--log", log, "--log-json"});
+  const auto endIsLogged = [&] {
+    ::kill(childrenOf(server.pid()).front(), SIGKILL);
+    return waitFor([&] { return readText(log).find("ended by signal 9") != std::string::npos; });
+  };
+  EXPECT_TRUE(endIsLogged());
+  ASSERT_TRUE(waitFor([&] { return childrenOf(server.pid()).size() == 2; }));
+  std::filesystem::rename(log, log + ".1");
+  server.send(SIGHUP);
+  ASSERT_TRUE(waitFor([&] { return std::filesystem::exists(log); }));
+  EXPECT_TRUE(endIsLogged()) << "the supervisor has not opened it anew";
+  server.send(SIGTERM);
+  EXPECT_EQ(server.wait(), 0);
+  EXPECT_EQ(server.log(), "");
+  std::istringstream lines(readText(log + ".1"));
+  for (std::string line; std::getline(lines, line);) EXPECT_TRUE(json::parse(line, nullptr, false).is_object()) << line;
+}
+
+// Otherwise the system would deal new connections to processes that end, in place of those that follow.
+TEST(Workers, aSharedPortIsClosedWhileTheServerDrains) {
+  const SceneDirectory scene;
+  const PageFolder page;
+  page.write("large.bin", std::string(std::size_t{48} << 20, 'x'));
+  ServeProcess server({scene.path, "--no-access", "--web", page.path, "--workers", "2", "--drain", "3600"});
+  SlowReader download(server.port());
+  download.ask("/large.bin");
+  ASSERT_TRUE(download.read(1));
+  server.send(SIGTERM);
+  EXPECT_TRUE(waitFor([&] { return !SlowReader(server.port()).isConnected(); }));
+  EXPECT_TRUE(server.isRunning());
+  EXPECT_FALSE(download.read(std::size_t{96} << 20)) << "the connection ends behind the answer";
   EXPECT_EQ(server.wait(), 0);
 }
 

@@ -1,13 +1,19 @@
 #include "server/net/server.h"
 
 #include <gtest/gtest.h>
+#include <sys/socket.h>
 
+#include <cerrno>
 #include <csignal>
+#include <cstring>
 #include <thread>
 
 #include "base/file.h"
+#include "server/net/hub.h"
 #include "tests/server/net/loopback.h"
+#include "tests/server/net/page_folder.h"
 #include "tests/server/net/served_scene.h"
+#include "tests/support/ws_viewer.h"
 
 namespace server {
 namespace {
@@ -253,6 +259,21 @@ TEST(Server, oneAddressCannotTakeAllConnections) {
   EXPECT_TRUE(refusal.ends_with("close others\n")) << refusal;
 }
 
+TEST(Server, mutePeersOfOneAddressDoNotHideTheServersHealth) {
+  const SceneDirectory scene(0);
+  ServerOptions options = RunningServer::quiet();
+  options.max_connections = 1;
+  RunningServer server(scene.path, options);
+  const auto viewer = LoopbackClient::connect(server.port());
+  ASSERT_TRUE(viewer);
+  std::vector<base::FileDescriptor> mute;
+  for (std::uint32_t i = 0; i < kMaxTurnedAway + 4; ++i) mute.push_back(support::connectTo(server.port(), 66));
+  EXPECT_EQ(httpRequest(server.port(), "/healthz").status, 200);
+  // Beyond its share an address is told at once.
+  char first = 0;
+  EXPECT_EQ(::recv(mute.back().get(), &first, 1, 0), 1);
+}
+
 // Whatever is sent in place of a request, the answer says what was wrong with it.
 TEST(Server, badRequestsAreAnswered) {
   const SceneDirectory scene(0);
@@ -262,6 +283,51 @@ TEST(Server, badRequestsAreAnswered) {
   EXPECT_EQ(answerTo("GET /healthz HTTP/1.1\r\nHost: a\r\nA: " + std::string(9000, 'a') + "\r\n\r\n"), "HTTP/1.1 431 ");
   EXPECT_EQ(answerTo("POST / HTTP/1.1\r\nHost: a\r\nContent-Length: 5\r\n\r\nhello"), "HTTP/1.1 413 ");
   EXPECT_EQ(answerTo("PUT / HTTP/1.1\r\nHost: localhost\r\nConnection: close\r\n\r\n"), "HTTP/1.1 405 ");
+}
+
+// Bytes behind the part that was read do not have the connection reset before the answer is read.
+TEST(Server, refusedRequestsAreReadToTheirEnd) {
+  const SceneDirectory scene(0);
+  RunningServer server(scene.path);
+  const std::pair<std::string, std::string> requests[] = {
+      {"GET /healthz HTTP/1.1\r\nHost: a\r\nA: " + std::string(100'000, 'a') + "\r\n\r\n", "HTTP/1.1 431 "},
+      {"POST / HTTP/1.1\r\nHost: a\r\nContent-Length: 100000\r\n\r\n" + std::string(100'000, 'a'), "HTTP/1.1 413 "},
+      {std::string(100'000, '\1'), "HTTP/1.1 400 "}};
+  for (const auto& [request, answer] : requests) {
+    const base::FileDescriptor socket = support::connectTo(server.port());
+    ASSERT_EQ(::send(socket.get(), request.data(), request.size(), MSG_NOSIGNAL), static_cast<ssize_t>(request.size()));
+    std::string said(4096, ' ');
+    ssize_t size = 0, last = 0;
+    while ((last = ::recv(socket.get(), &said[static_cast<std::size_t>(size)], 1, 0)) > 0) size += last;
+    EXPECT_EQ(last, 0) << std::strerror(errno);
+    EXPECT_TRUE(said.starts_with(answer)) << said;
+    // A reset would follow at once, and other systems than this one would lose what was not read by then.
+    std::this_thread::sleep_for(std::chrono::milliseconds(100));
+    int failure = 0;
+    socklen_t length = sizeof failure;
+    EXPECT_EQ(::getsockopt(socket.get(), SOL_SOCKET, SO_ERROR, &failure, &length), 0);
+    EXPECT_EQ(failure, 0) << "the connection was reset: " << std::strerror(failure);
+  }
+}
+
+TEST(Server, aRequestThatDoesNotComeInTimeIsToldSo) {
+  const SceneDirectory scene(0);
+  ServerOptions options = RunningServer::quiet();
+  options.head_seconds = 1.0;
+  RunningServer server(scene.path, options);
+  EXPECT_TRUE(rawExchange(server.port(), "GET /healthz HT").starts_with("HTTP/1.1 408 "));
+  EXPECT_EQ(rawExchange(server.port(), ""), "");
+}
+
+TEST(Server, otherMethodsAreToldWhichThereAre) {
+  const SceneDirectory first(0), second(0);
+  RunningServer one(first.path), two({first.path, second.path});
+  for (const RunningServer* server : {&one, &two}) {
+    HttpAnswer refused = httpRequest(server->port(), "/", {}, "DELETE");
+    EXPECT_EQ(refused.status, 405);
+    EXPECT_EQ(refused.headers["allow"], "GET, HEAD, OPTIONS");
+    EXPECT_EQ(httpRequest(server->port(), "/", {}, "OPTIONS").status, 204);
+  }
 }
 
 // ---- Viewers that behave badly
@@ -302,6 +368,47 @@ TEST(Server, aViewerThatTakesNothingIsDropped) {
   // It reads again once the server has given it up: what was under way comes, and then the end.
   std::this_thread::sleep_for(std::chrono::milliseconds(1500));
   EXPECT_FALSE(receiveAll(*stalled, 1).complete);
+}
+
+// The answer as a whole might take 48 seconds.
+TEST(Server, aVisitorThatTakesNothingIsDropped) {
+  const SceneDirectory scene(0);
+  const PageFolder page;
+  page.write("large.bin", std::string(std::size_t{48} << 20, 'x'));
+  ServerOptions options = RunningServer::quiet();
+  options.page_directory = page.path;
+  options.stall_seconds = 0.3;
+  options.min_bytes_per_second = 1 << 20;
+  RunningServer server(scene.path, options);
+  const base::FileDescriptor stalled = support::connectTo(server.port());
+  const std::string request = "GET /large.bin HTTP/1.1\r\nHost: localhost\r\n\r\n";
+  ASSERT_EQ(::send(stalled.get(), request.data(), request.size(), 0), static_cast<ssize_t>(request.size()));
+  const auto isOpen = [&](int connections) {
+    const std::string line = "lumigrid_connections_open{kind=\"http\"} " + std::to_string(connections) + "\n";
+    return httpRequest(server.port(), "/metrics").body.find(line) != std::string::npos;
+  };
+  bool is_dropped = false;  // the connection that asks is left
+  for (int attempt = 0; attempt < 200 && !is_dropped; ++attempt) {
+    std::this_thread::sleep_for(std::chrono::milliseconds(100));
+    is_dropped = isOpen(1);
+  }
+  EXPECT_TRUE(is_dropped);
+}
+
+TEST(Server, largeAnswersComeWholeAndTheConnectionIsKept) {
+  const SceneDirectory scene(0);
+  const PageFolder page;
+  std::string large(3'500'000, 'x');
+  for (std::size_t i = 0; i < large.size(); i += 7) large[i] = static_cast<char>('a' + i % 26);
+  page.write("large.bin", large);
+  ServerOptions options = RunningServer::quiet();
+  options.page_directory = page.path;
+  RunningServer server(scene.path, options);
+  const std::string ask = "GET /large.bin HTTP/1.1\r\nHost: localhost\r\n";
+  const std::string both = rawExchange(server.port(), ask + "\r\n" + ask + "Connection: close\r\n\r\n");
+  const std::size_t first = both.find("\r\n\r\n") + 4, second = both.find("\r\n\r\n", first + large.size()) + 4;
+  EXPECT_TRUE(both.substr(first, large.size()) == large);
+  EXPECT_TRUE(both.substr(second) == large);
 }
 
 // Thousands of messages are read at the pace that is allowed, and another viewer is served meanwhile.
