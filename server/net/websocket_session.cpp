@@ -190,6 +190,7 @@ void WebSocketSession::onAccept(error_code ec) {
 void WebSocketSession::startRunner() {
   const auto done = answerTo<SessionOutput>(
       this, [](WebSocketSession& self, SessionOutput output) { self.onOutput(std::move(output)); });
+  hub_->workers.setAddress(id_, limitKey(address()));
   runner_ = std::make_shared<SessionRunner>(hosted_->scene->data, hosted_, hub_->workers, id_, done);
 }
 

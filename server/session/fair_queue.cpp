@@ -17,7 +17,7 @@ void FairQueue::stop() {
     stopping_ = true;
     for (auto& [number, client] : clients_) {
       dropped.push_back(std::exchange(client.jobs, {}));
-      setUnready(number, client);
+      setUnready(client);
     }
     waiting_ = 0;
   }
@@ -33,15 +33,30 @@ void FairQueue::submit(std::uint64_t client, Job job) {
   known.is_forgotten = false;
   // Nobody saves up time while idle.
   if (known.jobs.empty() && known.running == 0) known.used = std::max(known.used, served_);
+  if (const auto it = addresses_.find(known.address); it != addresses_.end())
+    it->second.used = std::max(it->second.used, kClientsOfAddress * served_);
   known.jobs.push_back(std::move(job));
   ++waiting_;
   setReady(client, known);
 }
 
+void FairQueue::setAddress(std::uint64_t client, const std::string& address) {
+  const std::lock_guard lock(mutex_);
+  Client& known = clients_[client];
+  leaveAddress(known);
+  known.address = address;
+  if (!address.empty()) ++addresses_[address].clients;
+}
+
+void FairQueue::leaveAddress(const Client& client) {
+  const auto it = addresses_.find(client.address);
+  if (it != addresses_.end() && --it->second.clients == 0) addresses_.erase(it);
+}
+
 void FairQueue::drop(std::uint64_t client) {
   std::deque<Job> dropped;  // ends after the lock, since a job's end may run other code
   const std::lock_guard lock(mutex_);
-  if (const auto it = clients_.find(client); it != clients_.end()) dropped = dropJobs(client, it->second);
+  if (const auto it = clients_.find(client); it != clients_.end()) dropped = dropJobs(it->second);
 }
 
 void FairQueue::forget(std::uint64_t client) {
@@ -49,16 +64,18 @@ void FairQueue::forget(std::uint64_t client) {
   const std::lock_guard lock(mutex_);
   const auto it = clients_.find(client);
   if (it == clients_.end()) return;
-  dropped = dropJobs(client, it->second);
-  if (it->second.running == 0)
+  dropped = dropJobs(it->second);
+  if (it->second.running == 0) {
+    leaveAddress(it->second);
     clients_.erase(it);
-  else
+  } else {
     it->second.is_forgotten = true;
+  }
 }
 
-std::deque<FairQueue::Job> FairQueue::dropJobs(std::uint64_t number, Client& client) {
+std::deque<FairQueue::Job> FairQueue::dropJobs(Client& client) {
   waiting_ -= client.jobs.size();
-  setUnready(number, client);
+  setUnready(client);
   return std::exchange(client.jobs, {});
 }
 
@@ -79,7 +96,7 @@ void FairQueue::runThread() {
     if (stopping_) return;
     const auto [used, turn, number] = *ready_.begin();
     Client& client = clients_.at(number);
-    setUnready(number, client);
+    setUnready(client);
     served_ = std::max(served_, used);
     Job job = std::move(client.jobs.front());
     client.jobs.pop_front();
@@ -98,31 +115,38 @@ void FairQueue::runThread() {
 
 void FairQueue::endJob(std::uint64_t number, double seconds) {
   Client& client = clients_.at(number);
-  setUnready(number, client);
+  setUnready(client);
   --client.running;
   client.used += seconds;
-  if (client.is_forgotten && client.running == 0)
+  if (const auto it = addresses_.find(client.address); it != addresses_.end()) it->second.used += seconds;
+  if (client.is_forgotten && client.running == 0) {
+    leaveAddress(client);
     clients_.erase(number);
-  else
+  } else {
     setReady(number, client);
+  }
 }
 
 /// Puts the client into its place among those that can be served, if it has a job that may begin.
 void FairQueue::setReady(std::uint64_t number, Client& client) {
   if (client.turn || client.jobs.empty() || client.running >= jobs_at_once_) return;
-  client.turn = next_turn_++;
-  ready_.insert({client.used, *client.turn, number});
+  double used = client.used;
+  if (const auto it = addresses_.find(client.address); it != addresses_.end())
+    used = std::max(used, it->second.used / kClientsOfAddress);
+  client.turn = Turn{used, next_turn_++, number};
+  ready_.insert(*client.turn);
   changed_.notify_one();
 }
 
-void FairQueue::setUnready(std::uint64_t number, Client& client) {
-  if (const auto turn = std::exchange(client.turn, std::nullopt)) ready_.erase({client.used, *turn, number});
+void FairQueue::setUnready(Client& client) {
+  if (const auto turn = std::exchange(client.turn, std::nullopt)) ready_.erase(*turn);
 }
 
 /// Idle clients that were given no more than others start as unknown ones do.
 void FairQueue::forgetIdleClients() {
   std::erase_if(clients_, [this](const auto& one) {
-    return one.second.jobs.empty() && one.second.running == 0 && one.second.used <= served_;
+    const Client& client = one.second;
+    return client.address.empty() && client.jobs.empty() && client.running == 0 && client.used <= served_;
   });
   forget_above_ = std::max(kForgetAbove, 2 * clients_.size());
 }

@@ -1,6 +1,6 @@
 #pragma once
 // Threads that work for many clients, none of whom can starve the others: the client that was given least time comes
-// next, and its own jobs wait for each other.
+// next, and its own jobs wait for each other. Many clients of one address are served as a few would be.
 #include <compare>
 #include <condition_variable>
 #include <cstddef>
@@ -10,6 +10,7 @@
 #include <mutex>
 #include <optional>
 #include <set>
+#include <string>
 #include <thread>
 #include <unordered_map>
 #include <utility>
@@ -24,6 +25,9 @@ class FairQueue {
 
   /// `threads`: at least 1. `jobs_at_once`: of one client; others of its jobs wait, even if a thread is idle.
   explicit FairQueue(unsigned threads, unsigned jobs_at_once = 1);
+  /// All clients of an address together are given at most the time of so many. A choice: an office behind one address
+  /// has enough, and whoever opens hundreds of connections gains little.
+  static constexpr unsigned kClientsOfAddress = 16;
   ~FairQueue() { stop(); }
   FairQueue(const FairQueue&) = delete;
   FairQueue& operator=(const FairQueue&) = delete;
@@ -31,6 +35,8 @@ class FairQueue {
   /// Adds a job behind the client's others. A client that had none for a while competes as if it had been given as much
   /// time as whoever was served last.
   void submit(std::uint64_t client, Job job);
+  /// Counts the client among those of an address until it is forgotten. One without an address counts by itself.
+  void setAddress(std::uint64_t client, const std::string& address);
   /// Drops the jobs that wait, and waits for those that run; not to be called from a job. Jobs that are submitted later
   /// are dropped, too.
   void stop();
@@ -44,25 +50,30 @@ class FairQueue {
   bool isBehind() const;
 
  private:
-  struct Client {
-    std::deque<Job> jobs;
-    unsigned running = 0;
-    double used = 0.0;  // seconds of threads that it was given
-    std::optional<std::uint64_t>
-        turn;                   // its place in ready_ among those who were given as much; nothing: it is not there
-    bool is_forgotten = false;  // goes when its last running job ends
-  };
   /// The client that waits longest comes first of those who were given as much.
   struct Turn {
-    double used;
+    double used;  // Client::used, or the share of it that its address was given, if that is more
     std::uint64_t number, client;
     friend auto operator<=>(const Turn&, const Turn&) = default;
   };
+  struct Client {
+    std::deque<Job> jobs;
+    unsigned running = 0;
+    double used = 0.0;          // seconds of threads that it was given
+    std::optional<Turn> turn;   // its place in ready_; nothing: it is not there
+    bool is_forgotten = false;  // goes when its last running job ends
+    std::string address;        // empty: none
+  };
+  struct Address {
+    std::size_t clients = 0;
+    double used = 0.0;  // seconds of threads that its clients were given
+  };
 
   void runThread();
-  std::deque<Job> dropJobs(std::uint64_t number, Client& client);
+  std::deque<Job> dropJobs(Client& client);
+  void leaveAddress(const Client& client);
   void setReady(std::uint64_t number, Client& client);
-  void setUnready(std::uint64_t number, Client& client);
+  void setUnready(Client& client);
   void forgetIdleClients();
   void endJob(std::uint64_t number, double seconds);
 
@@ -70,12 +81,13 @@ class FairQueue {
   mutable std::mutex mutex_;
   std::condition_variable changed_;
   std::unordered_map<std::uint64_t, Client> clients_;
+  std::unordered_map<std::string, Address> addresses_;
   std::set<Turn> ready_;                             // clients that have a job to begin, the least served first
   static constexpr std::size_t kForgetAbove = 4096;  // 100 bytes each
   std::size_t forget_above_ = kForgetAbove;          // clients, from which on idle ones are forgotten
   std::uint64_t next_turn_ = 0;
   std::size_t waiting_ = 0;
-  double served_ = 0.0;  // `used` of the client that was served last
+  double served_ = 0.0;  // Turn::used of the client that was served last
   bool stopping_ = false;
   std::vector<std::jthread> threads_;
 };

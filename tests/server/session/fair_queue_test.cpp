@@ -92,6 +92,36 @@ TEST(FairQueue, whoWasGivenLeastTimeComesNext) {
   EXPECT_EQ(order.substr(5), "ggggggggg") << order;
 }
 
+// A hundred clients of one address, with jobs as long as those of the one client of another.
+TEST(FairQueue, manyClientsOfAnAddressAreServedAsAFew) {
+  FairQueue queue(1);
+  constexpr std::uint64_t kMany = 100;
+  for (std::uint64_t client = 1; client <= kMany; ++client) queue.setAddress(client, "crowd");
+  queue.setAddress(1000, "other");
+  Gate gate;
+  queue.submit(2000, gate.job());
+  gate.waitUntilBegun();
+  constexpr int kJobs = 10;
+  std::atomic<int> of_crowd{0}, of_other{0}, before_last{0};
+  std::promise<void> all;
+  const auto end = [&] {
+    if (of_crowd + of_other == kJobs * static_cast<int>(kMany + 1)) all.set_value();
+  };
+  for (int i = 0; i < kJobs; ++i)
+    for (std::uint64_t client = 1; client <= kMany; ++client)
+      queue.submit(client, [&] { spend(std::chrono::milliseconds(1)), ++of_crowd, end(); });
+  for (int i = 0; i < kJobs; ++i)
+    queue.submit(1000, [&] {
+      spend(std::chrono::milliseconds(1));
+      if (++of_other == kJobs) before_last = of_crowd.load();
+      end();
+    });
+  gate.open();
+  all.get_future().wait();
+  // By clients alone it would be a hundred for each of the other's.
+  EXPECT_LT(before_last, 500) << "of " << kJobs * kMany;
+}
+
 // While client 1 works, client 2 is idle. It does not come back with all that time saved up.
 TEST(FairQueue, idleClientsSaveUpNoTime) {
   FairQueue queue(1);
