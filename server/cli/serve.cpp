@@ -245,7 +245,7 @@ RunCommand addServe(CLI::App& command) {
       ->transform(CLI::AsSizeValue(true));
   command.add_option("--access-file", a->options.access_file,
                      "file that keeps how often each image and patch group was sent to viewers; default: access.lga in "
-                     "the scene; servers may share it");
+                     "the scene; servers may share it, and keep the counts of a scene that was replaced beside it");
   command
       .add_option("--access-interval", a->options.access_interval_seconds,
                   "seconds between writes of that file: the most that a killed server forgets")
