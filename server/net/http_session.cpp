@@ -297,13 +297,13 @@ void HttpSession::onUnreadable(error_code ec) {
 void HttpSession::answer(HttpRequest request) {
   request.is_secure = head_.is_secure;
   std::string_view rest;
-  hosted_ = hub_->findScene(request.target, rest);
+  hosted_ = hub_->findScene(head_, rest);
   if (auto instead = hub_->answerInstead(head_, hosted_.get())) {
     if (const char* reason = refusalReason(*instead)) hub_->metrics.refused(reason).add();
     return doWrite(std::move(*instead));
   }
   if (hosted_ == nullptr) return doWrite(hub_->answerForAllScenes(request, head_));
-  if (rest.empty()) return doWrite(redirectToFolder(hosted_->name));
+  if (rest.empty()) return doWrite(redirectToFolder(hosted_->access_name));
   request.target = rest;
   const std::string_view path = request.path();
   if (head_.is_upgrade && (path == "/" || path == "/ws")) return upgradeToWebSocket();

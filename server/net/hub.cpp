@@ -137,6 +137,10 @@ void Hub::serveScenes(Scenes opened) {
     if (renderer) offerFrames(hosted);
     if (counts_access) hosted.startAccessLog(options, hosted.place);
   }
+  if (places.size() == 1)
+    root_place = places.front();
+  else if (std::find(places.begin(), places.end(), root_place) == places.end())
+    root_place.clear();
   if (draws_frames && !renderer) startRenderer();  // the first scenes had nothing to draw
   for (const auto& hosted : before)
     if (std::find(scenes.begin(), scenes.end(), hosted) == scenes.end()) endScene(hosted);
@@ -190,16 +194,35 @@ void Hub::offerFrames(const HostedScene& hosted) {
   });
 }
 
-std::shared_ptr<HostedScene> Hub::findScene(std::string_view target, std::string_view& rest) const {
-  if (scenes.size() == 1) {
-    rest = target;
-    return scenes.front();
+namespace {
+
+/// Whether pages of the scene that were opened at "/" ask for this. A list of what there is, so that other names are
+/// answered alike whether there is a scene of that name that the visitor may not see, or none.
+bool isAskedAtRoot(const HostedScene& hosted, const RequestHead& request) {
+  const std::string_view path = request.target.substr(0, request.target.find('?'));
+  if (path == "/" || path == "/ws") return request.is_upgrade;
+  return path == "/render" || path == "/pick" || hosted.site->hasFile(path);
+}
+
+}  // namespace
+
+std::shared_ptr<HostedScene> Hub::findScene(const RequestHead& request, std::string_view& rest) const {
+  const NamedTarget named = splitTarget(request.target);
+  const bool is_only = scenes.size() == 1;
+  const auto find = [&](const auto& is_wanted) {
+    const auto found = std::find_if(scenes.begin(), scenes.end(), is_wanted);
+    return found == scenes.end() ? nullptr : *found;
+  };
+  const auto at_root = find([&](const auto& hosted) { return hosted->place == root_place; });
+  const auto below_name =
+      find([&](const auto& hosted) { return !named.name.empty() && hosted->access_name == named.name; });
+  const bool is_at_root = at_root != nullptr && isAskedAtRoot(*at_root, request);
+  if (below_name != nullptr && !(is_only && is_at_root)) {
+    rest = named.rest;
+    return below_name;
   }
-  const NamedTarget named = splitTarget(target);
-  rest = named.rest;
-  for (const auto& hosted : scenes)
-    if (hosted->name == named.name) return hosted;
-  return nullptr;
+  rest = request.target;
+  return is_only || is_at_root ? at_root : nullptr;
 }
 
 std::optional<HttpReply> Hub::answerForServer(const HttpRequest& request, const RequestHead& head) const {

@@ -431,6 +431,83 @@ TEST_F(Reload, aSceneThatWasBuiltAnewIsServedAnew) {
   EXPECT_TRUE(completes(*again, welcome, 2));
 }
 
+TEST_F(Reload, openPagesOfAnOnlySceneGoOnWhenAnotherComes) {
+  const PageFolder page;
+  configure({tower_.path});
+  ServeProcess server({"--config", config(), "--web", page.path});
+  const std::uint16_t port = server.port();
+  const std::string tower = "/" + nameOf(tower_);
+  protocol::Welcome welcome;
+  const auto viewer = viewerAt(port, "/", welcome);
+  ASSERT_TRUE(viewer);
+  ASSERT_TRUE(completes(*viewer, welcome, 1));
+  EXPECT_EQ(httpRequest(port, tower).headers["location"], tower + "/");
+  EXPECT_EQ(httpRequest(port, tower + "/scene.json").status, 200);
+  EXPECT_EQ(httpRequest(port, "/scene.json").status, 200);
+  EXPECT_EQ(httpRequest(port, "/nobody/scene.json").status, 404);
+  expectAView(port, tower + "/ws");
+
+  configure({barn_.path, tower_.path});
+  server.send(SIGHUP);
+  ASSERT_TRUE(logSays(server, "reloaded: 2 scenes"));
+  EXPECT_TRUE(completes(*viewer, welcome, 2));
+  for (const char* path : {"/", "/ws"}) {
+    const auto again = viewerAt(port, path, welcome);
+    ASSERT_TRUE(again);
+    EXPECT_EQ(welcome.scene_name, nameOf(tower_));
+    EXPECT_TRUE(completes(*again, welcome, 1));
+  }
+  EXPECT_EQ(httpRequest(port, "/patch.lgp", {{"Range", "bytes=0-3"}}).status, 206);
+  EXPECT_EQ(httpRequest(port, "/pick?ox=500016.3&oy=4000016.2&oz=600&dx=0&dy=0&dz=-1").status, 200);
+  EXPECT_EQ(httpRequest(port, "/render?x=1").status, 501) << "its answer without frames";
+  for (const char* path : {"/scene.json", "/annotations.json", "/lumigrid-0123abcd.js", "/icons/32.png"})
+    EXPECT_EQ(httpRequest(port, path).status, 200) << path;
+  EXPECT_NE(httpRequest(port, "/").body.find(nameOf(barn_) + "/"), std::string::npos);
+  EXPECT_EQ(httpRequest(port, "/nothing").status, 404);
+
+  // The barn is alone, then the tower comes: open pages are the barn's by now.
+  configure({barn_.path});
+  server.send(SIGHUP);
+  ASSERT_TRUE(logSays(server, "reloaded: 1 scenes"));
+  EXPECT_EQ(httpRequest(port, tower + "/scene.json").status, 404);
+  ASSERT_TRUE(viewerAt(port, "/", welcome));
+  EXPECT_EQ(welcome.scene_name, nameOf(barn_));
+  configure({tower_.path, yard_.path});
+  server.send(SIGHUP);
+  ASSERT_TRUE(waitFor([&] { return httpRequest(port, tower + "/scene.json").status == 200; }));
+  EXPECT_EQ(httpRequest(port, "/scene.json").status, 404) << "the barn is gone";
+  EXPECT_FALSE(LoopbackClient::connect(port, "/"));
+}
+
+TEST_F(Reload, noPrivateSceneBecomesReadableWhenAnotherComes) {
+  const std::string tokens = files_ / "tokens.json";
+  std::ofstream(tokens) << json{{{"token", "token-of-the-tower"}, {"scenes", {nameOf(tower_)}}},
+                                {{"token", "token-of-the-barn-"}, {"scenes", {nameOf(barn_)}}}}
+                               .dump();
+  configure({tower_.path});
+  ServeProcess server({"--config", config(), "--tokens", tokens});
+  const auto statusOf = [&](const std::string& path, const std::string& token) {
+    return httpRequest(server.port(), path, {{"Authorization", "Bearer token-of-the-" + token}}).status;
+  };
+  configure({barn_.path, tower_.path});
+  server.send(SIGHUP);
+  ASSERT_TRUE(logSays(server, "reloaded: 2 scenes"));
+  const std::string tower = "/" + nameOf(tower_), barn = "/" + nameOf(barn_);
+  EXPECT_EQ(statusOf("/scene.json", "tower"), 200);
+  for (const char* path : {"/scene.json", "/patch.lgp", "/annotations.json", "/pick?ox=1", "/render?x=1"}) {
+    EXPECT_EQ(statusOf(path, "barn-"), 403) << path;
+    EXPECT_EQ(httpRequest(server.port(), path).status, 401) << path;
+  }
+  EXPECT_FALSE(LoopbackClient::connect(server.port(), "/"));
+  EXPECT_EQ(statusOf(tower + "/scene.json", "barn-"), 403);
+  EXPECT_EQ(statusOf(barn + "/scene.json", "barn-"), 200);
+  // A name that is not there is answered like one that may not be seen.
+  for (const std::string end : {"", "/", "/scene.json"}) {
+    EXPECT_EQ(statusOf(barn + end, "tower"), 403);
+    EXPECT_EQ(statusOf("/nobody" + end, "tower"), 403);
+  }
+}
+
 TEST_F(Reload, wrongListsLeaveAllAsItIs) {
   configure({tower_.path});
   ServeProcess server({"--config", config()});
