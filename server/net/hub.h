@@ -64,8 +64,11 @@ struct Hub {
   /// Opens the scenes at these places and serves them. Errors: as Server::open, but for those of the port.
   base::Result<void> openScenes(const std::vector<std::string>& places);
   using Scenes = std::vector<std::shared_ptr<HostedScene>>;
+  /// Opens the scene at one of so many places.
+  base::Result<std::shared_ptr<HostedScene>> openPlace(const std::string& place, std::size_t scenes) const;
   /// Opens those of the places that are none of `kept`, or where another scene lies by now; the others are taken from
-  /// `kept`. Uses nothing but the options and `pages`, so that another thread may call it. Errors as openScenes().
+  /// `kept`. Uses nothing that changes while the server runs, so that another thread may call it. Errors as
+  /// openScenes().
   base::Result<Scenes> openPlaces(const std::vector<std::string>& places, const Scenes& kept) const;
   /// Serves these scenes, as openPlaces() returned them for the places, from here on, and closes the connections to
   /// others; their viewers may come back.
@@ -102,7 +105,8 @@ struct Hub {
 
   boost::asio::io_context& io;
   ServerOptions options;
-  ServerMetrics metrics;                                                 ///< before all that updates it
+  ServerMetrics metrics;                                                             ///< before all that updates it
+  std::shared_ptr<LookupCounts> message_lookups = std::make_shared<LookupCounts>();  ///< of all scenes since the start
   std::shared_ptr<FairQueue> disposer = std::make_shared<FairQueue>(1);  ///< ends scenes that nobody holds any more
   Scenes scenes;                                                         ///< at least one
   /// The place of the only scene, or of the one that was when others came: its pages that are open go on. Empty:

@@ -61,6 +61,16 @@ TEST(Pick, pointBelowIsFoundInWorldCoordinates) {
   }
 }
 
+TEST(Pick, readErrorsAreCountedByScene) {
+  const SceneDirectory scene(0);
+  RunningServer server(scene.path);
+  std::filesystem::resize_file(scene.path + "/patch.lgp", 4096);
+  ASSERT_EQ(httpRequest(server.port(), target("600", "-1")).status, 503);
+  const std::string figures = httpRequest(server.port(), "/metrics").body;
+  const std::string name = std::filesystem::path(scene.path).filename();
+  EXPECT_NE(figures.find("lumigrid_read_errors_total{scene=\"" + name + "\"} 1\n"), std::string::npos) << figures;
+}
+
 TEST(Pick, rayThatHitsNothingIsNoError) {
   const SceneDirectory scene(0);
   RunningServer server(scene.path);
