@@ -105,8 +105,9 @@ std::optional<std::vector<std::string>> scenesOfConfig(const ServeArguments& a) 
 
 volatile std::sig_atomic_t hangup_came = 0;
 
-/// Serves in this process. `ready` is called once connections are accepted.
-int serveHere(const ServeArguments& a, const std::function<void(const Server&)>& ready) {
+/// Serves in this process. `ready` is called once connections are accepted, `worker` is its number among several.
+int serveHere(const ServeArguments& a, const std::function<void(const Server&)>& ready,
+              std::optional<unsigned> worker = std::nullopt) {
   // A worker that is started again serves what the others do by now.
   const std::vector<std::string> scenes = scenesOfConfig(a).value_or(a.scenes);
   auto log = ServerLog::open(a.log);
@@ -118,6 +119,7 @@ int serveHere(const ServeArguments& a, const std::function<void(const Server&)>&
   if (!server) return fail(server.error());
   ready(**server);
   countLines((*server)->metrics(), **log);
+  if (worker) (*server)->metrics().all.labelAll({{"worker", std::to_string(*worker)}});
   (*server)->onReload([&a, &log] {
     spdlog::info("reload: the log is opened anew");
     (*log)->reopen();
@@ -142,8 +144,9 @@ int serveByWorkers(ServeArguments& a) {
     if (!several) return fail(several.error());
     names = std::move(*several);
   }
-  const auto worker = [&a](unsigned /*number*/, const std::function<void()>& ready) {
-    return serveHere(a, [&ready](const Server&) { ready(); });
+  const auto worker = [&a](unsigned number, const std::function<void()>& ready) {
+    return serveHere(
+        a, [&ready](const Server&) { ready(); }, number);
   };
   return supervise(a.workers, worker, [&] { printAddresses(a, kept->port, names); });
 }

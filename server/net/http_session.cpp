@@ -239,6 +239,8 @@ void HttpSession::onRead(error_code ec, std::size_t /*bytes_read*/) {
   }
   const HttpRequest request = viewOf(fields);
   readHead();
+  // A kept connection would lead whoever collects metrics to the same process for ever.
+  if (hub_->options.shares_port && request.path() == "/metrics") keep_alive_ = false;
   if (auto reply = hub_->answerForServer(request, head_)) return doWrite(std::move(*reply));
   if (turned_away_)
     return doWrite(tryLater(kRetrySeconds, "this server has as many viewers as it may; try again later\n"));

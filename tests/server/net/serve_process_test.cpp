@@ -14,6 +14,7 @@
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
+#include <set>
 #include <sstream>
 #include <thread>
 
@@ -412,6 +413,11 @@ TEST_F(Reload, aSceneThatWasBuiltAnewIsServedAnew) {
   const auto in_yard = viewerAt(server.port(), "/" + nameOf(yard_) + "/", welcome);
   ASSERT_TRUE(in_tower && in_yard);
 
+  ASSERT_TRUE(completes(*in_yard, welcome, 1));
+  const std::string misses = "lumigrid_cache_lookups_total{cache=\"messages\",outcome=\"miss\"}";
+  const double misses_before = valueOf(httpRequest(server.port(), "/metrics").body, misses);
+  EXPECT_GT(misses_before, 0.0);
+
   // The barn moves into the yard.
   std::filesystem::rename(yard_.path, yard_.path + ".old");
   std::filesystem::copy(barn_.path, yard_.path, std::filesystem::copy_options::recursive);
@@ -423,6 +429,9 @@ TEST_F(Reload, aSceneThatWasBuiltAnewIsServedAnew) {
   std::size_t largest_face = 0;
   EXPECT_TRUE(completes(*again, welcome, 1, &largest_face));
   EXPECT_GT(largest_face, 5'000U) << "images of the scene that is gone";
+  const std::string figures = httpRequest(server.port(), "/metrics").body;
+  EXPECT_GT(valueOf(figures, misses), misses_before) << "counters only grow";
+  EXPECT_EQ(valueOf(figures, "lumigrid_read_errors_total{scene=\"" + nameOf(yard_) + "\"}"), 0.0) << figures;
   std::filesystem::remove_all(yard_.path + ".old");
 
   // A scene that has not changed is left alone.
@@ -548,6 +557,26 @@ TEST(Workers, aKilledOneIsReplacedWhileOthersServe) {
   EXPECT_EQ(std::count(children.begin(), children.end(), killed), 0);
   server.send(SIGTERM);
   EXPECT_EQ(server.wait(), 0);
+}
+
+TEST(Workers, metricsNameTheWorkerThatAnswers) {
+  const SceneDirectory scene;
+  ServeProcess server({scene.path, "--workers", "2", "--no-access"});
+  std::set<std::string> seen;
+  EXPECT_TRUE(waitFor([&] {
+    std::istringstream lines(httpRequest(server.port(), "/metrics").body);
+    for (std::string line; std::getline(lines, line);) {
+      if (line.starts_with('#')) continue;
+      const std::size_t at = line.find("{worker=\"");
+      EXPECT_NE(at, std::string::npos) << line;
+      if (at != std::string::npos) seen.insert(line.substr(at, std::string("{worker=\"0\"").size()));
+    }
+    return seen.size() >= 2;
+  }));
+  // A connection that could be kept is closed all the same, so that the next one may lead to another worker.
+  const std::string answer = rawExchange(server.port(), "GET /metrics HTTP/1.1\r\nHost: localhost\r\n\r\n");
+  EXPECT_NE(answer.find("Connection: close\r\n"), std::string::npos) << answer.substr(0, 500);
+  EXPECT_EQ(seen, (std::set<std::string>{"{worker=\"0\"", "{worker=\"1\""}));
 }
 
 TEST(Workers, aSceneThatCannotBeOpenedIsOneErrorOfAll) {
