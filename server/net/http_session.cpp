@@ -377,7 +377,7 @@ void HttpSession::requestPick(const HttpRequest& request) {
   if (request.method == "HEAD") return doWrite(headReply("application/json"));
   const std::uint64_t id = hub_->next_client++;
   const auto done = whenAwaited<base::Result<std::string>>(id, std::mem_fn(&HttpSession::onPick));
-  if (!hosted_->picker->submit(*ray, done))
+  if (!hosted_->picker->submit(id, limitKey(address()), *ray, done))
     return doWrite(tryLater(1, "too many points are asked for at once; try again later\n"));
   waitForAnswer(id);
 }
@@ -418,6 +418,7 @@ void HttpSession::onReadable(std::uint64_t id) {
 void HttpSession::stopWaiting() {
   if (!awaited_) return;
   if (hub_->renderer) hub_->renderer->cancel(*awaited_);
+  if (hosted_ && hosted_->picker) hosted_->picker->cancel(*awaited_);
   if (hosted_) hosted_->fetchers->drop(fetch_client_);
   awaited_.reset();
   answer_timer_->cancel();
