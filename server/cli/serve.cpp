@@ -191,6 +191,34 @@ void addAccessOptions(CLI::App& command, ServerOptions& options) {
   command.add_option("--key", options.key_file, "the certificate's key (PEM)");
 }
 
+/// How much of the server one visitor may have (docs/hosting-server.md).
+void addLimitOptions(CLI::App& command, ServerOptions& options) {
+  command.add_option("--max-connections", options.max_connections, "connections at a time; more are answered 503");
+  command.add_option("--connections-per-address", options.connections_per_address,
+                     "connections of one address at a time; more are answered 429");
+  command
+      .add_option("--pictures-per-address", options.picture_limits.of_one_address,
+                  "pictures that one address may have asked for at a time; more are answered 503")
+      ->check(CLI::Range(1, 1000));
+  command
+      .add_option("--idle", options.idle_seconds,
+                  "seconds after which a viewer that sent nothing is let go; it may connect again")
+      ->check(CLI::Range(1.0, 1e6));
+  command
+      .add_option("--hello", options.hello_seconds,
+                  "seconds that a viewer has for its first message before it is let go")
+      ->check(CLI::Range(0.1, 1e6));
+  command
+      .add_option("--stall", options.stall_seconds,
+                  "seconds after which a viewer that takes nothing of what waits for it is dropped")
+      ->check(CLI::Range(0.1, 1e6));
+  command
+      .add_option("--messages-per-second", options.messages_per_second,
+                  "messages of one viewer that are read each second in the long run; others wait on its side. Viewers "
+                  "that move send 60 and more")
+      ->check(CLI::Range(1.0, 1e6));
+}
+
 }  // namespace
 
 RunCommand addServe(CLI::App& command) {
@@ -213,17 +241,7 @@ RunCommand addServe(CLI::App& command) {
                      "address to listen at; 0.0.0.0 for every network of this machine, with --public");
   addAccessOptions(command, a->options);
   command.add_option("--port", a->options.port, "port; 0 picks a free one and prints it");
-  command.add_option("--max-connections", a->options.max_connections, "connections at a time; more are answered 503");
-  command.add_option("--connections-per-address", a->options.connections_per_address,
-                     "connections of one address at a time; more are answered 429");
-  command
-      .add_option("--pictures-per-address", a->options.picture_limits.of_one_address,
-                  "pictures that one address may have asked for at a time; more are answered 503")
-      ->check(CLI::Range(1, 1000));
-  command
-      .add_option("--idle", a->options.idle_seconds,
-                  "seconds after which a viewer that sent nothing is let go; it may connect again")
-      ->check(CLI::Range(1.0, 1e6));
+  addLimitOptions(command, a->options);
   command.add_option("--web", a->web,
                      "folder with the browser client's files, served at /; off: none. Default: ../share/lumigrid/web "
                      "beside the folder of this program, where installing puts them");

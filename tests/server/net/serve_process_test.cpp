@@ -342,6 +342,42 @@ TEST(ServeProcess, aFileHasTheScenesAndOptions) {
   for (const char* path : {"/healthz", "/readyz", "/metrics"}) EXPECT_EQ(httpRequest(server.port(), path).status, 200);
 }
 
+TEST(ServeProcess, limitsOfViewersAreOptions) {
+  const SceneDirectory scene, large(2'000'000);
+  const support::TemporaryDirectory directory;
+  const std::string config = directory / "serve.json";
+  programs::writeText(config, json{{"hello", 0.2}}.dump());
+  ServeProcess server({scene.path, "--no-access", "--config", config, "--messages-per-second", "1"});
+  ASSERT_NE(server.port(), 0);
+  const auto mute = LoopbackClient::connect(server.port());
+  ASSERT_TRUE(mute);
+  EXPECT_FALSE(mute->receive());
+  EXPECT_EQ(mute->closeReason(), "no Hello came in time");
+
+  // Two messages may be sent at once; the hundredth would be read a minute and a half later.
+  const auto figure = [](const ServeProcess& of, const std::string& name) {
+    return valueOf(httpRequest(of.port(), "/metrics").body, name);
+  };
+  const std::string received =
+      "lumigrid_messages_received_total{scene=\"" + std::filesystem::path(scene.path).filename().string() + "\"}";
+  protocol::Welcome welcome;
+  const auto talker = viewerAt(server.port(), "/", welcome);
+  ASSERT_TRUE(talker);
+  for (std::uint32_t sequence = 1; sequence < 100; ++sequence) ASSERT_TRUE(talker->send(viewOf(welcome, sequence)));
+  EXPECT_TRUE(waitFor([&] { return figure(server, received) >= 3.0; }));
+  EXPECT_LT(figure(server, received), 50.0);
+
+  ServeProcess impatient({large.path, "--no-access", "--stall", "0.3"});
+  const auto stalled = LoopbackClient::connect(impatient.port(), "/", 4096);
+  ASSERT_TRUE(stalled);
+  ASSERT_TRUE(stalled->send(protocol::Hello{protocol::kVersion, "stalled"}));
+  ASSERT_TRUE(stalled->send(viewOf(welcome, 1)));
+  EXPECT_TRUE(waitFor([&] { return figure(impatient, "lumigrid_refused_total{reason=\"stall\"}") >= 1.0; }));
+
+  for (const char* option : {"--hello", "--stall", "--messages-per-second"})
+    EXPECT_EQ(programs::run("lumigrid", {"serve", scene.path, option, "0"}).status, 2) << option;
+}
+
 TEST(ServeProcess, theExampleOfThePackagingIsUnderstood) {
   programs::expectOneLineError(
       programs::run("lumigrid", {"serve", "--config", LUMIGRID_SOURCE_DIR "/packaging/serve.json"}), 1,
