@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <filesystem>
 #include <limits>
 
 #include "base/crc32c.h"
@@ -13,8 +14,8 @@ namespace repository {
 namespace {
 
 constexpr std::array<char, 4> kAccessMagic{'L', 'G', 'A', 'C'};
-constexpr std::uint16_t kAccessVersion = 1;
-constexpr std::size_t kHeaderBytes = 112;
+constexpr std::uint16_t kAccessVersion = 2;
+constexpr std::size_t kHeaderBytes = 136;
 constexpr std::size_t kHeaderCrcOffset = 8;
 constexpr std::size_t kBodyCrcOffset = 12;
 constexpr std::uint64_t kMax = std::numeric_limits<std::uint64_t>::max();
@@ -87,8 +88,10 @@ base::Result<Header> readHeader(base::ByteView bytes) {
   if (in.read<std::array<char, 4>>() != kAccessMagic) return bad("these are none (another magic)");
   const std::uint16_t version = in.u16();
   if (version != kAccessVersion)
-    return base::Error{base::ErrorCode::kVersion, "access counts: version " + std::to_string(version) +
-                                                      " is not known; use a newer lumigrid, or move the file away"};
+    return base::Error{base::ErrorCode::kVersion,
+                       "access counts: version " + std::to_string(version) +
+                           (version < kAccessVersion ? " does not name its scene; move the file away"
+                                                     : " is not known; use a newer lumigrid, or move the file away")};
   if (in.u16() != kHeaderBytes) return bad("the header has another length");
   if (in.u32() != headerCrc(bytes.first(kHeaderBytes))) return bad("the header's checksum is wrong");
 
@@ -96,8 +99,9 @@ base::Result<Header> readHeader(base::ByteView bytes) {
   base::readFields(in, fieldsOf(header));
   auto grid = Grid::decode(in);
   if (!grid) return base::within("access counts", grid.error());
-  header.identity = {*grid, in.u32()};
-  if (in.u32() != 0 || in.u32() != 0) return bad("a field that must be 0 is not");
+  header.identity.grid = *grid;
+  header.identity.group_count = in.u32();
+  header.identity.hierarchy = in.read<base::Sha256Digest>();
   if (header.since > header.until) return bad("they end before they begin");
   if (header.body_bytes != bytes.size() - kHeaderBytes) return bad("another length than the header says");
   // A row takes at least two bytes, so a file's size bounds the memory that it can make us allocate.
@@ -184,15 +188,11 @@ bool isEmpty(const AccessCounts& counts) {
   return counts.faces.empty() && counts.groups.empty() && counts.uncounted == 0;
 }
 
-base::Error anotherSceneError() {
-  return bad("of another scene, or of this one before it was built anew");
-}
-
 base::Result<AccessFile> readAccess(const std::string& path, const AccessIdentity& identity) {
   LUMIGRID_ASSIGN_OR_RETURN(const auto bytes, base::readFile(path));
   auto file = decodeAccess(bytes);
   if (!file) return base::within(path, file.error());
-  if (file->identity != identity) return base::within(path, anotherSceneError());
+  if (file->identity != identity) return anotherSceneError(path);
   return file;
 }
 
@@ -210,7 +210,7 @@ base::Bytes encodeFile(Header header, const RowWriter& faces, const RowWriter& g
   base::writeFields(out, fieldsOf(header));
   header.identity.grid.encode(out);
   out.u32(header.identity.group_count);
-  for (int zero = 0; zero < 2; ++zero) out.u32(0);
+  out.write(header.identity.hierarchy);
   LUMIGRID_CHECK_EQ(out.size(), kHeaderBytes);
   out.bytes(faces.bytes());
   out.bytes(groups.bytes());
@@ -218,15 +218,15 @@ base::Bytes encodeFile(Header header, const RowWriter& faces, const RowWriter& g
   return out.takeBytes();
 }
 
-// Encodes the file `bytes` with `more` added. It goes row by row, since a file may have tens of millions of rows while
-// `more` has at most the million that a server keeps.
+// Encodes the file `bytes`, of the same scene, with `more` added. It goes row by row, since a file may have tens of
+// millions of rows while `more` has at most the million that a server keeps.
 base::Result<base::Bytes> encodeSum(base::ByteView bytes, const AccessIdentity& identity, const AccessCounts& more) {
   RowMerger faces(more.faces);
   RowMerger groups(more.groups);
   auto header = walkRows(
       bytes, [&](const Row& row) { faces.put(row); }, [&](const Row& row) { groups.put(row); });
   if (!header) return header.error();
-  if (header->identity != identity) return anotherSceneError();
+  if (header->identity != identity) return bad("of another scene, or of other images of this one");
   header->uncounted = addSaturated(header->uncounted, more.uncounted);
   header->since = std::min(header->since, more.since);
   header->until = std::max(header->until, more.until);
@@ -272,6 +272,37 @@ std::string accessFileOf(const std::string& scene_directory) {
   return scene_directory + "/access.lga";
 }
 
+base::Error anotherSceneError(const std::string& path) {
+  return base::within(path, bad("of another scene, or of this one before it was built anew"));
+}
+
+std::string accessFileBeside(const std::string& path, const base::Sha256Digest& hierarchy) {
+  constexpr std::size_t kNameBytes = 8;
+  const std::filesystem::path file(path);
+  const std::string id = base::hexOf(base::ByteView(hierarchy).first(kNameBytes));
+  return (file.parent_path() / (file.stem().string() + "-" + id + file.extension().string())).string();
+}
+
+base::Result<std::vector<AccessFile>> loadSceneAccess(const std::string& scene_directory,
+                                                      const base::Sha256Digest& hierarchy) {
+  const std::string path = accessFileOf(scene_directory);
+  std::vector<AccessFile> files;
+  bool has_others = false;
+  for (const std::string& place : {path, accessFileBeside(path, hierarchy)}) {
+    const auto bytes = base::readFile(place);
+    if (!bytes && bytes.error().code == base::ErrorCode::kNotFound) continue;
+    if (!bytes) return bytes.error();
+    auto file = decodeAccess(*bytes);
+    if (!file) return base::within(place, file.error());
+    if (file->identity.hierarchy == hierarchy)
+      files.push_back(std::move(*file));
+    else
+      has_others = true;
+  }
+  if (files.empty() && has_others) return anotherSceneError(path);
+  return files;
+}
+
 base::Result<AccessCounts> loadAccess(const std::vector<std::string>& files, const AccessIdentity& identity) {
   AccessCounts sum;
   for (const std::string& path : files) {
@@ -281,19 +312,28 @@ base::Result<AccessCounts> loadAccess(const std::vector<std::string>& files, con
   return sum;
 }
 
-base::Result<void> addToAccessFile(const std::string& path, const AccessIdentity& identity, const AccessCounts& more,
-                                   double patience_seconds) {
+base::Result<std::string> addToAccessFile(const std::string& path, const AccessIdentity& identity,
+                                          const AccessCounts& more, double patience_seconds) {
   // The lock is a file of its own, because the counts are replaced by a rename.
   const auto lock = base::tryLockFile(path + ".lock", patience_seconds);
   if (!lock) return lock.error();
-  base::removeUnfinished(path);  // only the holder of the lock writes, so this is what a killed writer left
+  std::string place = path;
+  auto stored = base::readFile(place);
+  if (stored) {
+    const auto header = readHeader(*stored);
+    if (!header) return base::within(place, header.error());
+    if (header->identity != identity) {
+      place = accessFileBeside(path, identity.hierarchy);
+      stored = base::readFile(place);
+    }
+  }
+  base::removeUnfinished(place);  // only the holder of the lock writes, so this is what a killed writer left
 
-  const auto stored = base::readFile(path);
   if (!stored && stored.error().code != base::ErrorCode::kNotFound) return stored.error();
   auto whole = stored ? encodeSum(*stored, identity, more) : encodeAccess(identity, more);
-  if (!whole) return base::within(path, whole.error());
-  if (isEmpty(more)) return {};
-  return base::writeFileAtomically(path, *whole);
+  if (!whole) return base::within(place, whole.error());
+  if (!isEmpty(more)) LUMIGRID_TRY(base::writeFileAtomically(place, *whole));
+  return place;
 }
 
 std::vector<PointUse> rankPoints(const AccessCounts& counts) {

@@ -9,6 +9,7 @@
 
 #include "base/bytes.h"
 #include "base/error.h"
+#include "base/hash/sha256.h"
 #include "repository/sampling/grid.h"
 #include "repository/sampling/key.h"
 
@@ -18,6 +19,7 @@ namespace repository {
 struct AccessIdentity {
   Grid grid;  ///< count 0: the scene has no images
   std::uint32_t group_count = 0;
+  base::Sha256Digest hierarchy{};  ///< as base::hierarchyDigest()
   friend bool operator==(const AccessIdentity&, const AccessIdentity&) = default;
 };
 
@@ -50,16 +52,26 @@ base::Result<AccessFile> decodeAccess(base::ByteView bytes);
 
 /// SCENE/access.lga.
 std::string accessFileOf(const std::string& scene_directory);
+/// The file beside `path` that a scene's counts go to while the one at `path` has those of another scene:
+/// SCENE/access-<first 16 digits of the hierarchy's digest>.lga.
+std::string accessFileBeside(const std::string& path, const base::Sha256Digest& hierarchy);
+/// Those of SCENE/access.lga and the file beside it that are there and whose counts are of the hierarchy. Where there
+/// are files, but none of them is, the error says so. Errors as loadAccess().
+base::Result<std::vector<AccessFile>> loadSceneAccess(const std::string& scene_directory,
+                                                      const base::Sha256Digest& hierarchy);
+/// The error of a file whose counts are not of the scene that they were sought for.
+base::Error anotherSceneError(const std::string& path);
 /// Adds up the counts in `files`: one file, or one of each server that wrote to a place of its own. Errors name the
 /// file: kNotFound; kInvalidInput when it is damaged or belongs to another scene than `identity`.
 base::Result<AccessCounts> loadAccess(const std::vector<std::string>& files, const AccessIdentity& identity);
 
-/// Adds `more` to the file at `path`, or creates it. Counts that other processes add at the same time are kept. On
-/// success all of `more` is added and durable; on an error nothing is. Errors: kBusy when another process has held
-/// PATH.lock for `patience_seconds`; kInvalidInput when the file is damaged or belongs to another scene (it stays
-/// unchanged); kIo, kNoSpace.
-base::Result<void> addToAccessFile(const std::string& path, const AccessIdentity& identity, const AccessCounts& more,
-                                   double patience_seconds);
+/// Adds `more` to the file at `path`, or creates it; where that file has the counts of another scene, as servers of a
+/// scene that was replaced leave it, to the one beside it. Returns which of the two it was. Counts that other processes
+/// add at the same time are kept. On success all of `more` is added and durable; on an error nothing is. Errors: kBusy
+/// when another process has held PATH.lock for `patience_seconds`; kInvalidInput when the file is damaged, kVersion
+/// when it has another version (it stays unchanged); kIo, kNoSpace.
+base::Result<std::string> addToAccessFile(const std::string& path, const AccessIdentity& identity,
+                                          const AccessCounts& more, double patience_seconds);
 
 /// How often the six faces of a grid point were sent.
 struct PointUse {

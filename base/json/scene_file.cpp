@@ -8,7 +8,6 @@
 #include <nlohmann/json.hpp>
 
 #include "base/file.h"
-#include "base/hash/sha256.h"
 #include "base/json/parse.h"
 #include "base/json/vector.h"
 #include "base/text.h"
@@ -286,6 +285,16 @@ std::optional<std::string> partFile(const Scene& scene, const std::string& stem,
 
 std::string patchPath(const std::string& directory, const Scene& scene) {
   return directory + "/" + partFile(scene, "patch", ".lgp").value_or("patch.lgp");
+}
+
+Sha256Digest hierarchyDigest(const Scene& scene) {
+  Sha256Digest digest{};
+  const auto file = partFile(scene, "patch", ".lgp");
+  for (const ScenePart& part : scene.parts) {
+    const auto bytes = part.file == file ? bytesOfHex(part.sha256) : std::nullopt;
+    if (bytes && bytes->size() == digest.size()) std::copy(bytes->begin(), bytes->end(), digest.begin());
+  }
+  return digest;
 }
 
 std::string splatPath(const std::string& directory, const Scene& scene) {

@@ -11,6 +11,7 @@
 
 #include "base/error.h"
 #include "base/geometry.h"
+#include "base/hash/sha256.h"
 #include "base/image.h"
 
 namespace base {
@@ -101,6 +102,9 @@ std::string formatScene(const Scene& scene);
 std::optional<std::string> partFile(const Scene& scene, const std::string& stem, const std::string& extension);
 /// The path of the patch hierarchy: directory/patch.lgp, or its published name.
 std::string patchPath(const std::string& directory, const Scene& scene);
+/// The SHA-256 of the patch hierarchy as the scene lists it, by which scenes of other surfaces are told apart; zeros
+/// where it lists none. A published scene has that of the one it was made from.
+Sha256Digest hierarchyDigest(const Scene& scene);
 /// The path of the splat tree: directory/qsplat.lgq, or its published name.
 std::string splatPath(const std::string& directory, const Scene& scene);
 /// A method of one file that viewers stream by ranges, with no need of patches. The file is called as the method is:

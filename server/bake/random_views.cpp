@@ -45,28 +45,26 @@ std::vector<base::ViewCamera> drawViews(const base::Scene& scene, const Enclosur
 
 base::Result<ViewerPlaces> ViewerPlaces::ofScene(const std::string& directory, const glm::dvec3& origin) {
   LUMIGRID_ASSIGN_OR_RETURN(const auto scene, base::readScene(directory));
+  LUMIGRID_ASSIGN_OR_RETURN(const auto files, repository::loadSceneAccess(directory, base::hierarchyDigest(scene)));
   const std::string path = repository::accessFileOf(directory);
-  const auto bytes = base::readFile(path);
-  if (!bytes) {
-    base::Error error = bytes.error();
-    error.message += "; `lumigrid serve` counts there what viewers are sent";
-    return error;
-  }
-  const auto file = repository::decodeAccess(*bytes);
-  if (!file) return base::within(path, file.error());
-  if (file->counts.faces.empty())
+  if (files.empty())
+    return base::Error{base::ErrorCode::kNotFound,
+                       path + ": there is no such file; `lumigrid serve` counts there what viewers are sent"};
+  if (std::all_of(files.begin(), files.end(), [](const auto& file) { return file.counts.faces.empty(); }))
     return base::Error{base::ErrorCode::kInvalidInput, path + ": no image was sent to any viewer yet"};
-  return ViewerPlaces(*file, glm::vec3(scene.origin - origin));
+  return ViewerPlaces(files, glm::vec3(scene.origin - origin));
 }
 
-ViewerPlaces::ViewerPlaces(const repository::AccessFile& file, const glm::vec3& offset)
-    : spacing_(file.identity.grid.spacing) {
-  LUMIGRID_CHECK(!file.counts.faces.empty());
+ViewerPlaces::ViewerPlaces(const std::vector<repository::AccessFile>& files, const glm::vec3& offset) {
   std::uint64_t sent = 0;
-  for (const auto& [key, count] : file.counts.faces) {
-    sent += count;
-    faces_.push_back({file.identity.grid.point(key.x, key.y, key.z) + offset, key.d, sent});
+  for (const repository::AccessFile& file : files) {
+    const repository::Grid& grid = file.identity.grid;
+    for (const auto& [key, count] : file.counts.faces) {
+      sent += count;
+      faces_.push_back({grid.point(key.x, key.y, key.z) + offset, grid.spacing, key.d, sent});
+    }
   }
+  LUMIGRID_CHECK(!faces_.empty());
 }
 
 ViewerPlaces::Pose ViewerPlaces::draw(UnitRandom& random) const {
@@ -75,7 +73,7 @@ ViewerPlaces::Pose ViewerPlaces::draw(UnitRandom& random) const {
                                      [](std::uint64_t n, const SentFace& f) { return n < f.sent_until; });
   const auto symmetric = [&](double half) { return static_cast<float>((2.0 * random() - 1.0) * half); };
   Pose pose{face->point, repository::faceDirection(face->d)};
-  for (int axis = 0; axis < 3; ++axis) pose.position[axis] += symmetric(0.5) * spacing_;
+  for (int axis = 0; axis < 3; ++axis) pose.position[axis] += symmetric(0.5) * face->spacing;
   const glm::vec3 up = repository::faceUp(face->d);
   const glm::vec3 right = glm::cross(pose.direction, up);
   const float u = symmetric(1.0);

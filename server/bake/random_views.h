@@ -33,11 +33,11 @@ class UnitRandom {
 /// and the surface that it sees, so a view from a face's point into that face shows what some viewer looked at.
 class ViewerPlaces {
  public:
-  /// The counts of a scene's file, on that scene's own grid; at least one face was sent. `offset` moves its scene-local
+  /// The counts of a scene's files, each on its own grid; at least one face was sent. `offset` moves its scene-local
   /// places to another scene's.
-  explicit ViewerPlaces(const repository::AccessFile& file, const glm::vec3& offset = glm::vec3(0.0F));
-  /// Reads SCENE/access.lga and SCENE/scene.json; places become local to `origin`, world. Errors: kNotFound where
-  /// nobody has counted; kInvalidInput where no image was ever sent.
+  explicit ViewerPlaces(const std::vector<repository::AccessFile>& files, const glm::vec3& offset = glm::vec3(0.0F));
+  /// Reads the scene's access counts and SCENE/scene.json; places become local to `origin`, world. Errors: kNotFound
+  /// where nobody has counted; kInvalidInput where no image was ever sent.
   static base::Result<ViewerPlaces> ofScene(const std::string& directory, const glm::dvec3& origin);
 
   struct Pose {
@@ -51,11 +51,11 @@ class ViewerPlaces {
  private:
   struct SentFace {
     glm::vec3 point;
+    float spacing = 0.0F;  ///< of the grid
     std::uint32_t d = 0;
     std::uint64_t sent_until = 0;  ///< sum of what was sent of this face and of those before it
   };
   std::vector<SentFace> faces_;
-  float spacing_ = 0.0F;
 };
 
 struct RandomViews {

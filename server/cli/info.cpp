@@ -118,24 +118,36 @@ void addImagesLight(const base::Scene& scene, nlohmann::json& images) {
   images["to_draw_again"] = images["expected"];
 }
 
+/// The counts in the files that were named, else in the scene; nothing where no server has counted.
+base::Result<std::optional<repository::AccessCounts>> loadCounts(const OpenScene& open, const InfoArguments& a) {
+  const repository::AccessIdentity identity = accessIdentityOf(open);
+  if (!a.access_files.empty()) {
+    LUMIGRID_ASSIGN_OR_RETURN(auto counts, repository::loadAccess(a.access_files, identity));
+    return std::optional(std::move(counts));
+  }
+  LUMIGRID_ASSIGN_OR_RETURN(const auto files, repository::loadSceneAccess(a.scene, identity.hierarchy));
+  std::optional<repository::AccessCounts> sum;
+  for (const repository::AccessFile& file : files)
+    if (file.identity == identity) sum = repository::addCounts(sum.value_or(repository::AccessCounts()), file.counts);
+  if (!sum && !files.empty()) return repository::anotherSceneError(repository::accessFileOf(a.scene));
+  return sum;
+}
+
 /// Nothing when no server has counted. Counts that cannot be read are told as such and no error: they are no part of
 /// the scene.
 nlohmann::json describeAccess(const OpenScene& open, const InfoArguments& a) {
-  std::vector<std::string> files = a.access_files;
-  if (files.empty()) files.push_back(repository::accessFileOf(a.scene));
-  std::error_code ignored;
-  if (a.access_files.empty() && !std::filesystem::exists(files.front(), ignored)) return nullptr;
-  const auto counts = repository::loadAccess(files, accessIdentityOf(open));
+  const auto counts = loadCounts(open, a);
   if (!counts) return {{"error", counts.error().message}};
+  if (!counts->has_value()) return nullptr;
 
-  nlohmann::json j{{"faces_sent", counts->facesSent()},
-                   {"groups_sent", counts->groupsSent()},
-                   {"uncounted", counts->uncounted},
-                   {"faces", counts->faces.size()},
-                   {"since", counts->since},
-                   {"until", counts->until},
+  nlohmann::json j{{"faces_sent", (*counts)->facesSent()},
+                   {"groups_sent", (*counts)->groupsSent()},
+                   {"uncounted", (*counts)->uncounted},
+                   {"faces", (*counts)->faces.size()},
+                   {"since", (*counts)->since},
+                   {"until", (*counts)->until},
                    {"points", nlohmann::json::array()}};
-  const auto points = repository::rankPoints(*counts);
+  const auto points = repository::rankPoints(**counts);
   for (std::size_t i = 0; i < std::min(points.size(), kMaxVisitedPoints); ++i) {
     const glm::uvec3 p = points[i].point;
     const glm::dvec3 at = open.scene.origin + glm::dvec3(open.data.welcome.grid.point(p.x, p.y, p.z));
@@ -463,7 +475,7 @@ RunCommand addInfo(CLI::App& command) {
   command.add_option("SCENE", a->scene, "scene directory")->required();
   command
       .add_option("--access-file", a->access_files,
-                  "files of access counts to add up; default: access.lga in the scene, when it is there")
+                  "files of access counts to add up; default: those in the scene, when they are there")
       ->default_str("");
   command.add_flag(
       "--digest", a->digest,

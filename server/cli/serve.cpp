@@ -105,8 +105,9 @@ std::optional<std::vector<std::string>> scenesOfConfig(const ServeArguments& a) 
 
 volatile std::sig_atomic_t hangup_came = 0;
 
-/// Serves in this process. `ready` is called once connections are accepted.
-int serveHere(const ServeArguments& a, const std::function<void(const Server&)>& ready) {
+/// Serves in this process. `ready` is called once connections are accepted, `worker` is its number among several.
+int serveHere(const ServeArguments& a, const std::function<void(const Server&)>& ready,
+              std::optional<unsigned> worker = std::nullopt) {
   auto log = ServerLog::open(a.log);
   if (!log) return fail(log.error());
   (*log)->install();
@@ -118,6 +119,7 @@ int serveHere(const ServeArguments& a, const std::function<void(const Server&)>&
   if (!server) return fail(server.error());
   ready(**server);
   countLines((*server)->metrics(), **log);
+  if (worker) (*server)->metrics().all.labelAll({{"worker", std::to_string(*worker)}});
   (*server)->onReload([&a, &log] {
     spdlog::info("reload: the log is opened anew");
     (*log)->reopen();
@@ -147,9 +149,10 @@ int serveByWorkers(ServeArguments& a) {
   if (!log) return fail(log.error());
   const auto before_log = spdlog::default_logger();
   (*log)->install();
-  const auto worker = [&](unsigned /*number*/, const std::function<void()>& ready) {
+  const auto worker = [&](unsigned number, const std::function<void()>& ready) {
     spdlog::set_default_logger(before_log);  // the log's thread is not in this process
-    return serveHere(a, [&ready](const Server&) { ready(); });
+    return serveHere(
+        a, [&ready](const Server&) { ready(); }, number);
   };
   return supervise(
       a.workers, worker, [&] { printAddresses(a, kept->port, names); }, [&log] { (*log)->reopen(); });
@@ -195,6 +198,34 @@ void addAccessOptions(CLI::App& command, ServerOptions& options) {
   command.add_option("--key", options.key_file, "the certificate's key (PEM)");
 }
 
+/// How much of the server one visitor may have (docs/hosting-server.md).
+void addLimitOptions(CLI::App& command, ServerOptions& options) {
+  command.add_option("--max-connections", options.max_connections, "connections at a time; more are answered 503");
+  command.add_option("--connections-per-address", options.connections_per_address,
+                     "connections of one address at a time; more are answered 429");
+  command
+      .add_option("--pictures-per-address", options.picture_limits.of_one_address,
+                  "pictures of one address that wait, are drawn or are not yet fetched; more are answered 503")
+      ->check(CLI::Range(1, 1000));
+  command
+      .add_option("--idle", options.idle_seconds,
+                  "seconds after which a viewer that sent nothing is let go; it may connect again")
+      ->check(CLI::Range(1.0, 1e6));
+  command
+      .add_option("--hello", options.hello_seconds,
+                  "seconds that a viewer has for its first message before it is let go")
+      ->check(CLI::Range(0.1, 1e6));
+  command
+      .add_option("--stall", options.stall_seconds,
+                  "seconds after which a viewer that takes nothing of what waits for it is dropped")
+      ->check(CLI::Range(0.1, 1e6));
+  command
+      .add_option("--messages-per-second", options.messages_per_second,
+                  "messages of one viewer that are read each second in the long run; others wait on its side. Viewers "
+                  "that move send 60 and more")
+      ->check(CLI::Range(1.0, 1e6));
+}
+
 }  // namespace
 
 RunCommand addServe(CLI::App& command) {
@@ -217,17 +248,7 @@ RunCommand addServe(CLI::App& command) {
                      "address to listen at; 0.0.0.0 for every network of this machine, with --public");
   addAccessOptions(command, a->options);
   command.add_option("--port", a->options.port, "port; 0 picks a free one and prints it");
-  command.add_option("--max-connections", a->options.max_connections, "connections at a time; more are answered 503");
-  command.add_option("--connections-per-address", a->options.connections_per_address,
-                     "connections of one address at a time; more are answered 429");
-  command
-      .add_option("--pictures-per-address", a->options.picture_limits.of_one_address,
-                  "pictures of one address that wait, are drawn or are not yet fetched; more are answered 503")
-      ->check(CLI::Range(1, 1000));
-  command
-      .add_option("--idle", a->options.idle_seconds,
-                  "seconds after which a viewer that sent nothing is let go; it may connect again")
-      ->check(CLI::Range(1.0, 1e6));
+  addLimitOptions(command, a->options);
   command.add_option("--web", a->web,
                      "folder with the browser client's files, served at /; off: none. Default: ../share/lumigrid/web "
                      "beside the folder of this program, where installing puts them");
@@ -252,7 +273,7 @@ RunCommand addServe(CLI::App& command) {
       ->transform(CLI::AsSizeValue(true));
   command.add_option("--access-file", a->options.access_file,
                      "file that keeps how often each image and patch group was sent to viewers; default: access.lga in "
-                     "the scene; servers may share it");
+                     "the scene; servers may share it, and keep the counts of a scene that was replaced beside it");
   command
       .add_option("--access-interval", a->options.access_interval_seconds,
                   "seconds between writes of that file: the most that a killed server forgets")

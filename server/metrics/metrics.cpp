@@ -133,6 +133,11 @@ Metrics::Series& Metrics::seriesOf(Kind kind, const std::string& name, const std
   return family.series[textOf(labels)];
 }
 
+void Metrics::labelAll(const MetricLabels& labels) {
+  const std::lock_guard lock(mutex_);
+  common_labels_ = textOf(labels);
+}
+
 std::string Metrics::text() const {
   const std::lock_guard lock(mutex_);
   std::string text;
@@ -140,9 +145,11 @@ std::string Metrics::text() const {
   return text;
 }
 
-void Metrics::appendFamily(std::string& text, const std::string& name, const Family& family) {
+void Metrics::appendFamily(std::string& text, const std::string& name, const Family& family) const {
   std::string samples;
-  for (const auto& [labels, series] : family.series) {
+  for (const auto& [own_labels, series] : family.series) {
+    const bool are_both = !common_labels_.empty() && !own_labels.empty();
+    const std::string labels = common_labels_ + (are_both ? "," : "") + own_labels;
     if (series.counter) appendSample(samples, name, labels, std::to_string(series.counter->value()));
     if (series.gauge) appendSample(samples, name, labels, std::to_string(series.gauge->value()));
     if (series.histogram) appendHistogram(samples, name, labels, *series.histogram);

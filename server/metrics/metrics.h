@@ -78,6 +78,8 @@ class Metrics {
   void read(Kind kind, const std::string& name, const std::string& help, const MetricLabels& labels,
             std::function<double()> value);
 
+  /// Puts these before the labels of every metric.
+  void labelAll(const MetricLabels& labels);
   /// All metrics, by name and labels in alphabetical order.
   std::string text() const;
 
@@ -94,10 +96,11 @@ class Metrics {
     std::map<std::string, Series> series;  // by labels as they are written, without braces
   };
   Series& seriesOf(Kind kind, const std::string& name, const std::string& help, const MetricLabels& labels);
-  static void appendFamily(std::string& text, const std::string& name, const Family& family);
+  void appendFamily(std::string& text, const std::string& name, const Family& family) const;
 
   mutable std::mutex mutex_;
   std::map<std::string, Family> families_;
+  std::string common_labels_;  // as they are written
 };
 
 }  // namespace server

@@ -21,6 +21,7 @@ struct SceneMetrics {
   Counter &groups_sent, &faces_sent, &frames_sent;
   Counter& missing;               ///< faces that the store lacks
   Counter& damaged;               ///< faces and blocks of groups whose checksum failed
+  Counter& read_errors;           ///< of all that reads the scene's files
   Histogram& plan_seconds;        ///< planning of one view, on its worker
   Histogram& frame_seconds;       ///< from the request of an exact frame to its bytes
   Histogram& first_byte_seconds;  ///< from a view to the first message for it that is handed to the kernel

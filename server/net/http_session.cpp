@@ -254,6 +254,8 @@ void HttpSession::onRead(error_code ec, std::size_t /*bytes_read*/) {
   }
   const HttpRequest request = viewOf(fields);
   readHead();
+  // A kept connection would lead whoever collects metrics to the same process for ever.
+  if (hub_->options.shares_port && request.path() == "/metrics") keep_alive_ = false;
   if (auto reply = hub_->answerForServer(request, head_)) return doWrite(std::move(*reply));
   if (hub_->draining) return doWrite(tryLater(kRetrySeconds, "the server stops; try again later\n"));
   if (isTurnedAway())
@@ -313,13 +315,13 @@ void HttpSession::onUnreadable(error_code ec) {
 void HttpSession::answer(HttpRequest request) {
   request.is_secure = head_.is_secure;
   std::string_view rest;
-  hosted_ = hub_->findScene(request.target, rest);
+  hosted_ = hub_->findScene(head_, rest);
   if (auto instead = hub_->answerInstead(head_, hosted_.get())) {
     if (const char* reason = refusalReason(*instead)) hub_->metrics.refused(reason).add();
     return doWrite(std::move(*instead));
   }
   if (hosted_ == nullptr) return doWrite(hub_->answerForAllScenes(request, head_));
-  if (rest.empty()) return doWrite(redirectToFolder(hosted_->name));
+  if (rest.empty()) return doWrite(redirectToFolder(hosted_->access_name));
   request.target = rest;
   const std::string_view path = request.path();
   if (head_.is_upgrade && (path == "/" || path == "/ws")) return upgradeToWebSocket();
@@ -391,7 +393,7 @@ void HttpSession::requestPick(const HttpRequest& request) {
   if (request.method == "HEAD") return doWrite(headReply("application/json"));
   const std::uint64_t id = hub_->next_client++;
   const auto done = whenAwaited<base::Result<std::string>>(id, std::mem_fn(&HttpSession::onPick));
-  if (!hosted_->picker->submit(*ray, done))
+  if (!hosted_->picker->submit(id, limitKey(address()), *ray, done))
     return doWrite(tryLater(1, "too many points are asked for at once; try again later\n"));
   waitForAnswer(id);
 }
@@ -432,6 +434,7 @@ void HttpSession::onReadable(std::uint64_t id) {
 void HttpSession::stopWaiting() {
   if (!awaited_) return;
   if (hub_->renderer) hub_->renderer->cancel(*awaited_);
+  if (hosted_ && hosted_->picker) hosted_->picker->cancel(*awaited_);
   if (hosted_) hosted_->fetchers->drop(fetch_client_);
   awaited_.reset();
   answer_timer_->cancel();

@@ -58,14 +58,8 @@ Hub::Hub(boost::asio::io_context& context, ServerOptions chosen)
   metrics.all.read(Metrics::Kind::kGauge, "lumigrid_ready", "1 while new visitors are welcome, else 0.", {},
                    [this] { return isReady() ? 1.0 : 0.0; });
   metrics.readQueue("workers", [this] { return static_cast<double>(workers.waiting()); });
-  metrics.readCache("messages", [this] {
-    std::pair<std::uint64_t, std::uint64_t> found_or_not;
-    for (const auto& hosted : scenes) {
-      found_or_not.first += hosted->scene->messages->hits();
-      found_or_not.second += hosted->scene->messages->misses();
-    }
-    return found_or_not;
-  });
+  metrics.readCache("messages",
+                    [this] { return std::pair(message_lookups->hits.load(), message_lookups->misses.load()); });
   metrics.readQueue("fetchers", [this] {
     std::size_t waiting = 0;
     for (const auto& hosted : scenes) waiting += hosted->fetchers->waiting();
@@ -80,28 +74,22 @@ base::Result<void> Hub::openScenes(const std::vector<std::string>& places) {
   return {};
 }
 
-namespace {
-
-base::Result<std::shared_ptr<HostedScene>> openPlace(const std::string& place, const ServerOptions& options,
-                                                     const PageFiles& pages, std::size_t scenes,
-                                                     const std::shared_ptr<FairQueue>& disposer) {
+base::Result<std::shared_ptr<HostedScene>> Hub::openPlace(const std::string& place, std::size_t scenes) const {
   RemoteOptions remote = options.remote;
   remote.warn = [](const std::string& message) { spdlog::warn("cache: {}", message); };
   LUMIGRID_ASSIGN_OR_RETURN(auto scene, openScene(place, remote));
   reportImageErrors(*scene);
   scene->data.ahead_bytes = options.ahead_bytes;
-  scene->messages = std::make_unique<MessageCache>(options.message_cache_bytes / scenes);
+  scene->messages = std::make_unique<MessageCache>(options.message_cache_bytes / scenes, message_lookups);
   scene->data.messages = scene->messages.get();
   // The io thread must not wait for what the end of a scene waits for: its fetchers, its file of counts.
-  const std::shared_ptr<HostedScene> hosted(new HostedScene(place, std::move(scene)), [disposer](HostedScene* ended) {
-    disposer->submit(0, [held = std::shared_ptr<HostedScene>(ended)] {});
-  });
+  const std::shared_ptr<HostedScene> hosted(
+      new HostedScene(place, std::move(scene)),
+      [queue = disposer](HostedScene* ended) { queue->submit(0, [held = std::shared_ptr<HostedScene>(ended)] {}); });
   hosted->site = std::make_unique<Site>(*hosted->scene, pages);
   if (hosted->hasPatches()) hosted->picker = std::make_unique<Picker>(hosted->scene->scene, hosted->scene->patches);
   return hosted;
 }
-
-}  // namespace
 
 base::Result<Hub::Scenes> Hub::openPlaces(const std::vector<std::string>& places, const Scenes& kept) const {
   if (places.empty()) return base::Error{base::ErrorCode::kInvalidInput, "there is no scene to serve"};
@@ -117,7 +105,7 @@ base::Result<Hub::Scenes> Hub::openPlaces(const std::vector<std::string>& places
       opened.push_back(*known);
       continue;
     }
-    LUMIGRID_ASSIGN_OR_RETURN(auto hosted, openPlace(place, options, pages, places.size(), disposer));
+    LUMIGRID_ASSIGN_OR_RETURN(auto hosted, openPlace(place, places.size()));
     opened.push_back(std::move(hosted));
   }
   return opened;
@@ -133,10 +121,16 @@ void Hub::serveScenes(Scenes opened) {
     hosted.name = scenes.size() > 1 ? (*names)[i] : "";
     if (names) hosted.access_name = (*names)[i];
     if (std::find(before.begin(), before.end(), scenes[i]) != before.end()) continue;
+    hosted.scene->read_errors->countIn(
+        [&total = metrics.scene(hosted.scene->name).read_errors](std::uint64_t count) { total.add(count); });
     if (renderer && hosted.hasPatches()) renderer->addScene(hosted.scene);
     if (renderer) offerFrames(hosted);
     if (counts_access) hosted.startAccessLog(options, hosted.place);
   }
+  if (places.size() == 1)
+    root_place = places.front();
+  else if (std::find(places.begin(), places.end(), root_place) == places.end())
+    root_place.clear();
   if (draws_frames && !renderer) startRenderer();  // the first scenes had nothing to draw
   for (const auto& hosted : before)
     if (std::find(scenes.begin(), scenes.end(), hosted) == scenes.end()) endScene(hosted);
@@ -190,16 +184,35 @@ void Hub::offerFrames(const HostedScene& hosted) {
   });
 }
 
-std::shared_ptr<HostedScene> Hub::findScene(std::string_view target, std::string_view& rest) const {
-  if (scenes.size() == 1) {
-    rest = target;
-    return scenes.front();
+namespace {
+
+/// Whether pages of the scene that were opened at "/" ask for this. A list of what there is, so that other names are
+/// answered alike whether there is a scene of that name that the visitor may not see, or none.
+bool isAskedAtRoot(const HostedScene& hosted, const RequestHead& request) {
+  const std::string_view path = request.target.substr(0, request.target.find('?'));
+  if (path == "/" || path == "/ws") return request.is_upgrade;
+  return path == "/render" || path == "/pick" || hosted.site->hasFile(path);
+}
+
+}  // namespace
+
+std::shared_ptr<HostedScene> Hub::findScene(const RequestHead& request, std::string_view& rest) const {
+  const NamedTarget named = splitTarget(request.target);
+  const bool is_only = scenes.size() == 1;
+  const auto find = [&](const auto& is_wanted) {
+    const auto found = std::find_if(scenes.begin(), scenes.end(), is_wanted);
+    return found == scenes.end() ? nullptr : *found;
+  };
+  const auto at_root = find([&](const auto& hosted) { return hosted->place == root_place; });
+  const auto below_name =
+      find([&](const auto& hosted) { return !named.name.empty() && hosted->access_name == named.name; });
+  const bool is_at_root = at_root != nullptr && isAskedAtRoot(*at_root, request);
+  if (below_name != nullptr && !(is_only && is_at_root)) {
+    rest = named.rest;
+    return below_name;
   }
-  const NamedTarget named = splitTarget(target);
-  rest = named.rest;
-  for (const auto& hosted : scenes)
-    if (hosted->name == named.name) return hosted;
-  return nullptr;
+  rest = request.target;
+  return is_only || is_at_root ? at_root : nullptr;
 }
 
 std::optional<HttpReply> Hub::answerForServer(const HttpRequest& request, const RequestHead& head) const {

@@ -38,8 +38,8 @@ struct HostedScene {
       : place(std::move(from)), scene(std::move(opened)), fetchers(makeFetchers(*scene)) {}
 
   std::string place;        ///< where it was opened
-  std::string name;         ///< first part of its addresses; empty for an only scene, which is at "/"
-  std::string access_name;  ///< its name in tokens and signed links, an only scene's too
+  std::string name;         ///< first part of its addresses; empty for an only scene, which is at "/", too
+  std::string access_name;  ///< the same of an only scene, too, and its name in tokens and signed links
   std::shared_ptr<OpenScene> scene;
   std::unique_ptr<Site> site;
   std::unique_ptr<Picker> picker;     ///< null: the scene has no patches
@@ -66,8 +66,11 @@ struct Hub {
   /// Opens the scenes at these places and serves them. Errors: as Server::open, but for those of the port.
   base::Result<void> openScenes(const std::vector<std::string>& places);
   using Scenes = std::vector<std::shared_ptr<HostedScene>>;
+  /// Opens the scene at one of so many places.
+  base::Result<std::shared_ptr<HostedScene>> openPlace(const std::string& place, std::size_t scenes) const;
   /// Opens those of the places that are none of `kept`, or where another scene lies by now; the others are taken from
-  /// `kept`. Uses nothing but the options and `pages`, so that another thread may call it. Errors as openScenes().
+  /// `kept`. Uses nothing that changes while the server runs, so that another thread may call it. Errors as
+  /// openScenes().
   base::Result<Scenes> openPlaces(const std::vector<std::string>& places, const Scenes& kept) const;
   /// Serves these scenes, as openPlaces() returned them for the places, from here on, and closes the connections to
   /// others; their viewers may come back.
@@ -76,8 +79,9 @@ struct Hub {
   void startRenderer();
   /// Counts what is sent, from here on and in scenes that come later, if the options ask for it.
   void startAccessLogs();
-  /// The scene that a target addresses, and in `rest` what is asked of it; null for an unknown scene and for the list.
-  std::shared_ptr<HostedScene> findScene(std::string_view target, std::string_view& rest) const;
+  /// The scene that a request addresses, and in `rest` what is asked of it; null for an unknown scene and for the list.
+  /// A scene is below its name. That at `root_place` is below "/", too, but for what others are called.
+  std::shared_ptr<HostedScene> findScene(const RequestHead& request, std::string_view& rest) const;
   /// The answer to a request that is about the server: /healthz, /readyz and /metrics, with one scene or several. For
   /// the io thread, as what is measured includes what is its alone. What is measured tells of all scenes, so it is for
   /// those who may see them all.
@@ -103,15 +107,19 @@ struct Hub {
 
   boost::asio::io_context& io;
   ServerOptions options;
-  ServerMetrics metrics;                                                 ///< before all that updates it
+  ServerMetrics metrics;                                                             ///< before all that updates it
+  std::shared_ptr<LookupCounts> message_lookups = std::make_shared<LookupCounts>();  ///< of all scenes since the start
   std::shared_ptr<FairQueue> disposer = std::make_shared<FairQueue>(1);  ///< ends scenes that nobody holds any more
   Scenes scenes;                                                         ///< at least one
-  std::vector<std::weak_ptr<HostedScene>> ended_scenes;                  ///< those that connections may still hold
-  PageFiles pages;                                                       ///< of the browser client
-  std::shared_ptr<const Security> security;                              ///< after readSecurity()
-  std::unique_ptr<FrameRenderer> renderer;                               ///< null: no exact frames
-  FairQueue workers;                                                     ///< plan for viewers and make their messages
-  std::string place;                                                     ///< address:port
+  /// The place of the only scene, or of the one that was when others came: its pages that are open go on. Empty:
+  /// several were served from the start, or it is no longer served.
+  std::string root_place;
+  std::vector<std::weak_ptr<HostedScene>> ended_scenes;  ///< those that connections may still hold
+  PageFiles pages;                                       ///< of the browser client
+  std::shared_ptr<const Security> security;              ///< after readSecurity()
+  std::unique_ptr<FrameRenderer> renderer;               ///< null: no exact frames
+  FairQueue workers;                                     ///< plan for viewers and make their messages
+  std::string place;                                     ///< address:port
   std::set<Connection*> connections;
   std::map<std::string, std::uint32_t> connections_of;  ///< their number, by limitKey() of the client's address
   std::map<std::string, std::uint32_t> turned_away_of;  ///< likewise, of connections that get nothing but a refusal

@@ -1,5 +1,6 @@
 #include "server/net/pick.h"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <nlohmann/json.hpp>
@@ -62,12 +63,23 @@ base::Result<std::string> pick(const glm::dvec3& origin, const std::string& unit
 Picker::Picker(const base::Scene& scene, const lod::patch::PatchFile& patches)
     : scene_(scene), patches_(patches), thread_([this](const std::stop_token& stop) { runThread(stop); }) {}
 
-bool Picker::submit(const lod::patch::Ray& ray, OnPick done) {
+bool Picker::submit(std::uint64_t id, const std::string& address, const lod::patch::Ray& ray, OnPick done) {
   const std::lock_guard lock(mutex_);
-  if (queue_.size() >= kMaxQueued) return false;
-  queue_.push_back({ray, scene_.units, std::move(done)});
+  const auto of_address =
+      std::count_if(queue_.begin(), queue_.end(), [&](const Job& job) { return job.address == address; });
+  if (queue_.size() >= kMaxQueued || static_cast<std::size_t>(of_address) >= kMaxOfOneAddress) return false;
+  queue_.push_back({id, address, ray, scene_.units, std::move(done)});
   changed_.notify_one();
   return true;
+}
+
+void Picker::cancel(std::uint64_t id) {
+  Job cancelled;  // ends without the lock, since it may be the last to hold who waited for it
+  const std::lock_guard lock(mutex_);
+  const auto found = std::find_if(queue_.begin(), queue_.end(), [&](const Job& job) { return job.id == id; });
+  if (found == queue_.end()) return;
+  cancelled = std::move(*found);
+  queue_.erase(found);
 }
 
 void Picker::runThread(const std::stop_token& stop) {

@@ -30,15 +30,22 @@ class Picker {
  public:
   using OnPick = std::function<void(base::Result<std::string> json)>;
   static constexpr std::size_t kMaxQueued = 256;  ///< rays; whoever asks for more is told to come again
+  /// The rays of one address among them: enough for a page that picks along a line, and others are still answered.
+  static constexpr std::size_t kMaxOfOneAddress = kMaxQueued / 4;
 
   /// Both must outlive this.
   Picker(const base::Scene& scene, const lod::patch::PatchFile& patches);
-  /// For the thread that may change the scene. Calls `done` on the picker's thread. Returns false, and never calls it,
-  /// when kMaxQueued rays wait already.
-  bool submit(const lod::patch::Ray& ray, OnPick done);
+  /// For the thread that may change the scene. Calls `done` on the picker's thread, unless the ray is cancelled by its
+  /// `id` before. Returns false, and never calls it, when kMaxQueued rays wait already, or kMaxOfOneAddress of this
+  /// `address`, a limitKey().
+  bool submit(std::uint64_t id, const std::string& address, const lod::patch::Ray& ray, OnPick done);
+  /// Drops the ray if it still waits. Any thread.
+  void cancel(std::uint64_t id);
 
  private:
   struct Job {
+    std::uint64_t id = 0;
+    std::string address;
     lod::patch::Ray ray;
     std::string units;  // the scene's may change meanwhile
     OnPick done;

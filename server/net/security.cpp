@@ -51,8 +51,7 @@ std::optional<HttpReply> Security::answerInstead(const RequestHead& request, std
   if (request.method == "OPTIONS") return preflightReply();  // for all names alike, so that it tells of none
   const std::vector<std::string> wanted = scene ? std::vector<std::string>{std::string(*scene)} : scene_names;
   if (const auto cleaned = rules.cleanAddress(wanted, request, now)) {
-    // Addresses of an only scene have no name.
-    auto reply = scene && scene_names.size() != 1 ? moveIntoFolder(request.target, *scene) : std::nullopt;
+    auto reply = scene ? moveIntoFolder(request.target, *scene) : std::nullopt;
     if (!reply) {
       reply = textReply(303, "see " + cleaned->location + "\n", {{"Location", cleaned->location}});
       if (!cleaned->cookie.empty()) reply->headers.emplace_back("Set-Cookie", cleaned->cookie);

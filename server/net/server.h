@@ -60,8 +60,7 @@ std::string placeText(const std::string& address, std::uint16_t port);
 /// SIGTERM or SIGINT ends that at once. SIGHUP is reload().
 class Server {
  public:
-  /// Opens the scenes and binds the port. A single scene is at "/"; several are below "/NAME/" each (scene_names.h),
-  /// and
+  /// Opens the scenes and binds the port. Each scene is below "/NAME/" (scene_names.h), an only one at "/", too; else
   /// "/" lists them. Errors: not a scene, a port in use, two scenes of one name. Without a GL context there are no
   /// exact frames, and the log says so.
   static base::Result<std::unique_ptr<Server>> open(const std::vector<std::string>& scenes,

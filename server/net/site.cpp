@@ -238,6 +238,12 @@ const Site::SceneFile* Site::findSceneFile(std::string_view path) const {
   return nullptr;
 }
 
+bool Site::hasFile(std::string_view path) const {
+  if (path == "/scene.json" || path == "/annotations.json" || path == "/patch.lgp" || findSceneFile(path) != nullptr)
+    return true;
+  return path.starts_with('/') && pages_.find(path.substr(1)) != pages_.end();
+}
+
 HttpReply Site::answer(const HttpRequest& request, const std::string& place) {
   if (request.method == "OPTIONS") return preflightReply();
   if (request.method != "GET" && request.method != "HEAD") return methodNotAllowedReply();

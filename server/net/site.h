@@ -109,6 +109,8 @@ class Site {
 
   /// `place`: address:port, shown where the Host header is malformed.
   HttpReply answer(const HttpRequest& request, const std::string& place);
+  /// Whether a path has a file: of the scene or of the page.
+  bool hasFile(std::string_view path) const;
   /// Takes over what `lumigrid set` wrote since the last call into a local scene's scene.json. A scene.json of another
   /// build is left alone: it describes files that are not open here.
   void readAppearance();

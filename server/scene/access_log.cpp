@@ -28,6 +28,7 @@ AccessLog::AccessLog(std::string path, const repository::AccessIdentity& identit
       interval_seconds_(interval_seconds),
       max_keys_(max_keys),
       counter_(max_keys, [this] { wake(); }),
+      place_(path_),
       pending_until_(now()),
       thread_([this](const std::stop_token& stop) { runThread(stop); }) {}
 
@@ -64,7 +65,12 @@ void AccessLog::write(double patience_seconds) {
   const auto added = repository::addToAccessFile(path_, identity_, pending_, patience_seconds);
   if (!added) return logFailure(added.error());
   pending_ = {};
-  if (std::exchange(failing_, false)) spdlog::info("access counts are kept again in {}", path_);
+  const bool has_failed = std::exchange(failing_, false);
+  const bool has_moved = std::exchange(place_, *added) != *added;
+  if (has_moved && place_ != path_)
+    spdlog::info("access counts are kept in {}, since {} has those of another scene", *added, path_);
+  else if (has_moved || has_failed)
+    spdlog::info("access counts are kept again in {}", *added);
 }
 
 void AccessLog::logFailure(const base::Error& error) {

@@ -38,6 +38,7 @@ class AccessLog {
   repository::AccessCounter counter_;
 
   // Used by the thread alone.
+  std::string place_;                 // where the counts lie: `path_`, or beside it while that is another scene's
   repository::AccessCounts pending_;  // taken from the counter, but not in the file yet
   std::int64_t pending_until_ = 0;    // when they were taken, Unix seconds
   bool failing_ = false;

@@ -67,7 +67,7 @@ base::Result<void> openImages(const std::string& directory, OpenScene& open) {
 }  // namespace
 
 repository::AccessIdentity accessIdentityOf(const OpenScene& open) {
-  return {open.data.welcome.grid, open.data.welcome.group_count};
+  return {open.data.welcome.grid, open.data.welcome.group_count, base::hierarchyDigest(open.scene)};
 }
 
 base::Result<std::unique_ptr<repository::PackStore>> openPacks(const std::string& directory, const std::string& index) {

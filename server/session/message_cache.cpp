@@ -12,10 +12,10 @@ std::optional<SharedMessage> MessageCache::find(std::uint64_t key) {
   const std::lock_guard lock(shard.mutex);
   const auto place = shard.places.find(key);
   if (place == shard.places.end()) {
-    ++misses_;
+    ++counts_->misses;
     return std::nullopt;
   }
-  ++hits_;
+  ++counts_->hits;
   shard.entries.splice(shard.entries.begin(), shard.entries, place->second);
   return place->second->second;
 }

@@ -30,11 +30,18 @@ class SharedMessage {
   std::shared_ptr<const base::Bytes> bytes_;
 };
 
+/// Look-ups in some caches, those that have ended by now included.
+struct LookupCounts {
+  std::atomic<std::uint64_t> hits{0}, misses{0};
+};
+
 /// Safe from any thread.
 class MessageCache {
  public:
-  /// The least recently used go when the messages have more bytes.
-  explicit MessageCache(std::uint64_t max_bytes) : max_shard_bytes_(max_bytes / kShards) {}
+  /// The least recently used go when the messages have more bytes. `counts` is not null.
+  explicit MessageCache(std::uint64_t max_bytes,
+                        std::shared_ptr<LookupCounts> counts = std::make_shared<LookupCounts>())
+      : max_shard_bytes_(max_bytes / kShards), counts_(std::move(counts)) {}
 
   static std::uint64_t keyOf(const repository::FaceKey& key) { return key.code(); }
   static std::uint64_t keyOf(std::uint32_t group) { return kGroup | group; }
@@ -42,8 +49,7 @@ class MessageCache {
   /// A message larger than a shard of the cache is not kept.
   void add(std::uint64_t key, const SharedMessage& message);
   std::uint64_t bytes() const;
-  std::uint64_t hits() const { return hits_; }
-  std::uint64_t misses() const { return misses_; }
+  const LookupCounts& counts() const { return *counts_; }
 
  private:
   static constexpr std::uint64_t kGroup = std::uint64_t{1} << 63;  // codes of keys have 63 bits
@@ -59,7 +65,7 @@ class MessageCache {
 
   const std::uint64_t max_shard_bytes_;
   std::array<Shard, kShards> shards_;
-  std::atomic<std::uint64_t> hits_{0}, misses_{0};
+  const std::shared_ptr<LookupCounts> counts_;
 };
 
 }  // namespace server

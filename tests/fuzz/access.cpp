@@ -4,17 +4,18 @@
 
 #include "base/check.h"
 #include "base/crc32c.h"
+#include "base/hash/sha256.h"
 #include "tests/fuzz/fuzz.h"
 
 namespace {
 
-constexpr std::size_t kHeaderBytes = 112;
+constexpr std::size_t kHeaderBytes = 136;
 
 repository::AccessIdentity identity() {
   repository::Grid grid;
   grid.count = {5, 4, 3};
   grid.face_size = 64;
-  return {grid, 1000};
+  return {grid, 1000, base::sha256({})};
 }
 
 void decode(base::ByteView bytes) {
@@ -45,7 +46,7 @@ std::vector<base::Bytes> seeds() {
   some.since = 1'700'000'000;
   some.until = 1'700'003'600;
   return {repository::encodeAccess(identity(), {}), repository::encodeAccess(identity(), some),
-          repository::encodeAccess({{}, 1}, {{}, {{0, 1}}, 0, 0, 0})};
+          repository::encodeAccess({{}, 1, {}}, {{}, {{0, 1}}, 0, 0, 0})};
 }
 
 void fuzzOne(base::ByteView bytes) {

@@ -86,6 +86,14 @@ TEST_F(BadInput, anOutputThatExistsNeedsForce) {
   EXPECT_EQ(programs::readText(path("other/precious")), "x");
 }
 
+TEST_F(BadInput, forceRemovesAllCountsOfTheSceneBefore) {
+  const std::string scene = smallScene();
+  const std::vector<std::string> counts{scene + "/access.lga", scene + "/access-0123456789abcdef.lga"};
+  for (const std::string& file : counts) programs::writeText(file, "counts");
+  ASSERT_EQ(run("lumigrid", {"build", smallMesh(), "-o", scene, "--force", "--methods", "patch", "--quiet"}).status, 0);
+  for (const std::string& file : counts) EXPECT_FALSE(std::filesystem::exists(file)) << file;
+}
+
 TEST_F(BadInput, anUnfinishedBuildOfOtherOptionsIsNotMixedIn) {
   const std::string scene = smallScene();
   std::filesystem::rename(scene + "/scene.json", scene + "/building.json");

@@ -4,6 +4,7 @@
 
 #include <fstream>
 #include <map>
+#include <numeric>
 #include <random>
 #include <thread>
 
@@ -21,7 +22,9 @@ AccessIdentity smallIdentity() {
   grid.spacing = 2.0F;
   grid.count = {6, 5, 4};
   grid.face_size = 64;
-  return {grid, 20};
+  base::Sha256Digest hierarchy{};
+  std::iota(hierarchy.begin(), hierarchy.end(), std::uint8_t{0});
+  return {grid, 20, hierarchy};
 }
 
 // These are the counts of the worked example in docs/formats/access.md.
@@ -42,11 +45,11 @@ AccessCounts facesOnly(std::vector<std::pair<FaceKey, std::uint64_t>> faces) {
 
 TEST(Access, encodeMatchesTheDocumentedExample) {
   const base::Bytes bytes = encodeAccess(smallIdentity(), workedCounts());
-  ASSERT_EQ(bytes.size(), 112U + 12U);
-  const base::Bytes body(bytes.begin() + 112, bytes.end());
+  ASSERT_EQ(bytes.size(), 136U + 12U);
+  const base::Bytes body(bytes.begin() + 136, bytes.end());
   EXPECT_EQ(body, (base::Bytes{0x80, 0x40, 0x03, 0xff, 0xff, 0x62, 0xac, 0x02, 0x00, 0x02, 0x06, 0x01}));
   const base::Bytes front(bytes.begin(), bytes.begin() + 24);
-  EXPECT_EQ(front, (base::Bytes{'L',  'G',  'A',  'C',  1,  0, 112, 0, 0x0d, 0xac, 0xe0, 0x1a,
+  EXPECT_EQ(front, (base::Bytes{'L',  'G',  'A',  'C',  2,  0, 136, 0, 0x77, 0xc6, 0x12, 0x5c,
                                 0xa1, 0x84, 0x2a, 0x39, 12, 0, 0,   0, 0,    0,    0,    0}));
 }
 
@@ -148,25 +151,76 @@ TEST(AccessFile, loadAddsUpSeveralFiles) {
   EXPECT_EQ(missing.error().code, base::ErrorCode::kNotFound);
 }
 
-TEST(AccessFile, damagedFilesAndThoseOfAnotherSceneStayUnchanged) {
+// Only the hierarchy tells a scene from the one that it replaced: grid and groups are the same.
+AccessIdentity replacedIdentity() {
+  AccessIdentity identity = smallIdentity();
+  identity.hierarchy.fill(0xab);
+  return identity;
+}
+
+TEST(AccessFile, countsOfAReplacedSceneAreKeptApart) {
+  const TemporaryDirectory directory;
+  const std::string path = accessFileOf(directory.path());
+  const std::string beside = directory / "access-0001020304050607.lga";
+  EXPECT_EQ(accessFileBeside(path, smallIdentity().hierarchy), beside);
+  EXPECT_EQ(accessFileBeside("counts", smallIdentity().hierarchy), "counts-0001020304050607");
+  EXPECT_TRUE(loadSceneAccess(directory.path(), smallIdentity().hierarchy)->empty());
+
+  // A server that holds the replaced scene writes first, and again between the counts of the new one.
+  const AccessCounts of_old = facesOnly({{{0, 0, 0, 0}, 1}});
+  for (int round = 1; round <= 2; ++round) {
+    const auto old_place = addToAccessFile(path, replacedIdentity(), of_old, 1.0);
+    ASSERT_TRUE(old_place) << old_place.error().message;
+    EXPECT_EQ(*old_place, path);
+    EXPECT_EQ(bool(loadSceneAccess(directory.path(), smallIdentity().hierarchy)), round == 2);
+    const auto new_place = addToAccessFile(path, smallIdentity(), workedCounts(), 1.0);
+    ASSERT_TRUE(new_place) << new_place.error().message;
+    EXPECT_EQ(*new_place, beside);
+  }
+  const auto files = loadSceneAccess(directory.path(), smallIdentity().hierarchy);
+  ASSERT_TRUE(files);
+  ASSERT_EQ(files->size(), 1U);
+  EXPECT_EQ(files->front().identity, smallIdentity());
+  EXPECT_EQ(files->front().counts.facesSent(), 606U);
+  EXPECT_EQ(loadAccess({path}, replacedIdentity())->facesSent(), 2U);
+  EXPECT_FALSE(loadAccess({path}, smallIdentity()));
+
+  // When somebody took the replaced scene's counts away, those of the new one lie in both files.
+  std::filesystem::remove(path);
+  EXPECT_EQ(*addToAccessFile(path, smallIdentity(), workedCounts(), 1.0), path);
+  EXPECT_EQ(loadSceneAccess(directory.path(), smallIdentity().hierarchy)->size(), 2U);
+}
+
+TEST(AccessFile, aFileOfAnotherVersionSaysSo) {
+  base::Bytes bytes = encodeAccess(smallIdentity(), workedCounts());
+  bytes[4] = 1;
+  const auto earlier = decodeAccess(bytes);
+  ASSERT_FALSE(earlier);
+  EXPECT_EQ(earlier.error().code, base::ErrorCode::kVersion);
+  EXPECT_NE(earlier.error().message.find("does not name its scene; move the file away"), std::string::npos);
+  bytes[4] = 3;
+  EXPECT_NE(decodeAccess(bytes).error().message.find("use a newer lumigrid"), std::string::npos);
+}
+
+TEST(AccessFile, damagedFilesStayUnchanged) {
   const TemporaryDirectory directory;
   const std::string path = directory / "access.lga";
   ASSERT_TRUE(addToAccessFile(path, smallIdentity(), workedCounts(), 1.0));
   const base::Bytes before = *base::readFile(path);
 
-  AccessIdentity other = smallIdentity();
-  other.grid.spacing = 3.0F;
-  const auto refused = addToAccessFile(path, other, facesOnly({{{0, 0, 0, 0}, 1}}), 1.0);
-  ASSERT_FALSE(refused);
-  EXPECT_NE(refused.error().message.find(path), std::string::npos);
-  EXPECT_NE(refused.error().message.find("move the file away"), std::string::npos) << refused.error().message;
-  EXPECT_FALSE(loadAccess({path}, other));
-  EXPECT_EQ(*base::readFile(path), before);
+  AccessIdentity other_grid = smallIdentity();
+  other_grid.grid.spacing = 3.0F;
+  EXPECT_FALSE(loadAccess({path}, other_grid));
+  ASSERT_TRUE(addToAccessFile(path, other_grid, facesOnly({{{0, 0, 0, 0}, 1}}), 1.0));
+  EXPECT_EQ(*base::readFile(path), before) << "its counts went to a file beside";
 
   base::Bytes damaged = before;
   damaged.back() ^= 1;
   ASSERT_TRUE(base::writeFileAtomically(path, damaged));
-  EXPECT_FALSE(addToAccessFile(path, smallIdentity(), workedCounts(), 1.0));
+  const auto refused = addToAccessFile(path, smallIdentity(), workedCounts(), 1.0);
+  ASSERT_FALSE(refused);
+  EXPECT_NE(refused.error().message.find(path), std::string::npos);
+  EXPECT_NE(refused.error().message.find("move the file away"), std::string::npos) << refused.error().message;
   EXPECT_EQ(*base::readFile(path), damaged);
 }
 

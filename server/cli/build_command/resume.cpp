@@ -150,19 +150,37 @@ Result<BuildOutput> openOutput(const BuildArguments& a, const SceneSources& sour
   return BuildOutput();
 }
 
+namespace {
+
+Result<void> removePart(const std::string& directory, const std::string& name) {
+  std::error_code error;
+  fs::remove_all(fs::path(directory) / name, error);
+  if (error) return Error{ErrorCode::kIo, directory + "/" + name + ": cannot remove: " + error.message()};
+  return {};
+}
+
+// The scene's, and those that servers kept of scenes which lay here before.
+bool holdsAccessCounts(const std::string& name) {
+  return name == "access.lga" || (name.starts_with("access-") && name.ends_with(".lga"));
+}
+
+}  // namespace
+
 Result<void> removeScene(const std::string& directory) {
   const std::string images = directory + "/images";
   LUMIGRID_ASSIGN_OR_RETURN(auto layout, repository::layoutOf(images));
   for (const repository::Shard& shard : layout.shards)
     LUMIGRID_TRY(repository::removeLmdbStore(repository::storeDirectory(images, shard.count, shard.index)));
   if (layout.undivided) LUMIGRID_TRY(repository::removeLmdbStore(images));
-  for (const char* name : {"scene.json", base::kBuildingFile, kPatches.file, kPatches.work_files, kTextureFile,
-                           kSplats.file, kSplats.work_files, kUmbrellas.file, kUmbrellas.work_files, "images",
-                           "access.lga", "access.lga.lock", kBuildRecord}) {
-    std::error_code error;
-    fs::remove_all(fs::path(directory) / name, error);
-    if (error) return Error{ErrorCode::kIo, directory + "/" + name + ": cannot remove: " + error.message()};
-  }
+  for (const char* name :
+       {"scene.json", base::kBuildingFile, kPatches.file, kPatches.work_files, kTextureFile, kSplats.file,
+        kSplats.work_files, kUmbrellas.file, kUmbrellas.work_files, "images", "access.lga.lock", kBuildRecord})
+    LUMIGRID_TRY(removePart(directory, name));
+  std::vector<std::string> counts;
+  std::error_code ignored;
+  for (const auto& entry : fs::directory_iterator(directory, ignored))
+    if (const std::string name = entry.path().filename().string(); holdsAccessCounts(name)) counts.push_back(name);
+  for (const std::string& name : counts) LUMIGRID_TRY(removePart(directory, name));
   return {};
 }
 

@@ -398,7 +398,7 @@ TEST_F(SelectionTest, pointsLieWhereViewersWere) {
   file.identity.grid = options_.grid;
   for (const glm::uvec3& p : repository::pointsInMortonOrder(options_.grid))
     if (p.x == options_.grid.count.x - 1) file.counts.faces.push_back({{p.x, p.y, p.z, 1}, 1});
-  const ViewerPlaces places(file);
+  const ViewerPlaces places({file});
   options_.selection.by_viewers = true;
   const auto there = select(&places);
   const auto anywhere = select();

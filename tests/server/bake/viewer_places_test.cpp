@@ -26,7 +26,7 @@ repository::AccessFile fileOf(std::vector<std::pair<repository::FaceKey, std::ui
 
 TEST(ViewerPlaces, aFaceIsDrawnAsOftenAsItWasSent) {
   const auto file = fileOf({{{0, 0, 0, 1}, 1}, {{3, 0, 0, 4}, 2}, {{4, 4, 4, 0}, 7}});
-  const ViewerPlaces places(file);
+  const ViewerPlaces places({file});
   UnitRandom random(7);
   std::map<std::uint32_t, int> drawn;  // by the face's direction
   for (int i = 0; i < 10000; ++i) ++drawn[repository::faceOfDirection(places.draw(random).direction)];
@@ -39,7 +39,7 @@ TEST(ViewerPlaces, aFaceIsDrawnAsOftenAsItWasSent) {
 TEST(ViewerPlaces, posesLieAroundTheFacesPointAndInItsSquare) {
   const auto file = fileOf({{{2, 1, 3, 5}, 3}});
   const glm::vec3 offset(10.0F, 0.0F, -4.0F);
-  const ViewerPlaces places(file, offset);
+  const ViewerPlaces places({file}, offset);
   const glm::vec3 point = file.identity.grid.point(2, 1, 3) + offset;
   UnitRandom random(1);
   glm::vec3 low(1e9F), high(-1e9F);
@@ -58,7 +58,7 @@ TEST(ViewerPlaces, posesLieAroundTheFacesPointAndInItsSquare) {
 
 TEST(ViewerPlaces, theSameSeedDrawsTheSamePoses) {
   const auto file = fileOf({{{0, 0, 0, 1}, 5}, {{4, 4, 4, 0}, 100}});
-  const ViewerPlaces places(file);
+  const ViewerPlaces places({file});
   UnitRandom one(3), two(3);
   for (int i = 0; i < 20; ++i) {
     const auto a = places.draw(one);
@@ -87,6 +87,16 @@ TEST(ViewerPlaces, areReadFromASceneAndSayWhatIsMissing) {
   const glm::vec3 at = file.identity.grid.point(1, 1, 1) - glm::vec3(2.0F, 0.0F, 0.0F);
   UnitRandom random(1);
   EXPECT_LE(glm::length(places->draw(random).position - at), 0.35F * 1.7321F);
+
+  // Counts of a scene that this one replaced tell nothing about it.
+  auto replaced = file;
+  replaced.identity.hierarchy.fill(1);
+  ASSERT_TRUE(base::writeFileAtomically(path, repository::encodeAccess(replaced.identity, replaced.counts)));
+  EXPECT_FALSE(ViewerPlaces::ofScene(directory.path(), scene.origin));
+  const std::string beside = repository::accessFileBeside(path, file.identity.hierarchy);
+  ASSERT_TRUE(base::writeFileAtomically(beside, repository::encodeAccess(file.identity, file.counts)));
+  EXPECT_TRUE(ViewerPlaces::ofScene(directory.path(), scene.origin));
+  std::filesystem::remove(beside);
 
   file.counts.faces.clear();
   ASSERT_TRUE(base::writeFileAtomically(path, repository::encodeAccess(file.identity, file.counts)));

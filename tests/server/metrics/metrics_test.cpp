@@ -51,6 +51,19 @@ TEST(Metrics, valuesFromElsewhereAreReadWhenTheTextIsMade) {
   EXPECT_EQ(metrics.text(), "# HELP r R.\n# TYPE r gauge\nr +Inf\n");
 }
 
+TEST(Metrics, commonLabelsStandBeforeTheOthers) {
+  Metrics metrics;
+  metrics.counter("n_total", "N.", {{"a", "1"}}).add();
+  metrics.gauge("g", "G.");
+  metrics.histogram("h", "H.", {1.0});
+  metrics.labelAll({{"worker", "3"}});
+  EXPECT_EQ(metrics.text(),
+            "# HELP g G.\n# TYPE g gauge\ng{worker=\"3\"} 0\n"
+            "# HELP h H.\n# TYPE h histogram\nh_bucket{worker=\"3\",le=\"1\"} 0\nh_bucket{worker=\"3\",le=\"+Inf\"} 0\n"
+            "h_sum{worker=\"3\"} 0\nh_count{worker=\"3\"} 0\n"
+            "# HELP n_total N.\n# TYPE n_total counter\nn_total{worker=\"3\",a=\"1\"} 1\n");
+}
+
 TEST(Metrics, threadsLoseNothing) {
   Metrics metrics;
   Counter& counter = metrics.counter("n_total", "N.");

@@ -159,6 +159,35 @@ TEST(AccessLog, unwrittenCountsAreWrittenLater) {
   EXPECT_EQ(byCode(loaded(file, identity)), received.faces);
 }
 
+/// Puts another scene in the place of the one that is there: all is as it was but for the hierarchy's digest.
+void replaceScene(const std::string& directory) {
+  auto scene = base::readScene(directory);
+  ASSERT_TRUE(scene);
+  scene->parts.push_back({"patch.lgp", std::filesystem::file_size(directory + "/patch.lgp"), std::string(64, 'e')});
+  ASSERT_TRUE(base::writeSceneFile(*scene, directory + "/scene.json"));
+}
+
+TEST(AccessLog, countsOfAReplacedSceneAreKeptApart) {
+  const SceneDirectory scene;
+  const auto before = identityOf(scene.path);
+  const std::string file = repository::accessFileOf(scene.path);
+  ReceivedCounts of_old, of_new;
+  RunningServer holds_old(scene.path);
+  replaceScene(scene.path);
+  const auto after = identityOf(scene.path);
+  RunningServer holds_new(scene.path);
+  lookAndBeRefused(holds_old.port(), of_old);
+  lookAndBeRefused(holds_old.port(), of_old);
+  lookAndBeRefused(holds_new.port(), of_new);
+  holds_old.stop();
+  holds_new.stop();
+  EXPECT_EQ(byCode(loaded(file, before)), of_old.faces);
+  EXPECT_EQ(byCode(loaded(repository::accessFileBeside(file, after.hierarchy), after)), of_new.faces);
+
+  const auto info = programs::run("lumigrid", {"info", scene.path, "--json"});
+  EXPECT_EQ(nlohmann::json::parse(info.out)["access"]["faces_sent"], of_new.faceTotal()) << info.out;
+}
+
 TEST(AccessLog, fullCounterWritesAtOnce) {
   const SceneDirectory scene;
   const auto identity = identityOf(scene.path);

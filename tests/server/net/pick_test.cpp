@@ -2,7 +2,10 @@
 
 #include <gtest/gtest.h>
 
+#include <atomic>
+#include <future>
 #include <nlohmann/json.hpp>
+#include <string>
 #include <thread>
 
 #include "tests/server/net/loopback.h"
@@ -59,6 +62,16 @@ TEST(Pick, pointBelowIsFoundInWorldCoordinates) {
     // The normal points back along the ray, whichever side the ray comes from.
     EXPECT_LT(json["normal"][2].get<double>() * std::stod(direction), 0.0);
   }
+}
+
+TEST(Pick, readErrorsAreCountedByScene) {
+  const SceneDirectory scene(0);
+  RunningServer server(scene.path);
+  std::filesystem::resize_file(scene.path + "/patch.lgp", 4096);
+  ASSERT_EQ(httpRequest(server.port(), target("600", "-1")).status, 503);
+  const std::string figures = httpRequest(server.port(), "/metrics").body;
+  const std::string name = std::filesystem::path(scene.path).filename();
+  EXPECT_NE(figures.find("lumigrid_read_errors_total{scene=\"" + name + "\"} 1\n"), std::string::npos) << figures;
 }
 
 TEST(Pick, rayThatHitsNothingIsNoError) {
@@ -139,11 +152,45 @@ TEST(Pick, raysBeyondTheQueueAreRefused) {
       const std::lock_guard wait(hold);
       ++answered;
     };
-    while (picker.submit(ray, done)) ASSERT_LE(++taken, Picker::kMaxQueued + 1);
+    while (picker.submit(taken, std::to_string(taken), ray, done)) ASSERT_LE(++taken, Picker::kMaxQueued + 1);
     EXPECT_GE(taken, Picker::kMaxQueued);
     held.unlock();
   }
   EXPECT_LE(answered, taken);
+}
+
+TEST(Pick, oneAddressHasAQuarterOfTheQueueAndGivesBackWhatItCancels) {
+  const SceneDirectory scene(0);
+  const auto patches = lod::patch::PatchFile::open(scene.path + "/patch.lgp");
+  const auto document = base::readScene(scene.path);
+  std::promise<void> begun, go_on;
+  std::atomic<std::size_t> answered{0};
+  std::atomic<bool> cancelled_was_cast{false};
+  const lod::patch::Ray ray{{500016.0, 4000016.0, 600.0}, {0.0, 0.0, -1.0}};
+  const auto count = [&](const base::Result<std::string>&) { ++answered; };
+  {
+    Picker picker(*document, *patches);
+    // A ray of another address holds the thread.
+    ASSERT_TRUE(picker.submit(1, "first", ray, [&](const base::Result<std::string>&) {
+      begun.set_value();
+      go_on.get_future().wait();
+    }));
+    begun.get_future().wait();
+    ASSERT_TRUE(picker.submit(2, "greedy", ray, [&](const base::Result<std::string>&) { cancelled_was_cast = true; }));
+    for (std::size_t i = 1; i < Picker::kMaxOfOneAddress; ++i)
+      ASSERT_TRUE(picker.submit(100 + i, "greedy", ray, count)) << i;
+    EXPECT_FALSE(picker.submit(3, "greedy", ray, count));
+    EXPECT_TRUE(picker.submit(4, "modest", ray, count));
+    picker.cancel(2);
+    picker.cancel(2);
+    std::promise<void> last;
+    EXPECT_TRUE(picker.submit(5, "greedy", ray, [&](const base::Result<std::string>&) { last.set_value(); }));
+    EXPECT_FALSE(picker.submit(6, "greedy", ray, count));
+    go_on.set_value();
+    last.get_future().wait();
+  }
+  EXPECT_EQ(answered, Picker::kMaxOfOneAddress);
+  EXPECT_FALSE(cancelled_was_cast);
 }
 
 }  // namespace

@@ -53,6 +53,22 @@ TEST(ReadErrors, eachMessageIsLoggedOnceAndAllAreCounted) {
             "2\n");
 }
 
+TEST(ReadErrors, countOnInTheCounterOfReplacedScenes) {
+  const CollectedLog log;
+  std::uint64_t total = 0;
+  const auto add = [&](std::uint64_t count) { total += count; };
+  {
+    ReadErrors replaced;
+    replaced.report("image", errorOf(1));
+    replaced.countIn(add);
+    replaced.report("image", errorOf(1));
+  }
+  ReadErrors errors;
+  errors.countIn(add);
+  errors.report("image", errorOf(1));
+  EXPECT_EQ(total, 3U);
+}
+
 TEST(ReadErrors, aHundredDifferentMessagesAreLogged) {
   const CollectedLog log;
   ReadErrors errors;

@@ -15,6 +15,7 @@
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
+#include <set>
 #include <sstream>
 #include <thread>
 
@@ -391,6 +392,42 @@ TEST(ServeProcess, aFileHasTheScenesAndOptions) {
   for (const char* path : {"/healthz", "/readyz", "/metrics"}) EXPECT_EQ(httpRequest(server.port(), path).status, 200);
 }
 
+TEST(ServeProcess, limitsOfViewersAreOptions) {
+  const SceneDirectory scene, large(2'000'000);
+  const support::TemporaryDirectory directory;
+  const std::string config = directory / "serve.json";
+  programs::writeText(config, json{{"hello", 0.2}}.dump());
+  ServeProcess server({scene.path, "--no-access", "--config", config, "--messages-per-second", "1"});
+  ASSERT_NE(server.port(), 0);
+  const auto mute = LoopbackClient::connect(server.port());
+  ASSERT_TRUE(mute);
+  EXPECT_FALSE(mute->receive());
+  EXPECT_EQ(mute->closeReason(), "no Hello came in time");
+
+  // Two messages may be sent at once; the hundredth would be read a minute and a half later.
+  const auto figure = [](const ServeProcess& of, const std::string& name) {
+    return valueOf(httpRequest(of.port(), "/metrics").body, name);
+  };
+  const std::string received =
+      "lumigrid_messages_received_total{scene=\"" + std::filesystem::path(scene.path).filename().string() + "\"}";
+  protocol::Welcome welcome;
+  const auto talker = viewerAt(server.port(), "/", welcome);
+  ASSERT_TRUE(talker);
+  for (std::uint32_t sequence = 1; sequence < 100; ++sequence) ASSERT_TRUE(talker->send(viewOf(welcome, sequence)));
+  EXPECT_TRUE(waitFor([&] { return figure(server, received) >= 3.0; }));
+  EXPECT_LT(figure(server, received), 50.0);
+
+  ServeProcess impatient({large.path, "--no-access", "--stall", "0.3"});
+  const auto stalled = LoopbackClient::connect(impatient.port(), "/", 4096);
+  ASSERT_TRUE(stalled);
+  ASSERT_TRUE(stalled->send(protocol::Hello{protocol::kVersion, "stalled"}));
+  ASSERT_TRUE(stalled->send(viewOf(welcome, 1)));
+  EXPECT_TRUE(waitFor([&] { return figure(impatient, "lumigrid_refused_total{reason=\"stall\"}") >= 1.0; }));
+
+  for (const char* option : {"--hello", "--stall", "--messages-per-second"})
+    EXPECT_EQ(programs::run("lumigrid", {"serve", scene.path, option, "0"}).status, 2) << option;
+}
+
 TEST(ServeProcess, theExampleOfThePackagingIsUnderstood) {
   programs::expectOneLineError(
       programs::run("lumigrid", {"serve", "--config", LUMIGRID_SOURCE_DIR "/packaging/serve.json"}), 1,
@@ -462,6 +499,11 @@ TEST_F(Reload, aSceneThatWasBuiltAnewIsServedAnew) {
   const auto in_yard = viewerAt(server.port(), "/" + nameOf(yard_) + "/", welcome);
   ASSERT_TRUE(in_tower && in_yard);
 
+  ASSERT_TRUE(completes(*in_yard, welcome, 1));
+  const std::string misses = "lumigrid_cache_lookups_total{cache=\"messages\",outcome=\"miss\"}";
+  const double misses_before = valueOf(httpRequest(server.port(), "/metrics").body, misses);
+  EXPECT_GT(misses_before, 0.0);
+
   // The barn moves into the yard.
   std::filesystem::rename(yard_.path, yard_.path + ".old");
   std::filesystem::copy(barn_.path, yard_.path, std::filesystem::copy_options::recursive);
@@ -473,12 +515,92 @@ TEST_F(Reload, aSceneThatWasBuiltAnewIsServedAnew) {
   std::size_t largest_face = 0;
   EXPECT_TRUE(completes(*again, welcome, 1, &largest_face));
   EXPECT_GT(largest_face, 5'000U) << "images of the scene that is gone";
+  const std::string figures = httpRequest(server.port(), "/metrics").body;
+  EXPECT_GT(valueOf(figures, misses), misses_before) << "counters only grow";
+  EXPECT_EQ(valueOf(figures, "lumigrid_read_errors_total{scene=\"" + nameOf(yard_) + "\"}"), 0.0) << figures;
   std::filesystem::remove_all(yard_.path + ".old");
 
   // A scene that has not changed is left alone.
   server.send(SIGHUP);
   EXPECT_TRUE(logSays(server, "reloaded: 2 scenes"));
   EXPECT_TRUE(completes(*again, welcome, 2));
+}
+
+TEST_F(Reload, openPagesOfAnOnlySceneGoOnWhenAnotherComes) {
+  const PageFolder page;
+  configure({tower_.path});
+  ServeProcess server({"--config", config(), "--web", page.path});
+  const std::uint16_t port = server.port();
+  const std::string tower = "/" + nameOf(tower_);
+  protocol::Welcome welcome;
+  const auto viewer = viewerAt(port, "/", welcome);
+  ASSERT_TRUE(viewer);
+  ASSERT_TRUE(completes(*viewer, welcome, 1));
+  EXPECT_EQ(httpRequest(port, tower).headers["location"], tower + "/");
+  EXPECT_EQ(httpRequest(port, tower + "/scene.json").status, 200);
+  EXPECT_EQ(httpRequest(port, "/scene.json").status, 200);
+  EXPECT_EQ(httpRequest(port, "/nobody/scene.json").status, 404);
+  expectAView(port, tower + "/ws");
+
+  configure({barn_.path, tower_.path});
+  server.send(SIGHUP);
+  ASSERT_TRUE(logSays(server, "reloaded: 2 scenes"));
+  EXPECT_TRUE(completes(*viewer, welcome, 2));
+  for (const char* path : {"/", "/ws"}) {
+    const auto again = viewerAt(port, path, welcome);
+    ASSERT_TRUE(again);
+    EXPECT_EQ(welcome.scene_name, nameOf(tower_));
+    EXPECT_TRUE(completes(*again, welcome, 1));
+  }
+  EXPECT_EQ(httpRequest(port, "/patch.lgp", {{"Range", "bytes=0-3"}}).status, 206);
+  EXPECT_EQ(httpRequest(port, "/pick?ox=500016.3&oy=4000016.2&oz=600&dx=0&dy=0&dz=-1").status, 200);
+  EXPECT_EQ(httpRequest(port, "/render?x=1").status, 501) << "its answer without frames";
+  for (const char* path : {"/scene.json", "/annotations.json", "/lumigrid-0123abcd.js", "/icons/32.png"})
+    EXPECT_EQ(httpRequest(port, path).status, 200) << path;
+  EXPECT_NE(httpRequest(port, "/").body.find(nameOf(barn_) + "/"), std::string::npos);
+  EXPECT_EQ(httpRequest(port, "/nothing").status, 404);
+
+  // The barn is alone, then the tower comes: open pages are the barn's by now.
+  configure({barn_.path});
+  server.send(SIGHUP);
+  ASSERT_TRUE(logSays(server, "reloaded: 1 scenes"));
+  EXPECT_EQ(httpRequest(port, tower + "/scene.json").status, 404);
+  ASSERT_TRUE(viewerAt(port, "/", welcome));
+  EXPECT_EQ(welcome.scene_name, nameOf(barn_));
+  configure({tower_.path, yard_.path});
+  server.send(SIGHUP);
+  ASSERT_TRUE(waitFor([&] { return httpRequest(port, tower + "/scene.json").status == 200; }));
+  EXPECT_EQ(httpRequest(port, "/scene.json").status, 404) << "the barn is gone";
+  EXPECT_FALSE(LoopbackClient::connect(port, "/"));
+}
+
+TEST_F(Reload, noPrivateSceneBecomesReadableWhenAnotherComes) {
+  const std::string tokens = files_ / "tokens.json";
+  std::ofstream(tokens) << json{{{"token", "token-of-the-tower"}, {"scenes", {nameOf(tower_)}}},
+                                {{"token", "token-of-the-barn-"}, {"scenes", {nameOf(barn_)}}}}
+                               .dump();
+  configure({tower_.path});
+  ServeProcess server({"--config", config(), "--tokens", tokens});
+  const auto statusOf = [&](const std::string& path, const std::string& token) {
+    return httpRequest(server.port(), path, {{"Authorization", "Bearer token-of-the-" + token}}).status;
+  };
+  configure({barn_.path, tower_.path});
+  server.send(SIGHUP);
+  ASSERT_TRUE(logSays(server, "reloaded: 2 scenes"));
+  const std::string tower = "/" + nameOf(tower_), barn = "/" + nameOf(barn_);
+  EXPECT_EQ(statusOf("/scene.json", "tower"), 200);
+  for (const char* path : {"/scene.json", "/patch.lgp", "/annotations.json", "/pick?ox=1", "/render?x=1"}) {
+    EXPECT_EQ(statusOf(path, "barn-"), 403) << path;
+    EXPECT_EQ(httpRequest(server.port(), path).status, 401) << path;
+  }
+  EXPECT_FALSE(LoopbackClient::connect(server.port(), "/"));
+  EXPECT_EQ(statusOf(tower + "/scene.json", "barn-"), 403);
+  EXPECT_EQ(statusOf(barn + "/scene.json", "barn-"), 200);
+  // A name that is not there is answered like one that may not be seen.
+  for (const std::string end : {"", "/", "/scene.json"}) {
+    EXPECT_EQ(statusOf(barn + end, "tower"), 403);
+    EXPECT_EQ(statusOf("/nobody" + end, "tower"), 403);
+  }
 }
 
 TEST_F(Reload, wrongListsLeaveAllAsItIs) {
@@ -574,6 +696,26 @@ TEST(Workers, aSharedPortIsClosedWhileTheServerDrains) {
   EXPECT_TRUE(server.isRunning());
   EXPECT_FALSE(download.read(std::size_t{96} << 20)) << "the connection ends behind the answer";
   EXPECT_EQ(server.wait(), 0);
+}
+
+TEST(Workers, metricsNameTheWorkerThatAnswers) {
+  const SceneDirectory scene;
+  ServeProcess server({scene.path, "--workers", "2", "--no-access"});
+  std::set<std::string> seen;
+  EXPECT_TRUE(waitFor([&] {
+    std::istringstream lines(httpRequest(server.port(), "/metrics").body);
+    for (std::string line; std::getline(lines, line);) {
+      if (line.starts_with('#')) continue;
+      const std::size_t at = line.find("{worker=\"");
+      EXPECT_NE(at, std::string::npos) << line;
+      if (at != std::string::npos) seen.insert(line.substr(at, std::string("{worker=\"0\"").size()));
+    }
+    return seen.size() >= 2;
+  }));
+  // A connection that could be kept is closed all the same, so that the next one may lead to another worker.
+  const std::string answer = rawExchange(server.port(), "GET /metrics HTTP/1.1\r\nHost: localhost\r\n\r\n");
+  EXPECT_NE(answer.find("Connection: close\r\n"), std::string::npos) << answer.substr(0, 500);
+  EXPECT_EQ(seen, (std::set<std::string>{"{worker=\"0\"", "{worker=\"1\""}));
 }
 
 TEST(Workers, aSceneThatCannotBeOpenedIsOneErrorOfAll) {

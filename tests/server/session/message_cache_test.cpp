@@ -24,8 +24,8 @@ TEST(MessageCache, keepsWhatWasAdded) {
   EXPECT_EQ(cache.find(MessageCache::keyOf(5U))->size(), 50U);
   EXPECT_FALSE(cache.find(MessageCache::keyOf(6U)));
   EXPECT_EQ(cache.bytes(), 150U);
-  EXPECT_EQ(cache.hits(), 3U);
-  EXPECT_EQ(cache.misses(), 1U);
+  EXPECT_EQ(cache.counts().hits, 3U);
+  EXPECT_EQ(cache.counts().misses, 1U);
 }
 
 // However much is added, the limit holds, and a message that is asked for again and again stays.
