@@ -7,8 +7,9 @@
 
 namespace base {
 
-/// A pixel is model when at least half of it is covered: from this alpha on.
-inline constexpr std::uint8_t kCoverageThreshold = 128;
+/// A pixel is model when at least half of it is covered: from this alpha on. Half of the samples are 127 on some GPUs,
+/// which round 127.5 down, and 128 on others.
+inline constexpr std::uint8_t kCoverageThreshold = 127;
 /// A pixel counts where pictures are compared when either covers a sixteenth of it: thin parts cover less than half of
 /// the pixels that they cross, and a picture that lacks them must not be the better for it.
 inline constexpr std::uint8_t kForegroundThreshold = 16;
