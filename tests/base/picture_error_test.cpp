@@ -10,7 +10,7 @@ namespace {
 TEST(PictureError, modelErrorComparesColoursWithoutBackground) {
   Image rgba(3, 1, 4);
   Image rgb(3, 1, 3);
-  rgba.pixels = {10, 20, 30, 255, 1, 2, 3, 127, 50, 60, 70, 128};
+  rgba.pixels = {10, 20, 30, 255, 1, 2, 3, 126, 50, 60, 70, 127};
   rgb.pixels = {11, 20, 28, 255, 255, 255, 50, 60, 73};
   const PictureError error = modelError(rgba, rgb);
   EXPECT_EQ(error.samples, 6U);

@@ -5,14 +5,19 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
+#include <atomic>
 #include <chrono>
+#include <deque>
 #include <fstream>
 #include <memory>
 #include <string>
 #include <thread>
 
 #include "base/file.h"
+#include "lod/patch/format.h"
 #include "tests/server/net/loopback.h"
+#include "tests/server/net/serve_process.h"
 #include "tests/server/net/served_scene.h"
 #include "tests/server/net/whole_view.h"
 #include "tests/support/nginx.h"
@@ -78,6 +83,106 @@ TEST(Proxy, nginxSendsViewersToTheServerThatIsLeft) {
   expectAVisit(nginx.port());
   first.reset();
   for (int i = 0; i < 4; ++i) expectAVisit(nginx.port());
+}
+
+// Goes on from where it is looking, keeps all that comes, and connects again when the connection ends.
+class KeepingViewer {
+ public:
+  explicit KeepingViewer(std::uint16_t port) : port_(port) {}
+
+  /// Looks so many times, a little farther to the side each time. False where it cannot connect again.
+  bool look(int times, std::atomic<int>& looked) {
+    for (int i = 0; i < times;) {
+      if (!client_ && !connect()) return false;
+      if (completes(i)) {
+        ++i, ++looked;
+        continue;
+      }
+      client_.reset();
+      ++connections_ended;
+    }
+    return true;
+  }
+  int connections_ended = 0;
+  int came_again = 0;  ///< images and groups that it had
+
+ private:
+  bool connect() {
+    for (int i = 0; i < 500 && !client_; ++i) {
+      auto client = LoopbackClient::connect(port_, "/ws");
+      std::optional<protocol::ServerMessage> message;
+      if (client && client->send(protocol::Hello{protocol::kVersion, "keeps"})) message = client->receive();
+      if (message && std::holds_alternative<protocol::Welcome>(*message)) {
+        welcome_ = std::get<protocol::Welcome>(*message);
+        client_ = std::move(client);
+      } else {
+        std::this_thread::sleep_for(std::chrono::milliseconds(10));
+      }
+    }
+    return client_ && client_->send(held_);
+  }
+  bool completes(int step) {
+    protocol::View view = viewOf(welcome_, ++sequence_);
+    view.camera.position += 0.01 * step * glm::dvec3(welcome_.box_max - welcome_.box_min);
+    if (!client_->send(view)) return false;
+    while (const auto message = client_->receive()) {
+      if (const auto* face = std::get_if<protocol::Face>(&*message)) keep(held_.faces, face->key);
+      if (const auto* refinement = std::get_if<protocol::Refinement>(&*message)) {
+        base::ByteReader in(refinement->record);
+        const auto group = lod::patch::addGroup(in, hierarchy_, welcome_.group_count, welcome_.patch_count);
+        EXPECT_TRUE(group) << group.error().message;
+        if (group) keep(held_.groups, *group);
+      }
+      const auto* completion = std::get_if<protocol::Completion>(&*message);
+      if (completion != nullptr && completion->sequence == sequence_) return true;
+    }
+    return false;
+  }
+  template <class Key>
+  void keep(std::vector<Key>& held, const Key& key) {
+    came_again += std::find(held.begin(), held.end(), key) != held.end() ? 1 : 0;
+    held.push_back(key);
+  }
+
+  const std::uint16_t port_;
+  std::unique_ptr<LoopbackClient> client_;
+  protocol::Welcome welcome_;
+  protocol::Holdings held_;
+  lod::patch::Hierarchy hierarchy_;
+  std::uint32_t sequence_ = 0;
+};
+
+TEST(Proxy, viewersOfAKilledServerGoOnAtTheOtherAndNothingComesAgain) {
+  LUMIGRID_SKIP_WITHOUT_NGINX();
+  const SceneDirectory scene, copy;
+  ServeProcess first({scene.path, "--no-access"}), second({copy.path, "--no-access"});
+  std::string http = snippet("nginx");
+  replaceOnce(http, "listen 8088;", "listen 127.0.0.1:$PORT0;");
+  replaceOnce(http, "server 127.0.0.1:8080;",
+              "server 127.0.0.1:" + std::to_string(first.port()) +
+                  ";\nserver 127.0.0.1:" + std::to_string(second.port()) + ";");
+  const support::Nginx nginx(support::Nginx::Configuration{http});
+  ASSERT_TRUE(nginx.running());
+
+  constexpr int kViewers = 32, kLooks = 40;
+  std::deque<KeepingViewer> viewers;
+  for (int i = 0; i < kViewers; ++i) viewers.emplace_back(nginx.port());
+  std::atomic<int> looked{0}, through{0};
+  {
+    std::vector<std::jthread> threads;
+    for (KeepingViewer& viewer : viewers) threads.emplace_back([&] { through += viewer.look(kLooks, looked) ? 1 : 0; });
+    EXPECT_TRUE(waitFor([&] { return looked > kViewers * kLooks / 4; }));
+    first.send(SIGKILL);
+  }
+  EXPECT_EQ(through, kViewers);
+  int ended = 0;
+  for (const KeepingViewer& viewer : viewers) {
+    EXPECT_EQ(viewer.came_again, 0);
+    EXPECT_LE(viewer.connections_ended, 1);
+    ended += viewer.connections_ended;
+  }
+  EXPECT_GT(ended, 0) << "nobody was at the server that was killed";
+  EXPECT_LT(ended, kViewers) << "nobody was at the other";
 }
 
 TEST(Proxy, caddyPassesViewersOn) {
