@@ -1,6 +1,7 @@
 #include "lod/pmr/builder/build.h"
 
 #include <algorithm>
+#include <condition_variable>
 #include <mutex>
 #include <optional>
 
@@ -84,12 +85,14 @@ class PmrBuilder {
   base::Result<void> planBlocks() {
     blocks_ = makeBlocks(points_.cells());
     std::uint64_t largest = 1;
+    needed_.clear();
     for (const CellBlock& block : blocks_) {
       std::uint64_t points = 0;
       for (std::uint32_t c = block.first; c < block.end; ++c) points += points_.cells()[c].count;
       std::uint64_t around = 0;
       for (const std::uint32_t c : block.around) around += pointsInReach(block, points_.cells()[c]);
       largest = std::max(largest, points + around);
+      needed_.push_back(kBlockBytesPerPoint * (points + around));
     }
     if (largest >= Triangle::kMaxPoints)
       return Error{ErrorCode::kUnsupported, std::to_string(largest) + " points lie in nearly one place"};
@@ -98,7 +101,6 @@ class PmrBuilder {
       return Error{ErrorCode::kNoSpace,
                    "the memory given is too small for " + std::to_string(largest) + " points at a time; give " +
                        std::to_string((needed + ingest::kMinMemory / 2) / 1'000'000 + 1) + "M or more (--memory)"};
-    at_once_ = static_cast<unsigned>(std::clamp<std::uint64_t>(build_.workMemory() / needed, 1, build_.threads()));
     return {};
   }
 
@@ -112,16 +114,26 @@ class PmrBuilder {
     return reaches_through ? cell.count : cell.count / 2;
   }
 
-  // Calls work(block) for each block that is not done, several at a time.
+  // Calls work(block) for each block that is not done, as many at a time as memory has room for.
   template <class Store, class Work>
   base::Result<void> forEachBlock(const std::string& stage, const Store& store, const Work& work) {
     std::size_t done = 0;
     for (std::size_t b = 0; b < blocks_.size(); ++b) done += store.has(b) ? 1 : 0;
     std::mutex mutex;
-    return base::tryParallelFor(blocks_.size(), at_once_, [&](std::size_t b) -> base::Result<void> {
+    std::condition_variable changed;
+    std::uint64_t used = 0;  // bytes of the blocks that are worked on
+    return base::tryParallelFor(blocks_.size(), build_.threads(), [&](std::size_t b) -> base::Result<void> {
       if (store.has(b)) return {};
-      LUMIGRID_TRY(work(static_cast<std::uint32_t>(b)));
+      {
+        std::unique_lock lock(mutex);
+        changed.wait(lock, [&] { return used == 0 || used + needed_[b] <= build_.workMemory(); });
+        used += needed_[b];
+      }
+      const auto worked = work(static_cast<std::uint32_t>(b));
       const std::lock_guard lock(mutex);
+      used -= needed_[b];
+      changed.notify_all();
+      LUMIGRID_TRY(worked);
       const bool more = build_.report(stage, static_cast<double>(++done) / static_cast<double>(blocks_.size()));
       return more ? base::Result<void>() : build_.cancelled();
     });
@@ -191,7 +203,7 @@ class PmrBuilder {
   ingest::StagedBuild build_;
   OrderedPoints points_;
   std::vector<CellBlock> blocks_;
-  unsigned at_once_ = 1;  // blocks
+  std::vector<std::uint64_t> needed_;  // bytes, by block
   std::optional<ClassStore> classes_;
   std::optional<LeafStore> leaves_;
   BuildSummary summary_;
