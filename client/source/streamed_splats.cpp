@@ -17,9 +17,6 @@ constexpr std::uint64_t kBytesPerSplat = 4 * sizeof(lod::qsplat::Splat);
 // Traversals of one frame at most, until it has no more splats than fit the time and the memory. A choice: the last one
 // is drawn as it is.
 constexpr int kMaxTries = 4;
-// While blocks arrive and the view rests, choosing and drawing splats take one part of the time and decoding three: a
-// page has one thread for both, and a frame of a million splats takes a second on some machines.
-constexpr double kRestPerChoice = 3.0;
 
 lod::qsplat::StreamOptions streamOptions(const StreamedOptions& options) {
   lod::qsplat::StreamOptions stream;
@@ -67,14 +64,13 @@ void StreamedSplats::update(const base::Camera& camera, const StreamedLook& look
   if (same_view && moreIsComing() && (!options_.clock || !hasRested())) return;
   const double begin = now();
   chooseSplats(camera, look);
-  choice_end_ = now();
-  choice_seconds_ = choice_end_ - begin;
+  choices_.record(begin, now());
 }
 
 /// Whether the last choice of splats was so long ago that the next one may come before all requests are answered. It
 /// orders the requests anew, so that the largest splats found meanwhile come before the finest of those known before.
 bool StreamedSplats::hasRested() const {
-  return now() - choice_end_ >= kRestPerChoice * choice_seconds_;
+  return choices_.hasRested(now());
 }
 
 void StreamedSplats::chooseSplats(const base::Camera& camera, const StreamedLook& look) {
@@ -122,8 +118,7 @@ base::Result<void> StreamedSplats::draw(const base::Camera& camera, const Stream
     waitForGpu();
     pace_.recordFrame(now() - begin, found_.splats.size());
   }
-  choice_end_ = now();
-  choice_seconds_ = choice_end_ - begin;
+  choices_.record(begin, now());
   return {};
 }
 

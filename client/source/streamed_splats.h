@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "client/source/duty_cycle.h"
 #include "client/source/motion_pace.h"
 #include "client/source/streamed_file.h"
 #include "client/source/streamed_view.h"
@@ -56,9 +57,8 @@ class StreamedSplats final : public StreamedView {
   float cutoff_px_ = 0.0F;
   float cutoff_factor_ = 1.0F;  ///< factor by which memory limits coarsen the cut-off in this view, ≥ 1
 
-  double choice_end_ = -1e300;   ///< seconds; end of the last choice of splats, or of drawing them
-  double choice_seconds_ = 0.0;  ///< seconds; duration of that
-  float reduction_ = 1.0F;       ///< resolution of the last drawing, pixels a side for each sample
+  DutyCycle choices_;       ///< of splats, or the drawing of them
+  float reduction_ = 1.0F;  ///< resolution of the last drawing, pixels a side for each sample
   std::unique_ptr<lod::draw::SplatRenderer> renderer_;
 };
 

@@ -16,9 +16,6 @@ namespace {
 /// samples of the picture (client/viewer/memory_plan.h).
 constexpr std::uint64_t kStreamShare = 7;
 constexpr std::uint64_t kGpuShare = 5;
-/// While chunks arrive and the view rests, drawing takes one part of the time and the link and decoding three: a page
-/// has one thread for all, and a frame of two million triangles takes a second on some machines.
-constexpr std::uint32_t kRestPerFrame = 3;
 
 StreamedOptions checked(StreamedOptions options) {
   options.tolerance = std::max(options.tolerance, kMinTolerance);
@@ -126,7 +123,7 @@ void StreamedUmbrellas::update(const base::Camera& camera, const StreamedLook& l
   tolerance_ = tolerance;
   chosen_ = true;
   // A view that rests makes up for the frames in between, which are not drawn while requests are under way.
-  choose(same_view && stream_.stats().requests > 0 ? 1 + kRestPerFrame : 1);
+  choose(same_view && stream_.stats().requests > 0 ? 1 + DutyCycle::kRest : 1);
 }
 
 void StreamedUmbrellas::choose(std::uint32_t frames) {
@@ -155,7 +152,7 @@ bool StreamedUmbrellas::moreIsComing() const {
 
 /// Whether the last frame was so long ago that the next one may come before all requests are answered.
 bool StreamedUmbrellas::hasRested() const {
-  return !options_.clock || options_.clock() - frame_end_ >= kRestPerFrame * frame_seconds_;
+  return !options_.clock || frames_.hasRested(options_.clock());
 }
 
 // ---- drawing ----
@@ -170,9 +167,9 @@ base::Result<void> StreamedUmbrellas::draw(const base::Camera& camera, const Str
   const bool paced = moved && pace_.isOn();
   if (stream_.header() != nullptr && options_.clock && (paced || moreIsComing())) {
     waitForGpu();
-    frame_end_ = now();
-    frame_seconds_ = frame_end_ - begin;
-    if (paced) pace_.recordFrame(frame_seconds_, count_.points + count_.triangles);
+    const double end = now();
+    frames_.record(begin, end);
+    if (paced) pace_.recordFrame(end - begin, count_.points + count_.triangles);
   }
   return {};
 }

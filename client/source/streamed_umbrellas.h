@@ -4,6 +4,7 @@
 #include <memory>
 #include <vector>
 
+#include "client/source/duty_cycle.h"
 #include "client/source/motion_pace.h"
 #include "client/source/streamed_file.h"
 #include "client/source/streamed_view.h"
@@ -54,7 +55,7 @@ class StreamedUmbrellas final : public StreamedView {
   base::Camera camera_;       ///< camera for which leaves_ was chosen; the next two members belong to that choice, too
   glm::vec4 section_ = base::kNoSection;
   float tolerance_ = 1.0F;
-  double frame_end_ = 0.0, frame_seconds_ = 0.0;  ///< of the last frame that was timed
+  DutyCycle frames_;
 
   lod::draw::UmbrellaCount count_;  ///< of the last drawing
   std::unique_ptr<lod::draw::UmbrellaRenderer> renderer_;

@@ -33,8 +33,7 @@ void FairQueue::submit(std::uint64_t client, Job job) {
   known.is_forgotten = false;
   // Nobody saves up time while idle.
   if (known.jobs.empty() && known.running == 0) known.used = std::max(known.used, served_);
-  if (const auto it = addresses_.find(known.address); it != addresses_.end())
-    it->second.used = std::max(it->second.used, kClientsOfAddress * served_);
+  if (Address* const address = addressOf(known)) address->used = std::max(address->used, kClientsOfAddress * served_);
   known.jobs.push_back(std::move(job));
   ++waiting_;
   setReady(client, known);
@@ -48,9 +47,14 @@ void FairQueue::setAddress(std::uint64_t client, const std::string& address) {
   if (!address.empty()) ++addresses_[address].clients;
 }
 
-void FairQueue::leaveAddress(const Client& client) {
+FairQueue::Address* FairQueue::addressOf(const Client& client) {
   const auto it = addresses_.find(client.address);
-  if (it != addresses_.end() && --it->second.clients == 0) addresses_.erase(it);
+  return it != addresses_.end() ? &it->second : nullptr;
+}
+
+void FairQueue::leaveAddress(const Client& client) {
+  Address* const address = addressOf(client);
+  if (address != nullptr && --address->clients == 0) addresses_.erase(client.address);
 }
 
 void FairQueue::drop(std::uint64_t client) {
@@ -118,7 +122,7 @@ void FairQueue::endJob(std::uint64_t number, double seconds) {
   setUnready(client);
   --client.running;
   client.used += seconds;
-  if (const auto it = addresses_.find(client.address); it != addresses_.end()) it->second.used += seconds;
+  if (Address* const address = addressOf(client)) address->used += seconds;
   if (client.is_forgotten && client.running == 0) {
     leaveAddress(client);
     clients_.erase(number);
@@ -131,8 +135,7 @@ void FairQueue::endJob(std::uint64_t number, double seconds) {
 void FairQueue::setReady(std::uint64_t number, Client& client) {
   if (client.turn || client.jobs.empty() || client.running >= jobs_at_once_) return;
   double used = client.used;
-  if (const auto it = addresses_.find(client.address); it != addresses_.end())
-    used = std::max(used, it->second.used / kClientsOfAddress);
+  if (const Address* const address = addressOf(client)) used = std::max(used, address->used / kClientsOfAddress);
   client.turn = Turn{used, next_turn_++, number};
   ready_.insert(*client.turn);
   changed_.notify_one();

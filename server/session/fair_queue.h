@@ -71,6 +71,7 @@ class FairQueue {
 
   void runThread();
   std::deque<Job> dropJobs(Client& client);
+  Address* addressOf(const Client& client);  ///< null: it has none
   void leaveAddress(const Client& client);
   void setReady(std::uint64_t number, Client& client);
   void setUnready(Client& client);

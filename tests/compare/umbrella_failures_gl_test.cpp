@@ -114,7 +114,7 @@ TEST_F(UmbrellaFailures, largeFlatsOfFewPointsAreBounded) {
   support::append(mesh, support::box({-0.3F, -0.3F, 0.001F}, {0.3F, 0.3F, 0.6F}, 1));
   auto figures = compareAt(mesh, lookAt({2.2, 1.4, 1.6}, {0, 0, 0.1}), "large flats");
   EXPECT_GT(figures["pmr"].psnr_db, 15.0);
-  EXPECT_LT(figures["pmr"].missing_share, 0.0125);
+  EXPECT_LT(figures["pmr"].missing_share, 0.01);
 }
 
 TEST_F(UmbrellaFailures, sharpCornersAreBounded) {

@@ -114,7 +114,8 @@ class PmrBuilder {
     return reaches_through ? cell.count : cell.count / 2;
   }
 
-  // Calls work(block) for each block that is not done, as many at a time as memory has room for.
+  // Calls work(block) for each block that is not done, as many at a time as memory has room for. Each fits alone:
+  // planBlocks().
   template <class Store, class Work>
   base::Result<void> forEachBlock(const std::string& stage, const Store& store, const Work& work) {
     std::size_t done = 0;
@@ -126,7 +127,7 @@ class PmrBuilder {
       if (store.has(b)) return {};
       {
         std::unique_lock lock(mutex);
-        changed.wait(lock, [&] { return used == 0 || used + needed_[b] <= build_.workMemory(); });
+        changed.wait(lock, [&] { return used + needed_[b] <= build_.workMemory(); });
         used += needed_[b];
       }
       const auto worked = work(static_cast<std::uint32_t>(b));
