@@ -6,12 +6,13 @@
 
 #include "base/crc32c.h"
 #include "base/fields.h"
+#include "lod/pmr/chunk_order.h"
 
 namespace lod::pmr {
 namespace {
 
 constexpr std::array<char, 8> kMagic{'L', 'G', 'P', 'M', 'R', 'E', 'S', '\n'};
-constexpr std::uint32_t kVersion = 1;
+constexpr std::uint32_t kVersion = 2;
 constexpr std::uint32_t kHasColors = 1;
 constexpr std::uint32_t kOriented = 2;
 constexpr std::size_t kChecked = kHeaderBytes - sizeof(std::uint32_t);
@@ -45,10 +46,6 @@ base::Result<void> checkHeader(const Header& header, std::uint32_t flags) {
   return {};
 }
 
-std::uint64_t bytesOf(const LevelRow& row) {
-  return std::uint64_t{row.point_bytes} + row.triangle_bytes;
-}
-
 }  // namespace
 
 base::Error damaged(const std::string& problem) {
@@ -67,20 +64,6 @@ std::uint32_t Leaf::verticesAt(std::uint32_t level) const {
   return vertices;
 }
 
-std::uint64_t Leaf::pointOffset(std::uint32_t point_class) const {
-  if (point_class == kCoarsest) return base_offset;
-  std::uint64_t offset = fine_offset;
-  for (std::uint32_t c = kCoarsest - 1; c > point_class; --c) offset += levels[c].point_bytes;
-  return offset;
-}
-
-std::uint64_t Leaf::triangleOffset(std::uint32_t level) const {
-  if (level == kCoarsest) return base_offset + levels[kCoarsest].point_bytes;
-  std::uint64_t offset = pointOffset(0) + levels[0].point_bytes;
-  for (std::uint32_t l = kCoarsest - 1; l > level; --l) offset += levels[l].triangle_bytes;
-  return offset;
-}
-
 base::Result<Header> readHeader(base::ByteView front) {
   // Is this a pmr.lgm of a version that this program reads?
   base::ByteReader in(front);
@@ -89,7 +72,8 @@ base::Result<Header> readHeader(base::ByteView front) {
   if (in.ok() && version != kVersion)
     return base::Error{base::ErrorCode::kVersion,
                        "format version " + std::to_string(version) +
-                           ", this program reads 1; use a newer program or build the scene again"};
+                           ", this program reads " + std::to_string(kVersion) +
+                           "; use a newer program or build the scene again"};
   if (front.size() < kHeaderBytes) return damaged("header: cut short");
   std::uint32_t crc = 0;
   std::memcpy(&crc, front.data() + kChecked, sizeof(crc));
@@ -118,15 +102,14 @@ base::Bytes headerBytes(const Header& header) {
 }
 
 void placeChunks(Header& header, std::vector<Leaf>& leaves) {
+  const ChunkOrder order(static_cast<std::uint32_t>(leaves.size()));
   std::uint64_t offset = kHeaderBytes + std::uint64_t{header.table_bytes};
-  for (Leaf& leaf : leaves) {
-    leaf.base_offset = offset;
-    offset += bytesOf(leaf.levels[kCoarsest]);
-  }
-  header.base_bytes = offset - kHeaderBytes - header.table_bytes;
-  for (Leaf& leaf : leaves) {
-    leaf.fine_offset = offset;
-    for (std::uint32_t level = 0; level < kCoarsest; ++level) offset += bytesOf(leaf.levels[level]);
+  for (std::uint64_t place = 0; place < order.chunks(); ++place) {
+    if (place == order.baseChunks()) header.base_bytes = offset - kHeaderBytes - header.table_bytes;
+    const ChunkId id = order.at(place);
+    LevelRow& row = leaves[id.leaf].levels[id.chunk % kLevels];
+    (id.chunk < kLevels ? row.point_offset : row.triangle_offset) = offset;
+    offset += id.chunk < kLevels ? row.point_bytes : row.triangle_bytes;
   }
   header.file_bytes = offset;
 }

@@ -56,8 +56,10 @@ struct LevelRow {
   /// Mean umbrella radius of the level's own points that have triangles, scene units, but at least that of the finer
   /// level; the edge of the leaf's cell where there is none. Above 0.
   float radius = 0.0F;
-  std::uint32_t point_bytes = 0;     ///< length of the chunk of the class
+  std::uint32_t point_bytes = 0;     ///< length of the chunk of the class; a chunk of nothing has no bytes
   std::uint32_t triangle_bytes = 0;  ///< length of the chunk of the level
+  std::uint64_t point_offset = 0;    ///< where the chunks lie in the file
+  std::uint64_t triangle_offset = 0;
 };
 
 struct Leaf {
@@ -65,15 +67,10 @@ struct Leaf {
   std::uint32_t depth = 0;  ///< of the octree cell, whose edge is 2^(kPositionBits − depth) lattice points
   base::Aabb box;           ///< of all points that it draws, foreign ones included; scene-local
   std::array<LevelRow, kLevels> levels;
-  std::uint64_t base_offset = 0;  ///< of its points of class kCoarsest; the triangles of that level follow
-  std::uint64_t fine_offset = 0;  ///< of its points of class 9, then 8 … 0; then the triangles of level 9, 8 … 0
 
   /// Own points of the level, and all that the level can use; foreign points count from their class on.
   std::uint32_t pointsAt(std::uint32_t level) const;
   std::uint32_t verticesAt(std::uint32_t level) const;
-  /// Where the chunks lie in the file. A chunk without points, or without triangles, has no bytes.
-  std::uint64_t pointOffset(std::uint32_t point_class) const;
-  std::uint64_t triangleOffset(std::uint32_t level) const;
 };
 
 /// Length of the header: fixed.

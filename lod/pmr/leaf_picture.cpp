@@ -21,8 +21,9 @@ Vertex vertexOf(const CodedPoint& point, const Lattice& lattice) {
 }  // namespace
 
 ChunkPlace placeOf(const Leaf& leaf, std::uint32_t chunk) {
-  if (chunk < kLevels) return {leaf.pointOffset(chunk), leaf.levels[chunk].point_bytes};
-  return {leaf.triangleOffset(chunk - kLevels), leaf.levels[chunk - kLevels].triangle_bytes};
+  const LevelRow& row = leaf.levels[chunk % kLevels];
+  return chunk < kLevels ? ChunkPlace{row.point_offset, row.point_bytes}
+                         : ChunkPlace{row.triangle_offset, row.triangle_bytes};
 }
 
 bool isIntact(const Leaf& leaf, std::uint32_t chunk, base::ByteView bytes) {

@@ -6,14 +6,13 @@
 #include <optional>
 
 #include "base/bytes.h"
+#include "lod/pmr/chunk_order.h"
 #include "lod/pmr/format.h"
 #include "lod/pmr/stream.h"
 
 namespace lod::pmr {
 
-/// The chunks of a leaf have numbers, which are bits of masks, too: the points of class c have number c, the triangles
-/// of level l number kLevels + l.
-inline constexpr std::uint32_t kLeafChunks = 2 * kLevels;
+/// A bit for each chunk of a leaf (chunk_order.h).
 using ChunkMask = std::uint32_t;
 constexpr ChunkMask chunkBit(std::uint32_t chunk) {
   return ChunkMask{1} << chunk;

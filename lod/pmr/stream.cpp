@@ -24,45 +24,11 @@ constexpr std::uint64_t kMaxGap = 4096;
 constexpr int kMaxDamages = 3;
 constexpr double kMinPause = 0.25, kMaxPause = 5.0;  // seconds
 
-/// A chunk of the file.
-struct ChunkId {
-  std::uint32_t leaf = 0, chunk = 0;
-  friend bool operator==(const ChunkId&, const ChunkId&) = default;
-};
-
-/// A leaf's chunks in the order in which they lie in the file: two of the base section, then those of the fine one.
-constexpr std::uint32_t kBaseChunks = 2;
-std::uint32_t chunkInOrder(std::uint32_t place) {
-  if (place < kBaseChunks) return place == 0 ? kCoarsest : kLevels + kCoarsest;
-  const std::uint32_t fine = place - kBaseChunks;
-  return fine < kCoarsest ? kCoarsest - 1 - fine : kLevels + 2 * kCoarsest - 1 - fine;
-}
-std::uint32_t orderOf(std::uint32_t chunk) {
-  const std::uint32_t level = chunk % kLevels;
-  if (level == kCoarsest) return chunk < kLevels ? 0 : 1;
-  return kBaseChunks + (chunk < kLevels ? 0 : kCoarsest) + kCoarsest - 1 - level;
-}
-
-/// Steps to a neighbour in the file, within the chunk's section; false at its end.
-bool step(ChunkId& id, int direction, std::uint32_t leaves) {
-  const std::uint32_t order = orderOf(id.chunk);
-  const std::uint32_t begin = order < kBaseChunks ? 0 : kBaseChunks;
-  const std::uint32_t end = order < kBaseChunks ? kBaseChunks : kLeafChunks;
-  if (direction > 0) {
-    if (order + 1 == end && id.leaf + 1 == leaves) return false;
-    id = order + 1 < end ? ChunkId{id.leaf, chunkInOrder(order + 1)} : ChunkId{id.leaf + 1, chunkInOrder(begin)};
-  } else {
-    if (order == begin && id.leaf == 0) return false;
-    id = order > begin ? ChunkId{id.leaf, chunkInOrder(order - 1)} : ChunkId{id.leaf - 1, chunkInOrder(end - 1)};
-  }
-  return true;
-}
-
 struct PendingRequest {
   ByteRange range;
   double sent_at = 0.0;
   bool is_front = false;
-  ChunkId first, last;  ///< unless is_front
+  std::uint64_t first = 0, last = 0;  ///< places in ChunkOrder, unless is_front
 };
 
 }  // namespace
@@ -88,9 +54,9 @@ struct Stream::State {
   std::optional<ByteRange> nextFrontRange() const;
   std::optional<PendingRequest> nextChunkRange(std::uint64_t max_bytes);
   bool isWanted(const ChunkId& id) const;
-  ChunkId extended(ChunkId from, int direction, std::uint64_t max_bytes, std::uint64_t& bytes) const;
+  std::uint64_t extended(std::uint64_t from, int direction, std::uint64_t max_bytes, std::uint64_t& bytes) const;
   template <class Visit>
-  void forEachChunk(const ChunkId& first, const ChunkId& last, const Visit& visit);
+  void forEachChunk(const PendingRequest& request, const Visit& visit) const;
   ByteRange send(PendingRequest request, double now);
   void acceptFront(base::ByteView bytes);
   void readFront();
@@ -111,6 +77,7 @@ struct Stream::State {
   std::vector<Leaf> leaves;
   std::optional<Octree> octree;    // none until header and table are here
   std::optional<LeafCache> cache;  // the same
+  ChunkOrder chunk_order{0};       // until then of no leaves
   int front_damages = 0;
   bool front_requested = false;
 
@@ -210,9 +177,8 @@ void Stream::State::queueMissing() {
       const ChunkMask needed = chunksOfLevel(coarsest ? kCoarsest : state.planned);
       const ChunkMask missing = needed & ~state.present & ~state.wanted;
       state.wanted |= missing;
-      for (std::uint32_t order = 0; order < kLeafChunks; ++order)
-        if (const std::uint32_t chunk = chunkInOrder(order); (missing & chunkBit(chunk)) != 0)
-          queue.push_back({one.leaf, chunk});
+      for (std::uint32_t chunk = kLeafChunks; chunk-- > 0;)
+        if ((missing & chunkBit(chunk)) != 0) queue.push_back({one.leaf, chunk});
     }
   }
 }
@@ -313,36 +279,39 @@ std::optional<PendingRequest> Stream::State::nextChunkRange(std::uint64_t max_by
   const ChunkId id = queue[queue_at];
   std::uint64_t bytes = placeOf(leaves[id.leaf], id.chunk).bytes;
   PendingRequest request;
-  request.last = extended(id, 1, max_bytes, bytes);
-  request.first = extended(id, -1, max_bytes, bytes);
-  request.range = {0, placeOf(leaves[request.first.leaf], request.first.chunk).offset, bytes};
+  request.last = extended(chunk_order.placeOf(id), 1, max_bytes, bytes);
+  request.first = extended(chunk_order.placeOf(id), -1, max_bytes, bytes);
+  const ChunkId first = chunk_order.at(request.first);
+  request.range = {0, placeOf(leaves[first.leaf], first.chunk).offset, bytes};
   return request;
 }
 
-/// Extends a range, of so many bytes, by neighbours that are wanted, too; returns its new end.
-ChunkId Stream::State::extended(ChunkId from, int direction, std::uint64_t max_bytes, std::uint64_t& bytes) const {
-  ChunkId end = from;
-  std::uint64_t more = 0, gap = 0;  // bytes since `end`, and of these the ones that are not wanted
-  while (step(from, direction, static_cast<std::uint32_t>(leaves.size()))) {
-    if (((*cache)[from.leaf].requested & chunkBit(from.chunk)) != 0) break;
-    const std::uint64_t length = placeOf(leaves[from.leaf], from.chunk).bytes;
+/// Extends a range, of so many bytes, by neighbours of its section that are wanted, too; returns its new end.
+std::uint64_t Stream::State::extended(std::uint64_t from, int direction, std::uint64_t max_bytes,
+                                      std::uint64_t& bytes) const {
+  const bool is_base = from < chunk_order.baseChunks();
+  const std::uint64_t begin = is_base ? 0 : chunk_order.baseChunks();
+  const std::uint64_t end = is_base ? chunk_order.baseChunks() : chunk_order.chunks();
+  std::uint64_t farthest = from;
+  std::uint64_t more = 0, gap = 0;  // bytes since `farthest`, and of these the ones that are not wanted
+  while (direction > 0 ? ++from < end : from-- > begin) {
+    const ChunkId id = chunk_order.at(from);
+    if (((*cache)[id.leaf].requested & chunkBit(id.chunk)) != 0) break;
+    const std::uint64_t length = placeOf(leaves[id.leaf], id.chunk).bytes;
     more += length;
-    gap += isWanted(from) ? 0 : length;
+    gap += isWanted(id) ? 0 : length;
     if (gap > kMaxGap || bytes + more > max_bytes) break;
-    if (!isWanted(from)) continue;
-    end = from;
+    if (!isWanted(id)) continue;
+    farthest = from;
     bytes += more;
     more = gap = 0;
   }
-  return end;
+  return farthest;
 }
 
 template <class Visit>
-void Stream::State::forEachChunk(const ChunkId& first, const ChunkId& last, const Visit& visit) {
-  for (ChunkId id = first;; step(id, 1, static_cast<std::uint32_t>(leaves.size()))) {
-    visit(id);
-    if (id == last) break;
-  }
+void Stream::State::forEachChunk(const PendingRequest& request, const Visit& visit) const {
+  for (std::uint64_t place = request.first; place <= request.last; ++place) visit(chunk_order.at(place));
 }
 
 ByteRange Stream::State::send(PendingRequest request, double now) {
@@ -351,8 +320,7 @@ ByteRange Stream::State::send(PendingRequest request, double now) {
   if (request.is_front)
     front_requested = true;
   else
-    forEachChunk(request.first, request.last,
-                 [&](const ChunkId& id) { (*cache)[id.leaf].requested |= chunkBit(id.chunk); });
+    forEachChunk(request, [&](const ChunkId& id) { (*cache)[id.leaf].requested |= chunkBit(id.chunk); });
   under_way[request.range.id] = request;
   link.recordRequest(request.range.length, now);
   return request.range;
@@ -377,13 +345,13 @@ void Stream::State::readFront() {
   leaves = std::move(*table);
   octree.emplace(leaves);
   cache.emplace(leaves, options.memory_bytes, file != nullptr);
+  chunk_order = ChunkOrder(header.leaves);
   // Chunks may have come with the table.
-  for (std::uint32_t leaf = 0; leaf < leaves.size() && leaves[leaf].base_offset < front.size(); ++leaf) {
-    for (std::uint32_t chunk = 0; chunk < kLeafChunks; ++chunk) {
-      const ChunkPlace place = placeOf(leaves[leaf], chunk);
-      if (place.offset + place.bytes <= front.size())
-        acceptChunk({leaf, chunk}, base::ByteView(front).subspan(place.offset, place.bytes));
-    }
+  for (std::uint64_t n = 0; n < chunk_order.chunks(); ++n) {
+    const ChunkId id = chunk_order.at(n);
+    const ChunkPlace place = placeOf(leaves[id.leaf], id.chunk);
+    if (place.offset + place.bytes > front.size()) break;
+    acceptChunk(id, base::ByteView(front).subspan(place.offset, place.bytes));
   }
   front = {};
 }
@@ -493,7 +461,7 @@ void Stream::acceptAnswer(std::uint64_t id, base::ByteView bytes, double now) {
     s.front_requested = false;
     s.acceptFront(bytes);
   } else {
-    s.forEachChunk(request.first, request.last, [&](const ChunkId& chunk) {
+    s.forEachChunk(request, [&](const ChunkId& chunk) {
       const ChunkPlace place = placeOf(s.leaves[chunk.leaf], chunk.chunk);
       (*s.cache)[chunk.leaf].requested &= ~chunkBit(chunk.chunk);
       s.acceptChunk(chunk, bytes.subspan(static_cast<std::size_t>(place.offset - request.range.offset), place.bytes));
@@ -513,7 +481,7 @@ void Stream::acceptFailure(std::uint64_t id, double now) {
   if (request.is_front)
     s.front_requested = false;
   else
-    s.forEachChunk(request.first, request.last,
+    s.forEachChunk(request,
                    [&](const ChunkId& chunk) { (*s.cache)[chunk.leaf].requested &= ~chunkBit(chunk.chunk); });
   ++s.generation;
   s.queue_at = 0;

@@ -67,9 +67,9 @@ std::vector<base::Bytes> seeds() {
   for (const std::uint32_t level : {0U, 4U, 7U}) {
     const LevelRow& row = leaf.levels[level];
     const base::ByteView file(made().file);
-    all.push_back(seed(0, row.points, row.foreign, file.subspan(leaf.pointOffset(level), row.point_bytes)));
+    all.push_back(seed(0, row.points, row.foreign, file.subspan(row.point_offset, row.point_bytes)));
     all.push_back(
-        seed(2, row.triangles, leaf.verticesAt(level), file.subspan(leaf.triangleOffset(level), row.triangle_bytes)));
+        seed(2, row.triangles, leaf.verticesAt(level), file.subspan(row.triangle_offset, row.triangle_bytes)));
   }
   // All triangles of few vertices are coded as a list.
   std::vector<std::uint16_t> corners;

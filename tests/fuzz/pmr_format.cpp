@@ -20,8 +20,8 @@ void checkLeaves(const Header& header, const std::vector<Leaf>& leaves) {
     end = leaf.code + (std::uint64_t{1} << 3 * (kPositionBits - leaf.depth));
     LUMIGRID_CHECK(leaf.pointsAt(0) <= kMaxLeafPoints && leaf.verticesAt(0) <= kMaxVertices && !leaf.box.empty());
     for (std::uint32_t level = 0; level < kLevels; ++level) {
-      LUMIGRID_CHECK(leaf.pointOffset(level) + leaf.levels[level].point_bytes <= header.file_bytes);
-      LUMIGRID_CHECK(leaf.triangleOffset(level) + leaf.levels[level].triangle_bytes <= header.file_bytes);
+      LUMIGRID_CHECK(leaf.levels[level].point_offset + leaf.levels[level].point_bytes <= header.file_bytes);
+      LUMIGRID_CHECK(leaf.levels[level].triangle_offset + leaf.levels[level].triangle_bytes <= header.file_bytes);
       LUMIGRID_CHECK(leaf.levels[level].triangles <= kMaxTriangles && leaf.levels[level].radius >= 0.0F);
     }
     points += leaf.pointsAt(0);

@@ -13,6 +13,7 @@
 
 #include "base/geometry.h"
 #include "lod/morton.h"
+#include "lod/pmr/chunk_order.h"
 #include "lod/pmr/chunks.h"
 #include "lod/pmr/draw_list.h"
 #include "lod/pmr/format.h"
@@ -162,7 +163,7 @@ class PmrMaker {
     leaf.code = cell.code;
     leaf.depth = cell.depth;
     MadePmr::Content content;
-    std::array<base::Bytes, kLevels> point_chunks, triangle_chunks;
+    std::array<base::Bytes, kLeafChunks> chunks;
     std::map<std::uint32_t, std::uint16_t> numbers;  // of points by their number in the surface
     std::vector<glm::vec3> positions;
     std::vector<glm::ivec3> places;
@@ -211,10 +212,10 @@ class PmrMaker {
       row.foreign = static_cast<std::uint32_t>(foreign.size());
       row.triangles = static_cast<std::uint32_t>(content.corners[level].size() / 3);
       row.radius = meanRadius(makeDrawList(positions, content.is_own, content.corners[level]));
-      point_chunks[level] = encodePoints(lists[0], lists[1], colors_);
-      triangle_chunks[level] = encodeTriangles(content.corners[level], places);
-      row.point_bytes = static_cast<std::uint32_t>(point_chunks[level].size());
-      row.triangle_bytes = static_cast<std::uint32_t>(triangle_chunks[level].size());
+      chunks[level] = encodePoints(lists[0], lists[1], colors_);
+      chunks[kLevels + level] = encodeTriangles(content.corners[level], places);
+      row.point_bytes = static_cast<std::uint32_t>(chunks[level].size());
+      row.triangle_bytes = static_cast<std::uint32_t>(chunks[kLevels + level].size());
     }
     for (std::uint32_t level = 1; level < kLevels; ++level)
       leaf.levels[level].radius = std::max(leaf.levels[level].radius, leaf.levels[level - 1].radius);
@@ -224,8 +225,7 @@ class PmrMaker {
     if (changes_.leaf) changes_.leaf(leaf);
     made_.leaves.push_back(leaf);
     made_.contents.push_back(std::move(content));
-    point_chunks_.push_back(std::move(point_chunks));
-    triangle_chunks_.push_back(std::move(triangle_chunks));
+    chunks_.push_back(std::move(chunks));
   }
 
   MadePmr writeFile() {
@@ -249,14 +249,9 @@ class PmrMaker {
       made_.file.insert(made_.file.end(), bytes.begin(), bytes.end());
     };
     append(table);
-    for (std::size_t i = 0; i < made_.leaves.size(); ++i) {
-      append(point_chunks_[i][kCoarsest]);
-      append(triangle_chunks_[i][kCoarsest]);
-    }
-    for (std::size_t i = 0; i < made_.leaves.size(); ++i) {
-      for (const auto* chunks : {&point_chunks_[i], &triangle_chunks_[i]})
-        for (std::uint32_t level = kCoarsest; level-- > 0;) append((*chunks)[level]);
-    }
+    const ChunkOrder order(header.leaves);
+    for (std::uint64_t place = 0; place < order.chunks(); ++place)
+      append(chunks_[order.at(place).leaf][order.at(place).chunk]);
     made_.leaves = *readTable(header, table);  // with their boxes and radii rounded
     return std::move(made_);
   }
@@ -267,7 +262,7 @@ class PmrMaker {
   const Changes changes_;
   std::vector<std::uint32_t> leaf_of_;
   std::vector<Cell> cells_;
-  std::vector<std::array<base::Bytes, lod::pmr::kLevels>> point_chunks_, triangle_chunks_;
+  std::vector<std::array<base::Bytes, lod::pmr::kLeafChunks>> chunks_;
   MadePmr made_;
 };
 

@@ -7,6 +7,7 @@
 #include "lod/ingest/source_spool.h"
 #include "lod/pmr/builder/decimate.h"
 #include "lod/pmr/builder/umbrellas.h"
+#include "lod/pmr/chunk_order.h"
 #include "lod/pmr/chunks.h"
 #include "lod/pmr/draw_list.h"
 
@@ -107,7 +108,7 @@ class LeafMaker {
 
     std::vector<std::uint32_t> order;  // of vertices
     std::array<std::size_t, kLevels> vertices_at{};
-    std::array<base::Bytes, kLevels> point_chunks, triangle_chunks;
+    std::array<base::Bytes, kLeafChunks> chunks;
     for (std::uint32_t c = kLevels; c-- > 0;) {
       const std::size_t first = order.size();
       for (std::size_t i = begin; i < end; ++i)
@@ -120,8 +121,8 @@ class LeafMaker {
       row.foreign = static_cast<std::uint32_t>(order.size() - first - own);
       std::vector<CodedPoint> coded;
       for (std::size_t i = first; i < order.size(); ++i) coded.push_back(codedPoint(order[i]));
-      point_chunks[c] = encodePoints(std::span(coded).first(own), std::span(coded).subspan(own), colors_);
-      row.point_bytes = static_cast<std::uint32_t>(point_chunks[c].size());
+      chunks[c] = encodePoints(std::span(coded).first(own), std::span(coded).subspan(own), colors_);
+      row.point_bytes = static_cast<std::uint32_t>(chunks[c].size());
       vertices_at[c] = order.size();
     }
     std::vector<glm::ivec3> places;
@@ -143,8 +144,8 @@ class LeafMaker {
         for (const std::uint32_t i : triangle.corners()) corners.push_back(vertex_[i]);
       const std::size_t vertices = vertices_at[level];
       row.triangles = static_cast<std::uint32_t>(triangles[level].size());
-      triangle_chunks[level] = encodeTriangles(corners, std::span(places).first(vertices));
-      row.triangle_bytes = static_cast<std::uint32_t>(triangle_chunks[level].size());
+      chunks[kLevels + level] = encodeTriangles(corners, std::span(places).first(vertices));
+      row.triangle_bytes = static_cast<std::uint32_t>(chunks[kLevels + level].size());
       const DrawList list = makeDrawList(std::span(positions).first(vertices), is_own, corners);
       row.radius = finer = std::max(finer, meanRadius(list));
       if (level == 0)
@@ -155,13 +156,7 @@ class LeafMaker {
     for (LevelRow& row : out.leaf.levels)
       if (row.radius == 0.0F) row.radius = edge;
 
-    const auto append = [&](const base::Bytes& chunk) {
-      out.chunks.insert(out.chunks.end(), chunk.begin(), chunk.end());
-    };
-    append(point_chunks[kCoarsest]);
-    append(triangle_chunks[kCoarsest]);
-    for (std::uint32_t c = kCoarsest; c-- > 0;) append(point_chunks[c]);
-    for (std::uint32_t level = kCoarsest; level-- > 0;) append(triangle_chunks[level]);
+    for (const base::Bytes& chunk : chunks) out.chunks.insert(out.chunks.end(), chunk.begin(), chunk.end());
 
     for (const std::uint32_t i : order) vertex_[i] = kNoVertex;
     for (const std::uint32_t f : foreign) foreign_class_[f] = kNoClass;

@@ -26,8 +26,7 @@ base::Result<LoadedBlock> loadBlock(const OrderedPoints& points, const CellBlock
 /// Triangulates a block and decimates it. Returns the classes of its own points. Errors: kIo.
 base::Result<std::vector<PointClass>> classify(const OrderedPoints& points, const CellBlock& block);
 
-/// A leaf and its chunks, in the order of a file: points and triangles of the coarsest level, then the points of all
-/// other classes, then the triangles of all other levels.
+/// A leaf and its chunks, in the order of their numbers (lod/pmr/chunk_order.h).
 struct BuiltLeaf {
   Leaf leaf;
   std::uint64_t unused = 0;  ///< points that no triangle of level 0 uses

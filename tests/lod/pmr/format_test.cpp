@@ -117,8 +117,6 @@ TEST(PmrFormatTest, tablesReturnWithBoxesThatHoldTheOldOnesAndRoundedRadii) {
     const Leaf &a = changed[i], &b = (*read)[i];
     EXPECT_EQ(a.code, b.code);
     EXPECT_EQ(a.depth, b.depth);
-    EXPECT_EQ(a.base_offset, b.base_offset);
-    EXPECT_EQ(a.fine_offset, b.fine_offset);
     EXPECT_TRUE(b.box.contains(a.box.min) && b.box.contains(a.box.max));
     const auto edge = static_cast<float>(header.lattice.step * std::exp2(double(kPositionBits - a.depth)));
     EXPECT_LE(b.box.longest(), a.box.longest() + edge / 100.0F);
@@ -126,6 +124,7 @@ TEST(PmrFormatTest, tablesReturnWithBoxesThatHoldTheOldOnesAndRoundedRadii) {
       const LevelRow &x = a.levels[l], &y = b.levels[l];
       EXPECT_EQ(std::tie(x.points, x.foreign, x.triangles, x.point_bytes, x.triangle_bytes),
                 std::tie(y.points, y.foreign, y.triangles, y.point_bytes, y.triangle_bytes));
+      EXPECT_EQ(std::tie(x.point_offset, x.triangle_offset), std::tie(y.point_offset, y.triangle_offset));
       EXPECT_NEAR(x.radius, y.radius, 0.012F * x.radius);
     }
   }
@@ -138,24 +137,50 @@ TEST(PmrFormatTest, tablesAreShort) {
 
 TEST(PmrFormatTest, chunksLieOneBehindTheOther) {
   const Header& header = made().header;
+  const auto& leaves = made().leaves;
+  ASSERT_GT(leaves.size(), kGroupLeaves + 3) << "more than one group, the last one short";
+  ASSERT_NE(leaves.size() % kGroupLeaves, 0U);
   std::uint64_t end = kHeaderBytes + header.table_bytes;
-  for (const Leaf& leaf : made().leaves) {
-    EXPECT_EQ(leaf.pointOffset(kCoarsest), end);
-    EXPECT_EQ(leaf.triangleOffset(kCoarsest), end + leaf.levels[kCoarsest].point_bytes);
-    end = leaf.triangleOffset(kCoarsest) + leaf.levels[kCoarsest].triangle_bytes;
+  for (const Leaf& leaf : leaves) {
+    const LevelRow& row = leaf.levels[kCoarsest];
+    EXPECT_EQ(row.point_offset, end);
+    EXPECT_EQ(row.triangle_offset, end + row.point_bytes);
+    end = row.triangle_offset + row.triangle_bytes;
   }
   EXPECT_EQ(end, kHeaderBytes + header.table_bytes + header.base_bytes);
-  for (const Leaf& leaf : made().leaves) {
+  for (std::size_t first = 0; first < leaves.size(); first += kGroupLeaves) {
+    const auto group = std::span(leaves).subspan(first, std::min<std::size_t>(kGroupLeaves, leaves.size() - first));
     for (std::uint32_t level = kCoarsest; level-- > 0;) {
-      EXPECT_EQ(leaf.pointOffset(level), end);
-      end += leaf.levels[level].point_bytes;
+      for (const Leaf& leaf : group) {
+        EXPECT_EQ(leaf.levels[level].point_offset, end);
+        end += leaf.levels[level].point_bytes;
+      }
     }
     for (std::uint32_t level = kCoarsest; level-- > 0;) {
-      EXPECT_EQ(leaf.triangleOffset(level), end);
-      end += leaf.levels[level].triangle_bytes;
+      for (const Leaf& leaf : group) {
+        EXPECT_EQ(leaf.levels[level].triangle_offset, end);
+        end += leaf.levels[level].triangle_bytes;
+      }
     }
   }
   EXPECT_EQ(end, header.file_bytes);
+}
+
+TEST(PmrFormatTest, eachChunkHasOnePlace) {
+  for (const std::uint32_t leaves : {0U, 1U, 31U, 32U, 33U, 100U}) {
+    const ChunkOrder order(leaves);
+    ASSERT_EQ(order.chunks(), std::uint64_t{leaves} * kLeafChunks);
+    std::vector<bool> seen(order.chunks(), false);
+    for (std::uint64_t place = 0; place < order.chunks(); ++place) {
+      const ChunkId id = order.at(place);
+      ASSERT_LT(id.leaf, leaves);
+      ASSERT_LT(id.chunk, kLeafChunks);
+      EXPECT_EQ(order.placeOf(id), place);
+      EXPECT_EQ(id.chunk % kLevels == kCoarsest, place < order.baseChunks());
+      EXPECT_FALSE(seen[id.leaf * kLeafChunks + id.chunk]);
+      seen[id.leaf * kLeafChunks + id.chunk] = true;
+    }
+  }
 }
 
 TEST(PmrFormatTest, damagedTablesAreRefused) {

@@ -126,7 +126,7 @@ TEST(PmrStreamTest, theCoarsestLevelOfAllLeavesComesFirst) {
     }
   });
   EXPECT_TRUE(stream.complete());
-  const std::uint64_t base_end = made().leaves[0].fine_offset;
+  const std::uint64_t base_end = kHeaderBytes + made().header.table_bytes + made().header.base_bytes;
   bool fine = false;
   for (const ByteRange& range : host.asked) {
     fine |= range.offset >= base_end;
@@ -213,7 +213,7 @@ TEST(PmrStreamTest, aChunkThatStaysDamagedIsGivenUpAndACoarserLevelReplacesIt) {
   const auto asked = levelsAskedFor(request);
   const auto victim = *std::find_if(asked.begin(), asked.end(), [](const auto& one) { return one.second < 8; });
   base::Bytes bytes = made().file;
-  bytes[made().leaves[victim.first].triangleOffset(victim.second)] ^= 1;
+  bytes[made().leaves[victim.first].levels[victim.second].triangle_offset] ^= 1;
   auto expected = asked;
   ++expected[victim.first];
 
@@ -234,7 +234,7 @@ TEST(PmrStreamTest, aChunkThatStaysDamagedIsGivenUpAndACoarserLevelReplacesIt) {
   EXPECT_EQ(whole.stats().damaged, 1U);
 
   // Without its coarsest points nothing of a leaf can be drawn.
-  bytes[made().leaves[victim.first].pointOffset(kCoarsest)] ^= 1;
+  bytes[made().leaves[victim.first].levels[kCoarsest].point_offset] ^= 1;
   Stream without(local(bytes), {});
   without.update(request, drawn);
   EXPECT_EQ(drawn.size(), asked.size() - 1);

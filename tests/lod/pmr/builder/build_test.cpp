@@ -62,13 +62,13 @@ class PmrBuild : public testing::Test {
       Decoded out;
       for (std::uint32_t c = kLevels; c-- > level;) {
         const LevelRow& row = leaf.levels[c];
-        EXPECT_TRUE(decodePoints(base::ByteView(bytes).subspan(leaf.pointOffset(c), row.point_bytes), row.points,
+        EXPECT_TRUE(decodePoints(base::ByteView(bytes).subspan(row.point_offset, row.point_bytes), row.points,
                                  row.foreign, header.colors, out.points));
       }
       std::vector<glm::ivec3> places;
       for (const CodedPoint& point : out.points) places.push_back(point.place);
       const LevelRow& row = leaf.levels[level];
-      auto corners = decodeTriangles(base::ByteView(bytes).subspan(leaf.triangleOffset(level), row.triangle_bytes),
+      auto corners = decodeTriangles(base::ByteView(bytes).subspan(row.triangle_offset, row.triangle_bytes),
                                      row.triangles, places);
       EXPECT_TRUE(corners);
       if (corners) out.corners = std::move(*corners);
