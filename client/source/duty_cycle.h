@@ -7,7 +7,7 @@ namespace client {
 
 class DutyCycle {
  public:
-  static constexpr unsigned kRest = 3;  ///< rest for each part of work; a choice
+  static constexpr unsigned kRest = 7;  ///< rest for each part of work; a choice
 
   /// The last work took from `begin` to `end`, seconds from any zero.
   void record(double begin, double end) {

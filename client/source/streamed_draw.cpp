@@ -1,7 +1,5 @@
 #include "client/source/streamed_draw.h"
 
-#include "base/gl/gl.h"
-
 namespace client {
 
 void clearPicture(const std::array<float, 4>& background) {
@@ -33,6 +31,22 @@ void waitForGpu() {
   }
   glBindFramebuffer(GL_FRAMEBUFFER, static_cast<GLuint>(drawn));
   glViewport(viewport[0], viewport[1], viewport[2], viewport[3]);
+}
+
+void PictureFence::set() {
+  remove();
+  sync_ = glFenceSync(GL_SYNC_GPU_COMMANDS_COMPLETE, 0);
+}
+
+bool PictureFence::hasPassed() {
+  if (sync_ == nullptr || glClientWaitSync(sync_, GL_SYNC_FLUSH_COMMANDS_BIT, 0) == GL_TIMEOUT_EXPIRED) return false;
+  remove();
+  return true;
+}
+
+void PictureFence::remove() {
+  if (sync_ != nullptr) glDeleteSync(sync_);
+  sync_ = nullptr;
 }
 
 SceneRay rayThrough(const base::Camera& camera, double x, double y) {

@@ -137,6 +137,7 @@ void StreamedUmbrellas::choose(std::uint32_t frames) {
 
 bool StreamedUmbrellas::pump(Session& session, double now) {
   const bool came = file_.pump(stream_, session, now);
+  if (drawn_.hasPassed()) frames_.record(drawn_begin_, this->now());
   // Between the frames of a view that rests, what comes is decoded while the link goes on.
   if (came && chosen_ && !moved_ && moreIsComing() && !hasRested()) {
     choose(1);
@@ -152,24 +153,27 @@ bool StreamedUmbrellas::moreIsComing() const {
 
 /// Whether the last frame was so long ago that the next one may come before all requests are answered.
 bool StreamedUmbrellas::hasRested() const {
-  return !options_.clock || frames_.hasRested(options_.clock());
+  return !options_.clock || (!drawn_.isSet() && frames_.hasRested(now()));
 }
 
 // ---- drawing ----
 
 base::Result<void> StreamedUmbrellas::draw(const base::Camera& camera, const StreamedLook& look) {
-  const auto now = [this] { return options_.clock ? options_.clock() : 0.0; };
   const double begin = now();
   const bool moved = pace_.beginFrame(camera);
   update(camera, look);
   LUMIGRID_TRY(drawChosen(camera, look));
   moved_ = moved;
-  const bool paced = moved && pace_.isOn();
-  if (stream_.header() != nullptr && options_.clock && (paced || moreIsComing())) {
+  drawn_.remove();
+  if (stream_.header() == nullptr || !options_.clock) return {};
+  if (moved && pace_.isOn()) {
     waitForGpu();
     const double end = now();
     frames_.record(begin, end);
-    if (paced) pace_.recordFrame(end - begin, count_.points + count_.triangles);
+    pace_.recordFrame(end - begin, count_.points + count_.triangles);
+  } else if (moreIsComing()) {
+    drawn_.set();
+    drawn_begin_ = begin;
   }
   return {};
 }

@@ -6,6 +6,7 @@
 
 #include "client/source/duty_cycle.h"
 #include "client/source/motion_pace.h"
+#include "client/source/streamed_draw.h"
 #include "client/source/streamed_file.h"
 #include "client/source/streamed_view.h"
 #include "lod/draw/umbrellas.h"
@@ -32,13 +33,17 @@ class StreamedUmbrellas final : public StreamedView {
   bool busy() const override;
   void setQuality(const StreamedQuality& quality) override;
   const StreamedQuality& quality() const override { return options_; }
-  void contextLost() override { renderer_.reset(); }
+  void contextLost() override {
+    renderer_.reset();
+    drawn_.remove();
+  }
   StreamedStats stats() const override;
 
  private:
   void choose(std::uint32_t frames);
   bool moreIsComing() const;
   bool hasRested() const;
+  double now() const { return options_.clock ? options_.clock() : 0.0; }
   float wantedTolerance() const { return pace_.wantedPx(options_.tolerance); }
   base::Result<void> drawChosen(const base::Camera& camera, const StreamedLook& look);
 
@@ -56,6 +61,8 @@ class StreamedUmbrellas final : public StreamedView {
   glm::vec4 section_ = base::kNoSection;
   float tolerance_ = 1.0F;
   DutyCycle frames_;
+  PictureFence drawn_;        ///< behind the last picture, while frames_ does not know its end
+  double drawn_begin_ = 0.0;  ///< when that picture was begun
 
   lod::draw::UmbrellaCount count_;  ///< of the last drawing
   std::unique_ptr<lod::draw::UmbrellaRenderer> renderer_;

@@ -70,10 +70,9 @@ base::Result<Header> readHeader(base::ByteView front) {
   if (in.read<std::array<char, 8>>() != kMagic || !in.ok()) return damaged("not a pmr.lgm");
   const std::uint32_t version = in.u32();
   if (in.ok() && version != kVersion)
-    return base::Error{base::ErrorCode::kVersion,
-                       "format version " + std::to_string(version) +
-                           ", this program reads " + std::to_string(kVersion) +
-                           "; use a newer program or build the scene again"};
+    return base::Error{base::ErrorCode::kVersion, "format version " + std::to_string(version) +
+                                                      ", this program reads " + std::to_string(kVersion) +
+                                                      "; use a newer program or build the scene again"};
   if (front.size() < kHeaderBytes) return damaged("header: cut short");
   std::uint32_t crc = 0;
   std::memcpy(&crc, front.data() + kChecked, sizeof(crc));

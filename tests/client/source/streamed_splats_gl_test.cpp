@@ -187,10 +187,10 @@ TEST_F(StreamedSplatsTest, aPictureAtRestIsDrawnAgainWhenAllIsHereOrDrawingHadIt
   ASSERT_GT(stream().wanted, 0U);
   ASSERT_GT(stream().requested, 0U);
   EXPECT_FALSE(viewer_->stats().busy);
-  clock = drawn + 1.4;
+  clock = drawn + 0.5 * DutyCycle::kRest - 0.1;
   EXPECT_FALSE(viewer_->stats().busy);
-  clock = drawn + 1.6;
-  EXPECT_TRUE(viewer_->stats().busy) << "three times what drawing took";
+  clock = drawn + 0.5 * DutyCycle::kRest + 0.1;
+  EXPECT_TRUE(viewer_->stats().busy) << "so many times what drawing took";
   draw(view());
   EXPECT_FALSE(viewer_->stats().busy) << "nothing came";
   while (stream().wanted > 0) next();
@@ -223,10 +223,10 @@ TEST_F(StreamedSplatsTest, requestsAreOrderedAnewWhileOthersAreUnderWayOnceChoos
   next();
   ASSERT_GT(stream().wanted, 0U);
   ASSERT_GT(stream().requested, 0U);
-  clock = chosen + 1.4;
+  clock = chosen + 0.5 * DutyCycle::kRest - 0.1;
   update();
-  EXPECT_EQ(streamed_->stats().splats.nodes, nodes) << "before three times what choosing took";
-  clock = chosen + 1.6;
+  EXPECT_EQ(streamed_->stats().splats.nodes, nodes) << "before so many times what choosing took";
+  clock = chosen + 0.5 * DutyCycle::kRest + 0.1;
   update();
   EXPECT_GT(streamed_->stats().splats.nodes, nodes) << "only when all requests were answered";
 }

@@ -125,13 +125,11 @@ TEST(ChunksTest, trianglesOfASurfaceReturnAtEachLevel) {
       const auto partOf = [&](std::uint64_t offset, std::uint32_t bytes) {
         return base::ByteView(made.file).subspan(offset, bytes);
       };
-      ASSERT_TRUE(
-          decodePoints(partOf(row.point_offset, row.point_bytes), row.points, row.foreign, true, points));
+      ASSERT_TRUE(decodePoints(partOf(row.point_offset, row.point_bytes), row.points, row.foreign, true, points));
       ASSERT_EQ(points.size(), leaf.verticesAt(level));
       std::vector<glm::ivec3> places;
       for (const CodedPoint& point : points) places.push_back(point.place);
-      const auto corners =
-          decodeTriangles(partOf(row.triangle_offset, row.triangle_bytes), row.triangles, places);
+      const auto corners = decodeTriangles(partOf(row.triangle_offset, row.triangle_bytes), row.triangles, places);
       ASSERT_TRUE(corners);
       EXPECT_EQ(setOf(*corners), setOf(made.contents[i].corners[level]));
     }

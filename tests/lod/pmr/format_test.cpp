@@ -58,9 +58,11 @@ TEST(PmrFormatTest, damagedAndForeignHeadersAreRefused) {
     spoilt[at] ^= 4;
     EXPECT_FALSE(readHeader(spoilt)) << "byte " << at;
   }
-  base::Bytes newer = bytes;
-  newer[8] = 2;
-  EXPECT_EQ(readHeader(newer).error().code, base::ErrorCode::kVersion);
+  for (const std::uint8_t version : {1, 3}) {
+    base::Bytes other = bytes;
+    other[8] = version;
+    EXPECT_EQ(readHeader(other).error().code, base::ErrorCode::kVersion);
+  }
 }
 
 TEST(PmrFormatTest, headersThatContradictThemselvesAreRefused) {

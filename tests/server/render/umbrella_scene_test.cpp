@@ -121,7 +121,8 @@ TEST_F(UmbrellaSceneTest, aDamagedFileIsAnErrorThatNamesIt) {
   EXPECT_EQ(header.error().code, base::ErrorCode::kInvalidInput);
 
   made_.file = whole;
-  for (std::size_t i = made_.leaves.front().levels[lod::pmr::kCoarsest].point_offset; i < made_.file.size(); i += 50) made_.file[i] ^= 4;
+  const std::size_t first = made_.leaves.front().levels[lod::pmr::kCoarsest].point_offset;
+  for (std::size_t i = first; i < made_.file.size(); i += 50) made_.file[i] ^= 4;
   const auto picture = renderer().render(camera(120, 90), {});
   ASSERT_FALSE(picture);
   EXPECT_NE(picture.error().message.find("pmr.lgm"), std::string::npos) << picture.error().message;
