@@ -217,6 +217,67 @@ TEST(FairQueue, isBehindWhereMoreClientsWaitThanThreads) {
   gate.open();
 }
 
+// Two viewers of a scene whose disk hangs have both threads, and two more wait. The viewer of another scene is served,
+// again and again, and the rest of the first scene's when the disk is back.
+TEST(FairQueue, aGroupThatHangsKeepsNoOther) {
+  FairQueue queue(2);
+  for (const std::uint64_t client : {1, 2, 3, 4}) queue.setGroup(client, 7);
+  queue.setGroup(5, 8);
+  Gate first, second;
+  std::atomic<int> late{0};
+  std::promise<void> all_late;
+  queue.submit(1, first.job());
+  queue.submit(2, second.job());
+  for (const std::uint64_t client : {3, 4})
+    queue.submit(client, [&] {
+      if (++late == 2) all_late.set_value();
+    });
+  first.waitUntilBegun();
+  second.waitUntilBegun();
+  for (int i = 0; i < 10; ++i) {
+    std::promise<void> done;
+    auto over = done.get_future();
+    queue.submit(5, [&] { done.set_value(); });
+    ASSERT_EQ(over.wait_for(std::chrono::seconds(20)), std::future_status::ready) << "job " << i;
+  }
+  EXPECT_EQ(late, 0) << "a group has as many threads as there are, even if it hangs";
+  EXPECT_FALSE(queue.isBehind()) << "who waits for the disk does not wait for threads";
+  first.open();
+  second.open();
+  EXPECT_EQ(all_late.get_future().wait_for(std::chrono::seconds(20)), std::future_status::ready);
+}
+
+// One client's job hung for a second. Who works for eight tenths of one comes before it for a part of that only.
+TEST(FairQueue, timeThatAJobHangsIsNotCharged) {
+  FairQueue queue(1);
+  queue.setGroup(1, 7);
+  queue.setGroup(2, 8);
+  queue.setAddress(1, "one");
+  queue.setAddress(2, "other");
+  Gate hangs;
+  queue.submit(1, hangs.job());
+  hangs.waitUntilBegun();
+  std::this_thread::sleep_for(4 * FairQueue::kStallTime);
+  hangs.open();
+  Gate gate;
+  queue.submit(2, gate.job());
+  gate.waitUntilBegun();
+  std::string order;
+  std::promise<void> all;
+  const auto add = [&](std::uint64_t client, char name, std::chrono::milliseconds time) {
+    queue.submit(client, [&, name, time] {
+      spend(time);
+      order += name;
+      if (order.size() == 9) all.set_value();
+    });
+  };
+  for (int i = 0; i < 8; ++i) add(2, 'b', std::chrono::milliseconds(100));
+  add(1, 'a', std::chrono::milliseconds(1));
+  gate.open();
+  all.get_future().wait();
+  EXPECT_LT(order.find('a'), 8U) << order;
+}
+
 TEST(FairQueue, stopDropsWhatWaitsAndWhatComesLater) {
   FairQueue queue(1);
   Gate gate;
