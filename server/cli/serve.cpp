@@ -1,5 +1,6 @@
 #include <csignal>
 #include <cstdio>
+#include <cstdlib>
 #include <functional>
 #include <map>
 #include <memory>
@@ -126,7 +127,10 @@ int serveHere(const ServeArguments& a, const std::function<void(const Server&)>&
     return scenesOfConfig(a);
   });
   if (hangup_came != 0) (*server)->reload();
-  return exitStatus((*server)->run(true));
+  const int status = exitStatus((*server)->run(true));
+  if (!(*server)->hangs()) return status;
+  log->reset();  // writes the lines that wait
+  std::_Exit(status);
 }
 
 /// Serves in several processes that share the port. Each takes its part of the limits.

@@ -69,12 +69,15 @@ class Server {
   std::uint16_t port() const;
   std::vector<std::string> names() const;  ///< names of the scenes, in their order; a single scene's name is empty
   base::Result<void> run(bool handle_signals);
+  /// Whether threads were left behind at the end of run(), as a disk does not answer them. What they use is left behind
+  /// with them, so the process is to end by _Exit(), which waits for nothing.
+  bool hangs() const;
   /// Tells viewers that the server stops, and ends within two seconds. Any thread.
   void stop();
-  /// Calls what onReload() was given, on the server's thread, and reads certificate, key, tokens and signing keys
-  /// again, for connections from then on. Then scenes that are new or were built anew are opened while others are
-  /// served on, and viewers of those that were replaced or removed are told to connect again. Where a file is wrong,
-  /// the log says so, and all stays as it was. Any thread; SIGHUP does it, too.
+  /// Calls what onReload() was given, on a thread that may wait for a disk, and reads certificate, key, tokens and
+  /// signing keys again, for connections from then on. Then scenes that are new or were built anew are opened while
+  /// others are served on, and viewers of those that were replaced or removed are told to connect again. Where a file
+  /// is wrong, the log says so, and all stays as it was. Any thread; SIGHUP does it, too.
   void reload();
   /// `reload` opens anew or reads again what may change while the server runs, and returns the places of the scenes to
   /// serve from then on; nothing: those that are served. To be called before run().
