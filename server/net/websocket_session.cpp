@@ -340,7 +340,7 @@ void WebSocketSession::drawWantedFrame() {
         self.metrics_.frame_seconds.observe(self.seconds() - start);
         self.runner_->frameRendered(request, std::move(value), self.state());
       });
-  hub_->renderer->requestFrame(id_, hosted_->scene, request, done);
+  hub_->renderer->requestFrame(id_, limitKey(address()), hosted_->scene, request, done);
 }
 
 // ---- Closing

@@ -57,6 +57,7 @@ void FairQueue::submit(std::uint64_t client, Job job) {
 void FairQueue::setAddress(std::uint64_t client, const std::string& address) {
   const std::lock_guard lock(mutex_);
   Client& known = clients_[client];
+  if (known.address == address) return;
   leaveAddress(known);
   known.address = address;
   if (!address.empty()) ++addresses_[address].clients;
