@@ -29,12 +29,21 @@ void reportImageErrors(OpenScene& scene) {
 }  // namespace
 
 Hub::Hub(boost::asio::io_context& context, ServerOptions chosen)
-    : io(context), options(std::move(chosen)), workers(std::max(kMinWorkers, base::coreCount())) {
+    : io(context),
+      options(std::move(chosen)),
+      held(std::make_shared<HeldMemory>(options.held_bytes)),
+      workers(std::max(kMinWorkers, base::coreCount())) {
   metrics.all.read(Metrics::Kind::kGauge, "lumigrid_ready", "1 while new visitors are welcome, else 0.", {},
                    [this] { return isReady() ? 1.0 : 0.0; });
   metrics.readQueue("workers", [this] { return static_cast<double>(workers.waiting()); });
   metrics.readCache("messages",
                     [this] { return std::pair(message_lookups->hits.load(), message_lookups->misses.load()); });
+  metrics.all.read(Metrics::Kind::kGauge, "lumigrid_held_bytes",
+                   "Memory for what is remembered of the images that viewers hold.", {},
+                   [this] { return static_cast<double>(held->bytes()); });
+  metrics.all.read(Metrics::Kind::kCounter, "lumigrid_held_forgotten_total",
+                   "Images that viewers hold and that were not remembered, for want of room.", {},
+                   [this] { return static_cast<double>(held->forgotten()); });
   metrics.readQueue("fetchers", [this] {
     std::size_t waiting = 0;
     for (const auto& hosted : scenes) waiting += hosted->fetchers->waiting();
@@ -55,6 +64,8 @@ base::Result<std::shared_ptr<HostedScene>> Hub::openPlace(const std::string& pla
   LUMIGRID_ASSIGN_OR_RETURN(auto scene, openScene(place, remote));
   reportImageErrors(*scene);
   scene->data.ahead_bytes = options.ahead_bytes;
+  scene->data.views_per_second = options.views_per_second;
+  scene->data.held = held;
   scene->messages = std::make_unique<MessageCache>(options.message_cache_bytes / scenes, message_lookups);
   scene->data.messages = scene->messages.get();
   // The io thread must not wait for what the end of a scene waits for: its fetchers, its file of counts.

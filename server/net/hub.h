@@ -88,6 +88,7 @@ struct Hub {
   ServerOptions options;
   ServerMetrics metrics;                                                             ///< before all that updates it
   std::shared_ptr<LookupCounts> message_lookups = std::make_shared<LookupCounts>();  ///< of all scenes since the start
+  std::shared_ptr<HeldMemory> held;                                                  ///< of all viewers; not null
   std::shared_ptr<FairQueue> disposer = std::make_shared<FairQueue>(1);  ///< ends scenes that nobody holds any more
   Scenes scenes;                                                         ///< at least one
   /// The place of the only scene, or of the one that was when others came: its pages that are open go on. Empty:
