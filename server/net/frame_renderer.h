@@ -50,11 +50,10 @@ class FrameRenderer {
   /// once, those of addScene() when they are first asked for.
   static base::Result<std::unique_ptr<FrameRenderer>> start(const std::vector<ScenePointer>& scenes);
 
-  /// Queues one frame (exactFrameOptions) of a scene with patches, encoded by encodeFrame(). A view that was drawn a
-  /// short while ago, for whatever client and quality, is not drawn again. A client's newer request replaces its older
-  /// one, whose `done` is never called; so the queue holds one request per client. `done` is called on an encoder's
-  /// thread, with no bytes when rendering failed.
-  /// `address`: the client's limitKey().
+  /// Queues one frame (exactFrameOptions) of a scene with patches, encoded by encodeFrame(), for a client of this
+  /// `address`, a limitKey(). A view that was drawn a short while ago, for whatever client and quality, is not drawn
+  /// again. A client's newer request replaces its older one, whose `done` is never called; so the queue holds one
+  /// request per client. `done` is called on an encoder's thread, with no bytes when rendering failed.
   void requestFrame(std::uint64_t client, const std::string& address, ScenePointer scene, const FrameRequest& request,
                     OnFrame done);
   /// Queues a picture of any size, drawn in bands, one between two bands of frames while frames wait. Returns false,

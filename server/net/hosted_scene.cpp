@@ -1,7 +1,9 @@
 #include "server/net/hosted_scene.h"
 
 #include <algorithm>
+#include <atomic>
 #include <boost/asio/post.hpp>
+#include <iterator>
 #include <utility>
 
 #include "server/net/asio_types.h"

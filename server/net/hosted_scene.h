@@ -1,6 +1,5 @@
 #pragma once
 // One scene of a server with everything that answers for it.
-#include <atomic>
 #include <cstdint>
 #include <functional>
 #include <memory>

@@ -349,7 +349,7 @@ TEST(ServeProcess, limitsOfViewersAreOptions) {
   ASSERT_TRUE(stalled->send(viewOf(welcome, 1)));
   EXPECT_TRUE(waitFor([&] { return figure(impatient, "lumigrid_refused_total{reason=\"stall\"}") >= 1.0; }));
 
-  // What is remembered of the images that a viewer holds is counted as long as it is there.
+  // The memory for a viewer's images is counted as long as it is there.
   ServeProcess forgetful({scene.path, "--no-access", "--held-memory", "0", "--views-per-second", "5"});
   const auto viewer = viewerAt(forgetful.port(), "/", welcome);
   ASSERT_TRUE(viewer);

@@ -6,6 +6,7 @@
 #include <atomic>
 #include <chrono>
 #include <future>
+#include <memory>
 #include <string>
 #include <thread>
 #include <vector>
@@ -13,20 +14,24 @@
 namespace server {
 namespace {
 
-/// Keeps a thread of the queue until it is let go.
+/// Keeps a thread of the queue until it is let go. The job may outlive this.
 class Gate {
  public:
   FairQueue::Job job() {
-    return [this] {
-      begun_.set_value();
-      opened_.get_future().wait();
+    return [state = state_] {
+      const std::future<void> opened = state->opened.get_future();
+      state->begun.set_value();
+      opened.wait();
     };
   }
-  void waitUntilBegun() { begun_.get_future().wait(); }
-  void open() { opened_.set_value(); }
+  void waitUntilBegun() { state_->begun.get_future().wait(); }
+  void open() { state_->opened.set_value(); }
 
  private:
-  std::promise<void> begun_, opened_;
+  struct State {
+    std::promise<void> begun, opened;
+  };
+  const std::shared_ptr<State> state_ = std::make_shared<State>();
 };
 
 /// Takes time of a thread.

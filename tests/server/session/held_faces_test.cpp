@@ -2,8 +2,14 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <memory>
+#include <set>
 #include <vector>
+
+#include "plan/view_plan.h"
+#include "server/session/session.h"
+#include "tests/server/session/memory_store.h"
 
 namespace server {
 namespace {
@@ -55,6 +61,45 @@ TEST(HeldFaces, aViewerWhoEvictsNothingHasALimit) {
   HeldFaces held(nullptr);
   for (std::uint32_t n = 0; n < kMaxFacesHeld + 1'000; ++n) held.add(keyOf(n));
   EXPECT_EQ(held.size(), kMaxFacesHeld);
+}
+
+// Codes of the images that a session sends for a view.
+std::set<std::uint64_t> facesSentFor(Session& session, const protocol::View& view) {
+  EXPECT_TRUE(session.receive(protocol::encode(protocol::ClientMessage(view))));
+  std::set<std::uint64_t> sent;
+  while (const auto message = session.nextMessage()) {
+    const auto decoded = protocol::decodeServerMessage(*message);
+    const auto* face = decoded ? std::get_if<protocol::Face>(&*decoded) : nullptr;
+    if (face != nullptr) sent.insert(face->key.code());
+  }
+  return sent;
+}
+
+// Two viewers come again and hold all that their view needs, besides much else that they name first. Where there is no
+// room to remember that, it is sent again, and nothing is missing.
+TEST(HeldFaces, thatAreNotRememberedAreSentAgain) {
+  TestScene scene;
+  const protocol::View view = scene.view(1, {0.0, 0.0, 0.4});
+  const plan::ViewPlan plan = plan::planView(scene.data.toPlan(), view, plan::Holdings{});
+  ASSERT_FALSE(plan.faces.empty());
+  protocol::Holdings others;
+  const glm::uvec3 count = scene.data.welcome.grid.count;
+  for (std::uint32_t n = 0; others.faces.size() < kMinFacesHeld; ++n) {
+    ASSERT_LT(n, count.x * count.y * count.z * 6);
+    const repository::FaceKey key{n / 6 % count.x, n / 6 / count.x % count.y, n / 6 / count.x / count.y, n % 6};
+    if (std::find(plan.faces.begin(), plan.faces.end(), key) == plan.faces.end()) others.faces.push_back(key);
+  }
+  for (const bool has_room : {true, false}) {
+    scene.data.held = std::make_shared<HeldMemory>(has_room ? HeldMemory::kDefaultBytes : 0);
+    Session session(scene.data);
+    for (const protocol::ClientMessage& message :
+         {protocol::ClientMessage(protocol::Hello{}), protocol::ClientMessage(others),
+          protocol::ClientMessage(protocol::Holdings{plan.faces, {}})})
+      EXPECT_TRUE(session.receive(protocol::encode(message)));
+    const auto sent = facesSentFor(session, view);
+    for (const repository::FaceKey& key : plan.faces) EXPECT_EQ(sent.count(key.code()), has_room ? 0U : 1U);
+    EXPECT_EQ(scene.data.held->forgotten() > 0, !has_room);
+  }
 }
 
 }  // namespace

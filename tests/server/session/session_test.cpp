@@ -447,35 +447,6 @@ TEST(Session, claimedHoldingsAreLimited) {
   EXPECT_LE(claimed, kMaxFacesHeld + protocol::kMaxKeysPerMessage);
 }
 
-// Two viewers come again and hold all that their view needs, besides much else that they name first. Where there is no
-// room to remember that, it is sent again, and nothing is missing.
-TEST(Session, holdingsWithoutRoomAreSentAgain) {
-  TestScene scene;
-  const protocol::View view = scene.view(1, kAbove);
-  const plan::ViewPlan plan = plan::planView(scene.data.toPlan(), view, plan::Holdings{});
-  ASSERT_FALSE(plan.faces.empty());
-  protocol::Holdings others;
-  const glm::uvec3 count = scene.data.welcome.grid.count;
-  for (std::uint32_t n = 0; others.faces.size() < kMinFacesHeld; ++n) {
-    ASSERT_LT(n, count.x * count.y * count.z * 6);
-    const repository::FaceKey key{n / 6 % count.x, n / 6 / count.x % count.y, n / 6 / count.x / count.y, n % 6};
-    if (std::find(plan.faces.begin(), plan.faces.end(), key) == plan.faces.end()) others.faces.push_back(key);
-  }
-  for (const bool has_room : {true, false}) {
-    scene.data.held = std::make_shared<HeldMemory>(has_room ? HeldMemory::kDefaultBytes : 0);
-    Talk talk(scene.data);
-    talk.greet();
-    ASSERT_TRUE(talk.say(others));
-    ASSERT_TRUE(talk.say(protocol::Holdings{plan.faces, {}}));
-    ASSERT_TRUE(talk.say(view));
-    std::set<std::uint64_t> sent;
-    for (const auto& message : talk.drain())
-      if (const auto* face = std::get_if<protocol::Face>(&message)) sent.insert(face->key.code());
-    for (const repository::FaceKey& key : plan.faces) EXPECT_EQ(sent.count(key.code()), has_room ? 0U : 1U);
-    EXPECT_EQ(scene.data.held->forgotten() > 0, !has_room);
-  }
-}
-
 // ---- access counts ----
 
 TEST(Session, onlySentDataIsCounted) {
