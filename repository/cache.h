@@ -54,6 +54,12 @@ class LruCache {
     return evicted;
   }
 
+  /// The most recently used first.
+  std::vector<Key> keys() const {
+    std::vector<Key> all;
+    for (const Entry& entry : order_) all.push_back(entry.key);
+    return all;
+  }
   std::uint64_t bytes() const { return bytes_; }
   std::uint64_t budget() const { return budget_; }
   std::size_t size() const { return index_.size(); }

@@ -32,7 +32,6 @@ base::Error badServer(const std::string& problem) {
 
 void Session::startScene(const protocol::Welcome& message) {
   cache_ = repository::LruCache<CacheKey, base::Bytes>(options_.cache_bytes);
-  cached_.clear();
   cached_children_.clear();
   in_use_.clear();
   frames_.clear();
@@ -53,9 +52,9 @@ void Session::startScene(const protocol::Welcome& message) {
 /// Returns true when the key is new.
 bool Session::insert(CacheKey key, base::Bytes&& bytes) {
   const std::uint64_t cost = bytes.size() + kEntryOverhead;
+  const bool is_new = !cache_.contains(key);
   cache_.insert(key, std::move(bytes), cost);
   unreported_.erase(key);
-  const bool is_new = cached_.insert(key).second;
   if (is_new && isGroup(key))
     for (std::uint32_t parent : hierarchy_.parentsOf(groupOf(key))) ++cached_children_[parent];
   stats_.cache_bytes = cache_.bytes();
@@ -82,7 +81,6 @@ void Session::evictOverBudget() {
 }
 
 void Session::forget(CacheKey key) {
-  cached_.erase(key);
   unreported_.insert(key);
   if (!isGroup(key)) {
     if (auto face = repository::FaceKey::fromCode(key)) events_.faces_evicted.push_back(*face);
@@ -187,13 +185,14 @@ base::Result<void> Session::acceptMessage(protocol::ServerMessage&& message, std
 
 // ---- messages to the server ----
 
+/// The server may remember the first of them only.
 void Session::queueHave() {
   protocol::Holdings have;
   const auto flush = [&] {
     if (have.faces.empty() && have.groups.empty()) return;
     greetings_.push_back(protocol::encode(std::exchange(have, {})));
   };
-  for (CacheKey key : cached_) {
+  for (CacheKey key : cache_.keys()) {
     if (isGroup(key))
       have.groups.push_back(groupOf(key));
     else if (auto face = repository::FaceKey::fromCode(key))

@@ -179,7 +179,6 @@ class Session {
   lod::patch::Hierarchy hierarchy_;
 
   repository::LruCache<CacheKey, base::Bytes> cache_;
-  std::unordered_set<CacheKey> cached_;  // the cache's keys, for Holdings
   std::unordered_map<std::uint32_t, std::uint32_t>
       cached_children_;  // per group: cached groups that have it as a parent
   std::unordered_set<CacheKey> in_use_;

@@ -1,5 +1,6 @@
 #include <csignal>
 #include <cstdio>
+#include <cstdlib>
 #include <functional>
 #include <map>
 #include <memory>
@@ -126,7 +127,10 @@ int serveHere(const ServeArguments& a, const std::function<void(const Server&)>&
     return scenesOfConfig(a);
   });
   if (hangup_came != 0) (*server)->reload();
-  return exitStatus((*server)->run(true));
+  const int status = exitStatus((*server)->run(true));
+  if (!(*server)->hangs()) return status;
+  log->reset();  // writes the lines that wait
+  std::_Exit(status);
 }
 
 /// Serves in several processes that share the port. Each takes its part of the limits.
@@ -138,6 +142,7 @@ int serveByWorkers(ServeArguments& a) {
   a.options.max_connections = (a.options.max_connections + a.workers - 1) / a.workers;
   a.options.connections_per_address = (a.options.connections_per_address + a.workers - 1) / a.workers;
   a.options.message_cache_bytes /= a.workers;
+  a.options.held_bytes /= a.workers;
   std::vector<std::string> names{""};
   if (a.scenes.size() > 1) {
     auto several = sceneNames(a.scenes);
@@ -224,6 +229,16 @@ void addLimitOptions(CLI::App& command, ServerOptions& options) {
                   "messages of one viewer that are read each second in the long run; others wait on its side. Viewers "
                   "that move send 60 and more")
       ->check(CLI::Range(1.0, 1e6));
+  command
+      .add_option("--views-per-second", options.views_per_second,
+                  "views of one viewer that moves for which is planned each second while others wait; it is sent what "
+                  "was planned meanwhile")
+      ->check(CLI::Range(0.1, 1e6));
+  command
+      .add_option("--held-memory", options.held_bytes,
+                  "memory for which images all viewers hold, e.g. 512M; where it is full, some are sent again to who "
+                  "has them. 1024 images of each viewer are remembered all the same")
+      ->transform(CLI::AsSizeValue(true));
 }
 
 }  // namespace

@@ -16,7 +16,6 @@ constexpr std::size_t kDrawnBytes = std::size_t{64} << 20;     // eighteen pictu
 // Each holds up to 64 MB; small frames go on meanwhile.
 constexpr std::size_t kMaxBegun = 2;
 constexpr std::uint64_t kMaxEncodingBytes = std::uint64_t{128} << 20;
-constexpr std::size_t kMaxClients = 4096;  // whose drawn pixels are remembered
 
 std::uint64_t pixelsOf(const base::ViewCamera& camera) {
   return static_cast<std::uint64_t>(camera.width) * static_cast<std::uint64_t>(camera.height);
@@ -120,10 +119,7 @@ void FrameRenderer::takeUpScenes() {
 /// The frame of which a band comes next; the end where none may be begun now.
 std::list<FrameRenderer::FrameJob>::iterator FrameRenderer::nextFrame() {
   auto best = frames_.end();
-  const auto usedBy = [this](const FrameJob& job) {
-    const auto it = used_.find(job.client);
-    return it == used_.end() ? served_ : it->second;
-  };
+  const auto usedBy = [this](const FrameJob& job) { return shares_.usedBy(job.client, job.address); };
   for (auto job = frames_.begin(); job != frames_.end(); ++job) {
     const bool is_large = pixelsOf(job->request.camera) > FramePainter::kBandPixels;
     if (is_large && !job->painter && begun_ >= kMaxBegun) continue;
@@ -195,18 +191,12 @@ void FrameRenderer::drawFrameBand() {
 base::Result<bool> FrameRenderer::drawNextBand(FrameJob& job) {
   LUMIGRID_ASSIGN_OR_RETURN(SceneRenderer* const renderer, rendererOf(job.scene));
   if (!job.painter) job.painter = std::make_unique<FramePainter>(job.request.camera, job.scene->scene, *renderer);
-  charge(job.client, std::min(pixelsOf(job.request.camera), FramePainter::kBandPixels));
+  {
+    const std::lock_guard lock(mutex_);
+    const std::uint64_t pixels = std::min(pixelsOf(job.request.camera), FramePainter::kBandPixels);
+    shares_.charge(job.client, job.address, static_cast<double>(pixels));
+  }
   return job.painter->drawNextBand(*renderer);
-}
-
-void FrameRenderer::charge(std::uint64_t client, std::uint64_t pixels) {
-  const std::lock_guard lock(mutex_);
-  if (used_.size() > kMaxClients) std::erase_if(used_, [this](const auto& one) { return one.second <= served_; });
-  auto [used, is_new] = used_.try_emplace(client, served_);
-  // Nobody saves up pixels while idle.
-  used->second = std::max(used->second, served_);
-  served_ = used->second;
-  used->second += pixels;
 }
 
 /// A picture that is being encoded, or waits for it. Its bytes are counted, even if the encoders drop it.
@@ -279,11 +269,13 @@ base::Result<std::unique_ptr<FrameRenderer>> FrameRenderer::start(const std::vec
   return renderer;
 }
 
-void FrameRenderer::requestFrame(std::uint64_t client, ScenePointer scene, const FrameRequest& request, OnFrame done) {
+void FrameRenderer::requestFrame(std::uint64_t client, const std::string& address, ScenePointer scene,
+                                 const FrameRequest& request, OnFrame done) {
+  encoders_.setAddress(client, address);
   encoders_.drop(client);
   drop(client);
   const std::lock_guard lock(mutex_);
-  frames_.push_back({client, next_number_++, std::move(scene), request, std::move(done)});
+  frames_.push_back({client, address, next_number_++, std::move(scene), request, std::move(done)});
   changed_.notify_one();
 }
 
@@ -323,6 +315,8 @@ bool FrameRenderer::requestPicture(std::uint64_t client, const std::string& addr
 void FrameRenderer::cancel(std::uint64_t client) {
   encoders_.forget(client);
   drop(client);
+  const std::lock_guard lock(mutex_);
+  shares_.forget(client);
 }
 
 void FrameRenderer::drop(std::uint64_t client) {

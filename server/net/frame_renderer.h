@@ -4,7 +4,8 @@
 // with several drawing contexts at once (docs/decisions/software-gl-processes.md).
 //
 // Large frames are drawn in bands, and the next band is that of the client for whom fewest pixels were drawn so far:
-// who asks for large frames waits for those who ask for small ones. Frames are encoded on other threads.
+// who asks for large frames waits for those who ask for small ones, and many clients of one address are served as a few
+// would be. Frames are encoded on other threads.
 #include <atomic>
 #include <condition_variable>
 #include <cstdint>
@@ -18,7 +19,6 @@
 #include <optional>
 #include <string>
 #include <thread>
-#include <unordered_map>
 #include <vector>
 
 #include "base/error.h"
@@ -28,6 +28,7 @@
 #include "server/render/scene_renderer.h"
 #include "server/scene/open_scene.h"
 #include "server/session/fair_queue.h"
+#include "server/session/fair_shares.h"
 #include "server/session/session.h"
 
 namespace server {
@@ -49,11 +50,12 @@ class FrameRenderer {
   /// once, those of addScene() when they are first asked for.
   static base::Result<std::unique_ptr<FrameRenderer>> start(const std::vector<ScenePointer>& scenes);
 
-  /// Queues one frame (exactFrameOptions) of a scene with patches, encoded by encodeFrame(). A view that was drawn a
-  /// short while ago, for whatever client and quality, is not drawn again. A client's newer request replaces its older
-  /// one, whose `done` is never called; so the queue holds one request per client. `done` is called on an encoder's
-  /// thread, with no bytes when rendering failed.
-  void requestFrame(std::uint64_t client, ScenePointer scene, const FrameRequest& request, OnFrame done);
+  /// Queues one frame (exactFrameOptions) of a scene with patches, encoded by encodeFrame(), for a client of this
+  /// `address`, a limitKey(). A view that was drawn a short while ago, for whatever client and quality, is not drawn
+  /// again. A client's newer request replaces its older one, whose `done` is never called; so the queue holds one
+  /// request per client. `done` is called on an encoder's thread, with no bytes when rendering failed.
+  void requestFrame(std::uint64_t client, const std::string& address, ScenePointer scene, const FrameRequest& request,
+                    OnFrame done);
   /// Queues a picture of any size, drawn in bands, one between two bands of frames while frames wait. Returns false,
   /// and never calls `done`, when as many wait as the limits allow. `done` is called on the renderer's thread.
   bool requestPicture(std::uint64_t client, const std::string& address, ScenePointer scene,
@@ -78,6 +80,7 @@ class FrameRenderer {
   FrameRenderer();
   struct FrameJob {
     std::uint64_t client = 0;
+    std::string address;
     std::uint64_t number = 0;  // in the order of the requests
     ScenePointer scene;
     FrameRequest request;
@@ -114,7 +117,6 @@ class FrameRenderer {
   void encode(FrameJob job, std::shared_ptr<const base::Image> picture);
   void drawPictureBand();
   base::Result<bool> drawNextBand(PictureJob& job);
-  void charge(std::uint64_t client, std::uint64_t pixels);
 
   // Used by the thread alone.
   std::map<const OpenScene*, Drawn> renderers_;
@@ -125,12 +127,11 @@ class FrameRenderer {
   std::atomic<std::uint64_t> found_ = 0, not_found_ = 0;
   std::mutex mutex_;
   std::condition_variable_any changed_;
-  std::vector<Drawn> added_;                               // not yet taken up
-  std::map<ScenePointer, base::Light> lights_;             // likewise
-  std::vector<ScenePointer> forgotten_;                    // likewise
-  std::list<FrameJob> frames_;                             // one per client at most
-  std::unordered_map<std::uint64_t, std::uint64_t> used_;  // pixels drawn for each client
-  std::uint64_t served_ = 0;                               // `used_` of the client that was served last
+  std::vector<Drawn> added_;                    // not yet taken up
+  std::map<ScenePointer, base::Light> lights_;  // likewise
+  std::vector<ScenePointer> forgotten_;         // likewise
+  std::list<FrameJob> frames_;                  // one per client at most
+  FairShares shares_;                           // of the pixels
   std::uint64_t next_number_ = 0;
   std::size_t begun_ = 0;                                       // frames that are drawn in part
   std::uint64_t encoding_bytes_ = 0;                            // of pictures that are being encoded

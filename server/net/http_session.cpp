@@ -12,6 +12,7 @@
 #include <string>
 #include <string_view>
 #include <utility>
+#include <variant>
 
 #include "server/net/connection.h"
 #include "server/net/http_text.h"
@@ -74,6 +75,9 @@ class HttpSession final : public Connection {
   void onUnreadable(error_code ec);
   void readHead();
   void answer(HttpRequest request);
+  void answerAfresh(const HttpRequest& request);
+  void onFresh(const HttpRequest& request);
+  void answerFromScene(const HttpRequest& request);
   void upgradeToWebSocket();
 
   // Answers of other threads. Each has an id; answers that nobody waits for any more are dropped.
@@ -324,6 +328,30 @@ void HttpSession::answer(HttpRequest request) {
   if (rest.empty()) return doWrite(redirectToFolder(hosted_->access_name));
   request.target = rest;
   const std::string_view path = request.path();
+  const bool shows_documents = path == "/scene.json" || path == "/annotations.json" || path == "/render";
+  if (head_.is_upgrade || shows_documents) return answerAfresh(request);
+  answerFromScene(request);
+}
+
+/// Waits until the scene's documents were read, lest the answer be older than what `lumigrid set` has written.
+void HttpSession::answerAfresh(const HttpRequest& request) {
+  const std::uint64_t id = hub_->next_client++;
+  const auto done =
+      whenAwaited<std::monostate>(id, [request](HttpSession& session, std::monostate) { session.onFresh(request); });
+  hosted_->whenFresh([done] { done({}); });
+  waitForAnswer(id);
+}
+
+/// Much may have happened meanwhile.
+void HttpSession::onFresh(const HttpRequest& request) {
+  const bool is_served = std::find(hub_->scenes.begin(), hub_->scenes.end(), hosted_) != hub_->scenes.end();
+  if (hub_->draining || !is_served)
+    return doWrite(tryLater(kRetrySeconds, "the server stops, or the scene is replaced; try again later\n"));
+  answerFromScene(request);
+}
+
+void HttpSession::answerFromScene(const HttpRequest& request) {
+  const std::string_view path = request.path();
   if (head_.is_upgrade && (path == "/" || path == "/ws")) return upgradeToWebSocket();
   const bool reads = request.method == "GET" || request.method == "HEAD";
   const bool needs_patches = reads && (path == "/render" || path == "/pick");
@@ -342,7 +370,6 @@ void HttpSession::upgradeToWebSocket() {
   if (!key.empty() && !isWebSocketKey({key.data(), key.size()}))
     return doWrite(textReply(400, "the handshake's key is not 16 bytes in base64\n"));
   stream_.expires_never();  // a WebSocket stream has its own timeouts
-  hosted_->site->readAppearance();
   const std::int64_t until = hub_->security->rules.accessTo(hosted_->access_name, head_, secondsNow()).until;
   is_upgraded_ = true;
   startWebSocketSession(hub_, hosted_, {address(), until}, std::move(stream_), parser_->get());
@@ -356,7 +383,6 @@ void HttpSession::requestPicture(const HttpRequest& request) {
     return doWrite(textReply(501, "this server renders no pictures; they need frames and --max-picture above 0\n"));
   const auto query = parseQuery(request.target);
   if (!query) return doWrite(badRequest(query.error()));
-  hosted_->site->readAppearance();
   const auto picture = parsePictureRequest(*query, max_pixels, hosted_->scene->scene.background);
   if (!picture) return doWrite(badRequest(picture.error()));
   const char* type = contentTypeOf(picture->format);

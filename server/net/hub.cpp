@@ -1,7 +1,6 @@
 #include "server/net/hub.h"
 
 #include <algorithm>
-#include <filesystem>
 #include <utility>
 
 #include "base/parallel.h"
@@ -12,10 +11,7 @@
 namespace server {
 namespace {
 
-// As many views, or ranges of files, of a scene are fetched at a time; choices.
-constexpr unsigned kFarFetchers = HostedScene::kMaxFetchers, kLocalFetchers = 2;
-constexpr unsigned kFetchesPerClient = 2;  // a viewer's newest view need not wait for the one before
-// A machine of one core has two workers, too, so that one that waits for a disk does not stop all.
+// A machine of one core has two workers, too, so that one that waits for a disk for a moment does not stop all.
 constexpr unsigned kMinWorkers = 2;
 
 base::Result<PageFiles> readPages(const std::string& directory) {
@@ -32,34 +28,22 @@ void reportImageErrors(OpenScene& scene) {
 
 }  // namespace
 
-std::unique_ptr<FairQueue> HostedScene::makeFetchers(const OpenScene& scene) {
-  const bool is_far = scene.data.images_are_remote || (scene.directory.empty() && !scene.streamed.empty());
-  return std::make_unique<FairQueue>(is_far ? kFarFetchers : kLocalFetchers, kFetchesPerClient);
-}
-
-void HostedScene::startAccessLog(const ServerOptions& options, const std::string& scene_directory) {
-  if (!hasPatches()) return;
-  std::string path = options.access_file;
-  std::error_code ignored;
-  if (path.empty()) {
-    if (!std::filesystem::is_directory(scene_directory, ignored)) {
-      spdlog::warn("access counts are not kept: {} is no directory; --access-file names a place for them",
-                   scene_directory);
-      return;
-    }
-    path = repository::accessFileOf(scene_directory);
-  }
-  access = std::make_unique<AccessLog>(path, accessIdentityOf(*scene), options.access_interval_seconds);
-  scene->data.access = &access->counter();
-}
-
 Hub::Hub(boost::asio::io_context& context, ServerOptions chosen)
-    : io(context), options(std::move(chosen)), workers(std::max(kMinWorkers, base::coreCount())) {
+    : io(context),
+      options(std::move(chosen)),
+      held(std::make_shared<HeldMemory>(options.held_bytes)),
+      workers(std::max(kMinWorkers, base::coreCount())) {
   metrics.all.read(Metrics::Kind::kGauge, "lumigrid_ready", "1 while new visitors are welcome, else 0.", {},
                    [this] { return isReady() ? 1.0 : 0.0; });
   metrics.readQueue("workers", [this] { return static_cast<double>(workers.waiting()); });
   metrics.readCache("messages",
                     [this] { return std::pair(message_lookups->hits.load(), message_lookups->misses.load()); });
+  metrics.all.read(Metrics::Kind::kGauge, "lumigrid_held_bytes",
+                   "Memory for what is remembered of the images that viewers hold.", {},
+                   [this] { return static_cast<double>(held->bytes()); });
+  metrics.all.read(Metrics::Kind::kCounter, "lumigrid_held_forgotten_total",
+                   "Images that viewers hold and that were not remembered, for want of room.", {},
+                   [this] { return static_cast<double>(held->forgotten()); });
   metrics.readQueue("fetchers", [this] {
     std::size_t waiting = 0;
     for (const auto& hosted : scenes) waiting += hosted->fetchers->waiting();
@@ -80,14 +64,14 @@ base::Result<std::shared_ptr<HostedScene>> Hub::openPlace(const std::string& pla
   LUMIGRID_ASSIGN_OR_RETURN(auto scene, openScene(place, remote));
   reportImageErrors(*scene);
   scene->data.ahead_bytes = options.ahead_bytes;
+  scene->data.views_per_second = options.views_per_second;
+  scene->data.held = held;
   scene->messages = std::make_unique<MessageCache>(options.message_cache_bytes / scenes, message_lookups);
   scene->data.messages = scene->messages.get();
   // The io thread must not wait for what the end of a scene waits for: its fetchers, its file of counts.
   const std::shared_ptr<HostedScene> hosted(
-      new HostedScene(place, std::move(scene)),
+      new HostedScene(io, place, std::move(scene), pages),
       [queue = disposer](HostedScene* ended) { queue->submit(0, [held = std::shared_ptr<HostedScene>(ended)] {}); });
-  hosted->site = std::make_unique<Site>(*hosted->scene, pages);
-  if (hosted->hasPatches()) hosted->picker = std::make_unique<Picker>(hosted->scene->scene, hosted->scene->patches);
   return hosted;
 }
 
@@ -111,27 +95,31 @@ base::Result<Hub::Scenes> Hub::openPlaces(const std::vector<std::string>& places
   return opened;
 }
 
-void Hub::serveScenes(Scenes opened) {
+std::vector<std::string> Hub::accessNames(const Scenes& scenes) {
+  std::vector<std::string> names;
+  for (const auto& hosted : scenes) names.push_back(hosted->access_name);
+  return names;
+}
+
+void Hub::serveScenes(Scenes opened, RendererPointer drawn_by) {
   const Scenes before = std::exchange(scenes, std::move(opened));
   std::vector<std::string> places;
   for (const auto& hosted : scenes) places.push_back(hosted->place);
-  const auto names = sceneNames(places);  // of a single scene there may be none
-  for (std::size_t i = 0; i < scenes.size(); ++i) {
-    HostedScene& hosted = *scenes[i];
-    hosted.name = scenes.size() > 1 ? (*names)[i] : "";
-    if (names) hosted.access_name = (*names)[i];
-    if (std::find(before.begin(), before.end(), scenes[i]) != before.end()) continue;
+  for (const auto& served : scenes) {
+    HostedScene& hosted = *served;
+    hosted.name = scenes.size() > 1 ? hosted.access_name : "";
+    if (std::find(before.begin(), before.end(), served) != before.end()) continue;
     hosted.scene->read_errors->countIn(
         [&total = metrics.scene(hosted.scene->name).read_errors](std::uint64_t count) { total.add(count); });
     if (renderer && hosted.hasPatches()) renderer->addScene(hosted.scene);
     if (renderer) offerFrames(hosted);
-    if (counts_access) hosted.startAccessLog(options, hosted.place);
+    if (counts_access) hosted.startAccessLog(options);
   }
   if (places.size() == 1)
     root_place = places.front();
   else if (std::find(places.begin(), places.end(), root_place) == places.end())
     root_place.clear();
-  if (draws_frames && !renderer) startRenderer();  // the first scenes had nothing to draw
+  if (drawn_by) takeRenderer(std::move(drawn_by));
   for (const auto& hosted : before)
     if (std::find(scenes.begin(), scenes.end(), hosted) == scenes.end()) endScene(hosted);
 }
@@ -151,18 +139,27 @@ void Hub::endScene(const std::shared_ptr<HostedScene>& hosted) {
 
 void Hub::startAccessLogs() {
   counts_access = true;
-  for (const auto& hosted : scenes) hosted->startAccessLog(options, hosted->place);
+  for (const auto& hosted : scenes) hosted->startAccessLog(options);
 }
 
 void Hub::startRenderer() {
   draws_frames = true;
-  std::vector<FrameRenderer::ScenePointer> opened;
+  if (auto made = makeRenderer(scenes)) takeRenderer(std::move(made));
+}
+
+Hub::RendererPointer Hub::makeRenderer(const Scenes& scenes) {
+  std::vector<FrameRenderer::ScenePointer> drawn;
   for (const auto& hosted : scenes)
-    if (hosted->hasPatches()) opened.emplace_back(hosted->scene);
-  if (opened.empty()) return;
-  auto started = FrameRenderer::start(opened);
-  if (!started) return spdlog::warn("no exact frames: {}", started.error().message);
-  renderer = std::move(*started);
+    if (hosted->hasPatches()) drawn.emplace_back(hosted->scene);
+  if (drawn.empty()) return nullptr;
+  auto started = FrameRenderer::start(drawn);
+  if (started) return std::move(*started);
+  spdlog::warn("no exact frames: {}", started.error().message);
+  return nullptr;
+}
+
+void Hub::takeRenderer(RendererPointer made) {
+  renderer = std::move(made);
   metrics.readQueue("frames", [this] { return static_cast<double>(renderer->counts().waiting_frames); });
   metrics.readQueue("pictures", [this] { return static_cast<double>(renderer->counts().waiting_pictures); });
   metrics.readCache("drawn frames", [this] {
@@ -230,13 +227,6 @@ std::optional<HttpReply> Hub::answerForServer(const HttpRequest& request, const 
   return reply;
 }
 
-base::Result<void> Hub::readSecurity() {
-  std::vector<std::string> names;
-  for (const auto& hosted : scenes) names.push_back(hosted->access_name);
-  LUMIGRID_ASSIGN_OR_RETURN(security, Security::read(options, std::move(names)));
-  return {};
-}
-
 std::optional<HttpReply> Hub::answerInstead(const RequestHead& request, const HostedScene* hosted) const {
   std::optional<std::string_view> scene;
   if (hosted != nullptr)
@@ -259,15 +249,19 @@ HttpReply Hub::answerForAllScenes(const HttpRequest& request, const RequestHead&
   return reply;
 }
 
-void Hub::endThreads() {
+void Hub::endThreads(TimedTasks& ends) {
   stopping = true;
-  workers.stop();
+  ends.add("viewers' turns", [this] { workers.stop(); });
+  ends.add("frames", [this] { renderer.reset(); });
+  ends.add("scenes that were replaced", [this] { disposer->stop(); });
   Scenes all = scenes;
   for (const auto& one : ended_scenes)
     if (auto hosted = one.lock()) all.push_back(std::move(hosted));
-  for (const auto& hosted : all) hosted->fetchers->stop();
-  renderer.reset();
-  for (const auto& hosted : all) hosted->picker.reset();
+  for (const auto& hosted : all)
+    ends.add(hosted->place + " (" + std::to_string(hosted->group) + ")", [hosted] {
+      hosted->fetchers->stop();
+      hosted->picker.reset();
+    });
 }
 
 void Hub::logReadErrors() const {
@@ -277,11 +271,9 @@ void Hub::logReadErrors() const {
                    hosted->name);
 }
 
-void Hub::endAccessLogs() {
-  for (const auto& hosted : scenes) {
-    hosted->scene->data.access = nullptr;
-    hosted->access.reset();
-  }
+void Hub::endAccessLogs(TimedTasks& ends) const {
+  for (const auto& hosted : scenes)
+    if (hosted->access) ends.add("access counts of " + hosted->place, [hosted] { hosted->access->finish(); });
 }
 
 }  // namespace server

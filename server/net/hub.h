@@ -15,14 +15,12 @@
 #include "base/error.h"
 #include "server/metrics/server_metrics.h"
 #include "server/net/frame_renderer.h"
-#include "server/net/pick.h"
+#include "server/net/hosted_scene.h"
 #include "server/net/security.h"
 #include "server/net/server.h"
-#include "server/net/site.h"
 #include "server/net/unsent_pictures.h"
-#include "server/scene/access_log.h"
-#include "server/scene/open_scene.h"
 #include "server/session/fair_queue.h"
+#include "server/session/timed_tasks.h"
 
 namespace boost::asio {
 class io_context;
@@ -31,32 +29,6 @@ class io_context;
 namespace server {
 
 class Connection;
-
-/// One scene of a server with everything that answers for it.
-struct HostedScene {
-  HostedScene(std::string from, std::shared_ptr<OpenScene> opened)
-      : place(std::move(from)), scene(std::move(opened)), fetchers(makeFetchers(*scene)) {}
-
-  std::string place;        ///< where it was opened
-  std::string name;         ///< first part of its addresses; empty for an only scene, which is at "/", too
-  std::string access_name;  ///< the same of an only scene, too, and its name in tokens and signed links
-  std::shared_ptr<OpenScene> scene;
-  std::unique_ptr<Site> site;
-  std::unique_ptr<Picker> picker;     ///< null: the scene has no patches
-  std::unique_ptr<AccessLog> access;  ///< null: nothing is counted
-  /// Wait for the scene's disk or network, each of which may stall without delaying other scenes. The last member: what
-  /// its jobs use outlives them.
-  std::unique_ptr<FairQueue> fetchers;
-
-  static constexpr unsigned kMaxFetchers = 8;  ///< each has a file or a connection of its own while it reads
-  bool hasPatches() const { return scene->data.patches != nullptr; }
-  /// Starts to count what is sent, in the file that the options name or in the scene's directory. A scene without
-  /// patches has nothing to count; where the counts would have no place, the log says so.
-  void startAccessLog(const ServerOptions& options, const std::string& scene_directory);
-
- private:
-  static std::unique_ptr<FairQueue> makeFetchers(const OpenScene& scene);
-};
 
 /// Only the io thread uses it, with these exceptions: fetchers read `stopping`, and queues and renderer have their own
 /// locks.
@@ -73,10 +45,16 @@ struct Hub {
   /// openScenes().
   base::Result<Scenes> openPlaces(const std::vector<std::string>& places, const Scenes& kept) const;
   /// Serves these scenes, as openPlaces() returned them for the places, from here on, and closes the connections to
-  /// others; their viewers may come back.
-  void serveScenes(Scenes opened);
-  /// Starts the renderer for exact frames and pictures. Without a GL context the log says why there are none.
+  /// others; their viewers may come back. `drawn_by`: what makeRenderer() made for them, if it was wanted.
+  using RendererPointer = std::unique_ptr<FrameRenderer>;
+  void serveScenes(Scenes opened, RendererPointer drawn_by = nullptr);
+  /// Draws exact frames and pictures from here on, and of scenes that come later.
   void startRenderer();
+  /// Whether a renderer is to be made once there is something to draw.
+  bool wantsRenderer() const { return draws_frames && !renderer; }
+  /// Waits for the GL and for the scenes' files; any thread. Null where there is nothing to draw; or no GL context, and
+  /// the log says why.
+  static RendererPointer makeRenderer(const Scenes& scenes);
   /// Counts what is sent, from here on and in scenes that come later, if the options ask for it.
   void startAccessLogs();
   /// The scene that a request addresses, and in `rest` what is asked of it; null for an unknown scene and for the list.
@@ -86,21 +64,22 @@ struct Hub {
   /// the io thread, as what is measured includes what is its alone. What is measured tells of all scenes, so it is for
   /// those who may see them all.
   std::optional<HttpReply> answerForServer(const HttpRequest& request, const RequestHead& head) const;
-  /// Reads the files on who may see the scenes, and the certificate. Call it after openScenes(), and again when they
-  /// changed: what is wrong then leaves all as it was.
-  base::Result<void> readSecurity();
+  /// Names of scenes as tokens and links have them, once they are served.
+  static std::vector<std::string> accessNames(const Scenes& scenes);
   /// As Security::answerInstead, for the scene that findScene() found.
   std::optional<HttpReply> answerInstead(const RequestHead& request, const HostedScene* hosted) const;
   /// The answer to a request that addresses none of several scenes. The list has those that the visitor may see.
   HttpReply answerForAllScenes(const HttpRequest& request, const RequestHead& head) const;
-  /// Ends workers, fetchers, renderer and pickers, whose threads post to `io`; so this precedes the end of `io`.
-  void endThreads();
+  /// Begins to end workers, fetchers, renderer and pickers, whose threads post to `io`; so this precedes the end of
+  /// `io`. Each of them may wait for a disk.
+  void endThreads(TimedTasks& ends);
+  void takeRenderer(RendererPointer made);
   void offerFrames(const HostedScene& hosted);
   void endScene(const std::shared_ptr<HostedScene>& hosted);
   /// Tells the log how many reads of each scene failed.
   void logReadErrors() const;
-  /// Writes the access counts of all scenes; nothing is counted from here on.
-  void endAccessLogs();
+  /// Begins to write the access counts of all scenes; what is sent from here on is not counted.
+  void endAccessLogs(TimedTasks& ends) const;
 
   /// Whether new visitors are welcome.
   bool isReady() const { return running && !draining && !stopping; }
@@ -109,6 +88,7 @@ struct Hub {
   ServerOptions options;
   ServerMetrics metrics;                                                             ///< before all that updates it
   std::shared_ptr<LookupCounts> message_lookups = std::make_shared<LookupCounts>();  ///< of all scenes since the start
+  std::shared_ptr<HeldMemory> held;                                                  ///< of all viewers; not null
   std::shared_ptr<FairQueue> disposer = std::make_shared<FairQueue>(1);  ///< ends scenes that nobody holds any more
   Scenes scenes;                                                         ///< at least one
   /// The place of the only scene, or of the one that was when others came: its pages that are open go on. Empty:
@@ -116,7 +96,7 @@ struct Hub {
   std::string root_place;
   std::vector<std::weak_ptr<HostedScene>> ended_scenes;  ///< those that connections may still hold
   PageFiles pages;                                       ///< of the browser client
-  std::shared_ptr<const Security> security;              ///< after readSecurity()
+  std::shared_ptr<const Security> security;              ///< not null while the port is bound
   std::unique_ptr<FrameRenderer> renderer;               ///< null: no exact frames
   FairQueue workers;                                     ///< plan for viewers and make their messages
   std::string place;                                     ///< address:port

@@ -9,6 +9,7 @@
 #include <csignal>
 #include <filesystem>
 #include <optional>
+#include <tuple>
 #include <utility>
 
 #include "server/net/connection.h"
@@ -20,15 +21,22 @@ namespace server {
 
 struct Server::Impl {
   explicit Impl(const ServerOptions& options) : hub(std::make_shared<Hub>(io, options)), listener(io, hub) {}
-  ~Impl() { endThreads(); }
 
   base::Result<void> listenForSignals();
   void waitForSignal();
   void onSignal(int signal);
+  using Places = std::vector<std::string>;
+  using ReadSecurity = base::Result<std::shared_ptr<const Security>>;
   void reload();
+  void takeUpReload(std::optional<Places> places, ReadSecurity read);
   void openWanted();
   void limitConnections();
-  void takeUp(base::Result<Hub::Scenes> opened);
+  struct Opened {
+    base::Result<Hub::Scenes> scenes;
+    Hub::RendererPointer renderer;  // null: none was wanted, or there is none
+  };
+  void readNewTokens(std::shared_ptr<Opened> opened);
+  void takeUp(Opened opened, ReadSecurity read);
   void drain();
   void shutDown();
   using Close = void (Connection::*)();
@@ -42,18 +50,23 @@ struct Server::Impl {
   Listener listener;
   std::optional<asio::basic_signal_set<Executor>> signals;
   std::optional<SteadyTimer> close_timer;
-  std::function<std::optional<std::vector<std::string>>()> on_reload;
-  std::optional<std::vector<std::string>> wanted_places;  // of the newest reload, while an older one goes on
+  OnReload on_reload;
+  std::optional<Places> wanted_places;  // of the newest reload, while an older one goes on
   bool is_opening = false;
+  bool has_ended = false, hangs = false;
   std::uint32_t wanted_connections = 0;
   std::size_t files_of_scene = 0;  // those that a scene keeps open, by the mean of the first ones
-  FairQueue opener{1};             // opens scenes while others are served
+  // They wait for disks in place of the io thread. Scenes may take long to open; who may see them changes meanwhile.
+  FairQueue opener{1}, file_reader{1};
 };
 
 namespace {
 
 /// Descriptors besides those of connections and scenes: the renderer's, caches, the log.
 constexpr rlim_t kOtherDescriptors = 128;
+
+// At the end. Reads that are answered at all are much shorter; the file of counts may be locked for five seconds.
+constexpr double kEndSeconds = 5.0, kAccessSeconds = 7.0;
 
 /// Lets this process have as many descriptors as it can.
 void raiseDescriptorLimit() {
@@ -103,7 +116,7 @@ base::Result<std::unique_ptr<Server>> Server::open(const std::vector<std::string
   server->impl_->files_of_scene = (std::max(openDescriptors(), before) - before + scenes.size() - 1) / scenes.size();
   server->impl_->limitConnections();
   LUMIGRID_TRY(server->impl_->listener.checkAddress());
-  LUMIGRID_TRY(hub.readSecurity());
+  LUMIGRID_ASSIGN_OR_RETURN(hub.security, Security::read(hub.options, Hub::accessNames(hub.scenes)));
   LUMIGRID_TRY(server->impl_->listener.bind());
   if (options.count_access) hub.startAccessLogs();
   if (options.render_frames) hub.startRenderer();
@@ -115,7 +128,12 @@ std::string placeText(const std::string& address, std::uint16_t port) {
   return (is_ipv6 ? "[" + address + "]" : address) + ":" + std::to_string(port);
 }
 
-Server::~Server() = default;
+/// Threads that hang still use all that is here.
+Server::~Server() {
+  if (!impl_) return;
+  impl_->endThreads();
+  if (impl_->hangs) std::ignore = impl_.release();
+}
 
 std::uint16_t Server::port() const {
   return impl_->listener.port();
@@ -135,6 +153,10 @@ base::Result<void> Server::run(bool handle_signals) {
   impl_->signals.reset();  // nobody would hear one from here on, so that it may end the process
   impl_->endThreads();
   return {};
+}
+
+bool Server::hangs() const {
+  return impl_->hangs;
 }
 
 void Server::stop() {
@@ -195,15 +217,25 @@ void Server::Impl::drain() {
 }
 
 void Server::Impl::reload() {
-  std::optional<std::vector<std::string>> places = on_reload ? on_reload() : std::nullopt;
+  file_reader.submit(0, [this, names = Hub::accessNames(hub->scenes)] {
+    auto places = on_reload ? on_reload() : std::nullopt;
+    auto read = Security::read(hub->options, names);
+    asio::post(io, [this, places = std::move(places), read = std::move(read)] { takeUpReload(places, read); });
+  });
+}
+
+void Server::Impl::takeUpReload(std::optional<Places> places, ReadSecurity read) {
+  if (hub->stopping) return;
+  if (read) {
+    hub->security = std::move(*read);
+    spdlog::info("certificate and tokens are read again");
+  } else {
+    spdlog::warn("certificate and tokens stay as they were: {}", read.error().message);
+  }
   if (!places) {
     places.emplace();
     for (const auto& hosted : hub->scenes) places->push_back(hosted->place);
   }
-  if (const auto read = hub->readSecurity(); !read)
-    spdlog::warn("certificate and tokens stay as they were: {}", read.error().message);
-  else
-    spdlog::info("certificate and tokens are read again");
   wanted_places = std::move(places);
   if (!is_opening) openWanted();
 }
@@ -211,23 +243,36 @@ void Server::Impl::reload() {
 /// Scenes are opened by another thread, for one reload after the other; viewers of others notice nothing.
 void Server::Impl::openWanted() {
   is_opening = true;
-  opener.submit(0, [this, places = *std::exchange(wanted_places, std::nullopt), kept = hub->scenes] {
-    auto opened = std::make_shared<base::Result<Hub::Scenes>>(hub->openPlaces(places, kept));
-    asio::post(io, [this, opened] { takeUp(std::move(*opened)); });
+  opener.submit(0, [this, places = *std::exchange(wanted_places, std::nullopt), kept = hub->scenes,
+                    wants_renderer = hub->wantsRenderer()] {
+    auto opened = std::make_shared<Opened>(Opened{hub->openPlaces(places, kept), nullptr});
+    if (opened->scenes && wants_renderer) opened->renderer = Hub::makeRenderer(*opened->scenes);
+    asio::post(io, [this, opened] { readNewTokens(opened); });
   });
 }
 
-void Server::Impl::takeUp(base::Result<Hub::Scenes> opened) {
+/// Tokens name scenes, so the files are read with the names of those that come.
+void Server::Impl::readNewTokens(std::shared_ptr<Opened> opened) {
+  const auto names = Hub::accessNames(opened->scenes ? *opened->scenes : hub->scenes);
+  file_reader.submit(0, [this, opened, names] {
+    auto read = Security::read(hub->options, names);
+    asio::post(io, [this, opened, read = std::move(read)] { takeUp(std::move(*opened), read); });
+  });
+}
+
+void Server::Impl::takeUp(Opened opened, ReadSecurity read) {
   if (hub->stopping) return;
   is_opening = false;
-  if (opened) {
-    hub->serveScenes(std::move(*opened));
+  if (opened.scenes) {
+    hub->serveScenes(std::move(*opened.scenes), std::move(opened.renderer));
     limitConnections();
-    // Tokens name scenes.
-    if (const auto read = hub->readSecurity(); !read) spdlog::warn("tokens: {}", read.error().message);
+    if (read)
+      hub->security = std::move(*read);
+    else
+      spdlog::warn("tokens: {}", read.error().message);
     spdlog::info("reloaded: {} scenes", hub->scenes.size());
   } else {
-    spdlog::warn("the scenes stay as they were: {}", opened.error().message);
+    spdlog::warn("the scenes stay as they were: {}", opened.scenes.error().message);
   }
   if (wanted_places) openWanted();
 }
@@ -273,14 +318,23 @@ void Server::Impl::finish() {
   if (signals) signals->cancel(ignored);
 }
 
-/// Connections that did not close in time are destroyed with `io`, after all else: nothing may wait for them.
+/// Connections that did not close in time are destroyed with `io`, after all else: nothing may wait for them. Nor is a
+/// disk waited for that does not answer.
 void Server::Impl::endThreads() {
-  opener.stop();
+  if (std::exchange(has_ended, true)) return;
   hub->logReadErrors();
   hub->on_last_connection_closed = nullptr;
   close_timer.reset();
-  hub->endThreads();
-  hub->endAccessLogs();
+  TimedTasks ends;
+  ends.add("reading certificate and tokens", [this] { file_reader.stop(); });
+  ends.add("opening scenes", [this] { opener.stop(); });
+  hub->endThreads(ends);
+  std::vector<std::string> late = ends.wait(kEndSeconds);
+  TimedTasks logs;
+  hub->endAccessLogs(logs);
+  for (std::string& name : logs.wait(kAccessSeconds)) late.push_back(std::move(name));
+  hangs = !late.empty();
+  for (const std::string& name : late) spdlog::warn("a disk does not answer; the server ends without: {}", name);
 }
 
 }  // namespace server

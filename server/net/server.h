@@ -31,12 +31,14 @@ struct ServerOptions {
   std::uint64_t max_unsent_bytes = 128 * 1024;
   /// A visitor over HTTP has `stall_seconds` for each megabyte of an answer, and a second more for so many bytes of it.
   double min_bytes_per_second = 16.0 * 1024.0;
-  double head_seconds = 10.0;          ///< for the head of a connection's first request
-  double hello_seconds = 10.0;         ///< for a viewer's first message
-  double stall_seconds = 30.0;         ///< a viewer that takes no byte of what waits for so long is dropped
-  double idle_seconds = 3600.0;        ///< one that sends no message for so long likewise
-  double messages_per_second = 120.0;  ///< of a viewer that are read; others wait on its side
-  std::uint64_t ahead_bytes = plan::kPrefetchBytes;              ///< sent to each viewer beyond what its view needs
+  double head_seconds = 10.0;                 ///< for the head of a connection's first request
+  double hello_seconds = 10.0;                ///< for a viewer's first message
+  double stall_seconds = 30.0;                ///< a viewer that takes no byte of what waits for so long is dropped
+  double idle_seconds = 3600.0;               ///< one that sends no message for so long likewise
+  double messages_per_second = 120.0;         ///< of a viewer that are read; others wait on its side
+  double views_per_second = kViewsPerSecond;  ///< of a moving viewer that are planned for while others wait
+  std::uint64_t held_bytes = HeldMemory::kDefaultBytes;  ///< of what is remembered of the images that viewers hold
+  std::uint64_t ahead_bytes = plan::kPrefetchBytes;      ///< sent to each viewer beyond what its view needs
   std::uint64_t message_cache_bytes = std::uint64_t{256} << 20;  ///< of what several viewers get, in all scenes
   bool render_frames = true;                                     ///< exact frames, on a thread with its own GL context
   std::string page_directory;  ///< files of the browser client (page_files.h); empty: a plain page at "/"
@@ -69,12 +71,15 @@ class Server {
   std::uint16_t port() const;
   std::vector<std::string> names() const;  ///< names of the scenes, in their order; a single scene's name is empty
   base::Result<void> run(bool handle_signals);
+  /// Whether threads were left behind at the end of run(), as a disk does not answer them. What they use is left behind
+  /// with them, so the process is to end by _Exit(), which waits for nothing.
+  bool hangs() const;
   /// Tells viewers that the server stops, and ends within two seconds. Any thread.
   void stop();
-  /// Calls what onReload() was given, on the server's thread, and reads certificate, key, tokens and signing keys
-  /// again, for connections from then on. Then scenes that are new or were built anew are opened while others are
-  /// served on, and viewers of those that were replaced or removed are told to connect again. Where a file is wrong,
-  /// the log says so, and all stays as it was. Any thread; SIGHUP does it, too.
+  /// Calls what onReload() was given, on a thread that may wait for a disk, and reads certificate, key, tokens and
+  /// signing keys again, for connections from then on. Then scenes that are new or were built anew are opened while
+  /// others are served on, and viewers of those that were replaced or removed are told to connect again. Where a file
+  /// is wrong, the log says so, and all stays as it was. Any thread; SIGHUP does it, too.
   void reload();
   /// `reload` opens anew or reads again what may change while the server runs, and returns the places of the scenes to
   /// serve from then on; nothing: those that are served. To be called before run().

@@ -1,14 +1,10 @@
 #include "server/net/site.h"
 
-#include <system_error>
 #include <utility>
 
 #include "base/byte_range.h"
-#include "base/file.h"
-#include "base/json/annotations_file.h"
 #include "protocol/welcome.h"
 #include "server/net/http_text.h"
-#include "spdlog/spdlog.h"
 
 namespace server {
 namespace {
@@ -16,7 +12,6 @@ namespace {
 constexpr const char* kForever = "public, max-age=31536000, immutable";
 // Digits of a SHA-256 in hex in a published name (docs/formats/packs.md).
 constexpr std::size_t kIdDigits = 32;
-constexpr const char* kNoAnnotations = "{\"version\": 1, \"annotations\": []}\n";
 
 std::string escapeHtml(std::string_view text) {
   std::string out;
@@ -116,78 +111,28 @@ HttpReply tryLater(int seconds, std::string text) {
   return textReply(503, std::move(text), {{"Retry-After", std::to_string(seconds)}});
 }
 
-std::optional<FileStamp> stampOf(const std::filesystem::path& path) {
-  std::error_code ec;
-  FileStamp stamp;
-  stamp.time = std::filesystem::last_write_time(path, ec);
-  if (ec) return std::nullopt;
-  stamp.size = std::filesystem::file_size(path, ec);
-  return stamp;
-}
-
-// ---- Annotations
-
-Annotations::Annotations(std::string directory, std::string text) : directory_(std::move(directory)) {
-  setText(std::move(text));
-  stamp_ = currentStamp();
-  if (stamp_) readFile();
-}
-
-const Annotations::Document& Annotations::current() {
-  const std::optional<FileStamp> stamp = currentStamp();
-  if (stamp != stamp_) {
-    stamp_ = stamp;
-    readFile();
-  }
-  return document_;
-}
-
-std::optional<FileStamp> Annotations::currentStamp() const {
-  if (directory_.empty()) return std::nullopt;
-  return stampOf(std::filesystem::path(directory_) / base::kAnnotationsFile);
-}
-
-void Annotations::readFile() {
-  auto read = base::readAnnotations(directory_);
-  if (!read) spdlog::warn("no annotations: {}", read.error().message);
-  setText(read && *read ? std::move((*read)->text) : std::string());
-}
-
-void Annotations::setText(std::string text) {
-  document_.text = text.empty() ? kNoAnnotations : std::move(text);
-  document_.etag = entityTag(base::viewOfText(document_.text));
-}
-
 // ---- The site
 
 Site::Site(OpenScene& scene, PageFiles pages)
     : scene_(scene),
-      scene_stamp_(scene.directory.empty() ? std::nullopt : stampOf(scene.directory + "/scene.json")),
       pages_(std::move(pages)),
-      annotations_(scene.directory, scene.annotations_json),
+      annotations_(annotationsOf(scene.annotations_json)),
       scene_etag_(entityTag(scene.scene_json)) {
   if (scene.patch_file != nullptr) addSceneFile("patch", ".lgp", *scene.patch_file, scene.patch_file->size());
   for (const StreamedFile& file : scene.streamed)
     addSceneFile(file.method.name, file.method.extension, *file.source, file.bytes);
+  if (scene.directory.empty()) return;
+  stamps_.scene = stampOf(scene.directory + "/scene.json");
+  takeUp(readChanges(scene.directory, stamps_));
 }
 
-void Site::readAppearance() {
-  if (scene_.directory.empty()) return;
-  const std::string path = scene_.directory + "/scene.json";
-  const std::optional<FileStamp> stamp = stampOf(path);
-  if (stamp == scene_stamp_) return;
-  scene_stamp_ = stamp;
-  auto bytes = base::readFile(path);
-  if (!bytes) return;  // a build is replacing the scene
-  const auto changed = base::parseScene(std::string(bytes->begin(), bytes->end()), path);
-  if (!changed) {
-    spdlog::warn("scene.json is served as it was: {}", changed.error().message);
-    return;
-  }
-  if (!isSameBuild(*changed, scene_.scene)) return;
-  takeUpAppearance(*changed);
-  scene_.scene_json = std::move(*bytes);
-  scene_etag_ = entityTag(scene_.scene_json);
+void Site::takeUp(ChangedDocuments changed) {
+  stamps_ = changed.stamps;
+  if (changed.annotations) annotations_ = std::move(*changed.annotations);
+  if (!changed.scene || !isSameBuild(changed.scene->scene, scene_.scene)) return;
+  takeUpAppearance(changed.scene->scene);
+  scene_.scene_json = std::move(changed.scene->bytes);
+  scene_etag_ = std::move(changed.scene->etag);
 }
 
 void Site::takeUpAppearance(const base::Scene& changed) {
@@ -244,7 +189,7 @@ bool Site::hasFile(std::string_view path) const {
   return path.starts_with('/') && pages_.find(path.substr(1)) != pages_.end();
 }
 
-HttpReply Site::answer(const HttpRequest& request, const std::string& place) {
+HttpReply Site::answer(const HttpRequest& request, const std::string& place) const {
   if (request.method == "OPTIONS") return preflightReply();
   if (request.method != "GET" && request.method != "HEAD") return methodNotAllowedReply();
   const std::string_view path = request.path();
@@ -293,18 +238,16 @@ HttpReply Site::plainHomeReply(const HttpRequest& request, const std::string& pl
   return reply;
 }
 
-HttpReply Site::sceneReply(const HttpRequest& request) {
-  readAppearance();
+HttpReply Site::sceneReply(const HttpRequest& request) const {
   HttpReply reply = jsonReply(request, {}, scene_etag_);
   // A copy, as the file may change while it is sent.
   if (reply.status == 200) reply.text.assign(scene_.scene_json.begin(), scene_.scene_json.end());
   return reply;
 }
 
-HttpReply Site::annotationsReply(const HttpRequest& request) {
-  const Annotations::Document& document = annotations_.current();
-  HttpReply reply = jsonReply(request, {}, document.etag);
-  if (reply.status == 200) reply.text = document.text;  // a copy, as the file may change while it is sent
+HttpReply Site::annotationsReply(const HttpRequest& request) const {
+  HttpReply reply = jsonReply(request, {}, annotations_.etag);
+  if (reply.status == 200) reply.text = annotations_.text;  // a copy, as the file may change while it is sent
   return reply;
 }
 

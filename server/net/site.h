@@ -2,9 +2,7 @@
 // The HTTP answers of one scene that are known at once: the page, small texts, and where the bytes of the scene's files
 // are to be read (docs/formats/http.md). It knows no sockets. /render and /pick, which are answered later, are not its
 // business.
-#include <filesystem>
 #include <functional>
-#include <optional>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -13,6 +11,7 @@
 #include "base/bytes.h"
 #include "base/error.h"
 #include "server/net/page_files.h"
+#include "server/net/scene_documents.h"
 #include "server/scene/open_scene.h"
 
 namespace server {
@@ -69,60 +68,29 @@ std::string shownHost(std::string_view host, const std::string& place);
 /// The same with "ws://" or "wss://" before it.
 std::string socketPlace(const HttpRequest& request, const std::string& place);
 
-/// When a file was written and how long it is; nothing where it is not there.
-struct FileStamp {
-  std::filesystem::file_time_type time;
-  std::uintmax_t size = 0;
-  friend bool operator==(const FileStamp&, const FileStamp&) = default;
-};
-std::optional<FileStamp> stampOf(const std::filesystem::path& path);
-
-/// The scene's annotations.json as it is served. The file is read again when it changed, since people edit it while the
-/// scene is shown.
-class Annotations {
- public:
-  /// `directory`: the scene's; empty for a remote scene, whose `text` is served then. Without a text, an empty list is
-  /// served.
-  Annotations(std::string directory, std::string text);
-
-  struct Document {
-    std::string text;
-    std::string etag;
-  };
-  /// The file's text; an empty list where there is no file or viewers would refuse it, which the log tells once.
-  const Document& current();
-
- private:
-  std::optional<FileStamp> currentStamp() const;
-  void setText(std::string text);
-  void readFile();
-
-  const std::string directory_;
-  std::optional<FileStamp> stamp_;  ///< stamp of the file that was read; none: there was no file
-  Document document_;
-};
-
 class Site {
  public:
-  /// `scene` outlives this. `pages`: empty for none.
+  /// `scene` outlives this. `pages`: empty for none. Reads the documents of a local scene.
   Site(OpenScene& scene, PageFiles pages);
 
   /// `place`: address:port, shown where the Host header is malformed.
-  HttpReply answer(const HttpRequest& request, const std::string& place);
+  HttpReply answer(const HttpRequest& request, const std::string& place) const;
   /// Whether a path has a file: of the scene or of the page.
   bool hasFile(std::string_view path) const;
-  /// Takes over what `lumigrid set` wrote since the last call into a local scene's scene.json. A scene.json of another
-  /// build is left alone: it describes files that are not open here.
-  void readAppearance();
-  /// `take_up` is called by readAppearance() with a light that differs from the one before.
+  /// The documents that answers are made from.
+  const DocumentStamps& stamps() const { return stamps_; }
+  /// Makes answers from what readChanges() found from here on. A scene.json of another build is left alone: it
+  /// describes files that are not open here.
+  void takeUp(ChangedDocuments changed);
+  /// `take_up` is called by takeUp() with a light that differs from the one before.
   void onLightChanged(std::function<void(const base::Light&)> take_up) { take_up_light_ = std::move(take_up); }
 
  private:
   void takeUpAppearance(const base::Scene& changed);
   HttpReply homeReply(const HttpRequest& request, const std::string& place) const;
   HttpReply plainHomeReply(const HttpRequest& request, const std::string& place) const;
-  HttpReply sceneReply(const HttpRequest& request);
-  HttpReply annotationsReply(const HttpRequest& request);
+  HttpReply sceneReply(const HttpRequest& request) const;
+  HttpReply annotationsReply(const HttpRequest& request) const;
   /// A file of the scene that is answered by byte ranges.
   struct SceneFile {
     std::string plain;                                 ///< "/patch.lgp"
@@ -137,9 +105,9 @@ class Site {
   static HttpReply sceneFileReply(const HttpRequest& request, const SceneFile& file);
 
   OpenScene& scene_;
-  std::optional<FileStamp> scene_stamp_;
+  DocumentStamps stamps_;
   const PageFiles pages_;
-  Annotations annotations_;
+  AnnotationsDocument annotations_;
   std::string scene_etag_;
   std::function<void(const base::Light&)> take_up_light_;
   std::vector<SceneFile> files_;

@@ -74,6 +74,7 @@ class WebSocketSession final : public Connection {
   void onWrite(error_code ec, std::size_t bytes_written);
   void requestFaces(FaceRequest request);
   void requestFrame(const FrameRequest& request);
+  void drawWantedFrame();
   void watch();
   void checkDeadlines();
   bool isStalled(double now);
@@ -105,6 +106,7 @@ class WebSocketSession final : public Connection {
   bool closing_ = false;
   bool refused_ = false;
   bool greeted_ = false;
+  std::optional<FrameRequest> wanted_frame_;    // waits for the scene's documents
   std::optional<double> asked_at_;              // seconds: a view came, and no message was written since
   double last_heard_ = 0.0, last_taken_ = 0.0;  // seconds
   int queued_ = 0;                              // bytes in the kernel at the last look
@@ -191,6 +193,7 @@ void WebSocketSession::startRunner() {
   const auto done = answerTo<SessionOutput>(
       this, [](WebSocketSession& self, SessionOutput output) { self.onOutput(std::move(output)); });
   hub_->workers.setAddress(id_, limitKey(address()));
+  hub_->workers.setGroup(id_, hosted_->group);
   runner_ = std::make_shared<SessionRunner>(hosted_->scene->data, hosted_, hub_->workers, id_, done);
 }
 
@@ -321,13 +324,23 @@ void WebSocketSession::requestFaces(FaceRequest request) {
 
 void WebSocketSession::requestFrame(const FrameRequest& request) {
   if (!hub_->renderer) return;
-  hosted_->site->readAppearance();
+  const bool is_asked = std::exchange(wanted_frame_, request).has_value();
+  if (is_asked) return;
+  hosted_->whenFresh([weak = weak_from_this()] {
+    if (const auto session = std::static_pointer_cast<WebSocketSession>(weak.lock())) session->drawWantedFrame();
+  });
+}
+
+/// The newest request is drawn, as older ones would be replaced by it. The scene's light is as the documents have it.
+void WebSocketSession::drawWantedFrame() {
+  const FrameRequest request = *std::exchange(wanted_frame_, std::nullopt);
+  if (closing_) return;
   const auto done =
       answerTo<base::Bytes>(this, [request, start = seconds()](WebSocketSession& self, base::Bytes value) {
         self.metrics_.frame_seconds.observe(self.seconds() - start);
         self.runner_->frameRendered(request, std::move(value), self.state());
       });
-  hub_->renderer->requestFrame(id_, hosted_->scene, request, done);
+  hub_->renderer->requestFrame(id_, limitKey(address()), hosted_->scene, request, done);
 }
 
 // ---- Closing

@@ -32,6 +32,11 @@ AccessLog::AccessLog(std::string path, const repository::AccessIdentity& identit
       pending_until_(now()),
       thread_([this](const std::stop_token& stop) { runThread(stop); }) {}
 
+void AccessLog::finish() {
+  thread_.request_stop();
+  thread_.join();
+}
+
 void AccessLog::wake() {
   const std::lock_guard lock(mutex_);
   full_ = true;

@@ -19,6 +19,8 @@ class AccessLog {
   AccessLog(std::string path, const repository::AccessIdentity& identity, double interval_seconds,
             std::size_t max_keys = 1'000'000);
 
+  /// Writes what is left, and ends the thread; what is counted later is lost.
+  void finish();
   repository::AccessCounter& counter() { return counter_; }
 
  private:

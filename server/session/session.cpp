@@ -19,9 +19,6 @@ constexpr std::size_t kMaxPrefetchedFaces = 16;  // per request, so that a new v
 // for it; each is a segment of TCP at least.
 constexpr double kPartSeconds = 0.05;
 constexpr double kMinPartBytes = 1400.0;
-// Plans of a moving eye are so far apart where others wait for the server, seconds. Displays send a view with every
-// picture, which is more often than the choice of what to send changes.
-constexpr double kPlanSeconds = 0.075;
 constexpr double kBusySeconds =
     0.5;  // until a busy server is asked again whether it has time for what is not needed yet
 
@@ -43,6 +40,7 @@ void describeHierarchy(const lod::patch::Hierarchy& hierarchy, protocol::Welcome
 Session::Session(const SceneData& scene)
     : scene_(scene),
       welcome_(scene.welcome),
+      held_(scene.held),
       frames_(kMaxFrameShift * static_cast<double>(glm::length(scene.welcome.box_max - scene.welcome.box_min))) {}
 
 void Session::setLink(const LinkState& state) {
@@ -96,19 +94,20 @@ base::Result<void> Session::acceptMessage(const protocol::View& view) {
 }
 
 base::Result<void> Session::acceptMessage(const protocol::Eviction& evicted) {
-  for (const repository::FaceKey& key : evicted.faces) has_face_.erase(key);
+  for (const repository::FaceKey& key : evicted.faces) held_.erase(key);
   for (std::uint32_t group : evicted.groups)
     if (group < has_group_.size()) has_group_[group] = false;
   return {};
 }
 
-/// Keys that this scene does not have are ignored: the client may hold them from an older build of the scene.
+/// Keys that this scene does not have are ignored: the client may hold them from an older build of the scene. Clients
+/// name first what they used last.
 base::Result<void> Session::acceptMessage(const protocol::Holdings& have) {
   for (const repository::FaceKey& key : have.faces)
-    if (welcome_.grid.contains(key)) has_face_.insert(key);
+    if (welcome_.grid.contains(key) && !held_.contains(key)) ++faces_claimed_, held_.claim(key);
   for (std::uint32_t group : have.groups)
     if (group < has_group_.size()) has_group_[group] = true;
-  if (has_face_.size() > kMaxFacesHeld)
+  if (faces_claimed_ > kMaxFacesHeld)
     return refuse(base::ErrorCode::kInvalidInput, "the client claims to hold over " + std::to_string(kMaxFacesHeld) +
                                                       " faces; give it a smaller cache");
   return {};
@@ -159,7 +158,7 @@ std::optional<SharedMessage> Session::chooseMessage() {
 /// plan is old enough: what that chose is still good, and goes on being sent.
 bool Session::planIsDue() const {
   const double now = frames_.link().now();
-  return !is_busy_ || !previous_ || now <= 0.0 || now >= planned_at_ + kPlanSeconds ||
+  return !is_busy_ || !previous_ || now <= 0.0 || now >= planned_at_ + 1.0 / scene_.views_per_second ||
          !plan::isMoving(welcome_, *newest_, *previous_);
 }
 
@@ -238,7 +237,7 @@ plan::Scene Session::sceneToPlan() const {
 }
 
 plan::Holdings Session::holdings() const {
-  return {[this](const repository::FaceKey& key) { return has_face_.count(key) != 0; },
+  return {[this](const repository::FaceKey& key) { return held_.contains(key); },
           [this](std::uint32_t group) { return static_cast<bool>(has_group_[group]); }};
 }
 
@@ -314,7 +313,7 @@ std::optional<SharedMessage> Session::nextPrefetch() {
 
 /// The first face of the list that can be sent now, or the end; faces that the client has are removed.
 Session::Faces::iterator Session::findSendable(Faces& faces) {
-  std::erase_if(faces, [this](const repository::FaceKey& key) { return has_face_.count(key) != 0; });
+  std::erase_if(faces, [this](const repository::FaceKey& key) { return held_.contains(key); });
   if (!scene_.images_are_remote) return faces.begin();
   return std::find_if(faces.begin(), faces.end(),
                       [this](const repository::FaceKey& key) { return fetched_.count(key) != 0; });
@@ -362,7 +361,7 @@ std::optional<SharedMessage> Session::encodedOnce(std::uint64_t key, Encode enco
 /// The Face message of a key; nullopt when the client has it, the store lacks it (it is being baked) or holds damaged
 /// bytes.
 std::optional<SharedMessage> Session::faceMessage(const repository::FaceKey& key) {
-  if (has_face_.count(key) != 0) return std::nullopt;
+  if (held_.contains(key)) return std::nullopt;
   const auto found = fetched_.extract(key);
   bool is_absent = false;
   auto message = encodedOnce(MessageCache::keyOf(key), [&]() -> std::optional<base::Bytes> {
@@ -380,7 +379,7 @@ std::optional<SharedMessage> Session::faceMessage(const repository::FaceKey& key
     if (is_absent) ++counts_.missing;
     return std::nullopt;
   }
-  has_face_.insert(key);
+  held_.add(key);
   image_bytes_.add(message->size());
   ++counts_.faces;
   counts_.face_bytes += message->size();
@@ -407,7 +406,7 @@ std::optional<SharedMessage> Session::ancestorInstead(const repository::FaceKey&
   if (absent_.size() >= kMaxAbsent) absent_.clear();
   absent_.insert(key);
   const bool is_planned = std::find(view_plan_.faces.begin(), view_plan_.faces.end(), parent) != view_plan_.faces.end();
-  if (has_face_.count(parent) == 0 && !is_planned) view_plan_.faces.push_back(parent);
+  if (!held_.contains(parent) && !is_planned) view_plan_.faces.push_back(parent);
   return std::nullopt;
 }
 
@@ -417,7 +416,7 @@ FaceRequest Session::unrequestedFaces(const Faces& faces, std::size_t max_count)
   FaceRequest keys;
   for (const repository::FaceKey& key : faces) {
     if (keys.size() == max_count) break;
-    if (has_face_.count(key) == 0 && requested_.count(key) == 0 && fetched_.count(key) == 0) keys.push_back(key);
+    if (!held_.contains(key) && requested_.count(key) == 0 && fetched_.count(key) == 0) keys.push_back(key);
   }
   return keys;
 }
@@ -474,7 +473,7 @@ std::optional<double> Session::wakeAt() const {
   if (phase_ != Phase::kReady) return std::nullopt;
   std::optional<double> at = frames_.wakeAt();
   const double now = frames_.link().now();
-  const double due = planned_at_ + kPlanSeconds;
+  const double due = planned_at_ + 1.0 / scene_.views_per_second;
   if (newest_ && !planned_ && due > now) at = std::min(at.value_or(due), due);
   if (prefetch_waits_) at = std::min(at.value_or(now + kBusySeconds), now + kBusySeconds);
   return at;

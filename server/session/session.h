@@ -17,6 +17,7 @@
 // a client whose cache is too small for its view would otherwise receive the same bytes for ever.
 #include <cstdint>
 #include <functional>
+#include <memory>
 #include <optional>
 #include <string>
 #include <unordered_map>
@@ -33,9 +34,14 @@
 #include "repository/sampling/sample_tree.h"
 #include "repository/store.h"
 #include "server/session/frame_schedule.h"
+#include "server/session/held_faces.h"
 #include "server/session/message_cache.h"
 
 namespace server {
+
+/// Views of a moving viewer that a server for which others wait plans for each second. Displays send a view with every
+/// picture, which is more often than the choice of what to send changes.
+inline constexpr double kViewsPerSecond = 13.0;
 
 /// The data that all sessions of a scene share; outlives them. Read-only, except counter and caches and, for the thread
 /// that makes sessions, `welcome`.
@@ -53,8 +59,10 @@ struct SceneData {
   /// Gets the error of each group or face that is not sent since it cannot be read or is damaged; may be empty. Called
   /// by any thread that uses a session.
   std::function<void(const base::Error&)> on_read_error;
+  std::shared_ptr<HeldMemory> held;                  ///< of all viewers of the server; null: each has its own
   MessageCache* messages = nullptr;                  ///< of groups and local images; null: each session encodes its own
   std::uint64_t ahead_bytes = plan::kPrefetchBytes;  ///< prefetched per view after Completion; 0: nothing
+  double views_per_second = kViewsPerSecond;         ///< of a moving viewer that are planned for while others wait
 
   plan::Scene toPlan() const { return {&welcome, &patches->hierarchy(), images != nullptr, tree, sight, sight_cache}; }
 };
@@ -76,9 +84,6 @@ struct SessionCounts {
   std::uint64_t missing = 0;  ///< wanted faces that the store lacks (not baked yet)
   std::uint64_t corrupt = 0;  ///< faces and blocks that could not be read or were damaged
 };
-
-/// As many faces may a client claim to hold: 512 MB of tiles. A cache of 50 MB holds some 6 000.
-inline constexpr std::size_t kMaxFacesHeld = 65'536;
 
 class Session {
  public:
@@ -169,7 +174,8 @@ class Session {
 
   // Data that the client holds.
   std::vector<bool> has_group_;
-  std::unordered_set<repository::FaceKey> has_face_;
+  HeldFaces held_;
+  std::size_t faces_claimed_ = 0;
   std::vector<std::uint32_t> coarse_;
   bool decodes_webp_ = false;
   plan::ImageBytes image_bytes_;

@@ -4,6 +4,9 @@
 //   LUMIGRID_FAULT_AT       the number of the call, from 0; missing: none fails
 //   LUMIGRID_FAULT_VARIANT  0 or 1: which of the two errors that each kind of call has
 //   LUMIGRID_FAULT_REPORT   a file that gets "failed NAME" when the call fails, and "calls N" when the process ends
+//   LUMIGRID_FAULT_FOLDER   calls to files below this folder wait while a file FOLDER.hangs exists, as those to a
+//   network
+//                           file system whose server is gone. Files that are mapped do not
 //
 // Calls within the C library (of streams, of malloc) do not come by here. Those of checked builds do (_FORTIFY_SOURCE).
 #undef _FORTIFY_SOURCE  // its own calls are the plain ones
@@ -13,6 +16,7 @@
 #include <sys/eventfd.h>
 #include <sys/mman.h>
 #include <sys/socket.h>
+#include <sys/stat.h>
 #include <sys/syscall.h>
 #include <sys/uio.h>
 #include <unistd.h>
@@ -63,7 +67,40 @@ bool fails(const char* name, const Errors& errors) {
   errno = second ? errors.second : errors.first;
   return true;
 }
+/// The folder that may hang, with its slash; empty: none.
+const char* folderThatHangs() {
+  static char folder[4096];
+  static const int length = [] {
+    const char* name = std::getenv("LUMIGRID_FAULT_FOLDER");
+    return name == nullptr ? 0 : std::snprintf(folder, sizeof(folder), "%s/", name);
+  }();
+  return length > 0 ? folder : "";
+}
+bool hangs() {
+  static char marker[4096];
+  static const int length = std::snprintf(marker, sizeof(marker), "%.*s.hangs",
+                                          static_cast<int>(std::strlen(folderThatHangs())) - 1, folderThatHangs());
+  return length > 0 && ::syscall(SYS_faccessat, AT_FDCWD, marker, F_OK) == 0;
+}
+void waitForDisk(const char* path) {
+  const char* folder = folderThatHangs();
+  if (folder[0] == 0 || std::strncmp(path, folder, std::strlen(folder)) != 0) return;
+  const int before = errno;
+  while (hangs()) ::usleep(10'000);
+  errno = before;
+}
+void waitForDisk(int file) {
+  if (folderThatHangs()[0] == 0) return;
+  char link[64], path[4096];
+  std::snprintf(link, sizeof(link), "/proc/self/fd/%d", file);
+  const long length = ::syscall(SYS_readlinkat, AT_FDCWD, link, path, sizeof(path) - 1);
+  if (length < 0) return;
+  path[length] = 0;
+  waitForDisk(path);
+}
+
 bool fails(int file, const char* name, const Errors& errors) {
+  waitForDisk(file);
   return file > STDERR_FILENO && fails(name, errors);
 }
 
@@ -143,8 +180,14 @@ extern "C" ssize_t __recv_chk(int file, void* to, size_t count, size_t, int flag
 namespace {
 
 int openAt(const char* name, int folder, const char* path, int flags, mode_t mode) {
+  waitForDisk(path);
   if (fails(name, kOpens)) return -1;
   return static_cast<int>(::syscall(SYS_openat, folder, path, flags, mode));
+}
+
+int statOf(const char* path, void* status) {
+  waitForDisk(path);
+  return static_cast<int>(::syscall(SYS_newfstatat, AT_FDCWD, path, status, 0));
 }
 
 mode_t modeOf(int flags, va_list rest) {
@@ -179,4 +222,10 @@ extern "C" int __open_2(const char* path, int flags) {
 }
 extern "C" int __open64_2(const char* path, int flags) {
   return openAt("open64", AT_FDCWD, path, flags | O_LARGEFILE, 0);
+}
+extern "C" int stat(const char* path, struct stat* status) noexcept {
+  return statOf(path, status);
+}
+extern "C" int stat64(const char* path, struct stat64* status) noexcept {
+  return statOf(path, status);
 }

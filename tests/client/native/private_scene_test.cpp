@@ -154,12 +154,12 @@ TEST_F(PrivateSceneTest, aNewCertificateIsForNewConnectionsAndABadOneForNone) {
   other.issue(kNames, -7200, 90 * 86400, path("server.pem"), path("server.key"));
   const HostAccess with_other{kToken, path("other.pem")};
   EXPECT_EQ(get("/scene.json", access_).head.status, 200) << "nothing is read before it is asked for";
-  server_->server->reload();
+  server_->reload();
   ASSERT_EQ(get("/scene.json", with_other).head.status, 200);
   EXPECT_EQ(get("/scene.json", access_).head.status, 0);
 
   ASSERT_TRUE(bool(base::writeFileAtomically(path("server.key"), base::viewOfText("no key\n"))));
-  server_->server->reload();
+  server_->reload();
   EXPECT_EQ(get("/scene.json", with_other).head.status, 200);
 
   // The viewer goes on meanwhile.

@@ -541,6 +541,25 @@ TEST(Session, aLongListOfWhatIsHereIsSentInParts) {
   EXPECT_EQ(told, all);
 }
 
+// A server may remember the first of them only.
+TEST(Session, whatWasUsedLastIsNamedFirst) {
+  Session session = ready();
+  std::vector<repository::FaceKey> newest_first;
+  for (std::uint32_t x = 0; x < 3; ++x) {
+    const repository::FaceKey key{x, 2, 1, 5};
+    receive(session, server().sayFace(key, 100));
+    newest_first.insert(newest_first.begin(), key);
+  }
+  ASSERT_NE(session.face(newest_first.back()), nullptr);  // which uses it
+  std::rotate(newest_first.begin(), newest_first.end() - 1, newest_first.end());
+  session.disconnected("");
+  session.connected();
+  receive(session, server().sayWelcome());
+  const auto parts = only<protocol::Holdings>(sent(session));
+  ASSERT_EQ(parts.size(), 1U);
+  EXPECT_EQ(parts.front().faces, newest_first);
+}
+
 TEST(Session, anotherSceneAfterAReconnectDropsEverything) {
   Session session = ready();
   receive(session, server().sayGroup(0));

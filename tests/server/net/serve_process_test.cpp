@@ -349,7 +349,17 @@ TEST(ServeProcess, limitsOfViewersAreOptions) {
   ASSERT_TRUE(stalled->send(viewOf(welcome, 1)));
   EXPECT_TRUE(waitFor([&] { return figure(impatient, "lumigrid_refused_total{reason=\"stall\"}") >= 1.0; }));
 
-  for (const char* option : {"--hello", "--stall", "--messages-per-second"})
+  // The memory for a viewer's images is counted as long as it is there.
+  ServeProcess forgetful({scene.path, "--no-access", "--held-memory", "0", "--views-per-second", "5"});
+  const auto viewer = viewerAt(forgetful.port(), "/", welcome);
+  ASSERT_TRUE(viewer);
+  EXPECT_TRUE(completes(*viewer, welcome, 1));
+  EXPECT_GT(figure(forgetful, "lumigrid_held_bytes"), 0.0);
+  EXPECT_EQ(figure(forgetful, "lumigrid_held_forgotten_total"), 0.0) << "it holds less than is always remembered";
+  viewer->close();
+  EXPECT_TRUE(waitFor([&] { return figure(forgetful, "lumigrid_held_bytes") == 0.0; }));
+
+  for (const char* option : {"--hello", "--stall", "--messages-per-second", "--views-per-second"})
     EXPECT_EQ(programs::run("lumigrid", {"serve", scene.path, option, "0"}).status, 2) << option;
 }
 

@@ -5,6 +5,7 @@
 #include <atomic>
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <sstream>
 #include <string>
 #include <thread>
@@ -80,6 +81,10 @@ class RunningServer {
     options.port = 0;
     auto opened = Server::open(directories, options);
     server = std::move(*opened);
+    server->onReload([this] {
+      ++reloads_;
+      return std::nullopt;
+    });
     thread = std::thread([this] { std::ignore = server->run(false); });
   }
   ~RunningServer() { stop(); }
@@ -89,6 +94,14 @@ class RunningServer {
     if (!thread.joinable()) return;
     server->stop();
     thread.join();
+  }
+  /// Requests that are sent afterwards are answered by what the files say now. The files are read by one thread, so
+  /// they were read once when it begins to read them again.
+  void reload() {
+    const int wanted = reloads_ + 2;
+    server->reload();
+    server->reload();
+    while (reloads_ < wanted) std::this_thread::yield();
   }
   static ServerOptions quiet() {
     ServerOptions options;
@@ -105,6 +118,9 @@ class RunningServer {
 
   std::unique_ptr<Server> server;
   std::thread thread;
+
+ private:
+  std::atomic<int> reloads_{0};
 };
 
 /// Looks down on the middle of the scene.
