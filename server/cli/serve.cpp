@@ -121,11 +121,12 @@ int serveHere(const ServeArguments& a, const std::function<void(const Server&)>&
   ready(**server);
   countLines((*server)->metrics(), **log);
   if (worker) (*server)->metrics().all.labelAll({{"worker", std::to_string(*worker)}});
-  (*server)->onReload([&a, &log] {
-    spdlog::info("reload: the log is opened anew");
-    (*log)->reopen();
-    return scenesOfConfig(a);
-  });
+  (*server)->onReload({.at_once =
+                           [&log] {
+                             spdlog::info("reload: the log is opened anew");
+                             (*log)->reopen();
+                           },
+                       .read_places = [&a] { return scenesOfConfig(a); }});
   if (hangup_came != 0) (*server)->reload();
   const int status = exitStatus((*server)->run(true));
   if (!(*server)->hangs()) return status;

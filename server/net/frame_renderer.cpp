@@ -194,7 +194,8 @@ base::Result<bool> FrameRenderer::drawNextBand(FrameJob& job) {
   {
     const std::lock_guard lock(mutex_);
     const std::uint64_t pixels = std::min(pixelsOf(job.request.camera), FramePainter::kBandPixels);
-    shares_.charge(job.client, job.address, static_cast<double>(pixels));
+    // A client that has gone was forgotten.
+    if (!frame_cancelled_) shares_.charge(job.client, job.address, static_cast<double>(pixels));
   }
   return job.painter->drawNextBand(*renderer);
 }

@@ -342,11 +342,12 @@ void HttpSession::answerAfresh(const HttpRequest& request) {
   waitForAnswer(id);
 }
 
-/// Much may have happened meanwhile.
+/// Much may have happened meanwhile: a link may have expired, a token may have been withdrawn.
 void HttpSession::onFresh(const HttpRequest& request) {
   const bool is_served = std::find(hub_->scenes.begin(), hub_->scenes.end(), hosted_) != hub_->scenes.end();
   if (hub_->draining || !is_served)
     return doWrite(tryLater(kRetrySeconds, "the server stops, or the scene is replaced; try again later\n"));
+  if (auto instead = hub_->answerInstead(head_, hosted_.get())) return doWrite(std::move(*instead));
   answerFromScene(request);
 }
 

@@ -71,7 +71,16 @@ base::Result<std::shared_ptr<HostedScene>> Hub::openPlace(const std::string& pla
   // The io thread must not wait for what the end of a scene waits for: its fetchers, its file of counts.
   const std::shared_ptr<HostedScene> hosted(
       new HostedScene(io, place, std::move(scene), pages),
-      [queue = disposer](HostedScene* ended) { queue->submit(0, [held = std::shared_ptr<HostedScene>(ended)] {}); });
+      // Each is a group of its own, so that one whose end hangs does not keep others.
+      [queue = disposer](HostedScene* ended) {
+        const std::uint64_t group = ended->group;
+        queue->setGroup(group, group);
+        queue->submit(group, [held = std::shared_ptr<HostedScene>(ended), raw = queue.get()]() mutable {
+          const std::uint64_t done = held->group;
+          held.reset();
+          raw->forget(done);
+        });
+      });
   return hosted;
 }
 
@@ -99,6 +108,12 @@ std::vector<std::string> Hub::accessNames(const Scenes& scenes) {
   std::vector<std::string> names;
   for (const auto& hosted : scenes) names.push_back(hosted->access_name);
   return names;
+}
+
+/// The files were read with the names of other scenes than those of now where two reloads overlap.
+void Hub::takeSecurity(Security read) {
+  read.scene_names = accessNames(scenes);
+  security = std::make_shared<const Security>(std::move(read));
 }
 
 void Hub::serveScenes(Scenes opened, RendererPointer drawn_by) {
@@ -144,15 +159,15 @@ void Hub::startAccessLogs() {
 
 void Hub::startRenderer() {
   draws_frames = true;
-  if (auto made = makeRenderer(scenes)) takeRenderer(std::move(made));
-}
-
-Hub::RendererPointer Hub::makeRenderer(const Scenes& scenes) {
   std::vector<FrameRenderer::ScenePointer> drawn;
   for (const auto& hosted : scenes)
     if (hosted->hasPatches()) drawn.emplace_back(hosted->scene);
-  if (drawn.empty()) return nullptr;
-  auto started = FrameRenderer::start(drawn);
+  if (drawn.empty()) return;
+  if (auto made = makeRenderer(drawn)) takeRenderer(std::move(made));
+}
+
+Hub::RendererPointer Hub::makeRenderer(const std::vector<FrameRenderer::ScenePointer>& prepared) {
+  auto started = FrameRenderer::start(prepared);
   if (started) return std::move(*started);
   spdlog::warn("no exact frames: {}", started.error().message);
   return nullptr;
@@ -166,7 +181,10 @@ void Hub::takeRenderer(RendererPointer made) {
     const FrameRenderer::Counts counts = renderer->counts();
     return std::pair(counts.found, counts.not_found);
   });
-  for (const auto& hosted : scenes) offerFrames(*hosted);
+  for (const auto& hosted : scenes) {
+    if (hosted->hasPatches()) renderer->addScene(hosted->scene);
+    offerFrames(*hosted);
+  }
 }
 
 void Hub::offerFrames(const HostedScene& hosted) {
@@ -249,15 +267,19 @@ HttpReply Hub::answerForAllScenes(const HttpRequest& request, const RequestHead&
   return reply;
 }
 
+Hub::Scenes Hub::allScenes() const {
+  Scenes all = scenes;
+  for (const auto& one : ended_scenes)
+    if (auto hosted = one.lock()) all.push_back(std::move(hosted));
+  return all;
+}
+
 void Hub::endThreads(TimedTasks& ends) {
   stopping = true;
   ends.add("viewers' turns", [this] { workers.stop(); });
   ends.add("frames", [this] { renderer.reset(); });
   ends.add("scenes that were replaced", [this] { disposer->stop(); });
-  Scenes all = scenes;
-  for (const auto& one : ended_scenes)
-    if (auto hosted = one.lock()) all.push_back(std::move(hosted));
-  for (const auto& hosted : all)
+  for (const auto& hosted : allScenes())
     ends.add(hosted->place + " (" + std::to_string(hosted->group) + ")", [hosted] {
       hosted->fetchers->stop();
       hosted->picker.reset();
@@ -272,8 +294,10 @@ void Hub::logReadErrors() const {
 }
 
 void Hub::endAccessLogs(TimedTasks& ends) const {
-  for (const auto& hosted : scenes)
-    if (hosted->access) ends.add("access counts of " + hosted->place, [hosted] { hosted->access->finish(); });
+  for (const auto& hosted : allScenes())
+    if (hosted->access)
+      ends.add("access counts of " + hosted->place + " (" + std::to_string(hosted->group) + ")",
+               [hosted] { hosted->access->finish(); });
 }
 
 }  // namespace server

@@ -48,13 +48,17 @@ struct Hub {
   /// others; their viewers may come back. `drawn_by`: what makeRenderer() made for them, if it was wanted.
   using RendererPointer = std::unique_ptr<FrameRenderer>;
   void serveScenes(Scenes opened, RendererPointer drawn_by = nullptr);
+  /// Takes what was read, with the names of the scenes of now.
+  void takeSecurity(Security read);
+  /// Scenes that are served, and those that are no longer and that somebody holds.
+  Scenes allScenes() const;
   /// Draws exact frames and pictures from here on, and of scenes that come later.
   void startRenderer();
   /// Whether a renderer is to be made once there is something to draw.
   bool wantsRenderer() const { return draws_frames && !renderer; }
-  /// Waits for the GL and for the scenes' files; any thread. Null where there is nothing to draw; or no GL context, and
-  /// the log says why.
-  static RendererPointer makeRenderer(const Scenes& scenes);
+  /// Waits for the GL, and for the files of the scenes that it prepares, which nobody may change meanwhile; any thread.
+  /// Null where there is no GL context, and the log says why.
+  static RendererPointer makeRenderer(const std::vector<FrameRenderer::ScenePointer>& prepared);
   /// Counts what is sent, from here on and in scenes that come later, if the options ask for it.
   void startAccessLogs();
   /// The scene that a request addresses, and in `rest` what is asked of it; null for an unknown scene and for the list.

@@ -18,7 +18,8 @@ struct FileStamp {
   std::uintmax_t size = 0;
   friend bool operator==(const FileStamp&, const FileStamp&) = default;
 };
-std::optional<FileStamp> stampOf(const std::filesystem::path& path);
+/// `unknown`: what is returned where the disk does not tell.
+std::optional<FileStamp> stampOf(const std::filesystem::path& path, const std::optional<FileStamp>& unknown);
 
 /// The files as they were read last.
 struct DocumentStamps {
@@ -42,9 +43,10 @@ AnnotationsDocument annotationsOf(std::string text);
 
 /// The documents that differ from those of the stamps.
 struct ChangedDocuments {
-  DocumentStamps stamps;                           ///< as they are now
-  std::optional<SceneDocument> scene;              ///< nothing as well where it cannot be read, as during a build
-  std::optional<AnnotationsDocument> annotations;  ///< an empty list where viewers would refuse the file
+  DocumentStamps stamps;               ///< as they are now
+  std::optional<SceneDocument> scene;  ///< nothing as well where it cannot be read, as during a build
+  /// An empty list where there is no such file, or viewers would refuse it; nothing as well where it cannot be read.
+  std::optional<AnnotationsDocument> annotations;
 };
 /// `directory`: the scene's. The log tells once of a file that is wrong. Any thread; waits for the disk.
 ChangedDocuments readChanges(const std::string& directory, const DocumentStamps& known);

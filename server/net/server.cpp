@@ -28,6 +28,7 @@ struct Server::Impl {
   using Places = std::vector<std::string>;
   using ReadSecurity = base::Result<std::shared_ptr<const Security>>;
   void reload();
+  void readAgain();
   void takeUpReload(std::optional<Places> places, ReadSecurity read);
   void openWanted();
   void limitConnections();
@@ -53,6 +54,7 @@ struct Server::Impl {
   OnReload on_reload;
   std::optional<Places> wanted_places;  // of the newest reload, while an older one goes on
   bool is_opening = false;
+  bool is_reading = false, is_reload_wanted = false;  // the files of a reload; another one came meanwhile
   bool has_ended = false, hangs = false;
   std::uint32_t wanted_connections = 0;
   std::size_t files_of_scene = 0;  // those that a scene keeps open, by the mean of the first ones
@@ -217,8 +219,17 @@ void Server::Impl::drain() {
 }
 
 void Server::Impl::reload() {
+  if (on_reload.at_once) on_reload.at_once();
+  is_reload_wanted = true;
+  if (!is_reading) readAgain();
+}
+
+/// One reading at a time: where a disk hangs, later reloads are one when it answers.
+void Server::Impl::readAgain() {
+  is_reading = true;
+  is_reload_wanted = false;
   file_reader.submit(0, [this, names = Hub::accessNames(hub->scenes)] {
-    auto places = on_reload ? on_reload() : std::nullopt;
+    auto places = on_reload.read_places ? on_reload.read_places() : std::nullopt;
     auto read = Security::read(hub->options, names);
     asio::post(io, [this, places = std::move(places), read = std::move(read)] { takeUpReload(places, read); });
   });
@@ -226,8 +237,9 @@ void Server::Impl::reload() {
 
 void Server::Impl::takeUpReload(std::optional<Places> places, ReadSecurity read) {
   if (hub->stopping) return;
+  is_reading = false;
   if (read) {
-    hub->security = std::move(*read);
+    hub->takeSecurity(**read);
     spdlog::info("certificate and tokens are read again");
   } else {
     spdlog::warn("certificate and tokens stay as they were: {}", read.error().message);
@@ -238,6 +250,7 @@ void Server::Impl::takeUpReload(std::optional<Places> places, ReadSecurity read)
   }
   wanted_places = std::move(places);
   if (!is_opening) openWanted();
+  if (is_reload_wanted) readAgain();
 }
 
 /// Scenes are opened by another thread, for one reload after the other; viewers of others notice nothing.
@@ -246,7 +259,10 @@ void Server::Impl::openWanted() {
   opener.submit(0, [this, places = *std::exchange(wanted_places, std::nullopt), kept = hub->scenes,
                     wants_renderer = hub->wantsRenderer()] {
     auto opened = std::make_shared<Opened>(Opened{hub->openPlaces(places, kept), nullptr});
-    if (opened->scenes && wants_renderer) opened->renderer = Hub::makeRenderer(*opened->scenes);
+    // Scenes that are kept may get another title or light meanwhile, so the io thread gives the renderer its scenes.
+    const auto hasPatches = [](const auto& hosted) { return hosted->hasPatches(); };
+    if (wants_renderer && opened->scenes && std::any_of(opened->scenes->begin(), opened->scenes->end(), hasPatches))
+      opened->renderer = Hub::makeRenderer({});
     asio::post(io, [this, opened] { readNewTokens(opened); });
   });
 }
@@ -267,7 +283,7 @@ void Server::Impl::takeUp(Opened opened, ReadSecurity read) {
     hub->serveScenes(std::move(*opened.scenes), std::move(opened.renderer));
     limitConnections();
     if (read)
-      hub->security = std::move(*read);
+      hub->takeSecurity(**read);
     else
       spdlog::warn("tokens: {}", read.error().message);
     spdlog::info("reloaded: {} scenes", hub->scenes.size());

@@ -76,14 +76,18 @@ class Server {
   bool hangs() const;
   /// Tells viewers that the server stops, and ends within two seconds. Any thread.
   void stop();
-  /// Calls what onReload() was given, on a thread that may wait for a disk, and reads certificate, key, tokens and
-  /// signing keys again, for connections from then on. Then scenes that are new or were built anew are opened while
-  /// others are served on, and viewers of those that were replaced or removed are told to connect again. Where a file
-  /// is wrong, the log says so, and all stays as it was. Any thread; SIGHUP does it, too.
+  /// Calls what onReload() was given and reads certificate, key, tokens and signing keys again, for connections from
+  /// then on. Then scenes that are new or were built anew are opened while others are served on, and viewers of those
+  /// that were replaced or removed are told to connect again. Where a file is wrong, the log says so, and all stays as
+  /// it was. Any thread; SIGHUP does it, too.
   void reload();
-  /// `reload` opens anew or reads again what may change while the server runs, and returns the places of the scenes to
-  /// serve from then on; nothing: those that are served. To be called before run().
-  using OnReload = std::function<std::optional<std::vector<std::string>>()>;
+  struct OnReload {
+    std::function<void()> at_once;  ///< must not wait for a disk
+    /// Reads, on a thread that may wait for a disk, the places of the scenes to serve from then on; nothing: those that
+    /// are served.
+    std::function<std::optional<std::vector<std::string>>()> read_places;
+  };
+  /// To be called before run().
   void onReload(OnReload reload);
   ServerMetrics& metrics();
 

@@ -122,7 +122,7 @@ Site::Site(OpenScene& scene, PageFiles pages)
   for (const StreamedFile& file : scene.streamed)
     addSceneFile(file.method.name, file.method.extension, *file.source, file.bytes);
   if (scene.directory.empty()) return;
-  stamps_.scene = stampOf(scene.directory + "/scene.json");
+  stamps_.scene = stampOf(scene.directory + "/scene.json", std::nullopt);
   takeUp(readChanges(scene.directory, stamps_));
 }
 

@@ -111,9 +111,11 @@ std::unique_ptr<OpenScene> openDocument(base::Scene scene, base::Bytes json_byte
 std::uint64_t imagesIdentity(const std::string& directory) {
   std::uint64_t sum = 0;
   std::error_code ignored;
-  for (const auto& entry : std::filesystem::recursive_directory_iterator(directory + "/images", ignored)) {
+  std::filesystem::recursive_directory_iterator entry(directory + "/images", ignored);
+  // A loop over a range would throw where a folder goes meanwhile.
+  for (; entry != std::filesystem::recursive_directory_iterator(); entry.increment(ignored)) {
     struct stat status {};
-    if (entry.path().filename() == "data.mdb" && ::stat(entry.path().c_str(), &status) == 0)
+    if (entry->path().filename() == "data.mdb" && ::stat(entry->path().c_str(), &status) == 0)
       sum += status.st_ino * 0x9E3779B97F4A7C15U;
   }
   return sum;

@@ -35,8 +35,9 @@ class FairQueue {
   /// All clients of an address together are given at most the time of so many. A choice: an office behind one address
   /// has enough, and whoever opens hundreds of connections gains little.
   static constexpr unsigned kClientsOfAddress = 16;
-  /// A job that has gone on for so long waits for something. A choice: a turn of a viewer takes some ten milliseconds.
-  static constexpr std::chrono::milliseconds kStallTime{250};
+  /// A job that has gone on for so long waits for something. A choice: a turn of a viewer takes some ten milliseconds,
+  /// and on a machine with far too much to do some hundred.
+  static constexpr std::chrono::milliseconds kStallTime{500};
   ~FairQueue() { stop(); }
   FairQueue(const FairQueue&) = delete;
   FairQueue& operator=(const FairQueue&) = delete;

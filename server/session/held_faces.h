@@ -31,6 +31,9 @@ class HeldMemory {
  private:
   friend class HeldFaces;
   bool hasRoom() const { return faces_ < max_faces_; }
+  /// Claims cost nothing, so that they get half of the room: whoever claims much without holding it leaves the other
+  /// half to what is sent.
+  bool hasRoomForClaims() const { return faces_ < max_faces_ / 2; }
 
   const std::uint64_t max_faces_;
   std::atomic<std::uint64_t> faces_{0}, forgotten_{0};
@@ -54,13 +57,15 @@ class HeldFaces {
   void erase(const repository::FaceKey& key) { memory_->faces_ -= faces_.erase(key); }
 
  private:
-  bool hasRoom() const {
-    return faces_.size() < kMinFacesHeld || (faces_.size() < kMaxFacesHeld && memory_->hasRoom());
+  bool hasRoom(bool in_memory) const {
+    return faces_.size() < kMinFacesHeld || (faces_.size() < kMaxFacesHeld && in_memory);
   }
+  void forgetAnother();
   void insert(const repository::FaceKey& key) { memory_->faces_ += faces_.insert(key).second ? 1 : 0; }
 
   const std::shared_ptr<HeldMemory> memory_;
   std::unordered_set<repository::FaceKey> faces_;
+  std::size_t next_bucket_ = 0;  // from which on the next one to be forgotten is looked for
 };
 
 }  // namespace server

@@ -116,6 +116,24 @@ TEST_F(HungDisk, withTheTokensOnItKeepsTheOldOnes) {
   EXPECT_TRUE(waitFor([&] { return server->log().find("reloaded: 2 scenes") != std::string::npos; }));
 }
 
+// A request may wait for seconds, and its token may be withdrawn meanwhile.
+TEST_F(HungDisk, opensNothingToWhoseTokenIsWithdrawnMeanwhile) {
+  const std::string tokens = other_.path + "/tokens.json", token = "0123456789abcdef0123456789abcdef";
+  programs::writeText(tokens, R"([{"token": ")" + token + R"(", "scenes": "all"}])");
+  const auto server = serve({"--tokens", tokens});
+  ASSERT_NE(server->port(), 0);
+  hang();
+  auto waiting = std::async(std::launch::async, [&] {
+    return httpRequest(server->port(), addressOf(hung_) + "scene.json", {{"Authorization", "Bearer " + token}});
+  });
+  ASSERT_EQ(waiting.wait_for(std::chrono::milliseconds(500)), std::future_status::timeout);
+  programs::writeText(tokens, R"([{"token": "fedcba9876543210fedcba9876543210", "scenes": "all"}])");
+  server->send(SIGHUP);
+  ASSERT_TRUE(waitFor([&] { return server->log().find("tokens are read again") != std::string::npos; }));
+  EXPECT_EQ(waiting.get().status, 401);
+  letGo();
+}
+
 TEST_F(HungDisk, isNotWaitedForAtTheEnd) {
   for (const int signal : {SIGTERM, SIGINT}) {
     const auto server = serve();

@@ -81,10 +81,10 @@ class RunningServer {
     options.port = 0;
     auto opened = Server::open(directories, options);
     server = std::move(*opened);
-    server->onReload([this] {
-      ++reloads_;
-      return std::nullopt;
-    });
+    server->onReload({.at_once = {}, .read_places = [this] {
+                        ++reloads_;
+                        return std::nullopt;
+                      }});
     thread = std::thread([this] { std::ignore = server->run(false); });
   }
   ~RunningServer() { stop(); }

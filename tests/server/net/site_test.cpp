@@ -236,8 +236,12 @@ TEST(Site, changedAnnotationsAreServed) {
   EXPECT_EQ(httpRequest(server.port(), "/annotations.json").body, notes);
   std::filesystem::remove(scene.path + "/annotations.json");
   EXPECT_EQ(httpRequest(server.port(), "/annotations.json").body, none.body);
+  write(notes);
+  EXPECT_EQ(httpRequest(server.port(), "/annotations.json").body, notes);
+  // What cannot be read is served as it was.
+  std::filesystem::remove(scene.path + "/annotations.json");
   std::filesystem::create_directory(scene.path + "/annotations.json");
-  EXPECT_EQ(httpRequest(server.port(), "/annotations.json").body, none.body);
+  EXPECT_EQ(httpRequest(server.port(), "/annotations.json").body, notes);
 }
 
 // A range of a changed file would be mixed with ranges of the old one.

@@ -272,7 +272,7 @@ TEST(FairQueue, timeThatAJobHangsIsNotCharged) {
   };
   for (int i = 0; i < 8; ++i) add(2, 'b', std::chrono::milliseconds(100));
   add(1, 'a', std::chrono::milliseconds(1));
-  std::this_thread::sleep_for(8 * FairQueue::kStallTime);
+  std::this_thread::sleep_for(4 * FairQueue::kStallTime);
   hangs.open();
   all.get_future().wait();
   EXPECT_LT(order.find('a'), 8U) << order;

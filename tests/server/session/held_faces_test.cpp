@@ -25,7 +25,7 @@ std::uint32_t countOf(const HeldFaces& held, std::uint32_t first, std::uint32_t 
 }
 
 TEST(HeldFaces, allViewersTogetherHaveALimit) {
-  const auto memory = std::make_shared<HeldMemory>(3'000 * HeldMemory::kFaceBytes);
+  const auto memory = std::make_shared<HeldMemory>(6'000 * HeldMemory::kFaceBytes);
   std::vector<std::unique_ptr<HeldFaces>> viewers;
   for (int i = 0; i < 10; ++i) {
     viewers.push_back(std::make_unique<HeldFaces>(memory));
@@ -55,6 +55,29 @@ TEST(HeldFaces, whatIsSentTakesThePlaceOfAnotherWhereThereIsNoRoom) {
   held.claim(keyOf(5'000));
   EXPECT_TRUE(held.contains(keyOf(5'000)));
   EXPECT_EQ(memory->bytes(), kMinFacesHeld * HeldMemory::kFaceBytes);
+}
+
+// What was claimed costs nothing, so that it must leave room for what is sent.
+TEST(HeldFaces, claimsGetHalfOfTheRoom) {
+  const auto memory = std::make_shared<HeldMemory>(6'000 * HeldMemory::kFaceBytes);
+  HeldFaces greedy(memory), honest(memory);
+  for (std::uint32_t n = 0; n < 20'000; ++n) greedy.claim(keyOf(n));
+  EXPECT_EQ(greedy.size(), 3'000U);
+  for (std::uint32_t n = 0; n < 2'500; ++n) honest.add(keyOf(n));
+  EXPECT_EQ(countOf(honest, 0, 2'500), 2'500U);
+}
+
+// A view that is asked for again and again must not be sent again and again.
+TEST(HeldFaces, whatIsForgottenIsMostlyWhatIsLeastNew) {
+  HeldFaces held(std::make_shared<HeldMemory>(0));
+  for (std::uint32_t n = 0; n < 2 * kMinFacesHeld; ++n) held.add(keyOf(n));
+  constexpr std::uint32_t kOfView = 400, kFirst = 10'000;
+  std::uint32_t sent = 0;
+  for (int view = 0; view < 3; ++view)
+    for (std::uint32_t n = kFirst; n < kFirst + kOfView; ++n)
+      if (!held.contains(keyOf(n))) ++sent, held.add(keyOf(n));
+  EXPECT_LE(sent, kOfView + kOfView / 2);
+  EXPECT_GE(countOf(held, kFirst, kFirst + kOfView), kOfView * 9 / 10);
 }
 
 TEST(HeldFaces, aViewerWhoEvictsNothingHasALimit) {
