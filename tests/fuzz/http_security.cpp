@@ -110,7 +110,9 @@ std::optional<Head> parseHead(std::string_view text) {
 
 struct TestServer {
   server::Security security;
-  bool has_tokens = false, has_keys = false, is_at_root = false, has_names = false;
+  bool has_tokens = false, has_keys = false, is_at_root = false;
+  bool has_names = false;  ///< it answers by some names only
+  bool has_pages = false;  ///< it answers kPagesOrigin
 };
 
 /// Two scenes at "/tower/" and "/bridge/", but for a server whose tower is at "/".
@@ -153,7 +155,8 @@ class TestServers {
                     !options.token_file.empty(),
                     !options.signing_keys.empty(),
                     false,
-                    !options.hosts.empty() || (server::isLocalAddress(address) && !options.is_open)});
+                    !options.hosts.empty() || (server::isLocalAddress(address) && !options.is_open),
+                    !options.origins.empty()});
   }
 
   support::ScratchDirectory directory_;
@@ -198,14 +201,17 @@ bool isPageAllowed(const Head& head, const TestServer& server) {
   const std::string origin = lowerCase(head.origin), host = lowerCase(head.host);
   const std::size_t begin = origin.find("//");
   if (begin == std::string::npos) return false;
-  return withoutUsualPorts(origin).ends_with("//page.example") ||
+  return (server.has_pages && withoutUsualPorts(origin) == kPagesOrigin) ||
          (!host.empty() && withoutUsualPorts(std::string_view(origin).substr(begin + 2)) == withoutUsualPorts(host));
 }
 
 bool isNameAllowed(const Head& head, const TestServer& server) {
   const std::string host = lowerCase(head.host);
-  return host.empty() || !server.has_names || host.starts_with("127.") || host.starts_with('[') ||
-         host.find("localhost") != std::string::npos || host.starts_with(kScenesHost);
+  if (host.empty() || host.starts_with('[') || !server.has_names) return true;
+  std::string_view name = std::string_view(host).substr(0, host.find(':'));
+  if (name.ends_with('.')) name.remove_suffix(1);
+  if (name.starts_with("127.")) return name.find_first_not_of("0123456789.") == name.npos;
+  return name == "localhost" || name.ends_with(".localhost") || name == kScenesHost;
 }
 
 void checkFields(const server::HeaderFields& fields) {
@@ -326,6 +332,12 @@ std::vector<base::Bytes> seeds() {
       request("HEAD /tower/ HTTP/1.1\r\nAuthorization: Bearer " + kExpired + "\r\nCookie: lumigrid-1=" + kOfTower +
               "\r\nCookie: lumigrid-2=" + made.expired.text() + "\r\nSec-Fetch-Site: cross-site\r\n" +
               "Sec-Fetch-Mode: navigate\r\n\r\n"),
+      request("GET /tower/ HTTP/1.1\r\nHost: scenes.example\r\nOrigin: https://scenes.example.org\r\nAuthorization: "
+              "Bearer " +
+              kOfAll + "\r\n\r\n"),
+      request("GET /bridge/ HTTP/1.1\r\nHost: Scenes.Example.:443\r\nOrigin: https://page.example:443\r\nCookie: "
+              "lumigrid-3=" +
+              made.of_bridge.text() + "\r\n\r\n"),
       request("OPTIONS * HTTP/1.1\r\nHost: 127.0.0.1\r\nOrigin: null\r\n\r\n"),
       request("GET / HTTP/1.0\r\nX-Forwarded-For: 198.51.100.7, 10.0.0.1:4711\r\nX-Forwarded-For: "
               "[2001:db8::1]:80\r\nX-Forwarded-Proto: http,https\r\n\r\n")};
