@@ -210,8 +210,8 @@ bool isNameAllowed(const Head& head, const TestServer& server) {
   if (host.empty() || host.starts_with('[') || !server.has_names) return true;
   std::string_view name = std::string_view(host).substr(0, host.find(':'));
   if (name.ends_with('.')) name.remove_suffix(1);
-  if (name.starts_with("127.")) return name.find_first_not_of("0123456789.") == name.npos;
-  return name == "localhost" || name.ends_with(".localhost") || name == kScenesHost;
+  if (name == "localhost" || name.ends_with(".localhost") || name == kScenesHost) return true;
+  return name.starts_with("127.") && name.find_first_not_of("0123456789.") == name.npos;
 }
 
 void checkFields(const server::HeaderFields& fields) {
