@@ -1,26 +1,53 @@
 #!/usr/bin/env bash
-# tools/fuzz.sh [--keep] [SECONDS [NAME...]]: builds the fuzz targets with libFuzzer and the sanitizers, runs each of
-# them, or those named, for so many seconds (60) on one core, and says how many runs a second it made. Inputs that reach
-# new code are gathered in build/fuzz/found/NAME; one that fails is left in build/fuzz/failed and ends the script.
-# --keep takes a choice of those that reach code which smaller ones do not into tests/fuzz/corpus/NAME, for ctest.
+# tools/fuzz.sh [--keep] [SECONDS | --runs N] [NAME...]: builds the fuzz targets with libFuzzer and the sanitizers, runs
+# each of them, or those named, for so many seconds (60) or so many inputs on one core, and says how many runs a second
+# it made. Inputs that reach new code are gathered in build/fuzz/found/NAME; one that fails is left in build/fuzz/failed
+# and ends the script. --keep takes a choice of those that reach code which smaller ones do not into
+# tests/fuzz/corpus/NAME, for ctest.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 export CCACHE_DISABLE=${CCACHE_DISABLE:-1}
+
+fail() {
+  echo "tools/fuzz.sh: $1; usage: tools/fuzz.sh [--keep] [SECONDS | --runs N] [NAME...]" >&2
+  exit 2
+}
+
+# libFuzzer takes 0 seconds for no limit at all, 0 runs for the corpus alone, and keeps both numbers in 32 bits.
+is_count() { [[ $1 =~ ^[1-9][0-9]{0,8}$ ]]; }
+
 keep=no
-if [ "${1:-}" = --keep ]; then
-  keep=yes
+limit=
+while [[ ${1:-} == -* ]]; do
+  case $1 in
+    --keep) keep=yes ;;
+    --runs)
+      is_count "${2:-}" || fail "--runs needs a number from 1 to 999999999, not '${2:-}'"
+      limit=-runs=$2
+      shift
+      ;;
+    *) fail "there is no option $1" ;;
+  esac
+  shift
+done
+if [[ ${1:-} =~ ^[0-9] ]]; then
+  [ -z "$limit" ] || fail "either SECONDS or --runs N, not both"
+  is_count "$1" || fail "'$1' is no number of seconds from 1 to 999999999"
+  limit=-max_total_time=$1
   shift
 fi
-seconds=${1:-60}
-[ $# -eq 0 ] || shift
+all=($(sed -n 's/^lumigrid_fuzz(\([a-z0-9_]*\) .*/\1/p' tests/fuzz/CMakeLists.txt))
+names=("$@")
+[ ${#names[@]} -gt 0 ] || names=("${all[@]}")
+for name in "${names[@]}"; do
+  [[ " ${all[*]} " == *" $name "* ]] || fail "there is no fuzz target '$name' in tests/fuzz/CMakeLists.txt"
+done
 # The corpus of a target: all of them together stay under 300 KB.
 max_files=40 max_bytes=8000
 
 tools/install_packages.sh build fuzz
 mkdir -p build
 cmake --preset fuzz -DLUMIGRID_QUICK=ON >build/configure.log || { tail -n 20 build/configure.log >&2; exit 1; }
-names=("$@")
-[ ${#names[@]} -gt 0 ] || names=($(sed -n 's/^lumigrid_fuzz(\([a-z0-9_]*\) .*/\1/p' tests/fuzz/CMakeLists.txt))
 cmake --build build/fuzz --target "${names[@]/#/fuzz_}"
 mkdir -p build/fuzz/failed
 
@@ -45,7 +72,7 @@ for name in "${names[@]}"; do
   mkdir -p "$found" "tests/fuzz/corpus/$name"
   "$program" --write-seeds "$found"
   log=build/fuzz/$name.log
-  if ! "$program" -max_total_time="$seconds" -timeout=20 -rss_limit_mb=2048 -entropic=0 -print_final_stats=1 \
+  if ! "$program" "${limit:--max_total_time=60}" -timeout=20 -rss_limit_mb=2048 -entropic=0 -print_final_stats=1 \
     -artifact_prefix="build/fuzz/failed/$name-" "$found" "tests/fuzz/corpus/$name" >"$log" 2>&1; then
     tail -n 40 "$log"
     echo "$name fails; see $log and build/fuzz/failed" >&2
