@@ -64,7 +64,7 @@ ChangedDocuments readChanges(const std::string& directory, const DocumentStamps&
   ChangedDocuments changed;
   changed.stamps = {stampOf(scene_path, known.scene),
                     stampOf(std::filesystem::path(directory) / base::kAnnotationsFile, known.annotations)};
-  // What cannot be read now, as while a build replaces the scene, is tried again the next time.
+  // A file that cannot be read now, as while a build replaces the scene, is tried again the next time.
   if (changed.stamps.scene != known.scene) {
     if (const auto bytes = base::readFile(scene_path))
       changed.scene = readSceneDocument(scene_path, *bytes);

@@ -238,7 +238,7 @@ TEST(Site, changedAnnotationsAreServed) {
   EXPECT_EQ(httpRequest(server.port(), "/annotations.json").body, none.body);
   write(notes);
   EXPECT_EQ(httpRequest(server.port(), "/annotations.json").body, notes);
-  // What cannot be read is served as it was.
+  // A file that cannot be read is served as it was.
   std::filesystem::remove(scene.path + "/annotations.json");
   std::filesystem::create_directory(scene.path + "/annotations.json");
   EXPECT_EQ(httpRequest(server.port(), "/annotations.json").body, notes);

@@ -57,7 +57,7 @@ TEST(HeldFaces, whatIsSentTakesThePlaceOfAnotherWhereThereIsNoRoom) {
   EXPECT_EQ(memory->bytes(), kMinFacesHeld * HeldMemory::kFaceBytes);
 }
 
-// What was claimed costs nothing, so that it must leave room for what is sent.
+// Claims cost nothing, so that it must leave room for what is sent.
 TEST(HeldFaces, claimsGetHalfOfTheRoom) {
   const auto memory = std::make_shared<HeldMemory>(6'000 * HeldMemory::kFaceBytes);
   HeldFaces greedy(memory), honest(memory);
