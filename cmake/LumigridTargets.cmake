@@ -128,7 +128,7 @@ function(_lumigrid_setup name uses libraries)
 endfunction()
 
 # lumigrid_hot(file...): where time goes. A page's code is built for size (preset "web"), all but these. Beside -Oz the
-# compiler driver says -fno-inline-functions, which outlives a later -O2: without inlining umbrellas take twice the time.
+# compiler driver says -fno-inline-functions, which outlives a later -O2: without inlining umbrellas take twice as long.
 # (-O3 is no faster, and larger.)
 function(lumigrid_hot)
   if(EMSCRIPTEN)

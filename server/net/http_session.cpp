@@ -76,6 +76,7 @@ class HttpSession final : public Connection {
   void readHead();
   void answer(HttpRequest request);
   void answerAfresh(const HttpRequest& request);
+  bool refuse();
   void onFresh(const HttpRequest& request);
   void answerFromScene(const HttpRequest& request);
   void upgradeToWebSocket();
@@ -320,10 +321,7 @@ void HttpSession::answer(HttpRequest request) {
   request.is_secure = head_.is_secure;
   std::string_view rest;
   hosted_ = hub_->findScene(head_, rest);
-  if (auto instead = hub_->answerInstead(head_, hosted_.get())) {
-    if (const char* reason = refusalReason(*instead)) hub_->metrics.refused(reason).add();
-    return doWrite(std::move(*instead));
-  }
+  if (refuse()) return;
   if (hosted_ == nullptr) return doWrite(hub_->answerForAllScenes(request, head_));
   if (rest.empty()) return doWrite(redirectToFolder(hosted_->access_name));
   request.target = rest;
@@ -331,6 +329,15 @@ void HttpSession::answer(HttpRequest request) {
   const bool shows_documents = path == "/scene.json" || path == "/annotations.json" || path == "/render";
   if (head_.is_upgrade || shows_documents) return answerAfresh(request);
   answerFromScene(request);
+}
+
+/// Answers a request that gets no other answer (Security::answerInstead()); false for others.
+bool HttpSession::refuse() {
+  auto instead = hub_->answerInstead(head_, hosted_.get());
+  if (!instead) return false;
+  if (const char* reason = refusalReason(*instead)) hub_->metrics.refused(reason).add();
+  doWrite(std::move(*instead));
+  return true;
 }
 
 /// Waits until the scene's documents were read, lest the answer be older than what `lumigrid set` has written.
@@ -347,8 +354,7 @@ void HttpSession::onFresh(const HttpRequest& request) {
   const bool is_served = std::find(hub_->scenes.begin(), hub_->scenes.end(), hosted_) != hub_->scenes.end();
   if (hub_->draining || !is_served)
     return doWrite(tryLater(kRetrySeconds, "the server stops, or the scene is replaced; try again later\n"));
-  if (auto instead = hub_->answerInstead(head_, hosted_.get())) return doWrite(std::move(*instead));
-  answerFromScene(request);
+  if (!refuse()) answerFromScene(request);
 }
 
 void HttpSession::answerFromScene(const HttpRequest& request) {
