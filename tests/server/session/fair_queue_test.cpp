@@ -73,26 +73,42 @@ TEST(FairQueue, severalJobsOfAClientRunAtOnceWhereThatIsAllowed) {
   second.open();
 }
 
+/// Jobs of a queue that note who ran.
+class NotedJobs {
+ public:
+  NotedJobs(FairQueue& queue, std::size_t count) : queue_(queue), count_(count) {}
+  void add(std::uint64_t client, char name, std::chrono::milliseconds time) {
+    queue_.submit(client, [this, name, time] {
+      spend(time);
+      order_ += name;
+      if (order_.size() == count_) all_.set_value();
+    });
+  }
+  /// The names in the order in which all jobs ran, once they did.
+  std::string order() {
+    all_.get_future().wait();
+    return order_;
+  }
+
+ private:
+  FairQueue& queue_;
+  const std::size_t count_;
+  std::string order_;
+  std::promise<void> all_;
+};
+
 // Ten jobs of a greedy client were there first. Once it was given time, the others come before its next job.
 TEST(FairQueue, whoWasGivenLeastTimeComesNext) {
   FairQueue queue(1);
   Gate gate;
   queue.submit(99, gate.job());
   gate.waitUntilBegun();
-  std::string order;
-  std::promise<void> all;
-  const auto add = [&](std::uint64_t client, char name, std::chrono::milliseconds time) {
-    queue.submit(client, [&, name, time] {
-      spend(time);
-      order += name;
-      if (order.size() == 14) all.set_value();
-    });
-  };
-  for (int i = 0; i < 10; ++i) add(1, 'g', std::chrono::milliseconds(20));
-  for (int i = 0; i < 2; ++i) add(2, 'a', std::chrono::milliseconds(1));
-  for (int i = 0; i < 2; ++i) add(3, 'b', std::chrono::milliseconds(1));
+  NotedJobs jobs(queue, 14);
+  for (int i = 0; i < 10; ++i) jobs.add(1, 'g', std::chrono::milliseconds(20));
+  for (int i = 0; i < 2; ++i) jobs.add(2, 'a', std::chrono::milliseconds(1));
+  for (int i = 0; i < 2; ++i) jobs.add(3, 'b', std::chrono::milliseconds(1));
   gate.open();
-  all.get_future().wait();
+  const std::string order = jobs.order();
   EXPECT_EQ(order.substr(0, 1), "g");
   EXPECT_EQ(order.substr(5), "ggggggggg") << order;
 }
@@ -139,19 +155,11 @@ TEST(FairQueue, idleClientsSaveUpNoTime) {
   Gate gate;
   queue.submit(99, gate.job());
   gate.waitUntilBegun();
-  std::string order;
-  std::promise<void> all;
-  const auto add = [&](std::uint64_t client, char name) {
-    queue.submit(client, [&, name] {
-      spend(std::chrono::milliseconds(10));
-      order += name;
-      if (order.size() == 8) all.set_value();
-    });
-  };
-  for (int i = 0; i < 4; ++i) add(2, 'b');
-  for (int i = 0; i < 4; ++i) add(1, 'a');
+  NotedJobs jobs(queue, 8);
+  for (int i = 0; i < 4; ++i) jobs.add(2, 'b', std::chrono::milliseconds(10));
+  for (int i = 0; i < 4; ++i) jobs.add(1, 'a', std::chrono::milliseconds(10));
   gate.open();
-  all.get_future().wait();
+  const std::string order = jobs.order();
   EXPECT_NE(order, "bbbbaaaa");
 }
 
@@ -261,20 +269,12 @@ TEST(FairQueue, timeThatAJobHangsIsNotCharged) {
   Gate hangs;
   queue.submit(1, hangs.job());
   hangs.waitUntilBegun();
-  std::string order;
-  std::promise<void> all;
-  const auto add = [&](std::uint64_t client, char name, std::chrono::milliseconds time) {
-    queue.submit(client, [&, name, time] {
-      spend(time);
-      order += name;
-      if (order.size() == 9) all.set_value();
-    });
-  };
-  for (int i = 0; i < 8; ++i) add(2, 'b', std::chrono::milliseconds(100));
-  add(1, 'a', std::chrono::milliseconds(1));
+  NotedJobs jobs(queue, 9);
+  for (int i = 0; i < 8; ++i) jobs.add(2, 'b', std::chrono::milliseconds(100));
+  jobs.add(1, 'a', std::chrono::milliseconds(1));
   std::this_thread::sleep_for(4 * FairQueue::kStallTime);
   hangs.open();
-  all.get_future().wait();
+  const std::string order = jobs.order();
   EXPECT_LT(order.find('a'), 8U) << order;
 }
 
