@@ -31,6 +31,10 @@ class HungDisk : public ::testing::Test {
   }
   void hang() const { programs::writeText(marker(), ""); }
   void letGo() const { std::filesystem::remove(marker()); }
+  /// One token, which opens all scenes.
+  static void writeTokens(const std::string& path, const std::string& token) {
+    programs::writeText(path, R"([{"token": ")" + token + R"(", "scenes": "all"}])");
+  }
   static std::string addressOf(const SceneDirectory& scene) {
     return "/" + std::filesystem::path(scene.path).filename().string() + "/";
   }
@@ -101,7 +105,7 @@ TEST_F(HungDisk, keepsNoRequestOfOthers) {
 
 TEST_F(HungDisk, withTheTokensOnItKeepsTheOldOnes) {
   const std::string tokens = hung_.path + "/tokens.json", token = "0123456789abcdef0123456789abcdef";
-  programs::writeText(tokens, R"([{"token": ")" + token + R"(", "scenes": "all"}])");
+  writeTokens(tokens, token);
   const auto server = serve({"--tokens", tokens});
   ASSERT_NE(server->port(), 0);
   hang();
@@ -119,7 +123,7 @@ TEST_F(HungDisk, withTheTokensOnItKeepsTheOldOnes) {
 // A request may wait for seconds, and its token may be withdrawn meanwhile.
 TEST_F(HungDisk, opensNothingToWhoseTokenIsWithdrawnMeanwhile) {
   const std::string tokens = other_.path + "/tokens.json", token = "0123456789abcdef0123456789abcdef";
-  programs::writeText(tokens, R"([{"token": ")" + token + R"(", "scenes": "all"}])");
+  writeTokens(tokens, token);
   const auto server = serve({"--tokens", tokens});
   ASSERT_NE(server->port(), 0);
   hang();
@@ -127,7 +131,7 @@ TEST_F(HungDisk, opensNothingToWhoseTokenIsWithdrawnMeanwhile) {
     return httpRequest(server->port(), addressOf(hung_) + "scene.json", {{"Authorization", "Bearer " + token}});
   });
   ASSERT_EQ(waiting.wait_for(std::chrono::milliseconds(500)), std::future_status::timeout);
-  programs::writeText(tokens, R"([{"token": "fedcba9876543210fedcba9876543210", "scenes": "all"}])");
+  writeTokens(tokens, "fedcba9876543210fedcba9876543210");
   server->send(SIGHUP);
   ASSERT_TRUE(waitFor([&] { return server->log().find("tokens are read again") != std::string::npos; }));
   EXPECT_EQ(waiting.get().status, 401);
