@@ -12,10 +12,12 @@
 #include <vector>
 
 #include "base/bytes.h"
+#include "lod/byte_range.h"
 #include "lod/file_bytes.h"
 #include "lod/pmr/draw_list.h"
 #include "lod/pmr/format.h"
 #include "lod/pmr/traverse.h"
+#include "lod/surface_vertex.h"
 
 namespace lod::pmr {
 
@@ -31,19 +33,9 @@ struct StreamOptions {
   std::uint64_t decode_per_frame = 0;
 };
 
-/// Bytes offset … offset + length − 1 of the file.
-struct ByteRange {
-  std::uint64_t id = 0;
-  std::uint64_t offset = 0;
-  std::uint64_t length = 0;
-};
+using ByteRange = lod::ByteRange;
 
-/// A vertex as the GPU gets it: 20 bytes.
-struct Vertex {
-  glm::vec3 position{0.0F};             ///< scene-local
-  std::array<std::int8_t, 4> normal{};  ///< unit vector, 127ths; the last is 0
-  glm::u8vec4 color{255};               ///< sRGB, A = 255
-};
+using Vertex = SurfaceVertex;
 
 /// A leaf at a level, decoded; it never changes.
 struct LeafPicture {
