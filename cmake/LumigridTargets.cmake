@@ -39,7 +39,7 @@ lumigrid_row(lod_ingest USES base mesh)
 lumigrid_row(lod_patch_builder USES base mesh lod_ingest lod_patch lod_texture LINKS metis)
 lumigrid_row(lod_qsplat_builder USES base mesh lod_ingest lod_qsplat)
 lumigrid_row(lod_pmr_builder USES base mesh lod_ingest lod_pmr LINKS CGAL::CGAL)
-lumigrid_row(lod_draw USES base base_gl lod_patch lod_qsplat lod_pmr)
+lumigrid_row(lod_draw USES base base_gl lod_patch lod_qsplat lod_pmr lod_hlod)
 lumigrid_row(sampling USES base)
 lumigrid_row(sampling_json USES base base_hash base_json sampling LINKS nlohmann_json::nlohmann_json)
 lumigrid_row(cache USES base)
@@ -53,7 +53,7 @@ lumigrid_row(repository
   LINKS lmdb nlohmann_json::nlohmann_json)
 lumigrid_row(protocol USES base sampling)
 lumigrid_row(plan USES base lod_patch sampling cache protocol)
-lumigrid_row(server_render USES ${_any_base} lod_patch lod_qsplat lod_pmr lod_texture lod_draw)
+lumigrid_row(server_render USES ${_any_base} lod_patch lod_qsplat lod_pmr lod_hlod lod_texture lod_draw)
 lumigrid_row(client_render USES base base_gl lod_patch lod_draw)
 lumigrid_row(server_bake
   USES ${_any_base} lod_patch lod_draw sampling faces face_image frames repository protocol plan server_render
