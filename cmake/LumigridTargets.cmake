@@ -76,8 +76,9 @@ lumigrid_row(server_net
   LINKS Boost::headers Threads::Threads spdlog::spdlog nlohmann_json::nlohmann_json)
 lumigrid_row(lumigrid
   USES ${_any_base} mesh lod_ingest lod_patch lod_patch_builder lod_qsplat lod_qsplat_builder lod_pmr lod_pmr_builder
-       lod_texture lod_draw sampling cache faces packs objects repository protocol server_auth server_render server_bake
-       server_export server_session server_scene server_trial server_net server_log server_metrics
+       lod_hlod lod_hlod_builder lod_texture lod_draw sampling cache faces packs objects repository protocol
+       server_auth server_render server_bake server_export server_session server_scene server_trial server_net
+       server_log server_metrics
   LINKS CLI11::CLI11 spdlog::spdlog nlohmann_json::nlohmann_json openmesh)
 lumigrid_row(client
   USES base base_gl lod_patch lod_qsplat lod_pmr lod_draw sampling faces packs cache protocol plan

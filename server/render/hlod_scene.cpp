@@ -1,10 +1,22 @@
 #include "server/render/hlod_scene.h"
 
+#include <algorithm>
+#include <cmath>
 #include <utility>
 
 #include "server/render/streamed_scene.h"
 
 namespace server {
+namespace {
+
+/// By so many pixels tiles overlap: points reach as far beyond their centres, and lines beyond their ends, as a node's
+/// error, half a pixel at least, and some drivers discard points whose centre lies outside the target.
+int tileBorder(float tolerance) {
+  constexpr float kMaxBorder = 64.0F;
+  return 1 + static_cast<int>(std::ceil(std::min(tolerance, kMaxBorder)));
+}
+
+}  // namespace
 
 HlodScene::HlodScene(std::string path, const std::shared_ptr<const lod::FileBytes>& file, const base::Light& light)
     : path_(std::move(path)),
@@ -15,8 +27,8 @@ base::Result<std::unique_ptr<HlodScene>> HlodScene::create(const std::string& di
   LUMIGRID_ASSIGN_OR_RETURN(const auto file, openStreamedFile(directory, scene, base::kHlodMethod));
   std::unique_ptr<HlodScene> made(new HlodScene(file.path, file.bytes, scene.light));
   LUMIGRID_TRY(checkStream(made->stream_, file.path));
-  LUMIGRID_ASSIGN_OR_RETURN(made->renderer_, lod::draw::NodeRenderer::create(kGpuBytes));
-  LUMIGRID_ASSIGN_OR_RETURN(made->tiles_, TiledPicture::create(kTileBorder));
+  LUMIGRID_ASSIGN_OR_RETURN(made->renderer_, lod::draw::NodeRenderer::create(kStreamedGpuBytes));
+  LUMIGRID_ASSIGN_OR_RETURN(made->tiles_, TiledPicture::create());
   return made;
 }
 
@@ -43,11 +55,13 @@ base::Result<HlodPicture> HlodScene::render(const base::Camera& camera, const Hl
   lod::hlod::TraverseRequest request;
   request.camera = camera;
   request.tolerance = options.tolerance;
-  LUMIGRID_ASSIGN_OR_RETURN(picture.rgba,
-                            tiles_->draw(camera, options, [&](const base::Camera& tile, const SampleTarget& target) {
-                              request.tile = tile;
-                              return drawTile(request, target, options.supersampling, picture);
-                            }));
+  LUMIGRID_ASSIGN_OR_RETURN(picture.rgba, tiles_->draw(
+                                              camera, options,
+                                              [&](const base::Camera& tile, const SampleTarget& target) {
+                                                request.tile = tile;
+                                                return drawTile(request, target, options.supersampling, picture);
+                                              },
+                                              tileBorder(options.tolerance)));
   return picture;
 }
 

@@ -12,12 +12,8 @@ namespace server {
 
 /// Limits for what is kept for the next picture, decoded and on the GPU. What one picture needs is drawn whatever its
 /// size, up to the first of them.
-inline constexpr std::uint64_t kDecodedBytes = std::uint64_t{4} << 30;
-inline constexpr std::uint64_t kGpuBytes = 512 << 20;
-
-/// By so many pixels tiles overlap: a point's square reaches about a pixel beyond its centre, as a line does beyond its
-/// ends, and some drivers discard points whose centre lies outside the target.
-inline constexpr int kTileBorder = 1;
+inline constexpr std::uint64_t kStreamedDecodedBytes = std::uint64_t{4} << 30;
+inline constexpr std::uint64_t kStreamedGpuBytes = 512 << 20;
 
 struct OpenStreamedFile {
   std::string path;
@@ -32,7 +28,7 @@ base::Result<OpenStreamedFile> openStreamedFile(const std::string& directory, co
 template <class Options>
 Options wholeFile() {
   Options options;
-  options.memory_bytes = kDecodedBytes;
+  options.memory_bytes = kStreamedDecodedBytes;
   options.decode_per_frame = 0;
   return options;
 }

@@ -5,6 +5,13 @@
 #include "server/render/streamed_scene.h"
 
 namespace server {
+namespace {
+
+// A point's square reaches about a pixel beyond its centre, and some drivers discard points whose centre lies outside
+// the target.
+constexpr int kTileBorder = 1;
+
+}  // namespace
 
 UmbrellaScene::UmbrellaScene(std::string path, const std::shared_ptr<const lod::FileBytes>& file,
                              const base::Light& light)
@@ -17,8 +24,8 @@ base::Result<std::unique_ptr<UmbrellaScene>> UmbrellaScene::create(const std::st
   LUMIGRID_ASSIGN_OR_RETURN(const auto file, openStreamedFile(directory, scene, base::kUmbrellaMethod));
   std::unique_ptr<UmbrellaScene> made(new UmbrellaScene(file.path, file.bytes, scene.light));
   LUMIGRID_TRY(checkStream(made->stream_, file.path));
-  LUMIGRID_ASSIGN_OR_RETURN(made->renderer_, lod::draw::UmbrellaRenderer::create(kGpuBytes));
-  LUMIGRID_ASSIGN_OR_RETURN(made->tiles_, TiledPicture::create(kTileBorder));
+  LUMIGRID_ASSIGN_OR_RETURN(made->renderer_, lod::draw::UmbrellaRenderer::create(kStreamedGpuBytes));
+  LUMIGRID_ASSIGN_OR_RETURN(made->tiles_, TiledPicture::create());
   return made;
 }
 
@@ -45,11 +52,13 @@ base::Result<UmbrellaPicture> UmbrellaScene::render(const base::Camera& camera, 
   lod::pmr::TraverseRequest request;
   request.camera = camera;
   request.tolerance = options.tolerance;
-  LUMIGRID_ASSIGN_OR_RETURN(picture.rgba,
-                            tiles_->draw(camera, options, [&](const base::Camera& tile, const SampleTarget& target) {
-                              request.tile = tile;
-                              return drawTile(request, target, options.supersampling, picture);
-                            }));
+  LUMIGRID_ASSIGN_OR_RETURN(picture.rgba, tiles_->draw(
+                                              camera, options,
+                                              [&](const base::Camera& tile, const SampleTarget& target) {
+                                                request.tile = tile;
+                                                return drawTile(request, target, options.supersampling, picture);
+                                              },
+                                              kTileBorder));
   return picture;
 }
 
