@@ -383,7 +383,7 @@ base::Result<void> readBody(base::ByteReader& in, Refusal& refusal) {
   refusal.version = in.u16();
   if (!readText(in, kMaxText, refusal.reason)) return bad("its reason is cut short, too long or not plain text");
   const std::uint8_t instead = in.atEnd() ? std::uint8_t{0} : in.u8();
-  if (instead <= static_cast<std::uint8_t>(Streamed::kUmbrellas)) refusal.instead = static_cast<Streamed>(instead);
+  if (instead <= static_cast<std::uint8_t>(Streamed::kHlod)) refusal.instead = static_cast<Streamed>(instead);
   return {};
 }
 
@@ -438,7 +438,29 @@ base::Result<Message> decodeFrom(const Direction& direction, base::ByteView byte
   return decoded ? std::move(*decoded) : bad(direction.name, "has the unknown type " + std::to_string(type));
 }
 
+struct StreamedName {
+  std::string_view method;
+  const char* content;
+};
+/// By the number of Streamed.
+constexpr std::array<StreamedName, 4> kStreamedNames{
+    {{"", ""}, {"qsplat", "splats"}, {"pmr", "points"}, {"hlod", "triangles and points"}}};
+
 }  // namespace
+
+const char* methodOf(Streamed streamed) {
+  return kStreamedNames[static_cast<std::size_t>(streamed)].method.data();
+}
+
+const char* contentOf(Streamed streamed) {
+  return kStreamedNames[static_cast<std::size_t>(streamed)].content;
+}
+
+Streamed streamedOf(std::string_view method) {
+  std::size_t number = kStreamedNames.size() - 1;
+  while (number > 0 && kStreamedNames[number].method != method) --number;
+  return static_cast<Streamed>(number);
+}
 
 base::Bytes encode(const ClientMessage& message) {
   return encodeFrom(kFromClient, message);

@@ -5,6 +5,7 @@
 #include <glm/glm.hpp>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <variant>
 #include <vector>
 
@@ -135,7 +136,13 @@ enum class Streamed : std::uint8_t {
   kNothing,
   kSplats,     ///< /qsplat.lgq
   kUmbrellas,  ///< /pmr.lgm
+  kHlod,       ///< /hlod.lgh
 };
+/// The method that draws it, and what that shows: "qsplat" and "splats"; empty for kNothing.
+const char* methodOf(Streamed streamed);
+const char* contentOf(Streamed streamed);
+/// What the file with the method's name is; kNothing for other methods.
+Streamed streamedOf(std::string_view method);
 
 /// Says in plain words why the connection is about to end.
 struct Refusal {

@@ -116,7 +116,8 @@ struct StreamedMethod {
 };
 inline constexpr StreamedMethod kSplatMethod{"qsplat", ".lgq"};
 inline constexpr StreamedMethod kUmbrellaMethod{"pmr", ".lgm"};
-inline constexpr StreamedMethod kStreamedMethods[] = {kSplatMethod, kUmbrellaMethod};
+inline constexpr StreamedMethod kHlodMethod{"hlod", ".lgh"};
+inline constexpr StreamedMethod kStreamedMethods[] = {kSplatMethod, kUmbrellaMethod, kHlodMethod};
 /// The method of a scene without patches that viewers show unless they are told another; null: the scene has patches,
 /// or nothing to stream.
 const StreamedMethod* methodWithoutPatches(const Scene& scene);

@@ -51,7 +51,7 @@ bool isFieldOfView(std::string_view value) {
   return isNumber(value, 0.1, 170.0);
 }
 bool isMethod(std::string_view value) {
-  return value == "lumigraph" || value == "patches" || value == "qsplat" || value == "pmr";
+  return value == "lumigraph" || value == "patches" || value == "qsplat" || value == "pmr" || value == "hlod";
 }
 bool areOptions(std::string_view value) {
   return std::all_of(value.begin(), value.end(), [&](char c) {

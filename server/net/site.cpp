@@ -203,11 +203,12 @@ HttpReply Site::answer(const HttpRequest& request, const std::string& place) con
   if (path.starts_with('/'))
     if (const auto page = pages_.find(path.substr(1)); page != pages_.end()) return pageReply(request, page->second);
   return textReply(404,
-                   "not here; there are /, /scene.json, /patch.lgp, /qsplat.lgq and /pmr.lgm (if built), "
+                   "not here; there are /, /scene.json, /patch.lgp, /qsplat.lgq, /pmr.lgm and /hlod.lgh (if built), "
                    "/annotations.json, /render, /pick, /healthz and the WebSocket at /\n");
 }
 
-/// For a scene without patches the page is redirected to ?method=qsplat or pmr, so that it loads that program at once.
+/// For a scene without patches the page is redirected to ?method=qsplat, pmr or hlod, so that it loads that program at
+/// once.
 HttpReply Site::homeReply(const HttpRequest& request, const std::string& place) const {
   const auto page = pages_.find("index.html");
   if (page == pages_.end()) return plainHomeReply(request, place);
@@ -221,10 +222,9 @@ HttpReply Site::homeReply(const HttpRequest& request, const std::string& place) 
 
 HttpReply Site::plainHomeReply(const HttpRequest& request, const std::string& place) const {
   const std::string name = escapeHtml(scene_.data.welcome.scene_name);
-  const bool splats = scene_.data.instead == protocol::Streamed::kSplats;
   const std::string size = scene_.data.patches != nullptr
                                ? std::to_string(scene_.data.welcome.source_triangles) + " triangles"
-                               : std::string(splats ? "Splats" : "Points");
+                               : std::string("There are ") + protocol::contentOf(scene_.data.instead) + " only";
   const std::string& attribution = scene_.data.welcome.attribution;
   const std::string credit = attribution.empty() ? "" : "<p>" + escapeHtml(attribution) + "</p>\n";
   HttpReply reply = textReply(

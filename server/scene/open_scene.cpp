@@ -91,8 +91,7 @@ constexpr unsigned kRemoteReads = 8;  // under way at a time for the images of o
 /// Names what viewers of patches change over to, by the files that were opened: scene.json may list others, too.
 void setMethodInstead(OpenScene& open) {
   if (open.data.patches != nullptr || open.streamed.empty()) return;
-  const bool splats = std::string_view(open.streamed.front().method.name) == base::kSplatMethod.name;
-  open.data.instead = splats ? protocol::Streamed::kSplats : protocol::Streamed::kUmbrellas;
+  open.data.instead = protocol::streamedOf(open.streamed.front().method.name);
 }
 
 std::unique_ptr<OpenScene> openDocument(base::Scene scene, base::Bytes json_bytes, const std::string& place) {

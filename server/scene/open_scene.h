@@ -32,7 +32,7 @@ struct RemoteOptions {
 /// $XDG_CACHE_HOME/lumigrid or ~/.cache/lumigrid; empty where neither is known.
 std::string defaultCacheDirectory();
 
-/// The file of a method that viewers stream by ranges: qsplat.lgq, pmr.lgm.
+/// The file of a method that viewers stream by ranges: qsplat.lgq, pmr.lgm, hlod.lgh.
 struct StreamedFile {
   base::StreamedMethod method{};
   std::uint64_t bytes = 0;
@@ -63,9 +63,9 @@ struct OpenScene : std::enable_shared_from_this<OpenScene> {
 /// Null: the scene has no such file.
 const StreamedFile* streamedFile(const OpenScene& open, const base::StreamedMethod& method);
 
-/// Opens scene.json, patch.lgp, qsplat.lgq, pmr.lgm and images/, as far as they are there, as `lumigrid build` or
-/// `lumigrid publish` left them (docs/formats/scene.md). Errors name the file; kNotFound without any of the three. A
-/// built scene's repository is opened for reading, while a bake may write to it; LMDB forbids to open it twice in one
+/// Opens scene.json, patch.lgp, the files of kStreamedMethods and images/, as far as they are there, as `lumigrid
+/// build` or `lumigrid publish` left them (docs/formats/scene.md). Errors name the file; kNotFound without any of them.
+/// A built scene's repository is opened for reading, while a bake may write to it; LMDB forbids to open it twice in one
 /// process. `place` may also be a published scene behind a network, "https://host/scene" or "s3://bucket/scene"
 /// (docs/places.md): its hierarchy is mirrored, since blocks are read all the time; the rest is read by range
 /// through a cache.

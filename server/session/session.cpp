@@ -121,11 +121,10 @@ base::Error Session::refuse(base::ErrorCode code, const std::string& reason) {
 
 /// The Refusal says what the scene has instead; clients that draw that fetch it over HTTP then.
 base::Error Session::refuseWithoutPatches() {
-  const bool splats = scene_.instead == protocol::Streamed::kSplats;
   const base::Error error =
-      refuse(base::ErrorCode::kUnsupported, std::string("this scene has ") + (splats ? "splats" : "points") +
-                                                " only; look at it with --method " + (splats ? "qsplat" : "pmr") +
-                                                ", or in a browser");
+      refuse(base::ErrorCode::kUnsupported, std::string("this scene has ") + protocol::contentOf(scene_.instead) +
+                                                " only; look at it with --method " +
+                                                protocol::methodOf(scene_.instead) + ", or in a browser");
   greeting_ = protocol::encode(protocol::Refusal{protocol::kVersion, error.message, scene_.instead});
   return error;
 }

@@ -228,13 +228,25 @@ TEST(Message, bytesOfVersionSixStay) {
   EXPECT_EQ(frame[90], 0x77);
 }
 
+TEST(Message, eachStreamedFileHasTheMethodThatDrawsIt) {
+  for (const auto& [streamed, method] : {std::pair(Streamed::kSplats, "qsplat"),
+                                         {Streamed::kUmbrellas, "pmr"},
+                                         {Streamed::kHlod, "hlod"},
+                                         {Streamed::kNothing, ""}}) {
+    EXPECT_STREQ(methodOf(streamed), method);
+    EXPECT_EQ(streamedOf(method), streamed);
+  }
+  EXPECT_EQ(streamedOf("patches"), Streamed::kNothing);
+}
+
 TEST(Message, bytesBehindARefusalAreReadWhereKnown) {
   for (const auto& [more, instead] : std::vector<std::pair<base::Bytes, Streamed>>{{{}, Streamed::kNothing},
                                                                                    {{0}, Streamed::kNothing},
                                                                                    {{1}, Streamed::kSplats},
                                                                                    {{1, 7, 7}, Streamed::kSplats},
                                                                                    {{2}, Streamed::kUmbrellas},
-                                                                                   {{3}, Streamed::kNothing}}) {
+                                                                                   {{3}, Streamed::kHlod},
+                                                                                   {{4}, Streamed::kNothing}}) {
     base::Bytes bytes{0x86, 2, 0, 2, 0, 'n', 'o'};
     bytes.insert(bytes.end(), more.begin(), more.end());
     const auto message = decodeServerMessage(bytes);

@@ -46,6 +46,7 @@ TEST(PartFile, methodOfASceneWithoutPatchesIsTheFirstOfThoseItHas) {
   };
   EXPECT_EQ(methodOf({}), "none");
   EXPECT_EQ(methodOf({{"pmr.lgm", 1, ""}}), "pmr");
+  EXPECT_EQ(methodOf({{"hlod.lgh", 1, ""}}), "hlod");
   EXPECT_EQ(methodOf({{"pmr.lgm", 1, ""}, {"qsplat.lgq", 1, ""}}), "qsplat");
   EXPECT_EQ(methodOf({{"patch.lgp", 1, ""}, {"pmr.lgm", 1, ""}}), "none");
 }

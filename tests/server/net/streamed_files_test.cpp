@@ -144,8 +144,7 @@ void expectRefusal(const RunningServer& server, const base::StreamedMethod& meth
   const auto message = client->receive();
   ASSERT_TRUE(message && std::holds_alternative<protocol::Refusal>(*message));
   const auto& refusal = std::get<protocol::Refusal>(*message);
-  const bool splats = method.file() == "qsplat.lgq";
-  EXPECT_EQ(refusal.instead, splats ? protocol::Streamed::kSplats : protocol::Streamed::kUmbrellas);
+  EXPECT_STREQ(protocol::methodOf(refusal.instead), method.name);
   EXPECT_NE(refusal.reason.find(std::string("--method ") + method.name), std::string::npos) << refusal.reason;
   EXPECT_FALSE(client->receive());
 }

@@ -127,7 +127,8 @@ TEST(Session, anotherVersionIsRefusedInPlainWords) {
 
 TEST(Session, sceneWithoutPatchesIsRefusedAndSaysWhatItHas) {
   for (const auto& [instead, method] : {std::pair(protocol::Streamed::kSplats, "--method qsplat"),
-                                        std::pair(protocol::Streamed::kUmbrellas, "--method pmr")}) {
+                                        {protocol::Streamed::kUmbrellas, "--method pmr"},
+                                        {protocol::Streamed::kHlod, "--method hlod"}}) {
     SceneData data;
     data.instead = instead;
     Talk talk(data);
