@@ -33,6 +33,7 @@ lumigrid_row(mesh
 lumigrid_row(lod_patch USES base)
 lumigrid_row(lod_qsplat USES base)
 lumigrid_row(lod_pmr USES base)
+lumigrid_row(lod_hlod USES base lod_patch lod_pmr)
 lumigrid_row(lod_texture USES base base_jpeg LINKS ZLIB::ZLIB)
 lumigrid_row(lod_ingest USES base mesh)
 lumigrid_row(lod_patch_builder USES base mesh lod_ingest lod_patch lod_texture LINKS metis)

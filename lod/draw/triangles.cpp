@@ -65,10 +65,6 @@ float meanEdgeOf(const std::vector<Vertex>& vertices, const std::vector<std::uin
   return static_cast<float>(std::sqrt(3.0 * doubled_area / std::max<double>(3.0, static_cast<double>(indices.size()))));
 }
 
-const void* bufferOffset(std::size_t offset) {
-  return reinterpret_cast<const void*>(offset);
-}
-
 }  // namespace
 
 void describeSurfaceVertices() {

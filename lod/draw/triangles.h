@@ -19,6 +19,11 @@ enum AttributeLocation : GLuint { kPosition = 0, kNormal = 1, kColor = 2 };
 void describeSurfaceVertices();
 inline constexpr std::size_t kSurfaceVertexBytes = 20;
 
+/// An offset into a bound buffer, as OpenGL takes it.
+inline const void* bufferOffset(std::size_t bytes) {
+  return reinterpret_cast<const void*>(bytes);
+}
+
 /// The normal's fourth component encodes how finely the surface is sampled at the vertex: 127 × a_normal.w is
 /// kEdgeCodesPerOctave × log2 of the root mean square length of the vertex's edges, in lattice steps.
 inline constexpr float kEdgeCodesPerOctave = 4.0F;

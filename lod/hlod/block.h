@@ -32,9 +32,14 @@ struct BlockOptions {
   bool is_caster = false;  ///< neither normals nor colours are stored
 };
 
-/// Nothing becomes no bytes. Triangles and vertices may be reordered, and vertices at one place of different
-/// attributes stay apart. Normals and colours are rounded (lod/patch/codec.h, lod/pmr/chunks.h).
+/// Nothing becomes no bytes. Triangles, vertices, edges and points may be reordered, triangles and edges turned, and
+/// vertices that no triangle uses are left out; a vertex that triangles of two pieces use comes back twice. Vertices at
+/// one place of different attributes stay apart. Normals and colours are rounded (lod/patch/codec.h, lod/pmr/chunks.h).
+/// The caller sees to: counts up to kMaxPrimitives, places within the lattice, each edge once and of a triangle, and
+/// neither points nor edges in casters.
 base::Bytes encodeBlock(const NodeGeometry& geometry, const BlockOptions& options);
+/// Whether the checksum is right for these bytes and the counts of this row.
+bool isIntact(base::ByteView bytes, const Node& row, const BlockOptions& options);
 /// `row`: the counts that the table states. Errors: kInvalidInput for a damaged block.
 base::Result<NodeGeometry> decodeBlock(base::ByteView bytes, const Node& row, const BlockOptions& options);
 

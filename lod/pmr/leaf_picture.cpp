@@ -1,25 +1,9 @@
 #include "lod/pmr/leaf_picture.h"
 
-#include <cmath>
-
 #include "lod/pmr/chunk_checksum.h"
 #include "lod/pmr/chunks.h"
 
 namespace lod::pmr {
-namespace {
-
-Vertex vertexOf(const CodedPoint& point, const Lattice& lattice) {
-  Vertex vertex;
-  vertex.position = lattice.position(point.place);
-  const glm::vec3 normal = 127.0F * decodeNormal(point.normal);
-  for (int axis = 0; axis < 3; ++axis)
-    vertex.normal[static_cast<std::size_t>(axis)] = static_cast<std::int8_t>(std::lround(normal[axis]));
-  vertex.color = glm::u8vec4(point.color, 255);
-  return vertex;
-}
-
-}  // namespace
-
 ChunkPlace placeOf(const Leaf& leaf, std::uint32_t chunk) {
   const LevelRow& row = leaf.levels[chunk % kLevels];
   return chunk < kLevels ? ChunkPlace{row.point_offset, row.point_bytes}
@@ -59,7 +43,8 @@ DecodedLeaf decodeLeaf(const Header& header, const Leaf& leaf, std::uint32_t num
   picture->vertices.reserve(points.size());
   for (const CodedPoint& point : points) {
     places.push_back(point.place);
-    picture->vertices.push_back(vertexOf(point, header.lattice));
+    picture->vertices.push_back(
+        surfaceVertex(header.lattice.position(point.place), decodeNormal(point.normal), point.color));
     positions.push_back(picture->vertices.back().position);
   }
   const auto chunk = bytes_of(kLevels + level);

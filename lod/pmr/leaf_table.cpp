@@ -4,6 +4,7 @@
 
 #include "base/check.h"
 #include "base/crc32c.h"
+#include "lod/lattice_box.h"
 #include "lod/morton.h"
 #include "lod/pmr/format.h"
 #include "lod/pmr/range_coder.h"
@@ -52,20 +53,6 @@ std::int32_t boxStep(std::uint32_t depth) {
   return edgeBits(depth) > kBoxBits ? 1 << (edgeBits(depth) - kBoxBits) : 1;
 }
 
-/// The last lattice coordinate at or below `value` on an axis, or the first at or above it.
-std::int32_t latticeBelow(double value, const Lattice& lattice, int axis) {
-  const double q = std::clamp((value - lattice.origin[axis]) / lattice.step, 0.0, kLatticeEnd - 1.0);
-  auto below = static_cast<std::int32_t>(std::ceil(q));
-  while (below > 0 && static_cast<double>(lattice.position(glm::ivec3(below))[axis]) > value) --below;
-  return below;
-}
-std::int32_t latticeAbove(double value, const Lattice& lattice, int axis) {
-  const double q = std::clamp((value - lattice.origin[axis]) / lattice.step, 0.0, kLatticeEnd - 1.0);
-  auto above = static_cast<std::int32_t>(std::floor(q));
-  while (above < kLatticeEnd - 1 && static_cast<double>(lattice.position(glm::ivec3(above))[axis]) < value) ++above;
-  return above;
-}
-
 std::int32_t floorDivide(std::int32_t a, std::int32_t b) {
   return a >= 0 ? a / b : -((b - 1 - a) / b);
 }
@@ -76,8 +63,10 @@ std::array<std::int32_t, 6> codedBox(const Leaf& leaf, const Lattice& lattice) {
   const std::int32_t last = (1 << edgeBits(leaf.depth)) - 1;
   std::array<std::int32_t, 6> box{};
   for (int axis = 0; axis < 3; ++axis) {
-    const std::int32_t low = latticeBelow(static_cast<double>(leaf.box.min[axis]), lattice, axis) - begin[axis];
-    const std::int32_t high = latticeAbove(static_cast<double>(leaf.box.max[axis]), lattice, axis) - begin[axis] - last;
+    const std::int32_t low =
+        latticeBelow(static_cast<double>(leaf.box.min[axis]), lattice, axis, kLatticeEnd) - begin[axis];
+    const std::int32_t high =
+        latticeAbove(static_cast<double>(leaf.box.max[axis]), lattice, axis, kLatticeEnd) - begin[axis] - last;
     const auto k = static_cast<std::size_t>(axis);
     box[k] = floorDivide(low, step);
     box[k + 3] = -floorDivide(-high, step);

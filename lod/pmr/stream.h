@@ -16,6 +16,7 @@
 #include "lod/pmr/draw_list.h"
 #include "lod/pmr/format.h"
 #include "lod/pmr/traverse.h"
+#include "lod/surface_vertex.h"
 
 namespace lod::pmr {
 
@@ -38,12 +39,7 @@ struct ByteRange {
   std::uint64_t length = 0;
 };
 
-/// A vertex as the GPU gets it: 20 bytes.
-struct Vertex {
-  glm::vec3 position{0.0F};             ///< scene-local
-  std::array<std::int8_t, 4> normal{};  ///< unit vector, 127ths; the last is 0
-  glm::u8vec4 color{255};               ///< sRGB, A = 255
-};
+using Vertex = SurfaceVertex;
 
 /// A leaf at a level, decoded; it never changes.
 struct LeafPicture {

@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "lod/morton.h"
+#include "lod/view_box.h"
 
 namespace lod::pmr {
 namespace {
@@ -20,22 +21,6 @@ float nearPlane(const base::Camera& camera) {
   const glm::mat4& m = camera.clip_from_eye;
   const float near = m[3][2] / (m[2][2] - 1.0F);
   return std::isfinite(near) && near > 0.0F ? near : 0.0F;
-}
-
-/// The least cosine of the angle between the viewing direction and a ray of the picture.
-float cornerCosine(const base::Camera& camera) {
-  const glm::mat4& m = camera.clip_from_eye;
-  const float x = (1.0F + std::abs(m[2][0])) / m[0][0];
-  const float y = (1.0F + std::abs(m[2][1])) / m[1][1];
-  return 1.0F / std::sqrt(1.0F + x * x + y * y);
-}
-
-/// Whether all of the box has been cut away.
-bool isBeyond(const glm::vec4& section, const base::Aabb& box) {
-  const glm::vec3 n(section);
-  const glm::vec3 least(n.x > 0.0F ? box.min.x : box.max.x, n.y > 0.0F ? box.min.y : box.max.y,
-                        n.z > 0.0F ? box.min.z : box.max.z);
-  return glm::dot(n, least) > section.w;
 }
 
 }  // namespace

@@ -1,0 +1,84 @@
+#include "lod/draw/surfaces.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "lod/draw/shaders.h"
+#include "lod/draw/view_modes.h"
+#include "lod/surface_vertex.h"
+
+namespace lod::draw {
+namespace {
+
+static_assert(sizeof(SurfaceVertex) == kSurfaceVertexBytes);
+
+constexpr std::array kPrimitiveDefines{"", "#define POINTS\n", "#define LINES\n"};
+
+/// The samples that a length of 1 covers at depth 1, along the side of the target where they are more.
+float samplesPerUnit(const SurfaceView& view, const SurfaceTarget& target) {
+  const glm::mat4& lens = view.camera.clip_from_eye;
+  return 0.5F * std::max(static_cast<float>(target.width) * lens[0][0], static_cast<float>(target.height) * lens[1][1]);
+}
+
+}  // namespace
+
+float SurfaceTarget::samplesPerPixel(const base::Camera& camera) const {
+  return static_cast<float>(height) / static_cast<float>(std::max(camera.height, 1));
+}
+
+SurfacePass SurfacePass::of(Primitive primitive, const SurfaceView& view) {
+  return {primitive, view.resolution_colors, glm::vec3(view.section) != glm::vec3(0.0F)};
+}
+
+std::size_t SurfacePass::number() const {
+  return 4 * static_cast<std::size_t>(primitive) + (resolution ? 2U : 0U) + (section ? 1U : 0U);
+}
+
+base::Result<const base::gl::Program*> SurfacePrograms::link(const SurfacePass& pass) {
+  base::gl::Program& program = programs_[pass.number()];
+  if (program.name() != 0) return &program;
+  const std::string defines = std::string(kPrimitiveDefines[static_cast<std::size_t>(pass.primitive)]) +
+                              (shade_fragments_ ? "#define SHADE_FRAGMENTS\n" : "") +
+                              (pass.resolution ? "#define RESOLUTION\n" : "") +
+                              (pass.section ? "#define SECTION\n" : "");
+  const std::string shading = shadingSource() + tintSource();
+  const std::string vertex = defines + (shade_fragments_ ? "" : shading) + glsl::kSurfaceVertex;
+  const std::string fragment = defines + (shade_fragments_ ? shading : "") + glsl::kSurfaceFragment;
+  LUMIGRID_ASSIGN_OR_RETURN(program, base::gl::Program::link(name_, vertex, fragment));
+  return &program;
+}
+
+base::Result<const base::gl::Program*> SurfacePrograms::use(const SurfacePass& pass, const SurfaceView& view,
+                                                            const SurfaceTarget& target) {
+  LUMIGRID_ASSIGN_OR_RETURN(const base::gl::Program* linked, link(pass));
+  const base::gl::Program& program = *linked;
+  setShading(program, view.shading);
+  const glm::mat4 clip_from_scene = view.camera.clipFromScene();
+  const glm::vec4 eye = view.camera.homogeneousEye();
+  glUniformMatrix4fv(program.uniform("u_clip_from_scene"), 1, GL_FALSE, &clip_from_scene[0][0]);
+  glUniform4f(program.uniform("u_eye"), eye.x, eye.y, eye.z, eye.w);
+  glUniform4f(program.uniform("u_section"), view.section.x, view.section.y, view.section.z, view.section.w);
+  glUniform1f(program.uniform("u_samples"), samplesPerUnit(view, target));
+  glUniform1f(program.uniform("u_point_samples"), target.samplesPerPixel(view.camera));
+  glUniform2f(program.uniform("u_sample_size"), 2.0F / static_cast<float>(target.width),
+              2.0F / static_cast<float>(target.height));
+  if (pass.resolution) {
+    setTint(program);
+    glUniform1f(program.uniform("u_pixels"), view.camera.pixelsPerUnitAtOne());
+  }
+  return linked;
+}
+
+void beginSurfaces(const SurfaceTarget& target) {
+  glDisable(GL_SCISSOR_TEST);
+  glDisable(GL_CULL_FACE);
+  glDisable(GL_BLEND);
+  glEnable(GL_DEPTH_TEST);
+  glDepthFunc(GL_LESS);
+  glDepthMask(GL_TRUE);
+  glColorMask(GL_TRUE, GL_TRUE, GL_TRUE, GL_TRUE);
+  glBindFramebuffer(GL_FRAMEBUFFER, target.framebuffer);
+  glViewport(0, 0, target.width, target.height);
+}
+
+}  // namespace lod::draw
