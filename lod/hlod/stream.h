@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "base/bytes.h"
+#include "lod/byte_range.h"
 #include "lod/file_bytes.h"
 #include "lod/hlod/format.h"
 #include "lod/hlod/traverse.h"
@@ -30,12 +31,7 @@ struct StreamOptions {
   std::uint64_t decode_per_frame = 0;
 };
 
-/// Bytes offset … offset + length − 1 of the file.
-struct ByteRange {
-  std::uint64_t id = 0;
-  std::uint64_t offset = 0;
-  std::uint64_t length = 0;
-};
+using ByteRange = lod::ByteRange;
 
 /// A node's picture, decoded; it never changes.
 struct NodePicture {

@@ -1,39 +1,15 @@
 #include "lod/pmr/stream.h"
 
 #include <algorithm>
-#include <cmath>
-#include <map>
 #include <optional>
 #include <unordered_map>
 #include <utility>
 
-#include "lod/link_estimate.h"
 #include "lod/pmr/leaf_cache.h"
 #include "lod/pmr/leaf_picture.h"
+#include "lod/range_requests.h"
 
 namespace lod::pmr {
-namespace {
-
-// The first request brings the header and, mostly, the table; of a small file it brings all.
-constexpr std::uint64_t kFrontBytes = 65'536;
-constexpr std::uint64_t kSmallFile = 131'072;
-// So many bytes that are not wanted are fetched rather than beginning another request. More where the link is fast cost
-// a fifth more bytes at 100 Mbit/s, and no view came sooner.
-constexpr std::uint64_t kMaxGap = 4096;
-// A chunk that came damaged this often is given up. After each failure in a row the pause doubles. These are choices:
-// longer pauses spare a host that is broken, shorter ones go on sooner with one that was restarted.
-constexpr int kMaxDamages = 3;
-constexpr double kMinPause = 0.25, kMaxPause = 5.0;  // seconds
-
-struct PendingRequest {
-  ByteRange range;
-  double sent_at = 0.0;
-  bool is_front = false;
-  std::uint64_t first = 0, last = 0;  ///< places in ChunkOrder, unless is_front
-};
-
-}  // namespace
-
 struct Stream::State {
   State(std::uint64_t bytes, const StreamOptions& given) : options(given), file_bytes(bytes) {
     options.memory_bytes = std::max(options.memory_bytes, kMinStreamMemory);
@@ -52,19 +28,17 @@ struct Stream::State {
 
   // ---- the link ----
 
-  std::optional<ByteRange> nextFrontRange() const;
+  std::optional<PendingRequest> nextFrontRange() const;
   std::optional<PendingRequest> nextChunkRange(std::uint64_t max_bytes);
   bool isWanted(const ChunkId& id) const;
-  std::uint64_t extended(std::uint64_t from, int direction, std::uint64_t max_bytes, std::uint64_t& bytes) const;
   template <class Visit>
   void forEachChunk(const PendingRequest& request, const Visit& visit) const;
-  ByteRange send(PendingRequest request, double now);
+  ByteRange send(const PendingRequest& request, double now);
   void acceptFront(base::ByteView bytes);
   void readFront();
   void readLocalFront();
   void frontIsDamaged(const base::Error& error);
   void acceptChunk(const ChunkId& id, base::ByteView bytes);
-  void pauseAfterFailure(double sent_at, double now);
   void stop(std::string reason) {
     if (problem.empty()) problem = std::move(reason);
   }
@@ -80,26 +54,22 @@ struct Stream::State {
   std::optional<LeafCache> cache;  // the same
   ChunkOrder chunk_order{0};       // until then of no leaves
   int front_damages = 0;
-  bool front_requested = false;
 
   std::uint32_t frame = 0;
   std::uint64_t generation = 0;
   std::vector<ChosenLeaf> chosen;
   std::vector<ChunkId> queue;  // the last frame's missing chunks, most urgent first
   std::size_t queue_at = 0;
-  LinkEstimate link;
   std::uint64_t decoded = 0;     // points and triangles of this frame
   std::uint64_t may_decode = 0;  // 0: no limit
   std::uint64_t waiting = 0;     // leaves that are not shown at their planned level
   std::uint64_t lacking = 0;
   bool is_decoding = false, is_limited = false;
 
-  std::map<std::uint64_t, PendingRequest> under_way;
+  RangeRequests requests;
   std::unordered_map<std::uint64_t, int> damages;  // by leaf · kLeafChunks + chunk
-  double pause_until = -1e300, paused_at = -1e300;
-  int failures_in_a_row = 0;
+  std::uint64_t given_up = 0;                      // chunks
   std::string problem;
-  StreamStats counted;
 };
 
 // ---- frames ----
@@ -254,16 +224,15 @@ bool Stream::State::decode(std::uint32_t leaf, std::uint32_t level) {
     return true;
   }
   cache->giveUp(leaf, made.damaged_chunk);
-  ++counted.damaged;
+  ++given_up;
   return false;
 }
 
 // ---- what to ask for ----
 
-std::optional<ByteRange> Stream::State::nextFrontRange() const {
-  if (cache || front_requested) return std::nullopt;
-  if (front.empty()) return ByteRange{0, 0, file_bytes <= kSmallFile ? file_bytes : kFrontBytes};
-  return ByteRange{0, front.size(), kHeaderBytes + header.table_bytes - front.size()};
+std::optional<PendingRequest> Stream::State::nextFrontRange() const {
+  if (cache || requests.frontIsUnderWay()) return std::nullopt;
+  return frontRequest(file_bytes, front.size(), kHeaderBytes + header.table_bytes);
 }
 
 bool Stream::State::isWanted(const ChunkId& id) const {
@@ -272,42 +241,28 @@ bool Stream::State::isWanted(const ChunkId& id) const {
          (state.wanted & ~state.requested & ~state.present & ~state.given_up & chunkBit(id.chunk)) != 0;
 }
 
-/// A chunk, however long, and neighbours as long as both have at most so many bytes.
+/// A chunk, however long, and neighbours of its section as long as all have at most so many bytes.
 std::optional<PendingRequest> Stream::State::nextChunkRange(std::uint64_t max_bytes) {
   if (!cache) return std::nullopt;
   while (queue_at < queue.size() && !isWanted(queue[queue_at])) ++queue_at;
   if (queue_at == queue.size()) return std::nullopt;
   const ChunkId id = queue[queue_at];
+  const std::uint64_t place = chunk_order.placeOf(id);
+  const bool is_base = place < chunk_order.baseChunks();
+  const std::uint64_t begin = is_base ? 0 : chunk_order.baseChunks();
+  const std::uint64_t end = is_base ? chunk_order.baseChunks() : chunk_order.chunks();
+  const auto partAt = [this](std::uint64_t at) {
+    const ChunkId part = chunk_order.at(at);
+    return RequestablePart{placeOf(leaves[part.leaf], part.chunk).bytes, isWanted(part),
+                           ((*cache)[part.leaf].requested & chunkBit(part.chunk)) != 0};
+  };
   std::uint64_t bytes = placeOf(leaves[id.leaf], id.chunk).bytes;
   PendingRequest request;
-  request.last = extended(chunk_order.placeOf(id), 1, max_bytes, bytes);
-  request.first = extended(chunk_order.placeOf(id), -1, max_bytes, bytes);
+  request.last = extendRequest(place, 1, begin, end, max_bytes, bytes, partAt);
+  request.first = extendRequest(place, -1, begin, end, max_bytes, bytes, partAt);
   const ChunkId first = chunk_order.at(request.first);
   request.range = {0, placeOf(leaves[first.leaf], first.chunk).offset, bytes};
   return request;
-}
-
-/// Extends a range, of so many bytes, by neighbours of its section that are wanted, too; returns its new end.
-std::uint64_t Stream::State::extended(std::uint64_t from, int direction, std::uint64_t max_bytes,
-                                      std::uint64_t& bytes) const {
-  const bool is_base = from < chunk_order.baseChunks();
-  const std::uint64_t begin = is_base ? 0 : chunk_order.baseChunks();
-  const std::uint64_t end = is_base ? chunk_order.baseChunks() : chunk_order.chunks();
-  std::uint64_t farthest = from;
-  std::uint64_t more = 0, gap = 0;  // bytes since `farthest`, and of these the ones that are not wanted
-  while (direction > 0 ? ++from < end : from-- > begin) {
-    const ChunkId id = chunk_order.at(from);
-    if (((*cache)[id.leaf].requested & chunkBit(id.chunk)) != 0) break;
-    const std::uint64_t length = placeOf(leaves[id.leaf], id.chunk).bytes;
-    more += length;
-    gap += isWanted(id) ? 0 : length;
-    if (gap > kMaxGap || bytes + more > max_bytes) break;
-    if (!isWanted(id)) continue;
-    farthest = from;
-    bytes += more;
-    more = gap = 0;
-  }
-  return farthest;
 }
 
 template <class Visit>
@@ -315,16 +270,10 @@ void Stream::State::forEachChunk(const PendingRequest& request, const Visit& vis
   for (std::uint64_t place = request.first; place <= request.last; ++place) visit(chunk_order.at(place));
 }
 
-ByteRange Stream::State::send(PendingRequest request, double now) {
-  request.range.id = ++counted.requests;
-  request.sent_at = now;
-  if (request.is_front)
-    front_requested = true;
-  else
+ByteRange Stream::State::send(const PendingRequest& request, double now) {
+  if (!request.is_front)
     forEachChunk(request, [&](const ChunkId& id) { (*cache)[id.leaf].requested |= chunkBit(id.chunk); });
-  under_way[request.range.id] = request;
-  link.recordRequest(request.range.length, now);
-  return request.range;
+  return requests.send(request, now);
 }
 
 // ---- what comes ----
@@ -370,7 +319,7 @@ void Stream::State::readLocalFront() {
 
 void Stream::State::frontIsDamaged(const base::Error& error) {
   front.clear();
-  ++counted.failures;
+  requests.countDamage();
   if (++front_damages >= kMaxDamages) stop(error.message);
 }
 
@@ -378,20 +327,11 @@ void Stream::State::acceptChunk(const ChunkId& id, base::ByteView bytes) {
   LeafState& state = (*cache)[id.leaf];
   if (((state.present | state.given_up) & chunkBit(id.chunk)) != 0) return;
   if (isIntact(leaves[id.leaf], id.chunk, bytes)) return cache->keepChunk(id.leaf, id.chunk, bytes);
-  ++counted.failures;  // without a pause: the host answers, and kMaxDamages ends repeated requests
+  requests.countDamage();
   queue_at = 0;
   if (++damages[std::uint64_t{id.leaf} * kLeafChunks + id.chunk] < kMaxDamages) return;
   cache->giveUp(id.leaf, id.chunk);
-  ++counted.damaged;
-}
-
-void Stream::State::pauseAfterFailure(double sent_at, double now) {
-  ++counted.failures;
-  // Requests that were under way when another one failed have the same cause; the pause does not double for them.
-  if (sent_at < paused_at) return;
-  paused_at = now;
-  const double pause = kMinPause * std::exp2(std::min(failures_in_a_row++, 8));
-  pause_until = now + std::min(pause, kMaxPause);
+  ++given_up;
 }
 
 // ---- the class ----
@@ -436,12 +376,10 @@ bool Stream::limitedByMemory() const {
 std::vector<ByteRange> Stream::nextRequests(double now) {
   State& s = *state_;
   std::vector<ByteRange> ranges;
-  if (!s.problem.empty() || s.file || now < s.pause_until) return ranges;
-  while (s.under_way.size() < s.options.max_requests) {
-    const std::uint64_t room = s.link.roomForRequest();
-    if (room == 0) break;
-    std::optional<PendingRequest> next = s.nextChunkRange(std::min(room, s.options.max_request_bytes));
-    if (const auto front = s.nextFrontRange()) next = PendingRequest{*front, 0.0, true, {}, {}};
+  if (!s.problem.empty() || s.file) return ranges;
+  while (const std::uint64_t room = s.requests.roomAt(now, s.options.max_requests)) {
+    auto next = s.nextFrontRange();
+    if (!next) next = s.nextChunkRange(std::min(room, s.options.max_request_bytes));
     if (!next) break;
     ranges.push_back(s.send(*next, now));
   }
@@ -450,42 +388,26 @@ std::vector<ByteRange> Stream::nextRequests(double now) {
 
 void Stream::acceptAnswer(std::uint64_t id, base::ByteView bytes, double now) {
   State& s = *state_;
-  const auto found = s.under_way.find(id);
-  if (found == s.under_way.end()) return;
-  const PendingRequest request = found->second;
-  s.counted.bytes_received += bytes.size();
-  if (bytes.size() != request.range.length) return acceptFailure(id, now);
-  s.under_way.erase(found);
-  s.link.recordAnswer(bytes.size(), bytes.size(), request.sent_at, now);
-  s.failures_in_a_row = 0;
+  const auto answered = s.requests.takeAnswered(id, bytes.size(), now);
+  if (!answered) return;
+  const PendingRequest& request = answered->request;
+  ++s.generation;
+  if (answered->has_failed) s.queue_at = 0;
   if (request.is_front) {
-    s.front_requested = false;
-    s.acceptFront(bytes);
+    if (!answered->has_failed) s.acceptFront(bytes);
   } else {
     s.forEachChunk(request, [&](const ChunkId& chunk) {
       const ChunkPlace place = placeOf(s.leaves[chunk.leaf], chunk.chunk);
       (*s.cache)[chunk.leaf].requested &= ~chunkBit(chunk.chunk);
-      s.acceptChunk(chunk, bytes.subspan(static_cast<std::size_t>(place.offset - request.range.offset), place.bytes));
+      if (!answered->has_failed)
+        s.acceptChunk(chunk, bytes.subspan(static_cast<std::size_t>(place.offset - request.range.offset), place.bytes));
     });
   }
   if (s.cache) s.cache->evict(s.frame);
-  ++s.generation;
 }
 
 void Stream::acceptFailure(std::uint64_t id, double now) {
-  State& s = *state_;
-  const auto found = s.under_way.find(id);
-  if (found == s.under_way.end()) return;
-  const PendingRequest request = found->second;
-  s.under_way.erase(found);
-  s.link.recordAnswer(request.range.length, 0, request.sent_at, now);
-  if (request.is_front)
-    s.front_requested = false;
-  else
-    s.forEachChunk(request, [&](const ChunkId& chunk) { (*s.cache)[chunk.leaf].requested &= ~chunkBit(chunk.chunk); });
-  ++s.generation;
-  s.queue_at = 0;
-  s.pauseAfterFailure(request.sent_at, now);
+  acceptAnswer(id, {}, now);
 }
 
 void Stream::giveUp(std::string reason) {
@@ -497,7 +419,7 @@ const std::string& Stream::problem() const {
 
 std::string Stream::warning() const {
   const State& s = *state_;
-  if (s.counted.damaged == 0) return "";
+  if (s.given_up == 0) return "";
   std::uint64_t damaged_leaves = 0, first = 0;
   for (std::uint64_t leaf = s.leaves.size(); s.cache && leaf-- > 0;)
     if (s.cache->states()[leaf].given_up != 0) ++damaged_leaves, first = leaf;
@@ -508,11 +430,15 @@ std::string Stream::warning() const {
 
 StreamStats Stream::stats() const {
   const State& s = *state_;
-  StreamStats stats = s.counted;
+  StreamStats stats;
+  stats.bytes_received = s.requests.bytesReceived();
+  stats.requests = s.requests.requests();
+  stats.failures = s.requests.failures();
+  stats.damaged = s.given_up;
   stats.leaves = s.leaves.size();
   stats.chosen = s.chosen.size();
   stats.lacking = s.lacking;
-  stats.under_way = s.under_way.size();
+  stats.under_way = s.requests.underWay();
   if (!s.cache) return stats;
   stats.present = s.cache->leavesWithPicture();
   stats.memory_bytes = s.cache->bytes() + s.leaves.size() * (sizeof(Leaf) + sizeof(LeafState));

@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "base/bytes.h"
+#include "lod/byte_range.h"
 #include "lod/file_bytes.h"
 #include "lod/pmr/draw_list.h"
 #include "lod/pmr/format.h"
@@ -32,12 +33,7 @@ struct StreamOptions {
   std::uint64_t decode_per_frame = 0;
 };
 
-/// Bytes offset … offset + length − 1 of the file.
-struct ByteRange {
-  std::uint64_t id = 0;
-  std::uint64_t offset = 0;
-  std::uint64_t length = 0;
-};
+using ByteRange = lod::ByteRange;
 
 using Vertex = SurfaceVertex;
 
