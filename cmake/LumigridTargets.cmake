@@ -38,6 +38,7 @@ lumigrid_row(lod_texture USES base base_jpeg LINKS ZLIB::ZLIB)
 lumigrid_row(lod_ingest USES base mesh)
 lumigrid_row(lod_patch_builder USES base mesh lod_ingest lod_patch lod_texture LINKS metis)
 lumigrid_row(lod_qsplat_builder USES base mesh lod_ingest lod_qsplat)
+lumigrid_row(lod_hlod_builder USES base mesh lod_ingest lod_patch lod_patch_builder lod_hlod LINKS metis)
 lumigrid_row(lod_pmr_builder USES base mesh lod_ingest lod_pmr LINKS CGAL::CGAL)
 lumigrid_row(lod_draw USES base base_gl lod_patch lod_qsplat lod_pmr lod_hlod)
 lumigrid_row(sampling USES base)
@@ -53,7 +54,7 @@ lumigrid_row(repository
   LINKS lmdb nlohmann_json::nlohmann_json)
 lumigrid_row(protocol USES base sampling)
 lumigrid_row(plan USES base lod_patch sampling cache protocol)
-lumigrid_row(server_render USES ${_any_base} lod_patch lod_qsplat lod_pmr lod_texture lod_draw)
+lumigrid_row(server_render USES ${_any_base} lod_patch lod_qsplat lod_pmr lod_hlod lod_texture lod_draw)
 lumigrid_row(client_render USES base base_gl lod_patch lod_draw)
 lumigrid_row(server_bake
   USES ${_any_base} lod_patch lod_draw sampling faces face_image frames repository protocol plan server_render
@@ -76,8 +77,9 @@ lumigrid_row(server_net
   LINKS Boost::headers Threads::Threads spdlog::spdlog nlohmann_json::nlohmann_json)
 lumigrid_row(lumigrid
   USES ${_any_base} mesh lod_ingest lod_patch lod_patch_builder lod_qsplat lod_qsplat_builder lod_pmr lod_pmr_builder
-       lod_texture lod_draw sampling cache faces packs objects repository protocol server_auth server_render server_bake
-       server_export server_session server_scene server_trial server_net server_log server_metrics
+       lod_hlod lod_hlod_builder lod_texture lod_draw sampling cache faces packs objects repository protocol
+       server_auth server_render server_bake server_export server_session server_scene server_trial server_net
+       server_log server_metrics
   LINKS CLI11::CLI11 spdlog::spdlog nlohmann_json::nlohmann_json openmesh)
 lumigrid_row(client
   USES base base_gl lod_patch lod_qsplat lod_pmr lod_hlod lod_draw sampling faces packs cache protocol plan

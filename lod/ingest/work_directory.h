@@ -24,6 +24,8 @@ enum class Stage : std::uint8_t {
   kPatchLeaves = 3,    ///< lod/patch/builder: the leaf patches
   kSplatLeaves = 3,    ///< lod/qsplat/builder: all that leaves need to know of other tiles
   kSplatSubtrees = 4,  ///< lod/qsplat/builder: the tree of each tile
+  kHlodOrdered = 3,    ///< lod/hlod/builder: the triangles in order
+  kHlodNodes = 4,      ///< lod/hlod/builder: all nodes
   kPmrOrdered = 3,     ///< lod/pmr/builder: the points in order, and the octree
   kPmrClasses = 4,     ///< lod/pmr/builder: normal and class of each point
   kPmrLeaves = 5,      ///< lod/pmr/builder: the chunks of each leaf

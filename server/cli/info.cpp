@@ -329,6 +329,10 @@ void print(const InfoArguments& a, const nlohmann::json& j, const ChoiceTexts& c
     std::printf("umbrellas: %s\n", describeUmbrellas(j["pmr"]).c_str());
     printDigest(j["pmr"], "content");
   }
+  if (j.contains("hlod")) {
+    std::printf("octree: %s\n", describeHlod(j["hlod"]).c_str());
+    printDigest(j["hlod"], "content");
+  }
   if (j.contains("images"))
     printImages(j["images"], choices.tuning);
   else
@@ -381,15 +385,18 @@ base::Result<nlohmann::json> describeSplatFile(const InfoArguments& a, const Ope
   return j;
 }
 
-/// Nothing when the scene has no pmr.lgm, or is not on this machine.
-base::Result<nlohmann::json> describeUmbrellaFile(const InfoArguments& a, const OpenScene& open) {
-  if (open.directory.empty() || streamedFile(open, base::kUmbrellaMethod) == nullptr) return nlohmann::json();
-  const std::string path = base::streamedPath(open.directory, open.scene, base::kUmbrellaMethod);
-  LUMIGRID_ASSIGN_OR_RETURN(auto j, readUmbrellasJson(path));
+/// Adds what `read` says of the method's file, unless the scene has none, or is not on this machine.
+base::Result<void> addStreamedFile(const InfoArguments& a, const OpenScene& open, const base::StreamedMethod& method,
+                                   std::uint32_t header_bytes,
+                                   base::Result<nlohmann::json> (*read)(const std::string& path), nlohmann::json& j) {
+  if (open.directory.empty() || streamedFile(open, method) == nullptr) return {};
+  const std::string path = base::streamedPath(open.directory, open.scene, method);
+  LUMIGRID_ASSIGN_OR_RETURN(auto told, read(path));
   if (a.digest) {
-    LUMIGRID_ASSIGN_OR_RETURN(j["sha256"], methodDigest(path, lod::pmr::kHeaderBytes));
+    LUMIGRID_ASSIGN_OR_RETURN(told["sha256"], methodDigest(path, header_bytes));
   }
-  return j;
+  j[method.name] = std::move(told);
+  return {};
 }
 
 /// With the digest where it is asked for, and the choice of --tune where there is one.
@@ -433,8 +440,8 @@ base::Result<nlohmann::json> describe(const InfoArguments& a, const OpenScene& o
   }
   LUMIGRID_ASSIGN_OR_RETURN(auto splats, describeSplatFile(a, open));
   if (!splats.is_null()) j["qsplat"] = std::move(splats);
-  LUMIGRID_ASSIGN_OR_RETURN(auto umbrellas, describeUmbrellaFile(a, open));
-  if (!umbrellas.is_null()) j["pmr"] = std::move(umbrellas);
+  LUMIGRID_TRY(addStreamedFile(a, open, base::kUmbrellaMethod, lod::pmr::kHeaderBytes, readUmbrellasJson, j));
+  LUMIGRID_TRY(addStreamedFile(a, open, base::kHlodMethod, lod::hlod::kHeaderBytes, readHlodJson, j));
   LUMIGRID_ASSIGN_OR_RETURN(auto textures, describeTextures(open));
   if (!textures.is_null()) j["texture"] = std::move(textures);
   if (open.images) {
@@ -480,7 +487,7 @@ RunCommand addInfo(CLI::App& command) {
   command.add_flag(
       "--digest", a->digest,
       "also SHA-256s: over the keys and values of all images, the same however they are divided; and, of a "
-      "scene on this machine, over patch.lgp, qsplat.lgq and pmr.lgm without the version of their format");
+      "scene on this machine, over patch.lgp, qsplat.lgq, pmr.lgm and hlod.lgh without the version of their format");
   command.add_flag("--json", a->json, "as JSON");
   return [a] { return run(*a); };
 }

@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <cstdio>
 #include <memory>
+#include <optional>
 
 #include "base/egl/headless.h"
 #include "base/json/camera_file.h"
@@ -8,6 +9,7 @@
 #include "server/cli/commands.h"
 #include "server/cli/console.h"
 #include "server/render/background.h"
+#include "server/render/hlod_scene.h"
 #include "server/render/scene_renderer.h"
 #include "server/render/splat_scene.h"
 #include "server/render/umbrella_scene.h"
@@ -20,6 +22,7 @@ constexpr const char* kFullMethod = "full";
 constexpr const char* kPatchMethod = "patches";
 constexpr const char* kSplatMethod = "qsplat";
 constexpr const char* kUmbrellaMethod = "pmr";
+constexpr const char* kHlodMethod = "hlod";
 
 struct RenderArguments {
   std::string scene;
@@ -27,7 +30,7 @@ struct RenderArguments {
   std::string output;
   std::string method = kFullMethod;
   std::vector<int> size;
-  double tolerance_px = 1.0;
+  std::optional<double> tolerance_px;  ///< nothing: the method's usual one
   bool guarantee = false;
   std::string splat = "circle";
   double cutoff_px = 1.0;
@@ -42,6 +45,11 @@ struct DrawnPicture {
   std::string amount;
 };
 
+/// In pixels; `usual`: where none is given.
+float toleranceOf(const RenderArguments& a, float usual) {
+  return a.tolerance_px ? static_cast<float>(*a.tolerance_px) : usual;
+}
+
 Rgb colorOf(const std::vector<int>& values) {
   Rgb color{};
   for (std::size_t c = 0; c < color.size(); ++c) color[c] = static_cast<std::uint8_t>(values[c]);
@@ -53,7 +61,7 @@ base::Result<DrawnPicture> drawPatches(const RenderArguments& a, const base::Sce
   LUMIGRID_ASSIGN_OR_RETURN(auto patches, lod::patch::PatchFile::open(base::patchPath(a.scene, scene)));
   LUMIGRID_ASSIGN_OR_RETURN(auto renderer, SceneRenderer::create(scene, patches));
   RenderOptions options;
-  options.tolerance_px = a.method == kFullMethod ? 0.0F : static_cast<float>(a.tolerance_px);
+  options.tolerance_px = a.method == kFullMethod ? 0.0F : toleranceOf(a, 1.0F);
   if (a.guarantee) options.measure = base::ErrorMeasure::kBound;
   options.supersampling = a.supersampling;
   const base::Sphere bounds{renderer->sceneCenter(), renderer->sceneRadius()};
@@ -80,7 +88,7 @@ base::Result<DrawnPicture> drawUmbrellas(const RenderArguments& a, const base::S
                                          const base::ViewCamera& view) {
   LUMIGRID_ASSIGN_OR_RETURN(auto renderer, UmbrellaScene::create(a.scene, scene));
   UmbrellaOptions options;
-  options.tolerance = static_cast<float>(a.tolerance_px);
+  options.tolerance = toleranceOf(a, options.tolerance);
   options.supersampling = a.supersampling;
   LUMIGRID_ASSIGN_OR_RETURN(auto picture,
                             renderer->render(base::cameraForScene(view, scene.origin, renderer->bounds()), options));
@@ -88,10 +96,22 @@ base::Result<DrawnPicture> drawUmbrellas(const RenderArguments& a, const base::S
                       formatCount(picture.points) + " points and " + formatCount(picture.triangles) + " triangles"};
 }
 
+base::Result<DrawnPicture> drawNodes(const RenderArguments& a, const base::Scene& scene, const base::ViewCamera& view) {
+  LUMIGRID_ASSIGN_OR_RETURN(auto renderer, HlodScene::create(a.scene, scene));
+  HlodOptions options;
+  options.tolerance = toleranceOf(a, options.tolerance);
+  options.supersampling = a.supersampling;
+  LUMIGRID_ASSIGN_OR_RETURN(auto picture,
+                            renderer->render(base::cameraForScene(view, scene.origin, renderer->bounds()), options));
+  return DrawnPicture{std::move(picture.rgba), formatCount(picture.count.triangles) + " triangles and " +
+                                                   formatCount(picture.count.points) + " points"};
+}
+
 base::Result<DrawnPicture> drawPicture(const RenderArguments& a, const base::Scene& scene,
                                        const base::ViewCamera& view) {
   if (a.method == kSplatMethod) return drawSplats(a, scene, view);
   if (a.method == kUmbrellaMethod) return drawUmbrellas(a, scene, view);
+  if (a.method == kHlodMethod) return drawNodes(a, scene, view);
   return drawPatches(a, scene, view);
 }
 
@@ -123,13 +143,14 @@ RunCommand addRender(CLI::App& command) {
   command
       .add_option("--method", a->method,
                   "full: leaf geometry, the ground truth; patches: the hierarchy at --tolerance; qsplat: splats at "
-                  "--cutoff; pmr: points and umbrellas at --tolerance")
-      ->check(CLI::IsMember({kFullMethod, kPatchMethod, kSplatMethod, kUmbrellaMethod}));
+                  "--cutoff; pmr: points and umbrellas at --tolerance; hlod: triangles and points at --tolerance")
+      ->check(CLI::IsMember({kFullMethod, kPatchMethod, kSplatMethod, kUmbrellaMethod, kHlodMethod}));
   command
       .add_option(
           "--tolerance", a->tolerance_px,
           "error of --method patches, pixels: 19 of 20 points of the surface are within about this; of --method "
-          "pmr (above 0): umbrellas have about this many pixels")
+          "pmr (above 0): umbrellas have about this many pixels; of --method hlod (above 0): nowhere is shape or "
+          "appearance farther off (default: 1, with hlod 0.5)")
       ->check(CLI::Range(0.0, 1000.0));
   command.add_flag("--guarantee", a->guarantee,
                    "keep --tolerance by the proved bound of the error, not by what is seen of it: many times the data");

@@ -38,6 +38,7 @@ void printJson(const std::string& scene, const MissingParts& missing) {
                    {"missing", nlohmann::json::array()}};
   if (missing.splats) j["qsplat"] = "missing";
   if (missing.umbrellas) j["pmr"] = "missing";
+  if (missing.hlod) j["hlod"] = "missing";
   if (missing.methods) j["methods"] = "missing";
   if (missing.points) j["sampling_points"] = "missing";
   if (missing.images_light) j["images_light"] = base::nameOf(*missing.images_light);
@@ -58,6 +59,7 @@ void printText(const std::string& scene, const MissingParts& missing) {
   if (missing.hierarchy) std::printf("hierarchy: missing\n");
   if (missing.splats) std::printf("tree of splats: missing\n");
   if (missing.umbrellas) std::printf("points and umbrellas: missing\n");
+  if (missing.hlod) std::printf("octree of triangles and points: missing\n");
   if (missing.methods) std::printf("methods: not tried yet, so it is open whether there will be images\n");
   if (missing.declaration)
     std::printf("scene.json: missing, though nothing else is; lumigrid build -o %s writes it\n", scene.c_str());

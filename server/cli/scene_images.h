@@ -25,6 +25,7 @@ struct MissingParts {
   bool hierarchy = false;
   bool splats = false;
   bool umbrellas = false;
+  bool hlod = false;
   std::uint32_t shards = 0;                   ///< the division; 0: none
   bool methods = false;                       ///< --methods auto has not measured yet whether there are to be images
   bool points = false;                        ///< --views has not selected points yet: all of the grid count
@@ -33,7 +34,7 @@ struct MissingParts {
   std::optional<base::LightMode> images_light;
   /// All is there, but nobody has checked that and written scene.json: any command that builds the scene does.
   bool declaration = false;
-  bool files() const { return hierarchy || splats || umbrellas; }
+  bool files() const { return hierarchy || splats || umbrellas || hlod; }
   bool any() const { return files() || methods || declaration || !images.empty(); }
 };
 /// Prints the missing parts, for people or as JSON; returns the exit status.

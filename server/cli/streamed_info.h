@@ -1,11 +1,14 @@
 #pragma once
-// Describes the files that viewers stream by ranges, for `build` and `info`: qsplat.lgq and pmr.lgm.
+// Describes the files that viewers stream by ranges, for `build` and `info`: qsplat.lgq, pmr.lgm and hlod.lgh.
 #include <array>
 #include <cstdint>
 #include <nlohmann/json.hpp>
+#include <span>
 #include <string>
 
 #include "base/error.h"
+#include "lod/hlod/builder/build.h"
+#include "lod/hlod/format.h"
 #include "lod/pmr/format.h"
 #include "lod/qsplat/format.h"
 
@@ -26,5 +29,13 @@ nlohmann::json umbrellasJson(const lod::pmr::Header& header, const LevelCounts& 
 base::Result<nlohmann::json> readUmbrellasJson(const std::string& path);
 /// One line, and one for each level.
 std::string describeUmbrellas(const nlohmann::json& umbrellas);
+
+/// Counts, bytes per triangle of the source, and nodes, triangles, points, bytes and largest error by depth.
+nlohmann::json hlodJson(const lod::hlod::Header& header, std::span<const lod::hlod::builder::LevelSummary> levels);
+/// The same for a file, of which header and table are read. Errors name the file: those of opening it, and of
+/// lod::hlod::readHeader and readTable.
+base::Result<nlohmann::json> readHlodJson(const std::string& path);
+/// One line, and one for each level.
+std::string describeHlod(const nlohmann::json& hlod);
 
 }  // namespace server::cli

@@ -13,6 +13,7 @@
 #include "base/hash/sha256.h"
 #include "base/json/annotations_file.h"
 #include "lod/disk_bytes.h"
+#include "lod/hlod/check_file.h"
 #include "lod/pmr/check_file.h"
 #include "lod/qsplat/splat_file.h"
 #include "lod/texture/format.h"
@@ -65,21 +66,32 @@ void verifySplats(const std::string& path, const base::Scene& scene, Faults& fau
     faults.push_back(path + ": its root lies outside the scene's box");
 }
 
-// Checks points and umbrellas on the disk in the same way.
-void verifyUmbrellas(const std::string& path, const base::Scene& scene, Faults& faults) {
+// Checks a method's file on the disk in the same way; the functions are the method's.
+template <class Header>
+void verifyStreamed(const std::string& path, const base::Scene& scene, Faults& faults, std::uint32_t header_bytes,
+                    Faults (*check_file)(const lod::FileBytes& file),
+                    base::Result<Header> (*read_header)(base::ByteView front)) {
   auto opened = valueOrFault(base::PositionedFile::open(path), faults);
   if (!opened) return;
   const lod::DiskBytes file(std::move(*opened));
-  for (const std::string& fault : lod::pmr::checkFile(file)) faults.push_back(path + ": " + fault);
-  base::Bytes front(lod::pmr::kHeaderBytes);
+  for (const std::string& fault : check_file(file)) faults.push_back(path + ": " + fault);
+  base::Bytes front(header_bytes);
   if (!file.read(0, front)) return;
-  const auto header = lod::pmr::readHeader(front);
+  const auto header = read_header(front);
   if (!header) return;
   if (header->colors != scene.has_colors) faults.push_back(path + ": colours do not agree with scene.json");
   const base::Aabb box = scene.localBox();
   const float slack = header->bounds.radius + 1e-6F * box.diagonal();
   if (!base::Aabb{box.min - slack, box.max + slack}.contains(header->bounds.center))
-    faults.push_back(path + ": its points lie outside the scene's box");
+    faults.push_back(path + ": what it shows lies outside the scene's box");
+}
+
+void verifyUmbrellas(const std::string& path, const base::Scene& scene, Faults& faults) {
+  verifyStreamed(path, scene, faults, lod::pmr::kHeaderBytes, lod::pmr::checkFile, lod::pmr::readHeader);
+}
+
+void verifyHlod(const std::string& path, const base::Scene& scene, Faults& faults) {
+  verifyStreamed(path, scene, faults, lod::hlod::kHeaderBytes, lod::hlod::checkFile, lod::hlod::readHeader);
 }
 
 // Checks a patch hierarchy on the disk in the same way.
@@ -108,7 +120,8 @@ struct MethodFile {
 };
 constexpr MethodFile kMethodFiles[] = {{"patch", ".lgp", verifyPatches},
                                        {base::kSplatMethod.name, base::kSplatMethod.extension, verifySplats},
-                                       {base::kUmbrellaMethod.name, base::kUmbrellaMethod.extension, verifyUmbrellas}};
+                                       {base::kUmbrellaMethod.name, base::kUmbrellaMethod.extension, verifyUmbrellas},
+                                       {base::kHlodMethod.name, base::kHlodMethod.extension, verifyHlod}};
 
 // Checks the textures of the leaves.
 void verifyTextures(const std::string& path, const std::string& patch_path, Faults& faults) {

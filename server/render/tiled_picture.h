@@ -22,25 +22,25 @@ struct SampleOptions {
 /// Needs a GL context that is current from create() to the destructor.
 class TiledPicture {
  public:
-  /// `border`: pixels by which tiles overlap, for what is drawn beside a place that may lie in another tile.
-  static base::Result<std::unique_ptr<TiledPicture>> create(int border = 0);
+  static base::Result<std::unique_ptr<TiledPicture>> create();
 
   /// Draws a tile into the target, which has been cleared; `camera` is the tile's with its border, in pixels.
   using DrawTile = std::function<base::Result<void>(const base::Camera& camera, const SampleTarget& target)>;
   /// Returns RGBA; alpha: 255 where all samples of the pixel saw the model, 0 where none did. Errors: kInvalidInput for
-  /// sizes out of range, and those of `draw_tile`.
-  base::Result<base::Image> draw(const base::Camera& camera, const SampleOptions& options, const DrawTile& draw_tile);
+  /// sizes out of range, and those of `draw_tile`. `border`: pixels by which tiles overlap, for what is drawn beside a
+  /// place that may lie in another tile.
+  base::Result<base::Image> draw(const base::Camera& camera, const SampleOptions& options, const DrawTile& draw_tile,
+                                 int border = 0);
 
  private:
-  explicit TiledPicture(int border);
+  TiledPicture();
   base::Result<void> drawTiles(const base::Camera& camera, const SampleOptions& options, const DrawTile& draw_tile,
-                               const std::shared_ptr<PendingPicture>& pending);
+                               int border, const std::shared_ptr<PendingPicture>& pending);
 
   ResolvePass resolve_;
   SampleTarget target_;
   ReadbackQueue readback_;
   const int max_side_;
-  const int border_;
 };
 
 }  // namespace server

@@ -43,7 +43,6 @@ class UmbrellaScene {
   /// `request`: with the tile.
   base::Result<void> drawTile(const lod::pmr::TraverseRequest& request, const SampleTarget& target, int samples,
                               UmbrellaPicture& picture);
-  base::Error damage() const;
 
   const std::string path_;
   lod::pmr::Stream stream_;

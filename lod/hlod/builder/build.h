@@ -12,11 +12,11 @@ namespace lod::hlod::builder {
 
 /// What the appearance of a surface is made of.
 enum class Appearance : std::uint8_t {
-  kAuto,             ///< colours where the source has them, else normals
+  kAuto,  ///< colours where the source has them, else normals
   kNormals,
-  kColors,           ///< nothing where the source has none
+  kColors,  ///< nothing where the source has none
   kColorsAndNormals,
-  kShape,            ///< nothing: the error is that of the shape alone
+  kShape,  ///< nothing: the error is that of the shape alone
 };
 
 struct BuildOptions : ingest::StagedBuildOptions {

@@ -23,7 +23,7 @@ double numberAt(const nlohmann::json& json, const nlohmann::json::json_pointer& 
 
 base::Result<void> addToBuildRecord(const std::string& scene, const BuildReport& report) {
   const bool rendered = report.bake && report.bake->faces_rendered != 0;
-  if (!report.hierarchy && !report.splats && !report.umbrellas && !rendered) return {};
+  if (!report.hierarchy && !report.splats && !report.umbrellas && !report.hlod && !rendered) return {};
   using Place = nlohmann::json::json_pointer;
   const std::string path = scene + "/" + kBuildRecord;
   nlohmann::json record;
@@ -35,6 +35,7 @@ base::Result<void> addToBuildRecord(const std::string& scene, const BuildReport&
   if (report.hierarchy) record["patch"] = timesOf(*report.hierarchy);
   if (report.splats) record["qsplat"] = timesOf(*report.splats);
   if (report.umbrellas) record["pmr"] = timesOf(*report.umbrellas);
+  if (report.hlod) record["hlod"] = timesOf(*report.hlod);
   if (rendered)
     record["images"] = {
         {"seconds", numberAt(record, Place("/images/seconds")) + report.bake->seconds},

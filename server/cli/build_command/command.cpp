@@ -1,5 +1,5 @@
-// lumigrid build makes a scene: hierarchy, tree of splats, points with umbrellas, images, one after the other, each
-// resumable.
+// lumigrid build makes a scene: hierarchy, tree of splats, points with umbrellas, octree of triangles and points,
+// images, one after the other, each resumable.
 //
 // Any number of processes may work on one scene. Steps that concern the whole scene run under its lock
 // (SceneLock): making or opening it with its hierarchy, the choices made once for all images, and declaring it
@@ -64,6 +64,10 @@ Result<BuildOutput> prepareScene(const BuildArguments& a, const SceneSources& so
   }
   if (lacks(kUmbrellas)) {
     LUMIGRID_TRY(buildUmbrellas(a, sources, output.scene, report, line));
+    LUMIGRID_TRY(recordMethods(a, output));
+  }
+  if (lacks(kHlod)) {
+    LUMIGRID_TRY(buildHlod(a, sources, output.scene, report, line));
     LUMIGRID_TRY(recordMethods(a, output));
   }
   LUMIGRID_TRY(settleDivision(a, output, selection));
@@ -197,6 +201,7 @@ Result<MissingParts> findMissingParts(BuildArguments a) {
     missing.hierarchy = wants(a, "patch");
     missing.splats = wants(a, "qsplat");
     missing.umbrellas = wants(a, "pmr");
+    missing.hlod = wants(a, "hlod");
     return missing;
   }
 
@@ -206,6 +211,7 @@ Result<MissingParts> findMissingParts(BuildArguments a) {
   missing.hierarchy = lacksFile(a, scene, kPatches);
   missing.splats = lacksFile(a, scene, kSplats);
   missing.umbrellas = lacksFile(a, scene, kUmbrellas);
+  missing.hlod = lacksFile(a, scene, kHlod);
   if (!wants(a, "images")) {
     missing.declaration = !missing.files() && !output.finished && !hasMethod(scene.parameters, "images");
     return missing;

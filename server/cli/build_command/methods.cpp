@@ -6,6 +6,7 @@
 #include <cstdio>
 #include <filesystem>
 #include <future>
+#include <map>
 #include <utility>
 
 #include "base/crc32c.h"
@@ -162,6 +163,10 @@ base::Result<void> orientBySurface(const BuildArguments& a, const lod::ingest::S
   return {};
 }
 
+base::SceneBorder borderOf(const lod::ingest::SourceSummary& built) {
+  return {built.border.source_open_edges, built.border.open_edges, built.border.largest_movement};
+}
+
 Result<base::Scene> describeScene(const BuildArguments& a, const SceneSources& sources,
                                   const lod::ingest::SourceSummary& built) {
   base::Scene scene;
@@ -211,7 +216,7 @@ Result<void> buildPatches(const BuildArguments& a, const SceneSources& sources, 
 
   // The patches are the scene as it is looked at, so what they say of the source replaces what splats said.
   LUMIGRID_ASSIGN_OR_RETURN(auto described, describeScene(a, sources, *summary));
-  described.border = {summary->border.source_open_edges, summary->border.open_edges, summary->border.largest_movement};
+  described.border = borderOf(*summary);
   if (scene) {
     const Parameters wanted = std::move(described.parameters);
     described.parameters = scene->parameters;  // with the division into shards
@@ -265,6 +270,33 @@ Result<void> buildSplats(const BuildArguments& a, const SceneSources& sources, s
   options.coded = a.splats_coded;
   return buildStreamed(a, sources, kSplats, "splats", options, lod::qsplat::builder::buildFromFiles, scene,
                        report.splats, line);
+}
+
+namespace {
+
+lod::hlod::builder::Appearance appearanceNamed(const std::string& name) {
+  using lod::hlod::builder::Appearance;
+  const std::map<std::string, Appearance> names{{"auto", Appearance::kAuto},
+                                                {"normals", Appearance::kNormals},
+                                                {"colors", Appearance::kColors},
+                                                {"both", Appearance::kColorsAndNormals},
+                                                {"none", Appearance::kShape}};
+  return names.at(name);
+}
+
+}  // namespace
+
+Result<void> buildHlod(const BuildArguments& a, const SceneSources& sources, std::optional<base::Scene>& scene,
+                       BuildReport& report, ProgressLine& line) {
+  LUMIGRID_TRY(needMeshes(a, "octree of triangles and points"));
+  lod::hlod::builder::BuildOptions options = a.hlod;
+  options.stitch = *lod::ingest::parseStitch(a.stitch);
+  options.appearance = appearanceNamed(a.appearance);
+  const bool describes_scene = !scene;
+  LUMIGRID_TRY(buildStreamed(a, sources, kHlod, "octree", options, lod::hlod::builder::buildFromFiles, scene,
+                             report.hlod, line));
+  if (describes_scene) scene->border = borderOf(*report.hlod);
+  return {};
 }
 
 #ifdef LUMIGRID_PMR

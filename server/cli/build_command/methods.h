@@ -1,6 +1,6 @@
 #pragma once
-// `lumigrid build` makes the files of the methods: the patch hierarchy, the tree of splats, and points with their
-// umbrellas.
+// `lumigrid build` makes the files of the methods: the patch hierarchy, the tree of splats, points with their
+// umbrellas, and the octree of triangles and points.
 #include <optional>
 #include <string>
 
@@ -27,6 +27,9 @@ base::Result<void> buildSplats(const BuildArguments& a, const SceneSources& sour
 /// The same for points and umbrellas.
 base::Result<void> buildUmbrellas(const BuildArguments& a, const SceneSources& sources,
                                   std::optional<base::Scene>& scene, BuildReport& report, ProgressLine& line);
+/// The same for the octree of triangles and points.
+base::Result<void> buildHlod(const BuildArguments& a, const SceneSources& sources, std::optional<base::Scene>& scene,
+                             BuildReport& report, ProgressLine& line);
 /// An error where this program was built without the builder of pmr.lgm (CMake's option LUMIGRID_PMR).
 base::Result<void> needUmbrellaBuilder();
 

@@ -28,12 +28,14 @@ void declareMethodOptions(CLI::App& command, BuildArguments& a) {
   command.add_option("-o,--output", a.output, "scene directory to make, or to go on with")->required();
   command.add_flag("--force", a.force, "replace a scene that is there");
   command
-      .add_option("--methods", a.methods,
-                  "parts to build: patch (the hierarchy), images (the repository; needs patch), qsplat (a tree of "
-                  "splats), pmr (points, and triangles around each); the last two also from point clouds, which are "
-                  "LAS files, text with a point on each line (XYZ, PTS, CSV) and PLY files without faces. auto: patch, "
-                  "and images where a few held-out views are nearer to the full model with them; says what it "
-                  "measured. A scene that is there gets what it lacks")
+      .add_option(
+          "--methods", a.methods,
+          "parts to build: patch (the hierarchy), images (the repository; needs patch), qsplat (a tree of "
+          "splats), pmr (points, and triangles around each), hlod (an octree of triangles, and points where they "
+          "are small, all within a stated error); qsplat and pmr also from point clouds, which are LAS files, "
+          "text with a point on each line (XYZ, PTS, CSV) and PLY files without faces. auto: patch, and "
+          "images where a few held-out views are nearer to the full model with them; says what it "
+          "measured. A scene that is there gets what it lacks")
       ->delimiter(',')
       ->check(CLI::IsMember([] {
         std::vector<std::string> names(std::begin(kMethods), std::end(kMethods));
@@ -161,6 +163,23 @@ void declareHierarchyOptions(CLI::App& command, BuildArguments& a) {
       ->check(CLI::IsMember({"on", "off"}));
 }
 
+void declareHlodOptions(CLI::App& command, BuildArguments& a) {
+  command
+      .add_option("--hlod-triangles", a.hlod.leaf_triangles,
+                  "Tmax of --methods hlod: cells with more triangles are divided")
+      ->check(CLI::Range(1, 1'000'000));
+  command
+      .add_option("--hlod-resolution", a.hlod.resolution,
+                  "res of --methods hlod: the error of a cell is at most its edge divided by this; more makes more, "
+                  "smaller cells of a view")
+      ->check(CLI::Range(4.0, 65536.0));
+  command
+      .add_option("--appearance", a.appearance,
+                  "that --methods hlod keeps within its error besides the shape: normals, colors, both or none. auto: "
+                  "colors where the mesh has them, else normals")
+      ->check(CLI::IsMember({kAuto, "normals", "colors", "both", "none"}));
+}
+
 void declareRunOptions(CLI::App& command, BuildArguments& a) {
   command.add_option("--threads", a.limits.threads, "0: all cores; the result does not depend on it");
   command
@@ -234,6 +253,7 @@ void declareBuildOptions(CLI::App& command, BuildArguments& a) {
   declareSamplingOptions(command, a);
   declareImageOptions(command, a);
   declareHierarchyOptions(command, a);
+  declareHlodOptions(command, a);
   declareRunOptions(command, a);
 }
 
@@ -285,6 +305,11 @@ Parameters parametersOf(const BuildArguments& a) {
   if (!a.views_from.empty()) parameters["views-from"] = a.views_from;
   if (wants(a, "qsplat")) parameters[kSplatsDice] = number(a.splats_dice);
   if (a.splats_coded) parameters[kSplatsCoded] = "true";
+  if (wants(a, "hlod")) {
+    parameters[kHlodTriangles] = number(a.hlod.leaf_triangles);
+    parameters[kHlodResolution] = number(a.hlod.resolution);
+    parameters[kHlodAppearance] = a.appearance;
+  }
   return parameters;
 }
 
@@ -319,6 +344,9 @@ std::string usageError(const CLI::App& command, BuildArguments& a) {
     return "--worth, --budget and --views-from belong to sampling by use: give --views too";
   if (isGiven(command, "--qsplat-coded") && !wants(a, "qsplat"))
     return "--qsplat-coded belongs to the tree of splats: give --methods qsplat too";
+  for (const char* option : {"--hlod-triangles", "--hlod-resolution", "--appearance"})
+    if (isGiven(command, option) && !wants(a, "hlod"))
+      return std::string(option) + " belongs to the octree: give --methods hlod too";
   return "";
 }
 

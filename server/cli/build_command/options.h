@@ -9,6 +9,7 @@
 
 #include "base/error.h"
 #include "base/resource_limits.h"
+#include "lod/hlod/builder/build.h"
 #include "lod/patch/builder/hierarchy_build.h"
 #include "lod/qsplat/builder/build.h"
 #include "server/bake/bake.h"
@@ -34,12 +35,13 @@ struct BuildArguments {
   std::string codec;           ///< jpeg or webp, as given; usageError() fills in what was not
   std::optional<int> quality;  ///< as given; nothing: the codec's usual one
   double margin = 0.5;
-  std::string tmpdir, regroup = "on", stitch = "auto", normals = "auto", textures = "keep";
+  std::string tmpdir, regroup = "on", stitch = "auto", normals = "auto", textures = "keep", appearance = "auto";
   std::string views_from;  ///< a scene; empty: views are drawn anywhere
   base::ResourceLimits limits;
   lod::patch::builder::HierarchyOptions hierarchy;  ///< without the limits, which all methods share
   double splats_dice = lod::qsplat::builder::kDefaultDice;
-  BakeOptions bake;  ///< the same
+  lod::hlod::builder::BuildOptions hlod;  ///< the same, and without stitching and appearance
+  BakeOptions bake;                       ///< without the limits
 };
 
 /// A method of which the scene keeps one file. Its work files lie beside that, unless --tmpdir says otherwise.
@@ -51,10 +53,11 @@ struct FileMethod {
 inline constexpr FileMethod kPatches{"patch", "patch.lgp", "patch.lgp.work"};
 inline constexpr FileMethod kSplats{"qsplat", "qsplat.lgq", "qsplat.lgq.work"};
 inline constexpr FileMethod kUmbrellas{"pmr", "pmr.lgm", "pmr.lgm.work"};
+inline constexpr FileMethod kHlod{"hlod", "hlod.lgh", "hlod.lgh.work"};
 /// Where the source has textures: the leaves' part of them.
 inline constexpr const char* kTextureFile = "texture.lgt";
-inline constexpr FileMethod kFileMethods[] = {kPatches, kSplats, kUmbrellas};
-inline constexpr const char* kMethods[] = {"patch", "images", "qsplat", "pmr"};
+inline constexpr FileMethod kFileMethods[] = {kPatches, kSplats, kUmbrellas, kHlod};
+inline constexpr const char* kMethods[] = {"patch", "images", "qsplat", "pmr", "hlod"};
 /// Chooses among them.
 inline constexpr const char* kAuto = "auto";
 
@@ -68,6 +71,19 @@ inline constexpr const char* kTexturesParameter = "textures";
 inline constexpr const char* kSplatsCoded = "qsplat-coded";
 /// Recorded where the scene has a tree of splats: how its triangles were diced.
 inline constexpr const char* kSplatsDice = "qsplat-dice";
+/// Recorded where the scene has an octree of triangles and points.
+inline constexpr const char* kHlodTriangles = "hlod-triangles";
+inline constexpr const char* kHlodResolution = "hlod-resolution";
+inline constexpr const char* kHlodAppearance = "appearance";
+/// Options of one method, recorded where the scene has it.
+struct MethodParameter {
+  const char* method;
+  const char* name;
+};
+inline constexpr MethodParameter kMethodParameters[] = {
+    {"qsplat", kSplatsDice}, {"hlod", kHlodTriangles}, {"hlod", kHlodResolution}, {"hlod", kHlodAppearance}};
+/// Methods of one surface, whose seams are stitched alike.
+inline constexpr const char* kStitchedMethods[] = {"patch", "hlod"};
 
 bool wants(const BuildArguments& a, const char* method);
 /// Whether recorded parameters name the method among --methods.

@@ -51,11 +51,20 @@ nlohmann::json umbrellaBuildJson(const lod::pmr::builder::BuildSummary& p) {
   return j;
 }
 
+nlohmann::json hlodBuildJson(const lod::hlod::builder::BuildSummary& h) {
+  nlohmann::json j = hlodJson(h.header, h.levels);
+  j["seconds"] = h.seconds;
+  j["cpu_seconds"] = h.cpu_seconds;
+  j["triangles_per_cpu_second"] = perSecond(h.header.source_triangles, h.cpu_seconds);
+  return j;
+}
+
 /// The summary of the source by the first method that was built; null where none was.
 const lod::ingest::SourceSummary* sourceSummary(const BuildReport& r) {
   if (r.hierarchy) return &*r.hierarchy;
   if (r.splats) return &*r.splats;
-  return r.umbrellas ? &*r.umbrellas : nullptr;
+  if (r.umbrellas) return &*r.umbrellas;
+  return r.hlod ? &*r.hlod : nullptr;
 }
 
 /// Whether any face is more than one image.
@@ -90,6 +99,7 @@ nlohmann::json reportJson(const base::Scene& scene, const BuildReport& r) {
   if (r.hierarchy) j["hierarchy"] = hierarchyJson(*r.hierarchy, scene.triangles);
   if (r.splats) j["qsplat"] = splatBuildJson(*r.splats);
   if (r.umbrellas) j["pmr"] = umbrellaBuildJson(*r.umbrellas);
+  if (r.hlod) j["hlod"] = hlodBuildJson(*r.hlod);
   if (r.trial) j["auto"] = trialJson(*r.trial);
   if (r.tuned) j["tuned"] = tunedJson(*r.tuned);
   if (r.bake) j["images"] = imagesJson(*r.bake);
@@ -136,6 +146,12 @@ void printUmbrellas(const lod::pmr::builder::BuildSummary& p) {
   std::printf("  %s\n", describeUmbrellas(umbrellasJson(p.header, p.points, p.triangles)).c_str());
 }
 
+void printHlod(const lod::hlod::builder::BuildSummary& h) {
+  std::printf("octree: %.0f triangles/s (%.0f per core) in %s; %s\n", perSecond(h.header.source_triangles, h.seconds),
+              perSecond(h.header.source_triangles, h.cpu_seconds), formatSeconds(h.seconds).c_str(),
+              describeHlod(hlodJson(h.header, h.levels)).c_str());
+}
+
 /// The points of a scene that was made from points, where they were built; nothing for others.
 std::optional<std::uint64_t> sourcePoints(const base::Scene& scene, const BuildReport& r) {
   if (scene.triangles != 0) return std::nullopt;
@@ -165,6 +181,7 @@ void printText(const BuildArguments& a, const BuildOutput& output, const BuildRe
   if (r.hierarchy) printHierarchy(*r.hierarchy, scene.triangles);
   if (r.splats) printSplats(*r.splats);
   if (r.umbrellas) printUmbrellas(*r.umbrellas);
+  if (r.hlod) printHlod(*r.hlod);
   if (r.trial) std::printf("auto: %s\n", describeTrial(*r.trial).c_str());
   if (r.tuned) std::printf("tuned to %s dB: %s\n", a.tune.c_str(), describeChoice(*r.tuned).c_str());
   if (r.bake) printImages(*r.bake);

@@ -3,6 +3,7 @@
 #include <optional>
 #include <vector>
 
+#include "lod/hlod/builder/build.h"
 #include "lod/patch/builder/hierarchy_build.h"
 #include "lod/pmr/builder/build.h"
 #include "lod/qsplat/builder/build.h"
@@ -19,6 +20,7 @@ struct BuildReport {
   std::optional<lod::patch::builder::HierarchySummary> hierarchy;  ///< absent when a resumed build had it already
   std::optional<lod::qsplat::builder::BuildSummary> splats;        ///< the same
   std::optional<lod::pmr::builder::BuildSummary> umbrellas;        ///< the same
+  std::optional<lod::hlod::builder::BuildSummary> hlod;            ///< the same
   std::optional<Trial> trial;                                      ///< with --methods auto
   std::optional<TuneChoice> tuned;
   std::optional<BakeSummary> bake;             ///< over all shards that this process did

@@ -41,8 +41,15 @@ bool sameHierarchies(const BuildArguments& a, Parameters recorded, const Paramet
     for (const char* name : kHierarchyParameters)
       if (recorded[name] != wanted.at(name)) return false;
   if (recorded.contains(kTexturesParameter) != wanted.contains(kTexturesParameter)) return false;
-  if (!wants(a, "qsplat") || !hasMethod(recorded, "qsplat")) return true;
-  return recorded.contains(kSplatsCoded) == a.splats_coded && recorded[kSplatsDice] == wanted.at(kSplatsDice);
+  const auto isIn = [&](const char* method) { return hasMethod(recorded, method); };
+  const auto isWanted = [&](const char* method) { return wants(a, method); };
+  if (std::any_of(std::begin(kStitchedMethods), std::end(kStitchedMethods), isIn) &&
+      std::any_of(std::begin(kStitchedMethods), std::end(kStitchedMethods), isWanted) &&
+      recorded["stitch"] != wanted.at("stitch"))
+    return false;
+  for (const auto& [method, name] : kMethodParameters)
+    if (isWanted(method) && isIn(method) && recorded[name] != wanted.at(name)) return false;
+  return !isWanted("qsplat") || !isIn("qsplat") || recorded.contains(kSplatsCoded) == a.splats_coded;
 }
 
 Fit fitOf(const BuildArguments& a, const std::vector<base::SceneSource>& sources, const base::Scene& scene,
@@ -57,9 +64,9 @@ Fit fitOf(const BuildArguments& a, const std::vector<base::SceneSource>& sources
   if (!sameHierarchies(a, recorded, wanted)) return Fit::kOther;
   if (!wants(a, "images")) return Fit::kSame;
   if (!hasMethod(scene.parameters, "images")) return Fit::kMore;
-  for (const char* name : {"methods", kSplatsDice, kSplatsCoded, kAutoParameter}) {
-    recorded.erase(name);
-    wanted.erase(name);
+  for (Parameters* parameters : {&recorded, &wanted}) {
+    for (const char* name : {"methods", kSplatsCoded, kAutoParameter}) parameters->erase(name);
+    for (const MethodParameter& parameter : kMethodParameters) parameters->erase(parameter.name);
   }
   if (recorded == wanted) return Fit::kSame;
   return !has_images && withoutEncoding(recorded) == withoutEncoding(wanted) ? Fit::kMore : Fit::kOther;
@@ -71,7 +78,8 @@ void addMethods(const Parameters& recorded, Parameters& wanted) {
     if (recorded.contains(name)) wanted[name] = recorded.at(name);
   wanted["methods"] =
       listMethods([&](const char* method) { return hasMethod(recorded, method) || hasMethod(wanted, method); });
-  if (const auto it = recorded.find(kSplatsDice); it != recorded.end()) wanted.insert(*it);
+  for (const MethodParameter& parameter : kMethodParameters)
+    if (const auto it = recorded.find(parameter.name); it != recorded.end()) wanted.insert(*it);
 }
 
 // The command's options; the scene's methods and division stay.
@@ -172,9 +180,9 @@ Result<void> removeScene(const std::string& directory) {
   for (const repository::Shard& shard : layout.shards)
     LUMIGRID_TRY(repository::removeLmdbStore(repository::storeDirectory(images, shard.count, shard.index)));
   if (layout.undivided) LUMIGRID_TRY(repository::removeLmdbStore(images));
-  for (const char* name :
-       {"scene.json", base::kBuildingFile, kPatches.file, kPatches.work_files, kTextureFile, kSplats.file,
-        kSplats.work_files, kUmbrellas.file, kUmbrellas.work_files, "images", "access.lga.lock", kBuildRecord})
+  for (const char* name : {"scene.json", base::kBuildingFile, kPatches.file, kPatches.work_files, kTextureFile,
+                           kSplats.file, kSplats.work_files, kUmbrellas.file, kUmbrellas.work_files, kHlod.file,
+                           kHlod.work_files, "images", "access.lga.lock", kBuildRecord})
     LUMIGRID_TRY(removePart(directory, name));
   std::vector<std::string> counts;
   std::error_code ignored;

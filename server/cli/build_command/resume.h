@@ -21,8 +21,8 @@ struct BuildOutput {
 };
 
 /// Files that appear under these names only when they are whole.
-inline constexpr const char* kWholeFiles[] = {kPatches.file,   kTextureFile, kSplats.file,
-                                              kUmbrellas.file, "scene.json", base::kBuildingFile};
+inline constexpr const char* kWholeFiles[] = {kPatches.file, kTextureFile, kSplats.file,       kUmbrellas.file,
+                                              kHlod.file,    "scene.json", base::kBuildingFile};
 
 /// The scene to go on with or to look over, or nothing for a fresh start; kExists when the output may not be touched.
 base::Result<BuildOutput> openOutput(const BuildArguments& a, const SceneSources& sources);

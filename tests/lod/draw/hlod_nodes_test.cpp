@@ -217,13 +217,13 @@ TEST_F(HlodNodesTest, linesOfALeafCoverOneSample) {
 }
 
 /// Points on the plane so far apart that no place of it is farther than `reach` from one.
-hlod::NodePicture pointsReaching(float reach, float angle, float tilt) {
+hlod::NodePicture pointsReaching(float reach, float angle) {
   const auto side = static_cast<int>(std::ceil(2.0F / (1.4142F * reach)));
   auto points = asPoints(gridOf(side, [&](int x, int y) {
     const float spacing = 1.4142F * reach;
     const glm::vec2 at = (glm::vec2(x, y) - 0.5F * static_cast<float>(side)) * spacing;
     return glm::vec3(at.x * std::cos(angle) - at.y * std::sin(angle), at.x * std::sin(angle) + at.y * std::cos(angle),
-                     tilt * at.x);
+                     0.0F);
   }));
   points.error = reach;
   return points;
@@ -234,7 +234,7 @@ TEST_F(HlodNodesTest, pointsAsFarApartAsTheErrorLeaveNoHole) {
     for (const float pixels : {0.5F, 0.3F, 2.0F})
       for (int turn = 0; turn < 12; ++turn) {
         const float angle = static_cast<float>(turn) * 0.2618F;
-        const auto points = pointsReaching(pixels * pixelAbove(), angle, 0.0F);
+        const auto points = pointsReaching(pixels * pixelAbove(), angle);
         EXPECT_EQ(samplesOpen(picture({drawn(cameraAbove(), points)}, unlit(cameraAbove()), supersampling), 0.35), 0)
             << supersampling << " samples, error of " << pixels << " pixels, angle " << angle;
         EXPECT_EQ(count_.points, points.points);

@@ -1,0 +1,107 @@
+#include "lod/hlod/builder/node_mesh.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <utility>
+
+namespace lod::hlod::builder {
+namespace {
+
+constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
+constexpr float kUnitSteps = 32767.0F;
+
+base::Error notAMesh() {
+  return {base::ErrorCode::kInvalidInput, "the builder's own file: no mesh"};
+}
+
+}  // namespace
+
+std::vector<OpenEdge> openEdges(std::span<const std::uint32_t> indices) {
+  std::vector<std::pair<std::uint64_t, OpenEdge>> edges;
+  edges.reserve(indices.size());
+  for (OpenEdge edge = 0; edge < indices.size(); ++edge) {
+    const glm::uvec2 ends = endsOf(edge, indices);
+    edges.emplace_back(std::uint64_t{std::min(ends.x, ends.y)} << 32 | std::max(ends.x, ends.y), edge);
+  }
+  std::sort(edges.begin(), edges.end());
+  std::vector<OpenEdge> open;
+  for (std::size_t begin = 0, end = 0; begin < edges.size(); begin = end) {
+    while (end < edges.size() && edges[end].first == edges[begin].first) ++end;
+    if (end - begin == 1) open.push_back(edges[begin].second);
+  }
+  std::sort(open.begin(), open.end());
+  return open;
+}
+
+base::Bytes meshBytes(const NodeMesh& mesh) {
+  base::ByteWriter out;
+  out.write(mesh.corner);
+  out.f32(mesh.error);
+  out.u32(static_cast<std::uint32_t>(mesh.positions.size()));
+  out.u32(static_cast<std::uint32_t>(mesh.triangles()));
+  out.u8(mesh.colors.empty() ? 0 : 1);
+  for (const glm::vec3& p : mesh.positions) out.write(glm::ivec3(p));
+  for (const glm::vec3& n : mesh.normals) out.write(glm::i16vec3(glm::round(n * kUnitSteps)));
+  for (const glm::vec3& c : mesh.colors) out.write(glm::u16vec3(glm::round(c * 128.0F)));
+  for (const std::uint32_t index : mesh.indices) out.u32(index);
+  const bool exact = mesh.bounds.toward.empty();
+  out.u8(exact ? 0 : 1);
+  for (std::size_t t = 0; !exact && t < mesh.triangles(); ++t) {
+    out.u16(patch::builder::errorCode(mesh.bounds.toward[t]));
+    out.u16(patch::builder::errorCode(mesh.bounds.from[t]));
+  }
+  return out.takeBytes();
+}
+
+base::Result<NodeMesh> readMesh(base::ByteView bytes) {
+  base::ByteReader in(bytes);
+  NodeMesh mesh;
+  mesh.corner = in.read<glm::ivec3>();
+  mesh.error = in.f32();
+  const std::size_t vertices = in.u32();
+  const std::size_t triangles = in.u32();
+  const bool colors = in.u8() != 0;
+  if (!in.ok() || vertices > in.remaining() || triangles > in.remaining()) return notAMesh();
+  mesh.positions.reserve(vertices);
+  for (std::size_t v = 0; v < vertices; ++v) mesh.positions.emplace_back(in.read<glm::ivec3>());
+  mesh.normals.reserve(vertices);
+  for (std::size_t v = 0; v < vertices; ++v) {
+    const glm::vec3 n(in.read<glm::i16vec3>());
+    const float length = glm::length(n);
+    mesh.normals.push_back(length > 0.0F ? n / length : glm::vec3(0.0F, 0.0F, 1.0F));
+  }
+  for (std::size_t v = 0; colors && v < vertices; ++v)
+    mesh.colors.push_back(glm::vec3(in.read<glm::u16vec3>()) / 128.0F);
+  mesh.indices.reserve(3 * triangles);
+  for (std::size_t i = 0; i < 3 * triangles; ++i) mesh.indices.push_back(in.u32());
+  if (in.u8() != 0) {
+    for (std::size_t t = 0; t < triangles; ++t) {
+      mesh.bounds.toward.push_back(patch::builder::errorOfCode(in.u16()));
+      mesh.bounds.from.push_back(patch::builder::errorOfCode(in.u16()));
+    }
+  }
+  const bool in_range =
+      std::all_of(mesh.indices.begin(), mesh.indices.end(), [&](std::uint32_t index) { return index < vertices; });
+  if (!in.ok() || in.remaining() != 0 || !in_range) return notAMesh();
+  return mesh;
+}
+
+void dropUnusedVertices(NodeMesh& mesh) {
+  std::vector<std::uint32_t> number(mesh.positions.size(), kNone);
+  NodeMesh kept;
+  for (std::uint32_t& index : mesh.indices) {
+    if (number[index] == kNone) {
+      number[index] = static_cast<std::uint32_t>(kept.positions.size());
+      kept.positions.push_back(mesh.positions[index]);
+      kept.normals.push_back(mesh.normals[index]);
+      if (!mesh.colors.empty()) kept.colors.push_back(mesh.colors[index]);
+    }
+    index = number[index];
+  }
+  mesh.positions = std::move(kept.positions);
+  mesh.normals = std::move(kept.normals);
+  mesh.colors = std::move(kept.colors);
+}
+
+}  // namespace lod::hlod::builder

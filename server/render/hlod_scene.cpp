@@ -1,0 +1,68 @@
+#include "server/render/hlod_scene.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "server/render/streamed_scene.h"
+
+namespace server {
+namespace {
+
+/// By so many pixels tiles overlap: points reach as far beyond their centres, and lines beyond their ends, as a node's
+/// error, half a pixel at least, and some drivers discard points whose centre lies outside the target.
+int tileBorder(float tolerance) {
+  constexpr float kMaxBorder = 64.0F;
+  return 1 + static_cast<int>(std::ceil(std::min(tolerance, kMaxBorder)));
+}
+
+}  // namespace
+
+HlodScene::HlodScene(std::string path, const std::shared_ptr<const lod::FileBytes>& file, const base::Light& light)
+    : path_(std::move(path)),
+      stream_(file, wholeFile<lod::hlod::StreamOptions>()),
+      shading_{light.mode == base::LightMode::kUnlit, light.direction} {}
+
+base::Result<std::unique_ptr<HlodScene>> HlodScene::create(const std::string& directory, const base::Scene& scene) {
+  LUMIGRID_ASSIGN_OR_RETURN(const auto file, openStreamedFile(directory, scene, base::kHlodMethod));
+  std::unique_ptr<HlodScene> made(new HlodScene(file.path, file.bytes, scene.light));
+  LUMIGRID_TRY(checkStream(made->stream_, file.path));
+  LUMIGRID_ASSIGN_OR_RETURN(made->renderer_, lod::draw::NodeRenderer::create(kStreamedGpuBytes));
+  LUMIGRID_ASSIGN_OR_RETURN(made->tiles_, TiledPicture::create());
+  return made;
+}
+
+base::Result<void> HlodScene::drawTile(const lod::hlod::TraverseRequest& request, const SampleTarget& target,
+                                       int samples, HlodPicture& picture) {
+  stream_.update(request, nodes_);
+  LUMIGRID_TRY(checkStream(stream_, path_));
+  lod::draw::NodeView view;
+  view.camera = *request.tile;
+  view.shading = shading_;
+  LUMIGRID_ASSIGN_OR_RETURN(
+      const auto count,
+      renderer_->draw(nodes_, view, {target.framebuffer(), view.camera.width * samples, view.camera.height * samples}));
+  picture.count.triangles += count.triangles;
+  picture.count.points += count.points;
+  picture.count.lines += count.lines;
+  return {};
+}
+
+base::Result<HlodPicture> HlodScene::render(const base::Camera& camera, const HlodOptions& options) {
+  LUMIGRID_TRY(checkTolerance(options.tolerance));
+  HlodPicture picture;
+  // A place that lies in several tiles is shown by the same node in all of them.
+  lod::hlod::TraverseRequest request;
+  request.camera = camera;
+  request.tolerance = options.tolerance;
+  LUMIGRID_ASSIGN_OR_RETURN(picture.rgba, tiles_->draw(
+                                              camera, options,
+                                              [&](const base::Camera& tile, const SampleTarget& target) {
+                                                request.tile = tile;
+                                                return drawTile(request, target, options.supersampling, picture);
+                                              },
+                                              tileBorder(options.tolerance)));
+  return picture;
+}
+
+}  // namespace server

@@ -1,0 +1,27 @@
+#include "server/render/streamed_scene.h"
+
+#include <utility>
+
+#include "base/file.h"
+
+namespace server {
+
+base::Result<OpenStreamedFile> openStreamedFile(const std::string& directory, const base::Scene& scene,
+                                                const base::StreamedMethod& method) {
+  const std::string path = base::streamedPath(directory, scene, method);
+  auto file = base::PositionedFile::open(path);
+  if (!file && file.error().code == base::ErrorCode::kNotFound)
+    return base::Error{
+        base::ErrorCode::kNotFound,
+        directory + " has no " + method.file() + "; build it with `lumigrid build ... --methods " + method.name + "`"};
+  if (!file) return file.error();
+  return OpenStreamedFile{path, std::make_shared<lod::DiskBytes>(std::move(*file))};
+}
+
+base::Result<void> checkTolerance(float tolerance) {
+  if (tolerance > 0.0F) return {};
+  return base::Error{base::ErrorCode::kInvalidInput,
+                     "render: a tolerance of " + std::to_string(tolerance) + " pixels; it must be above 0"};
+}
+
+}  // namespace server
