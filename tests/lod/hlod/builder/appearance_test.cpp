@@ -60,7 +60,9 @@ TEST(Appearance, theDistanceToAnEqualNormalIsBoundedOnCurvedPatches) {
     // The search goes by steps, and takes normals 0.002 radians apart for equal.
     const float step = size / 300.0F + 0.002F * radius;
     bounded += found <= stated + step ? 1 : 0;
-    if (found > 4.0F * step) EXPECT_LE(stated, 3.0F * (found + step)) << "trial " << trial;
+    if (found > 4.0F * step) {
+      EXPECT_LE(stated, 3.0F * (found + step)) << "trial " << trial;
+    }
   }
   EXPECT_GT(checked, 25U);
   EXPECT_EQ(bounded, checked);
@@ -88,7 +90,9 @@ TEST(Appearance, theDistanceToAnEqualColorIsBounded) {
     const float stated = std::sqrt(AppearanceTriangle(a, b, c, options).error2(place, 1e30F));
     ++checked;
     EXPECT_LE(found, stated + 0.1F) << "trial " << trial;
-    if (found > 0.5F) EXPECT_LE(stated, 3.0F * (found + 0.1F)) << "trial " << trial;
+    if (found > 0.5F) {
+      EXPECT_LE(stated, 3.0F * (found + 0.1F)) << "trial " << trial;
+    }
   }
   EXPECT_GT(checked, 25U);
 }

@@ -103,7 +103,8 @@ class HlodBuild : public testing::Test {
 support::Surface sourceOf(const support::Mesh& mesh, const BuildSummary& summary,
                           const glm::dvec3& offset = glm::dvec3(0.0)) {
   support::Surface surface;
-  for (const glm::vec3& p : mesh.positions) surface.positions.push_back(glm::vec3(glm::dvec3(p) + offset - summary.origin));
+  for (const glm::vec3& p : mesh.positions)
+    surface.positions.push_back(glm::vec3(glm::dvec3(p) + offset - summary.origin));
   surface.indices = mesh.indices;
   return surface;
 }
@@ -211,8 +212,8 @@ TEST_F(HlodBuild, manyTrianglesInOnePlaceAreALeaf) {
   support::Mesh mesh;
   for (std::uint32_t i = 0; i < 500; ++i) {
     const float turn = 0.0125F * static_cast<float>(i);
-    mesh.positions.insert(mesh.positions.end(), {{0, 0, 0}, {std::cos(turn), std::sin(turn), 0.1F},
-                                                 {std::cos(turn), std::sin(turn), -0.1F}});
+    mesh.positions.insert(mesh.positions.end(),
+                          {{0, 0, 0}, {std::cos(turn), std::sin(turn), 0.1F}, {std::cos(turn), std::sin(turn), -0.1F}});
     support::addTriangle(mesh, 3 * i, 3 * i + 1, 3 * i + 2);
   }
   BuildOptions options = small();

@@ -105,9 +105,7 @@ TEST(HlodCollapse, edgesOfColorStay) {
   EXPECT_LT(shape.triangles(), result.triangles() / 4);
   // Each vertex of the source finds its colour within the limit.
   std::vector<AppearanceTriangle> triangles;
-  const auto at = [&](std::uint32_t v) {
-    return Attributes{result.positions[v], result.normals[v], result.colors[v]};
-  };
+  const auto at = [&](std::uint32_t v) { return Attributes{result.positions[v], result.normals[v], result.colors[v]}; };
   for (std::size_t i = 0; i < result.indices.size(); i += 3)
     triangles.emplace_back(at(result.indices[i]), at(result.indices[i + 1]), at(result.indices[i + 2]), options);
   for (std::size_t v = 0; v < source.positions.size(); v += 7) {

@@ -28,8 +28,7 @@ TEST(HlodDetail, smallTrianglesBecomePointsThatCoverThem) {
   for (int i = 0; i < 2000; ++i) {
     const glm::dvec3 at = samples.next();
     double least = 1e30;
-    for (const NodeVertex& point : picture.points)
-      least = std::min(least, glm::distance(at, glm::dvec3(point.place)));
+    for (const NodeVertex& point : picture.points) least = std::min(least, glm::distance(at, glm::dvec3(point.place)));
     EXPECT_LE(least, 1.7320508 * static_cast<double>(kCell));
   }
 }
