@@ -82,20 +82,21 @@ lumigrid_row(lumigrid
        server_log server_metrics
   LINKS CLI11::CLI11 spdlog::spdlog nlohmann_json::nlohmann_json openmesh)
 lumigrid_row(client
-  USES base base_gl lod_patch lod_qsplat lod_pmr lod_draw sampling faces packs cache protocol plan
+  USES base base_gl lod_patch lod_qsplat lod_pmr lod_hlod lod_draw sampling faces packs cache protocol plan
        client_render)
 lumigrid_row(client_native
-  USES ${_any_base} lod_patch lod_qsplat lod_pmr lod_draw sampling sampling_json cache faces packs frames protocol
-       client
+  USES ${_any_base} lod_patch lod_qsplat lod_pmr lod_hlod lod_draw sampling sampling_json cache faces packs frames
+       protocol client
   LINKS Boost::headers Threads::Threads glfw imgui spdlog::spdlog nlohmann_json::nlohmann_json)
 lumigrid_row(lumigrid-view
-  USES ${_any_base} lod_patch lod_qsplat lod_pmr lod_draw sampling sampling_json cache faces packs protocol plan
-       client client_native
+  USES ${_any_base} lod_patch lod_qsplat lod_pmr lod_hlod lod_draw sampling sampling_json cache faces packs protocol
+       plan client client_native
   LINKS CLI11::CLI11 spdlog::spdlog nlohmann_json::nlohmann_json)
 lumigrid_row(client_web
   USES base base_gl lod_patch lod_qsplat lod_draw sampling faces packs cache protocol plan client)
 lumigrid_row(client_web_splats USES base base_gl lod_qsplat client)
 lumigrid_row(client_web_umbrellas USES base base_gl lod_pmr client)
+lumigrid_row(client_web_hlod USES base base_gl lod_hlod client)
 lumigrid_row(client_web_decode USES base faces)
 lumigrid_row(client_web_check USES base client)
 lumigrid_row(compare USES * LINKS *)
@@ -187,8 +188,8 @@ function(_lumigrid_reach name out)
 endfunction()
 
 function(lumigrid_check_walls)
-  foreach(thin client client_native lumigrid-view client_web client_web_splats client_web_umbrellas client_web_decode
-      client_web_check)
+  foreach(thin client client_native lumigrid-view client_web client_web_splats client_web_umbrellas client_web_hlod
+      client_web_decode client_web_check)
     if(TARGET ${thin})
       _lumigrid_reach(${thin} reached)
       foreach(bad IN LISTS LUMIGRID_CLIENT_FORBIDDEN)

@@ -102,23 +102,31 @@ std::string drawAxes(const Chart& chart, const Frame& f) {
   return svg;
 }
 
+std::string circle(double x, double y, double radius, const std::string& look) {
+  return "<circle cx=\"" + number(x) + "\" cy=\"" + number(y) + "\" r=\"" + number(radius) + "\" " + look + "/>\n";
+}
+
+/// Where there are more series than colours, the colours come once more with hollow markers and dashed lines.
 std::string drawSeries(const Series& s, const Frame& f, std::size_t index) {
   const std::string color = kColors[index % kColors.size()];
+  const bool is_second = index >= kColors.size();
+  const std::string look =
+      is_second ? "fill=\"#ffffff\" stroke=\"" + color + "\" stroke-width=\"2\"" : "fill=\"" + color + "\"";
   std::string line;
   std::string markers;
   for (const auto& [x, y] : s.points) {
     if (!std::isfinite(x) || !std::isfinite(y) || (f.x.logarithmic && x <= 0.0)) continue;
     if (!line.empty()) line += " ";
     line += number(f.px(x)) + "," + number(f.py(y));
-    markers +=
-        "<circle cx=\"" + number(f.px(x)) + "\" cy=\"" + number(f.py(y)) + "\" r=\"3\" fill=\"" + color + "\"/>\n";
+    markers += circle(f.px(x), f.py(y), 3.0, look);
   }
   const double y = kTop + 12 + 20 * static_cast<double>(index);
   std::string svg;
   if (s.is_line && line.find(' ') != std::string::npos)
-    svg += "<polyline points=\"" + line + "\" fill=\"none\" stroke=\"" + color + "\" stroke-width=\"2\"/>\n";
-  return svg + markers + "<circle cx=\"" + number(kWidth - kRight + 18) + "\" cy=\"" + number(y - 4) +
-         "\" r=\"5\" fill=\"" + color + "\"/>\n" + text(kWidth - kRight + 30, y, "start", s.name);
+    svg += "<polyline points=\"" + line + "\" fill=\"none\" stroke=\"" + color + "\" stroke-width=\"2\"" +
+           (is_second ? " stroke-dasharray=\"6 3\"" : "") + "/>\n";
+  return svg + markers + circle(kWidth - kRight + 18, y - 4, 5.0, look) +
+         text(kWidth - kRight + 30, y, "start", s.name);
 }
 
 }  // namespace

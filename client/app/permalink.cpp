@@ -122,7 +122,7 @@ base::Result<void> readFov(std::string_view value, ViewState& view) {
 
 base::Result<void> readMethod(std::string_view value, ViewState& view) {
   const auto method = methodFromName(value);
-  if (!method) return badLink("m (method) must be lumigraph, patches, qsplat or pmr");
+  if (!method) return badLink("m (method) must be lumigraph, patches, qsplat, pmr or hlod");
   view.method = *method;
   return {};
 }

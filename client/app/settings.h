@@ -17,11 +17,12 @@ enum class ReducedMotion : std::uint8_t { kSystem, kOn, kOff };
 enum class Theme : std::uint8_t { kSystem, kLight, kDark };
 
 struct Settings {
-  double method = 0.0;               ///< place in "lumigraph patches qsplat pmr"; from the next start on
+  double method = 0.0;               ///< place in "lumigraph patches qsplat pmr hlod"; from the next start on
   double splat = 1.0;                ///< lod::draw::SplatKernel
   double cutoff = 1.0;               ///< diameter of a splat at rest, pixels; 0: refine down to the leaves
   double tolerance = 1.0;            ///< radius of umbrellas at rest, pixels
-  double frame_rate = 10.0;          ///< pictures of splats or umbrellas a second while the view moves
+  double error_px = 0.5;             ///< error of hlod's nodes on the screen at rest, pixels
+  double frame_rate = 10.0;          ///< pictures of streamed methods a second while the view moves
   double fps = 30.0;                 ///< the same of patches and images
   double cache_megabytes = 50.0;     ///< compressed images and patches kept; from the next start on
   double memory_megabytes = 1000.0;  ///< all memory together, on the GPU and off; from the next start on

@@ -13,7 +13,8 @@ inline double secondsPerFrame(double rate) {
 /// Returns the quality that the settings ask for.
 inline StreamedQuality qualityOf(const Settings& settings) {
   return {static_cast<lod::draw::SplatKernel>(static_cast<int>(settings.splat)), static_cast<float>(settings.cutoff),
-          secondsPerFrame(settings.frame_rate), static_cast<float>(settings.tolerance)};
+          secondsPerFrame(settings.frame_rate), static_cast<float>(settings.tolerance),
+          static_cast<float>(settings.error_px)};
 }
 /// Applies only the settings that differ between `before` and `after`; the rest, which a command line may have set,
 /// stays.
@@ -22,6 +23,7 @@ inline void applyChanges(const Settings& before, const Settings& after, Streamed
   if (after.splat != before.splat) quality.kernel = wanted.kernel;
   if (after.cutoff != before.cutoff) quality.cutoff_px = wanted.cutoff_px;
   if (after.tolerance != before.tolerance) quality.tolerance = wanted.tolerance;
+  if (after.error_px != before.error_px) quality.error_px = wanted.error_px;
   if (after.frame_rate != before.frame_rate) quality.frame_seconds = wanted.frame_seconds;
 }
 

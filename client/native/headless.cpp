@@ -231,6 +231,29 @@ base::Result<HeadlessSummary> HeadlessRun::run() {
   return summary_;
 }
 
+/// Adds the figures of a method that streams a file of its own.
+void addStreamed(nlohmann::ordered_json& line, const StreamedStats& streamed) {
+  if (const SplatStats& splats = streamed.splats; splats.stream.blocks > 0) {
+    line["splats"] = {{"drawn", streamed.drawn},           {"nodes", splats.nodes},
+                      {"cutoff_px", streamed.error_px},    {"blocks", splats.stream.blocks},
+                      {"present", splats.stream.present},  {"requested", splats.stream.requested},
+                      {"wanted", splats.stream.wanted},    {"evicted", splats.stream.evicted},
+                      {"failures", splats.stream.failures}};
+  }
+  if (const UmbrellaStats& umbrellas = streamed.umbrellas; umbrellas.stream.leaves > 0) {
+    line["umbrellas"] = {{"points", umbrellas.points},          {"triangles", umbrellas.triangles},
+                         {"tolerance", streamed.error_px},      {"leaves", umbrellas.stream.leaves},
+                         {"drawn", umbrellas.leaves},           {"present", umbrellas.stream.present},
+                         {"lacking", umbrellas.stream.lacking}, {"failures", umbrellas.stream.failures}};
+  }
+  if (const HlodStats& hlod = streamed.hlod; hlod.stream.nodes > 0) {
+    line["hlod"] = {{"triangles", hlod.triangles},    {"points", hlod.points},
+                    {"error_px", streamed.error_px},  {"nodes", hlod.stream.nodes},
+                    {"drawn", hlod.stream.drawn},     {"present", hlod.stream.present},
+                    {"lacking", hlod.stream.lacking}, {"failures", hlod.stream.failures}};
+  }
+}
+
 }  // namespace
 
 base::Result<HeadlessSummary> runHeadless(const HeadlessOptions& options) {
@@ -261,20 +284,7 @@ std::string formatHeadlessFrame(const HeadlessFrame& frame) {
                    {"faces", session.bytes_faces},
                    {"patches", session.bytes_patches},
                    {"frames", session.bytes_frames}};
-  const StreamedStats& streamed = frame.stats.streamed;
-  if (const SplatStats& splats = streamed.splats; splats.stream.blocks > 0) {
-    line["splats"] = {{"drawn", streamed.drawn},           {"nodes", splats.nodes},
-                      {"cutoff_px", streamed.error_px},    {"blocks", splats.stream.blocks},
-                      {"present", splats.stream.present},  {"requested", splats.stream.requested},
-                      {"wanted", splats.stream.wanted},    {"evicted", splats.stream.evicted},
-                      {"failures", splats.stream.failures}};
-  }
-  if (const UmbrellaStats& umbrellas = streamed.umbrellas; umbrellas.stream.leaves > 0) {
-    line["umbrellas"] = {{"points", umbrellas.points},          {"triangles", umbrellas.triangles},
-                         {"tolerance", streamed.error_px},      {"leaves", umbrellas.stream.leaves},
-                         {"drawn", umbrellas.leaves},           {"present", umbrellas.stream.present},
-                         {"lacking", umbrellas.stream.lacking}, {"failures", umbrellas.stream.failures}};
-  }
+  addStreamed(line, frame.stats.streamed);
   line["messages"] = session.messages_received;
   if (frame.link.requests > 0) line["link"] = {{"requests", frame.link.requests}, {"bytes", frame.link.bytes}};
   line["broken"] = frame.stats.broken;

@@ -12,6 +12,7 @@
 #include "base/json/scene_file.h"
 #include "base/parallel.h"
 #include "client/native/published_scene.h"
+#include "client/source/streamed_hlod.h"
 #include "client/source/streamed_splats.h"
 #include "client/source/streamed_umbrellas.h"
 #include "lod/disk_bytes.h"
@@ -134,15 +135,17 @@ class LocalFileLink final : public Link {
 base::Result<std::shared_ptr<StreamedView>> openFile(const FilePlace& file, Method method,
                                                      const protocol::Welcome& welcome, const StreamedOptions& options) {
   const std::string path = file.place + "/" + file.name;
-  if (method == Method::kPmr) {
-    LUMIGRID_ASSIGN_OR_RETURN(auto opened, base::PositionedFile::open(path));
-    auto bytes = std::make_shared<lod::DiskBytes>(std::move(opened));
-    return std::shared_ptr<StreamedView>(std::make_shared<StreamedUmbrellas>(file, welcome, std::move(bytes), options));
+  if (method == Method::kQsplat) {
+    LUMIGRID_ASSIGN_OR_RETURN(const auto tree, lod::qsplat::SplatFile::open(path));
+    LUMIGRID_ASSIGN_OR_RETURN(std::shared_ptr<lod::qsplat::FileBlocks> blocks,
+                              lod::qsplat::openBlocks(tree.bytes(), tree.header()));
+    return std::shared_ptr<StreamedView>(std::make_shared<StreamedSplats>(file, welcome, std::move(blocks), options));
   }
-  LUMIGRID_ASSIGN_OR_RETURN(const auto tree, lod::qsplat::SplatFile::open(path));
-  LUMIGRID_ASSIGN_OR_RETURN(std::shared_ptr<lod::qsplat::FileBlocks> blocks,
-                            lod::qsplat::openBlocks(tree.bytes(), tree.header()));
-  return std::shared_ptr<StreamedView>(std::make_shared<StreamedSplats>(file, welcome, std::move(blocks), options));
+  LUMIGRID_ASSIGN_OR_RETURN(auto opened, base::PositionedFile::open(path));
+  auto bytes = std::make_shared<lod::DiskBytes>(std::move(opened));
+  if (method == Method::kHlod)
+    return std::shared_ptr<StreamedView>(std::make_shared<StreamedHlod>(file, welcome, std::move(bytes), options));
+  return std::shared_ptr<StreamedView>(std::make_shared<StreamedUmbrellas>(file, welcome, std::move(bytes), options));
 }
 
 }  // namespace

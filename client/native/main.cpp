@@ -75,9 +75,10 @@ void addContentOptions(CLI::App& app, Arguments& a) {
   app.add_option("--method", a.method,
                  "lumigraph: patches textured by images; patches: the patches alone; qsplat: splats, streamed from the "
                  "scene's qsplat.lgq in the order in which the view has use for them; pmr: points and umbrella "
-                 "triangles, streamed from its pmr.lgm. Where it is left out, a scene of one of these only is shown as "
+                 "triangles, streamed from its pmr.lgm; hlod: triangles and points, streamed from its hlod.lgh. Where "
+                 "it is left out, a scene of one of these only is shown as "
                  "such")
-      ->check(CLI::IsMember({"lumigraph", "patches", "qsplat", "pmr"}));
+      ->check(CLI::IsMember({"lumigraph", "patches", "qsplat", "pmr", "hlod"}));
   app.add_flag("--images,!--no-images", a.run.viewer.session.images,
                "Use images of the repository (on unless --no-images)");
   app.add_flag("--frames,!--no-frames", a.run.viewer.session.frames,
@@ -137,9 +138,13 @@ void addStreamedOptions(CLI::App& app, Arguments& a) {
                  "Umbrellas of --method pmr have about this radius, in pixels, when the view rests; above 1, sparser "
                  "ones are drawn where points do not show that")
       ->check(CLI::Range(static_cast<double>(client::kMinTolerance), 1000.0));
+  app.add_option("--error-px", a.run.streamed.error_px,
+                 "Triangles and points of --method hlod have at most this error on the screen, in pixels, when the "
+                 "view rests")
+      ->check(CLI::Range(static_cast<double>(client::kMinErrorPx), 1000.0));
   app.add_option("--frame-rate", a.frame_rate,
-                 "Pictures a second with --method qsplat or pmr while the view moves: splats and umbrellas get as "
-                 "large as that asks for. 0: as fine as at rest")
+                 "Pictures a second with --method qsplat, pmr or hlod while the view moves: splats, umbrellas and "
+                 "errors get as large as that asks for. 0: as fine as at rest")
       ->check(CLI::Range(0.0, 1000.0));
   app.add_option("--order", a.order,
                  "In which order splats come. sweeps: from the top down, each time twice as fine; level: by level of "
@@ -225,13 +230,12 @@ void describe(CLI::App& app, Arguments& a) {
   app.description(
       "Looks at a scene that a lumigrid server shows: in a window, or with --headless along a recorded camera path.\n"
       "Only the images and coarse patches near the view travel; a small cache keeps them.");
-  app.add_option(
-         "URL", a.run.url,
-         "The server, as `lumigrid serve` prints it: ws://host:port/ (http:// and host:port mean the same), or "
-         "encrypted wss://host/; or a "
-         "published scene: https://host/folder/, http://host/folder/ or .../scene.json (no server of ours "
-         "need run there); or a scene's folder on this machine, whose splats and umbrellas, and patches where it "
-         "is published, are read from the disk")
+  app.add_option("URL", a.run.url,
+                 "The server, as `lumigrid serve` prints it: ws://host:port/ (http:// and host:port mean the same), or "
+                 "encrypted wss://host/; or a "
+                 "published scene: https://host/folder/, http://host/folder/ or .../scene.json (no server of ours "
+                 "need run there); or a scene's folder on this machine, whose splats, umbrellas, triangles and points, "
+                 "and patches where it is published, are read from the disk")
       ->required();
   app.option_defaults()->always_capture_default();
 
@@ -372,6 +376,7 @@ void applyUserSettings(const CLI::App& app, const client::Settings& kept, client
   if (!said("--splat")) streamed.kernel = static_cast<lod::draw::SplatKernel>(static_cast<int>(kept.splat));
   if (!said("--cutoff")) streamed.cutoff_px = static_cast<float>(kept.cutoff);
   if (!said("--tolerance")) streamed.tolerance = static_cast<float>(kept.tolerance);
+  if (!said("--error-px")) streamed.error_px = static_cast<float>(kept.error_px);
   if (!said("--frame-rate")) streamed.frame_seconds = client::secondsPerFrame(kept.frame_rate);
   if (!said("--cache")) viewer.session.cache_bytes = static_cast<std::uint64_t>(kept.cache_megabytes * 1e6);
   if (!said("--gpu-memory")) viewer.gpu_budget_bytes = static_cast<std::uint64_t>(kept.gpu_megabytes * 1e6);

@@ -8,6 +8,7 @@
 #include "base/parallel.h"
 #include "client/native/connection.h"
 #include "client/native/local_scene.h"
+#include "client/source/streamed_hlod.h"
 #include "client/source/streamed_splats.h"
 #include "client/source/streamed_umbrellas.h"
 #include "protocol/welcome.h"
@@ -251,7 +252,9 @@ void FileLink::acceptScene(const std::string& text, Session& session) {
   protocol::Welcome welcome = protocol::welcomeOf(*scene, nameOf(place_, *scene));
   welcome.has_colors = scene->has_colors;
   const FilePlace place{place_, part->name, part->bytes};
-  if (method_ == Method::kPmr)
+  if (method_ == Method::kHlod)
+    view_ = std::make_shared<StreamedHlod>(place, welcome, std::move(fetcher_), options_);
+  else if (method_ == Method::kPmr)
     view_ = std::make_shared<StreamedUmbrellas>(place, welcome, std::move(fetcher_), options_);
   else
     view_ = std::make_shared<StreamedSplats>(place, welcome, std::move(fetcher_), options_);

@@ -11,15 +11,18 @@ namespace client {
 enum class Method : std::uint8_t {
   kLumigraph,  ///< patches textured by the repository's images
   kPatches,    ///< patches alone, with the colours of their vertices
-  kQsplat,     ///< splats streamed from qsplat.lgq (Rusinkiewicz and Levoy 2001)
-  kPmr,        ///< points and umbrella triangles streamed from pmr.lgm (Dey and Hudson 2002)
+  // Each of the following streams a file of its own.
+  kQsplat,  ///< splats streamed from qsplat.lgq (Rusinkiewicz and Levoy 2001)
+  kPmr,     ///< points and umbrella triangles streamed from pmr.lgm (Dey and Hudson 2002)
+  kHlod,    ///< triangles and points streamed from hlod.lgh (Guthe et al. 2004)
 };
 
-inline constexpr std::array<std::pair<Method, std::string_view>, 4> kMethodNames{{
+inline constexpr std::array<std::pair<Method, std::string_view>, 5> kMethodNames{{
     {Method::kLumigraph, "lumigraph"},
     {Method::kPatches, "patches"},
     {Method::kQsplat, "qsplat"},
     {Method::kPmr, "pmr"},
+    {Method::kHlod, "hlod"},
 }};
 
 inline constexpr std::string_view nameOf(Method method) {
@@ -34,11 +37,11 @@ inline std::optional<Method> methodFromName(std::string_view name) {
 
 /// Whether the method streams a file of its own.
 inline constexpr bool isStreamed(Method method) {
-  return method == Method::kQsplat || method == Method::kPmr;
+  return method >= Method::kQsplat;
 }
 /// Names for people what such a method draws.
 inline constexpr std::string_view contentOf(Method method) {
-  return method == Method::kPmr ? "points and umbrellas" : "splats";
+  return method == Method::kHlod ? "triangles and points" : method == Method::kPmr ? "points and umbrellas" : "splats";
 }
 
 }  // namespace client

@@ -49,14 +49,4 @@ void PictureFence::remove() {
   sync_ = nullptr;
 }
 
-SceneRay rayThrough(const base::Camera& camera, double x, double y) {
-  const glm::dmat4 scene_from_clip = glm::inverse(glm::dmat4(camera.clip_from_eye) * glm::dmat4(camera.eye_from_scene));
-  const double u = 2.0 * (x / camera.width) - 1.0;
-  const double v = 1.0 - 2.0 * (y / camera.height);
-  const glm::dvec4 near_point = scene_from_clip * glm::dvec4(u, v, -1.0, 1.0);
-  const glm::dvec4 far_point = scene_from_clip * glm::dvec4(u, v, 1.0, 1.0);
-  const glm::dvec3 origin = glm::dvec3(near_point) / near_point.w;
-  return {origin, glm::normalize(glm::dvec3(far_point) / far_point.w - origin)};
-}
-
 }  // namespace client

@@ -1,8 +1,7 @@
 #pragma once
-// The functions by which the views of all streamed methods draw and pick.
+// The functions by which the views of all streamed methods draw.
 #include <array>
 
-#include "base/camera.h"
 #include "base/gl/gl.h"
 
 namespace client {
@@ -30,13 +29,5 @@ class PictureFence {
  private:
   GLsync sync_ = nullptr;
 };
-
-/// The ray of scene-local points that are seen at a place in the picture, from the near plane on.
-struct SceneRay {
-  glm::dvec3 origin{0.0};
-  glm::dvec3 direction{0.0};  ///< unit
-};
-/// `x` and `y`: pixels from the upper left corner.
-SceneRay rayThrough(const base::Camera& camera, double x, double y);
 
 }  // namespace client

@@ -23,7 +23,7 @@ class StreamedFile {
   StreamedFile(FilePlace place, const protocol::Welcome& welcome, std::unique_ptr<RangeFetcher> fetcher);
   const FilePlace& place() const { return place_; }
 
-  /// Does what StreamedView::pump() promises. `stream`: lod::qsplat::Stream or lod::pmr::Stream.
+  /// Does what StreamedView::pump() promises. `stream`: lod::qsplat::Stream, lod::pmr::Stream or lod::hlod::Stream.
   template <class Stream>
   bool pump(Stream& stream, Session& session, double now) {
     std::vector<FetchAnswer> answers;

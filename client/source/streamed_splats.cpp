@@ -2,11 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <utility>
 
 #include "base/format_text.h"
 #include "base/text.h"
+#include "client/source/scene_ray.h"
 #include "client/source/streamed_draw.h"
 
 namespace client {
@@ -146,20 +146,11 @@ base::Result<void> StreamedSplats::drawFound(const base::Camera& camera, const S
 
 std::optional<glm::vec3> StreamedSplats::surfaceAt(const base::Camera& camera, const StreamedLook& look, double x,
                                                    double y) const {
-  const auto [origin, direction] = rayThrough(camera, x, y);
-
-  // Intersect the ray with the disc of each splat that faces it, as a circle is drawn.
-  double nearest = std::numeric_limits<double>::infinity();
-  for (const lod::qsplat::Splat& splat : found_.splats) {
-    const glm::dvec3 to_center = glm::dvec3(splat.center) - origin;
-    const double along = glm::dot(to_center, direction);
-    const double radius = static_cast<double>(splat.radius);
-    if (along < 0.0 || along >= nearest || glm::dot(to_center, to_center) - along * along > radius * radius) continue;
-    const glm::vec3 point(origin + along * direction);
-    if (glm::dot(glm::vec3(look.section), point) - look.section.w <= 0.0F) nearest = along;
-  }
-  if (!std::isfinite(nearest)) return std::nullopt;
-  return glm::vec3(origin + nearest * direction);
+  RayHit hit{rayThrough(camera, x, y), look.section};
+  // Each splat that faces the ray counts as the disc that a circle is drawn as.
+  for (const lod::qsplat::Splat& splat : found_.splats)
+    hit.keep(distanceToPoint(hit.ray, glm::dvec3(splat.center), static_cast<double>(splat.radius)));
+  return hit.place();
 }
 
 void StreamedSplats::setQuality(const StreamedQuality& quality) {

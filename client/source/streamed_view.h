@@ -1,6 +1,7 @@
 #pragma once
-// The interface through which a viewer shows a method that streams a file of its own (client::isStreamed): splats, or
-// points and umbrellas. It is apart from its implementations, so that a page carries the code of its own method alone.
+// The interface through which a viewer shows a method that streams a file of its own (client::isStreamed): splats,
+// points and umbrellas, or triangles and points. It is apart from its implementations, so that a page carries the code
+// of its own method alone.
 #include <array>
 #include <cstdint>
 #include <functional>
@@ -12,6 +13,7 @@
 #include "base/error.h"
 #include "client/source/session.h"
 #include "lod/draw/splats.h"
+#include "lod/hlod/stream.h"
 #include "lod/pmr/stream.h"
 #include "lod/qsplat/stream/stream.h"
 
@@ -25,9 +27,11 @@ struct StreamedQuality {
   /// rests. 0: every frame is as fine as at rest.
   double frame_seconds = 0.1;
   float tolerance = 1.0F;  ///< umbrellas are refined down to about this radius, pixels; at least kMinTolerance
+  float error_px = 0.5F;   ///< nodes are refined down to this error on the screen, pixels; at least kMinErrorPx
   friend bool operator==(const StreamedQuality&, const StreamedQuality&) = default;
 };
 inline constexpr float kMinTolerance = 0.25F;
+inline constexpr float kMinErrorPx = 0.125F;
 
 struct StreamedOptions : StreamedQuality {
   /// Limit for all that is kept of the file, drawn leaves and splats on the GPU included. When the view wants more than
@@ -40,7 +44,7 @@ struct StreamedOptions : StreamedQuality {
   std::uint64_t idle_bytes = 16'000'000;  ///< as lod::qsplat::StreamOptions::idle_bytes
   lod::qsplat::ForEach for_each;          ///< for splats; empty: one thread
 
-  std::uint64_t decode_per_frame = 200'000;  ///< as lod::pmr::StreamOptions::decode_per_frame
+  std::uint64_t decode_per_frame = 200'000;  ///< as in lod::pmr::StreamOptions and lod::hlod::StreamOptions
 };
 
 /// The appearance of a frame.
@@ -68,6 +72,12 @@ struct UmbrellaStats {
   lod::pmr::StreamStats stream;
 };
 
+/// The figures of triangles and points that no other method has.
+struct HlodStats {
+  std::uint64_t triangles = 0, points = 0;  ///< drawn
+  lod::hlod::StreamStats stream;
+};
+
 /// A line of the statistics overlay.
 struct StatisticsLine {
   std::string name;   ///< "images"
@@ -76,18 +86,19 @@ struct StatisticsLine {
 
 struct StreamedStats {
   std::uint64_t drawn = 0;         ///< splats; points and triangles
-  float error_px = 0.0F;           ///< pixels; the diameter, or the radius of umbrellas, down to which was refined
+  float error_px = 0.0F;           ///< pixels; the diameter, the radius of umbrellas or the error refined down to
   float finest_px = 0.0F;          ///< pixels; the same as it will be at rest
   bool limited = false;            ///< memory does not allow a finer picture
   std::uint64_t buffer_bytes = 0;  ///< bytes of what is drawn on the GPU, and of splats in memory
   std::uint64_t file_bytes = 0;    ///< bytes of memory for what is here of the file
   std::uint64_t bytes_received = 0, requests = 0;
-  std::uint64_t present = 0;  ///< blocks of splats, or leaves, that are here
+  std::uint64_t present = 0;  ///< blocks of splats, leaves or nodes that are here
   std::uint64_t lacking = 0;  ///< those that the view still needs
   std::uint32_t broken = 0;   ///< parts of the file that are lost
   std::string warning;        ///< names these, one line; mostly empty
   SplatStats splats;          ///< with Method::kQsplat
   UmbrellaStats umbrellas;    ///< with Method::kPmr
+  HlodStats hlod;             ///< with Method::kHlod
   /// Describes these figures in the method's words. Null: nothing is streamed.
   std::vector<StatisticsLine> (*describe)(const StreamedStats&) = nullptr;
 };

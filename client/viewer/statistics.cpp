@@ -29,7 +29,7 @@ std::string framesText(const Statistics& s) {
              : formatText("at rest, %.1f ms the last", s.frame_milliseconds);
 }
 
-/// The lines of a viewer that shows splats, or points and umbrellas.
+/// The lines of a viewer that shows a streamed method.
 std::vector<StatisticsLine> streamedLines(const Statistics& s) {
   const ViewerStats& viewer = s.viewer;
   std::vector<StatisticsLine> lines{{"picture", pictureText(viewer)}, {"frames", framesText(s)}};

@@ -43,7 +43,7 @@ struct ViewerOptions {
   /// suffice, the picture is coarser or has fewer images: see error_px. At least kMinMemory.
   std::uint64_t memory_budget_bytes = 1'000'000'000;
   /// Samples a pixel of patches and images, a power of 2, which are averaged; fewer where their share of the memory
-  /// does not hold them or the GL has fewer. Umbrellas have this number always, splats one.
+  /// does not hold them or the GL has fewer. Umbrellas and hlod have this number always, splats one.
   int samples = 4;
   /// Each picture is drawn with this. None: a moving view gets the samples, pixels and images that frame times allow
   /// (DrawGovernor), and one at rest all pixels and twice as many samples, unless they are 1.
@@ -72,7 +72,7 @@ enum class Accuracy : std::uint8_t {
   kCoarse,   ///< the surface is coarser than the tolerance asks for, or is being refined
   kBlended,  ///< the cut has reached the tolerance, and is textured by the images that are here
   kExact,    ///< the server's own picture of this very view is shown, pixel for pixel
-  kFine,     ///< all splats or umbrellas that the options ask for are here
+  kFine,     ///< all splats, umbrellas or nodes that the options ask for are here
 };
 
 struct ViewerStats {

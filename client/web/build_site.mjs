@@ -54,6 +54,8 @@ const splatsWasm = writeHashed("splats.wasm", shrink("client_web_splats.wasm"));
 const splats = writeHashed("splats.js", bundle("splats.js"));
 const umbrellasWasm = writeHashed("umbrellas.wasm", shrink("client_web_umbrellas.wasm"));
 const umbrellas = writeHashed("umbrellas.js", bundle("umbrellas.js"));
+const hlodWasm = writeHashed("hlod.wasm", shrink("client_web_hlod.wasm"));
+const hlod = writeHashed("hlod.js", bundle("hlod.js"));
 const decodeWasm = writeHashed("decode.wasm", shrink("client_web_decode.wasm"));
 const worker = writeHashed("decode.js", bundle("decode_worker.js"));
 const checkWasm = writeHashed("check.wasm", shrink("client_web_check.wasm"));
@@ -65,6 +67,8 @@ const names = {
   SPLATS_SCRIPT: splats,
   UMBRELLAS_WASM: umbrellasWasm,
   UMBRELLAS_SCRIPT: umbrellas,
+  HLOD_WASM: hlodWasm,
+  HLOD_SCRIPT: hlod,
   DECODE_WASM: decodeWasm,
   DECODE_WORKER: worker,
   CHECK_SCRIPT: check,
@@ -81,6 +85,8 @@ const references = {
   "splats.js": splats,
   "umbrellas.wasm": umbrellasWasm,
   "umbrellas.js": umbrellas,
+  "hlod.wasm": hlodWasm,
+  "hlod.js": hlod,
 };
 for (const [from, to] of Object.entries(references)) {
   if (!html.includes(`"${from}"`)) throw new Error(`index.html does not name ${from}`);

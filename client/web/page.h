@@ -1,7 +1,7 @@
 #pragma once
 // Shared by main.cpp, which has the functions of every page, and the two sources of scenes: static_page.cpp for patches
-// and images, streamed_page.cpp for methods that stream a file of their own, which splat_page.cpp and umbrella_page.cpp
-// name. Each method makes a WebAssembly module of its own, so that none carries another's code.
+// and images, streamed_page.cpp for methods that stream a file of their own, which splat_page.cpp, umbrella_page.cpp
+// and hlod_page.cpp name. Each method makes a WebAssembly module of its own, so that none carries another's code.
 #include <emscripten/html5.h>
 
 #include <memory>

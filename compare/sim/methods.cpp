@@ -14,11 +14,9 @@ bool hasImages(const server::OpenScene& scene) {
 bool canBePublished(const server::OpenScene& scene) {
   return hasImages(scene) && !scene.directory.empty();
 }
-bool hasSplats(const server::OpenScene& scene) {
-  return !scene.directory.empty() && server::streamedFile(scene, base::kSplatMethod) != nullptr;
-}
-bool hasUmbrellas(const server::OpenScene& scene) {
-  return !scene.directory.empty() && server::streamedFile(scene, base::kUmbrellaMethod) != nullptr;
+template <const base::StreamedMethod& of>
+bool hasStreamed(const server::OpenScene& scene) {
+  return !scene.directory.empty() && server::streamedFile(scene, of) != nullptr;
 }
 bool hasPatches(const server::OpenScene& scene) {
   return scene.data.patches != nullptr;
@@ -44,8 +42,19 @@ const std::vector<Method>& methods() {
       {"static", kUnder, kTolerance, tolerances, makeStaticPlayer, canBePublished},
       {"paper", kUnder, kTolerance, tolerances, makeSessionPlayer, hasImages},
       {"patches", kAlone, base::ViewDefaults::kAloneTolerance, tolerances, makeSessionPlayer, hasPatches},
-      {"qsplat", "pixels, diameter of the splats", 1.0, {8, 4, 2, 1, 0.5}, makeSplatsPlayer, hasSplats},
-      {"pmr", "pixels, radius of the umbrellas", 1.0, {5, 3, 2, 1, 0.5}, makeUmbrellasPlayer, hasUmbrellas},
+      {"qsplat",
+       "pixels, diameter of the splats",
+       1.0,
+       {8, 4, 2, 1, 0.5},
+       makeSplatsPlayer,
+       hasStreamed<base::kSplatMethod>},
+      {"pmr",
+       "pixels, radius of the umbrellas",
+       1.0,
+       {5, 3, 2, 1, 0.5},
+       makeUmbrellasPlayer,
+       hasStreamed<base::kUmbrellaMethod>},
+      {"hlod", "pixels, error on the screen", 0.5, tolerances, makeHlodPlayer, hasStreamed<base::kHlodMethod>},
       {"frames", "quality of the JPEGs", kQuality, {30, 50, 70, 85, 95}, makeFramesPlayer, hasPatches},
 #ifdef LUMIGRID_VIDEO
       {"video", "percent of the link's rate", 80.0, {20, 40, 60, 80, 95}, makeVideoPlayer, hasPatches},

@@ -81,13 +81,15 @@ std::string knobName(const std::string& method);
 base::Result<std::unique_ptr<Player>> makePlayer(const Stage& stage, const MethodSetting& setting,
                                                  const LinkProfile& link);
 
-// ---- one file each, but for the two of streamed files
+// ---- one file each, but for the three of streamed files
 base::Result<std::unique_ptr<Player>> makeSessionPlayer(const Stage& stage, const MethodSetting& setting,
                                                         const LinkProfile& link);
 base::Result<std::unique_ptr<Player>> makeSplatsPlayer(const Stage& stage, const MethodSetting& setting,
                                                        const LinkProfile& link);
 base::Result<std::unique_ptr<Player>> makeUmbrellasPlayer(const Stage& stage, const MethodSetting& setting,
                                                           const LinkProfile& link);
+base::Result<std::unique_ptr<Player>> makeHlodPlayer(const Stage& stage, const MethodSetting& setting,
+                                                     const LinkProfile& link);
 base::Result<std::unique_ptr<Player>> makeStaticPlayer(const Stage& stage, const MethodSetting& setting,
                                                        const LinkProfile& link);
 base::Result<std::unique_ptr<Player>> makeFramesPlayer(const Stage& stage, const MethodSetting& setting,

@@ -1,5 +1,7 @@
 // Methods of a file of their own, streamed from a host of files over six connections as in a browser: QSplat
-// (client::StreamedSplats), and points and umbrellas (client::StreamedUmbrellas).
+// (client::StreamedSplats), points and umbrellas (client::StreamedUmbrellas), triangles and points
+// (client::StreamedHlod).
+#include "client/source/streamed_hlod.h"
 #include "client/source/streamed_splats.h"
 #include "client/source/streamed_umbrellas.h"
 #include "compare/sim/host_player.h"
@@ -44,7 +46,7 @@ class StreamedPlayer final : public HostPlayer {
   std::shared_ptr<client::StreamedView> view_;
 };
 
-/// `View`: client::StreamedSplats or client::StreamedUmbrellas.
+/// `View`: client::StreamedSplats, client::StreamedUmbrellas or client::StreamedHlod.
 template <class View>
 base::Result<std::unique_ptr<Player>> makeStreamedPlayer(const Stage& stage, const LinkProfile& link,
                                                          const base::StreamedMethod& of, client::Method method,
@@ -82,6 +84,13 @@ base::Result<std::unique_ptr<Player>> makeUmbrellasPlayer(const Stage& stage, co
   options.tolerance = static_cast<float>(setting.knob);
   return makeStreamedPlayer<client::StreamedUmbrellas>(stage, link, base::kUmbrellaMethod, client::Method::kPmr,
                                                        options);
+}
+
+base::Result<std::unique_ptr<Player>> makeHlodPlayer(const Stage& stage, const MethodSetting& setting,
+                                                     const LinkProfile& link) {
+  client::StreamedOptions options;
+  options.error_px = static_cast<float>(setting.knob);
+  return makeStreamedPlayer<client::StreamedHlod>(stage, link, base::kHlodMethod, client::Method::kHlod, options);
 }
 
 }  // namespace compare

@@ -45,7 +45,7 @@ bool isHashedName(std::string_view name);
 /// point anywhere. Whether the page may stand in another's frame is not limited: people embed viewers, and there is
 /// nothing here that a click could give away.
 inline constexpr const char* kPagePolicy =
-    "default-src 'self'; script-src 'self' 'wasm-unsafe-eval' 'sha256-iUktb/5LQfe7arwzJFQuluWFixNFupxEiJsNlCEcduA='; "
+    "default-src 'self'; script-src 'self' 'wasm-unsafe-eval' 'sha256-G3PNp+9HCM4FJadtZ7XuRIXb0Ky78I+yH0hcE88h2eo='; "
     "style-src 'self' 'unsafe-inline'; img-src 'self' blob: "
     "data:; "
     "worker-src 'self' blob:; connect-src 'self' ws: wss: http: https: blob: data:; object-src 'none'; base-uri "

@@ -2,6 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include <set>
+#include <string>
+
 namespace {
 
 std::size_t count(const std::string& text, const std::string& what) {
@@ -22,6 +25,17 @@ TEST(Chart, leavesOutPointsWithoutALogarithm) {
   EXPECT_EQ(count(svg, "r=\"3\""), 2U);
   EXPECT_EQ(count(svg, "nan"), 0U);
   EXPECT_EQ(count(svg, "inf"), 0U);
+}
+
+TEST(Chart, noTwoOfNineSeriesLookAlike) {
+  compare::Chart chart{"T", "x", "y", false, {}};
+  for (int i = 0; i < 9; ++i) chart.series.push_back({"series " + std::to_string(i), {{i, 1}, {i + 1, 2}}});
+  const std::string svg = compare::formatChart(chart);
+  std::set<std::string> looks;
+  for (std::size_t at = svg.find("r=\"5\""); at != std::string::npos; at = svg.find("r=\"5\"", at + 1))
+    looks.insert(svg.substr(at, svg.find("/>", at) - at));
+  EXPECT_EQ(looks.size(), 9U);
+  EXPECT_EQ(count(svg, "stroke-dasharray=\"6 3\""), 2U);
 }
 
 TEST(Chart, escapesNamesAndSurvivesNoPoints) {

@@ -14,7 +14,7 @@
 
 namespace support {
 
-/// `Streamed`: client::StreamedSplats or client::StreamedUmbrellas.
+/// `Streamed`: a client::StreamedView.
 template <class Streamed>
 class StreamedViewer : public ::testing::Test {
  protected:
@@ -29,17 +29,18 @@ class StreamedViewer : public ::testing::Test {
     target_ = std::move(*target);
   }
 
-  /// Shows a file of this name that a host has. `reach`: half the edge of the scene's box.
+  /// Shows a file of this name that a host has. `make`: makes the view from its place, the scene's Welcome and the
+  /// fetcher. `reach`: half the edge of the scene's box.
+  template <class Make>
   void openAtHost(client::ViewerOptions viewer, const std::string& name, const base::Bytes& bytes, float reach,
-                  const client::StreamedOptions& options) {
+                  const Make& make) {
     auto host = std::make_unique<RangeHost>(name, bytes);
     host_ = host.get();
     protocol::Welcome welcome;
     welcome.scene_name = "scene";
     welcome.box_min = glm::vec3(-reach);
     welcome.box_max = glm::vec3(reach);
-    show(std::move(viewer), std::make_shared<Streamed>(client::FilePlace{"http://host/scene", name, bytes.size()},
-                                                       welcome, std::move(host), options));
+    show(std::move(viewer), make(client::FilePlace{"http://host/scene", name, bytes.size()}, welcome, std::move(host)));
   }
   void show(client::ViewerOptions viewer, std::shared_ptr<Streamed> streamed) {
     viewer_ = std::make_unique<client::Viewer>(std::move(viewer), std::make_unique<NoDecoder>());

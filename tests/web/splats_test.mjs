@@ -306,8 +306,8 @@ test("a host without ranges is named", async () => {
 });
 
 test("each viewer's WebAssembly has at most 185 kB, compressed", () => {
-  const found = readdirSync(site).filter((name) => /^(viewer|splats|umbrellas)-.*\.wasm\.br$/.test(name));
-  assert.equal(found.length, 3);
+  const found = readdirSync(site).filter((name) => /^(viewer|splats|umbrellas|hlod)-.*\.wasm\.br$/.test(name));
+  assert.equal(found.length, 4);
   for (const name of found) assert.ok(readFileSync(join(site, name)).length <= 185_000, name);
 });
 

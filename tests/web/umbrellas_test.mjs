@@ -5,25 +5,8 @@ import {writeFileSync} from "node:fs";
 import {join} from "node:path";
 import {after, before, test} from "node:test";
 
-import {
-  camera,
-  canvasPicture,
-  cleanUp,
-  difference,
-  figures,
-  folder,
-  launch,
-  nativePictures,
-  nginx,
-  open,
-  repeated,
-  run,
-  serve,
-  site,
-  still,
-  until,
-  waitFor
-} from "./lib.mjs";
+import {cleanUp, figures, folder, launch, nginx, open, repeated, run, serve, site, still, until} from "./lib.mjs";
+import {drag, expectNative, expectProgram, fine, setNumber} from "./streamed.mjs";
 
 /// Writes a cloud of a sphere with bumps, without faces or normals.
 function writeCloud(path, count) {
@@ -56,26 +39,14 @@ before(async () => {
 });
 after(cleanUp);
 
-const fine = (page) => waitFor(page, (now) => now.complete === 1 && now.drawn > 0, "all umbrellas of the view");
-
-async function expectNative(page, url) {
-  const [native] = nativePictures(url, [await camera(page)], ["--method", "pmr"]);
-  const apart = difference(await canvasPicture(page), native);
-  assert.ok(apart.covered > 0.05, "there is nothing in the pictures");
-  assert.ok(apart.mean < 0.5 && apart.outliers < 0.002, `mean ${apart.mean} levels, outliers ${apart.outliers}`);
-}
-
 test("a server's umbrellas, as the native client draws them, also after a drag", async () => {
   const page = await open(browser, `${server.url}?method=pmr`);
   await fine(page);
-  await expectNative(page, server.url);
-  await page.mouse.move(320, 180);
-  await page.mouse.down();
-  await page.mouse.move(420, 150, {steps: 5});
-  await page.mouse.up();
+  await expectNative(page, server.url, "pmr");
+  await drag(page);
   await still(page);
   await fine(page);
-  await expectNative(page, server.url);
+  await expectNative(page, server.url, "pmr");
   assert.match(await page.evaluate(() => window.lumigrid.permalink()), /&m=pmr/);
   assert.deepEqual(page.faults, []);
   await page.close();
@@ -91,25 +62,13 @@ test("a link with m=pmr opens them on a static host; hardly a byte comes twice",
   await fine(page);
   const twice = repeated(host.requests());
   assert.ok(twice < 30_000, `${twice} bytes: more than the piece of a chunk at the end of the first answer`);
-  await expectNative(page, host.url);
+  await expectNative(page, host.url, "pmr");
   assert.deepEqual(page.faults.filter((fault) => !/404/.test(fault)), []);  // it has no annotations
   await page.close();
 });
 
-/// Expects that a page shows a cloud by the WebAssembly of that name alone.
-async function expectProgram(url, program) {
-  const page = await open(browser, "about:blank");
-  const fetched = [];
-  page.on("request", (request) => /\.wasm$/.test(request.url()) && fetched.push(request.url().split("/").at(-1)));
-  await page.goto(url);
-  await fine(page);
-  assert.ok(
-      fetched.length >= 1 && fetched.every((name) => name.startsWith(`${program}-`)), `${url}: ${fetched.join()}`);
-  await page.close();
-}
-
 test("a scene that has nothing else is shown without being asked for, by its own WebAssembly", async () => {
-  for (const {url} of [server, await nginx(published)]) await expectProgram(url, "umbrellas");
+  for (const {url} of [server, await nginx(published)]) await expectProgram(browser, url, "umbrellas");
   const page = await open(browser, `${server.url}#m=qsplat`);
   await until(async () => (await figures(page).catch(() => null))?.drawn > 0 || /no splats/.test(
       await page.locator("body").innerText()), "umbrellas, or what is missing");
@@ -122,11 +81,11 @@ test("a published scene with splats and umbrellas shows splats unless umbrellas 
   run("lumigrid", ["build", cloud, "-o", scene, "--methods", "qsplat,pmr"]);
   run("lumigrid", ["publish", scene, place, "--viewer", "on", "--web", site]);
   const {url} = await nginx(place);
-  await expectProgram(url, "splats");
-  await expectProgram(`${url}#m=lumigraph`, "splats");
-  await expectProgram(`${url}#m=pmr`, "umbrellas");
-  await expectProgram(`${url}?method=pmr`, "umbrellas");
-  await expectProgram(`${url}?method=pmr#m=qsplat`, "splats");
+  await expectProgram(browser, url, "splats");
+  await expectProgram(browser, `${url}#m=lumigraph`, "splats");
+  await expectProgram(browser, `${url}#m=pmr`, "umbrellas");
+  await expectProgram(browser, `${url}?method=pmr`, "umbrellas");
+  await expectProgram(browser, `${url}?method=pmr#m=qsplat`, "splats");
 });
 
 test("a link to splats finds the umbrellas of a published scene that has no splats", async () => {
@@ -140,11 +99,9 @@ test("the tolerance is a setting that takes effect at once, and statistics tell 
   const page = await open(browser, `${server.url}?method=pmr`);
   const before = await fine(page);
   await page.keyboard.press("g");
-  await page.locator("#settings input[name=tolerance]").fill("8");
-  await page.locator("#settings input[name=tolerance]").blur();
+  await setNumber(page, "tolerance", 8);
   await until(async () => (await fine(page)).drawn < before.drawn / 2, "fewer umbrellas");
-  await page.locator("#settings input[name=tolerance]").fill("1");
-  await page.locator("#settings input[name=tolerance]").blur();
+  await setNumber(page, "tolerance", 1);
   await until(async () => (await fine(page)).drawn === before.drawn, "as many as before");
   await page.keyboard.press("Escape");
   await page.keyboard.press("i");

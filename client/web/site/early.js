@@ -1,7 +1,7 @@
 // Decides which of the page's programs is needed: by a link, the address, the scene that lies beside the page or the
 // settings, in this order. It runs in index.html before everything else, to fetch the right WebAssembly early, and
 // again as a part of main.js, for hosts whose policy forbids inline scripts.
-const isStreamed = (name) => name === "qsplat" || name === "pmr";
+const isStreamed = (name) => ["qsplat", "pmr", "hlod"].includes(name);
 window.lumigridMethod = () => {
   const only = document.querySelector('meta[name="lumigrid-method"]')?.content;
   const query = new URLSearchParams(location.search);

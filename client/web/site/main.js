@@ -31,8 +31,11 @@ const files = {
 
 /// The method for which the page was loaded. Those that stream a file of their own have programs of their own.
 const method = window.lumigridMethod();
-const program = new Map([["qsplat", [SPLATS_WASM, SPLATS_SCRIPT]], ["pmr", [UMBRELLAS_WASM, UMBRELLAS_SCRIPT]]]).get(
-    method.name);
+const programs = new Map([
+  ["qsplat", [SPLATS_WASM, SPLATS_SCRIPT]], ["pmr", [UMBRELLAS_WASM, UMBRELLAS_SCRIPT]],
+  ["hlod", [HLOD_WASM, HLOD_SCRIPT]]
+]);
+const program = programs.get(method.name);
 const [streamedWasm, streamedScript] = (program ?? []).map((name) => new URL(name, document.baseURI).href);
 const streamed = Boolean(program);
 if (streamed) files.viewerWasm = streamedWasm;
@@ -275,7 +278,7 @@ function watchPage() {
     // Restore the address as it was set: keepLink() may have put the view's own link there since.
     history.replaceState(null, "", event.newURL);
     const {name} = window.lumigridMethod();
-    if (name !== method.name && (streamed || name === "qsplat" || name === "pmr")) return location.reload();
+    if (name !== method.name && (streamed || programs.has(name))) return location.reload();
     openHash();
     schedule();
   });

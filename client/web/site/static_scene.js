@@ -5,7 +5,9 @@ import {kBytes, makeRanges} from "./ranges.js";
 const kMaxBytes = 16_000_000;
 
 /// Methods that stream a file of their own: its stem and extension, and what they draw.
-const kStreamed = [["qsplat", ".lgq", "splats"], ["pmr", ".lgm", "points and umbrellas"]];
+const kStreamed = [
+  ["qsplat", ".lgq", "splats"], ["pmr", ".lgm", "points and umbrellas"], ["hlod", ".lgh", "triangles and points"]
+];
 
 /// An error with advice for the user.
 class SceneError extends Error {

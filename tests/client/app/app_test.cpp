@@ -802,11 +802,13 @@ TEST_F(AppTest, settingsOfSplatsTakeEffectAtOnceAndKeepTheCommandLinesValues) {
   EXPECT_EQ(splats->quality(), (StreamedQuality{lod::draw::SplatKernel::kEllipse, 2.0F, 0.05}));
   ASSERT_TRUE(bool(app->changeSetting("tolerance", 2.5)));
   EXPECT_EQ(splats->quality().tolerance, 2.5F);
-  EXPECT_EQ(splats->times, 4);
+  ASSERT_TRUE(bool(app->changeSetting("error_px", 0.25)));
+  EXPECT_EQ(splats->quality().error_px, 0.25F);
+  EXPECT_EQ(splats->times, 5);
   ASSERT_TRUE(bool(app->changeSetting("orbit_speed", 2.0)));
   ASSERT_TRUE(bool(app->changeSetting("frame_rate", 20.0)));
-  EXPECT_EQ(splats->times, 4) << "nothing changed for them";
-  for (const char* name : {"splat", "cutoff", "tolerance", "frame_rate"})
+  EXPECT_EQ(splats->times, 5) << "nothing changed for them";
+  for (const char* name : {"splat", "cutoff", "tolerance", "error_px", "frame_rate"})
     EXPECT_FALSE(findSetting(name)->from_next_start) << name;
 }
 

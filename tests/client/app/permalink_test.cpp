@@ -21,7 +21,7 @@ ViewState drawnView(unsigned seed) {
   view.direction = glm::normalize(view.direction);
   view.pivot_distance = std::pow(10.0, real(-5.0, 6.0));
   if (coin()) view.fov_y = real(0.1, 2.5);
-  if (coin()) view.method = Method::kPatches;
+  view.method = kMethodNames[random() % kMethodNames.size()].first;
   view.statistics = coin();
   view.colors_by_resolution = coin();
   view.orthographic = coin();

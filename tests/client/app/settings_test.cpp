@@ -54,8 +54,10 @@ TEST(Settings, fractionsAreForNumbersOnly) {
 TEST(Settings, methodsAreThoseOfTheViewer) {
   Settings settings;
   EXPECT_EQ(methodOf(settings), Method::kLumigraph);
-  for (const auto method : {Method::kLumigraph, Method::kPatches, Method::kQsplat}) {
-    settings.method = *choiceValue(*findSetting("method"), nameOf(method));
+  const SettingField& field = *findSetting("method");
+  EXPECT_EQ(field.max + 1.0, static_cast<double>(kMethodNames.size()));
+  for (const auto& [method, name] : kMethodNames) {
+    settings.method = *choiceValue(field, name);
     EXPECT_EQ(methodOf(settings), method);
   }
 }

@@ -90,8 +90,9 @@ TEST(Session, aRefusalTellsWhichOtherMethodTheSceneHasDataFor) {
   session.connected();
   receive(session, server().sayRefusal(protocol::kVersion, "full up"));
   EXPECT_EQ(session.methodInstead(), std::nullopt);
-  for (const auto& [streamed, method] :
-       {std::pair(protocol::Streamed::kSplats, Method::kQsplat), {protocol::Streamed::kUmbrellas, Method::kPmr}}) {
+  for (const auto& [streamed, method] : {std::pair(protocol::Streamed::kSplats, Method::kQsplat),
+                                         {protocol::Streamed::kUmbrellas, Method::kPmr},
+                                         {protocol::Streamed::kHlod, Method::kHlod}}) {
     Session other({});
     other.connected();
     const protocol::Refusal refusal{protocol::kVersion, "no patches", streamed};

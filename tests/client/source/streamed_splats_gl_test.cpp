@@ -17,7 +17,9 @@ class StreamedSplatsTest : public support::StreamedViewer<StreamedSplats> {
   }
   void open(StreamedOptions options) {
     options.idle_bytes = 0;
-    openAtHost(viewerOptions(), "qsplat.lgq", file(), 1.2F, options);
+    openAtHost(viewerOptions(), "qsplat.lgq", file(), 1.2F, [&](const auto& place, const auto& welcome, auto fetcher) {
+      return std::make_shared<StreamedSplats>(place, welcome, std::move(fetcher), options);
+    });
   }
   /// Shows the whole file, as one that is on this machine.
   void openWhole(const StreamedOptions& options, const base::Bytes& bytes) {

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "client/app/meters.h"
+#include "client/source/streamed_hlod.h"
 #include "client/source/streamed_splats.h"
 #include "client/source/streamed_umbrellas.h"
 
@@ -59,6 +60,22 @@ TEST(Statistics, withUmbrellasLeavesAreCounted) {
   EXPECT_EQ(lineOf(s, "blocks"), "");
   s.viewer.streamed.limited = true;
   EXPECT_NE(lineOf(s, "memory").find(": a finer picture needs more"), std::string::npos);
+}
+
+TEST(Statistics, withTrianglesAndPointsNodesAreCounted) {
+  Statistics s;
+  s.viewer.streamed.describe = describeHlod;
+  s.viewer.streamed.error_px = 0.5F;
+  s.viewer.streamed.hlod.triangles = 56'789;
+  s.viewer.streamed.hlod.points = 1'234;
+  s.viewer.streamed.hlod.stream.drawn = 30;
+  s.viewer.streamed.hlod.stream.nodes = 400;
+  s.viewer.streamed.hlod.stream.present = 120;
+  s.viewer.streamed.hlod.stream.lacking = 6;
+  EXPECT_EQ(lineOf(s, "drawn"), "56 789 triangles, 1 234 points");
+  EXPECT_EQ(lineOf(s, "screen error"), "down to 0.50 px");
+  EXPECT_EQ(lineOf(s, "nodes"), "30 in view, 120 of 400 here, 6 to be refined");
+  EXPECT_EQ(lineOf(s, "leaves"), "");
 }
 
 TEST(Statistics, everyFigureStandsInALine) {

@@ -1,36 +1,120 @@
-#include "client/source/streamed_umbrellas.h"
+#include "client/source/streamed_pieces.h"
 
 #include <gtest/gtest.h>
 
+#include "client/source/streamed_hlod.h"
+#include "client/source/streamed_umbrellas.h"
+#include "tests/support/made_hlod.h"
 #include "tests/support/made_pmr.h"
 #include "tests/support/streamed_viewer.h"
 
 namespace client {
 namespace {
 
-class StreamedUmbrellasTest : public support::StreamedViewer<StreamedUmbrellas> {
+/// A method whose file a stream decodes in pieces, and files of it.
+struct PieceMethod {
+  Method method = Method::kPmr;
+  std::string file_name;
+  const base::Bytes& (*file)() = nullptr;
+  const base::Bytes& (*large_file)() = nullptr;
+  float StreamedQuality::*size = nullptr;  ///< pixels, down to which it is refined
+  float least = 0.0F;                      ///< of it
+  std::shared_ptr<StreamedView> (*at_host)(const FilePlace&, const protocol::Welcome&, std::unique_ptr<RangeFetcher>,
+                                           const StreamedOptions&) = nullptr;
+  std::shared_ptr<StreamedView> (*whole)(const FilePlace&, std::shared_ptr<const lod::FileBytes>,
+                                         const StreamedOptions&) = nullptr;
+  std::uint64_t (*under_way)(const StreamedStats&) = nullptr;
+  bool (*is_on_surface)(const glm::dvec3& point) = nullptr;  ///< on the side that is seen from +z
+};
+
+template <class View>
+std::shared_ptr<StreamedView> atHost(const FilePlace& place, const protocol::Welcome& welcome,
+                                     std::unique_ptr<RangeFetcher> fetcher, const StreamedOptions& options) {
+  return std::make_shared<View>(place, welcome, std::move(fetcher), options);
+}
+template <class View>
+std::shared_ptr<StreamedView> whole(const FilePlace& place, std::shared_ptr<const lod::FileBytes> bytes,
+                                    const StreamedOptions& options) {
+  return std::make_shared<View>(place, protocol::Welcome(), std::move(bytes), options);
+}
+
+/// A torus, seen along its axis.
+template <std::uint32_t side>
+const base::Bytes& umbrellaFile() {
+  static const base::Bytes bytes = support::madePmr(side).file;
+  return bytes;
+}
+const PieceMethod& umbrellas() {
+  static const PieceMethod method{Method::kPmr,
+                                  "pmr.lgm",
+                                  umbrellaFile<128>,
+                                  umbrellaFile<256>,
+                                  &StreamedQuality::tolerance,
+                                  kMinTolerance,
+                                  atHost<StreamedUmbrellas>,
+                                  whole<StreamedUmbrellas>,
+                                  [](const StreamedStats& stats) { return stats.umbrellas.stream.under_way; },
+                                  [](const glm::dvec3& point) {
+                                    const double around = glm::length(glm::dvec2(point));
+                                    const double off = std::abs(std::hypot(around - 1.0, point.z) - 0.35);
+                                    return off < 0.08 && point.z > -0.1;
+                                  }};
+  return method;
+}
+
+/// A bumpy square, seen from above.
+template <std::uint32_t depth, std::uint32_t quads>
+const base::Bytes& hlodFile() {
+  static const base::Bytes bytes = support::madeHlod(depth, quads).file;
+  return bytes;
+}
+const PieceMethod& hlod() {
+  static const PieceMethod method{Method::kHlod,
+                                  "hlod.lgh",
+                                  hlodFile<3, 8>,
+                                  hlodFile<4, 16>,
+                                  &StreamedQuality::error_px,
+                                  kMinErrorPx,
+                                  atHost<StreamedHlod>,
+                                  whole<StreamedHlod>,
+                                  [](const StreamedStats& stats) { return stats.hlod.stream.under_way; },
+                                  [](const glm::dvec3& point) {
+                                    return std::abs(point.x) < 1.01 && std::abs(point.y) < 1.01 &&
+                                           std::abs(point.z) < 0.15;
+                                  }};
+  return method;
+}
+
+std::string nameOfMethod(const ::testing::TestParamInfo<const PieceMethod*>& info) {
+  return std::string(nameOf(info.param->method));
+}
+
+class StreamedPiecesTest : public support::StreamedViewer<StreamedView>,
+                           public ::testing::WithParamInterface<const PieceMethod*> {
  protected:
-  static const base::Bytes& file() {
-    static const base::Bytes bytes = support::madePmr(128).file;
-    return bytes;
-  }
+  static const PieceMethod& method() { return *GetParam(); }
+  static const base::Bytes& file() { return method().file(); }
   void open(const StreamedOptions& options, const base::Bytes& bytes = file(), int samples = 1) {
-    openAtHost(viewerOptions(samples), "pmr.lgm", bytes, 1.5F, options);
+    openAtHost(viewerOptions(samples), method().file_name, bytes, 1.5F,
+               [&](const auto& place, const auto& welcome, auto fetcher) {
+                 return method().at_host(place, welcome, std::move(fetcher), options);
+               });
   }
   /// Shows a whole file, as one that is on this machine.
   void openWhole(const StreamedOptions& options, const base::Bytes& bytes) {
-    show(viewerOptions(1),
-         std::make_shared<StreamedUmbrellas>(FilePlace{"torus", "pmr.lgm", bytes.size()}, protocol::Welcome(),
-                                             std::make_shared<lod::MemoryBytes>(bytes), options));
+    show(viewerOptions(1), method().whole(FilePlace{"scene", method().file_name, bytes.size()},
+                                          std::make_shared<lod::MemoryBytes>(bytes), options));
   }
   static ViewerOptions viewerOptions(int samples) {
     ViewerOptions options;
-    options.method = Method::kPmr;
+    options.method = method().method;
     options.samples = samples;
     return options;
   }
   static base::ViewCamera view(double turn = 0.0, double distance = 3.5) { return viewFrom(turn, distance); }
 };
+
+INSTANTIATE_TEST_SUITE_P(Of, StreamedPiecesTest, ::testing::Values(&umbrellas(), &hlod()), nameOfMethod);
 
 StreamedOptions still() {
   StreamedOptions options;
@@ -39,11 +123,11 @@ StreamedOptions still() {
   return options;
 }
 
-TEST_F(StreamedUmbrellasTest, theFinishedPictureDoesNotDependOnHowItCame) {
+TEST_P(StreamedPiecesTest, theFinishedPictureDoesNotDependOnHowItCame) {
   open(still());
   fetchAll(view());
   const base::Image at_once = draw(view());
-  EXPECT_GT(viewer_->stats().streamed.umbrellas.triangles, 1000U);
+  EXPECT_GT(viewer_->stats().streamed.drawn, 1000U);
   open(still());
   host_->at_a_time = 2;
   for (int i = 0; i < 2000 && !viewer_->allHere(); ++i) {
@@ -66,35 +150,38 @@ TEST_F(StreamedUmbrellasTest, theFinishedPictureDoesNotDependOnHowItCame) {
 }
 
 // A host that answers one request at a time, and a view of which a part is here, drawn in half a second.
-class HalfAViewOfUmbrellas : public StreamedUmbrellasTest {
+class HalfAView : public StreamedPiecesTest {
  protected:
   void SetUp() override {
-    StreamedUmbrellasTest::SetUp();
+    StreamedPiecesTest::SetUp();
     if (IsSkipped()) return;
     StreamedOptions options = still();
     options.clock = [this] { return clock_ += drawing_; };
     open(options);
     host_->at_a_time = 1;
-    for (int i = 0; i < 200 && (stream().lacking == 0 || stream().under_way == 0); ++i) {
+    for (int i = 0; i < 200 && (lacking() == 0 || underWay() == 0); ++i) {
       pump();
       draw(view());
     }
-    ASSERT_GT(stream().lacking, 1U);
+    ASSERT_GT(lacking(), 1U);
     drawing_ = 0.0;
   }
-  lod::pmr::StreamStats stream() const { return streamed_->stats().umbrellas.stream; }
+  std::uint64_t lacking() const { return streamed_->stats().lacking; }
+  std::uint64_t underWay() const { return method().under_way(streamed_->stats()); }
 
   double clock_ = 0.0, drawing_ = 0.5;
 };
 
-TEST_F(HalfAViewOfUmbrellas, isDrawnAgainWhenAllIsHereOrDrawingHadItsPart) {
+INSTANTIATE_TEST_SUITE_P(Of, HalfAView, ::testing::Values(&umbrellas(), &hlod()), nameOfMethod);
+
+TEST_P(HalfAView, isDrawnAgainWhenAllIsHereOrDrawingHadItsPart) {
   clock_ += 100.0;
   draw(view());
   clock_ += 0.5;
   const double drawn = clock_;
   glFinish();  // the picture has its end when the GPU is done with it
   pump();
-  ASSERT_GT(stream().under_way, 0U);
+  ASSERT_GT(underWay(), 0U);
   EXPECT_FALSE(viewer_->stats().busy);
   clock_ = drawn + 0.5 * DutyCycle::kRest - 0.1;
   EXPECT_FALSE(viewer_->stats().busy);
@@ -102,11 +189,11 @@ TEST_F(HalfAViewOfUmbrellas, isDrawnAgainWhenAllIsHereOrDrawingHadItsPart) {
   EXPECT_TRUE(viewer_->stats().busy) << "so many times what drawing took";
   draw(view());
   EXPECT_FALSE(viewer_->stats().busy) << "nothing came";
-  for (int i = 0; i < 1000 && stream().under_way > 0; ++i) pump();
+  for (int i = 0; i < 1000 && underWay() > 0; ++i) pump();
   EXPECT_TRUE(viewer_->stats().busy) << "all that it lacked";
 }
 
-TEST_F(HalfAViewOfUmbrellas, isCompleteForOneWhoDoesNotDraw) {
+TEST_P(HalfAView, isCompleteForOneWhoDoesNotDraw) {
   for (int i = 0; i < 1000 && !viewer_->allHere(); ++i) {
     pump();
     ASSERT_TRUE(bool(viewer_->update(view(), now_)));
@@ -114,7 +201,7 @@ TEST_F(HalfAViewOfUmbrellas, isCompleteForOneWhoDoesNotDraw) {
   EXPECT_TRUE(viewer_->allHere());
 }
 
-TEST_F(StreamedUmbrellasTest, aFrameDecodesItsShareAndTheRestComesInTheNextOnes) {
+TEST_P(StreamedPiecesTest, aFrameDecodesItsShareAndTheRestComesInTheNextOnes) {
   openWhole(still(), file());
   pump();
   const base::Image whole = draw(view());
@@ -131,7 +218,7 @@ TEST_F(StreamedUmbrellasTest, aFrameDecodesItsShareAndTheRestComesInTheNextOnes)
   EXPECT_EQ(draw(view()).pixels, whole.pixels);
 }
 
-TEST_F(StreamedUmbrellasTest, damagedChunksAreNamedAndOtherLevelsStandInForThem) {
+TEST_P(StreamedPiecesTest, damagedPartsAreNamedAndOthersStandInForThem) {
   openWhole(still(), file());
   pump();
   const base::Image intact = draw(view());
@@ -148,10 +235,11 @@ TEST_F(StreamedUmbrellasTest, damagedChunksAreNamedAndOtherLevelsStandInForThem)
   EXPECT_GT(viewer_->stats().broken, 0U);
 }
 
-TEST_F(StreamedUmbrellasTest, anotherToleranceShowsInTheNextPictureAsIfItHadBeenThereFromTheBeginning) {
+TEST_P(StreamedPiecesTest, anotherSizeShowsInTheNextPictureAsIfItHadBeenThereFromTheBeginning) {
   std::vector<StreamedQuality> qualities(3, StreamedQuality(still()));
-  qualities[1].tolerance = 16.0F;
-  qualities[2].tolerance = 0.25F;
+  const auto size = method().size;
+  qualities[1].*size = 16.0F;
+  qualities[2].*size = method().least;
   std::vector<base::Image> pictures;
   std::vector<std::uint64_t> drawn;
   for (const StreamedQuality& quality : qualities) {
@@ -161,7 +249,7 @@ TEST_F(StreamedUmbrellasTest, anotherToleranceShowsInTheNextPictureAsIfItHadBeen
     fetchAll(view());
     pictures.push_back(draw(view()));
     drawn.push_back(viewer_->stats().streamed.drawn);
-    EXPECT_EQ(viewer_->stats().error_px, quality.tolerance);
+    EXPECT_EQ(viewer_->stats().error_px, quality.*size);
   }
   EXPECT_LT(4 * drawn[1], drawn[0]);
   EXPECT_GE(drawn[2], drawn[0]);
@@ -172,12 +260,12 @@ TEST_F(StreamedUmbrellasTest, anotherToleranceShowsInTheNextPictureAsIfItHadBeen
     EXPECT_EQ(draw(view()).pixels, pictures[i].pixels) << "quality " << i;
   }
   StreamedQuality least = qualities[0];
-  least.tolerance = 0.0F;
+  least.*size = 0.0F;
   streamed_->setQuality(least);
-  EXPECT_EQ(streamed_->quality().tolerance, kMinTolerance);
+  EXPECT_EQ(streamed_->quality().*size, method().least);
 }
 
-TEST_F(StreamedUmbrellasTest, aMovingViewIsAsCoarseAsTheRateAsksForAndRestRefinesItStepByStep) {
+TEST_P(StreamedPiecesTest, aMovingViewIsAsCoarseAsTheRateAsksForAndRestRefinesItStepByStep) {
   double clock = 0.0;
   StreamedOptions options;
   makeLate(options, clock);
@@ -198,11 +286,11 @@ TEST_F(StreamedUmbrellasTest, aMovingViewIsAsCoarseAsTheRateAsksForAndRestRefine
     last = viewer_->stats().streamed.error_px;
   }
   EXPECT_GT(frames, 5);
-  EXPECT_EQ(last, 1.0F);
+  EXPECT_EQ(last, options.*(method().size));
   EXPECT_GT(viewer_->stats().streamed.drawn, 4 * moving.drawn);
 }
 
-TEST_F(StreamedUmbrellasTest, samplesOfAPixelAreAveraged) {
+TEST_P(StreamedPiecesTest, samplesOfAPixelAreAveraged) {
   open(still());
   fetchAll(view());
   const base::Image hard = draw(view());
@@ -222,7 +310,7 @@ TEST_F(StreamedUmbrellasTest, samplesOfAPixelAreAveraged) {
   EXPECT_LT(unlike, 500);
 }
 
-TEST_F(StreamedUmbrellasTest, theDrawnSurfaceIsFoundUnderThePointer) {
+TEST_P(StreamedPiecesTest, theDrawnSurfaceIsFoundUnderThePointer) {
   for (const double distance : {3.5, 40.0}) {
     open(still());
     base::ViewCamera camera = view(0.0, distance);
@@ -239,9 +327,7 @@ TEST_F(StreamedUmbrellasTest, theDrawnSurfaceIsFoundUnderThePointer) {
         at_the_rim += point.has_value() != drawn ? 1 : 0;
         if (!point) continue;
         ++hits;
-        const double around = glm::length(glm::dvec2(*point));
-        EXPECT_NEAR(std::hypot(around - 1.0, point->z), 0.35, 0.08);
-        EXPECT_GT(point->z, -0.1);
+        EXPECT_TRUE(method().is_on_surface(*point)) << point->x << " " << point->y << " " << point->z;
       }
     EXPECT_GT(hits, 30);
     EXPECT_LE(at_the_rim, 8);
@@ -260,11 +346,10 @@ TEST_F(StreamedUmbrellasTest, theDrawnSurfaceIsFoundUnderThePointer) {
   EXPECT_GT(behind, 3);
 }
 
-TEST_F(StreamedUmbrellasTest, drawsCoarserBeyondTheMemoryLimit) {
+TEST_P(StreamedPiecesTest, drawsCoarserBeyondTheMemoryLimit) {
   StreamedOptions options = still();
   options.memory_bytes = 2'500'000;
-  const base::Bytes large = support::madePmr(256).file;
-  open(options, large);
+  open(options, method().large_file());
   fetchAll(view());
   draw(view());
   const ViewerStats stats = viewer_->stats();
@@ -273,7 +358,7 @@ TEST_F(StreamedUmbrellasTest, drawsCoarserBeyondTheMemoryLimit) {
   EXPECT_LE(stats.memory.total(), options.memory_bytes);
 }
 
-TEST_F(StreamedUmbrellasTest, aLostContextAndALostHostComeBack) {
+TEST_P(StreamedPiecesTest, aLostContextAndALostHostComeBack) {
   open(still());
   fetchAll(view());
   const base::Image before = draw(view());
@@ -289,19 +374,19 @@ TEST_F(StreamedUmbrellasTest, aLostContextAndALostHostComeBack) {
   host_->outcome = FetchOutcome::kNetwork;
   for (int i = 0; i < 10; ++i) pump();
   EXPECT_EQ(viewer_->session().phase(), SessionPhase::kDisconnected);
-  EXPECT_NE(viewer_->session().problem().find("pmr.lgm"), std::string::npos);
+  EXPECT_NE(viewer_->session().problem().find(method().file_name), std::string::npos);
   host_->outcome = FetchOutcome::kBytes;
   for (int i = 0; i < 1000; ++i) pump();
   fetchAll(view());
   EXPECT_EQ(draw(view()).pixels, before.pixels);
 }
 
-TEST_F(StreamedUmbrellasTest, aHostThatCannotAnswerIsRefusedWithTheReason) {
+TEST_P(StreamedPiecesTest, aHostThatCannotAnswerIsRefusedWithTheReason) {
   open(still());
   host_->outcome = FetchOutcome::kRangeIgnored;
   for (int i = 0; i < 3; ++i) pump();
   EXPECT_EQ(viewer_->session().phase(), SessionPhase::kRefused);
-  EXPECT_NE(viewer_->session().problem().find("pmr.lgm"), std::string::npos);
+  EXPECT_NE(viewer_->session().problem().find(method().file_name), std::string::npos);
 
   const base::Bytes other(2000, 7);
   open(still(), other);

@@ -1,0 +1,262 @@
+#pragma once
+// The view of a file of which a stream decodes pieces: the leaves of a pmr.lgm, or the nodes of a hlod.lgh. It decides
+// when pieces are chosen anew and when they are drawn; a method says how its own look and where a ray meets them.
+#include <algorithm>
+#include <memory>
+#include <utility>
+#include <vector>
+
+#include "client/source/duty_cycle.h"
+#include "client/source/motion_pace.h"
+#include "client/source/scene_ray.h"
+#include "client/source/streamed_draw.h"
+#include "client/source/streamed_file.h"
+#include "client/source/streamed_view.h"
+#include "lod/file_bytes.h"
+
+namespace client {
+
+/// `Types` has the method's own: Stream, StreamOptions and TraverseRequest of its file; Piece, which the stream finds
+/// for a view; Renderer, View and Count, with which pieces are drawn; kMinMemory, the least of the stream; kSize, the
+/// member of StreamedQuality down to which pieces are refined at rest, pixels; kMinSize, the least that it may be.
+template <class Types>
+class StreamedPieces : public StreamedView {
+ public:
+  /// `welcome` and `fetcher`: as in StreamedFile.
+  StreamedPieces(FilePlace file, const protocol::Welcome& welcome, std::unique_ptr<RangeFetcher> fetcher,
+                 const StreamedOptions& options)
+      : file_(std::move(file), welcome, std::move(fetcher)),
+        options_(checked(options)),
+        stream_(file_.place().bytes, streamOptions(options)),
+        pace_(options_.frame_seconds, finestPx()) {}
+  /// Shows a whole file that is on this machine. `bytes`: not null.
+  StreamedPieces(FilePlace file, const protocol::Welcome& welcome, std::shared_ptr<const lod::FileBytes> bytes,
+                 const StreamedOptions& options)
+      : file_(std::move(file), welcome, nullptr),
+        options_(checked(options)),
+        stream_(std::move(bytes), streamOptions(options)),
+        pace_(options_.frame_seconds, finestPx()) {}
+
+  bool pump(Session& session, double now) override;
+  const base::Sphere* bounds() const override;
+  void update(const base::Camera& camera, const StreamedLook& look) override;
+  base::Result<void> draw(const base::Camera& camera, const StreamedLook& look) override;
+  bool isMultisampled() const override { return true; }
+  std::optional<glm::vec3> surfaceAt(const base::Camera& camera, const StreamedLook& look, double x,
+                                     double y) const override;
+  bool complete() const override;
+  bool busy() const override;
+  void setQuality(const StreamedQuality& quality) override;
+  const StreamedQuality& quality() const override { return options_; }
+  void contextLost() override {
+    renderer_.reset();
+    drawn_.remove();
+  }
+  StreamedStats stats() const override;
+
+ protected:
+  using Piece = typename Types::Piece;
+  using View = typename Types::View;
+
+  const typename Types::Stream& stream() const { return stream_; }
+  const std::vector<Piece>& pieces() const { return pieces_; }
+  const typename Types::Count& count() const { return count_; }
+  /// The header is here.
+  virtual View viewOf(const base::Camera& camera, const StreamedLook& look) const;
+
+ private:
+  /// Shares of the memory, sixteenths: what is here of the file and decoded of it, and the same on the GPU. The rest is
+  /// left to the samples of the picture (client/viewer/memory_plan.h).
+  static constexpr std::uint64_t kStreamShare = 7;
+  static constexpr std::uint64_t kGpuShare = 5;
+
+  /// Keeps the places of the piece that the ray meets.
+  virtual void meet(RayHit& hit, const Piece& piece) const = 0;
+  /// Adds the figures that no other method has, and the words for them.
+  virtual void addFigures(StreamedStats& stats) const = 0;
+
+  static StreamedOptions checked(StreamedOptions options) {
+    options.*Types::kSize = std::max(options.*Types::kSize, Types::kMinSize);
+    return options;
+  }
+  static typename Types::StreamOptions streamOptions(const StreamedOptions& options) {
+    typename Types::StreamOptions stream;
+    stream.memory_bytes = std::max(options.memory_bytes / 16 * kStreamShare, Types::kMinMemory);
+    stream.decode_per_frame = options.decode_per_frame;
+    return stream;
+  }
+  void choose(std::uint32_t frames);
+  base::Result<void> drawChosen(const base::Camera& camera, const StreamedLook& look);
+  double now() const { return options_.clock ? options_.clock() : 0.0; }
+  float finestPx() const { return options_.*Types::kSize; }
+  /// Whether requests are under way for a view that lacks something.
+  bool moreIsComing() const { return !stream_.complete() && stream_.stats().under_way > 0; }
+  /// Whether the last frame was so long ago that the next one may come before all requests are answered.
+  bool hasRested() const { return !options_.clock || (!drawn_.isSet() && frames_.hasRested(now())); }
+
+  StreamedFile file_;
+  StreamedOptions options_;
+  typename Types::Stream stream_;
+  MotionPace pace_;
+
+  std::vector<Piece> pieces_;
+  std::uint64_t chosen_generation_ = 0;  ///< generation of the stream when pieces_ was chosen
+  bool chosen_ = false;
+  bool moved_ = false;        ///< the last frame drawn was of a view that moved
+  bool has_undrawn_ = false;  ///< pieces_ was chosen anew since the last update()
+  base::Camera camera_;       ///< camera for which pieces_ was chosen; the next two members belong to that choice, too
+  glm::vec4 section_ = base::kNoSection;
+  float size_px_ = 1.0F;
+  DutyCycle frames_;
+  PictureFence drawn_;        ///< behind the last picture, while frames_ does not know its end
+  double drawn_begin_ = 0.0;  ///< when that picture was begun
+
+  typename Types::Count count_;  ///< of the last drawing
+  std::unique_ptr<typename Types::Renderer> renderer_;
+};
+
+template <class Types>
+const base::Sphere* StreamedPieces<Types>::bounds() const {
+  return stream_.header() != nullptr ? &stream_.header()->bounds : nullptr;
+}
+
+// ---- which pieces ----
+
+template <class Types>
+void StreamedPieces<Types>::update(const base::Camera& camera, const StreamedLook& look) {
+  if (stream_.header() == nullptr) return;
+  has_undrawn_ = false;
+  const float size_px = pace_.wantedPx(finestPx());
+  const bool same_view =
+      chosen_ && base::sameCamera(camera, camera_) && look.section == section_ && size_px == size_px_;
+  if (same_view && stream_.generation() == chosen_generation_ && !stream_.decoding()) return;
+  if (same_view && moreIsComing() && !hasRested()) return;
+  camera_ = camera;
+  section_ = look.section;
+  size_px_ = size_px;
+  chosen_ = true;
+  // A view that rests makes up for the frames in between, which are not drawn while requests are under way.
+  choose(same_view && stream_.stats().requests > 0 ? 1 + DutyCycle::kRest : 1);
+}
+
+template <class Types>
+void StreamedPieces<Types>::choose(std::uint32_t frames) {
+  typename Types::TraverseRequest request;
+  request.camera = camera_;
+  request.tolerance = size_px_;
+  request.section = section_;
+  chosen_generation_ = stream_.generation();
+  stream_.update(request, pieces_, frames);
+}
+
+template <class Types>
+bool StreamedPieces<Types>::pump(Session& session, double now) {
+  const bool came = file_.pump(stream_, session, now);
+  if (drawn_.hasPassed()) frames_.record(drawn_begin_, this->now());
+  // Between the frames of a view that rests, what comes is decoded while the link goes on.
+  if (came && chosen_ && !moved_ && moreIsComing() && !hasRested()) {
+    choose(1);
+    has_undrawn_ = true;
+  }
+  return came;
+}
+
+// ---- drawing ----
+
+template <class Types>
+base::Result<void> StreamedPieces<Types>::draw(const base::Camera& camera, const StreamedLook& look) {
+  const double begin = now();
+  const bool moved = pace_.beginFrame(camera);
+  update(camera, look);
+  LUMIGRID_TRY(drawChosen(camera, look));
+  moved_ = moved;
+  drawn_.remove();
+  if (stream_.header() == nullptr || !options_.clock) return {};
+  if (moved && pace_.isOn()) {
+    waitForGpu();
+    const double end = now();
+    frames_.record(begin, end);
+    pace_.recordFrame(end - begin, count_.points + count_.triangles);
+  } else if (moreIsComing()) {
+    drawn_.set();
+    drawn_begin_ = begin;
+  }
+  return {};
+}
+
+template <class Types>
+base::Result<void> StreamedPieces<Types>::drawChosen(const base::Camera& camera, const StreamedLook& look) {
+  clearPicture(look.background);
+  if (stream_.header() == nullptr) return {};
+  if (!renderer_) {
+    LUMIGRID_ASSIGN_OR_RETURN(renderer_, Types::Renderer::create(options_.memory_bytes / 16 * kGpuShare));
+  }
+  GLint framebuffer = 0;
+  glGetIntegerv(GL_FRAMEBUFFER_BINDING, &framebuffer);
+  LUMIGRID_ASSIGN_OR_RETURN(count_, renderer_->draw(pieces_, viewOf(camera, look),
+                                                    {static_cast<GLuint>(framebuffer), camera.width, camera.height}));
+  return {};
+}
+
+template <class Types>
+typename StreamedPieces<Types>::View StreamedPieces<Types>::viewOf(const base::Camera& camera,
+                                                                   const StreamedLook& look) const {
+  View view;
+  view.camera = camera;
+  view.shading = look.shading;
+  view.section = look.section;
+  view.resolution_colors = look.resolution_colors;
+  return view;
+}
+
+template <class Types>
+std::optional<glm::vec3> StreamedPieces<Types>::surfaceAt(const base::Camera& camera, const StreamedLook& look,
+                                                          double x, double y) const {
+  RayHit hit{rayThrough(camera, x, y), look.section};
+  for (const Piece& piece : pieces_) meet(hit, piece);
+  return hit.place();
+}
+
+template <class Types>
+void StreamedPieces<Types>::setQuality(const StreamedQuality& quality) {
+  static_cast<StreamedQuality&>(options_) = quality;
+  options_ = checked(options_);
+  pace_.setGoal(options_.frame_seconds, finestPx());
+}
+
+// ---- figures ----
+
+template <class Types>
+bool StreamedPieces<Types>::complete() const {
+  return chosen_ && !has_undrawn_ && stream_.complete() && chosen_generation_ == stream_.generation() &&
+         size_px_ <= finestPx();
+}
+
+template <class Types>
+bool StreamedPieces<Types>::busy() const {
+  if (!chosen_ || size_px_ > finestPx()) return chosen_;
+  if (!has_undrawn_ && !stream_.decoding() && chosen_generation_ == stream_.generation()) return false;
+  return !moreIsComing() || hasRested();
+}
+
+template <class Types>
+StreamedStats StreamedPieces<Types>::stats() const {
+  StreamedStats stats;
+  stats.drawn = count_.points + count_.triangles;
+  stats.error_px = size_px_;
+  stats.finest_px = finestPx();
+  stats.limited = stream_.limitedByMemory();
+  stats.buffer_bytes = renderer_ ? renderer_->gpuBytes() : 0;
+  const auto stream = stream_.stats();
+  stats.file_bytes = stream.memory_bytes;
+  stats.bytes_received = stream.bytes_received;
+  stats.requests = stream.requests;
+  stats.present = stream.present;
+  stats.lacking = stream.lacking;
+  stats.broken = static_cast<std::uint32_t>(stream.damaged);
+  stats.warning = stream_.warning();
+  addFigures(stats);
+  return stats;
+}
+
+}  // namespace client

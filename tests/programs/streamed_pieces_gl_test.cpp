@@ -1,0 +1,123 @@
+// lumigrid-view streams points and umbrellas, and triangles and points, from nginx and from a server of ours, as a user
+// has them.
+#include "tests/programs/pmr_scene.h"
+#include "tests/programs/published_site.h"
+#include "tests/support/made_hlod.h"
+
+namespace {
+
+namespace fs = std::filesystem;
+using programs::expectOneLineError;
+using programs::readText;
+using programs::run;
+using programs::Tour;
+using programs::writeText;
+
+/// A method whose file comes in pieces.
+struct PieceMethod {
+  base::StreamedMethod method;
+  std::string figures;                ///< member of frames.jsonl
+  std::vector<std::string> coarse;    ///< options of a picture that is coarser by far
+  std::vector<std::string> too_fine;  ///< options that are refused
+  void (*write)(const std::string& directory) = nullptr;
+};
+
+class StreamedPiecesTest : public programs::PublishedSite, public ::testing::WithParamInterface<PieceMethod> {
+ protected:
+  /// path("site/tower") is the published form of scene_, which has the method's file only.
+  void SetUp() override {
+    ProgramTest::SetUp();
+    LUMIGRID_SKIP_WITHOUT_NGINX();
+    scene_ = path("scene");
+    GetParam().write(scene_);
+    ASSERT_EQ(run("lumigrid", {"publish", scene_, path("site/tower"), "--quiet"}).status, 0);
+    makeTour(4, 320, 180);
+  }
+  static std::string name() { return GetParam().method.name; }
+  static std::string extension() { return GetParam().method.extension; }
+  /// Asks for no method where `method` is empty. Pictures of one sample a pixel are as `lumigrid render` draws them.
+  void expectLocalPicturesFrom(const std::string& url, const std::string& folder, const std::string& method = "") {
+    const Tour seen = tour(url, folder, method, {"--no-antialias"});
+    expectLocalPictures(seen, name());
+    const nlohmann::json& figures = seen.lines.back()[GetParam().figures];
+    EXPECT_GT(figures["triangles"].get<int>(), 1000);
+    EXPECT_EQ(figures["lacking"], 0);
+    EXPECT_EQ(figures["failures"], 0);
+  }
+  programs::Outcome view(const std::string& url, const std::vector<std::string>& more = {}) {
+    std::vector<std::string> arguments{url, "--headless", "--path", path("tour.json"), "--connect-timeout", "3"};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return run("lumigrid-view", arguments);
+  }
+};
+
+INSTANTIATE_TEST_SUITE_P(Of, StreamedPiecesTest,
+                         ::testing::Values(PieceMethod{base::kUmbrellaMethod,
+                                                       "umbrellas",
+                                                       {"--tolerance", "20"},
+                                                       {"--tolerance", "0.1"},
+                                                       [](const std::string& directory) {
+                                                         programs::writePmrScene(directory);
+                                                       }},
+                                           PieceMethod{base::kHlodMethod,
+                                                       "hlod",
+                                                       {"--error-px", "20"},
+                                                       {"--error-px", "0.1"},
+                                                       [](const std::string& directory) {
+                                                         programs::writeStreamedScene(directory, base::kHlodMethod,
+                                                                                      support::madeHlod().file, 1.0);
+                                                       }}),
+                         [](const auto& info) { return std::string(info.param.method.name); });
+
+TEST_P(StreamedPiecesTest, picturesEqualLocalOnesPixelForPixelWhereverTheSceneLies) {
+  const support::Nginx nginx(path("site"));
+  expectLocalPicturesFrom(nginx.url() + "/tower/", "published", name());
+  expectLocalPicturesFrom(serve(scene_).url, "served", name());
+  expectLocalPicturesFrom(scene_, "folder", name());
+  expectLocalPicturesFrom(path("site/tower"), "published_folder", name());
+}
+
+TEST_P(StreamedPiecesTest, areShownWithoutBeingAskedForWhereThereIsNothingElse) {
+  const support::Nginx nginx(path("site"));
+  expectLocalPicturesFrom(nginx.url() + "/tower/", "published");
+  expectLocalPicturesFrom(serve(scene_).url, "served");
+  expectLocalPicturesFrom(serve(nginx.url() + "/tower", {"--cache", path("cache")}).url, "far");
+  expectLocalPicturesFrom(scene_, "folder");
+}
+
+TEST_P(StreamedPiecesTest, refusesOtherMethodsWithTheReason) {
+  const support::Nginx nginx(path("site"));
+  for (const std::string& url : {serve(scene_).url, nginx.url() + "/tower/", scene_})
+    expectOneLineError(view(url, {"--method", "patches"}), 1, {"--method " + name()});
+  for (const std::string& url : {serve(scene_).url, nginx.url() + "/tower/", scene_})
+    expectOneLineError(view(url, {"--method", "qsplat"}), 1, {"has no splats", "--methods qsplat"});
+  EXPECT_EQ(view(scene_, GetParam().too_fine).status, 2);
+}
+
+TEST_P(StreamedPiecesTest, samplesAndSizeAreOptions) {
+  const Tour fine = tour(scene_, "fine", name());
+  const Tour coarse = tour(scene_, "coarse", name(), GetParam().coarse);
+  EXPECT_EQ(fine.lines.front()["samples_per_pixel"], 4);
+  const std::string& figures = GetParam().figures;
+  EXPECT_LT(4 * coarse.lines.front()[figures]["triangles"].get<int>(),
+            fine.lines.front()[figures]["triangles"].get<int>());
+  EXPECT_NE(coarse.pictures.front().pixels, fine.pictures.front().pixels);
+}
+
+TEST_P(StreamedPiecesTest, aFileThatIsCutOrAnotherOneIsNamed) {
+  const support::Nginx nginx(path("site"));
+  std::string file;
+  for (const auto& entry : fs::directory_iterator(path("site/tower")))
+    if (entry.path().extension() == extension()) file = entry.path().string();
+  const std::string bytes = readText(file);
+  writeText(file, bytes.substr(0, bytes.size() / 2));
+  for (const std::string& url : {nginx.url() + "/tower/", path("site/tower")})
+    expectOneLineError(view(url, {"--method", name()}), 1, {extension()});
+  writeText(file, "no points" + bytes.substr(9));
+  for (const std::string& url : {nginx.url() + "/tower/", path("site/tower")})
+    expectOneLineError(view(url, {"--method", name()}), 1, {extension()});
+  fs::remove(file);
+  expectOneLineError(view(nginx.url() + "/tower/", {"--method", name()}), 1, {extension(), "is not there"});
+}
+
+}  // namespace
