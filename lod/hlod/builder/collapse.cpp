@@ -197,7 +197,7 @@ class Collapser {
   void tryVertex(std::uint32_t v) {
     for (std::size_t i = 0; i < std::min(targets_.size(), kTries); ++i)
       if (keepsTopology(v, targets_[i]) && keepsSides(v, targets_[i].vertex) && keepsBorder(v, targets_[i]) &&
-          keepsNear(v, targets_[i].vertex) && keepsSamples(v, targets_[i].vertex))
+          keepsNear(targets_[i].vertex) && keepsSamples(v, targets_[i].vertex))
         return collapse(v, targets_[i].vertex);
   }
 
@@ -269,7 +269,7 @@ class Collapser {
 
   /// Whether the middles of the new edges are near the triangles before, and with what these carry near the source: a
   /// triangle across a hollow would leave all samples where they find other triangles.
-  bool keepsNear(std::uint32_t v, std::uint32_t u) {
+  bool keepsNear(std::uint32_t u) {
     new_reach_.clear();
     for (const Neighbor& n : neighbors_) {
       float reach = 0.0F;

@@ -1,0 +1,53 @@
+#pragma once
+// Chooses for a light the views from it in which shadow maps are drawn, and the nodes that cast shadows there (Guthe et
+// al. 2004, section 4.1).
+//
+// Receivers, the nodes that a view draws, are divided by their level of the octree, whose errors are alike. The box of
+// each level's receivers gives a view of the light's own. A caster may be as coarse as its shadow's edge allows where
+// it falls on these receivers.
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "base/camera.h"
+#include "lod/hlod/format.h"
+#include "lod/hlod/traverse.h"
+
+namespace lod::hlod {
+
+/// A light, scene-local.
+struct ShadowLight {
+  /// A place with w = 1, or with w = 0 the unit direction towards a light that is infinitely far.
+  glm::vec4 place{0.0F, 0.0F, 1.0F, 0.0F};
+  /// Diameter of its disc: scene units, or radians as seen from the scene where it is infinitely far. 0: hard shadows.
+  float size = 0.0F;
+  friend bool operator==(const ShadowLight&, const ShadowLight&) = default;
+};
+
+/// The most that a caster may be off, scene units: ε_c = (ε_r d_l + γ s_l d_p) / (d_l + d_p), section 4.1. `receiver`:
+/// ε_r. `change`: γ, of the light's intensity, 0 … 1. `to_light`: d_l, the caster's distance from the light; not used
+/// for a light that is infinitely far. `to_receiver`: d_p.
+float casterError(const ShadowLight& light, float receiver, float change, float to_light, float to_receiver);
+
+struct ShadowRequest {
+  TraverseRequest view;  ///< that of the receivers
+  ShadowLight light;
+  float intensity_change = 0.05F;   ///< γ; counts for lights of some size
+  float texel_px = 0.5F;            ///< a texel of a shadow map covers at most so many of the view's pixels, where
+  std::uint32_t max_texels = 4096;  ///< … this many a side allow it
+  std::size_t max_maps = 4;         ///< levels of few receivers share a map with their neighbours
+};
+
+/// A view from the light.
+struct ShadowMapPlan {
+  base::Camera camera;                   ///< parallel or perspective; width and height are those of the map, texels
+  std::vector<std::uint32_t> receivers;  ///< places in the list of receivers
+  std::vector<std::uint32_t> casters;    ///< nodes
+  float texel_px = 0.0F;                 ///< the largest size of a texel where receivers lie, pixels of the view
+};
+
+/// `receivers`: the nodes that the view draws. Casters form a cut: no node and one below it.
+std::vector<ShadowMapPlan> planShadowMaps(std::span<const Node> nodes, std::span<const std::uint32_t> receivers,
+                                          const ShadowRequest& request);
+
+}  // namespace lod::hlod
