@@ -294,7 +294,7 @@ class Walk {
   }
 
  private:
-  const CodedNode above_root_;
+  const CodedNode above_root_{};
   std::size_t parent_ = 0;
   std::uint32_t children_of_parent_ = 0;
 };
