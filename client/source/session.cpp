@@ -160,9 +160,7 @@ base::Result<void> Session::acceptCompletion(const protocol::Completion& message
 
 base::Result<void> Session::acceptRefusal(const protocol::Refusal& message) {
   phase_ = SessionPhase::kRefused;
-  if (message.instead == protocol::Streamed::kSplats) method_instead_ = Method::kQsplat;
-  if (message.instead == protocol::Streamed::kUmbrellas) method_instead_ = Method::kPmr;
-  if (message.instead == protocol::Streamed::kHlod) method_instead_ = Method::kHlod;
+  method_instead_ = methodFromName(protocol::methodOf(message.instead));
   problem_ = "the server refused: " + (message.reason.empty() ? "it gave no reason" : message.reason);
   if (message.version != protocol::kVersion)
     problem_ += " (it speaks protocol " + std::to_string(message.version) + ", this client " +
