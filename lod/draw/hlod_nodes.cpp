@@ -94,6 +94,7 @@ base::Result<std::uint64_t> NodeRenderer::drawPass(Primitive primitive, std::spa
                                                    const NodeView& view, const NodeTarget& target) {
   const SurfacePass pass = SurfacePass::of(primitive, view);
   LUMIGRID_ASSIGN_OR_RETURN(const base::gl::Program* program, programs_.use(pass, view, target));
+  glUniform1f(program->uniform("u_point_samples"), 1.0F);
   const float samples_per_pixel = target.samplesPerPixel(view.camera);
 
   std::uint64_t drawn = 0;

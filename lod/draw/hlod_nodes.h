@@ -23,8 +23,8 @@ struct NodeCount {
 /// the node has more than 65536 vertices.
 ///
 /// Points are as large, and lines as wide, as the node's error demands for the surface to have no hole: the cells on
-/// both sides of a crack, and points around a place, are off by at most their errors. Points span a pixel at least,
-/// lines a sample.
+/// both sides of a crack, and points around a place, are off by at most their errors. They span a sample at least:
+/// where the picture has several samples a pixel, larger ones would only make silhouettes thicker.
 class NodeRenderer {
  public:
   /// Needs a current context, as do the other functions. `gpu_bytes`: limit for nodes on the GPU; those of the frame
@@ -47,7 +47,7 @@ class NodeRenderer {
   base::Result<std::uint64_t> drawPass(Primitive primitive, std::span<const hlod::DrawnNode> nodes,
                                        const NodeView& view, const NodeTarget& target);
 
-  SurfacePrograms programs_{"nodes", true};
+  SurfacePrograms programs_{SurfaceStyle{.name = "nodes", .shade_fragments = true, .fill_behind = true}};
   PictureCache<hlod::NodePicture, Mesh> meshes_;
 };
 

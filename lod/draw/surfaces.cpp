@@ -37,14 +37,16 @@ std::size_t SurfacePass::number() const {
 base::Result<const base::gl::Program*> SurfacePrograms::link(const SurfacePass& pass) {
   base::gl::Program& program = programs_[pass.number()];
   if (program.name() != 0) return &program;
+  const bool fills = pass.primitive != Primitive::kTriangles;
   const std::string defines = std::string(kPrimitiveDefines[static_cast<std::size_t>(pass.primitive)]) +
-                              (shade_fragments_ ? "#define SHADE_FRAGMENTS\n" : "") +
+                              (style_.shade_fragments ? "#define SHADE_FRAGMENTS\n" : "") +
+                              (fills && style_.fill_behind ? "#define BEHIND\n" : "") +
                               (pass.resolution ? "#define RESOLUTION\n" : "") +
                               (pass.section ? "#define SECTION\n" : "");
   const std::string shading = shadingSource() + tintSource();
-  const std::string vertex = defines + (shade_fragments_ ? "" : shading) + glsl::kSurfaceVertex;
-  const std::string fragment = defines + (shade_fragments_ ? shading : "") + glsl::kSurfaceFragment;
-  LUMIGRID_ASSIGN_OR_RETURN(program, base::gl::Program::link(name_, vertex, fragment));
+  const std::string vertex = defines + (style_.shade_fragments ? "" : shading) + glsl::kSurfaceVertex;
+  const std::string fragment = defines + (style_.shade_fragments ? shading : "") + glsl::kSurfaceFragment;
+  LUMIGRID_ASSIGN_OR_RETURN(program, base::gl::Program::link(style_.name, vertex, fragment));
   return &program;
 }
 
@@ -59,7 +61,6 @@ base::Result<const base::gl::Program*> SurfacePrograms::use(const SurfacePass& p
   glUniform4f(program.uniform("u_eye"), eye.x, eye.y, eye.z, eye.w);
   glUniform4f(program.uniform("u_section"), view.section.x, view.section.y, view.section.z, view.section.w);
   glUniform1f(program.uniform("u_samples"), samplesPerUnit(view, target));
-  glUniform1f(program.uniform("u_point_samples"), target.samplesPerPixel(view.camera));
   glUniform2f(program.uniform("u_sample_size"), 2.0F / static_cast<float>(target.width),
               2.0F / static_cast<float>(target.height));
   if (pass.resolution) {

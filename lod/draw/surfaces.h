@@ -32,6 +32,13 @@ struct SurfaceTarget {
 
 enum class Primitive : std::uint8_t { kTriangles, kPoints, kLines };
 
+/// How a method's surfaces are drawn.
+struct SurfaceStyle {
+  const char* name = "";         ///< for GL's messages
+  bool shade_fragments = false;  ///< shading is computed for each fragment, else for each vertex
+  bool fill_behind = false;      ///< points and lines lie behind triangles by half of their size
+};
+
 /// A variant of the program.
 struct SurfacePass {
   Primitive primitive = Primitive::kTriangles;
@@ -45,20 +52,18 @@ struct SurfacePass {
 
 class SurfacePrograms {
  public:
-  /// `name`: for GL's messages. `shade_fragments`: shading is computed for each fragment, else for each vertex.
-  SurfacePrograms(std::string name, bool shade_fragments) : name_(std::move(name)), shade_fragments_(shade_fragments) {}
+  explicit SurfacePrograms(const SurfaceStyle& style) : style_(style) {}
 
   /// Links the variant when it is first needed.
   base::Result<const base::gl::Program*> link(const SurfacePass& pass);
   /// Links it, uses it, and sets what it needs to know of view and target. The caller sets "u_two_sided" where vertices
-  /// are shaded, "u_closing" for points and lines, "u_detail" and "u_hatched" with resolution, and "u_copies" for
-  /// lines: their meanings are in shaders/surface_vertex.glsl.
+  /// are shaded, "u_closing" for points and lines, "u_point_samples" for points, "u_detail" and "u_hatched" with
+  /// resolution, and "u_copies" for lines: their meanings are in shaders/surface_vertex.glsl.
   base::Result<const base::gl::Program*> use(const SurfacePass& pass, const SurfaceView& view,
                                              const SurfaceTarget& target);
 
  private:
-  const std::string name_;
-  const bool shade_fragments_;
+  const SurfaceStyle style_;
   std::array<base::gl::Program, SurfacePass::kNumbers> programs_;  ///< by SurfacePass::number()
 };
 

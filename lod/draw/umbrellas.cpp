@@ -61,6 +61,7 @@ base::Result<std::uint64_t> UmbrellaRenderer::drawPass(Primitive primitive, std:
   const SurfacePass pass = SurfacePass::of(primitive, view);
   LUMIGRID_ASSIGN_OR_RETURN(const base::gl::Program* program, programs_.use(pass, view, target));
   glUniform1i(program->uniform("u_two_sided"), !view.oriented || pass.section ? 1 : 0);
+  glUniform1f(program->uniform("u_point_samples"), target.samplesPerPixel(view.camera));
 
   const bool are_points = primitive == Primitive::kPoints;
   std::uint64_t drawn = 0;

@@ -43,7 +43,7 @@ class UmbrellaRenderer {
   base::Result<std::uint64_t> drawPass(Primitive primitive, std::span<const pmr::DrawnLeaf> leaves,
                                        const UmbrellaView& view, const SurfaceTarget& target);
 
-  SurfacePrograms programs_{"umbrellas", false};
+  SurfacePrograms programs_{SurfaceStyle{.name = "umbrellas"}};
   PictureCache<pmr::LeafPicture, Mesh> meshes_;
 };
 

@@ -46,15 +46,16 @@ struct BlockPlace {
 struct Node {
   /// Contains the geometry of the node and of all below it; scene-local.
   base::Aabb box;
-  /// Of the normals of the source's triangles below.
+  /// Contains the normals of the source's triangles below.
   base::NormalCone cone;
   /// ε of the picture, scene units: each place of the source's surface, with its appearance, is at most so far from a
   /// place of the picture of the same appearance (section 3.1). 0 for leaves; at least that of each child.
   float error = 0.0F;
-  /// ε_geo: a proven bound of the distance between the source's surface and the picture's triangles, both ways, points
-  /// replaced by the triangles that they stand for; scene units, at most `error`.
+  /// A proven bound of the distance between the source's surface and the picture's triangles, both ways, points
+  /// replaced by the triangles that they stand for; scene units. 0 for leaves; at least that of each child. It may be
+  /// larger than `error`, which is measured at the vertices of what the node was made of.
   float shape_error = 0.0F;
-  /// The same of the caster's triangles; at least that of each child, 0 for leaves.
+  /// ε of the caster, whose appearance does not count. 0 for leaves; at least that of each child.
   float caster_error = 0.0F;
   std::uint32_t first_child = 0;  ///< above the node's own number; 0 without children
   std::uint8_t children = 0;      ///< 0 … 8

@@ -75,7 +75,7 @@ struct CodedNode {
   glm::ivec3 low{0}, high{kLatticeEnd - 1};  ///< the box, in lattice points
   std::array<std::int32_t, 2> axis{1 << (kAxisBits - 1), 1 << (kAxisBits - 1)};
   std::int32_t angle = kFullAngle;
-  /// Of the picture, its shape, and the caster.
+  /// In this order: error, shape error, caster error.
   std::array<std::int32_t, 3> errors{kMaxErrorCode, kMaxErrorCode, kMaxErrorCode};
   std::uint32_t step_bits = 0;
   std::uint32_t triangles = 0, points = 0, edges = 0, caster_triangles = 0;
@@ -143,7 +143,7 @@ class NodeModel {
     }
     for (std::size_t i = 0; i < 3; ++i) {
       // The error of a picture's shape is bounded by the picture's own, the others by the parent's.
-      const std::int32_t limit = i == 1 ? node.errors[0] : parent.errors[i];
+      const std::int32_t limit = parent.errors[i];
       // Before the first node of a depth its parent, twice as large, tells the most.
       const std::int32_t near = before_->isLeaf()
                                     ? std::max(parent.errors[i] - static_cast<std::int32_t>(kErrorSteps), 0)
@@ -274,9 +274,8 @@ void widenParents(std::vector<CodedNode>& coded, const std::vector<Node>& nodes)
       const CodedNode& child = coded[nodes[i].first_child + c];
       parent.low = glm::min(parent.low, child.low);
       parent.high = glm::max(parent.high, child.high);
-      for (const std::size_t e : {0, 2}) parent.errors[e] = std::max(parent.errors[e], child.errors[e]);
+      for (const std::size_t e : {0, 1, 2}) parent.errors[e] = std::max(parent.errors[e], child.errors[e]);
     }
-    parent.errors[0] = std::max(parent.errors[0], parent.errors[1]);
   }
 }
 

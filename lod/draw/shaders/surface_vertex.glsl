@@ -2,7 +2,7 @@
 // does not show.
 //
 // Variants: POINTS; LINES, of which several copies lie side by side; SHADE_FRAGMENTS shades each fragment, in place of
-// each vertex; RESOLUTION tints by the size of the detail; SECTION cuts at a plane.
+// each vertex; BEHIND draws behind triangles; RESOLUTION tints by the size of the detail; SECTION cuts at a plane.
 layout(location = 0) in vec3 a_position;
 layout(location = 1) in vec4 a_normal;
 layout(location = 2) in vec4 a_color;
@@ -46,6 +46,16 @@ vec2 copyOffset(float squared_distance) {
 }
 #endif
 
+#ifdef BEHIND
+// The depth of a place that is a little farther from the eye, so that points and lines fill holes between triangles and
+// do not cover the triangles around. What lies at the far plane stays within the picture.
+float depthBehind(vec3 to_eye, float squared_distance) {
+  vec4 behind = u_clip_from_scene * vec4(a_position - 0.5 * u_closing * inversesqrt(squared_distance) * to_eye, 1.0);
+  if (gl_Position.w <= 0.0 || behind.w <= 0.0) return gl_Position.z;
+  return max(gl_Position.z, min(behind.z / behind.w, 0.999999) * gl_Position.w);
+}
+#endif
+
 void main() {
   vec3 to_eye = u_eye.xyz - u_eye.w * a_position;
   vec3 normal = a_normal.xyz;
@@ -67,6 +77,9 @@ void main() {
 #endif
 #ifdef POINTS
   gl_PointSize = max(u_point_samples, closingSamples(squared));
+#endif
+#ifdef BEHIND
+  gl_Position.z = depthBehind(to_eye, squared);
 #endif
 #ifdef SECTION
   v_beyond = dot(u_section.xyz, a_position) - u_section.w;

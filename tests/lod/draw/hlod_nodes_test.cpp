@@ -242,15 +242,54 @@ TEST_F(HlodNodesTest, pointsAsFarApartAsTheErrorLeaveNoHole) {
       }
 }
 
-TEST_F(HlodNodesTest, aPointSpansAPixelAtLeast) {
+TEST_F(HlodNodesTest, aPointIsAsLargeAsItsErrorToAllSidesAndASampleAtLeast) {
   auto point = asPoints(gridOf(1, [](int, int) { return glm::vec3(0.3F, 0.2F, 0.0F); }));
-  for (const int supersampling : {1, 2, 4}) {
-    const base::Image image = picture({drawn(cameraAbove(), point)}, unlit(cameraAbove()), supersampling);
-    EXPECT_EQ(image.width * image.height - samplesOpen(image, 0.0), supersampling * supersampling);
+  for (const int supersampling : {1, 2, 4})
+    for (const float pixels : {0.0F, 0.5F, 1.5F, 5.0F}) {
+      point.error = pixels * pixelAbove();
+      const base::Image image = picture({drawn(cameraAbove(), point)}, unlit(cameraAbove()), supersampling);
+      const double side = std::max(1.0, 2.0 * pixels * supersampling);
+      const double covered = image.width * image.height - samplesOpen(image, 0.0);
+      // Away from the middle a length covers a little more.
+      EXPECT_GE(covered, std::floor(side) * std::floor(side)) << pixels << " pixels";
+      EXPECT_LE(covered, std::ceil(1.05 * side) * std::ceil(1.05 * side)) << pixels << " pixels";
+    }
+}
+
+/// Paints all vertices.
+hlod::NodePicture painted(hlod::NodePicture picture, const glm::u8vec3& color) {
+  for (SurfaceVertex& vertex : picture.vertices) vertex.color = glm::u8vec4(color, 255);
+  return picture;
+}
+
+// The surface falls away from them, so that a point or line of the same depth all over would lie in front.
+TEST_F(HlodNodesTest, pointsAndLinesDoNotCoverTrianglesBesideThem) {
+  constexpr int kSide = 40;
+  const auto half = [](float from) {
+    return gridOf(
+        kSide, [from](int x, int y) { return glm::vec3(from + x, y - kSide / 2, 0.3F * (from + x)) * pixelAbove(); });
+  };
+  const glm::u8vec3 red(255, 0, 0), blue(0, 0, 255);
+  const auto triangles = drawn(cameraAbove(), painted(half(1.0F - kSide), red));  // up to the picture's middle
+  auto points = painted(asPoints(half(1.0F)), blue);
+  auto lines = painted(half(1.0F), blue);
+  lines.triangles.clear();
+  for (std::uint32_t y = 0; y + 1 < kSide; ++y) lines.edges.insert(lines.edges.end(), {y * kSide, (y + 1) * kSide});
+  for (auto* beside : {&points, &lines}) {
+    beside->error = 3.0F * pixelAbove();
+    const NodeView view = unlit(cameraAbove());
+    const base::Image alone = picture({drawn(view.camera, *beside)}, view);
+    const base::Image both = picture({drawn(view.camera, *beside), triangles}, view);
+    int over = 0, kept = 0;
+    for (int y = 0; y < kSize; ++y)
+      for (int x = kSize / 2 - 10; x + 1 < kSize / 2; ++x) {
+        if (both.at(x, y)[0] < 255) continue;  // beyond the triangles' other ends
+        ++kept;
+        over += alone.at(x, y)[2] == 255 ? 1 : 0;
+      }
+    EXPECT_GE(kept, 9 * (kSide - 2));
+    EXPECT_GT(over, kSide - 2) << "they reach to where triangles are";
   }
-  point.error = 1.5F * pixelAbove();
-  const base::Image image = picture({drawn(cameraAbove(), point)}, unlit(cameraAbove()), 4);
-  EXPECT_NEAR(image.width * image.height - samplesOpen(image, 0.0), 12 * 12, 13);
 }
 
 /// A grid of quarters of a pixel.

@@ -81,7 +81,8 @@ TEST(Appearance, theDistanceToAnEqualColorIsBounded) {
       return Attributes{{x, y, 0.0F}, {0.0F, 0.0F, 1.0F}, glm::vec3(50.0F) + slope * (x + 0.5F * y)};
     };
     const Attributes a = at(0, 0), b = at(10, 0), c = at(0, 10);
-    const float x = 8.0F * unit(random), y = (8.0F - x) * unit(random);
+    // Places from which the way along the colours' slope does not leave the triangle.
+    const float x = 2.5F + unit(random), y = 2.5F + unit(random);
     Attributes place = at(x, y);
     place.color += slope * (3.0F * unit(random) - 1.5F);
     const float tolerance = 0.05F * glm::length(slope);
