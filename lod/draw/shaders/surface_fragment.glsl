@@ -1,8 +1,8 @@
 // Variants as in surface_vertex.glsl.
-in vec3 v_color;
+centroid in vec3 v_color;
 #ifdef SHADE_FRAGMENTS
-in vec3 v_normal;
-in vec3 v_to_eye;
+centroid in vec3 v_normal;
+centroid in vec3 v_to_eye;
 uniform float u_pixels;                // pixels that a length of 1 spans at depth 1
 uniform float u_detail;                // size of the detail that is shown, scene units
 #endif

@@ -14,10 +14,11 @@ uniform float u_point_samples;         // samples that a point spans at least
 uniform float u_closing;               // diameter at which points leave no hole, width at which lines do, scene units
 uniform float u_pixels;                // pixels that a length of 1 spans at depth 1
 uniform float u_detail;                // size of the detail that is shown, scene units
-out vec3 v_color;
+// Triangles smaller than a pixel would be shaded from beyond their corners at the pixel's middle.
+centroid out vec3 v_color;
 #ifdef SHADE_FRAGMENTS
-out vec3 v_normal;
-out vec3 v_to_eye;
+centroid out vec3 v_normal;
+centroid out vec3 v_to_eye;
 #endif
 #ifdef SECTION
 uniform vec4 u_section;
@@ -50,7 +51,7 @@ vec2 copyOffset(float squared_distance) {
 // The depth of a place that is a little farther from the eye, so that points and lines fill holes between triangles and
 // do not cover the triangles around. What lies at the far plane stays within the picture.
 float depthBehind(vec3 to_eye, float squared_distance) {
-  vec4 behind = u_clip_from_scene * vec4(a_position - 0.5 * u_closing * inversesqrt(squared_distance) * to_eye, 1.0);
+  vec4 behind = u_clip_from_scene * vec4(a_position - 3.0 * u_closing * inversesqrt(squared_distance) * to_eye, 1.0);
   if (gl_Position.w <= 0.0 || behind.w <= 0.0) return gl_Position.z;
   return max(gl_Position.z, min(behind.z / behind.w, 0.999999) * gl_Position.w);
 }

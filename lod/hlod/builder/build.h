@@ -10,7 +10,7 @@
 
 namespace lod::hlod::builder {
 
-/// What the appearance of a surface is made of.
+/// The attributes that make the appearance of a surface.
 enum class Appearance : std::uint8_t {
   kAuto,  ///< colours where the source has them, else normals
   kNormals,

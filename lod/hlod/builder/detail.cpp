@@ -65,7 +65,7 @@ class PointClusters {
 
 class PictureMaker {
  public:
-  PictureMaker(const NodeMesh& mesh, std::uint32_t step_bits, const PointOptions& options)
+  PictureMaker(const NodeMesh& mesh, std::uint32_t step_bits, const PictureOptions& options)
       : mesh_(mesh), step_bits_(step_bits), options_(options), clusters_(options.cell) {}
 
   NodeGeometry run() {
@@ -74,20 +74,25 @@ class PictureMaker {
       is_small[t] = isSmall(t) ? 1 : 0;
       if (is_small[t] != 0)
         addPoints(t);
-      else
+      else if (hasArea(t))
         for (std::size_t k = 0; k < 3; ++k) picture_.triangles.push_back(vertex(corner(t, k)));
     }
-    for (const OpenEdge edge : openEdges(mesh_.indices)) {
-      if (is_small[edge / 3] != 0) continue;
-      const glm::uvec2 ends = endsOf(edge, mesh_.indices);
-      picture_.edges.push_back(vertex(ends.x));
-      picture_.edges.push_back(vertex(ends.y));
-    }
+    if (options_.edges) addEdges(is_small);
     picture_.points = clusters_.points([this](const glm::vec3& place) { return placeOf(place); });
     return std::move(picture_);
   }
 
  private:
+  void addEdges(const std::vector<std::uint8_t>& is_small) {
+    for (const OpenEdge edge : openEdges(mesh_.indices)) {
+      const glm::uvec2 ends = endsOf(edge, mesh_.indices);
+      const bool is_crack = mesh_.on_rim[ends.x] == 0 || mesh_.on_rim[ends.y] == 0;
+      if (!is_crack || is_small[edge / 3] != 0 || !hasArea(edge / 3)) continue;
+      picture_.edges.push_back(vertex(ends.x));
+      picture_.edges.push_back(vertex(ends.y));
+    }
+  }
+
   std::uint32_t corner(std::uint32_t t, std::size_t k) const { return mesh_.indices[3 * std::size_t{t} + k]; }
   glm::vec3 color(std::uint32_t v) const { return mesh_.colors.empty() ? glm::vec3(255.0F) : mesh_.colors[v]; }
 
@@ -98,6 +103,12 @@ class PictureMaker {
     for (std::size_t k = 0; k < 3; ++k)
       if (glm::distance(p[corner(t, k)], middle) > options_.triangle_reach) return false;
     return true;
+  }
+
+  /// Rounding may bring corners together; what is left of such a triangle is an edge of its neighbours.
+  bool hasArea(std::uint32_t t) const {
+    const auto at = [&](std::size_t k) { return placeOf(mesh_.positions[corner(t, k)]); };
+    return at(0) != at(1) && at(1) != at(2) && at(2) != at(0);
   }
 
   void addPoints(std::uint32_t t) {
@@ -113,7 +124,8 @@ class PictureMaker {
   glm::ivec3 placeOf(const glm::vec3& position) const {
     const double step = std::exp2(static_cast<double>(step_bits_));
     const glm::dvec3 place = (glm::dvec3(mesh_.corner) + glm::dvec3(position)) / step;
-    return glm::ivec3(glm::clamp(glm::round(place), 0.0, static_cast<double>((1 << kPositionBits) - 1)));
+    return glm::ivec3(
+        glm::clamp(glm::round(place), 0.0, static_cast<double>(((1 << kPositionBits) - 1) >> step_bits_)));
   }
   std::uint32_t vertex(std::uint32_t v) {
     if (number_.empty()) number_.assign(mesh_.positions.size(), kNone);
@@ -126,7 +138,7 @@ class PictureMaker {
 
   const NodeMesh& mesh_;
   const std::uint32_t step_bits_;
-  const PointOptions options_;
+  const PictureOptions options_;
   PointClusters clusters_;
   std::vector<std::uint32_t> number_;  // by vertex of the mesh: that of the picture
   NodeGeometry picture_;
@@ -158,7 +170,7 @@ void smoothDetail(NodeMesh& mesh, float size) {
   }
 }
 
-NodeGeometry makePicture(const NodeMesh& mesh, std::uint32_t step_bits, const PointOptions& options) {
+NodeGeometry makePicture(const NodeMesh& mesh, std::uint32_t step_bits, const PictureOptions& options) {
   return PictureMaker(mesh, step_bits, options).run();
 }
 

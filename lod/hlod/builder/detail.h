@@ -12,16 +12,17 @@ namespace lod::hlod::builder {
 /// is longer than `size` (lattice steps).
 void smoothDetail(NodeMesh& mesh, float size);
 
-struct PointOptions {
+struct PictureOptions {
   /// Triangles become points whose corners are all at most this far from their barycentre (lattice steps); 0: none do.
   float triangle_reach = 0.0F;
   /// Points within a cell of a grid of this size that face alike are one, with the mean of their attributes.
   float cell = 1.0F;
+  bool edges = true;  ///< open edges are listed
 };
 
 /// The node's picture in steps of 2^step_bits lattice steps. A small triangle becomes its corners and the middles of
-/// its edges (figure 3), clustered. Open edges of the triangles that remain are the picture's edges. Vertices that
-/// would lie outside the lattice's 2^21 steps are moved to its border.
-NodeGeometry makePicture(const NodeMesh& mesh, std::uint32_t step_bits, const PointOptions& options);
+/// its edges (figure 3), clustered. Open edges of the triangles that remain are the picture's edges, but for those
+/// of the source's own border. Vertices that would lie outside the lattice's 2^21 steps are moved to its border.
+NodeGeometry makePicture(const NodeMesh& mesh, std::uint32_t step_bits, const PictureOptions& options);
 
 }  // namespace lod::hlod::builder

@@ -9,14 +9,20 @@
 #include "lod/hlod/builder/collapse.h"
 #include "lod/hlod/builder/cracks.h"
 #include "lod/hlod/builder/detail.h"
+#include "lod/hlod/builder/ordered_triangles.h"
 #include "lod/ingest/code_map.h"
 #include "lod/ingest/morton.h"
 
 namespace lod::hlod::builder {
 namespace {
 
-// Triangles become points whose corners are at most twice the node's error from the middle (section 3.2).
+// Triangles become points whose corners are at most half the node's error from the middle. The paper has twice the
+// error (section 3.2); then there are more points than there were triangles, and pictures are 5 dB worse at one pixel
+// (docs/decisions/hlod.md).
 constexpr float kPointReach = 0.5F;
+// Attributes are smoothed where edges are shorter than so many times the node's error: about a pixel, where the error
+// is half of one.
+constexpr float kSmoothed = 2.0F;
 // Positions are rounded to a lattice so coarse that it moves them by at most this share of the node's error.
 constexpr float kRoundedShare = 1.0F / 16.0F;
 constexpr float kHalfDiagonal = 0.8660254F;
@@ -50,8 +56,8 @@ base::NormalCone coneOf(const NodeMesh& mesh) {
 }
 
 /// Fills a row's counts and makes the bytes of its picture.
-void encodePicture(const NodeMesh& mesh, const PointOptions& points, const NodeOptions& options, BuiltNode& node) {
-  const NodeGeometry picture = makePicture(mesh, node.row.step_bits, points);
+void encodePicture(const NodeMesh& mesh, const PictureOptions& how, const NodeOptions& options, BuiltNode& node) {
+  const NodeGeometry picture = makePicture(mesh, node.row.step_bits, how);
   node.row.triangles = static_cast<std::uint32_t>(picture.triangles.size() / 3);
   node.row.points = static_cast<std::uint32_t>(picture.points.size());
   node.row.edges = static_cast<std::uint32_t>(picture.edges.size() / 2);
@@ -75,8 +81,7 @@ float shapeError(const NodeMesh& mesh) {
 }
 
 void encodeCaster(const NodeMesh& mesh, BuiltNode& node) {
-  NodeGeometry caster = makePicture(mesh, node.row.step_bits, {});
-  caster.edges.clear();
+  NodeGeometry caster = makePicture(mesh, node.row.step_bits, {.edges = false});
   for (NodeVertex& vertex : caster.vertices) vertex = {vertex.place, {0.0F, 0.0F, 1.0F}, glm::u8vec3(255)};
   node.row.caster_triangles = static_cast<std::uint32_t>(caster.triangles.size() / 3);
   node.caster = encodeBlock(caster, {false, true});
@@ -96,8 +101,9 @@ NodeMesh sourceMesh(std::span<const ingest::Corner> corners, bool colors) {
     if (!is_new) continue;
     places.push_back(ingest::mortonPoint(corner.code));
     low = glm::min(low, places.back());
-    const glm::vec3 normal(ingest::unpackNormal(corner.normal));
-    mesh.normals.push_back(corner.normal != 0 ? glm::normalize(normal) : glm::vec3(0.0F, 0.0F, 1.0F));
+    const glm::vec3 normal(ingest::unpackNormal(corner.normal & 0xFFFFFFU));
+    mesh.normals.push_back(normal != glm::vec3(0.0F) ? glm::normalize(normal) : glm::vec3(0.0F, 0.0F, 1.0F));
+    mesh.on_rim.push_back((corner.normal & kOnRim) != 0 ? 1 : 0);
     if (colors) mesh.colors.emplace_back(corner.color & 255U, corner.color >> 8 & 255U, corner.color >> 16 & 255U);
   }
   mesh.corner = low;
@@ -134,6 +140,7 @@ NodeMesh mergeParts(std::vector<NodeMesh>& parts) {
         merged.positions.emplace_back(place - low);
         merged.normals.push_back(part.normals[v]);
         if (!part.colors.empty()) merged.colors.push_back(part.colors[v]);
+        merged.on_rim.push_back(part.on_rim[v]);
         parts_of.push_back(0);
         count.push_back(1.0F);
       } else {
@@ -168,7 +175,8 @@ BuiltNode makeLeaf(const NodeMesh& mesh, const NodeOptions& options) {
   BuiltNode node;
   node.row.box = boxOf(mesh, options.lattice, 0.0F);
   node.row.cone = coneOf(mesh);
-  encodePicture(mesh, {}, options, node);
+  // The cracks beside a leaf are as wide as the other side's error, whose lines are as wide.
+  encodePicture(mesh, {.edges = false}, options, node);
   node.row.caster_triangles = node.row.triangles;
   return node;
 }
@@ -182,10 +190,9 @@ BuiltNode makeInnerNode(float edge, std::vector<NodeMesh>& parts, const NodeOpti
       node.row.step_bits == 0 ? 0.0F : kHalfDiagonal * std::exp2(static_cast<float>(node.row.step_bits));
 
   NodeMesh& mesh = node.mesh = mergeParts(parts);
-  smoothDetail(mesh, limit);
+  smoothDetail(mesh, kSmoothed * limit);
   simplify(mesh, limit - rounding, options.appearance);
-  const PointOptions points{options.points ? kPointReach * limit : 0.0F, limit};
-  encodePicture(mesh, points, options, node);
+  encodePicture(mesh, {options.points ? kPointReach * limit : 0.0F, limit}, options, node);
   node.row.shape_error = (shapeError(mesh) + rounding) * step;
   node.row.error = (mesh.error + rounding) * step;
 

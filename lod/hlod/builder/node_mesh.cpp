@@ -44,6 +44,7 @@ base::Bytes meshBytes(const NodeMesh& mesh) {
   for (const glm::vec3& p : mesh.positions) out.write(glm::ivec3(p));
   for (const glm::vec3& n : mesh.normals) out.write(glm::i16vec3(glm::round(n * kUnitSteps)));
   for (const glm::vec3& c : mesh.colors) out.write(glm::u16vec3(glm::round(c * 128.0F)));
+  out.bytes(mesh.on_rim);
   for (const std::uint32_t index : mesh.indices) out.u32(index);
   const bool exact = mesh.bounds.toward.empty();
   out.u8(exact ? 0 : 1);
@@ -73,6 +74,8 @@ base::Result<NodeMesh> readMesh(base::ByteView bytes) {
   }
   for (std::size_t v = 0; colors && v < vertices; ++v)
     mesh.colors.push_back(glm::vec3(in.read<glm::u16vec3>()) / 128.0F);
+  const base::ByteView on_rim = in.bytes(vertices);
+  mesh.on_rim.assign(on_rim.begin(), on_rim.end());
   mesh.indices.reserve(3 * triangles);
   for (std::size_t i = 0; i < 3 * triangles; ++i) mesh.indices.push_back(in.u32());
   if (in.u8() != 0) {
@@ -96,12 +99,14 @@ void dropUnusedVertices(NodeMesh& mesh) {
       kept.positions.push_back(mesh.positions[index]);
       kept.normals.push_back(mesh.normals[index]);
       if (!mesh.colors.empty()) kept.colors.push_back(mesh.colors[index]);
+      kept.on_rim.push_back(mesh.on_rim[index]);
     }
     index = number[index];
   }
   mesh.positions = std::move(kept.positions);
   mesh.normals = std::move(kept.normals);
   mesh.colors = std::move(kept.colors);
+  mesh.on_rim = std::move(kept.on_rim);
 }
 
 }  // namespace lod::hlod::builder

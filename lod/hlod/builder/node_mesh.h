@@ -12,10 +12,12 @@
 namespace lod::hlod::builder {
 
 struct NodeMesh {
-  glm::ivec3 corner{0};                ///< the lattice point at which positions start
-  std::vector<glm::vec3> positions;    ///< lattice steps from the corner: whole numbers below 2^22, exact in float
-  std::vector<glm::vec3> normals;      ///< as many as positions; unit
-  std::vector<glm::vec3> colors;       ///< 0 … 255; empty, or as many as positions
+  glm::ivec3 corner{0};              ///< the lattice point at which positions start
+  std::vector<glm::vec3> positions;  ///< lattice steps from the corner: whole numbers below 2^22, exact in float
+  std::vector<glm::vec3> normals;    ///< as many as positions; unit
+  std::vector<glm::vec3> colors;     ///< 0 … 255; empty, or as many as positions
+  /// As many as positions. 1: a vertex on the source's own border, whose open edges are no cracks.
+  std::vector<std::uint8_t> on_rim;
   std::vector<std::uint32_t> indices;  ///< 3 per triangle
   /// What the triangles carry of earlier simplifications, lattice steps; without colours.
   patch::builder::SurfaceError bounds;

@@ -6,6 +6,7 @@
 #include <tuple>
 
 #include "base/parallel.h"
+#include "lod/hlod/builder/node_mesh.h"
 #include "lod/ingest/morton.h"
 #include "lod/ingest/work_directory.h"
 
@@ -40,12 +41,19 @@ void averageCorners(const ingest::Buckets& buckets, ingest::Buckets::NumberedBuc
                                                     ingest::mortonPoint(bucket.corners[c + 2].code));
     for (std::size_t k = 0; k < 3; ++k) sums[number[c + k]].add(face, bucket.corners[c + k]);
   }
+  std::vector<std::uint8_t> is_open(codes.size(), 0);
+  for (const OpenEdge edge : openEdges(number)) {
+    const glm::uvec2 ends = endsOf(edge, number);
+    is_open[ends.x] = is_open[ends.y] = 1;
+  }
   std::vector<ingest::Corner> vertices(codes.size());
   for (std::size_t v = 0; v < codes.size(); ++v) {
     const std::int64_t at = buckets.border().find(codes[v]);
     const ingest::VertexSums& sum = at >= 0 ? buckets.border().sums[static_cast<std::size_t>(at)] : sums[v];
-    vertices[v] = {codes[v], buckets.hasColors() ? packColor(sum.meanColor()) : 0,
-                   ingest::packNormal(sum.unitNormal())};
+    // Open edges between vertices that other buckets have, too, may go on there.
+    const std::uint32_t mark = at < 0 && is_open[v] != 0 ? kOnRim : 0;
+    const std::uint32_t normal = ingest::packNormal(sum.unitNormal()) & 0xFFFFFFU;
+    vertices[v] = {codes[v], buckets.hasColors() ? packColor(sum.meanColor()) : 0, normal | mark};
     out.vertices += at < 0 ? 1 : 0;
   }
   for (std::size_t c = 0; c < number.size(); ++c) bucket.corners[c] = vertices[number[c]];

@@ -12,6 +12,9 @@
 
 namespace lod::hlod::builder {
 
+/// A mark beside a corner's normal: all of the vertex' open edges are the source's own border.
+inline constexpr std::uint32_t kOnRim = 1U << 24;
+
 class OrderedTriangles {
  public:
   static constexpr std::uint64_t kBytes = 3 * sizeof(ingest::Corner);  ///< a triangle's on disk
@@ -32,7 +35,8 @@ class OrderedTriangles {
   bool hasColors() const { return colors_; }
   /// The number of the first triangle whose code is not below.
   base::Result<std::uint64_t> lowerBound(std::uint64_t code) const;
-  /// Three corners for each of so many triangles; colours have A = 255, or are 0 where there are none.
+  /// Three corners for each of so many triangles. Colours have A = 255, or are 0 where there are none. The highest byte
+  /// of normals is kOnRim or 0.
   base::Result<std::vector<ingest::Corner>> read(std::uint64_t first, std::uint64_t count) const;
   /// Frees the disk space; nothing can be read any more.
   void release();

@@ -128,6 +128,7 @@ TEST(HlodCollapse, soupAndBrokenMeshesDoNoHarm) {
   for (int i = 0; i < 900; ++i) {
     soup.positions.emplace_back(place(random), place(random), place(random) / 20);
     soup.normals.emplace_back(0.0F, 0.0F, 1.0F);
+    soup.on_rim.push_back(0);
   }
   std::uniform_int_distribution<std::uint32_t> vertex(0, 899);
   for (int t = 0; t < 1500; ++t) {

@@ -22,7 +22,10 @@ AppearanceOptions shapeAlone() {
 /// A height field in four parts, each simplified by itself within `limit`.
 std::vector<NodeMesh> simplifiedQuarters(const NodeMesh& whole, float limit) {
   std::vector<NodeMesh> parts(4);
-  for (NodeMesh& part : parts) part.positions = whole.positions, part.normals = whole.normals;
+  for (NodeMesh& part : parts) {
+    part.positions = whole.positions, part.normals = whole.normals;
+    part.on_rim = whole.on_rim;
+  }
   for (std::size_t i = 0; i < whole.indices.size(); i += 3) {
     const glm::vec3 middle = (whole.positions[whole.indices[i]] + whole.positions[whole.indices[i + 1]] +
                               whole.positions[whole.indices[i + 2]]) /
@@ -76,6 +79,7 @@ TEST(HlodCracks, aPartIsNotJoinedToItself) {
   NodeMesh mesh;
   mesh.positions = {{0, 0, 0}, {100, 0, 0}, {50, -50, 0}, {0, 1, 0}, {50, 2, 0}, {100, 1, 0}, {50, 60, 0}};
   mesh.normals.assign(mesh.positions.size(), glm::vec3(0.0F, 0.0F, 1.0F));
+  mesh.on_rim.assign(mesh.positions.size(), 0);
   mesh.indices = {2, 1, 0, 3, 4, 6, 4, 5, 6};
   NodeMesh other = mesh;
   const std::vector<std::uint64_t> one(mesh.positions.size(), 1);

@@ -37,7 +37,10 @@ TEST(HlodDetail, largeTrianglesStayWithTheirOpenEdges) {
   const NodeMesh mesh = support::nodeMesh(support::openGrid(10, 0.0F), 1000.0F);
   const NodeGeometry picture = makePicture(mesh, 0, {10.0F, 5.0F});
   EXPECT_EQ(picture.triangles.size(), mesh.indices.size());
-  EXPECT_EQ(picture.edges.size() / 2, 40U);  // the rim
+  EXPECT_EQ(picture.edges.size() / 2, 40U);
+  NodeMesh alone = mesh;
+  alone.on_rim.assign(alone.positions.size(), 1);
+  EXPECT_TRUE(makePicture(alone, 0, {10.0F, 5.0F}).edges.empty());
   EXPECT_TRUE(picture.points.empty());
 }
 
@@ -46,6 +49,7 @@ TEST(HlodDetail, bothSidesOfAThinWallRemain) {
   for (const float z : {0.0F, 1.0F}) {
     const auto first = static_cast<std::uint32_t>(wall.positions.size());
     wall.positions.insert(wall.positions.end(), {{100, 100, z}, {104, 100, z}, {100, 104, z}});
+    wall.on_rim.insert(wall.on_rim.end(), 3, 0);
     wall.normals.insert(wall.normals.end(), 3, glm::vec3(0.0F, 0.0F, z > 0.0F ? 1.0F : -1.0F));
     wall.indices.insert(wall.indices.end(), {first, first + 1, first + 2});
   }
@@ -60,12 +64,23 @@ TEST(HlodDetail, stepsOfAPowerOfTwoRoundPlaces) {
   mesh.corner = {1000, 2000, 3000};
   mesh.positions = {{0, 0, 0}, {400, 0, 0}, {0, 400, 7}};
   mesh.normals.assign(3, glm::vec3(0.0F, 0.0F, 1.0F));
+  mesh.on_rim.assign(3, 0);
   mesh.indices = {0, 1, 2};
   const NodeGeometry picture = makePicture(mesh, 3, {});
   ASSERT_EQ(picture.vertices.size(), 3U);
   EXPECT_EQ(picture.vertices[0].place, glm::ivec3(125, 250, 375));
   EXPECT_EQ(picture.vertices[1].place, glm::ivec3(175, 250, 375));
   EXPECT_EQ(picture.vertices[2].place, glm::ivec3(125, 300, 376));
+}
+
+TEST(HlodDetail, trianglesThatRoundingFlattensAreLeftOut) {
+  NodeMesh mesh;
+  mesh.positions = {{0, 0, 0}, {400, 0, 0}, {0, 400, 0}, {2, 1, 0}};
+  mesh.normals.assign(4, glm::vec3(0.0F, 0.0F, 1.0F));
+  mesh.on_rim.assign(4, 0);
+  mesh.indices = {3, 1, 2, 0, 1, 3, 0, 3, 2};
+  const NodeGeometry picture = makePicture(mesh, 3, {});
+  EXPECT_EQ(picture.triangles.size(), 3U);
 }
 
 TEST(HlodDetail, onlyWhatIsFineIsSmoothed) {

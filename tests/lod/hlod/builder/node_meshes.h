@@ -25,6 +25,7 @@ inline lod::hlod::builder::NodeMesh nodeMesh(const Mesh& mesh, float steps) {
   }
   for (glm::vec3& n : node.normals) n = glm::length(n) > 0.0F ? glm::normalize(n) : glm::vec3(0.0F, 0.0F, 1.0F);
   for (const glm::u8vec4& c : mesh.colors) node.colors.emplace_back(c.r, c.g, c.b);
+  node.on_rim.assign(node.positions.size(), 0);
   node.indices = mesh.indices;
   return node;
 }
