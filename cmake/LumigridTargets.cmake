@@ -103,8 +103,8 @@ lumigrid_row(compare USES * LINKS *)
 lumigrid_row(lumigrid-compare USES * LINKS *)
 
 set(LUMIGRID_CLIENT_FORBIDDEN metis openmesh draco opencv_core opencv_imgproc mesh lod_ingest lod_patch_builder
-  lod_qsplat_builder lod_pmr_builder CGAL::CGAL repository objects server_auth server_render server_bake server_export
-  server_session server_scene server_net server_log server_metrics lmdb)
+  lod_qsplat_builder lod_pmr_builder lod_hlod_builder CGAL::CGAL repository objects server_auth server_render
+  server_bake server_export server_session server_scene server_net server_log server_metrics lmdb)
 
 function(_lumigrid_check_list kind name allowed)
   if("${allowed}" STREQUAL "*")

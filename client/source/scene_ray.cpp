@@ -1,5 +1,6 @@
 #include "client/source/scene_ray.h"
 
+#include <algorithm>
 #include <cmath>
 #include <utility>
 
@@ -54,6 +55,15 @@ double distanceToPoint(const SceneRay& ray, const glm::dvec3& point, double radi
   const double along = glm::dot(to_point, ray.direction);
   const bool meets = along >= 0.0 && glm::dot(to_point, to_point) - along * along <= radius * radius;
   return meets ? along : kMiss;
+}
+
+double distanceToLine(const SceneRay& ray, const glm::dvec3& a, const glm::dvec3& b, double radius) {
+  // Seen along the ray, the place of the line that is nearest to it is the foot of a perpendicular.
+  const auto across = [&](const glm::dvec3& v) { return v - glm::dot(v, ray.direction) * ray.direction; };
+  const glm::dvec3 line = across(b - a);
+  const double length_squared = glm::dot(line, line);
+  const double foot = length_squared > 0.0 ? glm::dot(across(ray.origin - a), line) / length_squared : 0.0;
+  return distanceToPoint(ray, glm::mix(a, b, std::clamp(foot, 0.0, 1.0)), radius);
 }
 
 void RayHit::keep(double distance) {

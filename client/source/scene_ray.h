@@ -23,6 +23,8 @@ bool meetsBox(const SceneRay& ray, const base::Aabb& box, double nearest);
 double distanceToTriangle(const SceneRay& ray, const glm::dvec3& a, const glm::dvec3& b, const glm::dvec3& c);
 /// Returns the distance at which the ray passes the point by at most `radius`, infinity where it does not.
 double distanceToPoint(const SceneRay& ray, const glm::dvec3& point, double radius);
+/// The same of the line from `a` to `b`, which may be one point.
+double distanceToLine(const SceneRay& ray, const glm::dvec3& a, const glm::dvec3& b, double radius);
 
 /// The nearest surface that a ray meets.
 struct RayHit {

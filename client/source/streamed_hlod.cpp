@@ -7,8 +7,8 @@ namespace client {
 
 template class StreamedPieces<HlodTypes>;
 
-/// A point counts as a disc of the size at which it is drawn: a pixel at least, and at least the node's error, by which
-/// points are spaced.
+/// Points, and the lines that cover cracks, count as they are drawn: at least a pixel wide, and on either side as far
+/// as the node's error.
 void StreamedHlod::meet(RayHit& hit, const Piece& piece) const {
   const lod::hlod::NodePicture& picture = *piece.picture;
   if (!meetsBox(hit.ray, stream().nodes()[picture.node].box, hit.nearest)) return;
@@ -18,8 +18,11 @@ void StreamedHlod::meet(RayHit& hit, const Piece& piece) const {
     hit.keep(distanceToTriangle(hit.ray, place(triangles[i]), place(triangles[i + 1]), place(triangles[i + 2])));
   const auto error = static_cast<double>(picture.error);
   const double pixel = piece.error_px > 0.0F ? error / static_cast<double>(piece.error_px) : 0.0;
-  for (std::uint32_t i = 0; i < picture.points; ++i)
-    hit.keep(distanceToPoint(hit.ray, place(i), std::max(error, 0.5 * pixel)));
+  const double radius = std::max(error, 0.5 * pixel);
+  for (std::uint32_t i = 0; i < picture.points; ++i) hit.keep(distanceToPoint(hit.ray, place(i), radius));
+  const std::vector<std::uint32_t>& edges = picture.edges;
+  for (std::size_t i = 0; i + 1 < edges.size(); i += 2)
+    hit.keep(distanceToLine(hit.ray, place(edges[i]), place(edges[i + 1]), radius));
 }
 
 void StreamedHlod::addFigures(StreamedStats& stats) const {

@@ -43,8 +43,8 @@ function bundle(entry, defines = {}) {
 function shrink(name) {
   const out = join(work, name);
   execFileSync("wasm-opt", [
-    "-Oz", "--converge", "--enable-simd", "--enable-mutable-globals", "--zero-filled-memory", join(built, name), "-o",
-    out
+    "-Oz", "--converge", "--enable-simd", "--enable-mutable-globals", "--enable-nontrapping-float-to-int",
+    "--enable-sign-ext", "--enable-bulk-memory", "--zero-filled-memory", join(built, name), "-o", out
   ]);
   return readFileSync(out);
 }

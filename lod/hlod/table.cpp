@@ -143,7 +143,7 @@ class NodeModel {
     }
     for (std::size_t i = 0; i < 3; ++i) {
       // The error of a picture's shape is bounded by the picture's own, the others by the parent's.
-      const std::int32_t limit = i == 1 ? node.errors[0] : parent.errors[i];
+      const std::int32_t limit = parent.errors[i];
       // Before the first node of a depth its parent, twice as large, tells the most.
       const std::int32_t near = before_->isLeaf()
                                     ? std::max(parent.errors[i] - static_cast<std::int32_t>(kErrorSteps), 0)
@@ -230,6 +230,7 @@ class NodeModel {
 
 CodedNode codedNode(const Node& node, const Lattice& lattice) {
   LUMIGRID_CHECK(!node.box.empty());
+  LUMIGRID_CHECK(!node.isLeaf() || (node.error == 0.0F && node.caster_error == 0.0F && node.caster.bytes == 0));
   CodedNode coded;
   coded.children = node.children;
   for (int axis = 0; axis < 3; ++axis) {
@@ -274,9 +275,8 @@ void widenParents(std::vector<CodedNode>& coded, const std::vector<Node>& nodes)
       const CodedNode& child = coded[nodes[i].first_child + c];
       parent.low = glm::min(parent.low, child.low);
       parent.high = glm::max(parent.high, child.high);
-      for (const std::size_t e : {0, 2}) parent.errors[e] = std::max(parent.errors[e], child.errors[e]);
+      for (const std::size_t e : {0, 1, 2}) parent.errors[e] = std::max(parent.errors[e], child.errors[e]);
     }
-    parent.errors[0] = std::max(parent.errors[0], parent.errors[1]);
   }
 }
 

@@ -51,6 +51,10 @@ class StreamedPiecesTest : public programs::PublishedSite, public ::testing::Wit
   }
 };
 
+std::string nameOfMethod(const ::testing::TestParamInfo<PieceMethod>& method) {
+  return method.param.method.name;
+}
+
 INSTANTIATE_TEST_SUITE_P(Of, StreamedPiecesTest,
                          ::testing::Values(PieceMethod{base::kUmbrellaMethod,
                                                        "umbrellas",
@@ -67,7 +71,7 @@ INSTANTIATE_TEST_SUITE_P(Of, StreamedPiecesTest,
                                                          programs::writeStreamedScene(directory, base::kHlodMethod,
                                                                                       support::madeHlod().file, 1.0);
                                                        }}),
-                         [](const auto& info) { return std::string(info.param.method.name); });
+                         nameOfMethod);
 
 TEST_P(StreamedPiecesTest, picturesEqualLocalOnesPixelForPixelWhereverTheSceneLies) {
   const support::Nginx nginx(path("site"));

@@ -16,7 +16,7 @@ namespace lod::hlod::builder {
 namespace {
 
 // Triangles become points whose corners are at most twice the node's error from the middle (section 3.2).
-constexpr float kPointReach = 2.0F;
+constexpr float kPointReach = 0.5F;
 // Positions are rounded to a lattice so coarse that it moves them by at most this share of the node's error.
 constexpr float kRoundedShare = 1.0F / 16.0F;
 constexpr float kHalfDiagonal = 0.8660254F;
@@ -187,14 +187,14 @@ BuiltNode makeInnerNode(float edge, std::vector<NodeMesh>& parts, const NodeOpti
   const PointOptions points{options.points ? kPointReach * limit : 0.0F, limit};
   encodePicture(mesh, points, options, node);
   node.row.shape_error = (shapeError(mesh) + rounding) * step;
-  node.row.error = std::max(node.row.shape_error, (mesh.error + rounding) * step);
+  node.row.error = (mesh.error + rounding) * step;
 
   AppearanceOptions shape_alone;
   shape_alone.normals = shape_alone.colors = false;
   NodeMesh caster = mesh;
   applyCollapses(caster, collapseWithin(caster, limit - rounding, shape_alone, true));
   encodeCaster(caster, node);
-  node.row.caster_error = (shapeError(caster) + rounding) * step;
+  node.row.caster_error = limit * step;
 
   // Points are means of places within the triangles' box, and casters have some of the picture's vertices.
   node.row.box = boxOf(mesh, options.lattice, rounding * step);

@@ -17,7 +17,7 @@ void checkNodes(const Header& header, const std::vector<Node>& nodes) {
   std::uint64_t triangles = 0, next = 1;
   for (std::uint32_t i = 0; i < nodes.size(); ++i) {
     const Node& node = nodes[i];
-    LUMIGRID_CHECK(!node.box.empty() && node.shape_error <= node.error && node.children <= 8);
+    LUMIGRID_CHECK(!node.box.empty() && node.children <= 8);
     LUMIGRID_CHECK(std::max({node.triangles, node.points, node.edges, node.caster_triangles}) <= kMaxPrimitives);
     for (const BlockPlace& place : {node.picture, node.caster}) {
       LUMIGRID_CHECK_LE(place.bytes, kMaxBlockBytes);

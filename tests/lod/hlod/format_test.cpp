@@ -118,6 +118,7 @@ std::vector<Node> randomNodes(unsigned seed) {
     for (std::uint32_t c = nodes[i].first_child; c < nodes[i].first_child + nodes[i].children; ++c) {
       nodes[i].error = std::max(nodes[i].error, nodes[c].error);
       nodes[i].caster_error = std::max(nodes[i].caster_error, nodes[c].caster_error);
+      nodes[i].shape_error = std::max(nodes[i].shape_error, nodes[c].shape_error);
     }
   return nodes;
 }
@@ -158,11 +159,11 @@ TEST(HlodFormatTest, tablesReturnWithWhatIsRoundedOutward) {
         EXPECT_EQ(a.*error == 0.0F, b.*error == 0.0F);
         EXPECT_LE(b.*error, std::max(1.01F * a.*error, smallest));
       }
-      EXPECT_LE(b.shape_error, b.error);
       for (std::uint32_t c = b.first_child; c < b.first_child + b.children; ++c) {
         const Node& child = (*read)[c];
         EXPECT_TRUE(b.box.contains(child.box.min) && b.box.contains(child.box.max));
         EXPECT_GE(b.error, child.error);
+        EXPECT_GE(b.shape_error, child.shape_error);
         EXPECT_GE(b.caster_error, child.caster_error);
         // A box is known to a 64th of its parent's.
         for (int axis = 0; axis < 3; ++axis)
