@@ -141,7 +141,7 @@ enum class Streamed : std::uint8_t {
 /// The method that draws it, and what that shows: "qsplat" and "splats"; empty for kNothing.
 const char* methodOf(Streamed streamed);
 const char* contentOf(Streamed streamed);
-/// What the file with the method's name is; kNothing for other methods.
+/// The file that the method draws; kNothing for methods that draw none of them.
 Streamed streamedOf(std::string_view method);
 
 /// Says in plain words why the connection is about to end.

@@ -1,5 +1,5 @@
 #pragma once
-// What umbrellas and nodes have in common when they are drawn: the view, the target, and the program in its variants.
+// Umbrellas and nodes share a view, a target, and a program in its variants when they are drawn.
 #include <array>
 #include <cstddef>
 #include <string>

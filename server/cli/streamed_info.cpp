@@ -124,7 +124,7 @@ std::vector<lod::hlod::builder::LevelSummary> levelsOf(std::span<const lod::hlod
       ++level.nodes;
       level.triangles += node.triangles;
       level.points += node.points;
-      level.caster_triangles += node.caster_triangles;
+      level.caster_triangles += node.isLeaf() ? node.triangles : node.caster_triangles;
       level.picture_bytes += node.picture.bytes;
       level.caster_bytes += node.caster.bytes;
       level.largest_error = std::max(level.largest_error, node.error);

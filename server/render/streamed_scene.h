@@ -1,5 +1,5 @@
 #pragma once
-// What scenes that are drawn from one file of a method, which viewers stream, have in common.
+// Opens and checks the one file of a method from which a scene is drawn, and which viewers stream.
 #include <cstdint>
 #include <memory>
 #include <string>

@@ -38,6 +38,7 @@ TEST(FirstView, aLinkIsAcceptedExactlyWhenViewersAcceptIt) {
                                  "v=1&p=1,2,3&a=4,5&r=6&f=171",
                                  "v=1&p=1,2,3&a=4,5&r=6&f=0.1",
                                  "v=1&p=1,2,3&a=4,5&r=6&m=full",
+                                 "v=1&p=1,2,3&a=4,5&r=6&m=hlod",
                                  "v=1&p=1,2,3&a=4,5&r=6&o=ss",
                                  "v=1&p=1,2,3&a=4,5&r=6&o=",
                                  "v=1&p=1,2,3&a=4,5&r=6&o=t",
