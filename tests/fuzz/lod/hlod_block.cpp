@@ -2,6 +2,7 @@
 // are the first bytes' numbers.
 #include "base/check.h"
 #include "lod/hlod/block.h"
+#include "lod/patch/codec/header.h"
 #include "lod/pmr/chunk_checksum.h"
 #include "tests/fuzz/fuzz.h"
 #include "tests/support/made_hlod.h"
@@ -27,6 +28,38 @@ void decode(base::ByteView block, const Node& row, const BlockOptions& options) 
     for (const std::uint32_t vertex : *list) LUMIGRID_CHECK_LT(vertex, geometry->vertices.size());
   checkList(geometry->vertices, row);
   checkList(geometry->points, row);
+}
+
+base::Bytes sealedPatch(base::ByteView bytes) {
+  base::Bytes patch(bytes.begin(), bytes.end());
+  if (patch.size() < lod::patch::codec::kHeaderBytes) return patch;
+  const std::uint32_t crc = lod::patch::codec::checksum(bytes);
+  std::memcpy(patch.data() + lod::patch::codec::kCrcOffset, &crc, sizeof(crc));
+  return patch;
+}
+
+/// Copies the next piece, with the checksum that `seal` gives it.
+void sealPiece(base::ByteReader& in, base::ByteWriter& out, const auto& seal) {
+  const std::uint64_t length = in.varint();
+  const base::ByteView piece = in.bytes(static_cast<std::size_t>(std::min<std::uint64_t>(length, in.remaining())));
+  if (piece.size() < sizeof(std::uint32_t)) return;
+  const base::Bytes sealed_piece = seal(piece);
+  out.varint(sealed_piece.size());
+  out.bytes(sealed_piece);
+}
+
+/// The block, of one piece of triangles and one of points at most, with all checksums made right.
+base::Bytes sealed(base::ByteView block, const Node& row, const BlockOptions& options) {
+  base::ByteReader in(block);
+  base::ByteWriter out;
+  if (row.triangles > 0) sealPiece(in, out, sealedPatch);
+  const std::uint32_t points = options.is_caster ? 0 : row.points;
+  for (std::uint32_t i = 0; i < (options.is_caster ? 0 : row.edges); ++i) out.varint(in.varint());
+  if (points > 0)
+    sealPiece(in, out, [&](base::ByteView piece) {
+      return lod::pmr::sealedChunk(base::Bytes(piece.begin(), piece.end() - sizeof(std::uint32_t)), points, 0);
+    });
+  return lod::pmr::sealedChunk(out.takeBytes(), row.triangles, points);
 }
 
 /// A kind, counts, then a block.
@@ -72,9 +105,7 @@ void fuzzOne(base::ByteView bytes) {
   const BlockOptions options{kind == 0, kind == 2};
   const base::ByteView block = in.bytes(in.remaining());
   decode(block, row, options);
-  decode(
-      lod::pmr::sealedChunk(base::Bytes(block.begin(), block.end()), row.triangles, options.is_caster ? 0 : row.points),
-      row, options);
+  decode(sealed(block, row, options), row, options);
 }
 
 }  // namespace fuzz
