@@ -18,7 +18,7 @@ namespace {
 /// Casters get one part in so many of the memory. A choice: without a share of their own they would get none in views
 /// that fill it, and casters of a model have about a third of the bytes of its pictures.
 constexpr std::uint64_t kCasterShare = 4;
-/// Of what is prefetched, only one request is under way, so that little of it delays what a new view wants.
+/// Only one request for nodes that no view wants yet is under way, so that little delays what a new view wants.
 constexpr std::size_t kPrefetchesAtOnce = 1;
 
 }  // namespace

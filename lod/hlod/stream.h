@@ -47,7 +47,7 @@ struct NodePicture {
   float error = 0.0F;                    ///< of the node, scene units
 };
 
-/// What throws a node's shadow, decoded; it never changes.
+/// A node's caster, which throws its shadow, decoded; it never changes.
 struct CasterPicture {
   std::uint32_t node = 0;
   std::vector<glm::vec3> positions;      ///< scene-local

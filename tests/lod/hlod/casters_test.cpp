@@ -19,13 +19,19 @@ Numbers nodesOf(const Casters& casters) {
   return nodes;
 }
 
-/// A cut with leaves and other nodes, rising.
+/// A cut with nodes of each level but the root, rising.
 Numbers wantedCasters() {
-  TraverseRequest request = viewFrom(1.2, 300);
-  request.cull = false;
-  Numbers cut = cutOf(request);
+  Numbers cut;
+  const std::function<void(std::uint32_t, int)> addBelow = [&](std::uint32_t node, int levels) {
+    const Node& row = made().nodes[node];
+    if (levels == 0) cut.push_back(node);
+    for (std::uint32_t child = row.first_child; levels > 0 && child < row.first_child + row.children; ++child)
+      addBelow(child, levels - 1);
+  };
+  for (int levels = 0; levels < 4; ++levels)
+    addBelow(made().nodes[0].first_child + static_cast<std::uint32_t>(levels), levels);
   std::sort(cut.begin(), cut.end());
-  EXPECT_FALSE(made().nodes[cut.front()].isLeaf());
+  EXPECT_EQ(cut.size(), 1U + 4U + 16U + 64U);
   EXPECT_TRUE(made().nodes[cut.back()].isLeaf());
   return cut;
 }
@@ -102,8 +108,8 @@ TEST(HlodCastersTest, aboveThoseThatAreMissingTheNearestThatIsHereStandsInOnce) 
     std::uint64_t missing = 0;
     for (std::uint32_t node : wanted) {
       missing += here.contains(node) ? 0 : 1;
-      while (!here.contains(node)) node = parentOf(node);
-      expected.insert(node);
+      while (!here.contains(node) && node != 0) node = parentOf(node);
+      if (here.contains(node)) expected.insert(node);
     }
     EXPECT_EQ(shown, expected);
     standing_in += missing > 0 ? 1 : 0;
