@@ -59,6 +59,7 @@ struct Stream::State {
   void updateCasters(std::span<const std::uint32_t> wanted, std::vector<std::shared_ptr<const CasterPicture>>& result);
   bool planCaster(std::uint32_t node);
   std::uint32_t planCasterFor(std::uint32_t node);
+  bool decodeCasters(std::size_t& next);
   bool decodeCaster(std::uint32_t node);
   std::uint32_t nearestCaster(std::uint32_t node);
   void queueMissingCasters(std::size_t first);
@@ -320,13 +321,15 @@ void Stream::State::updateCasters(std::span<const std::uint32_t> wanted,
   if (frame == 0) return;
   asked_for_casters = true;
   const std::size_t first = planned_casters.size();
-  std::vector<std::uint32_t> shown;
-  planCasterFor(0);  // stands in for all others
-  for (const std::uint32_t node : wanted) planCasterFor(node);
-  for (std::size_t i = first; i < planned_casters.size(); ++i) {
-    const std::uint32_t node = cache->nodeOf(planned_casters[i]);
-    if (!decodeCaster(node)) planCasterFor(node);  // the one above, behind the others
+  const bool pictures_are_limited = is_limited;
+  // Decoded casters tell how much memory they take, which may leave room for more.
+  for (std::size_t next = first; true;) {
+    is_limited = pictures_are_limited;
+    planCasterFor(0);  // stands in for all others
+    for (const std::uint32_t node : wanted) planCasterFor(node);
+    if (!decodeCasters(next)) break;
   }
+  std::vector<std::uint32_t> shown;
   for (const std::uint32_t node : wanted) shown.push_back(nearestCaster(node));
   std::sort(shown.begin(), shown.end());
   shown.erase(std::unique(shown.begin(), shown.end()), shown.end());
@@ -363,6 +366,19 @@ std::uint32_t Stream::State::planCasterFor(std::uint32_t node) {
   return node;
 }
 
+/// Decodes the planned casters from `next` on, and moves it behind them. Whether more may fit into the memory then.
+bool Stream::State::decodeCasters(std::size_t& next) {
+  bool has_learnt = false;
+  for (; next < planned_casters.size(); ++next) {
+    const std::uint32_t part = planned_casters[next], node = cache->nodeOf(part);
+    const std::uint64_t cost = cache->costOf(part);
+    if (!decodeCaster(node)) planCasterFor(node);  // the one above, behind the others
+    has_learnt |= cache->costOf(part) < cost;
+    planned_bytes -= cost - cache->costOf(part);
+  }
+  return has_learnt && is_limited;
+}
+
 /// Decodes a planned caster if its block is here. False where that is damaged, which is given up then.
 bool Stream::State::decodeCaster(std::uint32_t node) {
   const std::uint32_t part = cache->casterOf(node), source = cache->sourceOfCaster(node);
@@ -379,7 +395,6 @@ bool Stream::State::decodeCaster(std::uint32_t node) {
   auto caster = picture ? casterOfLeaf(*picture) : bytes ? hlod::decodeCaster(header, row, node, *bytes) : nullptr;
   (*cache)[source].needed = 0;
   if (!caster) return giveUp(source), (*cache)[part].used = 0, false;
-  if (is_limited && (*cache)[part].known_cost == 0) may_refine = true;
   cache->keepCaster(std::move(caster));
   return true;
 }
