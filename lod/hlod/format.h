@@ -58,10 +58,10 @@ struct Node {
   float caster_error = 0.0F;
   std::uint32_t first_child = 0;  ///< above the node's own number; 0 without children
   std::uint8_t children = 0;      ///< 0 … 8
-  std::uint8_t step_bits = 0;     ///< the positions of picture and caster are multiples of 2^step_bits lattice steps
+  std::uint8_t step_bits = 0;     ///< 0 … 20; picture and caster lie at multiples of 2^step_bits lattice steps
   std::uint32_t triangles = 0, points = 0, edges = 0;  ///< of the picture; edges: those where cracks may open
-  std::uint32_t caster_triangles = 0;
-  BlockPlace picture;  ///< of nothing: no bytes
+  std::uint32_t caster_triangles = 0;                  ///< 0 for leaves
+  BlockPlace picture;                                  ///< of nothing: no bytes
   /// A leaf's caster is its picture, and has no bytes of its own.
   BlockPlace caster;
 
@@ -85,7 +85,8 @@ base::Bytes headerBytes(const Header& header);
 /// header.
 base::Result<std::vector<Node>> readTable(const Header& header, base::ByteView table);
 /// Encodes the table. The places' offsets are ignored: they follow from the lengths. Boxes and cones grow a little, and
-/// errors are rounded up by at most 1 %.
+/// errors are rounded up by at most 1 %; those of parents are made to contain those of their children. The caller sees
+/// to: boxes that are not empty, no errors and no casters of leaves, and the bounds of docs/formats/hlod.md.
 base::Bytes tableBytes(const std::vector<Node>& nodes, const Lattice& lattice);
 /// Sets the places' offsets, and file_bytes of the header, from header.table_bytes and the lengths: behind the table
 /// come the pictures of all nodes in their order, then the casters of all.

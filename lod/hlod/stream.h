@@ -2,9 +2,9 @@
 // Streams a hlod.lgh node by node, in the order in which views need them. The class has no socket, clock or thread: it
 // hands out byte ranges to request, takes their bytes, and is told the time.
 //
-// First come the header, the table and the root, then the children of what is drawn too coarse for the view, largest
-// projected error first. A node is drawn in place of its children until all of them that may be seen are here. Behind
-// them come the casters of shadows, and last what other views near this one may want.
+// First come the header, the table and the root, then the nodes below it down to the cut that the view asks for, those
+// first whose parents show the largest projected error. A node is drawn in place of its children until all of them that
+// may be seen are here. Behind them come the casters of shadows, and last what other views near this one may want.
 #include <cstdint>
 #include <memory>
 #include <span>

@@ -230,6 +230,7 @@ class NodeModel {
 
 CodedNode codedNode(const Node& node, const Lattice& lattice) {
   LUMIGRID_CHECK(!node.box.empty());
+  LUMIGRID_CHECK(!node.isLeaf() || (node.error == 0.0F && node.caster_error == 0.0F && node.caster.bytes == 0));
   CodedNode coded;
   coded.children = node.children;
   for (int axis = 0; axis < 3; ++axis) {

@@ -2,6 +2,10 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+
+#include "base/crc32c.h"
+#include "base/file.h"
 #include "tests/support/made_hlod.h"
 
 namespace lod::hlod {
@@ -28,6 +32,36 @@ bool says(const std::string& fault, const std::string& text) {
 TEST(HlodCheckFileTest, intactFilesHaveNoFaults) {
   EXPECT_EQ(faultsOf(support::madeHlod(3, 8, true).file), std::vector<std::string>());
   EXPECT_EQ(faultsOf(support::madeHlod(0, 16, false).file), std::vector<std::string>());
+}
+
+// The file was written by version 1; its geometry must be read for ever as it was then.
+TEST(HlodCheckFileTest, theGoldenFileIsReadAsEver) {
+  const base::Bytes file = *base::readFile(std::string(LUMIGRID_SOURCE_DIR) + "/tests/golden/hlod_v1.lgh");
+  EXPECT_EQ(faultsOf(file), std::vector<std::string>());
+  const auto header = readHeader(file);
+  ASSERT_TRUE(header);
+  EXPECT_TRUE(header->colors);
+  EXPECT_EQ(header->source_triangles, 512U);
+  const auto nodes = readTable(*header, base::ByteView(file).subspan(kHeaderBytes, header->table_bytes));
+  ASSERT_TRUE(nodes);
+  EXPECT_EQ(nodes->size(), 21U);
+  base::ByteWriter out;
+  for (const Node& node : *nodes) {
+    for (const bool is_caster : {false, true}) {
+      if (is_caster && node.isLeaf()) continue;
+      const BlockPlace& place = is_caster ? node.caster : node.picture;
+      const auto geometry =
+          decodeBlock(base::ByteView(file).subspan(place.offset, place.bytes), node, {true, is_caster});
+      ASSERT_TRUE(geometry);
+      for (const auto* list : {&geometry->vertices, &geometry->points})
+        for (const NodeVertex& vertex : *list) out.write(vertex.place), out.write(vertex.color);
+      for (const auto* list : {&geometry->triangles, &geometry->edges})
+        for (const std::uint32_t vertex : *list) out.u32(vertex);
+    }
+    for (const float error : {node.error, node.shape_error, node.caster_error})
+      out.u32(static_cast<std::uint32_t>(std::lround(1e6F * error)));
+  }
+  EXPECT_EQ(base::crc32c(out.view()), 0x8AF8248DU);
 }
 
 TEST(HlodCheckFileTest, damageAnywhereIsFound) {
