@@ -21,6 +21,10 @@ struct PieceMethod {
   std::vector<std::string> too_fine;  ///< options that are refused
   void (*write)(const std::string& directory) = nullptr;
 };
+/// Tests are listed by the method's name.
+void PrintTo(const PieceMethod& method, std::ostream* out) {
+  *out << method.method.name;
+}
 
 class StreamedPiecesTest : public programs::PublishedSite, public ::testing::WithParamInterface<PieceMethod> {
  protected:
