@@ -5,7 +5,7 @@
 #include "lod/hlod/builder/build.h"
 #include "server/render/hlod_scene.h"
 #include "server/render/scene_renderer.h"
-#include "tests/support/found_colors.h"
+#include "tests/compare/found_colors.h"
 #include "tests/support/made_scene.h"
 #include "tests/support/ply_file.h"
 #include "tests/support/random_views.h"

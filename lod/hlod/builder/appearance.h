@@ -12,7 +12,7 @@
 
 namespace lod::hlod::builder {
 
-/// What counts as a difference. Smaller ones cannot be seen.
+/// The attributes that count, and how different they must be: smaller differences cannot be seen.
 struct AppearanceOptions {
   bool normals = true;
   bool colors = true;

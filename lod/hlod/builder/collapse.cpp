@@ -20,7 +20,7 @@ constexpr std::size_t kMaxStar = 64;
 constexpr std::size_t kTries = 2;
 // A collapse may turn a triangle by at most 84 degrees.
 constexpr float kLeastCosine = 0.1F;
-// Of collapses that move the surface equally little, short ones come first.
+// Short collapses come first among those that move the surface equally little.
 constexpr float kLengthCost = 0.1F;
 constexpr float kTurnCost = 0.5F;
 constexpr float kColorCost = 1.0F / 128.0F;
@@ -68,7 +68,7 @@ class Collapser {
       if (survivor_[top.vertex] != top.vertex) continue;
       findTargets(top.vertex);
       if (targets_.empty()) continue;
-      // What lies around the vertex may have changed since it was queued.
+      // The vertex' surroundings may have changed since it was queued.
       if (targets_.front().cost > kStaleCost * top.cost)
         enqueue(top.vertex, targets_.front().cost);
       else

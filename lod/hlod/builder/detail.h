@@ -1,5 +1,5 @@
 #pragma once
-// What is finer than a node's error: attributes are smoothed there before the node is simplified, so that the shading
+// Detail finer than a node's error: attributes are smoothed there before the node is simplified, so that the shading
 // does not alias (Guthe et al. 2004, section 3.1), and its small triangles become points (section 3.2).
 #include <cstdint>
 

@@ -19,7 +19,7 @@ struct NodeMesh {
   /// As many as positions. 1: a vertex on the source's own border, whose open edges are no cracks.
   std::vector<std::uint8_t> on_rim;
   std::vector<std::uint32_t> indices;  ///< 3 per triangle
-  /// What the triangles carry of earlier simplifications, lattice steps; without colours.
+  /// The bounds that triangles carry of earlier simplifications, lattice steps; without colours.
   patch::builder::SurfaceError bounds;
   /// ε so far: the largest distance of a source's place from one of the same appearance, lattice steps.
   float error = 0.0F;

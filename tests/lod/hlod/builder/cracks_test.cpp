@@ -84,7 +84,7 @@ TEST(HlodCracks, aPartIsNotJoinedToItself) {
   NodeMesh other = mesh;
   const std::vector<std::uint64_t> one(mesh.positions.size(), 1);
   EXPECT_EQ(closeCracks(mesh, one, 5.0F), 0U);
-  // Of two parts they are joined.
+  // Two parts are joined.
   const std::vector<std::uint64_t> two{1, 1, 1, 2, 2, 2, 2};
   EXPECT_EQ(closeCracks(other, two, 5.0F), 1U);
   EXPECT_EQ(other.triangles(), 4U);
