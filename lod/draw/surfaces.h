@@ -30,6 +30,10 @@ struct SurfaceTarget {
   float samplesPerPixel(const base::Camera& camera) const;
 };
 
+/// The samples that a length of 1 covers at depth 1 in a picture of width × height samples, along the side of the
+/// picture where they are more.
+float samplesPerUnit(const base::Camera& camera, int width, int height);
+
 enum class Primitive : std::uint8_t { kTriangles, kPoints, kLines };
 
 /// A variant of the program.
@@ -37,28 +41,32 @@ struct SurfacePass {
   Primitive primitive = Primitive::kTriangles;
   bool resolution = false;  ///< coloured by resolution
   bool section = false;
+  int shadow_layers = 0;  ///< of the shadow map: 0: no shadows; 1: hard ones; kAreaLightLayers: soft ones
 
   static SurfacePass of(Primitive primitive, const SurfaceView& view);
   std::size_t number() const;
-  static constexpr std::size_t kNumbers = 12;
+  static constexpr std::size_t kNumbers = 36;
 };
 
 class SurfacePrograms {
  public:
   /// `name`: for GL's messages. `shade_fragments`: shading is computed for each fragment, else for each vertex.
-  SurfacePrograms(std::string name, bool shade_fragments) : name_(std::move(name)), shade_fragments_(shade_fragments) {}
+  /// `shadow_source`: GLSL of passes with shadows (ShadowMaps::shadingSource()), which shade fragments.
+  SurfacePrograms(std::string name, bool shade_fragments, std::string shadow_source = {})
+      : name_(std::move(name)), shade_fragments_(shade_fragments), shadow_source_(std::move(shadow_source)) {}
 
   /// Links the variant when it is first needed.
   base::Result<const base::gl::Program*> link(const SurfacePass& pass);
   /// Links it, uses it, and sets what it needs to know of view and target. The caller sets "u_two_sided" where vertices
   /// are shaded, "u_closing" for points and lines, "u_detail" and "u_hatched" with resolution, and "u_copies" for
-  /// lines: their meanings are in shaders/surface_vertex.glsl.
+  /// lines: their meanings are in shaders/surface_vertex.glsl and closing.glsl. With shadows follows ShadowMaps::use().
   base::Result<const base::gl::Program*> use(const SurfacePass& pass, const SurfaceView& view,
                                              const SurfaceTarget& target);
 
  private:
   const std::string name_;
   const bool shade_fragments_;
+  const std::string shadow_source_;
   std::array<base::gl::Program, SurfacePass::kNumbers> programs_;  ///< by SurfacePass::number()
 };
 

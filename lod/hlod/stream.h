@@ -43,6 +43,14 @@ struct NodePicture {
   float error = 0.0F;                    ///< of the node, scene units
 };
 
+/// A node's caster, decoded; it never changes.
+struct CasterPicture {
+  std::uint32_t node = 0;
+  std::vector<glm::vec3> positions;      ///< scene-local
+  std::vector<std::uint32_t> triangles;  ///< three positions each
+  float error = 0.0F;                    ///< of the caster, scene units
+};
+
 struct DrawnNode {
   float error_px = 0.0F;                       ///< projectedError() of the node
   bool awaits_finer = false;                   ///< finer nodes are wanted, and not here yet
