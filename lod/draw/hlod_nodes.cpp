@@ -87,17 +87,18 @@ base::Result<void> NodeRenderer::drawMap(const NodeShadowMap& map, const NodeSha
 /// Draws the nodes map by map; those in none come last, under a map without casters.
 base::Result<void> NodeRenderer::drawShadowed(std::span<const hlod::DrawnNode> nodes, const NodeView& view,
                                               const NodeTarget& target, const NodeShadows& shadows, NodeCount& count) {
-  std::vector<bool> is_left(nodes.size(), true);
+  std::vector<std::uint32_t> maps(nodes.size(), 0);  // of each node
+  for (const NodeShadowMap& map : shadows.maps)
+    for (const std::uint32_t place : map.plan.receivers) ++maps[place];
   const auto drawReceivers = [&](const NodeShadowMap& map) -> base::Result<void> {
     Group group;
     group.shadow_layers = shadows.light.size > 0.0F ? kAreaLightLayers : 1;
     base::Aabb box;
     for (const std::uint32_t place : map.plan.receivers) {
       const hlod::Node& row = shadows.nodes[nodes[place].picture->node];
-      is_left[place] = false;
       box.add(row.box);
       group.nodes.push_back(&nodes[place]);
-      group.reaches.push_back(shadowReach(row, map.casters, shadows.nodes));
+      group.in_shadow.push_back({shadowReach(row, map.casters, shadows.nodes), maps[place] > 1});
     }
     LUMIGRID_TRY(drawMap(map, shadows, box));
     return drawGroup(group, view, target, count);
@@ -105,7 +106,7 @@ base::Result<void> NodeRenderer::drawShadowed(std::span<const hlod::DrawnNode> n
   for (const NodeShadowMap& map : shadows.maps) LUMIGRID_TRY(drawReceivers(map));
   NodeShadowMap lit;
   for (std::uint32_t i = 0; i < nodes.size(); ++i)
-    if (is_left[i]) lit.plan.receivers.push_back(i);
+    if (maps[i] == 0) lit.plan.receivers.push_back(i);
   return lit.plan.receivers.empty() ? base::Result<void>{} : drawReceivers(lit);
 }
 
@@ -142,7 +143,10 @@ base::Result<std::uint64_t> NodeRenderer::drawPass(Primitive primitive, const Gr
     const Mesh& mesh = meshes_.mesh(picture);
     glBindVertexArray(mesh.array.name());
     glUniform1f(program->uniform("u_closing"), closingWidth(primitive, picture.error));
-    if (pass.shadow_layers > 0) glUniform1f(program->uniform("u_reach"), group.reaches[i]);
+    if (pass.shadow_layers > 0) {
+      glUniform1f(program->uniform("u_reach"), group.in_shadow[i].reach);
+      glUniform1i(program->uniform("u_one_of_several"), group.in_shadow[i].one_of_several ? 1 : 0);
+    }
     if (pass.resolution) {
       glUniform1f(program->uniform("u_detail"), picture.error);
       glUniform1f(program->uniform("u_hatched"), node.awaits_finer ? 1.0F : 0.0F);

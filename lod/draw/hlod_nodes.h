@@ -28,7 +28,8 @@ struct NodeShadowMap {
 struct NodeShadows {
   hlod::ShadowLight light;
   std::span<const hlod::Node> nodes;  ///< the file's table
-  /// Receivers are places in the list of nodes that is drawn, each in one map; those in none are wholly lit.
+  /// Receivers are places in the list of nodes that is drawn. Maps of a node that is in several of them must hold all
+  /// of it together; a node that is in none is wholly lit.
   std::vector<NodeShadowMap> maps;
 };
 
@@ -67,8 +68,12 @@ class NodeRenderer {
   /// Nodes that are drawn together, and how they are shaded.
   struct Group {
     std::vector<const hlod::DrawnNode*> nodes;
-    int shadow_layers = 0;       ///< of the shadow map; 0: no shadows
-    std::vector<float> reaches;  ///< with shadows: for each node, "u_reach" of shaders/shadow.glsl
+    int shadow_layers = 0;  ///< of the shadow map; 0: no shadows
+    struct InShadow {
+      float reach = 0.0F;
+      bool one_of_several = false;
+    };
+    std::vector<InShadow> in_shadow;  ///< with shadows: for each node what shaders/shadow.glsl calls so
   };
   explicit NodeRenderer(std::uint64_t gpu_bytes) : gpu_bytes_(gpu_bytes), meshes_(gpu_bytes) {}
   static Mesh upload(const hlod::NodePicture& picture);

@@ -36,11 +36,8 @@ glm::vec2 edgeShear(const ShadowMapView& view) {
 /// The corners of the box in clip coordinates.
 std::array<glm::vec4, 8> cornersInClip(const base::Aabb& box, const glm::mat4& clip_from_scene) {
   std::array<glm::vec4, 8> corners{};
-  for (std::size_t i = 0; i < corners.size(); ++i) {
-    const glm::vec3 corner((i & 1) != 0 ? box.max.x : box.min.x, (i & 2) != 0 ? box.max.y : box.min.y,
-                           (i & 4) != 0 ? box.max.z : box.min.z);
-    corners[i] = clip_from_scene * glm::vec4(corner, 1.0F);
-  }
+  for (std::size_t i = 0; i < corners.size(); ++i)
+    corners[i] = clip_from_scene * glm::vec4(box.corner(static_cast<int>(i)), 1.0F);
   return corners;
 }
 

@@ -63,7 +63,8 @@ class ShadowMap {
   base::Result<void> draw(const ShadowMapView& view, std::span<const DrawnCaster> casters);
 
   /// GLSL of the fragment shader: `vec3 shadeInLight(vec3 color, vec3 normal, vec3 to_eye, vec3 place)` with
-  /// `#define LAYERS` before. The caller sets `u_reach`; its meaning is in shaders/shadow.glsl.
+  /// `#define LAYERS` before. The caller sets `u_reach` and `u_one_of_several`: their meanings are in
+  /// shaders/shadow.glsl.
   static std::string shadingSource();
   /// Sets the uniforms for the map that was drawn last, and binds it. `program`: in use. `origin`: from where the
   /// shader's places count, scene-local.

@@ -10,6 +10,7 @@ uniform mat4 u_map_from_place;         // of the light's middle; clip coordinate
 uniform vec4 u_light;                  // homogeneous: parallel rays come from a point at infinity
 uniform float u_depth_per_length;      // along the view from the light, at distance 1
 uniform float u_reach;                 // how far the surface here and that of its casters may be apart, scene units
+uniform bool u_one_of_several;         // the surface lies in several maps: what this one does not hold is not drawn
 uniform vec2 u_used_half;              // half the share of the texture that is used
 uniform vec2 u_texel;                  // in normalized device coordinates
 uniform float u_middle;                // depth of the plane that does not move
@@ -58,7 +59,7 @@ float litShare(vec3 at, vec2 slope, float bias) {
   if (hidden == float(LAYERS)) return 0.0;
   float turn = 6.2831853 * noise(gl_FragCoord.xy);
   float radius = sqrt(noise(gl_FragCoord.yx + 17.0));
-  vec2 jitter = radius * vec2(cos(turn), sin(turn)) * (above / hidden);
+  vec2 jitter = 0.35 * radius * vec2(cos(turn), sin(turn)) * (above / hidden);
   float lit = 0.0;
   for (int i = 0; i < LAYERS; ++i) {
     vec4 layer = u_layers[i];
@@ -91,10 +92,11 @@ vec3 shadeInLight(vec3 color, vec3 normal, vec3 to_eye, vec3 place) {
   vec3 plane = cross(along, across);
   plane = dot(plane, plane) > 0.0 ? normalize(plane) : n;
 #endif
+  vec4 clip = u_map_from_place * vec4(place, 1.0);
+  if (u_one_of_several && max(abs(clip.x), abs(clip.y)) > clip.w) discard;
   float facing = dot(n, to_light);
   if (facing <= 0.0) return 0.35 * color;
   float flatness = max(abs(dot(plane, to_light)), 1e-6);
-  vec4 clip = u_map_from_place * vec4(place, 1.0);
   vec2 slope = depthSlope(u_map_from_place, clip, along, across) * min(flatness / kFlattest, 1.0);
   float bias = u_reach / max(flatness, kFlattest) * u_depth_per_length / (clip.w * clip.w) + kDepthStep;
   return color * (0.35 + 0.65 * facing * litShare(clip.xyz / clip.w, slope, bias));
