@@ -46,7 +46,7 @@ struct BlockPlace {
 struct Node {
   /// Contains the geometry of the node and of all below it; scene-local.
   base::Aabb box;
-  /// Of the normals of the source's triangles below.
+  /// Contains the normals of the source's triangles below.
   base::NormalCone cone;
   /// ε of the picture, scene units: each place of the source's surface, with its appearance, is at most so far from a
   /// place of the picture of the same appearance (section 3.1). 0 for leaves; at least that of each child.

@@ -72,7 +72,7 @@ void NodeCache::evictUnused(std::uint32_t frame, std::uint64_t target) {
     const NodeState& state = states_[node];
     if (state.used < frame && (state.picture || !state.block.empty())) unused.emplace_back(state.used, node);
   }
-  // Of equally old ones the finer go first.
+  // The finer ones of those that are equally old go first.
   std::sort(unused.begin(), unused.end(),
             [](const auto& a, const auto& b) { return a.first != b.first ? a.first < b.first : a.second > b.second; });
   for (const auto& [used, node] : unused) {

@@ -24,29 +24,41 @@ struct ShadowLight {
   friend bool operator==(const ShadowLight&, const ShadowLight&) = default;
 };
 
-/// The most that a caster may be off, scene units: ε_c = (ε_r d_l + γ s_l d_p) / (d_l + d_p), section 4.1. `receiver`:
-/// ε_r. `change`: γ, of the light's intensity, 0 … 1. `to_light`: d_l, the caster's distance from the light; not used
-/// for a light that is infinitely far. `to_receiver`: d_p.
+/// The most that a caster may be off, scene units: ε_c = (ε_r d_l + γ s_l d_p) / (d_l + d_p), section 4.1, or
+/// ε_r + γ s_l d_p for a light that is infinitely far. `receiver`: ε_r. `change`: γ, of the light's intensity, 0 … 1.
+/// `to_light`: d_l, the caster's distance from the light; not used for a light that is infinitely far. `to_receiver`:
+/// d_p. ε_r where the caster touches both.
 float casterError(const ShadowLight& light, float receiver, float change, float to_light, float to_receiver);
 
 struct ShadowRequest {
-  TraverseRequest view;  ///< that of the receivers
+  TraverseRequest view;  ///< that of the receivers; what its section cuts away casts no shadows
   ShadowLight light;
   float intensity_change = 0.05F;   ///< γ; counts for lights of some size
   float texel_px = 0.5F;            ///< a texel of a shadow map covers at most so many of the view's pixels, where
   std::uint32_t max_texels = 4096;  ///< … this many a side allow it
-  std::size_t max_maps = 4;         ///< levels of few receivers share a map with their neighbours
+  /// Neighbouring levels share maps, those first that take the fewest texels more. A light near receivers sees them in
+  /// up to six maps, even where that is more than this.
+  std::size_t max_maps = 4;
 };
 
 /// A view from the light.
 struct ShadowMapPlan {
-  base::Camera camera;                   ///< parallel or perspective; width and height are those of the map, texels
-  std::vector<std::uint32_t> receivers;  ///< places in the list of receivers
-  std::vector<std::uint32_t> casters;    ///< nodes
-  float texel_px = 0.0F;                 ///< the largest size of a texel where receivers lie, pixels of the view
+  base::Camera camera;  ///< parallel or perspective; width and height are those of the map, texels
+  /// Places in the list of receivers, rising. The maps of a light near receivers share some, of which each shows a
+  /// part.
+  std::vector<std::uint32_t> receivers;
+  std::vector<std::uint32_t> casters;  ///< nodes, rising
+  float texel_px = 0.0F;               ///< the largest size of a texel where receivers lie, pixels of the view
+  /// ε_r, scene units: the error that the view tolerates at the nearest of the receivers. Casters in their box are off
+  /// by at most so much.
+  float receiver_error = 0.0F;
 };
 
-/// `receivers`: the nodes that the view draws. Casters form a cut: no node and one below it.
+/// `receivers`: the nodes that the view draws; those outside of its picture are in no plan. Casters form a cut: no node
+/// and one below it. Nothing for cameras and lights with NaN or infinity in them.
+///
+/// Any edge of a shadow on a receiver that faces the light is off by ε_r at most. For that d_p is, of the distances to
+/// the nearest and to the farthest place of the receivers, the one that allows less; the paper takes the nearest.
 std::vector<ShadowMapPlan> planShadowMaps(std::span<const Node> nodes, std::span<const std::uint32_t> receivers,
                                           const ShadowRequest& request);
 

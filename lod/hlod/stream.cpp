@@ -92,7 +92,7 @@ void Stream::State::update(const TraverseRequest& request, std::vector<DrawnNode
   if (!cache) return;
   may_decode = frames * options.decode_per_frame;
   decoded = 0;
-  // What was decoded tells how much memory it takes, and whether it is damaged, so the plan may change.
+  // Decoded nodes tell how much memory they take, and whether they are damaged, so the plan may change.
   do {
     ++frame;
     plan(request);

@@ -75,7 +75,7 @@ struct CodedNode {
   glm::ivec3 low{0}, high{kLatticeEnd - 1};  ///< the box, in lattice points
   std::array<std::int32_t, 2> axis{1 << (kAxisBits - 1), 1 << (kAxisBits - 1)};
   std::int32_t angle = kFullAngle;
-  /// Of the picture, its shape, and the caster.
+  /// In this order: error, shape error, caster error.
   std::array<std::int32_t, 3> errors{kMaxErrorCode, kMaxErrorCode, kMaxErrorCode};
   std::uint32_t step_bits = 0;
   std::uint32_t triangles = 0, points = 0, edges = 0, caster_triangles = 0;
@@ -294,7 +294,7 @@ class Walk {
   }
 
  private:
-  const CodedNode above_root_;
+  const CodedNode above_root_{};
   std::size_t parent_ = 0;
   std::uint32_t children_of_parent_ = 0;
 };

@@ -29,14 +29,17 @@ forbid_but() {  # forbid_but FOLDER ROOM REGEX: as forbid, but not for a room of
 forbid base '(mesh|lod|repository|protocol|plan|server|client|compare|tests)/'
 forbid mesh '(lod|repository|protocol|plan|server|client|compare|tests)/|base/(gl|egl|json|hash)/'
 forbid lod '(repository|protocol|plan|server|client|compare|tests)/|base/(egl|json|png)/'
-for room in patch qsplat pmr; do
+for room in patch qsplat pmr hlod; do
   forbid_but lod/$room builder 'mesh/|lod/ingest/|lod/[a-z]+/builder/|lod/draw/|base/gl/'
 done
-forbid lod/ingest 'lod/(patch|qsplat|pmr|draw)/|base/gl/'
-forbid lod/patch/builder 'lod/(qsplat|pmr|draw)/|base/gl/'
-forbid lod/qsplat/builder 'lod/(patch|pmr|draw)/|base/gl/'
-forbid lod/pmr/builder 'lod/(patch|qsplat|draw)/|base/gl/'
-forbid lod/texture 'mesh/|lod/(ingest|patch|qsplat|pmr|draw)/|base/gl/'
+forbid lod/ingest 'lod/(patch|qsplat|pmr|hlod|draw)/|base/gl/'
+forbid lod/patch/builder 'lod/(qsplat|pmr|hlod|draw)/|base/gl/'
+forbid lod/qsplat/builder 'lod/(patch|pmr|hlod|draw)/|base/gl/'
+forbid lod/pmr/builder 'lod/(patch|qsplat|hlod|draw)/|base/gl/'
+forbid lod/hlod 'lod/(qsplat|draw)/|base/gl/'
+forbid lod/patch 'lod/(qsplat|pmr|hlod|draw)/'
+forbid lod/pmr 'lod/(patch|qsplat|hlod|draw)/'
+forbid lod/texture 'mesh/|lod/(ingest|patch|qsplat|pmr|hlod|draw)/|base/gl/'
 forbid lod/draw 'mesh/|lod/ingest/|lod/[a-z]+/builder/'
 forbid repository '(mesh|lod|protocol|plan|server|client|compare|tests)/'
 forbid repository/sampling 'repository/(faces|packs|objects|[a-z_]+[.]h)'

@@ -5,7 +5,7 @@ here=$(cd "$(dirname "$0")" && pwd)
 tree=$(mktemp -d)
 trap 'rm -rf "$tree"' EXIT
 mkdir -p "$tree"/{base/{gl,egl,http,jpeg,tls},mesh/gltf,protocol,plan,compare,tests}
-mkdir -p "$tree"/lod/{ingest,draw,texture,patch/builder,qsplat/builder,pmr/builder}
+mkdir -p "$tree"/lod/{ingest,draw,texture,patch/builder,qsplat/builder,pmr/builder,hlod/builder}
 mkdir -p "$tree"/{repository/{sampling,faces,packs,objects},server/{auth,bake,cli,export,log,metrics}}
 mkdir -p "$tree"/server/{net,render,scene,session,trial}
 mkdir -p "$tree"/client/{app,source,viewer,render,native,web}
@@ -23,7 +23,8 @@ for planted in 'base/a.h:"lod/lattice.h"' \
   'client/d.cpp:<boost/asio.hpp>' \
   'server/session/e.cpp:"client/session.h"' \
   'server/net/f.cpp:"server/trial/trial.h"' \
-  'server/trial/g.cpp:"client/app/app.h"'; do
+  'server/trial/g.cpp:"client/app/app.h"' \
+  'lod/pmr/h.cpp:"lod/hlod/format.h"'; do
   file=$tree/${planted%%:*}
   echo "#include ${planted#*:}" >"$file"
   if "$here/check_includes.sh" "$tree" >/dev/null; then

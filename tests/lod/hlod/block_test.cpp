@@ -87,7 +87,7 @@ void expectReturns(const NodeGeometry& geometry, const BlockOptions& options) {
   EXPECT_TRUE(isIntact(bytes, rowOf(geometry), options));
   const auto back = decodeBlock(bytes, rowOf(geometry), options);
   ASSERT_TRUE(back) << back.error().message;
-  // What was rounded once stays as it is.
+  // Attributes that were rounded once stay as they are.
   EXPECT_EQ(trianglesOf(*back, options), trianglesOf(geometry, options));
   EXPECT_EQ(edgesOf(*back, options), edgesOf(geometry, options));
   EXPECT_EQ(pointsOf(*back, options), pointsOf(geometry, options));

@@ -1,70 +1,15 @@
 #pragma once
-// The host at the other end of a stream's link, for tests.
-#include <gtest/gtest.h>
-
-#include <deque>
-#include <functional>
-#include <optional>
-#include <utility>
-#include <vector>
-
+// The host of a pmr.lgm.
 #include "lod/pmr/stream.h"
+#include "tests/support/stream_host.h"
 
 namespace lod::pmr {
 
-/// A host that serves a file's bytes and checks the requests.
-class Host {
- public:
-  Host(Stream& stream, base::ByteView bytes) : stream_(stream), bytes_(bytes) {}
+using Host = support::StreamHost<Stream>;
 
-  /// Changes an answer's bytes; nullopt: the request fails.
-  std::function<std::optional<base::Bytes>(const ByteRange&, base::Bytes)> spoil;
-  std::vector<ByteRange> asked;
-
-  /// Accepts new requests. No byte of them may be under way already.
-  void acceptRequests(double now) {
-    for (const ByteRange& range : stream_.nextRequests(now)) {
-      ASSERT_GT(range.length, 0U);
-      ASSERT_LE(range.offset + range.length, bytes_.size());
-      for (const ByteRange& other : queue_)
-        ASSERT_TRUE(range.offset >= other.offset + other.length || other.offset >= range.offset + range.length)
-            << "bytes from " << range.offset << " are under way already";
-      queue_.push_back(range);
-      asked.push_back(range);
-    }
-  }
-  /// Answers one of the requests under way, of which there is one at least.
-  void answerOne(double now, std::size_t which = 0) {
-    const auto at = queue_.begin() + static_cast<std::ptrdiff_t>(which % queue_.size());
-    const ByteRange range = *at;
-    queue_.erase(at);
-    const base::ByteView part = bytes_.subspan(range.offset, range.length);
-    base::Bytes answer(part.begin(), part.end());
-    std::optional<base::Bytes> spoilt = spoil ? spoil(range, answer) : std::optional(answer);
-    if (!spoilt) return stream_.acceptFailure(range.id, now);
-    stream_.acceptAnswer(range.id, *spoilt, now);
-  }
-  std::size_t underWay() const { return queue_.size(); }
-
- private:
-  Stream& stream_;
-  const base::ByteView bytes_;
-  std::deque<ByteRange> queue_;
-};
-
-/// Streams one view until it is complete, and returns what is drawn in the end.
 inline std::vector<DrawnLeaf> fetchAll(Stream& stream, Host& host, const TraverseRequest& request, double& now,
                                        const std::function<void(const std::vector<DrawnLeaf>&)>& each = {}) {
-  std::vector<DrawnLeaf> drawn;
-  for (int turn = 0; turn < 20'000; ++turn) {
-    stream.update(request, drawn);
-    if (each) each(drawn);
-    if (stream.complete() || !stream.problem().empty()) break;
-    host.acceptRequests(now);
-    now += 0.01;
-    if (host.underWay() > 0) host.answerOne(now, static_cast<std::size_t>(turn));
-  }
-  return drawn;
+  return support::fetchView<DrawnLeaf>(stream, host, request, now, each);
 }
 
 }  // namespace lod::pmr
