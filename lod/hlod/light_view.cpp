@@ -123,7 +123,7 @@ double LightView::leastDepth(const base::Aabb& box) const {
   double depth = std::numeric_limits<double>::infinity();
   for (const glm::dvec3& corner : boxCorners(box)) depth = std::min(depth, -toLight(corner).z);
   if (is_parallel_) return depth;
-  // What is seen lies within the window, whose rays are at most so much longer than their depth.
+  // The window's rays are at most so much longer than their depth.
   const glm::dvec2 aside = glm::max(glm::abs(min_), glm::abs(max_));
   const double distance = glm::length(glm::clamp(place_, glm::dvec3(box.min), glm::dvec3(box.max)) - place_);
   return std::max(depth, distance / std::sqrt(1.0 + glm::dot(aside, aside)));

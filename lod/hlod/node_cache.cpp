@@ -15,69 +15,89 @@ constexpr std::uint64_t kFreedPart = 64;
 }  // namespace
 
 NodeCache::NodeCache(std::span<const Node> nodes, std::uint64_t limit, bool is_local)
-    : nodes_(nodes), limit_(limit), is_local_(is_local), states_(nodes.size()) {}
+    : nodes_(nodes), limit_(limit), is_local_(is_local), states_(2 * nodes.size()) {}
 
-bool NodeCache::has(std::uint32_t node) const {
-  const NodeState& state = states_[node];
+bool NodeCache::has(std::uint32_t part) const {
+  const NodeState& state = states_[part];
   if (state.is_given_up) return false;
-  return state.picture || !state.block.empty() || is_local_ || nodes_[node].picture.bytes == 0;
+  return state.picture || state.caster || !state.block.empty() || is_local_ || placeOf(part).bytes == 0;
 }
 
-std::uint64_t NodeCache::costOf(std::uint32_t node) const {
-  const std::uint64_t known = states_[node].known_cost;
-  return std::max<std::uint64_t>(known != 0 ? known : guessedPictureBytes(nodes_[node]), nodes_[node].picture.bytes);
+std::uint64_t NodeCache::costOf(std::uint32_t part) const {
+  const std::uint64_t known = states_[part].known_cost;
+  const Node& node = nodes_[nodeOf(part)];
+  const std::uint64_t guess = isCaster(part) ? guessedCasterBytes(node) : guessedPictureBytes(node);
+  return std::max<std::uint64_t>(known != 0 ? known : guess, placeOf(part).bytes);
 }
 
-void NodeCache::keepBlock(std::uint32_t node, base::ByteView bytes) {
-  states_[node].block.assign(bytes.begin(), bytes.end());
+void NodeCache::keepBlock(std::uint32_t part, base::ByteView bytes, std::uint32_t frame) {
+  states_[part].block.assign(bytes.begin(), bytes.end());
+  states_[part].kept = frame;
   bytes_ += bytes.size();
 }
 
-void NodeCache::keepPicture(std::shared_ptr<const NodePicture> picture) {
-  const std::uint32_t node = picture->node;
-  drop(node);
-  const std::uint64_t bytes = pictureBytes(*picture);
-  states_[node].known_cost = static_cast<std::uint32_t>(bytes);
-  states_[node].picture = std::move(picture);
+/// The part is decoded and takes so many bytes.
+void NodeCache::keep(std::uint32_t part, std::uint64_t bytes) {
+  drop(part);
+  states_[part].known_cost = static_cast<std::uint32_t>(bytes);
   bytes_ += bytes;
+}
+
+void NodeCache::keepPicture(std::shared_ptr<const NodePicture> picture) {
+  const std::uint32_t part = picture->node;
+  keep(part, pictureBytes(*picture));
+  states_[part].picture = std::move(picture);
   ++pictures_;
 }
 
-void NodeCache::giveUp(std::uint32_t node) {
-  drop(node);
-  states_[node].is_given_up = true;
+void NodeCache::keepCaster(std::shared_ptr<const CasterPicture> caster) {
+  const std::uint32_t part = casterOf(caster->node);
+  keep(part, casterBytes(*caster));
+  states_[part].caster = std::move(caster);
 }
 
-void NodeCache::drop(std::uint32_t node) {
-  NodeState& state = states_[node];
+void NodeCache::giveUp(std::uint32_t part) {
+  drop(part);
+  states_[part].is_given_up = true;
+}
+
+void NodeCache::drop(std::uint32_t part) {
+  NodeState& state = states_[part];
   bytes_ -= state.block.size();
   state.block = {};
-  if (!state.picture) return;
+  if (!state.picture && !state.caster) return;
   bytes_ -= state.known_cost;
+  pictures_ -= state.picture ? 1 : 0;
   state.picture.reset();
-  --pictures_;
+  state.caster.reset();
 }
 
-void NodeCache::evict(std::uint32_t frame, std::span<const std::uint32_t> plan) {
+void NodeCache::evict(std::uint32_t frame, std::span<const std::uint32_t> pictures,
+                      std::span<const std::uint32_t> casters) {
   if (bytes_ <= limit_) return;
   evictUnused(frame, limit_ - limit_ / kFreedPart);
-  for (const bool also_final : {false, true})
+  const auto evictPlanned = [this](std::span<const std::uint32_t> plan, bool refined_only) {
     for (std::size_t i = plan.size(); i-- > 0 && bytes_ > limit_;)
-      if (also_final || states_[plan[i]].is_refined) drop(plan[i]);
+      if (!refined_only || states_[plan[i]].is_refined) drop(plan[i]);
+  };
+  evictPlanned(pictures, true);
+  evictPlanned(casters, false);
+  evictPlanned(pictures, false);
 }
 
 void NodeCache::evictUnused(std::uint32_t frame, std::uint64_t target) {
-  std::vector<std::pair<std::uint32_t, std::uint32_t>> unused;  // frame of the last use, node
-  for (std::uint32_t node = 0; node < states_.size(); ++node) {
-    const NodeState& state = states_[node];
-    if (state.used < frame && (state.picture || !state.block.empty())) unused.emplace_back(state.used, node);
+  std::vector<std::pair<std::uint32_t, std::uint32_t>> unused;  // frame of the last use, part
+  for (std::uint32_t part = 0; part < states_.size(); ++part) {
+    const NodeState& state = states_[part];
+    const std::uint32_t last = std::max({state.used, state.needed, state.kept});
+    if (last < frame && (state.picture || state.caster || !state.block.empty())) unused.emplace_back(last, part);
   }
-  // The finer ones of those that are equally old go first.
+  // The finer ones of equally old parts go first.
   std::sort(unused.begin(), unused.end(),
             [](const auto& a, const auto& b) { return a.first != b.first ? a.first < b.first : a.second > b.second; });
-  for (const auto& [used, node] : unused) {
+  for (const auto& [last, part] : unused) {
     if (bytes_ <= target) return;
-    drop(node);
+    drop(part);
   }
 }
 

@@ -41,4 +41,38 @@ std::uint64_t guessedPictureBytes(const Node& node) {
   return bytesOf(std::uint64_t{node.points} + node.triangles, node.triangles, node.edges);
 }
 
+std::shared_ptr<const CasterPicture> decodeCaster(const Header& header, const Node& node, std::uint32_t number,
+                                                  base::ByteView bytes) {
+  auto geometry = decodeBlock(bytes, node, {header.colors, !node.isLeaf()});
+  if (!geometry) return nullptr;
+  auto caster = std::make_shared<CasterPicture>();
+  caster->node = number;
+  caster->error = node.caster_error;
+  caster->positions.reserve(geometry->vertices.size());
+  for (const NodeVertex& vertex : geometry->vertices)
+    caster->positions.push_back(header.lattice.position(vertex.place * (1 << node.step_bits)));
+  caster->triangles = std::move(geometry->triangles);
+  return caster;
+}
+
+std::shared_ptr<const CasterPicture> casterOfLeaf(const NodePicture& picture) {
+  auto caster = std::make_shared<CasterPicture>();
+  caster->node = picture.node;
+  for (std::size_t i = picture.points; i < picture.vertices.size(); ++i)
+    caster->positions.push_back(picture.vertices[i].position);
+  caster->triangles = picture.triangles;
+  for (std::uint32_t& vertex : caster->triangles) vertex -= picture.points;
+  return caster;
+}
+
+std::uint64_t casterBytes(const CasterPicture& caster) {
+  return sizeof(CasterPicture) + caster.positions.size() * sizeof(glm::vec3) +
+         caster.triangles.size() * sizeof(std::uint32_t);
+}
+
+std::uint64_t guessedCasterBytes(const Node& node) {
+  const std::uint64_t triangles = node.isLeaf() ? node.triangles : node.caster_triangles;
+  return sizeof(CasterPicture) + triangles * (sizeof(glm::vec3) + 3 * sizeof(std::uint32_t));
+}
+
 }  // namespace lod::hlod

@@ -1,5 +1,5 @@
 #pragma once
-// Decodes a node's picture for the GPU.
+// Decodes a node's picture, or its caster, for the GPU.
 #include <cstdint>
 #include <memory>
 
@@ -16,5 +16,13 @@ std::shared_ptr<const NodePicture> decodePicture(const Header& header, const Nod
 /// as triangles; the guess is twice that, since vertices with several attributes count several times.
 std::uint64_t pictureBytes(const NodePicture& picture);
 std::uint64_t guessedPictureBytes(const Node& node);
+
+/// The same of a node's caster, which has a block of its own unless the node is a leaf.
+std::shared_ptr<const CasterPicture> decodeCaster(const Header& header, const Node& node, std::uint32_t number,
+                                                  base::ByteView bytes);
+/// The caster of a leaf, whose picture this is.
+std::shared_ptr<const CasterPicture> casterOfLeaf(const NodePicture& picture);
+std::uint64_t casterBytes(const CasterPicture& caster);
+std::uint64_t guessedCasterBytes(const Node& node);
 
 }  // namespace lod::hlod

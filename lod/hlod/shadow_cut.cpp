@@ -251,10 +251,11 @@ float CasterChoice::allowedError(const base::Aabb& node) const {
   const float nearest = distanceTo(node), change = request_.intensity_change;
   if (light.place.w == 0.0F) return casterError(light, receiver_error_, change, 0.0F, nearest);
   const glm::vec3 place(light.place);
-  const float to_light = glm::length(glm::clamp(place, node.min, node.max) - place);
-  // The formula rises or falls all along with the distance to the receiver, so the least is at one of both ends.
-  return std::min(casterError(light, receiver_error_, change, to_light, nearest),
-                  casterError(light, receiver_error_, change, to_light, std::max(farthest_ - to_light, nearest)));
+  const float least = glm::length(glm::clamp(place, node.min, node.max) - place);
+  const float most = glm::length(glm::max(glm::abs(node.min - place), glm::abs(node.max - place)));
+  // The formula is linear in d_l / (d_l + d_p), so it is least at one of both ends.
+  return std::min(casterError(light, receiver_error_, change, most, nearest),
+                  casterError(light, receiver_error_, change, least, std::max(farthest_ - least, nearest)));
 }
 
 ShadowMapPlan Planner::finish(const Map& map) const {

@@ -57,8 +57,8 @@ struct ShadowMapPlan {
 /// `receivers`: the nodes that the view draws; those outside of its picture are in no plan. Casters form a cut: no node
 /// and one below it. Nothing for cameras and lights with NaN or infinity in them.
 ///
-/// Any edge of a shadow on a receiver that faces the light is off by ε_r at most. For that d_p is, of the distances to
-/// the nearest and to the farthest place of the receivers, the one that allows less; the paper takes the nearest.
+/// Any edge of a hard shadow on a receiver that faces the light is off by ε_r at most. For that d_l and d_p are, of
+/// those of all places of caster and receivers, the ones that allow least; the paper takes the nearest receiver's.
 std::vector<ShadowMapPlan> planShadowMaps(std::span<const Node> nodes, std::span<const std::uint32_t> receivers,
                                           const ShadowRequest& request);
 

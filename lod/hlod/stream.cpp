@@ -8,17 +8,27 @@
 #include "lod/hlod/block.h"
 #include "lod/hlod/node_cache.h"
 #include "lod/hlod/node_picture.h"
+#include "lod/hlod/prefetch.h"
 #include "lod/range_requests.h"
 #include "lod/view_box.h"
 
 namespace lod::hlod {
+namespace {
+
+/// Casters get one part in so many of the memory. A choice: without a share of their own they would get none in views
+/// that fill it, and casters of a model have about a third of the bytes of its pictures.
+constexpr std::uint64_t kCasterShare = 4;
+/// Only one request for nodes that no view wants yet is under way, so that little delays what a new view wants.
+constexpr std::size_t kPrefetchesAtOnce = 1;
+
+}  // namespace
 
 struct Stream::State {
   State(std::uint64_t bytes, const StreamOptions& given) : options(given), file_bytes(bytes) {
     options.memory_bytes = std::max(options.memory_bytes, kMinStreamMemory);
   }
 
-  // ---- frames ----
+  // ---- pictures of frames ----
 
   void update(const TraverseRequest& request, std::vector<DrawnNode>& result, std::uint32_t frames);
   void plan(const TraverseRequest& request);
@@ -26,9 +36,13 @@ struct Stream::State {
   bool refine(const TraverseRequest& request, const Sight& sight, std::uint32_t node);
   bool decodePlanned();
   bool decode(std::uint32_t node);
+  std::optional<base::ByteView> readBlock(std::uint32_t part, base::Bytes& read) const;
+  void giveUp(std::uint32_t part);
   void findCovered();
   void show(const base::Camera& camera, std::vector<DrawnNode>& result);
   void queueMissing();
+  void countHits();
+  std::uint64_t pictureMemory() const { return cache->limit() - (keeps_casters ? cache->limit() / kCasterShare : 0); }
   bool mayDecode() const { return may_decode == 0 || decoded < may_decode; }
   /// Whether nodes that are drawn finer are kept, to be shown where the view leaves their children. All of a local file
   /// can be decoded at once, unless frames limit that.
@@ -40,17 +54,29 @@ struct Stream::State {
       if ((*cache)[c].used == frame) visit(c);
   }
 
+  // ---- casters of frames ----
+
+  void updateCasters(std::span<const std::uint32_t> wanted, std::vector<std::shared_ptr<const CasterPicture>>& result);
+  bool planCaster(std::uint32_t node);
+  std::uint32_t planCasterFor(std::uint32_t node);
+  bool decodeCaster(std::uint32_t node);
+  std::uint32_t nearestCaster(std::uint32_t node);
+  void queueMissingCasters(std::size_t first);
+
   // ---- the link ----
 
   std::optional<PendingRequest> nextFrontRange() const;
   std::optional<PendingRequest> nextBlockRange(std::uint64_t max_bytes);
-  bool isWanted(std::uint32_t node) const;
+  std::optional<PendingRequest> nextPrefetch();
+  bool isWanted(std::uint32_t part) const;
+  bool concernsView(const PendingRequest& request) const;
   ByteRange send(const PendingRequest& request, double now);
   void acceptFront(base::ByteView bytes);
   void readFront();
   void readLocalFront();
   void frontIsDamaged(const base::Error& error);
-  void acceptBlock(std::uint32_t node, base::ByteView bytes);
+  void acceptBlock(std::uint32_t part, base::ByteView bytes);
+  void evict() { cache->evict(frame, planned, planned_casters); }
   void stop(std::string reason) {
     if (problem.empty()) problem = std::move(reason);
   }
@@ -62,7 +88,8 @@ struct Stream::State {
   base::Bytes front;  // what has come of header and table
   Header header;
   std::vector<Node> nodes;
-  std::optional<NodeCache> cache;  // none until header and table are here
+  std::vector<std::uint32_t> parents;  // of each node
+  std::optional<NodeCache> cache;      // none until header and table are here
   int front_damages = 0;
 
   std::uint32_t frame = 0;
@@ -71,27 +98,43 @@ struct Stream::State {
   /// of their parents.
   std::vector<std::uint32_t> planned;
   std::uint64_t planned_bytes = 0;
-  std::vector<std::uint32_t> queue;  // planned nodes that are missing, in the same order
+  std::vector<std::uint32_t> planned_casters;  // parts
+  std::vector<std::uint32_t> queue;            // parts that are missing, in the order in which they are wanted
   std::size_t queue_at = 0;
   std::uint64_t decoded = 0;     // triangles and points of this frame
   std::uint64_t may_decode = 0;  // 0: no limit
   std::uint64_t waiting = 0;     // planned nodes that nothing shows wholly
   std::uint64_t drawn = 0, lacking = 0;
   bool is_decoding = false, is_limited = false;
-  bool may_refine = false;  // memory may turn out to be enough for more than was planned
+  bool may_refine = false;         // memory may turn out to be enough for more than was planned
+  bool asked_for_casters = false;  // since the last update()
+  bool keeps_casters = false;      // a share of the memory is theirs
+  std::uint64_t waiting_casters = 0;
+
+  TraverseRequest view;     // of the last update()
+  std::uint32_t views = 0;  // calls of update()
+  bool is_new_view = true;  // next_nodes are to be found
+  std::vector<NextNode> next_nodes;
+  std::size_t next_at = 0;
+  std::uint64_t may_prefetch = 0;  // bytes left for the view
+  std::uint64_t prefetch_id = 0;   // of the last request
+  std::uint64_t prefetched = 0, hits = 0, misses = 0;
 
   RangeRequests requests;
   std::uint64_t given_up = 0;
   std::string problem;
 };
 
-// ---- frames ----
+// ---- pictures of frames ----
 
 void Stream::State::update(const TraverseRequest& request, std::vector<DrawnNode>& result, std::uint32_t frames) {
   result.clear();
   if (!cache) return;
   may_decode = frames * options.decode_per_frame;
   decoded = 0;
+  keeps_casters = std::exchange(asked_for_casters, false);
+  planned_casters.clear();
+  waiting_casters = 0;
   // Decoded nodes tell how much memory they take, and whether they are damaged, so the plan may change.
   do {
     ++frame;
@@ -100,7 +143,12 @@ void Stream::State::update(const TraverseRequest& request, std::vector<DrawnNode
   findCovered();
   show(request.camera, result);
   queueMissing();
-  cache->evict(frame, planned);
+  countHits();
+  evict();
+  if (views++ == 0 || !isSameRequest(view, request)) {
+    view = request;
+    is_new_view = true;
+  }
 }
 
 /// Plans the cut that the view asks for, those nodes first whose parents look worst, as long as memory is left.
@@ -123,7 +171,7 @@ void Stream::State::plan(const TraverseRequest& request) {
 
 /// False where there is no memory for it.
 bool Stream::State::planNode(const TraverseRequest& request, std::uint32_t node) {
-  if (planned_bytes + cache->costOf(node) > cache->limit()) {
+  if (planned_bytes + cache->costOf(node) > pictureMemory()) {
     is_limited = true;
     return false;
   }
@@ -149,7 +197,7 @@ bool Stream::State::refine(const TraverseRequest& request, const Sight& sight, s
     cost += cache->costOf(c);
   }
   const std::uint64_t freed = keepsRefined() ? 0 : cache->costOf(node);
-  if (planned_bytes - freed + cost > cache->limit()) {
+  if (planned_bytes - freed + cost > pictureMemory()) {
     is_limited = true;
     return false;
   }
@@ -182,21 +230,24 @@ bool Stream::State::decode(std::uint32_t node) {
   const Node& row = nodes[node];
   decoded += std::uint64_t{row.triangles} + row.points + 1;
   base::Bytes read;
-  base::ByteView bytes = (*cache)[node].block;
-  bool is_here = true;
-  if (file) {
-    read.resize(row.picture.bytes);
-    is_here = file->read(row.picture.offset, read);
-    bytes = read;
-  }
-  auto picture = is_here ? decodePicture(header, row, node, bytes) : nullptr;
-  if (picture) {
-    cache->keepPicture(std::move(picture));
-    return true;
-  }
-  cache->giveUp(node);
+  const auto bytes = readBlock(node, read);
+  auto picture = bytes ? decodePicture(header, row, node, *bytes) : nullptr;
+  if (!picture) return giveUp(node), false;
+  cache->keepPicture(std::move(picture));
+  return true;
+}
+
+/// The block that is here. `read`: holds it where it is read from the file. None where that fails.
+std::optional<base::ByteView> Stream::State::readBlock(std::uint32_t part, base::Bytes& read) const {
+  if (!file) return (*cache)[part].block;
+  read.resize(cache->placeOf(part).bytes);
+  if (!file->read(cache->placeOf(part).offset, read)) return std::nullopt;
+  return read;
+}
+
+void Stream::State::giveUp(std::uint32_t part) {
+  cache->giveUp(part);
   ++given_up;
-  return false;
 }
 
 /// A node is covered by its picture, or by children that are.
@@ -247,6 +298,110 @@ void Stream::State::queueMissing() {
     if (isWanted(node)) queue.push_back(node);
 }
 
+/// Counts the nodes that this view wants and the one before did not.
+void Stream::State::countHits() {
+  for (const std::uint32_t node : planned) {
+    NodeState& state = (*cache)[node];
+    const bool is_new = views == 0 || state.last_wanted != views;
+    state.last_wanted = views + 1;
+    if (!is_new || (state.is_refined && !keepsRefined())) continue;
+    if (cache->has(node))
+      ++hits;
+    else if (isWanted(node) || state.is_requested)
+      ++misses;
+  }
+}
+
+// ---- casters of frames ----
+
+void Stream::State::updateCasters(std::span<const std::uint32_t> wanted,
+                                  std::vector<std::shared_ptr<const CasterPicture>>& result) {
+  result.clear();
+  if (frame == 0) return;
+  asked_for_casters = true;
+  const std::size_t first = planned_casters.size();
+  std::vector<std::uint32_t> shown;
+  planCasterFor(0);  // stands in for all others
+  for (const std::uint32_t node : wanted) planCasterFor(node);
+  for (std::size_t i = first; i < planned_casters.size(); ++i) {
+    const std::uint32_t node = cache->nodeOf(planned_casters[i]);
+    if (!decodeCaster(node)) planCasterFor(node);  // the one above, behind the others
+  }
+  for (const std::uint32_t node : wanted) shown.push_back(nearestCaster(node));
+  std::sort(shown.begin(), shown.end());
+  shown.erase(std::unique(shown.begin(), shown.end()), shown.end());
+  for (const std::uint32_t node : shown) {
+    const auto& caster = (*cache)[cache->casterOf(node)].caster;
+    if (caster && !caster->triangles.empty()) result.push_back(caster);
+  }
+  queueMissingCasters(first);
+  evict();
+}
+
+/// False where there is no memory for it, or it is damaged.
+bool Stream::State::planCaster(std::uint32_t node) {
+  const std::uint32_t part = cache->casterOf(node);
+  NodeState& state = (*cache)[part];
+  if (state.used == frame) return true;
+  if (!state.caster && (*cache)[cache->sourceOfCaster(node)].is_given_up) return false;
+  if (planned_bytes + cache->costOf(part) > cache->limit()) {
+    is_limited = true;
+    // The next update() keeps memory for casters.
+    if (!keeps_casters) ++generation, may_refine = true;
+    return false;
+  }
+  planned_bytes += cache->costOf(part);
+  planned_casters.push_back(part);
+  state.used = frame;
+  return true;
+}
+
+/// Plans the node's caster or the nearest above it that can be had, and returns its node; that may be none, too, for
+/// the root.
+std::uint32_t Stream::State::planCasterFor(std::uint32_t node) {
+  while (!planCaster(node) && node != 0) node = parents[node];
+  return node;
+}
+
+/// Decodes a planned caster if its block is here. False where that is damaged, which is given up then.
+bool Stream::State::decodeCaster(std::uint32_t node) {
+  const std::uint32_t part = cache->casterOf(node), source = cache->sourceOfCaster(node);
+  if ((*cache)[part].caster || !cache->has(source)) return true;
+  if (!mayDecode()) {
+    is_decoding = true;
+    return true;
+  }
+  const Node& row = nodes[node];
+  decoded += std::uint64_t{row.isLeaf() ? row.triangles : row.caster_triangles} + 1;
+  const auto& picture = (*cache)[source].picture;
+  base::Bytes read;
+  const auto bytes = picture ? base::ByteView() : readBlock(source, read);
+  auto caster = picture ? casterOfLeaf(*picture) : bytes ? hlod::decodeCaster(header, row, node, *bytes) : nullptr;
+  (*cache)[source].needed = 0;
+  if (!caster) return giveUp(source), (*cache)[part].used = 0, false;
+  if (is_limited && (*cache)[part].known_cost == 0) may_refine = true;
+  cache->keepCaster(std::move(caster));
+  return true;
+}
+
+/// The node whose caster is shown for the node's: itself or the nearest above it that is here; the root where none is.
+std::uint32_t Stream::State::nearestCaster(std::uint32_t node) {
+  const auto isShown = [this](std::uint32_t at) { return (*cache)[cache->casterOf(at)].caster && planCaster(at); };
+  while (!isShown(node) && node != 0) node = parents[node];
+  return node;
+}
+
+/// `first`: the first of the planned casters that the call has added.
+void Stream::State::queueMissingCasters(std::size_t first) {
+  for (std::size_t i = first; i < planned_casters.size(); ++i) {
+    const std::uint32_t node = cache->nodeOf(planned_casters[i]), source = cache->sourceOfCaster(node);
+    if ((*cache)[planned_casters[i]].caster || (*cache)[source].is_given_up) continue;
+    ++waiting_casters;
+    (*cache)[source].needed = frame;
+    if (isWanted(source)) queue.push_back(source);
+  }
+}
+
 // ---- what to ask for ----
 
 std::optional<PendingRequest> Stream::State::nextFrontRange() const {
@@ -254,9 +409,10 @@ std::optional<PendingRequest> Stream::State::nextFrontRange() const {
   return frontRequest(file_bytes, front.size(), kHeaderBytes + header.table_bytes);
 }
 
-bool Stream::State::isWanted(std::uint32_t node) const {
-  const NodeState& state = (*cache)[node];
-  return state.used == frame && !state.is_covered && !state.is_requested && !state.is_given_up && !cache->has(node);
+bool Stream::State::isWanted(std::uint32_t part) const {
+  const NodeState& state = (*cache)[part];
+  const bool is_of_view = !cache->isCaster(part) && state.used == frame && !state.is_covered;
+  return (is_of_view || state.needed == frame) && !state.is_requested && !state.is_given_up && !cache->has(part);
 }
 
 /// A block, however long, and neighbours as long as all have at most so many bytes.
@@ -264,23 +420,57 @@ std::optional<PendingRequest> Stream::State::nextBlockRange(std::uint64_t max_by
   if (!cache) return std::nullopt;
   while (queue_at < queue.size() && !isWanted(queue[queue_at])) ++queue_at;
   if (queue_at == queue.size()) return std::nullopt;
-  const std::uint32_t node = queue[queue_at];
-  std::uint64_t bytes = nodes[node].picture.bytes;
+  const std::uint32_t part = queue[queue_at];
+  std::uint64_t bytes = cache->placeOf(part).bytes;
   const auto partAt = [this](std::uint64_t place) {
     const auto number = static_cast<std::uint32_t>(place);
-    return RequestablePart{nodes[number].picture.bytes, isWanted(number), (*cache)[number].is_requested};
+    return RequestablePart{cache->placeOf(number).bytes, isWanted(number), (*cache)[number].is_requested};
   };
   PendingRequest request;
-  request.last = extendRequest(node, 1, 0, nodes.size(), max_bytes, bytes, partAt);
-  request.first = extendRequest(node, -1, 0, nodes.size(), max_bytes, bytes, partAt);
-  request.range = {0, nodes[request.first].picture.offset, bytes};
+  request.last = extendRequest(part, 1, 0, cache->parts(), max_bytes, bytes, partAt);
+  request.first = extendRequest(part, -1, 0, cache->parts(), max_bytes, bytes, partAt);
+  request.range = {0, cache->placeOf(static_cast<std::uint32_t>(request.first)).offset, bytes};
   return request;
+}
+
+/// The block that the view wants with the least motion, once it has all that it wants.
+std::optional<PendingRequest> Stream::State::nextPrefetch() {
+  if (!cache || frame == 0 || options.prefetch_bytes == 0 || waiting + waiting_casters > 0 || is_decoding)
+    return std::nullopt;
+  if (requests.underWay() >= kPrefetchesAtOnce) return std::nullopt;
+  if (std::exchange(is_new_view, false)) {
+    may_prefetch = options.prefetch_bytes;
+    next_at = 0;
+    // Some are here already, so that there may be use for more than are fetched.
+    next_nodes = nodesWantedNext(nodes, view, 4 * options.prefetch_bytes);
+  }
+  for (; next_at < next_nodes.size(); ++next_at) {
+    const std::uint32_t node = next_nodes[next_at].node;
+    const BlockPlace& place = nodes[node].picture;
+    if (cache->has(node) || (*cache)[node].is_given_up) continue;
+    if (place.bytes > may_prefetch || cache->bytes() + place.bytes > cache->limit()) return std::nullopt;
+    may_prefetch -= place.bytes;
+    prefetched += place.bytes;
+    ++next_at;
+    PendingRequest request;
+    request.first = request.last = node;
+    request.range = {0, place.offset, place.bytes};
+    return request;
+  }
+  return std::nullopt;
+}
+
+/// Whether the last view awaits the request.
+bool Stream::State::concernsView(const PendingRequest& request) const {
+  if (request.range.id != prefetch_id) return true;
+  const NodeState& state = (*cache)[static_cast<std::uint32_t>(request.first)];
+  return state.used == frame || state.needed == frame;
 }
 
 ByteRange Stream::State::send(const PendingRequest& request, double now) {
   if (!request.is_front)
-    for (std::uint64_t node = request.first; node <= request.last; ++node)
-      (*cache)[static_cast<std::uint32_t>(node)].is_requested = true;
+    for (std::uint64_t part = request.first; part <= request.last; ++part)
+      (*cache)[static_cast<std::uint32_t>(part)].is_requested = true;
   return requests.send(request, now);
 }
 
@@ -302,11 +492,15 @@ void Stream::State::readFront() {
   if (!table) return frontIsDamaged(table.error());
   nodes = std::move(*table);
   cache.emplace(nodes, options.memory_bytes, file != nullptr);
+  parents.assign(nodes.size(), 0);
+  for (std::uint32_t node = 0; node < nodes.size(); ++node)
+    for (std::uint32_t c = nodes[node].first_child; c < nodes[node].first_child + nodes[node].children; ++c)
+      parents[c] = node;
   // Blocks may have come with the table.
-  for (std::uint32_t node = 0; node < nodes.size(); ++node) {
-    const BlockPlace& place = nodes[node].picture;
+  for (std::uint32_t part = 0; part < cache->parts(); ++part) {
+    const BlockPlace& place = cache->placeOf(part);
     if (place.offset + place.bytes > front.size()) break;
-    acceptBlock(node, base::ByteView(front).subspan(place.offset, place.bytes));
+    acceptBlock(part, base::ByteView(front).subspan(place.offset, place.bytes));
   }
   front = {};
 }
@@ -328,15 +522,14 @@ void Stream::State::frontIsDamaged(const base::Error& error) {
   if (++front_damages >= kMaxDamages) stop(error.message);
 }
 
-void Stream::State::acceptBlock(std::uint32_t node, base::ByteView bytes) {
-  NodeState& state = (*cache)[node];
-  if (state.is_given_up || cache->has(node)) return;
-  if (isIntact(bytes, nodes[node], {header.colors, false})) return cache->keepBlock(node, bytes);
+void Stream::State::acceptBlock(std::uint32_t part, base::ByteView bytes) {
+  NodeState& state = (*cache)[part];
+  if (state.is_given_up || cache->has(part)) return;
+  if (isIntact(bytes, nodes[cache->nodeOf(part)], {header.colors, cache->isCaster(part)}))
+    return cache->keepBlock(part, bytes, frame);
   requests.countDamage();
   queue_at = 0;
-  if (++state.damages < kMaxDamages) return;
-  cache->giveUp(node);
-  ++given_up;
+  if (++state.damages >= kMaxDamages) giveUp(part);
 }
 
 // ---- the class ----
@@ -365,11 +558,16 @@ std::span<const Node> Stream::nodes() const {
 void Stream::update(const TraverseRequest& request, std::vector<DrawnNode>& result, std::uint32_t frames) {
   state_->update(request, result, frames);
 }
+void Stream::updateCasters(std::span<const std::uint32_t> wanted,
+                           std::vector<std::shared_ptr<const CasterPicture>>& result) {
+  state_->updateCasters(wanted, result);
+}
 std::uint64_t Stream::generation() const {
   return state_->generation;
 }
 bool Stream::complete() const {
-  return state_->problem.empty() && state_->frame > 0 && state_->waiting == 0 && !state_->may_refine;
+  const State& s = *state_;
+  return s.problem.empty() && s.frame > 0 && s.waiting + s.waiting_casters == 0 && !s.may_refine;
 }
 bool Stream::decoding() const {
   return state_->is_decoding;
@@ -385,8 +583,11 @@ std::vector<ByteRange> Stream::nextRequests(double now) {
   while (const std::uint64_t room = s.requests.roomAt(now, s.options.max_requests)) {
     auto next = s.nextFrontRange();
     if (!next) next = s.nextBlockRange(std::min(room, s.options.max_request_bytes));
+    const bool is_prefetch = !next;
+    if (!next) next = s.nextPrefetch();
     if (!next) break;
     ranges.push_back(s.send(*next, now));
+    if (is_prefetch) s.prefetch_id = ranges.back().id;
   }
   return ranges;
 }
@@ -396,19 +597,19 @@ void Stream::acceptAnswer(std::uint64_t id, base::ByteView bytes, double now) {
   const auto answered = s.requests.takeAnswered(id, bytes.size(), now);
   if (!answered) return;
   const PendingRequest& request = answered->request;
-  ++s.generation;
+  if (s.concernsView(request)) ++s.generation;
   if (answered->has_failed) s.queue_at = 0;
   if (request.is_front) {
     if (!answered->has_failed) s.acceptFront(bytes);
   } else {
-    for (auto node = static_cast<std::uint32_t>(request.first); node <= request.last; ++node) {
-      (*s.cache)[node].is_requested = false;
-      const BlockPlace& place = s.nodes[node].picture;
+    for (auto part = static_cast<std::uint32_t>(request.first); part <= request.last; ++part) {
+      (*s.cache)[part].is_requested = false;
+      const BlockPlace& place = s.cache->placeOf(part);
       if (!answered->has_failed)
-        s.acceptBlock(node, bytes.subspan(static_cast<std::size_t>(place.offset - request.range.offset), place.bytes));
+        s.acceptBlock(part, bytes.subspan(static_cast<std::size_t>(place.offset - request.range.offset), place.bytes));
     }
   }
-  if (s.cache) s.cache->evict(s.frame, s.planned);
+  if (s.cache) s.evict();
 }
 
 void Stream::acceptFailure(std::uint64_t id, double now) {
@@ -428,7 +629,8 @@ std::string Stream::warning() const {
   const auto states = s.cache->states();
   const auto first =
       std::find_if(states.begin(), states.end(), [](const NodeState& state) { return state.is_given_up; });
-  return "node " + std::to_string(first - states.begin()) +
+  const auto part = static_cast<std::uint32_t>(first - states.begin());
+  return (s.cache->isCaster(part) ? "caster of node " : "node ") + std::to_string(s.cache->nodeOf(part)) +
          (s.given_up > 1 ? " and " + std::to_string(s.given_up - 1) + " more are" : " is") +
          " damaged: checksums do not match; " + (s.file ? "copy the file" : "publish the scene") + " again";
 }
@@ -438,15 +640,18 @@ StreamStats Stream::stats() const {
   StreamStats stats;
   stats.nodes = s.nodes.size();
   stats.drawn = s.drawn;
-  stats.lacking = s.lacking;
+  stats.lacking = s.lacking + s.waiting_casters;
   stats.bytes_received = s.requests.bytesReceived();
   stats.requests = s.requests.requests();
   stats.failures = s.requests.failures();
   stats.under_way = s.requests.underWay();
   stats.damaged = s.given_up;
+  stats.prefetched_bytes = s.prefetched;
+  stats.hits = s.hits, stats.misses = s.misses;
   if (!s.cache) return stats;
   stats.present = s.cache->pictures();
-  stats.memory_bytes = s.cache->bytes() + s.nodes.size() * (sizeof(Node) + sizeof(NodeState));
+  stats.memory_bytes =
+      s.cache->bytes() + s.nodes.size() * (sizeof(Node) + 2 * sizeof(NodeState) + sizeof(std::uint32_t));
   return stats;
 }
 

@@ -3,7 +3,8 @@
 // hands out byte ranges to request, takes their bytes, and is told the time.
 //
 // First come the header, the table and the root, then the children of what is drawn too coarse for the view, largest
-// projected error first. A node is drawn in place of its children until all of them that may be seen are here.
+// projected error first. A node is drawn in place of its children until all of them that may be seen are here. Behind
+// them come the casters of shadows, and last what other views near this one may want.
 #include <cstdint>
 #include <memory>
 #include <span>
@@ -29,6 +30,9 @@ struct StreamOptions {
   std::uint64_t max_request_bytes = 262'144;  ///< neighbouring blocks are joined up to this
   /// Triangles and points decoded for a frame, about; the rest waits for the next one. 0: no limit.
   std::uint64_t decode_per_frame = 0;
+  /// Once a view has all that it wants, nodes that it would want if it moved a little are fetched, up to so many bytes
+  /// a view (section 4.3).
+  std::uint64_t prefetch_bytes = 0;
 };
 
 using ByteRange = lod::ByteRange;
@@ -43,12 +47,12 @@ struct NodePicture {
   float error = 0.0F;                    ///< of the node, scene units
 };
 
-/// A node's caster, decoded; it never changes.
+/// A node's caster, which throws its shadow, decoded; it never changes.
 struct CasterPicture {
   std::uint32_t node = 0;
   std::vector<glm::vec3> positions;      ///< scene-local
   std::vector<std::uint32_t> triangles;  ///< three positions each
-  float error = 0.0F;                    ///< of the caster, scene units
+  float error = 0.0F;                    ///< caster_error of the node, scene units
 };
 
 struct DrawnNode {
@@ -59,12 +63,16 @@ struct DrawnNode {
 
 struct StreamStats {
   std::uint64_t nodes = 0, present = 0;  ///< nodes of the file; nodes decoded
-  std::uint64_t drawn = 0, lacking = 0;  ///< nodes of the last view; those of them that await finer ones
-  std::uint64_t bytes_received = 0;      ///< unusable answers included
-  std::uint64_t memory_bytes = 0;        ///< blocks, decoded nodes and table
+  /// Nodes of the last view; those of them that await finer ones, and casters of it that are not here.
+  std::uint64_t drawn = 0, lacking = 0;
+  std::uint64_t bytes_received = 0;  ///< unusable answers included
+  std::uint64_t memory_bytes = 0;    ///< blocks, decoded nodes and table
   std::uint64_t requests = 0, failures = 0;
   std::uint64_t under_way = 0;  ///< requests that have no answer yet
   std::uint64_t damaged = 0;    ///< blocks that came damaged three times and were given up
+  std::uint64_t prefetched_bytes = 0;
+  /// How often a view wanted a node that the one before did not: those that were here, and those that were not.
+  std::uint64_t hits = 0, misses = 0;
 };
 
 class Stream {
@@ -85,9 +93,15 @@ class Stream {
   /// what earlier frames queued. `result` is replaced: front to back. Finds nothing before header(). `frames`: how many
   /// frames' share may be decoded, for views that are drawn less often.
   void update(const TraverseRequest& request, std::vector<DrawnNode>& result, std::uint32_t frames = 1);
+  /// Finds casters of the wanted nodes for the view of the last update(), decoding what that has left of a frame's
+  /// share, and queues what is missing behind the pictures that the view lacks. Calls behind one update() add up, as
+  /// one for each map. In place of those that are not here comes the caster of the nearest node above that is, each
+  /// once. `result` is replaced; casters without triangles are left out. A quarter of the memory is theirs while any
+  /// are asked for.
+  void updateCasters(std::span<const std::uint32_t> wanted, std::vector<std::shared_ptr<const CasterPicture>>& result);
   /// Rises when another update() of the same view may find more.
   std::uint64_t generation() const;
-  /// Whether the last update() had all it asked for that can be had.
+  /// Whether the last update(), and all of updateCasters() behind it, had what they asked for that can be had.
   bool complete() const;
   /// Whether blocks that are here wait to be decoded for the last view.
   bool decoding() const;

@@ -244,7 +244,7 @@ struct Checked {
   double closest_texel = 0.0, closest_error = 0.0;
 };
 
-/// What comes between a seen place and the light is in the map, and off by no more than its shadow's edge may be.
+/// All that comes between a seen place and the light is in the map, and off by no more than its shadow's edge may be.
 void checkRay(Octree& tree, const Case& made, const ShadowMapPlan& plan, const glm::dvec3& point, Checked& checked) {
   const ShadowRequest& request = made.request;
   const Ray ray = rayToLight(tree.random, request.light, point);

@@ -7,56 +7,17 @@
 #include <random>
 #include <set>
 
-#include "tests/support/made_hlod.h"
+#include "lod/hlod/block.h"
+#include "tests/lod/hlod/made_stream.h"
 #include "tests/support/random_views.h"
-#include "tests/support/stream_host.h"
 
 namespace lod::hlod {
 namespace {
-
-using Host = support::StreamHost<Stream>;
-using Numbers = std::vector<std::uint32_t>;
-
-const support::MadeHlod& made() {
-  static const support::MadeHlod file = support::madeHlod(4, 16);
-  return file;
-}
-
-std::shared_ptr<const FileBytes> local(base::ByteView bytes = made().file) {
-  return std::make_shared<MemoryBytes>(bytes);
-}
-
-TraverseRequest viewFrom(double distance, int size = 600) {
-  base::ViewCamera view;
-  view.position = glm::dvec3(0.2, 0.3, distance);
-  view.width = view.height = size;
-  TraverseRequest request;
-  request.camera = base::cameraForScene(view, glm::dvec3(0.0), made().header.bounds);
-  return request;
-}
 
 Numbers nodesOf(const std::vector<DrawnNode>& drawn) {
   Numbers nodes;
   for (const DrawnNode& one : drawn) nodes.push_back(one.picture->node);
   return nodes;
-}
-Numbers cutOf(const TraverseRequest& request) {
-  return chooseCut(made().nodes, request);
-}
-
-std::vector<DrawnNode> fetchAll(Stream& stream, Host& host, const TraverseRequest& request, double& now,
-                                const std::function<void(const std::vector<DrawnNode>&)>& each = {}) {
-  return support::fetchView<DrawnNode>(stream, host, request, now, each);
-}
-
-std::uint32_t parentOf(std::uint32_t node) {
-  std::uint32_t parent = 0;
-  while (node >= made().nodes[parent].first_child + made().nodes[parent].children) ++parent;
-  return parent;
-}
-bool isAbove(std::uint32_t upper, std::uint32_t node) {
-  while (node > upper) node = parentOf(node);
-  return node == upper;
 }
 
 /// No drawn node lies below another one.
