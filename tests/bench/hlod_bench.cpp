@@ -61,10 +61,13 @@ double drawSeconds(server::HlodScene& renderer, const base::Camera& camera, cons
 
 int main(int argc, char** argv) {
   bench::Arguments arguments(argc, argv, "SCENE [--width W] [--height H] [--views N] [--samples N]");
-  const Size size{arguments.number("--width", 1280, 1, 8192), arguments.number("--height", 720, 1, 8192)};
-  const int views = arguments.number("--views", 4, 1, 1000);
+  const auto side = [&](const char* option, unsigned usual) {
+    return static_cast<int>(arguments.number(option, usual, 1U, 8192U));
+  };
+  const Size size{side("--width", 1280), side("--height", 720)};
+  const auto views = static_cast<int>(arguments.number("--views", 4U, 1U, 1000U));
   server::HlodOptions options;
-  options.supersampling = arguments.number("--samples", 1, 1, 8);
+  options.supersampling = static_cast<int>(arguments.number("--samples", 1U, 1U, 8U));
   arguments.finish();
   if (arguments.input().empty()) arguments.wrong();
 

@@ -182,7 +182,7 @@ TEST_F(ShadowMapTest, softShadowsAreNearToThoseOfManySamples) {
     const support::ShadowTruth truth(mesh);
     for (const hlod::ShadowLight& light : lights) {
       const base::Camera camera = sceneCamera({1.5, -3.5, 3.0});
-      const base::Image picture = draw(camera, light, lightCamera(light, 512));
+      const base::Image picture = draw(camera, light, lightCamera(light, 1024));
       const support::PenumbraError error = support::comparePenumbrae(picture, camera, truth, light);
       EXPECT_GT(error.pixels, 400);
       EXPECT_LT(error.mean, 4.0) << error.pixels << " pixels, largest " << error.largest << "; light at "
