@@ -1,30 +1,17 @@
 #include "lod/draw/hlod_nodes.h"
 
 #include <algorithm>
-#include <cmath>
-#include <limits>
-#include <vector>
+#include <utility>
+
+#include "lod/draw/line_copies.h"
 
 namespace lod::draw {
 namespace {
 
-// A line covers the samples that are at most half a sample above or beside it, and so the less across it, down to
-// 1 / √2 of that, the nearer it is to a diagonal.
-constexpr float kDiagonal = 1.4142F;
-// The most copies of a line to either side: a crack of a node that is shown while finer ones come may be wider.
-constexpr int kMaxCopies = 16;
-
 /// How wide lines must be, or points, to reach as far as the node's error to all sides.
 float closingWidth(Primitive primitive, float error) {
   if (primitive == Primitive::kPoints) return 2.0F * error;
-  return primitive == Primitive::kLines ? 2.0F * kDiagonal * error : 0.0F;
-}
-
-/// The copies of each line that make it as wide as it must be where it is nearest.
-int copiesOfLines(const hlod::DrawnNode& node, float samples_per_pixel) {
-  const float width = closingWidth(Primitive::kLines, node.error_px) * samples_per_pixel;
-  // Errors may be infinite.
-  return width < static_cast<float>(kMaxCopies) ? std::max(1, static_cast<int>(std::ceil(width))) : kMaxCopies;
+  return primitive == Primitive::kLines ? closingLineWidth(error) : 0.0F;
 }
 
 std::uint64_t countOf(Primitive primitive, const hlod::NodePicture& picture) {
@@ -39,15 +26,17 @@ std::uint64_t countOf(Primitive primitive, const hlod::NodePicture& picture) {
   return picture.edges.size() / 2;
 }
 
-template <class Index>
-base::gl::Buffer indexBuffer(const hlod::NodePicture& picture) {
-  std::vector<Index> indices;
-  indices.reserve(picture.triangles.size() + picture.edges.size());
-  for (const auto* list : {&picture.triangles, &picture.edges})
-    for (const std::uint32_t index : *list) indices.push_back(static_cast<Index>(index));
-  base::gl::Buffer buffer = base::gl::Buffer::create();
-  base::gl::allocate(buffer, GL_ELEMENT_ARRAY_BUFFER, indices.data(), indices.size() * sizeof(Index), GL_STATIC_DRAW);
-  return buffer;
+/// How far the node's surface and that of the casters beside it may be apart.
+float shadowReach(const hlod::Node& node, std::span<const DrawnCaster> casters, std::span<const hlod::Node> nodes) {
+  float largest = 0.0F;
+  for (const DrawnCaster& caster : casters) {
+    const base::Aabb& box = nodes[caster.picture->node].box;
+    const float apart = node.shape_error + caster.picture->error;
+    const bool is_beside = glm::all(glm::lessThanEqual(box.min - apart, node.box.max)) &&
+                           glm::all(glm::greaterThanEqual(box.max + apart, node.box.min));
+    if (is_beside) largest = std::max(largest, caster.picture->error);
+  }
+  return node.shape_error + largest;
 }
 
 }  // namespace
@@ -60,14 +49,9 @@ NodeRenderer::Mesh NodeRenderer::upload(const hlod::NodePicture& picture) {
   base::gl::allocate(mesh.vertices, GL_ARRAY_BUFFER, picture.vertices.data(),
                      picture.vertices.size() * sizeof(SurfaceVertex), GL_STATIC_DRAW);
   describeSurfaceVertices();
-  if (picture.vertices.size() <= std::size_t{std::numeric_limits<std::uint16_t>::max()} + 1) {
-    mesh.indices = indexBuffer<std::uint16_t>(picture);
-  } else {
-    mesh.indices = indexBuffer<std::uint32_t>(picture);
-    mesh.index_type = GL_UNSIGNED_INT;
-  }
+  mesh.indices = uploadIndices(picture.vertices.size(), {picture.triangles, picture.edges});
   glBindVertexArray(0);
-  mesh.bytes = mesh.vertices.bytes() + mesh.indices.bytes();
+  mesh.bytes = mesh.vertices.bytes() + mesh.indices.buffer.bytes();
   return mesh;
 }
 
@@ -78,27 +62,81 @@ base::Result<std::unique_ptr<NodeRenderer>> NodeRenderer::create(std::uint64_t g
 }
 
 base::Result<NodeCount> NodeRenderer::draw(std::span<const hlod::DrawnNode> nodes, const NodeView& view,
-                                           const NodeTarget& target) {
+                                           const NodeTarget& target, const NodeShadows* shadows) {
   NodeCount count;
   if (target.empty()) return count;
   meshes_.beginFrame(nodes, upload);
-  beginSurfaces(target);
-  LUMIGRID_ASSIGN_OR_RETURN(count.triangles, drawPass(Primitive::kTriangles, nodes, view, target));
-  LUMIGRID_ASSIGN_OR_RETURN(count.points, drawPass(Primitive::kPoints, nodes, view, target));
-  LUMIGRID_ASSIGN_OR_RETURN(count.lines, drawPass(Primitive::kLines, nodes, view, target));
+  if (shadows != nullptr) {
+    LUMIGRID_TRY(drawShadowed(nodes, view, target, *shadows, count));
+    return count;
+  }
+  Group all;
+  for (const hlod::DrawnNode& node : nodes) all.nodes.push_back(&node);
+  LUMIGRID_TRY(drawGroup(all, view, target, count));
   return count;
 }
 
-/// Draws the triangles, the points or the lines of all nodes. Returns how many there are.
-base::Result<std::uint64_t> NodeRenderer::drawPass(Primitive primitive, std::span<const hlod::DrawnNode> nodes,
-                                                   const NodeView& view, const NodeTarget& target) {
-  const SurfacePass pass = SurfacePass::of(primitive, view);
+base::Result<void> NodeRenderer::drawMap(const NodeShadowMap& map, const NodeShadows& shadows,
+                                         const base::Aabb& receivers) {
+  if (!shadow_map_) {
+    LUMIGRID_ASSIGN_OR_RETURN(shadow_map_, ShadowMap::create(gpu_bytes_));
+  }
+  return shadow_map_->draw({map.plan.camera, shadows.light, receivers}, map.casters);
+}
+
+/// Draws the nodes map by map; those in none come last, under a map without casters.
+base::Result<void> NodeRenderer::drawShadowed(std::span<const hlod::DrawnNode> nodes, const NodeView& view,
+                                              const NodeTarget& target, const NodeShadows& shadows, NodeCount& count) {
+  std::vector<std::uint32_t> maps(nodes.size(), 0);  // of each node
+  for (const NodeShadowMap& map : shadows.maps)
+    for (const std::uint32_t place : map.plan.receivers) ++maps[place];
+  const auto drawReceivers = [&](const NodeShadowMap& map) -> base::Result<void> {
+    Group group;
+    group.shadow_layers = shadows.light.size > 0.0F ? kAreaLightLayers : 1;
+    base::Aabb box;
+    for (const std::uint32_t place : map.plan.receivers) {
+      const hlod::Node& row = shadows.nodes[nodes[place].picture->node];
+      box.add(row.box);
+      group.nodes.push_back(&nodes[place]);
+      group.in_shadow.push_back({shadowReach(row, map.casters, shadows.nodes), maps[place] > 1});
+    }
+    LUMIGRID_TRY(drawMap(map, shadows, box));
+    return drawGroup(group, view, target, count);
+  };
+  for (const NodeShadowMap& map : shadows.maps) LUMIGRID_TRY(drawReceivers(map));
+  NodeShadowMap lit;
+  for (std::uint32_t i = 0; i < nodes.size(); ++i)
+    if (maps[i] == 0) lit.plan.receivers.push_back(i);
+  return lit.plan.receivers.empty() ? base::Result<void>{} : drawReceivers(lit);
+}
+
+base::Result<void> NodeRenderer::drawGroup(const Group& group, const NodeView& view, const NodeTarget& target,
+                                           NodeCount& count) {
+  beginSurfaces(target);
+  for (const auto& [primitive, drawn] :
+       {std::pair(Primitive::kTriangles, &count.triangles), std::pair(Primitive::kPoints, &count.points),
+        std::pair(Primitive::kLines, &count.lines)}) {
+    LUMIGRID_ASSIGN_OR_RETURN(const std::uint64_t more, drawPass(primitive, group, view, target));
+    *drawn += more;
+  }
+  if (group.shadow_layers > 0) ShadowMap::endUse();
+  return {};
+}
+
+/// Draws the triangles, the points or the lines of the group's nodes. Returns how many there are.
+base::Result<std::uint64_t> NodeRenderer::drawPass(Primitive primitive, const Group& group, const NodeView& view,
+                                                   const NodeTarget& target) {
+  SurfacePass pass = SurfacePass::of(primitive, view);
+  pass.shadow_layers = group.shadow_layers;
   LUMIGRID_ASSIGN_OR_RETURN(const base::gl::Program* program, programs_.use(pass, view, target));
   glUniform1f(program->uniform("u_point_samples"), 1.0F);
   const float samples_per_pixel = target.samplesPerPixel(view.camera);
+  const glm::vec4 eye = view.camera.homogeneousEye();
+  if (group.shadow_layers > 0) shadow_map_->use(*program, eye.w * glm::vec3(eye));
 
   std::uint64_t drawn = 0;
-  for (const hlod::DrawnNode& node : nodes) {
+  for (std::size_t i = 0; i < group.nodes.size(); ++i) {
+    const hlod::DrawnNode& node = *group.nodes[i];
     const hlod::NodePicture& picture = *node.picture;
     const std::uint64_t count = countOf(primitive, picture);
     if (count == 0) continue;
@@ -106,6 +144,10 @@ base::Result<std::uint64_t> NodeRenderer::drawPass(Primitive primitive, std::spa
     const Mesh& mesh = meshes_.mesh(picture);
     glBindVertexArray(mesh.array.name());
     glUniform1f(program->uniform("u_closing"), closingWidth(primitive, picture.error));
+    if (pass.shadow_layers > 0) {
+      glUniform1f(program->uniform("u_reach"), group.in_shadow[i].reach);
+      glUniform1i(program->uniform("u_one_of_several"), group.in_shadow[i].one_of_several ? 1 : 0);
+    }
     if (pass.resolution) {
       glUniform1f(program->uniform("u_detail"), picture.error);
       glUniform1f(program->uniform("u_hatched"), node.awaits_finer ? 1.0F : 0.0F);
@@ -113,13 +155,12 @@ base::Result<std::uint64_t> NodeRenderer::drawPass(Primitive primitive, std::spa
     if (primitive == Primitive::kPoints) {
       glDrawArrays(GL_POINTS, 0, static_cast<GLsizei>(count));
     } else if (primitive == Primitive::kTriangles) {
-      glDrawElements(GL_TRIANGLES, static_cast<GLsizei>(3 * count), mesh.index_type, nullptr);
+      glDrawElements(GL_TRIANGLES, static_cast<GLsizei>(3 * count), mesh.indices.type, nullptr);
     } else {
-      const int copies = copiesOfLines(node, samples_per_pixel);
+      const int copies = lineCopies(closingLineWidth(node.error_px) * samples_per_pixel);
       glUniform1i(program->uniform("u_copies"), copies);
-      const std::size_t index_bytes = mesh.index_type == GL_UNSIGNED_SHORT ? 2 : 4;
-      glDrawElementsInstanced(GL_LINES, static_cast<GLsizei>(2 * count), mesh.index_type,
-                              bufferOffset(picture.triangles.size() * index_bytes), copies == 1 ? 1 : 2 * copies);
+      glDrawElementsInstanced(GL_LINES, static_cast<GLsizei>(2 * count), mesh.indices.type,
+                              bufferOffset(mesh.indices.bytesOf(picture.triangles.size())), lineInstances(copies));
     }
   }
   glBindVertexArray(0);

@@ -4,8 +4,11 @@
 #include <cstdint>
 #include <memory>
 #include <span>
+#include <vector>
 
+#include "lod/draw/index_buffer.h"
 #include "lod/draw/picture_cache.h"
+#include "lod/draw/shadow_map.h"
 #include "lod/draw/surfaces.h"
 #include "lod/hlod/stream.h"
 
@@ -15,12 +18,31 @@ namespace lod::draw {
 using NodeView = SurfaceView;
 using NodeTarget = SurfaceTarget;
 
+/// A map, and what throws shadows in it.
+struct NodeShadowMap {
+  hlod::ShadowMapPlan plan;
+  std::vector<DrawnCaster> casters;  ///< those of the plan
+};
+
+/// The shadows on nodes that are drawn.
+struct NodeShadows {
+  hlod::ShadowLight light;
+  std::span<const hlod::Node> nodes;  ///< the file's table
+  /// Receivers are places in the list of nodes that is drawn. Maps of a node that is in several of them must hold all
+  /// of it together; a node that is in none is wholly lit.
+  std::vector<NodeShadowMap> maps;
+};
+
 struct NodeCount {
   std::uint64_t triangles = 0, points = 0, lines = 0;
 };
 
 /// Nodes are kept on the GPU as a PictureCache does: 20 bytes a vertex; 6 a triangle and 4 a line, or twice that where
 /// the node has more than 65536 vertices.
+///
+/// With shadows surfaces are shaded by Lambert's law, lit or unlit scenes alike: their colour times 0.35 + 0.65 · n·l ·
+/// the share of the light that is seen. The maps are drawn one after the other, each before its receivers, so that
+/// there is memory for one. A shadow begins where its caster is as far away as the errors of both and a texel demand.
 ///
 /// Points are as large, and lines as wide, as the node's error demands for the surface to have no hole: the cells on
 /// both sides of a crack, and points around a place, are off by at most their errors. They span a sample at least:
@@ -31,24 +53,42 @@ class NodeRenderer {
   /// that is being drawn stay in any case.
   static base::Result<std::unique_ptr<NodeRenderer>> create(std::uint64_t gpu_bytes);
   /// Draws both sides of all surfaces. The depth test (less) stays enabled.
-  base::Result<NodeCount> draw(std::span<const hlod::DrawnNode> nodes, const NodeView& view, const NodeTarget& target);
+  base::Result<NodeCount> draw(std::span<const hlod::DrawnNode> nodes, const NodeView& view, const NodeTarget& target,
+                               const NodeShadows* shadows = nullptr);
+  /// Those of nodes. Casters may take as much again, and shadow maps as much as the largest.
   std::uint64_t gpuBytes() const { return meshes_.bytes(); }
 
  private:
   struct Mesh {
     base::gl::VertexArray array;
     base::gl::Buffer vertices;
-    base::gl::Buffer indices;  ///< of the triangles, then of the lines
-    GLenum index_type = GL_UNSIGNED_SHORT;
+    IndexBuffer indices;  ///< of the triangles, then of the lines
     std::uint64_t bytes = 0;
   };
-  explicit NodeRenderer(std::uint64_t gpu_bytes) : meshes_(gpu_bytes) {}
+  /// Nodes that are drawn together, and how they are shaded.
+  struct Group {
+    std::vector<const hlod::DrawnNode*> nodes;
+    int shadow_layers = 0;  ///< of the shadow map; 0: no shadows
+    struct InShadow {
+      float reach = 0.0F;
+      bool one_of_several = false;
+    };
+    std::vector<InShadow> in_shadow;  ///< with shadows: for each node what shaders/shadow.glsl calls so
+  };
+  explicit NodeRenderer(std::uint64_t gpu_bytes) : gpu_bytes_(gpu_bytes), meshes_(gpu_bytes) {}
   static Mesh upload(const hlod::NodePicture& picture);
-  base::Result<std::uint64_t> drawPass(Primitive primitive, std::span<const hlod::DrawnNode> nodes,
-                                       const NodeView& view, const NodeTarget& target);
+  base::Result<void> drawMap(const NodeShadowMap& map, const NodeShadows& shadows, const base::Aabb& receivers);
+  base::Result<void> drawShadowed(std::span<const hlod::DrawnNode> nodes, const NodeView& view,
+                                  const NodeTarget& target, const NodeShadows& shadows, NodeCount& count);
+  base::Result<void> drawGroup(const Group& group, const NodeView& view, const NodeTarget& target, NodeCount& count);
+  base::Result<std::uint64_t> drawPass(Primitive primitive, const Group& group, const NodeView& view,
+                                       const NodeTarget& target);
 
-  SurfacePrograms programs_{SurfaceStyle{.name = "nodes", .shade_fragments = true, .fill_behind = true}};
+  const std::uint64_t gpu_bytes_;
+  SurfacePrograms programs_{SurfaceStyle{
+      .name = "nodes", .shade_fragments = true, .fill_behind = true, .shadow_source = ShadowMap::shadingSource()}};
   PictureCache<hlod::NodePicture, Mesh> meshes_;
+  std::unique_ptr<ShadowMap> shadow_map_;  ///< null until it is needed
 };
 
 }  // namespace lod::draw

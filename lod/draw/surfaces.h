@@ -30,13 +30,18 @@ struct SurfaceTarget {
   float samplesPerPixel(const base::Camera& camera) const;
 };
 
+/// The samples that a length of 1 covers at depth 1 in a picture of width × height samples, along the side of the
+/// picture where they are more.
+float samplesPerUnit(const base::Camera& camera, int width, int height);
+
 enum class Primitive : std::uint8_t { kTriangles, kPoints, kLines };
 
 /// How a method's surfaces are drawn.
 struct SurfaceStyle {
   const char* name = "";         ///< for GL's messages
   bool shade_fragments = false;  ///< shading is computed for each fragment, else for each vertex
-  bool fill_behind = false;      ///< points and lines lie behind triangles by half of their size
+  bool fill_behind = false;      ///< points and lines lie behind triangles by three times their size
+  std::string shadow_source;     ///< GLSL of passes with shadows (ShadowMap::shadingSource()), which shade fragments
 };
 
 /// A variant of the program.
@@ -44,21 +49,23 @@ struct SurfacePass {
   Primitive primitive = Primitive::kTriangles;
   bool resolution = false;  ///< coloured by resolution
   bool section = false;
+  int shadow_layers = 0;  ///< of the shadow map: 0: no shadows; 1: hard ones; kAreaLightLayers: soft ones
 
   static SurfacePass of(Primitive primitive, const SurfaceView& view);
   std::size_t number() const;
-  static constexpr std::size_t kNumbers = 12;
+  static constexpr std::size_t kNumbers = 36;
 };
 
 class SurfacePrograms {
  public:
-  explicit SurfacePrograms(const SurfaceStyle& style) : style_(style) {}
+  explicit SurfacePrograms(SurfaceStyle style) : style_(std::move(style)) {}
 
   /// Links the variant when it is first needed.
   base::Result<const base::gl::Program*> link(const SurfacePass& pass);
   /// Links it, uses it, and sets what it needs to know of view and target. The caller sets "u_two_sided" where vertices
   /// are shaded, "u_closing" for points and lines, "u_point_samples" for points, "u_detail" and "u_hatched" with
-  /// resolution, and "u_copies" for lines: their meanings are in shaders/surface_vertex.glsl.
+  /// resolution, and "u_copies" for lines: their meanings are in shaders/surface_vertex.glsl and closing.glsl. With
+  /// shadows follows ShadowMap::use().
   base::Result<const base::gl::Program*> use(const SurfacePass& pass, const SurfaceView& view,
                                              const SurfaceTarget& target);
 

@@ -8,6 +8,7 @@
 #include "base/png/png.h"
 #include "server/cli/commands.h"
 #include "server/cli/console.h"
+#include "server/cli/shadow_options.h"
 #include "server/render/background.h"
 #include "server/render/hlod_scene.h"
 #include "server/render/scene_renderer.h"
@@ -37,6 +38,7 @@ struct RenderArguments {
   bool back_faces = false;
   int supersampling = 4;
   std::vector<int> background;
+  ShadowArguments shadows;
 };
 
 /// A picture, and how much it took to draw: "1,234 triangles".
@@ -100,6 +102,7 @@ base::Result<DrawnPicture> drawNodes(const RenderArguments& a, const base::Scene
   LUMIGRID_ASSIGN_OR_RETURN(auto renderer, HlodScene::create(a.scene, scene));
   HlodOptions options;
   options.tolerance = toleranceOf(a, options.tolerance);
+  setShadows(a.shadows, scene, options);
   options.supersampling = a.supersampling;
   LUMIGRID_ASSIGN_OR_RETURN(auto picture,
                             renderer->render(base::cameraForScene(view, scene.origin, renderer->bounds()), options));
@@ -175,7 +178,14 @@ RunCommand addRender(CLI::App& command) {
       ->expected(3)
       ->check(CLI::Range(0, 255))
       ->default_str("");
-  return [a] { return exitStatus(run(*a)); };
+  declareShadowOptions(command, a->shadows);
+  return [a] {
+    if (const std::string problem = shadowProblem(a->shadows, a->method == kHlodMethod); !problem.empty()) {
+      fail({base::ErrorCode::kInvalidInput, "render: " + problem});
+      return kWrongUsage;
+    }
+    return exitStatus(run(*a));
+  };
 }
 
 }  // namespace server::cli

@@ -16,6 +16,19 @@ int tileBorder(float tolerance) {
   return 1 + static_cast<int>(std::ceil(std::min(tolerance, kMaxBorder)));
 }
 
+/// How fine shadow maps are. The layers of a soft shadow together take the memory of few large maps, and lie between
+/// each other's texels.
+void setTexels(lod::hlod::ShadowRequest& request, Shadows shadows) {
+  const bool is_soft = shadows == Shadows::kSoft;
+  request.texel_px = is_soft ? 1.0F : 0.5F;
+  request.max_texels = std::min(is_soft ? 2048U : 4096U, static_cast<std::uint32_t>(SampleTarget::maxSide()));
+}
+
+base::Result<void> checkLight(const HlodOptions& options) {
+  if (options.shadows != Shadows::kSoft || options.light.size > 0.0F) return {};
+  return base::Error{base::ErrorCode::kInvalidInput, "render: soft shadows need a light of some size"};
+}
+
 }  // namespace
 
 HlodScene::HlodScene(std::string path, const std::shared_ptr<const lod::FileBytes>& file, const base::Light& light)
@@ -32,16 +45,40 @@ base::Result<std::unique_ptr<HlodScene>> HlodScene::create(const std::string& di
   return made;
 }
 
+/// Finds the maps of the shadows on nodes_, and what throws them.
+base::Result<void> HlodScene::planShadows(const lod::hlod::TraverseRequest& request, const HlodOptions& options) {
+  lod::hlod::ShadowRequest shadow;
+  shadow.view = request;
+  shadow.light = options.light;
+  if (options.shadows == Shadows::kHard) shadow.light.size = 0.0F;
+  setTexels(shadow, options.shadows);
+  std::vector<std::uint32_t> receivers;
+  for (const lod::hlod::DrawnNode& node : nodes_) receivers.push_back(node.picture->node);
+  shadows_ = {shadow.light, stream_.nodes(), {}};
+  for (lod::hlod::ShadowMapPlan& plan : lod::hlod::planShadowMaps(stream_.nodes(), receivers, shadow)) {
+    std::vector<std::shared_ptr<const lod::hlod::CasterPicture>> casters;
+    stream_.updateCasters(plan.casters, casters);
+    lod::draw::NodeShadowMap& map = shadows_.maps.emplace_back();
+    map.plan = std::move(plan);
+    for (auto& caster : casters) map.casters.push_back({std::move(caster)});
+  }
+  return checkStream(stream_, path_);
+}
+
 base::Result<void> HlodScene::drawTile(const lod::hlod::TraverseRequest& request, const SampleTarget& target,
-                                       int samples, HlodPicture& picture) {
+                                       const HlodOptions& options, HlodPicture& picture) {
   stream_.update(request, nodes_);
   LUMIGRID_TRY(checkStream(stream_, path_));
+  const bool has_shadows = options.shadows != Shadows::kNone;
+  if (has_shadows) LUMIGRID_TRY(planShadows(request, options));
   lod::draw::NodeView view;
   view.camera = *request.tile;
   view.shading = shading_;
+  const int samples = options.supersampling;
   LUMIGRID_ASSIGN_OR_RETURN(
       const auto count,
-      renderer_->draw(nodes_, view, {target.framebuffer(), view.camera.width * samples, view.camera.height * samples}));
+      renderer_->draw(nodes_, view, {target.framebuffer(), view.camera.width * samples, view.camera.height * samples},
+                      has_shadows ? &shadows_ : nullptr));
   picture.count.triangles += count.triangles;
   picture.count.points += count.points;
   picture.count.lines += count.lines;
@@ -50,6 +87,7 @@ base::Result<void> HlodScene::drawTile(const lod::hlod::TraverseRequest& request
 
 base::Result<HlodPicture> HlodScene::render(const base::Camera& camera, const HlodOptions& options) {
   LUMIGRID_TRY(checkTolerance(options.tolerance));
+  LUMIGRID_TRY(checkLight(options));
   HlodPicture picture;
   // A place that lies in several tiles is shown by the same node in all of them.
   lod::hlod::TraverseRequest request;
@@ -59,7 +97,7 @@ base::Result<HlodPicture> HlodScene::render(const base::Camera& camera, const Hl
                                               camera, options,
                                               [&](const base::Camera& tile, const SampleTarget& target) {
                                                 request.tile = tile;
-                                                return drawTile(request, target, options.supersampling, picture);
+                                                return drawTile(request, target, options, picture);
                                               },
                                               tileBorder(options.tolerance)));
   return picture;

@@ -6,6 +6,9 @@ centroid in vec3 v_to_eye;
 uniform float u_pixels;                // pixels that a length of 1 spans at depth 1
 uniform float u_detail;                // size of the detail that is shown, scene units
 #endif
+#ifdef SHADOWS
+in vec3 v_place;
+#endif
 #ifdef RESOLUTION
 uniform float u_hatched;               // 1 where a finer level is still to come, else 0
 #endif
@@ -16,7 +19,11 @@ layout(location = 0) out vec4 out_color;
 void main() {
   vec3 color = v_color;
 #ifdef SHADE_FRAGMENTS
+#ifdef SHADOWS
+  color = shadeInLight(color, v_normal, v_to_eye, v_place);
+#else
   color = shadeSurface(color, v_normal, v_to_eye);
+#endif
 #ifdef RESOLUTION
   color = tinted(color, u_detail * u_pixels * gl_FragCoord.w);
 #endif

@@ -2,16 +2,14 @@
 // does not show.
 //
 // Variants: POINTS; LINES, of which several copies lie side by side; SHADE_FRAGMENTS shades each fragment, in place of
-// each vertex; BEHIND draws behind triangles; RESOLUTION tints by the size of the detail; SECTION cuts at a plane.
+// each vertex; BEHIND draws behind triangles; RESOLUTION tints by the size of the detail; SECTION cuts at a plane;
+// SHADOWS tells fragments their place. closing.glsl comes before.
 layout(location = 0) in vec3 a_position;
 layout(location = 1) in vec4 a_normal;
 layout(location = 2) in vec4 a_color;
 uniform mat4 u_clip_from_scene;
-uniform vec4 u_eye;                    // homogeneous: parallel rays come from a point at infinity
 uniform bool u_two_sided;              // normals are turned towards the viewer
-uniform float u_samples;               // samples that a length of 1 covers at depth 1
 uniform float u_point_samples;         // samples that a point spans at least
-uniform float u_closing;               // diameter at which points leave no hole, width at which lines do, scene units
 uniform float u_pixels;                // pixels that a length of 1 spans at depth 1
 uniform float u_detail;                // size of the detail that is shown, scene units
 // Triangles smaller than a pixel would be shaded from beyond their corners at the pixel's middle.
@@ -20,36 +18,18 @@ centroid out vec3 v_color;
 centroid out vec3 v_normal;
 centroid out vec3 v_to_eye;
 #endif
+#ifdef SHADOWS
+out vec3 v_place;                      // from the eye; in parallel views from the scene's zero
+#endif
 #ifdef SECTION
 uniform vec4 u_section;
 out float v_beyond;                    // above 0: cut away
 #endif
 
-// Away from the picture's middle a length covers more samples, by 1 / cos² of the angle.
-float closingSamples(float squared_distance) {
-  float depth = gl_Position.w;
-  return u_closing * u_samples * (u_eye.w > 0.0 ? sqrt(squared_distance) / (depth * depth) : 1.0);
-}
-
-#ifdef LINES
-uniform int u_copies;                  // of each line to either side of its place: of flat ones, then of steep ones
-uniform vec2 u_sample_size;            // in clip space
-// A line covers one sample in each column, or in each row if it is steep. Copies beside it, at most a sample apart,
-// make it as wide as is needed. Those of flat lines lie above each other, those of steep ones side by side; every line
-// gets both, as it may turn from one to the other in perspective.
-vec2 copyOffset(float squared_distance) {
-  if (u_copies == 1) return vec2(0.0);
-  float half_width = 0.5 * clamp(closingSamples(squared_distance) - 1.0, 0.0, float(u_copies - 1));
-  bool is_flat = gl_InstanceID < u_copies;
-  float place = float(is_flat ? gl_InstanceID : gl_InstanceID - u_copies) / float(u_copies - 1);
-  float offset = (2.0 * place - 1.0) * half_width;
-  return (is_flat ? vec2(0.0, offset) : vec2(offset, 0.0)) * u_sample_size;
-}
-#endif
-
 #ifdef BEHIND
 // The depth of a place that is a little farther from the eye, so that points and lines fill holes between triangles and
-// do not cover the triangles around. What lies at the far plane stays within the picture.
+// do not cover the triangles around. The offset reaches behind surfaces that are seen at a grazing angle. A place at the
+// far plane stays within the picture.
 float depthBehind(vec3 to_eye, float squared_distance) {
   vec4 behind = u_clip_from_scene * vec4(a_position - 3.0 * u_closing * inversesqrt(squared_distance) * to_eye, 1.0);
   if (gl_Position.w <= 0.0 || behind.w <= 0.0) return gl_Position.z;
@@ -66,6 +46,9 @@ void main() {
   v_color = a_color.rgb;
   v_normal = normal;
   v_to_eye = to_eye;
+#ifdef SHADOWS
+  v_place = a_position - u_eye.w * u_eye.xyz;
+#endif
 #else
   // A vertex at the silhouette may lean away a little. If its normal were flipped, it would be lit from the wrong side,
   // and silhouettes would get dark fringes.

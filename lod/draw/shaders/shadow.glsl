@@ -1,0 +1,107 @@
+// Shades a surface in the light whose shadow maps lie in LAYERS layers of a texture: one for a hard shadow, one for
+// each sample of an area light. depth_slope.glsl comes before.
+//
+// All layers are sheared copies of one view from the light's middle. Depth is the same in all of them, and x and y move
+// in proportion to the distance in depth from a plane amid the receivers. This holds in parallel and in perspective
+// views, for the reciprocal of the distance from the light is linear in depth.
+uniform sampler2DArrayShadow u_shadow_map;
+uniform sampler2DArray u_shadow_depth; // the same texture, not compared
+uniform mat4 u_map_from_place;         // of the light's middle; clip coordinates
+uniform vec4 u_light;                  // homogeneous: parallel rays come from a point at infinity
+uniform float u_depth_per_length;      // along the view from the light, at distance 1
+uniform float u_reach;                 // how far the surface here and that of its casters may be apart, scene units
+uniform bool u_one_of_several;         // the surface lies in several maps: what this one does not hold is not drawn
+uniform vec2 u_used_half;              // half the share of the texture that is used
+uniform vec2 u_texel;                  // in normalized device coordinates
+uniform float u_middle;                // depth of the plane that does not move
+uniform vec2 u_window;                 // size of what the light's middle sees in a layer, a share of the layer's
+uniform vec4 u_layers[LAYERS];         // shear by depth in x and y; cosine and sine of a turn, another for each layer
+uniform vec2 u_cell;                   // shear of the radius of a sample's share of the light
+
+// Planes at a flatter angle to the light are biased less than they should be. They are hardly lit.
+const float kFlattest = 0.02;
+// Rounding of depths.
+const float kDepthStep = 1e-6;
+
+vec3 inTexture(vec2 at, float layer) {
+  return vec3(u_used_half * (at + 1.0), layer);
+}
+
+float isLit(vec2 at, float layer, float depth) {
+  vec3 place = inTexture(at, layer);
+  return texture(u_shadow_map, vec4(place, 0.5 + 0.5 * depth));
+}
+
+#if LAYERS == 1
+float litShare(vec3 at, vec2 slope, float bias) {
+  return isLit(at.xy, 0.0, at.z - bias - dot(abs(slope), u_texel));
+}
+#else
+// A share of the radius of a sample's share of the light. More shows as noise, less as steps; with 0.3 pictures are as
+// near to the truth as with 0 (tests/lod/draw/shadow_map_test.cpp).
+const float kSpread = 0.3;
+
+// A number in 0 … 1 for each pixel, such that those of neighbours differ (Jimenez 2014, "Next generation post
+// processing in Call of Duty: Advanced Warfare", interleaved gradient noise).
+float noise(vec2 pixel) {
+  return fract(52.9829189 * fract(dot(pixel, vec2(0.06711056, 0.00583715))));
+}
+
+// The share of the light that is seen. In each pixel each sample lies somewhere else in its share of the light, so that
+// no steps between the samples' shadows show. The shadow of what lies nearer to the light by a depth moves with its
+// sample in proportion to that depth. So the mean depth of what hides samples is found first.
+float litShare(vec3 at, vec2 slope, float bias) {
+  float hidden = 0.0, above = 0.0;
+  for (int i = 0; i < LAYERS; ++i) {
+    vec2 place = u_window * (at.xy + u_layers[i].xy * (at.z - u_middle));
+    vec2 tilt = slope / max(1.0 + dot(u_layers[i].xy, slope), 1e-3) / u_window;
+    float depth = 2.0 * texture(u_shadow_depth, inTexture(place, float(i))).r - 1.0;
+    float behind = at.z - bias - dot(abs(tilt), u_texel) - depth;
+    if (behind > 0.0 && depth < 1.0) hidden += 1.0, above += at.z - depth;
+  }
+  if (hidden == 0.0) return 1.0;
+  if (hidden == float(LAYERS)) return 0.0;
+  float turn = 6.2831853 * noise(gl_FragCoord.xy);
+  float radius = sqrt(noise(gl_FragCoord.yx + 17.0));
+  vec2 jitter = kSpread * radius * vec2(cos(turn), sin(turn)) * (above / hidden);
+  float lit = 0.0;
+  for (int i = 0; i < LAYERS; ++i) {
+    vec4 layer = u_layers[i];
+    // The sample may lie behind the plane of a surface.
+    float facing = 1.0 + dot(layer.xy, slope);
+    if (facing <= 0.0) continue;
+    vec2 tilt = slope / (facing * u_window);
+    vec2 moved = u_window * u_cell * (mat2(layer.z, layer.w, -layer.w, layer.z) * jitter);
+    vec2 place = u_window * (at.xy + layer.xy * (at.z - u_middle)) + moved;
+    lit += isLit(place, float(i), at.z + dot(tilt, moved) - bias - dot(abs(tilt), u_texel));
+  }
+  return lit / float(LAYERS);
+}
+#endif
+
+// `place`: from where u_map_from_place and u_light count. Surfaces are lit on the side that is seen. A third of the
+// light comes from everywhere.
+vec3 shadeInLight(vec3 color, vec3 normal, vec3 to_eye, vec3 place) {
+  float squared = dot(normal, normal);
+  vec3 n = squared > 1e-12 ? normal * inversesqrt(squared) : normalize(to_eye);
+  if (dot(n, to_eye) < 0.0) n = -n;
+  vec3 to_light = normalize(u_light.xyz - u_light.w * place);
+#if defined(POINTS) || defined(LINES)
+  vec3 along = normalize(cross(n, abs(n.x) < 0.6 ? vec3(1.0, 0.0, 0.0) : vec3(0.0, 1.0, 0.0)));
+  vec3 across = cross(n, along);
+  vec3 plane = n;
+#else
+  vec3 along = dFdx(place);
+  vec3 across = dFdy(place);
+  vec3 plane = cross(along, across);
+  plane = dot(plane, plane) > 0.0 ? normalize(plane) : n;
+#endif
+  vec4 clip = u_map_from_place * vec4(place, 1.0);
+  if (u_one_of_several && max(abs(clip.x), abs(clip.y)) > clip.w) discard;
+  float facing = dot(n, to_light);
+  if (facing <= 0.0) return 0.35 * color;
+  float flatness = max(abs(dot(plane, to_light)), 1e-6);
+  vec2 slope = depthSlope(u_map_from_place, clip, along, across) * min(flatness / kFlattest, 1.0);
+  float bias = u_reach / max(flatness, kFlattest) * u_depth_per_length / (clip.w * clip.w) + kDepthStep;
+  return color * (0.35 + 0.65 * facing * litShare(clip.xyz / clip.w, slope, bias));
+}

@@ -1,0 +1,3 @@
+// Shadow maps have depth alone.
+void main() {
+}

@@ -1,0 +1,219 @@
+// Shadows in pictures of built scenes, against what rays say of the leaves' triangles.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
+
+#include "base/egl/headless.h"
+#include "base/file.h"
+#include "base/gl/gl.h"
+#include "lod/disk_bytes.h"
+#include "lod/hlod/block.h"
+#include "lod/hlod/builder/build.h"
+#include "mesh/generate/sample.h"
+#include "server/render/hlod_scene.h"
+#include "tests/support/compared_pictures.h"
+#include "tests/support/failure_meshes.h"
+#include "tests/support/ply_file.h"
+#include "tests/support/shadow_truth.h"
+#include "tests/support/temporary_directory.h"
+#include "tests/support/test_meshes.h"
+
+namespace server {
+namespace {
+
+/// The triangles of all leaves, scene-local, with their normals.
+support::Mesh leavesOf(const std::string& path) {
+  using namespace lod::hlod;
+  const auto bytes = base::readFile(path);
+  EXPECT_TRUE(bytes);
+  const base::ByteView file(*bytes);
+  const auto header = readHeader(file);
+  EXPECT_TRUE(header);
+  const auto nodes = readTable(*header, file.subspan(kHeaderBytes, header->table_bytes));
+  EXPECT_TRUE(nodes);
+  support::Mesh mesh;
+  for (const Node& node : *nodes) {
+    if (!node.isLeaf()) continue;
+    const auto leaf = decodeBlock(file.subspan(node.picture.offset, node.picture.bytes), node, {header->colors, false});
+    EXPECT_TRUE(leaf);
+    const auto first = static_cast<std::uint32_t>(mesh.positions.size());
+    for (const NodeVertex& vertex : leaf->vertices) {
+      mesh.positions.push_back(header->lattice.position(vertex.place << int{node.step_bits}));
+      mesh.normals.push_back(vertex.normal);
+    }
+    for (const std::uint32_t corner : leaf->triangles) mesh.indices.push_back(first + corner);
+  }
+  return mesh;
+}
+
+class HlodShadowsTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    auto context = base::HeadlessContext::create();
+    ASSERT_TRUE(context) << context.error().message;
+    context_ = std::move(*context);
+  }
+  void TearDown() override {
+    renderer_.reset();
+    EXPECT_EQ(base::gl::takeError(), "");
+  }
+
+  void buildFile(const std::string& ply) {
+    lod::hlod::builder::BuildOptions options;
+    options.leaf_triangles = 1000;
+    const auto built = lod::hlod::builder::buildFromFiles({ply}, options, directory_ / "hlod.lgh");
+    ASSERT_TRUE(built) << built.error().message;
+    EXPECT_GT(built->levels.size(), 3U);
+    auto opened = HlodScene::create(directory_.path(), scene_);
+    ASSERT_TRUE(opened) << opened.error().message;
+    renderer_ = std::move(*opened);
+    leaves_ = leavesOf(directory_ / "hlod.lgh");
+  }
+  void build(const support::Mesh& mesh) {
+    support::writePly(directory_ / "mesh.ply", support::PlyMesh(mesh));
+    buildFile(directory_ / "mesh.ply");
+  }
+  void buildStatue(std::uint64_t triangles) {
+    mesh::generate::SampleOptions sample;
+    sample.triangles = triangles;
+    sample.colors = false;
+    ASSERT_TRUE(mesh::generate::writeSamplePly(sample, directory_ / "mesh.ply"));
+    buildFile(directory_ / "mesh.ply");
+  }
+
+  /// `from`: in radii of the scene from its middle.
+  base::Camera camera(const glm::dvec3& from, int width = 320, int height = 240) const {
+    const base::Sphere& bounds = renderer_->bounds();
+    base::ViewCamera view;
+    view.position = glm::dvec3(bounds.center) + static_cast<double>(bounds.radius) * from;
+    view.direction = -glm::normalize(from);
+    view.up = {0.0, 0.0, 1.0};
+    view.width = width;
+    view.height = height;
+    return base::cameraForScene(view, glm::dvec3(0.0), bounds);
+  }
+  lod::hlod::ShadowLight sun(const glm::vec3& direction, double degrees = 0.0) const {
+    return {glm::vec4(glm::normalize(direction), 0.0F), static_cast<float>(degrees * std::numbers::pi / 180.0)};
+  }
+  /// `from`: as above; `size`: radii.
+  lod::hlod::ShadowLight lamp(const glm::vec3& from, float size = 0.0F) const {
+    const base::Sphere& bounds = renderer_->bounds();
+    return {glm::vec4(bounds.center + bounds.radius * from, 1.0F), bounds.radius * size};
+  }
+
+  base::Image picture(const base::Camera& camera, const lod::hlod::ShadowLight& light, float tolerance = 0.5F,
+                      std::uint64_t max_target_samples = std::uint64_t{1} << 24) {
+    HlodOptions options;
+    options.tolerance = tolerance;
+    options.shadows = light.size > 0.0F ? Shadows::kSoft : Shadows::kHard;
+    options.light = light;
+    options.max_target_samples = max_target_samples;
+    const auto drawn = renderer_->render(camera, options);
+    EXPECT_TRUE(drawn) << drawn.error().message;
+    return drawn ? drawn->rgba : base::Image(camera.width, camera.height, 4);
+  }
+
+  const support::TemporaryDirectory directory_;
+  std::unique_ptr<base::HeadlessContext> context_;
+  base::Scene scene_;
+  std::unique_ptr<HlodScene> renderer_;
+  support::Mesh leaves_;
+};
+
+TEST_F(HlodShadowsTest, hardShadowsOfTheStatueEndWhereRaysSay) {
+  buildStatue(40'000);
+  const support::ShadowTruth truth(leaves_);
+  for (const float tolerance : {0.01F, 0.5F})
+    for (const lod::hlod::ShadowLight& light :
+         {sun({0.3F, 0.5F, 0.8F}), sun({-0.8F, 0.2F, 0.5F}), lamp({1.0F, -2.0F, 1.5F})}) {
+      const base::Camera view = camera({0.5, -2.4, 0.8});
+      const support::EdgeCount count = support::compareEdges(picture(view, light, tolerance), view, truth, light, 0.5);
+      EXPECT_GT(count.edges, 100);
+      EXPECT_LE(count.wrong, count.edges / 100) << count.edges << " edges, " << count.checked << " pixels; tolerance "
+                                                << tolerance << ", light at " << light.place.x;
+    }
+}
+
+/// How many pixels of a convex surface, which has no shadow where it faces the light, are darker than the light says.
+int shadowedPixels(const base::Image& picture, const base::Camera& view, const support::ShadowTruth& truth,
+                   const lod::hlod::ShadowLight& light, double least_facing) {
+  int dark = 0;
+  for (int y = 0; y < picture.height; ++y)
+    for (int x = 0; x < picture.width; ++x) {
+      const auto seen = truth.seenAt(view, {x + 0.5, y + 0.5});
+      if (!seen || picture.at(x, y)[3] < 255) continue;
+      const double cosine = facing(*seen, light);
+      if (cosine < least_facing) continue;
+      dark += picture.at(x, y)[0] < 255.0 * (0.35 + 0.65 * cosine * 0.9) - 4.0 ? 1 : 0;
+    }
+  return dark;
+}
+
+TEST_F(HlodShadowsTest, convexAndFlatSurfacesShowNoSpeckleAndNoSeam) {
+  // The plate is tilted, so that its places lie between the lattice's.
+  support::Mesh plate = support::openGrid(120, 0.0F);
+  for (glm::vec3& p : plate.positions) p.z += 0.31F * p.x + 0.17F * p.y;
+  for (const support::Mesh& mesh : {support::bumpySphere(100, 200, 0.0F), plate}) {
+    build(mesh);
+    const support::ShadowTruth truth(leaves_);
+    for (int turn = 0; turn < 6; ++turn)
+      for (const double degrees : {0.0, 3.0}) {
+        const float angle = 1.1F * static_cast<float>(turn);
+        // The lower the light the flatter it falls on the plate.
+        const auto light =
+            sun({std::cos(angle), std::sin(angle), 0.35F + 0.2F * static_cast<float>(turn % 3)}, degrees);
+        const base::Camera view = camera({0.4, -1.5, 1.6});
+        EXPECT_EQ(shadowedPixels(picture(view, light), view, truth, light, 0.1), 0) << turn << ", " << degrees;
+      }
+  }
+}
+
+TEST_F(HlodShadowsTest, softShadowsOfTheStatueAreNearToThoseOfManySamples) {
+  buildStatue(40'000);
+  const support::ShadowTruth truth(leaves_);
+  for (const lod::hlod::ShadowLight& light : {sun({0.3F, 0.5F, 0.8F}, 8.0), lamp({1.0F, -2.0F, 1.5F}, 0.4F)}) {
+    const base::Camera view = camera({0.5, -2.4, 0.8});
+    const support::PenumbraError error = support::comparePenumbrae(picture(view, light), view, truth, light);
+    EXPECT_GT(error.pixels, 300);
+    EXPECT_LT(error.mean, 4.0) << error.pixels << " pixels, largest " << error.largest;
+  }
+}
+
+TEST_F(HlodShadowsTest, lightAmidTheSceneThrowsShadowsToAllSides) {
+  support::Mesh mesh = support::openGrid(60, 0.0F);
+  for (int i = 0; i < 5; ++i) {
+    const float angle = 1.2F * static_cast<float>(i);
+    const glm::vec3 foot(0.6F * std::cos(angle), 0.6F * std::sin(angle), 0.0F);
+    support::append(mesh, support::box(foot - 0.05F, foot + glm::vec3(0.05F, 0.05F, 0.5F), 6));
+  }
+  build(mesh);
+  const support::ShadowTruth truth(leaves_);
+  const lod::hlod::ShadowLight light = {glm::vec4(0.02F, 0.03F, 0.35F, 1.0F), 0.0F};
+  const base::Camera view = camera({0.3, -1.8, 1.6});
+  const support::EdgeCount count = support::compareEdges(picture(view, light), view, truth, light, 0.3);
+  EXPECT_GT(count.edges, 150);
+  EXPECT_LE(count.wrong, count.edges / 100) << count.edges << " edges, " << count.checked << " pixels";
+}
+
+TEST_F(HlodShadowsTest, aPictureInTilesIsThatInOne) {
+  buildStatue(20'000);
+  const base::Camera view = camera({0.5, -2.4, 0.8}, 160, 120);
+  for (const double degrees : {0.0, 3.0}) {
+    const auto light = sun({-0.8F, 0.2F, 0.5F}, degrees);
+    const base::Image whole = picture(view, light), tiled = picture(view, light, 0.5F, 6000);
+    EXPECT_LT(support::shareDifferent(whole, tiled), 0.01) << degrees;
+  }
+}
+
+TEST_F(HlodShadowsTest, softShadowsNeedALightOfSomeSize) {
+  buildStatue(10'000);
+  HlodOptions options;
+  options.shadows = Shadows::kSoft;
+  const auto drawn = renderer_->render(camera({0.5, -2.4, 0.8}), options);
+  ASSERT_FALSE(drawn);
+  EXPECT_NE(drawn.error().message.find("size"), std::string::npos) << drawn.error().message;
+}
+
+}  // namespace
+}  // namespace server
