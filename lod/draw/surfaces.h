@@ -38,10 +38,10 @@ enum class Primitive : std::uint8_t { kTriangles, kPoints, kLines };
 
 /// How a method's surfaces are drawn.
 struct SurfaceStyle {
-  const char* name = "";         ///< for GL's messages
-  bool shade_fragments = false;  ///< shading is computed for each fragment, else for each vertex
-  bool fill_behind = false;      ///< points and lines lie behind triangles by three times their size
-  std::string shadow_source;     ///< GLSL of passes with shadows (ShadowMap::shadingSource()), which shade fragments
+  const char* name = "";           ///< for GL's messages
+  bool shade_fragments = false;    ///< shading is computed for each fragment, else for each vertex
+  bool fill_behind = false;        ///< points and lines lie behind triangles by three times their size
+  std::string shadow_source = {};  ///< GLSL of passes with shadows (ShadowMap::shadingSource()), which shade fragments
 };
 
 /// A variant of the program.

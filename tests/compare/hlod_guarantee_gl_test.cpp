@@ -59,7 +59,10 @@ class HlodGuarantee : public testing::Test {
       base::Camera camera = views.next();
       // A camera of more pixels, at which the tolerance of half a pixel is as many times as large.
       camera.width *= kPlaces, camera.height *= kPlaces;
-      const auto seen = (*nodes)->render(camera, {{.supersampling = 1}, 0.5F * kPlaces});
+      server::HlodOptions options;
+      options.supersampling = 1;
+      options.tolerance = 0.5F * kPlaces;
+      const auto seen = (*nodes)->render(camera, options);
       const auto full = (*truth)->render(camera, {.tolerance_px = 0.0F, .supersampling = 1});
       EXPECT_TRUE(seen && full);
       if (!seen || !full) return sum;
