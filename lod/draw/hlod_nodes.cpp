@@ -1,17 +1,29 @@
 #include "lod/draw/hlod_nodes.h"
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
-
-#include "lod/draw/line_copies.h"
 
 namespace lod::draw {
 namespace {
 
+// A line covers the samples that are at most half a sample above or beside it, and so the less across it, down to
+// 1 / √2 of that, the nearer it is to a diagonal.
+constexpr float kDiagonal = 1.4142F;
+// The most copies of a line to either side: a crack of a node that is shown while finer ones come may be wider.
+constexpr int kMaxCopies = 16;
+
 /// How wide lines must be, or points, to reach as far as the node's error to all sides.
 float closingWidth(Primitive primitive, float error) {
   if (primitive == Primitive::kPoints) return 2.0F * error;
-  return primitive == Primitive::kLines ? closingLineWidth(error) : 0.0F;
+  return primitive == Primitive::kLines ? 2.0F * kDiagonal * error : 0.0F;
+}
+
+/// The copies of each line that make it as wide as it must be where it is nearest.
+int copiesOfLines(const hlod::DrawnNode& node, float samples_per_pixel) {
+  const float width = closingWidth(Primitive::kLines, node.error_px) * samples_per_pixel;
+  // Errors may be infinite.
+  return width < static_cast<float>(kMaxCopies) ? std::max(1, static_cast<int>(std::ceil(width))) : kMaxCopies;
 }
 
 std::uint64_t countOf(Primitive primitive, const hlod::NodePicture& picture) {
@@ -81,7 +93,7 @@ base::Result<void> NodeRenderer::drawMap(const NodeShadowMap& map, const NodeSha
   if (!shadow_map_) {
     LUMIGRID_ASSIGN_OR_RETURN(shadow_map_, ShadowMap::create(gpu_bytes_));
   }
-  return shadow_map_->draw({map.plan.camera, shadows.light, receivers}, map.casters);
+  return shadow_map_->draw({map.plan.camera, shadows.light, receivers, shadows.closed}, map.casters);
 }
 
 /// Draws the nodes map by map; those in none come last, under a map without casters.
@@ -92,7 +104,6 @@ base::Result<void> NodeRenderer::drawShadowed(std::span<const hlod::DrawnNode> n
     for (const std::uint32_t place : map.plan.receivers) ++maps[place];
   const auto drawReceivers = [&](const NodeShadowMap& map) -> base::Result<void> {
     Group group;
-    group.shadow_layers = shadows.light.size > 0.0F ? kAreaLightLayers : 1;
     base::Aabb box;
     for (const std::uint32_t place : map.plan.receivers) {
       const hlod::Node& row = shadows.nodes[nodes[place].picture->node];
@@ -101,6 +112,7 @@ base::Result<void> NodeRenderer::drawShadowed(std::span<const hlod::DrawnNode> n
       group.in_shadow.push_back({shadowReach(row, map.casters, shadows.nodes), maps[place] > 1});
     }
     LUMIGRID_TRY(drawMap(map, shadows, box));
+    group.shadow_layers = shadow_map_->layers();
     return drawGroup(group, view, target, count);
   };
   for (const NodeShadowMap& map : shadows.maps) LUMIGRID_TRY(drawReceivers(map));
@@ -157,10 +169,11 @@ base::Result<std::uint64_t> NodeRenderer::drawPass(Primitive primitive, const Gr
     } else if (primitive == Primitive::kTriangles) {
       glDrawElements(GL_TRIANGLES, static_cast<GLsizei>(3 * count), mesh.indices.type, nullptr);
     } else {
-      const int copies = lineCopies(closingLineWidth(node.error_px) * samples_per_pixel);
+      const int copies = copiesOfLines(node, samples_per_pixel);
       glUniform1i(program->uniform("u_copies"), copies);
       glDrawElementsInstanced(GL_LINES, static_cast<GLsizei>(2 * count), mesh.indices.type,
-                              bufferOffset(mesh.indices.bytesOf(picture.triangles.size())), lineInstances(copies));
+                              bufferOffset(mesh.indices.bytesOf(picture.triangles.size())),
+                              copies == 1 ? 1 : 2 * copies);
     }
   }
   glBindVertexArray(0);

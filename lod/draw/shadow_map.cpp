@@ -3,13 +3,10 @@
 #include <algorithm>
 #include <cmath>
 #include <glm/gtc/matrix_transform.hpp>
-#include <limits>
 #include <numeric>
 
-#include "lod/draw/line_copies.h"
 #include "lod/draw/shaders.h"
-#include "lod/draw/surfaces.h"
-#include "lod/surface_vertex.h"
+#include "lod/draw/triangles.h"
 
 namespace lod::draw {
 namespace {
@@ -51,13 +48,6 @@ glm::vec2 depthsOf(const base::Aabb& box, const base::Camera& camera) {
   return range.x <= range.y ? range : glm::vec2(0.0F);
 }
 
-/// The largest scale of a length in the box; infinite where the box reaches the viewer's plane.
-float largestScale(const base::Aabb& box, const glm::mat4& clip_from_scene) {
-  float nearest = std::numeric_limits<float>::max();
-  for (const glm::vec4& clip : cornersInClip(box, clip_from_scene)) nearest = std::min(nearest, clip.w);
-  return nearest > 0.0F ? 1.0F / nearest : std::numeric_limits<float>::infinity();
-}
-
 /// The same number for corners at one place: that of the first of them.
 std::vector<std::uint32_t> placesOf(const std::vector<glm::vec3>& positions) {
   std::vector<std::uint32_t> order(positions.size()), places(positions.size());
@@ -74,38 +64,72 @@ std::vector<std::uint32_t> placesOf(const std::vector<glm::vec3>& positions) {
   return places;
 }
 
-/// The edges of only one triangle, two vertices each with that triangle's normal.
-std::vector<SurfaceVertex> openEdges(const hlod::CasterPicture& picture) {
-  const std::vector<std::uint32_t> places = placesOf(picture.positions);
-  struct Edge {
-    std::uint32_t low, high, triangle;
-    bool isAlong(const Edge& other) const { return low == other.low && high == other.high; }
-  };
+/// An edge of a triangle between two places.
+struct Edge {
+  std::uint32_t low, high, corner;  ///< the corner at which it begins
+  bool isAlong(const Edge& other) const { return low == other.low && high == other.high; }
+};
+
+/// The edges of only one triangle.
+std::vector<Edge> openEdges(const std::vector<std::uint32_t>& triangles, const std::vector<std::uint32_t>& places) {
   std::vector<Edge> edges;
-  edges.reserve(picture.triangles.size());
-  for (std::uint32_t i = 0; i < picture.triangles.size(); ++i) {
-    const std::uint32_t a = places[picture.triangles[i]], b = places[picture.triangles[i % 3 == 2 ? i - 2 : i + 1]];
-    edges.push_back({std::min(a, b), std::max(a, b), i / 3});
+  edges.reserve(triangles.size());
+  for (std::uint32_t i = 0; i < triangles.size(); ++i) {
+    const std::uint32_t a = places[triangles[i]], b = places[triangles[i % 3 == 2 ? i - 2 : i + 1]];
+    edges.push_back({std::min(a, b), std::max(a, b), i});
   }
   std::sort(edges.begin(), edges.end(),
             [](const Edge& a, const Edge& b) { return std::pair(a.low, a.high) < std::pair(b.low, b.high); });
-  std::vector<SurfaceVertex> lines;
+  std::size_t kept = 0;
   for (std::size_t i = 0, next = 0; i < edges.size(); i = next) {
     while (next < edges.size() && edges[next].isAlong(edges[i])) ++next;
-    if (next != i + 1) continue;
-    const auto corner = [&](std::size_t k) {
-      return picture.positions[picture.triangles[3 * std::size_t{edges[i].triangle} + k]];
-    };
-    const glm::vec3 across = glm::cross(corner(1) - corner(0), corner(2) - corner(0));
-    const float length = glm::length(across);
-    const glm::vec3 normal = length > 0.0F ? across / length : glm::vec3(0.0F, 0.0F, 1.0F);
-    for (const std::uint32_t end : {edges[i].low, edges[i].high})
-      lines.push_back(surfaceVertex(picture.positions[end], normal, glm::u8vec3(255)));
+    if (next == i + 1) edges[kept++] = edges[i];
   }
-  return lines;
+  edges.resize(kept);
+  return edges;
+}
+
+/// Moves open edges outwards by the caster's error, each in the plane of its triangle. Where edges meet at a sharp
+/// angle the corner moves by twice that at most.
+std::vector<glm::vec3> grownPositions(const hlod::CasterPicture& picture) {
+  if (!(picture.error > 0.0F)) return picture.positions;
+  const std::vector<std::uint32_t> places = placesOf(picture.positions);
+  struct Outwards {
+    glm::vec3 sum{0.0F};
+    float edges = 0.0F;
+  };
+  std::vector<Outwards> outwards(places.size());
+  const auto position = [&](std::size_t corner) { return picture.positions[picture.triangles[corner]]; };
+  for (const Edge& edge : openEdges(picture.triangles, places)) {
+    const std::size_t first = edge.corner / 3 * 3, k = edge.corner - first;
+    const glm::vec3 from = position(edge.corner), along = position(first + (k + 1) % 3) - from;
+    const glm::vec3 across = glm::cross(along, glm::cross(along, position(first + (k + 2) % 3) - from));
+    const float length = glm::length(across);
+    if (!(length > 0.0F)) continue;
+    for (const std::uint32_t end : {edge.low, edge.high}) {
+      outwards[end].sum += across / length;
+      outwards[end].edges += 1.0F;
+    }
+  }
+  std::vector<glm::vec3> grown = picture.positions;
+  for (std::size_t v = 0; v < grown.size(); ++v) {
+    const Outwards& out = outwards[places[v]];
+    const float length = glm::length(out.sum);
+    if (length > 0.0F) grown[v] += picture.error / std::max(length / out.edges, 0.5F) * (out.sum / length);
+  }
+  return grown;
 }
 
 }  // namespace
+
+int ShadowMapView::layers() const {
+  if (!(light.size > 0.0F)) return 1;
+  // Depths are 2 apart at most, and half a map is 1 wide. Filtering smooths a step of two texels.
+  const glm::vec2 widest = 2.0F * edgeShear(*this) * glm::vec2(camera.width, camera.height);
+  int layers = 4;
+  while (layers < kMaxLightLayers && 2.0F * static_cast<float>(layers) < std::max(widest.x, widest.y)) layers *= 2;
+  return layers;
+}
 
 LightLayers LightLayers::of(const ShadowMapView& view) {
   LightLayers layers;
@@ -139,10 +163,8 @@ glm::mat4 LightLayers::layerFromLight(std::size_t layer) const {
 
 base::Result<std::unique_ptr<ShadowMap>> ShadowMap::create(std::uint64_t gpu_bytes) {
   std::unique_ptr<ShadowMap> map(new ShadowMap(gpu_bytes));
-  const std::string vertex = std::string(glsl::kClosing) + glsl::kDepthSlope + glsl::kShadowVertex;
-  LUMIGRID_ASSIGN_OR_RETURN(map->triangles_, base::gl::Program::link("casters", vertex, glsl::kShadowFragment));
-  LUMIGRID_ASSIGN_OR_RETURN(
-      map->lines_, base::gl::Program::link("casters' edges", "#define LINES\n" + vertex, glsl::kShadowFragment));
+  LUMIGRID_ASSIGN_OR_RETURN(map->program_,
+                            base::gl::Program::link("casters", glsl::kShadowVertex, glsl::kShadowFragment));
   map->compared_ = Sampler::create();
   map->plain_ = Sampler::create();
   for (const Sampler* sampler : {&map->compared_, &map->plain_}) {
@@ -159,28 +181,17 @@ base::Result<std::unique_ptr<ShadowMap>> ShadowMap::create(std::uint64_t gpu_byt
 
 ShadowMap::Mesh ShadowMap::upload(const hlod::CasterPicture& picture) {
   Mesh mesh;
-  for (const glm::vec3& position : picture.positions) mesh.box.add(position);
   mesh.array = base::gl::VertexArray::create();
   glBindVertexArray(mesh.array.name());
   mesh.positions = base::gl::Buffer::create();
-  base::gl::allocate(mesh.positions, GL_ARRAY_BUFFER, picture.positions.data(),
-                     picture.positions.size() * sizeof(glm::vec3), GL_STATIC_DRAW);
+  const std::vector<glm::vec3> positions = grownPositions(picture);
+  base::gl::allocate(mesh.positions, GL_ARRAY_BUFFER, positions.data(), positions.size() * sizeof(glm::vec3),
+                     GL_STATIC_DRAW);
   glEnableVertexAttribArray(kPosition);
   glVertexAttribPointer(kPosition, 3, GL_FLOAT, GL_FALSE, sizeof(glm::vec3), nullptr);
   mesh.indices = uploadIndices(picture.positions.size(), {picture.triangles});
-
-  // Leaves have the source's own vertices at their borders, where nothing is open.
-  if (picture.error > 0.0F) {
-    const std::vector<SurfaceVertex> lines = openEdges(picture);
-    mesh.line_vertices = static_cast<GLsizei>(lines.size());
-    mesh.line_array = base::gl::VertexArray::create();
-    glBindVertexArray(mesh.line_array.name());
-    mesh.lines = base::gl::Buffer::create();
-    base::gl::allocate(mesh.lines, GL_ARRAY_BUFFER, lines.data(), lines.size() * sizeof(SurfaceVertex), GL_STATIC_DRAW);
-    describeSurfaceVertices();
-  }
   glBindVertexArray(0);
-  mesh.bytes = mesh.positions.bytes() + mesh.indices.buffer.bytes() + mesh.lines.bytes();
+  mesh.bytes = mesh.positions.bytes() + mesh.indices.buffer.bytes();
   return mesh;
 }
 
@@ -209,7 +220,7 @@ base::Result<void> ShadowMap::draw(const ShadowMapView& view, std::span<const Dr
   const GLenum no_color = GL_NONE;
   glDrawBuffers(1, &no_color);
   glViewport(0, 0, view.camera.width, view.camera.height);
-  glDisable(GL_CULL_FACE);
+  view.one_sided ? glEnable(GL_CULL_FACE) : glDisable(GL_CULL_FACE);
   glDisable(GL_BLEND);
   glEnable(GL_DEPTH_TEST);
   glDepthFunc(GL_LESS);
@@ -219,13 +230,16 @@ base::Result<void> ShadowMap::draw(const ShadowMapView& view, std::span<const Dr
   glScissor(0, 0, view.camera.width, view.camera.height);
   const LightLayers layers = LightLayers::of(view);
   base::Result<void> done{};
-  for (std::size_t layer = 0; layer < layers.shears.size() && done; ++layer) done = drawLayer(layers, layer, casters);
+  program_.use();
+  for (std::size_t layer = 0; layer < layers.shears.size() && done; ++layer)
+    done = drawLayer(layers.layerFromLight(layer), layer, casters);
   glDisable(GL_SCISSOR_TEST);
+  glDisable(GL_CULL_FACE);
   glBindVertexArray(0);
   return done;
 }
 
-base::Result<void> ShadowMap::drawLayer(const LightLayers& layers, std::size_t layer,
+base::Result<void> ShadowMap::drawLayer(const glm::mat4& layer_from_light, std::size_t layer,
                                         std::span<const DrawnCaster> casters) {
   glFramebufferTextureLayer(GL_FRAMEBUFFER, GL_DEPTH_ATTACHMENT, depths_.name(), 0, static_cast<GLint>(layer));
   if (glCheckFramebufferStatus(GL_FRAMEBUFFER) != GL_FRAMEBUFFER_COMPLETE)
@@ -233,49 +247,18 @@ base::Result<void> ShadowMap::drawLayer(const LightLayers& layers, std::size_t l
                        "shadow map of " + std::to_string(width_) + " x " + std::to_string(height_) + " texels in " +
                            std::to_string(layers_) + " layers: the GL refuses it (" + base::gl::takeError() + ")"};
   glClear(GL_DEPTH_BUFFER_BIT);
-  const glm::mat4 clip_from_scene = layers.layerFromLight(layer) * view_.camera.clipFromScene();
-  drawTriangles(clip_from_scene, casters);
-  drawLines(layers, clip_from_scene, casters);
-  return {};
-}
-
-void ShadowMap::drawTriangles(const glm::mat4& clip_from_scene, std::span<const DrawnCaster> casters) const {
-  triangles_.use();
-  glUniformMatrix4fv(triangles_.uniform("u_clip_from_scene"), 1, GL_FALSE, &clip_from_scene[0][0]);
+  const glm::mat4 clip_from_scene = layer_from_light * view_.camera.clipFromScene();
+  glUniformMatrix4fv(program_.uniform("u_clip_from_scene"), 1, GL_FALSE, &clip_from_scene[0][0]);
   for (const DrawnCaster& caster : casters) {
     const Mesh& mesh = meshes_.mesh(*caster.picture);
     glBindVertexArray(mesh.array.name());
     glDrawElements(GL_TRIANGLES, static_cast<GLsizei>(caster.picture->triangles.size()), mesh.indices.type, nullptr);
   }
-}
-
-/// A line is as wide as the cell's caster and its neighbour's may be apart.
-void ShadowMap::drawLines(const LightLayers& layers, const glm::mat4& clip_from_scene,
-                          std::span<const DrawnCaster> casters) const {
-  const base::Camera& camera = view_.camera;
-  const glm::vec4 eye = camera.homogeneousEye();
-  const float samples =
-      std::max(layers.window.x, layers.window.y) * samplesPerUnit(camera, camera.width, camera.height);
-  lines_.use();
-  glUniformMatrix4fv(lines_.uniform("u_clip_from_scene"), 1, GL_FALSE, &clip_from_scene[0][0]);
-  glUniform4f(lines_.uniform("u_eye"), eye.x, eye.y, eye.z, eye.w);
-  glUniform1f(lines_.uniform("u_samples"), samples);
-  glUniform2f(lines_.uniform("u_sample_size"), 2.0F / static_cast<float>(camera.width),
-              2.0F / static_cast<float>(camera.height));
-  for (const DrawnCaster& caster : casters) {
-    const Mesh& mesh = meshes_.mesh(*caster.picture);
-    if (mesh.line_vertices == 0) continue;
-    const float width = closingLineWidth(caster.picture->error);
-    const int copies = lineCopies(width * samples * largestScale(mesh.box, clip_from_scene));
-    glBindVertexArray(mesh.line_array.name());
-    glUniform1f(lines_.uniform("u_closing"), width);
-    glUniform1i(lines_.uniform("u_copies"), copies);
-    glDrawArraysInstanced(GL_LINES, 0, mesh.line_vertices, lineInstances(copies));
-  }
+  return {};
 }
 
 std::string ShadowMap::shadingSource() {
-  return std::string(glsl::kDepthSlope) + glsl::kShadow;
+  return glsl::kShadow;
 }
 
 void ShadowMap::use(const base::gl::Program& program, const glm::vec3& origin) const {

@@ -22,16 +22,18 @@
 
 namespace lod::draw {
 
-/// Samples of a light that has a size.
-inline constexpr int kAreaLightLayers = 16;
+/// The most samples of a light.
+inline constexpr int kMaxLightLayers = 16;
 
 /// How a map is drawn.
 struct ShadowMapView {
   base::Camera camera;  ///< from the light's middle; width and height: of each layer, texels
   hlod::ShadowLight light;
-  base::Aabb receivers;  ///< of what the map throws shadows on
+  base::Aabb receivers;    ///< of what the map throws shadows on
+  bool one_sided = false;  ///< triangles that turn their back to the light throw no shadow
 
-  int layers() const { return light.size > 0.0F ? kAreaLightLayers : 1; }
+  /// 1 for a light without size, else 4, 8 or 16: one for each two texels of the widest penumbra.
+  int layers() const;
 };
 
 struct DrawnCaster {
@@ -52,15 +54,20 @@ struct LightLayers {
 };
 
 /// One shadow map, which is drawn anew for each group of receivers. Depth: 24 bits a texel. The texture grows to the
-/// largest map. Casters are kept on the GPU as a PictureCache does: 12 bytes a position, 6 or 12 a triangle, and 40 an
-/// open edge, along which lines close cracks between neighbouring cells.
+/// largest map. Casters are kept on the GPU as a PictureCache does: 12 bytes a position, 6 or 12 a triangle.
+///
+/// Neighbouring cells are simplified each by itself, so cracks as wide as their errors are between their casters. Each
+/// caster is therefore drawn that much larger than it is, beyond its open edges.
 class ShadowMap {
  public:
   /// Needs a current context, as do the other functions. `gpu_bytes`: limit for casters that are kept.
   static base::Result<std::unique_ptr<ShadowMap>> create(std::uint64_t gpu_bytes);
-  /// Both sides of casters are drawn. Leaves another framebuffer and viewport bound. Errors: kUnsupported for a map
+  /// Leaves another framebuffer and viewport bound. Errors: kUnsupported for a map
   /// that is larger than the GL allows, kNoSpace.
   base::Result<void> draw(const ShadowMapView& view, std::span<const DrawnCaster> casters);
+
+  /// Layers of the map that was drawn last.
+  int layers() const { return view_.layers(); }
 
   /// GLSL of the fragment shader: `vec3 shadeInLight(vec3 color, vec3 normal, vec3 to_eye, vec3 place)` with
   /// `#define LAYERS` before. The caller sets `u_reach` and `u_one_of_several`: their meanings are in
@@ -78,22 +85,18 @@ class ShadowMap {
   using Sampler =
       base::gl::Object<base::gl::NameTraits<glGenSamplers, glDeleteSamplers, base::gl::detail::StorageKind::kNone>>;
   struct Mesh {
-    base::gl::VertexArray array, line_array;
-    base::gl::Buffer positions, lines;
+    base::gl::VertexArray array;
+    base::gl::Buffer positions;
     IndexBuffer indices;
-    GLsizei line_vertices = 0;
-    base::Aabb box;
     std::uint64_t bytes = 0;
   };
   explicit ShadowMap(std::uint64_t gpu_bytes) : meshes_(gpu_bytes) {}
   static Mesh upload(const hlod::CasterPicture& picture);
   base::Result<void> fit(int width, int height, int layers);
-  base::Result<void> drawLayer(const LightLayers& layers, std::size_t layer, std::span<const DrawnCaster> casters);
-  void drawTriangles(const glm::mat4& clip_from_scene, std::span<const DrawnCaster> casters) const;
-  void drawLines(const LightLayers& layers, const glm::mat4& clip_from_scene,
-                 std::span<const DrawnCaster> casters) const;
+  base::Result<void> drawLayer(const glm::mat4& layer_from_light, std::size_t layer,
+                               std::span<const DrawnCaster> casters);
 
-  base::gl::Program triangles_, lines_;
+  base::gl::Program program_;
   PictureCache<hlod::CasterPicture, Mesh> meshes_;
   base::gl::Texture depths_;
   base::gl::Framebuffer framebuffer_;

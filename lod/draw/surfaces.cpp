@@ -1,6 +1,7 @@
 #include "lod/draw/surfaces.h"
 
 #include <algorithm>
+#include <bit>
 #include <utility>
 
 #include "lod/draw/shaders.h"
@@ -14,17 +15,18 @@ static_assert(sizeof(SurfaceVertex) == kSurfaceVertexBytes);
 
 constexpr std::array kPrimitiveDefines{"", "#define POINTS\n", "#define LINES\n"};
 
+/// The samples that a length of 1 covers at depth 1, along the side of the target where they are more.
+float samplesPerUnit(const SurfaceView& view, const SurfaceTarget& target) {
+  const glm::mat4& lens = view.camera.clip_from_eye;
+  return 0.5F * std::max(static_cast<float>(target.width) * lens[0][0], static_cast<float>(target.height) * lens[1][1]);
+}
+
 std::string shadowDefines(const SurfacePass& pass) {
   if (pass.shadow_layers == 0) return "";
   return "#define SHADOWS\n#define LAYERS " + std::to_string(pass.shadow_layers) + "\n";
 }
 
 }  // namespace
-
-float samplesPerUnit(const base::Camera& camera, int width, int height) {
-  const glm::mat4& lens = camera.clip_from_eye;
-  return 0.5F * std::max(static_cast<float>(width) * lens[0][0], static_cast<float>(height) * lens[1][1]);
-}
 
 float SurfaceTarget::samplesPerPixel(const base::Camera& camera) const {
   return static_cast<float>(height) / static_cast<float>(std::max(camera.height, 1));
@@ -35,7 +37,7 @@ SurfacePass SurfacePass::of(Primitive primitive, const SurfaceView& view) {
 }
 
 std::size_t SurfacePass::number() const {
-  const std::size_t shadows = shadow_layers == 0 ? 0 : shadow_layers == 1 ? 1 : 2;
+  const auto shadows = static_cast<std::size_t>(std::bit_width(static_cast<unsigned>(shadow_layers)));
   return 12 * shadows + 4 * static_cast<std::size_t>(primitive) + (resolution ? 2U : 0U) + (section ? 1U : 0U);
 }
 
@@ -49,7 +51,7 @@ base::Result<const base::gl::Program*> SurfacePrograms::link(const SurfacePass& 
                               (pass.resolution ? "#define RESOLUTION\n" : "") +
                               (pass.section ? "#define SECTION\n" : "") + shadowDefines(pass);
   const std::string shading = (pass.shadow_layers > 0 ? style_.shadow_source : shadingSource()) + tintSource();
-  const std::string vertex = defines + (style_.shade_fragments ? "" : shading) + glsl::kClosing + glsl::kSurfaceVertex;
+  const std::string vertex = defines + (style_.shade_fragments ? "" : shading) + glsl::kSurfaceVertex;
   const std::string fragment = defines + (style_.shade_fragments ? shading : "") + glsl::kSurfaceFragment;
   LUMIGRID_ASSIGN_OR_RETURN(program, base::gl::Program::link(style_.name, vertex, fragment));
   return &program;
@@ -66,7 +68,7 @@ base::Result<const base::gl::Program*> SurfacePrograms::use(const SurfacePass& p
   glUniformMatrix4fv(program.uniform("u_clip_from_scene"), 1, GL_FALSE, &clip_from_scene[0][0]);
   glUniform4f(program.uniform("u_eye"), eye.x, eye.y, eye.z, eye.w);
   glUniform4f(program.uniform("u_section"), view.section.x, view.section.y, view.section.z, view.section.w);
-  glUniform1f(program.uniform("u_samples"), samplesPerUnit(view.camera, target.width, target.height));
+  glUniform1f(program.uniform("u_samples"), samplesPerUnit(view, target));
   glUniform2f(program.uniform("u_sample_size"), 2.0F / static_cast<float>(target.width),
               2.0F / static_cast<float>(target.height));
   if (pass.resolution) {

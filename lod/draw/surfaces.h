@@ -30,10 +30,6 @@ struct SurfaceTarget {
   float samplesPerPixel(const base::Camera& camera) const;
 };
 
-/// The samples that a length of 1 covers at depth 1 in a picture of width × height samples, along the side of the
-/// picture where they are more.
-float samplesPerUnit(const base::Camera& camera, int width, int height);
-
 enum class Primitive : std::uint8_t { kTriangles, kPoints, kLines };
 
 /// How a method's surfaces are drawn.
@@ -49,11 +45,11 @@ struct SurfacePass {
   Primitive primitive = Primitive::kTriangles;
   bool resolution = false;  ///< coloured by resolution
   bool section = false;
-  int shadow_layers = 0;  ///< of the shadow map: 0: no shadows; 1: hard ones; kAreaLightLayers: soft ones
+  int shadow_layers = 0;  ///< of the shadow map, 1, 2, 4, 8 or 16; 0: no shadows
 
   static SurfacePass of(Primitive primitive, const SurfaceView& view);
   std::size_t number() const;
-  static constexpr std::size_t kNumbers = 36;
+  static constexpr std::size_t kNumbers = 72;
 };
 
 class SurfacePrograms {
@@ -64,8 +60,8 @@ class SurfacePrograms {
   base::Result<const base::gl::Program*> link(const SurfacePass& pass);
   /// Links it, uses it, and sets what it needs to know of view and target. The caller sets "u_two_sided" where vertices
   /// are shaded, "u_closing" for points and lines, "u_point_samples" for points, "u_detail" and "u_hatched" with
-  /// resolution, and "u_copies" for lines: their meanings are in shaders/surface_vertex.glsl and closing.glsl. With
-  /// shadows follows ShadowMap::use().
+  /// resolution, and "u_copies" for lines: their meanings are in shaders/surface_vertex.glsl. With shadows follows
+  /// ShadowMap::use().
   base::Result<const base::gl::Program*> use(const SurfacePass& pass, const SurfaceView& view,
                                              const SurfaceTarget& target);
 

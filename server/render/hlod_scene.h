@@ -47,16 +47,19 @@ class HlodScene {
   const base::Sphere& bounds() const { return stream_.header()->bounds; }
 
  private:
-  HlodScene(std::string path, const std::shared_ptr<const lod::FileBytes>& file, const base::Light& light);
+  HlodScene(std::string path, const std::shared_ptr<const lod::FileBytes>& file, const base::Scene& scene);
   /// `request`: with the tile.
   base::Result<void> drawTile(const lod::hlod::TraverseRequest& request, const SampleTarget& target,
                               const HlodOptions& options, HlodPicture& picture);
+  std::vector<lod::hlod::ShadowMapPlan> planMaps(const lod::hlod::TraverseRequest& request,
+                                                 const HlodOptions& options) const;
   base::Result<void> planShadows(const lod::hlod::TraverseRequest& request, const HlodOptions& options);
 
   const std::string path_;
   lod::hlod::Stream stream_;
   std::vector<lod::hlod::DrawnNode> nodes_;
   lod::draw::Shading shading_;
+  bool closed_ = false;             ///< the surface has no border
   lod::draw::NodeShadows shadows_;  ///< on nodes_
   std::unique_ptr<lod::draw::NodeRenderer> renderer_;
   std::unique_ptr<TiledPicture> tiles_;

@@ -1,5 +1,5 @@
 // Shades a surface in the light whose shadow maps lie in LAYERS layers of a texture: one for a hard shadow, one for
-// each sample of an area light. depth_slope.glsl comes before.
+// each sample of an area light.
 //
 // All layers are sheared copies of one view from the light's middle. Depth is the same in all of them, and x and y move
 // in proportion to the distance in depth from a plane amid the receivers. This holds in parallel and in perspective
@@ -22,6 +22,18 @@ uniform vec2 u_cell;                   // shear of the radius of a sample's shar
 const float kFlattest = 0.02;
 // Rounding of depths.
 const float kDepthStep = 1e-6;
+
+// The slope of depth along x and y, in normalized device coordinates, of the plane through the place at `clip` in two
+// directions of the scene. 0 for a plane that is seen from its edge.
+vec2 depthSlope(vec4 clip, vec3 along, vec3 across) {
+  vec3 at = clip.xyz / clip.w;
+  vec4 a = u_map_from_place * vec4(along, 0.0);
+  vec4 b = u_map_from_place * vec4(across, 0.0);
+  vec3 p = a.xyz - at * a.w;
+  vec3 q = b.xyz - at * b.w;
+  float area = p.x * q.y - p.y * q.x;
+  return abs(area) > 1e-30 ? vec2(p.z * q.y - q.z * p.y, p.x * q.z - q.x * p.z) / area : vec2(0.0);
+}
 
 vec3 inTexture(vec2 at, float layer) {
   return vec3(u_used_half * (at + 1.0), layer);
@@ -101,7 +113,7 @@ vec3 shadeInLight(vec3 color, vec3 normal, vec3 to_eye, vec3 place) {
   float facing = dot(n, to_light);
   if (facing <= 0.0) return 0.35 * color;
   float flatness = max(abs(dot(plane, to_light)), 1e-6);
-  vec2 slope = depthSlope(u_map_from_place, clip, along, across) * min(flatness / kFlattest, 1.0);
+  vec2 slope = depthSlope(clip, along, across) * min(flatness / kFlattest, 1.0);
   float bias = u_reach / max(flatness, kFlattest) * u_depth_per_length / (clip.w * clip.w) + kDepthStep;
   return color * (0.35 + 0.65 * facing * litShare(clip.xyz / clip.w, slope, bias));
 }

@@ -3,13 +3,16 @@
 //
 // Variants: POINTS; LINES, of which several copies lie side by side; SHADE_FRAGMENTS shades each fragment, in place of
 // each vertex; BEHIND draws behind triangles; RESOLUTION tints by the size of the detail; SECTION cuts at a plane;
-// SHADOWS tells fragments their place. closing.glsl comes before.
+// SHADOWS tells fragments their place.
 layout(location = 0) in vec3 a_position;
 layout(location = 1) in vec4 a_normal;
 layout(location = 2) in vec4 a_color;
 uniform mat4 u_clip_from_scene;
+uniform vec4 u_eye;                    // homogeneous: parallel rays come from a point at infinity
 uniform bool u_two_sided;              // normals are turned towards the viewer
+uniform float u_samples;               // samples that a length of 1 covers at depth 1
 uniform float u_point_samples;         // samples that a point spans at least
+uniform float u_closing;               // diameter at which points leave no hole, width at which lines do, scene units
 uniform float u_pixels;                // pixels that a length of 1 spans at depth 1
 uniform float u_detail;                // size of the detail that is shown, scene units
 // Triangles smaller than a pixel would be shaded from beyond their corners at the pixel's middle.
@@ -34,6 +37,28 @@ float depthBehind(vec3 to_eye, float squared_distance) {
   vec4 behind = u_clip_from_scene * vec4(a_position - 3.0 * u_closing * inversesqrt(squared_distance) * to_eye, 1.0);
   if (gl_Position.w <= 0.0 || behind.w <= 0.0) return gl_Position.z;
   return max(gl_Position.z, min(behind.z / behind.w, 0.999999) * gl_Position.w);
+}
+#endif
+
+// Away from the picture's middle a length covers more samples, by 1 / cos² of the angle.
+float closingSamples(float squared_distance) {
+  float depth = gl_Position.w;
+  return u_closing * u_samples * (u_eye.w > 0.0 ? sqrt(squared_distance) / (depth * depth) : 1.0);
+}
+
+#ifdef LINES
+uniform int u_copies;                  // of each line to either side of its place: of flat ones, then of steep ones
+uniform vec2 u_sample_size;            // in clip space
+// A line covers one sample in each column, or in each row if it is steep. Copies beside it, at most a sample apart,
+// make it as wide as is needed. Those of flat lines lie above each other, those of steep ones side by side; every line
+// gets both, as it may turn from one to the other in perspective.
+vec2 copyOffset(float squared_distance) {
+  if (u_copies == 1) return vec2(0.0);
+  float half_width = 0.5 * clamp(closingSamples(squared_distance) - 1.0, 0.0, float(u_copies - 1));
+  bool is_flat = gl_InstanceID < u_copies;
+  float place = float(is_flat ? gl_InstanceID : gl_InstanceID - u_copies) / float(u_copies - 1);
+  float offset = (2.0 * place - 1.0) * half_width;
+  return (is_flat ? vec2(0.0, offset) : vec2(offset, 0.0)) * u_sample_size;
 }
 #endif
 
