@@ -2,12 +2,14 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cmath>
 #include <limits>
-#include <queue>
 #include <unordered_map>
 #include <utility>
 
+#include "base/simd.h"
+#include "lod/hlod/builder/vertex_queue.h"
 #include "lod/patch/builder/facet_surface.h"
 
 namespace lod::hlod::builder {
@@ -24,53 +26,53 @@ constexpr float kLeastCosine = 0.1F;
 constexpr float kLengthCost = 0.1F;
 constexpr float kTurnCost = 0.5F;
 constexpr float kColorCost = 1.0F / 128.0F;
-// A vertex waits again where its collapse has become so many times as dear as when it was queued.
-constexpr float kStaleCost = 2.0F;
+// A vertex waits again where its collapse has become more than twice as dear as when it was queued.
+constexpr std::uint32_t kStaleRanks = VertexQueue::kRanksPerOctave;
+
+/// The four vectors lane by lane.
+LUMIGRID_ALWAYS_INLINE FourPoints side(const Four& a, const Four& b, const Four& c, const Four& d) {
+  const std::array<Four, 4> rows{a, b, c, d};
+  const std::array<Four, 4> lanes = base::transposed(rows.data());
+  return {lanes[0], lanes[1], lanes[2]};
+}
+LUMIGRID_ALWAYS_INLINE float lowestOf(const Four& v) {
+  return std::min(std::min(v[0], v[1]), std::min(v[2], v[3]));
+}
 
 class Collapser {
  public:
   Collapser(const NodeMesh& mesh, float limit, const AppearanceOptions& options, bool carries)
-      : mesh_(mesh), limit_(limit), limit2_(limit * limit), options_(options) {
-    const std::size_t triangles = mesh.triangles(), vertices = mesh.positions.size();
-    corners_ = mesh.indices;
-    alive_.assign(triangles, 1);
-    reach_.assign(triangles, 0.0F);
-    if (carries && !mesh.bounds.toward.empty()) {
-      reach_ = mesh.bounds.from;
-      room2_.assign(vertices, limit2_);
-      for (std::size_t c = 0; c < corners_.size(); ++c) {
-        const float room = std::max(limit - mesh.bounds.toward[c / 3], 0.0F);
-        room2_[corners_[c]] = std::min(room2_[corners_[c]], room * room);
+      : limit_(limit), limit2_(limit * limit), options_(options), queue_(mesh.positions.size()) {
+    const std::size_t triangles = mesh.triangles();
+    addVertices(mesh);
+    triangles_.resize(triangles);
+    const bool counts = carries && !mesh.bounds.toward.empty();
+    // The corners at a vertex are linked in the order of triangles.
+    for (std::uint32_t t = static_cast<std::uint32_t>(triangles); t-- > 0;) {
+      Triangle& triangle = triangles_[t];
+      for (std::uint32_t k = 3; k-- > 0;) {
+        const std::uint32_t v = mesh.indices[3 * std::size_t{t} + k];
+        triangle.corner[k] = v;
+        triangle.next[k] = std::exchange(vertices_[v].first_corner, cornerNumber(t, k));
+        if (!counts) continue;
+        const float room = std::max(limit - mesh.bounds.toward[t], 0.0F);
+        vertices_[v].room2 = std::min(vertices_[v].room2, room * room);
       }
+      if (counts) triangle.reach = mesh.bounds.from[t];
+      triangle.direction = directionOf(triangle);
     }
-    next_corner_.assign(3 * triangles, kNone);
-    first_corner_.assign(vertices, kNone);
-    for (std::uint32_t c = static_cast<std::uint32_t>(corners_.size()); c-- > 0;) {
-      next_corner_[c] = first_corner_[corners_[c]];
-      first_corner_[corners_[c]] = c;
-    }
-    first_sample_.assign(triangles, kNone);
-    next_sample_.assign(vertices, kNone);
-    survivor_.resize(vertices);
-    for (std::uint32_t v = 0; v < vertices; ++v) survivor_[v] = v;
-    is_queued_.assign(vertices, 0);
-    mark_.assign(vertices, 0);
-    directions_.resize(triangles);
-    for (std::uint32_t t = 0; t < triangles; ++t) directions_[t] = directionOf(t);
   }
 
   Collapsed run() {
-    for (std::uint32_t v = 0; v < survivor_.size(); ++v) push(v);
-    while (!queue_.empty()) {
-      const Candidate top = queue_.top();
-      queue_.pop();
-      is_queued_[top.vertex] = 0;
-      if (survivor_[top.vertex] != top.vertex) continue;
+    for (std::uint32_t v = 0; v < vertices_.size(); ++v) push(v);
+    while (true) {
+      const VertexQueue::Entry top = queue_.pop();
+      if (top.vertex == kNone) break;
       findTargets(top.vertex);
-      if (targets_.empty()) continue;
+      if (targets_[0].slot == kNone) continue;
       // The vertex' surroundings may have changed since it was queued.
-      if (targets_.front().cost > kStaleCost * top.cost)
-        enqueue(top.vertex, targets_.front().cost);
+      if (VertexQueue::rankOf(targets_[0].cost) > top.rank + kStaleRanks)
+        queue_.push(top.vertex, targets_[0].cost);
       else
         tryVertex(top.vertex);
     }
@@ -78,168 +80,212 @@ class Collapser {
   }
 
  private:
-  struct Candidate {
-    float cost = 0.0F;
-    std::uint32_t vertex = 0;
-    bool operator<(const Candidate& other) const {
-      return cost != other.cost ? cost > other.cost : vertex > other.vertex;
-    }
+  // All that is known of a vertex lies together, as do the corners of a triangle: the queue jumps to and fro.
+  struct alignas(64) Vertex {
+    Attributes at;
+    float room2 = 0.0F;  // the square of what it may be off
+    std::uint32_t first_corner = kNone;
+    std::uint32_t next_sample = kNone;
+    std::uint32_t survivor = kNone;
+  };
+  struct Triangle {
+    std::array<std::uint32_t, 3> corner{};  // all kNone where the triangle is gone
+    std::array<std::uint32_t, 3> next{};    // the next corner of the same vertex
+    glm::vec3 direction{0.0F};              // the unit normal, or zero
+    float reach = 0.0F;  // about how far the triangle's places are from the mesh before, or from the source
+    std::uint32_t first_sample = kNone;
+  };
+  // A triangle at the vertex that is looked at, and where its other corners are in the list of neighbours.
+  struct Spoke {
+    std::uint32_t triangle = 0;
+    std::uint32_t next = 0, last = 0;  // in the triangle's winding, from the vertex on
   };
   struct Neighbor {
     std::uint32_t vertex = 0;
     std::uint32_t triangles = 0;  // at the edge
-    float cost = 0.0F;
+    bool is_common = false;       // of the vertex and the one that it might be collapsed into
+    float reach = 0.0F;           // of the edge that a collapse would make
+  };
+  struct Mark {
+    std::uint32_t stamp = 0, slot = 0;
+  };
+  struct Target {
+    std::uint32_t slot = kNone;  // of a neighbour
+    float cost = std::numeric_limits<float>::infinity();
   };
   struct Placed {
     std::uint32_t sample = 0, triangle = 0;
   };
 
-  Attributes attributesOf(std::uint32_t v) const {
-    return {mesh_.positions[v], mesh_.normals[v], mesh_.colors.empty() ? glm::vec3(0.0F) : mesh_.colors[v]};
-  }
-  std::uint32_t corner(std::uint32_t t, std::uint32_t k) const { return corners_[3 * std::size_t{t} + k]; }
-  glm::vec3 normalOf(std::uint32_t a, std::uint32_t b, std::uint32_t c) const {
-    const auto& p = mesh_.positions;
-    return glm::cross(p[b] - p[a], p[c] - p[a]);
+  static std::uint32_t cornerNumber(std::uint32_t t, std::uint32_t k) { return 4 * t + k; }
+
+  void addVertices(const NodeMesh& mesh) {
+    vertices_.resize(mesh.positions.size());
+    marks_.resize(mesh.positions.size());
+    for (std::uint32_t v = 0; v < vertices_.size(); ++v) {
+      Vertex& vertex = vertices_[v];
+      vertex.at = {fourOf(mesh.positions[v]), fourOf(mesh.normals[v]),
+                   mesh.colors.empty() ? Four{} : fourOf(mesh.colors[v])};
+      vertex.room2 = limit2_;
+      vertex.survivor = v;
+    }
   }
 
-  /// The unit normal, or zero.
-  glm::vec3 directionOf(std::uint32_t t) const {
-    const glm::vec3 n = normalOf(corner(t, 0), corner(t, 1), corner(t, 2));
+  const Four& positionOf(std::uint32_t v) const { return vertices_[v].at.position; }
+  glm::vec3 directionOf(const Triangle& t) const {
+    const glm::vec3 a = vectorOf(positionOf(t.corner[0]));
+    const glm::vec3 n = glm::cross(vectorOf(positionOf(t.corner[1])) - a, vectorOf(positionOf(t.corner[2])) - a);
     const float length2 = glm::dot(n, n);
     return length2 > 0.0F ? n / std::sqrt(length2) : glm::vec3(0.0F);
   }
 
-  /// The triangles around v; those that are gone leave the vertex' list.
-  void findStar(std::uint32_t v, std::vector<std::uint32_t>& star) {
-    star.clear();
-    std::uint32_t* link = &first_corner_[v];
+  /// Calls visit(triangle, k) for the corners at v, as long as it returns true. Triangles that are gone leave the list.
+  template <class Visit>
+  void forEachCorner(std::uint32_t v, const Visit& visit) {
+    std::uint32_t* link = &vertices_[v].first_corner;
     while (*link != kNone) {
-      const std::uint32_t t = *link / 3;
-      if (alive_[t] == 0) {
-        *link = next_corner_[*link];
+      const std::uint32_t t = *link / 4, k = *link % 4;
+      if (triangles_[t].corner[0] == kNone) {
+        *link = triangles_[t].next[k];
         continue;
       }
-      star.push_back(t);
-      link = &next_corner_[*link];
+      if (!visit(t, k)) return;
+      link = &triangles_[t].next[k];
     }
   }
 
-  /// The vertices that share an edge with v, and how many of its triangles each edge has.
-  void findNeighbors(std::uint32_t v, const std::vector<std::uint32_t>& star, std::vector<Neighbor>& neighbors) {
-    neighbors.clear();
-    for (const std::uint32_t t : star)
-      for (std::uint32_t k = 0; k < 3; ++k) {
-        const std::uint32_t u = corner(t, k);
-        if (u == v) continue;
-        const auto found =
-            std::find_if(neighbors.begin(), neighbors.end(), [u](const Neighbor& n) { return n.vertex == u; });
-        if (found == neighbors.end())
-          neighbors.push_back({u, 1, 0.0F});
-        else
-          ++found->triangles;
-      }
+  /// Finds the triangles around v, and the vertices that share an edge with it. False: too many.
+  bool findFan(std::uint32_t v) {
+    spokes_.clear();
+    neighbors_.clear();
+    startMarks();
+    forEachCorner(v, [&](std::uint32_t t, std::uint32_t k) {
+      const auto& c = triangles_[t].corner;
+      const std::uint32_t next = slotOf(c[k == 2 ? 0 : k + 1]);
+      const std::uint32_t last = slotOf(c[k == 0 ? 2 : k - 1]);
+      spokes_.push_back({t, next, last});
+      return spokes_.size() <= kMaxStar;
+    });
+    return !spokes_.empty() && spokes_.size() <= kMaxStar;
+  }
+  void startMarks() {
+    if (++stamp_ != 0) return;
+    marks_.assign(marks_.size(), {});
+    stamp_ = 1;
+  }
+  std::uint32_t slotOf(std::uint32_t w) {
+    Mark& mark = marks_[w];
+    if (mark.stamp != stamp_) {
+      mark = {stamp_, static_cast<std::uint32_t>(neighbors_.size())};
+      neighbors_.push_back({w});
+    }
+    ++neighbors_[mark.slot].triangles;
+    return mark.slot;
   }
 
-  /// How much a collapse of v into u seems to move the surface: an order, no bound.
-  float costOf(std::uint32_t v, std::uint32_t u, const std::vector<std::uint32_t>& star) const {
-    const glm::vec3 along = mesh_.positions[u] - mesh_.positions[v];
-    const float length2 = glm::dot(along, along);
-    float height2 = 0.0F;
-    for (const std::uint32_t t : star) {
-      const float over = glm::dot(directions_[t], along);
-      height2 = std::max(height2, over * over);
+  const Attributes& neighborAt(std::uint32_t slot) const { return vertices_[neighbors_[slot].vertex].at; }
+
+  /// How much collapses of v into four neighbours seem to move the surface: an order, no bound.
+  Four costsOf(std::uint32_t v, const std::array<std::uint32_t, 4>& slots) const {
+    const Attributes& from = vertices_[v].at;
+    const std::array<const Attributes*, 4> to{&neighborAt(slots[0]), &neighborAt(slots[1]), &neighborAt(slots[2]),
+                                              &neighborAt(slots[3])};
+    const FourPoints along = side(to[0]->position - from.position, to[1]->position - from.position,
+                                  to[2]->position - from.position, to[3]->position - from.position);
+    Four height2{};
+    for (const Spoke& spoke : spokes_) {
+      const Four over = along.dot(triangles_[spoke.triangle].direction);
+      const Four over2 = over * over;
+      height2 = height2 < over2 ? over2 : height2;
     }
-    float off = kLengthCost * kLengthCost;
+    Four off = Four{} + kLengthCost * kLengthCost;
     if (options_.normals) {
-      const glm::vec3 turn = kTurnCost * (mesh_.normals[u] - mesh_.normals[v]);
-      off += glm::dot(turn, turn);
+      const FourPoints turn = side(to[0]->normal - from.normal, to[1]->normal - from.normal,
+                                   to[2]->normal - from.normal, to[3]->normal - from.normal);
+      off += kTurnCost * kTurnCost * turn.dot(turn);
     }
-    if (options_.colors && !mesh_.colors.empty()) {
-      const glm::vec3 color = kColorCost * (mesh_.colors[u] - mesh_.colors[v]);
-      off += glm::dot(color, color);
+    if (options_.colors) {
+      const FourPoints color = side(to[0]->color - from.color, to[1]->color - from.color, to[2]->color - from.color,
+                                    to[3]->color - from.color);
+      off += kColorCost * kColorCost * color.dot(color);
     }
-    return height2 + off * length2;
+    return height2 + off * along.dot(along);
   }
 
-  /// Sorts the neighbours into which v might be collapsed by cost. Empty where v has to stay.
+  /// Finds the cheapest neighbours into which v might be collapsed. None where v has to stay.
   void findTargets(std::uint32_t v) {
-    findStar(v, star_);
-    targets_.clear();
-    if (star_.empty() || star_.size() > kMaxStar) return;
-    findNeighbors(v, star_, neighbors_);
+    targets_.fill({});
+    has_old_ = false;
+    if (!findFan(v)) return;
     std::size_t open = 0;
     for (const Neighbor& n : neighbors_) {
       if (n.triangles > 2) return;
       open += n.triangles == 1 ? 1 : 0;
     }
     if (open > 2) return;
-    for (const Neighbor& n : neighbors_) {
-      if (open > 0 && n.triangles != 1) continue;
-      targets_.push_back({n.vertex, n.triangles, costOf(v, n.vertex, star_)});
+    const auto count = static_cast<std::uint32_t>(neighbors_.size());
+    for (std::uint32_t first = 0; first < count; first += 4) {
+      std::array<std::uint32_t, 4> slots{};
+      for (std::uint32_t i = 0; i < 4; ++i) slots[i] = std::min(first + i, count - 1);
+      const Four costs = costsOf(v, slots);
+      for (std::uint32_t i = 0; i < 4 && first + i < count; ++i)
+        if (open == 0 || neighbors_[first + i].triangles == 1) addTarget({first + i, costs[i]});
     }
-    std::sort(targets_.begin(), targets_.end(), [](const Neighbor& a, const Neighbor& b) {
-      return a.cost != b.cost ? a.cost < b.cost : a.vertex < b.vertex;
-    });
+  }
+  void addTarget(Target target) {
+    for (Target& other : targets_)
+      if (target.cost < other.cost) std::swap(target, other);
   }
 
-  void enqueue(std::uint32_t v, float cost) {
-    queue_.push({cost, v});
-    is_queued_[v] = 1;
-  }
   void push(std::uint32_t v) {
-    if (is_queued_[v] != 0) return;
+    if (queue_.has(v)) return;
     findTargets(v);
-    if (!targets_.empty()) enqueue(v, targets_.front().cost);
+    if (targets_[0].slot != kNone) queue_.push(v, targets_[0].cost);
   }
 
   /// Collapses v into the first of its targets that may be. A vertex that has to stay waits for a change around it.
   void tryVertex(std::uint32_t v) {
-    for (std::size_t i = 0; i < std::min(targets_.size(), kTries); ++i)
-      if (keepsTopology(v, targets_[i]) && keepsSides(v, targets_[i].vertex) && keepsBorder(v, targets_[i]) &&
-          keepsNear(targets_[i].vertex) && keepsSamples(v, targets_[i].vertex))
-        return collapse(v, targets_[i].vertex);
+    for (const Target& target : targets_) {
+      if (target.slot == kNone) return;
+      const Neighbor& to = neighbors_[target.slot];
+      if (keepsSides(target.slot) && keepsTopology(v, target.slot) && keepsBorder(v, to) &&
+          keepsSamples(v, to.vertex) && keepsNear(v, target.slot))
+        return collapse(v, to.vertex);
+    }
   }
 
   /// The link condition: v and u have no common neighbours but those across from their edge.
-  bool keepsTopology(std::uint32_t v, const Neighbor& target) {
-    findStar(target.vertex, target_star_);
-    if (target_star_.size() > kMaxStar) return false;
-    ++mark_now_;
-    for (const Neighbor& n : neighbors_) mark_[n.vertex] = mark_now_;
+  bool keepsTopology(std::uint32_t v, std::uint32_t target) {
+    for (Neighbor& n : neighbors_) n.is_common = false;
     std::uint32_t common = 0;
-    for (const std::uint32_t t : target_star_)
-      for (std::uint32_t k = 0; k < 3; ++k) {
-        const std::uint32_t w = corner(t, k);
-        if (w == target.vertex || w == v || mark_[w] != mark_now_) continue;
-        mark_[w] = 0;
+    std::size_t star = 0;
+    const std::uint32_t u = neighbors_[target].vertex;
+    forEachCorner(u, [&](std::uint32_t t, std::uint32_t) {
+      for (const std::uint32_t w : triangles_[t].corner) {
+        if (w == u || w == v || marks_[w].stamp != stamp_ || neighbors_[marks_[w].slot].is_common) continue;
+        neighbors_[marks_[w].slot].is_common = true;
         ++common;
       }
-    return common == target.triangles;
+      return ++star <= kMaxStar;
+    });
+    return star <= kMaxStar && common == neighbors_[target].triangles;
   }
 
-  bool has(std::uint32_t t, std::uint32_t v) const {
-    return corner(t, 0) == v || corner(t, 1) == v || corner(t, 2) == v;
-  }
-  std::array<std::uint32_t, 3> moved(std::uint32_t t, std::uint32_t v, std::uint32_t u) const {
-    std::array<std::uint32_t, 3> c{corner(t, 0), corner(t, 1), corner(t, 2)};
-    std::replace(c.begin(), c.end(), v, u);
-    return c;
-  }
-
-  bool keepsSides(std::uint32_t v, std::uint32_t u) const {
-    bool any = false;
-    for (const std::uint32_t t : star_) {
-      if (has(t, u)) continue;
-      any = true;
-      const auto c = moved(t, v, u);
-      const glm::vec3 after = normalOf(c[0], c[1], c[2]);
+  /// Finds the triangles that stay, and whether none turns over.
+  bool keepsSides(std::uint32_t target) {
+    staying_.clear();
+    const glm::vec3 a = vectorOf(neighborAt(target).position);
+    for (const Spoke& spoke : spokes_) {
+      if (spoke.next == target || spoke.last == target) continue;
+      staying_.push_back(spoke);
+      const glm::vec3 after =
+          glm::cross(vectorOf(neighborAt(spoke.next).position) - a, vectorOf(neighborAt(spoke.last).position) - a);
       const float after2 = glm::dot(after, after);
       if (!(after2 > 0.0F)) return false;
-      const glm::vec3& before = directions_[t];
+      const glm::vec3& before = triangles_[spoke.triangle].direction;
       if (before != glm::vec3(0.0F) && glm::dot(before, after) < kLeastCosine * std::sqrt(after2)) return false;
     }
-    return any;
+    return !staying_.empty();
   }
 
   static std::uint64_t edgeKey(std::uint32_t a, std::uint32_t b) {
@@ -258,10 +304,10 @@ class Collapser {
     for (const std::uint32_t end : {target.vertex, border_end_})
       if (const auto found = border_samples_.find(edgeKey(v, end)); found != border_samples_.end())
         border_.insert(border_.end(), found->second.begin(), found->second.end());
-    const glm::vec3& from = mesh_.positions[border_end_];
-    const glm::vec3 along = mesh_.positions[target.vertex] - from;
+    const glm::vec3 from = vectorOf(positionOf(border_end_));
+    const glm::vec3 along = vectorOf(positionOf(target.vertex)) - from;
     return std::all_of(border_.begin(), border_.end(), [&](std::uint32_t sample) {
-      const glm::vec3 to = mesh_.positions[sample] - from;
+      const glm::vec3 to = vectorOf(positionOf(sample)) - from;
       const glm::vec3 off = to - patch::builder::closestShare(to, along) * along;
       return glm::dot(off, off) <= limit2_;
     });
@@ -269,88 +315,112 @@ class Collapser {
 
   /// Whether the middles of the new edges are near the triangles before, and with what these carry near the source: a
   /// triangle across a hollow would leave all samples where they find other triangles.
-  bool keepsNear(std::uint32_t u) {
-    new_reach_.clear();
-    for (const Neighbor& n : neighbors_) {
-      float reach = 0.0F;
-      // Neighbours of both ends have their edge already; keepsTopology() left a mark at all others.
-      if (n.vertex != u && mark_[n.vertex] == mark_now_) {
-        const glm::vec3 middle = 0.5F * (mesh_.positions[u] + mesh_.positions[n.vertex]);
-        reach = std::numeric_limits<float>::infinity();
-        for (const std::uint32_t t : star_) reach = std::min(reach, distanceTo(t, middle) + reach_[t]);
-        if (!(reach <= limit_)) return false;
-      }
-      new_reach_.push_back(reach);
+  bool keepsNear(std::uint32_t v, std::uint32_t target) {
+    if (!has_old_) findOld(v);
+    const Four& u = neighborAt(target).position;
+    for (std::uint32_t slot = 0; slot < neighbors_.size(); ++slot) {
+      Neighbor& n = neighbors_[slot];
+      n.reach = 0.0F;
+      // Neighbours of both ends have their edge already.
+      if (slot == target || n.is_common) continue;
+      n.reach = reachOf(0.5F * (u + positionOf(n.vertex)));
+      if (!(n.reach <= limit_)) return false;
     }
     return true;
   }
-  float distanceTo(std::uint32_t t, const glm::vec3& place) const {
-    const glm::vec3& a = mesh_.positions[corner(t, 0)];
-    const glm::vec3& b = mesh_.positions[corner(t, 1)];
-    const glm::vec3& c = mesh_.positions[corner(t, 2)];
-    const glm::vec3 w = closestWeights(place, a, b, c);
-    return glm::distance(place, w.x * a + w.y * b + w.z * c);
+  float reachOf(const Four& place) const {
+    Four least = Four{} + std::numeric_limits<float>::infinity();
+    for (const OldTriangles& old : old_) {
+      const Four distance2 = old.shape.closest(place).distance2;
+      const Four reach =
+          Four{std::sqrt(distance2[0]), std::sqrt(distance2[1]), std::sqrt(distance2[2]), std::sqrt(distance2[3])} +
+          old.reach;
+      least = reach < least ? reach : least;
+    }
+    return lowestOf(least);
   }
-  float reachAt(std::uint32_t v) const {
-    for (std::size_t i = 0; i < neighbors_.size(); ++i)
-      if (neighbors_[i].vertex == v) return new_reach_[i];
-    return 0.0F;
+  /// The triangles around v in fours.
+  void findOld(std::uint32_t v) {
+    old_.clear();
+    has_old_ = true;
+    const Four& a = positionOf(v);
+    for (std::size_t first = 0; first < spokes_.size(); first += 4) {
+      // Spokes that are left over come twice.
+      const auto spoke = [&](std::size_t i) -> const Spoke& {
+        return spokes_[std::min(first + i, spokes_.size() - 1)];
+      };
+      const auto corners = [&](std::uint32_t Spoke::*corner) {
+        const auto at = [&](std::size_t i) { return neighborAt(spoke(i).*corner).position; };
+        return side(at(0), at(1), at(2), at(3));
+      };
+      const auto reach = [&](std::size_t i) { return triangles_[spoke(i).triangle].reach; };
+      old_.push_back({FourTriangles(side(a, a, a, a), corners(&Spoke::next), corners(&Spoke::last)),
+                      Four{reach(0), reach(1), reach(2), reach(3)}});
+    }
   }
 
   /// Finds a place for each sample on the triangles that v's become.
   bool keepsSamples(std::uint32_t v, std::uint32_t u) {
-    new_.clear();
-    for (const std::uint32_t t : star_) {
-      if (has(t, u)) continue;
-      const auto c = moved(t, v, u);
-      new_.emplace_back(t, AppearanceTriangle(attributesOf(c[0]), attributesOf(c[1]), attributesOf(c[2]), options_));
-    }
+    makeNew(u);
     placed_.clear();
     new_error2_ = 0.0F;
     if (!place(v)) return false;
-    for (const std::uint32_t t : star_)
-      for (std::uint32_t s = first_sample_[t]; s != kNone; s = next_sample_[s])
+    for (const Spoke& spoke : spokes_)
+      for (std::uint32_t s = triangles_[spoke.triangle].first_sample; s != kNone; s = vertices_[s].next_sample)
         if (!place(s)) return false;
     return true;
   }
+  /// The triangles that stay, with u in the place of v, in fours.
+  void makeNew(std::uint32_t u) {
+    new_.clear();
+    const auto four = [](const Attributes& a, const Attributes& b, const Attributes& c, const Attributes& d) {
+      return FourAttributes{side(a.position, b.position, c.position, d.position),
+                            side(a.normal, b.normal, c.normal, d.normal), side(a.color, b.color, c.color, d.color)};
+    };
+    const Attributes& a = vertices_[u].at;
+    for (std::size_t first = 0; first < staying_.size(); first += 4) {
+      const auto spoke = [&](std::size_t i) -> const Spoke& {
+        return staying_[std::min(first + i, staying_.size() - 1)];
+      };
+      const auto corners = [&](std::uint32_t Spoke::*corner) {
+        const auto at = [&](std::size_t i) -> const Attributes& { return neighborAt(spoke(i).*corner); };
+        return four(at(0), at(1), at(2), at(3));
+      };
+      new_.emplace_back(four(a, a, a, a), corners(&Spoke::next), corners(&Spoke::last), options_);
+    }
+  }
   bool place(std::uint32_t sample) {
-    const Attributes at = attributesOf(sample);
-    float least = std::numeric_limits<float>::infinity();
-    std::uint32_t best = kNone;
-    for (const auto& [t, triangle] : new_)
-      if (const float e2 = triangle.error2(at, least); e2 < least) least = e2, best = t;
-    if (!(least <= (room2_.empty() ? limit2_ : room2_[sample]))) return false;
-    placed_.push_back({sample, best});
-    new_error2_ = std::max(new_error2_, least);
+    const Vertex& vertex = vertices_[sample];
+    Four least = Four{} + std::numeric_limits<float>::infinity();
+    base::Int4 best{};
+    for (std::size_t i = 0; i < new_.size(); ++i) {
+      const Four error2 = new_[i].error2(vertex.at, options_);
+      const base::Int4 is_less = error2 < least;
+      least = is_less ? error2 : least;
+      best = is_less ? base::Int4{} + static_cast<std::int32_t>(i) : best;
+    }
+    const float error2 = lowestOf(least);
+    if (!(error2 <= vertex.room2)) return false;
+    const auto lane = static_cast<std::size_t>(std::countr_zero(base::bitsOf(least == error2)));
+    const std::size_t at = std::min(4 * static_cast<std::size_t>(best[lane]) + lane, staying_.size() - 1);
+    placed_.push_back({sample, staying_[at].triangle});
+    new_error2_ = std::max(new_error2_, error2);
     return true;
   }
 
   void collapse(std::uint32_t v, std::uint32_t u) {
-    for (const std::uint32_t t : star_) {
-      first_sample_[t] = kNone;
-      if (has(t, u)) {
-        alive_[t] = 0;
+    for (const Spoke& spoke : spokes_) {
+      Triangle& t = triangles_[spoke.triangle];
+      t.first_sample = kNone;
+      if (neighbors_[spoke.next].vertex == u || neighbors_[spoke.last].vertex == u) {
+        t.corner.fill(kNone);
         continue;
       }
-      for (std::uint32_t k = 0; k < 3; ++k)
-        if (corner(t, k) != v) reach_[t] = std::max(reach_[t], reachAt(corner(t, k)));
+      t.reach = std::max({t.reach, neighbors_[spoke.next].reach, neighbors_[spoke.last].reach});
     }
-    for (const Placed& p : placed_) {
-      next_sample_[p.sample] = first_sample_[p.triangle];
-      first_sample_[p.triangle] = p.sample;
-    }
-    // The corners at v go to u's list.
-    std::uint32_t last = kNone;
-    for (std::uint32_t c = first_corner_[v]; c != kNone; c = next_corner_[c]) {
-      corners_[c] = u;
-      last = c;
-    }
-    next_corner_[last] = first_corner_[u];
-    first_corner_[u] = first_corner_[v];
-    first_corner_[v] = kNone;
-    survivor_[v] = u;
-    for (const std::uint32_t t : star_)
-      if (alive_[t] != 0) directions_[t] = directionOf(t);
+    for (const Placed& p : placed_)
+      vertices_[p.sample].next_sample = std::exchange(triangles_[p.triangle].first_sample, p.sample);
+    moveCorners(v, u);
     if (border_end_ != kNone) {
       border_samples_.erase(edgeKey(v, u));
       border_samples_.erase(edgeKey(v, border_end_));
@@ -362,49 +432,64 @@ class Collapser {
     for (const std::uint32_t w : touched_) push(w);
   }
 
+  /// The corners at v become u's.
+  void moveCorners(std::uint32_t v, std::uint32_t u) {
+    std::uint32_t* last = &vertices_[v].first_corner;
+    forEachCorner(v, [&](std::uint32_t t, std::uint32_t k) {
+      Triangle& triangle = triangles_[t];
+      triangle.corner[k] = u;
+      triangle.direction = directionOf(triangle);
+      last = &triangle.next[k];
+      return true;
+    });
+    *last = vertices_[u].first_corner;
+    vertices_[u].first_corner = std::exchange(vertices_[v].first_corner, kNone);
+    vertices_[v].survivor = u;
+  }
+
   Collapsed finish() {
     Collapsed out;
     out.error = std::sqrt(error2_);
-    for (std::uint32_t t = 0; t < alive_.size(); ++t) {
-      if (alive_[t] == 0) continue;
+    for (std::uint32_t t = 0; t < triangles_.size(); ++t) {
+      const auto& corner = triangles_[t].corner;
+      if (corner[0] == kNone) continue;
       out.history.origin.push_back(t);
-      for (std::uint32_t k = 0; k < 3; ++k) out.history.indices.push_back(corner(t, k));
+      out.history.indices.insert(out.history.indices.end(), corner.begin(), corner.end());
     }
-    for (std::uint32_t v = 0; v < survivor_.size(); ++v) {
+    for (std::uint32_t v = 0; v < vertices_.size(); ++v) {
       std::uint32_t end = v;
-      while (survivor_[end] != end) end = survivor_[end];
-      for (std::uint32_t at = v; survivor_[at] != end;) at = std::exchange(survivor_[at], end);
+      while (vertices_[end].survivor != end) end = vertices_[end].survivor;
+      for (std::uint32_t at = v; vertices_[at].survivor != end;) at = std::exchange(vertices_[at].survivor, end);
+      out.history.survivor.push_back(end);
     }
-    out.history.survivor = std::move(survivor_);
     return out;
   }
 
-  const NodeMesh& mesh_;
   const float limit_, limit2_;
   const AppearanceOptions options_;
-  std::vector<std::uint32_t> corners_;
-  std::vector<std::uint8_t> alive_;
-  std::vector<float> reach_;  // about how far a triangle's places are from the mesh before, or from the source
-  std::vector<float> room2_;  // by vertex, where bounds are carried: the square of what it may be off
-  std::vector<std::uint32_t> next_corner_, first_corner_;                         // the corners at each vertex
-  std::vector<std::uint32_t> first_sample_, next_sample_;                         // the samples on each triangle
+  std::vector<Vertex> vertices_;
+  std::vector<Triangle> triangles_;
   std::unordered_map<std::uint64_t, std::vector<std::uint32_t>> border_samples_;  // the vertices that lay on open edges
-  std::vector<std::uint32_t> survivor_;
-  std::vector<std::uint8_t> is_queued_;
-  std::vector<glm::vec3> directions_;  // unit normals of triangles, or zero
-  std::vector<std::uint32_t> mark_;
-  std::uint32_t mark_now_ = 0;
-  std::priority_queue<Candidate> queue_;
+  VertexQueue queue_;
   float error2_ = 0.0F;
 
   // These belong to the vertex that is looked at.
-  std::vector<std::uint32_t> star_, target_star_, touched_;
-  std::vector<Neighbor> neighbors_, targets_;
-  std::vector<std::pair<std::uint32_t, AppearanceTriangle>> new_;
+  struct OldTriangles {
+    FourTriangles shape;
+    Four reach{};
+  };
+  std::vector<Spoke> spokes_, staying_;
+  std::vector<Neighbor> neighbors_;
+  std::vector<Mark> marks_;  // by vertex: its slot among the neighbours, where the stamp is the last one
+  std::uint32_t stamp_ = 0;
+  std::array<Target, kTries> targets_;
+  std::vector<OldTriangles> old_;
+  bool has_old_ = false;
+  std::vector<FourAppearances> new_;
   std::vector<Placed> placed_;
+  std::vector<std::uint32_t> touched_;
   std::uint32_t border_end_ = kNone;   // the other end of v's other open edge; kNone: no open edge is collapsed
   std::vector<std::uint32_t> border_;  // the vertices that lay on both
-  std::vector<float> new_reach_;       // by neighbour: the reach of its new edge
   float new_error2_ = 0.0F;
 };
 

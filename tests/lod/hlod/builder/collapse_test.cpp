@@ -94,11 +94,11 @@ TEST(HlodCollapse, whatIsAlreadyOffCountsWhereBoundsAreCarried) {
   EXPECT_LE(sampled.from, static_cast<double>(largest(twice.bounds.from)));
 }
 
-// A flat sheet of two colours keeps the edge between them, and little else.
+// A flat sheet of two colours keeps the circle between them, and little else.
 TEST(HlodCollapse, edgesOfColorStay) {
   support::Mesh sheet = support::openGrid(100, 0.0F);
   for (const glm::vec3& p : sheet.positions)
-    sheet.colors.push_back(p.x + 0.3F * p.y < 0.6F ? glm::u8vec4(200, 30, 30, 255) : glm::u8vec4(30, 60, 200, 255));
+    sheet.colors.push_back(glm::length(glm::vec2(p) - 0.5F) < 0.3F ? glm::u8vec4(200, 30, 30, 255) : glm::u8vec4(30, 60, 200, 255));
   const NodeMesh source = support::nodeMesh(sheet, 10000.0F);
   AppearanceOptions options;
   NodeMesh result = source;
@@ -109,14 +109,15 @@ TEST(HlodCollapse, edgesOfColorStay) {
   applyCollapses(shape, collapseWithin(source, limit, shapeAlone()));
   EXPECT_LT(shape.triangles(), result.triangles() / 4);
   // Each vertex of the source finds its colour within the limit.
-  std::vector<AppearanceTriangle> triangles;
-  const auto at = [&](std::uint32_t v) { return Attributes{result.positions[v], result.normals[v], result.colors[v]}; };
-  for (std::size_t i = 0; i < result.indices.size(); i += 3)
-    triangles.emplace_back(at(result.indices[i]), at(result.indices[i + 1]), at(result.indices[i + 2]), options);
-  for (std::size_t v = 0; v < source.positions.size(); v += 7) {
-    const Attributes place{source.positions[v], source.normals[v], source.colors[v]};
+  const auto placeOf = [](const NodeMesh& mesh, std::uint32_t v) {
+    return support::SurfacePlace{mesh.positions[v], mesh.normals[v], mesh.colors[v]};
+  };
+  for (std::uint32_t v = 0; v < source.positions.size(); v += 7) {
     float least = 1e30F;
-    for (const AppearanceTriangle& triangle : triangles) least = std::min(least, triangle.error2(place, least));
+    for (std::size_t i = 0; i < result.indices.size(); i += 3) {
+      const auto corner = [&](std::size_t k) { return placeOf(result, result.indices[i + k]); };
+      least = std::min(least, support::errors2(placeOf(source, v), corner(0), corner(1), corner(2), options)[0]);
+    }
     EXPECT_LE(std::sqrt(least), 1.0001F * limit) << v;
   }
 }
