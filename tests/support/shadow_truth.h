@@ -22,7 +22,7 @@ namespace support {
 struct SeenPlace {
   glm::dvec3 place{0.0};
   glm::dvec3 plane{0.0};   ///< unit normal of the triangle, turned towards the viewer
-  glm::dvec3 normal{0.0};  ///< the same, interpolated between the vertices
+  glm::dvec3 normal{0.0};  ///< interpolated between the vertices, turned to the same side
 };
 
 class ShadowTruth {
@@ -118,8 +118,8 @@ class ShadowTruth {
     seen.plane = glm::normalize(glm::cross(b - a, c - a));
     seen.normal = glm::normalize((1.0 - u - v) * glm::dvec3(normals_[corner(0)]) + u * glm::dvec3(normals_[corner(1)]) +
                                  v * glm::dvec3(normals_[corner(2)]));
-    for (glm::dvec3* normal : {&seen.plane, &seen.normal})
-      if (glm::dot(*normal, direction) > 0.0) *normal = -*normal;
+    if (glm::dot(seen.plane, direction) > 0.0) seen.plane = -seen.plane;
+    if (glm::dot(seen.normal, seen.plane) < 0.0) seen.normal = -seen.normal;
     return seen;
   }
 
@@ -142,13 +142,13 @@ inline double facing(const SeenPlace& seen, const lod::hlod::ShadowLight& light)
 
 /// How a picture of white surfaces with hard shadows compares to the truth.
 struct EdgeCount {
-  int edges = 0;    ///< pixels within half a pixel of which both light and shadow are
-  int wrong = 0;    ///< pixels that show what is nowhere within half a pixel
+  int edges = 0;    ///< pixels with both light and shadow so near
+  int wrong = 0;    ///< pixels that show what is nowhere so near
   int checked = 0;  ///< pixels of the surface that face the light
 };
 
-/// A wrong pixel's edge is off by more than half a pixel; speckles and leaks count, too. Pixels count whose neighbours
-/// lie on the same surface, and where the light's cosine is at least `least_facing`.
+/// A wrong pixel's edge is off by more than half a pixel, or by that divided by the light's cosine (Guthe et al. 2004,
+/// section 4.1); speckles and leaks count, too. Pixels count where the cosine is at least `least_facing`.
 inline EdgeCount compareEdges(const base::Image& picture, const base::Camera& camera, const ShadowTruth& truth,
                               const lod::hlod::ShadowLight& light, double least_facing) {
   EdgeCount count;
@@ -160,10 +160,11 @@ inline EdgeCount compareEdges(const base::Image& picture, const base::Camera& ca
       if (cosine < least_facing) continue;
       int lit = 0, dark = 0;
       constexpr int kSteps = 4;
+      const double reach = 0.5 / cosine;
       for (int i = -kSteps; i <= kSteps; ++i)
         for (int k = -kSteps; k <= kSteps; ++k) {
-          const glm::dvec2 off = 0.5 * glm::dvec2(i, k) / static_cast<double>(kSteps);
-          if (glm::length(off) > 0.5) continue;
+          const glm::dvec2 off = reach * glm::dvec2(i, k) / static_cast<double>(kSteps);
+          if (glm::length(off) > reach) continue;
           const auto seen = truth.seenAt(camera, glm::dvec2(x + 0.5, y + 0.5) + off);
           if (!seen) continue;
           (truth.isLit(*seen, glm::dvec4(light.place)) ? lit : dark) += 1;

@@ -20,6 +20,9 @@ uniform vec2 u_cell;                   // shear of the radius of a sample's shar
 
 // Planes at a flatter angle to the light are biased less than they should be. They are hardly lit.
 const float kFlattest = 0.02;
+// The least cosine to the viewer of normals of what is seen. At silhouettes they lean away a little, and would be lit
+// from the wrong side if they were turned.
+const float kMostLean = -0.3;
 // Rounding of depths.
 const float kDepthStep = 1e-6;
 
@@ -96,13 +99,16 @@ float litShare(vec3 at, vec2 slope, float bias) {
 vec3 shadeInLight(vec3 color, vec3 normal, vec3 to_eye, vec3 place) {
   float squared = dot(normal, normal);
   vec3 n = squared > 1e-12 ? normal * inversesqrt(squared) : normalize(to_eye);
-  if (dot(n, to_eye) < 0.0) n = -n;
-  vec3 to_light = normalize(u_light.xyz - u_light.w * place);
+  vec3 to_viewer = normalize(to_eye);
 #if defined(POINTS) || defined(LINES)
+  if (dot(n, to_viewer) < kMostLean) n = -n;
+  vec3 plane = n;
   vec3 along = normalize(cross(n, abs(n.x) < 0.6 ? vec3(1.0, 0.0, 0.0) : vec3(0.0, 1.0, 0.0)));
   vec3 across = cross(n, along);
-  vec3 plane = n;
 #else
+  // If the normal of a triangle leans far away from the side that is seen, the source's normals point inwards.
+  if (!gl_FrontFacing) n = -n;
+  if (dot(n, to_viewer) < kMostLean) n = -n;
   vec3 along = dFdx(place);
   vec3 across = dFdy(place);
   vec3 plane = cross(along, across);
@@ -110,6 +116,7 @@ vec3 shadeInLight(vec3 color, vec3 normal, vec3 to_eye, vec3 place) {
 #endif
   vec4 clip = u_map_from_place * vec4(place, 1.0);
   if (u_one_of_several && max(abs(clip.x), abs(clip.y)) > clip.w) discard;
+  vec3 to_light = normalize(u_light.xyz - u_light.w * place);
   float facing = dot(n, to_light);
   if (facing <= 0.0) return 0.35 * color;
   float flatness = max(abs(dot(plane, to_light)), 1e-6);

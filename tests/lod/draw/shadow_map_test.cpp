@@ -164,7 +164,7 @@ TEST_F(ShadowMapTest, hardShadowsEndWhereRaysSay) {
         const base::Camera camera = sceneCamera({1.5, -3.5, 3.0}, orthographic);
         // A pixel of this view is as long as three texels or more.
         const base::Image picture = draw(camera, light, lightCamera(light, 2048));
-        const support::EdgeCount count = support::compareEdges(picture, camera, truth, light, 0.2);
+        const support::EdgeCount count = support::compareEdges(picture, camera, truth, light, 0.4);
         EXPECT_GT(count.edges, 100);
         EXPECT_LE(count.wrong, count.edges / 100)
             << "of " << count.edges << " edges and " << count.checked << " pixels; light at " << light.place.x << ' '

@@ -126,12 +126,12 @@ class HlodShadowsTest : public testing::Test {
 };
 
 TEST_F(HlodShadowsTest, hardShadowsOfTheStatueEndWhereRaysSay) {
-  buildStatue(40'000);
+  buildStatue(150'000);
   const support::ShadowTruth truth(leaves_);
   for (const float tolerance : {0.01F, 0.5F})
     for (const lod::hlod::ShadowLight& light :
          {sun({0.6F, 0.8F, 0.3F}), sun({-0.5F, 0.6F, 0.7F}), lamp({1.4F, 1.2F, 1.2F})}) {
-      const base::Camera view = camera({0.7, 0.6, 1.7});
+      const base::Camera view = camera({0.7, 0.6, 1.7}, 480, 360);
       const support::EdgeCount count = support::compareEdges(picture(view, light, tolerance), view, truth, light, 0.5);
       EXPECT_GT(count.edges, 100);
       EXPECT_LE(count.wrong, count.edges / 100) << count.edges << " edges, " << count.checked << " pixels; tolerance "
