@@ -225,6 +225,10 @@ base::Result<void> ShadowMap::draw(const ShadowMapView& view, std::span<const Dr
   glEnable(GL_DEPTH_TEST);
   glDepthFunc(GL_LESS);
   glDepthMask(GL_TRUE);
+  // A place is compared with texels that are a texel away along both axes, where a plane is deeper or less deep by twice
+  // the larger of its slopes.
+  glEnable(GL_POLYGON_OFFSET_FILL);
+  glPolygonOffset(2.0F, 2.0F);
   // The map may be smaller than the texture.
   glEnable(GL_SCISSOR_TEST);
   glScissor(0, 0, view.camera.width, view.camera.height);
@@ -233,6 +237,7 @@ base::Result<void> ShadowMap::draw(const ShadowMapView& view, std::span<const Dr
   program_.use();
   for (std::size_t layer = 0; layer < layers.shears.size() && done; ++layer)
     done = drawLayer(layers.layerFromLight(layer), layer, casters);
+  glDisable(GL_POLYGON_OFFSET_FILL);
   glDisable(GL_SCISSOR_TEST);
   glDisable(GL_CULL_FACE);
   glBindVertexArray(0);
@@ -274,7 +279,6 @@ void ShadowMap::use(const base::gl::Program& program, const glm::vec3& origin) c
   const glm::vec2 size(camera.width, camera.height);
   glUniform2f(program.uniform("u_used_half"), 0.5F * size.x / static_cast<float>(width_),
               0.5F * size.y / static_cast<float>(height_));
-  glUniform2f(program.uniform("u_texel"), 2.0F / size.x, 2.0F / size.y);
 
   const LightLayers layers = LightLayers::of(view_);
   glUniform1f(program.uniform("u_middle"), layers.middle);

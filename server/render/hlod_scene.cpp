@@ -22,7 +22,6 @@ void setFineness(lod::hlod::ShadowRequest& request, Shadows shadows) {
   const bool is_soft = shadows == Shadows::kSoft;
   request.texel_px = is_soft ? 1.0F : 0.5F;
   request.max_texels = std::min(is_soft ? 2048U : 4096U, static_cast<std::uint32_t>(SampleTarget::maxSide()));
-  if (is_soft) request.view.tolerance *= 2.0F;
 }
 
 /// Whether no part of the light sees the front of a triangle of the node.
@@ -75,7 +74,7 @@ std::vector<lod::hlod::ShadowMapPlan> HlodScene::planMaps(const lod::hlod::Trave
   for (shadow.max_maps = 1;; ++shadow.max_maps) {
     auto plans = lod::hlod::planShadowMaps(stream_.nodes(), receivers, shadow);
     const bool is_fine = std::all_of(plans.begin(), plans.end(), [&](const lod::hlod::ShadowMapPlan& plan) {
-      return plan.texel_px <= 2.0F * shadow.texel_px;
+      return plan.texel_px <= 1.01F * shadow.texel_px;
     });
     if (is_fine || shadow.max_maps == kMaxMaps) return plans;
   }

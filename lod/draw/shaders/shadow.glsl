@@ -4,6 +4,8 @@
 // All layers are sheared copies of one view from the light's middle. Depth is the same in all of them, and x and y move
 // in proportion to the distance in depth from a plane amid the receivers. This holds in parallel and in perspective
 // views, for the reciprocal of the distance from the light is linear in depth.
+//
+// Casters lie deeper than they are by what their slope makes of a texel, so that no texel hides the surface beside it.
 uniform sampler2DArrayShadow u_shadow_map;
 uniform sampler2DArray u_shadow_depth; // the same texture, not compared
 uniform mat4 u_map_from_place;         // of the light's middle; clip coordinates
@@ -12,7 +14,6 @@ uniform float u_depth_per_length;      // along the view from the light, at dist
 uniform float u_reach;                 // how far the surface here and that of its casters may be apart, scene units
 uniform bool u_one_of_several;         // the surface lies in several maps: what this one does not hold is not drawn
 uniform vec2 u_used_half;              // half the share of the texture that is used
-uniform vec2 u_texel;                  // in normalized device coordinates
 uniform float u_middle;                // depth of the plane that does not move
 uniform vec2 u_window;                 // size of what the light's middle sees in a layer, a share of the layer's
 uniform vec4 u_layers[LAYERS];         // shear by depth in x and y; cosine and sine of a turn, another for each layer
@@ -23,6 +24,9 @@ const float kFlattest = 0.02;
 // The least cosine to the viewer of normals of what is seen. At silhouettes they lean away a little, and would be lit
 // from the wrong side if they were turned.
 const float kMostLean = -0.3;
+// Triangles that face the light less than this have none, whatever their normals say. Below 0, or the triangles of a
+// smooth surface would show where the light ends.
+const float kTurnedAway = -0.1;
 // Rounding of depths.
 const float kDepthStep = 1e-6;
 
@@ -49,7 +53,7 @@ float isLit(vec2 at, float layer, float depth) {
 
 #if LAYERS == 1
 float litShare(vec3 at, vec2 slope, float bias) {
-  return isLit(at.xy, 0.0, at.z - bias - dot(abs(slope), u_texel));
+  return isLit(at.xy, 0.0, at.z - bias);
 }
 #else
 // A share of the radius of a sample's share of the light. More shows as noise, less as steps; with 0.3 pictures are as
@@ -69,10 +73,8 @@ float litShare(vec3 at, vec2 slope, float bias) {
   float hidden = 0.0, above = 0.0;
   for (int i = 0; i < LAYERS; ++i) {
     vec2 place = u_window * (at.xy + u_layers[i].xy * (at.z - u_middle));
-    vec2 tilt = slope / max(1.0 + dot(u_layers[i].xy, slope), 1e-3) / u_window;
     float depth = 2.0 * texture(u_shadow_depth, inTexture(place, float(i))).r - 1.0;
-    float behind = at.z - bias - dot(abs(tilt), u_texel) - depth;
-    if (behind > 0.0 && depth < 1.0) hidden += 1.0, above += at.z - depth;
+    if (at.z - bias > depth && depth < 1.0) hidden += 1.0, above += at.z - depth;
   }
   if (hidden == 0.0) return 1.0;
   if (hidden == float(LAYERS)) return 0.0;
@@ -88,7 +90,7 @@ float litShare(vec3 at, vec2 slope, float bias) {
     vec2 tilt = slope / (facing * u_window);
     vec2 moved = u_window * u_cell * (mat2(layer.z, layer.w, -layer.w, layer.z) * jitter);
     vec2 place = u_window * (at.xy + layer.xy * (at.z - u_middle)) + moved;
-    lit += isLit(place, float(i), at.z + dot(tilt, moved) - bias - dot(abs(tilt), u_texel));
+    lit += isLit(place, float(i), at.z + dot(tilt, moved) - bias);
   }
   return lit / float(LAYERS);
 }
@@ -118,8 +120,9 @@ vec3 shadeInLight(vec3 color, vec3 normal, vec3 to_eye, vec3 place) {
   if (u_one_of_several && max(abs(clip.x), abs(clip.y)) > clip.w) discard;
   vec3 to_light = normalize(u_light.xyz - u_light.w * place);
   float facing = dot(n, to_light);
-  if (facing <= 0.0) return 0.35 * color;
-  float flatness = max(abs(dot(plane, to_light)), 1e-6);
+  float plane_facing = dot(plane, to_light) * sign(dot(plane, n));
+  if (facing <= 0.0 || plane_facing < kTurnedAway) return 0.35 * color;
+  float flatness = max(abs(plane_facing), 1e-6);
   vec2 slope = depthSlope(clip, along, across) * min(flatness / kFlattest, 1.0);
   float bias = u_reach / max(flatness, kFlattest) * u_depth_per_length / (clip.w * clip.w) + kDepthStep;
   return color * (0.35 + 0.65 * facing * litShare(clip.xyz / clip.w, slope, bias));

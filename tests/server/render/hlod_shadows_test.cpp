@@ -149,7 +149,7 @@ int shadowedPixels(const base::Image& picture, const base::Camera& view, const s
       if (!seen || picture.at(x, y)[3] < 255) continue;
       const double cosine = facing(*seen, light);
       if (cosine < least_facing) continue;
-      dark += picture.at(x, y)[0] < 255.0 * (0.35 + 0.65 * cosine * 0.9) - 4.0 ? 1 : 0;
+      dark += picture.at(x, y)[0] < 255.0 * (0.35 + 0.65 * cosine * 0.8) - 4.0 ? 1 : 0;
     }
   return dark;
 }
