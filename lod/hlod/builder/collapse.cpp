@@ -516,6 +516,11 @@ class Collapser {
   float new_error2_ = 0.0F;
 };
 
+void replaceTriangles(NodeMesh& mesh, Collapsed&& collapsed) {
+  mesh.indices = std::move(collapsed.history.indices);
+  dropUnusedVertices(mesh);
+}
+
 }  // namespace
 
 Collapsed collapseWithin(const NodeMesh& mesh, float limit, const AppearanceOptions& options, bool carries) {
@@ -530,9 +535,13 @@ void applyCollapses(NodeMesh& mesh, Collapsed&& collapsed) {
   patch::builder::TypicalError typical;
   mesh.bounds = patch::builder::carryError(before, mesh.bounds, {mesh.positions, collapsed.history.indices, {}, {}},
                                            collapsed.history, kNegligible, typical);
-  mesh.indices = std::move(collapsed.history.indices);
   mesh.error += collapsed.error;
-  dropUnusedVertices(mesh);
+  replaceTriangles(mesh, std::move(collapsed));
+}
+
+void applyLastCollapses(NodeMesh& mesh, Collapsed&& collapsed) {
+  mesh.bounds = {};
+  replaceTriangles(mesh, std::move(collapsed));
 }
 
 }  // namespace lod::hlod::builder
