@@ -5,6 +5,7 @@
 #include <bit>
 #include <cmath>
 #include <limits>
+#include <span>
 #include <unordered_map>
 #include <utility>
 
@@ -47,13 +48,11 @@ class Collapser {
     addVertices(mesh);
     triangles_.resize(triangles);
     const bool counts = carries && !mesh.bounds.toward.empty();
-    // The corners at a vertex are linked in the order of triangles.
-    for (std::uint32_t t = static_cast<std::uint32_t>(triangles); t-- > 0;) {
+    for (std::uint32_t t = 0; t < triangles; ++t) {
       Triangle& triangle = triangles_[t];
-      for (std::uint32_t k = 3; k-- > 0;) {
-        const std::uint32_t v = mesh.indices[3 * std::size_t{t} + k];
-        triangle.corner[k] = v;
-        triangle.next[k] = std::exchange(vertices_[v].first_corner, cornerNumber(t, k));
+      for (std::uint32_t k = 0; k < 3; ++k) {
+        const std::uint32_t v = triangle.corner[k] = mesh.indices[3 * std::size_t{t} + k];
+        ++vertices_[v].corners;
         if (!counts) continue;
         const float room = std::max(limit - mesh.bounds.toward[t], 0.0F);
         vertices_[v].room2 = std::min(vertices_[v].room2, room * room);
@@ -61,6 +60,7 @@ class Collapser {
       if (counts) triangle.reach = mesh.bounds.from[t];
       triangle.direction = directionOf(triangle);
     }
+    linkCorners();
   }
 
   Collapsed run() {
@@ -83,14 +83,12 @@ class Collapser {
   // All that is known of a vertex lies together, as do the corners of a triangle: the queue jumps to and fro.
   struct alignas(64) Vertex {
     Attributes at;
-    float room2 = 0.0F;  // the square of what it may be off
-    std::uint32_t first_corner = kNone;
+    float room2 = 0.0F;                           // the square of what it may be off
+    std::uint32_t first_corner = 0, corners = 0;  // in corners_
     std::uint32_t next_sample = kNone;
-    std::uint32_t survivor = kNone;
   };
   struct Triangle {
     std::array<std::uint32_t, 3> corner{};  // all kNone where the triangle is gone
-    std::array<std::uint32_t, 3> next{};    // the next corner of the same vertex
     glm::vec3 direction{0.0F};              // the unit normal, or zero
     float reach = 0.0F;  // about how far the triangle's places are from the mesh before, or from the source
     std::uint32_t first_sample = kNone;
@@ -122,12 +120,13 @@ class Collapser {
   void addVertices(const NodeMesh& mesh) {
     vertices_.resize(mesh.positions.size());
     marks_.resize(mesh.positions.size());
+    survivor_.resize(mesh.positions.size());
     for (std::uint32_t v = 0; v < vertices_.size(); ++v) {
       Vertex& vertex = vertices_[v];
       vertex.at = {fourOf(mesh.positions[v]), fourOf(mesh.normals[v]),
                    mesh.colors.empty() ? Four{} : fourOf(mesh.colors[v])};
       vertex.room2 = limit2_;
-      vertex.survivor = v;
+      survivor_[v] = v;
     }
   }
 
@@ -139,19 +138,34 @@ class Collapser {
     return length2 > 0.0F ? n / std::sqrt(length2) : glm::vec3(0.0F);
   }
 
-  /// Calls visit(triangle, k) for the corners at v, as long as it returns true. Triangles that are gone leave the list.
-  template <class Visit>
-  void forEachCorner(std::uint32_t v, const Visit& visit) {
-    std::uint32_t* link = &vertices_[v].first_corner;
-    while (*link != kNone) {
-      const std::uint32_t t = *link / 4, k = *link % 4;
-      if (triangles_[t].corner[0] == kNone) {
-        *link = triangles_[t].next[k];
-        continue;
-      }
-      if (!visit(t, k)) return;
-      link = &triangles_[t].next[k];
+  /// Lists the corners of each vertex, in the order of triangles.
+  void linkCorners() {
+    std::uint32_t first = 0;
+    for (Vertex& vertex : vertices_) {
+      vertex.first_corner = first;
+      first += std::exchange(vertex.corners, 0);
     }
+    // Lists that collapses make lie behind these.
+    corners_.reserve(2 * std::size_t{first});
+    corners_.resize(first);
+    for (std::uint32_t t = 0; t < triangles_.size(); ++t)
+      for (std::uint32_t k = 0; k < 3; ++k) {
+        Vertex& vertex = vertices_[triangles_[t].corner[k]];
+        corners_[vertex.first_corner + vertex.corners++] = cornerNumber(t, k);
+      }
+  }
+
+  /// The corners at v. Triangles that are gone leave the list.
+  std::span<const std::uint32_t> cornersAt(std::uint32_t v) {
+    Vertex& vertex = vertices_[v];
+    std::uint32_t* const list = corners_.data() + vertex.first_corner;
+    std::uint32_t kept = 0;
+    for (std::uint32_t i = 0; i < vertex.corners; ++i) {
+      list[kept] = list[i];
+      kept += triangles_[list[i] / 4].corner[0] != kNone ? 1 : 0;
+    }
+    vertex.corners = kept;
+    return {list, kept};
   }
 
   /// Finds the triangles around v, and the vertices that share an edge with it. False: too many.
@@ -159,14 +173,16 @@ class Collapser {
     spokes_.clear();
     neighbors_.clear();
     startMarks();
-    forEachCorner(v, [&](std::uint32_t t, std::uint32_t k) {
+    const auto around = cornersAt(v);
+    if (around.empty() || around.size() > kMaxStar) return false;
+    for (const std::uint32_t corner : around) {
+      const std::uint32_t t = corner / 4, k = corner % 4;
       const auto& c = triangles_[t].corner;
       const std::uint32_t next = slotOf(c[k == 2 ? 0 : k + 1]);
       const std::uint32_t last = slotOf(c[k == 0 ? 2 : k - 1]);
       spokes_.push_back({t, next, last});
-      return spokes_.size() <= kMaxStar;
-    });
-    return !spokes_.empty() && spokes_.size() <= kMaxStar;
+    }
+    return true;
   }
   void startMarks() {
     if (++stamp_ != 0) return;
@@ -257,18 +273,17 @@ class Collapser {
   /// The link condition: v and u have no common neighbours but those across from their edge.
   bool keepsTopology(std::uint32_t v, std::uint32_t target) {
     for (Neighbor& n : neighbors_) n.is_common = false;
-    std::uint32_t common = 0;
-    std::size_t star = 0;
     const std::uint32_t u = neighbors_[target].vertex;
-    forEachCorner(u, [&](std::uint32_t t, std::uint32_t) {
-      for (const std::uint32_t w : triangles_[t].corner) {
+    const auto around = cornersAt(u);
+    if (around.size() > kMaxStar) return false;
+    std::uint32_t common = 0;
+    for (const std::uint32_t corner : around)
+      for (const std::uint32_t w : triangles_[corner / 4].corner) {
         if (w == u || w == v || marks_[w].stamp != stamp_ || neighbors_[marks_[w].slot].is_common) continue;
         neighbors_[marks_[w].slot].is_common = true;
         ++common;
       }
-      return ++star <= kMaxStar;
-    });
-    return star <= kMaxStar && common == neighbors_[target].triangles;
+    return common == neighbors_[target].triangles;
   }
 
   /// Finds the triangles that stay, and whether none turns over.
@@ -434,17 +449,23 @@ class Collapser {
 
   /// The corners at v become u's.
   void moveCorners(std::uint32_t v, std::uint32_t u) {
-    std::uint32_t* last = &vertices_[v].first_corner;
-    forEachCorner(v, [&](std::uint32_t t, std::uint32_t k) {
-      Triangle& triangle = triangles_[t];
-      triangle.corner[k] = u;
-      triangle.direction = directionOf(triangle);
-      last = &triangle.next[k];
-      return true;
-    });
-    *last = vertices_[u].first_corner;
-    vertices_[u].first_corner = std::exchange(vertices_[v].first_corner, kNone);
-    vertices_[v].survivor = u;
+    const auto first = static_cast<std::uint32_t>(corners_.size());
+    for (const std::uint32_t from : {v, u}) {
+      const Vertex& vertex = vertices_[from];
+      for (std::uint32_t i = 0; i < vertex.corners; ++i) {
+        const std::uint32_t corner = corners_[vertex.first_corner + i];
+        Triangle& triangle = triangles_[corner / 4];
+        if (triangle.corner[0] == kNone) continue;
+        corners_.push_back(corner);
+        if (from == u) continue;
+        triangle.corner[corner % 4] = u;
+        triangle.direction = directionOf(triangle);
+      }
+    }
+    vertices_[u].first_corner = first;
+    vertices_[u].corners = static_cast<std::uint32_t>(corners_.size()) - first;
+    vertices_[v].corners = 0;
+    survivor_[v] = u;
   }
 
   Collapsed finish() {
@@ -456,12 +477,12 @@ class Collapser {
       out.history.origin.push_back(t);
       out.history.indices.insert(out.history.indices.end(), corner.begin(), corner.end());
     }
-    for (std::uint32_t v = 0; v < vertices_.size(); ++v) {
+    for (std::uint32_t v = 0; v < survivor_.size(); ++v) {
       std::uint32_t end = v;
-      while (vertices_[end].survivor != end) end = vertices_[end].survivor;
-      for (std::uint32_t at = v; vertices_[at].survivor != end;) at = std::exchange(vertices_[at].survivor, end);
-      out.history.survivor.push_back(end);
+      while (survivor_[end] != end) end = survivor_[end];
+      for (std::uint32_t at = v; survivor_[at] != end;) at = std::exchange(survivor_[at], end);
     }
+    out.history.survivor = std::move(survivor_);
     return out;
   }
 
@@ -469,6 +490,8 @@ class Collapser {
   const AppearanceOptions options_;
   std::vector<Vertex> vertices_;
   std::vector<Triangle> triangles_;
+  std::vector<std::uint32_t> corners_;  // those of each vertex side by side
+  std::vector<std::uint32_t> survivor_;
   std::unordered_map<std::uint64_t, std::vector<std::uint32_t>> border_samples_;  // the vertices that lay on open edges
   VertexQueue queue_;
   float error2_ = 0.0F;
@@ -493,6 +516,11 @@ class Collapser {
   float new_error2_ = 0.0F;
 };
 
+void replaceTriangles(NodeMesh& mesh, Collapsed&& collapsed) {
+  mesh.indices = std::move(collapsed.history.indices);
+  dropUnusedVertices(mesh);
+}
+
 }  // namespace
 
 Collapsed collapseWithin(const NodeMesh& mesh, float limit, const AppearanceOptions& options, bool carries) {
@@ -507,9 +535,13 @@ void applyCollapses(NodeMesh& mesh, Collapsed&& collapsed) {
   patch::builder::TypicalError typical;
   mesh.bounds = patch::builder::carryError(before, mesh.bounds, {mesh.positions, collapsed.history.indices, {}, {}},
                                            collapsed.history, kNegligible, typical);
-  mesh.indices = std::move(collapsed.history.indices);
   mesh.error += collapsed.error;
-  dropUnusedVertices(mesh);
+  replaceTriangles(mesh, std::move(collapsed));
+}
+
+void applyLastCollapses(NodeMesh& mesh, Collapsed&& collapsed) {
+  mesh.bounds = {};
+  replaceTriangles(mesh, std::move(collapsed));
 }
 
 }  // namespace lod::hlod::builder

@@ -24,4 +24,7 @@ Collapsed collapseWithin(const NodeMesh& mesh, float limit, const AppearanceOpti
 /// proven distance between both surfaces.
 void applyCollapses(NodeMesh& mesh, Collapsed&& collapsed);
 
+/// The same for a mesh that nothing is made of any more: its `bounds` are dropped, and `error` stays.
+void applyLastCollapses(NodeMesh& mesh, Collapsed&& collapsed);
+
 }  // namespace lod::hlod::builder

@@ -199,7 +199,7 @@ BuiltNode makeInnerNode(float edge, std::vector<NodeMesh>& parts, const NodeOpti
   AppearanceOptions shape_alone;
   shape_alone.normals = shape_alone.colors = false;
   NodeMesh caster = mesh;
-  applyCollapses(caster, collapseWithin(caster, limit - rounding, shape_alone, true));
+  applyLastCollapses(caster, collapseWithin(caster, limit - rounding, shape_alone, true));
   encodeCaster(caster, node);
   node.row.caster_error = limit * step;
 

@@ -17,18 +17,33 @@ base::Error notAMesh() {
 
 }  // namespace
 
+// The edges lie by the lower of their ends, sorted by counting; few have the same.
 std::vector<OpenEdge> openEdges(std::span<const std::uint32_t> indices) {
-  std::vector<std::pair<std::uint64_t, OpenEdge>> edges;
-  edges.reserve(indices.size());
-  for (OpenEdge edge = 0; edge < indices.size(); ++edge) {
+  const auto count = static_cast<OpenEdge>(indices.size());
+  std::vector<std::uint32_t> first(indices.empty() ? 1 : *std::max_element(indices.begin(), indices.end()) + 2, 0);
+  for (OpenEdge edge = 0; edge < count; ++edge) {
     const glm::uvec2 ends = endsOf(edge, indices);
-    edges.emplace_back(std::uint64_t{std::min(ends.x, ends.y)} << 32 | std::max(ends.x, ends.y), edge);
+    ++first[std::min(ends.x, ends.y) + 1];
   }
-  std::sort(edges.begin(), edges.end());
+  for (std::size_t v = 1; v < first.size(); ++v) first[v] += first[v - 1];
+  struct Side {
+    std::uint32_t upper_end = 0;
+    OpenEdge edge = 0;
+  };
+  std::vector<Side> sides(count);
+  for (OpenEdge edge = 0; edge < count; ++edge) {
+    const glm::uvec2 ends = endsOf(edge, indices);
+    sides[first[std::min(ends.x, ends.y)]++] = {std::max(ends.x, ends.y), edge};
+  }
+  // Now first[v] is where the edges of v end.
   std::vector<OpenEdge> open;
-  for (std::size_t begin = 0, end = 0; begin < edges.size(); begin = end) {
-    while (end < edges.size() && edges[end].first == edges[begin].first) ++end;
-    if (end - begin == 1) open.push_back(edges[begin].second);
+  for (std::size_t v = 0, begin = 0; v < first.size(); begin = first[v++]) {
+    const std::span<Side> around(sides.data() + begin, first[v] - begin);
+    std::sort(around.begin(), around.end(), [](const Side& a, const Side& b) { return a.upper_end < b.upper_end; });
+    for (std::size_t i = 0, end = 0; i < around.size(); i = end) {
+      while (end < around.size() && around[end].upper_end == around[i].upper_end) ++end;
+      if (end - i == 1) open.push_back(around[i].edge);
+    }
   }
   std::sort(open.begin(), open.end());
   return open;

@@ -48,7 +48,7 @@ class VertexQueue {
   static std::uint32_t rankOf(float cost) { return std::bit_cast<std::uint32_t>(cost) >> kDroppedBits; }
 
  private:
-  // What is left of a float that is not negative are its exponent and three bits of its fraction, in their order.
+  // A rank is the exponent of a float and three bits of its fraction, which rise with floats that are not negative.
   static constexpr std::uint32_t kDroppedBits = 20;
   static constexpr std::uint32_t kRanks = 1U << (31 - kDroppedBits);
   static constexpr std::uint32_t kNotQueued = kNone - 1;

@@ -98,7 +98,8 @@ TEST(HlodCollapse, whatIsAlreadyOffCountsWhereBoundsAreCarried) {
 TEST(HlodCollapse, edgesOfColorStay) {
   support::Mesh sheet = support::openGrid(100, 0.0F);
   for (const glm::vec3& p : sheet.positions)
-    sheet.colors.push_back(glm::length(glm::vec2(p) - 0.5F) < 0.3F ? glm::u8vec4(200, 30, 30, 255) : glm::u8vec4(30, 60, 200, 255));
+    sheet.colors.push_back(glm::length(glm::vec2(p) - 0.5F) < 0.3F ? glm::u8vec4(200, 30, 30, 255)
+                                                                   : glm::u8vec4(30, 60, 200, 255));
   const NodeMesh source = support::nodeMesh(sheet, 10000.0F);
   AppearanceOptions options;
   NodeMesh result = source;
