@@ -2,7 +2,8 @@
 // does not show.
 //
 // Variants: POINTS; LINES, of which several copies lie side by side; SHADE_FRAGMENTS shades each fragment, in place of
-// each vertex; RESOLUTION tints by the size of the detail; SECTION cuts at a plane; SHADOWS tells fragments their place.
+// each vertex; RESOLUTION tints by the size of the detail; SECTION cuts at a plane; SHADOWS tells where fragments
+// lie.
 layout(location = 0) in vec3 a_position;
 layout(location = 1) in vec4 a_normal;
 layout(location = 2) in vec4 a_color;
