@@ -225,8 +225,8 @@ base::Result<void> ShadowMap::draw(const ShadowMapView& view, std::span<const Dr
   glEnable(GL_DEPTH_TEST);
   glDepthFunc(GL_LESS);
   glDepthMask(GL_TRUE);
-  // A place is compared with texels that are a texel away along both axes, where a plane is deeper or less deep by twice
-  // the larger of its slopes.
+  // A place is compared with texels that are a texel away along both axes, where a plane is deeper or less deep by
+  // twice the larger of its slopes.
   glEnable(GL_POLYGON_OFFSET_FILL);
   glPolygonOffset(2.0F, 2.0F);
   // The map may be smaller than the texture.

@@ -74,7 +74,7 @@ std::vector<lod::hlod::ShadowMapPlan> HlodScene::planMaps(const lod::hlod::Trave
   for (shadow.max_maps = 1;; ++shadow.max_maps) {
     auto plans = lod::hlod::planShadowMaps(stream_.nodes(), receivers, shadow);
     const bool is_fine = std::all_of(plans.begin(), plans.end(), [&](const lod::hlod::ShadowMapPlan& plan) {
-      return plan.texel_px <= 1.01F * shadow.texel_px;
+      return plan.texel_px <= 2.0F * shadow.texel_px;
     });
     if (is_fine || shadow.max_maps == kMaxMaps) return plans;
   }

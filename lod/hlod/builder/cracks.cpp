@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <unordered_map>
+#include <utility>
 
 namespace lod::hlod::builder {
 namespace {
@@ -21,9 +22,31 @@ class VertexGrid {
       : cell_(cell) {
     for (const std::uint32_t v : vertices) cells_[keyOf(cellOf(positions[v]))].push_back(v);
   }
+  /// Visits vertices near the segment, maybe more than once. It is walked along piece by piece, so that a long one does
+  /// not visit all cells of its box.
   template <class Visit>
   void near(const glm::vec3& a, const glm::vec3& b, float reach, const Visit& visit) const {
+    const int pieces = std::max(1, static_cast<int>(std::min(glm::distance(a, b) / cell_, kMostPieces)));
+    for (int i = 0; i < pieces; ++i) {
+      const auto at = [&](int piece) { return a + static_cast<float>(piece) / static_cast<float>(pieces) * (b - a); };
+      nearPiece(at(i), at(i + 1), reach, visit);
+    }
+  }
+
+ private:
+  /// A segment of more pieces has longer ones. A choice: by far more than a scan's own edges need.
+  static constexpr float kMostPieces = 10'000.0F;
+
+  template <class Visit>
+  void nearPiece(const glm::vec3& a, const glm::vec3& b, float reach, const Visit& visit) const {
     const glm::ivec3 low = cellOf(glm::min(a, b) - reach), high = cellOf(glm::max(a, b) + reach);
+    const glm::vec3 size(high - low + 1);
+    // Nothing lies in most cells of a large box.
+    if (size.x * size.y * size.z > static_cast<float>(cells_.size())) {
+      for (const auto& [key, vertices] : cells_)
+        for (const std::uint32_t v : vertices) visit(v);
+      return;
+    }
     for (int z = low.z; z <= high.z; ++z)
       for (int y = low.y; y <= high.y; ++y)
         for (int x = low.x; x <= high.x; ++x)
@@ -31,7 +54,6 @@ class VertexGrid {
             for (const std::uint32_t v : found->second) visit(v);
   }
 
- private:
   glm::ivec3 cellOf(const glm::vec3& p) const { return glm::ivec3(glm::floor(p / cell_)); }
   static std::uint64_t keyOf(const glm::ivec3& c) {
     const auto part = [](int x) { return static_cast<std::uint64_t>(x + (1 << 20)) & 0x1fffff; };
@@ -111,6 +133,7 @@ class CrackCloser {
     });
     if (found.empty()) return;
     std::sort(found.begin(), found.end());
+    found.erase(std::unique(found.begin(), found.end()), found.end());
     Inserts inserts;
     for (const auto& [share, v] : found) inserts.on[edge - 3 * t].push_back(v);
     inserts_.emplace_back(t, std::move(inserts));
@@ -142,29 +165,29 @@ class CrackCloser {
     return glm::dot(glm::cross(at(b) - at(a), at(c) - at(a)), normal_) > 0.0F;
   }
 
-  /// Cuts the triangle at the first vertex on one of its edges, and goes on with both parts. A vertex that would turn a
-  /// part over is left out.
-  void split(const std::array<std::uint32_t, 3>& corners, Inserts inserts) {
-    for (std::size_t k = 0; k < 3; ++k) {
-      auto& on = inserts.on[k];
-      const std::uint32_t a = corners[k], b = corners[(k + 1) % 3], c = corners[(k + 2) % 3];
-      while (!on.empty()) {
-        const std::uint32_t v = on.front();
-        on.erase(on.begin());
-        if (!isOnSide(a, v, c) || !isOnSide(v, b, c)) continue;
-        const glm::vec3 along = at(b) - at(a), to = at(v) - at(a);
-        moved_ = std::max(moved_, glm::length(to - glm::dot(to, along) / glm::dot(along, along) * along));
-        ++put_in_;
-        Inserts first, second;
-        first.on[2] = inserts.on[(k + 2) % 3];   // c a
-        second.on[0] = std::move(on);            // v b
-        second.on[1] = inserts.on[(k + 1) % 3];  // b c
-        split({a, v, c}, std::move(first));
-        split({v, b, c}, std::move(second));
-        return;
-      }
+  /// Cuts the triangle at the vertices on its edges, one edge after the other. A vertex that would turn a part over is
+  /// left out.
+  void split(std::array<std::uint32_t, 3> corners, Inserts inserts) {
+    const std::size_t k = inserts.on[0].empty() ? inserts.on[1].empty() ? 2 : 1 : 0;
+    const std::vector<std::uint32_t> on = std::move(inserts.on[k]);
+    inserts.on[k].clear();
+    if (on.empty()) return pieces_.push_back(corners);
+    std::uint32_t a = corners[k];
+    const std::uint32_t b = corners[(k + 1) % 3], c = corners[(k + 2) % 3];
+    // Each vertex cuts a part off; the edge c a belongs to the first part, b c to the last.
+    Inserts first;
+    first.on[2] = std::move(inserts.on[(k + 2) % 3]);
+    for (const std::uint32_t v : on) {
+      if (!isOnSide(a, v, c) || !isOnSide(v, b, c)) continue;
+      const glm::vec3 along = at(b) - at(a), to = at(v) - at(a);
+      moved_ = std::max(moved_, glm::length(to - glm::dot(to, along) / glm::dot(along, along) * along));
+      ++put_in_;
+      split({a, v, c}, std::exchange(first, {}));
+      a = v;
     }
-    pieces_.push_back(corners);
+    Inserts last = std::move(first);
+    last.on[1] = std::move(inserts.on[(k + 1) % 3]);
+    split({a, b, c}, std::move(last));
   }
 
   NodeMesh& mesh_;

@@ -72,7 +72,7 @@ class PictureMaker {
     std::vector<std::uint8_t> is_small(mesh_.triangles(), 0);
     for (std::uint32_t t = 0; t < mesh_.triangles(); ++t) {
       is_small[t] = isSmall(t) ? 1 : 0;
-      if (is_small[t] != 0)
+      if (is_small[t] != 0 || isLost(t))
         addPoints(t);
       else if (hasArea(t))
         for (std::size_t k = 0; k < 3; ++k) picture_.triangles.push_back(vertex(corner(t, k)));

@@ -7,8 +7,8 @@
 
 #include "base/egl/headless.h"
 #include "lod/draw/hlod_nodes.h"
+#include "tests/lod/draw/shadow_truth.h"
 #include "tests/support/failure_meshes.h"
-#include "tests/support/shadow_truth.h"
 #include "tests/support/test_meshes.h"
 
 namespace lod::draw {

@@ -1,9 +1,9 @@
-#include "server/cli/shadow_options.h"
+#include "server/cli/render_command/shadow_options.h"
 
 #include <cmath>
 #include <numbers>
 
-#include "base/text.h"
+#include "base/format_text.h"
 
 namespace server::cli {
 namespace {

@@ -8,7 +8,7 @@
 #include "base/png/png.h"
 #include "server/cli/commands.h"
 #include "server/cli/console.h"
-#include "server/cli/shadow_options.h"
+#include "server/cli/render_command/shadow_options.h"
 #include "server/render/background.h"
 #include "server/render/hlod_scene.h"
 #include "server/render/scene_renderer.h"

@@ -17,7 +17,7 @@ struct ShadowArguments {
 };
 
 void declareShadowOptions(CLI::App& command, ShadowArguments& a);
-/// What contradicts itself, one line; empty where nothing does. `with_shadows`: the picture's method has shadows.
+/// Names the contradiction, one line; empty where there is none. `with_shadows`: the picture's method has shadows.
 std::string shadowProblem(const ShadowArguments& a, bool with_shadows);
 /// Sets the shadows and their light. The scene's light shines from its direction where none is given. The arguments
 /// must not contradict themselves.
