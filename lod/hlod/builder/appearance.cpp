@@ -88,7 +88,7 @@ FourTriangles::Closest FourTriangles::closest(const Four& p) const {
   const Four vc = d1 * d4 - d3 * d2, vb = d5 * d2 - d1 * d6, va = d3 * d6 - d5 * d4;
   const base::Int4 is_inside = (va > 0.0F) & (vb > 0.0F) & (vc > 0.0F);
   const base::Int4 is_beside_bc = (va <= 0.0F) & (d4 >= d3) & (d5 >= d6);
-  // What is left lies beside ab, ac or a corner, which are ends of edges. Those of a and b lie on ab, that of c on ac.
+  // The rest lies beside ab, ac or a corner, which are ends of edges. Those of a and b lie on ab, that of c on ac.
   const base::Int4 is_beside_ac =
       (((vb <= 0.0F) & (d2 >= 0.0F) & (d6 <= 0.0F)) | ((d6 >= 0.0F) & (d5 <= d6))) & ~is_inside & ~is_beside_bc;
   const base::Int4 is_beside_ab = ~(is_inside | is_beside_bc | is_beside_ac);

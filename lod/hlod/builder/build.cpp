@@ -46,7 +46,7 @@ class HlodBuilder {
  private:
   // All that decides the work files, their own format first. Threads and memory do not.
   std::string keyPrefix() const {
-    std::string key = "hlod 1 " + ingest::describeStitch(options_.stitch);
+    std::string key = "hlod 2 " + ingest::describeStitch(options_.stitch);
     key += " " + std::to_string(options_.leaf_triangles) + " " + std::to_string(options_.resolution);
     key += " " + std::to_string(static_cast<int>(options_.appearance)) + (options_.points ? " points " : " ");
     return key;
@@ -146,7 +146,7 @@ class HlodBuilder {
 
   base::Result<void> makeLevel(std::uint32_t begin, std::uint32_t end) {
     std::vector<std::uint64_t> inputs;
-    for (std::uint32_t c = begin; c < end; ++c) inputs.push_back(store_->has(c) ? 0 : inputTriangles(c, kLevelsBelow));
+    for (std::uint32_t c = begin; c < end; ++c) inputs.push_back(store_->has(c) ? 0 : inputBytes(c, kLevelsBelow));
     const std::vector<std::size_t> order = base::largestFirst(inputs);
     std::mutex mutex;
     std::condition_variable changed;
@@ -154,7 +154,8 @@ class HlodBuilder {
     return base::tryParallelFor(order.size(), build_.threads(), [&](std::size_t i) -> base::Result<void> {
       const std::uint32_t cell = begin + static_cast<std::uint32_t>(order[i]);
       if (store_->has(cell)) return {};
-      const std::uint64_t needed = std::min(kBytesPerTriangle * inputs[order[i]], build_.workMemory());
+      const std::uint64_t needed = inputs[order[i]];
+      if (needed > build_.workMemory()) return tooLittleMemory(needed);
       {
         std::unique_lock lock(mutex);
         changed.wait(lock, [&] { return used + needed <= build_.workMemory(); });
@@ -171,25 +172,42 @@ class HlodBuilder {
     });
   }
 
-  std::uint64_t inputTriangles(std::uint32_t cell, std::uint32_t levels) const {
+  // Memory that the node takes while it is made of what lies so many levels below.
+  std::uint64_t inputBytes(std::uint32_t cell, std::uint32_t levels) const {
     const Cell& of = cells_[cell];
-    if (of.isLeaf()) return of.count;
-    if (levels == 0) return store_->meshTriangles(cell);
+    if (of.isLeaf()) return of.count * (kBytesPerTriangle + kBytesPerVertex / 2);
+    if (levels == 0)
+      return kBytesPerTriangle * store_->meshTriangles(cell) + kBytesPerVertex * store_->meshVertices(cell);
     std::uint64_t sum = 0;
-    for (std::uint32_t k = 0; k < of.children; ++k) sum += inputTriangles(of.first_child + k, levels - 1);
+    for (std::uint32_t k = 0; k < of.children; ++k) sum += inputBytes(of.first_child + k, levels - 1);
     return sum;
+  }
+
+  base::Error tooLittleMemory(std::uint64_t needed) const {
+    return {ErrorCode::kNoSpace, "the memory given is too small for a node of the octree; give " +
+                                     std::to_string((needed + ingest::kMinMemory / 2) / 1'000'000 + 1) +
+                                     "M or more (--memory)"};
+  }
+
+  base::Result<void> add(std::uint32_t cell, const BuiltNode& node) {
+    if (node.has_too_many)
+      return Error{ErrorCode::kUnsupported, "a node of the octree has more than " + std::to_string(kMaxPrimitives) +
+                                                " triangles or points: too many of the source's " +
+                                                std::to_string(cells_[cell].count) +
+                                                " triangles there are single ones, or lie in one place"};
+    return store_->add(cell, node);
   }
 
   base::Result<void> makeNode(std::uint32_t cell) {
     const Cell& of = cells_[cell];
     if (of.isLeaf()) {
       LUMIGRID_ASSIGN_OR_RETURN(const auto corners, triangles_.read(of.first, of.count));
-      return store_->add(cell, makeLeaf(sourceMesh(corners, node_options_.colors), node_options_));
+      return add(cell, makeLeaf(sourceMesh(corners, node_options_.colors), node_options_));
     }
     std::vector<NodeMesh> parts;
     LUMIGRID_TRY(gather(cell, kLevelsBelow, parts));
     const float edge = std::exp2(static_cast<float>(build_.lattice().bits - of.depth));
-    return store_->add(cell, makeInnerNode(edge, parts, node_options_));
+    return add(cell, makeInnerNode(edge, parts, node_options_));
   }
 
   base::Result<void> gather(std::uint32_t cell, std::uint32_t levels, std::vector<NodeMesh>& parts) {
@@ -236,9 +254,9 @@ class HlodBuilder {
   static constexpr std::uint64_t kStoreBytes = 40;
   static constexpr std::uint64_t kWorkBytes = 120;
   static constexpr double kTrianglesPerCoreSecond = 0.1e6;
-  // Memory per triangle of a bucket that is put in order, and of those that a node is made of.
+  // Memory per triangle of a bucket that is put in order, and per triangle and vertex of those that a node is made of.
   static constexpr std::uint64_t kBucketBytesPerTriangle = 220;
-  static constexpr std::uint64_t kBytesPerTriangle = 600;
+  static constexpr std::uint64_t kBytesPerTriangle = 430, kBytesPerVertex = 340;
 
   const BuildOptions options_;
   ingest::StagedBuild build_;

@@ -4,6 +4,8 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <set>
+#include <tuple>
 #include <unordered_map>
 #include <vector>
 
@@ -72,11 +74,14 @@ class PictureMaker {
     std::vector<std::uint8_t> is_small(mesh_.triangles(), 0);
     for (std::uint32_t t = 0; t < mesh_.triangles(); ++t) {
       is_small[t] = isSmall(t) ? 1 : 0;
-      if (is_small[t] != 0 || isLost(t))
+      if (is_small[t] != 0)
         addPoints(t);
       else if (hasArea(t))
         for (std::size_t k = 0; k < 3; ++k) picture_.triangles.push_back(vertex(corner(t, k)));
+      else
+        flat_.push_back(t);
     }
+    keepThinParts();
     if (options_.edges) addEdges(is_small);
     picture_.points = clusters_.points([this](const glm::vec3& place) { return placeOf(place); });
     return std::move(picture_);
@@ -105,7 +110,35 @@ class PictureMaker {
     return true;
   }
 
-  /// Rounding may bring corners together; what is left of such a triangle is an edge of its neighbours.
+  /// Rounding brings two corners of a thin triangle together. It is left out where a triangle beside it still has the
+  /// edge that remains; otherwise, as in a wire, it stays, one step thick.
+  void keepThinParts() {
+    if (flat_.empty()) return;
+    std::set<std::array<int, 6>> edges;
+    const auto keyOf = [](const glm::ivec3& a, const glm::ivec3& b) {
+      std::array<int, 6> key{a.x, a.y, a.z, b.x, b.y, b.z};
+      if (std::tie(b.x, b.y, b.z) < std::tie(a.x, a.y, a.z)) key = {b.x, b.y, b.z, a.x, a.y, a.z};
+      return key;
+    };
+    for (std::size_t i = 0; i < picture_.triangles.size(); ++i) {
+      const auto at = [&](std::size_t k) { return picture_.vertices[picture_.triangles[k]].place; };
+      edges.insert(keyOf(at(i), at(i - i % 3 + (i + 1) % 3)));
+    }
+    for (const std::uint32_t t : flat_) {
+      std::uint32_t from = vertex(corner(t, 0)), to = vertex(corner(t, 1));
+      if (picture_.vertices[from].place == picture_.vertices[to].place) to = vertex(corner(t, 2));
+      const glm::ivec3 a = picture_.vertices[from].place, b = picture_.vertices[to].place;
+      if (a == b || !edges.insert(keyOf(a, b)).second) continue;
+      const glm::ivec3 along = glm::abs(b - a);
+      const int axis = along.x <= along.y && along.x <= along.z ? 0 : along.y <= along.z ? 1 : 2;
+      NodeVertex beside = picture_.vertices[from];
+      beside.place[axis] += beside.place[axis] > 0 ? -1 : 1;
+      const auto third = static_cast<std::uint32_t>(picture_.vertices.size());
+      picture_.vertices.push_back(beside);
+      picture_.triangles.insert(picture_.triangles.end(), {from, to, third});
+    }
+  }
+
   bool hasArea(std::uint32_t t) const {
     const auto at = [&](std::size_t k) { return placeOf(mesh_.positions[corner(t, k)]); };
     return at(0) != at(1) && at(1) != at(2) && at(2) != at(0);
@@ -140,6 +173,7 @@ class PictureMaker {
   const std::uint32_t step_bits_;
   const PictureOptions options_;
   PointClusters clusters_;
+  std::vector<std::uint32_t> flat_;    // triangles of which rounding leaves an edge
   std::vector<std::uint32_t> number_;  // by vertex of the mesh: that of the picture
   NodeGeometry picture_;
 };

@@ -20,6 +20,7 @@ namespace {
 // error (section 3.2); then there are more points than there were triangles, and pictures are 5 dB worse at one pixel
 // (docs/decisions/hlod.md).
 constexpr float kPointReach = 0.5F;
+constexpr float kPointCell = 0.5F;
 // Attributes are smoothed where edges are shorter than so many times the node's error: about a pixel, where the error
 // is half of one.
 constexpr float kSmoothed = 2.0F;
@@ -61,6 +62,8 @@ void encodePicture(const NodeMesh& mesh, const PictureOptions& how, const NodeOp
   node.row.triangles = static_cast<std::uint32_t>(picture.triangles.size() / 3);
   node.row.points = static_cast<std::uint32_t>(picture.points.size());
   node.row.edges = static_cast<std::uint32_t>(picture.edges.size() / 2);
+  node.has_too_many |= std::max({node.row.triangles, node.row.points, node.row.edges}) > kMaxPrimitives;
+  if (node.has_too_many) return;
   node.picture = encodeBlock(picture, {options.colors, false});
   node.row.picture.bytes = static_cast<std::uint32_t>(node.picture.size());
 }
@@ -84,6 +87,8 @@ void encodeCaster(const NodeMesh& mesh, BuiltNode& node) {
   NodeGeometry caster = makePicture(mesh, node.row.step_bits, {.edges = false});
   for (NodeVertex& vertex : caster.vertices) vertex = {vertex.place, {0.0F, 0.0F, 1.0F}, glm::u8vec3(255)};
   node.row.caster_triangles = static_cast<std::uint32_t>(caster.triangles.size() / 3);
+  node.has_too_many |= node.row.caster_triangles > kMaxPrimitives;
+  if (node.has_too_many) return;
   node.caster = encodeBlock(caster, {false, true});
   node.row.caster.bytes = static_cast<std::uint32_t>(node.caster.size());
 }
@@ -192,9 +197,11 @@ BuiltNode makeInnerNode(float edge, std::vector<NodeMesh>& parts, const NodeOpti
   NodeMesh& mesh = node.mesh = mergeParts(parts);
   smoothDetail(mesh, kSmoothed * limit);
   simplify(mesh, limit - rounding, options.appearance);
-  encodePicture(mesh, {options.points ? kPointReach * limit : 0.0F, limit}, options, node);
+  encodePicture(mesh, {options.points ? kPointReach * limit : 0.0F, kPointCell * limit}, options, node);
   node.row.shape_error = (shapeError(mesh) + rounding) * step;
   node.row.error = (mesh.error + rounding) * step;
+  // A point is at most the diagonal of its cell away from what it stands for.
+  if (node.row.points > 0) node.row.error = std::max(node.row.error, limit * step);
 
   AppearanceOptions shape_alone;
   shape_alone.normals = shape_alone.colors = false;

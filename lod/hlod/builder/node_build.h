@@ -23,7 +23,8 @@ struct NodeOptions {
 struct BuiltNode {
   Node row;  ///< without links; its box and errors are those of its own geometry alone
   base::Bytes picture, caster;
-  NodeMesh mesh;  ///< empty for a leaf
+  NodeMesh mesh;              ///< empty for a leaf
+  bool has_too_many = false;  ///< more than kMaxPrimitives of something: there are no blocks
 };
 
 /// The source's own triangles, three corners each; colours are left out unless `colors`.

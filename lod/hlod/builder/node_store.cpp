@@ -32,11 +32,13 @@ base::Result<void> NodeStore::add(std::uint32_t cell, const BuiltNode& node) {
   Stored stored;
   stored.row = node.row;
   stored.mesh_triangles = static_cast<std::uint32_t>(node.mesh.triangles());
+  stored.mesh_vertices = static_cast<std::uint32_t>(node.mesh.positions.size());
   stored.mesh_bytes = static_cast<std::uint32_t>(mesh.size());
   base::ByteWriter out;
   out.u32(cell);
   base::writeFields(out, fieldsOf(stored.row));
   out.u32(stored.mesh_triangles);
+  out.u32(stored.mesh_vertices);
   out.u32(stored.mesh_bytes);
   const std::size_t front = out.view().size();
   for (const base::Bytes* part : {&node.picture, &node.caster, &mesh}) out.bytes(*part);
@@ -52,6 +54,7 @@ bool NodeStore::keep(std::uint64_t offset, base::ByteView payload) {
   Stored stored;
   base::readFields(in, fieldsOf(stored.row));
   stored.mesh_triangles = in.u32();
+  stored.mesh_vertices = in.u32();
   stored.mesh_bytes = in.u32();
   stored.offset = offset + in.offset();
   const std::uint64_t bytes = std::uint64_t{stored.row.picture.bytes} + stored.row.caster.bytes + stored.mesh_bytes;

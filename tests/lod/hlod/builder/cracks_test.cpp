@@ -74,6 +74,28 @@ TEST(HlodCracks, neighboursThatKeptOtherVerticesAreJoined) {
   EXPECT_LE(support::sampledDistance(after, support::NearestSurface(before), 40000).max, bound(joined.bounds.from));
 }
 
+// One edge of the scene's length among many short ones, with many vertices on it.
+TEST(HlodCracks, aLongEdgeTakesTheVerticesOfManyShortOnes) {
+  constexpr std::uint32_t kParts = 30'000;
+  NodeMesh mesh;
+  std::vector<std::uint64_t> parts;
+  const auto add = [&](const glm::vec3& place, std::uint64_t part) {
+    mesh.positions.push_back(place);
+    mesh.normals.emplace_back(0.0F, 0.0F, 1.0F);
+    mesh.on_rim.push_back(0);
+    parts.push_back(part);
+  };
+  add({0, 100, 0}, 1), add({kParts * 2, 100, 0}, 1), add({kParts, 50'000, 0}, 1);
+  mesh.indices = {0, 1, 2};
+  for (std::uint32_t i = 0; i < kParts; ++i) {
+    const auto x = static_cast<float>(2 * i + 1);
+    add({x, 100, 0}, 2), add({x - 1, 99, 0}, 2), add({x + 1, 99, 0}, 2);
+    mesh.indices.insert(mesh.indices.end(), {3 + 3 * i, 4 + 3 * i, 5 + 3 * i});
+  }
+  EXPECT_EQ(closeCracks(mesh, parts, 0.4F), kParts);
+  EXPECT_EQ(mesh.triangles(), 1 + 2 * kParts);
+}
+
 TEST(HlodCracks, aPartIsNotJoinedToItself) {
   // A slit narrower than the reach, both sides of one part, with other vertices on each side.
   NodeMesh mesh;

@@ -83,6 +83,20 @@ TEST(HlodDetail, trianglesThatRoundingFlattensAreLeftOut) {
   EXPECT_EQ(picture.triangles.size(), 3U);
 }
 
+TEST(HlodDetail, wiresStayWhereRoundingFlattensThem) {
+  NodeMesh mesh;
+  mesh.positions = {{0, 0, 0}, {800, 1, 0}, {800, 0, 1}};
+  mesh.normals.assign(3, glm::vec3(0.0F, 0.0F, 1.0F));
+  mesh.on_rim.assign(3, 1);
+  mesh.indices = {0, 1, 2};
+  const NodeGeometry picture = makePicture(mesh, 3, {});
+  ASSERT_EQ(picture.triangles.size(), 3U);
+  std::set<int> along;
+  for (const std::uint32_t v : picture.triangles) along.insert(picture.vertices[v].place.x);
+  EXPECT_EQ(*along.begin(), 0);
+  EXPECT_EQ(*along.rbegin(), 100);
+}
+
 TEST(HlodDetail, onlyWhatIsFineIsSmoothed) {
   NodeMesh mesh = support::nodeMesh(support::openGrid(40, 0.0F), 4000.0F);
   for (std::size_t v = 0; v < mesh.positions.size(); ++v)
