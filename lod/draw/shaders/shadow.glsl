@@ -27,6 +27,8 @@ const float kMostLean = -0.3;
 // Triangles that face the light less than this have none, whatever their normals say. Below 0, or the triangles of a
 // smooth surface would show where the light ends.
 const float kTurnedAway = -0.1;
+// Slivers that stand upright on the surface say nothing of its side.
+const float kLeastAgreement = 0.3;
 // Rounding of depths.
 const float kDepthStep = 1e-6;
 
@@ -121,7 +123,8 @@ vec3 shadeInLight(vec3 color, vec3 normal, vec3 to_eye, vec3 place) {
   vec3 to_light = normalize(u_light.xyz - u_light.w * place);
   float facing = dot(n, to_light);
   float plane_facing = dot(plane, to_light) * sign(dot(plane, n));
-  if (facing <= 0.0 || plane_facing < kTurnedAway) return 0.35 * color;
+  bool is_turned_away = plane_facing < kTurnedAway && abs(dot(plane, n)) > kLeastAgreement;
+  if (facing <= 0.0 || is_turned_away) return 0.35 * color;
   float flatness = max(abs(plane_facing), 1e-6);
   vec2 slope = depthSlope(clip, along, across) * min(flatness / kFlattest, 1.0);
   float bias = u_reach / max(flatness, kFlattest) * u_depth_per_length / (clip.w * clip.w) + kDepthStep;

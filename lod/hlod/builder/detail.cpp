@@ -110,7 +110,7 @@ class PictureMaker {
     return true;
   }
 
-  /// Rounding brings two corners of a thin triangle together. It is left out where a triangle beside it still has the
+  /// Rounding flattens a thin triangle or turns it over. It is left out where a triangle beside it still has the
   /// edge that remains; otherwise, as in a wire, it stays, one step thick.
   void keepThinParts() {
     if (flat_.empty()) return;
@@ -125,8 +125,7 @@ class PictureMaker {
       edges.insert(keyOf(at(i), at(i - i % 3 + (i + 1) % 3)));
     }
     for (const std::uint32_t t : flat_) {
-      std::uint32_t from = vertex(corner(t, 0)), to = vertex(corner(t, 1));
-      if (picture_.vertices[from].place == picture_.vertices[to].place) to = vertex(corner(t, 2));
+      std::uint32_t from = vertex(corner(t, 0)), to = farthestFrom(t, from);
       const glm::ivec3 a = picture_.vertices[from].place, b = picture_.vertices[to].place;
       if (a == b || !edges.insert(keyOf(a, b)).second) continue;
       const glm::ivec3 along = glm::abs(b - a);
@@ -135,13 +134,35 @@ class PictureMaker {
       beside.place[axis] += beside.place[axis] > 0 ? -1 : 1;
       const auto third = static_cast<std::uint32_t>(picture_.vertices.size());
       picture_.vertices.push_back(beside);
+      const bool turned = glm::dot(normalOf(a, b, beside.place), normalOf(t)) < 0.0;
+      if (turned) std::swap(from, to);
       picture_.triangles.insert(picture_.triangles.end(), {from, to, third});
     }
   }
 
+  /// The corner, as a vertex of the picture, whose place is farther from that one.
+  std::uint32_t farthestFrom(std::uint32_t t, std::uint32_t from) {
+    const std::uint32_t one = vertex(corner(t, 1)), other = vertex(corner(t, 2));
+    const auto distance = [&](std::uint32_t v) {
+      return glm::distance(glm::dvec3(picture_.vertices[from].place), glm::dvec3(picture_.vertices[v].place));
+    };
+    return distance(one) >= distance(other) ? one : other;
+  }
+
+  glm::dvec3 normalOf(std::uint32_t t) const {
+    const glm::dvec3 a(mesh_.positions[corner(t, 0)]);
+    return glm::cross(glm::dvec3(mesh_.positions[corner(t, 1)]) - a, glm::dvec3(mesh_.positions[corner(t, 2)]) - a);
+  }
+  static glm::dvec3 normalOf(const glm::ivec3& a, const glm::ivec3& b, const glm::ivec3& c) {
+    return glm::cross(glm::dvec3(b - a), glm::dvec3(c - a));
+  }
+
+  /// Whether the triangle faces after rounding as before: thin ones may be flat then, or turned over.
   bool hasArea(std::uint32_t t) const {
     const auto at = [&](std::size_t k) { return placeOf(mesh_.positions[corner(t, k)]); };
-    return at(0) != at(1) && at(1) != at(2) && at(2) != at(0);
+    if (at(0) == at(1) || at(1) == at(2) || at(2) == at(0)) return false;
+    if (step_bits_ == 0) return true;
+    return glm::dot(normalOf(at(0), at(1), at(2)), normalOf(t)) > 0.0;
   }
 
   void addPoints(std::uint32_t t) {
