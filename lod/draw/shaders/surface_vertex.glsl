@@ -30,9 +30,9 @@ out float v_beyond;                    // above 0: cut away
 #endif
 
 #ifdef BEHIND
-// The depth of a place that is a little farther from the eye, so that points and lines fill holes between triangles and
-// do not cover the triangles around. The offset reaches behind surfaces that are seen at a grazing angle. A place at the
-// far plane stays within the picture.
+// The depth of a place that is a little farther from the eye, so that points and lines fill holes between triangles
+// and do not cover the triangles around. The offset reaches behind surfaces seen at a grazing angle. A place at the far
+// plane stays within the picture.
 float depthBehind(vec3 to_eye, float squared_distance) {
   vec4 behind = u_clip_from_scene * vec4(a_position - 3.0 * u_closing * inversesqrt(squared_distance) * to_eye, 1.0);
   if (gl_Position.w <= 0.0 || behind.w <= 0.0) return gl_Position.z;

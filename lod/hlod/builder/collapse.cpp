@@ -27,8 +27,9 @@ constexpr float kLeastCosine = 0.1F;
 constexpr float kLengthCost = 0.1F;
 constexpr float kTurnCost = 0.5F;
 constexpr float kColorCost = 1.0F / 128.0F;
-// A vertex waits again where its collapse has become more than twice as dear as when it was queued.
-constexpr std::uint32_t kStaleRanks = VertexQueue::kRanksPerOctave;
+// A vertex waits again where its collapse has become dearer than when it was queued by about so much: half an octave,
+// a factor of 1.4. With a whole one there are 0.5 % more triangles, and it is no faster.
+constexpr std::uint32_t kStaleRanks = VertexQueue::kRanksPerOctave / 2;
 
 /// The four vectors lane by lane.
 LUMIGRID_ALWAYS_INLINE FourPoints side(const Four& a, const Four& b, const Four& c, const Four& d) {

@@ -9,13 +9,13 @@
 
 namespace lod::hlod::builder {
 
-/// Costs count up to an eighth of an octave. Vertices that are as dear in that sense leave in the order in which they
+/// Costs count up to a sixteenth of an octave. Vertices that are as dear in that sense leave in the order in which they
 /// came, so a queue that was filled in the order of vertices goes through memory mostly in order.
 class VertexQueue {
  public:
   static constexpr std::uint32_t kNone = std::numeric_limits<std::uint32_t>::max();
   /// Costs of one octave have so many different ranks.
-  static constexpr std::uint32_t kRanksPerOctave = 8;
+  static constexpr std::uint32_t kRanksPerOctave = 16;
 
   struct Entry {
     std::uint32_t vertex = kNone;  ///< kNone: the queue is empty
@@ -48,8 +48,8 @@ class VertexQueue {
   static std::uint32_t rankOf(float cost) { return std::bit_cast<std::uint32_t>(cost) >> kDroppedBits; }
 
  private:
-  // A rank is the exponent of a float and three bits of its fraction, which rise with floats that are not negative.
-  static constexpr std::uint32_t kDroppedBits = 20;
+  // A rank is the exponent of a float and four bits of its fraction, which rise with floats that are not negative.
+  static constexpr std::uint32_t kDroppedBits = 19;
   static constexpr std::uint32_t kRanks = 1U << (31 - kDroppedBits);
   static constexpr std::uint32_t kNotQueued = kNone - 1;
   struct Waiting {

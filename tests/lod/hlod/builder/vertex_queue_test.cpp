@@ -46,13 +46,13 @@ TEST(HlodVertexQueue, theCheapestLeaveFirstWhateverComesInBetween) {
   EXPECT_GT(popped, 5000U);
 }
 
-TEST(HlodVertexQueue, ranksRiseWithCostsAndTellThoseAnEighthOfAnOctaveApart) {
+TEST(HlodVertexQueue, ranksRiseWithCostsAndTellCostsASixteenthApart) {
   EXPECT_EQ(VertexQueue::rankOf(8.0F), VertexQueue::rankOf(4.0F) + VertexQueue::kRanksPerOctave);
   float cost = 1e-20F;
-  for (std::uint32_t rank = VertexQueue::rankOf(cost); cost < 1e20F; cost *= 1.125F) {
+  for (std::uint32_t rank = VertexQueue::rankOf(cost); cost < 1e20F; cost *= 1.0625F) {
     EXPECT_GE(VertexQueue::rankOf(cost), rank);
     rank = VertexQueue::rankOf(cost);
-    EXPECT_GT(VertexQueue::rankOf(1.13F * cost), rank);
+    EXPECT_GT(VertexQueue::rankOf(1.07F * cost), rank);
   }
 }
 
