@@ -209,18 +209,25 @@ TEST_F(HlodBuild, oneTriangleIsAScene) {
   EXPECT_EQ(whole().nodes[0].triangles, 1U);
 }
 
-// Points that lie on each other at one place cannot be divided.
+// Triangles that share their median vertex along the Morton curve lie in one cell at every depth.
 TEST_F(HlodBuild, manyTrianglesInOnePlaceAreALeaf) {
+  constexpr std::uint32_t kTriangles = 500;
   support::Mesh mesh;
-  for (std::uint32_t i = 0; i < 500; ++i) {
-    const float turn = 0.0125F * static_cast<float>(i);
-    mesh.positions.insert(mesh.positions.end(),
-                          {{0, 0, 0}, {std::cos(turn), std::sin(turn), 0.1F}, {std::cos(turn), std::sin(turn), -0.1F}});
-    support::addTriangle(mesh, 3 * i, 3 * i + 1, 3 * i + 2);
+  mesh.positions.emplace_back(0.0F);
+  for (std::uint32_t i = 0; i < kTriangles; ++i) {
+    const float turn = 0.003F * static_cast<float>(i);
+    const glm::vec3 away(0.5F + 0.4F * std::cos(turn), 0.5F + 0.4F * std::sin(turn), 0.2F + 0.001F * turn);
+    mesh.positions.push_back(-away);
+    mesh.positions.emplace_back(away.y, away.x, away.z + 0.3F);
+    support::addTriangle(mesh, 2 * i + 1, 0, 2 * i + 2);
   }
   BuildOptions options = small();
   options.leaf_triangles = 20;
   mustBuild(mesh, options);
+  std::uint32_t largest = 0;
+  for (const Node& node : whole().nodes)
+    if (node.isLeaf()) largest = std::max(largest, node.triangles);
+  EXPECT_GT(largest, options.leaf_triangles);
 }
 
 TEST_F(HlodBuild, wrongOptionsAreNamed) {
