@@ -4,9 +4,9 @@
 #include <array>
 #include <cmath>
 #include <limits>
-#include <set>
-#include <tuple>
+#include <map>
 #include <unordered_map>
+#include <utility>
 #include <vector>
 
 namespace lod::hlod::builder {
@@ -114,30 +114,36 @@ class PictureMaker {
   /// edge that remains; otherwise, as in a wire, it stays, one step thick.
   void keepThinParts() {
     if (flat_.empty()) return;
-    std::set<std::array<int, 6>> edges;
-    const auto keyOf = [](const glm::ivec3& a, const glm::ivec3& b) {
-      std::array<int, 6> key{a.x, a.y, a.z, b.x, b.y, b.z};
-      if (std::tie(b.x, b.y, b.z) < std::tie(a.x, a.y, a.z)) key = {b.x, b.y, b.z, a.x, a.y, a.z};
-      return key;
-    };
-    for (std::size_t i = 0; i < picture_.triangles.size(); ++i) {
-      const auto at = [&](std::size_t k) { return picture_.vertices[picture_.triangles[k]].place; };
-      edges.insert(keyOf(at(i), at(i - i % 3 + (i + 1) % 3)));
-    }
+    std::map<EdgePlaces, std::uint32_t> left;  // the edge that remains of each flat triangle
     for (const std::uint32_t t : flat_) {
-      std::uint32_t from = vertex(corner(t, 0)), to = farthestFrom(t, from);
-      const glm::ivec3 a = picture_.vertices[from].place, b = picture_.vertices[to].place;
-      if (a == b || !edges.insert(keyOf(a, b)).second) continue;
-      const glm::ivec3 along = glm::abs(b - a);
-      const int axis = along.x <= along.y && along.x <= along.z ? 0 : along.y <= along.z ? 1 : 2;
-      NodeVertex beside = picture_.vertices[from];
-      beside.place[axis] += beside.place[axis] > 0 ? -1 : 1;
-      const auto third = static_cast<std::uint32_t>(picture_.vertices.size());
-      picture_.vertices.push_back(beside);
-      const bool turned = glm::dot(normalOf(a, b, beside.place), normalOf(t)) < 0.0;
-      if (turned) std::swap(from, to);
-      picture_.triangles.insert(picture_.triangles.end(), {from, to, third});
+      const std::uint32_t from = vertex(corner(t, 0));
+      left.emplace(edgeBetween(from, farthestFrom(t, from)), t);
     }
+    for (std::size_t i = 0; i < picture_.triangles.size(); ++i)
+      left.erase(edgeBetween(picture_.triangles[i], picture_.triangles[i - i % 3 + (i + 1) % 3]));
+    for (const auto& [edge, t] : left) addSliver(t);
+  }
+  /// The places of both ends, the lower one first.
+  using EdgePlaces = std::array<std::array<int, 3>, 2>;
+  EdgePlaces edgeBetween(std::uint32_t a, std::uint32_t b) const {
+    const auto at = [&](std::uint32_t v) {
+      const glm::ivec3& place = picture_.vertices[v].place;
+      return std::array{place.x, place.y, place.z};
+    };
+    return {std::min(at(a), at(b)), std::max(at(a), at(b))};
+  }
+  void addSliver(std::uint32_t t) {
+    std::uint32_t from = vertex(corner(t, 0)), to = farthestFrom(t, from);
+    const glm::ivec3 a = picture_.vertices[from].place, b = picture_.vertices[to].place;
+    if (a == b) return;
+    const glm::ivec3 along = glm::abs(b - a);
+    const int axis = along.x <= along.y && along.x <= along.z ? 0 : along.y <= along.z ? 1 : 2;
+    NodeVertex beside = picture_.vertices[from];
+    beside.place[axis] += beside.place[axis] > 0 ? -1 : 1;
+    if (glm::dot(normalOf(a, b, beside.place), normalOf(t)) < 0.0) std::swap(from, to);
+    picture_.triangles.insert(picture_.triangles.end(),
+                              {from, to, static_cast<std::uint32_t>(picture_.vertices.size())});
+    picture_.vertices.push_back(beside);
   }
 
   /// The corner, as a vertex of the picture, whose place is farther from that one.
