@@ -1,4 +1,5 @@
 // The snippets of docs/hosting-server.md do what the document says, with a real nginx and a real Caddy.
+#include <fcntl.h>
 #include <gtest/gtest.h>
 #include <signal.h>
 #include <sys/prctl.h>
@@ -10,6 +11,7 @@
 #include <chrono>
 #include <deque>
 #include <fstream>
+#include <iostream>
 #include <memory>
 #include <string>
 #include <thread>
@@ -185,38 +187,72 @@ TEST(Proxy, viewersOfAKilledServerGoOnAtTheOtherAndNothingComesAgain) {
   EXPECT_LT(ended, kViewers) << "nobody was at the other";
 }
 
+// Caddy with the snippet's site at a port of its own, for as long as the object lives.
+class Caddy {
+ public:
+  explicit Caddy(std::uint16_t server) {
+    // Another process may take a port between the search and the start of Caddy, which listens at all addresses.
+    for (int attempt = 0; attempt < 5 && !running(); ++attempt) start(server);
+    EXPECT_TRUE(running()) << "Caddy does not start: " << log();
+  }
+  ~Caddy() { stop(); }
+  Caddy(const Caddy&) = delete;
+  Caddy& operator=(const Caddy&) = delete;
+
+  bool running() const { return pid_ > 0; }
+  std::uint16_t port() const { return port_; }
+  std::string log() const {
+    const auto bytes = base::readFile(directory_ / "log");
+    return bytes ? std::string(bytes->begin(), bytes->end()) : "";
+  }
+
+ private:
+  void start(std::uint16_t server) {
+    port_ = support::freePort();
+    std::string sites = snippet("caddy");
+    replaceOnce(sites, ":8088", "http://127.0.0.1:" + std::to_string(port_));
+    replaceOnce(sites, "127.0.0.1:8080", "127.0.0.1:" + std::to_string(server));
+    const std::string file = directory_ / "Caddyfile", log_file = directory_ / "log";
+    std::ofstream(file) << "{\nadmin off\n}\n" << sites;
+    pid_ = ::fork();
+    if (pid_ == 0) {
+      ::prctl(PR_SET_PDEATHSIG, SIGTERM);
+      ::dup2(::open(log_file.c_str(), O_WRONLY | O_CREAT | O_TRUNC, 0600), STDERR_FILENO);
+      ::close_range(3, ~0U, 0);
+      for (const char* variable : {"HOME", "XDG_DATA_HOME", "XDG_CONFIG_HOME"})
+        ::setenv(variable, directory_.path().c_str(), 1);
+      ::execl("/usr/bin/caddy", "caddy", "run", "--adapter", "caddyfile", "--config", file.c_str(), nullptr);
+      ::_exit(127);
+    }
+    // Caddy says so when it listens at all ports. An answer at the port might be another process's.
+    const bool serves = waitFor([&] {
+      if (::waitpid(pid_, nullptr, WNOHANG) == pid_) pid_ = -1;
+      return !running() || log().find("serving initial configuration") != std::string::npos;
+    });
+    if (!serves) stop();
+  }
+  void stop() {
+    if (!running()) return;
+    ::kill(pid_, SIGTERM);
+    ::waitpid(pid_, nullptr, 0);
+    pid_ = -1;
+  }
+
+  const support::TemporaryDirectory directory_;
+  pid_t pid_ = -1;
+  std::uint16_t port_ = 0;
+};
+
 TEST(Proxy, caddyPassesViewersOn) {
   if (::access("/usr/bin/caddy", X_OK) != 0) GTEST_SKIP() << "caddy is not installed (Debian: caddy)";
   const SceneDirectory scene;
   const RunningServer server(scene.path);
-  const support::TemporaryDirectory directory;
-  const std::uint16_t port = support::freePort();
-  std::string sites = snippet("caddy");
-  replaceOnce(sites, ":8088", "http://127.0.0.1:" + std::to_string(port));
-  replaceOnce(sites, "127.0.0.1:8080", "127.0.0.1:" + std::to_string(server.port()));
-  const std::string file = directory / "Caddyfile";
-  std::ofstream(file) << "{\nadmin off\n}\n" << sites;
-
-  const pid_t pid = ::fork();
-  if (pid == 0) {
-    ::prctl(PR_SET_PDEATHSIG, SIGTERM);
-    ::close_range(3, ~0U, 0);
-    ::setenv("HOME", directory.path().c_str(), 1);
-    ::setenv("XDG_DATA_HOME", directory.path().c_str(), 1);
-    ::setenv("XDG_CONFIG_HOME", directory.path().c_str(), 1);
-    ::execl("/usr/bin/caddy", "caddy", "run", "--adapter", "caddyfile", "--config", file.c_str(), nullptr);
-    ::_exit(127);
-  }
-  bool is_up = false;
-  for (int i = 0; i < 1000 && !is_up; ++i) {
-    std::this_thread::sleep_for(std::chrono::milliseconds(10));
-    is_up = httpRequest(port, "/healthz").status == 200;
-  }
-  EXPECT_TRUE(is_up);
-  if (is_up) expectAVisit(port);
-  EXPECT_EQ(httpRequest(port, "/metrics").status, 403);
-  ::kill(pid, SIGTERM);
-  ::waitpid(pid, nullptr, 0);
+  const Caddy caddy(server.port());
+  ASSERT_TRUE(caddy.running());
+  expectAVisit(caddy.port());
+  EXPECT_EQ(httpRequest(caddy.port(), "/healthz").status, 200);
+  EXPECT_EQ(httpRequest(caddy.port(), "/metrics").status, 403);
+  if (HasFailure()) std::cerr << caddy.log();
 }
 
 }  // namespace
