@@ -812,6 +812,34 @@ TEST_F(AppTest, settingsOfSplatsTakeEffectAtOnceAndKeepTheCommandLinesValues) {
     EXPECT_FALSE(findSetting(name)->from_next_start) << name;
 }
 
+TEST_F(AppTest, shadowsComeFromTheSettingUntilALinkNamesOthers) {
+  using lod::hlod::Shadows;
+  Settings settings;
+  settings.shadows = 1.0;
+  open(settings);
+  EXPECT_EQ(app->view().shadows, Shadows::kNone) << "images have none";
+  open(settings, Method::kHlod);
+  const auto nodes = std::make_shared<PlainSplats>();
+  app->viewer().setStreamed(nodes);
+  app->contextLost();  // frames call no function of GL
+  const auto frame = [&] { EXPECT_TRUE(bool(app->drawFrame(now += 0.05))); };
+  welcome();
+  frame();
+  EXPECT_EQ(nodes->quality().shadows, Shadows::kHard);
+  EXPECT_NE(app->permalink().find("&s=hard"), std::string::npos);
+  ASSERT_TRUE(bool(app->changeSetting("shadows", 2.0)));
+  EXPECT_TRUE(app->wantsFrame());
+  frame();
+  EXPECT_EQ(nodes->quality().shadows, Shadows::kSoft);
+  EXPECT_EQ(nodes->times, 2);
+  std::string link = app->permalink();
+  link.erase(link.find("&s=soft"), 7);
+  ASSERT_TRUE(bool(app->openPermalink(link)));
+  frame();
+  EXPECT_EQ(nodes->quality().shadows, Shadows::kNone);
+  EXPECT_FALSE(findSetting("shadows")->from_next_start);
+}
+
 TEST_F(AppTest, eventsWithoutFiniteNumbersAreIgnored) {
   welcome();
   const ViewState before = app->view();
