@@ -68,6 +68,7 @@ struct Stream::State {
 
   std::optional<PendingRequest> nextFrontRange() const;
   std::optional<PendingRequest> nextBlockRange(std::uint64_t max_bytes);
+  std::uint64_t prefetchBudget() const;
   std::optional<PendingRequest> nextPrefetch();
   bool isWanted(std::uint32_t part) const;
   bool concernsView(const PendingRequest& request) const;
@@ -448,16 +449,24 @@ std::optional<PendingRequest> Stream::State::nextBlockRange(std::uint64_t max_by
   return request;
 }
 
+/// Bytes for a view.
+std::uint64_t Stream::State::prefetchBudget() const {
+  const double rate = requests.bytesPerSecond();
+  if (rate < options.prefetch_least_rate) return 0;
+  return static_cast<std::uint64_t>(
+      std::min(static_cast<double>(options.prefetch_bytes), options.prefetch_seconds * rate));
+}
+
 /// The block that the view wants with the least motion, once it has all that it wants.
 std::optional<PendingRequest> Stream::State::nextPrefetch() {
   if (!cache || frame == 0 || options.prefetch_bytes == 0 || waiting + waiting_casters > 0 || is_decoding)
     return std::nullopt;
   if (requests.underWay() >= kPrefetchesAtOnce) return std::nullopt;
   if (std::exchange(is_new_view, false)) {
-    may_prefetch = options.prefetch_bytes;
+    may_prefetch = prefetchBudget();
     next_at = 0;
     // Some are here already, so that there may be use for more than are fetched.
-    next_nodes = nodesWantedNext(nodes, view, 4 * options.prefetch_bytes);
+    next_nodes = nodesWantedNext(nodes, view, 4 * may_prefetch);
   }
   for (; next_at < next_nodes.size(); ++next_at) {
     const std::uint32_t node = next_nodes[next_at].node;

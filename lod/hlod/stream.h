@@ -31,8 +31,11 @@ struct StreamOptions {
   /// Triangles and points decoded for a frame, about; the rest waits for the next one. 0: no limit.
   std::uint64_t decode_per_frame = 0;
   /// Once a view has all that it wants, nodes that it would want if it moved a little are fetched, up to so many bytes
-  /// a view (section 4.3).
+  /// a view (section 4.3), and to what the link carries in so many seconds; none where it carries less than
+  /// prefetch_least_rate bytes a second.
   std::uint64_t prefetch_bytes = 0;
+  double prefetch_seconds = 1e9;
+  double prefetch_least_rate = 0.0;
 };
 
 using ByteRange = lod::ByteRange;
