@@ -54,6 +54,7 @@ std::vector<hlod::ShadowMapPlan> planMaps(const hlod::Stream& stream, std::span<
 NodeShadows findNodeShadows(hlod::Stream& stream, std::span<const hlod::DrawnNode> nodes,
                             const hlod::TraverseRequest& request, const NodeLight& light) {
   NodeShadows shadows{light.light, stream.nodes(), light.closed, {}};
+  std::vector<hlod::LightRequest> lights;
   for (hlod::ShadowMapPlan& plan : planMaps(stream, nodes, request, light)) {
     if (light.closed)
       std::erase_if(plan.casters, [&](std::uint32_t node) { return facesAway(stream.nodes()[node], shadows.light); });
@@ -62,7 +63,9 @@ NodeShadows findNodeShadows(hlod::Stream& stream, std::span<const hlod::DrawnNod
     NodeShadowMap& map = shadows.maps.emplace_back();
     map.plan = std::move(plan);
     for (auto& caster : casters) map.casters.push_back({std::move(caster)});
+    lights.push_back({map.plan.camera, map.plan.receiver_error});
   }
+  stream.expectLights(std::move(lights));
   return shadows;
 }
 

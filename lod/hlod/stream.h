@@ -15,6 +15,7 @@
 #include "lod/byte_range.h"
 #include "lod/file_bytes.h"
 #include "lod/hlod/format.h"
+#include "lod/hlod/prefetch.h"
 #include "lod/hlod/traverse.h"
 #include "lod/surface_vertex.h"
 
@@ -105,6 +106,9 @@ class Stream {
   /// once. `result` is replaced; casters without triangles are left out. A quarter of the memory is theirs while any
   /// are asked for.
   void updateCasters(std::span<const std::uint32_t> wanted, std::vector<std::shared_ptr<const CasterPicture>>& result);
+  /// Names the maps that casters are drawn into, so that those that they would want if the light or the view moved a
+  /// little are fetched ahead, as pictures are. They hold until others are named.
+  void expectLights(std::vector<LightRequest> lights);
   /// Rises when another update() of the same view may find more.
   std::uint64_t generation() const;
   /// Whether the last update(), and all of updateCasters() behind it, had what they asked for that can be had.

@@ -105,8 +105,8 @@ async function readScene(base) {
 }
 
 /// Hands the scene to the client's function `name`, which gets place, scene's name, units, first view, attribution, the
-/// names of the parts' files, and all numbers: those of the scene, the lengths of the parts and `more`. Returns a function of `now` that is to be called each turn, and returns
-/// true when something arrived.
+/// names of the parts' files, and all numbers: those of the scene, the parts' lengths and `more`. Returns a
+/// function of `now` that is to be called each turn, and returns true when something arrived.
 function openParts(name, base, {scene, numbers}, core, changed, parts, more = []) {
   const ranges = makeRanges(base, (job, outcome, status, bytes, detail) => {
     if (outcome === kBytes)
