@@ -41,7 +41,7 @@ lod::hlod::ShadowLight StreamedHlod::shadowLight(const StreamedLook& look, bool 
 
 void StreamedHlod::piecesChosen(const lod::hlod::TraverseRequest& request) {
   shadows_ = {};
-  if (light() == kNoShadows) return;
+  if (light() == kNoShadows) return stream().expectLights({});
   if (gl_side_ == 0) glGetIntegerv(GL_MAX_TEXTURE_SIZE, &gl_side_);
   gl_side_ = std::max(gl_side_, kLeastSide);
   const std::uint32_t side = lod::draw::shadowTexelsFor(options().memory_bytes / kMapShare, light().size > 0.0F);

@@ -17,8 +17,8 @@ struct HlodTypes {
   using View = lod::draw::NodeView;
   using Target = lod::draw::NodeTarget;
   using Count = lod::draw::NodeCount;
-  /// Of seven sixteenths, shadows take one and a half: maps may take two sixteenths, and casters lie on
-  /// the GPU beside nodes, both smaller there than in the stream.
+  /// Shadows take one and a half of seven sixteenths: their maps may take two sixteenths, and casters lie on the GPU
+  /// beside nodes, both smaller there than in the stream.
   static std::uint64_t streamBytes(const StreamedOptions& options) {
     return options.memory_bytes / 32 * (options.shadows == lod::hlod::Shadows::kNone ? 14 : 11);
   }

@@ -41,6 +41,7 @@ NodeShadows NodeShadowFinder::find(hlod::Stream& stream, std::span<const hlod::D
   std::vector<std::uint32_t> drawn;
   for (const hlod::DrawnNode& node : nodes) drawn.push_back(node.picture->node);
   NodeShadows shadows{light.light, stream.nodes(), light.closed, {}, light.kept_bytes};
+  std::vector<hlod::LightRequest> lights;
   for (hlod::ShadowMapPlan& plan : planner_.plan(stream.nodes(), hlod::receiversOf(stream.nodes(), drawn), wanted)) {
     if (light.closed)
       std::erase_if(plan.casters, [&](std::uint32_t node) { return facesAway(stream.nodes()[node], shadows.light); });
@@ -49,7 +50,9 @@ NodeShadows NodeShadowFinder::find(hlod::Stream& stream, std::span<const hlod::D
     NodeShadowMap& map = shadows.maps.emplace_back();
     map.plan = std::move(plan);
     for (auto& caster : casters) map.casters.push_back({std::move(caster)});
+    lights.push_back({map.plan.camera, map.plan.receiver_error});
   }
+  stream.expectLights(std::move(lights));
   return shadows;
 }
 
