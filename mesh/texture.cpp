@@ -329,7 +329,7 @@ base::Result<Texture> decodeFile(const SourcePicture& picture, int first_level) 
   return texture ? std::move(texture) : base::within(picture.path, texture.error());
 }
 
-// What a picture takes when it is decoded; 0 where that cannot be told.
+// The bytes of a decoded picture; 0 where its size cannot be told.
 std::size_t decodedBytes(const SourcePicture& picture, int first_level) {
   const auto bytes = PictureBytes::open(picture);
   const auto size = bytes ? pictureSize(bytes->view()) : base::Result<glm::ivec2>(bytes.error());

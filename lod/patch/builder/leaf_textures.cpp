@@ -145,7 +145,7 @@ base::Result<texture::PictureCutter> openPicture(const mesh::SourcePicture& sour
   LUMIGRID_ASSIGN_OR_RETURN(const auto bytes, mesh::PictureBytes::open(source));
   std::optional<base::JpegBlocks> blocks;
   if (auto read = base::JpegBlocks::read(bytes.view(), kMaxBlockBytes)) blocks = std::move(*read);
-  // What is no JPEG, or a broken one, is named by its decoder.
+  // Other pictures, and broken ones, are named by their decoder.
   return texture::PictureCutter::open(std::move(blocks), [source] { return mesh::readPicture(source); });
 }
 
