@@ -14,6 +14,8 @@
 namespace lod::texture {
 namespace {
 
+// JPEGs whose blocks take more memory are decoded instead; a choice.
+constexpr std::uint64_t kMaxBlockBytes = std::uint64_t{512} << 20;
 constexpr int kMaxSide = 4096;  // of pages, texels; a choice: what every GPU takes
 
 std::vector<Chart> chartsOf(std::span<const PictureTriangle> leaf, const glm::ivec2& picture) {
@@ -26,12 +28,13 @@ PictureCutter::PictureCutter(Decode decode) : decode_(std::move(decode)), mutex_
 PictureCutter::PictureCutter(PictureCutter&&) noexcept = default;
 PictureCutter::~PictureCutter() = default;
 
-base::Result<PictureCutter> PictureCutter::open(std::optional<base::JpegBlocks> blocks, Decode decode) {
+base::Result<PictureCutter> PictureCutter::open(base::ByteView bytes, Decode decode) {
   PictureCutter cutter(std::move(decode));
-  if (blocks) {
+  // Other pictures, and broken ones, are named by their decoder.
+  if (auto blocks = base::JpegBlocks::read(bytes, kMaxBlockBytes)) {
     cutter.size_ = {blocks->width(), blocks->height()};
     cutter.units_ = std::make_unique<UnitCharts>(cutter.size_, glm::ivec2(blocks->unitWidth(), blocks->unitHeight()));
-    cutter.blocks_ = std::move(blocks);
+    cutter.blocks_ = std::move(*blocks);
   } else {
     LUMIGRID_ASSIGN_OR_RETURN(cutter.image_, cutter.decode_());
     cutter.size_ = {cutter.image_.width, cutter.image_.height};

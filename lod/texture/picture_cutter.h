@@ -34,9 +34,10 @@ class PictureCutter {
   /// Returns the picture, 3 or 4 channels.
   using Decode = std::function<base::Result<base::Image>()>;
 
-  /// Without `blocks` the picture is decoded at once, with them only where some leaf needs it. Errors: those of
+  /// `bytes` are the picture's file. Where they are a JPEG whose blocks can be copied, and take no more than 512 MiB
+  /// of memory, it is decoded only if some leaf needs it; else at once. Errors: those of
   /// `decode`.
-  static base::Result<PictureCutter> open(std::optional<base::JpegBlocks> blocks, Decode decode);
+  static base::Result<PictureCutter> open(base::ByteView bytes, Decode decode);
   PictureCutter(PictureCutter&&) noexcept;
   ~PictureCutter();
 

@@ -138,15 +138,9 @@ base::Result<MadePages> makeLeafPages(const LeafTextureSource& source, const Wor
 // The memory for a texel of a picture that is cut up: blocks of three planes without subsampling and those of a page,
 // which may be as large (6 bytes each), and what is covered.
 constexpr std::uint64_t kBytesPerTexel = 13;
-// A JPEG whose blocks take more than this is decoded, which takes less; a choice.
-constexpr std::uint64_t kMaxBlockBytes = std::uint64_t{512} << 20;
-
 base::Result<texture::PictureCutter> openPicture(const mesh::SourcePicture& source) {
   LUMIGRID_ASSIGN_OR_RETURN(const auto bytes, mesh::PictureBytes::open(source));
-  std::optional<base::JpegBlocks> blocks;
-  if (auto read = base::JpegBlocks::read(bytes.view(), kMaxBlockBytes)) blocks = std::move(*read);
-  // Other pictures, and broken ones, are named by their decoder.
-  return texture::PictureCutter::open(std::move(blocks), [source] { return mesh::readPicture(source); });
+  return texture::PictureCutter::open(bytes.view(), [source] { return mesh::readPicture(source); });
 }
 
 }  // namespace

@@ -42,9 +42,8 @@ struct CutUp {
 // Cuts a JPEG up for leaves by its blocks, or if `plain` by its texels.
 CutUp cutUp(const JpegPicture& picture, const std::vector<std::vector<PictureTriangle>>& leaves, bool plain = false) {
   CutUp out;
-  std::optional<base::JpegBlocks> blocks;
-  if (!plain) blocks = std::move(*base::JpegBlocks::read(picture.bytes, std::uint64_t{1} << 30));
-  auto cutter = PictureCutter::open(std::move(blocks), [&]() -> base::Result<base::Image> {
+  const base::ByteView bytes = plain ? base::ByteView() : base::ByteView(picture.bytes);
+  auto cutter = PictureCutter::open(bytes, [&]() -> base::Result<base::Image> {
     ++out.decodings;
     return picture.image;
   });
@@ -196,19 +195,47 @@ TEST(BlockPage, isNotMadeWhereItWouldBeMostlyGutter) {
   EXPECT_LT(lookUpDifference(made.leaves[0], picture.image, leaf), 24.0F);  // coded anew
 }
 
-TEST(BlockPage, pointsAndGreyPicturesHaveOne) {
-  const base::Image image = detailed(64, 64);
-  base::Image grey(64, 64, 1);
-  for (std::size_t i = 0; i < grey.pixels.size(); ++i) grey.pixels[i] = image.pixels[3 * i];
+// What libjpeg-turbo makes of a picture in another way than base::encodeJpeg().
+JpegPicture turboJpegOf(const base::Image& image, int format, int sampling, int flags) {
   std::uint8_t* bytes = nullptr;
   unsigned long length = 0;
   tjhandle encoder = tjInitCompress();
-  ASSERT_EQ(tjCompress2(encoder, grey.pixels.data(), 64, 0, 64, TJPF_GRAY, &bytes, &length, TJSAMP_GRAY, 90, 0), 0);
+  EXPECT_EQ(tjCompress2(encoder, image.pixels.data(), image.width, 0, image.height, format, &bytes, &length, sampling,
+                        90, flags),
+            0);
   JpegPicture picture;
   picture.bytes.assign(bytes, bytes + length);
   tjFree(bytes);
   tjDestroy(encoder);
   picture.image = *base::decodeJpeg(picture.bytes);
+  return picture;
+}
+
+TEST(BlockPage, progressivePicturesHaveOne) {
+  const JpegPicture picture = turboJpegOf(detailed(96, 64), TJPF_RGB, TJSAMP_420, TJFLAG_PROGRESSIVE);
+  const std::vector<PictureTriangle> leaf = grid({0.0F, 0.0F}, {96.0F, 64.0F}, 2);
+  const CutUp made = cutUp(picture, {leaf});
+  EXPECT_EQ(made.decodings, 0);
+  ASSERT_EQ(made.leaves[0].size(), 1U);
+  const Page& page = made.leaves[0][0];
+  const glm::ivec2 at(page.triangles[0].corners[0] / std::uint16_t{kCornerSteps});
+  for (int y = 1; y < 63; ++y)
+    ASSERT_TRUE(std::equal(picture.image.at(1, y), picture.image.at(95, y), page.image.at(at.x + 1, at.y + y))) << y;
+}
+
+TEST(BlockPage, uncommonSamplingIsDecoded) {
+  const JpegPicture picture = turboJpegOf(detailed(96, 64), TJPF_RGB, TJSAMP_411, 0);
+  const std::vector<PictureTriangle> leaf = grid({10.0F, 10.0F}, {80.0F, 60.0F}, 2);
+  const CutUp made = cutUp(picture, {leaf});
+  EXPECT_EQ(made.decodings, 1);
+  EXPECT_EQ(numbersOf(made.leaves[0]).size(), leaf.size());
+}
+
+TEST(BlockPage, pointsAndGreyPicturesHaveOne) {
+  const base::Image image = detailed(64, 64);
+  base::Image grey(64, 64, 1);
+  for (std::size_t i = 0; i < grey.pixels.size(); ++i) grey.pixels[i] = image.pixels[3 * i];
+  const JpegPicture picture = turboJpegOf(grey, TJPF_GRAY, TJSAMP_GRAY, 0);
 
   std::vector<PictureTriangle> leaf = grid({0.0F, 0.0F}, {64.0F, 64.0F}, 1);
   leaf.push_back({2, {glm::vec2(30.0F), glm::vec2(30.0F), glm::vec2(30.0F)}});
