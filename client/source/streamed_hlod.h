@@ -42,8 +42,10 @@ class StreamedHlod final : public StreamedPieces<HlodTypes> {
   void meet(RayHit& hit, const Piece& piece) const override;
   void addFigures(StreamedStats& stats) const override;
 
-  lod::draw::NodeShadows shadows_;  ///< on pieces()
-  int gl_side_ = 0;                 ///< the most texels of a side that the GL allows; 0: not asked yet
+  lod::draw::NodeShadowFinder shadow_finder_;
+  lod::draw::NodeShadows shadows_;     ///< on pieces()
+  lod::hlod::ShadowLight last_light_;  ///< of the last frame with shadows
+  int gl_side_ = 0;                    ///< the most texels of a side that the GL allows; 0: not asked yet
 };
 
 /// The statistics of triangles and points.
