@@ -1,7 +1,6 @@
 #include "lod/draw/shadow_map.h"
 
 #include <algorithm>
-#include <cstdio>
 #include <cmath>
 #include <glm/gtc/matrix_transform.hpp>
 #include <numeric>
@@ -244,7 +243,7 @@ base::Result<void> ShadowMap::draw(const ShadowMapView& view, std::span<const Dr
   meshes_.beginFrame(casters, upload);
   LUMIGRID_TRY(drawCasters(map));
   map.is_drawn = true;
-  ++drawn_; std::fprintf(stderr, "drew slot %zu: %d x %d x %d, %zu casters\n", slot, view.camera.width, view.camera.height, view.layers(), casters.size());
+  ++drawn_;
   return {};
 }
 
