@@ -18,20 +18,6 @@ void setFineness(hlod::ShadowRequest& request, std::uint32_t max_texels) {
   request.max_texels = std::min(is_soft ? 2048U : 4096U, max_texels);
 }
 
-/// Whether no part of the light sees the front of a triangle of the node.
-bool facesAway(const hlod::Node& node, const hlod::ShadowLight& light) {
-  constexpr float kFarAway = 1e4F;  // in radii
-  base::Sphere bounds{node.box.center(), 0.5F * glm::length(node.box.size())};
-  const glm::vec3 place(light.place);
-  if (light.place.w > 0.0F) {
-    bounds.radius += 0.5F * light.size;
-    return base::facesAway(node.cone, bounds, place);
-  }
-  const float distance = kFarAway * std::max(bounds.radius, 1e-20F);
-  bounds.radius += distance * std::tan(0.5F * light.size);
-  return base::facesAway(node.cone, bounds, bounds.center + distance * place);
-}
-
 }  // namespace
 
 NodeShadows NodeShadowFinder::find(hlod::Stream& stream, std::span<const hlod::DrawnNode> nodes,
@@ -44,11 +30,9 @@ NodeShadows NodeShadowFinder::find(hlod::Stream& stream, std::span<const hlod::D
   setFineness(wanted, light.max_texels);
   std::vector<std::uint32_t> drawn;
   for (const hlod::DrawnNode& node : nodes) drawn.push_back(node.picture->node);
-  NodeShadows shadows{light.light, stream.nodes(), light.closed, {}, light.kept_bytes};
+  NodeShadows shadows{light.light, stream.nodes(), {}, light.kept_bytes};
   std::vector<hlod::LightRequest> lights;
   for (hlod::ShadowMapPlan& plan : planner_.plan(stream.nodes(), hlod::receiversOf(stream.nodes(), drawn), wanted)) {
-    if (light.closed)
-      std::erase_if(plan.casters, [&](std::uint32_t node) { return facesAway(stream.nodes()[node], shadows.light); });
     std::vector<std::shared_ptr<const hlod::CasterPicture>> casters;
     stream.updateCasters(plan.casters, casters);
     NodeShadowMap& map = shadows.maps.emplace_back();

@@ -492,14 +492,10 @@ const ShadowMapPlan* mapFor(const Case& made, std::uint32_t receiver, const glm:
   for (const ShadowMapPlan& plan : made.plans) {
     if (!std::binary_search(plan.receivers.begin(), plan.receivers.end(), receiver)) continue;
     if (!isSeen(plan.camera, point)) continue;
-    glm::dvec2 depths(1.0, -1.0);
-    for (int i = 0; i < 8; ++i) {
-      const glm::vec4 clip = plan.camera.clipFromScene() * glm::vec4(plan.region.corner(i), 1.0F);
-      const double depth = clip.w > 0.0F ? std::clamp(static_cast<double>(clip.z / clip.w), -1.0, 1.0) : -1.0;
-      depths = {std::min(depths.x, depth), std::max(depths.y, depth)};
-    }
-    const double depth = clipOf(plan.camera, point).z;
-    if (depth >= depths.x - 1e-5 && depth <= depths.y + 1e-5) return &plan;
+    const bool is_in_slice = std::all_of(plan.slice.begin(), plan.slice.end(), [&](const glm::dvec4& plane) {
+      return glm::dot(plane, glm::dvec4(point, 1.0)) >= 0.0;
+    });
+    if (is_in_slice) return &plan;
   }
   return nullptr;
 }
