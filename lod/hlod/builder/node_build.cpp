@@ -23,8 +23,9 @@ namespace {
 // (docs/decisions/hlod.md).
 constexpr float kPointReach = 0.5F;
 constexpr float kPointCell = 0.5F;
-// Sheets become points for good whose boxes' diagonals are at most the node's error: then a point is as large as one.
-constexpr float kSheetSize = 1.0F;
+// Sheets become points for good whose boxes' diagonals are at most as long as a cell of the points: larger ones would
+// become more points than they have triangles.
+constexpr float kSheetSize = kPointCell;
 // The circumradius of the triangle that casts the shadow of a point, as a share of the node's error. A choice: points
 // lie half of that error apart.
 constexpr float kFacetRadius = 0.25F;

@@ -16,9 +16,14 @@ base::Error notAMesh() {
   return {base::ErrorCode::kInvalidInput, "the builder's own file: no mesh"};
 }
 
-// The edges of so many triangles each, one behind the other. All lie by the lower of their ends, sorted by counting;
-// few have the same.
-std::vector<OpenEdge> edgesOf(std::span<const std::uint32_t> indices, std::size_t triangles) {
+struct Side {
+  std::uint32_t upper_end = 0;
+  OpenEdge edge = 0;
+};
+
+/// Visits the sides of each edge. All lie by the lower of their ends, sorted by counting; few have the same.
+template <class Visit>
+void visitEdges(std::span<const std::uint32_t> indices, const Visit& visit) {
   const auto count = static_cast<OpenEdge>(indices.size());
   std::vector<std::uint32_t> first(indices.empty() ? 1 : *std::max_element(indices.begin(), indices.end()) + 2, 0);
   for (OpenEdge edge = 0; edge < count; ++edge) {
@@ -26,27 +31,20 @@ std::vector<OpenEdge> edgesOf(std::span<const std::uint32_t> indices, std::size_
     ++first[std::min(ends.x, ends.y) + 1];
   }
   for (std::size_t v = 1; v < first.size(); ++v) first[v] += first[v - 1];
-  struct Side {
-    std::uint32_t upper_end = 0;
-    OpenEdge edge = 0;
-  };
   std::vector<Side> sides(count);
   for (OpenEdge edge = 0; edge < count; ++edge) {
     const glm::uvec2 ends = endsOf(edge, indices);
     sides[first[std::min(ends.x, ends.y)]++] = {std::max(ends.x, ends.y), edge};
   }
   // Now first[v] is where the edges of v end.
-  std::vector<OpenEdge> found;
   for (std::size_t v = 0, begin = 0; v < first.size(); begin = first[v++]) {
     const std::span<Side> around(sides.data() + begin, first[v] - begin);
     std::sort(around.begin(), around.end(), [](const Side& a, const Side& b) { return a.upper_end < b.upper_end; });
     for (std::size_t i = 0, end = 0; i < around.size(); i = end) {
       while (end < around.size() && around[end].upper_end == around[i].upper_end) ++end;
-      if (end - i != triangles) continue;
-      for (std::size_t k = i; k < end; ++k) found.push_back(around[k].edge);
+      visit(around.subspan(i, end - i));
     }
   }
-  return found;
 }
 
 void writeNormal(base::ByteWriter& out, const glm::vec3& n) {
@@ -67,13 +65,22 @@ glm::vec3 readColor(base::ByteReader& in) {
 }  // namespace
 
 std::vector<OpenEdge> openEdges(std::span<const std::uint32_t> indices) {
-  std::vector<OpenEdge> open = edgesOf(indices, 1);
+  std::vector<OpenEdge> open;
+  visitEdges(indices, [&](std::span<const Side> sides) {
+    if (sides.size() == 1) open.push_back(sides[0].edge);
+  });
   std::sort(open.begin(), open.end());
   return open;
 }
 
-std::vector<OpenEdge> sharedEdges(std::span<const std::uint32_t> indices) {
-  return edgesOf(indices, 2);
+MeshEdges edgesOf(std::span<const std::uint32_t> indices) {
+  MeshEdges edges;
+  edges.shared.reserve(indices.size() / 2);
+  visitEdges(indices, [&](std::span<const Side> sides) {
+    if (sides.size() == 1) edges.open.push_back(sides[0].edge);
+    if (sides.size() == 2) edges.shared.push_back({sides[0].edge, sides[1].edge});
+  });
+  return edges;
 }
 
 base::Bytes meshBytes(const NodeMesh& mesh) {

@@ -1,5 +1,6 @@
 #pragma once
 // The triangles of a node while the octree is built.
+#include <array>
 #include <cstdint>
 #include <glm/glm.hpp>
 #include <span>
@@ -43,8 +44,12 @@ struct NodeMesh {
 /// An edge of only one triangle: its number times 3, plus the corner at which the edge begins.
 using OpenEdge = std::uint32_t;
 std::vector<OpenEdge> openEdges(std::span<const std::uint32_t> indices);
-/// Two numbers for each edge of exactly two triangles, in the same way.
-std::vector<OpenEdge> sharedEdges(std::span<const std::uint32_t> indices);
+struct MeshEdges {
+  std::vector<OpenEdge> open;
+  /// Those of exactly two triangles, one number of each triangle, in the same way.
+  std::vector<std::array<OpenEdge, 2>> shared;
+};
+MeshEdges edgesOf(std::span<const std::uint32_t> indices);
 /// The ends of the edge in the winding of its triangle.
 inline glm::uvec2 endsOf(OpenEdge edge, std::span<const std::uint32_t> indices) {
   const std::size_t first = std::size_t{edge} / 3 * 3;

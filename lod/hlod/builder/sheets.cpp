@@ -16,23 +16,22 @@ struct Sheet {
 };
 
 /// The first triangle of each triangle's sheet.
-std::vector<std::uint32_t> sheetsOf(const NodeMesh& mesh) {
-  ingest::DisjointSets sheets(mesh.triangles());
-  const std::vector<OpenEdge> shared = sharedEdges(mesh.indices);
-  for (std::size_t i = 0; i < shared.size(); i += 2) sheets.unite(shared[i] / 3, shared[i + 1] / 3);
+std::vector<std::uint32_t> sheetsOf(const MeshEdges& edges, std::size_t triangles) {
+  ingest::DisjointSets sheets(triangles);
+  for (const auto& [a, b] : edges.shared) sheets.unite(a / 3, b / 3);
   return std::move(sheets).roots();
 }
 
 /// The sheets by their first triangles.
-std::vector<Sheet> measureSheets(const NodeMesh& mesh, const std::vector<std::uint32_t>& sheet_of, float size,
-                                 float room) {
+std::vector<Sheet> measureSheets(const NodeMesh& mesh, const MeshEdges& edges,
+                                 const std::vector<std::uint32_t>& sheet_of, float size, float room) {
   std::vector<Sheet> sheets(mesh.triangles());
   for (std::size_t t = 0; t < mesh.triangles(); ++t) {
     Sheet& sheet = sheets[sheet_of[t]];
     for (std::size_t k = 0; k < 3; ++k) sheet.box.add(mesh.positions[mesh.indices[3 * t + k]]);
     sheet.stays |= mesh.errorOf(t) > room;
   }
-  for (const OpenEdge edge : openEdges(mesh.indices)) {
+  for (const OpenEdge edge : edges.open) {
     const glm::uvec2 ends = endsOf(edge, mesh.indices);
     if (mesh.on_rim[ends.x] == 0 || mesh.on_rim[ends.y] == 0) sheets[sheet_of[edge / 3]].stays = true;
   }
@@ -50,8 +49,9 @@ void addPoints(NodeMesh& mesh, std::size_t triangle) {
 }  // namespace
 
 void replaceSmallSheets(NodeMesh& mesh, float size, float room) {
-  const std::vector<std::uint32_t> sheet_of = sheetsOf(mesh);
-  const std::vector<Sheet> sheets = measureSheets(mesh, sheet_of, size, room);
+  const MeshEdges edges = edgesOf(mesh.indices);
+  const std::vector<std::uint32_t> sheet_of = sheetsOf(edges, mesh.triangles());
+  const std::vector<Sheet> sheets = measureSheets(mesh, edges, sheet_of, size, room);
   std::size_t kept = 0;
   for (std::size_t t = 0; t < sheet_of.size(); ++t) {
     if (!sheets[sheet_of[t]].stays) {
