@@ -32,7 +32,13 @@ struct NodeShadows {
   /// Receivers are places in the list of nodes that is drawn. Maps of a node that is in several of them must hold all
   /// of it together; a node that is in none is wholly lit.
   std::vector<NodeShadowMap> maps;
+  std::uint64_t kept_bytes = 0;  ///< what maps may take that are kept for the next picture
 };
+
+/// How far a surface and that of the casters beside it may be apart, scene units. `error`: how far it may be from the
+/// source's; `box` holds it. `nodes`: the casters' table.
+float shadowReach(const base::Aabb& box, float error, std::span<const DrawnCaster> casters,
+                  std::span<const hlod::Node> nodes);
 
 struct NodeCount {
   std::uint64_t triangles = 0, points = 0, lines = 0;
@@ -43,7 +49,7 @@ struct NodeCount {
 ///
 /// With shadows surfaces are shaded by Lambert's law, lit or unlit scenes alike: their colour times 0.35 + 0.65 · n·l ·
 /// the share of the light that is seen. The maps are drawn one after the other, each before its receivers, so that
-/// there is memory for one. A shadow begins where its caster is as far away as the errors of both and a texel demand.
+/// memory for one is enough. A shadow begins where its caster is as far away as the errors of both and a texel demand.
 ///
 /// Points are as large, and lines as wide, as the node's error demands for the surface to have no hole: the cells on
 /// both sides of a crack, and points around a place, are off by at most their errors. They span a sample at least:
@@ -56,8 +62,8 @@ class NodeRenderer {
   /// Draws both sides of all surfaces. The depth test (less) stays enabled.
   base::Result<NodeCount> draw(std::span<const hlod::DrawnNode> nodes, const NodeView& view, const NodeTarget& target,
                                const NodeShadows* shadows = nullptr);
-  /// Those of nodes. Casters may take as much again, and shadow maps as much as the largest.
-  std::uint64_t gpuBytes() const { return meshes_.bytes(); }
+  /// Those of nodes, casters and shadow maps. Casters have the same limit as nodes, and maps have none.
+  std::uint64_t gpuBytes() const { return meshes_.bytes() + (shadow_map_ ? shadow_map_->gpuBytes() : 0); }
 
  private:
   struct Mesh {
@@ -78,7 +84,7 @@ class NodeRenderer {
   };
   explicit NodeRenderer(std::uint64_t gpu_bytes) : gpu_bytes_(gpu_bytes), meshes_(gpu_bytes) {}
   static Mesh upload(const hlod::NodePicture& picture);
-  base::Result<void> drawMap(const NodeShadowMap& map, const NodeShadows& shadows, const base::Aabb& receivers);
+  base::Result<void> drawMap(const NodeShadowMap& map, const NodeShadows& shadows, std::size_t slot);
   base::Result<void> drawShadowed(std::span<const hlod::DrawnNode> nodes, const NodeView& view,
                                   const NodeTarget& target, const NodeShadows& shadows, NodeCount& count);
   base::Result<void> drawGroup(const Group& group, const NodeView& view, const NodeTarget& target, NodeCount& count);

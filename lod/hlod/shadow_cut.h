@@ -6,6 +6,7 @@
 // each level's receivers gives a view of the light's own. A caster may be as coarse as its shadow's edge allows where
 // it falls on these receivers.
 #include <cstdint>
+#include <memory>
 #include <span>
 #include <vector>
 
@@ -30,6 +31,14 @@ struct ShadowLight {
 /// d_p. ε_r where the caster touches both.
 float casterError(const ShadowLight& light, float receiver, float change, float to_light, float to_receiver);
 
+/// A part of what a view draws, on which shadows may fall.
+struct ShadowReceiver {
+  base::Aabb box;
+  /// Those of one level share maps; from the coarsest, or farthest, on. Maps are small where the boxes of a level are
+  /// alike in the size that they have on the screen.
+  std::uint32_t level = 0;
+};
+
 struct ShadowRequest {
   TraverseRequest view;  ///< that of the receivers; what its section cuts away casts no shadows
   ShadowLight light;
@@ -39,6 +48,9 @@ struct ShadowRequest {
   /// Neighbouring levels share maps, those first that take the fewest texels more. A light near receivers sees them in
   /// up to six maps, even where that is more than this.
   std::size_t max_maps = 4;
+  /// Maps reach so much farther on each side than the view sees, as a share of the size of what it sees, and are as
+  /// fine as a view needs that is nearer by as much. They hold for views near this one, then.
+  float room = 0.0F;
 };
 
 /// A view from the light.
@@ -52,14 +64,43 @@ struct ShadowMapPlan {
   /// ε_r, scene units: the error that the view tolerates at the nearest of the receivers. Casters in their box are off
   /// by at most so much.
   float receiver_error = 0.0F;
+  base::Aabb region;  ///< scene-local; holds all of the receivers that is seen, and the room around them
 };
 
-/// `receivers`: the nodes that the view draws; those outside of its picture are in no plan. Casters form a cut: no node
+/// Nodes as receivers.
+std::vector<ShadowReceiver> receiversOf(std::span<const Node> nodes, std::span<const std::uint32_t> drawn);
+
+/// `receivers`: what the view draws; those outside of its picture are in no plan. Casters form a cut: no node
 /// and one below it. Nothing for cameras and lights with NaN or infinity in them.
 ///
 /// Any edge of a hard shadow on a receiver that faces the light is off by ε_r at most. For that d_l and d_p are, of
 /// those of all places of caster and receivers, the ones that allow least; the paper takes the nearest receiver's.
-std::vector<ShadowMapPlan> planShadowMaps(std::span<const Node> nodes, std::span<const std::uint32_t> receivers,
+std::vector<ShadowMapPlan> planShadowMaps(std::span<const Node> nodes, std::span<const ShadowReceiver> receivers,
                                           const ShadowRequest& request);
+/// The same for nodes that the view draws.
+inline std::vector<ShadowMapPlan> planShadowMaps(std::span<const Node> nodes, std::span<const std::uint32_t> drawn,
+                                                 const ShadowRequest& request) {
+  return planShadowMaps(nodes, receiversOf(nodes, drawn), request);
+}
+
+/// Plans for one view after another. While the light stands still most views are served by the maps of one before, so
+/// that whoever draws a plan's map when its camera or its casters change seldom has to.
+class ShadowPlanner {
+ public:
+  ShadowPlanner();
+  ~ShadowPlanner();
+  ShadowPlanner(ShadowPlanner&&) noexcept;
+  ShadowPlanner& operator=(ShadowPlanner&&) noexcept;
+
+  /// As planShadowMaps(), with the fewest maps, up to request.max_maps, whose texels are at most twice as large as
+  /// wanted. The maps of the last call with the receivers of this one where all of these lie in the maps' room, and
+  /// where casters and texels are as fine as they need. `nodes`: those of one file in all calls.
+  std::vector<ShadowMapPlan> plan(std::span<const Node> nodes, std::span<const ShadowReceiver> receivers,
+                                  const ShadowRequest& request);
+
+ private:
+  struct Kept;
+  std::unique_ptr<Kept> kept_;
+};
 
 }  // namespace lod::hlod

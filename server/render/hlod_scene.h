@@ -9,24 +9,23 @@
 #include "base/error.h"
 #include "base/image.h"
 #include "base/json/scene_file.h"
-#include "lod/draw/hlod_nodes.h"
-#include "lod/hlod/shadow_cut.h"
+#include "lod/draw/node_shadows.h"
+#include "lod/hlod/shadow_options.h"
 #include "lod/hlod/stream.h"
 #include "server/render/tiled_picture.h"
 
 namespace server {
 
-enum class Shadows : std::uint8_t { kNone, kHard, kSoft };
+using lod::hlod::Shadows;
 
 struct HlodOptions : SampleOptions {
   float tolerance = 0.5F;  ///< the most that a node's error may be, pixels; above 0
   Shadows shadows = Shadows::kNone;
   /// The light of shadows, scene-local. Hard ones ignore its size, soft ones need one.
   lod::hlod::ShadowLight light;
+  /// Pictures follow one another as a viewer moves: shadow maps reach farther than one needs, and serve the next.
+  bool moves = false;
 };
-
-/// Diameter of the sun as seen from the Earth, degrees.
-inline constexpr double kSunDegrees = 0.53;
 
 struct HlodPicture {
   base::Image rgba;  ///< as TiledPicture::draw() returns it
@@ -51,15 +50,13 @@ class HlodScene {
   /// `request`: with the tile.
   base::Result<void> drawTile(const lod::hlod::TraverseRequest& request, const SampleTarget& target,
                               const HlodOptions& options, HlodPicture& picture);
-  std::vector<lod::hlod::ShadowMapPlan> planMaps(const lod::hlod::TraverseRequest& request,
-                                                 const HlodOptions& options) const;
-  base::Result<void> planShadows(const lod::hlod::TraverseRequest& request, const HlodOptions& options);
 
   const std::string path_;
   lod::hlod::Stream stream_;
   std::vector<lod::hlod::DrawnNode> nodes_;
   lod::draw::Shading shading_;
-  bool closed_ = false;             ///< the surface has no border
+  bool closed_ = false;  ///< the surface has no border
+  lod::draw::NodeShadowFinder shadow_finder_;
   lod::draw::NodeShadows shadows_;  ///< on nodes_
   std::unique_ptr<lod::draw::NodeRenderer> renderer_;
   std::unique_ptr<TiledPicture> tiles_;

@@ -6,9 +6,9 @@
 #include "base/egl/headless.h"
 #include "base/json/camera_file.h"
 #include "base/png/png.h"
+#include "lod/hlod/shadow_options.h"
 #include "server/cli/commands.h"
 #include "server/cli/console.h"
-#include "server/cli/render_command/shadow_options.h"
 #include "server/render/background.h"
 #include "server/render/hlod_scene.h"
 #include "server/render/scene_renderer.h"
@@ -38,7 +38,7 @@ struct RenderArguments {
   bool back_faces = false;
   int supersampling = 4;
   std::vector<int> background;
-  ShadowArguments shadows;
+  lod::hlod::ShadowArguments shadows;
 };
 
 /// A picture, and how much it took to draw: "1,234 triangles".
@@ -102,7 +102,8 @@ base::Result<DrawnPicture> drawNodes(const RenderArguments& a, const base::Scene
   LUMIGRID_ASSIGN_OR_RETURN(auto renderer, HlodScene::create(a.scene, scene));
   HlodOptions options;
   options.tolerance = toleranceOf(a, options.tolerance);
-  setShadows(a.shadows, scene, options);
+  options.shadows = *lod::hlod::shadowsFromName(a.shadows.shadows);
+  options.light = lod::hlod::lightOf(a.shadows, scene.light.direction, scene.origin);
   options.supersampling = a.supersampling;
   LUMIGRID_ASSIGN_OR_RETURN(auto picture,
                             renderer->render(base::cameraForScene(view, scene.origin, renderer->bounds()), options));
@@ -178,9 +179,9 @@ RunCommand addRender(CLI::App& command) {
       ->expected(3)
       ->check(CLI::Range(0, 255))
       ->default_str("");
-  declareShadowOptions(command, a->shadows);
+  lod::hlod::declareShadowOptions(command, a->shadows);
   return [a] {
-    if (const std::string problem = shadowProblem(a->shadows, a->method == kHlodMethod); !problem.empty()) {
+    if (const std::string problem = lod::hlod::shadowProblem(a->shadows, a->method == kHlodMethod); !problem.empty()) {
       fail({base::ErrorCode::kInvalidInput, "render: " + problem});
       return kWrongUsage;
     }

@@ -1,11 +1,11 @@
-#include "server/cli/render_command/shadow_options.h"
+#include "lod/hlod/shadow_options.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <limits>
 
-namespace server::cli {
+namespace lod::hlod {
 namespace {
 
 ShadowArguments argumentsOf(const std::string& shadows, std::vector<double> direction = {},
@@ -25,7 +25,8 @@ TEST(ShadowOptions, contradictionsAreNamed) {
                                          {argumentsOf("soft", {}, up), "--light-size"},
                                          {argumentsOf("soft", up, {}, 0.0), "above 0"},
                                          {argumentsOf("soft", up, {}, 121.0), "120 degrees"},
-                                         {argumentsOf("soft", {}, up, -1.0), "above 0"}}) {
+                                         {argumentsOf("soft", {}, up, -1.0), "above 0"},
+                                         {argumentsOf("mild"), "none, hard or soft"}}) {
     const std::string problem = shadowProblem(arguments, true);
     EXPECT_NE(problem.find(named), std::string::npos) << named << ": " << problem;
     EXPECT_EQ(problem.find('\n'), std::string::npos);
@@ -35,15 +36,9 @@ TEST(ShadowOptions, contradictionsAreNamed) {
 }
 
 TEST(ShadowOptions, theLightIsThatOfTheSceneUnlessOneIsGiven) {
-  base::Scene scene;
-  scene.origin = {1000.0, 2000.0, 30.0};
-  scene.light.direction = {0.0F, 0.6F, 0.8F};
   const auto lightOf = [&](const ShadowArguments& arguments) {
     EXPECT_EQ(shadowProblem(arguments, true), "");
-    HlodOptions options;
-    setShadows(arguments, scene, options);
-    EXPECT_NE(options.shadows, Shadows::kNone);
-    return options.light;
+    return hlod::lightOf(arguments, {0.0F, 0.6F, 0.8F}, {1000.0, 2000.0, 30.0});
   };
   const auto sun = lightOf(argumentsOf("soft"));
   EXPECT_NEAR(sun.place.y, 0.6F, 1e-6F);
@@ -58,4 +53,4 @@ TEST(ShadowOptions, theLightIsThatOfTheSceneUnlessOneIsGiven) {
 }
 
 }  // namespace
-}  // namespace server::cli
+}  // namespace lod::hlod
