@@ -38,20 +38,20 @@ std::uint64_t countOf(Primitive primitive, const hlod::NodePicture& picture) {
   return picture.edges.size() / 2;
 }
 
-/// How far the node's surface and that of the casters beside it may be apart.
-float shadowReach(const hlod::Node& node, std::span<const DrawnCaster> casters, std::span<const hlod::Node> nodes) {
+}  // namespace
+
+float shadowReach(const base::Aabb& box, float error, std::span<const DrawnCaster> casters,
+                  std::span<const hlod::Node> nodes) {
   float largest = 0.0F;
   for (const DrawnCaster& caster : casters) {
-    const base::Aabb& box = nodes[caster.picture->node].box;
-    const float apart = node.shape_error + caster.picture->error;
-    const bool is_beside = glm::all(glm::lessThanEqual(box.min - apart, node.box.max)) &&
-                           glm::all(glm::greaterThanEqual(box.max + apart, node.box.min));
+    const base::Aabb& other = nodes[caster.picture->node].box;
+    const float apart = error + caster.picture->error;
+    const bool is_beside = glm::all(glm::lessThanEqual(other.min - apart, box.max)) &&
+                           glm::all(glm::greaterThanEqual(other.max + apart, box.min));
     if (is_beside) largest = std::max(largest, caster.picture->error);
   }
-  return node.shape_error + largest;
+  return error + largest;
 }
-
-}  // namespace
 
 NodeRenderer::Mesh NodeRenderer::upload(const hlod::NodePicture& picture) {
   Mesh mesh;
@@ -109,7 +109,7 @@ base::Result<void> NodeRenderer::drawShadowed(std::span<const hlod::DrawnNode> n
       const hlod::Node& row = shadows.nodes[nodes[place].picture->node];
       box.add(row.box);
       group.nodes.push_back(&nodes[place]);
-      group.in_shadow.push_back({shadowReach(row, map.casters, shadows.nodes), maps[place] > 1});
+      group.in_shadow.push_back({shadowReach(row.box, row.shape_error, map.casters, shadows.nodes), maps[place] > 1});
     }
     LUMIGRID_TRY(drawMap(map, shadows, box));
     group.shadow_layers = shadow_map_->layers();

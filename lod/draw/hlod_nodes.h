@@ -34,6 +34,11 @@ struct NodeShadows {
   std::vector<NodeShadowMap> maps;
 };
 
+/// How far a surface and that of the casters beside it may be apart, scene units. `error`: how far it may be from the
+/// source's; `box` holds it. `nodes`: the casters' table.
+float shadowReach(const base::Aabb& box, float error, std::span<const DrawnCaster> casters,
+                  std::span<const hlod::Node> nodes);
+
 struct NodeCount {
   std::uint64_t triangles = 0, points = 0, lines = 0;
 };

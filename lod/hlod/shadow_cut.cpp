@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <map>
 #include <numeric>
 #include <optional>
 #include <utility>
@@ -54,7 +55,7 @@ std::vector<std::uint32_t> levelEnds(std::span<const Node> nodes) {
 
 class Planner {
  public:
-  Planner(std::span<const Node> nodes, std::span<const std::uint32_t> receivers, const ShadowRequest& request)
+  Planner(std::span<const Node> nodes, std::span<const ShadowReceiver> receivers, const ShadowRequest& request)
       : nodes_(nodes), receivers_(receivers), request_(request), space_(request.view) {}
 
   std::vector<ShadowMapPlan> run();
@@ -70,7 +71,7 @@ class Planner {
   ShadowMapPlan finish(const Map& map) const;
 
   const std::span<const Node> nodes_;
-  const std::span<const std::uint32_t> receivers_;
+  const std::span<const ShadowReceiver> receivers_;
   const ShadowRequest& request_;
   const SeenSpace space_;
   std::vector<SeenBox> seen_;  // of each receiver
@@ -85,22 +86,22 @@ bool Planner::isFinite() const {
 }
 
 void Planner::findReceivers() {
-  for (const std::uint32_t node : receivers_) seen_.push_back(space_.seenPart(nodes_[node].box));
+  for (const ShadowReceiver& receiver : receivers_) seen_.push_back(space_.seenPart(receiver.box));
   const glm::vec3 largest = glm::max(glm::abs(nodes_[0].box.min), glm::abs(nodes_[0].box.max));
   coordinate_ = static_cast<double>(std::max({largest.x, largest.y, largest.z, 1e-20F}));
 }
 
 /// From the coarsest level on; levels without receivers that are seen are left out.
 std::vector<Group> Planner::groupByLevel() const {
-  const std::vector<std::uint32_t> ends = levelEnds(nodes_);
-  std::vector<Group> groups(ends.size());
+  std::map<std::uint32_t, Group> by_level;
   for (std::uint32_t i = 0; i < receivers_.size(); ++i) {
     if (seen_[i].empty()) continue;
-    const auto level = std::upper_bound(ends.begin(), ends.end(), receivers_[i]) - ends.begin();
-    groups[static_cast<std::size_t>(level)].members.push_back(i);
-    groups[static_cast<std::size_t>(level)].box.add(seen_[i]);
+    Group& group = by_level[receivers_[i].level];
+    group.members.push_back(i);
+    group.box.add(seen_[i]);
   }
-  std::erase_if(groups, [](const Group& group) { return group.members.empty(); });
+  std::vector<Group> groups;
+  for (auto& [level, group] : by_level) groups.push_back(std::move(group));
   return groups;
 }
 
@@ -285,7 +286,18 @@ std::vector<ShadowMapPlan> Planner::run() {
 
 }  // namespace
 
-std::vector<ShadowMapPlan> planShadowMaps(std::span<const Node> nodes, std::span<const std::uint32_t> receivers,
+std::vector<ShadowReceiver> receiversOf(std::span<const Node> nodes, std::span<const std::uint32_t> drawn) {
+  std::vector<ShadowReceiver> receivers;
+  if (nodes.empty()) return receivers;
+  const std::vector<std::uint32_t> ends = levelEnds(nodes);
+  for (const std::uint32_t node : drawn) {
+    const auto level = std::upper_bound(ends.begin(), ends.end(), node) - ends.begin();
+    receivers.push_back({nodes[node].box, static_cast<std::uint32_t>(level)});
+  }
+  return receivers;
+}
+
+std::vector<ShadowMapPlan> planShadowMaps(std::span<const Node> nodes, std::span<const ShadowReceiver> receivers,
                                           const ShadowRequest& request) {
   return Planner(nodes, receivers, request).run();
 }

@@ -30,6 +30,14 @@ struct ShadowLight {
 /// d_p. ε_r where the caster touches both.
 float casterError(const ShadowLight& light, float receiver, float change, float to_light, float to_receiver);
 
+/// A part of what a view draws, on which shadows may fall.
+struct ShadowReceiver {
+  base::Aabb box;
+  /// Those of one level share maps; from the coarsest, or farthest, on. Maps are small where the boxes of a level are
+  /// alike in the size that they have on the screen.
+  std::uint32_t level = 0;
+};
+
 struct ShadowRequest {
   TraverseRequest view;  ///< that of the receivers; what its section cuts away casts no shadows
   ShadowLight light;
@@ -54,12 +62,20 @@ struct ShadowMapPlan {
   float receiver_error = 0.0F;
 };
 
-/// `receivers`: the nodes that the view draws; those outside of its picture are in no plan. Casters form a cut: no node
+/// Nodes as receivers.
+std::vector<ShadowReceiver> receiversOf(std::span<const Node> nodes, std::span<const std::uint32_t> drawn);
+
+/// `receivers`: what the view draws; those outside of its picture are in no plan. Casters form a cut: no node
 /// and one below it. Nothing for cameras and lights with NaN or infinity in them.
 ///
 /// Any edge of a hard shadow on a receiver that faces the light is off by ε_r at most. For that d_l and d_p are, of
 /// those of all places of caster and receivers, the ones that allow least; the paper takes the nearest receiver's.
-std::vector<ShadowMapPlan> planShadowMaps(std::span<const Node> nodes, std::span<const std::uint32_t> receivers,
+std::vector<ShadowMapPlan> planShadowMaps(std::span<const Node> nodes, std::span<const ShadowReceiver> receivers,
                                           const ShadowRequest& request);
+/// The same for nodes that the view draws.
+inline std::vector<ShadowMapPlan> planShadowMaps(std::span<const Node> nodes, std::span<const std::uint32_t> drawn,
+                                                 const ShadowRequest& request) {
+  return planShadowMaps(nodes, receiversOf(nodes, drawn), request);
+}
 
 }  // namespace lod::hlod

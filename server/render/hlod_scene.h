@@ -10,23 +10,15 @@
 #include "base/image.h"
 #include "base/json/scene_file.h"
 #include "lod/draw/hlod_nodes.h"
-#include "lod/hlod/shadow_cut.h"
 #include "lod/hlod/stream.h"
+#include "server/render/shadow_plans.h"
 #include "server/render/tiled_picture.h"
 
 namespace server {
 
-enum class Shadows : std::uint8_t { kNone, kHard, kSoft };
-
-struct HlodOptions : SampleOptions {
+struct HlodOptions : SampleOptions, ShadowOptions {
   float tolerance = 0.5F;  ///< the most that a node's error may be, pixels; above 0
-  Shadows shadows = Shadows::kNone;
-  /// The light of shadows, scene-local. Hard ones ignore its size, soft ones need one.
-  lod::hlod::ShadowLight light;
 };
-
-/// Diameter of the sun as seen from the Earth, degrees.
-inline constexpr double kSunDegrees = 0.53;
 
 struct HlodPicture {
   base::Image rgba;  ///< as TiledPicture::draw() returns it
@@ -51,9 +43,6 @@ class HlodScene {
   /// `request`: with the tile.
   base::Result<void> drawTile(const lod::hlod::TraverseRequest& request, const SampleTarget& target,
                               const HlodOptions& options, HlodPicture& picture);
-  std::vector<lod::hlod::ShadowMapPlan> planMaps(const lod::hlod::TraverseRequest& request,
-                                                 const HlodOptions& options) const;
-  base::Result<void> planShadows(const lod::hlod::TraverseRequest& request, const HlodOptions& options);
 
   const std::string path_;
   lod::hlod::Stream stream_;

@@ -193,7 +193,7 @@ TEST_F(Set, imagesOfAnotherLightAreNamedAndDrawnAgain) {
   programs::expectOneLineError(setLight(other), 0, {own, "lumigrid build -o " + scene});
   EXPECT_EQ(setLight(other).err, "") << "it is said once";
   EXPECT_EQ(faceValues(scene), drawn) << "images are removed when new ones are drawn, not before";
-  EXPECT_EQ(base::readScene(scene)->images_light, is_unlit ? base::LightMode::kUnlit : base::LightMode::kSoft);
+  EXPECT_EQ(base::readScene(scene)->images_light->mode, is_unlit ? base::LightMode::kUnlit : base::LightMode::kSoft);
   const auto [status, named] = missing();
   EXPECT_EQ(status, 3);
   EXPECT_EQ(named["missing_faces"], drawn.size());

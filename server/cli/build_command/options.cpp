@@ -19,6 +19,8 @@ namespace fs = std::filesystem;
 using base::Error;
 using base::ErrorCode;
 
+constexpr ShadowWords kLightWords{"--light hard-shadows or soft-shadows", "--light soft-shadows"};
+
 void declareMethodOptions(CLI::App& command, BuildArguments& a) {
   command
       .add_option("MESH", a.meshes,
@@ -118,8 +120,11 @@ void declareImageOptions(CLI::App& command, BuildArguments& a) {
       ->check(CLI::Range(1, 100000));
   command
       .add_option("--light", a.light,
-                  "unlit: colours as scanned; soft: a soft directional light; auto: unlit where the mesh has colours")
-      ->check(CLI::IsMember({"auto", "unlit", "soft"}));
+                  "unlit: colours as scanned; soft: a soft directional light; hard-shadows, soft-shadows: a light that "
+                  "throws shadows, which images and exact frames show (needs --methods hlod); auto: unlit where the "
+                  "mesh has colours")
+      ->check(CLI::IsMember({"auto", "unlit", "soft", "hard-shadows", "soft-shadows"}));
+  declareLightOptions(command, a.light_place, kLightWords);
   command.add_option("--up", a.up, "axis that points up in the first view")
       ->check(CLI::IsMember({"auto", "x", "y", "z", "-x", "-y", "-z"}));
   command.add_option("--units", a.units, "unit of length of the mesh, e.g. m; kept in scene.json");
@@ -236,6 +241,9 @@ Parameters recordedBeside(const CLI::App& given, const Parameters& parameters) {
   recorded.try_emplace("stitch", "off");  // scenes of programs that did not stitch
   if (recorded.contains("tune")) recorded.erase("subsampling");
   recorded.try_emplace("codec", "jpeg");  // scenes of programs that knew no other
+  const bool is_light_moved = isGiven(given, "--light-direction") || isGiven(given, "--light-position");
+  if (isGiven(given, "--light") || is_light_moved)
+    for (const char* name : {"light-direction", "light-position", "light-size"}) recorded.erase(name);
   if (isGiven(given, "--face")) recorded.erase("tiles");
   if (isGiven(given, "--tiles")) recorded.erase("face");
   if (isGiven(given, "--quality") || isGiven(given, "--subsampling")) recorded.erase("tune");
@@ -259,6 +267,10 @@ void declareBuildOptions(CLI::App& command, BuildArguments& a) {
 
 bool wants(const BuildArguments& a, const char* method) {
   return std::find(a.methods.begin(), a.methods.end(), method) != a.methods.end();
+}
+
+base::LightMode lightModeOf(const BuildArguments& a, bool has_colors) {
+  return base::lightModeNamed(a.light).value_or(has_colors ? base::LightMode::kUnlit : base::LightMode::kSoft);
 }
 
 bool hasMethod(const Parameters& parameters, const std::string& method) {
@@ -294,6 +306,9 @@ Parameters parametersOf(const BuildArguments& a) {
                         {"regroup", a.regroup},
                         {"stitch", a.stitch},
                         {"normals", a.normals}};
+  if (!a.light_place.direction.empty()) parameters["light-direction"] = a.light_place.direction;
+  if (!a.light_place.position.empty()) parameters["light-position"] = a.light_place.position;
+  if (a.light_place.size) parameters["light-size"] = number(*a.light_place.size);
   if (a.textures == "vertex") parameters[kTexturesParameter] = a.textures;
   if (a.codec == "jpeg") parameters["subsampling"] = a.tune_db ? "tuned" : a.subsampling;
   const PointSelection& selection = a.bake.selection;
@@ -318,6 +333,10 @@ std::string usageError(const CLI::App& command, BuildArguments& a) {
   if (a.automatic && wants(a, "images")) return "--methods auto decides on images: leave out one of the two";
   if (a.automatic && !wants(a, "patch")) a.methods.emplace_back("patch");
   if (wants(a, "images") && !wants(a, "patch")) return "--methods images needs patch as well";
+  const base::LightMode light = lightModeOf(a, true);
+  if (const std::string problem = lightProblem(a.light_place, light, kLightWords); !problem.empty()) return problem;
+  if (base::Light{light, {}, {}, 0.0}.hasShadows() && !wants(a, "hlod"))
+    return "--light " + a.light + " needs the octree, whose nodes throw the shadows: give --methods hlod as well";
   if (const auto stitch = lod::ingest::parseStitch(a.stitch); !stitch) return stitch.error().message;
   if (!parseTune(a.tune, a.tune_db))
     return "--tune " + a.tune + ": give off, or a PSNR in dB above 0 and below 99, e.g. 36";

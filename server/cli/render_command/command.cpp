@@ -47,6 +47,10 @@ struct DrawnPicture {
   std::string amount;
 };
 
+bool hasShadows(const RenderArguments& a) {
+  return a.method == kFullMethod || a.method == kPatchMethod || a.method == kHlodMethod;
+}
+
 /// In pixels; `usual`: where none is given.
 float toleranceOf(const RenderArguments& a, float usual) {
   return a.tolerance_px ? static_cast<float>(*a.tolerance_px) : usual;
@@ -102,7 +106,7 @@ base::Result<DrawnPicture> drawNodes(const RenderArguments& a, const base::Scene
   LUMIGRID_ASSIGN_OR_RETURN(auto renderer, HlodScene::create(a.scene, scene));
   HlodOptions options;
   options.tolerance = toleranceOf(a, options.tolerance);
-  setShadows(a.shadows, scene, options);
+  static_cast<ShadowOptions&>(options) = shadowsOf(scene.light, scene.origin);
   options.supersampling = a.supersampling;
   LUMIGRID_ASSIGN_OR_RETURN(auto picture,
                             renderer->render(base::cameraForScene(view, scene.origin, renderer->bounds()), options));
@@ -119,7 +123,8 @@ base::Result<DrawnPicture> drawPicture(const RenderArguments& a, const base::Sce
 }
 
 base::Result<void> run(const RenderArguments& a) {
-  LUMIGRID_ASSIGN_OR_RETURN(const auto scene, base::readScene(a.scene));
+  LUMIGRID_ASSIGN_OR_RETURN(auto scene, base::readScene(a.scene));
+  LUMIGRID_ASSIGN_OR_RETURN(scene.light, lightOf(a.shadows, scene));
   LUMIGRID_ASSIGN_OR_RETURN(auto view, base::readCamera(a.camera));
   if (a.size.size() == 2) {
     view.width = a.size[0];
@@ -180,7 +185,7 @@ RunCommand addRender(CLI::App& command) {
       ->default_str("");
   declareShadowOptions(command, a->shadows);
   return [a] {
-    if (const std::string problem = shadowProblem(a->shadows, a->method == kHlodMethod); !problem.empty()) {
+    if (const std::string problem = shadowProblem(a->shadows, hasShadows(*a)); !problem.empty()) {
       fail({base::ErrorCode::kInvalidInput, "render: " + problem});
       return kWrongUsage;
     }

@@ -31,7 +31,7 @@ base::Scene example() {
   scene.crs = "EPSG:32718";
   scene.attribution = "A. Nonymous & S\u00F6hne <info@example.org>";
   scene.background = base::Rgb{20, 40, 255};
-  scene.images_light = base::LightMode::kSoft;
+  scene.images_light = base::Light{base::LightMode::kSoftShadows, {0, 0.6F, 0.8F}, glm::dvec3(500001.5, 2, 3), 0.25};
   return scene;
 }
 
