@@ -123,7 +123,9 @@ Light lightFrom(const json& object, const std::string& name, std::string& proble
   if (light.position && !(glm::length(*light.position) <= kMaxCoordinate)) fields.fail("position is too far away");
   if (light.mode != LightMode::kSoftShadows) return light;
   light.size = fields.number("size");
-  if (!(light.size > 0.0 && light.size <= largestSize(light))) fields.fail("size is out of range");
+  constexpr double kAllSky = 180.0;  // degrees
+  if (!(light.size > 0.0 && light.size < (light.position ? kMaxCoordinate : kAllSky)))
+    fields.fail("size is out of range");
   return light;
 }
 
@@ -259,11 +261,6 @@ const char* nameOf(LightMode mode) {
       return "soft-shadows";
   }
   return "soft";
-}
-
-double largestSize(const Light& light) {
-  constexpr double kLargestDegrees = 120.0;
-  return light.position ? kMaxCoordinate : kLargestDegrees;
 }
 
 std::optional<LightMode> lightModeNamed(std::string_view name) {

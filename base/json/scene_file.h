@@ -35,12 +35,6 @@ struct Light {
   friend bool operator==(const Light&, const Light&) = default;
 };
 
-/// The largest diameter of a light: degrees, or with a position scene units. A light all over the sky on one side would
-/// have 180 degrees.
-double largestSize(const Light& light);
-/// Diameter of the sun as seen from the Earth, degrees.
-inline constexpr double kSunDegrees = 0.53;
-
 struct SceneSource {
   std::string path;
   std::uint64_t bytes = 0;

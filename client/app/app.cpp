@@ -46,6 +46,7 @@ App::App(const AppOptions& options, std::unique_ptr<ImageDecoder> decoder)
   view_.method = viewer_.options().method;
   view_.colors_by_resolution = options.viewer.lumigraph.modes.resolution_colors;
   view_.light = options.light;
+  setShadows(options.apply_settings ? shadowsOf(settings_) : options.shadows);
   control_.setFov(glm::radians(settings_.fov_degrees));
 }
 
@@ -267,6 +268,7 @@ base::Result<void> App::changeSetting(std::string_view name, double value) {
     control_.setFov(glm::radians(settings_.fov_degrees));
     cameraMoved();
   }
+  if (settings_.shadows != before.shadows) setShadows(shadowsOf(settings_));
   if (StreamedView* view = viewer_.streamed()) {
     StreamedQuality quality = view->quality();
     applyChanges(before, settings_, quality);
@@ -278,6 +280,12 @@ base::Result<void> App::changeSetting(std::string_view name, double value) {
   requests_.push_back({.kind = RequestKind::kKeepSettings});
   overlayChanged();
   return {};
+}
+
+void App::setShadows(lod::hlod::Shadows shadows) {
+  if (view_.method != Method::kHlod) return;
+  view_.shadows = shadows;
+  dirty_ = true;
 }
 
 void App::setAnnotations(std::vector<Annotation> annotations) {

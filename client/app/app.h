@@ -44,8 +44,9 @@ using base::kMaxAnnotations;
 
 struct AppOptions {
   ViewerOptions viewer;
-  Settings settings;  ///< must be valid (setSetting)
-  OwnLight light;     ///< at the start
+  Settings settings;                                       ///< must be valid (setSetting)
+  OwnLight light;                                          ///< at the start
+  lod::hlod::Shadows shadows = lod::hlod::Shadows::kNone;  ///< at the start; those of `settings` with apply_settings
   /// Takes the viewer's limits from `settings`. False: `viewer` is used as it is, since a command line has set it.
   bool apply_settings = true;
   /// Returns seconds, finer than `now`, to time drawing with. Empty: frame_milliseconds stays 0.
@@ -273,6 +274,7 @@ class App {
   glm::dvec3 sectionHandle() const;
   bool grabHandle(const PointerEvent& event);
   void dragHandle(const PointerEvent& event);
+  void setShadows(lod::hlod::Shadows shadows);
   void toggleLight();
   glm::dvec2 lightHandle() const;
   bool grabLight(const PointerEvent& event);

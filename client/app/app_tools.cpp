@@ -292,8 +292,7 @@ void App::dragLight(double x, double y) {
   if (glm::length(at) > most) at *= most / glm::length(at);
   const glm::dvec3 light = at.x * control_.right() - at.y * control_.upInView() -
                            std::sqrt(std::max(0.0, 1.0 - glm::dot(at, at))) * view_.direction;
-  view_.light.heading = glm::degrees(std::atan2(light.y, light.x));
-  view_.light.height = glm::degrees(std::atan2(light.z, std::hypot(light.x, light.y)));
+  view_.light = OwnLight::towards(light);
   cameraMoved();
 }
 

@@ -45,6 +45,11 @@ void App::configureViewer() {
   viewer_.setMethod(view_.method);
   viewer_.setResolutionColors(view_.colors_by_resolution);
   viewer_.setLight(view_.light.on ? std::optional(view_.light.direction()) : std::nullopt);
+  if (StreamedView* view = viewer_.streamed(); view != nullptr && view->quality().shadows != view_.shadows) {
+    StreamedQuality quality = view->quality();
+    quality.shadows = view_.shadows;
+    view->setQuality(quality);
+  }
   std::optional<lod::qsplat::Lens> glass;
   if (lens_) glass = {glm::vec2(*lens_), static_cast<float>(lensRadius())};
   viewer_.setLens(glass);
@@ -127,6 +132,7 @@ void App::showView(const ViewState& wanted, bool whole, bool glide) {
   view_.colors_by_resolution = wanted.colors_by_resolution;
   if (whole) {
     view_.method = wanted.method;
+    setShadows(wanted.shadows);
     view_.statistics = wanted.statistics;
   }
   moveTo({wanted.position, wanted.direction, wanted.pivot_distance}, glide);

@@ -156,20 +156,28 @@ base::Result<void> readLight(std::string_view value, ViewState& view) {
   return {};
 }
 
+base::Result<void> readShadows(std::string_view value, ViewState& view) {
+  const auto shadows = lod::hlod::shadowsFromName(value);
+  if (!shadows) return badLink("s (shadows) must be none, hard or soft");
+  view.shadows = *shadows;
+  return {};
+}
+
 using Reader = base::Result<void> (*)(std::string_view, ViewState&);
 struct LinkPart {
   char name;
   bool needed;
   Reader read;
 };
-constexpr std::array<LinkPart, 8> kParts{{{'p', true, readPosition},
+constexpr std::array<LinkPart, 9> kParts{{{'p', true, readPosition},
                                           {'a', true, readDirection},
                                           {'r', true, readDistance},
                                           {'f', false, readFov},
                                           {'m', false, readMethod},
                                           {'o', false, readOptions},
                                           {'x', false, readSection},
-                                          {'l', false, readLight}}};
+                                          {'l', false, readLight},
+                                          {'s', false, readShadows}}};
 
 }  // namespace
 
@@ -199,12 +207,19 @@ std::string formatPermalink(const ViewState& view) {
   if (view.light.on)
     text +=
         "&l=" + shortFixed(view.light.heading, kLightDecimals) + "," + shortFixed(view.light.height, kLightDecimals);
+  if (view.method == Method::kHlod && view.shadows != lod::hlod::Shadows::kNone)
+    text += "&s=" + std::string(lod::hlod::nameOf(view.shadows));
   return text;
 }
 
 glm::dvec3 OwnLight::direction() const {
   const double h = glm::radians(heading), up = glm::radians(height);
   return {std::cos(up) * std::cos(h), std::cos(up) * std::sin(h), std::sin(up)};
+}
+
+OwnLight OwnLight::towards(const glm::dvec3& direction) {
+  return {true, glm::degrees(std::atan2(direction.y, direction.x)),
+          glm::degrees(std::atan2(direction.z, std::hypot(direction.x, direction.y)))};
 }
 
 base::Result<OwnLight> parseLight(std::string_view text) {

@@ -9,13 +9,14 @@ namespace {
 
 using Kind = SettingKind;
 
-constexpr std::array<SettingField, 26> kFields{{
+constexpr std::array<SettingField, 27> kFields{{
     {"method", "What is shown, where the scene has it", Kind::kChoice, 0, 4, &Settings::method,
      "lumigraph patches qsplat pmr hlod", true},
     {"splat", "Shape of splats", Kind::kChoice, 0, 3, &Settings::splat, "square circle fuzzy ellipse"},
     {"cutoff", "Size of splats at rest, pixels", Kind::kNumber, 0, 1000, &Settings::cutoff},
     {"tolerance", "Size of umbrellas at rest, pixels", Kind::kNumber, 0.25, 1000, &Settings::tolerance},
     {"error_px", "Error of hlod at rest, pixels", Kind::kNumber, 0.125, 1000, &Settings::error_px},
+    {"shadows", "Shadows of hlod", Kind::kChoice, 0, 2, &Settings::shadows, "none hard soft"},
     {"frame_rate", "Pictures a second of qsplat, pmr and hlod while moving; 0: as fine as at rest", Kind::kNumber, 0,
      1000, &Settings::frame_rate},
     {"fps", "Pictures a second while moving, coarser if need be; 0: as fine as at rest", Kind::kNumber, 0, 1000,

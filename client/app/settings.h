@@ -8,6 +8,7 @@
 #include "base/error.h"
 #include "base/view_defaults.h"
 #include "client/source/method.h"
+#include "lod/hlod/shadow_options.h"
 
 namespace client {
 
@@ -22,6 +23,7 @@ struct Settings {
   double cutoff = 1.0;               ///< diameter of a splat at rest, pixels; 0: refine down to the leaves
   double tolerance = 1.0;            ///< radius of umbrellas at rest, pixels
   double error_px = 0.5;             ///< error of hlod's nodes on the screen at rest, pixels
+  double shadows = 0.0;              ///< lod::hlod::Shadows
   double frame_rate = 10.0;          ///< pictures of streamed methods a second while the view moves
   double fps = 30.0;                 ///< the same of patches and images
   double cache_megabytes = 50.0;     ///< compressed images and patches kept; from the next start on
@@ -61,6 +63,10 @@ struct SettingField {
 
 /// Returns the method that Settings::method names.
 Method methodOf(const Settings& settings);
+/// Returns Settings::shadows.
+inline lod::hlod::Shadows shadowsOf(const Settings& settings) {
+  return static_cast<lod::hlod::Shadows>(static_cast<int>(settings.shadows));
+}
 
 /// All settings, in the order in which they are shown. Their defaults are those of Settings.
 std::span<const SettingField> settingFields();

@@ -4,6 +4,7 @@
 
 #include "base/camera.h"
 #include "client/source/method.h"
+#include "lod/hlod/shadow_options.h"
 
 namespace client {
 
@@ -22,6 +23,8 @@ struct OwnLight {
   double heading = 0.0;  ///< degrees, −180 to 180: from x towards y
   double height = 90.0;  ///< degrees above the plane of x and y, −90 to 90
   glm::dvec3 direction() const;
+  /// One that is on. `direction`: not 0.
+  static OwnLight towards(const glm::dvec3& direction);
   friend bool operator==(const OwnLight&, const OwnLight&) = default;
 };
 
@@ -36,6 +39,7 @@ struct ViewState {
   bool orthographic = false;  ///< at the pivot's depth it shows what the perspective view shows there
   Section section;
   OwnLight light;
+  lod::hlod::Shadows shadows = lod::hlod::Shadows::kNone;  ///< with Method::kHlod
   friend bool operator==(const ViewState&, const ViewState&) = default;
 };
 

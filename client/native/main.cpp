@@ -19,6 +19,7 @@
 #include "client/native/units.h"
 #include "client/native/user_files.h"
 #include "client/native/window.h"
+#include "lod/hlod/shadow_options.h"
 
 namespace {
 
@@ -37,6 +38,7 @@ struct Arguments {
   double frame_rate = 10.0;
   std::string colors = "surface";
   std::string light;
+  lod::hlod::ShadowArguments shadows;
   std::string order = "sweeps";
   std::string idle = "16M";
   std::string cache = "50M";
@@ -146,6 +148,7 @@ void addStreamedOptions(CLI::App& app, Arguments& a) {
                  "Pictures a second with --method qsplat, pmr or hlod while the view moves: splats, umbrellas and "
                  "errors get as large as that asks for. 0: as fine as at rest")
       ->check(CLI::Range(0.0, 1000.0));
+  lod::hlod::declareShadowOptions(app, a.shadows);
   app.add_option("--order", a.order,
                  "In which order splats come. sweeps: from the top down, each time twice as fine; level: by level of "
                  "the tree; radius: the largest of the scene first; size: the largest in the picture first; rows: from "
@@ -254,6 +257,35 @@ base::Result<T> forOption(const char* option, base::Result<T> value) {
   return value;
 }
 
+/// The light of the shadows, and what is contradictory in it.
+base::Result<void> parseShadows(Arguments& a) {
+  const auto problem = [](std::string text) { return base::Error{base::ErrorCode::kInvalidInput, std::move(text)}; };
+  if (std::string text = lod::hlod::shadowProblem(a.shadows, a.method == "hlod"); !text.empty())
+    return problem(std::move(text));
+  if (!a.light.empty() && !(a.shadows.direction.empty() && a.shadows.position.empty()))
+    return problem("--light is a light, too; leave out --light-direction and --light-position");
+  a.run.streamed.shadows = *lod::hlod::shadowsFromName(a.shadows.shadows);
+  a.window.app.shadows = a.run.streamed.shadows;
+  a.run.streamed.light_size = lod::hlod::lightOf(a.shadows, glm::vec3(0.0F, 0.0F, 1.0F), glm::dvec3(0.0)).size;
+  const std::vector<double>& position = a.shadows.position;
+  if (!position.empty()) a.run.streamed.light_position = glm::dvec3(position[0], position[1], position[2]);
+  return {};
+}
+
+/// The viewer's own light.
+base::Result<void> parseLight(Arguments& a) {
+  const std::vector<double>& towards = a.shadows.direction;
+  client::OwnLight light;
+  if (!a.light.empty()) {
+    LUMIGRID_ASSIGN_OR_RETURN(light, forOption("--light", client::parseLight(a.light)));
+  } else if (!towards.empty()) {
+    light = client::OwnLight::towards({towards[0], towards[1], towards[2]});
+  }
+  if (light.on) a.run.viewer.lumigraph.modes.light = glm::vec3(light.direction());
+  a.window.app.light = light;
+  return {};
+}
+
 /// Puts the values with units and the choices into the options.
 base::Result<void> parseArguments(Arguments& a) {
   client::HeadlessOptions& run = a.run;
@@ -289,11 +321,8 @@ base::Result<void> parseArguments(Arguments& a) {
   if (!a.antialias) viewer.samples = 1;
   viewer.lumigraph.modes.resolution_colors = a.colors == "resolution";
   viewer.lumigraph.show_disagreement = a.colors == "disagreement";
-  if (!a.light.empty()) {
-    LUMIGRID_ASSIGN_OR_RETURN(const auto light, forOption("--light", client::parseLight(a.light)));
-    viewer.lumigraph.modes.light = glm::vec3(light.direction());
-    a.window.app.light = light;
-  }
+  LUMIGRID_TRY(parseShadows(a));
+  LUMIGRID_TRY(parseLight(a));
   viewer.session.cache_bytes = cache;
   viewer.lumigraph.use_images = viewer.session.images || viewer.session.frames;
   std::copy(background.begin(), background.end(), viewer.lumigraph.background);
@@ -377,6 +406,7 @@ void applyUserSettings(const CLI::App& app, const client::Settings& kept, client
   if (!said("--cutoff")) streamed.cutoff_px = static_cast<float>(kept.cutoff);
   if (!said("--tolerance")) streamed.tolerance = static_cast<float>(kept.tolerance);
   if (!said("--error-px")) streamed.error_px = static_cast<float>(kept.error_px);
+  if (!said("--shadows")) options.app.shadows = client::shadowsOf(kept);
   if (!said("--frame-rate")) streamed.frame_seconds = client::secondsPerFrame(kept.frame_rate);
   if (!said("--cache")) viewer.session.cache_bytes = static_cast<std::uint64_t>(kept.cache_megabytes * 1e6);
   if (!said("--gpu-memory")) viewer.gpu_budget_bytes = static_cast<std::uint64_t>(kept.gpu_megabytes * 1e6);

@@ -26,9 +26,10 @@ void MotionPace::setGoal(double frame_seconds, float finest_px) {
   rate_.setGoal(goalOf(frame_seconds, finest_px));
 }
 
-bool MotionPace::beginFrame(const base::Camera& camera) {
-  const bool moved = !drawn_from_ || !base::sameCamera(*drawn_from_, camera);
+bool MotionPace::beginFrame(const base::Camera& camera, const glm::vec4& light) {
+  const bool moved = !isLastFrame(camera, light);
   drawn_from_ = camera;
+  drawn_light_ = light;
   if (!isOn()) return moved;
   if (moved)
     rate_.beginMotion();

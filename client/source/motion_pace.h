@@ -15,8 +15,13 @@ class MotionPace {
   MotionPace(double frame_seconds, float finest_px);
   void setGoal(double frame_seconds, float finest_px);
 
-  /// Makes a frame of the same view finer than the one before. Returns whether the view has moved.
-  bool beginFrame(const base::Camera& camera);
+  /// Makes a frame of the same view finer than the one before. Returns whether the view has moved, or the light of its
+  /// shadows, wherever that is.
+  bool beginFrame(const base::Camera& camera, const glm::vec4& light = glm::vec4(0.0F));
+  /// Whether the last frame was of this view and light.
+  bool isLastFrame(const base::Camera& camera, const glm::vec4& light) const {
+    return drawn_from_ && base::sameCamera(*drawn_from_, camera) && light == drawn_light_;
+  }
   /// The size for the next frame, at least `finest_px`.
   float wantedPx(float finest_px) const;
   /// As RateControl::coarsenIfLate(), reduction() and recordFrame().
@@ -30,6 +35,7 @@ class MotionPace {
   float option_px_;
   lod::qsplat::RateControl rate_;
   std::optional<base::Camera> drawn_from_;
+  glm::vec4 drawn_light_{0.0F};
 };
 
 }  // namespace client

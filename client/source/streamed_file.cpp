@@ -5,7 +5,10 @@
 namespace client {
 
 StreamedFile::StreamedFile(FilePlace place, const protocol::Welcome& welcome, std::unique_ptr<RangeFetcher> fetcher)
-    : place_(std::move(place)), welcome_(protocol::encode(welcome)), fetcher_(std::move(fetcher)) {}
+    : place_(std::move(place)),
+      welcome_(protocol::encode(welcome)),
+      origin_(welcome.origin),
+      fetcher_(std::move(fetcher)) {}
 
 /// Greets the session as a server would. Its answers are dropped, since views are not sent to anybody.
 void StreamedFile::sendWelcome(Session& session) {

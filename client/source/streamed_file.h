@@ -22,6 +22,7 @@ class StreamedFile {
   /// where the whole file is on this machine.
   StreamedFile(FilePlace place, const protocol::Welcome& welcome, std::unique_ptr<RangeFetcher> fetcher);
   const FilePlace& place() const { return place_; }
+  const glm::dvec3& origin() const { return origin_; }  ///< of the scene, world
 
   /// Does what StreamedView::pump() promises. `stream`: lod::qsplat::Stream, lod::pmr::Stream or lod::hlod::Stream.
   template <class Stream>
@@ -66,6 +67,7 @@ class StreamedFile {
 
   const FilePlace place_;
   const base::Bytes welcome_;
+  const glm::dvec3 origin_;
   const std::unique_ptr<RangeFetcher> fetcher_;
   bool host_away_ = false;  ///< the last request got no answer
   std::string refusal_;     ///< a failure that no other try repairs; empty when there is none

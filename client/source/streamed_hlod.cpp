@@ -1,11 +1,59 @@
 #include "client/source/streamed_hlod.h"
 
+#include <algorithm>
+#include <string>
+
 #include "base/format_text.h"
 #include "base/text.h"
 
 namespace client {
 
+namespace {
+
+/// A shadow map takes at most this share of the memory; the texture of maps may take twice as much.
+constexpr std::uint64_t kMapShare = 16;
+/// Each GL has textures of so many texels a side.
+constexpr int kLeastSide = 2048;
+
+}  // namespace
+
 template class StreamedPieces<HlodTypes>;
+
+// ---- shadows ----
+
+void StreamedHlod::setQuality(const StreamedQuality& quality) {
+  StreamedPieces::setQuality(quality);
+  stream().setMemory(HlodTypes::streamBytes(options()));
+}
+
+lod::hlod::ShadowLight StreamedHlod::shadowLight(const StreamedLook& look, bool rests) const {
+  const StreamedOptions& o = options();
+  if (o.shadows == lod::hlod::Shadows::kNone) return kNoShadows;
+  const bool has_place = o.light_position && !look.own_light;
+  lod::hlod::ShadowLight light{glm::vec4(look.shading.light_direction, 0.0F)};
+  if (has_place) light.place = glm::vec4(glm::vec3(*o.light_position - origin()), 1.0F);
+  if (!rests || o.shadows != lod::hlod::Shadows::kSoft) return light;
+  // The size of a light that has a place means nothing of one that is infinitely far.
+  light.size = o.light_position && !has_place ? lod::hlod::kSunSize : o.light_size;
+  return light;
+}
+
+void StreamedHlod::piecesChosen(const lod::hlod::TraverseRequest& request) {
+  shadows_ = {};
+  if (light() == kNoShadows) return;
+  if (gl_side_ == 0) glGetIntegerv(GL_MAX_TEXTURE_SIZE, &gl_side_);
+  gl_side_ = std::max(gl_side_, kLeastSide);
+  const std::uint32_t side = lod::draw::shadowTexelsFor(options().memory_bytes / kMapShare, light().size > 0.0F);
+  shadows_ = lod::draw::findNodeShadows(
+      stream(), pieces(), request, {light(), options().closed, std::min(side, static_cast<std::uint32_t>(gl_side_))});
+}
+
+base::Result<lod::draw::NodeCount> StreamedHlod::drawPieces(lod::draw::NodeRenderer& renderer, const View& view,
+                                                            const lod::draw::NodeTarget& target) {
+  return renderer.draw(pieces(), view, target, light() == kNoShadows ? nullptr : &shadows_);
+}
+
+// ---- rays and figures ----
 
 /// Points, and the lines that cover cracks, count as they are drawn: at least a pixel wide, and on either side as far
 /// as the node's error.
@@ -27,13 +75,21 @@ void StreamedHlod::meet(RayHit& hit, const Piece& piece) const {
 
 void StreamedHlod::addFigures(StreamedStats& stats) const {
   stats.describe = describeHlod;
-  stats.hlod = {count().triangles, count().points, stream().stats()};
+  using lod::hlod::Shadows;
+  const Shadows kind = light() == kNoShadows ? Shadows::kNone : light().size > 0.0F ? Shadows::kSoft : Shadows::kHard;
+  stats.hlod = {count().triangles, count().points, kind, shadows_.maps.size(), 0, stream().stats()};
+  for (const lod::draw::NodeShadowMap& map : shadows_.maps) stats.hlod.casters += map.casters.size();
 }
 
 std::vector<StatisticsLine> describeHlod(const StreamedStats& s) {
   const HlodStats& hlod = s.hlod;
   const auto count = [](std::uint64_t value) { return base::formatCount(value, ' '); };
+  std::string shadows(lod::hlod::nameOf(hlod.shadows));
+  if (hlod.shadows != lod::hlod::Shadows::kNone)
+    shadows += ", of " + count(hlod.casters) + " nodes in " + count(hlod.shadow_maps) +
+               (hlod.shadow_maps == 1 ? " map" : " maps");
   return {{"drawn", count(hlod.triangles) + " triangles, " + count(hlod.points) + " points"},
+          {"shadows", shadows},
           {"screen error", base::formatText("down to %.2f px", static_cast<double>(s.error_px))},
           {"nodes", count(hlod.stream.drawn) + " in view, " + count(hlod.stream.present) + " of " +
                         count(hlod.stream.nodes) + " here, " + count(hlod.stream.lacking) + " to be refined"}};

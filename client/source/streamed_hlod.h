@@ -4,7 +4,7 @@
 #include <vector>
 
 #include "client/source/streamed_pieces.h"
-#include "lod/draw/hlod_nodes.h"
+#include "lod/draw/node_shadows.h"
 
 namespace client {
 
@@ -15,7 +15,13 @@ struct HlodTypes {
   using Piece = lod::hlod::DrawnNode;
   using Renderer = lod::draw::NodeRenderer;
   using View = lod::draw::NodeView;
+  using Target = lod::draw::NodeTarget;
   using Count = lod::draw::NodeCount;
+  /// Of seven sixteenths, shadows take one and a half: maps may take two sixteenths, and casters lie on
+  /// the GPU beside nodes, both smaller there than in the stream.
+  static std::uint64_t streamBytes(const StreamedOptions& options) {
+    return options.memory_bytes / 32 * (options.shadows == lod::hlod::Shadows::kNone ? 14 : 11);
+  }
   static constexpr std::uint64_t kMinMemory = lod::hlod::kMinStreamMemory;
   static constexpr float StreamedQuality::*kSize = &StreamedQuality::error_px;
   static constexpr float kMinSize = kMinErrorPx;
@@ -26,10 +32,18 @@ extern template class StreamedPieces<HlodTypes>;
 class StreamedHlod final : public StreamedPieces<HlodTypes> {
  public:
   using StreamedPieces::StreamedPieces;
+  void setQuality(const StreamedQuality& quality) override;
 
  private:
+  lod::hlod::ShadowLight shadowLight(const StreamedLook& look, bool rests) const override;
+  void piecesChosen(const lod::hlod::TraverseRequest& request) override;
+  base::Result<lod::draw::NodeCount> drawPieces(lod::draw::NodeRenderer& renderer, const View& view,
+                                                const lod::draw::NodeTarget& target) override;
   void meet(RayHit& hit, const Piece& piece) const override;
   void addFigures(StreamedStats& stats) const override;
+
+  lod::draw::NodeShadows shadows_;  ///< on pieces()
+  int gl_side_ = 0;                 ///< the most texels of a side that the GL allows; 0: not asked yet
 };
 
 /// The statistics of triangles and points.

@@ -16,9 +16,12 @@
 
 namespace client {
 
+inline constexpr lod::hlod::ShadowLight kNoShadows{glm::vec4(0.0F), 0.0F};
+
 /// `Types` has the method's own: Stream, StreamOptions and TraverseRequest of its file; Piece, which the stream finds
-/// for a view; Renderer, View and Count, with which pieces are drawn; kMinMemory, the least of the stream; kSize, the
-/// member of StreamedQuality down to which pieces are refined at rest, pixels; kMinSize, the least that it may be.
+/// for a view; Renderer, View, Target and Count, with which pieces are drawn; streamBytes(), the memory for what is
+/// here of the file and decoded of it, and kMinMemory, the least; kSize, the member of StreamedQuality down to which
+/// pieces are refined at rest, pixels; kMinSize, the least that it may be.
 template <class Types>
 class StreamedPieces : public StreamedView {
  public:
@@ -61,19 +64,31 @@ class StreamedPieces : public StreamedView {
   const typename Types::Stream& stream() const { return stream_; }
   const std::vector<Piece>& pieces() const { return pieces_; }
   const typename Types::Count& count() const { return count_; }
+  typename Types::Stream& stream() { return stream_; }
+  const StreamedOptions& options() const { return options_; }
+  const glm::dvec3& origin() const { return file_.origin(); }
+  /// The light of the shadows on pieces(), as shadowLight() told it.
+  const lod::hlod::ShadowLight& light() const { return light_; }
   /// The header is here.
   virtual View viewOf(const base::Camera& camera, const StreamedLook& look) const;
 
  private:
-  /// Shares of the memory, sixteenths: what is here of the file and decoded of it, and the same on the GPU. The rest is
-  /// left to the samples of the picture (client/viewer/memory_plan.h).
-  static constexpr std::uint64_t kStreamShare = 7;
+  /// Share of the memory, sixteenths, for pieces on the GPU. With the stream's they leave the rest to the samples of
+  /// the picture (client/viewer/memory_plan.h).
   static constexpr std::uint64_t kGpuShare = 5;
 
   /// Keeps the places of the piece that the ray meets.
   virtual void meet(RayHit& hit, const Piece& piece) const = 0;
   /// Adds the figures that no other method has, and the words for them.
   virtual void addFigures(StreamedStats& stats) const = 0;
+  /// The light whose shadows a frame shows that rests, or one that moves. Its place is 0 where there are none.
+  virtual lod::hlod::ShadowLight shadowLight(const StreamedLook& /*look*/, bool /*rests*/) const { return kNoShadows; }
+  /// pieces() were found for the request and this light.
+  virtual void piecesChosen(const typename Types::TraverseRequest& /*request*/) {}
+  virtual base::Result<typename Types::Count> drawPieces(typename Types::Renderer& renderer, const View& view,
+                                                         const typename Types::Target& target) {
+    return renderer.draw(pieces_, view, target);
+  }
 
   static StreamedOptions checked(StreamedOptions options) {
     options.*Types::kSize = std::max(options.*Types::kSize, Types::kMinSize);
@@ -81,10 +96,11 @@ class StreamedPieces : public StreamedView {
   }
   static typename Types::StreamOptions streamOptions(const StreamedOptions& options) {
     typename Types::StreamOptions stream;
-    stream.memory_bytes = std::max(options.memory_bytes / 16 * kStreamShare, Types::kMinMemory);
+    stream.memory_bytes = std::max(Types::streamBytes(options), Types::kMinMemory);
     stream.decode_per_frame = options.decode_per_frame;
     return stream;
   }
+  bool rests(const base::Camera& camera, const glm::vec4& light) const;
   void choose(std::uint32_t frames);
   base::Result<void> drawChosen(const base::Camera& camera, const StreamedLook& look);
   double now() const { return options_.clock ? options_.clock() : 0.0; }
@@ -107,6 +123,8 @@ class StreamedPieces : public StreamedView {
   base::Camera camera_;       ///< camera for which pieces_ was chosen; the next two members belong to that choice, too
   glm::vec4 section_ = base::kNoSection;
   float size_px_ = 1.0F;
+  lod::hlod::ShadowLight light_ = kNoShadows;
+  bool awaits_rest_ = false;  ///< the view will have other shadows when it rests
   DutyCycle frames_;
   PictureFence drawn_;        ///< behind the last picture, while frames_ does not know its end
   double drawn_begin_ = 0.0;  ///< when that picture was begun
@@ -127,16 +145,27 @@ void StreamedPieces<Types>::update(const base::Camera& camera, const StreamedLoo
   if (stream_.header() == nullptr) return;
   has_undrawn_ = false;
   const float size_px = pace_.wantedPx(finestPx());
-  const bool same_view =
-      chosen_ && base::sameCamera(camera, camera_) && look.section == section_ && size_px == size_px_;
+  const lod::hlod::ShadowLight light_at_rest = shadowLight(look, true);
+  const bool is_at_rest = size_px <= finestPx() && rests(camera, light_at_rest.place);
+  const lod::hlod::ShadowLight light = is_at_rest ? light_at_rest : shadowLight(look, false);
+  const bool same_view = chosen_ && base::sameCamera(camera, camera_) && look.section == section_ &&
+                         size_px == size_px_ && light == light_;
   if (same_view && stream_.generation() == chosen_generation_ && !stream_.decoding()) return;
   if (same_view && moreIsComing() && !hasRested()) return;
   camera_ = camera;
   section_ = look.section;
   size_px_ = size_px;
+  light_ = light;
+  awaits_rest_ = light != light_at_rest;
   chosen_ = true;
   // A view that rests makes up for the frames in between, which are not drawn while requests are under way.
   choose(same_view && stream_.stats().requests > 0 ? 1 + DutyCycle::kRest : 1);
+}
+
+/// Whether the view does not move. Where every frame is as fine as at rest, none does.
+template <class Types>
+bool StreamedPieces<Types>::rests(const base::Camera& camera, const glm::vec4& light) const {
+  return !pace_.isOn() || (!moved_ && pace_.isLastFrame(camera, light));
 }
 
 template <class Types>
@@ -147,6 +176,7 @@ void StreamedPieces<Types>::choose(std::uint32_t frames) {
   request.section = section_;
   chosen_generation_ = stream_.generation();
   stream_.update(request, pieces_, frames);
+  piecesChosen(request);
 }
 
 template <class Types>
@@ -166,13 +196,12 @@ bool StreamedPieces<Types>::pump(Session& session, double now) {
 template <class Types>
 base::Result<void> StreamedPieces<Types>::draw(const base::Camera& camera, const StreamedLook& look) {
   const double begin = now();
-  const bool moved = pace_.beginFrame(camera);
+  moved_ = pace_.beginFrame(camera, shadowLight(look, true).place);
   update(camera, look);
   LUMIGRID_TRY(drawChosen(camera, look));
-  moved_ = moved;
   drawn_.remove();
   if (stream_.header() == nullptr || !options_.clock) return {};
-  if (moved && pace_.isOn()) {
+  if (moved_ && pace_.isOn()) {
     waitForGpu();
     const double end = now();
     frames_.record(begin, end);
@@ -193,8 +222,8 @@ base::Result<void> StreamedPieces<Types>::drawChosen(const base::Camera& camera,
   }
   GLint framebuffer = 0;
   glGetIntegerv(GL_FRAMEBUFFER_BINDING, &framebuffer);
-  LUMIGRID_ASSIGN_OR_RETURN(count_, renderer_->draw(pieces_, viewOf(camera, look),
-                                                    {static_cast<GLuint>(framebuffer), camera.width, camera.height}));
+  LUMIGRID_ASSIGN_OR_RETURN(count_, drawPieces(*renderer_, viewOf(camera, look),
+                                               {static_cast<GLuint>(framebuffer), camera.width, camera.height}));
   return {};
 }
 
@@ -228,13 +257,13 @@ void StreamedPieces<Types>::setQuality(const StreamedQuality& quality) {
 
 template <class Types>
 bool StreamedPieces<Types>::complete() const {
-  return chosen_ && !has_undrawn_ && stream_.complete() && chosen_generation_ == stream_.generation() &&
-         size_px_ <= finestPx();
+  return chosen_ && !has_undrawn_ && !awaits_rest_ && stream_.complete() &&
+         chosen_generation_ == stream_.generation() && size_px_ <= finestPx();
 }
 
 template <class Types>
 bool StreamedPieces<Types>::busy() const {
-  if (!chosen_ || size_px_ > finestPx()) return chosen_;
+  if (!chosen_ || size_px_ > finestPx() || awaits_rest_) return chosen_;
   if (!has_undrawn_ && !stream_.decoding() && chosen_generation_ == stream_.generation()) return false;
   return !moreIsComing() || hasRested();
 }

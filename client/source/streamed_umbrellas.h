@@ -15,7 +15,9 @@ struct UmbrellaTypes {
   using Piece = lod::pmr::DrawnLeaf;
   using Renderer = lod::draw::UmbrellaRenderer;
   using View = lod::draw::UmbrellaView;
+  using Target = lod::draw::SurfaceTarget;
   using Count = lod::draw::UmbrellaCount;
+  static std::uint64_t streamBytes(const StreamedOptions& options) { return options.memory_bytes / 16 * 7; }
   static constexpr std::uint64_t kMinMemory = lod::pmr::kMinStreamMemory;
   static constexpr float StreamedQuality::*kSize = &StreamedQuality::tolerance;
   static constexpr float kMinSize = kMinTolerance;

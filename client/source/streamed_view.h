@@ -13,6 +13,7 @@
 #include "base/error.h"
 #include "client/source/session.h"
 #include "lod/draw/splats.h"
+#include "lod/hlod/shadow_options.h"
 #include "lod/hlod/stream.h"
 #include "lod/pmr/stream.h"
 #include "lod/qsplat/stream/stream.h"
@@ -28,6 +29,8 @@ struct StreamedQuality {
   double frame_seconds = 0.1;
   float tolerance = 1.0F;  ///< umbrellas are refined down to about this radius, pixels; at least kMinTolerance
   float error_px = 0.5F;   ///< nodes are refined down to this error on the screen, pixels; at least kMinErrorPx
+  /// Shadows of nodes. While view or light move, soft ones are hard, unless every frame is as fine as at rest.
+  lod::hlod::Shadows shadows = lod::hlod::Shadows::kNone;
   friend bool operator==(const StreamedQuality&, const StreamedQuality&) = default;
 };
 inline constexpr float kMinTolerance = 0.25F;
@@ -44,12 +47,20 @@ struct StreamedOptions : StreamedQuality {
   std::uint64_t idle_bytes = 16'000'000;  ///< as lod::qsplat::StreamOptions::idle_bytes
   lod::qsplat::ForEach for_each;          ///< for splats; empty: one thread
 
+  /// A place from which the light of shadows shines, world; nothing: it is infinitely far in the direction of
+  /// StreamedLook::shading. The viewer's own light takes its place.
+  std::optional<glm::dvec3> light_position;
+  /// Diameter of the light of soft shadows: scene units where it has a place, else radians as seen from the scene.
+  float light_size = lod::hlod::kSunSize;
+  bool closed = false;  ///< the surface has no border: shadows of the sides that face away from the light are enough
+
   std::uint64_t decode_per_frame = 200'000;  ///< as in lod::pmr::StreamOptions and lod::hlod::StreamOptions
 };
 
 /// The appearance of a frame.
 struct StreamedLook {
   lod::draw::Shading shading;
+  bool own_light = false;                ///< the shading is by a light of the viewer's own
   glm::vec4 section = base::kNoSection;  ///< scene-local
   bool resolution_colors = false;
   std::optional<lod::qsplat::Lens> lens;  ///< of splats
@@ -74,7 +85,9 @@ struct UmbrellaStats {
 
 /// The figures of triangles and points that no other method has.
 struct HlodStats {
-  std::uint64_t triangles = 0, points = 0;  ///< drawn
+  std::uint64_t triangles = 0, points = 0;                 ///< drawn
+  lod::hlod::Shadows shadows = lod::hlod::Shadows::kNone;  ///< of the last picture
+  std::uint64_t shadow_maps = 0, casters = 0;              ///< of that; a node counts once for each map
   lod::hlod::StreamStats stream;
 };
 

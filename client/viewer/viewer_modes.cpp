@@ -83,7 +83,8 @@ void Viewer::addStreamed(ViewerStats& stats) const {
 StreamedLook Viewer::streamedLook() const {
   StreamedLook look;
   look.shading = shading_;
-  if (options_.lumigraph.modes.hasLight()) look.shading = {false, options_.lumigraph.modes.light};
+  look.own_light = options_.lumigraph.modes.hasLight();
+  if (look.own_light) look.shading = {false, options_.lumigraph.modes.light};
   look.section = sectionHere();
   look.resolution_colors = options_.lumigraph.modes.resolution_colors;
   look.lens = lens_;

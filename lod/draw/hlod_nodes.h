@@ -61,8 +61,8 @@ class NodeRenderer {
   /// Draws both sides of all surfaces. The depth test (less) stays enabled.
   base::Result<NodeCount> draw(std::span<const hlod::DrawnNode> nodes, const NodeView& view, const NodeTarget& target,
                                const NodeShadows* shadows = nullptr);
-  /// Those of nodes. Casters may take as much again, and shadow maps as much as the largest.
-  std::uint64_t gpuBytes() const { return meshes_.bytes(); }
+  /// Those of nodes, casters and shadow maps. Casters have the same limit as nodes, and maps have none.
+  std::uint64_t gpuBytes() const { return meshes_.bytes() + (shadow_map_ ? shadow_map_->gpuBytes() : 0); }
 
  private:
   struct Mesh {

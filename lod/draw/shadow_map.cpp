@@ -203,7 +203,12 @@ base::Result<void> ShadowMap::fit(int width, int height, int layers) {
                                                           std::to_string(height) + " texels: each side must be 1 to " +
                                                           std::to_string(limit) + " here"};
   if (width <= width_ && height <= height_ && layers <= layers_) return {};
-  width_ = std::max(width, width_), height_ = std::max(height, height_), layers_ = std::max(layers, layers_);
+  const auto texels = [](int w, int h, int l) { return std::uint64_t(w) * std::uint64_t(h) * std::uint64_t(l); };
+  const int w = std::max(width, width_), h = std::max(height, height_), l = std::max(layers, layers_);
+  // One texture for a large hard map and the many small layers of a soft one would take the product of both.
+  const std::uint64_t most = 2 * std::max(texels(width, height, layers), texels(width_, height_, layers_));
+  const bool grows = texels(w, h, l) <= most;
+  width_ = grows ? w : width, height_ = grows ? h : height, layers_ = grows ? l : layers;
   depths_ = base::gl::Texture();
   depths_ = base::gl::Texture::create();
   base::gl::allocate3D(depths_, GL_TEXTURE_2D_ARRAY, 1, GL_DEPTH_COMPONENT24, width_, height_, layers_);

@@ -54,7 +54,8 @@ struct LightLayers {
 };
 
 /// One shadow map, which is drawn anew for each group of receivers. Depth: 24 bits a texel. The texture grows to the
-/// largest map. Casters are kept on the GPU as a PictureCache does: 12 bytes a position, 6 or 12 a triangle.
+/// largest map, and takes at most twice that one's bytes. Casters are kept on the GPU as a PictureCache does: 12 bytes
+/// a position, 6 or 12 a triangle.
 ///
 /// Neighbouring cells are simplified each by itself, so cracks as wide as their errors are between their casters. Each
 /// caster is therefore drawn that much larger than it is, beyond its open edges.

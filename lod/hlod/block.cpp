@@ -14,7 +14,6 @@
 namespace lod::hlod {
 namespace {
 
-constexpr std::int32_t kLatticeEnd = 1 << kPositionBits;
 /// A piece of a block has at most so many triangles, vertices, or points.
 constexpr std::size_t kMaxPiece =
     std::min<std::size_t>({patch::kMaxPatchTriangles, patch::kMaxPatchVertices, pmr::kMaxVertices});
@@ -179,7 +178,8 @@ class BlockReader {
   }
 
   bool isInside(const glm::ivec3& place) const {
-    return glm::all(glm::greaterThanEqual(place, glm::ivec3(0))) && glm::all(glm::lessThan(place, glm::ivec3(end_)));
+    return glm::all(glm::greaterThanEqual(place, glm::ivec3(0))) &&
+           glm::all(glm::lessThanEqual(place, glm::ivec3(end_)));
   }
 
   bool readTriangles() {

@@ -66,18 +66,14 @@ class Checker {
   }
 
   void checkPlaces(std::uint32_t node, const std::string& name, const NodeGeometry& geometry) {
-    const base::Sphere& bounds = header_.bounds;
-    const float largest = bounds.radius * (1.0F + 1e-5F);
-    bool in_box = true, in_bounds = true;
+    bool in_box = true;
     for (const auto* list : {&geometry.vertices, &geometry.points}) {
       for (const NodeVertex& vertex : *list) {
-        const glm::vec3 p = header_.lattice.position(vertex.place * (1 << nodes_[node].step_bits));
-        in_box &= nodes_[node].box.contains(p);
-        in_bounds &= glm::length(p - bounds.center) <= largest;
+        const glm::ivec3 place = vertex.place * (1 << nodes_[node].step_bits);
+        in_box &= nodes_[node].box.contains(header_.lattice.position(place));
       }
     }
     if (!in_box) nodeFault(node, name + ": a place lies outside the node's box");
-    if (!in_bounds) nodeFault(node, name + ": a place lies outside the header's bounds");
   }
 
   static bool hasFlatTriangle(const NodeGeometry& geometry) {

@@ -11,14 +11,14 @@ namespace lod::hlod {
 namespace {
 
 constexpr std::array<char, 8> kMagic{'L', 'G', 'H', 'L', 'O', 'D', 'S', '\n'};
-constexpr std::uint32_t kVersion = 1;
+constexpr std::uint32_t kVersion = 2;
 constexpr std::uint32_t kHasColors = 1;
 constexpr std::size_t kChecked = kHeaderBytes - sizeof(std::uint32_t);
 
 // The fields behind the flags.
 auto fieldsOf(auto& header) {
   return std::tie(header.file_bytes, header.source_triangles, header.nodes, header.table_bytes, header.lattice.origin,
-                  header.lattice.step, header.bounds.center, header.bounds.radius);
+                  header.lattice.step, header.low, header.high);
 }
 
 bool isFinite(const auto& v) {
@@ -28,11 +28,13 @@ bool isFinite(const auto& v) {
 base::Result<void> checkHeader(const Header& header, std::uint32_t flags) {
   if ((flags & ~kHasColors) != 0) return damaged("header: unknown flags");
   if (!isFinite(header.lattice.origin) || !std::isfinite(header.lattice.step) || !(header.lattice.step > 0.0) ||
-      !isFinite(header.lattice.position(glm::ivec3(0))) ||
-      !isFinite(header.lattice.position(glm::ivec3((1 << kPositionBits) - 1))))
+      !isFinite(header.lattice.position(glm::ivec3(0))) || !isFinite(header.lattice.position(glm::ivec3(kLatticeEnd))))
     return damaged("header: the lattice is none");
-  if (!isFinite(header.bounds.center) || !std::isfinite(header.bounds.radius) || header.bounds.radius < 0.0F)
-    return damaged("header: the bounds are no sphere");
+  if (glm::any(glm::lessThan(header.low, glm::ivec3(0))) || glm::any(glm::greaterThan(header.low, header.high)) ||
+      glm::any(glm::greaterThan(header.high, glm::ivec3(kLatticeEnd))))
+    return damaged("header: the box is none");
+  if (!std::isfinite(boundsOf(header.low, header.high, header.lattice).radius))
+    return damaged("header: the box is too large");
   if (header.nodes == 0) return damaged("header: there is no node");
   if (header.source_triangles > std::uint64_t{header.nodes} * kMaxPrimitives)
     return damaged("header: triangles and nodes contradict each other");
@@ -44,6 +46,12 @@ base::Result<void> checkHeader(const Header& header, std::uint32_t flags) {
 }
 
 }  // namespace
+
+base::Sphere boundsOf(const glm::ivec3& low, const glm::ivec3& high, const Lattice& lattice) {
+  const base::Aabb box{lattice.position(low), lattice.position(high)};
+  // Rounding of the centre and of the root is far below this.
+  return {box.center(), 0.5F * box.diagonal() * 1.000001F};
+}
 
 base::Error damaged(const std::string& problem) {
   return {base::ErrorCode::kInvalidInput, problem + "; copy or build the file again"};
@@ -70,6 +78,7 @@ base::Result<Header> readHeader(base::ByteView front) {
   while (in.offset() < kChecked)
     if (in.u8() != 0) return damaged("header: bytes that are to be zero are not");
   LUMIGRID_TRY(checkHeader(header, flags));
+  header.bounds = boundsOf(header.low, header.high, header.lattice);
   return header;
 }
 

@@ -18,8 +18,9 @@
 
 namespace lod::hlod {
 
-/// Lattice coordinates are 0 … 2^kPositionBits − 1.
+/// Lattice coordinates are 0 … 2^kPositionBits. The last of them is there for coarse steps, which round up to it.
 inline constexpr std::uint32_t kPositionBits = 21;
+inline constexpr std::int32_t kLatticeEnd = 1 << kPositionBits;
 inline constexpr std::uint32_t kMaxDepth = kPositionBits;
 /// Most triangles, points and open edges of a node, each.
 inline constexpr std::uint32_t kMaxPrimitives = 1U << 22;
@@ -32,7 +33,8 @@ struct Header {
   std::uint32_t nodes = 0;             ///< 1 or more
   bool colors = false;
   Lattice lattice;
-  base::Sphere bounds;            ///< of all geometry, scene-local
+  glm::ivec3 low{0}, high{0};     ///< the box of all geometry, lattice points: 0 … kLatticeEnd
+  base::Sphere bounds;            ///< around that box, from which it follows; scene-local
   std::uint32_t table_bytes = 0;  ///< length of the table, which follows the header
 };
 
@@ -74,6 +76,9 @@ inline constexpr std::uint32_t kHeaderBytes = 128;
 /// A table has at least so many bytes for each node, so a short damaged one cannot claim many nodes.
 inline constexpr std::uint32_t kMinNodeBytes = 4;
 
+/// A sphere around the box.
+base::Sphere boundsOf(const glm::ivec3& low, const glm::ivec3& high, const Lattice& lattice);
+
 /// The error for a damaged file: `problem`, and what to do.
 base::Error damaged(const std::string& problem);
 
@@ -85,10 +90,12 @@ base::Bytes headerBytes(const Header& header);
 /// Reads the table, of header.table_bytes bytes. Errors: kInvalidInput where it is damaged or contradicts itself or the
 /// header.
 base::Result<std::vector<Node>> readTable(const Header& header, base::ByteView table);
-/// Encodes the table. The places' offsets are ignored: they follow from the lengths. Boxes and cones grow a little, and
-/// errors are rounded up by at most 1 %; those of parents are made to contain those of their children. The caller sees
-/// to: boxes that are not empty, no errors and no casters of leaves, and the bounds of docs/formats/hlod.md.
-base::Bytes tableBytes(const std::vector<Node>& nodes, const Lattice& lattice);
+/// Encodes the table, and sets what the header says of it: the nodes, the box with its bounds, and the length; the
+/// header's lattice is known before. The places' offsets are ignored: they follow from the lengths. Boxes and cones
+/// grow a little, and errors are rounded up by at most 1 %; those of parents are made to contain those of their
+/// children. The caller sees to: one node or more, boxes that are not empty, no errors and no casters of leaves, and
+/// the bounds of docs/formats/hlod.md.
+base::Bytes tableBytes(const std::vector<Node>& nodes, Header& header);
 /// Sets the places' offsets, and file_bytes of the header, from header.table_bytes and the lengths: behind the table
 /// come the pictures of all nodes in their order, then the casters of all.
 void placeBlocks(Header& header, std::vector<Node>& nodes);

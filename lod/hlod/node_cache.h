@@ -49,6 +49,8 @@ class NodeCache {
   std::uint64_t bytes() const { return bytes_; }
   std::uint64_t pictures() const { return pictures_; }
   std::uint64_t limit() const { return limit_; }
+  /// The next evict() keeps it.
+  void setLimit(std::uint64_t limit) { limit_ = limit; }
 
   /// Whether the part is here or its block can be decoded now.
   bool has(std::uint32_t part) const;
@@ -72,7 +74,7 @@ class NodeCache {
   void evictUnused(std::uint32_t frame, std::uint64_t target);
 
   std::span<const Node> nodes_;
-  const std::uint64_t limit_;
+  std::uint64_t limit_;
   const bool is_local_;
   std::vector<NodeState> states_;
   std::uint64_t bytes_ = 0;

@@ -570,6 +570,15 @@ std::span<const Node> Stream::nodes() const {
   return state_->nodes;
 }
 
+void Stream::setMemory(std::uint64_t bytes) {
+  State& s = *state_;
+  bytes = std::max(bytes, kMinStreamMemory);
+  if (s.options.memory_bytes == bytes) return;
+  s.options.memory_bytes = bytes;
+  if (s.cache) s.cache->setLimit(bytes);
+  ++s.generation;
+}
+
 void Stream::update(const TraverseRequest& request, std::vector<DrawnNode>& result, std::uint32_t frames) {
   state_->update(request, result, frames);
 }

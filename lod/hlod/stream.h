@@ -87,6 +87,9 @@ class Stream {
   const Header* header() const;
   std::span<const Node> nodes() const;
 
+  /// Changes StreamOptions::memory_bytes from the next update() on.
+  void setMemory(std::uint64_t bytes);
+
   // ---- frames ----
 
   /// Finds the nodes to draw from what is here, decoding as much as a frame may, and queues what is missing in place of

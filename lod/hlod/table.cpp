@@ -20,7 +20,6 @@ using pmr::RangeEncoder;
 using pmr::SignedModel;
 using pmr::SymbolModel;
 
-constexpr std::int32_t kLatticeEnd = 1 << kPositionBits;
 /// A box is coded in steps of which its parent's box has at most 2^kBoxBits − 1.
 constexpr unsigned kBoxBits = 7;
 /// A cone's axis has so many bits for each octahedral coordinate; its half-angle is a code in steps of 180° / 64.
@@ -72,7 +71,7 @@ std::int32_t angleCode(const base::NormalCone& cone, const glm::vec3& axis) {
 struct CodedNode {
   std::uint32_t children = 0;
   std::uint32_t depth = 0;
-  glm::ivec3 low{0}, high{kLatticeEnd - 1};  ///< the box, in lattice points
+  glm::ivec3 low{0}, high{kLatticeEnd};  ///< the box, in lattice points
   std::array<std::int32_t, 2> axis{1 << (kAxisBits - 1), 1 << (kAxisBits - 1)};
   std::int32_t angle = kFullAngle;
   /// In this order: error, shape error, caster error.
@@ -234,8 +233,8 @@ CodedNode codedNode(const Node& node, const Lattice& lattice) {
   CodedNode coded;
   coded.children = node.children;
   for (int axis = 0; axis < 3; ++axis) {
-    coded.low[axis] = latticeBelow(static_cast<double>(node.box.min[axis]), lattice, axis, kLatticeEnd);
-    coded.high[axis] = latticeAbove(static_cast<double>(node.box.max[axis]), lattice, axis, kLatticeEnd);
+    coded.low[axis] = latticeBelow(static_cast<double>(node.box.min[axis]), lattice, axis, kLatticeEnd + 1);
+    coded.high[axis] = latticeAbove(static_cast<double>(node.box.max[axis]), lattice, axis, kLatticeEnd + 1);
   }
   const glm::u8vec2 axis = pmr::encodeNormal(node.cone.axis);
   coded.axis = {axis.x >> (8 - kAxisBits), axis.y >> (8 - kAxisBits)};
@@ -280,9 +279,11 @@ void widenParents(std::vector<CodedNode>& coded, const std::vector<Node>& nodes)
   }
 }
 
-/// Finds the parents of nodes in their order. A root's parent is as wide as can be.
+/// Finds the parents of nodes in their order. A root's parent has the header's box, and all else as wide as can be.
 class Walk {
  public:
+  Walk(const glm::ivec3& low, const glm::ivec3& high) { above_root_.low = low, above_root_.high = high; }
+
   /// The parent of the next node, whose depth is set; null where there is no next one.
   const CodedNode* next(const std::vector<CodedNode>& nodes, CodedNode& node) {
     if (nodes.empty()) return &above_root_;
@@ -294,21 +295,25 @@ class Walk {
   }
 
  private:
-  const CodedNode above_root_{};
+  CodedNode above_root_;
   std::size_t parent_ = 0;
   std::uint32_t children_of_parent_ = 0;
 };
 
 }  // namespace
 
-base::Bytes tableBytes(const std::vector<Node>& nodes, const Lattice& lattice) {
+base::Bytes tableBytes(const std::vector<Node>& nodes, Header& header) {
+  LUMIGRID_CHECK(!nodes.empty());
   std::vector<CodedNode> coded;
-  for (const Node& node : nodes) coded.push_back(codedNode(node, lattice));
+  for (const Node& node : nodes) coded.push_back(codedNode(node, header.lattice));
   widenParents(coded, nodes);
+  header.nodes = static_cast<std::uint32_t>(nodes.size());
+  header.low = coded.front().low, header.high = coded.front().high;
+  header.bounds = boundsOf(header.low, header.high, header.lattice);
 
   RangeEncoder encoder;
   NodeModel<RangeEncoder> model(encoder);
-  Walk walk;
+  Walk walk(header.low, header.high);
   std::vector<CodedNode> done;  // as a reader has them
   done.reserve(coded.size());
   for (CodedNode& node : coded) {
@@ -320,6 +325,7 @@ base::Bytes tableBytes(const std::vector<Node>& nodes, const Lattice& lattice) {
   out.bytes(encoder.finish());
   while (out.size() + sizeof(std::uint32_t) < kMinNodeBytes * nodes.size()) out.u8(0);
   out.u32(base::crc32c(out.view()));
+  header.table_bytes = static_cast<std::uint32_t>(out.size());
   return out.takeBytes();
 }
 
@@ -333,7 +339,7 @@ base::Result<std::vector<Node>> readTable(const Header& header, base::ByteView t
 
   RangeDecoder decoder(coded_bytes);
   NodeModel<RangeDecoder> model(decoder);
-  Walk walk;
+  Walk walk(header.low, header.high);
   // They grow with what is decoded: a file's own word for the number of nodes takes no memory.
   std::vector<CodedNode> coded;
   std::vector<Node> nodes;

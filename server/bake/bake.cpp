@@ -158,7 +158,8 @@ base::Result<bool> needsProcesses(const BakeOptions& options) {
 }
 
 // To be called before the first context is made that is kept.
-base::Result<DrawLimits> drawLimits(const lod::patch::PatchFile& patches, const BakeOptions& options) {
+base::Result<DrawLimits> drawLimits(const base::Scene& scene, const lod::patch::PatchFile& patches,
+                                    const BakeOptions& options) {
   LUMIGRID_ASSIGN_OR_RETURN(const auto in_processes, needsProcesses(options));
   const std::uint64_t faces = options.grid.faceCount();
   const DrawDemand demand{patches.hierarchy(),
@@ -168,7 +169,8 @@ base::Result<DrawLimits> drawLimits(const lod::patch::PatchFile& patches, const 
                           std::min(windowOf(options), faces),
                           faces / 8,
                           threadsOf(options),
-                          in_processes};
+                          in_processes,
+                          PatchShadows::memoryFor(scene.light, scene.triangles)};
   return limitDrawing(demand, options.limits.resolved().memory_bytes);
 }
 
@@ -377,7 +379,7 @@ base::Result<BakeSummary> bake(const base::Scene& scene, const lod::patch::Patch
   LUMIGRID_TRY(stored.read(store));
   BakeSummary summary;
   if (stored.count() < 6 * points.size()) {
-    LUMIGRID_ASSIGN_OR_RETURN(const auto limits, drawLimits(patches, options));
+    LUMIGRID_ASSIGN_OR_RETURN(const auto limits, drawLimits(scene, patches, options));
     FaceBake faces(scene, patches, store, options, limits, points, stored);
     LUMIGRID_TRY(faces.run(progress));
     summary = faces.counters().sums();

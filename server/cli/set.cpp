@@ -30,10 +30,8 @@ using OptionalText = std::optional<std::string>;
 struct SetArguments {
   std::string scene;
   OptionalText up, north, units, crs, title, attribution, background, start_view, light;
-  LightArguments light_place;
+  lod::hlod::LightArguments light_place;
 };
-
-constexpr ShadowWords kLightWords{"--light hard-shadows or soft-shadows", "--light soft-shadows"};
 
 constexpr OptionalText SetArguments::*kChoices[] = {
     &SetArguments::up,         &SetArguments::north,      &SetArguments::units,
@@ -138,8 +136,6 @@ bool hasImages(const std::string& directory, const base::Scene& scene) {
          std::filesystem::exists(directory + "/images", ignored);
 }
 
-constexpr const char* kPlaceOptions[] = {"light-direction", "light-position", "light-size"};
-
 base::LightMode modeOf(const SetArguments& a, const base::Scene& scene) {
   const auto usual = scene.has_colors ? base::LightMode::kUnlit : base::LightMode::kSoft;
   return a.light ? base::lightModeNamed(*a.light).value_or(usual) : scene.light.mode;
@@ -149,7 +145,8 @@ base::LightMode modeOf(const SetArguments& a, const base::Scene& scene) {
 base::Result<base::Light> chooseLight(const SetArguments& a, const base::Scene& scene, const base::Light& drawn) {
   base::Light light = scene.light;
   light.mode = modeOf(a, scene);
-  if (const std::string problem = lightProblem(a.light_place, light.mode, kLightWords); !problem.empty())
+  if (const std::string problem = lod::hlod::lightProblem(a.light_place, shadowsOfMode(light.mode), kLightWords);
+      !problem.empty())
     return wrongValue(problem);
   if (!a.light_place.any() && drawn.mode == light.mode) return drawn;
   if (const auto placed = placeLight(a.light_place, scene, light); !placed) return base::within("set", placed.error());
@@ -159,13 +156,12 @@ base::Result<base::Light> chooseLight(const SetArguments& a, const base::Scene& 
 /// Records the options that a build would have to be given for this light.
 void recordLight(const SetArguments& a, const base::Light& light, base::Scene& scene) {
   if (a.light) scene.parameters["light"] = *a.light;
-  const auto text = [](const glm::dvec3& v) { return base::formatText("%.17g,%.17g,%.17g", v.x, v.y, v.z); };
   for (const char* name : kPlaceOptions) scene.parameters.erase(name);
   if (!light.hasShadows()) return;
   if (light.position)
-    scene.parameters["light-position"] = text(*light.position);
+    scene.parameters["light-position"] = vectorText(*light.position);
   else
-    scene.parameters["light-direction"] = text(glm::dvec3(light.direction));
+    scene.parameters["light-direction"] = vectorText(glm::dvec3(light.direction));
   if (light.size > 0.0) scene.parameters["light-size"] = base::formatText("%.17g", light.size);
 }
 
@@ -242,7 +238,7 @@ RunCommand addSet(CLI::App& command) {
       "built with hlod; auto: by whether there are colours. Images that were drawn in another light are to be drawn "
       "again")
       ->check(CLI::IsMember({kAutomatic, "unlit", "soft", "hard-shadows", "soft-shadows"}));
-  declareLightOptions(command, a->light_place, kLightWords);
+  lod::hlod::declareLightOptions(command, a->light_place, kLightWords);
   return [a] {
     const bool is_idle =
         std::none_of(std::begin(kChoices), std::end(kChoices), [&](auto choice) { return ((*a).*choice).has_value(); });

@@ -16,6 +16,11 @@ int tileBorder(float tolerance) {
   return 1 + static_cast<int>(std::ceil(std::min(tolerance, kMaxBorder)));
 }
 
+base::Result<void> checkLight(const HlodOptions& options) {
+  if (options.shadows != Shadows::kSoft || options.light.size > 0.0F) return {};
+  return base::Error{base::ErrorCode::kInvalidInput, "render: soft shadows need a light of some size"};
+}
+
 }  // namespace
 
 HlodScene::HlodScene(std::string path, const std::shared_ptr<const lod::FileBytes>& file, const base::Scene& scene)
@@ -39,9 +44,10 @@ base::Result<void> HlodScene::drawTile(const lod::hlod::TraverseRequest& request
   LUMIGRID_TRY(checkStream(stream_, path_));
   const bool has_shadows = options.shadows != Shadows::kNone;
   if (has_shadows) {
-    std::vector<std::uint32_t> drawn;
-    for (const lod::hlod::DrawnNode& node : nodes_) drawn.push_back(node.picture->node);
-    shadows_ = planShadows(stream_, request, lod::hlod::receiversOf(stream_.nodes(), drawn), options, closed_);
+    lod::hlod::ShadowLight light = options.light;
+    if (options.shadows == Shadows::kHard) light.size = 0.0F;
+    shadows_ = lod::draw::findNodeShadows(stream_, nodes_, request,
+                                          {light, closed_, static_cast<std::uint32_t>(SampleTarget::maxSide())});
     LUMIGRID_TRY(checkStream(stream_, path_));
   }
   lod::draw::NodeView view;
@@ -60,7 +66,7 @@ base::Result<void> HlodScene::drawTile(const lod::hlod::TraverseRequest& request
 
 base::Result<HlodPicture> HlodScene::render(const base::Camera& camera, const HlodOptions& options) {
   LUMIGRID_TRY(checkTolerance(options.tolerance));
-  LUMIGRID_TRY(checkShadows(options));
+  LUMIGRID_TRY(checkLight(options));
   HlodPicture picture;
   // A place that lies in several tiles is shown by the same node in all of them.
   lod::hlod::TraverseRequest request;

@@ -9,15 +9,20 @@
 #include "base/error.h"
 #include "base/image.h"
 #include "base/json/scene_file.h"
-#include "lod/draw/hlod_nodes.h"
+#include "lod/draw/node_shadows.h"
+#include "lod/hlod/shadow_options.h"
 #include "lod/hlod/stream.h"
-#include "server/render/shadow_plans.h"
 #include "server/render/tiled_picture.h"
 
 namespace server {
 
-struct HlodOptions : SampleOptions, ShadowOptions {
+using lod::hlod::Shadows;
+
+struct HlodOptions : SampleOptions {
   float tolerance = 0.5F;  ///< the most that a node's error may be, pixels; above 0
+  Shadows shadows = Shadows::kNone;
+  /// The light of shadows, scene-local. Hard ones ignore its size, soft ones need one.
+  lod::hlod::ShadowLight light;
 };
 
 struct HlodPicture {

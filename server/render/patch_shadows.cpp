@@ -5,6 +5,8 @@
 #include <limits>
 #include <utility>
 
+#include "server/render/sample_target.h"
+#include "server/render/scene_light.h"
 #include "server/render/streamed_scene.h"
 
 namespace server {
@@ -26,17 +28,26 @@ PatchShadows::PatchShadows(std::string path, const std::shared_ptr<const lod::Fi
                            const base::Scene& scene, const base::Light& light)
     : path_(std::move(path)),
       stream_(file, wholeFile<lod::hlod::StreamOptions>()),
-      options_(shadowsOf(light, scene.origin)),
-      closed_(scene.border && scene.border->open_edges == 0) {}
+      light_{shadowsOf(light, scene.origin).light, scene.border && scene.border->open_edges == 0,
+             static_cast<std::uint32_t>(SampleTarget::maxSide())} {}
 
 base::Result<std::unique_ptr<PatchShadows>> PatchShadows::create(const std::string& directory, const base::Scene& scene,
                                                                  const base::Light& light) {
   LUMIGRID_ASSIGN_OR_RETURN(const auto file, openStreamedFile(directory, scene, base::kHlodMethod));
   std::unique_ptr<PatchShadows> made(new PatchShadows(file.path, file.bytes, scene, light));
   LUMIGRID_TRY(checkStream(made->stream_, file.path));
-  LUMIGRID_TRY(checkShadows(made->options_));
   LUMIGRID_ASSIGN_OR_RETURN(made->shadow_map_, lod::draw::ShadowMap::create(kStreamedGpuBytes));
   return made;
+}
+
+std::uint64_t PatchShadows::memoryFor(const base::Light& light, std::uint64_t triangles) {
+  if (!light.hasShadows()) return 0;
+  // A caster takes 12 bytes a triangle and about as much again for its positions, here and on the GPU.
+  constexpr std::uint64_t kBytesPerTriangle = 40, kBytesPerTexel = 4;
+  const bool is_soft = light.mode == base::LightMode::kSoftShadows;
+  const std::uint64_t side = is_soft ? lod::draw::kSoftTexels : lod::draw::kHardTexels;
+  const std::uint64_t layers = is_soft ? lod::draw::kMaxLightLayers : 1;
+  return kBytesPerTriangle * triangles + kBytesPerTexel * layers * side * side;
 }
 
 base::Result<void> PatchShadows::plan(const lod::hlod::TraverseRequest& view, const lod::patch::Hierarchy& hierarchy,
@@ -54,7 +65,7 @@ base::Result<void> PatchShadows::plan(const lod::hlod::TraverseRequest& view, co
   constexpr float kLeastTolerance = 0.5F;
   lod::hlod::TraverseRequest shadowed = view;
   shadowed.tolerance = std::max(view.tolerance, kLeastTolerance);
-  shadows_ = planShadows(stream_, shadowed, boxes, options_, closed_);
+  shadows_ = lod::draw::findShadows(stream_, boxes, shadowed, light_);
   LUMIGRID_TRY(checkStream(stream_, path_));
 
   std::vector<std::uint32_t> maps(patches.size(), 0);  // of each patch

@@ -9,11 +9,10 @@
 
 #include "base/error.h"
 #include "base/json/scene_file.h"
-#include "lod/draw/hlod_nodes.h"
+#include "lod/draw/node_shadows.h"
 #include "lod/draw/shadow_map.h"
 #include "lod/hlod/stream.h"
 #include "lod/patch/hierarchy.h"
-#include "server/render/shadow_plans.h"
 
 namespace server {
 
@@ -32,6 +31,10 @@ class PatchShadows {
   /// was built without (the message says how to), and those of reading it.
   static base::Result<std::unique_ptr<PatchShadows>> create(const std::string& directory, const base::Scene& scene,
                                                             const base::Light& light);
+
+  /// Returns the memory that the shadows of such a light take in a scene of so many triangles, at most; 0 without
+  /// shadows.
+  static std::uint64_t memoryFor(const base::Light& light, std::uint64_t triangles);
 
   /// Finds the maps for these patches, the nearest first. `view`: with the tile that is drawn; its tolerance is that of
   /// the patches, pixels. The last map, which may have no receivers, is for patches that no shadow reaches.
@@ -54,8 +57,7 @@ class PatchShadows {
 
   const std::string path_;
   lod::hlod::Stream stream_;
-  const ShadowOptions options_;
-  const bool closed_;
+  const lod::draw::NodeLight light_;
   lod::draw::NodeShadows shadows_;
   std::vector<std::vector<Receiver>> receivers_;  ///< of each map
   std::vector<base::Aabb> boxes_;                 ///< of each map's receivers

@@ -28,7 +28,7 @@ struct Kind {
   double degrees;  ///< diameter of the light
 };
 constexpr std::array kKinds{Kind{"none", server::Shadows::kNone, 0.0}, Kind{"hard", server::Shadows::kHard, 0.0},
-                            Kind{"soft, sun", server::Shadows::kSoft, base::kSunDegrees},
+                            Kind{"soft, sun", server::Shadows::kSoft, lod::hlod::kSunDegrees},
                             Kind{"soft, 5 degrees", server::Shadows::kSoft, 5.0}};
 
 struct Size {

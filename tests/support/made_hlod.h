@@ -253,14 +253,12 @@ class HlodMaker {
   MadeHlod writeFile() {
     using namespace lod::hlod;
     Header& header = made_.header;
-    std::vector<glm::vec3> positions;
     std::vector<base::Bytes> pictures, casters;
     for (std::uint32_t i = 0; i < made_.nodes.size(); ++i) {
       Node& node = made_.nodes[i];
       NodeGeometry &picture = made_.pictures[i], &caster = made_.casters[i];
       if (changes_.picture) changes_.picture(i, picture);
       if (changes_.caster && !node.isLeaf()) changes_.caster(i, caster);
-      for (int k = 0; k < 8; ++k) positions.push_back(node.box.corner(k));
       node.triangles = static_cast<std::uint32_t>(picture.triangles.size() / 3);
       node.points = static_cast<std::uint32_t>(picture.points.size());
       node.edges = static_cast<std::uint32_t>(picture.edges.size() / 2);
@@ -272,11 +270,8 @@ class HlodMaker {
       node.caster.bytes = static_cast<std::uint32_t>(casters.back().size());
       if (changes_.node) changes_.node(i, node);
     }
-    header.nodes = static_cast<std::uint32_t>(made_.nodes.size());
-    header.bounds = base::boundingSphere(positions);
+    const base::Bytes table = tableBytes(made_.nodes, header);
     if (changes_.header) changes_.header(header);
-    const base::Bytes table = tableBytes(made_.nodes, header.lattice);
-    header.table_bytes = static_cast<std::uint32_t>(table.size());
     placeBlocks(header, made_.nodes);
 
     made_.file = headerBytes(header);

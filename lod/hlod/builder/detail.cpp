@@ -185,7 +185,7 @@ class PictureMaker {
     const double step = std::exp2(static_cast<double>(step_bits_));
     const glm::dvec3 place = (glm::dvec3(mesh_.corner) + glm::dvec3(position)) / step;
     return glm::ivec3(
-        glm::clamp(glm::round(place), 0.0, static_cast<double>(((1 << kPositionBits) - 1) >> step_bits_)));
+        glm::clamp(glm::round(place), 0.0, static_cast<double>(kLatticeEnd >> step_bits_)));
   }
   std::uint32_t vertex(std::uint32_t v) {
     if (number_.empty()) number_.assign(mesh_.positions.size(), kNone);

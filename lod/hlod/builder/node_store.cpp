@@ -108,11 +108,7 @@ std::vector<Node> linkedRows(const NodeStore& store, const std::vector<Cell>& ce
 
 base::Result<Header> writeFile(const NodeStore& store, std::vector<Node> rows, Header header, const std::string& path,
                                const std::function<bool(double)>& progress) {
-  const base::Aabb& box = rows.front().box;
-  header.nodes = static_cast<std::uint32_t>(rows.size());
-  header.bounds = {box.center(), 0.5F * box.diagonal() * 1.000001F};
-  const base::Bytes table = tableBytes(rows, header.lattice);
-  header.table_bytes = static_cast<std::uint32_t>(table.size());
+  const base::Bytes table = tableBytes(rows, header);
   placeBlocks(header, rows);
 
   LUMIGRID_ASSIGN_OR_RETURN(auto file, base::AtomicFile::create(path));

@@ -27,8 +27,8 @@ struct BuildArguments {
   std::string shard;         ///< i/n or auto, as given
   std::uint32_t shards = 0;  ///< 0: as the scene records, or one store
   std::string light = "auto", up = "auto", units = "unknown", subsampling = "420", tune = "off";
-  LightArguments light_place;     ///< of a light that throws shadows
-  std::optional<double> tune_db;  ///< --tune in dB, nothing: off
+  lod::hlod::LightArguments light_place;  ///< of a light that throws shadows
+  std::optional<double> tune_db;          ///< --tune in dB, nothing: off
   std::uint32_t grid = 12;
   std::uint32_t face = 0;        ///< pixels; 0: not given, so faces are tiles
   std::string tiles;             ///< off, auto or a depth, as given; usageError() fills in what was not

@@ -14,7 +14,7 @@ using namespace lod::hlod;
 void checkList(const std::vector<NodeVertex>& vertices, const Node& row) {
   for (const NodeVertex& vertex : vertices)
     for (int axis = 0; axis < 3; ++axis)
-      LUMIGRID_CHECK(vertex.place[axis] >= 0 && vertex.place[axis] < (1 << kPositionBits) >> row.step_bits);
+      LUMIGRID_CHECK(vertex.place[axis] >= 0 && vertex.place[axis] <= kLatticeEnd >> row.step_bits);
 }
 
 void decode(base::ByteView block, const Node& row, const BlockOptions& options) {

@@ -242,14 +242,15 @@ TEST(HlodBlockTest, damagedBlocksAreRefused) {
 
 TEST(HlodBlockTest, placesBeyondTheLatticeAreRefused) {
   NodeGeometry geometry = grid(2, 2);
-  geometry.vertices[3].place.x = 1 << 10;
+  // 2^11 steps of 2^10 lattice steps are the lattice's end.
+  geometry.vertices[3].place.x = 1 << 11;
   const base::Bytes bytes = encodeBlock(geometry, {false, false});
   EXPECT_TRUE(decodeBlock(bytes, rowOf(geometry, 10), {false, false}));
   EXPECT_FALSE(decodeBlock(bytes, rowOf(geometry, 11), {false, false}));
   geometry.vertices[3].place.x = -1;
   EXPECT_FALSE(decodeBlock(encodeBlock(geometry, {false, false}), rowOf(geometry), {false, false}));
   NodeGeometry points;
-  points.points.push_back({glm::ivec3(1 << 10)});
+  points.points.push_back({glm::ivec3(1 << 11)});
   const base::Bytes chunk = encodeBlock(points, {false, false});
   EXPECT_TRUE(decodeBlock(chunk, rowOf(points, 10), {false, false}));
   EXPECT_FALSE(decodeBlock(chunk, rowOf(points, 11), {false, false}));

@@ -34,9 +34,9 @@ TEST(HlodCheckFileTest, intactFilesHaveNoFaults) {
   EXPECT_EQ(faultsOf(support::madeHlod(0, 16, false).file), std::vector<std::string>());
 }
 
-// The file was written by version 1; its geometry must be read for ever as it was then.
+// The file was written by version 2; its geometry must be read for ever as it was then.
 TEST(HlodCheckFileTest, theGoldenFileIsReadAsEver) {
-  const base::Bytes file = *base::readFile(std::string(LUMIGRID_SOURCE_DIR) + "/tests/golden/hlod_v1.lgh");
+  const base::Bytes file = *base::readFile(std::string(LUMIGRID_SOURCE_DIR) + "/tests/golden/hlod_v2.lgh");
   EXPECT_EQ(faultsOf(file), std::vector<std::string>());
   const auto header = readHeader(file);
   ASSERT_TRUE(header);
@@ -102,8 +102,8 @@ TEST(HlodCheckFileTest, whatChecksumsDoNotShowIsFound) {
   EXPECT_TRUE(says(faultOf(changes), "node 9: picture: a triangle has two corners at one place"));
 
   changes = {};
-  changes.header = [](Header& header) { header.bounds.radius *= 0.9F; };
-  EXPECT_TRUE(says(faultOf(changes), "outside the header's bounds"));
+  changes.header = [](Header& header) { header.low.x += 1 << 18; };
+  EXPECT_TRUE(says(faultOf(changes), "node 0: picture: a place lies outside the node's box"));
 
   support::MadeHlod made = support::madeHlod(1, 8);
   ++made.header.source_triangles;

@@ -41,6 +41,8 @@ TEST(HlodFormatTest, headersReturn) {
     EXPECT_EQ(read->colors, colors);
     EXPECT_EQ(std::tie(read->file_bytes, read->source_triangles, read->nodes, read->table_bytes),
               std::tie(header.file_bytes, header.source_triangles, header.nodes, header.table_bytes));
+    EXPECT_EQ(std::tie(read->low, read->high, read->bounds.center, read->bounds.radius),
+              std::tie(header.low, header.high, header.bounds.center, header.bounds.radius));
   }
 }
 
@@ -53,9 +55,13 @@ TEST(HlodFormatTest, damagedAndForeignHeadersAreRefused) {
     spoilt[at] ^= 4;
     EXPECT_FALSE(readHeader(spoilt)) << "byte " << at;
   }
-  base::Bytes other = bytes;
-  other[8] = 2;
-  EXPECT_EQ(readHeader(other).error().code, base::ErrorCode::kVersion);
+  for (const std::uint8_t version : {1, 3}) {
+    base::Bytes other = bytes;
+    other[8] = version;
+    ASSERT_FALSE(readHeader(other));
+    EXPECT_EQ(readHeader(other).error().code, base::ErrorCode::kVersion);
+    EXPECT_NE(readHeader(other).error().message.find("build the scene again"), std::string::npos);
+  }
 }
 
 TEST(HlodFormatTest, headersThatContradictThemselvesAreRefused) {
@@ -73,8 +79,9 @@ TEST(HlodFormatTest, headersThatContradictThemselvesAreRefused) {
   refused([](Header& h) { h.lattice.step = 0.0; });
   refused([](Header& h) { h.lattice.step = 1e300; });
   refused([](Header& h) { h.lattice.origin.y = std::numeric_limits<double>::quiet_NaN(); });
-  refused([](Header& h) { h.bounds.radius = -1.0F; });
-  refused([](Header& h) { h.bounds.center.x = std::numeric_limits<float>::infinity(); });
+  refused([](Header& h) { h.low.x = -1; });
+  refused([](Header& h) { h.low.y = h.high.y + 1; });
+  refused([](Header& h) { h.high.z = kLatticeEnd + 1; });
   base::Bytes flagged = headerBytes(made().header);
   flagged[12] |= 2;
   seal(flagged);
@@ -136,8 +143,7 @@ TEST(HlodFormatTest, tablesReturnWithWhatIsRoundedOutward) {
   for (const unsigned seed : {1U, 2U, 3U}) {
     std::vector<Node> nodes = randomNodes(seed);
     Header header = made().header;
-    const base::Bytes table = tableBytes(nodes, header.lattice);
-    header.table_bytes = static_cast<std::uint32_t>(table.size());
+    const base::Bytes table = tableBytes(nodes, header);
     header.source_triangles = 0;
     for (const Node& node : nodes) header.source_triangles += node.isLeaf() ? node.triangles : 0;
     placeBlocks(header, nodes);
@@ -170,7 +176,7 @@ TEST(HlodFormatTest, tablesReturnWithWhatIsRoundedOutward) {
           EXPECT_LE(child.box.size()[axis], nodes[c].box.size()[axis] + b.box.size()[axis] / 30.0F + 1e-5F);
       }
     }
-    EXPECT_EQ(tableBytes(*read, header.lattice), table) << "a table that was read is written as it was";
+    EXPECT_EQ(tableBytes(*read, header), table) << "a table that was read is written as it was";
   }
 }
 
@@ -179,14 +185,33 @@ TEST(HlodFormatTest, parentsAreWidenedToWhatTheirChildrenHave) {
   nodes[0].error = nodes[0].caster_error = 0.0F;
   nodes[0].box.max = nodes[0].box.center();
   Header header = made().header;
-  const base::Bytes table = tableBytes(nodes, header.lattice);
-  header.table_bytes = static_cast<std::uint32_t>(table.size());
+  const base::Bytes table = tableBytes(nodes, header);
   placeBlocks(header, nodes);
   const auto read = readTable(header, table);
   ASSERT_TRUE(read) << read.error().message;
   EXPECT_GE((*read)[0].error, made().nodes[1].error);
   EXPECT_GE((*read)[0].caster_error, made().nodes[1].caster_error);
   EXPECT_TRUE((*read)[0].box.contains(made().nodes[0].box.max));
+}
+
+// Its box is not known to a share of the lattice, of which a small mesh uses a corner.
+TEST(HlodFormatTest, theRootsBoxIsTheGeometrys) {
+  std::vector<Node> nodes(1);
+  Header header = made().header;
+  const glm::ivec3 low(3, 5, 7), high(16000, 900, kLatticeEnd);
+  for (const glm::ivec3& corner : {low, high}) nodes[0].box.add(header.lattice.position(corner));
+  header.source_triangles = nodes[0].triangles = 1;
+  nodes[0].picture.bytes = 30;
+  const base::Bytes table = tableBytes(nodes, header);
+  EXPECT_EQ(header.low, low);
+  EXPECT_EQ(header.high, high);
+  placeBlocks(header, nodes);
+  const auto read = readTable(header, table);
+  ASSERT_TRUE(read) << read.error().message;
+  EXPECT_EQ(read->front().box.min, nodes[0].box.min);
+  EXPECT_EQ(read->front().box.max, nodes[0].box.max);
+  for (int corner = 0; corner < 8; ++corner)
+    EXPECT_LE(glm::distance(nodes[0].box.corner(corner), header.bounds.center), header.bounds.radius);
 }
 
 TEST(HlodFormatTest, tablesAreShort) {
@@ -248,11 +273,9 @@ TEST(HlodFormatTest, aSingleLeafAndALongChainReturn) {
       node.picture.bytes = 30;
       if (d < depth) node.children = 1, node.first_child = d + 1;
     }
-    header.nodes = depth + 1;
     header.source_triangles = 1;
-    const base::Bytes table = tableBytes(nodes, header.lattice);
+    const base::Bytes table = tableBytes(nodes, header);
     EXPECT_GE(table.size(), kMinNodeBytes * nodes.size());
-    header.table_bytes = static_cast<std::uint32_t>(table.size());
     placeBlocks(header, nodes);
     const auto read = readTable(header, table);
     ASSERT_TRUE(read) << read.error().message;

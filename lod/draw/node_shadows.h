@@ -1,0 +1,35 @@
+#pragma once
+// Finds, for the nodes that a view draws, the maps of their shadows and the casters that are here, for the server and
+// the client (Guthe et al. 2004, section 4.1).
+#include <cstdint>
+#include <span>
+
+#include "lod/draw/hlod_nodes.h"
+#include "lod/hlod/stream.h"
+#include "lod/hlod/traverse.h"
+
+namespace lod::draw {
+
+/// The most texels of a side of the maps of hard shadows, and of each layer of those of soft ones.
+inline constexpr std::uint32_t kHardTexels = 4096, kSoftTexels = 2048;
+
+struct NodeLight {
+  hlod::ShadowLight light;          ///< its size is 0 for hard shadows
+  bool closed = false;              ///< as NodeShadows::closed
+  std::uint32_t max_texels = 2048;  ///< of a side of a map, at least 1, at most what the GL allows
+};
+
+/// `nodes` are those that stream.update(request) has found just now. Casters that are not here are requested, and
+/// nodes above them cast in their place meanwhile. Nothing waits: stream.complete() says whether all of them are here.
+NodeShadows findNodeShadows(hlod::Stream& stream, std::span<const hlod::DrawnNode> nodes,
+                            const hlod::TraverseRequest& request, const NodeLight& light);
+
+/// The same for anything else that is drawn in their light: receivers are parts of it, and a map's receivers places in
+/// this list. The stream has found some nodes for the view before, whichever.
+NodeShadows findShadows(hlod::Stream& stream, std::span<const hlod::ShadowReceiver> receivers,
+                        const hlod::TraverseRequest& request, const NodeLight& light);
+
+/// Returns NodeLight::max_texels for maps that take at most so many bytes each, all layers of a soft one together.
+std::uint32_t shadowTexelsFor(std::uint64_t bytes, bool soft);
+
+}  // namespace lod::draw
