@@ -27,7 +27,8 @@ struct Arguments {
   Arguments() { matrix.jobs = 0; }
   compare::RunOptions run;
   compare::MatrixOptions matrix;
-  std::vector<std::string> scenes, methods, paths, links;
+  std::vector<std::string> scenes, methods, shadows, paths, links;
+  std::string idle;
   std::string path, bandwidth, latency, clock = "virtual", report, baseline, command, preset;
   double render_ms = 1e3 * compare::Costs().server_render_seconds;
   double decode_ms = 1e3 * compare::Costs().client_decode_seconds;
@@ -74,6 +75,17 @@ void declareVirtual(CLI::App& app, Arguments& a) {
                   "quick: two paths over two links; full: all paths, five links, all values of each method's knob. "
                   "--paths, --links and --path replace its own")
       ->check(CLI::IsMember({"quick", "full"}));
+  group
+      .add_option("--shadows", a.shadows,
+                  "with --methods hlod: a run for each of these, none, hard or soft, against the truth with the same "
+                  "shadows of the scene's light (default: none)")
+      ->delimiter(',')
+      ->check(CLI::IsMember(std::vector<std::string>(lod::hlod::kShadowNames.begin(), lod::hlod::kShadowNames.end())))
+      ->default_str("");
+  group.add_option("--idle", a.idle,
+                   "bytes that qsplat and hlod fetch ahead for each view that has all it needs, such as 16M; 0: none "
+                   "(default: as viewers do)")
+      ->default_str("");
   group.add_flag("--sweep", a.sweep, "each method with all values of its knob");
   group.add_option("--seconds", a.seconds, "duration of each path (12; with --matrix 8)")
       ->check(CLI::Range(0.1, 600.0));
@@ -150,6 +162,7 @@ void print(const std::string& line) {
 
 int runOverSockets(Arguments& a) {
   if (a.scenes.size() != 1) return usage("--clock real takes one scene");
+  if (!a.shadows.empty()) return usage("--shadows needs --clock virtual");
   if (a.path.empty()) return usage("--clock real takes --path FILE; `lumigrid tour` writes one");
   if (auto parsed = parseEmulatedLink(a); !parsed) return usage(parsed.error().message);
   a.run.scene = a.scenes.front();
@@ -204,6 +217,12 @@ int runInVirtualTime(Arguments& a) {
   if (o.jobs == 0) o.jobs = base::coreCount();
   o.report = a.report;
   o.methods = a.methods;
+  if (!a.shadows.empty()) {
+    if (a.methods != std::vector<std::string>{"hlod"})
+      return usage("--shadows is for --methods hlod alone; other methods have none");
+    o.methods.clear();
+    for (const std::string& name : a.shadows) o.methods.push_back(compare::hlodWith(*lod::hlod::shadowsFromName(name)));
+  }
   o.pictures = a.run.pictures;
   o.command = a.command;
   o.truth_supersampling = a.run.truth_supersampling;
@@ -213,6 +232,11 @@ int runInVirtualTime(Arguments& a) {
   o.path.seed = o.play.seed;
   if (!a.path.empty() && !a.paths.empty()) return usage("--path and --paths exclude each other");
   if (!a.path.empty()) o.path_files = {a.path};
+  if (!a.idle.empty()) {
+    const auto bytes = client::parseByteCount(a.idle);
+    if (!bytes) return usage(base::within("--idle", bytes.error()).message);
+    o.idle_bytes = *bytes;
+  }
   std::string baseline;
   if (!a.baseline.empty()) {
     auto bytes = base::readFile(a.baseline);

@@ -59,6 +59,7 @@ Painter::~Painter() {
   if (!gl_) return;
   gl_->makeCurrent();
   renderer_.reset();
+  nodes_.reset();
   gl_.reset();
   callers_gl_.makeCurrent();
 }
@@ -70,6 +71,28 @@ base::Result<base::Image> Painter::paint(const base::ViewCamera& camera, const s
   callers_gl_.makeCurrent();
   if (!picture) return picture.error();
   return std::move(picture->rgba);
+}
+
+base::Result<base::Image> Painter::paintShadows(const base::ViewCamera& camera, lod::hlod::Shadows shadows,
+                                                int supersampling) {
+  const auto paint = [&]() -> base::Result<base::Image> {
+    if (!nodes_) {
+      LUMIGRID_ASSIGN_OR_RETURN(nodes_, server::HlodScene::create(scene_.directory, scene_.scene));
+    }
+    constexpr float kLeaves = 1e-6F;  // pixels: no node above them is so near
+    server::HlodOptions options;
+    options.supersampling = supersampling;
+    options.tolerance = kLeaves;
+    options.shadows = shadows;
+    options.light = lod::hlod::lightOf({}, scene_.scene.light.direction, scene_.scene.origin);
+    LUMIGRID_ASSIGN_OR_RETURN(
+        auto picture, nodes_->render(base::cameraForScene(camera, scene_.scene.origin, nodes_->bounds()), options));
+    return std::move(picture.rgba);
+  };
+  gl_->makeCurrent();
+  auto picture = paint();
+  callers_gl_.makeCurrent();
+  return picture;
 }
 
 base::Result<std::shared_ptr<const base::Image>> Painter::exactPicture(const base::ViewCamera& camera) {
@@ -89,8 +112,10 @@ base::Result<base::Bytes> Painter::exactFrame(const server::FrameRequest& reques
 
 // ---- Truth ----
 
-Truth::Truth(const server::OpenScene& scene, std::string directory, int supersampling)
-    : directory_(std::move(directory)), identity_(identityOf(scene)), samples_(supersampling) {}
+Truth::Truth(const server::OpenScene& scene, std::string directory, int supersampling, lod::hlod::Shadows shadows)
+    : directory_(std::move(directory)), identity_(identityOf(scene)), samples_(supersampling), shadows_(shadows) {
+  if (shadows != lod::hlod::Shadows::kNone) identity_ += " " + std::string(lod::hlod::nameOf(shadows));
+}
 
 std::string Truth::fileOf(const base::ViewCamera& camera) const {
   const std::string key = identity_ + " " + textOf(camera) + " " + std::to_string(samples_);
@@ -104,8 +129,10 @@ base::Result<base::Image> Truth::keptPicture(const base::ViewCamera& camera) con
 base::Result<base::Image> Truth::picture(const base::ViewCamera& camera, Painter& painter) const {
   if (std::filesystem::exists(fileOf(camera))) return keptPicture(camera);
   LUMIGRID_TRY(base::makeDirectories(directory_));
-  LUMIGRID_ASSIGN_OR_RETURN(auto picture, painter.paint(camera, {.tolerance_px = 0.0F, .supersampling = samples_}));
-  LUMIGRID_TRY(base::writePng(picture, fileOf(camera)));
+  auto picture = shadows_ == lod::hlod::Shadows::kNone
+                     ? painter.paint(camera, {.tolerance_px = 0.0F, .supersampling = samples_})
+                     : painter.paintShadows(camera, shadows_, samples_);
+  if (picture) LUMIGRID_TRY(base::writePng(*picture, fileOf(camera)));
   return picture;
 }
 

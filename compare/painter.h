@@ -7,9 +7,11 @@
 #include "base/egl/headless.h"
 #include "base/error.h"
 #include "base/image.h"
+#include "lod/hlod/shadow_options.h"
 #include "repository/cache.h"
-#include "server/scene/open_scene.h"
+#include "server/render/hlod_scene.h"
 #include "server/render/scene_renderer.h"
+#include "server/scene/open_scene.h"
 
 namespace compare {
 
@@ -24,6 +26,9 @@ class Painter {
   Painter& operator=(const Painter&) = delete;
 
   base::Result<base::Image> paint(const base::ViewCamera& camera, const server::RenderOptions& options);
+  /// Draws the leaves of the scene's hlod.lgh with shadows of its light, which is as large as the sun. n × n samples a
+  /// pixel.
+  base::Result<base::Image> paintShadows(const base::ViewCamera& camera, lod::hlod::Shadows shadows, int supersampling);
   /// Returns the view's exact picture (server::exactFrameOptions), RGBA. Pictures are kept within kExactBytes, since
   /// all methods that show pictures, with all their knobs and links, ask for views of the same path.
   base::Result<std::shared_ptr<const base::Image>> exactPicture(const base::ViewCamera& camera);
@@ -40,6 +45,7 @@ class Painter {
   base::HeadlessContext& callers_gl_;
   std::unique_ptr<base::HeadlessContext> gl_;
   std::unique_ptr<server::SceneRenderer> renderer_;
+  std::unique_ptr<server::HlodScene> nodes_;  ///< null until it is needed
   repository::LruCache<std::string, std::shared_ptr<const base::Image>> exact_{kExactBytes};
 };
 
@@ -49,8 +55,9 @@ std::string textOf(const base::ViewCamera& camera);
 /// The truth of single views: leaf geometry, supersampled, kept as PNG files under a hash of all that it depends on.
 class Truth {
  public:
-  /// `directory` is made when the first picture is.
-  Truth(const server::OpenScene& scene, std::string directory, int supersampling);
+  /// `directory` is made when the first picture is. `shadows`: those that its pictures have.
+  Truth(const server::OpenScene& scene, std::string directory, int supersampling,
+        lod::hlod::Shadows shadows = lod::hlod::Shadows::kNone);
   /// Returns the picture that is kept, or draws and keeps it.
   base::Result<base::Image> picture(const base::ViewCamera& camera, Painter& painter) const;
   /// Returns the picture that is kept. kNotFound when there is none.
@@ -60,6 +67,7 @@ class Truth {
   std::string fileOf(const base::ViewCamera& camera) const;
   std::string directory_, identity_;
   int samples_;
+  lod::hlod::Shadows shadows_;
 };
 
 }  // namespace compare

@@ -80,6 +80,7 @@ class RangeRequests {
   /// repeated requests.
   void countDamage() { ++failures_; }
 
+  double bytesPerSecond() const { return link_.bytesPerSecond(); }
   std::uint64_t requests() const { return requests_; }
   std::uint64_t failures() const { return failures_; }
   std::uint64_t bytesReceived() const { return bytes_received_; }

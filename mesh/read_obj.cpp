@@ -214,6 +214,7 @@ struct ObjReader {
       return;
     }
     std::string material;
+    std::vector<SourcePicture> pictures;
     for (std::string_view text = textOf(*bytes); !text.empty();) {
       std::string_view line = nextLine(text);
       const std::string_view keyword = nextWord(line);
@@ -222,8 +223,11 @@ struct ObjReader {
       // The picture's name is the last word, after any options.
       std::string_view picture;
       for (std::string_view word = nextWord(line); !word.empty(); word = nextWord(line)) picture = word;
-      if (!picture.empty()) texture_of[material] = std::string(picture);
+      if (picture.empty()) continue;
+      texture_of[material] = std::string(picture);
+      pictures.push_back({out.textures.pathOf(std::string(picture)), 0, 0});
     }
+    out.textures.expect(std::move(pictures));
   }
 
   void useMaterial(std::string_view name) {

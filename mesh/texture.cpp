@@ -10,6 +10,7 @@
 
 #include "base/file.h"
 #include "base/format_text.h"
+#include "base/parallel.h"
 #include "base/png/png.h"
 #include "mesh/uri.h"
 
@@ -36,23 +37,42 @@ void rgbFromCmyk(const std::vector<std::uint8_t>& cmyk, Image& image) {
       image.pixels[3 * i + k] = static_cast<std::uint8_t>(cmyk[4 * i + k] * cmyk[4 * i + 3] / 255);
 }
 
-base::Result<Image> decodeJpeg(base::ByteView bytes) {
-  struct Close {
-    void operator()(void* handle) const { tjDestroy(handle); }
-  };
-  const std::unique_ptr<void, Close> handle(tjInitDecompress());
-  int width = 0, height = 0, samples = 0, space = 0;
+// TurboJPEG's decoder with a JPEG's header.
+struct CloseDecoder {
+  void operator()(void* handle) const { tjDestroy(handle); }
+};
+struct JpegHeader {
+  std::unique_ptr<void, CloseDecoder> decoder{tjInitDecompress()};
+  glm::ivec2 size{0};
+  int space = 0;  // TJCS
+};
+base::Result<JpegHeader> readJpegHeader(base::ByteView bytes) {
+  JpegHeader header;
+  int samples = 0;
   const auto size = static_cast<unsigned long>(bytes.size());
-  if (!handle || tjDecompressHeader3(handle.get(), bytes.data(), size, &width, &height, &samples, &space) != 0)
+  if (!header.decoder || bytes.empty() ||
+      tjDecompressHeader3(header.decoder.get(), bytes.data(), size, &header.size.x, &header.size.y, &samples,
+                          &header.space) != 0)
     return Error{ErrorCode::kInvalidInput, "not a JPEG that can be read"};
+  return header;
+}
+
+// At 1, 1/2 or 1/4 of its size, rounded up.
+base::Result<Image> decodeJpeg(base::ByteView bytes, int level = 0) {
+  LUMIGRID_ASSIGN_OR_RETURN(const auto header, readJpegHeader(bytes));
+  auto [width, height] = std::pair(header.size.x, header.size.y);
+  const auto size = static_cast<unsigned long>(bytes.size());
   if (std::max(width, height) > kMaxSide)
     return Error{ErrorCode::kUnsupported, "a JPEG of " + std::to_string(width) + " x " + std::to_string(height) +
                                               " pixels; at most " + std::to_string(kMaxSide) + " on a side are read"};
+  const int step = 1 << level;
+  width = (width + step - 1) / step, height = (height + step - 1) / step;
   Image image(width, height, 3);
-  const bool cmyk = space == TJCS_CMYK || space == TJCS_YCCK;
+  const bool cmyk = header.space == TJCS_CMYK || header.space == TJCS_YCCK;
   std::vector<std::uint8_t> inks(cmyk ? image.pixels.size() / 3 * 4 : 0);
   std::uint8_t* const to = cmyk ? inks.data() : image.pixels.data();
-  if (tjDecompress2(handle.get(), bytes.data(), size, to, width, 0, height, cmyk ? TJPF_CMYK : TJPF_RGB, 0) != 0)
+  if (tjDecompress2(header.decoder.get(), bytes.data(), size, to, width, 0, height, cmyk ? TJPF_CMYK : TJPF_RGB, 0) !=
+      0)
     return Error{ErrorCode::kInvalidInput, "a broken JPEG"};
   if (cmyk) rgbFromCmyk(inks, image);
   return image;
@@ -78,6 +98,14 @@ Image asRgb(Image image) {
     for (int x = 0; x < image.width; ++x)
       for (int k = 0; k < 3; ++k) rgb.at(x, y)[k] = image.at(x, y)[image.channels == 1 ? 0 : k];
   return rgb;
+}
+
+Image cropped(Image image, int width, int height) {
+  if (image.width == width && image.height == height) return image;
+  Image out(width, height, image.channels);
+  const auto row = static_cast<std::size_t>(width) * static_cast<std::size_t>(image.channels);
+  for (int y = 0; y < height; ++y) std::copy_n(image.at(0, y), row, out.at(0, y));
+  return out;
 }
 
 Image halved(const Image& image) {
@@ -113,29 +141,67 @@ base::Result<Image> decodePicture(base::ByteView bytes) {
   return image.channels == 4 ? std::move(image) : asRgb(std::move(image));
 }
 
-base::Result<Image> readPicture(const SourcePicture& picture) {
-  LUMIGRID_ASSIGN_OR_RETURN(const auto file, base::MappedFile::open(picture.path));
-  base::ByteView bytes = file.bytes();
+base::Result<glm::ivec2> pictureSize(base::ByteView bytes) {
+  const std::string_view begin = base::textOf(bytes).substr(0, 12);
+  if (begin.substr(0, 4) == "\x89PNG" && bytes.size() >= 24) {
+    // The first chunk, after 8 bytes of magic, its length and its name.
+    const auto number = [&](std::size_t at) {
+      return (bytes[at] << 24) | (bytes[at + 1] << 16) | (bytes[at + 2] << 8) | bytes[at + 3];
+    };
+    return glm::ivec2(number(16), number(20));
+  }
+  if (begin.substr(0, 4) == "RIFF") {
+    WebPBitstreamFeatures features;
+    if (WebPGetFeatures(bytes.data(), bytes.size(), &features) != VP8_STATUS_OK)
+      return Error{ErrorCode::kInvalidInput, "not a WebP that can be read"};
+    return glm::ivec2(features.width, features.height);
+  }
+  LUMIGRID_ASSIGN_OR_RETURN(const auto header, readJpegHeader(bytes));
+  return header.size;
+}
+
+base::Result<PictureBytes> PictureBytes::open(const SourcePicture& picture) {
+  LUMIGRID_ASSIGN_OR_RETURN(auto file, base::MappedFile::open(picture.path));
+  PictureBytes opened(std::move(file));
+  base::ByteView bytes = opened.file_.bytes();
   if (picture.offset > bytes.size() || picture.bytes > bytes.size() - picture.offset)
     return Error{ErrorCode::kInvalidInput, picture.path + ": truncated: a picture reaches past its end"};
   bytes = bytes.subspan(static_cast<std::size_t>(picture.offset));
   if (picture.bytes > 0) bytes = bytes.first(static_cast<std::size_t>(picture.bytes));
-  std::optional<base::Bytes> decoded;
+  opened.view_ = bytes;
   if (picture.base64) {
-    decoded = bytesOfBase64(base::textOf(bytes));
-    if (!decoded) return Error{ErrorCode::kInvalidInput, picture.path + ": a picture is broken base64"};
-    bytes = *decoded;
+    opened.decoded_ = bytesOfBase64(base::textOf(bytes));
+    if (!opened.decoded_) return Error{ErrorCode::kInvalidInput, picture.path + ": a picture is broken base64"};
   }
-  auto image = decodePicture(bytes);
+  return opened;
+}
+
+base::Result<Image> readPicture(const SourcePicture& picture) {
+  LUMIGRID_ASSIGN_OR_RETURN(const auto bytes, PictureBytes::open(picture));
+  auto image = decodePicture(bytes.view());
   return image ? std::move(image) : base::within(picture.path, image.error());
 }
 
 Texture::Texture(Image picture) {
+  size_ = {picture.width, picture.height};
   levels_.push_back(asRgb(std::move(picture)));
+  halve();
+}
+
+void Texture::halve() {
   while (std::max(levels_.back().width, levels_.back().height) > 1) levels_.push_back(halved(levels_.back()));
 }
 
-base::Result<Texture> Texture::decode(base::ByteView bytes) {
+base::Result<Texture> Texture::decode(base::ByteView bytes, int first_level) {
+  if (const auto header = readJpegHeader(bytes); header && first_level > 0) {
+    // A decoder's smaller pictures are means of its blocks, whose last column and row may be of a part of a block only.
+    LUMIGRID_ASSIGN_OR_RETURN(auto image, decodeJpeg(bytes, first_level));
+    const glm::ivec2 size = glm::max(header->size >> first_level, 1);
+    Texture texture(cropped(std::move(image), size.x, size.y));
+    texture.size_ = header->size;
+    texture.first_level_ = first_level;
+    return texture;
+  }
   LUMIGRID_ASSIGN_OR_RETURN(auto image, decodePicture(bytes));
   return Texture(std::move(image));
 }
@@ -146,10 +212,15 @@ std::size_t Texture::bytes() const {
   return sum;
 }
 
-glm::u8vec4 Texture::mean(const glm::dvec2& uv, double texels) const {
+int Texture::levelFor(double texels) {
+  constexpr double kMost = 14.0;  // of the largest picture
   const double level = std::round(std::log2(std::max(texels, 1.0)));
-  const Image& image =
-      levels_[static_cast<std::size_t>(std::clamp(level, 0.0, static_cast<double>(levels_.size() - 1)))];
+  return level <= kMost ? static_cast<int>(level) : static_cast<int>(kMost);  // for NaN, too
+}
+
+glm::u8vec4 Texture::mean(const glm::dvec2& uv, double texels) const {
+  const int last = static_cast<int>(levels_.size()) - 1;
+  const Image& image = levels_[static_cast<std::size_t>(std::clamp(levelFor(texels) - first_level_, 0, last))];
   if (!std::isfinite(uv.x) || !std::isfinite(uv.y)) return {128, 128, 128, 255};
 
   // The result is interpolated between the four nearest texels.
@@ -165,21 +236,41 @@ glm::u8vec4 Texture::mean(const glm::dvec2& uv, double texels) const {
   return {glm::u8vec3(glm::clamp(sum + 0.5, 0.0, 255.0)), 255};
 }
 
-void TextureBaker::bake(const Texture& texture, std::span<const glm::dvec2> uv, std::span<glm::u8vec4> colors) {
+namespace {
+
+// A polygon's area, texels.
+double texelsOf(const Texture& texture, std::span<const glm::dvec2> uv) {
   const glm::dvec2 size(texture.width(), texture.height());
-  glm::dvec2 middle(0.0);
   double area = 0.0;
   for (std::size_t i = 0; i < uv.size(); ++i) {
     const glm::dvec2 a = size * uv[i], b = size * uv[(i + 1) % uv.size()];
-    middle += uv[i] / static_cast<double>(uv.size());
     area += 0.5 * (a.x * b.y - a.y * b.x);
   }
-  area = std::abs(area);
+  return std::abs(area);
+}
+// A corner's share of a polygon of this area, and how many samples of it are taken, along each side of it.
+std::pair<double, int> shareOf(double area, std::size_t corners) {
+  const double share = area / static_cast<double>(std::max<std::size_t>(1, corners));
+  const int n = std::isfinite(share) ? std::clamp(static_cast<int>(std::sqrt(share) / kTexelsApart), 1, kMostApart) : 1;
+  return {share, n};
+}
+
+}  // namespace
+
+double TextureBaker::meanTexels(const Texture& texture, std::span<const glm::dvec2> uv) {
+  const auto [share, n] = shareOf(texelsOf(texture, uv), uv.size());
+  return 0.5 * std::sqrt(share) / n;
+}
+
+void TextureBaker::bake(const Texture& texture, std::span<const glm::dvec2> uv, std::span<glm::u8vec4> colors) {
+  glm::dvec2 middle(0.0);
+  for (const glm::dvec2& p : uv) middle += p / static_cast<double>(uv.size());
+  const double area = texelsOf(texture, uv);
   if (std::isfinite(area)) texels_ += area;
 
   // A corner's share of the polygon is the quadrilateral between it, the middles of its edges and the polygon's middle.
-  const double share = area / static_cast<double>(std::max<std::size_t>(1, uv.size()));
-  const int n = std::isfinite(share) ? std::clamp(static_cast<int>(std::sqrt(share) / kTexelsApart), 1, kMostApart) : 1;
+  const auto [share, n] = shareOf(area, uv.size());
+  const double mean_texels = 0.5 * std::sqrt(share) / n;
   for (std::size_t i = 0; i < uv.size(); ++i) {
     const glm::dvec2 before = 0.5 * (uv[i] + uv[(i + uv.size() - 1) % uv.size()]);
     const glm::dvec2 after = 0.5 * (uv[i] + uv[(i + 1) % uv.size()]);
@@ -188,7 +279,7 @@ void TextureBaker::bake(const Texture& texture, std::span<const glm::dvec2> uv, 
       for (int x = 0; x < n; ++x) {
         const double s = (x + 0.5) / n, t = (y + 0.5) / n;
         const glm::dvec2 at = glm::mix(glm::mix(uv[i], after, s), glm::mix(before, middle, s), t);
-        sum += glm::dvec3(glm::u8vec3(texture.mean(glm::mix(at, middle, kInward), 0.5 * std::sqrt(share) / n)));
+        sum += glm::dvec3(glm::u8vec3(texture.mean(glm::mix(at, middle, kInward), mean_texels)));
       }
     colors[i] = {glm::u8vec3(sum / static_cast<double>(n * n) + 0.5), 255};
   }
@@ -213,20 +304,89 @@ std::uint32_t Textures::find(const SourcePicture& picture, std::vector<std::stri
   if (std::find(unreadable_.begin(), unreadable_.end(), picture) != unreadable_.end()) return kNoPicture;
   auto known = std::find_if(known_.begin(), known_.end(), [&](const Known& k) { return k.picture == picture; });
   if (known == known_.end() || known->decoded == nullptr) {
-    auto image = readPicture(picture);
-    if (!image) {
+    auto texture = decoded(picture);
+    if (!texture) {
       unreadable_.push_back(picture);
       if (unreadable_.size() > kMaxNamed) return kNoPicture;
-      warnings.push_back("a texture cannot be read, vertex colours stay: " + image.error().message);
+      warnings.push_back("a texture cannot be read, vertex colours stay: " + texture.error().message);
       return kNoPicture;
     }
-    if (known == known_.end()) known = known_.insert(known_.end(), Known{picture, nullptr, 0});
-    known->decoded = std::make_unique<Texture>(std::move(*image));
+    if (known == known_.end()) known = known_.insert(known_.end(), Known{picture, nullptr, 0, 0});
+    known->decoded = std::make_unique<Texture>(std::move(*texture));
+    known->order = needed_.size() - 1;
     forgetOldest(*known);
   }
   known->used = ++uses_;
   last_ = static_cast<std::uint32_t>(known - known_.begin());
   return last_;
+}
+
+namespace {
+
+base::Result<Texture> decodeFile(const SourcePicture& picture, int first_level) {
+  LUMIGRID_ASSIGN_OR_RETURN(const auto bytes, PictureBytes::open(picture));
+  auto texture = Texture::decode(bytes.view(), first_level);
+  return texture ? std::move(texture) : base::within(picture.path, texture.error());
+}
+
+// The bytes of a decoded picture; 0 where its size cannot be told.
+std::size_t decodedBytes(const SourcePicture& picture, int first_level) {
+  const auto bytes = PictureBytes::open(picture);
+  const auto size = bytes ? pictureSize(bytes->view()) : base::Result<glm::ivec2>(bytes.error());
+  if (!size) return 0;
+  return static_cast<std::size_t>(size->x) * static_cast<std::size_t>(size->y) * 4 >> (2 * first_level);
+}
+
+}  // namespace
+
+const Texture& Textures::fine(std::uint32_t number, double texels) {
+  Known& known = known_[number];
+  int& needed = needed_[known.order];
+  needed = std::min(needed, Texture::levelFor(texels));
+  if (needed < known.decoded->firstLevel())
+    if (auto finer = decodeFile(known.picture, needed)) {
+      *known.decoded = std::move(*finer);
+      forgetOldest(known);
+    }
+  return *known.decoded;
+}
+
+// The next picture to decode. Pictures ahead are begun in their order, so those before this one are not needed soon.
+base::Result<Texture> Textures::decoded(const SourcePicture& picture) {
+  const int first_level = firstLevel(needed_.size());
+  needed_.push_back(kCoarsest);
+  const auto found =
+      std::find_if(ahead_.begin(), ahead_.end(), [&](const Ahead& ahead) { return ahead.picture == picture; });
+  if (found == ahead_.end() || found->first_level != first_level) {
+    decodeAhead(picture);
+    return decodeFile(picture, first_level);
+  }
+  std::future<base::Result<Texture>> waiting = std::move(found->texture);
+  ahead_.erase(ahead_.begin(), found + 1);
+  decodeAhead(picture);
+  return waiting.get();
+}
+
+void Textures::decodeAhead(const SourcePicture& last) {
+  const auto at = std::find(expected_.begin(), expected_.end(), last);
+  if (at == expected_.end()) return;
+  const std::size_t most = std::min<std::size_t>(base::coreCount(), kLag - 1);
+  const auto isAhead = [&](const SourcePicture& p) {
+    return std::any_of(ahead_.begin(), ahead_.end(), [&](const Ahead& ahead) { return ahead.picture == p; });
+  };
+  const auto isKnown = [&](const SourcePicture& p) {
+    return std::any_of(known_.begin(), known_.end(), [&](const Known& known) { return known.picture == p; });
+  };
+  std::size_t bytes = 0;
+  for (const Ahead& ahead : ahead_) bytes += ahead.bytes;
+  for (auto next = at + 1; next != expected_.end() && ahead_.size() < most; ++next) {
+    if (isAhead(*next) || isKnown(*next)) continue;
+    const int first_level = firstLevel(needed_.size() + ahead_.size());
+    const std::size_t needed = decodedBytes(*next, first_level);
+    if (needed == 0 || bytes + needed > kAheadBytes) return;
+    bytes += needed;
+    ahead_.push_back({*next, needed, first_level, std::async(std::launch::async, decodeFile, *next, first_level)});
+  }
 }
 
 void Textures::forgetOldest(const Known& but) {

@@ -2,15 +2,19 @@
 // The textures of a mesh file: its pictures, and the colours that they give to triangles' corners, since hierarchies
 // keep colours at vertices.
 #include <algorithm>
+#include <deque>
+#include <future>
 #include <glm/glm.hpp>
 #include <map>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
 
 #include "base/bytes.h"
 #include "base/error.h"
+#include "base/file.h"
 #include "base/image.h"
 #include "mesh/stream_mesh.h"
 
@@ -20,29 +24,55 @@ namespace mesh {
 /// channels, or to 4 where it has an alpha. Errors: kInvalidInput (broken, or none of them), kUnsupported (a side over
 /// 16384, or KTX).
 base::Result<base::Image> decodePicture(base::ByteView bytes);
+/// A picture's bytes as its file has them, decoded from base64 where they are text.
+class PictureBytes {
+ public:
+  /// Errors: those of opening the file; kInvalidInput where it ends before the picture, or the text is broken.
+  static base::Result<PictureBytes> open(const SourcePicture& picture);
+  base::ByteView view() const { return decoded_ ? base::ByteView(*decoded_) : view_; }
+
+ private:
+  explicit PictureBytes(base::MappedFile file) : file_(std::move(file)) {}
+  base::MappedFile file_;
+  base::ByteView view_;
+  std::optional<base::Bytes> decoded_;
+};
+/// The size that a picture's header says, texels. Errors: those of decodePicture().
+base::Result<glm::ivec2> pictureSize(base::ByteView bytes);
 /// Reads and decodes a picture; errors name its file.
 base::Result<base::Image> readPicture(const SourcePicture& picture);
 
 /// A picture as a pyramid of images, each half as wide and high as the one before.
 class Texture {
  public:
-  /// Errors: those of decodePicture().
-  static base::Result<Texture> decode(base::ByteView bytes);
+  /// Errors: those of decodePicture(). A JPEG may be decoded at half (`first_level` 1) or a quarter (2) of its size,
+  /// which takes half the time; other pictures are decoded at their own.
+  static base::Result<Texture> decode(base::ByteView bytes, int first_level = 0);
   explicit Texture(base::Image picture);
-  int width() const { return levels_[0].width; }
-  int height() const { return levels_[0].height; }
+  int width() const { return size_.x; }
+  int height() const { return size_.y; }
   std::size_t bytes() const;
+  /// Means over fewer texels than 2^level a side are coarser than they should be.
+  int firstLevel() const { return first_level_; }
+  /// The level of the pyramid for means over so many texels a side; the largest is the one of a single texel.
+  static int levelFor(double texels);
   /// The mean over about `texels` x `texels` texels around (u, v), where the picture is repeated. u runs to the right
   /// and v downwards, 0..1 across the picture. NaN gives grey.
   glm::u8vec4 mean(const glm::dvec2& uv, double texels) const;
 
  private:
+  void halve();
+
+  glm::ivec2 size_{0};
+  int first_level_ = 0;              // of levels_
   std::vector<base::Image> levels_;  // 3 channels
 };
 
 /// Bakes polygons, and measures how much finer the textures are than the mesh.
 class TextureBaker {
  public:
+  /// Over how many texels a side bake() takes means; infinite or NaN where a corner has no place.
+  static double meanTexels(const Texture& texture, std::span<const glm::dvec2> uv);
   /// Gives each corner of a polygon the texture's mean over its share of the polygon.
   void bake(const Texture& texture, std::span<const glm::dvec2> uv, std::span<glm::u8vec4> colors);
   /// How many texels all polygons covered, those that several covered counted for each.
@@ -57,7 +87,8 @@ class TextureBaker {
 std::string lostTexels(double texels, std::uint64_t vertices);
 
 /// The pictures of a mesh file, numbered in the order in which they were first used. Decoded ones are kept up to a
-/// ceiling, so that hundreds of them take no more memory than a few.
+/// ceiling, so that hundreds of them take no more memory than a few. Not for use by several threads, though it has some
+/// of its own, which decode pictures ahead.
 class Textures {
  public:
   /// `path` is the mesh file's.
@@ -67,11 +98,15 @@ class Textures {
   std::string pathOf(const std::string& name) const;
   /// The mesh file itself, for pictures inside it.
   const std::string& path() const { return path_; }
+  /// Pictures that will probably be asked for, in this order.
+  void expect(std::vector<SourcePicture> pictures) { expected_ = std::move(pictures); }
   /// The number of a picture; kNoPicture where it cannot be read, for which `warnings` gets a line, for the
   /// first few.
   std::uint32_t find(const SourcePicture& picture, std::vector<std::string>& warnings);
-  /// The picture of that number, decoded; valid until the next find().
+  /// The picture that find() returned last, decoded, as fine as it is so far; valid until the next call.
   const Texture& operator[](std::uint32_t number) const { return *known_[number].decoded; }
+  /// The same, fine enough for means over so many texels a side.
+  const Texture& fine(std::uint32_t number, double texels);
   /// How many cannot be read beyond those that find() named.
   std::size_t unnamed() const { return unreadable_.size() - std::min(unreadable_.size(), kMaxNamed); }
   /// Those that could be read, by number.
@@ -82,9 +117,21 @@ class Textures {
     SourcePicture picture;
     std::unique_ptr<Texture> decoded;  // null while it is not kept
     std::uint64_t used = 0;
+    std::size_t order = 0;  // of needed_, when it was decoded last
+  };
+  // A picture that is being decoded.
+  struct Ahead {
+    SourcePicture picture;
+    std::size_t bytes = 0;  // that it will take
+    int first_level = 0;
+    std::future<base::Result<Texture>> texture;
   };
   static constexpr std::size_t kKeptBytes = std::size_t{256} << 20;  // a choice: three pictures of 4096 x 4096
+  static constexpr std::size_t kAheadBytes = std::size_t{64} << 20;  // a choice: one, or fifteen at a quarter
   static constexpr std::size_t kMaxNamed = 8;  // a choice, since a set of tiles may have thousands
+  int firstLevel(std::size_t order) const { return order < kLag ? kCoarsest : needed_[order - kLag]; }
+  base::Result<Texture> decoded(const SourcePicture& picture);
+  void decodeAhead(const SourcePicture& last);
   void forgetOldest(const Known& but);
 
   std::string path_;
@@ -92,6 +139,13 @@ class Textures {
   std::vector<SourcePicture> unreadable_;
   std::uint64_t uses_ = 0;
   std::uint32_t last_ = 0;  // the one found last, whose picture is kept
+  // The finest level that was needed of each picture that was decoded so far, in the order of decoding. A picture is
+  // first decoded at that of the picture kLag before, so that colours do not depend on how many are decoded ahead.
+  std::vector<int> needed_;
+  static constexpr std::size_t kLag = 16;
+  static constexpr int kCoarsest = 2;
+  std::vector<SourcePicture> expected_;
+  std::deque<Ahead> ahead_;  // the last member, so that its threads end before the others are destroyed
 };
 
 }  // namespace mesh

@@ -157,8 +157,10 @@ void addStreamedOptions(CLI::App& app, Arguments& a) {
   app.add_flag("--back-faces", a.run.streamed.back_faces,
                "Draw splats that turn their backs, too (default: leave them out); for open surfaces that are seen from "
                "behind");
-  app.add_option("--idle", a.idle,
-                 "Splats fetched ahead once the view has all that it needs, for each view, in bytes; 0: none")
+  app.add_option(
+         "--idle", a.idle,
+         "Splats, or triangles and points, fetched ahead once the view has all that it needs, for each view, in "
+         "bytes; 0: none")
       ->group("Limits");
 }
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <string>
+#include <utility>
 
 #include "base/format_text.h"
 #include "base/text.h"
@@ -10,7 +11,7 @@ namespace client {
 
 namespace {
 
-/// A shadow map takes at most this share of the memory; the texture of maps may take twice as much.
+/// A shadow map takes at most this share of the memory, and all that are kept twice as much.
 constexpr std::uint64_t kMapShare = 16;
 /// Each GL has textures of so many texels a side.
 constexpr int kLeastSide = 2048;
@@ -40,12 +41,16 @@ lod::hlod::ShadowLight StreamedHlod::shadowLight(const StreamedLook& look, bool 
 
 void StreamedHlod::piecesChosen(const lod::hlod::TraverseRequest& request) {
   shadows_ = {};
-  if (light() == kNoShadows) return;
+  if (light() == kNoShadows) return stream().expectLights({});
   if (gl_side_ == 0) glGetIntegerv(GL_MAX_TEXTURE_SIZE, &gl_side_);
   gl_side_ = std::max(gl_side_, kLeastSide);
   const std::uint32_t side = lod::draw::shadowTexelsFor(options().memory_bytes / kMapShare, light().size > 0.0F);
-  shadows_ = lod::draw::findNodeShadows(
-      stream(), pieces(), request, {light(), options().closed, std::min(side, static_cast<std::uint32_t>(gl_side_))});
+  lod::draw::NodeLight at{light(), options().closed, std::min(side, static_cast<std::uint32_t>(gl_side_))};
+  at.kept_bytes = options().memory_bytes / kMapShare * 2;
+  // Maps for a light that moves, or for a view that rests, serve no other frame.
+  const bool stands = std::exchange(last_light_, at.light) == at.light;
+  if (stands && !(at.light.size > 0.0F)) at.room = lod::draw::kRoomToMove;
+  shadows_ = shadow_finder_.find(stream(), pieces(), request, at);
 }
 
 base::Result<lod::draw::NodeCount> StreamedHlod::drawPieces(lod::draw::NodeRenderer& renderer, const View& view,

@@ -17,8 +17,8 @@ struct HlodTypes {
   using View = lod::draw::NodeView;
   using Target = lod::draw::NodeTarget;
   using Count = lod::draw::NodeCount;
-  /// Of seven sixteenths, shadows take one and a half: maps may take two sixteenths, and casters lie on
-  /// the GPU beside nodes, both smaller there than in the stream.
+  /// Shadows take one and a half of seven sixteenths: their maps may take two sixteenths, and casters lie on the GPU
+  /// beside nodes, both smaller there than in the stream.
   static std::uint64_t streamBytes(const StreamedOptions& options) {
     return options.memory_bytes / 32 * (options.shadows == lod::hlod::Shadows::kNone ? 14 : 11);
   }
@@ -42,8 +42,10 @@ class StreamedHlod final : public StreamedPieces<HlodTypes> {
   void meet(RayHit& hit, const Piece& piece) const override;
   void addFigures(StreamedStats& stats) const override;
 
-  lod::draw::NodeShadows shadows_;  ///< on pieces()
-  int gl_side_ = 0;                 ///< the most texels of a side that the GL allows; 0: not asked yet
+  lod::draw::NodeShadowFinder shadow_finder_;
+  lod::draw::NodeShadows shadows_;     ///< on pieces()
+  lod::hlod::ShadowLight last_light_;  ///< of the last frame with shadows
+  int gl_side_ = 0;                    ///< the most texels of a side that the GL allows; 0: not asked yet
 };
 
 /// The statistics of triangles and points.

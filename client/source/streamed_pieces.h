@@ -76,6 +76,9 @@ class StreamedPieces : public StreamedView {
   /// Share of the memory, sixteenths, for pieces on the GPU. With the stream's they leave the rest to the samples of
   /// the picture (client/viewer/memory_plan.h).
   static constexpr std::uint64_t kGpuShare = 5;
+  /// For each view at most what the link carries in this time is fetched ahead, seconds, and nothing over links slower
+  /// than this, bytes a second. Choices (docs/results/hlod.md).
+  static constexpr double kPrefetchSeconds = 0.5, kPrefetchRate = 250'000.0;
 
   /// Keeps the places of the piece that the ray meets.
   virtual void meet(RayHit& hit, const Piece& piece) const = 0;
@@ -98,6 +101,11 @@ class StreamedPieces : public StreamedView {
     typename Types::StreamOptions stream;
     stream.memory_bytes = std::max(Types::streamBytes(options), Types::kMinMemory);
     stream.decode_per_frame = options.decode_per_frame;
+    if constexpr (requires { stream.prefetch_bytes; }) {
+      stream.prefetch_bytes = options.idle_bytes;
+      stream.prefetch_seconds = kPrefetchSeconds;
+      stream.prefetch_least_rate = kPrefetchRate;
+    }
     return stream;
   }
   bool rests(const base::Camera& camera, const glm::vec4& light) const;

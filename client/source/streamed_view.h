@@ -44,8 +44,9 @@ struct StreamedOptions : StreamedQuality {
 
   bool back_faces = false;  ///< splats that face away are drawn as well, for open surfaces that are seen from behind
   lod::qsplat::StreamOrder order = lod::qsplat::StreamOrder::kSweeps;
-  std::uint64_t idle_bytes = 16'000'000;  ///< as lod::qsplat::StreamOptions::idle_bytes
-  lod::qsplat::ForEach for_each;          ///< for splats; empty: one thread
+  /// As lod::qsplat::StreamOptions::idle_bytes, and the limit of lod::hlod::StreamOptions::prefetch_bytes.
+  std::uint64_t idle_bytes = 16'000'000;
+  lod::qsplat::ForEach for_each;  ///< for splats; empty: one thread
 
   /// A place from which the light of shadows shines, world; nothing: it is infinitely far in the direction of
   /// StreamedLook::shading. The viewer's own light takes its place.

@@ -12,8 +12,8 @@
 #include "compare/sim/published.h"
 #include "compare/sim/results.h"
 #include "compare/sim/scene_processes.h"
-#include "server/scene/open_scene.h"
 #include "server/net/scene_names.h"
+#include "server/scene/open_scene.h"
 
 namespace compare {
 namespace {
@@ -32,12 +32,18 @@ class SceneMatrix {
     LUMIGRID_ASSIGN_OR_RETURN(scene_, server::openScene(directory_));
     LUMIGRID_ASSIGN_OR_RETURN(const auto gl, base::HeadlessContext::create());
     LUMIGRID_ASSIGN_OR_RETURN(const auto painter, Painter::create(*scene_, *gl));
-    const Truth truth(*scene_, options_.report + "/truth", options_.truth_supersampling);
-    const Stage stage{scene_.get(), painter.get(), [this] { return published(); }, options_.costs, options_.play.seed};
+    const Stage stage{scene_.get(), painter.get(), [this] { return published(); }, options_.costs, options_.play.seed,
+                      options_.idle_bytes};
     LUMIGRID_ASSIGN_OR_RETURN(const auto jobs,
                               jobsOf(options_.methods.empty() ? methodsFor(*scene_) : options_.methods));
     PlayedScene played{gl->renderer(), {}};
-    for (const Job& job : jobs) LUMIGRID_TRY(playOnce(stage, job, truth, played.runs));
+    std::map<lod::hlod::Shadows, Truth> truths;
+    for (const Job& job : jobs) {
+      const lod::hlod::Shadows shadows = shadowsOf(job.setting.method);
+      const auto [truth, is_new] =
+          truths.try_emplace(shadows, *scene_, options_.report + "/truth", options_.truth_supersampling, shadows);
+      LUMIGRID_TRY(playOnce(stage, job, truth->second, played.runs));
+    }
     return played;
   }
 

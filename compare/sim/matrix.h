@@ -32,6 +32,7 @@ struct MatrixOptions {
   double stop_seconds = 2.0;  ///< for path_files
   unsigned jobs = 1;          ///< processes at a time, each with a scene; 1: this one. No figure depends on it.
   bool pictures = true;
+  std::optional<std::uint64_t> idle_bytes;  ///< Stage::idle_bytes
   std::string command;  ///< for the page: how it was called
   server::PathOptions path;
   PlayOptions play;  ///< `pictures` is set for each run

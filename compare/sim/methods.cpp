@@ -28,6 +28,7 @@ struct Method {
   std::vector<double> sweep;  ///< the default among them
   MakePlayer make;
   bool (*can_play)(const server::OpenScene& scene);
+  lod::hlod::Shadows shadows = lod::hlod::Shadows::kNone;  ///< played where they are asked for
 };
 
 /// A new method is one file and one row here.
@@ -35,6 +36,8 @@ const std::vector<Method>& methods() {
   constexpr double kTolerance = base::ViewDefaults::kPatchTolerance;
   constexpr double kQuality = base::ViewDefaults::kQuality;
   constexpr const char* kUnder = "pixels, error of the patches under the images";
+  using lod::hlod::Shadows;
+  constexpr const char* kOnScreen = "pixels, error on the screen";
   constexpr const char* kAlone = "pixels, error of the patches";
   static const std::vector<double> tolerances{4, 2, 1, 0.5, 0.25};
   static const std::vector<Method> all{
@@ -54,7 +57,9 @@ const std::vector<Method>& methods() {
        {5, 3, 2, 1, 0.5},
        makeUmbrellasPlayer,
        hasStreamed<base::kUmbrellaMethod>},
-      {"hlod", "pixels, error on the screen", 0.5, tolerances, makeHlodPlayer, hasStreamed<base::kHlodMethod>},
+      {"hlod", kOnScreen, 0.5, tolerances, makeHlodPlayer, hasStreamed<base::kHlodMethod>},
+      {"hlod-hard", kOnScreen, 0.5, tolerances, makeHlodPlayer, hasStreamed<base::kHlodMethod>, Shadows::kHard},
+      {"hlod-soft", kOnScreen, 0.5, tolerances, makeHlodPlayer, hasStreamed<base::kHlodMethod>, Shadows::kSoft},
       {"frames", "quality of the JPEGs", kQuality, {30, 50, 70, 85, 95}, makeFramesPlayer, hasPatches},
 #ifdef LUMIGRID_VIDEO
       {"video", "percent of the link's rate", 80.0, {20, 40, 60, 80, 95}, makeVideoPlayer, hasPatches},
@@ -71,10 +76,20 @@ const Method* find(const std::string& name) {
 
 }  // namespace
 
+std::string hlodWith(lod::hlod::Shadows shadows) {
+  return shadows == lod::hlod::Shadows::kNone ? "hlod" : "hlod-" + std::string(lod::hlod::nameOf(shadows));
+}
+
+lod::hlod::Shadows shadowsOf(const std::string& method) {
+  const Method* found = find(method);
+  return found == nullptr ? lod::hlod::Shadows::kNone : found->shadows;
+}
+
 const std::vector<std::string>& methodNames() {
   static const std::vector<std::string> names = [] {
     std::vector<std::string> all;
-    for (const Method& one : methods()) all.push_back(one.name);
+    for (const Method& one : methods())
+      if (one.shadows == lod::hlod::Shadows::kNone) all.push_back(one.name);
     return all;
   }();
   return names;
@@ -83,7 +98,7 @@ const std::vector<std::string>& methodNames() {
 std::vector<std::string> methodsFor(const server::OpenScene& scene) {
   std::vector<std::string> possible;
   for (const Method& one : methods())
-    if (one.can_play(scene)) possible.push_back(one.name);
+    if (one.shadows == lod::hlod::Shadows::kNone && one.can_play(scene)) possible.push_back(one.name);
   return possible;
 }
 

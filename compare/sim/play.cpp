@@ -35,10 +35,14 @@ struct Tick {
   InstantKind kind = InstantKind::kMoving;
 };
 
+double beginOf(const base::CameraPath& path) {
+  return std::min(kBeginSeconds, kMaxBeginShare * path.seconds());
+}
+
 /// One instant in each of `instants` equal parts of the path after its begin, at a random place in it, and the ladder.
 std::vector<Tick> ticksOf(const base::CameraPath& path, const PlayOptions& options, double interval) {
   const auto last = static_cast<std::size_t>(std::floor(path.seconds() / interval));
-  const double first = std::min(kBeginSeconds / interval, kMaxBeginShare * static_cast<double>(last));
+  const double first = std::min(beginOf(path) / interval, static_cast<double>(last));
   server::UnitRandom random(options.seed);
   std::vector<Tick> ticks;
   for (int i = 0; i < options.instants; ++i) {
@@ -76,9 +80,13 @@ class Run {
   Result<void> play() {
     const std::vector<Tick> ticks = ticksOf(path_, options_, interval_);
     const auto last = static_cast<std::size_t>(std::floor(path_.seconds() / interval_));
-    std::size_t next = 0;
+    std::size_t next = 0, late = 0, counted = 0;
     for (std::size_t frame = 0; frame <= last; ++frame) {
       LUMIGRID_TRY(player_.advance(timeOf(frame), path_.at(timeOf(frame))));
+      if (const auto is_late = player_.isLate(); is_late && timeOf(frame) >= beginOf(path_)) {
+        late += *is_late ? 1 : 0;
+        run_.late_share = static_cast<double>(late) / static_cast<double>(++counted);
+      }
       for (std::size_t i = next; i < ticks.size(); ++i) runUp(frame, ticks[i].frame);
       if (warm_up_) LUMIGRID_TRY(drawOnly());
       if (before_) LUMIGRID_TRY(judgeChange(frame));

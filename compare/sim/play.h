@@ -47,6 +47,8 @@ struct PlayedRun {
   std::vector<DisplayedFrame> frames;  ///< in the order of time
   double rest_seconds = 0.0;  ///< from the path's end until nothing changed any more; < 0: not within the limit
 
+  double late_share = -1.0;   ///< of the display's frames behind the path's begin: Player::isLate(); < 0: not known
+
   std::vector<const DisplayedFrame*> moving() const;
   double meanPsnr() const;
   double p5Psnr() const;  ///< 5th percentile: the worst of twelve

@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -12,6 +13,7 @@
 #include "base/image.h"
 #include "compare/painter.h"
 #include "compare/sim/link.h"
+#include "lod/hlod/shadow_options.h"
 #include "server/scene/open_scene.h"
 
 namespace compare {
@@ -51,6 +53,8 @@ class Player {
   virtual base::Result<void> drawUnseen() { return {}; }
   /// Whether nothing changes any more while the view stays.
   virtual bool atRest() const = 0;
+  /// Whether the view lacks parts of a file that the method streams; nothing of methods without one.
+  virtual std::optional<bool> isLate() const { return std::nullopt; }
   virtual PlayerCounts counts() const = 0;
 };
 
@@ -61,6 +65,7 @@ struct Stage {
   std::function<base::Result<const PublishedObjects*>()> published;  ///< publishes the scene when it is first asked for
   Costs costs;
   std::uint32_t seed = 1;
+  std::optional<std::uint64_t> idle_bytes;  ///< client::StreamedOptions::idle_bytes; nothing: the viewers' own
 };
 
 /// A method with one setting of its knob.
@@ -68,6 +73,11 @@ struct MethodSetting {
   std::string method;
   double knob = 0.0;
 };
+
+/// The variant of hlod that has such shadows: "hlod-hard", which is no name of methodNames().
+std::string hlodWith(lod::hlod::Shadows shadows);
+/// The shadows of a method's pictures, by which it is judged.
+lod::hlod::Shadows shadowsOf(const std::string& method);
 
 /// The methods that there are, in the order of the report.
 const std::vector<std::string>& methodNames();

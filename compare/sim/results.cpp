@@ -18,7 +18,7 @@ using base::formatText;
 
 namespace {
 
-/// Empty for a time that was never reached.
+/// Empty for a time that was never reached, and for a share that is not known.
 std::string secondsText(double seconds) {
   return seconds < 0.0 ? "" : formatText("%.3f", seconds);
 }
@@ -157,7 +157,7 @@ std::string summaryCsv(const std::vector<PlayedRun>& runs) {
   std::string out =
       "scene,method,knob,path,link,frames,bytes,bytes_images,bytes_patches,bytes_frames,mean_psnr_db,p5_psnr_db,"
       "mean_ssim,holes_share,silhouette_px,silhouette_p95_px,flicker,flicker_share,time_to_first_s,time_to_25_s,"
-      "time_to_30_s,time_to_35_s,at_rest_psnr_db,rest_s,draw_wall_ms\n";
+      "time_to_30_s,time_to_35_s,at_rest_psnr_db,rest_s,late_share,draw_wall_ms\n";
   for (const PlayedRun& run : runs) {
     const Flicker flicker = run.meanFlicker();
     double wall = 0.0;
@@ -167,7 +167,7 @@ std::string summaryCsv(const std::vector<PlayedRun>& runs) {
                       run.meanMissing(), run.silhouette(), run.p95Silhouette(), flicker.mean, flicker.share) +
            "," + secondsText(run.secondsToFirst()) + "," + secondsText(run.secondsTo(25.0)) + "," +
            secondsText(run.secondsTo(30.0)) + "," + secondsText(run.secondsTo(35.0)) + "," + restText(run) + "," +
-           secondsText(run.rest_seconds) + formatText(",%.2f\n", wall);
+           secondsText(run.rest_seconds) + "," + secondsText(run.late_share) + formatText(",%.2f\n", wall);
   }
   return out;
 }

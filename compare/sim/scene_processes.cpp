@@ -138,6 +138,7 @@ base::Bytes encodeScene(const PlayedScene& scene) {
     for (const std::string* text : {&run.scene, &run.link, &run.path, &run.setting.method}) out.string16(*text);
     out.write(run.setting.knob);
     out.write(run.rest_seconds);
+    out.write(run.late_share);
     out.u32(static_cast<std::uint32_t>(run.frames.size()));
     for (const DisplayedFrame& frame : run.frames) writeFrame(frame, out);
   }
@@ -152,6 +153,7 @@ std::optional<PlayedScene> decodeScene(base::ByteView bytes) {
     for (std::string* text : {&run.scene, &run.link, &run.path, &run.setting.method}) *text = in.string16();
     run.setting.knob = in.f64();
     run.rest_seconds = in.f64();
+    run.late_share = in.f64();
     for (std::uint32_t frames = in.u32(); frames > 0 && in.ok(); --frames) run.frames.push_back(readFrame(in));
     scene.runs.push_back(std::move(run));
   }

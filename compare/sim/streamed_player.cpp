@@ -30,6 +30,7 @@ class StreamedPlayer final : public HostPlayer {
     const auto drawn = draw();
     return drawn ? base::Result<void>() : drawn.error();
   }
+  std::optional<bool> isLate() const override { return view_->stats().lacking > 0; }
   bool atRest() const override { return HostPlayer::atRest() && !view_->busy(); }
   PlayerCounts counts() const override {
     PlayerCounts counts = HostPlayer::counts();
@@ -57,6 +58,7 @@ base::Result<std::unique_ptr<Player>> makeStreamedPlayer(const Stage& stage, con
                        "the scene has no " + of.file() + "; build it with --methods " + std::string(of.name)};
   protocol::Welcome welcome = protocol::welcomeOf(stage.scene->scene, "scene");
   welcome.has_colors = stage.scene->scene.has_colors;
+  if (stage.idle_bytes) options.idle_bytes = *stage.idle_bytes;
   options.clock = {};  // every frame of motion counts as if it took the time that it may take
   auto fetcher = std::make_unique<SimulatedFetcher>(
       [file](const std::string& name, std::uint64_t offset, std::uint64_t length) {
@@ -90,6 +92,9 @@ base::Result<std::unique_ptr<Player>> makeHlodPlayer(const Stage& stage, const M
                                                      const LinkProfile& link) {
   client::StreamedOptions options;
   options.error_px = static_cast<float>(setting.knob);
+  options.shadows = shadowsOf(setting.method);
+  const std::optional<base::SceneBorder>& border = stage.scene->scene.border;
+  options.closed = border && border->open_edges == 0;
   return makeStreamedPlayer<client::StreamedHlod>(stage, link, base::kHlodMethod, client::Method::kHlod, options);
 }
 

@@ -88,12 +88,12 @@ base::Result<NodeCount> NodeRenderer::draw(std::span<const hlod::DrawnNode> node
   return count;
 }
 
-base::Result<void> NodeRenderer::drawMap(const NodeShadowMap& map, const NodeShadows& shadows,
-                                         const base::Aabb& receivers) {
+base::Result<void> NodeRenderer::drawMap(const NodeShadowMap& map, const NodeShadows& shadows, std::size_t slot) {
   if (!shadow_map_) {
     LUMIGRID_ASSIGN_OR_RETURN(shadow_map_, ShadowMap::create(gpu_bytes_));
   }
-  return shadow_map_->draw({map.plan.camera, shadows.light, receivers, shadows.closed}, map.casters);
+  shadow_map_->setKeptBytes(shadows.kept_bytes);
+  return shadow_map_->draw({map.plan.camera, shadows.light, map.plan.region, shadows.closed}, map.casters, slot);
 }
 
 /// Draws the nodes map by map; those in none come last, under a map without casters.
@@ -102,24 +102,22 @@ base::Result<void> NodeRenderer::drawShadowed(std::span<const hlod::DrawnNode> n
   std::vector<std::uint32_t> maps(nodes.size(), 0);  // of each node
   for (const NodeShadowMap& map : shadows.maps)
     for (const std::uint32_t place : map.plan.receivers) ++maps[place];
-  const auto drawReceivers = [&](const NodeShadowMap& map) -> base::Result<void> {
+  const auto drawReceivers = [&](const NodeShadowMap& map, std::size_t slot) -> base::Result<void> {
     Group group;
-    base::Aabb box;
     for (const std::uint32_t place : map.plan.receivers) {
       const hlod::Node& row = shadows.nodes[nodes[place].picture->node];
-      box.add(row.box);
       group.nodes.push_back(&nodes[place]);
       group.in_shadow.push_back({shadowReach(row.box, row.shape_error, map.casters, shadows.nodes), maps[place] > 1});
     }
-    LUMIGRID_TRY(drawMap(map, shadows, box));
+    LUMIGRID_TRY(drawMap(map, shadows, slot));
     group.shadow_layers = shadow_map_->layers();
     return drawGroup(group, view, target, count);
   };
-  for (const NodeShadowMap& map : shadows.maps) LUMIGRID_TRY(drawReceivers(map));
+  for (std::size_t i = 0; i < shadows.maps.size(); ++i) LUMIGRID_TRY(drawReceivers(shadows.maps[i], i));
   NodeShadowMap lit;
   for (std::uint32_t i = 0; i < nodes.size(); ++i)
     if (maps[i] == 0) lit.plan.receivers.push_back(i);
-  return lit.plan.receivers.empty() ? base::Result<void>{} : drawReceivers(lit);
+  return lit.plan.receivers.empty() ? base::Result<void>{} : drawReceivers(lit, shadows.maps.size());
 }
 
 base::Result<void> NodeRenderer::drawGroup(const Group& group, const NodeView& view, const NodeTarget& target,

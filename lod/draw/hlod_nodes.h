@@ -32,6 +32,7 @@ struct NodeShadows {
   /// Receivers are places in the list of nodes that is drawn. Maps of a node that is in several of them must hold all
   /// of it together; a node that is in none is wholly lit.
   std::vector<NodeShadowMap> maps;
+  std::uint64_t kept_bytes = 0;  ///< what maps may take that are kept for the next picture
 };
 
 /// How far a surface and that of the casters beside it may be apart, scene units. `error`: how far it may be from the
@@ -48,7 +49,7 @@ struct NodeCount {
 ///
 /// With shadows surfaces are shaded by Lambert's law, lit or unlit scenes alike: their colour times 0.35 + 0.65 · n·l ·
 /// the share of the light that is seen. The maps are drawn one after the other, each before its receivers, so that
-/// there is memory for one. A shadow begins where its caster is as far away as the errors of both and a texel demand.
+/// memory for one is enough. A shadow begins where its caster is as far away as the errors of both and a texel demand.
 ///
 /// Points are as large, and lines as wide, as the node's error demands for the surface to have no hole: the cells on
 /// both sides of a crack, and points around a place, are off by at most their errors. They span a sample at least:
@@ -83,7 +84,7 @@ class NodeRenderer {
   };
   explicit NodeRenderer(std::uint64_t gpu_bytes) : gpu_bytes_(gpu_bytes), meshes_(gpu_bytes) {}
   static Mesh upload(const hlod::NodePicture& picture);
-  base::Result<void> drawMap(const NodeShadowMap& map, const NodeShadows& shadows, const base::Aabb& receivers);
+  base::Result<void> drawMap(const NodeShadowMap& map, const NodeShadows& shadows, std::size_t slot);
   base::Result<void> drawShadowed(std::span<const hlod::DrawnNode> nodes, const NodeView& view,
                                   const NodeTarget& target, const NodeShadows& shadows, NodeCount& count);
   base::Result<void> drawGroup(const Group& group, const NodeView& view, const NodeTarget& target, NodeCount& count);

@@ -29,37 +29,25 @@ bool facesAway(const hlod::Node& node, const hlod::ShadowLight& light) {
   return base::facesAway(node.cone, bounds, bounds.center + distance * place);
 }
 
-/// Each map draws casters anew, so there are no more maps than it takes for texels of twice the wanted size. Edges of
-/// shadows are off by half a texel.
-std::vector<hlod::ShadowMapPlan> planMaps(const hlod::Stream& stream, std::span<const hlod::ShadowReceiver> receivers,
-                                          const hlod::TraverseRequest& request, const NodeLight& light) {
-  constexpr std::size_t kMaxMaps = 4;
-  hlod::ShadowRequest shadow;
-  shadow.view = request;
-  shadow.light = light.light;
-  setFineness(shadow, light.max_texels);
-  for (shadow.max_maps = 1;; ++shadow.max_maps) {
-    auto plans = hlod::planShadowMaps(stream.nodes(), receivers, shadow);
-    const bool is_fine = std::all_of(plans.begin(), plans.end(), [&](const hlod::ShadowMapPlan& plan) {
-      return plan.texel_px <= 2.0F * shadow.texel_px;
-    });
-    if (is_fine || shadow.max_maps == kMaxMaps) return plans;
-  }
-}
-
 }  // namespace
 
-NodeShadows findNodeShadows(hlod::Stream& stream, std::span<const hlod::DrawnNode> nodes,
-                            const hlod::TraverseRequest& request, const NodeLight& light) {
+NodeShadows NodeShadowFinder::find(hlod::Stream& stream, std::span<const hlod::DrawnNode> nodes,
+                                   const hlod::TraverseRequest& request, const NodeLight& light) {
   std::vector<std::uint32_t> drawn;
   for (const hlod::DrawnNode& node : nodes) drawn.push_back(node.picture->node);
-  return findShadows(stream, hlod::receiversOf(stream.nodes(), drawn), request, light);
+  return find(stream, hlod::receiversOf(stream.nodes(), drawn), request, light);
 }
 
-NodeShadows findShadows(hlod::Stream& stream, std::span<const hlod::ShadowReceiver> receivers,
-                        const hlod::TraverseRequest& request, const NodeLight& light) {
-  NodeShadows shadows{light.light, stream.nodes(), light.closed, {}};
-  for (hlod::ShadowMapPlan& plan : planMaps(stream, receivers, request, light)) {
+NodeShadows NodeShadowFinder::find(hlod::Stream& stream, std::span<const hlod::ShadowReceiver> receivers,
+                                   const hlod::TraverseRequest& request, const NodeLight& light) {
+  hlod::ShadowRequest wanted;
+  wanted.view = request;
+  wanted.light = light.light;
+  wanted.room = light.room;
+  setFineness(wanted, light.max_texels);
+  NodeShadows shadows{light.light, stream.nodes(), light.closed, {}, light.kept_bytes};
+  std::vector<hlod::LightRequest> lights;
+  for (hlod::ShadowMapPlan& plan : planner_.plan(stream.nodes(), receivers, wanted)) {
     if (light.closed)
       std::erase_if(plan.casters, [&](std::uint32_t node) { return facesAway(stream.nodes()[node], shadows.light); });
     std::vector<std::shared_ptr<const hlod::CasterPicture>> casters;
@@ -67,7 +55,9 @@ NodeShadows findShadows(hlod::Stream& stream, std::span<const hlod::ShadowReceiv
     NodeShadowMap& map = shadows.maps.emplace_back();
     map.plan = std::move(plan);
     for (auto& caster : casters) map.casters.push_back({std::move(caster)});
+    lights.push_back({map.plan.camera, map.plan.receiver_error});
   }
+  stream.expectLights(std::move(lights));
   return shadows;
 }
 

@@ -17,17 +17,30 @@ struct NodeLight {
   hlod::ShadowLight light;          ///< its size is 0 for hard shadows
   bool closed = false;              ///< as NodeShadows::closed
   std::uint32_t max_texels = 2048;  ///< of a side of a map, at least 1, at most what the GL allows
+  /// As ShadowRequest::room, for one view after another; 0 for single pictures.
+  float room = 0.0F;
+  std::uint64_t kept_bytes = 0;  ///< as NodeShadows::kept_bytes
 };
 
-/// `nodes` are those that stream.update(request) has found just now. Casters that are not here are requested, and
-/// nodes above them cast in their place meanwhile. Nothing waits: stream.complete() says whether all of them are here.
-NodeShadows findNodeShadows(hlod::Stream& stream, std::span<const hlod::DrawnNode> nodes,
-                            const hlod::TraverseRequest& request, const NodeLight& light);
+/// The room for views of a viewer who moves: maps hold for about a tenth of a turn around a model that fills the view,
+/// and for any turn if all of it is seen.
+inline constexpr float kRoomToMove = 0.15F;
 
-/// The same for anything else that is drawn in their light: receivers are parts of it, and a map's receivers places in
-/// this list. The stream has found some nodes for the view before, whichever.
-NodeShadows findShadows(hlod::Stream& stream, std::span<const hlod::ShadowReceiver> receivers,
-                        const hlod::TraverseRequest& request, const NodeLight& light);
+class NodeShadowFinder {
+ public:
+  /// `nodes` are those that stream.update(request) has found just now. Casters that are not here are requested, and
+  /// nodes above them cast in their place meanwhile. Nothing waits: stream.complete() says whether all of them are
+  /// here.
+  NodeShadows find(hlod::Stream& stream, std::span<const hlod::DrawnNode> nodes, const hlod::TraverseRequest& request,
+                   const NodeLight& light);
+  /// The same for anything else that is drawn in their light: receivers are parts of it, and a map's receivers places
+  /// in this list. The stream has found nodes for the view, whichever.
+  NodeShadows find(hlod::Stream& stream, std::span<const hlod::ShadowReceiver> receivers,
+                   const hlod::TraverseRequest& request, const NodeLight& light);
+
+ private:
+  hlod::ShadowPlanner planner_;
+};
 
 /// Returns NodeLight::max_texels for maps that take at most so many bytes each, all layers of a soft one together.
 std::uint32_t shadowTexelsFor(std::uint64_t bytes, bool soft);

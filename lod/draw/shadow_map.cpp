@@ -195,33 +195,61 @@ ShadowMap::Mesh ShadowMap::upload(const hlod::CasterPicture& picture) {
   return mesh;
 }
 
-base::Result<void> ShadowMap::fit(int width, int height, int layers) {
+std::uint64_t ShadowMap::mapBytes() const {
+  return std::accumulate(slots_.begin(), slots_.end(), std::uint64_t{0},
+                         [](std::uint64_t sum, const Slot& slot) { return sum + slot.depths.bytes(); });
+}
+
+base::Result<void> ShadowMap::fit(Slot& slot, int width, int height, int layers) const {
   GLint limit = 0;
   glGetIntegerv(GL_MAX_TEXTURE_SIZE, &limit);
   if (width < 1 || height < 1 || width > limit || height > limit)
     return base::Error{base::ErrorCode::kUnsupported, "shadow map of " + std::to_string(width) + " x " +
                                                           std::to_string(height) + " texels: each side must be 1 to " +
                                                           std::to_string(limit) + " here"};
-  if (width <= width_ && height <= height_ && layers <= layers_) return {};
   const auto texels = [](int w, int h, int l) { return std::uint64_t(w) * std::uint64_t(h) * std::uint64_t(l); };
-  const int w = std::max(width, width_), h = std::max(height, height_), l = std::max(layers, layers_);
-  // One texture for a large hard map and the many small layers of a soft one would take the product of both.
-  const std::uint64_t most = 2 * std::max(texels(width, height, layers), texels(width_, height_, layers_));
+  const std::uint64_t most = 2 * texels(width, height, layers);
+  const bool fits = width <= slot.width && height <= slot.height && layers <= slot.layers;
+  if (fits && texels(slot.width, slot.height, slot.layers) <= most) return {};
+  const int w = std::max(width, slot.width), h = std::max(height, slot.height), l = std::max(layers, slot.layers);
   const bool grows = texels(w, h, l) <= most;
-  width_ = grows ? w : width, height_ = grows ? h : height, layers_ = grows ? l : layers;
-  depths_ = base::gl::Texture();
-  depths_ = base::gl::Texture::create();
-  base::gl::allocate3D(depths_, GL_TEXTURE_2D_ARRAY, 1, GL_DEPTH_COMPONENT24, width_, height_, layers_);
+  slot.width = grows ? w : width, slot.height = grows ? h : height, slot.layers = grows ? l : layers;
+  slot.depths = base::gl::Texture();
+  slot.depths = base::gl::Texture::create();
+  base::gl::allocate3D(slot.depths, GL_TEXTURE_2D_ARRAY, 1, GL_DEPTH_COMPONENT24, slot.width, slot.height, slot.layers);
   glBindTexture(GL_TEXTURE_2D_ARRAY, 0);
-  framebuffer_ = base::gl::Framebuffer::create();
+  slot.framebuffer = base::gl::Framebuffer::create();
   return {};
 }
 
-base::Result<void> ShadowMap::draw(const ShadowMapView& view, std::span<const DrawnCaster> casters) {
-  LUMIGRID_TRY(fit(view.camera.width, view.camera.height, view.layers()));
-  view_ = view;
+/// Empties other slots, the last ones first, while maps take too many bytes.
+void ShadowMap::makeRoom() {
+  for (std::size_t i = slots_.size(); i-- > 0 && mapBytes() > kept_bytes_;)
+    if (i != slot_) slots_[i] = Slot();
+}
+
+base::Result<void> ShadowMap::draw(const ShadowMapView& view, std::span<const DrawnCaster> casters, std::size_t slot) {
+  if (slot >= slots_.size()) slots_.resize(slot + 1);
+  slot_ = slot;
+  Slot& map = slots_[slot];
+  if (map.is_drawn && map.view == view &&
+      std::equal(map.casters.begin(), map.casters.end(), casters.begin(), casters.end()))
+    return {};
+  map.is_drawn = false;
+  LUMIGRID_TRY(fit(map, view.camera.width, view.camera.height, view.layers()));
+  makeRoom();
+  map.view = view;
+  map.casters.assign(casters.begin(), casters.end());
   meshes_.beginFrame(casters, upload);
-  glBindFramebuffer(GL_FRAMEBUFFER, framebuffer_.name());
+  LUMIGRID_TRY(drawCasters(map));
+  map.is_drawn = true;
+  ++drawn_;
+  return {};
+}
+
+base::Result<void> ShadowMap::drawCasters(const Slot& slot) {
+  const ShadowMapView& view = slot.view;
+  glBindFramebuffer(GL_FRAMEBUFFER, slot.framebuffer.name());
   const GLenum no_color = GL_NONE;
   glDrawBuffers(1, &no_color);
   glViewport(0, 0, view.camera.width, view.camera.height);
@@ -241,7 +269,7 @@ base::Result<void> ShadowMap::draw(const ShadowMapView& view, std::span<const Dr
   base::Result<void> done{};
   program_.use();
   for (std::size_t layer = 0; layer < layers.shears.size() && done; ++layer)
-    done = drawLayer(layers.layerFromLight(layer), layer, casters);
+    done = drawLayer(slot, layers.layerFromLight(layer), layer);
   glDisable(GL_POLYGON_OFFSET_FILL);
   glDisable(GL_SCISSOR_TEST);
   glDisable(GL_CULL_FACE);
@@ -249,17 +277,17 @@ base::Result<void> ShadowMap::draw(const ShadowMapView& view, std::span<const Dr
   return done;
 }
 
-base::Result<void> ShadowMap::drawLayer(const glm::mat4& layer_from_light, std::size_t layer,
-                                        std::span<const DrawnCaster> casters) {
-  glFramebufferTextureLayer(GL_FRAMEBUFFER, GL_DEPTH_ATTACHMENT, depths_.name(), 0, static_cast<GLint>(layer));
+base::Result<void> ShadowMap::drawLayer(const Slot& slot, const glm::mat4& layer_from_light, std::size_t layer) {
+  glFramebufferTextureLayer(GL_FRAMEBUFFER, GL_DEPTH_ATTACHMENT, slot.depths.name(), 0, static_cast<GLint>(layer));
   if (glCheckFramebufferStatus(GL_FRAMEBUFFER) != GL_FRAMEBUFFER_COMPLETE)
-    return base::Error{base::ErrorCode::kNoSpace,
-                       "shadow map of " + std::to_string(width_) + " x " + std::to_string(height_) + " texels in " +
-                           std::to_string(layers_) + " layers: the GL refuses it (" + base::gl::takeError() + ")"};
+    return base::Error{base::ErrorCode::kNoSpace, "shadow map of " + std::to_string(slot.width) + " x " +
+                                                      std::to_string(slot.height) + " texels in " +
+                                                      std::to_string(slot.layers) + " layers: the GL refuses it (" +
+                                                      base::gl::takeError() + ")"};
   glClear(GL_DEPTH_BUFFER_BIT);
-  const glm::mat4 clip_from_scene = layer_from_light * view_.camera.clipFromScene();
+  const glm::mat4 clip_from_scene = layer_from_light * slot.view.camera.clipFromScene();
   glUniformMatrix4fv(program_.uniform("u_clip_from_scene"), 1, GL_FALSE, &clip_from_scene[0][0]);
-  for (const DrawnCaster& caster : casters) {
+  for (const DrawnCaster& caster : slot.casters) {
     const Mesh& mesh = meshes_.mesh(*caster.picture);
     glBindVertexArray(mesh.array.name());
     glDrawElements(GL_TRIANGLES, static_cast<GLsizei>(caster.picture->triangles.size()), mesh.indices.type, nullptr);
@@ -272,20 +300,21 @@ std::string ShadowMap::shadingSource() {
 }
 
 void ShadowMap::use(const base::gl::Program& program, const glm::vec3& origin) const {
-  const base::Camera& camera = view_.camera;
+  const Slot& slot = slots_[slot_];
+  const base::Camera& camera = slot.view.camera;
   const glm::mat4& lens = camera.clip_from_eye;
   const glm::mat4 map_from_place(
       glm::translate(glm::dmat4(camera.clip_from_eye) * glm::dmat4(camera.eye_from_scene), glm::dvec3(origin)));
-  const glm::vec4& light = view_.light.place;
+  const glm::vec4& light = slot.view.light.place;
   glUniformMatrix4fv(program.uniform("u_map_from_place"), 1, GL_FALSE, &map_from_place[0][0]);
   glUniform4f(program.uniform("u_light"), light.x - light.w * origin.x, light.y - light.w * origin.y,
               light.z - light.w * origin.z, light.w);
   glUniform1f(program.uniform("u_depth_per_length"), std::abs(camera.orthographic() ? lens[2][2] : lens[3][2]));
   const glm::vec2 size(camera.width, camera.height);
-  glUniform2f(program.uniform("u_used_half"), 0.5F * size.x / static_cast<float>(width_),
-              0.5F * size.y / static_cast<float>(height_));
+  glUniform2f(program.uniform("u_used_half"), 0.5F * size.x / static_cast<float>(slot.width),
+              0.5F * size.y / static_cast<float>(slot.height));
 
-  const LightLayers layers = LightLayers::of(view_);
+  const LightLayers layers = LightLayers::of(slot.view);
   glUniform1f(program.uniform("u_middle"), layers.middle);
   glUniform2f(program.uniform("u_window"), layers.window.x, layers.window.y);
   glUniform2f(program.uniform("u_cell"), layers.cell.x, layers.cell.y);
@@ -299,7 +328,7 @@ void ShadowMap::use(const base::gl::Program& program, const glm::vec3& origin) c
   for (const auto& [unit, sampler, name] :
        {std::tuple(kComparedUnit, &compared_, "u_shadow_map"), std::tuple(kPlainUnit, &plain_, "u_shadow_depth")}) {
     glActiveTexture(GL_TEXTURE0 + static_cast<GLenum>(unit));
-    glBindTexture(GL_TEXTURE_2D_ARRAY, depths_.name());
+    glBindTexture(GL_TEXTURE_2D_ARRAY, slot.depths.name());
     glBindSampler(static_cast<GLuint>(unit), sampler->name());
     glUniform1i(program.uniform(name), unit);
   }

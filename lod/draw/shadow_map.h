@@ -34,10 +34,15 @@ struct ShadowMapView {
 
   /// 1 for a light without size, else 4, 8 or 16: one for each two texels of the widest penumbra.
   int layers() const;
+  friend bool operator==(const ShadowMapView& a, const ShadowMapView& b) {
+    return base::sameCamera(a.camera, b.camera) && a.light == b.light && a.receivers.min == b.receivers.min &&
+           a.receivers.max == b.receivers.max && a.one_sided == b.one_sided;
+  }
 };
 
 struct DrawnCaster {
   std::shared_ptr<const hlod::CasterPicture> picture;  ///< not null
+  friend bool operator==(const DrawnCaster&, const DrawnCaster&) = default;
 };
 
 /// The layers of a light in normalized device coordinates of the view from its middle: sheared by depth, so that what
@@ -53,9 +58,10 @@ struct LightLayers {
   glm::mat4 layerFromLight(std::size_t layer) const;
 };
 
-/// One shadow map, which is drawn anew for each group of receivers. Depth: 24 bits a texel. The texture grows to the
-/// largest map, and takes at most twice that one's bytes. Casters are kept on the GPU as a PictureCache does: 12 bytes
-/// a position, 6 or 12 a triangle.
+/// Shadow maps in slots: one of them is drawn, and shadows are thrown by it, until the next is. A slot keeps its map,
+/// so that the same one need not be drawn again, as long as all of them have room. Depth: 24 bits a texel. A texture
+/// grows to the largest map of its slot, and takes at most twice the bytes of the map in it. Casters are kept on the
+/// GPU as a PictureCache does: 12 bytes a position, 6 or 12 a triangle.
 ///
 /// Neighbouring cells are simplified each by itself, so cracks as wide as their errors are between their casters. Each
 /// caster is therefore drawn that much larger than it is, beyond its open edges.
@@ -63,24 +69,28 @@ class ShadowMap {
  public:
   /// Needs a current context, as do the other functions. `gpu_bytes`: limit for casters that are kept.
   static base::Result<std::unique_ptr<ShadowMap>> create(std::uint64_t gpu_bytes);
-  /// Leaves another framebuffer and viewport bound. Errors: kUnsupported for a map
-  /// that is larger than the GL allows, kNoSpace.
-  base::Result<void> draw(const ShadowMapView& view, std::span<const DrawnCaster> casters);
+  /// All maps together take so many bytes at most, or the one that was drawn last alone more. 0 at first.
+  void setKeptBytes(std::uint64_t bytes) { kept_bytes_ = bytes; }
+  /// Leaves another framebuffer and viewport bound. Nothing is drawn where the slot has the very map. Errors:
+  /// kUnsupported for a map that is larger than the GL allows, kNoSpace.
+  base::Result<void> draw(const ShadowMapView& view, std::span<const DrawnCaster> casters, std::size_t slot = 0);
 
-  /// Layers of the map that was drawn last.
-  int layers() const { return view_.layers(); }
+  /// Layers of the map of the last draw().
+  int layers() const { return slots_[slot_].view.layers(); }
 
   /// GLSL of the fragment shader: `vec3 shadeInLight(vec3 color, vec3 normal, vec3 to_eye, vec3 place)` with
   /// `#define LAYERS` before. The caller sets `u_reach` and `u_one_of_several`: their meanings are in
   /// shaders/shadow.glsl.
   static std::string shadingSource();
-  /// Sets the uniforms for the map that was drawn last, and binds it. `program`: in use. `origin`: from where the
+  /// Sets the uniforms for the map of the last draw(), and binds it. `program`: in use. `origin`: from where the
   /// shader's places count, scene-local.
   void use(const base::gl::Program& program, const glm::vec3& origin) const;
   /// Frees the units that use() binds.
   static void endUse();
 
-  std::uint64_t gpuBytes() const { return meshes_.bytes() + depths_.bytes(); }
+  std::uint64_t gpuBytes() const { return meshes_.bytes() + mapBytes(); }
+  /// How many maps draw() has drawn.
+  std::uint64_t drawn() const { return drawn_; }
 
  private:
   using Sampler =
@@ -91,19 +101,28 @@ class ShadowMap {
     IndexBuffer indices;
     std::uint64_t bytes = 0;
   };
+  struct Slot {
+    base::gl::Texture depths;
+    base::gl::Framebuffer framebuffer;
+    int width = 0, height = 0, layers = 0;  ///< of the texture
+    bool is_drawn = false;
+    ShadowMapView view;
+    std::vector<DrawnCaster> casters;
+  };
   explicit ShadowMap(std::uint64_t gpu_bytes) : meshes_(gpu_bytes) {}
   static Mesh upload(const hlod::CasterPicture& picture);
-  base::Result<void> fit(int width, int height, int layers);
-  base::Result<void> drawLayer(const glm::mat4& layer_from_light, std::size_t layer,
-                               std::span<const DrawnCaster> casters);
+  std::uint64_t mapBytes() const;
+  base::Result<void> fit(Slot& slot, int width, int height, int layers) const;
+  void makeRoom();
+  base::Result<void> drawCasters(const Slot& slot);
+  base::Result<void> drawLayer(const Slot& slot, const glm::mat4& layer_from_light, std::size_t layer);
 
   base::gl::Program program_;
   PictureCache<hlod::CasterPicture, Mesh> meshes_;
-  base::gl::Texture depths_;
-  base::gl::Framebuffer framebuffer_;
+  std::vector<Slot> slots_{1};
+  std::size_t slot_ = 0;  ///< of the last draw()
   Sampler compared_, plain_;
-  int width_ = 0, height_ = 0, layers_ = 0;  ///< of the texture
-  ShadowMapView view_;                       ///< of the map that was drawn last
+  std::uint64_t kept_bytes_ = 0, drawn_ = 0;
 };
 
 }  // namespace lod::draw

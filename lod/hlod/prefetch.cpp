@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "lod/view_box.h"
 
@@ -56,9 +57,6 @@ class Finder {
       for (std::uint32_t child = node.first_child; child < node.first_child + node.children; ++child)
         open.push_back(child);
     }
-    std::sort(found_.begin(), found_.end(), [](const NextNode& a, const NextNode& b) {
-      return a.motion != b.motion ? a.motion < b.motion : a.node < b.node;
-    });
     return std::move(found_);
   }
 
@@ -88,19 +86,55 @@ class Finder {
   std::vector<NextNode> found_;
 };
 
+/// Sorts by motion, and keeps the first ones that have so many bytes together. `bytesOf`: those of a node.
+template <class BytesOf>
+std::vector<NextNode> firstByMotion(std::vector<NextNode> found, std::uint64_t max_bytes, const BytesOf& bytesOf) {
+  std::sort(found.begin(), found.end(), [](const NextNode& a, const NextNode& b) {
+    return a.motion != b.motion ? a.motion < b.motion : a.node < b.node;
+  });
+  std::uint64_t bytes = 0;
+  const auto end = std::find_if(found.begin(), found.end(), [&](const NextNode& next) {
+    bytes += bytesOf(next.node);
+    return bytes > max_bytes;
+  });
+  found.erase(end, found.end());
+  return found;
+}
+
 }  // namespace
 
 std::vector<NextNode> nodesWantedNext(std::span<const Node> nodes, const TraverseRequest& request,
                                       std::uint64_t max_bytes) {
   if (nodes.empty()) return {};
-  std::vector<NextNode> found = Finder(nodes, request).run();
-  std::uint64_t bytes = 0;
-  const auto end = std::find_if(found.begin(), found.end(), [&](const NextNode& next) {
-    bytes += nodes[next.node].picture.bytes;
-    return bytes > max_bytes;
+  return firstByMotion(Finder(nodes, request).run(), max_bytes,
+                       [&](std::uint32_t node) { return nodes[node].picture.bytes; });
+}
+
+std::vector<NextNode> castersWantedNext(std::span<const Node> nodes, const LightRequest& request,
+                                        std::uint64_t max_bytes) {
+  std::vector<NextNode> found;
+  if (nodes.empty() || !(request.max_error > 0.0F)) return found;
+  const base::Frustum frustum(request.camera.clipFromScene());
+  const auto motionTo = [&](std::uint32_t node) { return motionToSee(request.camera, frustum, nodes[node].box); };
+  std::vector<std::uint32_t> open{0};
+  while (!open.empty()) {
+    const std::uint32_t number = open.back();
+    const Node& node = nodes[number];
+    open.pop_back();
+    const bool is_final = node.isLeaf() || node.caster_error <= request.max_error;
+    if (is_final && !frustum.mayOverlap(node.box)) found.push_back({motionTo(number), number});
+    // Of a final one, children are wanted where the allowed error falls to its error.
+    const float step = is_final ? 1.0F - node.caster_error / request.max_error : 0.0F;
+    for (std::uint32_t child = node.first_child; child < node.first_child + node.children; ++child) {
+      if (is_final)
+        found.push_back({step + motionTo(child), child});
+      else
+        open.push_back(child);
+    }
+  }
+  return firstByMotion(std::move(found), max_bytes, [&](std::uint32_t node) {
+    return nodes[node].isLeaf() ? nodes[node].picture.bytes : nodes[node].caster.bytes;
   });
-  found.erase(end, found.end());
-  return found;
 }
 
 bool isSameRequest(const TraverseRequest& a, const TraverseRequest& b) {

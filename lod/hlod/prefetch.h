@@ -21,6 +21,16 @@ struct NextNode {
 std::vector<NextNode> nodesWantedNext(std::span<const Node> nodes, const TraverseRequest& request,
                                       std::uint64_t max_bytes);
 
+/// A view from the light, whose shadow map casters are drawn into.
+struct LightRequest {
+  base::Camera camera;
+  float max_error = 0.0F;  ///< casters are off by at most so much, scene units
+};
+
+/// The same for the casters of a map: a light that moves, or a viewer, turns and zooms the views from it (figure 5).
+std::vector<NextNode> castersWantedNext(std::span<const Node> nodes, const LightRequest& request,
+                                        std::uint64_t max_bytes);
+
 /// Whether both want the same nodes.
 bool isSameRequest(const TraverseRequest& a, const TraverseRequest& b);
 

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <map>
+#include <memory>
 #include <numeric>
 #include <optional>
 #include <utility>
@@ -35,11 +36,18 @@ struct Group {
 struct Map {
   LightView view;
   std::vector<std::uint32_t> receivers;
-  SeenBox box;         ///< of these receivers
-  double scale = 0.0;  ///< the most pixels of the view that a scene unit of them covers
-  double texel = 0.0;  ///< wanted size: scene units, or those of a picture at depth 1
+  SeenBox box;          ///< of these receivers, and the room around them
+  double scale = 0.0;   ///< the most pixels of the view that a scene unit of them covers
+  double pixels = 0.0;  ///< the same of a unit of the light's picture
+  double texel = 0.0;   ///< wanted size: scene units, or those of a picture at depth 1
+  bool has_all = true;  ///< each of its group's views from the light has a map
   double texels() const { return view.size().x / texel * (view.size().y / texel); }
 };
+
+/// The most pixels that a unit of the light's picture covers. `scale`: that a unit of the scene covers.
+double pixelsIn(const LightView& view, const BoxCorners& corners, double scale) {
+  return view.isParallel() ? scale : scale * view.largestDepth(corners);
+}
 
 /// The ends of the octree's levels, which lie behind one another.
 std::vector<std::uint32_t> levelEnds(std::span<const Node> nodes) {
@@ -58,17 +66,19 @@ class Planner {
   Planner(std::span<const Node> nodes, std::span<const ShadowReceiver> receivers, const ShadowRequest& request)
       : nodes_(nodes), receivers_(receivers), request_(request), space_(request.view) {}
 
-  std::vector<ShadowMapPlan> run();
+  /// Maps by groups of receivers.
+  std::vector<std::vector<Map>> run();
+  ShadowMapPlan finish(const Map& map) const;
 
  private:
   bool isFinite() const;
   void findReceivers();
+  void addRoom(SeenBox& box) const;
   std::vector<Group> groupByLevel() const;
   std::vector<Map> mapsOf(const Group& group) const;
   std::optional<Map> mapOf(const Group& group, const LightView& view) const;
   std::vector<std::vector<Map>> shareMaps(std::vector<Group> groups) const;
   glm::ivec2 sizeOf(const Map& map) const;
-  ShadowMapPlan finish(const Map& map) const;
 
   const std::span<const Node> nodes_;
   const std::span<const ShadowReceiver> receivers_;
@@ -105,18 +115,31 @@ std::vector<Group> Planner::groupByLevel() const {
   return groups;
 }
 
+/// The room ends with the scene.
+void Planner::addRoom(SeenBox& box) const {
+  if (!(request_.room > 0.0F)) return;
+  SeenBox scene;
+  for (const glm::dvec3& corner : boxCorners(nodes_[0].box)) scene.add(space_.toEye(corner));
+  const glm::dvec3 room = static_cast<double>(request_.room) * (box.max - box.min);
+  box.min = glm::min(box.min, glm::max(box.min - room, scene.min));
+  box.max = glm::max(box.max, glm::min(box.max + room, scene.max));
+}
+
 std::vector<Map> Planner::mapsOf(const Group& group) const {
   std::vector<Map> maps;
-  for (LightView view : viewsFrom(request_.light, group.box, space_)) {
+  SeenBox box = group.box;
+  addRoom(box);
+  std::vector<LightView> views = viewsFrom(request_.light, box, space_);
+  for (LightView& view : views) {
     view.widen(coordinate_);
     if (auto map = mapOf(group, view)) maps.push_back(std::move(*map));
   }
+  for (Map& map : maps) map.has_all = maps.size() == views.size();
   return maps;
 }
 
 std::optional<Map> Planner::mapOf(const Group& group, const LightView& view) const {
   Map map{view, {}, {}};
-  double pixels = 0.0;  // that a unit of the light's picture covers
   for (const std::uint32_t member : group.members) {
     const BoxCorners corners = space_.toScene(seen_[member]);
     if (!view.mayHold(corners)) continue;
@@ -124,11 +147,14 @@ std::optional<Map> Planner::mapOf(const Group& group, const LightView& view) con
     map.receivers.push_back(member);
     map.box.add(seen_[member]);
     map.scale = std::max(map.scale, scale);
-    pixels = std::max(pixels, view.isParallel() ? scale : scale * view.largestDepth(corners));
+    map.pixels = std::max(map.pixels, pixelsIn(view, corners, scale));
   }
   if (map.receivers.empty()) return std::nullopt;
   std::sort(map.receivers.begin(), map.receivers.end());
-  map.texel = static_cast<double>(request_.texel_px) / pixels;
+  addRoom(map.box);
+  const double nearer = 1.0 + static_cast<double>(request_.room);
+  map.scale *= nearer, map.pixels *= nearer;
+  map.texel = static_cast<double>(request_.texel_px) / map.pixels;
   return map;
 }
 
@@ -264,6 +290,9 @@ ShadowMapPlan Planner::finish(const Map& map) const {
   plan.receivers = map.receivers;
   plan.receiver_error = static_cast<float>(static_cast<double>(request_.view.tolerance) / map.scale);
   plan.casters = CasterChoice(request_, space_, map, plan.receiver_error).choose(nodes_);
+  for (const glm::dvec3& corner : space_.toScene(map.box)) plan.region.add(glm::vec3(corner));
+  plan.region.min = glm::max(plan.region.min, nodes_[0].box.min);
+  plan.region.max = glm::min(plan.region.max, nodes_[0].box.max);
 
   double near_depth = map.view.nearDepth();
   for (const std::uint32_t caster : plan.casters)
@@ -275,13 +304,10 @@ ShadowMapPlan Planner::finish(const Map& map) const {
   return plan;
 }
 
-std::vector<ShadowMapPlan> Planner::run() {
-  std::vector<ShadowMapPlan> plans;
-  if (nodes_.empty() || receivers_.empty() || !isFinite()) return plans;
+std::vector<std::vector<Map>> Planner::run() {
+  if (nodes_.empty() || receivers_.empty() || !isFinite()) return {};
   findReceivers();
-  for (const std::vector<Map>& maps : shareMaps(groupByLevel()))
-    for (const Map& map : maps) plans.push_back(finish(map));
-  return plans;
+  return shareMaps(groupByLevel());
 }
 
 }  // namespace
@@ -299,7 +325,103 @@ std::vector<ShadowReceiver> receiversOf(std::span<const Node> nodes, std::span<c
 
 std::vector<ShadowMapPlan> planShadowMaps(std::span<const Node> nodes, std::span<const ShadowReceiver> receivers,
                                           const ShadowRequest& request) {
-  return Planner(nodes, receivers, request).run();
+  Planner planner(nodes, receivers, request);
+  std::vector<ShadowMapPlan> plans;
+  for (const std::vector<Map>& maps : planner.run())
+    for (const Map& map : maps) plans.push_back(planner.finish(map));
+  return plans;
+}
+
+// ---- Plans that hold for several views
+
+/// The last plans, and what they were made for.
+struct ShadowPlanner::Kept {
+  ShadowRequest request;
+  std::vector<std::vector<Map>> groups;
+  std::vector<ShadowMapPlan> plans;  // those of the groups' maps, one after the other
+
+  bool isFor(const ShadowRequest& other) const;
+  bool takeReceivers(std::span<const ShadowReceiver> receivers, const TraverseRequest& view);
+
+ private:
+  const std::vector<Map>* groupOf(const SeenBox& seen, const BoxCorners& corners, double scale) const;
+};
+
+ShadowPlanner::ShadowPlanner() = default;
+ShadowPlanner::~ShadowPlanner() = default;
+ShadowPlanner::ShadowPlanner(ShadowPlanner&&) noexcept = default;
+ShadowPlanner& ShadowPlanner::operator=(ShadowPlanner&&) noexcept = default;
+
+/// Whether the requests ask for the same but for the view's camera.
+bool ShadowPlanner::Kept::isFor(const ShadowRequest& other) const {
+  return request.light == other.light && request.view.section == other.view.section &&
+         request.view.tolerance == other.view.tolerance && request.intensity_change == other.intensity_change &&
+         request.texel_px == other.texel_px && request.max_texels == other.max_texels &&
+         request.max_maps == other.max_maps && request.room == other.room;
+}
+
+/// Of the groups whose room holds the place and whose maps are fine enough the one with the coarsest maps; null where
+/// there is none. `seen`: the place, in the coordinates of the view for which the plans were made.
+const std::vector<Map>* ShadowPlanner::Kept::groupOf(const SeenBox& seen, const BoxCorners& corners,
+                                                     double scale) const {
+  const std::vector<Map>* found = nullptr;
+  for (const std::vector<Map>& maps : groups) {
+    bool is_held = false, is_served = true;
+    for (const Map& map : maps) {
+      if (!map.view.mayHold(corners)) continue;
+      is_held = true;
+      is_served &= map.has_all && map.box.contains(seen.min) && map.box.contains(seen.max) && scale <= map.scale &&
+                   pixelsIn(map.view, corners, scale) <= map.pixels;
+    }
+    if (is_held && is_served && (found == nullptr || maps.front().scale < found->front().scale)) found = &maps;
+  }
+  return found;
+}
+
+/// Puts receivers into the plans. Returns false where a receiver is served by none of them, or where all need maps half
+/// as fine at most, which cost less to draw.
+bool ShadowPlanner::Kept::takeReceivers(std::span<const ShadowReceiver> receivers, const TraverseRequest& view) {
+  const SeenSpace now(view), then(request.view);
+  if (!now.isFinite()) return false;
+  for (ShadowMapPlan& plan : plans) plan.receivers.clear();
+  bool needs_fine = false;
+  for (std::uint32_t i = 0; i < receivers.size(); ++i) {
+    const SeenBox part = now.seenPart(receivers[i].box);
+    if (part.empty()) continue;
+    const BoxCorners corners = now.toScene(part);
+    SeenBox seen;
+    for (const glm::dvec3& corner : corners) seen.add(then.toEye(corner));
+    const double scale = now.largestScale(part);
+    const std::vector<Map>* group = groupOf(seen, corners, scale);
+    if (group == nullptr) return false;
+    std::size_t place = 0;
+    for (const std::vector<Map>& maps : groups)
+      for (const Map& map : maps) {
+        ShadowMapPlan& plan = plans[place++];
+        if (&maps != group || !map.view.mayHold(corners)) continue;
+        plan.receivers.push_back(i);
+        needs_fine |= 2.0 * scale > map.scale;
+      }
+  }
+  return needs_fine;
+}
+
+std::vector<ShadowMapPlan> ShadowPlanner::plan(std::span<const Node> nodes, std::span<const ShadowReceiver> receivers,
+                                               const ShadowRequest& request) {
+  if (kept_ && kept_->isFor(request) && kept_->takeReceivers(receivers, request.view)) return kept_->plans;
+  kept_ = std::make_unique<Kept>(Kept{request, {}, {}});
+  ShadowRequest fewer = request;
+  for (fewer.max_maps = 1;; ++fewer.max_maps) {
+    Planner planner(nodes, receivers, fewer);
+    kept_->groups = planner.run();
+    kept_->plans.clear();
+    for (const std::vector<Map>& maps : kept_->groups)
+      for (const Map& map : maps) kept_->plans.push_back(planner.finish(map));
+    const bool is_fine = std::all_of(kept_->plans.begin(), kept_->plans.end(), [&](const ShadowMapPlan& plan) {
+      return plan.texel_px <= 2.0F * request.texel_px;
+    });
+    if (is_fine || fewer.max_maps >= request.max_maps) return kept_->plans;
+  }
 }
 
 }  // namespace lod::hlod

@@ -6,6 +6,7 @@
 // each level's receivers gives a view of the light's own. A caster may be as coarse as its shadow's edge allows where
 // it falls on these receivers.
 #include <cstdint>
+#include <memory>
 #include <span>
 #include <vector>
 
@@ -47,6 +48,9 @@ struct ShadowRequest {
   /// Neighbouring levels share maps, those first that take the fewest texels more. A light near receivers sees them in
   /// up to six maps, even where that is more than this.
   std::size_t max_maps = 4;
+  /// Maps reach so much farther on each side than the view sees, as a share of the size of what it sees, and are as
+  /// fine as a view needs that is nearer by as much. They hold for views near this one, then.
+  float room = 0.0F;
 };
 
 /// A view from the light.
@@ -60,6 +64,7 @@ struct ShadowMapPlan {
   /// ε_r, scene units: the error that the view tolerates at the nearest of the receivers. Casters in their box are off
   /// by at most so much.
   float receiver_error = 0.0F;
+  base::Aabb region;  ///< scene-local; holds all of the receivers that is seen, and the room around them
 };
 
 /// Nodes as receivers.
@@ -77,5 +82,25 @@ inline std::vector<ShadowMapPlan> planShadowMaps(std::span<const Node> nodes, st
                                                  const ShadowRequest& request) {
   return planShadowMaps(nodes, receiversOf(nodes, drawn), request);
 }
+
+/// Plans for one view after another. While the light stands still most views are served by the maps of one before, so
+/// that whoever draws a plan's map when its camera or its casters change seldom has to.
+class ShadowPlanner {
+ public:
+  ShadowPlanner();
+  ~ShadowPlanner();
+  ShadowPlanner(ShadowPlanner&&) noexcept;
+  ShadowPlanner& operator=(ShadowPlanner&&) noexcept;
+
+  /// As planShadowMaps(), with the fewest maps, up to request.max_maps, whose texels are at most twice as large as
+  /// wanted. The maps of the last call with the receivers of this one where all of these lie in the maps' room, and
+  /// where casters and texels are as fine as they need. `nodes`: those of one file in all calls.
+  std::vector<ShadowMapPlan> plan(std::span<const Node> nodes, std::span<const ShadowReceiver> receivers,
+                                  const ShadowRequest& request);
+
+ private:
+  struct Kept;
+  std::unique_ptr<Kept> kept_;
+};
 
 }  // namespace lod::hlod

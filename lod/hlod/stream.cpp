@@ -68,6 +68,9 @@ struct Stream::State {
 
   std::optional<PendingRequest> nextFrontRange() const;
   std::optional<PendingRequest> nextBlockRange(std::uint64_t max_bytes);
+  std::uint64_t prefetchBudget() const;
+  void findNextParts();
+  void expectLights(std::vector<LightRequest> wanted);
   std::optional<PendingRequest> nextPrefetch();
   bool isWanted(std::uint32_t part) const;
   bool concernsView(const PendingRequest& request) const;
@@ -115,7 +118,8 @@ struct Stream::State {
   TraverseRequest view;     // of the last update()
   std::uint32_t views = 0;  // calls of update()
   bool is_new_view = true;  // next_nodes are to be found
-  std::vector<NextNode> next_nodes;
+  std::vector<LightRequest> lights;
+  std::vector<NextNode> next_parts;  // parts in place of nodes
   std::size_t next_at = 0;
   std::uint64_t may_prefetch = 0;  // bytes left for the view
   std::uint64_t prefetch_id = 0;   // of the last request
@@ -448,31 +452,57 @@ std::optional<PendingRequest> Stream::State::nextBlockRange(std::uint64_t max_by
   return request;
 }
 
+/// Bytes for a view.
+std::uint64_t Stream::State::prefetchBudget() const {
+  const double rate = requests.bytesPerSecond();
+  if (rate < options.prefetch_least_rate) return 0;
+  return static_cast<std::uint64_t>(
+      std::min(static_cast<double>(options.prefetch_bytes), options.prefetch_seconds * rate));
+}
+
 /// The block that the view wants with the least motion, once it has all that it wants.
 std::optional<PendingRequest> Stream::State::nextPrefetch() {
   if (!cache || frame == 0 || options.prefetch_bytes == 0 || waiting + waiting_casters > 0 || is_decoding)
     return std::nullopt;
   if (requests.underWay() >= kPrefetchesAtOnce) return std::nullopt;
   if (std::exchange(is_new_view, false)) {
-    may_prefetch = options.prefetch_bytes;
+    may_prefetch = prefetchBudget();
     next_at = 0;
-    // Some are here already, so that there may be use for more than are fetched.
-    next_nodes = nodesWantedNext(nodes, view, 4 * options.prefetch_bytes);
+    findNextParts();
   }
-  for (; next_at < next_nodes.size(); ++next_at) {
-    const std::uint32_t node = next_nodes[next_at].node;
-    const BlockPlace& place = nodes[node].picture;
-    if (cache->has(node) || (*cache)[node].is_given_up) continue;
+  for (; next_at < next_parts.size(); ++next_at) {
+    const std::uint32_t part = next_parts[next_at].node;
+    const BlockPlace& place = cache->placeOf(part);
+    if (cache->has(part) || (*cache)[part].is_given_up) continue;
     if (place.bytes > may_prefetch || cache->bytes() + place.bytes > cache->limit()) return std::nullopt;
     may_prefetch -= place.bytes;
     prefetched += place.bytes;
     ++next_at;
     PendingRequest request;
-    request.first = request.last = node;
+    request.first = request.last = part;
     request.range = {0, place.offset, place.bytes};
     return request;
   }
   return std::nullopt;
+}
+
+void Stream::State::findNextParts() {
+  // Some are here already, so that there may be use for more than are fetched.
+  const std::uint64_t bytes = 4 * may_prefetch;
+  next_parts = nodesWantedNext(nodes, view, bytes);
+  for (const LightRequest& light : lights)
+    for (const NextNode& next : castersWantedNext(nodes, light, bytes))
+      next_parts.push_back({next.motion, cache->sourceOfCaster(next.node)});
+  std::stable_sort(next_parts.begin(), next_parts.end(),
+                   [](const NextNode& a, const NextNode& b) { return a.motion < b.motion; });
+}
+
+void Stream::State::expectLights(std::vector<LightRequest> wanted) {
+  const auto isSame = [](const LightRequest& a, const LightRequest& b) {
+    return base::sameCamera(a.camera, b.camera) && a.max_error == b.max_error;
+  };
+  if (!std::equal(lights.begin(), lights.end(), wanted.begin(), wanted.end(), isSame)) is_new_view = true;
+  lights = std::move(wanted);
 }
 
 /// Whether the last view awaits the request.
@@ -585,6 +615,9 @@ void Stream::update(const TraverseRequest& request, std::vector<DrawnNode>& resu
 void Stream::updateCasters(std::span<const std::uint32_t> wanted,
                            std::vector<std::shared_ptr<const CasterPicture>>& result) {
   state_->updateCasters(wanted, result);
+}
+void Stream::expectLights(std::vector<LightRequest> lights) {
+  state_->expectLights(std::move(lights));
 }
 std::uint64_t Stream::generation() const {
   return state_->generation;

@@ -15,6 +15,7 @@
 #include "lod/byte_range.h"
 #include "lod/file_bytes.h"
 #include "lod/hlod/format.h"
+#include "lod/hlod/prefetch.h"
 #include "lod/hlod/traverse.h"
 #include "lod/surface_vertex.h"
 
@@ -31,8 +32,11 @@ struct StreamOptions {
   /// Triangles and points decoded for a frame, about; the rest waits for the next one. 0: no limit.
   std::uint64_t decode_per_frame = 0;
   /// Once a view has all that it wants, nodes that it would want if it moved a little are fetched, up to so many bytes
-  /// a view (section 4.3).
+  /// a view (section 4.3), and to what the link carries in so many seconds; none where it carries less than
+  /// prefetch_least_rate bytes a second.
   std::uint64_t prefetch_bytes = 0;
+  double prefetch_seconds = 1e9;
+  double prefetch_least_rate = 0.0;
 };
 
 using ByteRange = lod::ByteRange;
@@ -102,6 +106,9 @@ class Stream {
   /// once. `result` is replaced; casters without triangles are left out. A quarter of the memory is theirs while any
   /// are asked for.
   void updateCasters(std::span<const std::uint32_t> wanted, std::vector<std::shared_ptr<const CasterPicture>>& result);
+  /// Names the maps that casters are drawn into, so that those that they would want if the light or the view moved a
+  /// little are fetched ahead, as pictures are. They hold until others are named.
+  void expectLights(std::vector<LightRequest> lights);
   /// Rises when another update() of the same view may find more.
   std::uint64_t generation() const;
   /// Whether the last update(), and all of updateCasters() behind it, had what they asked for that can be had.

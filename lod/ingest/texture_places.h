@@ -6,6 +6,7 @@
 #include <limits>
 #include <span>
 #include <string>
+#include <vector>
 
 #include "base/file.h"
 #include "lod/ingest/spool.h"
@@ -43,6 +44,9 @@ class TexturePlaces {
   std::uint64_t size() const { return file_.size() / sizeof(TexturePlace); }
   /// The place of a triangle of the source. Safe from several threads. Errors: kIo.
   base::Result<TexturePlace> operator[](std::uint64_t source) const;
+  /// The places of many triangles, in their order; those of kNoSource show no picture. Neighbours in the source are
+  /// read together. Safe from several threads. Errors: kIo.
+  base::Result<std::vector<TexturePlace>> read(std::span<const std::uint64_t> sources) const;
 
  private:
   explicit TexturePlaces(SpoolFile file) : file_(std::move(file)) {}

@@ -44,12 +44,6 @@ std::vector<Edge> sortedEdges(std::span<const StepTriangle> triangles) {
   return edges;
 }
 
-// The set that `item` belongs to is named by its least member; paths are halved on the way.
-std::uint32_t setOf(std::vector<std::uint32_t>& parents, std::uint32_t item) {
-  while (parents[item] != item) item = parents[item] = parents[parents[item]];
-  return item;
-}
-
 void findRectangle(Chart& chart) {
   glm::ivec2 least = chart.triangles.front().corners[0];
   glm::ivec2 greatest = least;
@@ -77,6 +71,11 @@ std::vector<StepTriangle> roundTriangles(std::span<const PictureTriangle> triang
       added.corners[i] = glm::ivec2(glm::floor(glm::dvec2(triangle.corners[i]) * double{kCornerSteps} + 0.5));
   }
   return rounded;
+}
+
+std::uint32_t setOf(std::vector<std::uint32_t>& parents, std::uint32_t item) {
+  while (parents[item] != item) item = parents[item] = parents[parents[item]];
+  return item;
 }
 
 std::vector<Chart> findCharts(std::span<const StepTriangle> triangles) {

@@ -37,4 +37,8 @@ std::vector<Chart> findCharts(std::span<const StepTriangle> triangles);
 /// texels of one.
 std::vector<Chart> foldRepetitions(std::vector<Chart> charts, const glm::ivec2& picture);
 
+/// Disjoint sets: the set that `item` belongs to is named by its least member, which is its own parent. Paths are
+/// halved on the way.
+std::uint32_t setOf(std::vector<std::uint32_t>& parents, std::uint32_t item);
+
 }  // namespace lod::texture

@@ -8,6 +8,7 @@
 #include "lod/texture/coverage.h"
 #include "lod/texture/fill.h"
 #include "lod/texture/page_plan.h"
+#include "lod/texture/wrapped.h"
 
 namespace lod::texture {
 namespace {
@@ -16,11 +17,6 @@ constexpr int kMinSide = 64, kMaxPictureSide = 1 << 20;  // texels; larger sides
 // A texel of a reduced page is the mean of at most so many texels of the picture a side, evenly spaced: more would take
 // long for a picture that repeats hundreds of times, and change nothing to be seen.
 constexpr int kMaxSamples = 8;
-
-int wrapped(int value, int period) {
-  const int rest = value % period;
-  return rest < 0 ? rest + period : rest;
-}
 
 // A page in the making.
 struct Canvas {
@@ -195,20 +191,6 @@ void dropOpaqueAlpha(Canvas& canvas) {
   base::Image rgb(image.width, image.height, 3);
   for (std::size_t i = 0; i < canvas.mask.size(); ++i) std::memcpy(&rgb.pixels[3 * i], &image.pixels[4 * i], 3);
   image = std::move(rgb);
-}
-
-// Moves a chart's triangles to the page.
-void placeTriangles(const Chart& chart, const PagePlan& plan, const Slot& slot, std::vector<PageTriangle>& placed) {
-  for (const StepTriangle& triangle : chart.triangles) {
-    PageTriangle& added = placed.emplace_back();
-    added.triangle = triangle.triangle;
-    for (int i = 0; i < 3; ++i) {
-      const glm::ivec2 steps = triangle.corners[i] - chart.min * kCornerSteps;
-      const glm::ivec2 rounded = (2 * steps + plan.factor) / (2 * plan.factor);
-      // The right edge of the longest page would be step 65536.
-      added.corners[i] = glm::u16vec2(glm::min(rounded + slot.origin * kCornerSteps, 65535));
-    }
-  }
 }
 
 Page drawPage(const base::Image& picture, const std::vector<Chart>& charts, const PagePlan& plan) {

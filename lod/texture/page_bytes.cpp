@@ -3,6 +3,7 @@
 
 #include <zlib.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstring>
@@ -22,9 +23,10 @@ constexpr std::uint8_t kVersion = 1, kHasAlpha = 1;
 constexpr std::size_t kHeaderBytes = 24, kChecksumBytes = 4;
 constexpr std::uint32_t kMaxLevels = 14;  // of 8192 texels a side
 
-// A block of 8 × 8 texels takes at least 6 bits of a baseline JPEG: a symbol for its first and one for its other
-// coefficients, three times. And deflate shrinks at most 1032 to 1 (zlib's documented limit).
-constexpr std::uint64_t kMaxTexelsPerJpegByte = 128, kMaxTexelsPerAlphaByte = 1032;
+// A block of 8 × 8 samples takes at least 2 bits of a baseline JPEG: a symbol for its first and one for its other
+// coefficients. A grey JPEG has one block for 64 texels, others more. And deflate shrinks at most 1032 to 1 (zlib's
+// documented limit).
+constexpr std::uint64_t kMaxTexelsPerJpegByte = 256, kMaxTexelsPerAlphaByte = 1032;
 // One triangle takes at most so many bytes before deflate: its number, three corners, and three places.
 constexpr std::size_t kMaxTriangleBytes = 3 + 3 * 3 + 3 * 6;
 
@@ -184,28 +186,23 @@ base::Result<base::Bytes> alphaBytes(const base::Image& image) {
 }
 
 // Returns the header of a page, without lengths, if decodePage() would take it.
-base::Result<PageHeader> headerOf(const Page& page) {
-  const base::Image& image = page.image;
+base::Result<PageHeader> headerOf(const PageLayout& page) {
   PageHeader header;
-  header.alpha = image.channels == 4;
-  if ((image.channels != 3 && image.channels != 4) || image.width > kMaxPageSide || image.height > kMaxPageSide)
-    return invalid("no image of 3 or 4 channels and at most 8192 texels a side");
+  if (std::max(page.size.x, page.size.y) > kMaxPageSide) return invalid("more than 8192 texels a side");
   if (page.levels > kMaxLevels || page.triangles.size() > 65535) return invalid("too many levels or triangles");
   header.levels = static_cast<std::uint8_t>(page.levels);
-  header.width = static_cast<std::uint16_t>(image.width);
-  header.height = static_cast<std::uint16_t>(image.height);
+  header.width = static_cast<std::uint16_t>(page.size.x);
+  header.height = static_cast<std::uint16_t>(page.size.y);
   header.triangles = static_cast<std::uint16_t>(page.triangles.size());
   if (const char* fault = sizeFault(header.width, header.height, header.levels, header.triangles))
     return invalid(fault);
-  const float factor = std::round(1.0F / page.scale);
-  if (!(factor >= 1.0F && factor <= 65535.0F && page.scale == 1.0F / factor))
-    return invalid("its scale is not 1 by a whole number");
-  header.factor = static_cast<std::uint16_t>(factor);
+  if (page.factor < 1 || page.factor > 65535) return invalid("its scale is not 1 by a whole number");
+  header.factor = static_cast<std::uint16_t>(page.factor);
   for (std::size_t t = 0; t < page.triangles.size(); ++t) {
     if (t > 0 && page.triangles[t].triangle <= page.triangles[t - 1].triangle)
       return invalid("its triangles are not in the order of their numbers");
     for (const glm::u16vec2& corner : page.triangles[t].corners)
-      if (corner.x > image.width * kCornerSteps || corner.y > image.height * kCornerSteps)
+      if (corner.x > page.size.x * kCornerSteps || corner.y > page.size.y * kCornerSteps)
         return invalid("a corner lies outside");
   }
   return header;
@@ -251,10 +248,22 @@ base::Result<PageHeader> readPageHeader(base::ByteView bytes) {
 
 base::Result<base::Bytes> encodePage(const Page& page, int quality) {
   LUMIGRID_CHECK(quality >= 1 && quality <= 100);
-  LUMIGRID_ASSIGN_OR_RETURN(auto header, headerOf(page));
-  LUMIGRID_ASSIGN_OR_RETURN(const auto corners, deflated(cornerBytes(page.triangles)));
-  LUMIGRID_ASSIGN_OR_RETURN(const auto alpha, alphaBytes(page.image));
-  LUMIGRID_ASSIGN_OR_RETURN(const auto jpeg, colorBytes(page.image, quality));
+  const base::Image& image = page.image;
+  if (image.channels != 3 && image.channels != 4) return invalid("no image of 3 or 4 channels");
+  const float factor = std::round(1.0F / page.scale);
+  if (!(factor >= 1.0F && factor <= 65535.0F && page.scale == 1.0F / factor))
+    return invalid("its scale is not 1 by a whole number");
+  const PageLayout layout{{image.width, image.height}, page.levels, static_cast<int>(factor), page.triangles};
+  if (const auto header = headerOf(layout); !header) return header.error();
+  LUMIGRID_ASSIGN_OR_RETURN(const auto alpha, alphaBytes(image));
+  LUMIGRID_ASSIGN_OR_RETURN(const auto jpeg, colorBytes(image, quality));
+  return encodePage(layout, jpeg, alpha);
+}
+
+base::Result<base::Bytes> encodePage(const PageLayout& layout, base::ByteView jpeg, base::ByteView alpha) {
+  LUMIGRID_ASSIGN_OR_RETURN(auto header, headerOf(layout));
+  LUMIGRID_ASSIGN_OR_RETURN(const auto corners, deflated(cornerBytes(layout.triangles)));
+  header.alpha = !alpha.empty();
   header.corner_bytes = static_cast<std::uint32_t>(corners.size());
   header.alpha_bytes = static_cast<std::uint32_t>(alpha.size());
   header.jpeg_bytes = static_cast<std::uint32_t>(jpeg.size());
@@ -262,7 +271,7 @@ base::Result<base::Bytes> encodePage(const Page& page, int quality) {
   const Front front{kVersion, header.alpha ? kHasAlpha : std::uint8_t{0}, header.levels, 0};
   base::ByteWriter out;
   base::writeFields(out, headerFields(header, front));
-  for (const base::Bytes* part : {&corners, &alpha, &jpeg}) out.bytes(*part);
+  for (const base::ByteView part : {base::ByteView(corners), alpha, jpeg}) out.bytes(part);
   out.u32(base::crc32c(out.view()));
   return out.takeBytes();
 }

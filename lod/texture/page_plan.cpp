@@ -43,6 +43,18 @@ glm::ivec2 slotSize(const glm::ivec2& chart, int grain) {
   return roundedUp(chart + 2 * padding(grain), grain);
 }
 
+glm::ivec2 remainder(const glm::ivec2& value, const glm::ivec2& unit) {
+  return (value % unit + unit) % unit;
+}
+// By how much a slot may be longer than one without units.
+int unitExcess(const glm::ivec2& unit) {
+  return unit == glm::ivec2(1) ? 0 : 2 * longest(unit);
+}
+// The least padding from `least` on that moves a chart by a multiple of the unit, in a slot that begins at one.
+glm::ivec2 unitPadding(const Chart& chart, int least, const glm::ivec2& unit) {
+  return least + remainder(chart.min - least, unit);
+}
+
 // The least factor at which all charts together have at most `limit` texels, or one each.
 int commonFactor(const std::vector<Chart>& charts, std::int64_t limit) {
   for (int factor = 1;; ++factor) {
@@ -86,57 +98,107 @@ int chooseGrain(const std::vector<glm::ivec2>& sizes, double mean_edge, int max_
   return grain;
 }
 
-PagePlan planAlone(const std::vector<Chart>& charts, std::uint32_t chart, int factor, int max_side) {
+PagePlan planAlone(const std::vector<Chart>& charts, std::uint32_t chart, int factor, int max_side,
+                   const glm::ivec2& unit) {
   while (longest(reducedSize(charts[chart], factor)) > max_side) ++factor;
   const glm::ivec2 size = reducedSize(charts[chart], factor);
   const glm::ivec2 margin = glm::min(glm::ivec2(kMargin), (max_side - size) / 2);
   PagePlan page;
-  page.size = roundedUp(size + 2 * margin, kSideMultiple);
+  const bool in_units = unit != glm::ivec2(1);
+  const int multiple = in_units ? longest(unit) : kSideMultiple;
+  glm::ivec2 before = margin, after = margin;
+  for (int k = 0; in_units && k < 2; ++k) {
+    before[k] = unitPadding(charts[chart], kMargin, unit)[k];
+    after[k] = kMargin;
+    if (roundedUp(before[k] + size[k] + after[k], multiple) <= max_side) continue;
+    before[k] = unitPadding(charts[chart], 0, unit)[k];
+    after[k] = 0;
+  }
+  page.size = roundedUp(before + size + after, multiple);
   page.factor = factor;
   page.levels = static_cast<std::uint32_t>(std::bit_width(static_cast<unsigned>(longest(page.size))));
-  page.slots.push_back({chart, glm::ivec2(0), page.size, margin});
+  page.slots.push_back({chart, glm::ivec2(0), page.size, before});
   return page;
 }
 
 // Packs charts into common pages.
 void planTogether(const std::vector<Chart>& charts, const std::vector<std::uint32_t>& chosen, int factor, int max_side,
-                  std::vector<PagePlan>& pages) {
-  std::vector<glm::ivec2> sizes;
+                  const glm::ivec2& unit, std::vector<PagePlan>& pages) {
+  std::vector<glm::ivec2> sizes, origins;
   sizes.reserve(chosen.size());
   for (const std::uint32_t chart : chosen) sizes.push_back(reducedSize(charts[chart], factor));
-  const int grain = chooseGrain(sizes, meanEdge(charts, chosen, factor), max_side);
+  const int grain = chooseGrain(sizes, meanEdge(charts, chosen, factor), max_side - unitExcess(unit));
 
-  // Rectangles are packed in grains.
-  for (glm::ivec2& size : sizes) size = slotSize(size, grain) / grain;
-  const int multiple = std::max(1, kSideMultiple / grain);
-  const int side = max_side / grain / multiple * multiple;
+  // Rectangles are packed in cells: grains, or units where these are larger.
+  const int cell = std::max({grain, unit.x, unit.y});
+  for (std::size_t i = 0; i < sizes.size(); ++i) {
+    origins.push_back(unitPadding(charts[chosen[i]], padding(grain), unit));
+    sizes[i] = roundedUp(origins[i] + sizes[i] + padding(grain), cell) / cell;
+  }
+  const int multiple = std::max(1, kSideMultiple / cell);
+  const int side = max_side / cell / multiple * multiple;
   for (const PackedPage& packed : packRectangles(sizes, side, multiple)) {
     PagePlan& page = pages.emplace_back();
-    page.size = packed.size * grain;
+    page.size = packed.size * cell;
     page.factor = factor;
     page.levels = static_cast<std::uint32_t>(std::bit_width(static_cast<unsigned>(grain)));
-    page.grain = grain;
+    page.grain = cell;
     for (const PackedRectangle& slot : packed.rectangles)
       page.slots.push_back(
-          {chosen[slot.index], slot.place * grain, sizes[slot.index] * grain, slot.place * grain + padding(grain)});
+          {chosen[slot.index], slot.place * cell, sizes[slot.index] * cell, slot.place * cell + origins[slot.index]});
   }
 }
 
-}  // namespace
-
-std::vector<PagePlan> planPages(const std::vector<Chart>& charts, const glm::ivec2& picture, int max_side) {
-  const int factor = commonFactor(charts, texelLimit(picture));
+std::vector<PagePlan> planAtFactor(const std::vector<Chart>& charts, int factor, int max_side, const glm::ivec2& unit) {
   std::vector<PagePlan> pages;
   std::vector<std::uint32_t> together, alone;
   for (std::uint32_t c = 0; c < charts.size(); ++c)
-    (longest(slotSize(reducedSize(charts[c], factor), kMinGrain)) > max_side ? alone : together).push_back(c);
+    (longest(slotSize(reducedSize(charts[c], factor), kMinGrain)) > max_side - unitExcess(unit) ? alone : together)
+        .push_back(c);
   if (together.size() == 1) {
     alone.push_back(together[0]);
     together.clear();
   }
-  if (!together.empty()) planTogether(charts, together, factor, max_side, pages);
-  for (const std::uint32_t chart : alone) pages.push_back(planAlone(charts, chart, factor, max_side));
+  if (!together.empty()) planTogether(charts, together, factor, max_side, unit, pages);
+  for (const std::uint32_t chart : alone) pages.push_back(planAlone(charts, chart, factor, max_side, unit));
   return pages;
+}
+
+std::int64_t areaOf(const std::vector<PagePlan>& pages) {
+  std::int64_t area = 0;
+  for (const PagePlan& page : pages) area += areaOf(page.size);
+  return area;
+}
+
+}  // namespace
+
+std::vector<PagePlan> planPages(const std::vector<Chart>& charts, const glm::ivec2& picture, int max_side,
+                                const glm::ivec2& unit) {
+  const int factor = commonFactor(charts, texelLimit(picture));
+  auto pages = planAtFactor(charts, factor, max_side, glm::ivec2(1));
+  if (unit == glm::ivec2(1)) return pages;
+
+  for (const PagePlan& page : pages)
+    if (page.factor > 1) return {};
+  auto in_units = planAtFactor(charts, 1, max_side, unit);
+  for (const PagePlan& page : in_units)
+    if (page.factor > 1 || longest(page.size) > max_side) return {};
+  const bool small = static_cast<double>(areaOf(in_units)) <=
+                     kMostUnitArea * static_cast<double>(areaOf(pages)) + static_cast<double>(kSmallArea);
+  return small ? std::move(in_units) : std::vector<PagePlan>();
+}
+
+void placeTriangles(const Chart& chart, const PagePlan& plan, const Slot& slot, std::vector<PageTriangle>& placed) {
+  for (const StepTriangle& triangle : chart.triangles) {
+    PageTriangle& added = placed.emplace_back();
+    added.triangle = triangle.triangle;
+    for (int i = 0; i < 3; ++i) {
+      const glm::ivec2 steps = triangle.corners[i] - chart.min * kCornerSteps;
+      const glm::ivec2 rounded = (2 * steps + plan.factor) / (2 * plan.factor);
+      // The right edge of the longest page would be step 65536.
+      added.corners[i] = glm::u16vec2(glm::min(rounded + slot.origin * kCornerSteps, 65535));
+    }
+  }
 }
 
 }  // namespace lod::texture

@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "lod/texture/charts.h"
+#include "lod/texture/page.h"
 
 namespace lod::texture {
 
@@ -20,7 +21,7 @@ struct PagePlan {
   glm::ivec2 size{0};
   int factor = 1;  ///< texels of the picture for one of the page
   std::uint32_t levels = 1;
-  int grain = 1;  ///< places and sizes of slots are multiples of it
+  int grain = 1;  ///< places and sizes of slots are multiples of it, but for a chart that is alone
   std::vector<Slot> slots;
 };
 
@@ -41,6 +42,17 @@ inline glm::ivec2 reducedSize(const Chart& chart, int factor) {
 /// A chart by itself on a page needs no gutter. Where there is one chart only, or one that fits a page without a gutter
 /// but not with it, or only when it is reduced, it gets such a page. All charts are reduced if together they have far
 /// more texels than `picture`, whose size is given in texels.
-std::vector<PagePlan> planPages(const std::vector<Chart>& charts, const glm::ivec2& picture, int max_side);
+///
+/// With a `unit` of more than one texel all charts move by multiples of it, in x and in y each by its own, and slots
+/// lie on such multiples; units are 8 or 16 texels. Such pages are never reduced: there are none where some would have
+/// to be, nor where they would have more than kMostUnitArea times the texels of pages without a unit and kSmallArea
+/// more.
+std::vector<PagePlan> planPages(const std::vector<Chart>& charts, const glm::ivec2& picture, int max_side,
+                                const glm::ivec2& unit = glm::ivec2(1));
+inline constexpr double kMostUnitArea = 1.5;           ///< a choice: beyond, GPUs would hold mostly gutters
+inline constexpr std::int64_t kSmallArea = 128 * 128;  ///< texels; a choice, so that a few triangles don't count
+
+/// Moves a chart's triangles to the page, and appends them.
+void placeTriangles(const Chart& chart, const PagePlan& plan, const Slot& slot, std::vector<PageTriangle>& placed);
 
 }  // namespace lod::texture

@@ -9,8 +9,6 @@
 namespace lod::texture {
 namespace {
 
-// Texels whose centres lie so far outside a triangle still count, since corners are rounded.
-constexpr double kReach = 0.25;
 // Triangles that are longer than so many pictures are not noted.
 constexpr float kLongest = 4.0F;
 
@@ -32,6 +30,14 @@ void PictureCharts::add(const PictureTriangle& triangle) {
       for (std::size_t k = 0; k < 3; ++k) corners[k] = glm::dvec2(triangle.corners[k] - glm::vec2(x, y) * size);
       coverTriangle(corners, kReach, mask);
     }
+}
+
+bool PictureCharts::coversAll(const glm::ivec2& min, const glm::ivec2& size) const {
+  for (int y = min.y; y < min.y + size.y; ++y) {
+    const std::uint8_t* texels = row(y) + min.x;
+    if (std::find(texels, texels + size.x, std::uint8_t{0}) != texels + size.x) return false;
+  }
+  return true;
 }
 
 void PictureCharts::growInto(base::Image& picture) {

@@ -1,5 +1,7 @@
 #pragma once
 // A source picture as it lies under all triangles that use it: the charts, and the gaps between them.
+#include <glm/glm.hpp>
+
 #include <cstdint>
 #include <vector>
 
@@ -20,8 +22,16 @@ class PictureCharts {
   /// scanning programs often leave black.
   void growInto(base::Image& picture);
   static constexpr int kGrown = 2;
+  /// Texels whose centres lie so far outside a triangle still count, since corners are rounded.
+  static constexpr double kReach = 0.25;
+  /// Whether a texel of the picture is covered.
+  bool covers(int x, int y) const { return row(y)[x] != 0; }
+  /// Whether all of a rectangle of the picture is.
+  bool coversAll(const glm::ivec2& min, const glm::ivec2& size) const;
 
  private:
+  const std::uint8_t* row(int y) const { return &covered_[static_cast<std::size_t>(y) * std::size_t(width_)]; }
+
   int width_, height_;
   std::vector<std::uint8_t> covered_;
 };

@@ -44,10 +44,10 @@ base::Result<void> HlodScene::drawTile(const lod::hlod::TraverseRequest& request
   LUMIGRID_TRY(checkStream(stream_, path_));
   const bool has_shadows = options.shadows != Shadows::kNone;
   if (has_shadows) {
-    lod::hlod::ShadowLight light = options.light;
-    if (options.shadows == Shadows::kHard) light.size = 0.0F;
-    shadows_ = lod::draw::findNodeShadows(stream_, nodes_, request,
-                                          {light, closed_, static_cast<std::uint32_t>(SampleTarget::maxSide())});
+    lod::draw::NodeLight light{options.light, closed_, static_cast<std::uint32_t>(SampleTarget::maxSide())};
+    if (options.shadows == Shadows::kHard) light.light.size = 0.0F;
+    if (options.moves) light.room = lod::draw::kRoomToMove, light.kept_bytes = kStreamedGpuBytes;
+    shadows_ = shadow_finder_.find(stream_, nodes_, request, light);
     LUMIGRID_TRY(checkStream(stream_, path_));
   }
   lod::draw::NodeView view;

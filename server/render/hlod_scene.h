@@ -23,6 +23,8 @@ struct HlodOptions : SampleOptions {
   Shadows shadows = Shadows::kNone;
   /// The light of shadows, scene-local. Hard ones ignore its size, soft ones need one.
   lod::hlod::ShadowLight light;
+  /// Pictures follow one another as a viewer moves: shadow maps reach farther than one needs, and serve the next.
+  bool moves = false;
 };
 
 struct HlodPicture {
@@ -53,7 +55,8 @@ class HlodScene {
   lod::hlod::Stream stream_;
   std::vector<lod::hlod::DrawnNode> nodes_;
   lod::draw::Shading shading_;
-  bool closed_ = false;             ///< the surface has no border
+  bool closed_ = false;  ///< the surface has no border
+  lod::draw::NodeShadowFinder shadow_finder_;
   lod::draw::NodeShadows shadows_;  ///< on nodes_
   std::unique_ptr<lod::draw::NodeRenderer> renderer_;
   std::unique_ptr<TiledPicture> tiles_;

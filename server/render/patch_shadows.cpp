@@ -65,7 +65,7 @@ base::Result<void> PatchShadows::plan(const lod::hlod::TraverseRequest& view, co
   constexpr float kLeastTolerance = 0.5F;
   lod::hlod::TraverseRequest shadowed = view;
   shadowed.tolerance = std::max(view.tolerance, kLeastTolerance);
-  shadows_ = lod::draw::findShadows(stream_, boxes, shadowed, light_);
+  shadows_ = finder_.find(stream_, boxes, shadowed, light_);
   LUMIGRID_TRY(checkStream(stream_, path_));
 
   std::vector<std::uint32_t> maps(patches.size(), 0);  // of each patch
@@ -76,13 +76,10 @@ base::Result<void> PatchShadows::plan(const lod::hlod::TraverseRequest& view, co
     if (maps[i] == 0) lit.plan.receivers.push_back(i);
 
   receivers_.clear();
-  boxes_.clear();
   for (const lod::draw::NodeShadowMap& map : shadows_.maps) {
     std::vector<Receiver>& receivers = receivers_.emplace_back();
-    base::Aabb& box = boxes_.emplace_back();
     for (const std::uint32_t place : map.plan.receivers) {
       const lod::patch::Patch& patch = hierarchy.patches[patches[place]];
-      box.add(patch.box);
       const float reach = lod::draw::shadowReach(patch.box, patch.own_error, map.casters, shadows_.nodes);
       receivers.push_back({patches[place], reach, maps[place] > 1});
     }
@@ -92,7 +89,7 @@ base::Result<void> PatchShadows::plan(const lod::hlod::TraverseRequest& view, co
 
 base::Result<void> PatchShadows::drawMap(std::size_t map) {
   const lod::draw::NodeShadowMap& drawn = shadows_.maps[map];
-  return shadow_map_->draw({drawn.plan.camera, shadows_.light, boxes_[map], shadows_.closed}, drawn.casters);
+  return shadow_map_->draw({drawn.plan.camera, shadows_.light, drawn.plan.region, shadows_.closed}, drawn.casters, map);
 }
 
 }  // namespace server

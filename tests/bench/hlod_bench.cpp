@@ -1,6 +1,8 @@
-// hlod_bench SCENE [--width W] [--height H] [--views N] [--samples N]
-// Draws views around a scene with an hlod.lgh, near and far, by the server's renderer: without shadows, with hard ones
-// and with soft ones (Guthe et al. 2004, table 4), in turn and with what they need decoded and on the GPU.
+// hlod_bench SCENE [--width W] [--height H] [--frames N] [--samples N]
+// Flies around a scene with an hlod.lgh, near and far, by the server's renderer: without shadows, with hard ones and
+// with soft ones (Guthe et al. 2004, table 4), in turn and with what they need decoded and on the GPU. An eye moves by
+// a degree with each frame, and the light stands still; or the light moves, too, and no shadow map serves two frames.
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <cstdio>
@@ -35,9 +37,9 @@ struct Size {
   int width = 0, height = 0;
 };
 
-/// The views go around the model once and meanwhile up and down three times.
-base::Camera cameraAt(const base::Sphere& bounds, int view, int views, double radii, const Size& size) {
-  const double turn = 2.0 * std::numbers::pi * view / views;
+/// A degree of an orbit with each frame. Meanwhile the eye goes up and down.
+base::Camera cameraAt(const base::Sphere& bounds, int frame, double radii, const Size& size) {
+  const double turn = std::numbers::pi / 180.0 * frame;
   base::ViewCamera at;
   const double pitch = 0.3 + 0.4 * std::sin(3.0 * turn);
   const glm::dvec3 away(std::cos(turn) * std::cos(pitch), std::sin(turn) * std::cos(pitch), std::sin(pitch));
@@ -49,23 +51,60 @@ base::Camera cameraAt(const base::Sphere& bounds, int view, int views, double ra
   return base::cameraForScene(at, glm::dvec3(0.0), bounds);
 }
 
-/// Draws twice and returns the seconds of the second time.
-double drawSeconds(server::HlodScene& renderer, const base::Camera& camera, const server::HlodOptions& options) {
-  must(renderer.render(camera, options));
-  const double begin = seconds();
-  must(renderer.render(camera, options));
-  return seconds() - begin;
+/// A flight: seconds of each frame in the mean, and in the slowest one.
+struct Flight {
+  double mean = 0.0, slowest = 0.0;
+};
+
+Flight fly(server::HlodScene& renderer, const Size& size, double radii, int frames, server::HlodOptions options,
+           double light_step) {
+  Flight flight;
+  const glm::vec3 towards(options.light.place);
+  for (int frame = 0; frame < frames; ++frame) {
+    const float turn = static_cast<float>(light_step * frame);
+    options.light.place = glm::vec4(std::cos(turn) * towards.x - std::sin(turn) * towards.y,
+                                    std::sin(turn) * towards.x + std::cos(turn) * towards.y, towards.z, 0.0F);
+    const double begin = seconds();
+    must(renderer.render(cameraAt(renderer.bounds(), frame, radii, size), options));
+    const double taken = seconds() - begin;
+    flight.mean += taken / frames;
+    flight.slowest = std::max(flight.slowest, taken);
+  }
+  return flight;
+}
+
+/// Flies kRuns times after once without looking at the clock, and prints medians.
+void printFlights(server::HlodScene& renderer, const Size& size, double radii, int frames,
+                  server::HlodOptions options) {
+  double without = 0.0;
+  for (const bool light_moves : {false, true})
+    for (const Kind& kind : kKinds) {
+      if (light_moves && kind.shadows == server::Shadows::kNone) continue;
+      options.shadows = kind.shadows;
+      options.light.size = static_cast<float>(kind.degrees * std::numbers::pi / 180.0);
+      options.moves = !light_moves;
+      const double step = light_moves ? std::numbers::pi / 180.0 : 0.0;
+      std::vector<double> means, slowest;
+      for (int run = -1; run < kRuns; ++run) {
+        const Flight flight = fly(renderer, size, radii, frames, options, step);
+        if (run < 0) continue;
+        means.push_back(flight.mean), slowest.push_back(flight.slowest);
+      }
+      if (kind.shadows == server::Shadows::kNone) without = median(means);
+      std::printf("%5.1f  %-9s  %-15s %7.1f %7.1f  %.2f\n", radii, light_moves ? "moves" : "stands", kind.name,
+                  1e3 * median(means), 1e3 * median(slowest), median(means) / without);
+    }
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
-  bench::Arguments arguments(argc, argv, "SCENE [--width W] [--height H] [--views N] [--samples N]");
+  bench::Arguments arguments(argc, argv, "SCENE [--width W] [--height H] [--frames N] [--samples N]");
   const auto side = [&](const char* option, unsigned usual) {
     return static_cast<int>(arguments.number(option, usual, 1U, 8192U));
   };
   const Size size{side("--width", 1280), side("--height", 720)};
-  const auto views = static_cast<int>(arguments.number("--views", 4U, 1U, 1000U));
+  const auto frames = static_cast<int>(arguments.number("--frames", 30U, 1U, 10000U));
   server::HlodOptions options;
   options.supersampling = static_cast<int>(arguments.number("--samples", 1U, 1U, 8U));
   arguments.finish();
@@ -74,20 +113,9 @@ int main(int argc, char** argv) {
   const auto context = must(base::HeadlessContext::create());
   const base::Scene scene = must(base::readScene(arguments.input()));
   const auto renderer = must(server::HlodScene::create(arguments.input(), scene));
-  std::printf("%s, %d x %d, medians of %d views\n", context->renderer().c_str(), size.width, size.height, views);
-  std::printf("radii  shadows            ms  times that without\n");
-  for (const double radii : {1.2, 2.5, 10.0}) {
-    std::array<std::vector<double>, kKinds.size()> taken;
-    for (int view = 0; view < views; ++view)
-      for (int run = 0; run < kRuns; ++run)
-        for (std::size_t k = 0; k < kKinds.size(); ++k) {
-          options.shadows = kKinds[k].shadows;
-          options.light.place = glm::vec4(glm::normalize(scene.light.direction), 0.0F);
-          options.light.size = static_cast<float>(kKinds[k].degrees * std::numbers::pi / 180.0);
-          taken[k].push_back(drawSeconds(*renderer, cameraAt(renderer->bounds(), view, views, radii, size), options));
-        }
-    for (std::size_t k = 0; k < kKinds.size(); ++k)
-      std::printf("%5.1f  %-15s %6.1f  %.2f\n", radii, kKinds[k].name, 1e3 * median(taken[k]),
-                  median(taken[k]) / median(taken[0]));
-  }
+  options.light.place = glm::vec4(glm::normalize(scene.light.direction), 0.0F);
+  std::printf("%s, %d x %d, flights of %d frames, medians of %d\n", context->renderer().c_str(), size.width,
+              size.height, frames, kRuns);
+  std::printf("radii  light      shadows         mean ms slowest  times that without\n");
+  for (const double radii : {1.2, 2.5, 10.0}) printFlights(*renderer, size, radii, frames, options);
 }

@@ -16,29 +16,51 @@ struct FoundColors {
   void add(const FoundColors& other) { places += other.places, found += other.found; }
 };
 
-/// A place finds its colour where each channel lies between the least and the largest one of the truth's foreground at
-/// most `reach` pixels away, or beyond by at most `noise` (0 … 255): surfaces are continuous between pixels. Both
-/// pictures are RGBA and of one size. A place with no foreground of the truth nearby finds nothing.
-inline FoundColors countFoundColors(const base::Image& picture, const base::Image& truth, int reach, int noise) {
+/// A place looks for its colour at most `reach` of the truth's pixels away. The truth is as large as the picture, or a
+/// whole number of times as large along each side: where its triangles are smaller than the picture's pixels, it has
+/// more of their colours then. Both are RGBA.
+struct ColorSearch {
+  int reach = 1;
+  int noise = 0;  ///< 0 … 255: by so much a channel may differ
+  /// One pixel of the truth has the colour. Else each channel lies between the least and the largest one of those
+  /// pixels: surfaces are continuous between pixels.
+  bool in_one_pixel = false;
+};
+
+/// Whether a place of the picture finds its colour in the truth's foreground.
+inline bool findsColor(const base::Image& picture, const base::Image& truth, int x, int y, const ColorSearch& search) {
+  const int scale = truth.width / picture.width, reach = search.reach;
+  const auto pixel = picture.at(x, y);
+  constexpr std::array<int, 3> kNoneLow{256, 256, 256}, kNoneHigh{-1, -1, -1};
+  std::array<int, 3> low = kNoneLow, high = kNoneHigh;
+  // Twice the distance of pixels' centres is a whole number.
+  const int middle_x = (2 * x + 1) * scale, middle_y = (2 * y + 1) * scale;
+  for (int v = std::max(middle_y / 2 - reach, 0); v <= std::min(middle_y / 2 + reach, truth.height - 1); ++v) {
+    for (int u = std::max(middle_x / 2 - reach, 0); u <= std::min(middle_x / 2 + reach, truth.width - 1); ++u) {
+      const auto other = truth.at(u, v);
+      const int dx = 2 * u + 1 - middle_x, dy = 2 * v + 1 - middle_y;
+      if (other[3] < 128 || dx * dx + dy * dy > 4 * reach * reach) continue;
+      if (search.in_one_pixel) low = kNoneLow, high = kNoneHigh;
+      bool is_found = true;
+      for (std::size_t k = 0; k < 3; ++k) {
+        low[k] = std::min(low[k], static_cast<int>(other[k]));
+        high[k] = std::max(high[k], static_cast<int>(other[k]));
+        is_found &= pixel[k] >= low[k] - search.noise && pixel[k] <= high[k] + search.noise;
+      }
+      if (is_found) return true;
+    }
+  }
+  return false;
+}
+
+/// Counts the places of the picture's foreground, and those of them that find their colour.
+inline FoundColors countFoundColors(const base::Image& picture, const base::Image& truth, const ColorSearch& search) {
   FoundColors count;
   for (int y = 0; y < picture.height; ++y)
     for (int x = 0; x < picture.width; ++x) {
-      const auto pixel = picture.at(x, y);
-      if (pixel[3] < 128) continue;
+      if (picture.at(x, y)[3] < 128) continue;
       ++count.places;
-      std::array<int, 3> low{256, 256, 256}, high{-1, -1, -1};
-      for (int v = std::max(y - reach, 0); v <= std::min(y + reach, truth.height - 1); ++v)
-        for (int u = std::max(x - reach, 0); u <= std::min(x + reach, truth.width - 1); ++u) {
-          const auto other = truth.at(u, v);
-          if (other[3] < 128 || (u - x) * (u - x) + (v - y) * (v - y) > reach * reach) continue;
-          for (std::size_t k = 0; k < 3; ++k) {
-            low[k] = std::min(low[k], static_cast<int>(other[k]));
-            high[k] = std::max(high[k], static_cast<int>(other[k]));
-          }
-        }
-      bool is_found = true;
-      for (std::size_t k = 0; k < 3; ++k) is_found &= pixel[k] >= low[k] - noise && pixel[k] <= high[k] + noise;
-      count.found += is_found ? 1 : 0;
+      count.found += findsColor(picture, truth, x, y, search) ? 1 : 0;
     }
   return count;
 }

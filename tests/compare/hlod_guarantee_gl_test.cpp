@@ -67,7 +67,7 @@ class HlodGuarantee : public testing::Test {
       EXPECT_TRUE(seen && full);
       if (!seen || !full) return sum;
       triangles_ += seen->count.triangles + seen->count.points;
-      sum.add(support::countFoundColors(seen->rgba, full->rgba, kPlaces / 2, kNoise));
+      sum.add(support::countFoundColors(seen->rgba, full->rgba, {kPlaces / 2, kNoise}));
     }
     EXPECT_GT(sum.places, 20'000U);
     return sum;

@@ -19,7 +19,7 @@
 #include "compare/csv.h"
 #include "compare/sim/matrix.h"
 #include "repository/store.h"
-#include "tests/support/built_umbrellas.h"
+#include "tests/support/added_methods.h"
 #include "tests/support/failure_meshes.h"
 #include "tests/support/made_scene.h"
 #include "tests/support/mesh_reader.h"
@@ -166,8 +166,10 @@ class Stability : public testing::TestWithParam<Failure> {
     const support::SceneContents contents{.splats = true, .points = 5};
     const auto scene = support::makeScene(mesh, directory_.path(), contents);
     ASSERT_TRUE(scene) << scene.error().message;
-    const auto added = support::addUmbrellas(mesh, directory_.path());
-    ASSERT_TRUE(added) << added.error().message;
+    for (const auto add : {support::addNodes, support::addUmbrellas}) {
+      const auto added = add(mesh, directory_.path());
+      ASSERT_TRUE(added) << added.error().message;
+    }
     scene_ = *scene;
     grid_ = support::gridOf(*scene, contents);
     if (failure.lost_faces > 0.0) loseFaces(failure.lost_faces);
@@ -202,7 +204,7 @@ class Stability : public testing::TestWithParam<Failure> {
 
   // ---- the picture of docs/stability.md: a row for each failure, of the truth and of each method at rest ----
 
-  static constexpr int kCell = 192, kShrink = 5;
+  static constexpr int kCell = 192, kShrink = 5, kColumns = 8;
   inline static std::vector<std::vector<base::Image>> sheet_;
 
   /// The picture over grey, a fifth as wide.
@@ -226,7 +228,7 @@ class Stability : public testing::TestWithParam<Failure> {
     const std::filesystem::path report = reportFolder() + "/" + name;
     std::vector<base::Image>& row = sheet_.emplace_back();
     row.push_back(shrunk(std::filesystem::directory_iterator(report / "truth")->path().string()));
-    for (const std::string method : {"lumigraph", "static", "patches", "qsplat", "frames"})
+    for (const std::string method : {"lumigraph", "static", "patches", "qsplat", "pmr", "hlod", "frames"})
       for (const auto& run : std::filesystem::directory_iterator(report / "frames"))
         if (run.path().filename().string().find("_" + method + "_") != std::string::npos)
           for (const auto& file : std::filesystem::directory_iterator(run.path()))
@@ -235,9 +237,9 @@ class Stability : public testing::TestWithParam<Failure> {
   static void TearDownTestSuite() {
     if (sheet_.empty()) return;
     const int height = kCell * 3 / 4;
-    base::Image all(6 * kCell, static_cast<int>(sheet_.size()) * height, 3);
+    base::Image all(kColumns * kCell, static_cast<int>(sheet_.size()) * height, 3);
     for (std::size_t r = 0; r < sheet_.size(); ++r)
-      for (std::size_t c = 0; c < std::min<std::size_t>(6, sheet_[r].size()); ++c)
+      for (std::size_t c = 0; c < std::min<std::size_t>(kColumns, sheet_[r].size()); ++c)
         for (int y = 0; y < height; ++y)
           std::copy_n(sheet_[r][c].at(0, y), 3 * kCell,
                       all.at(static_cast<int>(c) * kCell, static_cast<int>(r) * height + y));

@@ -10,7 +10,7 @@
 #include "base/file.h"
 #include "base/json/camera_file.h"
 #include "compare/sim/matrix.h"
-#include "tests/support/built_umbrellas.h"
+#include "tests/support/added_methods.h"
 #include "tests/support/failure_meshes.h"
 #include "tests/support/made_scene.h"
 #include "tests/support/mesh_reader.h"

@@ -14,6 +14,8 @@
 #include "compare/sim/matrix.h"
 #include "compare/sim/results.h"
 #include "tests/support/baked_statue.h"
+#include "tests/support/made_hlod.h"
+#include "tests/support/test_meshes.h"
 
 namespace {
 
@@ -157,6 +159,35 @@ TEST_F(VirtualTime, comesToTheSameRestAsOverASocket) {
   const compare::FrameResult& over_socket = runs->at(0).frames.back();
   EXPECT_EQ(virtual_run.frames.back().counts.bytes_patches, over_socket.bytes_patches);
   EXPECT_NEAR(virtual_run.frames.back().accuracy.psnr_db, over_socket.accuracy.psnr_db, 0.1);
+}
+
+/// A bumpy square for hlod, and a ball for all else.
+base::Result<void> makeSceneWithNodes(const std::string& directory) {
+  std::filesystem::create_directories(directory);
+  LUMIGRID_ASSIGN_OR_RETURN(auto scene, support::makeScene(support::bumpySphere(20, 40, 0.1F), directory));
+  const base::Bytes file = support::madeHlod().file;
+  LUMIGRID_TRY(base::writeFileAtomically(directory + "/hlod.lgh", file));
+  LUMIGRID_ASSIGN_OR_RETURN(const auto hash, base::sha256OfFile(directory + "/hlod.lgh"));
+  scene.parts.push_back({"hlod.lgh", file.size(), hash});
+  return base::writeSceneFile(scene, directory + "/scene.json");
+}
+
+TEST_F(VirtualTime, shadowsOfHlodAreJudgedByATruthThatHasThem) {
+  using lod::hlod::Shadows;
+  auto options = optionsFor({compare::hlodWith(Shadows::kHard), compare::hlodWith(Shadows::kSoft)}, "20Mbit/40ms");
+  options.scenes = {statue_.directory + "/nodes"};
+  const auto made = makeSceneWithNodes(options.scenes[0]);
+  ASSERT_TRUE(made) << made.error().message;
+  const auto runs = play(options);
+  ASSERT_EQ(runs.size(), 2U);
+  for (const PlayedRun& run : runs) {
+    EXPECT_GT(run.frames.back().accuracy.psnr_db, 32.0) << run.setting.method;
+    EXPECT_GE(run.rest_seconds, 0.0) << run.setting.method << " never came to rest";
+  }
+  EXPECT_EQ(runs[0].setting.method, "hlod-hard");
+  EXPECT_EQ(runs[1].setting.method, "hlod-soft");
+  EXPECT_NE(runs[0].frames.back().accuracy.psnr_db, runs[1].frames.back().accuracy.psnr_db);
+  for (const std::string& name : compare::methodNames()) EXPECT_EQ(compare::shadowsOf(name), Shadows::kNone);
 }
 
 TEST_F(VirtualTime, saysWhichSceneItCannotPlay) {

@@ -90,25 +90,28 @@ class PublishedSite : public ProgramTest {
   }
 
   /// The picture that `lumigrid render` draws of scene_ on this disk, for a frame of the tour.
-  base::Image localPicture(std::size_t frame, const std::string& method) {
+  base::Image localPicture(std::size_t frame, const std::string& method, const std::vector<std::string>& more = {}) {
     const nlohmann::json tour = nlohmann::json::parse(readText(path("tour.json")));
     nlohmann::json camera = tour["frames"][frame];
     for (const char* name : {"width", "height", "fov_y_degrees", "ortho_height"})
       if (!camera.contains(name) && tour.contains(name)) camera[name] = tour[name];
     writeText(path("camera.json"), camera.dump());
-    const auto drawn = run("lumigrid", {"render", scene_, "--method", method, "--camera", path("camera.json"),
-                                        "--supersampling", "1", "-o", path("local.png")});
+    std::vector<std::string> arguments{
+        "render",          scene_, "--method", method,           "--camera", path("camera.json"),
+        "--supersampling", "1",    "-o",       path("local.png")};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    const auto drawn = run("lumigrid", arguments);
     EXPECT_EQ(drawn.status, 0) << drawn.err;
     auto picture = base::readPng(path("local.png"));
     EXPECT_TRUE(picture);
     return picture ? std::move(*picture) : base::Image();
   }
   /// Expects these, pixel for pixel.
-  void expectLocalPictures(const Tour& streamed, const std::string& method) {
+  void expectLocalPictures(const Tour& streamed, const std::string& method, const std::vector<std::string>& more = {}) {
     const nlohmann::json tour = nlohmann::json::parse(readText(path("tour.json")));
     ASSERT_EQ(streamed.pictures.size(), tour["frames"].size());
     for (std::size_t i = 0; i < streamed.pictures.size(); ++i) {
-      const base::Image local = localPicture(i, method);
+      const base::Image local = localPicture(i, method, more);
       ASSERT_EQ(streamed.pictures[i].pixels.size(), local.pixels.size());
       std::size_t different = 0;
       std::size_t covered = 0;

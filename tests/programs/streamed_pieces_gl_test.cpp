@@ -59,23 +59,20 @@ std::string nameOfMethod(const ::testing::TestParamInfo<PieceMethod>& method) {
   return method.param.method.name;
 }
 
-INSTANTIATE_TEST_SUITE_P(Of, StreamedPiecesTest,
-                         ::testing::Values(PieceMethod{base::kUmbrellaMethod,
-                                                       "umbrellas",
-                                                       {"--tolerance", "20"},
-                                                       {"--tolerance", "0.1"},
-                                                       [](const std::string& directory) {
-                                                         programs::writePmrScene(directory);
-                                                       }},
-                                           PieceMethod{base::kHlodMethod,
-                                                       "hlod",
-                                                       {"--error-px", "20"},
-                                                       {"--error-px", "0.1"},
-                                                       [](const std::string& directory) {
-                                                         programs::writeStreamedScene(directory, base::kHlodMethod,
-                                                                                      support::madeHlod().file, 1.0);
-                                                       }}),
-                         nameOfMethod);
+PieceMethod umbrellas() {
+  return {base::kUmbrellaMethod,
+          "umbrellas",
+          {"--tolerance", "20"},
+          {"--tolerance", "0.1"},
+          [](const std::string& directory) { programs::writePmrScene(directory); }};
+}
+PieceMethod hlod() {
+  return {base::kHlodMethod, "hlod", {"--error-px", "20"}, {"--error-px", "0.1"}, [](const std::string& directory) {
+            programs::writeStreamedScene(directory, base::kHlodMethod, support::madeHlod().file, 1.0);
+          }};
+}
+
+INSTANTIATE_TEST_SUITE_P(Of, StreamedPiecesTest, ::testing::Values(umbrellas(), hlod()), nameOfMethod);
 
 TEST_P(StreamedPiecesTest, picturesEqualLocalOnesPixelForPixelWhereverTheSceneLies) {
   const support::Nginx nginx(path("site"));
@@ -110,6 +107,34 @@ TEST_P(StreamedPiecesTest, samplesAndSizeAreOptions) {
   EXPECT_LT(4 * coarse.lines.front()[figures]["triangles"].get<int>(),
             fine.lines.front()[figures]["triangles"].get<int>());
   EXPECT_NE(coarse.pictures.front().pixels, fine.pictures.front().pixels);
+}
+
+class HlodShadows : public StreamedPiecesTest {};
+
+INSTANTIATE_TEST_SUITE_P(Of, HlodShadows, ::testing::Values(hlod()), nameOfMethod);
+
+TEST_P(HlodShadows, areThoseOfLumigridRender) {
+  const support::Nginx nginx(path("site"));
+  const std::vector<std::vector<std::string>> lights{{"--shadows", "hard", "--light-direction", "1,0.3,0.3"},
+                                                     {"--shadows", "soft", "--light-direction", "-1,0.3,0.3"},
+                                                     {"--shadows", "hard", "--light-position", "-2,0,0.7"}};
+  for (const std::vector<std::string>& light : lights) {
+    std::vector<std::string> options = light;
+    options.emplace_back("--no-antialias");
+    const Tour seen = tour(nginx.url() + "/tower/", light[1] + light[3], name(), options);
+    expectLocalPictures(seen, name(), light);
+    EXPECT_EQ(seen.lines.front()["hlod"]["shadows"], light[1]);
+    EXPECT_GT(seen.lines.front()["hlod"]["casters"], 0);
+  }
+  for (const auto& [more, named] :
+       {std::pair(std::vector<std::string>{"--shadows", "mild"}, "none, hard or soft"),
+        {{"--shadows", "hard", "--light", "0,20", "--light-direction", "1,0,1"}, "--light is a light, too"},
+        {{"--light-size", "3"}, "--shadows hard or soft"}}) {
+    std::vector<std::string> options{"--method", name()};
+    options.insert(options.end(), more.begin(), more.end());
+    expectOneLineError(view(scene_, options), 2, {named});
+  }
+  expectOneLineError(view(scene_, {"--method", "pmr", "--shadows", "hard"}), 2, {"--method hlod"});
 }
 
 TEST_P(StreamedPiecesTest, aFileThatIsCutOrAnotherOneIsNamed) {

@@ -5,6 +5,7 @@ import {join} from "node:path";
 import {after, before, test} from "node:test";
 
 import {
+  canvasPicture,
   cleanUp,
   figures,
   folder,
@@ -94,5 +95,43 @@ test("the error on the screen is a setting that takes effect at once, and statis
   await page.keyboard.press("i");
   await until(async () => /nodes/.test(await page.locator("#statistics").innerText()), "nodes in the statistics");
   assert.match(await page.locator("#tool-l").getAttribute("title"), /light/, "the glass is for splats");
+  await page.close();
+});
+
+/// How many pixels of `b` are much darker than those of `a`, a share of all.
+function darker(a, b) {
+  let count = 0;
+  for (let i = 0; i < a.data.length; i += 4) count += a.data[i + 3] && a.data[i + 1] > b.data[i + 1] + 40 ? 1 : 0;
+  return count / (a.data.length / 4);
+}
+
+test("shadows fall where the native client's do, and move with the light that is dragged", async () => {
+  const page = await open(browser, `${server.url}?method=hlod`);
+  await fine(page);
+  await page.keyboard.press("l");
+  await fine(page);
+  const lit = await canvasPicture(page);
+  await page.keyboard.press("g");
+  await page.locator("#settings select[name=shadows]").selectOption("hard");
+  await page.keyboard.press("Escape");
+  await until(async () => darker(lit, await canvasPicture(page)) > 0.01, "shadows");
+  await fine(page);
+  const light = async () => (await page.evaluate(() => window.lumigrid.permalink())).match(/&l=([^&]+)&s=hard/)[1];
+  await expectNative(page, server.url, "hlod", ["--shadows", "hard", `--light=${await light()}`]);
+
+  // The sun begins above left of the middle.
+  const before = await canvasPicture(page), first = await light();
+  const {width, height} = await page.evaluate(() => ({width: innerWidth, height: innerHeight}));
+  const reach = 0.2 * Math.min(width, height);
+  await page.mouse.move(width / 2 - reach, height / 2 - reach);
+  await page.mouse.down();
+  await page.mouse.move(width / 2 + 1.2 * reach, height / 2 - reach, {steps: 4});
+  await page.mouse.up();
+  await fine(page);
+  assert.notEqual(await light(), first);
+  const after = await canvasPicture(page);
+  assert.ok(darker(before, after) > 0.01 && darker(after, before) > 0.01, "the shadows stay");
+  await expectNative(page, server.url, "hlod", ["--shadows", "hard", `--light=${await light()}`]);
+  assert.deepEqual(page.faults, []);
   await page.close();
 });

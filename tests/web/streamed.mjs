@@ -7,9 +7,10 @@ import {camera, canvasPicture, difference, nativePictures, open, waitFor} from "
 export const fine =
     (page) => waitFor(page, (now) => now.complete === 1 && now.drawn > 0, "everything that the view needs");
 
-/// Expects the page's picture to be the one that the native client draws of the scene at `url` by that method.
-export async function expectNative(page, url, method) {
-  const [native] = nativePictures(url, [await camera(page)], ["--method", method]);
+/// Expects the page's picture to be the one that the native client draws of the scene at `url` by that method, with
+/// `options`.
+export async function expectNative(page, url, method, options = []) {
+  const [native] = nativePictures(url, [await camera(page)], ["--method", method, ...options]);
   const apart = difference(await canvasPicture(page), native);
   assert.ok(apart.covered > 0.05, "there is nothing in the pictures");
   assert.ok(apart.mean < 0.5 && apart.outliers < 0.002, `mean ${apart.mean} levels, outliers ${apart.outliers}`);

@@ -108,9 +108,9 @@ async function readScene(base) {
 }
 
 /// Hands the scene to the client's function `name`, which gets place, scene's name, units, first view, attribution, the
-/// names of the parts' files and all numbers. Returns a function of `now` that is to be called each turn, and returns
-/// true when something arrived.
-function openParts(name, base, {scene, numbers}, core, changed, parts) {
+/// names of the parts' files, and all numbers: those of the scene, the parts' lengths and `more`. Returns a
+/// function of `now` that is to be called each turn, and returns true when something arrived.
+function openParts(name, base, {scene, numbers}, core, changed, parts, more = []) {
   const ranges = makeRanges(base, (job, outcome, status, bytes, detail) => {
     if (outcome === kBytes)
       core.fill(core.call("fetchedBytes", job, status, bytes.length), bytes);
@@ -121,7 +121,7 @@ function openParts(name, base, {scene, numbers}, core, changed, parts) {
   core.fetchRange = ranges.fetch;
   core.cancelRange = ranges.cancel;
   core.withNumbers(
-      [...numbers, ...parts.map((part) => part?.bytes ?? 0)],
+      [...numbers, ...parts.map((part) => part?.bytes ?? 0), ...more],
       (at) => core.call(
           name, base.replace(/\/$/, ""), nameOf(base, scene), String(scene.units ?? ""), String(scene.start_view ?? ""),
           String(scene.attribution ?? ""), ...parts.map((part) => part?.file ?? ""), at));
@@ -141,7 +141,8 @@ export async function openStreamedScene(method, base, core, changed) {
   const {url, parts} = read;
   const [stem, extension, content] = kStreamed.find(([name]) => name === method);
   const part = streamedPart(parts, stem, extension);
-  if (part) return openParts("openStreamed", base, read, core, changed, [part]);
+  const closed = read.scene.open_edges === 0 ? 1 : 0;
+  if (part) return openParts("openStreamed", base, read, core, changed, [part], [closed]);
   const title = `${url} lists no ${content}`;
   const advice = `Build them with lumigrid build ... --methods ${method}, and publish the scene again.`;
   const hasPatches = parts.some(({file}) => /^patch.*\.lgp$/.test(file));

@@ -311,7 +311,7 @@ class HierarchyBuilder {
 
   // The key holds everything that determines the work files, their own format first. Threads and memory do not.
   std::string keyPrefix() const {
-    std::string key = (keepsTextures() ? "17 textures " : "17 ") + ingest::describeStitch(options_.stitch);
+    std::string key = (keepsTextures() ? "18 textures " : "17 ") + ingest::describeStitch(options_.stitch);
     for (const std::uint32_t v : {options_.voxel_triangles, options_.leaf_triangles, options_.node_triangles,
                                   options_.group_patches, options_.position_bits, options_.regroup ? 1U : 0U}) {
       key += ' ';
@@ -394,8 +394,8 @@ class HierarchyBuilder {
     const LeafTextureSource source{build_.source().info.pictures, places, *store_, build_.lattice().lattice};
     const auto report = [this](double done) { return build_.report("textures", done); };
     const bool resume = build_.directory().has("pages");
-    LUMIGRID_ASSIGN_OR_RETURN(
-        textures_, LeafTextures::make(source, leaves, build_.directory().path(), resume, build_.threads(), report));
+    LUMIGRID_ASSIGN_OR_RETURN(textures_, LeafTextures::make(source, leaves, build_.directory().path(), resume,
+                                                            {build_.threads(), build_.workMemory()}, report));
     for (std::size_t i = 0; i < leaves.size(); ++i) leaves[i].record.color_detail = textures_->colorDetail(i);
     return {};
   }

@@ -10,15 +10,15 @@
 #include "base/parallel.h"
 #include "lod/ingest/morton.h"
 #include "lod/patch/codec.h"
-#include "lod/texture/picture_charts.h"
+#include "lod/texture/picture_cutter.h"
 #include "mesh/texture.h"
 
 namespace lod::patch::builder {
 namespace {
 
-// A triangle's texels are compared with its vertices' colours at so many points an edge at most: with 64 points a
-// triangle the mean over a leaf is known well enough.
-constexpr int kMaxSamplesPerEdge = 8;
+// A triangle's texels are compared with its vertices' colours at so many points an edge at most, 15 in all: a leaf of a
+// hundred triangles so has more than a thousand.
+constexpr int kMaxSamplesPerEdge = 5;
 constexpr double kTexelsPerSample = 3.0;
 
 // A leaf and what its triangles carry.
@@ -58,16 +58,16 @@ double areaOf(const std::array<glm::vec2, 3>& corners) {
   return 0.5 * std::abs(u.x * v.y - u.y * v.x);
 }
 
-// The texel at a place in texels of the picture, which repeats.
-const std::uint8_t* texelAt(const base::Image& picture, const glm::dvec2& place) {
+// The colour at a place in texels of the picture, which repeats.
+glm::dvec3 colorAt(const texture::PictureCutter& picture, const glm::dvec2& place) {
   const auto wrapped = [](double x, int size) {
     return std::clamp(static_cast<int>(x - std::floor(x / size) * size), 0, size - 1);
   };
-  return picture.at(wrapped(place.x, picture.width), wrapped(place.y, picture.height));
+  return glm::dvec3(picture.colorAt(wrapped(place.x, picture.size().x), wrapped(place.y, picture.size().y)));
 }
 
 // The mean square difference, 0..1, of the triangle's texels from the colours that its corners' are interpolated to.
-double detailOf(const base::Image& picture, const std::array<glm::vec2, 3>& corners,
+double detailOf(const texture::PictureCutter& picture, const std::array<glm::vec2, 3>& corners,
                 const std::array<glm::dvec3, 3>& colors) {
   const double texels = areaOf(corners);
   const int n = std::clamp(static_cast<int>(std::sqrt(texels / kTexelsPerSample)), 1, kMaxSamplesPerEdge);
@@ -79,51 +79,39 @@ double detailOf(const base::Image& picture, const std::array<glm::vec2, 3>& corn
       const glm::dvec2 place =
           (1.0 - s - t) * glm::dvec2(corners[0]) + s * glm::dvec2(corners[1]) + t * glm::dvec2(corners[2]);
       const glm::dvec3 color = (1.0 - s - t) * colors[0] + s * colors[1] + t * colors[2];
-      const std::uint8_t* texel = texelAt(picture, place);
-      const glm::dvec3 off = (glm::dvec3(texel[0], texel[1], texel[2]) - color) / 255.0;
+      const glm::dvec3 off = (colorAt(picture, place) - color) / 255.0;
       sum += glm::dot(off, off) / 3.0;
     }
   return sum / count;
 }
 
-// A leaf's triangle in a picture.
-base::Result<std::optional<texture::PictureTriangle>> triangleIn(const LeafTextureSource& source, const Leaf& leaf,
-                                                                 std::size_t t, std::uint32_t number,
-                                                                 const base::Image& picture) {
-  if (leaf.sources[t] == ingest::kNoSource) return std::optional<texture::PictureTriangle>();
-  LUMIGRID_ASSIGN_OR_RETURN(const auto place, source.places[leaf.sources[t]]);
-  if (place.picture != number) return std::optional<texture::PictureTriangle>();
-  texture::PictureTriangle triangle;
-  triangle.triangle = static_cast<std::uint16_t>(t);
-  for (std::size_t k = 0; k < 3; ++k) {
-    const std::uint64_t code = ingest::mortonCode(leaf.geometry.positions[leaf.geometry.indices[3 * t + k]]);
-    triangle.corners[k] = place.at(code) * glm::vec2(picture.width, picture.height);
+// A leaf's triangles in a picture.
+base::Result<std::vector<texture::PictureTriangle>> trianglesIn(const LeafTextureSource& source, const Leaf& leaf,
+                                                                std::uint32_t number, const glm::ivec2& size) {
+  LUMIGRID_ASSIGN_OR_RETURN(const auto places, source.places.read(leaf.sources));
+  std::vector<texture::PictureTriangle> triangles;
+  for (std::size_t t = 0; t < places.size(); ++t) {
+    if (places[t].picture != number) continue;
+    texture::PictureTriangle& triangle = triangles.emplace_back();
+    triangle.triangle = static_cast<std::uint16_t>(t);
+    for (std::size_t k = 0; k < 3; ++k) {
+      const std::uint64_t code = ingest::mortonCode(leaf.geometry.positions[leaf.geometry.indices[3 * t + k]]);
+      triangle.corners[k] = places[t].at(code) * glm::vec2(size);
+    }
   }
-  return std::optional(triangle);
+  return triangles;
 }
 
-// Notes what the leaf covers of the picture.
-base::Result<void> addCharts(const LeafTextureSource& source, const WorkPatch& patch, std::uint32_t number,
-                             const base::Image& picture, texture::PictureCharts& charts) {
-  LUMIGRID_ASSIGN_OR_RETURN(const auto leaf, readLeaf(source.store, patch));
-  for (std::size_t t = 0; t < leaf.sources.size(); ++t) {
-    LUMIGRID_ASSIGN_OR_RETURN(const auto triangle, triangleIn(source, leaf, t, number, picture));
-    if (triangle) charts.add(*triangle);
-  }
-  return {};
-}
-
+// Makes the pages of a leaf from a picture, to which it was added as `added`.
 base::Result<MadePages> makeLeafPages(const LeafTextureSource& source, const WorkPatch& patch, std::uint32_t number,
-                                      const base::Image& picture) {
+                                      texture::PictureCutter& picture, std::uint32_t added) {
   LUMIGRID_ASSIGN_OR_RETURN(const auto leaf, readLeaf(source.store, patch));
+  LUMIGRID_ASSIGN_OR_RETURN(const auto triangles, trianglesIn(source, leaf, number, picture.size()));
   const PatchGeometry& geometry = leaf.geometry;
   MadePages made;
-  std::vector<texture::PictureTriangle> triangles;
   std::vector<double> areas(leaf.sources.size(), 0.0), texels(leaf.sources.size(), 0.0);
-  for (std::size_t t = 0; t < leaf.sources.size(); ++t) {
-    LUMIGRID_ASSIGN_OR_RETURN(const auto found, triangleIn(source, leaf, t, number, picture));
-    if (!found) continue;
-    const texture::PictureTriangle& triangle = *found;
+  for (const texture::PictureTriangle& triangle : triangles) {
+    const std::size_t t = triangle.triangle;
     std::array<glm::dvec3, 3> points, colors;
     for (std::size_t k = 0; k < 3; ++k) {
       const std::size_t v = geometry.indices[3 * t + k];
@@ -135,17 +123,24 @@ base::Result<MadePages> makeLeafPages(const LeafTextureSource& source, const Wor
     made.area += areas[t];
     made.texels += texels[t];
     made.squares += areas[t] * detailOf(picture, triangle.corners, colors);
-    triangles.push_back(triangle);
   }
-  for (const texture::Page& page : texture::makePages(picture, triangles)) {
+  LUMIGRID_ASSIGN_OR_RETURN(auto pages, picture.cut(triangles, added));
+  for (texture::EncodedPage& page : pages) {
     double area = 0.0, covered = 0.0;
     for (const texture::PageTriangle& t : page.triangles) area += areas[t.triangle], covered += texels[t.triangle];
     covered *= static_cast<double>(page.scale) * static_cast<double>(page.scale);
     const double texel = std::sqrt(area / std::max(covered, 1e-6));
-    LUMIGRID_ASSIGN_OR_RETURN(auto bytes, texture::encodePage(page));
-    made.pages.push_back({std::max(static_cast<float>(texel), 1e-30F), page.scale < 1.0F, std::move(bytes)});
+    made.pages.push_back({std::max(static_cast<float>(texel), 1e-30F), page.scale < 1.0F, std::move(page.bytes)});
   }
   return made;
+}
+
+// The memory for a texel of a picture that is cut up: blocks of three planes without subsampling and those of a page,
+// which may be as large (6 bytes each), and what is covered.
+constexpr std::uint64_t kBytesPerTexel = 13;
+base::Result<texture::PictureCutter> openPicture(const mesh::SourcePicture& source) {
+  LUMIGRID_ASSIGN_OR_RETURN(const auto bytes, mesh::PictureBytes::open(source));
+  return texture::PictureCutter::open(bytes.view(), [source] { return mesh::readPicture(source); });
 }
 
 }  // namespace
@@ -153,8 +148,8 @@ base::Result<MadePages> makeLeafPages(const LeafTextureSource& source, const Wor
 // Makes the pages, picture by picture.
 class LeafTextures::Maker {
  public:
-  Maker(const LeafTextureSource& source, std::span<const WorkPatch> leaves, unsigned threads)
-      : source_(source), leaves_(leaves), threads_(threads), squares_(leaves.size()), areas_(leaves.size()) {}
+  Maker(const LeafTextureSource& source, std::span<const WorkPatch> leaves, Resources resources)
+      : source_(source), leaves_(leaves), resources_(resources), squares_(leaves.size()), areas_(leaves.size()) {}
 
   base::Result<LeafTextures> run(const std::string& directory, bool resume, const std::function<bool(double)>& report) {
     LUMIGRID_TRY(findLeaves());
@@ -162,13 +157,27 @@ class LeafTextures::Maker {
     LUMIGRID_ASSIGN_OR_RETURN(out_.log_, ingest::RecordLog::open(directory + "/pages", resume, keep));
     // Pictures that an earlier run finished are the first ones.
     std::size_t done = 0, all = 0;
-    for (std::size_t p = 0; p < leaves_of_.size(); ++p) all += leaves_of_[p].size();
-    for (std::uint32_t p = 0; p < leaves_of_.size(); ++p) {
-      if (p >= finished_) LUMIGRID_TRY(makePicture(p));
-      done += leaves_of_[p].size();
-      if (!report(static_cast<double>(done) / static_cast<double>(std::max<std::size_t>(1, all))))
-        return base::Error{base::ErrorCode::kCancelled, "cutting up the textures was cancelled"};
-    }
+    for (std::size_t p = 0; p < leaves_of_.size(); ++p) (p < finished_ ? done : all) += leaves_of_[p].size();
+    all += done;
+    const std::uint32_t first = finished_;
+    LUMIGRID_ASSIGN_OR_RETURN(const std::uint64_t largest, largestPicture(first));
+    const auto at_once = static_cast<unsigned>(
+        std::clamp<std::uint64_t>(resources_.memory / (kBytesPerTexel * largest), 1, resources_.threads));
+    std::vector<base::Bytes> made(at_once);
+    const auto make = [&](std::size_t i, std::size_t slot) -> base::Result<void> {
+      const unsigned threads = std::max(1U, resources_.threads / at_once);
+      LUMIGRID_ASSIGN_OR_RETURN(made[slot], makePicture(first + static_cast<std::uint32_t>(i), threads));
+      return {};
+    };
+    const auto keepMade = [&](std::size_t i, std::size_t slot) -> base::Result<void> {
+      LUMIGRID_ASSIGN_OR_RETURN(const auto offset, out_.log_.add(made[slot]));
+      (void)read(offset, made[slot]);
+      made[slot] = {};
+      done += leaves_of_[first + i].size();
+      if (report(static_cast<double>(done) / static_cast<double>(std::max<std::size_t>(1, all)))) return {};
+      return base::Error{base::ErrorCode::kCancelled, "cutting up the textures was cancelled"};
+    };
+    LUMIGRID_TRY(base::parallelInOrder(leaves_of_.size() - first, at_once, at_once, make, keepMade));
     summarize();
     return std::move(out_);
   }
@@ -177,11 +186,10 @@ class LeafTextures::Maker {
   // Finds the leaves that show each picture.
   base::Result<void> findLeaves() {
     std::vector<std::vector<std::uint32_t>> shown(leaves_.size());
-    LUMIGRID_TRY(base::tryParallelFor(leaves_.size(), threads_, [&](std::size_t i) -> base::Result<void> {
+    LUMIGRID_TRY(base::tryParallelFor(leaves_.size(), resources_.threads, [&](std::size_t i) -> base::Result<void> {
       LUMIGRID_ASSIGN_OR_RETURN(const auto leaf, readLeaf(source_.store, leaves_[i]));
-      for (const std::uint64_t s : leaf.sources) {
-        if (s == ingest::kNoSource) continue;
-        LUMIGRID_ASSIGN_OR_RETURN(const auto place, source_.places[s]);
+      LUMIGRID_ASSIGN_OR_RETURN(const auto places, source_.places.read(leaf.sources));
+      for (const ingest::TexturePlace& place : places) {
         if (place.picture < source_.pictures.size() && (shown[i].empty() || shown[i].back() != place.picture))
           shown[i].push_back(place.picture);
       }
@@ -195,18 +203,35 @@ class LeafTextures::Maker {
     return {};
   }
 
-  base::Result<void> makePicture(std::uint32_t number) {
+  // The texels of the largest picture from `first` on that some leaf shows; at least 1.
+  base::Result<std::uint64_t> largestPicture(std::uint32_t first) const {
+    std::uint64_t largest = 1;
+    for (std::size_t p = first; p < leaves_of_.size(); ++p) {
+      if (leaves_of_[p].empty()) continue;
+      LUMIGRID_ASSIGN_OR_RETURN(const auto bytes, mesh::PictureBytes::open(source_.pictures[p]));
+      const auto size = mesh::pictureSize(bytes.view());
+      if (!size) return base::within(source_.pictures[p].path, size.error());
+      largest = std::max(largest, std::uint64_t(size->x) * std::uint64_t(size->y));
+    }
+    return largest;
+  }
+
+  // Returns the record of a picture.
+  base::Result<base::Bytes> makePicture(std::uint32_t number, unsigned threads) const {
     const std::vector<std::uint32_t>& leaves = leaves_of_[number];
     std::vector<MadePages> made(leaves.size());
     if (!leaves.empty()) {
-      LUMIGRID_ASSIGN_OR_RETURN(auto picture, mesh::readPicture(source_.pictures[number]));
-      texture::PictureCharts charts(picture.width, picture.height);
-      LUMIGRID_TRY(base::tryParallelFor(leaves.size(), threads_, [&](std::size_t i) {
-        return addCharts(source_, leaves_[leaves[i]], number, picture, charts);
+      LUMIGRID_ASSIGN_OR_RETURN(auto picture, openPicture(source_.pictures[number]));
+      std::vector<std::uint32_t> added(leaves.size());
+      LUMIGRID_TRY(base::tryParallelFor(leaves.size(), threads, [&](std::size_t i) -> base::Result<void> {
+        LUMIGRID_ASSIGN_OR_RETURN(const auto leaf, readLeaf(source_.store, leaves_[leaves[i]]));
+        LUMIGRID_ASSIGN_OR_RETURN(const auto triangles, trianglesIn(source_, leaf, number, picture.size()));
+        added[i] = picture.add(triangles);
+        return {};
       }));
-      charts.growInto(picture);
-      LUMIGRID_TRY(base::tryParallelFor(leaves.size(), threads_, [&](std::size_t i) -> base::Result<void> {
-        LUMIGRID_ASSIGN_OR_RETURN(made[i], makeLeafPages(source_, leaves_[leaves[i]], number, picture));
+      picture.finish();
+      LUMIGRID_TRY(base::tryParallelFor(leaves.size(), threads, [&](std::size_t i) -> base::Result<void> {
+        LUMIGRID_ASSIGN_OR_RETURN(made[i], makeLeafPages(source_, leaves_[leaves[i]], number, picture, added[i]));
         return {};
       }));
     }
@@ -223,11 +248,9 @@ class LeafTextures::Maker {
         out.u32(static_cast<std::uint32_t>(page.bytes.size()));
         out.bytes(page.bytes);
       }
+      made[i] = {};
     }
-    const base::Bytes payload = out.takeBytes();
-    LUMIGRID_ASSIGN_OR_RETURN(const auto offset, out_.log_.add(payload));
-    (void)read(offset, payload);
-    return {};
+    return out.takeBytes();
   }
 
   // Notes what lies in a record of the log.
@@ -271,7 +294,7 @@ class LeafTextures::Maker {
 
   const LeafTextureSource& source_;
   std::span<const WorkPatch> leaves_;
-  unsigned threads_;
+  Resources resources_;
   std::vector<std::vector<std::uint32_t>> leaves_of_;  // by picture
   std::uint32_t finished_ = 0;                         // pictures
   std::vector<double> squares_, areas_;                // by leaf
@@ -280,9 +303,9 @@ class LeafTextures::Maker {
 };
 
 base::Result<LeafTextures> LeafTextures::make(const LeafTextureSource& source, std::span<const WorkPatch> leaves,
-                                              const std::string& directory, bool resume, unsigned threads,
+                                              const std::string& directory, bool resume, Resources resources,
                                               const std::function<bool(double)>& report) {
-  return Maker(source, leaves, threads).run(directory, resume, report);
+  return Maker(source, leaves, resources).run(directory, resume, report);
 }
 
 base::Result<texture::TextureSummary> LeafTextures::write(const std::string& path,

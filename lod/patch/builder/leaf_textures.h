@@ -1,7 +1,8 @@
 #pragma once
 // The textures of leaf patches: for each leaf and each of the source's pictures that it shows, the part of the picture
-// is cut out, at the picture's own resolution. Pictures are decoded one after the other, each once, and what was made
-// of a picture is kept in a log, so that memory holds one of them and a build that was stopped goes on behind the last.
+// is cut out, at the picture's own resolution. As many pictures as memory holds are cut up at a time, each of them read
+// once, and what was made of a picture is kept in a log, in their order, so that a build that was stopped goes on
+// behind the last.
 #include <cstdint>
 #include <functional>
 #include <span>
@@ -24,10 +25,15 @@ struct LeafTextureSource {
 
 class LeafTextures {
  public:
-  /// Makes the pages of all leaves. The log lies in `directory`; with `resume` it is continued. `report(share)` returns
-  /// false to cancel. Errors: those of the pictures, kCancelled, kNoSpace, kIo.
+  struct Resources {
+    unsigned threads = 1;
+    std::uint64_t memory = 0;  ///< bytes for pictures; one of them is worked on even where it takes more
+  };
+
+  /// Makes the pages of all leaves, which do not depend on the resources. The log lies in `directory`; with `resume` it
+  /// is continued. `report(share)` returns false to cancel. Errors: those of the pictures, kCancelled, kNoSpace, kIo.
   static base::Result<LeafTextures> make(const LeafTextureSource& source, std::span<const WorkPatch> leaves,
-                                         const std::string& directory, bool resume, unsigned threads,
+                                         const std::string& directory, bool resume, Resources resources,
                                          const std::function<bool(double)>& report);
   /// Patch::color_detail of a leaf.
   std::uint16_t colorDetail(std::size_t leaf) const { return detail_[leaf]; }

@@ -27,6 +27,7 @@ ViewState drawnView(unsigned seed) {
   view.orthographic = coin();
   if (coin()) view.section = {true, static_cast<int>(random() % 3), coin(), scale * real(-1.0, 1.0)};
   if (coin()) view.light = {true, real(-180.0, 180.0), real(-90.0, 90.0)};
+  if (view.method == Method::kHlod) view.shadows = static_cast<lod::hlod::Shadows>(random() % 3);
   return view;
 }
 
@@ -53,6 +54,7 @@ TEST(Permalink, aViewComesBackAsExactlyAsIsStated) {
     EXPECT_EQ(back->statistics, view.statistics);
     EXPECT_EQ(back->colors_by_resolution, view.colors_by_resolution);
     EXPECT_EQ(back->orthographic, view.orthographic);
+    EXPECT_EQ(back->shadows, view.shadows);
     EXPECT_EQ(back->light.on, view.light.on);
     if (view.light.on) {
       EXPECT_NEAR(back->light.heading, view.light.heading, 0.051);
@@ -132,6 +134,7 @@ TEST(Permalink, badTextIsRefusedInOneLineThatNamesThePart) {
       {"v=1&p=1,2,3&a=0,0&r=1&l=181,0", "l (light)"},
       {"v=1&p=1,2,3&a=0,0&r=1&l=0,91", "l (light)"},
       {"v=1&p=1,2,3&a=0,0&r=1&l=5", "l (light)"},
+      {"v=1&p=1,2,3&a=0,0&r=1&m=hlod&s=mild", "s (shadows)"},
       {"v=1&p=1,2,3&a=0,0&r=1&r=2", "twice"},
       {"v=1&p=1,2,3&a=0,0&r=1&z=2", "not known"},
       {"v=1&p=1,2,3&a=0,0&r=1&", "not known"},

@@ -394,5 +394,124 @@ TEST_P(StreamedPiecesTest, aHostThatCannotAnswerIsRefusedWithTheReason) {
   EXPECT_EQ(viewer_->session().phase(), SessionPhase::kRefused);
 }
 
+// ---- shadows of nodes ----
+
+using lod::hlod::Shadows;
+
+class HlodShadows : public StreamedPiecesTest {
+ protected:
+  /// From the side, so that bumps throw shadows on what is seen.
+  static constexpr glm::dvec3 kLow{1.0, 0.3, 0.25};
+
+  StreamedOptions shadowed(Shadows shadows) const {
+    StreamedOptions options = still();
+    options.shadows = shadows;
+    return options;
+  }
+  base::Image finished(const StreamedOptions& options, const glm::dvec3& light = kLow) {
+    open(options);
+    viewer_->setLight(light);
+    fetchAll(view());
+    return draw(view());
+  }
+  const HlodStats stats() const { return viewer_->stats().streamed.hlod; }
+  /// How many pixels the second picture shows much darker.
+  static int darker(const base::Image& a, const base::Image& b) {
+    int count = 0;
+    for (std::size_t i = 0; i < a.pixels.size(); i += 4) count += a.pixels[i + 1] > b.pixels[i + 1] + 40 ? 1 : 0;
+    return count;
+  }
+};
+
+INSTANTIATE_TEST_SUITE_P(Of, HlodShadows, ::testing::Values(&hlod()), nameOfMethod);
+
+TEST_P(HlodShadows, fallOnTheSideAwayFromTheLightHoweverTheCastersCame) {
+  const base::Image lit = finished(still());
+  const base::Image hard = finished(shadowed(Shadows::kHard));
+  EXPECT_EQ(stats().shadows, Shadows::kHard);
+  EXPECT_GT(stats().casters, 1U);
+  EXPECT_GT(darker(lit, hard), 300);
+  const base::Image other = finished(shadowed(Shadows::kHard), {-1.0, 0.3, 0.25});
+  EXPECT_GT(darker(hard, other), 300);
+  EXPECT_GT(darker(other, hard), 300);
+
+  // Casters that come one after the other end in the same picture.
+  open(shadowed(Shadows::kHard));
+  viewer_->setLight(kLow);
+  host_->at_a_time = 1;
+  for (int i = 0; i < 2000 && !viewer_->stats().complete; ++i) {
+    pump();
+    draw(view());
+  }
+  EXPECT_EQ(draw(view()).pixels, hard.pixels);
+  openWhole(shadowed(Shadows::kHard), file());
+  viewer_->setLight(kLow);
+  pump();
+  EXPECT_EQ(draw(view()).pixels, hard.pixels);
+}
+
+TEST_P(HlodShadows, aLightThatHasAPlaceShinesFromThereUntilTheViewerHasOneOfTheirOwn) {
+  StreamedOptions options = shadowed(Shadows::kHard);
+  const base::Image own = finished(options);
+  options.light_position = glm::dvec3(-2.0, 0.0, 0.6);
+  EXPECT_EQ(finished(options).pixels, own.pixels);
+  open(options);
+  fetchAll(view());
+  const base::Image placed = draw(view());
+  EXPECT_GT(darker(own, placed), 300);
+}
+
+TEST_P(HlodShadows, softOnesAreHardWhileViewOrLightMoveAndSoftWhenBothRest) {
+  const base::Image soft = finished(shadowed(Shadows::kSoft));
+  EXPECT_EQ(stats().shadows, Shadows::kSoft) << "every frame is as fine as at rest";
+  StreamedOptions options = shadowed(Shadows::kSoft);
+  double clock = 0.0;
+  makeLate(options, clock);
+  open(options);
+  viewer_->setLight(kLow);
+  const auto expectRest = [&] {
+    int frames = 0;
+    for (; frames < 1000 && !viewer_->stats().complete; ++frames) {
+      pump();
+      draw(view());
+    }
+    EXPECT_LT(frames, 1000);
+    EXPECT_FALSE(viewer_->stats().busy);
+    EXPECT_EQ(stats().shadows, Shadows::kSoft);
+    EXPECT_EQ(draw(view()).pixels, soft.pixels);
+  };
+  for (int i = 0; i < 20; ++i) {
+    pump();
+    draw(view(0.01 * i));
+  }
+  EXPECT_EQ(stats().shadows, Shadows::kHard);
+  EXPECT_FALSE(viewer_->stats().complete);
+  EXPECT_TRUE(viewer_->stats().busy);
+  expectRest();
+  viewer_->setLight(glm::dvec3(1.0, 0.35, 0.25));
+  draw(view());
+  EXPECT_EQ(stats().shadows, Shadows::kHard);
+  EXPECT_TRUE(viewer_->stats().busy);
+  viewer_->setLight(kLow);
+  expectRest();
+}
+
+TEST_P(HlodShadows, keepTheMemoryLimit) {
+  StreamedOptions options = shadowed(Shadows::kHard);
+  options.memory_bytes = 2'500'000;
+  open(options, method().large_file());
+  viewer_->setLight(kLow);
+  for (const Shadows shadows : {Shadows::kHard, Shadows::kSoft, Shadows::kNone, Shadows::kSoft}) {
+    StreamedQuality quality = streamed_->quality();
+    quality.shadows = shadows;
+    streamed_->setQuality(quality);
+    fetchAll(view());
+    draw(view());
+    EXPECT_EQ(stats().shadows, shadows);
+    EXPECT_LE(viewer_->stats().memory.total(), options.memory_bytes);
+    EXPECT_GT(viewer_->stats().streamed.drawn, 500U);
+  }
+}
+
 }  // namespace
 }  // namespace client

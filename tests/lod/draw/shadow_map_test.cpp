@@ -191,5 +191,18 @@ TEST_F(ShadowMapTest, softShadowsAreNearToThoseOfManySamples) {
   }
 }
 
+TEST_F(ShadowMapTest, mapsOfUnlikeSizesTakeNoMoreThanTwiceTheLargest) {
+  const auto map = ShadowMap::create(1000);
+  ASSERT_TRUE(map) << map.error().message;
+  const hlod::ShadowLight hard = sun({0.3F, 0.5F, 0.8F}), soft = sun({0.3F, 0.5F, 0.8F}, 20.0);
+  constexpr std::uint64_t kHardBytes = 4 * 1024 * 1024, kSoftBytes = 4 * 16 * 256 * 256;
+  for (const auto& [light, texels, bytes] :
+       {std::tuple(hard, 1024, kHardBytes), {soft, 256, kSoftBytes}, {hard, 1024, kHardBytes}}) {
+    ASSERT_TRUE((*map)->draw({lightCamera(light, texels), light, {glm::vec3(-1.0F), glm::vec3(1.0F)}}, {}));
+    EXPECT_GE((*map)->gpuBytes(), bytes);
+    EXPECT_LE((*map)->gpuBytes(), 2 * std::max(kHardBytes, kSoftBytes));
+  }
+}
+
 }  // namespace
 }  // namespace lod::draw

@@ -263,6 +263,85 @@ TEST(HlodPrefetchTest, moreNodesAreHereWhenAViewMovesThanWithoutIt) {
   EXPECT_GT(with.hits, without.hits);
 }
 
+/// A view from a light above, of a square beside the middle.
+LightRequest lightAt(float x, float size) {
+  LightRequest light;
+  light.camera.eye_from_scene = glm::lookAt(glm::vec3(x, 0.0F, 4.0F), glm::vec3(x, 0.0F, 0.0F), glm::vec3(0, 1, 0));
+  light.camera.clip_from_eye = glm::ortho(-0.5F * size, 0.5F * size, -0.5F * size, 0.5F * size, 1.0F, 8.0F);
+  light.camera.width = light.camera.height = 256;
+  light.max_error = 1e-9F;
+  return light;
+}
+
+TEST(HlodPrefetchTest, castersBesideALightsViewNeedTheStepThatBringsThemIntoIt) {
+  const LightRequest light = lightAt(-0.5F, 0.8F);
+  const std::vector<NextNode> next = castersWantedNext(made().nodes, light, kAll);
+  ASSERT_GT(next.size(), 20U);
+  const base::Frustum frustum(light.camera.clipFromScene());
+  for (std::size_t i = 0; i < next.size(); ++i) {
+    if (i > 0) EXPECT_LE(next[i - 1].motion, next[i].motion);
+    const Node& node = made().nodes[next[i].node];
+    EXPECT_TRUE(node.isLeaf());
+    EXPECT_FALSE(frustum.mayOverlap(node.box));
+    // A step by less than that, in parts of the picture's height, does not show it.
+    const LightRequest moved = lightAt(-0.5F + 0.8F * 0.98F * std::max(next[i].motion, 0.0F), 0.8F);
+    if (next[i].motion > 0.0F) EXPECT_FALSE(base::Frustum(moved.camera.clipFromScene()).mayOverlap(node.box));
+  }
+  EXPECT_TRUE(castersWantedNext({}, light, kAll).empty());
+}
+
+TEST(HlodPrefetchTest, castersOfAMovedLightAreHereThatWereFetchedAhead) {
+  const TraverseRequest request = viewFrom(12.0, 300);  // coarse pictures
+  std::map<bool, std::uint64_t> bytes;
+  for (const bool is_ahead : {false, true}) {
+    StreamOptions options;
+    options.prefetch_bytes = is_ahead ? 10'000'000 : 0;
+    Stream stream(made().file.size(), options);
+    Host host(stream, made().file);
+    double now = 0.0;
+    fetchAll(stream, host, request, now);
+    while (host.underWay() > 0) host.answerOne(now += 0.01);
+    stream.expectLights({lightAt(-0.5F, 0.8F)});
+    answerAll(host, now);
+    const std::uint64_t before = stream.stats().bytes_received;
+    std::vector<std::uint32_t> leaves;
+    for (const NextNode& next : castersWantedNext(made().nodes, lightAt(-0.5F, 0.8F), kAll))
+      leaves.push_back(next.node);
+    std::vector<std::shared_ptr<const CasterPicture>> casters;
+    std::vector<DrawnNode> drawn;
+    for (int turn = 0; turn < 1000; ++turn) {
+      stream.update(request, drawn);
+      stream.updateCasters(leaves, casters);
+      if (stream.complete()) break;
+      host.acceptRequests(now += 0.01);
+      if (host.underWay() > 0) host.answerOne(now);
+    }
+    EXPECT_TRUE(stream.complete());
+    bytes[is_ahead] = stream.stats().bytes_received - before;
+  }
+  EXPECT_GT(bytes[false], 20'000U);
+  EXPECT_LT(2 * bytes[true], bytes[false]);
+}
+
+TEST(HlodPrefetchTest, aThinLinkFetchesNothingAheadAndAnyOtherItsShare) {
+  for (const bool is_thin : {false, true}) {
+    StreamOptions options;
+    options.prefetch_bytes = 10'000'000;
+    options.prefetch_seconds = 0.5;
+    options.prefetch_least_rate = is_thin ? 1e12 : 1.0;
+    Stream stream(made().file.size(), options);
+    Host host(stream, made().file);
+    double now = 0.0;
+    fetchAll(stream, host, viewFrom(0.6, 500), now);
+    while (host.underWay() > 0) host.answerOne(now += 0.01);
+    answerAll(host, now);
+    const double rate = static_cast<double>(stream.stats().bytes_received) / now;
+    const auto ahead = static_cast<double>(stream.stats().prefetched_bytes);
+    EXPECT_EQ(ahead == 0.0, is_thin);
+    EXPECT_LT(ahead, 10.0 * options.prefetch_seconds * rate);
+  }
+}
+
 TEST(HlodPrefetchTest, nothingIsDroppedForIt) {
   StreamOptions options;
   options.memory_bytes = kMinStreamMemory;

@@ -535,8 +535,8 @@ TEST(HlodShadowTest, oddLightsAndCamerasAreBorne) {
   Octree tree(glm::vec3(0.0F), 1.0F, 3, 16);
   Case made = planCase(tree, tree.random.next(), Place::kFar, false);
   ASSERT_FALSE(made.plans.empty());
-  EXPECT_TRUE(planShadowMaps({}, {}, made.request).empty());
-  EXPECT_TRUE(planShadowMaps(tree.nodes, {}, made.request).empty());
+  EXPECT_TRUE(planShadowMaps({}, std::span<const std::uint32_t>(), made.request).empty());
+  EXPECT_TRUE(planShadowMaps(tree.nodes, std::span<const std::uint32_t>(), made.request).empty());
   const float nan = std::numeric_limits<float>::quiet_NaN();
   for (const glm::vec4& place :
        {glm::vec4(nan, 0.0F, 0.0F, 1.0F), glm::vec4(0.0F), glm::vec4(kInfinite, 0.0F, 0.0F, 1.0F)}) {

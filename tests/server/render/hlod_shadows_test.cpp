@@ -2,13 +2,18 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <cstdio>
+#include <cstdlib>
 #include <filesystem>
 #include <numbers>
 #include <optional>
+#include <ostream>
+#include <vector>
 
 #include "base/egl/headless.h"
 #include "base/file.h"
 #include "base/gl/gl.h"
+#include "base/png/png.h"
 #include "lod/disk_bytes.h"
 #include "lod/hlod/block.h"
 #include "lod/hlod/builder/build.h"
@@ -324,6 +329,127 @@ TEST_F(HlodShadowsTest, softShadowsNeedALightOfSomeSize) {
   ASSERT_FALSE(drawn);
   EXPECT_NE(drawn.error().message.find("size"), std::string::npos) << drawn.error().message;
 }
+
+// ---- where shadows may fail (docs/stability.md) ----
+
+/// A surface, a view of it and a light that is hard on shadows.
+struct ShadowFailure {
+  const char* name;
+  support::Mesh (*mesh)();
+  glm::dvec3 from;  ///< as of camera()
+  glm::vec3 light;  ///< towards the sun, or a lamp's place in radii
+  bool is_lamp = false;
+  double least_facing = 0.2;  ///< cosine from which on pixels count
+  double max_wrong = 0.01;    ///< share of the edges' pixels
+};
+void PrintTo(const ShadowFailure& failure, std::ostream* out) {
+  *out << failure.name;
+}
+
+support::Mesh ballsOnAPlate() {
+  support::Mesh mesh = support::openGrid(100, 0.02F);
+  for (int i = 0; i < 5; ++i) {
+    const float angle = 1.2566F * static_cast<float>(i);
+    const glm::vec3 middle(0.5F + 0.25F * std::cos(angle), 0.5F + 0.25F * std::sin(angle), 0.08F);
+    support::append(mesh, support::bumpySphere(30, 60, 0.1F, middle, 0.06F));
+  }
+  return mesh;
+}
+support::Mesh wiresOverAPlate() {
+  support::Mesh mesh = support::box({-1.3F, -1.3F, -0.8F}, {1.3F, 1.3F, -0.75F}, 40);
+  support::append(mesh, support::wires());
+  return mesh;
+}
+support::Mesh ballsFarAway() {
+  support::Mesh mesh = ballsOnAPlate();
+  mesh.origin = {1e6, 4e6, 100.0};
+  return mesh;
+}
+
+const std::vector<ShadowFailure>& shadowFailures() {
+  static const std::vector<ShadowFailure> all{
+      {"even_light", ballsOnAPlate, {0.4, -1.0, 1.2}, {0.5F, 0.3F, 0.8F}},
+      {"grazing_light", ballsOnAPlate, {0.4, -1.0, 1.2}, {0.97F, 0.2F, 0.12F}, false, 0.1},
+      // A wire's two edges are each off by their own error.
+      {"thin_casters", wiresOverAPlate, {0.5, -1.0, 1.4}, {0.3F, 0.2F, 0.9F}, false, 0.2, 0.03},
+      // Below the rim the wall takes normals from the rim's upper side.
+      {"concave_interior", support::cup, {0.35, 0.2, 1.9}, {0.1F, 0.05F, 0.99F}, false, 0.2, 0.12},
+      {"light_inside_the_model", support::room, {-0.55, -0.5, 0.05}, {0.02F, 0.05F, 0.1F}, true},
+      {"giant_receiver", support::ballOnAGiant, {0.25, -0.5, 0.35}, {0.5F, 0.3F, 0.6F}, false, 0.2, 0.02},
+      {"coordinates_of_a_million", ballsFarAway, {0.4, -1.0, 1.2}, {0.5F, 0.3F, 0.8F}},
+  };
+  return all;
+}
+
+class ShadowFailuresTest : public HlodShadowsTest, public testing::WithParamInterface<ShadowFailure> {
+ protected:
+  static std::string folder() {
+    const char* folder = std::getenv("LUMIGRID_STABILITY");
+    return folder == nullptr ? "" : folder;
+  }
+
+  /// The picture that rays give: 2 x 2 places a pixel, `rays` to the light from each.
+  static base::Image rayPicture(const base::Camera& view, const support::ShadowTruth& truth,
+                                const lod::hlod::ShadowLight& light, int rays) {
+    constexpr int kPlaces = 2;
+    base::Image picture(view.width, view.height, 4);
+    for (int y = 0; y < view.height; ++y)
+      for (int x = 0; x < view.width; ++x) {
+        double brightness = 0.0;
+        int seen_places = 0;
+        for (int i = 0; i < kPlaces * kPlaces; ++i) {
+          const auto seen =
+              truth.seenAt(view, glm::dvec2(x + (i % kPlaces + 0.5) / kPlaces, y + (i / kPlaces + 0.5) / kPlaces));
+          if (!seen) continue;
+          ++seen_places;
+          const double lit =
+              rays > 1 ? truth.litShare(*seen, light, rays) : (truth.isLit(*seen, glm::dvec4(light.place)) ? 1.0 : 0.0);
+          brightness += 0.35 + 0.65 * std::max(support::facing(*seen, light), 0.0) * lit;
+        }
+        const auto grey = static_cast<std::uint8_t>(255.0 * brightness / std::max(seen_places, 1));
+        const std::array<std::uint8_t, 4> pixel{grey, grey, grey,
+                                                static_cast<std::uint8_t>(255 * seen_places / (kPlaces * kPlaces))};
+        std::copy_n(pixel.data(), 4, picture.at(x, y));
+      }
+    return picture;
+  }
+
+  /// Hard shadows by rays, as drawn, soft ones by rays, as drawn: DIR/shadows/NAME_0.png to _3.png.
+  void writePictures(const base::Camera& view, const support::ShadowTruth& truth, lod::hlod::ShadowLight light,
+                     float soft_size) {
+    const std::string stem = folder() + "/shadows/" + GetParam().name;
+    std::filesystem::create_directories(folder() + "/shadows");
+    HlodOptions options;
+    options.supersampling = 2;
+    EXPECT_TRUE(base::writePng(rayPicture(view, truth, light, 1), stem + "_0.png"));
+    EXPECT_TRUE(base::writePng(picture(view, light, options), stem + "_1.png"));
+    light.size = soft_size;
+    const base::Image soft = picture(view, light, options);
+    EXPECT_TRUE(base::writePng(rayPicture(view, truth, light, 32), stem + "_2.png"));
+    EXPECT_TRUE(base::writePng(soft, stem + "_3.png"));
+    const support::PenumbraError error = support::comparePenumbrae(soft, view, truth, light, 2);
+    std::printf("penumbrae of %s: %.2f of 255, %d pixels\n", GetParam().name, error.mean, error.pixels);
+  }
+};
+
+TEST_P(ShadowFailuresTest, hardShadowsEndWhereRaysSay) {
+  const ShadowFailure& failure = GetParam();
+  support::writePly(directory_ / "mesh.ply", failure.mesh());
+  buildFile(directory_ / "mesh.ply");
+  const support::ShadowTruth truth(leaves_);
+  const lod::hlod::ShadowLight light = failure.is_lamp ? lamp(failure.light) : sun(failure.light);
+  const bool has_pictures = !folder().empty();
+  const base::Camera view = camera(failure.from, 240, 180, kUpwards);
+  const support::EdgeCount count =
+      support::compareEdges(picture(view, light), view, truth, light, failure.least_facing);
+  std::printf("%s: %d of %d edges wrong, %d pixels\n", failure.name, count.wrong, count.edges, count.checked);
+  EXPECT_GT(count.edges, 50);
+  EXPECT_LE(count.wrong, failure.max_wrong * count.edges);
+  if (has_pictures) writePictures(view, truth, light, failure.is_lamp ? 0.1F * renderer_->bounds().radius : 0.14F);
+}
+
+INSTANTIATE_TEST_SUITE_P(Where, ShadowFailuresTest, testing::ValuesIn(shadowFailures()),
+                         [](const auto& failure) { return failure.param.name; });
 
 }  // namespace
 }  // namespace server

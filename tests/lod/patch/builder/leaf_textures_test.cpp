@@ -7,6 +7,7 @@
 #include <fstream>
 #include <functional>
 
+#include "base/jpeg/jpeg.h"
 #include "base/png/png.h"
 #include "lod/patch/builder/hierarchy_build.h"
 #include "lod/patch/format.h"
@@ -38,10 +39,21 @@ class TexturedSheet : public testing::Test {
           image.at(x, y)[1] = static_cast<std::uint8_t>(y);
           image.at(x, y)[2] = p == 0 ? 60 : 200;
         }
-      ASSERT_TRUE(base::writePng(image, folder_ / ("picture" + std::to_string(p) + ".png")));
+      if (p == 0) {
+        ASSERT_TRUE(base::writePng(image, folder_ / "picture0.png"));
+      } else {  // pages copy its blocks
+        const auto jpeg = base::encodeJpeg(image, 95, base::Subsampling::k420);
+        ASSERT_TRUE(jpeg);
+        writeFile("picture1.jpg", *jpeg);
+      }
     }
-    std::ofstream(folder_ / "sheet.mtl") << "newmtl left\nmap_Kd picture0.png\nnewmtl right\nmap_Kd picture1.png\n";
+    std::ofstream(folder_ / "sheet.mtl") << "newmtl left\nmap_Kd picture0.png\nnewmtl right\nmap_Kd picture1.jpg\n";
     writeObj();
+  }
+
+  void writeFile(const char* name, base::ByteView bytes) const {
+    std::ofstream(folder_ / name, std::ios::binary)
+        .write(reinterpret_cast<const char*>(bytes.data()), static_cast<std::streamsize>(bytes.size()));
   }
 
   static int pictureAt(const glm::dvec2& p) { return p.x < 0.5 * kCells ? 0 : 1; }
@@ -178,6 +190,20 @@ TEST_F(TexturedSheet, goesOnBehindThePicturesThatWereDone) {
   ASSERT_TRUE(built) << built.error().message;
   EXPECT_EQ(bytesOf("patch.lgp"), patches);
   EXPECT_EQ(bytesOf("texture.lgt"), textures);
+}
+
+TEST_F(TexturedSheet, aJpegThatBreaksMeanwhileIsNamed) {
+  HierarchyOptions options;
+  options.texture_path = folder_ / "texture.lgt";
+  const auto breakIt = [&](const std::string& stage, double done) {
+    // Its vertices' colours have been made.
+    if (stage == "leaves" && done >= 1.0) std::filesystem::resize_file(folder_ / "picture1.jpg", 1500);
+    return true;
+  };
+  const auto built = buildHierarchyFromFiles({folder_ / "sheet.obj"}, options, folder_ / "patch.lgp", breakIt);
+  ASSERT_FALSE(built);
+  EXPECT_EQ(built.error().code, base::ErrorCode::kInvalidInput);
+  EXPECT_NE(built.error().message.find("picture1.jpg"), std::string::npos) << built.error().message;
 }
 
 TEST_F(TexturedSheet, aPictureThatChangedMeanwhileIsReadAgain) {

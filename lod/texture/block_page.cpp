@@ -1,0 +1,352 @@
+#include "lod/texture/block_page.h"
+
+#include <algorithm>
+#include <array>
+#include <cstring>
+#include <memory>
+#include <optional>
+#include <unordered_map>
+
+#include "lod/texture/coverage.h"
+#include "lod/texture/dct.h"
+#include "lod/texture/fill.h"
+#include "lod/texture/wrapped.h"
+
+namespace lod::texture {
+namespace {
+
+// Texels this near to a triangle are those of copied or coded blocks.
+constexpr double kNeeded = 2.0;
+// A block's gaps take the colours of texels up to so many samples beyond it.
+constexpr int kApron = 2, kBlock = 8, kSpan = kBlock + 2 * kApron;
+
+// The chart's texels in its slot, for blocks that cannot be copied whole.
+class SlotTexels {
+ public:
+  SlotTexels(const BlockSource& source, const Chart& chart, std::uint32_t joined, const Slot& slot)
+      : source_(source), joined_(joined), at_(chart.min - (slot.origin - slot.min)), size_(slot.size) {
+    own_.resize(static_cast<std::size_t>(size_.x) * static_cast<std::size_t>(size_.y));
+    const MaskView mask{own_.data(), size_.x, size_.x, size_.y};
+    for (const StepTriangle& triangle : chart.triangles) {
+      std::array<glm::dvec2, 3> corners;
+      for (int i = 0; i < 3; ++i)
+        corners[i] = glm::dvec2(triangle.corners[i] - at_ * kCornerSteps) / double{kCornerSteps};
+      coverTriangle(corners, PictureCharts::kReach, mask);
+    }
+  }
+
+  // Returns false where the block shows nothing of the chart. x and y count the plane's blocks from the slot's corner.
+  bool makeBlock(int plane, int x, int y, base::JpegBlock& block) {
+    std::array<float, kSpan * kSpan> values{};
+    std::array<std::uint8_t, kSpan * kSpan> known{};
+    int inside = 0, any = 0;
+    for (int j = 0; j < kSpan; ++j)
+      for (int i = 0; i < kSpan; ++i) {
+        const glm::ivec2 sample(kBlock * x + i - kApron, kBlock * y + j - kApron);
+        if (!keeps(plane, sample)) continue;
+        values[j * kSpan + i] = valueAt(plane, sample);
+        known[j * kSpan + i] = 1;
+        ++any;
+        if (std::min(i, j) >= kApron && std::max(i, j) < kApron + kBlock) ++inside;
+      }
+    if (any == 0) return false;
+    if (inside == kBlock * kBlock)
+      if (const base::JpegBlock* whole = wholeBlock(plane, x, y)) {
+        block = *whole;
+        return true;
+      }
+    fillGaps(values, known);
+    BlockSamples samples;
+    for (int j = 0; j < kBlock; ++j)
+      for (int i = 0; i < kBlock; ++i) samples[j * kBlock + i] = values[(j + kApron) * kSpan + i + kApron];
+    block = blockOf(samples, source_.blocks.plane(plane).quant);
+    return true;
+  }
+
+ private:
+  // Texels of the picture for a sample of the plane, in x and in y.
+  glm::ivec2 texelsPerSample(int plane) const {
+    const base::JpegPlane& p = source_.blocks.plane(plane);
+    return source_.unit() / glm::ivec2(kBlock * p.across, kBlock * p.down);
+  }
+
+  bool keeps(int plane, const glm::ivec2& sample) const {
+    const glm::ivec2 texels = texelsPerSample(plane), first = sample * texels;
+    if (first.x < 0 || first.y < 0 || first.x >= size_.x || first.y >= size_.y) return false;
+    for (int y = first.y; y < first.y + texels.y; ++y)
+      for (int x = first.x; x < first.x + texels.x; ++x)
+        if (keepsTexel(x, y)) return true;
+    return false;
+  }
+  bool keepsTexel(int x, int y) const {
+    if (own_[static_cast<std::size_t>(y) * static_cast<std::size_t>(size_.x) + static_cast<std::size_t>(x)] != 0)
+      return true;
+    const int column = wrapped(at_.x + x, source_.size().x), row = wrapped(at_.y + y, source_.size().y);
+    return source_.covered.covers(column, row) &&
+           source_.units.at(column / source_.unit().x, row / source_.unit().y) == joined_;
+  }
+
+  // The picture's block at this place of the slot, if all of it lies in the picture; else null.
+  const base::JpegBlock* wholeBlock(int plane, int x, int y) const {
+    const glm::ivec2 first = at_ / texelsPerSample(plane) + kBlock * glm::ivec2(x, y);
+    const glm::ivec2 end = (first + kBlock) * texelsPerSample(plane);
+    if (first.x < 0 || first.y < 0 || end.x > source_.size().x || end.y > source_.size().y) return nullptr;
+    return source_.blocks.block(plane, first.x / kBlock, first.y / kBlock);
+  }
+
+  float valueAt(int plane, const glm::ivec2& sample) {
+    const glm::ivec2 block = sample / kBlock, within = sample % kBlock;
+    const std::uint64_t key = (static_cast<std::uint64_t>(plane) << 60) | (static_cast<std::uint64_t>(block.y) << 30) |
+                              static_cast<std::uint64_t>(block.x);
+    const auto [found, is_new] = decoded_.try_emplace(key);
+    if (is_new) found->second = decode(plane, block);
+    return found->second[static_cast<std::size_t>(within.y * kBlock + within.x)];
+  }
+  BlockSamples decode(int plane, const glm::ivec2& block) const {
+    const Quantization& quant = source_.blocks.plane(plane).quant;
+    if (const base::JpegBlock* whole = wholeBlock(plane, block.x, block.y)) return samplesOf(*whole, quant);
+    // It lies across the picture's edge, beyond which the picture begins again.
+    BlockSamples samples;
+    const glm::ivec2 texels = texelsPerSample(plane);
+    for (int j = 0; j < kBlock; ++j)
+      for (int i = 0; i < kBlock; ++i) {
+        const glm::ivec2 texel = at_ + (kBlock * block + glm::ivec2(i, j)) * texels;
+        const int x = wrapped(texel.x, source_.size().x) / texels.x, y = wrapped(texel.y, source_.size().y) / texels.y;
+        samples[j * kBlock + i] =
+            sampleOf(*source_.blocks.block(plane, x / kBlock, y / kBlock), quant, x % kBlock, y % kBlock);
+      }
+    return samples;
+  }
+
+  // Fills samples that are not known from known ones around them, again and again.
+  static void fillGaps(std::array<float, kSpan * kSpan>& values, std::array<std::uint8_t, kSpan * kSpan>& known) {
+    for (std::uint8_t pass = 1; std::count(known.begin(), known.end(), 0) > 0; ++pass)
+      for (int j = 0; j < kSpan; ++j)
+        for (int i = 0; i < kSpan; ++i) {
+          if (known[j * kSpan + i] != 0) continue;
+          float sum = 0.0F;
+          int count = 0;
+          for (int y = std::max(j - 1, 0); y <= std::min(j + 1, kSpan - 1); ++y)
+            for (int x = std::max(i - 1, 0); x <= std::min(i + 1, kSpan - 1); ++x)
+              if (const std::uint8_t age = known[y * kSpan + x]; age != 0 && age <= pass)
+                sum += values[y * kSpan + x], ++count;
+          if (count == 0) continue;
+          values[j * kSpan + i] = sum / static_cast<float>(count);
+          known[j * kSpan + i] = static_cast<std::uint8_t>(pass + 1);
+        }
+  }
+
+  const BlockSource& source_;
+  const std::uint32_t joined_;
+  const glm::ivec2 at_;            // the slot's corner in the picture
+  const glm::ivec2 size_;          // of the slot, texels
+  std::vector<std::uint8_t> own_;  // by texel of the slot: whether the chart covers it
+  std::unordered_map<std::uint64_t, BlockSamples> decoded_;
+};
+
+// A page in the making.
+class BlockPage {
+ public:
+  BlockPage(const BlockSource& source, const PagePlan& plan) : source_(source), plan_(plan) {
+    size_ = (plan.size + source.unit() - 1) / source.unit();
+    const auto units = static_cast<std::size_t>(size_.x) * static_cast<std::size_t>(size_.y);
+    units_.resize(units);
+    const base::JpegPlane& first = source.blocks.plane(0);
+    blocks_per_unit_ = static_cast<std::size_t>(first.across * first.down + source.blocks.planes() - 1);
+    means_ = base::Image(size_.x * first.across, size_.y * first.down, 3);
+    known_.resize(means_.pixels.size() / 3);
+  }
+
+  void addSlot(const Chart& chart, std::uint32_t joined, const Slot& slot) {
+    const glm::ivec2 at = chart.min - (slot.origin - slot.min);
+    const glm::ivec2 units = slot.size / source_.unit(), first = slot.min / source_.unit();
+    const std::vector<std::uint8_t> needed = neededUnits(chart, at, units);
+    std::unique_ptr<SlotTexels> texels;
+    bool shown = false;
+    for (int y = 0; y < units.y; ++y)
+      for (int x = 0; x < units.x; ++x) {
+        if (needed[static_cast<std::size_t>(y) * static_cast<std::size_t>(units.x) + static_cast<std::size_t>(x)] == 0)
+          continue;
+        const glm::ivec2 to = first + glm::ivec2(x, y);
+        if (const auto from = wholeUnit(at / source_.unit() + glm::ivec2(x, y), joined)) {
+          copyUnit(to, *from);
+          shown = true;
+          continue;
+        }
+        if (texels == nullptr) texels = std::make_unique<SlotTexels>(source_, chart, joined, slot);
+        shown |= makeUnit(to, {x, y}, *texels);
+      }
+    if (!shown) showPoint(chart, first);
+    fillUncovered(meansOf(first, units));
+  }
+
+  base::Result<base::Bytes> encode() {
+    // Places that are free take colours of the slots beside them.
+    std::fill(known_.begin(), known_.end(), std::uint8_t{0});
+    for (const Slot& slot : plan_.slots) {
+      const FillView view = meansOf(slot.min / source_.unit(), slot.size / source_.unit());
+      for (int y = 0; y < view.mask.height; ++y)
+        std::memset(view.mask.row(y), 1, static_cast<std::size_t>(view.mask.width));
+    }
+    fillUncovered(meansOf({0, 0}, size_));
+    return source_.blocks.encode(plan_.size.x, plan_.size.y,
+                                 [this](int plane, int y, base::JpegBlock* row) { fillRow(plane, y, row); });
+  }
+
+ private:
+  static constexpr std::uint32_t kEven = 0, kCopied = 1, kMade = 2;
+  struct Unit {
+    std::uint32_t kind = kEven;
+    glm::ivec2 from{0};      // in units of the picture, where it is copied
+    std::size_t blocks = 0;  // in made_, where it is made
+  };
+
+  Unit& unitAt(const glm::ivec2& at) {
+    return units_[static_cast<std::size_t>(at.y) * static_cast<std::size_t>(size_.x) + static_cast<std::size_t>(at.x)];
+  }
+
+  std::vector<std::uint8_t> neededUnits(const Chart& chart, const glm::ivec2& at, const glm::ivec2& units) const {
+    std::vector<std::uint8_t> needed(static_cast<std::size_t>(units.x) * static_cast<std::size_t>(units.y));
+    const glm::dvec2 unit(source_.unit());
+    const double reach = 0.5 + kNeeded / std::min(unit.x, unit.y);
+    const MaskView mask{needed.data(), units.x, units.x, units.y};
+    for (const StepTriangle& triangle : chart.triangles) {
+      std::array<glm::dvec2, 3> corners;
+      for (int i = 0; i < 3; ++i)
+        corners[i] = (glm::dvec2(triangle.corners[i]) / double{kCornerSteps} - glm::dvec2(at)) / unit;
+      coverTriangle(corners, reach, mask);
+    }
+    return needed;
+  }
+
+  // The picture's unit at this place of the repeated picture, if all of its texels show these joined charts.
+  std::optional<glm::ivec2> wholeUnit(const glm::ivec2& at, std::uint32_t joined) const {
+    const glm::ivec2 unit = source_.unit(), size = source_.size(), count = size / unit;
+    glm::ivec2 from = at;
+    for (int k = 0; k < 2; ++k) {
+      if (size[k] % unit[k] == 0) from[k] = wrapped(from[k], count[k]);
+      if (from[k] < 0 || from[k] >= count[k]) return std::nullopt;
+    }
+    if (source_.units.at(from.x, from.y) != joined) return std::nullopt;
+    if (!source_.covered.coversAll(from * unit, unit)) return std::nullopt;
+    return from;
+  }
+
+  void copyUnit(const glm::ivec2& to, const glm::ivec2& from) {
+    unitAt(to) = {kCopied, from, 0};
+    forEachFirstBlock([&](int x, int y) {
+      const base::JpegPlane& first = source_.blocks.plane(0);
+      noteMean(to, x, y, 0, *source_.blocks.block(0, from.x * first.across + x, from.y * first.down + y));
+      for (int plane = 1; plane < source_.blocks.planes(); ++plane)
+        noteMean(to, x, y, plane, *source_.blocks.block(plane, from.x, from.y));
+    });
+  }
+
+  // Codes a unit anew. Returns whether it shows something of the chart.
+  bool makeUnit(const glm::ivec2& to, const glm::ivec2& in_slot, SlotTexels& texels) {
+    std::vector<base::JpegBlock> blocks(blocks_per_unit_);
+    std::vector<std::uint8_t> shows(blocks_per_unit_);
+    std::size_t next = 0;
+    bool any = false;
+    for (int plane = 0; plane < source_.blocks.planes(); ++plane) {
+      const base::JpegPlane& p = source_.blocks.plane(plane);
+      for (int y = 0; y < p.down; ++y)
+        for (int x = 0; x < p.across; ++x, ++next) {
+          shows[next] = texels.makeBlock(plane, in_slot.x * p.across + x, in_slot.y * p.down + y, blocks[next]) ? 1 : 0;
+          any |= shows[next] != 0;
+        }
+    }
+    if (!any) return false;
+    unitAt(to) = {kMade, {}, made_.size()};
+    const base::JpegPlane& first = source_.blocks.plane(0);
+    forEachFirstBlock([&](int x, int y) {
+      const auto block = static_cast<std::size_t>(y * first.across + x);
+      if (shows[block] == 0) return;
+      noteMean(to, x, y, 0, blocks[block]);
+      for (int plane = 1; plane < source_.blocks.planes(); ++plane)
+        noteMean(to, x, y, plane, blocks[blocks_per_unit_ - 3 + static_cast<std::size_t>(plane)]);
+    });
+    for (std::size_t i = 0; i < blocks.size(); ++i) made_.push_back({blocks[i], shows[i] != 0});
+    return true;
+  }
+
+  // Charts without an area get the colour that the picture has there.
+  void showPoint(const Chart& chart, const glm::ivec2& to) {
+    const glm::ivec2 size = source_.size();
+    const glm::ivec2 texel(wrapped(chart.min.x, size.x), wrapped(chart.min.y, size.y));
+    for (int plane = 0; plane < source_.blocks.planes(); ++plane) {
+      const base::JpegPlane& p = source_.blocks.plane(plane);
+      const int x = texel.x * p.across / source_.unit().x, y = texel.y * p.down / source_.unit().y;
+      noteMean(to, 0, 0, plane, *source_.blocks.block(plane, x, y));
+    }
+  }
+
+  void forEachFirstBlock(auto&& body) const {
+    const base::JpegPlane& first = source_.blocks.plane(0);
+    for (int y = 0; y < first.down; ++y)
+      for (int x = 0; x < first.across; ++x) body(x, y);
+  }
+
+  // x and y: the block of the first plane in its unit.
+  void noteMean(const glm::ivec2& unit, int x, int y, int plane, const base::JpegBlock& block) {
+    const base::JpegPlane& first = source_.blocks.plane(0);
+    const int column = unit.x * first.across + x, row = unit.y * first.down + y;
+    means_.at(column, row)[plane] = meanOf(block, source_.blocks.plane(plane).quant);
+    known_[static_cast<std::size_t>(row) * static_cast<std::size_t>(means_.width) + static_cast<std::size_t>(column)] =
+        1;
+  }
+  FillView meansOf(const glm::ivec2& first, const glm::ivec2& units) {
+    const base::JpegPlane& plane = source_.blocks.plane(0);
+    const int x = first.x * plane.across, y = first.y * plane.down;
+    const std::ptrdiff_t offset = std::ptrdiff_t{y} * means_.width + x;
+    return {means_.at(x, y),
+            std::ptrdiff_t{means_.width} * 3,
+            3,
+            {known_.data() + offset, means_.width, units.x * plane.across, units.y * plane.down}};
+  }
+
+  // Writes a row of the plane's blocks.
+  void fillRow(int plane, int y, base::JpegBlock* row) {
+    const base::JpegPlane& p = source_.blocks.plane(plane);
+    const auto before = static_cast<std::size_t>(plane == 0 ? 0 : static_cast<int>(blocks_per_unit_) - 3 + plane);
+    const int within = y % p.down, wide = (plan_.size.x * p.across + source_.unit().x - 1) / source_.unit().x;
+    for (int x = 0; x < wide; ++x) {
+      const glm::ivec2 at(x / p.across, y / p.down);
+      const Unit& unit = unitAt(at);
+      const std::size_t block = before + static_cast<std::size_t>(within * p.across + x % p.across);
+      if (unit.kind == kCopied) {
+        row[x] = *source_.blocks.block(plane, unit.from.x * p.across + x % p.across, unit.from.y * p.down + within);
+      } else if (unit.kind == kMade && made_[unit.blocks + block].shows) {
+        row[x] = made_[unit.blocks + block].block;
+      } else {
+        const base::JpegPlane& first = source_.blocks.plane(0);
+        row[x] = flatBlock(means_.at(x * first.across / p.across, y * first.down / p.down)[plane], p.quant);
+      }
+    }
+  }
+
+  struct MadeBlock {
+    base::JpegBlock block;
+    bool shows;
+  };
+
+  const BlockSource& source_;
+  const PagePlan& plan_;
+  glm::ivec2 size_{0};  // units
+  std::size_t blocks_per_unit_ = 0;
+  std::vector<Unit> units_;
+  std::vector<MadeBlock> made_;
+  base::Image means_;                // of the first plane's blocks, and of the others' in their places
+  std::vector<std::uint8_t> known_;  // which of them are those of blocks
+};
+
+}  // namespace
+
+base::Result<base::Bytes> drawBlockPage(const BlockSource& source, const std::vector<Chart>& charts,
+                                        std::uint32_t first, const PagePlan& plan) {
+  BlockPage page(source, plan);
+  for (const Slot& slot : plan.slots) page.addSlot(charts[slot.chart], source.units.joined(first + slot.chart), slot);
+  return page.encode();
+}
+
+}  // namespace lod::texture
