@@ -34,9 +34,9 @@ bool sameSources(const std::vector<base::SceneSource>& a, const std::vector<base
   });
 }
 
-bool sameHierarchies(const BuildArguments& a, Parameters recorded, const Parameters& wanted) {
+bool sameHierarchies(const BuildArguments& a, Parameters recorded, Parameters wanted) {
   for (const char* name : kSourceParameters)
-    if (recorded[name] != wanted.at(name)) return false;
+    if (recorded[name] != wanted[name]) return false;
   if (wants(a, "patch") && hasMethod(recorded, "patch"))
     for (const char* name : kHierarchyParameters)
       if (recorded[name] != wanted.at(name)) return false;

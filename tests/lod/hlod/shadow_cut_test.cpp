@@ -558,20 +558,23 @@ TEST(HlodShadowTest, mapsServeTheNextViews) {
     Checked checked;
     int views = 0, kept = 0;
     for (int i = 0; i < 24; ++i) {
-      Case made = planCase(tree, anyCamera(tree, i), std::array{Place::kFar, Place::kOutside, Place::kInside}[i % 3],
-                           i % 2 == 0);
+      // A light amid receivers has maps that do not see all of the room around it.
+      const Place place = std::array{Place::kFar, Place::kOutside, Place::kInside}[static_cast<std::size_t>(i) % 3];
+      Case made = planCase(tree, anyCamera(tree, i), place, i % 2 == 0);
       made.request.room = 0.15F;
       made.request.max_texels = max_texels;
       ShadowPlanner planner;
       std::vector<base::Camera> before;
-      for (int step = 0; step < 12; ++step, ++views) {
-        made.request.view.camera = moved(made.request.view.camera, tree, 0.005);
+      for (int step = 0; step < 12; ++step) {
+        views += place != Place::kInside ? 1 : 0;
+        made.request.view.camera = moved(made.request.view.camera, tree, 0.002);
         made.receivers = chooseCut(tree.nodes, made.request.view);
         made.plans = planner.plan(tree.nodes, receiversOf(tree.nodes, made.receivers), made.request);
         ASSERT_NO_FATAL_FAILURE(checkMapsOfPlaces(tree, made, checked)) << "case " << i << ", step " << step;
         std::vector<base::Camera> maps;
         for (const ShadowMapPlan& plan : made.plans) maps.push_back(plan.camera);
-        kept += step > 0 && std::equal(maps.begin(), maps.end(), before.begin(), before.end(), base::sameCamera);
+        kept += step > 0 && place != Place::kInside &&
+                std::equal(maps.begin(), maps.end(), before.begin(), before.end(), base::sameCamera);
         before = std::move(maps);
       }
     }
