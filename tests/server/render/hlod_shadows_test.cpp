@@ -257,7 +257,7 @@ ShadowDifference compareInShadow(const base::Image& expected, const base::Image&
       if (expected.at(x, y)[3] < 255 || got.at(x, y)[3] < 255) continue;
       const auto seen = truth.seenAt(view, {x + 0.5, y + 0.5});
       if (!seen || expected.at(x, y)[0] > 255.0 * (0.35 + 0.65 * facing(*seen, light)) - 8.0) continue;
-      difference.mean += std::abs(double{expected.at(x, y)[0]} - double{got.at(x, y)[0]});
+      difference.mean += std::abs(static_cast<double>(expected.at(x, y)[0]) - static_cast<double>(got.at(x, y)[0]));
       ++difference.pixels;
     }
   difference.mean /= std::max(difference.pixels, 1);
