@@ -52,7 +52,7 @@ std::uint64_t PatchShadows::memoryFor(const base::Light& light, std::uint64_t tr
 
 base::Result<void> PatchShadows::plan(const lod::hlod::TraverseRequest& view, const lod::patch::Hierarchy& hierarchy,
                                       std::span<const std::uint32_t> patches) {
-  // Of the nodes only casters are of use. The root stands for the others, as a view must have some.
+  // Only the nodes' casters are of use. The root's picture stands for all, as a view must have some.
   lod::hlod::TraverseRequest coarsest = view;
   coarsest.tolerance = std::numeric_limits<float>::infinity();
   std::vector<lod::hlod::DrawnNode> root;
