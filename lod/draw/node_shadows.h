@@ -15,7 +15,6 @@ inline constexpr std::uint32_t kHardTexels = 4096, kSoftTexels = 2048;
 
 struct NodeLight {
   hlod::ShadowLight light;          ///< its size is 0 for hard shadows
-  bool closed = false;              ///< as NodeShadows::closed
   std::uint32_t max_texels = 2048;  ///< of a side of a map, at least 1, at most what the GL allows
   /// As ShadowRequest::room, for one view after another; 0 for single pictures.
   float room = 0.0F;

@@ -28,8 +28,7 @@ PatchShadows::PatchShadows(std::string path, const std::shared_ptr<const lod::Fi
                            const base::Scene& scene, const base::Light& light)
     : path_(std::move(path)),
       stream_(file, wholeFile<lod::hlod::StreamOptions>()),
-      light_{shadowsOf(light, scene.origin).light, scene.border && scene.border->open_edges == 0,
-             static_cast<std::uint32_t>(SampleTarget::maxSide())} {}
+      light_{shadowsOf(light, scene.origin).light, static_cast<std::uint32_t>(SampleTarget::maxSide())} {}
 
 base::Result<std::unique_ptr<PatchShadows>> PatchShadows::create(const std::string& directory, const base::Scene& scene,
                                                                  const base::Light& light) {
@@ -89,7 +88,8 @@ base::Result<void> PatchShadows::plan(const lod::hlod::TraverseRequest& view, co
 
 base::Result<void> PatchShadows::drawMap(std::size_t map) {
   const lod::draw::NodeShadowMap& drawn = shadows_.maps[map];
-  return shadow_map_->draw({drawn.plan.camera, shadows_.light, drawn.plan.region, shadows_.closed}, drawn.casters, map);
+  return shadow_map_->draw({drawn.plan.camera, shadows_.light, drawn.plan.region, drawn.plan.slice}, drawn.casters,
+                           map);
 }
 
 }  // namespace server

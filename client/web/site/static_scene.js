@@ -141,8 +141,8 @@ export async function openStreamedScene(method, base, core, changed) {
   const {url, parts} = read;
   const [stem, extension, content] = kStreamed.find(([name]) => name === method);
   const part = streamedPart(parts, stem, extension);
-  const closed = read.scene.open_edges === 0 ? 1 : 0;
-  if (part) return openParts("openStreamed", base, read, core, changed, [part], [closed]);
+  const saves = navigator.connection?.saveData ? 1 : 0;
+  if (part) return openParts("openStreamed", base, read, core, changed, [part], [saves]);
   const title = `${url} lists no ${content}`;
   const advice = `Build them with lumigrid build ... --methods ${method}, and publish the scene again.`;
   const hasPatches = parts.some(({file}) => /^patch.*\.lgp$/.test(file));

@@ -125,7 +125,7 @@ bool isLeftByBuild(const std::string& name) {
   });
   return of_method || name == kLockFile ||
          std::any_of(std::begin(kWholeFiles), std::end(kWholeFiles),
-                     [&](const char* whole) { return base::isUnfinished(name, whole); });
+                     [&](const char* whole) { return name == whole || base::isUnfinished(name, whole); });
 }
 
 std::string documentOf(const BuildArguments& a, bool finished) {
