@@ -64,7 +64,8 @@ base::Result<void> PatchShadows::plan(const lod::hlod::TraverseRequest& view, co
   constexpr float kLeastTolerance = 0.5F;
   lod::hlod::TraverseRequest shadowed = view;
   shadowed.tolerance = std::max(view.tolerance, kLeastTolerance);
-  shadows_ = finder_.find(stream_, boxes, shadowed, light_);
+  // A finder remembers maps, and a picture must not depend on those that were drawn before.
+  shadows_ = lod::draw::NodeShadowFinder().find(stream_, boxes, shadowed, light_);
   LUMIGRID_TRY(checkStream(stream_, path_));
 
   std::vector<std::uint32_t> maps(patches.size(), 0);  // of each patch
