@@ -9,7 +9,6 @@
 #include "lod/hlod/shadow_options.h"
 #include "server/cli/commands.h"
 #include "server/cli/console.h"
-#include "server/cli/light_options.h"
 #include "server/render/background.h"
 #include "server/render/hlod_scene.h"
 #include "server/render/scene_light.h"
