@@ -7,6 +7,9 @@
 namespace lod::draw {
 namespace {
 
+/// Seven slices of a view show a ground from one unit of length away up to 5000.
+constexpr std::size_t kMaxMaps = 8;
+
 /// How fine shadow maps are. The layers of a soft shadow together take the memory of few large maps, and their texels
 /// lie between each other's. What a pixel's width moves is not seen in a penumbra.
 void setFineness(hlod::ShadowRequest& request, std::uint32_t max_texels) {
@@ -37,6 +40,7 @@ NodeShadows NodeShadowFinder::find(hlod::Stream& stream, std::span<const hlod::D
   wanted.view = request;
   wanted.light = light.light;
   wanted.room = light.room;
+  wanted.max_maps = kMaxMaps;
   setFineness(wanted, light.max_texels);
   std::vector<std::uint32_t> drawn;
   for (const hlod::DrawnNode& node : nodes) drawn.push_back(node.picture->node);

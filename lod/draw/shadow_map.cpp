@@ -13,6 +13,7 @@ namespace {
 
 // Texture units of the map: where depths are compared, and where they are read.
 constexpr GLint kComparedUnit = 0, kPlainUnit = 1;
+constexpr float kDepthRounding = 1e-5F;     // in normalized device coordinates
 constexpr float kGoldenAngle = 2.3999632F;  // π (3 − √5)
 
 /// Places spread evenly over the unit disc (Vogel 1979, "A better way to construct the sunflower head").
@@ -313,6 +314,9 @@ void ShadowMap::use(const base::gl::Program& program, const glm::vec3& origin) c
   const glm::vec2 size(camera.width, camera.height);
   glUniform2f(program.uniform("u_used_half"), 0.5F * size.x / static_cast<float>(slot.width),
               0.5F * size.y / static_cast<float>(slot.height));
+
+  const glm::vec2 depths = depthsOf(slot.view.receivers, camera);
+  glUniform2f(program.uniform("u_held_depths"), depths.x - kDepthRounding, depths.y + kDepthRounding);
 
   const LightLayers layers = LightLayers::of(slot.view);
   glUniform1f(program.uniform("u_middle"), layers.middle);
