@@ -53,7 +53,6 @@ struct StreamedOptions : StreamedQuality {
   std::optional<glm::dvec3> light_position;
   /// Diameter of the light of soft shadows: scene units where it has a place, else radians as seen from the scene.
   float light_size = lod::hlod::kSunSize;
-  bool closed = false;  ///< the surface has no border: shadows of the sides that face away from the light are enough
 
   std::uint64_t decode_per_frame = 200'000;  ///< as in lod::pmr::StreamOptions and lod::hlod::StreamOptions
 };

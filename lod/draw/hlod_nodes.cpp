@@ -113,7 +113,7 @@ base::Result<void> NodeRenderer::drawMap(const NodeShadowMap& map, const NodeSha
     LUMIGRID_ASSIGN_OR_RETURN(shadow_map_, ShadowMap::create(gpu_bytes_));
   }
   shadow_map_->setKeptBytes(shadows.kept_bytes);
-  return shadow_map_->draw({map.plan.camera, shadows.light, map.plan.region, shadows.closed}, map.casters, slot);
+  return shadow_map_->draw({map.plan.camera, shadows.light, map.plan.region, map.plan.slice}, map.casters, slot);
 }
 
 /// Draws the nodes map by map; those in none come last, under a map without casters.

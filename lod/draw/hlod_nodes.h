@@ -28,7 +28,6 @@ struct NodeShadowMap {
 struct NodeShadows {
   hlod::ShadowLight light;
   std::span<const hlod::Node> nodes;  ///< the file's table
-  bool closed = false;                ///< of a closed surface the sides that face the light throw the same shadow
   /// Receivers are places in the list of nodes that is drawn. Maps of a node that is in several of them must hold all
   /// of it together; a node that is in none is wholly lit.
   std::vector<NodeShadowMap> maps;

@@ -47,7 +47,7 @@ class HlodBuilder {
  private:
   // All that decides the work files, their own format first. Threads and memory do not.
   std::string keyPrefix() const {
-    std::string key = "hlod 2 " + ingest::describeStitch(options_.stitch);
+    std::string key = "hlod 3 " + ingest::describeStitch(options_.stitch);
     key += " " + std::to_string(options_.leaf_triangles) + " " + std::to_string(options_.resolution);
     key += " " + std::to_string(static_cast<int>(options_.appearance)) + (options_.points ? " points " : " ");
     return key;
@@ -181,9 +181,15 @@ class HlodBuilder {
   // Memory that the node takes while it is made of what lies so many levels below.
   std::uint64_t inputBytes(std::uint32_t cell, std::uint32_t levels) const {
     const Cell& of = cells_[cell];
-    if (of.isLeaf()) return of.count * (kBytesPerTriangle + kBytesPerVertex / 2);
-    if (levels == 0)
-      return kBytesPerTriangle * store_->meshTriangles(cell) + kBytesPerVertex * store_->meshVertices(cell);
+    // Nodes below were made before.
+    const auto bytes = [&](std::uint64_t triangles) {
+      const bool is_made = store_->has(cell);
+      const std::uint64_t vertices = is_made ? store_->meshVertices(cell) : triangles / 2;
+      const std::uint64_t points = is_made ? store_->meshPoints(cell) : 0;
+      return kBytesPerTriangle * triangles + kBytesPerVertex * vertices + kBytesPerPoint * points;
+    };
+    if (of.isLeaf()) return bytes(of.count);
+    if (levels == 0) return bytes(store_->meshTriangles(cell));
     std::uint64_t sum = 0;
     for (std::uint32_t k = 0; k < of.children; ++k) sum += inputBytes(of.first_child + k, levels - 1);
     return sum;
@@ -264,6 +270,7 @@ class HlodBuilder {
   // nodes of 0.3 to 3 million triangles with colours took 410 to 510 bytes of each, single triangles 1450.
   static constexpr std::uint64_t kBucketBytesPerTriangle = 220;
   static constexpr std::uint64_t kBytesPerTriangle = 430, kBytesPerVertex = 340;
+  static constexpr std::uint64_t kBytesPerPoint = 300;
 
   const BuildOptions options_;
   ingest::StagedBuild build_;

@@ -10,18 +10,26 @@
 
 namespace lod::hlod::builder {
 
+/// The earlier errors of triangles that count towards the limit, place by place.
+enum class Carried : std::uint8_t {
+  kErrors,  ///< NodeMesh::errorOf()
+  kBounds,  ///< NodeMesh::bounds
+};
+
 struct Collapsed {
   patch::builder::CollapseHistory history;
-  float error = 0.0F;  ///< the largest of the samples, at most the limit; lattice steps
+  /// The largest error of the samples on each triangle that is left, with what the triangles on which they lay
+  /// carried; lattice steps.
+  std::vector<float> errors;
 };
 
 /// Vertices stay where they are or vanish. Closed surfaces stay closed, open edges move along open edges only, and no
-/// triangle turns over. `limit`: lattice steps. `carries`: what the mesh's bounds say counts towards the limit, place
-/// by place.
-Collapsed collapseWithin(const NodeMesh& mesh, float limit, const AppearanceOptions& options, bool carries = false);
+/// triangle turns over. `limit`: lattice steps.
+Collapsed collapseWithin(const NodeMesh& mesh, float limit, const AppearanceOptions& options,
+                         Carried carried = Carried::kErrors);
 
-/// Replaces the mesh's triangles by those that are left, and raises `error` by the collapses' and `bounds` by the
-/// proven distance between both surfaces.
+/// Replaces the mesh's triangles by those that are left, with their errors, and raises `bounds` by the proven distance
+/// between both surfaces. The errors that triangles carried counted towards the limit.
 void applyCollapses(NodeMesh& mesh, Collapsed&& collapsed);
 
 /// The same for a mesh that nothing is made of any more: its `bounds` are dropped, and `error` stays.

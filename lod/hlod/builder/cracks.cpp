@@ -73,9 +73,12 @@ class CrackCloser {
     findInserts(open);
     if (inserts_.empty()) return 0;
     const std::size_t triangles = mesh_.triangles();
+    mesh_.errors.resize(triangles, mesh_.error);
     for (const auto& [t, inserts] : inserts_) splitTriangle(t, inserts);
     // Each triangle that was split is the first of its pieces; the others follow behind all triangles.
     mesh_.indices.insert(mesh_.indices.end(), added_.begin(), added_.end());
+    mesh_.errors.insert(mesh_.errors.end(), added_errors_.begin(), added_errors_.end());
+    mesh_.error = *std::max_element(mesh_.errors.begin(), mesh_.errors.end());
     if (!mesh_.bounds.toward.empty()) {
       mesh_.bounds.toward.resize(triangles);
       mesh_.bounds.toward.insert(mesh_.bounds.toward.end(), added_toward_.begin(), added_toward_.end());
@@ -147,11 +150,12 @@ class CrackCloser {
     moved_ = 0.0F;
     split(corners, inserts);
     const bool bounded = !mesh_.bounds.toward.empty();
+    mesh_.errors[t] += moved_;
     for (std::size_t i = 0; i < pieces_.size(); ++i) {
       if (i == 0)
         std::copy(pieces_[0].begin(), pieces_[0].end(), mesh_.indices.begin() + 3 * static_cast<std::ptrdiff_t>(t));
       else
-        added_.insert(added_.end(), pieces_[i].begin(), pieces_[i].end());
+        added_.insert(added_.end(), pieces_[i].begin(), pieces_[i].end()), added_errors_.push_back(mesh_.errors[t]);
       if (!bounded || i == 0) continue;
       added_toward_.push_back(mesh_.bounds.toward[t] + moved_);
       added_from_.push_back(mesh_.bounds.from[t] + moved_);
@@ -195,7 +199,7 @@ class CrackCloser {
   const float reach_;
   std::vector<std::pair<std::uint32_t, Inserts>> inserts_;  // by triangle
   std::vector<std::uint32_t> added_;
-  std::vector<float> added_toward_, added_from_;
+  std::vector<float> added_toward_, added_from_, added_errors_;
   std::size_t put_in_ = 0;
   // These belong to the triangle that is split.
   std::vector<std::array<std::uint32_t, 3>> pieces_;

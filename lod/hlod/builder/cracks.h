@@ -13,7 +13,7 @@ namespace lod::hlod::builder {
 
 /// `parts`: for each vertex the parts of the node whose triangles use it, a bit each. A vertex on an open edge is put
 /// into the open edges of other parts that pass it at most `reach` away (lattice steps), unless a triangle would turn
-/// over. The bounds of the triangles that change grow by the distance. Returns how many were put in.
+/// over. The bounds and errors of the triangles that change grow by the distance. Returns how many were put in.
 std::size_t closeCracks(NodeMesh& mesh, std::span<const std::uint64_t> parts, float reach);
 
 }  // namespace lod::hlod::builder

@@ -5,9 +5,10 @@
 #include <cmath>
 #include <limits>
 #include <map>
-#include <unordered_map>
 #include <utility>
 #include <vector>
+
+#include "lod/hlod/builder/point_clusters.h"
 
 namespace lod::hlod::builder {
 namespace {
@@ -23,59 +24,21 @@ glm::u8vec3 colorOf(const glm::vec3& color) {
   return glm::u8vec3(glm::clamp(glm::round(color), 0.0F, 255.0F));
 }
 
-/// Collects points in the cells of a grid; those that face different ways stay apart, so that both sides of a thin wall
-/// remain.
-class PointClusters {
- public:
-  explicit PointClusters(float cell) : cell_(cell) {}
-
-  void add(const glm::vec3& place, const glm::vec3& normal, const glm::vec3& color) {
-    const glm::ivec3 cell = glm::ivec3(glm::floor(place / cell_));
-    const glm::vec3 size = glm::abs(normal);
-    const int axis = size.x >= size.y && size.x >= size.z ? 0 : size.y >= size.z ? 1 : 2;
-    const auto side = static_cast<std::uint64_t>(2 * axis + (normal[axis] < 0.0F ? 1 : 0));
-    const auto part = [](int x) { return static_cast<std::uint64_t>(x) & 0xfffff; };
-    const std::uint64_t key = part(cell.x) | part(cell.y) << 20 | part(cell.z) << 40 | side << 60;
-    const auto [found, is_new] = numbers_.try_emplace(key, clusters_.size());
-    if (is_new) clusters_.emplace_back();
-    Cluster& cluster = clusters_[found->second];
-    cluster.place += place, cluster.normal += normal, cluster.color += color;
-    ++cluster.count;
-    cluster.last_normal = normal;
-  }
-
-  template <class Place>
-  std::vector<NodeVertex> points(const Place& placeOf) const {
-    std::vector<NodeVertex> points;
-    points.reserve(clusters_.size());
-    for (const Cluster& c : clusters_) {
-      const float share = 1.0F / static_cast<float>(c.count);
-      points.push_back({placeOf(c.place * share), unit(c.normal, c.last_normal), colorOf(c.color * share)});
-    }
-    return points;
-  }
-
- private:
-  struct Cluster {
-    glm::vec3 place{0.0F}, normal{0.0F}, color{0.0F}, last_normal{0.0F, 0.0F, 1.0F};
-    std::uint32_t count = 0;
-  };
-  const float cell_;
-  std::unordered_map<std::uint64_t, std::size_t> numbers_;
-  std::vector<Cluster> clusters_;
-};
-
 class PictureMaker {
  public:
   PictureMaker(const NodeMesh& mesh, std::uint32_t step_bits, const PictureOptions& options)
-      : mesh_(mesh), step_bits_(step_bits), options_(options), clusters_(options.cell) {}
+      : mesh_(mesh), step_bits_(step_bits), options_(options), clusters_(options.cell) {
+    places_.reserve(mesh.positions.size());
+    for (const glm::vec3& position : mesh.positions) places_.push_back(placeOf(position));
+  }
 
-  NodeGeometry run() {
+  Picture run() {
+    for (const MeshPoint& point : mesh_.points) clusters_.add(point, mesh_.points_error);
     std::vector<std::uint8_t> is_small(mesh_.triangles(), 0);
     for (std::uint32_t t = 0; t < mesh_.triangles(); ++t) {
       is_small[t] = isSmall(t) ? 1 : 0;
       if (is_small[t] != 0)
-        addPoints(t);
+        visitSamples(mesh_, t, [&](const MeshPoint& point) { clusters_.add(point, mesh_.errorOf(t)); });
       else if (hasArea(t))
         for (std::size_t k = 0; k < 3; ++k) picture_.triangles.push_back(vertex(corner(t, k)));
       else
@@ -83,7 +46,9 @@ class PictureMaker {
     }
     keepThinParts();
     if (options_.edges) addEdges(is_small);
-    picture_.points = clusters_.points([this](const glm::vec3& place) { return placeOf(place); });
+    for (const MeshPoint& point : clusters_.points())
+      picture_.points.push_back({placeOf(point.position), point.normal, colorOf(point.color)});
+    picture_.points_error = clusters_.error();
     return std::move(picture_);
   }
 
@@ -102,7 +67,7 @@ class PictureMaker {
   glm::vec3 color(std::uint32_t v) const { return mesh_.colors.empty() ? glm::vec3(255.0F) : mesh_.colors[v]; }
 
   bool isSmall(std::uint32_t t) const {
-    if (!(options_.triangle_reach > 0.0F)) return false;
+    if (!(options_.triangle_reach > 0.0F) || mesh_.errorOf(t) > options_.room) return false;
     const auto& p = mesh_.positions;
     const glm::vec3 middle = (p[corner(t, 0)] + p[corner(t, 1)] + p[corner(t, 2)]) / 3.0F;
     for (std::size_t k = 0; k < 3; ++k)
@@ -115,13 +80,26 @@ class PictureMaker {
   void keepThinParts() {
     if (flat_.empty()) return;
     std::map<EdgePlaces, std::uint32_t> left;  // the edge that remains of each flat triangle
+    double beside2 = 0.0;
     for (const std::uint32_t t : flat_) {
-      const std::uint32_t from = vertex(corner(t, 0));
-      left.emplace(edgeBetween(from, farthestFrom(t, from)), t);
+      const std::array<std::uint32_t, 3> corners = longestFirst(t);
+      left.emplace(edgeBetween(corners[0], corners[1]), t);
+      beside2 = std::max(beside2, distance2(corners[2], corners[0], corners[1]));
     }
     for (std::size_t i = 0; i < picture_.triangles.size(); ++i)
       left.erase(edgeBetween(picture_.triangles[i], picture_.triangles[i - i % 3 + (i + 1) % 3]));
     for (const auto& [edge, t] : left) addSliver(t);
+    const double beside = std::max(std::sqrt(beside2), left.empty() ? 0.0 : 1.0);
+    picture_.flattened = static_cast<float>(std::ldexp(beside, static_cast<int>(step_bits_)));
+  }
+  /// The square of the vertex' distance from the edge, in steps.
+  double distance2(std::uint32_t v, std::uint32_t from, std::uint32_t to) const {
+    const auto at = [&](std::uint32_t of) { return glm::dvec3(picture_.vertices[of].place); };
+    const glm::dvec3 along = at(to) - at(from), off = at(v) - at(from);
+    const double length2 = glm::dot(along, along);
+    const double share = length2 > 0.0 ? std::clamp(glm::dot(off, along) / length2, 0.0, 1.0) : 0.0;
+    const glm::dvec3 beside = off - share * along;
+    return glm::dot(beside, beside);
   }
   /// The places of both ends, the lower one first.
   using EdgePlaces = std::array<std::array<int, 3>, 2>;
@@ -133,7 +111,8 @@ class PictureMaker {
     return {std::min(at(a), at(b)), std::max(at(a), at(b))};
   }
   void addSliver(std::uint32_t t) {
-    std::uint32_t from = vertex(corner(t, 0)), to = farthestFrom(t, from);
+    const std::array<std::uint32_t, 3> corners = longestFirst(t);
+    std::uint32_t from = corners[0], to = corners[1];
     const glm::ivec3 a = picture_.vertices[from].place, b = picture_.vertices[to].place;
     if (a == b) return;
     const glm::ivec3 along = glm::abs(b - a);
@@ -146,13 +125,18 @@ class PictureMaker {
     picture_.vertices.push_back(beside);
   }
 
-  /// The corner, as a vertex of the picture, whose place is farther from that one.
-  std::uint32_t farthestFrom(std::uint32_t t, std::uint32_t from) {
-    const std::uint32_t one = vertex(corner(t, 1)), other = vertex(corner(t, 2));
-    const auto distance = [&](std::uint32_t v) {
-      return glm::distance(glm::dvec3(picture_.vertices[from].place), glm::dvec3(picture_.vertices[v].place));
+  /// The triangle's corners as vertices of the picture, in their winding: its longest edge leads from the first to the
+  /// second.
+  std::array<std::uint32_t, 3> longestFirst(std::uint32_t t) {
+    const std::array<std::uint32_t, 3> corners{vertex(corner(t, 0)), vertex(corner(t, 1)), vertex(corner(t, 2))};
+    const auto length = [&](std::size_t k) {
+      return glm::distance(glm::dvec3(picture_.vertices[corners[k]].place),
+                           glm::dvec3(picture_.vertices[corners[(k + 1) % 3]].place));
     };
-    return distance(one) >= distance(other) ? one : other;
+    std::size_t longest = 0;
+    for (std::size_t k = 1; k < 3; ++k)
+      if (length(k) > length(longest)) longest = k;
+    return {corners[longest], corners[(longest + 1) % 3], corners[(longest + 2) % 3]};
   }
 
   glm::dvec3 normalOf(std::uint32_t t) const {
@@ -165,33 +149,22 @@ class PictureMaker {
 
   /// Whether the triangle faces after rounding as before: thin ones may be flat then, or turned over.
   bool hasArea(std::uint32_t t) const {
-    const auto at = [&](std::size_t k) { return placeOf(mesh_.positions[corner(t, k)]); };
-    if (at(0) == at(1) || at(1) == at(2) || at(2) == at(0)) return false;
-    if (step_bits_ == 0) return true;
-    return glm::dot(normalOf(at(0), at(1), at(2)), normalOf(t)) > 0.0;
-  }
-
-  void addPoints(std::uint32_t t) {
-    for (std::size_t k = 0; k < 3; ++k) {
-      const std::uint32_t a = corner(t, k), b = corner(t, (k + 1) % 3);
-      const auto& p = mesh_.positions;
-      const auto& n = mesh_.normals;
-      clusters_.add(p[a], n[a], color(a));
-      clusters_.add(0.5F * (p[a] + p[b]), unit(n[a] + n[b], n[a]), 0.5F * (color(a) + color(b)));
-    }
+    const glm::ivec3 &a = places_[corner(t, 0)], &b = places_[corner(t, 1)], &c = places_[corner(t, 2)];
+    if (a == b || b == c || c == a) return false;
+    return step_bits_ == 0 || glm::dot(normalOf(a, b, c), normalOf(t)) > 0.0;
   }
 
   glm::ivec3 placeOf(const glm::vec3& position) const {
-    const double step = std::exp2(static_cast<double>(step_bits_));
-    const glm::dvec3 place = (glm::dvec3(mesh_.corner) + glm::dvec3(position)) / step;
-    return glm::ivec3(
-        glm::clamp(glm::round(place), 0.0, static_cast<double>(kLatticeEnd >> step_bits_)));
+    // Both are exact: the step is a power of two, and no place is below 0 when it is cut off to a whole number.
+    const double share = 1.0 / static_cast<double>(1U << step_bits_);
+    const glm::dvec3 place = (glm::dvec3(mesh_.corner) + glm::dvec3(position)) * share;
+    return glm::ivec3(glm::clamp(place, 0.0, static_cast<double>(kLatticeEnd >> step_bits_)) + 0.5);
   }
   std::uint32_t vertex(std::uint32_t v) {
     if (number_.empty()) number_.assign(mesh_.positions.size(), kNone);
     if (number_[v] == kNone) {
       number_[v] = static_cast<std::uint32_t>(picture_.vertices.size());
-      picture_.vertices.push_back({placeOf(mesh_.positions[v]), mesh_.normals[v], colorOf(color(v))});
+      picture_.vertices.push_back({places_[v], mesh_.normals[v], colorOf(color(v))});
     }
     return number_[v];
   }
@@ -200,9 +173,10 @@ class PictureMaker {
   const std::uint32_t step_bits_;
   const PictureOptions options_;
   PointClusters clusters_;
+  std::vector<glm::ivec3> places_;     // by vertex of the mesh, rounded
   std::vector<std::uint32_t> flat_;    // triangles of which rounding leaves an edge
   std::vector<std::uint32_t> number_;  // by vertex of the mesh: that of the picture
-  NodeGeometry picture_;
+  Picture picture_;
 };
 
 }  // namespace
@@ -231,7 +205,7 @@ void smoothDetail(NodeMesh& mesh, float size) {
   }
 }
 
-NodeGeometry makePicture(const NodeMesh& mesh, std::uint32_t step_bits, const PictureOptions& options) {
+Picture makePicture(const NodeMesh& mesh, std::uint32_t step_bits, const PictureOptions& options) {
   return PictureMaker(mesh, step_bits, options).run();
 }
 

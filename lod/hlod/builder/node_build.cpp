@@ -10,6 +10,8 @@
 #include "lod/hlod/builder/cracks.h"
 #include "lod/hlod/builder/detail.h"
 #include "lod/hlod/builder/ordered_triangles.h"
+#include "lod/hlod/builder/point_clusters.h"
+#include "lod/hlod/builder/sheets.h"
 #include "lod/ingest/code_map.h"
 #include "lod/ingest/morton.h"
 
@@ -21,6 +23,12 @@ namespace {
 // (docs/decisions/hlod.md).
 constexpr float kPointReach = 0.5F;
 constexpr float kPointCell = 0.5F;
+// Sheets become points for good whose boxes' diagonals are at most as long as a cell of the points: larger ones would
+// become more points than they have triangles.
+constexpr float kSheetSize = kPointCell;
+// The circumradius of the triangle that casts the shadow of a point, as a share of the node's error. A choice: points
+// lie half of that error apart.
+constexpr float kFacetRadius = 0.25F;
 // Attributes are smoothed where edges are shorter than so many times the node's error: about a pixel, where the error
 // is half of one.
 constexpr float kSmoothed = 2.0F;
@@ -37,10 +45,14 @@ std::uint32_t stepBitsFor(float limit) {
   return bits;
 }
 
-base::Aabb boxOf(const NodeMesh& mesh, const Lattice& lattice, float margin) {
+/// The box of the mesh's vertices and points.
+base::Aabb boxOf(const NodeMesh& mesh, const Lattice& lattice) {
+  base::Aabb places;
+  for (const glm::vec3& p : mesh.positions) places.add(p);
+  for (const MeshPoint& p : mesh.points) places.add(p.position);
   base::Aabb box;
-  for (const glm::vec3& p : mesh.positions) box.add(lattice.position(mesh.corner + glm::ivec3(p)));
-  box.min -= margin, box.max += margin;
+  box.add(lattice.position(mesh.corner + glm::ivec3(glm::floor(places.min))));
+  box.add(lattice.position(mesh.corner + glm::ivec3(glm::ceil(places.max))));
   return box;
 }
 
@@ -57,8 +69,7 @@ base::NormalCone coneOf(const NodeMesh& mesh) {
 }
 
 /// Fills a row's counts and makes the bytes of its picture.
-void encodePicture(const NodeMesh& mesh, const PictureOptions& how, const NodeOptions& options, BuiltNode& node) {
-  const NodeGeometry picture = makePicture(mesh, node.row.step_bits, how);
+void encodePicture(const Picture& picture, const NodeOptions& options, BuiltNode& node) {
   node.row.triangles = static_cast<std::uint32_t>(picture.triangles.size() / 3);
   node.row.points = static_cast<std::uint32_t>(picture.points.size());
   node.row.edges = static_cast<std::uint32_t>(picture.edges.size() / 2);
@@ -72,19 +83,30 @@ float largest(const std::vector<float>& values) {
   return values.empty() ? 0.0F : *std::max_element(values.begin(), values.end());
 }
 
-/// Simplifies the mesh so that its error comes to at most `limit` (lattice steps).
-void simplify(NodeMesh& mesh, float limit, const AppearanceOptions& appearance) {
-  const float room = limit - mesh.error;
-  if (room > 0.0F && mesh.triangles() > 0) applyCollapses(mesh, collapseWithin(mesh, room, appearance));
-}
-
 /// A proven bound of the distance between the source and the mesh, both ways, lattice steps.
 float shapeError(const NodeMesh& mesh) {
-  return std::max(largest(mesh.bounds.toward), largest(mesh.bounds.from));
+  return std::max({largest(mesh.bounds.toward), largest(mesh.bounds.from), mesh.points_bound});
 }
 
-void encodeCaster(const NodeMesh& mesh, BuiltNode& node) {
-  NodeGeometry caster = makePicture(mesh, node.row.step_bits, {.edges = false});
+void clusterPoints(NodeMesh& mesh, float cell) {
+  PointClusters clusters(cell);
+  for (const MeshPoint& point : mesh.points) clusters.add(point, mesh.points_error);
+  mesh.points = clusters.points();
+  mesh.points_error = clusters.error();
+}
+
+/// The mesh with triangles for its points, simplified where only shape counts.
+NodeMesh casterOf(const NodeMesh& mesh, float limit, float facet_radius) {
+  AppearanceOptions shape_alone;
+  shape_alone.normals = shape_alone.colors = false;
+  NodeMesh caster = mesh;
+  applyLastCollapses(caster, collapseWithin(caster, limit, shape_alone, Carried::kBounds));
+  addFacets(caster, facet_radius);
+  caster.points.clear();
+  return caster;
+}
+
+void encodeCaster(Picture caster, BuiltNode& node) {
   for (NodeVertex& vertex : caster.vertices) vertex = {vertex.place, {0.0F, 0.0F, 1.0F}, glm::u8vec3(255)};
   node.row.caster_triangles = static_cast<std::uint32_t>(caster.triangles.size() / 3);
   node.has_too_many |= node.row.caster_triangles > kMaxPrimitives;
@@ -127,6 +149,8 @@ NodeMesh mergeParts(std::vector<NodeMesh>& parts) {
     low = glm::min(low, part.corner);
     vertices += part.positions.size();
     merged.error = std::max(merged.error, part.error);
+    merged.points_error = std::max(merged.points_error, part.points_error);
+    merged.points_bound = std::max(merged.points_bound, part.points_bound);
     bounded |= !part.bounds.toward.empty();
   }
   merged.corner = low;
@@ -156,6 +180,10 @@ NodeMesh mergeParts(std::vector<NodeMesh>& parts) {
       parts_of[at] |= std::uint64_t{1} << p;
     }
     for (const std::uint32_t index : part.indices) merged.indices.push_back(number[index]);
+    for (MeshPoint point : part.points) {
+      point.position += glm::vec3(part.corner - low);
+      merged.points.push_back(point);
+    }
     if (!bounded) continue;
     part.bounds.toward.resize(part.triangles(), 0.0F);
     part.bounds.from.resize(part.triangles(), 0.0F);
@@ -178,10 +206,11 @@ NodeMesh mergeParts(std::vector<NodeMesh>& parts) {
 
 BuiltNode makeLeaf(const NodeMesh& mesh, const NodeOptions& options) {
   BuiltNode node;
-  node.row.box = boxOf(mesh, options.lattice, 0.0F);
+  node.row.box = boxOf(mesh, options.lattice);
   node.row.cone = coneOf(mesh);
+  node.vertices = static_cast<std::uint32_t>(mesh.positions.size());
   // The cracks beside a leaf are as wide as the other side's error, whose lines are as wide.
-  encodePicture(mesh, {.edges = false}, options, node);
+  encodePicture(makePicture(mesh, 0, {.edges = false}), options, node);
   node.row.caster_triangles = node.row.triangles;
   return node;
 }
@@ -193,25 +222,34 @@ BuiltNode makeInnerNode(float edge, std::vector<NodeMesh>& parts, const NodeOpti
   node.row.step_bits = static_cast<std::uint8_t>(stepBitsFor(limit));
   const float rounding =
       node.row.step_bits == 0 ? 0.0F : kHalfDiagonal * std::exp2(static_cast<float>(node.row.step_bits));
+  // A triangle may become points if it is still within the limit when it is half of a cell's diagonal farther off.
+  const float points_room = limit - rounding - kHalfDiagonal * kPointCell * limit;
 
   NodeMesh& mesh = node.mesh = mergeParts(parts);
   smoothDetail(mesh, kSmoothed * limit);
-  simplify(mesh, limit - rounding, options.appearance);
-  encodePicture(mesh, {options.points ? kPointReach * limit : 0.0F, kPointCell * limit}, options, node);
-  node.row.shape_error = (shapeError(mesh) + rounding) * step;
-  node.row.error = (mesh.error + rounding) * step;
-  // A point is at most the diagonal of its cell away from what it stands for.
-  if (node.row.points > 0) node.row.error = std::max(node.row.error, limit * step);
+  if (mesh.triangles() > 0)
+    applyCollapses(mesh, collapseWithin(mesh, limit - rounding, options.appearance, Carried::kErrors));
+  if (options.points) replaceSmallSheets(mesh, kSheetSize * limit, points_room);
+  node.vertices = static_cast<std::uint32_t>(mesh.positions.size());
+  const Picture picture = makePicture(mesh, node.row.step_bits,
+                                      {options.points ? kPointReach * limit : 0.0F, kPointCell * limit, points_room});
+  encodePicture(picture, options, node);
+  node.row.shape_error = (shapeError(mesh) + rounding + picture.flattened) * step;
+  node.row.error = (std::max(mesh.error + picture.flattened, picture.points_error) + rounding) * step;
+  clusterPoints(mesh, kPointCell * limit);
 
-  AppearanceOptions shape_alone;
-  shape_alone.normals = shape_alone.colors = false;
-  NodeMesh caster = mesh;
-  applyLastCollapses(caster, collapseWithin(caster, limit - rounding, shape_alone, true));
-  encodeCaster(caster, node);
-  node.row.caster_error = limit * step;
+  NodeMesh caster = casterOf(mesh, limit - rounding, kFacetRadius * limit);
+  Picture thrown = makePicture(caster, node.row.step_bits, {.edges = false});
+  const float facets_error = mesh.points.empty() ? 0.0F : mesh.points_error + kFacetRadius * limit + rounding;
+  node.row.caster_error = std::max(limit + thrown.flattened, facets_error) * step;
+  const float flattened = std::max(picture.flattened, thrown.flattened);
+  encodeCaster(std::move(thrown), node);
 
-  // Points are means of places within the triangles' box, and casters have some of the picture's vertices.
-  node.row.box = boxOf(mesh, options.lattice, rounding * step);
+  // Points of the picture are within the box of what they stand for, which is theirs and the vertices'.
+  node.row.box = boxOf(mesh, options.lattice);
+  node.row.box.add(boxOf(caster, options.lattice));
+  const float margin = (rounding + flattened) * step;
+  node.row.box.min -= margin, node.row.box.max += margin;
   return node;
 }
 

@@ -23,8 +23,9 @@ struct NodeOptions {
 struct BuiltNode {
   Node row;  ///< without links; its box and errors are those of its own geometry alone
   base::Bytes picture, caster;
-  NodeMesh mesh;              ///< empty for a leaf
-  bool has_too_many = false;  ///< more than kMaxPrimitives of something: there are no blocks
+  NodeMesh mesh;               ///< nothing for a leaf
+  std::uint32_t vertices = 0;  ///< of the triangles that a node above is made of
+  bool has_too_many = false;   ///< more than kMaxPrimitives of something: there are no blocks
 };
 
 /// The source's own triangles, three corners each; colours are left out unless `colors`.
@@ -36,7 +37,8 @@ NodeMesh mergeParts(std::vector<NodeMesh>& parts);
 
 BuiltNode makeLeaf(const NodeMesh& mesh, const NodeOptions& options);
 /// `edge`: of the node's cell, lattice steps. `parts`: the pictures' triangles that the node is made of; they lose
-/// their memory. The caster is the picture's triangles, simplified further: appearance no longer counts.
+/// their memory. The caster is the picture's triangles, simplified further: appearance no longer counts; a small
+/// triangle stands there for each point of the mesh.
 BuiltNode makeInnerNode(float edge, std::vector<NodeMesh>& parts, const NodeOptions& options);
 
 /// A cone that contains both.

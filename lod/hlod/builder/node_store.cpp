@@ -27,18 +27,20 @@ base::Result<NodeStore> NodeStore::open(const std::string& path, bool resume, st
 }
 
 base::Result<void> NodeStore::add(std::uint32_t cell, const BuiltNode& node) {
-  const bool is_leaf = node.mesh.triangles() == 0;
+  const bool is_leaf = node.mesh.triangles() == 0 && node.mesh.points.empty();
   const base::Bytes mesh = is_leaf ? base::Bytes() : meshBytes(node.mesh);
   Stored stored;
   stored.row = node.row;
   stored.mesh_triangles = static_cast<std::uint32_t>(node.mesh.triangles());
-  stored.mesh_vertices = static_cast<std::uint32_t>(node.mesh.positions.size());
+  stored.mesh_vertices = node.vertices;
+  stored.mesh_points = static_cast<std::uint32_t>(node.mesh.points.size());
   stored.mesh_bytes = static_cast<std::uint32_t>(mesh.size());
   base::ByteWriter out;
   out.u32(cell);
   base::writeFields(out, fieldsOf(stored.row));
   out.u32(stored.mesh_triangles);
   out.u32(stored.mesh_vertices);
+  out.u32(stored.mesh_points);
   out.u32(stored.mesh_bytes);
   const std::size_t front = out.view().size();
   for (const base::Bytes* part : {&node.picture, &node.caster, &mesh}) out.bytes(*part);
@@ -55,6 +57,7 @@ bool NodeStore::keep(std::uint64_t offset, base::ByteView payload) {
   base::readFields(in, fieldsOf(stored.row));
   stored.mesh_triangles = in.u32();
   stored.mesh_vertices = in.u32();
+  stored.mesh_points = in.u32();
   stored.mesh_bytes = in.u32();
   stored.offset = offset + in.offset();
   const std::uint64_t bytes = std::uint64_t{stored.row.picture.bytes} + stored.row.caster.bytes + stored.mesh_bytes;

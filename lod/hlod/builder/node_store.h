@@ -26,6 +26,7 @@ class NodeStore {
   const Node& row(std::uint32_t cell) const { return stored_[cell]->row; }
   std::uint64_t meshTriangles(std::uint32_t cell) const { return stored_[cell]->mesh_triangles; }
   std::uint64_t meshVertices(std::uint32_t cell) const { return stored_[cell]->mesh_vertices; }
+  std::uint64_t meshPoints(std::uint32_t cell) const { return stored_[cell]->mesh_points; }
   /// Errors: those of reading, damaged work files.
   base::Result<NodeMesh> readMesh(std::uint32_t cell) const;
   base::Result<base::Bytes> readBlock(std::uint32_t cell, bool of_caster) const;
@@ -33,7 +34,7 @@ class NodeStore {
  private:
   struct Stored {
     Node row;
-    std::uint32_t mesh_triangles = 0, mesh_vertices = 0;
+    std::uint32_t mesh_triangles = 0, mesh_vertices = 0, mesh_points = 0;
     std::uint32_t mesh_bytes = 0;
     std::uint64_t offset = 0;  // of the picture in the log; caster and mesh follow
   };

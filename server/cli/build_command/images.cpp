@@ -96,7 +96,7 @@ Result<std::optional<Selection>> readSelected(const BuildArguments& a, const bas
   LUMIGRID_ASSIGN_OR_RETURN(auto stored, readSelection(selectionFileOf(a), scene, options));
   if (stored || !scene.images_light) return stored;
   base::Scene drawn = scene;
-  drawn.light.mode = *scene.images_light;
+  drawn.light = *scene.images_light;
   return readSelection(selectionFileOf(a), drawn, options);
 }
 
@@ -236,7 +236,7 @@ Result<void> removeImagesOfOtherLight(const BuildArguments& a, std::uint32_t sha
     LUMIGRID_TRY(repository::removeLmdbStore(repository::storeDirectory(imagesOf(a), shards, i)));
   if (!a.quiet)
     std::fprintf(stderr, "light: all images are drawn again, since those there were drawn %s\n",
-                 base::nameOf(*scene.images_light));
+                 base::nameOf(scene.images_light->mode));
   scene.images_light.reset();
   return {};
 }

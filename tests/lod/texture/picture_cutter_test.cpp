@@ -195,7 +195,7 @@ TEST(BlockPage, isNotMadeWhereItWouldBeMostlyGutter) {
   EXPECT_LT(lookUpDifference(made.leaves[0], picture.image, leaf), 24.0F);  // coded anew
 }
 
-// What libjpeg-turbo makes of a picture in another way than base::encodeJpeg().
+// Some JPEGs are ones that base::encodeJpeg() does not make.
 JpegPicture turboJpegOf(const base::Image& image, int format, int sampling, int flags) {
   std::uint8_t* bytes = nullptr;
   unsigned long length = 0;

@@ -6,6 +6,7 @@
 #include <cstdlib>
 #include <filesystem>
 #include <numbers>
+#include <optional>
 #include <ostream>
 #include <vector>
 
@@ -16,8 +17,11 @@
 #include "lod/disk_bytes.h"
 #include "lod/hlod/block.h"
 #include "lod/hlod/builder/build.h"
+#include "lod/patch/builder/hierarchy_build.h"
 #include "mesh/generate/sample.h"
 #include "server/render/hlod_scene.h"
+#include "server/render/scene_light.h"
+#include "server/render/scene_renderer.h"
 #include "tests/lod/draw/shadow_truth.h"
 #include "tests/support/compared_pictures.h"
 #include "tests/support/failure_meshes.h"
@@ -65,6 +69,7 @@ class HlodShadowsTest : public testing::Test {
   }
   void TearDown() override {
     renderer_.reset();
+    patch_renderer_.reset();
     EXPECT_EQ(base::gl::takeError(), "");
   }
 
@@ -78,6 +83,22 @@ class HlodShadowsTest : public testing::Test {
     ASSERT_TRUE(opened) << opened.error().message;
     renderer_ = std::move(*opened);
     leaves_ = leavesOf(directory_ / "hlod.lgh");
+  }
+  /// Opens patches of the same mesh for pictures in this light.
+  void buildPatches(const base::Light& light) {
+    const std::string path = directory_ / "patch.lgp";
+    if (!patches_) {
+      const auto built = lod::patch::builder::buildHierarchyFromFiles({directory_ / "mesh.ply"}, {}, path);
+      ASSERT_TRUE(built) << built.error().message;
+      auto opened = lod::patch::PatchFile::open(path);
+      ASSERT_TRUE(opened) << opened.error().message;
+      patches_.emplace(std::move(*opened));
+    }
+    base::Scene scene = scene_;
+    scene.light = light;
+    auto renderer = SceneRenderer::create(scene, *patches_);
+    ASSERT_TRUE(renderer) << renderer.error().message;
+    patch_renderer_ = std::move(*renderer);
   }
   void build(const support::Mesh& mesh) {
     support::writePly(directory_ / "mesh.ply", support::PlyMesh(mesh));
@@ -124,6 +145,8 @@ class HlodShadowsTest : public testing::Test {
   std::unique_ptr<base::HeadlessContext> context_;
   base::Scene scene_;
   std::unique_ptr<HlodScene> renderer_;
+  std::optional<lod::patch::PatchFile> patches_;
+  std::unique_ptr<SceneRenderer> patch_renderer_;
   support::Mesh leaves_;
 };
 
@@ -219,6 +242,83 @@ TEST_F(HlodShadowsTest, aPictureInTilesIsThatInOne) {
     const base::Image whole = picture(view, light), tiled = picture(view, light, tiles);
     EXPECT_LT(support::shareDifferent(whole, tiled), 0.01) << degrees;
   }
+}
+
+/// The mean difference of pixels that all of the light would make brighter than `expected` is, of 255.
+struct ShadowDifference {
+  double mean = 0.0;
+  int pixels = 0;
+};
+ShadowDifference compareInShadow(const base::Image& expected, const base::Image& got, const base::Camera& view,
+                                 const support::ShadowTruth& truth, const lod::hlod::ShadowLight& light) {
+  ShadowDifference difference;
+  for (int y = 0; y < view.height; ++y)
+    for (int x = 0; x < view.width; ++x) {
+      if (expected.at(x, y)[3] < 255 || got.at(x, y)[3] < 255) continue;
+      const auto seen = truth.seenAt(view, {x + 0.5, y + 0.5});
+      if (!seen || expected.at(x, y)[0] > 255.0 * (0.35 + 0.65 * facing(*seen, light)) - 8.0) continue;
+      difference.mean += std::abs(double{expected.at(x, y)[0]} - double{got.at(x, y)[0]});
+      ++difference.pixels;
+    }
+  difference.mean /= std::max(difference.pixels, 1);
+  return difference;
+}
+
+// Faces are drawn many at a time, frames and pictures alone.
+TEST_F(HlodShadowsTest, patchesShowTheShadowsThatNodesShow) {
+  buildStatue(40'000);
+  const support::ShadowTruth truth(leaves_);
+  const base::Sphere& bounds = renderer_->bounds();
+  const glm::dvec3 lamp(bounds.center + bounds.radius * glm::vec3(1.4F, 1.2F, 1.2F));
+  RenderOptions options;
+  options.supersampling = 2;
+  HlodOptions as_nodes;
+  as_nodes.supersampling = 2;
+  for (const base::Light& light :
+       {base::Light{base::LightMode::kSoftShadows, glm::normalize(glm::vec3(0.6F, 0.8F, 0.3F)), {}, 8.0},
+        base::Light{base::LightMode::kSoftShadows, {0.0F, 1.0F, 0.0F}, lamp, 0.4 * static_cast<double>(bounds.radius)},
+        base::Light{base::LightMode::kHardShadows, glm::normalize(glm::vec3(0.6F, 0.8F, 0.3F)), {}, 0.0}}) {
+    buildPatches(light);
+    const lod::hlod::ShadowLight thrown = shadowsOf(light, glm::dvec3(0.0)).light;
+    std::vector<base::Camera> views{camera({0.7, 0.6, 1.7}), camera({0.7, 0.6, 1.7}, 200, 200)};
+    const auto check = [&](std::size_t i, const RenderedPicture& drawn) {
+      const auto difference = compareInShadow(picture(views[i], thrown, as_nodes), drawn.rgba, views[i], truth, thrown);
+      EXPECT_GT(difference.pixels, 2000);
+      EXPECT_LT(difference.mean, 4.0) << difference.pixels << " pixels, light " << base::nameOf(light.mode);
+    };
+    ASSERT_TRUE(patch_renderer_->renderMany(views, options, check));
+    ASSERT_TRUE(patch_renderer_->finish());
+    const auto one = patch_renderer_->render(views[0], options);
+    ASSERT_TRUE(one) << one.error().message;
+    check(0, *one);
+    options.max_target_samples = 20'000;
+    const auto in_tiles = patch_renderer_->render(views[0], options);
+    ASSERT_TRUE(in_tiles) << in_tiles.error().message;
+    EXPECT_LT(support::shareDifferent(one->rgba, in_tiles->rgba), 0.02);
+    options.max_target_samples = RenderOptions{}.max_target_samples;
+  }
+}
+
+TEST_F(HlodShadowsTest, patchesOfAConvexSurfaceShowNoSpeckle) {
+  build(support::bumpySphere(100, 200, 0.0F));
+  const support::ShadowTruth truth(leaves_);
+  const base::Camera view = camera({0.4, -1.5, 1.6}, 320, 240, kUpwards);
+  for (const float tolerance : {0.0F, 1.0F, 4.0F}) {
+    const base::Light light{base::LightMode::kSoftShadows, glm::normalize(glm::vec3(0.5F, -0.6F, 0.4F)), {}, 3.0};
+    buildPatches(light);
+    const auto drawn = patch_renderer_->render(view, {.tolerance_px = tolerance});
+    ASSERT_TRUE(drawn) << drawn.error().message;
+    EXPECT_EQ(shadowedPixels(drawn->rgba, view, truth, shadowsOf(light, glm::dvec3(0.0)).light, 0.1), 0) << tolerance;
+  }
+}
+
+TEST_F(HlodShadowsTest, patchesNeedTheOctreeForShadows) {
+  buildStatue(10'000);
+  buildPatches({});
+  std::filesystem::remove(directory_ / "hlod.lgh");
+  const auto lit = patch_renderer_->setLight({base::LightMode::kHardShadows, {0.0F, 1.0F, 0.0F}, {}, 0.0});
+  ASSERT_FALSE(lit);
+  EXPECT_NE(lit.error().message.find("--methods hlod"), std::string::npos) << lit.error().message;
 }
 
 TEST_F(HlodShadowsTest, softShadowsNeedALightOfSomeSize) {

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <random>
 
 #include "base/file.h"
 #include "lod/disk_bytes.h"
@@ -228,6 +229,50 @@ TEST_F(HlodBuild, manyTrianglesInOnePlaceAreALeaf) {
   for (const Node& node : whole().nodes)
     if (node.isLeaf()) largest = std::max(largest, node.triangles);
   EXPECT_GT(largest, options.leaf_triangles);
+}
+
+/// Triangles that hang together with no others, all over a cube.
+support::Mesh soup(std::uint32_t triangles, float size) {
+  std::mt19937 random(11);
+  std::uniform_real_distribution<float> in(0.0F, 1.0F), out(-size, size);
+  support::Mesh mesh;
+  for (std::uint32_t t = 0; t < triangles; ++t) {
+    const glm::vec3 at(in(random), in(random), in(random));
+    for (int k = 0; k < 3; ++k) mesh.positions.push_back(at + glm::vec3(out(random), out(random), out(random)));
+    support::addTriangle(mesh, 3 * t, 3 * t + 1, 3 * t + 2);
+  }
+  return mesh;
+}
+
+// No collapse can take such a triangle away. Where they are far smaller than the error they are points, so that
+// nodes above need no memory for all of them.
+TEST_F(HlodBuild, soupFitsASmallMemory) {
+  constexpr std::uint32_t kTriangles = 200'000;
+  const support::Mesh mesh = soup(kTriangles, 0.0008F);
+  BuildOptions options = small();
+  options.limits.memory_bytes = lod::ingest::kMinMemory;
+  const BuildSummary summary = mustBuild(mesh, options);
+  EXPECT_GT(summary.triangles, kTriangles - kTriangles / 1000);  // some have no area on the lattice
+  const Whole file = whole();
+  const Node& root = file.nodes[0];
+  EXPECT_LT(root.triangles, kTriangles / 100);
+  ASSERT_GT(root.points, 0U);
+  EXPECT_GT(root.caster_triangles, 0U);
+  // All is found again within the root's error.
+  const NodeGeometry picture = file.picture(root);
+  std::vector<glm::vec3> places;
+  for (const auto* list : {&picture.points, &picture.vertices})
+    for (const NodeVertex& vertex : *list)
+      places.push_back(file.header.lattice.position(vertex.place << int{root.step_bits}));
+  const support::Surface source = sourceOf(mesh, summary);
+  float farthest = 0.0F;
+  for (std::size_t v = 0; v < source.positions.size(); v += 1511) {
+    float least = 1e30F;
+    for (const glm::vec3& place : places) least = std::min(least, glm::distance(place, source.positions[v]));
+    farthest = std::max(farthest, least);
+  }
+  EXPECT_LE(farthest, root.error);
+  EXPECT_LE(root.error, 1.1F / 64.0F);
 }
 
 TEST_F(HlodBuild, wrongOptionsAreNamed) {

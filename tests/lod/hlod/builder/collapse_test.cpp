@@ -86,7 +86,7 @@ TEST(HlodCollapse, whatIsAlreadyOffCountsWhereBoundsAreCarried) {
   NodeMesh once = source;
   applyCollapses(once, collapseWithin(once, 0.6F * kLimit, shapeAlone()));
   NodeMesh twice = once;
-  applyCollapses(twice, collapseWithin(twice, kLimit, shapeAlone(), true));
+  applyCollapses(twice, collapseWithin(twice, kLimit, shapeAlone(), Carried::kBounds));
   EXPECT_LT(twice.triangles(), once.triangles());
   EXPECT_LE(largest(twice.bounds.toward), 1.5F * kLimit);
   const Sampled sampled = sampledBetween(source, twice);

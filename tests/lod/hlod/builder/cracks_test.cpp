@@ -3,6 +3,8 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+
 #include "lod/hlod/builder/collapse.h"
 #include "lod/hlod/builder/node_build.h"
 #include "tests/lod/hlod/builder/node_meshes.h"
@@ -63,7 +65,12 @@ TEST(HlodCracks, neighboursThatKeptOtherVerticesAreJoined) {
     for (NodeMesh& copy : copies) copy.error = 0.0F;
     loose = mergeParts(copies);
   }
+  const float before_closing = parts.front().error;
   const NodeMesh joined = mergeParts(parts);
+  // The triangles that were bent are off by more than they were, and each knows by how much.
+  ASSERT_EQ(joined.errors.size(), joined.triangles());
+  EXPECT_GT(joined.error, before_closing);
+  EXPECT_EQ(joined.error, *std::max_element(joined.errors.begin(), joined.errors.end()));
   EXPECT_GT(innerOpenEdges(loose), 40U);
   EXPECT_LT(innerOpenEdges(joined), innerOpenEdges(loose) / 20);
   const support::Surface before = support::surfaceOf(source), after = support::surfaceOf(joined);

@@ -1,0 +1,27 @@
+#pragma once
+// Places a scene's light where the options of `lumigrid render --shadows`, `build --light` and `set --light` say.
+#include <optional>
+#include <string>
+
+#include "base/error.h"
+#include "base/json/scene_file.h"
+#include "lod/hlod/shadow_options.h"
+
+namespace server::cli {
+
+/// How `build` and `set` ask for shadows.
+inline constexpr lod::hlod::ShadowWords kLightWords{"--light hard-shadows or soft-shadows", "--light soft-shadows",
+                                                    "hlod"};
+inline constexpr const char* kPlaceOptions[] = {"light-direction", "light-position", "light-size"};
+
+/// The shadows of such a light.
+lod::hlod::Shadows shadowsOfMode(base::LightMode mode);
+/// "X,Y,Z", as the options take it.
+std::string vectorText(const glm::dvec3& v);
+glm::dvec3 vectorOf(const std::vector<double>& values);
+
+/// Places the light, of which the mode is chosen already. What the arguments do not give stays as it is. They must not
+/// contradict themselves. kInvalidInput where soft shadows of a light that is not infinitely far lack its size.
+base::Result<void> placeLight(const lod::hlod::LightArguments& a, const base::Scene& scene, base::Light& light);
+
+}  // namespace server::cli
