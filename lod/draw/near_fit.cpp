@@ -93,9 +93,9 @@ void NearFit::addTriangle(const glm::vec3& a, const glm::vec3& b, const glm::vec
 base::Camera NearFit::camera() const {
   const float near_plane = kShare * nearest_;
   const glm::mat4& clip = camera_.clip_from_eye;
-  // The far plane may be so far that its share of the matrix is rounded off, and none of what is drawn need be seen.
-  const float far_plane =
-      clip[2][2] < -1.0F ? clip[3][2] / (clip[2][2] + 1.0F) : std::numeric_limits<float>::infinity();
+  // P22 + 1 is the small share of near in far, of which the matrix has rounded off some: far is taken for larger.
+  const float beyond = clip[2][2] + 1.0F + 2.0F * std::numeric_limits<float>::epsilon();
+  const float far_plane = beyond < 0.0F ? clip[3][2] / beyond : std::numeric_limits<float>::infinity();
   if (!(near_plane > near_ && near_plane < far_plane)) return camera_;
   const float share = near_plane / far_plane;
   base::Camera fitted = camera_;
