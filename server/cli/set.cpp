@@ -18,9 +18,9 @@
 #include "server/cli/commands.h"
 #include "server/cli/console.h"
 #include "server/cli/first_view.h"
-#include "server/cli/light_options.h"
 #include "server/cli/scene_lock.h"
 #include "server/cli/up_axis.h"
+#include "server/render/scene_light.h"
 
 namespace server::cli {
 namespace {

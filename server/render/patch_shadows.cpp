@@ -51,7 +51,7 @@ std::uint64_t PatchShadows::memoryFor(const base::Light& light, std::uint64_t tr
 
 base::Result<void> PatchShadows::plan(const lod::hlod::TraverseRequest& view, const lod::patch::Hierarchy& hierarchy,
                                       std::span<const std::uint32_t> patches) {
-  // Of the nodes only casters are of use. The root stands for the others, as a view must have some.
+  // Only the nodes' casters are of use. The root's picture stands for all, as a view must have some.
   lod::hlod::TraverseRequest coarsest = view;
   coarsest.tolerance = std::numeric_limits<float>::infinity();
   std::vector<lod::hlod::DrawnNode> root;
@@ -64,7 +64,8 @@ base::Result<void> PatchShadows::plan(const lod::hlod::TraverseRequest& view, co
   constexpr float kLeastTolerance = 0.5F;
   lod::hlod::TraverseRequest shadowed = view;
   shadowed.tolerance = std::max(view.tolerance, kLeastTolerance);
-  shadows_ = finder_.find(stream_, boxes, shadowed, light_);
+  // A finder remembers maps, and a picture must not depend on those that were drawn before.
+  shadows_ = lod::draw::NodeShadowFinder().find(stream_, boxes, shadowed, light_);
   LUMIGRID_TRY(checkStream(stream_, path_));
 
   std::vector<std::uint32_t> maps(patches.size(), 0);  // of each patch

@@ -58,7 +58,6 @@ class PatchShadows {
   const std::string path_;
   lod::hlod::Stream stream_;
   const lod::draw::NodeLight light_;
-  lod::draw::NodeShadowFinder finder_;
   lod::draw::NodeShadows shadows_;
   std::vector<std::vector<Receiver>> receivers_;  ///< of each map
   std::unique_ptr<lod::draw::ShadowMap> shadow_map_;

@@ -1,8 +1,12 @@
 #pragma once
-// The shadows that a scene's light throws, as lod/ takes them.
+// A scene's light: the shadows that it throws, as lod/ takes them, and the options that place it, which `lumigrid
+// render
+// --shadows`, `build --light` and `set --light` share.
 #include <glm/glm.hpp>
-#include <numbers>
+#include <string>
+#include <vector>
 
+#include "base/error.h"
 #include "base/json/scene_file.h"
 #include "lod/hlod/shadow_options.h"
 
@@ -14,16 +18,21 @@ struct SceneShadows {
 };
 
 /// `origin`: the scene's.
-inline SceneShadows shadowsOf(const base::Light& light, const glm::dvec3& origin) {
-  using lod::hlod::Shadows;
-  if (!light.hasShadows()) return {};
-  const bool is_soft = light.mode == base::LightMode::kSoftShadows;
-  const double size = is_soft ? light.size : 0.0;
-  const Shadows shadows = is_soft ? Shadows::kSoft : Shadows::kHard;
-  if (light.position)
-    return {shadows, {glm::vec4(glm::vec3(*light.position - origin), 1.0F), static_cast<float>(size)}};
-  return {shadows,
-          {glm::vec4(glm::normalize(light.direction), 0.0F), static_cast<float>(size * std::numbers::pi / 180.0)}};
-}
+SceneShadows shadowsOf(const base::Light& light, const glm::dvec3& origin);
+/// The shadows of such a light.
+lod::hlod::Shadows shadowsOfMode(base::LightMode mode);
+
+/// How `build` and `set` ask for shadows.
+inline constexpr lod::hlod::ShadowWords kLightWords{"--light hard-shadows or soft-shadows", "--light soft-shadows",
+                                                    "hlod"};
+inline constexpr const char* kPlaceOptions[] = {"light-direction", "light-position", "light-size"};
+/// "X,Y,Z", as the options take it.
+std::string vectorText(const glm::dvec3& v);
+/// `values`: three.
+glm::dvec3 vectorOf(const std::vector<double>& values);
+
+/// Places the light, of which the mode is chosen already. What the arguments do not give stays as it is. They must not
+/// contradict themselves. kInvalidInput where soft shadows of a light that is not infinitely far lack its size.
+base::Result<void> placeLight(const lod::hlod::LightArguments& a, const base::Scene& scene, base::Light& light);
 
 }  // namespace server

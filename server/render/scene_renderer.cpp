@@ -5,6 +5,7 @@
 #include <optional>
 #include <utility>
 
+#include "lod/draw/near_fit.h"
 #include "lod/draw/triangles.h"
 #include "server/render/shaders.h"
 
@@ -121,6 +122,23 @@ void SceneRenderer::sortFrontToBack(std::vector<std::uint32_t>& cut, const glm::
   for (std::size_t i = 0; i < cut.size(); ++i) cut[i] = keyed[i].second;
 }
 
+// Moves the near plane out to the patches. One whose box reaches it is asked for its triangles.
+base::Result<base::Camera> SceneRenderer::fitted(const base::Camera& camera,
+                                                 std::span<const std::uint32_t> visible) const {
+  lod::draw::NearFit fit(camera);
+  for (const std::uint32_t patch : visible) {
+    if (fit.isKept()) break;
+    if (fit.add(hierarchy_.patches[patch].box)) continue;
+    LUMIGRID_ASSIGN_OR_RETURN(const auto geometry, patches_.geometry(patch));
+    const auto corner = [&](std::size_t i) {
+      return hierarchy_.lattice.position(geometry.positions[geometry.indices[i]]);
+    };
+    for (std::size_t i = 0; i + 2 < geometry.indices.size(); i += 3)
+      fit.addTriangle(corner(i), corner(i + 1), corner(i + 2));
+  }
+  return fit.camera();
+}
+
 // Returns the part of a tile that patches may touch; the rest stays background and is neither averaged nor read back.
 Tile SceneRenderer::touchedPart(const base::Camera& tile_camera, std::span<const std::uint32_t> visible,
                                 const Tile& tile) const {
@@ -232,10 +250,11 @@ base::Result<void> SceneRenderer::drawShadowed(const base::Camera& camera, const
   return {};
 }
 
-base::Result<void> SceneRenderer::drawPicture(const base::Camera& camera, std::span<const std::uint32_t> cut,
+base::Result<void> SceneRenderer::drawPicture(const base::Camera& from, std::span<const std::uint32_t> cut,
                                               const RenderOptions& options,
                                               std::function<void(RenderedPicture)> deliver) {
-  const std::vector<std::uint32_t> visible = visibleFrom(camera, cut);
+  const std::vector<std::uint32_t> visible = visibleFrom(from, cut);
+  LUMIGRID_ASSIGN_OR_RETURN(const base::Camera camera, fitted(from, visible));
   auto picture = std::make_shared<PendingPicture>();
   picture->deliver = std::move(deliver);
   picture->rendered.rgba = base::Image(camera.width, camera.height, 4);
@@ -272,6 +291,7 @@ SceneRenderer::SceneRenderer(const base::Scene& scene, const lod::patch::PatchFi
                              std::optional<lod::texture::TextureFile> textures, std::uint64_t gpu_budget_bytes)
     : scene_(scene),
       directory_(directoryOf(patches)),
+      patches_(patches),
       hierarchy_(patches.hierarchy()),
       textures_(std::move(textures)),
       cache_(patches, textures_ ? &*textures_ : nullptr, gpu_budget_bytes),

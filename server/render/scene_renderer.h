@@ -109,11 +109,13 @@ class SceneRenderer {
                                     int samples) const;
   base::Result<void> orDrop(base::Result<void> result);
   std::vector<std::uint32_t> visibleFrom(const base::Camera& camera, std::span<const std::uint32_t> cut) const;
+  base::Result<base::Camera> fitted(const base::Camera& camera, std::span<const std::uint32_t> visible) const;
   Tile touchedPart(const base::Camera& tile_camera, std::span<const std::uint32_t> visible, const Tile& tile) const;
   void sortFrontToBack(std::vector<std::uint32_t>& cut, const glm::vec3& eye) const;
 
   const base::Scene scene_;
   const std::string directory_;
+  const lod::patch::PatchFile& patches_;
   const lod::patch::Hierarchy& hierarchy_;
   std::optional<lod::texture::TextureFile> textures_;
   base::Aabb box_;

@@ -13,8 +13,8 @@
 #include "lod/patch/builder/hierarchy_build.h"
 #include "lod/qsplat/builder/build.h"
 #include "server/bake/bake.h"
-#include "server/cli/light_options.h"
 #include "server/cli/tuned.h"
+#include "server/render/scene_light.h"
 
 namespace server::cli {
 

@@ -1,7 +1,10 @@
 #include <algorithm>
+#include <array>
 #include <cstdio>
 #include <memory>
 #include <optional>
+#include <string_view>
+#include <vector>
 
 #include "base/egl/headless.h"
 #include "base/json/camera_file.h"
@@ -9,12 +12,12 @@
 #include "lod/hlod/shadow_options.h"
 #include "server/cli/commands.h"
 #include "server/cli/console.h"
-#include "server/cli/light_options.h"
 #include "server/render/background.h"
 #include "server/render/hlod_scene.h"
 #include "server/render/scene_light.h"
 #include "server/render/scene_renderer.h"
 #include "server/render/splat_scene.h"
+#include "server/render/streamed_scene.h"
 #include "server/render/umbrella_scene.h"
 
 namespace server::cli {
@@ -83,7 +86,7 @@ Rgb colorOf(const std::vector<int>& values) {
 
 base::Result<DrawnPicture> drawPatches(const RenderArguments& a, const base::Scene& scene,
                                        const base::ViewCamera& view) {
-  LUMIGRID_ASSIGN_OR_RETURN(auto patches, lod::patch::PatchFile::open(base::patchPath(a.scene, scene)));
+  LUMIGRID_ASSIGN_OR_RETURN(auto patches, openPatches(a.scene, scene));
   LUMIGRID_ASSIGN_OR_RETURN(auto renderer, SceneRenderer::create(scene, patches));
   RenderOptions options;
   options.tolerance_px = a.method == kFullMethod ? 0.0F : toleranceOf(a, 1.0F);
@@ -141,6 +144,32 @@ base::Result<DrawnPicture> drawPicture(const RenderArguments& a, const base::Sce
   if (a.method == kUmbrellaMethod) return drawUmbrellas(a, scene, view);
   if (a.method == kHlodMethod) return drawNodes(a, scene, view);
   return drawPatches(a, scene, view);
+}
+
+/// Options that some methods alone have.
+struct MethodOption {
+  const char* name;
+  std::vector<std::string_view> methods;
+};
+
+/// Names the option that the method has not, or cannot have with this value; empty where there is none.
+std::string optionProblem(const CLI::App& command, const RenderArguments& a) {
+  const std::array<MethodOption, 5> options{{{"--tolerance", {kPatchMethod, kUmbrellaMethod, kHlodMethod}},
+                                             {"--guarantee", {kPatchMethod}},
+                                             {"--splat", {kSplatMethod}},
+                                             {"--cutoff", {kSplatMethod}},
+                                             {"--back-faces", {kSplatMethod}}}};
+  for (const MethodOption& option : options) {
+    if (command.count(option.name) == 0) continue;
+    if (std::find(option.methods.begin(), option.methods.end(), a.method) != option.methods.end()) continue;
+    std::string methods;
+    for (const std::string_view method : option.methods) methods += (methods.empty() ? "" : ", ") + std::string(method);
+    return std::string(option.name) + " means nothing with --method " + a.method + "; leave it out (it is for " +
+           methods + ")";
+  }
+  if (a.tolerance_px && !(*a.tolerance_px > 0.0) && a.method != kPatchMethod)
+    return "--tolerance must be above 0 with --method " + a.method;
+  return shadowProblem(a);
 }
 
 base::Result<void> run(const RenderArguments& a) {
@@ -206,8 +235,8 @@ RunCommand addRender(CLI::App& command) {
       ->default_str("");
   lod::hlod::declareShadowOptions(command, a->shadows, kShadowWords);
   command.get_option("--shadows")->default_str("the scene's light, see `lumigrid build --light`");
-  return [a] {
-    if (const std::string problem = shadowProblem(*a); !problem.empty()) {
+  return [a, &command] {
+    if (const std::string problem = optionProblem(command, *a); !problem.empty()) {
       fail({base::ErrorCode::kInvalidInput, "render: " + problem});
       return kWrongUsage;
     }

@@ -4,7 +4,6 @@
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
-#include <filesystem>
 #include <numbers>
 #include <optional>
 #include <ostream>
@@ -13,7 +12,7 @@
 #include "base/egl/headless.h"
 #include "base/file.h"
 #include "base/gl/gl.h"
-#include "base/png/png.h"
+#include "base/jpeg/jpeg.h"
 #include "lod/disk_bytes.h"
 #include "lod/hlod/block.h"
 #include "lod/hlod/builder/build.h"
@@ -257,7 +256,7 @@ ShadowDifference compareInShadow(const base::Image& expected, const base::Image&
       if (expected.at(x, y)[3] < 255 || got.at(x, y)[3] < 255) continue;
       const auto seen = truth.seenAt(view, {x + 0.5, y + 0.5});
       if (!seen || expected.at(x, y)[0] > 255.0 * (0.35 + 0.65 * facing(*seen, light)) - 8.0) continue;
-      difference.mean += std::abs(double{expected.at(x, y)[0]} - double{got.at(x, y)[0]});
+      difference.mean += std::abs(static_cast<double>(expected.at(x, y)[0]) - static_cast<double>(got.at(x, y)[0]));
       ++difference.pixels;
     }
   difference.mean /= std::max(difference.pixels, 1);
@@ -414,21 +413,38 @@ class ShadowFailuresTest : public HlodShadowsTest, public testing::WithParamInte
     return picture;
   }
 
-  /// Hard shadows by rays, as drawn, soft ones by rays, as drawn: DIR/shadows/NAME_0.png to _3.png.
-  void writePictures(const base::Camera& view, const support::ShadowTruth& truth, lod::hlod::ShadowLight light,
-                     float soft_size) {
-    const std::string stem = folder() + "/shadows/" + GetParam().name;
-    std::filesystem::create_directories(folder() + "/shadows");
+  // ---- the picture of docs/stability.md: a row for each failure ----
+
+  static constexpr int kWidth = 240, kHeight = 180;
+  inline static std::vector<base::Image> sheet_;
+
+  /// Adds hard shadows by rays and as drawn, soft ones by rays and as drawn.
+  void addToSheet(const base::Camera& view, const support::ShadowTruth& truth, lod::hlod::ShadowLight light,
+                  float soft_size) {
     HlodOptions options;
     options.supersampling = 2;
-    EXPECT_TRUE(base::writePng(rayPicture(view, truth, light, 1), stem + "_0.png"));
-    EXPECT_TRUE(base::writePng(picture(view, light, options), stem + "_1.png"));
+    sheet_.push_back(rayPicture(view, truth, light, 1));
+    sheet_.push_back(picture(view, light, options));
     light.size = soft_size;
-    const base::Image soft = picture(view, light, options);
-    EXPECT_TRUE(base::writePng(rayPicture(view, truth, light, 32), stem + "_2.png"));
-    EXPECT_TRUE(base::writePng(soft, stem + "_3.png"));
-    const support::PenumbraError error = support::comparePenumbrae(soft, view, truth, light, 2);
+    sheet_.push_back(rayPicture(view, truth, light, 32));
+    sheet_.push_back(picture(view, light, options));
+    const support::PenumbraError error = support::comparePenumbrae(sheet_.back(), view, truth, light, 2);
     std::printf("penumbrae of %s: %.2f of 255, %d pixels\n", GetParam().name, error.mean, error.pixels);
+  }
+  static void TearDownTestSuite() {
+    if (sheet_.empty()) return;
+    base::Image all(4 * kWidth, static_cast<int>(sheet_.size() / 4) * kHeight, 3);
+    for (std::size_t k = 0; k < sheet_.size(); ++k)
+      for (int y = 0; y < kHeight; ++y)
+        for (int x = 0; x < kWidth; ++x) {
+          const auto from = sheet_[k].at(x, y);
+          const auto to = all.at(static_cast<int>(k % 4) * kWidth + x, static_cast<int>(k / 4) * kHeight + y);
+          for (int c = 0; c < 3; ++c)
+            to[c] = static_cast<std::uint8_t>((from[c] * from[3] + 128 * (255 - from[3])) / 255);
+        }
+    const auto jpeg = base::encodeJpeg(all, 85, base::Subsampling::k420);
+    ASSERT_TRUE(jpeg);
+    EXPECT_TRUE(base::writeFileAtomically(folder() + "/shadows.jpg", *jpeg));
   }
 };
 
@@ -438,14 +454,13 @@ TEST_P(ShadowFailuresTest, hardShadowsEndWhereRaysSay) {
   buildFile(directory_ / "mesh.ply");
   const support::ShadowTruth truth(leaves_);
   const lod::hlod::ShadowLight light = failure.is_lamp ? lamp(failure.light) : sun(failure.light);
-  const bool has_pictures = !folder().empty();
-  const base::Camera view = camera(failure.from, 240, 180, kUpwards);
+  const base::Camera view = camera(failure.from, kWidth, kHeight, kUpwards);
   const support::EdgeCount count =
       support::compareEdges(picture(view, light), view, truth, light, failure.least_facing);
   std::printf("%s: %d of %d edges wrong, %d pixels\n", failure.name, count.wrong, count.edges, count.checked);
   EXPECT_GT(count.edges, 50);
   EXPECT_LE(count.wrong, failure.max_wrong * count.edges);
-  if (has_pictures) writePictures(view, truth, light, failure.is_lamp ? 0.1F * renderer_->bounds().radius : 0.14F);
+  if (!folder().empty()) addToSheet(view, truth, light, failure.is_lamp ? 0.1F * renderer_->bounds().radius : 0.14F);
 }
 
 INSTANTIATE_TEST_SUITE_P(Where, ShadowFailuresTest, testing::ValuesIn(shadowFailures()),

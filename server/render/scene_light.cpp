@@ -1,8 +1,21 @@
-#include "server/cli/light_options.h"
+#include "server/render/scene_light.h"
+
+#include <numbers>
 
 #include "base/format_text.h"
 
-namespace server::cli {
+namespace server {
+
+SceneShadows shadowsOf(const base::Light& light, const glm::dvec3& origin) {
+  using lod::hlod::Shadows;
+  if (!light.hasShadows()) return {};
+  const Shadows shadows = shadowsOfMode(light.mode);
+  const double size = shadows == Shadows::kSoft ? light.size : 0.0;
+  if (light.position)
+    return {shadows, {glm::vec4(glm::vec3(*light.position - origin), 1.0F), static_cast<float>(size)}};
+  return {shadows,
+          {glm::vec4(glm::normalize(light.direction), 0.0F), static_cast<float>(size * std::numbers::pi / 180.0)}};
+}
 
 lod::hlod::Shadows shadowsOfMode(base::LightMode mode) {
   using lod::hlod::Shadows;
@@ -36,4 +49,4 @@ base::Result<void> placeLight(const lod::hlod::LightArguments& a, const base::Sc
   return {};
 }
 
-}  // namespace server::cli
+}  // namespace server
