@@ -452,7 +452,7 @@ bool ShadowPlanner::Kept::isFor(const ShadowRequest& other) const {
          request.max_maps == other.max_maps && request.room == other.room;
 }
 
-/// What is seen of a receiver.
+/// The part of a receiver that is seen.
 struct ShadowPlanner::Kept::Place {
   std::uint32_t receiver;
   const SeenSpace& now;   // of the view
