@@ -3,6 +3,7 @@
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
+#include <map>
 #include <memory>
 #include <optional>
 #include <sstream>
@@ -153,16 +154,24 @@ base::Result<base::Light> chooseLight(const SetArguments& a, const base::Scene& 
   return light;
 }
 
-/// Records the options that a build would have to be given for this light.
+/// Records the options that a build would have to be given for this light: those of the command, and where it gives
+/// none, those that were recorded, or the light's place.
 void recordLight(const SetArguments& a, const base::Light& light, base::Scene& scene) {
-  if (a.light) scene.parameters["light"] = *a.light;
-  for (const char* name : kPlaceOptions) scene.parameters.erase(name);
+  std::map<std::string, std::string>& recorded = scene.parameters;
+  if (a.light) recorded["light"] = *a.light;
+  const lod::hlod::LightArguments& place = a.light_place;
+  const bool has_size = place.size || recorded.contains("light-size") || light.size != lod::hlod::kSunDegrees;
+  const bool is_moved = !place.direction.empty() || !place.position.empty();
+  if (is_moved || !light.hasShadows())
+    for (const char* name : {"light-direction", "light-position"}) recorded.erase(name);
+  recorded.erase("light-size");
+  if (light.mode == base::LightMode::kSoftShadows && has_size) recorded["light-size"] = sizeText(light.size);
   if (!light.hasShadows()) return;
+  if (!place.direction.empty()) recorded["light-direction"] = vectorText(vectorOf(place.direction));
   if (light.position)
-    scene.parameters["light-position"] = vectorText(*light.position);
-  else
-    scene.parameters["light-direction"] = vectorText(glm::dvec3(light.direction));
-  if (light.size > 0.0) scene.parameters["light-size"] = base::formatText("%.17g", light.size);
+    recorded["light-position"] = vectorText(*light.position);
+  else if (place.direction.empty() && !recorded.contains("light-direction"))
+    recorded["light-direction"] = vectorText(glm::dvec3(light.direction));
 }
 
 void warnOfNormals(const base::LightMode before, const base::Scene& scene) {

@@ -12,6 +12,10 @@
 namespace server {
 namespace {
 
+/// Shadows of leaves are as near to the truth as the paper's, and others no nearer than a pixel: casters for half a
+/// pixel take eight times as long (statue of 200 000 triangles, 512 pixels).
+constexpr float kHalfPixelOff = 0.5F, kPixelOff = 1.0F;
+
 /// Patches are as far away from the eye as others of their level within a factor of 2, and those of the same tolerance
 /// have errors in proportion to that.
 std::uint32_t levelOf(const base::Camera& camera, const base::Sphere& bounds) {
@@ -60,10 +64,8 @@ base::Result<void> PatchShadows::plan(const lod::hlod::TraverseRequest& view, co
   std::vector<lod::hlod::ShadowReceiver> boxes;
   for (const std::uint32_t patch : patches)
     boxes.push_back({hierarchy.patches[patch].box, levelOf(view.camera, hierarchy.patches[patch].bounds)});
-  // Shadows of leaves need not be exact, and where the tolerance is 0 all casters would be leaves.
-  constexpr float kLeastTolerance = 0.5F;
   lod::hlod::TraverseRequest shadowed = view;
-  shadowed.tolerance = std::max(view.tolerance, kLeastTolerance);
+  shadowed.tolerance = view.tolerance > 0.0F ? std::max(view.tolerance, kPixelOff) : kHalfPixelOff;
   // A finder remembers maps, and a picture must not depend on those that were drawn before.
   shadows_ = lod::draw::NodeShadowFinder().find(stream_, boxes, shadowed, light_);
   LUMIGRID_TRY(checkStream(stream_, path_));

@@ -37,7 +37,8 @@ class PatchShadows {
   static std::uint64_t memoryFor(const base::Light& light, std::uint64_t triangles);
 
   /// Finds the maps for these patches, the nearest first. `view`: with the tile that is drawn; its tolerance is that of
-  /// the patches, pixels. The last map, which may have no receivers, is for patches that no shadow reaches.
+  /// the patches, pixels, 0 for leaves. The last map, which may have no receivers, is for patches that no shadow
+  /// reaches.
   base::Result<void> plan(const lod::hlod::TraverseRequest& view, const lod::patch::Hierarchy& hierarchy,
                           std::span<const std::uint32_t> patches);
   std::size_t maps() const { return shadows_.maps.size(); }

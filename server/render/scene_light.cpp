@@ -27,14 +27,20 @@ std::string vectorText(const glm::dvec3& v) {
   return base::formatText("%.17g,%.17g,%.17g", v.x, v.y, v.z);
 }
 
+std::string sizeText(double size) {
+  return base::formatText("%.17g", size);
+}
+
 glm::dvec3 vectorOf(const std::vector<double>& values) {
   return {values[0], values[1], values[2]};
 }
 
 base::Result<void> placeLight(const lod::hlod::LightArguments& a, const base::Scene& scene, base::Light& light) {
-  const bool is_moved = !a.direction.empty() || !a.position.empty();
-  if (is_moved || !light.hasShadows()) light.position.reset();
-  if (is_moved || light.mode != base::LightMode::kSoftShadows) light.size = 0.0;
+  // Degrees say nothing of a light at a place, nor a length of one that is infinitely far.
+  const bool was_near = light.position.has_value();
+  if ((was_near ? !a.direction.empty() : !a.position.empty()) || light.mode != base::LightMode::kSoftShadows)
+    light.size = 0.0;
+  if (!a.direction.empty() || !light.hasShadows()) light.position.reset();
   if (!a.direction.empty()) light.direction = glm::vec3(glm::normalize(vectorOf(a.direction)));
   if (!a.position.empty()) {
     light.position = vectorOf(a.position);

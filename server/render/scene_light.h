@@ -26,8 +26,9 @@ lod::hlod::Shadows shadowsOfMode(base::LightMode mode);
 inline constexpr lod::hlod::ShadowWords kLightWords{"--light hard-shadows or soft-shadows", "--light soft-shadows",
                                                     "hlod"};
 inline constexpr const char* kPlaceOptions[] = {"light-direction", "light-position", "light-size"};
-/// "X,Y,Z", as the options take it.
+/// "X,Y,Z", and a size, as the options take them.
 std::string vectorText(const glm::dvec3& v);
+std::string sizeText(double size);
 /// `values`: three.
 glm::dvec3 vectorOf(const std::vector<double>& values);
 

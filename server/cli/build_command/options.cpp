@@ -315,7 +315,7 @@ Parameters parametersOf(const BuildArguments& a) {
   const lod::hlod::LightArguments& place = a.light_place;
   if (!place.direction.empty()) parameters["light-direction"] = vectorText(vectorOf(place.direction));
   if (!place.position.empty()) parameters["light-position"] = vectorText(vectorOf(place.position));
-  if (place.size) parameters["light-size"] = number(*place.size);
+  if (place.size) parameters["light-size"] = sizeText(*place.size);
   if (a.textures == "vertex") parameters[kTexturesParameter] = a.textures;
   if (a.codec == "jpeg") parameters["subsampling"] = a.tune_db ? "tuned" : a.subsampling;
   const PointSelection& selection = a.bake.selection;
