@@ -15,13 +15,22 @@ namespace {
 /// Everything in a scene that its truth depends on.
 std::string identityOf(const server::OpenScene& scene) {
   const base::Light& light = scene.scene.light;
+  const glm::dvec3 place = light.position.value_or(glm::dvec3(0.0));
+  const auto casters = light.hasShadows() ? base::partFile(scene.scene, "hlod", ".lgh") : std::nullopt;
+  std::string shadows;
+  for (const base::ScenePart& part : scene.scene.parts)
+    if (part.file == casters)
+      shadows = base::formatText(" %d %.17g %.17g %.17g %.17g ", light.position ? 1 : 0, place.x, place.y, place.z,
+                                 light.size) +
+                part.sha256;
   const auto patches = scene.patch_file ? scene.patch_file->readAll() : base::Result<base::Bytes>(base::Bytes());
   // Nothing is drawn of a file that cannot be read, so its picture's identity does not matter.
   return (patches ? base::hexOf(base::sha256(*patches)) : patches.error().message) +
          base::formatText(" %d %.9g %.9g %.9g %.17g %.17g %.17g", static_cast<int>(light.mode),
                           static_cast<double>(light.direction.x), static_cast<double>(light.direction.y),
                           static_cast<double>(light.direction.z), scene.scene.origin.x, scene.scene.origin.y,
-                          scene.scene.origin.z);
+                          scene.scene.origin.z) +
+         shadows;
 }
 
 }  // namespace

@@ -29,6 +29,10 @@ inline base::Error indexOutOfRange(const std::string& place, std::int64_t index,
 inline base::Error truncatedIn(const std::string& place) {
   return invalidInput("truncated: the file ends in " + place + "; get the whole file again");
 }
+/// For a file without faces where MeshStream::accepts_points does not hold.
+inline constexpr const char* kNoFaces =
+    "the file has no faces (a point cloud?); mesh it first, or build it with --methods qsplat or pmr";
+
 /// Readers append to its vectors. It hands full blocks to the sink and releases the pages of the mapped file that have
 /// been read, so that memory stays bounded whatever the file's length.
 class MeshStream {

@@ -210,9 +210,7 @@ void describeGreys(const GreyRange& greys, std::vector<std::string>& warnings) {
 
 base::Result<void> readLas(base::ByteView bytes, MeshStream& out) {
   LUMIGRID_ASSIGN_OR_RETURN(const auto header, readLasHeader(bytes));
-  if (!out.accepts_points)
-    return base::Error{base::ErrorCode::kUnsupported,
-                       "the file has no faces (a point cloud?); mesh it first, or build it with --methods qsplat"};
+  if (!out.accepts_points) return base::Error{base::ErrorCode::kUnsupported, kNoFaces};
   const Points points(bytes, header);
   PointReader reader(points, out);
   LUMIGRID_TRY(reader.read());

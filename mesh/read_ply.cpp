@@ -580,8 +580,7 @@ base::Result<void> readPly(base::ByteView bytes, MeshStream& out) {
   }
   if (vertex_elements != 1) return invalidInput("header: there is not exactly one vertex element");
   if (!has_faces && !out.accepts_points)
-    return base::Error{vertex_count == 0 ? base::ErrorCode::kInvalidInput : base::ErrorCode::kUnsupported,
-                       "the file has no faces (a point cloud?); mesh it first, or build it with --methods qsplat"};
+    return base::Error{vertex_count == 0 ? base::ErrorCode::kInvalidInput : base::ErrorCode::kUnsupported, kNoFaces};
 
   const base::ByteView body = bytes.subspan(header.length);
   if (header.encoding == Encoding::kAscii) return readBody(TextSource(textOf(body)), header, vertex_count, out);

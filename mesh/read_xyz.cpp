@@ -239,8 +239,7 @@ class XyzReader {
 
 base::Result<void> XyzReader::read() {
   LUMIGRID_TRY(chooseLayout());
-  if (!out_.accepts_points)
-    return unsupported("the file has no faces (a point cloud?); mesh it first, or build it with --methods qsplat");
+  if (!out_.accepts_points) return unsupported(kNoFaces);
   // Only a colour above 1 begins the file again, and never twice.
   while (true) {
     LUMIGRID_ASSIGN_OR_RETURN(const bool done, readAll());

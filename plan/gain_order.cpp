@@ -296,7 +296,7 @@ class GainOrder {
     const float eye_distance = std::max(glm::length(to_eye), 1e-20F);
     const float density = query_.points.pixels_per_unit_at_one / eye_distance;
     Place& place = places_[s];
-    place.detail2 = input.detail * input.detail;
+    place.detail2 = input.detail * input.detail + query_.lacking2;
     place.first_state = static_cast<std::uint32_t>(states_.size());
     place.states = static_cast<std::uint32_t>(1 + input.refined.size());
     float color = 1.0F, shape = std::numeric_limits<float>::max();
@@ -304,7 +304,8 @@ class GainOrder {
       // Errors are estimates, and those of a finer proxy may be larger. It is no worse.
       color = std::min(color, shading.color_error);
       shape = std::min(shape, shading.shape_error);
-      const Shading reached = shadingAt({color, shape}, density);
+      Shading reached = shadingAt({color, shape}, density);
+      reached.proxy2 += query_.lacking2;
       states_.push_back({reached, BestTwo(reached.proxy2)});
     };
     add(input.now);

@@ -251,6 +251,7 @@ void writeBody(base::ByteWriter& out, const Welcome& welcome) {
   fields(welcome.background.has_value());
   for (const std::uint8_t part : welcome.background.value_or(base::Rgb{})) fields(part);
   fields(welcome.north);
+  if (welcome.shadows) fields(welcome.shadows);
 }
 
 /// Normalizes the directions. Returns null when the values are valid, and otherwise the fault.
@@ -305,7 +306,9 @@ base::Result<void> readBody(base::ByteReader& in, Welcome& welcome) {
   if (!in.ok()) return bad("is cut short");
   if (!fields.flags_are_valid) return bad("a flag is neither 0 nor 1");
   if (welcome.north != glm::vec3(0.0F) && !makeUnit(welcome.north)) return bad("its north is not a number");
-  if (!in.atEnd()) return bad("has bytes after its end");
+  if (in.atEnd()) return {};
+  fields(welcome.shadows);
+  if (!fields.flags_are_valid || !welcome.shadows || !in.atEnd()) return bad("has bytes after its end");
   return {};
 }
 

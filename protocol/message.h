@@ -92,6 +92,7 @@ struct Welcome {
   glm::vec3 start_direction{0.0F};  ///< unit: where the first view looks; zero: the client chooses
   std::string start_view;           ///< permalink of the first view (docs/formats/permalink.md); empty: none
   bool unlit = false;
+  bool shadows = false;  ///< images and frames show shadows, which patches by themselves lack
   glm::vec3 light_direction{0.0F, 0.0F, 1.0F};
   bool has_colors = false;
   glm::dvec3 lattice_origin{0.0};

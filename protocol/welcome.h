@@ -20,6 +20,7 @@ inline Welcome welcomeOf(const base::Scene& scene, const std::string& name) {
   if (scene.start_direction) welcome.start_direction = glm::vec3(*scene.start_direction);
   welcome.start_view = scene.start_view;
   welcome.unlit = scene.light.mode == base::LightMode::kUnlit;
+  welcome.shadows = scene.light.hasShadows();
   welcome.light_direction = scene.light.direction;
   welcome.attribution = scene.attribution;
   welcome.background = scene.background;

@@ -7,6 +7,7 @@
 #include <memory>
 #include <nlohmann/json.hpp>
 
+#include "base/camera.h"
 #include "base/file.h"
 #include "base/json/parse.h"
 #include "base/json/vector.h"
@@ -90,12 +91,6 @@ class Fields {
   std::string& problem_;
 };
 
-std::optional<LightMode> lightModeNamed(const std::string& name) {
-  for (const LightMode mode : {LightMode::kUnlit, LightMode::kSoft})
-    if (name == nameOf(mode)) return mode;
-  return std::nullopt;
-}
-
 /// Reads what `lumigrid set` may have added; each member may be absent.
 void readAppearance(const json& document, Scene& scene, std::string& problem) {
   Fields top(document, "", problem);
@@ -110,20 +105,38 @@ void readAppearance(const json& document, Scene& scene, std::string& problem) {
     scene.background = parseRgb(top.get<std::string>("background"));
     if (!scene.background) top.fail("background is no colour #rrggbb");
   }
-  if (!document.contains("images_light")) return;
-  scene.images_light = lightModeNamed(top.get<std::string>("images_light"));
-  if (!scene.images_light) top.fail("images_light is neither unlit nor soft");
 }
 
-void readLight(const json& document, Scene& scene, std::string& problem) {
-  Fields top(document, "", problem);
-  Fields light(top.child("light"), "light: ", problem);
-  const auto mode = lightModeNamed(light.get<std::string>("mode"));
-  if (!mode) light.fail("mode is neither unlit nor soft");
-  scene.light.mode = mode.value_or(LightMode::kSoft);
-  scene.light.direction = glm::vec3(light.vector("direction"));
+/// `name`: that of the member.
+Light lightFrom(const json& object, const std::string& name, std::string& problem) {
+  Fields fields(object, name + ": ", problem);
+  Light light;
+  const auto mode = lightModeNamed(fields.get<std::string>("mode"));
+  if (!mode) fields.fail("mode is none of unlit, soft, hard-shadows and soft-shadows");
+  light.mode = mode.value_or(LightMode::kSoft);
+  light.direction = glm::vec3(fields.vector("direction"));
   for (int i = 0; i < 3; ++i)
-    if (!std::isfinite(scene.light.direction[i])) light.fail("direction is too long");
+    if (!std::isfinite(light.direction[i])) fields.fail("direction is too long");
+  if (!light.hasShadows()) return light;
+  if (!(glm::length(light.direction) > 0.0F)) fields.fail("direction is zero");
+  if (object.contains("position")) light.position = fields.vector("position");
+  if (light.position && !(glm::length(*light.position) <= kMaxCoordinate)) fields.fail("position is too far away");
+  if (light.mode != LightMode::kSoftShadows) return light;
+  light.size = fields.number("size");
+  constexpr double kAllSky = 180.0;  // degrees
+  if (!(light.size > 0.0 && light.size < (light.position ? kMaxCoordinate : kAllSky)))
+    fields.fail("size is out of range");
+  return light;
+}
+
+void readLights(const json& document, Scene& scene, std::string& problem) {
+  Fields top(document, "", problem);
+  scene.light = lightFrom(top.child("light"), "light", problem);
+  if (!document.contains("images_light")) return;
+  // Earlier programs wrote the mode alone.
+  json drawn = document["images_light"];
+  if (drawn.is_string()) drawn = {{"mode", drawn}, {"direction", toJson(glm::dvec3(scene.light.direction))}};
+  scene.images_light = lightFrom(drawn, "images_light", problem);
 }
 
 void readLists(const json& document, Scene& scene, std::string& problem) {
@@ -141,6 +154,13 @@ void readLists(const json& document, Scene& scene, std::string& problem) {
     scene.border = SceneBorder{top.get<std::uint64_t>("source_open_edges"), top.get<std::uint64_t>("open_edges"),
                                top.number("largest_movement")};
   scene.parameters = top.map<std::string>("parameters");
+}
+
+json lightJson(const Light& light) {
+  json object{{"mode", nameOf(light.mode)}, {"direction", toJson(glm::dvec3(light.direction))}};
+  if (light.position) object["position"] = toJson(*light.position);
+  if (light.mode == LightMode::kSoftShadows) object["size"] = light.size;
+  return object;
 }
 
 }  // namespace
@@ -179,7 +199,7 @@ Result<Scene> parseScene(const std::string& text, const std::string& name) {
   readAppearance(document, scene, problem);
   scene.has_colors = top.get<bool>("has_colors");
   scene.triangles = top.get<std::uint64_t>("triangles");
-  readLight(document, scene, problem);
+  readLights(document, scene, problem);
   readLists(document, scene, problem);
   if (problem.empty() && !glm::all(glm::lessThanEqual(scene.box_min, scene.box_max)))
     problem = "box_min exceeds box_max";
@@ -208,8 +228,8 @@ std::string formatScene(const Scene& scene) {
   if (!scene.crs.empty()) document["crs"] = scene.crs;
   if (!scene.attribution.empty()) document["attribution"] = scene.attribution;
   if (scene.background) document["background"] = formatRgb(*scene.background);
-  document["light"] = {{"mode", nameOf(scene.light.mode)}, {"direction", toJson(glm::dvec3(scene.light.direction))}};
-  if (scene.images_light) document["images_light"] = nameOf(*scene.images_light);
+  document["light"] = lightJson(scene.light);
+  if (scene.images_light) document["images_light"] = lightJson(*scene.images_light);
   document["has_colors"] = scene.has_colors;
   document["triangles"] = scene.triangles;
   document["repairs"] = scene.repairs;
@@ -230,7 +250,23 @@ glm::dvec3 northOf(const Scene& scene) {
 }
 
 const char* nameOf(LightMode mode) {
-  return mode == LightMode::kUnlit ? "unlit" : "soft";
+  switch (mode) {
+    case LightMode::kUnlit:
+      return "unlit";
+    case LightMode::kSoft:
+      break;
+    case LightMode::kHardShadows:
+      return "hard-shadows";
+    case LightMode::kSoftShadows:
+      return "soft-shadows";
+  }
+  return "soft";
+}
+
+std::optional<LightMode> lightModeNamed(std::string_view name) {
+  for (const LightMode mode : kLightModes)
+    if (name == nameOf(mode)) return mode;
+  return std::nullopt;
 }
 
 bool isCrsName(std::string_view text) {

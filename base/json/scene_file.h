@@ -18,12 +18,20 @@ namespace base {
 
 inline constexpr int kSceneVersion = 1;
 
-/// kUnlit shows the colours as scanned; kSoft is a soft directional light for scenes without colours.
-enum class LightMode { kUnlit, kSoft };
+/// kUnlit shows the colours as scanned; kSoft is a soft directional light for scenes without colours. The others shade
+/// by a light that throws shadows: sharp ones, or ones with penumbrae.
+enum class LightMode { kUnlit, kSoft, kHardShadows, kSoftShadows };
+inline constexpr LightMode kLightModes[] = {LightMode::kUnlit, LightMode::kSoft, LightMode::kHardShadows,
+                                            LightMode::kSoftShadows};
 
 struct Light {
   LightMode mode = LightMode::kSoft;
-  glm::vec3 direction{0.35F, 0.45F, 0.82F};  ///< unit, from the surface towards the light, scene axes
+  /// Unit, from the surface towards the light, scene axes; of a light at a place: from the middle of the scene.
+  glm::vec3 direction{0.35F, 0.45F, 0.82F};
+  std::optional<glm::dvec3> position;  ///< world; of a light that throws shadows and is not infinitely far
+  /// Diameter of a light that throws soft shadows: degrees, or scene units with a position; else 0.
+  double size = 0.0;
+  bool hasShadows() const { return mode == LightMode::kHardShadows || mode == LightMode::kSoftShadows; }
   friend bool operator==(const Light&, const Light&) = default;
 };
 
@@ -61,7 +69,7 @@ struct Scene {
   std::string attribution;        ///< whom viewers name as the scan's authors; empty: nobody
   std::optional<Rgb> background;  ///< of pictures, where there is no model; nothing: viewers choose
   Light light;
-  std::optional<LightMode> images_light;  ///< that the images there were drawn in; nothing: in `light`
+  std::optional<Light> images_light;  ///< that the images there were drawn in; nothing: in `light`
   bool has_colors = false;
   std::uint64_t triangles = 0;
   std::map<std::string, std::uint64_t> repairs;
@@ -79,8 +87,9 @@ struct Scene {
 
 /// The unit world vector towards north, perpendicular to `up`; zero when north is not known.
 glm::dvec3 northOf(const Scene& scene);
-/// "unlit" or "soft", as scene.json has it.
+/// "unlit", "soft", "hard-shadows" or "soft-shadows", as scene.json has it.
 const char* nameOf(LightMode mode);
+std::optional<LightMode> lightModeNamed(std::string_view name);
 /// Longest attribution and name of a coordinate reference system, bytes.
 inline constexpr std::size_t kMaxAttribution = 500, kMaxCrs = 64;
 /// Whether the text names a coordinate reference system by authority and code: "EPSG:32718", "OGC:CRS84",

@@ -80,6 +80,8 @@ base::Result<ServerUrl> parseServerUrl(const std::string& text) {
       return bad("'" + scheme + "' is not ws, wss, http or https");
     if (url.is_secure) url.port = "443";
     rest = text.substr(end + 3);
+  } else {
+    url.folder = text;
   }
 
   // Split off the path, then host and port.
@@ -193,7 +195,8 @@ void Connection::Impl::connect() {
 void Connection::Impl::onResolved(const LinkPointer& on, const beast::error_code& error,
                                   tcp::resolver::results_type results) {
   if (error)
-    return loseLink(on, "cannot find the host '" + url.host + "' (" + error.message() + "); check the address");
+    return loseLink(on, "cannot find the host '" + url.host + "' (" + error.message() + "); check the address" +
+                            (url.folder.empty() ? "" : "; nor is there a scene in a folder '" + url.folder + "'"));
   beast::tcp_stream& stream = beast::get_lowest_layer(on->socket);
   stream.expires_after(kConnectTimeout);
   stream.async_connect(results, [this, on](const beast::error_code& failed, const auto&) { onConnected(on, failed); });

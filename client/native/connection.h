@@ -15,6 +15,7 @@ struct ServerUrl {
   std::string port = "8080";
   std::string target = "/";       ///< path and query
   bool is_secure = false;         ///< wss or https
+  std::string folder;             ///< the text as given, where it may have been meant as a folder: it has no scheme
   std::string authority() const;  ///< host:port as in a Host header
   /// "http://host:port" or "https://host:port", where the server answers requests.
   std::string httpPlace() const { return (is_secure ? "https://" : "http://") + authority(); }

@@ -192,7 +192,6 @@ base::Result<std::unique_ptr<Link>> openLocalFile(const std::string& directory, 
   welcome.has_colors = scene.has_colors;
   StreamedOptions local = options;
   if (!local.clock) local.clock = secondsNow;
-  local.closed = scene.border && scene.border->open_edges == 0;
   local.for_each = [](std::size_t count, const std::function<void(std::size_t)>& body) {
     base::parallelFor(count, 0, body);
   };

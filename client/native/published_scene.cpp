@@ -251,7 +251,6 @@ void FileLink::acceptScene(const std::string& text, Session& session) {
   }
   protocol::Welcome welcome = protocol::welcomeOf(*scene, nameOf(place_, *scene));
   welcome.has_colors = scene->has_colors;
-  options_.closed = scene->border && scene->border->open_edges == 0;
   const FilePlace place{place_, part->name, part->bytes};
   if (method_ == Method::kHlod)
     view_ = std::make_shared<StreamedHlod>(place, welcome, std::move(fetcher_), options_);

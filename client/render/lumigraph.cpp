@@ -15,6 +15,7 @@
 #include "client/render/sample_borders.h"
 #include "client/render/shaders.h"
 #include "client/render/whole_image.h"
+#include "lod/draw/near_fit.h"
 
 namespace client {
 namespace {
@@ -109,11 +110,12 @@ struct LumigraphRenderer::Impl {
   std::array<std::optional<SampleArray>, kMaxArrays> arrays;
   std::unordered_map<SampleId, Sample> samples;
   LumigraphStats stats;
+  base::Camera drawn_camera;
   bool settling = false;
 
   // One frame.
   struct Frame {
-    const base::Camera& camera;
+    base::Camera camera;
     const LumigraphOptions& options;
     double now = 0.0;
     std::vector<std::uint32_t> patches;    ///< front to back, without those that the section cuts away
@@ -217,6 +219,14 @@ ProxyError guessedError(float bound_px, const base::Camera& camera, const base::
   return {kGuessedShareOfBound * bound_px * units_per_pixel, kGuessedColorError};
 }
 
+/// Moves the near plane out to the boxes.
+base::Camera fittedTo(const base::Camera& camera, std::span<const base::Aabb> boxes) {
+  lod::draw::NearFit fit(camera);
+  for (const base::Aabb& box : boxes)
+    if (!fit.add(box)) fit.keepNear();
+  return fit.camera();
+}
+
 /// Returns the indices of patches of `cut` that the section does not cut away, front to back.
 std::vector<std::size_t> frontToBack(std::span<const std::uint32_t> cut, const lod::draw::PatchMeshes& patches,
                                      const base::Camera& camera, const glm::vec4& section) {
@@ -269,6 +279,9 @@ LumigraphRenderer::~LumigraphRenderer() = default;
 
 lod::draw::PatchMeshes& LumigraphRenderer::patches() {
   return impl_->patches;
+}
+const base::Camera& LumigraphRenderer::drawnCamera() const {
+  return impl_->drawn_camera;
 }
 bool LumigraphRenderer::settling() const {
   return impl_->settling;
@@ -732,6 +745,7 @@ void LumigraphRenderer::draw(const base::Camera& camera, std::span<const std::ui
   impl.setOccluders(occluders.empty() ? cut : occluders);
   impl.updateSamples(frame, candidates);
   if (options.unseen) return impl.countFrame(frame);
+  frame.camera = impl.drawn_camera = fittedTo(camera, frame.boxes);
   impl.uploadBlock(frame);
   const Impl::Lists lists = impl.samplesOverPatches(frame);
 

@@ -153,6 +153,9 @@ class LumigraphRenderer {
 
   /// Whether another frame of the same view would differ: fades are running, or depth maps are not all drawn yet.
   bool settling() const;
+  /// The camera of the last draw() that was seen, its near plane moved out to the cut: the depths in the target are
+  /// its.
+  const base::Camera& drawnCamera() const;
   const LumigraphStats& stats() const;
 
  private:

@@ -46,7 +46,8 @@ struct StaticObject {
 /// The values of scene.json (docs/formats/scene.md). They come from outside, and are checked before use.
 struct StaticScene {
   std::string place;  ///< the scene's URL without scene.json, for error messages
-  /// Filled in: scene_name, units, origin, box_min, box_max, up, unlit and light_direction. The files give the rest.
+  /// Filled in: scene_name, units, origin, box_min, box_max, up, unlit, shadows and light_direction. The files give the
+  /// rest.
   protocol::Welcome welcome;
   StaticObject patches;               ///< patch-….lgp
   std::optional<StaticObject> index;  ///< images/index-….lgi; absent where the scene has no images

@@ -45,7 +45,7 @@ void StreamedHlod::piecesChosen(const lod::hlod::TraverseRequest& request) {
   if (gl_side_ == 0) glGetIntegerv(GL_MAX_TEXTURE_SIZE, &gl_side_);
   gl_side_ = std::max(gl_side_, kLeastSide);
   const std::uint32_t side = lod::draw::shadowTexelsFor(options().memory_bytes / kMapShare, light().size > 0.0F);
-  lod::draw::NodeLight at{light(), options().closed, std::min(side, static_cast<std::uint32_t>(gl_side_))};
+  lod::draw::NodeLight at{light(), std::min(side, static_cast<std::uint32_t>(gl_side_))};
   at.kept_bytes = options().memory_bytes / kMapShare * 2;
   // Maps for a light that moves, or for a view that rests, serve no other frame.
   const bool stands = std::exchange(last_light_, at.light) == at.light;

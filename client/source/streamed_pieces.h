@@ -44,6 +44,7 @@ class StreamedPieces : public StreamedView {
   const base::Sphere* bounds() const override;
   void update(const base::Camera& camera, const StreamedLook& look) override;
   base::Result<void> draw(const base::Camera& camera, const StreamedLook& look) override;
+  base::Camera drawnCamera() const override { return renderer_ ? renderer_->drawnCamera() : camera_; }
   bool isMultisampled() const override { return true; }
   std::optional<glm::vec3> surfaceAt(const base::Camera& camera, const StreamedLook& look, double x,
                                      double y) const override;

@@ -53,7 +53,6 @@ struct StreamedOptions : StreamedQuality {
   std::optional<glm::dvec3> light_position;
   /// Diameter of the light of soft shadows: scene units where it has a place, else radians as seen from the scene.
   float light_size = lod::hlod::kSunSize;
-  bool closed = false;  ///< the surface has no border: shadows of the sides that face away from the light are enough
 
   std::uint64_t decode_per_frame = 200'000;  ///< as in lod::pmr::StreamOptions and lod::hlod::StreamOptions
 };
@@ -134,6 +133,8 @@ class StreamedView {
   /// Draws into the framebuffer bound now, and clears it first. A frame whose camera differs from the last one's counts
   /// as a frame of motion.
   virtual base::Result<void> draw(const base::Camera& camera, const StreamedLook& look) = 0;
+  /// The camera of the last draw(), its near plane moved out to what was drawn: the depths in the target are its.
+  virtual base::Camera drawnCamera() const = 0;
   /// Whether its pictures gain from several samples a pixel.
   virtual bool isMultisampled() const = 0;
   /// Returns the scene-local point of the foremost surface drawn at (x, y), in pixels from the upper left corner.

@@ -17,6 +17,13 @@ constexpr float kSharperMeans = 0.45F;
 
 constexpr int kEnoughSamples = 4;  ///< a pixel; more are only taken where there is room
 
+/// The proxy's colours lack the shadows that images show, so they count where no image shows a place, and tell nothing
+/// of an image.
+void trustImages(BlendTuning& tuning) {
+  tuning.shade_weight = 0.0F;
+  tuning.lit_outlier = 1e6F;
+}
+
 /// So long after its last motion a view still counts as moving.
 constexpr double kMotionSeconds = 0.25;
 
@@ -64,6 +71,7 @@ void Viewer::drawBlended(bool moved, double now) {
   LumigraphOptions options = options_.lumigraph;
   options.modes.section = sectionHere();
   options.use_images = options.use_images && (shading_.unlit || !options.modes.hasLight());
+  if (session_.welcome()->shadows) trustImages(options.tuning);
   const bool hidden = frame_.whole() || frame_.under();
   options.unseen = options.unseen || (hidden && !probe_);
   GLint target = 0;

@@ -48,7 +48,10 @@ void Viewer::probePins() {
   const std::uint64_t signature = pictureSignature();
   if (signature != drawn_signature_) probe_->invalidate();
   drawn_signature_ = signature;
-  probe_->draw(camera_, sectionHere(), showsStreamed() ? streamed_->stats().error_px : errorOf(patches_.drawn()));
+  if (showsStreamed())
+    probe_->draw(streamed_->drawnCamera(), sectionHere(), streamed_->stats().error_px);
+  else
+    probe_->draw(renderer_->drawnCamera(), sectionHere(), errorOf(patches_.drawn()));
 }
 
 // ---- light ----

@@ -41,7 +41,8 @@ protocol::Welcome welcomeOf(const std::string& name, const std::string& units, c
   welcome.box_min = glm::vec3(vectorAt(numbers + 3) - welcome.origin);
   welcome.box_max = glm::vec3(vectorAt(numbers + 6) - welcome.origin);
   welcome.up = glm::vec3(vectorAt(numbers + 9));
-  welcome.unlit = numbers[12] != 0.0;
+  welcome.unlit = numbers[12] == 1.0;
+  welcome.shadows = numbers[12] == 2.0;
   welcome.light_direction = glm::vec3(vectorAt(numbers + 13));
   welcome.start_direction = glm::vec3(vectorAt(numbers + 16));
   welcome.start_view = start_view;

@@ -33,8 +33,8 @@ std::shared_ptr<StreamedView> makeView(FilePlace file, const protocol::Welcome& 
                                        std::unique_ptr<RangeFetcher> fetcher, const StreamedOptions& options);
 
 /// Count of the numbers that the page's JavaScript reads from scene.json (client/web/site/static_scene.js): origin,
-/// box_min, box_max, up (world, 3 each), 1 when unlit, the light's direction (3), the first direction (3), the
-/// background as 0xrrggbb or -1, north in degrees or NaN.
+/// box_min, box_max, up (world, 3 each), 1 when unlit and 2 with shadows, the light's direction (3), the first
+/// direction (3), the background as 0xrrggbb or -1, north in degrees or NaN.
 inline constexpr int kWelcomeNumbers = 21;
 /// Makes a Welcome from these values; `numbers` points to kWelcomeNumbers of them.
 protocol::Welcome welcomeOf(const std::string& name, const std::string& units, const std::string& start_view,

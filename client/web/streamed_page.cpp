@@ -17,8 +17,8 @@ std::shared_ptr<StreamedView> view;
 
 extern "C" {
 
-/// Opens the method's file. `numbers`: as in client/web/page.h, then the length of the file, and 1 where
-/// the surface has no border.
+/// Opens the method's file. `numbers`: as in client/web/page.h, then the length of the file, and 1 where the browser is
+/// to save data.
 EMSCRIPTEN_KEEPALIVE void openStreamed(const char* place, const char* name, const char* units, const char* start_view,
                                        const char* attribution, const char* file, const double* numbers) {
   client::App& app = *client::web::page.app;
@@ -26,7 +26,7 @@ EMSCRIPTEN_KEEPALIVE void openStreamed(const char* place, const char* name, cons
   static_cast<client::StreamedQuality&>(options) = client::qualityOf(app.settings());
   options.memory_bytes = app.viewer().options().memory_budget_bytes;
   options.clock = client::web::page.options.clock;
-  options.closed = numbers[client::web::kWelcomeNumbers + 1] != 0.0;
+  if (numbers[client::web::kWelcomeNumbers + 1] != 0.0) options.idle_bytes = 0;
   const auto bytes = static_cast<std::uint64_t>(numbers[client::web::kWelcomeNumbers]);
   client::web::view =
       client::web::makeView({place, file, bytes}, client::web::welcomeOf(name, units, start_view, attribution, numbers),

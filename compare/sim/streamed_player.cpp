@@ -93,8 +93,6 @@ base::Result<std::unique_ptr<Player>> makeHlodPlayer(const Stage& stage, const M
   client::StreamedOptions options;
   options.error_px = static_cast<float>(setting.knob);
   options.shadows = shadowsOf(setting.method);
-  const std::optional<base::SceneBorder>& border = stage.scene->scene.border;
-  options.closed = border && border->open_edges == 0;
   return makeStreamedPlayer<client::StreamedHlod>(stage, link, base::kHlodMethod, client::Method::kHlod, options);
 }
 

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <utility>
 
+#include "lod/draw/near_fit.h"
+
 namespace lod::draw {
 namespace {
 
@@ -38,6 +40,14 @@ std::uint64_t countOf(Primitive primitive, const hlod::NodePicture& picture) {
   return picture.edges.size() / 2;
 }
 
+void addTriangles(const hlod::NodePicture& picture, NearFit& fit) {
+  const auto place = [&](std::uint32_t vertex) { return picture.vertices[vertex].position; };
+  const std::vector<std::uint32_t>& corners = picture.triangles;
+  for (std::uint32_t i = 0; i < picture.points; ++i) fit.addTriangle(place(i), place(i), place(i));
+  for (std::size_t i = 0; i + 2 < corners.size(); i += 3)
+    fit.addTriangle(place(corners[i]), place(corners[i + 1]), place(corners[i + 2]));
+}
+
 }  // namespace
 
 float shadowReach(const base::Aabb& box, float error, std::span<const DrawnCaster> casters,
@@ -63,6 +73,7 @@ NodeRenderer::Mesh NodeRenderer::upload(const hlod::NodePicture& picture) {
   describeSurfaceVertices();
   mesh.indices = uploadIndices(picture.vertices.size(), {picture.triangles, picture.edges});
   glBindVertexArray(0);
+  for (const SurfaceVertex& vertex : picture.vertices) mesh.box.add(vertex.position);
   mesh.bytes = mesh.vertices.bytes() + mesh.indices.buffer.bytes();
   return mesh;
 }
@@ -73,11 +84,20 @@ base::Result<std::unique_ptr<NodeRenderer>> NodeRenderer::create(std::uint64_t g
   return renderer;
 }
 
-base::Result<NodeCount> NodeRenderer::draw(std::span<const hlod::DrawnNode> nodes, const NodeView& view,
+base::Camera NodeRenderer::fitted(const base::Camera& camera, std::span<const hlod::DrawnNode> nodes) const {
+  NearFit fit(camera);
+  for (const hlod::DrawnNode& node : nodes)
+    if (!fit.add(meshes_.mesh(*node.picture).box)) addTriangles(*node.picture, fit);
+  return fit.camera();
+}
+
+base::Result<NodeCount> NodeRenderer::draw(std::span<const hlod::DrawnNode> nodes, const NodeView& from,
                                            const NodeTarget& target, const NodeShadows* shadows) {
   NodeCount count;
   if (target.empty()) return count;
   meshes_.beginFrame(nodes, upload);
+  NodeView view = from;
+  view.camera = drawn_camera_ = fitted(from.camera, nodes);
   if (shadows != nullptr) {
     LUMIGRID_TRY(drawShadowed(nodes, view, target, *shadows, count));
     return count;
@@ -93,7 +113,7 @@ base::Result<void> NodeRenderer::drawMap(const NodeShadowMap& map, const NodeSha
     LUMIGRID_ASSIGN_OR_RETURN(shadow_map_, ShadowMap::create(gpu_bytes_));
   }
   shadow_map_->setKeptBytes(shadows.kept_bytes);
-  return shadow_map_->draw({map.plan.camera, shadows.light, map.plan.region, shadows.closed}, map.casters, slot);
+  return shadow_map_->draw({map.plan.camera, shadows.light, map.plan.region, map.plan.slice}, map.casters, slot);
 }
 
 /// Draws the nodes map by map; those in none come last, under a map without casters.
@@ -154,6 +174,7 @@ base::Result<std::uint64_t> NodeRenderer::drawPass(Primitive primitive, const Gr
     const Mesh& mesh = meshes_.mesh(picture);
     glBindVertexArray(mesh.array.name());
     glUniform1f(program->uniform("u_closing"), closingWidth(primitive, picture.error));
+    glUniform1f(program->uniform("u_back"), 2.0F * picture.error);
     if (pass.shadow_layers > 0) {
       glUniform1f(program->uniform("u_reach"), group.in_shadow[i].reach);
       glUniform1i(program->uniform("u_one_of_several"), group.in_shadow[i].one_of_several ? 1 : 0);

@@ -28,7 +28,6 @@ struct NodeShadowMap {
 struct NodeShadows {
   hlod::ShadowLight light;
   std::span<const hlod::Node> nodes;  ///< the file's table
-  bool closed = false;                ///< of a closed surface the sides that face the light throw the same shadow
   /// Receivers are places in the list of nodes that is drawn. Maps of a node that is in several of them must hold all
   /// of it together; a node that is in none is wholly lit.
   std::vector<NodeShadowMap> maps;
@@ -51,6 +50,9 @@ struct NodeCount {
 /// the share of the light that is seen. The maps are drawn one after the other, each before its receivers, so that
 /// memory for one is enough. A shadow begins where its caster is as far away as the errors of both and a texel demand.
 ///
+/// Surfaces that turn their back to the eye are drawn deeper by twice the node's error, so that the far side of a thin
+/// wall does not show through the near one, where each is off by as much as the error.
+///
 /// Points are as large, and lines as wide, as the node's error demands for the surface to have no hole: the cells on
 /// both sides of a crack, and points around a place, are off by at most their errors. They span a sample at least:
 /// where the picture has several samples a pixel, larger ones would only make silhouettes thicker.
@@ -59,9 +61,12 @@ class NodeRenderer {
   /// Needs a current context, as do the other functions. `gpu_bytes`: limit for nodes on the GPU; those of the frame
   /// that is being drawn stay in any case.
   static base::Result<std::unique_ptr<NodeRenderer>> create(std::uint64_t gpu_bytes);
-  /// Draws both sides of all surfaces. The depth test (less) stays enabled.
+  /// Draws both sides of all surfaces, with the near plane moved out to them (NearFit). The depth test (less) stays
+  /// enabled.
   base::Result<NodeCount> draw(std::span<const hlod::DrawnNode> nodes, const NodeView& view, const NodeTarget& target,
                                const NodeShadows* shadows = nullptr);
+  /// The camera of the last draw(), by which the depths in its target are made.
+  const base::Camera& drawnCamera() const { return drawn_camera_; }
   /// Those of nodes, casters and shadow maps. Casters have the same limit as nodes, and maps have none.
   std::uint64_t gpuBytes() const { return meshes_.bytes() + (shadow_map_ ? shadow_map_->gpuBytes() : 0); }
 
@@ -70,6 +75,7 @@ class NodeRenderer {
     base::gl::VertexArray array;
     base::gl::Buffer vertices;
     IndexBuffer indices;  ///< of the triangles, then of the lines
+    base::Aabb box;
     std::uint64_t bytes = 0;
   };
   /// Nodes that are drawn together, and how they are shaded.
@@ -84,6 +90,7 @@ class NodeRenderer {
   };
   explicit NodeRenderer(std::uint64_t gpu_bytes) : gpu_bytes_(gpu_bytes), meshes_(gpu_bytes) {}
   static Mesh upload(const hlod::NodePicture& picture);
+  base::Camera fitted(const base::Camera& camera, std::span<const hlod::DrawnNode> nodes) const;
   base::Result<void> drawMap(const NodeShadowMap& map, const NodeShadows& shadows, std::size_t slot);
   base::Result<void> drawShadowed(std::span<const hlod::DrawnNode> nodes, const NodeView& view,
                                   const NodeTarget& target, const NodeShadows& shadows, NodeCount& count);
@@ -92,9 +99,13 @@ class NodeRenderer {
                                        const NodeTarget& target);
 
   const std::uint64_t gpu_bytes_;
-  SurfacePrograms programs_{SurfaceStyle{
-      .name = "nodes", .shade_fragments = true, .fill_behind = true, .shadow_source = ShadowMap::shadingSource()}};
+  SurfacePrograms programs_{SurfaceStyle{.name = "nodes",
+                                         .shade_fragments = true,
+                                         .fill_behind = true,
+                                         .backs_behind = true,
+                                         .shadow_source = ShadowMap::shadingSource()}};
   PictureCache<hlod::NodePicture, Mesh> meshes_;
+  base::Camera drawn_camera_;
   std::unique_ptr<ShadowMap> shadow_map_;  ///< null until it is needed
 };
 

@@ -10,9 +10,11 @@
 
 namespace lod::draw {
 
+/// The most texels of a side of the maps of hard shadows, and of each layer of those of soft ones.
+inline constexpr std::uint32_t kHardTexels = 4096, kSoftTexels = 2048;
+
 struct NodeLight {
   hlod::ShadowLight light;          ///< its size is 0 for hard shadows
-  bool closed = false;              ///< as NodeShadows::closed
   std::uint32_t max_texels = 2048;  ///< of a side of a map, at least 1, at most what the GL allows
   /// As ShadowRequest::room, for one view after another; 0 for single pictures.
   float room = 0.0F;
@@ -30,6 +32,10 @@ class NodeShadowFinder {
   /// here.
   NodeShadows find(hlod::Stream& stream, std::span<const hlod::DrawnNode> nodes, const hlod::TraverseRequest& request,
                    const NodeLight& light);
+  /// The same for anything else that is drawn in their light: receivers are parts of it, and a map's receivers places
+  /// in this list. The stream has found nodes for the view, whichever.
+  NodeShadows find(hlod::Stream& stream, std::span<const hlod::ShadowReceiver> receivers,
+                   const hlod::TraverseRequest& request, const NodeLight& light);
 
  private:
   hlod::ShadowPlanner planner_;

@@ -253,7 +253,7 @@ base::Result<void> ShadowMap::drawCasters(const Slot& slot) {
   const GLenum no_color = GL_NONE;
   glDrawBuffers(1, &no_color);
   glViewport(0, 0, view.camera.width, view.camera.height);
-  view.one_sided ? glEnable(GL_CULL_FACE) : glDisable(GL_CULL_FACE);
+  glDisable(GL_CULL_FACE);
   glDisable(GL_BLEND);
   glEnable(GL_DEPTH_TEST);
   glDepthFunc(GL_LESS);
@@ -272,7 +272,6 @@ base::Result<void> ShadowMap::drawCasters(const Slot& slot) {
     done = drawLayer(slot, layers.layerFromLight(layer), layer);
   glDisable(GL_POLYGON_OFFSET_FILL);
   glDisable(GL_SCISSOR_TEST);
-  glDisable(GL_CULL_FACE);
   glBindVertexArray(0);
   return done;
 }
@@ -313,6 +312,13 @@ void ShadowMap::use(const base::gl::Program& program, const glm::vec3& origin) c
   const glm::vec2 size(camera.width, camera.height);
   glUniform2f(program.uniform("u_used_half"), 0.5F * size.x / static_cast<float>(slot.width),
               0.5F * size.y / static_cast<float>(slot.height));
+
+  std::array<glm::vec4, 2> slice;
+  for (std::size_t i = 0; i < slice.size(); ++i) {
+    const glm::dvec4& plane = slot.view.slice[i];
+    slice[i] = glm::vec4(glm::vec3(plane), plane.w + glm::dot(glm::dvec3(plane), glm::dvec3(origin)));
+  }
+  glUniform4fv(program.uniform("u_slice"), 2, &slice[0].x);
 
   const LightLayers layers = LightLayers::of(slot.view);
   glUniform1f(program.uniform("u_middle"), layers.middle);

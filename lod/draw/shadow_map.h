@@ -29,14 +29,14 @@ inline constexpr int kMaxLightLayers = 16;
 struct ShadowMapView {
   base::Camera camera;  ///< from the light's middle; width and height: of each layer, texels
   hlod::ShadowLight light;
-  base::Aabb receivers;    ///< of what the map throws shadows on
-  bool one_sided = false;  ///< triangles that turn their back to the light throw no shadow
+  base::Aabb receivers;  ///< of what the map throws shadows on
+  std::array<glm::dvec4, 2> slice{hlod::ShadowMapPlan::kNoEnd, hlod::ShadowMapPlan::kNoEnd};  ///< as the plan's
 
   /// 1 for a light without size, else 4, 8 or 16: one for each two texels of the widest penumbra.
   int layers() const;
   friend bool operator==(const ShadowMapView& a, const ShadowMapView& b) {
     return base::sameCamera(a.camera, b.camera) && a.light == b.light && a.receivers.min == b.receivers.min &&
-           a.receivers.max == b.receivers.max && a.one_sided == b.one_sided;
+           a.receivers.max == b.receivers.max && a.slice == b.slice;
   }
 };
 

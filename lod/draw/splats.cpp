@@ -7,6 +7,7 @@
 #include <limits>
 #include <string>
 
+#include "lod/draw/near_fit.h"
 #include "lod/draw/shaders.h"
 #include "lod/draw/view_modes.h"
 #include "lod/qsplat/node.h"
@@ -97,6 +98,15 @@ class PointTest {
   float size_per_sample_;
 };
 
+base::Camera fitted(const base::Camera& camera, std::span<const qsplat::Splat> splats) {
+  NearFit fit(camera);
+  for (const qsplat::Splat& splat : splats) {
+    if (fit.isKept()) break;
+    if (!fit.add(base::Sphere{splat.center, splat.radius})) fit.keepNear();
+  }
+  return fit.camera();
+}
+
 }  // namespace
 
 // ---- Splats in memory ----
@@ -175,8 +185,10 @@ base::Result<const base::gl::Program*> SplatRenderer::program(const Pass& pass) 
 
 // ---- Drawing ----
 
-base::Result<void> SplatRenderer::draw(std::span<const qsplat::Splat> splats, SplatKernel kernel, const SplatView& view,
+base::Result<void> SplatRenderer::draw(std::span<const qsplat::Splat> splats, SplatKernel kernel, const SplatView& from,
                                        const SplatTarget& target) {
+  SplatView view = from;
+  view.camera = drawn_camera_ = fitted(from.camera, splats);
   if (splats.empty() || target.width <= 0 || target.height <= 0) return {};
   glDisable(GL_SCISSOR_TEST);
   glDisable(GL_CULL_FACE);

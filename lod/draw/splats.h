@@ -67,12 +67,15 @@ class SplatRenderer {
  public:
   /// Needs a current context, as do the other functions.
   static base::Result<std::unique_ptr<SplatRenderer>> create();
-  /// Uploads and draws the splats. The depth test (less) stays enabled; of two splats at the same depth either is seen.
-  /// Keeps 20 bytes a splat on the GPU and as many in memory until the next call, and 8 bytes a pixel of the last
-  /// reduced target (kFuzzy: 12, of any target). kUnsupported, with nothing drawn: kFuzzy on a GL without half-float
-  /// targets (EXT_color_buffer_float or EXT_color_buffer_half_float).
+  /// Uploads and draws the splats, with the near plane moved out to them (NearFit). The depth test (less) stays
+  /// enabled; of two splats at the same depth either is seen. Keeps 20 bytes a splat on the GPU and as many in memory
+  /// until the next call, and 8 bytes a pixel of the last reduced target (kFuzzy: 12, of any target). kUnsupported,
+  /// with nothing drawn: kFuzzy on a GL without half-float targets (EXT_color_buffer_float or
+  /// EXT_color_buffer_half_float).
   base::Result<void> draw(std::span<const qsplat::Splat> splats, SplatKernel kernel, const SplatView& view,
                           const SplatTarget& target);
+  /// The camera of the last draw(), by which the depths in its target are made.
+  const base::Camera& drawnCamera() const { return drawn_camera_; }
 
  private:
   struct Pass;
@@ -98,6 +101,7 @@ class SplatRenderer {
   base::gl::WholeTarget whole_;
   Canvas canvas_;
 
+  base::Camera drawn_camera_;
   std::vector<qsplat::Splat> sorted_;  ///< splats drawn as points, then the others
   std::size_t points_ = 0;
   base::gl::Buffer buffer_;

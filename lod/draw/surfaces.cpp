@@ -45,11 +45,11 @@ base::Result<const base::gl::Program*> SurfacePrograms::link(const SurfacePass& 
   base::gl::Program& program = programs_[pass.number()];
   if (program.name() != 0) return &program;
   const bool fills = pass.primitive != Primitive::kTriangles;
-  const std::string defines = std::string(kPrimitiveDefines[static_cast<std::size_t>(pass.primitive)]) +
-                              (style_.shade_fragments ? "#define SHADE_FRAGMENTS\n" : "") +
-                              (fills && style_.fill_behind ? "#define BEHIND\n" : "") +
-                              (pass.resolution ? "#define RESOLUTION\n" : "") +
-                              (pass.section ? "#define SECTION\n" : "") + shadowDefines(pass);
+  const std::string defines =
+      std::string(kPrimitiveDefines[static_cast<std::size_t>(pass.primitive)]) +
+      (style_.shade_fragments ? "#define SHADE_FRAGMENTS\n" : "") +
+      (fills && style_.fill_behind ? "#define BEHIND\n" : "") + (style_.backs_behind ? "#define BACKS_BEHIND\n" : "") +
+      (pass.resolution ? "#define RESOLUTION\n" : "") + (pass.section ? "#define SECTION\n" : "") + shadowDefines(pass);
   const std::string shading = (pass.shadow_layers > 0 ? style_.shadow_source : shadingSource()) + tintSource();
   const std::string vertex = defines + (style_.shade_fragments ? "" : shading) + glsl::kSurfaceVertex;
   const std::string fragment = defines + (style_.shade_fragments ? shading : "") + glsl::kSurfaceFragment;

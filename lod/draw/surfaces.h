@@ -37,6 +37,7 @@ struct SurfaceStyle {
   const char* name = "";           ///< for GL's messages
   bool shade_fragments = false;    ///< shading is computed for each fragment, else for each vertex
   bool fill_behind = false;        ///< points and lines lie behind triangles by three times their size
+  bool backs_behind = false;       ///< what turns its back to the eye lies behind by the uniform "u_back"
   std::string shadow_source = {};  ///< GLSL of passes with shadows (ShadowMap::shadingSource()), which shade fragments
 };
 
@@ -60,8 +61,8 @@ class SurfacePrograms {
   base::Result<const base::gl::Program*> link(const SurfacePass& pass);
   /// Links it, uses it, and sets what it needs to know of view and target. The caller sets "u_two_sided" where vertices
   /// are shaded, "u_closing" for points and lines, "u_point_samples" for points, "u_detail" and "u_hatched" with
-  /// resolution, and "u_copies" for lines: their meanings are in shaders/surface_vertex.glsl. With shadows follows
-  /// ShadowMap::use().
+  /// resolution, "u_back" where backs lie behind, and "u_copies" for lines: their meanings are in
+  /// shaders/surface_vertex.glsl. With shadows follows ShadowMap::use().
   base::Result<const base::gl::Program*> use(const SurfacePass& pass, const SurfaceView& view,
                                              const SurfaceTarget& target);
 

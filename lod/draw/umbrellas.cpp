@@ -2,6 +2,8 @@
 
 #include <vector>
 
+#include "lod/draw/near_fit.h"
+
 namespace lod::draw {
 namespace {
 
@@ -34,6 +36,7 @@ UmbrellaRenderer::Mesh UmbrellaRenderer::upload(const pmr::LeafPicture& picture)
   };
   describe(mesh.points_array, mesh.points, picture.list.points);
   describe(mesh.triangles_array, mesh.corners, picture.list.corners);
+  for (const SurfaceVertex& vertex : picture.vertices) mesh.box.add(vertex.position);
   mesh.bytes = mesh.vertices.bytes() + mesh.points.bytes() + mesh.corners.bytes();
   return mesh;
 }
@@ -44,11 +47,20 @@ base::Result<std::unique_ptr<UmbrellaRenderer>> UmbrellaRenderer::create(std::ui
   return renderer;
 }
 
-base::Result<UmbrellaCount> UmbrellaRenderer::draw(std::span<const pmr::DrawnLeaf> leaves, const UmbrellaView& view,
+base::Camera UmbrellaRenderer::fitted(const base::Camera& camera, std::span<const pmr::DrawnLeaf> leaves) const {
+  NearFit fit(camera);
+  for (const pmr::DrawnLeaf& leaf : leaves)
+    if (!fit.add(meshes_.mesh(*leaf.picture).box)) fit.keepNear();
+  return fit.camera();
+}
+
+base::Result<UmbrellaCount> UmbrellaRenderer::draw(std::span<const pmr::DrawnLeaf> leaves, const UmbrellaView& from,
                                                    const SurfaceTarget& target) {
   UmbrellaCount count;
   if (target.empty()) return count;
   meshes_.beginFrame(leaves, upload);
+  UmbrellaView view = from;
+  view.camera = drawn_camera_ = fitted(from.camera, leaves);
   beginSurfaces(target);
   LUMIGRID_ASSIGN_OR_RETURN(count.triangles, drawPass(Primitive::kTriangles, leaves, view, target));
   LUMIGRID_ASSIGN_OR_RETURN(count.points, drawPass(Primitive::kPoints, leaves, view, target));

@@ -26,9 +26,12 @@ class UmbrellaRenderer {
   /// Needs a current context, as do the other functions. `gpu_bytes`: limit for leaves on the GPU; those of the frame
   /// that is being drawn stay in any case.
   static base::Result<std::unique_ptr<UmbrellaRenderer>> create(std::uint64_t gpu_bytes);
-  /// Draws both sides of all surfaces. The depth test (less) stays enabled.
+  /// Draws both sides of all surfaces, with the near plane moved out to them (NearFit). The depth test (less) stays
+  /// enabled.
   base::Result<UmbrellaCount> draw(std::span<const pmr::DrawnLeaf> leaves, const UmbrellaView& view,
                                    const SurfaceTarget& target);
+  /// The camera of the last draw(), by which the depths in its target are made.
+  const base::Camera& drawnCamera() const { return drawn_camera_; }
   std::uint64_t gpuBytes() const { return meshes_.bytes(); }
 
  private:
@@ -36,15 +39,18 @@ class UmbrellaRenderer {
     base::gl::VertexArray points_array, triangles_array;
     base::gl::Buffer vertices, points, corners;
     float mean_radius = 0.0F;  ///< of the umbrellas, scene units
+    base::Aabb box;
     std::uint64_t bytes = 0;
   };
   explicit UmbrellaRenderer(std::uint64_t gpu_bytes) : meshes_(gpu_bytes) {}
   static Mesh upload(const pmr::LeafPicture& picture);
+  base::Camera fitted(const base::Camera& camera, std::span<const pmr::DrawnLeaf> leaves) const;
   base::Result<std::uint64_t> drawPass(Primitive primitive, std::span<const pmr::DrawnLeaf> leaves,
                                        const UmbrellaView& view, const SurfaceTarget& target);
 
   SurfacePrograms programs_{SurfaceStyle{.name = "umbrellas"}};
   PictureCache<pmr::LeafPicture, Mesh> meshes_;
+  base::Camera drawn_camera_;
 };
 
 }  // namespace lod::draw

@@ -123,7 +123,7 @@ std::vector<NextNode> castersWantedNext(std::span<const Node> nodes, const Light
     open.pop_back();
     const bool is_final = node.isLeaf() || node.caster_error <= request.max_error;
     if (is_final && !frustum.mayOverlap(node.box)) found.push_back({motionTo(number), number});
-    // Of a final one, children are wanted where the allowed error falls to its error.
+    // Children of a final one are wanted where the allowed error falls to its error.
     const float step = is_final ? 1.0F - node.caster_error / request.max_error : 0.0F;
     for (std::uint32_t child = node.first_child; child < node.first_child + node.children; ++child) {
       if (is_final)

@@ -59,19 +59,22 @@ SeenBox SeenSpace::seenPart(const base::Aabb& box) const {
   const double rounding = (kRim - 1.0) * std::abs(near_z);
   seen.max.z = std::min(seen.max.z, m[2][3] != 0.0 ? near_z * (2.0 - kRim) : near_z + rounding);
   if (std::isfinite(far_z)) seen.min.z = std::max(seen.min.z, far_z - (kRim - 1.0) * std::abs(far_z));
-  if (seen.empty()) return seen;
+  return betweenSides(seen);
+}
 
+SeenBox SeenSpace::betweenSides(SeenBox box) const {
+  if (box.empty()) return box;
   // The sides are planes, so the widest place is at one of both depths.
   for (int axis = 0; axis < 2; ++axis) {
-    const auto a = rangeAt(clip_, axis, seen.min.z), b = rangeAt(clip_, axis, seen.max.z);
-    seen.min[axis] = std::max(seen.min[axis], std::min(a[0], b[0]));
-    seen.max[axis] = std::min(seen.max[axis], std::max(a[1], b[1]));
+    const auto a = rangeAt(clip_, axis, box.min.z), b = rangeAt(clip_, axis, box.max.z);
+    box.min[axis] = std::max(box.min[axis], std::min(a[0], b[0]));
+    box.max[axis] = std::min(box.max[axis], std::max(a[1], b[1]));
   }
-  return seen;
+  return box;
 }
 
 double SeenSpace::largestScale(const SeenBox& box) const {
-  if (clip_[2][3] == 0.0) return pixels_at_one_;
+  if (isParallel()) return pixels_at_one_;
   // A step of length l from a place at the distance d and the depth z moves by l · d / z² at most, in units of the
   // picture at depth 1.
   const glm::dvec3 farthest = glm::max(glm::abs(box.min), glm::abs(box.max));

@@ -17,6 +17,7 @@ struct SeenBox {
   bool empty() const { return !(min.x <= max.x && min.y <= max.y && min.z <= max.z); }
   void add(const glm::dvec3& p) { min = glm::min(min, p), max = glm::max(max, p); }
   void add(const SeenBox& box) { min = glm::min(min, box.min), max = glm::max(max, box.max); }
+  SeenBox within(const SeenBox& box) const { return {glm::max(min, box.min), glm::min(max, box.max)}; }
   bool contains(const glm::dvec3& p) const {
     return glm::all(glm::lessThanEqual(min, p)) && glm::all(glm::lessThanEqual(p, max));
   }
@@ -40,6 +41,8 @@ class SeenSpace {
   bool isFinite() const;
   /// Holds the part of the box that lies in the frustum; empty where there is none.
   SeenBox seenPart(const base::Aabb& box) const;
+  /// The part of a box along the view's axes that lies between the sides of the frustum, or a little more.
+  SeenBox betweenSides(SeenBox box) const;
   /// The most pixels per scene unit that the view shows at any place of the box, in any direction.
   double largestScale(const SeenBox& box) const;
   glm::dvec3 toEye(const glm::dvec3& scene) const { return scene * axes_ + shift_; }
@@ -47,6 +50,7 @@ class SeenSpace {
   BoxCorners toScene(const SeenBox& box) const;
   /// The view's axes as unit columns, scene-local.
   const glm::dmat3& axes() const { return axes_; }
+  bool isParallel() const { return clip_[2][3] == 0.0; }
 
  private:
   const glm::dmat4 clip_;

@@ -26,23 +26,38 @@ float casterError(const ShadowLight& light, float receiver, float change, float 
 
 namespace {
 
-/// Receivers that share maps: those of one level of the octree, or of several.
+/// Receivers that share maps: those of one level of the octree, or of several, or what of them lies in a slice of the
+/// view.
 struct Group {
   std::vector<std::uint32_t> members;  ///< places in the list of receivers
   SeenBox box;
+  double nearest = std::numeric_limits<double>::infinity();    ///< largest z of the slice
+  double farthest = -std::numeric_limits<double>::infinity();  ///< its least z
 };
 
 /// A map before its casters are known.
 struct Map {
   LightView view;
   std::vector<std::uint32_t> receivers;
-  SeenBox box;          ///< of these receivers, and the room around them
-  double scale = 0.0;   ///< the most pixels of the view that a scene unit of them covers
-  double pixels = 0.0;  ///< the same of a unit of the light's picture
-  double texel = 0.0;   ///< wanted size: scene units, or those of a picture at depth 1
-  bool has_all = true;  ///< each of its group's views from the light has a map
+  SeenBox box;                               ///< of these receivers, and the room around them
+  double scale = 0.0;                        ///< the most pixels of the view that a scene unit of them covers
+  double pixels = 0.0;                       ///< the same of a unit of the light's picture
+  double texel = 0.0;                        ///< wanted size: scene units, or those of a picture at depth 1
+  bool has_all = true;                       ///< each of its group's views from the light has a map
+  bool ends_near = false, ends_far = false;  ///< others show what lies nearer to the eye, or farther from it
   double texels() const { return view.size().x / texel * (view.size().y / texel); }
 };
+
+/// A group and its maps.
+struct Shared {
+  Group group;
+  std::vector<Map> maps;
+};
+
+std::size_t countMaps(const std::vector<Shared>& shared) {
+  return std::accumulate(shared.begin(), shared.end(), std::size_t{0},
+                         [](std::size_t sum, const Shared& some) { return sum + some.maps.size(); });
+}
 
 /// The most pixels that a unit of the light's picture covers. `scale`: that a unit of the scene covers.
 double pixelsIn(const LightView& view, const BoxCorners& corners, double scale) {
@@ -74,11 +89,17 @@ class Planner {
   bool isFinite() const;
   void findReceivers();
   void addRoom(SeenBox& box) const;
+  void addSlice(const Map& map, ShadowMapPlan& plan) const;
   std::vector<Group> groupByLevel() const;
   std::vector<Map> mapsOf(const Group& group) const;
   std::optional<Map> mapOf(const Group& group, const LightView& view) const;
-  std::vector<std::vector<Map>> shareMaps(std::vector<Group> groups) const;
+  std::vector<Shared> shareMaps(std::vector<Group> groups) const;
+  SeenBox partOf(const Group& group, std::uint32_t member) const;
+  Group slice(const Group& group, double nearest, double farthest) const;
+  void sliceCoarse(std::vector<Shared>& shared) const;
   glm::ivec2 sizeOf(const Map& map) const;
+  double coarseness(const Map& map) const;
+  double coarseness(const Shared& shared) const;
 
   const std::span<const Node> nodes_;
   const std::span<const ShadowReceiver> receivers_;
@@ -141,17 +162,19 @@ std::vector<Map> Planner::mapsOf(const Group& group) const {
 std::optional<Map> Planner::mapOf(const Group& group, const LightView& view) const {
   Map map{view, {}, {}};
   for (const std::uint32_t member : group.members) {
-    const BoxCorners corners = space_.toScene(seen_[member]);
+    const SeenBox part = partOf(group, member);
+    const BoxCorners corners = space_.toScene(part);
     if (!view.mayHold(corners)) continue;
-    const double scale = space_.largestScale(seen_[member]);
+    const double scale = space_.largestScale(part);
     map.receivers.push_back(member);
-    map.box.add(seen_[member]);
+    map.box.add(part);
     map.scale = std::max(map.scale, scale);
     map.pixels = std::max(map.pixels, pixelsIn(view, corners, scale));
   }
   if (map.receivers.empty()) return std::nullopt;
   std::sort(map.receivers.begin(), map.receivers.end());
   addRoom(map.box);
+  map.ends_near = std::isfinite(group.nearest), map.ends_far = std::isfinite(group.farthest);
   const double nearer = 1.0 + static_cast<double>(request_.room);
   map.scale *= nearer, map.pixels *= nearer;
   map.texel = static_cast<double>(request_.texel_px) / map.pixels;
@@ -163,33 +186,88 @@ double texelsOf(const std::vector<Map>& maps) {
 }
 
 /// Merges neighbouring levels, those first whose common maps take the fewest texels more, until there are few maps.
-std::vector<std::vector<Map>> Planner::shareMaps(std::vector<Group> groups) const {
-  std::vector<std::vector<Map>> maps;
-  for (const Group& group : groups) maps.push_back(mapsOf(group));
+std::vector<Shared> Planner::shareMaps(std::vector<Group> groups) const {
+  std::vector<Shared> shared;
+  for (Group& group : groups) {
+    std::vector<Map> maps = mapsOf(group);
+    shared.push_back({std::move(group), std::move(maps)});
+  }
   const auto merged = [&](std::size_t i) {
-    Group both = groups[i];
-    both.members.insert(both.members.end(), groups[i + 1].members.begin(), groups[i + 1].members.end());
-    both.box.add(groups[i + 1].box);
+    const Group& next = shared[i + 1].group;
+    Group both = shared[i].group;
+    both.members.insert(both.members.end(), next.members.begin(), next.members.end());
+    both.box.add(next.box);
     return both;
   };
-  const auto count = [&] {
-    return std::accumulate(maps.begin(), maps.end(), std::size_t{0},
-                           [](std::size_t sum, const auto& some) { return sum + some.size(); });
-  };
-  while (groups.size() > 1 && count() > request_.max_maps) {
+  while (shared.size() > 1 && countMaps(shared) > request_.max_maps) {
     std::size_t best = 0;
     double least = std::numeric_limits<double>::infinity();
-    for (std::size_t i = 0; i + 1 < groups.size(); ++i) {
-      const double growth = texelsOf(mapsOf(merged(i))) - texelsOf(maps[i]) - texelsOf(maps[i + 1]);
+    for (std::size_t i = 0; i + 1 < shared.size(); ++i) {
+      const double growth = texelsOf(mapsOf(merged(i))) - texelsOf(shared[i].maps) - texelsOf(shared[i + 1].maps);
       if (growth < least) least = growth, best = i;
     }
-    const auto next = static_cast<std::ptrdiff_t>(best) + 1;
-    groups[best] = merged(best);
-    maps[best] = mapsOf(groups[best]);
-    groups.erase(groups.begin() + next);
-    maps.erase(maps.begin() + next);
+    shared[best].group = merged(best);
+    shared[best].maps = mapsOf(shared[best].group);
+    shared.erase(shared.begin() + static_cast<std::ptrdiff_t>(best) + 1);
   }
-  return maps;
+  return shared;
+}
+
+/// The part of a receiver that lies in the group's slice.
+SeenBox Planner::partOf(const Group& group, std::uint32_t member) const {
+  SeenBox part = seen_[member];
+  if (part.max.z <= group.nearest && part.min.z >= group.farthest) return part;
+  part.max.z = std::min(part.max.z, group.nearest);
+  part.min.z = std::max(part.min.z, group.farthest);
+  return space_.betweenSides(part);
+}
+
+Group Planner::slice(const Group& group, double nearest, double farthest) const {
+  Group part;
+  part.nearest = nearest, part.farthest = farthest;
+  for (const std::uint32_t member : group.members) {
+    const SeenBox box = partOf(part, member);
+    if (box.empty()) continue;
+    part.members.push_back(member);
+    part.box.add(box);
+  }
+  return part;
+}
+
+/// Divides by distance from the eye what has texels over twice as large as wanted, as long as there may be more maps.
+/// A ground up to the horizon is near the eye in its nearest part alone. Slices follow one another from the eye on.
+void Planner::sliceCoarse(std::vector<Shared>& shared) const {
+  constexpr double kCoarse = 2.0;
+  while (!shared.empty()) {
+    const auto worst = std::max_element(shared.begin(), shared.end(), [this](const Shared& a, const Shared& b) {
+      return coarseness(a) < coarseness(b);
+    });
+    const double before = coarseness(*worst);
+    if (before <= kCoarse) return;
+    const Group& group = worst->group;
+    const double near_z = group.box.max.z, far_z = group.box.min.z;
+    const double middle = space_.isParallel() || near_z >= 0.0 ? 0.5 * (near_z + far_z) : -std::sqrt(near_z * far_z);
+    Shared near{slice(group, group.nearest, middle), {}}, far{slice(group, middle, group.farthest), {}};
+    if (near.group.members.empty() || far.group.members.empty()) return;
+    near.maps = mapsOf(near.group), far.maps = mapsOf(far.group);
+    const bool has_room =
+        countMaps(shared) - worst->maps.size() + near.maps.size() + far.maps.size() <= request_.max_maps;
+    if (!has_room || coarseness(near) >= before || coarseness(far) >= before) return;
+    *worst = std::move(near);
+    shared.insert(worst + 1, std::move(far));
+  }
+}
+
+/// How many times larger texels are than wanted.
+double Planner::coarseness(const Map& map) const {
+  const glm::dvec2 texel = map.view.size() / glm::dvec2(sizeOf(map));
+  return std::max(texel.x, texel.y) / map.texel;
+}
+
+double Planner::coarseness(const Shared& shared) const {
+  double most = 0.0;
+  for (const Map& map : shared.maps) most = std::max(most, coarseness(map));
+  return most;
 }
 
 glm::ivec2 Planner::sizeOf(const Map& map) const {
@@ -285,29 +363,41 @@ float CasterChoice::allowedError(const base::Aabb& node) const {
                   casterError(light, receiver_error_, change, least, std::max(farthest_ - least, nearest)));
 }
 
+/// Slices overlap by what is lost to rounding.
+void Planner::addSlice(const Map& map, ShadowMapPlan& plan) const {
+  const glm::dvec3 backwards = space_.axes()[2];
+  const double zero = space_.toEye(glm::dvec3(0.0)).z;
+  const double rounding = 1e-6 * coordinate_ + 1e-5 * (map.box.max.z - map.box.min.z);
+  if (map.ends_near) plan.slice[0] = {-backwards, map.box.max.z - zero + rounding};
+  if (map.ends_far) plan.slice[1] = {backwards, zero - map.box.min.z + rounding};
+}
+
 ShadowMapPlan Planner::finish(const Map& map) const {
   ShadowMapPlan plan;
   plan.receivers = map.receivers;
   plan.receiver_error = static_cast<float>(static_cast<double>(request_.view.tolerance) / map.scale);
   plan.casters = CasterChoice(request_, space_, map, plan.receiver_error).choose(nodes_);
   for (const glm::dvec3& corner : space_.toScene(map.box)) plan.region.add(glm::vec3(corner));
+  addSlice(map, plan);
   plan.region.min = glm::max(plan.region.min, nodes_[0].box.min);
   plan.region.max = glm::min(plan.region.max, nodes_[0].box.max);
 
   double near_depth = map.view.nearDepth();
   for (const std::uint32_t caster : plan.casters)
     near_depth = std::min(near_depth, map.view.leastDepth(nodes_[caster].box));
-  const glm::ivec2 texels = sizeOf(map);
-  plan.camera = map.view.camera(near_depth, texels);
-  const glm::dvec2 texel = map.view.size() / glm::dvec2(texels);
-  plan.texel_px = static_cast<float>(static_cast<double>(request_.texel_px) * std::max(texel.x, texel.y) / map.texel);
+  plan.camera = map.view.camera(near_depth, sizeOf(map));
+  plan.texel_px = static_cast<float>(static_cast<double>(request_.texel_px) * coarseness(map));
   return plan;
 }
 
 std::vector<std::vector<Map>> Planner::run() {
   if (nodes_.empty() || receivers_.empty() || !isFinite()) return {};
   findReceivers();
-  return shareMaps(groupByLevel());
+  std::vector<Shared> shared = shareMaps(groupByLevel());
+  sliceCoarse(shared);
+  std::vector<std::vector<Map>> maps;
+  for (Shared& some : shared) maps.push_back(std::move(some.maps));
+  return maps;
 }
 
 }  // namespace
@@ -344,7 +434,9 @@ struct ShadowPlanner::Kept {
   bool takeReceivers(std::span<const ShadowReceiver> receivers, const TraverseRequest& view);
 
  private:
-  const std::vector<Map>* groupOf(const SeenBox& seen, const BoxCorners& corners, double scale) const;
+  struct Place;
+  bool serves(const std::vector<Map>& maps, const Place& place) const;
+  bool take(const Place& place);
 };
 
 ShadowPlanner::ShadowPlanner() = default;
@@ -360,22 +452,79 @@ bool ShadowPlanner::Kept::isFor(const ShadowRequest& other) const {
          request.max_maps == other.max_maps && request.room == other.room;
 }
 
-/// Of the groups whose room holds the place and whose maps are fine enough the one with the coarsest maps; null where
-/// there is none. `seen`: the place, in the coordinates of the view for which the plans were made.
-const std::vector<Map>* ShadowPlanner::Kept::groupOf(const SeenBox& seen, const BoxCorners& corners,
-                                                     double scale) const {
-  const std::vector<Map>* found = nullptr;
-  for (const std::vector<Map>& maps : groups) {
-    bool is_held = false, is_served = true;
-    for (const Map& map : maps) {
-      if (!map.view.mayHold(corners)) continue;
-      is_held = true;
-      is_served &= map.has_all && map.box.contains(seen.min) && map.box.contains(seen.max) && scale <= map.scale &&
-                   pixelsIn(map.view, corners, scale) <= map.pixels;
-    }
-    if (is_held && is_served && (found == nullptr || maps.front().scale < found->front().scale)) found = &maps;
+/// What is seen of a receiver.
+struct ShadowPlanner::Kept::Place {
+  std::uint32_t receiver;
+  const SeenSpace& now;   // of the view
+  const SeenSpace& then;  // of that for which the plans were made
+  SeenBox seen_now, seen_then;
+
+  Place(std::uint32_t number, const base::Aabb& box, const SeenSpace& space_now, const SeenSpace& space_then)
+      : receiver(number), now(space_now), then(space_then), seen_now(now.seenPart(box)) {
+    if (seen_now.empty()) return;
+    SeenBox all;  // corners of what is seen may lie beyond those of the receiver, and of the scene
+    for (const glm::dvec3& corner : boxCorners(box)) all.add(then.toEye(corner));
+    for (const glm::dvec3& corner : now.toScene(seen_now)) seen_then.add(then.toEye(corner));
+    seen_then = seen_then.within(all);
   }
-  return found;
+  /// The part of it that lies in a range of depths of the former view.
+  SeenBox inSlice(const SeenBox& slice) const {
+    SeenBox part = seen_then;
+    part.min.z = std::max(part.min.z, slice.min.z), part.max.z = std::min(part.max.z, slice.max.z);
+    return part;
+  }
+  /// The most pixels that a scene unit of the part covers in the view.
+  double scaleOf(const SeenBox& part) const {
+    SeenBox seen;
+    for (const glm::dvec3& corner : then.toScene(part)) seen.add(now.toEye(corner));
+    seen = seen.within(seen_now);
+    return now.largestScale(seen.empty() ? seen_now : seen);
+  }
+};
+
+/// Whether the maps' room holds all of the place that lies as far from the eye as they do, and they are fine enough.
+bool ShadowPlanner::Kept::serves(const std::vector<Map>& maps, const Place& place) const {
+  bool is_held = false;
+  for (const Map& map : maps) {
+    const SeenBox part = place.inSlice(map.box);
+    if (part.empty()) continue;
+    const BoxCorners corners = place.then.toScene(part);
+    if (!map.view.mayHold(corners)) continue;
+    const double scale = place.scaleOf(part);
+    if (!map.has_all || !map.box.contains(part.min) || !map.box.contains(part.max) || scale > map.scale ||
+        pixelsIn(map.view, corners, scale) > map.pixels)
+      return false;
+    is_held = true;
+  }
+  return is_held;
+}
+
+/// Puts a receiver into the plans of the coarsest maps that hold all of it, or of slices that hold it together. Returns
+/// false where none do.
+bool ShadowPlanner::Kept::take(const Place& place) {
+  std::vector<std::size_t> serving;
+  std::optional<std::size_t> whole;
+  double reached = place.seen_then.max.z;  // slices hold it from the eye to there
+  std::size_t first_plan = 0;
+  std::vector<std::size_t> first_plans;
+  for (std::size_t g = 0; g < groups.size(); first_plan += groups[g].size(), ++g) {
+    first_plans.push_back(first_plan);
+    if (groups[g].empty() || !serves(groups[g], place)) continue;
+    SeenBox box;
+    for (const Map& map : groups[g]) box.add(map.box);
+    const bool holds_all = box.max.z >= place.seen_then.max.z && box.min.z <= place.seen_then.min.z;
+    if (holds_all && (!whole || groups[g].front().scale < groups[*whole].front().scale)) whole = g;
+    if (box.max.z >= reached && box.min.z < reached) serving.push_back(g), reached = box.min.z;
+  }
+  if (whole) serving = {*whole};
+  if (!whole && reached > place.seen_then.min.z) return false;
+  for (const std::size_t g : serving)
+    for (std::size_t m = 0; m < groups[g].size(); ++m) {
+      const SeenBox part = place.inSlice(groups[g][m].box);
+      if (part.empty() || !groups[g][m].view.mayHold(place.then.toScene(part))) continue;
+      plans[first_plans[g] + m].receivers.push_back(place.receiver);
+    }
+  return true;
 }
 
 /// Puts receivers into the plans. Returns false where a receiver is served by none of them, or where all need maps half
@@ -384,26 +533,16 @@ bool ShadowPlanner::Kept::takeReceivers(std::span<const ShadowReceiver> receiver
   const SeenSpace now(view), then(request.view);
   if (!now.isFinite()) return false;
   for (ShadowMapPlan& plan : plans) plan.receivers.clear();
-  bool needs_fine = false;
+  double needed = 0.0, finest = 0.0;
   for (std::uint32_t i = 0; i < receivers.size(); ++i) {
-    const SeenBox part = now.seenPart(receivers[i].box);
-    if (part.empty()) continue;
-    const BoxCorners corners = now.toScene(part);
-    SeenBox seen;
-    for (const glm::dvec3& corner : corners) seen.add(then.toEye(corner));
-    const double scale = now.largestScale(part);
-    const std::vector<Map>* group = groupOf(seen, corners, scale);
-    if (group == nullptr) return false;
-    std::size_t place = 0;
-    for (const std::vector<Map>& maps : groups)
-      for (const Map& map : maps) {
-        ShadowMapPlan& plan = plans[place++];
-        if (&maps != group || !map.view.mayHold(corners)) continue;
-        plan.receivers.push_back(i);
-        needs_fine |= 2.0 * scale > map.scale;
-      }
+    const Place place(i, receivers[i].box, now, then);
+    if (place.seen_now.empty()) continue;
+    if (!take(place)) return false;
+    needed = std::max(needed, now.largestScale(place.seen_now));
   }
-  return needs_fine;
+  for (const std::vector<Map>& maps : groups)
+    for (const Map& map : maps) finest = std::max(finest, map.scale);
+  return 2.0 * needed > finest;
 }
 
 std::vector<ShadowMapPlan> ShadowPlanner::plan(std::span<const Node> nodes, std::span<const ShadowReceiver> receivers,

@@ -5,6 +5,7 @@
 // Receivers, the nodes that a view draws, are divided by their level of the octree, whose errors are alike. The box of
 // each level's receivers gives a view of the light's own. A caster may be as coarse as its shadow's edge allows where
 // it falls on these receivers.
+#include <array>
 #include <cstdint>
 #include <memory>
 #include <span>
@@ -45,8 +46,9 @@ struct ShadowRequest {
   float intensity_change = 0.05F;   ///< γ; counts for lights of some size
   float texel_px = 0.5F;            ///< a texel of a shadow map covers at most so many of the view's pixels, where
   std::uint32_t max_texels = 4096;  ///< … this many a side allow it
-  /// Neighbouring levels share maps, those first that take the fewest texels more. A light near receivers sees them in
-  /// up to six maps, even where that is more than this.
+  /// Neighbouring levels share maps, those first that take the fewest texels more; or what has texels over twice as
+  /// large as wanted is divided by its distance from the eye. A light near receivers sees them in up to six maps, even
+  /// where that is more than this.
   std::size_t max_maps = 4;
   /// Maps reach so much farther on each side than the view sees, as a share of the size of what it sees, and are as
   /// fine as a view needs that is nearer by as much. They hold for views near this one, then.
@@ -57,7 +59,7 @@ struct ShadowRequest {
 struct ShadowMapPlan {
   base::Camera camera;  ///< parallel or perspective; width and height are those of the map, texels
   /// Places in the list of receivers, rising. The maps of a light near receivers share some, of which each shows a
-  /// part.
+  /// part, and so do slices of a view, of which the first that holds a place is for it.
   std::vector<std::uint32_t> receivers;
   std::vector<std::uint32_t> casters;  ///< nodes, rising
   float texel_px = 0.0F;               ///< the largest size of a texel where receivers lie, pixels of the view
@@ -65,6 +67,9 @@ struct ShadowMapPlan {
   /// by at most so much.
   float receiver_error = 0.0F;
   base::Aabb region;  ///< scene-local; holds all of the receivers that is seen, and the room around them
+  /// The map is for places p of its receivers with dot(plane, (p, 1)) >= 0 for both planes, a slice of the view.
+  std::array<glm::dvec4, 2> slice{kNoEnd, kNoEnd};
+  static constexpr glm::dvec4 kNoEnd{0.0, 0.0, 0.0, 1.0};
 };
 
 /// Nodes as receivers.

@@ -24,24 +24,29 @@ std::optional<Shadows> shadowsFromName(std::string_view name) {
   return static_cast<Shadows>(it - kShadowNames.begin());
 }
 
-std::string shadowProblem(const ShadowArguments& a, bool with_shadows) {
+std::string shadowProblem(const ShadowArguments& a, bool with_shadows, const ShadowWords& words) {
   const auto shadows = shadowsFromName(a.shadows);
   if (!shadows) return "--shadows must be none, hard or soft";
-  const bool has_light = !a.direction.empty() || !a.position.empty() || a.size.has_value();
+  if (*shadows != Shadows::kNone && !with_shadows) return std::string("--shadows is for --method ") + words.methods;
+  return lightProblem(a, *shadows, words);
+}
+
+std::string lightProblem(const LightArguments& a, Shadows shadows, const ShadowWords& words) {
   const auto isFinite = [](const std::vector<double>& v) {
     return v.empty() || std::isfinite(glm::length(vectorOf(v)));
   };
-  if (*shadows != Shadows::kNone && !with_shadows) return "--shadows is for --method hlod";
-  if (*shadows == Shadows::kNone)
-    return has_light ? "--light-direction, --light-position and --light-size are for --shadows hard or soft" : "";
+  if (shadows == Shadows::kNone)
+    return a.any() ? std::string("--light-direction, --light-position and --light-size are for ") + words.any : "";
   if (!a.direction.empty() && !a.position.empty())
     return "--light-direction and --light-position are two lights; give one";
   if (!isFinite(a.direction) || !isFinite(a.position)) return "the light's direction and position must be finite";
   if (!a.direction.empty() && !(glm::length(vectorOf(a.direction)) > 0.0))
     return "--light-direction 0,0,0 points nowhere";
-  if (*shadows == Shadows::kHard)
-    return a.size ? "--light-size is for --shadows soft: the light of hard ones has no size" : "";
-  if (!a.position.empty() && !a.size) return "--shadows soft of a --light-position needs its --light-size";
+  if (!a.position.empty() && glm::length(vectorOf(a.position)) > base::kMaxCoordinate)
+    return "--light-position is too far away; give its --light-direction";
+  if (shadows == Shadows::kHard)
+    return a.size ? std::string("--light-size is for ") + words.soft + ": the light of hard ones has no size" : "";
+  if (!a.position.empty() && !a.size) return std::string(words.soft) + " of a --light-position needs its --light-size";
   const double largest = a.position.empty() ? kLargestLight : base::kMaxCoordinate;
   if (a.size && !(*a.size > 0.0 && *a.size <= largest))
     return "--light-size must be above 0" +
@@ -49,7 +54,7 @@ std::string shadowProblem(const ShadowArguments& a, bool with_shadows) {
   return "";
 }
 
-ShadowLight lightOf(const ShadowArguments& a, const glm::vec3& scene_light, const glm::dvec3& origin) {
+ShadowLight lightOf(const LightArguments& a, const glm::vec3& scene_light, const glm::dvec3& origin) {
   if (!a.position.empty())
     return {glm::vec4(glm::vec3(vectorOf(a.position) - origin), 1.0F), static_cast<float>(a.size.value_or(0.0))};
   const glm::dvec3 towards = a.direction.empty() ? glm::dvec3(scene_light) : vectorOf(a.direction);

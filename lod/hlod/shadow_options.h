@@ -28,25 +28,31 @@ inline constexpr std::string_view nameOf(Shadows shadows) {
 inline constexpr double kSunDegrees = 0.53;
 inline constexpr auto kSunSize = static_cast<float>(kSunDegrees * std::numbers::pi / 180.0);
 
-/// The values of --shadows, --light-direction, --light-position and --light-size, which programs share.
-struct ShadowArguments {
-  std::string shadows = "none";
+/// The values of --light-direction, --light-position and --light-size, which programs share.
+struct LightArguments {
   std::vector<double> direction, position;  ///< empty, or three numbers
   std::optional<double> size;               ///< degrees with a direction, scene units with a position
+  bool any() const { return !direction.empty() || !position.empty() || size.has_value(); }
+};
+/// And that of --shadows.
+struct ShadowArguments : LightArguments {
+  std::string shadows = "none";
 };
 
-/// Declares the options. `Command`: a CLI::App, which these rooms do not know.
+/// How a command line asks for shadows.
+struct ShadowWords {
+  const char* any = "--shadows hard or soft";
+  const char* soft = "--shadows soft";
+  const char* methods = "hlod";  ///< that have shadows
+};
+
+/// Declares the options that place a light. `Command`: a CLI::App, which these rooms do not know.
 template <class Command>
-void declareShadowOptions(Command& command, ShadowArguments& a) {
-  command
-      .add_option("--shadows", a.shadows,
-                  "shadows of --method hlod. none; hard: of a light without size; soft: of one that has a size, with "
-                  "penumbrae. With shadows surfaces are shaded, in scenes with colours, too")
-      ->type_name("TEXT:{none,hard,soft}");
+void declareLightOptions(Command& command, LightArguments& a, const ShadowWords& words = {}) {
   command
       .add_option("--light-direction", a.direction,
-                  "X,Y,Z: direction towards a light that is infinitely far, along the scene's axes (default: that of "
-                  "the scene's light)")
+                  std::string("X,Y,Z: direction towards a light that is infinitely far, along the scene's axes, for ") +
+                      words.any + " (default: that of the scene's light)")
       ->delimiter(',')
       ->expected(3)
       ->default_str("");
@@ -56,14 +62,28 @@ void declareShadowOptions(Command& command, ShadowArguments& a) {
       ->expected(3)
       ->default_str("");
   command.add_option("--light-size", a.size,
-                     "diameter of the light of --shadows soft: degrees with a direction (default: 0.53, the sun's), "
-                     "units of the source with a position (no default)");
+                     std::string("diameter of the light of ") + words.soft +
+                         ": degrees with a direction (default: 0.53, the sun's), units of the source with a position "
+                         "(no default)");
 }
 
-/// Names the contradiction, one line; empty where there is none. `with_shadows`: the picture's method has shadows.
-std::string shadowProblem(const ShadowArguments& a, bool with_shadows);
+/// Declares these and --shadows.
+template <class Command>
+void declareShadowOptions(Command& command, ShadowArguments& a, const ShadowWords& words = {}) {
+  command
+      .add_option("--shadows", a.shadows,
+                  std::string("shadows of --method ") + words.methods +
+                      ". none; hard: of a light without size; soft: of one that has a size, with penumbrae. With "
+                      "shadows surfaces are shaded, in scenes with colours, too")
+      ->type_name("TEXT:{none,hard,soft}");
+  declareLightOptions(command, a, words);
+}
+
+/// Name the contradiction, one line; empty where there is none. `with_shadows`: the picture's method has shadows.
+std::string shadowProblem(const ShadowArguments& a, bool with_shadows, const ShadowWords& words = {});
+std::string lightProblem(const LightArguments& a, Shadows shadows, const ShadowWords& words = {});
 /// Returns the light of the shadows. `scene_light`: unit, towards the scene's own, which shines where none is given.
 /// `origin`: the scene's. The arguments must not contradict themselves.
-ShadowLight lightOf(const ShadowArguments& a, const glm::vec3& scene_light, const glm::dvec3& origin);
+ShadowLight lightOf(const LightArguments& a, const glm::vec3& scene_light, const glm::dvec3& origin);
 
 }  // namespace lod::hlod

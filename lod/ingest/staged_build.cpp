@@ -5,9 +5,11 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <limits>
 #include <set>
 
 #include "base/fields.h"
+#include "base/format_text.h"
 #include "base/memory.h"
 #include "base/text.h"
 #include "mesh/sink_thread.h"
@@ -247,10 +249,37 @@ base::Result<Buckets> sortSource(WorkDirectory& directory, const ImportedSource&
   return buckets;
 }
 
+namespace {
+
+/// How far apart 32-bit floats are at the farthest coordinate of the source; 0 where its coordinates are no floats.
+double floatStepOf(const SourceInfo& info) {
+  double farthest = 0.0;
+  for (const glm::dvec3& corner : {info.box_min, info.box_max})
+    for (int axis = 0; axis < 3; ++axis) {
+      if (static_cast<double>(static_cast<float>(corner[axis])) != corner[axis]) return 0.0;
+      farthest = std::max(farthest, std::abs(corner[axis]));
+    }
+  const auto at = static_cast<float>(farthest);
+  return static_cast<double>(std::nextafter(at, std::numeric_limits<float>::infinity()) - at);
+}
+
+/// Says so where the file's own numbers are too coarse for its triangles.
+void warnOfFloats(const SourceInfo& info, std::uint64_t collapsed, std::vector<std::string>& warnings) {
+  const double step = floatStepOf(info);
+  if (collapsed < info.triangles / 1000 + 1 || !(step > 0.1 * info.mean_edge)) return;
+  warnings.push_back(base::formatCount(collapsed) + " triangles have no area, since the file's 32-bit floats are " +
+                     base::formatText("%.3g", step) +
+                     " apart at its coordinates and edges are about as long; export it with doubles, or with "
+                     "coordinates relative to a place nearby");
+}
+
+}  // namespace
+
 void addRepairs(const ImportedSource& source, const Buckets& buckets, double lattice_step, SourceSummary& summary) {
   RepairCounts& repairs = summary.repairs;
   repairs.add("degenerate_triangles", source.info.short_faces + buckets.totals().degenerate);
   repairs.add("lattice_collapsed_triangles", buckets.totals().collapsed);
+  warnOfFloats(source.info, buckets.totals().collapsed + buckets.totals().degenerate, summary.warnings);
   repairs.add("flipped_triangles", buckets.winding().flipped());
   repairs.add("non_orientable_parts", buckets.winding().nonOrientable());
   repairs.add("unreferenced_vertices", source.info.vertices - source.info.referenced);

@@ -20,19 +20,48 @@ constexpr double kNeeded = 2.0;
 // A block's gaps take the colours of texels up to so many samples beyond it.
 constexpr int kApron = 2, kBlock = 8, kSpan = kBlock + 2 * kApron;
 
+// The repetitions of the picture that a chart reaches into, in texels, max excluded. Beyond them the picture's other
+// edge lies beside the chart only because pictures repeat. Where a picture is as large as what it shows, as most are,
+// that is another place, and a decoder would mix its coarser colours into the chart's last texels.
+struct Reach {
+  glm::ivec2 min{0}, max{0};
+
+  Reach(const Chart& chart, const glm::ivec2& picture) {
+    for (int k = 0; k < 2; ++k) {
+      min[k] = chart.min[k] - wrapped(chart.min[k], picture[k]);
+      max[k] = chart.max[k] - 1 - wrapped(chart.max[k] - 1, picture[k]) + picture[k];
+    }
+  }
+  bool holds(const glm::ivec2& first, const glm::ivec2& size) const {
+    return glm::all(glm::greaterThanEqual(first, min)) && glm::all(glm::lessThanEqual(first + size, max));
+  }
+};
+
 // The chart's texels in its slot, for blocks that cannot be copied whole.
 class SlotTexels {
  public:
   SlotTexels(const BlockSource& source, const Chart& chart, std::uint32_t joined, const Slot& slot)
-      : source_(source), joined_(joined), at_(chart.min - (slot.origin - slot.min)), size_(slot.size) {
-    own_.resize(static_cast<std::size_t>(size_.x) * static_cast<std::size_t>(size_.y));
-    const MaskView mask{own_.data(), size_.x, size_.x, size_.y};
+      : source_(source),
+        joined_(joined),
+        reach_(chart, source.size()),
+        at_(chart.min - (slot.origin - slot.min)),
+        size_(slot.size) {
+    kept_.resize(static_cast<std::size_t>(size_.x) * static_cast<std::size_t>(size_.y));
+    const glm::ivec2 units = size_ / source.unit();
+    complete_.resize(static_cast<std::size_t>(units.x) * static_cast<std::size_t>(units.y));
+    const MaskView mask{kept_.data(), size_.x, size_.x, size_.y};
     for (const StepTriangle& triangle : chart.triangles) {
       std::array<glm::dvec2, 3> corners;
       for (int i = 0; i < 3; ++i)
         corners[i] = glm::dvec2(triangle.corners[i] - at_ * kCornerSteps) / double{kCornerSteps};
       coverTriangle(corners, PictureCharts::kReach, mask);
     }
+  }
+
+  // Called before makeBlock() for the blocks of a unit of the slot.
+  void begin(const glm::ivec2& unit) {
+    for (int y = unit.y - 1; y <= unit.y + 1; ++y)
+      for (int x = unit.x - 1; x <= unit.x + 1; ++x) completeUnit({x, y});
   }
 
   // Returns false where the block shows nothing of the chart. x and y count the plane's blocks from the slot's corner.
@@ -70,20 +99,33 @@ class SlotTexels {
     return source_.unit() / glm::ivec2(kBlock * p.across, kBlock * p.down);
   }
 
-  bool keeps(int plane, const glm::ivec2& sample) const {
+  bool keeps(int plane, const glm::ivec2& sample) {
     const glm::ivec2 texels = texelsPerSample(plane), first = sample * texels;
     if (first.x < 0 || first.y < 0 || first.x >= size_.x || first.y >= size_.y) return false;
     for (int y = first.y; y < first.y + texels.y; ++y)
       for (int x = first.x; x < first.x + texels.x; ++x)
-        if (keepsTexel(x, y)) return true;
+        if (kept_[index(x, y)] != 0) return true;
     return false;
   }
-  bool keepsTexel(int x, int y) const {
-    if (own_[static_cast<std::size_t>(y) * static_cast<std::size_t>(size_.x) + static_cast<std::size_t>(x)] != 0)
-      return true;
-    const int column = wrapped(at_.x + x, source_.size().x), row = wrapped(at_.y + y, source_.size().y);
-    return source_.covered.covers(column, row) &&
-           source_.units.at(column / source_.unit().x, row / source_.unit().y) == joined_;
+  std::size_t index(int x, int y) const {
+    return static_cast<std::size_t>(y) * static_cast<std::size_t>(size_.x) + static_cast<std::size_t>(x);
+  }
+
+  // Adds the texels of a unit that charts of other leaves cover which hang together with this one.
+  void completeUnit(const glm::ivec2& unit) {
+    const glm::ivec2 texels = source_.unit(), units = size_ / texels;
+    if (unit.x < 0 || unit.y < 0 || unit.x >= units.x || unit.y >= units.y) return;
+    std::uint8_t& done = complete_[static_cast<std::size_t>(unit.y) * static_cast<std::size_t>(units.x) +
+                                   static_cast<std::size_t>(unit.x)];
+    if (done != 0) return;
+    done = 1;
+    for (int y = unit.y * texels.y; y < (unit.y + 1) * texels.y; ++y)
+      for (int x = unit.x * texels.x; x < (unit.x + 1) * texels.x; ++x) {
+        if (kept_[index(x, y)] != 0 || !reach_.holds(at_ + glm::ivec2(x, y), glm::ivec2(1))) continue;
+        const int column = wrapped(at_.x + x, source_.size().x), row = wrapped(at_.y + y, source_.size().y);
+        if (source_.covered.covers(column, row) && source_.units.at(column / texels.x, row / texels.y) == joined_)
+          kept_[index(x, y)] = 1;
+      }
   }
 
   // The picture's block at this place of the slot, if all of it lies in the picture; else null.
@@ -138,9 +180,11 @@ class SlotTexels {
 
   const BlockSource& source_;
   const std::uint32_t joined_;
-  const glm::ivec2 at_;            // the slot's corner in the picture
-  const glm::ivec2 size_;          // of the slot, texels
-  std::vector<std::uint8_t> own_;  // by texel of the slot: whether the chart covers it
+  const Reach reach_;
+  const glm::ivec2 at_;                 // the slot's corner in the picture
+  const glm::ivec2 size_;               // of the slot, texels
+  std::vector<std::uint8_t> kept_;      // by texel of the slot: whether the chart covers it
+  std::vector<std::uint8_t> complete_;  // by unit of the slot
   std::unordered_map<std::uint64_t, BlockSamples> decoded_;
 };
 
@@ -161,6 +205,7 @@ class BlockPage {
     const glm::ivec2 at = chart.min - (slot.origin - slot.min);
     const glm::ivec2 units = slot.size / source_.unit(), first = slot.min / source_.unit();
     const std::vector<std::uint8_t> needed = neededUnits(chart, at, units);
+    const Reach reach(chart, source_.size());
     std::unique_ptr<SlotTexels> texels;
     bool shown = false;
     for (int y = 0; y < units.y; ++y)
@@ -168,7 +213,9 @@ class BlockPage {
         if (needed[static_cast<std::size_t>(y) * static_cast<std::size_t>(units.x) + static_cast<std::size_t>(x)] == 0)
           continue;
         const glm::ivec2 to = first + glm::ivec2(x, y);
-        if (const auto from = wholeUnit(at / source_.unit() + glm::ivec2(x, y), joined)) {
+        const glm::ivec2 shown_unit = at / source_.unit() + glm::ivec2(x, y);
+        const bool reached = reach.holds(shown_unit * source_.unit(), source_.unit());
+        if (const auto from = reached ? wholeUnit(shown_unit, joined) : std::nullopt) {
           copyUnit(to, *from);
           shown = true;
           continue;
@@ -234,12 +281,23 @@ class BlockPage {
 
   void copyUnit(const glm::ivec2& to, const glm::ivec2& from) {
     unitAt(to) = {kCopied, from, 0};
-    forEachFirstBlock([&](int x, int y) {
-      const base::JpegPlane& first = source_.blocks.plane(0);
-      noteMean(to, x, y, 0, *source_.blocks.block(0, from.x * first.across + x, from.y * first.down + y));
-      for (int plane = 1; plane < source_.blocks.planes(); ++plane)
-        noteMean(to, x, y, plane, *source_.blocks.block(plane, from.x, from.y));
-    });
+    const base::JpegPlane& first = source_.blocks.plane(0);
+    std::array<std::uint8_t, 3> mean{};
+    for (int plane = 1; plane < source_.blocks.planes(); ++plane)
+      mean[static_cast<std::size_t>(plane)] =
+          meanOf(*source_.blocks.block(plane, from.x, from.y), source_.blocks.plane(plane).quant);
+    for (int y = 0; y < first.down; ++y) {
+      const base::JpegBlock* blocks = source_.blocks.block(0, from.x * first.across, from.y * first.down + y);
+      const int column = to.x * first.across, row = to.y * first.down + y;
+      std::uint8_t* out = means_.at(column, row);
+      std::uint8_t* known = &known_[static_cast<std::size_t>(row) * static_cast<std::size_t>(means_.width) +
+                                    static_cast<std::size_t>(column)];
+      for (int x = 0; x < first.across; ++x, out += 3) {
+        mean[0] = meanOf(blocks[x], first.quant);
+        std::copy_n(mean.data(), 3, out);
+        known[x] = 1;
+      }
+    }
   }
 
   // Codes a unit anew. Returns whether it shows something of the chart.
@@ -248,6 +306,7 @@ class BlockPage {
     std::vector<std::uint8_t> shows(blocks_per_unit_);
     std::size_t next = 0;
     bool any = false;
+    texels.begin(in_slot);
     for (int plane = 0; plane < source_.blocks.planes(); ++plane) {
       const base::JpegPlane& p = source_.blocks.plane(plane);
       for (int y = 0; y < p.down; ++y)
@@ -311,11 +370,16 @@ class BlockPage {
     const auto before = static_cast<std::size_t>(plane == 0 ? 0 : static_cast<int>(blocks_per_unit_) - 3 + plane);
     const int within = y % p.down, wide = (plan_.size.x * p.across + source_.unit().x - 1) / source_.unit().x;
     for (int x = 0; x < wide; ++x) {
-      const glm::ivec2 at(x / p.across, y / p.down);
-      const Unit& unit = unitAt(at);
+      const Unit& unit = unitAt({x / p.across, y / p.down});
       const std::size_t block = before + static_cast<std::size_t>(within * p.across + x % p.across);
       if (unit.kind == kCopied) {
-        row[x] = *source_.blocks.block(plane, unit.from.x * p.across + x % p.across, unit.from.y * p.down + within);
+        // Units that follow each other in the picture as well are copied together.
+        const int first = x / p.across;
+        int end = first + 1;
+        while (end * p.across < wide && followsTo(unit, end - first, unitAt({end, y / p.down}))) ++end;
+        const int count = std::min(end * p.across, wide) - x;
+        std::copy_n(source_.blocks.block(plane, unit.from.x * p.across, unit.from.y * p.down + within), count, row + x);
+        x += count - 1;
       } else if (unit.kind == kMade && made_[unit.blocks + block].shows) {
         row[x] = made_[unit.blocks + block].block;
       } else {
@@ -323,6 +387,9 @@ class BlockPage {
         row[x] = flatBlock(means_.at(x * first.across / p.across, y * first.down / p.down)[plane], p.quant);
       }
     }
+  }
+  static bool followsTo(const Unit& unit, int distance, const Unit& other) {
+    return other.kind == kCopied && other.from == unit.from + glm::ivec2(distance, 0);
   }
 
   struct MadeBlock {

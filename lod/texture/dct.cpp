@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstring>
 #include <numbers>
 
 namespace lod::texture {
@@ -77,17 +78,21 @@ float sampleOf(const base::JpegBlock& block, const Quantization& quant, int x, i
   const std::array<float, 8>& across = waves()[static_cast<std::size_t>(x)];
   const std::array<float, 8>& down = waves()[static_cast<std::size_t>(y)];
   std::array<float, 8> sums{};
-  for (std::size_t v = 0; v < 8; ++v)
+  for (std::size_t v = 0; v < 8; ++v) {
+    std::array<std::uint64_t, 2> row{};
+    std::memcpy(row.data(), &block[8 * v], sizeof(row));
+    if ((row[0] | row[1]) == 0) continue;  // as most of them are
     for (std::size_t u = 0; u < 8; ++u)
       sums[u] += down[v] * static_cast<float>(block[8 * v + u] * int{quant[8 * v + u]});
+  }
   float sample = kMiddle;
   for (std::size_t u = 0; u < 8; ++u) sample += across[u] * sums[u];
   return sample;
 }
 
 std::uint8_t meanOf(const base::JpegBlock& block, const Quantization& quant) {
-  const float mean = kMiddle + static_cast<float>(block[0] * int{quant[0]}) / 8.0F;
-  return static_cast<std::uint8_t>(std::lround(std::clamp(mean, 0.0F, 255.0F)));
+  const int eighths = 8 * static_cast<int>(kMiddle) + block[0] * int{quant[0]};
+  return static_cast<std::uint8_t>(std::clamp((eighths + 4) >> 3, 0, 255));
 }
 
 base::JpegBlock flatBlock(std::uint8_t mean, const Quantization& quant) {

@@ -1,6 +1,7 @@
 #include "lod/texture/picture_charts.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstring>
 
@@ -33,9 +34,15 @@ void PictureCharts::add(const PictureTriangle& triangle) {
 }
 
 bool PictureCharts::coversAll(const glm::ivec2& min, const glm::ivec2& size) const {
+  constexpr std::size_t kPiece = 16;
+  static constexpr std::array<std::uint8_t, kPiece> kCovered{1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1, 1};
   for (int y = min.y; y < min.y + size.y; ++y) {
     const std::uint8_t* texels = row(y) + min.x;
-    if (std::find(texels, texels + size.x, std::uint8_t{0}) != texels + size.x) return false;
+    for (auto left = static_cast<std::size_t>(size.x); left > 0;) {
+      const std::size_t count = std::min(left, kPiece);
+      if (std::memcmp(texels, kCovered.data(), count) != 0) return false;
+      texels += count, left -= count;
+    }
   }
   return true;
 }

@@ -158,7 +158,8 @@ base::Result<bool> needsProcesses(const BakeOptions& options) {
 }
 
 // To be called before the first context is made that is kept.
-base::Result<DrawLimits> drawLimits(const lod::patch::PatchFile& patches, const BakeOptions& options) {
+base::Result<DrawLimits> drawLimits(const base::Scene& scene, const lod::patch::PatchFile& patches,
+                                    const BakeOptions& options) {
   LUMIGRID_ASSIGN_OR_RETURN(const auto in_processes, needsProcesses(options));
   const std::uint64_t faces = options.grid.faceCount();
   const DrawDemand demand{patches.hierarchy(),
@@ -168,7 +169,8 @@ base::Result<DrawLimits> drawLimits(const lod::patch::PatchFile& patches, const 
                           std::min(windowOf(options), faces),
                           faces / 8,
                           threadsOf(options),
-                          in_processes};
+                          in_processes,
+                          PatchShadows::memoryFor(scene.light, scene.triangles)};
   return limitDrawing(demand, options.limits.resolved().memory_bytes);
 }
 
@@ -259,6 +261,21 @@ std::string numbers(const glm::vec3& v) {
   return "[" + number(v.x) + ", " + number(v.y) + ", " + number(v.z) + "]";
 }
 
+/// The light, and with shadows where it is and what throws them.
+std::string lightText(const base::Scene& scene) {
+  const base::Light& light = scene.light;
+  std::ostringstream text;
+  text << ",\n\"light\": \"" << base::nameOf(light.mode) << "\",\n\"light direction\": " << numbers(light.direction);
+  if (light.position)
+    text << base::formatText(",\n\"light position\": [%.17g, %.17g, %.17g]", light.position->x, light.position->y,
+                             light.position->z);
+  if (light.size > 0.0) text << base::formatText(",\n\"light size\": %.17g", light.size);
+  const auto casters = light.hasShadows() ? base::partFile(scene, "hlod", ".lgh") : std::nullopt;
+  for (const base::ScenePart& part : scene.parts)
+    if (part.file == casters) text << ",\n\"hlod.lgh\": \"" << part.sha256 << "\"";
+  return text.str();
+}
+
 std::string selectionText(const PointSelection& selection) {
   if (selection.views == 0) return "";
   std::ostringstream text;
@@ -332,9 +349,8 @@ std::string storeParameters(const base::Scene& scene, const BakeOptions& options
   if (grid.isTiled()) text << ", \"tile_depth\": " << grid.tile_depth;
   text << "},\n\"quality\": " << options.quality << codingText(options)
        << ",\n\"tolerance\": " << number(options.tolerance_px) << ",\n\"supersampling\": " << options.supersampling
-       << ",\n\"light\": \"" << (scene.light.mode == base::LightMode::kUnlit ? "unlit" : "soft") << "\""
-       << ",\n\"light direction\": " << numbers(scene.light.direction) << ",\n\"patch.lgp\": \"" << patch_sha256 << "\""
-       << selectionText(options.selection) << "\n}\n";
+       << lightText(scene) << ",\n\"patch.lgp\": \"" << patch_sha256 << "\"" << selectionText(options.selection)
+       << "\n}\n";
   if (!options.points) return text.str();
   const std::string with_points = repository::withTree(text.str(), *options.points);
   return options.tiles ? repository::withTiles(with_points, grid, *options.tiles) : with_points;
@@ -363,7 +379,7 @@ base::Result<BakeSummary> bake(const base::Scene& scene, const lod::patch::Patch
   LUMIGRID_TRY(stored.read(store));
   BakeSummary summary;
   if (stored.count() < 6 * points.size()) {
-    LUMIGRID_ASSIGN_OR_RETURN(const auto limits, drawLimits(patches, options));
+    LUMIGRID_ASSIGN_OR_RETURN(const auto limits, drawLimits(scene, patches, options));
     FaceBake faces(scene, patches, store, options, limits, points, stored);
     LUMIGRID_TRY(faces.run(progress));
     summary = faces.counters().sums();

@@ -60,7 +60,7 @@ std::uint64_t geometryBytes(const lod::patch::Hierarchy& hierarchy) {
 std::uint64_t contextBytes(const DrawDemand& demand) {
   const auto side = static_cast<std::uint64_t>(demand.render.supersampling);
   const std::uint64_t samples = std::min(pixelsOf(demand) * side * side, demand.render.max_target_samples);
-  return (hasTextures(demand.hierarchy) ? kPageBytes : 0) +
+  return (hasTextures(demand.hierarchy) ? kPageBytes : 0) + demand.shadow_bytes +
          std::min(kDrawnBytesPerTriangle * demand.hierarchy.source_triangles, kMaxDrawnBytes) +
          samples * kTargetBytesPerSample + pixelsOf(demand) * kPictureBytesPerPixel;
 }

@@ -19,6 +19,7 @@ struct DrawDemand {
   std::uint64_t own_bytes = 0;     ///< other memory of this process (a bit for each face of the grid)
   unsigned threads = 1;            ///< cores to keep busy
   bool in_processes = false;       ///< processes draw, not a thread of this one
+  std::uint64_t shadow_bytes = 0;  ///< memory of each context for the shadows (PatchShadows::memoryFor)
 };
 
 struct DrawLimits {

@@ -47,9 +47,9 @@ base::Result<std::unique_ptr<ImageSizes>> ImageSizes::create(const base::Scene& 
                                                              const BakeOptions& options) {
   std::unique_ptr<ImageSizes> sizes(new ImageSizes(options));
   LUMIGRID_ASSIGN_OR_RETURN(sizes->context_, base::HeadlessContext::create());
-  LUMIGRID_ASSIGN_OR_RETURN(const auto budget,
-                            limitSampling({patches.hierarchy(), drawnSide(options.grid), renderOptions(options)}, 0,
-                                          options.limits.resolved().memory_bytes));
+  DrawDemand demand{patches.hierarchy(), drawnSide(options.grid), renderOptions(options)};
+  demand.shadow_bytes = PatchShadows::memoryFor(scene.light, scene.triangles);
+  LUMIGRID_ASSIGN_OR_RETURN(const auto budget, limitSampling(demand, 0, options.limits.resolved().memory_bytes));
   LUMIGRID_ASSIGN_OR_RETURN(sizes->renderer_, SceneRenderer::create(scene, patches, budget));
   return sizes;
 }

@@ -19,6 +19,7 @@ std::size_t TileSelector::measure(const repository::SampleTree& tree) {
   welcome.box_min = box.min;
   welcome.box_max = box.max;
   welcome.grid = grid_;
+  welcome.shadows = scene_.light.hasShadows();
   plan::Scene scene;
   scene.welcome = &welcome;
   scene.hierarchy = &hierarchy_;

@@ -140,9 +140,10 @@ base::Result<TuneChoice> tuneScene(const base::Scene& scene, const lod::patch::P
   LUMIGRID_TRY(checkBakeOptions(options));
   LUMIGRID_ASSIGN_OR_RETURN(const auto context, base::HeadlessContext::create());
   const std::size_t wanted = tuneFacesOf(drawnSide(options.grid));
-  LUMIGRID_ASSIGN_OR_RETURN(const auto budget,
-                            limitSampling({patches.hierarchy(), drawnSide(options.grid), renderOptions(options)},
-                                          sampleBytes(options, wanted), options.limits.resolved().memory_bytes));
+  DrawDemand demand{patches.hierarchy(), drawnSide(options.grid), renderOptions(options)};
+  demand.shadow_bytes = PatchShadows::memoryFor(scene.light, scene.triangles);
+  LUMIGRID_ASSIGN_OR_RETURN(
+      const auto budget, limitSampling(demand, sampleBytes(options, wanted), options.limits.resolved().memory_bytes));
   LUMIGRID_ASSIGN_OR_RETURN(auto renderer, SceneRenderer::create(scene, patches, budget));
   LUMIGRID_ASSIGN_OR_RETURN(auto faces, sampleImages(*renderer, options, wanted));
   if (faces.empty())

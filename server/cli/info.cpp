@@ -114,7 +114,7 @@ nlohmann::json describeImages(const OpenScene& open, const repository::StoreCont
 /// Adds the light of the images where it is no longer the scene's.
 void addImagesLight(const base::Scene& scene, nlohmann::json& images) {
   if (!scene.images_light) return;
-  images["images_light"] = base::nameOf(*scene.images_light);
+  images["images_light"] = base::nameOf(scene.images_light->mode);
   images["to_draw_again"] = images["expected"];
 }
 

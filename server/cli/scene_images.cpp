@@ -41,7 +41,7 @@ void printJson(const std::string& scene, const MissingParts& missing) {
   if (missing.hlod) j["hlod"] = "missing";
   if (missing.methods) j["methods"] = "missing";
   if (missing.points) j["sampling_points"] = "missing";
-  if (missing.images_light) j["images_light"] = base::nameOf(*missing.images_light);
+  if (missing.images_light) j["images_light"] = base::nameOf(missing.images_light->mode);
   for (const repository::ShardGaps& shard : missing.images) {
     nlohmann::json gaps = nlohmann::json::array();
     for (const repository::Gap& gap : shard.gaps)
@@ -67,7 +67,7 @@ void printText(const std::string& scene, const MissingParts& missing) {
     std::printf("sampling points: not selected yet; of all faces of the grid most will not be needed\n");
   if (missing.images_light)
     std::printf("images: drawn %s, which is no longer the scene's light; lumigrid build -o %s draws them again\n",
-                base::nameOf(*missing.images_light), scene.c_str());
+                base::nameOf(missing.images_light->mode), scene.c_str());
   for (const repository::ShardGaps& shard : missing.images) {
     if (missing.shards != 0) std::printf("shard %u of %u: ", shard.shard.index, shard.shard.count);
     if (shard.being_written) {

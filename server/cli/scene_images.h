@@ -31,7 +31,7 @@ struct MissingParts {
   bool points = false;                        ///< --views has not selected points yet: all of the grid count
   std::vector<repository::ShardGaps> images;  ///< shards that lack faces
   /// The light of the images that are there, where it is no longer the scene's: all faces are to be drawn again.
-  std::optional<base::LightMode> images_light;
+  std::optional<base::Light> images_light;
   /// All is there, but nobody has checked that and written scene.json: any command that builds the scene does.
   bool declaration = false;
   bool files() const { return hierarchy || splats || umbrellas || hlod; }

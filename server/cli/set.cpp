@@ -8,6 +8,7 @@
 #include <sstream>
 
 #include "base/file.h"
+#include "base/format_text.h"
 #include "base/json/scene_file.h"
 #include "base/number.h"
 #include "base/text.h"
@@ -19,6 +20,7 @@
 #include "server/cli/first_view.h"
 #include "server/cli/scene_lock.h"
 #include "server/cli/up_axis.h"
+#include "server/render/scene_light.h"
 
 namespace server::cli {
 namespace {
@@ -28,6 +30,7 @@ using OptionalText = std::optional<std::string>;
 struct SetArguments {
   std::string scene;
   OptionalText up, north, units, crs, title, attribution, background, start_view, light;
+  lod::hlod::LightArguments light_place;
 };
 
 constexpr OptionalText SetArguments::*kChoices[] = {
@@ -133,29 +136,66 @@ bool hasImages(const std::string& directory, const base::Scene& scene) {
          std::filesystem::exists(directory + "/images", ignored);
 }
 
-/// Chooses the light, and keeps in the scene in which one its images were drawn as long as that is another.
-void setLight(const std::string& name, const std::string& directory, base::Scene& scene) {
-  const base::LightMode before = scene.light.mode;
-  const bool is_unlit = name == "unlit" || (name == kAutomatic && scene.has_colors);
-  scene.light.mode = is_unlit ? base::LightMode::kUnlit : base::LightMode::kSoft;
-  scene.parameters["light"] = name;
+base::LightMode modeOf(const SetArguments& a, const base::Scene& scene) {
+  const auto usual = scene.has_colors ? base::LightMode::kUnlit : base::LightMode::kSoft;
+  return a.light ? base::lightModeNamed(*a.light).value_or(usual) : scene.light.mode;
+}
+
+/// The light that is asked for: that of the images, where nothing but its mode was said and they have it.
+base::Result<base::Light> chooseLight(const SetArguments& a, const base::Scene& scene, const base::Light& drawn) {
+  base::Light light = scene.light;
+  light.mode = modeOf(a, scene);
+  if (const std::string problem = lod::hlod::lightProblem(a.light_place, shadowsOfMode(light.mode), kLightWords);
+      !problem.empty())
+    return wrongValue(problem);
+  if (!a.light_place.any() && drawn.mode == light.mode) return drawn;
+  if (const auto placed = placeLight(a.light_place, scene, light); !placed) return base::within("set", placed.error());
+  return light;
+}
+
+/// Records the options that a build would have to be given for this light.
+void recordLight(const SetArguments& a, const base::Light& light, base::Scene& scene) {
+  if (a.light) scene.parameters["light"] = *a.light;
+  for (const char* name : kPlaceOptions) scene.parameters.erase(name);
+  if (!light.hasShadows()) return;
+  if (light.position)
+    scene.parameters["light-position"] = vectorText(*light.position);
+  else
+    scene.parameters["light-direction"] = vectorText(glm::dvec3(light.direction));
+  if (light.size > 0.0) scene.parameters["light-size"] = base::formatText("%.17g", light.size);
+}
+
+void warnOfNormals(const base::LightMode before, const base::Scene& scene) {
   const auto normals = scene.parameters.find("normals");
-  if (before == base::LightMode::kUnlit && !is_unlit && base::partFile(scene, "patch", ".lgp") &&
-      normals != scene.parameters.end() && normals->second != "vertices")
+  if (before == base::LightMode::kUnlit && scene.light.mode != base::LightMode::kUnlit &&
+      base::partFile(scene, "patch", ".lgp") && normals != scene.parameters.end() && normals->second != "vertices")
     std::fprintf(stderr,
                  "lumigrid: a scene built unlit has the normals of triangles, so that edges of patches may show; "
                  "`lumigrid build --normals vertices` stores smooth ones\n");
+}
 
-  const base::LightMode drawn = scene.images_light.value_or(before);
+/// Chooses the light, and keeps in the scene in which one its images were drawn as long as that is another.
+base::Result<void> setLight(const SetArguments& a, const std::string& directory, base::Scene& scene) {
+  const base::Light before = scene.light, drawn = scene.images_light.value_or(before);
+  LUMIGRID_ASSIGN_OR_RETURN(scene.light, chooseLight(a, scene, drawn));
+  if (scene.light.hasShadows() && !base::partFile(scene, "hlod", ".lgh"))
+    return wrongValue("--light " + std::string(base::nameOf(scene.light.mode)) +
+                      ": the scene has no hlod.lgh, whose nodes throw the shadows; `lumigrid build MESH -o " +
+                      directory + "` with hlod among its --methods adds it");
+  recordLight(a, scene.light, scene);
+  warnOfNormals(before.mode, scene);
+
   scene.images_light.reset();
-  if (drawn == scene.light.mode || !hasImages(directory, scene)) return;
+  if (drawn == scene.light || !hasImages(directory, scene)) return {};
   scene.images_light = drawn;
-  if (before == scene.light.mode) return;
+  if (before == scene.light) return {};
   const bool is_published = base::partFile(scene, "images/index", ".lgi").has_value();
   const std::string advice = is_published ? "draw them again where the scene was built, and publish it again"
                                           : "lumigrid build -o " + directory +
                                                 " draws them again (--missing lists them), for servers that start then";
-  std::fprintf(stderr, "lumigrid: the images stay as they were drawn, %s; %s\n", base::nameOf(drawn), advice.c_str());
+  std::fprintf(stderr, "lumigrid: the images stay as they were drawn, %s; %s\n", base::nameOf(drawn.mode),
+               advice.c_str());
+  return {};
 }
 
 base::Result<void> run(const SetArguments& a) {
@@ -168,7 +208,7 @@ base::Result<void> run(const SetArguments& a) {
   LUMIGRID_ASSIGN_OR_RETURN(auto scene, base::readScene(a.scene));
   setTexts(a, scene);
   LUMIGRID_TRY(setView(a, scene));
-  if (a.light) setLight(*a.light, a.scene, scene);
+  if (a.light || a.light_place.any()) LUMIGRID_TRY(setLight(a, a.scene, scene));
   return base::writeSceneFile(scene, a.scene + "/scene.json");
 }
 
@@ -194,12 +234,15 @@ RunCommand addSet(CLI::App& command) {
   add("--start-view", &SetArguments::start_view,
       "first view: a permalink, a file with one, or auto: the whole model from where most of it is seen");
   add("--light", &SetArguments::light,
-      "unlit: colours as scanned; soft: shaded; auto: by whether there are colours. Images that were drawn in another "
-      "light are to be drawn again")
-      ->check(CLI::IsMember({kAutomatic, "unlit", "soft"}));
+      "unlit: colours as scanned; soft: shaded; hard-shadows, soft-shadows: a light that throws shadows, for scenes "
+      "built with hlod; auto: by whether there are colours. Images that were drawn in another light are to be drawn "
+      "again")
+      ->check(CLI::IsMember({kAutomatic, "unlit", "soft", "hard-shadows", "soft-shadows"}));
+  lod::hlod::declareLightOptions(command, a->light_place, kLightWords);
   return [a] {
-    if (std::none_of(std::begin(kChoices), std::end(kChoices),
-                     [&](auto choice) { return ((*a).*choice).has_value(); })) {
+    const bool is_idle =
+        std::none_of(std::begin(kChoices), std::end(kChoices), [&](auto choice) { return ((*a).*choice).has_value(); });
+    if (is_idle && !a->light_place.any()) {
       std::fprintf(stderr,
                    "lumigrid: set: nothing to set; give --up, --north, --units, --crs, --title, --attribution, "
                    "--background, --start-view or --light\n");

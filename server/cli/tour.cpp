@@ -32,7 +32,11 @@ struct TourArguments {
 };
 
 base::Result<std::vector<base::ViewCamera>> heldOutViews(const TourArguments& a, const base::Scene& scene) {
-  LUMIGRID_ASSIGN_OR_RETURN(auto patches, lod::patch::PatchFile::open(a.scene + "/patch.lgp"));
+  if (!base::partFile(scene, "patch", ".lgp"))
+    return base::Error{base::ErrorCode::kNotFound, a.scene +
+                                                       " has no patches, which --random needs; build them with "
+                                                       "`lumigrid build ... --methods patch`, or use --frames"};
+  LUMIGRID_ASSIGN_OR_RETURN(auto patches, lod::patch::PatchFile::open(base::patchPath(a.scene, scene)));
   LUMIGRID_ASSIGN_OR_RETURN(const auto enclosure, Enclosure::create(patches));
   auto views =
       randomViews(scene, enclosure, {static_cast<std::size_t>(a.random), a.seed, a.margin, a.size[0], a.size[1]});

@@ -26,8 +26,7 @@ base::Result<void> checkLight(const HlodOptions& options) {
 HlodScene::HlodScene(std::string path, const std::shared_ptr<const lod::FileBytes>& file, const base::Scene& scene)
     : path_(std::move(path)),
       stream_(file, wholeFile<lod::hlod::StreamOptions>()),
-      shading_{scene.light.mode == base::LightMode::kUnlit, scene.light.direction},
-      closed_(scene.border && scene.border->open_edges == 0) {}
+      shading_{scene.light.mode == base::LightMode::kUnlit, scene.light.direction} {}
 
 base::Result<std::unique_ptr<HlodScene>> HlodScene::create(const std::string& directory, const base::Scene& scene) {
   LUMIGRID_ASSIGN_OR_RETURN(const auto file, openStreamedFile(directory, scene, base::kHlodMethod));
@@ -44,7 +43,7 @@ base::Result<void> HlodScene::drawTile(const lod::hlod::TraverseRequest& request
   LUMIGRID_TRY(checkStream(stream_, path_));
   const bool has_shadows = options.shadows != Shadows::kNone;
   if (has_shadows) {
-    lod::draw::NodeLight light{options.light, closed_, static_cast<std::uint32_t>(SampleTarget::maxSide())};
+    lod::draw::NodeLight light{options.light, static_cast<std::uint32_t>(SampleTarget::maxSide())};
     if (options.shadows == Shadows::kHard) light.light.size = 0.0F;
     if (options.moves) light.room = lod::draw::kRoomToMove, light.kept_bytes = kStreamedGpuBytes;
     shadows_ = shadow_finder_.find(stream_, nodes_, request, light);

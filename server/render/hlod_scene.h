@@ -55,7 +55,6 @@ class HlodScene {
   lod::hlod::Stream stream_;
   std::vector<lod::hlod::DrawnNode> nodes_;
   lod::draw::Shading shading_;
-  bool closed_ = false;  ///< the surface has no border
   lod::draw::NodeShadowFinder shadow_finder_;
   lod::draw::NodeShadows shadows_;  ///< on nodes_
   std::unique_ptr<lod::draw::NodeRenderer> renderer_;

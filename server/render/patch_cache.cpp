@@ -64,10 +64,10 @@ void PatchCache::drawOne(const DrawnPatch& patch, const UseProgram& use) const {
   const Resident& resident = resident_.at(patch.number);
   if (patch.reduction != kNoPages)
     pages_.draw(patch.number, patch.reduction - resident.reduction, [&](bool alpha) -> const base::gl::Program& {
-      return use(alpha ? SurfaceKind::kPagesWithAlpha : SurfaceKind::kPages);
+      return use(alpha ? SurfaceKind::kPagesWithAlpha : SurfaceKind::kPages, patch.number);
     });
   if (!resident.has_rest) return;
-  use(SurfaceKind::kColors);
+  use(SurfaceKind::kColors, patch.number);
   meshes_.draw({&patch.number, 1});
 }
 

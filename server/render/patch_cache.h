@@ -28,8 +28,8 @@ enum class SurfaceKind : std::uint8_t { kColors, kPages, kPagesWithAlpha };
 /// Uploads patches when they are first drawn and evicts the least recently used ones.
 class PatchCache {
  public:
-  /// Puts the program for such surfaces into use and returns it.
-  using UseProgram = std::function<const base::gl::Program&(SurfaceKind)>;
+  /// Puts the program for such a surface of this patch into use and returns it.
+  using UseProgram = std::function<const base::gl::Program&(SurfaceKind, std::uint32_t patch)>;
 
   /// `file` and `textures` (null: there are none) must outlive the cache. `budget_bytes`: limit for uploaded patches,
   /// though one patch may always be there.

@@ -87,9 +87,13 @@ base::Result<SampleTarget> SampleTarget::create(int width, int height, int super
   return target;
 }
 
-void SampleTarget::begin() const {
+void SampleTarget::resume() const {
   glBindFramebuffer(GL_FRAMEBUFFER, framebuffer_.name());
   glViewport(0, 0, width_ * supersampling_, height_ * supersampling_);
+}
+
+void SampleTarget::begin() const {
+  resume();
   glClearColor(0.0F, 0.0F, 0.0F, 0.0F);
   glClearDepthf(1.0F);
   glClear(GL_COLOR_BUFFER_BIT | GL_DEPTH_BUFFER_BIT);

@@ -31,6 +31,8 @@ class SampleTarget {
 
   /// Binds the target, sets the viewport, and clears to transparent black and the far plane.
   void begin() const;
+  /// Binds the target and sets the viewport, to go on drawing.
+  void resume() const;
   /// Averages the samples of a part (pixels, y from the top) and returns the framebuffer that contains width × height
   /// pixels. Those outside of the part are undefined.
   GLuint resolve(const ResolvePass& pass, const Tile& part) const;

@@ -5,12 +5,15 @@
 #include <optional>
 #include <utility>
 
+#include "lod/draw/near_fit.h"
 #include "lod/draw/triangles.h"
 #include "server/render/shaders.h"
 
 namespace server {
 namespace {
 
+// Behind the units of shadow maps.
+constexpr GLint kPageUnit = 2;
 // Tiles in flight between drawing and reading.
 constexpr std::size_t kReadbackDepth = 4;
 
@@ -28,22 +31,33 @@ std::string fragmentOf(SurfaceKind kind, const std::string& source) {
   return definesOf(kind) + (kind == SurfaceKind::kColors ? "" : glsl::kPage) + source;
 }
 
-base::Result<base::gl::Program> linkModes(const base::Light& light, SurfaceKind kind) {
-  auto program = base::gl::Program::link(
-      "surface with modes", "#define VIEW_MODES\n" + definesOf(kind) + glsl::kSurfaceVertex,
-      fragmentOf(kind, lod::draw::shadingSource() + lod::draw::viewModesSource() + glsl::kModesFragment));
-  if (program) lod::draw::setShading(*program, {light.mode == base::LightMode::kUnlit, light.direction});
+/// Defines SHADED(color) for the fragment shader. `layers`: of the shadow map, 0 for none.
+std::string shadedSource(int layers) {
+  if (layers == 0)
+    return lod::draw::shadingSource() + "#define SHADED(color) shadeSurface(color, v_normal, v_to_eye)\n";
+  return "#define LAYERS " + std::to_string(layers) + "\n" + lod::draw::ShadowMap::shadingSource() +
+         "in vec3 v_from_eye;\n#define SHADED(color) shadeInLight(color, v_normal, v_to_eye, v_from_eye)\n";
+}
+
+base::Result<base::gl::Program> linkProgram(const base::Light& light, SurfaceKind kind, bool with_modes, int layers) {
+  const bool is_unlit = light.mode == base::LightMode::kUnlit;
+  if (is_unlit && !with_modes)
+    return base::gl::Program::link("unlit", definesOf(kind) + glsl::kUnlitVertex,
+                                   fragmentOf(kind, glsl::kUnlitFragment));
+  const std::string vertex = std::string(with_modes ? "#define VIEW_MODES\n" : "") +
+                             (layers > 0 ? "#define SHADOWS\n" : "") + definesOf(kind) + glsl::kSurfaceVertex;
+  const std::string shading = shadedSource(layers) + (with_modes ? lod::draw::viewModesSource() + glsl::kModesFragment
+                                                                 : std::string(glsl::kSurfaceFragment));
+  auto program =
+      base::gl::Program::link(with_modes ? "surface with modes" : "surface", vertex, fragmentOf(kind, shading));
+  if (program && layers == 0) lod::draw::setShading(*program, {is_unlit, light.direction});
   return program;
 }
 
-base::Result<base::gl::Program> linkSurface(const base::Light& light, SurfaceKind kind) {
-  if (light.mode == base::LightMode::kUnlit)
-    return base::gl::Program::link("unlit", definesOf(kind) + glsl::kUnlitVertex,
-                                   fragmentOf(kind, glsl::kUnlitFragment));
-  auto lit = base::gl::Program::link("surface", definesOf(kind) + glsl::kSurfaceVertex,
-                                     fragmentOf(kind, lod::draw::shadingSource() + glsl::kSurfaceFragment));
-  if (lit) lod::draw::setShading(*lit, {false, light.direction});
-  return lit;
+/// The directory of the scene.
+std::string directoryOf(const lod::patch::PatchFile& patches) {
+  const std::size_t slash = patches.path().rfind('/');
+  return slash == std::string::npos ? "." : patches.path().substr(0, slash);
 }
 
 /// Returns the distance of the near plane of a perspective matrix: m22 = (f + n) / (n − f), m32 = 2 f n / (n − f).
@@ -108,6 +122,23 @@ void SceneRenderer::sortFrontToBack(std::vector<std::uint32_t>& cut, const glm::
   for (std::size_t i = 0; i < cut.size(); ++i) cut[i] = keyed[i].second;
 }
 
+// Moves the near plane out to the patches. One whose box reaches it is asked for its triangles.
+base::Result<base::Camera> SceneRenderer::fitted(const base::Camera& camera,
+                                                 std::span<const std::uint32_t> visible) const {
+  lod::draw::NearFit fit(camera);
+  for (const std::uint32_t patch : visible) {
+    if (fit.isKept()) break;
+    if (fit.add(hierarchy_.patches[patch].box)) continue;
+    LUMIGRID_ASSIGN_OR_RETURN(const auto geometry, patches_.geometry(patch));
+    const auto corner = [&](std::size_t i) {
+      return hierarchy_.lattice.position(geometry.positions[geometry.indices[i]]);
+    };
+    for (std::size_t i = 0; i + 2 < geometry.indices.size(); i += 3)
+      fit.addTriangle(corner(i), corner(i + 1), corner(i + 2));
+  }
+  return fit.camera();
+}
+
 // Returns the part of a tile that patches may touch; the rest stays background and is neither averaged nor read back.
 Tile SceneRenderer::touchedPart(const base::Camera& tile_camera, std::span<const std::uint32_t> visible,
                                 const Tile& tile) const {
@@ -124,7 +155,7 @@ void SceneRenderer::prepare(const base::gl::Program& program, const base::Camera
   glUniformMatrix4fv(program.uniform("u_clip_from_scene"), 1, GL_FALSE, &clip_from_scene[0][0]);
   const glm::vec4 eye = camera.homogeneousEye();
   if (lit_ || modes.any()) glUniform4f(program.uniform("u_eye"), eye.x, eye.y, eye.z, eye.w);
-  glUniform1i(program.uniform("u_page"), 0);
+  glUniform1i(program.uniform("u_page"), kPageUnit);
 }
 
 /// Says how finely each patch's pages are drawn.
@@ -139,9 +170,10 @@ std::vector<DrawnPatch> SceneRenderer::withPages(std::span<const std::uint32_t> 
   return drawn;
 }
 
-base::Result<void> SceneRenderer::drawTile(const base::Camera& camera, std::span<const std::uint32_t> visible,
-                                           const RenderOptions& options) {
-  target_.begin();
+base::Result<void> SceneRenderer::drawPatches(const base::Camera& camera, std::span<const DrawnPatch> drawn,
+                                              const RenderOptions& options, const Programs& programs,
+                                              const std::function<void(const base::gl::Program&)>& on_prepared,
+                                              const PatchUniforms& set_uniforms) {
   glEnable(GL_DEPTH_TEST);
   glDepthFunc(GL_LESS);
   glDepthMask(GL_TRUE);
@@ -149,43 +181,80 @@ base::Result<void> SceneRenderer::drawTile(const base::Camera& camera, std::span
   glDisable(GL_BLEND);
   glDisable(GL_SCISSOR_TEST);
   glColorMask(GL_TRUE, GL_TRUE, GL_TRUE, GL_TRUE);
-  glActiveTexture(GL_TEXTURE0);
-
-  const lod::draw::ViewModes& modes = options.modes;
-  const std::vector<DrawnPatch> drawn = withPages(visible, camera, options.supersampling);
   cache_.setSamples(options.supersampling);
-  const auto& programs = modes.any() ? with_modes_ : surface_;
   std::array<bool, 3> prepared{};
   const base::gl::Program* in_use = nullptr;
-  const auto use = [&](SurfaceKind kind) -> const base::gl::Program& {
+  const auto use = [&](SurfaceKind kind, std::uint32_t patch) -> const base::gl::Program& {
     const auto k = static_cast<std::size_t>(kind);
     const base::gl::Program& program = programs[k];
-    if (!std::exchange(prepared[k], true))
-      prepare(program, camera, modes);
-    else if (in_use != &program)
+    if (!std::exchange(prepared[k], true)) {
+      prepare(program, camera, options.modes);
+      if (on_prepared) on_prepared(program);
+    } else if (in_use != &program) {
       program.use();
+    }
     in_use = &program;
+    glActiveTexture(GL_TEXTURE0 + kPageUnit);
+    if (set_uniforms) set_uniforms(program, patch);
+    if (!options.modes.resolution_colors) return program;
+    const auto found = errors_px_.find(patch);
+    glUniform1f(program.uniform("u_patch_error"), found != errors_px_.end() ? found->second : 0.0F);
     return program;
   };
-  if (!modes.resolution_colors) return cache_.draw(drawn, use);
+  auto done = cache_.draw(drawn, use);
+  glActiveTexture(GL_TEXTURE0);
+  return done;
+}
 
-  // Tinted patches are drawn one by one, each with its error.
-  for (const DrawnPatch& patch : drawn) {
-    const auto found = errors_px_.find(patch.number);
-    const auto tint = [&](SurfaceKind kind) -> const base::gl::Program& {
-      const base::gl::Program& program = use(kind);
-      glUniform1f(program.uniform("u_patch_error"), found != errors_px_.end() ? found->second : 0.0F);
-      return program;
-    };
-    LUMIGRID_TRY(cache_.draw({&patch, 1}, tint));
+base::Result<void> SceneRenderer::drawTile(const base::Camera& camera, const base::Camera& tile,
+                                           std::span<const std::uint32_t> visible, const RenderOptions& options) {
+  if (shadows_ && !options.modes.hasLight()) return drawShadowed(camera, tile, visible, options);
+  target_.begin();
+  return drawPatches(tile, withPages(visible, tile, options.supersampling), options,
+                     options.modes.any() ? with_modes_ : surface_);
+}
+
+/// Draws map by map, each before the patches on which it throws shadows.
+base::Result<void> SceneRenderer::drawShadowed(const base::Camera& camera, const base::Camera& tile,
+                                               std::span<const std::uint32_t> visible, const RenderOptions& options) {
+  lod::hlod::TraverseRequest view;
+  view.camera = camera;
+  view.tile = tile;
+  view.tolerance = options.tolerance_px;
+  view.section = options.modes.section;
+  LUMIGRID_TRY(shadows_->plan(view, hierarchy_, visible));
+  target_.begin();
+  const glm::vec4 eye = tile.homogeneousEye();
+  for (std::size_t map = 0; map < shadows_->maps(); ++map) {
+    const std::vector<PatchShadows::Receiver>& receivers = shadows_->receivers(map);
+    if (receivers.empty()) continue;
+    LUMIGRID_TRY(shadows_->drawMap(map));
+    LUMIGRID_ASSIGN_OR_RETURN(const Programs* programs, shadowedPrograms(shadows_->layers(), options.modes.any()));
+    target_.resume();
+    std::vector<std::uint32_t> patches;
+    std::unordered_map<std::uint32_t, const PatchShadows::Receiver*> by_patch;
+    for (const PatchShadows::Receiver& receiver : receivers) {
+      patches.push_back(receiver.patch);
+      by_patch.emplace(receiver.patch, &receiver);
+    }
+    LUMIGRID_TRY(drawPatches(
+        tile, withPages(patches, tile, options.supersampling), options, *programs,
+        [&](const base::gl::Program& program) { shadows_->use(program, eye.w * glm::vec3(eye)); },
+        [&](const base::gl::Program& program, std::uint32_t patch) {
+          const PatchShadows::Receiver& receiver = *by_patch.at(patch);
+          glUniform1f(program.uniform("u_reach"), receiver.reach);
+          glUniform1i(program.uniform("u_one_of_several"), receiver.one_of_several ? 1 : 0);
+        }));
+    lod::draw::ShadowMap::endUse();
   }
   return {};
 }
 
-base::Result<void> SceneRenderer::drawPicture(const base::Camera& camera, std::span<const std::uint32_t> cut,
+base::Result<void> SceneRenderer::drawPicture(const base::Camera& from, std::span<const std::uint32_t> cut,
                                               const RenderOptions& options,
                                               std::function<void(RenderedPicture)> deliver) {
-  const std::vector<std::uint32_t> visible = visibleFrom(camera, cut);
+  const std::vector<std::uint32_t> visible = visibleFrom(from, cut);
+  LUMIGRID_ASSIGN_OR_RETURN(const base::Camera camera, fitted(from, visible));
   auto picture = std::make_shared<PendingPicture>();
   picture->deliver = std::move(deliver);
   picture->rendered.rgba = base::Image(camera.width, camera.height, 4);
@@ -209,7 +278,7 @@ base::Result<void> SceneRenderer::drawPicture(const base::Camera& camera, std::s
       LUMIGRID_TRY(readback_.skip(picture));
       continue;
     }
-    LUMIGRID_TRY(drawTile(tile_camera, in_tile, options));
+    LUMIGRID_TRY(drawTile(camera, tile_camera, in_tile, options));
     LUMIGRID_TRY(readback_.read(picture, {tile.x + part.x, tile.y + part.y, part.width, part.height},
                                 target_.resolve(resolve_, part), part.x, target_.height() - part.y - part.height));
   }
@@ -218,9 +287,12 @@ base::Result<void> SceneRenderer::drawPicture(const base::Camera& camera, std::s
 
 // ---- SceneRenderer ----
 
-SceneRenderer::SceneRenderer(const lod::patch::PatchFile& patches, std::optional<lod::texture::TextureFile> textures,
-                             std::uint64_t gpu_budget_bytes)
-    : hierarchy_(patches.hierarchy()),
+SceneRenderer::SceneRenderer(const base::Scene& scene, const lod::patch::PatchFile& patches,
+                             std::optional<lod::texture::TextureFile> textures, std::uint64_t gpu_budget_bytes)
+    : scene_(scene),
+      directory_(directoryOf(patches)),
+      patches_(patches),
+      hierarchy_(patches.hierarchy()),
       textures_(std::move(textures)),
       cache_(patches, textures_ ? &*textures_ : nullptr, gpu_budget_bytes),
       readback_(kReadbackDepth),
@@ -236,24 +308,40 @@ base::Result<std::unique_ptr<SceneRenderer>> SceneRenderer::create(const base::S
                        "render: no GL context is current on this thread; make a base::HeadlessContext first"};
   std::optional<lod::texture::TextureFile> textures;
   if (const auto file = base::partFile(scene, "texture", ".lgt")) {
-    const std::size_t slash = patches.path().rfind('/');
-    const std::string directory = slash == std::string::npos ? "" : patches.path().substr(0, slash + 1);
-    LUMIGRID_ASSIGN_OR_RETURN(textures, lod::texture::TextureFile::open(directory + *file));
+    LUMIGRID_ASSIGN_OR_RETURN(textures, lod::texture::TextureFile::open(directoryOf(patches) + "/" + *file));
   }
-  std::unique_ptr<SceneRenderer> renderer(new SceneRenderer(patches, std::move(textures), gpu_budget_bytes));
+  std::unique_ptr<SceneRenderer> renderer(new SceneRenderer(scene, patches, std::move(textures), gpu_budget_bytes));
   LUMIGRID_TRY(renderer->setLight(scene.light));
   LUMIGRID_ASSIGN_OR_RETURN(renderer->resolve_, ResolvePass::create());
   return renderer;
 }
 
-base::Result<void> SceneRenderer::setLight(const base::Light& light) {
-  std::array<base::gl::Program, 3> surface, with_modes;
-  for (std::size_t k = 0; k < (textures_ ? surface.size() : 1); ++k) {
-    LUMIGRID_ASSIGN_OR_RETURN(surface[k], linkSurface(light, static_cast<SurfaceKind>(k)));
-    LUMIGRID_ASSIGN_OR_RETURN(with_modes[k], linkModes(light, static_cast<SurfaceKind>(k)));
+base::Result<SceneRenderer::Programs> SceneRenderer::linkPrograms(const base::Light& light, bool with_modes,
+                                                                  int layers) const {
+  Programs programs;
+  for (std::size_t k = 0; k < (textures_ ? programs.size() : 1); ++k) {
+    LUMIGRID_ASSIGN_OR_RETURN(programs[k], linkProgram(light, static_cast<SurfaceKind>(k), with_modes, layers));
   }
+  return programs;
+}
+
+base::Result<const SceneRenderer::Programs*> SceneRenderer::shadowedPrograms(int layers, bool with_modes) {
+  const std::pair<int, bool> key(layers, with_modes);
+  if (!shadowed_.contains(key)) {
+    LUMIGRID_ASSIGN_OR_RETURN(shadowed_[key], linkPrograms({}, with_modes, layers));
+  }
+  return &shadowed_[key];
+}
+
+base::Result<void> SceneRenderer::setLight(const base::Light& light) {
+  std::unique_ptr<PatchShadows> shadows;
+  if (light.hasShadows()) {
+    LUMIGRID_ASSIGN_OR_RETURN(shadows, PatchShadows::create(directory_, scene_, light));
+  }
+  LUMIGRID_ASSIGN_OR_RETURN(auto surface, linkPrograms(light, false, 0));
+  LUMIGRID_ASSIGN_OR_RETURN(with_modes_, linkPrograms(light, true, 0));
   surface_ = std::move(surface);
-  with_modes_ = std::move(with_modes);
+  shadows_ = std::move(shadows);
   lit_ = light.mode != base::LightMode::kUnlit;
   return {};
 }

@@ -4,10 +4,13 @@
 #include <cstdint>
 #include <functional>
 #include <limits>
+#include <map>
 #include <memory>
 #include <optional>
 #include <span>
+#include <string>
 #include <unordered_map>
+#include <utility>
 #include <vector>
 
 #include "base/camera.h"
@@ -19,6 +22,7 @@
 #include "lod/patch/format.h"
 #include "lod/patch/traverse.h"
 #include "server/render/patch_cache.h"
+#include "server/render/patch_shadows.h"
 #include "server/render/readback.h"
 #include "server/render/sample_target.h"
 #include "server/render/tiling.h"
@@ -43,7 +47,9 @@ RenderOptions exactFrameOptions(int width, int height);
 
 /// Draws a scene's patches with its own GPU cache. Needs a GL context that is current from create() to the destructor,
 /// on one thread. Several renderers on several threads, each with its own context, may share a PatchFile. An error
-/// while drawing or reading back drops all pictures that were not delivered yet.
+/// while drawing or reading back drops all pictures that were not delivered yet. In a light that throws shadows
+/// surfaces are shaded as lod::draw::NodeRenderer shades them; the casters are those of the scene's hlod.lgh beside the
+/// patches.
 class SceneRenderer {
  public:
   /// Leaves are drawn with the textures of texture.lgt beside the patches, where the scene lists it.
@@ -70,34 +76,55 @@ class SceneRenderer {
                                 const std::function<void(std::size_t camera, RenderedPicture)>& deliver);
   base::Result<void> finish();
 
-  /// Shades by another light from the next picture on. An error leaves the light as it is.
+  /// Shades by another light from the next picture on. An error leaves the light as it is: kNotFound for shadows of a
+  /// scene without hlod.lgh, and those of reading that.
   base::Result<void> setLight(const base::Light& light);
 
   float sceneRadius() const { return box_.empty() ? 0.0F : 0.5F * box_.diagonal(); }
   glm::vec3 sceneCenter() const { return box_.empty() ? glm::vec3(0.0F) : box_.center(); }
 
  private:
-  SceneRenderer(const lod::patch::PatchFile& patches, std::optional<lod::texture::TextureFile> textures,
-                std::uint64_t gpu_budget_bytes);
+  /// By SurfaceKind; those with pages only where the scene has textures.
+  using Programs = std::array<base::gl::Program, 3>;
+  /// Called before a patch is drawn with a program, which is in use.
+  using PatchUniforms = std::function<void(const base::gl::Program& program, std::uint32_t patch)>;
+
+  SceneRenderer(const base::Scene& scene, const lod::patch::PatchFile& patches,
+                std::optional<lod::texture::TextureFile> textures, std::uint64_t gpu_budget_bytes);
+  base::Result<Programs> linkPrograms(const base::Light& light, bool with_modes, int layers) const;
+  base::Result<const Programs*> shadowedPrograms(int layers, bool with_modes);
   base::Result<void> drawPicture(const base::Camera& camera, std::span<const std::uint32_t> cut,
                                  const RenderOptions& options, std::function<void(RenderedPicture)> deliver);
-  base::Result<void> drawTile(const base::Camera& camera, std::span<const std::uint32_t> visible,
-                              const RenderOptions& options);
+  base::Result<void> drawTile(const base::Camera& camera, const base::Camera& tile,
+                              std::span<const std::uint32_t> visible, const RenderOptions& options);
+  base::Result<void> drawShadowed(const base::Camera& camera, const base::Camera& tile,
+                                  std::span<const std::uint32_t> visible, const RenderOptions& options);
+  /// `on_prepared`: sets what all patches share, once for each program.
+  base::Result<void> drawPatches(const base::Camera& camera, std::span<const DrawnPatch> drawn,
+                                 const RenderOptions& options, const Programs& programs,
+                                 const std::function<void(const base::gl::Program&)>& on_prepared = nullptr,
+                                 const PatchUniforms& set_uniforms = nullptr);
   void prepare(const base::gl::Program& program, const base::Camera& camera, const lod::draw::ViewModes& modes) const;
   std::vector<DrawnPatch> withPages(std::span<const std::uint32_t> patches, const base::Camera& camera,
                                     int samples) const;
   base::Result<void> orDrop(base::Result<void> result);
   std::vector<std::uint32_t> visibleFrom(const base::Camera& camera, std::span<const std::uint32_t> cut) const;
+  base::Result<base::Camera> fitted(const base::Camera& camera, std::span<const std::uint32_t> visible) const;
   Tile touchedPart(const base::Camera& tile_camera, std::span<const std::uint32_t> visible, const Tile& tile) const;
   void sortFrontToBack(std::vector<std::uint32_t>& cut, const glm::vec3& eye) const;
 
+  const base::Scene scene_;
+  const std::string directory_;
+  const lod::patch::PatchFile& patches_;
   const lod::patch::Hierarchy& hierarchy_;
   std::optional<lod::texture::TextureFile> textures_;
   base::Aabb box_;
   bool lit_ = false;  ///< whether the surface program shades by normals
-  /// By SurfaceKind; those with pages only where the scene has textures.
-  std::array<base::gl::Program, 3> surface_;
-  std::array<base::gl::Program, 3> with_modes_;
+  Programs surface_;
+  Programs with_modes_;
+  std::unique_ptr<PatchShadows> shadows_;  ///< null where the light throws none
+  /// By the layers of the shadow map and whether they know view modes; linked when they are first needed.
+  std::map<std::pair<int, bool>, Programs> shadowed_;
   std::unordered_map<std::uint32_t, float> errors_px_;  ///< by patch, for a tinted picture
   ResolvePass resolve_;
   SampleTarget target_;

@@ -6,6 +6,15 @@
 
 namespace server {
 
+base::Result<lod::patch::PatchFile> openPatches(const std::string& directory, const base::Scene& scene) {
+  auto file = lod::patch::PatchFile::open(base::patchPath(directory, scene));
+  if (file || file.error().code != base::ErrorCode::kNotFound || base::partFile(scene, "patch", ".lgp")) return file;
+  const base::StreamedMethod* instead = base::methodWithoutPatches(scene);
+  const std::string other = instead != nullptr ? "draw it with --method " + std::string(instead->name) + ", or " : "";
+  return base::Error{base::ErrorCode::kNotFound,
+                     directory + " has no patches; " + other + "build them with `lumigrid build ... --methods patch`"};
+}
+
 base::Result<OpenStreamedFile> openStreamedFile(const std::string& directory, const base::Scene& scene,
                                                 const base::StreamedMethod& method) {
   const std::string path = base::streamedPath(directory, scene, method);

@@ -1,5 +1,5 @@
 #pragma once
-// Opens and checks the one file of a method from which a scene is drawn, and which viewers stream.
+// Opens and checks the one file of a method from which a scene is drawn.
 #include <cstdint>
 #include <memory>
 #include <string>
@@ -7,6 +7,7 @@
 #include "base/error.h"
 #include "base/json/scene_file.h"
 #include "lod/disk_bytes.h"
+#include "lod/patch/format.h"
 
 namespace server {
 
@@ -14,6 +15,10 @@ namespace server {
 /// size, up to the first of them.
 inline constexpr std::uint64_t kStreamedDecodedBytes = std::uint64_t{4} << 30;
 inline constexpr std::uint64_t kStreamedGpuBytes = 512 << 20;
+
+/// Opens the patches of the scene in `directory`. kNotFound if it was built without: the message says how to, and with
+/// which --method the scene can be drawn as it is.
+base::Result<lod::patch::PatchFile> openPatches(const std::string& directory, const base::Scene& scene);
 
 struct OpenStreamedFile {
   std::string path;

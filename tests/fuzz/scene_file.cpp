@@ -21,7 +21,7 @@ std::vector<base::Bytes> seeds() {
   scene.crs = "EPSG:32718";
   scene.attribution = "A. Nonymous";
   scene.background = base::Rgb{1, 2, 3};
-  scene.images_light = base::LightMode::kUnlit;
+  scene.images_light = base::Light{base::LightMode::kSoftShadows, {0, 0.6F, 0.8F}, glm::dvec3(1, 2, 3), 0.25};
   const std::string full = base::formatScene(scene);
   return {{empty.begin(), empty.end()}, {full.begin(), full.end()}};
 }

@@ -331,8 +331,8 @@ TEST(LasReader, contentDecidesOverTheName) {
 
 TEST(LasReader, withoutSplatsACloudGetsTheAdviceOfAPly) {
   const std::string message = errorOf("a.las", bytesOf(threePoints()));
-  EXPECT_TRUE(
-      contains(message, "the file has no faces (a point cloud?); mesh it first, or build it with --methods qsplat"))
+  EXPECT_TRUE(contains(
+      message, "the file has no faces (a point cloud?); mesh it first, or build it with --methods qsplat or pmr"))
       << message;
 }
 

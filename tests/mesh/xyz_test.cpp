@@ -232,7 +232,7 @@ TEST(XyzReader, hugeLinesCostNothing) {
 }
 
 TEST(XyzReader, withoutSplatsACloudGetsTheAdviceOfAPly) {
-  EXPECT_TRUE(contains(errorOf("a.xyz", "1 2 3\n"), "mesh it first, or build it with --methods qsplat"));
+  EXPECT_TRUE(contains(errorOf("a.xyz", "1 2 3\n"), "mesh it first, or build it with --methods qsplat or pmr"));
 }
 
 TEST(XyzReader, filesCutAtEveryLengthNeverCrash) {

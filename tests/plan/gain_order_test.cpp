@@ -72,6 +72,16 @@ TEST_F(GainOrders, aProxyThatErrsNoMoreThanImagesNeedsNone) {
   EXPECT_TRUE(choose(0.005F).empty());
 }
 
+TEST_F(GainOrders, imagesOfShadowsGainHoweverFineTheProxyIs) {
+  query_.lacking2 = 0.01F;
+  const auto tiles = choose(0.005F);
+  ASSERT_FALSE(tiles.empty());
+  EXPECT_TRUE(std::any_of(tiles.begin(), tiles.end(), [](const OrderedItem& tile) { return depthOf(tile) == 3; }));
+  float sum = 0.0F;
+  for (const OrderedItem& tile : tiles) sum += tile.gain;
+  EXPECT_GT(sum, 0.005F);
+}
+
 TEST_F(GainOrders, tilesThatAreHereAreNotSentAndLessenWhatOthersGain) {
   const auto all = choose();
   query_.is_here = [&](const repository::FaceKey& key) { return key == all.front().image; };

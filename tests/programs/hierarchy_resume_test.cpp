@@ -169,6 +169,20 @@ TEST_F(HierarchyResume, filesHalfWrittenByAKilledRunGoWithTheOthers) {
   expectRerunFinishes(late_.mesh, late_.stopped, late_.bytes, "with files half written");
 }
 
+TEST_F(HierarchyResume, killedBeforeTheSceneIsNamedItsFilesAreMadeAgain) {
+  const std::string mesh = path("facade.obj"), scene = path("facade.scene");
+  ASSERT_EQ(run("lumigrid", {"sample", "--shape", "facade", "--triangles", "200", "--texels", "50", "-o", mesh}).status,
+            0);
+  const Arguments build{"build", mesh, "-o", scene, "--methods", "patch"};
+  ASSERT_EQ(run("lumigrid", build).status, 0);
+  const std::string patches = readText(scene + "/patch.lgp"), textures = readText(scene + "/texture.lgt");
+  for (const char* last : {"/scene.json", "/build.json"}) fs::remove(scene + last);
+  const auto rerun = run("lumigrid", build);
+  ASSERT_EQ(rerun.status, 0) << rerun.err;
+  EXPECT_TRUE(readText(scene + "/patch.lgp") == patches);
+  EXPECT_TRUE(readText(scene + "/texture.lgt") == textures);
+}
+
 TEST_F(HierarchyResume, aJournalWithAnyTailGoesOnBehindItsLastWholeRecord) {
   ASSERT_NO_FATAL_FAILURE(stopLate());
   const auto& [mesh, bytes, stopped, whole] = late_;

@@ -193,7 +193,7 @@ TEST_F(Set, imagesOfAnotherLightAreNamedAndDrawnAgain) {
   programs::expectOneLineError(setLight(other), 0, {own, "lumigrid build -o " + scene});
   EXPECT_EQ(setLight(other).err, "") << "it is said once";
   EXPECT_EQ(faceValues(scene), drawn) << "images are removed when new ones are drawn, not before";
-  EXPECT_EQ(base::readScene(scene)->images_light, is_unlit ? base::LightMode::kUnlit : base::LightMode::kSoft);
+  EXPECT_EQ(base::readScene(scene)->images_light->mode, is_unlit ? base::LightMode::kUnlit : base::LightMode::kSoft);
   const auto [status, named] = missing();
   EXPECT_EQ(status, 3);
   EXPECT_EQ(named["missing_faces"], drawn.size());
@@ -229,6 +229,52 @@ TEST_F(Set, imagesOfAnotherLightAreNamedAndDrawnAgain) {
           .status,
       0);
   EXPECT_EQ(faceValues(whole), redrawn);
+}
+
+TEST_F(Set, imagesOfAnotherSunAreDrawnAgain) {
+  const std::string scene = path("scene"), whole = path("whole");
+  const auto build = [&](const std::string& output, std::vector<std::string> options) {
+    options.insert(options.begin(), {"build", smallMesh(), "-o", output, "--grid", "2", "--face", "64", "--quiet"});
+    return run("lumigrid", options);
+  };
+  const std::vector<std::string> morning{"--methods",         "patch,images,hlod", "--light",      "soft-shadows",
+                                         "--light-direction", "-1,0.5,0.25",       "--light-size", "3"};
+  programs::expectOneLineError(build(scene, {"--light", "soft-shadows"}), 2, {"--methods hlod"});
+  programs::expectOneLineError(build(scene, {"--light", "unlit", "--light-size", "3"}), 2, {"--light soft-shadows"});
+  ASSERT_EQ(build(scene, morning).status, 0);
+  const auto drawn = faceValues(scene);
+  const auto built = base::readScene(scene);
+  ASSERT_TRUE(built) << built.error().message;
+  EXPECT_EQ(built->light.mode, base::LightMode::kSoftShadows);
+  EXPECT_EQ(built->light.size, 3.0);
+  EXPECT_LT(glm::length(built->light.direction - glm::normalize(glm::vec3(-1.0F, 0.5F, 0.25F))), 1e-6F);
+  EXPECT_EQ(run("lumigrid", {"verify", scene}).status, 0);
+  EXPECT_NE(run("lumigrid", {"info", scene}).out.find("light: soft-shadows"), std::string::npos);
+
+  // The same command, and one without meshes, have nothing to do.
+  for (const auto& again : {build(scene, morning), run("lumigrid", {"build", "-o", scene, "--quiet"})})
+    EXPECT_EQ(again.status, 0) << again.err;
+  EXPECT_EQ(faceValues(scene), drawn);
+
+  programs::expectOneLineError(run("lumigrid", {"set", scene, "--light-direction", "1,0.5,0.25"}), 0,
+                               {"drawn, soft-shadows", "lumigrid build -o " + scene});
+  EXPECT_EQ(base::readScene(scene)->images_light, built->light);
+  EXPECT_EQ(run("lumigrid", {"build", "-o", scene, "--missing"}).status, 3);
+  ASSERT_EQ(run("lumigrid", {"build", "-o", scene, "--quiet"}).status, 0);
+  EXPECT_EQ(run("lumigrid", {"build", "-o", scene, "--missing"}).status, 0);
+  const auto evening = faceValues(scene);
+  EXPECT_NE(evening, drawn);
+
+  // The images are those of a scene that was built in this light from the beginning.
+  std::vector<std::string> in_evening = morning;
+  in_evening[5] = "1,0.5,0.25";
+  ASSERT_EQ(build(whole, in_evening).status, 0);
+  EXPECT_EQ(faceValues(whole), evening);
+
+  // Without the octree there are no shadows.
+  ASSERT_EQ(build(path("plain"), {"--methods", "patch"}).status, 0);
+  programs::expectOneLineError(run("lumigrid", {"set", path("plain"), "--light", "hard-shadows"}), 1, {"hlod"});
+  EXPECT_FALSE(base::readScene(path("plain"))->light.hasShadows());
 }
 
 TEST_F(Set, lightOnPatchesWithoutNormalsSaysWhatMayShow) {

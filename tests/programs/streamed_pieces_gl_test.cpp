@@ -109,7 +109,26 @@ TEST_P(StreamedPiecesTest, samplesAndSizeAreOptions) {
   EXPECT_NE(coarse.pictures.front().pixels, fine.pictures.front().pixels);
 }
 
-class HlodShadows : public StreamedPiecesTest {};
+class HlodShadows : public StreamedPiecesTest {
+ protected:
+  /// Maps of hard shadows serve several views of a viewer, so that their edges are off by parts of a pixel.
+  void expectNearLocalPictures(const Tour& seen, const std::vector<std::string>& light) {
+    for (std::size_t i = 0; i < seen.pictures.size(); ++i) {
+      const base::Image local = localPicture(i, name(), light);
+      ASSERT_EQ(seen.pictures[i].pixels.size(), local.pixels.size());
+      double sum = 0.0;
+      std::size_t apart = 0;
+      for (std::size_t k = 0; k < local.pixels.size(); ++k) {
+        const int difference = std::abs(local.pixels[k] - seen.pictures[i].pixels[k]);
+        sum += difference;
+        apart += difference > 24 ? 1 : 0;
+      }
+      const auto all = static_cast<double>(local.pixels.size());
+      EXPECT_LT(sum / all, 0.5) << "frame " << i;
+      EXPECT_LT(static_cast<double>(apart) / all, 0.01) << "frame " << i;
+    }
+  }
+};
 
 INSTANTIATE_TEST_SUITE_P(Of, HlodShadows, ::testing::Values(hlod()), nameOfMethod);
 
@@ -122,7 +141,7 @@ TEST_P(HlodShadows, areThoseOfLumigridRender) {
     std::vector<std::string> options = light;
     options.emplace_back("--no-antialias");
     const Tour seen = tour(nginx.url() + "/tower/", light[1] + light[3], name(), options);
-    expectLocalPictures(seen, name(), light);
+    light[1] == "soft" ? expectLocalPictures(seen, name(), light) : expectNearLocalPictures(seen, light);
     EXPECT_EQ(seen.lines.front()["hlod"]["shadows"], light[1]);
     EXPECT_GT(seen.lines.front()["hlod"]["casters"], 0);
   }

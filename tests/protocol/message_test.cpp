@@ -204,11 +204,18 @@ TEST(Message, aWelcomeTellsHowTheSceneIsShown) {
     sent.attribution = said ? "S\u00F6hne & Co." : "";
     sent.background = said ? std::optional(base::Rgb{1, 2, 255}) : std::nullopt;
     sent.north = said ? glm::vec3(0.6F, -0.8F, 0.0F) : glm::vec3(0.0F);
+    sent.shadows = said;
     const Welcome got = std::get<Welcome>(*decodeServerMessage(encode(ServerMessage(sent))));
     EXPECT_EQ(got.attribution, sent.attribution);
     EXPECT_EQ(got.background, sent.background);
     EXPECT_EQ(got.north, sent.north);
+    EXPECT_EQ(got.shadows, sent.shadows);
   }
+  // Without shadows there is no flag.
+  sent.shadows = true;
+  base::Bytes bytes = encode(ServerMessage(sent));
+  bytes.back() = 0;
+  EXPECT_FALSE(decodeServerMessage(bytes));
 }
 
 // These are the bytes of docs/formats/protocol.md, "A worked row". Version 6 of the format must never read otherwise.

@@ -71,6 +71,9 @@ function nameOf(base, scene) {
   return source.replace(/\.[^.]*$/, "") || host;
 }
 
+/// Returns how surfaces are shaded, as client/web/page.h numbers it.
+const shadingOf = (light) => light?.mode === "unlit" ? 1 : String(light?.mode).endsWith("-shadows") ? 2 : 0;
+
 /// Returns "#rrggbb" as a number, -1 for anything else.
 const colorOf = (text) => (/^#[0-9a-f]{6}$/i.test(text) ? parseInt(text.slice(1), 16) : -1);
 
@@ -98,7 +101,7 @@ async function readScene(base) {
     scene,
     parts: Array.isArray(scene.parts) ? scene.parts : [],
     numbers: [
-      ...vectors.flat(), scene.light?.mode === "unlit" ? 1 : 0, ...light, ...start, colorOf(scene.background),
+      ...vectors.flat(), shadingOf(scene.light), ...light, ...start, colorOf(scene.background),
       Number.isFinite(scene.north) ? scene.north : NaN
     ]
   };
@@ -138,8 +141,8 @@ export async function openStreamedScene(method, base, core, changed) {
   const {url, parts} = read;
   const [stem, extension, content] = kStreamed.find(([name]) => name === method);
   const part = streamedPart(parts, stem, extension);
-  const closed = read.scene.open_edges === 0 ? 1 : 0;
-  if (part) return openParts("openStreamed", base, read, core, changed, [part], [closed]);
+  const saves = navigator.connection?.saveData ? 1 : 0;
+  if (part) return openParts("openStreamed", base, read, core, changed, [part], [saves]);
   const title = `${url} lists no ${content}`;
   const advice = `Build them with lumigrid build ... --methods ${method}, and publish the scene again.`;
   const hasPatches = parts.some(({file}) => /^patch.*\.lgp$/.test(file));

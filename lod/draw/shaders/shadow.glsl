@@ -13,6 +13,7 @@ uniform vec4 u_light;                  // homogeneous: parallel rays come from a
 uniform float u_depth_per_length;      // along the view from the light, at distance 1
 uniform float u_reach;                 // how far the surface here and that of its casters may be apart, scene units
 uniform bool u_one_of_several;         // the surface lies in several maps: what this one does not hold is not drawn
+uniform vec4 u_slice[2];               // planes between which the places are that the map is for
 uniform vec2 u_used_half;              // half the share of the texture that is used
 uniform float u_middle;                // depth of the plane that does not move
 uniform vec2 u_window;                 // size of what the light's middle sees in a layer, a share of the layer's
@@ -119,7 +120,9 @@ vec3 shadeInLight(vec3 color, vec3 normal, vec3 to_eye, vec3 place) {
   plane = dot(plane, plane) > 0.0 ? normalize(plane) : n;
 #endif
   vec4 clip = u_map_from_place * vec4(place, 1.0);
-  if (u_one_of_several && max(abs(clip.x), abs(clip.y)) > clip.w) discard;
+  bool is_held = max(abs(clip.x), abs(clip.y)) <= clip.w && dot(u_slice[0], vec4(place, 1.0)) >= 0.0 &&
+      dot(u_slice[1], vec4(place, 1.0)) >= 0.0;
+  if (u_one_of_several && !is_held) discard;
   vec3 to_light = normalize(u_light.xyz - u_light.w * place);
   float facing = dot(n, to_light);
   float plane_facing = dot(plane, to_light) * sign(dot(plane, n));

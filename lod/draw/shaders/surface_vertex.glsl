@@ -2,8 +2,8 @@
 // does not show.
 //
 // Variants: POINTS; LINES, of which several copies lie side by side; SHADE_FRAGMENTS shades each fragment, in place of
-// each vertex; BEHIND draws behind triangles; RESOLUTION tints by the size of the detail; SECTION cuts at a plane;
-// SHADOWS tells fragments their place.
+// each vertex; BEHIND draws behind triangles; BACKS_BEHIND draws what turns its back to the eye behind its place;
+// RESOLUTION tints by the size of the detail; SECTION cuts at a plane; SHADOWS tells fragments their place.
 layout(location = 0) in vec3 a_position;
 layout(location = 1) in vec4 a_normal;
 layout(location = 2) in vec4 a_color;
@@ -13,6 +13,7 @@ uniform bool u_two_sided;              // normals are turned towards the viewer
 uniform float u_samples;               // samples that a length of 1 covers at depth 1
 uniform float u_point_samples;         // samples that a point spans at least
 uniform float u_closing;               // diameter at which points leave no hole, width at which lines do, scene units
+uniform float u_back;                  // what turns its back is drawn so far behind its place, scene units
 uniform float u_pixels;                // pixels that a length of 1 spans at depth 1
 uniform float u_detail;                // size of the detail that is shown, scene units
 // Triangles smaller than a pixel would be shaded from beyond their corners at the pixel's middle.
@@ -29,12 +30,25 @@ uniform vec4 u_section;
 out float v_beyond;                    // above 0: cut away
 #endif
 
+#if defined(BEHIND) || defined(BACKS_BEHIND)
+// How much farther from the eye than it is a vertex is drawn. Points and lines fill holes between triangles, and do not
+// cover the triangles around, even where these are seen at a grazing angle. The far side of a thin wall does not cover
+// the near side, where errors let it come through.
+float offsetBehind(bool is_back) {
 #ifdef BEHIND
-// The depth of a place that is a little farther from the eye, so that points and lines fill holes between triangles
-// and do not cover the triangles around. The offset reaches behind surfaces seen at a grazing angle. A place at the far
-// plane stays within the picture.
-float depthBehind(vec3 to_eye, float squared_distance) {
-  vec4 behind = u_clip_from_scene * vec4(a_position - 3.0 * u_closing * inversesqrt(squared_distance) * to_eye, 1.0);
+  float behind = 3.0 * u_closing;
+#else
+  float behind = 0.0;
+#endif
+#ifdef BACKS_BEHIND
+  if (is_back) behind += u_back;
+#endif
+  return behind;
+}
+
+// The depth of a place that is by this length farther from the eye. A place at the far plane stays within the picture.
+float depthBehind(float offset, vec3 to_eye, float squared_distance) {
+  vec4 behind = u_clip_from_scene * vec4(a_position - offset * inversesqrt(squared_distance) * to_eye, 1.0);
   if (gl_Position.w <= 0.0 || behind.w <= 0.0) return gl_Position.z;
   return max(gl_Position.z, min(behind.z / behind.w, 0.999999) * gl_Position.w);
 }
@@ -87,8 +101,9 @@ void main() {
 #ifdef POINTS
   gl_PointSize = max(u_point_samples, closingSamples(squared));
 #endif
-#ifdef BEHIND
-  gl_Position.z = depthBehind(to_eye, squared);
+#if defined(BEHIND) || defined(BACKS_BEHIND)
+  float offset = offsetBehind(dot(normal, to_eye) < 0.0);
+  if (offset > 0.0) gl_Position.z = depthBehind(offset, to_eye, squared);
 #endif
 #ifdef SECTION
   v_beyond = dot(u_section.xyz, a_position) - u_section.w;

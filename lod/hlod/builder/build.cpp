@@ -5,6 +5,7 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <string>
 #include <utility>
 
 #include "base/memory.h"
@@ -115,6 +116,11 @@ class HlodBuilder {
     const Appearance chosen = options_.appearance;
     node_options_.appearance.colors = colors && (chosen == Appearance::kAuto || chosen == Appearance::kColors ||
                                                  chosen == Appearance::kColorsAndNormals);
+    if (!colors && (chosen == Appearance::kColors || chosen == Appearance::kColorsAndNormals))
+      summary_.warnings.push_back(
+          std::string("the source has no colours, so ") +
+          (chosen == Appearance::kColors ? "neither colours nor normals count" : "normals alone count") +
+          " in the errors of hlod; with --appearance auto normals do");
     node_options_.appearance.normals = chosen == Appearance::kNormals || chosen == Appearance::kColorsAndNormals ||
                                        (chosen == Appearance::kAuto && !colors);
   }

@@ -16,9 +16,9 @@
 namespace lod::patch::builder {
 namespace {
 
-// A triangle's texels are compared with its vertices' colours at so many points an edge at most, 15 in all: a leaf of a
-// hundred triangles so has more than a thousand.
-constexpr int kMaxSamplesPerEdge = 5;
+// A triangle's texels are compared with its vertices' colours at so many points an edge at most, 10 in all: a leaf of a
+// hundred triangles so has a thousand.
+constexpr int kMaxSamplesPerEdge = 4;
 constexpr double kTexelsPerSample = 3.0;
 
 // A leaf and what its triangles carry.
@@ -163,7 +163,8 @@ class LeafTextures::Maker {
     LUMIGRID_ASSIGN_OR_RETURN(const std::uint64_t largest, largestPicture(first));
     const auto at_once = static_cast<unsigned>(
         std::clamp<std::uint64_t>(resources_.memory / (kBytesPerTexel * largest), 1, resources_.threads));
-    std::vector<base::Bytes> made(at_once);
+    // Twice as many records wait for their turn as are made, so that nobody waits for the disk.
+    std::vector<base::Bytes> made(std::size_t{2} * at_once);
     const auto make = [&](std::size_t i, std::size_t slot) -> base::Result<void> {
       const unsigned threads = std::max(1U, resources_.threads / at_once);
       LUMIGRID_ASSIGN_OR_RETURN(made[slot], makePicture(first + static_cast<std::uint32_t>(i), threads));
@@ -177,7 +178,7 @@ class LeafTextures::Maker {
       if (report(static_cast<double>(done) / static_cast<double>(std::max<std::size_t>(1, all)))) return {};
       return base::Error{base::ErrorCode::kCancelled, "cutting up the textures was cancelled"};
     };
-    LUMIGRID_TRY(base::parallelInOrder(leaves_of_.size() - first, at_once, at_once, make, keepMade));
+    LUMIGRID_TRY(base::parallelInOrder(leaves_of_.size() - first, at_once, made.size(), make, keepMade));
     summarize();
     return std::move(out_);
   }

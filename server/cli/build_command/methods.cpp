@@ -112,7 +112,7 @@ glm::dvec3 guessUp(const lod::ingest::SourceSummary& built, const BuildArguments
 }
 
 bool isLit(const BuildArguments& a, bool has_colors) {
-  return a.light == "soft" || (a.light == kAuto && !has_colors);
+  return lightModeOf(a, has_colors) != base::LightMode::kUnlit;
 }
 
 // Colours that are shown as scanned need no normals.
@@ -126,19 +126,20 @@ void setNormals(const BuildArguments& a, lod::patch::builder::HierarchyOptions& 
   options.normals_without_colors = choose(false);
 }
 
-base::Light chooseLight(const BuildArguments& a, bool has_colors, const glm::dvec3& up,
-                        const std::optional<glm::dvec3>& start_direction) {
+/// Chooses the light by the scene's colours, box, up and first view.
+Result<base::Light> chooseLight(const BuildArguments& a, const base::Scene& scene) {
   base::Light light;
-  light.mode = isLit(a, has_colors) ? base::LightMode::kSoft : base::LightMode::kUnlit;
+  light.mode = lightModeOf(a, scene.has_colors);
   // The light comes from above and a little from the side, whichever way up is, and over the shoulder of who looks
   // first.
-  const glm::vec3 z = glm::vec3(glm::normalize(up));
+  const glm::vec3 z = glm::vec3(glm::normalize(scene.up));
   glm::vec3 side = glm::normalize(glm::cross(z, std::abs(z.x) < 0.9F ? glm::vec3(1, 0, 0) : glm::vec3(0, 1, 0)));
-  if (start_direction) {
-    const glm::vec3 toward = -glm::vec3(*start_direction);
+  if (scene.start_direction) {
+    const glm::vec3 toward = -glm::vec3(*scene.start_direction);
     side = glm::normalize(toward - glm::dot(toward, z) * z);
   }
   light.direction = glm::normalize(0.8F * z + 0.45F * side + 0.35F * glm::cross(side, z));
+  LUMIGRID_TRY(placeLight(a.light_place, scene, light));
   return light;
 }
 
@@ -154,7 +155,7 @@ base::Result<void> orientBySurface(const BuildArguments& a, const lod::ingest::S
                             lod::patch::findOrientation(file, is_known ? &known : nullptr));
   if (!is_known) scene.up = glm::dvec3(found.up);
   scene.start_direction = glm::normalize(glm::dvec3(found.direction));
-  scene.light = chooseLight(a, scene.has_colors, scene.up, scene.start_direction);
+  LUMIGRID_ASSIGN_OR_RETURN(scene.light, chooseLight(a, scene));
   if (defined && !a.quiet) std::fprintf(stderr, "up: %s\n", defined->reason);
   if (a.quiet || is_known) return {};
   const int axis = std::abs(found.up.x) > 0.5F ? 0 : std::abs(found.up.y) > 0.5F ? 1 : 2;
@@ -180,7 +181,7 @@ Result<base::Scene> describeScene(const BuildArguments& a, const SceneSources& s
   scene.units = a.units == "unknown" && !georeference.units.empty() ? georeference.units : a.units;
   scene.up = guessUp(built, a);
   scene.has_colors = built.has_colors;
-  scene.light = chooseLight(a, scene.has_colors, scene.up, scene.start_direction);
+  LUMIGRID_ASSIGN_OR_RETURN(scene.light, chooseLight(a, scene));
   scene.triangles = built.triangles;
   scene.repairs = built.repairs.counts;
   return scene;

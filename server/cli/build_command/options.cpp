@@ -118,8 +118,11 @@ void declareImageOptions(CLI::App& command, BuildArguments& a) {
       ->check(CLI::Range(1, 100000));
   command
       .add_option("--light", a.light,
-                  "unlit: colours as scanned; soft: a soft directional light; auto: unlit where the mesh has colours")
-      ->check(CLI::IsMember({"auto", "unlit", "soft"}));
+                  "unlit: colours as scanned; soft: a soft directional light; hard-shadows, soft-shadows: a light that "
+                  "throws shadows, which images and exact frames show (needs --methods hlod); auto: unlit where the "
+                  "mesh has colours")
+      ->check(CLI::IsMember({"auto", "unlit", "soft", "hard-shadows", "soft-shadows"}));
+  lod::hlod::declareLightOptions(command, a.light_place, kLightWords);
   command.add_option("--up", a.up, "axis that points up in the first view")
       ->check(CLI::IsMember({"auto", "x", "y", "z", "-x", "-y", "-z"}));
   command.add_option("--units", a.units, "unit of length of the mesh, e.g. m; kept in scene.json");
@@ -219,6 +222,14 @@ bool isGiven(const CLI::App& command, const std::string& option) {
   return command.get_option(option)->count() > 0;
 }
 
+/// The values as one may give them again, each by itself: what stood between commas belongs together.
+std::vector<std::string> valuesOf(const CLI::Option& option) {
+  if (option.get_delimiter() == '\0' || option.results().empty()) return option.results();
+  std::string joined;
+  for (const std::string& value : option.results()) joined += (joined.empty() ? "" : ",") + value;
+  return {joined};
+}
+
 // The depth of --tiles; 0: off.
 std::uint32_t tileDepthOf(const std::string& tiles, double view_pixels) {
   if (tiles == "off") return 0;
@@ -236,6 +247,9 @@ Parameters recordedBeside(const CLI::App& given, const Parameters& parameters) {
   recorded.try_emplace("stitch", "off");  // scenes of programs that did not stitch
   if (recorded.contains("tune")) recorded.erase("subsampling");
   recorded.try_emplace("codec", "jpeg");  // scenes of programs that knew no other
+  const bool is_light_moved = isGiven(given, "--light-direction") || isGiven(given, "--light-position");
+  if (isGiven(given, "--light") || is_light_moved)
+    for (const char* name : kPlaceOptions) recorded.erase(name);
   if (isGiven(given, "--face")) recorded.erase("tiles");
   if (isGiven(given, "--tiles")) recorded.erase("face");
   if (isGiven(given, "--quality") || isGiven(given, "--subsampling")) recorded.erase("tune");
@@ -259,6 +273,10 @@ void declareBuildOptions(CLI::App& command, BuildArguments& a) {
 
 bool wants(const BuildArguments& a, const char* method) {
   return std::find(a.methods.begin(), a.methods.end(), method) != a.methods.end();
+}
+
+base::LightMode lightModeOf(const BuildArguments& a, bool has_colors) {
+  return base::lightModeNamed(a.light).value_or(has_colors ? base::LightMode::kUnlit : base::LightMode::kSoft);
 }
 
 bool hasMethod(const Parameters& parameters, const std::string& method) {
@@ -294,6 +312,10 @@ Parameters parametersOf(const BuildArguments& a) {
                         {"regroup", a.regroup},
                         {"stitch", a.stitch},
                         {"normals", a.normals}};
+  const lod::hlod::LightArguments& place = a.light_place;
+  if (!place.direction.empty()) parameters["light-direction"] = vectorText(vectorOf(place.direction));
+  if (!place.position.empty()) parameters["light-position"] = vectorText(vectorOf(place.position));
+  if (place.size) parameters["light-size"] = number(*place.size);
   if (a.textures == "vertex") parameters[kTexturesParameter] = a.textures;
   if (a.codec == "jpeg") parameters["subsampling"] = a.tune_db ? "tuned" : a.subsampling;
   const PointSelection& selection = a.bake.selection;
@@ -318,6 +340,11 @@ std::string usageError(const CLI::App& command, BuildArguments& a) {
   if (a.automatic && wants(a, "images")) return "--methods auto decides on images: leave out one of the two";
   if (a.automatic && !wants(a, "patch")) a.methods.emplace_back("patch");
   if (wants(a, "images") && !wants(a, "patch")) return "--methods images needs patch as well";
+  const lod::hlod::Shadows shadows = shadowsOfMode(lightModeOf(a, true));
+  if (const std::string problem = lod::hlod::lightProblem(a.light_place, shadows, kLightWords); !problem.empty())
+    return problem;
+  if (shadows != lod::hlod::Shadows::kNone && !wants(a, "hlod"))
+    return "--light " + a.light + " needs the octree, whose nodes throw the shadows: give --methods hlod as well";
   if (const auto stitch = lod::ingest::parseStitch(a.stitch); !stitch) return stitch.error().message;
   if (!parseTune(a.tune, a.tune_db))
     return "--tune " + a.tune + ": give off, or a PSNR in dB above 0 and below 99, e.g. 36";
@@ -364,8 +391,9 @@ base::Result<BuildArguments> withRecordedOptions(const CLI::App& given, const Bu
   declareBuildOptions(options, completed);
   std::vector<std::string> words;
   for (const CLI::Option* option : given.get_options())
-    for (const std::string& value : option->results())
-      if (!option->get_lnames().empty()) words.push_back("--" + option->get_lnames().front() + "=" + value);
+    if (!option->get_lnames().empty())
+      for (const std::string& value : valuesOf(*option))
+        words.push_back("--" + option->get_lnames().front() + "=" + value);
   for (const auto& [name, value] : recordedBeside(given, scene.parameters)) {
     const CLI::Option* option = given.get_option_no_throw("--" + name);
     if (name != kShardsParameter && option != nullptr && option->count() == 0)

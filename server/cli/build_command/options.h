@@ -14,6 +14,7 @@
 #include "lod/qsplat/builder/build.h"
 #include "server/bake/bake.h"
 #include "server/cli/tuned.h"
+#include "server/render/scene_light.h"
 
 namespace server::cli {
 
@@ -26,7 +27,8 @@ struct BuildArguments {
   std::string shard;         ///< i/n or auto, as given
   std::uint32_t shards = 0;  ///< 0: as the scene records, or one store
   std::string light = "auto", up = "auto", units = "unknown", subsampling = "420", tune = "off";
-  std::optional<double> tune_db;  ///< --tune in dB, nothing: off
+  lod::hlod::LightArguments light_place;  ///< of a light that throws shadows
+  std::optional<double> tune_db;          ///< --tune in dB, nothing: off
   std::uint32_t grid = 12;
   std::uint32_t face = 0;        ///< pixels; 0: not given, so faces are tiles
   std::string tiles;             ///< off, auto or a depth, as given; usageError() fills in what was not
@@ -61,8 +63,10 @@ inline constexpr const char* kMethods[] = {"patch", "images", "qsplat", "pmr", "
 /// Chooses among them.
 inline constexpr const char* kAuto = "auto";
 
-/// Recorded options that decide what scene.json says of the source, and the patch hierarchy besides.
-inline constexpr const char* kSourceParameters[] = {"light", "up", "units"};
+/// Recorded options that decide what scene.json says of the source, and the patch hierarchy besides. The light's place
+/// is recorded where it was given.
+inline constexpr const char* kSourceParameters[] = {"light", "light-direction", "light-position", "light-size", "up",
+                                                    "units"};
 inline constexpr const char* kHierarchyParameters[] = {
     "voxel-triangles", "leaf-triangles", "node-triangles", "position-bits", "regroup", "stitch", "normals"};
 /// Recorded as "vertex" where textures only coloured the vertices.
@@ -86,6 +90,8 @@ inline constexpr MethodParameter kMethodParameters[] = {
 inline constexpr const char* kStitchedMethods[] = {"patch", "hlod"};
 
 bool wants(const BuildArguments& a, const char* method);
+/// The light that --light names; `has_colors`: for auto.
+base::LightMode lightModeOf(const BuildArguments& a, bool has_colors);
 /// Whether recorded parameters name the method among --methods.
 bool hasMethod(const Parameters& parameters, const std::string& method);
 /// The methods that `includes` takes, as parameters record them: "patch,images".

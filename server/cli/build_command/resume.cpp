@@ -34,9 +34,9 @@ bool sameSources(const std::vector<base::SceneSource>& a, const std::vector<base
   });
 }
 
-bool sameHierarchies(const BuildArguments& a, Parameters recorded, const Parameters& wanted) {
+bool sameHierarchies(const BuildArguments& a, Parameters recorded, Parameters wanted) {
   for (const char* name : kSourceParameters)
-    if (recorded[name] != wanted.at(name)) return false;
+    if (recorded[name] != wanted[name]) return false;
   if (wants(a, "patch") && hasMethod(recorded, "patch"))
     for (const char* name : kHierarchyParameters)
       if (recorded[name] != wanted.at(name)) return false;
@@ -125,7 +125,7 @@ bool isLeftByBuild(const std::string& name) {
   });
   return of_method || name == kLockFile ||
          std::any_of(std::begin(kWholeFiles), std::end(kWholeFiles),
-                     [&](const char* whole) { return base::isUnfinished(name, whole); });
+                     [&](const char* whole) { return name == whole || base::isUnfinished(name, whole); });
 }
 
 std::string documentOf(const BuildArguments& a, bool finished) {

@@ -1,7 +1,10 @@
 #include <algorithm>
+#include <array>
 #include <cstdio>
 #include <memory>
 #include <optional>
+#include <string_view>
+#include <vector>
 
 #include "base/egl/headless.h"
 #include "base/json/camera_file.h"
@@ -11,8 +14,10 @@
 #include "server/cli/console.h"
 #include "server/render/background.h"
 #include "server/render/hlod_scene.h"
+#include "server/render/scene_light.h"
 #include "server/render/scene_renderer.h"
 #include "server/render/splat_scene.h"
+#include "server/render/streamed_scene.h"
 #include "server/render/umbrella_scene.h"
 
 namespace server::cli {
@@ -24,6 +29,7 @@ constexpr const char* kPatchMethod = "patches";
 constexpr const char* kSplatMethod = "qsplat";
 constexpr const char* kUmbrellaMethod = "pmr";
 constexpr const char* kHlodMethod = "hlod";
+constexpr lod::hlod::ShadowWords kShadowWords{"--shadows hard or soft", "--shadows soft", "full, patches and hlod"};
 
 struct RenderArguments {
   std::string scene;
@@ -38,7 +44,7 @@ struct RenderArguments {
   bool back_faces = false;
   int supersampling = 4;
   std::vector<int> background;
-  lod::hlod::ShadowArguments shadows;
+  lod::hlod::ShadowArguments shadows{{}, ""};
 };
 
 /// A picture, and how much it took to draw: "1,234 triangles".
@@ -46,6 +52,26 @@ struct DrawnPicture {
   base::Image rgba;
   std::string amount;
 };
+
+std::string shadowProblem(const RenderArguments& a) {
+  using lod::hlod::Shadows;
+  if (a.shadows.shadows.empty()) return lod::hlod::lightProblem(a.shadows, Shadows::kNone, kShadowWords);
+  const bool with_shadows = a.method == kFullMethod || a.method == kPatchMethod || a.method == kHlodMethod;
+  return lod::hlod::shadowProblem(a.shadows, with_shadows, kShadowWords);
+}
+
+/// The light of the picture: the scene's where nothing is said of shadows.
+base::Result<base::Light> lightOf(const lod::hlod::ShadowArguments& a, const base::Scene& scene) {
+  base::Light light = scene.light;
+  if (a.shadows.empty()) return light;
+  const auto shadows = *lod::hlod::shadowsFromName(a.shadows);
+  if (shadows != lod::hlod::Shadows::kNone)
+    light.mode = shadows == lod::hlod::Shadows::kSoft ? base::LightMode::kSoftShadows : base::LightMode::kHardShadows;
+  else if (light.hasShadows())
+    light.mode = scene.has_colors ? base::LightMode::kUnlit : base::LightMode::kSoft;
+  LUMIGRID_TRY(placeLight(a, scene, light));
+  return light;
+}
 
 /// In pixels; `usual`: where none is given.
 float toleranceOf(const RenderArguments& a, float usual) {
@@ -60,7 +86,7 @@ Rgb colorOf(const std::vector<int>& values) {
 
 base::Result<DrawnPicture> drawPatches(const RenderArguments& a, const base::Scene& scene,
                                        const base::ViewCamera& view) {
-  LUMIGRID_ASSIGN_OR_RETURN(auto patches, lod::patch::PatchFile::open(base::patchPath(a.scene, scene)));
+  LUMIGRID_ASSIGN_OR_RETURN(auto patches, openPatches(a.scene, scene));
   LUMIGRID_ASSIGN_OR_RETURN(auto renderer, SceneRenderer::create(scene, patches));
   RenderOptions options;
   options.tolerance_px = a.method == kFullMethod ? 0.0F : toleranceOf(a, 1.0F);
@@ -102,8 +128,9 @@ base::Result<DrawnPicture> drawNodes(const RenderArguments& a, const base::Scene
   LUMIGRID_ASSIGN_OR_RETURN(auto renderer, HlodScene::create(a.scene, scene));
   HlodOptions options;
   options.tolerance = toleranceOf(a, options.tolerance);
-  options.shadows = *lod::hlod::shadowsFromName(a.shadows.shadows);
-  options.light = lod::hlod::lightOf(a.shadows, scene.light.direction, scene.origin);
+  const SceneShadows shadows = shadowsOf(scene.light, scene.origin);
+  options.shadows = shadows.shadows;
+  options.light = shadows.light;
   options.supersampling = a.supersampling;
   LUMIGRID_ASSIGN_OR_RETURN(auto picture,
                             renderer->render(base::cameraForScene(view, scene.origin, renderer->bounds()), options));
@@ -119,8 +146,35 @@ base::Result<DrawnPicture> drawPicture(const RenderArguments& a, const base::Sce
   return drawPatches(a, scene, view);
 }
 
+/// Options that some methods alone have.
+struct MethodOption {
+  const char* name;
+  std::vector<std::string_view> methods;
+};
+
+/// Names the option that the method has not, or cannot have with this value; empty where there is none.
+std::string optionProblem(const CLI::App& command, const RenderArguments& a) {
+  const std::array<MethodOption, 5> options{{{"--tolerance", {kPatchMethod, kUmbrellaMethod, kHlodMethod}},
+                                             {"--guarantee", {kPatchMethod}},
+                                             {"--splat", {kSplatMethod}},
+                                             {"--cutoff", {kSplatMethod}},
+                                             {"--back-faces", {kSplatMethod}}}};
+  for (const MethodOption& option : options) {
+    if (command.count(option.name) == 0) continue;
+    if (std::find(option.methods.begin(), option.methods.end(), a.method) != option.methods.end()) continue;
+    std::string methods;
+    for (const std::string_view method : option.methods) methods += (methods.empty() ? "" : ", ") + std::string(method);
+    return std::string(option.name) + " means nothing with --method " + a.method + "; leave it out (it is for " +
+           methods + ")";
+  }
+  if (a.tolerance_px && !(*a.tolerance_px > 0.0) && a.method != kPatchMethod)
+    return "--tolerance must be above 0 with --method " + a.method;
+  return shadowProblem(a);
+}
+
 base::Result<void> run(const RenderArguments& a) {
-  LUMIGRID_ASSIGN_OR_RETURN(const auto scene, base::readScene(a.scene));
+  LUMIGRID_ASSIGN_OR_RETURN(auto scene, base::readScene(a.scene));
+  LUMIGRID_ASSIGN_OR_RETURN(scene.light, lightOf(a.shadows, scene));
   LUMIGRID_ASSIGN_OR_RETURN(auto view, base::readCamera(a.camera));
   if (a.size.size() == 2) {
     view.width = a.size[0];
@@ -179,9 +233,10 @@ RunCommand addRender(CLI::App& command) {
       ->expected(3)
       ->check(CLI::Range(0, 255))
       ->default_str("");
-  lod::hlod::declareShadowOptions(command, a->shadows);
-  return [a] {
-    if (const std::string problem = lod::hlod::shadowProblem(a->shadows, a->method == kHlodMethod); !problem.empty()) {
+  lod::hlod::declareShadowOptions(command, a->shadows, kShadowWords);
+  command.get_option("--shadows")->default_str("the scene's light, see `lumigrid build --light`");
+  return [a, &command] {
+    if (const std::string problem = optionProblem(command, *a); !problem.empty()) {
       fail({base::ErrorCode::kInvalidInput, "render: " + problem});
       return kWrongUsage;
     }

@@ -3,5 +3,5 @@ in vec3 v_to_eye;
 in vec3 v_color;
 layout(location = 0) out vec4 out_color;
 void main() {
-  out_color = vec4(shadeSurface(SURFACE_COLOR(v_color), v_normal, v_to_eye), 1.0);
+  out_color = vec4(SHADED(SURFACE_COLOR(v_color)), 1.0);
 }

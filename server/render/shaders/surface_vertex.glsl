@@ -1,4 +1,5 @@
-// With VIEW_MODES defined, for view modes: they have a program of their own, since few pictures have any.
+// With VIEW_MODES defined, for view modes: they have a program of their own, since few pictures have any. With SHADOWS,
+// for surfaces in a light that throws shadows.
 uniform mat4 u_clip_from_scene;
 uniform vec4 u_eye;                    // homogeneous: parallel rays come from a point at infinity
 layout(location = 0) in vec3 position;
@@ -12,12 +13,18 @@ out vec2 v_place;
 #ifdef VIEW_MODES
 out vec3 v_position;
 #endif
+#ifdef SHADOWS
+out vec3 v_from_eye;                   // the place, from the eye; in parallel views from the scene's zero
+#endif
 out vec3 v_normal;
 out vec3 v_to_eye;
 out vec3 v_color;
 void main() {
 #ifdef VIEW_MODES
   v_position = position;
+#endif
+#ifdef SHADOWS
+  v_from_eye = position - u_eye.w * u_eye.xyz;
 #endif
   v_normal = normal;
   v_to_eye = u_eye.xyz - u_eye.w * position;

@@ -31,7 +31,7 @@ base::Scene example() {
   scene.crs = "EPSG:32718";
   scene.attribution = "A. Nonymous & S\u00F6hne <info@example.org>";
   scene.background = base::Rgb{20, 40, 255};
-  scene.images_light = base::LightMode::kSoft;
+  scene.images_light = base::Light{base::LightMode::kSoftShadows, {0, 0.6F, 0.8F}, glm::dvec3(500001.5, 2, 3), 0.25};
   return scene;
 }
 
@@ -60,13 +60,38 @@ TEST(SceneFile, appearanceThatNobodySetIsAbsent) {
   EXPECT_EQ(base::northOf(*read), glm::dvec3(0.0));
 }
 
+TEST(SceneFile, lightsWithShadowsAreReadAsTheyWereWritten) {
+  base::Scene scene = example();
+  for (const base::Light& light :
+       {base::Light{base::LightMode::kHardShadows, {0, 0, 1}, {}, 0.0},
+        base::Light{base::LightMode::kHardShadows, {0, 0, 1}, glm::dvec3(500001.0625, -2, 1e3), 0.0},
+        base::Light{base::LightMode::kSoftShadows, {0.6F, 0, 0.8F}, {}, 0.53}}) {
+    scene.light = light;
+    const auto read = base::parseScene(base::formatScene(scene), "s");
+    ASSERT_TRUE(read) << read.error().message;
+    EXPECT_EQ(read->light, light);
+  }
+}
+
+TEST(SceneFile, imagesLightMayBeTheModeAlone) {
+  base::Scene scene = example();
+  scene.images_light.reset();
+  std::string text = base::formatScene(scene);
+  text.insert(text.find('{') + 1, "\"images_light\": \"soft\",");
+  const auto read = base::parseScene(text, "s");
+  ASSERT_TRUE(read) << read.error().message;
+  EXPECT_EQ(read->images_light, (base::Light{base::LightMode::kSoft, scene.light.direction, {}, 0.0}));
+}
+
 TEST(SceneFile, appearanceThatCannotBeIsNamed) {
   const std::string good = base::formatScene(example());
   for (const auto& [is, becomes, name] :
        {std::tuple("-12.5", "-361.0", "north"), std::tuple("-12.5", "\"N\"", "north"),
         std::tuple("\"#1428ff\"", "\"blue\"", "background"), std::tuple("\"#1428ff\"", "7", "background"),
-        std::tuple("\"EPSG:32718\"", "32718", "crs"),
-        std::tuple("\"images_light\": \"soft\"", "\"images_light\": \"dim\"", "images_light")}) {
+        std::tuple("\"EPSG:32718\"", "32718", "crs"), std::tuple("\"soft-shadows\"", "\"dim\"", "images_light: mode"),
+        std::tuple("\"size\": 0.25", "\"size\": 0", "images_light: size"),
+        std::tuple("\"size\": 0.25", "\"size\": \"big\"", "images_light: size"),
+        std::tuple("500001.5", "1e30", "images_light: position")}) {
     std::string text = good;
     ASSERT_NE(text.find(is), std::string::npos) << is;
     text.replace(text.find(is), std::string(is).size(), becomes);

@@ -300,6 +300,77 @@ hlod::NodePicture fineSquare(const glm::vec3& normal) {
       normal);
 }
 
+// ---- Surfaces close to each other ----
+
+constexpr glm::u8vec3 kSeen{200, 60, 40}, kHidden{40, 60, 200};
+
+hlod::NodePicture colored(hlod::NodePicture picture, const glm::u8vec3& color) {
+  for (SurfaceVertex& vertex : picture.vertices) vertex.color = glm::u8vec4(color, 255);
+  return picture;
+}
+
+int pixelsHidden(const base::Image& picture) {
+  int found = 0;
+  for (int y = 0; y < picture.height; ++y)
+    for (int x = 0; x < picture.width; ++x) found += picture.at(x, y)[2] > picture.at(x, y)[0] ? 1 : 0;
+  return found;
+}
+
+/// Square parts of a sheet of 4 × 4 units at this height; or all of it as two triangles.
+Nodes sheet(const base::Camera& camera, float height, const glm::u8vec3& color, int parts) {
+  Nodes nodes;
+  const float size = 4.0F / static_cast<float>(parts);
+  for (int part = 0; part < parts * parts; ++part) {
+    const glm::vec2 corner = size * glm::vec2(part % parts, part / parts) - 2.0F;
+    const auto place = [&](int x, int y) { return glm::vec3(corner + size * glm::vec2(x, y), height); };
+    nodes.push_back(drawn(camera, colored(gridOf(2, place), color)));
+  }
+  return nodes;
+}
+
+// The sheets are 4 mm apart where the scene has 10 m. The eye is within the scene's sphere, and within the box of a
+// node that is all of a sheet that lies aslant.
+TEST_F(HlodNodesTest, aSheetHidesTheOneCloseBehindIt) {
+  for (const int parts : {8, 1})
+    for (const float away : {0.8F, 1.7F, 2.4F, 2.7F}) {
+      base::ViewCamera at;
+      at.direction = glm::normalize(glm::dvec3(-0.3, 0.4, -0.9));
+      at.position = -static_cast<double>(away) * at.direction;
+      at.width = at.height = kSize;
+      const base::Camera camera = base::cameraForScene(at, glm::dvec3(0.0), {glm::vec3(0.0F), 2.83F});
+      Nodes nodes = sheet(camera, -0.0016F, kHidden, parts);
+      for (hlod::DrawnNode& node : sheet(camera, 0.0F, kSeen, parts)) nodes.push_back(std::move(node));
+      const base::Image seen = picture(nodes, unlit(camera));
+      EXPECT_EQ(pixelsHidden(seen), 0) << parts << " parts from " << away;
+      EXPECT_GT(seen.at(kSize / 2, kSize / 2)[0], 150);
+      EXPECT_EQ(renderer_->drawnCamera().clip_from_eye[0], camera.clip_from_eye[0]);
+    }
+}
+
+// Each side of the wall is off by nearly its error, so that they have changed places.
+TEST_F(HlodNodesTest, theFarSideOfAThinWallDoesNotShowThroughTheNearOne) {
+  constexpr float kError = 0.02F;
+  for (const float side : {1.0F, -1.0F}) {
+    const base::Camera camera = cameraAt({0.4F, 0.3F, side * kAway});
+    const auto wall = [&](float height, float facing, const glm::u8vec3& color) {
+      auto grid = colored(gridOf(9, [&](int x, int y) { return glm::vec3(0.25F * glm::vec2(x, y) - 1.0F, height); },
+                                 {0.0F, 0.0F, facing}),
+                          color);
+      grid.error = kError;
+      return drawn(camera, std::move(grid));
+    };
+    const Nodes nodes{wall(0.9F * kError * side, -side, kHidden), wall(-0.9F * kError * side, side, kSeen)};
+    const base::Image seen = picture(nodes, unlit(camera));
+    EXPECT_GT(seen.at(kSize / 2, kSize / 2)[0], 150);
+    int found = 0;
+    for (int y = kSize / 3; y < 2 * kSize / 3; ++y)
+      for (int x = kSize / 3; x < 2 * kSize / 3; ++x) found += seen.at(x, y)[2] > seen.at(x, y)[0] ? 1 : 0;
+    EXPECT_EQ(found, 0);
+  }
+}
+
+// ---- Looks ----
+
 TEST_F(HlodNodesTest, pointsAndTrianglesAreShadedAlike) {
   NodeView view;
   view.camera = cameraAbove();

@@ -279,13 +279,13 @@ TEST(HlodPrefetchTest, castersBesideALightsViewNeedTheStepThatBringsThemIntoIt) 
   ASSERT_GT(next.size(), 20U);
   const base::Frustum frustum(light.camera.clipFromScene());
   for (std::size_t i = 0; i < next.size(); ++i) {
-    if (i > 0) EXPECT_LE(next[i - 1].motion, next[i].motion);
+    EXPECT_LE(next[i - std::min<std::size_t>(i, 1)].motion, next[i].motion);
     const Node& node = made().nodes[next[i].node];
     EXPECT_TRUE(node.isLeaf());
     EXPECT_FALSE(frustum.mayOverlap(node.box));
     // A step by less than that, in parts of the picture's height, does not show it.
     const LightRequest moved = lightAt(-0.5F + 0.8F * 0.98F * std::max(next[i].motion, 0.0F), 0.8F);
-    if (next[i].motion > 0.0F) EXPECT_FALSE(base::Frustum(moved.camera.clipFromScene()).mayOverlap(node.box));
+    EXPECT_TRUE(next[i].motion <= 0.0F || !base::Frustum(moved.camera.clipFromScene()).mayOverlap(node.box));
   }
   EXPECT_TRUE(castersWantedNext({}, light, kAll).empty());
 }

@@ -468,6 +468,7 @@ TEST(HlodShadowTest, mapsThatWouldBeTooLargeHaveLargerTexels) {
   for (int i = 0; i < 40; ++i) {
     Case made = planCase(tree, tree.random.next(), i % 2 == 0 ? Place::kFar : Place::kOutside, false);
     made.request.max_texels = 64;
+    made.request.max_maps = 1;
     made.plans = planShadowMaps(tree.nodes, made.receivers, made.request);
     Checked checked;
     for (const ShadowMapPlan& plan : made.plans) {
@@ -484,6 +485,114 @@ TEST(HlodShadowTest, mapsThatWouldBeTooLargeHaveLargerTexels) {
     }
   }
   EXPECT_GT(limited, 10);
+}
+
+/// The first map that holds a place of the receiver, as it is drawn; null where there is none.
+const ShadowMapPlan* mapFor(const Case& made, std::uint32_t receiver, const glm::dvec3& point) {
+  for (const ShadowMapPlan& plan : made.plans) {
+    if (!std::binary_search(plan.receivers.begin(), plan.receivers.end(), receiver)) continue;
+    if (!isSeen(plan.camera, point)) continue;
+    const bool is_in_slice = std::all_of(plan.slice.begin(), plan.slice.end(), [&](const glm::dvec4& plane) {
+      return glm::dot(plane, glm::dvec4(point, 1.0)) >= 0.0;
+    });
+    if (is_in_slice) return &plan;
+  }
+  return nullptr;
+}
+
+/// Places that are seen are in a map that knows all that shadows them.
+void checkMapsOfPlaces(Octree& tree, const Case& made, Checked& checked) {
+  for (int i = 0; i < 100 && !made.receivers.empty(); ++i) {
+    const auto receiver =
+        static_cast<std::uint32_t>(tree.random.number(0.0, static_cast<double>(made.receivers.size()) - 1e-6));
+    const glm::dvec3 point = pointIn(tree.random, tree.nodes[made.receivers[receiver]].box);
+    if (!isSeen(made.request.view.camera, point)) continue;
+    ++checked.points;
+    const ShadowMapPlan* plan = mapFor(made, receiver, point);
+    ASSERT_NE(plan, nullptr) << "no map shows the place";
+    ASSERT_NO_FATAL_FAILURE(checkRay(tree, made, *plan, point, checked));
+    ASSERT_NO_FATAL_FAILURE(checkSizes(tree, made, *plan, point, checked));
+  }
+}
+
+float coarsestTexel(const std::vector<ShadowMapPlan>& plans) {
+  float coarsest = 0.0F;
+  for (const ShadowMapPlan& plan : plans) coarsest = std::max(coarsest, plan.texel_px);
+  return coarsest;
+}
+
+TEST(HlodShadowTest, slicesOfAViewAreAsFineAsTheyMustBe) {
+  Octree tree(glm::vec3(0.0F), 1.0F, 4, 15);
+  Checked checked;
+  int finer = 0;
+  for (int i = 0; i < 40; ++i) {
+    Case made = planCase(tree, anyCamera(tree, 0), i % 2 == 0 ? Place::kFar : Place::kOutside, false);
+    made.request.max_texels = 150;
+    made.request.max_maps = 1;
+    const float coarse = coarsestTexel(planShadowMaps(tree.nodes, made.receivers, made.request));
+    made.request.max_maps = 8;
+    made.plans = planShadowMaps(tree.nodes, made.receivers, made.request);
+    EXPECT_LE(coarsestTexel(made.plans), 1.01F * coarse);
+    finer += 2.0F * coarsestTexel(made.plans) < coarse ? 1 : 0;
+    ASSERT_NO_FATAL_FAILURE(checkMapsOfPlaces(tree, made, checked)) << "case " << i;
+  }
+  EXPECT_GT(finer, 10);
+  EXPECT_GT(checked.points, 400);
+}
+
+/// The camera after a small step and a small turn.
+base::Camera moved(const base::Camera& camera, Octree& tree, double step) {
+  const glm::dvec3 axis = tree.random.direction();
+  const glm::dvec3 shift = step * static_cast<double>(tree.bounds.radius) * tree.random.direction();
+  const glm::dmat4 turn = glm::rotate(glm::dmat4(1.0), step, axis);
+  base::Camera next = camera;
+  next.eye_from_scene = glm::mat4(glm::translate(turn, shift) * glm::dmat4(camera.eye_from_scene));
+  next.eye = glm::vec3(glm::inverse(glm::dmat4(next.eye_from_scene))[3]);
+  return next;
+}
+
+// Most views of a moving eye are served by the maps of one before, and no worse than by maps of their own.
+TEST(HlodShadowTest, mapsServeTheNextViews) {
+  Octree tree(glm::vec3(0.0F), 1.0F, 4, 16);
+  for (const std::uint32_t max_texels : {1U << 30, 300U}) {
+    Checked checked;
+    int views = 0, kept = 0;
+    for (int i = 0; i < 24; ++i) {
+      // A light amid receivers has maps that do not see all of the room around it.
+      const Place place = std::array{Place::kFar, Place::kOutside, Place::kInside}[static_cast<std::size_t>(i) % 3];
+      Case made = planCase(tree, anyCamera(tree, i), place, i % 2 == 0);
+      made.request.room = 0.15F;
+      made.request.max_texels = max_texels;
+      ShadowPlanner planner;
+      std::vector<base::Camera> before;
+      for (int step = 0; step < 12; ++step) {
+        views += place != Place::kInside ? 1 : 0;
+        made.request.view.camera = moved(made.request.view.camera, tree, 0.002);
+        made.receivers = chooseCut(tree.nodes, made.request.view);
+        made.plans = planner.plan(tree.nodes, receiversOf(tree.nodes, made.receivers), made.request);
+        ASSERT_NO_FATAL_FAILURE(checkMapsOfPlaces(tree, made, checked)) << "case " << i << ", step " << step;
+        std::vector<base::Camera> maps;
+        for (const ShadowMapPlan& plan : made.plans) maps.push_back(plan.camera);
+        kept += step > 0 && place != Place::kInside &&
+                std::equal(maps.begin(), maps.end(), before.begin(), before.end(), base::sameCamera);
+        before = std::move(maps);
+      }
+    }
+    EXPECT_GT(2 * kept, views);
+    EXPECT_GT(checked.points, 4000);
+  }
+}
+
+TEST(HlodShadowTest, aLightThatMovesHasMapsOfItsOwn) {
+  Octree tree(glm::vec3(0.0F), 1.0F, 4, 17);
+  Case made = planCase(tree, tree.random.next(), Place::kFar, false);
+  made.request.room = 0.15F;
+  ShadowPlanner planner;
+  const auto receivers = receiversOf(tree.nodes, made.receivers);
+  const base::Camera first = planner.plan(tree.nodes, receivers, made.request).front().camera;
+  EXPECT_TRUE(base::sameCamera(planner.plan(tree.nodes, receivers, made.request).front().camera, first));
+  made.request.light.place = glm::vec4(glm::normalize(glm::vec3(made.request.light.place) + 0.01F), 0.0F);
+  EXPECT_FALSE(base::sameCamera(planner.plan(tree.nodes, receivers, made.request).front().camera, first));
 }
 
 TEST(HlodShadowTest, aLightAmongReceiversHasAMapForEachSide) {

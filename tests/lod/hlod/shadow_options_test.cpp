@@ -10,7 +10,7 @@ namespace {
 
 ShadowArguments argumentsOf(const std::string& shadows, std::vector<double> direction = {},
                             std::vector<double> position = {}, std::optional<double> size = std::nullopt) {
-  return {shadows, std::move(direction), std::move(position), size};
+  return {{std::move(direction), std::move(position), size}, shadows};
 }
 
 TEST(ShadowOptions, contradictionsAreNamed) {
@@ -20,6 +20,7 @@ TEST(ShadowOptions, contradictionsAreNamed) {
                                          {argumentsOf("none", {}, {}, 1.0), "--light-size"},
                                          {argumentsOf("hard", up, up), "two lights"},
                                          {argumentsOf("hard", zero), "nowhere"},
+                                         {argumentsOf("hard", {}, {0.0, 2e12, 0.0}), "too far away"},
                                          {argumentsOf("soft", endless), "finite"},
                                          {argumentsOf("hard", up, {}, 1.0), "--shadows soft"},
                                          {argumentsOf("soft", {}, up), "--light-size"},
@@ -33,6 +34,10 @@ TEST(ShadowOptions, contradictionsAreNamed) {
   }
   EXPECT_NE(shadowProblem(argumentsOf("hard"), false).find("--method hlod"), std::string::npos);
   EXPECT_EQ(shadowProblem(argumentsOf("none"), false), "");
+  const ShadowWords words{"--light any", "--light soft", "a and b"};
+  EXPECT_NE(lightProblem(argumentsOf("none", up), Shadows::kNone, words).find("--light any"), std::string::npos);
+  EXPECT_NE(lightProblem(argumentsOf("hard", up, {}, 1.0), Shadows::kHard, words).find("--light soft"),
+            std::string::npos);
 }
 
 TEST(ShadowOptions, theLightIsThatOfTheSceneUnlessOneIsGiven) {

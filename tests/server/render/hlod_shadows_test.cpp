@@ -4,20 +4,23 @@
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
-#include <filesystem>
 #include <numbers>
+#include <optional>
 #include <ostream>
 #include <vector>
 
 #include "base/egl/headless.h"
 #include "base/file.h"
 #include "base/gl/gl.h"
-#include "base/png/png.h"
+#include "base/jpeg/jpeg.h"
 #include "lod/disk_bytes.h"
 #include "lod/hlod/block.h"
 #include "lod/hlod/builder/build.h"
+#include "lod/patch/builder/hierarchy_build.h"
 #include "mesh/generate/sample.h"
 #include "server/render/hlod_scene.h"
+#include "server/render/scene_light.h"
+#include "server/render/scene_renderer.h"
 #include "tests/lod/draw/shadow_truth.h"
 #include "tests/support/compared_pictures.h"
 #include "tests/support/failure_meshes.h"
@@ -65,6 +68,7 @@ class HlodShadowsTest : public testing::Test {
   }
   void TearDown() override {
     renderer_.reset();
+    patch_renderer_.reset();
     EXPECT_EQ(base::gl::takeError(), "");
   }
 
@@ -78,6 +82,22 @@ class HlodShadowsTest : public testing::Test {
     ASSERT_TRUE(opened) << opened.error().message;
     renderer_ = std::move(*opened);
     leaves_ = leavesOf(directory_ / "hlod.lgh");
+  }
+  /// Opens patches of the same mesh for pictures in this light.
+  void buildPatches(const base::Light& light) {
+    const std::string path = directory_ / "patch.lgp";
+    if (!patches_) {
+      const auto built = lod::patch::builder::buildHierarchyFromFiles({directory_ / "mesh.ply"}, {}, path);
+      ASSERT_TRUE(built) << built.error().message;
+      auto opened = lod::patch::PatchFile::open(path);
+      ASSERT_TRUE(opened) << opened.error().message;
+      patches_.emplace(std::move(*opened));
+    }
+    base::Scene scene = scene_;
+    scene.light = light;
+    auto renderer = SceneRenderer::create(scene, *patches_);
+    ASSERT_TRUE(renderer) << renderer.error().message;
+    patch_renderer_ = std::move(*renderer);
   }
   void build(const support::Mesh& mesh) {
     support::writePly(directory_ / "mesh.ply", support::PlyMesh(mesh));
@@ -124,6 +144,8 @@ class HlodShadowsTest : public testing::Test {
   std::unique_ptr<base::HeadlessContext> context_;
   base::Scene scene_;
   std::unique_ptr<HlodScene> renderer_;
+  std::optional<lod::patch::PatchFile> patches_;
+  std::unique_ptr<SceneRenderer> patch_renderer_;
   support::Mesh leaves_;
 };
 
@@ -221,6 +243,83 @@ TEST_F(HlodShadowsTest, aPictureInTilesIsThatInOne) {
   }
 }
 
+/// The mean difference of pixels that all of the light would make brighter than `expected` is, of 255.
+struct ShadowDifference {
+  double mean = 0.0;
+  int pixels = 0;
+};
+ShadowDifference compareInShadow(const base::Image& expected, const base::Image& got, const base::Camera& view,
+                                 const support::ShadowTruth& truth, const lod::hlod::ShadowLight& light) {
+  ShadowDifference difference;
+  for (int y = 0; y < view.height; ++y)
+    for (int x = 0; x < view.width; ++x) {
+      if (expected.at(x, y)[3] < 255 || got.at(x, y)[3] < 255) continue;
+      const auto seen = truth.seenAt(view, {x + 0.5, y + 0.5});
+      if (!seen || expected.at(x, y)[0] > 255.0 * (0.35 + 0.65 * facing(*seen, light)) - 8.0) continue;
+      difference.mean += std::abs(static_cast<double>(expected.at(x, y)[0]) - static_cast<double>(got.at(x, y)[0]));
+      ++difference.pixels;
+    }
+  difference.mean /= std::max(difference.pixels, 1);
+  return difference;
+}
+
+// Faces are drawn many at a time, frames and pictures alone.
+TEST_F(HlodShadowsTest, patchesShowTheShadowsThatNodesShow) {
+  buildStatue(40'000);
+  const support::ShadowTruth truth(leaves_);
+  const base::Sphere& bounds = renderer_->bounds();
+  const glm::dvec3 lamp(bounds.center + bounds.radius * glm::vec3(1.4F, 1.2F, 1.2F));
+  RenderOptions options;
+  options.supersampling = 2;
+  HlodOptions as_nodes;
+  as_nodes.supersampling = 2;
+  for (const base::Light& light :
+       {base::Light{base::LightMode::kSoftShadows, glm::normalize(glm::vec3(0.6F, 0.8F, 0.3F)), {}, 8.0},
+        base::Light{base::LightMode::kSoftShadows, {0.0F, 1.0F, 0.0F}, lamp, 0.4 * static_cast<double>(bounds.radius)},
+        base::Light{base::LightMode::kHardShadows, glm::normalize(glm::vec3(0.6F, 0.8F, 0.3F)), {}, 0.0}}) {
+    buildPatches(light);
+    const lod::hlod::ShadowLight thrown = shadowsOf(light, glm::dvec3(0.0)).light;
+    std::vector<base::Camera> views{camera({0.7, 0.6, 1.7}), camera({0.7, 0.6, 1.7}, 200, 200)};
+    const auto check = [&](std::size_t i, const RenderedPicture& drawn) {
+      const auto difference = compareInShadow(picture(views[i], thrown, as_nodes), drawn.rgba, views[i], truth, thrown);
+      EXPECT_GT(difference.pixels, 2000);
+      EXPECT_LT(difference.mean, 4.0) << difference.pixels << " pixels, light " << base::nameOf(light.mode);
+    };
+    ASSERT_TRUE(patch_renderer_->renderMany(views, options, check));
+    ASSERT_TRUE(patch_renderer_->finish());
+    const auto one = patch_renderer_->render(views[0], options);
+    ASSERT_TRUE(one) << one.error().message;
+    check(0, *one);
+    options.max_target_samples = 20'000;
+    const auto in_tiles = patch_renderer_->render(views[0], options);
+    ASSERT_TRUE(in_tiles) << in_tiles.error().message;
+    EXPECT_LT(support::shareDifferent(one->rgba, in_tiles->rgba), 0.02);
+    options.max_target_samples = RenderOptions{}.max_target_samples;
+  }
+}
+
+TEST_F(HlodShadowsTest, patchesOfAConvexSurfaceShowNoSpeckle) {
+  build(support::bumpySphere(100, 200, 0.0F));
+  const support::ShadowTruth truth(leaves_);
+  const base::Camera view = camera({0.4, -1.5, 1.6}, 320, 240, kUpwards);
+  for (const float tolerance : {0.0F, 1.0F, 4.0F}) {
+    const base::Light light{base::LightMode::kSoftShadows, glm::normalize(glm::vec3(0.5F, -0.6F, 0.4F)), {}, 3.0};
+    buildPatches(light);
+    const auto drawn = patch_renderer_->render(view, {.tolerance_px = tolerance});
+    ASSERT_TRUE(drawn) << drawn.error().message;
+    EXPECT_EQ(shadowedPixels(drawn->rgba, view, truth, shadowsOf(light, glm::dvec3(0.0)).light, 0.1), 0) << tolerance;
+  }
+}
+
+TEST_F(HlodShadowsTest, patchesNeedTheOctreeForShadows) {
+  buildStatue(10'000);
+  buildPatches({});
+  std::filesystem::remove(directory_ / "hlod.lgh");
+  const auto lit = patch_renderer_->setLight({base::LightMode::kHardShadows, {0.0F, 1.0F, 0.0F}, {}, 0.0});
+  ASSERT_FALSE(lit);
+  EXPECT_NE(lit.error().message.find("--methods hlod"), std::string::npos) << lit.error().message;
+}
+
 TEST_F(HlodShadowsTest, softShadowsNeedALightOfSomeSize) {
   buildStatue(10'000);
   HlodOptions options;
@@ -314,21 +413,38 @@ class ShadowFailuresTest : public HlodShadowsTest, public testing::WithParamInte
     return picture;
   }
 
-  /// Hard shadows by rays, as drawn, soft ones by rays, as drawn: DIR/shadows/NAME_0.png to _3.png.
-  void writePictures(const base::Camera& view, const support::ShadowTruth& truth, lod::hlod::ShadowLight light,
-                     float soft_size) {
-    const std::string stem = folder() + "/shadows/" + GetParam().name;
-    std::filesystem::create_directories(folder() + "/shadows");
+  // ---- the picture of docs/stability.md: a row for each failure ----
+
+  static constexpr int kWidth = 240, kHeight = 180;
+  inline static std::vector<base::Image> sheet_;
+
+  /// Adds hard shadows by rays and as drawn, soft ones by rays and as drawn.
+  void addToSheet(const base::Camera& view, const support::ShadowTruth& truth, lod::hlod::ShadowLight light,
+                  float soft_size) {
     HlodOptions options;
     options.supersampling = 2;
-    EXPECT_TRUE(base::writePng(rayPicture(view, truth, light, 1), stem + "_0.png"));
-    EXPECT_TRUE(base::writePng(picture(view, light, options), stem + "_1.png"));
+    sheet_.push_back(rayPicture(view, truth, light, 1));
+    sheet_.push_back(picture(view, light, options));
     light.size = soft_size;
-    const base::Image soft = picture(view, light, options);
-    EXPECT_TRUE(base::writePng(rayPicture(view, truth, light, 32), stem + "_2.png"));
-    EXPECT_TRUE(base::writePng(soft, stem + "_3.png"));
-    const support::PenumbraError error = support::comparePenumbrae(soft, view, truth, light, 2);
+    sheet_.push_back(rayPicture(view, truth, light, 32));
+    sheet_.push_back(picture(view, light, options));
+    const support::PenumbraError error = support::comparePenumbrae(sheet_.back(), view, truth, light, 2);
     std::printf("penumbrae of %s: %.2f of 255, %d pixels\n", GetParam().name, error.mean, error.pixels);
+  }
+  static void TearDownTestSuite() {
+    if (sheet_.empty()) return;
+    base::Image all(4 * kWidth, static_cast<int>(sheet_.size() / 4) * kHeight, 3);
+    for (std::size_t k = 0; k < sheet_.size(); ++k)
+      for (int y = 0; y < kHeight; ++y)
+        for (int x = 0; x < kWidth; ++x) {
+          const auto from = sheet_[k].at(x, y);
+          const auto to = all.at(static_cast<int>(k % 4) * kWidth + x, static_cast<int>(k / 4) * kHeight + y);
+          for (int c = 0; c < 3; ++c)
+            to[c] = static_cast<std::uint8_t>((from[c] * from[3] + 128 * (255 - from[3])) / 255);
+        }
+    const auto jpeg = base::encodeJpeg(all, 85, base::Subsampling::k420);
+    ASSERT_TRUE(jpeg);
+    EXPECT_TRUE(base::writeFileAtomically(folder() + "/shadows.jpg", *jpeg));
   }
 };
 
@@ -338,14 +454,13 @@ TEST_P(ShadowFailuresTest, hardShadowsEndWhereRaysSay) {
   buildFile(directory_ / "mesh.ply");
   const support::ShadowTruth truth(leaves_);
   const lod::hlod::ShadowLight light = failure.is_lamp ? lamp(failure.light) : sun(failure.light);
-  const bool has_pictures = !folder().empty();
-  const base::Camera view = camera(failure.from, 240, 180, kUpwards);
+  const base::Camera view = camera(failure.from, kWidth, kHeight, kUpwards);
   const support::EdgeCount count =
       support::compareEdges(picture(view, light), view, truth, light, failure.least_facing);
   std::printf("%s: %d of %d edges wrong, %d pixels\n", failure.name, count.wrong, count.edges, count.checked);
   EXPECT_GT(count.edges, 50);
   EXPECT_LE(count.wrong, failure.max_wrong * count.edges);
-  if (has_pictures) writePictures(view, truth, light, failure.is_lamp ? 0.1F * renderer_->bounds().radius : 0.14F);
+  if (!folder().empty()) addToSheet(view, truth, light, failure.is_lamp ? 0.1F * renderer_->bounds().radius : 0.14F);
 }
 
 INSTANTIATE_TEST_SUITE_P(Where, ShadowFailuresTest, testing::ValuesIn(shadowFailures()),

@@ -34,7 +34,8 @@ class PatchCacheTest : public testing::Test {
   bool draw(PatchCache& cache, std::initializer_list<std::uint32_t> patches) {
     std::vector<DrawnPatch> drawn;
     for (const std::uint32_t patch : patches) drawn.push_back({patch});
-    return static_cast<bool>(cache.draw(drawn, [this](SurfaceKind) -> const base::gl::Program& { return program_; }));
+    return static_cast<bool>(
+        cache.draw(drawn, [this](SurfaceKind, std::uint32_t) -> const base::gl::Program& { return program_; }));
   }
 
   std::unique_ptr<base::HeadlessContext> context_;

@@ -174,6 +174,48 @@ TEST_F(SceneRendererTest, nearerSurfaceHidesTheFartherWhateverTheOrder) {
   }
 }
 
+/// A square sheet of ±20 units that rises along x, as so many leaves along each side, a step of the lattice lower if
+/// `is_lower`.
+void addSheet(std::vector<std::vector<Triangle>>& leaves, int parts, bool is_lower, const glm::u8vec4& color) {
+  const float size = 40.0F / static_cast<float>(parts);
+  for (int part = 0; part < parts * parts; ++part) {
+    const auto corner = [&](int x, int y) {
+      const glm::vec2 at = size * glm::vec2(part % parts + x, part / parts + y) - 20.0F;
+      return glm::vec3(at, 0.25F * at.x - (is_lower ? 1.0F / 64.0F : 0.0F));
+    };
+    leaves.push_back(
+        {{corner(0, 0), corner(1, 0), corner(0, 1), color}, {corner(1, 0), corner(1, 1), corner(0, 1), color}});
+  }
+}
+
+// The sheets are 4 mm apart where the scene has 10 m. The eye is within the scene's sphere, and with one leaf a sheet
+// within its box.
+TEST_F(SceneRendererTest, aSheetHidesTheOneCloseBehindIt) {
+  for (const int parts : {8, 1}) {
+    std::vector<std::vector<Triangle>> leaves;
+    addSheet(leaves, parts, true, {40, 60, 200, 255});
+    addSheet(leaves, parts, false, {200, 60, 40, 255});
+    TwoLevelScene scene({kKnown}, leaves, 0.1F);
+    auto renderer = rendererOf(scene);
+    for (const double away : {8.0, 16.8, 24.0, 27.0}) {
+      base::ViewCamera view;
+      view.direction = glm::normalize(glm::dvec3(-0.1, 0.2, -1.0));
+      view.position = -away * view.direction;
+      view.width = view.height = 200;
+      const RenderedPicture rendered =
+          draw(*renderer, base::cameraForScene(view, glm::dvec3(0.0), {glm::vec3(0.0F), 29.0F}), {0.0F, 1});
+      int hidden = 0, seen = 0;
+      for (int y = 0; y < 200; ++y)
+        for (int x = 0; x < 200; ++x) {
+          const auto* pixel = rendered.rgba.at(x, y);
+          ++(pixel[2] > pixel[0] ? hidden : seen);
+        }
+      EXPECT_EQ(hidden, 0) << parts << " leaves a side from " << away;
+      EXPECT_GT(seen, 20000);
+    }
+  }
+}
+
 TEST_F(SceneRendererTest, softLightDarkensWhatTurnsAwayAndUnlitDoesNot) {
   // Faces +z; the light comes from the side.
   TwoLevelScene scene({kKnown}, {{kKnown}}, 0.1F);
