@@ -459,9 +459,13 @@ struct ShadowPlanner::Kept::Place {
   const SeenSpace& then;  // of that for which the plans were made
   SeenBox seen_now, seen_then;
 
-  Place(std::uint32_t number, const SeenBox& part, const SeenSpace& space_now, const SeenSpace& space_then)
-      : receiver(number), now(space_now), then(space_then), seen_now(part) {
-    for (const glm::dvec3& corner : now.toScene(part)) seen_then.add(then.toEye(corner));
+  Place(std::uint32_t number, const base::Aabb& box, const SeenSpace& space_now, const SeenSpace& space_then)
+      : receiver(number), now(space_now), then(space_then), seen_now(now.seenPart(box)) {
+    if (seen_now.empty()) return;
+    SeenBox all;  // corners of what is seen may lie beyond those of the receiver, and of the scene
+    for (const glm::dvec3& corner : boxCorners(box)) all.add(then.toEye(corner));
+    for (const glm::dvec3& corner : now.toScene(seen_now)) seen_then.add(then.toEye(corner));
+    seen_then = seen_then.within(all);
   }
   /// The part of it that lies in a range of depths of the former view.
   SeenBox inSlice(const SeenBox& slice) const {
@@ -531,10 +535,10 @@ bool ShadowPlanner::Kept::takeReceivers(std::span<const ShadowReceiver> receiver
   for (ShadowMapPlan& plan : plans) plan.receivers.clear();
   double needed = 0.0, finest = 0.0;
   for (std::uint32_t i = 0; i < receivers.size(); ++i) {
-    const SeenBox part = now.seenPart(receivers[i].box);
-    if (part.empty()) continue;
-    if (!take(Place(i, part, now, then))) return false;
-    needed = std::max(needed, now.largestScale(part));
+    const Place place(i, receivers[i].box, now, then);
+    if (place.seen_now.empty()) continue;
+    if (!take(place)) return false;
+    needed = std::max(needed, now.largestScale(place.seen_now));
   }
   for (const std::vector<Map>& maps : groups)
     for (const Map& map : maps) finest = std::max(finest, map.scale);

@@ -20,11 +20,32 @@ constexpr double kNeeded = 2.0;
 // A block's gaps take the colours of texels up to so many samples beyond it.
 constexpr int kApron = 2, kBlock = 8, kSpan = kBlock + 2 * kApron;
 
+// The repetitions of the picture that a chart reaches into, in texels, max excluded. Beyond them the picture's other
+// edge lies beside the chart only because pictures repeat. Where a picture is as large as what it shows, as most are,
+// that is another place, and a decoder would mix its coarser colours into the chart's last texels.
+struct Reach {
+  glm::ivec2 min{0}, max{0};
+
+  Reach(const Chart& chart, const glm::ivec2& picture) {
+    for (int k = 0; k < 2; ++k) {
+      min[k] = chart.min[k] - wrapped(chart.min[k], picture[k]);
+      max[k] = chart.max[k] - 1 - wrapped(chart.max[k] - 1, picture[k]) + picture[k];
+    }
+  }
+  bool holds(const glm::ivec2& first, const glm::ivec2& size) const {
+    return glm::all(glm::greaterThanEqual(first, min)) && glm::all(glm::lessThanEqual(first + size, max));
+  }
+};
+
 // The chart's texels in its slot, for blocks that cannot be copied whole.
 class SlotTexels {
  public:
   SlotTexels(const BlockSource& source, const Chart& chart, std::uint32_t joined, const Slot& slot)
-      : source_(source), joined_(joined), at_(chart.min - (slot.origin - slot.min)), size_(slot.size) {
+      : source_(source),
+        joined_(joined),
+        reach_(chart, source.size()),
+        at_(chart.min - (slot.origin - slot.min)),
+        size_(slot.size) {
     kept_.resize(static_cast<std::size_t>(size_.x) * static_cast<std::size_t>(size_.y));
     const glm::ivec2 units = size_ / source.unit();
     complete_.resize(static_cast<std::size_t>(units.x) * static_cast<std::size_t>(units.y));
@@ -100,7 +121,7 @@ class SlotTexels {
     done = 1;
     for (int y = unit.y * texels.y; y < (unit.y + 1) * texels.y; ++y)
       for (int x = unit.x * texels.x; x < (unit.x + 1) * texels.x; ++x) {
-        if (kept_[index(x, y)] != 0) continue;
+        if (kept_[index(x, y)] != 0 || !reach_.holds(at_ + glm::ivec2(x, y), glm::ivec2(1))) continue;
         const int column = wrapped(at_.x + x, source_.size().x), row = wrapped(at_.y + y, source_.size().y);
         if (source_.covered.covers(column, row) && source_.units.at(column / texels.x, row / texels.y) == joined_)
           kept_[index(x, y)] = 1;
@@ -159,6 +180,7 @@ class SlotTexels {
 
   const BlockSource& source_;
   const std::uint32_t joined_;
+  const Reach reach_;
   const glm::ivec2 at_;                 // the slot's corner in the picture
   const glm::ivec2 size_;               // of the slot, texels
   std::vector<std::uint8_t> kept_;      // by texel of the slot: whether the chart covers it
@@ -183,6 +205,7 @@ class BlockPage {
     const glm::ivec2 at = chart.min - (slot.origin - slot.min);
     const glm::ivec2 units = slot.size / source_.unit(), first = slot.min / source_.unit();
     const std::vector<std::uint8_t> needed = neededUnits(chart, at, units);
+    const Reach reach(chart, source_.size());
     std::unique_ptr<SlotTexels> texels;
     bool shown = false;
     for (int y = 0; y < units.y; ++y)
@@ -190,7 +213,9 @@ class BlockPage {
         if (needed[static_cast<std::size_t>(y) * static_cast<std::size_t>(units.x) + static_cast<std::size_t>(x)] == 0)
           continue;
         const glm::ivec2 to = first + glm::ivec2(x, y);
-        if (const auto from = wholeUnit(at / source_.unit() + glm::ivec2(x, y), joined)) {
+        const glm::ivec2 shown_unit = at / source_.unit() + glm::ivec2(x, y);
+        const bool reached = reach.holds(shown_unit * source_.unit(), source_.unit());
+        if (const auto from = reached ? wholeUnit(shown_unit, joined) : std::nullopt) {
           copyUnit(to, *from);
           shown = true;
           continue;

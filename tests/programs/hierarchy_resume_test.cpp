@@ -176,7 +176,7 @@ TEST_F(HierarchyResume, killedBeforeTheSceneIsNamedItsFilesAreMadeAgain) {
   const Arguments build{"build", mesh, "-o", scene, "--methods", "patch"};
   ASSERT_EQ(run("lumigrid", build).status, 0);
   const std::string patches = readText(scene + "/patch.lgp"), textures = readText(scene + "/texture.lgt");
-  fs::remove(scene + "/scene.json");
+  for (const char* last : {"/scene.json", "/build.json"}) fs::remove(scene + last);
   const auto rerun = run("lumigrid", build);
   ASSERT_EQ(rerun.status, 0) << rerun.err;
   EXPECT_TRUE(readText(scene + "/patch.lgp") == patches);

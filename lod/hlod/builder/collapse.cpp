@@ -27,8 +27,6 @@ constexpr float kLeastCosine = 0.1F;
 constexpr float kLengthCost = 0.1F;
 constexpr float kTurnCost = 0.5F;
 constexpr float kColorCost = 1.0F / 128.0F;
-// So many triangles around a vertex are fetched ahead: most vertices have no more.
-constexpr std::uint32_t kPrefetched = 8;
 // A vertex waits again where its collapse has become dearer than when it was queued by about so much: half an octave,
 // a factor of 1.4. With a whole one there are 0.5 % more triangles, and it is no faster.
 constexpr std::uint32_t kStaleRanks = VertexQueue::kRanksPerOctave / 2;
@@ -99,7 +97,6 @@ class Collapser {
     while (true) {
       const VertexQueue::Entry top = queue_.pop();
       if (top.vertex == kNone) break;
-      prefetchNext();
       findTargets(top.vertex);
       if (targets_[0].slot == kNone) continue;
       // The vertex' surroundings may have changed since it was queued.
@@ -152,18 +149,6 @@ class Collapser {
     std::uint32_t sample = 0, triangle = 0;
     float error2 = 0.0F;
   };
-
-  /// Fetches what the next vertices in the queue will need: they lie anywhere in memory, one thing behind another.
-  void prefetchNext() const {
-    const std::uint32_t first = queue_.first(), second = queue_.behind(first), third = queue_.behind(second);
-    if (third == kNone) return;
-    __builtin_prefetch(&vertices_[third]);
-    __builtin_prefetch(corners_.data() + vertices_[second].first_corner);
-    const Vertex& vertex = vertices_[first];
-    const std::uint32_t* const corner = corners_.data() + vertex.first_corner;
-    for (std::uint32_t i = 0; i < std::min(vertex.corners, kPrefetched); ++i)
-      __builtin_prefetch(&triangles_[corner[i] / 4]);
-  }
 
   static std::uint32_t cornerNumber(std::uint32_t t, std::uint32_t k) {
     return 4 * t + k;

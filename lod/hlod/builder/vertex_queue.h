@@ -45,10 +45,6 @@ class VertexQueue {
     return {vertex, least_};
   }
 
-  /// The vertices that leave next, as things stand, while they are of one rank; kNone behind the last of them.
-  std::uint32_t first() const { return least_ < kRanks ? waiting_[least_].first : kNone; }
-  std::uint32_t behind(std::uint32_t vertex) const { return vertex == kNone ? kNone : next_[vertex]; }
-
   static std::uint32_t rankOf(float cost) { return std::bit_cast<std::uint32_t>(cost) >> kDroppedBits; }
 
  private:

@@ -73,7 +73,7 @@ BakeOptions bakeOptions(const BuildArguments& a, const base::Scene& scene, const
   return options;
 }
 
-Result<lod::patch::PatchFile> openPatches(const BuildArguments& a) {
+Result<lod::patch::PatchFile> openBuiltPatches(const BuildArguments& a) {
   return lod::patch::PatchFile::open(a.output + "/" + kPatches.file);
 }
 
@@ -83,7 +83,7 @@ Result<TuneChoice> chooseQuality(const BuildArguments& a, BuildOutput& output) {
   if (!stored)
     return base::within(a.output + "/" + (output.finished ? "scene.json" : base::kBuildingFile), stored.error());
   if (*stored) return **stored;
-  LUMIGRID_ASSIGN_OR_RETURN(const auto patches, openPatches(a));
+  LUMIGRID_ASSIGN_OR_RETURN(const auto patches, openBuiltPatches(a));
   auto tuned = tuneScene(scene, patches, bakeOptions(a, scene, {}), *a.tune_db);
   if (!tuned) return base::within("--tune", tuned.error());
   storeChoice(*tuned, scene.parameters);
@@ -122,7 +122,7 @@ Result<Selection> chooseImages(const BuildArguments& a, const base::Scene& scene
     if (!read) return base::within("--views-from", read.error());
     places = std::move(*read);
   }
-  LUMIGRID_ASSIGN_OR_RETURN(const auto patches, openPatches(a));
+  LUMIGRID_ASSIGN_OR_RETURN(const auto patches, openBuiltPatches(a));
   auto selected = selectImages(scene, patches, options, places ? &*places : nullptr, [&](double done) {
     line.show("sampling points", done);
     return !stopRequested();
@@ -176,7 +176,7 @@ Result<void> removeFaults(repository::Store& store, const base::Scene& scene, co
 Result<void> buildStore(const BuildArguments& a, const BuildOutput& output, BakeOptions& options,
                         const repository::Shard& shard, const std::string& directory, BuildReport& report,
                         ProgressLine& line) {
-  LUMIGRID_ASSIGN_OR_RETURN(const auto patches, openPatches(a));
+  LUMIGRID_ASSIGN_OR_RETURN(const auto patches, openBuiltPatches(a));
   LUMIGRID_ASSIGN_OR_RETURN(const auto store, repository::openLmdbStore(directory, repository::StoreMode::kWrite));
   options.shard = shard;
   if (output.finished)
@@ -246,7 +246,7 @@ Result<Trial> chooseMethods(const BuildArguments& a, BuildOutput& output, Progre
   if (!stored)
     return base::within(a.output + "/" + (output.finished ? "scene.json" : base::kBuildingFile), stored.error());
   if (*stored) return **stored;
-  LUMIGRID_ASSIGN_OR_RETURN(const auto patches, openPatches(a));
+  LUMIGRID_ASSIGN_OR_RETURN(const auto patches, openBuiltPatches(a));
   auto trial = tryMethods(*output.scene, patches, bakeOptions(a, *output.scene, {}), [&](double done) {
     line.show("trial of methods", done);
     return !stopRequested();
