@@ -353,7 +353,7 @@ void StagedBuild::summarize(SourceSummary& summary) const {
   summary.box_max = source_.info.box_max;
   summary.has_colors = source_.info.has_colors;
   summary.georeference = source_.info.georeference;
-  summary.warnings = source_.info.warnings;
+  summary.warnings.insert(summary.warnings.begin(), source_.info.warnings.begin(), source_.info.warnings.end());
   summary.import_seconds = import_seconds_;
   summary.seconds = watch_.seconds();
   summary.cpu_seconds = watch_.cpuSeconds();

@@ -6,7 +6,7 @@
 
 namespace server {
 
-base::Result<lod::patch::PatchFile> openPatches(const std::string& directory, const base::Scene& scene) {
+base::Result<lod::patch::PatchFile> openPatchFile(const std::string& directory, const base::Scene& scene) {
   auto file = lod::patch::PatchFile::open(base::patchPath(directory, scene));
   if (file || file.error().code != base::ErrorCode::kNotFound || base::partFile(scene, "patch", ".lgp")) return file;
   const base::StreamedMethod* instead = base::methodWithoutPatches(scene);

@@ -18,7 +18,7 @@ inline constexpr std::uint64_t kStreamedGpuBytes = 512 << 20;
 
 /// Opens the patches of the scene in `directory`. kNotFound if it was built without: the message says how to, and with
 /// which --method the scene can be drawn as it is.
-base::Result<lod::patch::PatchFile> openPatches(const std::string& directory, const base::Scene& scene);
+base::Result<lod::patch::PatchFile> openPatchFile(const std::string& directory, const base::Scene& scene);
 
 struct OpenStreamedFile {
   std::string path;

@@ -73,6 +73,19 @@ TEST_F(BadInput, wrongUsageIsStatusTwo) {
   EXPECT_EQ(run("lumigrid", {"frobnicate"}).status, 2);
 }
 
+TEST_F(BadInput, optionsOfAnotherMethodAreWrongUsage) {
+  const auto render = [&](const std::vector<std::string>& options) {
+    std::vector<std::string> all{"render", path("s"), "--camera", path("c.json"), "-o", path("x.png")};
+    all.insert(all.end(), options.begin(), options.end());
+    return run("lumigrid", all);
+  };
+  expectOneLineError(render({"--method", "hlod", "--guarantee"}), 2, {"--guarantee means nothing with --method hlod"});
+  expectOneLineError(render({"--method", "patches", "--cutoff", "1"}), 2, {"--cutoff", "leave it out", "qsplat"});
+  expectOneLineError(render({"--tolerance", "1"}), 2, {"--method full", "patches, pmr, hlod"});
+  expectOneLineError(render({"--method", "hlod", "--tolerance", "0"}), 2, {"--tolerance must be above 0"});
+  expectOneLineError(render({"--method", "patches", "--tolerance", "0", "--guarantee"}), 1, {"not a scene"});
+}
+
 TEST_F(BadInput, anOutputThatExistsNeedsForce) {
   const std::string scene = smallScene();
   const std::string before = programs::readText(scene + "/scene.json");
@@ -151,6 +164,11 @@ TEST_F(BadInput, aServerThatIsNotThereIsNamedByTheViewer) {
                                              path("o"), "--connect-timeout", "1"});
   EXPECT_EQ(outcome.status, 1);
   EXPECT_NE(outcome.err.find("127.0.0.1:1"), std::string::npos) << outcome.err;
+  const auto folder = run("lumigrid-view", {"no.such.host.invalid/scene", "--headless", "--path", path("p.json"),
+                                            "--out", path("o"), "--connect-timeout", "1"});
+  EXPECT_EQ(folder.status, 1);
+  EXPECT_NE(folder.err.find("nor is there a scene in a folder 'no.such.host.invalid/scene'"), std::string::npos)
+      << folder.err;
 }
 
 }  // namespace

@@ -163,6 +163,22 @@ TEST_F(HlodBuild, pointsWithoutFacesAreRefusedAndNothingStays) {
   EXPECT_FALSE(fs::exists(path("scene/hlod.lgh")));
 }
 
+TEST_F(HlodBuild, whatTheSourceOrTheSceneLacksIsSaid) {
+  programs::writeText(path("plain.ply"),
+                      "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\n"
+                      "property float z\nelement face 2\nproperty list uchar int vertex_indices\nend_header\n"
+                      "0 0 0\n1 0 0\n1 1 0\n0 1 0\n3 0 1 2\n3 0 2 3\n");
+  const auto built = run("lumigrid", build(path("plain.ply"), path("scene"), {"--appearance", "colors"}));
+  ASSERT_EQ(built.status, 0) << built.err;
+  EXPECT_NE(built.err.find("the source has no colours"), std::string::npos) << built.err;
+
+  programs::writeText(path("c.json"), "{\"position\":[0,0,3],\"direction\":[0,0,-1],\"width\":9,\"height\":9}");
+  expectOneLineError(run("lumigrid", {"render", path("scene"), "--camera", path("c.json"), "-o", path("x.png")}), 1,
+                     {"scene has no patches", "--method hlod"});
+  expectOneLineError(run("lumigrid", {"tour", path("scene"), "--random", "2", "-o", path("t.json")}), 1,
+                     {"scene has no patches", "--frames"});
+}
+
 TEST_F(HlodBuild, publishNamesTheFileByItsContent) {
   const std::string mesh = sample("30000"), scene = path("scene"), place = path("site");
   ASSERT_EQ(run("lumigrid", build(mesh, scene)).status, 0);

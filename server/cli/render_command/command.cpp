@@ -86,7 +86,7 @@ Rgb colorOf(const std::vector<int>& values) {
 
 base::Result<DrawnPicture> drawPatches(const RenderArguments& a, const base::Scene& scene,
                                        const base::ViewCamera& view) {
-  LUMIGRID_ASSIGN_OR_RETURN(auto patches, openPatches(a.scene, scene));
+  LUMIGRID_ASSIGN_OR_RETURN(auto patches, openPatchFile(a.scene, scene));
   LUMIGRID_ASSIGN_OR_RETURN(auto renderer, SceneRenderer::create(scene, patches));
   RenderOptions options;
   options.tolerance_px = a.method == kFullMethod ? 0.0F : toleranceOf(a, 1.0F);

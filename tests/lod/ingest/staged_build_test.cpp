@@ -196,6 +196,29 @@ TEST_F(SourceImport, keepsTheTrianglesOfCubesThatTouchAlongAnEdge) {
   EXPECT_EQ(built.summary.triangles, 24U);
 }
 
+// A height field of 20 × 20 quads with a given edge, as floats store it.
+PlyMesh floatsAt(const glm::dvec3& corner, double edge) {
+  PlyMesh mesh;
+  for (int y = 0; y <= 20; ++y)
+    for (int x = 0; x <= 20; ++x) mesh.add(glm::dvec3(glm::vec3(corner + edge * glm::dvec3(x, y, x * y % 3))));
+  for (std::uint32_t y = 0; y < 20; ++y)
+    for (std::uint32_t x = 0; x < 20; ++x) {
+      const std::uint32_t a = 21 * y + x;
+      mesh.add(a, a + 1, a + 22);
+      mesh.add(a, a + 22, a + 21);
+    }
+  return mesh;
+}
+
+TEST_F(SourceImport, floatsTooCoarseForTheirTrianglesAreNamed) {
+  const BuiltHierarchy coarse = mustBuild(floatsAt({500'000, 9'800'000, 2500}, 0.3));
+  ASSERT_EQ(coarse.summary.warnings.size(), 1U);
+  EXPECT_NE(coarse.summary.warnings[0].find("32-bit floats are 1 apart"), std::string::npos)
+      << coarse.summary.warnings[0];
+  EXPECT_TRUE(mustBuild(floatsAt({5, 9, 2}, 0.3)).summary.warnings.empty());
+  EXPECT_TRUE(mustBuild(floatsAt({500'000, 9'800'000, 2500}, 30.0)).summary.warnings.empty());
+}
+
 TEST_F(SourceImport, losesNoTriangleOfARandomHeapUncounted) {
   // 400 triangles between 40 points: nearly every edge and vertex is non-manifold.
   for (std::uint32_t seed = 1; seed <= 20; ++seed) {
