@@ -40,6 +40,7 @@ base::Result<std::unique_ptr<PatchShadows>> PatchShadows::create(const std::stri
   std::unique_ptr<PatchShadows> made(new PatchShadows(file.path, file.bytes, scene, light));
   LUMIGRID_TRY(checkStream(made->stream_, file.path));
   LUMIGRID_ASSIGN_OR_RETURN(made->shadow_map_, lod::draw::ShadowMap::create(kStreamedGpuBytes));
+  made->shadow_map_->setKeptBytes(kStreamedGpuBytes);
   return made;
 }
 
@@ -50,7 +51,8 @@ std::uint64_t PatchShadows::memoryFor(const base::Light& light, std::uint64_t tr
   const bool is_soft = light.mode == base::LightMode::kSoftShadows;
   const std::uint64_t side = is_soft ? lod::draw::kSoftTexels : lod::draw::kHardTexels;
   const std::uint64_t layers = is_soft ? lod::draw::kMaxLightLayers : 1;
-  return kBytesPerTriangle * triangles + kBytesPerTexel * layers * side * side;
+  // While a texture grows there are two.
+  return kBytesPerTriangle * triangles + 2 * kBytesPerTexel * layers * side * side;
 }
 
 base::Result<void> PatchShadows::plan(const lod::hlod::TraverseRequest& view, const lod::patch::Hierarchy& hierarchy,
@@ -91,8 +93,12 @@ base::Result<void> PatchShadows::plan(const lod::hlod::TraverseRequest& view, co
 
 base::Result<void> PatchShadows::drawMap(std::size_t map) {
   const lod::draw::NodeShadowMap& drawn = shadows_.maps[map];
+  // All maps take turns in one texture, but for the empty one, for which it would shrink. Software GL keeps textures
+  // that were given up until all that was drawn with them is done.
+  glFinish();
+  const std::size_t slot = drawn.casters.empty() ? 1 : 0;
   return shadow_map_->draw({drawn.plan.camera, shadows_.light, drawn.plan.region, drawn.plan.slice}, drawn.casters,
-                           map);
+                           slot);
 }
 
 }  // namespace server
