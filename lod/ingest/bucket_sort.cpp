@@ -328,6 +328,8 @@ class BucketSorter {
       const std::size_t next = (edge + 1) % 3, before = (edge + 2) % 3;
       const auto vertices = stitches_.splitting(record.corner[edge].code, record.corner[next].code);
       if (vertices.empty()) continue;
+      // A triangle that fills the gap beside a split edge has the splitting vertex for its third corner.
+      if (std::find(vertices.begin(), vertices.end(), record.corner[before].code) != vertices.end()) continue;
       // The parts fan out from the third corner. The first has the edge before this one, the last the next.
       result.counts.added += vertices.size();
       CornerRecord part = record;
@@ -344,6 +346,10 @@ class BucketSorter {
 
   void packOne(const CornerRecord& record, std::uint64_t source, TriangleBatch& result) const {
     const std::uint64_t codes[] = {record.corner[0].code, record.corner[1].code, record.corner[2].code};
+    if (codes[0] == codes[1] || codes[1] == codes[2] || codes[2] == codes[0]) {
+      ++result.counts.collapsed;
+      return;
+    }
     if (result.packed.size() - result.used < packedBytes(1) + BucketPacking::kMaxTriangleBytes)
       result.packed.resize(result.packed.size() * 3 / 2 + packedBytes(64));
     const std::uint32_t bucket = bucketOf(medianCode(codes[0], codes[1], codes[2]));

@@ -16,10 +16,13 @@
 #include "base/json/annotations_file.h"
 #include "base/json/parse.h"
 #include "base/stopwatch.h"
+#include "lod/qsplat/splat_file.h"
+#include "lod/texture/format.h"
 #include "repository/objects/open_objects.h"
 #include "repository/packs/pack_format.h"
 #include "server/cli/commands.h"
 #include "server/cli/console.h"
+#include "server/cli/streamed_info.h"
 #include "server/net/page_files.h"
 #include "server/scene/open_scene.h"
 
@@ -70,6 +73,17 @@ Result<void> refuseBuiltScene(repository::ObjectSink& sink) {
   return {};
 }
 
+// Opens a method's file as its readers do. Errors name it.
+Result<void> checkReadable(const std::string& path) {
+  const std::string extension = std::filesystem::path(path).extension().string();
+  const auto failure = [](const auto& result) { return result ? Result<void>() : Result<void>(result.error()); };
+  if (extension == base::kHlodMethod.extension) return failure(readHlodJson(path));
+  if (extension == base::kUmbrellaMethod.extension) return failure(readUmbrellasJson(path));
+  if (extension == base::kSplatMethod.extension) return failure(lod::qsplat::SplatFile::open(path));
+  if (extension == ".lgt") return failure(lod::texture::TextureFile::open(path));
+  return {};  // patches were opened with the scene
+}
+
 // Writes one file of the scene under a name that holds its content's hash.
 Result<base::ScenePart> publishPart(const PublishArguments& a, const base::ScenePart& part,
                                     repository::ObjectSink& sink, PublishReport& report) {
@@ -80,6 +94,7 @@ Result<base::ScenePart> publishPart(const PublishArguments& a, const base::Scene
   if (hash != part.sha256)
     return Error{ErrorCode::kInvalidInput,
                  path + ": is not the file that scene.json lists (SHA-256 differs); build the scene again"};
+  LUMIGRID_TRY(checkReadable(path));
   const base::ScenePart published{base::publishedName(part.file, hash), part.bytes, hash};
   report.part_bytes += part.bytes;
   LUMIGRID_ASSIGN_OR_RETURN(auto there, sink.size(published.file));

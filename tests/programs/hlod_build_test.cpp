@@ -1,6 +1,7 @@
 // lumigrid build --methods hlod as a user runs it, and its file in info, verify, publish and serve.
 #include <nlohmann/json.hpp>
 
+#include "base/hash/sha256.h"
 #include "tests/programs/resumed_build.h"
 
 namespace {
@@ -190,6 +191,16 @@ TEST_F(HlodBuild, publishNamesTheFileByItsContent) {
   const std::string file = json::parse(readText(place + "/scene.json"))["parts"][0]["file"];
   EXPECT_EQ(file.rfind("hlod-", 0), 0U) << file;
   EXPECT_TRUE(readText(place + "/" + file) == readText(scene + "/hlod.lgh"));
+
+  // A file that no reader takes is not published, though it is the one that the scene lists.
+  std::string broken = readText(scene + "/hlod.lgh");
+  broken[40] = static_cast<char>(~broken[40]);
+  programs::writeText(scene + "/hlod.lgh", broken);
+  json document = json::parse(readText(scene + "/scene.json"));
+  document["parts"][0]["sha256"] = base::hexOf(base::sha256(base::viewOfText(broken)));
+  programs::writeText(scene + "/scene.json", document.dump());
+  expectOneLineError(run("lumigrid", {"publish", scene, path("other"), "--viewer", "off"}), 1, {"hlod.lgh", "header"});
+  EXPECT_FALSE(fs::exists(path("other/scene.json")));
 }
 
 }  // namespace

@@ -47,7 +47,7 @@ class HlodBuilder {
  private:
   // All that decides the work files, their own format first. Threads and memory do not.
   std::string keyPrefix() const {
-    std::string key = "hlod 3 " + ingest::describeStitch(options_.stitch);
+    std::string key = "hlod 4 " + ingest::describeStitch(options_.stitch);
     key += " " + std::to_string(options_.leaf_triangles) + " " + std::to_string(options_.resolution);
     key += " " + std::to_string(static_cast<int>(options_.appearance)) + (options_.points ? " points " : " ");
     return key;
@@ -242,10 +242,10 @@ class HlodBuilder {
     Header header;
     header.colors = node_options_.colors;
     header.lattice = node_options_.lattice;
-    header.source_triangles = triangles_.count();
     const std::vector<Node> rows = linkedRows(*store_, cells_);
     for (std::uint32_t c = 0; c < cells_.size(); ++c) {
       if (summary_.levels.size() <= cells_[c].depth) summary_.levels.resize(cells_[c].depth + 1);
+      if (rows[c].isLeaf()) header.source_triangles += rows[c].triangles;
       LevelSummary& level = summary_.levels[cells_[c].depth];
       ++level.nodes;
       level.triangles += rows[c].triangles;

@@ -113,6 +113,9 @@ base::Result<Header> writeFile(const NodeStore& store, std::vector<Node> rows, H
                                const std::function<bool(double)>& progress) {
   const base::Bytes table = tableBytes(rows, header);
   placeBlocks(header, rows);
+  // A file that no reader takes must not replace one that they do.
+  if (const auto readable = readTable(header, table); !readable)
+    return base::within("the builder's own file", readable.error());
 
   LUMIGRID_ASSIGN_OR_RETURN(auto file, base::AtomicFile::create(path));
   LUMIGRID_TRY(file.write(headerBytes(header)));

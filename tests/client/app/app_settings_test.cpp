@@ -29,6 +29,7 @@ class PlainSplats final : public StreamedView {
   const base::Sphere* bounds() const override { return nullptr; }
   void update(const base::Camera&, const StreamedLook&) override {}
   base::Result<void> draw(const base::Camera&, const StreamedLook&) override { return {}; }
+  base::Camera drawnCamera() const override { return {}; }
   std::optional<glm::vec3> surfaceAt(const base::Camera&, const StreamedLook&, double, double) const override {
     return std::nullopt;
   }

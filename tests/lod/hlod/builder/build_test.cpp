@@ -201,6 +201,22 @@ TEST_F(HlodBuild, surveyCoordinatesKeepTheirMillimetres) {
   EXPECT_LE(support::sampledDistance(source, support::NearestSurface(leaves), 20000).max, 1e-3);
 }
 
+// A part of a refinery. Stitching splits an edge of one triangle by a vertex that another one, between the same ends,
+// has for its third corner.
+TEST_F(HlodBuild, aTriangleThatFillsTheGapBesideASplitEdgeStays) {
+  support::Mesh mesh;
+  mesh.positions = {{152.874054F, -266.108917F, 4.95627737F}, {194.174225F, -305.748108F, 4.80697727F},
+                    {195.489929F, -305.748108F, 4.76032114F}, {194.836731F, -305.748108F, 4.78831482F},
+                    {152.874054F, -259.586365F, 4.76032114F}, {195.489929F, -305.748108F, 4.3590765F},
+                    {205.238586F, -316.289368F, 4.75847912F}, {195.495514F, -305.748108F, 4.75847912F},
+                    {194.165192F, -305.748108F, 4.80915833F}};
+  mesh.indices = {6, 7, 8, 2, 1, 3, 0, 1, 2, 4, 2, 5};
+  const BuildSummary summary = mustBuild(mesh, small());
+  EXPECT_GT(summary.repairs.counts.at("split_border_edges"), 0U);
+  EXPECT_EQ(summary.header.source_triangles, summary.triangles);
+  EXPECT_FALSE(summary.repairs.counts.contains("lattice_collapsed_triangles"));
+}
+
 TEST_F(HlodBuild, oneTriangleIsAScene) {
   support::Mesh mesh;
   mesh.positions = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}};
