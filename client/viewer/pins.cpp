@@ -14,6 +14,7 @@ constexpr std::size_t kMaxQueriesPerFrame = 128;  ///< a query costs a browser s
 /// shine through thin walls, less hides pins that stand on the surface.
 constexpr float kLiftErrors = 1.5F;
 constexpr float kLiftPixels = 2.0F;
+constexpr float kNearest = 0.9999F;  ///< just behind the near plane, in normalized device coordinates
 
 }  // namespace
 
@@ -67,10 +68,13 @@ void PinProbe::draw(const base::Camera& camera, const glm::vec4& section, float 
     const float lift = (kLiftErrors * error_px + kLiftPixels) / camera.pixelsPerUnit(point);
     const float length = glm::length(to_viewer);
     const bool cut_away = glm::dot(glm::vec3(section), point) > section.w + lift;
+    glm::vec4 clip = clip_from_scene * glm::vec4(point + to_viewer * (lift / std::max(length, 1e-30F)), 1.0F);
+    // The near plane lies just before what is drawn, and a lifted pin may lie before it.
+    clip.z = std::max(clip.z, -kNearest * clip.w);
     if (cut_away || !(length > 0.0F))
       visible_[next_] = false;
     else
-      startQuery(next_, clip_from_scene * glm::vec4(point + to_viewer * (lift / length), 1.0F));
+      startQuery(next_, clip);
     next_ = (next_ + 1) % points_.size();
     --wanted_;
   }

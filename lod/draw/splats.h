@@ -52,7 +52,7 @@ struct SplatView {
 };
 
 struct SplatTarget {
-  GLuint framebuffer = 0;  ///< colour and depth, cleared or with a picture to draw into
+  GLuint framebuffer = 0;  ///< colour and depth, cleared or with a picture of the same near plane
   int width = 0;           ///< samples; the camera's picture covers all of them
   int height = 0;
   /// Whether soft edges of fuzzy and enlarged pictures are blended over the target. Otherwise they are written with

@@ -21,7 +21,7 @@ struct SurfaceView {
 };
 
 struct SurfaceTarget {
-  GLuint framebuffer = 0;  ///< colour and depth, cleared or with a picture to draw into
+  GLuint framebuffer = 0;  ///< colour and depth, cleared or with a picture of the same near plane
   int width = 0;           ///< samples; the camera's picture covers all of them
   int height = 0;
 

@@ -514,9 +514,11 @@ TEST_F(SplatsTest, fewerSamplesLieBehindAndBeforeWhatIsThereAsAllDo) {
   view.shading.unlit = true;
   for (const SplatKernel kernel : kAllKernels) {
     clear();
-    const std::array wall{splatAt({-2, 0, -10}, 2.0F, {0, 0, 1}, 0x001F)};
+    // What lies around the eye keeps the near plane, so that the depths of all are alike.
+    const auto around_eye = splatAt({0, 0, 0}, 0.01F, {0, 0, 1}, 0xFFFF);
+    const std::array wall{splatAt({-2, 0, -10}, 2.0F, {0, 0, 1}, 0x001F), around_eye};
     ASSERT_TRUE(renderer_->draw(wall, kernel, view, {target_.framebuffer(), kSize, kSize, true}));
-    const std::array red{splatAt({0, 0, -14}, 3.0F, {0, 0, 1}, 0xF800)};
+    const std::array red{splatAt({0, 0, -14}, 3.0F, {0, 0, 1}, 0xF800), around_eye};
     ASSERT_TRUE(renderer_->draw(red, kernel, view, {target_.framebuffer(), kSize, kSize, true, 4.0F}));
     target_.bind();
     base::Image picture = target_.read();
