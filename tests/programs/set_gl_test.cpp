@@ -240,7 +240,7 @@ TEST_F(Set, imagesOfAnotherSunAreDrawnAgain) {
   const std::vector<std::string> morning{"--methods",         "patch,images,hlod", "--light",      "soft-shadows",
                                          "--light-direction", "-1,0.5,0.25",       "--light-size", "3"};
   programs::expectOneLineError(build(scene, {"--light", "soft-shadows"}), 2, {"--methods hlod"});
-  programs::expectOneLineError(build(scene, {"--light", "unlit", "--light-size", "3"}), 2, {"--light soft-shadows"});
+  programs::expectOneLineError(build(scene, {"--light", "unlit", "--light-size", "3"}), 2, {"soft-shadows"});
   ASSERT_EQ(build(scene, morning).status, 0);
   const auto drawn = faceValues(scene);
   const auto built = base::readScene(scene);

@@ -141,7 +141,8 @@ TEST_P(HlodShadows, areThoseOfLumigridRender) {
     std::vector<std::string> options = light;
     options.emplace_back("--no-antialias");
     const Tour seen = tour(nginx.url() + "/tower/", light[1] + light[3], name(), options);
-    light[1] == "soft" ? expectLocalPictures(seen, name(), light) : expectNearLocalPictures(seen, light);
+    // Viewers have less memory for maps, and divide views into slices sooner.
+    expectNearLocalPictures(seen, light);
     EXPECT_EQ(seen.lines.front()["hlod"]["shadows"], light[1]);
     EXPECT_GT(seen.lines.front()["hlod"]["casters"], 0);
   }

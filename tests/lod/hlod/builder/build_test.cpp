@@ -266,7 +266,7 @@ TEST_F(HlodBuild, soupFitsASmallMemory) {
   constexpr std::uint32_t kTriangles = 200'000;
   const support::Mesh mesh = soup(kTriangles, 0.0008F);
   BuildOptions options = small();
-  options.limits.memory_bytes = lod::ingest::kMinMemory;
+  options.limits.memory_bytes = std::uint64_t{320} << 20;
   const BuildSummary summary = mustBuild(mesh, options);
   EXPECT_GT(summary.triangles, kTriangles - kTriangles / 1000);  // some have no area on the lattice
   const Whole file = whole();
