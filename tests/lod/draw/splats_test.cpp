@@ -514,7 +514,7 @@ TEST_F(SplatsTest, fewerSamplesLieBehindAndBeforeWhatIsThereAsAllDo) {
   view.shading.unlit = true;
   for (const SplatKernel kernel : kAllKernels) {
     clear();
-    // What lies around the eye keeps the near plane, so that the depths of all are alike.
+    // A splat around the eye keeps the near plane, so that the depths of all are alike.
     const auto around_eye = splatAt({0, 0, 1}, 2.0F, {0, 0, 1}, 0xFFFF);
     const std::array wall{splatAt({-2, 0, -10}, 2.0F, {0, 0, 1}, 0x001F), around_eye};
     ASSERT_TRUE(renderer_->draw(wall, kernel, view, {target_.framebuffer(), kSize, kSize, true}));
