@@ -234,10 +234,11 @@ Group Planner::slice(const Group& group, double nearest, double farthest) const 
   return part;
 }
 
-/// Divides by distance from the eye what has texels over twice as large as wanted, as long as there may be more maps.
-/// A ground up to the horizon is near the eye in its nearest part alone. Slices follow one another from the eye on.
+/// Divides by distance from the eye what has texels over four times as large as wanted, as long as there may be more
+/// maps. A ground up to the horizon is near the eye in its nearest part alone. Slices follow one another from the eye
+/// on.
 void Planner::sliceCoarse(std::vector<Shared>& shared) const {
-  constexpr double kCoarse = 2.0;
+  constexpr double kCoarse = 4.0;
   while (!shared.empty()) {
     const auto worst = std::max_element(shared.begin(), shared.end(), [this](const Shared& a, const Shared& b) {
       return coarseness(a) < coarseness(b);
@@ -556,8 +557,11 @@ std::vector<ShadowMapPlan> ShadowPlanner::plan(std::span<const Node> nodes, std:
     kept_->plans.clear();
     for (const std::vector<Map>& maps : kept_->groups)
       for (const Map& map : maps) kept_->plans.push_back(planner.finish(map));
+    // Each map draws casters anew, so that more than a few are worth it for very coarse ones alone.
+    constexpr std::size_t kFewMaps = 4;
+    const float most = fewer.max_maps < kFewMaps ? 2.0F : 4.0F;
     const bool is_fine = std::all_of(kept_->plans.begin(), kept_->plans.end(), [&](const ShadowMapPlan& plan) {
-      return plan.texel_px <= 2.0F * request.texel_px;
+      return plan.texel_px <= most * request.texel_px;
     });
     if (is_fine || fewer.max_maps >= request.max_maps) return kept_->plans;
   }

@@ -98,8 +98,9 @@ class ShadowPlanner {
   ShadowPlanner& operator=(ShadowPlanner&&) noexcept;
 
   /// As planShadowMaps(), with the fewest maps, up to request.max_maps, whose texels are at most twice as large as
-  /// wanted. The maps of the last call with the receivers of this one where all of these lie in the maps' room, and
-  /// where casters and texels are as fine as they need. `nodes`: those of one file in all calls.
+  /// wanted, or four times where that takes more than four maps. The maps of the last call with the receivers of this
+  /// one where all of these lie in the maps' room, and where casters and texels are as fine as they need. `nodes`:
+  /// those of one file in all calls.
   std::vector<ShadowMapPlan> plan(std::span<const Node> nodes, std::span<const ShadowReceiver> receivers,
                                   const ShadowRequest& request);
 
