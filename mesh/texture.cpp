@@ -148,7 +148,10 @@ base::Result<glm::ivec2> pictureSize(base::ByteView bytes) {
     const auto number = [&](std::size_t at) {
       return (bytes[at] << 24) | (bytes[at + 1] << 16) | (bytes[at + 2] << 8) | bytes[at + 3];
     };
-    return glm::ivec2(number(16), number(20));
+    const glm::ivec2 size(number(16), number(20));
+    if (std::min(size.x, size.y) < 1 || std::max(size.x, size.y) > kMaxSide)
+      return Error{ErrorCode::kUnsupported, "a PNG whose sides are not 1 to " + std::to_string(kMaxSide) + " pixels"};
+    return size;
   }
   if (begin.substr(0, 4) == "RIFF") {
     WebPBitstreamFeatures features;
@@ -357,14 +360,14 @@ base::Result<Texture> Textures::decoded(const SourcePicture& picture) {
   needed_.push_back(kCoarsest);
   const auto found =
       std::find_if(ahead_.begin(), ahead_.end(), [&](const Ahead& ahead) { return ahead.picture == picture; });
-  if (found == ahead_.end() || found->first_level != first_level) {
-    decodeAhead(picture);
-    return decodeFile(picture, first_level);
+  std::future<base::Result<Texture>> waiting;
+  if (found != ahead_.end()) {
+    // One that was begun at another level is of no use.
+    if (found->first_level == first_level) waiting = std::move(found->texture);
+    ahead_.erase(ahead_.begin(), found + 1);
   }
-  std::future<base::Result<Texture>> waiting = std::move(found->texture);
-  ahead_.erase(ahead_.begin(), found + 1);
   decodeAhead(picture);
-  return waiting.get();
+  return waiting.valid() ? waiting.get() : decodeFile(picture, first_level);
 }
 
 void Textures::decodeAhead(const SourcePicture& last) {

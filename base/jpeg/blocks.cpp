@@ -1,52 +1,18 @@
 #include "base/jpeg/blocks.h"
 
-// libjpeg's header needs these two before it.
-#include <cstddef>
-#include <cstdio>
-
-#include <jpeglib.h>
-
 #include <algorithm>
-#include <csetjmp>
-#include <cstdlib>
 #include <cstring>
 #include <string>
 #include <vector>
 
 #include "base/check.h"
+#include "base/jpeg/libjpeg.h"
 
 namespace base {
 namespace {
 
 constexpr JDIMENSION kMaxSide = 16384;
 static_assert(sizeof(JpegBlock) == sizeof(JBLOCK));
-
-// libjpeg's errors jump to `failed`, past destructors, so that functions which make its calls hold nothing that needs
-// one. Each call needs an `if (setjmp(failed) != 0)` before it in the same function.
-struct Errors {
-  jpeg_error_mgr manager{};
-  std::jmp_buf failed{};
-  std::array<char, JMSG_LENGTH_MAX> message{};
-
-  void attach(jpeg_common_struct& common) {
-    common.err = jpeg_std_error(&manager);
-    common.client_data = this;
-    manager.error_exit = [](j_common_ptr jpeg) {
-      auto* self = static_cast<Errors*>(jpeg->client_data);
-      self->manager.format_message(jpeg, self->message.data());
-      std::longjmp(self->failed, 1);
-    };
-    manager.output_message = [](j_common_ptr) {};
-    // A warning means broken data and a picture with grey parts.
-    manager.emit_message = [](j_common_ptr jpeg, int level) {
-      if (level < 0) jpeg->err->error_exit(jpeg);
-    };
-  }
-};
-
-jpeg_common_struct& commonOf(auto& jpeg) {
-  return reinterpret_cast<jpeg_common_struct&>(jpeg);
-}
 
 Error broken(const std::string& problem) {
   return {ErrorCode::kInvalidInput, "JPEG: " + problem};
@@ -93,7 +59,13 @@ const char* whyNot(const jpeg_decompress_struct& jpeg) {
 // Holds libjpeg's decoder, in whose memory the blocks are.
 class JpegBlocks::Reader {
  public:
-  Reader() { errors_.attach(commonOf(jpeg_)); }
+  Reader() {
+    errors_.attach(jpeg_);
+    // A warning means broken data and a picture with grey parts.
+    errors_.manager.emit_message = [](j_common_ptr jpeg, int level) {
+      if (level < 0) jpeg->err->error_exit(jpeg);
+    };
+  }
   ~Reader() { jpeg_destroy_decompress(&jpeg_); }
   Reader(const Reader&) = delete;
   Reader& operator=(const Reader&) = delete;
@@ -108,7 +80,7 @@ class JpegBlocks::Reader {
     if (needed > max_bytes) return Error{ErrorCode::kUnsupported, "JPEG: too many blocks for memory"};
     LUMIGRID_TRY(readBlocks());
     LUMIGRID_TRY(notePlanes());
-    return checkMeans();
+    return checkCoefficients();
   }
 
   const jpeg_decompress_struct& jpeg() const { return jpeg_; }
@@ -138,26 +110,31 @@ class JpegBlocks::Reader {
     for (int c = 0; c < jpeg_.num_components; ++c) {
       const jpeg_component_info& info = jpeg_.comp_info[c];
       JpegPlane& plane = planes_.emplace_back();
-      plane.across = jpeg_.num_components == 1 ? 1 : info.h_samp_factor;
-      plane.down = jpeg_.num_components == 1 ? 1 : info.v_samp_factor;
+      plane.across = info.h_samp_factor;
+      plane.down = info.v_samp_factor;
       plane.wide = static_cast<int>(info.width_in_blocks);
       plane.high = static_cast<int>(info.height_in_blocks);
       if (info.quant_table == nullptr) return broken("a plane is missing");
       std::copy_n(info.quant_table->quantval, 64, plane.quant.begin());
       if (std::count(plane.quant.begin(), plane.quant.end(), 0) > 0) return broken("a quantization by zero");
+      if (*std::max_element(plane.quant.begin(), plane.quant.end()) > 255)
+        return Error{ErrorCode::kUnsupported, "JPEG: a quantization that is not a baseline JPEG's"};
       rows_[static_cast<std::size_t>(c)].resize(static_cast<std::size_t>(plane.high));
       for (int y = 0; y < plane.high; ++y) LUMIGRID_TRY(noteRow(c, y));
     }
     return {};
   }
 
-  // Means of samples of 8 bits lie in this range. So a difference between any two has a code.
-  Result<void> checkMeans() const {
+  // Coefficients of samples of 8 bits lie in these ranges, and so have a code each, as have differences of means.
+  Result<void> checkCoefficients() const {
     for (std::size_t c = 0; c < rows_.size(); ++c)
       for (const JpegBlock* row : rows_[c])
-        for (int x = 0; x < planes_[c].wide; ++x)
-          if (row[x][0] < -1024 || row[x][0] > 1023)
-            return Error{ErrorCode::kUnsupported, "JPEG: a block's mean is out of range"};
+        for (int x = 0; x < planes_[c].wide; ++x) {
+          const JpegBlock& block = row[x];
+          const auto [least, most] = std::minmax_element(block.begin() + 1, block.end());
+          if (block[0] < -1024 || block[0] > 1023 || *least < -1023 || *most > 1023)
+            return Error{ErrorCode::kUnsupported, "JPEG: a coefficient is out of range"};
+        }
     return {};
   }
 
@@ -170,7 +147,7 @@ class JpegBlocks::Reader {
   }
 
   jpeg_decompress_struct jpeg_{};
-  Errors errors_;
+  libjpeg::Errors errors_;
   jvirt_barray_ptr* arrays_ = nullptr;
   std::vector<JpegPlane> planes_;
   std::vector<std::vector<const JpegBlock*>> rows_;  // by plane
@@ -183,18 +160,15 @@ using Fill = std::function<void(int plane, int y, JpegBlock* row)>;
 // Writes one JPEG.
 class Writer {
  public:
-  Writer() { errors_.attach(commonOf(jpeg_)); }
-  ~Writer() {
-    jpeg_destroy_compress(&jpeg_);
-    std::free(bytes_);  // libjpeg's destination allocates it by malloc()
-  }
+  Writer() { errors_.attach(jpeg_); }
+  ~Writer() { jpeg_destroy_compress(&jpeg_); }
   Writer(const Writer&) = delete;
   Writer& operator=(const Writer&) = delete;
 
   Result<void> write(const jpeg_decompress_struct& like, int width, int height, const Fill& fill, bool own_tables) {
     if (setjmp(errors_.failed) != 0) return broken(errors_.message.data());
     jpeg_create_compress(&jpeg_);
-    jpeg_mem_dest(&jpeg_, &bytes_, &length_);
+    jpeg_.dest = &destination_;
     // The source is read only, though libjpeg's interface does not say so.
     jpeg_copy_critical_parameters(const_cast<j_decompress_ptr>(&like), &jpeg_);
     jpeg_.image_width = static_cast<JDIMENSION>(width);
@@ -212,7 +186,7 @@ class Writer {
     jpeg_finish_compress(&jpeg_);
     return {};
   }
-  Bytes bytes() const { return {bytes_, bytes_ + length_}; }
+  Bytes takeBytes() { return std::move(bytes_); }
 
  private:
   j_common_ptr common() { return reinterpret_cast<j_common_ptr>(&jpeg_); }
@@ -253,9 +227,9 @@ class Writer {
   }
 
   jpeg_compress_struct jpeg_{};
-  Errors errors_;
-  unsigned char* bytes_ = nullptr;
-  unsigned long length_ = 0;
+  libjpeg::Errors errors_;
+  Bytes bytes_;
+  libjpeg::AppendedBytes destination_{bytes_};
   std::array<jvirt_barray_ptr, 4> arrays_{};
   std::array<JDIMENSION, 4> high_{};
 };
@@ -294,7 +268,7 @@ Result<Bytes> JpegBlocks::encode(int width, int height, const Fill& fill) const 
   LUMIGRID_CHECK(width >= 1 && height >= 1 && std::max(width, height) <= 65500);
   Writer writer;
   LUMIGRID_TRY(writer.write(reader_->jpeg(), width, height, fill, !hasCompleteTables(reader_->jpeg())));
-  return writer.bytes();
+  return writer.takeBytes();
 }
 
 }  // namespace base

@@ -48,7 +48,7 @@ class JpegBlocks {
   /// fill(plane, y, row) writes the plane's blocks of row y, as many as hold pixels: means of -1024 to 1023, others of
   /// -1023 to 1023. Huffman tables are those of this JPEG where they have a code for everything, as the standard's
   /// have, else ones made for what was filled in, which takes three times as long. Errors: kInvalidInput where libjpeg
-  /// refuses, kNoSpace.
+  /// refuses.
   Result<Bytes> encode(int width, int height, const std::function<void(int plane, int y, JpegBlock* row)>& fill) const;
 
  private:

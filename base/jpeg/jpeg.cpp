@@ -1,17 +1,11 @@
 #include "base/jpeg/jpeg.h"
 
-// libjpeg's header needs these two before it.
-#include <cstddef>
-#include <cstdio>
-
-#include <jpeglib.h>
 #include <turbojpeg.h>
 
-#include <array>
-#include <csetjmp>
 #include <string>
 
 #include "base/check.h"
+#include "base/jpeg/libjpeg.h"
 
 namespace base {
 namespace {
@@ -31,41 +25,15 @@ Error jpegError(const std::string& problem) {
 // --- Encoding. It uses libjpeg's own interface, since TurboJPEG 2.1 can neither make Huffman tables for the picture
 // nor encode row by row.
 
-// libjpeg fills the buffer before it is appended to the picture. A choice: smaller ones are appended more often.
-constexpr std::size_t kBuffer = 64 * 1024;
-
-// Every call of libjpeg needs an `if (setjmp(failed_) != 0)` before it: errors jump there, past destructors. So the
-// functions that make these calls hold nothing that needs a destructor.
 class RowEncoder final : public ImageRows {
  public:
-  explicit RowEncoder(Bytes& out) : out_(out) {
-    jpeg_.err = jpeg_std_error(&errors_);
-    jpeg_.client_data = this;
-    errors_.error_exit = [](j_common_ptr common) {
-      auto* self = static_cast<RowEncoder*>(common->client_data);
-      self->errors_.format_message(common, self->message_.data());
-      std::longjmp(self->failed_, 1);  // libjpeg's errors must not return
-    };
-    errors_.output_message = [](j_common_ptr) {};
-    destination_.init_destination = refill;
-    destination_.empty_output_buffer = [](j_compress_ptr jpeg) -> boolean {
-      auto* self = static_cast<RowEncoder*>(jpeg->client_data);
-      self->out_.insert(self->out_.end(), self->buffer_.begin(), self->buffer_.end());
-      refill(jpeg);
-      return TRUE;
-    };
-    destination_.term_destination = [](j_compress_ptr jpeg) {
-      auto* self = static_cast<RowEncoder*>(jpeg->client_data);
-      const std::size_t used = kBuffer - self->destination_.free_in_buffer;
-      self->out_.insert(self->out_.end(), self->buffer_.data(), self->buffer_.data() + used);
-    };
-  }
+  explicit RowEncoder(Bytes& out) : destination_(out) { errors_.attach(jpeg_); }
   ~RowEncoder() override { jpeg_destroy_compress(&jpeg_); }
   RowEncoder(const RowEncoder&) = delete;
   RowEncoder& operator=(const RowEncoder&) = delete;
 
   Result<void> start(int width, int height, int quality, Subsampling subsampling, bool own_tables) {
-    if (setjmp(failed_) != 0) return jpegError(message_.data());
+    if (setjmp(errors_.failed) != 0) return jpegError(errors_.message.data());
     jpeg_create_compress(&jpeg_);
     jpeg_.dest = &destination_;
     jpeg_.image_width = static_cast<JDIMENSION>(width);
@@ -88,7 +56,7 @@ class RowEncoder final : public ImageRows {
     LUMIGRID_CHECK_EQ(rgb.channels, 3);
     LUMIGRID_CHECK_EQ(static_cast<JDIMENSION>(rgb.width), jpeg_.image_width);
     LUMIGRID_CHECK(jpeg_.next_scanline + static_cast<JDIMENSION>(rgb.height) <= jpeg_.image_height);
-    if (setjmp(failed_) != 0) return jpegError(message_.data());
+    if (setjmp(errors_.failed) != 0) return jpegError(errors_.message.data());
     for (int y = 0; y < rgb.height; ++y) {
       // libjpeg's interface has no const rows, though it does not change them.
       auto* row = const_cast<JSAMPROW>(rgb.at(0, y));
@@ -99,19 +67,9 @@ class RowEncoder final : public ImageRows {
   }
 
  private:
-  static void refill(j_compress_ptr jpeg) {
-    auto* self = static_cast<RowEncoder*>(jpeg->client_data);
-    self->destination_.next_output_byte = self->buffer_.data();
-    self->destination_.free_in_buffer = kBuffer;
-  }
-
-  Bytes& out_;
   jpeg_compress_struct jpeg_{};
-  jpeg_error_mgr errors_{};
-  std::jmp_buf failed_{};
-  std::array<char, JMSG_LENGTH_MAX> message_{};
-  jpeg_destination_mgr destination_{};
-  std::array<JOCTET, kBuffer> buffer_{};
+  libjpeg::Errors errors_;
+  libjpeg::AppendedBytes destination_;
 };
 
 }  // namespace

@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "lod/texture/packing.h"
+#include "lod/texture/wrapped.h"
 
 namespace lod::texture {
 namespace {
@@ -43,16 +44,14 @@ glm::ivec2 slotSize(const glm::ivec2& chart, int grain) {
   return roundedUp(chart + 2 * padding(grain), grain);
 }
 
-glm::ivec2 remainder(const glm::ivec2& value, const glm::ivec2& unit) {
-  return (value % unit + unit) % unit;
-}
 // By how much a slot may be longer than one without units.
 int unitExcess(const glm::ivec2& unit) {
   return unit == glm::ivec2(1) ? 0 : 2 * longest(unit);
 }
 // The least padding from `least` on that moves a chart by a multiple of the unit, in a slot that begins at one.
 glm::ivec2 unitPadding(const Chart& chart, int least, const glm::ivec2& unit) {
-  return least + remainder(chart.min - least, unit);
+  const glm::ivec2 offset = chart.min - least;
+  return least + glm::ivec2(wrapped(offset.x, unit.x), wrapped(offset.y, unit.y));
 }
 
 // The least factor at which all charts together have at most `limit` texels, or one each.

@@ -80,8 +80,11 @@ base::Result<std::vector<EncodedPage>> PictureCutter::cutBlocks(std::span<const 
     for (const Slot& slot : plan.slots) placeTriangles(charts[slot.chart], plan, slot, layout.triangles);
     std::sort(layout.triangles.begin(), layout.triangles.end(),
               [](const PageTriangle& a, const PageTriangle& b) { return a.triangle < b.triangle; });
-    LUMIGRID_ASSIGN_OR_RETURN(const auto jpeg, drawBlockPage(source, charts, number, plan));
-    LUMIGRID_ASSIGN_OR_RETURN(auto bytes, encodePage(layout, jpeg));
+    const auto jpeg = drawBlockPage(source, charts, number, plan);
+    // libjpeg decodes pictures that it does not write.
+    if (!jpeg && jpeg.error().code == base::ErrorCode::kInvalidInput) return std::vector<EncodedPage>();
+    if (!jpeg) return jpeg.error();
+    LUMIGRID_ASSIGN_OR_RETURN(auto bytes, encodePage(layout, *jpeg));
     pages.push_back({std::move(layout.triangles), 1.0F, std::move(bytes)});
   }
   return pages;

@@ -14,9 +14,14 @@ bool isLine(const StepTriangle& triangle) {
   return u.x * v.y == u.y * v.x;
 }
 
-// The cells of an axis that a unit at `cell` of the repeated picture shows.
-std::array<int, 2> cellsOf(int cell, int unit, int picture, int cells) {
-  if (cell >= 0 && cell < cells) return {cell, cell};
+// Longer charts are not cut out in units, since no page is as large; texels.
+constexpr int kLongest = 4096;
+
+// The cells of an axis that a unit at `cell` of the repeated picture shows, of a chart that ends before `end`. The last
+// unit of a picture that does not fill it holds nothing of the next repetition unless the chart goes on there.
+std::array<int, 2> cellsOf(int cell, int end, int unit, int picture, int cells) {
+  const bool crosses = end > picture && (cell + 1) * unit > picture;
+  if (cell >= 0 && cell < cells && !crosses) return {cell, cell};
   return {wrapped(cell * unit, picture) / unit, wrapped(cell * unit + unit - 1, picture) / unit};
 }
 
@@ -60,6 +65,10 @@ void UnitCharts::addEdges(const Chart& chart, std::uint32_t number) {
 }
 
 void UnitCharts::addCells(const Chart& chart, std::uint32_t number) {
+  if (glm::any(glm::greaterThan(chart.size(), glm::max(picture_, kLongest)))) {
+    std::fill(cells_.begin(), cells_.end(), kSeveral);
+    return;
+  }
   const glm::dvec2 unit(unit_);
   const glm::ivec2 first = glm::ivec2(glm::floor(glm::dvec2(chart.min) / unit)) - 1;
   const glm::ivec2 size = glm::ivec2(glm::ceil(glm::dvec2(chart.max) / unit)) + 1 - first;
@@ -74,17 +83,18 @@ void UnitCharts::addCells(const Chart& chart, std::uint32_t number) {
   }
   for (int y = 0; y < size.y; ++y)
     for (int x = 0; x < size.x; ++x)
-      if (mask.row(y)[x] != 0) addCell(first + glm::ivec2(x, y), number);
+      if (mask.row(y)[x] != 0) addCell(first + glm::ivec2(x, y), chart.max, number);
 }
 
-void UnitCharts::addCell(const glm::ivec2& cell, std::uint32_t number) {
-  const auto xs = cellsOf(cell.x, unit_.x, picture_.x, size_.x), ys = cellsOf(cell.y, unit_.y, picture_.y, size_.y);
+void UnitCharts::addCell(const glm::ivec2& cell, const glm::ivec2& end, std::uint32_t number) {
+  const auto xs = cellsOf(cell.x, end.x, unit_.x, picture_.x, size_.x);
+  const auto ys = cellsOf(cell.y, end.y, unit_.y, picture_.y, size_.y);
   for (const int y : ys)
     for (const int x : xs) {
       std::uint32_t& known = cells_[index({x, y})];
       if (known == kNone)
         known = number;
-      else if (known != number)
+      else if (known != number && known != kSeveral)
         also_.emplace_back(index({x, y}), number);
     }
 }
@@ -99,7 +109,7 @@ void UnitCharts::join() {
   edges_ = {};
   for (std::uint32_t chart = 0; chart < parents_.size(); ++chart) parents_[chart] = setOf(parents_, chart);
   for (std::uint32_t& cell : cells_)
-    if (cell != kNone) cell = parents_[cell];
+    if (cell != kNone && cell != kSeveral) cell = parents_[cell];
   for (const auto& [cell, chart] : also_)
     if (cells_[cell] != parents_[chart]) cells_[cell] = kSeveral;
   also_ = {};

@@ -41,7 +41,7 @@ class UnitCharts {
   }
   void addEdges(const Chart& chart, std::uint32_t number);
   void addCells(const Chart& chart, std::uint32_t number);
-  void addCell(const glm::ivec2& cell, std::uint32_t number);
+  void addCell(const glm::ivec2& cell, const glm::ivec2& end, std::uint32_t number);
 
   glm::ivec2 picture_, unit_, size_;
   std::mutex mutex_;

@@ -311,7 +311,7 @@ class HierarchyBuilder {
 
   // The key holds everything that determines the work files, their own format first. Threads and memory do not.
   std::string keyPrefix() const {
-    std::string key = (keepsTextures() ? "18 textures " : "17 ") + ingest::describeStitch(options_.stitch);
+    std::string key = (keepsTextures() ? "19 textures " : "18 ") + ingest::describeStitch(options_.stitch);
     for (const std::uint32_t v : {options_.voxel_triangles, options_.leaf_triangles, options_.node_triangles,
                                   options_.group_patches, options_.position_bits, options_.regroup ? 1U : 0U}) {
       key += ' ';

@@ -161,12 +161,15 @@ class LeafTextures::Maker {
     all += done;
     const std::uint32_t first = finished_;
     LUMIGRID_ASSIGN_OR_RETURN(const std::uint64_t largest, largestPicture(first));
-    const auto at_once = static_cast<unsigned>(
-        std::clamp<std::uint64_t>(resources_.memory / (kBytesPerTexel * largest), 1, resources_.threads));
+    const auto left =
+        std::count_if(leaves_of_.begin() + first, leaves_of_.end(), [](const auto& l) { return !l.empty(); });
+    const auto most = std::clamp<std::uint64_t>(static_cast<std::uint64_t>(left), 1, resources_.threads);
+    const auto at_once =
+        static_cast<unsigned>(std::clamp<std::uint64_t>(resources_.memory / (kBytesPerTexel * largest), 1, most));
     // Twice as many records wait for their turn as are made, so that nobody waits for the disk.
     std::vector<base::Bytes> made(std::size_t{2} * at_once);
     const auto make = [&](std::size_t i, std::size_t slot) -> base::Result<void> {
-      const unsigned threads = std::max(1U, resources_.threads / at_once);
+      const unsigned threads = (resources_.threads + at_once - 1) / at_once;
       LUMIGRID_ASSIGN_OR_RETURN(made[slot], makePicture(first + static_cast<std::uint32_t>(i), threads));
       return {};
     };

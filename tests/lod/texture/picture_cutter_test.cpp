@@ -99,7 +99,7 @@ TEST_P(BlockPages, ofASurfaceThatGoesOnAreExactlyThePicture) {
 }
 
 TEST_P(BlockPages, ofChartsBetweenGapsAreNearThePicture) {
-  // Charts on black, at places that are no unit's; some of them turned, some over the picture's edge.
+  // Charts on black, at places that are no unit's.
   base::Image image(500, 420, 3);
   const base::Image detail = smooth(500, 420);
   std::vector<PictureTriangle> leaf;
