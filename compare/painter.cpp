@@ -12,11 +12,11 @@
 namespace compare {
 namespace {
 
-/// Everything in a scene that its truth depends on.
-std::string identityOf(const server::OpenScene& scene) {
+/// Everything in a scene that its truth depends on. `with_nodes`: that is drawn of hlod.lgh.
+std::string identityOf(const server::OpenScene& scene, bool with_nodes) {
   const base::Light& light = scene.scene.light;
   const glm::dvec3 place = light.position.value_or(glm::dvec3(0.0));
-  const auto casters = light.hasShadows() ? base::partFile(scene.scene, "hlod", ".lgh") : std::nullopt;
+  const auto casters = light.hasShadows() || with_nodes ? base::partFile(scene.scene, "hlod", ".lgh") : std::nullopt;
   std::string shadows;
   for (const base::ScenePart& part : scene.scene.parts)
     if (part.file == casters)
@@ -113,7 +113,10 @@ base::Result<base::Bytes> Painter::exactFrame(const server::FrameRequest& reques
 // ---- Truth ----
 
 Truth::Truth(const server::OpenScene& scene, std::string directory, int supersampling, lod::hlod::Shadows shadows)
-    : directory_(std::move(directory)), identity_(identityOf(scene)), samples_(supersampling), shadows_(shadows) {
+    : directory_(std::move(directory)),
+      identity_(identityOf(scene, shadows != lod::hlod::Shadows::kNone)),
+      samples_(supersampling),
+      shadows_(shadows) {
   if (shadows != lod::hlod::Shadows::kNone) identity_ += " " + std::string(lod::hlod::nameOf(shadows));
 }
 

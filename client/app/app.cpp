@@ -263,12 +263,13 @@ base::Result<void> App::setBookmark(int slot, std::string_view permalink) {
 base::Result<void> App::changeSetting(std::string_view name, double value) {
   const Settings before = settings_;
   LUMIGRID_TRY(setSetting(settings_, name, value));
+  // A link or the command line may have chosen others meanwhile.
+  if (name == "shadows" && view_.shadows != shadowsOf(settings_)) setShadows(shadowsOf(settings_));
   if (settings_ == before) return {};
   if (settings_.fov_degrees != before.fov_degrees) {
     control_.setFov(glm::radians(settings_.fov_degrees));
     cameraMoved();
   }
-  if (settings_.shadows != before.shadows) setShadows(shadowsOf(settings_));
   if (StreamedView* view = viewer_.streamed()) {
     StreamedQuality quality = view->quality();
     applyChanges(before, settings_, quality);

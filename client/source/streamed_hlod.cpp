@@ -55,6 +55,7 @@ void StreamedHlod::piecesChosen(const lod::hlod::TraverseRequest& request) {
 
 base::Result<lod::draw::NodeCount> StreamedHlod::drawPieces(lod::draw::NodeRenderer& renderer, const View& view,
                                                             const lod::draw::NodeTarget& target) {
+  if (options().shadows == lod::hlod::Shadows::kNone) renderer.dropShadows();
   return renderer.draw(pieces(), view, target, light() == kNoShadows ? nullptr : &shadows_);
 }
 

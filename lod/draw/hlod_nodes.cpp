@@ -133,11 +133,13 @@ base::Result<void> NodeRenderer::drawShadowed(std::span<const hlod::DrawnNode> n
     group.shadow_layers = shadow_map_->layers();
     return drawGroup(group, view, target, count);
   };
-  for (std::size_t i = 0; i < shadows.maps.size(); ++i) LUMIGRID_TRY(drawReceivers(shadows.maps[i], i));
+  // Maps that nobody keeps take turns in one texture. The empty one has another, or that would shrink.
+  const bool keeps = shadows.kept_bytes > 0;
+  for (std::size_t i = 0; i < shadows.maps.size(); ++i) LUMIGRID_TRY(drawReceivers(shadows.maps[i], keeps ? i : 0));
   NodeShadowMap lit;
   for (std::uint32_t i = 0; i < nodes.size(); ++i)
     if (maps[i] == 0) lit.plan.receivers.push_back(i);
-  return lit.plan.receivers.empty() ? base::Result<void>{} : drawReceivers(lit, shadows.maps.size());
+  return lit.plan.receivers.empty() ? base::Result<void>{} : drawReceivers(lit, keeps ? shadows.maps.size() : 1);
 }
 
 base::Result<void> NodeRenderer::drawGroup(const Group& group, const NodeView& view, const NodeTarget& target,

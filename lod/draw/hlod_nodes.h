@@ -65,6 +65,8 @@ class NodeRenderer {
   /// enabled.
   base::Result<NodeCount> draw(std::span<const hlod::DrawnNode> nodes, const NodeView& view, const NodeTarget& target,
                                const NodeShadows* shadows = nullptr);
+  /// Frees the maps and casters of shadows until they are drawn again.
+  void dropShadows() { shadow_map_.reset(); }
   /// The camera of the last draw(), by which the depths in its target are made.
   const base::Camera& drawnCamera() const { return drawn_camera_; }
   /// Those of nodes, casters and shadow maps. Casters have the same limit as nodes, and maps have none.

@@ -28,7 +28,10 @@ glm::vec4 distanceAlongAxis(const glm::mat4& eye_from_scene) {
 struct Polygon {
   std::array<glm::vec3, 9> corners;
   std::size_t size = 0;
-  void add(const glm::vec3& corner) { corners.at(size++) = corner; }
+  /// Rounding may make a corner cross a plane once more than it can; such a corner lies on it, and is left out.
+  void add(const glm::vec3& corner) {
+    if (size < corners.size()) corners.at(size++) = corner;
+  }
 };
 
 /// Returns the part of the polygon on the plane's inner side (Sutherland and Hodgman 1974).

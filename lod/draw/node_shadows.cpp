@@ -7,7 +7,7 @@
 namespace lod::draw {
 namespace {
 
-/// Seven slices of a view show a ground from one unit of length away up to 5000.
+/// Eight slices show a ground up to 5 km from an eye at a man's height (docs/decisions/shadow-layers.md). A choice.
 constexpr std::size_t kMaxMaps = 8;
 
 /// How fine shadow maps are. The layers of a soft shadow together take the memory of few large maps, and their texels

@@ -116,11 +116,18 @@ std::vector<NextNode> castersWantedNext(std::span<const Node> nodes, const Light
   if (nodes.empty() || !(request.max_error > 0.0F)) return found;
   const base::Frustum frustum(request.camera.clipFromScene());
   const auto motionTo = [&](std::uint32_t node) { return motionToSee(request.camera, frustum, nodes[node].box); };
+  // The far plane lies behind all receivers, and nothing there casts a shadow on them.
+  const glm::vec4& far_plane = frustum.planes[5];
+  const auto isBehind = [&](const base::Aabb& box) {
+    const glm::vec3 corner = glm::mix(box.min, box.max, glm::greaterThanEqual(glm::vec3(far_plane), glm::vec3(0.0F)));
+    return glm::dot(far_plane, glm::vec4(corner, 1.0F)) < 0.0F;
+  };
   std::vector<std::uint32_t> open{0};
   while (!open.empty()) {
     const std::uint32_t number = open.back();
     const Node& node = nodes[number];
     open.pop_back();
+    if (isBehind(node.box)) continue;
     const bool is_final = node.isLeaf() || node.caster_error <= request.max_error;
     if (is_final && !frustum.mayOverlap(node.box)) found.push_back({motionTo(number), number});
     // Children of a final one are wanted where the allowed error falls to its error.

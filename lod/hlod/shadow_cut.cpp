@@ -83,6 +83,7 @@ class Planner {
 
   /// Maps by groups of receivers.
   std::vector<std::vector<Map>> run();
+  double coarseness(const Map& map) const;
   ShadowMapPlan finish(const Map& map) const;
 
  private:
@@ -98,7 +99,6 @@ class Planner {
   Group slice(const Group& group, double nearest, double farthest) const;
   void sliceCoarse(std::vector<Shared>& shared) const;
   glm::ivec2 sizeOf(const Map& map) const;
-  double coarseness(const Map& map) const;
   double coarseness(const Shared& shared) const;
 
   const std::span<const Node> nodes_;
@@ -442,8 +442,6 @@ struct ShadowPlanner::Kept {
 
 ShadowPlanner::ShadowPlanner() = default;
 ShadowPlanner::~ShadowPlanner() = default;
-ShadowPlanner::ShadowPlanner(ShadowPlanner&&) noexcept = default;
-ShadowPlanner& ShadowPlanner::operator=(ShadowPlanner&&) noexcept = default;
 
 /// Whether the requests ask for the same but for the view's camera.
 bool ShadowPlanner::Kept::isFor(const ShadowRequest& other) const {
@@ -554,16 +552,17 @@ std::vector<ShadowMapPlan> ShadowPlanner::plan(std::span<const Node> nodes, std:
   for (fewer.max_maps = 1;; ++fewer.max_maps) {
     Planner planner(nodes, receivers, fewer);
     kept_->groups = planner.run();
-    kept_->plans.clear();
-    for (const std::vector<Map>& maps : kept_->groups)
-      for (const Map& map : maps) kept_->plans.push_back(planner.finish(map));
     // Each map draws casters anew, so that more than a few are worth it for very coarse ones alone.
     constexpr std::size_t kFewMaps = 4;
-    const float most = fewer.max_maps < kFewMaps ? 2.0F : 4.0F;
-    const bool is_fine = std::all_of(kept_->plans.begin(), kept_->plans.end(), [&](const ShadowMapPlan& plan) {
-      return plan.texel_px <= most * request.texel_px;
+    const double most = fewer.max_maps < kFewMaps ? 2.0 : 4.0;
+    const auto isFine = [&](const Map& map) { return planner.coarseness(map) <= most; };
+    const bool are_fine = std::all_of(kept_->groups.begin(), kept_->groups.end(), [&](const std::vector<Map>& maps) {
+      return std::all_of(maps.begin(), maps.end(), isFine);
     });
-    if (is_fine || fewer.max_maps >= request.max_maps) return kept_->plans;
+    if (!are_fine && fewer.max_maps < request.max_maps) continue;
+    for (const std::vector<Map>& maps : kept_->groups)
+      for (const Map& map : maps) kept_->plans.push_back(planner.finish(map));
+    return kept_->plans;
   }
 }
 

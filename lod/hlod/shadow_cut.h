@@ -46,9 +46,9 @@ struct ShadowRequest {
   float intensity_change = 0.05F;   ///< γ; counts for lights of some size
   float texel_px = 0.5F;            ///< a texel of a shadow map covers at most so many of the view's pixels, where
   std::uint32_t max_texels = 4096;  ///< … this many a side allow it
-  /// Neighbouring levels share maps, those first that take the fewest texels more; or what has texels over twice as
-  /// large as wanted is divided by its distance from the eye. A light near receivers sees them in up to six maps, even
-  /// where that is more than this.
+  /// Neighbouring levels share maps, those first that take the fewest texels more; or what has texels over four times
+  /// as large as wanted is divided by its distance from the eye. A light near receivers sees them in up to six maps,
+  /// even where that is more than this.
   std::size_t max_maps = 4;
   /// Maps reach so much farther on each side than the view sees, as a share of the size of what it sees, and are as
   /// fine as a view needs that is nearer by as much. They hold for views near this one, then.
@@ -94,8 +94,6 @@ class ShadowPlanner {
  public:
   ShadowPlanner();
   ~ShadowPlanner();
-  ShadowPlanner(ShadowPlanner&&) noexcept;
-  ShadowPlanner& operator=(ShadowPlanner&&) noexcept;
 
   /// As planShadowMaps(), with the fewest maps, up to request.max_maps, whose texels are at most twice as large as
   /// wanted, or four times where that takes more than four maps. The maps of the last call with the receivers of this

@@ -12,11 +12,11 @@ namespace {
 /// Degrees: a light all over the sky on one side has 180.
 constexpr double kLargestLight = 120.0;
 
+}  // namespace
+
 glm::dvec3 vectorOf(const std::vector<double>& values) {
   return {values[0], values[1], values[2]};
 }
-
-}  // namespace
 
 std::optional<Shadows> shadowsFromName(std::string_view name) {
   const auto* const it = std::find(kShadowNames.begin(), kShadowNames.end(), name);

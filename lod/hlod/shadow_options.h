@@ -34,6 +34,8 @@ struct LightArguments {
   std::optional<double> size;               ///< degrees with a direction, scene units with a position
   bool any() const { return !direction.empty() || !position.empty() || size.has_value(); }
 };
+/// `values`: three.
+glm::dvec3 vectorOf(const std::vector<double>& values);
 /// And that of --shadows.
 struct ShadowArguments : LightArguments {
   std::string shadows = "none";

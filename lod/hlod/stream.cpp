@@ -117,7 +117,7 @@ struct Stream::State {
 
   TraverseRequest view;     // of the last update()
   std::uint32_t views = 0;  // calls of update()
-  bool is_new_view = true;  // next_nodes are to be found
+  bool is_new_view = true;  // next_parts are to be found
   std::vector<LightRequest> lights;
   std::vector<NextNode> next_parts;  // parts in place of nodes
   std::size_t next_at = 0;
@@ -487,6 +487,8 @@ std::optional<PendingRequest> Stream::State::nextPrefetch() {
 }
 
 void Stream::State::findNextParts() {
+  next_parts.clear();
+  if (may_prefetch == 0) return;
   // Some are here already, so that there may be use for more than are fetched.
   const std::uint64_t bytes = 4 * may_prefetch;
   next_parts = nodesWantedNext(nodes, view, bytes);

@@ -111,13 +111,15 @@ vec3 shadeInLight(vec3 color, vec3 normal, vec3 to_eye, vec3 place) {
   vec3 along = normalize(cross(n, abs(n.x) < 0.6 ? vec3(1.0, 0.0, 0.0) : vec3(0.0, 1.0, 0.0)));
   vec3 across = cross(n, along);
 #else
-  // If the normal of a triangle leans far away from the side that is seen, the source's normals point inwards.
   if (!gl_FrontFacing) n = -n;
-  if (dot(n, to_viewer) < kMostLean) n = -n;
   vec3 along = dFdx(place);
   vec3 across = dFdy(place);
   vec3 plane = cross(along, across);
   plane = dot(plane, plane) > 0.0 ? normalize(plane) : n;
+  if (dot(plane, to_viewer) < 0.0) plane = -plane;
+  // If the normal of a triangle leans far away from the side that is seen, the source's normals point inwards. Those at
+  // the edge of a box lean away, too, and stay on the triangle's side.
+  if (dot(n, to_viewer) < kMostLean && dot(n, plane) < 0.0) n = -n;
 #endif
   vec4 clip = u_map_from_place * vec4(place, 1.0);
   bool is_held = max(abs(clip.x), abs(clip.y)) <= clip.w && dot(u_slice[0], vec4(place, 1.0)) >= 0.0 &&

@@ -152,10 +152,12 @@ class CrackCloser {
     const bool bounded = !mesh_.bounds.toward.empty();
     mesh_.errors[t] += moved_;
     for (std::size_t i = 0; i < pieces_.size(); ++i) {
-      if (i == 0)
+      if (i == 0) {
         std::copy(pieces_[0].begin(), pieces_[0].end(), mesh_.indices.begin() + 3 * static_cast<std::ptrdiff_t>(t));
-      else
-        added_.insert(added_.end(), pieces_[i].begin(), pieces_[i].end()), added_errors_.push_back(mesh_.errors[t]);
+      } else {
+        added_.insert(added_.end(), pieces_[i].begin(), pieces_[i].end());
+        added_errors_.push_back(mesh_.errors[t]);
+      }
       if (!bounded || i == 0) continue;
       added_toward_.push_back(mesh_.bounds.toward[t] + moved_);
       added_from_.push_back(mesh_.bounds.from[t] + moved_);

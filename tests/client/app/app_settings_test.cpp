@@ -97,6 +97,9 @@ TEST_F(AppTest, shadowsComeFromTheSettingUntilALinkNamesOthers) {
   ASSERT_TRUE(bool(app->openPermalink(link)));
   frame();
   EXPECT_EQ(nodes->quality().shadows, Shadows::kNone);
+  ASSERT_TRUE(bool(app->changeSetting("shadows", 2.0)));
+  frame();
+  EXPECT_EQ(nodes->quality().shadows, Shadows::kSoft) << "the setting was that before";
   EXPECT_FALSE(findSetting("shadows")->from_next_start);
 }
 

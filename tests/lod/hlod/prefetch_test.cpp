@@ -290,6 +290,19 @@ TEST(HlodPrefetchTest, castersBesideALightsViewNeedTheStepThatBringsThemIntoIt) 
   EXPECT_TRUE(castersWantedNext({}, light, kAll).empty());
 }
 
+TEST(HlodPrefetchTest, castersBehindAllReceiversAreNotWanted) {
+  LightRequest light = lightAt(0.0F, 0.8F);
+  const std::size_t all = castersWantedNext(made().nodes, light, kAll).size();
+  // The light looks down from z = 4; the far plane cuts the model in its middle.
+  const base::Aabb& model = made().nodes[0].box;
+  const float cut = model.center().z;
+  light.camera.clip_from_eye = glm::ortho(-0.4F, 0.4F, -0.4F, 0.4F, 1.0F, 4.0F - cut);
+  const std::vector<NextNode> next = castersWantedNext(made().nodes, light, kAll);
+  EXPECT_LT(next.size(), all);
+  EXPECT_GT(next.size(), 0U);
+  for (const NextNode& one : next) EXPECT_GE(made().nodes[one.node].box.max.z, cut - 1e-4F);
+}
+
 TEST(HlodPrefetchTest, castersOfAMovedLightAreHereThatWereFetchedAhead) {
   const TraverseRequest request = viewFrom(12.0, 300);  // coarse pictures
   std::map<bool, std::uint64_t> bytes;

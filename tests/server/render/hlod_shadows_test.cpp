@@ -74,7 +74,7 @@ class HlodShadowsTest : public testing::Test {
 
   void buildFile(const std::string& ply) {
     lod::hlod::builder::BuildOptions options;
-    options.leaf_triangles = 1000;
+    options.leaf_triangles = leaf_triangles_;
     const auto built = lod::hlod::builder::buildFromFiles({ply}, options, directory_ / "hlod.lgh");
     ASSERT_TRUE(built) << built.error().message;
     EXPECT_GT(built->levels.size(), 3U);
@@ -143,6 +143,7 @@ class HlodShadowsTest : public testing::Test {
   const support::TemporaryDirectory directory_;
   std::unique_ptr<base::HeadlessContext> context_;
   base::Scene scene_;
+  std::uint32_t leaf_triangles_ = 1000;
   std::unique_ptr<HlodScene> renderer_;
   std::optional<lod::patch::PatchFile> patches_;
   std::unique_ptr<SceneRenderer> patch_renderer_;
@@ -198,6 +199,28 @@ TEST_F(HlodShadowsTest, convexAndFlatSurfacesShowNoSpeckleAndNoSeam) {
         const base::Camera view = camera({0.4, -1.5, 1.6}, 320, 240, kUpwards);
         EXPECT_EQ(shadowedPixels(picture(view, light), view, truth, light, 0.1), 0) << turn << ", " << degrees;
       }
+  }
+}
+
+/// A cube whose normals are those between its sides along the edges, and lean away from an eye that sees its top flat.
+TEST_F(HlodShadowsTest, edgesOfABoxAreNotDark) {
+  leaf_triangles_ = 10;  // for some levels
+  build(support::box(glm::vec3(-1.0F), glm::vec3(1.0F), 8));
+  const support::ShadowTruth truth(leaves_);
+  const auto light = sun({0.1F, -0.2F, 1.0F}, 0.0);
+  for (const double height : {0.65, 0.8, 1.2}) {
+    const base::Camera view = camera({0.4, -1.6, height}, 320, 240, kUpwards);
+    const base::Image drawn = picture(view, light);
+    int top = 0, dark = 0;
+    for (int y = 0; y < drawn.height; ++y)
+      for (int x = 0; x < drawn.width; ++x) {
+        const auto seen = truth.seenAt(view, {x + 0.5, y + 0.5});
+        if (!seen || drawn.at(x, y)[3] < 255 || seen->plane.z < 0.9) continue;
+        ++top;
+        dark += drawn.at(x, y)[0] < 255.0 * 0.5 ? 1 : 0;
+      }
+    EXPECT_GT(top, 1000);
+    EXPECT_LE(1000 * dark, top) << dark << " of " << top << " from the height " << height;
   }
 }
 
