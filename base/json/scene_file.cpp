@@ -118,13 +118,18 @@ Light lightFrom(const json& object, const std::string& name, std::string& proble
   for (int i = 0; i < 3; ++i)
     if (!std::isfinite(light.direction[i])) fields.fail("direction is too long");
   if (!light.hasShadows()) return light;
-  if (!(glm::length(light.direction) > 0.0F)) fields.fail("direction is zero");
+  // Normalized before it is rounded, since the square of a long one is beyond a float.
+  const glm::dvec3 direction = fields.vector("direction");
+  if (glm::length(direction) > 0.0)
+    light.direction = glm::vec3(glm::normalize(direction));
+  else
+    fields.fail("direction is zero");
   if (object.contains("position")) light.position = fields.vector("position");
   if (light.position && !(glm::length(*light.position) <= kMaxCoordinate)) fields.fail("position is too far away");
   if (light.mode != LightMode::kSoftShadows) return light;
   light.size = fields.number("size");
   constexpr double kAllSky = 180.0;  // degrees
-  if (!(light.size > 0.0 && light.size < (light.position ? kMaxCoordinate : kAllSky)))
+  if (!(light.size > 0.0 && light.size <= (light.position ? kMaxCoordinate : kAllSky)))
     fields.fail("size is out of range");
   return light;
 }

@@ -149,25 +149,27 @@ base::Result<base::Light> chooseLight(const SetArguments& a, const base::Scene& 
   if (const std::string problem = lod::hlod::lightProblem(a.light_place, shadowsOfMode(light.mode), kLightWords);
       !problem.empty())
     return wrongValue(problem);
-  if (!a.light_place.any() && drawn.mode == light.mode) return drawn;
+  if (!a.light_place.any() && light.mode != scene.light.mode && drawn.mode == light.mode) return drawn;
   if (const auto placed = placeLight(a.light_place, scene, light); !placed) return base::within("set", placed.error());
   return light;
 }
 
 /// Records the options that a build would have to be given for this light: those of the command, and where it gives
-/// none, those that were recorded, or the light's place.
-void recordLight(const SetArguments& a, const base::Light& light, base::Scene& scene) {
+/// none, those that were recorded for the light before, or the light's place.
+void recordLight(const SetArguments& a, const base::Light& before, base::Scene& scene) {
+  const base::Light& light = scene.light;
   std::map<std::string, std::string>& recorded = scene.parameters;
   if (a.light) recorded["light"] = *a.light;
   const lod::hlod::LightArguments& place = a.light_place;
   const bool has_size = place.size || recorded.contains("light-size") || light.size != lod::hlod::kSunDegrees;
-  const bool is_moved = !place.direction.empty() || !place.position.empty();
+  const bool is_moved = light.direction != before.direction || light.position != before.position ||
+                        !place.direction.empty() || !place.position.empty();
   if (is_moved || !light.hasShadows())
     for (const char* name : {"light-direction", "light-position"}) recorded.erase(name);
   recorded.erase("light-size");
   if (light.mode == base::LightMode::kSoftShadows && has_size) recorded["light-size"] = sizeText(light.size);
   if (!light.hasShadows()) return;
-  if (!place.direction.empty()) recorded["light-direction"] = vectorText(vectorOf(place.direction));
+  if (!place.direction.empty()) recorded["light-direction"] = vectorText(lod::hlod::vectorOf(place.direction));
   if (light.position)
     recorded["light-position"] = vectorText(*light.position);
   else if (place.direction.empty() && !recorded.contains("light-direction"))
@@ -191,7 +193,7 @@ base::Result<void> setLight(const SetArguments& a, const std::string& directory,
     return wrongValue("--light " + std::string(base::nameOf(scene.light.mode)) +
                       ": the scene has no hlod.lgh, whose nodes throw the shadows; `lumigrid build MESH -o " +
                       directory + "` with hlod among its --methods adds it");
-  recordLight(a, scene.light, scene);
+  recordLight(a, before, scene);
   warnOfNormals(before.mode, scene);
 
   scene.images_light.reset();

@@ -50,7 +50,7 @@ void FrameRenderer::runThread(const std::stop_token& stop, const std::vector<Sce
   renderers_.clear();  // their GL objects go before the context does
 }
 
-/// The scenes share the GPU memory that one would take.
+/// The scenes share the GPU memory that patches of one would take. Shadows of each take more (docs/shadows.md).
 base::Result<SceneRenderer*> FrameRenderer::rendererOf(const ScenePointer& scene) {
   const auto known = renderers_.find(scene.get());
   if (known == renderers_.end()) return base::Error{base::ErrorCode::kNotFound, scene->name + ": is no longer served"};

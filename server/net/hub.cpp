@@ -193,7 +193,10 @@ void Hub::offerFrames(const HostedScene& hosted) {
   if (lacks_textures)
     spdlog::warn("no exact frames of {}: it was published without its textures; publish it --with-textures",
                  hosted.place);
-  hosted.scene->data.welcome.can_render_frames = !lacks_textures;
+  const bool lacks_shadows = lacksShadows(*hosted.scene);
+  if (lacks_shadows)
+    spdlog::warn("no exact frames of {}: its light throws shadows, and its hlod.lgh cannot be had", hosted.place);
+  hosted.scene->data.welcome.can_render_frames = !lacks_textures && !lacks_shadows;
   hosted.site->onLightChanged([this, scene = hosted.scene.get()](const base::Light& light) {
     if (renderer) renderer->setLight(scene->shared_from_this(), light);
   });

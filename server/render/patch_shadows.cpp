@@ -53,7 +53,8 @@ std::uint64_t PatchShadows::memoryFor(const base::Light& light, std::uint64_t tr
   const std::uint64_t layers = is_soft ? lod::draw::kMaxLightLayers : 1;
   // With llvmpipe a bake of 144 faces of a statue, whose maps are up to that large, was seen to take 1.9 GB.
   constexpr std::uint64_t kMapsHeld = 7;
-  return kBytesPerTriangle * triangles + kMapsHeld * kBytesPerTexel * layers * side * side;
+  const std::uint64_t casters = std::min(triangles, (kStreamedDecodedBytes + kStreamedGpuBytes) / kBytesPerTriangle);
+  return kBytesPerTriangle * casters + kMapsHeld * kBytesPerTexel * layers * side * side;
 }
 
 base::Result<void> PatchShadows::plan(const lod::hlod::TraverseRequest& view, const lod::patch::Hierarchy& hierarchy,

@@ -31,19 +31,15 @@ std::string sizeText(double size) {
   return base::formatText("%.17g", size);
 }
 
-glm::dvec3 vectorOf(const std::vector<double>& values) {
-  return {values[0], values[1], values[2]};
-}
-
 base::Result<void> placeLight(const lod::hlod::LightArguments& a, const base::Scene& scene, base::Light& light) {
   // Degrees say nothing of a light at a place, nor a length of one that is infinitely far.
   const bool was_near = light.position.has_value();
   if ((was_near ? !a.direction.empty() : !a.position.empty()) || light.mode != base::LightMode::kSoftShadows)
     light.size = 0.0;
   if (!a.direction.empty() || !light.hasShadows()) light.position.reset();
-  if (!a.direction.empty()) light.direction = glm::vec3(glm::normalize(vectorOf(a.direction)));
+  if (!a.direction.empty()) light.direction = glm::vec3(glm::normalize(lod::hlod::vectorOf(a.direction)));
   if (!a.position.empty()) {
-    light.position = vectorOf(a.position);
+    light.position = lod::hlod::vectorOf(a.position);
     const glm::dvec3 towards = *light.position - 0.5 * (scene.box_min + scene.box_max);
     light.direction = glm::vec3(glm::normalize(glm::length(towards) > 0.0 ? towards : scene.up));
   }

@@ -1,7 +1,6 @@
 #pragma once
-// A scene's light: the shadows that it throws, as lod/ takes them, and the options that place it, which `lumigrid
-// render
-// --shadows`, `build --light` and `set --light` share.
+// A scene's light: the shadows that it throws, as lod/ takes them, and the options that place it, which the commands
+// `render --shadows`, `build --light` and `set --light` share.
 #include <glm/glm.hpp>
 #include <string>
 #include <vector>
@@ -29,8 +28,6 @@ inline constexpr const char* kPlaceOptions[] = {"light-direction", "light-positi
 /// "X,Y,Z", and a size, as the options take them.
 std::string vectorText(const glm::dvec3& v);
 std::string sizeText(double size);
-/// `values`: three.
-glm::dvec3 vectorOf(const std::vector<double>& values);
 
 /// Places the light, of which the mode is chosen already. What the arguments do not give stays as it is. They must not
 /// contradict themselves. kInvalidInput where soft shadows of a light that is not infinitely far lack its size.

@@ -172,17 +172,21 @@ const base::ScenePart* publishedPart(const base::Scene& scene, const std::string
   return part == scene.parts.end() ? nullptr : &*part;
 }
 
-// Frames are drawn with textures that lie beside the patches. A scene whose textures cannot be had is served as one
-// that was published without them.
-void mirrorTextures(const repository::ObjectSource& source, const std::string& directory, const RemoteOptions& options,
-                    OpenScene& open) {
-  const base::ScenePart* textures = publishedPart(open.scene, "texture", ".lgt");
-  if (textures == nullptr) return;
-  const std::string file = textures->file;
-  const auto path = repository::mirrorObject(source, file, directory, textures->sha256);
-  if (path) return;
-  if (options.warn) options.warn("no textures: " + path.error().message);
-  std::erase_if(open.scene.parts, [&](const base::ScenePart& part) { return part.file == file; });
+// Frames are drawn with textures, and with what throws shadows, that lie beside the patches. A scene of which they
+// cannot be had is served as one that was published without them.
+void mirrorForFrames(const repository::ObjectSource& source, const std::string& directory, const RemoteOptions& options,
+                     OpenScene& open) {
+  const auto mirror = [&](const base::ScenePart* part, const char* called) {
+    if (part == nullptr) return;
+    const std::string file = part->file;
+    const auto path = repository::mirrorObject(source, file, directory, part->sha256);
+    if (path) return;
+    if (options.warn) options.warn("no " + std::string(called) + ": " + path.error().message);
+    std::erase_if(open.scene.parts, [&](const base::ScenePart& one) { return one.file == file; });
+  };
+  mirror(publishedPart(open.scene, "texture", ".lgt"), "textures");
+  const base::StreamedMethod& nodes = base::kHlodMethod;
+  if (open.scene.light.hasShadows()) mirror(publishedPart(open.scene, nodes.name, nodes.extension), "shadows");
 }
 
 // A scene is served without annotations when they are absent or damaged.
@@ -242,7 +246,7 @@ base::Result<std::unique_ptr<OpenScene>> openRemoteScene(const std::string& plac
     LUMIGRID_ASSIGN_OR_RETURN(
         const auto path, repository::mirrorObject(*source, patches->file, directory + "/hierarchies", patches->sha256));
     LUMIGRID_TRY(openHierarchy(path, *open));
-    mirrorTextures(*source, directory + "/hierarchies", options, *open);
+    mirrorForFrames(*source, directory + "/hierarchies", options, *open);
   }
   if (patches != nullptr && index) {
     LUMIGRID_ASSIGN_OR_RETURN(auto far, openCachedSource(source, directory, options));
@@ -305,6 +309,11 @@ bool isReplaced(const OpenScene& open, const std::string& place) {
 bool lacksTextures(const OpenScene& open) {
   return open.data.patches != nullptr && !base::partFile(open.scene, "texture", ".lgt") &&
          hasTextures(open.patches.hierarchy());
+}
+
+bool lacksShadows(const OpenScene& open) {
+  return open.scene.light.hasShadows() &&
+         !base::partFile(open.scene, base::kHlodMethod.name, base::kHlodMethod.extension);
 }
 
 }  // namespace server

@@ -83,6 +83,8 @@ base::Result<base::Bytes> readSceneJson(const repository::ObjectSource& source);
 /// Whether the source's textures belong to the scene and are not there: it was published without them. Its leaves then
 /// have colours of vertices only, so that no frame would be exact.
 bool lacksTextures(const OpenScene& open);
+/// Whether the scene's light throws shadows and the nodes that do are not there.
+bool lacksShadows(const OpenScene& open);
 /// Opens the images of a published scene; `index` as scene.json lists it.
 base::Result<std::unique_ptr<repository::PackStore>> openPacks(const std::string& directory, const std::string& index);
 /// Identifies the scene in a file of access counts.

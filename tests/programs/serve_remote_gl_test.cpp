@@ -269,4 +269,34 @@ TEST_F(RemoteServe, texturesOfAFarSceneLieBesideItsPatches) {
   EXPECT_NE(warnings.back().find("no textures"), std::string::npos) << warnings.back();
 }
 
+TEST_F(RemoteServe, nodesThatThrowShadowsLieBesideThePatchesOfAFarScene) {
+  const auto done = [](const std::vector<std::string>& arguments) {
+    const auto outcome = run("lumigrid", arguments);
+    EXPECT_EQ(outcome.status, 0) << outcome.err;
+  };
+  done({"sample", "--shape", "relief", "--triangles", "10000", "-o", path("relief.ply")});
+  done({"build", path("relief.ply"), "-o", path("relief"), "--methods", "patch,hlod", "--light", "soft-shadows",
+        "--quiet"});
+  done({"publish", path("relief"), path("site/relief"), "--quiet", "--viewer", "off"});
+  server::RemoteOptions options;
+  options.cache_directory = path("shadows-cache");
+  std::vector<std::string> warnings;
+  options.warn = [&](const std::string& warning) { warnings.push_back(warning); };
+  const auto open = server::openScene(place("relief"), options);
+  ASSERT_TRUE(open) << open.error().message;
+  EXPECT_FALSE(server::lacksShadows(**open));
+  const fs::path nodes =
+      fs::path((*open)->patches.path()).parent_path() / *base::partFile((*open)->scene, "hlod", ".lgh");
+  EXPECT_TRUE(fs::exists(nodes)) << nodes;
+
+  // Where they cannot be had the scene is served without frames.
+  fs::remove_all(options.cache_directory);
+  fs::remove(fs::path(path("site/relief")) / nodes.filename());
+  const auto without = server::openScene(place("relief"), options);
+  ASSERT_TRUE(without) << without.error().message;
+  EXPECT_TRUE(server::lacksShadows(**without));
+  ASSERT_FALSE(warnings.empty());
+  EXPECT_NE(warnings.back().find("no shadows"), std::string::npos) << warnings.back();
+}
+
 }  // namespace

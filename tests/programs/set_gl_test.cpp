@@ -271,6 +271,21 @@ TEST_F(Set, imagesOfAnotherSunAreDrawnAgain) {
   ASSERT_EQ(build(whole, in_evening).status, 0);
   EXPECT_EQ(faceValues(whole), evening);
 
+  // A light that was moved, and whose images are not drawn yet, stays where it is where only its kind is named again.
+  programs::expectOneLineError(
+      run("lumigrid", {"set", scene, "--light-position", "0.5,3,0.5", "--light-size", "0.2"}), 0, {"drawn"});
+  ASSERT_EQ(run("lumigrid", {"set", scene, "--light", "soft-shadows"}).status, 0);
+  EXPECT_EQ(base::readScene(scene)->light.position, glm::dvec3(0.5, 3.0, 0.5));
+  ASSERT_EQ(run("lumigrid", {"build", "-o", scene, "--quiet"}).status, 0);
+  const auto lamp = faceValues(scene);
+  EXPECT_NE(lamp, evening);
+  std::vector<std::string> at_the_lamp = morning;
+  at_the_lamp[4] = "--light-position", at_the_lamp[5] = "0.5,3,0.5", at_the_lamp[7] = "0.2";
+  const std::string lit = path("lit");
+  ASSERT_EQ(build(lit, at_the_lamp).status, 0);
+  EXPECT_EQ(faceValues(lit), lamp);
+  EXPECT_EQ(build(lit, at_the_lamp).status, 0);
+
   // Without the octree there are no shadows.
   ASSERT_EQ(build(path("plain"), {"--methods", "patch"}).status, 0);
   programs::expectOneLineError(run("lumigrid", {"set", path("plain"), "--light", "hard-shadows"}), 1, {"hlod"});

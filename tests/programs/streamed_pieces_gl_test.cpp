@@ -111,7 +111,8 @@ TEST_P(StreamedPiecesTest, samplesAndSizeAreOptions) {
 
 class HlodShadows : public StreamedPiecesTest {
  protected:
-  /// Maps of hard shadows serve several views of a viewer, so that their edges are off by parts of a pixel.
+  /// A viewer's maps serve several views, and have less memory, so that its views are divided into slices sooner: edges
+  /// of shadows are off by parts of a pixel.
   void expectNearLocalPictures(const Tour& seen, const std::vector<std::string>& light) {
     for (std::size_t i = 0; i < seen.pictures.size(); ++i) {
       const base::Image local = localPicture(i, name(), light);
@@ -141,7 +142,6 @@ TEST_P(HlodShadows, areThoseOfLumigridRender) {
     std::vector<std::string> options = light;
     options.emplace_back("--no-antialias");
     const Tour seen = tour(nginx.url() + "/tower/", light[1] + light[3], name(), options);
-    // Viewers have less memory for maps, and divide views into slices sooner.
     expectNearLocalPictures(seen, light);
     EXPECT_EQ(seen.lines.front()["hlod"]["shadows"], light[1]);
     EXPECT_GT(seen.lines.front()["hlod"]["casters"], 0);

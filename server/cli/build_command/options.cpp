@@ -313,8 +313,8 @@ Parameters parametersOf(const BuildArguments& a) {
                         {"stitch", a.stitch},
                         {"normals", a.normals}};
   const lod::hlod::LightArguments& place = a.light_place;
-  if (!place.direction.empty()) parameters["light-direction"] = vectorText(vectorOf(place.direction));
-  if (!place.position.empty()) parameters["light-position"] = vectorText(vectorOf(place.position));
+  if (!place.direction.empty()) parameters["light-direction"] = vectorText(lod::hlod::vectorOf(place.direction));
+  if (!place.position.empty()) parameters["light-position"] = vectorText(lod::hlod::vectorOf(place.position));
   if (place.size) parameters["light-size"] = sizeText(*place.size);
   if (a.textures == "vertex") parameters[kTexturesParameter] = a.textures;
   if (a.codec == "jpeg") parameters["subsampling"] = a.tune_db ? "tuned" : a.subsampling;
