@@ -79,7 +79,8 @@ struct GainQuery {
   StoredBytes stored_bytes = nullptr;
   /// Whether the viewer has an image already, so that others gain only what they add to it.
   std::function<bool(const repository::FaceKey&)> is_here = [](const repository::FaceKey&) { return false; };
-  /// The squared error, 0..1, of the proxy's colours where images show what no group brings: shadows.
+  /// The squared error, 0..1, of the proxy's colours where images show what no group brings: shadows. Coarse images
+  /// lose their share of it, as of other detail.
   float lacking2 = 0.0F;
   std::uint64_t image_bytes = 10'000;  ///< of an image of which nothing else is known
   /// The eye moves, or there are no images: groups gain for later views, too. Images stay behind.

@@ -15,6 +15,7 @@
 #include "base/json/scene_file.h"
 #include "server/render/hlod_scene.h"
 #include "tests/bench/bench.h"
+#include "tests/bench/hlod_scenes.h"
 
 namespace {
 
@@ -33,22 +34,10 @@ constexpr std::array kKinds{Kind{"none", server::Shadows::kNone, 0.0}, Kind{"har
                             Kind{"soft, sun", server::Shadows::kSoft, lod::hlod::kSunDegrees},
                             Kind{"soft, 5 degrees", server::Shadows::kSoft, 5.0}};
 
-struct Size {
-  int width = 0, height = 0;
-};
-
 /// A degree of an orbit with each frame. Meanwhile the eye goes up and down.
-base::Camera cameraAt(const base::Sphere& bounds, int frame, double radii, const Size& size) {
+base::Camera cameraAt(const base::Sphere& bounds, int frame, double radii, const bench::PictureSize& size) {
   const double turn = std::numbers::pi / 180.0 * frame;
-  base::ViewCamera at;
-  const double pitch = 0.3 + 0.4 * std::sin(3.0 * turn);
-  const glm::dvec3 away(std::cos(turn) * std::cos(pitch), std::sin(turn) * std::cos(pitch), std::sin(pitch));
-  at.position = glm::dvec3(bounds.center) + radii * static_cast<double>(bounds.radius) * away;
-  at.direction = -away;
-  at.up = {0, 0, 1};
-  at.width = size.width;
-  at.height = size.height;
-  return base::cameraForScene(at, glm::dvec3(0.0), bounds);
+  return bench::orbitCamera(bounds, turn, 0.3 + 0.4 * std::sin(3.0 * turn), radii, size);
 }
 
 /// A flight: seconds of each frame in the mean, and in the slowest one.
@@ -56,8 +45,8 @@ struct Flight {
   double mean = 0.0, slowest = 0.0;
 };
 
-Flight fly(server::HlodScene& renderer, const Size& size, double radii, int frames, server::HlodOptions options,
-           double light_step) {
+Flight fly(server::HlodScene& renderer, const bench::PictureSize& size, double radii, int frames,
+           server::HlodOptions options, double light_step) {
   Flight flight;
   const glm::vec3 towards(options.light.place);
   for (int frame = 0; frame < frames; ++frame) {
@@ -74,7 +63,7 @@ Flight fly(server::HlodScene& renderer, const Size& size, double radii, int fram
 }
 
 /// Flies kRuns times after once without looking at the clock, and prints medians.
-void printFlights(server::HlodScene& renderer, const Size& size, double radii, int frames,
+void printFlights(server::HlodScene& renderer, const bench::PictureSize& size, double radii, int frames,
                   server::HlodOptions options) {
   double without = 0.0;
   for (const bool light_moves : {false, true})
@@ -103,7 +92,7 @@ int main(int argc, char** argv) {
   const auto side = [&](const char* option, unsigned usual) {
     return static_cast<int>(arguments.number(option, usual, 1U, 8192U));
   };
-  const Size size{side("--width", 1280), side("--height", 720)};
+  const bench::PictureSize size{side("--width", 1280), side("--height", 720)};
   const auto frames = static_cast<int>(arguments.number("--frames", 30U, 1U, 10000U));
   server::HlodOptions options;
   options.supersampling = static_cast<int>(arguments.number("--samples", 1U, 1U, 8U));

@@ -4,8 +4,11 @@
 // and read back, beside how far their pictures are from the full mesh's, both with 4 x 4 samples. SCENE has patches,
 // splats and nodes; SCENE2 nodes of the same mesh built with --appearance none. Each is drawn at errors of 0.5, 1, 2
 // and 4 pixels.
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdio>
+#include <filesystem>
 #include <functional>
 #include <numbers>
 
@@ -88,22 +91,10 @@ class Drawing {
   const std::unique_ptr<server::HlodScene> nodes_, shape_;
 };
 
-struct Size {
-  int width = 0, height = 0;
-};
-
 /// The path goes around the model once, up and down, and from 4 radii to 1.1.
-base::Camera cameraAt(const base::Sphere& bounds, int view, int views, const Size& size) {
+base::Camera cameraAt(const base::Sphere& bounds, int view, int views, const bench::PictureSize& size) {
   const double part = (view + 0.5) / views, turn = 2.0 * std::numbers::pi * part;
-  const double pitch = 0.6 + 0.3 * std::sin(3.0 * turn), radii = 4.0 * std::pow(1.1 / 4.0, part);
-  const glm::dvec3 away(std::cos(turn) * std::cos(pitch), std::sin(turn) * std::cos(pitch), std::sin(pitch));
-  base::ViewCamera at;
-  at.position = glm::dvec3(bounds.center) + radii * static_cast<double>(bounds.radius) * away;
-  at.direction = -away;
-  at.up = {0, 0, 1};
-  at.width = size.width;
-  at.height = size.height;
-  return base::cameraForScene(at, glm::dvec3(0.0), bounds);
+  return bench::orbitCamera(bounds, turn, 0.6 + 0.3 * std::sin(3.0 * turn), 4.0 * std::pow(1.1 / 4.0, part), size);
 }
 
 std::vector<Way> allWays() {
@@ -172,8 +163,8 @@ void writeChart(const std::vector<Way>& ways, const std::string& title, const st
 int main(int argc, char** argv) {
   bench::Arguments arguments(argc, argv,
                              "SCENE --shape SCENE2 [--width W] [--height H] [--views N] [--chart FILE.svg]");
-  const Size size{static_cast<int>(arguments.number("--width", 1280U, 16U, 8192U)),
-                  static_cast<int>(arguments.number("--height", 720U, 16U, 8192U))};
+  const bench::PictureSize size{static_cast<int>(arguments.number("--width", 1280U, 16U, 8192U)),
+                                static_cast<int>(arguments.number("--height", 720U, 16U, 8192U))};
   const auto views = static_cast<int>(arguments.number("--views", 8U, 1U, 1000U));
   const std::string shape = arguments.text("--shape", ""), chart = arguments.text("--chart", "");
   arguments.finish();

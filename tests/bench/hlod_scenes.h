@@ -24,6 +24,24 @@ inline base::Scene litAs(const base::Scene& other, const std::string& directory)
   return scene;
 }
 
+/// Pixels of a picture.
+struct PictureSize {
+  int width = 0, height = 0;
+};
+
+/// Looks at the model's middle from so many of its radii away. `turn`, `pitch`: radians around z and above the ground.
+inline base::Camera orbitCamera(const base::Sphere& bounds, double turn, double pitch, double radii,
+                                const PictureSize& size) {
+  const glm::dvec3 away(std::cos(turn) * std::cos(pitch), std::sin(turn) * std::cos(pitch), std::sin(pitch));
+  base::ViewCamera at;
+  at.position = glm::dvec3(bounds.center) + radii * static_cast<double>(bounds.radius) * away;
+  at.direction = -away;
+  at.up = {0, 0, 1};
+  at.width = size.width;
+  at.height = size.height;
+  return base::cameraForScene(at, glm::dvec3(0.0), bounds);
+}
+
 /// Reads the hlod.lgh of a scene, whole.
 class NodeFile {
  public:

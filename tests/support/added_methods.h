@@ -20,24 +20,32 @@ inline base::Result<void> addPart(const std::string& directory, const std::strin
   return base::writeSceneFile(scene, directory + "/scene.json");
 }
 
-/// Adds hlod.lgh to a scene that is there.
-inline base::Result<void> addNodes(const Mesh& mesh, const std::string& directory) {
+/// Adds a method's file, which `build(sources, file)` makes of the mesh, to a scene that is there.
+template <class Build>
+base::Result<void> addMethod(const Mesh& mesh, const std::string& directory, const std::string& file,
+                             const Build& build) {
   const ScratchDirectory scratch;
   writePly(scratch / "mesh.ply", mesh);
-  const std::string file = base::kHlodMethod.file();
-  const auto built = lod::hlod::builder::buildFromFiles({scratch / "mesh.ply"}, {}, directory + "/" + file);
+  const auto built = build({scratch / "mesh.ply"}, directory + "/" + file);
   return built ? addPart(directory, file) : built.error();
+}
+
+/// Adds hlod.lgh to a scene that is there.
+inline base::Result<void> addNodes(const Mesh& mesh, const std::string& directory) {
+  return addMethod(mesh, directory, base::kHlodMethod.file(),
+                   [](const std::vector<std::string>& sources, const std::string& path) {
+                     return lod::hlod::builder::buildFromFiles(sources, {}, path);
+                   });
 }
 
 #ifdef LUMIGRID_PMR
 
 /// Adds pmr.lgm, built of the mesh's vertices, to a scene that is there.
 inline base::Result<void> addUmbrellas(const Mesh& mesh, const std::string& directory) {
-  const ScratchDirectory scratch;
-  writePly(scratch / "mesh.ply", mesh);
-  const std::string file = base::kUmbrellaMethod.file();
-  const auto built = lod::pmr::builder::buildFromFiles({scratch / "mesh.ply"}, {}, directory + "/" + file);
-  return built ? addPart(directory, file) : built.error();
+  return addMethod(mesh, directory, base::kUmbrellaMethod.file(),
+                   [](const std::vector<std::string>& sources, const std::string& path) {
+                     return lod::pmr::builder::buildFromFiles(sources, {}, path);
+                   });
 }
 
 #else

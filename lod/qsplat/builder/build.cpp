@@ -24,7 +24,7 @@ class SplatTreeBuilder {
       : options_(options), build_("splat tree", options, std::move(output_path), progress) {}
 
   base::Result<BuildSummary> run(const ingest::SourceInput& input) {
-    const std::string key_prefix = "qsplat 5 " + std::to_string(options_.dice) + " ";
+    const std::string key_prefix = "qsplat 6 " + std::to_string(options_.dice) + " ";
     LUMIGRID_TRY(build_.run(key_prefix, [&] { return runStages(input); }));
     build_.summarize(summary_);
     return std::move(summary_);
