@@ -272,8 +272,8 @@ TEST_F(Set, imagesOfAnotherSunAreDrawnAgain) {
   EXPECT_EQ(faceValues(whole), evening);
 
   // A light that was moved, and whose images are not drawn yet, stays where it is where only its kind is named again.
-  programs::expectOneLineError(
-      run("lumigrid", {"set", scene, "--light-position", "0.5,3,0.5", "--light-size", "0.2"}), 0, {"drawn"});
+  programs::expectOneLineError(run("lumigrid", {"set", scene, "--light-position", "0.5,3,0.5", "--light-size", "0.2"}),
+                               0, {"drawn"});
   ASSERT_EQ(run("lumigrid", {"set", scene, "--light", "soft-shadows"}).status, 0);
   EXPECT_EQ(base::readScene(scene)->light.position, glm::dvec3(0.5, 3.0, 0.5));
   ASSERT_EQ(run("lumigrid", {"build", "-o", scene, "--quiet"}).status, 0);
