@@ -47,7 +47,7 @@ class HlodBuilder {
  private:
   // All that decides the work files, their own format first. Threads and memory do not.
   std::string keyPrefix() const {
-    std::string key = "hlod 4 " + ingest::describeStitch(options_.stitch);
+    std::string key = "hlod 5 " + ingest::describeStitch(options_.stitch);
     key += " " + std::to_string(options_.position_bits) + " " + std::to_string(options_.leaf_triangles) + " " +
            std::to_string(options_.resolution);
     key += " " + std::to_string(static_cast<int>(options_.appearance)) + (options_.points ? " points " : " ");

@@ -26,6 +26,8 @@ constexpr float kLeastCosine = 0.1F;
 // Short collapses come first among those that move the surface equally little.
 constexpr float kLengthCost = 0.1F;
 constexpr float kTurnCost = 0.5F;
+// Edges so many times as long as the limit show what lies between their ends.
+constexpr float kLongEdge = 4.0F;
 constexpr float kColorCost = 1.0F / 128.0F;
 // A vertex waits again where its collapse has become dearer than when it was queued by about so much: half an octave,
 // a factor of 1.4. With a whole one there are 0.5 % more triangles, and it is no faster.
@@ -47,6 +49,9 @@ class ShortList {
  public:
   void clear() { size_ = 0; }
   void push_back(const Item& item) { items_[size_++] = item; }
+  /// One more item, of which nothing is known yet. A whole one that was just put together would be copied by loads that
+  /// are wider than the stores before, and processors wait for those.
+  Item& add() { return items_[size_++]; }
   std::size_t size() const { return size_; }
   bool empty() const { return size_ == 0; }
   Item& operator[](std::size_t i) { return items_[i]; }
@@ -128,7 +133,6 @@ class Collapser {
   struct Spoke {
     std::uint32_t triangle;
     std::uint32_t next, last;  // in the triangle's winding, from the vertex on
-    glm::vec3 direction;       // the triangle's
   };
   struct Neighbor {
     std::uint32_t vertex;
@@ -218,9 +222,10 @@ class Collapser {
     for (const std::uint32_t corner : around) {
       const std::uint32_t t = corner / 4, k = corner % 4;
       const std::uint32_t* const c = triangles[t].corner.data();
-      const std::uint32_t next = slotOf(c[k == 2 ? 0 : k + 1]);
-      const std::uint32_t last = slotOf(c[k == 0 ? 2 : k - 1]);
-      spokes_.push_back({t, next, last, triangles[t].direction});
+      Spoke& spoke = spokes_.add();
+      spoke.triangle = t;
+      spoke.next = slotOf(c[k == 2 ? 0 : k + 1]);
+      spoke.last = slotOf(c[k == 0 ? 2 : k - 1]);
     }
     return true;
   }
@@ -233,7 +238,9 @@ class Collapser {
     Mark& mark = marks_[w];
     if (mark.stamp != stamp_) {
       mark = {stamp_, static_cast<std::uint32_t>(neighbors_.size())};
-      neighbors_.push_back({w, 0, false, 0.0F});
+      Neighbor& neighbor = neighbors_.add();
+      neighbor.vertex = w;
+      neighbor.triangles = 0;
     }
     ++neighbors_[mark.slot].triangles;
     return mark.slot;
@@ -252,7 +259,7 @@ class Collapser {
                                   to[2]->position - from.position, to[3]->position - from.position);
     Four height2{};
     for (const Spoke& spoke : spokes_) {
-      const Four over = along.dot(spoke.direction);
+      const Four over = along.dot(triangles_[spoke.triangle].direction);
       const Four over2 = over * over;
       height2 = height2 < over2 ? over2 : height2;
     }
@@ -341,7 +348,7 @@ class Collapser {
           glm::cross(vectorOf(neighborAt(spoke.next).position) - a, vectorOf(neighborAt(spoke.last).position) - a);
       const float after2 = glm::dot(after, after);
       if (!(after2 > 0.0F)) return false;
-      const glm::vec3& before = spoke.direction;
+      const glm::vec3& before = triangles_[spoke.triangle].direction;
       if (before != glm::vec3(0.0F) && glm::dot(before, after) < kLeastCosine * std::sqrt(after2)) return false;
     }
     return !staying_.empty();
@@ -376,24 +383,37 @@ class Collapser {
   /// triangle across a hollow would leave all samples where they find other triangles.
   bool keepsNear(std::uint32_t v, std::uint32_t target) {
     if (!has_old_) findOld(v);
-    const Four& u = neighborAt(target).position;
+    const Attributes& u = neighborAt(target);
     for (std::uint32_t slot = 0; slot < neighbors_.size(); ++slot) {
       Neighbor& n = neighbors_[slot];
       n.reach = 0.0F;
       // Neighbours of both ends have their edge already.
       if (slot == target || n.is_common) continue;
-      n.reach = reachOf(0.5F * (u + positionOf(n.vertex)));
+      n.reach = reachOf(middleOf(u, vertices_[n.vertex].at), optionsFor(u, vertices_[n.vertex].at));
       if (!(n.reach <= limit_)) return false;
     }
     return true;
   }
-  float reachOf(const Four& place) const {
+  /// What a triangle shows in the middle of an edge.
+  static Attributes middleOf(const Attributes& a, const Attributes& b) {
+    const glm::vec3 normal = vectorOf(a.normal + b.normal);
+    const float length2 = glm::dot(normal, normal);
+    return {0.5F * (a.position + b.position), length2 > 0.0F ? fourOf(normal / std::sqrt(length2)) : a.normal,
+            0.5F * (a.color + b.color)};
+  }
+  /// The middle of a short edge is as near to its ends as samples are to each other.
+  AppearanceOptions optionsFor(const Attributes& a, const Attributes& b) const {
+    AppearanceOptions options = options_;
+    const glm::vec3 along = vectorOf(a.position - b.position);
+    if (glm::dot(along, along) < kLongEdge * kLongEdge * limit_ * limit_) options.normals = options.colors = false;
+    return options;
+  }
+  float reachOf(const Attributes& place, const AppearanceOptions& options) const {
     Four least = Four{} + std::numeric_limits<float>::infinity();
     for (const OldTriangles& old : old_) {
-      const Four distance2 = old.shape.closest(place).distance2;
+      const Four error2 = old.shape.error2(place, options);
       const Four reach =
-          Four{std::sqrt(distance2[0]), std::sqrt(distance2[1]), std::sqrt(distance2[2]), std::sqrt(distance2[3])} +
-          old.reach;
+          Four{std::sqrt(error2[0]), std::sqrt(error2[1]), std::sqrt(error2[2]), std::sqrt(error2[3])} + old.reach;
       least = reach < least ? reach : least;
     }
     return lowestOf(least);
@@ -402,20 +422,25 @@ class Collapser {
   void findOld(std::uint32_t v) {
     old_.clear();
     has_old_ = true;
-    const Four& a = positionOf(v);
+    const Attributes& a = vertices_[v].at;
     for (std::size_t first = 0; first < spokes_.size(); first += 4) {
       // Spokes that are left over come twice.
       const auto spoke = [&](std::size_t i) -> const Spoke& {
         return spokes_[std::min(first + i, spokes_.size() - 1)];
       };
       const auto corners = [&](std::uint32_t Spoke::*corner) {
-        const auto at = [&](std::size_t i) { return neighborAt(spoke(i).*corner).position; };
-        return side(at(0), at(1), at(2), at(3));
+        const auto at = [&](std::size_t i) -> const Attributes& { return neighborAt(spoke(i).*corner); };
+        return attributesOf(at(0), at(1), at(2), at(3));
       };
       const auto reach = [&](std::size_t i) { return triangles_[spoke(i).triangle].reach; };
-      old_.push_back({FourTriangles(side(a, a, a, a), corners(&Spoke::next), corners(&Spoke::last)),
+      old_.push_back({FourAppearances(attributesOf(a, a, a, a), corners(&Spoke::next), corners(&Spoke::last), options_),
                       Four{reach(0), reach(1), reach(2), reach(3)}});
     }
+  }
+  static FourAttributes attributesOf(const Attributes& a, const Attributes& b, const Attributes& c,
+                                     const Attributes& d) {
+    return {side(a.position, b.position, c.position, d.position), side(a.normal, b.normal, c.normal, d.normal),
+            side(a.color, b.color, c.color, d.color)};
   }
 
   /// Finds a place for each sample on the triangles that v's become.
@@ -431,10 +456,6 @@ class Collapser {
   /// The triangles that stay, with u in the place of v, in fours.
   void makeNew(std::uint32_t u) {
     new_.clear();
-    const auto four = [](const Attributes& a, const Attributes& b, const Attributes& c, const Attributes& d) {
-      return FourAttributes{side(a.position, b.position, c.position, d.position),
-                            side(a.normal, b.normal, c.normal, d.normal), side(a.color, b.color, c.color, d.color)};
-    };
     const Attributes& a = vertices_[u].at;
     for (std::size_t first = 0; first < staying_.size(); first += 4) {
       const auto spoke = [&](std::size_t i) -> const Spoke& {
@@ -442,9 +463,9 @@ class Collapser {
       };
       const auto corners = [&](std::uint32_t Spoke::*corner) {
         const auto at = [&](std::size_t i) -> const Attributes& { return neighborAt(spoke(i).*corner); };
-        return four(at(0), at(1), at(2), at(3));
+        return attributesOf(at(0), at(1), at(2), at(3));
       };
-      new_.emplace_back(four(a, a, a, a), corners(&Spoke::next), corners(&Spoke::last), options_);
+      new_.emplace_back(attributesOf(a, a, a, a), corners(&Spoke::next), corners(&Spoke::last), options_);
     }
   }
   bool place(std::uint32_t sample) {
@@ -550,7 +571,7 @@ class Collapser {
 
   // These belong to the vertex that is looked at.
   struct OldTriangles {
-    FourTriangles shape;
+    FourAppearances shape;
     Four reach{};
   };
   ShortList<Spoke, kMaxStar> spokes_, staying_;
