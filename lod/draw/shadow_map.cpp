@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <deque>
 #include <glm/gtc/matrix_transform.hpp>
 #include <numeric>
 
@@ -119,6 +120,32 @@ std::vector<glm::vec3> grownPositions(const hlod::CasterPicture& picture) {
   }
   return grown;
 }
+
+/// Layers that may not be drawn yet.
+class LayerQueue {
+ public:
+  /// `most`: 0 for any number.
+  explicit LayerQueue(std::size_t most) : most_(most) {}
+  LayerQueue(const LayerQueue&) = delete;
+  LayerQueue& operator=(const LayerQueue&) = delete;
+  ~LayerQueue() {
+    for (GLsync layer : queued_) glDeleteSync(layer);
+  }
+  /// Adds what was drawn since the last one, and waits while there are too many.
+  void add() {
+    if (most_ == 0) return;
+    queued_.push_back(glFenceSync(GL_SYNC_GPU_COMMANDS_COMPLETE, 0));
+    if (queued_.size() <= most_) return;
+    constexpr GLuint64 kNanoseconds = 1'000'000'000;
+    glClientWaitSync(queued_.front(), GL_SYNC_FLUSH_COMMANDS_BIT, kNanoseconds);
+    glDeleteSync(queued_.front());
+    queued_.pop_front();
+  }
+
+ private:
+  const std::size_t most_;
+  std::deque<GLsync> queued_;
+};
 
 }  // namespace
 
@@ -268,8 +295,11 @@ base::Result<void> ShadowMap::drawCasters(const Slot& slot) {
   const LightLayers layers = LightLayers::of(view);
   base::Result<void> done{};
   program_.use();
-  for (std::size_t layer = 0; layer < layers.shears.size() && done; ++layer)
+  LayerQueue queue(layers_queued_);
+  for (std::size_t layer = 0; layer < layers.shears.size() && done; ++layer) {
     done = drawLayer(slot, layers.layerFromLight(layer), layer);
+    queue.add();
+  }
   glDisable(GL_POLYGON_OFFSET_FILL);
   glDisable(GL_SCISSOR_TEST);
   glBindVertexArray(0);

@@ -71,6 +71,9 @@ class ShadowMap {
   static base::Result<std::unique_ptr<ShadowMap>> create(std::uint64_t gpu_bytes);
   /// All maps together take so many bytes at most, or the one that was drawn last alone more. 0 at first.
   void setKeptBytes(std::uint64_t bytes) { kept_bytes_ = bytes; }
+  /// How many layers may be on their way to the GPU before draw() waits, 0 for any number. Software GL keeps what each
+  /// of them is made of until it is drawn, up to 36 MB. Not for browsers, where nothing waits.
+  void setLayersQueued(std::size_t layers) { layers_queued_ = layers; }
   /// Leaves another framebuffer and viewport bound. Nothing is drawn where the slot has the very map. Errors:
   /// kUnsupported for a map that is larger than the GL allows, kNoSpace.
   base::Result<void> draw(const ShadowMapView& view, std::span<const DrawnCaster> casters, std::size_t slot = 0);
@@ -123,6 +126,7 @@ class ShadowMap {
   std::size_t slot_ = 0;  ///< of the last draw()
   Sampler compared_, plain_;
   std::uint64_t kept_bytes_ = 0, drawn_ = 0;
+  std::size_t layers_queued_ = 0;
 };
 
 }  // namespace lod::draw

@@ -256,7 +256,7 @@ RunCommand addSet(CLI::App& command) {
     if (is_idle && !a->light_place.any()) {
       std::fprintf(stderr,
                    "lumigrid: set: nothing to set; give --up, --north, --units, --crs, --title, --attribution, "
-                   "--background, --start-view or --light\n");
+                   "--background, --start-view, or --light and the options of its place\n");
       return kWrongUsage;
     }
     return exitStatus(run(*a));

@@ -17,6 +17,8 @@ namespace {
 /// pixel take eight times as long (statue of 200 000 triangles, 512 pixels).
 constexpr float kHalfPixelOff = 0.5F, kPixelOff = 1.0F;
 
+constexpr std::size_t kLayersQueued = 2;
+
 /// The view's own map, the scene's finest one, and the coarser ones of that, which take a third of it together. Own
 /// maps may have a texture of twice their size.
 constexpr std::uint64_t kMapsKept = 4;
@@ -27,6 +29,18 @@ std::uint64_t mapBytes(const base::Light& light) {
   const bool is_soft = light.mode == base::LightMode::kSoftShadows;
   const std::uint64_t side = is_soft ? lod::draw::kSoftTexels : lod::draw::kHardTexels;
   return kBytesPerTexel * (is_soft ? lod::draw::kMaxLightLayers : 1) * side * side;
+}
+
+/// Soft shadows are as fine as pictures of so many pixels a side need them. In one of 992 finer ones take twice the
+/// time and memory, and change it by 0.04 of 255 (machangara, seen by the thin client).
+constexpr int kSoftPixels = 768;
+
+base::Camera withFewerPixels(base::Camera camera) {
+  const int side = std::max(camera.width, camera.height);
+  if (side <= kSoftPixels) return camera;
+  camera.width = std::max(camera.width * kSoftPixels / side, 1);
+  camera.height = std::max(camera.height * kSoftPixels / side, 1);
+  return camera;
 }
 
 constexpr int kUnseen = std::numeric_limits<int>::min();  // in place of a level
@@ -56,6 +70,7 @@ base::Result<std::unique_ptr<PatchShadows>> PatchShadows::create(const std::stri
   LUMIGRID_TRY(checkStream(made->stream_, file.path));
   LUMIGRID_ASSIGN_OR_RETURN(made->shadow_map_, lod::draw::ShadowMap::create(kStreamedGpuBytes));
   made->shadow_map_->setKeptBytes(kMapsKept * mapBytes(light));
+  made->shadow_map_->setLayersQueued(kLayersQueued);
   return made;
 }
 
@@ -114,6 +129,7 @@ base::Result<void> PatchShadows::plan(const lod::hlod::TraverseRequest& view, co
   stream_.update(coarsest, root);
 
   lod::hlod::TraverseRequest shadowed = view;
+  if (light_.light.size > 0.0F) shadowed.camera = withFewerPixels(view.camera);
   shadowed.tolerance = view.tolerance > 0.0F ? std::max(view.tolerance, kPixelOff) : kHalfPixelOff;
   // The view's pixels may be half as large as those of the scene's map, whose texels may be twice as large as wanted,
   // as those of the view's own maps may be.
@@ -122,7 +138,7 @@ base::Result<void> PatchShadows::plan(const lod::hlod::TraverseRequest& view, co
   if (scene_maps_.empty()) scene_request_.tolerance = scene_tolerance, scene_request_.section = view.section;
 
   std::vector<bool> is_shared(patches.size(), false);
-  const int level = one_of_many ? findSceneMap(view, hierarchy, patches, is_shared) : kUnseen;
+  const int level = one_of_many ? findSceneMap(shadowed, hierarchy, patches, is_shared) : kUnseen;
   std::vector<std::uint32_t> shared, own, lit;  // places in the list of patches
   std::vector<lod::hlod::ShadowReceiver> boxes;
   for (std::uint32_t i = 0; i < patches.size(); ++i) {
