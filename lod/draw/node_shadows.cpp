@@ -10,12 +10,26 @@ namespace {
 /// Eight slices show a ground up to 5 km from an eye at a man's height (docs/decisions/shadow-layers.md). A choice.
 constexpr std::size_t kMaxMaps = 8;
 
-/// How fine shadow maps are. The layers of a soft shadow together take the memory of few large maps, and their texels
-/// lie between each other's. What a pixel's width moves is not seen in a penumbra.
-void setFineness(hlod::ShadowRequest& request, std::uint32_t max_texels) {
-  const bool is_soft = request.light.size > 0.0F;
+/// The layers of a soft shadow together take the memory of few large maps, and their texels lie between each other's.
+/// A shift by a pixel is not seen in a penumbra.
+hlod::ShadowRequest requestFor(const hlod::TraverseRequest& view, const NodeLight& light) {
+  hlod::ShadowRequest request;
+  request.view = view;
+  request.light = light.light;
+  request.room = light.room;
+  request.max_maps = kMaxMaps;
+  const bool is_soft = light.light.size > 0.0F;
   request.texel_px = is_soft ? 1.0F : 0.5F;
-  request.max_texels = std::min(is_soft ? kSoftTexels : kHardTexels, max_texels);
+  request.max_texels = std::min(is_soft ? kSoftTexels : kHardTexels, light.max_texels);
+  return request;
+}
+
+NodeShadowMap withCasters(hlod::Stream& stream, hlod::ShadowMapPlan plan) {
+  std::vector<std::shared_ptr<const hlod::CasterPicture>> casters;
+  stream.updateCasters(plan.casters, casters);
+  NodeShadowMap map{std::move(plan), {}};
+  for (auto& caster : casters) map.casters.push_back({std::move(caster)});
+  return map;
 }
 
 }  // namespace
@@ -29,24 +43,21 @@ NodeShadows NodeShadowFinder::find(hlod::Stream& stream, std::span<const hlod::D
 
 NodeShadows NodeShadowFinder::find(hlod::Stream& stream, std::span<const hlod::ShadowReceiver> receivers,
                                    const hlod::TraverseRequest& request, const NodeLight& light) {
-  hlod::ShadowRequest wanted;
-  wanted.view = request;
-  wanted.light = light.light;
-  wanted.room = light.room;
-  wanted.max_maps = kMaxMaps;
-  setFineness(wanted, light.max_texels);
   NodeShadows shadows{light.light, stream.nodes(), {}, light.kept_bytes};
   std::vector<hlod::LightRequest> lights;
-  for (hlod::ShadowMapPlan& plan : planner_.plan(stream.nodes(), receivers, wanted)) {
-    std::vector<std::shared_ptr<const hlod::CasterPicture>> casters;
-    stream.updateCasters(plan.casters, casters);
-    NodeShadowMap& map = shadows.maps.emplace_back();
-    map.plan = std::move(plan);
-    for (auto& caster : casters) map.casters.push_back({std::move(caster)});
-    lights.push_back({map.plan.camera, map.plan.receiver_error});
+  for (hlod::ShadowMapPlan& plan : planner_.plan(stream.nodes(), receivers, requestFor(request, light))) {
+    lights.push_back({plan.camera, plan.receiver_error});
+    shadows.maps.push_back(withCasters(stream, std::move(plan)));
   }
   stream.expectLights(std::move(lights));
   return shadows;
+}
+
+std::optional<NodeShadowMap> findSceneShadows(hlod::Stream& stream, const hlod::TraverseRequest& request,
+                                              double pixels_per_unit, const NodeLight& light) {
+  auto plan = hlod::planSceneShadowMap(stream.nodes(), pixels_per_unit, requestFor(request, light));
+  if (!plan) return std::nullopt;
+  return withCasters(stream, std::move(*plan));
 }
 
 std::uint32_t shadowTexelsFor(std::uint64_t bytes, bool soft) {

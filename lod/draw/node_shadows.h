@@ -2,6 +2,7 @@
 // Finds, for the nodes that a view draws, the maps of their shadows and the casters that are here, for the server and
 // the client (Guthe et al. 2004, section 4.1).
 #include <cstdint>
+#include <optional>
 #include <span>
 
 #include "lod/draw/hlod_nodes.h"
@@ -40,6 +41,11 @@ class NodeShadowFinder {
  private:
   hlod::ShadowPlanner planner_;
 };
+
+/// As hlod::planSceneShadowMap(), for views like `request`, and with the casters that are here. The stream has found
+/// nodes for a view, whichever.
+std::optional<NodeShadowMap> findSceneShadows(hlod::Stream& stream, const hlod::TraverseRequest& request,
+                                              double pixels_per_unit, const NodeLight& light);
 
 /// Returns NodeLight::max_texels for maps that take at most so many bytes each, all layers of a soft one together.
 std::uint32_t shadowTexelsFor(std::uint64_t bytes, bool soft);

@@ -423,6 +423,48 @@ std::vector<ShadowMapPlan> planShadowMaps(std::span<const Node> nodes, std::span
   return plans;
 }
 
+double largestScale(const TraverseRequest& view, const base::Aabb& box) {
+  const SeenSpace space(view);
+  const SeenBox seen = space.seenPart(box);
+  return seen.empty() ? 0.0 : space.largestScale(seen);
+}
+
+namespace {
+
+/// A parallel view that just shows the box.
+base::Camera cameraAround(const base::Aabb& box, double pixels_per_unit) {
+  const glm::dvec3 low(box.min), high(box.max), middle = 0.5 * (low + high);
+  const glm::dvec3 half = glm::max(0.5 * (high - low), glm::dvec3(1e-6 * glm::length(high - low)));
+  const glm::dvec2 pixels = glm::ceil(glm::dvec2(2.0 * half) * pixels_per_unit);
+  base::Camera camera;
+  camera.width = static_cast<int>(std::clamp(pixels.x, 1.0, 1e9));
+  camera.height = static_cast<int>(std::clamp(pixels.y, 1.0, 1e9));
+  // The height is whole pixels, so that they have the size that was asked for.
+  const double half_height = 0.5 * camera.height / pixels_per_unit;
+  camera.clip_from_eye[0][0] = static_cast<float>(1.0 / half.x);
+  camera.clip_from_eye[1][1] = static_cast<float>(1.0 / std::max(half_height, half.y));
+  camera.clip_from_eye[2][2] = static_cast<float>(-1.0 / half.z);
+  camera.eye_from_scene[3] = glm::vec4(-glm::vec3(middle), 1.0F);
+  return camera;
+}
+
+}  // namespace
+
+std::optional<ShadowMapPlan> planSceneShadowMap(std::span<const Node> nodes, double pixels_per_unit,
+                                                const ShadowRequest& request) {
+  if (nodes.empty() || !(pixels_per_unit > 0.0)) return std::nullopt;
+  ShadowRequest whole = request;
+  whole.view.camera = cameraAround(nodes[0].box, pixels_per_unit);
+  whole.view.tile.reset();
+  whole.max_maps = 1;
+  whole.room = 0.0F;
+  std::vector<ShadowMapPlan> plans = planShadowMaps(nodes, std::vector<ShadowReceiver>{{nodes[0].box, 0}}, whole);
+  constexpr float kRounding = 1.001F;
+  if (plans.size() != 1 || plans[0].texel_px > kRounding * request.texel_px) return std::nullopt;
+  plans[0].receivers.clear();
+  return std::move(plans[0]);
+}
+
 // ---- Plans that hold for several views
 
 /// The last plans, and what they were made for.

@@ -8,6 +8,7 @@
 #include <array>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -87,6 +88,15 @@ inline std::vector<ShadowMapPlan> planShadowMaps(std::span<const Node> nodes, st
                                                  const ShadowRequest& request) {
   return planShadowMaps(nodes, receiversOf(nodes, drawn), request);
 }
+
+/// The largest number of the view's pixels that a scene unit covers anywhere in the box; 0 where it is not seen.
+double largestScale(const TraverseRequest& view, const base::Aabb& box);
+
+/// A map of the whole scene, for views in which a scene unit covers at most so many pixels anywhere. It depends on no
+/// view: of `request.view` the tolerance and the section count, and max_maps and room do not. Its receivers are empty.
+/// None where texels would have to be larger than wanted, or for a light that sees the scene in several maps.
+std::optional<ShadowMapPlan> planSceneShadowMap(std::span<const Node> nodes, double pixels_per_unit,
+                                                const ShadowRequest& request);
 
 /// Plans for one view after another. While the light stands still most views are served by the maps of one before, so
 /// that whoever draws a plan's map when its camera or its casters change seldom has to.

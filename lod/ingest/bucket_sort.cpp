@@ -7,6 +7,7 @@
 #include <span>
 #include <utility>
 
+#include "base/format_text.h"
 #include "base/parallel.h"
 #include "lod/ingest/buckets.h"
 
@@ -56,16 +57,21 @@ class BucketSorter {
     }
     out_.areas_ = {};
     // Triangles without an area are kept beside others, since closed meshes would open without them.
-    if (with_area == 0)
-      return Error{ErrorCode::kInvalidInput, out_.totals_.collapsed == 0
-                                                 ? "no triangle is left after cleaning (all are degenerate)"
-                                                 : "no triangle keeps its area on a lattice of " +
-                                                       std::to_string(lattice_.bits) +
-                                                       " bits: the mesh has no extent, or raise --position-bits"};
+    if (with_area == 0) return Error{ErrorCode::kInvalidInput, "no triangle " + reasonForNone()};
     return std::move(out_);
   }
 
  private:
+  std::string reasonForNone() const {
+    if (out_.totals_.collapsed == 0) return "is left after cleaning (all are degenerate)";
+    if (lattice_.bits < kMaxLatticeBits)
+      return "keeps its area on a lattice of " + std::to_string(lattice_.bits) +
+             " bits: the mesh has no extent, or raise --position-bits";
+    const glm::dvec3& far = info_.far_place;
+    return "keeps its area on a lattice of 21 bits, the finest: the mesh has no extent, or what lies at " +
+           base::formatText("(%.7g, %.7g, %.7g)", far.x, far.y, far.z) + " makes its box too large; remove that";
+  }
+
   // Sorts all triangles, stitched as far as it is known how.
   base::Result<void> sort() {
     out_ = {};
@@ -121,6 +127,7 @@ class BucketSorter {
     const std::uint64_t most = options_.limits.memory_bytes / kStitchBytesPerEdge;
     LUMIGRID_ASSIGN_OR_RETURN(stitches_, findStitches(border, scale, most, options_.limits.threads));
     border.remove();
+    is_two_sided_ = out_.totals_.two_sided > 0;
     if (!stitches_.empty()) LUMIGRID_TRY(sort());
     out_.totals_.stitched = stitches_.counts();
     return {};
@@ -326,7 +333,7 @@ class BucketSorter {
     for (std::size_t edge = 0; edge < 3; ++edge) {
       if ((edges >> edge & 1U) == 0) continue;
       const std::size_t next = (edge + 1) % 3, before = (edge + 2) % 3;
-      const auto vertices = stitches_.splitting(record.corner[edge].code, record.corner[next].code);
+      const auto vertices = splitting(record.corner[edge].code, record.corner[next].code);
       if (vertices.empty()) continue;
       // A triangle that fills the gap beside a split edge has the splitting vertex for its third corner.
       if (std::find(vertices.begin(), vertices.end(), record.corner[before].code) != vertices.end()) continue;
@@ -342,6 +349,14 @@ class BucketSorter {
       return packSplit(part, source, edges & 1U << next, result);
     }
     packOne(record, source, result);
+  }
+
+  // The other side of a two-sided mesh is cut as the first one is, so that its parts are dropped, too.
+  std::vector<std::uint64_t> splitting(std::uint64_t from, std::uint64_t to) const {
+    const auto vertices = stitches_.splitting(from, to);
+    if (!vertices.empty() || !is_two_sided_) return {vertices.begin(), vertices.end()};
+    const auto turned = stitches_.splitting(to, from);
+    return {turned.rbegin(), turned.rend()};
   }
 
   void packOne(const CornerRecord& record, std::uint64_t source, TriangleBatch& result) const {
@@ -417,6 +432,7 @@ class BucketSorter {
   const BucketOptions& options_;
   Buckets out_;
   Stitches stitches_;
+  bool is_two_sided_ = false;  // known when stitches are
   SpoolFile corners_;
   TexturePlaces textures_;
   std::uint64_t first_ = 0, last_ = 0;  // the window

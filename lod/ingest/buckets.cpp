@@ -10,6 +10,7 @@
 
 #include "base/fields.h"
 #include "base/parallel.h"
+#include "lod/ingest/two_sided.h"
 #include "lod/ingest/work_directory.h"
 
 namespace lod::ingest {
@@ -18,7 +19,7 @@ namespace {
 // About what measureWinding takes for a bucket.
 constexpr std::uint64_t kWindingBytes = std::uint64_t{80} << 20;
 
-constexpr std::uint8_t kStateVersion = 3;
+constexpr std::uint8_t kStateVersion = 4;
 
 void flipTriangles(const std::vector<bool>& flips, std::vector<BorderTriangle>& triangles) {
   if (flips.empty()) return;
@@ -111,10 +112,49 @@ base::Result<std::vector<Corner>> Buckets::read(std::size_t bucket) const {
   return corners;
 }
 
-base::Result<void> Buckets::findBorderEdges(unsigned threads, BorderEdges& border) const {
+base::Result<std::vector<Corner>> Buckets::readOneSided(std::size_t bucket, std::mutex& mutex) {
+  auto corners = readUnflipped(bucket);
+  if (!corners) return corners;
+  const std::vector<std::uint32_t> dropped = turnedOver(*corners);
+  if (dropped.empty()) return corners;
+
+  std::vector<std::uint64_t> numbers;
+  if (packing_.has_sources) {
+    LUMIGRID_ASSIGN_OR_RETURN(numbers, sources(bucket));
+  }
+  const std::size_t all = corners->size() / 3;
+  base::Bytes packed((all - dropped.size()) * packing_.triangleBytes() + BucketPacking::kSlack);
+  std::uint8_t* to = packed.data();
+  std::uint64_t before = 0;
+  std::size_t kept = 0;
+  for (std::size_t t = 0, next = 0; t < all; ++t) {
+    if (next < dropped.size() && dropped[next] == t) {
+      ++next;
+      continue;
+    }
+    std::copy_n(corners->begin() + static_cast<std::ptrdiff_t>(3 * t), 3,
+                corners->begin() + static_cast<std::ptrdiff_t>(3 * kept));
+    const std::span<const Corner, 3> triangle(&(*corners)[3 * kept], 3);
+    to = packing_.packTriangle(triangle, kept == 0, before, numbers.empty() ? kNoSource : numbers[t], to);
+    ++kept;
+  }
+  corners->resize(3 * kept);
+  packed.resize(static_cast<std::size_t>(to - packed.data()));
+
+  const std::lock_guard lock(mutex);
+  for (const Extent& extent : extents_[bucket]) file_.release(extent.offset, extent.bytes);
+  extents_[bucket] = {{file_.size(), packed.size()}};
+  counts_[bucket] = kept;
+  totals_.triangles -= dropped.size();
+  totals_.two_sided += dropped.size();
+  LUMIGRID_TRY(file_.append(packed));
+  return corners;
+}
+
+base::Result<void> Buckets::findBorderEdges(unsigned threads, BorderEdges& border) {
   std::mutex mutex;
   LUMIGRID_TRY(base::tryParallelFor(count(), threads, [&](std::size_t bucket) -> base::Result<void> {
-    LUMIGRID_ASSIGN_OR_RETURN(const auto corners, readUnflipped(bucket));
+    LUMIGRID_ASSIGN_OR_RETURN(const auto corners, readOneSided(bucket, mutex));
     std::vector<BorderEdge> edges = borderEdges(NumberedCorners(corners), corners);
     const auto shared = std::partition(edges.begin(), edges.end(), [this](const BorderEdge& e) {
       return border_.find(e.from) < 0 || border_.find(e.to) < 0;
@@ -123,6 +163,7 @@ base::Result<void> Buckets::findBorderEdges(unsigned threads, BorderEdges& borde
     const std::lock_guard lock(mutex);
     return border.add(std::span(edges).first(own), std::span(edges).subspan(own));
   }));
+  LUMIGRID_TRY(file_.flush());
   return border.flush();
 }
 
@@ -228,7 +269,7 @@ struct Buckets::WindingPass {
 // Most meshes are wound consistently. A check of their edges shows it, and the border sums added meanwhile hold. From
 // the first bucket on that is not consistent, buckets are measured instead.
 base::Result<void> Buckets::checkBucket(std::size_t bucket, WindingPass& pass) {
-  LUMIGRID_ASSIGN_OR_RETURN(auto corners, readUnflipped(bucket));
+  LUMIGRID_ASSIGN_OR_RETURN(auto corners, readOneSided(bucket, pass.mutex));
   NumberedCorners mesh(corners);
   const std::vector<std::uint32_t> places = borderPlaces(mesh);
   areas_[bucket] = areaOf(mesh);

@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <functional>
 #include <glm/glm.hpp>
+#include <mutex>
 #include <optional>
 #include <span>
 #include <string>
@@ -26,6 +27,7 @@ struct BucketCounts {
   std::uint64_t triangles = 0;   ///< in buckets
   std::uint64_t degenerate = 0;  ///< left out, since they name a vertex twice
   std::uint64_t collapsed = 0;   ///< left out, since two corners met at a lattice point
+  std::uint64_t two_sided = 0;   ///< left out, since they are another one turned over
   glm::dvec3 facing{0.0};        ///< sum of all latticeNormals
   std::uint64_t added = 0;       ///< by cutting others, or to close holes
   StitchCounts stitched;
@@ -60,7 +62,8 @@ class Buckets {
   bool hasNormals() const { return packing_.has_normals; }
   const Winding& winding() const { return winding_; }
 
-  /// 3 corners per triangle, in the source's order, with each connected part wound alike.
+  /// 3 corners per triangle, in the source's order, with each connected part wound alike. No triangle is another one
+  /// turned over.
   base::Result<std::vector<Corner>> read(std::size_t bucket) const;
   struct NumberedBucket {
     std::vector<Corner> corners;
@@ -94,9 +97,12 @@ class Buckets {
   template <class Body>
   base::Result<void> forEachTriangle(std::size_t bucket, Body&& body) const;
   base::Result<std::vector<Corner>> readUnflipped(std::size_t bucket) const;
+  /// The same of a bucket as it was sorted. Triangles that are another one turned over are dropped from it for good.
+  /// Safe from several threads that have one mutex.
+  base::Result<std::vector<Corner>> readOneSided(std::size_t bucket, std::mutex& mutex);
   base::Result<std::vector<BorderTriangle>> readUnflippedBorder(std::size_t bucket) const;
   /// Adds the edges that only one triangle of their bucket has.
-  base::Result<void> findBorderEdges(unsigned threads, BorderEdges& border) const;
+  base::Result<void> findBorderEdges(unsigned threads, BorderEdges& border);
   /// Per vertex its place on the border, or kNotOnBorder.
   std::vector<std::uint32_t> borderPlaces(const NumberedCorners& mesh) const;
   base::Result<void> storeBorder(std::size_t bucket, std::span<const BorderTriangle> triangles);

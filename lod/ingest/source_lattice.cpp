@@ -10,6 +10,18 @@ namespace {
 
 // Fewer bits hardly shorten the file of a small mesh, and cost accuracy at fine levels.
 constexpr std::uint32_t kMinChosenBits = 14;
+constexpr std::uint32_t kMinBits = 10;
+constexpr double kStepsPerMeanEdge = 16.0;
+// The ends of an edge of √3 steps or more never meet at a lattice point.
+constexpr double kStepsPerShortEdge = 2.0;
+
+// How many bits there must be for so short a step.
+std::uint32_t bitsFor(double longest, const SourceInfo& info) {
+  const double steps =
+      std::max(kStepsPerMeanEdge * longest / info.mean_edge, kStepsPerShortEdge * longest / info.short_edge);
+  return static_cast<std::uint32_t>(
+      std::clamp(std::ceil(std::log2(steps + 1.0)), double{kMinChosenBits}, static_cast<double>(kMaxLatticeBits)));
+}
 
 }  // namespace
 
@@ -21,6 +33,11 @@ glm::ivec3 SourceLattice::point(const glm::dvec3& world) const {
   return whole + glm::ivec3(glm::greaterThanEqual(q - glm::dvec3(whole), glm::dvec3(0.5)));
 }
 
+base::Result<void> checkPositionBits(std::uint32_t bits) {
+  if (bits == 0 || (bits >= kMinBits && bits <= kMaxLatticeBits)) return {};
+  return base::Error{base::ErrorCode::kInvalidInput, "position bits must be 10 to 21, or 0 to choose"};
+}
+
 SourceLattice makeLattice(const SourceInfo& info, const glm::dvec3& origin, std::uint32_t bits) {
   const glm::dvec3 size = info.box_max - info.box_min;
   const double longest = std::max({size.x, size.y, size.z});
@@ -28,9 +45,7 @@ SourceLattice makeLattice(const SourceInfo& info, const glm::dvec3& origin, std:
   out.bits = bits;
   if (bits == 0) {
     out.bits = kMinChosenBits;
-    if (info.mean_edge > 0.0 && longest > 0.0)
-      out.bits = static_cast<std::uint32_t>(std::clamp(std::ceil(std::log2(16.0 * longest / info.mean_edge + 1.0)),
-                                                       double{kMinChosenBits}, static_cast<double>(kMaxLatticeBits)));
+    if (info.mean_edge > 0.0 && longest > 0.0) out.bits = bitsFor(longest, info);
   }
   out.corner = info.box_min;
   out.lattice.origin = info.box_min - origin;

@@ -17,8 +17,10 @@ struct SourceLattice {
   glm::ivec3 point(const glm::dvec3& world) const;
 };
 
-/// `bits` 0 chooses 14 … 21 bits, so that a step is at most 1/16 of the mean edge where 21 bits allow it. `origin` is
-/// the scene's.
+/// 0 to choose, or 10 … 21. Error: kInvalidInput for others.
+base::Result<void> checkPositionBits(std::uint32_t bits);
+/// `bits` 0 chooses 14 … 21 bits, so that a step is at most 1/16 of the mean edge, and half of the edge than which a
+/// tenth are shorter, where 21 bits allow it. `origin` is the scene's.
 SourceLattice makeLattice(const SourceInfo& info, const glm::dvec3& origin, std::uint32_t bits);
 
 }  // namespace lod::ingest

@@ -1,6 +1,7 @@
 #include "lod/ingest/source_spool.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstring>
 #include <filesystem>
@@ -195,9 +196,13 @@ base::Result<void> SourceSpool::triangles(const mesh::TriangleBlock& block) {
   put(scratch_, &header, 1);
   const std::size_t at = scratch_.size();
   scratch_.resize(at + corners * (wide ? 8U : 4U));
+  for (std::size_t i = 0; i < corners; i += 3) {
+    const std::uint64_t *c = &block.corners[i], first = file_.vertices;
+    if (c[0] == c[1] || c[1] == c[2] || c[2] == c[0]) continue;  // the sorter leaves it out
+    for (std::size_t k = 0; k < 3; ++k) used_[(c[k] + first) / 64] |= std::uint64_t{1} << ((c[k] + first) % 64);
+  }
   for (std::size_t i = 0; i < corners; ++i) {
     const std::uint64_t v = block.corners[i] + file_.vertices;
-    used_[v / 64] |= std::uint64_t{1} << (v % 64);
     const auto narrow = static_cast<std::uint32_t>(v);
     if (wide)
       std::memcpy(scratch_.data() + at + 8 * i, &v, 8);
@@ -254,8 +259,45 @@ base::Result<SourceInfo> SourceSpool::finish(bool accepts_points, unsigned threa
 
 struct SourceSpool::BlockMeasure {
   std::uint64_t referenced = 0;
-  glm::dvec3 low{std::numeric_limits<double>::max()};
-  glm::dvec3 high{std::numeric_limits<double>::lowest()};
+  glm::dvec3 sum{0.0};
+  std::array<glm::dvec3, 3> lowest{}, highest{};  // by axis: the vertex of the least and of the largest coordinate
+
+  void add(const glm::dvec3& p) {
+    if (referenced++ == 0) lowest = highest = {p, p, p};
+    sum += p;
+    addEnd(p);
+  }
+  void add(const BlockMeasure& block) {
+    if (block.referenced == 0) return;
+    if (referenced == 0) lowest = block.lowest, highest = block.highest;
+    referenced += block.referenced;
+    sum += block.sum;
+    for (const auto* ends : {&block.lowest, &block.highest})
+      for (const glm::dvec3& end : *ends) addEnd(end);
+  }
+  glm::dvec3 low() const { return {lowest[0].x, lowest[1].y, lowest[2].z}; }
+  glm::dvec3 high() const { return {highest[0].x, highest[1].y, highest[2].z}; }
+  // The end that is farthest from the middle along its axis.
+  glm::dvec3 farthest() const {
+    const glm::dvec3 middle = sum / static_cast<double>(referenced);
+    glm::dvec3 place = lowest[0];
+    double distance = -1.0;
+    for (int k = 0; k < 3; ++k)
+      for (const auto* ends : {&lowest, &highest}) {
+        const glm::dvec3& end = (*ends)[static_cast<std::size_t>(k)];
+        if (std::abs(end[k] - middle[k]) > distance) distance = std::abs(end[k] - middle[k]), place = end;
+      }
+    return place;
+  }
+
+ private:
+  void addEnd(const glm::dvec3& p) {
+    for (int k = 0; k < 3; ++k) {
+      const auto axis = static_cast<std::size_t>(k);
+      if (p[k] < lowest[axis][k]) lowest[axis] = p;
+      if (p[k] > highest[axis][k]) highest[axis] = p;
+    }
+  }
 };
 
 // The sampled corners, ordered by block, and their positions as they are read.
@@ -265,7 +307,7 @@ struct SourceSpool::SampledCorners {
   std::vector<glm::dvec3> found;       // as many as sampled_
 };
 
-// Measures the box of the referenced vertices and the mean edge of the sampled triangles in one pass over the vertices.
+// Measures the box of the referenced vertices and the edges of the sampled triangles in one pass over the vertices.
 base::Result<void> SourceSpool::measure(unsigned threads) {
   used_.resize(static_cast<std::size_t>(info_.vertices / 64 + 1), 0);
   const auto blockOf = [this](std::uint64_t vertex) {
@@ -288,24 +330,34 @@ base::Result<void> SourceSpool::measure(unsigned threads) {
   LUMIGRID_TRY(base::tryParallelFor(vertexBlocks(), threads,
                                     [&](std::size_t block) { return measureBlock(block, measured[block], sampled); }));
   BlockMeasure all;
-  for (const BlockMeasure& block : measured) {
-    all.referenced += block.referenced;
-    all.low = glm::min(all.low, block.low);
-    all.high = glm::max(all.high, block.high);
-  }
+  for (const BlockMeasure& block : measured) all.add(block);
   info_.referenced = all.referenced;
-  info_.box_min = all.low;
-  info_.box_max = all.high;
-
-  const std::vector<glm::dvec3>& found = sampled.found;
-  double log_sum = 0.0;
-  double count = 0.0;
-  for (std::size_t i = 0; i < found.size(); ++i) {
-    const glm::dvec3 edge = found[i % 3 == 2 ? i - 2 : i + 1] - found[i];
-    if (const double length = glm::length(edge); length > 0.0) log_sum += std::log(length), count += 1.0;
-  }
-  info_.mean_edge = count > 0.0 ? std::exp(log_sum / count) : 0.0;
+  if (all.referenced > 0)  // else all triangles are degenerate, which the sorter says
+    info_.box_min = all.low(), info_.box_max = all.high(), info_.far_place = all.farthest();
+  measureEdges(sampled.found);
   return {};
+}
+
+void SourceSpool::measureEdges(std::span<const glm::dvec3> corners) {
+  std::vector<double> lengths;
+  lengths.reserve(corners.size());
+  double log_sum = 0.0;
+  std::size_t coincident = 0;
+  for (std::size_t t = 0; t < corners.size(); t += 3) {
+    bool has_short = false;
+    for (std::size_t k = 0; k < 3; ++k) {
+      const double length = glm::length(corners[t + (k + 1) % 3] - corners[t + k]);
+      if (length > 0.0) log_sum += std::log(length), lengths.push_back(length);
+      has_short |= length == 0.0 && sampled_[t + (k + 1) % 3] != sampled_[t + k];
+    }
+    coincident += has_short ? 1 : 0;
+  }
+  if (lengths.empty()) return;
+  info_.mean_edge = std::exp(log_sum / static_cast<double>(lengths.size()));
+  const auto tenth = lengths.begin() + static_cast<std::ptrdiff_t>(lengths.size() / 10);
+  std::nth_element(lengths.begin(), tenth, lengths.end());
+  info_.short_edge = *tenth;
+  info_.coincident = static_cast<double>(coincident) / static_cast<double>(corners.size() / 3);
 }
 
 base::Result<void> SourceSpool::measureBlock(std::size_t block, BlockMeasure& out, SampledCorners& sampled) const {
@@ -314,9 +366,7 @@ base::Result<void> SourceSpool::measureBlock(std::size_t block, BlockMeasure& ou
   for (std::size_t i = 0; i < vertices.positions.size(); ++i) {
     const std::uint64_t v = vertices.first + i;
     if (info_.triangles != 0 && (used_[static_cast<std::size_t>(v / 64)] >> (v % 64) & 1U) == 0) continue;
-    ++out.referenced;
-    out.low = glm::min(out.low, vertices.positions[i]);
-    out.high = glm::max(out.high, vertices.positions[i]);
+    out.add(vertices.positions[i]);
   }
   for (std::size_t c = sampled.begin[block]; c < sampled.begin[block + 1]; ++c)
     sampled.found[sampled.corners[c]] =

@@ -13,12 +13,17 @@ namespace lod::ingest {
 struct SourceInfo {
   std::uint64_t vertices = 0;    ///< sum over all files
   std::uint64_t triangles = 0;   ///< sum over all files
-  std::uint64_t referenced = 0;  ///< vertices that some triangle uses
+  std::uint64_t referenced = 0;  ///< vertices of triangles that do not name one twice
   bool has_normals = false;      ///< some vertices came with one
   bool has_colors = false;
   glm::dvec3 box_min{0.0};  ///< box of the referenced vertices, world
   glm::dvec3 box_max{0.0};
+  /// World; of the vertices that touch the box, the one that is farthest from the middle of all along an axis. A few
+  /// stray vertices that make a box large are there.
+  glm::dvec3 far_place{0.0};
   double mean_edge = 0.0;           ///< geometric mean over a sample of the edges; 0 when all are points
+  double short_edge = 0.0;          ///< a tenth of the sampled edges are shorter; 0 when all are points
+  double coincident = 0.0;          ///< share of the sampled triangles of which two vertices lie in one place, 0 … 1
   mesh::Georeference georeference;  ///< as far as the files agree
   std::vector<std::string> warnings;
   std::vector<mesh::SourcePicture> pictures;  ///< of all files, as triangles number them
@@ -113,6 +118,7 @@ class SourceSpool : public mesh::MeshSink {
                                                  base::Bytes& packed);
   void sample(std::span<const std::uint64_t> corners);
   base::Result<void> measure(unsigned threads);
+  void measureEdges(std::span<const glm::dvec3> corners);
   struct BlockMeasure;
   struct SampledCorners;
   base::Result<void> measureBlock(std::size_t block, BlockMeasure& out, SampledCorners& sampled) const;

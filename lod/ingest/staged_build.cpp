@@ -38,8 +38,8 @@ glm::dvec3 originFor(const glm::dvec3& low, const glm::dvec3& high) {
 
 auto fieldsOf(auto& s) {
   return std::tie(s.vertex_bytes, s.triangle_bytes, s.origin, s.info.vertices, s.info.triangles, s.info.referenced,
-                  s.info.has_normals, s.info.has_colors, s.info.box_min, s.info.box_max, s.info.mean_edge,
-                  s.info.short_faces, s.info.texels);
+                  s.info.has_normals, s.info.has_colors, s.info.box_min, s.info.box_max, s.info.far_place,
+                  s.info.mean_edge, s.info.short_edge, s.info.coincident, s.info.short_faces, s.info.texels);
 }
 
 // Tells whether a file is the one that it was: its length and time. The keys of work directories hold the hashes of the
@@ -139,6 +139,13 @@ base::Result<void> needDescriptors() {
   return Error{ErrorCode::kNoSpace, "this process may have " + std::to_string(limit.rlim_cur) +
                                         " files open, building needs " + std::to_string(kDescriptors) +
                                         "; raise the limit (ulimit -n) and build again"};
+}
+
+// A choice: above this share of the triangles their loss is told.
+constexpr double kToldShare = 0.01;
+
+std::string textOf(const glm::dvec3& place) {
+  return base::formatText("(%.7g, %.7g, %.7g)", place.x, place.y, place.z);
 }
 
 // A key whose text is `prefix` and then `key`'s; empty where `key` is.
@@ -275,11 +282,35 @@ void warnOfFloats(const SourceInfo& info, std::uint64_t collapsed, std::vector<s
 
 }  // namespace
 
-void addRepairs(const ImportedSource& source, const Buckets& buckets, double lattice_step, SourceSummary& summary) {
+std::string lostTriangles(const SourceInfo& info, const SourceLattice& lattice, std::uint64_t collapsed) {
+  const auto all = static_cast<double>(info.triangles);
+  if (!(static_cast<double>(collapsed) > kToldShare * all)) return {};
+  // Vertices in one place are the source's own.
+  if (static_cast<double>(collapsed) - info.coincident * all <= kToldShare * all) return {};
+  const std::string lost = base::formatCount(collapsed) + " of " + base::formatCount(info.triangles) +
+                           " triangles are smaller than the lattice's step of " +
+                           base::formatText("%.3g", lattice.lattice.step) + " and are left out; ";
+  if (lattice.bits < kMaxLatticeBits &&
+      makeLattice(info, glm::dvec3(0.0), kMaxLatticeBits).lattice.step < info.mean_edge)
+    return lost + "raise --position-bits (" + std::to_string(lattice.bits) + " now, 21 at most)";
+  return lost + "what lies at " + textOf(info.far_place) +
+         " makes the mesh's box so large: remove it, or make it a scene of its own";
+}
+
+std::string lostPoints(const SourceInfo& info, const SourceLattice& lattice, std::uint64_t merged) {
+  if (info.triangles > 0 || !(static_cast<double>(merged) > kToldShare * static_cast<double>(info.vertices))) return {};
+  return base::formatCount(merged) + " of " + base::formatCount(info.vertices) +
+         " points became one with another within " + base::formatText("%.3g", lattice.lattice.step) +
+         "; if they are no copies, what lies at " + textOf(info.far_place) +
+         " makes the cloud's box so large: remove it, or make it a scene of its own";
+}
+
+void addRepairs(const ImportedSource& source, const Buckets& buckets, const SourceLattice& lattice,
+                SourceSummary& summary) {
   RepairCounts& repairs = summary.repairs;
   repairs.add("degenerate_triangles", source.info.short_faces + buckets.totals().degenerate);
   repairs.add("lattice_collapsed_triangles", buckets.totals().collapsed);
-  warnOfFloats(source.info, buckets.totals().collapsed + buckets.totals().degenerate, summary.warnings);
+  repairs.add("two_sided_triangles", buckets.totals().two_sided);
   repairs.add("flipped_triangles", buckets.winding().flipped());
   repairs.add("non_orientable_parts", buckets.winding().nonOrientable());
   repairs.add("unreferenced_vertices", source.info.vertices - source.info.referenced);
@@ -290,7 +321,11 @@ void addRepairs(const ImportedSource& source, const Buckets& buckets, double lat
   repairs.add("added_triangles", buckets.totals().added);
   summary.border.open_edges = buckets.winding().openEdges();
   summary.border.source_open_edges = std::max(stitched.source_edges, summary.border.open_edges);
-  summary.border.largest_movement = stitched.largest_movement * lattice_step;
+  summary.border.largest_movement = stitched.largest_movement * lattice.lattice.step;
+  if (std::string lost = lostTriangles(source.info, lattice, buckets.totals().collapsed); !lost.empty())
+    summary.warnings.push_back(std::move(lost));
+  else
+    warnOfFloats(source.info, buckets.totals().collapsed + buckets.totals().degenerate, summary.warnings);
   if (stitched.too_many != 0)
     summary.warnings.push_back(
         "the source's border edges lie too close together to be stitched in this memory; for fewer gaps raise "
@@ -319,6 +354,7 @@ base::Result<void> StagedBuild::run(const std::string& key_prefix, const std::fu
 }
 
 base::Result<void> StagedBuild::importSource(const SourceInput& input, std::uint32_t position_bits) {
+  LUMIGRID_TRY(checkPositionBits(position_bits));
   if (!directory_->isFinished(Stage::kSpooled) && !report("import", 0.0)) return cancelled();
   LUMIGRID_ASSIGN_OR_RETURN(source_, ingest::importSource(*directory_, input, limits_.threads));
   // Points of a cloud are closer together than the ends of a mesh's edges, and no edge tells how close.
@@ -353,6 +389,7 @@ void StagedBuild::summarize(SourceSummary& summary) const {
   summary.box_max = source_.info.box_max;
   summary.has_colors = source_.info.has_colors;
   summary.georeference = source_.info.georeference;
+  // Those of the method's own stages are there already.
   summary.warnings.insert(summary.warnings.begin(), source_.info.warnings.begin(), source_.info.warnings.end());
   summary.import_seconds = import_seconds_;
   summary.seconds = watch_.seconds();

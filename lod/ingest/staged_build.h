@@ -46,8 +46,10 @@ struct BuildPlan {
   double seconds = 0.0;          ///< on the threads given
 };
 
-/// The options of a build that are the same for all methods. The output does not depend on them.
+/// The options of a build that are the same for all methods. The output depends on the first alone.
 struct StagedBuildOptions {
+  /// Lattice steps along the longest side of a mesh as a power of two, 10 … 21; 0: chosen as makeLattice says.
+  std::uint32_t position_bits = 0;
   base::ResourceLimits limits;
   std::string work_directory;  ///< for the work files; empty: beside the output
   /// Gives what decides the output besides the method's own options (the sources' checksums). A work directory that an
@@ -59,9 +61,9 @@ struct StagedBuildOptions {
 };
 
 /// How often each repair was made. Names are stable, since `info --json` shows them: "welded_vertices",
-/// "degenerate_triangles", "duplicate_triangles", "lattice_collapsed_triangles", "flipped_triangles",
-/// "non_orientable_parts", "unreferenced_vertices", "stitched_vertices", "split_border_edges", "closed_holes",
-/// "added_triangles".
+/// "degenerate_triangles", "duplicate_triangles", "two_sided_triangles" (another one turned over),
+/// "lattice_collapsed_triangles", "flipped_triangles", "non_orientable_parts", "unreferenced_vertices",
+/// "stitched_vertices", "split_border_edges", "closed_holes", "added_triangles".
 struct RepairCounts {
   std::map<std::string, std::uint64_t> counts;
 
@@ -111,8 +113,17 @@ base::Result<SourceSpool> openSource(const WorkDirectory& directory, const Impor
 base::Result<Buckets> sortSource(WorkDirectory& directory, const ImportedSource& source, const SourceLattice& lattice,
                                  const BucketOptions& options);
 
-/// Adds the repairs of reading and sorting to the summary, and a warning where stitching was left out.
-void addRepairs(const ImportedSource& source, const Buckets& buckets, double lattice_step, SourceSummary& summary);
+/// A line that says that more than a hundredth of the triangles are lost since their vertices fall together, and what
+/// to do; empty where fewer are. `collapsed`: how many.
+std::string lostTriangles(const SourceInfo& info, const SourceLattice& lattice, std::uint64_t collapsed);
+
+/// The same of a source of points, of which so many became one with another; empty for meshes.
+std::string lostPoints(const SourceInfo& info, const SourceLattice& lattice, std::uint64_t merged);
+
+/// Adds the repairs of reading and sorting to the summary, with warnings where stitching was left out, and of
+/// lostTriangles.
+void addRepairs(const ImportedSource& source, const Buckets& buckets, const SourceLattice& lattice,
+                SourceSummary& summary);
 
 /// Puts the first file's name before an error about the mesh that names no file.
 base::Error namingSource(const std::vector<std::string>& paths, base::Error error);
@@ -132,7 +143,7 @@ class StagedBuild {
   /// that decide the output. Errors: kNoSpace, those of opening it, and those of the stages.
   base::Result<void> run(const std::string& key_prefix, const std::function<base::Result<void>()>& stages);
 
-  /// Goes through Stage::kSpooled and chooses the lattice. `position_bits`: as in makeLattice.
+  /// Goes through Stage::kSpooled and chooses the lattice. `position_bits`: as in StagedBuildOptions.
   base::Result<void> importSource(const SourceInput& input, std::uint32_t position_bits);
   /// Calls on_plan, once the source is imported. The plan's time is estimated from `items`, of which each core makes
   /// `items_per_core_second`.

@@ -325,6 +325,7 @@ RenderOptions renderOptions(const BakeOptions& options) {
   RenderOptions render;
   render.tolerance_px = options.tolerance_px;
   render.supersampling = options.supersampling;
+  render.one_of_many = true;
   return render;
 }
 

@@ -14,6 +14,7 @@
 #include "lod/texture/format.h"
 #include "repository/verify.h"
 #include "server/cli/auto_choice.h"
+#include "server/cli/build_command/build_record.h"
 #include "server/cli/commands.h"
 #include "server/cli/console.h"
 #include "server/cli/method_digest.h"
@@ -282,6 +283,7 @@ void printScene(const InfoArguments& a, const nlohmann::json& j) {
     std::printf("source %s, %s\n", textIn(source, "path").c_str(), bytesIn(source, "bytes").c_str());
   for (const auto& [repair, count] : s["repairs"].items())
     std::printf("repaired: %s %s\n", formatCount(count.get<std::uint64_t>()).c_str(), repair.c_str());
+  for (const auto& warning : j["warnings"]) std::printf("warning: %s\n", warning.get<std::string>().c_str());
   if (!j.contains("open_edges")) return;
   if (j["source_open_edges"] == 0 && j["open_edges"] == 0)
     std::printf("border: none; the surface is closed\n");
@@ -424,6 +426,7 @@ base::Result<nlohmann::json> describe(const InfoArguments& a, const OpenScene& o
   j["scene"] = base::parseJson(open.scene_json);
   j["triangles"] = open.scene.triangles;
   j["repairs"] = open.scene.repairs;
+  j["warnings"] = open.directory.empty() ? std::vector<std::string>() : recordedWarnings(open.directory);
   if (const glm::dvec3 north = base::northOf(open.scene); open.scene.north)
     j["north_direction"] = {north.x, north.y, north.z};
   if (const auto& border = open.scene.border) {

@@ -222,7 +222,7 @@ base::Result<void> SceneRenderer::drawShadowed(const base::Camera& camera, const
   view.tile = tile;
   view.tolerance = options.tolerance_px;
   view.section = options.modes.section;
-  LUMIGRID_TRY(shadows_->plan(view, hierarchy_, visible));
+  LUMIGRID_TRY(shadows_->plan(view, hierarchy_, visible, options.one_of_many));
   target_.begin();
   const glm::vec4 eye = tile.homogeneousEye();
   for (std::size_t map = 0; map < shadows_->maps(); ++map) {

@@ -38,6 +38,8 @@ struct RenderOptions {
   base::ErrorMeasure measure = base::ErrorMeasure::kVisible;  ///< of the tolerance
   /// Refinement ends, largest error first, before the patches in view have more triangles, whatever the tolerance.
   std::uint64_t max_triangles = std::numeric_limits<std::uint64_t>::max();
+  /// More pictures of the scene are to come: shadow maps of all of it are drawn once for those that they serve.
+  bool one_of_many = false;
 };
 
 /// Returns the options of an exact frame of so many pixels a side: leaves and 4 × 4 samples, and in views of more

@@ -112,6 +112,7 @@ TEST_F(HlodBuild, otherOptionsThanThoseOfAFinishedSceneAreRefused) {
   for (const Arguments& other :
        {Arguments{"--hlod-triangles", "3000"}, Arguments{"--hlod-triangles", "2000", "--hlod-resolution", "64"},
         Arguments{"--hlod-triangles", "2000", "--appearance", "normals"},
+        Arguments{"--hlod-triangles", "2000", "--position-bits", "20"},
         Arguments{"--hlod-triangles", "2000", "--stitch", "off"}}) {
     Arguments arguments{"build", mesh, "-o", scene, "--methods", "hlod", "--quiet"};
     arguments.insert(arguments.end(), other.begin(), other.end());

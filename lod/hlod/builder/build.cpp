@@ -48,13 +48,14 @@ class HlodBuilder {
   // All that decides the work files, their own format first. Threads and memory do not.
   std::string keyPrefix() const {
     std::string key = "hlod 4 " + ingest::describeStitch(options_.stitch);
-    key += " " + std::to_string(options_.leaf_triangles) + " " + std::to_string(options_.resolution);
+    key += " " + std::to_string(options_.position_bits) + " " + std::to_string(options_.leaf_triangles) + " " +
+           std::to_string(options_.resolution);
     key += " " + std::to_string(static_cast<int>(options_.appearance)) + (options_.points ? " points " : " ");
     return key;
   }
 
   base::Result<void> runStages(const ingest::SourceInput& input) {
-    LUMIGRID_TRY(build_.importSource(input, 0));
+    LUMIGRID_TRY(build_.importSource(input, options_.position_bits));
     const std::uint64_t triangles = build_.source().info.triangles;
     build_.reportPlan(kOutputBytes * triangles, kWorkBytes * triangles, triangles, kTrianglesPerCoreSecond);
     LUMIGRID_TRY(orderTriangles());
@@ -68,7 +69,7 @@ class HlodBuilder {
   base::Result<void> orderTriangles() {
     LUMIGRID_ASSIGN_OR_RETURN(auto sorted, build_.sortTriangles(options_.stitch));
     const auto buckets = std::make_shared<ingest::Buckets>(std::move(sorted));
-    ingest::addRepairs(build_.source(), *buckets, build_.lattice().lattice.step, summary_);
+    ingest::addRepairs(build_.source(), *buckets, build_.lattice(), summary_);
     summary_.facing = buckets->totals().facing;
     const std::uint64_t stitched = buckets->totals().stitched.stitched_vertices;
     if (directory().isFinished(ingest::Stage::kHlodOrdered)) {

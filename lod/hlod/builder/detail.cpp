@@ -181,28 +181,38 @@ class PictureMaker {
 
 }  // namespace
 
-void smoothDetail(NodeMesh& mesh, float size) {
+float smoothDetail(NodeMesh& mesh, float size, const AppearanceOptions& appearance) {
   const std::size_t vertices = mesh.positions.size();
-  std::vector<std::uint8_t> is_fine(vertices, 1);
+  std::vector<float> longest2(vertices, 0.0F);  // of the edges around each vertex
   std::vector<std::uint32_t> count(vertices, 1);
   std::vector<glm::vec3> normals = mesh.normals;
   std::vector<glm::vec3> colors = mesh.colors;
   for (std::size_t i = 0; i < mesh.indices.size(); ++i) {
     const std::uint32_t a = mesh.indices[i], b = mesh.indices[i - i % 3 + (i + 1) % 3];
     const glm::vec3 along = mesh.positions[b] - mesh.positions[a];
-    if (glm::dot(along, along) > size * size) is_fine[a] = is_fine[b] = 0;
+    const float length2 = glm::dot(along, along);
     // Each inner edge comes once in either direction, so each neighbour is added twice.
     for (const auto& [to, from] : {std::pair(a, b), std::pair(b, a)}) {
+      longest2[to] = std::max(longest2[to], length2);
       normals[to] += mesh.normals[from];
       if (!colors.empty()) colors[to] += mesh.colors[from];
       ++count[to];
     }
   }
+  float moved2 = 0.0F;
   for (std::size_t v = 0; v < vertices; ++v) {
-    if (is_fine[v] == 0) continue;
-    mesh.normals[v] = unit(normals[v], mesh.normals[v]);
-    if (!colors.empty()) mesh.colors[v] = colors[v] / static_cast<float>(count[v]);
+    if (longest2[v] > size * size) continue;
+    const glm::vec3 normal = unit(normals[v], mesh.normals[v]);
+    bool is_seen = appearance.normals && angleBetween(normal, mesh.normals[v]) > appearance.negligible_turn;
+    mesh.normals[v] = normal;
+    if (!colors.empty()) {
+      const glm::vec3 color = colors[v] / static_cast<float>(count[v]);
+      is_seen |= appearance.colors && glm::distance(color, mesh.colors[v]) > appearance.negligible_color;
+      mesh.colors[v] = color;
+    }
+    if (is_seen) moved2 = std::max(moved2, longest2[v]);
   }
+  return 0.5F * std::sqrt(moved2);
 }
 
 Picture makePicture(const NodeMesh& mesh, std::uint32_t step_bits, const PictureOptions& options) {

@@ -5,13 +5,15 @@
 #include <limits>
 
 #include "lod/hlod/block.h"
+#include "lod/hlod/builder/appearance.h"
 #include "lod/hlod/builder/node_mesh.h"
 
 namespace lod::hlod::builder {
 
 /// Replaces normals and colours of vertices by the mean of their own and their neighbours', where no edge around them
-/// is longer than `size` (lattice steps).
-void smoothDetail(NodeMesh& mesh, float size);
+/// is longer than `size` (lattice steps). Returns how far that moved attributes along the surface: half of the longest
+/// edge around a vertex of which one that counts changed by more than is negligible; 0 where none did.
+float smoothDetail(NodeMesh& mesh, float size, const AppearanceOptions& appearance);
 
 struct PictureOptions {
   /// Triangles become points whose corners are all at most this far from their barycentre (lattice steps); 0: none do.

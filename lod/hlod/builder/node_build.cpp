@@ -226,7 +226,7 @@ BuiltNode makeInnerNode(float edge, std::vector<NodeMesh>& parts, const NodeOpti
   const float points_room = limit - rounding - kHalfDiagonal * kPointCell * limit;
 
   NodeMesh& mesh = node.mesh = mergeParts(parts);
-  smoothDetail(mesh, kSmoothed * limit);
+  const float smoothed = smoothDetail(mesh, kSmoothed * limit, options.appearance);
   if (mesh.triangles() > 0)
     applyCollapses(mesh, collapseWithin(mesh, limit - rounding, options.appearance, Carried::kErrors));
   if (options.points) replaceSmallSheets(mesh, kSheetSize * limit, points_room);
@@ -235,7 +235,7 @@ BuiltNode makeInnerNode(float edge, std::vector<NodeMesh>& parts, const NodeOpti
                                       {options.points ? kPointReach * limit : 0.0F, kPointCell * limit, points_room});
   encodePicture(picture, options, node);
   node.row.shape_error = (shapeError(mesh) + rounding + picture.flattened) * step;
-  node.row.error = (std::max(mesh.error + picture.flattened, picture.points_error) + rounding) * step;
+  node.row.error = (std::max({mesh.error + picture.flattened, picture.points_error, smoothed}) + rounding) * step;
   clusterPoints(mesh, kPointCell * limit);
 
   NodeMesh caster = casterOf(mesh, limit - rounding, kFacetRadius * limit);

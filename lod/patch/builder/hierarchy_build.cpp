@@ -38,9 +38,7 @@ base::Result<void> check(const HierarchyOptions& options) {
     return Error{ErrorCode::kInvalidInput, "triangles per voxel must be 1 to the triangles per leaf patch"};
   if (!inRange(options.group_patches, 2, 64))
     return Error{ErrorCode::kInvalidInput, "patches per group must be 2 to 64"};
-  if (options.position_bits != 0 && !inRange(options.position_bits, 10, ingest::kMaxLatticeBits))
-    return Error{ErrorCode::kInvalidInput, "position bits must be 10 to 21, or 0 to choose"};
-  return {};
+  return ingest::checkPositionBits(options.position_bits);
 }
 
 // ---- leaf patches of a bucket ----
@@ -311,7 +309,7 @@ class HierarchyBuilder {
 
   // The key holds everything that determines the work files, their own format first. Threads and memory do not.
   std::string keyPrefix() const {
-    std::string key = (keepsTextures() ? "19 textures " : "18 ") + ingest::describeStitch(options_.stitch);
+    std::string key = (keepsTextures() ? "20 textures " : "19 ") + ingest::describeStitch(options_.stitch);
     for (const std::uint32_t v : {options_.voxel_triangles, options_.leaf_triangles, options_.node_triangles,
                                   options_.group_patches, options_.position_bits, options_.regroup ? 1U : 0U}) {
       key += ' ';
@@ -464,7 +462,7 @@ class HierarchyBuilder {
   void fillSummary() {
     summary_.levels = levels_.levels;
     summary_.facing = buckets_.totals().facing;
-    ingest::addRepairs(build_.source(), buckets_, build_.lattice().lattice.step, summary_);
+    ingest::addRepairs(build_.source(), buckets_, build_.lattice(), summary_);
     summary_.repairs.add("duplicate_triangles", duplicates_);
     const std::uint64_t distinct =
         inner_vertices_ + buckets_.border().codes.size() + buckets_.totals().stitched.stitched_vertices;

@@ -20,9 +20,7 @@ struct HierarchyOptions : ingest::StagedBuildOptions {
   std::uint32_t leaf_triangles = 4000;  ///< Nl: most triangles of a leaf patch
   std::uint32_t node_triangles = 2000;  ///< Nn: most triangles of any other patch
   std::uint32_t group_patches = 6;      ///< about how many patches make a group
-  std::uint32_t position_bits = 0;  ///< 10..21 along the longest side; 0: chosen so that the step is at most 1/16 of
-                                    ///< the mean edge, at least 14
-  ingest::StitchOptions stitch;     ///< how the seams of the source are closed
+  ingest::StitchOptions stitch;         ///< how the seams of the source are closed
   /// Levels above the leaves store these, with colours and without (docs/decisions/normals-of-facets.md).
   StoredNormals normals_beside_colors = StoredNormals::kOfVertices;
   StoredNormals normals_without_colors = StoredNormals::kOfVertices;

@@ -191,6 +191,8 @@ class PmrBuilder {
     }
     summary_.duplicates = info().referenced - std::min(info().referenced, summary_.header.points);
     summary_.repairs.add("welded_vertices", summary_.duplicates);
+    if (std::string lost = ingest::lostPoints(info(), build_.lattice(), summary_.duplicates); !lost.empty())
+      summary_.warnings.push_back(std::move(lost));
     summary_.bytes = summary_.header.file_bytes;
     return {};
   }

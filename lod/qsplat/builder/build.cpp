@@ -24,7 +24,8 @@ class SplatTreeBuilder {
       : options_(options), build_("splat tree", options, std::move(output_path), progress) {}
 
   base::Result<BuildSummary> run(const ingest::SourceInput& input) {
-    const std::string key_prefix = "qsplat 6 " + std::to_string(options_.dice) + " ";
+    const std::string key_prefix =
+        "qsplat 6 " + std::to_string(options_.dice) + " " + std::to_string(options_.position_bits) + " ";
     LUMIGRID_TRY(build_.run(key_prefix, [&] { return runStages(input); }));
     build_.summarize(summary_);
     return std::move(summary_);
@@ -32,7 +33,7 @@ class SplatTreeBuilder {
 
  private:
   base::Result<void> runStages(const ingest::SourceInput& input) {
-    LUMIGRID_TRY(build_.importSource(input, 0));
+    LUMIGRID_TRY(build_.importSource(input, options_.position_bits));
     const std::uint64_t leaves = info().referenced;
     build_.reportPlan(kOutputBytes * leaves, kBucketBytes * info().triangles + kWorkBytes * leaves, leaves,
                       kLeavesPerCoreSecond);
@@ -180,13 +181,16 @@ class SplatTreeBuilder {
     if (isMesh()) {
       summary_.triangles = buckets_.totals().triangles;
       summary_.facing = buckets_.totals().facing;
-      ingest::addRepairs(build_.source(), buckets_, build_.lattice().lattice.step, summary_);
+      ingest::addRepairs(build_.source(), buckets_, build_.lattice(), summary_);
     } else {
       summary_.facing = point_leaves_->facing();
     }
     for (std::size_t t = 0; t < subtrees_->tiles(); ++t) summary_.added_leaves += (*subtrees_)[t].added_leaves;
     const std::uint64_t vertices = summary_.header.leaves - summary_.added_leaves;
-    summary_.repairs.add("welded_vertices", info().referenced - std::min(info().referenced, vertices));
+    const std::uint64_t welded = info().referenced - std::min(info().referenced, vertices);
+    summary_.repairs.add("welded_vertices", welded);
+    if (std::string lost = ingest::lostPoints(info(), build_.lattice(), welded); !lost.empty())
+      summary_.warnings.push_back(std::move(lost));
   }
 
   // Bytes per leaf, or per triangle in buckets, measured on scans with colours.

@@ -76,8 +76,11 @@ lod::ingest::Progress progressOn(ProgressLine& line, const std::string& part) {
   };
 }
 
-void printWarnings(const lod::ingest::SourceSummary& summary) {
-  for (const std::string& warning : summary.warnings) std::fprintf(stderr, "lumigrid: warning: %s\n", warning.c_str());
+// Methods of one source mostly warn of the same.
+void addWarnings(const lod::ingest::SourceSummary& summary, BuildReport& report) {
+  for (const std::string& warning : summary.warnings)
+    if (std::find(report.warnings.begin(), report.warnings.end(), warning) == report.warnings.end())
+      report.warnings.push_back(warning);
 }
 
 /// An up that the source's coordinates have by definition.
@@ -213,7 +216,7 @@ Result<void> buildPatches(const BuildArguments& a, const SceneSources& sources, 
       lod::patch::builder::buildHierarchyFromFiles(a.meshes, options, part.path(), progressOn(line, "hierarchy"));
   line.finish();
   if (!summary) return summary.error();
-  printWarnings(*summary);
+  addWarnings(*summary, report);
 
   // The patches are the scene as it is looked at, so what they say of the source replaces what splats said.
   LUMIGRID_ASSIGN_OR_RETURN(auto described, describeScene(a, sources, *summary));
@@ -243,7 +246,7 @@ namespace {
 template <class Summary, class Options, class Build>
 Result<void> buildStreamed(const BuildArguments& a, const SceneSources& sources, const FileMethod& method,
                            const char* name, Options options, const Build& build, std::optional<base::Scene>& scene,
-                           std::optional<Summary>& report, ProgressLine& line) {
+                           std::optional<Summary> BuildReport::*place, BuildReport& report, ProgressLine& line) {
   PartFile part(a.output, method.file);
   options.limits = a.limits;
   options.work_directory = workDirectory(a, method);
@@ -253,11 +256,11 @@ Result<void> buildStreamed(const BuildArguments& a, const SceneSources& sources,
   auto summary = build(a.meshes, options, part.path(), progressOn(line, name));
   line.finish();
   if (!summary) return summary.error();
+  addWarnings(*summary, report);
   if (!scene) {
-    printWarnings(*summary);
     LUMIGRID_ASSIGN_OR_RETURN(scene, describeScene(a, sources, *summary));
   }
-  report = std::move(*summary);
+  report.*place = std::move(*summary);
   return part.addTo(*scene);
 }
 
@@ -269,8 +272,9 @@ Result<void> buildSplats(const BuildArguments& a, const SceneSources& sources, s
   lod::qsplat::builder::BuildOptions options;
   options.dice = a.splats_dice;
   options.coded = a.splats_coded;
+  options.position_bits = a.hierarchy.position_bits;
   return buildStreamed(a, sources, kSplats, "splats", options, lod::qsplat::builder::buildFromFiles, scene,
-                       report.splats, line);
+                       &BuildReport::splats, report, line);
 }
 
 namespace {
@@ -293,9 +297,10 @@ Result<void> buildHlod(const BuildArguments& a, const SceneSources& sources, std
   lod::hlod::builder::BuildOptions options = a.hlod;
   options.stitch = *lod::ingest::parseStitch(a.stitch);
   options.appearance = appearanceNamed(a.appearance);
+  options.position_bits = a.hierarchy.position_bits;
   const bool describes_scene = !scene;
   LUMIGRID_TRY(buildStreamed(a, sources, kHlod, "octree", options, lod::hlod::builder::buildFromFiles, scene,
-                             report.hlod, line));
+                             &BuildReport::hlod, report, line));
   if (describes_scene) scene->border = borderOf(*report.hlod);
   return {};
 }
@@ -310,7 +315,7 @@ Result<void> buildUmbrellas(const BuildArguments& a, const SceneSources& sources
                             BuildReport& report, ProgressLine& line) {
   LUMIGRID_TRY(needMeshes(a, "points and umbrellas"));
   return buildStreamed(a, sources, kUmbrellas, "umbrellas", lod::pmr::builder::BuildOptions(),
-                       lod::pmr::builder::buildFromFiles, scene, report.umbrellas, line);
+                       lod::pmr::builder::buildFromFiles, scene, &BuildReport::umbrellas, report, line);
 }
 
 #else

@@ -140,7 +140,8 @@ void declareHierarchyOptions(CLI::App& command, BuildArguments& a) {
       ->check(CLI::Range(16, 20'000));
   command
       .add_option("--position-bits", a.hierarchy.position_bits,
-                  "lattice steps along the longest side, as a power of two, 10 to 21; 0: chosen from the mean edge")
+                  "lattice steps along the longest side of a mesh, as a power of two, 10 to 21, for all methods but "
+                  "pmr; triangles smaller than a step are lost; 0: chosen from a sample of the edges")
       ->check(CLI::Range(0, 21));
   command
       .add_option(

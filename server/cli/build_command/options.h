@@ -86,8 +86,13 @@ struct MethodParameter {
 };
 inline constexpr MethodParameter kMethodParameters[] = {
     {"qsplat", kSplatsDice}, {"hlod", kHlodTriangles}, {"hlod", kHlodResolution}, {"hlod", kHlodAppearance}};
-/// Methods of one surface, whose seams are stitched alike.
-inline constexpr const char* kStitchedMethods[] = {"patch", "hlod"};
+/// A parameter of the source's import, and the methods of a scene that must have it alike.
+struct SharedParameter {
+  const char* name;
+  std::vector<const char*> methods;
+};
+inline const SharedParameter kSharedParameters[] = {{"stitch", {"patch", "hlod"}},
+                                                    {"position-bits", {"patch", "hlod", "qsplat"}}};
 
 bool wants(const BuildArguments& a, const char* method);
 /// The light that --light names; `has_colors`: for auto.

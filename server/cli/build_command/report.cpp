@@ -90,11 +90,10 @@ nlohmann::json imagesJson(const BakeSummary& b) {
 }
 
 nlohmann::json reportJson(const base::Scene& scene, const BuildReport& r) {
-  nlohmann::json j{{"triangles", scene.triangles},
-                   {"repairs", scene.repairs},
-                   {"peak_memory_bytes", peakResidentBytes()},
-                   {"complete", r.missing.empty()},
-                   {"removed", {{"damaged", r.removed.damaged}, {"orphans", r.removed.orphans}}}};
+  nlohmann::json j{
+      {"triangles", scene.triangles},  {"repairs", scene.repairs},
+      {"warnings", r.warnings},        {"peak_memory_bytes", peakResidentBytes()},
+      {"complete", r.missing.empty()}, {"removed", {{"damaged", r.removed.damaged}, {"orphans", r.removed.orphans}}}};
   if (const auto* source = sourceSummary(r)) j["import_seconds"] = source->import_seconds;
   if (r.hierarchy) j["hierarchy"] = hierarchyJson(*r.hierarchy, scene.triangles);
   if (r.splats) j["qsplat"] = splatBuildJson(*r.splats);
@@ -195,6 +194,7 @@ void printReport(const BuildArguments& a, const BuildOutput& output, const Build
     std::printf("%s\n", reportJson(*output.scene, report).dump().c_str());
   else
     printText(a, output, report);
+  for (const std::string& warning : report.warnings) std::fprintf(stderr, "lumigrid: warning: %s\n", warning.c_str());
 }
 
 }  // namespace server::cli

@@ -1,6 +1,7 @@
 #pragma once
 // The summary that `lumigrid build` prints at its end.
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "lod/hlod/builder/build.h"
@@ -21,6 +22,7 @@ struct BuildReport {
   std::optional<lod::qsplat::builder::BuildSummary> splats;        ///< the same
   std::optional<lod::pmr::builder::BuildSummary> umbrellas;        ///< the same
   std::optional<lod::hlod::builder::BuildSummary> hlod;            ///< the same
+  std::vector<std::string> warnings;                               ///< of the source, each a line
   std::optional<Trial> trial;                                      ///< with --methods auto
   std::optional<TuneChoice> tuned;
   std::optional<BakeSummary> bake;             ///< over all shards that this process did
@@ -28,7 +30,7 @@ struct BuildReport {
   std::vector<repository::ShardGaps> missing;  ///< faces that other shards still lacked at the end
 };
 
-/// Prints the report on standard output, as JSON with --json.
+/// Prints the report on standard output, as JSON with --json, and its warnings on the other.
 void printReport(const BuildArguments& a, const BuildOutput& output, const BuildReport& report);
 
 }  // namespace server::cli

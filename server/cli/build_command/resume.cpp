@@ -43,10 +43,10 @@ bool sameHierarchies(const BuildArguments& a, Parameters recorded, Parameters wa
   if (recorded.contains(kTexturesParameter) != wanted.contains(kTexturesParameter)) return false;
   const auto isIn = [&](const char* method) { return hasMethod(recorded, method); };
   const auto isWanted = [&](const char* method) { return wants(a, method); };
-  if (std::any_of(std::begin(kStitchedMethods), std::end(kStitchedMethods), isIn) &&
-      std::any_of(std::begin(kStitchedMethods), std::end(kStitchedMethods), isWanted) &&
-      recorded["stitch"] != wanted.at("stitch"))
-    return false;
+  for (const auto& [name, methods] : kSharedParameters)
+    if (std::any_of(methods.begin(), methods.end(), isIn) && std::any_of(methods.begin(), methods.end(), isWanted) &&
+        recorded[name] != wanted.at(name))
+      return false;
   for (const auto& [method, name] : kMethodParameters)
     if (isWanted(method) && isIn(method) && recorded[name] != wanted.at(name)) return false;
   return !isWanted("qsplat") || !isIn("qsplat") || recorded.contains(kSplatsCoded) == a.splats_coded;

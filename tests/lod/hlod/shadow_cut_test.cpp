@@ -369,6 +369,43 @@ TEST(HlodShadowTest, plansAreRightFarFromTheZero) {
   checkManyCases(tree, 30);
 }
 
+TEST(HlodShadowTest, mapOfTheSceneServesAllViewsOfAsManyPixels) {
+  Octree tree(glm::vec3(0.3F, -0.2F, 0.1F), 1.0F, 4, 9);
+  Checked checked;
+  for (int i = 0; i < 60; ++i) {
+    Case made = planCase(tree, tree.random.next(), i % 2 == 0 ? Place::kFar : Place::kOutside, i % 3 == 0);
+    double most = 0.0;
+    for (const std::uint32_t receiver : made.receivers)
+      most = std::max(most, largestScale(made.request.view, tree.nodes[receiver].box));
+    ASSERT_GT(most, 0.0);
+    auto plan = planSceneShadowMap(tree.nodes, most, made.request);
+    if (!plan) {
+      EXPECT_EQ(made.request.light.place.w, 1.0F);  // beside the scene's box
+      continue;
+    }
+    EXPECT_TRUE(plan->receivers.empty());
+    for (std::uint32_t receiver = 0; receiver < made.receivers.size(); ++receiver) plan->receivers.push_back(receiver);
+    made.plans = {*plan};
+    ASSERT_NO_FATAL_FAILURE(checkCase(tree, made, checked)) << "case " << i;
+
+    // The view is of no consequence.
+    ShadowRequest elsewhere = made.request;
+    elsewhere.view.camera = tree.random.next();
+    const auto same = planSceneShadowMap(tree.nodes, most, elsewhere);
+    ASSERT_TRUE(same);
+    EXPECT_TRUE(base::sameCamera(same->camera, plan->camera));
+    EXPECT_EQ(same->casters, plan->casters);
+    // A finer one would be larger than this.
+    elsewhere.max_texels = static_cast<std::uint32_t>(std::max(plan->camera.width, plan->camera.height));
+    EXPECT_TRUE(planSceneShadowMap(tree.nodes, most, elsewhere));
+    EXPECT_FALSE(planSceneShadowMap(tree.nodes, 1.1 * most, elsewhere));
+  }
+  EXPECT_GT(checked.points, 1000);
+  EXPECT_GT(checked.crossings, 1000);
+  const ShadowRequest amid{.view = {}, .light = {glm::vec4(tree.bounds.center, 1.0F)}};
+  EXPECT_FALSE(planSceneShadowMap(tree.nodes, 100.0, amid)) << "it takes six maps";
+}
+
 // The GPU's float32 places stay within the map.
 TEST(HlodShadowTest, windowsHaveRoomForRounding) {
   for (const float far_away : {0.0F, 1e6F}) {

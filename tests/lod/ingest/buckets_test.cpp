@@ -72,6 +72,28 @@ TEST(Buckets, flipsDoNotDependOnMemoryOrThreads) {
   expectSame(*roomy.buckets, *tight.buckets);
 }
 
+TEST(Buckets, aTwoSidedMeshIsTheSameAsItsFront) {
+  const Mesh front = turnedSheet(400);
+  Mesh both = front;
+  for (std::size_t i = 0; i < front.indices.size(); i += 3)
+    both.indices.insert(both.indices.end(), {front.indices[i + 1], front.indices[i], front.indices[i + 2]});
+  for (const bool stitched : {false, true}) {
+    const SortedMesh one(front, std::uint64_t{64} << 20, 2, {stitched, 0.0});
+    const SortedMesh two(both, std::uint64_t{64} << 20, 2, {stitched, 0.0});
+    ASSERT_TRUE(one.buckets && two.buckets);
+    ASSERT_GT(one.buckets->count(), 1U);
+    expectSame(*one.buckets, *two.buckets);
+    EXPECT_EQ(one.buckets->totals().two_sided, 0U);
+    EXPECT_EQ(two.buckets->totals().two_sided, front.triangleCount());
+    EXPECT_EQ(two.buckets->totals().triangles, front.triangleCount());
+    EXPECT_EQ(two.buckets->winding().openEdges(), one.buckets->winding().openEdges());
+    if (stitched) continue;
+    const auto later = Buckets::open(two.scratch.path(), two.buckets->encodeTables());
+    ASSERT_TRUE(later) << later.error().message;
+    expectSame(*one.buckets, *later);
+  }
+}
+
 TEST(Buckets, aLaterRunReadsTheSameTriangles) {
   const SortedMesh first(turnedSheet(400), std::uint64_t{64} << 20, 2, kUnstitched);
   ASSERT_TRUE(first.buckets) << first.buckets.error().message;

@@ -127,6 +127,68 @@ TEST_F(SourceImport, leavesTheOriginOfModelsAroundZeroAtZero) {
   EXPECT_EQ(source->origin, glm::dvec3(0.0));
 }
 
+TEST_F(SourceImport, verticesOfDegenerateFacesDoNotCountForTheBox) {
+  const auto source = import({write("t.obj", "v 900 900 900\nv 2 0 0\nv 3 0 0\nv 2 1 0\nf 2 3 4\nf 1 1 2\n")});
+  ASSERT_TRUE(source) << source.error().message;
+  EXPECT_EQ(source->info.box_max, glm::dvec3(3, 1, 0));
+  EXPECT_EQ(source->info.referenced, 3U);
+}
+
+// ---- The lattice
+
+/// A plane of side² quads of this size, from `corner` on.
+void addPlane(PlyMesh& mesh, const glm::dvec3& corner, std::uint32_t side, double quad) {
+  const auto first = static_cast<std::uint32_t>(mesh.positions.size());
+  for (std::uint32_t y = 0; y <= side; ++y)
+    for (std::uint32_t x = 0; x <= side; ++x) mesh.add(corner + quad * glm::dvec3(x, y, 0));
+  for (std::uint32_t y = 0; y < side; ++y)
+    for (std::uint32_t x = 0; x < side; ++x) {
+      const std::uint32_t a = first + y * (side + 1) + x, b = a + side + 1;
+      mesh.add(a, a + 1, b), mesh.add(a + 1, b + 1, b);
+    }
+}
+
+TEST_F(SourceImport, aFinePartOfACoarseMeshKeepsItsTriangles) {
+  // A quarter of the triangles are 10000 times smaller than the others.
+  PlyMesh mesh;
+  addPlane(mesh, {0, 0, 0}, 35, 20.0);
+  addPlane(mesh, {300, 300, 50}, 20, 0.002);
+  const BuiltHierarchy built = mustBuild(mesh);
+  EXPECT_TRUE(built.summary.repairs.counts.empty());
+  EXPECT_EQ(built.summary.triangles, mesh.triangles());
+  EXPECT_TRUE(built.summary.warnings.empty());
+}
+
+TEST_F(SourceImport, aFarTriangleThatTakesTheLatticeIsNamed) {
+  PlyMesh mesh;
+  mesh.doubles = true;
+  addPlane(mesh, {0, 0, 0}, 10, 0.1);
+  mesh.positions.insert(mesh.positions.end(), {{3e7, 0, 0}, {3e7, 900, 0}, {3e7, 0, 900}});
+  mesh.add(121, 122, 123);
+  const BuiltHierarchy built = mustBuild(mesh);
+  EXPECT_EQ(repairs(built, "lattice_collapsed_triangles"), 200U);
+  ASSERT_EQ(built.summary.warnings.size(), 1U);
+  const std::string& line = built.summary.warnings[0];
+  EXPECT_EQ(line.rfind("200 of 201 triangles are smaller than the lattice's step of 14.3", 0), 0U) << line;
+  EXPECT_NE(line.find("what lies at (3e+07, "), std::string::npos) << line;
+}
+
+TEST_F(SourceImport, lostTrianglesAreToldWithTheirRemedy) {
+  SourceInfo info;
+  info.triangles = 1000, info.mean_edge = 1.0, info.short_edge = 0.5;
+  info.box_max = glm::dvec3(4e6, 10, 10);
+  const SourceLattice coarse = makeLattice(info, glm::dvec3(0.0), 14);
+  EXPECT_EQ(lostTriangles(info, coarse, 10), "");
+  const std::string raise = lostTriangles(info, coarse, 11);
+  EXPECT_EQ(raise.find("raise --position-bits"), std::string::npos) << raise;  // 21 bits have a step of 1.9
+  info.box_max.x = 1e6;
+  const std::string finer = lostTriangles(info, makeLattice(info, glm::dvec3(0.0), 14), 11);
+  EXPECT_NE(finer.find("raise --position-bits (14 now, 21 at most)"), std::string::npos) << finer;
+  // The file's own vertices are what falls together.
+  info.coincident = 0.011;
+  EXPECT_EQ(lostTriangles(info, coarse, 11), "");
+}
+
 // ---- Repairs
 
 const std::vector<glm::dvec3> kTetrahedronCorners{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
@@ -164,6 +226,21 @@ TEST_F(SourceImport, countsDegenerateAndDuplicateTrianglesAndUnreferencedVertice
   EXPECT_EQ(repairs(built, "duplicate_triangles"), 2U);
   EXPECT_EQ(repairs(built, "unreferenced_vertices"), 1U);
   EXPECT_EQ(built.summary.triangles, 1U);
+}
+
+TEST_F(SourceImport, aWallOfTwoSheetsKeepsBoth) {
+  // The second sheet faces the other way, 4 mm behind the first; where both have the same vertices, one goes.
+  const std::vector<glm::dvec3> front{{0, 0, 0}, {3, 0, 0}, {3, 2, 0}, {0, 2, 0}};
+  std::vector<glm::dvec3> both = front;
+  for (const glm::dvec3& p : front) both.push_back(p + glm::dvec3(0, 0, -0.004));
+  const BuiltHierarchy wall = mustBuild(plyOf(both, {{0, 1, 2}, {0, 2, 3}, {4, 6, 5}, {4, 7, 6}}));
+  EXPECT_TRUE(wall.summary.repairs.counts.empty());
+  EXPECT_EQ(wall.summary.triangles, 4U);
+  const BuiltHierarchy sheet = mustBuild(plyOf(front, {{0, 1, 2}, {0, 2, 3}, {0, 2, 1}, {3, 2, 0}}));
+  EXPECT_EQ(repairs(sheet, "two_sided_triangles"), 2U);
+  EXPECT_EQ(sheet.summary.triangles, 2U);
+  ASSERT_EQ(sheet.geometry.size(), 1U);
+  for (const glm::vec3& normal : sheet.geometry[0].normals) EXPECT_GT(normal.z, 0.99F);
 }
 
 TEST_F(SourceImport, turnsTheMinorityOfAStripAndCountsIt) {
@@ -232,7 +309,7 @@ TEST_F(SourceImport, losesNoTriangleOfARandomHeapUncounted) {
     for (int i = 0; i < 1200; ++i) mesh.indices.push_back(random(40));
     const BuiltHierarchy built = mustBuild(mesh);
     EXPECT_EQ(built.summary.triangles + repairs(built, "degenerate_triangles") + repairs(built, "duplicate_triangles") +
-                  repairs(built, "lattice_collapsed_triangles"),
+                  repairs(built, "two_sided_triangles") + repairs(built, "lattice_collapsed_triangles"),
               400U + repairs(built, "added_triangles"));
     EXPECT_GT(repairs(built, "degenerate_triangles"), 0U);
   }

@@ -309,8 +309,13 @@ TEST_F(HlodShadowsTest, patchesShowTheShadowsThatNodesShow) {
       EXPECT_GT(difference.pixels, 500);
       EXPECT_LT(difference.mean, 4.0) << difference.pixels << " pixels, light " << base::nameOf(light.mode);
     };
-    ASSERT_TRUE(patch_renderer_->renderMany(views, options, check));
-    ASSERT_TRUE(patch_renderer_->finish());
+    // With maps of the whole scene, too, which a picture before has drawn or not.
+    for (const bool one_of_many : {false, true, true}) {
+      options.one_of_many = one_of_many;
+      ASSERT_TRUE(patch_renderer_->renderMany(views, options, check));
+      ASSERT_TRUE(patch_renderer_->finish());
+    }
+    options.one_of_many = false;
     const auto one = patch_renderer_->render(views[0], options);
     ASSERT_TRUE(one) << one.error().message;
     check(0, *one);

@@ -217,6 +217,15 @@ TEST_F(HlodBuild, aTriangleThatFillsTheGapBesideASplitEdgeStays) {
   EXPECT_FALSE(summary.repairs.counts.contains("lattice_collapsed_triangles"));
 }
 
+TEST_F(HlodBuild, finerLatticesAreAskedFor) {
+  BuildOptions options = small();
+  options.position_bits = 18;
+  const BuildSummary summary = mustBuild(support::bumpySphere(20, 40), options);
+  const glm::dvec3 size = summary.box_max - summary.box_min;
+  const double longest = std::max({size.x, size.y, size.z});
+  EXPECT_NEAR(summary.header.lattice.step, longest / (1 << 18), 1e-4 * summary.header.lattice.step);
+}
+
 TEST_F(HlodBuild, oneTriangleIsAScene) {
   support::Mesh mesh;
   mesh.positions = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}};

@@ -193,9 +193,15 @@ TEST(HlodDetail, onlyWhatIsFineIsSmoothed) {
   for (std::size_t v = 0; v < mesh.positions.size(); ++v)
     mesh.colors.push_back(glm::vec3((v % 2) != 0 ? 255.0F : 0.0F));
   NodeMesh coarse = mesh;
-  smoothDetail(coarse, 90.0F);  // below the length of an edge
+  EXPECT_EQ(smoothDetail(coarse, 90.0F, {}), 0.0F);  // below the length of an edge
   EXPECT_EQ(coarse.colors, mesh.colors);
-  smoothDetail(mesh, 200.0F);
+  NodeMesh plain = mesh;
+  // Only what counts, and changes so that it can be seen, is moved: the normals are all the same.
+  EXPECT_EQ(smoothDetail(plain, 200.0F, {.colors = false}), 0.0F);
+  plain.colors.assign(plain.colors.size(), glm::vec3(90.0F));
+  EXPECT_EQ(smoothDetail(plain, 200.0F, {}), 0.0F);
+  // The diagonals of the grid's squares are its longest edges.
+  EXPECT_NEAR(smoothDetail(mesh, 200.0F, {}), 0.5F * 1.41421F * 100.0F, 3.0F);
   for (const glm::vec3& color : mesh.colors) {
     EXPECT_GT(color.r, 40.0F);
     EXPECT_LT(color.r, 215.0F);
