@@ -35,13 +35,20 @@ class StreamedFile {
       if (session.phase() != SessionPhase::kRefused) session.refuse(refusal_);
       return !answers.empty();
     }
-    for (const auto& range : stream.nextRequests(now))
-      fetcher_->submit(range.id, place_.name, range.offset, range.length);
+    now_ = now;
+    sendRequests(stream);
     if (stream.complete())
       host_away_ = false;  // no more requests are sent, so nothing could show that the host is back
     if (session.phase() == SessionPhase::kDisconnected && stream.header() != nullptr && !host_away_)
       sendWelcome(session);
     return !answers.empty();
+  }
+  /// Sends requests for what the last view lacks, as the next pump() would.
+  template <class Stream>
+  void sendRequests(Stream& stream) {
+    if (!fetcher_ || !refusal_.empty()) return;
+    for (const auto& range : stream.nextRequests(now_))
+      fetcher_->submit(range.id, place_.name, range.offset, range.length);
   }
 
  private:
@@ -69,6 +76,7 @@ class StreamedFile {
   const base::Bytes welcome_;
   const glm::dvec3 origin_;
   const std::unique_ptr<RangeFetcher> fetcher_;
+  double now_ = 0.0;        ///< seconds, of the last pump()
   bool host_away_ = false;  ///< the last request got no answer
   std::string refusal_;     ///< a failure that no other try repairs; empty when there is none
 };

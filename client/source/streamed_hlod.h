@@ -17,6 +17,7 @@ struct HlodTypes {
   using View = lod::draw::NodeView;
   using Target = lod::draw::NodeTarget;
   using Count = lod::draw::NodeCount;
+  static bool isWhole(const lod::hlod::StreamStats& /*stats*/, std::size_t pieces) { return pieces > 0; }
   /// Shadows take one and a half of seven sixteenths: their maps may take two sixteenths, and casters lie on the GPU
   /// beside nodes, both smaller there than in the stream.
   static std::uint64_t streamBytes(const StreamedOptions& options) {

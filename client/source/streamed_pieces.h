@@ -19,9 +19,10 @@ namespace client {
 inline constexpr lod::hlod::ShadowLight kNoShadows{glm::vec4(0.0F), 0.0F};
 
 /// `Types` has the method's own: Stream, StreamOptions and TraverseRequest of its file; Piece, which the stream finds
-/// for a view; Renderer, View, Target and Count, with which pieces are drawn; streamBytes(), the memory for what is
-/// here of the file and decoded of it, and kMinMemory, the least; kSize, the member of StreamedQuality down to which
-/// pieces are refined at rest, pixels; kMinSize, the least that it may be.
+/// for a view; Renderer, View, Target and Count, with which pieces are drawn; isWhole(), whether so many pieces that
+/// were found leave no hole; streamBytes(), the memory for what is here of the file and decoded of it, and kMinMemory,
+/// the least; kSize, the member of StreamedQuality down to which pieces are refined at rest, pixels; kMinSize, the
+/// least that it may be.
 template <class Types>
 class StreamedPieces : public StreamedView {
  public:
@@ -80,6 +81,10 @@ class StreamedPieces : public StreamedView {
   /// For each view at most what the link carries in this time is fetched ahead, seconds, and nothing over links slower
   /// than this, bytes a second. Choices (docs/results/hlod.md).
   static constexpr double kPrefetchSeconds = 0.5, kPrefetchRate = 250'000.0;
+  /// A step of refinement at rest has about so many times the vertices of the one before (RateControl).
+  static constexpr std::uint64_t kStepGrowth = 2;
+  /// A picture of fewer vertices takes no less time than one of so many. A choice.
+  static constexpr std::uint64_t kLeastWork = 50'000;
 
   /// Keeps the places of the piece that the ray meets.
   virtual void meet(RayHit& hit, const Piece& piece) const = 0;
@@ -111,13 +116,22 @@ class StreamedPieces : public StreamedView {
   }
   bool rests(const base::Camera& camera, const glm::vec4& light) const;
   void choose(std::uint32_t frames);
+  bool beginFrame(const base::Camera& camera, const StreamedLook& look);
+  void skipSteps(const base::Camera& camera, const StreamedLook& look);
+  std::uint64_t vertices() const;
+  /// What a picture of pieces_ costs, in vertices.
+  double work() const { return static_cast<double>(std::max(vertices(), kLeastWork)); }
+  base::Result<void> makeRenderer();
   base::Result<void> drawChosen(const base::Camera& camera, const StreamedLook& look);
   double now() const { return options_.clock ? options_.clock() : 0.0; }
   float finestPx() const { return options_.*Types::kSize; }
+  bool isRemote() const { return stream_.stats().requests > 0; }
   /// Whether requests are under way for a view that lacks something.
   bool moreIsComing() const { return !stream_.complete() && stream_.stats().under_way > 0; }
   /// Whether the last frame was so long ago that the next one may come before all requests are answered.
-  bool hasRested() const { return !options_.clock || (!drawn_.isSet() && frames_.hasRested(now())); }
+  bool hasRested() const { return !options_.clock || (!drawn_.isSet() && frames_.hasRested(now(), work())); }
+  /// Whether pieces_ cover all of the model that the view sees, as coarse as they may be.
+  bool isWhole() const { return Types::isWhole(stream_.stats(), pieces_.size()); }
 
   StreamedFile file_;
   StreamedOptions options_;
@@ -137,6 +151,8 @@ class StreamedPieces : public StreamedView {
   DutyCycle frames_;
   PictureFence drawn_;        ///< behind the last picture, while frames_ does not know its end
   double drawn_begin_ = 0.0;  ///< when that picture was begun
+  double drawn_work_ = 0.0;   ///< work() of that picture
+  bool drawn_whole_ = false;  ///< isWhole() of the last picture
 
   typename Types::Count count_;  ///< of the last drawing
   std::unique_ptr<typename Types::Renderer> renderer_;
@@ -168,7 +184,7 @@ void StreamedPieces<Types>::update(const base::Camera& camera, const StreamedLoo
   awaits_rest_ = light != light_at_rest;
   chosen_ = true;
   // A view that rests makes up for the frames in between, which are not drawn while requests are under way.
-  choose(same_view && stream_.stats().requests > 0 ? 1 + DutyCycle::kRest : 1);
+  choose(same_view && isRemote() ? 1 + DutyCycle::kRest : 1);
 }
 
 /// Whether the view does not move. Where every frame is as fine as at rest, none does.
@@ -188,14 +204,41 @@ void StreamedPieces<Types>::choose(std::uint32_t frames) {
   piecesChosen(request);
 }
 
+/// Returns whether the view has moved. A first one that awaits its data has not: there is nothing yet to be drawn late.
+template <class Types>
+bool StreamedPieces<Types>::beginFrame(const base::Camera& camera, const StreamedLook& look) {
+  const glm::vec4 light = shadowLight(look, true).place;
+  const bool moved = pace_.beginFrame(camera, light);
+  return moved && !chosen_ && isRemote() ? pace_.beginFrame(camera, light) : moved;
+}
+
+/// Steps of a view at rest that would only ask for other data than the last step does are passed over: what is here
+/// makes no finer picture of them.
+template <class Types>
+void StreamedPieces<Types>::skipSteps(const base::Camera& camera, const StreamedLook& look) {
+  const std::uint64_t most = kStepGrowth * vertices();
+  while (!moved_ && isRemote() && size_px_ > finestPx() && !stream_.complete() && vertices() <= most) {
+    pace_.beginFrame(camera, shadowLight(look, true).place);
+    update(camera, look);
+  }
+}
+
+template <class Types>
+std::uint64_t StreamedPieces<Types>::vertices() const {
+  std::uint64_t sum = 0;
+  for (const Piece& piece : pieces_) sum += piece.picture->vertices.size();
+  return sum;
+}
+
 template <class Types>
 bool StreamedPieces<Types>::pump(Session& session, double now) {
   const bool came = file_.pump(stream_, session, now);
-  if (drawn_.hasPassed()) frames_.record(drawn_begin_, this->now());
+  if (drawn_.hasPassed()) frames_.record(drawn_begin_, this->now(), drawn_work_);
   // Between the frames of a view that rests, what comes is decoded while the link goes on.
   if (came && chosen_ && !moved_ && moreIsComing() && !hasRested()) {
     choose(1);
     has_undrawn_ = true;
+    if (renderer_) renderer_->upload(pieces_);
   }
   return came;
 }
@@ -205,20 +248,34 @@ bool StreamedPieces<Types>::pump(Session& session, double now) {
 template <class Types>
 base::Result<void> StreamedPieces<Types>::draw(const base::Camera& camera, const StreamedLook& look) {
   const double begin = now();
-  moved_ = pace_.beginFrame(camera, shadowLight(look, true).place);
+  moved_ = beginFrame(camera, look);
   update(camera, look);
+  skipSteps(camera, look);
+  if (stream_.header() != nullptr) file_.sendRequests(stream_);  // the link goes on while the picture is drawn
+  LUMIGRID_TRY(makeRenderer());
+  const double begin_drawing = now();
   LUMIGRID_TRY(drawChosen(camera, look));
   drawn_.remove();
+  drawn_whole_ = isWhole();
   if (stream_.header() == nullptr || !options_.clock) return {};
   if (moved_ && pace_.isOn()) {
     waitForGpu();
     const double end = now();
-    frames_.record(begin, end);
+    frames_.record(begin, end, work());
     pace_.recordFrame(end - begin, count_.points + count_.triangles);
   } else if (moreIsComing()) {
     drawn_.set();
-    drawn_begin_ = begin;
+    drawn_begin_ = begin_drawing;
+    drawn_work_ = work();
   }
+  return {};
+}
+
+/// Makes the renderer when it is first needed.
+template <class Types>
+base::Result<void> StreamedPieces<Types>::makeRenderer() {
+  if (renderer_ || stream_.header() == nullptr) return {};
+  LUMIGRID_ASSIGN_OR_RETURN(renderer_, Types::Renderer::create(options_.memory_bytes / 16 * kGpuShare));
   return {};
 }
 
@@ -226,9 +283,6 @@ template <class Types>
 base::Result<void> StreamedPieces<Types>::drawChosen(const base::Camera& camera, const StreamedLook& look) {
   clearPicture(look.background);
   if (stream_.header() == nullptr) return {};
-  if (!renderer_) {
-    LUMIGRID_ASSIGN_OR_RETURN(renderer_, Types::Renderer::create(options_.memory_bytes / 16 * kGpuShare));
-  }
   GLint framebuffer = 0;
   glGetIntegerv(GL_FRAMEBUFFER_BINDING, &framebuffer);
   LUMIGRID_ASSIGN_OR_RETURN(count_, drawPieces(*renderer_, viewOf(camera, look),
@@ -274,7 +328,7 @@ template <class Types>
 bool StreamedPieces<Types>::busy() const {
   if (!chosen_ || size_px_ > finestPx() || awaits_rest_) return chosen_;
   if (!has_undrawn_ && !stream_.decoding() && chosen_generation_ == stream_.generation()) return false;
-  return !moreIsComing() || hasRested();
+  return !moreIsComing() || hasRested() || (isWhole() && !drawn_whole_);
 }
 
 template <class Types>

@@ -17,6 +17,7 @@ struct UmbrellaTypes {
   using View = lod::draw::UmbrellaView;
   using Target = lod::draw::SurfaceTarget;
   using Count = lod::draw::UmbrellaCount;
+  static bool isWhole(const lod::pmr::StreamStats& stats, std::size_t pieces) { return pieces >= stats.chosen; }
   static std::uint64_t streamBytes(const StreamedOptions& options) { return options.memory_bytes / 16 * 7; }
   static constexpr std::uint64_t kMinMemory = lod::pmr::kMinStreamMemory;
   static constexpr float StreamedQuality::*kSize = &StreamedQuality::tolerance;

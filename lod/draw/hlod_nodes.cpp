@@ -63,7 +63,7 @@ float shadowReach(const base::Aabb& box, float error, std::span<const DrawnCaste
   return error + largest;
 }
 
-NodeRenderer::Mesh NodeRenderer::upload(const hlod::NodePicture& picture) {
+NodeRenderer::Mesh NodeRenderer::meshOf(const hlod::NodePicture& picture) {
   Mesh mesh;
   mesh.array = base::gl::VertexArray::create();
   glBindVertexArray(mesh.array.name());
@@ -95,7 +95,7 @@ base::Result<NodeCount> NodeRenderer::draw(std::span<const hlod::DrawnNode> node
                                            const NodeTarget& target, const NodeShadows* shadows) {
   NodeCount count;
   if (target.empty()) return count;
-  meshes_.beginFrame(nodes, upload);
+  meshes_.beginFrame(nodes, meshOf);
   NodeView view = from;
   view.camera = drawn_camera_ = fitted(from.camera, nodes);
   if (shadows != nullptr) {

@@ -61,6 +61,8 @@ class NodeRenderer {
   /// Needs a current context, as do the other functions. `gpu_bytes`: limit for nodes on the GPU; those of the frame
   /// that is being drawn stay in any case.
   static base::Result<std::unique_ptr<NodeRenderer>> create(std::uint64_t gpu_bytes);
+  /// Brings nodes to the GPU ahead of their drawing.
+  void upload(std::span<const hlod::DrawnNode> nodes) { meshes_.beginFrame(nodes, meshOf); }
   /// Draws both sides of all surfaces, with the near plane moved out to them (NearFit). The depth test (less) stays
   /// enabled.
   base::Result<NodeCount> draw(std::span<const hlod::DrawnNode> nodes, const NodeView& view, const NodeTarget& target,
@@ -91,7 +93,7 @@ class NodeRenderer {
     std::vector<InShadow> in_shadow;  ///< with shadows: for each node what shaders/shadow.glsl calls so
   };
   explicit NodeRenderer(std::uint64_t gpu_bytes) : gpu_bytes_(gpu_bytes), meshes_(gpu_bytes) {}
-  static Mesh upload(const hlod::NodePicture& picture);
+  static Mesh meshOf(const hlod::NodePicture& picture);
   base::Camera fitted(const base::Camera& camera, std::span<const hlod::DrawnNode> nodes) const;
   base::Result<void> drawMap(const NodeShadowMap& map, const NodeShadows& shadows, std::size_t slot);
   base::Result<void> drawShadowed(std::span<const hlod::DrawnNode> nodes, const NodeView& view,

@@ -20,7 +20,7 @@ base::gl::Buffer indexBuffer(const std::vector<std::uint16_t>& indices) {
 
 }  // namespace
 
-UmbrellaRenderer::Mesh UmbrellaRenderer::upload(const pmr::LeafPicture& picture) {
+UmbrellaRenderer::Mesh UmbrellaRenderer::meshOf(const pmr::LeafPicture& picture) {
   Mesh mesh;
   mesh.mean_radius = pmr::meanRadius(picture.list);
   mesh.vertices = base::gl::Buffer::create();
@@ -43,7 +43,9 @@ UmbrellaRenderer::Mesh UmbrellaRenderer::upload(const pmr::LeafPicture& picture)
 
 base::Result<std::unique_ptr<UmbrellaRenderer>> UmbrellaRenderer::create(std::uint64_t gpu_bytes) {
   std::unique_ptr<UmbrellaRenderer> renderer(new UmbrellaRenderer(gpu_bytes));
-  if (const auto program = renderer->programs_.link({}); !program) return program.error();
+  // What a later picture links would wait until all before it is drawn.
+  for (const Primitive primitive : {Primitive::kTriangles, Primitive::kPoints})
+    if (const auto program = renderer->programs_.link({.primitive = primitive}); !program) return program.error();
   return renderer;
 }
 
@@ -58,7 +60,7 @@ base::Result<UmbrellaCount> UmbrellaRenderer::draw(std::span<const pmr::DrawnLea
                                                    const SurfaceTarget& target) {
   UmbrellaCount count;
   if (target.empty()) return count;
-  meshes_.beginFrame(leaves, upload);
+  meshes_.beginFrame(leaves, meshOf);
   UmbrellaView view = from;
   view.camera = drawn_camera_ = fitted(from.camera, leaves);
   beginSurfaces(target);

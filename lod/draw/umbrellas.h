@@ -26,6 +26,8 @@ class UmbrellaRenderer {
   /// Needs a current context, as do the other functions. `gpu_bytes`: limit for leaves on the GPU; those of the frame
   /// that is being drawn stay in any case.
   static base::Result<std::unique_ptr<UmbrellaRenderer>> create(std::uint64_t gpu_bytes);
+  /// Brings leaves to the GPU ahead of their drawing.
+  void upload(std::span<const pmr::DrawnLeaf> leaves) { meshes_.beginFrame(leaves, meshOf); }
   /// Draws both sides of all surfaces, with the near plane moved out to them (NearFit). The depth test (less) stays
   /// enabled.
   base::Result<UmbrellaCount> draw(std::span<const pmr::DrawnLeaf> leaves, const UmbrellaView& view,
@@ -43,7 +45,7 @@ class UmbrellaRenderer {
     std::uint64_t bytes = 0;
   };
   explicit UmbrellaRenderer(std::uint64_t gpu_bytes) : meshes_(gpu_bytes) {}
-  static Mesh upload(const pmr::LeafPicture& picture);
+  static Mesh meshOf(const pmr::LeafPicture& picture);
   base::Camera fitted(const base::Camera& camera, std::span<const pmr::DrawnLeaf> leaves) const;
   base::Result<std::uint64_t> drawPass(Primitive primitive, std::span<const pmr::DrawnLeaf> leaves,
                                        const UmbrellaView& view, const SurfaceTarget& target);

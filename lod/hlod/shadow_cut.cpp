@@ -459,8 +459,8 @@ std::optional<ShadowMapPlan> planSceneShadowMap(std::span<const Node> nodes, dou
   whole.max_maps = 1;
   whole.room = 0.0F;
   std::vector<ShadowMapPlan> plans = planShadowMaps(nodes, std::vector<ShadowReceiver>{{nodes[0].box, 0}}, whole);
-  constexpr float kRounding = 1.001F;
-  if (plans.size() != 1 || plans[0].texel_px > kRounding * request.texel_px) return std::nullopt;
+  constexpr float kTexelRounding = 1.001F;
+  if (plans.size() != 1 || plans[0].texel_px > kTexelRounding * request.texel_px) return std::nullopt;
   plans[0].receivers.clear();
   return std::move(plans[0]);
 }

@@ -9,7 +9,7 @@ import {Overlay, showProblem} from "./overlay.js";
 import {openPicture} from "./picture.js";
 import {keepSettings, restoreSettings, settingValue, showSettings} from "./settings.js";
 import {openLink, socketUrl} from "./socket.js";
-import {openStaticScene, openStreamedScene, OtherMethod} from "./static_scene.js";
+import {openStaticScene, openStreamedScene, OtherMethod, readScene} from "./static_scene.js";
 import {makeTools} from "./tools.js";
 
 /// Memory budget on phones, unless the settings name another: everything that grows with the scene.
@@ -47,6 +47,7 @@ const phone = matchMedia("(pointer: coarse)").matches && Math.min(screen.width, 
 let core, overlay, link;
 let ratio = 1;
 let scheduled = false;
+let takingIn = false;
 let failed = false;
 let contextLost = false;
 let framesDrawn = 0;
@@ -59,6 +60,17 @@ function schedule() {
   if (scheduled || failed || document.hidden) return;
   scheduled = true;
   requestAnimationFrame(turn);
+}
+
+/// Takes in what came of a published scene as soon as the page has time, rather than with its next picture.
+function takeInSoon() {
+  if (takingIn) return;
+  takingIn = true;
+  setTimeout(() => {
+    takingIn = false;
+    if (!failed && !document.hidden) pumpStatic?.(now());
+    schedule();
+  });
 }
 
 function draw() {
@@ -300,6 +312,16 @@ let server = null;
 let pumpStatic = null;
 let staticProblem = "";
 
+/// The scene of a streamed method, which is read while the program is loaded and WebGL starts; null without one.
+let reading = null;
+
+function readEarly() {
+  const base = staticBase() ?? new URL("./", location.href).href;
+  if (!streamed || !/^https?:/.test(base)) return;
+  reading = readScene(base);
+  reading.catch(() => {});  // openStatic() reports it
+}
+
 async function start() {
   const bare = (title, advice) => showProblem(title, advice, () => location.reload());
   if (typeof WebAssembly !== "object" || !("OffscreenCanvas" in window))
@@ -307,6 +329,7 @@ async function start() {
         "This browser is too old for the viewer",
         "It needs WebAssembly, WebGL2 and OffscreenCanvas: a Chrome, Edge or Firefox of the last years, or Safari " +
             "from 16.4 on.");
+  readEarly();
   try {
     core = await loadCore(files, streamed ? (await import(streamedScript)).default : undefined);
   } catch (error) {
@@ -398,7 +421,8 @@ async function openStatic(base) {
       throw Object.assign(
           new Error(`${base} cannot be read`), {advice: "A scene's address begins with http:// or https://."});
     pumpStatic = await (
-        streamed ? openStreamedScene(method.name, base, core, schedule) : openStaticScene(base, core, schedule));
+        streamed ? openStreamedScene(method.name, base, reading, core, takeInSoon) :
+                   openStaticScene(base, core, schedule));
   } catch (error) {
     if (error instanceof OtherMethod && (!streamed || !method.said)) return load(error.method);
     return fail(error.message, error.advice ?? "Try again; if it stays, the page and the scene do not fit together.");

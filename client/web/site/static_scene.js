@@ -79,7 +79,7 @@ const colorOf = (text) => (/^#[0-9a-f]{6}$/i.test(text) ? parseInt(text.slice(1)
 
 /// Reads scene.json. `base`: URL of its folder. Returns {url, scene, parts, numbers}, with the numbers in the order of
 /// client/web/page.h. Throws SceneError.
-async function readScene(base) {
+export async function readScene(base) {
   const url = new URL("scene.json", base).href;
   const scene = await readJson(url);
   if (scene?.version !== 1)
@@ -135,9 +135,9 @@ function streamedPart(parts, stem, extension) {
   return partOf(parts, `${stem}-`, extension) ?? plain;
 }
 
-/// Opens the file of a streamed method, as openStaticScene does patches.
-export async function openStreamedScene(method, base, core, changed) {
-  const read = await readScene(base);
+/// Opens the file of a streamed method, as openStaticScene does patches. `reading`: what readScene() returned.
+export async function openStreamedScene(method, base, reading, core, changed) {
+  const read = await reading;
   const {url, parts} = read;
   const [stem, extension, content] = kStreamed.find(([name]) => name === method);
   const part = streamedPart(parts, stem, extension);

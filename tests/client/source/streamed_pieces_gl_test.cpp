@@ -185,8 +185,8 @@ TEST_P(HalfAView, isDrawnAgainWhenAllIsHereOrDrawingHadItsPart) {
   EXPECT_FALSE(viewer_->stats().busy);
   clock_ = drawn + 0.5 * DutyCycle::kRest - 0.1;
   EXPECT_FALSE(viewer_->stats().busy);
-  clock_ = drawn + 0.5 * DutyCycle::kRest + 0.1;
-  EXPECT_TRUE(viewer_->stats().busy) << "so many times what drawing took";
+  clock_ = drawn + 0.5 * DutyCycle::kRest * 20.0;
+  EXPECT_TRUE(viewer_->stats().busy) << "so many times what drawing takes of what came since";
   draw(view());
   EXPECT_FALSE(viewer_->stats().busy) << "nothing came";
   for (int i = 0; i < 1000 && underWay() > 0; ++i) pump();
@@ -199,6 +199,68 @@ TEST_P(HalfAView, isCompleteForOneWhoDoesNotDraw) {
     ASSERT_TRUE(bool(viewer_->update(view(), now_)));
   }
   EXPECT_TRUE(viewer_->allHere());
+}
+
+// Half of the points are in the coarsest level, so that its chunks do not come with the file's front.
+const base::Bytes& fineBaseFile() {
+  static const base::Bytes bytes = [] {
+    support::LevelledSurface surface = support::bumpyTorus(192, 192);
+    for (std::uint32_t& one : surface.classes) one = one > 0 ? lod::pmr::kCoarsest : 0;
+    for (std::uint32_t level = 2; level < lod::pmr::kLevels; ++level) surface.triangles[level] = surface.triangles[1];
+    return support::PmrMaker(surface, true, 1000).make().file;
+  }();
+  return bytes;
+}
+
+class ViewWithHoles : public StreamedPiecesTest {};
+INSTANTIATE_TEST_SUITE_P(Of, ViewWithHoles, ::testing::Values(&umbrellas()), nameOfMethod);
+
+TEST_P(ViewWithHoles, isDrawnAtOnceWhenTheLastOneIsClosed) {
+  double clock = 0.0;
+  StreamedOptions options = still();
+  options.clock = [&clock] { return clock; };
+  open(options, fineBaseFile());
+  while (viewer_->session().phase() != SessionPhase::kReady) pump();
+  const auto figures = [&] { return streamed_->stats().umbrellas; };
+  draw(view());
+  clock += 0.5;
+  glFinish();  // the picture has its end when the GPU is done with it
+  for (int i = 0; i < 1000 && figures().leaves < figures().stream.chosen; ++i) {
+    pump();
+    EXPECT_EQ(viewer_->stats().busy, figures().leaves == figures().stream.chosen);
+  }
+  ASSERT_EQ(figures().leaves, figures().stream.chosen);
+  ASSERT_GT(figures().stream.under_way, 0U);
+  EXPECT_TRUE(viewer_->stats().busy);
+  draw(view());
+  EXPECT_FALSE(viewer_->stats().busy);
+}
+
+TEST_P(StreamedPiecesTest, whatAViewLacksIsAskedForBeforeItsPictureIsDrawn) {
+  open(still(), method().large_file());
+  while (viewer_->session().phase() != SessionPhase::kReady) pump();
+  ASSERT_TRUE(host_->asked.empty());
+  draw(view());
+  EXPECT_FALSE(host_->asked.empty());
+}
+
+TEST_P(StreamedPiecesTest, aFirstViewAsksForNoMoreThanOneWithoutSteps) {
+  std::vector<std::uint64_t> bytes;
+  for (const double frame_seconds : {0.0, 0.1}) {
+    StreamedOptions options = still();
+    double clock = 0.0;
+    options.clock = [&clock] { return clock += 1e-6; };
+    options.frame_seconds = frame_seconds;
+    open(options, method().large_file());
+    for (int i = 0; i < 1000 && !viewer_->stats().complete; ++i) {
+      pump();
+      draw(view());
+    }
+    ASSERT_TRUE(viewer_->stats().complete);
+    EXPECT_EQ(viewer_->stats().error_px, options.*(method().size));
+    bytes.push_back(viewer_->stats().session.bytes_received);
+  }
+  EXPECT_EQ(bytes[1], bytes[0]);
 }
 
 TEST_P(StreamedPiecesTest, aFrameDecodesItsShareAndTheRestComesInTheNextOnes) {
