@@ -119,7 +119,7 @@ class StreamedPieces : public StreamedView {
   bool beginFrame(const base::Camera& camera, const StreamedLook& look);
   void skipSteps(const base::Camera& camera, const StreamedLook& look);
   std::uint64_t vertices() const;
-  /// What a picture of pieces_ costs, in vertices.
+  /// The cost of a picture of pieces_, in vertices.
   double work() const { return static_cast<double>(std::max(vertices(), kLeastWork)); }
   base::Result<void> makeRenderer();
   base::Result<void> drawChosen(const base::Camera& camera, const StreamedLook& look);

@@ -43,7 +43,7 @@ UmbrellaRenderer::Mesh UmbrellaRenderer::meshOf(const pmr::LeafPicture& picture)
 
 base::Result<std::unique_ptr<UmbrellaRenderer>> UmbrellaRenderer::create(std::uint64_t gpu_bytes) {
   std::unique_ptr<UmbrellaRenderer> renderer(new UmbrellaRenderer(gpu_bytes));
-  // What a later picture links would wait until all before it is drawn.
+  // Programs that a later picture links would wait until all before it is drawn.
   for (const Primitive primitive : {Primitive::kTriangles, Primitive::kPoints})
     if (const auto program = renderer->programs_.link({.primitive = primitive}); !program) return program.error();
   return renderer;

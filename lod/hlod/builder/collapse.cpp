@@ -394,7 +394,7 @@ class Collapser {
     }
     return true;
   }
-  /// What a triangle shows in the middle of an edge.
+  /// The appearance of a triangle in the middle of an edge.
   static Attributes middleOf(const Attributes& a, const Attributes& b) {
     const glm::vec3 normal = vectorOf(a.normal + b.normal);
     const float length2 = glm::dot(normal, normal);
