@@ -31,8 +31,8 @@ std::uint64_t mapBytes(const base::Light& light) {
   return kBytesPerTexel * (is_soft ? lod::draw::kMaxLightLayers : 1) * side * side;
 }
 
-/// Soft shadows are as fine as pictures of so many pixels a side need them. In images of 992, shadows for 992 take twice
-/// the time and memory of shadows for 496, and change what is seen by 0.04 of 255 (machangara, in the thin client).
+/// Soft shadows are as fine as pictures of so many pixels a side need. In images of 992, shadows for 992 take twice the
+/// time and memory of shadows for 496, and change what is seen by 0.04 of 255 (machangara, in the thin client).
 constexpr int kSoftPixels = 768;
 
 base::Camera withFewerPixels(base::Camera camera) {
