@@ -143,6 +143,9 @@ base::Result<void> needDescriptors() {
 
 // A choice: above this share of the triangles their loss is told.
 constexpr double kToldShare = 0.01;
+// Clouds have true copies where exports were joined, mostly of each point once, and others in one place by the file's
+// own rounding.
+constexpr double kToldPoints = 0.55;
 
 std::string textOf(const glm::dvec3& place) {
   return base::formatText("(%.7g, %.7g, %.7g)", place.x, place.y, place.z);
@@ -298,7 +301,8 @@ std::string lostTriangles(const SourceInfo& info, const SourceLattice& lattice, 
 }
 
 std::string lostPoints(const SourceInfo& info, const SourceLattice& lattice, std::uint64_t merged) {
-  if (info.triangles > 0 || !(static_cast<double>(merged) > kToldShare * static_cast<double>(info.vertices))) return {};
+  if (info.triangles > 0 || !(static_cast<double>(merged) > kToldPoints * static_cast<double>(info.vertices)))
+    return {};
   return base::formatCount(merged) + " of " + base::formatCount(info.vertices) +
          " points became one with another within " + base::formatText("%.3g", lattice.lattice.step) +
          "; if they are no copies, what lies at " + textOf(info.far_place) +

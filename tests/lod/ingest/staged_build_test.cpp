@@ -315,4 +315,17 @@ TEST_F(SourceImport, losesNoTriangleOfARandomHeapUncounted) {
   }
 }
 
+TEST(StagedBuild, pointsThatAreLostOnTheLatticeAreToldAndCopiesAreNot) {
+  SourceInfo info;
+  info.vertices = 1000;
+  info.far_place = {1e7, 0.0, 0.0};
+  const SourceLattice lattice;
+  EXPECT_EQ(lostPoints(info, lattice, 500), "");
+  EXPECT_NE(lostPoints(info, lattice, 900).find("900 of 1,000 points"), std::string::npos);
+  EXPECT_NE(lostPoints(info, lattice, 900).find("(1e+07, 0, 0) makes"), std::string::npos)
+      << lostPoints(info, lattice, 900);
+  info.triangles = 1;
+  EXPECT_EQ(lostPoints(info, lattice, 900), "");
+}
+
 }  // namespace
