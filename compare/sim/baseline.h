@@ -8,9 +8,9 @@
 namespace compare {
 
 /// A figure may be worse than the baseline's by so much. A few bytes more in one piece let others come one frame
-/// earlier or later, so that one path by itself moves by up to 0.4 dB where nothing is better or worse: figures while
-/// the eye moves are held to `db` as means over the paths of a method. When a level was reached is not compared, only
-/// whether: 0.02 dB move that by seconds.
+/// earlier or later, so that one path by itself moves by 0.4 dB and more where nothing is better or worse: figures
+/// while the eye moves are held to `db` as means over the paths of a method. A level's time is not compared, only
+/// whether it was reached: 0.02 dB move that by seconds.
 struct GateLimits {
   double db = 0.1;          ///< at rest, and in the mean over the paths of a method
   double path_db = 0.3;     ///< on one path, while the eye moves
