@@ -240,63 +240,53 @@ TEST_F(RemoteVerify, aPlaceThatHoldsNoSceneIsAnErrorInOneLine) {
   expectOneLineError(verify(place("built")), 1, {place("built"), "lumigrid publish"});
 }
 
-TEST_F(RemoteServe, texturesOfAFarSceneLieBesideItsPatches) {
-  const auto done = [](const std::vector<std::string>& arguments) {
+void runAll(const std::vector<std::vector<std::string>>& commands) {
+  for (const auto& arguments : commands) {
     const auto outcome = run("lumigrid", arguments);
-    EXPECT_EQ(outcome.status, 0) << outcome.err;
-  };
-  done({"sample", "--shape", "facade", "--triangles", "500", "--texels", "50", "-o", path("wall.obj")});
-  done({"build", path("wall.obj"), "-o", path("wall"), "--methods", "patch", "--quiet"});
-  done({"publish", path("wall"), path("site/wall"), "--quiet", "--viewer", "off", "--with-textures"});
-  server::RemoteOptions options;
-  options.cache_directory = path("textures-cache");
-  std::vector<std::string> warnings;
-  options.warn = [&](const std::string& warning) { warnings.push_back(warning); };
-  const auto open = server::openScene(place("wall"), options);
-  ASSERT_TRUE(open) << open.error().message;
-  EXPECT_FALSE(server::lacksTextures(**open));
-  const fs::path texture =
-      fs::path((*open)->patches.path()).parent_path() / *base::partFile((*open)->scene, "texture", ".lgt");
-  EXPECT_TRUE(fs::exists(texture)) << texture;
+    ASSERT_EQ(outcome.status, 0) << outcome.err;
+  }
+}
 
-  // Where they cannot be had the scene is served without them.
+/// Opens the far scene `name` of the folder `site`: the part lies beside its patches. Where it cannot be had, the scene
+/// is served without it and says so. `lacks`: whether an open scene lacks the part.
+void expectPartBesidePatches(const std::string& place, const std::string& site, const std::string& cache,
+                             const char* stem, const char* extension, bool (*lacks)(const server::OpenScene&),
+                             const std::string& warning) {
+  server::RemoteOptions options;
+  options.cache_directory = cache;
+  std::vector<std::string> warnings;
+  options.warn = [&](const std::string& said) { warnings.push_back(said); };
+  const auto open = server::openScene(place, options);
+  ASSERT_TRUE(open) << open.error().message;
+  EXPECT_FALSE(lacks(**open));
+  const fs::path part =
+      fs::path((*open)->patches.path()).parent_path() / *base::partFile((*open)->scene, stem, extension);
+  EXPECT_TRUE(fs::exists(part)) << part;
+
   fs::remove_all(options.cache_directory);
-  fs::remove(fs::path(path("site/wall")) / texture.filename());
-  const auto without = server::openScene(place("wall"), options);
+  ASSERT_TRUE(fs::remove(fs::path(site) / part.filename()));
+  const auto without = server::openScene(place, options);
   ASSERT_TRUE(without) << without.error().message;
-  EXPECT_TRUE(server::lacksTextures(**without));
+  EXPECT_TRUE(lacks(**without));
   ASSERT_FALSE(warnings.empty());
-  EXPECT_NE(warnings.back().find("no textures"), std::string::npos) << warnings.back();
+  EXPECT_NE(warnings.back().find(warning), std::string::npos) << warnings.back();
+}
+
+TEST_F(RemoteServe, texturesOfAFarSceneLieBesideItsPatches) {
+  runAll({{"sample", "--shape", "facade", "--triangles", "500", "--texels", "50", "-o", path("wall.obj")},
+          {"build", path("wall.obj"), "-o", path("wall"), "--methods", "patch", "--quiet"},
+          {"publish", path("wall"), path("site/wall"), "--quiet", "--viewer", "off", "--with-textures"}});
+  expectPartBesidePatches(place("wall"), path("site/wall"), path("textures-cache"), "texture", ".lgt",
+                          server::lacksTextures, "no textures");
 }
 
 TEST_F(RemoteServe, nodesThatThrowShadowsLieBesideThePatchesOfAFarScene) {
-  const auto done = [](const std::vector<std::string>& arguments) {
-    const auto outcome = run("lumigrid", arguments);
-    EXPECT_EQ(outcome.status, 0) << outcome.err;
-  };
-  done({"sample", "--shape", "relief", "--triangles", "10000", "-o", path("relief.ply")});
-  done({"build", path("relief.ply"), "-o", path("relief"), "--methods", "patch,hlod", "--light", "soft-shadows",
-        "--quiet"});
-  done({"publish", path("relief"), path("site/relief"), "--quiet", "--viewer", "off"});
-  server::RemoteOptions options;
-  options.cache_directory = path("shadows-cache");
-  std::vector<std::string> warnings;
-  options.warn = [&](const std::string& warning) { warnings.push_back(warning); };
-  const auto open = server::openScene(place("relief"), options);
-  ASSERT_TRUE(open) << open.error().message;
-  EXPECT_FALSE(server::lacksShadows(**open));
-  const fs::path nodes =
-      fs::path((*open)->patches.path()).parent_path() / *base::partFile((*open)->scene, "hlod", ".lgh");
-  EXPECT_TRUE(fs::exists(nodes)) << nodes;
-
-  // Where they cannot be had the scene is served without frames.
-  fs::remove_all(options.cache_directory);
-  fs::remove(fs::path(path("site/relief")) / nodes.filename());
-  const auto without = server::openScene(place("relief"), options);
-  ASSERT_TRUE(without) << without.error().message;
-  EXPECT_TRUE(server::lacksShadows(**without));
-  ASSERT_FALSE(warnings.empty());
-  EXPECT_NE(warnings.back().find("no shadows"), std::string::npos) << warnings.back();
+  runAll({{"sample", "--shape", "relief", "--triangles", "10000", "-o", path("relief.ply")},
+          {"build", path("relief.ply"), "-o", path("relief"), "--methods", "patch,hlod", "--light", "soft-shadows",
+           "--quiet"},
+          {"publish", path("relief"), path("site/relief"), "--quiet", "--viewer", "off"}});
+  expectPartBesidePatches(place("relief"), path("site/relief"), path("shadows-cache"), "hlod", ".lgh",
+                          server::lacksShadows, "no shadows");
 }
 
 }  // namespace
