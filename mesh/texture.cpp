@@ -230,9 +230,11 @@ glm::u8vec4 Texture::mean(const glm::dvec2& uv, double texels) const {
   const glm::dvec2 p = uv * glm::dvec2(image.width, image.height) - 0.5;
   const glm::dvec2 low = glm::floor(p);
   const glm::dvec2 share = p - low;
+  const std::array<int, 2> xs{wrapped(low.x, image.width), wrapped(low.x + 1, image.width)};
+  const std::array<int, 2> ys{wrapped(low.y, image.height), wrapped(low.y + 1, image.height)};
   glm::dvec3 sum(0.0);
-  for (int k = 0; k < 4; ++k) {
-    const std::uint8_t* c = image.at(wrapped(low.x + (k & 1), image.width), wrapped(low.y + (k >> 1), image.height));
+  for (std::size_t k = 0; k < 4; ++k) {
+    const std::uint8_t* c = image.at(xs[k & 1], ys[k >> 1]);
     const double weight = ((k & 1) != 0 ? share.x : 1.0 - share.x) * ((k >> 1) != 0 ? share.y : 1.0 - share.y);
     sum += weight * glm::dvec3(c[0], c[1], c[2]);
   }

@@ -131,11 +131,18 @@ class JpegBlocks::Reader {
       for (const JpegBlock* row : rows_[c])
         for (int x = 0; x < planes_[c].wide; ++x) {
           const JpegBlock& block = row[x];
-          const auto [least, most] = std::minmax_element(block.begin() + 1, block.end());
-          if (block[0] < -1024 || block[0] > 1023 || *least < -1023 || *most > 1023)
+          // Over the whole block, so that a compiler can take many coefficients at a time.
+          std::int16_t least = 0, most = 0;
+          for (const std::int16_t coefficient : block)
+            least = std::min(least, coefficient), most = std::max(most, coefficient);
+          if (most > 1023 || (least < -1023 && !isMeanAlone(block)))
             return Error{ErrorCode::kUnsupported, "JPEG: a coefficient is out of range"};
         }
     return {};
+  }
+  // Whether nothing but the mean is below -1023, and that by no more than one.
+  static bool isMeanAlone(const JpegBlock& block) {
+    return block[0] >= -1024 && *std::min_element(block.begin() + 1, block.end()) >= -1023;
   }
 
   Result<void> noteRow(int plane, int y) {

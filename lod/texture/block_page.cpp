@@ -69,15 +69,19 @@ class SlotTexels {
     std::array<float, kSpan * kSpan> values{};
     std::array<std::uint8_t, kSpan * kSpan> known{};
     int inside = 0, any = 0;
-    for (int j = 0; j < kSpan; ++j)
+    const glm::ivec2 texels = texelsPerSample(plane);
+    for (int j = 0; j < kSpan; ++j) {
+      const int row = kBlock * y + j - kApron;
+      if (row < 0 || row * texels.y >= size_.y) continue;
       for (int i = 0; i < kSpan; ++i) {
-        const glm::ivec2 sample(kBlock * x + i - kApron, kBlock * y + j - kApron);
-        if (!keeps(plane, sample)) continue;
-        values[j * kSpan + i] = valueAt(plane, sample);
+        const int column = kBlock * x + i - kApron;
+        if (column < 0 || column * texels.x >= size_.x || !keeps({column * texels.x, row * texels.y}, texels)) continue;
+        values[j * kSpan + i] = valueAt(plane, {column, row});
         known[j * kSpan + i] = 1;
         ++any;
         if (std::min(i, j) >= kApron && std::max(i, j) < kApron + kBlock) ++inside;
       }
+    }
     if (any == 0) return false;
     if (inside == kBlock * kBlock)
       if (const base::JpegBlock* whole = wholeBlock(plane, x, y)) {
@@ -99,12 +103,12 @@ class SlotTexels {
     return source_.unit() / glm::ivec2(kBlock * p.across, kBlock * p.down);
   }
 
-  bool keeps(int plane, const glm::ivec2& sample) {
-    const glm::ivec2 texels = texelsPerSample(plane), first = sample * texels;
-    if (first.x < 0 || first.y < 0 || first.x >= size_.x || first.y >= size_.y) return false;
-    for (int y = first.y; y < first.y + texels.y; ++y)
-      for (int x = first.x; x < first.x + texels.x; ++x)
-        if (kept_[index(x, y)] != 0) return true;
+  // Whether the chart covers one of these texels of the slot.
+  bool keeps(const glm::ivec2& first, const glm::ivec2& texels) const {
+    const std::uint8_t* row = &kept_[index(first.x, first.y)];
+    for (int y = 0; y < texels.y; ++y, row += size_.x)
+      for (int x = 0; x < texels.x; ++x)
+        if (row[x] != 0) return true;
     return false;
   }
   std::size_t index(int x, int y) const {
@@ -140,9 +144,12 @@ class SlotTexels {
     const glm::ivec2 block = sample / kBlock, within = sample % kBlock;
     const std::uint64_t key = (static_cast<std::uint64_t>(plane) << 60) | (static_cast<std::uint64_t>(block.y) << 30) |
                               static_cast<std::uint64_t>(block.x);
-    const auto [found, is_new] = decoded_.try_emplace(key);
-    if (is_new) found->second = decode(plane, block);
-    return found->second[static_cast<std::size_t>(within.y * kBlock + within.x)];
+    if (last_ == nullptr || key != last_key_) {  // most samples lie in the block of the one before
+      const auto [found, is_new] = decoded_.try_emplace(key);
+      if (is_new) found->second = decode(plane, block);
+      last_ = &found->second, last_key_ = key;
+    }
+    return (*last_)[static_cast<std::size_t>(within.y * kBlock + within.x)];
   }
   BlockSamples decode(int plane, const glm::ivec2& block) const {
     const Quantization& quant = source_.blocks.plane(plane).quant;
@@ -186,6 +193,8 @@ class SlotTexels {
   std::vector<std::uint8_t> kept_;      // by texel of the slot: whether the chart covers it
   std::vector<std::uint8_t> complete_;  // by unit of the slot
   std::unordered_map<std::uint64_t, BlockSamples> decoded_;
+  const BlockSamples* last_ = nullptr;  // of decoded_, which valueAt() used last
+  std::uint64_t last_key_ = 0;
 };
 
 // A page in the making.
