@@ -19,7 +19,7 @@ struct DrawList {
   std::vector<std::uint16_t> points;   ///< own points, by falling umbrella radius
   std::vector<float> point_radii;      ///< of each: the longest edge of its triangles, scene units; 0 without triangle
   std::vector<std::uint16_t> corners;  ///< three for each triangle, in the order in which they were given
-  /// Of all triangles. A triangle's reach is the largest umbrella radius of its own points.
+  /// The least reach of all triangles. A triangle's reach is the largest umbrella radius of its own points.
   float least_reach = std::numeric_limits<float>::infinity();
 
   /// Points whose umbrella would lie within the pixel: twice the radius is below the pixel's size (scene units), so
