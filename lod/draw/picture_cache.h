@@ -39,6 +39,7 @@ class PictureCache {
   }
   /// One of the frame.
   const Mesh& mesh(const Picture& picture) const { return entries_.find(&picture)->second.mesh; }
+  Mesh& mesh(const Picture& picture) { return entries_.find(&picture)->second.mesh; }
   std::uint64_t bytes() const { return bytes_; }
 
  private:

@@ -1,5 +1,6 @@
 #include "lod/draw/umbrellas.h"
 
+#include <utility>
 #include <vector>
 
 #include "lod/draw/near_fit.h"
@@ -69,6 +70,20 @@ base::Result<UmbrellaCount> UmbrellaRenderer::draw(std::span<const pmr::DrawnLea
   return count;
 }
 
+/// Sorts the mesh's triangles when a part of them is drawn for the first time.
+pmr::DrawnPart UmbrellaRenderer::trianglesToDraw(Mesh& mesh, const pmr::DrawnLeaf& leaf) {
+  const pmr::DrawList& list = leaf.picture->list;
+  if (list.drawsAllTriangles(leaf.pixel)) return {0, static_cast<std::uint32_t>(list.corners.size() / 3)};
+  if (mesh.reaches.empty()) {
+    pmr::SortedTriangles sorted = pmr::sortedTriangles(list, leaf.picture->vertices.size());
+    glBindVertexArray(mesh.triangles_array.name());
+    base::gl::allocate(mesh.corners, GL_ELEMENT_ARRAY_BUFFER, sorted.corners.data(),
+                       sorted.corners.size() * sizeof(std::uint16_t), GL_STATIC_DRAW);
+    mesh.reaches = std::move(sorted.reaches);
+  }
+  return {0, pmr::countUmbrellas(mesh.reaches, leaf.pixel)};
+}
+
 /// Draws the triangles or the points of all leaves. Returns how many there are.
 base::Result<std::uint64_t> UmbrellaRenderer::drawPass(Primitive primitive, std::span<const pmr::DrawnLeaf> leaves,
                                                        const UmbrellaView& view, const SurfaceTarget& target) {
@@ -81,9 +96,9 @@ base::Result<std::uint64_t> UmbrellaRenderer::drawPass(Primitive primitive, std:
   std::uint64_t drawn = 0;
   for (const pmr::DrawnLeaf& leaf : leaves) {
     const pmr::DrawList& list = leaf.picture->list;
-    const pmr::DrawnPart part = are_points ? list.pointsAt(leaf.pixel) : list.trianglesAt(leaf.pixel);
+    Mesh& mesh = meshes_.mesh(*leaf.picture);
+    const pmr::DrawnPart part = are_points ? list.pointsAt(leaf.pixel) : trianglesToDraw(mesh, leaf);
     if (part.count() == 0) continue;
-    const Mesh& mesh = meshes_.mesh(*leaf.picture);
     if (are_points) glUniform1f(program->uniform("u_closing"), 2.0F * kClosingShare * list.point_radii[part.first]);
     if (pass.resolution) {
       glUniform1f(program->uniform("u_detail"), 2.0F * mesh.mean_radius);

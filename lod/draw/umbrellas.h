@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <memory>
 #include <span>
+#include <vector>
 
 #include "lod/draw/picture_cache.h"
 #include "lod/draw/surfaces.h"
@@ -40,12 +41,14 @@ class UmbrellaRenderer {
   struct Mesh {
     base::gl::VertexArray points_array, triangles_array;
     base::gl::Buffer vertices, points, corners;
-    float mean_radius = 0.0F;  ///< of the umbrellas, scene units
+    std::vector<float> reaches;  ///< of the triangles, where they are sorted; else they lie as they were coded
+    float mean_radius = 0.0F;    ///< of the umbrellas, scene units
     base::Aabb box;
     std::uint64_t bytes = 0;
   };
   explicit UmbrellaRenderer(std::uint64_t gpu_bytes) : meshes_(gpu_bytes) {}
   static Mesh meshOf(const pmr::LeafPicture& picture);
+  static pmr::DrawnPart trianglesToDraw(Mesh& mesh, const pmr::DrawnLeaf& leaf);
   base::Camera fitted(const base::Camera& camera, std::span<const pmr::DrawnLeaf> leaves) const;
   base::Result<std::uint64_t> drawPass(Primitive primitive, std::span<const pmr::DrawnLeaf> leaves,
                                        const UmbrellaView& view, const SurfaceTarget& target);

@@ -99,11 +99,11 @@ class Checker {
       checkPoints(leaf, level, std::span(points).subspan(before), row.points);
 
       const auto chunk = readChunk(leaf, kLevels + level);
-      const auto corners = chunk ? decodeTriangles(*chunk, row.triangles, places) : damaged("");
+      auto corners = chunk ? decodeTriangles(*chunk, row.triangles, places) : damaged("");
       if (!corners)
         return leafFault(leaf, ofLevel("its triangles of level", level) + " are damaged; copy the file again");
       checkTriangles(leaf, level, is_own, before + row.points, *corners);
-      means[level] = meanRadius(makeDrawList(positions, is_own, *corners));
+      means[level] = meanRadius(makeDrawList(positions, is_own, std::move(*corners)));
     }
     checkRadii(leaf, means);
     checkBounds(leaf, positions);

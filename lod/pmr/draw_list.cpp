@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <numeric>
 #include <utility>
 
@@ -32,10 +33,9 @@ std::vector<std::uint32_t> orderByFalling(const std::vector<float>& values) {
   return order;
 }
 
-/// How many of the falling radii belong to umbrellas larger than the pixel.
-std::uint32_t countUmbrellas(const std::vector<float>& radii, float pixel) {
-  const auto end = std::partition_point(radii.begin(), radii.end(), [&](float r) { return !(2.0F * r < pixel); });
-  return static_cast<std::uint32_t>(end - radii.begin());
+/// `radii`: of umbrellas, 0 of points that are not the leaf's own.
+float reachOf(const std::vector<float>& radii, const std::uint16_t* corners) {
+  return std::max({radii[corners[0]], radii[corners[1]], radii[corners[2]]});
 }
 
 }  // namespace
@@ -44,8 +44,9 @@ DrawnPart DrawList::pointsAt(float pixel) const {
   return {countUmbrellas(point_radii, pixel), static_cast<std::uint32_t>(point_radii.size())};
 }
 
-DrawnPart DrawList::trianglesAt(float pixel) const {
-  return {0, countUmbrellas(reaches, pixel)};
+std::uint32_t countUmbrellas(std::span<const float> falling, float pixel) {
+  const auto end = std::partition_point(falling.begin(), falling.end(), [&](float r) { return !(2.0F * r < pixel); });
+  return static_cast<std::uint32_t>(end - falling.begin());
 }
 
 float meanRadius(const DrawList& list) {
@@ -57,38 +58,61 @@ float meanRadius(const DrawList& list) {
 }
 
 DrawList makeDrawList(std::span<const glm::vec3> positions, const std::vector<bool>& is_own,
-                      std::span<const std::uint16_t> corners) {
+                      std::vector<std::uint16_t> corners) {
+  // Squares have their maxima where lengths have them.
   std::vector<float> radii(positions.size(), 0.0F);
+  const auto squaredLength = [&](std::uint16_t from, std::uint16_t to) {
+    const glm::vec3 edge = positions[from] - positions[to];
+    return glm::dot(edge, edge);
+  };
   for (std::size_t i = 0; i + 2 < corners.size(); i += 3) {
-    for (const auto& [a, b] : {std::pair(i, i + 1), std::pair(i + 1, i + 2), std::pair(i + 2, i)}) {
-      const float length = glm::length(positions[corners[a]] - positions[corners[b]]);
-      radii[corners[a]] = std::max(radii[corners[a]], length);
-      radii[corners[b]] = std::max(radii[corners[b]], length);
-    }
+    const std::uint16_t a = corners[i], b = corners[i + 1], c = corners[i + 2];
+    const float ab = squaredLength(a, b), bc = squaredLength(b, c), ca = squaredLength(c, a);
+    radii[a] = std::max({radii[a], ab, ca});
+    radii[b] = std::max({radii[b], ab, bc});
+    radii[c] = std::max({radii[c], bc, ca});
   }
+  for (float& radius : radii) radius = std::sqrt(radius);
 
   DrawList list;
   std::vector<std::uint16_t> own;
   std::vector<float> own_radii;
+  own.reserve(positions.size());
+  own_radii.reserve(positions.size());
   for (std::size_t v = 0; v < positions.size(); ++v) {
-    if (!is_own[v]) continue;
+    if (!is_own[v]) {
+      radii[v] = 0.0F;
+      continue;
+    }
     own.push_back(static_cast<std::uint16_t>(v));
     own_radii.push_back(radii[v]);
   }
+  list.points.reserve(own.size());
+  list.point_radii.reserve(own.size());
   for (const std::uint32_t i : orderByFalling(own_radii)) {
     list.points.push_back(own[i]);
     list.point_radii.push_back(own_radii[i]);
   }
 
-  std::vector<float> reaches(corners.size() / 3, 0.0F);
-  for (std::size_t i = 0; i < 3 * reaches.size(); ++i)
-    if (is_own[corners[i]]) reaches[i / 3] = std::max(reaches[i / 3], radii[corners[i]]);
-  for (const std::uint32_t t : orderByFalling(reaches)) {
-    const auto first = corners.begin() + std::ptrdiff_t{3} * t;
-    list.corners.insert(list.corners.end(), first, first + 3);
-    list.reaches.push_back(reaches[t]);
-  }
+  for (std::size_t i = 0; i + 2 < corners.size(); i += 3)
+    list.least_reach = std::min(list.least_reach, reachOf(radii, &corners[i]));
+  list.corners = std::move(corners);
   return list;
+}
+
+SortedTriangles sortedTriangles(const DrawList& list, std::size_t vertices) {
+  std::vector<float> radii(vertices, 0.0F);  // of own points
+  for (std::size_t i = 0; i < list.points.size(); ++i) radii[list.points[i]] = list.point_radii[i];
+  std::vector<float> reaches;
+  for (std::size_t i = 0; i + 2 < list.corners.size(); i += 3) reaches.push_back(reachOf(radii, &list.corners[i]));
+
+  SortedTriangles sorted;
+  for (const std::uint32_t t : orderByFalling(reaches)) {
+    const auto first = list.corners.begin() + std::ptrdiff_t{3} * t;
+    sorted.corners.insert(sorted.corners.end(), first, first + 3);
+    sorted.reaches.push_back(reaches[t]);
+  }
+  return sorted;
 }
 
 }  // namespace lod::pmr

@@ -1,5 +1,7 @@
 #include "lod/pmr/leaf_picture.h"
 
+#include <utility>
+
 #include "lod/pmr/chunk_checksum.h"
 #include "lod/pmr/chunks.h"
 
@@ -20,12 +22,13 @@ bool isIntact(const Leaf& leaf, std::uint32_t chunk, base::ByteView bytes) {
 std::uint64_t pictureBytes(const Leaf& leaf, std::uint32_t level) {
   return sizeof(LeafPicture) + leaf.verticesAt(level) * sizeof(Vertex) +
          std::uint64_t{leaf.pointsAt(level)} * (sizeof(std::uint16_t) + sizeof(float)) +
-         std::uint64_t{leaf.levels[level].triangles} * (3 * sizeof(std::uint16_t) + sizeof(float));
+         std::uint64_t{leaf.levels[level].triangles} * 3 * sizeof(std::uint16_t);
 }
 
 DecodedLeaf decodeLeaf(const Header& header, const Leaf& leaf, std::uint32_t number, std::uint32_t level,
                        const ChunkBytes& bytes_of) {
   std::vector<CodedPoint> points;
+  points.reserve(leaf.verticesAt(level));
   std::vector<bool> is_own;
   for (std::uint32_t c = kLevels; c-- > level;) {
     const LevelRow& row = leaf.levels[c];
@@ -40,6 +43,8 @@ DecodedLeaf decodeLeaf(const Header& header, const Leaf& leaf, std::uint32_t num
   auto picture = std::make_shared<LeafPicture>();
   picture->leaf = number;
   picture->level = level;
+  places.reserve(points.size());
+  positions.reserve(points.size());
   picture->vertices.reserve(points.size());
   for (const CodedPoint& point : points) {
     places.push_back(point.place);
@@ -49,9 +54,9 @@ DecodedLeaf decodeLeaf(const Header& header, const Leaf& leaf, std::uint32_t num
   }
   const auto chunk = bytes_of(kLevels + level);
   if (!chunk) return {nullptr, kLevels + level};
-  const auto corners = decodeTriangles(*chunk, leaf.levels[level].triangles, places);
+  auto corners = decodeTriangles(*chunk, leaf.levels[level].triangles, places);
   if (!corners) return {nullptr, kLevels + level};
-  picture->list = makeDrawList(positions, is_own, *corners);
+  picture->list = makeDrawList(positions, is_own, std::move(*corners));
   return {std::move(picture), 0};
 }
 

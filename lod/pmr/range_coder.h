@@ -19,13 +19,14 @@ namespace lod::pmr {
 class BitModel {
  public:
   std::uint32_t zero() const { return zero_; }
+  /// Without branches: a bit that is worth coding is one that a processor does not foresee.
   void adapt(std::uint32_t bit) {
     const std::uint32_t shift = kShifts[seen_];
-    if (bit == 0)
-      zero_ = static_cast<std::uint16_t>(zero_ + ((65536U - zero_) >> shift));
-    else
-      zero_ = static_cast<std::uint16_t>(zero_ - (zero_ >> shift));
-    if (seen_ + 1U < kShifts.size()) ++seen_;
+    const std::uint32_t rise = (65536U - zero_) >> shift;
+    const std::uint32_t fall = 0U - (std::uint32_t{zero_} >> shift);
+    const std::uint32_t ones = 0U - bit;
+    zero_ = static_cast<std::uint16_t>(zero_ + ((rise & ~ones) | (fall & ones)));
+    seen_ = static_cast<std::uint16_t>(seen_ + (seen_ + 1U < kShifts.size() ? 1U : 0U));
   }
 
  private:
@@ -111,12 +112,9 @@ class RangeDecoder {
   std::uint32_t bit(BitModel& model, std::uint32_t = 0) {
     const std::uint32_t bound = (range_ >> 16) * model.zero();
     const std::uint32_t bit = code_ < bound ? 0 : 1;
-    if (bit == 0) {
-      range_ = bound;
-    } else {
-      code_ -= bound;
-      range_ -= bound;
-    }
+    const std::uint32_t ones = 0U - bit;
+    code_ -= bound & ones;
+    range_ = (bound & ~ones) | ((range_ - bound) & ones);
     model.adapt(bit);
     normalize();
     return bit;

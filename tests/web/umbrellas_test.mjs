@@ -5,7 +5,22 @@ import {writeFileSync} from "node:fs";
 import {join} from "node:path";
 import {after, before, test} from "node:test";
 
-import {cleanUp, figures, folder, launch, nginx, open, repeated, run, serve, site, still, until} from "./lib.mjs";
+import {
+  cleanUp,
+  figures,
+  folder,
+  launch,
+  newPage,
+  nginx,
+  open,
+  repeated,
+  run,
+  serve,
+  site,
+  slowLink,
+  still,
+  until
+} from "./lib.mjs";
 import {drag, expectNative, expectProgram, fine, setNumber} from "./streamed.mjs";
 
 /// Writes a cloud of a sphere with bumps, without faces or normals.
@@ -108,4 +123,23 @@ test("the tolerance is a setting that takes effect at once, and statistics tell 
   await until(async () => /leaves/.test(await page.locator("#statistics").innerText()), "leaves in the statistics");
   assert.match(await page.locator("#tool-l").getAttribute("title"), /light/, "the glass is for splats");
   await page.close();
+});
+
+test("the progress bar grows in few steps, so that the page is seldom put together anew while it loads", async () => {
+  const page = await newPage(await browser.newContext());
+  await page.addInitScript(() => {
+    window.widths = [];
+    document.addEventListener("DOMContentLoaded", () => {
+      const bar = document.querySelector("#bar div");
+      new MutationObserver(() => window.widths.push(bar.style.width)).observe(bar, {attributeFilter: ["style"]});
+    });
+  });
+  await page.goto(`${(await slowLink(server.port, 200_000, 0.02)).url}?method=pmr`);
+  await fine(page);
+  const widths = await page.evaluate(() => [...new Set(window.widths)]);
+  assert.ok(widths.length > 3, `it grew: ${widths}`);
+  assert.deepEqual(widths.filter((width) => parseFloat(width) % 5 !== 0), []);
+  const transition = await page.locator("#bar div").evaluate((bar) => getComputedStyle(bar).transitionDuration);
+  assert.equal(transition, "0s");
+  await page.context().close();
 });

@@ -12,6 +12,9 @@ function resizeChildren(parent, count, make) {
 
 const kLabelClasses = ["pin", "point", "value", "handle"];
 const kLost = 3, kRefused = 4;  // as Status::Kind in client/app/app.h
+/// The progress bar grows by so many percent at a time: each time the browser puts the whole page together anew, which
+/// takes software GL about 15 ms of the cores that decode.
+const kBarStep = 5;
 const kStatusText = ["Connecting …", "Loading …", "", "Connection lost", "Refused"];
 
 /// Shows a problem in the middle of the page, with buttons for what `again` and `check` are there.
@@ -111,8 +114,9 @@ export class Overlay {
   showProgress([, active, share]) {
     const bar = byId("bar");
     bar.hidden = active !== "1";
-    bar.firstElementChild.style.width = `${100 * Number(share)}%`;
-    bar.setAttribute("aria-valuenow", Math.round(100 * Number(share)));
+    const percent = kBarStep * Math.floor(100 * Number(share) / kBarStep);
+    bar.firstElementChild.style.width = `${percent}%`;
+    bar.setAttribute("aria-valuenow", percent);
   }
 
   showModes([, mode, hint], [, statistics, colours, orthographic, section, lens]) {

@@ -146,7 +146,7 @@ class LeafMaker {
       row.triangles = static_cast<std::uint32_t>(triangles[level].size());
       chunks[kLevels + level] = encodeTriangles(corners, std::span(places).first(vertices));
       row.triangle_bytes = static_cast<std::uint32_t>(chunks[kLevels + level].size());
-      const DrawList list = makeDrawList(std::span(positions).first(vertices), is_own, corners);
+      const DrawList list = makeDrawList(std::span(positions).first(vertices), is_own, std::move(corners));
       row.radius = finer = std::max(finer, meanRadius(list));
       if (level == 0)
         out.unused = static_cast<std::uint64_t>(std::count(list.point_radii.begin(), list.point_radii.end(), 0.0F));

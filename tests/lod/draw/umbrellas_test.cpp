@@ -286,9 +286,19 @@ TEST_F(UmbrellasTest, eachLeafDrawsThePartsOfItsLists) {
     leaf.pixel = 2.0F * radii[radii.size() / 2];
     some += leaf.picture->list.pointsAt(leaf.pixel).count();
   }
-  picture(leaves, unlit(camera));
+  const base::Image part = picture(leaves, unlit(camera));
   EXPECT_EQ(count_.points, some);
   EXPECT_GT(count_.triangles, 0U);
+  EXPECT_LT(count_.triangles, triangles);
+  for (pmr::DrawnLeaf& leaf : leaves) {
+    auto sorted = std::make_shared<pmr::LeafPicture>(*leaf.picture);
+    sorted->list.corners = pmr::sortedTriangles(sorted->list, sorted->vertices.size()).corners;
+    leaf.picture = std::move(sorted);
+  }
+  EXPECT_EQ(picture(leaves, unlit(camera)).pixels, part.pixels) << "as if they had lain sorted from the beginning";
+  for (pmr::DrawnLeaf& leaf : leaves) leaf.pixel = 0.0F;
+  picture(leaves, unlit(camera));
+  EXPECT_EQ(count_.triangles, triangles);
 }
 
 TEST_F(UmbrellasTest, aSectionCutsTrianglesAndPointsAway) {

@@ -45,9 +45,9 @@ float umbrellaRadius(const Model& model, std::size_t point) {
 
 using Triangle = std::array<std::uint16_t, 3>;
 
-std::multiset<Triangle> trianglesOf(const std::vector<std::uint16_t>& corners, std::size_t first, std::size_t end) {
+std::multiset<Triangle> firstTriangles(const std::vector<std::uint16_t>& corners, std::size_t count) {
   std::multiset<Triangle> triangles;
-  for (std::size_t t = first; t < end; ++t) triangles.insert({corners[3 * t], corners[3 * t + 1], corners[3 * t + 2]});
+  for (std::size_t t = 0; t < count; ++t) triangles.insert({corners[3 * t], corners[3 * t + 1], corners[3 * t + 2]});
   return triangles;
 }
 
@@ -56,7 +56,9 @@ TEST(DrawListTest, atEachPixelPointsAndTrianglesAreThoseOfThePaper) {
     const Model model = randomModel(seed, 40, 5 * seed);
     const DrawList list = makeDrawList(model.positions, model.is_own, model.corners);
     EXPECT_TRUE(std::is_sorted(list.point_radii.rbegin(), list.point_radii.rend()));
-    EXPECT_TRUE(std::is_sorted(list.reaches.rbegin(), list.reaches.rend()));
+    EXPECT_EQ(list.corners, model.corners);
+    const SortedTriangles sorted = sortedTriangles(list, model.positions.size());
+    EXPECT_TRUE(std::is_sorted(sorted.reaches.rbegin(), sorted.reaches.rend()));
     for (const float pixel : {1e-6F, 1.0F, 7.0F, 13.0F, 20.0F, 25.0F, 1000.0F}) {
       std::set<std::uint16_t> points;
       std::multiset<Triangle> triangles;
@@ -68,12 +70,13 @@ TEST(DrawListTest, atEachPixelPointsAndTrianglesAreThoseOfThePaper) {
           drawn |= model.is_own[model.corners[k]] && points.count(model.corners[k]) == 0;
         if (drawn) triangles.insert({model.corners[i], model.corners[i + 1], model.corners[i + 2]});
       }
-      const DrawnPart drawn_points = list.pointsAt(pixel), drawn_triangles = list.trianglesAt(pixel);
+      const DrawnPart drawn_points = list.pointsAt(pixel);
       EXPECT_EQ(
           std::set<std::uint16_t>(list.points.begin() + drawn_points.first, list.points.begin() + drawn_points.end),
           points);
       EXPECT_EQ(drawn_points.count(), points.size());
-      EXPECT_EQ(trianglesOf(list.corners, drawn_triangles.first, drawn_triangles.end), triangles);
+      EXPECT_EQ(firstTriangles(sorted.corners, countUmbrellas(sorted.reaches, pixel)), triangles);
+      EXPECT_EQ(list.drawsAllTriangles(pixel), 3 * triangles.size() == model.corners.size());
     }
   }
 }
@@ -82,12 +85,13 @@ TEST(DrawListTest, aPointWithoutTrianglesIsAPointAtAnyPixel) {
   const DrawList list = makeDrawList(std::vector<glm::vec3>(3), {true, true, false}, {});
   EXPECT_EQ(list.points.size(), 2U);
   EXPECT_EQ(list.pointsAt(1e-20F).count(), 2U);
-  EXPECT_EQ(list.trianglesAt(1e-20F).count(), 0U);
+  EXPECT_TRUE(sortedTriangles(list, 3).corners.empty());
 }
 
 TEST(DrawListTest, nothingMakesAnEmptyList) {
   const DrawList list = makeDrawList({}, {}, {});
-  EXPECT_EQ(list.pointsAt(1.0F).count() + list.trianglesAt(1.0F).count(), 0U);
+  EXPECT_EQ(list.pointsAt(1.0F).count(), 0U);
+  EXPECT_TRUE(sortedTriangles(list, 0).corners.empty());
 }
 
 }  // namespace

@@ -68,7 +68,7 @@ TEST(PmrStreamTest, aPictureHasThePointsAndTrianglesOfItsLeaf) {
     const Leaf& leaf = made().leaves[picture.leaf];
     EXPECT_EQ(picture.vertices.size(), leaf.verticesAt(picture.level));
     EXPECT_EQ(picture.list.points.size(), leaf.pointsAt(picture.level));
-    EXPECT_EQ(picture.list.reaches.size(), leaf.levels[picture.level].triangles);
+    EXPECT_EQ(picture.list.corners.size(), 3U * leaf.levels[picture.level].triangles);
     for (std::size_t v = 0; v < picture.vertices.size(); ++v) {
       const CodedPoint& point = content.vertices[v];
       ASSERT_EQ(picture.vertices[v].position, made().header.lattice.position(point.place));
