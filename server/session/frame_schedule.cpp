@@ -49,6 +49,9 @@ constexpr double kRenderMemory = 0.25;        // weight of the newest rendering 
 constexpr double kShortQueue = 0.02;
 constexpr double kOverdue = 0.05;
 constexpr double kMinWait = 0.002;  // seconds; a transport is never woken more often
+// The part of the time for which a full link has been silent, after which it is looked at again: a choice, room is seen
+// so much later at most.
+constexpr double kQuietShare = 0.25;
 // Messages wait once so many seconds of the link wait, here or on the way, since all of that is ahead of a new view's
 // frame: the 128 KiB that a transport takes are a second at 1 Mbit/s, and a router's queue can hold more.
 constexpr double kMostQueued = 0.1;
@@ -331,11 +334,15 @@ bool FrameSchedule::holdsOthers(double bytes) const {
   return link_.waitSeconds(overdue() ? 0.0 : bytes) > othersMayWait();
 }
 
-std::optional<double> FrameSchedule::wakeAt() const {
+std::optional<double> FrameSchedule::wakeAt(bool tells_room) const {
   const double now = link_.now();
   double at = std::numeric_limits<double>::infinity();
   const auto in = [&](double seconds) { at = std::min(at, now + std::max(kMinWait, seconds)); };
-  if (linkIsFull()) in(link_.isMeasured() ? link_.queueSeconds() - kMostQueued : 0.5 * link_.roundTrip());
+  // A client that takes nothing is looked at ever less often, or many of them on a server with too much to do would
+  // keep it from sending.
+  if (linkIsFull() && !tells_room)
+    in(std::max(kQuietShare * link_.quietSeconds(),
+                link_.isMeasured() ? link_.queueSeconds() - kMostQueued : 0.5 * link_.roundTrip()));
   if (!possible_) return std::isfinite(at) ? std::optional(at) : std::nullopt;
   if (moving()) {
     in(motion_.settledAt() - now);

@@ -71,8 +71,10 @@ class FrameSchedule {
   void countOther(std::size_t bytes) { credit_ -= static_cast<double>(bytes); }
   /// Counts time: call it after link().update().
   void passTime();
-  /// When next() or holdsOthers() may answer otherwise without any other call, seconds; nothing: never.
-  std::optional<double> wakeAt() const;
+  /// When next() or holdsOthers() may answer otherwise without any other call, seconds; nothing: never. `tells_room`:
+  /// there will be an update() of the link when the transport has written what it holds, so that nobody need look
+  /// whether a full link has room by then.
+  std::optional<double> wakeAt(bool tells_room = false) const;
 
  private:
   struct UnderWay {

@@ -37,6 +37,7 @@ void LinkEstimate::update(const LinkState& state, std::uint64_t handed_out) {
   const double arrived = confirmed - confirmed_;
   const bool was_under_way = state_.unconfirmed_bytes > 0;
   confirmed_ = confirmed;
+  if (arrived > 0.0) arrived_at_ = state.seconds;
   state_ = state;
   takeSent(static_cast<double>(handed_out) - static_cast<double>(state.unsent_bytes));
   const bool late = isLate();

@@ -25,6 +25,8 @@ class LinkEstimate {
   bool isKnown() const { return measured_ || confirmed_ >= kKnownBytes; }
   /// Whether the rate was measured. Buffers on the way, as of a proxy, can take some bytes at any rate.
   bool isMeasured() const { return measured_; }
+  /// Seconds since something was acknowledged last, or since the zero.
+  double quietSeconds() const { return state_.seconds - arrived_at_; }
   /// Whether nothing that was handed out is still on its way.
   bool isIdle() const { return state_.unsent_bytes + state_.unconfirmed_bytes == 0; }
   /// The shortest round trip so far, seconds; 0 before one is known.
@@ -66,6 +68,7 @@ class LinkEstimate {
   bool queues_ = true;    // all the time since the last sample was taken, bytes waited in a queue on the way
   double busy_seconds_ = 0.0, busy_bytes_ = 0.0;  // since the last sample was taken
   double confirmed_ = 0.0;                        // bytes acknowledged so far
+  double arrived_at_ = 0.0;                       // when it last grew, seconds
   std::deque<Mark> sent_;                         // and not yet acknowledged, the oldest first
   double window_ = kFirstWindow;                  // bytes that TCP has under way at most, as far as its start tells
   double last_traffic_ = 0.0;                     // when bytes were last under way, seconds

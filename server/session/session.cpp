@@ -310,10 +310,15 @@ std::optional<SharedMessage> Session::nextPrefetch() {
   return std::nullopt;
 }
 
-/// The first face of the list that can be sent now, or the end; faces that the client has are removed.
+/// The first face of the list that can be sent now, or the end; faces before it that the client has are removed.
 Session::Faces::iterator Session::findSendable(Faces& faces) {
+  if (!scene_.images_are_remote) {
+    // Only the first is looked at, since this is asked for each of hundreds.
+    const auto first =
+        std::find_if(faces.begin(), faces.end(), [this](const auto& key) { return !held_.contains(key); });
+    return faces.erase(faces.begin(), first);
+  }
   std::erase_if(faces, [this](const repository::FaceKey& key) { return held_.contains(key); });
-  if (!scene_.images_are_remote) return faces.begin();
   return std::find_if(faces.begin(), faces.end(),
                       [this](const repository::FaceKey& key) { return fetched_.count(key) != 0; });
 }
@@ -468,9 +473,9 @@ void Session::frameRendered(const FrameRequest& request, base::Bytes value) {
   frame_ = protocol::Frame{request.sequence, request.camera, request.last, std::move(value)};
 }
 
-std::optional<double> Session::wakeAt() const {
+std::optional<double> Session::wakeAt(bool tells_room) const {
   if (phase_ != Phase::kReady) return std::nullopt;
-  std::optional<double> at = frames_.wakeAt();
+  std::optional<double> at = frames_.wakeAt(tells_room);
   const double now = frames_.link().now();
   const double due = planned_at_ + 1.0 / scene_.views_per_second;
   if (newest_ && !planned_ && due > now) at = std::min(at.value_or(due), due);

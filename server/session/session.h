@@ -117,8 +117,9 @@ class Session {
   /// away meanwhile.
   void frameRendered(const FrameRequest& request, base::Bytes value);
   /// When nextMessage() and nextFrameRequest() are to be asked again even if nothing happens until then, in the seconds
-  /// of setLink(); nullopt: not at all.
-  std::optional<double> wakeAt() const;
+  /// of setLink(); nullopt: not at all. `tells_room`: setLink() will be called when the transport has written what it
+  /// holds of the messages, as it does hold some.
+  std::optional<double> wakeAt(bool tells_room = false) const;
   /// Whether a Refusal was sent: the connection is to be closed.
   bool finished() const { return phase_ == Phase::kRefused && !greeting_; }
   const std::string& clientName() const { return client_; }  ///< from Hello; empty before it

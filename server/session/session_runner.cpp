@@ -128,7 +128,7 @@ void SessionRunner::makeMessages(SessionOutput& output) {
   }
   while (auto request = session_.nextFaceRequest()) output.faces.push_back(std::move(*request));
   if (auto frame = session_.nextFrameRequest()) output.frame = std::move(frame);
-  output.wake_at = session_.wakeAt();
+  output.wake_at = session_.wakeAt(waiting_ > 0);
   if (!name_told_ && !session_.clientName().empty()) output.client_name = session_.clientName(), name_told_ = true;
   if (refusal_ && session_.finished() && !std::exchange(refusal_told_, true)) output.refusal = refusal_;
 }

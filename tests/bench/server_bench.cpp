@@ -1,7 +1,9 @@
-// server_bench SCENE [--viewers 64] [--idle 1000] [--rate 10] [--seconds 8] [--rounds 3] [--only throughput|flying]: a
-// server of many viewers who fly, beside a bare Beast server that sends the same messages in the same run.
+// server_bench SCENE [--viewers 64] [--idle 1000] [--rate 10] [--seconds 8] [--rounds 3] [--visit 8]
+// [--only throughput|flying]: a server of many viewers who fly, beside a bare Beast server that sends the same messages
+// in the same run.
 //
-//   throughput   each viewer jumps to the next view as soon as the last is complete
+//   throughput   each viewer jumps to the next view as soon as the last is complete, and comes back as a new one after
+//                as many views as --visit says; the peer sends what the server sent for such a visit, view by view
 //   flying       each viewer circles the scene and sends so many views a second
 //   idle         as many viewers as --idle asks for are connected and look at one view
 //
@@ -122,14 +124,13 @@ protocol::View viewOf(const protocol::Welcome& welcome, std::uint32_t sequence, 
 /// One viewer of a run.
 class Flyer {
  public:
-  Flyer(Measured& measured, double phase) : measured_(measured), phase_(phase) {}
+  Flyer(Measured& measured, double phase, bool speaks) : measured_(measured), phase_(phase), speaks_(speaks) {}
 
-  bool open(std::uint16_t port, bool speaks) {
+  bool open(std::uint16_t port) {
     viewer_ =
         std::make_unique<support::WsViewer>([this](base::ByteView front, std::size_t size) { accept(front, size); });
     if (!viewer_->open(port)) return false;
-    speaks_ = speaks;
-    return !speaks || viewer_->send(protocol::encode(protocol::ClientMessage(protocol::Hello{})));
+    return !speaks_ || viewer_->send(protocol::encode(protocol::ClientMessage(protocol::Hello{})));
   }
   bool ready(const protocol::Welcome& welcome) {
     welcome_ = &welcome;
@@ -146,23 +147,18 @@ class Flyer {
   bool isComplete() const { return is_complete_; }
   support::WsViewer& viewer() { return *viewer_; }
   std::uint32_t sequence() const { return sequence_; }
-  std::size_t messages_expected = 0;  // of the peer, which says no Completion
 
  private:
   void accept(base::ByteView front, std::size_t size) {
     if (front.empty()) return;
     const double now = bench::seconds();
     measured_.bytes += size;
-    const bool is_data = !speaks_ || front[0] == kFace || front[0] == kRefinement;
+    const bool is_data = front[0] == kFace || front[0] == kRefinement;
     if (is_data && !std::exchange(got_first_, true)) measured_.first.push_back(now - sent_at_);
-    if (front[0] == kRefinement && speaks_) last_group_ = now - sent_at_;
-    bool complete = !speaks_ && ++got_ == messages_expected;
-    if (speaks_ && front[0] == kCompletion && size >= 5) {
-      const std::uint32_t sequence = front[1] | front[2] << 8U | front[3] << 16U | std::uint32_t{front[4]} << 24U;
-      complete = sequence == sequence_;
-    }
-    if (!complete) return;
-    got_ = 0;
+    if (front[0] == kRefinement) last_group_ = now - sent_at_;
+    if (front[0] != kCompletion || size < 5) return;
+    const std::uint32_t sequence = front[1] | front[2] << 8U | front[3] << 16U | std::uint32_t{front[4]} << 24U;
+    if (speaks_ && sequence != sequence_) return;  // the peer says what it said once
     is_complete_ = true;
     ++measured_.completed;
     measured_.complete.push_back(now - sent_at_);
@@ -173,9 +169,9 @@ class Flyer {
   const double phase_;
   std::unique_ptr<support::WsViewer> viewer_;
   const protocol::Welcome* welcome_ = nullptr;
-  bool speaks_ = true, got_first_ = true, is_complete_ = true;
+  const bool speaks_;  // the protocol, which the peer does not
+  bool got_first_ = true, is_complete_ = true;
   std::uint32_t sequence_ = 0;
-  std::size_t got_ = 0;
   double sent_at_ = 0.0, last_group_ = 0.0;
 };
 
@@ -220,18 +216,21 @@ std::vector<std::unique_ptr<Flyer>> openFlyers(std::uint16_t port, std::size_t c
                                                const protocol::Welcome& welcome, bool speaks) {
   std::vector<std::unique_ptr<Flyer>> flyers;
   for (std::size_t i = 0; i < count; ++i) {
-    flyers.push_back(std::make_unique<Flyer>(measured, static_cast<double>(i) / static_cast<double>(count)));
-    if (!flyers.back()->open(port, speaks)) bench::stop("a viewer was refused");
+    flyers.push_back(std::make_unique<Flyer>(measured, static_cast<double>(i) / static_cast<double>(count), speaks));
+    if (!flyers.back()->open(port)) bench::stop("a viewer was refused");
     flyers.back()->ready(welcome);
   }
   return flyers;
 }
 
-constexpr std::uint32_t kViewsOfAVisit = 8;  // then a viewer comes back as a new one, which has nothing yet
+constexpr double kTurnsOfAJump = 0.37;
 
-Measured jump(std::uint16_t port, std::size_t viewers, double seconds, const protocol::Welcome& welcome) {
+/// Each viewer jumps to the next view as soon as the last is complete, on our server or, where none `speaks`, on the
+/// peer's.
+Measured jump(std::uint16_t port, std::size_t viewers, double seconds, const protocol::Welcome& welcome,
+              std::uint32_t visit, bool speaks) {
   Measured measured;
-  auto flyers = openFlyers(port, viewers, measured, welcome, true);
+  auto flyers = openFlyers(port, viewers, measured, welcome, speaks);
   Poll poll;
   poll.add(flyers);
   for (auto& flyer : flyers) flyer->look(0.0);
@@ -239,33 +238,13 @@ Measured jump(std::uint16_t port, std::size_t viewers, double seconds, const pro
   while (bench::seconds() - start < seconds) {
     poll.wait(0.1, [&](Flyer& flyer) {
       if (!flyer.isComplete()) return;
-      if (flyer.sequence() % kViewsOfAVisit == 0) {
-        if (!flyer.open(port, true)) bench::stop("a viewer was refused");
+      if (flyer.sequence() % visit == 0) {
+        if (!flyer.open(port)) bench::stop("a viewer was refused");
         poll.add(flyer);
       }
-      flyer.look(0.37 * flyer.sequence());
+      flyer.look(kTurnsOfAJump * flyer.sequence());
     });
   }
-  measured.seconds = bench::seconds() - start;
-  return measured;
-}
-
-Measured peer(std::size_t viewers, double seconds, const protocol::Welcome& welcome,
-              const std::vector<base::Bytes>& messages) {
-  Measured measured;
-  const server::PlainSender sender(messages);
-  auto flyers = openFlyers(sender.port(), viewers, measured, welcome, false);
-  Poll poll;
-  poll.add(flyers);
-  for (auto& flyer : flyers) {
-    flyer->messages_expected = messages.size();
-    flyer->look(0.0);
-  }
-  const double start = bench::seconds();
-  while (bench::seconds() - start < seconds)
-    poll.wait(0.1, [&](Flyer& flyer) {
-      if (flyer.isComplete()) flyer.look(0.0);
-    });
   measured.seconds = bench::seconds() - start;
   return measured;
 }
@@ -293,18 +272,24 @@ Measured fly(std::uint16_t port, std::size_t viewers, double rate, double second
   return measured;
 }
 
-/// The messages of one visit, by which the peer is loaded, of these sizes.
-std::vector<base::Bytes> messagesOfAView(std::uint16_t port, const protocol::Welcome& welcome) {
+/// What the server sends for each view of a visit, Completion included, by which the peer is loaded.
+std::vector<std::vector<base::Bytes>> messagesOfAVisit(std::uint16_t port, const protocol::Welcome& welcome,
+                                                       std::uint32_t visit) {
   auto client = server::LoopbackClient::connect(port);
   client->send(protocol::Hello{});
   client->receive();
-  client->send(viewOf(welcome, 1, 0.0));
-  std::vector<base::Bytes> messages;
-  while (auto message = client->receive()) {
-    if (std::holds_alternative<protocol::Completion>(*message)) break;
-    messages.push_back(protocol::encode(*message));
+  std::vector<std::vector<base::Bytes>> answers(visit);
+  for (std::uint32_t view = 0; view < visit; ++view) {
+    client->send(viewOf(welcome, view + 1, kTurnsOfAJump * view));
+    for (bool complete = false; !complete;) {
+      auto message = client->receive();
+      if (!message) bench::stop("a view was not completed");
+      const auto* completion = std::get_if<protocol::Completion>(&*message);
+      complete = completion != nullptr && completion->sequence == view + 1;
+      answers[view].push_back(protocol::encode(*message));
+    }
   }
-  return messages;
+  return answers;
 }
 
 void print(const char* name, const Measured& m, double cpu) {
@@ -323,12 +308,14 @@ void print(const char* name, const Measured& m, double cpu) {
 
 int main(int argc, char** argv) {
   bench::Arguments arguments(
-      argc, argv, "SCENE [--viewers N] [--idle N] [--rate N] [--seconds N] [--rounds N] [--only throughput|flying]");
+      argc, argv,
+      "SCENE [--viewers N] [--idle N] [--rate N] [--seconds N] [--rounds N] [--visit N] [--only throughput|flying]");
   const auto viewers = arguments.number<std::size_t>("--viewers", 64, 1, 2000);
   const auto idle = arguments.number<std::size_t>("--idle", 1000, 0, 3000);
   const auto rate = arguments.number<unsigned>("--rate", 10, 1, 1000);
   const auto seconds = arguments.number<unsigned>("--seconds", 8, 1, 3600);
   const auto rounds = arguments.number<unsigned>("--rounds", 3, 1, 100);
+  const auto visit = arguments.number<std::uint32_t>("--visit", 8, 1, 1000);
   const std::string only = arguments.text("--only", "");
   arguments.finish();
   if (arguments.input().empty()) arguments.wrong();
@@ -337,12 +324,12 @@ int main(int argc, char** argv) {
   for (unsigned round = 0; round < rounds; ++round) {
     const ServeProcess serve(arguments.input());
     const protocol::Welcome welcome = welcomeFrom(serve.port);
-    const auto messages = messagesOfAView(serve.port, welcome);
+    const server::PlainSender sender(messagesOfAVisit(serve.port, welcome, visit));
     double cpu = serve.cpuSeconds();
     if (only != "flying") {
-      const Measured ours = jump(serve.port, viewers, seconds, welcome);
+      const Measured ours = jump(serve.port, viewers, seconds, welcome, visit, true);
       print("throughput", ours, serve.cpuSeconds() - cpu);
-      const Measured bare = peer(viewers, seconds, welcome, messages);
+      const Measured bare = jump(sender.port(), viewers, seconds, welcome, visit, false);
       print("  bare Beast", bare, 0.0);
       ratios.push_back(static_cast<double>(ours.bytes) / ours.seconds * bare.seconds / static_cast<double>(bare.bytes));
       first_ratios.push_back(quantile(ours.first, 0.99) / quantile(bare.first, 0.99));

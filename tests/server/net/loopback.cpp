@@ -156,8 +156,8 @@ namespace {
 /// One client of a PlainSender.
 class PlainConnection : public std::enable_shared_from_this<PlainConnection> {
  public:
-  PlainConnection(asio::ip::tcp::socket socket, const std::vector<base::Bytes>& messages)
-      : socket_(std::move(socket)), messages_(messages) {
+  PlainConnection(asio::ip::tcp::socket socket, const std::vector<std::vector<base::Bytes>>& answers)
+      : socket_(std::move(socket)), answers_(answers) {
     beast::get_lowest_layer(socket_).socket().set_option(asio::ip::tcp::no_delay(true));
     socket_.binary(true);
     socket_.auto_fragment(false);
@@ -173,42 +173,47 @@ class PlainConnection : public std::enable_shared_from_this<PlainConnection> {
     socket_.async_read(incoming_, [self = shared_from_this()](error_code ec, std::size_t) {
       if (ec) return;
       self->incoming_.clear();
+      self->answer_ = self->requests_++ % self->answers_.size();
       self->next_ = 0;
       self->write();
     });
   }
   void write() {
-    if (next_ == messages_.size()) return read();
-    socket_.async_write(asio::buffer(messages_[next_++]), [self = shared_from_this()](error_code ec, std::size_t) {
-      if (!ec) self->write();
-    });
+    if (next_ == answers_[answer_].size()) return read();
+    socket_.async_write(asio::buffer(answers_[answer_][next_++]),
+                        [self = shared_from_this()](error_code ec, std::size_t) {
+                          if (!ec) self->write();
+                        });
   }
 
   websocket::stream<beast::tcp_stream> socket_;
-  const std::vector<base::Bytes>& messages_;
+  const std::vector<std::vector<base::Bytes>>& answers_;
   beast::flat_buffer incoming_;
-  std::size_t next_ = 0;
+  std::size_t requests_ = 0, answer_ = 0, next_ = 0;
 };
 
 }  // namespace
 
 struct PlainSender::State {
-  explicit State(std::vector<base::Bytes> sent) : messages(std::move(sent)), acceptor(io, endpointOf(0)) { accept(); }
+  explicit State(std::vector<std::vector<base::Bytes>> sent) : answers(std::move(sent)), acceptor(io, endpointOf(0)) {
+    accept();
+  }
   void accept() {
     acceptor.async_accept([this](error_code ec, asio::ip::tcp::socket socket) {
       if (ec) return;
-      std::make_shared<PlainConnection>(std::move(socket), messages)->start();
+      std::make_shared<PlainConnection>(std::move(socket), answers)->start();
       accept();
     });
   }
 
-  const std::vector<base::Bytes> messages;
+  const std::vector<std::vector<base::Bytes>> answers;
   asio::io_context io{1};
   asio::ip::tcp::acceptor acceptor;
   std::thread thread;
 };
 
-PlainSender::PlainSender(std::vector<base::Bytes> messages) : state_(std::make_unique<State>(std::move(messages))) {
+PlainSender::PlainSender(std::vector<std::vector<base::Bytes>> answers)
+    : state_(std::make_unique<State>(std::move(answers))) {
   state_->thread = std::thread([this] { state_->io.run(); });
 }
 

@@ -50,10 +50,11 @@ class LoopbackClient {
   std::unique_ptr<State> state_;
 };
 
-/// A bare Beast server for benchmarks: each message of a client is answered with the same list of messages.
+/// A bare Beast server for benchmarks: a client's messages are answered with these lists of messages in turn, none of
+/// which is empty.
 class PlainSender {
  public:
-  explicit PlainSender(std::vector<base::Bytes> messages);
+  explicit PlainSender(std::vector<std::vector<base::Bytes>> answers);
   ~PlainSender();
   PlainSender(const PlainSender&) = delete;
   PlainSender& operator=(const PlainSender&) = delete;

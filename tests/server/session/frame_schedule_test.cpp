@@ -282,6 +282,30 @@ TEST(FrameSchedule, aPeerThatTakesNothingIsSeldomLookedAt) {
   EXPECT_GT(*schedule.wakeAt(), 3.1);
 }
 
+// Of many viewers on a server with too much to do, each would have it look hundreds of times a second.
+TEST(FrameSchedule, aPeerOfWhomNothingIsKnownIsLookedAtEverLessOftenWhileItTakesNothing) {
+  FrameSchedule schedule{kReach};
+  const auto waitAt = [&](double seconds) {
+    schedule.link().update({seconds, 20'000, 10'000, 1e-4}, 30'000);
+    EXPECT_TRUE(schedule.linkIsFull());
+    EXPECT_FALSE(schedule.link().isMeasured());
+    return schedule.wakeAt().value_or(0.0) - seconds;
+  };
+  EXPECT_NEAR(waitAt(0.001), 0.002, 1e-9);
+  EXPECT_NEAR(waitAt(0.2), 0.05, 1e-9);
+  EXPECT_NEAR(waitAt(0.8), 0.2, 1e-9);
+  schedule.link().update({0.81, 20'000, 10'000, 1e-4}, 35'000);  // it took some
+  EXPECT_NEAR(schedule.wakeAt().value_or(0.0) - 0.81, 0.002, 1e-9);
+}
+
+TEST(FrameSchedule, aTransportThatTellsWhenItHasWrittenIsNotWokenForRoom) {
+  FrameSchedule schedule{kReach};
+  schedule.link().update({0.1, 20'000, 10'000, 0.04}, 30'000);
+  ASSERT_TRUE(schedule.linkIsFull());
+  EXPECT_TRUE(schedule.wakeAt());
+  EXPECT_FALSE(schedule.wakeAt(true));
+}
+
 // Ten segments go in the first round trip: what waits behind them costs the frame another one.
 TEST(FrameSchedule, othersThatWouldDelayTheFirstFrameWaitWhileItIsRendered) {
   Driven driven;
