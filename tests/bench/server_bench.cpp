@@ -272,7 +272,7 @@ Measured fly(std::uint16_t port, std::size_t viewers, double rate, double second
   return measured;
 }
 
-/// What the server sends for each view of a visit, Completion included, by which the peer is loaded.
+/// The messages that the server sends for each view of a visit, Completion included, by which the peer is loaded.
 std::vector<std::vector<base::Bytes>> messagesOfAVisit(std::uint16_t port, const protocol::Welcome& welcome,
                                                        std::uint32_t visit) {
   auto client = server::LoopbackClient::connect(port);

@@ -282,7 +282,7 @@ TEST(FrameSchedule, aPeerThatTakesNothingIsSeldomLookedAt) {
   EXPECT_GT(*schedule.wakeAt(), 3.1);
 }
 
-// Of many viewers on a server with too much to do, each would have it look hundreds of times a second.
+// Many viewers on a server with too much to do would each have it look hundreds of times a second.
 TEST(FrameSchedule, aPeerOfWhomNothingIsKnownIsLookedAtEverLessOftenWhileItTakesNothing) {
   FrameSchedule schedule{kReach};
   const auto waitAt = [&](double seconds) {
