@@ -31,7 +31,7 @@ int main(int count, char** arguments) {
     FacetSurface surface;
     surface.reset({positions, indices});
     TypicalError typical;
-    error = carryError(surface, error, {group.positions, made.indices}, made, 0.5F, typical);
+    error = carryError(surface, error, {group.positions, made.indices}, made, 0.5F, &typical);
     const double end = bench::seconds(CLOCK_THREAD_CPUTIME_ID);
     group.indices = made.indices;
     std::printf(

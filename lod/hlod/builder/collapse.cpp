@@ -389,17 +389,21 @@ class Collapser {
       n.reach = 0.0F;
       // Neighbours of both ends have their edge already.
       if (slot == target || n.is_common) continue;
-      n.reach = reachOf(middleOf(u, vertices_[n.vertex].at), optionsFor(u, vertices_[n.vertex].at));
+      const Attributes& w = vertices_[n.vertex].at;
+      const AppearanceOptions options = optionsFor(u, w);
+      n.reach = reachOf(middleOf(u, w, options), options);
       if (!(n.reach <= limit_)) return false;
     }
     return true;
   }
   /// The appearance of a triangle in the middle of an edge.
-  static Attributes middleOf(const Attributes& a, const Attributes& b) {
+  static Attributes middleOf(const Attributes& a, const Attributes& b, const AppearanceOptions& options) {
+    Attributes middle{0.5F * (a.position + b.position), a.normal, 0.5F * (a.color + b.color)};
+    if (!options.normals) return middle;
     const glm::vec3 normal = vectorOf(a.normal + b.normal);
-    const float length2 = glm::dot(normal, normal);
-    return {0.5F * (a.position + b.position), length2 > 0.0F ? fourOf(normal / std::sqrt(length2)) : a.normal,
-            0.5F * (a.color + b.color)};
+    if (const float length2 = glm::dot(normal, normal); length2 > 0.0F)
+      middle.normal = fourOf(normal / std::sqrt(length2));
+    return middle;
   }
   /// The middle of a short edge is as near to its ends as samples are to each other.
   AppearanceOptions optionsFor(const Attributes& a, const Attributes& b) const {
@@ -437,10 +441,13 @@ class Collapser {
                       Four{reach(0), reach(1), reach(2), reach(3)}});
     }
   }
-  static FourAttributes attributesOf(const Attributes& a, const Attributes& b, const Attributes& c,
-                                     const Attributes& d) {
-    return {side(a.position, b.position, c.position, d.position), side(a.normal, b.normal, c.normal, d.normal),
-            side(a.color, b.color, c.color, d.color)};
+  /// The attributes that count.
+  FourAttributes attributesOf(const Attributes& a, const Attributes& b, const Attributes& c,
+                              const Attributes& d) const {
+    FourAttributes all{side(a.position, b.position, c.position, d.position), {}, {}};
+    if (options_.normals) all.normal = side(a.normal, b.normal, c.normal, d.normal);
+    if (options_.colors) all.color = side(a.color, b.color, c.color, d.color);
+    return all;
   }
 
   /// Finds a place for each sample on the triangles that v's become.
@@ -609,9 +616,8 @@ void applyCollapses(NodeMesh& mesh, Collapsed&& collapsed) {
   constexpr float kNegligible = 0.5F;
   patch::builder::FacetSurface before;
   before.reset({mesh.positions, mesh.indices, {}, {}});
-  patch::builder::TypicalError typical;
   mesh.bounds = patch::builder::carryError(before, mesh.bounds, {mesh.positions, collapsed.history.indices, {}, {}},
-                                           collapsed.history, kNegligible, typical);
+                                           collapsed.history, kNegligible, nullptr);
   for (std::size_t t = 0; t < collapsed.errors.size(); ++t)
     collapsed.errors[t] = std::max(collapsed.errors[t], mesh.errorOf(collapsed.history.origin[t]));
   mesh.errors = std::move(collapsed.errors);

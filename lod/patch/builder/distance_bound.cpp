@@ -839,12 +839,12 @@ static_assert(((kMaxBits - kMinBits) >> kDroppedBits) + 1 < (1U << 16));
 }  // namespace
 
 SurfaceError carryError(FacetSurface& before, const SurfaceError& before_error, const SurfaceView& after,
-                        const CollapseHistory& history, float negligible, TypicalError& typical) {
+                        const CollapseHistory& history, float negligible, TypicalError* typical) {
   thread_local std::unique_ptr<Scratch> scratch;
   if (!scratch) scratch = std::make_unique<Scratch>();
   ErrorCarrier carrier(before, before_error, after, history, *scratch);
   SurfaceError result = carrier.run(negligible);
-  typical = carrier.typical();
+  if (typical != nullptr) *typical = carrier.typical();
   return result;
 }
 

@@ -38,9 +38,9 @@ struct TypicalError {
 /// The bounds of `after`, which simplifyGroup made of `before`, rounding included. Distances below `negligible` are not
 /// looked into. Triangles that stayed as they were keep what they carried. Both surfaces have triangles, and both have
 /// colours or neither has. Facets and boxes of `before` are computed when they are first needed. `typical`: of this
-/// one simplification, without what was carried.
+/// one simplification, without what was carried; null where nobody asks.
 SurfaceError carryError(FacetSurface& before, const SurfaceError& before_error, const SurfaceView& after,
-                        const CollapseHistory& history, float negligible, TypicalError& typical);
+                        const CollapseHistory& history, float negligible, TypicalError* typical);
 
 /// A distance or a difference of colours in two bytes, rounded up by at most 0.05 % from 1/16 to 2^22. Less than 1/16
 /// becomes 1/16, and 0 stays 0. No two points of a lattice (21 bits) are farther from each other than 2^22.

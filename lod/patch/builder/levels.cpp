@@ -232,7 +232,7 @@ MeasuredGroup measureGroup(const MergedGroup& before, FacetSurface& surface, con
   if (out.mesh.indices.empty()) return out;
   const SurfaceView after{merged.mesh.positions, group.history.indices, merged.mesh.colors,
                           surface.view().normals.empty() ? std::span<const glm::vec3>() : merged.mesh.normals};
-  const SurfaceError error = carryError(surface, before_error, after, group.history, negligible, out.typical);
+  const SurfaceError error = carryError(surface, before_error, after, group.history, negligible, &out.typical);
   out.codes.resize(kErrorCodes * error.toward.size());
   for (std::size_t t = 0; t < error.toward.size(); ++t) {
     std::uint16_t* code = &out.codes[kErrorCodes * t];

@@ -31,7 +31,7 @@ SurfaceError carried(const SurfaceView& before, const SurfaceError& error, const
   FacetSurface surface;
   surface.reset(before);
   TypicalError found;
-  SurfaceError result = carryError(surface, error, after, history, negligible, found);
+  SurfaceError result = carryError(surface, error, after, history, negligible, &found);
   if (typical != nullptr) *typical = found;
   return result;
 }
