@@ -12,13 +12,16 @@
 #include <cstdlib>
 #include <cstring>
 #include <deque>
+#include <filesystem>
 #include <mutex>
 #include <optional>
 #include <thread>
 #include <utility>
 
 #include "base/memory.h"
+#include "lod/texture/format.h"
 #include "server/bake/draw_messages.h"
+#include "server/render/page_meshes.h"
 
 namespace server {
 namespace {
@@ -182,14 +185,29 @@ class ProcessFaceMaker : public FaceMaker {
   std::vector<std::thread> threads_;  // last: they use the others
 };
 
+/// Whether all pages of textures, as fine as they are, take at most half of the budget, so that none is given up for
+/// another; also where there are none.
+base::Result<bool> allPagesStay(const DrawOrder& order) {
+  const auto file = base::partFile(order.scene, "texture", ".lgt");
+  if (!file) return true;
+  const std::filesystem::path folder = std::filesystem::path(order.patch_path).parent_path();
+  LUMIGRID_ASSIGN_OR_RETURN(const auto textures, lod::texture::TextureFile::open(folder / *file));
+  std::uint64_t bytes = 0;
+  for (const lod::texture::PageRecord& page : textures.pages()) bytes += PageMeshes::bytesFor(page, 0);
+  return bytes <= order.gpu_budget_bytes / 2;
+}
+
 base::Result<void> serveBake(int socket, const Encode& encode) {
   LUMIGRID_ASSIGN_OR_RETURN(auto first, receiveMessage(socket));
   if (!first || first->kind != DrawMessageKind::kOrder)
     return base::Error{base::ErrorCode::kInvalidInput, "the first message to a drawing process is no order"};
   LUMIGRID_ASSIGN_OR_RETURN(auto order, decodeOrder(first->body));
   LUMIGRID_ASSIGN_OR_RETURN(auto patches, lod::patch::PatchFile::open(order.patch_path));
-  // Pages of textures have tens of megabytes each; without this they cost a third of a ceiling of 1 GB.
-  if (base::partFile(order.scene, "texture", ".lgt")) base::returnLargeBlocks();
+  // Pages that come and go have tens of megabytes each: kept blocks would cost a third of a ceiling of 1 GB. Where no
+  // page is given up, what else is large comes and goes in the same sizes, and fetching it anew would cost a seventh of
+  // a bake's time.
+  LUMIGRID_ASSIGN_OR_RETURN(const bool all_stay, allPagesStay(order));
+  if (!all_stay) base::returnLargeBlocks();
 
   // One thread encodes, so faces come in order.
   const FaceWork work{order.scene,
