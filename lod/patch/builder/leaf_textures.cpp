@@ -19,7 +19,7 @@ namespace {
 // A triangle's texels are compared with its vertices' colours at so many points an edge at most, 10 in all, and fewer
 // where a leaf would have more points than its one number takes: a choice, with which chance moves it by about 2 %.
 constexpr int kMaxSamplesPerEdge = 4;
-constexpr double kMaxSamplesPerLeaf = 2000.0;
+constexpr std::size_t kMaxSamplesPerLeaf = 2000;
 constexpr double kTexelsPerSample = 3.0;
 
 // A leaf and what its triangles carry.
@@ -67,21 +67,29 @@ glm::dvec3 colorAt(const texture::PictureCutter& picture, const glm::dvec2& plac
   return glm::dvec3(picture.colorAt(wrapped(place.x, picture.size().x), wrapped(place.y, picture.size().y)));
 }
 
-// The mean square difference, 0..1, of the triangle's texels from the colours that its corners' are interpolated to.
-double detailOf(const texture::PictureCutter& picture, const std::array<glm::vec2, 3>& corners,
-                const std::array<glm::dvec3, 3>& colors, int most_per_edge) {
+// The mean square difference, 0..1, of the triangle's texels from the colours that its corners' are interpolated to. Of
+// the points in a triangle every `stride`-th is looked at, in each triangle from another on, so that all of them count
+// alike in a leaf.
+double detailOf(const texture::PictureCutter& picture, const texture::PictureTriangle& triangle,
+                const std::array<glm::dvec3, 3>& colors, std::size_t most) {
+  const std::array<glm::vec2, 3>& corners = triangle.corners;
   const double texels = areaOf(corners);
-  const int n = std::clamp(static_cast<int>(std::sqrt(texels / kTexelsPerSample)), 1, most_per_edge);
+  const int n = std::clamp(static_cast<int>(std::sqrt(texels / kTexelsPerSample)), 1, kMaxSamplesPerEdge);
+  const std::size_t points = static_cast<std::size_t>(n) * static_cast<std::size_t>(n + 1) / 2;
+  const std::size_t stride = (points + most - 1) / most;
   double sum = 0.0;
   int count = 0;
+  std::size_t point = triangle.triangle % stride;
   for (int i = 0; i < n; ++i)
-    for (int j = 0; j + i < n; ++j, ++count) {
+    for (int j = 0; j + i < n; ++j, ++point) {
+      if (point % stride != 0) continue;
       const double s = (i + 1.0 / 3.0) / n, t = (j + 1.0 / 3.0) / n;
       const glm::dvec2 place =
           (1.0 - s - t) * glm::dvec2(corners[0]) + s * glm::dvec2(corners[1]) + t * glm::dvec2(corners[2]);
       const glm::dvec3 color = (1.0 - s - t) * colors[0] + s * colors[1] + t * colors[2];
       const glm::dvec3 off = (colorAt(picture, place) - color) / 255.0;
       sum += glm::dot(off, off) / 3.0;
+      ++count;
     }
   return sum / count;
 }
@@ -110,9 +118,8 @@ base::Result<MadePages> makeLeafPages(const LeafTextureSource& source, const Wor
   LUMIGRID_ASSIGN_OR_RETURN(const auto triangles, trianglesIn(source, leaf, number, picture.size()));
   const PatchGeometry& geometry = leaf.geometry;
   MadePages made;
-  // n points an edge are n (n + 1) / 2.
-  const double most_per_triangle = kMaxSamplesPerLeaf / static_cast<double>(std::max<std::size_t>(1, triangles.size()));
-  const int most_per_edge = std::clamp(static_cast<int>(std::sqrt(2.0 * most_per_triangle)), 1, kMaxSamplesPerEdge);
+  const std::size_t most_points =
+      std::max<std::size_t>(1, kMaxSamplesPerLeaf / std::max<std::size_t>(1, triangles.size()));
   std::vector<double> areas(leaf.sources.size(), 0.0), texels(leaf.sources.size(), 0.0);
   for (const texture::PictureTriangle& triangle : triangles) {
     const std::size_t t = triangle.triangle;
@@ -126,7 +133,7 @@ base::Result<MadePages> makeLeafPages(const LeafTextureSource& source, const Wor
     texels[t] = areaOf(triangle.corners);
     made.area += areas[t];
     made.texels += texels[t];
-    made.squares += areas[t] * detailOf(picture, triangle.corners, colors, most_per_edge);
+    made.squares += areas[t] * detailOf(picture, triangle, colors, most_points);
   }
   LUMIGRID_ASSIGN_OR_RETURN(auto pages, picture.cut(triangles, added));
   for (texture::EncodedPage& page : pages) {
