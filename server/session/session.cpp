@@ -313,7 +313,7 @@ std::optional<SharedMessage> Session::nextPrefetch() {
 /// The first face of the list that can be sent now, or the end; faces before it that the client has are removed.
 Session::Faces::iterator Session::findSendable(Faces& faces) {
   if (!scene_.images_are_remote) {
-    // Only the first is looked at, since this is asked for each of hundreds.
+    // The others are not looked at, since a view has hundreds of images and this is asked for each.
     const auto first =
         std::find_if(faces.begin(), faces.end(), [this](const auto& key) { return !held_.contains(key); });
     return faces.erase(faces.begin(), first);

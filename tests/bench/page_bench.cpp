@@ -1,5 +1,5 @@
-// How much longer do faces take to draw and to encode with the pages of their textures than with the colours of their
-// vertices, and how near do they come to the truth?
+// Measures drawing and encoding of faces with the pages of their textures beside the colours of their vertices, and how
+// near the former are to the truth.
 //
 //   page_bench SCENE [--grid N] [--tiles DEPTH] [--points COUNT] [--rounds N] [--judged FACES] [--truths DIRECTORY]
 //
@@ -8,6 +8,8 @@
 // apart. The truth has 8 x 8 samples a pixel; --truths keeps it for later runs.
 #include <array>
 #include <cstdio>
+#include <filesystem>
+#include <memory>
 #include <string>
 #include <vector>
 

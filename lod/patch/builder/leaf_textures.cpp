@@ -67,9 +67,9 @@ glm::dvec3 colorAt(const texture::PictureCutter& picture, const glm::dvec2& plac
   return glm::dvec3(picture.colorAt(wrapped(place.x, picture.size().x), wrapped(place.y, picture.size().y)));
 }
 
-// The mean square difference, 0..1, of the triangle's texels from the colours that its corners' are interpolated to. Of
-// the points in a triangle every `stride`-th is looked at, in each triangle from another on, so that all of them count
-// alike in a leaf.
+// The mean square difference, 0..1, of the triangle's texels from the colours that its corners' are interpolated to. At
+// about `most` of its points they are compared, at least one, in each triangle from another point on, so that all
+// points count alike in a leaf.
 double detailOf(const texture::PictureCutter& picture, const texture::PictureTriangle& triangle,
                 const std::array<glm::dvec3, 3>& colors, std::size_t most) {
   const std::array<glm::vec2, 3>& corners = triangle.corners;

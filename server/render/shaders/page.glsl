@@ -10,8 +10,8 @@ vec3 pageColor(vec3 color) {
   vec2 dx = across * u_page_size, dy = down * u_page_size;
   float a = dot(dx, dx), b = dot(dy, dy);
   float longer = max(a, b), shorter = min(a, b);
-  // Half of the binary logarithm, straight between powers of two, as a float's bits are: the level that is nearest is
-  // the exact one's, since those change at powers of two.
+  // Half of the binary logarithm, straight between powers of two, as a float's bits are, and so up to 0.05 low. The
+  // nearest level is the exact one's all the same, since it changes at powers of two.
   float texels = max(max(shorter, longer / 16.0), 1e-12);
   float level = float(floatBitsToInt(texels)) * (0.5 / 8388608.0) - 63.5;
   // Texels that are larger than the footprint need one look-up, and square footprints too, those included that are up

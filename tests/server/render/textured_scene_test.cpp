@@ -62,6 +62,16 @@ class TexturedSceneTest : public testing::Test {
     return std::move(drawn->rgba);
   }
 
+  // Builds a facade with signs.
+  mesh::generate::TexturedOptions buildFacade() {
+    mesh::generate::TexturedOptions options;
+    options.triangles = 3'000;
+    options.texels = 900;
+    EXPECT_TRUE(mesh::generate::writeTexturedObj(options, folder_ / "facade.obj"));
+    build("facade.obj");
+    return options;
+  }
+
   const support::TemporaryDirectory folder_;
   std::unique_ptr<base::HeadlessContext> context_;
   base::Scene scene_;
@@ -92,11 +102,7 @@ double lettersIn(const base::Image& picture, const mesh::generate::Sign& sign, d
 }
 
 TEST_F(TexturedSceneTest, letteringOfTwelvePixelsIsRead) {
-  mesh::generate::TexturedOptions options;
-  options.triangles = 3'000;
-  options.texels = 900;
-  ASSERT_TRUE(mesh::generate::writeTexturedObj(options, folder_ / "facade.obj"));
-  build("facade.obj");
+  const mesh::generate::TexturedOptions options = buildFacade();
   const auto signs = mesh::generate::signsOf(options.shape, options.seed);
   int judged = 0;
   for (const mesh::generate::Sign& sign : signs) {
@@ -123,11 +129,7 @@ TEST_F(TexturedSceneTest, letteringOfTwelvePixelsIsRead) {
 
 // Seen at a slant a pixel is long on the texture: look-ups along it are needed, without which this has 35.2 dB.
 TEST_F(TexturedSceneTest, slantedSurfacesAreNearTheTruth) {
-  mesh::generate::TexturedOptions options;
-  options.triangles = 3'000;
-  options.texels = 900;
-  ASSERT_TRUE(mesh::generate::writeTexturedObj(options, folder_ / "facade.obj"));
-  build("facade.obj");
+  buildFacade();
   open(true);
   const glm::dvec3 middle = 0.5 * (scene_.box_min + scene_.box_max);
   base::ViewCamera view;

@@ -109,6 +109,22 @@ TEST(SessionRunner, makesNothingWhileTheConnectionIsFull) {
   EXPECT_FALSE(connection.next().messages.empty());
 }
 
+// Without this a server with many viewers would be woken for each of them all the time.
+TEST(SessionRunner, isNotWokenToSeeWhetherAConnectionHasRoomThatTellsOfIt) {
+  const TestScene scene;
+  FairQueue workers(2);
+  FakeConnection connection(scene.data, workers);
+  connection.send(protocol::Hello{protocol::kVersion, "a program"});
+  connection.next();
+  connection.unwritten = 1000;  // less than it may hold, and nothing is known of the link yet
+  connection.send(someView(1));
+  const SessionOutput output = connection.next();
+  EXPECT_TRUE(output.messages.empty());
+  EXPECT_FALSE(output.wake_at);
+  connection.written();
+  EXPECT_FALSE(connection.next().messages.empty());
+}
+
 // Messages that wait in front of a busy worker are accepted in one turn, which plans for the newest view alone.
 TEST(SessionRunner, ofViewsThatWaitTheNewestIsPlannedFor) {
   const TestScene scene;
