@@ -405,10 +405,9 @@ base::Result<void> SourceSpool::readTriangles(std::size_t block, SpooledTriangle
   return {};
 }
 
-void SourceSpool::remove() {
+void SourceSpool::remove(const std::string& directory) {
   std::error_code ignored;
-  std::filesystem::remove(vertices_.path(), ignored);
-  std::filesystem::remove(triangles_.path(), ignored);
+  for (const char* name : {"/vertices", "/triangles"}) std::filesystem::remove(directory + name, ignored);
 }
 
 }  // namespace lod::ingest

@@ -26,6 +26,7 @@ struct SourceInfo {
   double coincident = 0.0;          ///< share of the sampled triangles of which two vertices lie in one place, 0 … 1
   mesh::Georeference georeference;  ///< as far as the files agree
   std::vector<std::string> warnings;
+  std::vector<std::string> texture_warnings;  ///< due where textures only colour vertices
   std::vector<mesh::SourcePicture> pictures;  ///< of all files, as triangles number them
   double texels = 0.0;                        ///< of the pictures, as many as triangles cover
   std::uint64_t short_faces = 0;              ///< faces of fewer than three corners, which readers leave out
@@ -98,8 +99,8 @@ class SourceSpool : public mesh::MeshSink {
     }
     return {};
   }
-  /// Deletes both files.
-  void remove();
+  /// Deletes both files in the directory. Who has them open can still read them.
+  static void remove(const std::string& directory);
 
  private:
   struct FileStart {  // where the current source file began

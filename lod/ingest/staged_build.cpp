@@ -12,6 +12,7 @@
 #include "base/format_text.h"
 #include "base/memory.h"
 #include "base/text.h"
+#include "lod/ingest/shared_source.h"
 #include "mesh/sink_thread.h"
 #include "mesh/stream_mesh.h"
 #include "mesh/texture.h"
@@ -54,8 +55,10 @@ std::pair<std::uint64_t, std::int64_t> stampOf(const std::string& path) {
 base::Bytes stateOf(const ImportedSource& source) {
   base::ByteWriter out;
   base::writeFields(out, fieldsOf(source));
-  out.u32(static_cast<std::uint32_t>(source.info.warnings.size()));
-  for (const std::string& warning : source.info.warnings) out.string16(warning);
+  for (const auto* warnings : {&source.info.warnings, &source.info.texture_warnings}) {
+    out.u32(static_cast<std::uint32_t>(warnings->size()));
+    for (const std::string& warning : *warnings) out.string16(warning);
+  }
   out.u32(static_cast<std::uint32_t>(source.info.pictures.size()));
   for (const mesh::SourcePicture& picture : source.info.pictures) {
     out.string16(picture.path);
@@ -76,7 +79,8 @@ base::Result<ImportedSource> readState(const WorkDirectory& directory) {
   base::ByteReader in(state);
   ImportedSource source;
   base::readFields(in, fieldsOf(source));
-  for (std::uint32_t left = in.u32(); left > 0 && in.ok(); --left) source.info.warnings.push_back(in.string16());
+  for (auto* warnings : {&source.info.warnings, &source.info.texture_warnings})
+    for (std::uint32_t left = in.u32(); left > 0 && in.ok(); --left) warnings->push_back(in.string16());
   for (std::uint32_t left = in.u32(); left > 0 && in.ok(); --left) {
     mesh::SourcePicture picture;
     picture.path = in.string16();
@@ -151,15 +155,6 @@ std::string textOf(const glm::dvec3& place) {
   return base::formatText("(%.7g, %.7g, %.7g)", place.x, place.y, place.z);
 }
 
-// A key whose text is `prefix` and then `key`'s; empty where `key` is.
-ResumeKey withPrefix(std::string prefix, ResumeKey key) {
-  if (!key) return {};
-  return [prefix = std::move(prefix), key = std::move(key)]() -> base::Result<std::string> {
-    auto text = key();
-    return text ? prefix + *text : std::move(text);
-  };
-}
-
 // Whether a rerun can succeed: an error in the source stays.
 bool canResume(const base::Error& error) {
   return error.code == ErrorCode::kCancelled || error.code == ErrorCode::kNoSpace || error.code == ErrorCode::kIo;
@@ -168,7 +163,7 @@ bool canResume(const base::Error& error) {
 }  // namespace
 
 base::Result<SourceInput> sourceFromFiles(const std::vector<std::string>& paths, const Progress& progress,
-                                          unsigned threads, bool points, bool keeps_textures) {
+                                          unsigned threads, bool points) {
   if (paths.empty()) return Error{ErrorCode::kInvalidInput, "no mesh file is named"};
   SourceInput input;
   input.points = points;
@@ -177,8 +172,7 @@ base::Result<SourceInput> sourceFromFiles(const std::vector<std::string>& paths,
     const auto size = std::filesystem::file_size(path, ignored);
     if (!ignored) input.bytes += size;
   }
-  input.read = [paths, progress, threads, points, keeps_textures](SourceSpool& spool,
-                                                                  SourceInfo& notes) -> base::Result<void> {
+  input.read = [paths, progress, threads, points](SourceSpool& spool, SourceInfo& notes) -> base::Result<void> {
     std::vector<bool> colored;
     std::vector<mesh::Georeference> georeferences;
     for (std::size_t i = 0; i < paths.size(); ++i) {
@@ -193,8 +187,8 @@ base::Result<SourceInput> sourceFromFiles(const std::vector<std::string>& paths,
       notes.short_faces += file.short_faces;
       notes.texels += file.texels;
       spool.addPictures(file.pictures);
-      if (const std::string lost = keeps_textures ? "" : mesh::lostTexels(file.texels, file.vertices); !lost.empty())
-        notes.warnings.push_back(paths[i] + ": " + lost);
+      if (const std::string lost = mesh::lostTexels(file.texels, file.vertices); !lost.empty())
+        notes.texture_warnings.push_back(paths[i] + ": " + lost);
       colored.push_back(file.has_colors);
       georeferences.push_back(file.georeference);
     }
@@ -217,6 +211,7 @@ base::Result<ImportedSource> importSource(WorkDirectory& directory, const Source
   LUMIGRID_ASSIGN_OR_RETURN(source.info, spool.finish(input.points, threads));
   source.info.georeference = std::move(notes.georeference);
   source.info.warnings = std::move(notes.warnings);
+  source.info.texture_warnings = std::move(notes.texture_warnings);
   source.info.short_faces = notes.short_faces;
   source.info.texels = notes.texels;
   const glm::dvec3 size = source.info.box_max - source.info.box_min;
@@ -238,25 +233,31 @@ base::Result<SourceSpool> openSource(const WorkDirectory& directory, const Impor
   return spool;
 }
 
-base::Result<Buckets> sortSource(WorkDirectory& directory, const ImportedSource& source, const SourceLattice& lattice,
-                                 const BucketOptions& options) {
+base::Result<Buckets> sortSpool(WorkDirectory& directory, const std::function<base::Result<SourceSpool>()>& open,
+                                std::function<void()> leave, const SourceInfo& info, const SourceLattice& lattice,
+                                const BucketOptions& options) {
   if (directory.isFinished(Stage::kSorted)) {
     LUMIGRID_ASSIGN_OR_RETURN(auto state, directory.readStageState(Stage::kSorted));
     return Buckets::open(directory.path(), state);
   }
-  const SourceInfo& info = source.info;
   const bool textures = options.keeps_textures && !info.pictures.empty();
   const std::uint64_t record = 3 * (8U + (info.has_colors ? 4U : 0U) + (info.has_normals ? 4U : 0U)) +
                                (textures ? sizeof(TexturePlace) + sizeof(std::uint64_t) : 0U);
   LUMIGRID_TRY(directory.needSpace(info.triangles * record, "the triangles sorted by voxels"));
-  LUMIGRID_ASSIGN_OR_RETURN(auto spool, openSource(directory, source));
+  LUMIGRID_ASSIGN_OR_RETURN(auto spool, open());
   LUMIGRID_ASSIGN_OR_RETURN(auto buckets, Buckets::sort(spool, info, lattice, directory.path(), options));
   std::vector<std::string> files{"buckets"};
   if (textures) files.emplace_back(TexturePlaces::kName);
-  const auto sorted = std::make_shared<SourceSpool>(std::move(spool));
-  LUMIGRID_TRY(directory.finishStage(Stage::kSorted, buckets.encodeTables(), files, [sorted] { sorted->remove(); }));
+  LUMIGRID_TRY(directory.finishStage(Stage::kSorted, buckets.encodeTables(), files, std::move(leave)));
   base::releaseFreedMemory(2 * options.limits.memory_bytes);
   return buckets;
+}
+
+base::Result<Buckets> sortSource(WorkDirectory& directory, const ImportedSource& source, const SourceLattice& lattice,
+                                 const BucketOptions& options) {
+  const auto open = [&] { return openSource(directory, source); };
+  return sortSpool(
+      directory, open, [path = directory.path()] { SourceSpool::remove(path); }, source.info, lattice, options);
 }
 
 namespace {
@@ -336,6 +337,14 @@ void addRepairs(const ImportedSource& source, const Buckets& buckets, const Sour
         "--memory");
 }
 
+ResumeKey withPrefix(std::string prefix, ResumeKey key) {
+  if (!key) return {};
+  return [prefix = std::move(prefix), key = std::move(key)]() -> base::Result<std::string> {
+    auto text = key();
+    return text ? prefix + *text : std::move(text);
+  };
+}
+
 base::Error namingSource(const std::vector<std::string>& paths, base::Error error) {
   const bool of_mesh = error.message.rfind("the mesh", 0) == 0 || error.message.rfind("no triangle", 0) == 0;
   return of_mesh && !paths.empty() ? base::within(paths.front(), std::move(error)) : error;
@@ -344,7 +353,7 @@ base::Error namingSource(const std::vector<std::string>& paths, base::Error erro
 base::Result<void> StagedBuild::run(const std::string& key_prefix, const std::function<base::Result<void>()>& stages) {
   LUMIGRID_TRY(needMemory(limits_.memory_bytes));
   LUMIGRID_TRY(needDescriptors());
-  const ResumeKey key = withPrefix(key_prefix, options_.resume_key);
+  const ResumeKey key = withPrefix(kImportFormat + key_prefix, options_.resume_key);
   const std::string& path = options_.work_directory;
   LUMIGRID_ASSIGN_OR_RETURN(directory_, WorkDirectory::open(path.empty() ? output_path_ + ".work" : path, key));
   base::removeUnfinished(output_path_);  // the lock makes sure that no other build is writing it
@@ -354,13 +363,23 @@ base::Result<void> StagedBuild::run(const std::string& key_prefix, const std::fu
   if (done) directory_->abandonStages();
   (void)directory_->settle();
   if (done || !key || !canResume(done.error())) directory_->remove();
+  if (!done && !canResume(done.error()) && options_.shared != nullptr) options_.shared->remove();
   return done;
 }
 
 base::Result<void> StagedBuild::importSource(const SourceInput& input, std::uint32_t position_bits) {
   LUMIGRID_TRY(checkPositionBits(position_bits));
   if (!directory_->isFinished(Stage::kSpooled) && !report("import", 0.0)) return cancelled();
-  LUMIGRID_ASSIGN_OR_RETURN(source_, ingest::importSource(*directory_, input, limits_.threads));
+  if (options_.shared != nullptr) {
+    LUMIGRID_ASSIGN_OR_RETURN(source_, options_.shared->importSource(input, limits_.threads));
+    shares_source_ = SharedSource::serves(input, source_);
+  }
+  // The directory's own stages begin behind those of the source.
+  if (!shares_source_) {
+    LUMIGRID_ASSIGN_OR_RETURN(source_, ingest::importSource(*directory_, input, limits_.threads));
+  } else if (!directory_->isFinished(Stage::kSpooled)) {
+    LUMIGRID_TRY(directory_->finishStage(Stage::kSpooled, {}, {}));
+  }
   // Points of a cloud are closer together than the ends of a mesh's edges, and no edge tells how close.
   const bool points = source_.info.triangles == 0;
   lattice_ = makeLattice(source_.info, source_.origin, points ? kMaxLatticeBits : position_bits);
@@ -375,11 +394,43 @@ void StagedBuild::reportPlan(std::uint64_t output_bytes, std::uint64_t work_byte
                     static_cast<double>(items) / (items_per_core_second * threads())});
 }
 
-base::Result<Buckets> StagedBuild::sortTriangles(const StitchOptions& stitch, bool keeps_textures) {
-  if (!directory_->isFinished(Stage::kSorted) && !report("sort", 0.0)) return cancelled();
+base::Result<SourceSpool> StagedBuild::openSpool() {
+  return shares_source_ ? options_.shared->openSpool(source_) : openSource(*directory_, source_);
+}
+
+std::function<void()> StagedBuild::spoolLeaver() {
+  if (shares_source_) return [shared = options_.shared] { shared->leaveSpool(); };
+  return [path = directory_->path()] { SourceSpool::remove(path); };
+}
+
+base::Result<Buckets> StagedBuild::sortTriangles(const SortOptions& options) {
+  keeps_textures_ = options.keeps_textures;
+  const bool was_sorted = directory_->isFinished(Stage::kSorted);
+  if (!was_sorted && !report("sort", 0.0)) return cancelled();
   const auto progress = [this](double done) { return report("sort", done); };
-  const BucketOptions options{{limits_.threads, workMemory() / 2}, stitch, progress, keeps_textures};
-  return sortSource(*directory_, source_, lattice_, options);
+  const BucketOptions sorting{{limits_.threads, workMemory() / 2}, options.stitch, progress, options.keeps_textures};
+  shares_buckets_ =
+      shares_source_ && options.read_until && options_.shared->sortsAs(options.stitch, options_.position_bits);
+  if (!shares_buckets_) {
+    const auto open = [this] { return openSpool(); };
+    return sortSpool(*directory_, open, spoolLeaver(), source_.info, lattice_, sorting);
+  }
+  const bool reads = !directory_->isFinished(*options.read_until);
+  LUMIGRID_ASSIGN_OR_RETURN(auto buckets, options_.shared->sortTriangles(source_, lattice_, sorting, reads));
+  if (!was_sorted) LUMIGRID_TRY(directory_->finishStage(Stage::kSorted, {}, {}));
+  if (!reads) leaveBuckets(buckets);
+  return buckets;
+}
+
+void StagedBuild::leaveBuckets(Buckets& buckets) {
+  if (shares_buckets_)
+    options_.shared->leaveBuckets(buckets);
+  else
+    buckets.release();
+}
+
+const std::string& StagedBuild::bucketDirectory() const {
+  return shares_buckets_ ? options_.shared->path() : directory_->path();
 }
 
 bool StagedBuild::report(const std::string& stage, double done) {
@@ -394,7 +445,10 @@ void StagedBuild::summarize(SourceSummary& summary) const {
   summary.has_colors = source_.info.has_colors;
   summary.georeference = source_.info.georeference;
   // Those of the method's own stages are there already.
-  summary.warnings.insert(summary.warnings.begin(), source_.info.warnings.begin(), source_.info.warnings.end());
+  std::vector<std::string> warnings = source_.info.warnings;
+  if (!keeps_textures_)
+    warnings.insert(warnings.end(), source_.info.texture_warnings.begin(), source_.info.texture_warnings.end());
+  summary.warnings.insert(summary.warnings.begin(), warnings.begin(), warnings.end());
   summary.import_seconds = import_seconds_;
   summary.seconds = watch_.seconds();
   summary.cpu_seconds = watch_.cpuSeconds();

@@ -31,10 +31,9 @@ struct SourceInput {
   bool points = false;      ///< a source without any triangle is no error
 };
 /// With one thread, reading a file and spooling what was read take turns. `points`: files without faces are welcome.
-/// `keeps_textures`: the builder does more with textures than to colour vertices, so that no warning is due.
 /// Error: no file is named.
 base::Result<SourceInput> sourceFromFiles(const std::vector<std::string>& paths, const Progress& progress,
-                                          unsigned threads, bool points = false, bool keeps_textures = false);
+                                          unsigned threads, bool points = false);
 
 /// The disk space and time that a build will take, known once the source has been read. The figures were measured on
 /// other scans and are rough.
@@ -46,6 +45,8 @@ struct BuildPlan {
   double seconds = 0.0;          ///< on the threads given
 };
 
+class SharedSource;
+
 /// The options of a build that are the same for all methods. The output depends on the first alone.
 struct StagedBuildOptions {
   /// Lattice steps along the longest side of a mesh as a power of two, 10 … 21; 0: chosen as makeLattice says.
@@ -55,6 +56,9 @@ struct StagedBuildOptions {
   /// Gives what decides the output besides the method's own options (the sources' checksums). A work directory that an
   /// earlier run left under the same key is continued; empty: every build starts afresh.
   ResumeKey resume_key;
+  /// Reads and sorts the source for this build and for others after it, and must outlive it; null: the build does that
+  /// for itself.
+  SharedSource* shared = nullptr;
   std::function<void(const BuildPlan&)> on_plan;  ///< may be empty
   /// May be empty; called when the output is in its place, before work files are removed.
   std::function<void()> on_written;
@@ -108,8 +112,13 @@ base::Result<ImportedSource> importSource(WorkDirectory& directory, const Source
 /// The spool that importSource left. Errors: kIo, damaged work files.
 base::Result<SourceSpool> openSource(const WorkDirectory& directory, const ImportedSource& source);
 
-/// Goes through Stage::kSorted, or opens the buckets that an earlier run left; the spool is removed. Errors: those of
-/// Buckets::sort, kNoSpace, damaged work files.
+/// Goes through Stage::kSorted in a directory that need not be the spool's, or opens the buckets that an earlier run
+/// left. `leave` is called once the spool is no longer wanted. Errors: those of Buckets::sort and of `open`, kNoSpace,
+/// damaged work files.
+base::Result<Buckets> sortSpool(WorkDirectory& directory, const std::function<base::Result<SourceSpool>()>& open,
+                                std::function<void()> leave, const SourceInfo& info, const SourceLattice& lattice,
+                                const BucketOptions& options);
+/// The same where both share a directory; the spool is removed.
 base::Result<Buckets> sortSource(WorkDirectory& directory, const ImportedSource& source, const SourceLattice& lattice,
                                  const BucketOptions& options);
 
@@ -127,6 +136,11 @@ void addRepairs(const ImportedSource& source, const Buckets& buckets, const Sour
 
 /// Puts the first file's name before an error about the mesh that names no file.
 base::Error namingSource(const std::vector<std::string>& paths, base::Error error);
+
+/// Begins the keys of all builds: the format of what the first stages leave.
+inline constexpr const char* kImportFormat = "import 2 ";
+/// A key whose text is `prefix` and then `key`'s; empty where `key` is.
+ResumeKey withPrefix(std::string prefix, ResumeKey key);
 
 class StagedBuild {
  public:
@@ -149,8 +163,23 @@ class StagedBuild {
   /// `items_per_core_second`.
   void reportPlan(std::uint64_t output_bytes, std::uint64_t work_bytes, std::uint64_t items,
                   double items_per_core_second) const;
+  /// The vertices and triangles as they were read. Errors: kIo, damaged work files.
+  base::Result<SourceSpool> openSpool();
+  /// Returns a function to call once that is no longer wanted; the last user removes it. Safe from any thread.
+  std::function<void()> spoolLeaver();
+  struct SortOptions {
+    StitchOptions stitch;
+    /// The method does more with textures than to colour vertices, so that no warning is due.
+    bool keeps_textures = false;
+    /// The stage of this directory behind which the buckets are not read any more. Without one they are never shared.
+    std::optional<Stage> read_until;
+  };
   /// Goes through Stage::kSorted for triangles. The resume key must tell how they are stitched.
-  base::Result<Buckets> sortTriangles(const StitchOptions& stitch, bool keeps_textures = false);
+  base::Result<Buckets> sortTriangles(const SortOptions& options);
+  /// Says that the buckets are no longer wanted: the last who uses them releases them. Safe from any thread.
+  void leaveBuckets(Buckets& buckets);
+  /// Where sortTriangles() left the texture places of the buckets.
+  const std::string& bucketDirectory() const;
 
   /// Reports progress; false cancels. Safe from several threads.
   bool report(const std::string& stage, double done);
@@ -181,6 +210,9 @@ class StagedBuild {
   std::optional<WorkDirectory> directory_;
   ImportedSource source_;
   SourceLattice lattice_;
+  bool shares_source_ = false;   // the spool is options_.shared's
+  bool shares_buckets_ = false;  // the buckets are
+  bool keeps_textures_ = false;
 };
 
 /// Runs `build` on the files' source, and once more from the start where it finds its work files damaged. Puts a file's

@@ -19,16 +19,17 @@ namespace lod::ingest {
 /// methods; later ones share numbers, since a directory is used by one method only.
 enum class Stage : std::uint8_t {
   kNone = 0,
-  kSpooled = 1,        ///< the source's vertices and triangles lie in the spool
-  kSorted = 2,         ///< the triangles lie in buckets, points in tiles
-  kPatchLeaves = 3,    ///< lod/patch/builder: the leaf patches
-  kSplatLeaves = 3,    ///< lod/qsplat/builder: all that leaves need to know of other tiles
-  kSplatSubtrees = 4,  ///< lod/qsplat/builder: the tree of each tile
-  kHlodOrdered = 3,    ///< lod/hlod/builder: the triangles in order
-  kHlodNodes = 4,      ///< lod/hlod/builder: all nodes
-  kPmrOrdered = 3,     ///< lod/pmr/builder: the points in order, and the octree
-  kPmrClasses = 4,     ///< lod/pmr/builder: normal and class of each point
-  kPmrLeaves = 5,      ///< lod/pmr/builder: the chunks of each leaf
+  kSpooled = 1,         ///< the source's vertices and triangles lie in the spool
+  kSorted = 2,          ///< the triangles lie in buckets, points in tiles
+  kSourceReleased = 3,  ///< lod/ingest/shared_source: the buckets are gone, since all methods have had them
+  kPatchLeaves = 3,     ///< lod/patch/builder: the leaf patches
+  kSplatLeaves = 3,     ///< lod/qsplat/builder: all that leaves need to know of other tiles
+  kSplatSubtrees = 4,   ///< lod/qsplat/builder: the tree of each tile
+  kHlodOrdered = 3,     ///< lod/hlod/builder: the triangles in order
+  kHlodNodes = 4,       ///< lod/hlod/builder: all nodes
+  kPmrOrdered = 3,      ///< lod/pmr/builder: the points in order, and the octree
+  kPmrClasses = 4,      ///< lod/pmr/builder: normal and class of each point
+  kPmrLeaves = 5,       ///< lod/pmr/builder: the chunks of each leaf
 };
 
 /// Gives a text that is the same as long as the output would be, apart from the build's options: the checksums of the

@@ -67,7 +67,7 @@ class HlodBuilder {
   ingest::WorkDirectory& directory() { return build_.directory(); }
 
   base::Result<void> orderTriangles() {
-    LUMIGRID_ASSIGN_OR_RETURN(auto sorted, build_.sortTriangles(options_.stitch));
+    LUMIGRID_ASSIGN_OR_RETURN(auto sorted, build_.sortTriangles({options_.stitch, false, ingest::Stage::kHlodOrdered}));
     const auto buckets = std::make_shared<ingest::Buckets>(std::move(sorted));
     ingest::addRepairs(build_.source(), *buckets, build_.lattice(), summary_);
     summary_.facing = buckets->totals().facing;
@@ -91,7 +91,7 @@ class HlodBuilder {
       triangles_.writeTables(state);
       writeCells(state, cells_);
       LUMIGRID_TRY(directory().finishStage(ingest::Stage::kHlodOrdered, state.takeBytes(), {"ordered"},
-                                           [buckets] { buckets->release(); }));
+                                           [this, buckets] { build_.leaveBuckets(*buckets); }));
     }
     summary_.triangles = triangles_.count();
     summary_.repairs.add("duplicate_triangles", triangles_.duplicates());

@@ -296,7 +296,8 @@ class HierarchyBuilder {
     LUMIGRID_TRY(build_.importSource(input, options_.position_bits));
     const std::uint64_t triangles = build_.source().info.triangles;
     build_.reportPlan(kOutputBytes * triangles, kWorkBytes * triangles, triangles, kTrianglesPerCoreSecond);
-    LUMIGRID_ASSIGN_OR_RETURN(buckets_, build_.sortTriangles(options_.stitch, keepsTextures()));
+    LUMIGRID_ASSIGN_OR_RETURN(buckets_,
+                              build_.sortTriangles({options_.stitch, keepsTextures(), ingest::Stage::kPatchLeaves}));
     std::vector<WorkPatch> leaves;
     LUMIGRID_TRY(openStore());
     LUMIGRID_TRY(makeAllLeaves(leaves));
@@ -375,8 +376,8 @@ class HierarchyBuilder {
     }));
     // From here on the store alone holds the mesh.
     if (!build_.directory().isFinished(ingest::Stage::kPatchLeaves)) {
-      LUMIGRID_TRY(
-          build_.directory().finishStage(ingest::Stage::kPatchLeaves, {}, {"patches"}, [this] { buckets_.release(); }));
+      LUMIGRID_TRY(build_.directory().finishStage(ingest::Stage::kPatchLeaves, {}, {"patches"},
+                                                  [this] { build_.leaveBuckets(buckets_); }));
     }
     for (auto& patches : made)
       for (WorkPatch& patch : patches) leaves.push_back(std::move(patch));
@@ -388,7 +389,7 @@ class HierarchyBuilder {
   // Cuts the source's pictures up for the leaves, which get to know what detail their own colours lack.
   base::Result<void> makeTextures(std::vector<WorkPatch>& leaves) {
     if (!buckets_.hasTextures()) return {};
-    LUMIGRID_ASSIGN_OR_RETURN(const auto places, ingest::TexturePlaces::open(build_.directory().path()));
+    LUMIGRID_ASSIGN_OR_RETURN(const auto places, ingest::TexturePlaces::open(build_.bucketDirectory()));
     const LeafTextureSource source{build_.source().info.pictures, places, *store_, build_.lattice().lattice};
     const auto report = [this](double done) { return build_.report("textures", done); };
     const bool resume = build_.directory().has("pages");
@@ -496,8 +497,7 @@ class HierarchyBuilder {
 base::Result<HierarchySummary> buildHierarchyFromFiles(const std::vector<std::string>& paths,
                                                        const HierarchyOptions& options, const std::string& output_path,
                                                        const ingest::Progress& progress) {
-  LUMIGRID_ASSIGN_OR_RETURN(const auto input, ingest::sourceFromFiles(paths, progress, options.limits.threads, false,
-                                                                      !options.texture_path.empty()));
+  LUMIGRID_ASSIGN_OR_RETURN(const auto input, ingest::sourceFromFiles(paths, progress, options.limits.threads));
   return ingest::buildFromSource(paths, input, [&](const ingest::SourceInput& source) {
     return HierarchyBuilder(options, output_path, progress).run(source);
   });

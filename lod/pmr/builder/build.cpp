@@ -72,13 +72,12 @@ class PmrBuilder {
       LUMIGRID_ASSIGN_OR_RETURN(const auto state, directory().readStageState(ingest::Stage::kSorted));
       return ingest::PointTiles::open(directory().path(), build_.lattice(), state);
     }
-    LUMIGRID_ASSIGN_OR_RETURN(auto spool, ingest::openSource(directory(), build_.source()));
+    LUMIGRID_ASSIGN_OR_RETURN(auto spool, build_.openSpool());
     LUMIGRID_ASSIGN_OR_RETURN(auto tiles,
                               ingest::PointTiles::sort(spool, info(), build_.lattice(), directory().path(),
                                                        [this](double done) { return build_.report("sort", done); }));
-    const auto source = std::make_shared<ingest::SourceSpool>(std::move(spool));
-    LUMIGRID_TRY(directory().finishStage(ingest::Stage::kSorted, tiles.encodeTables(), {"points"},
-                                         [source] { source->remove(); }));
+    LUMIGRID_TRY(
+        directory().finishStage(ingest::Stage::kSorted, tiles.encodeTables(), {"points"}, build_.spoolLeaver()));
     return tiles;
   }
 

@@ -49,7 +49,7 @@ class SplatTreeBuilder {
   bool isMesh() const { return info().triangles > 0; }
 
   base::Result<void> sortTriangles() {
-    LUMIGRID_ASSIGN_OR_RETURN(buckets_, build_.sortTriangles({.on = false}));
+    LUMIGRID_ASSIGN_OR_RETURN(buckets_, build_.sortTriangles({{.on = false}, false, {}}));
     return {};
   }
 
@@ -76,13 +76,12 @@ class SplatTreeBuilder {
       return {};
     }
     LUMIGRID_TRY(build_.directory().needSpace(kPointBytes * info().vertices, "the points sorted by tiles"));
-    LUMIGRID_ASSIGN_OR_RETURN(auto spool, ingest::openSource(build_.directory(), build_.source()));
+    LUMIGRID_ASSIGN_OR_RETURN(auto spool, build_.openSpool());
     LUMIGRID_ASSIGN_OR_RETURN(points_,
                               ingest::PointTiles::sort(spool, info(), build_.lattice(), build_.directory().path(),
                                                        [this](double done) { return build_.report("sort", done); }));
-    const auto sorted = std::make_shared<ingest::SourceSpool>(std::move(spool));
     LUMIGRID_TRY(build_.directory().finishStage(ingest::Stage::kSorted, points_.encodeTables(), {"points"},
-                                                [sorted] { sorted->remove(); }));
+                                                build_.spoolLeaver()));
     base::releaseFreedMemory(build_.memoryBytes());
     return {};
   }

@@ -54,22 +54,17 @@ Result<BuildOutput> prepareScene(const BuildArguments& a, const SceneSources& so
     LUMIGRID_TRY(needMeshes(a, "hierarchy"));
     LUMIGRID_TRY(removeScene(a.output));
   }
-  if (lacks(kPatches)) {
-    LUMIGRID_TRY(buildPatches(a, sources, output.scene, report, line));
+  const auto shared = shareSource(a, sources, lacks);
+  const MethodBuilds builds{a, sources, shared.get(), report, line};
+  using BuildMethod = Result<void> (*)(const MethodBuilds&, std::optional<base::Scene>&);
+  const std::pair<FileMethod, BuildMethod> methods[] = {
+      {kPatches, buildPatches}, {kSplats, buildSplats}, {kUmbrellas, buildUmbrellas}, {kHlod, buildHlod}};
+  for (const auto& [method, buildMethod] : methods) {
+    if (!lacks(method)) continue;
+    LUMIGRID_TRY(buildMethod(builds, output.scene));
     LUMIGRID_TRY(recordMethods(a, output));
   }
-  if (lacks(kSplats)) {
-    LUMIGRID_TRY(buildSplats(a, sources, output.scene, report, line));
-    LUMIGRID_TRY(recordMethods(a, output));
-  }
-  if (lacks(kUmbrellas)) {
-    LUMIGRID_TRY(buildUmbrellas(a, sources, output.scene, report, line));
-    LUMIGRID_TRY(recordMethods(a, output));
-  }
-  if (lacks(kHlod)) {
-    LUMIGRID_TRY(buildHlod(a, sources, output.scene, report, line));
-    LUMIGRID_TRY(recordMethods(a, output));
-  }
+  removeSharedSource(a, shared.get());
   LUMIGRID_TRY(settleDivision(a, output, selection));
   return output;
 }

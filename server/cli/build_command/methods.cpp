@@ -42,11 +42,17 @@ class PartFile {
 };
 
 // Each output and method has a place of its own, so that several builds can share --tmpdir.
-std::string workDirectory(const BuildArguments& a, const FileMethod& method) {
-  if (a.tmpdir.empty()) return a.output + "/" + method.work_files;
+std::string workDirectory(const BuildArguments& a, const std::string& name, const std::string& suffix) {
+  if (a.tmpdir.empty()) return a.output + "/" + name;
   const std::string output = fs::absolute(a.output).lexically_normal().string();
-  const std::string suffix = method.file == std::string(kPatches.file) ? "" : std::string("-") + method.method;
   return a.tmpdir + base::formatText("/lumigrid-%08x", base::crc32c(base::viewOfText(output))) + suffix;
+}
+std::string workDirectory(const BuildArguments& a, const FileMethod& method) {
+  const bool first = method.file == std::string(kPatches.file);
+  return workDirectory(a, method.work_files, first ? "" : std::string("-") + method.method);
+}
+std::string sourceDirectory(const BuildArguments& a) {
+  return workDirectory(a, kSourceWorkFiles, "-source");
 }
 
 // The hashes of the sources decide the hierarchy besides its own options. `sources` must outlive the key.
@@ -197,8 +203,33 @@ Result<void> needMeshes(const BuildArguments& a, const std::string& part) {
   return base::Error{base::ErrorCode::kNotFound, a.output + ": holds no " + part + " yet; give the meshes too"};
 }
 
-Result<void> buildPatches(const BuildArguments& a, const SceneSources& sources, std::optional<base::Scene>& scene,
-                          BuildReport& report, ProgressLine& line) {
+std::unique_ptr<lod::ingest::SharedSource> shareSource(const BuildArguments& a, const SceneSources& sources,
+                                                       const std::function<bool(const FileMethod&)>& lacks) {
+  const auto wanted = std::count_if(std::begin(kFileMethods), std::end(kFileMethods),
+                                    [&](const FileMethod& method) { return wants(a, method.method); });
+  if (wanted < 2) return nullptr;
+  lod::ingest::SharedSourceOptions options;
+  options.work_directory = sourceDirectory(a);
+  options.resume_key = resumeKey(sources);
+  options.stitch = *lod::ingest::parseStitch(a.stitch);
+  options.position_bits = a.hierarchy.position_bits;
+  options.keeps_textures = wants(a, kPatches.method) && a.textures == "keep";
+  options.spool_users = (lacks(kSplats) ? 1U : 0U) + (lacks(kUmbrellas) ? 1U : 0U);
+  options.bucket_users = (lacks(kPatches) ? 1U : 0U) + (lacks(kHlod) ? 1U : 0U);
+  return std::make_unique<lod::ingest::SharedSource>(std::move(options));
+}
+
+void removeSharedSource(const BuildArguments& a, lod::ingest::SharedSource* shared) {
+  if (shared != nullptr)
+    shared->remove();
+  else
+    lod::ingest::SharedSource::remove(sourceDirectory(a));
+}
+
+Result<void> buildPatches(const MethodBuilds& builds, std::optional<base::Scene>& scene) {
+  const BuildArguments& a = builds.arguments;
+  const SceneSources& sources = builds.sources;
+  BuildReport& report = builds.report;
   LUMIGRID_TRY(needMeshes(a, "hierarchy"));
   PartFile part(a.output, kPatches.file);
   lod::patch::builder::HierarchyOptions options = a.hierarchy;
@@ -208,13 +239,14 @@ Result<void> buildPatches(const BuildArguments& a, const SceneSources& sources, 
   setNormals(a, options);
   options.work_directory = workDirectory(a, kPatches);
   options.resume_key = resumeKey(sources);
-  options.on_plan = [&](const lod::ingest::BuildPlan& plan) { printPlan(a, line, plan); };
+  options.shared = builds.shared;
+  options.on_plan = [&](const lod::ingest::BuildPlan& plan) { printPlan(a, builds.line, plan); };
   PartFile textures(a.output, kTextureFile);
   if (a.textures == "keep") options.texture_path = textures.path();
   options.on_written = part.startHashing();
-  auto summary =
-      lod::patch::builder::buildHierarchyFromFiles(a.meshes, options, part.path(), progressOn(line, "hierarchy"));
-  line.finish();
+  auto summary = lod::patch::builder::buildHierarchyFromFiles(a.meshes, options, part.path(),
+                                                              progressOn(builds.line, "hierarchy"));
+  builds.line.finish();
   if (!summary) return summary.error();
   addWarnings(*summary, report);
 
@@ -244,37 +276,40 @@ namespace {
 
 /// Builds a method's file from files of meshes or points. The method describes the scene only where no other one has.
 template <class Summary, class Options, class Build>
-Result<void> buildStreamed(const BuildArguments& a, const SceneSources& sources, const FileMethod& method,
-                           const char* name, Options options, const Build& build, std::optional<base::Scene>& scene,
-                           std::optional<Summary> BuildReport::*place, BuildReport& report, ProgressLine& line) {
+Result<void> buildStreamed(const MethodBuilds& builds, const FileMethod& method, const char* name, Options options,
+                           const Build& build, std::optional<base::Scene>& scene,
+                           std::optional<Summary> BuildReport::*place) {
+  const BuildArguments& a = builds.arguments;
+  const SceneSources& sources = builds.sources;
   PartFile part(a.output, method.file);
   options.limits = a.limits;
   options.work_directory = workDirectory(a, method);
   options.resume_key = resumeKey(sources);
-  options.on_plan = [&](const lod::ingest::BuildPlan& plan) { printPlan(a, line, plan); };
+  options.shared = builds.shared;
+  options.on_plan = [&](const lod::ingest::BuildPlan& plan) { printPlan(a, builds.line, plan); };
   options.on_written = part.startHashing();
-  auto summary = build(a.meshes, options, part.path(), progressOn(line, name));
-  line.finish();
+  auto summary = build(a.meshes, options, part.path(), progressOn(builds.line, name));
+  builds.line.finish();
   if (!summary) return summary.error();
-  addWarnings(*summary, report);
+  addWarnings(*summary, builds.report);
   if (!scene) {
     LUMIGRID_ASSIGN_OR_RETURN(scene, describeScene(a, sources, *summary));
   }
-  report.*place = std::move(*summary);
+  builds.report.*place = std::move(*summary);
   return part.addTo(*scene);
 }
 
 }  // namespace
 
-Result<void> buildSplats(const BuildArguments& a, const SceneSources& sources, std::optional<base::Scene>& scene,
-                         BuildReport& report, ProgressLine& line) {
+Result<void> buildSplats(const MethodBuilds& builds, std::optional<base::Scene>& scene) {
+  const BuildArguments& a = builds.arguments;
   LUMIGRID_TRY(needMeshes(a, "tree of splats"));
   lod::qsplat::builder::BuildOptions options;
   options.dice = a.splats_dice;
   options.coded = a.splats_coded;
   options.position_bits = a.hierarchy.position_bits;
-  return buildStreamed(a, sources, kSplats, "splats", options, lod::qsplat::builder::buildFromFiles, scene,
-                       &BuildReport::splats, report, line);
+  return buildStreamed(builds, kSplats, "splats", options, lod::qsplat::builder::buildFromFiles, scene,
+                       &BuildReport::splats);
 }
 
 namespace {
@@ -291,17 +326,17 @@ lod::hlod::builder::Appearance appearanceNamed(const std::string& name) {
 
 }  // namespace
 
-Result<void> buildHlod(const BuildArguments& a, const SceneSources& sources, std::optional<base::Scene>& scene,
-                       BuildReport& report, ProgressLine& line) {
+Result<void> buildHlod(const MethodBuilds& builds, std::optional<base::Scene>& scene) {
+  const BuildArguments& a = builds.arguments;
   LUMIGRID_TRY(needMeshes(a, "octree of triangles and points"));
   lod::hlod::builder::BuildOptions options = a.hlod;
   options.stitch = *lod::ingest::parseStitch(a.stitch);
   options.appearance = appearanceNamed(a.appearance);
   options.position_bits = a.hierarchy.position_bits;
   const bool describes_scene = !scene;
-  LUMIGRID_TRY(buildStreamed(a, sources, kHlod, "octree", options, lod::hlod::builder::buildFromFiles, scene,
-                             &BuildReport::hlod, report, line));
-  if (describes_scene) scene->border = borderOf(*report.hlod);
+  LUMIGRID_TRY(
+      buildStreamed(builds, kHlod, "octree", options, lod::hlod::builder::buildFromFiles, scene, &BuildReport::hlod));
+  if (describes_scene) scene->border = borderOf(*builds.report.hlod);
   return {};
 }
 
@@ -311,11 +346,10 @@ Result<void> needUmbrellaBuilder() {
   return {};
 }
 
-Result<void> buildUmbrellas(const BuildArguments& a, const SceneSources& sources, std::optional<base::Scene>& scene,
-                            BuildReport& report, ProgressLine& line) {
-  LUMIGRID_TRY(needMeshes(a, "points and umbrellas"));
-  return buildStreamed(a, sources, kUmbrellas, "umbrellas", lod::pmr::builder::BuildOptions(),
-                       lod::pmr::builder::buildFromFiles, scene, &BuildReport::umbrellas, report, line);
+Result<void> buildUmbrellas(const MethodBuilds& builds, std::optional<base::Scene>& scene) {
+  LUMIGRID_TRY(needMeshes(builds.arguments, "points and umbrellas"));
+  return buildStreamed(builds, kUmbrellas, "umbrellas", lod::pmr::builder::BuildOptions(),
+                       lod::pmr::builder::buildFromFiles, scene, &BuildReport::umbrellas);
 }
 
 #else
@@ -326,8 +360,7 @@ Result<void> needUmbrellaBuilder() {
                      "build Lumigrid with cmake -DLUMIGRID_PMR=ON (docs/pmr.md)"};
 }
 
-Result<void> buildUmbrellas(const BuildArguments&, const SceneSources&, std::optional<base::Scene>&, BuildReport&,
-                            ProgressLine&) {
+Result<void> buildUmbrellas(const MethodBuilds&, std::optional<base::Scene>&) {
   return needUmbrellaBuilder();
 }
 

@@ -58,6 +58,8 @@ inline constexpr FileMethod kUmbrellas{"pmr", "pmr.lgm", "pmr.lgm.work"};
 inline constexpr FileMethod kHlod{"hlod", "hlod.lgh", "hlod.lgh.work"};
 /// Where the source has textures: the leaves' part of them.
 inline constexpr const char* kTextureFile = "texture.lgt";
+/// The work files that all of them share.
+inline constexpr const char* kSourceWorkFiles = "source.work";
 inline constexpr FileMethod kFileMethods[] = {kPatches, kSplats, kUmbrellas, kHlod};
 inline constexpr const char* kMethods[] = {"patch", "images", "qsplat", "pmr", "hlod"};
 /// Chooses among them.

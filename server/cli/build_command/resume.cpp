@@ -123,7 +123,7 @@ bool isLeftByBuild(const std::string& name) {
   const bool of_method = std::any_of(std::begin(kFileMethods), std::end(kFileMethods), [&](const FileMethod& method) {
     return name == method.file || name == method.work_files;
   });
-  return of_method || name == kLockFile ||
+  return of_method || name == kLockFile || name == kSourceWorkFiles ||
          std::any_of(std::begin(kWholeFiles), std::end(kWholeFiles),
                      [&](const char* whole) { return name == whole || base::isUnfinished(name, whole); });
 }
@@ -182,7 +182,7 @@ Result<void> removeScene(const std::string& directory) {
   if (layout.undivided) LUMIGRID_TRY(repository::removeLmdbStore(images));
   for (const char* name : {"scene.json", base::kBuildingFile, kPatches.file, kPatches.work_files, kTextureFile,
                            kSplats.file, kSplats.work_files, kUmbrellas.file, kUmbrellas.work_files, kHlod.file,
-                           kHlod.work_files, "images", "access.lga.lock", kBuildRecord})
+                           kHlod.work_files, kSourceWorkFiles, "images", "access.lga.lock", kBuildRecord})
     LUMIGRID_TRY(removePart(directory, name));
   std::vector<std::string> counts;
   std::error_code ignored;
