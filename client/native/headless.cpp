@@ -247,12 +247,12 @@ void addStreamed(nlohmann::ordered_json& line, const StreamedStats& streamed) {
                          {"lacking", umbrellas.stream.lacking}, {"failures", umbrellas.stream.failures}};
   }
   if (const HlodStats& hlod = streamed.hlod; hlod.stream.nodes > 0) {
-    line["hlod"] = {{"triangles", hlod.triangles},     {"points", hlod.points},
-                    {"error_px", streamed.error_px},   {"shadows", lod::hlod::nameOf(hlod.shadows)},
-                    {"shadow_maps", hlod.shadow_maps}, {"casters", hlod.casters},
-                    {"nodes", hlod.stream.nodes},      {"drawn", hlod.stream.drawn},
-                    {"present", hlod.stream.present},  {"lacking", hlod.stream.lacking},
-                    {"failures", hlod.stream.failures}};
+    line["hlod"] = {{"triangles", hlod.triangles},         {"points", hlod.points},
+                    {"error_px", streamed.error_px},       {"shadows", lod::hlod::nameOf(hlod.shadows)},
+                    {"shadow_maps", hlod.shadow_maps},     {"casters", hlod.casters},
+                    {"shadow_texels", hlod.shadow_texels}, {"nodes", hlod.stream.nodes},
+                    {"drawn", hlod.stream.drawn},          {"present", hlod.stream.present},
+                    {"lacking", hlod.stream.lacking},      {"failures", hlod.stream.failures}};
   }
 }
 

@@ -15,6 +15,8 @@ namespace {
 constexpr std::uint64_t kMapShare = 16;
 /// Each GL has textures of so many texels a side.
 constexpr int kLeastSide = 2048;
+/// Texels of shadows are so many times larger at most while a view moves: two pixels. A choice.
+constexpr float kMostCoarser = 4.0F;
 
 }  // namespace
 
@@ -50,6 +52,7 @@ void StreamedHlod::piecesChosen(const lod::hlod::TraverseRequest& request) {
   // Maps for a light that moves, or for a view that rests, serve no other frame.
   const bool stands = std::exchange(last_light_, at.light) == at.light;
   if (stands && !(at.light.size > 0.0F)) at.room = lod::draw::kRoomToMove;
+  at.coarser = std::clamp(request.tolerance / finestPx(), 1.0F, kMostCoarser);
   shadows_ = shadow_finder_.find(stream(), pieces(), request, at);
 }
 
@@ -83,8 +86,12 @@ void StreamedHlod::addFigures(StreamedStats& stats) const {
   stats.describe = describeHlod;
   using lod::hlod::Shadows;
   const Shadows kind = light() == kNoShadows ? Shadows::kNone : light().size > 0.0F ? Shadows::kSoft : Shadows::kHard;
-  stats.hlod = {count().triangles, count().points, kind, shadows_.maps.size(), 0, stream().stats()};
-  for (const lod::draw::NodeShadowMap& map : shadows_.maps) stats.hlod.casters += map.casters.size();
+  stats.hlod = {count().triangles, count().points, kind, shadows_.maps.size(), 0, 0, stream().stats()};
+  for (const lod::draw::NodeShadowMap& map : shadows_.maps) {
+    stats.hlod.casters += map.casters.size();
+    const base::Camera& camera = map.plan.camera;
+    stats.hlod.shadow_texels += static_cast<std::uint64_t>(camera.width) * static_cast<std::uint64_t>(camera.height);
+  }
 }
 
 std::vector<StatisticsLine> describeHlod(const StreamedStats& s) {
@@ -93,7 +100,8 @@ std::vector<StatisticsLine> describeHlod(const StreamedStats& s) {
   std::string shadows(lod::hlod::nameOf(hlod.shadows));
   if (hlod.shadows != lod::hlod::Shadows::kNone)
     shadows += ", of " + count(hlod.casters) + " nodes in " + count(hlod.shadow_maps) +
-               (hlod.shadow_maps == 1 ? " map" : " maps");
+               (hlod.shadow_maps == 1 ? " map" : " maps") +
+               base::formatText(" of %.1f M texels", 1e-6 * static_cast<double>(hlod.shadow_texels));
   return {{"drawn", count(hlod.triangles) + " triangles, " + count(hlod.points) + " points"},
           {"shadows", shadows},
           {"screen error", base::formatText("down to %.2f px", static_cast<double>(s.error_px))},

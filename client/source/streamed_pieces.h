@@ -69,6 +69,8 @@ class StreamedPieces : public StreamedView {
   typename Types::Stream& stream() { return stream_; }
   const StreamedOptions& options() const { return options_; }
   const glm::dvec3& origin() const { return file_.origin(); }
+  /// The tolerance of views at rest.
+  float finestPx() const { return options_.*Types::kSize; }
   /// The light of the shadows on pieces(), as shadowLight() told it.
   const lod::hlod::ShadowLight& light() const { return light_; }
   /// The header is here.
@@ -124,7 +126,6 @@ class StreamedPieces : public StreamedView {
   base::Result<void> makeRenderer();
   base::Result<void> drawChosen(const base::Camera& camera, const StreamedLook& look);
   double now() const { return options_.clock ? options_.clock() : 0.0; }
-  float finestPx() const { return options_.*Types::kSize; }
   bool isRemote() const { return stream_.stats().requests > 0; }
   /// Whether requests are under way for a view that lacks something.
   bool moreIsComing() const { return !stream_.complete() && stream_.stats().under_way > 0; }

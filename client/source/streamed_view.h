@@ -88,6 +88,7 @@ struct HlodStats {
   std::uint64_t triangles = 0, points = 0;                 ///< drawn
   lod::hlod::Shadows shadows = lod::hlod::Shadows::kNone;  ///< of the last picture
   std::uint64_t shadow_maps = 0, casters = 0;              ///< of that; a node counts once for each map
+  std::uint64_t shadow_texels = 0;                         ///< of these maps, a layer of each
   lod::hlod::StreamStats stream;
 };
 

@@ -19,7 +19,7 @@ hlod::ShadowRequest requestFor(const hlod::TraverseRequest& view, const NodeLigh
   request.room = light.room;
   request.max_maps = kMaxMaps;
   const bool is_soft = light.light.size > 0.0F;
-  request.texel_px = is_soft ? 1.0F : 0.5F;
+  request.texel_px = light.coarser * (is_soft ? 1.0F : 0.5F);
   request.max_texels = std::min(is_soft ? kSoftTexels : kHardTexels, light.max_texels);
   return request;
 }

@@ -20,6 +20,8 @@ struct NodeLight {
   /// As ShadowRequest::room, for one view after another; 0 for single pictures.
   float room = 0.0F;
   std::uint64_t kept_bytes = 0;  ///< as NodeShadows::kept_bytes
+  /// Texels may be so many times larger than those of a view at rest, 1 or more: as the tolerance of a view that moves.
+  float coarser = 1.0F;
 };
 
 /// The room for views of a viewer who moves: maps hold for about a tenth of a turn around a model that fills the view,

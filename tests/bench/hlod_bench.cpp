@@ -1,7 +1,8 @@
-// hlod_bench SCENE [--width W] [--height H] [--frames N] [--samples N]
+// hlod_bench SCENE [--width W] [--height H] [--frames N] [--samples N] [--only LIGHT]
 // Flies around a scene with an hlod.lgh, near and far, by the server's renderer: without shadows, with hard ones and
 // with soft ones (Guthe et al. 2004, table 4), in turn and with what they need decoded and on the GPU. An eye moves by
 // a degree with each frame, and the light stands still; or the light moves, too, and no shadow map serves two frames.
+// LIGHT, the front of "moves hard" for one, leaves all other flights out but the one without shadows.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -64,11 +65,13 @@ Flight fly(server::HlodScene& renderer, const bench::PictureSize& size, double r
 
 /// Flies kRuns times after once without looking at the clock, and prints medians.
 void printFlights(server::HlodScene& renderer, const bench::PictureSize& size, double radii, int frames,
-                  server::HlodOptions options) {
+                  server::HlodOptions options, const std::string& only) {
   double without = 0.0;
   for (const bool light_moves : {false, true})
     for (const Kind& kind : kKinds) {
-      if (light_moves && kind.shadows == server::Shadows::kNone) continue;
+      const char* light = light_moves ? "moves" : "stands";
+      const bool is_first = kind.shadows == server::Shadows::kNone;
+      if (is_first ? light_moves : !(std::string(light) + " " + kind.name).starts_with(only)) continue;
       options.shadows = kind.shadows;
       options.light.size = static_cast<float>(kind.degrees * std::numbers::pi / 180.0);
       options.moves = !light_moves;
@@ -79,16 +82,16 @@ void printFlights(server::HlodScene& renderer, const bench::PictureSize& size, d
         if (run < 0) continue;
         means.push_back(flight.mean), slowest.push_back(flight.slowest);
       }
-      if (kind.shadows == server::Shadows::kNone) without = median(means);
-      std::printf("%5.1f  %-9s  %-15s %7.1f %7.1f  %.2f\n", radii, light_moves ? "moves" : "stands", kind.name,
-                  1e3 * median(means), 1e3 * median(slowest), median(means) / without);
+      if (is_first) without = median(means);
+      std::printf("%5.1f  %-9s  %-15s %7.1f %7.1f  %.2f\n", radii, light, kind.name, 1e3 * median(means),
+                  1e3 * median(slowest), median(means) / without);
     }
 }
 
 }  // namespace
 
 int main(int argc, char** argv) {
-  bench::Arguments arguments(argc, argv, "SCENE [--width W] [--height H] [--frames N] [--samples N]");
+  bench::Arguments arguments(argc, argv, "SCENE [--width W] [--height H] [--frames N] [--samples N] [--only LIGHT]");
   const auto side = [&](const char* option, unsigned usual) {
     return static_cast<int>(arguments.number(option, usual, 1U, 8192U));
   };
@@ -96,6 +99,7 @@ int main(int argc, char** argv) {
   const auto frames = static_cast<int>(arguments.number("--frames", 30U, 1U, 10000U));
   server::HlodOptions options;
   options.supersampling = static_cast<int>(arguments.number("--samples", 1U, 1U, 8U));
+  const std::string only = arguments.text("--only", "");
   arguments.finish();
   if (arguments.input().empty()) arguments.wrong();
 
@@ -106,5 +110,5 @@ int main(int argc, char** argv) {
   std::printf("%s, %d x %d, flights of %d frames, medians of %d\n", context->renderer().c_str(), size.width,
               size.height, frames, kRuns);
   std::printf("radii  light      shadows         mean ms slowest  times that without\n");
-  for (const double radii : {1.2, 2.5, 10.0}) printFlights(*renderer, size, radii, frames, options);
+  for (const double radii : {1.2, 2.5, 10.0}) printFlights(*renderer, size, radii, frames, options, only);
 }

@@ -558,6 +558,28 @@ TEST_P(HlodShadows, softOnesAreHardWhileViewOrLightMoveAndSoftWhenBothRest) {
   expectRest();
 }
 
+// Else a map with texels for half a pixel would be most of the work of a view whose nodes are off by several.
+TEST_P(HlodShadows, texelsOfAViewThatMovesAreAsCoarseAsItsNodes) {
+  StreamedOptions options = shadowed(Shadows::kHard);
+  double clock = 0.0;
+  makeLate(options, clock);
+  open(options);
+  viewer_->setLight(kLow);
+  for (int i = 0; i < 200; ++i) {
+    pump();
+    draw(view(0.01 * i));
+  }
+  EXPECT_GT(viewer_->stats().streamed.error_px, 4.0F * options.error_px);
+  const std::uint64_t moving = stats().shadow_texels;
+  EXPECT_GT(moving, 0U);
+  for (int frames = 0; frames < 1000 && !viewer_->stats().complete; ++frames) {
+    pump();
+    draw(view(1.99));
+  }
+  EXPECT_GT(stats().shadow_texels, 8 * moving);
+  EXPECT_LT(stats().shadow_texels, 40 * moving);
+}
+
 TEST_P(HlodShadows, keepTheMemoryLimit) {
   StreamedOptions options = shadowed(Shadows::kHard);
   options.memory_bytes = 2'500'000;
