@@ -103,4 +103,16 @@ TEST_F(CloudTest, filesInDifferentSystemsGiveAWarningAndNone) {
   EXPECT_EQ(scene()["units"], "m");
 }
 
+// What was met on the way must not be lost with a build that fails hours later.
+TEST_F(CloudTest, aWarningIsPrintedBeforeALaterMethodFails) {
+  const auto built = run("lumigrid", {"build", cloud("a.las", "32612", "1"), cloud("b.las", "32613", "1"), "-o",
+                                      path("scene"), "--methods", "qsplat,hlod", "--quiet"});
+  EXPECT_NE(built.status, 0);
+  const std::size_t warned = built.err.find("warning: the files are in different");
+  const std::size_t failed = built.err.find("no faces");
+  ASSERT_NE(warned, std::string::npos) << built.err;
+  ASSERT_NE(failed, std::string::npos) << built.err;
+  EXPECT_LT(warned, failed);
+}
+
 }  // namespace

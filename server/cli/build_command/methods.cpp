@@ -82,11 +82,14 @@ lod::ingest::Progress progressOn(ProgressLine& line, const std::string& part) {
   };
 }
 
-// Methods of one source mostly warn of the same.
+// Methods of one source mostly warn of the same. A warning is printed at once, since images may take hours yet, and
+// may fail.
 void addWarnings(const lod::ingest::SourceSummary& summary, BuildReport& report) {
-  for (const std::string& warning : summary.warnings)
-    if (std::find(report.warnings.begin(), report.warnings.end(), warning) == report.warnings.end())
-      report.warnings.push_back(warning);
+  for (const std::string& warning : summary.warnings) {
+    if (std::find(report.warnings.begin(), report.warnings.end(), warning) != report.warnings.end()) continue;
+    report.warnings.push_back(warning);
+    std::fprintf(stderr, "lumigrid: warning: %s\n", warning.c_str());
+  }
 }
 
 /// An up that the source's coordinates have by definition.

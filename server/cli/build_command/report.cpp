@@ -194,7 +194,6 @@ void printReport(const BuildArguments& a, const BuildOutput& output, const Build
     std::printf("%s\n", reportJson(*output.scene, report).dump().c_str());
   else
     printText(a, output, report);
-  for (const std::string& warning : report.warnings) std::fprintf(stderr, "lumigrid: warning: %s\n", warning.c_str());
 }
 
 }  // namespace server::cli

@@ -30,7 +30,7 @@ struct BuildReport {
   std::vector<repository::ShardGaps> missing;  ///< faces that other shards still lacked at the end
 };
 
-/// Prints the report on standard output, as JSON with --json, and its warnings on the other.
+/// Prints the report on standard output, as JSON with --json. Warnings were printed when they were met.
 void printReport(const BuildArguments& a, const BuildOutput& output, const BuildReport& report);
 
 }  // namespace server::cli
