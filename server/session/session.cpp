@@ -153,12 +153,18 @@ std::optional<SharedMessage> Session::chooseMessage() {
   return message;
 }
 
-/// On a busy server a view at which the eye arrived by a jump is planned for at once, one of a motion when the last
+/// While others work, a view at which the eye arrived by a jump is planned for at once, one of a motion when the last
 /// plan is old enough: what that chose is still good, and goes on being sent.
 bool Session::planIsDue() const {
   const double now = frames_.link().now();
-  return load_ != Load::kBehind || !previous_ || now <= 0.0 || now >= planned_at_ + 1.0 / scene_.views_per_second ||
-         !plan::isMoving(welcome_, *newest_, *previous_);
+  return !previous_ || now <= 0.0 || now >= nextPlanAt() || !plan::isMoving(welcome_, *newest_, *previous_);
+}
+
+/// When a view of a motion is planned for, seconds.
+double Session::nextPlanAt() const {
+  if (load_ == Load::kFree) return planned_at_;
+  const double rate = scene_.views_per_second;
+  return planned_at_ + 1.0 / (load_ == Load::kBehind ? rate : std::max(rate, kSharedViewsPerSecond));
 }
 
 /// The bytes of a message that is sent whole are at most twice as many.
@@ -488,8 +494,7 @@ std::optional<double> Session::wakeAt(bool tells_room) const {
   if (phase_ != Phase::kReady) return std::nullopt;
   std::optional<double> at = frames_.wakeAt(tells_room);
   const double now = frames_.link().now();
-  const double due = planned_at_ + 1.0 / scene_.views_per_second;
-  if (newest_ && !planned_ && due > now) at = std::min(at.value_or(due), due);
+  if (newest_ && !planned_ && nextPlanAt() > now) at = std::min(at.value_or(nextPlanAt()), nextPlanAt());
   const bool prefetch_waits = planned_ && complete_sent_ && load_ != Load::kFree && !prefetchIsOver();
   if (prefetch_waits) at = std::min(at.value_or(now + kBusySeconds), now + kBusySeconds);
   return at;

@@ -42,6 +42,8 @@ namespace server {
 /// Views of a moving viewer that a server for which others wait plans for each second. Displays send a view with every
 /// picture, which is more often than the choice of what to send changes.
 inline constexpr double kViewsPerSecond = 13.0;
+/// The same while others have all threads, but nobody waits: a view still gets its groups within 50 ms.
+inline constexpr double kSharedViewsPerSecond = 25.0;
 
 /// The data that all sessions of a scene share; outlives them. Read-only, except counter and caches and, for the thread
 /// that makes sessions, `welcome`.
@@ -87,8 +89,10 @@ struct SessionCounts {
 
 /// How much there is to do for a server beside one session.
 enum class Load {
-  kFree,    ///< nobody waits, and there are threads left
-  kShared,  ///< others have the threads that are left: nothing is prefetched, which takes as long as the view itself
+  kFree,  ///< nobody waits, and there are threads left
+  /// Others have the threads that are left. Nothing is prefetched, which takes as long as the view itself, and views of
+  /// a motion are planned for a little less often than they may come.
+  kShared,
   kBehind,  ///< others wait for a thread: views of a motion are planned for less often, and from fewer rays
 };
 
@@ -155,6 +159,7 @@ class Session {
   double coarseBytesNext() const;
   double partBytes() const;
   bool planIsDue() const;
+  double nextPlanAt() const;
   SharedMessage nextPart(protocol::PartSender& stream) const;
   std::optional<SharedMessage> nextWanted();
   std::optional<SharedMessage> nextPrefetch();
