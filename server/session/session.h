@@ -42,8 +42,8 @@ namespace server {
 /// Views of a moving viewer that a server for which others wait plans for each second. Displays send a view with every
 /// picture, which is more often than the choice of what to send changes.
 inline constexpr double kViewsPerSecond = 13.0;
-/// The same while others have all threads, but nobody waits: a view still gets its groups within 50 ms.
-inline constexpr double kSharedViewsPerSecond = 25.0;
+/// The same while others have all threads, but nobody waits: a view waits for 33 ms at most.
+inline constexpr double kSharedViewsPerSecond = 30.0;
 
 /// The data that all sessions of a scene share; outlives them. Read-only, except counter and caches and, for the thread
 /// that makes sessions, `welcome`.
