@@ -284,7 +284,7 @@ void WebSocketSession::onOutput(SessionOutput output) {
 void WebSocketSession::wakeAt(double at) {
   wake_.expires_at(timeOf(at));
   wake_.async_wait([self = self<WebSocketSession>()](error_code cancelled) {
-    if (!cancelled) self->runner_->tell(self->state());
+    if (!cancelled) self->runner_->wake(self->state());
   });
 }
 
@@ -305,7 +305,7 @@ void WebSocketSession::onWrite(error_code ec, std::size_t /*bytes_written*/) {
   outgoing_bytes_ -= outgoing_.front().size();
   outgoing_.pop_front();
   // Once in between, so that the next messages are made while these are written, and in the end.
-  if (outgoing_.empty() || (before > tell_below_ && outgoing_bytes_ <= tell_below_)) runner_->tell(state());
+  if (outgoing_.empty() || (before > tell_below_ && outgoing_bytes_ <= tell_below_)) runner_->tellRoom(state());
   doWrite();
 }
 

@@ -127,10 +127,20 @@ std::size_t FairQueue::waiting() const {
 
 bool FairQueue::isBehind() const {
   const std::lock_guard lock(mutex_);
+  return readyClients() > thread_count_;
+}
+
+bool FairQueue::hasFreeThread() const {
+  const std::lock_guard lock(mutex_);
+  return readyClients() == 0 && counted_ < std::max(2U, thread_count_);
+}
+
+/// Clients that wait for a thread. The lock is held.
+std::size_t FairQueue::readyClients() const {
   std::size_t ready = 0;
   for (const auto& [number, group] : groups_)
     if (!group.is_stalled) ready += group.ready.size();
-  return ready > thread_count_;
+  return ready;
 }
 
 // ---- The threads

@@ -62,6 +62,9 @@ class FairQueue {
   std::size_t waiting() const;
   /// Whether more clients wait for a thread than there are threads. Groups that stall do not count.
   bool isBehind() const;
+  /// Whether a job may do what is not needed yet: nobody waits for a thread, and where there are several, one has
+  /// nothing to do besides that job's.
+  bool hasFreeThread() const;
 
  private:
   /// The client that waits longest comes first of those who were given as much.
@@ -99,6 +102,7 @@ class FairQueue {
 
   void runThread();
   void startThread();
+  std::size_t readyClients() const;
   std::optional<Turn> nextTurn() const;
   void waitForTurn(std::unique_lock<std::mutex>& lock);
   void replaceStalledJobs();

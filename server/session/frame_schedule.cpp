@@ -323,7 +323,7 @@ double FrameSchedule::othersMayWait() const {
 }
 
 bool FrameSchedule::linkIsFull() const {
-  if (!link_.isMeasured()) return link_.unsentSeconds() > 0.0;
+  if (!link_.isMeasured()) return link_.isFullUnmeasured();
   return link_.queueSeconds() > kMostQueued;
 }
 

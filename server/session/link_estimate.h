@@ -25,6 +25,10 @@ class LinkEstimate {
   bool isKnown() const { return measured_ || confirmed_ >= kKnownBytes; }
   /// Whether the rate was measured. Buffers on the way, as of a proxy, can take some bytes at any rate.
   bool isMeasured() const { return measured_; }
+  /// Whether more waits at the server than may while the rate is not measured: a small part of what went through
+  /// without waiting for long enough to be measured. So a slow link has nothing ahead of a new view's frame, and a fast
+  /// one is not asked after each message whether it took that.
+  bool isFullUnmeasured() const { return static_cast<double>(state_.unsent_bytes) > kProvenShare * confirmed_; }
   /// Seconds since something was acknowledged last, or since the zero.
   double quietSeconds() const { return state_.seconds - arrived_at_; }
   /// Whether nothing that was handed out is still on its way.
@@ -46,6 +50,7 @@ class LinkEstimate {
   static constexpr double kFirstWindow = 14'600.0;
   /// Once so many went through, a link that was not full yet counts as known (isKnown()).
   static constexpr double kKnownBytes = 2.0 * kFirstWindow;
+  static constexpr double kProvenShare = 1.0 / 16.0;  ///< a choice
 
  private:
   /// Bytes up to `end` were sent at `at`, seconds.

@@ -153,12 +153,18 @@ std::optional<SharedMessage> Session::chooseMessage() {
   return message;
 }
 
-/// On a busy server a view at which the eye arrived by a jump is planned for at once, one of a motion when the last
+/// While others work, a view at which the eye arrived by a jump is planned for at once, one of a motion when the last
 /// plan is old enough: what that chose is still good, and goes on being sent.
 bool Session::planIsDue() const {
   const double now = frames_.link().now();
-  return !is_busy_ || !previous_ || now <= 0.0 || now >= planned_at_ + 1.0 / scene_.views_per_second ||
-         !plan::isMoving(welcome_, *newest_, *previous_);
+  return !previous_ || now <= 0.0 || now >= nextPlanAt() || !plan::isMoving(welcome_, *newest_, *previous_);
+}
+
+/// When a view of a motion is planned for, seconds.
+double Session::nextPlanAt() const {
+  if (load_ == Load::kFree) return planned_at_;
+  const double rate = scene_.views_per_second;
+  return planned_at_ + 1.0 / (load_ == Load::kBehind ? rate : std::max(rate, kSharedViewsPerSecond));
 }
 
 /// The bytes of a message that is sent whole are at most twice as many.
@@ -220,8 +226,8 @@ plan::Scene Session::sceneToPlan() const {
   plan::Scene scene = scene_.toPlan();
   scene.welcome = &welcome_;
   // Remembered lines of sight are those of places nearby, which choose a little less well for a fifth of the time.
-  if (!is_busy_) scene.sight_cache = nullptr;
-  scene.is_hurried = is_busy_;
+  scene.is_hurried = load_ == Load::kBehind;
+  if (!scene.is_hurried) scene.sight_cache = nullptr;
   scene.images = scene.images && (decodes_webp_ || !scene_.images_are_webp);
   scene.image_bytes = image_bytes_;
   scene.is_moving = previous_ && newest_ && plan::isMoving(welcome_, *newest_, *previous_);
@@ -250,7 +256,6 @@ void Session::planNewestView() {
   prefetch_bytes_ = 0;
   complete_sent_ = false;
   prefetch_.reset();
-  prefetch_waits_ = false;
   planned_ = true;
   ++counts_.planned;
   planned_at_ = frames_.link().now();
@@ -295,9 +300,13 @@ void Session::planPrefetch() {
   prefetch_->insert(prefetch_->end(), ahead.begin(), ahead.end());
 }
 
+/// Whether all that is prefetched for the view was sent.
+bool Session::prefetchIsOver() const {
+  return prefetch_bytes_ >= scene_.ahead_bytes || (prefetch_ && prefetch_->empty());
+}
+
 std::optional<SharedMessage> Session::nextPrefetch() {
-  prefetch_waits_ = is_busy_;
-  if (prefetch_waits_) return std::nullopt;
+  if (load_ != Load::kFree) return std::nullopt;
   planPrefetch();
   while (prefetch_bytes_ < scene_.ahead_bytes) {
     const auto face = findSendable(*prefetch_);
@@ -429,7 +438,7 @@ std::optional<FaceRequest> Session::nextFaceRequest() {
   if (!scene_.images_are_remote || phase_ != Phase::kReady || !planned_) return std::nullopt;
   if (requests_under_way_ == kMaxFaceRequests) return std::nullopt;
   FaceRequest request = unrequestedFaces(view_plan_.faces, view_plan_.faces.size());
-  const bool at_rest = complete_sent_ && !frames_.owesFrame();
+  const bool at_rest = complete_sent_ && !frames_.owesFrame() && load_ == Load::kFree;
   if (request.empty() && at_rest && requested_.empty() && fetched_.empty() && prefetch_bytes_ < scene_.ahead_bytes) {
     planPrefetch();
     request = unrequestedFaces(*prefetch_, kMaxPrefetchedFaces);
@@ -473,13 +482,21 @@ void Session::frameRendered(const FrameRequest& request, base::Bytes value) {
   frame_ = protocol::Frame{request.sequence, request.camera, request.last, std::move(value)};
 }
 
+/// Frames, and what is fetched, wait for more than room; a session that has any to send is asked each time.
+bool Session::needsRoom() const {
+  if (phase_ != Phase::kReady || !newest_) return false;
+  if (framePossible(*newest_) || scene_.images_are_remote) return true;
+  const bool is_sent = planned_ && complete_sent_ && data_parts_.empty();
+  return frames_.linkIsFull() && !(is_sent && (load_ != Load::kFree || prefetchIsOver()));
+}
+
 std::optional<double> Session::wakeAt(bool tells_room) const {
   if (phase_ != Phase::kReady) return std::nullopt;
   std::optional<double> at = frames_.wakeAt(tells_room);
   const double now = frames_.link().now();
-  const double due = planned_at_ + 1.0 / scene_.views_per_second;
-  if (newest_ && !planned_ && due > now) at = std::min(at.value_or(due), due);
-  if (prefetch_waits_) at = std::min(at.value_or(now + kBusySeconds), now + kBusySeconds);
+  if (newest_ && !planned_ && nextPlanAt() > now) at = std::min(at.value_or(nextPlanAt()), nextPlanAt());
+  const bool prefetch_waits = planned_ && complete_sent_ && load_ != Load::kFree && !prefetchIsOver();
+  if (prefetch_waits) at = std::min(at.value_or(now + kBusySeconds), now + kBusySeconds);
   return at;
 }
 

@@ -42,6 +42,8 @@ namespace server {
 /// Views of a moving viewer that a server for which others wait plans for each second. Displays send a view with every
 /// picture, which is more often than the choice of what to send changes.
 inline constexpr double kViewsPerSecond = 13.0;
+/// The same while others have all threads, but nobody waits: a view waits for 33 ms at most.
+inline constexpr double kSharedViewsPerSecond = 30.0;
 
 /// The data that all sessions of a scene share; outlives them. Read-only, except counter and caches and, for the thread
 /// that makes sessions, `welcome`.
@@ -85,6 +87,15 @@ struct SessionCounts {
   std::uint64_t corrupt = 0;  ///< faces and blocks that could not be read or were damaged
 };
 
+/// How much there is to do for a server beside one session.
+enum class Load {
+  kFree,  ///< nobody waits, and there are threads left
+  /// Others have the threads that are left. Nothing is prefetched, which takes as long as the view itself, and views of
+  /// a motion are planned for a little less often than they may come.
+  kShared,
+  kBehind,  ///< others wait for a thread: views of a motion are planned for less often, and from fewer rays
+};
+
 class Session {
  public:
   explicit Session(const SceneData& scene);
@@ -94,9 +105,7 @@ class Session {
   /// Tells the time and how the link does. The transport calls it before each of the others; without it the session
   /// takes every view for one at which the eye stands, and every link for an idle one.
   void setLink(const LinkState& state);
-  /// Tells whether others wait for the server, which then plans less often and from fewer rays, and
-  /// prefetches nothing.
-  void setBusy(bool is_busy) { is_busy_ = is_busy; }
+  void setLoad(Load load) { load_ = load; }
   /// Accepts one message. An error ends the connection, after the Refusal that nextMessage() returns then.
   base::Result<void> receive(base::ByteView bytes);
   /// The next message to send, the most useful first; nullopt when there is none. Call it again only when the last one
@@ -120,6 +129,9 @@ class Session {
   /// of setLink(); nullopt: not at all. `tells_room`: setLink() will be called when the transport has written what it
   /// holds of the messages, as it does hold some.
   std::optional<double> wakeAt(bool tells_room = false) const;
+  /// Once nextMessage() has none: whether it may have one as soon as bytes have left, though nothing else happens. Most
+  /// sessions have sent all that they have by then, and need not be asked.
+  bool needsRoom() const;
   /// Whether a Refusal was sent: the connection is to be closed.
   bool finished() const { return phase_ == Phase::kRefused && !greeting_; }
   const std::string& clientName() const { return client_; }  ///< from Hello; empty before it
@@ -147,6 +159,7 @@ class Session {
   double coarseBytesNext() const;
   double partBytes() const;
   bool planIsDue() const;
+  double nextPlanAt() const;
   SharedMessage nextPart(protocol::PartSender& stream) const;
   std::optional<SharedMessage> nextWanted();
   std::optional<SharedMessage> nextPrefetch();
@@ -161,6 +174,7 @@ class Session {
   std::optional<SharedMessage> removeAndEncode(Faces& faces, Faces::iterator face);
   FaceRequest unrequestedFaces(const Faces& faces, std::size_t max_count) const;
   void planPrefetch();
+  bool prefetchIsOver() const;
   void planNewestView();
   plan::Scene sceneToPlan() const;
   plan::Holdings holdings() const;
@@ -184,7 +198,7 @@ class Session {
   // Its views.
   std::optional<protocol::View> newest_, previous_;
   bool planned_ = false;  // the fields below belong to `newest_`, else to `previous_`
-  bool is_busy_ = false;
+  Load load_ = Load::kFree;
   double planned_at_ = 0.0;  // seconds
 
   // Data to send for the newest view. A cursor runs over the groups, and faces leave their lists when they are sent;
@@ -195,7 +209,6 @@ class Session {
   bool complete_sent_ = false;
   std::optional<Faces> prefetch_;
   std::uint64_t prefetch_bytes_ = 0;
-  bool prefetch_waits_ = false;  // for a server that has time
 
   // Remote faces: fetched but not sent yet, and requested but not fetched yet.
   std::unordered_map<repository::FaceKey, base::Result<std::optional<base::Bytes>>> fetched_;

@@ -32,7 +32,11 @@ void SessionRunner::frameRendered(FrameRequest request, base::Bytes value, const
   add(state, [request, held](SessionRunner& self) { self.session_.frameRendered(request, std::move(*held)); });
 }
 
-void SessionRunner::tell(const ConnectionState& state) {
+void SessionRunner::tellRoom(const ConnectionState& state) {
+  add(state, nullptr, Wakes::kIfRoomIsNeeded);
+}
+
+void SessionRunner::wake(const ConnectionState& state) {
   add(state, nullptr);
 }
 
@@ -59,14 +63,15 @@ bool SessionRunner::isFull() const {
   return events_.size() >= kMaxEvents || event_bytes_ >= kMaxEventBytes;
 }
 
-void SessionRunner::add(const ConnectionState& state, std::function<void(SessionRunner&)> apply) {
+void SessionRunner::add(const ConnectionState& state, std::function<void(SessionRunner&)> apply, Wakes wakes) {
   const std::lock_guard lock(mutex_);
   if (ended_) return;
   const bool only_tells = apply == nullptr;
   // The newest of several states in a row tells all.
   if (only_tells && !events_.empty() && events_.back().apply == nullptr) events_.pop_back();
   events_.push_back({state, bytes_taken_, std::move(apply)});
-  if (!std::exchange(scheduled_, true)) schedule();
+  due_ = due_ || wakes == Wakes::kAlways;
+  if ((due_ || needs_room_) && !std::exchange(scheduled_, true)) schedule();
 }
 
 void SessionRunner::schedule() {
@@ -82,19 +87,21 @@ void SessionRunner::runTurn() {
     if (ended_) return;
     events.swap(events_);
     event_bytes_ = 0;
+    due_ = false;
   }
-  session_.setBusy(workers_.isBehind());
+  session_.setLoad(workers_.isBehind() ? Load::kBehind : workers_.hasFreeThread() ? Load::kFree : Load::kShared);
   for (const Event& event : events) acceptEvent(event);
   SessionOutput output;
   const auto start = std::chrono::steady_clock::now();
   const std::uint64_t planned = session_.counts().planned;
-  makeMessages(output);
+  const bool needs_room = makeMessages(output);
   if (session_.counts().planned > planned)
     output.plan_seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   {
     const std::lock_guard lock(mutex_);
     counts_ = session_.counts();
-    scheduled_ = !events_.empty();
+    needs_room_ = needs_room;
+    scheduled_ = due_ || (needs_room && !events_.empty());
     if (ended_) return;
     if (scheduled_) schedule();
   }
@@ -116,11 +123,16 @@ void SessionRunner::receiveMessage(const base::Bytes& message) {
   if (const auto received = session_.receive(message); !received) refusal_ = received.error().message;
 }
 
-void SessionRunner::makeMessages(SessionOutput& output) {
+/// Returns whether there may be more messages once the connection has room.
+bool SessionRunner::makeMessages(SessionOutput& output) {
+  bool needs_room = true;
   output.frame = session_.nextFrameRequest();
   while (waiting_ == 0 || waiting_ < kBytesAhead) {
     auto message = session_.nextMessage();
-    if (!message) break;
+    if (!message) {
+      needs_room = session_.needsRoom();
+      break;
+    }
     waiting_ += message->size();
     link_.unsent_bytes += message->size();
     session_.setLink(link_);
@@ -131,6 +143,7 @@ void SessionRunner::makeMessages(SessionOutput& output) {
   output.wake_at = session_.wakeAt(waiting_ > 0);
   if (!name_told_ && !session_.clientName().empty()) output.client_name = session_.clientName(), name_told_ = true;
   if (refusal_ && session_.finished() && !std::exchange(refusal_told_, true)) output.refusal = refusal_;
+  return needs_room;
 }
 
 }  // namespace server

@@ -38,7 +38,7 @@ struct SessionOutput {
   std::vector<SharedMessage> messages;     ///< to be written in this order
   std::vector<FaceRequest> faces;          ///< to be fetched
   std::optional<FrameRequest> frame;       ///< to be rendered, in place of one that waits
-  std::optional<double> wake_at;           ///< call tell() then, seconds of LinkState; nothing: not by the clock
+  std::optional<double> wake_at;           ///< call wake() then, seconds of LinkState; nothing: not by the clock
   std::optional<std::string> client_name;  ///< once, when it is known
   std::optional<double> plan_seconds;      ///< how long the turn took, if it planned for a view
   std::optional<std::string> refusal;      ///< once: why the connection is to be closed, after the messages
@@ -57,8 +57,10 @@ class SessionRunner : public std::enable_shared_from_this<SessionRunner> {
   void receive(base::Bytes message, const ConnectionState& state);
   void facesFetched(FaceRequest request, Session::FaceValues values, const ConnectionState& state);
   void frameRendered(FrameRequest request, base::Bytes value, const ConnectionState& state);
-  /// Messages were written, or the time to wake has come.
-  void tell(const ConnectionState& state);
+  /// Messages were written. A turn begins if the session has more to send, which it knows; else the next one is told.
+  void tellRoom(const ConnectionState& state);
+  /// The time to wake has come.
+  void wake(const ConnectionState& state);
   /// To be called for each output that the connection takes, before it tells of it in a state.
   void take(const SessionOutput& output);
   /// No turn begins from here on, and one that runs has no output.
@@ -74,12 +76,13 @@ class SessionRunner : public std::enable_shared_from_this<SessionRunner> {
     std::uint64_t bytes_taken = 0;  // of all messages that the connection took before
     std::function<void(SessionRunner&)> apply;
   };
-  void add(const ConnectionState& state, std::function<void(SessionRunner&)> apply);
+  enum class Wakes { kAlways, kIfRoomIsNeeded };
+  void add(const ConnectionState& state, std::function<void(SessionRunner&)> apply, Wakes wakes = Wakes::kAlways);
   void schedule();
   void runTurn();
   void acceptEvent(const Event& event);
   void receiveMessage(const base::Bytes& message);
-  void makeMessages(SessionOutput& output);
+  bool makeMessages(SessionOutput& output);
 
   const std::shared_ptr<const void> keep_alive_;
   FairQueue& workers_;
@@ -99,7 +102,9 @@ class SessionRunner : public std::enable_shared_from_this<SessionRunner> {
   mutable std::mutex mutex_;
   std::vector<Event> events_;
   std::uint64_t event_bytes_ = 0;
-  bool scheduled_ = false;  // a turn waits or runs
+  bool scheduled_ = false;   // a turn waits or runs
+  bool due_ = false;         // something came since the turn began for which there must be another one
+  bool needs_room_ = false;  // messages waited for room when the last turn ended
   bool ended_ = false;
   SessionCounts counts_;
 };

@@ -1,19 +1,26 @@
-// server_bench SCENE [--viewers 64] [--idle 1000] [--rate 10] [--seconds 8] [--rounds 3] [--visit 8]
-// [--only throughput|flying]: a server of many viewers who fly, beside a bare Beast server that sends the same messages
-// in the same run.
+// server_bench SCENE [--viewers 64] [--idle 1000] [--flights 64x10,16x60] [--seconds 8] [--rounds 3] [--visit 8]
+// [--only throughput|flying|climb] [--program FILE]: a server of many viewers who fly, beside a bare Beast server that
+// sends the same messages in the same run. Another program than the one that was built here can be measured, too.
 //
 //   throughput   each viewer jumps to the next view as soon as the last is complete, and comes back as a new one after
 //                as many views as --visit says; the peer sends what the server sent for such a visit, view by view
-//   flying       each viewer circles the scene and sends so many views a second
+//   flying       each viewer circles the scene and sends so many views a second: 64x10 is 64 viewers at 10 views a
+//                second. Views count from the second second on, when the viewers have what they began with. A view has
+//                its images with the Completion of it or of a newer one, and its groups with the last group before
+//                that. It is late if the next view but three was sent earlier.
+//   climb        the same, only if asked for, with half as many viewers more each time until groups need 50 ms or one
+//                view of a hundred is late: how busy are the cores then?
 //   idle         as many viewers as --idle asks for are connected and look at one view
 //
 // The viewers run on a thread of this program (ws_viewer.h), the server in a process of its own. The rows tell the
-// ratio to the peer, and for latencies the time from sending a view to the first byte of a message for it.
+// ratio to the peer, and for latencies the time from sending a view to the first byte of a message for it, to its last
+// group and to its Completion.
 #include <sys/epoll.h>
 #include <sys/wait.h>
 
 #include <algorithm>
 #include <cmath>
+#include <deque>
 #include <fstream>
 #include <memory>
 #include <numbers>
@@ -34,10 +41,14 @@ using bench::must;
 
 constexpr std::uint8_t kFace = 0x82, kRefinement = 0x83, kCompletion = 0x85;
 
+struct Served {
+  std::string program, scene;
+};
+
 /// `lumigrid serve` as a child that ends with the object.
 class ServeProcess {
  public:
-  explicit ServeProcess(const std::string& scene) {
+  explicit ServeProcess(const Served& served) {
     int out[2];
     if (::pipe(out) != 0) bench::stop("no pipe");
     pid_ = ::fork();
@@ -45,7 +56,7 @@ class ServeProcess {
       ::dup2(out[1], 1);
       const base::FileDescriptor quiet(::open("/dev/null", O_WRONLY));
       ::dup2(quiet.get(), 2);
-      ::execl(LUMIGRID_PROGRAM, "lumigrid", "serve", scene.c_str(), "--port", "0", "--json", "--no-frames",
+      ::execl(served.program.c_str(), "lumigrid", "serve", served.scene.c_str(), "--port", "0", "--json", "--no-frames",
               "--no-access", "--max-connections", "4000", "--connections-per-address", "4000", nullptr);
       ::_exit(127);
     }
@@ -90,8 +101,31 @@ class ServeProcess {
 /// Times in seconds and what was counted along a run.
 struct Measured {
   std::vector<double> first, groups, complete;  // from a view to its first message, last group, completion
-  std::uint64_t bytes = 0, views = 0, completed = 0;
+  std::uint64_t bytes = 0, views = 0, late = 0;
   double seconds = 0.0;
+
+  double lateShare() const {
+    return static_cast<double>(late) / static_cast<double>(std::max<std::uint64_t>(1, views));
+  }
+};
+
+/// Seconds that the cores of this machine worked, and that they could have.
+struct CoreSeconds {
+  double busy = 0.0, all = 0.0;
+
+  static CoreSeconds now() {
+    std::ifstream in("/proc/stat");
+    std::string name;
+    in >> name;
+    CoreSeconds sum;
+    double ticks = 0.0;
+    for (int column = 0; column < 8 && in >> ticks; ++column) {
+      const bool is_idle = column == 3 || column == 4;  // idle, and waiting for disks
+      sum.all += ticks;
+      if (!is_idle) sum.busy += ticks;
+    }
+    return sum;
+  }
 };
 
 double quantile(std::vector<double> values, double q) {
@@ -121,6 +155,9 @@ protocol::View viewOf(const protocol::Welcome& welcome, std::uint32_t sequence, 
   return view;
 }
 
+/// The next view but three.
+constexpr std::uint32_t kLateAfter = 4;
+
 /// One viewer of a run.
 class Flyer {
  public:
@@ -136,15 +173,17 @@ class Flyer {
     welcome_ = &welcome;
     return true;
   }
-  void look(double turn) {
-    sent_at_ = bench::seconds();
+  /// `counts`: the view is measured.
+  void look(double turn, bool counts = true) {
+    const std::uint32_t sequence = ++sequence_;
+    for (Waiting& view : waiting_)
+      if (view.sequence + kLateAfter == sequence && view.counts) ++measured_.late;
+    waiting_.push_back({sequence, bench::seconds(), counts});
     got_first_ = false;
-    last_group_ = 0.0;
-    ++measured_.views;
-    viewer_->send(protocol::encode(protocol::ClientMessage(viewOf(*welcome_, ++sequence_, turn + phase_))));
-    is_complete_ = false;
+    if (counts) ++measured_.views;
+    viewer_->send(protocol::encode(protocol::ClientMessage(viewOf(*welcome_, sequence, turn + phase_))));
   }
-  bool isComplete() const { return is_complete_; }
+  bool isComplete() const { return waiting_.empty(); }
   support::WsViewer& viewer() { return *viewer_; }
   std::uint32_t sequence() const { return sequence_; }
 
@@ -154,15 +193,27 @@ class Flyer {
     const double now = bench::seconds();
     measured_.bytes += size;
     const bool is_data = front[0] == kFace || front[0] == kRefinement;
-    if (is_data && !std::exchange(got_first_, true)) measured_.first.push_back(now - sent_at_);
-    if (front[0] == kRefinement) last_group_ = now - sent_at_;
+    if (is_data && !std::exchange(got_first_, true) && !waiting_.empty() && waiting_.back().counts)
+      measured_.first.push_back(now - waiting_.back().sent_at);
+    if (front[0] == kRefinement) last_group_at_ = now;
     if (front[0] != kCompletion || size < 5) return;
     const std::uint32_t sequence = front[1] | front[2] << 8U | front[3] << 16U | std::uint32_t{front[4]} << 24U;
-    if (speaks_ && sequence != sequence_) return;  // the peer says what it said once
-    is_complete_ = true;
-    ++measured_.completed;
-    measured_.complete.push_back(now - sent_at_);
-    if (last_group_ > 0.0) measured_.groups.push_back(last_group_);
+    // The peer says what it said once.
+    while (!waiting_.empty() && (!speaks_ || waiting_.front().sequence <= sequence)) {
+      if (waiting_.front().counts) complete(waiting_.front(), now);
+      waiting_.pop_front();
+    }
+  }
+
+  /// A view that has not got all of its groups and images.
+  struct Waiting {
+    std::uint32_t sequence = 0;
+    double sent_at = 0.0;
+    bool counts = true;
+  };
+  void complete(const Waiting& view, double now) {
+    measured_.complete.push_back(now - view.sent_at);
+    if (last_group_at_ > view.sent_at) measured_.groups.push_back(last_group_at_ - view.sent_at);
   }
 
   Measured& measured_;
@@ -170,9 +221,10 @@ class Flyer {
   std::unique_ptr<support::WsViewer> viewer_;
   const protocol::Welcome* welcome_ = nullptr;
   const bool speaks_;  // the protocol, which the peer does not
-  bool got_first_ = true, is_complete_ = true;
+  bool got_first_ = true;
   std::uint32_t sequence_ = 0;
-  double sent_at_ = 0.0, last_group_ = 0.0;
+  std::deque<Waiting> waiting_;  // the oldest first
+  double last_group_at_ = 0.0;
 };
 
 /// Waits for what the viewers' sockets get.
@@ -249,26 +301,51 @@ Measured jump(std::uint16_t port, std::size_t viewers, double seconds, const pro
   return measured;
 }
 
-/// Each viewer sends `rate` views a second along its circle, one turn a minute.
-Measured fly(std::uint16_t port, std::size_t viewers, double rate, double seconds, const protocol::Welcome& welcome) {
+/// So many viewers, each of whom sends so many views a second.
+struct Flight {
+  std::size_t viewers = 0;
+  double rate = 0.0;
+};
+
+std::vector<Flight> flightsFrom(const std::string& text) {
+  std::vector<Flight> flights;
+  for (std::size_t at = 0; at < text.size();) {
+    const std::size_t end = std::min(text.find(',', at), text.size());
+    Flight flight;
+    if (std::sscanf(text.substr(at, end - at).c_str(), "%zux%lf", &flight.viewers, &flight.rate) != 2 ||
+        flight.viewers < 1 || flight.viewers > 2000 || !(flight.rate >= 1.0 && flight.rate <= 1000.0))
+      bench::stop("--flights takes such as 64x10,16x60");
+    flights.push_back(flight);
+    at = end + 1;
+  }
+  return flights;
+}
+
+constexpr double kBeforeCounting = 1.0;  // seconds
+
+/// Each viewer flies along its circle, one turn a minute. `begin` is called when views begin to count.
+template <class Begin>
+Measured fly(std::uint16_t port, const Flight& flight, double seconds, const protocol::Welcome& welcome, Begin begin) {
   Measured measured;
-  auto flyers = openFlyers(port, viewers, measured, welcome, true);
+  auto flyers = openFlyers(port, flight.viewers, measured, welcome, true);
   Poll poll;
   poll.add(flyers);
   const double start = bench::seconds();
+  const double count_from = start + kBeforeCounting;
   std::vector<double> next;
-  for (std::size_t i = 0; i < viewers; ++i)
-    next.push_back(start + static_cast<double>(i) / static_cast<double>(viewers) / rate);
-  while (bench::seconds() - start < seconds) {
-    const double now = bench::seconds();
-    for (std::size_t i = 0; i < viewers; ++i) {
+  for (std::size_t i = 0; i < flyers.size(); ++i)
+    next.push_back(start + static_cast<double>(i) / static_cast<double>(flyers.size()) / flight.rate);
+  bool has_begun = false;
+  for (double now = start; now < count_from + seconds; now = bench::seconds()) {
+    if (now >= count_from && !std::exchange(has_begun, true)) begin(), measured.bytes = 0;
+    for (std::size_t i = 0; i < flyers.size(); ++i) {
       if (now < next[i]) continue;
-      next[i] += 1.0 / rate;
-      flyers[i]->look((now - start) / 60.0);
+      next[i] += 1.0 / flight.rate;
+      flyers[i]->look((now - start) / 60.0, has_begun);
     }
     poll.wait(std::min(0.02, *std::min_element(next.begin(), next.end()) - bench::seconds()), [](Flyer&) {});
   }
-  measured.seconds = bench::seconds() - start;
+  measured.seconds = bench::seconds() - count_from;
   return measured;
 }
 
@@ -294,66 +371,119 @@ std::vector<std::vector<base::Bytes>> messagesOfAVisit(std::uint16_t port, const
 
 void print(const char* name, const Measured& m, double cpu) {
   std::printf(
-      "%-12s %7.0f MB/s  %6.0f views/s  %5.1f %% complete  first p50 %6.1f p99 %7.1f ms  groups p99 %7.1f ms  "
-      "complete p50 %6.1f p99 %7.1f ms  CPU %5.2f ms a view\n",
+      "%-12s %7.0f MB/s  %6.0f views/s  first p50 %6.1f p99 %7.1f ms  groups p99 %7.1f ms  complete p50 %6.1f p99 "
+      "%7.1f ms  CPU %5.2f ms a view\n",
       name, 1e-6 * static_cast<double>(m.bytes) / m.seconds, static_cast<double>(m.views) / m.seconds,
-      100.0 * static_cast<double>(m.completed) / static_cast<double>(std::max<std::uint64_t>(1, m.views)),
       1e3 * quantile(m.first, 0.5), 1e3 * quantile(m.first, 0.99), 1e3 * quantile(m.groups, 0.99),
       1e3 * quantile(m.complete, 0.5), 1e3 * quantile(m.complete, 0.99),
       1e3 * cpu / static_cast<double>(std::max<std::uint64_t>(1, m.views)));
   std::fflush(stdout);
 }
 
+/// Views that the server planned for so far.
+double viewsPlanned(std::uint16_t port) {
+  const std::string text = server::httpRequest(port, "/metrics").body;
+  const auto at = text.find("\nlumigrid_views_planned_total");
+  if (at == std::string::npos) bench::stop("the server tells no number of planned views");
+  return std::strtod(text.c_str() + text.find(' ', at), nullptr);
+}
+
+/// One flight on a server of its own, so that no flight finds what another one left; prints its row.
+Measured flyAlone(const Served& served, const Flight& flight, double seconds) {
+  const ServeProcess serve(served);
+  const protocol::Welcome welcome = welcomeFrom(serve.port);
+  double cpu = 0.0, planned = 0.0;
+  CoreSeconds cores;
+  Measured m = fly(serve.port, flight, seconds, welcome,
+                   [&] { cpu = serve.cpuSeconds(), planned = viewsPlanned(serve.port), cores = CoreSeconds::now(); });
+  cpu = serve.cpuSeconds() - cpu, planned = viewsPlanned(serve.port) - planned;
+  const CoreSeconds end = CoreSeconds::now();
+  std::printf(
+      "%4zu at %2.0f/s %6.1f MB/s  groups p50 %6.1f p99 %6.1f ms  images p50 %6.1f p99 %6.1f ms  late %5.2f %%  "
+      "planned "
+      "%4.0f of %4.0f views/s  CPU %5.2f ms a planned view  cores %3.0f %% busy, server's %3.0f %%\n",
+      flight.viewers, flight.rate, 1e-6 * static_cast<double>(m.bytes) / m.seconds, 1e3 * quantile(m.groups, 0.5),
+      1e3 * quantile(m.groups, 0.99), 1e3 * quantile(m.complete, 0.5), 1e3 * quantile(m.complete, 0.99),
+      100.0 * m.lateShare(), planned / m.seconds, static_cast<double>(m.views) / m.seconds,
+      1e3 * cpu / std::max(1.0, planned), 100.0 * (end.busy - cores.busy) / (end.all - cores.all),
+      100.0 * cpu / m.seconds / static_cast<double>(std::max(1U, std::thread::hardware_concurrency())));
+  std::fflush(stdout);
+  return m;
+}
+
+void climb(const Served& served, Flight flight, double seconds) {
+  constexpr double kGroupsWithin = 0.05, kMostLate = 0.01;
+  constexpr std::size_t kMostViewers = 1500;
+  while (flight.viewers <= kMostViewers) {
+    const Measured m = flyAlone(served, flight, seconds);
+    if (quantile(m.groups, 0.99) > kGroupsWithin || m.lateShare() > kMostLate) return;
+    flight.viewers += (flight.viewers + 1) / 2;
+  }
+}
+
+/// Ratios to the peer of bytes a second, and of the 99th percentile of the first byte.
+struct Ratios {
+  std::vector<double> bytes, first;
+};
+
+void jumpBesidePeer(const Served& served, std::size_t viewers, double seconds, std::uint32_t visit, Ratios& ratios) {
+  const ServeProcess serve(served);
+  const protocol::Welcome welcome = welcomeFrom(serve.port);
+  const server::PlainSender sender(messagesOfAVisit(serve.port, welcome, visit));
+  const double cpu = serve.cpuSeconds();
+  const Measured ours = jump(serve.port, viewers, seconds, welcome, visit, true);
+  print("throughput", ours, serve.cpuSeconds() - cpu);
+  const Measured bare = jump(sender.port(), viewers, seconds, welcome, visit, false);
+  print("  bare Beast", bare, 0.0);
+  ratios.bytes.push_back(static_cast<double>(ours.bytes) / ours.seconds * bare.seconds /
+                         static_cast<double>(bare.bytes));
+  ratios.first.push_back(quantile(ours.first, 0.99) / quantile(bare.first, 0.99));
+}
+
+void printIdle(const Served& served, std::size_t idle) {
+  const ServeProcess serve(served);
+  const protocol::Welcome welcome = welcomeFrom(serve.port);
+  const double before = serve.memory();
+  Measured measured;
+  auto flyers = openFlyers(serve.port, idle, measured, welcome, true);
+  Poll poll;
+  poll.add(flyers);
+  const double start = bench::seconds();
+  while (bench::seconds() - start < 2.0) poll.wait(0.1, [](Flyer&) {});
+  std::printf("%zu idle viewers: %.1f KB each\n", idle, (serve.memory() - before) / 1e3 / static_cast<double>(idle));
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
-  bench::Arguments arguments(
-      argc, argv,
-      "SCENE [--viewers N] [--idle N] [--rate N] [--seconds N] [--rounds N] [--visit N] [--only throughput|flying]");
+  bench::Arguments arguments(argc, argv,
+                             "SCENE [--viewers N] [--idle N] [--flights NxRATE,...] [--seconds N] [--rounds N] "
+                             "[--visit N] [--only throughput|flying|climb] [--program FILE]");
   const auto viewers = arguments.number<std::size_t>("--viewers", 64, 1, 2000);
   const auto idle = arguments.number<std::size_t>("--idle", 1000, 0, 3000);
-  const auto rate = arguments.number<unsigned>("--rate", 10, 1, 1000);
+  const auto flights = flightsFrom(arguments.text("--flights", "64x10,16x60"));
   const auto seconds = arguments.number<unsigned>("--seconds", 8, 1, 3600);
   const auto rounds = arguments.number<unsigned>("--rounds", 3, 1, 100);
   const auto visit = arguments.number<std::uint32_t>("--visit", 8, 1, 1000);
   const std::string only = arguments.text("--only", "");
+  const std::string program = arguments.text("--program", LUMIGRID_PROGRAM);
   arguments.finish();
   if (arguments.input().empty()) arguments.wrong();
+  const Served served{program, arguments.input()};
 
-  std::vector<double> ratios, first_ratios;
+  if (only == "climb") {
+    for (const Flight& flight : flights) climb(served, flight, seconds);
+    return 0;
+  }
+  Ratios ratios;
   for (unsigned round = 0; round < rounds; ++round) {
-    const ServeProcess serve(arguments.input());
-    const protocol::Welcome welcome = welcomeFrom(serve.port);
-    const server::PlainSender sender(messagesOfAVisit(serve.port, welcome, visit));
-    double cpu = serve.cpuSeconds();
-    if (only != "flying") {
-      const Measured ours = jump(serve.port, viewers, seconds, welcome, visit, true);
-      print("throughput", ours, serve.cpuSeconds() - cpu);
-      const Measured bare = jump(sender.port(), viewers, seconds, welcome, visit, false);
-      print("  bare Beast", bare, 0.0);
-      ratios.push_back(static_cast<double>(ours.bytes) / ours.seconds * bare.seconds / static_cast<double>(bare.bytes));
-      first_ratios.push_back(quantile(ours.first, 0.99) / quantile(bare.first, 0.99));
-    }
+    if (only != "flying") jumpBesidePeer(served, viewers, seconds, visit, ratios);
     if (only == "throughput") continue;
-    cpu = serve.cpuSeconds();
-    const Measured flying = fly(serve.port, viewers, rate, seconds, welcome);
-    print("flying", flying, serve.cpuSeconds() - cpu);
+    for (const Flight& flight : flights) flyAlone(served, flight, seconds);
   }
-  if (!ratios.empty())
+  if (!ratios.bytes.empty())
     std::printf("bytes per second over the peer's: %.2f; p99 of the first byte over the peer's: %.1f (medians of %u)\n",
-                bench::median(ratios), bench::median(first_ratios), rounds);
-
-  if (idle > 0) {
-    const ServeProcess serve(arguments.input());
-    const protocol::Welcome welcome = welcomeFrom(serve.port);
-    const double before = serve.memory();
-    Measured measured;
-    auto flyers = openFlyers(serve.port, idle, measured, welcome, true);
-    Poll poll;
-    poll.add(flyers);
-    const double start = bench::seconds();
-    while (bench::seconds() - start < 2.0) poll.wait(0.1, [](Flyer&) {});
-    std::printf("%zu idle viewers: %.1f KB each\n", idle, (serve.memory() - before) / 1e3 / static_cast<double>(idle));
-  }
+                bench::median(ratios.bytes), bench::median(ratios.first), rounds);
+  if (idle > 0) printIdle(served, idle);
   return 0;
 }

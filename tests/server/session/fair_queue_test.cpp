@@ -230,6 +230,27 @@ TEST(FairQueue, isBehindWhereMoreClientsWaitThanThreads) {
   gate.open();
 }
 
+TEST(FairQueue, hasAFreeThreadWhereNobodyWaitsAndOneIsIdle) {
+  FairQueue one(1), two(2);
+  Gate gate, first, second;
+  EXPECT_TRUE(one.hasFreeThread());
+  one.submit(1, gate.job());
+  gate.waitUntilBegun();
+  EXPECT_TRUE(one.hasFreeThread()) << "a thread that is alone is free for the job that it does";
+  one.submit(2, [] {});
+  EXPECT_FALSE(one.hasFreeThread());
+  gate.open();
+
+  two.submit(1, first.job());
+  first.waitUntilBegun();
+  EXPECT_TRUE(two.hasFreeThread());
+  two.submit(2, second.job());
+  second.waitUntilBegun();
+  EXPECT_FALSE(two.hasFreeThread());
+  first.open();
+  second.open();
+}
+
 // Two viewers of a scene whose disk hangs have both threads, and two more wait. The viewer of another scene is served,
 // again and again, and the rest of the first scene's when the disk is back.
 TEST(FairQueue, aGroupThatHangsKeepsNoOther) {

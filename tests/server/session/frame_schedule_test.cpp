@@ -614,5 +614,15 @@ TEST(FrameSchedule, whileTheEyeMovesOthersHaveHalfOfTheLinkAndMoreWhereFramesTak
   EXPECT_LT(beside_large, 2'000'000U);
 }
 
+// A viewer nearby is not asked after each message whether it took that.
+TEST(FrameSchedule, aLinkThatTookMuchIsNotFullOfLittle) {
+  FrameSchedule schedule(1.0);
+  schedule.link().update({1.0, 0, 0, 0.001}, 1'000'000);
+  schedule.link().update({1.1, 60'000, 0, 0.001}, 1'060'000);
+  EXPECT_FALSE(schedule.linkIsFull());
+  schedule.link().update({1.1, 70'000, 0, 0.001}, 1'070'000);
+  EXPECT_TRUE(schedule.linkIsFull());
+}
+
 }  // namespace
 }  // namespace server

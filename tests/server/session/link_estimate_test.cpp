@@ -77,6 +77,23 @@ TEST(LinkEstimate, theRoundTripBeforeTheFirstAcknowledgementTellsNoLowerRate) {
   EXPECT_GE(link.estimate.rate(), before);
 }
 
+// A link that takes each message at once is never measured, as nothing waits for it.
+TEST(LinkEstimate, aLinkThatTookMuchUnmeasuredHasRoomForAPartOfThat) {
+  LinkEstimate estimate;
+  estimate.update({1.0, 1'000, 0, 0.001}, 1'000);
+  EXPECT_TRUE(estimate.isFullUnmeasured());
+  std::uint64_t handed_out = 1'000;
+  for (int i = 1; i <= 100; ++i) {
+    handed_out += 10'000;
+    estimate.update({1.0 + 0.01 * i, 0, 0, 0.001}, handed_out);
+  }
+  EXPECT_FALSE(estimate.isMeasured());
+  estimate.update({2.1, 60'000, 0, 0.001}, handed_out + 60'000);
+  EXPECT_FALSE(estimate.isFullUnmeasured());
+  estimate.update({2.1, 65'000, 0, 0.001}, handed_out + 65'000);
+  EXPECT_TRUE(estimate.isFullUnmeasured());
+}
+
 // A proxy takes 16 kB at once whenever its own link has carried as many.
 TEST(LinkEstimate, acknowledgementsInBurstsTellTheirMean) {
   LinkEstimate estimate;

@@ -38,7 +38,7 @@ class FakeConnection {
   /// Tells that all was written.
   void written() {
     unwritten = 0;
-    runner->tell(state());
+    runner->tellRoom(state());
   }
   /// Takes and writes until Completion(sequence); returns the types' counts.
   std::size_t readUntilComplete(std::uint32_t sequence) {
@@ -85,7 +85,6 @@ TEST(SessionRunner, servesAViewToItsCompletion) {
   EXPECT_EQ(greeting.client_name, "a program");
   ASSERT_EQ(greeting.messages.size(), 1U);
   connection.written();
-  connection.next();
   connection.send(someView(1));
   EXPECT_GT(connection.readUntilComplete(1), 5U);
   const SessionCounts counts = connection.runner->counts();
@@ -103,7 +102,7 @@ TEST(SessionRunner, makesNothingWhileTheConnectionIsFull) {
   connection.unwritten = kBytesAhead;
   connection.send(someView(1));
   EXPECT_TRUE(connection.next().messages.empty());
-  connection.runner->tell(connection.state());
+  connection.runner->tellRoom(connection.state());
   EXPECT_TRUE(connection.next().messages.empty());
   connection.written();
   EXPECT_FALSE(connection.next().messages.empty());
@@ -125,6 +124,34 @@ TEST(SessionRunner, isNotWokenToSeeWhetherAConnectionHasRoomThatTellsOfIt) {
   EXPECT_FALSE(connection.next().messages.empty());
 }
 
+// Each turn hands work from thread to thread and back. A session that has sent all has no use for room.
+TEST(SessionRunner, takesNoTurnForRoomOnceAllIsSent) {
+  TestScene scene;
+  scene.data.ahead_bytes = 0;
+  FairQueue workers(1);
+  FakeConnection connection(scene.data, workers);
+  connection.send(protocol::Hello{protocol::kVersion, "a program"});
+  connection.next();
+  connection.seconds = 1.0;
+  connection.written();
+  connection.send(someView(1));
+  connection.readUntilComplete(1);
+  connection.written();
+
+  std::promise<void> begun, opened;
+  workers.submit(99, [&] {
+    begun.set_value();
+    opened.get_future().wait();
+  });
+  begun.get_future().wait();
+  connection.written();
+  EXPECT_EQ(workers.waiting(), 0U);
+  connection.runner->wake(connection.state());
+  EXPECT_EQ(workers.waiting(), 1U);
+  opened.set_value();
+  connection.next();
+}
+
 // Messages that wait in front of a busy worker are accepted in one turn, which plans for the newest view alone.
 TEST(SessionRunner, ofViewsThatWaitTheNewestIsPlannedFor) {
   const TestScene scene;
@@ -133,7 +160,6 @@ TEST(SessionRunner, ofViewsThatWaitTheNewestIsPlannedFor) {
   connection.send(protocol::Hello{protocol::kVersion, "a program"});
   connection.next();
   connection.written();
-  connection.next();
 
   std::promise<void> begun, opened;
   workers.submit(99, [&] {
@@ -202,7 +228,7 @@ TEST(SessionRunner, nothingComesAfterTheEnd) {
   begun.get_future().wait();
   runner->receive(protocol::encode(protocol::ClientMessage(protocol::Hello{})), {});
   runner->end();
-  runner->tell({});
+  runner->wake({});
   EXPECT_FALSE(runner->isFull());
   opened.set_value();
   workers.stop();
@@ -237,11 +263,12 @@ bool completes(Session& session, std::uint32_t sequence) {
   return complete;
 }
 
-// While others wait, a motion is planned for as often as the scene says, and a jump at once.
+// While others wait, a motion is planned for as often as the scene says, while they work a little more often, and a
+// jump at once.
 TEST(BusySession, plansMotionsSeldom) {
   TestScene scene;
   scene.data.views_per_second = 20.0;
-  for (const bool is_busy : {false, true}) {
+  for (const Load load : {Load::kFree, Load::kShared, Load::kBehind}) {
     Session session(scene.data);
     const auto look = [&](double seconds, std::uint32_t sequence, double x) {
       session.setLink({seconds, 0, 0, 0.0});
@@ -250,20 +277,42 @@ TEST(BusySession, plansMotionsSeldom) {
       EXPECT_TRUE(session.receive(protocol::encode(protocol::ClientMessage(view))));
     };
     EXPECT_TRUE(session.receive(protocol::encode(protocol::ClientMessage(protocol::Hello{}))));
-    session.setBusy(is_busy);
+    session.setLoad(load);
     look(1.0, 1, 0.0);
     EXPECT_TRUE(completes(session, 1));
     look(1.03, 2, 0.5);
-    EXPECT_EQ(completes(session, 2), !is_busy);
-    if (is_busy) {
+    EXPECT_EQ(completes(session, 2), load == Load::kFree);
+    if (load != Load::kFree) {
       ASSERT_TRUE(session.wakeAt());
-      EXPECT_NEAR(*session.wakeAt(), 1.05, 1e-9);
+      EXPECT_NEAR(*session.wakeAt(), load == Load::kShared ? 1.0 + 1.0 / 30.0 : 1.05, 1e-9);
       session.setLink({1.1, 0, 0, 0.0});
       EXPECT_TRUE(completes(session, 2));
     }
     look(1.12, 3, 30.0);
     EXPECT_TRUE(completes(session, 3));
   }
+}
+
+// A plan for the motion costs as much as the view's own, which others wait for meanwhile.
+TEST(BusySession, prefetchesWhenThereIsTime) {
+  TestScene scene;
+  Session session(scene.data);
+  session.setLink({1.0, 0, 0, 0.0});
+  EXPECT_TRUE(session.receive(protocol::encode(protocol::ClientMessage(protocol::Hello{}))));
+  EXPECT_TRUE(session.receive(protocol::encode(protocol::ClientMessage(someView(1)))));
+  session.setLoad(Load::kShared);
+  EXPECT_TRUE(completes(session, 1));
+  const std::uint64_t faces = session.counts().faces;
+  session.setLink({1.1, 0, 0, 0.0});
+  EXPECT_FALSE(session.nextMessage());
+  ASSERT_TRUE(session.wakeAt());
+  EXPECT_GT(*session.wakeAt(), 1.1);
+  session.setLoad(Load::kFree);
+  while (session.nextMessage()) continue;
+  EXPECT_GT(session.counts().faces, faces);
+  session.setLoad(Load::kShared);
+  EXPECT_FALSE(session.nextMessage());
+  EXPECT_FALSE(session.wakeAt()) << "nothing is left to prefetch";
 }
 
 }  // namespace
