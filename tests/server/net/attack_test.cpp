@@ -1,12 +1,17 @@
-// Many kinds of bad peers at once, from one machine, while others look at the scene from another.
+// Many kinds of bad peers at once, from one machine, while others look at the scene from another. With
+// LUMIGRID_LONG_TESTS they go on for ten minutes, and their figures are printed beside those of as quiet a server.
 #include <gtest/gtest.h>
 #include <signal.h>
 
+#include <algorithm>
 #include <atomic>
 #include <chrono>
+#include <cstdio>
+#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <memory>
+#include <mutex>
 #include <nlohmann/json.hpp>
 #include <thread>
 #include <vector>
@@ -20,6 +25,7 @@ namespace server {
 namespace {
 
 using namespace std::chrono_literals;
+using Clock = std::chrono::steady_clock;
 
 constexpr std::uint8_t kAttackers = 66;  // 127.0.0.66; others come from 127.0.0.1
 
@@ -56,30 +62,79 @@ class Attack : public ::testing::Test {
     return resident * static_cast<std::uint64_t>(::sysconf(_SC_PAGESIZE));
   }
 
+  /// Seconds that each of many answers took.
+  struct Answers {
+    std::mutex mutex;
+    std::vector<double> seconds;
+
+    void add(Clock::time_point begin) {
+      const std::lock_guard lock(mutex);
+      seconds.push_back(std::chrono::duration<double>(Clock::now() - begin).count());
+    }
+    std::size_t count() {
+      const std::lock_guard lock(mutex);
+      return seconds.size();
+    }
+    /// The time within which such a share of them came.
+    double atShare(double share) {
+      const std::lock_guard lock(mutex);
+      if (seconds.empty()) return 0.0;
+      std::sort(seconds.begin(), seconds.end());
+      return seconds[static_cast<std::size_t>(share * static_cast<double>(seconds.size() - 1))];
+    }
+  };
+
   /// A viewer that opens, looks at two views and leaves, as often as there is time.
-  void lookAround(std::atomic<int>& views) {
-    for (std::uint32_t visit = 0; !stop_; ++visit) {
+  void lookAround(Answers& views, const std::atomic<bool>& stop) {
+    for (std::uint32_t visit = 0; !stop; ++visit) {
       auto client = LoopbackClient::connect(port_);
       ASSERT_TRUE(client);
       ASSERT_TRUE(client->send(protocol::Hello{}));
       ASSERT_TRUE(client->receive());
       for (std::uint32_t sequence = 1; sequence <= 2; ++sequence) {
+        const auto begin = Clock::now();
         ASSERT_TRUE(client->send(viewOf(welcome_, sequence)));
         for (bool complete = false; !complete;) {
           const auto message = client->receive();
           ASSERT_TRUE(message) << "no message for ten seconds, or the connection ended";
           complete = std::holds_alternative<protocol::Completion>(*message);
         }
-        ++views;
+        views.add(begin);
       }
       client->close();
     }
   }
-  void askForHealth(std::atomic<int>& answers) {
-    for (; !stop_; std::this_thread::sleep_for(20ms)) {
+  void askForHealth(Answers& answers, const std::atomic<bool>& stop) {
+    for (; !stop; std::this_thread::sleep_for(20ms)) {
+      const auto begin = Clock::now();
       ASSERT_EQ(httpRequest(port_, "/healthz").status, 200);
-      ++answers;
+      answers.add(begin);
     }
+  }
+
+  struct Others {
+    Answers views, health;
+    std::vector<std::uint64_t> memory;  // once a second
+  };
+  /// Serves others for so long.
+  void serveOthers(std::chrono::seconds duration, Others& others) {
+    std::atomic<bool> stop = false;
+    std::vector<std::jthread> threads;
+    for (int i = 0; i < 2; ++i) threads.emplace_back([&] { lookAround(others.views, stop); });
+    threads.emplace_back([&] { askForHealth(others.health, stop); });
+    for (auto left = duration; left > 0s && !HasFailure(); left -= 1s) {
+      std::this_thread::sleep_for(1s);
+      others.memory.push_back(memory());
+    }
+    stop = true;
+  }
+  static void print(const char* when, Others& others) {
+    std::printf(
+        "%s: %zu views, p50 %.1f ms, p99 %.1f ms; /healthz p99 %.1f ms, slowest %.1f ms; memory %.0f to %.0f MB\n",
+        when, others.views.count(), 1e3 * others.views.atShare(0.5), 1e3 * others.views.atShare(0.99),
+        1e3 * others.health.atShare(0.99), 1e3 * others.health.atShare(1.0),
+        1e-6 * static_cast<double>(*std::min_element(others.memory.begin(), others.memory.end())),
+        1e-6 * static_cast<double>(*std::max_element(others.memory.begin(), others.memory.end())));
   }
 
   // The attackers.
@@ -161,27 +216,36 @@ class Attack : public ::testing::Test {
 };
 
 TEST_F(Attack, othersAreServedMeanwhile) {
+  const bool is_long = std::getenv("LUMIGRID_LONG_TESTS") != nullptr;
   const std::size_t descriptors_before = descriptors();
   const std::uint64_t memory_before = memory();
-  std::atomic<int> views{0}, answers{0};
-  std::vector<std::thread> threads;
+  Others quiet, attacked;
+  if (is_long) {
+    serveOthers(60s, quiet);
+    print("quiet", quiet);
+  }
+  std::vector<std::jthread> threads;
   threads.emplace_back([this] { trickle(); });
   for (int i = 0; i < 4; ++i) threads.emplace_back([this] { flood(); });
   threads.emplace_back([this] { claim(); });
   threads.emplace_back([this] { misbehave(); });
   threads.emplace_back([this] { askForMuch(); });
   std::this_thread::sleep_for(500ms);
-  for (int i = 0; i < 2; ++i) threads.emplace_back([&] { lookAround(views); });
-  threads.emplace_back([&] { askForHealth(answers); });
-  std::this_thread::sleep_for(5s);
-  const std::uint64_t memory_after = memory();
+  serveOthers(is_long ? 600s : 5s, attacked);
   stop_ = true;
-  for (std::thread& thread : threads) thread.join();
+  threads.clear();
 
-  EXPECT_GT(views, 10);
-  EXPECT_GT(answers, 10);
+  EXPECT_GT(attacked.views.count(), 10U);
+  EXPECT_GT(attacked.health.count(), 10U);
   // 256 connections of one address, each with its buffers and what it claims to hold.
-  EXPECT_LT(memory_after, memory_before + (std::uint64_t{256} << 20));
+  EXPECT_LT(attacked.memory.back(), memory_before + (std::uint64_t{256} << 20));
+  if (is_long) {
+    print("attacked", attacked);
+    // A minute in, all of them have done all that they do.
+    ASSERT_GT(attacked.memory.size(), 60U);
+    EXPECT_LT(*std::max_element(attacked.memory.begin() + 60, attacked.memory.end()),
+              attacked.memory[60] + (std::uint64_t{32} << 20));
+  }
   for (int i = 0; i < 1000 && descriptors() > descriptors_before; ++i) std::this_thread::sleep_for(20ms);
   EXPECT_LE(descriptors(), descriptors_before);
 }
