@@ -103,7 +103,7 @@ TEST_F(CloudTest, filesInDifferentSystemsGiveAWarningAndNone) {
   EXPECT_EQ(scene()["units"], "m");
 }
 
-// What was met on the way must not be lost with a build that fails hours later.
+// A warning must not be lost with a build that fails hours later.
 TEST_F(CloudTest, aWarningIsPrintedBeforeALaterMethodFails) {
   const auto built = run("lumigrid", {"build", cloud("a.las", "32612", "1"), cloud("b.las", "32613", "1"), "-o",
                                       path("scene"), "--methods", "qsplat,hlod", "--quiet"});

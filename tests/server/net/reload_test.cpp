@@ -15,10 +15,10 @@
 #include "tests/server/net/loopback.h"
 #include "tests/server/net/serve_process.h"
 #include "tests/server/net/served_scene.h"
+#include "tests/server/net/tls_tunnel.h"
 #include "tests/server/net/whole_view.h"
 #include "tests/support/certificates.h"
 #include "tests/support/temporary_directory.h"
-#include "tests/support/tls_tunnel.h"
 
 namespace server {
 namespace {
@@ -64,7 +64,7 @@ TEST_F(TlsReload, nobodyNoticesButTheViewersOfTheSceneThatChanged) {
   issue(former);
   ServeProcess server({tower_.path, yard_.path, "--no-access", "--certificate", path("certificate.pem"), "--key",
                        path("key.pem"), "--views-per-second", "1000"});
-  const support::TlsTunnel tunnel(server.port(), {path("former.pem"), path("newer.pem")});
+  const TlsTunnel tunnel(server.port(), {path("former.pem"), path("newer.pem")});
 
   constexpr int kViewers = 32, kInYard = 8;
   std::deque<FlyingViewer> viewers;
@@ -110,7 +110,7 @@ TEST_F(TlsReload, aCertificateWithoutItsKeyLeavesTheFormerOne) {
   authority.write(path("authority.pem"));
   issue(authority);
   ServeProcess server({tower_.path, "--no-access", "--certificate", path("certificate.pem"), "--key", path("key.pem")});
-  const support::TlsTunnel tunnel(server.port(), {path("authority.pem")});
+  const TlsTunnel tunnel(server.port(), {path("authority.pem")});
   expectAView(tunnel.port(), "/ws");
   const long serial = tunnel.lastSerial();
   EXPECT_NE(serial, 0);

@@ -20,7 +20,7 @@
 #include "base/file.h"
 #include "tests/support/ws_viewer.h"
 
-namespace support {
+namespace server {
 
 class TlsTunnel {
  public:
@@ -69,7 +69,7 @@ class TlsTunnel {
     }
   }
   void pass(const base::FileDescriptor& plain, const std::stop_token& stop) {
-    const base::FileDescriptor secret = connectTo(server_);
+    const base::FileDescriptor secret = support::connectTo(server_);
     const Session session(SSL_new(context_.get()), &SSL_free);
     SSL_set_fd(session.get(), secret.get());
     last_serial_ = 0;
@@ -100,4 +100,4 @@ class TlsTunnel {
   std::jthread accepting_;
 };
 
-}  // namespace support
+}  // namespace server
