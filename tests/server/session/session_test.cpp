@@ -848,6 +848,11 @@ TEST(RemoteImages, prefetchRequestsAFewFacesAtATime) {
   EXPECT_FALSE(talk.session.nextFaceRequest()) << "not while the view waits";
   scene.answer(talk.session, *request);
   ASSERT_TRUE(isComplete(talk.drain()));
+  for (const Load load : {Load::kShared, Load::kBehind}) {
+    talk.session.setLoad(load);
+    EXPECT_FALSE(talk.session.nextFaceRequest()) << "not while others work";
+  }
+  talk.session.setLoad(Load::kFree);
   std::size_t ahead = 0;
   while (const auto more = talk.session.nextFaceRequest()) {
     EXPECT_LE(more->size(), 16U);
