@@ -31,6 +31,7 @@ constexpr std::size_t kMaxCloseReason = 120;                  // bytes; RFC 6455
 constexpr auto kPingTimeout = std::chrono::seconds(60);       // for the pong of a peer that is silent
 constexpr std::uint8_t kViewType = 0x02;                      // docs/formats/protocol.md
 constexpr double kMaxWatchSeconds = 10.0;                     // between two looks at a connection's deadlines
+constexpr std::size_t kReadBytesKept = 4096;                  // that a connection keeps between two messages
 
 SessionTotals totalsOf(const SessionCounts& counts) {
   return {.views = counts.views,
@@ -233,6 +234,7 @@ void WebSocketSession::onRead(error_code ec, std::size_t /*bytes_read*/) {
   if (bytes.size() > 0 && *first == kViewType && !asked_at_) asked_at_ = last_heard_;
   runner_->receive({first, first + bytes.size()}, state());
   incoming_.clear();
+  if (incoming_.capacity() > kReadBytesKept) incoming_.shrink_to_fit();
   readOn();
 }
 

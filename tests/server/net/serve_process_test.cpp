@@ -126,6 +126,34 @@ TEST(ServeProcess, aReaderThatGoesAwayEndsNothing) {
   EXPECT_EQ(server.wait(), 0);
 }
 
+// Whoever comes back with a full cache says so in messages of 64 KB, and is then as quiet as others.
+TEST(ServeProcess, aViewerThatSaidMuchKeepsAsLittleAsOthers) {
+  const SceneDirectory scene;
+  ServeProcess server({scene.path, "--no-access"});
+  const auto memory = [&] {
+    std::ifstream in("/proc/" + std::to_string(server.pid()) + "/statm");
+    std::uint64_t pages = 0, resident = 0;
+    in >> pages >> resident;
+    return resident * static_cast<std::uint64_t>(::sysconf(_SC_PAGESIZE));
+  };
+  // One key again and again, so that what is remembered of it is small.
+  const protocol::Holdings much{std::vector<repository::FaceKey>(protocol::kMaxKeysPerMessage), {}};
+  constexpr std::uint64_t kViewers = 80;
+  std::vector<std::unique_ptr<LoopbackClient>> viewers;
+  const auto come = [&](std::uint64_t count) {
+    for (std::uint64_t i = 0; i < count; ++i) {
+      protocol::Welcome welcome;
+      viewers.push_back(viewerAt(server.port(), "/", welcome));
+      ASSERT_TRUE(viewers.back() && viewers.back()->send(much));
+      EXPECT_TRUE(completes(*viewers.back(), welcome, 1));
+    }
+  };
+  ASSERT_NO_FATAL_FAILURE(come(20));  // what is made once is made by them
+  const std::uint64_t before = memory();
+  ASSERT_NO_FATAL_FAILURE(come(kViewers));
+  EXPECT_LT(memory() - before, kViewers * 32'000);
+}
+
 TEST(ServeProcess, namesOfViewersAreEscapedInEachJsonLine) {
   const SceneDirectory scene;
   ServeProcess server({scene.path, "--no-access", "--log-json"});
