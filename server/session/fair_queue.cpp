@@ -24,7 +24,7 @@ FairQueue::FairQueue(unsigned threads, unsigned jobs_at_once)
 }
 
 void FairQueue::stop() {
-  std::vector<std::deque<Job>> dropped;  // they end after the lock, since a job's end may run other code
+  std::vector<std::list<Job>> dropped;  // they end after the lock, since a job's end may run other code
   std::vector<std::jthread> threads;
   {
     const std::lock_guard lock(mutex_);
@@ -96,13 +96,13 @@ void FairQueue::leaveAddress(const Client& client) {
 }
 
 void FairQueue::drop(std::uint64_t client) {
-  std::deque<Job> dropped;  // ends after the lock, since a job's end may run other code
+  std::list<Job> dropped;  // ends after the lock, since a job's end may run other code
   const std::lock_guard lock(mutex_);
   if (const auto it = clients_.find(client); it != clients_.end()) dropped = dropJobs(it->second);
 }
 
 void FairQueue::forget(std::uint64_t client) {
-  std::deque<Job> dropped;
+  std::list<Job> dropped;
   const std::lock_guard lock(mutex_);
   const auto it = clients_.find(client);
   if (it == clients_.end()) return;
@@ -114,7 +114,7 @@ void FairQueue::forget(std::uint64_t client) {
   }
 }
 
-std::deque<FairQueue::Job> FairQueue::dropJobs(Client& client) {
+std::list<FairQueue::Job> FairQueue::dropJobs(Client& client) {
   waiting_ -= client.jobs.size();
   setUnready(client);
   return std::exchange(client.jobs, {});

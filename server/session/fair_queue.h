@@ -10,7 +10,6 @@
 #include <condition_variable>
 #include <cstddef>
 #include <cstdint>
-#include <deque>
 #include <functional>
 #include <list>
 #include <map>
@@ -74,7 +73,7 @@ class FairQueue {
     friend auto operator<=>(const Turn&, const Turn&) = default;
   };
   struct Client {
-    std::deque<Job> jobs;
+    std::list<Job> jobs;
     unsigned running = 0;
     double used = 0.0;          // seconds of threads that it was given
     std::optional<Turn> turn;   // its place in ready_; nothing: it is not there
@@ -107,7 +106,7 @@ class FairQueue {
   void waitForTurn(std::unique_lock<std::mutex>& lock);
   void replaceStalledJobs();
   void runJob(std::unique_lock<std::mutex>& lock, const Turn& turn);
-  std::deque<Job> dropJobs(Client& client);
+  std::list<Job> dropJobs(Client& client);
   Address* addressOf(const Client& client);  ///< null: it has none
   void leaveAddress(const Client& client);
   void leaveGroup(std::uint64_t group);

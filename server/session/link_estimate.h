@@ -2,7 +2,7 @@
 // The estimate of a client's link from what the transport tells: how fast acknowledgements come while more waits to be
 // sent, and how long a message waits. It knows no clock; the transport brings the time.
 #include <cstdint>
-#include <deque>
+#include <list>
 
 namespace server {
 
@@ -74,7 +74,7 @@ class LinkEstimate {
   double busy_seconds_ = 0.0, busy_bytes_ = 0.0;  // since the last sample was taken
   double confirmed_ = 0.0;                        // bytes acknowledged so far
   double arrived_at_ = 0.0;                       // when it last grew, seconds
-  std::deque<Mark> sent_;                         // and not yet acknowledged, the oldest first
+  std::list<Mark> sent_;                          // and not yet acknowledged, the oldest first
   double window_ = kFirstWindow;                  // bytes that TCP has under way at most, as far as its start tells
   double last_traffic_ = 0.0;                     // when bytes were last under way, seconds
 };

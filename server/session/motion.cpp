@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 
 namespace server {
 namespace {
@@ -37,7 +38,7 @@ bool Motion::accept(const base::ViewCamera& camera, double seconds) {
   const bool goes_on = follows(camera, seconds);
   if (!goes_on) views_.clear();
   views_.push_back({camera, seconds});
-  while (views_.size() > 2 && seconds - views_[1].seconds >= kSpan) views_.pop_front();
+  while (views_.size() > 2 && seconds - std::next(views_.begin())->seconds >= kSpan) views_.pop_front();
   return goes_on;
 }
 

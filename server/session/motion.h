@@ -1,6 +1,6 @@
 #pragma once
 // The motion of a client's eye, from the views that it sent and the times at which they arrived.
-#include <deque>
+#include <list>
 
 #include "base/camera.h"
 
@@ -33,7 +33,7 @@ class Motion {
   bool follows(const base::ViewCamera& camera, double seconds) const;
 
   double reach_;
-  std::deque<Timed> views_;  // of one motion, oldest first
+  std::list<Timed> views_;  // of one motion, oldest first
 };
 
 }  // namespace server
