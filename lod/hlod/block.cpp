@@ -2,8 +2,8 @@
 
 #include <algorithm>
 #include <array>
-#include <map>
 #include <optional>
+#include <set>
 #include <utility>
 
 #include "base/check.h"
@@ -102,10 +102,10 @@ std::vector<std::uint32_t> decodedCorners(const Piece& piece, base::ByteView byt
 
 /// The places 3 · triangle + corner of the decoded triangles at which the edges begin, ascending.
 std::vector<std::uint32_t> edgePlaces(const NodeGeometry& geometry, const std::vector<std::uint32_t>& corners) {
-  std::map<std::pair<std::uint32_t, std::uint32_t>, std::uint32_t> edges;
+  std::set<std::pair<std::uint32_t, std::uint32_t>> edges;
   const auto ends = [](std::uint32_t a, std::uint32_t b) { return std::pair(std::min(a, b), std::max(a, b)); };
   for (std::size_t i = 0; i < geometry.edges.size(); i += 2)
-    edges.emplace(ends(geometry.edges[i], geometry.edges[i + 1]), 0);
+    edges.insert(ends(geometry.edges[i], geometry.edges[i + 1]));
   LUMIGRID_CHECK_EQ(edges.size(), geometry.edges.size() / 2);
   std::vector<std::uint32_t> places;
   for (std::size_t place = 0; place < corners.size() && !edges.empty(); ++place) {

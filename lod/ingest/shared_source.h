@@ -40,7 +40,7 @@ class SharedSource {
   /// Whether the triangles are sorted as a method wants them.
   bool sortsAs(const StitchOptions& stitch, std::uint32_t position_bits) const;
   /// Goes through Stage::kSorted, or opens the buckets again. `reads`: not only their tables are wanted. Errors: those
-  /// of sortSource, damaged work files where the buckets are gone.
+  /// of sortSpool, damaged work files where the buckets are gone.
   base::Result<Buckets> sortTriangles(const ImportedSource& source, const SourceLattice& lattice, BucketOptions options,
                                       bool reads);
   /// One method has all that it needs of the buckets.
@@ -60,7 +60,7 @@ class SharedSource {
   std::optional<WorkDirectory> directory_;
   std::optional<ImportedSource> source_;
   std::mutex mutex_;  // of what follows and of the counts of users, since the threads that store stages leave, too
-  bool is_sorted_ = false;  // and on disk
+  bool is_sorted_ = false;  // the buckets are on disk
 };
 
 }  // namespace lod::ingest

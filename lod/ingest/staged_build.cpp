@@ -253,13 +253,6 @@ base::Result<Buckets> sortSpool(WorkDirectory& directory, const std::function<ba
   return buckets;
 }
 
-base::Result<Buckets> sortSource(WorkDirectory& directory, const ImportedSource& source, const SourceLattice& lattice,
-                                 const BucketOptions& options) {
-  const auto open = [&] { return openSource(directory, source); };
-  return sortSpool(
-      directory, open, [path = directory.path()] { SourceSpool::remove(path); }, source.info, lattice, options);
-}
-
 namespace {
 
 /// How far apart 32-bit floats are at the farthest coordinate of the source; 0 where its coordinates are no floats.

@@ -118,9 +118,6 @@ base::Result<SourceSpool> openSource(const WorkDirectory& directory, const Impor
 base::Result<Buckets> sortSpool(WorkDirectory& directory, const std::function<base::Result<SourceSpool>()>& open,
                                 std::function<void()> leave, const SourceInfo& info, const SourceLattice& lattice,
                                 const BucketOptions& options);
-/// The same where both share a directory; the spool is removed.
-base::Result<Buckets> sortSource(WorkDirectory& directory, const ImportedSource& source, const SourceLattice& lattice,
-                                 const BucketOptions& options);
 
 /// A line that says that more than a hundredth of the triangles are lost since their vertices fall together, and what
 /// to do; empty where fewer are. `collapsed`: how many.

@@ -9,13 +9,11 @@
 #include <filesystem>
 #include <functional>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include "base/egl/headless.h"
 #include "base/file.h"
 #include "base/format_text.h"
-#include "base/parallel.h"
 #include "base/picture_error.h"
 #include "compare/chart.h"
 #include "repository/faces/face_image.h"

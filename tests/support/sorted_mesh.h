@@ -8,6 +8,15 @@
 
 namespace support {
 
+/// Sorts what lies imported in the directory, as a build that shares its source with no other.
+inline base::Result<lod::ingest::Buckets> sortImported(lod::ingest::WorkDirectory& directory,
+                                                       const lod::ingest::ImportedSource& source,
+                                                       const lod::ingest::SourceLattice& lattice,
+                                                       const lod::ingest::BucketOptions& options) {
+  const auto open = [&] { return lod::ingest::openSource(directory, source); };
+  return lod::ingest::sortSpool(directory, open, {}, source.info, lattice, options);
+}
+
 struct SortedMesh {
   TemporaryDirectory scratch;
   lod::ingest::SourceLattice lattice;
@@ -21,7 +30,7 @@ struct SortedMesh {
     const auto input = sourceFromFiles({scratch / "mesh.ply"}, {}, 2);
     const auto source = importSource(*directory, *input, 2);
     lattice = makeLattice(source->info, source->origin, 0);
-    buckets = sortSource(*directory, *source, lattice, {{threads, memory}, stitch, {}, false});
+    buckets = sortImported(*directory, *source, lattice, {{threads, memory}, stitch, {}, false});
   }
 };
 

@@ -25,6 +25,11 @@ class FakeConnection {
   ~FakeConnection() { runner->end(); }
 
   void send(const protocol::ClientMessage& message) { runner->receive(protocol::encode(message), state()); }
+  /// Says Hello and takes the answer.
+  void greet() {
+    send(protocol::Hello{protocol::kVersion, "a program"});
+    next();
+  }
   /// Waits for the output of the next turn and takes it.
   SessionOutput next() {
     std::unique_lock lock(mutex_);
@@ -63,6 +68,22 @@ class FakeConnection {
   std::mutex mutex_;
   std::condition_variable changed_;
   std::deque<SessionOutput> outputs_;
+};
+
+/// Keeps the only thread of the workers until it is freed.
+class BusyThread {
+ public:
+  explicit BusyThread(FairQueue& workers) {
+    workers.submit(99, [this, freed = freed_.get_future().share()] {
+      begun_.set_value();
+      freed.wait();
+    });
+    begun_.get_future().wait();
+  }
+  void free() { freed_.set_value(); }
+
+ private:
+  std::promise<void> begun_, freed_;
 };
 
 protocol::View someView(std::uint32_t sequence) {
@@ -113,8 +134,7 @@ TEST(SessionRunner, isNotWokenToSeeWhetherAConnectionHasRoomThatTellsOfIt) {
   const TestScene scene;
   FairQueue workers(2);
   FakeConnection connection(scene.data, workers);
-  connection.send(protocol::Hello{protocol::kVersion, "a program"});
-  connection.next();
+  connection.greet();
   connection.unwritten = 1000;  // less than it may hold, and nothing is known of the link yet
   connection.send(someView(1));
   const SessionOutput output = connection.next();
@@ -130,25 +150,19 @@ TEST(SessionRunner, takesNoTurnForRoomOnceAllIsSent) {
   scene.data.ahead_bytes = 0;
   FairQueue workers(1);
   FakeConnection connection(scene.data, workers);
-  connection.send(protocol::Hello{protocol::kVersion, "a program"});
-  connection.next();
+  connection.greet();
   connection.seconds = 1.0;
   connection.written();
   connection.send(someView(1));
   connection.readUntilComplete(1);
   connection.written();
 
-  std::promise<void> begun, opened;
-  workers.submit(99, [&] {
-    begun.set_value();
-    opened.get_future().wait();
-  });
-  begun.get_future().wait();
+  BusyThread busy(workers);
   connection.written();
   EXPECT_EQ(workers.waiting(), 0U);
   connection.runner->wake(connection.state());
   EXPECT_EQ(workers.waiting(), 1U);
-  opened.set_value();
+  busy.free();
   connection.next();
 }
 
@@ -157,19 +171,13 @@ TEST(SessionRunner, ofViewsThatWaitTheNewestIsPlannedFor) {
   const TestScene scene;
   FairQueue workers(1);
   FakeConnection connection(scene.data, workers);
-  connection.send(protocol::Hello{protocol::kVersion, "a program"});
-  connection.next();
+  connection.greet();
   connection.written();
 
-  std::promise<void> begun, opened;
-  workers.submit(99, [&] {
-    begun.set_value();
-    opened.get_future().wait();
-  });
-  begun.get_future().wait();
+  BusyThread busy(workers);
   for (std::uint32_t sequence = 1; sequence <= 5; ++sequence) connection.send(someView(sequence));
   EXPECT_FALSE(connection.runner->isFull());
-  opened.set_value();
+  busy.free();
   connection.readUntilComplete(5);
   EXPECT_EQ(connection.runner->counts().views, 5U);
 }
@@ -178,12 +186,7 @@ TEST(SessionRunner, isFullWhenMuchWaitsForATurn) {
   const TestScene scene;
   FairQueue workers(1);
   FakeConnection connection(scene.data, workers);
-  std::promise<void> begun, opened;
-  workers.submit(99, [&] {
-    begun.set_value();
-    opened.get_future().wait();
-  });
-  begun.get_future().wait();
+  BusyThread busy(workers);
   for (std::size_t i = 0; i < kMaxEvents; ++i) {
     EXPECT_FALSE(connection.runner->isFull());
     connection.send(someView(1));
@@ -195,7 +198,7 @@ TEST(SessionRunner, isFullWhenMuchWaitsForATurn) {
     other.runner->receive(base::Bytes(60'000, 1), other.state());
   }
   EXPECT_TRUE(other.runner->isFull());
-  opened.set_value();
+  busy.free();
   connection.next();
   EXPECT_FALSE(connection.runner->isFull());
 }
@@ -220,17 +223,12 @@ TEST(SessionRunner, nothingComesAfterTheEnd) {
   int outputs = 0;
   const auto runner =
       std::make_shared<SessionRunner>(scene.data, nullptr, workers, 1, [&](const SessionOutput&) { ++outputs; });
-  std::promise<void> begun, opened;
-  workers.submit(99, [&] {
-    begun.set_value();
-    opened.get_future().wait();
-  });
-  begun.get_future().wait();
+  BusyThread busy(workers);
   runner->receive(protocol::encode(protocol::ClientMessage(protocol::Hello{})), {});
   runner->end();
   runner->wake({});
   EXPECT_FALSE(runner->isFull());
-  opened.set_value();
+  busy.free();
   workers.stop();
   EXPECT_EQ(outputs, 0);
 }

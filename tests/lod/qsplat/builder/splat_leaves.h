@@ -5,6 +5,7 @@
 #include "lod/ingest/staged_build.h"
 #include "lod/qsplat/builder/mesh_leaves.h"
 #include "tests/support/ply_file.h"
+#include "tests/support/sorted_mesh.h"
 #include "tests/support/temporary_directory.h"
 
 namespace support {
@@ -48,7 +49,7 @@ inline MeshSplats splatsOf(const Mesh& mesh, double dice = 0.0) {
   EXPECT_TRUE(source);
   out.lattice = makeLattice(source->info, source->origin, 0);
   const auto buckets =
-      sortSource(*directory, *source, out.lattice, {{1, std::uint64_t{64} << 20}, {.on = false}, {}, false});
+      sortImported(*directory, *source, out.lattice, {{1, std::uint64_t{64} << 20}, {.on = false}, {}, false});
   EXPECT_TRUE(buckets);
   MeshLeaves leaves(*buckets, out.lattice, dice);
   EXPECT_TRUE(leaves.measureBorder(1, {}));
