@@ -30,6 +30,8 @@ class TlsTunnel {
     for (const std::string& file : authorities)
       EXPECT_EQ(SSL_CTX_load_verify_locations(context_.get(), file.c_str(), nullptr), 1) << file;
     SSL_CTX_set_verify(context_.get(), SSL_VERIFY_PEER, nullptr);
+    // Reading what is a session ticket alone must not wait for a message: the client may still have to ask for one.
+    SSL_CTX_clear_mode(context_.get(), SSL_MODE_AUTO_RETRY);
     listener_ = base::FileDescriptor(::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0));
     sockaddr_in address{};
     address.sin_family = AF_INET;
@@ -86,6 +88,7 @@ class TlsTunnel {
       }
       if (ends[1].revents != 0 || SSL_pending(session.get()) > 0) {
         const int got = SSL_read(session.get(), piece.data(), static_cast<int>(piece.size()));
+        if (got <= 0 && SSL_get_error(session.get(), got) == SSL_ERROR_WANT_READ) continue;
         if (got <= 0 || ::send(plain.get(), piece.data(), static_cast<std::size_t>(got), MSG_NOSIGNAL) != got) return;
       }
     }
