@@ -179,7 +179,9 @@ std::optional<FairQueue::Turn> FairQueue::nextTurn() const {
 void FairQueue::waitForTurn(std::unique_lock<std::mutex>& lock) {
   const auto oldest = std::find_if(running_.begin(), running_.end(), [](const Running& job) { return job.counts; });
   if (waiting_ == 0 || oldest == running_.end() || counted_ < thread_count_) return changed_.wait(lock);
+  is_watched_ = true;
   changed_.wait_until(lock, oldest->start + kStallTime);
+  is_watched_ = false;
   replaceStalledJobs();
 }
 
@@ -246,8 +248,10 @@ void FairQueue::setReady(std::uint64_t number, Client& client) {
   double used = client.used;
   if (const Address* const address = addressOf(client)) used = std::max(used, address->used / kClientsOfAddress);
   client.turn = Turn{used, next_turn_++, number};
-  groups_.at(client.group).ready.insert(*client.turn);
-  changed_.notify_one();
+  Group& group = groups_.at(client.group);
+  group.ready.insert(*client.turn);
+  // Where all threads are busy, one that ends its job looks by itself.
+  if (group.is_stalled || counted_ < thread_count_ || !is_watched_) changed_.notify_one();
 }
 
 void FairQueue::setUnready(Client& client) {
