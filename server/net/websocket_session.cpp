@@ -31,7 +31,9 @@ constexpr std::size_t kMaxCloseReason = 120;                  // bytes; RFC 6455
 constexpr auto kPingTimeout = std::chrono::seconds(60);       // for the pong of a peer that is silent
 constexpr std::uint8_t kViewType = 0x02;                      // docs/formats/protocol.md
 constexpr double kMaxWatchSeconds = 10.0;                     // between two looks at a connection's deadlines
-constexpr std::size_t kReadBytesKept = 4096;                  // that a connection keeps between two messages
+// Room for a View, and what a connection keeps between two messages; larger ones come in larger pieces after that.
+constexpr std::size_t kFirstRead = 256;
+constexpr std::size_t kNextRead = 65536;
 
 SessionTotals totalsOf(const SessionCounts& counts) {
   return {.views = counts.views,
@@ -202,9 +204,12 @@ void WebSocketSession::startRunner() {
 
 // ---- Messages of the viewer
 
+/// Begins or goes on with a message. Reading a whole one would make room for 1.5 KB before anything has come, which
+/// each quiet viewer would cost.
 void WebSocketSession::doRead() {
   reading_ = true;
-  socket_.async_read(incoming_, beast::bind_front_handler(&WebSocketSession::onRead, self<WebSocketSession>()));
+  socket_.async_read_some(incoming_, incoming_.size() == 0 ? kFirstRead : kNextRead,
+                          beast::bind_front_handler(&WebSocketSession::onRead, self<WebSocketSession>()));
 }
 
 /// Reads the next message, unless more of them wait already than a session takes at a time. A viewer that sends more
@@ -228,6 +233,7 @@ void WebSocketSession::onRead(error_code ec, std::size_t /*bytes_read*/) {
   if (ec == websocket::error::closed) return fail("the viewer left");
   if (ec) return fail("read: " + ec.message());
   if (closing_) return;
+  if (!socket_.is_message_done()) return doRead();
   if (!socket_.got_binary()) return close(websocket::close_code::unknown_data, "messages are binary");
   last_heard_ = seconds();
   const auto bytes = incoming_.cdata();
@@ -236,7 +242,7 @@ void WebSocketSession::onRead(error_code ec, std::size_t /*bytes_read*/) {
   if (bytes.size() > 0 && *first == kViewType && !asked_at_) asked_at_ = last_heard_;
   runner_->receive({first, first + bytes.size()}, state());
   incoming_.clear();
-  if (incoming_.capacity() > kReadBytesKept) incoming_.shrink_to_fit();
+  if (incoming_.capacity() > kFirstRead) incoming_.shrink_to_fit();
   readOn();
 }
 
