@@ -51,7 +51,8 @@ struct StreamedOptions : StreamedQuality {
   /// A place from which the light of shadows shines, world; nothing: it is infinitely far in the direction of
   /// StreamedLook::shading. The viewer's own light takes its place.
   std::optional<glm::dvec3> light_position;
-  /// Diameter of the light of soft shadows: scene units where it has a place, else radians as seen from the scene.
+  /// Diameter of the light of soft shadows: scene units where it has a place, else radians as seen from the scene. 0 of
+  /// one that has a place: as wide as the sun from the middle of the scene.
   float light_size = lod::hlod::kSunSize;
 
   std::uint64_t decode_per_frame = 200'000;  ///< as in lod::pmr::StreamOptions and lod::hlod::StreamOptions

@@ -523,6 +523,22 @@ TEST_P(HlodShadows, aLightThatHasAPlaceShinesFromThereUntilTheViewerHasOneOfThei
   EXPECT_GT(darker(own, placed), 300);
 }
 
+TEST_P(HlodShadows, aLightThatHasAPlaceAndNoSizeIsAsWideAsTheSunWhenShadowsBecomeSoft) {
+  StreamedOptions options = shadowed(Shadows::kHard);
+  options.light_position = glm::dvec3(-2.0, 0.0, 0.6);
+  options.light_size = 0.0F;
+  open(options);
+  fetchAll(view());
+  const base::Image hard = draw(view());
+  StreamedQuality quality = streamed_->quality();
+  quality.shadows = Shadows::kSoft;
+  streamed_->setQuality(quality);
+  fetchAll(view());
+  const base::Image soft = draw(view());
+  EXPECT_EQ(stats().shadows, Shadows::kSoft);
+  EXPECT_NE(soft.pixels, hard.pixels);
+}
+
 TEST_P(HlodShadows, softOnesAreHardWhileViewOrLightMoveAndSoftWhenBothRest) {
   const base::Image soft = finished(shadowed(Shadows::kSoft));
   EXPECT_EQ(stats().shadows, Shadows::kSoft) << "every frame is as fine as at rest";
