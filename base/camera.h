@@ -2,6 +2,7 @@
 // Cameras. OpenGL conventions: right-handed, looks along −z, clip depth −1..1.
 #include <glm/glm.hpp>
 #include <glm/gtc/matrix_transform.hpp>
+#include <optional>
 
 #include "base/geometry.h"
 
@@ -76,6 +77,9 @@ inline constexpr glm::vec4 kNoSection{0.0F, 0.0F, 0.0F, 1.0F};
 /// The renderer's camera for a viewer at `view`. near and far in scene units, 0 < near < far (orthographic: near < far,
 /// of either sign).
 Camera cameraFromView(const ViewCamera& view, const glm::dvec3& scene_origin, float near_plane, float far_plane);
+
+/// The distance of a perspective camera's near plane; nothing where its matrix has none.
+std::optional<float> nearPlaneOf(const Camera& camera);
 
 /// The distance from `eye` to the nearest point of a sphere that holds the scene, or a 20000th of the distance to the
 /// farthest point, if that is more: what projected errors are computed for at least.

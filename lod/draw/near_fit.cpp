@@ -58,8 +58,7 @@ NearFit::NearFit(const base::Camera& camera)
     keepNear();
     return;
   }
-  // Clip z = P22 z + P32 with w = −z, which is −w at the near plane.
-  near_ = camera.clip_from_eye[3][2] / (camera.clip_from_eye[2][2] - 1.0F);
+  near_ = base::nearPlaneOf(camera).value_or(0.0F);
   corner_cosine_ = cornerCosine(widened(camera));
 }
 

@@ -17,12 +17,6 @@ float positive(float pixel) {
   return pixel > kSmallestPixel ? pixel : kSmallestPixel;
 }
 
-float nearPlane(const base::Camera& camera) {
-  const glm::mat4& m = camera.clip_from_eye;
-  const float near = m[3][2] / (m[2][2] - 1.0F);
-  return std::isfinite(near) && near > 0.0F ? near : 0.0F;
-}
-
 }  // namespace
 
 float pixelSizeAt(const base::Camera& camera, const base::Aabb& box) {
@@ -35,7 +29,7 @@ float pixelSizeAt(const base::Camera& camera, const base::Aabb& box) {
   float depth = std::numeric_limits<float>::max();
   for (int i = 0; i < 8; ++i) depth = std::min(depth, (clip * glm::vec4(box.corner(i), 1.0F)).w);
   const float distance = glm::length(glm::clamp(camera.eye, box.min, box.max) - camera.eye);
-  depth = std::max({depth, distance * cornerCosine(camera), nearPlane(camera)});
+  depth = std::max({depth, distance * cornerCosine(camera), base::nearPlaneOf(camera).value_or(0.0F)});
   return positive(depth / scale);
 }
 

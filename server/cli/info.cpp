@@ -226,7 +226,7 @@ void printImages(const nlohmann::json& i, const std::string& tuned) {
                 countIn(i, "grid_points").c_str());
   if (i.contains("images_light"))
     std::printf(
-        "  drawn %s, which is no longer the scene's light: all %s faces are to be drawn again: lumigrid build -o "
+        "  drawn %s, by another light than the scene's: all %s faces are to be drawn again: lumigrid build -o "
         "SCENE, where it was built\n",
         textIn(i, "images_light").c_str(), countIn(i, "to_draw_again").c_str());
   if (missing != 0)

@@ -66,7 +66,7 @@ void printText(const std::string& scene, const MissingParts& missing) {
   if (missing.points)
     std::printf("sampling points: not selected yet; of all faces of the grid most will not be needed\n");
   if (missing.images_light)
-    std::printf("images: drawn %s, which is no longer the scene's light; lumigrid build -o %s draws them again\n",
+    std::printf("images: drawn %s, by another light than the scene's; lumigrid build -o %s draws them again\n",
                 base::nameOf(missing.images_light->mode), scene.c_str());
   for (const repository::ShardGaps& shard : missing.images) {
     if (missing.shards != 0) std::printf("shard %u of %u: ", shard.shard.index, shard.shard.count);

@@ -111,17 +111,6 @@ int PatchShadows::findSceneMap(const lod::hlod::TraverseRequest& view, const lod
   return *finest;
 }
 
-void PatchShadows::add(const lod::draw::NodeShadowMap& map, std::size_t slot, std::span<const std::uint32_t> places,
-                       const lod::patch::Hierarchy& hierarchy, std::span<const std::uint32_t> patches,
-                       std::span<const std::uint32_t> maps_of_patch) {
-  Map& added = maps_.emplace_back(Map{&map, slot, {}});
-  for (const std::uint32_t place : places) {
-    const lod::patch::Patch& patch = hierarchy.patches[patches[place]];
-    const float reach = lod::draw::shadowReach(patch.box, patch.own_error, map.casters, stream_.nodes());
-    added.receivers.push_back({patches[place], reach, maps_of_patch[place] > 1});
-  }
-}
-
 base::Result<void> PatchShadows::plan(const lod::hlod::TraverseRequest& view, const lod::patch::Hierarchy& hierarchy,
                                       std::span<const std::uint32_t> patches, bool one_of_many) {
   // Only the nodes' casters are of use. The root's picture stands for all, as a view must have some.
@@ -162,13 +151,21 @@ base::Result<void> PatchShadows::plan(const lod::hlod::TraverseRequest& view, co
     if (maps[i] == 0) lit.push_back(i);
 
   maps_.clear();
+  const auto add = [&](const lod::draw::NodeShadowMap& map, std::size_t slot, std::span<const std::uint32_t> places) {
+    Map& added = maps_.emplace_back(Map{&map, slot, {}});
+    for (const std::uint32_t place : places) {
+      const lod::patch::Patch& patch = hierarchy.patches[patches[place]];
+      const float reach = lod::draw::shadowReach(patch.box, patch.own_error, map.casters, stream_.nodes());
+      added.receivers.push_back({patches[place], reach, maps[place] > 1});
+    }
+  };
   for (const lod::draw::NodeShadowMap& map : std::span(own_.maps).first(own_.maps.size() - 1))
-    add(map, kOwnSlot, map.plan.receivers, hierarchy, patches, maps);
+    add(map, kOwnSlot, map.plan.receivers);
   if (!shared.empty()) {
     const SceneMap& scene = sceneMap(level);
-    add(*scene.map, scene.slot, shared, hierarchy, patches, maps);
+    add(*scene.map, scene.slot, shared);
   }
-  add(own_.maps.back(), kEmptySlot, lit, hierarchy, patches, maps);
+  add(own_.maps.back(), kEmptySlot, lit);
   return {};
 }
 

@@ -73,9 +73,6 @@ class PatchShadows {
   const SceneMap& sceneMap(int level);
   int findSceneMap(const lod::hlod::TraverseRequest& view, const lod::patch::Hierarchy& hierarchy,
                    std::span<const std::uint32_t> patches, std::vector<bool>& served);
-  void add(const lod::draw::NodeShadowMap& map, std::size_t slot, std::span<const std::uint32_t> places,
-           const lod::patch::Hierarchy& hierarchy, std::span<const std::uint32_t> patches,
-           std::span<const std::uint32_t> maps_of_patch);
 
   const std::string path_;
   lod::hlod::Stream stream_;

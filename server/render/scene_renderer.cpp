@@ -60,12 +60,6 @@ std::string directoryOf(const lod::patch::PatchFile& patches) {
   return slash == std::string::npos ? "." : patches.path().substr(0, slash);
 }
 
-/// Returns the distance of the near plane of a perspective matrix: m22 = (f + n) / (n − f), m32 = 2 f n / (n − f).
-float nearPlaneOf(const base::Camera& camera) {
-  const float near_plane = camera.clip_from_eye[3][2] / (camera.clip_from_eye[2][2] - 1.0F);
-  return std::isfinite(near_plane) && near_plane > 0.0F ? near_plane : lod::patch::CutRequest{}.near_plane;
-}
-
 base::Result<void> checkRequest(const base::Camera& camera, const RenderOptions& options) {
   LUMIGRID_TRY(checkPicture(camera, options.supersampling));
   if (!(options.tolerance_px >= 0.0F))
@@ -80,7 +74,7 @@ lod::patch::Cut cutFor(const lod::patch::Hierarchy& hierarchy, const base::Camer
                        bool cull) {
   lod::patch::CutRequest request;
   request.camera = camera;
-  if (!camera.orthographic()) request.near_plane = nearPlaneOf(camera);
+  if (!camera.orthographic()) request.near_plane = base::nearPlaneOf(camera).value_or(request.near_plane);
   request.tolerance_px = options.tolerance_px;
   request.max_triangles = options.max_triangles;
   request.measure = options.measure;
