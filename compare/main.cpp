@@ -89,7 +89,10 @@ void declareVirtual(CLI::App& app, Arguments& a) {
   group.add_flag("--sweep", a.sweep, "each method with all values of its knob");
   group.add_option("--seconds", a.seconds, "duration of each path (12; with --matrix 8)")
       ->check(CLI::Range(0.1, 600.0));
-  group.add_option("--size", a.size, "width and height in pixels")->expected(2)->check(CLI::Range(16, 16384));
+  group.add_option("--size", a.size, "width and height in pixels, as 640 360 or 640x360")
+      ->expected(2)
+      ->delimiter('x')
+      ->check(CLI::Range(16, 16384));
   group.add_option("--instants", a.instants, "pictures judged while a path lasts (12; with --matrix 8)")
       ->check(CLI::Range(1, 10000));
   group.add_option("--judge-at", o.play.also_judged, "seconds after the begin at which pictures are judged, too")

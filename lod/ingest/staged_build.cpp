@@ -294,6 +294,16 @@ std::string lostTriangles(const SourceInfo& info, const SourceLattice& lattice, 
          " makes the mesh's box so large: remove it, or make it a scene of its own";
 }
 
+std::string roundedShapes(const SourceInfo& info, const SourceLattice& lattice) {
+  constexpr double kLeastStepsPerEdge = 8.0;  // a choice: normals are off by some ten degrees
+  const double step = lattice.lattice.step;
+  if (lattice.bits < kMaxLatticeBits || !(kLeastStepsPerEdge * step > info.mean_edge) || info.triangles == 0) return {};
+  return "places are rounded to " + base::formatText("%.3g", step) + ", where edges are about " +
+         base::formatText("%.3g", info.mean_edge) +
+         " long, so that shapes show steps; the mesh's box is that large, as far as " + textOf(info.far_place) +
+         ": remove what lies there if it strayed, or build parts of the mesh as scenes of " + "their own";
+}
+
 std::string lostPoints(const SourceInfo& info, const SourceLattice& lattice, std::uint64_t merged) {
   if (info.triangles > 0 || !(static_cast<double>(merged) > kToldPoints * static_cast<double>(info.vertices)))
     return {};
@@ -320,8 +330,10 @@ void addRepairs(const ImportedSource& source, const Buckets& buckets, const Sour
   summary.border.open_edges = buckets.winding().openEdges();
   summary.border.source_open_edges = std::max(stitched.source_edges, summary.border.open_edges);
   summary.border.largest_movement = stitched.largest_movement * lattice.lattice.step;
-  if (std::string lost = lostTriangles(source.info, lattice, buckets.totals().collapsed); !lost.empty())
-    summary.warnings.push_back(std::move(lost));
+  std::string coarse = lostTriangles(source.info, lattice, buckets.totals().collapsed);
+  if (coarse.empty()) coarse = roundedShapes(source.info, lattice);
+  if (!coarse.empty())
+    summary.warnings.push_back(std::move(coarse));
   else
     warnOfFloats(source.info, buckets.totals().collapsed + buckets.totals().degenerate, summary.warnings);
   if (stitched.too_many != 0)

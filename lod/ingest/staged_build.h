@@ -123,11 +123,15 @@ base::Result<Buckets> sortSpool(WorkDirectory& directory, const std::function<ba
 /// to do; empty where fewer are. `collapsed`: how many.
 std::string lostTriangles(const SourceInfo& info, const SourceLattice& lattice, std::uint64_t collapsed);
 
-/// The same of a source of points, of which so many became one with another; empty for meshes.
+/// A line that says that edges are so short for the mesh's box that the finest lattice changes shapes, and what to do;
+/// empty where it does not.
+std::string roundedShapes(const SourceInfo& info, const SourceLattice& lattice);
+
+/// The line of lostTriangles for a source of points, of which so many became one with another; empty for meshes.
 std::string lostPoints(const SourceInfo& info, const SourceLattice& lattice, std::uint64_t merged);
 
 /// Adds the repairs of reading and sorting to the summary, with warnings where stitching was left out, and of
-/// lostTriangles.
+/// lostTriangles or roundedShapes.
 void addRepairs(const ImportedSource& source, const Buckets& buckets, const SourceLattice& lattice,
                 SourceSummary& summary);
 

@@ -71,7 +71,10 @@ RunCommand addTour(CLI::App& command) {
   command.add_option("--elevation", a->elevation_degrees, "degrees above the horizon")->check(CLI::Range(-89.0, 89.0));
   command.add_option("--distance", a->distance, "from the centre, in diagonals of the bounding box")
       ->check(CLI::Range(0.01, 100.0));
-  command.add_option("--size", a->size, "width and height in pixels")->expected(2)->check(CLI::Range(1, 16384));
+  command.add_option("--size", a->size, "width and height in pixels, as 640 360 or 640x360")
+      ->expected(2)
+      ->delimiter('x')
+      ->check(CLI::Range(1, 16384));
   command
       .add_option(
           "--random", a->random,

@@ -82,7 +82,7 @@ TEST_F(Serve, renderWritesTheGroundTruthAtAnySize) {
   programs::writeText(path("camera.json"), camera.dump());
   for (const char* method : {"full", "patches"}) {
     const auto rendered = run("lumigrid", {"render", scene, "--camera", path("camera.json"), "--method", method,
-                                           "--size", "333", "211", "--supersampling", "2", "-o", path("x.png")});
+                                           "--size", "333x211", "--supersampling", "2", "-o", path("x.png")});
     ASSERT_EQ(rendered.status, 0) << rendered.err;
     auto image = base::readPng(path("x.png"));
     ASSERT_TRUE(image);

@@ -224,8 +224,9 @@ RunCommand addRender(CLI::App& command) {
   command.add_flag("--back-faces", a->back_faces,
                    "--method qsplat: draw what turns its back, too (default: leave it out); for open surfaces that are "
                    "seen from behind");
-  command.add_option("--size", a->size, "width and height in pixels, instead of the camera's")
+  command.add_option("--size", a->size, "width and height in pixels, as 640 360 or 640x360, instead of the camera's")
       ->expected(2)
+      ->delimiter('x')
       ->check(CLI::Range(1, 65536))
       ->default_str("");
   command.add_option("--supersampling", a->supersampling, "n x n samples a pixel")->check(CLI::Range(1, 8));

@@ -189,6 +189,19 @@ TEST_F(SourceImport, lostTrianglesAreToldWithTheirRemedy) {
   EXPECT_EQ(lostTriangles(info, coarse, 11), "");
 }
 
+TEST_F(SourceImport, shapesThatTheFinestLatticeRoundsAreToldOf) {
+  SourceInfo info;
+  info.triangles = 1000, info.mean_edge = 1.0, info.short_edge = 0.5;
+  info.box_max = glm::dvec3(2e5, 10, 10);
+  info.far_place = glm::dvec3(2e5, 0, 0);
+  EXPECT_EQ(roundedShapes(info, makeLattice(info, glm::dvec3(0.0), 0)), "");
+  info.box_max.x = 4e5;
+  const std::string told = roundedShapes(info, makeLattice(info, glm::dvec3(0.0), 0));
+  EXPECT_EQ(told.rfind("places are rounded to 0.191, where edges are about 1 long", 0), 0U) << told;
+  EXPECT_NE(told.find("as far as (200000, 0, 0): remove what lies there"), std::string::npos) << told;
+  EXPECT_EQ(roundedShapes(info, makeLattice(info, glm::dvec3(0.0), 14)), "") << "coarser positions were asked for";
+}
+
 // ---- Repairs
 
 const std::vector<glm::dvec3> kTetrahedronCorners{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
