@@ -53,15 +53,7 @@ void App::configureViewer() {
   std::optional<lod::qsplat::Lens> glass;
   if (lens_) glass = {glm::vec2(*lens_), static_cast<float>(lensRadius())};
   viewer_.setLens(glass);
-  std::optional<base::SectionPlane> plane;
-  if (view_.section.on) {
-    const double side = view_.section.keep_below ? 1.0 : -1.0;
-    plane.emplace();
-    plane->normal = glm::dvec3(0.0);
-    plane->normal[view_.section.axis] = side;
-    plane->offset = side * view_.section.offset;
-  }
-  viewer_.setSection(plane);
+  viewer_.setSection(view_.section.plane());
   if (!std::exchange(pins_changed_, false)) return;
   std::vector<glm::dvec3> pins;
   for (const Annotation& annotation : annotations_) pins.push_back(annotation.position);

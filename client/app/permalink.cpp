@@ -212,6 +212,14 @@ std::string formatPermalink(const ViewState& view) {
   return text;
 }
 
+std::optional<base::SectionPlane> Section::plane() const {
+  if (!on) return std::nullopt;
+  const double side = keep_below ? 1.0 : -1.0;
+  base::SectionPlane plane{glm::dvec3(0.0), side * offset};
+  plane.normal[axis] = side;
+  return plane;
+}
+
 glm::dvec3 OwnLight::direction() const {
   const double h = glm::radians(heading), up = glm::radians(height);
   return {std::cos(up) * std::cos(h), std::cos(up) * std::sin(h), std::sin(up)};

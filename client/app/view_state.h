@@ -1,6 +1,7 @@
 #pragma once
 // The view and its modes: everything that a permalink or a bookmark holds.
 #include <glm/glm.hpp>
+#include <optional>
 
 #include "base/camera.h"
 #include "client/source/method.h"
@@ -14,6 +15,7 @@ struct Section {
   int axis = 2;            ///< 0, 1, 2: x, y, z
   bool keep_below = true;  ///< keeps coordinates below `offset` along the axis, else those above it
   double offset = 0.0;     ///< world coordinate along the axis
+  std::optional<base::SectionPlane> plane() const;  ///< nothing where it is off
   friend bool operator==(const Section&, const Section&) = default;
 };
 

@@ -14,6 +14,7 @@
 #include "base/gl/gl.h"
 #include "base/png/png.h"
 #include "base/stopwatch.h"
+#include "client/native/first_view.h"
 #include "client/native/native_decoder.h"
 #include "client/native/units.h"
 
@@ -27,7 +28,7 @@ constexpr double kPollSeconds = 0.002;
 /// One run along the path.
 class HeadlessRun {
  public:
-  explicit HeadlessRun(const HeadlessOptions& options) : options_(options), here_since_(start_) {}
+  explicit HeadlessRun(const HeadlessOptions& options) : options_(options), path_(options.path), here_since_(start_) {}
 
   base::Result<HeadlessSummary> run();
 
@@ -35,6 +36,7 @@ class HeadlessRun {
   base::Result<void> prepare();
   base::Result<void> openScene(Method method);
   base::Result<void> waitForWelcome();
+  base::Result<void> takeFirstView();
   base::Result<void> checkConnection();
   base::Result<void> settleView(const base::ViewCamera& camera);
   base::Result<void> waitUntil(double seconds, const base::ViewCamera& camera);
@@ -45,6 +47,7 @@ class HeadlessRun {
   bool pump();
 
   const HeadlessOptions& options_;
+  std::vector<base::ViewCamera> path_;
   std::unique_ptr<base::HeadlessContext> context_;
   std::unique_ptr<Link> connection_;
   std::unique_ptr<Viewer> viewer_;
@@ -57,8 +60,6 @@ class HeadlessRun {
 };
 
 base::Result<void> HeadlessRun::prepare() {
-  if (options_.path.empty())
-    return base::Error{base::ErrorCode::kInvalidInput, "the camera path has no frames; give one with at least one"};
   LUMIGRID_TRY(checkUrl(options_.url));
   if (!options_.out_dir.empty()) LUMIGRID_TRY(base::makeDirectories(options_.out_dir));
   LUMIGRID_ASSIGN_OR_RETURN(auto context, base::HeadlessContext::create());
@@ -131,6 +132,16 @@ base::Result<void> HeadlessRun::waitForWelcome() {
   return {};
 }
 
+base::Result<void> HeadlessRun::takeFirstView() {
+  LUMIGRID_ASSIGN_OR_RETURN(const FirstView first,
+                            firstViewOf(*viewer_->session().welcome(), options_.view, options_.width, options_.height));
+  path_ = {first.camera};
+  viewer_->setSection(first.section.plane());
+  if (first.light.on) viewer_->setLight(first.light.direction());
+  if (first.colors_by_resolution) viewer_->setResolutionColors(true);
+  return {};
+}
+
 base::Result<void> HeadlessRun::bindTarget(const base::ViewCamera& camera) {
   if (!target_ || target_->width() != camera.width || target_->height() != camera.height) {
     LUMIGRID_ASSIGN_OR_RETURN(auto target, base::gl::RenderTarget::create(camera.width, camera.height));
@@ -187,11 +198,10 @@ base::Result<void> HeadlessRun::saveFrame(const HeadlessFrame& frame) {
 }
 
 base::Result<void> HeadlessRun::drawFrame(std::size_t index) {
-  const base::ViewCamera& camera = options_.path[index];
+  const base::ViewCamera& camera = path_[index];
   const base::Stopwatch begin;
   if (options_.realtime_fps > 0.0) {
-    LUMIGRID_TRY(
-        waitUntil(static_cast<double>(index) / options_.realtime_fps, options_.path[index == 0 ? 0 : index - 1]));
+    LUMIGRID_TRY(waitUntil(static_cast<double>(index) / options_.realtime_fps, path_[index == 0 ? 0 : index - 1]));
     LUMIGRID_TRY(drawView(camera));
     viewer_->addFrameTime(1e-3 * draw_ms_);
   } else {
@@ -217,7 +227,8 @@ base::Result<void> HeadlessRun::drawFrame(std::size_t index) {
 base::Result<HeadlessSummary> HeadlessRun::run() {
   LUMIGRID_TRY(prepare());
   LUMIGRID_TRY(waitForWelcome());
-  for (std::size_t i = 0; i < options_.path.size(); ++i) LUMIGRID_TRY(drawFrame(i));
+  if (path_.empty()) LUMIGRID_TRY(takeFirstView());
+  for (std::size_t i = 0; i < path_.size(); ++i) LUMIGRID_TRY(drawFrame(i));
   if (!options_.out_dir.empty())
     LUMIGRID_TRY(
         base::writeFileAtomically(options_.out_dir + "/frames.jsonl",

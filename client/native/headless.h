@@ -28,7 +28,9 @@ struct HeadlessFrame {
 
 struct HeadlessOptions {
   std::string url;
-  std::vector<base::ViewCamera> path;  ///< world coordinates; each frame has its own size
+  std::vector<base::ViewCamera> path;  ///< world coordinates; each frame has its own size. Empty: the first view alone
+  std::string view;                    ///< without a path: permalink of the view; empty: that of the scene
+  int width = 1280, height = 720;      ///< without a path: of the picture, pixels
   ViewerOptions viewer;
   bool method_is_default =
       false;  ///< the user named no method: where the scene lacks the data for ViewerOptions::method, another is used

@@ -1,4 +1,4 @@
-// lumigrid-view is the thin client, in a window or headless along a recorded camera path.
+// lumigrid-view is the thin client, in a window or headless.
 #include <CLI/CLI.hpp>
 #include <atomic>
 #include <csignal>
@@ -208,7 +208,7 @@ void addRunOptions(CLI::App& app, Arguments& a) {
                "Say whether the host of a published scene does all that viewers need, and what to change; no pictures")
       ->group("Published scenes");
   app.option_defaults()->group("Headless");
-  app.add_flag("--headless", a.headless, "No window: pictures of --path");
+  app.add_flag("--headless", a.headless, "No window: pictures of --path, or without it one of the first view");
   app.add_option("--path", a.path_file, "Camera path to follow, a JSON file (docs/formats/camera.md)");
   app.add_option("--out", a.run.out_dir, "Folder for frame_0000.png ... and frames.jsonl (docs/formats/headless.md)");
   app.add_option("--settle", a.run.settle_seconds, "Wait for each view to be complete, at most this many seconds")
@@ -219,7 +219,8 @@ void addRunOptions(CLI::App& app, Arguments& a) {
   app.add_flag("--json", a.json, "Print each frame's figures, and a summary, as a line of JSON");
   app.option_defaults()->group("Window");
   app.add_flag("--figures", a.window.show_figures, "Start with the statistics that I shows (default: off)");
-  app.add_option("--view", a.window.view, "Link to begin with, as V copies it (default: the whole scene)");
+  app.add_option("--view", a.window.view,
+                 "Link to begin with, as V copies it, also without a window (default: the scene's own first view)");
   app.add_option("--pictures", a.window.picture_directory, "Folder for the pictures that P saves")
       ->check(CLI::ExistingDirectory);
   app.add_option(
@@ -233,7 +234,8 @@ void addRunOptions(CLI::App& app, Arguments& a) {
 /// The calls stand in the order in which --help lists the options.
 void describe(CLI::App& app, Arguments& a) {
   app.description(
-      "Looks at a scene that a lumigrid server shows: in a window, or with --headless along a recorded camera path.\n"
+      "Looks at a scene that a lumigrid server shows: in a window, or with --headless at its first view, or along a "
+      "camera path.\n"
       "Only the images and coarse patches near the view travel; a small cache keeps them.");
   app.add_option("URL", a.run.url,
                  "The server, as `lumigrid serve` prints it: ws://host:port/ (http:// and host:port mean the same), or "
@@ -352,19 +354,25 @@ base::Result<void> readAccess(Arguments& a) {
 int runHeadlessMode(const Arguments& a) {
   if (!a.window.record_file.empty())
     return printError("--record is for a window, in which somebody moves; leave out --headless", kWrongUsage);
-  if (a.path_file.empty()) return printError("--headless needs --path FILE, a recorded camera path", kWrongUsage);
-  auto path = base::readCameraPath(a.path_file);
-  if (!path) return printError(path.error().message, kFailed);
+  if (!a.path_file.empty() && !a.window.view.empty())
+    return printError("--view is a picture's view, --path those of many; leave one out", kWrongUsage);
 
   client::HeadlessOptions options = a.run;
-  options.path = std::move(path->frames);
+  options.view = a.window.view;
+  options.width = a.window.width;
+  options.height = a.window.height;
+  if (!a.path_file.empty()) {
+    auto path = base::readCameraPath(a.path_file);
+    if (!path) return printError(path.error().message, kFailed);
+    options.path = std::move(path->frames);
+  }
   if (!a.size.empty())
     for (base::ViewCamera& camera : options.path) {
       camera.width = a.window.width;
       camera.height = a.window.height;
     }
   options.cancelled = [] { return interrupted.load(); };
-  const std::size_t count = options.path.size();
+  const std::size_t count = std::max<std::size_t>(1, options.path.size());
   options.on_frame = [&](const client::HeadlessFrame& frame) {
     const bool streamed = frame.stats.streamed.drawn > 0;
     const char* const things = frame.stats.streamed.splats.stream.blocks > 0 ? "splats"
@@ -433,10 +441,8 @@ int runWindowMode(const CLI::App& app, const Arguments& a) {
   if (!a.path_file.empty() || !a.run.out_dir.empty())
     return printError("--path and --out belong to --headless; add it", kWrongUsage);
   if (std::getenv("DISPLAY") == nullptr && std::getenv("WAYLAND_DISPLAY") == nullptr)
-    return printError(
-        "there is no display here (neither DISPLAY nor WAYLAND_DISPLAY is set); use --headless --path FILE "
-        "--out DIR",
-        kFailed);
+    return printError("there is no display here (neither DISPLAY nor WAYLAND_DISPLAY is set); use --headless --out DIR",
+                      kFailed);
   client::WindowOptions options = a.window;
   options.url = a.run.url;
   if (a.use_settings) {

@@ -2,11 +2,13 @@
 #include <signal.h>
 
 #include <chrono>
+#include <filesystem>
 #include <nlohmann/json.hpp>
 #include <set>
 #include <sstream>
 #include <thread>
 
+#include "base/format_text.h"
 #include "base/png/png.h"
 #include "compare/accuracy.h"
 #include "tests/programs/run_program.h"
@@ -159,6 +161,43 @@ TEST_F(Serve, aSceneIsSampledWhereAViewerWas) {
       {"--views-from", scene});
   programs::expectOneLineError(run("lumigrid", {"build", smallMesh(), "-o", path("y"), "--views-from", scene}), 2,
                                {"--views-from", "--views"});
+}
+
+TEST_F(Serve, withoutAPathTheFirstViewIsDrawn) {
+  const std::string scene = smallScene();
+  const auto picture = [&](std::vector<std::string> words) {
+    std::filesystem::remove(path("serve.out"));
+    std::string url;
+    const pid_t server = serve(scene, url);
+    words.insert(words.begin(), {url, "--headless", "--out", path("first"), "--size", "160x120"});
+    const auto seen = run("lumigrid-view", words);
+    ::kill(server, SIGTERM);
+    EXPECT_EQ(programs::wait(server), 0);
+    EXPECT_EQ(seen.status, 0) << seen.err;
+    EXPECT_NE(seen.out.find("frame 1 of 1"), std::string::npos) << seen.out;
+    return programs::readText(path("first/frame_0000.png"));
+  };
+  const std::string whole = picture({"--method", "patches"});
+  const auto image = base::readPng(path("first/frame_0000.png"));
+  ASSERT_TRUE(image);
+  EXPECT_EQ(image->width, 160);
+  EXPECT_EQ(image->height, 120);
+  const auto alpha = [&](int x, int y) { return image->pixels[static_cast<std::size_t>(4 * (160 * y + x) + 3)]; };
+  EXPECT_EQ(alpha(80, 60), 255) << "the model is in the middle";
+  for (int x = 0; x < 160; ++x) EXPECT_EQ(alpha(x, 0) + alpha(x, 119), 0) << "and all of it is in the picture";
+
+  const json told = json::parse(run("lumigrid", {"info", scene, "--json"}).out, nullptr, false)["scene"];
+  ASSERT_TRUE(told.is_object() && told.contains("box_max")) << told;
+  const auto from = told["box_min"].get<std::vector<double>>(), to = told["box_max"].get<std::vector<double>>();
+  const std::string link = base::formatText("v=1&p=%.3f,%.3f,%.3f&a=30,-80&r=2&f=50&m=patches", 0.5 * (from[0] + to[0]),
+                                            0.5 * (from[1] + to[1]), to[2] + 2.0);
+  const std::string above = picture({"--view", link});
+  EXPECT_NE(above, whole);
+  ASSERT_EQ(run("lumigrid", {"set", scene, "--start-view", link}).status, 0);
+  EXPECT_EQ(picture({"--method", "patches"}), above) << "the scene's own first view";
+  programs::expectOneLineError(
+      run("lumigrid-view", {"ws://127.0.0.1:1/", "--headless", "--view", link, "--path", path("x.json")}), 2,
+      {"--view", "--path"});
 }
 
 }  // namespace
