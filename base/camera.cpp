@@ -54,7 +54,7 @@ constexpr float kNearestShare = 1.0F / 20000.0F;
 
 }  // namespace
 
-// Of m22 = (f + n) / (n − f) and m32 = 2 f n / (n − f).
+// The matrix has m22 = (f + n) / (n − f) and m32 = 2 f n / (n − f).
 std::optional<float> nearPlaneOf(const Camera& camera) {
   const float near_plane = camera.clip_from_eye[3][2] / (camera.clip_from_eye[2][2] - 1.0F);
   return std::isfinite(near_plane) && near_plane > 0.0F ? std::optional(near_plane) : std::nullopt;
