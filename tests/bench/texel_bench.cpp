@@ -1,5 +1,4 @@
-// What does a texel that shows the model cost to bake, and how many bytes does it take: tiles beside plain faces, in
-// one run?
+// The cost to bake a texel that shows the model, and its bytes: tiles beside plain faces, in one run.
 //
 //   texel_bench MESH [--grid N] [--runs N] [--work DIRECTORY]
 //
