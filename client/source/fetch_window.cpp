@@ -7,14 +7,11 @@ namespace {
 
 constexpr double kMemory = 5.0;  // seconds; a choice
 constexpr double kGain = 2.0;    // as BBR's
-// A choice: with a quarter of a second links that lose packets idle at times.
-constexpr double kLeastSeconds = 0.5;
 
 }  // namespace
 
 void FetchWindow::answered(const Mark& sent, const Mark& now) {
   const double took = now.at - sent.at;
-  received_ = now.received;
   if (!(took > 0.0) || now.received <= sent.received) return;
   samples_[count_++ % samples_.size()] = {now.at, took, static_cast<double>(now.received - sent.received) / took};
 }
@@ -34,11 +31,7 @@ std::uint64_t FetchWindow::bytes() const {
   double took = kMemory;
   for (const Sample& sample : samples_)
     if (sample.at >= newest - kMemory) took = std::min(took, sample.took);
-  // The first answers are small, so that their rates are the latency's.
-  const bool is_known = received_ >= kLeastBytes;
-  const auto slow = is_known ? static_cast<std::uint64_t>(kLeastSeconds * rate()) : kLeastBytes;
-  const auto least = std::clamp(slow, kLeastOfSlow, kLeastBytes);
-  return std::max(least, static_cast<std::uint64_t>(kGain * rate() * took));
+  return std::max(kLeastBytes, static_cast<std::uint64_t>(kGain * rate() * took));
 }
 
 }  // namespace client

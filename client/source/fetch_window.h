@@ -11,10 +11,8 @@ namespace client {
 
 class FetchWindow {
  public:
-  /// At first, and at least on a link that delivers that much in half a second. A choice: 0.1 s at 5 Mbit/s.
+  /// At least this much may be under way, and at first. A choice: 0.1 s at 5 Mbit/s.
   static constexpr std::uint64_t kLeastBytes = 64 * 1024;
-  /// At least on any link: some images, or the pages of a level's tables.
-  static constexpr std::uint64_t kLeastOfSlow = 16 * 1024;
 
   /// The moment of a request or of its answer, in seconds from any zero, and all bytes received until then.
   struct Mark {
@@ -34,7 +32,6 @@ class FetchWindow {
   };
   std::array<Sample, 32> samples_{};  // the last ones
   std::size_t count_ = 0;             // taken so far; each takes the place of the oldest
-  std::uint64_t received_ = 0;        // bytes, of all answers
 };
 
 }  // namespace client
