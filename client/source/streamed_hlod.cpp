@@ -38,8 +38,8 @@ lod::hlod::ShadowLight StreamedHlod::shadowLight(const StreamedLook& look, bool 
   if (!rests || o.shadows != lod::hlod::Shadows::kSoft) return light;
   // The size of a light that has a place means nothing of one that is infinitely far.
   light.size = o.light_position && !has_place ? lod::hlod::kSunSize : o.light_size;
-  if (has_place && !(light.size > 0.0F) && !stream().nodes().empty())
-    light.size = lod::hlod::kSunSize * glm::length(glm::vec3(light.place) - stream().nodes()[0].box.center());
+  if (const base::Sphere* const model = bounds(); model != nullptr && has_place && light.size <= 0.0F)
+    light.size = lod::hlod::kSunSize * glm::length(glm::vec3(light.place) - model->center);
   return light;
 }
 
