@@ -301,7 +301,7 @@ std::string roundedShapes(const SourceInfo& info, const SourceLattice& lattice) 
   return "places are rounded to " + base::formatText("%.3g", step) + ", where edges are about " +
          base::formatText("%.3g", info.mean_edge) +
          " long, so that shapes show steps; the mesh's box is that large, as far as " + textOf(info.far_place) +
-         ": remove what lies there if it strayed, or build parts of the mesh as scenes of " + "their own";
+         ": remove what lies there if it strayed, or build parts of the mesh as scenes of their own";
 }
 
 std::string lostPoints(const SourceInfo& info, const SourceLattice& lattice, std::uint64_t merged) {
