@@ -1,5 +1,8 @@
 #include "server/net/frame_renderer.h"
 
+#include <sys/resource.h>
+#include <unistd.h>
+
 #include <algorithm>
 #include <utility>
 
@@ -13,23 +16,36 @@ namespace {
 
 constexpr std::uint64_t kPatchBytes = std::uint64_t{2} << 30;  // GPU memory for the patches of all scenes together
 constexpr std::size_t kDrawnBytes = std::size_t{64} << 20;     // eighteen pictures of 1280 x 720, two of 4K
-// Each holds up to 64 MB; small frames go on meanwhile.
-constexpr std::size_t kMaxBegun = 2;
+// Large frames that are drawn or encoded at a time. Each holds up to 64 MB, and being encoded 200 MB more, so that one
+// is at a time; small frames go on meanwhile.
+constexpr std::size_t kMaxLarge = 2;
 constexpr std::uint64_t kMaxEncodingBytes = std::uint64_t{128} << 20;
 
 std::uint64_t pixelsOf(const base::ViewCamera& camera) {
   return static_cast<std::uint64_t>(camera.width) * static_cast<std::uint64_t>(camera.height);
 }
 
+bool isLarge(const base::ViewCamera& camera) {
+  return pixelsOf(camera) > FramePainter::kBandPixels;
+}
+
+/// Leaves the cores to the threads that read, plan and write, for this thread and those that it starts: a frame takes a
+/// hundred times as long as a plan where software draws it. A choice: a tenth of their share.
+void giveWay() {
+  constexpr int kNice = 10;
+  ::setpriority(PRIO_PROCESS, static_cast<id_t>(::gettid()), kNice);
+}
+
 }  // namespace
 
-FrameRenderer::FrameRenderer() : drawn_(kDrawnBytes), encoders_(base::coreCount()) {}
+FrameRenderer::FrameRenderer() : drawn_(kDrawnBytes), encoders_(base::coreCount()), large_encoders_(1) {}
 
 // ---- The thread
 
 void FrameRenderer::runThread(const std::stop_token& stop, const std::vector<ScenePointer>& scenes,
                               std::promise<base::Result<void>> started) {
   takeUpScenes();
+  giveWay();
   auto context = base::HeadlessContext::create();
   if (!context) return started.set_value(context.error());
   for (const ScenePointer& scene : scenes) {
@@ -121,8 +137,7 @@ std::list<FrameRenderer::FrameJob>::iterator FrameRenderer::nextFrame() {
   auto best = frames_.end();
   const auto usedBy = [this](const FrameJob& job) { return shares_.usedBy(job.client, job.address); };
   for (auto job = frames_.begin(); job != frames_.end(); ++job) {
-    const bool is_large = pixelsOf(job->request.camera) > FramePainter::kBandPixels;
-    if (is_large && !job->painter && begun_ >= kMaxBegun) continue;
+    if (isLarge(job->request.camera) && !job->painter && begun_ + large_encoding_ >= kMaxLarge) continue;
     if (!job->painter && encoding_bytes_ > kMaxEncodingBytes) continue;
     if (best == frames_.end() || std::pair(usedBy(*job), job->number) < std::pair(usedBy(*best), best->number))
       best = job;
@@ -206,10 +221,12 @@ struct FrameRenderer::Encoding {
       : renderer(owner), job(std::move(asked)), picture(std::move(drawn)) {
     const std::lock_guard lock(renderer.mutex_);
     renderer.encoding_bytes_ += picture->pixels.size();
+    if (isLarge(job.request.camera)) ++renderer.large_encoding_;
   }
   ~Encoding() {
     const std::lock_guard lock(renderer.mutex_);
     renderer.encoding_bytes_ -= picture->pixels.size();
+    if (isLarge(job.request.camera)) --renderer.large_encoding_;
     renderer.changed_.notify_one();
   }
   Encoding(const Encoding&) = delete;
@@ -223,7 +240,9 @@ struct FrameRenderer::Encoding {
 /// Encoding takes as long as drawing, and needs no GL.
 void FrameRenderer::encode(FrameJob job, std::shared_ptr<const base::Image> picture) {
   const std::uint64_t client = job.client;
-  encoders_.submit(client, [encoding = std::make_shared<Encoding>(*this, std::move(job), std::move(picture))] {
+  FairQueue& encoders = isLarge(job.request.camera) ? large_encoders_ : encoders_;
+  encoders.submit(client, [encoding = std::make_shared<Encoding>(*this, std::move(job), std::move(picture))] {
+    giveWay();
     const FrameRequest& request = encoding->job.request;
     auto encoded = encodeFrame(*encoding->picture, request.codec, request.quality);
     if (!encoded) encoding->job.scene->read_errors->report("frames", encoded.error());
@@ -272,8 +291,10 @@ base::Result<std::unique_ptr<FrameRenderer>> FrameRenderer::start(const std::vec
 
 void FrameRenderer::requestFrame(std::uint64_t client, const std::string& address, ScenePointer scene,
                                  const FrameRequest& request, OnFrame done) {
-  encoders_.setAddress(client, address);
-  encoders_.drop(client);
+  for (FairQueue* const encoders : {&encoders_, &large_encoders_}) {
+    encoders->setAddress(client, address);
+    encoders->drop(client);
+  }
   drop(client);
   const std::lock_guard lock(mutex_);
   frames_.push_back({client, address, next_number_++, std::move(scene), request, std::move(done)});
@@ -315,6 +336,7 @@ bool FrameRenderer::requestPicture(std::uint64_t client, const std::string& addr
 
 void FrameRenderer::cancel(std::uint64_t client) {
   encoders_.forget(client);
+  large_encoders_.forget(client);
   drop(client);
   const std::lock_guard lock(mutex_);
   shares_.forget(client);

@@ -134,12 +134,13 @@ class FrameRenderer {
   FairShares shares_;                           // of the pixels
   std::uint64_t next_number_ = 0;
   std::size_t begun_ = 0;                                       // frames that are drawn in part
+  std::size_t large_encoding_ = 0;                              // large pictures that are being encoded, or wait for it
   std::uint64_t encoding_bytes_ = 0;                            // of pictures that are being encoded
   std::deque<PictureJob> pictures_;                             // oldest first
   std::optional<std::uint64_t> frame_client_, picture_client_;  // of the current jobs
   std::string picture_address_;
   bool frame_cancelled_ = false, picture_cancelled_ = false;  // nobody wants the current job any more
-  FairQueue encoders_;
+  FairQueue encoders_, large_encoders_;
   std::jthread thread_;  // last: it uses the others
 };
 
