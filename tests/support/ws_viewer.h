@@ -73,7 +73,7 @@ class WsViewer {
 
   /// Reads all that is there. False: the connection ended.
   bool read() {
-    static std::vector<std::uint8_t> buffer(std::size_t{1} << 20);
+    thread_local std::vector<std::uint8_t> buffer(std::size_t{1} << 20);
     for (;;) {
       const ssize_t got = ::recv(socket_.get(), buffer.data(), buffer.size(), 0);
       if (got == 0) return false;
