@@ -82,9 +82,10 @@ void declareVirtual(CLI::App& app, Arguments& a) {
       ->delimiter(',')
       ->check(CLI::IsMember(std::vector<std::string>(lod::hlod::kShadowNames.begin(), lod::hlod::kShadowNames.end())))
       ->default_str("");
-  group.add_option("--idle", a.idle,
-                   "bytes that qsplat and hlod fetch ahead for each view that has all it needs, such as 16M; 0: none "
-                   "(default: as viewers do)")
+  group
+      .add_option("--idle", a.idle,
+                  "bytes that qsplat and hlod fetch ahead for each view that has all it needs, such as 16M; 0: none "
+                  "(default: as viewers do)")
       ->default_str("");
   group.add_flag("--sweep", a.sweep, "each method with all values of its knob");
   group.add_option("--seconds", a.seconds, "duration of each path (12; with --matrix 8)")

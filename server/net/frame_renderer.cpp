@@ -29,8 +29,8 @@ bool isLarge(const base::ViewCamera& camera) {
   return pixelsOf(camera) > FramePainter::kBandPixels;
 }
 
-/// Leaves the cores to the threads that read, plan and write, for this thread and those that it starts: a frame takes a
-/// hundred times as long as a plan where software draws it. A choice: a tenth of their share.
+/// Lets threads that read, plan and write have the cores before this one and those that it starts, since software draws
+/// a frame for much longer than a view is planned. A choice: a tenth of their share.
 void giveWay() {
   constexpr int kNice = 10;
   ::setpriority(PRIO_PROCESS, static_cast<id_t>(::gettid()), kNice);

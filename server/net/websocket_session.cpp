@@ -31,7 +31,8 @@ constexpr std::size_t kMaxCloseReason = 120;                  // bytes; RFC 6455
 constexpr auto kPingTimeout = std::chrono::seconds(60);       // for the pong of a peer that is silent
 constexpr std::uint8_t kViewType = 0x02;                      // docs/formats/protocol.md
 constexpr double kMaxWatchSeconds = 10.0;                     // between two looks at a connection's deadlines
-// Room for a View, and what a connection keeps between two messages; larger ones come in larger pieces after that.
+// Bytes. The first has room for a View, and is what a connection keeps between two messages; the rest of a larger one
+// comes in pieces of the second.
 constexpr std::size_t kFirstRead = 256;
 constexpr std::size_t kNextRead = 65536;
 

@@ -128,7 +128,7 @@ class FairQueue {
   std::size_t forget_above_ = kForgetAbove;          // clients, from which on idle ones are forgotten
   std::uint64_t next_turn_ = 0;
   std::size_t waiting_ = 0;
-  double served_ = 0.0;  // Turn::used of the client that was served last
+  double served_ = 0.0;      // Turn::used of the client that was served last
   bool is_watched_ = false;  // a thread waits for jobs that stall
   bool stopping_ = false;
   std::vector<std::jthread> threads_;

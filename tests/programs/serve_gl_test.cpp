@@ -193,6 +193,8 @@ TEST_F(Serve, withoutAPathTheFirstViewIsDrawn) {
                                             0.5 * (from[1] + to[1]), to[2] + 2.0);
   const std::string above = picture({"--view", link});
   EXPECT_NE(above, whole);
+  const std::string cut = base::formatText("&x=z,%.3f,b", 0.5 * (from[2] + to[2]));
+  EXPECT_NE(picture({"--view", link + cut}), above) << "the link's section cuts";
   ASSERT_EQ(run("lumigrid", {"set", scene, "--start-view", link}).status, 0);
   EXPECT_EQ(picture({"--method", "patches"}), above) << "the scene's own first view";
   programs::expectOneLineError(

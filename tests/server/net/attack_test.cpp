@@ -160,21 +160,32 @@ class Attack : public ::testing::Test {
       std::this_thread::sleep_for(100ms);
     }
   }
-  void flood() {
+  /// Looks at this view, and a `step` on at the next as soon as `pause` is over, whatever comes.
+  void lookOn(protocol::View view, double step, std::chrono::milliseconds pause) {
     support::WsViewer viewer([](base::ByteView, std::size_t) {});
     while (!stop_) {
       if (!viewer.open(port_, kAttackers)) continue;
       viewer.send(protocol::encode(protocol::ClientMessage(protocol::Hello{})));
-      protocol::View view = viewOf(welcome_, 1);
-      view.max_points = 64;
-      for (bool open = true; open && !stop_;) {
-        view.camera.position.x += 0.5;
+      for (bool open = true; open && !stop_; std::this_thread::sleep_for(pause)) {
+        view.camera.position.x += step;
         ++view.sequence;
         // A full socket is no reason to leave.
         viewer.send(protocol::encode(protocol::ClientMessage(view)));
         open = viewer.read();
       }
     }
+  }
+  void flood() {
+    protocol::View view = viewOf(welcome_, 1);
+    view.max_points = 64;
+    lookOn(view, 0.5, 0ms);
+  }
+  /// Wants exact frames of sixteen megapixels, and of another view before one has come.
+  void wantFrames() {
+    protocol::View view = viewOf(welcome_, 1);
+    view.camera.width = view.camera.height = 4000;
+    view.want_frame = true;
+    lookOn(view, 0.01, 500ms);
   }
   /// Claims to hold all faces that there can be.
   void claim() {
@@ -207,23 +218,6 @@ class Attack : public ::testing::Test {
           viewers.back()->send(base::Bytes(1000, static_cast<std::uint8_t>(round)));
       }
       std::this_thread::sleep_for(200ms);
-    }
-  }
-  /// Wants exact frames of sixteen megapixels, and of another view before one has come.
-  void wantFrames() {
-    while (!stop_) {
-      support::WsViewer viewer([](base::ByteView, std::size_t) {});
-      if (!viewer.open(port_, kAttackers)) continue;
-      viewer.send(protocol::encode(protocol::ClientMessage(protocol::Hello{})));
-      protocol::View view = viewOf(welcome_, 1);
-      view.camera.width = view.camera.height = 4000;
-      view.want_frame = true;
-      for (bool open = true; open && !stop_; std::this_thread::sleep_for(500ms)) {
-        view.camera.position.x += 0.01;
-        ++view.sequence;
-        viewer.send(protocol::encode(protocol::ClientMessage(view)));
-        open = viewer.read();
-      }
     }
   }
   void askForMuch() {

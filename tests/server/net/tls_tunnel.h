@@ -30,7 +30,8 @@ class TlsTunnel {
     for (const std::string& file : authorities)
       EXPECT_EQ(SSL_CTX_load_verify_locations(context_.get(), file.c_str(), nullptr), 1) << file;
     SSL_CTX_set_verify(context_.get(), SSL_VERIFY_PEER, nullptr);
-    // Reading what is a session ticket alone must not wait for a message: the client may still have to ask for one.
+    // A read that finds a session ticket alone returns. It must not wait for a message, for which the client may still
+    // have to ask.
     SSL_CTX_clear_mode(context_.get(), SSL_MODE_AUTO_RETRY);
     listener_ = base::FileDescriptor(::socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0));
     sockaddr_in address{};
