@@ -1,8 +1,5 @@
 #include "server/net/frame_renderer.h"
 
-#include <sys/resource.h>
-#include <unistd.h>
-
 #include <algorithm>
 #include <utility>
 
@@ -29,13 +26,6 @@ bool isLarge(const base::ViewCamera& camera) {
   return pixelsOf(camera) > FramePainter::kBandPixels;
 }
 
-/// Lets threads that read, plan and write have the cores before this one and those that it starts, since software draws
-/// a frame for much longer than a view is planned. A choice: a tenth of their share.
-void giveWay() {
-  constexpr int kNice = 10;
-  ::setpriority(PRIO_PROCESS, static_cast<id_t>(::gettid()), kNice);
-}
-
 }  // namespace
 
 FrameRenderer::FrameRenderer() : drawn_(kDrawnBytes), encoders_(base::coreCount()), large_encoders_(1) {}
@@ -45,7 +35,6 @@ FrameRenderer::FrameRenderer() : drawn_(kDrawnBytes), encoders_(base::coreCount(
 void FrameRenderer::runThread(const std::stop_token& stop, const std::vector<ScenePointer>& scenes,
                               std::promise<base::Result<void>> started) {
   takeUpScenes();
-  giveWay();
   auto context = base::HeadlessContext::create();
   if (!context) return started.set_value(context.error());
   for (const ScenePointer& scene : scenes) {
@@ -242,7 +231,6 @@ void FrameRenderer::encode(FrameJob job, std::shared_ptr<const base::Image> pict
   const std::uint64_t client = job.client;
   FairQueue& encoders = isLarge(job.request.camera) ? large_encoders_ : encoders_;
   encoders.submit(client, [encoding = std::make_shared<Encoding>(*this, std::move(job), std::move(picture))] {
-    giveWay();
     const FrameRequest& request = encoding->job.request;
     auto encoded = encodeFrame(*encoding->picture, request.codec, request.quality);
     if (!encoded) encoding->job.scene->read_errors->report("frames", encoded.error());
