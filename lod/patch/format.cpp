@@ -14,7 +14,7 @@ namespace lod::patch {
 namespace {
 
 constexpr std::array<char, 8> kMagic{'L', 'G', 'P', 'A', 'T', 'C', 'H', '\n'};
-constexpr std::uint32_t kVersion = 2, kHasColors = 1;
+constexpr std::uint32_t kVersion = 3, kOldestVersion = 2, kHasColors = 1;
 constexpr std::uint64_t kBlockAlignment = 16;
 constexpr std::size_t kHeaderCrcOffset = 92;
 
@@ -115,9 +115,10 @@ base::Result<TableCounts> readTableCounts(base::ByteView front) {
   base::ByteReader in(front);
   if (in.read<std::array<char, 8>>() != kMagic || !in.ok()) return damaged("not a patch.lgp");
   const std::uint32_t version = in.u32();
-  if (in.ok() && version != kVersion)
+  if (in.ok() && (version < kOldestVersion || version > kVersion))
     return base::Error{base::ErrorCode::kVersion, "format version " + std::to_string(version) +
-                                                      ", this program reads " + std::to_string(kVersion) +
+                                                      ", this program reads " + std::to_string(kOldestVersion) +
+                                                      " to " + std::to_string(kVersion) +
                                                       "; use a newer program or build the scene again"};
   const std::uint32_t header_bytes = in.u32();
   if (!in.ok() || front.size() < kFileHeaderBytes) return damaged("header: cut short");

@@ -51,17 +51,29 @@ std::size_t planeBytes(base::ByteView bytes, std::size_t at, std::size_t groups)
   return size;
 }
 
+// Bytes of the low bits that stand at the front of `bytes`.
+std::size_t lowBytes(base::ByteView bytes, std::size_t vertices, int low_bits) {
+  const std::size_t marks = (vertices + 7) / 8;
+  int count = 0;
+  for (const std::uint8_t mark : bytes.first(marks)) count += std::popcount(mark);
+  return marks + (3 * static_cast<std::size_t>(low_bits * count) + 7) / 8;
+}
+
 void addParts(base::ByteView bytes, Parts& parts) {
   std::uint32_t steps = 0, escapes = 0;
   std::memcpy(&steps, bytes.data() + 20, 4);
   std::memcpy(&escapes, bytes.data() + 24, 4);
-  const std::size_t groups = (lod::patch::encodedCounts(bytes)->vertices + 15) / 16;
+  const std::size_t vertices = lod::patch::encodedCounts(bytes)->vertices;
+  const std::size_t groups = (vertices + 15) / 16;
   parts.header += 32;
   parts.connectivity += (std::size_t{steps} + 3) / 4 + escapes;
   std::size_t at = 32 + (std::size_t{steps} + 3) / 4 + escapes;
+  const int low_bits = bytes[1] >> 4;
+  const int first_color = (bytes[1] & 8) != 0 ? 3 : 5;
   for (int plane = 0; at < bytes.size(); ++plane) {
-    const std::size_t size = planeBytes(bytes, at, groups);
-    (plane < 3 ? parts.positions : plane < 5 ? parts.normals : parts.colors) += size;
+    std::size_t size = planeBytes(bytes, at, groups);
+    if (plane == 2 && low_bits > 0) size += lowBytes(bytes.subspan(at + size), vertices, low_bits);
+    (plane < 3 ? parts.positions : plane < first_color ? parts.normals : parts.colors) += size;
     at += size;
   }
 }

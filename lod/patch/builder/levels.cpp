@@ -12,6 +12,7 @@
 
 #include "base/parallel.h"
 #include "lod/ingest/code_map.h"
+#include "lod/patch/builder/coarse_positions.h"
 #include "lod/patch/builder/distance_bound.h"
 #include "lod/patch/builder/partition.h"
 #include "lod/patch/builder/patch_split.h"
@@ -446,6 +447,8 @@ class LevelBuilder {
         options_.regroup ? static_cast<std::size_t>(kKeptShare * static_cast<double>(merged.mesh.indices.size() / 3))
                          : options_.node_triangles;
     SimplifiedGroup simplified = simplifyGroup(merged.mesh, surface, target);
+    coarsenPositions(simplified, merged.mesh.locked, merged.corner,
+                     spareBits(std::sqrt(meanSquareBelow(input)) / step));
     MeasuredGroup made = measureGroup(merged, surface, carried, simplified, lattice_.bits, negligible);
     if (made.mesh.indices.empty())
       return base::Error{
@@ -502,12 +505,25 @@ class LevelBuilder {
     return spheres;
   }
 
+  // The mean square of the typical errors of what the group merges, by triangles.
+  double meanSquareBelow(const GroupInput& input) const {
+    double triangles = 0.0, sum = 0.0;
+    for (const std::uint32_t p : input.consumed) {
+      const Patch& patch = patches_[p].record;
+      triangles += patch.triangles;
+      if (patch.producer == kNoGroup) continue;  // a leaf, which has none
+      const auto error = static_cast<double>(groups_[patch.producer].record.typical_error);
+      sum += patch.triangles * error * error;
+    }
+    return sum / triangles;
+  }
+
   // States the group's typical errors, and from them the error that cuts go by. Steps of different levels are
   // independent of each other, so their squares are added; those of the groups below weigh as their triangles do. Cuts
   // need errors that no group below exceeds.
   void addTypicalError(const MeasuredGroup& made, const GroupInput& input, Group& record) const {
     const double step = lattice_.lattice.step;
-    double triangles = 0.0, distance2 = 0.0, color2 = 0.0;
+    double triangles = 0.0, color2 = 0.0;
     float typical_below = 0.0F;
     float visible_below = 0.0F;
     for (const std::uint32_t p : input.consumed) {
@@ -520,8 +536,6 @@ class LevelBuilder {
         continue;
       }
       const Group& below = groups_[patch.producer].record;
-      distance2 +=
-          patch.triangles * static_cast<double>(below.typical_error) * static_cast<double>(below.typical_error);
       color2 += patch.triangles * static_cast<double>(below.typical_color_error) *
                 static_cast<double>(below.typical_color_error);
       typical_below = std::max(typical_below, below.typical_error);
@@ -530,7 +544,7 @@ class LevelBuilder {
     const double own = step * static_cast<double>(made.typical.distance);
     const auto own_color =
         static_cast<double>(std::max(made.typical.color / kMaxColorError, kShadingOfTurn * made.typical.normal));
-    distance2 = distance2 / triangles + own * own;
+    const double distance2 = meanSquareBelow(input) + own * own;
     color2 = color2 / triangles + own_color * own_color;
     record.typical_error = std::max(typical_below, static_cast<float>(std::sqrt(distance2)));
     record.typical_color_error = static_cast<float>(std::min(1.0, std::sqrt(color2)));

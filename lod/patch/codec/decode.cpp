@@ -8,6 +8,7 @@
 #include "lod/patch/codec/colors.h"
 #include "lod/patch/codec/connectivity_decoder.h"
 #include "lod/patch/codec/header.h"
+#include "lod/patch/codec/low_bits.h"
 #include "lod/patch/codec/normals.h"
 #include "lod/patch/codec/processors.h"
 #include "lod/patch/codec/residual_reader.h"
@@ -25,6 +26,7 @@ struct Scratch {
   std::vector<std::uint64_t> front;
   std::vector<std::uint64_t> gates;  // packEdge() by vertex
   std::vector<Uint4> positions;
+  std::vector<Uint4> low_bits;
   std::vector<Uint4> colors;
   std::array<std::vector<std::uint32_t>, 3> planes;
   std::vector<std::uint32_t> normal_u;
@@ -51,7 +53,7 @@ struct Scratch {
 // Adds predictions to the residuals in scratch.positions and scratch.colors. That makes lattice points, points relative
 // to vertex 0 for the facet normals, and colour codes. One pass does all of it, since each vertex waits for the one
 // before. False when a point lies outside the lattice.
-template <bool kColors>
+template <bool kColors, bool kLowBits>
 LUMIGRID_ALWAYS_INLINE bool addPredictions(const PatchHeader& header, const std::uint64_t* gates, Scratch& scratch,
                                            glm::ivec3* out) {
   Uint4* at = scratch.positions.data();
@@ -62,6 +64,9 @@ LUMIGRID_ALWAYS_INLINE bool addPredictions(const PatchHeader& header, const std:
                     static_cast<std::uint32_t>(header.first_position.z), 0U};
   const Int4 facet_shift = Int4{} + static_cast<std::int32_t>(header.facet_shift);
   const Int4 parallelogram_shift = Int4{} + header.parallelogramShift();
+  const Int4 low_shift = Int4{} + header.lowBits();
+  const Uint4 half = Uint4{} + (kLowBits ? 1U << (header.lowBits() - 1) : 0U);
+  const Uint4* low = scratch.low_bits.data();
   at[0] += first;
   const Uint4 origin = at[0];
   Int4 lowest = reinterpret_cast<Int4>(origin);
@@ -82,8 +87,14 @@ LUMIGRID_ALWAYS_INLINE bool addPredictions(const PatchHeader& header, const std:
     const std::size_t b = e >> 16 & 0xFFFF;
     const std::size_t opposite = e >> 32 & 0xFFFF;
     // Vertex a is most often the one before; it is added last, so that little waits for it.
-    const Uint4 q =
-        at[v] + reinterpret_cast<Uint4>(reinterpret_cast<Int4>(at[b] - at[opposite]) >> parallelogram_shift) + at[a];
+    const Uint4 across = reinterpret_cast<Uint4>(reinterpret_cast<Int4>(at[b] - at[opposite]) >> parallelogram_shift);
+    Uint4 q;
+    if constexpr (kLowBits) {
+      const Int4 predicted = reinterpret_cast<Int4>(across + half + at[a]) >> low_shift;
+      q = ((reinterpret_cast<Uint4>(predicted) + at[v]) << reinterpret_cast<Uint4>(low_shift)) | low[v];
+    } else {
+      q = at[v] + across + at[a];
+    }
     at[v] = q;
     finish(v, q);
     if (kColors) color[v] += reinterpret_cast<Uint4>(reinterpret_cast<Int4>(color[b] + 1U + color[a]) >> 1);
@@ -193,6 +204,9 @@ LUMIGRID_ALWAYS_INLINE const char* decodeParts(const PatchHeader& header, base::
   const ResidualRoom room = scratch.residualRoom(groups);
   std::size_t at = kHeaderBytes + steps.size() + escapes.size();
   bool whole = readThreePlanes(readPlane, in, at, groups, scratch, positions);
+  if (header.lowBits() > 0)
+    whole = whole &&
+            readLowBits(in, at, header.lowBits(), {Scratch::room(scratch.low_bits, header.vertices), header.vertices});
   for (std::vector<std::uint32_t>* plane : {&scratch.normal_u, &scratch.normal_v}) {
     std::uint32_t* codes = Scratch::room(*plane, padded);
     if (header.hasNormals())
@@ -208,9 +222,13 @@ LUMIGRID_ALWAYS_INLINE const char* decodeParts(const PatchHeader& header, base::
 
   // Vertices.
   glm::ivec3* points = Scratch::room(scratch.lattice, header.vertices + 1U);
-  if (!(header.hasColors() ? addPredictions<true>(header, gates, scratch, points)
-                           : addPredictions<false>(header, gates, scratch, points)))
-    return "a vertex lies outside the lattice";
+  const bool has_low_bits = header.lowBits() > 0;
+  const bool inside = header.hasColors()
+                          ? (has_low_bits ? addPredictions<true, true>(header, gates, scratch, points)
+                                          : addPredictions<true, false>(header, gates, scratch, points))
+                          : (has_low_bits ? addPredictions<false, true>(header, gates, scratch, points)
+                                          : addPredictions<false, false>(header, gates, scratch, points));
+  if (!inside) return "a vertex lies outside the lattice";
   glm::vec3* normals = Scratch::room(scratch.normals, padded + 1);
   reconstructNormals(header, indices, scratch, normals);
   geometry.indices.assign(indices, indices + std::size_t{header.triangles} * 3);

@@ -3,6 +3,8 @@
 #include <array>
 #include <bit>
 #include <cstring>
+#include <limits>
+#include <utility>
 
 #include "base/check.h"
 #include "base/simd.h"
@@ -10,6 +12,7 @@
 #include "lod/patch/codec/colors.h"
 #include "lod/patch/codec/connectivity_encoder.h"
 #include "lod/patch/codec/header.h"
+#include "lod/patch/codec/low_bits.h"
 #include "lod/patch/codec/normals.h"
 #include "lod/patch/codec/residual_writer.h"
 #include "lod/patch/codec/residuals.h"
@@ -78,13 +81,18 @@ std::uint8_t chooseShift(const PatchGeometry& geometry, const EncodedConnectivit
   return kMaxFacetShift;
 }
 
-// Residuals of positions against what the decoder predicts: whole parallelograms, or with a shift of 1 half ones.
-std::vector<Uint4> positionResiduals(const std::vector<Uint4>& at, const EncodedConnectivity& order, int shift) {
+// Residuals of positions, in steps of 2^low of the lattice's, against what the decoder predicts: whole parallelograms,
+// or with a shift of 1 half ones.
+std::vector<Uint4> positionResiduals(const std::vector<Uint4>& at, const EncodedConnectivity& order, int shift,
+                                     int low) {
+  const std::uint32_t half = low > 0 ? 1U << (low - 1) : 0U;
   std::vector<Uint4> numbers(groupsOf(at.size()) * kGroup, Uint4{});
   for (std::size_t v = 1; v < at.size(); ++v) {
     const FrontEdge& e = order.gates[v];
     const Int4 across = reinterpret_cast<Int4>(at[e.b] - at[e.opposite]) >> shift;
-    numbers[v] = zigzag(at[v] - (at[e.a] + reinterpret_cast<Uint4>(across)));
+    const Uint4 predicted = at[e.a] + reinterpret_cast<Uint4>(across) + half;
+    numbers[v] = zigzag(
+        reinterpret_cast<Uint4>((reinterpret_cast<Int4>(at[v]) >> low) - (reinterpret_cast<Int4>(predicted) >> low)));
   }
   return numbers;
 }
@@ -101,20 +109,27 @@ std::uint64_t bitsOf(const std::vector<Uint4>& numbers) {
   return bits;
 }
 
-// Residuals of the patch's positions; the header's flag says which of the two predictions took less room.
-std::vector<Uint4> choosePositionResiduals(const PatchGeometry& geometry, const EncodedConnectivity& order,
+// Residuals of the patch's positions. The header's flags say what took the least room: which of the two predictions,
+// and how many low bits are stored apart.
+std::vector<Uint4> choosePositionResiduals(const std::vector<Uint4>& at, const EncodedConnectivity& order,
                                            PatchHeader& header) {
-  std::vector<Uint4> at;
-  at.reserve(order.vertices.size());
-  for (const std::uint32_t old : order.vertices) {
-    const glm::uvec3 q(geometry.positions[old]);
-    at.push_back(Uint4{q.x, q.y, q.z, 0U});
+  std::vector<Uint4> best;
+  std::uint64_t least = std::numeric_limits<std::uint64_t>::max();
+  for (int low = 0; low <= kMostLowBits; ++low) {
+    const std::size_t apart = low > 0 ? countLowBits(at, low) : 0;
+    if (2 * apart > at.size()) break;
+    const std::uint64_t more = low > 0 ? at.size() + 3 * static_cast<std::uint64_t>(low) * apart : 0;
+    for (int shift = 0; shift <= 1; ++shift) {
+      std::vector<Uint4> residuals = positionResiduals(at, order, shift, low);
+      const std::uint64_t bits = kGroup * bitsOf(residuals) + more;
+      if (bits >= least) continue;
+      least = bits;
+      best = std::move(residuals);
+      header.flags = static_cast<std::uint8_t>((header.flags & ~(kIsRough | kMostLowBits << kLowBitsShift)) |
+                                               shift * kIsRough | low << kLowBitsShift);
+    }
   }
-  std::vector<Uint4> whole = positionResiduals(at, order, 0);
-  std::vector<Uint4> half = positionResiduals(at, order, 1);
-  if (bitsOf(whole) <= bitsOf(half)) return whole;
-  header.flags |= kIsRough;
-  return half;
+  return best;
 }
 
 // Three planes of residuals that are given vertex by vertex, in whole groups.
@@ -212,14 +227,21 @@ base::Bytes encodePatch(const PatchGeometry& geometry, std::vector<std::uint32_t
   if (normals == StoredNormals::kOfFacets) header.flags |= kNormalsOfFacets;
   std::vector<base::Float4> points;
   header.facet_shift = chooseShift(geometry, order, points);
-  const std::vector<base::Uint4> positions = choosePositionResiduals(geometry, order, header);
+  std::vector<base::Uint4> positions;
+  positions.reserve(order.vertices.size());
+  for (const std::uint32_t old : order.vertices) {
+    const glm::uvec3 q(geometry.positions[old]);
+    positions.push_back(base::Uint4{q.x, q.y, q.z, 0U});
+  }
+  const std::vector<base::Uint4> residuals = choosePositionResiduals(positions, order, header);
 
   base::ByteWriter out;
   writeHeader(out, header);
   out.bytes(order.step_bytes);
   out.bytes(order.escapes);
   ResidualWriter writer(groupsOf(order.vertices.size()) * kGroup);
-  writeThreePlanes(out, positions, writer);
+  writeThreePlanes(out, residuals, writer);
+  if (header.lowBits() > 0) writeLowBits(out, positions, header.lowBits());
   if (header.hasNormals()) writeNormals(out, geometry, order, points, writer);
   if (header.hasColors()) writeColors(out, geometry, order, writer);
   if (header.hasAlpha()) writeAlphas(out, geometry, order, writer);

@@ -18,24 +18,24 @@ auto fieldsOf(auto& header, auto& vertices, auto& triangles) {
 void writeHeader(base::ByteWriter& out, const PatchHeader& header) {
   const auto vertices = static_cast<std::uint16_t>(header.vertices);
   const auto triangles = static_cast<std::uint16_t>(header.triangles);
-  out.u8(kCodecVersion);
+  out.u8(header.lowBits() > 0 ? kCodecVersion : 1);
   base::writeFields(out, fieldsOf(header, vertices, triangles));
 }
 
 base::Result<PatchHeader> readHeader(base::ByteView bytes) {
   if (bytes.size() < kHeaderBytes) return brokenPatch("cut short: the header alone has 32 bytes");
   base::ByteReader in(bytes);
-  if (const std::uint8_t version = in.u8(); version != kCodecVersion)
+  const std::uint8_t version = in.u8();
+  if (version < 1 || version > kCodecVersion)
     return base::Error{base::ErrorCode::kVersion, "patch bytes: codec version " + std::to_string(version) +
-                                                      ", this program reads " + std::to_string(kCodecVersion)};
+                                                      ", this program reads 1 to " + std::to_string(kCodecVersion)};
 
   PatchHeader header;
   std::uint16_t vertices = 0, triangles = 0;
   base::readFields(in, fieldsOf(header, vertices, triangles));
   header.vertices = vertices, header.triangles = triangles;
 
-  constexpr int kKnownFlags = kHasColors | kHasAlpha | kIsRough | kNormalsOfFacets;
-  if ((header.flags & ~kKnownFlags) != 0 || (header.hasAlpha() && !header.hasColors()))
+  if ((header.lowBits() > 0) != (version == 2) || (header.hasAlpha() && !header.hasColors()))
     return brokenPatch("unknown flags");
   if (header.vertices == 0 || header.triangles == 0) return brokenPatch("no triangles");
   if (header.facet_shift > kMaxFacetShift || header.front_bits > kMaxFrontBits)

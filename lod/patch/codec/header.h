@@ -10,7 +10,8 @@
 
 namespace lod::patch::codec {
 
-inline constexpr std::uint8_t kCodecVersion = 1;
+/// Version 2 has low bits apart; a patch without them is written as version 1.
+inline constexpr std::uint8_t kCodecVersion = 2;
 inline constexpr std::size_t kHeaderBytes = 32;
 inline constexpr std::size_t kCrcOffset = 28;
 
@@ -19,6 +20,9 @@ inline constexpr std::uint8_t kHasColors = 1;
 inline constexpr std::uint8_t kHasAlpha = 2;
 inline constexpr std::uint8_t kIsRough = 4;
 inline constexpr std::uint8_t kNormalsOfFacets = 8;
+/// The flags from here up are a number: how many of the lowest bits of positions are stored apart.
+inline constexpr int kLowBitsShift = 4;
+inline constexpr int kMostLowBits = 15;
 
 /// A front of 65 535 triangles has fewer than 2^17 edges.
 inline constexpr std::uint8_t kMaxFrontBits = 17;
@@ -42,6 +46,8 @@ struct PatchHeader {
   /// Positions are predicted as a + ((b − opposite) >> shift): from whole parallelograms, or on noisy surfaces from
   /// half ones.
   int parallelogramShift() const { return (flags & kIsRough) != 0 ? 1 : 0; }
+  /// Positions are stored in steps of 2^lowBits() of the lattice's, and what that leaves apart.
+  int lowBits() const { return flags >> kLowBitsShift; }
   std::size_t stepBytes() const { return (std::size_t{steps} + 3) / 4; }
 };
 

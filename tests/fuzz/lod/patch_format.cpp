@@ -68,7 +68,8 @@ std::vector<base::Bytes> seeds() {
   const auto written = support::writeSynthetic(support::syntheticHierarchy(4), scratchPath());
   LUMIGRID_CHECK(static_cast<bool>(written));
   const std::string golden = std::string(LUMIGRID_SOURCE_DIR) + "/tests/golden/";
-  std::vector<base::Bytes> all{*base::readFile(scratchPath()), *base::readFile(golden + "patch_v2.lgp")};
+  std::vector<base::Bytes> all{*base::readFile(scratchPath()), *base::readFile(golden + "patch_v2.lgp"),
+                               *base::readFile(golden + "patch_v3.lgp")};
   std::remove(scratchPath().c_str());
   return all;
 }

@@ -61,7 +61,7 @@ std::vector<base::Bytes> seeds() {
       std::string(folder != nullptr ? folder : "/tmp") + "/fuzz_table_pages_" + std::to_string(::getpid());
   LUMIGRID_CHECK(static_cast<bool>(support::writeSynthetic(support::syntheticHierarchy(4), path)));
   std::vector<base::Bytes> all{*base::readFile(path),
-                               *base::readFile(std::string(LUMIGRID_SOURCE_DIR) + "/tests/golden/patch_v2.lgp")};
+                               *base::readFile(std::string(LUMIGRID_SOURCE_DIR) + "/tests/golden/patch_v3.lgp")};
   std::remove(path.c_str());
   return all;
 }

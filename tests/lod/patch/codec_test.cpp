@@ -2,8 +2,10 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <tuple>
 
 #include "base/crc32c.h"
 #include "tests/lod/patch/patch_testing.h"
@@ -197,6 +199,69 @@ TEST(PatchCodec, aFlatGridCostsLittle) {
   ASSERT_TRUE(decoded);
   EXPECT_TRUE(surfaceOf(*decoded) == surfaceOf(grid));
   EXPECT_LT(bytes.size(), grid.indices.size() / 3);
+}
+
+// Returns a rough surface whose positions are multiples of 16, but for every `other`-th vertex.
+PatchGeometry coarsePatch(int side, std::size_t other) {
+  std::mt19937 random(6);
+  PatchGeometry g = gridPatch(side);
+  for (std::size_t v = 0; v < g.positions.size(); ++v) {
+    g.positions[v] = 16 * (8 * g.positions[v] + glm::ivec3(random() % 3, random() % 3, random() % 9));
+    if (v % other == 1) g.positions[v] += glm::ivec3(random() % 16, random() % 16, 1);
+  }
+  return g;
+}
+
+// The number of bits that a patch stores apart stands in the upper half of its flags.
+TEST(PatchCodec, coarsePositionsTakeFewerBitsAndOthersComeBackToo) {
+  std::size_t plain = 0;
+  for (const std::size_t other : {2U, 3U, 7U, 100'000U}) {
+    const PatchGeometry source = coarsePatch(40, other);
+    const base::Bytes bytes = encodePatch(source, nullptr, StoredNormals::kOfFacets);
+    EXPECT_EQ(bytes[1] >> 4, 4) << other;
+    EXPECT_EQ(bytes[0], 2);
+    for (const auto decode : {decodePatch, decodePatchPortably, decodePatchByAvx2}) {
+      const auto decoded = decode(bytes);
+      ASSERT_TRUE(decoded) << decoded.error().message;
+      auto positions = decoded->positions, given = source.positions;
+      const auto less = [](const glm::ivec3& a, const glm::ivec3& b) {
+        return std::tie(a.x, a.y, a.z) < std::tie(b.x, b.y, b.z);
+      };
+      std::sort(positions.begin(), positions.end(), less);
+      std::sort(given.begin(), given.end(), less);
+      EXPECT_EQ(positions, given);
+    }
+    plain = bytes.size();
+  }
+  // Steps of a sixteenth have four bits more a coordinate, less the one that says that a vertex has none.
+  PatchGeometry fine = coarsePatch(40, 100'000);
+  for (glm::ivec3& q : fine.positions) q.x += 1;
+  fine.positions[0].x -= 1;
+  const std::size_t with_all = encodePatch(fine, nullptr, StoredNormals::kOfFacets).size();
+  EXPECT_LT(plain + (3 * 4 - 2) * 1600 / 8, with_all);
+}
+
+TEST(PatchCodec, lowBitsWhereNoneMayBeAreRefused) {
+  const base::Bytes bytes = encodePatch(coarsePatch(9, 3), nullptr, StoredNormals::kOfFacets);
+  ASSERT_EQ(bytes[1] >> 4, 4);
+  // 81 vertices have eleven bytes of marks, and every third of them 12 bits behind those, at the end of the patch.
+  const std::size_t marks = bytes.size() - (27 * 12 + 7) / 8 - 11;
+  const auto hurt = [&](std::size_t at, std::uint8_t bit) {
+    return faultOf(withField(bytes, at, static_cast<std::uint8_t>(bytes[at] ^ bit)));
+  };
+  const std::string fault = "patch bytes: the vertices do not decode";
+  EXPECT_EQ(hurt(marks, 1), fault) << "the first vertex has none";
+  EXPECT_EQ(hurt(marks + 10, 2), fault) << "a mark behind the last vertex";
+  EXPECT_EQ(hurt(bytes.size() - 1, 0x10), fault) << "bits behind the last";
+  EXPECT_EQ(hurt(bytes.size() - 1, 0x01), "") << "another position";
+  base::Bytes cut = bytes;
+  cut.pop_back();
+  EXPECT_EQ(faultOf(sealed(cut)), fault);
+  // Marks of vertices that have bits are as many as there are bits for.
+  std::size_t unmarked = 1;
+  while ((bytes[marks + unmarked / 8] >> unmarked % 8 & 1) != 0) ++unmarked;
+  EXPECT_EQ(hurt(marks + unmarked / 8, static_cast<std::uint8_t>(1U << unmarked % 8)), fault);
+  EXPECT_EQ(faultOf(withField<std::uint8_t>(bytes, 0, 1)), "patch bytes: unknown flags");
 }
 
 // Vertex y has three triangles, and the front has the edges b y and y v. The gate a b meets the third, a b v, first. If
@@ -469,7 +534,8 @@ TEST(PatchCodec, wrongFieldsUnderARightChecksumAreNamed) {
     EXPECT_NE(fault.find(what), std::string::npos) << fault << ", not " << what;
   };
   names(withField<std::uint8_t>(bytes, 0, 0), "version 0");
-  names(withField<std::uint8_t>(bytes, 0, 2), "version 2");
+  names(withField<std::uint8_t>(bytes, 0, 3), "version 3");
+  names(withField<std::uint8_t>(bytes, 0, 2), "unknown flags");
   names(withField<std::uint8_t>(bytes, 1, 16), "unknown flags");
   names(withField<std::uint8_t>(bytes, 1, 6), "unknown flags");
   names(withField<std::uint8_t>(bytes, 1, 2), "unknown flags");

@@ -230,9 +230,11 @@ TEST_F(PatchFormat, aWrongFileOrVersionIsNamed) {
   const base::Bytes bytes = written(support::syntheticHierarchy(4));
   EXPECT_NE(faultOf(base::Bytes(500, 'x')).find("not a patch.lgp"), std::string::npos);
   EXPECT_NE(faultOf({}).find("not a patch.lgp"), std::string::npos);
-  const auto newer = opened(withField<std::uint32_t>(bytes, 8, 3));
-  ASSERT_FALSE(newer);
-  EXPECT_EQ(newer.error().code, base::ErrorCode::kVersion);
+  for (const std::uint32_t version : {1U, 4U}) {
+    const auto other = opened(withField<std::uint32_t>(bytes, 8, version));
+    ASSERT_FALSE(other);
+    EXPECT_EQ(other.error().code, base::ErrorCode::kVersion);
+  }
   const auto missing = PatchFile::open(path_ + ".none");
   ASSERT_FALSE(missing);
   EXPECT_EQ(missing.error().code, base::ErrorCode::kNotFound);

@@ -1,4 +1,5 @@
-// tests/golden/patch_v2.lgp must stay readable, and the same input must give its bytes. A change of the format gets a
+// tests/golden/patch_v3.lgp must stay readable, as must those of older versions beside it, and the same input must give
+// its bytes. A change of the format gets a
 // new version and a new file beside it. LUMIGRID_WRITE_GOLDEN=1 writes the file anew.
 #include <gtest/gtest.h>
 #include <unistd.h>
@@ -12,7 +13,8 @@
 namespace lod::patch {
 namespace {
 
-const std::string kGolden = std::string(LUMIGRID_SOURCE_DIR) + "/tests/golden/patch_v2.lgp";
+const std::string kFolder = std::string(LUMIGRID_SOURCE_DIR) + "/tests/golden/";
+const std::string kGolden = kFolder + "patch_v3.lgp";
 
 // A diamond of three levels: two leaves, one group that merges them, the root.
 //
@@ -59,11 +61,8 @@ support::SyntheticHierarchy goldenScene() {
   return scene;
 }
 
-TEST(PatchGolden, theStoredFileStillReadsTheSame) {
-  if (std::getenv("LUMIGRID_WRITE_GOLDEN") != nullptr) {
-    ASSERT_TRUE(support::writeSynthetic(goldenScene(), kGolden));
-  }
-  const auto file = PatchFile::open(kGolden);
+void expectGoldenScene(const std::string& path) {
+  const auto file = PatchFile::open(path);
   ASSERT_TRUE(file) << file.error().message;
   EXPECT_LT(file->fileBytes(), 4096U);
   EXPECT_EQ(file->verify(), std::vector<std::string>{});
@@ -80,6 +79,17 @@ TEST(PatchGolden, theStoredFileStillReadsTheSame) {
   const auto scene = goldenScene();
   for (std::uint32_t p = 0; p < 3; ++p)
     EXPECT_TRUE(patch_testing::surfaceOf(*file->geometry(p)) == patch_testing::surfaceOf(scene.geometry[p]));
+}
+
+TEST(PatchGolden, theStoredFileStillReadsTheSame) {
+  if (std::getenv("LUMIGRID_WRITE_GOLDEN") != nullptr) {
+    ASSERT_TRUE(support::writeSynthetic(goldenScene(), kGolden));
+  }
+  expectGoldenScene(kGolden);
+}
+
+TEST(PatchGolden, aFileOfVersion2StillReadsTheSame) {
+  expectGoldenScene(kFolder + "patch_v2.lgp");
 }
 
 TEST(PatchGolden, theSameInputStillGivesTheSameBytes) {
