@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <array>
 #include <cstring>
+#include <span>
 
 #include "base/simd.h"
 #include "lod/patch/codec.h"
@@ -50,6 +51,14 @@ struct Scratch {
   }
 };
 
+// A page has one loop for patches with low bits and without, which takes less room; elsewhere each has its own, which
+// takes less time.
+#if defined(__EMSCRIPTEN__)
+constexpr bool kOneLoop = true;
+#else
+constexpr bool kOneLoop = false;
+#endif
+
 // Adds predictions to the residuals in scratch.positions and scratch.colors. That makes lattice points, points relative
 // to vertex 0 for the facet normals, and colour codes. One pass does all of it, since each vertex waits for the one
 // before. False when a point lies outside the lattice.
@@ -65,7 +74,7 @@ LUMIGRID_ALWAYS_INLINE bool addPredictions(const PatchHeader& header, const std:
   const Int4 facet_shift = Int4{} + static_cast<std::int32_t>(header.facet_shift);
   const Int4 parallelogram_shift = Int4{} + header.parallelogramShift();
   const Int4 low_shift = Int4{} + header.lowBits();
-  const Uint4 half = Uint4{} + (kLowBits ? 1U << (header.lowBits() - 1) : 0U);
+  const Uint4 half = Uint4{} + ((1U << header.lowBits()) >> 1);
   const Uint4* low = scratch.low_bits.data();
   at[0] += first;
   const Uint4 origin = at[0];
@@ -204,9 +213,14 @@ LUMIGRID_ALWAYS_INLINE const char* decodeParts(const PatchHeader& header, base::
   const ResidualRoom room = scratch.residualRoom(groups);
   std::size_t at = kHeaderBytes + steps.size() + escapes.size();
   bool whole = readThreePlanes(readPlane, in, at, groups, scratch, positions);
-  if (header.lowBits() > 0)
-    whole = whole &&
-            readLowBits(in, at, header.lowBits(), {Scratch::room(scratch.low_bits, header.vertices), header.vertices});
+  const bool has_low_bits = header.lowBits() > 0 || kOneLoop;
+  if (has_low_bits) {
+    const std::span<Uint4> low(Scratch::room(scratch.low_bits, header.vertices), header.vertices);
+    if (header.lowBits() == 0)
+      std::fill(low.begin(), low.end(), Uint4{});
+    else
+      whole = whole && readLowBits(in, at, header.lowBits(), low);
+  }
   for (std::vector<std::uint32_t>* plane : {&scratch.normal_u, &scratch.normal_v}) {
     std::uint32_t* codes = Scratch::room(*plane, padded);
     if (header.hasNormals())
@@ -222,7 +236,6 @@ LUMIGRID_ALWAYS_INLINE const char* decodeParts(const PatchHeader& header, base::
 
   // Vertices.
   glm::ivec3* points = Scratch::room(scratch.lattice, header.vertices + 1U);
-  const bool has_low_bits = header.lowBits() > 0;
   const bool inside = header.hasColors()
                           ? (has_low_bits ? addPredictions<true, true>(header, gates, scratch, points)
                                           : addPredictions<true, false>(header, gates, scratch, points))
