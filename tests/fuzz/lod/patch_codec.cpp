@@ -29,6 +29,13 @@ PatchGeometry drawnPatch(int side, int extent, bool colors) {
   return g;
 }
 
+// Positions are multiples of 32, but for every third vertex.
+PatchGeometry coarsePatch(int side, bool colors) {
+  PatchGeometry g = drawnPatch(side, 40, colors);
+  for (std::size_t v = 0; v < g.positions.size(); ++v) g.positions[v] = 32 * g.positions[v] + (v % 3 == 1 ? 5 : 0);
+  return g;
+}
+
 void decode(base::ByteView bytes) {
   const auto decoded = lod::patch::decodePatch(bytes);
   if (!decoded) return;
@@ -45,7 +52,8 @@ namespace fuzz {
 std::vector<base::Bytes> seeds() {
   using lod::patch::encodePatch;
   return {encodePatch(drawnPatch(4, 100, false)), encodePatch(drawnPatch(9, 100'000, true)),
-          encodePatch(drawnPatch(20, 7, true)), encodePatch(patch_testing::tornGrid())};
+          encodePatch(drawnPatch(20, 7, true)),   encodePatch(patch_testing::tornGrid()),
+          encodePatch(coarsePatch(6, true)),      encodePatch(coarsePatch(11, false))};
 }
 
 void fuzzOne(base::ByteView bytes) {
