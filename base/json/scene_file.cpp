@@ -91,12 +91,22 @@ class Fields {
   std::string& problem_;
 };
 
+void readHull(const json& list, Scene& scene, Fields& top) {
+  if (!list.is_array() || list.size() > kMaxHull) return top.fail("hull is no list of at most 32 points");
+  for (const json& item : list) {
+    const auto point = vectorFrom(item);
+    if (!point || !(glm::length(*point) <= kMaxCoordinate)) return top.fail("hull: a point is not three numbers");
+    scene.hull.push_back(*point);
+  }
+}
+
 /// Reads what `lumigrid set` may have added; each member may be absent.
 void readAppearance(const json& document, Scene& scene, std::string& problem) {
   Fields top(document, "", problem);
   if (document.contains("title")) scene.title = top.get<std::string>("title");
   if (document.contains("start_direction")) scene.start_direction = top.vector("start_direction");
   if (document.contains("start_view")) scene.start_view = top.get<std::string>("start_view");
+  if (document.contains("hull")) readHull(top.child("hull"), scene, top);
   if (document.contains("north")) scene.north = top.number("north");
   if (std::abs(scene.north.value_or(0.0)) > 360.0) top.fail("north is beyond 360 degrees");
   if (document.contains("crs")) scene.crs = top.get<std::string>("crs");
@@ -229,6 +239,7 @@ std::string formatScene(const Scene& scene) {
   document["up"] = toJson(scene.up);
   if (scene.start_direction) document["start_direction"] = toJson(*scene.start_direction);
   if (!scene.start_view.empty()) document["start_view"] = scene.start_view;
+  for (const glm::dvec3& point : scene.hull) document["hull"].push_back(toJson(point));
   if (scene.north) document["north"] = *scene.north;
   if (!scene.crs.empty()) document["crs"] = scene.crs;
   if (!scene.attribution.empty()) document["attribution"] = scene.attribution;

@@ -64,7 +64,10 @@ struct Scene {
   glm::dvec3 up{0.0, 0.0, 1.0};               ///< world; the up vector of the first view
   std::optional<glm::dvec3> start_direction;  ///< unit, world: where the first view looks; nothing: viewers choose
   std::string start_view;                     ///< permalink of the first view; empty: the whole model, so seen
-  std::optional<double> north;                ///< degrees, docs/formats/scene.md, "North"; nothing: not known
+  /// World: at most kMaxHull points whose convex hull holds the model, strays far from it excepted; empty: the box
+  /// does.
+  std::vector<glm::dvec3> hull;
+  std::optional<double> north;    ///< degrees, docs/formats/scene.md, "North"; nothing: not known
   std::string crs;                ///< coordinate reference system of world coordinates, "EPSG:32718"; empty: not known
   std::string attribution;        ///< whom viewers name as the scan's authors; empty: nobody
   std::optional<Rgb> background;  ///< of pictures, where there is no model; nothing: viewers choose
@@ -90,6 +93,8 @@ glm::dvec3 northOf(const Scene& scene);
 /// "unlit", "soft", "hard-shadows" or "soft-shadows", as scene.json has it.
 const char* nameOf(LightMode mode);
 std::optional<LightMode> lightModeNamed(std::string_view name);
+/// Most points of a scene's hull.
+inline constexpr std::size_t kMaxHull = 32;
 /// Longest attribution and name of a coordinate reference system, bytes.
 inline constexpr std::size_t kMaxAttribution = 500, kMaxCrs = 64;
 /// Whether the text names a coordinate reference system by authority and code: "EPSG:32718", "OGC:CRS84",

@@ -2,6 +2,7 @@
 // Tells from a scene's surface which way is up, and from where it is looked at first.
 #include <glm/glm.hpp>
 #include <string>
+#include <vector>
 
 #include "base/error.h"
 #include "lod/patch/format.h"
@@ -13,6 +14,7 @@ struct Orientation {
   bool is_sure = false;                    ///< nothing else fits nearly as well
   std::string reason;                      ///< "the ground faces it"; never empty
   glm::vec3 direction{0.0F, 0.0F, -1.0F};  ///< unit, from the eye: where the first view looks
+  std::vector<glm::vec3> hull;             ///< scene-local: findHull() of the surface, which depends on no up
 };
 
 /// A guess from a coarse cut of the scene. What speaks for an axis: ground that faces it, a flat base at its lower end,

@@ -10,6 +10,7 @@
 #include "base/file.h"
 #include "base/number.h"
 #include "base/text.h"
+#include "lod/patch/hull.h"
 
 namespace server::cli {
 namespace {
@@ -91,6 +92,13 @@ bool isPermalink(std::string_view text) {
   }
   return std::all_of(std::begin(kParts), std::end(kParts),
                      [&](const LinkPart& one) { return !one.needed || seen.find(one.name) != std::string::npos; });
+}
+
+void setFirstView(const lod::patch::Orientation& found, base::Scene& scene) {
+  scene.start_direction = glm::normalize(glm::dvec3(found.direction));
+  static_assert(lod::patch::kMaxHullPoints <= base::kMaxHull);
+  scene.hull.clear();
+  for (const glm::vec3& point : found.hull) scene.hull.push_back(scene.origin + glm::dvec3(point));
 }
 
 base::Result<std::string> permalinkIn(const std::string& text) {

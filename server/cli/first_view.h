@@ -1,15 +1,20 @@
 #pragma once
-// The first view of a scene as `lumigrid set --start-view` takes it.
+// The first view of a scene as a build finds it, and as `lumigrid set --start-view` takes it.
 #include <string>
 #include <string_view>
 
 #include "base/error.h"
+#include "base/json/scene_file.h"
+#include "lod/patch/orientation.h"
 
 namespace server::cli {
 
 /// Whether a viewer takes the text for a permalink of version 1 (docs/formats/permalink.md): each part is known, stands
 /// once, and lies within its limits.
 bool isPermalink(std::string_view text);
+
+/// Stores where the first view looks, and what it fits in.
+void setFirstView(const lod::patch::Orientation& found, base::Scene& scene);
 
 /// The permalink in `text`, which is one, an address that ends in one, or the name of a file with either. kInvalidInput
 /// where there is none.

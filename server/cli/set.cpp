@@ -99,13 +99,15 @@ void setTexts(const SetArguments& a, base::Scene& scene) {
   if (a.attribution) scene.attribution = *a.attribution;
 }
 
-// Where the first view looks, with this up vector; splats alone leave it to viewers.
-base::Result<std::optional<glm::dvec3>> startDirectionOf(const std::string& directory, const base::Scene& scene) {
-  if (!base::partFile(scene, "patch", ".lgp")) return std::optional<glm::dvec3>();
+// Finds the first view with this up vector; splats alone leave it to viewers.
+base::Result<void> findFirstView(const std::string& directory, base::Scene& scene) {
+  scene.start_direction.reset();
+  if (!base::partFile(scene, "patch", ".lgp")) return {};
   LUMIGRID_ASSIGN_OR_RETURN(const auto file, lod::patch::PatchFile::open(base::patchPath(directory, scene)));
   const glm::vec3 up(scene.up);
   LUMIGRID_ASSIGN_OR_RETURN(const lod::patch::Orientation found, lod::patch::findOrientation(file, &up));
-  return std::optional(glm::normalize(glm::dvec3(found.direction)));
+  setFirstView(found, scene);
+  return {};
 }
 
 base::Result<void> setView(const SetArguments& a, base::Scene& scene) {
@@ -125,9 +127,7 @@ base::Result<void> setView(const SetArguments& a, base::Scene& scene) {
       LUMIGRID_ASSIGN_OR_RETURN(scene.start_view, permalinkIn(*a.start_view));
     }
   }
-  if (a.up || (a.start_view && *a.start_view == kAutomatic)) {
-    LUMIGRID_ASSIGN_OR_RETURN(scene.start_direction, startDirectionOf(a.scene, scene));
-  }
+  if (a.up || (a.start_view && *a.start_view == kAutomatic)) return findFirstView(a.scene, scene);
   return {};
 }
 

@@ -143,6 +143,7 @@ void Site::takeUpAppearance(const base::Scene& changed) {
   scene.title = changed.title;
   scene.start_direction = changed.start_direction;
   scene.start_view = changed.start_view;
+  scene.hull = changed.hull;
   scene.north = changed.north;
   scene.crs = changed.crs;
   scene.attribution = changed.attribution;

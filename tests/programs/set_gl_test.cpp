@@ -167,6 +167,8 @@ TEST_F(Set, twelveOrientationsLookAtTheModelWithTheirAxisUp) {
       // The first view looks from somewhere aside, so that its camera can stand upright.
       ASSERT_TRUE(read->start_direction);
       EXPECT_LT(std::abs(glm::dot(*read->start_direction, read->up)), 0.99) << axis;
+      EXPECT_FALSE(built.hull.empty());
+      EXPECT_EQ(read->hull, built.hull) << "it has no up";
       EXPECT_EQ(read->light, built.light) << "images were drawn in it";
     }
   EXPECT_EQ(faceValues(scene), images);

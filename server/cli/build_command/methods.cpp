@@ -11,6 +11,7 @@
 
 #include "base/crc32c.h"
 #include "base/format_text.h"
+#include "server/cli/first_view.h"
 
 namespace server::cli {
 namespace {
@@ -166,7 +167,7 @@ base::Result<void> orientBySurface(const BuildArguments& a, const lod::ingest::S
   LUMIGRID_ASSIGN_OR_RETURN(const lod::patch::Orientation found,
                             lod::patch::findOrientation(file, is_known ? &known : nullptr));
   if (!is_known) scene.up = glm::dvec3(found.up);
-  scene.start_direction = glm::normalize(glm::dvec3(found.direction));
+  setFirstView(found, scene);
   LUMIGRID_ASSIGN_OR_RETURN(scene.light, chooseLight(a, scene));
   if (defined && !a.quiet) std::fprintf(stderr, "up: %s\n", defined->reason);
   if (a.quiet || is_known) return {};

@@ -27,6 +27,7 @@ base::Scene example() {
   scene.parts.push_back({"patch.lgp", 77, "cd"});
   scene.title = "The tower";
   scene.start_view = "v=1&p=1,2,3&a=4,5&r=6";
+  scene.hull = {{500000.125, 4000000.25, -3}, {500010.5, 4000019.625, 6.5}};
   scene.north = -12.5;
   scene.crs = "EPSG:32718";
   scene.attribution = "A. Nonymous & S\u00F6hne <info@example.org>";
@@ -43,6 +44,7 @@ TEST(SceneFile, survivesWritingAndReading) {
   EXPECT_EQ(read->box_min, scene.box_min);
   EXPECT_EQ(read->triangles, scene.triangles);
   EXPECT_EQ(read->parts[0].sha256, "cd");
+  EXPECT_EQ(read->hull, scene.hull);
   EXPECT_EQ(read->north, scene.north);
   EXPECT_EQ(read->crs, scene.crs);
   EXPECT_EQ(read->attribution, scene.attribution);
@@ -52,11 +54,12 @@ TEST(SceneFile, survivesWritingAndReading) {
 
 TEST(SceneFile, appearanceThatNobodySetIsAbsent) {
   const std::string text = base::formatScene(base::Scene());
-  for (const char* member : {"title", "start_view", "north", "crs", "attribution", "background", "images_light"})
+  for (const char* member :
+       {"title", "start_view", "hull", "north", "crs", "attribution", "background", "images_light"})
     EXPECT_EQ(text.find(std::string("\"") + member + "\""), std::string::npos) << member;
   const auto read = base::parseScene(text, "s");
   ASSERT_TRUE(read) << read.error().message;
-  EXPECT_FALSE(read->north || read->background || read->images_light);
+  EXPECT_FALSE(read->north || read->background || read->images_light || !read->hull.empty());
   EXPECT_EQ(base::northOf(*read), glm::dvec3(0.0));
 }
 
@@ -91,7 +94,9 @@ TEST(SceneFile, appearanceThatCannotBeIsNamed) {
         std::tuple("\"EPSG:32718\"", "32718", "crs"), std::tuple("\"soft-shadows\"", "\"dim\"", "images_light: mode"),
         std::tuple("\"size\": 0.25", "\"size\": 0", "images_light: size"),
         std::tuple("\"size\": 0.25", "\"size\": \"big\"", "images_light: size"),
-        std::tuple("500001.5", "1e30", "images_light: position")}) {
+        std::tuple("500001.5", "1e30", "images_light: position"), std::tuple("4000019.625,", "", "hull"),
+        std::tuple("4000019.625", "null", "hull"), std::tuple("4000019.625", "1e300", "hull"),
+        std::tuple("\"hull\": [", "\"hull\": 3, \"more\": [", "hull")}) {
     std::string text = good;
     ASSERT_NE(text.find(is), std::string::npos) << is;
     text.replace(text.find(is), std::string(is).size(), becomes);
@@ -99,6 +104,15 @@ TEST(SceneFile, appearanceThatCannotBeIsNamed) {
     ASSERT_FALSE(read) << becomes;
     EXPECT_NE(read.error().message.find(name), std::string::npos) << read.error().message;
   }
+}
+
+TEST(SceneFile, aHullHasAtMost32Points) {
+  base::Scene scene = example();
+  scene.hull.assign(base::kMaxHull, glm::dvec3(1, 2, 3));
+  EXPECT_TRUE(base::parseScene(base::formatScene(scene), "s"));
+  scene.hull.emplace_back(0.0);
+  EXPECT_EQ(base::parseScene(base::formatScene(scene), "s").error().message,
+            "s: hull is no list of at most 32 points; build the scene again");
 }
 
 TEST(SceneFile, aCoordinateReferenceSystemIsAnAuthorityAndItsCode) {
