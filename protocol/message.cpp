@@ -193,7 +193,7 @@ base::Result<void> readBody(base::ByteReader& in, Keys& keys) {
 void writeBody(base::ByteWriter& out, const Hello& hello) {
   out.u16(hello.version);
   writeText(out, hello.client, kMaxText);
-  out.u8(hello.frame_codecs);
+  out.u8(hello.abilities);
   out.u32(hello.frame_pixels);
 }
 
@@ -204,7 +204,7 @@ base::Result<void> readBody(base::ByteReader& in, Hello& hello) {
   if (!in.ok()) return bad("is cut short");
   if (hello.version != kVersion) return {};
   if (!readText(in, kMaxText, hello.client)) return bad("its client name is cut short, too long or not plain text");
-  hello.frame_codecs = in.u8();
+  hello.abilities = in.u8();
   hello.frame_pixels = in.u32();
   if (!in.ok()) return bad("is cut short");
   if (!in.atEnd()) return bad("has bytes after its end");
@@ -251,7 +251,11 @@ void writeBody(base::ByteWriter& out, const Welcome& welcome) {
   fields(welcome.background.has_value());
   for (const std::uint8_t part : welcome.background.value_or(base::Rgb{})) fields(part);
   fields(welcome.north);
-  if (welcome.shadows) fields(welcome.shadows);
+  // Earlier clients know none of the rest, so that it is absent where it says nothing.
+  if (welcome.shadows || !welcome.hull.empty()) fields(welcome.shadows);
+  if (welcome.hull.empty()) return;
+  out.u8(static_cast<std::uint8_t>(welcome.hull.size()));
+  for (const glm::vec3& point : welcome.hull) fields(point);
 }
 
 /// Normalizes the directions. Returns null when the values are valid, and otherwise the fault.
@@ -308,7 +312,13 @@ base::Result<void> readBody(base::ByteReader& in, Welcome& welcome) {
   if (welcome.north != glm::vec3(0.0F) && !makeUnit(welcome.north)) return bad("its north is not a number");
   if (in.atEnd()) return {};
   fields(welcome.shadows);
-  if (!fields.flags_are_valid || !welcome.shadows || !in.atEnd()) return bad("has bytes after its end");
+  if (!in.atEnd()) welcome.hull.resize(std::min<std::size_t>(in.u8(), kMaxHull));
+  bool is_valid = fields.flags_are_valid && (welcome.shadows || !welcome.hull.empty());
+  for (glm::vec3& point : welcome.hull) {
+    fields(point);
+    is_valid = is_valid && isBounded(point);
+  }
+  if (!is_valid || !in.atEnd()) return bad("has bytes after its end, or its hull is no list of points");
   return {};
 }
 
@@ -471,6 +481,13 @@ base::Bytes encode(const ClientMessage& message) {
 
 base::Bytes encode(const ServerMessage& message) {
   return encodeFrom(kFromServer, message);
+}
+
+base::Bytes encode(const Welcome& welcome) {
+  base::ByteWriter out;
+  out.u8(kFromServer.first_type);
+  writeBody(out, welcome);
+  return out.takeBytes();
 }
 
 base::Result<ClientMessage> decodeClientMessage(base::ByteView bytes) {

@@ -39,8 +39,9 @@ inline constexpr std::uint32_t kMaxPatches = 1U << 29;
 
 /// Codecs of exact frames. JPEG every client decodes, since stored faces are JPEG.
 enum class FrameCodec : std::uint8_t { kJpeg, kWebp };
-/// Hello::frame_codecs: the client decodes WebP frames.
-inline constexpr std::uint8_t kDecodesWebp = 1;
+/// Hello::abilities: the client decodes WebP frames, and takes a hull in Welcome.
+inline constexpr std::uint8_t kDecodesWebp = 1, kTakesHull = 2;
+inline constexpr std::size_t kMaxHull = 32;  ///< points
 /// View::frame_quality: the server chooses.
 inline constexpr std::uint8_t kServersChoice = 0;
 
@@ -49,8 +50,8 @@ inline constexpr std::uint8_t kServersChoice = 0;
 /// The first message. The server answers with Welcome, or with Refusal when the versions differ.
 struct Hello {
   std::uint16_t version = kVersion;
-  std::string client;                        ///< name and version, for the server's log
-  std::uint8_t frame_codecs = kDecodesWebp;  ///< flags of the codecs that it decodes besides JPEG; others mean nothing
+  std::string client;                                  ///< name and version, for the server's log
+  std::uint8_t abilities = kDecodesWebp | kTakesHull;  ///< flags; others mean nothing
   std::uint32_t frame_pixels = 0;  ///< it has room for several frames of so many pixels, where views have fewer
 };
 
@@ -104,6 +105,9 @@ struct Welcome {
   std::string attribution;              ///< whom viewers name as the scan's authors; empty: nobody
   std::optional<base::Rgb> background;  ///< of pictures, where there is no model; nothing: the client chooses
   glm::vec3 north{0.0F};                ///< unit, perpendicular to up; zero: not known
+  /// Scene-local: at most kMaxHull points whose convex hull holds the model; empty: the box does. Only for clients that
+  /// take it.
+  std::vector<glm::vec3> hull;
 };
 
 /// A face as the repository stores it (repository/faces/face_value.h), empty flags included.
@@ -171,6 +175,8 @@ using ServerMessage = std::variant<Welcome, Face, Refinement, Frame, Completion,
 /// Control characters in texts become blanks. The caller splits lists of more than kMaxKeysPerMessage keys.
 base::Bytes encode(const ClientMessage& message);
 base::Bytes encode(const ServerMessage& message);
+/// The same bytes; a program that encodes no other message of a server carries only what this one takes.
+base::Bytes encode(const Welcome& welcome);
 /// Checks every length and value of hostile input (NaN, zero directions, field of view, viewport up to 16384, keys in
 /// range). Directions and up vectors come out with unit length. A Hello of another version decodes to its version only,
 /// so that it can be refused; a Welcome of another version is an error of code kVersion.

@@ -25,6 +25,8 @@ inline Welcome welcomeOf(const base::Scene& scene, const std::string& name) {
   welcome.attribution = scene.attribution;
   welcome.background = scene.background;
   welcome.north = glm::vec3(northOf(scene));
+  static_assert(base::kMaxHull <= kMaxHull);
+  for (const glm::dvec3& point : scene.hull) welcome.hull.emplace_back(point - scene.origin);
   return welcome;
 }
 

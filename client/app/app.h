@@ -315,7 +315,6 @@ class App {
   // The scene.
   std::optional<protocol::Welcome> framed_;  // the Welcome for which the first view was chosen
   std::optional<ViewState> wanted_view_;     // a link that was opened before the scene was known
-  glm::dvec3 box_min_{0.0}, box_max_{0.0};   // world
 
   // The surface into which the client draws.
   int width_ = 0, height_ = 0;

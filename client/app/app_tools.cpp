@@ -203,17 +203,17 @@ void App::cycleSection() {
 
 /// Puts the plane through the middle of the model and cuts off the near half.
 void App::turnOnSection(int axis) {
-  view_.section = {true, axis, control_.camera().direction[axis] < 0.0, 0.5 * (box_min_[axis] + box_max_[axis])};
+  view_.section = {true, axis, control_.camera().direction[axis] < 0.0, control_.boxCenter()[axis]};
   cameraMoved();
 }
 
 void App::moveSection(double distance) {
   Section& s = view_.section;
-  s.offset = std::clamp(s.offset + distance, box_min_[s.axis], box_max_[s.axis]);
+  s.offset = std::clamp(s.offset + distance, control_.boxMin()[s.axis], control_.boxMax()[s.axis]);
 }
 
 glm::dvec3 App::sectionHandle() const {
-  glm::dvec3 place = 0.5 * (box_min_ + box_max_);
+  glm::dvec3 place = control_.boxCenter();
   place[view_.section.axis] = view_.section.offset;
   return place;
 }

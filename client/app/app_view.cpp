@@ -90,10 +90,8 @@ void App::frameNewScene() {
   if (welcome == nullptr || width_ <= 0 || (framed_ && sameShape(*framed_, *welcome))) return;
   const bool another = framed_.has_value();
   framed_ = *welcome;
-  box_min_ = welcome->origin + glm::dvec3(welcome->box_min);
-  box_max_ = welcome->origin + glm::dvec3(welcome->box_max);
   flight_.end();
-  control_.frameBox(box_min_, box_max_, glm::dvec3(welcome->up), glm::dvec3(welcome->start_direction));
+  control_.frameScene(*welcome);
   if (another) {
     measure_.clear();
     view_.section.on = false;
@@ -160,7 +158,7 @@ void App::fly(double seconds) {
 
   const double along = down(Key::kPageUp) - down(Key::kPageDown);
   if (along != 0.0 && view_.section.on)
-    moveSection(along * speed / kSectionSeconds * (box_max_ - box_min_)[view_.section.axis]);
+    moveSection(along * speed / kSectionSeconds * (control_.boxMax() - control_.boxMin())[view_.section.axis]);
   cameraMoved();
 }
 

@@ -3,7 +3,8 @@
 #include <algorithm>
 #include <cmath>
 #include <glm/gtc/constants.hpp>
-#include <glm/gtx/rotate_vector.hpp>
+
+#include "base/geometry.h"
 
 namespace client {
 namespace {
@@ -31,19 +32,27 @@ glm::dvec3 anyPerpendicular(const glm::dvec3& v) {
   return glm::normalize(glm::cross(v, other));
 }
 
+/// Returns a vector turned about a unit axis, by an angle in radians.
+glm::dvec3 turned(const glm::dvec3& v, const glm::dvec3& axis, double angle) {
+  const glm::dvec3 along = glm::dot(axis, v) * axis;
+  return along + std::cos(angle) * (v - along) + std::sin(angle) * glm::cross(axis, v);
+}
+
 }  // namespace
 
-void OrbitControl::frameBox(const glm::dvec3& box_min, const glm::dvec3& box_max, const glm::dvec3& up,
-                            const glm::dvec3& direction) {
-  up_ = glm::normalize(up);
-  box_min_ = box_min;
-  box_max_ = box_max;
-  pivot_ = 0.5 * (box_min + box_max);
-  size_ = std::max(glm::length(box_max - box_min), 1e-12);
+void OrbitControl::frameScene(const protocol::Welcome& scene) {
+  up_ = glm::normalize(glm::dvec3(scene.up));
+  origin_ = scene.origin;
+  box_min_ = origin_ + glm::dvec3(scene.box_min);
+  box_max_ = origin_ + glm::dvec3(scene.box_max);
+  size_ = std::max(glm::length(box_max_ - box_min_), 1e-12);
+  hull_ = scene.hull;
+  if (hull_.empty())
+    for (int corner = 0; corner < 8; ++corner) hull_.push_back(base::Aabb{scene.box_min, scene.box_max}.corner(corner));
 
-  const glm::dvec3 from = glm::rotate(anyPerpendicular(up_), 0.6, up_);
-  camera_.direction = direction != glm::dvec3(0.0)
-                          ? awayFromPoles(glm::normalize(direction))
+  const glm::dvec3 from = turned(anyPerpendicular(up_), up_, 0.6);
+  camera_.direction = scene.start_direction != glm::vec3(0.0F)
+                          ? awayFromPoles(glm::normalize(glm::dvec3(scene.start_direction)))
                           : -glm::normalize(std::cos(kFirstElevation) * from + std::sin(kFirstElevation) * up_);
   camera_.up = up_;
   first_ = framingViewpoint();
@@ -51,23 +60,25 @@ void OrbitControl::frameBox(const glm::dvec3& box_min, const glm::dvec3& box_max
 }
 
 Viewpoint OrbitControl::framingViewpoint() const {
-  // The box's centre stays in the middle, since the view turns around it. A corner at (x, z) across and ahead of it is
-  // within the sides of the picture, less a margin, where |x| <= t (z + d) for an eye d behind.
-  const glm::dvec3 center = 0.5 * (box_min_ + box_max_);
-  const glm::dvec3 right = glm::normalize(glm::cross(camera_.direction, camera_.up));
-  const glm::dvec3 above = glm::cross(right, camera_.direction);
-  const double aspect = static_cast<double>(camera_.width) / static_cast<double>(camera_.height);
+  // Let a point be at (x, z) across and ahead of the origin, and the eye at (c, -d). It is within the sides of the
+  // picture, less a margin, where |x - c| <= t (z + d), so that x / t - z - d <= c / t <= x / t + z + d. With d as
+  // small as it can be the greatest left side of all points meets the least right side. The depth is a third
+  // coordinate.
   const double tan_above = kFramed * std::tan(0.5 * camera_.fov_y);
-  double distance = 1e-3 * size_;
-  for (int corner = 0; corner < 8; ++corner) {
-    const glm::dvec3 at =
-        glm::dvec3((corner & 1) != 0 ? box_max_.x : box_min_.x, (corner & 2) != 0 ? box_max_.y : box_min_.y,
-                   (corner & 4) != 0 ? box_max_.z : box_min_.z) -
-        center;
-    const double across = std::max(std::abs(glm::dot(at, right)) / aspect, std::abs(glm::dot(at, above))) / tan_above;
-    distance = std::max(distance, across - glm::dot(at, camera_.direction));
+  const glm::dvec3 tans(tan_above * camera_.width / camera_.height, tan_above, 1.0);
+  const glm::dmat3 world_from_view(right(), upInView(), camera_.direction);
+  glm::dvec3 most(-1e300), least(1e300);
+  for (const glm::vec3& point : hull_) {
+    const glm::dvec3 at = glm::dvec3(point) * world_from_view / tans;  // times the transposed rotation
+    // In an orthographic picture depths do not matter.
+    const double slack = orthographic_ ? 0.0 : at.z;
+    most = glm::max(most, at - glm::dvec3(slack, slack, 0.0));
+    least = glm::min(least, at + glm::dvec3(slack, slack, 0.0));
   }
-  return {center - distance * camera_.direction, camera_.direction, distance};
+  const glm::dvec3 half = 0.5 * (most - least), middle = 0.5 * (most + least);
+  const double distance = std::max(std::max(half.x, half.y) + (orthographic_ ? 0.0 : middle.z), 1e-3 * size_);
+  const glm::dvec3 pivot = origin_ + world_from_view * (middle * tans);
+  return {pivot - distance * camera_.direction, camera_.direction, distance};
 }
 
 Viewpoint OrbitControl::viewpointCentredOn(const glm::dvec3& world) const {
@@ -141,7 +152,7 @@ void OrbitControl::orbit(double dx_px, double dy_px) {
 
   // Turn the arm from the pivot and the direction alike.
   const glm::dvec3 axis = right();
-  const auto turn = [&](const glm::dvec3& v) { return glm::rotate(glm::rotate(v, pitch, axis), yaw, up_); };
+  const auto turn = [&](const glm::dvec3& v) { return turned(turned(v, axis, pitch), up_, yaw); };
   camera_.position = pivot_ + turn(camera_.position - pivot_);
   camera_.direction = glm::normalize(turn(camera_.direction));
 }
@@ -180,7 +191,7 @@ ScreenPoint OrbitControl::project(const glm::dvec3& world) const {
 Ray OrbitControl::rayAt(double x, double y) const {
   if (!orthographic_) return {camera_.position, glm::normalize(pointAt(x, y, 1.0) - camera_.position)};
   // Begin behind the farther end of the box and so outside of it, wherever the camera stands.
-  const double behind = glm::length(0.5 * (box_min_ + box_max_) - camera_.position) + size_;
+  const double behind = glm::length(boxCenter() - camera_.position) + size_;
   return {pointAt(x, y, -behind), camera_.direction};
 }
 

@@ -6,8 +6,10 @@
 // coming nearer magnifies, and switching keeps what is looked at.
 #include <glm/glm.hpp>
 #include <optional>
+#include <vector>
 
 #include "base/camera.h"
+#include "protocol/message.h"
 
 namespace client {
 
@@ -33,14 +35,13 @@ struct ScreenPoint {
 
 class OrbitControl {
  public:
-  /// Looks at a box from the side and a little from above, so that all of it is in view.
-  /// `direction`: where that view looks; zero: from a corner, slightly down.
-  void frameBox(const glm::dvec3& box_min, const glm::dvec3& box_max, const glm::dvec3& up,
-                const glm::dvec3& direction = glm::dvec3(0.0));
+  /// Looks at a scene from the side and a little from above, so that all of its hull, or where it has none, of its box,
+  /// is in view. With a `start_direction` it looks there.
+  void frameScene(const protocol::Welcome& scene);
   void setViewport(int width, int height);  ///< pixels, ≥ 1
-  /// Returns the view that frameBox() gave.
+  /// Returns the view that frameScene() gave.
   Viewpoint firstViewpoint() const { return first_; }
-  /// Returns the viewpoint that shows the whole box from the present direction.
+  /// Returns the viewpoint that shows the whole model from the present direction. The pivot is in its midst.
   Viewpoint framingViewpoint() const;
   /// Returns the viewpoint, moved aside, from which a world point is straight ahead at its distance; it becomes the
   /// pivot.
@@ -57,7 +58,10 @@ class OrbitControl {
   bool orthographic() const { return orthographic_; }
   /// Returns the height of an orthographic picture in world units; 0 in perspective.
   double orthoHeight() const;
-  double sceneSize() const { return size_; }  ///< the box's diagonal, world units
+  double sceneSize() const { return size_; }             ///< the box's diagonal, world units
+  const glm::dvec3& boxMin() const { return box_min_; }  ///< world
+  const glm::dvec3& boxMax() const { return box_max_; }
+  glm::dvec3 boxCenter() const { return 0.5 * (box_min_ + box_max_); }
 
   ScreenPoint project(const glm::dvec3& world) const;
   /// Returns the ray through the picture at (x, y): from the eye, or in an orthographic view from behind the whole
@@ -104,6 +108,8 @@ class OrbitControl {
   glm::dvec3 grabbed_{0.0};
   double size_ = 1.0;  // diagonal of the box
   glm::dvec3 box_min_{0.0}, box_max_{0.0};
+  glm::dvec3 origin_{0.0};       // world, the scene's
+  std::vector<glm::vec3> hull_;  // scene-local; not empty once a scene was framed
   bool orthographic_ = false;
   Viewpoint first_;
 };

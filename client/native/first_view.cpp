@@ -11,8 +11,7 @@ namespace client {
 base::Result<FirstView> firstViewOf(const protocol::Welcome& scene, const std::string& link, int width, int height) {
   OrbitControl control;
   control.setViewport(width, height);
-  control.frameBox(scene.origin + glm::dvec3(scene.box_min), scene.origin + glm::dvec3(scene.box_max),
-                   glm::dvec3(scene.up), glm::dvec3(scene.start_direction));
+  control.frameScene(scene);
   std::optional<ViewState> wanted;
   if (!link.empty()) {
     LUMIGRID_ASSIGN_OR_RETURN(wanted, parsePermalink(link));

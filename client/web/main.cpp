@@ -53,6 +53,7 @@ protocol::Welcome welcomeOf(const std::string& name, const std::string& units, c
                                    static_cast<std::uint8_t>(color)};
   }
   if (!std::isnan(numbers[20])) welcome.north = glm::vec3(base::northDirection(vectorAt(numbers + 9), numbers[20]));
+  for (int i = 0; i < numbers[21]; ++i) welcome.hull.emplace_back(vectorAt(numbers + kHullAt + 3 * i) - welcome.origin);
   return welcome;
 }
 

@@ -76,8 +76,8 @@ void pick(const Request& request) {
 
 extern "C" {
 
-/// Opens a published scene. `numbers`: as in client/web/page.h, then the lengths of the patches and of the index
-/// (0: none).
+/// Opens a published scene. `numbers`: as in client/web/page.h, the two being the lengths of the patches and of the
+/// index (0: none).
 EMSCRIPTEN_KEEPALIVE void openStatic(const char* place, const char* name, const char* units, const char* start_view,
                                      const char* attribution, const char* patches, const char* index,
                                      const double* numbers) {

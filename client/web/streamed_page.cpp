@@ -17,8 +17,8 @@ std::shared_ptr<StreamedView> view;
 
 extern "C" {
 
-/// Opens the method's file. `numbers`: as in client/web/page.h, then the length of the file, and 1 where the browser is
-/// to save data.
+/// Opens the method's file. `numbers`: as in client/web/page.h, the two being the length of the file, and 1 where the
+/// browser is to save data.
 EMSCRIPTEN_KEEPALIVE void openStreamed(const char* place, const char* name, const char* units, const char* start_view,
                                        const char* attribution, const char* file, const double* numbers) {
   client::App& app = *client::web::page.app;

@@ -70,7 +70,7 @@ base::Result<void> Session::acceptMessage(const protocol::Hello& hello) {
                                                  "; update the " + (client_older ? "client" : "server"));
   }
   client_ = hello.client;
-  decodes_webp_ = (hello.frame_codecs & protocol::kDecodesWebp) != 0;
+  decodes_webp_ = (hello.abilities & protocol::kDecodesWebp) != 0;
   frames_.setCodec(decodes_webp_ ? protocol::FrameCodec::kWebp : protocol::FrameCodec::kJpeg);
   frames_.setMostPixels(hello.frame_pixels);
   if (scene_.patches == nullptr) return refuseWithoutPatches();
@@ -78,7 +78,10 @@ base::Result<void> Session::acceptMessage(const protocol::Hello& hello) {
   const lod::patch::Hierarchy& hierarchy = scene_.patches->hierarchy();
   has_group_.assign(hierarchy.groups.size(), false);
   coarse_ = plan::coarseGroups(hierarchy, plan::kCoarseBytes);
-  greeting_ = protocol::encode(welcome_);
+  // Earlier clients refuse what they do not know.
+  protocol::Welcome welcome = welcome_;
+  if ((hello.abilities & protocol::kTakesHull) == 0) welcome.hull.clear();
+  greeting_ = protocol::encode(welcome);
   return {};
 }
 

@@ -15,6 +15,7 @@ std::vector<base::Bytes> seeds() {
   welcome.attribution = "A. Nonymous";
   welcome.background = base::Rgb{1, 2, 3};
   welcome.north = {0.0F, 1.0F, 0.0F};
+  welcome.hull = {{1.0F, 2.0F, 3.0F}, {4.0F, 5.0F, 6.0F}};
   const base::Bytes some(20, 0x5A);
   return {protocol::encode(ServerMessage(welcome)),
           protocol::encode(ServerMessage(protocol::Face{{1, 2, 3, 4}, some})),

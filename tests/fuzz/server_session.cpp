@@ -172,7 +172,7 @@ class Run {
   void sendHello(std::uint8_t flags) {
     protocol::Hello hello;
     hello.client = "fuzz";
-    hello.frame_codecs = flags & 1U;
+    hello.abilities = flags & 1U ? protocol::kDecodesWebp : protocol::kTakesHull;
     hello.frame_pixels = (flags & 2U) != 0 ? 1'000'000 : 0;
     send(protocol::encode(ClientMessage(hello)));
   }

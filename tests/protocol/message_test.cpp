@@ -89,6 +89,8 @@ class MessageGenerator {
       drawn.background =
           base::Rgb{static_cast<std::uint8_t>(whole(0, 255)), static_cast<std::uint8_t>(whole(0, 255)), 7};
     if (coin()) drawn.north = glm::vec3(unit());
+    if (coin())
+      for (std::uint32_t i = whole(1, kMaxHull); i > 0; --i) drawn.hull.emplace_back(place());
     drawn.unlit = coin();
     drawn.light_direction = glm::vec3(unit());
     drawn.has_colors = coin();
@@ -160,6 +162,13 @@ TEST(Message, everyServerMessageComesBack) {
   }
 }
 
+TEST(Message, aWelcomeByItselfIsTheSame) {
+  for (unsigned seed = 0; seed < 20; ++seed) {
+    const Welcome welcome = MessageGenerator(seed).welcome();
+    EXPECT_EQ(encode(welcome), encode(ServerMessage(welcome)));
+  }
+}
+
 TEST(Message, decodeReadsEveryFieldOfAView) {
   const View sent = MessageGenerator(7).view();
   const View got = std::get<View>(*decodeClientMessage(encode(ClientMessage(sent))));
@@ -211,10 +220,45 @@ TEST(Message, aWelcomeTellsHowTheSceneIsShown) {
     EXPECT_EQ(got.north, sent.north);
     EXPECT_EQ(got.shadows, sent.shadows);
   }
-  // Without shadows there is no flag.
+  // Without shadows there is no flag, unless a hull follows.
   sent.shadows = true;
+  sent.hull.clear();
   base::Bytes bytes = encode(ServerMessage(sent));
   bytes.back() = 0;
+  EXPECT_FALSE(decodeServerMessage(bytes));
+}
+
+TEST(Message, aWelcomeTellsTheHullWithAndWithoutShadows) {
+  for (const bool shadows : {true, false}) {
+    Welcome sent = MessageGenerator(12).welcome();
+    sent.shadows = shadows;
+    sent.hull = {{1.0F, -2.0F, 3.0F}, {0.0F, 0.5F, 1e9F}};
+    const base::Bytes bytes = encode(ServerMessage(sent));
+    const Welcome got = std::get<Welcome>(*decodeServerMessage(bytes));
+    EXPECT_EQ(got.hull, sent.hull);
+    EXPECT_EQ(got.shadows, shadows);
+    for (std::size_t cut = 1; cut <= 2 * sizeof(glm::vec3) + 1; ++cut) {
+      // Cut before the count it is a Welcome without hull.
+      const bool is_whole = shadows && cut == 2 * sizeof(glm::vec3) + 1;
+      EXPECT_EQ(bool(decodeServerMessage(base::ByteView(bytes).first(bytes.size() - cut))), is_whole) << cut;
+    }
+  }
+}
+
+TEST(Message, aHullOfTooManyPointsOrNoNumbersIsRefused) {
+  Welcome welcome;
+  welcome.hull.assign(kMaxHull, glm::vec3(1.0F));
+  EXPECT_EQ(problemOf(ServerMessage(welcome)), "");
+  welcome.hull.emplace_back(1.0F);
+  EXPECT_NE(problemOf(ServerMessage(welcome)).find("hull"), std::string::npos);
+  for (const double bad : {kNan, kInf, 2e12}) {
+    welcome.hull = {glm::vec3(1.0F), glm::vec3(0.0F, static_cast<float>(bad), 0.0F)};
+    EXPECT_NE(problemOf(ServerMessage(welcome)).find("hull"), std::string::npos) << bad;
+  }
+  // A count of none without shadows says nothing.
+  welcome.hull.clear();
+  base::Bytes bytes = encode(ServerMessage(welcome));
+  bytes.insert(bytes.end(), {0, 0});
   EXPECT_FALSE(decodeServerMessage(bytes));
 }
 
@@ -421,7 +465,7 @@ TEST(Message, helloTellsTheCodecsOfFrames) {
     auto bytes = encode(ClientMessage(Hello{kVersion, "ab", codecs}));
     const auto decoded = decodeClientMessage(bytes);
     ASSERT_TRUE(decoded) << "flags that mean nothing yet are passed over";
-    EXPECT_EQ(std::get<Hello>(*decoded).frame_codecs, codecs);
+    EXPECT_EQ(std::get<Hello>(*decoded).abilities, codecs);
     bytes.pop_back();
     EXPECT_FALSE(decodeClientMessage(bytes)) << "no byte is optional";
   }

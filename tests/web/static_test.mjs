@@ -66,6 +66,31 @@ async function freshView(url, link) {
   return shown;
 }
 
+test("the first view is our server's, and the hull in scene.json fills nine tenths of it", async () => {
+  const server = await serve(scene, {args: ["--no-frames"]});
+  const seen = [];
+  for (const {url} of [await nginx(published), server]) {
+    const page = await open(browser, url);
+    await settled(page);
+    seen.push(await camera(page));
+    await page.close();
+  }
+  assert.deepEqual(seen[0], seen[1]);
+
+  const [px, py, pz, dx, dy, dz, ux, uy, uz, fov, , width, height] = seen[0];
+  const right = [dy * uz - dz * uy, dz * ux - dx * uz, dx * uy - dy * ux];
+  const length = Math.hypot(...right);
+  const above = [right[1] * dz - right[2] * dy, right[2] * dx - right[0] * dz, right[0] * dy - right[1] * dx];
+  const along = (axis, at) => axis[0] * at[0] + axis[1] * at[1] + axis[2] * at[2];
+  const {hull} = JSON.parse(readFileSync(join(published, "scene.json"), "utf8"));
+  const shares = hull.map(([x, y, z]) => {
+    const at = [x - px, y - py, z - pz];
+    const half = Math.tan(fov / 2) * length * along([dx, dy, dz], at);
+    return Math.max(Math.abs(along(right, at)) * height / width, Math.abs(along(above, at))) / half;
+  });
+  assert.ok(Math.abs(Math.max(...shares) - 0.9) < 1e-3, String(shares));
+});
+
 test("the page beside the scene shows it as our server does, and asks for nothing twice", async () => {
   const host = await nginx(published);
   const page = await open(browser, host.url);

@@ -77,8 +77,8 @@ const shadingOf = (light) => light?.mode === "unlit" ? 1 : String(light?.mode).e
 /// Returns "#rrggbb" as a number, -1 for anything else.
 const colorOf = (text) => (/^#[0-9a-f]{6}$/i.test(text) ? parseInt(text.slice(1), 16) : -1);
 
-/// Reads scene.json. `base`: URL of its folder. Returns {url, scene, parts, numbers}, with the numbers in the order of
-/// client/web/page.h. Throws SceneError.
+/// Reads scene.json. `base`: URL of its folder. Returns {url, scene, parts, numbers, hull}, with the numbers and the
+/// hull's points in the order of client/web/page.h. Throws SceneError.
 export async function readScene(base) {
   const url = new URL("scene.json", base).href;
   const scene = await readJson(url);
@@ -96,21 +96,25 @@ export async function readScene(base) {
         `${url} is damaged`, "Origin, box, up or light is not three numbers; publish the scene again.");
   const start = vectors.pop();
   const light = vectors.pop();
+  const hull = [scene.hull ?? []].flat().map(vector);
+  if (hull.includes(null) || hull.length > 32)
+    throw new SceneError(`${url} is damaged`, "Its hull is no list of points; publish the scene again.");
   return {
     url,
     scene,
     parts: Array.isArray(scene.parts) ? scene.parts : [],
     numbers: [
       ...vectors.flat(), shadingOf(scene.light), ...light, ...start, colorOf(scene.background),
-      Number.isFinite(scene.north) ? scene.north : NaN
-    ]
+      Number.isFinite(scene.north) ? scene.north : NaN, hull.length
+    ],
+    hull
   };
 }
 
 /// Hands the scene to the client's function `name`, which gets place, scene's name, units, first view, attribution, the
 /// names of the parts' files, and all numbers: those of the scene, the parts' lengths and `more`. Returns a
 /// function of `now` that is to be called each turn, and returns true when something arrived.
-function openParts(name, base, {scene, numbers}, core, changed, parts, more = []) {
+function openParts(name, base, {scene, numbers, hull}, core, changed, parts, more = []) {
   const ranges = makeRanges(base, (job, outcome, status, bytes, detail) => {
     if (outcome === kBytes)
       core.fill(core.call("fetchedBytes", job, status, bytes.length), bytes);
@@ -121,7 +125,7 @@ function openParts(name, base, {scene, numbers}, core, changed, parts, more = []
   core.fetchRange = ranges.fetch;
   core.cancelRange = ranges.cancel;
   core.withNumbers(
-      [...numbers, ...parts.map((part) => part?.bytes ?? 0), ...more],
+      [...numbers, ...parts.map((part) => part?.bytes ?? 0), ...more, ...hull.flat()],
       (at) => core.call(
           name, base.replace(/\/$/, ""), nameOf(base, scene), String(scene.units ?? ""), String(scene.start_view ?? ""),
           String(scene.attribution ?? ""), ...parts.map((part) => part?.file ?? ""), at));

@@ -54,6 +54,15 @@ class AppGl : public ::testing::Test {
     for (std::size_t i = 3; i < image.pixels.size(); i += 4) count += image.pixels[i] != 0 ? 1 : 0;
     return count;
   }
+  /// A pixel in the midst of those that show the model.
+  glm::dvec2 onModel() {
+    const base::Image image = picture();
+    glm::dvec2 sum(0.0);
+    for (int y = 0; y < kHeight; ++y)
+      for (int x = 0; x < kWidth; ++x)
+        if (image.pixels[static_cast<std::size_t>(4 * (y * kWidth + x) + 3)] != 0) sum += glm::dvec2(x, y);
+    return glm::floor(sum / static_cast<double>(covered(image))) + 0.5;
+  }
   void press(Key key, Modifiers modifiers = {}) {
     app->handleKey(key, true, modifiers, now);
     app->handleKey(key, false, modifiers, now);
@@ -109,24 +118,25 @@ TEST_F(AppGl, aLostContextComesBackWithTheSamePicture) {
 
 TEST_F(AppGl, anOrthographicClickIsWhereItIsSeen) {
   press(Key::kO);
-  settle();
-  const auto surface = app->viewer().surfaceAt(app->camera(), 0.55 * kWidth, 0.5 * kHeight);
+  const glm::dvec2 at = onModel() + glm::dvec2(0.05 * kWidth, 0.0);
+  const auto surface = app->viewer().surfaceAt(app->camera(), at.x, at.y);
   ASSERT_TRUE(surface.has_value());
   Annotation note;
   note.title = "here";
   note.position = *surface;
   app->setAnnotations({note});
   settle();
-  EXPECT_NEAR(app->labels()[0].x, 0.55 * kWidth, 0.01);
-  EXPECT_NEAR(app->labels()[0].y, 0.5 * kHeight, 0.01);
+  EXPECT_NEAR(app->labels()[0].x, at.x, 0.01);
+  EXPECT_NEAR(app->labels()[0].y, at.y, 0.01);
   EXPECT_TRUE(app->labels()[0].visible);
 }
 
 TEST_F(AppGl, measuringTakesThePointThatIsDrawnUnderTheClick) {
   press(Key::kM);
   PointerEvent event;
-  event.x = 0.5 * kWidth;
-  event.y = 0.5 * kHeight;
+  const glm::dvec2 at = onModel();
+  event.x = at.x;
+  event.y = at.y;
   event.now = now;
   app->pointerDown(event);
   app->pointerUp(event);
@@ -147,14 +157,15 @@ TEST_F(AppGl, measuringTakesThePointThatIsDrawnUnderTheClick) {
 
 TEST_F(AppGl, aPinBehindTheSurfaceIsHidden) {
   const glm::dvec3 eye = app->view().position;
-  const auto surface = app->viewer().surfaceAt(app->camera(), 0.5 * kWidth, 0.5 * kHeight);
+  const glm::dvec2 at = onModel();
+  const auto surface = app->viewer().surfaceAt(app->camera(), at.x, at.y);
   ASSERT_TRUE(surface.has_value());
   Annotation before;
   before.title = "before";
   before.position = *surface + 0.05 * (eye - *surface);
   Annotation behind;
   behind.title = "behind";
-  behind.position = *surface - 0.05 * (eye - *surface);
+  behind.position = *surface - 0.2 * (eye - *surface);
   app->setAnnotations({before, behind});
   settle();
   ASSERT_EQ(app->labels().size(), 2U);

@@ -2,7 +2,10 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
+#include <utility>
+#include <vector>
 
 namespace client {
 namespace {
@@ -26,49 +29,140 @@ const glm::dvec3 kMin{500'000.0, 4'000'000.0, 100.0};
 const glm::dvec3 kMax{500'010.0, 4'000'020.0, 105.0};
 const glm::dvec3 kSurface{500'004.0, 4'000'007.0, 103.0};
 
+/// A scene of this box, with z up.
+protocol::Welcome sceneOf(const glm::dvec3& box_min, const glm::dvec3& box_max) {
+  protocol::Welcome scene;
+  scene.origin = box_min;
+  scene.box_max = glm::vec3(box_max - box_min);
+  return scene;
+}
+
+/// The share of half the picture from its middle to each side that the points fill: left, right, above, below.
+std::array<double, 4> filled(const base::ViewCamera& camera, const std::vector<glm::dvec3>& points) {
+  std::array<double, 4> share{-1e9, -1e9, -1e9, -1e9};
+  for (const glm::dvec3& point : points) {
+    EXPECT_GT(glm::dot(point - camera.position, camera.direction), 0.0);
+    const glm::dvec2 at = 2.0 * shownAt(camera, point) / glm::dvec2(camera.width, camera.height) - 1.0;
+    share = {std::max(share[0], -at.x), std::max(share[1], at.x), std::max(share[2], -at.y), std::max(share[3], at.y)};
+  }
+  return share;
+}
+
+/// Nothing is beyond nine tenths of the way to a side, and on the tighter axis both outermost points lie there.
+void expectNineTenths(const std::array<double, 4>& share) {
+  for (const double one : share) EXPECT_LT(one, 0.9 + 1e-4);
+  const bool is_wide = std::max(share[0], share[1]) > std::max(share[2], share[3]);
+  EXPECT_NEAR(share[is_wide ? 0 : 2], 0.9, 1e-4);
+  EXPECT_NEAR(share[is_wide ? 1 : 3], 0.9, 1e-4);
+}
+
 class Orbit : public ::testing::Test {
  protected:
   void SetUp() override {
     control.setViewport(800, 600);
-    control.frameBox(kMin, kMax, {0.0, 0.0, 1.0});
+    control.frameScene(sceneOf(kMin, kMax));
   }
   double pivotDistance() const { return glm::length(control.camera().position - control.pivot()); }
   glm::dvec2 shown(const glm::dvec3& point) const { return shownAt(control.camera(), point); }
-  // All corners of the box are in the picture, its centre is in the middle, and the outermost corner lies at nine
-  // tenths of the way to a side.
-  void expectFramed(double width, double height) const {
-    glm::dvec2 low(1e9), high(-1e9);
-    for (int corner = 0; corner < 8; ++corner) {
-      const glm::dvec2 at = shown({(corner & 1) != 0 ? kMax.x : kMin.x, (corner & 2) != 0 ? kMax.y : kMin.y,
-                                   (corner & 4) != 0 ? kMax.z : kMin.z});
-      low = glm::min(low, at), high = glm::max(high, at);
-    }
-    EXPECT_TRUE(low.x >= 0.0 && low.y >= 0.0 && high.x <= width && high.y <= height);
-    const glm::dvec2 middle(0.5 * width, 0.5 * height);
-    const glm::dvec2 outermost = glm::max(middle - low, high - middle) / middle;
-    EXPECT_NEAR(std::max(outermost.x, outermost.y), 0.9, 1e-3);
-    expectNear(shown(0.5 * (kMin + kMax)), middle, 1e-4);
+  static std::vector<glm::dvec3> corners() {
+    std::vector<glm::dvec3> all;
+    for (int corner = 0; corner < 8; ++corner)
+      all.emplace_back((corner & 1) != 0 ? kMax.x : kMin.x, (corner & 2) != 0 ? kMax.y : kMin.y,
+                       (corner & 4) != 0 ? kMax.z : kMin.z);
+    return all;
   }
   OrbitControl control;
 };
 
 TEST_F(Orbit, theFirstViewShowsTheWholeBox) {
-  expectFramed(800.0, 600.0);
+  expectNineTenths(filled(control.camera(), corners()));
 }
 
 TEST_F(Orbit, theFirstViewLooksWhereItIsTold) {
-  for (const glm::dvec3& direction :
-       {glm::dvec3(1.0, 0.0, 0.0), glm::dvec3(-0.3, 0.8, -0.5), glm::dvec3(0.1, 0.1, -2)}) {
-    control.frameBox(kMin, kMax, {0.0, 0.0, 1.0}, direction);
-    EXPECT_GT(glm::dot(control.camera().direction, glm::normalize(direction)), 0.999);
-    expectFramed(800.0, 600.0);
+  for (const glm::vec3& direction : {glm::vec3(1.0, 0.0, 0.0), glm::vec3(-0.3, 0.8, -0.5), glm::vec3(0.1, 0.1, -2)}) {
+    protocol::Welcome scene = sceneOf(kMin, kMax);
+    scene.start_direction = direction;
+    control.frameScene(scene);
+    EXPECT_GT(glm::dot(control.camera().direction, glm::dvec3(glm::normalize(direction))), 0.999);
+    expectNineTenths(filled(control.camera(), corners()));
   }
 }
 
 TEST_F(Orbit, aNarrowWindowShowsTheWholeBoxToo) {
   control.setViewport(200, 900);
-  control.frameBox(kMin, kMax, {0.0, 0.0, 1.0});
-  expectFramed(200.0, 900.0);
+  control.setViewpoint(control.framingViewpoint());
+  expectNineTenths(filled(control.camera(), corners()));
+}
+
+/// A slanted stick from the box's lower left to its middle.
+class OrbitHull : public Orbit {
+ protected:
+  void frame(const std::vector<glm::vec3>& points) {
+    protocol::Welcome scene = sceneOf(kMin, kMax);
+    scene.hull = points;
+    control.frameScene(scene);
+    hull.clear();
+    for (const glm::vec3& p : points) hull.push_back(kMin + glm::dvec3(p));
+  }
+  const std::vector<glm::vec3> stick{{0, 0, 0}, {1, 0, 0}, {0, 0, 1}, {5, 10, 2}, {5, 9, 3}};
+  std::vector<glm::dvec3> hull;
+};
+
+TEST_F(OrbitHull, fillsThePictureOfAnyShapeFromAnyDirection) {
+  for (const auto& [width, height] : {std::pair(800, 600), std::pair(200, 900), std::pair(1600, 300)}) {
+    control.setViewport(width, height);
+    frame(stick);
+    const base::ViewCamera first = control.camera();
+    expectNineTenths(filled(first, hull));
+    EXPECT_EQ(control.firstViewpoint().position, first.position);
+    for (int turn = 0; turn < 7; ++turn) {
+      control.orbit(90.0, 25.0);
+      control.setViewpoint(control.framingViewpoint());
+      expectNineTenths(filled(control.camera(), hull));
+    }
+  }
+}
+
+TEST_F(OrbitHull, fillsAnOrthographicPictureToo) {
+  control.setOrthographic(true);
+  for (const auto& [width, height] : {std::pair(800, 600), std::pair(200, 900)}) {
+    control.setViewport(width, height);
+    frame(stick);
+    const double pixel = control.orthoHeight() / height;
+    std::array<double, 4> share{-1e9, -1e9, -1e9, -1e9};
+    for (const glm::dvec3& point : hull) {
+      const glm::dvec3 at = point - control.camera().position;
+      const double x = glm::dot(at, control.right()) / (0.5 * width * pixel);
+      const double y = glm::dot(at, control.upInView()) / (0.5 * height * pixel);
+      share = {std::max(share[0], -x), std::max(share[1], x), std::max(share[2], y), std::max(share[3], -y)};
+    }
+    expectNineTenths(share);
+  }
+}
+
+TEST_F(OrbitHull, theViewTurnsAboutItsMidst) {
+  frame(stick);
+  double near = 1e9;
+  double far = -1e9;
+  for (const glm::dvec3& point : hull) {
+    const double depth = glm::dot(point - control.pivot(), control.camera().direction);
+    near = std::min(near, depth), far = std::max(far, depth);
+  }
+  EXPECT_LT(near, 0.0);
+  EXPECT_NEAR(near, -far, 1e-6);
+  expectNear(shown(control.pivot()), {400.0, 300.0}, 1e-4);
+}
+
+TEST_F(OrbitHull, ofAPointOrALineAheadIsLookedAt) {
+  frame({{3, 4, 1}});
+  expectNear(shown(hull[0]), {400.0, 300.0}, 1e-4);
+  EXPECT_NEAR(pivotDistance(), 1e-3 * glm::length(kMax - kMin), 1e-6);
+
+  // Where the picture is filled by nothing, the eye is still ahead of all of it.
+  const glm::dvec3 ahead = control.camera().direction;
+  frame({{3, 4, 1}, glm::vec3(3, 4, 1) + 2.0F * glm::vec3(ahead)});
+  for (const glm::dvec3& point : hull) EXPECT_GT(glm::dot(point - control.camera().position, ahead), -1e-5);
+  EXPECT_NEAR(glm::length(control.pivot() - 0.5 * (hull[0] + hull[1])), 0.0, 1e-5);
 }
 
 TEST_F(Orbit, orbitingKeepsTheDistanceToThePivotAndItsPlaceOnTheScreen) {
@@ -180,7 +274,9 @@ TEST(OrbitControl, anyUpVectorWillDo) {
   for (const glm::dvec3& up :
        {glm::dvec3(1.0, 0.0, 0.0), glm::dvec3(0.0, 1.0, 0.0), glm::dvec3(0.0, 0.0, -2.0), glm::dvec3(1.0, 1.0, 1.0)}) {
     OrbitControl control;
-    control.frameBox({-1.0, -1.0, -1.0}, {1.0, 1.0, 1.0}, up);
+    protocol::Welcome scene = sceneOf(glm::dvec3(-1.0), glm::dvec3(1.0));
+    scene.up = glm::vec3(up);
+    control.frameScene(scene);
     control.orbit(13.0, 7.0);
     EXPECT_TRUE(std::isfinite(control.camera().position.x));
     EXPECT_GT(glm::dot(control.camera().up, up), 0.0);

@@ -8,14 +8,14 @@
 namespace server {
 namespace {
 
-void expectFrameByItself(std::uint8_t frame_codecs, bool is_webp) {
+void expectFrameByItself(std::uint8_t abilities, bool is_webp) {
   const SceneDirectory scene;
   ServerOptions options;
   options.render_frames = true;
   RunningServer server(scene.path, options);
   auto client = LoopbackClient::connect(server.port());
   ASSERT_TRUE(client);
-  ASSERT_TRUE(client->send(protocol::Hello{protocol::kVersion, "test", frame_codecs}));
+  ASSERT_TRUE(client->send(protocol::Hello{protocol::kVersion, "test", abilities}));
   const auto welcome = std::get<protocol::Welcome>(*client->receive());
   ASSERT_TRUE(welcome.can_render_frames) << "no GL context here";
   protocol::View view = viewOf(welcome, 3);

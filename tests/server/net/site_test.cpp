@@ -107,6 +107,7 @@ TEST(Site, howTheSceneIsShownFollowsTheFileWhileItIsServed) {
   scene->up = {0.0, -1.0, 0.0};
   scene->units = "ft";
   scene->title = "A tower";
+  scene->hull = {scene->origin + glm::dvec3(1.0, 2.0, -0.5)};
   scene->north = 90.0;
   scene->attribution = "<b>A. Nonymous</b>";
   scene->background = base::Rgb{1, 2, 3};
@@ -117,6 +118,7 @@ TEST(Site, howTheSceneIsShownFollowsTheFileWhileItIsServed) {
   EXPECT_EQ(after.up, glm::vec3(0.0F, -1.0F, 0.0F));
   EXPECT_EQ(after.units, "ft");
   EXPECT_EQ(after.scene_name, "A tower");
+  EXPECT_EQ(after.hull, std::vector{glm::vec3(1.0F, 2.0F, -0.5F)});
   EXPECT_LT(glm::length(after.north - glm::vec3(1.0F, 0.0F, 0.0F)), 1e-6F);
   EXPECT_EQ(after.attribution, "<b>A. Nonymous</b>");
   EXPECT_EQ(after.background, (base::Rgb{1, 2, 3}));

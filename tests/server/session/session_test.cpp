@@ -293,15 +293,17 @@ TEST(Session, noImagesAreSentToAClientThatWantsNone) {
   EXPECT_LT(completeAt(messages, 1), messages.size());
 }
 
-TEST(Session, webpImagesAreSentToThoseWhoDecodeWebp) {
-  for (const std::uint8_t codecs : {std::uint8_t{0}, protocol::kDecodesWebp}) {
+TEST(Session, webpImagesAndHullsAreSentToThoseWhoTakeThem) {
+  for (const std::uint8_t abilities : {std::uint8_t{0}, protocol::kDecodesWebp, protocol::kTakesHull}) {
     TestScene scene;
     scene.data.images_are_webp = true;
+    scene.data.welcome.hull = {{1, 2, 3}};
     Talk talk(scene.data);
-    ASSERT_TRUE(talk.say(protocol::Hello{protocol::kVersion, "test 1", codecs}));
+    ASSERT_TRUE(talk.say(protocol::Hello{protocol::kVersion, "test 1", abilities}));
     ASSERT_TRUE(talk.say(scene.view(1, kAbove)));
     const auto messages = talk.drain();
-    EXPECT_EQ(facesIn(messages).empty(), codecs == 0);
+    EXPECT_EQ(facesIn(messages).empty(), abilities != protocol::kDecodesWebp);
+    EXPECT_EQ(std::get<protocol::Welcome>(messages.at(0)).hull.empty(), abilities != protocol::kTakesHull);
     EXPECT_LT(completeAt(messages, 1), messages.size());
   }
 }
