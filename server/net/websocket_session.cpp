@@ -31,9 +31,9 @@ constexpr std::size_t kMaxCloseReason = 120;                  // bytes; RFC 6455
 constexpr auto kPingTimeout = std::chrono::seconds(60);       // for the pong of a peer that is silent
 constexpr std::uint8_t kViewType = 0x02;                      // docs/formats/protocol.md
 constexpr double kMaxWatchSeconds = 10.0;                     // between two looks at a connection's deadlines
-// Bytes. The first has room for a View, and is what a connection keeps between two messages; the rest of a larger one
-// comes in pieces of the second.
-constexpr std::size_t kFirstRead = 256;
+// Bytes. The first begins a message, and is what a connection keeps between two of them; the rest comes in pieces of
+// the second at most. Beast has read ahead what came with the first.
+constexpr std::size_t kFirstRead = 24;
 constexpr std::size_t kNextRead = 65536;
 
 SessionTotals totalsOf(const SessionCounts& counts) {
@@ -209,7 +209,8 @@ void WebSocketSession::startRunner() {
 /// each quiet viewer would cost.
 void WebSocketSession::doRead() {
   reading_ = true;
-  socket_.async_read_some(incoming_, incoming_.size() == 0 ? kFirstRead : kNextRead,
+  const std::size_t most = incoming_.size() == 0 ? kFirstRead : std::min(kNextRead, socket_.read_size_hint(kNextRead));
+  socket_.async_read_some(incoming_, most,
                           beast::bind_front_handler(&WebSocketSession::onRead, self<WebSocketSession>()));
 }
 

@@ -132,6 +132,7 @@ base::Result<void> openHierarchy(const std::string& path, OpenScene& open) {
   LUMIGRID_ASSIGN_OR_RETURN(open.patch_file, OpenFile::open(path));
   open.data.patches = &open.patches;
   describeHierarchy(open.patches.hierarchy(), open.data.welcome);
+  (void)startOf(open.data);  // chooses the coarse model here, so that the first viewer need not wait for it
   return {};
 }
 

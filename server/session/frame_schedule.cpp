@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 namespace server {
 namespace {
@@ -94,12 +95,12 @@ double pixelsOf(const base::ViewCamera& camera) {
 
 }  // namespace
 
-void FrameSchedule::accept(const protocol::View& view, bool possible) {
-  const bool goes_on = motion_.accept(view.camera, link_.now());
-  if (view_ && pixelsOf(view_->camera) != pixelsOf(view.camera)) bytes_per_weight_ = 0.0;
+void FrameSchedule::accept(std::shared_ptr<const protocol::View> view, bool possible) {
+  const bool goes_on = motion_.accept(view->camera, link_.now());
+  if (view_ && pixelsOf(view_->camera) != pixelsOf(view->camera)) bytes_per_weight_ = 0.0;
   if (!goes_on) under_way_.reset();
-  if (!goes_on && !(view_ && base::showsSameView(view_->camera, view.camera))) countStay();
-  view_ = view;
+  if (!goes_on && !(view_ && base::showsSameView(view_->camera, view->camera))) countStay();
+  view_ = std::move(view);
   possible_ = possible;
   aimed_ = last_requested_ = false;
   quality_ = 0;

@@ -16,6 +16,7 @@
 #include <array>
 #include <cstdint>
 #include <limits>
+#include <memory>
 #include <optional>
 
 #include "base/camera.h"
@@ -49,8 +50,8 @@ class FrameSchedule {
   }
   LinkEstimate& link() { return link_; }
   const LinkEstimate& link() const { return link_; }
-  /// Accepts the newest view; `possible`: it wants frames, and the server can render them.
-  void accept(const protocol::View& view, bool possible);
+  /// Accepts the newest view, not null; `possible`: it wants frames, and the server can render them.
+  void accept(std::shared_ptr<const protocol::View> view, bool possible);
   /// The frame to render now; one is under way at a time, except that a view after a jump waits for none.
   /// `all_sent`: everything but frames was sent for the newest view.
   std::optional<FrameRequest> next(bool all_sent);
@@ -120,7 +121,7 @@ class FrameSchedule {
   std::uint32_t most_pixels_ = 0;
 
   // The newest view.
-  std::optional<protocol::View> view_;
+  std::shared_ptr<const protocol::View> view_;  // null: there was none
   bool possible_ = false;
   bool aimed_ = false;  // a frame ahead of it was requested
   int quality_ = 0;     // of the newest frame of this very view that was requested; 0: none was

@@ -37,10 +37,25 @@ void describeHierarchy(const lod::patch::Hierarchy& hierarchy, protocol::Welcome
   welcome.source_triangles = hierarchy.source_triangles;
 }
 
+std::shared_ptr<const SessionStart> startOf(const SceneData& scene) {
+  // The encoded bytes tell whether anything changed, and take a microsecond.
+  SharedMessage greeting(protocol::encode(scene.welcome));
+  const bool is_known = scene.start && scene.start->patches == scene.patches;
+  if (is_known && scene.start->greeting.bytes() == greeting.bytes()) return scene.start;
+  SessionStart start{scene.welcome, std::move(greeting), scene.patches, {}};
+  if (is_known)
+    start.coarse = scene.start->coarse;
+  else if (scene.patches != nullptr)
+    start.coarse = plan::coarseGroups(scene.patches->hierarchy(), plan::kCoarseBytes);
+  scene.start = std::make_shared<const SessionStart>(std::move(start));
+  return scene.start;
+}
+
 Session::Session(const SceneData& scene)
     : scene_(scene),
-      welcome_(scene.welcome),
+      start_(startOf(scene)),
       held_(scene.held),
+      remote_(scene.images_are_remote ? std::make_unique<RemoteFaces>() : nullptr),
       frames_(kMaxFrameShift * static_cast<double>(glm::length(scene.welcome.box_max - scene.welcome.box_min))) {}
 
 void Session::setLink(const LinkState& state) {
@@ -75,13 +90,14 @@ base::Result<void> Session::acceptMessage(const protocol::Hello& hello) {
   frames_.setMostPixels(hello.frame_pixels);
   if (scene_.patches == nullptr) return refuseWithoutPatches();
   phase_ = Phase::kReady;
-  const lod::patch::Hierarchy& hierarchy = scene_.patches->hierarchy();
-  has_group_.assign(hierarchy.groups.size(), false);
-  coarse_ = plan::coarseGroups(hierarchy, plan::kCoarseBytes);
-  // Earlier clients refuse what they do not know.
-  protocol::Welcome welcome = welcome_;
-  if ((hello.abilities & protocol::kTakesHull) == 0) welcome.hull.clear();
-  greeting_ = protocol::encode(welcome);
+  has_group_.assign(scene_.patches->hierarchy().groups.size(), false);
+  greeting_ = start_->greeting;
+  if ((hello.abilities & protocol::kTakesHull) == 0 && !start_->welcome.hull.empty()) {
+    // Earlier clients refuse what they do not know.
+    protocol::Welcome welcome = start_->welcome;
+    welcome.hull.clear();
+    greeting_ = protocol::encode(welcome);
+  }
   return {};
 }
 
@@ -89,9 +105,9 @@ base::Result<void> Session::acceptMessage(const protocol::View& view) {
   ++counts_.views;
   if (newest_ && !planned_) ++counts_.replaced;
   if (planned_) previous_ = newest_;
-  newest_ = view;
+  newest_ = std::make_shared<const protocol::View>(view);
   planned_ = false;
-  frames_.accept(view, framePossible(view));
+  frames_.accept(newest_, framePossible(view));
   if (sent_frame_ && !frames_.isUseful(*sent_frame_)) frame_parts_.giveUp();
   return {};
 }
@@ -107,7 +123,7 @@ base::Result<void> Session::acceptMessage(const protocol::Eviction& evicted) {
 /// name first what they used last.
 base::Result<void> Session::acceptMessage(const protocol::Holdings& have) {
   for (const repository::FaceKey& key : have.faces)
-    if (welcome_.grid.contains(key) && !held_.contains(key)) ++faces_claimed_, held_.claim(key);
+    if (start_->welcome.grid.contains(key) && !held_.contains(key)) ++faces_claimed_, held_.claim(key);
   for (std::uint32_t group : have.groups)
     if (group < has_group_.size()) has_group_[group] = true;
   if (faces_claimed_ > kMaxFacesHeld)
@@ -160,7 +176,7 @@ std::optional<SharedMessage> Session::chooseMessage() {
 /// plan is old enough: what that chose is still good, and goes on being sent.
 bool Session::planIsDue() const {
   const double now = frames_.link().now();
-  return !previous_ || now <= 0.0 || now >= nextPlanAt() || !plan::isMoving(welcome_, *newest_, *previous_);
+  return !previous_ || now <= 0.0 || now >= nextPlanAt() || !plan::isMoving(start_->welcome, *newest_, *previous_);
 }
 
 /// When a view of a motion is planned for, seconds.
@@ -198,12 +214,12 @@ std::optional<SharedMessage> Session::nextOfFrames() {
 
 std::optional<SharedMessage> Session::nextFrame() {
   if (!frame_) return std::nullopt;
-  const protocol::Frame frame = *std::exchange(frame_, std::nullopt);
-  if (!frames_.isUseful(frame.camera)) return std::nullopt;
+  const auto frame = std::move(frame_);
+  if (!frames_.isUseful(frame->camera)) return std::nullopt;
   ++counts_.frames;
-  counts_.frame_bytes += frame.value.size();
-  sent_frame_ = frame.camera;
-  return protocol::encode(frame);
+  counts_.frame_bytes += frame->value.size();
+  sent_frame_ = std::make_unique<const base::ViewCamera>(frame->camera);
+  return protocol::encode(*frame);
 }
 
 std::optional<SharedMessage> Session::nextOfData() {
@@ -227,15 +243,15 @@ std::optional<SharedMessage> Session::nextOther() {
 
 plan::Scene Session::sceneToPlan() const {
   plan::Scene scene = scene_.toPlan();
-  scene.welcome = &welcome_;
+  scene.welcome = &start_->welcome;
   // Remembered lines of sight are those of places nearby, which choose a little less well for a fifth of the time.
   scene.is_hurried = load_ == Load::kBehind;
   if (!scene.is_hurried) scene.sight_cache = nullptr;
   scene.images = scene.images && (decodes_webp_ || !scene_.images_are_webp);
   scene.image_bytes = image_bytes_;
-  scene.is_moving = previous_ && newest_ && plan::isMoving(welcome_, *newest_, *previous_);
+  scene.is_moving = previous_ && newest_ && plan::isMoving(start_->welcome, *newest_, *previous_);
   scene.stored_bytes = [this](const repository::FaceKey& key) -> std::optional<std::uint64_t> {
-    if (scene_.images_are_remote) return absent_.count(key) != 0 ? std::optional<std::uint64_t>(0) : std::nullopt;
+    if (remote_) return remote_->absent.count(key) != 0 ? std::optional<std::uint64_t>(0) : std::nullopt;
     const auto bytes = scene_.images->valueBytes(key);
     if (!bytes || (*bytes && **bytes == 0)) return std::nullopt;
     const bool shows_something = *bytes && **bytes > repository::kImageHeaderBytes;  // an empty flag is shorter
@@ -252,9 +268,10 @@ plan::Holdings Session::holdings() const {
 void Session::planNewestView() {
   view_plan_ = plan::planView(sceneToPlan(), *newest_, holdings());
   faces_planned_ = view_plan_.faces.size();
-  std::erase_if(fetched_, [this](const auto& one) {
-    return std::find(view_plan_.faces.begin(), view_plan_.faces.end(), one.first) == view_plan_.faces.end();
-  });
+  if (remote_)
+    std::erase_if(remote_->fetched, [this](const auto& one) {
+      return std::find(view_plan_.faces.begin(), view_plan_.faces.end(), one.first) == view_plan_.faces.end();
+    });
   next_coarse_ = next_group_ = 0;
   prefetch_bytes_ = 0;
   complete_sent_ = false;
@@ -265,8 +282,8 @@ void Session::planNewestView() {
 }
 
 std::optional<SharedMessage> Session::nextCoarse() {
-  while (next_coarse_ < coarse_.size())
-    if (auto message = groupMessage(coarse_[next_coarse_++])) return message;
+  while (next_coarse_ < start_->coarse.size())
+    if (auto message = groupMessage(start_->coarse[next_coarse_++])) return message;
   return std::nullopt;
 }
 
@@ -290,8 +307,9 @@ std::optional<SharedMessage> Session::nextWanted() {
 
 /// The bytes of the next group of the coarse model; 0 when the client has it.
 double Session::coarseBytesNext() const {
-  for (std::size_t i = next_coarse_; i < coarse_.size(); ++i)
-    if (!has_group_[coarse_[i]]) return static_cast<double>(scene_.patches->hierarchy().groups[coarse_[i]].block_bytes);
+  const std::vector<std::uint32_t>& coarse = start_->coarse;
+  for (std::size_t i = next_coarse_; i < coarse.size(); ++i)
+    if (!has_group_[coarse[i]]) return static_cast<double>(scene_.patches->hierarchy().groups[coarse[i]].block_bytes);
   return 0.0;
 }
 
@@ -324,7 +342,7 @@ std::optional<SharedMessage> Session::nextPrefetch() {
 
 /// The first face of the list that can be sent now, or the end; faces before it that the client has are removed.
 Session::Faces::iterator Session::findSendable(Faces& faces) {
-  if (!scene_.images_are_remote) {
+  if (!remote_) {
     // The others are not looked at, since a view has hundreds of images and this is asked for each.
     const auto first =
         std::find_if(faces.begin(), faces.end(), [this](const auto& key) { return !held_.contains(key); });
@@ -332,7 +350,7 @@ Session::Faces::iterator Session::findSendable(Faces& faces) {
   }
   std::erase_if(faces, [this](const repository::FaceKey& key) { return held_.contains(key); });
   return std::find_if(faces.begin(), faces.end(),
-                      [this](const repository::FaceKey& key) { return fetched_.count(key) != 0; });
+                      [this](const repository::FaceKey& key) { return remote_->fetched.count(key) != 0; });
 }
 
 std::optional<SharedMessage> Session::removeAndEncode(Faces& faces, Faces::iterator face) {
@@ -378,7 +396,7 @@ std::optional<SharedMessage> Session::encodedOnce(std::uint64_t key, Encode enco
 /// bytes.
 std::optional<SharedMessage> Session::faceMessage(const repository::FaceKey& key) {
   if (held_.contains(key)) return std::nullopt;
-  const auto found = fetched_.extract(key);
+  const auto found = remote_ ? remote_->fetched.extract(key) : decltype(remote_->fetched)::node_type();
   bool is_absent = false;
   auto message = encodedOnce(MessageCache::keyOf(key), [&]() -> std::optional<base::Bytes> {
     auto value = found ? std::move(found.mapped()) : scene_.images->get(key);
@@ -418,9 +436,9 @@ void Session::countCorrupt(const base::Error& error) {
 std::optional<SharedMessage> Session::ancestorInstead(const repository::FaceKey& key) {
   constexpr std::size_t kMaxAbsent = 100'000;
   const repository::FaceKey parent{key.x, key.y, key.z, key.d, repository::parentOfTile(key.tile)};
-  if (!scene_.images_are_remote) return faceMessage(parent);
-  if (absent_.size() >= kMaxAbsent) absent_.clear();
-  absent_.insert(key);
+  if (!remote_) return faceMessage(parent);
+  if (remote_->absent.size() >= kMaxAbsent) remote_->absent.clear();
+  remote_->absent.insert(key);
   const bool is_planned = std::find(view_plan_.faces.begin(), view_plan_.faces.end(), parent) != view_plan_.faces.end();
   if (!held_.contains(parent) && !is_planned) view_plan_.faces.push_back(parent);
   return std::nullopt;
@@ -432,36 +450,38 @@ FaceRequest Session::unrequestedFaces(const Faces& faces, std::size_t max_count)
   FaceRequest keys;
   for (const repository::FaceKey& key : faces) {
     if (keys.size() == max_count) break;
-    if (!held_.contains(key) && requested_.count(key) == 0 && fetched_.count(key) == 0) keys.push_back(key);
+    if (!held_.contains(key) && remote_->requested.count(key) == 0 && remote_->fetched.count(key) == 0)
+      keys.push_back(key);
   }
   return keys;
 }
 
 std::optional<FaceRequest> Session::nextFaceRequest() {
-  if (!scene_.images_are_remote || phase_ != Phase::kReady || !planned_) return std::nullopt;
-  if (requests_under_way_ == kMaxFaceRequests) return std::nullopt;
+  if (!remote_ || phase_ != Phase::kReady || !planned_) return std::nullopt;
+  if (remote_->requests_under_way == kMaxFaceRequests) return std::nullopt;
   FaceRequest request = unrequestedFaces(view_plan_.faces, view_plan_.faces.size());
   const bool at_rest = complete_sent_ && !frames_.owesFrame() && load_ == Load::kFree;
-  if (request.empty() && at_rest && requested_.empty() && fetched_.empty() && prefetch_bytes_ < scene_.ahead_bytes) {
+  const bool has_all = remote_->requested.empty() && remote_->fetched.empty();
+  if (request.empty() && at_rest && has_all && prefetch_bytes_ < scene_.ahead_bytes) {
     planPrefetch();
     request = unrequestedFaces(*prefetch_, kMaxPrefetchedFaces);
   }
   if (request.empty()) return std::nullopt;
-  requested_.insert(request.begin(), request.end());
-  ++requests_under_way_;
+  remote_->requested.insert(request.begin(), request.end());
+  ++remote_->requests_under_way;
   return request;
 }
 
 void Session::facesFetched(const FaceRequest& request, FaceValues values) {
-  --requests_under_way_;
+  --remote_->requests_under_way;
   for (std::size_t i = 0; i < request.size(); ++i) {
-    requested_.erase(request[i]);
+    remote_->requested.erase(request[i]);
     const auto wants = [&](const Faces& faces) {
       return std::find(faces.begin(), faces.end(), request[i]) != faces.end();
     };
     // A face that the newest view does not want is dropped; later views find it in the cache.
     if (wants(view_plan_.faces) || (prefetch_ && wants(*prefetch_)))
-      fetched_.insert_or_assign(request[i], std::move(values[i]));
+      remote_->fetched.insert_or_assign(request[i], std::move(values[i]));
   }
 }
 
@@ -469,7 +489,7 @@ void Session::facesFetched(const FaceRequest& request, FaceValues values) {
 
 bool Session::framePossible(const protocol::View& view) const {
   const std::int64_t pixels = std::int64_t{view.camera.width} * view.camera.height;
-  return view.want_frame && welcome_.can_render_frames && pixels <= base::ViewDefaults::kMaxFramePixels;
+  return view.want_frame && start_->welcome.can_render_frames && pixels <= base::ViewDefaults::kMaxFramePixels;
 }
 
 std::optional<FrameRequest> Session::nextFrameRequest() {
@@ -482,13 +502,14 @@ void Session::frameRendered(const FrameRequest& request, base::Bytes value) {
   frames_.rendered(request, value.size());
   // A frame of an older view is still a good sample while the eye is near and looks the same way.
   if (value.empty() || value.size() > protocol::kMaxPayload || !frames_.isUseful(request.camera)) return;
-  frame_ = protocol::Frame{request.sequence, request.camera, request.last, std::move(value)};
+  frame_ = std::make_unique<const protocol::Frame>(
+      protocol::Frame{request.sequence, request.camera, request.last, std::move(value)});
 }
 
 /// Frames, and what is fetched, wait for more than room; a session that has any to send is asked each time.
 bool Session::needsRoom() const {
   if (phase_ != Phase::kReady || !newest_) return false;
-  if (framePossible(*newest_) || scene_.images_are_remote) return true;
+  if (framePossible(*newest_) || remote_) return true;
   const bool is_sent = planned_ && complete_sent_ && data_parts_.empty();
   return frames_.linkIsFull() && !(is_sent && (load_ != Load::kFree || prefetchIsOver()));
 }

@@ -45,8 +45,17 @@ inline constexpr double kViewsPerSecond = 13.0;
 /// The same while others have all threads, but nobody waits: a view waits for 33 ms at most.
 inline constexpr double kSharedViewsPerSecond = 30.0;
 
+/// A session begins with this. Sessions of a scene share it for as long as the scene's Welcome stays the same: most
+/// viewers of a server rest, and the memory that each takes limits how many they can be.
+struct SessionStart {
+  protocol::Welcome welcome;
+  SharedMessage greeting;                          ///< `welcome`, encoded
+  const lod::patch::PatchFile* patches = nullptr;  ///< as in SceneData
+  std::vector<std::uint32_t> coarse;               ///< groups of the coarse model (plan::coarseGroups)
+};
+
 /// The data that all sessions of a scene share; outlives them. Read-only, except counter and caches and, for the thread
-/// that makes sessions, `welcome`.
+/// that makes sessions, `welcome` and `start`.
 struct SceneData {
   protocol::Welcome welcome;                       ///< as new sessions take it
   const lod::patch::PatchFile* patches = nullptr;  ///< null: every client is refused, and told what there is instead
@@ -65,9 +74,14 @@ struct SceneData {
   MessageCache* messages = nullptr;                  ///< of groups and local images; null: each session encodes its own
   std::uint64_t ahead_bytes = plan::kPrefetchBytes;  ///< prefetched per view after Completion; 0: nothing
   double views_per_second = kViewsPerSecond;         ///< of a moving viewer that are planned for while others wait
+  mutable std::shared_ptr<const SessionStart> start = nullptr;  ///< of the newest session; null: there was none
 
   plan::Scene toPlan() const { return {&welcome, &patches->hierarchy(), images != nullptr, tree, sight, sight_cache}; }
 };
+
+/// Returns `scene.start` for the scene's next session, made anew where Welcome or patches have changed. For the thread
+/// that makes sessions.
+std::shared_ptr<const SessionStart> startOf(const SceneData& scene);
 
 /// Fills in what a client is told of the hierarchy.
 void describeHierarchy(const lod::patch::Hierarchy& hierarchy, protocol::Welcome& welcome);
@@ -181,8 +195,16 @@ class Session {
   std::optional<SharedMessage> ancestorInstead(const repository::FaceKey& key);
   bool framePossible(const protocol::View& view) const;
 
+  /// Images of a remote store.
+  struct RemoteFaces {
+    std::unordered_map<repository::FaceKey, base::Result<std::optional<base::Bytes>>> fetched;  // and not sent yet
+    std::unordered_set<repository::FaceKey> requested;                                          // and not fetched yet
+    std::size_t requests_under_way = 0;
+    std::unordered_set<repository::FaceKey> absent;  // tiles that are known not to be stored
+  };
+
   const SceneData& scene_;
-  const protocol::Welcome welcome_;  // as it was when the session began; the scene's may change
+  const std::shared_ptr<const SessionStart> start_;  // the scene's Welcome may change meanwhile
   Phase phase_ = Phase::kGreeting;
   std::string client_;
   SessionCounts counts_;
@@ -191,12 +213,11 @@ class Session {
   std::vector<bool> has_group_;
   HeldFaces held_;
   std::size_t faces_claimed_ = 0;
-  std::vector<std::uint32_t> coarse_;
   bool decodes_webp_ = false;
   plan::ImageBytes image_bytes_;
 
   // Its views.
-  std::optional<protocol::View> newest_, previous_;
+  std::shared_ptr<const protocol::View> newest_, previous_;  // null: there was none
   bool planned_ = false;  // the fields below belong to `newest_`, else to `previous_`
   Load load_ = Load::kFree;
   double planned_at_ = 0.0;  // seconds
@@ -210,17 +231,13 @@ class Session {
   std::optional<Faces> prefetch_;
   std::uint64_t prefetch_bytes_ = 0;
 
-  // Remote faces: fetched but not sent yet, and requested but not fetched yet.
-  std::unordered_map<repository::FaceKey, base::Result<std::optional<base::Bytes>>> fetched_;
-  std::unordered_set<repository::FaceKey> requested_;
-  std::size_t requests_under_way_ = 0;
-  std::unordered_set<repository::FaceKey> absent_;  // remote tiles that are known not to be stored
+  const std::unique_ptr<RemoteFaces> remote_;  // null: images are local
 
   FrameSchedule frames_;
-  std::optional<protocol::Frame> frame_;        // rendered and not sent yet
-  std::optional<base::ViewCamera> sent_frame_;  // camera of the newest frame that was begun
+  std::unique_ptr<const protocol::Frame> frame_;        // rendered and not sent yet; null: none
+  std::unique_ptr<const base::ViewCamera> sent_frame_;  // of the newest frame that was begun; null: none
   protocol::PartSender frame_parts_{protocol::Stream::kFrames}, data_parts_{protocol::Stream::kData};
-  std::optional<base::Bytes> greeting_;  // Welcome or Refusal, sent before all else
+  std::optional<SharedMessage> greeting_;  // Welcome or Refusal, sent before all else
 };
 
 }  // namespace server

@@ -36,7 +36,7 @@ struct Driven {
     view.camera.height = 360;
     view.frame_quality = static_cast<std::uint8_t>(quality);
     view.want_frame = true;
-    schedule.accept(view, true);
+    schedule.accept(std::make_shared<const protocol::View>(view), true);
   }
   /// Renders and answers the request, which takes so long.
   void render(const FrameRequest& request, double seconds, std::size_t bytes) {
@@ -144,7 +144,7 @@ TEST(FrameSchedule, untilTheLinkIsKnownNoMoreIsHandedOutThanItTakes) {
   view.camera.width = 640;
   view.camera.height = 360;
   view.want_frame = true;
-  schedule.accept(view, true);
+  schedule.accept(std::make_shared<const protocol::View>(view), true);
   const auto quick = schedule.next(false);
   ASSERT_TRUE(quick);
   link(0.03, 0, 200, 400);
@@ -228,7 +228,7 @@ TEST(FrameSchedule, withoutFramesNothingWaits) {
   FrameSchedule schedule(kReach);
   protocol::View view;
   view.sequence = 1;
-  schedule.accept(view, false);
+  schedule.accept(std::make_shared<const protocol::View>(view), false);
   EXPECT_FALSE(schedule.next(true));
   EXPECT_FALSE(schedule.owesFrame());
   schedule.countOther(10'000'000);

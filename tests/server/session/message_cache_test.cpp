@@ -81,6 +81,41 @@ std::vector<SharedMessage> messagesOfAView(const SceneData& data) {
   return messages;
 }
 
+protocol::Welcome welcomeOf(Session& session) {
+  EXPECT_TRUE(session.receive(protocol::encode(protocol::ClientMessage(protocol::Hello{}))));
+  const auto message = protocol::decodeServerMessage(*session.nextMessage());
+  return std::get<protocol::Welcome>(*message);
+}
+
+TEST(SessionStart, isSharedUntilTheWelcomeChanges) {
+  TestScene scene;
+  Session first(scene.data);
+  const auto start = scene.data.start;
+  ASSERT_TRUE(start);
+  EXPECT_EQ(start->coarse, plan::coarseGroups(scene.patches->hierarchy(), plan::kCoarseBytes));
+  const Session second(scene.data);
+  EXPECT_EQ(scene.data.start, start);
+
+  scene.data.welcome.units = "ft";
+  Session third(scene.data);
+  EXPECT_NE(scene.data.start, start);
+  EXPECT_EQ(scene.data.start->coarse, start->coarse);
+  EXPECT_EQ(welcomeOf(third).units, "ft");
+  EXPECT_EQ(welcomeOf(first).units, "") << "a session keeps the Welcome that it began with";
+}
+
+TEST(SessionStart, belongsToThePatchesOfItsScene) {
+  const TestScene large(8), small(2);
+  SceneData data = large.data;
+  const std::size_t of_large = startOf(data)->coarse.size();
+  data.patches = small.data.patches;
+  const auto start = startOf(data);
+  EXPECT_EQ(start->coarse, plan::coarseGroups(small.patches->hierarchy(), plan::kCoarseBytes));
+  EXPECT_NE(start->coarse.size(), of_large);
+  data.patches = nullptr;
+  EXPECT_TRUE(startOf(data)->coarse.empty());
+}
+
 TEST(MessageCache, viewersOfTheSamePlaceAreSentTheSameBytes) {
   TestScene scene;
   const auto alone = messagesOfAView(scene.data);
@@ -96,8 +131,8 @@ TEST(MessageCache, viewersOfTheSamePlaceAreSentTheSameBytes) {
     EXPECT_EQ(second[i].bytes(), alone[i].bytes());
     shared += first[i].data() == second[i].data() ? 1 : 0;
   }
-  // All but Welcome and Completion.
-  EXPECT_EQ(shared, alone.size() - 2);
+  // All but Completion. The Welcome is that of the scene's SessionStart.
+  EXPECT_EQ(shared, alone.size() - 1);
 }
 
 }  // namespace
