@@ -150,9 +150,9 @@ std::vector<SurfaceSample> surfaceIn(const Scene& scene, const LocalView& local,
              : sampleVisibleSurface(*scene.hierarchy, local.cut.patches, local.request.camera, columns, rows);
 }
 
-/// One in so many of the rays across, and of those up, is cast.
-int rayStep(const Scene& scene) {
-  return scene.is_hurried ? 2 : 1;
+/// The places from which points and faces are chosen.
+std::vector<SurfaceSample> surfaceOf(const Scene& scene, const LocalView& local) {
+  return surfaceIn(scene, local, kSurfaceColumns / scene.ray_step, kSurfaceRows / scene.ray_step);
 }
 
 OrderByGain orderItems(const Scene& scene, const LocalView& local, const PointQuery& query,
@@ -160,8 +160,7 @@ OrderByGain orderItems(const Scene& scene, const LocalView& local, const PointQu
   // A tile that shows a fifteenth of the picture's width is met by a ray.
   constexpr int kColumns = 24;
   constexpr int kRows = 14;
-  const int step = rayStep(scene);
-  const auto samples = surfaceIn(scene, local, kColumns / step, kRows / step);
+  const auto samples = surfaceIn(scene, local, kColumns / scene.ray_step, kRows / scene.ray_step);
   std::vector<ProxyPlace> places;
   places.reserve(samples.size());
   for (const SurfaceSample& sample : samples) places.push_back(proxyAt(*scene.hierarchy, send, sample.position));
@@ -182,8 +181,7 @@ void appendOtherFaces(const Scene& scene, const LocalView& local, const PointQue
                       std::vector<repository::FaceKey>& faces) {
   const std::size_t most = std::max(kMinFaces, kFacesPerPoint * query.max_points);
   std::size_t count = faces.size();  // with those that are there
-  for (const repository::FaceKey& key :
-       orderFaces(query, points, surfaceIn(scene, local, kSurfaceColumns, kSurfaceRows))) {
+  for (const repository::FaceKey& key : orderFaces(query, points, surfaceOf(scene, local))) {
     if (std::find(faces.begin(), faces.end(), key) != faces.end()) continue;
     if (++count > most) return;
     if (!is_here(key)) faces.push_back(key);
@@ -191,8 +189,7 @@ void appendOtherFaces(const Scene& scene, const LocalView& local, const PointQue
 }
 
 std::vector<glm::uvec3> pointsFor(const Scene& scene, const LocalView& local, const PointQuery& query) {
-  const int step = rayStep(scene);
-  return choosePoints(query, surfaceIn(scene, local, kSurfaceColumns / step, kSurfaceRows / step));
+  return choosePoints(query, surfaceOf(scene, local));
 }
 
 /// Takes groups and faces of the view into the plan.

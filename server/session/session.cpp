@@ -245,8 +245,9 @@ plan::Scene Session::sceneToPlan() const {
   plan::Scene scene = scene_.toPlan();
   scene.welcome = &start_->welcome;
   // Remembered lines of sight are those of places nearby, which choose a little less well for a fifth of the time.
-  scene.is_hurried = load_ == Load::kBehind;
-  if (!scene.is_hurried) scene.sight_cache = nullptr;
+  const bool is_hurried = load_ == Load::kBehind;
+  scene.ray_step = std::max(scene_.ray_step, is_hurried ? 2 : 1);
+  if (!is_hurried) scene.sight_cache = nullptr;
   scene.images = scene.images && (decodes_webp_ || !scene_.images_are_webp);
   scene.image_bytes = image_bytes_;
   scene.is_moving = previous_ && newest_ && plan::isMoving(start_->welcome, *newest_, *previous_);

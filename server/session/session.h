@@ -74,6 +74,7 @@ struct SceneData {
   MessageCache* messages = nullptr;                  ///< of groups and local images; null: each session encodes its own
   std::uint64_t ahead_bytes = plan::kPrefetchBytes;  ///< prefetched per view after Completion; 0: nothing
   double views_per_second = kViewsPerSecond;         ///< of a moving viewer that are planned for while others wait
+  int ray_step = 1;                                  ///< of plan::Scene, at least; at least 2 while others wait
   mutable std::shared_ptr<const SessionStart> start = nullptr;  ///< of the newest session; null: there was none
 
   plan::Scene toPlan() const { return {&welcome, &patches->hierarchy(), images != nullptr, tree, sight, sight_cache}; }

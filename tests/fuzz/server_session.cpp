@@ -1,6 +1,6 @@
 // A client's messages in any order and any bytes, between everything else that happens to a session: the link's state,
-// messages taken out, faces fetched, frames rendered. No message may be one that the client cannot read, a thing that
-// the client holds is not sent again, and after a Refusal there is silence.
+// how busy the server is, messages taken out, faces fetched, frames rendered. No message may be one that the client
+// cannot read, a thing that the client holds is not sent again, and after a Refusal there is silence.
 //
 // An input's first byte chooses the scene. Calls follow, a byte each with its arguments behind it.
 #include "server/session/session.h"
@@ -30,22 +30,31 @@ enum Call : std::uint8_t {
   kAnswerFaces,
   kRequestFrame,
   kRenderFrame,
+  kLoad,
   kCalls
 };
 
-/// Kinds of scenes by their number: local images; remote ones; remote ones as WebP, with frames; splats alone.
-constexpr std::size_t kScenes = 4;
+/// Kinds of scenes by their number: local images; remote ones; remote ones as WebP, with frames; splats alone; remote
+/// tiles.
+constexpr std::size_t kScenes = 5;
+
+// Limits of one input. Planning for a view takes as long as a hundred other calls, and what a session does wrong shows
+// after few of them: the rate at which inputs are tried finds more than their length.
+constexpr int kMaxCalls = 100, kMaxViews = 8;
 
 const server::SceneData& sceneOf(std::uint8_t number) {
   static server::TestScene scene(4, 300);
   static const std::vector<server::SceneData> all = [] {
-    // Fewer points than the scene has faces for, since planning takes most of the time.
+    // Fewer points than the scene has faces for, and fewer rays, since planning takes most of the time.
+    scene.data.ray_step = 4;
     const base::Aabb box{scene.data.welcome.box_min, scene.data.welcome.box_max};
     scene.data.welcome.grid = repository::makeGrid(box, 3, 0.5F, 256);
     std::vector<server::SceneData> made(kScenes, scene.data);
     made[1].images_are_remote = true;
     made[2].images_are_remote = made[2].images_are_webp = made[2].welcome.can_render_frames = true;
     made[3].patches = nullptr;
+    made[4].images_are_remote = true;
+    made[4].welcome.grid = repository::withTiles(scene.data.welcome.grid, 1);
     return made;
   }();
   return all[number % kScenes];
@@ -110,8 +119,7 @@ class Run {
   explicit Run(base::ByteView bytes) : in_(bytes), scene_(sceneOf(in_.u8())), session_(scene_), client_(scene_) {}
 
   void play() {
-    // More calls than a session of a few minutes has only take time.
-    for (int calls = 0; calls < 200 && in_.ok() && in_.remaining() > 0; ++calls) makeCall(in_.u8() % kCalls);
+    for (int calls = 0; calls < kMaxCalls && in_.ok() && in_.remaining() > 0; ++calls) makeCall(in_.u8() % kCalls);
     takeMessages(64);
     LUMIGRID_CHECK_EQ(session_.counts().bytes, bytes_taken_);
   }
@@ -143,8 +151,10 @@ class Run {
       case kRequestFrame:
         if (const auto request = session_.nextFrameRequest()) frames_.push_back(*request);
         return;
-      default:
+      case kRenderFrame:
         return renderFrame();
+      default:
+        return session_.setLoad(static_cast<server::Load>(in_.u8() % 3));
     }
   }
 
@@ -195,7 +205,7 @@ class Run {
     view.max_points = static_cast<std::uint16_t>(flags >> 1U & 7U);
     view.frame_quality = static_cast<std::uint8_t>((flags >> 4U) * 5);
     view.patch_tolerance_px = 0.25F * static_cast<float>(1 + in_.u8());
-    send(protocol::encode(ClientMessage(view)));
+    if (view.sequence <= kMaxViews) send(protocol::encode(ClientMessage(view)));
   }
 
   template <class Message>
@@ -268,7 +278,8 @@ base::Bytes visit(std::uint8_t scene, std::uint8_t view_flags) {
   call({kTakeMessages, 31, kLink, 5, 90, 90, 60, 60, 80, kHoldings, 1, 1, 2, 3, 4, 0, 2, 1, 2});
   call({kView, 30, 5, 20, -30, 0, -20, 40, 30, view_flags, 1, kEviction, 1, 1, 2, 3, 4, 0, 1, 0, kRequestFaces});
   call({kAnswerFaces, 0, 0x1B, kTakeMessages, 31, kLink, 50, 0, 0, 9, 9, 80, kRequestFrame, kRenderFrame, 0, 0, 200});
-  call({kTakeMessages, 31});
+  call({kTakeMessages, 31, kLoad, static_cast<int>(server::Load::kBehind), kView, 31, 5, 20, -30, 0, -20, 40, 30});
+  call({view_flags, 1, kTakeMessages, 31, kLoad, static_cast<int>(server::Load::kShared), kTakeMessages, 31});
   const base::Bytes eviction = protocol::encode(ClientMessage(protocol::Eviction{{{1, 2, 3, 4}}, {1, 2}}));
   out.u8(kBytes);
   out.u16(static_cast<std::uint16_t>(eviction.size()));
@@ -279,7 +290,7 @@ base::Bytes visit(std::uint8_t scene, std::uint8_t view_flags) {
 }  // namespace
 
 std::vector<base::Bytes> seeds() {
-  return {visit(0, 0x0E), visit(1, 0x0E), visit(2, 0x0F), visit(2, 0xFF), visit(3, 0x0E)};
+  return {visit(0, 0x0E), visit(1, 0x0E), visit(2, 0x0F), visit(2, 0xFF), visit(3, 0x0E), visit(4, 0x0E)};
 }
 
 void fuzzOne(base::ByteView bytes) {
