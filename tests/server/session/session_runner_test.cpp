@@ -15,13 +15,22 @@ namespace {
 
 /// A connection without a socket: takes outputs as they come, and writes when the test says so.
 class FakeConnection {
+  /// A worker that is ending a turn may still add to them when the connection has gone.
+  struct Outputs {
+    std::mutex mutex;
+    std::condition_variable changed;
+    std::deque<SessionOutput> waiting;
+  };
+  const std::shared_ptr<Outputs> outputs_ = std::make_shared<Outputs>();  // before the runner, which is given it
+
  public:
   FakeConnection(const SceneData& scene, FairQueue& workers, std::uint64_t client = 1)
-      : runner(std::make_shared<SessionRunner>(scene, nullptr, workers, client, [this](SessionOutput output) {
-          const std::lock_guard lock(mutex_);
-          outputs_.push_back(std::move(output));
-          changed_.notify_all();
-        })) {}
+      : runner(std::make_shared<SessionRunner>(scene, nullptr, workers, client,
+                                               [outputs = outputs_](SessionOutput output) {
+                                                 const std::lock_guard lock(outputs->mutex);
+                                                 outputs->waiting.push_back(std::move(output));
+                                                 outputs->changed.notify_all();
+                                               })) {}
   ~FakeConnection() { runner->end(); }
 
   void send(const protocol::ClientMessage& message) { runner->receive(protocol::encode(message), state()); }
@@ -32,10 +41,11 @@ class FakeConnection {
   }
   /// Waits for the output of the next turn and takes it.
   SessionOutput next() {
-    std::unique_lock lock(mutex_);
-    EXPECT_TRUE(changed_.wait_for(lock, std::chrono::seconds(20), [this] { return !outputs_.empty(); }));
-    SessionOutput output = std::move(outputs_.front());
-    outputs_.pop_front();
+    std::unique_lock lock(outputs_->mutex);
+    EXPECT_TRUE(
+        outputs_->changed.wait_for(lock, std::chrono::seconds(20), [this] { return !outputs_->waiting.empty(); }));
+    SessionOutput output = std::move(outputs_->waiting.front());
+    outputs_->waiting.pop_front();
     runner->take(output);
     for (const SharedMessage& message : output.messages) unwritten += message.size();
     return output;
@@ -63,11 +73,6 @@ class FakeConnection {
   double seconds = 0.0;
   std::uint64_t unwritten = 0;
   std::shared_ptr<SessionRunner> runner;
-
- private:
-  std::mutex mutex_;
-  std::condition_variable changed_;
-  std::deque<SessionOutput> outputs_;
 };
 
 /// Keeps the only thread of the workers until it is freed.
