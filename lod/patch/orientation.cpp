@@ -27,6 +27,8 @@ constexpr float kBaseDepth = 0.02F;
 // decides some of those alone.
 constexpr float kBaseWeight = 2.0F;
 constexpr float kFlatWeight = 0.15F;
+// Floors and ceilings of an interior weigh the same, but what stands in it is low. It decides between those alone.
+constexpr float kLowWeight = 0.1F;
 constexpr float kFlat = 0.5F;   // the shortest side of a flat scan over the next one
 constexpr float kLeast = 0.1F;  // signs that count less say nothing
 constexpr float kSure = 0.15F;  // by so much the best axis is ahead of the next
@@ -88,18 +90,22 @@ bool isFlat(const glm::vec3& size, int axis) {
 }
 
 // The share of the footprint across `axis` that a flat base fills at its lower end, and the share of all area that
-// faces up, without that base, less what faces down.
+// faces up, without that base, less what faces down; and how far the mean height lies below the middle, over half the
+// extent.
 struct Signs {
   float base = 0.0F;
   float ground = 0.0F;
+  float low = 0.0F;
 };
 Signs signsOf(const Surface& surface, int axis, float sign) {
   const glm::vec3 size = surface.box.size();
   const float lowest = sign > 0.0F ? surface.box.min[axis] : -surface.box.max[axis];
   Signs signs;
   float base_area = 0.0F;
+  float height = 0.0F;
   for (const Face& face : surface.faces) {
     const float faces = sign * face.normal[axis];
+    height += face.area / surface.area * (sign * face.center[axis] - lowest);
     const bool is_low = sign * face.center[axis] - lowest < kBaseDepth * size[axis];
     const bool is_base = is_low && faces < -kBaseFacing;
     if (is_base) base_area += face.area;
@@ -107,6 +113,7 @@ Signs signsOf(const Surface& surface, int axis, float sign) {
     if (faces > kFacing) signs.ground += face.area / surface.area;
   }
   signs.base = std::min(1.0F, base_area / std::max(1e-30F, size[(axis + 1) % 3] * size[(axis + 2) % 3]));
+  signs.low = size[axis] > 0.0F ? 1.0F - 2.0F * height / size[axis] : 0.0F;
   return signs;
 }
 
@@ -118,7 +125,7 @@ void findUp(const Surface& surface, Orientation& out) {
     for (const float sign : {1.0F, -1.0F}) {
       const Signs signs = signsOf(surface, axis, sign);
       const float flat = isFlat(size, axis) ? kFlatWeight : 0.0F;
-      const float score = kBaseWeight * signs.base + signs.ground + flat;
+      const float score = kBaseWeight * signs.base + signs.ground + flat + kLowWeight * signs.low;
       if (score <= best) {
         next = std::max(next, score);
         continue;

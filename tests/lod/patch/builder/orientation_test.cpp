@@ -77,6 +77,23 @@ TEST_F(OrientationTest, aStatueStandsOnItsBase) {
     }
 }
 
+// The ceiling faces down as much as the floor faces up; but what stands in the room is low.
+TEST_F(OrientationTest, aRoomWithItsCeilingStandsAsItsFurnitureDoes) {
+  for (int axis = 0; axis < 3; ++axis)
+    for (const float sign : {1.0F, -1.0F}) {
+      Mesh room;
+      append(room, sheet(), glm::vec3(1.0F), glm::vec3(0.0F));
+      Mesh ceiling = sheet();
+      for (std::size_t i = 0; i < ceiling.indices.size(); i += 3) std::swap(ceiling.indices[i], ceiling.indices[i + 1]);
+      append(room, ceiling, glm::vec3(1.0F), glm::vec3(0.0F, 0.0F, 0.6F));
+      for (const float x : {-0.6F, 0.0F, 0.5F})
+        append(room, support::bumpySphere(20, 20), glm::vec3(0.15F), glm::vec3(x, 0.3F * x, 0.2F));
+      const Orientation found = orientationOf(turned(room, axis, sign));
+      EXPECT_EQ(found.up[axis], sign) << axis << ": " << found.reason;
+      EXPECT_FALSE(found.is_sure);
+    }
+}
+
 TEST_F(OrientationTest, whereNothingTellsItSaysSo) {
   const Orientation found = orientationOf(support::bumpySphere(80, 80, 0.01F));
   EXPECT_EQ(found.up, glm::vec3(0.0F, 1.0F, 0.0F));
