@@ -2,14 +2,13 @@
 
 #include <algorithm>
 #include <cstdlib>
+#include <glm/gtc/constants.hpp>
 #include <limits>
 
 #include "base/geometry.h"
 
 namespace lod::patch {
 namespace {
-
-using Triangle = std::array<glm::vec3, 3>;
 
 // The share of all area that may be left out as strays at each end of a direction. Scans by photographs have floaters
 // of a few triangles.
@@ -35,38 +34,35 @@ std::vector<glm::vec3> directionsOfCube(int n) {
 
 // ---- strays ----
 
-/// A triangle's place along a direction.
+/// A part's place along a direction.
 struct Span {
   float low = 0.0F, high = 0.0F;
   float area = 0.0F;
 };
 
 struct Surface {
-  std::span<const Triangle> triangles;
-  std::vector<float> areas;
+  std::span<const SurfacePart> parts;
   double area = 0.0;
 
   std::vector<Span> along(const glm::vec3& direction) const {
-    std::vector<Span> spans(triangles.size());
-    for (std::size_t i = 0; i < triangles.size(); ++i) {
-      const Triangle& t = triangles[i];
-      const std::array<float, 3> at{glm::dot(t[0], direction), glm::dot(t[1], direction), glm::dot(t[2], direction)};
-      spans[i] = {std::min({at[0], at[1], at[2]}), std::max({at[0], at[1], at[2]}), areas[i]};
+    std::vector<Span> spans(parts.size());
+    for (std::size_t i = 0; i < parts.size(); ++i) {
+      const auto& [p, reach, part_area] = parts[i];
+      const std::array<float, 3> at{glm::dot(p[0], direction), glm::dot(p[1], direction), glm::dot(p[2], direction)};
+      spans[i] = {std::min({at[0], at[1], at[2]}) - reach, std::max({at[0], at[1], at[2]}) + reach, part_area};
     }
     return spans;
   }
 };
 
-Surface surfaceOf(std::span<const Triangle> triangles) {
-  Surface surface;
-  surface.triangles = triangles;
-  for (const Triangle& t : triangles)
-    surface.area += surface.areas.emplace_back(0.5F * glm::length(glm::cross(t[1] - t[0], t[2] - t[0])));
+Surface surfaceOf(std::span<const SurfacePart> parts) {
+  Surface surface{parts};
+  for (const SurfacePart& part : parts) surface.area += part.area;
   return surface;
 }
 
-/// How far the surface goes: to the end of all but the strays' area, and from there on as long as the next triangle
-/// begins within the gap. Sorts the spans.
+/// How far the surface goes: to the end of all but the strays' area, and from there on as long as the next part begins
+/// within the gap. Sorts the spans.
 float endOf(std::vector<Span>& spans, double area, float gap) {
   std::sort(spans.begin(), spans.end(), [](const Span& a, const Span& b) { return a.low < b.low; });
   double seen = 0.0;
@@ -83,7 +79,7 @@ float endOf(std::vector<Span>& spans, double area, float gap) {
 bool mayHaveGap(const std::vector<Span>& spans, float gap) {
   Span all = spans.front();
   for (const Span& span : spans) all = {std::min(all.low, span.low), std::max(all.high, span.high)};
-  // Between two triangles with a gap of two bins lies an empty one.
+  // Between two parts with a gap of two bins lies an empty one.
   const float bin = 0.5F * gap;
   if (!(all.high - all.low < bin * static_cast<float>(kBins))) return true;
   const auto binOf = [&](float at) { return std::min(kBins - 1, static_cast<std::size_t>((at - all.low) / bin)); };
@@ -106,10 +102,16 @@ float sizeOf(const Surface& surface) {
   return glm::length(size);
 }
 
-/// A stray in one direction may be the outermost point in others, too, so that it is left out of all.
-std::vector<glm::vec3> cornersWithoutStrays(const Surface& surface) {
+/// A place, and how far around it there is surface.
+struct Ball {
+  glm::vec3 center{0.0F};
+  float radius = 0.0F;
+};
+
+/// A stray in one direction may be the outermost part in others, too, so that it is left out of all.
+std::vector<Ball> cornersWithoutStrays(const Surface& surface) {
   const float gap = kGap * sizeOf(surface);
-  std::vector<bool> is_stray(surface.triangles.size(), false);
+  std::vector<bool> is_stray(surface.parts.size(), false);
   for (const glm::vec3& direction : directionsOfCube(1)) {
     std::vector<Span> spans = surface.along(direction);
     if (!mayHaveGap(spans, gap)) continue;
@@ -118,9 +120,14 @@ std::vector<glm::vec3> cornersWithoutStrays(const Surface& surface) {
     for (std::size_t i = 0; i < spans.size(); ++i)
       if (spans[i].low > end) is_stray[i] = true;
   }
-  std::vector<glm::vec3> corners;
-  for (std::size_t i = 0; i < is_stray.size(); ++i)
-    if (!is_stray[i]) corners.insert(corners.end(), surface.triangles[i].begin(), surface.triangles[i].end());
+  std::vector<Ball> corners;
+  for (std::size_t i = 0; i < is_stray.size(); ++i) {
+    if (is_stray[i]) continue;
+    const auto& [p, reach, area] = surface.parts[i];
+    corners.push_back({p[0], reach});
+    if (p[1] != p[0]) corners.push_back({p[1], reach});
+    if (p[2] != p[0]) corners.push_back({p[2], reach});
+  }
   return corners;
 }
 
@@ -135,13 +142,37 @@ struct Support {
   float share() const { return reached / end; }
 };
 
-/// The surface's ends in all directions in which it is not flat. `points`: about the middle.
-std::vector<Support> supportsOf(const std::vector<glm::vec3>& points) {
+/// Space in which a box has its middle at the origin and sides of 2.
+struct BoxSpace {
+  glm::vec3 middle{0.0F};
+  glm::vec3 half{1.0F};
+  glm::vec3 into(const glm::vec3& p) const { return (p - middle) / half; }
+  glm::vec3 outOf(const glm::vec3& p) const { return middle + half * p; }
+};
+
+BoxSpace spaceAround(const std::vector<Ball>& balls) {
+  base::Aabb box;
+  for (const Ball& ball : balls) box.add(base::Aabb{ball.center - ball.radius, ball.center + ball.radius});
+  BoxSpace space{box.center(), 0.5F * box.size()};
+  for (int i = 0; i < 3; ++i)
+    if (!(space.half[i] > 0.0F)) space.half[i] = 1.0F;
+  return space;
+}
+
+/// The surface's ends in all directions of the box's space in which it is not flat. A ball is an ellipsoid there.
+std::vector<Support> supportsOf(const std::vector<Ball>& balls, const BoxSpace& space) {
+  std::vector<glm::vec3> centers;
+  for (const Ball& ball : balls) centers.push_back(space.into(ball.center));
   std::vector<Support> all;
   for (const glm::vec3& direction : directionsOfCube(3)) {
+    const glm::vec3 outside = direction / space.half;
+    const float length = glm::length(outside);
+    const glm::vec3 to_end = outside / (length * space.half);  // of a ball of radius 1
     Support support{direction};
-    for (const glm::vec3& p : points)
-      if (const float along = glm::dot(p, direction); along > support.end) support.end = along, support.outermost = p;
+    for (std::size_t i = 0; i < balls.size(); ++i) {
+      const float along = glm::dot(centers[i], direction) + balls[i].radius * length;
+      if (along > support.end) support.end = along, support.outermost = centers[i] + balls[i].radius * to_end;
+    }
     if (support.end > kFlat) all.push_back(support);
   }
   return all;
@@ -149,20 +180,22 @@ std::vector<Support> supportsOf(const std::vector<glm::vec3>& points) {
 
 }  // namespace
 
-std::vector<glm::vec3> findHull(std::span<const Triangle> triangles) {
-  if (triangles.empty()) return {};
-  std::vector<glm::vec3> corners = cornersWithoutStrays(surfaceOf(triangles));
+SurfacePart trianglePart(const std::array<glm::vec3, 3>& p, float reach) {
+  return {p, reach, 0.5F * glm::length(glm::cross(p[1] - p[0], p[2] - p[0]))};
+}
 
+SurfacePart ballPart(const glm::vec3& center, float radius) {
+  return {{center, center, center}, radius, glm::pi<float>() * radius * radius};
+}
+
+std::vector<glm::vec3> findHull(std::span<const SurfacePart> parts) {
+  if (parts.empty()) return {};
+  const std::vector<Ball> corners = cornersWithoutStrays(surfaceOf(parts));
   // In a box with equal sides directions are as dense to a flat surface as to a round one.
-  base::Aabb box;
-  for (const glm::vec3& p : corners) box.add(p);
-  glm::vec3 half = 0.5F * box.size();
-  for (int i = 0; i < 3; ++i)
-    if (!(half[i] > 0.0F)) half[i] = 1.0F;
-  for (glm::vec3& p : corners) p = (p - box.center()) / half;
+  const BoxSpace space = spaceAround(corners);
 
   // The point is added next in whose direction the hull falls short most.
-  std::vector<Support> supports = supportsOf(corners);
+  std::vector<Support> supports = supportsOf(corners, space);
   std::vector<glm::vec3> hull;
   float least = 1.0F;
   while (!supports.empty()) {
@@ -174,7 +207,7 @@ std::vector<glm::vec3> findHull(std::span<const Triangle> triangles) {
     for (Support& s : supports) s.reached = std::max(s.reached, glm::dot(hull.back(), s.direction));
   }
   if (hull.empty()) hull.emplace_back(0.0F);
-  for (glm::vec3& p : hull) p = box.center() + half * p / least;
+  for (glm::vec3& p : hull) p = space.outOf(p / least);
   return hull;
 }
 

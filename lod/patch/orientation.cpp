@@ -49,7 +49,7 @@ struct Face {
 
 struct Surface {
   std::vector<Face> faces;
-  std::vector<std::array<glm::vec3, 3>> triangles;  ///< corners, those without area included
+  std::vector<SurfacePart> parts;  ///< all triangles, those without area included
   base::Aabb box;
   float area = 0.0F;
   std::optional<ProxySight> sight;
@@ -61,7 +61,7 @@ struct Surface {
         p[k] = lattice.position(geometry.positions[geometry.indices[i + k]]);
         box.add(p[k]);
       }
-      triangles.push_back(p);
+      parts.push_back(trianglePart(p));
       const glm::vec3 n = glm::cross(p[1] - p[0], p[2] - p[0]);
       const float length = glm::length(n);
       if (!(length > 0.0F)) continue;
@@ -201,7 +201,7 @@ base::Result<Orientation> findOrientation(const PatchFile& patches, const glm::v
     found.reason = "it was said so";
   }
   if (!surface.faces.empty()) findDirection(surface, found);
-  found.hull = findHull(surface.triangles);
+  found.hull = findHull(surface.parts);
   return found;
 }
 

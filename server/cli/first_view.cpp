@@ -96,9 +96,13 @@ bool isPermalink(std::string_view text) {
 
 void setFirstView(const lod::patch::Orientation& found, base::Scene& scene) {
   scene.start_direction = glm::normalize(glm::dvec3(found.direction));
+  setHull(found.hull, scene);
+}
+
+void setHull(const std::vector<glm::vec3>& hull, base::Scene& scene) {
   static_assert(lod::patch::kMaxHullPoints <= base::kMaxHull);
   scene.hull.clear();
-  for (const glm::vec3& point : found.hull) scene.hull.push_back(scene.origin + glm::dvec3(point));
+  for (const glm::vec3& point : hull) scene.hull.push_back(scene.origin + glm::dvec3(point));
 }
 
 base::Result<std::string> permalinkIn(const std::string& text) {

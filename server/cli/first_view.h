@@ -2,6 +2,7 @@
 // The first view of a scene as a build finds it, and as `lumigrid set --start-view` takes it.
 #include <string>
 #include <string_view>
+#include <vector>
 
 #include "base/error.h"
 #include "base/json/scene_file.h"
@@ -15,6 +16,8 @@ bool isPermalink(std::string_view text);
 
 /// Stores where the first view looks, and what it fits in.
 void setFirstView(const lod::patch::Orientation& found, base::Scene& scene);
+/// The latter alone. `hull`: scene-local, at most lod::patch::kMaxHullPoints.
+void setHull(const std::vector<glm::vec3>& hull, base::Scene& scene);
 
 /// The permalink in `text`, which is one, an address that ends in one, or the name of a file with either. kInvalidInput
 /// where there is none.

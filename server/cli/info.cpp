@@ -18,7 +18,7 @@
 #include "server/cli/commands.h"
 #include "server/cli/console.h"
 #include "server/cli/method_digest.h"
-#include "server/cli/streamed_info.h"
+#include "server/cli/streamed/info.h"
 #include "server/cli/tuned.h"
 #include "server/scene/open_scene.h"
 

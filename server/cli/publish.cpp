@@ -22,7 +22,7 @@
 #include "repository/packs/pack_format.h"
 #include "server/cli/commands.h"
 #include "server/cli/console.h"
-#include "server/cli/streamed_info.h"
+#include "server/cli/streamed/info.h"
 #include "server/net/page_files.h"
 #include "server/scene/open_scene.h"
 

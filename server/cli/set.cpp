@@ -20,6 +20,7 @@
 #include "server/cli/console.h"
 #include "server/cli/first_view.h"
 #include "server/cli/scene_lock.h"
+#include "server/cli/streamed/hull.h"
 #include "server/cli/up_axis.h"
 #include "server/render/scene_light.h"
 
@@ -99,10 +100,10 @@ void setTexts(const SetArguments& a, base::Scene& scene) {
   if (a.attribution) scene.attribution = *a.attribution;
 }
 
-// Finds the first view with this up vector; splats alone leave it to viewers.
+// Finds the first view with this up vector; without patches viewers choose where it looks.
 base::Result<void> findFirstView(const std::string& directory, base::Scene& scene) {
   scene.start_direction.reset();
-  if (!base::partFile(scene, "patch", ".lgp")) return {};
+  if (!base::partFile(scene, "patch", ".lgp")) return setStreamedHull(directory, scene);
   LUMIGRID_ASSIGN_OR_RETURN(const auto file, lod::patch::PatchFile::open(base::patchPath(directory, scene)));
   const glm::vec3 up(scene.up);
   LUMIGRID_ASSIGN_OR_RETURN(const lod::patch::Orientation found, lod::patch::findOrientation(file, &up));

@@ -1,6 +1,11 @@
 // A LAS file becomes a scene of splats that knows where on earth it lies; points as text become that of their PLY.
+#include <algorithm>
 #include <cmath>
+#include <glm/glm.hpp>
+#include <glm/gtx/string_cast.hpp>
 #include <nlohmann/json.hpp>
+#include <utility>
+#include <vector>
 
 #include "tests/programs/run_program.h"
 #include "tests/support/las_file.h"
@@ -50,6 +55,25 @@ class CloudTest : public programs::ProgramTest {
                             lines);
     return {path("cloud.xyz"), path("cloud.ply")};
   }
+  /// A strip of points that lies at a slant in its box, and its path.
+  std::pair<std::vector<glm::dvec3>, std::string> slantedStrip() {
+    std::vector<glm::dvec3> points;
+    std::string lines;
+    for (int i = 0; i < 200; ++i)
+      for (int j = 0; j < 20; ++j) {
+        points.emplace_back(500000.0 + i - j, 4000000.0 + i + j, 0.5 * std::sin(0.3 * i));
+        for (int k = 0; k < 3; ++k) lines += std::to_string(points.back()[k]) + (k < 2 ? " " : "\n");
+      }
+    programs::writeText(path("strip.xyz"), lines);
+    return {points, path("strip.xyz")};
+  }
+  /// How far scene.json's hull goes along a direction, from the first point.
+  double hullEnd(const glm::dvec3& direction, const glm::dvec3& first) const {
+    const nlohmann::json hull = scene()["hull"];
+    double end = -1e9;
+    for (const auto& p : hull) end = std::max(end, glm::dot(glm::dvec3(p[0], p[1], p[2]) - first, direction));
+    return end;
+  }
   nlohmann::json scene() const { return nlohmann::json::parse(readText(path("scene/scene.json"))); }
 };
 
@@ -86,6 +110,26 @@ TEST_F(CloudTest, pointsAsTextMakeTheSplatsOfTheirPly) {
     files[source == ply ? 1 : 0] = readText(scene + "/qsplat.lgq");
   }
   EXPECT_TRUE(files[0] == files[1]) << files[0].size() << " and " << files[1].size() << " bytes";
+}
+
+TEST_F(CloudTest, aHullHoldsThePointsCloserThanTheirBox) {
+  const auto [points, text] = slantedStrip();
+  const auto built = run("lumigrid", {"build", text, "-o", path("scene"), "--methods", "qsplat", "--quiet"});
+  ASSERT_EQ(built.status, 0) << built.err;
+  ASSERT_TRUE(scene().contains("hull"));
+  EXPECT_FALSE(scene().contains("start_direction")) << "points do not tell it";
+  const glm::dvec3 along = glm::normalize(glm::dvec3(1, 1, 0)), across = glm::normalize(glm::dvec3(-1, 1, 0));
+  for (const glm::dvec3& direction : {along, -along, across, -across, glm::dvec3(0, 0, 1), glm::dvec3(1, 0, 0)}) {
+    double end = -1e9;
+    for (const glm::dvec3& p : points) end = std::max(end, glm::dot(p - points[0], direction));
+    EXPECT_GT(hullEnd(direction, points[0]), end - 0.01) << glm::to_string(direction);
+    // Splats reach beyond their points.
+    EXPECT_LT(hullEnd(direction, points[0]), end + 6.0) << glm::to_string(direction);
+  }
+  const auto first = scene()["hull"];
+  const auto set = run("lumigrid", {"set", path("scene"), "--up", "y"});
+  ASSERT_EQ(set.status, 0) << set.err;
+  EXPECT_EQ(scene()["hull"], first) << "it has no up";
 }
 
 TEST_F(CloudTest, aBadLineOfTextIsNamed) {

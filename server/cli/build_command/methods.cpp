@@ -12,6 +12,7 @@
 #include "base/crc32c.h"
 #include "base/format_text.h"
 #include "server/cli/first_view.h"
+#include "server/cli/streamed/hull.h"
 
 namespace server::cli {
 namespace {
@@ -300,7 +301,9 @@ Result<void> buildStreamed(const MethodBuilds& builds, const FileMethod& method,
     LUMIGRID_ASSIGN_OR_RETURN(scene, describeScene(a, sources, *summary));
   }
   builds.report.*place = std::move(*summary);
-  return part.addTo(*scene);
+  LUMIGRID_TRY(part.addTo(*scene));
+  if (scene->hull.empty()) return setStreamedHull(a.output, *scene);
+  return {};
 }
 
 }  // namespace

@@ -7,7 +7,7 @@
 #include "server/cli/auto_choice.h"
 #include "server/cli/console.h"
 #include "server/cli/scene_images.h"
-#include "server/cli/streamed_info.h"
+#include "server/cli/streamed/info.h"
 #include "server/cli/tuned.h"
 
 namespace server::cli {

@@ -46,6 +46,12 @@ Triangles slab() {
   return all;
 }
 
+std::vector<glm::vec3> hullOf(const Triangles& triangles, float reach = 0.0F) {
+  std::vector<SurfacePart> parts;
+  for (const auto& t : triangles) parts.push_back(trianglePart(t, reach));
+  return findHull(parts);
+}
+
 float endOf(const std::vector<glm::vec3>& points, const glm::vec3& direction) {
   float end = std::numeric_limits<float>::lowest();
   for (const glm::vec3& p : points) end = std::max(end, glm::dot(p, direction));
@@ -72,8 +78,13 @@ Triangles ball() {
   return trianglesOf(support::bumpySphere(60, 60, 0.02F));
 }
 
+/// Its radius is 1.
+Triangles smallBall() {
+  return trianglesOf(support::bumpySphere(16, 16, 0.0F));
+}
+
 TEST(Hull, ofASlantedSlabIsTheSlabAndNotTheBoxAroundIt) {
-  const auto hull = findHull(slab());
+  const auto hull = hullOf(slab());
   expectAround(hull, slab(), 0.01F, 0.011F);
   for (const glm::vec3& p : hull)
     EXPECT_TRUE(glm::all(glm::lessThanEqual(glm::abs(turnedBack(p)), 1.03F * kHalf)))
@@ -81,11 +92,11 @@ TEST(Hull, ofASlantedSlabIsTheSlabAndNotTheBoxAroundIt) {
 }
 
 TEST(Hull, holdsWhatIsRound) {
-  expectAround(findHull(ball()), ball(), 0.02F, 0.07F);
+  expectAround(hullOf(ball()), ball(), 0.02F, 0.07F);
   Triangles lens = ball();
   for (auto& t : lens)
     for (glm::vec3& p : t) p.z *= 0.05F;
-  expectAround(findHull(lens), lens, 0.02F, 0.07F);
+  expectAround(hullOf(lens), lens, 0.02F, 0.07F);
 }
 
 TEST(Hull, holdsWhatIsFlatALineOrAPoint) {
@@ -93,7 +104,7 @@ TEST(Hull, holdsWhatIsFlatALineOrAPoint) {
     Triangles flat = ball();
     for (auto& t : flat)
       for (glm::vec3& p : t) p = scale * p + glm::vec3(1.0F, 2.0F, 3.0F);
-    const auto hull = findHull(flat);
+    const auto hull = hullOf(flat);
     ASSERT_FALSE(hull.empty());
     expectAround(hull, flat, 0.02F, 0.07F);
     for (const glm::vec3& p : hull) EXPECT_EQ(p.z, 3.0F);
@@ -102,18 +113,18 @@ TEST(Hull, holdsWhatIsFlatALineOrAPoint) {
 
 TEST(Hull, leavesOutStraysEvenWhereAnotherDirectionDoesNotTellThem) {
   Triangles with = ball();
-  const auto hull = findHull(with);
+  const auto hull = hullOf(with);
   // Along y the first one is just above the ball.
   for (const glm::vec3& at : {glm::vec3(100.0F, 1.1F, 0.0F), glm::vec3(-3.0F, -3.0F, 2.0F)})
     with.push_back({at, at + glm::vec3(0.01F, 0, 0), at + glm::vec3(0, 0.01F, 0)});
-  EXPECT_EQ(findHull(with), hull);
+  EXPECT_EQ(hullOf(with), hull);
 }
 
 TEST(Hull, holdsASpearAndLooseAndLargeParts) {
   const auto expectHeld = [](const glm::vec3& a, const glm::vec3& b, const glm::vec3& c) {
     Triangles with = ball();
     with.push_back({a, b, c});
-    expectAround(findHull(with), with, 0.02F, 0.1F);
+    expectAround(hullOf(with), with, 0.02F, 0.1F);
   };
   // A spear begins in the ball, and has next to no area.
   expectHeld({0.0F, 0.0F, 0.9F}, {0.001F, 0.0F, 0.9F}, {0.0F, 0.0F, 9.0F});
@@ -123,6 +134,40 @@ TEST(Hull, holdsASpearAndLooseAndLargeParts) {
 
 TEST(Hull, isEmptyWithoutTriangles) {
   EXPECT_TRUE(findHull({}).empty());
+}
+
+TEST(Hull, holdsAsFarAsTheSurfaceMayLieOffItsTriangles) {
+  constexpr float kReach = 0.2F;
+  Triangles thick;
+  for (const auto& t : slab())
+    for (const glm::vec3& p : t)
+      for (const auto& around : smallBall()) thick.push_back({p + kReach * around[0], p + kReach * around[1], p});
+  expectAround(hullOf(slab(), kReach), thick, 0.02F, 0.07F);
+}
+
+TEST(Hull, ofBallsHoldsThemAndNotTheirBox) {
+  // A slanted line of balls of several sizes, the largest at one end.
+  std::vector<SurfacePart> parts;
+  Triangles surface;
+  for (int i = 0; i <= 40; ++i) {
+    const glm::vec3 center = turned({0.25F * static_cast<float>(i), 0.0F, 0.0F});
+    const float radius = i == 0 ? 1.0F : 0.1F + 0.005F * static_cast<float>(i % 7);
+    parts.push_back(ballPart(center, radius));
+    for (const auto& t : smallBall()) surface.push_back({center + radius * t[0], center, center});
+  }
+  const auto hull = findHull(parts);
+  expectAround(hull, surface, 0.03F, 0.1F);
+  for (const glm::vec3& p : hull) EXPECT_LT(glm::length(glm::vec2(turnedBack(p).y, turnedBack(p).z)), 1.2F);
+}
+
+TEST(Hull, leavesOutStrayBalls) {
+  std::vector<SurfacePart> parts;
+  for (const auto& t : ball()) parts.push_back(ballPart(t[0], 0.03F));
+  const auto hull = findHull(parts);
+  parts.push_back(ballPart({5.0F, 0.0F, 0.0F}, 0.03F));
+  EXPECT_EQ(findHull(parts), hull);
+  parts.push_back(ballPart({5.0F, 0.0F, 0.0F}, 1.0F));
+  EXPECT_GT(endOf(findHull(parts), {1.0F, 0.0F, 0.0F}), 5.9F) << "too large for a stray";
 }
 
 }  // namespace

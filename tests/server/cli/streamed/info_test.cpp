@@ -1,4 +1,4 @@
-#include "server/cli/streamed_info.h"
+#include "server/cli/streamed/info.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "server/cli/streamed_info.h"
+#include "server/cli/streamed/info.h"
 
 #include <algorithm>
 #include <utility>
@@ -15,19 +15,13 @@ std::uint64_t countIn(const nlohmann::json& object, const char* name) {
   return object[name].get<std::uint64_t>();
 }
 
-template <class Header, class Row>
-struct HeaderAndRows {
-  Header header;
-  std::vector<Row> rows;
-};
-
 /// Reads header and table of a method's file; the functions are the method's.
 template <class Header, class Row>
-base::Result<HeaderAndRows<Header, Row>> readRows(const std::string& path, std::uint32_t header_bytes,
-                                                  base::Result<Header> (*read_header)(base::ByteView),
-                                                  base::Result<std::vector<Row>> (*read_table)(const Header&,
-                                                                                               base::ByteView),
-                                                  base::Error (*damaged)(const std::string&)) {
+base::Result<FileTable<Header, Row>> readRows(const std::string& path, std::uint32_t header_bytes,
+                                              base::Result<Header> (*read_header)(base::ByteView),
+                                              base::Result<std::vector<Row>> (*read_table)(const Header&,
+                                                                                           base::ByteView),
+                                              base::Error (*damaged)(const std::string&)) {
   LUMIGRID_ASSIGN_OR_RETURN(const auto file, base::PositionedFile::open(path));
   base::Bytes front(std::min<std::uint64_t>(header_bytes, file.size()));
   LUMIGRID_TRY(file.readAt(0, front));
@@ -41,10 +35,17 @@ base::Result<HeaderAndRows<Header, Row>> readRows(const std::string& path, std::
   LUMIGRID_TRY(file.readAt(header_bytes, table));
   auto rows = read_table(*header, table);
   if (!rows) return base::within(path, rows.error());
-  return HeaderAndRows<Header, Row>{*header, std::move(*rows)};
+  return FileTable<Header, Row>{*header, std::move(*rows)};
 }
 
 }  // namespace
+
+base::Result<FileTable<lod::pmr::Header, lod::pmr::Leaf>> readUmbrellaTable(const std::string& path) {
+  return readRows(path, lod::pmr::kHeaderBytes, lod::pmr::readHeader, lod::pmr::readTable, lod::pmr::damaged);
+}
+base::Result<FileTable<lod::hlod::Header, lod::hlod::Node>> readHlodTable(const std::string& path) {
+  return readRows(path, lod::hlod::kHeaderBytes, lod::hlod::readHeader, lod::hlod::readTable, lod::hlod::damaged);
+}
 
 nlohmann::json splatsJson(const lod::qsplat::Header& header) {
   const auto bytes = static_cast<double>(header.file_bytes);
@@ -86,8 +87,7 @@ nlohmann::json umbrellasJson(const lod::pmr::Header& header, const LevelCounts& 
 }
 
 base::Result<nlohmann::json> readUmbrellasJson(const std::string& path) {
-  LUMIGRID_ASSIGN_OR_RETURN(const auto file, readRows(path, lod::pmr::kHeaderBytes, lod::pmr::readHeader,
-                                                      lod::pmr::readTable, lod::pmr::damaged));
+  LUMIGRID_ASSIGN_OR_RETURN(const auto file, readUmbrellaTable(path));
   LevelCounts points{}, triangles{};
   for (const lod::pmr::Leaf& leaf : file.rows)
     for (std::uint32_t level = 0; level < lod::pmr::kLevels; ++level) {
@@ -157,8 +157,7 @@ nlohmann::json hlodJson(const lod::hlod::Header& header, std::span<const lod::hl
 }
 
 base::Result<nlohmann::json> readHlodJson(const std::string& path) {
-  LUMIGRID_ASSIGN_OR_RETURN(const auto file, readRows(path, lod::hlod::kHeaderBytes, lod::hlod::readHeader,
-                                                      lod::hlod::readTable, lod::hlod::damaged));
+  LUMIGRID_ASSIGN_OR_RETURN(const auto file, readHlodTable(path));
   return hlodJson(file.header, levelsOf(file.rows));
 }
 
