@@ -32,6 +32,9 @@ glm::dvec3 anyPerpendicular(const glm::dvec3& v) {
   return glm::normalize(glm::cross(v, other));
 }
 
+// Halves the scene's diagonal down to far less than a pixel, from as near as the view can be.
+constexpr int kCentringSteps = 40;
+
 /// Returns a vector turned about a unit axis, by an angle in radians.
 glm::dvec3 turned(const glm::dvec3& v, const glm::dvec3& axis, double angle) {
   const glm::dvec3 along = glm::dot(axis, v) * axis;
@@ -67,17 +70,37 @@ Viewpoint OrbitControl::framingViewpoint() const {
   const double tan_above = kFramed * std::tan(0.5 * camera_.fov_y);
   const glm::dvec3 tans(tan_above * camera_.width / camera_.height, tan_above, 1.0);
   const glm::dmat3 world_from_view(right(), upInView(), camera_.direction);
+  const double slope = orthographic_ ? 0.0 : 1.0;  // in an orthographic picture depths do not matter
+  std::vector<glm::dvec3> points;
   glm::dvec3 most(-1e300), least(1e300);
   for (const glm::vec3& point : hull_) {
-    const glm::dvec3 at = glm::dvec3(point) * world_from_view / tans;  // times the transposed rotation
-    // In an orthographic picture depths do not matter.
-    const double slack = orthographic_ ? 0.0 : at.z;
-    most = glm::max(most, at - glm::dvec3(slack, slack, 0.0));
-    least = glm::min(least, at + glm::dvec3(slack, slack, 0.0));
+    const glm::dvec3 at = glm::dvec3(point) * world_from_view;  // times the transposed rotation
+    points.push_back(at);
+    const glm::dvec3 slack(slope * at.z, slope * at.z, 0.0);
+    most = glm::max(most, at / tans - slack);
+    least = glm::min(least, at / tans + slack);
   }
-  const glm::dvec3 half = 0.5 * (most - least), middle = 0.5 * (most + least);
-  const double distance = std::max(std::max(half.x, half.y) + (orthographic_ ? 0.0 : middle.z), 1e-3 * size_);
-  const glm::dvec3 pivot = origin_ + world_from_view * (middle * tans);
+  const glm::dvec3 half = 0.5 * (most - least);
+  glm::dvec3 middle = 0.5 * (most + least);
+  const double distance = std::max(std::max(half.x, half.y) + slope * middle.z, 1e-3 * size_);
+
+  // From there both outermost points of each axis are to be equally far from the middle, also where there is room to
+  // spare.
+  for (int axis = 0; axis < 2; ++axis) {
+    double low = middle[axis] * tans[axis] - size_, high = low + 2.0 * size_;
+    for (int step = 0; step < kCentringSteps; ++step) {
+      middle[axis] = 0.5 * (low + high);
+      double left = 1e300, right = -1e300;
+      for (const glm::dvec3& at : points) {
+        const double depth = orthographic_ ? 1.0 : std::max(at.z - middle.z + distance, 1e-9 * size_);
+        const double shown = (at[axis] - middle[axis]) / depth;
+        left = std::min(left, shown);
+        right = std::max(right, shown);
+      }
+      (left + right > 0.0 ? low : high) = middle[axis];
+    }
+  }
+  const glm::dvec3 pivot = origin_ + world_from_view * middle;
   return {pivot - distance * camera_.direction, camera_.direction, distance};
 }
 

@@ -48,9 +48,12 @@ std::array<double, 4> filled(const base::ViewCamera& camera, const std::vector<g
   return share;
 }
 
-/// Nothing is beyond nine tenths of the way to a side, and on the tighter axis both outermost points lie there.
+/// Nothing is beyond nine tenths of the way to a side, on the tighter axis both outermost points lie there, and on the
+/// other one they are equally far from the middle.
 void expectNineTenths(const std::array<double, 4>& share) {
   for (const double one : share) EXPECT_LT(one, 0.9 + 1e-4);
+  EXPECT_NEAR(share[0], share[1], 0.004);
+  EXPECT_NEAR(share[2], share[3], 0.004);
   const bool is_wide = std::max(share[0], share[1]) > std::max(share[2], share[3]);
   EXPECT_NEAR(share[is_wide ? 0 : 2], 0.9, 1e-4);
   EXPECT_NEAR(share[is_wide ? 1 : 3], 0.9, 1e-4);
