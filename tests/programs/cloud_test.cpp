@@ -132,6 +132,20 @@ TEST_F(CloudTest, aHullHoldsThePointsCloserThanTheirBox) {
   EXPECT_EQ(scene()["hull"], first) << "it has no up";
 }
 
+TEST_F(CloudTest, aStrayAboveASurveyMakesItNoTower) {
+  std::string lines;
+  for (int i = 0; i < 100; ++i)
+    for (int j = 0; j < 100; ++j)
+      lines += std::to_string(i) + " " + std::to_string(j) + " " + std::to_string(3.0 * std::sin(0.1 * i)) + "\n";
+  programs::writeText(path("survey.xyz"), lines + "40 50 5000\n");
+  const auto built =
+      run("lumigrid", {"build", path("survey.xyz"), "-o", path("scene"), "--methods", "qsplat", "--quiet"});
+  ASSERT_EQ(built.status, 0) << built.err;
+  EXPECT_EQ(scene()["box_max"][2], 5000.0);
+  EXPECT_LT(hullEnd(glm::dvec3(0, 0, 1), glm::dvec3(0.0)), 30.0);
+  EXPECT_EQ(scene()["up"], nlohmann::json({0.0, 0.0, 1.0}));
+}
+
 TEST_F(CloudTest, aBadLineOfTextIsNamed) {
   programs::writeText(path("a.xyz"), "1 2 3\n4 5 six\n");
   const auto built = run("lumigrid", {"build", path("a.xyz"), "-o", path("scene"), "--methods", "qsplat", "--quiet"});

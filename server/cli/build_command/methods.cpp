@@ -112,11 +112,11 @@ std::optional<DefinedUp> definedUp(const lod::ingest::SourceSummary& built) {
 }
 
 // Points have no surface to ask. A flat open scan stands on its shortest axis, on the side that it faces.
-// Anything else is taken for a model with +y up, as glTF says and scanners of objects write.
-glm::dvec3 guessUp(const lod::ingest::SourceSummary& built, const BuildArguments& a) {
+// Anything else is taken for a model with +y up, as glTF says and scanners of objects write. `size`: how far it reaches
+// along each axis.
+glm::dvec3 guessUp(const lod::ingest::SourceSummary& built, const BuildArguments& a, const glm::dvec3& size) {
   if (a.up != "auto") return axisNamed(a.up);
   if (const auto defined = definedUp(built)) return defined->up;
-  const glm::dvec3 size = built.box_max - built.box_min;
   const int flat = size.x <= size.y && size.x <= size.z ? 0 : size.y <= size.z ? 1 : 2;
   const double second = std::min(size[(flat + 1) % 3], size[(flat + 2) % 3]);
   if (size[flat] > 0.5 * second) return {0, 1, 0};
@@ -178,6 +178,16 @@ base::Result<void> orientBySurface(const BuildArguments& a, const lod::ingest::S
   return {};
 }
 
+// Guesses again by the hull, since strays far above a flat survey make its box a tall one.
+base::Result<void> orientByHull(const BuildArguments& a, const lod::ingest::SourceSummary& built, base::Scene& scene) {
+  if (scene.hull.empty()) return {};
+  glm::dvec3 least = scene.hull.front(), most = least;
+  for (const glm::dvec3& point : scene.hull) least = glm::min(least, point), most = glm::max(most, point);
+  scene.up = guessUp(built, a, most - least);
+  LUMIGRID_ASSIGN_OR_RETURN(scene.light, chooseLight(a, scene));
+  return {};
+}
+
 base::SceneBorder borderOf(const lod::ingest::SourceSummary& built) {
   return {built.border.source_open_edges, built.border.open_edges, built.border.largest_movement};
 }
@@ -193,7 +203,7 @@ Result<base::Scene> describeScene(const BuildArguments& a, const SceneSources& s
   const mesh::Georeference& georeference = built.georeference;
   if (base::isCrsName(georeference.crs)) scene.crs = georeference.crs;
   scene.units = a.units == "unknown" && !georeference.units.empty() ? georeference.units : a.units;
-  scene.up = guessUp(built, a);
+  scene.up = guessUp(built, a, built.box_max - built.box_min);
   scene.has_colors = built.has_colors;
   LUMIGRID_ASSIGN_OR_RETURN(scene.light, chooseLight(a, scene));
   scene.triangles = built.triangles;
@@ -297,12 +307,14 @@ Result<void> buildStreamed(const MethodBuilds& builds, const FileMethod& method,
   builds.line.finish();
   if (!summary) return summary.error();
   addWarnings(*summary, builds.report);
-  if (!scene) {
+  const bool is_first = !scene;
+  if (is_first) {
     LUMIGRID_ASSIGN_OR_RETURN(scene, describeScene(a, sources, *summary));
   }
-  builds.report.*place = std::move(*summary);
   LUMIGRID_TRY(part.addTo(*scene));
-  if (scene->hull.empty()) return setStreamedHull(a.output, *scene);
+  if (scene->hull.empty()) LUMIGRID_TRY(setStreamedHull(a.output, *scene));
+  if (is_first) LUMIGRID_TRY(orientByHull(a, *summary, *scene));
+  builds.report.*place = std::move(*summary);
   return {};
 }
 
