@@ -26,6 +26,10 @@ using Parts = std::vector<SurfacePart>;
 // The least parts of a cut, where the file has as many. With them a splat, or the error of triangles, is below a
 // hundredth of the model.
 constexpr std::size_t kLeastParts = 20'000;
+// So many times the cut-off is the radius of a splat between neighbours that are far from each other; and the share of
+// all splats that may be such by mistake, as lod/patch/hull.cpp has it for areas.
+constexpr float kHuge = 8.0F;
+constexpr double kStrayShare = 0.002;
 
 Result<base::Bytes> readBlock(const base::PositionedFile& file, std::uint64_t offset, std::uint32_t length) {
   base::Bytes bytes(length);
@@ -53,8 +57,13 @@ Result<Parts> partsOfSplats(const std::string& path) {
     const auto is_leaf = [](const lod::qsplat::Splat& splat) { return (splat.normal & splat.kLeaf) != 0; };
     if (cut.splats.size() >= kLeastParts || std::all_of(cut.splats.begin(), cut.splats.end(), is_leaf)) break;
   }
+  // The leaf of a single stray is as large as its gap, and lies about that gap's middle. A few such are no surface.
+  const auto is_huge = [&](const lod::qsplat::Splat& splat) { return splat.radius > kHuge * request.cutoff_px; };
+  const auto huge = static_cast<double>(std::count_if(cut.splats.begin(), cut.splats.end(), is_huge));
+  const bool leaves_huge_out = huge <= kStrayShare * static_cast<double>(cut.splats.size());
   Parts parts;
   for (const lod::qsplat::Splat& splat : cut.splats) {
+    if (leaves_huge_out && is_huge(splat)) continue;
     SurfacePart& part = parts.emplace_back(lod::patch::ballPart(splat.center, splat.radius));
     // A larger one is a leaf. A stray's may be far larger than its points, as its radius is at least a thirteenth of
     // the parent's, which reaches across the gap. Those of a surface reach to their neighbours, however little they
