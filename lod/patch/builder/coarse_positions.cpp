@@ -5,6 +5,7 @@
 
 #include "lod/ingest/code_map.h"
 #include "lod/ingest/morton.h"
+#include "lod/patch/codec/header.h"
 
 namespace lod::patch::builder {
 
@@ -13,7 +14,7 @@ namespace {
 // Steps are at most this many times the typical error of what is merged, which is about half of the group's own. With
 // twice as much, typical errors grow by a tenth to a half (docs/decisions/lattice-positions.md).
 constexpr double kStepOverError = 3.0;
-constexpr int kMostSpareBits = 15;
+constexpr int kMostSpareBits = codec::kMostLowBits;
 // A triangle keeps its direction if this share of its area at least is left along its normal.
 constexpr float kKeptArea = 0.25F;
 

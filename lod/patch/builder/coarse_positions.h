@@ -1,6 +1,6 @@
 #pragma once
 // Moves the vertices of a simplified group to a coarser lattice. A surface that is many steps off needs no vertices to
-// the step, and the bits beyond are most of what a coarse patch would take.
+// the step, and the bits beyond take a tenth to two fifths of a coarse patch (docs/decisions/lattice-positions.md).
 #include <cstdint>
 #include <glm/glm.hpp>
 #include <vector>
@@ -14,8 +14,8 @@ namespace lod::patch::builder {
 int spareBits(double typical_error_below);
 
 /// Moves each surviving vertex that is not locked to the nearest lattice point whose coordinates are multiples of
-/// 2^`bits`. `corner`: the lattice point that positions are relative to. A vertex stays where a triangle would turn
-/// over or lose most of its area, where another vertex lies already, and where a coordinate would be below 0.
+/// 2^`bits`. `corner`: the lattice point that positions are relative to. A vertex stays where its move would turn a
+/// triangle over or take most of its area, where another vertex lies already, and where a coordinate would be below 0.
 void coarsenPositions(SimplifiedGroup& group, const std::vector<std::uint8_t>& locked, const glm::ivec3& corner,
                       int bits);
 

@@ -85,7 +85,7 @@ std::uint8_t chooseShift(const PatchGeometry& geometry, const EncodedConnectivit
 // or with a shift of 1 half ones.
 std::vector<Uint4> positionResiduals(const std::vector<Uint4>& at, const EncodedConnectivity& order, int shift,
                                      int low) {
-  const std::uint32_t half = low > 0 ? 1U << (low - 1) : 0U;
+  const std::uint32_t half = (1U << low) >> 1;
   std::vector<Uint4> numbers(groupsOf(at.size()) * kGroup, Uint4{});
   for (std::size_t v = 1; v < at.size(); ++v) {
     const FrontEdge& e = order.gates[v];

@@ -1,8 +1,6 @@
 #include "lod/patch/codec/low_bits.h"
 
-#include <bit>
 #include <cstdint>
-#include <vector>
 
 namespace lod::patch::codec {
 

@@ -78,7 +78,7 @@ TEST(CoarsePositions, freeVerticesMoveToMultiplesAndLockedOnesStay) {
     EXPECT_GT(glm::dot(normalOf(before, t), normalOf(after, t)), 0.0F);
 }
 
-TEST(CoarsePositions, noTriangleTurnsOverAndNoVerticesMeet) {
+TEST(CoarsePositions, noTriangleLosesItsAreaAndNoVerticesMeet) {
   // Steps are as long as edges, so that most moves would do one or the other.
   const std::vector<std::uint8_t> locked(60 * 40, 0);
   const SimplifiedGroup before = simplifiedTorus(locked);
