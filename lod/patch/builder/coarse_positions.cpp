@@ -2,9 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <span>
 
 #include "lod/ingest/code_map.h"
 #include "lod/ingest/morton.h"
+#include "lod/patch/builder/places_by_key.h"
 #include "lod/patch/codec/header.h"
 
 namespace lod::patch::builder {
@@ -18,20 +20,6 @@ constexpr int kMostSpareBits = codec::kMostLowBits;
 // A triangle keeps its direction if this share of its area at least is left along its normal.
 constexpr float kKeptArea = 0.25F;
 
-// The triangles at each vertex: those of vertex v are list[first[v]] … list[first[v + 1] − 1].
-struct Fans {
-  std::vector<std::uint32_t> first;
-  std::vector<std::uint32_t> list;
-
-  Fans(std::size_t vertices, const std::vector<std::uint32_t>& indices) : first(vertices + 1, 0), list(indices.size()) {
-    for (const std::uint32_t v : indices) ++first[v + 1];
-    for (std::size_t v = 0; v < vertices; ++v) first[v + 1] += first[v];
-    std::vector<std::uint32_t> next(first.begin(), first.end() - 1);
-    for (std::size_t i = 0; i < indices.size(); ++i) list[next[indices[i]]++] = static_cast<std::uint32_t>(i / 3);
-  }
-  bool isUsed(std::size_t v) const { return first[v] < first[v + 1]; }
-};
-
 }  // namespace
 
 int spareBits(double typical_error_below) {
@@ -44,35 +32,41 @@ void coarsenPositions(SimplifiedGroup& group, const std::vector<std::uint8_t>& l
   if (bits == 0) return;
   const std::vector<std::uint32_t>& indices = group.history.indices;
   std::vector<glm::vec3>& positions = group.vertices.positions;
-  const Fans fans(positions.size(), indices);
+  PlacesByKey corners;  // by vertex
+  listPlaces(indices, positions.size(), corners);
+  const auto corners_of = [&](std::size_t v) {
+    return std::span(corners.member).subspan(corners.first[v], corners.first[v + 1] - corners.first[v]);
+  };
   const auto code = [&](const glm::vec3& p) { return ingest::mortonCode(corner + glm::ivec3(p)); };
   // Places that were left count as taken, too: that costs few moves, and the map has no removal.
   ingest::CodeMap taken(positions.size() / 2);
   for (std::size_t v = 0; v < positions.size(); ++v)
-    if (fans.isUsed(v)) taken.insert(code(positions[v]));
+    if (!corners_of(v).empty()) taken.insert(code(positions[v]));
 
   const auto coarse = [&](const glm::vec3& p) {
     const glm::ivec3 q = corner + glm::ivec3(p) + (1 << (bits - 1));
     return glm::vec3(((q >> bits) << bits) - corner);
   };
-  const auto normalOf = [&](std::uint32_t t) {
+  const auto normalAt = [&](std::uint32_t corner_place) {  // of the triangle there
+    const std::size_t t = corner_place / 3;
     const glm::vec3& a = positions[indices[3 * t]];
     return glm::cross(positions[indices[3 * t + 1]] - a, positions[indices[3 * t + 2]] - a);
   };
   std::vector<glm::vec3> before;
   for (std::size_t v = 0; v < positions.size(); ++v) {
-    if (locked[v] != 0 || !fans.isUsed(v)) continue;
+    const auto fan = corners_of(v);
+    if (locked[v] != 0 || fan.empty()) continue;
     const glm::vec3 at = positions[v];
     const glm::vec3 to = coarse(at);
     if (to == at || glm::any(glm::lessThan(corner + glm::ivec3(to), glm::ivec3(0)))) continue;
     if (taken.at(code(to)) != ingest::CodeMap::kNone) continue;
 
     before.clear();
-    for (std::uint32_t i = fans.first[v]; i < fans.first[v + 1]; ++i) before.push_back(normalOf(fans.list[i]));
+    for (const std::uint32_t place : fan) before.push_back(normalAt(place));
     positions[v] = to;
     bool keeps = true;
     for (std::size_t i = 0; i < before.size() && keeps; ++i)
-      keeps = glm::dot(normalOf(fans.list[fans.first[v] + i]), before[i]) >= kKeptArea * glm::dot(before[i], before[i]);
+      keeps = glm::dot(normalAt(fan[i]), before[i]) >= kKeptArea * glm::dot(before[i], before[i]);
     if (keeps)
       taken.insert(code(to));
     else

@@ -10,6 +10,7 @@
 #include "base/simd.h"
 #include "lod/patch/builder/facet_surface.h"
 #include "lod/patch/builder/overlay.h"
+#include "lod/patch/builder/places_by_key.h"
 
 namespace lod::patch::builder {
 namespace {
@@ -132,9 +133,7 @@ void cutPolygon(const Polygon& polygon, const float* side, Polygon& inside, Poly
 
 // Where target facets are looked for first: the target vertices that a source vertex came to lie near, and the facet
 // that a source triangle became.
-struct Hints {
-  std::vector<std::uint32_t> first;  // vertex v has member[first[v]] … member[first[v + 1] − 1]
-  std::vector<std::uint32_t> member;
+struct Hints : PlacesByKey {         // by source vertex
   std::vector<std::uint32_t> image;  // per source triangle; kNone: it vanished
 };
 
@@ -515,12 +514,7 @@ void forwardHints(const SurfaceView& before, const CollapseHistory& history, Hin
 
 // For each vertex of the simplified mesh, the vertices that were collapsed into it.
 void backwardHints(const CollapseHistory& history, Hints& hints) {
-  hints.first.assign(history.survivor.size() + 1, 0);
-  for (const std::uint32_t v : history.survivor) ++hints.first[v + 1];
-  for (std::size_t v = 1; v < hints.first.size(); ++v) hints.first[v] += hints.first[v - 1];
-  hints.member.resize(history.survivor.size());
-  std::vector<std::uint32_t> next(hints.first.begin(), hints.first.end() - 1);
-  for (std::uint32_t v = 0; v < history.survivor.size(); ++v) hints.member[next[history.survivor[v]]++] = v;
+  listPlaces(history.survivor, history.survivor.size(), hints);
   hints.image = history.origin;
 }
 
