@@ -3,6 +3,7 @@
 #include <sys/mman.h>
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
 namespace mesh {
@@ -27,7 +28,24 @@ void MeshStream::clearBlocks() {
   corners.clear(), corner_normals.clear(), corner_colors.clear(), corner_uv.clear(), pictures.clear();
 }
 
+void MeshStream::leaveOutUnplaced() {
+  std::size_t kept = 0;
+  for (std::size_t i = 0; i < positions.size(); ++i) {
+    const glm::dvec3& p = positions[i];
+    if (!std::isfinite(p.x) || !std::isfinite(p.y) || !std::isfinite(p.z)) continue;
+    positions[kept] = p;
+    if (!normals.empty()) normals[kept] = normals[i];
+    if (!colors.empty()) colors[kept] = colors[i];
+    ++kept;
+  }
+  unplaced += positions.size() - kept;
+  positions.resize(kept);
+  if (!normals.empty()) normals.resize(kept);
+  if (!colors.empty()) colors.resize(kept);
+}
+
 base::Result<void> MeshStream::handOver() {
+  if (leaves_out_unplaced) leaveOutUnplaced();
   if (!corner_normals.empty()) corner_normals.resize(corners.size(), glm::vec3(0.0F));
   if (!corner_colors.empty()) corner_colors.resize(corners.size(), glm::u8vec4(0));
   if (!pictures.empty())
@@ -77,6 +95,7 @@ base::Result<void> MeshStream::flush(const void* at) {
 base::Result<void> MeshStream::restart() {
   clearBlocks();
   summary = {};
+  unplaced = 0;
   dropped_ = 0;
   reported_ = 0.0;
   baker = {};

@@ -29,9 +29,11 @@ inline base::Error indexOutOfRange(const std::string& place, std::int64_t index,
 inline base::Error truncatedIn(const std::string& place) {
   return invalidInput("truncated: the file ends in " + place + "; get the whole file again");
 }
-/// For a file without faces where MeshStream::accepts_points does not hold.
-inline constexpr const char* kNoFaces =
-    "the file has no faces (a point cloud?); mesh it first, or build it with --methods qsplat or pmr";
+/// For a file without faces where MeshStream::accepts_points does not hold. Without vertices either it is no cloud.
+inline base::Error lacksFaces(std::uint64_t vertices) {
+  if (vertices == 0) return invalidInput("the file has neither faces nor points");
+  return unsupported(kOnlyPoints);
+}
 
 /// Readers append to its vectors. It hands full blocks to the sink and releases the pages of the mapped file that have
 /// been read, so that memory stays bounded whatever the file's length.
@@ -55,6 +57,10 @@ class MeshStream {
   std::vector<std::uint32_t> pictures;     ///< empty, or one per triangle
   StreamedFile summary;                    ///< of the blocks handed to the sink; short faces and warnings so far
   bool accepts_points = false;             ///< a file of vertices without faces is no error
+  /// Points whose place is not finite are left out and counted in `unplaced`: cameras of depth write a row of them for
+  /// what they did not see. Not for meshes, whose triangles name vertices by number.
+  bool leaves_out_unplaced = false;
+  std::uint64_t unplaced = 0;
   Textures textures;
   TextureBaker baker;
 
@@ -100,6 +106,7 @@ class MeshStream {
 
  private:
   void clearBlocks();
+  void leaveOutUnplaced();
   MeshSink& sink_;
   base::ByteView file_;
   std::function<bool(double)> progress_;

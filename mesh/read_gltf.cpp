@@ -14,6 +14,7 @@ base::Result<void> readAlone(gltf::Document document, MeshStream& out) {
   LUMIGRID_TRY(gltf::readScene(document, glm::dmat4(1.0), {}, omissions, out));
   if (out.triangleCount() == 0) return invalidInput("the file has no triangles");
   omissions.describe(out.summary.warnings);
+  out.summary.georeference.up = Georeference::Up::kY;  // glTF 2.0, section 3.4: +Y is up
   return out.handOver();
 }
 

@@ -210,7 +210,7 @@ void describeGreys(const GreyRange& greys, std::vector<std::string>& warnings) {
 
 base::Result<void> readLas(base::ByteView bytes, MeshStream& out) {
   LUMIGRID_ASSIGN_OR_RETURN(const auto header, readLasHeader(bytes));
-  if (!out.accepts_points) return base::Error{base::ErrorCode::kUnsupported, kNoFaces};
+  if (!out.accepts_points) return unsupported(kOnlyPoints);
   const Points points(bytes, header);
   PointReader reader(points, out);
   LUMIGRID_TRY(reader.read());
@@ -219,7 +219,7 @@ base::Result<void> readLas(base::ByteView bytes, MeshStream& out) {
   const LeftOut& left_out = reader.leftOut();
   if (summary.vertices == 0)
     return invalidInput("all of its " + std::to_string(points.count()) + " points are marked as withheld or as noise");
-  summary.georeference = {header.crs.code, header.crs.unit, true};
+  summary.georeference = {header.crs.code, header.crs.unit, Georeference::Up::kZ};
   if (!header.warning.empty()) summary.warnings.push_back(header.warning);
   describeLeftOut(left_out, summary.warnings);
   describeCrs(header.crs, summary.warnings);

@@ -167,7 +167,8 @@ struct ObjReader {
     return {};
   }
 
-  // A corner is "7", "7/2", "7//3" or "7/2/3": vertex, texture coordinate, normal.
+  // A corner is "7", "7/2", "7//3" or "7/2/3": vertex, texture coordinate, normal. Some writers leave out a number but
+  // not its slash: "7//", "7/2/".
   base::Result<void> readCorner(std::string_view word) {
     std::int64_t number = 0;
     const std::size_t slash = word.find('/');
@@ -184,7 +185,7 @@ struct ObjReader {
           at < static_cast<std::int64_t>(file_uv.size()))
         uv.back() = glm::dvec2(file_uv[static_cast<std::size_t>(at)]);
     }
-    if (last_slash == slash || too_many_normals) return {};
+    if (last_slash == slash || last_slash + 1 == word.size() || too_many_normals) return {};
     std::int64_t normal = 0;
     if (!parseNumber(word.substr(last_slash + 1), number) || !resolveIndex(number, file_normals.size(), normal) ||
         normal >= static_cast<std::int64_t>(file_normals.size()))
@@ -247,8 +248,8 @@ struct ObjReader {
     if (too_many_normals)
       out.summary.warnings.push_back("has more than " + std::to_string(kMaxNormals) +
                                      " normals; those beyond are computed from the triangles");
-    if (out.triangleCount() == 0 && out.summary.short_faces == 0)
-      return invalidInput("the file has no faces (a point cloud?); mesh it first");
+    if (out.triangleCount() == 0 && out.summary.short_faces == 0 && (count == 0 || !out.accepts_points))
+      return lacksFaces(count);
     return {};
   }
 };

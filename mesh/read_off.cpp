@@ -36,7 +36,7 @@ class OffReader {
 
   base::Result<void> read() {
     LUMIGRID_TRY(readCounts());
-    if (face_count_ == 0) return invalidInput("the file has no faces (a point cloud?); mesh it first");
+    if (face_count_ == 0 && (vertex_count_ == 0 || !out_.accepts_points)) return lacksFaces(vertex_count_);
     LUMIGRID_TRY(readVertices());
     LUMIGRID_TRY(readFaces());
     if (layout_.texture)
@@ -56,6 +56,13 @@ class OffReader {
       if (!nextWord(probe).empty()) return true;
     }
     return false;
+  }
+
+  /// The next word, of a later line where this one has no more: a face may go over several lines. Empty at the end.
+  std::string_view nextWordOnAnyLine(std::string_view& line) {
+    std::string_view word = nextWord(line);
+    while (word.empty() && nextFullLine(line)) word = nextWord(line);
+    return word;
   }
 
   std::string place() const { return "line " + std::to_string(line_number_); }
@@ -123,10 +130,10 @@ class OffReader {
       const std::string_view word = nextWord(line);
       if (!parseNumber(word, count))
         return invalidInput(place() + ": " + inQuotes(word) + " is not a number of corners");
-      if (count > line.size()) return truncatedIn(face + " of " + std::to_string(face_count_));
+      if (count > line.size() + text_.size()) return truncatedIn(face + " of " + std::to_string(face_count_));
       corners.clear();
       for (std::uint64_t k = 0; k < count; ++k) {
-        const std::string_view index_word = nextWord(line);
+        const std::string_view index_word = nextWordOnAnyLine(line);
         if (index_word.empty()) return truncatedIn(face + " of " + std::to_string(face_count_));
         std::int64_t index = 0;
         if (!parseNumber(index_word, index))

@@ -579,12 +579,19 @@ base::Result<void> readPly(base::ByteView bytes, MeshStream& out) {
     has_faces = has_faces || ((element.name == "face" || element.name == "tristrips") && element.count > 0);
   }
   if (vertex_elements != 1) return invalidInput("header: there is not exactly one vertex element");
-  if (!has_faces && !out.accepts_points)
-    return base::Error{vertex_count == 0 ? base::ErrorCode::kInvalidInput : base::ErrorCode::kUnsupported, kNoFaces};
+  if (!has_faces && !out.accepts_points) return lacksFaces(vertex_count);
 
+  out.leaves_out_unplaced = !has_faces;
   const base::ByteView body = bytes.subspan(header.length);
-  if (header.encoding == Encoding::kAscii) return readBody(TextSource(textOf(body)), header, vertex_count, out);
-  return readBody(BinarySource(body, header.encoding == Encoding::kBig), header, vertex_count, out);
+  if (header.encoding == Encoding::kAscii)
+    LUMIGRID_TRY(readBody(TextSource(textOf(body)), header, vertex_count, out));
+  else
+    LUMIGRID_TRY(readBody(BinarySource(body, header.encoding == Encoding::kBig), header, vertex_count, out));
+  if (out.unplaced == 0) return {};
+  if (out.vertexCount() == 0) return invalidInput("none of its points has a finite place");
+  out.summary.warnings.push_back(std::to_string(out.unplaced) +
+                                 " of its points are left out, since their places are not finite (NaN or infinite)");
+  return {};
 }
 
 }  // namespace mesh

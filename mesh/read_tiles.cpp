@@ -67,8 +67,10 @@ base::Result<void> readTileset(const nlohmann::json& tileset, MeshStream& out) {
   if (!left_out.empty()) out.summary.warnings.push_back("it is read without tiles that are not read: " + left_out);
   // Lengths are in metres, and z is up unless coordinates are the whole earth's.
   out.summary.georeference.units = "m";
-  out.summary.georeference.z_is_height = !tree.is_geocentric;
-  if (tree.is_geocentric) out.summary.georeference.crs = "EPSG:4978";
+  if (tree.is_geocentric)
+    out.summary.georeference.crs = "EPSG:4978";
+  else
+    out.summary.georeference.up = Georeference::Up::kZ;
   return out.handOver();
 }
 

@@ -239,7 +239,7 @@ class XyzReader {
 
 base::Result<void> XyzReader::read() {
   LUMIGRID_TRY(chooseLayout());
-  if (!out_.accepts_points) return unsupported(kNoFaces);
+  if (!out_.accepts_points) return unsupported(kOnlyPoints);
   // Only a colour above 1 begins the file again, and never twice.
   while (true) {
     LUMIGRID_ASSIGN_OR_RETURN(const bool done, readAll());

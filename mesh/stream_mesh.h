@@ -54,6 +54,11 @@ class MeshSink {
   virtual base::Result<void> restart() = 0;
 };
 
+/// The message, without the file's name, of the error kUnsupported that a file of points without faces gives where
+/// StreamOptions::accepts_points does not hold.
+inline constexpr const char* kOnlyPoints =
+    "the file has no faces (a point cloud?); mesh it first, or build it with --methods qsplat or pmr";
+
 struct StreamOptions {
   bool accepts_points = false;           ///< a file of points without faces is no error
   std::function<bool(double)> progress;  ///< share of the file read; false cancels
@@ -61,9 +66,9 @@ struct StreamOptions {
 
 /// Tells how a file's coordinates lie in the world, as far as the file says.
 struct Georeference {
-  std::string crs;           ///< the coordinate reference system by authority and code, "EPSG:26912"; empty: not known
-  std::string units;         ///< of length: "m", "ft", "us-ft" or another name; empty: not known
-  bool z_is_height = false;  ///< by the format's definition
+  std::string crs;    ///< the coordinate reference system by authority and code, "EPSG:26912"; empty: not known
+  std::string units;  ///< of length: "m", "ft", "us-ft" or another name; empty: not known
+  enum class Up : std::uint8_t { kUnknown, kZ, kY } up = Up::kUnknown;  ///< by the format's definition
 };
 
 struct StreamedFile {

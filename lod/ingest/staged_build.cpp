@@ -70,7 +70,7 @@ base::Bytes stateOf(const ImportedSource& source) {
   const mesh::Georeference& georeference = source.info.georeference;
   out.string16(georeference.crs);
   out.string16(georeference.units);
-  out.u8(georeference.z_is_height ? 1 : 0);
+  out.u8(static_cast<std::uint8_t>(georeference.up));
   return out.takeBytes();
 }
 
@@ -94,8 +94,8 @@ base::Result<ImportedSource> readState(const WorkDirectory& directory) {
   mesh::Georeference& georeference = source.info.georeference;
   georeference.crs = in.string16();
   georeference.units = in.string16();
-  georeference.z_is_height = in.u8() != 0;
-  if (!in.atEnd()) return directory.damaged();
+  georeference.up = static_cast<mesh::Georeference::Up>(in.u8());
+  if (!in.atEnd() || georeference.up > mesh::Georeference::Up::kY) return directory.damaged();
   return source;
 }
 
@@ -106,7 +106,7 @@ mesh::Georeference agreedOn(const std::vector<mesh::Georeference>& files, std::v
   for (const mesh::Georeference& file : files) {
     if (!file.crs.empty()) systems.insert(file.crs);
     if (file.units != agreed.units) agreed.units.clear();
-    agreed.z_is_height = agreed.z_is_height && file.z_is_height;
+    if (file.up != agreed.up) agreed.up = mesh::Georeference::Up::kUnknown;
   }
   agreed.crs = systems.size() == 1 ? *systems.begin() : "";
   if (systems.size() > 1)

@@ -23,7 +23,7 @@ struct CutTopology {
   std::uint64_t triangles = 0;
   std::uint64_t open_edges = 0;             ///< edges with a triangle on one side only
   std::uint64_t non_manifold_vertices = 0;  ///< lattice points where more than one fan of triangles meets
-  std::uint64_t inconsistent_edges = 0;     ///< edges whose two triangles run along them in the same direction
+  std::uint64_t inconsistent_edges = 0;     ///< edges with triangles on both sides that face to opposite ones
 };
 
 struct CutReport {

@@ -111,6 +111,10 @@ TEST(ObjReader, polygonsNegativeIndicesAndContinuedLinesAreRead) {
   expectSquare(read("square.obj", "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf -4 -3 \\\n -2 -1"));
 }
 
+TEST(ObjReader, cornersMayLeaveOutANumberButNotItsSlash) {
+  expectSquare(read("square.obj", "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nf 1// 2/1/ 3/ 4\n"));
+}
+
 TEST(ObjReader, colorsAndNormalsGoToTheirVertices) {
   auto result = read("c.obj",
                      "v 0 0 0 1 0 0\nv 1 0 0 0 1 0\nv 0 1 0 0 0 1\nvn 0 0 2\nvn 0 3 0\nvt 0 0\nmtllib a.mtl\nusemtl b\n"
@@ -176,6 +180,40 @@ TEST(OffReader, plainColoredAndNormalFormsAreRead) {
   expectSquare(both);
   EXPECT_TRUE(both->file.has_normals);
   EXPECT_EQ(both->mesh.colors[0], glm::u8vec4(128, 0, 0, 255));
+}
+
+TEST(OffReader, aFaceMayGoOverSeveralLines) {
+  expectSquare(read("square.off", "OFF\n4 1 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n4 0 # corners\n1 2\n\n3 255 0 0\n"));
+}
+
+TEST(AllReaders, textsOfVerticesAloneAreCloudsWhereTheseAreAccepted) {
+  const std::pair<std::string, std::string> clouds[] = {
+      {"a.obj", "v 0 0 0 1 0 0\nv 1 0 0 0 1 0\n"}, {"a.off", "COFF\n2 0 0\n0 0 0 255 0 0 255\n1 0 0 0 255 0 255\n"}};
+  for (const auto& [name, bytes] : clouds) {
+    EXPECT_NE(errorOf(name, bytes).find(mesh::kOnlyPoints), std::string::npos);
+    const auto cloud = readCloud(bytes, name);
+    ASSERT_TRUE(cloud) << cloud.error().message;
+    EXPECT_EQ(cloud->positions.size(), 2U) << name;
+    EXPECT_EQ(cloud->colors[1], glm::u8vec4(0, 255, 0, 255)) << name;
+  }
+}
+
+// Cameras of depth write a point of NaN for each pixel that saw nothing.
+TEST(PlyReader, pointsWithoutAPlaceAreLeftOutOfCloudsAndCounted) {
+  const std::string header =
+      "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n"
+      "property uchar red\nproperty uchar green\nproperty uchar blue\nend_header\n";
+  const auto cloud = readCloud(header + "nan nan nan 0 0 0\n1 2 3 9 0 0\n4 inf 6 0 9 0\n7 8 9 0 0 9\n", "a.ply");
+  ASSERT_TRUE(cloud) << cloud.error().message;
+  EXPECT_EQ(cloud->positions, (std::vector<glm::dvec3>{{1, 2, 3}, {7, 8, 9}}));
+  EXPECT_EQ(cloud->colors[1], glm::u8vec4(0, 0, 9, 255));
+  ASSERT_EQ(cloud->file.warnings.size(), 1U);
+  EXPECT_NE(cloud->file.warnings[0].find("2 of its points are left out"), std::string::npos);
+
+  const std::string row = "nan 0 0 0 0 0\n";
+  const auto none = readCloud(header + row + row + row + row, "a.ply");
+  ASSERT_FALSE(none);
+  EXPECT_NE(none.error().message.find("a.ply: none of its points has a finite place"), std::string::npos);
 }
 
 // ---- OpenMesh ----

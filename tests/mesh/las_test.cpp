@@ -205,7 +205,7 @@ TEST(LasReader, takesCodeAndUnitOfTheHorizontalSystem) {
     const mesh::StreamedFile file = readWith(kUtm, extended);
     EXPECT_EQ(file.georeference.crs, "EPSG:26912");
     EXPECT_EQ(file.georeference.units, "m");
-    EXPECT_TRUE(file.georeference.z_is_height);
+    EXPECT_EQ(file.georeference.up, mesh::Georeference::Up::kZ);
     EXPECT_TRUE(file.warnings.empty());
   }
   // The newer form names units in axes, and codes as numbers.

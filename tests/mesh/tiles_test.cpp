@@ -101,7 +101,7 @@ TEST_F(Tiles, contentsAreTurnedFromYUpToZUp) {
   EXPECT_EQ(read->mesh.positions, upright);
   EXPECT_EQ(read->file.triangles, 2U);
   EXPECT_EQ(read->file.georeference.units, "m");
-  EXPECT_TRUE(read->file.georeference.z_is_height);
+  EXPECT_EQ(read->file.georeference.up, mesh::Georeference::Up::kZ);
   EXPECT_TRUE(read->file.warnings.empty());
 
   // Older tilesets say which axis points up.
@@ -169,7 +169,7 @@ TEST_F(Tiles, millimetresStayAtGeocentricCoordinates) {
     EXPECT_LT(glm::distance(read->mesh.positions[static_cast<std::size_t>(v)], wanted), 1e-8);
   }
   EXPECT_EQ(read->file.georeference.crs, "EPSG:4978");
-  EXPECT_FALSE(read->file.georeference.z_is_height);
+  EXPECT_EQ(read->file.georeference.up, mesh::Georeference::Up::kUnknown);
 
   // A box tells it, too, since its middle lies as far from the earth's as the surface.
   root["boundingVolume"] = kBox;

@@ -112,6 +112,31 @@ TEST_F(CloudTest, pointsAsTextMakeTheSplatsOfTheirPly) {
   EXPECT_TRUE(files[0] == files[1]) << files[0].size() << " and " << files[1].size() << " bytes";
 }
 
+// Whoever brings a scan need not know which methods points can have.
+TEST_F(CloudTest, withoutAWordOfMethodsPointsBecomeSplats) {
+  const std::string points = textAndPly().first;
+  const auto built = run("lumigrid", {"build", points, "-o", path("scene")});
+  ASSERT_EQ(built.status, 0) << built.err;
+  EXPECT_NE(built.err.find("points without faces, so only qsplat is built"), std::string::npos) << built.err;
+  EXPECT_EQ(scene()["parameters"]["methods"], "qsplat");
+  const auto missing = run("lumigrid", {"build", points, "-o", path("scene"), "--missing"});
+  EXPECT_EQ(missing.status, 0) << missing.out << missing.err;
+
+  // The same command again finds all there, and without MESH it knows the methods.
+  const std::string first = readText(path("scene/qsplat.lgq"));
+  for (const auto& command : {std::vector<std::string>{"build", points, "-o", path("scene"), "--quiet"},
+                              std::vector<std::string>{"build", "-o", path("scene"), "--quiet"}}) {
+    const auto again = run("lumigrid", command);
+    EXPECT_EQ(again.status, 0) << again.err;
+    EXPECT_EQ(readText(path("scene/qsplat.lgq")), first);
+  }
+  EXPECT_EQ(run("lumigrid", {"verify", path("scene"), "--quiet"}).status, 0);
+
+  // Who asks for patches is told that there can be none.
+  programs::expectOneLineError(run("lumigrid", {"build", points, "-o", path("no"), "--methods", "patch", "--quiet"}), 1,
+                               {"cloud.xyz", "no faces", "--methods qsplat"});
+}
+
 TEST_F(CloudTest, aHullHoldsThePointsCloserThanTheirBox) {
   const auto [points, text] = slantedStrip();
   const auto built = run("lumigrid", {"build", text, "-o", path("scene"), "--methods", "qsplat", "--quiet"});

@@ -15,6 +15,7 @@
 
 #include "base/file.h"
 #include "base/memory.h"
+#include "mesh/stream_mesh.h"
 #include "server/bake/draw_processes.h"
 #include "server/cli/auto_choice.h"
 #include "server/cli/build_command/build_record.h"
@@ -69,15 +70,34 @@ Result<BuildOutput> prepareScene(const BuildArguments& a, const SceneSources& so
   return output;
 }
 
-/// For --methods auto: a cloud of points has no triangles for patches.
-void chooseWithoutPatches(BuildArguments& a) {
-  std::erase(a.methods, "patch");
+/// Whether the command leaves open what is built. With --methods auto, or without --methods, a cloud of points gets
+/// what can be made of it.
+bool mayLeaveOutPatches(const BuildArguments& a) {
+  return a.automatic || a.usual_methods;
+}
+
+/// Leaves out what needs triangles, which a cloud of points has none of.
+void leaveOutPatches(BuildArguments& a) {
+  std::erase_if(a.methods, [](const std::string& method) { return method == "patch" || method == "images"; });
   if (a.methods.empty()) a.methods = {"qsplat"};
+  a.automatic = a.usual_methods = false;
+}
+
+bool isForLackOfFaces(const base::Error& error) {
+  return error.code == base::ErrorCode::kUnsupported && error.message.ends_with(mesh::kOnlyPoints);
+}
+
+/// prepareScene(), again without patches where there turn out to be no faces.
+Result<BuildOutput> prepareWhatCanBe(BuildArguments& a, const SceneSources& sources, ShardSelection& selection,
+                                     BuildReport& report, ProgressLine& line) {
+  auto prepared = prepareScene(a, sources, selection, report, line);
+  if (prepared || !mayLeaveOutPatches(a) || !isForLackOfFaces(prepared.error())) return prepared;
+  leaveOutPatches(a);
   if (!a.quiet) {
     const std::string methods = listMethods([&](const char* method) { return wants(a, method); });
-    std::fprintf(stderr, "auto: points without faces, so only %s is built\n", methods.c_str());
+    std::fprintf(stderr, "points without faces, so only %s is built\n", methods.c_str());
   }
-  a.automatic = false;
+  return prepareScene(a, sources, selection, report, line);
 }
 
 /// Adds images to the command's methods.
@@ -149,13 +169,7 @@ Result<void> build(BuildArguments a) {
   ImageChoices choices;
   {
     LUMIGRID_ASSIGN_OR_RETURN(const auto lock, lockScene(a));
-    auto prepared = prepareScene(a, sources, selection, report, line);
-    if (!prepared && a.automatic && prepared.error().code == base::ErrorCode::kUnsupported) {
-      chooseWithoutPatches(a);
-      prepared = prepareScene(a, sources, selection, report, line);
-    }
-    if (!prepared) return prepared.error();
-    output = std::move(*prepared);
+    LUMIGRID_ASSIGN_OR_RETURN(output, prepareWhatCanBe(a, sources, selection, report, line));
     if (a.automatic) LUMIGRID_TRY(settleMethods(a, sources, output, report, line));
     LUMIGRID_ASSIGN_OR_RETURN(choices, prepareImages(a, output, selection, report, line));
   }
@@ -186,6 +200,8 @@ Result<MissingParts> findMissingParts(BuildArguments a) {
   const SceneSources sources(a.meshes, false);
   LUMIGRID_TRY(sources.check());
   LUMIGRID_ASSIGN_OR_RETURN(auto output, openOutput(a, sources));
+  const bool is_cloud = output.scene && output.scene->triangles == 0 && lacksFile(a, *output.scene, kPatches);
+  if (is_cloud && mayLeaveOutPatches(a)) leaveOutPatches(a);
   MissingParts missing;
   missing.shards = selection.shards;
   if (a.automatic) {

@@ -101,7 +101,9 @@ struct DefinedUp {
 };
 
 std::optional<DefinedUp> definedUp(const lod::ingest::SourceSummary& built) {
-  if (built.georeference.z_is_height) return DefinedUp{{0, 0, 1}, "z, since tilesets have it so"};
+  using Up = mesh::Georeference::Up;
+  if (built.georeference.up == Up::kZ) return DefinedUp{{0, 0, 1}, "z, since tilesets have it so"};
+  if (built.georeference.up == Up::kY) return DefinedUp{{0, 1, 0}, "y, since glTF has it so"};
   if (built.georeference.crs != "EPSG:4978") return std::nullopt;
   // The vertical of the ellipsoid WGS 84, whose half axes are in metres.
   constexpr double kEquatorial = 6378137.0, kPolar = 6356752.314245;

@@ -33,9 +33,9 @@ void declareMethodOptions(CLI::App& command, BuildArguments& a) {
           "parts to build: patch (the hierarchy), images (the repository; needs patch), qsplat (a tree of "
           "splats), pmr (points, and triangles around each), hlod (an octree of triangles, and points where they "
           "are small, all within a stated error); qsplat and pmr also from point clouds, which are LAS files, "
-          "text with a point on each line (XYZ, PTS, CSV) and PLY files without faces. auto: patch, and "
-          "images where a few held-out views are nearer to the full model with them; says what it "
-          "measured. A scene that is there gets what it lacks")
+          "text with a point on each line (XYZ, PTS, CSV) and PLY, OBJ and OFF files without faces, and "
+          "of which qsplat is built if nothing is said. auto: patch, and images where a few held-out views are nearer "
+          "to the full model with them; says what it measured. A scene that is there gets what it lacks")
       ->delimiter(',')
       ->check(CLI::IsMember([] {
         std::vector<std::string> names(std::begin(kMethods), std::end(kMethods));
@@ -337,6 +337,7 @@ Parameters parametersOf(const BuildArguments& a) {
 }
 
 std::string usageError(const CLI::App& command, BuildArguments& a) {
+  a.usual_methods = !isGiven(command, "--methods") && !a.meshes.empty();
   if (std::erase(a.methods, kAuto) != 0) a.automatic = true;
   if (a.automatic && wants(a, "images")) return "--methods auto decides on images: leave out one of the two";
   if (a.automatic && !wants(a, "patch")) a.methods.emplace_back("patch");

@@ -22,7 +22,8 @@ struct BuildArguments {
   std::vector<std::string> meshes;
   std::string output;
   std::vector<std::string> methods{"patch", "images"};
-  bool automatic = false;  ///< --methods auto: `methods` has patch, and images once they were found worth it
+  bool usual_methods = false;  ///< --methods was not given
+  bool automatic = false;      ///< --methods auto: `methods` has patch, and images once they were found worth it
   bool force = false, json = false, quiet = false, missing = false, splats_coded = false;
   std::string shard;         ///< i/n or auto, as given
   std::uint32_t shards = 0;  ///< 0: as the scene records, or one store
