@@ -7,11 +7,13 @@
 #include <cmath>
 #include <glm/glm.hpp>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <random>
 #include <string>
 #include <unordered_map>
 
 #include "base/geometry.h"
+#include "lod/ingest/nearest_points.h"
 #include "lod/patch/traverse.h"
 
 namespace server::cli {
@@ -33,7 +35,7 @@ struct LatticePointHash {
 /// A directed edge that lacks an opposite one.
 struct OpenEdge {
   LatticePoint from, to;
-  float error = 0.0F;  ///< stated error of the triangle's patch, scene units
+  float error = 0.0F;  ///< the largest stated error of the patches at its ends, scene units
 };
 
 /// A cut as a half-edge mesh. A half-edge mesh cannot hold a non-manifold vertex or edge; there, triangles get copies
@@ -48,13 +50,14 @@ class CutSurface {
   bool addFace(const std::array<Vertex, 3>& corners, float error);
   bool fits(const std::array<Vertex, 3>& corners) const;
   Vertex addCopy(const LatticePoint& point);
+  float errorAt(const LatticePoint& point) const;
   std::vector<OpenEdge> boundary() const;
   std::uint64_t nonManifoldVertices() const;
 
   HalfEdgeMesh mesh_;
   std::unordered_map<LatticePoint, std::vector<Vertex>, LatticePointHash> copies_;
   std::vector<LatticePoint> points_;  // by vertex
-  std::vector<float> errors_;         // by face
+  std::vector<float> errors_;         // by vertex: the largest of its faces'
 };
 
 void CutSurface::addPatch(const lod::patch::PatchGeometry& geometry, float error) {
@@ -94,7 +97,10 @@ void CutSurface::addTriangle(const std::array<LatticePoint, 3>& corners, float e
 
 bool CutSurface::addFace(const std::array<Vertex, 3>& corners, float error) {
   if (!fits(corners) || !mesh_.add_face(corners[0], corners[1], corners[2]).is_valid()) return false;
-  errors_.push_back(error);
+  for (const Vertex v : corners) {
+    float& largest = errors_[static_cast<std::size_t>(v.idx())];
+    largest = std::max(largest, error);
+  }
   return true;
 }
 
@@ -113,20 +119,27 @@ Vertex CutSurface::addCopy(const LatticePoint& point) {
       mesh_.add_vertex({static_cast<float>(point[0]), static_cast<float>(point[1]), static_cast<float>(point[2])});
   copies_[point].push_back(vertex);
   points_.push_back(point);
+  errors_.push_back(0.0F);
   return vertex;
 }
 
-/// The edge of each triangle that has no triangle on its other side, in the triangle's direction.
+float CutSurface::errorAt(const LatticePoint& point) const {
+  float largest = 0.0F;
+  for (const Vertex v : copies_.at(point)) largest = std::max(largest, errors_[static_cast<std::size_t>(v.idx())]);
+  return largest;
+}
+
+/// The edge of each triangle that has no triangle on its other side, in the triangle's direction. The border may have
+/// moved there with a triangle of a neighbouring patch that went, so that its error counts, too.
 std::vector<OpenEdge> CutSurface::boundary() const {
   std::vector<OpenEdge> edges;
   for (const auto half_edge : mesh_.halfedges()) {
     if (!mesh_.is_boundary(half_edge)) continue;
     const auto inner = mesh_.opposite_halfedge_handle(half_edge);
-    const auto face = mesh_.face_handle(inner);
-    if (!face.is_valid()) continue;
-    edges.push_back({points_[static_cast<std::size_t>(mesh_.from_vertex_handle(inner).idx())],
-                     points_[static_cast<std::size_t>(mesh_.to_vertex_handle(inner).idx())],
-                     errors_[static_cast<std::size_t>(face.idx())]});
+    if (!mesh_.face_handle(inner).is_valid()) continue;
+    const LatticePoint& from = points_[static_cast<std::size_t>(mesh_.from_vertex_handle(inner).idx())];
+    const LatticePoint& to = points_[static_cast<std::size_t>(mesh_.to_vertex_handle(inner).idx())];
+    edges.push_back({from, to, std::max(errorAt(from), errorAt(to))});
   }
   return edges;
 }
@@ -175,35 +188,47 @@ CutTopology CutSurface::topology(std::vector<OpenEdge>& open_edges) {
 class SourceBorder {
  public:
   SourceBorder(const std::vector<OpenEdge>& edges, const lod::Lattice& lattice);
-  /// Whether a segment of the border is within `distance` of p, scene units.
+  /// Whether the border is within `distance` of p, scene units.
   bool isNear(const glm::vec3& p, float distance) const;
 
  private:
   struct Segment {
     glm::vec3 a, b;
   };
-  static float lowest(const Segment& s) { return std::min(s.a.x, s.b.x); }
-  std::vector<Segment> segments_;  // by their lowest x
-  float longest_ = 0.0F;           // extent in x
+  std::vector<Segment> segments_;  // the edges, cut up where they are much longer than others
+  float half_length_ = 0.0F;       // the longest segment's
+  std::optional<lod::ingest::NearestPoints> middles_;
 };
 
 SourceBorder::SourceBorder(const std::vector<OpenEdge>& edges, const lod::Lattice& lattice) {
   const auto position = [&](const LatticePoint& p) { return lattice.position({p[0], p[1], p[2]}); };
-  for (const OpenEdge& e : edges) segments_.push_back({position(e.from), position(e.to)});
-  std::sort(segments_.begin(), segments_.end(),
-            [](const Segment& s, const Segment& t) { return lowest(s) < lowest(t); });
-  for (const Segment& s : segments_) longest_ = std::max(longest_, std::abs(s.a.x - s.b.x));
+  double whole = 0.0;
+  for (const OpenEdge& e : edges) whole += glm::length(position(e.to) - position(e.from));
+  const auto longest = static_cast<float>(2.0 * whole / static_cast<double>(std::max<std::size_t>(edges.size(), 1)));
+  half_length_ = 0.5F * longest;
+  for (const OpenEdge& e : edges) {
+    const glm::vec3 from = position(e.from), step = position(e.to) - from;
+    const float pieces = longest > 0.0F ? std::max(1.0F, std::ceil(glm::length(step) / longest)) : 1.0F;
+    for (float i = 0.0F; i < pieces; i += 1.0F)
+      segments_.push_back({from + step * (i / pieces), from + step * ((i + 1.0F) / pieces)});
+  }
+  std::vector<glm::vec3> middles;
+  middles.reserve(segments_.size());
+  for (const Segment& s : segments_) middles.push_back(0.5F * (s.a + s.b));
+  middles_.emplace(middles);
 }
 
 bool SourceBorder::isNear(const glm::vec3& p, float distance) const {
-  const auto first = std::partition_point(segments_.begin(), segments_.end(),
-                                          [&](const Segment& s) { return lowest(s) < p.x - distance - longest_; });
-  for (auto s = first; s != segments_.end() && lowest(*s) <= p.x + distance; ++s) {
-    const glm::dvec3 closest =
-        base::closestPointOnTriangle(glm::dvec3(p), glm::dvec3(s->a), glm::dvec3(s->b), glm::dvec3(s->b));
-    if (glm::length(closest - glm::dvec3(p)) <= static_cast<double>(distance)) return true;
-  }
-  return false;
+  constexpr float kRounding = 1.0001F;  // of lengths in float
+  const float reach = kRounding * (distance + half_length_);
+  bool near = false;
+  middles_->visitWithin(p, reach * reach, [&](std::uint32_t i, float) {
+    const auto& [a, b] = segments_[i];
+    const glm::dvec3 closest = base::closestPointOnTriangle(glm::dvec3(p), glm::dvec3(a), glm::dvec3(b), glm::dvec3(b));
+    near = near || glm::length(closest - glm::dvec3(p)) <= static_cast<double>(distance);
+    return near ? -1.0F : reach * reach;
+  });
+  return near;
 }
 
 /// A random set of groups that holds with each group its parents. As many groups as a draw from 1, 2, 4 … says are
@@ -248,15 +273,32 @@ constexpr float kBorderReach = 4.0F;
 /// none: in machangara's cuts once in 1500 open edges or less. A part that is turned over has such edges all around.
 constexpr std::uint64_t kOpenEdgesPerMeeting = 500;
 
+/// The largest stated error of the groups in the cut that reach to p.
+float largestErrorAt(const glm::vec3& p, const Hierarchy& hierarchy, const lod::patch::Cut& cut) {
+  float largest = 0.0F;
+  for (const std::uint32_t patch : cut.patches) {
+    const std::uint32_t producer = hierarchy.patches[patch].producer;
+    if (producer == lod::patch::kNoGroup) continue;
+    const lod::patch::Group& group = hierarchy.groups[producer];
+    if (glm::distance(group.bounds.center, p) <= group.bounds.radius) largest = std::max(largest, group.error);
+  }
+  return largest;
+}
+
 /// The number of open edges that do not run along the source's border.
-std::size_t strayEdges(const std::vector<OpenEdge>& open_edges, const SourceBorder& border,
-                       const lod::Lattice& lattice) {
-  const auto rounding = static_cast<float>(2.0 * lattice.positionError());  // the error of both surfaces
+std::size_t strayEdges(const std::vector<OpenEdge>& open_edges, const SourceBorder& border, const Hierarchy& hierarchy,
+                       const lod::patch::Cut& cut) {
+  const auto rounding = static_cast<float>(2.0 * hierarchy.lattice.positionError());  // the error of both surfaces
   return static_cast<std::size_t>(std::count_if(open_edges.begin(), open_edges.end(), [&](const OpenEdge& e) {
-    const glm::vec3 a = lattice.position({e.from[0], e.from[1], e.from[2]});
-    const glm::vec3 b = lattice.position({e.to[0], e.to[1], e.to[2]});
-    const float reach = kBorderReach * (e.error + rounding);
-    return !border.isNear(a, reach) || !border.isNear(b, reach) || !border.isNear(0.5F * (a + b), reach);
+    const glm::vec3 a = hierarchy.lattice.position({e.from[0], e.from[1], e.from[2]});
+    const glm::vec3 b = hierarchy.lattice.position({e.to[0], e.to[1], e.to[2]});
+    const glm::vec3 middle = 0.5F * (a + b);
+    const auto isNear = [&](float error) {
+      const float reach = kBorderReach * (error + rounding);
+      return border.isNear(a, reach) && border.isNear(b, reach) && border.isNear(middle, reach);
+    };
+    // The border also moves where another group's triangle went whose every other edge was open.
+    return !isNear(e.error) && !isNear(largestErrorAt(middle, hierarchy, cut));
   }));
 }
 
@@ -282,7 +324,7 @@ base::Result<CutReport> verifyCuts(const lod::patch::PatchFile& patches, std::ui
     report.cuts.push_back(found);
 
     const std::string name = patches.path() + ": cut " + std::to_string(i + 1) + " of seed " + std::to_string(seed);
-    if (const std::size_t stray = strayEdges(open_edges, border, hierarchy.lattice); stray > 0)
+    if (const std::size_t stray = strayEdges(open_edges, border, hierarchy, cut); stray > 0)
       report.faults.push_back(name + ": " + std::to_string(stray) + " open edges away from the source's border");
     else if (found.open_edges > report.source.open_edges)
       report.faults.push_back(name + ": " + std::to_string(found.open_edges) + " open edges, the source has " +
