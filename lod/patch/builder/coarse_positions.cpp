@@ -47,12 +47,13 @@ void coarsenPositions(SimplifiedGroup& group, const std::vector<std::uint8_t>& l
     const glm::ivec3 q = corner + glm::ivec3(p) + (1 << (bits - 1));
     return glm::vec3(((q >> bits) << bits) - corner);
   };
-  const auto normalAt = [&](std::uint32_t corner_place) {  // of the triangle there
-    const std::size_t t = corner_place / 3;
+  const auto normalOf = [&](std::size_t t) {
     const glm::vec3& a = positions[indices[3 * t]];
     return glm::cross(positions[indices[3 * t + 1]] - a, positions[indices[3 * t + 2]] - a);
   };
-  std::vector<glm::vec3> before;
+  // Triangles are compared with what they were before any move, since several small turns add up.
+  std::vector<glm::vec3> before(indices.size() / 3);
+  for (std::size_t t = 0; t < before.size(); ++t) before[t] = normalOf(t);
   for (std::size_t v = 0; v < positions.size(); ++v) {
     const auto fan = corners_of(v);
     if (locked[v] != 0 || fan.empty()) continue;
@@ -61,12 +62,11 @@ void coarsenPositions(SimplifiedGroup& group, const std::vector<std::uint8_t>& l
     if (to == at || glm::any(glm::lessThan(corner + glm::ivec3(to), glm::ivec3(0)))) continue;
     if (taken.at(code(to)) != ingest::CodeMap::kNone) continue;
 
-    before.clear();
-    for (const std::uint32_t place : fan) before.push_back(normalAt(place));
     positions[v] = to;
-    bool keeps = true;
-    for (std::size_t i = 0; i < before.size() && keeps; ++i)
-      keeps = glm::dot(normalAt(fan[i]), before[i]) >= kKeptArea * glm::dot(before[i], before[i]);
+    const bool keeps = std::all_of(fan.begin(), fan.end(), [&](std::uint32_t corner_place) {
+      const glm::vec3& normal = before[corner_place / 3];
+      return glm::dot(normalOf(corner_place / 3), normal) >= kKeptArea * glm::dot(normal, normal);
+    });
     if (keeps)
       taken.insert(code(to));
     else
