@@ -165,6 +165,15 @@ inline std::string_view nextWord(std::string_view& text) {
   return word;
 }
 
+/// Removes all of `text` and returns it without spaces around: a name that may have some within.
+inline std::string_view restOfLine(std::string_view& text) {
+  skipSpaces(text);
+  std::string_view rest = text;
+  text = {};
+  while (!rest.empty() && isSpace(rest.back())) rest.remove_suffix(1);
+  return rest;
+}
+
 /// Removes the next line from the front of `text` and returns it without its "\n" or "\r\n".
 inline std::string_view nextLine(std::string_view& text) {
   const std::size_t end = text.find('\n');

@@ -1,6 +1,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <filesystem>
 #include <limits>
 #include <map>
 
@@ -34,10 +35,17 @@ struct ObjReader {
   bool has_colors = false;
   bool has_normals = false;
   bool too_many_normals = false;
-  std::vector<glm::vec2> file_uv;                 // texture coordinates of the vt lines
-  std::vector<glm::dvec2> uv;                     // the face's, where it has a texture; NaN where a corner names none
-  std::map<std::string, std::string> texture_of;  // the picture file of each material
-  std::uint32_t picture = kNoPicture;             // the one of the material in use
+  std::vector<glm::vec2> file_uv;  // texture coordinates of the vt lines
+  std::vector<glm::dvec2> uv;      // the face's, where it has a texture; NaN where a corner names none
+  struct Material {
+    std::string picture;                  // its file; empty: none
+    glm::u8vec4 color{255, 255, 255, 0};  // sRGB; a = 0 where it names none
+  };
+  std::map<std::string, Material> materials;
+  bool has_paints = false;              // materials differ in colour, or are no greys
+  std::uint32_t picture = kNoPicture;   // of the material in use
+  glm::u8vec4 paint{255, 255, 255, 0};  // its colour, for faces without a picture where vertices have no colours
+  std::vector<glm::u8vec4> painted_corners;
   bool too_many_uv = false;
 
   std::string place() const { return "line " + std::to_string(line_number); }
@@ -69,6 +77,7 @@ struct ObjReader {
         file_uv.clear();
         has_normals = false;
         picture = kNoPicture;
+        paint.a = 0;
         continue;
       }
       // Where colours begin in the middle of a block, the vertices before are white.
@@ -95,9 +104,9 @@ struct ObjReader {
       else
         too_many_uv = true;
     } else if (keyword == "mtllib") {
-      for (std::string_view word = nextWord(line); !word.empty(); word = nextWord(line)) readMaterials(word);
+      readLibraries(line);
     } else if (keyword == "usemtl") {
-      useMaterial(nextWord(line));
+      useMaterial(restOfLine(line));
     }
     return {};
   }
@@ -162,8 +171,12 @@ struct ObjReader {
     const auto its_normals = has_normals ? std::span<const glm::vec3>(normals) : std::span<const glm::vec3>();
     if (picture != kNoPicture && std::all_of(uv.begin(), uv.end(), known))
       out.addTextured(corners, its_normals, uv, picture);
-    else
+    else if (paint.a != 0 && !has_colors) {
+      painted_corners.assign(corners.size(), paint);
+      out.addPolygon(corners, its_normals, painted_corners);
+    } else {
       out.addPolygon(corners, its_normals);
+    }
     return {};
   }
 
@@ -207,7 +220,49 @@ struct ObjReader {
     return {};
   }
 
-  // Notes the picture of each material in a material library.
+  // The diffuse colour of a material, which viewers take for sRGB. As a file of spectra or in XYZ it is not read.
+  static glm::u8vec4 readColor(std::string_view line) {
+    glm::u8vec4 color(255);
+    double value = 0.0;
+    for (int k = 0; k < 3; ++k) {
+      const std::string_view word = nextWord(line);
+      if (!word.empty() && !parseNumber(word, value)) return {255, 255, 255, 0};
+      if (word.empty() && k == 0) return {255, 255, 255, 0};
+      color[k] = static_cast<std::uint8_t>(std::lround(255.0 * (value >= 0.0 ? std::min(value, 1.0) : 0.0)));
+    }
+    return color;  // a number alone is a grey
+  }
+
+  // A line names one library, whose name may have spaces, or several.
+  void readLibraries(std::string_view line) {
+    std::string_view names = line;
+    const std::string whole(restOfLine(names));
+    if (std::error_code ignored; std::filesystem::exists(out.textures.pathOf(whole), ignored)) {
+      readMaterials(whole);
+      return;
+    }
+    for (std::string_view word = nextWord(line); !word.empty(); word = nextWord(line)) readMaterials(word);
+  }
+
+  // Removes the options of a line that names a picture, "-s 1 1 1 -bm 0.5", so that the name is left.
+  static void skipPictureOptions(std::string_view& line) {
+    while (skipSpaces(line) && line.front() == '-') {
+      std::string_view rest = line;
+      const std::string_view option = nextWord(rest);
+      const bool is_place = option == "-s" || option == "-o" || option == "-t";  // one to three numbers
+      const int most = is_place ? 3 : option == "-mm" ? 2 : 1;
+      for (int k = 0; k < most; ++k) {
+        std::string_view after = rest;
+        double ignored = 0.0;
+        const bool is_number = parseNumber(nextWord(after), ignored);
+        if (k > 0 && !is_number) break;
+        rest = after;
+      }
+      line = rest;
+    }
+  }
+
+  // Notes the picture and the colour of each material in a material library.
   void readMaterials(std::string_view name) {
     const auto bytes = base::readFile(out.textures.pathOf(std::string(name)));
     if (!bytes) {
@@ -219,23 +274,36 @@ struct ObjReader {
     for (std::string_view text = textOf(*bytes); !text.empty();) {
       std::string_view line = nextLine(text);
       const std::string_view keyword = nextWord(line);
-      if (keyword == "newmtl") material = std::string(nextWord(line));
+      if (keyword == "newmtl") material = std::string(restOfLine(line));
+      if (keyword == "Kd") materials[material].color = readColor(line);
       if (keyword != "map_Kd") continue;
-      // The picture's name is the last word, after any options.
-      std::string_view picture;
-      for (std::string_view word = nextWord(line); !word.empty(); word = nextWord(line)) picture = word;
+      skipPictureOptions(line);
+      const std::string_view picture = restOfLine(line);
       if (picture.empty()) continue;
-      texture_of[material] = std::string(picture);
+      materials[material].picture = std::string(picture);
       pictures.push_back({out.textures.pathOf(std::string(picture)), 0, 0});
     }
     out.textures.expect(std::move(pictures));
+    findPaints();
+  }
+
+  // Exporters give a scan without colours a grey material, which says nothing.
+  void findPaints() {
+    const glm::u8vec4* first = nullptr;
+    for (const auto& [name, material] : materials) {
+      const glm::u8vec4& c = material.color;
+      if (c.a == 0) continue;
+      if (first == nullptr) first = &c;
+      has_paints = has_paints || c != *first || c.r != c.g || c.g != c.b;
+    }
   }
 
   void useMaterial(std::string_view name) {
-    const auto found = texture_of.find(std::string(name));
-    picture = found == texture_of.end()
+    const auto found = materials.find(std::string(name));
+    picture = found == materials.end() || found->second.picture.empty()
                   ? kNoPicture
-                  : out.textures.find({out.textures.pathOf(found->second), 0, 0}, out.summary.warnings);
+                  : out.textures.find({out.textures.pathOf(found->second.picture), 0, 0}, out.summary.warnings);
+    paint = found != materials.end() && has_paints ? found->second.color : glm::u8vec4(255, 255, 255, 0);
   }
 
   base::Result<void> finish() {

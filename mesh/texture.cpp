@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <filesystem>
 #include <optional>
 
 #include "base/file.h"
@@ -29,6 +30,40 @@ constexpr double kMinTexelsToWarn = 1.5;  // per vertex; below, next to nothing 
 constexpr double kTexelsApart = 3.0;
 constexpr int kMostApart = 4;
 constexpr double kInward = 0.1;
+
+bool exists(const std::string& path) {
+  std::error_code ignored;
+  return std::filesystem::exists(path, ignored);
+}
+
+// The file of this name in a folder, in whatever case its letters are; empty where there is none.
+std::string inAnyCase(const std::string& folder, const std::string& name) {
+  const auto lower = [](std::string text) {
+    std::transform(text.begin(), text.end(), text.begin(), [](char c) { return c >= 'A' && c <= 'Z' ? c + 32 : c; });
+    return text;
+  };
+  std::string found;
+  std::error_code failed;
+  for (std::filesystem::directory_iterator entry(folder.empty() ? "." : folder, failed), end; !failed && entry != end;
+       entry.increment(failed)) {
+    const std::string other = entry->path().filename().string();
+    if (lower(other) == lower(name) && (found.empty() || other < found)) found = other;
+  }
+  return found.empty() ? found : folder + found;
+}
+
+// Where the file lies that the mesh file `mesh` names; where it would lie, if nowhere.
+std::string fileNamed(std::string name, const std::string& mesh) {
+  std::replace(name.begin(), name.end(), '\\', '/');
+  const std::string folder = mesh.substr(0, mesh.rfind('/') + 1);
+  const bool is_whole = !name.empty() && (name[0] == '/' || name.substr(1, 2) == ":/");
+  std::string path = is_whole ? name : folder + name;
+  if (name.empty() || exists(path)) return path;
+  const std::size_t slash = path.rfind('/') + 1;
+  if (std::string found = inAnyCase(path.substr(0, slash), path.substr(slash)); !found.empty()) return found;
+  if (std::string found = inAnyCase(folder, name.substr(name.rfind('/') + 1)); !found.empty()) return found;
+  return path;
+}
 
 // CMYK as Adobe's programs write it: inverted, so that 255 is no ink.
 void rgbFromCmyk(const std::vector<std::uint8_t>& cmyk, Image& image) {
@@ -297,11 +332,10 @@ std::string lostTexels(double texels, std::uint64_t vertices) {
       "its textures have %.1f texels for every vertex; one colour per vertex is kept, finer ones are lost", ratio);
 }
 
-std::string Textures::pathOf(const std::string& name) const {
-  std::string path = name;
-  std::replace(path.begin(), path.end(), '\\', '/');
-  const std::size_t slash = path_.rfind('/');
-  return path.empty() || path[0] == '/' || slash == std::string::npos ? path : path_.substr(0, slash + 1) + path;
+const std::string& Textures::pathOf(const std::string& name) {
+  const auto [known, is_new] = paths_.try_emplace(name);
+  if (is_new) known->second = fileNamed(name, path_);
+  return known->second;
 }
 
 std::uint32_t Textures::find(const SourcePicture& picture, std::vector<std::string>& warnings) {

@@ -94,8 +94,9 @@ class Textures {
   /// `path` is the mesh file's.
   explicit Textures(std::string path) : path_(std::move(path)) {}
   /// Where a file lies that the mesh file names: beside it, unless the name is a whole path. Windows programs write
-  /// backslashes.
-  std::string pathOf(const std::string& name) const;
+  /// backslashes, letters in another case and paths on a disk that is elsewhere: then it is the file of that name
+  /// beside the mesh file. Valid as long as this is.
+  const std::string& pathOf(const std::string& name);
   /// The mesh file itself, for pictures inside it.
   const std::string& path() const { return path_; }
   /// Pictures that will probably be asked for, in this order.
@@ -135,6 +136,7 @@ class Textures {
   void forgetOldest(const Known& but);
 
   std::string path_;
+  std::map<std::string, std::string> paths_;  // by the name in the mesh file
   std::vector<Known> known_;
   std::vector<SourcePicture> unreadable_;
   std::uint64_t uses_ = 0;

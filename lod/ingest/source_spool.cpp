@@ -173,6 +173,7 @@ base::Result<void> SourceSpool::vertices(const mesh::VertexBlock& block) {
   }
   for (glm::u8vec4 c : block.colors) {
     c.a = 255;
+    colors_.add(c);
     put(scratch_, &c, 1);
   }
   vertex_blocks_.push_back({info_.vertices, vertices_.size(), header.count, header.flags});
@@ -210,6 +211,8 @@ base::Result<void> SourceSpool::triangles(const mesh::TriangleBlock& block) {
       std::memcpy(scratch_.data() + at + 4 * i, &narrow, 4);
   }
   put(scratch_, block.colors.data(), block.colors.size());
+  for (const glm::u8vec4& c : block.colors)
+    if (c.a != 0) colors_.add(c);
   for (const glm::vec3& n : block.normals) {
     const std::uint32_t packed = packNormal(n);
     put(scratch_, &packed, 1);
@@ -246,6 +249,7 @@ void SourceSpool::sample(std::span<const std::uint64_t> corners) {
 }
 
 base::Result<SourceInfo> SourceSpool::finish(bool accepts_points, unsigned threads) {
+  info_.is_painted = info_.triangles > 0 && info_.pictures.empty() && colors_.areOfPaint();
   LUMIGRID_TRY(vertices_.flush());
   LUMIGRID_TRY(triangles_.flush());
   if (info_.triangles == 0 && !accepts_points)

@@ -2,12 +2,33 @@
 // The first work files of a build: the vertices and triangles of all source files in their order. Memory holds one bit
 // per vertex and a fixed buffer.
 #include <string>
+#include <unordered_set>
 #include <vector>
 
 #include "lod/ingest/spool.h"
 #include "mesh/stream_mesh.h"
 
 namespace lod::ingest {
+
+/// Tells colours of materials or classes from scanned ones by their number. Greys alone may be intensities.
+class FewColors {
+ public:
+  void add(const glm::u8vec4& color) {
+    const std::uint32_t code = color.r | std::uint32_t{color.g} << 8 | std::uint32_t{color.b} << 16;
+    if (code == last_ || seen_.size() > kFew) return;
+    last_ = code;
+    seen_.insert(code);
+    has_hue_ = has_hue_ || color.r != color.g || color.g != color.b;
+  }
+  bool areOfPaint() const { return has_hue_ && seen_.size() <= kFew; }
+
+ private:
+  // A choice: plans of buildings and machines have a few dozen materials, and scans of a thousand triangles have more.
+  static constexpr std::size_t kFew = 256;
+  std::unordered_set<std::uint32_t> seen_;
+  std::uint32_t last_ = 0xFFFFFFFFU;  // no colour's
+  bool has_hue_ = false;
+};
 
 /// Properties of all source files together.
 struct SourceInfo {
@@ -16,6 +37,7 @@ struct SourceInfo {
   std::uint64_t referenced = 0;  ///< vertices of triangles that do not name one twice
   bool has_normals = false;      ///< some vertices came with one
   bool has_colors = false;
+  bool is_painted = false;  ///< triangles in at most 256 different colours: of materials or classes, not scanned
   glm::dvec3 box_min{0.0};  ///< box of the referenced vertices, world
   glm::dvec3 box_max{0.0};
   /// World; of the vertices that touch the box, the one that is farthest from the middle of all along an axis. A few
@@ -134,6 +156,7 @@ class SourceSpool : public mesh::MeshSink {
   std::vector<std::uint64_t> used_;     // one bit per vertex
   std::vector<std::uint64_t> sampled_;  // corners of every sample_stride_-th triangle
   std::uint64_t sample_stride_ = 1;
+  FewColors colors_;
   base::Bytes scratch_;
 };
 

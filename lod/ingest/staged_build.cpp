@@ -39,8 +39,9 @@ glm::dvec3 originFor(const glm::dvec3& low, const glm::dvec3& high) {
 
 auto fieldsOf(auto& s) {
   return std::tie(s.vertex_bytes, s.triangle_bytes, s.origin, s.info.vertices, s.info.triangles, s.info.referenced,
-                  s.info.has_normals, s.info.has_colors, s.info.box_min, s.info.box_max, s.info.far_place,
-                  s.info.mean_edge, s.info.short_edge, s.info.coincident, s.info.short_faces, s.info.texels);
+                  s.info.has_normals, s.info.has_colors, s.info.is_painted, s.info.box_min, s.info.box_max,
+                  s.info.far_place, s.info.mean_edge, s.info.short_edge, s.info.coincident, s.info.short_faces,
+                  s.info.texels);
 }
 
 // Tells whether a file is the one that it was: its length and time. The keys of work directories hold the hashes of the
@@ -448,6 +449,7 @@ void StagedBuild::summarize(SourceSummary& summary) const {
   summary.box_min = source_.info.box_min;
   summary.box_max = source_.info.box_max;
   summary.has_colors = source_.info.has_colors;
+  summary.is_painted = source_.info.is_painted;
   summary.georeference = source_.info.georeference;
   // Those of the method's own stages are there already.
   std::vector<std::string> warnings = source_.info.warnings;

@@ -93,6 +93,7 @@ struct SourceSummary {
   glm::dvec3 box_max{0.0};
   glm::dvec3 facing{0.0};  ///< sum of all normals by area: the side that an open scan shows
   bool has_colors = false;
+  bool is_painted = false;  ///< as SourceInfo has it
   mesh::Georeference georeference;
   std::vector<std::string> warnings;
   double import_seconds = 0.0;  ///< the part of `seconds` for reading the sources

@@ -67,6 +67,48 @@ TEST_F(Textures, objTexturesColorTheVertices) {
   EXPECT_EQ(mesh->file.pictures[0].path, folder / "picture.png");
 }
 
+// Names of materials, libraries and pictures have spaces; pictures are named as on the disk of who made them.
+TEST_F(Textures, objNamesAreFoundWithSpacesInAnotherCaseAndFromOtherDisks) {
+  std::filesystem::rename(folder / "picture.png", folder / "my picture.png");
+  std::filesystem::create_directory(folder / "parts");
+  const std::string names[] = {"my picture.png", "-s 1 1 1 -o 0.5 -bm 2 -clamp on my picture.png", "MY Picture.PNG",
+                               "C:\\scans\\may\\My picture.png", "/nowhere/my picture.png"};
+  for (const std::string& name : names) {
+    std::ofstream(folder / "my skin.mtl") << "newmtl skin of glass\nnewmtl skin\nmap_Kd " << name << "\n";
+    const auto mesh = read("strip.obj", objStrip("my skin.mtl"));
+    ASSERT_TRUE(mesh) << mesh.error().message;
+    EXPECT_TRUE(mesh->file.warnings.empty()) << name << ": " << mesh->file.warnings.front();
+    EXPECT_EQ(colorAt(*mesh, {3, 0, 0}), glm::u8vec4(0, 0, 255, 255)) << name;
+  }
+}
+
+// Plans of buildings and machines have materials without pictures.
+TEST_F(Textures, objMaterialsColorTheirFaces) {
+  const std::string squares =
+      "mtllib paint.mtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nv 5 0 0\nv 6 0 0\nv 6 1 0\nv 5 1 0\n"
+      "usemtl dark red\nf 1 2 3 4\nusemtl plain\nf 5 6 7 8\n";
+  std::ofstream(folder / "paint.mtl") << "newmtl dark red\nKd 0.5 0 0\nnewmtl plain\nKd 0.8 0.8 2\n";
+  const auto mesh = read("squares.obj", squares);
+  ASSERT_TRUE(mesh) << mesh.error().message;
+  EXPECT_EQ(colorAt(*mesh, {1, 1, 0}), glm::u8vec4(128, 0, 0, 255));
+  EXPECT_EQ(colorAt(*mesh, {5, 1, 0}), glm::u8vec4(204, 204, 255, 255));
+
+  // One grey is what exporters give a scan that has no colours.
+  std::ofstream(folder / "paint.mtl") << "newmtl dark red\nKd 0.8 0.8 0.8\nnewmtl plain\nKd spectral a.rfl\n";
+  const auto grey = read("squares.obj", squares);
+  ASSERT_TRUE(grey) << grey.error().message;
+  EXPECT_TRUE(grey->mesh.colors.empty());
+
+  // Scanned colours say more than a material.
+  std::ofstream(folder / "paint.mtl") << "newmtl dark red\nKd 0.5 0 0\n";
+  std::string scanned = squares;
+  for (std::size_t at = 0; (at = scanned.find(" 0\nv", at)) != std::string::npos; at += 2)
+    scanned.replace(at, 2, " 0 0 1 0");
+  const auto own = read("squares.obj", scanned);
+  ASSERT_TRUE(own) << own.error().message;
+  EXPECT_EQ(colorAt(*own, {1, 0, 0}), glm::u8vec4(0, 255, 0, 255));
+}
+
 TEST_F(Textures, objTexturesReachTheHierarchy) {
   std::ofstream(folder / "skin.mtl") << "newmtl skin\nmap_Kd picture.png\n";
   std::ofstream(folder / "strip.obj") << objStrip("skin.mtl");

@@ -452,8 +452,8 @@ class HierarchyBuilder {
   // The levels were built with the normals of vertices, which tell the simplifier what bends.
   base::Result<base::Bytes> bytesToWrite(const WorkPatch& patch) const {
     LUMIGRID_ASSIGN_OR_RETURN(auto bytes, store_->encoded(patch));
-    const StoredNormals normals =
-        buckets_.hasColors() ? options_.normals_beside_colors : options_.normals_without_colors;
+    const bool is_scanned = buckets_.hasColors() && !build_.source().info.is_painted;
+    const StoredNormals normals = is_scanned ? options_.normals_beside_colors : options_.normals_without_colors;
     if (patch.record.level == 0 || normals == StoredNormals::kOfVertices) return bytes;
     const auto geometry = decodePatch(bytes);
     if (!geometry) return base::within("the builder's own file", geometry.error());

@@ -127,15 +127,15 @@ glm::dvec3 guessUp(const lod::ingest::SourceSummary& built, const BuildArguments
   return up;
 }
 
-bool isLit(const BuildArguments& a, bool has_colors) {
-  return lightModeOf(a, has_colors) != base::LightMode::kUnlit;
+bool isLit(const BuildArguments& a, bool is_scanned) {
+  return lightModeOf(a, is_scanned) != base::LightMode::kUnlit;
 }
 
 // Colours that are shown as scanned need no normals.
 void setNormals(const BuildArguments& a, lod::patch::builder::HierarchyOptions& options) {
   using lod::patch::StoredNormals;
-  const auto choose = [&a](bool has_colors) {
-    const bool needed = a.normals == kAuto ? isLit(a, has_colors) : a.normals == "vertices";
+  const auto choose = [&a](bool is_scanned) {
+    const bool needed = a.normals == kAuto ? isLit(a, is_scanned) : a.normals == "vertices";
     return needed ? StoredNormals::kOfVertices : StoredNormals::kOfFacets;
   };
   options.normals_beside_colors = choose(true);
@@ -143,9 +143,10 @@ void setNormals(const BuildArguments& a, lod::patch::builder::HierarchyOptions& 
 }
 
 /// Chooses the light by the scene's colours, box, up and first view.
-Result<base::Light> chooseLight(const BuildArguments& a, const base::Scene& scene) {
+Result<base::Light> chooseLight(const BuildArguments& a, const lod::ingest::SourceSummary& built,
+                                const base::Scene& scene) {
   base::Light light;
-  light.mode = lightModeOf(a, scene.has_colors);
+  light.mode = lightModeOf(a, built.has_colors && !built.is_painted);
   // The light comes from above and a little from the side, whichever way up is, and over the shoulder of who looks
   // first.
   const glm::vec3 z = glm::vec3(glm::normalize(scene.up));
@@ -171,7 +172,7 @@ base::Result<void> orientBySurface(const BuildArguments& a, const lod::ingest::S
                             lod::patch::findOrientation(file, is_known ? &known : nullptr));
   if (!is_known) scene.up = glm::dvec3(found.up);
   setFirstView(found, scene);
-  LUMIGRID_ASSIGN_OR_RETURN(scene.light, chooseLight(a, scene));
+  LUMIGRID_ASSIGN_OR_RETURN(scene.light, chooseLight(a, built, scene));
   if (defined && !a.quiet) std::fprintf(stderr, "up: %s\n", defined->reason);
   if (a.quiet || is_known) return {};
   const int axis = std::abs(found.up.x) > 0.5F ? 0 : std::abs(found.up.y) > 0.5F ? 1 : 2;
@@ -186,7 +187,7 @@ base::Result<void> orientByHull(const BuildArguments& a, const lod::ingest::Sour
   glm::dvec3 least = scene.hull.front(), most = least;
   for (const glm::dvec3& point : scene.hull) least = glm::min(least, point), most = glm::max(most, point);
   scene.up = guessUp(built, a, most - least);
-  LUMIGRID_ASSIGN_OR_RETURN(scene.light, chooseLight(a, scene));
+  LUMIGRID_ASSIGN_OR_RETURN(scene.light, chooseLight(a, built, scene));
   return {};
 }
 
@@ -207,7 +208,7 @@ Result<base::Scene> describeScene(const BuildArguments& a, const SceneSources& s
   scene.units = a.units == "unknown" && !georeference.units.empty() ? georeference.units : a.units;
   scene.up = guessUp(built, a, built.box_max - built.box_min);
   scene.has_colors = built.has_colors;
-  LUMIGRID_ASSIGN_OR_RETURN(scene.light, chooseLight(a, scene));
+  LUMIGRID_ASSIGN_OR_RETURN(scene.light, chooseLight(a, built, scene));
   scene.triangles = built.triangles;
   scene.repairs = built.repairs.counts;
   return scene;

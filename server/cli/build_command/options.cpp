@@ -120,7 +120,7 @@ void declareImageOptions(CLI::App& command, BuildArguments& a) {
       .add_option("--light", a.light,
                   "unlit: colours as scanned; soft: a soft directional light; hard-shadows, soft-shadows: a light that "
                   "throws shadows, which images and exact frames show (needs --methods hlod); auto: unlit where the "
-                  "mesh has colours")
+                  "mesh has scanned colours or a texture, which are more than 256 colours")
       ->check(CLI::IsMember({"auto", "unlit", "soft", "hard-shadows", "soft-shadows"}));
   lod::hlod::declareLightOptions(command, a.light_place, kLightWords);
   command.add_option("--up", a.up, "axis that points up in the first view")
@@ -276,8 +276,8 @@ bool wants(const BuildArguments& a, const char* method) {
   return std::find(a.methods.begin(), a.methods.end(), method) != a.methods.end();
 }
 
-base::LightMode lightModeOf(const BuildArguments& a, bool has_colors) {
-  return base::lightModeNamed(a.light).value_or(has_colors ? base::LightMode::kUnlit : base::LightMode::kSoft);
+base::LightMode lightModeOf(const BuildArguments& a, bool is_scanned) {
+  return base::lightModeNamed(a.light).value_or(is_scanned ? base::LightMode::kUnlit : base::LightMode::kSoft);
 }
 
 bool hasMethod(const Parameters& parameters, const std::string& method) {

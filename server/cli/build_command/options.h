@@ -98,8 +98,8 @@ inline const SharedParameter kSharedParameters[] = {{"stitch", {"patch", "hlod"}
                                                     {"position-bits", {"patch", "hlod", "qsplat"}}};
 
 bool wants(const BuildArguments& a, const char* method);
-/// The light that --light names; `has_colors`: for auto.
-base::LightMode lightModeOf(const BuildArguments& a, bool has_colors);
+/// The light that --light names. For auto: unlit where colours are scanned ones, which hold the light of their place.
+base::LightMode lightModeOf(const BuildArguments& a, bool is_scanned);
 /// Whether recorded parameters name the method among --methods.
 bool hasMethod(const Parameters& parameters, const std::string& method);
 /// The methods that `includes` takes, as parameters record them: "patch,images".
