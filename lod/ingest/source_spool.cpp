@@ -9,6 +9,7 @@
 #include <numeric>
 
 #include "base/parallel.h"
+#include "lod/ingest/source_lattice.h"
 #include "lod/ingest/work_directory.h"
 
 namespace lod::ingest {
@@ -362,6 +363,23 @@ void SourceSpool::measureEdges(std::span<const glm::dvec3> corners) {
   std::nth_element(lengths.begin(), tenth, lengths.end());
   info_.short_edge = *tenth;
   info_.coincident = static_cast<double>(coincident) / static_cast<double>(corners.size() / 3);
+  for (std::uint32_t bits = kMinLatticeBits; bits <= kMaxLatticeBits; ++bits)
+    info_.lost[bits] = lostShare(corners, bits);
+}
+
+double SourceSpool::lostShare(std::span<const glm::dvec3> corners, std::uint32_t bits) const {
+  const SourceLattice lattice = makeLattice(info_, glm::dvec3(0.0), bits);
+  std::size_t lost = 0;
+  for (std::size_t t = 0; t < corners.size(); t += 3) {
+    bool meets = false, is_lost_anyway = false;
+    for (std::size_t k = 0; k < 3; ++k) {
+      const glm::dvec3 &from = corners[t + k], &to = corners[t + (k + 1) % 3];
+      is_lost_anyway |= from == to;
+      meets |= lattice.point(from) == lattice.point(to);
+    }
+    lost += meets && !is_lost_anyway ? 1 : 0;
+  }
+  return static_cast<double>(lost) / static_cast<double>(corners.size() / 3);
 }
 
 base::Result<void> SourceSpool::measureBlock(std::size_t block, BlockMeasure& out, SampledCorners& sampled) const {

@@ -1,11 +1,13 @@
 #pragma once
 // The first work files of a build: the vertices and triangles of all source files in their order. Memory holds one bit
 // per vertex and a fixed buffer.
+#include <array>
 #include <string>
 #include <unordered_set>
 #include <vector>
 
 #include "lod/ingest/spool.h"
+#include "lod/morton.h"
 #include "mesh/stream_mesh.h"
 
 namespace lod::ingest {
@@ -43,9 +45,12 @@ struct SourceInfo {
   /// World; of the vertices that touch the box, the one that is farthest from the middle of all along an axis. A few
   /// stray vertices that make a box large are there.
   glm::dvec3 far_place{0.0};
-  double mean_edge = 0.0;           ///< geometric mean over a sample of the edges; 0 when all are points
-  double short_edge = 0.0;          ///< a tenth of the sampled edges are shorter; 0 when all are points
-  double coincident = 0.0;          ///< share of the sampled triangles of which two vertices lie in one place, 0 … 1
+  double mean_edge = 0.0;   ///< geometric mean over a sample of the edges; 0 when all are points
+  double short_edge = 0.0;  ///< a tenth of the sampled edges are shorter; 0 when all are points
+  double coincident = 0.0;  ///< share of the sampled triangles of which two vertices lie in one place, 0 … 1
+  /// By position bits, 10 … 21: the share of the sampled triangles, besides the coincident ones, of which two vertices
+  /// meet at a point of the lattice of so many bits, 0 … 1.
+  std::array<double, kMaxLatticeBits + 1> lost{};
   mesh::Georeference georeference;  ///< as far as the files agree
   std::vector<std::string> warnings;
   std::vector<std::string> texture_warnings;  ///< due where textures only colour vertices
@@ -142,6 +147,7 @@ class SourceSpool : public mesh::MeshSink {
   void sample(std::span<const std::uint64_t> corners);
   base::Result<void> measure(unsigned threads);
   void measureEdges(std::span<const glm::dvec3> corners);
+  double lostShare(std::span<const glm::dvec3> corners, std::uint32_t bits) const;
   struct BlockMeasure;
   struct SampledCorners;
   base::Result<void> measureBlock(std::size_t block, BlockMeasure& out, SampledCorners& sampled) const;

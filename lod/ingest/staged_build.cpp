@@ -40,8 +40,8 @@ glm::dvec3 originFor(const glm::dvec3& low, const glm::dvec3& high) {
 auto fieldsOf(auto& s) {
   return std::tie(s.vertex_bytes, s.triangle_bytes, s.origin, s.info.vertices, s.info.triangles, s.info.referenced,
                   s.info.has_normals, s.info.has_colors, s.info.is_painted, s.info.box_min, s.info.box_max,
-                  s.info.far_place, s.info.mean_edge, s.info.short_edge, s.info.coincident, s.info.short_faces,
-                  s.info.texels);
+                  s.info.far_place, s.info.mean_edge, s.info.short_edge, s.info.coincident, s.info.lost,
+                  s.info.short_faces, s.info.texels);
 }
 
 // Tells whether a file is the one that it was: its length and time. The keys of work directories hold the hashes of the
@@ -146,11 +146,11 @@ base::Result<void> needDescriptors() {
                                         "; raise the limit (ulimit -n) and build again"};
 }
 
-// A choice: above this share of the triangles their loss is told.
-constexpr double kToldShare = 0.01;
 // Clouds have true copies where exports were joined, mostly of each point once, and others in one place by the file's
 // own rounding.
 constexpr double kToldPoints = 0.55;
+
+constexpr double kLeastStepsPerEdge = 8.0;  // a choice: with fewer, normals are off by some ten degrees
 
 std::string textOf(const glm::dvec3& place) {
   return base::formatText("(%.7g, %.7g, %.7g)", place.x, place.y, place.z);
@@ -285,18 +285,22 @@ std::string lostTriangles(const SourceInfo& info, const SourceLattice& lattice, 
   if (!(static_cast<double>(collapsed) > kToldShare * all)) return {};
   // Vertices in one place are the source's own.
   if (static_cast<double>(collapsed) - info.coincident * all <= kToldShare * all) return {};
-  const std::string lost = base::formatCount(collapsed) + " of " + base::formatCount(info.triangles) +
-                           " triangles are smaller than the lattice's step of " +
-                           base::formatText("%.3g", lattice.lattice.step) + " and are left out; ";
-  if (lattice.bits < kMaxLatticeBits &&
-      makeLattice(info, glm::dvec3(0.0), kMaxLatticeBits).lattice.step < info.mean_edge)
-    return lost + "raise --position-bits (" + std::to_string(lattice.bits) + " now, 21 at most)";
-  return lost + "what lies at " + textOf(info.far_place) +
-         " makes the mesh's box so large: remove it, or make it a scene of its own";
+  const std::string step = base::formatText("%.3g", lattice.lattice.step);
+  const std::string lost =
+      base::formatCount(collapsed) + " of " + base::formatCount(info.triangles) + " triangles are ";
+  if (lattice.bits < kMaxLatticeBits && finerKeepsMost(info, lattice.bits))
+    return lost + "smaller than the lattice's step of " + step + " and are left out; raise --position-bits (" +
+           std::to_string(lattice.bits) + " now, 21 at most)";
+  // Bits are short where the box is large, not where the source has slivers.
+  if (kLeastStepsPerEdge * makeLattice(info, glm::dvec3(0.0), kMaxLatticeBits).lattice.step > info.mean_edge)
+    return lost + "smaller than the lattice's step of " + step + " and are left out; what lies at " +
+           textOf(info.far_place) + " makes the mesh's box so large: remove it, or make it a scene of its own";
+  return lost + "slivers, whose shortest edge is below the lattice's step of " + step +
+         ", and are left out, which moves no place farther than " +
+         base::formatText("%.3g", lattice.lattice.positionError()) + "; no --position-bits keep most of them";
 }
 
 std::string roundedShapes(const SourceInfo& info, const SourceLattice& lattice) {
-  constexpr double kLeastStepsPerEdge = 8.0;  // a choice: normals are off by some ten degrees
   const double step = lattice.lattice.step;
   if (lattice.bits < kMaxLatticeBits || !(kLeastStepsPerEdge * step > info.mean_edge) || info.triangles == 0) return {};
   return "places are rounded to " + base::formatText("%.3g", step) + ", where edges are about " +

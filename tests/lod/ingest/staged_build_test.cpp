@@ -159,6 +159,44 @@ TEST_F(SourceImport, aFinePartOfACoarseMeshKeepsItsTriangles) {
   EXPECT_TRUE(built.summary.warnings.empty());
 }
 
+TEST_F(SourceImport, aFinePartOfFewTrianglesKeepsThem) {
+  // One in thirty triangles is 10000 times smaller than the others: less than a tenth, more than a hundredth.
+  PlyMesh mesh;
+  addPlane(mesh, {0, 0, 0}, 54, 20.0);
+  addPlane(mesh, {300, 300, 50}, 10, 0.002);
+  const BuiltHierarchy built = mustBuild(mesh);
+  EXPECT_TRUE(built.summary.repairs.counts.empty());
+  EXPECT_EQ(built.summary.triangles, mesh.triangles());
+  EXPECT_TRUE(built.summary.warnings.empty());
+}
+
+TEST_F(SourceImport, sliversCostNoBits) {
+  // Beside each quad of one border lie two triangles that reach a ten millionth of its side farther.
+  PlyMesh mesh;
+  mesh.doubles = true;
+  addPlane(mesh, {0, 0, 0}, 40, 1.0);
+  support::writePly(files_ / "clean.ply", mesh);
+  const auto clean = import({files_ / "clean.ply"});
+  ASSERT_TRUE(clean) << clean.error().message;
+  const std::uint64_t whole = mesh.triangles();
+  for (std::uint32_t quad = 0; quad < 40; ++quad) {
+    const auto first = static_cast<std::uint32_t>(mesh.positions.size());
+    const double x = quad, end = x + 1.0, y = 40.0 + 1e-7;
+    mesh.add({x, 40.0, 0}), mesh.add({end, 40.0, 0}), mesh.add({end, y, 0}), mesh.add({x, y, 0});
+    mesh.add(first, first + 1, first + 2), mesh.add(first, first + 2, first + 3);
+  }
+  support::writePly(files_ / "slivers.ply", mesh);
+  const auto source = import({files_ / "slivers.ply"});
+  ASSERT_TRUE(source) << source.error().message;
+  EXPECT_EQ(makeLattice(source->info, glm::dvec3(0.0), 0).bits, makeLattice(clean->info, glm::dvec3(0.0), 0).bits);
+  const BuiltHierarchy built = mustBuild(mesh);
+  EXPECT_EQ(built.summary.triangles, whole);
+  ASSERT_EQ(built.summary.warnings.size(), 1U);
+  const std::string& line = built.summary.warnings[0];
+  EXPECT_EQ(line.rfind("80 of 3,280 triangles are slivers, whose shortest edge is below the lattice's step", 0), 0U)
+      << line;
+}
+
 TEST_F(SourceImport, aFarTriangleThatTakesTheLatticeIsNamed) {
   PlyMesh mesh;
   mesh.doubles = true;
@@ -177,11 +215,13 @@ TEST_F(SourceImport, lostTrianglesAreToldWithTheirRemedy) {
   SourceInfo info;
   info.triangles = 1000, info.mean_edge = 1.0, info.short_edge = 0.5;
   info.box_max = glm::dvec3(4e6, 10, 10);
+  info.lost[14] = info.lost[21] = 0.011;
   const SourceLattice coarse = makeLattice(info, glm::dvec3(0.0), 14);
   EXPECT_EQ(lostTriangles(info, coarse, 10), "");
   const std::string raise = lostTriangles(info, coarse, 11);
   EXPECT_EQ(raise.find("raise --position-bits"), std::string::npos) << raise;  // 21 bits have a step of 1.9
   info.box_max.x = 1e6;
+  info.lost[21] = 0.005;
   const std::string finer = lostTriangles(info, makeLattice(info, glm::dvec3(0.0), 14), 11);
   EXPECT_NE(finer.find("raise --position-bits (14 now, 21 at most)"), std::string::npos) << finer;
   // The file's own vertices are what falls together.
