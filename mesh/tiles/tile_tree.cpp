@@ -7,6 +7,7 @@
 
 #include "base/file.h"
 #include "mesh/mesh_stream.h"
+#include "mesh/tiles/subtree.h"
 #include "mesh/uri.h"
 
 namespace mesh::tiles {
@@ -25,7 +26,6 @@ constexpr int kMaxDepth = 512;
 constexpr std::uint64_t kMaxTiles = std::uint64_t{1} << 24;
 
 constexpr const char* kRemote = "at other hosts";
-constexpr const char* kImplicit = "with implicit tiling";
 
 /// The state that a tile inherits from the one above it.
 struct Above {
@@ -46,9 +46,20 @@ UpAxis upAxisOf(const json& tileset) {
   return axis == "Z" || axis == "z" ? UpAxis::kZ : axis == "X" || axis == "x" ? UpAxis::kX : UpAxis::kY;
 }
 
-bool isImplicit(const json& tile) {
-  return member(tile, "implicitTiling").is_object() || extension(tile, "3DTILES_implicit_tiling").is_object();
-}
+/// An implicit tree that is being walked through.
+struct OpenTree {
+  const OpenTileset& in;
+  const Above& above;  // of all its tiles
+  ImplicitTiling tiling;
+  std::vector<std::string> contents;  // templates of their names
+};
+
+/// A tile within the subtree file that tells of it.
+struct TileInSubtree {
+  const Subtree& subtree;
+  unsigned level = 0;
+  std::uint64_t morton = 0;
+};
 
 std::vector<const json*> contentsOf(const json& tile) {
   std::vector<const json*> contents;
@@ -57,6 +68,12 @@ std::vector<const json*> contentsOf(const json& tile) {
   for (const json* list : {&member(tile, "contents"), &member(several, "contents"), &member(several, "content")})
     for (std::size_t i = 0; i < itemsOf(*list); ++i) contents.push_back(&(*list)[i]);
   return contents;
+}
+
+std::string referenceOf(const json& content) {
+  // Before version 1.0 the member was called "url".
+  const json& uri = member(content, "uri");
+  return gltf::text(uri.is_null() ? member(content, "url") : uri);
 }
 
 // Whether a box's or a sphere's middle lies where the earth's surface is, in metres from its middle.
@@ -92,7 +109,7 @@ class TileWalk {
   base::Result<void> tile(const json& tile, const OpenTileset& in, const Above& above) {
     if (above.depth > kMaxDepth)
       return unsupported("its tiles are nested more than " + std::to_string(kMaxDepth) + " deep");
-    if (++tiles_ > kMaxTiles) return unsupported("it has more than " + std::to_string(kMaxTiles) + " tiles");
+    LUMIGRID_TRY(countTile());
     Above here = above;
     ++here.depth;
     if (const json& matrix = member(tile, "transform"); !matrix.is_null()) {
@@ -110,19 +127,60 @@ class TileWalk {
     for (std::size_t c = 0; c < itemsOf(children); ++c) LUMIGRID_TRY(this->tile(children[c], in, here));
     const bool replaced = !here.adds && tree_.contents.size() > before;
     if (replaced) return {};
-    const auto contents = contentsOf(tile);
-    if (isImplicit(tile)) {
-      ++tree_.left_out[kImplicit];
-      return {};
-    }
-    for (const json* content : contents) LUMIGRID_TRY(addContent(*content, in, here));
+    if (isImplicit(tile)) return implicitTree(tile, in, here);
+    for (const json* content : contentsOf(tile)) LUMIGRID_TRY(addContent(referenceOf(*content), in, here));
     return {};
   }
 
-  base::Result<void> addContent(const json& content, const OpenTileset& in, const Above& here) {
-    // Before version 1.0 the member was called "url".
-    const json& uri = member(content, "uri");
-    const std::string reference = gltf::text(uri.is_null() ? member(content, "url") : uri);
+  base::Result<void> implicitTree(const json& root, const OpenTileset& in, const Above& above) {
+    OpenTree tree{in, above, {}, {}};
+    LUMIGRID_ASSIGN_OR_RETURN(tree.tiling, ImplicitTiling::of(root));
+    for (const json* content : contentsOf(root)) tree.contents.push_back(referenceOf(*content));
+    for (const std::string& text : tree.contents)
+      if (!tellsTilesApart(text, tree.tiling)) return sameNames(text);
+    if (!tellsTilesApart(tree.tiling.subtrees, tree.tiling)) return sameNames(tree.tiling.subtrees);
+    return subtree(tree, {});
+  }
+
+  static base::Error sameNames(const std::string& text) {
+    return invalidInput("implicit tiling gives several tiles one name: " + inQuotes(text));
+  }
+
+  base::Result<void> subtree(const OpenTree& tree, const TileCoordinates& root) {
+    LUMIGRID_TRY(countTile());
+    const std::string path = fileOfReference(tree.in.path, nameFromTemplate(tree.tiling.subtrees, root));
+    LUMIGRID_ASSIGN_OR_RETURN(const Subtree subtree, Subtree::open(path, tree.tiling));
+    return implicitTile(tree, {subtree, 0, 0}, root);
+  }
+
+  // As tile(), for one that bits tell of.
+  base::Result<void> implicitTile(const OpenTree& tree, const TileInSubtree& in, const TileCoordinates& tile) {
+    if (!in.subtree.hasTile(in.level, in.morton)) return {};
+    LUMIGRID_TRY(countTile());
+    const std::size_t before = tree_.contents.size();
+    const bool has_children = tile.level + 1 < tree.tiling.available_levels;
+    for (unsigned c = 0; has_children && c < tree.tiling.children; ++c) {
+      const TileInSubtree child{in.subtree, in.level + 1, tree.tiling.children * in.morton + c};
+      if (child.level < tree.tiling.subtree_levels)
+        LUMIGRID_TRY(implicitTile(tree, child, tile.child(c)));
+      else if (in.subtree.hasChildSubtree(child.morton))
+        LUMIGRID_TRY(subtree(tree, tile.child(c)));
+    }
+    if (!tree.above.adds && tree_.contents.size() > before) return {};
+    Above here = tree.above;
+    here.depth += static_cast<int>(tile.level);
+    for (std::size_t c = 0; c < tree.contents.size(); ++c)
+      if (in.subtree.hasContent(c, in.level, in.morton))
+        LUMIGRID_TRY(addContent(nameFromTemplate(tree.contents[c], tile), tree.in, here));
+    return {};
+  }
+
+  base::Result<void> countTile() {
+    if (++tiles_ > kMaxTiles) return unsupported("it has more than " + std::to_string(kMaxTiles) + " tiles");
+    return {};
+  }
+
+  base::Result<void> addContent(const std::string& reference, const OpenTileset& in, const Above& here) {
     if (reference.empty()) return invalidInput("a content has no uri");
     if (isRemote(reference) || isDataUri(reference)) {
       ++tree_.left_out[kRemote];

@@ -8,6 +8,7 @@
 
 #include "base/check.h"
 #include "mesh/readers.h"
+#include "mesh/tiles/subtree.h"
 #include "tests/fuzz/fuzz.h"
 
 namespace {
@@ -110,6 +111,30 @@ std::string b3dm() {
   return s + table + points.substr(0, 12) + model;
 }
 
+// A subtree of an octree, with two bitstreams.
+std::string subtree() {
+  const std::string text =
+      R"({"buffers":[{"byteLength":24}],"bufferViews":[{"buffer":0,"byteLength":10},{"buffer":0,"byteOffset":10,)"
+      R"("byteLength":10}],"tileAvailability":{"bitstream":0},"contentAvailability":[{"bitstream":1},{"constant":1}],)"
+      R"("childSubtreeAvailability":{"constant":0}})";
+  std::string s = "subt" + number(1);
+  for (const std::size_t n : {text.size(), std::size_t{24}}) s += number(n) + number(0);
+  return s + text + std::string(24, '\x55');
+}
+
+// Asks for all that a subtree may be asked for.
+void readSubtree(base::ByteView bytes) {
+  tiles::ImplicitTiling tiling;
+  tiling.children = 8, tiling.subtree_levels = 3, tiling.available_levels = 6;
+  const auto subtree = tiles::Subtree::parse(bytes, "/nowhere/subtree", tiling);
+  if (!subtree) return;
+  std::uint64_t tiles = 1;
+  for (unsigned level = 0; level < tiling.subtree_levels; ++level, tiles *= tiling.children)
+    for (std::uint64_t tile = 0; tile < tiles; ++tile)
+      if (subtree->hasTile(level, tile)) (void)subtree->hasContent(tile % 3, level, tile);
+  for (std::uint64_t below = 0; below < tiles; ++below) (void)subtree->hasChildSubtree(below);
+}
+
 // A GLB whose points and indices are compressed by meshoptimizer.
 std::string meshoptGlb() {
   std::array<unsigned char, 512> points{}, indices{};
@@ -153,7 +178,7 @@ std::string dracoGlb(bool connectivity) {
 }
 
 // A .gltf with everything in its text: a triangle of 16-bit positions, one of which is replaced, colours and a picture.
-std::string gltf() {
+std::string document() {
   return R"({"asset":{"version":"2.0"},"buffers":[{"byteLength":33,"uri":"data:;base64,)"
          R"(AAAAAAAAAAABAAAAAAAAAAEAAAABAQEBAQEBAQEBAQEB"}],"bufferViews":[{"buffer":0,"byteLength":24,)"
          R"("byteStride":8},{"buffer":0,"byteOffset":20,"byteLength":12}],"accessors":[{"bufferView":0,)"
@@ -187,13 +212,15 @@ std::vector<base::Bytes> seeds() {
       seed(4, std::string("glTF\2\0\0\0\x7c\0\0\0\x68\0\0\0JSON", 20) +
                   R"({"buffers":[{"byteLength":0}],)"
                   R"("meshes":[{"primitives":[{"attributes":{"POSITION":0}}]}],"accessors":[]} )"),
-      seed(4, gltf()),
+      seed(4, document()),
       seed(4, meshoptGlb()),
       seed(4, dracoGlb(true)),
       seed(4, dracoGlb(false)),
       seed(4, R"({"asset":{"version":"1.1","gltfUpAxis":"Z"},"root":{"refine":"ADD","boundingVolume":{"box":[0,0,0]},)"
               R"("transform":[1,0,0,0,0,1,0,0,0,0,1,0,9,9,9,1],"content":{"uri":"a.b3dm"},"children":[{"contents":)"
-              R"([{"uri":"b%20.json?c"}],"implicitTiling":{}}]}})"),
+              R"([{"uri":"b%20.json?c"}],"implicitTiling":{"subdivisionScheme":"OCTREE","subtreeLevels":2,)"
+              R"("availableLevels":3,"subtrees":{"uri":"{level}/{x}{y}{z}"}}}]}})"),
+      seed(6, subtree()),
       seed(6, b3dm()),
       seed(5, las()),
       seed(7, "2\n1 2 3 -7 255 0 9\r\n4 5e1 6 0 1 2 3\n1\n7 8 9 0 1 2 3\n"),
@@ -227,6 +254,7 @@ void fuzzOne(base::ByteView bytes) {
       read = readLas(file, stream);
       break;
     case 6:
+      if (textOf(file).substr(0, 4) == "subt") return readSubtree(file);
       read = readTile(file, stream);
       break;
     case 7:
