@@ -13,9 +13,13 @@ base::Result<void> readGlb(base::ByteView bytes, MeshStream& out);
 
 /// JSON: glTF 2.0, or a tileset of 3D Tiles.
 base::Result<void> readJson(base::ByteView bytes, MeshStream& out);
+/// Drops what was read of a glTF file or a tileset without triangles, whose points are to be read then; kUnsupported
+/// where these are not accepted.
+base::Result<void> beginPoints(MeshStream& out);
+
 /// The finest tiles of a tileset of 3D Tiles 1.0 or 1.1, all of which lie in local files.
 base::Result<void> readTileset(const nlohmann::json& tileset, MeshStream& out);
-/// One tile of 3D Tiles, a batched model (b3dm).
+/// One tile of 3D Tiles, a batched model (b3dm) or points (pnts).
 base::Result<void> readTile(base::ByteView bytes, MeshStream& out);
 
 /// LAS 1.0 to 1.4, the points of airborne and terrestrial laser scanners (ASPRS). Points that are withheld or noise are

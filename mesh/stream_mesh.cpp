@@ -44,12 +44,11 @@ constexpr const char* kConvertPtx =
     "PTX is not read, whose scans each have their own coordinates; convert it: CloudCompare -SILENT -O in.ptx "
     "-C_EXPORT_FMT PLY -MERGE_CLOUDS (Debian package cloudcompare)";
 constexpr const char* kConvertTile =
-    "tiles of points, instances and several formats (pnts, i3dm, cmpt) are not read; write the tileset with b3dm or "
-    "GLB";
+    "tiles of instances and of several formats (i3dm, cmpt) are not read; write the tileset with b3dm or GLB";
 constexpr ConvertedFormat kConverted[] = {
     {"ASTM-E57", "e57", kConvertE57}, {"Kaydara FBX Binary", "fbx", kConvertFbx},
-    {"pnts", "pnts", kConvertTile},   {"i3dm", "i3dm", kConvertTile},
-    {"cmpt", "cmpt", kConvertTile},   {"", "ptx", kConvertPtx},
+    {"i3dm", "i3dm", kConvertTile},   {"cmpt", "cmpt", kConvertTile},
+    {"", "ptx", kConvertPtx},
 };
 
 // Points as text have many names, and no content that tells them from other text.
@@ -60,7 +59,7 @@ base::Result<void> readFile(const std::string& path, base::ByteView bytes, MeshS
   if (bytes.empty()) return invalidInput("the file is empty");
   const std::string_view text = textOf(bytes);
   if (text.substr(0, 4) == "glTF") return readGlb(bytes, out);
-  if (text.substr(0, 4) == "b3dm") return readTile(bytes, out);
+  if (text.substr(0, 4) == "b3dm" || text.substr(0, 4) == "pnts") return readTile(bytes, out);
   if (looksLikeJson(text)) return readJson(bytes, out);
   if (text.substr(0, 4) == "LASF") return readLas(bytes, out);
   for (const ConvertedFormat& format : kConverted)

@@ -37,7 +37,7 @@ double heldBy(const json& accessor) {
 
 class Measure {
  public:
-  explicit Measure(const Document& document) : document_(document) {}
+  Measure(const Document& document, bool points) : document_(document), points_(points) {}
 
   MeshAmounts measure() {
     const json& meshes = document_.list("meshes");
@@ -52,14 +52,14 @@ class Measure {
  private:
   void add(const json& primitive, Amount& mesh) {
     const std::uint64_t mode = integer(member(primitive, "mode"), 4);
-    if (mode < 4 || mode > 6) return;
+    if (points_ ? mode != kPoints : mode < 4 || mode > 6) return;
     const std::uint64_t position = integer(member(member(primitive, "attributes"), "POSITION"), kMissing);
     const json& indices = member(primitive, "indices");
     const std::uint64_t corner = indices.is_null() ? position : integer(indices, kMissing);
     const json& vertices = item(document_.list("accessors"), position);
     const json& corners = item(document_.list("accessors"), corner);
     mesh.triangles += trianglesOf(mode, countOf(corners));
-    mesh.vertices += countOf(vertices);
+    mesh.vertices += countOf(points_ ? corners : vertices);
     found_.corners += countOf(corners);
 
     const json& draco = extension(primitive, "KHR_draco_mesh_compression");
@@ -71,6 +71,7 @@ class Measure {
   }
 
   const Document& document_;
+  const bool points_;
   MeshAmounts found_;
   std::set<Place> corner_places_, vertex_places_;
 };
@@ -105,11 +106,12 @@ std::string wholeNumber(double value) {
 }  // namespace
 
 double trianglesOf(std::uint64_t mode, double corners) {
+  if (mode < 4) return 0.0;
   return mode == 4 ? std::floor(corners / 3.0) : std::max(0.0, corners - 2.0);
 }
 
-MeshAmounts measureMeshes(const Document& document) {
-  return Measure(document).measure();
+MeshAmounts measureMeshes(const Document& document, bool points) {
+  return Measure(document, points).measure();
 }
 
 base::Result<std::vector<ShownNode>> shownNodes(const Document& document) {

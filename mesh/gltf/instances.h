@@ -23,9 +23,11 @@ struct MeshAmounts {
   Amount distinct;             ///< of all meshes; bytes that several primitives name count once
   double corners = 0.0;        ///< of all meshes
 };
-/// The triangles of so many corners in a primitive's mode, 4..6 (section 3.7.2.1).
+inline constexpr std::uint64_t kPoints = 0;  ///< the mode of a primitive of points (section 3.7.2.1)
+/// The triangles of so many corners in a primitive's mode; none but for 4..6.
 double trianglesOf(std::uint64_t mode, double corners);
-MeshAmounts measureMeshes(const Document& document);
+/// Measures primitives of triangles, or those of points.
+MeshAmounts measureMeshes(const Document& document, bool points);
 
 /// The nodes that the scene shows, in the order in which a depth-first walk meets them; an error where one has two
 /// parents or is its own child. Empty without any nodes: the meshes stand as they are.

@@ -142,13 +142,19 @@ class SceneReader {
   base::Result<void> readPrimitive(const json& source, const std::string& place, const glm::dmat4& out_from_mesh) {
     const std::uint64_t mode = integer(member(source, "mode"), 4);
     if (mode < 4 || mode > 6) {
-      ++omissions_.point_and_line_primitives;
+      const bool is_points = mode == kPoints;
+      if (!is_points || !out_.reads_points) {
+        ++(is_points ? omissions_.point_primitives : omissions_.line_primitives);
+        return {};
+      }
+    } else if (out_.reads_points) {
       return {};
     }
     LUMIGRID_ASSIGN_OR_RETURN(const auto primitive, findNumbers(source, place));
     const std::uint64_t first = out_.vertexCount();
     LUMIGRID_TRY(readVertices(primitive, place, out_from_mesh));
-    LUMIGRID_TRY(readTriangles(primitive, place, first, glm::determinant(glm::dmat3(out_from_mesh)) < 0.0));
+    if (mode != kPoints)
+      LUMIGRID_TRY(readTriangles(primitive, place, first, glm::determinant(glm::dmat3(out_from_mesh)) < 0.0));
     corners_read_ += static_cast<double>(primitive.indices ? primitive.indices->count : primitive.position.count);
     return report();
   }
@@ -225,7 +231,11 @@ class SceneReader {
     const double side = glm::determinant(m) < 0.0 ? -1.0 : 1.0;
     const glm::dvec4& factor = p.base.factor;
     const auto encode = [](double linear) { return byteFromUnit(srgbFromLinear(std::min(linear, 1.0))); };
-    for (std::uint64_t i = 0; i < p.position.count; ++i) {
+    // Indices choose points, as they choose corners; a vertex of triangles stays where it is.
+    const bool chosen = p.mode == kPoints && p.indices;
+    for (std::uint64_t n = 0; n < (chosen ? p.indices->count : p.position.count); ++n) {
+      const std::uint64_t i = chosen ? p.indices->index(n) : n;
+      if (i >= p.position.count) return indexOutOfRange(place, static_cast<std::int64_t>(i), p.position.count);
       out_.positions.emplace_back(glm::dvec3(out_from_mesh * glm::dvec4(p.position.vector(i), 1.0)));
       if (p.normal) out_.normals.emplace_back(side * (cofactor * p.normal->vector(i)));
       if (colored) {
@@ -262,7 +272,8 @@ class SceneReader {
     const std::uint64_t corners = next.indices ? next.indices->count : next.position.count;
     const Amount shown{static_cast<double>(out_.triangleCount() - first_triangle_) +
                            trianglesOf(next.mode, static_cast<double>(corners)),
-                       static_cast<double>(out_.vertexCount() - first_vertex_ + next.position.count)};
+                       static_cast<double>(out_.vertexCount() - first_vertex_) +
+                           static_cast<double>(next.mode == kPoints ? corners : next.position.count)};
     const auto checked = checkTimesShown(shown, held());
     return checked ? checked : base::within(place, checked.error());
   }
@@ -300,15 +311,16 @@ class SceneReader {
   Materials materials_;
   const std::uint64_t first_vertex_ = out_.vertexCount();
   const std::uint64_t first_triangle_ = out_.triangleCount();
-  const MeshAmounts amounts_ = measureMeshes(document_);  // progress and a warning of instances are measured by it
+  const MeshAmounts amounts_ =
+      measureMeshes(document_, out_.reads_points);  // progress and a warning of instances are measured by it
   double corners_read_ = 0.0;
 };
 
 }  // namespace
 
 void Omissions::describe(std::vector<std::string>& warnings) const {
-  if (point_and_line_primitives > 0)
-    warnings.push_back(std::to_string(point_and_line_primitives) + " primitives of points or lines are left out");
+  if (const std::uint64_t left_out = point_primitives + line_primitives; left_out > 0)
+    warnings.push_back(std::to_string(left_out) + " primitives of points or lines are left out");
   if (instanced_nodes > 0)
     warnings.push_back(std::to_string(instanced_nodes) +
                        " nodes have many instances (EXT_mesh_gpu_instancing), which is not read; each is shown once");

@@ -1,5 +1,5 @@
 #pragma once
-// The triangles of a glTF document: its scene graph, its primitives and their colours.
+// The triangles, or the points, of a glTF document: its scene graph, its primitives and their colours.
 #include <cstdint>
 #include <glm/glm.hpp>
 #include <set>
@@ -14,7 +14,8 @@ namespace mesh::gltf {
 
 /// Counts, over all documents of a source, the things that are not read as they are written.
 struct Omissions {
-  std::uint64_t point_and_line_primitives = 0;
+  std::uint64_t point_primitives = 0;  ///< while triangles are read
+  std::uint64_t line_primitives = 0;
   std::uint64_t instanced_nodes = 0;                     ///< by EXT_mesh_gpu_instancing
   std::uint64_t unread_textures = 0;                     ///< of kinds or in places that are not read
   std::string first_unread;                              ///< says why, for the first of them
@@ -31,7 +32,8 @@ struct ShareOfSource {
   double end = 1.0;
 };
 
-/// Hands the triangles of the document's scene to `out`, from where `out_from_document` moves them.
+/// Hands the triangles of the document's scene to `out`, to where `out_from_document` moves them; where
+/// out.reads_points holds, its points.
 base::Result<void> readScene(Document& document, const glm::dmat4& out_from_document, const ShareOfSource& share,
                              Omissions& omissions, MeshStream& out);
 

@@ -92,7 +92,7 @@ bool isNearEarthsSurface(const json& volume, const glm::dmat4& world_from_tile) 
 
 class TileWalk {
  public:
-  explicit TileWalk(TileTree& tree) : tree_(tree) {}
+  TileWalk(TileTree& tree, bool with_points) : tree_(tree), with_points_(with_points) {}
 
   base::Result<void> tileset(const json& parsed, const std::string& path, const Above& above) {
     std::error_code ignored;
@@ -201,7 +201,11 @@ class TileWalk {
         ++tree_.left_out["of instanced models (i3dm)"];
         return {};
       case ContentKind::kPoints:
-        ++tree_.left_out["of points (pnts)"];
+        tree_.has_points = true;
+        if (with_points_)
+          tree_.contents.push_back({path, here.world_from_tile, in.up});
+        else
+          ++tree_.left_out["of points (pnts)"];
         return {};
       case ContentKind::kComposite:
         ++tree_.left_out["of several formats in one (cmpt)"];
@@ -227,6 +231,7 @@ class TileWalk {
   }
 
   TileTree& tree_;
+  const bool with_points_;
   std::set<std::string> open_;  // tilesets that the current tile lies in
   std::uint64_t tiles_ = 0;
 };
@@ -237,9 +242,9 @@ bool isTileset(const json& parsed) {
   return member(parsed, "root").is_object();
 }
 
-base::Result<TileTree> expandTileset(const json& tileset, const std::string& path) {
+base::Result<TileTree> expandTileset(const json& tileset, const std::string& path, bool with_points) {
   TileTree tree;
-  LUMIGRID_TRY(TileWalk(tree).tileset(tileset, path, {}));
+  LUMIGRID_TRY(TileWalk(tree, with_points).tileset(tileset, path, {}));
   return tree;
 }
 

@@ -21,14 +21,15 @@ struct TileContent {
 struct TileTree {
   std::vector<TileContent> contents;
   std::map<std::string, std::uint64_t> left_out;  ///< how many contents of each kind that is not read
+  bool has_points = false;                        ///< some contents are points (pnts)
   bool is_geocentric = false;                     ///< its coordinates are of the whole earth (EPSG:4978)
 };
 
 /// Whether the JSON is a tileset.
 bool isTileset(const gltf::json& parsed);
 
-/// Finds the finest contents of the tileset that has been read from `path`. Errors name other files; kUnsupported or
-/// kInvalidInput where there are none.
-base::Result<TileTree> expandTileset(const gltf::json& tileset, const std::string& path);
+/// Finds the finest contents of the tileset that has been read from `path`; point tiles only if `with_points`. Errors
+/// name other files.
+base::Result<TileTree> expandTileset(const gltf::json& tileset, const std::string& path, bool with_points);
 
 }  // namespace mesh::tiles

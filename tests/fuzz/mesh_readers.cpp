@@ -135,6 +135,18 @@ void readSubtree(base::ByteView bytes) {
   for (std::uint64_t below = 0; below < tiles; ++below) (void)subtree->hasChildSubtree(below);
 }
 
+// Two points with quantised positions, colours and normals.
+std::string pnts() {
+  const std::string table =
+      R"({"POINTS_LENGTH":2,"POSITION_QUANTIZED":{"byteOffset":0},"QUANTIZED_VOLUME_OFFSET":[1,2,3],)"
+      R"("QUANTIZED_VOLUME_SCALE":[1,2,3],"RGB":{"byteOffset":12},"NORMAL_OCT16P":{"byteOffset":18}})";
+  std::string s = "pnts";
+  for (const std::size_t n :
+       {std::size_t{1}, 28 + table.size() + 22, table.size(), std::size_t{22}, std::size_t{0}, std::size_t{0}})
+    s += number(n);
+  return s + table + std::string(22, '\3');
+}
+
 // A GLB whose points and indices are compressed by meshoptimizer.
 std::string meshoptGlb() {
   std::array<unsigned char, 512> points{}, indices{};
@@ -221,6 +233,7 @@ std::vector<base::Bytes> seeds() {
               R"([{"uri":"b%20.json?c"}],"implicitTiling":{"subdivisionScheme":"OCTREE","subtreeLevels":2,)"
               R"("availableLevels":3,"subtrees":{"uri":"{level}/{x}{y}{z}"}}}]}})"),
       seed(6, subtree()),
+      seed(6, pnts()),
       seed(6, b3dm()),
       seed(5, las()),
       seed(7, "2\n1 2 3 -7 255 0 9\r\n4 5e1 6 0 1 2 3\n1\n7 8 9 0 1 2 3\n"),
