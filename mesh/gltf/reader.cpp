@@ -2,10 +2,10 @@
 
 #include <array>
 #include <cmath>
-#include <glm/gtc/quaternion.hpp>
 #include <optional>
 
 #include "mesh/gltf/draco_mesh.h"
+#include "mesh/gltf/gpu_instances.h"
 #include "mesh/gltf/instances.h"
 #include "mesh/gltf/material.h"
 
@@ -23,12 +23,8 @@ glm::dmat4 nodeMatrix(const json& node) {
   if (const auto whole = numbers<glm::dmat4>(member(node, "matrix"))) return *whole;  // column-major, as glm's
   const auto translation = numbers<glm::dvec3>(member(node, "translation")).value_or(glm::dvec3(0.0));
   const auto scale = numbers<glm::dvec3>(member(node, "scale")).value_or(glm::dvec3(1.0));
-  // The order in the file is x y z w.
   const auto rotation = numbers<glm::dvec4>(member(node, "rotation")).value_or(glm::dvec4(0.0, 0.0, 0.0, 1.0));
-  glm::dmat4 matrix(glm::mat3_cast(glm::dquat(rotation.w, rotation.x, rotation.y, rotation.z)));
-  for (int k = 0; k < 3; ++k) matrix[k] *= scale[k];
-  matrix[3] = glm::dvec4(translation, 1.0);
-  return matrix;
+  return matrixOf(translation, rotation, scale);
 }
 
 // ---- Extensions ----
@@ -99,8 +95,9 @@ class SceneReader {
     for (const ShownNode& node : shown) {
       const std::uint64_t mesh = meshOf(node);
       if (mesh >= amounts_.meshes.size()) continue;
-      claimed.triangles += amounts_.meshes[mesh].triangles;
-      claimed.vertices += amounts_.meshes[mesh].vertices;
+      const double instances = GpuInstances::claimedBy(document_, document_.list("nodes")[node.index]);
+      claimed.triangles += instances * amounts_.meshes[mesh].triangles;
+      claimed.vertices += instances * amounts_.meshes[mesh].vertices;
     }
     return claimed;
   }
@@ -115,7 +112,8 @@ class SceneReader {
     const json& nodes = document_.list("nodes");
     // Where there are no nodes the meshes stand as they are.
     if (itemsOf(nodes) == 0) {
-      for (std::size_t m = 0; m < itemsOf(document_.list("meshes")); ++m) LUMIGRID_TRY(readMesh(m, out_from_document));
+      for (std::size_t m = 0; m < itemsOf(document_.list("meshes")); ++m)
+        LUMIGRID_TRY(readMesh(m, {}, out_from_document));
       return {};
     }
     std::vector<glm::dmat4> out_from_nodes;
@@ -124,22 +122,25 @@ class SceneReader {
       const json& node = nodes[one.index];
       const glm::dmat4& out_from_parent = one.parent == kMissing ? out_from_document : out_from_nodes[one.parent];
       out_from_nodes.push_back(out_from_parent * nodeMatrix(node));
-      if (extension(node, "EXT_mesh_gpu_instancing").is_object()) ++omissions_.instanced_nodes;
-      if (!member(node, "mesh").is_null()) LUMIGRID_TRY(readMesh(meshOf(one), out_from_nodes.back()));
+      if (member(node, "mesh").is_null()) continue;
+      const std::string place = "node " + std::to_string(one.index);
+      LUMIGRID_ASSIGN_OR_RETURN(const auto instances, GpuInstances::of(document_, node, place));
+      LUMIGRID_TRY(readMesh(meshOf(one), instances, out_from_nodes.back()));
     }
     return {};
   }
 
-  base::Result<void> readMesh(std::uint64_t index, const glm::dmat4& out_from_mesh) {
+  base::Result<void> readMesh(std::uint64_t index, const GpuInstances& instances, const glm::dmat4& out_from_node) {
     const std::string place = "mesh " + std::to_string(index);
     const json& primitives = member(item(document_.list("meshes"), index), "primitives");
     if (!primitives.is_array()) return invalidInput(place + " is not there or has no primitives");
     for (std::size_t p = 0; p < primitives.size(); ++p)
-      LUMIGRID_TRY(readPrimitive(primitives[p], place + " primitive " + std::to_string(p), out_from_mesh));
+      LUMIGRID_TRY(readPrimitive(primitives[p], place + " primitive " + std::to_string(p), instances, out_from_node));
     return {};
   }
 
-  base::Result<void> readPrimitive(const json& source, const std::string& place, const glm::dmat4& out_from_mesh) {
+  base::Result<void> readPrimitive(const json& source, const std::string& place, const GpuInstances& instances,
+                                   const glm::dmat4& out_from_node) {
     const std::uint64_t mode = integer(member(source, "mode"), 4);
     if (mode < 4 || mode > 6) {
       const bool is_points = mode == kPoints;
@@ -151,10 +152,14 @@ class SceneReader {
       return {};
     }
     LUMIGRID_ASSIGN_OR_RETURN(const auto primitive, findNumbers(source, place));
-    const std::uint64_t first = out_.vertexCount();
-    LUMIGRID_TRY(readVertices(primitive, place, out_from_mesh));
-    if (mode != kPoints)
-      LUMIGRID_TRY(readTriangles(primitive, place, first, glm::determinant(glm::dmat3(out_from_mesh)) < 0.0));
+    // Without vertices there is nothing to show, however often.
+    for (std::uint64_t i = 0; i < instances.count() && primitive.position.count > 0; ++i) {
+      const glm::dmat4 out_from_mesh = out_from_node * instances.nodeFromMesh(i);
+      const std::uint64_t first = out_.vertexCount();
+      LUMIGRID_TRY(readVertices(primitive, place, out_from_mesh));
+      if (mode != kPoints)
+        LUMIGRID_TRY(readTriangles(primitive, place, first, glm::determinant(glm::dmat3(out_from_mesh)) < 0.0));
+    }
     corners_read_ += static_cast<double>(primitive.indices ? primitive.indices->count : primitive.position.count);
     return report();
   }
@@ -321,9 +326,6 @@ class SceneReader {
 void Omissions::describe(std::vector<std::string>& warnings) const {
   if (const std::uint64_t left_out = point_primitives + line_primitives; left_out > 0)
     warnings.push_back(std::to_string(left_out) + " primitives of points or lines are left out");
-  if (instanced_nodes > 0)
-    warnings.push_back(std::to_string(instanced_nodes) +
-                       " nodes have many instances (EXT_mesh_gpu_instancing), which is not read; each is shown once");
   if (unread_textures == 1) warnings.push_back("a texture cannot be read, vertex colours stay: " + first_unread);
   if (unread_textures > 1)
     warnings.push_back(std::to_string(unread_textures) +

@@ -16,7 +16,6 @@ namespace mesh::gltf {
 struct Omissions {
   std::uint64_t point_primitives = 0;  ///< while triangles are read
   std::uint64_t line_primitives = 0;
-  std::uint64_t instanced_nodes = 0;                     ///< by EXT_mesh_gpu_instancing
   std::uint64_t unread_textures = 0;                     ///< of kinds or in places that are not read
   std::string first_unread;                              ///< says why, for the first of them
   std::set<std::string> unknown_extensions;              ///< that a document requires

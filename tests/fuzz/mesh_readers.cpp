@@ -200,7 +200,8 @@ std::string document() {
          R"({"index":0,"extensions":{"KHR_texture_transform":{"offset":[0,1],"rotation":1,"scale":[2,2]}}}}}],)"
          R"("textures":[{"source":0}],"images":[{"uri":"data:image/png;base64,iVBORw0KGgo"}],"meshes":[{"primitives":)"
          R"([{"attributes":{"POSITION":0,"COLOR_0":1},"mode":5,"material":0}]}],"nodes":[{"mesh":0,"scale":[1,2,3],)"
-         R"("children":[1]},{"mesh":0,"rotation":[0,0,0,1]}],"scenes":[{"nodes":[0]}]})";
+         R"("children":[1]},{"mesh":0,"rotation":[0,0,0,1],"extensions":{"EXT_mesh_gpu_instancing":{"attributes":)"
+         R"({"TRANSLATION":0,"SCALE":1}}}}],"scenes":[{"nodes":[0]}]})";
 }
 
 }  // namespace

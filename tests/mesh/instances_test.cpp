@@ -119,4 +119,86 @@ TEST_F(HostileGltf, countsWithoutBytesBehindThemAreRefused) {
   }
 }
 
+// ---- EXT_mesh_gpu_instancing
+
+/// The square, shown where three translations, rotations of 16 bits and scales put it.
+class GpuInstances : public testing::Test {
+ protected:
+  GpuInstances() {
+    const std::size_t begin = binary.size();
+    for (const float t : {0.0F, 0.0F, 0.0F, 5.0F, 0.0F, 0.0F, 0.0F, 7.0F, 0.0F}) put(binary, t);
+    const std::size_t turns = binary.size();
+    // No turn, half a turn around z, and no turn.
+    for (const int q : {0, 0, 0, 32767, 0, 0, 32767, 0, 0, 0, 0, 32767}) put(binary, static_cast<std::int16_t>(q));
+    const std::size_t scales = binary.size();
+    for (const float s : {1.0F, 1.0F, 1.0F, 2.0F, 2.0F, 2.0F, -1.0F, 1.0F, 1.0F}) put(binary, s);
+    document["buffers"][0]["byteLength"] = binary.size();
+    for (const auto& [offset, length] :
+         {std::pair{begin, turns - begin}, {turns, scales - turns}, {scales, binary.size() - scales}})
+      document["bufferViews"].push_back({{"buffer", 0}, {"byteOffset", offset}, {"byteLength", length}});
+    document["accessors"].push_back({{"bufferView", 3}, {"componentType", 5126}, {"count", 3}, {"type", "VEC3"}});
+    document["accessors"].push_back(
+        {{"bufferView", 4}, {"componentType", 5122}, {"count", 3}, {"type", "VEC4"}, {"normalized", true}});
+    document["accessors"].push_back({{"bufferView", 5}, {"componentType", 5126}, {"count", 3}, {"type", "VEC3"}});
+    attributes() = {{"TRANSLATION", 3}, {"ROTATION", 4}, {"SCALE", 5}};
+    document["nodes"][0]["translation"] = {100, 0, 0};
+  }
+  json& attributes() { return document["nodes"][0]["extensions"]["EXT_mesh_gpu_instancing"]["attributes"]; }
+  std::string error() const { return errorOf("instances.glb", glb(document, binary)); }
+
+  std::string binary;
+  json document = squareDocument(binary);
+};
+
+TEST_F(GpuInstances, standWhereTheirAttributesPutThem) {
+  const auto file = read("instances.glb", glb(document, binary));
+  ASSERT_TRUE(file) << file.error().message;
+  EXPECT_EQ(file->file.triangles, 6U);
+  EXPECT_TRUE(file->file.warnings.empty());
+  const auto corner = [&](std::size_t v) { return file->mesh.origin + glm::dvec3(file->mesh.positions[v]); };
+  ASSERT_EQ(file->mesh.positions.size(), 12U);
+  EXPECT_EQ(corner(2), glm::dvec3(101, 1, 0));
+  EXPECT_LT(glm::distance(corner(6), glm::dvec3(103, -2, 0)), 1e-5);
+  EXPECT_EQ(corner(10), glm::dvec3(99, 8, 0));
+  // The mirrored one is turned over, so that all show the side that they had.
+  for (std::size_t t = 0; t < 6; ++t) {
+    const auto at = [&](std::size_t k) { return corner(file->mesh.indices[3 * t + k]); };
+    EXPECT_GT(glm::cross(at(1) - at(0), at(2) - at(0)).z, 0.0) << t;
+  }
+}
+
+TEST_F(GpuInstances, needNoAttributeOfPlace) {
+  attributes() = {{"TRANSLATION", 3}, {"_ID", 5}};
+  const auto file = read("instances.glb", glb(document, binary));
+  ASSERT_TRUE(file) << file.error().message;
+  EXPECT_EQ(file->file.triangles, 6U);
+  attributes() = json::object();
+  EXPECT_EQ(read("instances.glb", glb(document, binary))->file.triangles, 2U);
+}
+
+TEST_F(GpuInstances, thatAreBrokenAreNamed) {
+  document["accessors"][5]["count"] = 2;
+  EXPECT_NE(error().find("node 0: the attributes of its instances have different numbers of elements"),
+            std::string::npos);
+  document["accessors"][5]["count"] = 4;
+  EXPECT_NE(error().find("node 0: \"SCALE\" of its instances: accessor 5 reaches past its buffer"), std::string::npos)
+      << error();
+  document["accessors"][5]["count"] = 3;
+  attributes()["ROTATION"] = 3;
+  EXPECT_NE(error().find("node 0: \"ROTATION\" of its instances has 3 components"), std::string::npos);
+}
+
+TEST_F(GpuInstances, beyondWhatAnyoneMeansAreRefusedBeforeTheyAreRead) {
+  writeStrip(100'000, document, binary);
+  // 600 instances that stand on zeros, and so take no bytes.
+  document["accessors"].push_back(
+      {{"componentType", 5126},
+       {"count", 600},
+       {"type", "VEC3"},
+       {"sparse",
+        {{"count", 1}, {"indices", {{"bufferView", 1}, {"componentType", 5121}}}, {"values", {{"bufferView", 0}}}}}});
+  attributes() = {{"TRANSLATION", 2}};
+  EXPECT_NE(error().find("instances make 60000000 triangles of the 100000 that the file holds"), std::string::npos);
+}
+
 }  // namespace
