@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <optional>
 
 #include "base/bytes.h"
 #include "base/error.h"
@@ -22,13 +23,16 @@ struct JpegPlane {
   std::array<std::uint16_t, 64> quant{};  ///< a coefficient's unit, in the order of JpegBlock; never 0
 };
 
-/// A JPEG's blocks in memory. Pixels are coded in *units* (the standard's MCU) of 8 or 16 pixels a side, each of which
-/// has across x down blocks of every plane. Reading from several threads is safe.
+/// A JPEG's blocks. Pixels are coded in *units* (the standard's MCU) of 8 or 16 pixels a side, each of which has
+/// across x down blocks of every plane. Reading from several threads is safe.
+///
+/// Most JPEGs stay coded in memory, with an index of where each unit begins; units that follow each other are then
+/// copied as bits. Those that are progressive, have restarts or tables without a code for everything are decoded.
 class JpegBlocks {
  public:
   /// Reads baseline and progressive JPEGs of 8 bits a sample, with one plane (grey) or three (YCbCr), the first of
   /// which has at most 2 x 2 blocks a unit and the others one. Errors: kUnsupported for all others, for a side over
-  /// 16384, and where the blocks would take more than `max_bytes` of memory; kInvalidInput for broken data, also where
+  /// 16384, and where they would take more than `max_bytes` of memory; kInvalidInput for broken data, also where
   /// libjpeg would only warn; kUnsupported also for means of blocks that no picture has.
   static Result<JpegBlocks> read(ByteView jpeg, std::uint64_t max_bytes);
   JpegBlocks(JpegBlocks&&) noexcept;
@@ -41,15 +45,21 @@ class JpegBlocks {
   int unitHeight() const { return 8 * plane(0).down; }
   int planes() const;  ///< 1 or 3
   const JpegPlane& plane(int number) const;
-  /// The plane's block x of row y, 0 <= x < wide and 0 <= y < high; the row's others follow it.
-  const JpegBlock* block(int plane, int x, int y) const;
+  /// The plane's block x of row y, 0 <= x < wide and 0 <= y < high.
+  JpegBlock block(int plane, int x, int y) const;
+  /// block(plane, x, y)[0], which is faster.
+  int mean(int plane, int x, int y) const;
+  /// The block of each plane that holds a pixel of the picture, at once.
+  void blocksAt(int x, int y, std::array<JpegBlock, 3>& blocks) const;
 
-  /// Writes a baseline JPEG of `width` x `height` pixels, 1 to 65500, with planes and quantization like this one.
-  /// fill(plane, y, row) writes the plane's blocks of row y, as many as hold pixels: means of -1024 to 1023, others of
-  /// -1023 to 1023. Huffman tables are those of this JPEG where they have a code for everything, as the standard's
-  /// have, else ones made for what was filled in, which takes three times as long. Errors: kInvalidInput where libjpeg
-  /// refuses.
-  Result<Bytes> encode(int width, int height, const std::function<void(int plane, int y, JpegBlock* row)>& fill) const;
+  /// unit(x, y, blocks) returns which unit of this JPEG is unit (x, y) of another one, no part of it beyond this
+  /// picture's edges; or it writes the unit's blocks to `blocks`, by planes and row by row, means of -1024 to 1023 and
+  /// others of -1023 to 1023.
+  using Units = std::function<std::optional<std::array<int, 2>>(int x, int y, JpegBlock* blocks)>;
+  /// Writes a baseline JPEG of across x down units, at most 65500 pixels a side, with planes and quantization like this
+  /// one. Huffman tables are those of this JPEG where they have a code for everything, as the standard's have, else
+  /// ones made for the picture, which takes three times as long. Errors: kInvalidInput where libjpeg refuses.
+  Result<Bytes> encode(int across, int down, const Units& unit) const;
 
  private:
   class Reader;

@@ -7,6 +7,7 @@
 #include <optional>
 #include <unordered_map>
 
+#include "base/check.h"
 #include "lod/texture/coverage.h"
 #include "lod/texture/dct.h"
 #include "lod/texture/fill.h"
@@ -84,7 +85,7 @@ class SlotTexels {
     }
     if (any == 0) return false;
     if (inside == kBlock * kBlock)
-      if (const base::JpegBlock* whole = wholeBlock(plane, x, y)) {
+      if (const auto whole = wholeBlock(plane, x, y)) {
         block = *whole;
         return true;
       }
@@ -132,11 +133,11 @@ class SlotTexels {
       }
   }
 
-  // The picture's block at this place of the slot, if all of it lies in the picture; else null.
-  const base::JpegBlock* wholeBlock(int plane, int x, int y) const {
+  // The picture's block at this place of the slot, if all of it lies in the picture.
+  std::optional<base::JpegBlock> wholeBlock(int plane, int x, int y) const {
     const glm::ivec2 first = at_ / texelsPerSample(plane) + kBlock * glm::ivec2(x, y);
     const glm::ivec2 end = (first + kBlock) * texelsPerSample(plane);
-    if (first.x < 0 || first.y < 0 || end.x > source_.size().x || end.y > source_.size().y) return nullptr;
+    if (first.x < 0 || first.y < 0 || end.x > source_.size().x || end.y > source_.size().y) return std::nullopt;
     return source_.blocks.block(plane, first.x / kBlock, first.y / kBlock);
   }
 
@@ -153,16 +154,21 @@ class SlotTexels {
   }
   BlockSamples decode(int plane, const glm::ivec2& block) const {
     const Quantization& quant = source_.blocks.plane(plane).quant;
-    if (const base::JpegBlock* whole = wholeBlock(plane, block.x, block.y)) return samplesOf(*whole, quant);
+    if (const auto whole = wholeBlock(plane, block.x, block.y)) return samplesOf(*whole, quant);
     // It lies across the picture's edge, beyond which the picture begins again.
     BlockSamples samples;
     const glm::ivec2 texels = texelsPerSample(plane);
+    base::JpegBlock shown;
+    glm::ivec2 shown_at(-1);
     for (int j = 0; j < kBlock; ++j)
       for (int i = 0; i < kBlock; ++i) {
         const glm::ivec2 texel = at_ + (kBlock * block + glm::ivec2(i, j)) * texels;
         const int x = wrapped(texel.x, source_.size().x) / texels.x, y = wrapped(texel.y, source_.size().y) / texels.y;
-        samples[j * kBlock + i] =
-            sampleOf(*source_.blocks.block(plane, x / kBlock, y / kBlock), quant, x % kBlock, y % kBlock);
+        if (const glm::ivec2 at(x / kBlock, y / kBlock); at != shown_at) {
+          shown = source_.blocks.block(plane, at.x, at.y);
+          shown_at = at;
+        }
+        samples[j * kBlock + i] = sampleOf(shown, quant, x % kBlock, y % kBlock);
       }
     return samples;
   }
@@ -201,7 +207,8 @@ class SlotTexels {
 class BlockPage {
  public:
   BlockPage(const BlockSource& source, const PagePlan& plan) : source_(source), plan_(plan) {
-    size_ = (plan.size + source.unit() - 1) / source.unit();
+    size_ = plan.size / source.unit();
+    LUMIGRID_CHECK(size_ * source.unit() == plan.size);
     const auto units = static_cast<std::size_t>(size_.x) * static_cast<std::size_t>(size_.y);
     units_.resize(units);
     const base::JpegPlane& first = source.blocks.plane(0);
@@ -245,8 +252,14 @@ class BlockPage {
         std::memset(view.mask.row(y), 1, static_cast<std::size_t>(view.mask.width));
     }
     fillUncovered(meansOf({0, 0}, size_));
-    return source_.blocks.encode(plan_.size.x, plan_.size.y,
-                                 [this](int plane, int y, base::JpegBlock* row) { fillRow(plane, y, row); });
+    return source_.blocks.encode(
+        size_.x, size_.y,
+        [this](int x, int y, base::JpegBlock* blocks) -> std::optional<std::array<int, 2>> {
+          const Unit& unit = unitAt({x, y});
+          if (unit.kind == kCopied) return std::array<int, 2>{unit.from.x, unit.from.y};
+          fillUnit({x, y}, unit, blocks);
+          return std::nullopt;
+        });
   }
 
  private:
@@ -294,15 +307,15 @@ class BlockPage {
     std::array<std::uint8_t, 3> mean{};
     for (int plane = 1; plane < source_.blocks.planes(); ++plane)
       mean[static_cast<std::size_t>(plane)] =
-          meanOf(*source_.blocks.block(plane, from.x, from.y), source_.blocks.plane(plane).quant);
+          meanOf(source_.blocks.mean(plane, from.x, from.y), source_.blocks.plane(plane).quant);
     for (int y = 0; y < first.down; ++y) {
-      const base::JpegBlock* blocks = source_.blocks.block(0, from.x * first.across, from.y * first.down + y);
       const int column = to.x * first.across, row = to.y * first.down + y;
       std::uint8_t* out = means_.at(column, row);
       std::uint8_t* known = &known_[static_cast<std::size_t>(row) * static_cast<std::size_t>(means_.width) +
                                     static_cast<std::size_t>(column)];
       for (int x = 0; x < first.across; ++x, out += 3) {
-        mean[0] = meanOf(blocks[x], first.quant);
+        const int coefficient = source_.blocks.mean(0, from.x * first.across + x, from.y * first.down + y);
+        mean[0] = meanOf(coefficient, first.quant);
         std::copy_n(mean.data(), 3, out);
         known[x] = 1;
       }
@@ -330,9 +343,9 @@ class BlockPage {
     forEachFirstBlock([&](int x, int y) {
       const auto block = static_cast<std::size_t>(y * first.across + x);
       if (shows[block] == 0) return;
-      noteMean(to, x, y, 0, blocks[block]);
+      noteMean(to, x, y, 0, blocks[block][0]);
       for (int plane = 1; plane < source_.blocks.planes(); ++plane)
-        noteMean(to, x, y, plane, blocks[blocks_per_unit_ - 3 + static_cast<std::size_t>(plane)]);
+        noteMean(to, x, y, plane, blocks[blocks_per_unit_ - 3 + static_cast<std::size_t>(plane)][0]);
     });
     for (std::size_t i = 0; i < blocks.size(); ++i) made_.push_back({blocks[i], shows[i] != 0});
     return true;
@@ -345,7 +358,7 @@ class BlockPage {
     for (int plane = 0; plane < source_.blocks.planes(); ++plane) {
       const base::JpegPlane& p = source_.blocks.plane(plane);
       const int x = texel.x * p.across / source_.unit().x, y = texel.y * p.down / source_.unit().y;
-      noteMean(to, 0, 0, plane, *source_.blocks.block(plane, x, y));
+      noteMean(to, 0, 0, plane, source_.blocks.mean(plane, x, y));
     }
   }
 
@@ -356,10 +369,10 @@ class BlockPage {
   }
 
   // x and y: the block of the first plane in its unit.
-  void noteMean(const glm::ivec2& unit, int x, int y, int plane, const base::JpegBlock& block) {
+  void noteMean(const glm::ivec2& unit, int x, int y, int plane, int coefficient) {
     const base::JpegPlane& first = source_.blocks.plane(0);
     const int column = unit.x * first.across + x, row = unit.y * first.down + y;
-    means_.at(column, row)[plane] = meanOf(block, source_.blocks.plane(plane).quant);
+    means_.at(column, row)[plane] = meanOf(coefficient, source_.blocks.plane(plane).quant);
     known_[static_cast<std::size_t>(row) * static_cast<std::size_t>(means_.width) + static_cast<std::size_t>(column)] =
         1;
   }
@@ -373,32 +386,20 @@ class BlockPage {
             {known_.data() + offset, means_.width, units.x * plane.across, units.y * plane.down}};
   }
 
-  // Writes a row of the plane's blocks.
-  void fillRow(int plane, int y, base::JpegBlock* row) {
-    const base::JpegPlane& p = source_.blocks.plane(plane);
-    const auto before = static_cast<std::size_t>(plane == 0 ? 0 : static_cast<int>(blocks_per_unit_) - 3 + plane);
-    const int within = y % p.down, wide = (plan_.size.x * p.across + source_.unit().x - 1) / source_.unit().x;
-    for (int x = 0; x < wide; ++x) {
-      const Unit& unit = unitAt({x / p.across, y / p.down});
-      const std::size_t block = before + static_cast<std::size_t>(within * p.across + x % p.across);
-      if (unit.kind == kCopied) {
-        // Units that follow each other in the picture as well are copied together.
-        const int first = x / p.across;
-        int end = first + 1;
-        while (end * p.across < wide && followsTo(unit, end - first, unitAt({end, y / p.down}))) ++end;
-        const int count = std::min(end * p.across, wide) - x;
-        std::copy_n(source_.blocks.block(plane, unit.from.x * p.across, unit.from.y * p.down + within), count, row + x);
-        x += count - 1;
-      } else if (unit.kind == kMade && made_[unit.blocks + block].shows) {
-        row[x] = made_[unit.blocks + block].block;
-      } else {
-        const base::JpegPlane& first = source_.blocks.plane(0);
-        row[x] = flatBlock(means_.at(x * first.across / p.across, y * first.down / p.down)[plane], p.quant);
-      }
+  // Writes the blocks of a unit that is not copied.
+  void fillUnit(const glm::ivec2& at, const Unit& unit, base::JpegBlock* blocks) {
+    const base::JpegPlane& first = source_.blocks.plane(0);
+    std::size_t block = 0;
+    for (int plane = 0; plane < source_.blocks.planes(); ++plane) {
+      const base::JpegPlane& p = source_.blocks.plane(plane);
+      for (int y = at.y * p.down; y < (at.y + 1) * p.down; ++y)
+        for (int x = at.x * p.across; x < (at.x + 1) * p.across; ++x, ++block) {
+          const bool made = unit.kind == kMade && made_[unit.blocks + block].shows;
+          blocks[block] =
+              made ? made_[unit.blocks + block].block
+                   : flatBlock(means_.at(x * first.across / p.across, y * first.down / p.down)[plane], p.quant);
+        }
     }
-  }
-  static bool followsTo(const Unit& unit, int distance, const Unit& other) {
-    return other.kind == kCopied && other.from == unit.from + glm::ivec2(distance, 0);
   }
 
   struct MadeBlock {

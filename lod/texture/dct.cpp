@@ -90,8 +90,8 @@ float sampleOf(const base::JpegBlock& block, const Quantization& quant, int x, i
   return sample;
 }
 
-std::uint8_t meanOf(const base::JpegBlock& block, const Quantization& quant) {
-  const int eighths = 8 * static_cast<int>(kMiddle) + block[0] * int{quant[0]};
+std::uint8_t meanOf(int coefficient, const Quantization& quant) {
+  const int eighths = 8 * static_cast<int>(kMiddle) + coefficient * int{quant[0]};
   return static_cast<std::uint8_t>(std::clamp((eighths + 4) >> 3, 0, 255));
 }
 

@@ -16,8 +16,8 @@ BlockSamples samplesOf(const base::JpegBlock& block, const Quantization& quant);
 base::JpegBlock blockOf(const BlockSamples& samples, const Quantization& quant);
 /// One sample of a block; x and y are 0 to 7.
 float sampleOf(const base::JpegBlock& block, const Quantization& quant, int x, int y);
-/// The mean of a block's samples, 0 to 255.
-std::uint8_t meanOf(const base::JpegBlock& block, const Quantization& quant);
+/// The mean of a block's samples, 0 to 255, by its first coefficient.
+std::uint8_t meanOf(int coefficient, const Quantization& quant);
 /// The nearest block whose samples are all alike.
 base::JpegBlock flatBlock(std::uint8_t mean, const Quantization& quant);
 

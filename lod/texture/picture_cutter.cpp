@@ -108,11 +108,13 @@ glm::vec3 PictureCutter::colorAt(int x, int y) const {
     return {texel[0], texel[1], texel[2]};
   }
   std::array<float, 3> sample{0.0F, 128.0F, 128.0F};
+  std::array<base::JpegBlock, 3> blocks;
+  blocks_->blocksAt(x, y, blocks);
   for (int p = 0; p < blocks_->planes(); ++p) {
     const base::JpegPlane& plane = blocks_->plane(p);
     const int column = x * 8 * plane.across / blocks_->unitWidth(), row = y * 8 * plane.down / blocks_->unitHeight();
     sample[static_cast<std::size_t>(p)] =
-        sampleOf(*blocks_->block(p, column / 8, row / 8), plane.quant, column % 8, row % 8);
+        sampleOf(blocks[static_cast<std::size_t>(p)], plane.quant, column % 8, row % 8);
   }
   // JFIF 1.02, section 7: RGB of YCbCr.
   const float cb = sample[1] - 128.0F, cr = sample[2] - 128.0F;

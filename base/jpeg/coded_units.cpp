@@ -1,0 +1,261 @@
+#include "base/jpeg/coded_units.h"
+
+#include <algorithm>
+#include <bit>
+#include <cstdlib>
+#include <limits>
+
+#include "base/check.h"
+
+namespace base::jpeg {
+namespace {
+
+constexpr unsigned kCoefficients = 64;
+
+// A unit that goes on behind the end of the data is noticed when it has been read. It has at most 6 blocks of 64
+// symbols of at most 27 bits.
+constexpr std::size_t kMargin = CodedUnits::kMaxBlocks * kCoefficients * 27 / 8 + 16;
+
+// Where the coefficients lie in a block, in the order in which they are coded (T.81, figure A.6).
+constexpr std::array<std::uint8_t, kCoefficients> kZigzag = [] {
+  std::array<std::uint8_t, kCoefficients> order{};
+  int x = 0, y = 0;
+  for (std::uint8_t& place : order) {
+    place = static_cast<std::uint8_t>(8 * y + x);
+    const bool up = (x + y) % 2 == 0;
+    if (up && x == 7) {
+      ++y;
+    } else if (up && y == 0) {
+      ++x;
+    } else if (!up && y == 7) {
+      ++x;
+    } else if (!up && x == 0) {
+      ++y;
+    } else {
+      x += up ? 1 : -1, y += up ? -1 : 1;
+    }
+  }
+  return order;
+}();
+
+// T.81, F.2.2.1: a value of `bits` bits.
+int extended(std::uint32_t value, unsigned bits) {
+  if (bits == 0) return 0;
+  const auto number = static_cast<int>(value);
+  return value >> (bits - 1) != 0 ? number : number - (1 << bits) + 1;
+}
+
+// Reads a difference of means. Nothing where there is no such code.
+std::optional<int> readDifference(BitReader& in, const HuffmanTable& table) {
+  in.refill();
+  const HuffmanTable::Symbol symbol = table.symbolOf(in.peek(16));
+  if (symbol.length == 0 || symbol.value > 11) return std::nullopt;
+  in.drop(symbol.length);
+  if (symbol.value == 0) return 0;
+  const std::uint32_t value = in.peek(symbol.value);
+  in.drop(symbol.value);
+  return extended(value, symbol.value);
+}
+
+// Passes over a block's coefficients but its mean. Returns whether they are whole.
+bool skipOthers(BitReader& in, const HuffmanTable& table) {
+  for (unsigned k = 1; k < kCoefficients;) {
+    in.refill();
+    const Skip skip = table.skipOf(in.peek(HuffmanTable::kWindow));
+    if (skip.bits != 0 && k + skip.steps <= kCoefficients) {
+      in.drop(skip.bits);
+      if (skip.ends != 0) return true;
+      k += skip.steps;
+      continue;
+    }
+    const HuffmanTable::Symbol symbol = table.symbolOf(in.peek(16));
+    if (symbol.length == 0) return false;
+    in.drop(symbol.length + (symbol.value & 15U));
+    if (symbol.value == 0) return true;
+    k += (symbol.value >> 4) + 1U;
+    if (k > kCoefficients) return false;
+  }
+  return true;
+}
+
+void readOthers(BitReader& in, const HuffmanTable& table, Block& block) {
+  for (unsigned k = 1; k < kCoefficients; ++k) {
+    in.refill();
+    const HuffmanTable::Symbol symbol = table.symbolOf(in.peek(16));
+    in.drop(symbol.length);
+    if (symbol.value == 0) return;
+    k += symbol.value >> 4;
+    const unsigned size = symbol.value & 15U;
+    if (size == 0 || k >= kCoefficients) continue;
+    block[kZigzag[k]] = static_cast<std::int16_t>(extended(in.peek(size), size));
+    in.drop(size);
+  }
+}
+
+// The bits of a value and how many they are (T.81, F.1.2.1).
+struct Value {
+  std::uint32_t bits = 0;
+  unsigned size = 0;
+};
+Value valueOf(int number) {
+  const auto size = static_cast<unsigned>(std::bit_width(static_cast<unsigned>(std::abs(number))));
+  const int bits = number < 0 ? number + (1 << size) - 1 : number;
+  return {static_cast<std::uint32_t>(bits), size};
+}
+
+}  // namespace
+
+std::optional<CodedUnits> CodedUnits::read(const UnitLayout& layout, ByteView coded, std::uint64_t max_bytes) {
+  CodedUnits units(layout);
+  const std::size_t count = layout.across * layout.down, blocks = layout.blocks();
+  LUMIGRID_CHECK(count > 0 && !layout.planes.empty() && blocks <= kMaxBlocks);
+  // A block has at least two bits.
+  if (coded.size() > std::numeric_limits<std::uint32_t>::max() / 8 || count * blocks > coded.size() * 4 ||
+      coded.size() + kMargin + count * (sizeof(std::uint32_t) + blocks * sizeof(std::int16_t)) > max_bytes)
+    return std::nullopt;
+  units.bytes_ = std::make_unique_for_overwrite<std::uint8_t[]>(coded.size() + kMargin);
+  std::size_t written = 0;
+  const auto end = unstuff(coded, units.bytes_.get(), written);
+  constexpr std::uint8_t kEndOfImage = 0xD9;
+  if (!end || coded[*end + 1] != kEndOfImage) return std::nullopt;
+  std::fill_n(units.bytes_.get() + written, kMargin, std::uint8_t{0});
+  if (!units.findUnits(std::uint64_t{8} * written)) return std::nullopt;
+  return units;
+}
+
+bool CodedUnits::findUnits(std::uint64_t bits) {
+  const std::size_t count = layout_.across * layout_.down, blocks = layout_.blocks();
+  starts_.reserve(count + 1);
+  means_.reserve(count * blocks);
+  std::array<int, 3> mean{};
+  BitReader in(bytes_.get(), 0);
+  for (std::size_t unit = 0; unit < count; ++unit) {
+    starts_.push_back(static_cast<std::uint32_t>(in.position()));
+    for (std::size_t block = 0; block < blocks; ++block) {
+      const std::size_t plane = planeOf(block);
+      const auto difference = readDifference(in, *layout_.planes[plane].means);
+      if (!difference) return false;
+      mean[plane] += *difference;
+      if (mean[plane] < -1024 || mean[plane] > 1023) return false;
+      means_.push_back(static_cast<std::int16_t>(mean[plane]));
+      if (!skipOthers(in, *layout_.planes[plane].others)) return false;
+    }
+    if (in.position() > bits) return false;
+  }
+  starts_.push_back(static_cast<std::uint32_t>(in.position()));
+  return bits - in.position() < 8;  // more would be data that belongs nowhere
+}
+
+void CodedUnits::decode(std::size_t unit, std::span<Block* const> blocks) const {
+  BitReader in(bytes_.get(), starts_[unit]);
+  for (std::size_t block = 0; block < blocks.size(); ++block) {
+    const PlaneCode& code = layout_.planes[planeOf(block)];
+    (void)readDifference(in, *code.means);
+    if (blocks[block] == nullptr) {
+      (void)skipOthers(in, *code.others);
+      continue;
+    }
+    blocks[block]->fill(0);
+    (*blocks[block])[0] = mean(unit, block);
+    readOthers(in, *code.others, *blocks[block]);
+  }
+}
+
+// Writes units one after the other. Those that follow each other in the source are copied as one run of bits, of which
+// only the means that their differences begin with have other codes.
+class CodedUnits::Encoder {
+ public:
+  explicit Encoder(const CodedUnits& units) : units_(units) {}
+
+  void copy(std::size_t unit) {
+    if (first_ < end_ && unit == end_) {
+      ++end_;
+      return;
+    }
+    copyRun();
+    first_ = unit, end_ = unit + 1;
+  }
+  void make(const Block* blocks) {
+    copyRun();
+    for (std::size_t block = 0; block < units_.layout_.blocks(); ++block) {
+      const std::size_t plane = units_.planeOf(block);
+      putMean(plane, blocks[block][0]);
+      putOthers(*units_.layout_.planes[plane].others, blocks[block]);
+    }
+  }
+  void finish(Bytes& out) {
+    copyRun();
+    out_.finish(out);
+  }
+
+ private:
+  void copyRun() {
+    if (first_ == end_) return;
+    const std::uint8_t* const bytes = units_.bytes_.get();
+    const std::size_t blocks = units_.layout_.blocks(), first_blocks = units_.layout_.first_blocks;
+    BitReader in(bytes, units_.starts_[first_]);
+    for (std::size_t block = 0; block < blocks; ++block) {
+      const std::size_t plane = units_.planeOf(block);
+      const PlaneCode& code = units_.layout_.planes[plane];
+      std::uint64_t from = in.position();
+      (void)readDifference(in, *code.means);
+      if (block == 0 || block >= first_blocks) {
+        putMean(plane, units_.mean(first_, block));
+        from = in.position();
+      }
+      (void)skipOthers(in, *code.others);
+      out_.copy(bytes, from, in.position());
+    }
+    out_.copy(bytes, units_.starts_[first_ + 1], units_.starts_[end_]);
+    for (std::size_t block = first_blocks - 1; block < blocks; ++block)
+      before_[units_.planeOf(block)] = units_.mean(end_ - 1, block);
+    first_ = end_ = 0;
+  }
+
+  void putMean(std::size_t plane, int mean) {
+    const Value value = valueOf(mean - before_[plane]);
+    putSymbol(*units_.layout_.planes[plane].means, value.size, value);
+    before_[plane] = mean;
+  }
+  void putOthers(const HuffmanTable& table, const Block& block) {
+    constexpr unsigned kSixteenZeros = 0xF0, kEnd = 0;
+    unsigned zeros = 0;
+    for (unsigned k = 1; k < kCoefficients; ++k) {
+      const int number = block[kZigzag[k]];
+      if (number == 0) {
+        ++zeros;
+        continue;
+      }
+      for (; zeros > 15; zeros -= 16) putSymbol(table, kSixteenZeros, {});
+      const Value value = valueOf(number);
+      putSymbol(table, (zeros << 4) | value.size, value);
+      zeros = 0;
+    }
+    if (zeros > 0) putSymbol(table, kEnd, {});
+  }
+  void putSymbol(const HuffmanTable& table, unsigned symbol, const Value& value) {
+    const HuffmanTable::Code code = table.codeOf(static_cast<std::uint8_t>(symbol));
+    LUMIGRID_CHECK(value.size <= 11 && code.length != 0);
+    out_.put(code.bits, code.length);
+    out_.put(value.bits, value.size);
+  }
+
+  const CodedUnits& units_;
+  BitWriter out_;
+  std::array<int, 3> before_{};        // the planes' last means
+  std::size_t first_ = 0, end_ = 0;  // units of the source that are not copied yet
+};
+
+void CodedUnits::encode(std::size_t count, const Source& source, Bytes& out) const {
+  std::array<Block, kMaxBlocks> blocks;
+  Encoder encoder(*this);
+  for (std::size_t i = 0; i < count; ++i) {
+    if (const auto unit = source(i, blocks.data()))
+      encoder.copy(*unit);
+    else
+      encoder.make(blocks.data());
+  }
+  encoder.finish(out);
+}
+
+}  // namespace base::jpeg
