@@ -158,6 +158,7 @@ Image halved(const Image& image) {
 }
 
 int wrapped(double i, int size) {
+  if (i >= 0.0 && i < size) return static_cast<int>(i);  // as most are, without a division
   const double r = i - std::floor(i / size) * size;
   return std::clamp(static_cast<int>(r), 0, size - 1);
 }

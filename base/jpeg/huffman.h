@@ -23,7 +23,7 @@ struct Skip {
 class HuffmanTable {
  public:
   /// A code of at most so many bits is found by one look-up.
-  static constexpr unsigned kWindow = 12;
+  static constexpr unsigned kWindow = 13;
   struct Symbol {
     std::uint8_t value = 0;
     std::uint8_t length = 0;  ///< of the code, bits; 0: there is none

@@ -3,7 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <cstring>
-#include <memory>
 #include <optional>
 #include <unordered_map>
 
@@ -41,22 +40,24 @@ struct Reach {
 // The chart's texels in its slot, for blocks that cannot be copied whole.
 class SlotTexels {
  public:
-  SlotTexels(const BlockSource& source, const Chart& chart, std::uint32_t joined, const Slot& slot)
+  // `wanted`: by unit of the slot, which of them makeBlock() and begin() need; they and their neighbours count.
+  SlotTexels(const BlockSource& source, const Chart& chart, std::uint32_t joined, const Slot& slot,
+             const std::vector<glm::ivec2>& wanted)
       : source_(source),
         joined_(joined),
         reach_(chart, source.size()),
         at_(chart.min - (slot.origin - slot.min)),
         size_(slot.size) {
-    kept_.resize(static_cast<std::size_t>(size_.x) * static_cast<std::size_t>(size_.y));
-    const glm::ivec2 units = size_ / source.unit();
-    complete_.resize(static_cast<std::size_t>(units.x) * static_cast<std::size_t>(units.y));
-    const MaskView mask{kept_.data(), size_.x, size_.x, size_.y};
-    for (const StepTriangle& triangle : chart.triangles) {
-      std::array<glm::dvec2, 3> corners;
-      for (int i = 0; i < 3; ++i)
-        corners[i] = glm::dvec2(triangle.corners[i] - at_ * kCornerSteps) / double{kCornerSteps};
-      coverTriangle(corners, PictureCharts::kReach, mask);
-    }
+    const glm::ivec2 units = size_ / source_.unit();
+    tiles_.resize(static_cast<std::size_t>(units.x) * static_cast<std::size_t>(units.y), kNoTile);
+    std::size_t tiles = 0;
+    for (const glm::ivec2& unit : wanted)
+      for (int y = std::max(unit.y - 1, 0); y <= std::min(unit.y + 1, units.y - 1); ++y)
+        for (int x = std::max(unit.x - 1, 0); x <= std::min(unit.x + 1, units.x - 1); ++x)
+          if (std::size_t& tile = tiles_[tileIndex({x, y})]; tile == kNoTile) tile = tiles++;
+    complete_.resize(tiles);
+    kept_.resize(tiles * tileTexels());
+    for (const StepTriangle& triangle : chart.triangles) cover(triangle);
   }
 
   // Called before makeBlock() for the blocks of a unit of the slot.
@@ -67,8 +68,7 @@ class SlotTexels {
 
   // Returns false where the block shows nothing of the chart. x and y count the plane's blocks from the slot's corner.
   bool makeBlock(int plane, int x, int y, base::JpegBlock& block) {
-    std::array<float, kSpan * kSpan> values{};
-    std::array<std::uint8_t, kSpan * kSpan> known{};
+    Span span;
     int inside = 0, any = 0;
     const glm::ivec2 texels = texelsPerSample(plane);
     for (int j = 0; j < kSpan; ++j) {
@@ -77,8 +77,8 @@ class SlotTexels {
       for (int i = 0; i < kSpan; ++i) {
         const int column = kBlock * x + i - kApron;
         if (column < 0 || column * texels.x >= size_.x || !keeps({column * texels.x, row * texels.y}, texels)) continue;
-        values[j * kSpan + i] = valueAt(plane, {column, row});
-        known[j * kSpan + i] = 1;
+        span.values[Span::at(i, j)] = valueAt(plane, {column, row});
+        span.known[Span::at(i, j)] = 1.0F;
         ++any;
         if (std::min(i, j) >= kApron && std::max(i, j) < kApron + kBlock) ++inside;
       }
@@ -89,10 +89,10 @@ class SlotTexels {
         block = *whole;
         return true;
       }
-    fillGaps(values, known);
+    fillGaps(span);
     BlockSamples samples;
     for (int j = 0; j < kBlock; ++j)
-      for (int i = 0; i < kBlock; ++i) samples[j * kBlock + i] = values[(j + kApron) * kSpan + i + kApron];
+      for (int i = 0; i < kBlock; ++i) samples[j * kBlock + i] = span.values[Span::at(i + kApron, j + kApron)];
     block = blockOf(samples, source_.blocks.plane(plane).quant);
     return true;
   }
@@ -104,32 +104,60 @@ class SlotTexels {
     return source_.unit() / glm::ivec2(kBlock * p.across, kBlock * p.down);
   }
 
-  // Whether the chart covers one of these texels of the slot.
+  // Whether the chart covers one of these texels, which lie in one unit of the slot.
   bool keeps(const glm::ivec2& first, const glm::ivec2& texels) const {
-    const std::uint8_t* row = &kept_[index(first.x, first.y)];
-    for (int y = 0; y < texels.y; ++y, row += size_.x)
+    const glm::ivec2 unit = source_.unit(), at = first / unit;
+    const std::uint8_t* row = tileAt(at) + (first.y - at.y * unit.y) * unit.x + (first.x - at.x * unit.x);
+    for (int y = 0; y < texels.y; ++y, row += unit.x)
       for (int x = 0; x < texels.x; ++x)
         if (row[x] != 0) return true;
     return false;
   }
-  std::size_t index(int x, int y) const {
-    return static_cast<std::size_t>(y) * static_cast<std::size_t>(size_.x) + static_cast<std::size_t>(x);
+  std::size_t tileIndex(const glm::ivec2& unit) const {
+    return static_cast<std::size_t>(unit.y) * static_cast<std::size_t>(size_.x / source_.unit().x) +
+           static_cast<std::size_t>(unit.x);
+  }
+  std::size_t tileTexels() const {
+    return static_cast<std::size_t>(source_.unit().x) * static_cast<std::size_t>(source_.unit().y);
+  }
+  const std::uint8_t* tileAt(const glm::ivec2& unit) const { return &kept_[tiles_[tileIndex(unit)] * tileTexels()]; }
+
+  void cover(const StepTriangle& triangle) {
+    const glm::ivec2 unit = source_.unit(), units = size_ / unit;
+    glm::ivec2 low = triangle.corners[0] - at_ * kCornerSteps, high = low;
+    std::array<glm::ivec2, 3> steps{};
+    for (int i = 0; i < 3; ++i) {
+      steps[i] = triangle.corners[i] - at_ * kCornerSteps;
+      low = glm::min(low, steps[i]), high = glm::max(high, steps[i]);
+    }
+    // Texels beside the triangle count, too.
+    const glm::ivec2 first = glm::max((low / kCornerSteps - 1) / unit, 0);
+    const glm::ivec2 last = glm::min((high / kCornerSteps + 1) / unit, units - 1);
+    for (int y = first.y; y <= last.y; ++y)
+      for (int x = first.x; x <= last.x; ++x) {
+        const std::size_t tile = tiles_[tileIndex({x, y})];
+        if (tile == kNoTile) continue;
+        std::array<glm::dvec2, 3> corners;
+        for (int i = 0; i < 3; ++i)
+          corners[i] = glm::dvec2(steps[i] - glm::ivec2(x, y) * unit * kCornerSteps) / double{kCornerSteps};
+        coverTriangle(corners, PictureCharts::kReach, {&kept_[tile * tileTexels()], unit.x, unit.x, unit.y});
+      }
   }
 
   // Adds the texels of a unit that charts of other leaves cover which hang together with this one.
   void completeUnit(const glm::ivec2& unit) {
     const glm::ivec2 texels = source_.unit(), units = size_ / texels;
     if (unit.x < 0 || unit.y < 0 || unit.x >= units.x || unit.y >= units.y) return;
-    std::uint8_t& done = complete_[static_cast<std::size_t>(unit.y) * static_cast<std::size_t>(units.x) +
-                                   static_cast<std::size_t>(unit.x)];
-    if (done != 0) return;
-    done = 1;
+    const std::size_t tile = tiles_[tileIndex(unit)];
+    if (complete_[tile] != 0) return;
+    complete_[tile] = 1;
+    std::uint8_t* kept = &kept_[tile * tileTexels()];
     for (int y = unit.y * texels.y; y < (unit.y + 1) * texels.y; ++y)
-      for (int x = unit.x * texels.x; x < (unit.x + 1) * texels.x; ++x) {
-        if (kept_[index(x, y)] != 0 || !reach_.holds(at_ + glm::ivec2(x, y), glm::ivec2(1))) continue;
+      for (int x = unit.x * texels.x; x < (unit.x + 1) * texels.x; ++x, ++kept) {
+        if (*kept != 0 || !reach_.holds(at_ + glm::ivec2(x, y), glm::ivec2(1))) continue;
         const int column = wrapped(at_.x + x, source_.size().x), row = wrapped(at_.y + y, source_.size().y);
         if (source_.covered.covers(column, row) && source_.units.at(column / texels.x, row / texels.y) == joined_)
-          kept_[index(x, y)] = 1;
+          *kept = 1;
       }
   }
 
@@ -173,22 +201,39 @@ class SlotTexels {
     return samples;
   }
 
-  // Fills samples that are not known from known ones around them, again and again.
-  static void fillGaps(std::array<float, kSpan * kSpan>& values, std::array<std::uint8_t, kSpan * kSpan>& known) {
-    for (std::uint8_t pass = 1; std::count(known.begin(), known.end(), 0) > 0; ++pass)
+  // Samples of a block and around it, with a border of one more.
+  struct Span {
+    static constexpr int kWide = kSpan + 2, kStride = 16;
+    // 0 where the sample is not known; `known` is 1 or 0. Floats, so that a compiler can take many samples at a time.
+    std::array<float, kWide * kStride> values{}, known{};
+    static int at(int i, int j) { return (j + 1) * kStride + i + 1; }
+  };
+
+  // Fills the block's samples that are not known from known ones around them, again and again.
+  static void fillGaps(Span& span) {
+    const auto isOpen = [&] {
+      float known = 0.0F;
+      for (int j = kApron; j < kApron + kBlock; ++j)
+        for (int i = kApron; i < kApron + kBlock; ++i) known += span.known[Span::at(i, j)];
+      return known < kBlock * kBlock;
+    };
+    while (isOpen()) {
+      std::array<float, kSpan * kSpan> sums{}, counts{};
+      for (int j = 0; j < kSpan; ++j)
+        for (int y = -1; y <= 1; ++y)
+          for (int x = -1; x <= 1; ++x) {
+            const float *const values = &span.values[Span::at(x, j + y)], *const known = &span.known[Span::at(x, j + y)];
+            for (int i = 0; i < kSpan; ++i) sums[j * kSpan + i] += values[i], counts[j * kSpan + i] += known[i];
+          }
       for (int j = 0; j < kSpan; ++j)
         for (int i = 0; i < kSpan; ++i) {
-          if (known[j * kSpan + i] != 0) continue;
-          float sum = 0.0F;
-          int count = 0;
-          for (int y = std::max(j - 1, 0); y <= std::min(j + 1, kSpan - 1); ++y)
-            for (int x = std::max(i - 1, 0); x <= std::min(i + 1, kSpan - 1); ++x)
-              if (const std::uint8_t age = known[y * kSpan + x]; age != 0 && age <= pass)
-                sum += values[y * kSpan + x], ++count;
-          if (count == 0) continue;
-          values[j * kSpan + i] = sum / static_cast<float>(count);
-          known[j * kSpan + i] = static_cast<std::uint8_t>(pass + 1);
+          float &value = span.values[Span::at(i, j)], &known = span.known[Span::at(i, j)];
+          const float count = counts[j * kSpan + i];
+          if (known != 0.0F || count == 0.0F) continue;
+          value = sums[j * kSpan + i] / count;
+          known = 1.0F;
         }
+    }
   }
 
   const BlockSource& source_;
@@ -196,8 +241,10 @@ class SlotTexels {
   const Reach reach_;
   const glm::ivec2 at_;                 // the slot's corner in the picture
   const glm::ivec2 size_;               // of the slot, texels
-  std::vector<std::uint8_t> kept_;      // by texel of the slot: whether the chart covers it
-  std::vector<std::uint8_t> complete_;  // by unit of the slot
+  static constexpr std::size_t kNoTile = ~std::size_t{0};
+  std::vector<std::size_t> tiles_;      // by unit of the slot: its number among those that are kept
+  std::vector<std::uint8_t> kept_;      // by tile and texel: whether the chart covers it
+  std::vector<std::uint8_t> complete_;  // by tile
   std::unordered_map<std::uint64_t, BlockSamples> decoded_;
   const BlockSamples* last_ = nullptr;  // of decoded_, which valueAt() used last
   std::uint64_t last_key_ = 0;
@@ -222,7 +269,7 @@ class BlockPage {
     const glm::ivec2 units = slot.size / source_.unit(), first = slot.min / source_.unit();
     const std::vector<std::uint8_t> needed = neededUnits(chart, at, units);
     const Reach reach(chart, source_.size());
-    std::unique_ptr<SlotTexels> texels;
+    std::vector<glm::ivec2> others;  // than those that are copied
     bool shown = false;
     for (int y = 0; y < units.y; ++y)
       for (int x = 0; x < units.x; ++x) {
@@ -236,9 +283,12 @@ class BlockPage {
           shown = true;
           continue;
         }
-        if (texels == nullptr) texels = std::make_unique<SlotTexels>(source_, chart, joined, slot);
-        shown |= makeUnit(to, {x, y}, *texels);
+        others.emplace_back(x, y);
       }
+    if (!others.empty()) {
+      SlotTexels texels(source_, chart, joined, slot, others);
+      for (const glm::ivec2& unit : others) shown |= makeUnit(first + unit, unit, texels);
+    }
     if (!shown) showPoint(chart, first);
     fillUncovered(meansOf(first, units));
   }
