@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <bit>
 #include <cstring>
 #include <optional>
 #include <unordered_map>
@@ -47,8 +48,11 @@ class SlotTexels {
         joined_(joined),
         reach_(chart, source.size()),
         at_(chart.min - (slot.origin - slot.min)),
-        size_(slot.size) {
-    const glm::ivec2 units = size_ / source_.unit();
+        size_(slot.size),
+        unit_(source.unit()),
+        shift_(std::countr_zero(static_cast<unsigned>(unit_.x)), std::countr_zero(static_cast<unsigned>(unit_.y))),
+        wide_(size_.x / unit_.x) {
+    const glm::ivec2 units = size_ / unit_;
     tiles_.resize(static_cast<std::size_t>(units.x) * static_cast<std::size_t>(units.y), kNoTile);
     std::size_t tiles = 0;
     for (const glm::ivec2& unit : wanted)
@@ -106,24 +110,21 @@ class SlotTexels {
 
   // Whether the chart covers one of these texels, which lie in one unit of the slot.
   bool keeps(const glm::ivec2& first, const glm::ivec2& texels) const {
-    const glm::ivec2 unit = source_.unit(), at = first / unit;
-    const std::uint8_t* row = tileAt(at) + (first.y - at.y * unit.y) * unit.x + (first.x - at.x * unit.x);
-    for (int y = 0; y < texels.y; ++y, row += unit.x)
+    const std::size_t tile = tiles_[static_cast<std::size_t>((first.y >> shift_.y) * wide_ + (first.x >> shift_.x))];
+    const glm::ivec2 within = first & (unit_ - 1);
+    const std::uint8_t* row = &kept_[tile << (shift_.x + shift_.y)] + ((within.y << shift_.x) + within.x);
+    for (int y = 0; y < texels.y; ++y, row += unit_.x)
       for (int x = 0; x < texels.x; ++x)
         if (row[x] != 0) return true;
     return false;
   }
   std::size_t tileIndex(const glm::ivec2& unit) const {
-    return static_cast<std::size_t>(unit.y) * static_cast<std::size_t>(size_.x / source_.unit().x) +
-           static_cast<std::size_t>(unit.x);
+    return static_cast<std::size_t>(unit.y) * static_cast<std::size_t>(wide_) + static_cast<std::size_t>(unit.x);
   }
-  std::size_t tileTexels() const {
-    return static_cast<std::size_t>(source_.unit().x) * static_cast<std::size_t>(source_.unit().y);
-  }
-  const std::uint8_t* tileAt(const glm::ivec2& unit) const { return &kept_[tiles_[tileIndex(unit)] * tileTexels()]; }
+  std::size_t tileTexels() const { return std::size_t{1} << (shift_.x + shift_.y); }
 
   void cover(const StepTriangle& triangle) {
-    const glm::ivec2 unit = source_.unit(), units = size_ / unit;
+    const glm::ivec2 unit = unit_, units = size_ / unit;
     glm::ivec2 low = triangle.corners[0] - at_ * kCornerSteps, high = low;
     std::array<glm::ivec2, 3> steps{};
     for (int i = 0; i < 3; ++i) {
@@ -203,9 +204,9 @@ class SlotTexels {
 
   // Samples of a block and around it, with a border of one more.
   struct Span {
-    static constexpr int kWide = kSpan + 2, kStride = 16;
+    static constexpr int kStride = 16;
     // 0 where the sample is not known; `known` is 1 or 0. Floats, so that a compiler can take many samples at a time.
-    std::array<float, kWide * kStride> values{}, known{};
+    std::array<float, (kSpan + 3) * kStride> values{}, known{};
     static int at(int i, int j) { return (j + 1) * kStride + i + 1; }
   };
 
@@ -217,21 +218,22 @@ class SlotTexels {
         for (int i = kApron; i < kApron + kBlock; ++i) known += span.known[Span::at(i, j)];
       return known < kBlock * kBlock;
     };
+    constexpr int kFirst = Span::kStride + 1, kEnd = kFirst + kSpan * Span::kStride;
+    static_assert(kEnd + Span::kStride + 1 <= int{std::tuple_size_v<decltype(Span::values)>});
+    const auto around = [](const auto& v, int n) {
+      constexpr int kRow = Span::kStride;
+      return v[n - kRow - 1] + v[n - kRow] + v[n - kRow + 1] + v[n - 1] + v[n] + v[n + 1] + v[n + kRow - 1] +
+             v[n + kRow] + v[n + kRow + 1];
+    };
     while (isOpen()) {
-      std::array<float, kSpan * kSpan> sums{}, counts{};
+      std::array<float, kEnd> sums, counts;
+      for (int n = kFirst; n < kEnd; ++n) sums[n] = around(span.values, n);
+      for (int n = kFirst; n < kEnd; ++n) counts[n] = around(span.known, n);
       for (int j = 0; j < kSpan; ++j)
-        for (int y = -1; y <= 1; ++y)
-          for (int x = -1; x <= 1; ++x) {
-            const float *const values = &span.values[Span::at(x, j + y)], *const known = &span.known[Span::at(x, j + y)];
-            for (int i = 0; i < kSpan; ++i) sums[j * kSpan + i] += values[i], counts[j * kSpan + i] += known[i];
-          }
-      for (int j = 0; j < kSpan; ++j)
-        for (int i = 0; i < kSpan; ++i) {
-          float &value = span.values[Span::at(i, j)], &known = span.known[Span::at(i, j)];
-          const float count = counts[j * kSpan + i];
-          if (known != 0.0F || count == 0.0F) continue;
-          value = sums[j * kSpan + i] / count;
-          known = 1.0F;
+        for (int n = Span::at(0, j); n < Span::at(kSpan, j); ++n) {
+          if (span.known[n] != 0.0F || counts[n] == 0.0F) continue;
+          span.values[n] = sums[n] / counts[n];
+          span.known[n] = 1.0F;
         }
     }
   }
@@ -241,6 +243,8 @@ class SlotTexels {
   const Reach reach_;
   const glm::ivec2 at_;                 // the slot's corner in the picture
   const glm::ivec2 size_;               // of the slot, texels
+  const glm::ivec2 unit_, shift_;       // texels of a unit: 8 or 16, and the powers of two that these are
+  const int wide_;                      // units of the slot in a row
   static constexpr std::size_t kNoTile = ~std::size_t{0};
   std::vector<std::size_t> tiles_;      // by unit of the slot: its number among those that are kept
   std::vector<std::uint8_t> kept_;      // by tile and texel: whether the chart covers it
