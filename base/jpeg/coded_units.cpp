@@ -86,7 +86,7 @@ void readOthers(BitReader& in, const HuffmanTable& table, Block& block) {
     if (symbol.value == 0) return;
     k += symbol.value >> 4;
     const unsigned size = symbol.value & 15U;
-    if (size == 0 || k >= kCoefficients) continue;
+    if (size == 0 || k >= kCoefficients) continue;  // sixteen zeros
     block[kZigzag[k]] = static_cast<std::int16_t>(extended(in.peek(size), size));
     in.drop(size);
   }
@@ -220,7 +220,8 @@ class CodedUnits::Encoder {
   void putOthers(const HuffmanTable& table, const Block& block) {
     constexpr unsigned kSixteenZeros = 0xF0, kEnd = 0;
     unsigned zeros = 0;
-    for (unsigned k = 1; k < kCoefficients; ++k) {
+    const bool even = std::all_of(block.begin() + 1, block.end(), [](std::int16_t number) { return number == 0; });
+    for (unsigned k = even ? kCoefficients : 1; k < kCoefficients; ++k) {
       const int number = block[kZigzag[k]];
       if (number == 0) {
         ++zeros;
@@ -231,7 +232,7 @@ class CodedUnits::Encoder {
       putSymbol(table, (zeros << 4) | value.size, value);
       zeros = 0;
     }
-    if (zeros > 0) putSymbol(table, kEnd, {});
+    if (even || zeros > 0) putSymbol(table, kEnd, {});
   }
   void putSymbol(const HuffmanTable& table, unsigned symbol, const Value& value) {
     const HuffmanTable::Code code = table.codeOf(static_cast<std::uint8_t>(symbol));

@@ -220,15 +220,16 @@ class SlotTexels {
     };
     constexpr int kFirst = Span::kStride + 1, kEnd = kFirst + kSpan * Span::kStride;
     static_assert(kEnd + Span::kStride + 1 <= int{std::tuple_size_v<decltype(Span::values)>});
-    const auto around = [](const auto& v, int n) {
+    const auto addAround = [](const float* from, float* to) {
       constexpr int kRow = Span::kStride;
-      return v[n - kRow - 1] + v[n - kRow] + v[n - kRow + 1] + v[n - 1] + v[n] + v[n + 1] + v[n + kRow - 1] +
-             v[n + kRow] + v[n + kRow + 1];
+      for (int n = 0; n < kEnd - kFirst; ++n)
+        to[n] = from[n - kRow - 1] + from[n - kRow] + from[n - kRow + 1] + from[n - 1] + from[n] + from[n + 1] +
+                from[n + kRow - 1] + from[n + kRow] + from[n + kRow + 1];
     };
     while (isOpen()) {
       std::array<float, kEnd> sums, counts;
-      for (int n = kFirst; n < kEnd; ++n) sums[n] = around(span.values, n);
-      for (int n = kFirst; n < kEnd; ++n) counts[n] = around(span.known, n);
+      addAround(&span.values[kFirst], &sums[kFirst]);
+      addAround(&span.known[kFirst], &counts[kFirst]);
       for (int j = 0; j < kSpan; ++j)
         for (int n = Span::at(0, j); n < Span::at(kSpan, j); ++n) {
           if (span.known[n] != 0.0F || counts[n] == 0.0F) continue;
