@@ -240,7 +240,8 @@ class JpegBlocks::Reader {
     std::size_t unit = 0, end = 0;
     for (std::size_t c = 0; c < planes_.size(); ++c) {
       const JpegPlane &plane = planes_[c], &first = planes_[0];
-      const int column = x * plane.across / (DCTSIZE * first.across), row_number = y * plane.down / (DCTSIZE * first.down);
+      const int column = x * plane.across / (DCTSIZE * first.across),
+                row_number = y * plane.down / (DCTSIZE * first.down);
       if (!units_) {
         blocks[c] = row(static_cast<int>(c), row_number)[column];
         continue;
@@ -399,7 +400,7 @@ class JpegBlocks::Reader {
   jvirt_barray_ptr* arrays_ = nullptr;
   std::vector<JpegPlane> planes_;
   std::optional<jpeg::CodedUnits> units_;
-  Front front_;  // with units_
+  Front front_;                                      // with units_
   std::vector<std::vector<const JpegBlock*>> rows_;  // by plane, without units_
 };
 

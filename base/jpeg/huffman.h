@@ -53,11 +53,18 @@ class HuffmanTable {
 
   std::array<Symbol, 1U << kWindow> short_{};
   std::array<Skip, 1U << kWindow> several_{};
-  std::array<std::uint32_t, 17> end_{};   // the first bits, of 16, behind the codes of each length
+  std::array<std::uint32_t, 17> end_{};    // the first bits, of 16, behind the codes of each length
   std::array<std::uint16_t, 17> first_{};  // of symbols_, less the first code of this length
   std::array<std::uint8_t, 256> symbols_{};
   std::array<Code, 256> codes_{};
 };
+
+/// A value of `bits` bits, at most 15 (T.81, F.2.2.1); 0 for none.
+inline int extended(std::uint32_t value, unsigned bits) {
+  const auto number = static_cast<int>(value);
+  const int below = (1 << bits) - 1;
+  return 2 * number > below ? number : number - below;
+}
 
 /// Reads bits from the highest on, without bytes that are stuffed in. Up to 8 bytes are read beyond the bits asked for.
 class BitReader {
@@ -75,6 +82,10 @@ class BitReader {
   /// 1 to 32 bits.
   std::uint32_t peek(unsigned bits) const { return static_cast<std::uint32_t>(hold_ >> (64 - bits)); }
   void drop(unsigned bits) { hold_ <<= bits, left_ -= bits; }
+  /// The value of `size` bits, at most 15, behind the next `bits`.
+  int valueBehind(unsigned bits, unsigned size) const {
+    return extended(static_cast<std::uint32_t>(hold_ << bits >> 1 >> (63 - size)), size);
+  }
   /// In bits.
   std::uint64_t position() const { return static_cast<std::uint64_t>(next_ - data_) * 8 - left_; }
 

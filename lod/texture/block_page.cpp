@@ -242,10 +242,10 @@ class SlotTexels {
   const BlockSource& source_;
   const std::uint32_t joined_;
   const Reach reach_;
-  const glm::ivec2 at_;                 // the slot's corner in the picture
-  const glm::ivec2 size_;               // of the slot, texels
-  const glm::ivec2 unit_, shift_;       // texels of a unit: 8 or 16, and the powers of two that these are
-  const int wide_;                      // units of the slot in a row
+  const glm::ivec2 at_;            // the slot's corner in the picture
+  const glm::ivec2 size_;          // of the slot, texels
+  const glm::ivec2 unit_, shift_;  // texels of a unit: 8 or 16, and the powers of two that these are
+  const int wide_;                 // units of the slot in a row
   static constexpr std::size_t kNoTile = ~std::size_t{0};
   std::vector<std::size_t> tiles_;      // by unit of the slot: its number among those that are kept
   std::vector<std::uint8_t> kept_;      // by tile and texel: whether the chart covers it
@@ -307,14 +307,13 @@ class BlockPage {
         std::memset(view.mask.row(y), 1, static_cast<std::size_t>(view.mask.width));
     }
     fillUncovered(meansOf({0, 0}, size_));
-    return source_.blocks.encode(
-        size_.x, size_.y,
-        [this](int x, int y, base::JpegBlock* blocks) -> std::optional<std::array<int, 2>> {
-          const Unit& unit = unitAt({x, y});
-          if (unit.kind == kCopied) return std::array<int, 2>{unit.from.x, unit.from.y};
-          fillUnit({x, y}, unit, blocks);
-          return std::nullopt;
-        });
+    return source_.blocks.encode(size_.x, size_.y,
+                                 [this](int x, int y, base::JpegBlock* blocks) -> std::optional<std::array<int, 2>> {
+                                   const Unit& unit = unitAt({x, y});
+                                   if (unit.kind == kCopied) return std::array<int, 2>{unit.from.x, unit.from.y};
+                                   fillUnit({x, y}, unit, blocks);
+                                   return std::nullopt;
+                                 });
   }
 
  private:

@@ -269,11 +269,15 @@ base::Result<base::Bytes> encodePage(const PageLayout& layout, base::ByteView jp
   header.jpeg_bytes = static_cast<std::uint32_t>(jpeg.size());
 
   const Front front{kVersion, header.alpha ? kHasAlpha : std::uint8_t{0}, header.levels, 0};
-  base::ByteWriter out;
-  base::writeFields(out, headerFields(header, front));
-  for (const base::ByteView part : {base::ByteView(corners), alpha, jpeg}) out.bytes(part);
-  out.u32(base::crc32c(out.view()));
-  return out.takeBytes();
+  base::ByteWriter head, tail;
+  base::writeFields(head, headerFields(header, front));
+  base::Bytes out;
+  out.reserve(head.view().size() + corners.size() + alpha.size() + jpeg.size() + kChecksumBytes);
+  for (const base::ByteView part : {base::ByteView(head.view()), base::ByteView(corners), alpha, jpeg})
+    out.insert(out.end(), part.begin(), part.end());
+  tail.u32(base::crc32c(out));
+  out.insert(out.end(), tail.view().begin(), tail.view().end());
+  return out;
 }
 
 base::Result<Page> decodePage(base::ByteView bytes) {

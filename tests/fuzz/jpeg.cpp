@@ -1,17 +1,50 @@
-// Feeds any bytes to decodeJpeg.
+// Feeds any bytes to decodeJpeg, and to JpegBlocks, which must find the same picture in them.
 #include "base/jpeg/jpeg.h"
 
 #include "base/check.h"
+#include "base/jpeg/blocks.h"
 #include "tests/fuzz/fuzz.h"
 
 namespace {
 
 constexpr int kMaxSide = 128;
 
-base::Bytes seed(int width, int height, base::Subsampling subsampling) {
+base::Image pattern(int width, int height) {
   base::Image image(width, height, 3);
   for (std::size_t i = 0; i < image.pixels.size(); ++i) image.pixels[i] = static_cast<std::uint8_t>(i * i >> 5);
-  return *base::encodeJpeg(image, 60, subsampling);
+  return image;
+}
+base::Bytes seed(int width, int height, base::Subsampling subsampling) {
+  return *base::encodeJpeg(pattern(width, height), 60, subsampling);
+}
+// With the standard's tables, so that its units are copied as they are coded.
+base::Bytes standardSeed(int width, int height, base::Subsampling subsampling) {
+  base::Bytes bytes;
+  LUMIGRID_CHECK((*base::beginJpeg(width, height, 60, subsampling, bytes))->add(pattern(width, height)));
+  return bytes;
+}
+
+// Copies all units, and reads them in the copy.
+void copyUnits(base::ByteView bytes) {
+  const auto blocks = base::JpegBlocks::read(bytes, std::uint64_t{1} << 20);
+  if (!blocks) return;
+  LUMIGRID_CHECK(blocks->width() >= 1 && blocks->height() >= 1);
+  std::array<base::JpegBlock, 3> at{};
+  blocks->blocksAt(blocks->width() - 1, blocks->height() - 1, at);
+  for (int p = 0; p < blocks->planes(); ++p) {
+    const base::JpegPlane& plane = blocks->plane(p);
+    LUMIGRID_CHECK(at[static_cast<std::size_t>(p)] == blocks->block(p, plane.wide - 1, plane.high - 1));
+  }
+  const int across = blocks->width() / blocks->unitWidth(), down = blocks->height() / blocks->unitHeight();
+  if (across == 0 || down == 0) return;
+  const auto copy = blocks->encode(across, down, [](int x, int y, base::JpegBlock*) {
+    return std::optional(std::array{x, y});
+  });
+  if (!copy) return;  // libjpeg refuses what it reads
+  const bool whole = across * blocks->unitWidth() == blocks->width() && down * blocks->unitHeight() == blocks->height();
+  const auto before = base::decodeJpeg(bytes), after = base::decodeJpeg(*copy);
+  LUMIGRID_CHECK(static_cast<bool>(after));
+  if (whole && before) LUMIGRID_CHECK(before->pixels == after->pixels);
 }
 
 }  // namespace
@@ -19,11 +52,13 @@ base::Bytes seed(int width, int height, base::Subsampling subsampling) {
 namespace fuzz {
 
 std::vector<base::Bytes> seeds() {
-  return {seed(48, 32, base::Subsampling::k420), seed(17, 9, base::Subsampling::k422),
-          seed(8, 8, base::Subsampling::k444)};
+  return {seed(48, 32, base::Subsampling::k420),        seed(17, 9, base::Subsampling::k422),
+          seed(8, 8, base::Subsampling::k444),          standardSeed(48, 32, base::Subsampling::k420),
+          standardSeed(32, 8, base::Subsampling::k422), standardSeed(24, 16, base::Subsampling::k444)};
 }
 
 void fuzzOne(base::ByteView bytes) {
+  copyUnits(bytes);
   const auto image = base::decodeJpeg(bytes, kMaxSide);
   if (!image) return;
   LUMIGRID_CHECK(image->width >= 1 && image->width <= kMaxSide && image->height >= 1 && image->height <= kMaxSide);

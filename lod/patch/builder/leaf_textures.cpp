@@ -154,6 +154,9 @@ base::Result<texture::PictureCutter> openPicture(const mesh::SourcePicture& sour
   return texture::PictureCutter::open(bytes.view(), [source] { return mesh::readPicture(source); });
 }
 
+// Bytes of a record's numbers: before its leaves, before a leaf's pages, and before a page.
+constexpr std::size_t kRecordHead = 8, kLeafHead = 32, kPageHead = 9;
+
 }  // namespace
 
 // Makes the pages, picture by picture.
@@ -250,22 +253,34 @@ class LeafTextures::Maker {
         return {};
       }));
     }
-    base::ByteWriter out;
-    out.u32(number);
-    out.u32(static_cast<std::uint32_t>(leaves.size()));
+    // Numbers and pages by turns, in one piece of memory from the beginning.
+    base::ByteWriter numbers;
+    base::Bytes out;
+    std::size_t bytes = kRecordHead;
+    for (const MadePages& m : made) {
+      bytes += kLeafHead;
+      for (const MadePages::One& page : m.pages) bytes += kPageHead + page.bytes.size();
+    }
+    out.reserve(bytes);
+    const auto append = [&out](base::ByteView view) { out.insert(out.end(), view.begin(), view.end()); };
+    numbers.u32(number);
+    numbers.u32(static_cast<std::uint32_t>(leaves.size()));
     for (std::size_t i = 0; i < leaves.size(); ++i) {
       const MadePages& m = made[i];
-      base::writeFields(out, std::tie(leaves[i], m.squares, m.area, m.texels));
-      out.u32(static_cast<std::uint32_t>(m.pages.size()));
+      base::writeFields(numbers, std::tie(leaves[i], m.squares, m.area, m.texels));
+      numbers.u32(static_cast<std::uint32_t>(m.pages.size()));
       for (const MadePages::One& page : m.pages) {
-        out.f32(page.texel);
-        out.u8(page.reduced ? 1 : 0);
-        out.u32(static_cast<std::uint32_t>(page.bytes.size()));
-        out.bytes(page.bytes);
+        numbers.f32(page.texel);
+        numbers.u8(page.reduced ? 1 : 0);
+        numbers.u32(static_cast<std::uint32_t>(page.bytes.size()));
+        append(numbers.takeBytes());
+        numbers = {};
+        append(page.bytes);
       }
       made[i] = {};
     }
-    return out.takeBytes();
+    append(numbers.view());
+    return out;
   }
 
   // Notes what lies in a record of the log.

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <random>
+#include <utility>
 #include <vector>
 
 #include "base/jpeg/jpeg.h"
@@ -83,6 +84,98 @@ TEST(JpegBlocks, anyBlocksComeBackFromJpegsWithAnyTables) {
         for (int x = 0; x < 4; ++x)
           EXPECT_EQ(back->block(plane, x, y), given[static_cast<std::size_t>(16 * plane + 4 * y + x)]);
   }
+}
+
+// The same picture with the standard's tables, so that units stay coded.
+Bytes standardJpeg(const Image& image, int quality, Subsampling subsampling) {
+  Bytes bytes;
+  auto rows = beginJpeg(image.width, image.height, quality, subsampling, bytes, false);
+  EXPECT_TRUE(rows && (*rows)->add(image));
+  return bytes;
+}
+
+// With tables of its own a JPEG is decoded by libjpeg, and this one's blocks are the same.
+TEST(JpegBlocks, thatStayCodedAreThoseThatLibjpegDecodes) {
+  const Image image = noisy(203, 131);
+  for (const int quality : {40, 85, 100})
+    for (const Subsampling subsampling : {Subsampling::k420, Subsampling::k422, Subsampling::k444}) {
+      const auto coded = JpegBlocks::read(standardJpeg(image, quality, subsampling), kPlenty);
+      const auto decoded = JpegBlocks::read(*encodeJpeg(image, quality, subsampling), kPlenty);
+      ASSERT_TRUE(coded && decoded);
+      for (int p = 0; p < 3; ++p) {
+        const JpegPlane& plane = decoded->plane(p);
+        EXPECT_EQ(coded->plane(p).quant, plane.quant);
+        ASSERT_EQ(coded->plane(p).wide, plane.wide);
+        ASSERT_EQ(coded->plane(p).high, plane.high);
+        for (int y = 0; y < plane.high; ++y)
+          for (int x = 0; x < plane.wide; ++x) {
+            ASSERT_EQ(coded->block(p, x, y), decoded->block(p, x, y)) << p << ' ' << x << ' ' << y;
+            ASSERT_EQ(coded->mean(p, x, y), decoded->block(p, x, y)[0]);
+          }
+      }
+      std::array<JpegBlock, 3> one{}, other{};
+      for (const auto& [x, y] : {std::pair(0, 0), std::pair(202, 130), std::pair(90, 41)}) {
+        coded->blocksAt(x, y, one);
+        decoded->blocksAt(x, y, other);
+        EXPECT_EQ(one, other);
+        EXPECT_EQ(one[0], decoded->block(0, x / 8, y / 8));
+      }
+    }
+}
+
+// Units that are copied and such that are made alternate, in runs of several lengths.
+TEST(JpegBlocks, thatStayCodedAreCopiedInAnyOrder) {
+  for (const Subsampling subsampling : {Subsampling::k420, Subsampling::k422, Subsampling::k444}) {
+    const Image image = noisy(160, 96);
+    const auto coded = JpegBlocks::read(standardJpeg(image, 90, subsampling), kPlenty);
+    const auto decoded = JpegBlocks::read(*encodeJpeg(image, 90, subsampling), kPlenty);
+    ASSERT_TRUE(coded && decoded);
+    const int wide = 160 / coded->unitWidth(), high = 96 / coded->unitHeight();
+    const int down = coded->plane(0).down, across = coded->plane(0).across, blocks = across * down + 2;
+    const auto unit = [&](int x, int y, JpegBlock* out) -> std::optional<std::array<int, 2>> {
+      std::mt19937 random(static_cast<unsigned>(x / 3 + 100 * y));
+      if (random() % 4 != 0) return std::array{(x + static_cast<int>(random() % 3)) % wide, (7 * y + 3) % high};
+      for (int b = 0; b < blocks; ++b) {
+        out[b].fill(0);
+        out[b][0] = static_cast<std::int16_t>(static_cast<int>(random() % 2048) - 1024);
+        for (unsigned i = 1; i < random() % 64; ++i)
+          out[b][i] = static_cast<std::int16_t>(static_cast<int>(random() % 2047) - 1023);
+      }
+      return std::nullopt;
+    };
+    const auto copied = coded->encode(wide, high, unit), written = decoded->encode(wide, high, unit);
+    ASSERT_TRUE(copied && written);
+    const auto one = decodeJpeg(*copied), other = decodeJpeg(*written);
+    ASSERT_TRUE(one && other);
+    EXPECT_EQ(one->pixels, other->pixels);
+    const auto back = JpegBlocks::read(*copied, kPlenty), known = JpegBlocks::read(*written, kPlenty);
+    ASSERT_TRUE(back && known);
+    for (int p = 0; p < 3; ++p)
+      for (int y = 0; y < known->plane(p).high; ++y)
+        for (int x = 0; x < known->plane(p).wide; ++x) ASSERT_EQ(back->block(p, x, y), known->block(p, x, y));
+  }
+}
+
+TEST(JpegBlocks, ofAWholePictureAreItsBytes) {
+  const Bytes jpeg = standardJpeg(noisy(96, 64), 90, Subsampling::k420);
+  const auto blocks = JpegBlocks::read(jpeg, kPlenty);
+  ASSERT_TRUE(blocks);
+  const auto copy = blocks->encode(6, 4, [](int x, int y, JpegBlock*) { return std::optional(std::array{x, y}); });
+  ASSERT_TRUE(copy);
+  EXPECT_EQ(*copy, jpeg);
+}
+
+TEST(JpegBlocks, thatStayCodedAreRefusedWhereTheyAreBroken) {
+  const Bytes jpeg = standardJpeg(noisy(64, 64), 80, Subsampling::k420);
+  for (std::size_t length = 0; length + 2 < jpeg.size(); length += 7)
+    EXPECT_FALSE(JpegBlocks::read(ByteView(jpeg).first(length), kPlenty)) << length;
+  // Data that goes on behind the last unit, as libjpeg warns of.
+  Bytes longer = jpeg;
+  longer.insert(longer.end() - 2, 40, 0x55);
+  EXPECT_FALSE(JpegBlocks::read(longer, kPlenty));
+  const auto tooMany = JpegBlocks::read(jpeg, 1000);
+  ASSERT_FALSE(tooMany);
+  EXPECT_EQ(tooMany.error().code, ErrorCode::kUnsupported);
 }
 
 TEST(JpegBlocks, brokenOrOtherBytesAreRefused) {
