@@ -21,7 +21,7 @@ struct PlaneCode {
   std::shared_ptr<const HuffmanTable> means, others;
 };
 
-/// What is coded. Planes but the first have one block a unit.
+/// How the units are coded. Planes but the first have one block in each.
 struct UnitLayout {
   std::size_t across = 0, down = 0;  ///< units of the picture
   std::size_t first_blocks = 1;      ///< blocks of the first plane in a unit: 1, 2 or 4

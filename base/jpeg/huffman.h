@@ -12,7 +12,7 @@
 
 namespace base::jpeg {
 
-/// What a table of an interval of bits tells, in 16 bits so that tables stay in the nearest cache.
+/// Whole symbols at the beginning of some bits, told in 16 bits so that tables stay in the nearest cache.
 struct Skip {
   std::uint16_t bits : 5;   ///< of whole symbols and their values; 0 where the code is longer than the table's window
   std::uint16_t steps : 7;  ///< by which they go on among a block's coefficients, an end of block counted as 1
