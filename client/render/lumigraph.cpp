@@ -254,8 +254,9 @@ base::Result<std::unique_ptr<LumigraphRenderer>> LumigraphRenderer::create(const
 
   LUMIGRID_ASSIGN_OR_RETURN(
       auto blend, base::gl::Program::link("lumigraph blend", glsl::kBlendVertex,
-                                          lod::draw::shadingSource() + lod::draw::viewModesSource() + glsl::kView +
-                                              glsl::kProxySurface + glsl::kBlendSamples + glsl::kBlendFragment));
+                                          lod::draw::shadingSource() + lod::draw::seenNormalSource() +
+                                              lod::draw::viewModesSource() + glsl::kView + glsl::kProxySurface +
+                                              glsl::kBlendSamples + glsl::kBlendFragment));
   LUMIGRID_ASSIGN_OR_RETURN(auto depth,
                             base::gl::Program::link("lumigraph depth", glsl::kDepthVertex, glsl::kDepthFragment));
   impl.blend = std::move(blend);

@@ -57,7 +57,8 @@ void setPlace(const base::gl::Program& program, const char* name, std::size_t pl
 }  // namespace
 
 base::Result<PixelBlend> PixelBlend::create() {
-  const std::string view = lod::draw::shadingSource() + lod::draw::viewModesSource() + glsl::kView;
+  const std::string view =
+      lod::draw::shadingSource() + lod::draw::seenNormalSource() + lod::draw::viewModesSource() + glsl::kView;
   PixelBlend result;
   LUMIGRID_ASSIGN_OR_RETURN(result.surface_, base::gl::Program::link("lumigraph surface", glsl::kBlendVertex,
                                                                      view + glsl::kProxySurface + glsl::kSurfaceCode +

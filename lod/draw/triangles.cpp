@@ -125,6 +125,10 @@ const PatchMeshes::Mesh& PatchMeshes::mesh(std::uint32_t patch) const {
   return found->second;
 }
 
+std::string seenNormalSource() {
+  return glsl::kSeenNormal;
+}
+
 std::string shadingSource() {
   return glsl::kShading;
 }

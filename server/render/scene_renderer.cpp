@@ -34,7 +34,7 @@ std::string fragmentOf(SurfaceKind kind, const std::string& source) {
 /// Defines SHADED(color) for the fragment shader. `layers`: of the shadow map, 0 for none.
 std::string shadedSource(int layers) {
   if (layers == 0)
-    return lod::draw::shadingSource() + "#define SHADED(color) shadeSurface(color, v_normal, v_to_eye)\n";
+    return lod::draw::shadingSource() + "#define SHADED(color) shadeSurface(color, seenNormalHere(), v_to_eye)\n";
   return "#define LAYERS " + std::to_string(layers) + "\n" + lod::draw::ShadowMap::shadingSource() +
          "in vec3 v_from_eye;\n#define SHADED(color) shadeInLight(color, v_normal, v_to_eye, v_from_eye)\n";
 }
@@ -44,10 +44,11 @@ base::Result<base::gl::Program> linkProgram(const base::Light& light, SurfaceKin
   if (is_unlit && !with_modes)
     return base::gl::Program::link("unlit", definesOf(kind) + glsl::kUnlitVertex,
                                    fragmentOf(kind, glsl::kUnlitFragment));
-  const std::string vertex = std::string(with_modes ? "#define VIEW_MODES\n" : "") +
-                             (layers > 0 ? "#define SHADOWS\n" : "") + definesOf(kind) + glsl::kSurfaceVertex;
-  const std::string shading = shadedSource(layers) + (with_modes ? lod::draw::viewModesSource() + glsl::kModesFragment
-                                                                 : std::string(glsl::kSurfaceFragment));
+  const std::string vertex =
+      std::string(layers > 0 ? "#define SHADOWS\n" : "") + definesOf(kind) + glsl::kSurfaceVertex;
+  const std::string shading =
+      lod::draw::seenNormalSource() + glsl::kSurfaceNormal + shadedSource(layers) +
+      (with_modes ? lod::draw::viewModesSource() + glsl::kModesFragment : std::string(glsl::kSurfaceFragment));
   auto program =
       base::gl::Program::link(with_modes ? "surface with modes" : "surface", vertex, fragmentOf(kind, shading));
   if (program && layers == 0) lod::draw::setShading(*program, {is_unlit, light.direction});

@@ -102,7 +102,7 @@ TEST_F(Textures, objMaterialsColorTheirFaces) {
   // Scanned colours say more than a material.
   std::ofstream(folder / "paint.mtl") << "newmtl dark red\nKd 0.5 0 0\n";
   std::string scanned = squares;
-  for (std::size_t at = 0; (at = scanned.find(" 0\nv", at)) != std::string::npos; at += 2)
+  for (std::size_t at = 0; (at = scanned.find(" 0\nv", at)) != std::string::npos; at += 8)
     scanned.replace(at, 2, " 0 0 1 0");
   const auto own = read("squares.obj", scanned);
   ASSERT_TRUE(own) << own.error().message;

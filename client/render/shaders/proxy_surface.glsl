@@ -11,9 +11,7 @@ Surface surfaceHere() {
   vec3 facet = cross(dFdx(v_position), dFdy(v_position));
   if (dot(facet, here.to_eye) < 0.0) facet = -facet;
   here.facet = facet * inversesqrt(max(dot(facet, facet), 1e-30));
-  vec3 normal = dot(v_normal, facet) < 0.0 ? -v_normal : v_normal;
-  float squared = dot(normal, normal);
-  here.normal = squared > 1e-12 ? normal * inversesqrt(squared) : normalize(here.to_eye);
+  here.normal = seenNormal(v_normal, facet, here.to_eye);
   here.shaded = shadeSurface(v_color, here.normal, here.to_eye);
   here.edge = v_edge;
   return here;

@@ -1,5 +1,3 @@
-in vec3 v_normal;
-in vec3 v_to_eye;
 in vec3 v_color;
 layout(location = 0) out vec4 out_color;
 void main() {

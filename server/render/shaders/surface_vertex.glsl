@@ -1,5 +1,4 @@
-// With VIEW_MODES defined, for view modes: they have a program of their own, since few pictures have any. With SHADOWS,
-// for surfaces in a light that throws shadows.
+// With SHADOWS defined, for surfaces in a light that throws shadows.
 uniform mat4 u_clip_from_scene;
 uniform vec4 u_eye;                    // homogeneous: parallel rays come from a point at infinity
 layout(location = 0) in vec3 position;
@@ -10,9 +9,7 @@ uniform vec2 u_page_scale;             // from stored places to 0..1
 layout(location = 3) in vec2 page_corner;
 out vec2 v_place;
 #endif
-#ifdef VIEW_MODES
 out vec3 v_position;
-#endif
 #ifdef SHADOWS
 out vec3 v_from_eye;                   // the place, from the eye; in parallel views from the scene's zero
 #endif
@@ -20,9 +17,7 @@ out vec3 v_normal;
 out vec3 v_to_eye;
 out vec3 v_color;
 void main() {
-#ifdef VIEW_MODES
   v_position = position;
-#endif
 #ifdef SHADOWS
   v_from_eye = position - u_eye.w * u_eye.xyz;
 #endif
