@@ -25,7 +25,7 @@ class SplatTreeBuilder {
 
   base::Result<BuildSummary> run(const ingest::SourceInput& input) {
     const std::string key_prefix =
-        "qsplat 6 " + std::to_string(options_.dice) + " " + std::to_string(options_.position_bits) + " ";
+        "qsplat 7 " + std::to_string(options_.dice) + " " + std::to_string(options_.position_bits) + " ";
     LUMIGRID_TRY(build_.run(key_prefix, [&] { return runStages(input); }));
     build_.summarize(summary_);
     return std::move(summary_);
@@ -164,6 +164,7 @@ class SplatTreeBuilder {
   base::Result<void> write() {
     FileBuildOptions options;
     options.colors = info().has_colors;
+    options.points = !isMesh();
     options.threads = build_.threads();
     options.runs_path = build_.directory().path() + "/runs";
     if (options_.coded) {
@@ -171,7 +172,9 @@ class SplatTreeBuilder {
       options.plain_path = build_.directory().path() + "/plain";
     }
     options.progress = [this](const std::string& stage, double done) { return build_.report(stage, done); };
-    LUMIGRID_ASSIGN_OR_RETURN(summary_.header, writeTree(*subtrees_, build_.outputPath(), options));
+    LUMIGRID_ASSIGN_OR_RETURN(const auto written, writeTree(*subtrees_, build_.outputPath(), options));
+    summary_.header = written.header;
+    summary_.added_leaves = written.repeated_leaves;
     return {};
   }
 

@@ -20,7 +20,7 @@ struct BuildOptions : ingest::StagedBuildOptions {
 };
 
 struct BuildSummary : ingest::SourceSummary {
-  std::uint64_t added_leaves = 0;  ///< leaves added by dicing large triangles
+  std::uint64_t added_leaves = 0;  ///< by dicing large triangles, and repeating leaves far from all others
   Header header;
 };
 

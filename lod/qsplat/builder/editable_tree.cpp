@@ -124,6 +124,11 @@ void EditableTree::add(std::uint32_t parent, std::span<const TreeNode> nodes) {
   for (std::uint32_t i = parents_[added]; i != kNone; i = this->parent(i)) widenCone(i, nodes_[added]);
 }
 
+void EditableTree::replaceLeaf(std::uint32_t leaf, std::span<const TreeNode> nodes) {
+  const std::uint32_t above = parent(leaf);
+  replaceChild(above, leaf, append(nodes));
+}
+
 // Puts a node above the added one and the child that is nearest to it, in that child's place.
 std::uint32_t EditableTree::joinWithNearest(std::uint32_t parent, std::uint32_t added) {
   const auto radiusWith = [&](std::uint32_t child) {

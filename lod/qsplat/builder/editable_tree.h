@@ -48,6 +48,9 @@ class EditableTree {
   /// Adds a tree, given as its nodes breadth first, below an inner node: as one more child, or together with the child
   /// that it is nearest to. Spheres and cones above it grow where they must.
   void add(std::uint32_t parent, std::span<const TreeNode> nodes);
+  /// Puts a tree, given as its nodes breadth first, in the place of a leaf other than the root. Nothing above changes:
+  /// it must lie within the parent's sphere.
+  void replaceLeaf(std::uint32_t leaf, std::span<const TreeNode> nodes);
 
  private:
   std::uint32_t append(std::span<const TreeNode> nodes);

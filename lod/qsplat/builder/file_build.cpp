@@ -8,6 +8,7 @@
 #include "base/parallel.h"
 #include "lod/ingest/spool.h"
 #include "lod/qsplat/builder/code_file.h"
+#include "lod/qsplat/builder/lone_leaves.h"
 #include "lod/qsplat/builder/strays.h"
 #include "lod/qsplat/builder/tree_writer.h"
 
@@ -57,14 +58,13 @@ class FileBuilder {
         options_(options),
         strays_(subtrees.tiles(), [this](std::uint32_t tile) { return subtrees_.nodes(tile); }) {}
 
-  base::Result<Header> run(const std::string& path) {
+  base::Result<WrittenTree> run(const std::string& path) {
     LUMIGRID_TRY(moveStrays());
     makeTop();
     encodeTop();
     LUMIGRID_TRY(encodeTiles());
-    if (options_.plain_path.empty()) return writePlain(path);
-    if (const auto plain = writePlain(options_.plain_path); !plain) return plain.error();
-    return writeCoded(path);
+    LUMIGRID_ASSIGN_OR_RETURN(const auto header, writeEither(path));
+    return WrittenTree{header, repeated_leaves_};
   }
 
  private:
@@ -74,12 +74,22 @@ class FileBuilder {
     return base::tryParallelFor(roots_.size(), options_.threads, [this](std::size_t i) -> base::Result<void> {
       const auto t = static_cast<std::uint32_t>(i);
       roots_[t] = {subtrees_[t].root, subtrees_[t].root_node, subtrees_[t].nodes};
-      if (!strays_.changes(t)) return {};
-      LUMIGRID_ASSIGN_OR_RETURN(const auto nodes, strays_.nodes(t));
+      if (!options_.points && !strays_.changes(t)) return {};
+      bool widened = false;
+      LUMIGRID_ASSIGN_OR_RETURN(const auto nodes, nodesOf(t, &widened));
+      if (!strays_.changes(t) && !widened) return {};
       roots_[t].nodes = nodes.size();
       if (!nodes.empty()) roots_[t].setNode(nodes[0]);
       return {};
     });
+  }
+
+  // A tile's nodes with strays moved, and room for leaves that are far from others.
+  base::Result<std::vector<TreeNode>> nodesOf(std::uint32_t tile, bool* widened = nullptr) const {
+    LUMIGRID_ASSIGN_OR_RETURN(auto nodes, strays_.nodes(tile));
+    const bool any = options_.points && widenAroundLone(nodes);
+    if (widened != nullptr) *widened = any;
+    return nodes;
   }
 
   void makeTop() {
@@ -90,6 +100,12 @@ class FileBuilder {
       roots.push_back(roots_[t].splat);
     }
     top_ = makeTree(roots);
+  }
+
+  base::Result<Header> writeEither(const std::string& path) {
+    if (options_.plain_path.empty()) return writePlain(path);
+    if (const auto plain = writePlain(options_.plain_path); !plain) return plain.error();
+    return writeCoded(path);
   }
 
   base::Result<Header> writePlain(const std::string& path) {
@@ -160,18 +176,37 @@ class FileBuilder {
     extents_.resize(tiles_.size());
     std::mutex mutex;
     std::size_t done = 0;
-    const auto encodeTile = [&](std::size_t i) -> base::Result<void> {
-      LUMIGRID_ASSIGN_OR_RETURN(const auto nodes, strays_.nodes(tiles_[i]));
-      const auto runs = encodeSubtree(nodes, tile_spheres_[i], options_.colors, leafCones());
+    const auto encodeOne = [&](std::size_t i) -> base::Result<void> {
+      LUMIGRID_ASSIGN_OR_RETURN(auto nodes, nodesOf(tiles_[i]));
+      std::uint64_t repeated = 0;
+      const auto runs = encodeTile(i, std::move(nodes), repeated);
       const std::lock_guard lock(mutex);
+      repeated_leaves_ += repeated;
       for (const Run& run : runs) {
         extents_[i].push_back({runs_.size(), run.size()});
         LUMIGRID_TRY(runs_.append(run));
       }
       return report("encode", ++done, tiles_.size()) ? base::Result<void>() : cancelled();
     };
-    LUMIGRID_TRY(base::tryParallelFor(tiles_.size(), options_.threads, encodeTile));
+    LUMIGRID_TRY(base::tryParallelFor(tiles_.size(), options_.threads, encodeOne));
     return runs_.flush();
+  }
+
+  // `at`: the tile's place in tiles_. `repeated`: how many leaves repeat another.
+  std::vector<Run> encodeTile(std::size_t at, std::vector<TreeNode> nodes, std::uint64_t& repeated) {
+    std::vector<LargeLeaf> large;
+    const float usual = options_.points ? usualRadius(nodes) : 0.0F;
+    const auto note = [&](std::uint32_t leaf, float radius, const base::Sphere& parent) {
+      if (isTooLarge(radius, nodes[leaf].sphere.radius, usual)) large.push_back({leaf, parent, radius});
+    };
+    auto runs = encodeSubtree(nodes, tile_spheres_[at], options_.colors, leafCones(),
+                              options_.points ? VisitLeaf(note) : VisitLeaf());
+    if (large.empty()) return runs;
+    const NestedLeaves nested = nestLargeLeaves(std::move(nodes), std::move(large), usual);
+    repeated = nested.added_leaves;
+    // The root may no longer be above leaves alone. Its group has a pointer, as it has children.
+    tile_nodes_[at] = nested.nodes[0].encoded(tile_nodes_[at].sphereCode(), true, leafCones());
+    return encodeSubtree(nested.nodes, tile_spheres_[at], options_.colors, leafCones());
   }
 
   // Groups that lie side by side in a level: one group of the top tree, or a tile's run.
@@ -248,6 +283,7 @@ class FileBuilder {
   std::vector<std::vector<ingest::Extent>> extents_;
   base::Bytes buffer_;
   std::uint64_t written_ = 0;
+  std::uint64_t repeated_leaves_ = 0;
 };
 
 }  // namespace
@@ -287,7 +323,8 @@ base::Result<std::vector<TreeNode>> SubtreeStore::nodes(std::size_t tile) const 
   return nodes;
 }
 
-base::Result<Header> writeTree(const SubtreeStore& subtrees, const std::string& path, const FileBuildOptions& options) {
+base::Result<WrittenTree> writeTree(const SubtreeStore& subtrees, const std::string& path,
+                                    const FileBuildOptions& options) {
   return FileBuilder(subtrees, options).run(path);
 }
 

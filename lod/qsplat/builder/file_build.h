@@ -43,6 +43,7 @@ class SubtreeStore {
 
 struct FileBuildOptions {
   bool colors = false;
+  bool points = false;         ///< leaves are points, of which some may lie far from all others (lone_leaves.h)
   bool wide_pointers = false;  ///< use them even where offsets are short; long offsets get them in any case
   unsigned threads = 0;
   std::string runs_path;   ///< the work file of encoded nodes
@@ -50,8 +51,14 @@ struct FileBuildOptions {
   std::function<bool(const std::string& stage, double done)> progress;  ///< may be empty; false cancels
 };
 
+struct WrittenTree {
+  Header header;
+  std::uint64_t repeated_leaves = 0;  ///< how many leaves repeat another (lone_leaves.h)
+};
+
 /// The file appears at `path` whole or not at all. At least one tile must have nodes. Errors: kNoSpace, kIo,
 /// kCancelled, kUnsupported (a tree of more than 128 levels).
-base::Result<Header> writeTree(const SubtreeStore& subtrees, const std::string& path, const FileBuildOptions& options);
+base::Result<WrittenTree> writeTree(const SubtreeStore& subtrees, const std::string& path,
+                                    const FileBuildOptions& options);
 
 }  // namespace lod::qsplat::builder

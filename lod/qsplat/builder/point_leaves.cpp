@@ -22,9 +22,14 @@ namespace {
 
 // ---- planes ----
 
-// The eigenvector of the least eigenvalue of a symmetric matrix of trace 1, by Jacobi's rotations (Golub and Van Loan
-// 2013, section 8.5); zero where the least eigenvalue is a double one.
-glm::dvec3 leastEigenvector(glm::dmat3 a) {
+// The least eigenvalue of a symmetric matrix of trace 1 with its eigenvector, and the next one, by Jacobi's rotations
+// (Golub and Van Loan 2013, section 8.5). The vector is zero where the least eigenvalue is a double one.
+struct LeastEigenvector {
+  glm::dvec3 direction{0.0};
+  double value = 0.0;
+  double next = 0.0;
+};
+LeastEigenvector leastEigenvector(glm::dmat3 a) {
   glm::dmat3 v(1.0);
   for (int sweep = 0; sweep < 12; ++sweep) {
     const double off = a[0][1] * a[0][1] + a[0][2] * a[0][2] + a[1][2] * a[1][2];
@@ -45,7 +50,29 @@ glm::dvec3 leastEigenvector(glm::dmat3 a) {
   std::array<int, 3> order{0, 1, 2};
   std::sort(order.begin(), order.end(), [&](int x, int y) { return a[x][x] < a[y][y]; });
   constexpr double kMinGap = 1e-9;  // below, rounding decides the direction
-  return a[order[1]][order[1]] - a[order[0]][order[0]] > kMinGap ? v[order[0]] : glm::dvec3(0.0);
+  const double least = a[order[0]][order[0]], next = a[order[1]][order[1]];
+  return {next - least > kMinGap ? v[order[0]] : glm::dvec3(0.0), least, next};
+}
+
+// The mean of squared distances from the points' centre, along each pair of axes, and its trace.
+std::pair<glm::dmat3, double> spreadOf(std::span<const glm::dvec3> points) {
+  glm::dvec3 mean(0.0);
+  for (const glm::dvec3& p : points) mean += p;
+  mean /= static_cast<double>(points.size());
+  glm::dmat3 spread(0.0);
+  for (const glm::dvec3& p : points) spread += glm::outerProduct(p - mean, p - mean);
+  return {spread, spread[0][0] + spread[1][1] + spread[2][2]};
+}
+
+// Sparse points make a surface where their spread across it is at most so large beside the lesser one along it (squared
+// distances), and are noise in the air otherwise. A choice: it is 0.5 for noise, and 0.01 on gentle ground.
+constexpr double kMaxThickness = 0.06;
+// Whether the points lie about in a plane.
+bool areFlat(std::span<const glm::dvec3> points) {
+  const auto [spread, trace] = spreadOf(points);
+  if (!(trace > 0.0)) return false;
+  const LeastEigenvector least = leastEigenvector(spread / trace);
+  return least.value <= kMaxThickness * least.next;
 }
 
 // ---- leaves ----
@@ -54,9 +81,20 @@ constexpr std::size_t kNeighbours = 16;       // clip a Voronoi cell; hexagonal 
 constexpr std::size_t kPlaneNeighbours = 12;  // determine the plane
 constexpr std::size_t kTreeNeighbours = 8;    // are candidates for the spanning tree
 constexpr std::size_t kRimNeighbour = 6;      // limits the radius at the rim
-// Points farther away than this many times the median distance of the sixth neighbour are no neighbours. A choice: a
-// larger ratio closes wider gaps of uneven samplings, and joins parts that are not connected.
+// Points farther away than this many times the median distance of the sixth neighbour are no neighbours, but where
+// points lie so sparsely all around in a surface. A choice: a larger ratio closes wider gaps of uneven samplings, and
+// joins parts that are not connected.
 constexpr float kMaxDistanceRatio = 8.0F;
+// A point that fewer points have among their sixteen nearest is a stray: all around lie closer to others than to it. A
+// choice: strays come in small groups, and a point at a rim is a neighbour of eight.
+constexpr std::uint32_t kLeastListed = 6;
+// A point whose sixth neighbour is less than this many times as far as that of one next to it lies in a denser part
+// than that. A choice: in a scan from one place gaps grow by a tenth from a point to the next.
+constexpr float kSparseShare = 0.25F;
+
+// To a side without neighbours a point reaches so many times as far as its neighbours' sixth neighbours lie. A choice:
+// less opens holes at gaps that chance leaves in a surface.
+constexpr float kOpenReach = 1.5F;
 
 // Disjoint sets whose members each have a sign relative to their root's.
 class SignedSets {
@@ -132,6 +170,66 @@ class Neighbourhoods {
   std::vector<std::uint8_t> count_;
 };
 
+// How far points lie from others of their tile.
+class Gaps {
+ public:
+  // `near` holds neighbours among the tile's `points` points.
+  Gaps(const Neighbourhoods& near, std::size_t points)
+      : listed_(points, 0), sixth_(points, 0.0F), has_others_(points > kNeighbours + 1) {
+    for (std::uint32_t i = 0; i < points; ++i) {
+      const auto found = near.of(i);
+      for (const auto& f : found) listed_[f.index] += f.index != i ? 1U : 0U;
+      if (found.size() > kRimNeighbour) sixth_[i] = found[kRimNeighbour].distance_squared;
+    }
+  }
+  // The median squared distance of the sixth neighbour; `otherwise` where there are fewer points.
+  float usual(float otherwise) const {
+    if (sixth_.size() <= kRimNeighbour) return otherwise;
+    std::vector<float> sixth = sixth_;
+    const auto middle = sixth.begin() + static_cast<std::ptrdiff_t>(sixth.size() / 2);
+    std::nth_element(sixth.begin(), middle, sixth.end());
+    return *middle;
+  }
+  // Whether hardly any other point is near the point `i`, though others are near each other.
+  bool isStray(std::uint32_t i) const { return has_others_ && listed_[i] < kLeastListed; }
+  // How far a point reaches at most where it has no neighbour: little farther than its neighbours' sixth neighbours
+  // lie, a stray no farther than these and than is usual. Infinite where a neighbour lies in another tile, so that this
+  // is not known.
+  double openReach(std::uint32_t i, std::span<const ingest::NearestPoints::Neighbour> found, float usual) const {
+    std::vector<float> sixth;
+    for (const auto& f : found) {
+      if (f.index >= sixth_.size()) return std::numeric_limits<double>::infinity();
+      if (f.index != i) sixth.push_back(sixth_[f.index]);
+    }
+    float most = isStray(i) ? usual : kMaxDistanceRatio * kMaxDistanceRatio * usual;
+    if (has_others_ && !sixth.empty()) {
+      const auto middle = sixth.begin() + static_cast<std::ptrdiff_t>(sixth.size() / 2);
+      std::nth_element(sixth.begin(), middle, sixth.end());
+      most = std::min(most, (isStray(i) ? 1.0F : kOpenReach * kOpenReach) * *middle);
+    }
+    return static_cast<double>(std::sqrt(most));
+  }
+  // Whether most of a point's neighbours lie about as far from others as it does.
+  bool isSparseAround(std::span<const ingest::NearestPoints::Neighbour> found) const {
+    const auto sparse = std::count_if(found.begin() + 1, found.end(), [&](const auto& f) {
+      return kSparseShare * kSparseShare * sixth_[found[0].index] <= sixth_[f.index];
+    });
+    return 2 * static_cast<std::size_t>(sparse) >= found.size();
+  }
+
+ private:
+  std::vector<std::uint32_t> listed_;  // by point: how many have it among their nearest
+  std::vector<float> sixth_;           // by point: squared distance of its sixth neighbour
+  bool has_others_ = false;
+};
+
+std::vector<glm::dvec3> placesOf(std::span<const ingest::NearestPoints::Neighbour> found,
+                                 std::span<const glm::vec3> positions) {
+  std::vector<glm::dvec3> places;
+  for (const auto& f : found) places.emplace_back(positions[f.index]);
+  return places;
+}
+
 float distanceSquared(const base::Aabb& box, const glm::vec3& p) {
   const glm::vec3 d = glm::max(glm::max(box.min - p, p - box.max), glm::vec3(0.0F));
   return glm::dot(d, d);
@@ -140,27 +238,26 @@ float distanceSquared(const base::Aabb& box, const glm::vec3& p) {
 }  // namespace
 
 glm::dvec3 planeNormal(std::span<const glm::dvec3> points) {
-  glm::dvec3 mean(0.0);
-  for (const glm::dvec3& p : points) mean += p;
-  mean /= static_cast<double>(points.size());
-  glm::dmat3 spread(0.0);
-  for (const glm::dvec3& p : points) spread += glm::outerProduct(p - mean, p - mean);
-  const double trace = spread[0][0] + spread[1][1] + spread[2][2];
+  const auto [spread, trace] = spreadOf(points);
   const glm::dvec3 up(0.0, 0.0, 1.0);
   if (!(trace > 0.0)) return up;
-  const glm::dvec3 n = leastEigenvector(spread / trace);
+  const glm::dvec3 n = leastEigenvector(spread / trace).direction;
   return glm::length(n) > 0.5 ? glm::normalize(n) : up;
 }
 
 double cellReach(const glm::dvec3& center, const glm::dvec3& normal, std::span<const glm::dvec3> others,
-                 double max_reach) {
+                 const CellLimits& limits) {
   const glm::dvec3 side = std::abs(normal.x) < 0.8 ? glm::dvec3(1, 0, 0) : glm::dvec3(0, 1, 0);
   const glm::dvec3 u = glm::normalize(glm::cross(normal, side));
   const glm::dvec3 v = glm::cross(normal, u);
-  // A square around the circle of radius `max_reach` is clipped by each neighbour's bisector.
-  std::vector<glm::dvec2> cell{
-      {-max_reach, -max_reach}, {max_reach, -max_reach}, {max_reach, max_reach}, {-max_reach, max_reach}};
-  std::vector<glm::dvec2> cut;
+  // A square around the circle of radius `limits.reach` is clipped by each neighbour's bisector.
+  struct Corner {
+    glm::dvec2 at;
+    bool opens;  // whether the side that begins here is one of the square's
+  };
+  const double r = limits.reach;
+  std::vector<Corner> cell{{{-r, -r}, true}, {{r, -r}, true}, {{r, r}, true}, {{-r, r}, true}};
+  std::vector<Corner> cut;
   for (auto* corners : {&cell, &cut}) corners->reserve(others.size() + 4);
   for (const glm::dvec3& other : others) {
     const glm::dvec3 d = other - center;
@@ -169,16 +266,22 @@ double cellReach(const glm::dvec3& center, const glm::dvec3& normal, std::span<c
     if (!(half > 0.0)) continue;
     cut.clear();
     for (std::size_t i = 0; i < cell.size(); ++i) {
-      const glm::dvec2 &a = cell[i], &b = cell[(i + 1) % cell.size()];
-      const double x = glm::dot(a, p) - half, y = glm::dot(b, p) - half;
-      if (x <= 0.0) cut.push_back(a);
-      if ((x < 0.0 && y > 0.0) || (x > 0.0 && y < 0.0)) cut.push_back(a + (b - a) * (x / (x - y)));
+      const Corner &a = cell[i], &b = cell[(i + 1) % cell.size()];
+      const double x = glm::dot(a.at, p) - half, y = glm::dot(b.at, p) - half;
+      // The bisector's side begins where the cell's boundary leaves the half-plane.
+      if (x <= 0.0) cut.push_back(x == 0.0 && y > 0.0 ? Corner{a.at, false} : a);
+      if (x < 0.0 && y > 0.0) cut.push_back({a.at + (b.at - a.at) * (x / (x - y)), false});
+      if (x > 0.0 && y < 0.0) cut.push_back({a.at + (b.at - a.at) * (x / (x - y)), a.opens});
     }
     std::swap(cell, cut);
   }
+  const bool at_rim = std::any_of(cell.begin(), cell.end(), [](const Corner& corner) { return corner.opens; });
   double reach = 0.0;
-  for (const glm::dvec2& corner : cell) reach = std::max(reach, glm::length(corner));
-  return std::min(reach, max_reach);
+  for (std::size_t i = 0; i < cell.size(); ++i) {
+    const bool open = cell[i].opens || cell[(i + cell.size() - 1) % cell.size()].opens;
+    reach = std::max(reach, std::min(glm::length(cell[i].at), open ? limits.open : at_rim ? limits.rim : limits.reach));
+  }
+  return reach;
 }
 
 // A tile's points with their fitted normals and radii.
@@ -261,20 +364,19 @@ base::Result<PointLeaves::FittedTile> PointLeaves::fit(std::size_t tile) const {
   {
     const ingest::NearestPoints own(positions);
     std::vector<ingest::NearestPoints::Neighbour> found;
-    std::vector<float> rims;
     for (std::size_t i = 0; i < out.own; ++i) {
       own.find(positions[i], kNeighbours + 1, kAnywhere, found);
       near.set(i, found);
-      if (found.size() > kRimNeighbour) rims.push_back(found[kRimNeighbour].distance_squared);
       ball[i] = found.size() > kNeighbours ? found.back().distance_squared : kAnywhere;
     }
-    float usual = glm::dot(tiles_.box(tile).size(), tiles_.box(tile).size());
-    if (!rims.empty()) {
-      std::nth_element(rims.begin(), rims.begin() + static_cast<std::ptrdiff_t>(rims.size() / 2), rims.end());
-      usual = rims[rims.size() / 2];
-    }
-    for (float& b : ball) b = std::min(b, kMaxDistanceRatio * kMaxDistanceRatio * usual);
   }
+  const Gaps gaps(near, out.own);
+  const float usual = gaps.usual(glm::dot(tiles_.box(tile).size(), tiles_.box(tile).size()));
+  for (std::uint32_t i = 0; i < out.own; ++i)
+    if (const float most = kMaxDistanceRatio * kMaxDistanceRatio * usual;
+        ball[i] > most &&
+        (gaps.isStray(i) || !gaps.isSparseAround(near.of(i)) || !areFlat(placesOf(near.of(i), positions))))
+      ball[i] = most;
 
   LUMIGRID_TRY(addNeighbours(tile, positions, ball, out.points));
   for (std::size_t i = out.own; i < out.points.size(); ++i) positions.push_back(out.points[i].position);
@@ -301,10 +403,14 @@ base::Result<PointLeaves::FittedTile> PointLeaves::fit(std::size_t tile) const {
     }
     out.normals.emplace_back(normal);
     const double min_radius = 0.5 * lattice_.lattice.step;
-    const double rim =
-        around.empty() ? min_radius : glm::distance(around[std::min(around.size(), kRimNeighbour) - 1], center);
+    CellLimits limits;
+    limits.reach = around.empty() ? static_cast<double>(std::sqrt(usual))
+                                  : glm::distance(around[std::min(around.size(), kRimNeighbour) - 1], center);
+    limits.open = std::min(limits.reach, gaps.openReach(i, found, usual));
+    if (gaps.isStray(i)) limits.reach = limits.open;
+    limits.rim = std::min(limits.reach, static_cast<double>(kMaxDistanceRatio * std::sqrt(usual)));
     out.radii.push_back(
-        static_cast<float>(std::max(min_radius, cellReach(center, normal, around, rim)) * (1.0 + 1e-5)));
+        static_cast<float>(std::max(min_radius, cellReach(center, normal, around, limits)) * (1.0 + 1e-5)));
     std::size_t kept = 0;
     for (const auto& f : found) {
       if (f.index == i || kept == kTreeNeighbours) continue;

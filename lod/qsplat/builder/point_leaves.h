@@ -2,10 +2,12 @@
 // Makes leaves of points without faces (Rusinkiewicz and Levoy 2000, section 2.2: "we would have to compute normals by
 // fitting a plane to the vertices in a small neighborhood around each point").
 //
-// A leaf's radius reaches to the end of its Voronoi cell in the fitted plane, so that no hole is left, but at the rim
-// of the cloud no farther than its sixth neighbour. Normals that the file gives are kept. Fitted ones have no sign:
-// neighbours are made to agree along a minimum spanning tree of their differences (Hoppe et al. 1992), within each tile
-// first, then between tiles along their borders. A connected part of the cloud faces up at its highest point.
+// A leaf's radius reaches to the end of its Voronoi cell in the fitted plane, so that no hole is left, but no farther
+// than its sixth neighbour, and to a side without neighbours, at the rim of the cloud, no farther than is usual among
+// those around it. A stray point, which hardly any other has among its nearest, is as large as is usual in its tile.
+// Normals that the file gives are kept. Fitted ones have no sign: neighbours are made to agree along a minimum spanning
+// tree of their differences (Hoppe et al. 1992), within each tile first, then between tiles along their borders. A
+// connected part of the cloud faces up at its highest point.
 #include <functional>
 #include <glm/glm.hpp>
 #include <span>
@@ -23,10 +25,16 @@ namespace lod::qsplat::builder {
 /// place.
 glm::dvec3 planeNormal(std::span<const glm::dvec3> points);
 
-/// The distance from `center` to the farthest corner of its Voronoi cell among `others`, projected along `normal`; at
-/// most `max_reach`.
+/// Scene units.
+struct CellLimits {
+  double reach = 0.0;  ///< above 0; cells are cut off there
+  double rim = 0.0;    ///< at most `reach`; there they are cut off if they are open to some side
+  double open = 0.0;   ///< at most `rim`; there they are cut off to that side
+};
+/// The distance from `center` to the farthest corner of its Voronoi cell among `others`, projected along `normal`,
+/// within the limits.
 double cellReach(const glm::dvec3& center, const glm::dvec3& normal, std::span<const glm::dvec3> others,
-                 double max_reach);
+                 const CellLimits& limits);
 
 class PointLeaves : public LeafSource {
  public:

@@ -365,7 +365,7 @@ GroupNodes readGroup(base::ByteView run, std::size_t& at, bool colors) {
 }
 
 std::vector<Run> encodeSubtree(std::span<const TreeNode> nodes, const base::Sphere& root, bool colors,
-                               LeafCones leaf_cones) {
+                               LeafCones leaf_cones, const VisitLeaf& visit_leaf) {
   const SphereTable& table = sphereTable();
   std::vector<Run> runs;
   std::vector<base::Sphere> level{root};  // the decoded spheres of a level
@@ -385,6 +385,8 @@ std::vector<Run> encodeSubtree(std::span<const TreeNode> nodes, const base::Sphe
         const std::uint32_t code = encodeSphere(level[i], nodes[child].sphere);
         group.nodes[c] = nodes[child].encoded(code, group.has_pointer, leaf_cones);
         next.push_back(decodeSphere(level[i], table[code]));
+        if (visit_leaf && Node{nodes[child].bits, 0}.isLeaf())
+          visit_leaf(static_cast<std::uint32_t>(child), next.back().radius, level[i]);
       }
       appendGroup(run, group, colors);
     }

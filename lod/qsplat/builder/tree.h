@@ -5,6 +5,7 @@
 // A tile of leaves becomes a Subtree, whose nodes wait on disk. The top tree over all tiles is built in the same way,
 // with the tiles' roots as leaves. Spheres are absolute here; encodeSubtree() encodes them relative to their parents.
 #include <array>
+#include <functional>
 #include <vector>
 
 #include "base/bytes.h"
@@ -74,10 +75,12 @@ void appendGroup(Run& run, const GroupNodes& group, bool colors);
 /// Reads the group that begins at `at`, and advances `at` behind it. A group without nodes marks the end, or damage.
 GroupNodes readGroup(base::ByteView run, std::size_t& at, bool colors);
 
+/// Gets a leaf's number, its coded sphere's radius and its parent's decoded sphere.
+using VisitLeaf = std::function<void(std::uint32_t leaf, float radius, const base::Sphere& parent)>;
 /// Encodes a tile's tree from the top down: each sphere relative to its parent's decoded one (section 3.1), and the
 /// groups of each level one after the other. Returns a run for each level below the root; run 0 holds the root's
-/// children. `root` is the root's decoded sphere.
+/// children. `root` is the root's decoded sphere. `visit_leaf` is called for each leaf below the root; it may be empty.
 std::vector<Run> encodeSubtree(std::span<const TreeNode> nodes, const base::Sphere& root, bool colors,
-                               LeafCones leaf_cones);
+                               LeafCones leaf_cones, const VisitLeaf& visit_leaf = {});
 
 }  // namespace lod::qsplat::builder

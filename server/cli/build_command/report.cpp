@@ -154,7 +154,7 @@ void printHlod(const lod::hlod::builder::BuildSummary& h) {
 /// The points of a scene that was made from points, where they were built; nothing for others.
 std::optional<std::uint64_t> sourcePoints(const base::Scene& scene, const BuildReport& r) {
   if (scene.triangles != 0) return std::nullopt;
-  if (r.splats) return r.splats->header.leaves;
+  if (r.splats) return r.splats->header.leaves - r.splats->added_leaves;
   if (r.umbrellas) return r.umbrellas->header.points;
   return std::nullopt;
 }

@@ -190,10 +190,10 @@ TEST_F(QsplatBuild, widePointersMakeTheSameTree) {
     FileBuildOptions options;
     options.wide_pointers = wide;
     options.runs_path = directory_ / "runs";
-    const auto header = writeTree(*store, path(), options);
-    ASSERT_TRUE(header) << header.error().message;
-    EXPECT_EQ(header->wide_pointers, wide);
-    EXPECT_EQ(header->leaves, leaves.size());
+    const auto written = writeTree(*store, path(), options);
+    ASSERT_TRUE(written) << written.error().message;
+    EXPECT_EQ(written->header.wide_pointers, wide);
+    EXPECT_EQ(written->header.leaves, leaves.size());
     EXPECT_EQ(lod::qsplat::checkTree(bytes()), std::vector<std::string>());
     trees[wide ? 1 : 0] = nodes();
   }

@@ -72,8 +72,13 @@ TEST(CellReach, isHalfADiagonalOnAGrid) {
     for (int y = -2; y <= 2; ++y)
       if (x != 0 || y != 0) others.emplace_back(x, y, 0.0);
   const glm::dvec3 up(0, 0, 1);
-  EXPECT_NEAR(cellReach(glm::dvec3(0), up, others, 10.0), std::sqrt(0.5), 1e-12);
-  EXPECT_NEAR(cellReach(glm::dvec3(0), up, {}, 3.0), 3.0, 1e-12);
+  EXPECT_NEAR(cellReach(glm::dvec3(0), up, others, {10.0, 0.5, 0.5}), std::sqrt(0.5), 1e-12);
+  EXPECT_NEAR(cellReach(glm::dvec3(0), up, {}, {3.0, 2.5, 2.0}), 2.0, 1e-12);
+  // At a rim the corners between neighbours still count.
+  std::erase_if(others, [](const glm::dvec3& p) { return p.x < 0.0; });
+  EXPECT_NEAR(cellReach(glm::dvec3(0), up, others, {10.0, 5.0, 0.6}), std::sqrt(0.5), 1e-12);
+  EXPECT_NEAR(cellReach(glm::dvec3(0), up, others, {10.0, 5.0, 2.0}), 2.0, 1e-12);
+  EXPECT_NEAR(cellReach(glm::dvec3(0), up, others, {10.0, 0.6, 0.6}), 0.6, 1e-12);
 }
 
 class PointCloud : public testing::Test {
@@ -151,6 +156,74 @@ TEST_F(PointCloud, aClosedShapeFacesOutAndHasNoHole) {
                      : 0;
   }
   EXPECT_EQ(uncovered, 0U);
+}
+
+// The share of places on a plane from `low` to `high` that no leaf covers.
+double shareUncovered(const std::vector<Splat>& leaves, const glm::vec2& low, const glm::vec2& high) {
+  std::mt19937 random(8);
+  std::uniform_real_distribution<float> unit(0.0F, 1.0F);
+  constexpr int kPlaces = 2000;
+  int uncovered = 0;
+  for (int i = 0; i < kPlaces; ++i) {
+    const glm::vec3 place(glm::mix(low, high, glm::vec2(unit(random), unit(random))), 0.0F);
+    uncovered +=
+        std::none_of(leaves.begin(), leaves.end(),
+                     [&](const Splat& leaf) { return glm::distance(leaf.sphere.center, place) <= leaf.sphere.radius; })
+            ? 1
+            : 0;
+  }
+  return static_cast<double>(uncovered) / kPlaces;
+}
+
+// Points around the origin, so that the scene's origin is there; most of them on the left, and on the right 250 times
+// fewer an area.
+std::vector<glm::dvec3> denseAndSparse() {
+  std::mt19937 random(9);
+  std::uniform_real_distribution<double> unit(0.0, 1.0);
+  std::vector<glm::dvec3> points{{-20, -10, 0}, {20, -10, 0}, {-20, 10, 0}, {20, 10, 0}};
+  for (int i = 0; i < 20'000; ++i) points.emplace_back(-20.0 + 20.0 * unit(random), -10.0 + 20.0 * unit(random), 0.0);
+  for (int i = 0; i < 80; ++i) points.emplace_back(20.0 * unit(random), -10.0 + 20.0 * unit(random), 0.0);
+  return points;
+}
+
+// Before, nothing farther than eight times what is usual in a tile was a neighbour, and 64 in 100 places were bare on
+// the right. Those left are at the rim, and at the edge of the dense part.
+TEST_F(PointCloud, sparsePartsOfASurfaceAreClosed) {
+  const std::vector<Splat> all = leaves(denseAndSparse());
+  EXPECT_LT(shareUncovered(all, {-19.0F, -9.0F}, {-1.0F, 9.0F}), 0.002);
+  EXPECT_LT(shareUncovered(all, {1.0F, -8.0F}, {18.0F, 8.0F}), 0.15);
+}
+
+TEST_F(PointCloud, densityMayFallByAHundredFromNearToFar) {
+  std::mt19937 random(10);
+  std::uniform_real_distribution<double> unit(0.0, 1.0);
+  std::vector<glm::dvec3> points;
+  for (int i = 0; i < 30'000; ++i) {
+    const double r = std::exp(unit(random) * std::log(30.0)), turn = 6.283185307 * unit(random);
+    points.emplace_back(r * std::cos(turn), r * std::sin(turn), 0.0);
+  }
+  const std::vector<Splat> all = leaves(points);
+  for (const float r : {1.5F, 5.0F, 18.0F})
+    EXPECT_LT(shareUncovered(all, {0.8F * r, 0.2F * r}, {1.1F * r, 0.8F * r}), 0.002) << r;
+}
+
+// As large as their gap, they were before: up to eight usual distances.
+TEST_F(PointCloud, straysAreAsLargeAsIsUsual) {
+  std::vector<glm::dvec3> points = denseAndSparse();
+  std::erase_if(points, [](const glm::dvec3& p) { return p.x > 0.0; });
+  for (int i = 0; i < 30; ++i) points.emplace_back(-19.0 + 0.6 * i, 0.3 * i - 4.5, 0.7 + 0.1 * (i % 5));
+  const std::vector<Splat> all = leaves(points);
+  ASSERT_EQ(all.size(), points.size());
+  const float low = std::min_element(all.begin(), all.end(), [](const Splat& a, const Splat& b) {
+                      return a.sphere.center.z < b.sphere.center.z;
+                    })->sphere.center.z;
+  float usual = 0.0F, largest = 0.0F;
+  for (const Splat& leaf : all) {
+    float& most = leaf.sphere.center.z - low > 0.35F ? largest : usual;
+    most = std::max(most, leaf.sphere.radius);
+  }
+  EXPECT_GT(largest, 0.0F);
+  EXPECT_LE(largest, usual);
 }
 
 TEST_F(PointCloud, signsAgreeAcrossTiles) {
