@@ -1,10 +1,12 @@
 // LAS point clouds: positions, colours or else intensities; deleted points and noise stay out.
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstring>
 #include <string>
 #include <vector>
 
+#include "mesh/greys.h"
 #include "mesh/las_header.h"
 #include "mesh/readers.h"
 
@@ -19,12 +21,6 @@ enum class Coloring {
   kIntensity,  ///< grey
   kBytes,      ///< colours of 8 bits in fields of 16, which the specification forbids and many programs write
   kWords,      ///< colours of 16 bits
-};
-
-/// The values of intensity that become black and white.
-struct GreyRange {
-  std::uint16_t black = 0;
-  std::uint16_t white = 0;
 };
 
 struct LeftOut {
@@ -88,9 +84,7 @@ class PointReader {
  private:
   void lookAtSample();
   base::Result<bool> readAll();
-  void chooseGreys(std::vector<std::uint16_t>& intensities);
   bool readPoint(const std::uint8_t* point);
-  glm::u8vec4 grey(std::uint16_t intensity) const;
 
   const Points& points_;
   MeshStream& out_;
@@ -102,7 +96,7 @@ class PointReader {
 // Chooses colours by a sample: 64 runs of 1024 points, evenly over the file, are read in a blink from any disk.
 void PointReader::lookAtSample() {
   constexpr std::uint64_t kRuns = 64, kRun = 1024;
-  std::vector<std::uint16_t> intensities;
+  std::vector<double> intensities;
   const std::uint64_t step = std::max(points_.count() / kRuns, kRun);
   for (std::uint64_t first = 0; first < points_.count(); first += step)
     for (std::uint64_t i = first; i < std::min(first + kRun, points_.count()); ++i) {
@@ -111,23 +105,9 @@ void PointReader::lookAtSample() {
       if (points_.hasColors()) coloring_ = std::max(coloring_, coloringOf(points_.color(point)));
       intensities.push_back(Points::intensity(point));
     }
-  if (coloring_ == Coloring::kNone) chooseGreys(intensities);
-}
-
-// One bright reflector would darken all else, so that one in a hundred at either end is cut off.
-void PointReader::chooseGreys(std::vector<std::uint16_t>& intensities) {
-  if (intensities.empty()) return;
-  std::sort(intensities.begin(), intensities.end());
-  const std::size_t last = intensities.size() - 1;
-  greys_ = {intensities[last / 100], intensities[last - last / 100]};
-  if (greys_.black == greys_.white) greys_ = {intensities.front(), intensities.back()};
-  if (greys_.black != greys_.white) coloring_ = Coloring::kIntensity;
-}
-
-glm::u8vec4 PointReader::grey(std::uint16_t intensity) const {
-  const double unit =
-      (static_cast<double>(intensity) - greys_.black) / (static_cast<double>(greys_.white) - greys_.black);
-  return {glm::u8vec3(byteFromUnit(unit)), 255};
+  if (coloring_ != Coloring::kNone) return;
+  greys_ = GreyRange::of(intensities);
+  if (!greys_.isEmpty()) coloring_ = Coloring::kIntensity;
 }
 
 // False where the point's colour needs another way; then that is set.
@@ -147,7 +127,7 @@ bool PointReader::readPoint(const std::uint8_t* point) {
       return false;
     }
   }
-  if (coloring_ == Coloring::kIntensity) out_.colors.push_back(grey(Points::intensity(point)));
+  if (coloring_ == Coloring::kIntensity) out_.colors.push_back(greys_.grey(Points::intensity(point)));
   if (coloring_ == Coloring::kBytes) out_.colors.emplace_back(glm::u8vec3(points_.color(point)), 255);
   if (coloring_ == Coloring::kWords) {
     const glm::u16vec3 color = points_.color(point);
@@ -202,8 +182,8 @@ void describeCrs(const CrsDescription& crs, std::vector<std::string>& warnings) 
 }
 
 void describeGreys(const GreyRange& greys, std::vector<std::string>& warnings) {
-  warnings.push_back("it has no colours; intensities from " + std::to_string(greys.black) + " to " +
-                     std::to_string(greys.white) + " are shown from black to white");
+  warnings.push_back("it has no colours; intensities from " + std::to_string(std::lround(greys.black)) + " to " +
+                     std::to_string(std::lround(greys.white)) + " are shown from black to white");
 }
 
 }  // namespace

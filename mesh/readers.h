@@ -43,6 +43,10 @@ base::Result<void> readStl(base::ByteView bytes, MeshStream& out);
 /// of names. Blanks, tabs, commas or semicolons separate columns; lines that begin with # or // are comments.
 base::Result<void> readXyz(base::ByteView bytes, MeshStream& out);
 
+/// PTX, the text of terrestrial scanners (Leica): scans one behind the other, each with a matrix that takes its points
+/// to the world's coordinates. Where nothing returned there is no point.
+base::Result<void> readPtx(base::ByteView bytes, MeshStream& out);
+
 /// Whether the file's length is that of a binary STL with as many triangles as it says, at least one.
 bool isBinaryStlBySize(base::ByteView bytes);
 

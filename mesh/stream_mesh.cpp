@@ -40,15 +40,13 @@ constexpr const char* kConvertE57 =
     "no package of it)";
 constexpr const char* kConvertFbx =
     "FBX is not read; convert it: assimp export in.fbx out.glb (Debian package assimp-utils)";
-constexpr const char* kConvertPtx =
-    "PTX is not read, whose scans each have their own coordinates; convert it: CloudCompare -SILENT -O in.ptx "
-    "-C_EXPORT_FMT PLY -MERGE_CLOUDS (Debian package cloudcompare)";
 constexpr const char* kConvertTile =
     "tiles of instances and of several formats (i3dm, cmpt) are not read; write the tileset with b3dm or GLB";
 constexpr ConvertedFormat kConverted[] = {
-    {"ASTM-E57", "e57", kConvertE57}, {"Kaydara FBX Binary", "fbx", kConvertFbx},
-    {"i3dm", "i3dm", kConvertTile},   {"cmpt", "cmpt", kConvertTile},
-    {"", "ptx", kConvertPtx},
+    {"ASTM-E57", "e57", kConvertE57},
+    {"Kaydara FBX Binary", "fbx", kConvertFbx},
+    {"i3dm", "i3dm", kConvertTile},
+    {"cmpt", "cmpt", kConvertTile},
 };
 
 // Points as text have many names, and no content that tells them from other text.
@@ -58,6 +56,9 @@ constexpr std::string_view kXyzNames[] = {"xyz", "txt", "pts", "asc", "csv", "xy
 base::Result<void> readFile(const std::string& path, base::ByteView bytes, MeshStream& out) {
   if (bytes.empty()) return invalidInput("the file is empty");
   const std::string_view text = textOf(bytes);
+  constexpr std::string_view kPointer = "version https://git-lfs";
+  if (text.substr(0, kPointer.size()) == kPointer)
+    return unsupported("it only says where Git LFS keeps the file; fetch that: git lfs pull");
   if (text.substr(0, 4) == "glTF") return readGlb(bytes, out);
   if (text.substr(0, 4) == "b3dm" || text.substr(0, 4) == "pnts") return readTile(bytes, out);
   if (looksLikeJson(text)) return readJson(bytes, out);
@@ -82,10 +83,12 @@ base::Result<void> readFile(const std::string& path, base::ByteView bytes, MeshS
   if (extension == "off") return readOff(bytes, out);
   if (extension == "glb") return readGlb(bytes, out);
   if (extension == "las" || extension == "laz") return readLas(bytes, out);
+  if (extension == "ptx") return readPtx(bytes, out);
   if (std::find(std::begin(kXyzNames), std::end(kXyzNames), extension) != std::end(kXyzNames))
     return readXyz(bytes, out);
   return unsupported(
-      "neither the content nor the name is that of a mesh (PLY, OBJ, STL, OFF, glTF, 3D Tiles, LAS and XYZ are read)");
+      "neither the content nor the name is that of a mesh (PLY, OBJ, STL, OFF, glTF, 3D Tiles, LAS, PTX and XYZ are "
+      "read)");
 }
 
 }  // namespace

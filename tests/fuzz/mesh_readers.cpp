@@ -241,7 +241,10 @@ std::vector<base::Bytes> seeds() {
       seed(7,
            "\xEF\xBB\xBF//X,Y,Z,Nx,Ny,Nz,Red,Green,Blue,Label\n# "
            "a\n1.5,2,-3,0,0,1,0.5,0,1.0,wall\n1,2,3,nan,0,0,2,2,2,a\n"),
-      seed(7, "1;2;3;-0.6;0.8;0\n4;5;6;0;0;0;\n")};
+      seed(7, "1;2;3;-0.6;0.8;0\n4;5;6;0;0;0;\n"),
+      seed(8,
+           "1\n2\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n1 0 0 0\n0 1 0 0\n0 0 1 0\n9 9 9 1\n1 2 3 0.5 9 0 0\n0 0 0 0.5 0 0 0\n"
+           "1\n1\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n1 0 0 0\n0 1 0 0\n0 0 1 0\n9 9 9 1\n1 nan 3 -5\n")};
 }
 
 void fuzzOne(base::ByteView bytes) {
@@ -251,7 +254,7 @@ void fuzzOne(base::ByteView bytes) {
   MeshStream stream(sink, file, "/nowhere/mesh", nullptr);
   stream.accepts_points = true;
   base::Result<void> read;
-  switch (bytes[0] % 8) {
+  switch (bytes[0] % 9) {
     case 0:
       read = readPly(file, stream);
       break;
@@ -273,6 +276,9 @@ void fuzzOne(base::ByteView bytes) {
       break;
     case 7:
       read = readXyz(file, stream);
+      break;
+    case 8:
+      read = readPtx(file, stream);
       break;
     default:
       read = looksLikeJson(textOf(file)) ? readJson(file, stream) : readGlb(file, stream);

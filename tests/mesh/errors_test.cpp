@@ -25,6 +25,8 @@ TEST(BadInput, isNamedInOneLine) {
   } cases[] = {
       {"a.ply", "", "a.ply: the file is empty"},
       {"a.dat", "hello world", "neither the content nor the name is that of a mesh"},
+      {"a.ply", "version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 9\n",
+       "a.ply: it only says where Git LFS"},
       {"a.gltf", "{\"asset\":{}}", "the file has no triangles"},
       {"a.gltf", "{\"asset\":{\"version\":\"1.0\"}}", "glTF version \"1.0\" is not read (only 2 is)"},
       {"a.gltf", "{\"asset\":{}", "the JSON is broken (truncated?)"},

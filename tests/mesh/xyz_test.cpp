@@ -173,7 +173,6 @@ TEST(XyzReader, allItsNamesAreTriedAndContentComesFirst) {
   EXPECT_TRUE(ply) << ply.error().message;
   EXPECT_EQ(cloudOf("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").file.triangles, 1U);
   EXPECT_EQ(cloudOf("OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n").file.triangles, 1U);
-  expectError("4\n4\n", "PTX is not read", "cloud.ptx");
 }
 
 TEST(XyzReader, blocksComeInTheFilesOrder) {

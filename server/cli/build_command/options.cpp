@@ -21,9 +21,10 @@ using base::ErrorCode;
 
 void declareMethodOptions(CLI::App& command, BuildArguments& a) {
   command
-      .add_option("MESH", a.meshes,
-                  "PLY, OBJ, STL, OFF, glTF, 3D Tiles, LAS or XYZ files; several make one scene. May be left out once "
-                  "the scene has its hierarchy: then the options that are not given are those that the scene records")
+      .add_option(
+          "MESH", a.meshes,
+          "PLY, OBJ, STL, OFF, glTF, 3D Tiles, LAS, PTX or XYZ files; several make one scene. May be left out "
+          "once the scene has its hierarchy: then the options that are not given are those that the scene records")
       ->default_str("");
   command.add_option("-o,--output", a.output, "scene directory to make, or to go on with")->required();
   command.add_flag("--force", a.force, "replace a scene that is there");
@@ -32,7 +33,7 @@ void declareMethodOptions(CLI::App& command, BuildArguments& a) {
           "--methods", a.methods,
           "parts to build: patch (the hierarchy), images (the repository; needs patch), qsplat (a tree of "
           "splats), pmr (points, and triangles around each), hlod (an octree of triangles, and points where they "
-          "are small, all within a stated error); qsplat and pmr also from point clouds, which are LAS files, "
+          "are small, all within a stated error); qsplat and pmr also from point clouds, which are LAS and PTX files, "
           "text with a point on each line (XYZ, PTS, CSV) and PLY, OBJ and OFF files without faces, and "
           "of which qsplat is built if nothing is said. auto: patch, and images where a few held-out views are nearer "
           "to the full model with them; says what it measured. A scene that is there gets what it lacks")
