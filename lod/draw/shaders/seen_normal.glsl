@@ -1,4 +1,4 @@
-// Vertices at hard edges have one normal for all sides, which leans away from each: the triangle's own takes its place by
+// A vertex at a hard edge has one normal for all sides, which leans away from each: the triangle's own takes its place by
 // and by. It leans away from the eye no farther than to where a surface would vanish: turned over it would be lit from
 // behind.
 vec3 seenNormal(vec3 normal, vec3 facet, vec3 toEye) {
