@@ -82,8 +82,7 @@ struct Shading {
 /// are shaded by half-Lambert, so that nothing is black; unlit ones keep `color`.
 std::string shadingSource();
 /// Returns GLSL that defines `vec3 seenNormal(vec3 normal, vec3 facet, vec3 toEye)`: the unit normal of an interpolated
-/// one on the seen side of a triangle, whose own normal `facet` may have any length and side. shadeSurface() does not
-/// flip it.
+/// one on the seen side of a triangle, whose own unit normal on that side is `facet`. shadeSurface() does not flip it.
 std::string seenNormalSource();
 /// Sets the uniforms of shadingSource(); leaves `program` in use.
 void setShading(const base::gl::Program& program, const Shading& shading);

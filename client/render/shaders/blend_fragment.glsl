@@ -31,7 +31,7 @@ void main() {
     if (blend.seen <= 0.0) discard;
     color = mix(u_background.rgb, blend.color, blend.seen);
   }
-  color = litByViewer(color, here.normal, here.to_eye);
+  color = litByViewer(color, here.normal);
   if (u_show_resolution || u_show_disagreement) {
     float shown = mix(u_patch_error, exp2(blend.octaves), u_fill ? blend.share : blend.seen);
     if (u_show_disagreement) shown = blend.seen * sqrt(blend.disagreement);

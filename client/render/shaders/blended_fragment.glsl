@@ -56,5 +56,5 @@ void main() {
   }
   if (covered <= 0.0) discard;
   Surface surface = surfaceHere();
-  o_color = vec4(litByViewer(mix(surface.shaded, blended.rgb, blended.a), surface.normal, surface.to_eye), covered);
+  o_color = vec4(litByViewer(mix(surface.shaded, blended.rgb, blended.a), surface.normal), covered);
 }

@@ -14,7 +14,7 @@ void main() {
   vec3 place = placeAt(pixel, uintBitsToFloat(bits));
   vec3 color = mix(texelFetch(u_surface_color, pixel, 0).rgb, blended.rgb, blended.a);
   vec3 normal = fromOctahedral(texelFetch(u_surface_normals, pixel, 0).xy);
-  o_color = vec4(litByViewer(color, normal, towardsEye(place)), 1.0);
+  o_color = vec4(litByViewer(color, normal), 1.0);
   vec4 clip = u_clip_from_scene * vec4(place, 1.0);
   gl_FragDepth = 0.5 * clip.z / clip.w + 0.5;
 }

@@ -11,7 +11,7 @@ Surface surfaceHere() {
   vec3 facet = cross(dFdx(v_position), dFdy(v_position));
   if (dot(facet, here.to_eye) < 0.0) facet = -facet;
   here.facet = facet * inversesqrt(max(dot(facet, facet), 1e-30));
-  here.normal = seenNormal(v_normal, facet, here.to_eye);
+  here.normal = seenNormal(v_normal, here.facet, here.to_eye);
   here.shaded = shadeSurface(v_color, here.normal, here.to_eye);
   here.edge = v_edge;
   return here;
