@@ -228,6 +228,32 @@ TEST_F(SceneRendererTest, softLightDarkensWhatTurnsAwayAndUnlitDoesNot) {
   EXPECT_EQ(soft.rgba.at(3, 4)[3], 255);
 }
 
+// A vertex at a cube's edge has one normal for all sides. Those that lean from the eye were turned over, and lit from
+// behind.
+TEST_F(SceneRendererTest, normalsFarFromTheirTriangleGiveWayToItsOwn) {
+  const auto redWith = [](const glm::vec3& normal, const glm::vec3& light, bool own_light) {
+    Triangle triangle = kKnown;
+    triangle.normal = normal;
+    TwoLevelScene scene({triangle}, {{triangle}}, 0.1F);
+    scene.scene().light.mode = base::LightMode::kSoft;
+    scene.scene().light.direction = light;
+    RenderOptions options{0.0F, 1};
+    if (own_light) options.modes.light = light;
+    return int{draw(*rendererOf(scene), cameraAt(8, 8), options).rgba.at(3, 4)[0]};
+  };
+  for (const bool own_light : {false, true}) {
+    const glm::vec3 light(0.8F, 0, 0.6F);
+    const int flat = redWith({0, 0, 1}, light, own_light);
+    // By 53 degrees to either side, by 100, and inwards, as some meshes have all of theirs.
+    for (const glm::vec3 leaning :
+         {glm::vec3(0.8F, 0, 0.6F), {-0.8F, 0, 0.6F}, {-0.98F, 0, -0.17F}, {0.98F, 0, -0.17F}, {0, 0, -1}})
+      EXPECT_NEAR(redWith(leaning, light, own_light), flat, 1) << leaning.x << " " << leaning.z;
+    // What leans a little is seen as it is.
+    EXPECT_GT(redWith({0.3F, 0, 0.954F}, light, own_light), flat + 10);
+    EXPECT_LT(redWith({-0.3F, 0, 0.954F}, light, own_light), flat - 10);
+  }
+}
+
 TEST_F(SceneRendererTest, aLightOfTheViewersOwnShadesColoursInPlaceOfTheScenes) {
   // Faces +z.
   TwoLevelScene scene({kKnown}, {{kKnown}}, 0.1F);

@@ -26,12 +26,14 @@ inline glm::ivec3 latticePoint(const glm::vec3& p) {
 struct Triangle {
   glm::vec3 a, b, c;
   glm::u8vec4 color{255};
+  glm::vec3 normal{0.0F};  ///< of its corners; zero: its own
 };
 
 inline lod::patch::PatchGeometry geometryOf(const std::vector<Triangle>& triangles) {
   lod::patch::PatchGeometry geometry;
   for (const Triangle& t : triangles) {
-    const glm::vec3 normal = support::quantizedNormal(glm::cross(t.b - t.a, t.c - t.a));
+    const glm::vec3 own = glm::cross(t.b - t.a, t.c - t.a);
+    const glm::vec3 normal = support::quantizedNormal(t.normal == glm::vec3(0.0F) ? own : t.normal);
     for (const glm::vec3& corner : {t.a, t.b, t.c}) {
       geometry.indices.push_back(static_cast<std::uint16_t>(geometry.positions.size()));
       geometry.positions.push_back(latticePoint(corner));
