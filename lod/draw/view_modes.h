@@ -39,9 +39,9 @@ struct ViewModes {
 };
 
 /// Returns fragment GLSL that defines `bool isCutAway(vec3 position)`, `vec3 litByViewer(vec3 color, vec3 normal)` with
-/// the unit normal of the seen side, their uniforms, and those of tintSource(). `bool u_cut_open`: view rays come through
-/// the half that is cut away, so back faces show the inside of the rest in `u_section_color`. `bool u_show_resolution`:
-/// colours by resolution are on.
+/// the unit normal of the seen side, their uniforms, and those of tintSource(). `bool u_cut_open`: view rays come
+/// through the half that is cut away, so back faces show the inside of the rest in `u_section_color`. `bool
+/// u_show_resolution`: colours by resolution are on.
 std::string viewModesSource();
 /// Sets the uniforms of viewModesSource(); leaves `program` in use.
 void setViewModes(const base::gl::Program& program, const ViewModes& modes, const base::Camera& camera);
