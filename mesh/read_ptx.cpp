@@ -70,14 +70,16 @@ base::Result<std::array<double, kCount>> PtxReader::readNumbers() {
   return numbers;
 }
 
-// Intensities of 64 runs of lines, evenly over all behind the first header. Lines of others are too few to matter.
+// Intensities of 64 runs of lines, evenly over all behind the first header, or of a megabyte. Lines of other headers
+// are too few to matter.
 void PtxReader::lookAtSample() {
-  constexpr std::size_t kRuns = 64, kRun = 256;
+  const bool is_small = text_.size() < std::size_t{1} << 20;
+  const std::size_t runs = is_small ? 1 : 64, lines = is_small ? text_.size() : 256;
   std::vector<double> intensities;
-  for (std::size_t r = 0; r < kRuns; ++r) {
-    std::string_view text = text_.substr(text_.size() / kRuns * r);
+  for (std::size_t r = 0; r < runs; ++r) {
+    std::string_view text = text_.substr(text_.size() / runs * r);
     if (r > 0) nextLine(text);
-    for (std::size_t i = 0; i < kRun && !text.empty(); ++i) {
+    for (std::size_t i = 0; i < lines && !text.empty(); ++i) {
       std::string_view line = nextLine(text);
       std::array<double, 4> n{};
       bool is_point = true;

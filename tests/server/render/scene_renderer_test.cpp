@@ -248,7 +248,7 @@ TEST_F(SceneRendererTest, normalsFarFromTheirTriangleGiveWayToItsOwn) {
     for (const glm::vec3 leaning :
          {glm::vec3(0.8F, 0, 0.6F), {-0.8F, 0, 0.6F}, {-0.98F, 0, -0.17F}, {0.98F, 0, -0.17F}, {0, 0, -1}})
       EXPECT_NEAR(redWith(leaning, light, own_light), flat, 1) << leaning.x << " " << leaning.z;
-    // What leans a little is seen as it is.
+    // One that leans a little is seen as it is.
     EXPECT_GT(redWith({0.3F, 0, 0.954F}, light, own_light), flat + 10);
     EXPECT_LT(redWith({-0.3F, 0, 0.954F}, light, own_light), flat - 10);
   }
