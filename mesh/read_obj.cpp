@@ -237,6 +237,7 @@ struct ObjReader {
   void readLibraries(std::string_view line) {
     std::string_view names = line;
     const std::string whole(restOfLine(names));
+    if (whole.empty()) return;
     if (std::error_code ignored; std::filesystem::exists(out.textures.pathOf(whole), ignored)) {
       readMaterials(whole);
       return;

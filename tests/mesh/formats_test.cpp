@@ -109,6 +109,9 @@ TEST(PlyReader, texturesGiveOneWarningLine) {
 TEST(ObjReader, polygonsNegativeIndicesAndContinuedLinesAreRead) {
   expectSquare(read("square.obj", "# square\no thing\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n"));
   expectSquare(read("square.obj", "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf -4 -3 \\\n -2 -1"));
+  const auto unnamed = read("square.obj", "mtllib \nusemtl\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n");
+  expectSquare(unnamed);
+  EXPECT_TRUE(unnamed->file.warnings.empty());
 }
 
 TEST(ObjReader, cornersMayLeaveOutANumberButNotItsSlash) {
