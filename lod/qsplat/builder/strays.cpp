@@ -99,7 +99,8 @@ StrayPlace findPlace(const EditableTree& tree, std::span<const Stray> strays, co
     met.pop();
     if (std::any_of(strays.begin(), strays.end(), [at](const Stray& other) { return other.node == at; })) continue;
     if (tree.isLeaf(at)) nearest = at;
-    for (const std::uint32_t child : tree.children(at).view())
+    const auto children = tree.children(at);  // its view ends with it
+    for (const std::uint32_t child : children.view())
       met.push({distanceTo(tree.node(child).sphere, stray.center), child});
   }
   if (nearest == EditableTree::kNone || nearest == tree.root()) return {};
