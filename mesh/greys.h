@@ -1,7 +1,6 @@
 #pragma once
 // Greys of points by the intensity of what returned from them.
 #include <algorithm>
-#include <cmath>
 #include <vector>
 
 #include "mesh/mesh_stream.h"
@@ -25,11 +24,10 @@ struct GreyRange {
   /// Whether all are the same, so that they tell nothing.
   bool isEmpty() const { return black == white; }
 
-  /// Intensities tell what power returned, and so are linear as light is; sRGB by IEC 61966-2-1.
+  /// Intensities tell what power returned, and so are linear as light is.
   glm::u8vec4 grey(double intensity) const {
     const double light = std::clamp((intensity - black) / (white - black), 0.0, 1.0);
-    const double unit = light <= 0.0031308 ? 12.92 * light : 1.055 * std::pow(light, 1.0 / 2.4) - 0.055;
-    return {glm::u8vec3(byteFromUnit(unit)), 255};
+    return {glm::u8vec3(byteFromUnit(srgbFromLinear(light))), 255};
   }
 };
 

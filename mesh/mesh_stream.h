@@ -1,6 +1,7 @@
 #pragma once
 // The stream that mesh readers write to, and the small tools that they share.
 #include <charconv>
+#include <cmath>
 #include <cstdint>
 #include <functional>
 #include <glm/glm.hpp>
@@ -120,6 +121,11 @@ class MeshStream {
 inline std::uint8_t byteFromUnit(double value) {
   if (!(value > 0.0)) return 0;
   return value >= 1.0 ? std::uint8_t{255} : static_cast<std::uint8_t>(value * 255.0 + 0.5);
+}
+
+/// A share of light, 0..1, as sRGB codes it (IEC 61966-2-1); glTF's vertex colours and factors are such shares.
+inline double srgbFromLinear(double v) {
+  return v <= 0.0031308 ? 12.92 * v : 1.055 * std::pow(v, 1.0 / 2.4) - 0.055;
 }
 
 /// Text formats write colours as 0..1 or as 0..255 without saying which. One component above 1 anywhere means 0..255,

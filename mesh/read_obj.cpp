@@ -228,7 +228,7 @@ struct ObjReader {
       const std::string_view word = nextWord(line);
       if (!word.empty() && !parseNumber(word, value)) return {255, 255, 255, 0};
       if (word.empty() && k == 0) return {255, 255, 255, 0};
-      color[k] = static_cast<std::uint8_t>(std::lround(255.0 * (value >= 0.0 ? std::min(value, 1.0) : 0.0)));
+      color[k] = byteFromUnit(value);
     }
     return color;  // a number alone is a grey
   }

@@ -91,11 +91,11 @@ void PtxReader::lookAtSample() {
 }
 
 base::Result<void> PtxReader::read() {
+  std::string_view rest;
   do {
     LUMIGRID_TRY(readScan());
-    std::string_view probe = text_;
-    if (!skipSpaces(probe)) break;
-  } while (true);
+    rest = text_;
+  } while (skipSpaces(rest));
   if (out_.vertexCount() == 0) return invalidInput("the file has no points");
   if (!has_colors_ && !greys_.isEmpty())
     out_.summary.warnings.push_back("it has no colours; intensities are shown from black to white");

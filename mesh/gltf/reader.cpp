@@ -12,11 +12,6 @@
 namespace mesh::gltf {
 namespace {
 
-// The sRGB transfer function (IEC 61966-2-1): glTF's vertex colours and factors are linear, ours are sRGB.
-double srgbFromLinear(double v) {
-  return v <= 0.0031308 ? 12.92 * v : 1.055 * std::pow(v, 1.0 / 2.4) - 0.055;
-}
-
 // ---- Scene graph (section 3.5) ----
 
 glm::dmat4 nodeMatrix(const json& node) {

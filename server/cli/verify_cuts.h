@@ -34,8 +34,8 @@ struct CutReport {
 };
 
 /// Checks `count` cuts; the same seed gives the same cuts. A cut is at fault when it has an open edge that does not run
-/// along the source's border (farther from it than four times the stated error there), more open edges than the
-/// source, or more inconsistent edges than the source and a fivehundredth of the cut's open edges. Needs about 200
+/// along the source's border (farther from it than one and a half times the stated error there), more open edges than
+/// the source, or more inconsistent edges than the source and a fivehundredth of the cut's open edges. Needs about 200
 /// bytes of memory per triangle of the source. Errors: damaged blocks; kCancelled when `progress` returns false.
 base::Result<CutReport> verifyCuts(const lod::patch::PatchFile& patches, std::uint32_t count, std::uint64_t seed,
                                    const VerifyProgress& progress);

@@ -14,8 +14,9 @@ namespace lod::patch::builder {
 int spareBits(double typical_error_below);
 
 /// Moves each surviving vertex that is not locked to the nearest lattice point whose coordinates are multiples of
-/// 2^`bits`. `corner`: the lattice point that positions are relative to. A vertex stays where its move would turn a
-/// triangle over or take most of its area, where another vertex lies already, and where a coordinate would be below 0.
+/// 2^`bits`. `corner`: the lattice point that positions are relative to. A vertex stays where its move and those before
+/// would turn a triangle over or take most of its area, where another vertex lies already, and where a coordinate would
+/// be below 0.
 void coarsenPositions(SimplifiedGroup& group, const std::vector<std::uint8_t>& locked, const glm::ivec3& corner,
                       int bits);
 

@@ -34,8 +34,8 @@ void declareMethodOptions(CLI::App& command, BuildArguments& a) {
           "parts to build: patch (the hierarchy), images (the repository; needs patch), qsplat (a tree of "
           "splats), pmr (points, and triangles around each), hlod (an octree of triangles, and points where they "
           "are small, all within a stated error); qsplat and pmr also from point clouds, which are LAS and PTX files, "
-          "text with a point on each line (XYZ, PTS, CSV) and PLY, OBJ and OFF files without faces, and "
-          "of which qsplat is built if nothing is said. auto: patch, and images where a few held-out views are nearer "
+          "text with a point on each line (XYZ, PTS, CSV) and files of meshes without faces; of these qsplat is "
+          "built if nothing is said. auto: patch, and images where a few held-out views are nearer "
           "to the full model with them; says what it measured. A scene that is there gets what it lacks")
       ->delimiter(',')
       ->check(CLI::IsMember([] {

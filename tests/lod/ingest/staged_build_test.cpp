@@ -149,25 +149,17 @@ void addPlane(PlyMesh& mesh, const glm::dvec3& corner, std::uint32_t side, doubl
 }
 
 TEST_F(SourceImport, aFinePartOfACoarseMeshKeepsItsTriangles) {
-  // A quarter of the triangles are 10000 times smaller than the others.
-  PlyMesh mesh;
-  addPlane(mesh, {0, 0, 0}, 35, 20.0);
-  addPlane(mesh, {300, 300, 50}, 20, 0.002);
-  const BuiltHierarchy built = mustBuild(mesh);
-  EXPECT_TRUE(built.summary.repairs.counts.empty());
-  EXPECT_EQ(built.summary.triangles, mesh.triangles());
-  EXPECT_TRUE(built.summary.warnings.empty());
-}
-
-TEST_F(SourceImport, aFinePartOfFewTrianglesKeepsThem) {
-  // One in thirty triangles is 10000 times smaller than the others: less than a tenth, more than a hundredth.
-  PlyMesh mesh;
-  addPlane(mesh, {0, 0, 0}, 54, 20.0);
-  addPlane(mesh, {300, 300, 50}, 10, 0.002);
-  const BuiltHierarchy built = mustBuild(mesh);
-  EXPECT_TRUE(built.summary.repairs.counts.empty());
-  EXPECT_EQ(built.summary.triangles, mesh.triangles());
-  EXPECT_TRUE(built.summary.warnings.empty());
+  // So many quads a side are 10000 times smaller than the others: a quarter of all, and one in thirty, which is less
+  // than a tenth and more than a hundredth.
+  for (const auto& [coarse, fine] : {std::pair(35U, 20U), std::pair(54U, 10U)}) {
+    PlyMesh mesh;
+    addPlane(mesh, {0, 0, 0}, coarse, 20.0);
+    addPlane(mesh, {300, 300, 50}, fine, 0.002);
+    const BuiltHierarchy built = mustBuild(mesh);
+    EXPECT_TRUE(built.summary.repairs.counts.empty()) << fine;
+    EXPECT_EQ(built.summary.triangles, mesh.triangles());
+    EXPECT_TRUE(built.summary.warnings.empty()) << fine;
+  }
 }
 
 TEST_F(SourceImport, sliversCostNoBits) {
