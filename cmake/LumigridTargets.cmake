@@ -28,7 +28,7 @@ lumigrid_row(base_json USES base base_hash LINKS nlohmann_json::nlohmann_json)
 lumigrid_row(base_png USES base LINKS PNG::PNG)
 lumigrid_row(base_tls USES base LINKS OpenSSL::SSL)
 lumigrid_row(mesh
-  USES base base_png
+  USES base base_jpeg base_png
   LINKS turbojpeg libwebp draco meshoptimizer::meshoptimizer nlohmann_json::nlohmann_json)
 lumigrid_row(lod_patch USES base)
 lumigrid_row(lod_qsplat USES base)

@@ -97,6 +97,7 @@ base::Result<StreamedFile> streamMesh(const std::string& path, MeshSink& sink, c
   LUMIGRID_ASSIGN_OR_RETURN(auto file, base::MappedFile::open(path));
   MeshStream stream(sink, file.bytes(), path, options.progress);
   stream.accepts_points = options.accepts_points;
+  stream.textures.keepUnits(options.keep_units);
   if (auto read = readFile(path, file.bytes(), stream); !read) {
     // The sink's errors name their file already.
     const bool named = read.error().message.rfind(path + ":", 0) == 0 ||

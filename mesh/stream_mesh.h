@@ -59,9 +59,14 @@ class MeshSink {
 inline constexpr const char* kOnlyPoints =
     "the file has no faces (a point cloud?); mesh it first, or build it with --methods qsplat or pmr";
 
+/// Gets the units of a picture that is a JPEG, as base::JpegBlocks::readQuarter tells them, so that whoever cuts it up
+/// need not look for them again. Called from several threads.
+using KeepUnits = std::function<void(const SourcePicture& picture, base::ByteView units)>;
+
 struct StreamOptions {
   bool accepts_points = false;           ///< a file of points without faces is no error
   std::function<bool(double)> progress;  ///< share of the file read; false cancels
+  KeepUnits keep_units;                  ///< may be empty; not every JPEG's units are told
 };
 
 /// Tells how a file's coordinates lie in the world, as far as the file says.

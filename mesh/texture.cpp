@@ -11,6 +11,7 @@
 
 #include "base/file.h"
 #include "base/format_text.h"
+#include "base/jpeg/blocks.h"
 #include "base/parallel.h"
 #include "base/png/png.h"
 #include "mesh/uri.h"
@@ -22,8 +23,9 @@ using base::Error;
 using base::ErrorCode;
 using base::Image;
 
-constexpr int kMaxSide = 16384;           // pixels: 1 GB as RGBA, and the largest side of common GPUs' textures
-constexpr double kMinTexelsToWarn = 1.5;  // per vertex; below, next to nothing is lost
+constexpr int kMaxSide = 16384;  // pixels: 1 GB as RGBA, and the largest side of common GPUs' textures
+constexpr std::uint64_t kMaxUnitBytes = std::uint64_t{128} << 20;  // a choice: coded JPEGs as long are rare
+constexpr double kMinTexelsToWarn = 1.5;                           // per vertex; below, next to nothing is lost
 // A corner's colour is a mean over its share of the polygon: so many texels lie between two samples, along each side of
 // it, and at most so many samples. A sample is itself a mean over half of that, and lies a little nearer to the
 // polygon's middle, so that what lies beyond a seam in the picture does not count.
@@ -231,8 +233,16 @@ void Texture::halve() {
   while (std::max(levels_.back().width, levels_.back().height) > 1) levels_.push_back(halved(levels_.back()));
 }
 
-base::Result<Texture> Texture::decode(base::ByteView bytes, int first_level) {
+base::Result<Texture> Texture::decode(base::ByteView bytes, int first_level, base::Bytes* units) {
   if (const auto header = readJpegHeader(bytes); header && first_level > 0) {
+    if (first_level == 2)
+      if (auto quarter = base::JpegBlocks::readQuarter(bytes, kMaxUnitBytes)) {
+        if (units != nullptr) *units = std::move(quarter->units);
+        Texture texture(std::move(quarter->picture));
+        texture.size_ = header->size;
+        texture.first_level_ = first_level;
+        return texture;
+      }
     // A decoder's smaller pictures are means of its blocks, whose last column and row may be of a part of a block only.
     LUMIGRID_ASSIGN_OR_RETURN(auto image, decodeJpeg(bytes, first_level));
     const glm::ivec2 size = glm::max(header->size >> first_level, 1);
@@ -363,12 +373,6 @@ std::uint32_t Textures::find(const SourcePicture& picture, std::vector<std::stri
 
 namespace {
 
-base::Result<Texture> decodeFile(const SourcePicture& picture, int first_level) {
-  LUMIGRID_ASSIGN_OR_RETURN(const auto bytes, PictureBytes::open(picture));
-  auto texture = Texture::decode(bytes.view(), first_level);
-  return texture ? std::move(texture) : base::within(picture.path, texture.error());
-}
-
 // The bytes of a decoded picture; 0 where its size cannot be told.
 std::size_t decodedBytes(const SourcePicture& picture, int first_level) {
   const auto bytes = PictureBytes::open(picture);
@@ -378,6 +382,15 @@ std::size_t decodedBytes(const SourcePicture& picture, int first_level) {
 }
 
 }  // namespace
+
+base::Result<Texture> Textures::decodeFile(const SourcePicture& picture, int first_level) const {
+  LUMIGRID_ASSIGN_OR_RETURN(const auto bytes, PictureBytes::open(picture));
+  base::Bytes units;
+  auto texture = Texture::decode(bytes.view(), first_level, &units);
+  if (!texture) return base::within(picture.path, texture.error());
+  if (keep_units_ && !units.empty()) keep_units_(picture, units);
+  return texture;
+}
 
 const Texture& Textures::fine(std::uint32_t number, double texels) {
   Known& known = known_[number];
@@ -425,7 +438,8 @@ void Textures::decodeAhead(const SourcePicture& last) {
     const std::size_t needed = decodedBytes(*next, first_level);
     if (needed == 0 || bytes + needed > kAheadBytes) return;
     bytes += needed;
-    ahead_.push_back({*next, needed, first_level, std::async(std::launch::async, decodeFile, *next, first_level)});
+    ahead_.push_back(
+        {*next, needed, first_level, std::async(std::launch::async, &Textures::decodeFile, this, *next, first_level)});
   }
 }
 

@@ -46,8 +46,9 @@ base::Result<base::Image> readPicture(const SourcePicture& picture);
 class Texture {
  public:
   /// Errors: those of decodePicture(). A JPEG may be decoded at half (`first_level` 1) or a quarter (2) of its size,
-  /// which takes half the time; other pictures are decoded at their own.
-  static base::Result<Texture> decode(base::ByteView bytes, int first_level = 0);
+  /// which takes half the time; other pictures are decoded at their own. `units` may get what
+  /// base::JpegBlocks::readQuarter tells.
+  static base::Result<Texture> decode(base::ByteView bytes, int first_level = 0, base::Bytes* units = nullptr);
   explicit Texture(base::Image picture);
   int width() const { return size_.x; }
   int height() const { return size_.y; }
@@ -99,6 +100,7 @@ class Textures {
   const std::string& pathOf(const std::string& name);
   /// The mesh file itself, for pictures inside it.
   const std::string& path() const { return path_; }
+  void keepUnits(KeepUnits keep) { keep_units_ = std::move(keep); }
   /// Pictures that will probably be asked for, in this order.
   void expect(std::vector<SourcePicture> pictures) { expected_ = std::move(pictures); }
   /// The number of a picture; kNoPicture where it cannot be read, for which `warnings` gets a line, for the
@@ -132,10 +134,12 @@ class Textures {
   static constexpr std::size_t kMaxNamed = 8;  // a choice, since a set of tiles may have thousands
   int firstLevel(std::size_t order) const { return order < kLag ? kCoarsest : needed_[order - kLag]; }
   base::Result<Texture> decoded(const SourcePicture& picture);
+  base::Result<Texture> decodeFile(const SourcePicture& picture, int first_level) const;
   void decodeAhead(const SourcePicture& last);
   void forgetOldest(const Known& but);
 
   std::string path_;
+  KeepUnits keep_units_;
   std::map<std::string, std::string> paths_;  // by the name in the mesh file
   std::vector<Known> known_;
   std::vector<SourcePicture> unreadable_;

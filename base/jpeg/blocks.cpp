@@ -202,11 +202,15 @@ class JpegBlocks::Reader {
   Reader(const Reader&) = delete;
   Reader& operator=(const Reader&) = delete;
 
-  Result<void> read(ByteView bytes, std::uint64_t max_bytes) {
-    LUMIGRID_TRY(readHeader(bytes));
-    if (const char* fault = whyNot(jpeg_)) return Error{ErrorCode::kUnsupported, std::string("JPEG: ") + fault};
-    LUMIGRID_TRY(readUnits(bytes, max_bytes));
-    if (units_) return {};
+  Result<void> read(ByteView bytes, std::uint64_t max_bytes, ByteView index) {
+    LUMIGRID_TRY(readFront(bytes));
+    if (const auto coded = codedUnits(bytes)) {
+      units_ = jpeg::CodedUnits::read(coded->first, coded->second, max_bytes, index);
+      if (units_) {
+        if (writeFront(coded->first)) return notePlanes(true);
+        units_.reset();
+      }
+    }
     std::uint64_t needed = 0;
     for (int c = 0; c < jpeg_.num_components; ++c)
       needed +=
@@ -216,6 +220,26 @@ class JpegBlocks::Reader {
     LUMIGRID_TRY(notePlanes(false));
     LUMIGRID_TRY(noteRows());
     return checkCoefficients();
+  }
+
+  std::optional<JpegBlocks::Quarter> readQuarter(ByteView bytes, std::uint64_t max_bytes) {
+    if (!readFront(bytes)) return std::nullopt;
+    const auto coded = codedUnits(bytes);
+    if (!coded || !notePlanes(true)) return std::nullopt;
+    JpegBlocks::Quarter made;
+    const auto quarterOf = [](JDIMENSION side) { return static_cast<int>(std::max<JDIMENSION>(1, side / 4)); };
+    made.picture = Image(quarterOf(jpeg_.image_width), quarterOf(jpeg_.image_height), 3);
+    jpeg::QuarterRows rows;
+    rows.blocks_across = static_cast<std::size_t>(planes_[0].across);
+    rows.blocks_down = static_cast<std::size_t>(planes_[0].down);
+    for (std::size_t c = 0; c < planes_.size(); ++c)
+      rows.weights.emplace_back(planes_[c].quant, jpeg::kZigzag, c == 0 ? 2 : 2 * rows.blocks_across,
+                                c == 0 ? 2 : 2 * rows.blocks_down);
+    rows.take = [&](std::size_t row, const jpeg::QuarterRow& samples) { paintRow(row, samples, made.picture); };
+    const auto units = jpeg::CodedUnits::readQuarter(coded->first, coded->second, max_bytes, rows);
+    if (!units) return std::nullopt;
+    made.units = units->index();
+    return made;
   }
 
   const jpeg_decompress_struct& jpeg() const { return jpeg_; }
@@ -303,9 +327,15 @@ class JpegBlocks::Reader {
     return {};
   }
 
-  // Keeps the units as they are coded, if that can be done.
-  Result<void> readUnits(ByteView bytes, std::uint64_t max_bytes) {
-    if (!isOneScan(jpeg_) || !hasCompleteTables(jpeg_)) return {};
+  Result<void> readFront(ByteView bytes) {
+    LUMIGRID_TRY(readHeader(bytes));
+    if (const char* fault = whyNot(jpeg_)) return Error{ErrorCode::kUnsupported, std::string("JPEG: ") + fault};
+    return {};
+  }
+
+  // How the units are coded and their bytes, if they can stay coded.
+  std::optional<std::pair<jpeg::UnitLayout, ByteView>> codedUnits(ByteView bytes) const {
+    if (!isOneScan(jpeg_) || !hasCompleteTables(jpeg_)) return std::nullopt;
     jpeg::UnitLayout layout;
     const jpeg_component_info& first = jpeg_.comp_info[0];
     layout.across = unitsAlong(jpeg_.image_width, first.h_samp_factor);
@@ -314,23 +344,47 @@ class JpegBlocks::Reader {
     for (int c = 0; c < jpeg_.num_components; ++c) {
       const auto means = tableOf(*jpeg_.dc_huff_tbl_ptrs[jpeg_.comp_info[c].dc_tbl_no]);
       const auto others = tableOf(*jpeg_.ac_huff_tbl_ptrs[jpeg_.comp_info[c].ac_tbl_no]);
-      if (!means || !others) return {};
+      if (!means || !others) return std::nullopt;
       layout.planes.push_back({means, others});
     }
-    const auto at = static_cast<std::size_t>(jpeg_.src->next_input_byte - bytes.data());
-    auto units = jpeg::CodedUnits::read(layout, bytes.subspan(at), max_bytes);
-    if (!units) return {};
+    return std::pair(layout, bytes.subspan(static_cast<std::size_t>(jpeg_.src->next_input_byte - bytes.data())));
+  }
 
+  // Makes what a JPEG of such units has before them.
+  bool writeFront(const jpeg::UnitLayout& layout) {
     Writer writer;
     const auto even = [&](int, int, JpegBlock* blocks) {
       std::fill_n(blocks, layout.blocks(), JpegBlock{});
       return std::optional<std::array<int, 2>>();
     };
-    if (!writer.write(jpeg_, 1, 1, even, nullptr, false)) return {};
-    LUMIGRID_TRY(notePlanes(true));
+    if (!writer.write(jpeg_, 1, 1, even, nullptr, false)) return false;
     front_ = frontOf(writer.takeBytes());
-    units_ = std::move(units);
-    return {};
+    return true;
+  }
+
+  // Turns a row of units into pixels (JFIF 1.02, section 7: RGB of YCbCr), as far as they lie in the picture.
+  void paintRow(std::size_t row, const jpeg::QuarterRow& samples, Image& picture) const {
+    const std::size_t wide = std::min(samples.wide, static_cast<std::size_t>(picture.width));
+    const std::vector<float> grey(planes_.size() == 1 ? wide : 0, 0.0F);
+    for (std::size_t y = 0; y < samples.down; ++y) {
+      const std::size_t line = samples.down * row + y;
+      if (line >= static_cast<std::size_t>(picture.height)) return;
+      const std::size_t at = samples.wide * y;
+      const float* const luma = samples.planes[0].data() + at;
+      const float* const cb = grey.empty() ? samples.planes[1].data() + at : grey.data();
+      const float* const cr = grey.empty() ? samples.planes[2].data() + at : grey.data();
+      const auto inRange = [](float value, float least, float most) {
+        return value < least ? least : value > most ? most : value;
+      };
+      std::uint8_t* to = picture.at(0, static_cast<int>(line));
+      for (std::size_t x = 0; x < wide; ++x, to += 3) {
+        const float l = inRange(luma[x], -128.0F, 127.0F) + 128.5F;
+        const float b = inRange(cb[x], -128.0F, 127.0F), r = inRange(cr[x], -128.0F, 127.0F);
+        to[0] = static_cast<std::uint8_t>(inRange(l + 1.402F * r, 0.0F, 255.0F));
+        to[1] = static_cast<std::uint8_t>(inRange(l - 0.344136F * b - 0.714136F * r, 0.0F, 255.0F));
+        to[2] = static_cast<std::uint8_t>(inRange(l + 1.772F * b, 0.0F, 255.0F));
+      }
+    }
   }
 
   Result<void> readBlocks() {
@@ -409,11 +463,17 @@ JpegBlocks::JpegBlocks(JpegBlocks&&) noexcept = default;
 JpegBlocks& JpegBlocks::operator=(JpegBlocks&&) noexcept = default;
 JpegBlocks::~JpegBlocks() = default;
 
-Result<JpegBlocks> JpegBlocks::read(ByteView jpeg, std::uint64_t max_bytes) {
+Result<JpegBlocks> JpegBlocks::read(ByteView jpeg, std::uint64_t max_bytes, ByteView units) {
   if (jpeg.empty()) return broken("no bytes");
   auto reader = std::make_unique<Reader>();
-  LUMIGRID_TRY(reader->read(jpeg, max_bytes));
+  LUMIGRID_TRY(reader->read(jpeg, max_bytes, units));
   return JpegBlocks(std::move(reader));
+}
+
+std::optional<JpegBlocks::Quarter> JpegBlocks::readQuarter(ByteView jpeg, std::uint64_t max_bytes) {
+  if (jpeg.empty()) return std::nullopt;
+  Reader reader;
+  return reader.readQuarter(jpeg, max_bytes);
 }
 
 int JpegBlocks::width() const {

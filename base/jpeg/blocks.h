@@ -10,6 +10,7 @@
 
 #include "base/bytes.h"
 #include "base/error.h"
+#include "base/image.h"
 
 namespace base {
 
@@ -34,7 +35,17 @@ class JpegBlocks {
   /// which has at most 2 x 2 blocks a unit and the others one. Errors: kUnsupported for all others, for a side over
   /// 16384, and where they would take more than `max_bytes` of memory; kInvalidInput for broken data, also where
   /// libjpeg would only warn; kUnsupported also for means of blocks that no picture has.
-  static Result<JpegBlocks> read(ByteView jpeg, std::uint64_t max_bytes);
+  /// With what readQuarter() says of `units` of the same bytes they are not looked for again.
+  static Result<JpegBlocks> read(ByteView jpeg, std::uint64_t max_bytes, ByteView units = {});
+  /// A picture at a quarter of its size, rounded down but at least 1: each pixel the mean of 4 x 4, or of those there
+  /// are with the padding that the JPEG has beside them.
+  struct Quarter {
+    Image picture;  ///< RGB
+    Bytes units;    ///< for read(); some 9 % of the JPEG's bytes
+  };
+  /// Reads both in one pass over the coded bytes, of JPEGs that stay coded (above). Nothing for others, for broken ones
+  /// and where more than `max_bytes` of memory would be taken.
+  static std::optional<Quarter> readQuarter(ByteView jpeg, std::uint64_t max_bytes);
   JpegBlocks(JpegBlocks&&) noexcept;
   JpegBlocks& operator=(JpegBlocks&&) noexcept;
   ~JpegBlocks();

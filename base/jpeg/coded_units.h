@@ -10,11 +10,34 @@
 
 #include "base/bytes.h"
 #include "base/jpeg/huffman.h"
+#include "base/jpeg/quarter.h"
 
 namespace base::jpeg {
 
 /// 8 x 8 quantized coefficients, row by row.
 using Block = std::array<std::int16_t, 64>;
+
+/// Where the coefficients lie in a block, in the order in which they are coded (T.81, figure A.6).
+inline constexpr std::array<std::uint8_t, 64> kZigzag = [] {
+  std::array<std::uint8_t, 64> order{};
+  int x = 0, y = 0;
+  for (std::uint8_t& place : order) {
+    place = static_cast<std::uint8_t>(8 * y + x);
+    const bool up = (x + y) % 2 == 0;
+    if (up && x == 7) {
+      ++y;
+    } else if (up && y == 0) {
+      ++x;
+    } else if (!up && y == 7) {
+      ++x;
+    } else if (!up && x == 0) {
+      ++y;
+    } else {
+      x += up ? 1 : -1, y += up ? -1 : 1;
+    }
+  }
+  return order;
+}();
 
 /// The codes of a plane's coefficients.
 struct PlaneCode {
@@ -34,9 +57,17 @@ class CodedUnits {
  public:
   static constexpr std::size_t kMaxBlocks = 6;  ///< in a unit
 
-  /// Finds the units in the coded bytes, which end with a marker. Nothing where these are broken, or have restarts or
-  /// coefficients that no picture of 8 bits has, or where this would take more than `max_bytes` of memory.
-  static std::optional<CodedUnits> read(const UnitLayout& layout, ByteView coded, std::uint64_t max_bytes);
+  /// Finds the units in the coded bytes, which end with a marker, or takes their places from `index`, if that is of
+  /// these bytes. Nothing where these are broken, or have restarts or coefficients that no picture of 8 bits has, or
+  /// where this would take more than `max_bytes` of memory.
+  static std::optional<CodedUnits> read(const UnitLayout& layout, ByteView coded, std::uint64_t max_bytes,
+                                        ByteView index = {});
+  /// The same, and makes the picture at a quarter of its size in the same pass.
+  static std::optional<CodedUnits> readQuarter(const UnitLayout& layout, ByteView coded, std::uint64_t max_bytes,
+                                               const QuarterRows& quarter);
+  /// Where the units lie, for read(): u32 CRC-32C of the coded bytes, u16 length of each unit, bits, and i16 means of
+  /// its blocks.
+  Bytes index() const;
 
   /// The coefficient of a block's mean. `block`: 0 <= block < blocks(), by planes; `unit` row by row.
   std::int16_t mean(std::size_t unit, std::size_t block) const { return means_[unit * layout_.blocks() + block]; }
@@ -51,13 +82,19 @@ class CodedUnits {
  private:
   class Encoder;
   explicit CodedUnits(const UnitLayout& layout) : layout_(layout) {}
-  bool findUnits(std::uint64_t bits);
+  static std::optional<CodedUnits> begin(const UnitLayout& layout, ByteView coded, std::uint64_t max_bytes);
+  bool findUnits();
+  bool takeIndex(ByteView index);
+  bool findQuarter(const QuarterRows& quarter);
+  template <class Others>
+  bool walk(const Others& others);
   std::size_t planeOf(std::size_t block) const {
     return block < layout_.first_blocks ? 0 : block - layout_.first_blocks + 1;
   }
 
   UnitLayout layout_;
   std::unique_ptr<std::uint8_t[]> bytes_;  // without stuffed ones, and kMargin more
+  std::size_t coded_ = 0;                  // bytes
   std::vector<std::uint32_t> starts_;      // of units, bits; and the end of the last
   std::vector<std::int16_t> means_;        // of units' blocks
 };

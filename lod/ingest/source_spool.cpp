@@ -87,7 +87,9 @@ glm::ivec3 unpackNormal(std::uint32_t packed) {
 base::Result<SourceSpool> SourceSpool::create(const std::string& directory) {
   LUMIGRID_ASSIGN_OR_RETURN(auto vertices, SpoolFile::create(directory + "/vertices"));
   LUMIGRID_ASSIGN_OR_RETURN(auto triangles, SpoolFile::create(directory + "/triangles"));
-  return SourceSpool(std::move(vertices), std::move(triangles));
+  SourceSpool spool(std::move(vertices), std::move(triangles));
+  LUMIGRID_ASSIGN_OR_RETURN(spool.units_, PictureUnits::create(directory));
+  return spool;
 }
 
 base::Result<SourceSpool> SourceSpool::open(const std::string& directory) {

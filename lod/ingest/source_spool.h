@@ -6,6 +6,7 @@
 #include <unordered_set>
 #include <vector>
 
+#include "lod/ingest/picture_units.h"
 #include "lod/ingest/spool.h"
 #include "lod/morton.h"
 #include "mesh/stream_mesh.h"
@@ -84,7 +85,7 @@ glm::ivec3 unpackNormal(std::uint32_t packed);
 
 class SourceSpool : public mesh::MeshSink {
  public:
-  /// Creates the files `vertices` and `triangles` in `directory`. Errors: kNoSpace, kIo.
+  /// Creates the files `vertices` and `triangles` in `directory`, and that of PictureUnits. Errors: kNoSpace, kIo.
   static base::Result<SourceSpool> create(const std::string& directory);
   /// Opens the files that an earlier run finished. Errors: kNotFound, kIo, damaged work files.
   static base::Result<SourceSpool> open(const std::string& directory);
@@ -95,6 +96,8 @@ class SourceSpool : public mesh::MeshSink {
 
   /// Called before each source file, whose numbers start at 0. `name` is the file's in errors.
   void beginFile(const std::string& name);
+  /// What mesh::StreamOptions::keep_units gets; PictureUnits reads it. Safe from several threads.
+  void keepUnits(const mesh::SourcePicture& picture, base::ByteView units) { units_.add(picture, units); }
   /// Called after each source file that has textures: its pictures, in their order.
   void addPictures(const std::vector<mesh::SourcePicture>& pictures) {
     info_.pictures.insert(info_.pictures.end(), pictures.begin(), pictures.end());
@@ -154,6 +157,7 @@ class SourceSpool : public mesh::MeshSink {
 
   SpoolFile vertices_;
   SpoolFile triangles_;
+  PictureUnits units_;
   std::vector<Block> vertex_blocks_;
   std::vector<Block> triangle_blocks_;
   SourceInfo info_;

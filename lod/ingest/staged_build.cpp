@@ -182,6 +182,9 @@ base::Result<SourceInput> sourceFromFiles(const std::vector<std::string>& paths,
       stream.progress = [&](double done) {
         return !progress || progress("import", (static_cast<double>(i) + done) / static_cast<double>(paths.size()));
       };
+      stream.keep_units = [&spool](const mesh::SourcePicture& picture, base::ByteView units) {
+        spool.keepUnits(picture, units);
+      };
       spool.beginFile(paths[i]);
       LUMIGRID_ASSIGN_OR_RETURN(auto file, readFile(paths[i], spool, threads, stream));
       for (const std::string& warning : file.warnings) notes.warnings.push_back(paths[i] + ": " + warning);
@@ -437,6 +440,10 @@ void StagedBuild::leaveBuckets(Buckets& buckets) {
     options_.shared->leaveBuckets(buckets);
   else
     buckets.release();
+}
+
+const std::string& StagedBuild::sourceDirectory() const {
+  return shares_source_ ? options_.shared->path() : directory_->path();
 }
 
 const std::string& StagedBuild::bucketDirectory() const {

@@ -180,6 +180,8 @@ class StagedBuild {
   base::Result<Buckets> sortTriangles(const SortOptions& options);
   /// Says that the buckets are no longer wanted: the last who uses them releases them. Safe from any thread.
   void leaveBuckets(Buckets& buckets);
+  /// Where importSource() left the units of pictures.
+  const std::string& sourceDirectory() const;
   /// Where sortTriangles() left the texture places of the buckets.
   const std::string& bucketDirectory() const;
 

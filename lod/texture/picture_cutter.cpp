@@ -28,10 +28,11 @@ PictureCutter::PictureCutter(Decode decode) : decode_(std::move(decode)), mutex_
 PictureCutter::PictureCutter(PictureCutter&&) noexcept = default;
 PictureCutter::~PictureCutter() = default;
 
-base::Result<PictureCutter> PictureCutter::open(base::ByteView bytes, Decode decode) {
+base::Result<PictureCutter> PictureCutter::open(base::ByteView bytes, base::ByteView units,
+                                                Decode decode) {
   PictureCutter cutter(std::move(decode));
   // Other pictures, and broken ones, are named by their decoder.
-  if (auto blocks = base::JpegBlocks::read(bytes, kMaxBlockBytes)) {
+  if (auto blocks = base::JpegBlocks::read(bytes, kMaxBlockBytes, units)) {
     cutter.size_ = {blocks->width(), blocks->height()};
     cutter.units_ = std::make_unique<UnitCharts>(cutter.size_, glm::ivec2(blocks->unitWidth(), blocks->unitHeight()));
     cutter.blocks_ = std::move(*blocks);

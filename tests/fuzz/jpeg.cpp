@@ -26,8 +26,19 @@ base::Bytes standardSeed(int width, int height, base::Subsampling subsampling) {
 
 // Copies all units, and reads them in the copy.
 void copyUnits(base::ByteView bytes) {
-  const auto blocks = base::JpegBlocks::read(bytes, std::uint64_t{1} << 20);
-  if (!blocks) return;
+  constexpr std::uint64_t kMemory = std::uint64_t{1} << 20;
+  const auto blocks = base::JpegBlocks::read(bytes, kMemory);
+  const auto quarter = base::JpegBlocks::readQuarter(bytes, kMemory);
+  if (!blocks) {
+    LUMIGRID_CHECK(!quarter);
+    return;
+  }
+  if (quarter) {
+    const auto again = base::JpegBlocks::read(bytes, kMemory, quarter->units);
+    LUMIGRID_CHECK(again && again->block(0, 0, 0) == blocks->block(0, 0, 0));
+    const int x = blocks->plane(0).wide - 1, y = blocks->plane(0).high - 1;
+    LUMIGRID_CHECK(again->block(0, x, y) == blocks->block(0, x, y) && again->mean(0, x, y) == blocks->mean(0, x, y));
+  }
   LUMIGRID_CHECK(blocks->width() >= 1 && blocks->height() >= 1);
   std::array<base::JpegBlock, 3> at{};
   blocks->blocksAt(blocks->width() - 1, blocks->height() - 1, at);

@@ -390,7 +390,8 @@ class HierarchyBuilder {
   base::Result<void> makeTextures(std::vector<WorkPatch>& leaves) {
     if (!buckets_.hasTextures()) return {};
     LUMIGRID_ASSIGN_OR_RETURN(const auto places, ingest::TexturePlaces::open(build_.bucketDirectory()));
-    const LeafTextureSource source{build_.source().info.pictures, places, *store_, build_.lattice().lattice};
+    LUMIGRID_ASSIGN_OR_RETURN(const auto units, ingest::PictureUnits::open(build_.sourceDirectory()));
+    const LeafTextureSource source{build_.source().info.pictures, places, units, *store_, build_.lattice().lattice};
     const auto report = [this](double done) { return build_.report("textures", done); };
     const bool resume = build_.directory().has("pages");
     LUMIGRID_ASSIGN_OR_RETURN(textures_, LeafTextures::make(source, leaves, build_.directory().path(), resume,
@@ -446,6 +447,7 @@ class HierarchyBuilder {
     for (std::uint32_t p = 0; p < order.size(); ++p) patch_of[order[p]] = p;
     LUMIGRID_ASSIGN_OR_RETURN(
         summary_.texture, textures_->write(options_.texture_path, patch_of, static_cast<std::uint32_t>(order.size())));
+    if (options_.on_textures_written) options_.on_textures_written();
     return {};
   }
 

@@ -27,6 +27,7 @@ struct HierarchyOptions : ingest::StagedBuildOptions {
   /// Where the textures of the leaves go (docs/formats/texture.md), for a source that has some; empty: they only colour
   /// the vertices.
   std::string texture_path;
+  std::function<void()> on_textures_written;  ///< may be empty; called when that file is in its place
   bool regroup = true;  ///< false: the paper's binary tree, whose locked borders pile up (for the chart)
 };
 

@@ -149,9 +149,9 @@ base::Result<MadePages> makeLeafPages(const LeafTextureSource& source, const Wor
 // The memory for a texel of a picture that is cut up: blocks of three planes without subsampling and those of a page,
 // which may be as large (6 bytes each), and what is covered.
 constexpr std::uint64_t kBytesPerTexel = 13;
-base::Result<texture::PictureCutter> openPicture(const mesh::SourcePicture& source) {
+base::Result<texture::PictureCutter> openPicture(const mesh::SourcePicture& source, base::ByteView units) {
   LUMIGRID_ASSIGN_OR_RETURN(const auto bytes, mesh::PictureBytes::open(source));
-  return texture::PictureCutter::open(bytes.view(), [source] { return mesh::readPicture(source); });
+  return texture::PictureCutter::open(bytes.view(), units, [source] { return mesh::readPicture(source); });
 }
 
 // Bytes of a record's numbers: before its leaves, before a leaf's pages, and before a page.
@@ -239,7 +239,8 @@ class LeafTextures::Maker {
     const std::vector<std::uint32_t>& leaves = leaves_of_[number];
     std::vector<MadePages> made(leaves.size());
     if (!leaves.empty()) {
-      LUMIGRID_ASSIGN_OR_RETURN(auto picture, openPicture(source_.pictures[number]));
+      const mesh::SourcePicture& file = source_.pictures[number];
+      LUMIGRID_ASSIGN_OR_RETURN(auto picture, openPicture(file, source_.units.of(file)));
       std::vector<std::uint32_t> added(leaves.size());
       LUMIGRID_TRY(base::tryParallelFor(leaves.size(), threads, [&](std::size_t i) -> base::Result<void> {
         LUMIGRID_ASSIGN_OR_RETURN(const auto leaf, readLeaf(source_.store, leaves_[leaves[i]]));

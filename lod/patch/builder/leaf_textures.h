@@ -9,6 +9,7 @@
 #include <string>
 #include <vector>
 
+#include "lod/ingest/picture_units.h"
 #include "lod/ingest/record_log.h"
 #include "lod/ingest/texture_places.h"
 #include "lod/patch/builder/work_store.h"
@@ -19,6 +20,7 @@ namespace lod::patch::builder {
 struct LeafTextureSource {
   const std::vector<mesh::SourcePicture>& pictures;
   const ingest::TexturePlaces& places;
+  const ingest::PictureUnits& units;
   const WorkStore& store;  ///< where the leaves are
   const Lattice& lattice;
 };

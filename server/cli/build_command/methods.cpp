@@ -261,6 +261,7 @@ Result<void> buildPatches(const MethodBuilds& builds, std::optional<base::Scene>
   options.on_plan = [&](const lod::ingest::BuildPlan& plan) { printPlan(a, builds.line, plan); };
   PartFile textures(a.output, kTextureFile);
   if (a.textures == "keep") options.texture_path = textures.path();
+  options.on_textures_written = textures.startHashing();
   options.on_written = part.startHashing();
   auto summary = lod::patch::builder::buildHierarchyFromFiles(a.meshes, options, part.path(),
                                                               progressOn(builds.line, "hierarchy"));
@@ -282,10 +283,7 @@ Result<void> buildPatches(const MethodBuilds& builds, std::optional<base::Scene>
   scene = std::move(described);
   LUMIGRID_TRY(orientBySurface(a, *summary, part.path(), *scene));
   std::erase_if(scene->parts, [](const base::ScenePart& old) { return old.file == kTextureFile; });
-  if (summary->texture) {
-    textures.startHashing()();
-    LUMIGRID_TRY(textures.addTo(*scene));
-  }
+  if (summary->texture) LUMIGRID_TRY(textures.addTo(*scene));
   report.hierarchy = std::move(*summary);
   return part.addTo(*scene);
 }

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <random>
 #include <utility>
 #include <vector>
@@ -163,6 +164,78 @@ TEST(JpegBlocks, ofAWholePictureAreItsBytes) {
   const auto copy = blocks->encode(6, 4, [](int x, int y, JpegBlock*) { return std::optional(std::array{x, y}); });
   ASSERT_TRUE(copy);
   EXPECT_EQ(*copy, jpeg);
+}
+
+// How far a picture is from the means of another one over 4 x 4 pixels, levels: the mean over whole squares.
+double offFromMeans(const Image& quarter, const Image& whole) {
+  double sum = 0.0;
+  for (int y = 0; y < quarter.height; ++y)
+    for (int x = 0; x < quarter.width; ++x)
+      for (int c = 0; c < 3; ++c) {
+        double mean = 0.0;
+        for (int i = 0; i < 16; ++i) mean += whole.at(4 * x + i % 4, 4 * y + i / 4)[c] / 16.0;
+        sum += std::abs(mean - quarter.at(x, y)[c]);
+      }
+  return sum / (3.0 * quarter.width * quarter.height);
+}
+
+TEST(JpegBlocks, aQuarterIsTheMeanOverSquaresOfFourPixels) {
+  const Image noise = noisy(203, 131);
+  // Bright and dark squares in three colours, whose edges lie inside blocks, with soft slopes between them.
+  Image squares(203, 131, 3);
+  for (int y = 0; y < squares.height; ++y)
+    for (int x = 0; x < squares.width; ++x)
+      for (int c = 0; c < 3; ++c)
+        squares.at(x, y)[c] = static_cast<std::uint8_t>(
+            127.5 + 127.0 * std::clamp(3.0 * std::sin(0.11 * x + c) * std::sin(0.07 * y + 2.0 * c), -1.0, 1.0));
+  for (const Subsampling subsampling : {Subsampling::k420, Subsampling::k422, Subsampling::k444})
+    for (const Image* image : {&noise, static_cast<const Image*>(&squares)}) {
+      const Bytes jpeg = standardJpeg(*image, 95, subsampling);
+      const auto quarter = JpegBlocks::readQuarter(jpeg, kPlenty);
+      ASSERT_TRUE(quarter);
+      ASSERT_EQ(quarter->picture.width, 50);
+      ASSERT_EQ(quarter->picture.height, 32);
+      // libjpeg mixes coarser colours with those beside them, and the highest frequencies of brightness are left out.
+      const bool plain = subsampling == Subsampling::k444 && image == &squares;
+      EXPECT_LT(offFromMeans(quarter->picture, *decodeJpeg(jpeg)), plain ? 0.7 : 1.5) << nameOf(subsampling);
+    }
+  const auto narrow = JpegBlocks::readQuarter(standardJpeg(noisy(3, 9), 90, Subsampling::k420), kPlenty);
+  ASSERT_TRUE(narrow);
+  EXPECT_EQ(narrow->picture.width, 1);
+  EXPECT_EQ(narrow->picture.height, 2);
+}
+
+TEST(JpegBlocks, aQuarterIsMadeOfJpegsThatStayCodedAndNoOthers) {
+  EXPECT_FALSE(JpegBlocks::readQuarter(*encodeJpeg(noisy(64, 64), 80, Subsampling::k420), kPlenty));
+  const Bytes jpeg = standardJpeg(noisy(64, 64), 80, Subsampling::k420);
+  for (std::size_t length = 0; length + 2 < jpeg.size(); length += 7)
+    EXPECT_FALSE(JpegBlocks::readQuarter(ByteView(jpeg).first(length), kPlenty)) << length;
+  EXPECT_FALSE(JpegBlocks::readQuarter(jpeg, 1000));
+  EXPECT_FALSE(JpegBlocks::readQuarter({}, kPlenty));
+}
+
+TEST(JpegBlocks, areTheSameWithUnitsThatWereFoundBeforeAndWithWrongOnes) {
+  const Bytes jpeg = standardJpeg(noisy(160, 96), 90, Subsampling::k420);
+  const auto known = JpegBlocks::readQuarter(jpeg, kPlenty);
+  const auto other = JpegBlocks::readQuarter(standardJpeg(noisy(160, 96), 91, Subsampling::k420), kPlenty);
+  ASSERT_TRUE(known && other);
+  Bytes broken = known->units;
+  broken.pop_back();
+  const auto expected = JpegBlocks::read(jpeg, kPlenty);
+  ASSERT_TRUE(expected);
+  for (const Bytes& units : {known->units, other->units, broken, Bytes()}) {
+    const auto blocks = JpegBlocks::read(jpeg, kPlenty, units);
+    ASSERT_TRUE(blocks);
+    for (int p = 0; p < 3; ++p)
+      for (int y = 0; y < expected->plane(p).high; ++y)
+        for (int x = 0; x < expected->plane(p).wide; ++x) {
+          ASSERT_EQ(blocks->block(p, x, y), expected->block(p, x, y));
+          ASSERT_EQ(blocks->mean(p, x, y), expected->mean(p, x, y));
+        }
+    const auto copy = blocks->encode(10, 6, [](int x, int y, JpegBlock*) { return std::optional(std::array{x, y}); });
+    ASSERT_TRUE(copy);
+    EXPECT_EQ(*copy, jpeg);
+  }
 }
 
 TEST(JpegBlocks, thatStayCodedAreRefusedWhereTheyAreBroken) {

@@ -43,7 +43,7 @@ struct CutUp {
 CutUp cutUp(const JpegPicture& picture, const std::vector<std::vector<PictureTriangle>>& leaves, bool plain = false) {
   CutUp out;
   const base::ByteView bytes = plain ? base::ByteView() : base::ByteView(picture.bytes);
-  auto cutter = PictureCutter::open(bytes, [&]() -> base::Result<base::Image> {
+  auto cutter = PictureCutter::open(bytes, {}, [&]() -> base::Result<base::Image> {
     ++out.decodings;
     return picture.image;
   });
@@ -96,6 +96,26 @@ TEST_P(BlockPages, ofASurfaceThatGoesOnAreExactlyThePicture) {
     ASSERT_FALSE(inner.empty());
     EXPECT_LT(lookUpDifference(pages, picture.image, inner), 1e-3F);
   }
+}
+
+TEST_P(BlockPages, areTheSameBytesWithUnitsThatWereFoundBefore) {
+  const base::Image image = detailed(400, 300);
+  base::Bytes jpeg;
+  ASSERT_TRUE((*base::beginJpeg(image.width, image.height, 90, GetParam(), jpeg))->add(image));
+  const auto quarter = base::JpegBlocks::readQuarter(jpeg, std::uint64_t{1} << 30);
+  ASSERT_TRUE(quarter);
+  const std::vector<PictureTriangle> leaf = grid({21.0F, 35.0F}, {333.0F, 270.0F}, 6);
+  std::vector<base::Bytes> made;
+  for (const base::ByteView units : {base::ByteView(), base::ByteView(quarter->units)}) {
+    auto cutter = PictureCutter::open(jpeg, units, [] { return base::Result<base::Image>(base::Image()); });
+    ASSERT_TRUE(cutter);
+    const std::uint32_t number = cutter->add(leaf);
+    cutter->finish();
+    const auto pages = cutter->cut(leaf, number);
+    ASSERT_TRUE(pages && pages->size() == 1);
+    made.push_back(pages->front().bytes);
+  }
+  EXPECT_EQ(made[0], made[1]);
 }
 
 TEST_P(BlockPages, ofChartsBetweenGapsAreNearThePicture) {
