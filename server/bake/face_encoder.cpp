@@ -1,6 +1,7 @@
 #include "server/bake/face_encoder.h"
 
 #include <algorithm>
+#include <cstring>
 #include <utility>
 
 #include "base/check.h"
@@ -25,24 +26,38 @@ base::Image coverageMask(const base::Image& rgba, std::uint8_t least_alpha) {
 }
 
 bool showsModel(const base::Image& rgba, std::uint8_t least_alpha) {
-  for (std::size_t i = 3; i < rgba.pixels.size(); i += 4)
-    if (rgba.pixels[i] >= least_alpha) return true;
+  // The bits of many alphas together tell most empty parts at once: none of them has more than all.
+  constexpr std::size_t kPart = 1024;  // bytes
+  for (std::size_t begin = 0; begin < rgba.pixels.size(); begin += kPart) {
+    const auto part = base::ByteView(rgba.pixels).subspan(begin, std::min(kPart, rgba.pixels.size() - begin));
+    std::uint32_t bits = 0;
+    for (std::size_t i = 0; i + 4 <= part.size(); i += 4) {
+      std::uint32_t pixel = 0;
+      std::memcpy(&pixel, &part[i], sizeof(pixel));
+      bits |= pixel;
+    }
+    if (bits >> 24 < least_alpha) continue;
+    for (std::size_t i = 3; i < part.size(); i += 4)
+      if (part[i] >= least_alpha) return true;
+  }
   return false;
 }
 
 base::Image withAlpha(const base::Image& rgba, const base::Image& alpha) {
   const base::Image filled = repository::fillBackground(rgba, alpha);
   base::Image result(rgba.width, rgba.height, 4);
-  for (std::size_t i = 0; i < alpha.pixels.size(); ++i) {
-    std::copy_n(&filled.pixels[3 * i], 3, &result.pixels[4 * i]);
-    result.pixels[4 * i + 3] = alpha.pixels[i];
+  const std::uint8_t* from = filled.pixels.data();
+  std::uint8_t* to = result.pixels.data();
+  for (const std::uint8_t own : alpha.pixels) {
+    to[0] = from[0], to[1] = from[1], to[2] = from[2], to[3] = own;
+    from += 3, to += 4;
   }
   return result;
 }
 
 base::Result<EncodedImage> encodeImage(const base::Image& rgba, int quality, base::Subsampling subsampling,
                                        std::uint8_t children, std::uint8_t least_alpha) {
-  LUMIGRID_CHECK_EQ(rgba.channels, 4);
+  LUMIGRID_CHECK(rgba.empty() || rgba.channels == 4);
   EncodedImage image;
   // Lines too thin to be stored as model here may be model in a child, and only an image can have children.
   image.empty = children == 0 && !showsModel(rgba, least_alpha);
@@ -61,7 +76,7 @@ base::Result<EncodedImage> encodeImage(const base::Image& rgba, int quality, bas
 }
 
 base::Result<EncodedImage> encodeWebpImage(const base::Image& rgba, int quality, std::uint8_t children) {
-  LUMIGRID_CHECK_EQ(rgba.channels, 4);
+  LUMIGRID_CHECK(rgba.empty() || rgba.channels == 4);
   EncodedImage image;
   image.empty = children == 0 && !showsModel(rgba);
   if (image.empty) {
@@ -90,6 +105,12 @@ base::Result<EncodedFace> encodeFace(const base::Image& rgba, const FaceCoding& 
   };
   if (coding.tile_depth == 0) {
     LUMIGRID_TRY(add(rgba, {}));
+    return face;
+  }
+  // No coarser level shows model where the finest has none.
+  if (!showsModel(rgba)) {
+    if (coding.wanted == nullptr || std::binary_search(coding.wanted->begin(), coding.wanted->end(), 0U))
+      LUMIGRID_TRY(add({}, {}));
     return face;
   }
   const FacePyramid pyramid(rgba, coding.tile_depth);

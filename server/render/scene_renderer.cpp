@@ -252,7 +252,6 @@ base::Result<void> SceneRenderer::drawPicture(const base::Camera& from, std::spa
   LUMIGRID_ASSIGN_OR_RETURN(const base::Camera camera, fitted(from, visible));
   auto picture = std::make_shared<PendingPicture>();
   picture->deliver = std::move(deliver);
-  picture->rendered.rgba = base::Image(camera.width, camera.height, 4);
   for (const std::uint32_t patch : visible) picture->rendered.triangles += hierarchy_.patches[patch].triangles;
 
   // A picture that shows nothing needs no drawing and no transfer.
@@ -260,6 +259,7 @@ base::Result<void> SceneRenderer::drawPicture(const base::Camera& from, std::spa
     picture->tiles_left = 1;
     return readback_.skip(picture);
   }
+  picture->rendered.rgba = base::Image(camera.width, camera.height, 4);
 
   const TilePlan plan =
       planTiles(camera.width, camera.height, options.supersampling, max_side_, options.max_target_samples);
@@ -371,6 +371,7 @@ base::Result<RenderedPicture> SceneRenderer::renderPatches(const base::Camera& c
   LUMIGRID_TRY(
       orDrop(drawPicture(camera, cut, options, [&](RenderedPicture rendered) { result = std::move(rendered); })));
   LUMIGRID_TRY(finish());
+  if (result.rgba.empty()) result.rgba = base::Image(camera.width, camera.height, 4);
   return result;
 }
 

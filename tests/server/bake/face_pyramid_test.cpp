@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <random>
 
 #include "base/jpeg/jpeg.h"
 #include "repository/faces/coverage.h"
@@ -86,6 +87,84 @@ TEST(FacePyramid, evenSurfacesAreStoredOnce) {
 TEST(FacePyramid, emptyFacesAreOneTile) {
   const base::Image face = faceOf(2);
   EXPECT_EQ(chooseTiles(FacePyramid(face, 2)), (std::vector<ChosenTile>{{0, 0}}));
+}
+
+TEST(FacePyramid, facesWithoutPixelsOrWithFaintOnesAreEmpty) {
+  base::Image faint = faceOf(1);
+  for (std::size_t i = 3; i < faint.pixels.size(); i += 4) faint.pixels[i] = kStoredCoverage - 1;
+  const FaceCoding coding{.tile_depth = 1, .codec = repository::ImageCodec::kWebp};
+  for (const base::Image& image : {base::Image(), faint}) {
+    const auto face = encodeFace(image, coding);
+    ASSERT_TRUE(face);
+    EXPECT_TRUE(face->empty);
+    ASSERT_EQ(face->tiles.size(), 1U);
+    EXPECT_EQ(face->tiles[0].tile, 0U);
+    EXPECT_TRUE(repository::decodeFaceValue(face->tiles[0].value)->empty);
+  }
+}
+
+// A picture with every kind of pixel: empty, faint, covered in part and as a whole, alone and side by side.
+base::Image mixedFace(std::uint32_t depth) {
+  base::Image face = faceOf(depth);
+  std::mt19937 random(8);
+  for (int y = 0; y < face.height; ++y)
+    for (int x = 0; x < face.width; ++x) {
+      const unsigned kind = (x / 37 + y / 23) % 5;
+      if (kind < 2) continue;
+      std::uint8_t* pixel = face.at(x, y);
+      for (int c = 0; c < 3; ++c) pixel[c] = static_cast<std::uint8_t>(random());
+      pixel[3] = kind == 2 ? 255 : kind == 3 ? static_cast<std::uint8_t>(random()) : random() % 3 == 0 ? 255 : 7;
+    }
+  return face;
+}
+
+TEST(FacePyramid, aDifferenceIsThatFromABilinearFilter) {
+  const base::Image face = mixedFace(1);
+  const FacePyramid pyramid(face, 1);
+  const base::Image coarse = halved(face);
+  const auto channel = [](const base::Image& image, int x, int y, int c) {
+    const std::uint8_t* pixel = image.at(x, y);
+    return (c < 3 ? pixel[c] : 255) * pixel[3] / 255.0;
+  };
+  double squares = 0.0, pixels = 0.0;
+  for (int y = 8; y < 256; ++y)
+    for (int x = 8; x < 256; ++x) {
+      double sum = 0.0, alphas = 0.0;
+      for (int c = 0; c < 4; ++c) {
+        // The finer pixel's centre in pixels of the coarser level, and the four centres around it.
+        const double u = 0.5 * (x + 0.5) - 0.5, v = 0.5 * (y + 0.5) - 0.5;
+        const int i = static_cast<int>(std::floor(u)), j = static_cast<int>(std::floor(v));
+        double shown = 0.0;
+        for (int k = 0; k < 4; ++k)
+          shown +=
+              std::abs(1 - k % 2 - (u - i)) * std::abs(1 - k / 2 - (v - j)) * channel(coarse, i + k % 2, j + k / 2, c);
+        const double own = channel(face, x, y, c);
+        sum += (own - shown) * (own - shown);
+        if (c == 3) alphas = own + shown;
+      }
+      if (alphas == 0.0) continue;
+      squares += sum, ++pixels;
+    }
+  EXPECT_NEAR(pyramid.differenceFromParent(1), std::sqrt(squares / (4.0 * pixels)), 1e-9);
+}
+
+TEST(FacePyramid, aTileShowsModelWhereAnyOfItsPixelsDoes) {
+  // One pixel at a time, at the corners of tiles' images and beside them.
+  for (const std::uint8_t alpha : {kStoredCoverage, static_cast<std::uint8_t>(kStoredCoverage - 1)})
+    for (const auto& [x, y] : {std::pair(4, 4), std::pair(3, 4), std::pair(259, 259), std::pair(260, 100),
+                               std::pair(252, 252), std::pair(251, 252), std::pair(507, 507), std::pair(508, 300)}) {
+      base::Image face = faceOf(1);
+      face.at(x, y)[3] = alpha;
+      const FacePyramid pyramid(face, 1);
+      for (std::uint32_t tile = 1; tile < 5; ++tile) {
+        const base::Image image = pyramid.imageOf(tile);
+        EXPECT_EQ(pyramid.showsModel(tile), showsModel(image)) << x << ' ' << y << ' ' << tile;
+      }
+    }
+  const base::Image face = mixedFace(2);
+  const FacePyramid pyramid(face, 2);
+  for (std::uint32_t tile = 0; tile < 21; ++tile)
+    EXPECT_EQ(pyramid.showsModel(tile), showsModel(pyramid.imageOf(tile)));
 }
 
 TEST(FacePyramid, detailIsStoredWithAllThatLeadToIt) {

@@ -397,7 +397,7 @@ TEST_F(SceneRendererTest, renderManyEqualsRenderForEachFaceInOrder) {
   }
 }
 
-TEST_F(SceneRendererTest, faceThatSeesNothingIsTransparentAndKeepsItsPlace) {
+TEST_F(SceneRendererTest, faceThatSeesNothingHasNoPixelsAndKeepsItsPlace) {
   TwoLevelScene scene({kKnown}, {{kKnown}}, 0.1F);
   auto renderer = rendererOf(scene);
   std::vector<std::size_t> order;
@@ -411,9 +411,11 @@ TEST_F(SceneRendererTest, faceThatSeesNothingIsTransparentAndKeepsItsPlace) {
   ASSERT_TRUE(renderer->finish());
   EXPECT_EQ(order, (std::vector<std::size_t>{0, 1, 2, 3, 4, 5}));
   for (std::size_t i = 0; i < 5; ++i) {
-    EXPECT_EQ(many[i].rgba.pixels, std::vector<std::uint8_t>(16 * 16 * 4, 0)) << "face " << i;
+    EXPECT_TRUE(many[i].rgba.empty()) << "face " << i;
     EXPECT_EQ(many[i].triangles, 0U);
   }
+  EXPECT_EQ(draw(*renderer, facesAt({0, 0, 20}, 16)[0], {0.0F, 1}).rgba.pixels,
+            std::vector<std::uint8_t>(16 * 16 * 4, 0));
   EXPECT_NE(many[5].rgba.pixels, std::vector<std::uint8_t>(16 * 16 * 4, 0));
 }
 
