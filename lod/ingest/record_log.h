@@ -27,6 +27,7 @@ class RecordLog {
   base::Result<void> readAt(std::uint64_t offset, std::span<std::uint8_t> out) const {
     return file_.readAt(offset, out);
   }
+  void forget(std::uint64_t offset, std::uint64_t length) const { file_.forget(offset, length); }  ///< as SpoolFile's
   std::uint64_t size() const { return file_.size(); }
 
  private:

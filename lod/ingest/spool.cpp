@@ -84,6 +84,10 @@ base::Result<void> SpoolFile::writeAt(std::uint64_t offset, base::ByteView bytes
   return base::writeAllAt(file_, path_, offset, bytes);
 }
 
+void SpoolFile::forget(std::uint64_t offset, std::uint64_t length) const {
+  (void)::posix_fadvise(file_.get(), static_cast<off_t>(offset), static_cast<off_t>(length), POSIX_FADV_DONTNEED);
+}
+
 void SpoolFile::release([[maybe_unused]] std::uint64_t offset, [[maybe_unused]] std::uint64_t length) {
 #ifdef FALLOC_FL_PUNCH_HOLE
   // Where the file system cannot punch holes, the space is freed when the file is removed.

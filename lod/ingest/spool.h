@@ -38,6 +38,9 @@ class SpoolFile {
   base::Result<void> writeAt(std::uint64_t offset, base::ByteView bytes);
   /// Frees the disk space of these bytes, which will not be read again.
   void release(std::uint64_t offset, std::uint64_t length);
+  /// Frees the memory in which the system keeps these bytes beside the disk, as far as they are on it. Where many bytes
+  /// are copied once, the copy then takes that memory in place of other.
+  void forget(std::uint64_t offset, std::uint64_t length) const;
   std::uint64_t size() const { return flushed_ + buffer_.size(); }
   const std::string& path() const { return path_; }
 

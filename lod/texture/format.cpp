@@ -66,7 +66,6 @@ const char* choiceFault(const PageRecord& row, const TextureSummary& summary) {
 }
 
 base::Result<void> checkSummary(const TextureSummary& summary, std::uint64_t pages) {
-  if (pages > std::numeric_limits<std::uint32_t>::max()) return damaged("header: too many pages");
   if (summary.reduced_pages > pages) return damaged("header: more reduced pages than pages");
   if (!(summary.typical_error >= 0.0F && summary.typical_error <= 1.0F))
     return damaged("header: the typical error is not 0 to 1");
@@ -210,43 +209,54 @@ std::vector<std::string> TextureFile::verify() const {
 
 // Writing -----------------------------------------------------------------------------------------
 
+base::Result<void> describePage(base::ByteView encoded, PageRecord& record) {
+  LUMIGRID_ASSIGN_OR_RETURN(const auto page, readPageHeader(encoded));
+  record.bytes = static_cast<std::uint32_t>(encoded.size());
+  record.width = page.width;
+  record.height = page.height;
+  record.levels = page.levels;
+  record.alpha = page.alpha;
+  record.triangles = page.triangles;
+  return {};
+}
+
 base::Result<void> writeTextureFile(const std::string& path, const TextureSummary& summary,
                                     std::span<const PageRecord> pages,
-                                    const std::function<base::Result<base::Bytes>(std::size_t page)>& bytes) {
-  if (auto sound = checkSummary(summary, pages.size()); !sound) return base::within(path, sound.error());
-  if (auto sound = checkChoices(pages, summary); !sound) return base::within(path, sound.error());
+                                    const std::function<base::Result<base::Bytes>(std::size_t page)>& bytes,
+                                    const std::function<void(base::Bytes)>& on_bytes) {
   Header header;
   header.summary = summary;
   header.summary.triangles = 0;
+  if (pages.size() > std::numeric_limits<std::uint32_t>::max())
+    return base::within(path, damaged("header: too many pages"));
   header.pages = static_cast<std::uint32_t>(pages.size());
   std::vector<PageRecord> rows(pages.begin(), pages.end());
-  LUMIGRID_ASSIGN_OR_RETURN(auto file, base::AtomicFile::create(path));
-
-  // Bytes reserve the room of header and table, whose lengths are known; then the pages follow.
-  LUMIGRID_TRY(file.write(headerBytes(header)));
-  LUMIGRID_TRY(file.write(tableBytes(rows)));
-  for (std::size_t i = 0; i < rows.size(); ++i) {
-    LUMIGRID_ASSIGN_OR_RETURN(const auto encoded, bytes(i));
-    const auto page = readPageHeader(encoded);
-    if (!page) return base::within(path + ": " + placeOf(i), page.error());
-    PageRecord& row = rows[i];
-    row.offset = file.size();
-    row.bytes = static_cast<std::uint32_t>(encoded.size());
-    row.width = page->width;
-    row.height = page->height;
-    row.levels = page->levels;
-    row.alpha = page->alpha;
-    row.triangles = page->triangles;
-    header.summary.triangles += page->triangles;
-    LUMIGRID_TRY(file.write(encoded));
+  header.file_bytes = kHeaderBytes + header.tableBytes();
+  for (PageRecord& row : rows) {
+    row.offset = header.file_bytes;
+    header.file_bytes += row.bytes;
+    header.summary.triangles += row.triangles;
   }
-
-  // Now that all places are known, the table can be written.
+  if (auto sound = checkTable(rows, header); !sound) return base::within(path, sound.error());
   const base::Bytes table = tableBytes(rows);
   header.table_crc = base::crc32c(table);
-  header.file_bytes = file.size();
-  LUMIGRID_TRY(file.writeAt(kHeaderBytes, table));
-  LUMIGRID_TRY(file.writeAt(0, headerBytes(header)));
+
+  LUMIGRID_ASSIGN_OR_RETURN(auto file, base::AtomicFile::create(path));
+  const auto write = [&](base::Bytes piece) -> base::Result<void> {
+    LUMIGRID_TRY(file.write(piece));
+    if (on_bytes) on_bytes(std::move(piece));
+    return {};
+  };
+  LUMIGRID_TRY(write(headerBytes(header)));
+  LUMIGRID_TRY(write(table));
+  for (std::size_t i = 0; i < rows.size(); ++i) {
+    LUMIGRID_ASSIGN_OR_RETURN(auto encoded, bytes(i));
+    const auto page = readPageHeader(encoded);
+    if (!page) return base::within(path + ": " + placeOf(i), page.error());
+    if (encoded.size() != rows[i].bytes || !isThePageOf(rows[i], *page))
+      return damaged(path + ": " + placeOf(i) + ": it is not as the table says");
+    LUMIGRID_TRY(write(std::move(encoded)));
+  }
   return file.commit();
 }
 

@@ -36,13 +36,17 @@ struct PageRecord {
   bool operator==(const PageRecord&) const = default;
 };
 
-/// Writes texture.lgt; it appears whole or not at all. `pages` are sorted by patch and say patch and texel; all else in
-/// them, and the summary's number of triangles, the writer takes from the encoded pages. `bytes(i)` yields what
-/// encodePage() made of page i; called once per page, ascending, and forgotten when written. Errors: what the table
-/// would be refused for, what `bytes` returns, kNoSpace, kIo.
+/// Fills in all of a record that an encoded page says itself: all but patch, texel and offset. Errors: kInvalidInput.
+base::Result<void> describePage(base::ByteView encoded, PageRecord& record);
+
+/// Writes texture.lgt; it appears whole or not at all. `pages` are sorted by patch, and complete but for their offsets;
+/// the writer adds up the summary's triangles. `bytes(i)` yields what encodePage() made of page i; called once per
+/// page, ascending. `on_bytes`, if any, gets all bytes of the file in their order, as soon as they are written. Errors:
+/// what the table would be refused for, a page that is not as its record says, what `bytes` returns, kNoSpace, kIo.
 base::Result<void> writeTextureFile(const std::string& path, const TextureSummary& summary,
                                     std::span<const PageRecord> pages,
-                                    const std::function<base::Result<base::Bytes>(std::size_t page)>& bytes);
+                                    const std::function<base::Result<base::Bytes>(std::size_t page)>& bytes,
+                                    const std::function<void(base::Bytes)>& on_bytes = {});
 
 /// A texture.lgt on disk. Opening checks header and table; pages are checked as they are read. It is read by position
 /// and not mapped: a file that is cut while it is open gives an error. Safe to use from several threads.

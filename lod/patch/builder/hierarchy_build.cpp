@@ -446,8 +446,8 @@ class HierarchyBuilder {
     std::vector<std::uint32_t> patch_of(order.size());
     for (std::uint32_t p = 0; p < order.size(); ++p) patch_of[order[p]] = p;
     LUMIGRID_ASSIGN_OR_RETURN(
-        summary_.texture, textures_->write(options_.texture_path, patch_of, static_cast<std::uint32_t>(order.size())));
-    if (options_.on_textures_written) options_.on_textures_written();
+        summary_.texture, textures_->write(options_.texture_path, patch_of, static_cast<std::uint32_t>(order.size()),
+                                           options_.on_texture_bytes));
     return {};
   }
 

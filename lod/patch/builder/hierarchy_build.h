@@ -27,7 +27,7 @@ struct HierarchyOptions : ingest::StagedBuildOptions {
   /// Where the textures of the leaves go (docs/formats/texture.md), for a source that has some; empty: they only colour
   /// the vertices.
   std::string texture_path;
-  std::function<void()> on_textures_written;  ///< may be empty; called when that file is in its place
+  std::function<void(base::Bytes)> on_texture_bytes;  ///< may be empty; gets all of that file's bytes in their order
   bool regroup = true;  ///< false: the paper's binary tree, whose locked borders pile up (for the chart)
 };
 

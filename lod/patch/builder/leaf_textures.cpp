@@ -297,11 +297,12 @@ class LeafTextures::Maker {
       for (std::uint32_t pages = in.u32(); pages > 0 && in.ok(); --pages) {
         Kept kept;
         kept.leaf = leaf;
-        kept.texel = in.f32();
+        kept.record.texel = in.f32();
         out_.summary_.reduced_pages += in.u8();
-        kept.bytes = in.u32();
-        kept.offset = offset + in.offset();
-        (void)in.bytes(kept.bytes);
+        const std::uint32_t bytes = in.u32();
+        const std::uint64_t begin = offset + in.offset();
+        if (!texture::describePage(in.bytes(bytes), kept.record)) return false;
+        kept.record.offset = begin;
         out_.pages_.push_back(kept);
       }
     }
@@ -341,25 +342,26 @@ base::Result<LeafTextures> LeafTextures::make(const LeafTextureSource& source, s
 
 base::Result<texture::TextureSummary> LeafTextures::write(const std::string& path,
                                                           std::span<const std::uint32_t> patch_of,
-                                                          std::uint32_t patches) const {
+                                                          std::uint32_t patches,
+                                                          const std::function<void(base::Bytes)>& on_bytes) const {
   std::vector<Kept> sorted = pages_;
   std::stable_sort(sorted.begin(), sorted.end(),
                    [&](const Kept& a, const Kept& b) { return patch_of[a.leaf] < patch_of[b.leaf]; });
   std::vector<texture::PageRecord> records;
   for (const Kept& kept : sorted) {
-    texture::PageRecord record;
-    record.patch = patch_of[kept.leaf];
-    record.texel = kept.texel;
-    records.push_back(record);
+    records.push_back(kept.record);
+    records.back().patch = patch_of[kept.leaf];
   }
   texture::TextureSummary summary = summary_;
   summary.patches = patches;
   const auto bytesOf = [&](std::size_t page) -> base::Result<base::Bytes> {
-    base::Bytes bytes(sorted[page].bytes);
-    LUMIGRID_TRY(log_.readAt(sorted[page].offset, bytes));
+    const texture::PageRecord& record = sorted[page].record;
+    base::Bytes bytes(record.bytes);
+    LUMIGRID_TRY(log_.readAt(record.offset, bytes));
+    log_.forget(record.offset, bytes.size());
     return bytes;
   };
-  LUMIGRID_TRY(texture::writeTextureFile(path, summary, records, bytesOf));
+  LUMIGRID_TRY(texture::writeTextureFile(path, summary, records, bytesOf, on_bytes));
   LUMIGRID_ASSIGN_OR_RETURN(const auto written, texture::TextureFile::open(path));
   return written.summary();
 }

@@ -39,17 +39,17 @@ class LeafTextures {
                                          const std::function<bool(double)>& report);
   /// Patch::color_detail of a leaf.
   std::uint16_t colorDetail(std::size_t leaf) const { return detail_[leaf]; }
-  /// Writes texture.lgt. `patch_of[leaf]`: the number of the leaf in patch.lgp, which has `patches`.
+  /// Writes texture.lgt. `patch_of[leaf]`: the number of the leaf in patch.lgp, which has `patches`. `on_bytes`: as
+  /// texture::writeTextureFile has it.
   base::Result<texture::TextureSummary> write(const std::string& path, std::span<const std::uint32_t> patch_of,
-                                              std::uint32_t patches) const;
+                                              std::uint32_t patches,
+                                              const std::function<void(base::Bytes)>& on_bytes) const;
 
  private:
   /// A page in the log.
   struct Kept {
     std::uint32_t leaf = 0;
-    float texel = 0.0F;  ///< mean edge of a texel on the surface, scene units
-    std::uint64_t offset = 0;
-    std::uint32_t bytes = 0;
+    texture::PageRecord record;  ///< its offset is that in the log, and it has no patch
   };
   class Maker;
 

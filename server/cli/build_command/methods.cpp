@@ -7,10 +7,14 @@
 #include <filesystem>
 #include <future>
 #include <map>
+#include <memory>
+#include <optional>
 #include <utility>
 
 #include "base/crc32c.h"
 #include "base/format_text.h"
+#include "base/hash/sha256.h"
+#include "base/parallel.h"
 #include "server/cli/first_view.h"
 #include "server/cli/streamed/hull.h"
 
@@ -20,7 +24,7 @@ namespace {
 namespace fs = std::filesystem;
 using base::Result;
 
-// A file that is built, as the scene lists it. A thread hashes it as soon as it is written.
+// A file that is built, as the scene lists it. A thread hashes it as soon as it is written, or while it is.
 class PartFile {
  public:
   PartFile(const std::string& directory, const std::string& file) : path_(directory + "/" + file), file_(file) {}
@@ -29,11 +33,25 @@ class PartFile {
   std::function<void()> startHashing() {
     return [this] { hash_ = std::async(std::launch::async, [this] { return base::sha256OfFile(path_); }); };
   }
+  /// To be called with all bytes of the file in their order, in place of that.
+  std::function<void(base::Bytes)> hashBytes() {
+    return [this](base::Bytes piece) {
+      if (!pieces_) pieces_.emplace(1, kWaitingPieces);
+      pieces_->submit([this, bytes = std::make_shared<base::Bytes>(std::move(piece))] { sha256_.add(*bytes); });
+    };
+  }
   /// Waits for the hash.
   Result<void> addTo(base::Scene& scene) {
-    LUMIGRID_ASSIGN_OR_RETURN(auto hash, hash_.get());
+    Result<std::string> hash = std::string();
+    if (pieces_) {
+      pieces_->drain();
+      hash = base::hexOf(sha256_.finish());
+    } else {
+      hash = hash_.get();
+    }
+    if (!hash) return hash.error();
     std::erase_if(scene.parts, [&](const base::ScenePart& old) { return old.file == file_; });
-    scene.parts.push_back({file_, fs::file_size(path_), hash});
+    scene.parts.push_back({file_, fs::file_size(path_), *hash});
     return {};
   }
 
@@ -41,6 +59,9 @@ class PartFile {
   std::string path_;
   std::string file_;
   std::future<Result<std::string>> hash_;
+  static constexpr std::size_t kWaitingPieces = 4;  // a choice: of some megabytes at most
+  base::Sha256 sha256_;
+  std::optional<base::ThreadPool> pieces_;  // the last member, so that its thread ends first
 };
 
 // Each output and method has a place of its own, so that several builds can share --tmpdir.
@@ -261,7 +282,7 @@ Result<void> buildPatches(const MethodBuilds& builds, std::optional<base::Scene>
   options.on_plan = [&](const lod::ingest::BuildPlan& plan) { printPlan(a, builds.line, plan); };
   PartFile textures(a.output, kTextureFile);
   if (a.textures == "keep") options.texture_path = textures.path();
-  options.on_textures_written = textures.startHashing();
+  options.on_texture_bytes = textures.hashBytes();
   options.on_written = part.startHashing();
   auto summary = lod::patch::builder::buildHierarchyFromFiles(a.meshes, options, part.path(),
                                                               progressOn(builds.line, "hierarchy"));

@@ -47,8 +47,13 @@ class TextureFormat : public ::testing::Test {
   ~TextureFormat() override { std::filesystem::remove(path_); }
 
   base::Result<void> write(const Scene& scene) {
-    return writeTextureFile(path_, scene.summary, scene.records,
-                            [&](std::size_t i) { return encodePage(scene.pages[i]); });
+    std::vector<PageRecord> records = scene.records;
+    for (std::size_t i = 0; i < records.size(); ++i) {
+      // A page that cannot be encoded has the record of one that can.
+      const auto encoded = encodePage(scene.pages[i]);
+      EXPECT_TRUE(describePage(encoded ? *encoded : *encodePage(scene.pages[0]), records[i]));
+    }
+    return writeTextureFile(path_, scene.summary, records, [&](std::size_t i) { return encodePage(scene.pages[i]); });
   }
   base::Bytes written(const Scene& scene) {
     const auto result = write(scene);
@@ -269,6 +274,29 @@ TEST_F(TextureFormat, nothingAppearsUnlessAllIsWritten) {
   scene = exampleScene();
   scene.summary.typical_error = 2.0F;
   leavesNothing(scene, "typical error");
+}
+
+TEST_F(TextureFormat, pagesThatAreNotAsTheirRecordsSayAreNotWritten) {
+  const Scene scene = exampleScene();
+  std::vector<PageRecord> records = scene.records;
+  for (std::size_t i = 0; i < records.size(); ++i) ASSERT_TRUE(describePage(*encodePage(scene.pages[i]), records[i]));
+  // Pages 1 and 3 have sizes of their own.
+  const auto result = writeTextureFile(path_, scene.summary, records,
+                                       [&](std::size_t i) { return encodePage(scene.pages[i == 1 ? 3 : i]); });
+  ASSERT_FALSE(result);
+  EXPECT_NE(result.error().message.find("page 1"), std::string::npos) << result.error().message;
+  EXPECT_FALSE(std::filesystem::exists(path_));
+}
+
+TEST_F(TextureFormat, theBytesAreHandedOnInTheirOrder) {
+  const Scene scene = exampleScene();
+  std::vector<PageRecord> records = scene.records;
+  for (std::size_t i = 0; i < records.size(); ++i) ASSERT_TRUE(describePage(*encodePage(scene.pages[i]), records[i]));
+  base::Bytes all;
+  ASSERT_TRUE(writeTextureFile(
+      path_, scene.summary, records, [&](std::size_t i) { return encodePage(scene.pages[i]); },
+      [&](const base::Bytes& piece) { all.insert(all.end(), piece.begin(), piece.end()); }));
+  EXPECT_EQ(all, *base::readFile(path_));
 }
 
 TEST_F(TextureFormat, aRecordOfAnotherFileIsRefused) {

@@ -32,7 +32,8 @@ std::vector<Page> goldenPages() {
 TEST(TextureGolden, theFileOfVersion1IsReadable) {
   const std::vector<Page> pages = goldenPages();
   if (std::getenv("LUMIGRID_WRITE_GOLDEN") != nullptr) {
-    const std::vector<PageRecord> records{{.patch = 1, .texel = 0.25F}, {.patch = 2, .texel = 0.5F}};
+    std::vector<PageRecord> records{{.patch = 1, .texel = 0.25F}, {.patch = 2, .texel = 0.5F}};
+    for (std::size_t i = 0; i < 2; ++i) ASSERT_TRUE(describePage(*encodePage(pages[i]), records[i]));
     const TextureSummary summary{.patches = 3, .pictures = 2, .texels = 501, .typical_error = 0.125F};
     ASSERT_TRUE(writeTextureFile(kGolden, summary, records, [&](std::size_t i) { return encodePage(pages[i]); }));
   }

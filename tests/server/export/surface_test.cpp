@@ -73,6 +73,7 @@ class TexturedSurface : public testing::Test {
     lod::texture::PageRecord record;
     record.patch = leaf_;
     record.texel = 0.5F;
+    EXPECT_TRUE(lod::texture::describePage(*lod::texture::encodePage(page), record));
     lod::texture::TextureSummary summary;
     summary.patches = static_cast<std::uint32_t>(made.hierarchy.patches.size());
     summary.pictures = 1;
