@@ -11,7 +11,7 @@
 
 namespace base::jpeg {
 
-/// What a plane's coefficients add to the means. A coefficient of frequencies (u, v) adds F(u, v) times the mean of its
+/// The shares that a plane's coefficients add to the means. A coefficient of frequencies (u, v) adds F(u, v) times the mean of its
 /// cosines over each square (ITU-T T.81, A.3.3), quantization included.
 class QuarterWeights {
  public:

@@ -96,7 +96,7 @@ class SourceSpool : public mesh::MeshSink {
 
   /// Called before each source file, whose numbers start at 0. `name` is the file's in errors.
   void beginFile(const std::string& name);
-  /// What mesh::StreamOptions::keep_units gets; PictureUnits reads it. Safe from several threads.
+  /// Keeps the units that mesh::StreamOptions::keep_units gets, for PictureUnits. Safe from several threads.
   void keepUnits(const mesh::SourcePicture& picture, base::ByteView units) { units_.add(picture, units); }
   /// Called after each source file that has textures: its pictures, in their order.
   void addPictures(const std::vector<mesh::SourcePicture>& pictures) {

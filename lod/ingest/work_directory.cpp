@@ -21,8 +21,8 @@ using base::ErrorCode;
 
 constexpr const char* kDamaged = ": the work files are damaged; remove this directory and build again";
 constexpr const char* kFiles[] = {"vertices", "triangles", "corners", "textures", "buckets", "patches", "pages",
-                                  "points",   "leaves",    "nodes",   "runs",     "plain",   "ordered", "classes", "units",
-                                  "stage1",   "stage2",    "stage3",  "stage4",   "stage5",  "key"};
+                                  "points",   "leaves",    "nodes",   "runs",     "plain",   "ordered", "classes",
+                                  "units",    "stage1",    "stage2",  "stage3",   "stage4",  "stage5",  "key"};
 
 std::string stageFile(const std::string& path, Stage stage) {
   return path + "/stage" + std::to_string(static_cast<unsigned>(stage));

@@ -34,9 +34,9 @@ class PictureCutter {
   /// Returns the picture, 3 or 4 channels.
   using Decode = std::function<base::Result<base::Image>()>;
 
-  /// `bytes` are the picture's file, `units` empty or what base::JpegBlocks::readQuarter told of it. Where they are a JPEG whose blocks can be copied, and take no more than 512 MiB
-  /// of memory, it is decoded only if some leaf needs it; else at once. Errors: those of
-  /// `decode`.
+  /// `bytes` are the picture's file, `units` empty or what base::JpegBlocks::readQuarter told of it. Where
+  /// they are a JPEG whose blocks can be copied, and take no more than 512 MiB of memory, it is decoded only if some leaf
+  /// needs it; else at once. Errors: those of `decode`.
   static base::Result<PictureCutter> open(base::ByteView bytes, base::ByteView units, Decode decode);
   PictureCutter(PictureCutter&&) noexcept;
   ~PictureCutter();

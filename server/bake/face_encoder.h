@@ -67,7 +67,8 @@ base::Result<EncodedImage> encodeImage(const base::Image& rgba, int quality, bas
 base::Result<EncodedImage> encodeWebpImage(const base::Image& rgba, int quality, std::uint8_t children = 0);
 
 /// `rgba`: a face as it was drawn, that of repository::wholeFaceCamera() where it is to be cut into tiles; then those
-/// tiles are encoded that chooseTiles() chooses. An image without pixels shows nothing. As reproducible as encodeImage().
+/// tiles are encoded that chooseTiles() chooses. An image without pixels shows nothing. As reproducible as
+/// encodeImage().
 base::Result<EncodedFace> encodeFace(const base::Image& rgba, const FaceCoding& coding);
 
 }  // namespace server

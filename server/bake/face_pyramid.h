@@ -39,7 +39,7 @@ class FacePyramid {
 
   const base::Image& finest_;
   std::vector<base::Image> coarser_;  // levels 0 … depth − 1
-  // Of levels 1 … depth, row by row: 1 where any of a block's pixels is stored as model.
+  // By level 1 … depth, row by row: 1 where any of a block's pixels is stored as model.
   std::vector<std::vector<std::uint8_t>> model_;
 };
 
