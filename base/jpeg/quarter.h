@@ -11,8 +11,8 @@
 
 namespace base::jpeg {
 
-/// The shares that a plane's coefficients add to the means. A coefficient of frequencies (u, v) adds F(u, v) times the mean of its
-/// cosines over each square (ITU-T T.81, A.3.3), quantization included.
+/// The shares that a plane's coefficients add to the means. A coefficient of frequencies (u, v) adds F(u, v) times the
+/// mean of its cosines over each square (ITU-T T.81, A.3.3), quantization included.
 class QuarterWeights {
  public:
   static constexpr std::size_t kMost = 16;  ///< means in a block

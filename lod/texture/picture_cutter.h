@@ -35,8 +35,8 @@ class PictureCutter {
   using Decode = std::function<base::Result<base::Image>()>;
 
   /// `bytes` are the picture's file, `units` empty or what base::JpegBlocks::readQuarter told of it. Where
-  /// they are a JPEG whose blocks can be copied, and take no more than 512 MiB of memory, it is decoded only if some leaf
-  /// needs it; else at once. Errors: those of `decode`.
+  /// they are a JPEG whose blocks can be copied, and take no more than 512 MiB of memory, it is decoded only if some
+  /// leaf needs it; else at once. Errors: those of `decode`.
   static base::Result<PictureCutter> open(base::ByteView bytes, base::ByteView units, Decode decode);
   PictureCutter(PictureCutter&&) noexcept;
   ~PictureCutter();
