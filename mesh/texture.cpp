@@ -24,7 +24,9 @@ using base::ErrorCode;
 using base::Image;
 
 constexpr int kMaxSide = 16384;  // pixels: 1 GB as RGBA, and the largest side of common GPUs' textures
-constexpr std::uint64_t kMaxUnitBytes = std::uint64_t{128} << 20;  // a choice: coded JPEGs as long are rare
+// JPEGs whose coded bytes and units take more memory are read by libjpeg, which needs next to none. A choice: it is
+// enough for 25 megabytes of JPEG.
+constexpr std::size_t kMaxUnitBytes = std::size_t{32} << 20;
 constexpr double kMinTexelsToWarn = 1.5;                           // per vertex; below, next to nothing is lost
 // A corner's colour is a mean over its share of the polygon: so many texels lie between two samples, along each side of
 // it, and at most so many samples. A sample is itself a mean over half of that, and lies a little nearer to the
@@ -373,12 +375,14 @@ std::uint32_t Textures::find(const SourcePicture& picture, std::vector<std::stri
 
 namespace {
 
-// The bytes of a decoded picture; 0 where its size cannot be told.
-std::size_t decodedBytes(const SourcePicture& picture, int first_level) {
+// The memory that decoding a picture takes; 0 where its size cannot be told.
+std::size_t decodingBytes(const SourcePicture& picture, int first_level) {
   const auto bytes = PictureBytes::open(picture);
   const auto size = bytes ? pictureSize(bytes->view()) : base::Result<glm::ivec2>(bytes.error());
   if (!size) return 0;
-  return static_cast<std::size_t>(size->x) * static_cast<std::size_t>(size->y) * 4 >> (2 * first_level);
+  const std::size_t decoded = static_cast<std::size_t>(size->x) * static_cast<std::size_t>(size->y) * 4;
+  const std::size_t coded = first_level == 2 ? std::min(bytes->view().size() / 8 * 9, kMaxUnitBytes) : 0;
+  return (decoded >> (2 * first_level)) + coded;
 }
 
 }  // namespace
@@ -435,7 +439,7 @@ void Textures::decodeAhead(const SourcePicture& last) {
   for (auto next = at + 1; next != expected_.end() && ahead_.size() < most; ++next) {
     if (isAhead(*next) || isKnown(*next)) continue;
     const int first_level = firstLevel(needed_.size() + ahead_.size());
-    const std::size_t needed = decodedBytes(*next, first_level);
+    const std::size_t needed = decodingBytes(*next, first_level);
     if (needed == 0 || bytes + needed > kAheadBytes) return;
     bytes += needed;
     ahead_.push_back(

@@ -130,7 +130,7 @@ class Textures {
     std::future<base::Result<Texture>> texture;
   };
   static constexpr std::size_t kKeptBytes = std::size_t{256} << 20;  // a choice: three pictures of 4096 x 4096
-  static constexpr std::size_t kAheadBytes = std::size_t{64} << 20;  // a choice: one, or fifteen at a quarter
+  static constexpr std::size_t kAheadBytes = std::size_t{64} << 20;  // a choice: one, or four at a quarter
   static constexpr std::size_t kMaxNamed = 8;  // a choice, since a set of tiles may have thousands
   int firstLevel(std::size_t order) const { return order < kLag ? kCoarsest : needed_[order - kLag]; }
   base::Result<Texture> decoded(const SourcePicture& picture);

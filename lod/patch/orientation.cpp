@@ -143,9 +143,13 @@ void findUp(const Surface& surface, Orientation& out) {
   out.reason = "nothing tells, and most models have it so";
 }
 
+// A face that is seen from behind counts by so much. A choice: enough that the front of a wall outweighs its back,
+// whose letters are mirrored, and still something, since in many meshes some faces are turned over.
+constexpr float kFromBehind = 0.7F;
+
 // How much of the surface a far eye sees that looks along `direction`: faces count by their area and each by itself,
-// since simplification leaves more of them where there is more to see; seen at a slant they count less. Every
-// `stride`th face is looked at.
+// since simplification leaves more of them where there is more to see; seen at a slant or from behind they count less.
+// Every `stride`th face is looked at.
 float shownFrom(const Surface& surface, const glm::vec3& direction, std::size_t stride) {
   const float far = surface.box.diagonal();
   const float clearance = 2e-3F * far;
@@ -153,9 +157,10 @@ float shownFrom(const Surface& surface, const glm::vec3& direction, std::size_t 
   float shown = 0.0F;
   for (std::size_t i = 0; i < surface.faces.size(); i += stride) {
     const Face& face = surface.faces[i];
-    const float slant = std::abs(glm::dot(face.normal, direction));
+    const float away = glm::dot(face.normal, direction);
+    const float slant = std::abs(away);
     if (slant < 0.05F || surface.sight->isBlocked(face.center, face.center - far * direction, clearance)) continue;
-    shown += slant * (face.area / surface.area + 1.0F / count);
+    shown += (away > 0.0F ? kFromBehind : 1.0F) * slant * (face.area / surface.area + 1.0F / count);
   }
   return shown;
 }

@@ -117,5 +117,15 @@ TEST_F(OrientationTest, theFirstViewShowsTheSideWithMostToSee) {
   }
 }
 
+// A sheet that stands, as a scanned house front does: what is seen from behind is the same, mirrored.
+TEST_F(OrientationTest, theFirstViewOfAnOpenScanIsFromItsFront) {
+  for (const float side : {1.0F, -1.0F}) {
+    Mesh front = support::openGrid(60, 0.1F);
+    for (glm::vec3& p : front.positions) p = {p.x * side, p.y, p.z * side};
+    const glm::vec3 up(0.0F, 1.0F, 0.0F);
+    EXPECT_LT(side * orientationOf(front, &up).direction.z, -0.6F);
+  }
+}
+
 }  // namespace
 }  // namespace lod::patch::builder
