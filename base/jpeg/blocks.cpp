@@ -228,14 +228,17 @@ class JpegBlocks::Reader {
     if (!coded || !notePlanes(true)) return std::nullopt;
     JpegBlocks::Quarter made;
     const auto quarterOf = [](JDIMENSION side) { return static_cast<int>(std::max<JDIMENSION>(1, side / 4)); };
-    made.picture = Image(quarterOf(jpeg_.image_width), quarterOf(jpeg_.image_height), 3);
     jpeg::QuarterRows rows;
     rows.blocks_across = static_cast<std::size_t>(planes_[0].across);
     rows.blocks_down = static_cast<std::size_t>(planes_[0].down);
     for (std::size_t c = 0; c < planes_.size(); ++c)
       rows.weights.emplace_back(planes_[c].quant, jpeg::kZigzag, c == 0 ? 2 : 2 * rows.blocks_across,
                                 c == 0 ? 2 : 2 * rows.blocks_down);
-    rows.take = [&](std::size_t row, const jpeg::QuarterRow& samples) { paintRow(row, samples, made.picture); };
+    rows.take = [&](std::size_t row, const jpeg::QuarterRow& samples) {
+      // A header that lies takes no memory for pixels.
+      if (row == 0) made.picture = Image(quarterOf(jpeg_.image_width), quarterOf(jpeg_.image_height), 3);
+      paintRow(row, samples, made.picture);
+    };
     const auto units = jpeg::CodedUnits::readQuarter(coded->first, coded->second, max_bytes, rows);
     if (!units) return std::nullopt;
     made.units = units->index();

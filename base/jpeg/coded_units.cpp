@@ -217,6 +217,7 @@ bool CodedUnits::findQuarter(const QuarterRows& quarter) {
           whole = readMeans<2, kCoefficients>(in, table, weights, mean, means);
         else
           whole = readMeans<1, kCoefficients>(in, table, weights, mean, means);
+        if (!whole) return false;
         if (plane == 0) {
           const std::size_t x = 2 * (block % quarter.blocks_across), y = 2 * (block / quarter.blocks_across);
           for (std::size_t i = 0; i < 4; ++i) to[(y + i / 2) * row.wide + x + i % 2] = means[0][i];
@@ -225,7 +226,7 @@ bool CodedUnits::findQuarter(const QuarterRows& quarter) {
             to[i / row.across * row.wide + i % row.across] = means[i / 4][i % 4];
         }
         if (column + 1 == layout_.across && block + 1 == layout_.blocks()) quarter.take(unit / layout_.across, row);
-        return whole;
+        return true;
       });
 }
 
