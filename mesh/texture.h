@@ -100,6 +100,7 @@ class Textures {
   const std::string& pathOf(const std::string& name);
   /// The mesh file itself, for pictures inside it.
   const std::string& path() const { return path_; }
+  /// Hands on the units of pictures that it decodes from now on; `keep` may be empty.
   void keepUnits(KeepUnits keep) { keep_units_ = std::move(keep); }
   /// Pictures that will probably be asked for, in this order.
   void expect(std::vector<SourcePicture> pictures) { expected_ = std::move(pictures); }
@@ -130,8 +131,9 @@ class Textures {
     std::future<base::Result<Texture>> texture;
   };
   static constexpr std::size_t kKeptBytes = std::size_t{256} << 20;  // a choice: three pictures of 4096 x 4096
-  static constexpr std::size_t kAheadBytes = std::size_t{64} << 20;  // a choice: one, or four at a quarter
-  static constexpr std::size_t kMaxNamed = 8;  // a choice, since a set of tiles may have thousands
+  static constexpr std::size_t kAheadBytes = std::size_t{64}
+                                             << 20;  // a choice: a picture of 4096 x 4096, or four quarters
+  static constexpr std::size_t kMaxNamed = 8;        // a choice, since a set of tiles may have thousands
   int firstLevel(std::size_t order) const { return order < kLag ? kCoarsest : needed_[order - kLag]; }
   base::Result<Texture> decoded(const SourcePicture& picture);
   base::Result<Texture> decodeFile(const SourcePicture& picture, int first_level) const;

@@ -251,10 +251,10 @@ base::Result<void> writeTextureFile(const std::string& path, const TextureSummar
   LUMIGRID_TRY(write(table));
   for (std::size_t i = 0; i < rows.size(); ++i) {
     LUMIGRID_ASSIGN_OR_RETURN(auto encoded, bytes(i));
-    const auto page = readPageHeader(encoded);
-    if (!page) return base::within(path + ": " + placeOf(i), page.error());
-    if (encoded.size() != rows[i].bytes || !isThePageOf(rows[i], *page))
-      return damaged(path + ": " + placeOf(i) + ": it is not as the table says");
+    PageRecord said = rows[i];
+    if (auto described = describePage(encoded, said); !described)
+      return base::within(path + ": " + placeOf(i), described.error());
+    if (said != rows[i]) return damaged(path + ": " + placeOf(i) + ": it is not as the table says");
     LUMIGRID_TRY(write(std::move(encoded)));
   }
   return file.commit();

@@ -105,8 +105,9 @@ bool writeMean(const std::uint8_t* upper, const std::uint8_t* lower, std::uint8_
 constexpr int kBlockWide = 4, kBlockHigh = 2;
 static_assert(kTileCore % kBlockWide == 0 && kTileBorder % kBlockWide == 0 && kTileSide % kBlockWide == 0);
 
-/// halved(), and notes which blocks of the picture show model.
-base::Image halvedNoting(const base::Image& rgba, std::vector<std::uint8_t>& model) {
+/// The picture at half its resolution: each pixel is the mean of 2 × 2, its colour that of what they cover. Notes which
+/// blocks of the picture show model.
+base::Image halved(const base::Image& rgba, std::vector<std::uint8_t>& model) {
   base::Image half(rgba.width / 2, rgba.height / 2, kChannels);
   model.assign(static_cast<std::size_t>(rgba.width / kBlockWide) * static_cast<std::size_t>(rgba.height / kBlockHigh),
                0);
@@ -126,21 +127,12 @@ base::Image halvedNoting(const base::Image& rgba, std::vector<std::uint8_t>& mod
 
 }  // namespace
 
-base::Image halved(const base::Image& rgba) {
-  LUMIGRID_CHECK_EQ(rgba.channels, kChannels);
-  LUMIGRID_CHECK_EQ(rgba.width % 2 + rgba.height % 2, 0);
-  base::Image half(rgba.width / 2, rgba.height / 2, kChannels);
-  for (int y = 0; y < half.height; ++y)
-    for (int x = 0; x < half.width; ++x) writeMean(rgba.at(2 * x, 2 * y), rgba.at(2 * x, 2 * y + 1), half.at(x, y));
-  return half;
-}
-
 FacePyramid::FacePyramid(const base::Image& finest, std::uint32_t depth)
     : finest_(finest), coarser_(depth), model_(depth) {
   LUMIGRID_CHECK(depth >= 1 && depth <= repository::kMaxTileDepth);
   LUMIGRID_CHECK_EQ(finest.width, static_cast<int>(kTileSide << depth));
   LUMIGRID_CHECK_EQ(finest.height, finest.width);
-  for (std::uint32_t l = depth; l > 0; --l) coarser_[l - 1] = halvedNoting(level(l), model_[l - 1]);
+  for (std::uint32_t l = depth; l > 0; --l) coarser_[l - 1] = halved(level(l), model_[l - 1]);
 }
 
 base::Image FacePyramid::imageOf(std::uint32_t tile) const {

@@ -15,10 +15,6 @@ namespace server {
 /// quality 85 costs about as much (docs/decisions/tiles.md).
 inline constexpr double kTileThreshold = 2.0;
 
-/// The picture at half its resolution: each pixel is the mean of 2 × 2, its colour that of what they cover. `rgba`: as
-/// RenderedPicture::rgba, with even sides.
-base::Image halved(const base::Image& rgba);
-
 /// The levels of one face. Level l shows the face in 248 · 2^l pixels along a side, and 4 · 2^l more around them.
 class FacePyramid {
  public:

@@ -73,8 +73,7 @@ class SceneRenderer {
   /// Draws several cameras of the same `eye` with one cut (the six faces of a sampling point): it is selected without
   /// frustum for the finest of them, then culled for each. Pictures are read back asynchronously: `deliver(i, picture)`
   /// is called for each camera in order while later ones are drawn, first for those of the previous call. A picture
-  /// without triangles has no pixels: most faces of a bake look away from the model. finish()
-  /// delivers the rest.
+  /// without triangles has no pixels: most faces of a bake look away from the model. finish() delivers the rest.
   base::Result<void> renderMany(const std::vector<base::Camera>& cameras, const RenderOptions& options,
                                 const std::function<void(std::size_t camera, RenderedPicture)>& deliver);
   base::Result<void> finish();

@@ -42,14 +42,13 @@ void paintChequers(base::Image& image, int left, int top, int width, int height)
 }
 
 TEST(FacePyramid, halvingWeighsColoursByWhatTheyCover) {
-  base::Image image(2, 2, 4);
+  base::Image image = faceOf(1);
   paint(image, 0, 0, 1, 1, {200, 0, 0, 255});
   paint(image, 1, 0, 1, 1, {0, 100, 0, 85});
   paint(image, 0, 1, 1, 1, {255, 255, 255, 0});  // covers nothing, so it has no colour
-  const base::Image half = halved(image);
-  ASSERT_EQ(half.width, 1);
+  const base::Image half = FacePyramid(image, 1).imageOf(0);
   // (200 · 255) / 340 = 150, (100 · 85) / 340 = 25, and 340 / 4 = 85 of alpha.
-  EXPECT_EQ(half.pixels, (std::vector<std::uint8_t>{150, 25, 0, 85}));
+  EXPECT_EQ(std::vector<std::uint8_t>(half.at(0, 0), half.at(0, 0) + 4), (std::vector<std::uint8_t>{150, 25, 0, 85}));
 }
 
 TEST(FacePyramid, aTileBeginsFourPixelsBeforeItsCore) {
@@ -121,7 +120,7 @@ base::Image mixedFace(std::uint32_t depth) {
 TEST(FacePyramid, aDifferenceIsThatFromABilinearFilter) {
   const base::Image face = mixedFace(1);
   const FacePyramid pyramid(face, 1);
-  const base::Image coarse = halved(face);
+  const base::Image coarse = pyramid.imageOf(0);
   const auto channel = [](const base::Image& image, int x, int y, int c) {
     const std::uint8_t* pixel = image.at(x, y);
     return (c < 3 ? pixel[c] : 255) * pixel[3] / 255.0;
