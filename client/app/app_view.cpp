@@ -125,6 +125,7 @@ void App::showView(const ViewState& wanted, bool whole, bool glide) {
     setShadows(wanted.shadows);
     view_.statistics = wanted.statistics;
   }
+  if (wanted.pivot_distance <= 0.0) return cameraMoved();
   moveTo({wanted.position, wanted.direction, wanted.pivot_distance}, glide);
 }
 

@@ -166,18 +166,17 @@ base::Result<void> readShadows(std::string_view value, ViewState& view) {
 using Reader = base::Result<void> (*)(std::string_view, ViewState&);
 struct LinkPart {
   char name;
-  bool needed;
   Reader read;
 };
-constexpr std::array<LinkPart, 9> kParts{{{'p', true, readPosition},
-                                          {'a', true, readDirection},
-                                          {'r', true, readDistance},
-                                          {'f', false, readFov},
-                                          {'m', false, readMethod},
-                                          {'o', false, readOptions},
-                                          {'x', false, readSection},
-                                          {'l', false, readLight},
-                                          {'s', false, readShadows}}};
+constexpr std::array<LinkPart, 9> kParts{{{'p', readPosition},
+                                          {'a', readDirection},
+                                          {'r', readDistance},
+                                          {'f', readFov},
+                                          {'m', readMethod},
+                                          {'o', readOptions},
+                                          {'x', readSection},
+                                          {'l', readLight},
+                                          {'s', readShadows}}};
 
 }  // namespace
 
@@ -265,8 +264,10 @@ base::Result<ViewState> parsePermalink(std::string_view text) {
     known_already = true;
     LUMIGRID_TRY(known->read(part.substr(2), view));
   }
-  for (std::size_t i = 0; i < kParts.size(); ++i)
-    if (kParts[i].needed && !seen[i]) return badLink(std::string(1, kParts[i].name) + " is missing");
+  // The first three say where the eye is. Without them it stays where it is.
+  const int said = seen[0] + seen[1] + seen[2];
+  if (said == 0) view.pivot_distance = 0.0;
+  if (said % 3 != 0) return badLink("p, a or r is missing");
   return view;
 }
 

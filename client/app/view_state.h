@@ -33,8 +33,9 @@ struct OwnLight {
 struct ViewState {
   glm::dvec3 position{0.0, 0.0, 1.0};    ///< world
   glm::dvec3 direction{0.0, 0.0, -1.0};  ///< unit, world
-  double pivot_distance = 1.0;           ///< distance of the pivot along the direction, world units, above 0
-  double fov_y = 0.7853981633974483;     ///< radians, full vertical angle
+  /// Distance of the pivot along the direction, world units, above 0; 0: the eye stays where it is.
+  double pivot_distance = 1.0;
+  double fov_y = 0.7853981633974483;  ///< radians, full vertical angle
   Method method = Method::kLumigraph;
   bool statistics = false;
   bool colors_by_resolution = false;

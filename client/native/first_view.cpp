@@ -23,7 +23,8 @@ base::Result<FirstView> firstViewOf(const protocol::Welcome& scene, const std::s
   if (wanted) {
     control.setFov(wanted->fov_y);
     control.setOrthographic(wanted->orthographic);
-    control.setViewpoint({wanted->position, wanted->direction, wanted->pivot_distance});
+    if (wanted->pivot_distance > 0.0)
+      control.setViewpoint({wanted->position, wanted->direction, wanted->pivot_distance});
     first.section = wanted->section;
     first.light = wanted->light;
     first.colors_by_resolution = wanted->colors_by_resolution;

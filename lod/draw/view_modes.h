@@ -25,7 +25,7 @@ inline constexpr std::array<ResolutionStep, 5> kResolutionLegend{{{1.0F, {0x2c, 
                                                                   {8.0F, {0xfd, 0xae, 0x61}},
                                                                   {1e30F, {0xd7, 0x19, 0x1c}}}};
 /// Colour of back faces that a section plane exposes, sRGB.
-inline constexpr std::array<std::uint8_t, 3> kSectionColor{0xc8, 0x6a, 0x45};
+inline constexpr std::array<std::uint8_t, 3> kSectionColor{0x6f, 0x74, 0x80};
 
 struct ViewModes {
   glm::vec4 section = base::kNoSection;  ///< scene-local (base::sectionInScene)

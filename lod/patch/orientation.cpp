@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <glm/gtc/constants.hpp>
+#include <limits>
 #include <optional>
 #include <span>
 #include <utility>
@@ -29,6 +30,8 @@ constexpr float kBaseWeight = 2.0F;
 constexpr float kFlatWeight = 0.15F;
 // Floors and ceilings of an interior weigh the same, but what stands in it is low. It decides between those alone.
 constexpr float kLowWeight = 0.1F;
+// Few models stand head down along their axes.
+constexpr float kHeadDown = 0.002F;
 constexpr float kFlat = 0.5F;   // the shortest side of a flat scan over the next one
 constexpr float kLeast = 0.1F;  // signs that count less say nothing
 constexpr float kSure = 0.15F;  // by so much the best axis is ahead of the next
@@ -85,47 +88,80 @@ base::Result<Surface> coarseSurface(const PatchFile& patches) {
   return surface;
 }
 
+int axisOf(const glm::vec3& up) {
+  return std::abs(up.x) > 0.5F ? 0 : std::abs(up.y) > 0.5F ? 1 : 2;
+}
+
 bool isFlat(const glm::vec3& size, int axis) {
   return size[axis] <= kFlat * std::min(size[(axis + 1) % 3], size[(axis + 2) % 3]);
 }
 
-// The share of the footprint across `axis` that a flat base fills at its lower end, and the share of all area that
-// faces up, without that base, less what faces down; and how far the mean height lies below the middle, over half the
-// extent.
+// The share of the footprint across `axis` that a flat base fills at its lower end; the share of all area that faces
+// up, less what faces down; and how far the mean height lies below the middle, over half the extent. `base_area`: the
+// base's share of all area. `closed`: the part of what faces down that something above it faces up for.
 struct Signs {
   float base = 0.0F;
+  float base_area = 0.0F;
   float ground = 0.0F;
   float low = 0.0F;
+  float closed = 0.0F;
 };
 Signs signsOf(const Surface& surface, int axis, float sign) {
   const glm::vec3 size = surface.box.size();
   const float lowest = sign > 0.0F ? surface.box.min[axis] : -surface.box.max[axis];
   Signs signs;
-  float base_area = 0.0F;
   float height = 0.0F;
+  float facing_up = 0.0F;
+  float facing_down = 0.0F;
   for (const Face& face : surface.faces) {
     const float faces = sign * face.normal[axis];
+    (faces > 0.0F ? facing_up : facing_down) += face.area * std::abs(faces);
     height += face.area / surface.area * (sign * face.center[axis] - lowest);
     const bool is_low = sign * face.center[axis] - lowest < kBaseDepth * size[axis];
-    const bool is_base = is_low && faces < -kBaseFacing;
-    if (is_base) base_area += face.area;
-    if (faces < -kFacing && !is_base) signs.ground -= face.area / surface.area;
+    if (is_low && faces < -kBaseFacing) signs.base_area += face.area / surface.area;
+    if (faces < -kFacing) signs.ground -= face.area / surface.area;
     if (faces > kFacing) signs.ground += face.area / surface.area;
   }
-  signs.base = std::min(1.0F, base_area / std::max(1e-30F, size[(axis + 1) % 3] * size[(axis + 2) % 3]));
+  const float footprint = size[(axis + 1) % 3] * size[(axis + 2) % 3];
+  signs.base = std::min(1.0F, signs.base_area * surface.area / std::max(1e-30F, footprint));
   signs.low = size[axis] > 0.0F ? 1.0F - 2.0F * height / size[axis] : 0.0F;
+  signs.closed = facing_down > 0.0F ? std::min(1.0F, facing_up / facing_down) : 0.0F;
   return signs;
+}
+
+// By axis, upwards and downwards.
+using AllSigns = std::array<std::array<Signs, 2>, 3>;
+
+// Takes away the bases that tell nothing. Nobody sees the lower side of a building, so a flat end is its roof where the
+// other is open. Two opposite flat ends are those of a column, whichever it stands on, but the walls of a house where
+// another axis has two as well. A base that tells something is no ground that faces down.
+void keepBasesThatTell(AllSigns& all) {
+  std::array<float, 3> both{};
+  for (std::size_t axis = 0; axis < 3; ++axis) both[axis] = std::min(all[axis][0].base, all[axis][1].base);
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    const float others = std::max(both[(axis + 1) % 3], both[(axis + 2) % 3]);
+    for (Signs& signs : all[axis]) {
+      const float kept = (signs.base - both[axis]) * signs.closed + std::max(0.0F, both[axis] - others);
+      if (signs.base > 0.0F) signs.ground += signs.base_area * kept / signs.base;
+      signs.base = kept;
+    }
+  }
 }
 
 void findUp(const Surface& surface, Orientation& out) {
   const glm::vec3 size = surface.box.size();
+  AllSigns all;
+  for (int axis = 0; axis < 3; ++axis)
+    all[static_cast<std::size_t>(axis)] = {signsOf(surface, axis, 1.0F), signsOf(surface, axis, -1.0F)};
+  keepBasesThatTell(all);
   float best = 0.0F;
   float next = 0.0F;
   for (int axis = 0; axis < 3; ++axis)
     for (const float sign : {1.0F, -1.0F}) {
-      const Signs signs = signsOf(surface, axis, sign);
+      const Signs& signs = all[static_cast<std::size_t>(axis)][sign > 0.0F ? 0 : 1];
       const float flat = isFlat(size, axis) ? kFlatWeight : 0.0F;
-      const float score = kBaseWeight * signs.base + signs.ground + flat + kLowWeight * signs.low;
+      const float score =
+          kBaseWeight * signs.base + signs.ground + flat + kLowWeight * signs.low - (sign < 0.0F ? kHeadDown : 0.0F);
       if (score <= best) {
         next = std::max(next, score);
         continue;
@@ -143,14 +179,80 @@ void findUp(const Surface& surface, Orientation& out) {
   out.reason = "nothing tells, and most models have it so";
 }
 
+// An interior is seen from above through the backs of its ceilings. It is one where so much of what the sky sees is
+// such a back, with a floor beneath it.
+constexpr float kCeilings = 0.6F;
+constexpr int kColumns = 64;  // along each side of the footprint
+constexpr int kCuts = 48;     // heights that are tried
+// A cut that opens nearly as many rooms as the best, higher up, leaves more of the walls.
+constexpr float kNearlyAsMany = 0.95F;
+
+/// A horizontal cut: what lies above it is not drawn.
+struct Cut {
+  glm::vec3 up{0.0F};
+  float height = std::numeric_limits<float>::max();
+};
+
+/// From a room's floor to its ceiling, scene units along up.
+struct Room {
+  float floor = 0.0F, ceiling = 0.0F;
+};
+
+/// The rooms beneath what the sky sees, one for each of many columns that meet one; none where the scan is no interior
+/// with its ceilings on. `up`: along an axis.
+std::vector<Room> findRooms(const Surface& surface, const glm::vec3& up) {
+  const glm::vec3 size = surface.box.size();
+  const int axis = axisOf(up);
+  const float clearance = 2e-3F * surface.box.diagonal();
+  std::vector<Room> rooms;
+  std::size_t seen = 0;
+  for (int i = 0; i < kColumns * kColumns; ++i) {
+    glm::vec3 sky = up[axis] > 0.0F ? surface.box.max : surface.box.min;
+    const auto place = [&](int side, int column) {
+      sky[side] = surface.box.min[side] + size[side] * (static_cast<float>(column) + 0.5F) / kColumns;
+    };
+    place((axis + 1) % 3, i % kColumns);
+    place((axis + 2) % 3, i / kColumns);
+    sky += clearance * up;
+    const auto first = surface.sight->nearest(sky, -up, size[axis] + 2.0F * clearance);
+    if (!first) continue;
+    ++seen;
+    if (glm::dot(first->normal, up) > -kFacing) continue;
+    const float ceiling = glm::dot(sky, up) - first->distance;
+    const glm::vec3 beneath = sky - (first->distance + clearance) * up;
+    const auto floor = surface.sight->nearest(beneath, -up, size[axis]);
+    if (floor && glm::dot(floor->normal, up) > 0.0F) rooms.push_back({ceiling - clearance - floor->distance, ceiling});
+  }
+  if (static_cast<float>(rooms.size()) <= kCeilings * static_cast<float>(seen)) rooms.clear();
+  return rooms;
+}
+
+/// The highest cut that opens nearly as many rooms as any.
+Cut cutOpen(const Surface& surface, const std::vector<Room>& rooms, const glm::vec3& up) {
+  const float top = std::max(glm::dot(surface.box.min, up), glm::dot(surface.box.max, up));
+  const float height = surface.box.size()[axisOf(up)];
+  std::array<Cut, kCuts> cuts;
+  std::array<std::ptrdiff_t, kCuts> opened{};
+  for (std::size_t i = 0; i < kCuts; ++i) {
+    cuts[i] = {up, top - height * static_cast<float>(i + 1) / (kCuts + 1)};
+    opened[i] = std::count_if(rooms.begin(), rooms.end(), [&](const Room& room) {
+      return room.floor < cuts[i].height && cuts[i].height < room.ceiling;
+    });
+  }
+  const auto enough = kNearlyAsMany * static_cast<float>(*std::max_element(opened.begin(), opened.end()));
+  std::size_t best = 0;
+  while (static_cast<float>(opened[best]) < enough) ++best;
+  return cuts[best];
+}
+
 // A face that is seen from behind counts by so much. A choice: enough that the front of a wall outweighs its back,
 // whose letters are mirrored, and still something, since in many meshes some faces are turned over.
 constexpr float kFromBehind = 0.7F;
 
 // How much of the surface a far eye sees that looks along `direction`: faces count by their area and each by itself,
 // since simplification leaves more of them where there is more to see; seen at a slant or from behind they count less.
-// Every `stride`th face is looked at.
-float shownFrom(const Surface& surface, const glm::vec3& direction, std::size_t stride) {
+// Every `stride`th face below the cut is looked at.
+float shownFrom(const Surface& surface, const glm::vec3& direction, std::size_t stride, const Cut& cut = {}) {
   const float far = surface.box.diagonal();
   const float clearance = 2e-3F * far;
   const auto count = static_cast<float>(surface.faces.size());
@@ -159,20 +261,22 @@ float shownFrom(const Surface& surface, const glm::vec3& direction, std::size_t 
     const Face& face = surface.faces[i];
     const float away = glm::dot(face.normal, direction);
     const float slant = std::abs(away);
-    if (slant < 0.05F || surface.sight->isBlocked(face.center, face.center - far * direction, clearance)) continue;
+    const float below = cut.height - glm::dot(face.center, cut.up);
+    const float climb = -glm::dot(direction, cut.up);  // of the line of sight, for each unit
+    if (slant < 0.05F || below <= 0.0F) continue;
+    const float length = climb > 0.0F ? std::min(far, below / climb) : far;
+    if (surface.sight->isBlocked(face.center, face.center - length * direction, clearance)) continue;
     shown += (away > 0.0F ? kFromBehind : 1.0F) * slant * (face.area / surface.area + 1.0F / count);
   }
   return shown;
 }
 
-void findDirection(const Surface& surface, Orientation& out) {
-  const glm::vec3 size = surface.box.size();
-  const int axis = std::abs(out.up.x) > 0.5F ? 0 : std::abs(out.up.y) > 0.5F ? 1 : 2;
-  const float elevation = isFlat(size, axis) ? kFlatElevation : kElevation;
+glm::vec3 findDirection(const Surface& surface, const glm::vec3& up, float elevation, const Cut& cut) {
+  const int axis = axisOf(up);
   glm::vec3 side(0.0F);
   side[(axis + 1) % 3] = 1.0F;
-  side = glm::normalize(side - glm::dot(side, out.up) * out.up);
-  const glm::vec3 across = glm::cross(out.up, side);
+  side = glm::normalize(side - glm::dot(side, up) * up);
+  const glm::vec3 across = glm::cross(up, side);
   struct View {
     glm::vec3 direction{0.0F};
     float shown = 0.0F;
@@ -181,16 +285,29 @@ void findDirection(const Surface& surface, Orientation& out) {
   for (std::size_t h = 0; h < kHeadings; ++h) {
     const float angle = glm::two_pi<float>() * static_cast<float>(h) / static_cast<float>(kHeadings);
     const glm::vec3 from = std::cos(angle) * side + std::sin(angle) * across;
-    views[h].direction = -(std::cos(elevation) * from + std::sin(elevation) * out.up);
-    views[h].shown = shownFrom(surface, views[h].direction, surface.faces.size() / kFewFaces + 1);
+    views[h].direction = -(std::cos(elevation) * from + std::sin(elevation) * up);
+    views[h].shown = shownFrom(surface, views[h].direction, surface.faces.size() / kFewFaces + 1, cut);
   }
   const auto shows_more = [](const View& a, const View& b) { return a.shown > b.shown; };
   std::stable_sort(views.begin(), views.end(), shows_more);
   const std::span<View> finalists = std::span(views).first(kFinalists);
-  for (View& view : finalists) view.shown = shownFrom(surface, view.direction, 1);
-  out.direction = std::max_element(finalists.begin(), finalists.end(), [&](const View& a, const View& b) {
-                    return shows_more(b, a);
-                  })->direction;
+  for (View& view : finalists) view.shown = shownFrom(surface, view.direction, 1, cut);
+  return std::max_element(finalists.begin(), finalists.end(),
+                          [&](const View& a, const View& b) { return shows_more(b, a); })
+      ->direction;
+}
+
+void findFirstView(const Surface& surface, Orientation& out) {
+  Cut cut;
+  float elevation = isFlat(surface.box.size(), axisOf(out.up)) ? kFlatElevation : kElevation;
+  const bool is_along_axis = std::abs(out.up[axisOf(out.up)]) > 0.9999F;
+  const std::vector<Room> rooms = is_along_axis ? findRooms(surface, out.up) : std::vector<Room>();
+  if (!rooms.empty()) {
+    cut = cutOpen(surface, rooms, out.up);
+    out.cut_height = cut.height;
+    elevation = kFlatElevation;
+  }
+  out.direction = findDirection(surface, out.up, elevation, cut);
 }
 
 }  // namespace
@@ -205,7 +322,7 @@ base::Result<Orientation> findOrientation(const PatchFile& patches, const glm::v
     found.is_sure = true;
     found.reason = "it was said so";
   }
-  if (!surface.faces.empty()) findDirection(surface, found);
+  if (!surface.faces.empty()) findFirstView(surface, found);
   found.hull = findHull(surface.parts);
   return found;
 }

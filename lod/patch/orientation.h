@@ -1,6 +1,7 @@
 #pragma once
 // Tells from a scene's surface which way is up, and from where it is looked at first.
 #include <glm/glm.hpp>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -14,7 +15,10 @@ struct Orientation {
   bool is_sure = false;                    ///< nothing else fits nearly as well
   std::string reason;                      ///< "the ground faces it"; never empty
   glm::vec3 direction{0.0F, 0.0F, -1.0F};  ///< unit, from the eye: where the first view looks
-  std::vector<glm::vec3> hull;             ///< scene-local: findHull() of the surface, which depends on no up
+  /// Scene units along `up`: of an interior that would be seen from above through the backs of its ceilings, whatever
+  /// lies higher hides the rooms. Nothing: it is none, or up lies along no axis.
+  std::optional<float> cut_height;
+  std::vector<glm::vec3> hull;  ///< scene-local: findHull() of the surface, which depends on no up
 };
 
 /// A guess from a coarse cut of the scene. What speaks for an axis: ground that faces it, a flat base at its lower end,

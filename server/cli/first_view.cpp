@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <cstdio>
 #include <filesystem>
 #include <span>
 
@@ -90,13 +91,38 @@ bool isPermalink(std::string_view text) {
     if (!known->is_valid(part.substr(2))) return false;
     seen += known->name;
   }
-  return std::all_of(std::begin(kParts), std::end(kParts),
-                     [&](const LinkPart& one) { return !one.needed || seen.find(one.name) != std::string::npos; });
+  // All that say where the eye is, or none of them.
+  const auto needed = [&](const LinkPart& one) { return one.needed && seen.find(one.name) == std::string::npos; };
+  const auto missing = std::count_if(std::begin(kParts), std::end(kParts), needed);
+  return missing == 0 || missing == 3;
+}
+
+namespace {
+
+/// The link that cuts an interior open and leaves the whole of it in view. The offset has four digits or more of the
+/// scene's height.
+std::string cutOpen(const base::Scene& scene, float height) {
+  int axis = 0;
+  while (std::abs(scene.up[axis]) < 0.9) ++axis;
+  const double offset = scene.origin[axis] + scene.up[axis] * static_cast<double>(height);
+  const double size = std::max(1e-6, scene.box_max[axis] - scene.box_min[axis]);
+  const int decimals = std::clamp(3 - static_cast<int>(std::floor(std::log10(size))), 0, 9);
+  std::array<char, 64> text{};
+  std::snprintf(text.data(), text.size(), "v=1&x=%c,%.*f,%c", 'x' + axis, decimals, offset,
+                scene.up[axis] > 0.0 ? 'b' : 'a');
+  return text.data();
+}
+
+}  // namespace
+
+bool isOwnView(std::string_view link) {
+  return link.empty() || (link.starts_with("v=1&x=") && std::count(link.begin(), link.end(), '&') == 1);
 }
 
 void setFirstView(const lod::patch::Orientation& found, base::Scene& scene) {
   scene.start_direction = glm::normalize(glm::dvec3(found.direction));
   setHull(found.hull, scene);
+  if (isOwnView(scene.start_view)) scene.start_view = found.cut_height ? cutOpen(scene, *found.cut_height) : "";
 }
 
 void setHull(const std::vector<glm::vec3>& hull, base::Scene& scene) {

@@ -14,7 +14,11 @@ namespace server::cli {
 /// once, and lies within its limits.
 bool isPermalink(std::string_view text);
 
-/// Stores where the first view looks, and what it fits in.
+/// Whether a scene's `start_view` is as setFirstView() stores it: a cut, or nothing.
+bool isOwnView(std::string_view link);
+
+/// Stores where the first view looks, what it fits in, and where an interior is cut open. A first view that somebody
+/// chose stays, unless it is no more than a cut.
 void setFirstView(const lod::patch::Orientation& found, base::Scene& scene);
 /// The latter alone. `hull`: scene-local, at most lod::patch::kMaxHullPoints.
 void setHull(const std::vector<glm::vec3>& hull, base::Scene& scene);

@@ -124,7 +124,7 @@ base::Result<void> setView(const SetArguments& a, base::Scene& scene) {
   }
   if (a.start_view) {
     scene.start_view.clear();
-    if (*a.start_view != kAutomatic) {
+    if (!a.start_view->empty() && *a.start_view != kAutomatic) {
       LUMIGRID_ASSIGN_OR_RETURN(scene.start_view, permalinkIn(*a.start_view));
     }
   }
@@ -244,7 +244,9 @@ RunCommand addSet(CLI::App& command) {
   add("--background", &SetArguments::background,
       "colour where there is no model, #rrggbb or red,green,blue; empty: the viewer's own");
   add("--start-view", &SetArguments::start_view,
-      "first view: a permalink, a file with one, or auto: the whole model from where most of it is seen");
+      "first view: a permalink, a file with one, or auto: the whole model from where most of it is seen, an interior "
+      "cut "
+      "open below its ceilings; empty: the same without a cut");
   add("--light", &SetArguments::light,
       "unlit: colours as scanned; soft: shaded; hard-shadows, soft-shadows: a light that throws shadows, for scenes "
       "built with hlod; auto: by whether there are colours. Images that were drawn in another light are to be drawn "

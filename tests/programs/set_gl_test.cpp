@@ -91,6 +91,10 @@ TEST_F(Set, howASceneIsShownIsSetWithoutBuildingItAgain) {
   ASSERT_EQ(run("lumigrid", {"set", scene, "--start-view", "auto"}).status, 0);
   EXPECT_EQ(base::readScene(scene)->start_view, "");
   programs::expectOneLineError(run("lumigrid", {"set", scene, "--start-view", "from above"}), 1, {"permalink"});
+  ASSERT_EQ(run("lumigrid", {"set", scene, "--start-view", "v=1&x=z,0.5,b"}).status, 0);
+  EXPECT_EQ(base::readScene(scene)->start_view, "v=1&x=z,0.5,b");
+  ASSERT_EQ(run("lumigrid", {"set", scene, "--start-view", ""}).status, 0);
+  EXPECT_EQ(base::readScene(scene)->start_view, "");
 
   programs::expectOneLineError(
       run("lumigrid", {"set", scene}), 2,

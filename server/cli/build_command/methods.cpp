@@ -194,6 +194,10 @@ base::Result<void> orientBySurface(const BuildArguments& a, const lod::ingest::S
   if (!is_known) scene.up = glm::dvec3(found.up);
   setFirstView(found, scene);
   LUMIGRID_ASSIGN_OR_RETURN(scene.light, chooseLight(a, built, scene));
+  if (!scene.start_view.empty() && !a.quiet)
+    std::fprintf(stderr,
+                 "first view: an interior, cut open below its ceilings (X takes the cut away, `lumigrid set "
+                 "--start-view ''` for good)\n");
   if (defined && !a.quiet) std::fprintf(stderr, "up: %s\n", defined->reason);
   if (a.quiet || is_known) return {};
   const int axis = std::abs(found.up.x) > 0.5F ? 0 : std::abs(found.up.y) > 0.5F ? 1 : 2;

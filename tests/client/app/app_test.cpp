@@ -12,6 +12,19 @@ constexpr Modifiers kCtrlDown{false, true, false};
 
 // ---- before and after the scene is known ----
 
+// An interior's first view: the whole of it, wherever that is from in a window of this shape, without its ceilings.
+TEST_F(AppTest, aFirstViewWithoutAPlaceLeavesTheWholeModelInView) {
+  server.welcome.start_direction = {0.48F, 0.6F, 0.64F};
+  welcome();
+  const std::string whole = app->permalink();
+  SetUp();
+  server.welcome.start_view = "v=1&x=z," + std::to_string(middle().z) + ",b";
+  welcome();
+  const std::string cut = app->permalink();
+  ASSERT_NE(cut.find("&x=z,"), std::string::npos) << cut;
+  EXPECT_EQ(cut.substr(0, cut.find("&x=")), whole);
+}
+
 TEST_F(AppTest, eventsBeforeTheSceneIsKnownAreHarmless) {
   drag(mouse(100, 100), 50, 50);
   app->turnWheel(1.0, 10, 10, now);

@@ -19,6 +19,10 @@ TEST(FirstView, aLinkIsAcceptedExactlyWhenViewersAcceptIt) {
   for (const std::string text : {"",
                                  "v=1",
                                  "v=1&",
+                                 "v=1&x=z,2.5,b",
+                                 "v=1&x=z,2.5",
+                                 "v=1&p=1,2,3&x=z,2.5,b",
+                                 "v=1&a=4,5&r=6&x=z,2.5,b",
                                  "v=2&p=1,2,3&a=4,5&r=6",
                                  "v=1&p=1,2,3&a=4,5&r=6",
                                  "v=1&p=1,2,3&a=4,5&r=6&",
@@ -73,6 +77,30 @@ TEST(FirstView, linksThatWereHarmedAreJudgedAlike) {
   }
   EXPECT_GT(refused, 400);
   EXPECT_LT(refused, 3600);
+}
+
+// An interior is cut open at its height, in the world; a view that somebody chose stays.
+TEST(FirstView, aCutIsStoredUntilAViewIsChosen) {
+  base::Scene scene;
+  scene.origin = {500000.0, 4000000.0, 100.0};
+  scene.box_min = scene.origin;
+  scene.box_max = scene.origin + glm::dvec3(20.0, 10.0, 3.0);
+  scene.up = {0.0, 0.0, 1.0};
+  lod::patch::Orientation found;
+  found.cut_height = 2.51239F;
+  setFirstView(found, scene);
+  EXPECT_EQ(scene.start_view, "v=1&x=z,102.512,b");
+  EXPECT_TRUE(isPermalink(scene.start_view));
+  scene.up = {-1.0, 0.0, 0.0};
+  setFirstView(found, scene);
+  EXPECT_EQ(scene.start_view, "v=1&x=x,499997.49,a");
+  found.cut_height.reset();
+  setFirstView(found, scene);
+  EXPECT_EQ(scene.start_view, "");
+  scene.start_view = kLink;
+  found.cut_height = 1.0F;
+  setFirstView(found, scene);
+  EXPECT_EQ(scene.start_view, kLink);
 }
 
 TEST(FirstView, theLinkIsFoundInAnAddressAndInAFile) {

@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 #include "tests/support/built_hierarchy.h"
 #include "tests/support/temporary_directory.h"
 #include "tests/support/test_meshes.h"
@@ -31,7 +33,38 @@ void append(Mesh& mesh, const Mesh& more, const glm::vec3& scale, const glm::vec
 
 // A sheet from −1 to 1 that faces +z, at height 0.
 Mesh sheet() {
-  return support::openGrid(40, 0.0F);
+  Mesh mesh = support::openGrid(40, 0.0F);
+  for (glm::vec3& p : mesh.positions) p = {2.0F * p.x - 1.0F, 2.0F * p.y - 1.0F, 0.0F};
+  return mesh;
+}
+
+Mesh turnedOver(Mesh mesh) {
+  for (std::size_t i = 0; i < mesh.indices.size(); i += 3) std::swap(mesh.indices[i], mesh.indices[i + 1]);
+  return mesh;
+}
+
+// Walls around a box from 0 to `size` that face outwards.
+Mesh walls(const glm::vec3& size) {
+  Mesh mesh;
+  for (int axis = 0; axis < 2; ++axis)
+    for (const float side : {0.0F, 1.0F}) {
+      Mesh wall = sheet();
+      for (glm::vec3& p : wall.positions) {
+        const glm::vec2 at = 0.5F * (glm::vec2(p) + 1.0F);
+        glm::vec3 q(0.0F);
+        q[axis] = side * size[axis];
+        q[1 - axis] = at.x * size[1 - axis];
+        q.z = at.y * size.z;
+        p = q;
+      }
+      append(mesh, (side > 0.0F) == (axis == 0) ? wall : turnedOver(wall), glm::vec3(1.0F), glm::vec3(0.0F));
+    }
+  return mesh;
+}
+
+// A floor or, turned over, a ceiling of the box from 0 to `size`.
+void appendLevel(Mesh& mesh, const Mesh& level, const glm::vec3& size, float height) {
+  append(mesh, level, glm::vec3(0.5F * size.x, 0.5F * size.y, 1.0F), glm::vec3(0.5F * size.x, 0.5F * size.y, height));
 }
 
 class OrientationTest : public testing::Test {
@@ -65,11 +98,7 @@ TEST_F(OrientationTest, aStatueStandsOnItsBase) {
       Mesh statue;
       append(statue, support::bumpySphere(60, 60), glm::vec3(1.0F, 1.0F, 1.6F), glm::vec3(0.0F, 0.0F, 1.4F));
       // A sheet that faces down closes it below.
-      append(statue, sheet(), glm::vec3(0.8F, -0.8F, 1.0F), glm::vec3(0.0F, 0.0F, -0.25F));
-      for (std::size_t i = statue.indices.size() - sheet().indices.size(); i < statue.indices.size(); i += 3)
-        std::swap(statue.indices[i], statue.indices[i + 1]);
-      for (std::size_t v = statue.positions.size() - sheet().positions.size(); v < statue.positions.size(); ++v)
-        statue.positions[v].y *= -1.0F;
+      append(statue, turnedOver(sheet()), glm::vec3(0.8F, 0.8F, 1.0F), glm::vec3(0.0F, 0.0F, -0.25F));
       const Orientation found = orientationOf(turned(statue, axis, sign));
       EXPECT_EQ(found.up[axis], sign) << axis << ": " << found.reason;
       EXPECT_TRUE(found.is_sure) << found.reason;
@@ -83,15 +112,97 @@ TEST_F(OrientationTest, aRoomWithItsCeilingStandsAsItsFurnitureDoes) {
     for (const float sign : {1.0F, -1.0F}) {
       Mesh room;
       append(room, sheet(), glm::vec3(1.0F), glm::vec3(0.0F));
-      Mesh ceiling = sheet();
-      for (std::size_t i = 0; i < ceiling.indices.size(); i += 3) std::swap(ceiling.indices[i], ceiling.indices[i + 1]);
-      append(room, ceiling, glm::vec3(1.0F), glm::vec3(0.0F, 0.0F, 0.6F));
+      append(room, turnedOver(sheet()), glm::vec3(1.0F), glm::vec3(0.0F, 0.0F, 0.6F));
       for (const float x : {-0.6F, 0.0F, 0.5F})
         append(room, support::bumpySphere(20, 20), glm::vec3(0.15F), glm::vec3(x, 0.3F * x, 0.2F));
       const Orientation found = orientationOf(turned(room, axis, sign));
       EXPECT_EQ(found.up[axis], sign) << axis << ": " << found.reason;
       EXPECT_FALSE(found.is_sure);
     }
+}
+
+// A building without its lower side, which nobody sees: its roof is as flat as a base.
+TEST_F(OrientationTest, aBlockStandsOnItsOpenSide) {
+  for (int axis = 0; axis < 3; ++axis)
+    for (const float sign : {1.0F, -1.0F}) {
+      const glm::vec3 size(2.0F, 1.5F, 1.2F);
+      Mesh block = walls(size);
+      appendLevel(block, sheet(), size, size.z);
+      const Orientation found = orientationOf(turned(block, axis, sign));
+      EXPECT_EQ(found.up[axis], sign) << axis << ": " << found.reason;
+      EXPECT_FALSE(found.cut_height.has_value());
+    }
+}
+
+TEST_F(OrientationTest, aColumnStandsOnOneOfItsEnds) {
+  for (int axis = 0; axis < 3; ++axis) {
+    Mesh column;
+    const auto round = static_cast<std::uint32_t>(64);
+    for (std::uint32_t ring = 0; ring <= 40; ++ring)
+      for (std::uint32_t i = 0; i < round; ++i) {
+        const float angle = 6.2831853F * static_cast<float>(i) / static_cast<float>(round);
+        column.positions.emplace_back(std::cos(angle), std::sin(angle), 0.15F * static_cast<float>(ring));
+        if (ring == 0) continue;
+        const std::uint32_t a = (ring - 1) * round + i, b = (ring - 1) * round + (i + 1) % round;
+        for (const std::uint32_t index : {a, b, b + round, a, b + round, a + round}) column.indices.push_back(index);
+      }
+    for (const std::uint32_t ring : {0U, 40U}) {
+      const auto middle = static_cast<std::uint32_t>(column.positions.size());
+      column.positions.emplace_back(0.0F, 0.0F, 0.15F * static_cast<float>(ring));
+      for (std::uint32_t i = 0; i < round; ++i) {
+        const std::uint32_t a = ring * round + i, b = ring * round + (i + 1) % round;
+        for (const std::uint32_t index : {middle, ring == 0 ? b : a, ring == 0 ? a : b})
+          column.indices.push_back(index);
+      }
+    }
+    const Orientation found = orientationOf(turned(column, axis, 1.0F));
+    EXPECT_EQ(found.up[axis], 1.0F) << axis << ": " << found.reason;
+    EXPECT_FALSE(found.is_sure);
+  }
+}
+
+TEST_F(OrientationTest, aCrateHasNoBase) {
+  Mesh crate = walls(glm::vec3(1.0F));
+  appendLevel(crate, sheet(), glm::vec3(1.0F), 1.0F);
+  appendLevel(crate, turnedOver(sheet()), glm::vec3(1.0F), 0.0F);
+  const Orientation found = orientationOf(crate);
+  EXPECT_EQ(found.up, glm::vec3(0.0F, 1.0F, 0.0F)) << found.reason;
+  EXPECT_NE(found.reason.find("nothing tells"), std::string::npos) << found.reason;
+}
+
+// Two storeys, scanned from inside: from above the backs of the upper ceilings are seen, and of two rooms of the upper
+// storey one is lower than the other.
+TEST_F(OrientationTest, anInteriorIsCutOpenBelowTheCeilingsOfItsTopStorey) {
+  for (int axis = 0; axis < 3; ++axis)
+    for (const float sign : {1.0F, -1.0F}) {
+      const glm::vec3 size(4.0F, 3.0F, 2.4F);
+      Mesh house = turnedOver(walls(size));
+      for (const float floor : {0.0F, 1.25F}) appendLevel(house, sheet(), size, floor);
+      appendLevel(house, turnedOver(sheet()), size, 1.15F);
+      append(house, turnedOver(sheet()), glm::vec3(1.0F, 1.5F, 1.0F), glm::vec3(1.0F, 1.5F, 2.4F));
+      append(house, turnedOver(sheet()), glm::vec3(1.0F, 1.5F, 1.0F), glm::vec3(3.0F, 1.5F, 2.2F));
+      glm::vec3 up(0.0F);
+      up[axis] = sign;
+      const Orientation found = orientationOf(turned(house, axis, sign), &up);
+      ASSERT_TRUE(found.cut_height.has_value()) << axis;
+      EXPECT_LT(*found.cut_height, 2.2F);
+      EXPECT_GT(*found.cut_height, 2.0F);
+      EXPECT_LT(glm::dot(found.direction, up), -0.6F) << "looks into the rooms";
+    }
+}
+
+TEST_F(OrientationTest, nothingElseIsCutOpen) {
+  const glm::vec3 z(0.0F, 0.0F, 1.0F);
+  const glm::vec3 size(4.0F, 3.0F, 1.0F);
+  // A closed building seen from outside, a statue turned inside out, ground that faces down, a room without a floor.
+  Mesh building = walls(size);
+  appendLevel(building, sheet(), size, 1.0F);
+  appendLevel(building, turnedOver(sheet()), size, 0.0F);
+  Mesh open_below = turnedOver(walls(size));
+  appendLevel(open_below, turnedOver(sheet()), size, 1.0F);
+  for (const Mesh& mesh :
+       {building, turnedOver(support::bumpySphere(60, 60)), turnedOver(support::openGrid(60, 0.02F)), open_below})
+    EXPECT_FALSE(orientationOf(mesh, &z).cut_height.has_value());
 }
 
 TEST_F(OrientationTest, whereNothingTellsItSaysSo) {
