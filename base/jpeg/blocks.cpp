@@ -281,6 +281,22 @@ class JpegBlocks::Reader {
     if (units_) units_->decode(unit, std::span(wanted).first(end));
   }
 
+  void unitBlocks(int x, int y, std::array<JpegBlock, JpegBlocks::kMostInUnit>& blocks) const {
+    std::array<JpegBlock*, JpegBlocks::kMostInUnit> wanted{};
+    std::size_t count = 0;
+    for (int c = 0; c < static_cast<int>(planes_.size()); ++c) {
+      const JpegPlane& p = planes_[static_cast<std::size_t>(c)];
+      for (int j = p.down * y; j < p.down * (y + 1); ++j)
+        for (int i = p.across * x; i < p.across * (x + 1); ++i, ++count) {
+          wanted[count] = &blocks[count];
+          if (!units_ && i < p.wide && j < p.high) blocks[count] = row(c, j)[i];
+        }
+    }
+    if (!units_) return;
+    const auto unit = static_cast<std::size_t>(y) * unitsAcross() + static_cast<std::size_t>(x);
+    units_->decode(unit, std::span(wanted).first(count));
+  }
+
   Result<Bytes> encode(int across, int down, const Units& unit) const {
     if (!units_) {
       Writer writer;
@@ -499,6 +515,9 @@ int JpegBlocks::mean(int plane, int x, int y) const {
 }
 void JpegBlocks::blocksAt(int x, int y, std::array<JpegBlock, 3>& blocks) const {
   reader_->blocksAt(x, y, blocks);
+}
+void JpegBlocks::unitBlocks(int x, int y, std::array<JpegBlock, kMostInUnit>& blocks) const {
+  reader_->unitBlocks(x, y, blocks);
 }
 
 Result<Bytes> JpegBlocks::encode(int across, int down, const Units& unit) const {

@@ -62,6 +62,10 @@ class JpegBlocks {
   int mean(int plane, int x, int y) const;
   /// The block of each plane that holds a pixel of the picture, at once.
   void blocksAt(int x, int y, std::array<JpegBlock, 3>& blocks) const;
+  static constexpr std::size_t kMostInUnit = 6;  ///< blocks
+  /// All blocks of a unit, by planes and row by row. (x, y) counts units; those that reach beyond the picture have
+  /// blocks without meaning.
+  void unitBlocks(int x, int y, std::array<JpegBlock, kMostInUnit>& blocks) const;
 
   /// unit(x, y, blocks) returns which unit of this JPEG is unit (x, y) of another one, no part of it beyond this
   /// picture's edges; or it writes the unit's blocks to `blocks`, by planes and row by row, means of -1024 to 1023 and

@@ -4,8 +4,9 @@
 #include <array>
 #include <bit>
 #include <cstring>
+#include <memory>
 #include <optional>
-#include <unordered_map>
+#include <vector>
 
 #include "base/check.h"
 #include "lod/texture/coverage.h"
@@ -61,6 +62,8 @@ class SlotTexels {
           if (std::size_t& tile = tiles_[tileIndex({x, y})]; tile == kNoTile) tile = tiles++;
     complete_.resize(tiles);
     kept_.resize(tiles * tileTexels());
+    units_.resize(tiles);
+    samples_.resize(tiles * base::JpegBlocks::kMostInUnit);
     for (const StepTriangle& triangle : chart.triangles) cover(triangle);
   }
 
@@ -74,22 +77,16 @@ class SlotTexels {
   bool makeBlock(int plane, int x, int y, base::JpegBlock& block) {
     Span span;
     int inside = 0, any = 0;
-    const glm::ivec2 texels = texelsPerSample(plane);
-    for (int j = 0; j < kSpan; ++j) {
-      const int row = kBlock * y + j - kApron;
-      if (row < 0 || row * texels.y >= size_.y) continue;
-      for (int i = 0; i < kSpan; ++i) {
-        const int column = kBlock * x + i - kApron;
-        if (column < 0 || column * texels.x >= size_.x || !keeps({column * texels.x, row * texels.y}, texels)) continue;
-        span.values[Span::at(i, j)] = valueAt(plane, {column, row});
-        span.known[Span::at(i, j)] = 1.0F;
-        ++any;
-        if (std::min(i, j) >= kApron && std::max(i, j) < kApron + kBlock) ++inside;
+    for (int down = -1; down <= 1; ++down)
+      for (int across = -1; across <= 1; ++across) {
+        const int known =
+            addKnown(plane, {x + across, y + down}, {kApron + kBlock * across, kApron + kBlock * down}, span);
+        any += known;
+        if (across == 0 && down == 0) inside = known;
       }
-    }
     if (any == 0) return false;
     if (inside == kBlock * kBlock)
-      if (const auto whole = wholeBlock(plane, x, y)) {
+      if (const auto whole = wholeBlock(plane, {x, y})) {
         block = *whole;
         return true;
       }
@@ -102,22 +99,22 @@ class SlotTexels {
   }
 
  private:
+  using UnitBlocks = std::array<base::JpegBlock, base::JpegBlocks::kMostInUnit>;
+
+  // Samples of a block and around it, with a border of one more.
+  struct Span {
+    static constexpr int kStride = 16;
+    // 0 where the sample is not known; `known` is 1 or 0. Floats, so that a compiler can take many samples at a time.
+    std::array<float, (kSpan + 3) * kStride> values{}, known{};
+    static int at(int i, int j) { return (j + 1) * kStride + i + 1; }
+  };
+
   // Texels of the picture for a sample of the plane, in x and in y.
   glm::ivec2 texelsPerSample(int plane) const {
     const base::JpegPlane& p = source_.blocks.plane(plane);
     return source_.unit() / glm::ivec2(kBlock * p.across, kBlock * p.down);
   }
 
-  // Whether the chart covers one of these texels, which lie in one unit of the slot.
-  bool keeps(const glm::ivec2& first, const glm::ivec2& texels) const {
-    const std::size_t tile = tiles_[static_cast<std::size_t>((first.y >> shift_.y) * wide_ + (first.x >> shift_.x))];
-    const glm::ivec2 within = first & (unit_ - 1);
-    const std::uint8_t* row = &kept_[tile << (shift_.x + shift_.y)] + ((within.y << shift_.x) + within.x);
-    for (int y = 0; y < texels.y; ++y, row += unit_.x)
-      for (int x = 0; x < texels.x; ++x)
-        if (row[x] != 0) return true;
-    return false;
-  }
   std::size_t tileIndex(const glm::ivec2& unit) const {
     return static_cast<std::size_t>(unit.y) * static_cast<std::size_t>(wide_) + static_cast<std::size_t>(unit.x);
   }
@@ -162,28 +159,67 @@ class SlotTexels {
       }
   }
 
-  // The picture's block at this place of the slot, if all of it lies in the picture.
-  std::optional<base::JpegBlock> wholeBlock(int plane, int x, int y) const {
-    const glm::ivec2 first = at_ / texelsPerSample(plane) + kBlock * glm::ivec2(x, y);
-    const glm::ivec2 end = (first + kBlock) * texelsPerSample(plane);
-    if (first.x < 0 || first.y < 0 || end.x > source_.size().x || end.y > source_.size().y) return std::nullopt;
-    return source_.blocks.block(plane, first.x / kBlock, first.y / kBlock);
+  // A block of the slot: its unit, and its number among the unit's blocks.
+  struct Place {
+    glm::ivec2 unit{0};
+    std::size_t tile = 0, number = 0;
+  };
+  Place placeOf(int plane, const glm::ivec2& block) const {
+    const base::JpegPlane &p = source_.blocks.plane(plane), &first = source_.blocks.plane(0);
+    const glm::ivec2 count(p.across, p.down), unit = block / count, within = block % count;
+    const int before = plane == 0 ? 0 : first.across * first.down + plane - 1;
+    return {unit, tiles_[tileIndex(unit)], static_cast<std::size_t>(before + within.y * count.x + within.x)};
   }
 
-  float valueAt(int plane, const glm::ivec2& sample) {
-    const glm::ivec2 block = sample / kBlock, within = sample % kBlock;
-    const std::uint64_t key = (static_cast<std::uint64_t>(plane) << 60) | (static_cast<std::uint64_t>(block.y) << 30) |
-                              static_cast<std::uint64_t>(block.x);
-    if (last_ == nullptr || key != last_key_) {  // most samples lie in the block of the one before
-      const auto [found, is_new] = decoded_.try_emplace(key);
-      if (is_new) found->second = decode(plane, block);
-      last_ = &found->second, last_key_ = key;
-    }
-    return (*last_)[static_cast<std::size_t>(within.y * kBlock + within.x)];
+  // Adds to a span what the chart shows of a block, whose first sample is at (i, j) of the span. Returns how many
+  // samples.
+  int addKnown(int plane, const glm::ivec2& block, const glm::ivec2& at, Span& span) {
+    const glm::ivec2 texels = texelsPerSample(plane);
+    const glm::ivec2 first = kBlock * block * texels;
+    if (first.x < 0 || first.y < 0 || first.x >= size_.x || first.y >= size_.y) return 0;
+    const Place place = placeOf(plane, block);
+    const glm::ivec2 within = first & (unit_ - 1);
+    const std::uint8_t* const kept = &kept_[place.tile * tileTexels()] + (within.y * unit_.x + within.x);
+    const BlockSamples* samples = nullptr;
+    int count = 0;
+    for (int j = std::max(0, -at.y); j < std::min(kBlock, kSpan - at.y); ++j)
+      for (int i = std::max(0, -at.x); i < std::min(kBlock, kSpan - at.x); ++i) {
+        bool shown = false;
+        for (int y = 0; y < texels.y; ++y)
+          for (int x = 0; x < texels.x; ++x) shown |= kept[(j * texels.y + y) * unit_.x + i * texels.x + x] != 0;
+        if (!shown) continue;
+        if (samples == nullptr) samples = &samplesAt(plane, block, place);
+        const int to = Span::at(at.x + i, at.y + j);
+        span.values[static_cast<std::size_t>(to)] = (*samples)[static_cast<std::size_t>(j * kBlock + i)];
+        span.known[static_cast<std::size_t>(to)] = 1.0F;
+        ++count;
+      }
+    return count;
   }
-  BlockSamples decode(int plane, const glm::ivec2& block) const {
+
+  // The picture's block at this place of the slot, if all of it lies in the picture.
+  std::optional<base::JpegBlock> wholeBlock(int plane, const glm::ivec2& block) {
+    const glm::ivec2 first = at_ / texelsPerSample(plane) + kBlock * block;
+    const glm::ivec2 end = (first + kBlock) * texelsPerSample(plane);
+    if (first.x < 0 || first.y < 0 || end.x > source_.size().x || end.y > source_.size().y) return std::nullopt;
+    const Place place = placeOf(plane, block);
+    auto& blocks = units_[place.tile];
+    if (!blocks) {
+      blocks = std::make_unique<UnitBlocks>();
+      const glm::ivec2 unit = at_ / unit_ + place.unit;
+      source_.blocks.unitBlocks(unit.x, unit.y, *blocks);
+    }
+    return (*blocks)[place.number];
+  }
+
+  const BlockSamples& samplesAt(int plane, const glm::ivec2& block, const Place& place) {
+    auto& samples = samples_[place.tile * base::JpegBlocks::kMostInUnit + place.number];
+    if (!samples) samples = std::make_unique<BlockSamples>(decode(plane, block));
+    return *samples;
+  }
+  BlockSamples decode(int plane, const glm::ivec2& block) {
     const Quantization& quant = source_.blocks.plane(plane).quant;
-    if (const auto whole = wholeBlock(plane, block.x, block.y)) return samplesOf(*whole, quant);
+    if (const auto whole = wholeBlock(plane, block)) return samplesOf(*whole, quant);
     // It lies across the picture's edge, beyond which the picture begins again.
     BlockSamples samples;
     const glm::ivec2 texels = texelsPerSample(plane);
@@ -201,14 +237,6 @@ class SlotTexels {
       }
     return samples;
   }
-
-  // Samples of a block and around it, with a border of one more.
-  struct Span {
-    static constexpr int kStride = 16;
-    // 0 where the sample is not known; `known` is 1 or 0. Floats, so that a compiler can take many samples at a time.
-    std::array<float, (kSpan + 3) * kStride> values{}, known{};
-    static int at(int i, int j) { return (j + 1) * kStride + i + 1; }
-  };
 
   // Fills the block's samples that are not known from known ones around them, again and again.
   static void fillGaps(Span& span) {
@@ -250,9 +278,9 @@ class SlotTexels {
   std::vector<std::size_t> tiles_;      // by unit of the slot: its number among those that are kept
   std::vector<std::uint8_t> kept_;      // by tile and texel: whether the chart covers it
   std::vector<std::uint8_t> complete_;  // by tile
-  std::unordered_map<std::uint64_t, BlockSamples> decoded_;
-  const BlockSamples* last_ = nullptr;  // of decoded_, which valueAt() used last
-  std::uint64_t last_key_ = 0;
+  // All that was decoded so far, by tile, and by tile and block.
+  std::vector<std::unique_ptr<UnitBlocks>> units_;
+  std::vector<std::unique_ptr<BlockSamples>> samples_;
 };
 
 // A page in the making.

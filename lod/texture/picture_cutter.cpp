@@ -28,8 +28,7 @@ PictureCutter::PictureCutter(Decode decode) : decode_(std::move(decode)), mutex_
 PictureCutter::PictureCutter(PictureCutter&&) noexcept = default;
 PictureCutter::~PictureCutter() = default;
 
-base::Result<PictureCutter> PictureCutter::open(base::ByteView bytes, base::ByteView units,
-                                                Decode decode) {
+base::Result<PictureCutter> PictureCutter::open(base::ByteView bytes, base::ByteView units, Decode decode) {
   PictureCutter cutter(std::move(decode));
   // Other pictures, and broken ones, are named by their decoder.
   if (auto blocks = base::JpegBlocks::read(bytes, kMaxBlockBytes, units)) {

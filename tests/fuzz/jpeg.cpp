@@ -46,6 +46,10 @@ void copyUnits(base::ByteView bytes) {
     const base::JpegPlane& plane = blocks->plane(p);
     LUMIGRID_CHECK(at[static_cast<std::size_t>(p)] == blocks->block(p, plane.wide - 1, plane.high - 1));
   }
+  std::array<base::JpegBlock, base::JpegBlocks::kMostInUnit> unit{};
+  blocks->unitBlocks(0, 0, unit);
+  LUMIGRID_CHECK(unit[0] == blocks->block(0, 0, 0));
+  blocks->unitBlocks((blocks->width() - 1) / blocks->unitWidth(), (blocks->height() - 1) / blocks->unitHeight(), unit);
   const int across = blocks->width() / blocks->unitWidth(), down = blocks->height() / blocks->unitHeight();
   if (across == 0 || down == 0) return;
   const auto copy = blocks->encode(across, down, [](int x, int y, base::JpegBlock*) {

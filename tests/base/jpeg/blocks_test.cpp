@@ -238,6 +238,30 @@ TEST(JpegBlocks, areTheSameWithUnitsThatWereFoundBeforeAndWithWrongOnes) {
   }
 }
 
+TEST(JpegBlocks, areTheSameUnitByUnit) {
+  // 101 x 70 pixels: the last units reach beyond the picture. With tables of its own a JPEG does not stay coded.
+  for (const Subsampling subsampling : {Subsampling::k420, Subsampling::k422, Subsampling::k444})
+    for (const Bytes& jpeg :
+         {standardJpeg(noisy(101, 70), 85, subsampling), *encodeJpeg(noisy(101, 70), 85, subsampling)}) {
+      const auto blocks = JpegBlocks::read(jpeg, kPlenty);
+      ASSERT_TRUE(blocks);
+      std::array<JpegBlock, JpegBlocks::kMostInUnit> unit;
+      for (int y = 0; y * blocks->unitHeight() < 70; ++y)
+        for (int x = 0; x * blocks->unitWidth() < 101; ++x) {
+          blocks->unitBlocks(x, y, unit);
+          std::size_t next = 0;
+          for (int p = 0; p < 3; ++p) {
+            const JpegPlane& plane = blocks->plane(p);
+            for (int j = y * plane.down; j < (y + 1) * plane.down; ++j)
+              for (int i = x * plane.across; i < (x + 1) * plane.across; ++i, ++next) {
+                if (i >= plane.wide || j >= plane.high) continue;
+                ASSERT_EQ(unit[next], blocks->block(p, i, j)) << p << ' ' << i << ' ' << j;
+              }
+          }
+        }
+    }
+}
+
 TEST(JpegBlocks, thatStayCodedAreRefusedWhereTheyAreBroken) {
   const Bytes jpeg = standardJpeg(noisy(64, 64), 80, Subsampling::k420);
   for (std::size_t length = 0; length + 2 < jpeg.size(); length += 7)
