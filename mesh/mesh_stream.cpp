@@ -11,7 +11,8 @@ namespace mesh {
 void MeshStream::addTextured(std::span<const std::uint64_t> polygon, std::span<const glm::vec3> its_normals,
                              std::span<const glm::dvec2> uv, std::uint32_t picture) {
   baked_.resize(uv.size());
-  baker.bake(textures.fine(picture, TextureBaker::meanTexels(textures[picture], uv)), uv, baked_);
+  const glm::ivec2 size(textures[picture].width(), textures[picture].height());
+  baker.bake(textures.fine(picture, TextureBaker::levelFor(size, uv)), uv, baked_);
   const std::size_t before = corners.size();
   addPolygon(polygon, its_normals, baked_);
   if (corners.size() == before) return;

@@ -43,6 +43,7 @@ struct ObjReader {
   };
   std::map<std::string, Material> materials;
   bool has_paints = false;              // materials differ in colour, or are no greys
+  const Material* asked = nullptr;      // the material in use, while its picture is not known
   std::uint32_t picture = kNoPicture;   // of the material in use
   glm::u8vec4 paint{255, 255, 255, 0};  // its colour, for faces without a picture where vertices have no colours
   std::vector<glm::u8vec4> painted_corners;
@@ -76,7 +77,7 @@ struct ObjReader {
         file_normals.clear();
         file_uv.clear();
         has_normals = false;
-        picture = kNoPicture;
+        picture = kNoPicture, asked = nullptr;
         paint.a = 0;
         continue;
       }
@@ -151,6 +152,9 @@ struct ObjReader {
     return count;
   }
 
+  // Whether the material in use has a picture, as far as is known.
+  bool isTextured() const { return asked != nullptr || picture != kNoPicture; }
+
   base::Result<void> readFace(std::string_view line) {
     corners.clear();
     normals.clear();
@@ -169,7 +173,12 @@ struct ObjReader {
     const auto known = [](const glm::dvec2& p) { return std::isfinite(p.x) && std::isfinite(p.y); };
     if (has_normals) normals.resize(corners.size(), glm::vec3(0.0F));
     const auto its_normals = has_normals ? std::span<const glm::vec3>(normals) : std::span<const glm::vec3>();
-    if (picture != kNoPicture && std::all_of(uv.begin(), uv.end(), known))
+    const bool placed = isTextured() && std::all_of(uv.begin(), uv.end(), known);
+    if (placed && asked != nullptr) {
+      picture = out.textures.find({out.textures.pathOf(asked->picture), 0, 0}, uv, out.summary.warnings);
+      asked = nullptr;
+    }
+    if (placed && picture != kNoPicture)
       out.addTextured(corners, its_normals, uv, picture);
     else if (paint.a != 0 && !has_colors) {
       painted_corners.assign(corners.size(), paint);
@@ -191,7 +200,7 @@ struct ObjReader {
     if (slash == std::string_view::npos) return {};
 
     const std::size_t last_slash = word.rfind('/');
-    if (picture != kNoPicture) {
+    if (isTextured()) {
       const std::size_t end = last_slash == slash ? word.size() : last_slash;
       std::int64_t at = 0;
       if (parseNumber(word.substr(slash + 1, end - slash - 1), number) && resolveIndex(number, file_uv.size(), at) &&
@@ -216,7 +225,7 @@ struct ObjReader {
       return indexOutOfRange(place(), number, out.vertexCount());
     if (index > highest_index) highest_index = index, highest_index_line = line_number;
     corners.push_back(static_cast<std::uint64_t>(index));
-    if (picture != kNoPicture) uv.emplace_back(std::numeric_limits<double>::quiet_NaN());
+    if (isTextured()) uv.emplace_back(std::numeric_limits<double>::quiet_NaN());
     return {};
   }
 
@@ -301,9 +310,8 @@ struct ObjReader {
 
   void useMaterial(std::string_view name) {
     const auto found = materials.find(std::string(name));
-    picture = found == materials.end() || found->second.picture.empty()
-                  ? kNoPicture
-                  : out.textures.find({out.textures.pathOf(found->second.picture), 0, 0}, out.summary.warnings);
+    picture = kNoPicture;
+    asked = found == materials.end() || found->second.picture.empty() ? nullptr : &found->second;
     paint = found != materials.end() && has_paints ? found->second.color : glm::u8vec4(255, 255, 255, 0);
   }
 

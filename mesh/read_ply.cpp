@@ -538,7 +538,7 @@ base::Result<void> readFaces(Source& source, const Element& element, bool strips
       const bool complete = uv.size() == corners.size() && std::all_of(uv.begin(), uv.end(), isFinite);
       if (textured && complete && number >= 0.0 && number < static_cast<double>(header.textures.size())) {
         const std::string& name = header.textures[static_cast<std::size_t>(number)];
-        picture = out.textures.find({out.textures.pathOf(name), 0, 0}, out.summary.warnings);
+        picture = out.textures.find({out.textures.pathOf(name), 0, 0}, uv, out.summary.warnings);
       }
       if (picture != kNoPicture)
         out.addTextured(corners, {}, uv, picture);

@@ -2,6 +2,7 @@
 // The textures of a mesh file: its pictures, and the colours that they give to triangles' corners, since hierarchies
 // keep colours at vertices.
 #include <algorithm>
+#include <array>
 #include <deque>
 #include <future>
 #include <glm/glm.hpp>
@@ -60,6 +61,10 @@ class Texture {
   /// The mean over about `texels` x `texels` texels around (u, v), where the picture is repeated. u runs to the right
   /// and v downwards, 0..1 across the picture. NaN gives grey.
   glm::u8vec4 mean(const glm::dvec2& uv, double texels) const;
+  /// A corner, its two neighbours and the one opposite of it, in texture coordinates.
+  using Quad = std::array<glm::dvec2, 4>;
+  /// The mean of `n` x `n` such means, 1 <= n <= 15, spread evenly over a quadrilateral.
+  glm::u8vec4 mean(const Quad& quad, int n, double texels) const;
 
  private:
   void halve();
@@ -72,8 +77,8 @@ class Texture {
 /// Bakes polygons, and measures how much finer the textures are than the mesh.
 class TextureBaker {
  public:
-  /// Over how many texels a side bake() takes means; infinite or NaN where a corner has no place.
-  static double meanTexels(const Texture& texture, std::span<const glm::dvec2> uv);
+  /// The coarsest level, 0 to 2, of a picture of this size that is fine enough for bake().
+  static int levelFor(const glm::ivec2& size, std::span<const glm::dvec2> uv);
   /// Gives each corner of a polygon the texture's mean over its share of the polygon.
   void bake(const Texture& texture, std::span<const glm::dvec2> uv, std::span<glm::u8vec4> colors);
   /// How many texels all polygons covered, those that several covered counted for each.
@@ -105,12 +110,12 @@ class Textures {
   /// Pictures that will probably be asked for, in this order.
   void expect(std::vector<SourcePicture> pictures) { expected_ = std::move(pictures); }
   /// The number of a picture; kNoPicture where it cannot be read, for which `warnings` gets a line, for the
-  /// first few.
-  std::uint32_t find(const SourcePicture& picture, std::vector<std::string>& warnings);
+  /// first few. `uv` are the corners of the polygon that shows it next: it is decoded fine enough for them at once.
+  std::uint32_t find(const SourcePicture& picture, std::span<const glm::dvec2> uv, std::vector<std::string>& warnings);
   /// The picture that find() returned last, decoded, as fine as it is so far; valid until the next call.
   const Texture& operator[](std::uint32_t number) const { return *known_[number].decoded; }
-  /// The same, fine enough for means over so many texels a side.
-  const Texture& fine(std::uint32_t number, double texels);
+  /// The same, at this level or a finer one.
+  const Texture& fine(std::uint32_t number, int level);
   /// How many cannot be read beyond those that find() named.
   std::size_t unnamed() const { return unreadable_.size() - std::min(unreadable_.size(), kMaxNamed); }
   /// Those that could be read, by number.
@@ -130,12 +135,12 @@ class Textures {
     int first_level = 0;
     std::future<base::Result<Texture>> texture;
   };
-  static constexpr std::size_t kKeptBytes = std::size_t{256} << 20;  // a choice: three pictures of 4096 x 4096
+  static constexpr std::size_t kKeptBytes = std::size_t{192} << 20;  // a choice: two pictures of 4096 x 4096
   static constexpr std::size_t kAheadBytes = std::size_t{64}
                                              << 20;  // a choice: a picture of 4096 x 4096, or four quarters
   static constexpr std::size_t kMaxNamed = 8;        // a choice, since a set of tiles may have thousands
-  int firstLevel(std::size_t order) const { return order < kLag ? kCoarsest : needed_[order - kLag]; }
-  base::Result<Texture> decoded(const SourcePicture& picture);
+  int usualLevel() const;
+  base::Result<Texture> decoded(const SourcePicture& picture, int needed);
   base::Result<Texture> decodeFile(const SourcePicture& picture, int first_level) const;
   void decodeAhead(const SourcePicture& last);
   void forgetOldest(const Known& but);
@@ -147,10 +152,9 @@ class Textures {
   std::vector<SourcePicture> unreadable_;
   std::uint64_t uses_ = 0;
   std::uint32_t last_ = 0;  // the one found last, whose picture is kept
-  // The finest level that was needed of each picture that was decoded so far, in the order of decoding. A picture is
-  // first decoded at that of the picture kLag before, so that colours do not depend on how many are decoded ahead.
+  // The finest level that was needed of each picture that was decoded so far, in the order of decoding.
   std::vector<int> needed_;
-  static constexpr std::size_t kLag = 16;
+  static constexpr std::size_t kUsual = 4;  // a choice: of so many pictures before, the finest level is likely
   static constexpr int kCoarsest = 2;
   std::vector<SourcePicture> expected_;
   std::deque<Ahead> ahead_;  // the last member, so that its threads end before the others are destroyed

@@ -21,7 +21,7 @@ BaseColor Materials::of(const json& primitive) {
   color.factor = numbers<glm::dvec4>(member(base, "baseColorFactor")).value_or(glm::dvec4(1.0));
   const json& reference = member(base, "baseColorTexture");
   if (!reference.is_object()) return color;
-  color.picture = pictureOf(integer(member(reference, "index"), kMissing));
+  color.texture = integer(member(reference, "index"), kMissing);
 
   const json& transform = extension(reference, "KHR_texture_transform");
   const std::uint64_t set = integer(member(transform, "texCoord"), integer(member(reference, "texCoord"), 0));
@@ -34,14 +34,10 @@ BaseColor Materials::of(const json& primitive) {
 }
 
 // The stream says itself which pictures it cannot decode.
-std::uint32_t Materials::pictureOf(std::uint64_t texture) {
+std::uint32_t Materials::pictureOf(std::uint64_t texture, std::span<const glm::dvec2> uv) {
   if (unread_.contains(texture)) return kNoPicture;
   if (const auto known = pictures_.find(texture); known != pictures_.end())
-    return out_.textures.find(known->second, out_.summary.warnings);
-  return readTexture(texture);
-}
-
-std::uint32_t Materials::readTexture(std::uint64_t texture) {
+    return out_.textures.find(known->second, uv, out_.summary.warnings);
   const json& source = item(document_.list("textures"), texture);
   // An extension's picture stands beside one for those who do not know it, or alone.
   const json& webp = member(extension(source, "EXT_texture_webp"), "source");
@@ -53,7 +49,7 @@ std::uint32_t Materials::readTexture(std::uint64_t texture) {
     picture = document_.picture(integer(plain, kMissing));
   if (picture) {
     pictures_[texture] = *picture;
-    return out_.textures.find(*picture, out_.summary.warnings);
+    return out_.textures.find(*picture, uv, out_.summary.warnings);
   }
   unread_.insert(texture);
   if (omissions_.unread_textures++ == 0) omissions_.first_unread = picture.error().message;

@@ -2,6 +2,8 @@
 // The base colour of a primitive: a factor, or a picture with the place of each corner in it.
 #include <glm/glm.hpp>
 #include <map>
+#include <optional>
+#include <span>
 #include <string>
 
 #include "mesh/gltf/document.h"
@@ -11,11 +13,11 @@
 namespace mesh::gltf {
 
 struct BaseColor {
-  glm::dvec4 factor{1.0};               ///< linear
-  std::uint32_t picture = kNoPicture;   ///< of MeshStream::textures
-  std::string coordinates;              ///< the attribute that holds them, "TEXCOORD_0"
-  glm::dmat2 picture_from_vertex{1.0};  ///< turns and scales them (KHR_texture_transform)
-  glm::dvec2 offset{0.0};               ///< is added after that
+  glm::dvec4 factor{1.0};                ///< linear
+  std::optional<std::uint64_t> texture;  ///< of the document, for Materials::pictureOf()
+  std::string coordinates;               ///< the attribute that holds places in it, "TEXCOORD_0"
+  glm::dmat2 picture_from_vertex{1.0};   ///< turns and scales them (KHR_texture_transform)
+  glm::dvec2 offset{0.0};                ///< is added after that
 };
 
 /// Finds the base colours of a document's materials, and notes textures that are not read.
@@ -24,11 +26,10 @@ class Materials {
   Materials(Document& document, Omissions& omissions, MeshStream& out)
       : document_(document), omissions_(omissions), out_(out) {}
   BaseColor of(const json& primitive);
+  /// The number in MeshStream::textures of a texture that a triangle shows first.
+  std::uint32_t pictureOf(std::uint64_t texture, std::span<const glm::dvec2> uv);
 
  private:
-  std::uint32_t pictureOf(std::uint64_t texture);
-  std::uint32_t readTexture(std::uint64_t texture);
-
   Document& document_;
   Omissions& omissions_;
   MeshStream& out_;

@@ -176,7 +176,7 @@ class SceneReader {
     LUMIGRID_ASSIGN_OR_RETURN(p.normal, attribute(attributes, "NORMAL", 3, 3));
     LUMIGRID_ASSIGN_OR_RETURN(p.color, attribute(attributes, "COLOR_0", 3, 4));
     p.base = materials_.of(source);
-    if (p.base.picture != kNoPicture) {
+    if (p.base.texture) {
       LUMIGRID_ASSIGN_OR_RETURN(p.uv, attribute(attributes, p.base.coordinates, 2, 2));
     }
     for (const auto* other : {&p.normal, &p.color, &p.uv})
@@ -249,6 +249,9 @@ class SceneReader {
 
   base::Result<void> readTriangles(const Primitive& p, const std::string& place, std::uint64_t first, bool flip) {
     const std::uint64_t vertex_count = p.position.count;
+    picture_.reset();
+    // A texture that cannot be read is told, also where no triangle has a place in it.
+    if (p.base.texture && !p.uv) picture_ = materials_.pictureOf(*p.base.texture, {});
     if (p.indices)
       for (std::uint64_t i = 0; i < p.indices->count; ++i)
         if (p.indices->index(i) >= vertex_count) return indexOutOfRange(place, p.indices->index(i), vertex_count);
@@ -287,8 +290,9 @@ class SceneReader {
       uv[k] = p.base.picture_from_vertex * glm::dvec2(p.uv->value(t[k], 0), p.uv->value(t[k], 1)) + p.base.offset;
       complete = std::isfinite(uv[k].x) && std::isfinite(uv[k].y);
     }
-    if (complete)
-      out_.addTextured(corners, {}, uv, p.base.picture);
+    if (complete && !picture_) picture_ = materials_.pictureOf(*p.base.texture, uv);
+    if (complete && *picture_ != kNoPicture)
+      out_.addTextured(corners, {}, uv, *picture_);
     else
       out_.addPolygon(corners);
   }
@@ -309,6 +313,7 @@ class SceneReader {
   Omissions& omissions_;
   MeshStream& out_;
   Materials materials_;
+  std::optional<std::uint32_t> picture_;  // of the primitive at hand, once a triangle has shown it
   const std::uint64_t first_vertex_ = out_.vertexCount();
   const std::uint64_t first_triangle_ = out_.triangleCount();
   const MeshAmounts amounts_ =

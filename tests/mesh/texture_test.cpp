@@ -1,12 +1,19 @@
 // Textures become colours of vertices, and the reader says what is lost.
 #include <gtest/gtest.h>
 
+#include <array>
+#include <cmath>
 #include <filesystem>
 #include <fstream>
+#include <mutex>
 
+#include "base/file.h"
+#include "base/jpeg/jpeg.h"
 #include "base/png/png.h"
 #include "lod/patch/builder/hierarchy_build.h"
 #include "lod/patch/format.h"
+#include "mesh/stream_mesh.h"
+#include "mesh/texture.h"
 #include "tests/mesh/mesh_files.h"
 
 namespace {
@@ -174,6 +181,139 @@ TEST_F(Textures, plyFaceCoordinatesColorTheVertices) {
   EXPECT_GT(colorAt(*mesh, {0, 1, 0}).r, 200);
   EXPECT_GT(colorAt(*mesh, {1, 0, 0}).b, 150);
   EXPECT_EQ(colorAt(*mesh, {0, 1, 0}).g, 0);
+}
+
+// A photograph's share of details of all sizes, as a JPEG whose units can be told.
+base::Bytes naturalJpeg(int side) {
+  base::Image image(side, side, 3);
+  std::uint32_t random = 7;
+  for (int y = 0; y < side; ++y)
+    for (int x = 0; x < side; ++x)
+      for (int k = 0; k < 3; ++k) {
+        random = random * 1664525 + 1013904223;
+        const double wave = 30 * std::sin(0.011 * x + k) + 25 * std::cos(0.05 * y - 0.03 * x) + 15 * std::sin(0.4 * x);
+        image.at(x, y)[k] = static_cast<std::uint8_t>(128 + wave + static_cast<double>(random >> 28));
+      }
+  base::Bytes jpeg;
+  EXPECT_TRUE((*base::beginJpeg(side, side, 90, base::Subsampling::k420, jpeg))->add(image));
+  return jpeg;
+}
+
+// The exact mean of a picture over each corner's share of a triangle, whose corners are in texels.
+std::array<glm::dvec3, 3> exactMeans(const base::Image& image, const std::array<glm::dvec2, 3>& corners) {
+  std::array<glm::dvec3, 3> sums{};
+  std::array<int, 3> counts{};
+  const glm::dvec2 u = corners[1] - corners[0], v = corners[2] - corners[0];
+  const double twice = u.x * v.y - u.y * v.x;
+  for (int y = 0; y < 4 * image.height; ++y)
+    for (int x = 0; x < 4 * image.width; ++x) {
+      const glm::dvec2 p = glm::dvec2(x + 0.5, y + 0.5) / 4.0 - corners[0];
+      const double b = (p.x * v.y - p.y * v.x) / twice, c = (u.x * p.y - u.y * p.x) / twice, a = 1.0 - b - c;
+      if (std::min({a, b, c}) < 0.0) continue;
+      // The nearest corner's share is where its coordinate is the largest.
+      const std::size_t k = a >= b && a >= c ? 0 : b >= c ? 1 : 2;
+      const std::uint8_t* texel = image.at(x / 4, y / 4);
+      sums[k] += glm::dvec3(texel[0], texel[1], texel[2]);
+      ++counts[k];
+    }
+  for (std::size_t k = 0; k < 3; ++k) sums[k] /= counts[k];
+  return sums;
+}
+
+TEST_F(Textures, giveTheExactMeansFromAQuarterOfTheirSizeToo) {
+  const base::Bytes jpeg = naturalJpeg(256);
+  const auto whole = base::decodeJpeg(jpeg);
+  ASSERT_TRUE(whole);
+  const glm::ivec2 size(256, 256);
+  for (const double leg : {29.0, 45.0, 80.0}) {  // triangles of 420, 1012 and 3200 texels
+    double squares = 0.0;
+    for (int i = 0; i < 6; ++i) {
+      const glm::dvec2 at(20.0 + 24.3 * i, 150.0 - 21.7 * i), along = leg * glm::dvec2(std::cos(i), std::sin(i));
+      const std::array<glm::dvec2, 3> corners{at + 40.0, at + 40.0 + along, at + 40.0 + glm::dvec2(-along.y, along.x)};
+      std::array<glm::dvec2, 3> uv{};
+      for (std::size_t k = 0; k < 3; ++k) uv[k] = corners[k] / glm::dvec2(size);
+      ASSERT_EQ(mesh::TextureBaker::levelFor(size, uv), 2);
+      const auto quarter = mesh::Texture::decode(jpeg, 2);
+      ASSERT_TRUE(quarter);
+      std::array<glm::u8vec4, 3> colors{};
+      mesh::TextureBaker().bake(*quarter, uv, colors);
+      const auto exact = exactMeans(*whole, corners);
+      for (std::size_t k = 0; k < 3; ++k) {
+        const glm::dvec3 off = glm::dvec3(glm::u8vec3(colors[k])) - exact[k];
+        squares += glm::dot(off, off) / (3.0 * 18.0);
+      }
+    }
+    EXPECT_LT(std::sqrt(squares), 2.5) << leg;
+  }
+}
+
+TEST_F(Textures, areTheSameInEachRepetition) {
+  const auto texture = mesh::Texture::decode(naturalJpeg(256));
+  ASSERT_TRUE(texture);
+  // Near the edges pictures begin again, and those elsewhere do not.
+  for (const double x : {0.001, 0.03, 0.4, 0.95, 0.99}) {
+    const std::array<glm::dvec2, 3> uv{glm::dvec2(x, 0.3), {x + 0.04, 0.31}, {x + 0.01, 0.36}};
+    std::array<glm::u8vec4, 3> colors{}, moved_colors{};
+    mesh::TextureBaker().bake(*texture, uv, colors);
+    for (const glm::dvec2& shift : {glm::dvec2(1, 0), {-1, 2}, {0, -3}, {1000, 1000}}) {
+      std::array<glm::dvec2, 3> moved = uv;
+      for (glm::dvec2& corner : moved) corner += shift;
+      mesh::TextureBaker().bake(*texture, moved, moved_colors);
+      for (std::size_t k = 0; k < 3; ++k)
+        for (int c = 0; c < 3; ++c) EXPECT_NEAR(colors[k][c], moved_colors[k][c], 1) << x << ' ' << shift.x;
+    }
+  }
+}
+
+// Returns a sheet of cells x cells x 2 triangles over the whole of each picture, one beside the other.
+std::string texturedSheets(int pictures, int cells) {
+  std::string text = "mtllib sheets.mtl\n";
+  const auto number = [](double value) { return std::to_string(value) + " "; };
+  for (int p = 0; p < pictures; ++p)
+    for (int j = 0; j <= cells; ++j)
+      for (int i = 0; i <= cells; ++i) {
+        const double u = static_cast<double>(i) / cells, v = static_cast<double>(j) / cells;
+        text += "v " + number(p + u) + number(v) + "0\nvt " + number(u) + number(v) + "\n";
+      }
+  for (int p = 0; p < pictures; ++p) {
+    text += "usemtl m" + std::to_string(p) + "\n";
+    for (int j = 0; j < cells; ++j)
+      for (int i = 0; i < cells; ++i) {
+        const auto corner = [&](int x, int y) {
+          const std::string n = std::to_string(1 + (p * (cells + 1) + j + y) * (cells + 1) + i + x);
+          return n + "/" + n + " ";
+        };
+        text += "f " + corner(0, 0) + corner(1, 0) + corner(1, 1) + "\nf " + corner(0, 0) + corner(1, 1) +
+                corner(0, 1) + "\n";
+      }
+  }
+  return text;
+}
+
+TEST_F(Textures, areDecodedOnceAsFineAsTheirTrianglesNeed) {
+  constexpr int kPictures = 3;
+  const base::Bytes jpeg = naturalJpeg(256);
+  std::ofstream library(folder / "sheets.mtl");
+  for (int p = 0; p < kPictures; ++p) {
+    ASSERT_TRUE(base::writeFileAtomically(folder / ("p" + std::to_string(p) + ".jpg"), jpeg));
+    library << "newmtl m" << p << "\nmap_Kd p" << p << ".jpg\n";
+  }
+  library.close();
+  // Units are told where a picture is decoded at a quarter of its size: all of those of large triangles, none of those
+  // of small ones.
+  for (const auto& [cells, quarters] : {std::pair(4, kPictures), std::pair(24, 0)}) {
+    std::ofstream(folder / "sheets.obj") << texturedSheets(kPictures, cells);
+    std::mutex mutex;
+    int told = 0;
+    mesh::StreamOptions options;
+    options.keep_units = [&](const mesh::SourcePicture&, base::ByteView) {
+      const std::lock_guard lock(mutex);
+      ++told;
+    };
+    support::WholeMesh ignored;
+    ASSERT_TRUE(mesh::streamMesh(folder / "sheets.obj", ignored, options));
+    EXPECT_EQ(told, quarters) << cells;
+  }
 }
 
 TEST_F(Textures, areAveragedOverEachVertexShareOfItsPolygons) {
