@@ -15,10 +15,17 @@ bool complete() {
 }  // namespace
 
 base::Result<ResolvePass> ResolvePass::create() {
-  LUMIGRID_ASSIGN_OR_RETURN(auto program,
-                            base::gl::Program::link("resolve", glsl::kResolveVertex, glsl::kResolveFragment));
   ResolvePass pass;
-  pass.program_ = std::move(program);
+  for (std::size_t i = 0; i < kOwnPrograms.size(); ++i) {
+    const std::string defines = "#define SUPERSAMPLING " + std::to_string(kOwnPrograms[i]) + "\n";
+    LUMIGRID_ASSIGN_OR_RETURN(
+        pass.own_[i], base::gl::Program::link("resolve", glsl::kResolveVertex, defines + glsl::kResolveFragment));
+  }
+  LUMIGRID_ASSIGN_OR_RETURN(pass.any_,
+                            base::gl::Program::link("resolve", glsl::kResolveVertex,
+                                                    std::string("uniform int u_supersampling;\n#define SUPERSAMPLING "
+                                                                "u_supersampling\n") +
+                                                        glsl::kResolveFragment));
   pass.whole_ = base::gl::WholeTarget::create();
   return pass;
 }
@@ -27,9 +34,12 @@ void ResolvePass::run(GLuint samples, int supersampling) const {
   glDisable(GL_DEPTH_TEST);
   glActiveTexture(GL_TEXTURE0);
   glBindTexture(GL_TEXTURE_2D, samples);
-  program_.use();
-  glUniform1i(program_.uniform("u_samples"), 0);
-  glUniform1i(program_.uniform("u_supersampling"), supersampling);
+  const auto own = std::find(kOwnPrograms.begin(), kOwnPrograms.end(), supersampling);
+  const base::gl::Program& program =
+      own == kOwnPrograms.end() ? any_ : own_[static_cast<std::size_t>(own - kOwnPrograms.begin())];
+  program.use();
+  glUniform1i(program.uniform("u_samples"), 0);
+  if (own == kOwnPrograms.end()) glUniform1i(program.uniform("u_supersampling"), supersampling);
   whole_.draw();
   glBindTexture(GL_TEXTURE_2D, 0);
 }

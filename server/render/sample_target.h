@@ -1,5 +1,7 @@
 #pragma once
 // A render target with n × n samples a pixel and the pass that averages them.
+#include <array>
+
 #include "base/error.h"
 #include "base/gl/gl.h"
 #include "server/render/tiling.h"
@@ -15,7 +17,10 @@ class ResolvePass {
   void run(GLuint samples, int supersampling) const;
 
  private:
-  base::gl::Program program_;
+  /// Those that images and frames have: software GL takes far longer for loops whose length it does not know.
+  static constexpr std::array<int, 2> kOwnPrograms{2, 4};
+  std::array<base::gl::Program, kOwnPrograms.size()> own_;
+  base::gl::Program any_;
   base::gl::WholeTarget whole_;
 };
 
