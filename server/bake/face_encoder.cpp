@@ -44,13 +44,16 @@ bool showsModel(const base::Image& rgba, std::uint8_t least_alpha) {
 }
 
 base::Image withAlpha(const base::Image& rgba, const base::Image& alpha) {
-  const base::Image filled = repository::fillBackground(rgba, alpha);
   base::Image result(rgba.width, rgba.height, 4);
-  const std::uint8_t* from = filled.pixels.data();
+  // Most tiles of a closed surface have no gaps.
+  const bool has_gaps = std::find(alpha.pixels.begin(), alpha.pixels.end(), 0) != alpha.pixels.end();
+  const base::Image filled = has_gaps ? repository::fillBackground(rgba, alpha) : base::Image();
+  const base::Image& colors = has_gaps ? filled : rgba;
+  const std::uint8_t* from = colors.pixels.data();
   std::uint8_t* to = result.pixels.data();
   for (const std::uint8_t own : alpha.pixels) {
     to[0] = from[0], to[1] = from[1], to[2] = from[2], to[3] = own;
-    from += 3, to += 4;
+    from += colors.channels, to += 4;
   }
   return result;
 }

@@ -80,6 +80,22 @@ TEST(FaceEncoder, aPictureFullOfModelHasNoMask) {
   EXPECT_EQ(face->value.size(), 16 + face->jpeg_bytes);
 }
 
+TEST(FaceEncoder, anotherAlphaLeavesColoursAndFillsGaps) {
+  const base::Image image = disc(64, 20);
+  base::Image alpha(64, 64, 1);
+  for (const std::uint8_t rest : {std::uint8_t{0}, std::uint8_t{77}}) {
+    for (int y = 0; y < 64; ++y)
+      for (int x = 0; x < 64; ++x) *alpha.at(x, y) = image.at(x, y)[3] != 0 ? 200 : rest;
+    const base::Image result = withAlpha(image, alpha);
+    for (int y = 0; y < 64; ++y)
+      for (int x = 0; x < 64; ++x) {
+        EXPECT_EQ(result.at(x, y)[3], *alpha.at(x, y));
+        const bool is_own = std::equal(result.at(x, y), result.at(x, y) + 3, image.at(x, y));
+        EXPECT_EQ(is_own, *alpha.at(x, y) != 0) << x << ", " << y;
+      }
+  }
+}
+
 TEST(FaceEncoder, fillerCostsAJpegLessThanBlackBackground) {
   const base::Image image = disc(256, 80);
   base::Image black(256, 256, 3);
