@@ -16,6 +16,7 @@ constexpr std::uint64_t kMebi = std::uint64_t{1} << 20;
 //
 //   this program while others draw                                62 to 80 MB
 //   a process that draws the small scene, 64, 512, 1024, 2048     43, 70, 168, 411 MB
+//   … 2048 in tiles, without and with textures                    222 to 249, 323 to 370 MB (RSS)
 //   … the large one at tolerance 0, 256, 1024, budget 16          208, 382 MB; budget 256: 254, 375 MB
 //
 // So with the large scene some 200 MB are neither pictures nor patches that stay: llvmpipe keeps all that is drawn
@@ -59,7 +60,8 @@ std::uint64_t geometryBytes(const lod::patch::Hierarchy& hierarchy) {
 /// The memory that a context takes besides uploaded patches.
 std::uint64_t contextBytes(const DrawDemand& demand) {
   const auto side = static_cast<std::uint64_t>(demand.render.supersampling);
-  const std::uint64_t samples = std::min(pixelsOf(demand) * side * side, demand.render.max_target_samples);
+  std::uint64_t samples = std::min(pixelsOf(demand) * side * side, demand.render.max_target_samples);
+  if (demand.shadow_bytes == 0) samples = std::min(samples, demand.render.tile_samples);
   return (hasTextures(demand.hierarchy) ? kPageBytes : 0) + demand.shadow_bytes +
          std::min(kDrawnBytesPerTriangle * demand.hierarchy.source_triangles, kMaxDrawnBytes) +
          samples * kTargetBytesPerSample + pixelsOf(demand) * kPictureBytesPerPixel;

@@ -56,8 +56,8 @@ std::string readText(base::ByteReader& in) {
 // Both ends are one program, so fields travel as they lie in memory.
 auto settingsOf(auto& order) {
   return std::tie(order.render.tolerance_px, order.render.measure, order.render.supersampling,
-                  order.render.max_target_samples, order.quality, order.subsampling, order.codec,
-                  order.gpu_budget_bytes);
+                  order.render.max_target_samples, order.render.tile_samples, order.render.one_of_many, order.quality,
+                  order.subsampling, order.codec, order.gpu_budget_bytes);
 }
 auto fieldsOf(auto& sequence, auto& face) {
   return std::tie(sequence, face.empty, face.jpeg_bytes, face.coverage_bytes);

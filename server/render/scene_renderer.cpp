@@ -203,7 +203,7 @@ base::Result<void> SceneRenderer::drawPatches(const base::Camera& camera, std::s
 
 base::Result<void> SceneRenderer::drawTile(const base::Camera& camera, const base::Camera& tile,
                                            std::span<const std::uint32_t> visible, const RenderOptions& options) {
-  if (shadows_ && !options.modes.hasLight()) return drawShadowed(camera, tile, visible, options);
+  if (showsShadows(options)) return drawShadowed(camera, tile, visible, options);
   target_.begin();
   return drawPatches(tile, withPages(visible, tile, options.supersampling), options,
                      options.modes.any() ? with_modes_ : surface_);
@@ -261,8 +261,9 @@ base::Result<void> SceneRenderer::drawPicture(const base::Camera& from, std::spa
   }
   picture->rendered.rgba = base::Image(camera.width, camera.height, 4);
 
-  const TilePlan plan =
-      planTiles(camera.width, camera.height, options.supersampling, max_side_, options.max_target_samples);
+  const std::uint64_t most =
+      showsShadows(options) ? options.max_target_samples : std::min(options.max_target_samples, options.tile_samples);
+  const TilePlan plan = planTiles(camera.width, camera.height, options.supersampling, max_side_, most);
   LUMIGRID_TRY(target_.fit(plan.tile_width, plan.tile_height, options.supersampling));
   picture->tiles_left = plan.tiles.size();
   for (const Tile& tile : plan.tiles) {

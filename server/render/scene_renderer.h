@@ -38,6 +38,9 @@ struct RenderOptions {
   base::ErrorMeasure measure = base::ErrorMeasure::kVisible;  ///< of the tolerance
   /// Refinement ends, largest error first, before the patches in view have more triangles, whatever the tolerance.
   std::uint64_t max_triangles = std::numeric_limits<std::uint64_t>::max();
+  /// A picture in a light that throws none is drawn in tiles of at most so many samples, so that a core's cache holds
+  /// them. With shadows each tile would have maps of its own.
+  std::uint64_t tile_samples = std::numeric_limits<std::uint64_t>::max();
   /// More pictures of the scene are to come: shadow maps of all of it are drawn once for those that they serve.
   bool one_of_many = false;
 };
@@ -106,6 +109,8 @@ class SceneRenderer {
                                  const RenderOptions& options, const Programs& programs,
                                  const std::function<void(const base::gl::Program&)>& on_prepared = nullptr,
                                  const PatchUniforms& set_uniforms = nullptr);
+  /// Whether pictures with these options show shadows.
+  bool showsShadows(const RenderOptions& options) const { return shadows_ && !options.modes.hasLight(); }
   void prepare(const base::gl::Program& program, const base::Camera& camera, const lod::draw::ViewModes& modes) const;
   std::vector<DrawnPatch> withPages(std::span<const std::uint32_t> patches, const base::Camera& camera,
                                     int samples) const;

@@ -90,6 +90,19 @@ TEST_F(DrawMemoryTest, whereNotOneFitsTheErrorSaysHowMuchDoes) {
   }
 }
 
+// With shadows pictures are drawn whole.
+TEST_F(DrawMemoryTest, smallTilesLeaveRoomForMoreProcesses) {
+  for (const bool has_shadows : {false, true}) {
+    DrawDemand demand = demandOf(small_, 2048);
+    if (has_shadows) demand.shadow_bytes = 1;
+    const auto whole = limitDrawing(demand, 4 * kGibi);
+    demand.render.tile_samples = std::uint64_t{1} << 20;
+    const auto in_tiles = limitDrawing(demand, 4 * kGibi);
+    ASSERT_TRUE(whole && in_tiles);
+    EXPECT_EQ(in_tiles->processes > whole->processes, !has_shadows);
+  }
+}
+
 TEST_F(DrawMemoryTest, aSampleLeavesTheRestToPatches) {
   const DrawDemand demand = demandOf(large_);
   const auto all = limitSampling(demand, 0, 0);

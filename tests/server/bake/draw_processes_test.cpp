@@ -126,6 +126,24 @@ TEST_F(DrawProcessesTest, reportsTheReasonOfAFailedDraw) {
   EXPECT_TRUE(made.faces.empty());
 }
 
+// Where software draws, processes draw all images: an option that did not reach them would have no effect.
+TEST_F(DrawProcessesTest, ordersCarryAllThatABakeAsksOfTheRenderer) {
+  work_.render = {.tolerance_px = 0.75F,
+                  .supersampling = 3,
+                  .max_target_samples = 5'000'000'000,
+                  .measure = base::ErrorMeasure::kBound,
+                  .tile_samples = 6'000'000'000,
+                  .one_of_many = true};
+  const auto order = decodeOrder(encodeOrder(work_));
+  ASSERT_TRUE(order);
+  EXPECT_EQ(order->render.tolerance_px, 0.75F);
+  EXPECT_EQ(order->render.supersampling, 3);
+  EXPECT_EQ(order->render.max_target_samples, 5'000'000'000U);
+  EXPECT_EQ(order->render.measure, base::ErrorMeasure::kBound);
+  EXPECT_EQ(order->render.tile_samples, 6'000'000'000U);
+  EXPECT_TRUE(order->render.one_of_many);
+}
+
 // Orders, jobs and faces that are cut at any length are errors.
 TEST_F(DrawProcessesTest, messagesCutShortAreRefused) {
   const base::Bytes order = encodeOrder(work_);

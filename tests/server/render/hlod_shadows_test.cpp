@@ -319,6 +319,12 @@ TEST_F(HlodShadowsTest, patchesShowTheShadowsThatNodesShow) {
     const auto one = patch_renderer_->render(views[0], options);
     ASSERT_TRUE(one) << one.error().message;
     check(0, *one);
+    // Tiles that are only wished for would have maps of their own.
+    options.tile_samples = 20'000;
+    const auto whole = patch_renderer_->render(views[0], options);
+    ASSERT_TRUE(whole) << whole.error().message;
+    EXPECT_EQ(whole->rgba.pixels, one->rgba.pixels);
+    options.tile_samples = RenderOptions{}.tile_samples;
     options.max_target_samples = 20'000;
     const auto in_tiles = patch_renderer_->render(views[0], options);
     ASSERT_TRUE(in_tiles) << in_tiles.error().message;

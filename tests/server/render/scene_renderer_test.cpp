@@ -334,10 +334,12 @@ TEST_F(SceneRendererTest, tiledPictureEqualsTheWholeOne) {
   auto renderer = rendererOf(scene);
   for (const int n : {1, 2}) {
     const RenderedPicture whole = draw(*renderer, cameraAt(9, 96), {0.0F, n});
-    RenderOptions small{0.0F, n};
-    small.max_target_samples = 40 * 40;  // tiles that do not divide the picture
-    const RenderedPicture tiled = draw(*renderer, cameraAt(9, 96), small);
+    RenderOptions by_limit{0.0F, n}, by_wish{0.0F, n};
+    by_limit.max_target_samples = 40 * 40;  // tiles that do not divide the picture
+    by_wish.tile_samples = 40 * 40;
+    const RenderedPicture tiled = draw(*renderer, cameraAt(9, 96), by_limit);
     EXPECT_EQ(tiled.triangles, whole.triangles);
+    EXPECT_EQ(draw(*renderer, cameraAt(9, 96), by_wish).rgba.pixels, tiled.rgba.pixels) << n;
 
     // An edge may fall to the other side of a sample by float rounding, in few pixels.
     int outliers = 0;

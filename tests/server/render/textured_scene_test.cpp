@@ -142,6 +142,20 @@ TEST_F(TexturedSceneTest, slantedSurfacesAreNearTheTruth) {
   EXPECT_GT(base::foregroundError(truth, picture).psnr(), 39.5);
 }
 
+// Faces are drawn in tiles. Look-ups at a tile's edge see the same pixels beside them as in the middle of a picture.
+TEST_F(TexturedSceneTest, tilesShowWhatThePictureInOneShows) {
+  buildFacade();
+  open(true);
+  base::ViewCamera view;
+  view.direction = glm::normalize(glm::dvec3(-0.5, 0.1, -0.8));
+  view.position = 0.5 * (scene_.box_min + scene_.box_max) - 14.0 * view.direction;
+  view.up = {0.0, 1.0, 0.0};
+  view.width = 300, view.height = 260, view.fov_y = 0.7;
+  const base::Image whole = draw(view, {.tolerance_px = 0.0F, .supersampling = 2});
+  const base::Image tiled = draw(view, {.tolerance_px = 0.0F, .supersampling = 2, .tile_samples = 90 * 90});
+  EXPECT_GT(base::foregroundError(whole, tiled).psnr(), 60.0);
+}
+
 // A sheet of cells, each with a chart of its own; charts are red and lie in black.
 class RedCharts : public TexturedSceneTest {
  protected:
