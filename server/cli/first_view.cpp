@@ -77,6 +77,20 @@ constexpr LinkPart kParts[] = {{'p', true, isPosition},     {'a', true, isDirect
                                {'f', false, isFieldOfView}, {'m', false, isMethod},   {'o', false, areOptions},
                                {'x', false, isSection}};
 
+/// The link that cuts an interior open and leaves the whole of it in view. The offset has four digits or more of the
+/// scene's height.
+std::string cutOpen(const base::Scene& scene, float height) {
+  int axis = 0;
+  while (std::abs(scene.up[axis]) < 0.9) ++axis;
+  const double offset = scene.origin[axis] + scene.up[axis] * static_cast<double>(height);
+  const double size = std::max(1e-6, scene.box_max[axis] - scene.box_min[axis]);
+  const int decimals = std::clamp(3 - static_cast<int>(std::floor(std::log10(size))), 0, 9);
+  std::array<char, 64> text{};
+  std::snprintf(text.data(), text.size(), "v=1&x=%c,%.*f,%c", 'x' + axis, decimals, offset,
+                scene.up[axis] > 0.0 ? 'b' : 'a');
+  return text.data();
+}
+
 }  // namespace
 
 bool isPermalink(std::string_view text) {
@@ -96,24 +110,6 @@ bool isPermalink(std::string_view text) {
   const auto missing = std::count_if(std::begin(kParts), std::end(kParts), needed);
   return missing == 0 || missing == 3;
 }
-
-namespace {
-
-/// The link that cuts an interior open and leaves the whole of it in view. The offset has four digits or more of the
-/// scene's height.
-std::string cutOpen(const base::Scene& scene, float height) {
-  int axis = 0;
-  while (std::abs(scene.up[axis]) < 0.9) ++axis;
-  const double offset = scene.origin[axis] + scene.up[axis] * static_cast<double>(height);
-  const double size = std::max(1e-6, scene.box_max[axis] - scene.box_min[axis]);
-  const int decimals = std::clamp(3 - static_cast<int>(std::floor(std::log10(size))), 0, 9);
-  std::array<char, 64> text{};
-  std::snprintf(text.data(), text.size(), "v=1&x=%c,%.*f,%c", 'x' + axis, decimals, offset,
-                scene.up[axis] > 0.0 ? 'b' : 'a');
-  return text.data();
-}
-
-}  // namespace
 
 bool isOwnView(std::string_view link) {
   return link.empty() || (link.starts_with("v=1&x=") && std::count(link.begin(), link.end(), '&') == 1);
