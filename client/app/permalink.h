@@ -12,7 +12,7 @@ inline constexpr std::size_t kMaxPermalink = 512;  ///< bytes; longer links are 
 
 /// Writes a link without '#'. Positions are rounded to a hundred-millionth of the pivot's distance and directions to
 /// 10^-8; a thousandth of a pixel of a picture 10 000 pixels high is more. A link that was read is written as the same
-/// text again.
+/// text again. `view.pivot_distance`: above 0.
 std::string formatPermalink(const ViewState& view);
 
 /// Reads "HEADING,HEIGHT", in degrees, of a light of the viewer's own.

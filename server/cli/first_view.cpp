@@ -68,6 +68,14 @@ bool isSection(std::string_view value) {
          isNumber(offset, -base::kMaxCoordinate, base::kMaxCoordinate);
 }
 
+bool isLight(std::string_view value) {
+  constexpr std::array kLimits{180.0, 90.0};
+  return areNumbers(value, kLimits);
+}
+bool areShadows(std::string_view value) {
+  return value == "none" || value == "hard" || value == "soft";
+}
+
 struct LinkPart {
   char name;
   bool needed;
@@ -75,7 +83,7 @@ struct LinkPart {
 };
 constexpr LinkPart kParts[] = {{'p', true, isPosition},     {'a', true, isDirection}, {'r', true, isDistance},
                                {'f', false, isFieldOfView}, {'m', false, isMethod},   {'o', false, areOptions},
-                               {'x', false, isSection}};
+                               {'x', false, isSection},     {'l', false, isLight},    {'s', false, areShadows}};
 
 /// The link that cuts an interior open and leaves the whole of it in view. The offset has four digits or more of the
 /// scene's height.

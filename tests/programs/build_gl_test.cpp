@@ -119,7 +119,7 @@ TEST_F(Build, imagesThatDoNotFitTheMemoryAreRefusedWithWhatTheyNeed) {
   const std::string mesh = smallMesh();
   const auto command = [&](const std::string& scene, const std::string& memory) {
     return std::vector<std::string>{"build",  mesh,   "-o",       scene,  "--grid", "2",
-                                    "--face", "1024", "--memory", memory, "--quiet"};
+                                    "--face", "1536", "--memory", memory, "--quiet"};
   };
   const auto refused = run("lumigrid", command(path("scene"), "256M"));
   EXPECT_EQ(refused.status, 1);

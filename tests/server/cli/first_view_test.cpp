@@ -11,7 +11,8 @@
 namespace server::cli {
 namespace {
 
-const std::string kLink = "v=1&p=500004.5,4000007,103.25&a=-120.5,-20&r=12.5&f=60&m=patches&o=sco&x=z,102.5,b";
+const std::string kLink =
+    "v=1&p=500004.5,4000007,103.25&a=-120.5,-20&r=12.5&f=60&m=hlod&o=sco&x=z,102.5,b&l=135.5,-20&s=soft";
 
 // `lumigrid set` has no viewer in it, and so a check of its own; it must agree with the viewer's reader.
 TEST(FirstView, aLinkIsAcceptedExactlyWhenViewersAcceptIt) {
@@ -50,6 +51,12 @@ TEST(FirstView, aLinkIsAcceptedExactlyWhenViewersAcceptIt) {
                                  "v=1&p=1,2,3&a=4,5&r=6&x=x,1,c",
                                  "v=1&p=1,2,3&a=4,5&r=6&x=x,1",
                                  "v=1&p=1,2,3&a=4,5&r=6&x=x,,a",
+                                 "v=1&p=1,2,3&a=4,5&r=6&l=135,20",
+                                 "v=1&p=1,2,3&a=4,5&r=6&l=181,20",
+                                 "v=1&p=1,2,3&a=4,5&r=6&l=135,91",
+                                 "v=1&p=1,2,3&a=4,5&r=6&l=135",
+                                 "v=1&p=1,2,3&a=4,5&r=6&m=hlod&s=hard",
+                                 "v=1&p=1,2,3&a=4,5&r=6&s=mild",
                                  "v=1&p=1,2,3&a=4,5&r=6&&f=60",
                                  "v=1&p= 1,2,3&a=4,5&r=6",
                                  "v=1&p=1,2,3&a=4,5&r=00000000000000000000000000000000000000006"})
@@ -60,7 +67,7 @@ TEST(FirstView, aLinkIsAcceptedExactlyWhenViewersAcceptIt) {
 
 TEST(FirstView, linksThatWereHarmedAreJudgedAlike) {
   std::mt19937 random(5);
-  const std::string letters = "v=1&pafrmox,.-+eE09bcsz ";
+  const std::string letters = "v=1&pafrmoxls,.-+eE09bcsz ";
   int refused = 0;
   for (int round = 0; round < 4000; ++round) {
     std::string text = kLink;
