@@ -8,6 +8,8 @@
 #include <cstdlib>
 #include <fstream>
 
+#include "base/parallel.h"
+
 namespace base {
 namespace {
 
@@ -46,6 +48,7 @@ void keepFreedMemory() {
 #if defined(__GLIBC__)
   ::mallopt(M_MMAP_THRESHOLD, 32 * kMegabyte);  // the largest that glibc accepts
   ::mallopt(M_TRIM_THRESHOLD, 128 * kMegabyte);
+  ::mallopt(M_ARENA_MAX, static_cast<int>(coreCount()));  // the default is eight for each core
   useLargePages(64 * kMegabyte);
 #endif
 }

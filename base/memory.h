@@ -8,7 +8,9 @@ namespace base {
 std::uint64_t machineMemory();
 
 /// Makes the allocator keep freed memory for the next request, which is often of the same size: fetching it from the
-/// system anew costs a fault for each page. Holds for the whole process.
+/// system anew costs a fault for each page. Threads that begin from now on share as many heaps as there are cores,
+/// since each heap keeps its own: with more of them a build that decodes pictures ahead took 1.6 times the memory in
+/// the same time. Holds for the whole process.
 void keepFreedMemory();
 
 /// Makes the allocator fetch blocks of a megabyte and more from the system and return each when it is freed, for a
