@@ -339,18 +339,24 @@ double texelsOf(const glm::dvec2& size, std::span<const glm::dvec2> uv) {
   }
   return std::abs(area);
 }
-// A corner's share of a polygon of this area, and how many samples of it are taken, along each side of it.
-std::pair<double, int> shareOf(double area, std::size_t corners) {
-  const double share = area / static_cast<double>(std::max<std::size_t>(1, corners));
-  const int n = std::isfinite(share) ? std::clamp(static_cast<int>(std::sqrt(share) / kTexelsApart), 1, kMostApart) : 1;
-  return {share, n};
+// A corner's share of a polygon: its area in texels, how many samples of it are taken along each side of it, and over
+// how many texels a side each of them is a mean.
+struct Share {
+  double area;
+  int samples;
+  double mean_texels;
+};
+Share shareOf(double polygon, std::size_t corners) {
+  const double area = polygon / static_cast<double>(std::max<std::size_t>(1, corners));
+  const int n = std::isfinite(area) ? std::clamp(static_cast<int>(std::sqrt(area) / kTexelsApart), 1, kMostApart) : 1;
+  return {area, n, 0.5 * std::sqrt(area) / n};
 }
 
 }  // namespace
 
 int TextureBaker::levelFor(const glm::ivec2& size, std::span<const glm::dvec2> uv) {
-  const auto [share, n] = shareOf(texelsOf(glm::dvec2(size), uv), uv.size());
-  return share >= kQuarterShare ? 2 : std::min(2, Texture::levelFor(0.5 * std::sqrt(share) / n));
+  const Share share = shareOf(texelsOf(glm::dvec2(size), uv), uv.size());
+  return share.area >= kQuarterShare ? kCoarsest : std::min(kCoarsest, Texture::levelFor(share.mean_texels));
 }
 
 void TextureBaker::bake(const Texture& texture, std::span<const glm::dvec2> uv, std::span<glm::u8vec4> colors) {
@@ -360,14 +366,13 @@ void TextureBaker::bake(const Texture& texture, std::span<const glm::dvec2> uv, 
   if (std::isfinite(area)) texels_ += area;
 
   // A corner's share of the polygon is the quadrilateral between it, the middles of its edges and the polygon's middle.
-  const auto [share, n] = shareOf(area, uv.size());
-  const double mean_texels = 0.5 * std::sqrt(share) / n;
+  const Share share = shareOf(area, uv.size());
   for (std::size_t i = 0; i < uv.size(); ++i) {
     const glm::dvec2 before = 0.5 * (uv[i] + uv[(i + uv.size() - 1) % uv.size()]);
     const glm::dvec2 after = 0.5 * (uv[i] + uv[(i + 1) % uv.size()]);
     Texture::Quad quad{uv[i], after, before, middle};
     for (glm::dvec2& corner : quad) corner = glm::mix(corner, middle, kInward);
-    colors[i] = texture.mean(quad, n, mean_texels);
+    colors[i] = texture.mean(quad, share.samples, share.mean_texels);
   }
 }
 
@@ -386,11 +391,14 @@ const std::string& Textures::pathOf(const std::string& name) {
 
 namespace {
 
-// The level that a polygon needs of a picture; `otherwise` where that cannot be told.
-int levelNeeded(const SourcePicture& picture, std::span<const glm::dvec2> uv, int otherwise) {
-  const auto bytes = PictureBytes::open(picture);
-  const auto size = bytes ? pictureSize(bytes->view()) : base::Result<glm::ivec2>(bytes.error());
-  return size && !uv.empty() ? std::min(otherwise, TextureBaker::levelFor(*size, uv)) : otherwise;
+base::Result<glm::ivec2> sizeOf(const base::Result<PictureBytes>& bytes) {
+  return bytes ? pictureSize(bytes->view()) : base::Result<glm::ivec2>(bytes.error());
+}
+
+// The level that a polygon needs of a picture; the coarsest where that cannot be told.
+int levelNeeded(const SourcePicture& picture, std::span<const glm::dvec2> uv) {
+  const auto size = sizeOf(PictureBytes::open(picture));
+  return size && !uv.empty() ? TextureBaker::levelFor(*size, uv) : TextureBaker::kCoarsest;
 }
 
 }  // namespace
@@ -401,8 +409,8 @@ std::uint32_t Textures::find(const SourcePicture& picture, std::span<const glm::
   if (std::find(unreadable_.begin(), unreadable_.end(), picture) != unreadable_.end()) return kNoPicture;
   auto known = std::find_if(known_.begin(), known_.end(), [&](const Known& k) { return k.picture == picture; });
   if (known == known_.end() || known->decoded == nullptr) {
-    const int before = known == known_.end() ? kCoarsest : needed_[known->order];
-    auto texture = decoded(picture, std::min(before, levelNeeded(picture, uv, kCoarsest)));
+    const int before = known == known_.end() ? TextureBaker::kCoarsest : needed_[known->order];
+    auto texture = decoded(picture, std::min(before, levelNeeded(picture, uv)));
     if (!texture) {
       unreadable_.push_back(picture);
       if (unreadable_.size() > kMaxNamed) return kNoPicture;
@@ -424,7 +432,7 @@ namespace {
 // The memory that decoding a picture takes; 0 where its size cannot be told.
 std::size_t decodingBytes(const SourcePicture& picture, int first_level) {
   const auto bytes = PictureBytes::open(picture);
-  const auto size = bytes ? pictureSize(bytes->view()) : base::Result<glm::ivec2>(bytes.error());
+  const auto size = sizeOf(bytes);
   if (!size) return 0;
   const std::size_t decoded = static_cast<std::size_t>(size->x) * static_cast<std::size_t>(size->y) * 4;
   const std::size_t coded = first_level == 2 ? std::min(bytes->view().size() / 8 * 9, kMaxUnitBytes) : 0;
@@ -456,7 +464,7 @@ const Texture& Textures::fine(std::uint32_t number, int level) {
 
 // The level at which pictures are decoded of which nothing is known.
 int Textures::usualLevel() const {
-  int level = kCoarsest;
+  int level = TextureBaker::kCoarsest;
   for (std::size_t i = needed_.size() - std::min(needed_.size(), kUsual); i < needed_.size(); ++i)
     level = std::min(level, needed_[i]);
   return level;

@@ -77,7 +77,8 @@ class Texture {
 /// Bakes polygons, and measures how much finer the textures are than the mesh.
 class TextureBaker {
  public:
-  /// The coarsest level, 0 to 2, of a picture of this size that is fine enough for bake().
+  static constexpr int kCoarsest = 2;  ///< level, a quarter of the size; coarser ones are no faster to decode
+  /// The coarsest level, up to that, of a picture of this size that is fine enough for bake().
   static int levelFor(const glm::ivec2& size, std::span<const glm::dvec2> uv);
   /// Gives each corner of a polygon the texture's mean over its share of the polygon.
   void bake(const Texture& texture, std::span<const glm::dvec2> uv, std::span<glm::u8vec4> colors);
@@ -136,9 +137,8 @@ class Textures {
     std::future<base::Result<Texture>> texture;
   };
   static constexpr std::size_t kKeptBytes = std::size_t{192} << 20;  // a choice: two pictures of 4096 x 4096
-  static constexpr std::size_t kAheadBytes = std::size_t{64}
-                                             << 20;  // a choice: a picture of 4096 x 4096, or four quarters
-  static constexpr std::size_t kMaxNamed = 8;        // a choice, since a set of tiles may have thousands
+  static constexpr std::size_t kAheadBytes = std::size_t{64} << 20;  // a choice: one, or four at a quarter
+  static constexpr std::size_t kMaxNamed = 8;  // a choice, since a set of tiles may have thousands
   int usualLevel() const;
   base::Result<Texture> decoded(const SourcePicture& picture, int needed);
   base::Result<Texture> decodeFile(const SourcePicture& picture, int first_level) const;
@@ -155,7 +155,6 @@ class Textures {
   // The finest level that was needed of each picture that was decoded so far, in the order of decoding.
   std::vector<int> needed_;
   static constexpr std::size_t kUsual = 4;  // a choice: of so many pictures before, the finest level is likely
-  static constexpr int kCoarsest = 2;
   std::vector<SourcePicture> expected_;
   std::deque<Ahead> ahead_;  // the last member, so that its threads end before the others are destroyed
 };

@@ -4,12 +4,12 @@
 #include <array>
 #include <cmath>
 #include <glm/gtc/constants.hpp>
-#include <limits>
 #include <optional>
 #include <span>
 #include <utility>
 #include <vector>
 
+#include "base/camera.h"
 #include "lod/patch/hull.h"
 #include "lod/patch/proxy_sight.h"
 #include "lod/patch/traverse.h"
@@ -182,16 +182,10 @@ void findUp(const Surface& surface, Orientation& out) {
 // An interior is seen from above through the backs of its ceilings. It is one where so much of what the sky sees is
 // such a back, with a floor beneath it.
 constexpr float kCeilings = 0.6F;
-constexpr int kColumns = 64;  // along each side of the footprint
-constexpr int kCuts = 48;     // heights that are tried
-// A cut that opens nearly as many rooms as the best, higher up, leaves more of the walls.
+constexpr int kColumns = 64;   // along each side of the footprint
+constexpr int kSections = 48;  // heights that are tried
+// A section that opens nearly as many rooms as the best, higher up, leaves more of the walls.
 constexpr float kNearlyAsMany = 0.95F;
-
-/// A horizontal cut: what lies above it is not drawn.
-struct Cut {
-  glm::vec3 up{0.0F};
-  float height = std::numeric_limits<float>::max();
-};
 
 /// From a room's floor to its ceiling, scene units along up.
 struct Room {
@@ -227,22 +221,21 @@ std::vector<Room> findRooms(const Surface& surface, const glm::vec3& up) {
   return rooms;
 }
 
-/// The highest cut that opens nearly as many rooms as any.
-Cut cutOpen(const Surface& surface, const std::vector<Room>& rooms, const glm::vec3& up) {
+/// The height along `up` of the highest section that opens nearly as many rooms as any.
+float sectionHeight(const Surface& surface, const std::vector<Room>& rooms, const glm::vec3& up) {
   const float top = std::max(glm::dot(surface.box.min, up), glm::dot(surface.box.max, up));
   const float height = surface.box.size()[axisOf(up)];
-  std::array<Cut, kCuts> cuts;
-  std::array<std::ptrdiff_t, kCuts> opened{};
-  for (std::size_t i = 0; i < kCuts; ++i) {
-    cuts[i] = {up, top - height * static_cast<float>(i + 1) / (kCuts + 1)};
-    opened[i] = std::count_if(rooms.begin(), rooms.end(), [&](const Room& room) {
-      return room.floor < cuts[i].height && cuts[i].height < room.ceiling;
-    });
+  std::array<float, kSections> heights{};
+  std::array<std::ptrdiff_t, kSections> opened{};
+  for (std::size_t i = 0; i < kSections; ++i) {
+    heights[i] = top - height * static_cast<float>(i + 1) / (kSections + 1);
+    opened[i] = std::count_if(rooms.begin(), rooms.end(),
+                              [&](const Room& room) { return room.floor < heights[i] && heights[i] < room.ceiling; });
   }
   const auto enough = kNearlyAsMany * static_cast<float>(*std::max_element(opened.begin(), opened.end()));
   std::size_t best = 0;
   while (static_cast<float>(opened[best]) < enough) ++best;
-  return cuts[best];
+  return heights[best];
 }
 
 // A face that is seen from behind counts by so much. A choice: enough that the front of a wall outweighs its back,
@@ -251,8 +244,8 @@ constexpr float kFromBehind = 0.7F;
 
 // How much of the surface a far eye sees that looks along `direction`: faces count by their area and each by itself,
 // since simplification leaves more of them where there is more to see; seen at a slant or from behind they count less.
-// Every `stride`th face below the cut is looked at.
-float shownFrom(const Surface& surface, const glm::vec3& direction, std::size_t stride, const Cut& cut = {}) {
+// Every `stride`th face that the section leaves is looked at.
+float shownFrom(const Surface& surface, const glm::vec3& direction, std::size_t stride, const glm::vec4& section) {
   const float far = surface.box.diagonal();
   const float clearance = 2e-3F * far;
   const auto count = static_cast<float>(surface.faces.size());
@@ -261,8 +254,8 @@ float shownFrom(const Surface& surface, const glm::vec3& direction, std::size_t 
     const Face& face = surface.faces[i];
     const float away = glm::dot(face.normal, direction);
     const float slant = std::abs(away);
-    const float below = cut.height - glm::dot(face.center, cut.up);
-    const float climb = -glm::dot(direction, cut.up);  // of the line of sight, for each unit
+    const float below = section.w - glm::dot(face.center, glm::vec3(section));
+    const float climb = -glm::dot(direction, glm::vec3(section));  // of the line of sight, for each unit
     if (slant < 0.05F || below <= 0.0F) continue;
     const float length = climb > 0.0F ? std::min(far, below / climb) : far;
     if (surface.sight->isBlocked(face.center, face.center - length * direction, clearance)) continue;
@@ -271,7 +264,7 @@ float shownFrom(const Surface& surface, const glm::vec3& direction, std::size_t 
   return shown;
 }
 
-glm::vec3 findDirection(const Surface& surface, const glm::vec3& up, float elevation, const Cut& cut) {
+glm::vec3 findDirection(const Surface& surface, const glm::vec3& up, float elevation, const glm::vec4& section) {
   const int axis = axisOf(up);
   glm::vec3 side(0.0F);
   side[(axis + 1) % 3] = 1.0F;
@@ -286,28 +279,28 @@ glm::vec3 findDirection(const Surface& surface, const glm::vec3& up, float eleva
     const float angle = glm::two_pi<float>() * static_cast<float>(h) / static_cast<float>(kHeadings);
     const glm::vec3 from = std::cos(angle) * side + std::sin(angle) * across;
     views[h].direction = -(std::cos(elevation) * from + std::sin(elevation) * up);
-    views[h].shown = shownFrom(surface, views[h].direction, surface.faces.size() / kFewFaces + 1, cut);
+    views[h].shown = shownFrom(surface, views[h].direction, surface.faces.size() / kFewFaces + 1, section);
   }
   const auto shows_more = [](const View& a, const View& b) { return a.shown > b.shown; };
   std::stable_sort(views.begin(), views.end(), shows_more);
   const std::span<View> finalists = std::span(views).first(kFinalists);
-  for (View& view : finalists) view.shown = shownFrom(surface, view.direction, 1, cut);
+  for (View& view : finalists) view.shown = shownFrom(surface, view.direction, 1, section);
   return std::max_element(finalists.begin(), finalists.end(),
                           [&](const View& a, const View& b) { return shows_more(b, a); })
       ->direction;
 }
 
 void findFirstView(const Surface& surface, Orientation& out) {
-  Cut cut;
+  glm::vec4 section = base::kNoSection;
   float elevation = isFlat(surface.box.size(), axisOf(out.up)) ? kFlatElevation : kElevation;
   const bool is_along_axis = std::abs(out.up[axisOf(out.up)]) > 0.9999F;
   const std::vector<Room> rooms = is_along_axis ? findRooms(surface, out.up) : std::vector<Room>();
   if (!rooms.empty()) {
-    cut = cutOpen(surface, rooms, out.up);
-    out.cut_height = cut.height;
+    out.section_height = sectionHeight(surface, rooms, out.up);
+    section = glm::vec4(out.up, *out.section_height);
     elevation = kFlatElevation;
   }
-  out.direction = findDirection(surface, out.up, elevation, cut);
+  out.direction = findDirection(surface, out.up, elevation, section);
 }
 
 }  // namespace

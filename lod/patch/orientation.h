@@ -17,7 +17,7 @@ struct Orientation {
   glm::vec3 direction{0.0F, 0.0F, -1.0F};  ///< unit, from the eye: where the first view looks
   /// Scene units along `up`: of an interior that would be seen from above through the backs of its ceilings, whatever
   /// lies higher hides the rooms. Nothing: it is none, or up lies along no axis.
-  std::optional<float> cut_height;
+  std::optional<float> section_height;
   std::vector<glm::vec3> hull;  ///< scene-local: findHull() of the surface, which depends on no up
 };
 

@@ -78,7 +78,7 @@ bool areShadows(std::string_view value) {
 
 struct LinkPart {
   char name;
-  bool needed;
+  bool is_of_place;
   bool (*is_valid)(std::string_view value);
 };
 constexpr LinkPart kParts[] = {{'p', true, isPosition},     {'a', true, isDirection}, {'r', true, isDistance},
@@ -87,7 +87,7 @@ constexpr LinkPart kParts[] = {{'p', true, isPosition},     {'a', true, isDirect
 
 /// The link that cuts an interior open and leaves the whole of it in view. The offset has four digits or more of the
 /// scene's height.
-std::string cutOpen(const base::Scene& scene, float height) {
+std::string sectionLink(const base::Scene& scene, float height) {
   int axis = 0;
   while (std::abs(scene.up[axis]) < 0.9) ++axis;
   const double offset = scene.origin[axis] + scene.up[axis] * static_cast<double>(height);
@@ -114,8 +114,8 @@ bool isPermalink(std::string_view text) {
     seen += known->name;
   }
   // All that say where the eye is, or none of them.
-  const auto needed = [&](const LinkPart& one) { return one.needed && seen.find(one.name) == std::string::npos; };
-  const auto missing = std::count_if(std::begin(kParts), std::end(kParts), needed);
+  const auto lacks = [&](const LinkPart& one) { return one.is_of_place && seen.find(one.name) == std::string::npos; };
+  const auto missing = std::count_if(std::begin(kParts), std::end(kParts), lacks);
   return missing == 0 || missing == 3;
 }
 
@@ -126,7 +126,8 @@ bool isOwnView(std::string_view link) {
 void setFirstView(const lod::patch::Orientation& found, base::Scene& scene) {
   scene.start_direction = glm::normalize(glm::dvec3(found.direction));
   setHull(found.hull, scene);
-  if (isOwnView(scene.start_view)) scene.start_view = found.cut_height ? cutOpen(scene, *found.cut_height) : "";
+  if (isOwnView(scene.start_view))
+    scene.start_view = found.section_height ? sectionLink(scene, *found.section_height) : "";
 }
 
 void setHull(const std::vector<glm::vec3>& hull, base::Scene& scene) {

@@ -196,7 +196,7 @@ base::Result<void> orientBySurface(const BuildArguments& a, const lod::ingest::S
   LUMIGRID_ASSIGN_OR_RETURN(scene.light, chooseLight(a, built, scene));
   if (!scene.start_view.empty() && !a.quiet)
     std::fprintf(stderr,
-                 "first view: an interior, cut open below its ceilings (X takes the cut away, `lumigrid set "
+                 "first view: an interior, cut open below its ceilings (Esc takes the cut away, `lumigrid set "
                  "--start-view ''` for good)\n");
   if (defined && !a.quiet) std::fprintf(stderr, "up: %s\n", defined->reason);
   if (a.quiet || is_known) return {};

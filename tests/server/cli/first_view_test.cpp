@@ -94,18 +94,18 @@ TEST(FirstView, aCutIsStoredUntilAViewIsChosen) {
   scene.box_max = scene.origin + glm::dvec3(20.0, 10.0, 3.0);
   scene.up = {0.0, 0.0, 1.0};
   lod::patch::Orientation found;
-  found.cut_height = 2.51239F;
+  found.section_height = 2.51239F;
   setFirstView(found, scene);
   EXPECT_EQ(scene.start_view, "v=1&x=z,102.512,b");
   EXPECT_TRUE(isPermalink(scene.start_view));
   scene.up = {-1.0, 0.0, 0.0};
   setFirstView(found, scene);
   EXPECT_EQ(scene.start_view, "v=1&x=x,499997.49,a");
-  found.cut_height.reset();
+  found.section_height.reset();
   setFirstView(found, scene);
   EXPECT_EQ(scene.start_view, "");
   scene.start_view = kLink;
-  found.cut_height = 1.0F;
+  found.section_height = 1.0F;
   setFirstView(found, scene);
   EXPECT_EQ(scene.start_view, kLink);
 }

@@ -130,7 +130,7 @@ TEST_F(OrientationTest, aBlockStandsOnItsOpenSide) {
       appendLevel(block, sheet(), size, size.z);
       const Orientation found = orientationOf(turned(block, axis, sign));
       EXPECT_EQ(found.up[axis], sign) << axis << ": " << found.reason;
-      EXPECT_FALSE(found.cut_height.has_value());
+      EXPECT_FALSE(found.section_height.has_value());
     }
 }
 
@@ -184,9 +184,9 @@ TEST_F(OrientationTest, anInteriorIsCutOpenBelowTheCeilingsOfItsTopStorey) {
       glm::vec3 up(0.0F);
       up[axis] = sign;
       const Orientation found = orientationOf(turned(house, axis, sign), &up);
-      ASSERT_TRUE(found.cut_height.has_value()) << axis;
-      EXPECT_LT(*found.cut_height, 2.2F);
-      EXPECT_GT(*found.cut_height, 2.0F);
+      ASSERT_TRUE(found.section_height.has_value()) << axis;
+      EXPECT_LT(*found.section_height, 2.2F);
+      EXPECT_GT(*found.section_height, 2.0F);
       EXPECT_LT(glm::dot(found.direction, up), -0.6F) << "looks into the rooms";
     }
 }
@@ -202,7 +202,7 @@ TEST_F(OrientationTest, nothingElseIsCutOpen) {
   appendLevel(open_below, turnedOver(sheet()), size, 1.0F);
   for (const Mesh& mesh :
        {building, turnedOver(support::bumpySphere(60, 60)), turnedOver(support::openGrid(60, 0.02F)), open_below})
-    EXPECT_FALSE(orientationOf(mesh, &z).cut_height.has_value());
+    EXPECT_FALSE(orientationOf(mesh, &z).section_height.has_value());
 }
 
 TEST_F(OrientationTest, whereNothingTellsItSaysSo) {
