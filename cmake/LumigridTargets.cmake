@@ -56,8 +56,10 @@ lumigrid_row(protocol USES base sampling)
 lumigrid_row(plan USES base lod_patch sampling cache protocol)
 lumigrid_row(server_render USES ${_any_base} lod_patch lod_qsplat lod_pmr lod_hlod lod_texture lod_draw)
 lumigrid_row(client_render USES base base_gl lod_patch lod_draw)
+lumigrid_row(server_views USES base base_json lod_patch sampling repository)
 lumigrid_row(server_bake
   USES ${_any_base} lod_patch lod_draw sampling faces face_image frames repository protocol plan server_render
+       server_views
   LINKS spdlog::spdlog)
 lumigrid_row(server_export
   USES base base_jpeg base_json base_png lod_patch lod_texture LINKS nlohmann_json::nlohmann_json)
@@ -67,7 +69,7 @@ lumigrid_row(server_scene
   LINKS Threads::Threads spdlog::spdlog)
 lumigrid_row(server_trial
   USES base base_gl base_egl base_json lod_patch lod_draw sampling face_image repository protocol plan client
-       server_render server_bake server_session)
+       server_render server_views server_bake server_session)
 lumigrid_row(server_auth USES base base_hash base_json LINKS nlohmann_json::nlohmann_json)
 lumigrid_row(server_log USES base LINKS Threads::Threads spdlog::spdlog nlohmann_json::nlohmann_json)
 lumigrid_row(server_metrics USES base)
@@ -78,8 +80,8 @@ lumigrid_row(server_net
 lumigrid_row(lumigrid
   USES ${_any_base} mesh lod_ingest lod_patch lod_patch_builder lod_qsplat lod_qsplat_builder lod_pmr lod_pmr_builder
        lod_hlod lod_hlod_builder lod_texture lod_draw sampling cache faces packs objects repository protocol
-       server_auth server_render server_bake server_export server_session server_scene server_trial server_net
-       server_log server_metrics
+       server_auth server_render server_views server_bake server_export server_session server_scene server_trial
+       server_net server_log server_metrics
   LINKS CLI11::CLI11 spdlog::spdlog nlohmann_json::nlohmann_json openmesh)
 lumigrid_row(client
   USES base base_gl lod_patch lod_qsplat lod_pmr lod_hlod lod_draw sampling faces packs cache protocol plan
@@ -104,7 +106,7 @@ lumigrid_row(lumigrid-compare USES * LINKS *)
 
 set(LUMIGRID_CLIENT_FORBIDDEN metis openmesh draco opencv_core opencv_imgproc mesh lod_ingest lod_patch_builder
   lod_qsplat_builder lod_pmr_builder lod_hlod_builder CGAL::CGAL repository objects server_auth server_render
-  server_bake server_export server_session server_scene server_net server_log server_metrics lmdb)
+  server_views server_bake server_export server_session server_scene server_net server_log server_metrics lmdb)
 
 function(_lumigrid_check_list kind name allowed)
   if("${allowed}" STREQUAL "*")

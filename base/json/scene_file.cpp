@@ -106,6 +106,7 @@ void readAppearance(const json& document, Scene& scene, std::string& problem) {
   if (document.contains("title")) scene.title = top.get<std::string>("title");
   if (document.contains("start_direction")) scene.start_direction = top.vector("start_direction");
   if (document.contains("start_view")) scene.start_view = top.get<std::string>("start_view");
+  if (document.contains("interior")) scene.interior = top.get<bool>("interior");
   if (document.contains("hull")) readHull(top.child("hull"), scene, top);
   if (document.contains("north")) scene.north = top.number("north");
   if (std::abs(scene.north.value_or(0.0)) > 360.0) top.fail("north is beyond 360 degrees");
@@ -239,6 +240,7 @@ std::string formatScene(const Scene& scene) {
   document["up"] = toJson(scene.up);
   if (scene.start_direction) document["start_direction"] = toJson(*scene.start_direction);
   if (!scene.start_view.empty()) document["start_view"] = scene.start_view;
+  if (scene.interior) document["interior"] = true;
   for (const glm::dvec3& point : scene.hull) document["hull"].push_back(toJson(point));
   if (scene.north) document["north"] = *scene.north;
   if (!scene.crs.empty()) document["crs"] = scene.crs;

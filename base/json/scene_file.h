@@ -64,6 +64,7 @@ struct Scene {
   glm::dvec3 up{0.0, 0.0, 1.0};               ///< world; the up vector of the first view
   std::optional<glm::dvec3> start_direction;  ///< unit, world: where the first view looks; nothing: viewers choose
   std::string start_view;                     ///< permalink of the first view; empty: the whole model, so seen
+  bool interior = false;                      ///< scanned from inside: people look at it from its rooms
   /// World: at most kMaxHull points whose convex hull holds the model, strays far from it excepted; empty: the box
   /// does.
   std::vector<glm::dvec3> hull;

@@ -17,7 +17,7 @@
 
 #include "base/bytes.h"
 #include "base/error.h"
-#include "server/bake/random_views.h"
+#include "server/views/random_views.h"
 
 namespace compare {
 

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <filesystem>
 #include <map>
+#include <optional>
 #include <utility>
 
 #include "base/egl/headless.h"
@@ -30,10 +31,13 @@ class SceneMatrix {
 
   Result<PlayedScene> play() {
     LUMIGRID_ASSIGN_OR_RETURN(scene_, server::openScene(directory_));
+    if (scene_->data.patches != nullptr) {
+      LUMIGRID_ASSIGN_OR_RETURN(rooms_, server::Indoors::ofScene(scene_->scene, scene_->patches));
+    }
     LUMIGRID_ASSIGN_OR_RETURN(const auto gl, base::HeadlessContext::create());
     LUMIGRID_ASSIGN_OR_RETURN(const auto painter, Painter::create(*scene_, *gl));
-    const Stage stage{scene_.get(), painter.get(), [this] { return published(); }, options_.costs, options_.play.seed,
-                      options_.idle_bytes};
+    const Stage stage{scene_.get(),   painter.get(),      [this] { return published(); },
+                      options_.costs, options_.play.seed, options_.idle_bytes};
     LUMIGRID_ASSIGN_OR_RETURN(const auto jobs,
                               jobsOf(options_.methods.empty() ? methodsFor(*scene_) : options_.methods));
     PlayedScene played{gl->renderer(), {}};
@@ -91,7 +95,8 @@ class SceneMatrix {
     }
     if (!paths.empty()) return paths;
     for (const std::string& name : part.paths) {
-      LUMIGRID_ASSIGN_OR_RETURN(auto path, server::makePath(name, scene_->scene, options_.path));
+      LUMIGRID_ASSIGN_OR_RETURN(auto path,
+                                server::makePath(name, scene_->scene, options_.path, rooms_ ? &*rooms_ : nullptr));
       paths.push_back({name, std::move(path)});
     }
     return paths;
@@ -129,6 +134,7 @@ class SceneMatrix {
   const std::string& name_;
   const std::function<void(const std::string&)>& log_;
   std::unique_ptr<server::OpenScene> scene_;
+  std::optional<server::Indoors> rooms_;  ///< of an interior, whose paths lead through them
   std::unique_ptr<PublishedObjects> published_;
 };
 

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "compare/sim/play.h"
-#include "server/bake/camera_paths.h"
+#include "server/views/camera_paths.h"
 
 namespace compare {
 
@@ -33,7 +33,7 @@ struct MatrixOptions {
   unsigned jobs = 1;          ///< processes at a time, each with a scene; 1: this one. No figure depends on it.
   bool pictures = true;
   std::optional<std::uint64_t> idle_bytes;  ///< Stage::idle_bytes
-  std::string command;  ///< for the page: how it was called
+  std::string command;                      ///< for the page: how it was called
   server::PathOptions path;
   PlayOptions play;  ///< `pictures` is set for each run
   Costs costs;

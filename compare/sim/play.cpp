@@ -11,7 +11,7 @@
 #include "base/png/png.h"
 #include "base/stopwatch.h"
 #include "server/bake/face_encoder.h"
-#include "server/bake/random_views.h"
+#include "server/views/random_views.h"
 
 namespace compare {
 namespace {

@@ -21,8 +21,15 @@ constexpr double kMaxOrigin = 1e12;                // metres; with five decimals
 constexpr double kTexelCost = 0.4;                 // time for a texel over that for a triangle's text, measured
 
 std::unique_ptr<TexturedSurface> makeSurface(const TexturedOptions& options) {
-  return options.shape == TexturedShape::kFacade ? makeFacade(options.triangles, options.seed)
-                                                 : makeTerrain(options.triangles, options.seed);
+  switch (options.shape) {
+    case TexturedShape::kFacade:
+      return makeFacade(options.triangles, options.seed);
+    case TexturedShape::kTerrain:
+      return makeTerrain(options.triangles, options.seed);
+    case TexturedShape::kRooms:
+      break;
+  }
+  return makeRooms(options.triangles, options.seed);
 }
 
 base::Error invalid(const std::string& message) {
@@ -34,9 +41,10 @@ base::Result<void> check(const TexturedOptions& options, const std::string& path
   if (file.extension() != ".obj") return invalid(path + ": a mesh with textures is written as OBJ; name it NAME.obj");
   if (file.stem().string().find_first_of(" \t") != std::string::npos)
     return invalid(path + ": an OBJ cannot name materials with spaces; choose a name without them");
-  if (options.triangles < kMinTexturedTriangles || options.triangles > kMaxTexturedTriangles)
-    return invalid(std::to_string(options.triangles) +
-                   " triangles: a mesh with textures has between 128 and 100000000");
+  const std::uint64_t least = options.shape == TexturedShape::kRooms ? kMinRoomsTriangles : kMinTexturedTriangles;
+  if (options.triangles < least || options.triangles > kMaxTexturedTriangles)
+    return invalid(std::to_string(options.triangles) + " triangles: such a mesh with textures has between " +
+                   std::to_string(least) + " and 100000000");
   if (options.texels < 1 || options.texels > kMaxTexels)
     return invalid(std::to_string(options.texels) + " texels: a triangle has between 1 and 100000 of them");
   for (int axis = 0; axis < 3; ++axis)

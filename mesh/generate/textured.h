@@ -1,7 +1,7 @@
 #pragma once
-// Generates scans with textures (`lumigrid sample --shape facade`, `--shape terrain`): an OBJ, its materials and their
-// JPEGs. The seed determines every byte of the OBJ on any machine, and every pixel before it is encoded as JPEG.
-// Memory holds one picture at a time, and the mesh is streamed.
+// Generates scans with textures (`lumigrid sample --shape facade`, `--shape terrain`, `--shape rooms`): an OBJ, its
+// materials and their JPEGs. The seed determines every byte of the OBJ on any machine, and every pixel before it is
+// encoded as JPEG. Memory holds one picture at a time, and the mesh is streamed.
 #include <cstdint>
 #include <functional>
 #include <glm/glm.hpp>
@@ -16,16 +16,18 @@ namespace mesh::generate {
 enum class TexturedShape {
   kFacade,   ///< a house front of 20 x 12 m, y up, that looks towards +z; its texture is an atlas of charts
   kTerrain,  ///< hills of 200 x 200 m, z up, under an orthophoto in tiles of one picture each
+  kRooms,    ///< a flat of four rooms of 4.6 x 4 x 2.6 m, z up, seen from inside; its texture is an atlas of charts
 };
 
 inline constexpr std::uint64_t kMinTexturedTriangles = 128;          // a facade with three openings has 84 at least
+inline constexpr std::uint64_t kMinRoomsTriangles = 500;             // its 96 panels have 192 at least; a choice
 inline constexpr std::uint64_t kMaxTexturedTriangles = 100'000'000;  // readers keep 2^26 texture coordinates
 inline constexpr std::uint64_t kMaxTexels = 100'000;                 // per triangle; a choice
 inline constexpr int kMaxPictureSide = 4096;                         // texels; every GPU takes such pictures
 
 struct TexturedOptions {
   TexturedShape shape = TexturedShape::kFacade;
-  std::uint64_t triangles = 1'000'000;  ///< 128 … 10^8; the result differs by at most 2 %
+  std::uint64_t triangles = 1'000'000;  ///< 128 (rooms: 500) … 10^8; the result differs by at most 2 %
   std::uint64_t texels = 500;           ///< texels for each triangle, on average: 1 … 10^5
   std::uint64_t seed = 1;
   glm::dvec3 origin{0.0};  ///< added to every position, as in survey coordinates

@@ -85,7 +85,15 @@ glm::dvec3 blend(const glm::dvec3& a, const glm::dvec3& b, double share) {
 }
 
 std::unique_ptr<SurfacePaint> makePaint(TexturedShape shape, std::uint64_t seed) {
-  return shape == TexturedShape::kFacade ? makeFacadePaint(seed) : makeTerrainPaint(seed);
+  switch (shape) {
+    case TexturedShape::kFacade:
+      return makeFacadePaint(seed);
+    case TexturedShape::kTerrain:
+      return makeTerrainPaint(seed);
+    case TexturedShape::kRooms:
+      break;
+  }
+  return makeRoomsPaint(seed);
 }
 
 std::vector<Sign> signsOf(TexturedShape shape, std::uint64_t seed) {

@@ -49,8 +49,10 @@ class TexturedSurface {
 
 std::unique_ptr<TexturedSurface> makeFacade(std::uint64_t triangles, std::uint64_t seed);
 std::unique_ptr<TexturedSurface> makeTerrain(std::uint64_t triangles, std::uint64_t seed);
+std::unique_ptr<TexturedSurface> makeRooms(std::uint64_t triangles, std::uint64_t seed);
 std::unique_ptr<SurfacePaint> makeFacadePaint(std::uint64_t seed);
 std::unique_ptr<SurfacePaint> makeTerrainPaint(std::uint64_t seed);
+std::unique_ptr<SurfacePaint> makeRoomsPaint(std::uint64_t seed);
 
 // ---- Division into quads ----
 

@@ -317,8 +317,7 @@ base::Result<void> checkBakeOptions(const BakeOptions& options) {
     return wrong("no shard " + std::to_string(options.shard.index) + " of " + std::to_string(options.shard.count));
   if (!(options.selection.worth > 0.0 && options.selection.worth <= 1.0))
     return wrong("a worth that is not above 0 and at most 1");
-  if ((options.selection.views > 0) != options.points.has_value())
-    return wrong("sampling by use and selected points go together");
+  if (options.selection.views > 0 && !options.points) return wrong("sampling by use without selected points");
   if (options.tiles && !(options.points && grid.isTiled()))
     return wrong("tiles that were selected go with selected points and a grid of tiles");
   return {};

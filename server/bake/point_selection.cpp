@@ -18,10 +18,11 @@
 #include "plan/point_choice.h"
 #include "repository/sampling/parameters.h"
 #include "server/bake/draw_memory.h"
-#include "server/bake/enclosed.h"
 #include "server/bake/image_sizes.h"
 #include "server/bake/tile_selection.h"
 #include "server/bake/tree_around.h"
+#include "server/views/enclosed.h"
+#include "server/views/indoors.h"
 
 namespace server {
 namespace {
@@ -167,11 +168,12 @@ class PointSelector {
 };
 
 std::vector<base::ViewCamera> viewsFor(const base::Scene& scene, const BakeOptions& options, const Enclosure& enclosure,
-                                       const ViewerPlaces* places) {
+                                       const Indoors* indoors, const ViewerPlaces* places) {
   const glm::dvec3 size = scene.box_max - scene.box_min;
   const double margin = (scene.box_min.x - scene.origin.x - static_cast<double>(options.grid.first.x)) /
                         std::max({size.x, size.y, size.z});
-  const RandomViews random{options.selection.views, kSeed, std::max(0.0, margin)};
+  RandomViews random{options.selection.views, kSeed, std::max(0.0, margin)};
+  random.indoors = indoors;
   return places != nullptr ? randomViewerViews(scene, enclosure, *places, random)
                            : randomViews(scene, enclosure, random);
 }
@@ -224,7 +226,10 @@ base::Result<Selection> selectImages(const base::Scene& scene, const lod::patch:
                                      const std::function<bool(double done)>& progress) {
   LUMIGRID_ASSIGN_OR_RETURN(const auto enclosure, Enclosure::create(patches));
   LUMIGRID_ASSIGN_OR_RETURN(const auto sight, lod::patch::ProxySight::ofFile(patches));
-  const auto views = viewsFor(scene, options, enclosure, places);
+  const bool is_seen_from_rooms = places == nullptr && scene.interior;
+  const auto indoors = is_seen_from_rooms ? Indoors::find(sight, scene.localBox(), glm::vec3(glm::normalize(scene.up)))
+                                          : std::optional<Indoors>();
+  const auto views = viewsFor(scene, options, enclosure, indoors ? &*indoors : nullptr, places);
   PointSelector selector(options.grid, demandsOf(scene, options.grid, views, sight, options.limits.threads),
                          options.limits.threads, progress);
   if (selector.empty())
@@ -243,6 +248,22 @@ base::Result<Selection> selectImages(const base::Scene& scene, const lod::patch:
   }
   leaveOutEnclosed(options.grid, enclosure, options.limits.threads, selection.points);
   return selection;
+}
+
+base::Result<Selection> selectPointsInRooms(const base::Scene& scene, const lod::patch::PatchFile& patches,
+                                            const BakeOptions& options) {
+  LUMIGRID_ASSIGN_OR_RETURN(const auto indoors, Indoors::ofScene(scene, patches));
+  const std::vector<glm::uvec3> points = repository::SampleTree(options.grid, 1).points();
+  std::vector<std::uint8_t> sees(points.size(), 0);
+  base::parallelFor(indoors ? points.size() : 0, options.limits.threads, [&](std::size_t i) {
+    sees[i] = indoors->seesRooms(options.grid.point(points[i].x, points[i].y, points[i].z)) ? 1 : 0;
+  });
+  std::vector<glm::uvec3> kept;
+  for (std::size_t i = 0; i < points.size(); ++i)
+    if (sees[i] != 0) kept.push_back(points[i]);
+  if (kept.empty()) kept = points;
+  std::sort(kept.begin(), kept.end(), comesFirst);
+  return Selection{treeAround(options.grid, kept), std::nullopt};
 }
 
 base::Result<void> writeSelection(const std::string& path, const base::Scene& scene, const BakeOptions& options) {

@@ -12,7 +12,7 @@
 #include "lod/patch/format.h"
 #include "repository/sampling/sample_tree.h"
 #include "server/bake/bake.h"
-#include "server/bake/random_views.h"
+#include "server/views/random_views.h"
 
 namespace server {
 
@@ -36,6 +36,11 @@ struct Selection {
 base::Result<Selection> selectImages(const base::Scene& scene, const lod::patch::PatchFile& patches,
                                      const BakeOptions& options, const ViewerPlaces* places = nullptr,
                                      const std::function<bool(double done)>& progress = nullptr);
+
+/// The points of options.grid that see the rooms of an interior, as a tree of single steps; all points where none does.
+/// Errors: those of reading patches.
+base::Result<Selection> selectPointsInRooms(const base::Scene& scene, const lod::patch::PatchFile& patches,
+                                            const BakeOptions& options);
 
 /// Keeps options.points and options.tiles in a file, with the parameters that they were selected for.
 base::Result<void> writeSelection(const std::string& path, const base::Scene& scene, const BakeOptions& options);

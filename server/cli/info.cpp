@@ -278,6 +278,7 @@ void printScene(const InfoArguments& a, const nlohmann::json& j) {
               points ? "points" : "triangles", s["has_colors"].get<bool>() ? "yes" : "no",
               textIn(s["light"], "mode").c_str(), textIn(s, "units").c_str());
   std::printf("box %s to %s\n", s["box_min"].dump().c_str(), s["box_max"].dump().c_str());
+  if (s.contains("interior")) std::printf("an interior, seen from its rooms\n");
   printAppearance(j);
   for (const auto& source : s["sources"])
     std::printf("source %s, %s\n", textIn(source, "path").c_str(), bytesIn(source, "bytes").c_str());

@@ -53,7 +53,9 @@ SampleFiles plyOf(const SampleArguments& a) {
 
 base::Result<SampleFiles> texturedObjOf(const SampleArguments& a) {
   TexturedOptions options;
-  options.shape = a.shape == "terrain" ? TexturedShape::kTerrain : TexturedShape::kFacade;
+  options.shape = a.shape == "terrain" ? TexturedShape::kTerrain
+                  : a.shape == "rooms" ? TexturedShape::kRooms
+                                       : TexturedShape::kFacade;
   options.triangles = a.triangles;
   options.texels = a.texels.value_or(options.texels);
   options.seed = a.seed;
@@ -74,7 +76,8 @@ std::string wrongUsage(const SampleArguments& a, bool textured) {
   if (!textured && a.texels) return a.shape + " has no textures; --texels is for OBJ shapes";
   if (!textured) return outside(10'000, 1'000'000'000);
   if (a.no_colors || a.points) return a.shape + " has textures and faces; --no-colors and --points are for PLY shapes";
-  return outside(mesh::generate::kMinTexturedTriangles, mesh::generate::kMaxTexturedTriangles);
+  return outside(a.shape == "rooms" ? mesh::generate::kMinRoomsTriangles : mesh::generate::kMinTexturedTriangles,
+                 mesh::generate::kMaxTexturedTriangles);
 }
 
 int refuse(const std::string& message) {
@@ -83,7 +86,7 @@ int refuse(const std::string& message) {
 }
 
 int run(SampleArguments& a) {
-  const bool textured = a.shape == "facade" || a.shape == "terrain";
+  const bool textured = a.shape == "facade" || a.shape == "terrain" || a.shape == "rooms";
   if (const std::string problem = wrongUsage(a, textured); !problem.empty()) return refuse(problem);
   SampleFiles files;
   if (textured) {
@@ -112,20 +115,21 @@ RunCommand addSample(CLI::App& command) {
   auto a = std::make_shared<SampleArguments>();
   command
       .add_option("-o,--output", a->output,
-                  "PLY file to write; facade and terrain: OBJ file, beside which come its .mtl and .jpg files")
+                  "PLY file to write; facade, terrain and rooms: OBJ file, beside which come its .mtl and .jpg files")
       ->required();
   command
       .add_option("--triangles", a->triangles,
-                  "triangle count (within 2 %), 10000 to 1000000000; facade and terrain: 128 to 100000000")
+                  "triangle count (within 2 %), 10000 to 1000000000; facade and terrain: 128, rooms: 500, to 100000000")
       ->transform(CLI::AsSizeValue(true))
       ->default_str("1000000");
   command
       .add_option("--shape", a->shape,
                   "statue: closed; relief: an open panel; facade: a house front with textures; terrain: hills under an "
-                  "orthophoto")
-      ->check(CLI::IsMember({"statue", "relief", "facade", "terrain"}));
+                  "orthophoto; rooms: a flat from inside, with textures")
+      ->check(CLI::IsMember({"statue", "relief", "facade", "terrain", "rooms"}));
   command
-      .add_option("--texels", a->texels, "facade and terrain: texels of the pictures for each triangle, 1 to 100000")
+      .add_option("--texels", a->texels,
+                  "facade, terrain and rooms: texels of the pictures for each triangle, 1 to 100000")
       ->check(CLI::Range(std::uint64_t{1}, mesh::generate::kMaxTexels))
       ->default_str("500");
   command.add_option("--seed", a->seed, "same seed, same mesh and colours, on any machine");

@@ -9,14 +9,15 @@
 #include "base/picture_error.h"
 #include "lod/patch/proxy_sight.h"
 #include "protocol/welcome.h"
-#include "server/bake/camera_paths.h"
 #include "server/bake/draw_memory.h"
 #include "server/bake/face_encoder.h"
 #include "server/bake/face_sample.h"
-#include "server/bake/random_views.h"
 #include "server/trial/direct_viewer.h"
 #include "server/trial/drawn_store.h"
 #include "server/trial/own_context.h"
+#include "server/views/camera_paths.h"
+#include "server/views/indoors.h"
+#include "server/views/random_views.h"
 
 namespace server {
 namespace {
@@ -28,13 +29,14 @@ constexpr int kViewsOfPath = 2;        // a choice: ten views take a tenth of a 
 constexpr const char* kPaths[] = {"orbit", "approach", "walk", "inspection", "teleports"};
 constexpr int kTruthSamples = 4;  // along each side of a pixel, as comparisons have
 
-Result<std::vector<base::ViewCamera>> heldOutViews(const base::Scene& scene) {
+Result<std::vector<base::ViewCamera>> heldOutViews(const base::Scene& scene, const lod::patch::PatchFile& patches) {
+  LUMIGRID_ASSIGN_OR_RETURN(const auto rooms, Indoors::ofScene(scene, patches));
   PathOptions options;
   options.seed = kSeed;
   UnitRandom random(kSeed);
   std::vector<base::ViewCamera> views;
   for (const char* name : kPaths) {
-    LUMIGRID_ASSIGN_OR_RETURN(const auto path, makePath(name, scene, options));
+    LUMIGRID_ASSIGN_OR_RETURN(const auto path, makePath(name, scene, options, rooms ? &*rooms : nullptr));
     for (int i = 0; i < kViewsOfPath; ++i) views.push_back(path.at(path.seconds() * (i + random()) / kViewsOfPath));
   }
   return views;
@@ -95,7 +97,7 @@ class Trials {
   }
 
   Result<std::vector<JudgedView>> judgedViews(SceneRenderer& renderer, OwnContext& gl) {
-    LUMIGRID_ASSIGN_OR_RETURN(const auto cameras, heldOutViews(scene_));
+    LUMIGRID_ASSIGN_OR_RETURN(const auto cameras, heldOutViews(scene_, patches_));
     steps_ = 3 * cameras.size();
     const base::Sphere bounds{renderer.sceneCenter(), renderer.sceneRadius()};
     std::vector<JudgedView> views;

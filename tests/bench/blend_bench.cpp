@@ -19,8 +19,8 @@
 #include "base/png/png.h"
 #include "compare/accuracy.h"
 #include "server/bake/face_encoder.h"
-#include "server/bake/random_views.h"
 #include "server/trial/direct_viewer.h"
+#include "server/views/random_views.h"
 #include "tests/bench/bench.h"
 #include "tests/bench/truths.h"
 

@@ -24,8 +24,8 @@
 #include "plan/view_plan.h"
 #include "repository/store.h"
 #include "server/bake/face_encoder.h"
-#include "server/bake/random_views.h"
 #include "server/trial/direct_viewer.h"
+#include "server/views/random_views.h"
 #include "tests/bench/bench.h"
 #include "tests/bench/truths.h"
 

@@ -10,11 +10,11 @@
 #include "base/egl/headless.h"
 #include "base/format_text.h"
 #include "base/png/png.h"
-#include "server/bake/enclosed.h"
-#include "server/bake/random_views.h"
-#include "server/scene/open_scene.h"
 #include "server/render/scene_renderer.h"
+#include "server/scene/open_scene.h"
 #include "server/trial/own_context.h"
+#include "server/views/enclosed.h"
+#include "server/views/random_views.h"
 #include "tests/bench/bench.h"
 
 namespace bench {
@@ -88,8 +88,11 @@ struct ViewedScene {
 inline ViewedScene openWithImages(const std::string& directory, const server::RandomViews& wanted) {
   ViewedScene viewed{must(server::openScene(directory)), {}};
   if (!viewed.scene->images) stop(directory + " has no images; lumigrid build --methods images makes them");
+  const auto rooms = must(server::Indoors::ofScene(viewed.scene->scene, viewed.scene->patches));
+  server::RandomViews views = wanted;
+  views.indoors = rooms ? &*rooms : nullptr;
   viewed.views =
-      server::randomViews(viewed.scene->scene, must(server::Enclosure::create(viewed.scene->patches)), wanted);
+      server::randomViews(viewed.scene->scene, must(server::Enclosure::create(viewed.scene->patches)), views);
   return viewed;
 }
 

@@ -51,9 +51,10 @@ forbid plan 'repository/(faces|packs|objects|(access|access_counter|lmdb_environ
 forbid server '(compare|tests)/'
 forbid_but server trial 'client/'
 forbid server/trial 'client/(app|native|web)/|server/(net|cli)/'
-for room in bake export net render scene session; do forbid server/$room 'server/trial/'; done
-for room in bake export render scene session trial; do forbid server/$room 'server/(log|metrics)/'; done
-forbid server/session 'server/(net|render|bake|cli|scene)/'
+for room in bake export net render scene session views; do forbid server/$room 'server/trial/'; done
+for room in bake export render scene session trial views; do forbid server/$room 'server/(log|metrics)/'; done
+forbid server/session 'server/(net|render|bake|cli|scene|views)/'
+forbid server/views 'server/(net|render|bake|cli|scene|session|export|auth)/|plan/|protocol/'
 forbid server/scene 'server/(net|render|bake|cli)/'
 for room in log metrics; do
   forbid server/$room '(mesh|lod|repository|protocol|plan|client)/|server/(net|render|bake|cli|session|export|trial)/'

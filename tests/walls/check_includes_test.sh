@@ -7,7 +7,7 @@ trap 'rm -rf "$tree"' EXIT
 mkdir -p "$tree"/{base/{gl,egl,http,jpeg,tls},mesh/gltf,protocol,plan,compare,tests}
 mkdir -p "$tree"/lod/{ingest,draw,texture,patch/builder,qsplat/builder,pmr/builder,hlod/builder}
 mkdir -p "$tree"/{repository/{sampling,faces,packs,objects},server/{auth,bake,cli,export,log,metrics}}
-mkdir -p "$tree"/server/{net,render,scene,session,trial}
+mkdir -p "$tree"/server/{net,render,scene,session,trial,views}
 mkdir -p "$tree"/client/{app,source,viewer,render,native,web}
 echo '#include "base/error.h"' >"$tree/lod/patch/a.h"
 "$here/check_includes.sh" "$tree"

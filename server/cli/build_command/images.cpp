@@ -15,11 +15,11 @@
 #include "repository/verify.h"
 #include "server/bake/bake.h"
 #include "server/bake/point_selection.h"
-#include "server/bake/random_views.h"
 #include "server/cli/auto_choice.h"
 #include "server/cli/commands.h"
 #include "server/cli/scene_images.h"
 #include "server/cli/shard_choice.h"
+#include "server/views/random_views.h"
 
 namespace server::cli {
 namespace {
@@ -38,7 +38,8 @@ std::string selectionFileOf(const BuildArguments& a) {
 }
 
 repository::Grid gridFor(const BuildArguments& a, const base::Scene& scene) {
-  const auto grid = repository::makeGrid(scene.localBox(), a.grid, static_cast<float>(a.margin), a.face);
+  const auto margin = static_cast<float>(a.margin.value_or(usualMargin(scene)));
+  const auto grid = repository::makeGrid(scene.localBox(), a.grid, margin, a.face);
   return a.tile_depth == 0 ? grid : repository::withTiles(grid, a.tile_depth);
 }
 
@@ -107,6 +108,29 @@ Result<void> keepSelection(const BuildArguments& a, const base::Scene& scene, Ba
   return writeSelection(selectionFileOf(a), scene, options);
 }
 
+/// Whether images are made from chosen points: by use, or in the rooms of an interior.
+bool choosesPoints(const BuildArguments& a, const base::Scene& scene) {
+  const double usual = usualMargin(scene);
+  return a.bake.selection.views != 0 || (scene.interior && a.margin.value_or(usual) == usual);
+}
+
+Result<Selection> selectByUse(const BuildArguments& a, const base::Scene& scene, const lod::patch::PatchFile& patches,
+                              const BakeOptions& options, ProgressLine& line) {
+  std::optional<ViewerPlaces> places;
+  if (!a.views_from.empty()) {
+    auto read = ViewerPlaces::ofScene(a.views_from, scene.origin);
+    if (!read) return base::within("--views-from", read.error());
+    places = std::move(*read);
+  }
+  auto selected = selectImages(scene, patches, options, places ? &*places : nullptr, [&](double done) {
+    line.show("sampling points", done);
+    return !stopRequested();
+  });
+  line.finish();
+  if (!selected) return base::within("--views", selected.error());
+  return selected;
+}
+
 Result<Selection> chooseImages(const BuildArguments& a, const base::Scene& scene, const ImageChoices& choices,
                                ProgressLine& line) {
   const BakeOptions options = bakeOptions(a, scene, choices);
@@ -115,25 +139,15 @@ Result<Selection> chooseImages(const BuildArguments& a, const base::Scene& scene
     if (scene.images_light) LUMIGRID_TRY(keepSelection(a, scene, options, *stored));
     return std::move(*stored);
   }
-
-  std::optional<ViewerPlaces> places;
-  if (!a.views_from.empty()) {
-    auto read = ViewerPlaces::ofScene(a.views_from, scene.origin);
-    if (!read) return base::within("--views-from", read.error());
-    places = std::move(*read);
-  }
   LUMIGRID_ASSIGN_OR_RETURN(const auto patches, openBuiltPatches(a));
-  auto selected = selectImages(scene, patches, options, places ? &*places : nullptr, [&](double done) {
-    line.show("sampling points", done);
-    return !stopRequested();
-  });
-  line.finish();
-  if (!selected) return base::within("--views", selected.error());
+  auto selected = a.bake.selection.views != 0 ? selectByUse(a, scene, patches, options, line)
+                                              : selectPointsInRooms(scene, patches, options);
+  if (!selected) return selected;
   std::error_code error;
   std::filesystem::create_directories(imagesOf(a), error);
   if (error) return base::systemError(imagesOf(a), "make this directory", error.value());
   LUMIGRID_TRY(keepSelection(a, scene, options, *selected));
-  return std::move(*selected);
+  return selected;
 }
 
 void add(const BakeSummary& one, std::optional<BakeSummary>& sum) {
@@ -263,7 +277,7 @@ Result<ImageChoices> makeImageChoices(const BuildArguments& a, BuildOutput& outp
   if (a.tune_db) {
     LUMIGRID_ASSIGN_OR_RETURN(choices.tuned, chooseQuality(a, output));
   }
-  if (a.bake.selection.views != 0) {
+  if (choosesPoints(a, *output.scene)) {
     LUMIGRID_ASSIGN_OR_RETURN(choices.selection, chooseImages(a, *output.scene, choices, line));
   }
   return choices;
@@ -290,7 +304,7 @@ Result<void> buildImages(const BuildArguments& a, const BuildOutput& output, con
 Result<std::vector<repository::ShardGaps>> findMissingImages(const BuildArguments& a, const base::Scene& scene,
                                                              std::uint32_t shards, bool* unselected) {
   ImageChoices choices;
-  if (a.bake.selection.views != 0) {
+  if (choosesPoints(a, scene)) {
     if (a.tune_db) {
       LUMIGRID_ASSIGN_OR_RETURN(choices.tuned, storedChoice(scene.parameters));
     }

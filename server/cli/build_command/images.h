@@ -40,7 +40,7 @@ base::Result<void> removeImagesOfOtherLight(const BuildArguments& a, std::uint32
 /// The choices that are made once for all stores of a scene.
 struct ImageChoices {
   std::optional<TuneChoice> tuned;     ///< with --tune
-  std::optional<Selection> selection;  ///< with --views
+  std::optional<Selection> selection;  ///< with --views, and of an interior
 };
 /// For --methods auto: takes what an earlier run measured, or tries patches and images and keeps what it measured in
 /// the scene's parameters. Under the scene's lock.
@@ -56,7 +56,7 @@ base::Result<void> buildImages(const BuildArguments& a, const BuildOutput& outpu
                                const ShardSelection& selection, BuildReport& report, ProgressLine& line);
 
 /// The faces that the stores lack, and those that are there in another light than the scene's. `unselected`, where
-/// given, is told whether --views has yet to select points: then all points of the grid count.
+/// given, is told whether points have yet to be selected: then all points of the grid count.
 base::Result<std::vector<repository::ShardGaps>> findMissingImages(const BuildArguments& a, const base::Scene& scene,
                                                                    std::uint32_t shards, bool* unselected = nullptr);
 

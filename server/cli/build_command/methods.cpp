@@ -17,6 +17,7 @@
 #include "base/parallel.h"
 #include "server/cli/first_view.h"
 #include "server/cli/streamed/hull.h"
+#include "server/views/indoors.h"
 
 namespace server::cli {
 namespace {
@@ -193,11 +194,16 @@ base::Result<void> orientBySurface(const BuildArguments& a, const lod::ingest::S
                             lod::patch::findOrientation(file, is_known ? &known : nullptr));
   if (!is_known) scene.up = glm::dvec3(found.up);
   setFirstView(found, scene);
+  scene.interior = found.section_height.has_value();
+  LUMIGRID_ASSIGN_OR_RETURN(const auto rooms, Indoors::ofScene(scene, file));
+  scene.interior = rooms.has_value();
   LUMIGRID_ASSIGN_OR_RETURN(scene.light, chooseLight(a, built, scene));
   if (!scene.start_view.empty() && !a.quiet)
     std::fprintf(stderr,
                  "first view: an interior, cut open below its ceilings (Esc takes the cut away, `lumigrid set "
                  "--start-view ''` for good)\n");
+  if (scene.interior && !a.margin && !a.quiet)
+    std::fprintf(stderr, "interior: images are for eyes in its rooms (for eyes around it, too: --margin 0.5)\n");
   if (defined && !a.quiet) std::fprintf(stderr, "up: %s\n", defined->reason);
   if (a.quiet || is_known) return {};
   const int axis = std::abs(found.up.x) > 0.5F ? 0 : std::abs(found.up.y) > 0.5F ? 1 : 2;

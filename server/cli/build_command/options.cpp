@@ -51,7 +51,10 @@ void declareMethodOptions(CLI::App& command, BuildArguments& a) {
 void declareSamplingOptions(CLI::App& command, BuildArguments& a) {
   command.add_option("--grid", a.grid, "sampling points along the longest side of the viewing box")
       ->check(CLI::Range(2, 1024));
-  command.add_option("--margin", a.margin, "viewing box beyond the model on every side, in longest sides of the model")
+  command
+      .add_option("--margin", a.margin,
+                  "viewing box beyond the model on every side, in longest sides of the model (default: 0.5, and 0 for "
+                  "an interior, which is seen from its rooms)")
       ->check(CLI::Range(0.0, 100.0));
   PointSelection& selection = a.bake.selection;
   command
@@ -294,13 +297,16 @@ std::string listMethods(const std::function<bool(const char* method)>& includes)
   return methods;
 }
 
+double usualMargin(const base::Scene& scene) {
+  return scene.interior ? 0.0 : 0.5;
+}
+
 Parameters parametersOf(const BuildArguments& a) {
   auto number = [](auto v) { return nlohmann::json(v).dump(); };
   Parameters parameters{{"methods", listMethods([&](const char* method) { return wants(a, method); })},
                         {"grid", number(a.grid)},
                         {a.tile_depth == 0 ? "face" : "tiles", number(a.tile_depth == 0 ? a.face : a.tile_depth)},
                         {"codec", a.codec},
-                        {"margin", number(a.margin)},
                         {"light", a.light},
                         {"up", a.up},
                         {"units", a.units},
@@ -314,6 +320,7 @@ Parameters parametersOf(const BuildArguments& a) {
                         {"regroup", a.regroup},
                         {"stitch", a.stitch},
                         {"normals", a.normals}};
+  if (a.margin) parameters["margin"] = number(*a.margin);
   const lod::hlod::LightArguments& place = a.light_place;
   if (!place.direction.empty()) parameters["light-direction"] = vectorText(lod::hlod::vectorOf(place.direction));
   if (!place.position.empty()) parameters["light-position"] = vectorText(lod::hlod::vectorOf(place.position));

@@ -35,9 +35,9 @@ struct BuildArguments {
   std::string tiles;             ///< off, auto or a depth, as given; usageError() fills in what was not
   std::uint32_t tile_depth = 0;  ///< --tiles as a depth; 0: plain faces of `face` pixels
   double view_pixels = 24.0;
-  std::string codec;           ///< jpeg or webp, as given; usageError() fills in what was not
-  std::optional<int> quality;  ///< as given; nothing: the codec's usual one
-  double margin = 0.5;
+  std::string codec;             ///< jpeg or webp, as given; usageError() fills in what was not
+  std::optional<int> quality;    ///< as given; nothing: the codec's usual one
+  std::optional<double> margin;  ///< as given; nothing: usualMargin()
   std::string tmpdir, regroup = "on", stitch = "auto", normals = "auto", textures = "keep", appearance = "auto";
   std::string views_from;  ///< a scene; empty: views are drawn anywhere
   base::ResourceLimits limits;
@@ -108,6 +108,9 @@ std::string listMethods(const std::function<bool(const char* method)>& includes)
 /// The options that decide what the scene holds, as scene.json keeps them. Threads, batches and messages are not among
 /// them.
 Parameters parametersOf(const BuildArguments& a);
+/// The margin of the viewing box where none is given, in longest sides of the model: an interior is seen from its
+/// rooms.
+double usualMargin(const base::Scene& scene);
 
 /// Declares the options, each with its default.
 void declareBuildOptions(CLI::App& command, BuildArguments& a);

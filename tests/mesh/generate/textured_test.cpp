@@ -3,6 +3,7 @@
 
 #include <cmath>
 #include <filesystem>
+#include <numbers>
 #include <sstream>
 
 #include "base/crc32c.h"
@@ -17,7 +18,7 @@ namespace {
 using namespace mesh::generate;
 using mesh_files::Mesh;
 
-constexpr std::array<TexturedShape, 2> kShapes{TexturedShape::kFacade, TexturedShape::kTerrain};
+constexpr std::array<TexturedShape, 3> kShapes{TexturedShape::kFacade, TexturedShape::kTerrain, TexturedShape::kRooms};
 
 TexturedOptions options(TexturedShape shape, std::uint64_t triangles, std::uint64_t texels, std::uint64_t seed = 1) {
   TexturedOptions o;
@@ -113,6 +114,9 @@ TEST_F(Textured, hasTheTrianglesAskedForWithinTwoPercent) {
   for (std::uint64_t wanted = 128; wanted < 200'000; wanted += 1 + wanted / 37) {
     const double facade = static_cast<double>(makeFacade(wanted, 1)->triangleCount());
     EXPECT_NEAR(facade / static_cast<double>(wanted), 1.0, 0.02) << wanted;
+    const std::uint64_t furnished = std::max(wanted, kMinRoomsTriangles);
+    const double rooms = static_cast<double>(makeRooms(furnished, 1)->triangleCount());
+    EXPECT_NEAR(rooms / static_cast<double>(furnished), 1.0, 0.02) << furnished;
     if (wanted % 5 != 0) continue;  // it takes longer
     const double terrain = static_cast<double>(makeTerrain(wanted, 1)->triangleCount());
     EXPECT_NEAR(terrain / static_cast<double>(wanted), 1.0, 0.02) << wanted;
@@ -122,6 +126,7 @@ TEST_F(Textured, hasTheTrianglesAskedForWithinTwoPercent) {
 TEST_F(Textured, fileHasTheTrianglesOfTheSurface) {
   EXPECT_EQ(make(options(TexturedShape::kFacade, 5'000, 20)).triangles.size(), makeFacade(5'000, 1)->triangleCount());
   EXPECT_EQ(make(options(TexturedShape::kTerrain, 5'000, 20)).triangles.size(), makeTerrain(5'000, 1)->triangleCount());
+  EXPECT_EQ(make(options(TexturedShape::kRooms, 5'000, 20)).triangles.size(), makeRooms(5'000, 1)->triangleCount());
 }
 
 TEST_F(Textured, readerHasNothingToWarnOf) {
@@ -314,6 +319,49 @@ TEST_F(Textured, signsLieOnTheSurface) {
   }
 }
 
+// Nobody sees the outside of a flat that was scanned from inside: from any place in a room all that is met is met at
+// its front, and the surface is closed but for the backs of the furniture, which meets the floor.
+TEST_F(Textured, roomsFaceWhoStandsInThem) {
+  const auto rooms = makeRooms(6'000, 3);
+  const glm::dvec3 eye(2.3, 2.0, 1.5);
+  double solid_angle = 0.0;
+  const auto corner = [&](std::uint32_t sheet, std::uint32_t i, std::uint32_t j) {
+    return rooms->position(rooms->vertexAt(sheet, i, j)) - eye;
+  };
+  const auto angleOf = [](const glm::dvec3& a, const glm::dvec3& b, const glm::dvec3& c) {
+    const double la = glm::length(a), lb = glm::length(b), lc = glm::length(c);
+    return 2.0 * std::atan2(glm::dot(a, glm::cross(b, c)),
+                            la * lb * lc + glm::dot(a, b) * lc + glm::dot(b, c) * la + glm::dot(c, a) * lb);
+  };
+  for (std::uint32_t sheet = 0; sheet < rooms->sheets().size(); ++sheet)
+    for (std::uint32_t j = 0; j < rooms->sheets()[sheet].rows(); ++j)
+      for (std::uint32_t i = 0; i < rooms->sheets()[sheet].columns(); ++i) {
+        const glm::dvec3 a = corner(sheet, i, j), b = corner(sheet, i + 1, j), c = corner(sheet, i + 1, j + 1),
+                         d = corner(sheet, i, j + 1);
+        solid_angle += angleOf(a, b, c) + angleOf(a, c, d);
+      }
+  EXPECT_NEAR(solid_angle / (4.0 * std::numbers::pi), -1.0, 0.03);  // furniture has no lower side
+}
+
+// Each cell of a letter is looked up in the paint where its sign says that it is.
+TEST_F(Textured, signsOfRoomsAreOnTheirWalls) {
+  const auto paint = makePaint(TexturedShape::kRooms, 5);
+  ASSERT_GT(paint->signs().size(), 40U);
+  for (const Sign& sign : paint->signs()) {
+    const double cell = sign.height / kGlyphRows;
+    int wrong = 0;
+    for (int i = 0; i < static_cast<int>(sign.text.size()); ++i)
+      for (int row = 0; row < kGlyphRows; ++row)
+        for (int column = 0; column < kGlyphAdvance; ++column) {
+          const glm::dvec3 p = sign.corner + cell * ((kGlyphAdvance * i + column + 0.5) * sign.right +
+                                                     (kGlyphRows - row - 0.5) * sign.up);
+          const double light = glm::dot(paint->colorAt(p, 0.25 * cell), glm::dvec3(1.0 / 3.0));
+          wrong += isInk(sign.text[static_cast<std::size_t>(i)], column, row) ? light > 100.0 : light < 150.0;
+        }
+    EXPECT_EQ(wrong, 0) << sign.text;
+  }
+}
+
 TEST_F(Textured, paintGivesTheColoursOfThePictures) {
   for (const TexturedShape shape : kShapes) {
     const Scan scan = make(options(shape, 6'000, 500, 3));
@@ -349,8 +397,9 @@ TEST_F(Textured, isDeterminedByItsSeedAlone) {
 
 // One small mesh of each shape must have these bytes on every machine and with every compiler.
 TEST_F(Textured, bytesOfTheMeshAreTheSameOnEveryMachine) {
-  const std::array<std::pair<TexturedShape, std::uint32_t>, 2> golden{
-      {{TexturedShape::kFacade, 0xD43272A3U}, {TexturedShape::kTerrain, 0x9214D3F0U}}};
+  const std::array<std::pair<TexturedShape, std::uint32_t>, 3> golden{{{TexturedShape::kFacade, 0xD43272A3U},
+                                                                       {TexturedShape::kTerrain, 0x9214D3F0U},
+                                                                       {TexturedShape::kRooms, 0x3A277C06U}}};
   for (const auto& [shape, crc] : golden) {
     const auto bytes = base::readFile(write(options(shape, 6'000, 4, 42)));
     ASSERT_TRUE(bytes);
@@ -360,7 +409,7 @@ TEST_F(Textured, bytesOfTheMeshAreTheSameOnEveryMachine) {
 
 TEST_F(Textured, originIsAddedToEveryPosition) {
   for (const TexturedShape shape : kShapes) {
-    TexturedOptions o = options(shape, 500, 4);
+    TexturedOptions o = options(shape, 600, 4);
     const Scan plain = make(o);
     o.origin = {1e6, -1e6, 250.0};
     const Scan moved = make(o);
@@ -375,7 +424,7 @@ TEST_F(Textured, originIsAddedToEveryPosition) {
 
 TEST_F(Textured, filesAreThoseNamedBefore) {
   for (const TexturedShape shape : kShapes) {
-    const TexturedOptions o = options(shape, 400, 100);
+    const TexturedOptions o = options(shape, 700, 100);
     std::filesystem::create_directory(folder / "one");
     const auto names = texturedFiles(o, folder / "one/scan.obj");
     ASSERT_TRUE(names);
@@ -395,6 +444,7 @@ TEST_F(Textured, wrongOptionsAndStopsLeaveNoFile) {
   };
   const TexturedShape shape = TexturedShape::kFacade;
   EXPECT_TRUE(refused(options(shape, 127, 10), path));
+  EXPECT_TRUE(refused(options(TexturedShape::kRooms, 499, 10), path));
   EXPECT_TRUE(refused(options(shape, 100'000'001, 10), path));
   EXPECT_TRUE(refused(options(shape, 1'000, 0), path));
   EXPECT_TRUE(refused(options(shape, 1'000, 100'001), path));

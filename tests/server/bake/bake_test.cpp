@@ -237,7 +237,7 @@ TEST_F(BakeTest, progressCountsUpToTheWhole) {
 
 TEST_F(BakeTest, optionsThatMakeNoSenseAreErrors) {
   const BakeOptions good = options_;
-  std::vector<BakeOptions> bad(10, good);
+  std::vector<BakeOptions> bad(9, good);
   bad[0].quality = 0;
   bad[1].grid = {};
   bad[2].grid.face_size = 0;
@@ -246,8 +246,7 @@ TEST_F(BakeTest, optionsThatMakeNoSenseAreErrors) {
   bad[5].shard = {4, 4};
   bad[6].shard = {0, 0};
   bad[7].selection.views = 10;  // without points
-  bad[8].points.emplace(good.grid, 2);
-  bad[9].selection.worth = 0.0;
+  bad[8].selection.worth = 0.0;
   for (const BakeOptions& options : bad) {
     options_ = options;
     MemoryStore store;

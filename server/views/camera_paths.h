@@ -7,6 +7,7 @@
 #include "base/camera_path.h"
 #include "base/error.h"
 #include "base/json/scene_file.h"
+#include "server/views/indoors.h"
 
 namespace server {
 
@@ -19,7 +20,12 @@ struct PathOptions {
 /// "orbit", "approach", "walk", "inspection", "jitter", "teleports", and each with "-fast" at its end: the same at six
 /// times the speed (docs/formats/comparison.md, "Methods, paths and links").
 const std::vector<std::string>& pathNames();
-/// kInvalidInput for a name that there is not.
-base::Result<base::CameraPath> makePath(const std::string& name, const base::Scene& scene, const PathOptions& options);
+/// `indoors`: rooms that the path goes through; null: it goes around the scene. kInvalidInput for a name that there is
+/// not.
+base::Result<base::CameraPath> makePath(const std::string& name, const base::Scene& scene, const PathOptions& options,
+                                        const Indoors* indoors = nullptr);
+
+/// `frames` still views, of no size, of an interior: evenly along the walk through its rooms, looking ahead.
+std::vector<base::ViewCamera> roomsTour(const base::Scene& scene, const Indoors& indoors, int frames);
 
 }  // namespace server

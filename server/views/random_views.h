@@ -3,7 +3,6 @@
 // --random`, and the views for which sampling points are selected.
 #include <cstdint>
 #include <glm/glm.hpp>
-#include <random>
 #include <string>
 #include <vector>
 
@@ -11,20 +10,11 @@
 #include "base/error.h"
 #include "base/json/scene_file.h"
 #include "repository/access.h"
-#include "server/bake/enclosed.h"
+#include "server/views/enclosed.h"
+#include "server/views/indoors.h"
+#include "server/views/unit_random.h"
 
 namespace server {
-
-/// Random numbers that are the same with every standard library, uniform in [0, 1). std::uniform_real_distribution is
-/// another in every library; std::mt19937 is not.
-class UnitRandom {
- public:
-  explicit UnitRandom(std::uint32_t seed) : random_(seed) {}
-  double operator()() { return static_cast<double>(random_()) / 4294967296.0; }
-
- private:
-  std::mt19937 random_;
-};
 
 /// Where the viewers of a scene were and which way they looked, from its access counts (docs/formats/access.md).
 /// Okamoto 2011 names sampling by access frequency as future work.
@@ -63,12 +53,19 @@ struct RandomViews {
   std::uint32_t seed = 1;
   double margin = 0.5;  ///< viewing box beyond the model on every side, in longest sides of the model
   int width = 1280, height = 720;
+  const Indoors* indoors = nullptr;  ///< rooms to look at from inside; null: the scene is seen from around it
 };
 
 /// Eyes lie anywhere in the viewing box but within or behind the model; each looks at some place in the middle half of
-/// the model's box. The same seed gives the same views on every machine. Fewer views where the model leaves no room.
+/// the model's box. With options.indoors they lie anywhere in its rooms and look any way, up to 35 degrees down and 20
+/// up; the margin does not matter. The same seed gives the same views on every machine. Fewer views where the model
+/// leaves no room.
 std::vector<base::ViewCamera> randomViews(const base::Scene& scene, const Enclosure& enclosure,
                                           const RandomViews& options);
+
+/// Views of an interior, as randomViews() has them, of no size.
+std::vector<base::ViewCamera> indoorViews(const base::Scene& scene, const Indoors& indoors, std::size_t count,
+                                          std::uint32_t seed);
 
 /// The same from where viewers were and in the directions in which they looked; options.margin does not matter.
 std::vector<base::ViewCamera> randomViewerViews(const base::Scene& scene, const Enclosure& enclosure,

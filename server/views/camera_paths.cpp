@@ -1,10 +1,11 @@
-#include "server/bake/camera_paths.h"
+#include "server/views/camera_paths.h"
 
 #include <algorithm>
 #include <cmath>
 #include <glm/gtc/constants.hpp>
 
-#include "server/bake/random_views.h"
+#include "server/views/indoor_paths.h"
+#include "server/views/random_views.h"
 
 namespace server {
 namespace {
@@ -109,21 +110,56 @@ using Shape = base::ViewCamera (*)(const Place&, double);
 struct NamedShape {
   const char* name;
   Shape shape;
+  IndoorPath indoors;
 };
-constexpr NamedShape kShapes[] = {
-    {"orbit", orbit}, {"approach", approach}, {"walk", walk}, {"inspection", inspection}, {"jitter", jitter}};
+constexpr NamedShape kShapes[] = {{"orbit", orbit, indoorOrbit},
+                                  {"approach", approach, indoorApproach},
+                                  {"walk", walk, indoorWalk},
+                                  {"inspection", inspection, indoorInspection},
+                                  {"jitter", jitter, indoorJitter}};
 
-base::CameraPath teleports(const Place& place, double every_seconds, const PathOptions& options) {
-  UnitRandom random(options.seed);
+base::CameraPath teleports(const base::Scene& scene, const Indoors* indoors, double every_seconds,
+                           const PathOptions& options) {
   base::CameraPath path;
   path.frames_per_second = 1.0 / every_seconds;
   path.jumps = true;
   const auto count = static_cast<std::size_t>(std::max(1.0, std::round(options.seconds * path.frames_per_second)));
+  if (indoors != nullptr) {
+    path.frames = indoorViews(scene, *indoors, count, options.seed);
+    return path;
+  }
+  UnitRandom random(options.seed);
+  const Place place = placeOf(scene);
   for (std::size_t i = 0; i < count; ++i) path.frames.push_back(teleport(place, random));
   return path;
 }
 
+std::vector<base::ViewCamera> camerasOf(const base::Scene& scene, const std::vector<IndoorEye>& eyes) {
+  std::vector<base::ViewCamera> cameras;
+  for (const IndoorEye& eye : eyes) {
+    base::ViewCamera view;
+    view.position = scene.origin + glm::dvec3(eye.position);
+    view.direction = glm::normalize(glm::dvec3(eye.direction));
+    view.up = glm::normalize(scene.up);
+    cameras.push_back(view);
+  }
+  return cameras;
+}
+
+std::vector<base::ViewCamera> shapedFrames(const NamedShape& one, const base::Scene& scene, const Indoors* indoors,
+                                           double speed, int count) {
+  if (indoors != nullptr) return camerasOf(scene, one.indoors(*indoors, speed / kRate, count));
+  std::vector<base::ViewCamera> frames;
+  const Place place = placeOf(scene);
+  for (int i = 0; i < count; ++i) frames.push_back(one.shape(place, speed * i / kRate));
+  return frames;
+}
+
 }  // namespace
+
+std::vector<base::ViewCamera> roomsTour(const base::Scene& scene, const Indoors& indoors, int frames) {
+  return camerasOf(scene, indoorTour(indoors, frames));
+}
 
 const std::vector<std::string>& pathNames() {
   static const std::vector<std::string> names = [] {
@@ -136,19 +172,19 @@ const std::vector<std::string>& pathNames() {
   return names;
 }
 
-base::Result<base::CameraPath> makePath(const std::string& name, const base::Scene& scene, const PathOptions& options) {
+base::Result<base::CameraPath> makePath(const std::string& name, const base::Scene& scene, const PathOptions& options,
+                                        const Indoors* indoors) {
   const std::string fast_end = "-fast";
   const bool fast = name.ends_with(fast_end);
   const std::string slow = fast ? name.substr(0, name.size() - fast_end.size()) : name;
   const double speed = fast ? kFast : 1.0;
-  const Place place = placeOf(scene);
   base::CameraPath path;
-  if (slow == "teleports") path = teleports(place, 2.0 / speed, options);
+  if (slow == "teleports") path = teleports(scene, indoors, 2.0 / speed, options);
   for (const NamedShape& one : kShapes) {
     if (slow != one.name) continue;
     path.frames_per_second = kRate;
     const int count = std::max(1, static_cast<int>(std::lround(options.seconds * kRate)));
-    for (int i = 0; i < count; ++i) path.frames.push_back(one.shape(place, speed * i / kRate));
+    path.frames = shapedFrames(one, scene, indoors, speed, count);
   }
   if (path.frames.empty()) {
     std::string all;

@@ -1,7 +1,7 @@
 // Tests the camera paths that are made for a scene.
 #include <gtest/gtest.h>
 
-#include "server/bake/camera_paths.h"
+#include "server/views/camera_paths.h"
 
 namespace {
 

@@ -1,7 +1,9 @@
-#include "server/bake/random_views.h"
+#include "server/views/random_views.h"
 
 #include <algorithm>
+#include <cmath>
 #include <functional>
+#include <glm/gtc/constants.hpp>
 #include <optional>
 
 #include "base/check.h"
@@ -42,6 +44,32 @@ std::vector<base::ViewCamera> drawViews(const base::Scene& scene, const Enclosur
 }
 
 }  // namespace
+
+std::vector<base::ViewCamera> indoorViews(const base::Scene& scene, const Indoors& indoors, std::size_t count,
+                                          std::uint32_t seed) {
+  constexpr double kLowest = -0.57, kHighest = 0.34;  // sines of 35 and 20 degrees
+  UnitRandom random(seed);
+  const glm::dvec3 up = glm::normalize(scene.up);
+  const glm::dvec3 side =
+      glm::normalize(glm::cross(up, std::abs(up.x) < 0.9 ? glm::dvec3(1, 0, 0) : glm::dvec3(0, 1, 0)));
+  const glm::dvec3 across = glm::cross(up, side);
+  const base::Aabb& box = indoors.box();
+  std::vector<base::ViewCamera> views;
+  for (std::size_t tries = 0; views.size() < count && tries < kMaxTries * count; ++tries) {
+    glm::vec3 share;
+    for (int axis = 0; axis < 3; ++axis) share[axis] = static_cast<float>(random());
+    const glm::vec3 eye = box.min + share * box.size();
+    const double around = 2.0 * glm::pi<double>() * random();
+    const double rise = kLowest + (kHighest - kLowest) * random();
+    if (!indoors.contains(eye)) continue;
+    base::ViewCamera view;
+    view.position = scene.origin + glm::dvec3(eye);
+    view.direction = std::sqrt(1.0 - rise * rise) * (std::cos(around) * side + std::sin(around) * across) + rise * up;
+    view.up = scene.up;
+    views.push_back(view);
+  }
+  return views;
+}
 
 base::Result<ViewerPlaces> ViewerPlaces::ofScene(const std::string& directory, const glm::dvec3& origin) {
   LUMIGRID_ASSIGN_OR_RETURN(const auto scene, base::readScene(directory));
@@ -84,6 +112,11 @@ ViewerPlaces::Pose ViewerPlaces::draw(UnitRandom& random) const {
 
 std::vector<base::ViewCamera> randomViews(const base::Scene& scene, const Enclosure& enclosure,
                                           const RandomViews& options) {
+  if (options.indoors != nullptr) {
+    auto views = indoorViews(scene, *options.indoors, options.count, options.seed);
+    for (base::ViewCamera& view : views) view.width = options.width, view.height = options.height;
+    return views;
+  }
   UnitRandom random(options.seed);
   const auto within = [&](const glm::dvec3& low, const glm::dvec3& high) {
     const double x = random();

@@ -1,4 +1,4 @@
-#include "server/bake/random_views.h"
+#include "server/views/random_views.h"
 
 #include <gtest/gtest.h>
 

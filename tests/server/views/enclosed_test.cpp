@@ -1,4 +1,4 @@
-#include "server/bake/enclosed.h"
+#include "server/views/enclosed.h"
 
 #include <gtest/gtest.h>
 
