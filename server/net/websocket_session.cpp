@@ -65,6 +65,7 @@ class WebSocketSession final : public Connection {
  private:
   void setSocketOptions();
   void setWebSocketOptions();
+  void holdSegments(bool holds);
   void onAccept(error_code ec);
   void startRunner();
   void doRead();
@@ -73,6 +74,7 @@ class WebSocketSession final : public Connection {
   double seconds() const { return std::chrono::duration<double>(SteadyClock::now() - start_time_).count(); }
   ConnectionState state();
   void onOutput(SessionOutput output);
+  void takeOutput(SessionOutput output);
   void wakeAt(double at);
   void doWrite();
   void onWrite(error_code ec, std::size_t bytes_written);
@@ -109,6 +111,7 @@ class WebSocketSession final : public Connection {
   std::uint64_t tell_below_ = 0;  // outgoing bytes at which the session is told that there is room
   SteadyTimer wake_, watch_, read_pause_;
   RateLimit messages_;
+  bool holds_segments_ = false;
   bool closing_ = false;
   bool refused_ = false;
   bool greeted_ = false;
@@ -172,6 +175,17 @@ void WebSocketSession::setSocketOptions() {
   socket.set_option(Tcp::no_delay(true), ignored);
   const int max_unsent = static_cast<int>(std::clamp<std::uint64_t>(hub_->options.max_unsent_bytes, 4096, 1 << 30));
   ::setsockopt(socket.native_handle(), IPPROTO_TCP, TCP_NOTSENT_LOWAT, &max_unsent, sizeof max_unsent);
+}
+
+/// While it holds them, the kernel sends full segments alone, which may be of several messages: each that arrives wakes
+/// the other side, or a proxy. What is held besides waits for the next message, or for 0.2 seconds; where the kernel
+/// may hold less than a few of the loopback's segments, of 64 KB, that message would wait for room as long.
+void WebSocketSession::holdSegments(bool holds) {
+  constexpr std::uint64_t kFewSegments = 128 * 1024;
+  if (hub_->options.max_unsent_bytes < kFewSegments) return;
+  if (std::exchange(holds_segments_, holds) == holds) return;
+  const int value = holds ? 1 : 0;
+  ::setsockopt(beast::get_lowest_layer(socket_).socket().native_handle(), IPPROTO_TCP, TCP_CORK, &value, sizeof value);
 }
 
 void WebSocketSession::setWebSocketOptions() {
@@ -264,6 +278,13 @@ ConnectionState WebSocketSession::state() {
 }
 
 void WebSocketSession::onOutput(SessionOutput output) {
+  const bool was_idle = outgoing_.empty();
+  takeOutput(std::move(output));
+  if (was_idle) doWrite();
+}
+
+/// Does what a turn of the session says, but does not begin to write.
+void WebSocketSession::takeOutput(SessionOutput output) {
   runner_->take(output);
   reporter_.report(totalsOf(runner_->counts()));
   if (output.plan_seconds) metrics_.plan_seconds.observe(*output.plan_seconds);
@@ -278,7 +299,6 @@ void WebSocketSession::onOutput(SessionOutput output) {
     spdlog::warn("refuse client={} peer={} why={}", id_, peer_, quoteText(close_reason_));
   }
   if (closing_) return;
-  const bool was_idle = outgoing_.empty();
   std::uint64_t added = 0;
   for (SharedMessage& message : output.messages) {
     added += message.size();
@@ -286,7 +306,6 @@ void WebSocketSession::onOutput(SessionOutput output) {
   }
   outgoing_bytes_ += added;
   tell_below_ = added / 2;
-  if (was_idle) doWrite();
   for (FaceRequest& request : output.faces) requestFaces(std::move(request));
   if (output.frame) requestFrame(*output.frame);
   if (output.wake_at) wakeAt(*output.wake_at);
@@ -296,12 +315,14 @@ void WebSocketSession::onOutput(SessionOutput output) {
 void WebSocketSession::wakeAt(double at) {
   wake_.expires_at(timeOf(at));
   wake_.async_wait([self = self<WebSocketSession>()](error_code cancelled) {
-    if (!cancelled) self->runner_->wake(self->state());
+    if (cancelled) return;
+    if (auto ready = self->runner_->wake(self->state())) self->onOutput(std::move(*ready));
   });
 }
 
 void WebSocketSession::doWrite() {
   if (closing_) return;
+  if (outgoing_.size() > 1) holdSegments(true);  // until the last of them was written
   if (!outgoing_.empty())
     socket_.async_write(asio::buffer(outgoing_.front().bytes()),
                         beast::bind_front_handler(&WebSocketSession::onWrite, self<WebSocketSession>()));
@@ -316,8 +337,10 @@ void WebSocketSession::onWrite(error_code ec, std::size_t /*bytes_written*/) {
   const std::uint64_t before = outgoing_bytes_;
   outgoing_bytes_ -= outgoing_.front().size();
   outgoing_.pop_front();
+  if (outgoing_.empty()) holdSegments(false);
   // Once in between, so that the next messages are made while these are written, and in the end.
-  if (outgoing_.empty() || (before > tell_below_ && outgoing_bytes_ <= tell_below_)) runner_->tellRoom(state());
+  if (outgoing_.empty() || (before > tell_below_ && outgoing_bytes_ <= tell_below_))
+    if (auto ready = runner_->tellRoom(state())) takeOutput(std::move(*ready));
   doWrite();
 }
 
@@ -402,6 +425,7 @@ void WebSocketSession::close(websocket::close_code code, const std::string& reas
   if (!runner_) return fail(reason);  // there was no handshake yet
   closing_ = true;
   if (close_reason_.empty()) close_reason_ = reason;
+  holdSegments(false);
   endTimers();
   websocket::close_reason close_reason(code);
   close_reason.reason.assign(reason.data(), std::min(reason.size(), kMaxCloseReason));

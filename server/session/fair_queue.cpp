@@ -41,8 +41,14 @@ void FairQueue::stop() {
 }
 
 void FairQueue::submit(std::uint64_t client, Job job) {
+  // A thread that is woken before the lock is free would wait again at once.
+  if (addJob(client, std::move(job))) changed_.notify_one();
+}
+
+/// Returns whether a thread is to be woken.
+bool FairQueue::addJob(std::uint64_t client, Job job) {
   const std::lock_guard lock(mutex_);
-  if (stopping_) return;
+  if (stopping_) return false;
   if (clients_.size() > forget_above_) forgetIdleClients();
   Client& known = clients_[client];
   known.is_forgotten = false;
@@ -51,7 +57,7 @@ void FairQueue::submit(std::uint64_t client, Job job) {
   if (Address* const address = addressOf(known)) address->used = std::max(address->used, kClientsOfAddress * served_);
   known.jobs.push_back(std::move(job));
   ++waiting_;
-  setReady(client, known);
+  return setReady(client, known);
 }
 
 void FairQueue::setAddress(std::uint64_t client, const std::string& address) {
@@ -208,7 +214,7 @@ void FairQueue::runJob(std::unique_lock<std::mutex>& lock, const Turn& turn) {
   ++group.running;
   const auto running = running_.insert(running_.end(), {Clock::now(), client.group, !group.is_stalled});
   if (running->counts) ++counted_;
-  setReady(turn.client, client);
+  if (setReady(turn.client, client)) changed_.notify_one();
   // Somebody is left to see whether this one stalls.
   if (threads_.size() == running_.size() && groups_.size() > 1) startThread();
   lock.unlock();
@@ -238,20 +244,21 @@ void FairQueue::endJob(std::uint64_t number, const Running& job, double worked) 
   if (Address* const address = addressOf(client)) address->used += charged;
   if (client.is_forgotten && client.running == 0)
     eraseClient(number);
-  else
-    setReady(number, client);
+  else if (setReady(number, client))
+    changed_.notify_one();
 }
 
-/// Puts the client into its place among those that can be served, if it has a job that may begin.
-void FairQueue::setReady(std::uint64_t number, Client& client) {
-  if (client.turn || client.jobs.empty() || client.running >= jobs_at_once_) return;
+/// Puts the client into its place among those that can be served, if it has a job that may begin. Returns whether a
+/// thread is to be woken.
+bool FairQueue::setReady(std::uint64_t number, Client& client) {
+  if (client.turn || client.jobs.empty() || client.running >= jobs_at_once_) return false;
   double used = client.used;
   if (const Address* const address = addressOf(client)) used = std::max(used, address->used / kClientsOfAddress);
   client.turn = Turn{used, next_turn_++, number};
   Group& group = groups_.at(client.group);
   group.ready.insert(*client.turn);
   // Where all threads are busy, one that ends its job looks by itself.
-  if (group.is_stalled || counted_ < thread_count_ || !is_watched_) changed_.notify_one();
+  return group.is_stalled || counted_ < thread_count_ || !is_watched_;
 }
 
 void FairQueue::setUnready(Client& client) {

@@ -111,7 +111,8 @@ class FairQueue {
   void leaveAddress(const Client& client);
   void leaveGroup(std::uint64_t group);
   void eraseClient(std::uint64_t number);
-  void setReady(std::uint64_t number, Client& client);
+  bool addJob(std::uint64_t client, Job job);
+  bool setReady(std::uint64_t number, Client& client);
   void setUnready(Client& client);
   void forgetIdleClients();
   void endJob(std::uint64_t number, const Running& job, double worked);

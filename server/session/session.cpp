@@ -151,20 +151,39 @@ base::Error Session::refuseWithoutPatches() {
 // ---- out ----
 
 std::optional<SharedMessage> Session::nextMessage() {
+  needs_time_ = false;
   auto message = chooseMessage();
   if (message) counts_.bytes += message->size();
   return message;
+}
+
+std::optional<SharedMessage> Session::nextReadyMessage() {
+  ready_only_ = true;
+  auto message = nextMessage();
+  ready_only_ = false;
+  return message;
+}
+
+/// Once this has said that something takes time, nothing after it is looked for.
+bool Session::takesTime() {
+  needs_time_ = ready_only_;
+  return ready_only_;
 }
 
 std::optional<SharedMessage> Session::chooseMessage() {
   if (greeting_) return std::exchange(greeting_, std::nullopt);
   if (phase_ != Phase::kReady) return std::nullopt;
   if (!newest_) return std::nullopt;
-  if (!planned_ && planIsDue()) planNewestView();
+  if (remote_ && takesTime()) return std::nullopt;
+  if (!planned_ && planIsDue()) {
+    if (takesTime()) return std::nullopt;
+    planNewestView();
+  }
   // A frame for a moving eye has nothing to lie on without the coarse model.
   const bool needs_model = !frames_.standsAlone() || !has_group_[0];
   const double coarse_bytes = coarseBytesNext();
   if (needs_model && coarse_bytes > 0.0 && !frames_.linkIsFull()) return nextOfData();
+  if (frame_ && takesTime()) return std::nullopt;
   if (auto message = nextOfFrames()) return message;
   if (frames_.holdsOthers(std::min(coarse_bytes, partBytes()))) return std::nullopt;
   auto message = nextOfData();
@@ -225,11 +244,13 @@ std::optional<SharedMessage> Session::nextFrame() {
 std::optional<SharedMessage> Session::nextOfData() {
   if (!data_parts_.empty()) return nextPart(data_parts_);
   if (auto message = nextCoarse()) return inParts(data_parts_, std::move(message));
+  if (needs_time_) return std::nullopt;
   return inParts(data_parts_, nextOther());
 }
 
 std::optional<SharedMessage> Session::nextOther() {
   if (auto message = nextWanted()) return message;
+  if (needs_time_) return std::nullopt;
   if (!view_plan_.faces.empty()) return std::nullopt;  // they are being fetched
   if (!planned_) return std::nullopt;                  // that was an older view's
   if (!complete_sent_) {
@@ -283,8 +304,11 @@ void Session::planNewestView() {
 }
 
 std::optional<SharedMessage> Session::nextCoarse() {
-  while (next_coarse_ < start_->coarse.size())
-    if (auto message = groupMessage(start_->coarse[next_coarse_++])) return message;
+  for (; next_coarse_ < start_->coarse.size(); ++next_coarse_) {
+    auto message = groupMessage(start_->coarse[next_coarse_]);
+    if (needs_time_) return std::nullopt;
+    if (message) return ++next_coarse_, message;
+  }
   return std::nullopt;
 }
 
@@ -299,8 +323,11 @@ std::optional<SharedMessage> Session::nextWanted() {
     // Faces leave the list as they are sent.
     const std::size_t faces_gone = faces_planned_ - std::min(faces_planned_, view_plan_.faces.size());
     if (group_left && (!face_left || view_plan_.faces_before[next_group_] <= faces_gone)) {
-      if (auto message = groupMessage(view_plan_.groups[next_group_++])) return message;
-    } else if (auto message = removeAndEncode(view_plan_.faces, face)) {
+      auto message = groupMessage(view_plan_.groups[next_group_]);
+      if (needs_time_) return std::nullopt;
+      ++next_group_;
+      if (message) return message;
+    } else if (auto message = removeAndEncode(view_plan_.faces, face); message || needs_time_) {
       return message;
     }
   }
@@ -328,7 +355,7 @@ bool Session::prefetchIsOver() const {
 }
 
 std::optional<SharedMessage> Session::nextPrefetch() {
-  if (load_ != Load::kFree) return std::nullopt;
+  if (load_ != Load::kFree || prefetchIsOver() || takesTime()) return std::nullopt;
   planPrefetch();
   while (prefetch_bytes_ < scene_.ahead_bytes) {
     const auto face = findSendable(*prefetch_);
@@ -356,8 +383,10 @@ Session::Faces::iterator Session::findSendable(Faces& faces) {
 
 std::optional<SharedMessage> Session::removeAndEncode(Faces& faces, Faces::iterator face) {
   const repository::FaceKey key = *face;
-  faces.erase(face);
-  return faceMessage(key);
+  const auto at = face - faces.begin();
+  auto message = faceMessage(key);
+  if (!needs_time_) faces.erase(faces.begin() + at);
+  return message;
 }
 
 /// The Refinement message of a group; nullopt when the client has it, or the block cannot be read or is damaged.
@@ -373,7 +402,7 @@ std::optional<SharedMessage> Session::groupMessage(std::uint32_t group) {
     lod::patch::encodeGroup(scene_.patches->hierarchy(), group, record);
     return protocol::encode(protocol::Refinement{record.takeBytes(), std::move(*block)});
   });
-  if (!message) return std::nullopt;
+  if (!message) return std::nullopt;  // or it takes time
   has_group_[group] = true;
   ++counts_.groups;
   counts_.group_bytes += message->size();
@@ -386,6 +415,7 @@ template <class Encode>
 std::optional<SharedMessage> Session::encodedOnce(std::uint64_t key, Encode encode) {
   if (scene_.messages != nullptr)
     if (auto message = scene_.messages->find(key)) return message;
+  if (takesTime()) return std::nullopt;
   auto bytes = encode();
   if (!bytes) return std::nullopt;
   SharedMessage message(std::move(*bytes));
@@ -409,6 +439,7 @@ std::optional<SharedMessage> Session::faceMessage(const repository::FaceKey& key
     }
     return protocol::encode(protocol::Face{key, std::move(**value)});
   });
+  if (!message && needs_time_) return std::nullopt;
   if (!message) {
     if (is_absent && key.tile != 0) return ancestorInstead(key);
     if (is_absent) ++counts_.missing;
@@ -520,8 +551,7 @@ std::optional<double> Session::wakeAt(bool tells_room) const {
   std::optional<double> at = frames_.wakeAt(tells_room);
   const double now = frames_.link().now();
   if (newest_ && !planned_ && nextPlanAt() > now) at = std::min(at.value_or(nextPlanAt()), nextPlanAt());
-  const bool prefetch_waits = planned_ && complete_sent_ && load_ != Load::kFree && !prefetchIsOver();
-  if (prefetch_waits) at = std::min(at.value_or(now + kBusySeconds), now + kBusySeconds);
+  if (waitsToPrefetch()) at = std::min(at.value_or(now + kBusySeconds), now + kBusySeconds);
   return at;
 }
 

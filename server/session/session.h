@@ -126,6 +126,11 @@ class Session {
   /// The next message to send, the most useful first; nullopt when there is none. Call it again only when the last one
   /// was written: that is the back-pressure.
   std::optional<SharedMessage> nextMessage();
+  /// The same as far as it takes some microseconds: nothing is planned, read or encoded for it, so that groups and
+  /// images come from the cache alone.
+  std::optional<SharedMessage> nextReadyMessage();
+  /// Once nextReadyMessage() has none: whether nextMessage() may have one.
+  bool needsTime() const { return needs_time_; }
   /// The remote faces to fetch next: first all that the newest view needs, later, when the view is complete, those to
   /// prefetch. nullopt for local images and while two requests are under way. Only faces and Completion wait for the
   /// answers; nextMessage() returns other messages meanwhile.
@@ -147,6 +152,8 @@ class Session {
   /// Once nextMessage() has none: whether it may have one as soon as bytes have left, though nothing else happens. Most
   /// sessions have sent all that they have by then, and need not be asked.
   bool needsRoom() const;
+  /// Whether it has something to send that is not needed yet, and waits for the server to have time for it.
+  bool waitsToPrefetch() const { return planned_ && complete_sent_ && load_ != Load::kFree && !prefetchIsOver(); }
   /// Whether a Refusal was sent: the connection is to be closed.
   bool finished() const { return phase_ == Phase::kRefused && !greeting_; }
   const std::string& clientName() const { return client_; }  ///< from Hello; empty before it
@@ -165,6 +172,7 @@ class Session {
 
   // ---- out ----
   std::optional<SharedMessage> chooseMessage();
+  bool takesTime();
   std::optional<SharedMessage> nextOfFrames();
   std::optional<SharedMessage> nextFrame();
   std::optional<SharedMessage> nextOfData();
@@ -222,6 +230,9 @@ class Session {
   bool planned_ = false;  // the fields below belong to `newest_`, else to `previous_`
   Load load_ = Load::kFree;
   double planned_at_ = 0.0;  // seconds
+
+  // While nextReadyMessage() looks for a message; where there is one that takes time, it stays the next.
+  bool ready_only_ = false, needs_time_ = false;
 
   // Data to send for the newest view. A cursor runs over the groups, and faces leave their lists when they are sent;
   // those that the client received otherwise meanwhile are skipped.

@@ -32,15 +32,40 @@ void SessionRunner::frameRendered(FrameRequest request, base::Bytes value, const
   add(state, [request, held](SessionRunner& self) { self.session_.frameRendered(request, std::move(*held)); });
 }
 
-void SessionRunner::tellRoom(const ConnectionState& state) {
-  add(state, nullptr, Wakes::kIfRoomIsNeeded);
+std::optional<SessionOutput> SessionRunner::tellRoom(const ConnectionState& state) {
+  return makeReady(state, Wakes::kIfRoomIsNeeded);
 }
 
-void SessionRunner::wake(const ConnectionState& state) {
-  add(state, nullptr);
+std::optional<SessionOutput> SessionRunner::wake(const ConnectionState& state) {
+  return makeReady(state, Wakes::kAlways);
+}
+
+std::optional<SessionOutput> SessionRunner::makeReady(const ConnectionState& state, Wakes wakes) {
+  {
+    const std::lock_guard lock(mutex_);
+    // The output of a turn goes before what is ready. While it is on its way, the next turn is told.
+    const bool is_due = needs_room_ || wakes == Wakes::kAlways;
+    if (ended_ || scheduled_ || !is_due || outputs_under_way_ > 0) {
+      addEvent({state, bytes_taken_, nullptr}, wakes);
+      return std::nullopt;
+    }
+    scheduled_ = true;  // keeps turns from running
+  }
+  acceptEvent({state, bytes_taken_, nullptr});
+  SessionOutput output;
+  const bool needs_room = makeMessages(output, Makes::kReady);
+  // A turn knows how much there is to do besides.
+  const bool waits = wakes == Wakes::kAlways && session_.waitsToPrefetch();
+  const std::lock_guard lock(mutex_);
+  endTurn(needs_room, session_.needsTime() || waits);
+  return output;
 }
 
 void SessionRunner::take(const SessionOutput& output) {
+  {
+    const std::lock_guard lock(mutex_);
+    --outputs_under_way_;
+  }
   for (const SharedMessage& message : output.messages) bytes_taken_ += message.size();
 }
 
@@ -63,13 +88,18 @@ bool SessionRunner::isFull() const {
   return events_.size() >= kMaxEvents || event_bytes_ >= kMaxEventBytes;
 }
 
-void SessionRunner::add(const ConnectionState& state, std::function<void(SessionRunner&)> apply, Wakes wakes) {
+void SessionRunner::add(const ConnectionState& state, std::function<void(SessionRunner&)> apply) {
   const std::lock_guard lock(mutex_);
+  addEvent({state, bytes_taken_, std::move(apply)}, Wakes::kAlways);
+}
+
+/// The lock is held.
+void SessionRunner::addEvent(Event event, Wakes wakes) {
   if (ended_) return;
-  const bool only_tells = apply == nullptr;
+  const bool only_tells = event.apply == nullptr;
   // The newest of several states in a row tells all.
   if (only_tells && !events_.empty() && events_.back().apply == nullptr) events_.pop_back();
-  events_.push_back({state, bytes_taken_, std::move(apply)});
+  events_.push_back(std::move(event));
   due_ = due_ || wakes == Wakes::kAlways;
   if ((due_ || needs_room_) && !std::exchange(scheduled_, true)) schedule();
 }
@@ -94,18 +124,25 @@ void SessionRunner::runTurn() {
   SessionOutput output;
   const auto start = std::chrono::steady_clock::now();
   const std::uint64_t planned = session_.counts().planned;
-  const bool needs_room = makeMessages(output);
+  const bool needs_room = makeMessages(output, Makes::kAll);
   if (session_.counts().planned > planned)
     output.plan_seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   {
     const std::lock_guard lock(mutex_);
-    counts_ = session_.counts();
-    needs_room_ = needs_room;
-    scheduled_ = due_ || (needs_room && !events_.empty());
+    endTurn(needs_room, false);
     if (ended_) return;
-    if (scheduled_) schedule();
   }
   done_(std::move(output));
+}
+
+/// The lock is held.
+void SessionRunner::endTurn(bool needs_room, bool needs_another) {
+  counts_ = session_.counts();
+  needs_room_ = needs_room;
+  scheduled_ = !ended_ && (due_ || needs_another || (needs_room && !events_.empty()));
+  if (ended_) return;
+  ++outputs_under_way_;
+  if (scheduled_) schedule();
 }
 
 void SessionRunner::acceptEvent(const Event& event) {
@@ -124,11 +161,11 @@ void SessionRunner::receiveMessage(const base::Bytes& message) {
 }
 
 /// Returns whether there may be more messages once the connection has room.
-bool SessionRunner::makeMessages(SessionOutput& output) {
+bool SessionRunner::makeMessages(SessionOutput& output, Makes makes) {
   bool needs_room = true;
   output.frame = session_.nextFrameRequest();
   while (waiting_ == 0 || waiting_ < kBytesAhead) {
-    auto message = session_.nextMessage();
+    auto message = makes == Makes::kAll ? session_.nextMessage() : session_.nextReadyMessage();
     if (!message) {
       needs_room = session_.needsRoom();
       break;
@@ -138,7 +175,8 @@ bool SessionRunner::makeMessages(SessionOutput& output) {
     session_.setLink(link_);
     output.messages.push_back(std::move(*message));
   }
-  while (auto request = session_.nextFaceRequest()) output.faces.push_back(std::move(*request));
+  if (makes == Makes::kAll)
+    while (auto request = session_.nextFaceRequest()) output.faces.push_back(std::move(*request));
   if (auto frame = session_.nextFrameRequest()) output.frame = std::move(frame);
   output.wake_at = session_.wakeAt(waiting_ > 0);
   if (!name_told_ && !session_.clientName().empty()) output.client_name = session_.clientName(), name_told_ = true;

@@ -5,6 +5,9 @@
 // A session takes turns: all that happened since the last one is accepted, of several views the newest is planned for,
 // and as many messages are made as the connection has room for. A viewer that asks for more than its share of the
 // workers' time (FairQueue) waits for its next turn, and its views replace each other meanwhile.
+//
+// Messages that need only be taken from the cache are handed to the connection at once, on its own thread: to wake a
+// worker for them, and then the connection, takes several times as long as to find them.
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -44,7 +47,7 @@ struct SessionOutput {
   std::optional<std::string> refusal;      ///< once: why the connection is to be closed, after the messages
 };
 
-/// The calls are for one thread, that of the connection, but for end() and counts(), which any thread may call.
+/// The calls are for one thread, that of the connection, but for counts(), which any thread may call.
 class SessionRunner : public std::enable_shared_from_this<SessionRunner> {
  public:
   /// Called on a worker after each turn.
@@ -57,10 +60,11 @@ class SessionRunner : public std::enable_shared_from_this<SessionRunner> {
   void receive(base::Bytes message, const ConnectionState& state);
   void facesFetched(FaceRequest request, Session::FaceValues values, const ConnectionState& state);
   void frameRendered(FrameRequest request, base::Bytes value, const ConnectionState& state);
-  /// Messages were written. A turn begins if the session has more to send, which it knows; else the next one is told.
-  void tellRoom(const ConnectionState& state);
-  /// The time to wake has come.
-  void wake(const ConnectionState& state);
+  /// Messages were written. Returns what is ready to be sent, for the connection to take like other outputs. A turn
+  /// begins if the session has more, but has to plan or to read for it; if it has none, the next turn is told.
+  std::optional<SessionOutput> tellRoom(const ConnectionState& state);
+  /// The time to wake has come. Returns and begins the same.
+  std::optional<SessionOutput> wake(const ConnectionState& state);
   /// To be called for each output that the connection takes, before it tells of it in a state.
   void take(const SessionOutput& output);
   /// No turn begins from here on, and one that runs has no output.
@@ -77,19 +81,23 @@ class SessionRunner : public std::enable_shared_from_this<SessionRunner> {
     std::function<void(SessionRunner&)> apply;
   };
   enum class Wakes { kAlways, kIfRoomIsNeeded };
-  void add(const ConnectionState& state, std::function<void(SessionRunner&)> apply, Wakes wakes = Wakes::kAlways);
+  enum class Makes { kAll, kReady };  // messages
+  std::optional<SessionOutput> makeReady(const ConnectionState& state, Wakes wakes);
+  void add(const ConnectionState& state, std::function<void(SessionRunner&)> apply);
+  void addEvent(Event event, Wakes wakes);
   void schedule();
   void runTurn();
+  void endTurn(bool needs_room, bool needs_another);
   void acceptEvent(const Event& event);
   void receiveMessage(const base::Bytes& message);
-  bool makeMessages(SessionOutput& output);
+  bool makeMessages(SessionOutput& output, Makes makes);
 
   const std::shared_ptr<const void> keep_alive_;
   FairQueue& workers_;
   const std::uint64_t client_;
   const OnOutput done_;
 
-  // Used by the turn that runs.
+  // Used by the turn that runs, or by the connection's thread while it keeps turns from running.
   Session session_;
   LinkState link_;             // the newest, with what was handed out since
   std::uint64_t waiting_ = 0;  // bytes of messages that were made, and not yet given to the kernel
@@ -102,9 +110,10 @@ class SessionRunner : public std::enable_shared_from_this<SessionRunner> {
   mutable std::mutex mutex_;
   std::vector<Event> events_;
   std::uint64_t event_bytes_ = 0;
-  bool scheduled_ = false;   // a turn waits or runs
-  bool due_ = false;         // something came since the turn began for which there must be another one
-  bool needs_room_ = false;  // messages waited for room when the last turn ended
+  std::size_t outputs_under_way_ = 0;  // to the connection; what is made after them must come after them
+  bool scheduled_ = false;             // a turn waits or runs
+  bool due_ = false;                   // something came since the turn began for which there must be another one
+  bool needs_room_ = false;            // messages waited for room when the last turn ended
   bool ended_ = false;
   SessionCounts counts_;
 };

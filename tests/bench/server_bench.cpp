@@ -103,6 +103,7 @@ struct Measured {
   std::vector<double> first, groups, complete;  // from a view to its first message, last group, completion
   std::uint64_t bytes = 0, views = 0, late = 0;
   double seconds = 0.0;
+  double viewers_cpu = 0.0, sender_cpu = 0.0;
 
   double lateShare() const {
     return static_cast<double>(late) / static_cast<double>(std::max<std::uint64_t>(1, views));
@@ -285,6 +286,7 @@ Measured jump(std::uint16_t port, std::size_t viewers, double seconds, const pro
   auto flyers = openFlyers(port, viewers, measured, welcome, speaks);
   Poll poll;
   poll.add(flyers);
+  const double viewers_cpu = bench::seconds(CLOCK_THREAD_CPUTIME_ID);
   for (auto& flyer : flyers) flyer->look(0.0);
   const double start = bench::seconds();
   while (bench::seconds() - start < seconds) {
@@ -298,6 +300,7 @@ Measured jump(std::uint16_t port, std::size_t viewers, double seconds, const pro
     });
   }
   measured.seconds = bench::seconds() - start;
+  measured.viewers_cpu = bench::seconds(CLOCK_THREAD_CPUTIME_ID) - viewers_cpu;
   return measured;
 }
 
@@ -369,14 +372,14 @@ std::vector<std::vector<base::Bytes>> messagesOfAVisit(std::uint16_t port, const
   return answers;
 }
 
-void print(const char* name, const Measured& m, double cpu) {
+void print(const char* name, const Measured& m) {
   std::printf(
       "%-12s %7.0f MB/s  %6.0f views/s  first p50 %6.1f p99 %7.1f ms  groups p99 %7.1f ms  complete p50 %6.1f p99 "
-      "%7.1f ms  CPU %5.2f ms a view\n",
+      "%7.1f ms  CPU, ns a byte: sender %5.3f viewers %5.3f\n",
       name, 1e-6 * static_cast<double>(m.bytes) / m.seconds, static_cast<double>(m.views) / m.seconds,
       1e3 * quantile(m.first, 0.5), 1e3 * quantile(m.first, 0.99), 1e3 * quantile(m.groups, 0.99),
       1e3 * quantile(m.complete, 0.5), 1e3 * quantile(m.complete, 0.99),
-      1e3 * cpu / static_cast<double>(std::max<std::uint64_t>(1, m.views)));
+      1e9 * m.sender_cpu / static_cast<double>(m.bytes), 1e9 * m.viewers_cpu / static_cast<double>(m.bytes));
   std::fflush(stdout);
 }
 
@@ -430,11 +433,14 @@ void jumpBesidePeer(const Served& served, std::size_t viewers, double seconds, s
   const ServeProcess serve(served);
   const protocol::Welcome welcome = welcomeFrom(serve.port);
   const server::PlainSender sender(messagesOfAVisit(serve.port, welcome, visit));
-  const double cpu = serve.cpuSeconds();
-  const Measured ours = jump(serve.port, viewers, seconds, welcome, visit, true);
-  print("throughput", ours, serve.cpuSeconds() - cpu);
-  const Measured bare = jump(sender.port(), viewers, seconds, welcome, visit, false);
-  print("  bare Beast", bare, 0.0);
+  const double serve_cpu = serve.cpuSeconds();
+  Measured ours = jump(serve.port, viewers, seconds, welcome, visit, true);
+  ours.sender_cpu = serve.cpuSeconds() - serve_cpu;
+  print("throughput", ours);
+  const double own_cpu = bench::seconds(CLOCK_PROCESS_CPUTIME_ID);
+  Measured bare = jump(sender.port(), viewers, seconds, welcome, visit, false);
+  bare.sender_cpu = bench::seconds(CLOCK_PROCESS_CPUTIME_ID) - own_cpu - bare.viewers_cpu;
+  print("  bare Beast", bare);
   ratios.bytes.push_back(static_cast<double>(ours.bytes) / ours.seconds * bare.seconds /
                          static_cast<double>(bare.bytes));
   ratios.first.push_back(quantile(ours.first, 0.99) / quantile(bare.first, 0.99));

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <functional>
 #include <thread>
 #include <vector>
 
@@ -66,8 +67,12 @@ TEST(MessageCache, severalThreads) {
   for (std::thread& thread : threads) thread.join();
 }
 
+/// The next message of a session.
+using Next = std::function<std::optional<SharedMessage>(Session&)>;
+
 /// All messages of one view of a new client.
-std::vector<SharedMessage> messagesOfAView(const SceneData& data) {
+std::vector<SharedMessage> messagesOfAView(
+    const SceneData& data, const Next& next = [](Session& session) { return session.nextMessage(); }) {
   Session session(data);
   EXPECT_TRUE(session.receive(protocol::encode(protocol::ClientMessage(protocol::Hello{}))));
   protocol::View view;
@@ -77,7 +82,7 @@ std::vector<SharedMessage> messagesOfAView(const SceneData& data) {
   view.camera.up = {0.0, 1.0, 0.0};
   EXPECT_TRUE(session.receive(protocol::encode(protocol::ClientMessage(view))));
   std::vector<SharedMessage> messages;
-  while (auto message = session.nextMessage()) messages.push_back(std::move(*message));
+  while (auto message = next(session)) messages.push_back(std::move(*message));
   return messages;
 }
 
@@ -133,6 +138,70 @@ TEST(MessageCache, viewersOfTheSamePlaceAreSentTheSameBytes) {
   }
   // All but Completion. The Welcome is that of the scene's SessionStart.
   EXPECT_EQ(shared, alone.size() - 1);
+}
+
+/// How often a session had a message ready, and had to take its time for one.
+struct Taken {
+  std::size_t ready = 0, in_time = 0;
+};
+
+std::vector<SharedMessage> messagesReadyFirst(const SceneData& data, Taken& taken) {
+  return messagesOfAView(data, [&](Session& session) {
+    if (auto message = session.nextReadyMessage()) return ++taken.ready, message;
+    if (!session.needsTime()) return std::optional<SharedMessage>();
+    auto message = session.nextMessage();
+    if (message) ++taken.in_time;
+    return message;
+  });
+}
+
+// Whoever takes what is ready, and waits only for the rest, is sent the same messages in the same order.
+TEST(ReadyMessages, areTheNextMessages) {
+  TestScene scene;
+  scene.data.ahead_bytes = 0;
+  const auto alone = messagesOfAView(scene.data);
+  Taken nothing_kept;
+  const auto read = messagesReadyFirst(scene.data, nothing_kept);
+  // Welcome and Completion alone need neither a plan nor the cache.
+  EXPECT_EQ(nothing_kept.ready, 2U);
+
+  MessageCache cache(std::uint64_t{64} << 20);
+  scene.data.messages = &cache;
+  messagesOfAView(scene.data);
+  Taken all_kept;
+  const auto cached = messagesReadyFirst(scene.data, all_kept);
+  EXPECT_EQ(all_kept.in_time, 1U);  // the view had to be planned for
+
+  // A cache that is too small has lost some of them.
+  MessageCache small(cache.bytes() / 2);
+  scene.data.messages = &small;
+  messagesOfAView(scene.data);
+  Taken some_kept;
+  const auto mixed = messagesReadyFirst(scene.data, some_kept);
+  EXPECT_GT(some_kept.in_time, 1U);
+  EXPECT_GT(some_kept.ready, 2U);
+
+  for (const auto* other : {&read, &cached, &mixed}) {
+    ASSERT_EQ(other->size(), alone.size());
+    for (std::size_t i = 0; i < alone.size(); ++i) EXPECT_EQ((*other)[i].bytes(), alone[i].bytes()) << i;
+  }
+}
+
+// For an image that is not stored, too, somebody has to look.
+TEST(ReadyMessages, leaveMissingImagesToOthers) {
+  TestScene scene;
+  scene.data.ahead_bytes = 0;
+  MessageCache cache(std::uint64_t{64} << 20);
+  scene.data.messages = &cache;
+  messagesOfAView(scene.data);
+  std::erase_if(scene.store.values, [](const auto& one) { return one.first.d != 5; });
+  MessageCache other(std::uint64_t{64} << 20);
+  scene.data.messages = &other;
+  const auto alone = messagesOfAView(scene.data);
+  Taken taken;
+  const auto ready = messagesReadyFirst(scene.data, taken);
+  ASSERT_EQ(ready.size(), alone.size());
+  for (std::size_t i = 0; i < alone.size(); ++i) EXPECT_EQ(ready[i].bytes(), alone[i].bytes()) << i;
 }
 
 }  // namespace

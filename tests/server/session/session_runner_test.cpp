@@ -39,22 +39,34 @@ class FakeConnection {
     send(protocol::Hello{protocol::kVersion, "a program"});
     next();
   }
-  /// Waits for the output of the next turn and takes it.
-  SessionOutput next() {
+  /// Waits for the output of the next turn, which stays.
+  void waitForOutput() {
     std::unique_lock lock(outputs_->mutex);
     EXPECT_TRUE(
         outputs_->changed.wait_for(lock, std::chrono::seconds(20), [this] { return !outputs_->waiting.empty(); }));
+  }
+  /// Waits for the output of the next turn and takes it.
+  SessionOutput next() {
+    waitForOutput();
+    const std::lock_guard lock(outputs_->mutex);
     SessionOutput output = std::move(outputs_->waiting.front());
     outputs_->waiting.pop_front();
     runner->take(output);
     for (const SharedMessage& message : output.messages) unwritten += message.size();
     return output;
   }
+  /// Waits for an output with messages, and takes it and those before it.
+  std::vector<SharedMessage> nextMessages() {
+    for (;;)
+      if (SessionOutput output = next(); !output.messages.empty()) return std::move(output.messages);
+  }
   /// Tells that all was written.
   void written() {
     unwritten = 0;
-    runner->tellRoom(state());
+    tellRoom();
   }
+  void tellRoom() { addReady(runner->tellRoom(state())); }
+  void wake() { addReady(runner->wake(state())); }
   /// Takes and writes until Completion(sequence); returns the types' counts.
   std::size_t readUntilComplete(std::uint32_t sequence) {
     for (std::size_t messages = 0;;) {
@@ -69,6 +81,12 @@ class FakeConnection {
     }
   }
   ConnectionState state() const { return {{seconds, unwritten, 0, 0.0}, unwritten}; }
+
+  void addReady(std::optional<SessionOutput> ready) {
+    if (!ready) return;
+    const std::lock_guard lock(outputs_->mutex);
+    outputs_->waiting.push_back(std::move(*ready));
+  }
 
   double seconds = 0.0;
   std::uint64_t unwritten = 0;
@@ -128,10 +146,10 @@ TEST(SessionRunner, makesNothingWhileTheConnectionIsFull) {
   connection.unwritten = kBytesAhead;
   connection.send(someView(1));
   EXPECT_TRUE(connection.next().messages.empty());
-  connection.runner->tellRoom(connection.state());
+  connection.tellRoom();
   EXPECT_TRUE(connection.next().messages.empty());
   connection.written();
-  EXPECT_FALSE(connection.next().messages.empty());
+  EXPECT_FALSE(connection.nextMessages().empty());
 }
 
 // Without this a server with many viewers would be woken for each of them all the time.
@@ -146,7 +164,7 @@ TEST(SessionRunner, isNotWokenToSeeWhetherAConnectionHasRoomThatTellsOfIt) {
   EXPECT_TRUE(output.messages.empty());
   EXPECT_FALSE(output.wake_at);
   connection.written();
-  EXPECT_FALSE(connection.next().messages.empty());
+  EXPECT_FALSE(connection.nextMessages().empty());
 }
 
 // Each turn hands work from thread to thread and back. A session that has sent all has no use for room.
@@ -165,10 +183,55 @@ TEST(SessionRunner, takesNoTurnForRoomOnceAllIsSent) {
   BusyThread busy(workers);
   connection.written();
   EXPECT_EQ(workers.waiting(), 0U);
-  connection.runner->wake(connection.state());
+  connection.wake();
+  EXPECT_EQ(workers.waiting(), 0U);
+  connection.next();
+  connection.send(someView(2));
   EXPECT_EQ(workers.waiting(), 1U);
   busy.free();
   connection.next();
+}
+
+// To find a message in the cache takes microseconds, and to wake a worker for it several times as long.
+TEST(SessionRunner, whatIsReadyTakesNoWorker) {
+  TestScene scene(8, 20'000);
+  scene.data.ahead_bytes = 0;
+  MessageCache cache(std::uint64_t{64} << 20);
+  scene.data.messages = &cache;
+  FairQueue workers(1);
+  FakeConnection first(scene.data, workers);
+  first.greet();
+  first.written();
+  first.send(someView(1));
+  first.readUntilComplete(1);
+
+  FakeConnection second(scene.data, workers, 2);
+  second.greet();
+  second.written();
+  second.send(someView(1));
+  ASSERT_FALSE(second.next().messages.empty());  // planned for by a worker
+  BusyThread busy(workers);
+  second.written();
+  EXPECT_EQ(workers.waiting(), 0U);
+  second.readUntilComplete(1);
+  EXPECT_EQ(second.runner->counts().bytes, first.runner->counts().bytes);
+  busy.free();
+}
+
+// A turn's output may be under way between threads when the connection has room again.
+TEST(SessionRunner, nothingOvertakesWhatATurnMade) {
+  TestScene scene(8, 20'000);
+  MessageCache cache(std::uint64_t{64} << 20);
+  scene.data.messages = &cache;
+  FairQueue workers(1);
+  FakeConnection connection(scene.data, workers);
+  connection.greet();
+  connection.written();
+  connection.send(someView(1));
+  connection.waitForOutput();
+  EXPECT_FALSE(connection.runner->tellRoom(connection.state()));
+  EXPECT_FALSE(connection.runner->wake(connection.state()));
+  EXPECT_FALSE(connection.next().messages.empty());
 }
 
 // Messages that wait in front of a busy worker are accepted in one turn, which plans for the newest view alone.
@@ -231,7 +294,7 @@ TEST(SessionRunner, nothingComesAfterTheEnd) {
   BusyThread busy(workers);
   runner->receive(protocol::encode(protocol::ClientMessage(protocol::Hello{})), {});
   runner->end();
-  runner->wake({});
+  EXPECT_FALSE(runner->wake({}));
   EXPECT_FALSE(runner->isFull());
   busy.free();
   workers.stop();
