@@ -152,7 +152,6 @@ std::optional<glm::vec3> Indoors::eyeLevel(const glm::vec3& point) const {
 // Whether something of some width passes.
 bool Indoors::hasWay(const glm::vec3& from, const glm::vec3& to) const {
   const glm::vec3 along = to - from;
-  if (glm::length(along) <= 2.0F * body_) return true;
   glm::vec3 side = glm::cross(along, up_);
   side = glm::length(side) > 1e-3F * glm::length(along) ? glm::normalize(side) : sideOf(up_);
   for (const glm::vec3& aside : {glm::vec3(0.0F), body_ * side, -body_ * side, -2.0F * body_ * up_})
