@@ -11,14 +11,13 @@ vec3 pageColor(vec3 color) {
   float a = dot(dx, dx), b = dot(dy, dy);
   float longer = max(a, b), shorter = min(a, b);
   // Half of the binary logarithm, straight between powers of two, as a float's bits are, and so up to 0.05 low. The
-  // nearest level is the exact one's all the same, since it changes at powers of two. The level is chosen a little
-  // finer than the footprint, which is sharper: most where all of a face lies just beyond a change of level.
-  float texels = max(0.9 * max(shorter, longer / 16.0), 1e-12);
+  // nearest level is the exact one's all the same, since it changes at powers of two.
+  float texels = max(max(shorter, longer / 16.0), 1e-12);
   float level = float(floatBitsToInt(texels)) * (0.5 / 8388608.0) - 63.5;
-  // Texels that are larger than the footprint need one look-up, and footprints too that are up to 1.7 times as long as
-  // wide: two would blur them. Others need about as many as the axis is longer; more cost time and show no more.
+  // Texels that are larger than the footprint need one look-up, and square footprints too, those included that are up
+  // to a tenth longer: two would blur them. Others need as many as the axis is longer, rounded up.
   float square = max(shorter, 1.0);
-  float count = 1.0 + float(longer > 3.0 * square) + float(longer > 8.0 * square) + float(longer > 16.0 * square);
+  float count = 1.0 + float(longer > 1.21 * square) + float(longer > 4.0 * square) + float(longer > 9.0 * square);
   float share = 1.0 / count;
   vec2 between = (a > b ? across : down) * share;
   vec2 at = v_place - 0.5 * (count - 1.0) * between;
