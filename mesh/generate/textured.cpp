@@ -41,7 +41,7 @@ base::Result<void> check(const TexturedOptions& options, const std::string& path
   if (file.extension() != ".obj") return invalid(path + ": a mesh with textures is written as OBJ; name it NAME.obj");
   if (file.stem().string().find_first_of(" \t") != std::string::npos)
     return invalid(path + ": an OBJ cannot name materials with spaces; choose a name without them");
-  const std::uint64_t least = options.shape == TexturedShape::kRooms ? kMinRoomsTriangles : kMinTexturedTriangles;
+  const std::uint64_t least = leastTriangles(options.shape);
   if (options.triangles < least || options.triangles > kMaxTexturedTriangles)
     return invalid(std::to_string(options.triangles) + " triangles: such a mesh with textures has between " +
                    std::to_string(least) + " and 100000000");

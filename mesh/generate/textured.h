@@ -25,6 +25,11 @@ inline constexpr std::uint64_t kMaxTexturedTriangles = 100'000'000;  // readers 
 inline constexpr std::uint64_t kMaxTexels = 100'000;                 // per triangle; a choice
 inline constexpr int kMaxPictureSide = 4096;                         // texels; every GPU takes such pictures
 
+/// The fewest triangles that a shape is made of.
+constexpr std::uint64_t leastTriangles(TexturedShape shape) {
+  return shape == TexturedShape::kRooms ? kMinRoomsTriangles : kMinTexturedTriangles;
+}
+
 struct TexturedOptions {
   TexturedShape shape = TexturedShape::kFacade;
   std::uint64_t triangles = 1'000'000;  ///< 128 (rooms: 500) … 10^8; the result differs by at most 2 %

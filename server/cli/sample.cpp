@@ -32,6 +32,14 @@ glm::dvec3 originOf(const SampleArguments& a) {
   return {a.origin[0], a.origin[1], a.origin[2]};
 }
 
+/// Nothing for shapes that are written as PLY.
+std::optional<TexturedShape> texturedShapeNamed(const std::string& name) {
+  if (name == "facade") return TexturedShape::kFacade;
+  if (name == "terrain") return TexturedShape::kTerrain;
+  if (name == "rooms") return TexturedShape::kRooms;
+  return std::nullopt;
+}
+
 /// One of the two kinds of files, and how it is written.
 struct SampleFiles {
   std::vector<std::string> names;
@@ -51,11 +59,9 @@ SampleFiles plyOf(const SampleArguments& a) {
           }};
 }
 
-base::Result<SampleFiles> texturedObjOf(const SampleArguments& a) {
+base::Result<SampleFiles> texturedObjOf(const SampleArguments& a, TexturedShape shape) {
   TexturedOptions options;
-  options.shape = a.shape == "terrain" ? TexturedShape::kTerrain
-                  : a.shape == "rooms" ? TexturedShape::kRooms
-                                       : TexturedShape::kFacade;
+  options.shape = shape;
   options.triangles = a.triangles;
   options.texels = a.texels.value_or(options.texels);
   options.seed = a.seed;
@@ -67,7 +73,7 @@ base::Result<SampleFiles> texturedObjOf(const SampleArguments& a) {
 }
 
 /// A combination of options that parsing them one by one cannot refuse; empty where there is none.
-std::string wrongUsage(const SampleArguments& a, bool textured) {
+std::string wrongUsage(const SampleArguments& a, std::optional<TexturedShape> textured) {
   const auto outside = [&](std::uint64_t low, std::uint64_t high) {
     return a.triangles < low || a.triangles > high ? "--triangles: " + a.shape + " has between " + std::to_string(low) +
                                                          " and " + std::to_string(high) + " of them"
@@ -76,8 +82,7 @@ std::string wrongUsage(const SampleArguments& a, bool textured) {
   if (!textured && a.texels) return a.shape + " has no textures; --texels is for OBJ shapes";
   if (!textured) return outside(10'000, 1'000'000'000);
   if (a.no_colors || a.points) return a.shape + " has textures and faces; --no-colors and --points are for PLY shapes";
-  return outside(a.shape == "rooms" ? mesh::generate::kMinRoomsTriangles : mesh::generate::kMinTexturedTriangles,
-                 mesh::generate::kMaxTexturedTriangles);
+  return outside(mesh::generate::leastTriangles(*textured), mesh::generate::kMaxTexturedTriangles);
 }
 
 int refuse(const std::string& message) {
@@ -86,11 +91,11 @@ int refuse(const std::string& message) {
 }
 
 int run(SampleArguments& a) {
-  const bool textured = a.shape == "facade" || a.shape == "terrain" || a.shape == "rooms";
+  const auto textured = texturedShapeNamed(a.shape);
   if (const std::string problem = wrongUsage(a, textured); !problem.empty()) return refuse(problem);
   SampleFiles files;
   if (textured) {
-    auto planned = texturedObjOf(a);
+    auto planned = texturedObjOf(a, *textured);
     if (!planned) return refuse(planned.error().message);
     files = std::move(*planned);
   } else {

@@ -22,7 +22,7 @@ struct TourArguments {
   std::string scene;
   std::string output;
   int frames = 24;
-  bool around = false;  // said or not, what is said of the orbit or the viewing box asks for it
+  bool around = false;  // also where an option of the orbit or of the viewing box is given
   double turns = 1.0;
   double elevation_degrees = 30.0;
   double distance = 1.2;
@@ -34,21 +34,13 @@ struct TourArguments {
   double margin = 0.5;
 };
 
-/// The rooms of an interior, unless views around it are asked for.
-base::Result<std::optional<Indoors>> roomsOf(const TourArguments& a, const base::Scene& scene) {
-  if (!scene.interior || a.around || !base::partFile(scene, "patch", ".lgp")) return std::optional<Indoors>();
-  LUMIGRID_ASSIGN_OR_RETURN(const auto patches, lod::patch::PatchFile::open(base::patchPath(a.scene, scene)));
-  return Indoors::ofScene(scene, patches);
-}
-
 base::Result<std::vector<base::ViewCamera>> heldOutViews(const TourArguments& a, const base::Scene& scene,
-                                                         const Indoors* indoors) {
-  if (!base::partFile(scene, "patch", ".lgp"))
+                                                         const lod::patch::PatchFile* patches, const Indoors* indoors) {
+  if (patches == nullptr)
     return base::Error{base::ErrorCode::kNotFound, a.scene +
                                                        " has no patches, which --random needs; build them with "
                                                        "`lumigrid build ... --methods patch`, or use --frames"};
-  LUMIGRID_ASSIGN_OR_RETURN(auto patches, lod::patch::PatchFile::open(base::patchPath(a.scene, scene)));
-  LUMIGRID_ASSIGN_OR_RETURN(const auto enclosure, Enclosure::create(patches));
+  LUMIGRID_ASSIGN_OR_RETURN(const auto enclosure, Enclosure::create(*patches));
   auto views = randomViews(scene, enclosure,
                            {static_cast<std::size_t>(a.random), a.seed, a.margin, a.size[0], a.size[1], indoors});
   if (views.empty())
@@ -59,7 +51,15 @@ base::Result<std::vector<base::ViewCamera>> heldOutViews(const TourArguments& a,
 
 base::Result<void> run(const TourArguments& a) {
   LUMIGRID_ASSIGN_OR_RETURN(const auto scene, base::readScene(a.scene));
-  LUMIGRID_ASSIGN_OR_RETURN(const auto rooms, roomsOf(a, scene));
+  const bool is_from_rooms = scene.interior && !a.around;
+  std::optional<lod::patch::PatchFile> patches;
+  if ((is_from_rooms || a.random > 0) && base::partFile(scene, "patch", ".lgp")) {
+    LUMIGRID_ASSIGN_OR_RETURN(patches, lod::patch::PatchFile::open(base::patchPath(a.scene, scene)));
+  }
+  std::optional<Indoors> rooms;
+  if (is_from_rooms && patches) {
+    LUMIGRID_ASSIGN_OR_RETURN(rooms, Indoors::ofScene(scene, *patches));
+  }
   const Indoors* indoors = rooms ? &*rooms : nullptr;
   if (!a.path.empty()) {
     LUMIGRID_ASSIGN_OR_RETURN(const auto path,
@@ -68,7 +68,7 @@ base::Result<void> run(const TourArguments& a) {
   }
   std::vector<base::ViewCamera> frames;
   if (a.random > 0) {
-    LUMIGRID_ASSIGN_OR_RETURN(frames, heldOutViews(a, scene, indoors));
+    LUMIGRID_ASSIGN_OR_RETURN(frames, heldOutViews(a, scene, patches ? &*patches : nullptr, indoors));
   } else if (indoors != nullptr) {
     frames = roomsTour(scene, *indoors, a.frames);
     for (base::ViewCamera& view : frames) view.width = a.size[0], view.height = a.size[1];

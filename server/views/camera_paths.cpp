@@ -5,6 +5,7 @@
 #include <glm/gtc/constants.hpp>
 
 #include "server/views/indoor_paths.h"
+#include "server/views/level.h"
 #include "server/views/random_views.h"
 
 namespace server {
@@ -25,8 +26,7 @@ Place placeOf(const base::Scene& scene) {
   Place place;
   place.center = 0.5 * (scene.box_min + scene.box_max);
   place.up = glm::normalize(scene.up);
-  const glm::dvec3 other = std::abs(place.up.x) < 0.9 ? glm::dvec3(1, 0, 0) : glm::dvec3(0, 1, 0);
-  place.right = glm::normalize(glm::cross(place.up, other));
+  place.right = levelDirection(place.up);
   place.ahead = glm::cross(place.right, place.up);
   place.diagonal = std::max(glm::length(scene.box_max - scene.box_min), 1e-9);
   const glm::dvec3 sides = scene.box_max - scene.box_min;

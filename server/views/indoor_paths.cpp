@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <glm/gtc/quaternion.hpp>
 
 namespace server {
 namespace {
@@ -14,8 +15,7 @@ constexpr float kAhead = 0.06F;            // diagonals: as far ahead one looks 
 constexpr float kMostTurning = 80.0F;      // … and turns no faster, degrees a second; choices
 
 glm::vec3 turned(const glm::vec3& direction, const glm::vec3& axis, float angle) {
-  return std::cos(angle) * direction + std::sin(angle) * glm::cross(axis, direction) +
-         (1.0F - std::cos(angle)) * glm::dot(axis, direction) * axis;  // Rodrigues' formula
+  return glm::angleAxis(angle, axis) * direction;
 }
 
 // A level direction, somewhat lowered.

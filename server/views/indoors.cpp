@@ -5,13 +5,14 @@
 #include <glm/gtc/constants.hpp>
 #include <limits>
 
+#include "server/views/level.h"
 #include "server/views/unit_random.h"
 
 namespace server {
 namespace {
 
 constexpr std::uint32_t kSeed = 1887;
-constexpr std::size_t kDirections = 96;  // lines of sight, a tenth of a millisecond
+constexpr std::size_t kDirections = 96;  // lines of sight; a choice
 // In a room so many of the lines of sight end at a surface, and so many of these at its front. A choice: half of them
 // do above open ground, and doors, windows and what the scanner missed leave some of them open.
 constexpr float kEnding = 0.75F;
@@ -42,10 +43,6 @@ std::vector<glm::vec3> evenDirections(std::size_t count) {
     directions.emplace_back(r * std::cos(around), r * std::sin(around), z);
   }
   return directions;
-}
-
-glm::vec3 sideOf(const glm::vec3& up) {
-  return glm::normalize(glm::cross(up, std::abs(up.x) < 0.9F ? glm::vec3(1, 0, 0) : glm::vec3(0, 1, 0)));
 }
 
 // Clear lines between places, by number.
@@ -153,7 +150,8 @@ std::optional<glm::vec3> Indoors::eyeLevel(const glm::vec3& point) const {
 bool Indoors::hasWay(const glm::vec3& from, const glm::vec3& to) const {
   const glm::vec3 along = to - from;
   glm::vec3 side = glm::cross(along, up_);
-  side = glm::length(side) > 1e-3F * glm::length(along) ? glm::normalize(side) : sideOf(up_);
+  side = glm::length(side) > 1e-3F * glm::length(along) ? glm::normalize(side)
+                                                        : glm::vec3(levelDirection(glm::dvec3(up_)));
   for (const glm::vec3& aside : {glm::vec3(0.0F), body_ * side, -body_ * side, -2.0F * body_ * up_})
     if (sight_.isBlocked(from + aside, to + aside, 0.0F)) return false;
   return true;
@@ -224,7 +222,7 @@ void Indoors::findWalk() {
 }
 
 glm::vec3 Indoors::widestDirection(const glm::vec3& from) const {
-  const glm::vec3 side = sideOf(up_);
+  const glm::vec3 side(levelDirection(glm::dvec3(up_)));
   const glm::vec3 across = glm::cross(up_, side);
   glm::vec3 widest = side;
   float farthest = 0.0F;

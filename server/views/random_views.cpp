@@ -9,6 +9,7 @@
 #include "base/check.h"
 #include "base/file.h"
 #include "repository/sampling/cube_face.h"
+#include "server/views/level.h"
 
 namespace server {
 namespace {
@@ -50,8 +51,7 @@ std::vector<base::ViewCamera> indoorViews(const base::Scene& scene, const Indoor
   constexpr double kLowest = -0.57, kHighest = 0.34;  // sines of 35 and 20 degrees
   UnitRandom random(seed);
   const glm::dvec3 up = glm::normalize(scene.up);
-  const glm::dvec3 side =
-      glm::normalize(glm::cross(up, std::abs(up.x) < 0.9 ? glm::dvec3(1, 0, 0) : glm::dvec3(0, 1, 0)));
+  const glm::dvec3 side = levelDirection(up);
   const glm::dvec3 across = glm::cross(up, side);
   const base::Aabb& box = indoors.box();
   std::vector<base::ViewCamera> views;

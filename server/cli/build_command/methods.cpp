@@ -194,7 +194,7 @@ base::Result<void> orientBySurface(const BuildArguments& a, const lod::ingest::S
                             lod::patch::findOrientation(file, is_known ? &known : nullptr));
   if (!is_known) scene.up = glm::dvec3(found.up);
   setFirstView(found, scene);
-  scene.interior = found.section_height.has_value();
+  scene.interior = found.section_height.has_value();  // unless no room is found
   LUMIGRID_ASSIGN_OR_RETURN(const auto rooms, Indoors::ofScene(scene, file));
   scene.interior = rooms.has_value();
   LUMIGRID_ASSIGN_OR_RETURN(scene.light, chooseLight(a, built, scene));
