@@ -17,7 +17,7 @@ bool showsSameView(const ViewCamera& a, const ViewCamera& b) {
   const auto near = [](const glm::dvec3& u, const glm::dvec3& v) { return glm::length(u - v) <= kRounding; };
   return glm::length(a.position - b.position) <= kPlaceRounding * glm::length(a.position) &&
          near(a.direction, b.direction) && near(glm::normalize(a.up), glm::normalize(b.up)) && a.fov_y == b.fov_y &&
-         a.width == b.width && a.height == b.height && a.ortho_height == b.ortho_height;
+         a.width == b.width && a.height == b.height && a.ortho_height == b.ortho_height && a.section == b.section;
 }
 
 glm::vec4 sectionInScene(const SectionPlane& plane, const glm::dvec3& scene_origin) {
@@ -40,6 +40,7 @@ Camera cameraFromView(const ViewCamera& view, const glm::dvec3& scene_origin, fl
           : glm::perspective(static_cast<float>(view.fov_y), aspect, near_plane, far_plane);
   camera.width = view.width;
   camera.height = view.height;
+  if (view.section) camera.section = sectionInScene(*view.section, scene_origin);
   return camera;
 }
 

@@ -11,6 +11,16 @@ namespace base {
 inline constexpr double kMaxCoordinate = 1e12;  ///< world units, either sign; input beyond it is refused
 inline constexpr double kMinFov = 1e-3;         ///< radians; the maximum is π − kMinFov
 
+/// Cuts away the points on the side that `normal` points to: those with dot(normal, p) > offset.
+struct SectionPlane {
+  glm::dvec3 normal{0.0, 0.0, 1.0};  ///< unit, world
+  double offset = 0.0;               ///< along the normal from the world's zero
+  friend bool operator==(const SectionPlane&, const SectionPlane&) = default;
+};
+/// The plane as (normal, offset) relative to the scene's origin. kNoSection cuts nothing.
+glm::vec4 sectionInScene(const SectionPlane& plane, const glm::dvec3& scene_origin);
+inline constexpr glm::vec4 kNoSection{0.0F, 0.0F, 0.0F, 1.0F};
+
 /// A viewer's camera. World coordinates are the mesh's own (double, e.g. UTM metres). They are made relative to the
 /// scene's origin before they become floats.
 struct ViewCamera {
@@ -23,6 +33,7 @@ struct ViewCamera {
   /// Height of an orthographic picture in world units; 0: perspective. An orthographic view shows the whole scene
   /// wherever `position` lies along `direction`.
   double ortho_height = 0.0;
+  std::optional<SectionPlane> section;  ///< what it cuts away is not seen
 
   bool orthographic() const { return ortho_height > 0.0; }
   friend bool operator==(const ViewCamera&, const ViewCamera&) = default;
@@ -37,9 +48,11 @@ struct Camera {
   glm::vec3 eye{0.0F};  ///< scene-local position of the centre of projection; parallel: any point on the axis
   int width = 1;        ///< pixels
   int height = 1;       ///< pixels
+  glm::vec4 section = kNoSection;  ///< scene-local: points p with dot(xyz, p) > w are cut away
 
   glm::mat4 clipFromScene() const { return clip_from_eye * eye_from_scene; }
   bool orthographic() const { return clip_from_eye[2][3] == 0.0F; }
+  bool hasSection() const { return glm::vec3(section) != glm::vec3(0.0F); }
   /// Pixels that a length of 1 covers at distance 1 along the axis: height / (2 tan(fov_y / 2)); parallel: anywhere.
   float pixelsPerUnitAtOne() const { return 0.5F * static_cast<float>(height) * clip_from_eye[1][1]; }
   /// The eye as a homogeneous point with w = 1; in a parallel projection the unit direction towards the viewer, w = 0.
@@ -54,28 +67,18 @@ struct Camera {
   }
 };
 
-/// Whether two cameras make the same picture: equal matrices, equal size.
+/// Whether two cameras make the same picture: equal matrices, size and section.
 inline bool sameCamera(const Camera& a, const Camera& b) {
   return a.clip_from_eye == b.clip_from_eye && a.eye_from_scene == b.eye_from_scene && a.width == b.width &&
-         a.height == b.height;
+         a.height == b.height && a.section == b.section;
 }
 
 /// Whether both show the same picture but for rounding, as where a path is interpolated or a direction normalized
 /// again.
 bool showsSameView(const ViewCamera& a, const ViewCamera& b);
 
-/// Cuts away the points on the side that `normal` points to: those with dot(normal, p) > offset.
-struct SectionPlane {
-  glm::dvec3 normal{0.0, 0.0, 1.0};  ///< unit, world
-  double offset = 0.0;               ///< along the normal from the world's zero
-  friend bool operator==(const SectionPlane&, const SectionPlane&) = default;
-};
-/// The plane as (normal, offset) relative to the scene's origin. kNoSection cuts nothing.
-glm::vec4 sectionInScene(const SectionPlane& plane, const glm::dvec3& scene_origin);
-inline constexpr glm::vec4 kNoSection{0.0F, 0.0F, 0.0F, 1.0F};
-
-/// The renderer's camera for a viewer at `view`. near and far in scene units, 0 < near < far (orthographic: near < far,
-/// of either sign).
+/// The renderer's camera for a viewer at `view`, with its section. near and far in scene units, 0 < near < far
+/// (orthographic: near < far, of either sign).
 Camera cameraFromView(const ViewCamera& view, const glm::dvec3& scene_origin, float near_plane, float far_plane);
 
 /// The distance of a perspective camera's near plane; nothing where its matrix has none.

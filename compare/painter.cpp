@@ -36,9 +36,14 @@ std::string identityOf(const server::OpenScene& scene, bool with_nodes) {
 }  // namespace
 
 std::string textOf(const base::ViewCamera& c) {
-  return base::formatText("%.17g %.17g %.17g %.17g %.17g %.17g %.17g %.17g %.17g %.17g %.17g %d %d", c.position.x,
-                          c.position.y, c.position.z, c.direction.x, c.direction.y, c.direction.z, c.up.x, c.up.y,
-                          c.up.z, c.fov_y, c.ortho_height, c.width, c.height);
+  std::string text =
+      base::formatText("%.17g %.17g %.17g %.17g %.17g %.17g %.17g %.17g %.17g %.17g %.17g %d %d", c.position.x,
+                       c.position.y, c.position.z, c.direction.x, c.direction.y, c.direction.z, c.up.x, c.up.y, c.up.z,
+                       c.fov_y, c.ortho_height, c.width, c.height);
+  if (c.section)
+    text += base::formatText(" %.17g %.17g %.17g %.17g", c.section->normal.x, c.section->normal.y, c.section->normal.z,
+                             c.section->offset);
+  return text;
 }
 
 // ---- Painter ----

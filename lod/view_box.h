@@ -16,12 +16,16 @@ inline float cornerCosine(const base::Camera& camera) {
   return 1.0F / std::sqrt(1.0F + x * x + y * y);
 }
 
-/// Whether the section plane (base::sectionInScene) has cut away all of the box.
+/// Whether a camera's section (base::Camera) has cut away all of a box, or of a sphere.
 inline bool isBeyond(const glm::vec4& section, const base::Aabb& box) {
   const glm::vec3 n(section);
   const glm::vec3 least(n.x > 0.0F ? box.min.x : box.max.x, n.y > 0.0F ? box.min.y : box.max.y,
                         n.z > 0.0F ? box.min.z : box.max.z);
   return glm::dot(n, least) > section.w;
+}
+
+inline bool isBeyond(const glm::vec4& section, const base::Sphere& sphere) {
+  return glm::dot(glm::vec3(section), sphere.center) > section.w + sphere.radius;
 }
 
 /// The depth of the box's centre behind the eye's plane, by which boxes are drawn front to back; 0 for a camera with

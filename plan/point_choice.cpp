@@ -20,6 +20,9 @@ constexpr std::size_t kMaxCandidates = 256;  // computing 256 × 144 uses takes 
 constexpr float kSightClearance = 0.5F;     // share of the stated error, which is an upper bound
 constexpr float kCellShare = 1.0F / 16.0F;  // radians: about one tile of the samples' picture
 constexpr float kNarrowCone = 0.5F;         // cosine of 60°: with normals so close a patch is nearly a plane
+// A cut of leaves errs by nothing, and then the place that a ray meets, rounded, would lie behind its own triangle as
+// often as before it. Share of the proxy's diagonal; a float has seven digits.
+constexpr float kRounding = 1e-5F;
 
 using Index = std::tuple<std::uint32_t, std::uint32_t, std::uint32_t>;
 Index orderOf(const glm::uvec3& p) {
@@ -32,6 +35,20 @@ struct Ray {
   glm::vec3 origin;
   glm::vec3 direction;  // unit length
 };
+
+/// The part of a ray that a section leaves, by distance.
+struct Kept {
+  float from = 0.0F, to = std::numeric_limits<float>::max();
+};
+Kept keptOf(const Ray& ray, const glm::vec4& section) {
+  const float climb = glm::dot(glm::vec3(section), ray.direction);
+  const float below = section.w - glm::dot(glm::vec3(section), ray.origin);
+  Kept kept;
+  if (climb > 0.0F) kept.to = std::max(0.0F, below / climb);
+  if (climb < 0.0F) kept.from = std::max(0.0F, below / climb);
+  if (climb == 0.0F && below < 0.0F) kept.to = 0.0F;
+  return kept;
+}
 
 Ray rayThrough(const base::Camera& camera, float ndc_x, float ndc_y) {
   const glm::mat4& p = camera.clip_from_eye;
@@ -71,8 +88,9 @@ std::optional<float> intersectPatch(const Ray& ray, const lod::patch::Patch& pat
 
 using SurfaceHit = lod::patch::ProxySight::Intersection;
 
-/// Sends one ray through the middle of each tile of the picture, row by row from the lower left. `intersect` returns
-/// the hit of a ray, if any.
+/// Sends one ray through the middle of each tile of the picture, row by row from the lower left, from where the
+/// camera's section leaves something. `intersect` returns the hit of a ray, if any. Backs that a section exposes have
+/// one colour, of which no image tells.
 template <class Intersect>
 std::vector<SurfaceSample> sampleTiles(const base::Camera& camera, int columns, int rows, const Intersect& intersect) {
   std::vector<SurfaceSample> samples;
@@ -81,9 +99,13 @@ std::vector<SurfaceSample> sampleTiles(const base::Camera& camera, int columns, 
   for (int tile = 0; tile < columns * rows; ++tile) {
     const float x = (static_cast<float>(tile % columns) + 0.5F) / static_cast<float>(columns);
     const float y = (static_cast<float>(tile / columns) + 0.5F) / static_cast<float>(rows);
-    const Ray ray = rayThrough(camera, 2.0F * x - 1.0F, 2.0F * y - 1.0F);
+    Ray ray = rayThrough(camera, 2.0F * x - 1.0F, 2.0F * y - 1.0F);
+    const Kept kept = keptOf(ray, camera.section);
+    ray.origin += kept.from * ray.direction;
     const std::optional<SurfaceHit> hit = intersect(ray);
-    if (hit) samples.push_back({ray.origin + hit->distance * ray.direction, hit->normal, weight, hit->cell});
+    if (!hit || hit->distance > kept.to - kept.from) continue;
+    const bool is_exposed = kept.from > 0.0F && glm::dot(hit->normal, ray.direction) > 0.0F;
+    if (!is_exposed) samples.push_back({ray.origin + hit->distance * ray.direction, hit->normal, weight, hit->cell});
   }
   return samples;
 }
@@ -173,9 +195,9 @@ class PointScores {
   unsigned shift_;
 };
 
-/// Ranks the corners of cells at four places on each line from the eye to a sample: at the eye, where a face is as fine
-/// as the view, and half-way before and behind that. A point scores for each place the more, the nearer it lies. The
-/// best `count` are returned.
+/// Ranks the corners of cells at four places on each line from the eye, or where the section ends, to a sample: there,
+/// where a face is as fine as the view, and half-way before and behind that. A point scores for each place the more,
+/// the nearer it lies. The best `count` are returned.
 std::vector<glm::uvec3> pointsTowardsSurface(const PointQuery& query, const std::vector<SurfaceSample>& samples,
                                              std::size_t count) {
   const float focal_face = 0.5F * static_cast<float>(query.grid.face_size);
@@ -184,8 +206,11 @@ std::vector<glm::uvec3> pointsTowardsSurface(const PointQuery& query, const std:
 
   PointScores scores;
   for (const SurfaceSample& sample : samples) {
+    const glm::vec3 way = sample.position - query.eye;
+    const float length = std::max(glm::length(way), 1e-20F);
+    const float cut_away = std::min(1.0F, keptOf({query.eye, way / length}, query.section).from / length);
     for (float fraction : fractions) {
-      const glm::vec3 place = glm::mix(query.eye, sample.position, fraction);
+      const glm::vec3 place = query.eye + glm::mix(cut_away, 1.0F, fraction) * way;
       for (const glm::uvec3& p : CellCorners(query, place)) {
         const float distance = glm::length(query.grid.point(p.x, p.y, p.z) - place) / query.grid.spacing;
         scores.add(p, sample.weight / (1.0F + distance * distance));
@@ -234,7 +259,7 @@ bool isInSight(const PointQuery& query, const glm::vec3& point, const SurfaceSam
 }
 
 float sightClearance(const lod::patch::ProxySight& sight) {
-  return kSightClearance * sight.error();
+  return std::max(kSightClearance * sight.error(), kRounding * sight.diagonal());
 }
 
 SightOfPoint::SightOfPoint(const PointQuery& query, const glm::uvec3& point)

@@ -76,6 +76,7 @@ struct PointQuery {
   const lod::patch::ProxySight* sight = nullptr;         ///< tests occlusion; null: nothing hides anything
   SightCache* sight_cache = nullptr;                     ///< remembers what `sight` said; may be null
   glm::vec3 eye{0.0F};                                   ///< scene-local
+  glm::vec4 section = base::kNoSection;                  ///< of the view's camera
   float pixels_per_unit_at_one = 1.0F;                   ///< base::Camera::pixelsPerUnitAtOne() of the view
   float error_px = base::ViewDefaults::kPatchTolerance;  ///< projected error of the client's proxy
   std::size_t max_points = base::ViewDefaults::kPoints;

@@ -33,6 +33,7 @@ PointQuery queryFor(const Scene& scene, const protocol::View& view, const LocalV
   query.sight = scene.sight;
   query.sight_cache = scene.sight_cache;
   query.eye = local.request.camera.eye;
+  query.section = local.request.camera.section;
   query.pixels_per_unit_at_one = local.request.camera.pixelsPerUnitAtOne();
   query.error_px = std::max(1.0F, view.patch_tolerance_px);
   query.max_points = std::min<std::size_t>(view.max_points, kMaxPointsPerView);

@@ -58,6 +58,9 @@ bool readText(base::ByteReader& in, std::size_t limit, std::string& text) {
   return in.ok() && text.size() <= limit && std::none_of(text.begin(), text.end(), isControl);
 }
 
+/// Flags of a Frame.
+constexpr std::uint8_t kLastFrame = 1, kFrameHasSection = 2;
+
 // ---- small values ----
 
 template <class Vector>
@@ -123,6 +126,11 @@ void cameraFields(Fields& fields, Camera& camera) {
   fields.side(camera.height);
 }
 
+template <class Fields, class Section>
+void sectionFields(Fields& fields, Section& section) {
+  fields(section.normal, section.offset);
+}
+
 template <class Fields, class SomeView>
 void settingFields(Fields& fields, SomeView& view) {
   fields(view.patch_tolerance_px, view.max_triangles, view.max_points, view.want_frame, view.frame_quality,
@@ -150,6 +158,16 @@ const char* readCamera(FieldReader& fields, base::ViewCamera& camera) {
     return "its field of view is outside 0.001 to 3.1406 radians";
   if (camera.width < 1 || camera.width > kMaxViewport || camera.height < 1 || camera.height > kMaxViewport)
     return "its viewport is outside 1 to 16384 pixels a side";
+  return nullptr;
+}
+
+/// Returns null when the section is valid, and otherwise the fault.
+const char* readSection(FieldReader& fields, std::optional<base::SectionPlane>& section) {
+  sectionFields(fields, section.emplace());
+  if (!fields.in.ok()) return "is cut short in its section";
+  if (!isBounded(section->normal) || !(glm::length(section->normal) > 1e-9))
+    return "the normal of its section is zero or not a number";
+  if (!(std::abs(section->offset) <= kMaxCoordinate)) return "its section is not within 1e12";
   return nullptr;
 }
 
@@ -216,6 +234,7 @@ void writeBody(base::ByteWriter& out, const View& view) {
   fields(view.sequence);
   cameraFields(fields, view.camera);
   settingFields(fields, view);
+  if (view.camera.section) sectionFields(fields, *view.camera.section);
 }
 
 base::Result<void> readBody(base::ByteReader& in, View& view) {
@@ -223,6 +242,8 @@ base::Result<void> readBody(base::ByteReader& in, View& view) {
   fields(view.sequence);
   if (const char* problem = readCamera(fields, view.camera)) return bad(problem);
   settingFields(fields, view);
+  if (in.ok() && !in.atEnd())
+    if (const char* problem = readSection(fields, view.camera.section)) return bad(problem);
   if (!in.ok()) return bad("is cut short");
   if (!in.atEnd()) return bad("has bytes after its end");
   if (view.sequence == 0) return bad("its sequence number is 0; they count from 1");
@@ -358,7 +379,9 @@ void writeBody(base::ByteWriter& out, const Frame& frame) {
   FieldWriter fields{out};
   fields(frame.sequence);
   cameraFields(fields, frame.camera);
-  fields(frame.last);
+  const bool has_section = frame.camera.section.has_value();
+  out.u8(static_cast<std::uint8_t>((frame.last ? kLastFrame : 0) | (has_section ? kFrameHasSection : 0)));
+  if (has_section) sectionFields(fields, *frame.camera.section);
   out.bytes(frame.value);
 }
 
@@ -366,8 +389,11 @@ base::Result<void> readBody(base::ByteReader& in, Frame& frame) {
   FieldReader fields{in};
   fields(frame.sequence);
   if (const char* problem = readCamera(fields, frame.camera)) return bad(problem);
-  fields(frame.last);
-  if (!fields.flags_are_valid) return bad("a flag is neither 0 nor 1");
+  const std::uint8_t flags = in.u8();
+  frame.last = (flags & kLastFrame) != 0;
+  if (flags > (kLastFrame | kFrameHasSection)) return bad("its flags are none that there are");
+  if ((flags & kFrameHasSection) != 0)
+    if (const char* problem = readSection(fields, frame.camera.section)) return bad(problem);
   if (frame.sequence == 0) return bad("its sequence number is 0; they count from 1");
   if (in.remaining() == 0) return bad("is cut short");
   frame.value = readRest(in);

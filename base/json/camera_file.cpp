@@ -47,6 +47,18 @@ Result<void> readLens(const json& object, const std::string& name, ViewCamera& c
       return bad(name, "ortho_height must be a number of 0 (perspective) or more");
     camera.ortho_height = it->get<double>();
   }
+  if (auto it = object.find("section"); it != object.end()) {
+    SectionPlane section;
+    const bool is_valid = it->is_object() && readVector(*it, "normal", section.normal) && it->contains("offset") &&
+                          it->at("offset").is_number();
+    const double length = is_valid ? glm::length(section.normal) : 0.0;
+    if (!(length > 0.0) || !std::isfinite(length))
+      return bad(name, "section must have a normal, three numbers of which not all are 0, and an offset");
+    section.normal /= length;
+    section.offset = it->at("offset").get<double>() / length;
+    if (!(std::abs(section.offset) <= kMaxCoordinate)) return bad(name, "the offset of section must be within 1e12");
+    camera.section = section;
+  }
   return {};
 }
 
@@ -88,6 +100,7 @@ Result<void> readTimes(const json& document, const std::string& name, CameraPath
 json lensOf(const ViewCamera& c) {
   json lens{{"fov_y_degrees", glm::degrees(c.fov_y)}, {"width", c.width}, {"height", c.height}};
   if (c.orthographic()) lens["ortho_height"] = c.ortho_height;
+  if (c.section) lens["section"] = {{"normal", toJson(c.section->normal)}, {"offset", c.section->offset}};
   return lens;
 }
 

@@ -37,6 +37,7 @@ bool sameShape(const protocol::Welcome& a, const protocol::Welcome& b) {
 base::ViewCamera App::camera() const {
   base::ViewCamera camera = control_.camera();
   camera.ortho_height = control_.orthoHeight();
+  camera.section = view_.section.plane();
   return camera;
 }
 
@@ -53,7 +54,6 @@ void App::configureViewer() {
   std::optional<lod::qsplat::Lens> glass;
   if (lens_) glass = {glm::vec2(*lens_), static_cast<float>(lensRadius())};
   viewer_.setLens(glass);
-  viewer_.setSection(view_.section.plane());
   if (!std::exchange(pins_changed_, false)) return;
   std::vector<glm::dvec3> pins;
   for (const Annotation& annotation : annotations_) pins.push_back(annotation.position);

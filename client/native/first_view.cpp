@@ -20,17 +20,19 @@ base::Result<FirstView> firstViewOf(const protocol::Welcome& scene, const std::s
     wanted = std::move(*own);
   }
   FirstView first;
+  Section section;
   if (wanted) {
     control.setFov(wanted->fov_y);
     control.setOrthographic(wanted->orthographic);
     if (wanted->pivot_distance > 0.0)
       control.setViewpoint({wanted->position, wanted->direction, wanted->pivot_distance});
-    first.section = wanted->section;
+    section = wanted->section;
     first.light = wanted->light;
     first.colors_by_resolution = wanted->colors_by_resolution;
   }
   first.camera = control.camera();
   first.camera.ortho_height = control.orthoHeight();
+  first.camera.section = section.plane();
   return first;
 }
 

@@ -11,7 +11,6 @@ namespace client {
 
 struct FirstView {
   base::ViewCamera camera;
-  Section section;
   OwnLight light;
   bool colors_by_resolution = false;
 };

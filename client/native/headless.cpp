@@ -136,7 +136,6 @@ base::Result<void> HeadlessRun::takeFirstView() {
   LUMIGRID_ASSIGN_OR_RETURN(const FirstView first,
                             firstViewOf(*viewer_->session().welcome(), options_.view, options_.width, options_.height));
   path_ = {first.camera};
-  viewer_->setSection(first.section.plane());
   if (first.light.on) viewer_->setLight(first.light.direction());
   if (first.colors_by_resolution) viewer_->setResolutionColors(true);
   return {};

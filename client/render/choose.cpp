@@ -3,7 +3,9 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <limits>
 #include <queue>
+#include <utility>
 
 #include "client/render/box_index.h"
 
@@ -13,6 +15,12 @@ namespace {
 /// Weighs a box's first image against further ones: gain = quality / (kSaturation + quality so far). Measured:
 /// docs/lumigraph-tuning.md.
 constexpr float kSaturation = 0.3F;
+
+/// Rays choose so much of the images. Measured: docs/decisions/choice-by-rays.md.
+constexpr float kShareByRays = 0.5F;
+/// At a ray's place, where an image's error decides, one of half the best's weight is of little use, and many such
+/// places must not displace the image that is the best of a few.
+constexpr float kSharpness = 4.0F;
 
 /// A core is divided into 4 × 4 cells, one bit each, rows from the bottom: what finer samples of the same point show of
 /// it. Those four times as fine have a cell each.
@@ -56,6 +64,18 @@ std::uint16_t cellsOf(const base::Aabb& box, const SampleGeometry& sample) {
   return cellsIn(low, high, [](float at) { return std::floor(at); });
 }
 
+/// The box that holds a place, or is nearest to it; the smallest of several.
+std::size_t boxAt(std::span<const base::Aabb> boxes, const glm::vec3& place) {
+  std::size_t nearest = 0;
+  std::pair<float, float> least(std::numeric_limits<float>::max(), 0.0F);
+  for (std::size_t b = 0; b < boxes.size(); ++b) {
+    const glm::vec3 apart = place - glm::clamp(place, boxes[b].min, boxes[b].max);
+    const std::pair here(glm::dot(apart, apart), boxes[b].diagonal());
+    if (here < least) least = here, nearest = b;
+  }
+  return nearest;
+}
+
 /// One sample looks at one box.
 struct Sight {
   std::uint32_t box;
@@ -77,8 +97,9 @@ struct Sight {
 class Choice {
  public:
   Choice(std::span<const SampleGeometry* const> samples, std::span<const base::Aabb> boxes,
-         std::span<const ProxyError> errors, const base::Camera& view, const BlendTuning& tuning)
-      : samples_(samples), boxes_(boxes), nesting_(nestingOf(samples)), had_(boxes.size(), 0.0F) {
+         std::span<const ProxyError> errors, const base::Camera& view, const BlendTuning& tuning,
+         const VisibleSurface* surface = nullptr)
+      : samples_(samples), boxes_(boxes), surface_(surface), nesting_(nestingOf(samples)), had_(boxes.size(), 0.0F) {
     look(errors, view, tuning);
   }
 
@@ -135,6 +156,7 @@ class Choice {
 
   std::span<const SampleGeometry* const> samples_;
   std::span<const base::Aabb> boxes_;
+  const VisibleSurface* surface_;  ///< whose places the boxes are; null: they are others
   SampleNesting nesting_;
   std::vector<std::vector<Sight>> sights_;  ///< of each sample
   std::vector<float> sizes_;                ///< of each box on the screen
@@ -154,7 +176,7 @@ void Choice::look(std::span<const ProxyError> errors, const base::Camera& view, 
     box.to_view = view.towardsViewer(box.center);
     if (!view.orthographic()) box.distance = std::max(glm::length(box.to_view), box.radius);
     box.error_px = errors[b].shape * view.pixelsPerUnitAtOne() / box.distance;
-    sizes_.push_back(box.radius / box.distance * (box.radius / box.distance));
+    sizes_.push_back(surface_ != nullptr ? 1.0F : box.radius / box.distance * (box.radius / box.distance));
     looked.push_back(box);
   }
 
@@ -171,14 +193,15 @@ void Choice::look(std::span<const ProxyError> errors, const base::Camera& view, 
       const float weight = sampleWeight(box.to_view, sample.eye - box.center, ratio, box.error_px, tuning);
       if (!std::isfinite(weight)) continue;  // from an eye in the box's middle there is no direction
       const std::uint16_t cells = nesting_.finer[s].empty() ? kAllCells : cellsOf(boxes_[b], sample);
-      if (cells == 0) continue;
+      if (cells == 0 || (surface_ != nullptr && !surface_->is_seen_from(sample.eye, b))) continue;
       sights_[s].push_back({.box = b, .quality = weight, .cells = cells});
       box.best = std::max(box.best, weight);
     }
   }
   for (std::vector<Sight>& sights : sights_)
     for (Sight& sight : sights)
-      if (looked[sight.box].best > 0.0F) sight.quality /= looked[sight.box].best;
+      if (looked[sight.box].best > 0.0F)
+        sight.quality = std::pow(sight.quality / looked[sight.box].best, surface_ != nullptr ? kSharpness : 1.0F);
 }
 
 }  // namespace
@@ -194,8 +217,24 @@ float sampleWeight(const glm::vec3& to_view, const glm::vec3& to_sample, float r
 
 std::vector<std::size_t> chooseSamples(std::span<const SampleGeometry* const> samples,
                                        std::span<const base::Aabb> boxes, std::span<const ProxyError> errors,
-                                       const base::Camera& view, std::size_t limit, const BlendTuning& tuning) {
-  return Choice(samples, boxes, errors, view, tuning).best(limit);
+                                       const base::Camera& view, std::size_t limit, const BlendTuning& tuning,
+                                       const VisibleSurface* surface) {
+  std::vector<std::size_t> chosen;
+  if (surface != nullptr && !boxes.empty()) {
+    std::vector<base::Aabb> places;
+    std::vector<ProxyError> errors_there;
+    for (const glm::vec3& place : surface->places) {
+      places.push_back({place, place});
+      errors_there.push_back(errors[boxAt(boxes, place)]);
+    }
+    const auto most = static_cast<std::size_t>(std::ceil(kShareByRays * static_cast<float>(limit)));
+    chosen = Choice(samples, places, errors_there, view, tuning, surface).best(most);
+  }
+  std::vector<bool> has(samples.size(), false);
+  for (const std::size_t sample : chosen) has[sample] = true;
+  for (const std::size_t sample : Choice(samples, boxes, errors, view, tuning).best(limit))
+    if (!has[sample] && chosen.size() < limit) chosen.push_back(sample);
+  return chosen;
 }
 
 }  // namespace client

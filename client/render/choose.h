@@ -1,5 +1,6 @@
 #pragma once
 // Chooses the sampling images of a frame. No GL.
+#include <functional>
 #include <span>
 #include <vector>
 
@@ -17,12 +18,21 @@ namespace client {
 float sampleWeight(const glm::vec3& to_view, const glm::vec3& to_sample, float ratio, float error_px,
                    const BlendTuning& tuning);
 
+/// Places that a view shows, evenly over its picture.
+struct VisibleSurface {
+  std::vector<glm::vec3> places;
+  std::function<bool(const glm::vec3& eye, std::size_t place)> is_seen_from;
+};
+
 /// Returns the indices of up to `limit` of `samples`, in the order of what they add to the view. Buehler et al. 2001,
-/// section 3, rank cameras per ray; for choosing, one ray for each box of the drawn surface is enough. Samples that see
-/// no box are left out, and so are those that add nothing to others of their point: what a finer sample shows in the
-/// same direction, a coarser one needs not show. `errors`: of the proxy in each box.
+/// section 3, rank cameras per ray; for choosing, one ray for each place of `surface` is enough. Boxes of the drawn
+/// surface, one ray each, say less, since nothing hides them, and those of a scan with few triangles are as large as
+/// rooms: what they add comes after that, or alone where there is no `surface` (null). Samples that see nothing are
+/// left out, and so are those that add nothing to others of their point: what a finer sample shows in the same
+/// direction, a coarser one needs not show. `errors`: of the proxy in each box.
 std::vector<std::size_t> chooseSamples(std::span<const SampleGeometry* const> samples,
                                        std::span<const base::Aabb> boxes, std::span<const ProxyError> errors,
-                                       const base::Camera& view, std::size_t limit, const BlendTuning& tuning);
+                                       const base::Camera& view, std::size_t limit, const BlendTuning& tuning,
+                                       const VisibleSurface* surface = nullptr);
 
 }  // namespace client

@@ -16,6 +16,7 @@
 #include "client/render/shaders.h"
 #include "client/render/whole_image.h"
 #include "lod/draw/near_fit.h"
+#include "lod/view_box.h"
 
 namespace client {
 namespace {
@@ -101,7 +102,7 @@ struct LumigraphRenderer::Impl {
   std::uint64_t budget_bytes;
   std::uint64_t for_other_sizes;
   base::gl::Program blend;
-  base::gl::Program depth;
+  std::array<base::gl::Program, 2> depth;  ///< of whole samples, and of those with a section
   std::optional<PixelBlend> pixels;
   std::optional<WholeImageShader> whole;
   base::gl::Buffer block;
@@ -229,12 +230,12 @@ base::Camera fittedTo(const base::Camera& camera, std::span<const base::Aabb> bo
 
 /// Returns the indices of patches of `cut` that the section does not cut away, front to back.
 std::vector<std::size_t> frontToBack(std::span<const std::uint32_t> cut, const lod::draw::PatchMeshes& patches,
-                                     const base::Camera& camera, const glm::vec4& section) {
+                                     const base::Camera& camera) {
   std::vector<std::pair<float, std::size_t>> order;
   order.reserve(cut.size());
   for (std::size_t i = 0; i < cut.size(); ++i) {
     const base::Aabb& box = patches.box(cut[i]);
-    if (!lod::draw::isCutAway(section, box)) order.emplace_back(nearness(camera, box), i);
+    if (!lod::isBeyond(camera.section, box)) order.emplace_back(nearness(camera, box), i);
   }
   std::sort(order.begin(), order.end());
   std::vector<std::size_t> sorted;
@@ -257,10 +258,13 @@ base::Result<std::unique_ptr<LumigraphRenderer>> LumigraphRenderer::create(const
                                           lod::draw::shadingSource() + lod::draw::seenNormalSource() +
                                               lod::draw::viewModesSource() + glsl::kView + glsl::kProxySurface +
                                               glsl::kBlendSamples + glsl::kBlendFragment));
-  LUMIGRID_ASSIGN_OR_RETURN(auto depth,
-                            base::gl::Program::link("lumigraph depth", glsl::kDepthVertex, glsl::kDepthFragment));
   impl.blend = std::move(blend);
-  impl.depth = std::move(depth);
+  for (const bool section : {false, true}) {
+    const std::string define = section ? "#define SECTION\n" : "";
+    LUMIGRID_ASSIGN_OR_RETURN(
+        impl.depth[section ? 1 : 0],
+        base::gl::Program::link("lumigraph depth", define + glsl::kDepthVertex, define + glsl::kDepthFragment));
+  }
   LUMIGRID_ASSIGN_OR_RETURN(auto pixels, PixelBlend::create());
   impl.pixels = std::move(pixels);
   LUMIGRID_ASSIGN_OR_RETURN(auto whole, WholeImageShader::create());
@@ -433,7 +437,11 @@ std::uint64_t LumigraphRenderer::Impl::depthSignature(Sample& sample) const {
 std::uint64_t LumigraphRenderer::Impl::drawDepthMap(Sample& sample) {
   const std::vector<std::uint32_t> overlapping = occludersOf(sample);
   arrays[static_cast<std::size_t>(sample.array)]->beginDepth(sample.layer);
-  glUniformMatrix4fv(depth.uniform("u_clip_from_scene"), 1, GL_FALSE, &sample.geometry.clip_from_scene[0][0]);
+  const glm::vec4& section = sample.camera.section;
+  const base::gl::Program& program = depth[sample.camera.hasSection() ? 1 : 0];
+  program.use();
+  glUniformMatrix4fv(program.uniform("u_clip_from_scene"), 1, GL_FALSE, &sample.geometry.clip_from_scene[0][0]);
+  if (sample.camera.hasSection()) glUniform4f(program.uniform("u_section"), section.x, section.y, section.z, section.w);
   patches.draw(overlapping);
   sample.depth_drawn = true;
   sample.depth_signature = depthSignature(sample);
@@ -456,7 +464,6 @@ void LumigraphRenderer::Impl::drawDepthMaps(const Frame& frame, const std::vecto
 
   GLint framebuffer = 0;
   glGetIntegerv(GL_FRAMEBUFFER_BINDING, &framebuffer);
-  depth.use();
   glEnable(GL_DEPTH_TEST);
   glDepthFunc(GL_LESS);
   glDepthMask(GL_TRUE);
@@ -483,8 +490,8 @@ void LumigraphRenderer::Impl::updateSamples(Frame& frame, std::span<const Sample
   for (const Sample* sample : all) geometries.push_back(&sample->geometry);
   const auto limit = static_cast<std::size_t>(std::clamp(frame.options.max_samples, 1, kMaxBlended));
   std::vector<Sample*> wanted;
-  for (const std::size_t i :
-       chooseSamples(geometries, frame.boxes, frame.proxy_errors, frame.camera, limit, frame.options.tuning))
+  for (const std::size_t i : chooseSamples(geometries, frame.boxes, frame.proxy_errors, frame.camera, limit,
+                                           frame.options.tuning, frame.options.surface))
     wanted.push_back(all[i]);
   drawDepthMaps(frame, wanted);
 
@@ -736,7 +743,7 @@ void LumigraphRenderer::draw(const base::Camera& camera, std::span<const std::ui
 
   // Collect the frame's patches and samples.
   Impl::Frame frame{camera, options, now, {}, {}, {}, {}, {}, {}};
-  for (const std::size_t i : frontToBack(cut, impl.patches, camera, options.modes.section)) {
+  for (const std::size_t i : frontToBack(cut, impl.patches, camera)) {
     frame.patches.push_back(cut[i]);
     frame.errors_px.push_back(i < patch_error_px.size() ? patch_error_px[i] : cut_error_px);
     frame.boxes.push_back(impl.patches.box(cut[i]));

@@ -21,6 +21,7 @@
 
 namespace client {
 
+struct VisibleSurface;
 using SampleId = std::uint64_t;
 
 /// Samples that one frame blends at most: the length of u_samples in shaders/blend_samples.glsl.
@@ -81,6 +82,7 @@ struct LumigraphOptions {
   float background[4] = {0.0F, 0.0F, 0.0F, 0.0F};
   lod::draw::ViewModes modes;
   BlendTuning tuning;
+  const VisibleSurface* surface = nullptr;  ///< for the choice of images; null: all of the cut's boxes
 
   friend bool operator==(const LumigraphOptions&, const LumigraphOptions&) = default;
 };
@@ -138,8 +140,8 @@ class LumigraphRenderer {
   ///   outside the view hide things from samples, too.
   /// - `proxy_errors`: for each patch of `cut`, for shadow bias and weights.
   /// - `patch_error_px`: for each patch of `cut`, for colours by resolution; empty: cut_error_px for all.
-  /// A section plane cuts the picture, not the depth maps: images show the whole model, so no image sees what the plane
-  /// exposes, and it is shaded by its normal.
+  /// The camera's section cuts the picture; what it exposes is shaded where no sample sees it. A depth map is cut by
+  /// the section of its sample's own camera: stored images show the whole model, frames what the view had left.
   void draw(const base::Camera& camera, std::span<const std::uint32_t> cut, std::span<const SampleId> candidates,
             float cut_error_px, const lod::draw::Shading& shading, const LumigraphOptions& options, double now,
             std::span<const std::uint32_t> occluders = {}, std::span<const float> patch_error_px = {},

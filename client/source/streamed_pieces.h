@@ -47,8 +47,7 @@ class StreamedPieces : public StreamedView {
   base::Result<void> draw(const base::Camera& camera, const StreamedLook& look) override;
   base::Camera drawnCamera() const override { return renderer_ ? renderer_->drawnCamera() : camera_; }
   bool isMultisampled() const override { return true; }
-  std::optional<glm::vec3> surfaceAt(const base::Camera& camera, const StreamedLook& look, double x,
-                                     double y) const override;
+  std::optional<glm::vec3> surfaceAt(const base::Camera& camera, double x, double y) const override;
   bool complete() const override;
   bool busy() const override;
   void setQuality(const StreamedQuality& quality) override;
@@ -144,8 +143,7 @@ class StreamedPieces : public StreamedView {
   bool chosen_ = false;
   bool moved_ = false;        ///< the last frame drawn was of a view that moved
   bool has_undrawn_ = false;  ///< pieces_ was chosen anew since the last update()
-  base::Camera camera_;       ///< camera for which pieces_ was chosen; the next two members belong to that choice, too
-  glm::vec4 section_ = base::kNoSection;
+  base::Camera camera_;       ///< camera for which pieces_ was chosen; the next member belongs to that choice, too
   float size_px_ = 1.0F;
   lod::hlod::ShadowLight light_ = kNoShadows;
   bool awaits_rest_ = false;  ///< the view will have other shadows when it rests
@@ -174,12 +172,10 @@ void StreamedPieces<Types>::update(const base::Camera& camera, const StreamedLoo
   const lod::hlod::ShadowLight light_at_rest = shadowLight(look, true);
   const bool is_at_rest = size_px <= finestPx() && rests(camera, light_at_rest.place);
   const lod::hlod::ShadowLight light = is_at_rest ? light_at_rest : shadowLight(look, false);
-  const bool same_view = chosen_ && base::sameCamera(camera, camera_) && look.section == section_ &&
-                         size_px == size_px_ && light == light_;
+  const bool same_view = chosen_ && base::sameCamera(camera, camera_) && size_px == size_px_ && light == light_;
   if (same_view && stream_.generation() == chosen_generation_ && !stream_.decoding()) return;
   if (same_view && moreIsComing() && !hasRested()) return;
   camera_ = camera;
-  section_ = look.section;
   size_px_ = size_px;
   light_ = light;
   awaits_rest_ = light != light_at_rest;
@@ -199,7 +195,6 @@ void StreamedPieces<Types>::choose(std::uint32_t frames) {
   typename Types::TraverseRequest request;
   request.camera = camera_;
   request.tolerance = size_px_;
-  request.section = section_;
   chosen_generation_ = stream_.generation();
   stream_.update(request, pieces_, frames);
   piecesChosen(request);
@@ -297,15 +292,13 @@ typename StreamedPieces<Types>::View StreamedPieces<Types>::viewOf(const base::C
   View view;
   view.camera = camera;
   view.shading = look.shading;
-  view.section = look.section;
   view.resolution_colors = look.resolution_colors;
   return view;
 }
 
 template <class Types>
-std::optional<glm::vec3> StreamedPieces<Types>::surfaceAt(const base::Camera& camera, const StreamedLook& look,
-                                                          double x, double y) const {
-  RayHit hit{rayThrough(camera, x, y), look.section};
+std::optional<glm::vec3> StreamedPieces<Types>::surfaceAt(const base::Camera& camera, double x, double y) const {
+  RayHit hit{rayThrough(camera, x, y), camera.section};
   for (const Piece& piece : pieces_) meet(hit, piece);
   return hit.place();
 }

@@ -60,7 +60,7 @@ bool StreamedSplats::moreIsComing() const {
 }
 
 void StreamedSplats::update(const base::Camera& camera, const StreamedLook& look) {
-  const bool same_view = chosen_ && base::sameCamera(camera, camera_) && look.section == section_ && look.lens == lens_;
+  const bool same_view = chosen_ && base::sameCamera(camera, camera_) && look.lens == lens_;
   if (same_view && moreIsComing() && (!options_.clock || !hasRested())) return;
   const double begin = now();
   chooseSplats(camera, look);
@@ -75,20 +75,18 @@ bool StreamedSplats::hasRested() const {
 
 void StreamedSplats::chooseSplats(const base::Camera& camera, const StreamedLook& look) {
   if (stream_.header() == nullptr) return;
-  const bool same_view = chosen_ && base::sameCamera(camera, camera_) && look.section == section_;
+  const bool same_view = chosen_ && base::sameCamera(camera, camera_);
   if (!same_view) cutoff_factor_ = 1.0F;
   if (same_view && look.lens == lens_ && pace_.wantedPx(finestCutoff()) == cutoff_px_ &&
       stream_.generation() == found_generation_)
     return;
   camera_ = camera;
-  section_ = look.section;
   lens_ = look.lens;
   chosen_ = true;
 
   lod::qsplat::TraverseRequest request;
   request.camera = camera;
   request.cull_back_faces = !options_.back_faces;
-  request.section = look.section;
   request.for_each = options_.for_each;
   const std::uint64_t most = std::max<std::uint64_t>(options_.memory_bytes / 2 / kBytesPerSplat, 1);
   for (int attempt = 0; attempt < kMaxTries; ++attempt) {
@@ -135,8 +133,7 @@ base::Result<void> StreamedSplats::drawFound(const base::Camera& camera, const S
   lod::draw::SplatView view;
   view.camera = camera;
   view.shading = look.shading;
-  view.section = look.section;
-  view.two_sided = options_.back_faces || look.section != base::kNoSection;
+  view.two_sided = options_.back_faces || camera.hasSection();
   view.colors = look.resolution_colors ? lod::draw::SplatColors::kResolution : lod::draw::SplatColors::kSurface;
   reduction_ = pace_.reduction();
   return renderer_->draw(
@@ -144,9 +141,8 @@ base::Result<void> StreamedSplats::drawFound(const base::Camera& camera, const S
       {static_cast<GLuint>(framebuffer), camera.width, camera.height, look.background[3] > 0.0F, reduction_});
 }
 
-std::optional<glm::vec3> StreamedSplats::surfaceAt(const base::Camera& camera, const StreamedLook& look, double x,
-                                                   double y) const {
-  RayHit hit{rayThrough(camera, x, y), look.section};
+std::optional<glm::vec3> StreamedSplats::surfaceAt(const base::Camera& camera, double x, double y) const {
+  RayHit hit{rayThrough(camera, x, y), camera.section};
   // Each splat that faces the ray counts as the disc that a circle is drawn as.
   for (const lod::qsplat::Splat& splat : found_.splats)
     hit.keep(distanceToPoint(hit.ray, glm::dvec3(splat.center), static_cast<double>(splat.radius)));

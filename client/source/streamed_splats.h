@@ -26,8 +26,7 @@ class StreamedSplats final : public StreamedView {
   base::Result<void> draw(const base::Camera& camera, const StreamedLook& look) override;
   base::Camera drawnCamera() const override { return renderer_ ? renderer_->drawnCamera() : camera_; }
   bool isMultisampled() const override { return false; }
-  std::optional<glm::vec3> surfaceAt(const base::Camera& camera, const StreamedLook& look, double x,
-                                     double y) const override;
+  std::optional<glm::vec3> surfaceAt(const base::Camera& camera, double x, double y) const override;
   bool complete() const override;
   bool busy() const override;
   void setQuality(const StreamedQuality& quality) override;
@@ -52,8 +51,7 @@ class StreamedSplats final : public StreamedView {
   lod::qsplat::Traversal found_;
   std::uint64_t found_generation_ = 0;  ///< generation of the stream when found_ was chosen
   bool chosen_ = false;
-  base::Camera camera_;  ///< camera for which found_ was chosen; the next four members belong to that choice, too
-  glm::vec4 section_ = base::kNoSection;
+  base::Camera camera_;  ///< camera for which found_ was chosen; the next three members belong to that choice, too
   std::optional<lod::qsplat::Lens> lens_;
   float cutoff_px_ = 0.0F;
   float cutoff_factor_ = 1.0F;  ///< factor by which memory limits coarsen the cut-off in this view, ≥ 1

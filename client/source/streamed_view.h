@@ -61,8 +61,7 @@ struct StreamedOptions : StreamedQuality {
 /// The appearance of a frame.
 struct StreamedLook {
   lod::draw::Shading shading;
-  bool own_light = false;                ///< the shading is by a light of the viewer's own
-  glm::vec4 section = base::kNoSection;  ///< scene-local
+  bool own_light = false;  ///< the shading is by a light of the viewer's own
   bool resolution_colors = false;
   std::optional<lod::qsplat::Lens> lens;  ///< of splats
   std::array<float, 4> background{};      ///< RGBA, 0 … 1
@@ -140,8 +139,7 @@ class StreamedView {
   /// Whether its pictures gain from several samples a pixel.
   virtual bool isMultisampled() const = 0;
   /// Returns the scene-local point of the foremost surface drawn at (x, y), in pixels from the upper left corner.
-  virtual std::optional<glm::vec3> surfaceAt(const base::Camera& camera, const StreamedLook& look, double x,
-                                             double y) const = 0;
+  virtual std::optional<glm::vec3> surfaceAt(const base::Camera& camera, double x, double y) const = 0;
   /// Whether all that the last update() needs is present, at its finest.
   virtual bool complete() const = 0;
   /// Whether another draw of the same view would be finer.

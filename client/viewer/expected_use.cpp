@@ -52,17 +52,20 @@ std::vector<glm::vec3> anchorsInView(const lod::patch::Hierarchy& hierarchy, std
 }
 
 std::vector<float> expectedUse(std::span<const glm::vec3> anchors, const base::Camera& view,
-                               std::span<const base::Camera* const> samples) {
+                               std::span<const base::Camera* const> samples,
+                               const std::function<bool(const glm::vec3& eye, std::size_t anchor)>& is_seen_from) {
   std::vector<glm::mat4> clip_from_scene;
   clip_from_scene.reserve(samples.size());
   for (const base::Camera* sample : samples) clip_from_scene.push_back(sample->clipFromScene());
 
   std::vector<float> use(samples.size(), 0.0F);
   std::vector<float> weights(samples.size());
-  for (const glm::vec3& anchor : anchors) {
+  for (std::size_t a = 0; a < anchors.size(); ++a) {
+    const glm::vec3& anchor = anchors[a];
     float sum = 0.0F;
     for (std::size_t i = 0; i < samples.size(); ++i) {
-      const bool seen = inClipVolume(clip_from_scene[i] * glm::vec4(anchor, 1.0F));
+      const bool seen = inClipVolume(clip_from_scene[i] * glm::vec4(anchor, 1.0F)) &&
+                        (!is_seen_from || is_seen_from(samples[i]->eye, a));
       weights[i] = seen ? weightAt(anchor, view, *samples[i]) : 0.0F;
       sum += weights[i];
     }

@@ -58,8 +58,8 @@ base::Result<Picker> Picker::create() {
 }
 
 std::optional<glm::vec3> Picker::surfaceAt(const base::Camera& camera, double x, double y,
-                                           const lod::draw::PatchMeshes& meshes, std::span<const std::uint32_t> cut,
-                                           const glm::vec4& section) const {
+                                           const lod::draw::PatchMeshes& meshes,
+                                           std::span<const std::uint32_t> cut) const {
   // Draw through the pixel.
   GLint bound = 0;
   glGetIntegerv(GL_FRAMEBUFFER_BINDING, &bound);
@@ -78,6 +78,7 @@ std::optional<glm::vec3> Picker::surfaceAt(const base::Camera& camera, double x,
   glUniformMatrix4fv(program_.uniform("u_clip_from_scene"), 1, GL_FALSE, &clip[0][0]);
   const glm::mat4& eye = camera.eye_from_scene;
   glUniform4f(program_.uniform("u_depth_from_scene"), -eye[0][2], -eye[1][2], -eye[2][2], -eye[3][2]);
+  const glm::vec4& section = camera.section;
   glUniform4f(program_.uniform("u_section"), section.x, section.y, section.z, section.w);
   meshes.draw(cut);
 

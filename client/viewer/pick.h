@@ -17,10 +17,9 @@ class Picker {
   static base::Result<Picker> create();
   /// Returns the scene-local point shown at (x, y), in pixels from the upper left corner (the first pixel is centred at
   /// 0.5, 0.5), or nullopt over background. Waits for the GPU, so it suits clicks and wheel steps but not every frame.
-  /// Restores the framebuffer binding. Surface that `section` (base::sectionInScene) cuts away is not hit.
+  /// Restores the framebuffer binding. Surface that the camera's section cuts away is not hit.
   std::optional<glm::vec3> surfaceAt(const base::Camera& camera, double x, double y,
-                                     const lod::draw::PatchMeshes& meshes, std::span<const std::uint32_t> cut,
-                                     const glm::vec4& section = base::kNoSection) const;
+                                     const lod::draw::PatchMeshes& meshes, std::span<const std::uint32_t> cut) const;
   std::uint64_t gpuBytes() const { return color_.bytes() + depth_.bytes(); }
 
  private:

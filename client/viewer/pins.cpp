@@ -53,7 +53,8 @@ void PinProbe::startQuery(std::size_t point, const glm::vec4& clip) {
   in_flight_.push_back({point, std::move(query)});
 }
 
-void PinProbe::draw(const base::Camera& camera, const glm::vec4& section, float error_px) {
+void PinProbe::draw(const base::Camera& camera, float error_px) {
+  const glm::vec4& section = camera.section;
   if (wanted_ == 0 || !in_flight_.empty()) return;
   const glm::mat4 clip_from_scene = camera.clipFromScene();
   program_.use();

@@ -22,7 +22,7 @@ class PinProbe {
   /// Tests at most kMaxQueriesPerFrame of the points without an answer against the bound framebuffer, which must hold
   /// the depth of `camera`'s picture. `error_px`: how far the drawn surface may be from the true one, pixels. Leaves
   /// depth test and masks as drawing needs them.
-  void draw(const base::Camera& camera, const glm::vec4& section, float error_px);
+  void draw(const base::Camera& camera, float error_px);
   /// Reads the answers that are available, without waiting.
   void poll();
   /// One entry for each point: its last answer, false before the first.

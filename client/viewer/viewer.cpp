@@ -66,6 +66,7 @@ base::Result<bool> Viewer::update(const base::ViewCamera& camera, double now) {
                                                           : std::numeric_limits<double>::infinity();
 
   updatePatches();
+  if (options_.lumigraph.use_images && session_.welcome()->grid.pointCount() != 0) sight_.renew(session_);
   rankImages();
   uploadImages(now);
   submitImages();
@@ -98,7 +99,7 @@ bool Viewer::allHere() const {
 std::optional<glm::dvec3> Viewer::surfaceAt(const base::ViewCamera& camera, double x, double y) {
   if (showsStreamed()) {
     if (!hasStreamed()) return std::nullopt;
-    const auto point = streamed_->surfaceAt(cameraAt(camera), streamedLook(), x, y);
+    const auto point = streamed_->surfaceAt(cameraAt(camera), x, y);
     return point ? std::optional(session_.welcome()->origin + glm::dvec3(*point)) : std::nullopt;
   }
   if (!renderer_ || patches_.drawn().patches.empty()) return std::nullopt;
@@ -110,8 +111,7 @@ std::optional<glm::dvec3> Viewer::surfaceAt(const base::ViewCamera& camera, doub
     }
     picker_ = std::move(*picker);
   }
-  const auto point =
-      picker_->surfaceAt(cameraAt(camera), x, y, renderer_->patches(), patches_.drawn().patches, sectionHere());
+  const auto point = picker_->surfaceAt(cameraAt(camera), x, y, renderer_->patches(), patches_.drawn().patches);
   if (!point) return std::nullopt;
   return session_.welcome()->origin + glm::dvec3(*point);
 }
@@ -212,6 +212,7 @@ base::Result<void> Viewer::startScene() {
   resting_ = {};
   ranked_.clear();
   patches_ = {};
+  sight_ = {};
   scene_ = sceneSphere(welcome);
   shading_ = {welcome.unlit, welcome.light_direction};
   if (context_lost_) return {};
@@ -244,10 +245,6 @@ base::ViewCamera Viewer::viewForServer(const base::ViewCamera& wanted) const {
   const base::Sphere sphere = sceneSphere(*session_.welcome());
   return base::perspectiveStandIn(wanted, session_.welcome()->origin + glm::dvec3(sphere.center),
                                   static_cast<double>(sphere.radius), protocol::kMinFov);
-}
-
-glm::vec4 Viewer::sectionHere() const {
-  return section_ ? base::sectionInScene(*section_, session_.welcome()->origin) : base::kNoSection;
 }
 
 void Viewer::fault(const std::string& problem) {

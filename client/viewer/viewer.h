@@ -27,6 +27,7 @@
 #include "client/viewer/pick.h"
 #include "client/viewer/pins.h"
 #include "client/viewer/resident_patches.h"
+#include "client/viewer/surface_sight.h"
 #include "client/viewer/whole_frame.h"
 
 namespace client {
@@ -113,9 +114,10 @@ class Viewer {
   /// picture need it; draw() calls it by itself.
   base::Result<bool> update(const base::ViewCamera& camera, double now);
   /// Draws the view into the bound framebuffer with the data that are here now. Never waits for network or decoder.
-  /// `now` in seconds. When the server's frame of exactly this view is here, that frame is shown itself, without the
-  /// proxy, unless a section plane or a tint is to alter the picture. Over a transparent background colours are
-  /// premultiplied by the alpha of pixels that are covered in part, as browsers have them; splats' are not.
+  /// `now` in seconds. Back faces seen through the camera's section have one flat colour (lod::draw::kSectionColor),
+  /// which shows where the model is open. When the server's frame of exactly this view is here, that frame is shown
+  /// itself, without the proxy, unless a tint or a light is to alter the picture. Over a transparent background colours
+  /// are premultiplied by the alpha of pixels that are covered in part, as browsers have them; splats' are not.
   base::Result<void> draw(const base::ViewCamera& camera, double now);
   /// Does what draw() does but leaves the framebuffer as it is, so that the next draw() shows depth maps and fades as
   /// if this frame had been drawn. A tenth of the time. Streamed methods, whose pictures depend on no earlier ones, are
@@ -135,10 +137,6 @@ class Viewer {
   /// background and where a section plane has cut the surface away. Waits for the GPU.
   std::optional<glm::dvec3> surfaceAt(const base::ViewCamera& camera, double x, double y);
 
-  /// Sets the section plane from the next draw on; nullopt cuts nothing. Back faces seen through the cut have one flat
-  /// colour (lod::draw::kSectionColor), which shows where the model is open. A normal that is zero or not a number sets
-  /// no plane.
-  void setSection(const std::optional<base::SectionPlane>& plane) { section_ = plane; }
   /// Tints every fragment by the resolution of what is shown there (lod::draw::kResolutionLegend).
   void setResolutionColors(bool on) { options_.lumigraph.modes.resolution_colors = on; }
   /// Shows the model's own colours by a light of the viewer's, towards which `direction` points (world axes, any
@@ -235,7 +233,6 @@ class Viewer {
     return base::cameraForScene(wanted, session_.welcome()->origin, scene_);
   }
   base::ViewCamera viewForServer(const base::ViewCamera& wanted) const;
-  glm::vec4 sectionHere() const;
   const base::Bytes* codedImage(SampleId id);
   void fault(const std::string& problem);
   bool spend(double bytes);
@@ -274,7 +271,6 @@ class Viewer {
   std::optional<Picker> picker_;
   lod::draw::Shading shading_;
   base::Sphere scene_;
-  std::optional<base::SectionPlane> section_;
 
   std::unordered_map<SampleId, BlendImage> images_;
   std::unordered_map<SampleId, std::uint64_t> decoding_;  // id -> bytes, dropped images included
@@ -282,6 +278,7 @@ class Viewer {
   std::vector<SampleId> candidates_;                      // the resident ones among them
   bool gpu_full_ = false;
   ResidentPatches patches_;
+  SurfaceSight sight_;
   base::ViewCamera view_;
   base::Camera camera_;
   base::ViewCamera drawn_view_;

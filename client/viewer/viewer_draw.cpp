@@ -66,16 +66,20 @@ base::Result<void> Viewer::drawUnseen(const base::ViewCamera& camera, double now
 /// is ready when the view moves; pins are tested against its depth.
 void Viewer::drawBlended(bool moved, double now) {
   candidates_.clear();
-  for (SampleId id : ranked_)
-    if (images_[id].state == ImageState::kResident) candidates_.push_back(id);
+  for (SampleId id : ranked_) {
+    // A frame that was drawn with a section shows what others see only beyond it.
+    const base::Camera& camera = images_[id].camera;
+    const bool serves = !camera.hasSection() || camera.section == camera_.section;
+    if (images_[id].state == ImageState::kResident && serves) candidates_.push_back(id);
+  }
   LumigraphOptions options = options_.lumigraph;
-  options.modes.section = sectionHere();
   options.use_images = options.use_images && (shading_.unlit || !options.modes.hasLight());
   if (session_.welcome()->shadows) trustImages(options.tuning);
   const bool hidden = frame_.whole() || frame_.under();
   options.unseen = options.unseen || (hidden && !probe_);
   GLint target = 0;
   glGetIntegerv(GL_FRAMEBUFFER_BINDING, &target);
+  options.surface = options.use_images && sight_.lookFrom(camera_) ? &sight_.surface() : nullptr;
   const DrawEffort asked = hidden ? DrawEffort{} : effortWanted(moved, now);
   DrawEffort effort = fittingEffort(asked);
   if (!options.unseen && effort.pictures > 1 && !prepareMean()) effort = fittingEffort(asked);
@@ -308,10 +312,11 @@ base::Image readPicture(const base::gl::RenderTarget& target, const Viewer& view
 
 // ---- the server's frame itself ----
 
-/// A server's frame shows the model as it is, in perspective: whatever alters the picture here is missing in it.
+/// A server's frame shows the model as it is, in perspective, with the view's section: whatever else alters the picture
+/// here is missing in it.
 bool Viewer::mayShowFrames() const {
   const lod::draw::ViewModes& modes = options_.lumigraph.modes;
-  return !section_ && options_.lumigraph.use_images && !modes.resolution_colors && !modes.hasLight() &&
+  return options_.lumigraph.use_images && !modes.resolution_colors && !modes.hasLight() &&
          !options_.lumigraph.show_disagreement && !view_.orthographic();
 }
 

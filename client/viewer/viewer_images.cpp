@@ -122,8 +122,13 @@ void Viewer::rankImages() {
     ids.push_back(id);
     cameras.push_back(&image.camera);
   }
-  const std::vector<glm::vec3> anchors = anchorsInView(session_.hierarchy(), patches_.drawn().patches, camera_);
-  const std::vector<float> use = expectedUse(anchors, camera_, cameras);
+  std::vector<float> use;
+  if (sight_.lookFrom(camera_)) {
+    const VisibleSurface& surface = sight_.surface();
+    use = expectedUse(surface.places, camera_, cameras, surface.is_seen_from);
+  } else {
+    use = expectedUse(anchorsInView(session_.hierarchy(), patches_.drawn().patches, camera_), camera_, cameras);
+  }
 
   // Images of no use now are decoded too, the nearest first, for when the viewer turns; of tiles, the widest.
   for (std::size_t i = 0; i < ids.size(); ++i) {

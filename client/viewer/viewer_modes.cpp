@@ -29,10 +29,9 @@ std::uint64_t Viewer::pictureSignature() const {
     for (std::size_t i = 0; i < bytes; ++i) sum = (sum ^ byte[i]) * 0x100000001b3U;
   };
   const glm::mat4 clip = camera_.clipFromScene();
-  const glm::vec4 cut_plane = sectionHere();
   const std::vector<std::uint32_t>& drawn = patches_.drawn().patches;
   mix(&clip, sizeof(clip));
-  mix(&cut_plane, sizeof(cut_plane));
+  mix(&camera_.section, sizeof(camera_.section));
   mix(drawn.data(), drawn.size() * sizeof(std::uint32_t));
   if (hasStreamed()) {
     const StreamedStats stats = streamed_->stats();
@@ -49,9 +48,9 @@ void Viewer::probePins() {
   if (signature != drawn_signature_) probe_->invalidate();
   drawn_signature_ = signature;
   if (showsStreamed())
-    probe_->draw(streamed_->drawnCamera(), sectionHere(), streamed_->stats().error_px);
+    probe_->draw(streamed_->drawnCamera(), streamed_->stats().error_px);
   else
-    probe_->draw(renderer_->drawnCamera(), sectionHere(), errorOf(patches_.drawn()));
+    probe_->draw(renderer_->drawnCamera(), errorOf(patches_.drawn()));
 }
 
 // ---- light ----
@@ -88,7 +87,6 @@ StreamedLook Viewer::streamedLook() const {
   look.shading = shading_;
   look.own_light = options_.lumigraph.modes.hasLight();
   if (look.own_light) look.shading = {false, options_.lumigraph.modes.light};
-  look.section = sectionHere();
   look.resolution_colors = options_.lumigraph.modes.resolution_colors;
   look.lens = lens_;
   std::copy_n(options_.lumigraph.background, look.background.size(), look.background.begin());

@@ -367,11 +367,14 @@ EMSCRIPTEN_KEEPALIVE void showAnnotation(int index) {
   page.app->showAnnotation(index < 0 ? std::nullopt : std::optional<std::size_t>(static_cast<std::size_t>(index)));
 }
 
-/// Returns one row: position, direction, up, vertical angle, orthographic height, width, height.
+/// Returns one row: position, direction, up, vertical angle, orthographic height, width, height, and the normal and
+/// offset of the section: zeros without one.
 EMSCRIPTEN_KEEPALIVE const char* camera() {
   client::TextRows rows;
   const base::ViewCamera view = page.app->camera();
-  rows.addRow(view.position, view.direction, view.up, view.fov_y, view.ortho_height, view.width, view.height);
+  const base::SectionPlane section = view.section.value_or(base::SectionPlane{glm::dvec3(0.0), 0.0});
+  rows.addRow(view.position, view.direction, view.up, view.fov_y, view.ortho_height, view.width, view.height,
+              section.normal, section.offset);
   return handOut(rows.takeText());
 }
 

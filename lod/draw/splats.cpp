@@ -198,7 +198,7 @@ base::Result<void> SplatRenderer::draw(std::span<const qsplat::Splat> splats, Sp
   glColorMask(GL_TRUE, GL_TRUE, GL_TRUE, GL_TRUE);
   glDisable(GL_BLEND);
   // Fuzzy splats are twice as wide; ellipses and splats that a section cuts are always quads.
-  const bool quads = kernel == SplatKernel::kEllipse || glm::vec3(view.section) != glm::vec3(0.0F);
+  const bool quads = kernel == SplatKernel::kEllipse || view.camera.hasSection();
   const float max_point_samples = quads ? 0.0F : kernel == SplatKernel::kFuzzy ? 0.5F * largest_point_ : largest_point_;
   const bool fuzzy = kernel == SplatKernel::kFuzzy;
   const bool direct = !fuzzy && !(target.reduction > 1.0F);
@@ -231,7 +231,7 @@ base::Result<void> SplatRenderer::draw(std::span<const qsplat::Splat> splats, Sp
 
 base::Result<void> SplatRenderer::drawPass(Pass pass, const SplatView& view, const SplatTarget& target) {
   pass.resolution = view.colors == SplatColors::kResolution;
-  pass.section = glm::vec3(view.section) != glm::vec3(0.0F);
+  pass.section = view.camera.hasSection();
   glBindFramebuffer(GL_FRAMEBUFFER, target.framebuffer);
   glViewport(0, 0, target.width, target.height);
   if (points_ < sorted_.size()) LUMIGRID_TRY(drawShape(pass, view, target));
@@ -268,7 +268,8 @@ base::Result<void> SplatRenderer::drawShape(const Pass& pass, const SplatView& v
     setTint(used);
     glUniform1f(used.uniform("u_pixels"), view.camera.pixelsPerUnitAtOne());
   }
-  glUniform4f(used.uniform("u_section"), view.section.x, view.section.y, view.section.z, view.section.w);
+  const glm::vec4& section = view.camera.section;
+  glUniform4f(used.uniform("u_section"), section.x, section.y, section.z, section.w);
 
   glBindVertexArray(pass.points ? as_points_.name() : as_quads_.name());
   if (pass.points)

@@ -46,8 +46,7 @@ enum class SplatColors {
 struct SplatView {
   base::Camera camera;  ///< perspective, off-axis too, or parallel
   Shading shading;
-  glm::vec4 section = base::kNoSection;  ///< everything beyond it is cut away
-  bool two_sided = false;                ///< normals that face away are flipped; set where back faces were not culled
+  bool two_sided = false;  ///< normals that face away are flipped; set where back faces were not culled
   SplatColors colors = SplatColors::kSurface;
 };
 

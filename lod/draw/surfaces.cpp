@@ -33,7 +33,7 @@ float SurfaceTarget::samplesPerPixel(const base::Camera& camera) const {
 }
 
 SurfacePass SurfacePass::of(Primitive primitive, const SurfaceView& view) {
-  return {primitive, view.resolution_colors, glm::vec3(view.section) != glm::vec3(0.0F)};
+  return {primitive, view.resolution_colors, view.camera.hasSection()};
 }
 
 std::size_t SurfacePass::number() const {
@@ -67,7 +67,8 @@ base::Result<const base::gl::Program*> SurfacePrograms::use(const SurfacePass& p
   const glm::vec4 eye = view.camera.homogeneousEye();
   glUniformMatrix4fv(program.uniform("u_clip_from_scene"), 1, GL_FALSE, &clip_from_scene[0][0]);
   glUniform4f(program.uniform("u_eye"), eye.x, eye.y, eye.z, eye.w);
-  glUniform4f(program.uniform("u_section"), view.section.x, view.section.y, view.section.z, view.section.w);
+  const glm::vec4& section = view.camera.section;
+  glUniform4f(program.uniform("u_section"), section.x, section.y, section.z, section.w);
   glUniform1f(program.uniform("u_samples"), samplesPerUnit(view, target));
   glUniform2f(program.uniform("u_sample_size"), 2.0F / static_cast<float>(target.width),
               2.0F / static_cast<float>(target.height));

@@ -14,7 +14,6 @@ namespace lod::draw {
 struct SurfaceView {
   base::Camera camera;  ///< perspective, off-axis too, or parallel
   Shading shading;
-  glm::vec4 section = base::kNoSection;  ///< everything beyond it is cut away
   /// kResolutionLegend by the size on the screen of the detail that is shown, hatched with dark lines where a finer
   /// level is still to come; otherwise the colours of the scan, shaded.
   bool resolution_colors = false;

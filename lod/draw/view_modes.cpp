@@ -23,23 +23,17 @@ std::string viewModesSource() {
 
 void setViewModes(const base::gl::Program& program, const ViewModes& modes, const base::Camera& camera) {
   program.use();
-  const glm::vec4& section = modes.section;
+  const glm::vec4& section = camera.section;
   glUniform4f(program.uniform("u_section"), section.x, section.y, section.z, section.w);
   // Where the eye is on the side that stays, so is all that it sees.
   const glm::vec4 eye = camera.homogeneousEye();
   const bool cut_open = glm::dot(glm::vec3(section), glm::vec3(eye)) > section.w * eye.w;
-  glUniform1i(program.uniform("u_cut_open"), section != base::kNoSection && cut_open ? 1 : 0);
+  glUniform1i(program.uniform("u_cut_open"), camera.hasSection() && cut_open ? 1 : 0);
   const glm::vec3 cut_color = glm::vec3(kSectionColor[0], kSectionColor[1], kSectionColor[2]) / 255.0F;
   glUniform3f(program.uniform("u_section_color"), cut_color.r, cut_color.g, cut_color.b);
   glUniform3f(program.uniform("u_own_light"), modes.light.x, modes.light.y, modes.light.z);
   glUniform1i(program.uniform("u_show_resolution"), modes.resolution_colors ? 1 : 0);
   setTint(program);
-}
-
-bool isCutAway(const glm::vec4& section, const base::Aabb& box) {
-  const glm::vec3 normal(section);
-  const glm::vec3 nearest = glm::mix(box.min, box.max, glm::vec3(glm::lessThan(normal, glm::vec3(0.0F))));
-  return glm::dot(normal, nearest) > section.w;
 }
 
 }  // namespace lod::draw

@@ -1,13 +1,12 @@
 #pragma once
-// View modes that apply to any picture: a section plane, colours by resolution, and a light of the viewer's. Client and
-// server use the same GLSL, so that both show the same.
+// View modes that apply to any picture: a camera's section, colours by resolution, and a light of the viewer's. Client
+// and server use the same GLSL, so that both show the same.
 #include <array>
 #include <cstdint>
 #include <glm/glm.hpp>
 #include <string>
 
 #include "base/camera.h"
-#include "base/geometry.h"
 #include "base/gl/gl.h"
 
 namespace lod::draw {
@@ -28,13 +27,13 @@ inline constexpr std::array<ResolutionStep, 5> kResolutionLegend{{{1.0F, {0x2c, 
 inline constexpr std::array<std::uint8_t, 3> kSectionColor{0x6f, 0x74, 0x80};
 
 struct ViewModes {
-  glm::vec4 section = base::kNoSection;  ///< scene-local (base::sectionInScene)
   bool resolution_colors = false;
   /// Towards a light of the viewer's own, unit length, in whose light colours are shown in place of the scene's: those
   /// must come unlit. Zero: none.
   glm::vec3 light{0.0F};
   bool hasLight() const { return light != glm::vec3(0.0F); }
-  bool any() const { return section != base::kNoSection || resolution_colors || hasLight(); }
+  /// Whether a picture from this camera differs from the scene as it is.
+  bool alter(const base::Camera& camera) const { return camera.hasSection() || resolution_colors || hasLight(); }
   friend bool operator==(const ViewModes&, const ViewModes&) = default;
 };
 
@@ -43,7 +42,7 @@ struct ViewModes {
 /// through the half that is cut away, so back faces show the inside of the rest in `u_section_color`. `bool
 /// u_show_resolution`: colours by resolution are on.
 std::string viewModesSource();
-/// Sets the uniforms of viewModesSource(); leaves `program` in use.
+/// Sets the uniforms of viewModesSource(), with the camera's section; leaves `program` in use.
 void setViewModes(const base::gl::Program& program, const ViewModes& modes, const base::Camera& camera);
 
 /// Returns GLSL for vertex and fragment shaders that defines `vec3 tinted(vec3 color, float pixels)`: the legend's
@@ -51,8 +50,5 @@ void setViewModes(const base::gl::Program& program, const ViewModes& modes, cons
 std::string tintSource();
 /// Sets the uniforms of tintSource(); `program` must be in use.
 void setTint(const base::gl::Program& program);
-
-/// Whether the section cuts away all of the box.
-bool isCutAway(const glm::vec4& section, const base::Aabb& box);
 
 }  // namespace lod::draw

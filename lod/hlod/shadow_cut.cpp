@@ -332,7 +332,7 @@ std::vector<std::uint32_t> CasterChoice::choose(std::span<const Node> nodes) con
 
 /// Whether a part of the box may lie between the light and the receivers.
 bool CasterChoice::mayCast(const base::Aabb& box) const {
-  if (glm::vec3(request_.view.section) != glm::vec3(0.0F) && isBeyond(request_.view.section, box)) return false;
+  if (isBeyond(request_.view.camera.section, box)) return false;
   return std::all_of(planes_.begin(), planes_.end(), [&](const glm::dvec4& plane) {
     const glm::dvec3 corner(plane.x >= 0.0 ? box.max.x : box.min.x, plane.y >= 0.0 ? box.max.y : box.min.y,
                             plane.z >= 0.0 ? box.max.z : box.min.z);
@@ -487,7 +487,7 @@ ShadowPlanner::~ShadowPlanner() = default;
 
 /// Whether the requests ask for the same but for the view's camera.
 bool ShadowPlanner::Kept::isFor(const ShadowRequest& other) const {
-  return request.light == other.light && request.view.section == other.view.section &&
+  return request.light == other.light && request.view.camera.section == other.view.camera.section &&
          request.view.tolerance == other.view.tolerance && request.intensity_change == other.intensity_change &&
          request.texel_px == other.texel_px && request.max_texels == other.max_texels &&
          request.max_maps == other.max_maps && request.room == other.room;

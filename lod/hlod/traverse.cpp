@@ -50,13 +50,11 @@ float projectedError(const base::Camera& camera, const base::Aabb& box, float er
 }
 
 Sight::Sight(const TraverseRequest& request)
-    : request_(request),
-      frustum_(request.tile.value_or(request.camera).clipFromScene()),
-      cut_(glm::vec3(request.section) != glm::vec3(0.0F)) {}
+    : request_(request), frustum_(request.tile.value_or(request.camera).clipFromScene()) {}
 
 bool Sight::maySee(const Node& node) const {
   if (request_.cull && !frustum_.mayOverlap(node.box)) return false;
-  if (cut_ && isBeyond(request_.section, node.box)) return false;
+  if (isBeyond(request_.camera.section, node.box)) return false;
   if (!request_.cull_back_faces) return true;
   const base::Sphere bounds = sphereAround(node.box);
   const base::Camera& camera = request_.camera;

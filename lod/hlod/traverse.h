@@ -19,8 +19,6 @@ struct TraverseRequest {
   bool cull_back_faces = false;
   /// Where a part of the picture is drawn: that part's camera, whose frustum culls in place of `camera`'s.
   std::optional<base::Camera> tile = std::nullopt;
-  /// Nodes wholly beyond it are skipped.
-  glm::vec4 section = base::kNoSection;
 };
 
 /// The error in pixels where the box is nearest to the eye, so that no place of it shows a larger one; infinite for an
@@ -36,7 +34,6 @@ class Sight {
  private:
   const TraverseRequest request_;
   const base::Frustum frustum_;
-  bool cut_ = false;
 };
 
 /// The cut of a file that is here whole: the nodes to draw, nearest first.

@@ -55,6 +55,8 @@ class ProxySight {
 
   /// The stated error, scene units: a bound several times the typical distance.
   float error() const { return error_; }
+  /// The diagonal of the box of all triangles.
+  float diagonal() const { return diagonal_; }
   std::size_t triangleCount() const { return triangle_count_; }
 
  private:
@@ -89,6 +91,7 @@ class ProxySight {
   std::vector<Leaf> leaves_;
   std::size_t triangle_count_ = 0;
   float error_ = 0.0F;
+  float diagonal_ = 0.0F;
 };
 
 }  // namespace lod::patch

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <queue>
 
+#include "lod/view_box.h"
+
 namespace lod::patch {
 namespace {
 
@@ -91,7 +93,8 @@ class CutSelection {
   }
 
   bool isVisible(const Patch& patch) const {
-    if (request_.cull && !frustum_.mayOverlap(patch.box)) return false;
+    if (request_.cull && (!frustum_.mayOverlap(patch.box) || isBeyond(request_.camera.section, patch.box)))
+      return false;
     return !request_.cull_back_faces || !base::facesAway(patch.cone, patch.bounds, eyeFor(patch.bounds));
   }
 
@@ -130,7 +133,8 @@ class CutSelection {
     const auto parents = hierarchy_.parentsOf(group);
     if (!std::all_of(parents.begin(), parents.end(), [&](std::uint32_t parent) { return states_[parent].expanded; }))
       return;
-    if (request_.cull && !frustum_.mayOverlap(hierarchy_.groups[group].bounds)) return;
+    const base::Sphere& bounds = hierarchy_.groups[group].bounds;
+    if (request_.cull && (!frustum_.mayOverlap(bounds) || isBeyond(request_.camera.section, bounds))) return;
 
     const float error_px = projectedErrorOf(group, request_.measure);
     if (request_.tolerance_px > 0.0F && !(error_px > request_.tolerance_px)) return;

@@ -22,7 +22,8 @@ struct CutRequest {
   /// to draw the cut. 0 bytes of cost for each patch where `cost` is empty. Group 0 is expanded whatever it costs.
   std::uint64_t max_cost = std::numeric_limits<std::uint64_t>::max();
   std::function<std::uint64_t(const Patch&)> cost;
-  bool cull = true;  ///< groups outside the frustum are not refined, patches outside are not drawn
+  /// Groups outside the frustum, or that the camera's section cuts away, are not refined, nor are such patches drawn.
+  bool cull = true;
   bool cull_back_faces =
       false;  ///< patches facing away are not drawn: only for closed meshes, open scans are seen from behind too
 };

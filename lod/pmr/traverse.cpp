@@ -83,11 +83,9 @@ void Octree::choose(std::span<const Leaf> leaves, const TraverseRequest& request
                     std::vector<ChosenLeaf>& result) const {
   result.clear();
   const base::Frustum frustum(request.tile.value_or(request.camera).clipFromScene());
-  const bool cut = glm::vec3(request.section) != glm::vec3(0.0F);
   for (std::uint32_t i = 0; i < nodes_.size();) {
     const Node& node = nodes_[i];
-    const bool outside =
-        (request.cull && !frustum.mayOverlap(node.box)) || (cut && isBeyond(request.section, node.box));
+    const bool outside = (request.cull && !frustum.mayOverlap(node.box)) || isBeyond(request.camera.section, node.box);
     if (!outside && node.end - node.first == 1) {
       const Leaf& leaf = leaves[node.first];
       const float pixel = pixelSizeAt(request.camera, leaf.box);

@@ -17,8 +17,6 @@ struct TraverseRequest {
   bool cull = true;        ///< leaves outside the frustum are skipped
   /// Where a part of the picture is drawn: that part's camera, whose frustum culls in place of `camera`'s.
   std::optional<base::Camera> tile = std::nullopt;
-  /// Leaves wholly beyond it are skipped.
-  glm::vec4 section = base::kNoSection;
 };
 
 struct ChosenLeaf {

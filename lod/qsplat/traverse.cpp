@@ -44,8 +44,8 @@ struct NodeTests {
     clip = request.camera.clipFromScene();
     const base::Frustum frustum(clip);
     std::copy(frustum.planes.begin(), frustum.planes.end(), planes.begin());
-    planes[kPlanes - 1] = glm::vec4(-glm::vec3(request.section), request.section.w);
-    const bool cut = glm::vec3(request.section) != glm::vec3(0.0F);
+    planes[kPlanes - 1] = glm::vec4(-glm::vec3(request.camera.section), request.camera.section.w);
+    const bool cut = request.camera.hasSection();
     sides = (request.cull ? kAllSides : 0U) | (cut ? kSectionSide : 0U);
     cull_back_faces = request.cull_back_faces && !cut;
     eye = request.camera.homogeneousEye();

@@ -59,10 +59,9 @@ struct TraverseRequest {
   base::Camera camera;     ///< perspective, off-axis too, or parallel; its width and height give pixels their size
   float cutoff_px = 1.0F;  ///< largest projected diameter of an inner node that is drawn; 0: only leaves
   bool cull = true;        ///< nodes outside the frustum are skipped
-  /// Nodes that face away are skipped. Right for closed surfaces; open ones may be seen from behind.
+  /// Nodes that face away are skipped. Right for closed surfaces; open ones may be seen from behind. Where the camera
+  /// has a section they are kept, since one sees into the model.
   bool cull_back_faces = true;
-  /// Nodes wholly beyond it are skipped. With a section, back faces are kept, since one sees into the model.
-  glm::vec4 section = base::kNoSection;
   std::optional<Lens> lens;  ///< through it nodes are refined to cutoffThroughLens(cutoff_px)
   Priority priority;         ///< empty: sweepPriority
   ForEach for_each;          ///< empty: sequential; the result is the same

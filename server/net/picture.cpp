@@ -183,8 +183,9 @@ std::optional<base::SectionPlane> parseSection(std::string_view text) {
 base::Result<void> readSection(Values& values, PictureRequest& request) {
   const auto text = values.removeValue("section");
   if (!text) return {};
-  request.section = parseSection(*text);
-  if (!request.section) return wrongRender("section must be an axis, an offset within 1e12, and a or b: x,120.5,b");
+  request.camera.section = parseSection(*text);
+  if (!request.camera.section)
+    return wrongRender("section must be an axis, an offset within 1e12, and a or b: x,120.5,b");
   return {};
 }
 
@@ -260,7 +261,6 @@ base::Result<std::unique_ptr<PicturePainter>> PicturePainter::begin(const Pictur
   options.measure = request.measure;
   options.modes.resolution_colors = request.resolution_colors;
   if (request.light) options.modes.light = glm::vec3(*request.light);
-  if (request.section) options.modes.section = base::sectionInScene(*request.section, scene.origin);
   options.supersampling = request.supersampling;
   const std::uint64_t rows = band_pixels / static_cast<std::uint64_t>(request.camera.width);
   painter->band_height_ =

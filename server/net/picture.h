@@ -27,8 +27,7 @@ struct PictureRequest {
   std::optional<Rgb> background;                              ///< none: transparent
   base::ErrorMeasure measure = base::ErrorMeasure::kVisible;  ///< of the tolerance
   float tolerance_px = base::ViewDefaults::kExactTolerance;   ///< projected error of the patches
-  std::optional<base::SectionPlane> section;
-  bool resolution_colors = false;   ///< tinted by the patches' projected errors
+  bool resolution_colors = false;                             ///< tinted by the patches' projected errors
   std::optional<glm::dvec3> light;  ///< unit, world's axes: towards one that shades in place of the scene's
 };
 

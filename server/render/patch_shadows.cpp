@@ -125,8 +125,9 @@ base::Result<void> PatchShadows::plan(const lod::hlod::TraverseRequest& view, co
   // The view's pixels may be half as large as those of the scene's map, whose texels may be twice as large as wanted,
   // as those of the view's own maps may be.
   const float scene_tolerance = 0.5F * shadowed.tolerance;
-  if (scene_tolerance != scene_request_.tolerance || view.section != scene_request_.section) scene_maps_.clear();
-  if (scene_maps_.empty()) scene_request_.tolerance = scene_tolerance, scene_request_.section = view.section;
+  glm::vec4& section = scene_request_.camera.section;
+  if (scene_tolerance != scene_request_.tolerance || view.camera.section != section) scene_maps_.clear();
+  if (scene_maps_.empty()) scene_request_.tolerance = scene_tolerance, section = view.camera.section;
 
   std::vector<bool> is_shared(patches.size(), false);
   const int level = one_of_many ? findSceneMap(shadowed, hierarchy, patches, is_shared) : kUnseen;

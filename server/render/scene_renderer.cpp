@@ -145,11 +145,11 @@ Tile SceneRenderer::touchedPart(const base::Camera& tile_camera, std::span<const
 void SceneRenderer::prepare(const base::gl::Program& program, const base::Camera& camera,
                             const lod::draw::ViewModes& modes) const {
   program.use();
-  if (modes.any()) lod::draw::setViewModes(program, modes, camera);
+  if (modes.alter(camera)) lod::draw::setViewModes(program, modes, camera);
   const glm::mat4 clip_from_scene = camera.clipFromScene();
   glUniformMatrix4fv(program.uniform("u_clip_from_scene"), 1, GL_FALSE, &clip_from_scene[0][0]);
   const glm::vec4 eye = camera.homogeneousEye();
-  if (lit_ || modes.any()) glUniform4f(program.uniform("u_eye"), eye.x, eye.y, eye.z, eye.w);
+  if (lit_ || modes.alter(camera)) glUniform4f(program.uniform("u_eye"), eye.x, eye.y, eye.z, eye.w);
   glUniform1i(program.uniform("u_page"), kPageUnit);
 }
 
@@ -206,7 +206,7 @@ base::Result<void> SceneRenderer::drawTile(const base::Camera& camera, const bas
   if (showsShadows(options)) return drawShadowed(camera, tile, visible, options);
   target_.begin();
   return drawPatches(tile, withPages(visible, tile, options.supersampling), options,
-                     options.modes.any() ? with_modes_ : surface_);
+                     options.modes.alter(tile) ? with_modes_ : surface_);
 }
 
 /// Draws map by map, each before the patches on which it throws shadows.
@@ -216,7 +216,6 @@ base::Result<void> SceneRenderer::drawShadowed(const base::Camera& camera, const
   view.camera = camera;
   view.tile = tile;
   view.tolerance = options.tolerance_px;
-  view.section = options.modes.section;
   LUMIGRID_TRY(shadows_->plan(view, hierarchy_, visible, options.one_of_many));
   target_.begin();
   const glm::vec4 eye = tile.homogeneousEye();
@@ -224,7 +223,8 @@ base::Result<void> SceneRenderer::drawShadowed(const base::Camera& camera, const
     const std::vector<PatchShadows::Receiver>& receivers = shadows_->receivers(map);
     if (receivers.empty()) continue;
     LUMIGRID_TRY(shadows_->drawMap(map));
-    LUMIGRID_ASSIGN_OR_RETURN(const Programs* programs, shadowedPrograms(shadows_->layers(), options.modes.any()));
+    LUMIGRID_ASSIGN_OR_RETURN(const Programs* programs,
+                              shadowedPrograms(shadows_->layers(), options.modes.alter(tile)));
     target_.resume();
     std::vector<std::uint32_t> patches;
     std::unordered_map<std::uint32_t, const PatchShadows::Receiver*> by_patch;

@@ -296,7 +296,7 @@ void FrameSchedule::rendered(const FrameRequest& request, std::size_t bytes) {
 bool FrameSchedule::isUseful(const base::ViewCamera& camera) const {
   if (!possible_) return false;
   const base::ViewCamera& now = view_->camera;
-  return glm::length(now.position - camera.position) <= reach_ &&
+  return camera.section == now.section && glm::length(now.position - camera.position) <= reach_ &&
          glm::dot(now.direction, camera.direction) > std::cos(now.fov_y);
 }
 

@@ -29,7 +29,9 @@ glm::dvec3 turnedOn(const glm::dvec3& before, const glm::dvec3& direction, doubl
 bool Motion::follows(const base::ViewCamera& camera, double seconds) const {
   if (views_.empty() || seconds - views_.back().seconds > kPause) return false;
   const base::ViewCamera& last = views_.back().camera;
-  if (camera.width != last.width || camera.height != last.height || camera.fov_y != last.fov_y) return false;
+  if (camera.width != last.width || camera.height != last.height || camera.fov_y != last.fov_y ||
+      camera.section != last.section)
+    return false;
   return glm::length(camera.position - last.position) <= reach_ &&
          glm::dot(camera.direction, last.direction) > std::cos(0.5 * camera.fov_y);
 }

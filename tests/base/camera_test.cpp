@@ -41,6 +41,9 @@ TEST(Camera, viewsThatDifferByRoundingShowTheSame) {
   other = view;
   other.ortho_height = 2.0;
   EXPECT_FALSE(base::showsSameView(view, other));
+  other = view;
+  other.section = base::SectionPlane{};
+  EXPECT_FALSE(base::showsSameView(view, other));
 }
 
 TEST(Camera, projectedErrorIsThePixelsThatALengthCovers) {
@@ -155,6 +158,12 @@ TEST(Section, cutsTheSameInSceneAndWorldCoordinates) {
   EXPECT_NEAR(glm::length(section - glm::vec4(0, 0, 1, 1.5F)), 0.0F, 1e-6F);
   EXPECT_EQ(base::sectionInScene({{0.0, 0.0, 0.0}, 1.0}, origin), base::kNoSection);
   EXPECT_EQ(base::sectionInScene({{0.0, 0.0, 1.0}, std::nan("")}, origin), base::kNoSection);
+  base::ViewCamera view = lookingDown();
+  EXPECT_FALSE(base::cameraFromView(view, origin, 0.1F, 100.0F).hasSection());
+  view.section = base::SectionPlane{{0.0, 0.0, 1.0}, 101.5};
+  const base::Camera camera = base::cameraFromView(view, origin, 0.1F, 100.0F);
+  EXPECT_TRUE(camera.hasSection());
+  EXPECT_EQ(camera.section, section);
 }
 
 }  // namespace

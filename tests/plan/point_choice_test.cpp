@@ -110,7 +110,7 @@ TEST(PointChoice, aFarEyeGetsPointsNearTheSurface) {
 // ---- occlusion ----
 
 /// Returns the wall, and a roof at z = 2.2 above the half of it where x < 0.
-lod::patch::ProxySight roofedWall() {
+lod::patch::ProxySight roofedWall(float error = 0.2F) {
   lod::patch::Hierarchy hierarchy;
   hierarchy.lattice = {glm::dvec3(0.0), 0.1};
   const auto square = [](int x0, int x1, int z) {
@@ -120,7 +120,7 @@ lod::patch::ProxySight roofedWall() {
     return g;
   };
   const std::vector<std::uint32_t> patches{0, 1};
-  auto sight = lod::patch::ProxySight::ofPatches(hierarchy, patches, 0.2F, [&](std::uint32_t patch) {
+  auto sight = lod::patch::ProxySight::ofPatches(hierarchy, patches, error, [&](std::uint32_t patch) {
     return base::Result<lod::patch::PatchGeometry>(patch == 0 ? square(-80, 80, 0) : square(-80, 0, 22));
   });
   return *sight;
@@ -164,14 +164,68 @@ TEST(PointChoice, pointsThatSeeNothingAreNotChosen) {
   EXPECT_FALSE(orderFaces(query, above, under).empty());
 }
 
-TEST(PointChoice, raysHitTheCoarseCut) {
-  const lod::patch::ProxySight sight = roofedWall();
+/// A view from above, from which the roof hides half of the wall.
+base::Camera fromAbove() {
   base::ViewCamera view;
   view.position = {0.0, 0.3, 10.0};
   view.direction = {0.0, 0.0, -1.0};
   view.up = {0.0, 1.0, 0.0};
   view.fov_y = 0.9F;
-  const auto samples = sampleVisibleSurface(sight, base::cameraFromView(view, glm::dvec3(0.0), 0.01F, 100.0F), 16, 9);
+  return base::cameraFromView(view, glm::dvec3(0.0), 0.01F, 100.0F);
+}
+
+TEST(PointChoice, aCutOfLeavesDoesNotHideWhatItsOwnRaysMeet) {
+  const lod::patch::ProxySight sight = roofedWall(0.0F);
+  PointQuery query = wallQuery({0.0F, 0.3F, 10.0F});
+  query.sight = &sight;
+  for (const float aside : {0.0F, 0.1F, 0.37F}) {
+    base::ViewCamera view;
+    view.position = {static_cast<double>(aside), 0.3, 10.0};
+    view.direction = {0.0, 0.0, -1.0};
+    const base::Camera camera = base::cameraFromView(view, glm::dvec3(0.0), 0.01F, 100.0F);
+    for (const SurfaceSample& s : sampleVisibleSurface(sight, camera, 31, 17))
+      EXPECT_TRUE(isInSight(query, camera.eye, s)) << s.position.x << " " << s.position.y << " " << s.position.z;
+  }
+}
+
+TEST(PointChoice, raysBeginWhereASectionLeavesSomething) {
+  const lod::patch::ProxySight sight = roofedWall();
+  base::Camera camera = fromAbove();
+  const auto heights = [&] {
+    std::set<float> met;
+    for (const SurfaceSample& s : sampleVisibleSurface(sight, camera, 16, 9))
+      met.insert(std::round(10.0F * s.position.z));
+    return met;
+  };
+  camera.section = {0.0F, 0.0F, 1.0F, 2.0F};
+  EXPECT_EQ(heights(), (std::set<float>{0.0F})) << "the roof is cut away";
+  camera.section = {0.0F, 0.0F, 1.0F, 2.5F};
+  EXPECT_EQ(heights(), (std::set<float>{0.0F, 22.0F}));
+  camera.section = {0.0F, 0.0F, -1.0F, -2.0F};
+  EXPECT_EQ(heights(), (std::set<float>{22.0F})) << "what lies below is cut away";
+  camera.section = {0.0F, 0.0F, 1.0F, -1.0F};
+  EXPECT_TRUE(heights().empty());
+  camera.section = {1.0F, 0.0F, 0.0F, -20.0F};
+  EXPECT_TRUE(heights().empty());
+}
+
+TEST(PointChoice, pointsUnderACutRoofAreChosen) {
+  const lod::patch::ProxySight sight = roofedWall();
+  PointQuery query = wallQuery({-3.0F, 0.3F, 30.0F});
+  query.sight = &sight;
+  std::vector<SurfaceSample> under;
+  for (const SurfaceSample& s : wallSamples())
+    if (s.position.x < -0.5F) under.push_back(s);
+  EXPECT_TRUE(choosePoints(query, under).empty()) << "the grid's points between the eye and the wall lie over the roof";
+  query.section = {0.0F, 0.0F, 1.0F, 2.0F};
+  const auto points = choosePoints(query, under);
+  ASSERT_FALSE(points.empty());
+  for (const glm::uvec3& p : points) EXPECT_LT(place(query, p).z, 2.2F);
+}
+
+TEST(PointChoice, raysHitTheCoarseCut) {
+  const lod::patch::ProxySight sight = roofedWall();
+  const auto samples = sampleVisibleSurface(sight, fromAbove(), 16, 9);
   ASSERT_FALSE(samples.empty());
   float weights = 0.0F;
   bool wall = false, roof = false;

@@ -9,6 +9,7 @@
 #include "base/json/camera_file.h"
 #include "base/json/scene_file.h"
 #include "base/picture_error.h"
+#include "client/app/permalink.h"
 #include "server/render/scene_renderer.h"
 #include "server/scene/open_scene.h"
 #include "server/trial/direct_viewer.h"
@@ -38,6 +39,19 @@ class Interior : public programs::ProgramTest {
     auto read = base::readCameraPath(path("tour.json"));
     EXPECT_TRUE(read);
     return read ? std::move(read->frames) : std::vector<base::ViewCamera>();
+  }
+  /// The view that its viewers begin with, cut open from above.
+  static base::ViewCamera firstView(const base::Scene& scene) {
+    EXPECT_TRUE(scene.start_direction);
+    const auto link = client::parsePermalink(scene.start_view);
+    EXPECT_TRUE(link) << scene.start_view;
+    base::ViewCamera view;
+    view.direction = scene.start_direction.value_or(glm::dvec3(0.0, 0.0, -1.0));
+    view.position = 0.5 * (scene.box_min + scene.box_max) - glm::length(scene.box_max - scene.box_min) * view.direction;
+    view.up = scene.up;
+    view.width = 320, view.height = 180;
+    if (link) view.section = link->section.plane();
+    return view;
   }
   static std::size_t within(const base::Scene& scene, const std::vector<base::ViewCamera>& views) {
     return static_cast<std::size_t>(std::count_if(views.begin(), views.end(), [&](const base::ViewCamera& view) {
@@ -71,8 +85,10 @@ TEST_F(Interior, isSampledInItsRoomsAndImagesShowItsWalls) {
   EXPECT_EQ(within(*scene, tour({"--path", "walk", "--seconds", "1"})), 60U);
 
   // In its rooms images bring what patches lack, and no view is worse for them.
-  const std::vector<base::ViewCamera> views = tour({"--random", "6"});
+  std::vector<base::ViewCamera> views = tour({"--random", "6"});
   ASSERT_EQ(within(*scene, views), 6U);
+  views.push_back(firstView(*scene));
+  ASSERT_TRUE(views.back().section);
   const auto open = server::openScene(path("scene"));
   ASSERT_TRUE(open) << open.error().message;
   std::vector<base::Image> truths;
@@ -105,6 +121,7 @@ TEST_F(Interior, isSampledInItsRoomsAndImagesShowItsWalls) {
     gained += (blended[i] - alone[i]) / static_cast<double>(views.size());
   }
   EXPECT_GT(gained, 4.0);
+  EXPECT_GT(blended.back(), alone.back() + 3.0) << "the first view, through the section, too";
 }
 
 // Images around it are made where they are asked for.

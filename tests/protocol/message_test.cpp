@@ -11,6 +11,7 @@ namespace {
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 constexpr double kInf = std::numeric_limits<double>::infinity();
+constexpr std::size_t kViewBytes = 102;  ///< without a section
 
 // ---- random messages ----
 
@@ -50,6 +51,7 @@ class MessageGenerator {
     camera.fov_y = real(0.01, 3.0);
     camera.width = static_cast<int>(whole(1, 16384));
     camera.height = static_cast<int>(whole(1, 16384));
+    if (coin()) camera.section = {unit(), real(-1e7, 1e7)};
     return camera;
   }
   repository::FaceKey key() {
@@ -170,7 +172,8 @@ TEST(Message, aWelcomeByItselfIsTheSame) {
 }
 
 TEST(Message, decodeReadsEveryFieldOfAView) {
-  const View sent = MessageGenerator(7).view();
+  View sent = MessageGenerator(7).view();
+  sent.camera.section = {{0.6, 0.0, -0.8}, 1.5};
   const View got = std::get<View>(*decodeClientMessage(encode(ClientMessage(sent))));
   EXPECT_EQ(got.sequence, sent.sequence);
   EXPECT_EQ(got.camera.position, sent.camera.position);
@@ -184,6 +187,18 @@ TEST(Message, decodeReadsEveryFieldOfAView) {
   EXPECT_EQ(got.max_points, sent.max_points);
   EXPECT_EQ(got.want_frame, sent.want_frame);
   EXPECT_EQ(got.frame_quality, sent.frame_quality);
+  EXPECT_EQ(got.camera.section, sent.camera.section);
+}
+
+TEST(Message, aFrameTellsTheSectionThatItWasDrawnWith) {
+  for (const bool last : {false, true}) {
+    Frame sent{3, MessageGenerator(7).camera(), last, {0x77}};
+    sent.camera.section = {{0.0, 1.0, 0.0}, -2.5};
+    const Frame got = std::get<Frame>(*decodeServerMessage(encode(ServerMessage(sent))));
+    EXPECT_EQ(got.camera.section, sent.camera.section);
+    EXPECT_EQ(got.last, last);
+    EXPECT_EQ(got.value, sent.value);
+  }
 }
 
 TEST(Message, decodeReadsEveryFieldOfAWelcome) {
@@ -272,7 +287,7 @@ TEST(Message, bytesOfVersionSixStay) {
   EXPECT_EQ(encode(ServerMessage(Refusal{6, "no"})), (base::Bytes{0x86, 6, 0, 2, 0, 'n', 'o'}));
   EXPECT_EQ(encode(ServerMessage(Refusal{6, "no", Streamed::kSplats})), (base::Bytes{0x86, 6, 0, 2, 0, 'n', 'o', 1}));
   EXPECT_EQ(encode(ServerMessage(Part{Stream::kFrames, true, false, {9, 8}})), (base::Bytes{0x87, 1, 1, 0, 9, 8}));
-  EXPECT_EQ(encode(ClientMessage(View{})).size(), 102U);
+  EXPECT_EQ(encode(ClientMessage(View{})).size(), kViewBytes);
   const base::Bytes frame = encode(ServerMessage(Frame{1, {}, true, {0x77}}));
   ASSERT_EQ(frame.size(), 91U);
   EXPECT_EQ(frame[89], 1);
@@ -313,9 +328,12 @@ TEST(Message, clientMessageCutAnywhereIsRefused) {
   MessageGenerator generator(3);
   for (const ClientMessage& message : generator.clientMessages()) {
     const base::Bytes whole = encode(message);
-    for (std::size_t length = 0; length < whole.size(); ++length)
-      EXPECT_FALSE(decodeClientMessage(base::ByteView(whole).first(length)))
+    const bool is_view = std::holds_alternative<View>(message);
+    for (std::size_t length = 0; length < whole.size(); ++length) {
+      const bool is_whole = is_view && length == kViewBytes;  // before its section
+      EXPECT_EQ(static_cast<bool>(decodeClientMessage(base::ByteView(whole).first(length))), is_whole)
           << "type " << int{whole[0]} << " at " << length;
+    }
   }
 }
 
@@ -393,6 +411,11 @@ TEST(Message, invalidViewsAreRefused) {
   EXPECT_NE(withView([](View& v) { v.patch_tolerance_px = static_cast<float>(kNan); }), "");
   EXPECT_EQ(withView([](View& v) { v.frame_quality = kServersChoice; }), "");
   EXPECT_NE(withView([](View& v) { v.frame_quality = 101; }), "");
+  EXPECT_EQ(withView([](View& v) { v.camera.section = {{0.0, 2.0, 0.0}, 1e12}; }), "");
+  EXPECT_NE(withView([](View& v) { v.camera.section = {{0.0, 0.0, 0.0}, 1.0}; }), "");
+  EXPECT_NE(withView([](View& v) { v.camera.section = {{kNan, 1.0, 0.0}, 1.0}; }), "");
+  EXPECT_NE(withView([](View& v) { v.camera.section = {{0.0, 1.0, 0.0}, 2e12}; }), "");
+  EXPECT_NE(withView([](View& v) { v.camera.section = {{0.0, 1.0, 0.0}, kNan}; }), "");
 }
 
 TEST(Message, directionsComeOutUnit) {

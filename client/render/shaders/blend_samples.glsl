@@ -151,7 +151,9 @@ Blend blendAt(Surface surface, vec2 view_ndc, vec3 proxy_error, int count) {
     float cosine = dot(surface.normal, sample_ray);
     // From so near that the model may lie behind the image's eye, the image shows something else.
     seen *= smoothstep(u_near, 2.0 * u_near, sample_distance * abs(cosine) / max(error, 1e-20));
-    float steep = clamp(min(abs(cosine), abs(dot(surface.facet, sample_ray))), 0.1, 1.0);
+    float slant = min(abs(cosine), abs(dot(surface.facet, sample_ray)));
+    if (proxy_error.x <= 0.0) seen *= smoothstep(0.02, 0.1, slant);
+    float steep = clamp(slant, 0.1, 1.0);
     vec4 depth = u_samples[i].depth;
     float texel = depth.z * clip.w;
     float bias = u_bias_texels * texel * (1.0 + sqrt(1.0 - steep * steep) / steep) +

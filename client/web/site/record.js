@@ -5,7 +5,8 @@ import {saveBlob} from "./picture.js";
 
 const kFramesPerSecond = 60;
 
-/// A row of the viewer: position, direction and up, the vertical angle in radians, orthographic height, width, height.
+/// A row of the viewer: position, direction and up, the vertical angle in radians, orthographic height, width, height,
+/// and the section's normal and offset.
 function frameOf(row) {
   const frame = {
     position: row.slice(0, 3),
@@ -15,7 +16,9 @@ function frameOf(row) {
     width: row[11],
     height: row[12]
   };
-  return row[10] > 0 ? {...frame, ortho_height: row[10]} : frame;
+  if (row[10] > 0) frame.ortho_height = row[10];
+  if (row.slice(13, 16).some(Boolean)) frame.section = {normal: row.slice(13, 16), offset: row[16]};
+  return frame;
 }
 
 /// Makes a path with even times of what was seen: a list of {seconds, row}, of which each counts from its instant on.

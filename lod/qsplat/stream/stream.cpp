@@ -57,7 +57,7 @@ Priority priorityFor(StreamOrder order, const std::optional<Lens>& lens, int pic
 }
 
 bool sameTraversal(const TraverseRequest& a, const TraverseRequest& b) {
-  return base::sameCamera(a.camera, b.camera) && a.cutoff_px == b.cutoff_px && a.section == b.section;
+  return base::sameCamera(a.camera, b.camera) && a.cutoff_px == b.cutoff_px;
 }
 
 // Returns a view that shows more of the scene at the same size, as a small turn would.

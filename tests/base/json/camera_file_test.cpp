@@ -36,6 +36,10 @@ TEST(CameraFile, badCamerasAreNamed) {
       {R"({"position":[0,0,0],"direction":[0,0,1],"fov_y_degrees":180})", "fov_y_degrees"},
       {R"({"position":[0,0,0],"direction":[0,0,1],"ortho_height":-1})", "ortho_height"},
       {R"({"position":[0,0,0],"direction":[0,0,1],"ortho_height":"2"})", "ortho_height"},
+      {R"({"position":[0,0,0],"direction":[0,0,1],"section":"z,2,b"})", "section must have"},
+      {R"({"position":[0,0,0],"direction":[0,0,1],"section":{"normal":[0,0,0],"offset":1}})", "section must have"},
+      {R"({"position":[0,0,0],"direction":[0,0,1],"section":{"normal":[0,0,1]}})", "section must have"},
+      {R"({"position":[0,0,0],"direction":[0,0,1],"section":{"normal":[0,0,1],"offset":1e13}})", "offset of section"},
   };
   for (const auto& [text, what] : cases) {
     auto camera = base::readCamera(write(text));
@@ -78,6 +82,19 @@ TEST(CameraPath, orthographicFramesStayOrthographic) {
   ASSERT_TRUE(read) << read.error().message;
   EXPECT_FALSE(read->frames[0].orthographic());
   EXPECT_EQ(read->frames[1].ortho_height, 3.5);
+}
+
+TEST(CameraPath, framesKeepTheirSections) {
+  auto path = base::orbitPath({0, 0, 0}, {2, 2, 2}, {0, 0, 1}, 2, 1.0, 0.5, 1.2, 320, 200);
+  path[1].section = base::SectionPlane{{0.0, 0.6, -0.8}, 2.5};
+  auto read = base::readCameraPath(write(base::formatCameraPath({path})));
+  ASSERT_TRUE(read) << read.error().message;
+  EXPECT_FALSE(read->frames[0].section.has_value());
+  EXPECT_EQ(read->frames[1].section, path[1].section);
+  const auto longer = base::readCamera(
+      write(R"({"position":[0,0,0],"direction":[0,0,1],"up":[0,1,0],"section":{"normal":[0,0,4],"offset":6}})"));
+  ASSERT_TRUE(longer) << longer.error().message;
+  EXPECT_EQ(longer->section, (base::SectionPlane{{0.0, 0.0, 1.0}, 1.5})) << "a normal of any length";
 }
 
 TEST(CameraPath, orbitKeepsItsDistanceAndLooksAtTheCentre) {

@@ -30,9 +30,7 @@ class PlainSplats final : public StreamedView {
   void update(const base::Camera&, const StreamedLook&) override {}
   base::Result<void> draw(const base::Camera&, const StreamedLook&) override { return {}; }
   base::Camera drawnCamera() const override { return {}; }
-  std::optional<glm::vec3> surfaceAt(const base::Camera&, const StreamedLook&, double, double) const override {
-    return std::nullopt;
-  }
+  std::optional<glm::vec3> surfaceAt(const base::Camera&, double, double) const override { return std::nullopt; }
   bool isMultisampled() const override { return false; }
   bool complete() const override { return true; }
   bool busy() const override { return false; }

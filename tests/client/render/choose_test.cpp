@@ -56,6 +56,47 @@ TEST(ChooseSamples, atTheSameAngleTheSharperOneComesFirst) {
   EXPECT_EQ(choose(samples, cameraAt({4, 0, 0}, glm::vec3(0.0F), 512, 60), 1), (std::vector<std::size_t>{1}));
 }
 
+/// Chooses for places, each seen by the samples of its list.
+std::vector<std::size_t> chooseSeen(const Samples& samples, const base::Camera& view, std::size_t limit,
+                                    std::vector<glm::vec3> places,
+                                    const std::vector<std::vector<std::size_t>>& seen_by) {
+  const client::ProxyError error{0.001F, 0.1F};
+  const client::VisibleSurface surface{std::move(places), [&](const glm::vec3& eye, std::size_t place) {
+                                         return std::any_of(
+                                             seen_by[place].begin(), seen_by[place].end(),
+                                             [&](std::size_t s) { return samples.geometry[s].eye == eye; });
+                                       }};
+  return client::chooseSamples(samples.pointers, std::span(&kBox, 1), std::span(&error, 1), view, limit, {}, &surface);
+}
+
+TEST(ChooseSamples, oneWhoseWayIsBlockedComesAfterOneThatSeesThePlace) {
+  Samples samples;
+  samples.add(cameraAt({4, 0.2F, 0}, glm::vec3(0.0F), 256, 90));  // the nearest ray, behind a wall
+  samples.add(cameraAt({3, 3, 0}, glm::vec3(0.0F), 256, 90));
+  const base::Camera view = cameraAt({4, 0, 0}, glm::vec3(0.0F), 256, 90);
+  EXPECT_EQ(choose(samples, view, 1), (std::vector<std::size_t>{0}));
+  EXPECT_EQ(chooseSeen(samples, view, 1, {glm::vec3(0.0F)}, {{1}}), (std::vector<std::size_t>{1}));
+  EXPECT_EQ(chooseSeen(samples, view, 2, {glm::vec3(0.0F)}, {{1}}), (std::vector<std::size_t>{1, 0}))
+      << "a coarse model errs, so that what is left goes to the box's images";
+}
+
+TEST(ChooseSamples, theBestOfFewPlacesIsWorthMoreThanAFarOneOfMany) {
+  // A wall of places, most of which the first two see well; the last is seen by the third alone.
+  Samples samples;
+  samples.add(cameraAt({4, 0.2F, 0}, glm::vec3(0.0F), 256, 90));
+  samples.add(cameraAt({4, -0.3F, 0}, glm::vec3(0.0F), 256, 90));
+  samples.add(cameraAt({3, 3, 0}, glm::vec3(0.0F), 256, 90));
+  std::vector<glm::vec3> places;
+  std::vector<std::vector<std::size_t>> seen_by;
+  for (int i = 0; i < 20; ++i) {
+    places.emplace_back(0.0F, 0.02F * static_cast<float>(i) - 0.2F, 0.0F);
+    seen_by.push_back(i < 19 ? std::vector<std::size_t>{0, 1} : std::vector<std::size_t>{2});
+  }
+  const auto chosen = chooseSeen(samples, cameraAt({4, 0, 0}, glm::vec3(0.0F), 256, 90), 4, places, seen_by);
+  ASSERT_EQ(chosen.size(), 3U);
+  EXPECT_EQ(chosen[1], 2U) << "the second best of 19 places adds less";
+}
+
 /// Numbers 0 … 1 that are the same everywhere.
 class Numbers {
  public:

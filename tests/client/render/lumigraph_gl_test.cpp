@@ -197,9 +197,9 @@ TEST_F(Lumigraph, anOrthographicFarViewLooksLikeAPerspectiveOneFromAfar) {
 TEST_F(Lumigraph, aSectionShowsTheInsideOfWhatItCutsOpen) {
   makeBall();
   addCube(kEye, 0);
-  const base::Camera camera = lookAlong(kEye, glm::vec3(0.0F), 200, 200, 2.4F);
+  base::Camera camera = lookAlong(kEye, glm::vec3(0.0F), 200, 200, 2.4F);
   const base::Image whole = draw(camera);
-  options_.modes.section = {0.0F, -1.0F, 0.0F, 0.0F};  // the viewer's half goes
+  camera.section = {0.0F, -1.0F, 0.0F, 0.0F};  // the viewer's half goes
   const base::Image open = draw(camera);
   EXPECT_EQ(coverageOverlap(whole, open), 1.0) << "a half ball has the ball's outline";
   for (const glm::ivec2 at : {glm::ivec2(100, 100), glm::ivec2(60, 100), glm::ivec2(100, 150)})
@@ -210,18 +210,18 @@ TEST_F(Lumigraph, aSectionShowsTheInsideOfWhatItCutsOpen) {
 TEST_F(Lumigraph, aSectionLeavesTheOtherSideAsItWas) {
   makeBall();
   addCube(kEye, 0);
-  const base::Camera camera = lookAlong(kEye, glm::vec3(0.0F), 200, 200, 2.4F);
+  base::Camera camera = lookAlong(kEye, glm::vec3(0.0F), 200, 200, 2.4F);
   const base::Image whole = draw(camera);
-  options_.modes.section = {0.0F, 0.0F, 1.0F, 0.1F};  // above 0.1, which is row 100 − 0.1 × 200 / 2.4 = 91.7
+  camera.section = {0.0F, 0.0F, 1.0F, 0.1F};  // above 0.1, which is row 100 − 0.1 × 200 / 2.4 = 91.7
   const base::Image cut = draw(camera);
   for (int x = 0; x < 200; x += 3) {
     EXPECT_EQ(pixel(cut, x, 89).w, 0) << x;
     EXPECT_EQ(pixel(cut, x, 95), pixel(whole, x, 95)) << x;
     EXPECT_EQ(pixel(cut, x, 160), pixel(whole, x, 160)) << x;
   }
-  options_.modes.section = {0.0F, 0.0F, 1.0F, 5.0F};
+  camera.section = {0.0F, 0.0F, 1.0F, 5.0F};
   EXPECT_EQ(draw(camera).pixels, whole.pixels) << "a plane beyond the model cuts nothing";
-  options_.modes.section = {0.0F, 0.0F, 1.0F, -5.0F};
+  camera.section = {0.0F, 0.0F, 1.0F, -5.0F};
   EXPECT_EQ(coverageOverlap(draw(camera), whole), 0.0) << "nothing is left";
 }
 
@@ -231,12 +231,29 @@ TEST_F(Lumigraph, doesNotProjectImagesOnSurfacesThatASectionUncovers) {
   addPatch(ballPatch(glm::vec3(0.0F), 1.0F, 60, kWhite));
   addPatch(ballPatch(glm::vec3(0.0F), 0.4F, 30, kWhite));
   addCube(kEye, 0);
-  const base::Camera camera = lookAt(kEye, glm::vec3(0.0F), 200, 200, 50.0F);
+  base::Camera camera = lookAt(kEye, glm::vec3(0.0F), 200, 200, 50.0F);
   EXPECT_EQ(pixel(draw(camera), 100, 100), pixel(castRays(scene_, camera), 100, 100));
-  options_.modes.section = {0.0F, -1.0F, 0.0F, 0.6F};
+  camera.section = {0.0F, -1.0F, 0.0F, 0.6F};
   const base::Image cut = draw(camera);
   EXPECT_EQ(pixel(cut, 100, 100), glm::ivec4(255)) << "unlit white";
   EXPECT_EQ(pixel(cut, 100, 130), opaque(lod::draw::kSectionColor)) << "the far wall, from within";
+}
+
+TEST_F(Lumigraph, aFrameDrawnWithTheSectionShowsWhatItUncovers) {
+  // The frame shows the green ball that the cut uncovers within the red one, from a little aside.
+  addPatch(ballPatch(glm::vec3(0.0F), 1.0F, 60, kWhite));
+  addPatch(ballPatch(glm::vec3(0.0F), 0.4F, 30, kWhite));
+  base::Camera camera = lookAt(kEye, glm::vec3(0.0F), 200, 200, 50.0F);
+  camera.section = {0.0F, -1.0F, 0.0F, 0.6F};
+  base::Camera frame = lookAt(kEye + glm::vec3(0.2F, 0.0F, 0.0F), glm::vec3(0.0F), 200, 200, 50.0F);
+  frame.section = camera.section;
+  scene_.balls = {{glm::vec3(0.0F), 0.4F, kGreen}};
+  addImage(7, frame);
+  EXPECT_EQ(pixel(draw(camera), 100, 100), pixel(castRays(scene_, camera), 100, 100));
+  renderer_->removeSample(7);
+  frame.section = base::kNoSection;
+  addImage(7, frame);
+  EXPECT_EQ(pixel(draw(camera), 100, 100), glm::ivec4(255)) << "where the front hides it, an image does not show it";
 }
 
 TEST_F(Lumigraph, coloursByResolutionSayHowCoarseThePatchesAre) {

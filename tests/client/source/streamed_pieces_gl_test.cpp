@@ -395,8 +395,8 @@ TEST_P(StreamedPiecesTest, theDrawnSurfaceIsFoundUnderThePointer) {
     EXPECT_LE(at_the_rim, 8);
   }
   // A section that takes the front shows what lies behind it.
-  viewer_->setSection(base::SectionPlane{{0.0, 0.0, 1.0}, 0.0});
-  const base::ViewCamera camera = view();
+  base::ViewCamera camera = view();
+  camera.section = base::SectionPlane{{0.0, 0.0, 1.0}, 0.0};
   fetchAll(camera);
   draw(camera);
   int behind = 0;

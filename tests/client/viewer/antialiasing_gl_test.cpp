@@ -104,7 +104,7 @@ TEST_F(Antialiasing, whileTheViewMovesThereAreFewerSamplesAndTheLastPictureHasEi
 TEST_F(Antialiasing, aSlowMachineDrawsTheMeanPictureByPicture) {
   start(patches());
   slowDown();
-  const base::ViewCamera resting = server.lookDown(180.0);
+  base::ViewCamera resting = server.lookDown(180.0);
   draw(resting);
   completeView();
   for (int i = 0; i < 100 && viewer->stats().effort.pictures == 1; ++i) draw(resting);
@@ -121,7 +121,7 @@ TEST_F(Antialiasing, aSlowMachineDrawsTheMeanPictureByPicture) {
   start(options);
   draw(resting);
   EXPECT_EQ(target.read().pixels, one_by_one.pixels);
-  viewer->setSection(base::SectionPlane{{0.0, 0.0, 1.0}, server.welcome.origin.z});
+  resting.section = base::SectionPlane{{0.0, 0.0, 1.0}, server.welcome.origin.z};
   draw(resting);
   EXPECT_NE(target.read().pixels, one_by_one.pixels) << "a mean of before the cut is not shown";
 }
@@ -215,13 +215,13 @@ TEST_F(Antialiasing, aFrameOverAKeptPictureIsTheLastPicture) {
   receive(server.sayFrame(views.back().sequence, 100));
   receive(server.sayComplete(views.back().sequence));
   settle(near);
-  viewer->setSection(base::SectionPlane{{0.0, 0.0, 1.0}, server.welcome.origin.z - 1e3});
+  viewer->setResolutionColors(true);  // no frame is shown
   settle(near);
   ASSERT_EQ(viewer->stats().effort.pictures, 8);
   receive(server.sayFace({1, 1, 2, 5}, 500));
   for (int i = 0; i < 20 && viewer->stats().complete; ++i) draw(near);
   ASSERT_FALSE(viewer->stats().complete) << "the image is to be shown, too";
-  viewer->setSection(std::nullopt);
+  viewer->setResolutionColors(false);
   settle(near);
   EXPECT_EQ(viewer->stats().accuracy, Accuracy::kExact);
   EXPECT_TRUE(viewer->stats().complete);
@@ -400,7 +400,7 @@ TEST_F(Antialiasing, aFrameShownWholeNeedsNone) {
   EXPECT_EQ(viewer->stats().accuracy, Accuracy::kExact);
   EXPECT_EQ(viewer->stats().effort.pictures, 1);
   EXPECT_TRUE(viewer->stats().complete);
-  viewer->setSection(base::SectionPlane{{0.0, 0.0, 1.0}, server.welcome.origin.z});
+  viewer->setResolutionColors(true);
   settle(server.lookDown(20.0));
   EXPECT_EQ(viewer->stats().effort.pictures, 8) << "the blended picture is shown again";
 }

@@ -38,6 +38,14 @@ TEST_F(ExpectedUse, theImageFromANearerAngleIsUsedMore) {
   EXPECT_NEAR(shares[0] + shares[1], 1.0F, 1e-5F);
 }
 
+TEST_F(ExpectedUse, anImageBehindAWallIsNotUsed) {
+  const std::vector<const base::Camera*> samples{&near, &far};
+  const auto shares = expectedUse(
+      anchors, view, samples, [&](const glm::vec3& eye, std::size_t anchor) { return eye == far.eye && anchor < 2; });
+  EXPECT_EQ(shares[0], 0.0F);
+  EXPECT_NEAR(shares[1], 2.0F / 3.0F, 1e-5F) << "one of three anchors is seen by none";
+}
+
 TEST_F(ExpectedUse, anImageThatLooksElsewhereIsNotUsed) {
   const auto shares = use({&away, &near});
   EXPECT_EQ(shares[0], 0.0F);

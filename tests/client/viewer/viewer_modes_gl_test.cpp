@@ -109,9 +109,10 @@ TEST_F(ViewerModes, onlyTheServersPictureOfTheVeryViewIsExact) {
   EXPECT_EQ(viewer->stats().accuracy, Accuracy::kBlended) << "a perspective picture stands in, and is not exact";
   settle(server.lookDown(20.0));
   EXPECT_EQ(viewer->stats().accuracy, Accuracy::kExact);
-  viewer->setSection(base::SectionPlane{{0.0, 0.0, 1.0}, server.welcome.origin.z});
-  settle(server.lookDown(20.0));
-  EXPECT_NE(viewer->stats().accuracy, Accuracy::kExact) << "the server knows of no section";
+  base::ViewCamera cut = server.lookDown(20.0);
+  cut.section = base::SectionPlane{{0.0, 0.0, 1.0}, server.welcome.origin.z};
+  settle(cut);
+  EXPECT_NE(viewer->stats().accuracy, Accuracy::kExact) << "it shows what is cut away";
 }
 
 TEST_F(ViewerModes, aLightOfTheViewersOwnShadesTheModelsColours) {
@@ -166,9 +167,9 @@ TEST_F(ViewerModes, imagesAndFramesInTheScenesLightAreNotShownInAnother) {
 TEST_F(ViewerModes, aSectionCutsWorldCoordinatesForPictureAndPickAlike) {
   open(patches());
   receiveAllGroups();
-  const base::ViewCamera view = orthoDown(12.0);
+  base::ViewCamera view = orthoDown(12.0);
   const std::size_t whole = covered(settle(view));
-  viewer->setSection(base::SectionPlane{{1.0, 0.0, 0.0}, view.position.x});  // removes the right half
+  view.section = base::SectionPlane{{1.0, 0.0, 0.0}, view.position.x};  // removes the right half
   const base::Image half = settle(view);
   EXPECT_NEAR(static_cast<double>(covered(half)), 0.5 * static_cast<double>(whole), 0.03 * static_cast<double>(whole));
   EXPECT_EQ(half.at(50, 24)[3], 0);
@@ -176,11 +177,11 @@ TEST_F(ViewerModes, aSectionCutsWorldCoordinatesForPictureAndPickAlike) {
   EXPECT_FALSE(viewer->surfaceAt(view, 50.0, 24.0).has_value());
   EXPECT_TRUE(viewer->surfaceAt(view, 10.0, 24.0).has_value());
 
-  viewer->setSection(base::SectionPlane{{-2.0, 0.0, 0.0}, -2.0 * view.position.x});  // the normal may have any length
+  view.section = base::SectionPlane{{-2.0, 0.0, 0.0}, -2.0 * view.position.x};  // the normal may have any length
   EXPECT_EQ(settle(view).at(10, 24)[3], 0);
-  viewer->setSection(base::SectionPlane{{0.0, 0.0, 0.0}, -1.0});
+  view.section = base::SectionPlane{{0.0, 0.0, 0.0}, -1.0};
   EXPECT_EQ(covered(settle(view)), whole) << "no normal, no plane";
-  viewer->setSection(std::nullopt);
+  view.section.reset();
   EXPECT_EQ(covered(settle(view)), whole);
 }
 
@@ -209,8 +210,9 @@ TEST_F(ViewerModes, pinsAreSeenOnTheSurfaceAndNotBehindIt) {
   settle(below);
   for (std::size_t i = 1; i < points.size(); i += 3) EXPECT_TRUE(viewer->pinsVisible()[i]) << i;
 
-  viewer->setSection(base::SectionPlane{{0.0, 0.0, 1.0}, server.welcome.origin.z - 1000.0});
-  settle(view);
+  base::ViewCamera cut = view;
+  cut.section = base::SectionPlane{{0.0, 0.0, 1.0}, server.welcome.origin.z - 1000.0};
+  settle(cut);
   for (std::size_t i = 0; i < points.size(); ++i) EXPECT_FALSE(viewer->pinsVisible()[i]) << "cut away";
   viewer->setPins({});
   settle(view);

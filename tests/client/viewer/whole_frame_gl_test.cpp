@@ -118,9 +118,15 @@ TEST_F(WholeFrameGl, aMovedViewAndASectionShowTheModelAgain) {
   settle(view());
   EXPECT_NE(draw(server.lookDown(20.5)).pixels, expected(1).pixels);
   EXPECT_EQ(draw(view()).pixels, expected(1).pixels);
-  viewer->setSection(base::SectionPlane{{0.0, 0.0, 1.0}, server.welcome.origin.z + 1e3});
-  EXPECT_NE(settle(view()).pixels, expected(1).pixels);
-  viewer->setSection(std::nullopt);
+  base::ViewCamera cut = view();
+  cut.section = base::SectionPlane{{0.0, 0.0, 1.0}, server.welcome.origin.z + 1e3};
+  EXPECT_NE(settle(cut).pixels, expected(1).pixels);
+  const auto asked = only<protocol::View>(sent(viewer->session()));
+  ASSERT_FALSE(asked.empty());
+  EXPECT_EQ(asked.back().camera.section, cut.section) << "the server knows what is cut away";
+  receive(encode(protocol::ServerMessage(protocol::Frame{asked.back().sequence, cut, true, base::Bytes(50, 0x5A)})));
+  EXPECT_EQ(settle(cut).pixels, expected(2).pixels) << "a frame of this very section is shown";
+  EXPECT_EQ(viewer->stats().accuracy, Accuracy::kExact);
   EXPECT_EQ(settle(view()).pixels, expected(1).pixels);
   viewer->setResolutionColors(true);
   EXPECT_NE(settle(view()).pixels, expected(1).pixels);

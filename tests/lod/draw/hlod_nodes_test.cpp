@@ -415,7 +415,7 @@ TEST_F(HlodNodesTest, aSectionCutsTrianglesPointsAndLinesAway) {
   for (const auto& node : {square, asPoints(square), lines}) {
     NodeView view = unlit(cameraAbove());
     const auto covered = [&](const glm::vec4& section) {
-      view.section = section;
+      view.camera.section = section;
       return kSize * kSize - samplesOpen(picture({drawn(view.camera, node)}, view), 0.0);
     };
     const int whole = covered(base::kNoSection);

@@ -378,7 +378,7 @@ TEST_F(SplatsTest, aSectionCutsSplatsInTwo) {
   SplatView view;
   view.camera = cameraOf(30.0);
   view.shading.unlit = true;
-  view.section = {1.0F, 0.0F, 0.0F, 0.0F};
+  view.camera.section = {1.0F, 0.0F, 0.0F, 0.0F};
   for (const SplatKernel kernel : kAllKernels) {
     const base::Image picture = this->picture(std::array{splatAt({0, 0, -10}, 1.5F)}, kernel, view);
     EXPECT_NE(picture.at(kSize / 2 - 4, kSize / 2)[3], 0);

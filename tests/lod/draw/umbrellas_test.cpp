@@ -307,7 +307,7 @@ TEST_F(UmbrellasTest, aSectionCutsTrianglesAndPointsAway) {
     UmbrellaView view = unlit(camera);
     const Leaves leaves = wholeTorus(0, pixel);
     const auto covered = [&](const glm::vec4& section) {
-      view.section = section;
+      view.camera.section = section;
       const base::Image drawn = picture(leaves, view);
       int pixels = 0;
       for (std::size_t i = 3; i < drawn.pixels.size(); i += 4) pixels += drawn.pixels[i] != 0 ? 1 : 0;

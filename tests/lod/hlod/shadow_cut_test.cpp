@@ -652,19 +652,19 @@ TEST(HlodShadowTest, onlyWhatTheViewShowsReceivesAndOnlyWhatTheSectionLeavesCast
   for (int i = 0; i < 40; ++i) {
     Case made = planCase(tree, tree.random.next(), Place::kFar, false);
     for (const ShadowMapPlan& plan : made.plans) whole += plan.casters.size();
-    made.request.view.section = glm::vec4(glm::vec3(tree.random.direction()), 0.1F);
+    made.request.view.camera.section = glm::vec4(glm::vec3(tree.random.direction()), 0.1F);
     for (const ShadowMapPlan& plan : planShadowMaps(tree.nodes, made.receivers, made.request)) {
       cut += plan.casters.size();
       for (const std::uint32_t caster : plan.casters) {
         float least = kInfinite;
         for (int corner = 0; corner < 8; ++corner)
-          least =
-              std::min(least, glm::dot(glm::vec3(made.request.view.section), tree.nodes[caster].box.corner(corner)));
-        EXPECT_LE(least, made.request.view.section.w + 1e-5F);
+          least = std::min(
+              least, glm::dot(glm::vec3(made.request.view.camera.section), tree.nodes[caster].box.corner(corner)));
+        EXPECT_LE(least, made.request.view.camera.section.w + 1e-5F);
       }
     }
     // A tile's maps hold receivers of the picture's, but not all.
-    made.request.view.section = base::kNoSection;
+    made.request.view.camera.section = base::kNoSection;
     made.request.view.tile = made.request.view.camera;
     for (int column = 0; column < 4; ++column)
       for (int row = 0; row < 2; ++row) made.request.view.tile->clip_from_eye[column][row] *= 4.0F;

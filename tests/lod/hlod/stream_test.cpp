@@ -74,7 +74,7 @@ TEST(HlodStreamTest, aRefinedViewIsTheCutOfTheWholeFile) {
     request.tolerance = static_cast<float>(views.number(0.3, 5.0));
     request.cull_back_faces = i % 3 == 0;
     if (i % 4 == 0)
-      request.section = glm::vec4(glm::vec3(views.direction()), static_cast<float>(views.number(-0.5, 0.5)));
+      request.camera.section = glm::vec4(glm::vec3(views.direction()), static_cast<float>(views.number(-0.5, 0.5)));
     const std::vector<DrawnNode> drawn = fetchAll(stream, host, request, now);
     ASSERT_TRUE(stream.complete()) << stream.problem();
     EXPECT_EQ(nodesOf(drawn), cutOf(request)) << "view " << i;

@@ -95,7 +95,7 @@ TEST(HlodTraverseTest, childrenShowNoLargerErrorThanTheirParent) {
 /// Whether the request lets a place of the surface be seen.
 bool isWanted(const TraverseRequest& request, const glm::vec3& p) {
   return (!request.cull || isSeen(request.tile.value_or(request.camera), p)) &&
-         glm::dot(glm::vec3(request.section), p) <= request.section.w;
+         glm::dot(glm::vec3(request.camera.section), p) <= request.camera.section.w;
 }
 
 TEST(HlodTraverseTest, aCutShowsEachSeenPlaceOnceWithinTheTolerance) {
@@ -107,7 +107,7 @@ TEST(HlodTraverseTest, aCutShowsEachSeenPlaceOnceWithinTheTolerance) {
     request.tolerance = static_cast<float>(views.number(0.3, 6.0));
     request.cull = i % 5 != 0;
     if (i % 3 == 0)
-      request.section = glm::vec4(glm::vec3(views.direction()), static_cast<float>(views.number(-1.0, 1.0)));
+      request.camera.section = glm::vec4(glm::vec3(views.direction()), static_cast<float>(views.number(-1.0, 1.0)));
     const std::vector<std::uint32_t> cut = chooseCut(made().nodes, request);
     drawn += cut.size();
     std::set<std::uint32_t> chosen(cut.begin(), cut.end());

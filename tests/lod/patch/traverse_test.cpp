@@ -329,6 +329,32 @@ TEST(SelectCut, neitherRefinesNorDrawsOutsideTheFrustum) {
     }
 }
 
+TEST(SelectCut, neitherRefinesNorDrawsWhatASectionCutsAway) {
+  const Hierarchy& h = scene().hierarchy;
+  CutRequest request = requestFrom({32.0, 32.0, 50.0}, {32.0, 32.5, 0.0});
+  request.tolerance_px = 0.0F;
+  request.camera.section = {1.0F, 0.0F, 0.0F, 20.0F};  // what lies at x > 20 goes
+  const Cut cut = selectCut(h, request);
+  request.camera.section = base::kNoSection;
+  const Cut whole = selectCut(h, request);
+  EXPECT_LT(cut.triangles, whole.triangles / 2);
+  for (const std::uint32_t p : cut.patches) EXPECT_LE(h.patches[p].box.min.x, 20.0F);
+  for (const std::uint32_t p : whole.patches)
+    if (h.patches[p].box.min.x <= 20.0F) {
+      EXPECT_NE(std::find(cut.patches.begin(), cut.patches.end(), p), cut.patches.end());
+    }
+  request.camera.section = {1.0F, 0.0F, 0.0F, 20.0F};
+  request.cull = false;
+  EXPECT_EQ(selectCut(h, request).triangles, selectCut(h,
+                                                       [&] {
+                                                         CutRequest all = request;
+                                                         all.camera.section = base::kNoSection;
+                                                         return all;
+                                                       }())
+                                                 .triangles)
+      << "without culling all is there";
+}
+
 TEST(SelectCut, budgetCountsOnlyWhatIsSeen) {
   CutRequest request = requestFrom({8.0, 8.0, 6.0}, {8.0, 8.5, 0.0});
   request.tolerance_px = 0.0F;

@@ -116,7 +116,8 @@ std::vector<ChosenLeaf> chosenByHand(const TraverseRequest& request) {
     const Leaf& leaf = made().leaves[i];
     if (request.cull && !frustum.mayOverlap(leaf.box)) continue;
     bool beyond = true;
-    for (int k = 0; k < 8; ++k) beyond &= glm::dot(glm::vec3(request.section), leaf.box.corner(k)) > request.section.w;
+    for (int k = 0; k < 8; ++k)
+      beyond &= glm::dot(glm::vec3(request.camera.section), leaf.box.corner(k)) > request.camera.section.w;
     if (beyond) continue;
     const float pixel = pixelSizeAt(request.camera, leaf.box);
     chosen.push_back({i, levelFor(leaf, pixel, request.tolerance), pixel, leaf.box.diagonal() / pixel});
@@ -135,7 +136,7 @@ TEST(PmrTraverseTest, theOctreeChoosesWhatATestOfEachLeafChooses) {
     request.tolerance = static_cast<float>(views.number(0.3, 6.0));
     request.cull = i % 5 != 0;
     if (i % 3 == 0)
-      request.section = glm::vec4(glm::vec3(views.direction()), static_cast<float>(views.number(-1.0, 1.0)));
+      request.camera.section = glm::vec4(glm::vec3(views.direction()), static_cast<float>(views.number(-1.0, 1.0)));
     std::vector<ChosenLeaf> chosen;
     octree.choose(made().leaves, request, chosen);
     EXPECT_TRUE(std::is_sorted(chosen.begin(), chosen.end(),

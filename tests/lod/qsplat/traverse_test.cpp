@@ -459,7 +459,7 @@ TEST(TraverseTest, aSectionLeavesOutWhatLiesBeyondAndShowsTheInsideOfTheRest) {
   const base::Camera camera = support::RandomViews(21, ball().header.root, 400).next();
   TraverseRequest request = requestFor(camera, 0.0F);
   request.cull = false;
-  request.section = {1.0F, 0.0F, 0.0F, 0.25F};
+  request.camera.section = {1.0F, 0.0F, 0.0F, 0.25F};
   MemoryBlocks blocks(ball().file, ball().header);
   const Traversal found = traverse(blocks, request);
   std::size_t expected = 0;

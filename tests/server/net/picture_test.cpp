@@ -54,11 +54,11 @@ TEST(PictureRequest, angleMayBeInRadians) {
 TEST(PictureRequest, sectionIsAPlaneThatCutsOneSideAway) {
   const auto below = parse(kView + "&section=y,-120.5,b&colors=resolution&tolerance=4");
   ASSERT_TRUE(below) << below.error().message;
-  EXPECT_EQ(below->section, (base::SectionPlane{{0.0, 1.0, 0.0}, -120.5}));
+  EXPECT_EQ(below->camera.section, (base::SectionPlane{{0.0, 1.0, 0.0}, -120.5}));
   EXPECT_TRUE(below->resolution_colors);
   EXPECT_EQ(below->tolerance_px, 4.0F);
-  EXPECT_EQ(parse(kView + "&section=z,4e6,a")->section, (base::SectionPlane{{0.0, 0.0, -1.0}, -4e6}));
-  EXPECT_FALSE(parse(kView)->section);
+  EXPECT_EQ(parse(kView + "&section=z,4e6,a")->camera.section, (base::SectionPlane{{0.0, 0.0, -1.0}, -4e6}));
+  EXPECT_FALSE(parse(kView)->camera.section);
 }
 
 TEST(PictureRequest, lightIsADirection) {

@@ -541,6 +541,16 @@ TEST(FrameSchedule, aJumpIsNotExtrapolatedAndWaitsForNoFrame) {
   EXPECT_FALSE(driven.schedule.isUseful(base::ViewCamera())) << "from where the eye was before";
 }
 
+TEST(FrameSchedule, aFrameOfAnotherSectionIsOfNoUse) {
+  Driven driven;
+  driven.view(0.0);
+  base::ViewCamera camera;
+  camera.position = {0.0, 0.0, 5.0};
+  EXPECT_TRUE(driven.schedule.isUseful(camera));
+  camera.section = base::SectionPlane{};
+  EXPECT_FALSE(driven.schedule.isUseful(camera));
+}
+
 TEST(FrameSchedule, aMovingEyesViewGetsOneFrame) {
   Driven driven;
   driven.move(10);

@@ -37,7 +37,7 @@ TEST(Motion, aheadIsLimitedInTimeAndLength) {
   EXPECT_NEAR(motion.ahead(100.0).position.x, 0.9 + kReach, 1e-9);
 }
 
-TEST(Motion, jumpsPausesAndOtherSizesBeginAnew) {
+TEST(Motion, jumpsPausesOtherSizesAndSectionsBeginAnew) {
   Motion motion(kReach);
   EXPECT_FALSE(motion.accept(cameraAt(0.0), 0.0));
   EXPECT_TRUE(motion.accept(cameraAt(0.1), 0.03));
@@ -48,6 +48,9 @@ TEST(Motion, jumpsPausesAndOtherSizesBeginAnew) {
   base::ViewCamera larger = cameraAt(5.0, 2.0);
   larger.width = 1920;
   EXPECT_FALSE(motion.accept(larger, 2.03));
+  base::ViewCamera cut = larger;
+  cut.section = base::SectionPlane{};
+  EXPECT_FALSE(motion.accept(cut, 2.06)) << "it shows something else";
 }
 
 TEST(Motion, endsWhenNoViewFollowsOrNothingChanges) {

@@ -1,0 +1,67 @@
+#include "client/viewer/surface_sight.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "lod/patch/traverse.h"
+#include "plan/coarse_sight.h"
+
+namespace client {
+namespace {
+
+constexpr std::uint64_t kTriangles = 20'000;  ///< of the coarse patches: 1.5 MB
+constexpr double kGrowth = 1.25;              ///< as much finer the next ones are at least
+/// Rays across the picture, and up. A tile shows a twentieth of a picture or so.
+constexpr int kColumns = 24, kRows = 14;
+
+}  // namespace
+
+void SurfaceSight::renew(Session& session) {
+  const std::uint64_t groups = session.stats().groups_received;
+  const auto finer = sight_ ? static_cast<std::uint64_t>(kGrowth * static_cast<double>(sight_->triangleCount())) : 0;
+  if (groups == groups_ || finer > kTriangles) return;
+  groups_ = groups;
+  lod::patch::CutRequest coarse;  // a parallel projection, in which errors count alike everywhere
+  coarse.tolerance_px = 0.0F;
+  coarse.cull = false;
+  coarse.max_triangles = kTriangles;
+  const lod::patch::Cut cut =
+      lod::patch::selectCut(session.hierarchy(), coarse, [&](std::uint32_t group) { return session.hasGroup(group); });
+  if (cut.triangles < finer) return;
+  auto made = plan::makeCoarseSight(session.hierarchy(), cut.expanded,
+                                    [&](std::uint32_t group) { return base::ByteView(*session.block(group)); });
+  if (!made) return;  // what is damaged is named where it is drawn
+  sight_ = std::move(*made);
+  camera_ = {};
+}
+
+bool SurfaceSight::lookFrom(const base::Camera& camera) {
+  if (!sight_ || camera.orthographic()) return false;  // rays of a perspective are cast
+  if (!base::sameCamera(camera, camera_)) {
+    camera_ = camera;
+    met_ = plan::sampleVisibleSurface(*sight_, camera, kColumns, kRows);
+    eyes_.clear();
+    surface_.places.clear();
+    for (const plan::SurfaceSample& sample : met_) surface_.places.push_back(sample.position);
+    surface_.is_seen_from = [this](const glm::vec3& eye, std::size_t place) { return isSeenFrom(eye, place); };
+  }
+  return !surface_.places.empty();
+}
+
+bool SurfaceSight::isSeenFrom(const glm::vec3& eye, std::size_t place) {
+  auto known = std::find_if(eyes_.begin(), eyes_.end(), [&](const Eye& other) { return other.place == eye; });
+  if (known == eyes_.end()) known = eyes_.insert(known, {eye, std::vector<std::uint8_t>(met_.size(), 0)});
+  std::uint8_t& verdict = known->verdicts[place];
+  if (verdict == 0) verdict = findOut(eye, place) ? 1 : 2;
+  return verdict == 1;
+}
+
+/// Whether the same side of the place is seen from an eye as in the view.
+bool SurfaceSight::findOut(const glm::vec3& eye, std::size_t place) const {
+  const plan::SurfaceSample& met = met_[place];
+  const bool is_front = glm::dot(met.normal, camera_.towardsViewer(met.position)) > 0.0F;
+  if (is_front != (glm::dot(met.normal, eye - met.position) > 0.0F)) return false;
+  return !sight_->isBlocked(met.position, eye, plan::sightClearance(*sight_));
+}
+
+}  // namespace client
