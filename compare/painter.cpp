@@ -12,17 +12,26 @@
 namespace compare {
 namespace {
 
+/// Identifies this build of the program: another one may draw otherwise.
+std::string programIdentity() {
+  const auto program = base::readFile("/proc/self/exe");
+  return program ? base::hexOf(base::sha256(*program)) : program.error().message;
+}
+
 /// Everything in a scene that its truth depends on. `with_nodes`: that is drawn of hlod.lgh.
 std::string identityOf(const server::OpenScene& scene, bool with_nodes) {
   const base::Light& light = scene.scene.light;
   const glm::dvec3 place = light.position.value_or(glm::dvec3(0.0));
   const auto casters = light.hasShadows() || with_nodes ? base::partFile(scene.scene, "hlod", ".lgh") : std::nullopt;
-  std::string shadows;
+  std::string parts;
   for (const base::ScenePart& part : scene.scene.parts)
     if (part.file == casters)
-      shadows = base::formatText(" %d %.17g %.17g %.17g %.17g ", light.position ? 1 : 0, place.x, place.y, place.z,
-                                 light.size) +
-                part.sha256;
+      parts += base::formatText(" %d %.17g %.17g %.17g %.17g ", light.position ? 1 : 0, place.x, place.y, place.z,
+                                light.size) +
+               part.sha256;
+  const auto textures = base::partFile(scene.scene, "texture", ".lgt");
+  for (const base::ScenePart& part : scene.scene.parts)
+    if (part.file == textures) parts += " " + part.sha256;
   const auto patches = scene.patch_file ? scene.patch_file->readAll() : base::Result<base::Bytes>(base::Bytes());
   // Nothing is drawn of a file that cannot be read, so its picture's identity does not matter.
   return (patches ? base::hexOf(base::sha256(*patches)) : patches.error().message) +
@@ -30,7 +39,7 @@ std::string identityOf(const server::OpenScene& scene, bool with_nodes) {
                           static_cast<double>(light.direction.x), static_cast<double>(light.direction.y),
                           static_cast<double>(light.direction.z), scene.scene.origin.x, scene.scene.origin.y,
                           scene.scene.origin.z) +
-         shadows;
+         parts;
 }
 
 }  // namespace
@@ -119,7 +128,7 @@ base::Result<base::Bytes> Painter::exactFrame(const server::FrameRequest& reques
 
 Truth::Truth(const server::OpenScene& scene, std::string directory, int supersampling, lod::hlod::Shadows shadows)
     : directory_(std::move(directory)),
-      identity_(identityOf(scene, shadows != lod::hlod::Shadows::kNone)),
+      identity_(programIdentity() + " " + identityOf(scene, shadows != lod::hlod::Shadows::kNone)),
       samples_(supersampling),
       shadows_(shadows) {
   if (shadows != lod::hlod::Shadows::kNone) identity_ += " " + std::string(lod::hlod::nameOf(shadows));

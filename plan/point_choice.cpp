@@ -101,6 +101,7 @@ std::vector<SurfaceSample> sampleTiles(const base::Camera& camera, int columns, 
     const float y = (static_cast<float>(tile / columns) + 0.5F) / static_cast<float>(rows);
     Ray ray = rayThrough(camera, 2.0F * x - 1.0F, 2.0F * y - 1.0F);
     const Kept kept = keptOf(ray, camera.section);
+    if (!std::isfinite(kept.from)) continue;  // along the section's plane, beyond it
     ray.origin += kept.from * ray.direction;
     const std::optional<SurfaceHit> hit = intersect(ray);
     if (!hit || hit->distance > kept.to - kept.from) continue;

@@ -120,7 +120,7 @@ TEST_F(Interior, isSampledInItsRoomsAndImagesShowItsWalls) {
     EXPECT_GT(blended[i], alone[i] - 0.1) << i;
     gained += (blended[i] - alone[i]) / static_cast<double>(views.size());
   }
-  EXPECT_GT(gained, 4.0);
+  EXPECT_GT(gained, 13.0) << "of 14.6; where boxes chose images, whatever hides them, it was 12";
   EXPECT_GT(blended.back(), alone.back() + 3.0) << "the first view, through the section, too";
 }
 

@@ -21,6 +21,7 @@ test("?record saves the way of the camera from the first picture to the click, i
   await page.mouse.down();
   await page.mouse.move(420, 150, {steps: 5});
   await page.mouse.up();
+  await page.keyboard.press("x");  // a section
   const end = await still(page);
   await page.waitForTimeout(500);
   const [download] = await Promise.all([page.waitForEvent("download"), button.click()]);
@@ -32,10 +33,12 @@ test("?record saves the way of the camera from the first picture to the click, i
   const [first, last] = [path.frames[0], path.frames.at(-1)];
   for (const [frame, view] of [[first, start], [last, end]]) {
     assert.deepEqual([...frame.position, ...frame.direction, ...frame.up], view.slice(0, 9));
-    assert.deepEqual([frame.width, frame.height], view.slice(11));
+    assert.deepEqual([frame.width, frame.height], view.slice(11, 13));
     assert.ok(Math.abs(frame.fov_y_degrees - view[9] * 180 / Math.PI) < 1e-9);
   }
   assert.notDeepEqual(first.position, last.position);
+  assert.equal(first.section, undefined);
+  assert.deepEqual([...last.section.normal, last.section.offset], end.slice(13));
   assert.deepEqual(page.faults, []);
   await page.close();
 });

@@ -146,7 +146,7 @@ try {
     medians.chromium.push(median((await timeFrames(first.page, 15)).slice(3)));
     medians.native.push(median(nativeFrames(server.url, view, 12)));
   }
-  result.frame = {chromium_ms: median(medians.chromium), native_ms: median(medians.native), size: view.slice(11)};
+  result.frame = {chromium_ms: median(medians.chromium), native_ms: median(medians.native), size: view.slice(11, 13)};
   result.frame.ratio = result.frame.chromium_ms / result.frame.native_ms;
   await first.page.close();
 
