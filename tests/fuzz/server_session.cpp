@@ -200,6 +200,10 @@ class Run {
     view.camera.up = {0.0, 1.0, 0.0};
     view.camera.width = 1 + 16 * in_.u8();
     view.camera.height = 1 + 16 * in_.u8();
+    // Every second height cuts away what lies before, or behind, the middle.
+    const glm::dvec3 normal = (view.camera.height / 32 % 2 == 0 ? 1.0 : -1.0) * view.camera.direction;
+    if (view.camera.height / 16 % 2 == 1)
+      view.camera.section = {normal, 0.5 * glm::dot(normal, glm::dvec3(box.min + box.max))};
     const std::uint8_t flags = in_.u8();
     view.want_frame = (flags & 1U) != 0;
     view.max_points = static_cast<std::uint16_t>(flags >> 1U & 7U);
