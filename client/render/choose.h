@@ -20,7 +20,9 @@ float sampleWeight(const glm::vec3& to_view, const glm::vec3& to_sample, float r
 
 /// Places that a view shows, evenly over its picture.
 struct VisibleSurface {
-  std::vector<glm::vec3> places;
+  std::vector<glm::vec3> places;  ///< scene-local
+  /// Whether nothing lies between an eye (scene-local) and a place, by its number, and it sees the side that the view
+  /// does.
   std::function<bool(const glm::vec3& eye, std::size_t place)> is_seen_from;
 };
 

@@ -67,7 +67,7 @@ base::Result<void> Viewer::drawUnseen(const base::ViewCamera& camera, double now
 void Viewer::drawBlended(bool moved, double now) {
   candidates_.clear();
   for (SampleId id : ranked_) {
-    // A frame that was drawn with a section shows what others see only beyond it.
+    // Where a frame was drawn with a section, it shows what lies behind the part that was cut away.
     const base::Camera& camera = images_[id].camera;
     const bool serves = !camera.hasSection() || camera.section == camera_.section;
     if (images_[id].state == ImageState::kResident && serves) candidates_.push_back(id);

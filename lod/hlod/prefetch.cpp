@@ -147,7 +147,7 @@ std::vector<NextNode> castersWantedNext(std::span<const Node> nodes, const Light
 bool isSameRequest(const TraverseRequest& a, const TraverseRequest& b) {
   const bool same_tile = a.tile.has_value() == b.tile.has_value() && (!a.tile || base::sameCamera(*a.tile, *b.tile));
   return base::sameCamera(a.camera, b.camera) && same_tile && a.tolerance == b.tolerance && a.cull == b.cull &&
-         a.cull_back_faces == b.cull_back_faces && a.camera.section == b.camera.section;
+         a.cull_back_faces == b.cull_back_faces;
 }
 
 }  // namespace lod::hlod
