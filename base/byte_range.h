@@ -1,12 +1,19 @@
 #pragma once
-// HTTP byte ranges (RFC 9110, section 14): the header Range that a reader sends, and the header Content-Range that a
-// server answers with.
+// Byte ranges of files, and how HTTP asks for them (RFC 9110, section 14): the header Range that a reader sends, and
+// the header Content-Range that a server answers with.
 #include <cstdint>
 #include <optional>
 #include <string>
 #include <string_view>
 
 namespace base {
+
+/// Bytes offset … offset + length − 1 of a file.
+struct FileRange {
+  std::uint64_t offset = 0, length = 0;
+
+  bool operator==(const FileRange&) const = default;
+};
 
 /// The part of a body that a Range header asks for.
 struct RangeRequest {

@@ -164,6 +164,13 @@ void readLists(const json& document, Scene& scene, std::string& problem) {
   for (const json& item : top.child("parts")) {
     Fields f(item, "parts: ", problem);
     scene.parts.push_back({f.get<std::string>("file"), f.get<std::uint64_t>("bytes"), f.get<std::string>("sha256")});
+    if (!item.contains("opening")) continue;
+    for (const json& range : f.child("opening")) {
+      if (range.is_array() && range.size() == 2 && range[0].is_number_unsigned() && range[1].is_number_unsigned())
+        scene.parts.back().opening.push_back({range[0].get<std::uint64_t>(), range[1].get<std::uint64_t>()});
+      else
+        problem = "parts: opening holds something else than pairs of an offset and a length";
+    }
   }
   scene.repairs = top.map<std::uint64_t>("repairs");
   if (document.contains("open_edges"))
@@ -258,8 +265,11 @@ std::string formatScene(const Scene& scene) {
   }
   document["parameters"] = scene.parameters;
   document["parts"] = json::array();
-  for (const ScenePart& p : scene.parts)
+  for (const ScenePart& p : scene.parts) {
     document["parts"].push_back({{"file", p.file}, {"bytes", p.bytes}, {"sha256", p.sha256}});
+    for (const FileRange& range : p.opening)
+      document["parts"].back()["opening"].push_back(json::array({range.offset, range.length}));
+  }
   return document.dump(2) + "\n";
 }
 

@@ -9,6 +9,7 @@
 #include <string_view>
 #include <vector>
 
+#include "base/byte_range.h"
 #include "base/error.h"
 #include "base/geometry.h"
 #include "base/hash/sha256.h"
@@ -42,9 +43,10 @@ struct SceneSource {
 };
 
 struct ScenePart {
-  std::string file;         ///< relative to the scene directory
-  std::uint64_t bytes = 0;  ///< 0 for a directory
-  std::string sha256;       ///< empty for a directory (its values carry checksums)
+  std::string file;                     ///< relative to the scene directory
+  std::uint64_t bytes = 0;              ///< 0 for a directory
+  std::string sha256;                   ///< empty for a directory (its values carry checksums)
+  std::vector<FileRange> opening = {};  ///< of a published hierarchy: what a viewer reads first (plan/opening_ranges.h)
 };
 
 /// The source's border, and what stitching did to it.

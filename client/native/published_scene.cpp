@@ -44,7 +44,7 @@ std::optional<StaticObject> objectOfPart(const base::Scene& scene, const std::st
   const auto part = std::find_if(scene.parts.begin(), scene.parts.end(),
                                  [&](const base::ScenePart& one) { return one.file == *file; });
   if (part == scene.parts.end()) return std::nullopt;
-  return StaticObject{part->file, part->bytes};
+  return StaticObject{part->file, part->bytes, part->opening};
 }
 
 std::optional<StaticObject> objectOfMethod(const base::Scene& scene, Method method) {

@@ -41,6 +41,8 @@ base::Result<void> StaticSource::acceptTable(const RangeArrival& arrival) {
   switch (arrival.wish.kind) {
     case kPatchFront:
       return acceptPatchFront(arrival.answer.bytes);
+    case kOpening:
+      return acceptOpening(arrival.wish.key, arrival.answer.bytes);
     case kIndexFront:
       return acceptIndexFront(arrival.answer.bytes);
     case kParameters:
@@ -59,6 +61,7 @@ base::Result<void> StaticSource::acceptPatchFront(base::ByteView bytes) {
   tables_.emplace(counts);
   tables_->add(0, bytes);
   stats_.table_bytes += std::min<std::uint64_t>(bytes.size(), counts.blocks_offset);
+  for (const auto& [range, others] : opening_) tables_->add(scene_.patches.opening[range].offset, others);
   hierarchy_.lattice = counts.lattice;
   hierarchy_.has_colors = counts.has_colors;
   hierarchy_.source_triangles = counts.source_triangles;
@@ -72,6 +75,13 @@ base::Result<void> StaticSource::acceptPatchFront(base::ByteView bytes) {
   }
   if (rows.groups.empty()) rows.groups.resize(1);
   coarse_ = plan::coarseGroups(rows, plan::kCoarseBytes);
+  return checkTables();
+}
+
+base::Result<void> StaticSource::acceptOpening(std::uint64_t range, base::ByteView bytes) {
+  opening_.emplace(range, base::Bytes(bytes.begin(), bytes.end()));
+  if (!tables_) return {};  // acceptPatchFront() adds it to them
+  tables_->add(scene_.patches.opening[range].offset, bytes);
   return checkTables();
 }
 

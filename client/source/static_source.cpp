@@ -8,6 +8,10 @@ namespace {
 
 // A share of the 6 that may be under way, so that a new view finds room.
 constexpr std::size_t kRequestsAheadOfNeed = 2;
+/// The hierarchy's front holds its header and rows behind it.
+constexpr std::uint64_t kLeastFrontBytes = lod::patch::TablePages::kPageBytes;
+/// A coarse model has kCoarseBytes, or a group that is larger, and some table pages.
+constexpr std::uint64_t kMaxOpeningBytes = 1'000'000;
 /// One failed request is not reported: hosts close kept connections now and then.
 constexpr int kMinReportedFailures = 2;
 
@@ -21,6 +25,7 @@ StaticSource::StaticSource(StaticScene scene, RangeFetcher& fetcher, ReadParamet
       queue_(fetcher, options.queue),
       index_blocks_(options.index_cache_bytes) {
   if (auto sound = checkScene(); !sound) fail(scene_.place + ": " + sound.error().message);
+  checkOpening();
 }
 
 bool StaticSource::pump(Session& session, double now) {
@@ -105,6 +110,20 @@ base::Result<void> StaticSource::checkScene() const {
   if (scene_.index && (!repository::idOfIndexName(scene_.index->name) || scene_.index->bytes == 0))
     return notPublished("this scene.json names no published images");
   return {};
+}
+
+/// A scene whose ranges cannot be is read like one that names none: page by page.
+void StaticSource::checkOpening() {
+  std::vector<base::FileRange>& opening = scene_.patches.opening;
+  std::uint64_t sum = 0;
+  for (const base::FileRange& range : opening) {
+    if (range.length == 0 || range.length > scene_.patches.bytes || range.offset > scene_.patches.bytes - range.length)
+      return opening.clear();
+    sum += range.length;
+  }
+  const bool begins_file = !opening.empty() && opening.front().offset == 0 &&
+                           opening.front().length >= std::min(kLeastFrontBytes, scene_.patches.bytes);
+  if (!begins_file || opening.size() > plan::kMaxOpeningRanges || sum > kMaxOpeningBytes) opening.clear();
 }
 
 void StaticSource::fail(const std::string& why) {

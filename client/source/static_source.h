@@ -6,8 +6,9 @@
 // docs/hosting.md says what a host must do.
 //
 // It reads, in this order:
-//   1. the first 16 KiB of patch-….lgp and 4 KiB of index-….lgi, which make the Welcome
-//   2. the table pages that group 0 and the next coarsest groups need, and their blocks: the first picture, some 40 kB
+//   1. the ranges of patch-….lgp that scene.json names for the first picture, some 25 kB, or its first 16 KiB, and 4
+//      KiB of index-….lgi, which make the Welcome
+//   2. of the table pages that group 0 and the next coarsest groups need, and of their blocks, what is not here by now
 //   3. the tables: whole where they are small, else the pages that the view's cut leads to
 //   4. what a picked ray needs (pick()); then groups in a server's order (docs/formats/protocol.md), and with them the
 //      blocks of the index that tell of the plan's images, and once these are here the images
@@ -16,11 +17,13 @@
 #include <cstdint>
 #include <deque>
 #include <functional>
+#include <map>
 #include <optional>
 #include <string>
 #include <unordered_set>
 #include <vector>
 
+#include "base/byte_range.h"
 #include "base/error.h"
 #include "client/source/backoff.h"
 #include "client/source/fetch.h"
@@ -30,6 +33,7 @@
 #include "lod/patch/table_pages.h"
 #include "lod/patch/traverse.h"
 #include "plan/coarse_sight.h"
+#include "plan/opening_ranges.h"
 #include "plan/view_plan.h"
 #include "repository/cache.h"
 #include "repository/packs/pack_format.h"
@@ -41,6 +45,10 @@ namespace client {
 struct StaticObject {
   std::string name;
   std::uint64_t bytes = 0;
+  /// The hierarchy's first bytes, then more of it that the first picture needs, all asked for at once
+  /// (plan/opening_ranges.h). Table pages are whole. Empty in scenes of earlier programs; ranges that cannot be are
+  /// passed over.
+  std::vector<base::FileRange> opening = {};
 };
 
 /// The values of scene.json (docs/formats/scene.md). They come from outside, and are checked before use.
@@ -106,17 +114,19 @@ class StaticSource {
   using TablePages = lod::patch::TablePages;
   enum class Phase { kOpening, kOpen, kFailed };
   /// The kinds of RangeWish.
-  enum Kind : std::uint32_t { kPatchFront, kIndexFront, kParameters, kPage, kBlock, kIndexBlock, kFace };
+  enum Kind : std::uint32_t { kPatchFront, kOpening, kIndexFront, kParameters, kPage, kBlock, kIndexBlock, kFace };
 
   static base::Error badScene(const std::string& message) {
     return {base::ErrorCode::kInvalidInput, message + "; publish the scene again"};
   }
   base::Result<void> checkScene() const;
+  void checkOpening();
 
   // ---- answers of the fetcher ----
   void acceptArrival(RangeArrival&& arrival);
   base::Result<void> acceptTable(const RangeArrival& arrival);
   base::Result<void> acceptPatchFront(base::ByteView bytes);
+  base::Result<void> acceptOpening(std::uint64_t range, base::ByteView bytes);
   base::Result<void> acceptIndexFront(base::ByteView bytes);
   base::Result<void> acceptParameters(base::ByteView bytes);
   base::Result<void> acceptPage(std::uint32_t page, base::ByteView bytes);
@@ -167,6 +177,7 @@ class StaticSource {
   std::vector<UnknownGroup> frontierOf(const lod::patch::Cut& cut, const lod::patch::CutRequest& request);
   bool settled(std::uint32_t group) const { return has_group_[group] || broken_groups_.count(group) != 0; }
   std::vector<RangeWish> urgentWishes();
+  bool wishForOpening(std::vector<RangeWish>& wishes) const;
   void wishForCoarse(std::vector<RangeWish>& wishes);
   bool wishForIndex(std::vector<RangeWish>& wishes);
   void wishForView(std::vector<RangeWish>& wishes);
@@ -202,6 +213,7 @@ class StaticSource {
 
   // Data that were read.
   base::Bytes front_;  // front of the hierarchy's file; that of a small file holds blocks too
+  std::map<std::uint64_t, base::Bytes> opening_;  // range of the hierarchy's `opening` but the front -> its bytes
   std::optional<TablePages> tables_;
   lod::patch::Hierarchy hierarchy_;  // the groups whose records were read
   bool tables_checked_ = false;

@@ -32,6 +32,11 @@ void StaticSource::wishForBlock(std::uint32_t group, std::vector<RangeWish>& wis
   const lod::patch::Group& row = hierarchy_.groups[group];
   const std::uint64_t end = row.block_offset + row.block_bytes;
   if (end <= front_.size()) return acceptBlock(group, {});
+  for (const auto& [range, bytes] : opening_) {
+    const std::uint64_t offset = scene_.patches.opening[range].offset;
+    if (row.block_offset >= std::max<std::uint64_t>(offset, front_.size()) && end <= offset + bytes.size())
+      return acceptBlock(group, base::ByteView(bytes).subspan(row.block_offset - offset, row.block_bytes));
+  }
   const std::uint64_t begin = std::max<std::uint64_t>(row.block_offset, front_.size());
   wishes.push_back({kBlock, group, scene_.patches.name, begin, end - begin, group == 0});
 }
@@ -197,6 +202,19 @@ void StaticSource::planNewestView() {
   index_learned_ = false;
 }
 
+/// Wishes for what scene.json names for the first picture. Returns whether all is here.
+bool StaticSource::wishForOpening(std::vector<RangeWish>& wishes) const {
+  const std::vector<base::FileRange>& opening = scene_.patches.opening;
+  const std::size_t before = wishes.size();
+  const std::uint64_t front =
+      opening.empty() ? std::min(kPatchFrontBytes, scene_.patches.bytes) : opening.front().length;
+  if (!tables_) wishes.push_back({kPatchFront, 0, scene_.patches.name, 0, front});
+  for (std::size_t i = 1; i < opening.size(); ++i)
+    if (opening_.count(i) == 0)
+      wishes.push_back({kOpening, i, scene_.patches.name, opening[i].offset, opening[i].length});
+  return wishes.size() == before;
+}
+
 void StaticSource::wishForCoarse(std::vector<RangeWish>& wishes) {
   for (const std::uint32_t group : coarse_)
     if (!settled(group) && readRecord(group, &wishes) && !has_group_[group]) wishForBlock(group, wishes);
@@ -255,13 +273,12 @@ void StaticSource::wishForView(std::vector<RangeWish>& wishes) {
 /// Returns everything that is needed now, the most urgent first.
 std::vector<RangeWish> StaticSource::urgentWishes() {
   std::vector<RangeWish> wishes;
-  if (!tables_)
-    wishes.push_back({kPatchFront, 0, scene_.patches.name, 0, std::min(kPatchFrontBytes, scene_.patches.bytes)});
+  const bool opening_is_here = wishForOpening(wishes);
   if (scene_.index && !root_)
     wishes.push_back({kIndexFront, 0, scene_.index->name, 0, std::min(kIndexFrontBytes, scene_.index->bytes)});
   if (root_ && !points_known_)
     wishes.push_back({kParameters, 0, scene_.index->name, repository::parameterOffset(), root_->parameter_bytes});
-  if (!tables_ || phase_ == Phase::kFailed) return wishes;
+  if (!opening_is_here || phase_ == Phase::kFailed) return wishes;
 
   wishForCoarse(wishes);
   if (phase_ == Phase::kFailed || (!has_group_[0] && !wishes.empty())) return wishes;

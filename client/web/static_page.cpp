@@ -77,7 +77,7 @@ void pick(const Request& request) {
 extern "C" {
 
 /// Opens a published scene. `numbers`: as in client/web/page.h, the two being the lengths of the patches and of the
-/// index (0: none).
+/// index (0: none), and behind the hull the count of the ranges that are read first, then their offsets and lengths.
 EMSCRIPTEN_KEEPALIVE void openStatic(const char* place, const char* name, const char* units, const char* start_view,
                                      const char* attribution, const char* patches, const char* index,
                                      const double* numbers) {
@@ -86,6 +86,10 @@ EMSCRIPTEN_KEEPALIVE void openStatic(const char* place, const char* name, const 
   scene.place = place;
   scene.welcome = client::web::welcomeOf(name, units, start_view, attribution, numbers);
   scene.patches = {patches, static_cast<std::uint64_t>(bytes[0])};
+  const double* opening = numbers + client::web::kHullAt + 3 * scene.welcome.hull.size();
+  for (int i = 0; i < opening[0]; ++i)
+    scene.patches.opening.push_back(
+        {static_cast<std::uint64_t>(opening[1 + 2 * i]), static_cast<std::uint64_t>(opening[2 + 2 * i])});
   if (bytes[1] > 0.0) scene.index = client::StaticObject{index, static_cast<std::uint64_t>(bytes[1])};
   client::web::scene = std::make_unique<client::web::PublishedScene>(std::move(scene));
   client::web::page.pick = client::web::pick;

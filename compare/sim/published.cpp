@@ -7,6 +7,7 @@
 #include "base/parallel.h"
 #include "client/native/published_scene.h"
 #include "compare/sim/fetcher.h"
+#include "plan/opening_ranges.h"
 #include "protocol/welcome.h"
 #include "repository/packs/publish.h"
 
@@ -33,6 +34,9 @@ base::Result<std::unique_ptr<PublishedObjects>> PublishedObjects::create(const s
   description.place = "scene";
   description.welcome = protocol::welcomeOf(scene.scene, "scene");
   description.patches = {base::publishedName("patch.lgp", base::hexOf(base::sha256(patches))), patches.size()};
+  LUMIGRID_ASSIGN_OR_RETURN(description.patches.opening, plan::openingRanges([&scene](const base::FileRange& range) {
+                              return scene.patch_file->read("", range.offset, range.length);
+                            }));
   if (!scene.images) return objects;
   std::string place = scene.directory;
   if (scene.packs == nullptr) {

@@ -18,6 +18,8 @@ namespace lod::patch {
 
 /// The numbers of a header.
 struct TableCounts {
+  static constexpr std::uint64_t kHeaderBytes = 96;
+
   Lattice lattice;
   bool has_colors = false;
   std::uint64_t source_triangles = 0;

@@ -18,6 +18,7 @@
 #include "base/stopwatch.h"
 #include "lod/qsplat/splat_file.h"
 #include "lod/texture/format.h"
+#include "plan/opening_ranges.h"
 #include "repository/objects/open_objects.h"
 #include "repository/packs/pack_format.h"
 #include "server/cli/commands.h"
@@ -106,6 +107,10 @@ Result<base::ScenePart> publishPart(const PublishArguments& a, const base::Scene
 
 bool isImages(const base::ScenePart& part) {
   return part.sha256.empty() || repository::idOfIndexName(part.file);
+}
+
+bool isPatches(const base::ScenePart& part) {
+  return part.file == "patch.lgp" || (base::isPublishedName(part.file) && part.file.rfind("patch-", 0) == 0);
 }
 
 // Viewers do not read them; a server that draws frames does.
@@ -397,6 +402,11 @@ Result<PublishReport> publish(const PublishArguments& a) {
   for (const base::ScenePart& part : built.parts) {
     if (isImages(part) || (isTextures(part) && !a.with_textures)) continue;
     LUMIGRID_ASSIGN_OR_RETURN(auto published, publishPart(a, part, *sink, report));
+    if (isPatches(part)) {
+      LUMIGRID_ASSIGN_OR_RETURN(published.opening, plan::openingRanges([&open](const base::FileRange& range) {
+                                  return open->patch_file->read("", range.offset, range.length);
+                                }));
+    }
     scene.parts.push_back(std::move(published));
   }
   if (open->images) {

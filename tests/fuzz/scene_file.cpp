@@ -16,7 +16,7 @@ std::vector<base::Bytes> seeds() {
   scene.origin = {500005, 4000010, 2};
   scene.repairs["welded_vertices"] = 4;
   scene.parameters["grid"] = "12";
-  scene.parts.push_back({"patch-0123456789abcdef0123456789abcdef.lgp", 77, "cd"});
+  scene.parts.push_back({"patch-0123456789abcdef0123456789abcdef.lgp", 77, "cd", {{0, 10}, {20, 7}}});
   scene.hull = {{500000.125, 4000000.25, -3}, {500010.5, 4000020.75, 7}};
   scene.north = 12.0;
   scene.crs = "EPSG:32718";

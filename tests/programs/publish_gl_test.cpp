@@ -100,6 +100,12 @@ TEST_F(PublishProgram, aPublishedSceneHoldsTheSameAndIsReadByEveryCommand) {
   EXPECT_EQ(readText(path("copy/scene.json")), readText(path("out/scene.json")));
   EXPECT_EQ(publishedValues(path("copy")), builtValues(scene));
 
+  // The ranges that a viewer reads first are named, and begin the file.
+  const auto listed = base::readScene(path("out"));
+  ASSERT_TRUE(listed);
+  ASSERT_FALSE(listed->parts.front().opening.empty());
+  EXPECT_EQ(listed->parts.front().opening.front().offset, 0U);
+
   // A second run writes nothing but scene.json.
   const json again = json::parse(run("lumigrid", {"publish", scene, path("out"), "--viewer", "off", "--json"}).out);
   EXPECT_EQ(again["bytes_written"], 0);

@@ -112,9 +112,9 @@ export async function readScene(base) {
 }
 
 /// Hands the scene to the client's function `name`, which gets place, scene's name, units, first view, attribution, the
-/// names of the parts' files, and all numbers: those of the scene, the parts' lengths and `more`. Returns a
-/// function of `now` that is to be called each turn, and returns true when something arrived.
-function openParts(name, base, {scene, numbers, hull}, core, changed, parts, more = []) {
+/// names of the parts' files, and all numbers: those of the scene, the parts' lengths, `more`, the hull's and `last`.
+/// Returns a function of `now` that is to be called each turn, and returns true when something arrived.
+function openParts(name, base, {scene, numbers, hull}, core, changed, parts, more = [], last = []) {
   const ranges = makeRanges(base, (job, outcome, status, bytes, detail) => {
     if (outcome === kBytes)
       core.fill(core.call("fetchedBytes", job, status, bytes.length), bytes);
@@ -125,7 +125,7 @@ function openParts(name, base, {scene, numbers, hull}, core, changed, parts, mor
   core.fetchRange = ranges.fetch;
   core.cancelRange = ranges.cancel;
   core.withNumbers(
-      [...numbers, ...parts.map((part) => part?.bytes ?? 0), ...more, ...hull.flat()],
+      [...numbers, ...parts.map((part) => part?.bytes ?? 0), ...more, ...hull.flat(), ...last],
       (at) => core.call(
           name, base.replace(/\/$/, ""), nameOf(base, scene), String(scene.units ?? ""), String(scene.start_view ?? ""),
           String(scene.attribution ?? ""), ...parts.map((part) => part?.file ?? ""), at));
@@ -154,6 +154,12 @@ export async function openStreamedScene(method, base, reading, core, changed) {
   throw other ? new OtherMethod(other, title, advice) : new SceneError(title, advice);
 }
 
+/// Returns offsets and lengths of the ranges that a part names to be read first; none where one of them cannot be.
+function openingOf(part) {
+  const numbers = [part.opening ?? []].flat(2);
+  return numbers.length % 2 === 0 && numbers.every((n) => Number.isSafeInteger(n) && n >= 0) ? numbers : [];
+}
+
 /// Hands the scene to the client and returns what openParts() does. `base`: URL of its folder. Throws SceneError.
 export async function openStaticScene(base, core, changed) {
   const read = await readScene(base);
@@ -164,7 +170,9 @@ export async function openStaticScene(base, core, changed) {
   if (!patches)
     throw new SceneError(
         `${url} is not published`, "Its parts have no names by content; put there what lumigrid publish wrote.");
-  return openParts("openStatic", base, read, core, changed, [patches, partOf(parts, "images/index-", ".lgi")]);
+  const index = partOf(parts, "images/index-", ".lgi");
+  const opening = openingOf(patches);
+  return openParts("openStatic", base, read, core, changed, [patches, index], [], [opening.length / 2, ...opening]);
 }
 
 /// Reads the parameters of an image index (docs/formats/repository.md): numbers and the tree's digits; null when they

@@ -24,7 +24,7 @@ base::Scene example() {
   scene.triangles = 3'000'000'000ULL;
   scene.repairs["welded_vertices"] = 4;
   scene.parameters["grid"] = "12";
-  scene.parts.push_back({"patch.lgp", 77, "cd"});
+  scene.parts.push_back({"patch.lgp", 77, "cd", {{0, 10}, {20, 7}}});
   scene.title = "The tower";
   scene.start_view = "v=1&p=1,2,3&a=4,5&r=6";
   scene.hull = {{500000.125, 4000000.25, -3}, {500010.5, 4000019.625, 6.5}};
@@ -44,6 +44,7 @@ TEST(SceneFile, survivesWritingAndReading) {
   EXPECT_EQ(read->box_min, scene.box_min);
   EXPECT_EQ(read->triangles, scene.triangles);
   EXPECT_EQ(read->parts[0].sha256, "cd");
+  EXPECT_EQ(read->parts[0].opening, scene.parts[0].opening);
   EXPECT_EQ(read->hull, scene.hull);
   EXPECT_EQ(read->north, scene.north);
   EXPECT_EQ(read->crs, scene.crs);
@@ -96,7 +97,9 @@ TEST(SceneFile, appearanceThatCannotBeIsNamed) {
         std::tuple("\"size\": 0.25", "\"size\": \"big\"", "images_light: size"),
         std::tuple("500001.5", "1e30", "images_light: position"), std::tuple("4000019.625,", "", "hull"),
         std::tuple("4000019.625", "null", "hull"), std::tuple("4000019.625", "1e300", "hull"),
-        std::tuple("\"hull\": [", "\"hull\": 3, \"more\": [", "hull")}) {
+        std::tuple("\"hull\": [", "\"hull\": 3, \"more\": [", "hull"),
+        std::tuple("\"opening\": [", "\"opening\": [3,", "opening"),
+        std::tuple("\"opening\": [", "\"opening\": [[-3, 5],", "opening")}) {
     std::string text = good;
     ASSERT_NE(text.find(is), std::string::npos) << is;
     text.replace(text.find(is), std::string(is).size(), becomes);

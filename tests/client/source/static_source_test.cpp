@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "plan/coarse_sight.h"
+#include "plan/opening_ranges.h"
 #include "server/session/session.h"
 #include "tests/client/source/static_viewer.h"
 #include "tests/support/sample_points.h"
@@ -159,6 +160,69 @@ TEST(StaticSource, somethingIsDrawnAfterTwoRoundTripsAndFiftyKilobytes) {
   while (!viewer.session.hasGroup(0)) viewer.pump();
   EXPECT_LE(viewer.host.round_trips, 3U) << "both fronts; pages; the block, which a small file's front brings sooner";
   EXPECT_LE(viewer.host.bytes_sent, 50'000U + 16'384U) << "the index's front is for the images that follow";
+}
+
+/// Names what is read first, as `lumigrid publish` does.
+void nameOpening(PublishedScene& published) {
+  const base::Bytes& file = published.objects[published.scene.patches.name];
+  auto ranges = plan::openingRanges([&](const base::FileRange& range) -> base::Result<base::Bytes> {
+    const auto first = file.begin() + static_cast<std::ptrdiff_t>(range.offset);
+    return base::Bytes(first, first + static_cast<std::ptrdiff_t>(range.length));
+  });
+  ASSERT_TRUE(ranges) << ranges.error().message;
+  published.scene.patches.opening = *ranges;
+}
+
+TEST(StaticSource, somethingIsDrawnAfterOneRoundTripWhereTheSceneNamesItsRanges) {
+  const server::TestScene scene(64, 3'000);
+  PublishedScene published(scene);
+  nameOpening(published);
+  StaticViewer viewer(published, pagedOptions());
+  while (!viewer.session.hasGroup(0)) viewer.pump();
+  EXPECT_EQ(viewer.host.round_trips, 1U);
+  EXPECT_LT(viewer.host.bytes_sent, 40'000U);
+
+  // All that follows is as without, and each byte comes once.
+  StaticViewer paged(PublishedScene(scene), pagedOptions());
+  for (const base::ViewCamera& camera : pathOver(scene)) {
+    ASSERT_TRUE(viewer.complete(camera));
+    ASSERT_TRUE(paged.complete(camera));
+  }
+  EXPECT_EQ(viewer.got.groups, paged.got.groups);
+  EXPECT_EQ(viewer.host.bytesRepeated(), 0U);
+}
+
+TEST(StaticSource, theOrderInWhichTheFirstRangesComeMakesNoDifference) {
+  const server::TestScene scene(64, 3'000);
+  PublishedScene published(scene);
+  nameOpening(published);
+  ASSERT_GT(published.scene.patches.opening.size(), 2U);
+  for (unsigned seed = 0; seed < 8; ++seed) {
+    StaticViewer viewer(published, pagedOptions());
+    viewer.host.random.emplace(seed);
+    viewer.host.answers_a_take = 1;
+    EXPECT_TRUE(viewer.complete(pathOver(scene)[0])) << viewer.session.problem();
+    EXPECT_EQ(viewer.host.bytesRepeated(), 0U);
+  }
+}
+
+TEST(StaticSource, firstRangesThatCannotBeArePassedOver) {
+  const server::TestScene scene(64, 3'000);
+  PublishedScene published(scene);
+  const std::uint64_t bytes = published.scene.patches.bytes;
+  using Ranges = std::vector<base::FileRange>;
+  for (const Ranges& opening :
+       {Ranges{{0, 0}}, Ranges{{0, 10}}, Ranges{{1024, 1024}}, Ranges{{0, bytes + 1}}, Ranges{{0, 1024}, {bytes, 1}},
+        Ranges{{0, 1024}, {~std::uint64_t{0}, 2}}, Ranges(17, base::FileRange{0, 1024})}) {
+    published.scene.patches.opening = opening;
+    StaticViewer viewer(published, pagedOptions());
+    EXPECT_TRUE(viewer.complete(pathOver(scene)[0])) << viewer.session.problem();
+    EXPECT_EQ(viewer.host.requests.front().length, 16'384U) << "the front, as without";
+  }
+  // These can be, and are of no use.
+  published.scene.patches.opening = {{0, 1024}, {0, 1024}, {3, 5000}, {bytes - 1, 1}};
+  StaticViewer viewer(published, pagedOptions());
+  EXPECT_TRUE(viewer.complete(pathOver(scene)[0])) << viewer.session.problem();
 }
 
 TEST(StaticSource, noByteIsAskedForTwice) {
