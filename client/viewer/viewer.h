@@ -216,7 +216,7 @@ class Viewer {
   const BlendImage* worstResident(SampleId* id, const base::Camera* of_size_like) const;
   void submitImages();
   bool decoderIsBusy() const;
-  int imagesBlended() const;
+  int imagesBlended(bool at_rest) const;
   void markInUse();
   base::Result<void> startPins();
   void probePins();
@@ -244,6 +244,7 @@ class Viewer {
   void drawBlended(bool moved, double now);
   void drawProxy(const base::Camera& camera, const LumigraphOptions& options, double now);
   DrawEffort effortWanted(bool moved, double now) const;
+  bool hasAll() const;
   DrawEffort effortAtRest() const;
   bool prepareMean();
   LumigraphOptions optionsAtRest(LumigraphOptions options) const;

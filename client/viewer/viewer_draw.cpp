@@ -83,7 +83,7 @@ void Viewer::drawBlended(bool moved, double now) {
   const DrawEffort asked = hidden ? DrawEffort{} : effortWanted(moved, now);
   DrawEffort effort = fittingEffort(asked);
   if (!options.unseen && effort.pictures > 1 && !prepareMean()) effort = fittingEffort(asked);
-  options.max_samples = imagesBlended();
+  options.max_samples = imagesBlended(!moved && hasAll() && isAtRest(now));
   options.max_points_a_patch = effort.points;
   shows_older_ = false;
   if (options.unseen) return drawProxy(camera_, options, now);
@@ -137,12 +137,16 @@ std::vector<ProxyError> Viewer::proxyErrors() const {
 DrawEffort Viewer::effortWanted(bool moved, double now) const {
   if (options_.effort) return *options_.effort;
   const bool fades = options_.lumigraph.fade_seconds > 0.0F;
-  const bool incomplete = !session_.complete() && !session_.refined();
-  const bool passing = more_to_do_ || incomplete || (fades && (moved || settling()));
+  const bool passing = more_to_do_ || !hasAll() || (fades && (moved || settling()));
   if (!passing) return effortAtRest();
   const DrawEffort effort = governor_.whileMoving();
   const bool moves = fades && (moved || now - moved_at_ < kMotionSeconds);
   return moves ? effort : DrawEffort{.samples = effort.samples};
+}
+
+/// Whether the view has what it needs, but perhaps what refines it.
+bool Viewer::hasAll() const {
+  return session_.complete() || session_.refined();
 }
 
 /// The mean of twice as many pictures as a moving view has samples.

@@ -166,8 +166,10 @@ Blend blendAt(Surface surface, vec2 view_ndc, vec3 proxy_error, int count) {
     float voter = seen;
     // Close to an edge of the depth map the image may show what lies in front, but not where both rays coincide.
     float angle = length(view_ray - sample_ray);
-    // Through a section plane the viewer sees further than the image along the same ray.
-    float apart_rays = u_cut_open ? 1.0 : smoothstep(0.002, 0.02, angle);
+    // That holds as far as the viewer sees: something may hide the place from an image that looks from behind the
+    // viewer, such as a room's wall. Through a section plane the viewer sees further than any image along the same ray.
+    float behind = smoothstep(1.0, 1.1, sample_distance / view_distance);
+    float apart_rays = u_cut_open ? 1.0 : max(behind, smoothstep(0.002, 0.02, angle));
     seen *= mix(1.0, smoothstep(0.75, 1.0, lit) * smoothstep(u_side_low, u_side_high, cosine), apart_rays);
 
     // Coverage votes. Background in an image means that nothing lies along its whole ray, whether the proxy hides it

@@ -498,6 +498,12 @@ TEST_F(Occluder, withoutItInTheDepthMapItsColourWouldLeak) {
   EXPECT_GT(redOnGreen(draw(camera_)), 300);
 }
 
+// The viewer stands behind the square, where the sample's rays to the wall are the viewer's own.
+TEST_F(Occluder, behindTheViewerDoesNotColourWhereRaysCoincide) {
+  camera_ = lookAt({0.375F, 0.5F, 0.0F}, {0.75F, 1.0F, 0.0F}, 240, 240, 60.0F);
+  EXPECT_EQ(redOnGreen(draw(camera_)), 0);
+}
+
 TEST_F(Occluder, outsideTheDrawnCutStillHidesWhenNamedAsOccluder) {
   occluders_ = {0, 1};
   cut_ = {0};

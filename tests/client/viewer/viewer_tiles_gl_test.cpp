@@ -199,6 +199,29 @@ TEST_F(ViewerTiles, theirPictureIsThatOfWholeFacesWithAsManyPixels) {
   EXPECT_GE(psnr(truth(), tiled), psnr(truth(), plain) - 0.3);
 }
 
+TEST_F(ViewerTiles, aViewThatHasAllIsBlendedFromMoreOfThem) {
+  ViewerOptions options;
+  options.lumigraph.max_samples = 2;
+  openAll(options);
+  for (const FaceKey& face : faces()) sendTiles(face, kDepth);
+  settle(look());
+  EXPECT_EQ(viewer->stats().lumigraph.samples_used, 8U);
+  std::uint32_t sequence = 0;
+  while (const auto bytes = viewer->session().nextToSend())
+    if (const auto message = protocol::decodeClientMessage(*bytes))
+      if (const auto* view = std::get_if<protocol::View>(&*message)) sequence = view->sequence;
+  receive(protocol::encode(protocol::Completion{sequence}));
+  ASSERT_TRUE(viewer->session().complete());
+  EXPECT_GE(psnr(truth(), settle(look())), 40.0);
+  EXPECT_EQ(viewer->stats().lumigraph.samples_used, 12U);
+
+  // One that moves on is blended from as many as before, once it lacks something.
+  base::ViewCamera further = look();
+  further.position += glm::dvec3(0.5, 0.0, 0.0);
+  settle(further);
+  EXPECT_EQ(viewer->stats().lumigraph.samples_used, 8U);
+}
+
 TEST_F(ViewerTiles, coarseOnesShowFirstAndFinerOnesSharpenThePicture) {
   openAll();
   const base::Image exact = truth();
