@@ -22,6 +22,10 @@ constexpr float kShareByRays = 0.5F;
 /// places must not displace the image that is the best of a few.
 constexpr float kSharpness = 4.0F;
 
+/// Points that have a seventh of the best samples may have more. Samples of other points would be averaged with better
+/// ones where these are. Measured: docs/decisions/choice-by-rays.md.
+constexpr std::size_t kLeastShareOfPoint = 7;
+
 /// A core is divided into 4 × 4 cells, one bit each, rows from the bottom: what finer samples of the same point show of
 /// it. Those four times as fine have a cell each.
 constexpr int kCellsAcross = 4;
@@ -218,7 +222,7 @@ float sampleWeight(const glm::vec3& to_view, const glm::vec3& to_sample, float r
 std::vector<std::size_t> chooseSamples(std::span<const SampleGeometry* const> samples,
                                        std::span<const base::Aabb> boxes, std::span<const ProxyError> errors,
                                        const base::Camera& view, std::size_t limit, const BlendTuning& tuning,
-                                       const VisibleSurface* surface) {
+                                       const VisibleSurface* surface, std::size_t more) {
   std::vector<std::size_t> chosen;
   if (surface != nullptr && !boxes.empty()) {
     std::vector<base::Aabb> places;
@@ -232,8 +236,17 @@ std::vector<std::size_t> chooseSamples(std::span<const SampleGeometry* const> sa
   }
   std::vector<bool> has(samples.size(), false);
   for (const std::size_t sample : chosen) has[sample] = true;
-  for (const std::size_t sample : Choice(samples, boxes, errors, view, tuning).best(limit))
-    if (!has[sample] && chosen.size() < limit) chosen.push_back(sample);
+  std::vector<std::size_t> others;
+  for (const std::size_t sample : Choice(samples, boxes, errors, view, tuning).best(more > 0 ? samples.size() : limit))
+    if (!has[sample]) (chosen.size() < limit ? chosen : others).push_back(sample);
+
+  const std::vector<std::size_t> best = chosen;
+  for (const std::size_t sample : others) {
+    if (chosen.size() >= best.size() + more) break;
+    const auto of_its_point = static_cast<std::size_t>(std::count_if(
+        best.begin(), best.end(), [&](std::size_t other) { return samples[other]->eye == samples[sample]->eye; }));
+    if (kLeastShareOfPoint * of_its_point >= limit) chosen.push_back(sample);
+  }
   return chosen;
 }
 

@@ -31,10 +31,11 @@ struct VisibleSurface {
 /// surface, one ray each, say less, since nothing hides them, and those of a scan with few triangles are as large as
 /// rooms: what they add comes after that, or alone where there is no `surface` (null). Samples that see nothing are
 /// left out, and so are those that add nothing to others of their point: what a finer sample shows in the same
-/// direction, a coarser one needs not show. `errors`: of the proxy in each box.
+/// direction, a coarser one needs not show. `errors`: of the proxy in each box. Up to `more` come after those, of the
+/// points that have many among them, so that no place along the borders of their samples goes without.
 std::vector<std::size_t> chooseSamples(std::span<const SampleGeometry* const> samples,
                                        std::span<const base::Aabb> boxes, std::span<const ProxyError> errors,
                                        const base::Camera& view, std::size_t limit, const BlendTuning& tuning,
-                                       const VisibleSurface* surface = nullptr);
+                                       const VisibleSurface* surface = nullptr, std::size_t more = 0);
 
 }  // namespace client

@@ -488,10 +488,12 @@ void LumigraphRenderer::Impl::updateSamples(Frame& frame, std::span<const Sample
   std::vector<const SampleGeometry*> geometries;
   geometries.reserve(all.size());
   for (const Sample* sample : all) geometries.push_back(&sample->geometry);
-  const auto limit = static_cast<std::size_t>(std::clamp(frame.options.max_samples, 1, kMaxBlended));
+  const int limit = std::clamp(frame.options.max_samples, 1, kMaxBlended);
+  const int more = std::clamp(frame.options.more_samples, 0, kMaxBlended - limit);
   std::vector<Sample*> wanted;
-  for (const std::size_t i : chooseSamples(geometries, frame.boxes, frame.proxy_errors, frame.camera, limit,
-                                           frame.options.tuning, frame.options.surface))
+  for (const std::size_t i :
+       chooseSamples(geometries, frame.boxes, frame.proxy_errors, frame.camera, static_cast<std::size_t>(limit),
+                     frame.options.tuning, frame.options.surface, static_cast<std::size_t>(more)))
     wanted.push_back(all[i]);
   drawDepthMaps(frame, wanted);
 

@@ -60,6 +60,8 @@ struct BlendTuning {
 
 struct LumigraphOptions {
   int max_samples = base::ViewDefaults::kImages;  ///< images blended per frame, 1..kMaxBlended
+  /// Images beyond those, of points that have many of them (chooseSamples), 0..kMaxBlended − max_samples.
+  int more_samples = 0;
   /// Sampling points from which a patch is blended at most, the best for it, 1..kMaxBlended. Fewer cost less and are
   /// less accurate: docs/decisions/moving-effort.md.
   int max_points_a_patch = kMaxBlended;

@@ -216,7 +216,8 @@ class Viewer {
   const BlendImage* worstResident(SampleId* id, const base::Camera* of_size_like) const;
   void submitImages();
   bool decoderIsBusy() const;
-  int imagesBlended(bool at_rest) const;
+  int imagesBlended() const;
+  int moreAtRest() const;
   void markInUse();
   base::Result<void> startPins();
   void probePins();

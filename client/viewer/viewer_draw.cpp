@@ -83,7 +83,8 @@ void Viewer::drawBlended(bool moved, double now) {
   const DrawEffort asked = hidden ? DrawEffort{} : effortWanted(moved, now);
   DrawEffort effort = fittingEffort(asked);
   if (!options.unseen && effort.pictures > 1 && !prepareMean()) effort = fittingEffort(asked);
-  options.max_samples = imagesBlended(!moved && hasAll() && isAtRest(now));
+  options.max_samples = imagesBlended();
+  if (!moved && hasAll() && isAtRest(now)) options.more_samples = moreAtRest();
   options.max_points_a_patch = effort.points;
   shows_older_ = false;
   if (options.unseen) return drawProxy(camera_, options, now);

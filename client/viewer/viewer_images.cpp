@@ -16,9 +16,9 @@ constexpr std::uint64_t kMaxDecodingBytes = kMaxDecoding * 4 * 512 * 512;
 /// Tiles that count as one image where a number of images is given: a tile has a quarter of the pixels of a face of
 /// 512 × 512.
 constexpr int kTilesPerImage = 4;
-/// A picture at rest has time for all tiles that it sees. With fewer, places that one tile alone shows, along borders
-/// of tiles and of the picture, get the colours of vertices (docs/decisions/choice-by-rays.md).
-constexpr int kTilesPerImageAtRest = 6;
+/// A picture at rest has time for so many more. Without them, places that one tile alone shows, along borders of tiles
+/// and of the picture, get the colours of vertices (docs/decisions/choice-by-rays.md).
+constexpr int kMoreTilesPerImage = 2;
 /// A resident image gives way only to one of this much larger rank, so that near equals do not flicker. A choice: a
 /// larger factor keeps worse images longer.
 constexpr float kReplaceFactor = 1.2F;
@@ -285,17 +285,22 @@ void Viewer::submitImages() {
 }
 
 /// Returns how many images a picture is blended from at most.
-int Viewer::imagesBlended(bool at_rest) const {
+int Viewer::imagesBlended() const {
   const int images = options_.lumigraph.max_samples;
-  if (!session_.welcome()->grid.isTiled()) return images;
-  return std::min((at_rest ? kTilesPerImageAtRest : kTilesPerImage) * images, kMaxBlended);
+  return session_.welcome()->grid.isTiled() ? std::min(kTilesPerImage * images, kMaxBlended) : images;
+}
+
+/// Returns how many images come to those at most when nothing moves and all that the view needs is here.
+int Viewer::moreAtRest() const {
+  const int more = kMoreTilesPerImage * options_.lumigraph.max_samples;
+  return session_.welcome()->grid.isTiled() ? std::min(more, kMaxBlended - imagesBlended()) : 0;
 }
 
 /// Keeps the present picture's faces and groups in the cache, whatever arrives.
 void Viewer::markInUse() {
   std::vector<repository::FaceKey> faces;
   for (SampleId id : ranked_) {
-    if (faces.size() >= static_cast<std::size_t>(imagesBlended(true))) break;
+    if (faces.size() >= static_cast<std::size_t>(imagesBlended() + moreAtRest())) break;
     const BlendImage& image = images_.at(id);
     if (image.state != ImageState::kResident || image.use < kNeededUse || (id & kFrameTag) != 0) continue;
     if (auto key = repository::FaceKey::fromCode(id)) faces.push_back(*key);

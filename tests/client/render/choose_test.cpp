@@ -217,10 +217,10 @@ class ChooseTiles : public ::testing::Test {
     samples.add(repository::faceCamera(grid, key, {glm::vec3(4.0F, 0, 0), 6.0F}), 248.0F / 256.0F);
     return samples.pointers.size() - 1;
   }
-  std::vector<std::size_t> chooseFor(int view_size, std::size_t limit = 16) const {
+  std::vector<std::size_t> chooseFor(int view_size, std::size_t limit = 16, std::size_t more = 0) const {
     const std::vector<client::ProxyError> errors(boxes.size(), {0.001F, 0.1F});
     return client::chooseSamples(samples.pointers, boxes, errors, cameraAt({0.1F, 0.1F, 0}, {4, 0, 0}, view_size, 80),
-                                 limit, {});
+                                 limit, {}, nullptr, more);
   }
   static bool has(const std::vector<std::size_t>& chosen, std::size_t sample) {
     return std::find(chosen.begin(), chosen.end(), sample) != chosen.end();
@@ -229,6 +229,21 @@ class ChooseTiles : public ::testing::Test {
   repository::Grid grid;
   Samples samples;
 };
+
+TEST_F(ChooseTiles, moreComeOfThePointThatHasMany) {
+  for (std::uint32_t y = 0; y < 4; ++y)
+    for (std::uint32_t x = 0; x < 4; ++x) addTile({2, x, y});
+  const std::size_t other = samples.pointers.size();
+  for (int i = 0; i < 4; ++i) samples.add(cameraAt({0, 0.5F * static_cast<float>(i), -3}, {4, 0, -3}, 256, 90));
+  const auto best = chooseFor(1000, 8);
+  ASSERT_EQ(best.size(), 8U);
+  const auto with_more = chooseFor(1000, 8, 5);
+  ASSERT_EQ(with_more.size(), 13U);
+  EXPECT_TRUE(std::equal(best.begin(), best.end(), with_more.begin())) << "they come behind the best";
+  for (std::size_t i = 8; i < with_more.size(); ++i)
+    EXPECT_LT(with_more[i], other) << "of a point that has at most one";
+  EXPECT_LE(chooseFor(1000, 8, 100).size(), 16U + 4U);
+}
 
 TEST_F(ChooseTiles, oneThatLiesUnderFinerOnesIsNotChosen) {
   const std::size_t coarse = addTile({0, 0, 0});
