@@ -20,6 +20,10 @@ constexpr std::uint64_t kMaxGap = 1024;
 /// 0.4 s at 384 kbit/s.
 constexpr std::uint64_t kOpeningBlockBytes = 20'000;
 
+/// Tables up to this size are named whole: a client that has drawn something asks for small tables to their end before
+/// it plans, which would take a round trip more.
+constexpr std::uint64_t kWholeTableBytes = 16 * 1024;
+
 /// Joins neighbours, which are in order of offsets.
 std::vector<FileRange> joined(const std::vector<FileRange>& ranges) {
   std::vector<FileRange> out;
@@ -47,7 +51,8 @@ base::Result<std::vector<FileRange>> openingRanges(
   std::set<std::uint32_t> needed;
   const std::uint32_t last = *std::max_element(coarse.begin(), coarse.end());
   const auto last_page = static_cast<std::uint32_t>((counts.rowOffset(last + 1) - 1) / TablePages::kPageBytes);
-  for (std::uint32_t page = 0; page <= last_page; ++page) needed.insert(page);
+  const bool is_small = counts.blocks_offset <= kWholeTableBytes;
+  for (std::uint32_t page = 0; page < (is_small ? pages.pageCount() : last_page + 1); ++page) needed.insert(page);
   for (std::size_t before = 0; before != needed.size();) {
     before = needed.size();
     for (const std::uint32_t page : needed)
