@@ -109,10 +109,6 @@ bool isImages(const base::ScenePart& part) {
   return part.sha256.empty() || repository::idOfIndexName(part.file);
 }
 
-bool isPatches(const base::ScenePart& part) {
-  return part.file == "patch.lgp" || (base::isPublishedName(part.file) && part.file.rfind("patch-", 0) == 0);
-}
-
 // Viewers do not read them; a server that draws frames does.
 bool isTextures(const base::ScenePart& part) {
   const std::string name = base::isPublishedName(part.file) ? part.file.substr(0, part.file.find('-')) : part.file;
@@ -402,7 +398,7 @@ Result<PublishReport> publish(const PublishArguments& a) {
   for (const base::ScenePart& part : built.parts) {
     if (isImages(part) || (isTextures(part) && !a.with_textures)) continue;
     LUMIGRID_ASSIGN_OR_RETURN(auto published, publishPart(a, part, *sink, report));
-    if (isPatches(part)) {
+    if (part.file == base::partFile(built, "patch", ".lgp")) {
       LUMIGRID_ASSIGN_OR_RETURN(published.opening, plan::openingRanges([&open](const base::FileRange& range) {
                                   return open->patch_file->read("", range.offset, range.length);
                                 }));
