@@ -1,10 +1,15 @@
 #include "client/viewer/surface_sight.h"
 
 #include <algorithm>
+#include <cstdint>
+#include <optional>
 #include <utility>
+#include <vector>
 
+#include "lod/patch/proxy_sight.h"
 #include "lod/patch/traverse.h"
 #include "plan/coarse_sight.h"
+#include "plan/point_choice.h"
 
 namespace client {
 namespace {
@@ -14,9 +19,31 @@ constexpr double kGrowth = 1.25;              ///< as much finer the next ones a
 /// Rays across the picture, and up. A tile shows a twentieth of a picture or so.
 constexpr int kColumns = 24, kRows = 14;
 
-}  // namespace
+class LinesOfSight final : public SurfaceSight {
+ public:
+  void renew(Session& session) override;
+  bool lookFrom(const base::Camera& camera) override;
+  const VisibleSurface& surface() const override { return surface_; }
 
-void SurfaceSight::renew(Session& session) {
+ private:
+  /// Keeps what is known of an eye, by place: 0 nothing, 1 seen, 2 hidden.
+  struct Eye {
+    glm::vec3 place;
+    std::vector<std::uint8_t> verdicts;
+  };
+
+  bool isSeenFrom(const glm::vec3& eye, std::size_t place);
+  bool findOut(const glm::vec3& eye, std::size_t place) const;
+
+  std::optional<lod::patch::ProxySight> sight_;
+  std::uint64_t groups_ = 0;  ///< that had come at the last renew()
+  base::Camera camera_;       ///< of the last look
+  std::vector<plan::SurfaceSample> met_;
+  VisibleSurface surface_;
+  std::vector<Eye> eyes_;  ///< of the last look: a few dozen, since all images of a point have one
+};
+
+void LinesOfSight::renew(Session& session) {
   const std::uint64_t groups = session.stats().groups_received;
   const auto finer = sight_ ? static_cast<std::uint64_t>(kGrowth * static_cast<double>(sight_->triangleCount())) : 0;
   if (groups == groups_ || finer > kTriangles) return;
@@ -35,7 +62,7 @@ void SurfaceSight::renew(Session& session) {
   camera_ = {};
 }
 
-bool SurfaceSight::lookFrom(const base::Camera& camera) {
+bool LinesOfSight::lookFrom(const base::Camera& camera) {
   if (!sight_ || camera.orthographic()) return false;  // rays of a perspective are cast
   if (!base::sameCamera(camera, camera_)) {
     camera_ = camera;
@@ -48,7 +75,7 @@ bool SurfaceSight::lookFrom(const base::Camera& camera) {
   return !surface_.places.empty();
 }
 
-bool SurfaceSight::isSeenFrom(const glm::vec3& eye, std::size_t place) {
+bool LinesOfSight::isSeenFrom(const glm::vec3& eye, std::size_t place) {
   auto known = std::find_if(eyes_.begin(), eyes_.end(), [&](const Eye& other) { return other.place == eye; });
   if (known == eyes_.end()) known = eyes_.insert(known, {eye, std::vector<std::uint8_t>(met_.size(), 0)});
   std::uint8_t& verdict = known->verdicts[place];
@@ -57,11 +84,17 @@ bool SurfaceSight::isSeenFrom(const glm::vec3& eye, std::size_t place) {
 }
 
 /// Whether the same side of the place is seen from an eye as in the view.
-bool SurfaceSight::findOut(const glm::vec3& eye, std::size_t place) const {
+bool LinesOfSight::findOut(const glm::vec3& eye, std::size_t place) const {
   const plan::SurfaceSample& met = met_[place];
   const bool is_front = glm::dot(met.normal, camera_.towardsViewer(met.position)) > 0.0F;
   if (is_front != (glm::dot(met.normal, eye - met.position) > 0.0F)) return false;
   return !sight_->isBlocked(met.position, eye, plan::sightClearance(*sight_));
+}
+
+}  // namespace
+
+std::unique_ptr<SurfaceSight> makeSurfaceSight() {
+  return std::make_unique<LinesOfSight>();
 }
 
 }  // namespace client

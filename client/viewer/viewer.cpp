@@ -66,7 +66,7 @@ base::Result<bool> Viewer::update(const base::ViewCamera& camera, double now) {
                                                           : std::numeric_limits<double>::infinity();
 
   updatePatches();
-  if (options_.lumigraph.use_images && session_.welcome()->grid.pointCount() != 0) sight_.renew(session_);
+  if (sight_ && options_.lumigraph.use_images && session_.welcome()->grid.pointCount() != 0) sight_->renew(session_);
   rankImages();
   uploadImages(now);
   submitImages();
@@ -212,7 +212,7 @@ base::Result<void> Viewer::startScene() {
   resting_ = {};
   ranked_.clear();
   patches_ = {};
-  sight_ = {};
+  sight_ = options_.make_sight ? options_.make_sight() : nullptr;
   scene_ = sceneSphere(welcome);
   shading_ = {welcome.unlit, welcome.light_direction};
   if (context_lost_) return {};

@@ -50,7 +50,9 @@ struct ViewerOptions {
   /// (DrawGovernor), and one at rest all pixels and twice as many samples, unless they are 1.
   std::optional<DrawEffort> effort;
   double fps = DrawGovernor::kUsualRate;  ///< pictures a second that a moving view is to have; 0: no matter
-  double upload_milliseconds = 4.0;       ///< longest upload per frame, at an assumed 2 MB a millisecond; 0: no limit
+  /// Makes what finds the images of surface in view. Null, for methods without images: patches are looked at instead.
+  std::unique_ptr<SurfaceSight> (*make_sight)() = makeSurfaceSight;
+  double upload_milliseconds = 4.0;  ///< longest upload per frame, at an assumed 2 MB a millisecond; 0: no limit
 };
 
 inline constexpr std::uint64_t kMinMemory = 16'000'000;
@@ -280,7 +282,7 @@ class Viewer {
   std::vector<SampleId> candidates_;                      // the resident ones among them
   bool gpu_full_ = false;
   ResidentPatches patches_;
-  SurfaceSight sight_;
+  std::unique_ptr<SurfaceSight> sight_;  // null: see ViewerOptions::make_sight
   base::ViewCamera view_;
   base::Camera camera_;
   base::ViewCamera drawn_view_;

@@ -79,7 +79,7 @@ void Viewer::drawBlended(bool moved, double now) {
   options.unseen = options.unseen || (hidden && !probe_);
   GLint target = 0;
   glGetIntegerv(GL_FRAMEBUFFER_BINDING, &target);
-  options.surface = options.use_images && sight_.lookFrom(camera_) ? &sight_.surface() : nullptr;
+  options.surface = options.use_images && sight_ && sight_->lookFrom(camera_) ? &sight_->surface() : nullptr;
   const DrawEffort asked = hidden ? DrawEffort{} : effortWanted(moved, now);
   DrawEffort effort = fittingEffort(asked);
   if (!options.unseen && effort.pictures > 1 && !prepareMean()) effort = fittingEffort(asked);

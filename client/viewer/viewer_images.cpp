@@ -126,8 +126,8 @@ void Viewer::rankImages() {
     cameras.push_back(&image.camera);
   }
   std::vector<float> use;
-  if (sight_.lookFrom(camera_)) {
-    const VisibleSurface& surface = sight_.surface();
+  if (sight_ && sight_->lookFrom(camera_)) {
+    const VisibleSurface& surface = sight_->surface();
     use = expectedUse(surface.places, camera_, cameras, surface.is_seen_from);
   } else {
     use = expectedUse(anchorsInView(session_.hierarchy(), patches_.drawn().patches, camera_), camera_, cameras);

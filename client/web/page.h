@@ -13,8 +13,11 @@
 
 namespace client::web {
 
+/// Makes the lines of sight of a page with images (ViewerOptions::make_sight), else null.
+extern std::unique_ptr<SurfaceSight> (*const kPageSight)();
+
 struct Page {
-  AppOptions options;
+  AppOptions options{.viewer = {.make_sight = kPageSight}};
   std::unique_ptr<App> app;
   EMSCRIPTEN_WEBGL_CONTEXT_HANDLE context = 0;
   base::Bytes incoming, outgoing;

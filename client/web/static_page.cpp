@@ -17,6 +17,7 @@ EM_JS(void, lumigridParameters, (const char* text), { Module.readParameters(UTF8
 namespace client::web {
 
 const Method kPageMethod = Method::kLumigraph;
+std::unique_ptr<SurfaceSight> (*const kPageSight)() = makeSurfaceSight;
 
 namespace {
 

@@ -8,6 +8,9 @@
 #include "client/web/web_fetcher.h"
 
 namespace client::web {
+
+std::unique_ptr<SurfaceSight> (*const kPageSight)() = nullptr;
+
 namespace {
 
 std::shared_ptr<StreamedView> view;

@@ -305,14 +305,14 @@ test("a host without ranges is named", async () => {
   await page.close();
 });
 
-test("each viewer's WebAssembly has at most 190 kB, compressed, and 202 with shadows", () => {
-  const found = readdirSync(site).filter((name) => /^(viewer|splats|umbrellas|hlod)-.*\.wasm\.br$/.test(name));
-  assert.equal(found.length, 4);
-  for (const name of found) {
-    const most = name.startsWith("hlod") ? 202_000 : 190_000;
-    assert.ok(readFileSync(join(site, name)).length <= most, name);
-  }
-});
+// Builds of the same sources differ by up to 300 bytes, by the names of files that the compiler saw.
+for (const [viewer, most] of Object.entries({viewer: 191_000, splats: 175_000, umbrellas: 178_500, hlod: 195_000}))
+  test(`the WebAssembly ${viewer} has at most ${most} bytes, compressed`, () => {
+    const found = readdirSync(site).filter((name) => name.startsWith(`${viewer}-`) && name.endsWith(".wasm.br"));
+    assert.equal(found.length, 1);
+    const bytes = readFileSync(join(site, found[0])).length;
+    assert.ok(bytes <= most, `${found[0]} has ${bytes}`);
+  });
 
 test("the page is the same wherever it was built", () => {
   const source = new URL("../..", import.meta.url).pathname;

@@ -16,7 +16,7 @@ class SurfaceSightTest : public ::testing::Test {
   }
   void receiveGroups(std::uint32_t count) {
     for (std::uint32_t g = 0; g < count; ++g) EXPECT_TRUE(session_.receive(server_.sayGroup(g)));
-    sight_.renew(session_);
+    sight_->renew(session_);
   }
   std::uint32_t groups() const { return static_cast<std::uint32_t>(server_.hierarchy().groups.size()); }
   base::Camera camera(const base::ViewCamera& view) const {
@@ -25,28 +25,28 @@ class SurfaceSightTest : public ::testing::Test {
   }
   std::size_t seenFrom(const glm::vec3& eye) const {
     std::size_t seen = 0;
-    for (std::size_t i = 0; i < sight_.surface().places.size(); ++i)
-      seen += sight_.surface().is_seen_from(eye, i) ? 1 : 0;
+    for (std::size_t i = 0; i < sight_->surface().places.size(); ++i)
+      seen += sight_->surface().is_seen_from(eye, i) ? 1 : 0;
     return seen;
   }
 
   const ScriptedServer server_{8};
   Session session_{SessionOptions{}};
-  SurfaceSight sight_;
+  std::unique_ptr<SurfaceSight> sight_ = makeSurfaceSight();
 };
 
 TEST_F(SurfaceSightTest, knowsNothingBeforePatchesCome) {
-  sight_.renew(session_);
-  EXPECT_FALSE(sight_.lookFrom(camera(server_.lookDown(20.0))));
+  sight_->renew(session_);
+  EXPECT_FALSE(sight_->lookFrom(camera(server_.lookDown(20.0))));
 }
 
 TEST_F(SurfaceSightTest, findsTheSurfaceAndWhoSeesIt) {
   receiveGroups(groups());
   const base::ViewCamera view = server_.lookDown(20.0);
-  ASSERT_TRUE(sight_.lookFrom(camera(view)));
-  const std::size_t all = sight_.surface().places.size();
+  ASSERT_TRUE(sight_->lookFrom(camera(view)));
+  const std::size_t all = sight_->surface().places.size();
   EXPECT_GT(all, 200U);
-  for (const glm::vec3& place : sight_.surface().places) {
+  for (const glm::vec3& place : sight_->surface().places) {
     EXPECT_GE(place.z, server_.welcome.box_min.z - 0.1F);
     EXPECT_LE(place.z, server_.welcome.box_max.z + 0.1F);
   }
@@ -59,37 +59,37 @@ TEST_F(SurfaceSightTest, findsTheSurfaceAndWhoSeesIt) {
 TEST_F(SurfaceSightTest, looksAnewFromAnotherPlaceAndThroughASection) {
   receiveGroups(groups());
   base::ViewCamera view = server_.lookDown(20.0);
-  ASSERT_TRUE(sight_.lookFrom(camera(view)));
-  const std::vector<glm::vec3> before = sight_.surface().places;
+  ASSERT_TRUE(sight_->lookFrom(camera(view)));
+  const std::vector<glm::vec3> before = sight_->surface().places;
   view.position.x += 1.0;
-  ASSERT_TRUE(sight_.lookFrom(camera(view)));
-  EXPECT_NE(sight_.surface().places, before);
+  ASSERT_TRUE(sight_->lookFrom(camera(view)));
+  EXPECT_NE(sight_->surface().places, before);
   view.section = base::SectionPlane{{1.0, 0.0, 0.0}, view.position.x};
-  ASSERT_TRUE(sight_.lookFrom(camera(view)));
-  EXPECT_LT(sight_.surface().places.size(), before.size());
-  for (const glm::vec3& place : sight_.surface().places)
+  ASSERT_TRUE(sight_->lookFrom(camera(view)));
+  EXPECT_LT(sight_->surface().places.size(), before.size());
+  for (const glm::vec3& place : sight_->surface().places)
     EXPECT_LE(place.x, static_cast<float>(view.position.x - server_.welcome.origin.x) + 1e-3F);
   view.section = base::SectionPlane{{0.0, 0.0, 1.0}, server_.welcome.origin.z - 1e3};
-  EXPECT_FALSE(sight_.lookFrom(camera(view))) << "nothing is left";
+  EXPECT_FALSE(sight_->lookFrom(camera(view))) << "nothing is left";
 }
 
 TEST_F(SurfaceSightTest, takesFinerPatchesInAndForgetsWithTheScene) {
   receiveGroups(1);
   const base::Camera view = camera(server_.lookDown(20.0));
-  ASSERT_TRUE(sight_.lookFrom(view));
-  const std::vector<glm::vec3> coarse = sight_.surface().places;
+  ASSERT_TRUE(sight_->lookFrom(view));
+  const std::vector<glm::vec3> coarse = sight_->surface().places;
   receiveGroups(groups());
-  ASSERT_TRUE(sight_.lookFrom(view));
-  EXPECT_NE(sight_.surface().places, coarse);
+  ASSERT_TRUE(sight_->lookFrom(view));
+  EXPECT_NE(sight_->surface().places, coarse);
   sight_ = {};
-  EXPECT_FALSE(sight_.lookFrom(view));
+  EXPECT_FALSE(sight_->lookFrom(view));
 }
 
 TEST_F(SurfaceSightTest, leavesParallelViewsAlone) {
   receiveGroups(groups());
   base::ViewCamera view = server_.lookDown(20.0);
   view.ortho_height = 10.0;
-  EXPECT_FALSE(sight_.lookFrom(camera(view)));
+  EXPECT_FALSE(sight_->lookFrom(camera(view)));
 }
 
 }  // namespace
