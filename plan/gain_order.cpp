@@ -25,8 +25,6 @@ constexpr float kTexelShare = 0.03F;     // x
 constexpr float kTexelPower = 0.7F;
 constexpr float kShift = 3.0F;         // of s, as BlendTuning's
 constexpr float kFailingShare = 0.1F;  // q
-/// The share of later views' gain that counts while the eye moves. A choice (docs/decisions/gain-per-byte.md).
-constexpr float kLater = 0.3F;
 /// An image that gains less for each of its bytes is not sent: 2e-7 for one of 10 kB. A picture of 40 dB has an error
 /// of 1e-4.
 constexpr double kLeastImageRate = 2e-11;
@@ -222,7 +220,7 @@ class GainOrder {
       for (const std::size_t parent : groups[g].parents) groups_[parent].children.push_back(g);
       const float gained =
           shadingAt(groups[g].before, groups[g].density).proxy2 - shadingAt(groups[g].after, groups[g].density).proxy2;
-      if (query.is_moving && groups[g].is_needed) groups_[g].later = kLater * groups[g].share * std::max(0.0F, gained);
+      if (groups[g].is_needed) groups_[g].later = query.later_share * groups[g].share * std::max(0.0F, gained);
     }
     for (std::size_t s = 0; s < samples.size(); ++s) addPlace(static_cast<std::uint32_t>(s), places[s]);
     for (std::size_t g = groups.size(); g-- > 0;) left_.push_back(g);

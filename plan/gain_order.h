@@ -83,8 +83,9 @@ struct GainQuery {
   /// lose their share of it, as of other detail.
   float lacking2 = 0.0F;
   std::uint64_t image_bytes = 10'000;  ///< of an image of which nothing else is known
-  /// The eye moves, or there are no images: groups gain for later views, too. Images stay behind.
-  bool is_moving = false;
+  /// Groups gain for later views, too: so much of what each would gain there without images counts, 0..1. Of images
+  /// nothing is said of later views.
+  float later_share = 0.0F;
 };
 
 /// An image or a group, and by how much it lessens the squared error of the picture's colours (0..1, mean over the

@@ -13,6 +13,10 @@
 namespace plan {
 namespace {
 
+/// The share of later views' gain that counts where patches are all that there is; and while the eye moves, where later
+/// views have images, too, which leave less to gain. Choices (docs/decisions/gain-per-byte.md).
+constexpr float kLaterAlone = 0.3F, kLaterUnderImages = 0.05F;
+
 /// A view in scene-local coordinates, with the cut at which the client should arrive.
 struct LocalView {
   lod::patch::CutRequest request;
@@ -171,7 +175,7 @@ OrderByGain orderItems(const Scene& scene, const LocalView& local, const PointQu
   if (scene.welcome->shadows) gain.lacking2 = 0.01F;
   gain.image_bytes = scene.image_bytes.typical(query.grid);
   gain.is_here = is_here;
-  gain.is_moving = scene.is_moving || points.empty();
+  gain.later_share = points.empty() ? kLaterAlone : scene.is_moving ? kLaterUnderImages : 0.0F;
   gain.stored_bytes = scene.stored_bytes;
   return orderByGain(gain, points, samples, places, send.groups);
 }

@@ -7,6 +7,8 @@ namespace {
 
 /// Neighbours are joined up to this share of what may be under way, so that a request does not fill the link alone.
 constexpr std::uint64_t kRequestsInWindow = 3;
+/// Of wishes that lead so much may be under way beside all others: two of the largest pages.
+constexpr std::uint64_t kLeadingBytes = 8 * 1024;
 
 }  // namespace
 
@@ -14,10 +16,10 @@ RangeQueue::~RangeQueue() {
   for (const auto& [id, request] : requests_) fetcher_.cancel(id);
 }
 
-std::uint64_t RangeQueue::bytesUnderWay() const {
+bool RangeQueue::mayAsk(bool leads) const {
   std::uint64_t bytes = 0;
-  for (const auto& [id, request] : requests_) bytes += request.length;
-  return bytes;
+  for (const auto& [id, request] : requests_) bytes += request.leads() == leads ? request.length : 0;
+  return bytes < (leads ? kLeadingBytes : window_.bytes());
 }
 
 /// Returns `first` and the wishes that can share its request: the same object, close enough, and together at most
@@ -28,8 +30,8 @@ std::vector<std::size_t> RangeQueue::neighboursOf(const std::vector<RangeWish>& 
   const auto itemOf = [&](std::size_t i) { return std::pair(wishes[i].kind, wishes[i].key); };
   std::vector<std::size_t> others;
   for (std::size_t i = 0; i < wishes.size(); ++i)
-    if (itemOf(i) != itemOf(first) && !wishes[i].alone && wishes[i].object == wishes[first].object &&
-        !underWay(wishes[i].kind, wishes[i].key))
+    if (itemOf(i) != itemOf(first) && !wishes[i].alone && wishes[i].leads == wishes[first].leads &&
+        wishes[i].object == wishes[first].object && !underWay(wishes[i].kind, wishes[i].key))
       others.push_back(i);
   const std::uint64_t max_bytes = std::min(options_.max_bytes, window_.bytes() / kRequestsInWindow);
   std::sort(others.begin(), others.end(),
@@ -71,15 +73,16 @@ void RangeQueue::send(std::vector<RangeWish> wishes) {
     under_way_[{wish.kind, wish.key}] = id;
   }
   const std::string object = wishes.front().object;
-  requests_[id] = {begin, end - begin, {now_, bytes_}, std::move(wishes)};
+  const bool was_idle =
+      std::all_of(requests_.begin(), requests_.end(), [&](const auto& other) { return other.second.sent.at == now_; });
+  requests_[id] = {begin, end - begin, {now_, bytes_, was_idle}, std::move(wishes)};
   fetcher_.submit(id, object, begin, end - begin);
 }
 
 void RangeQueue::request(const std::vector<RangeWish>& wishes, std::size_t limit) {
   limit = std::min(limit, options_.max_requests);
   for (std::size_t i = 0; i < wishes.size() && requests_.size() < limit; ++i) {
-    if (bytesUnderWay() >= window_.bytes()) return;
-    if (underWay(wishes[i].kind, wishes[i].key)) continue;
+    if (underWay(wishes[i].kind, wishes[i].key) || !mayAsk(wishes[i].leads)) continue;
     std::vector<RangeWish> together;
     for (const std::size_t n : neighboursOf(wishes, i)) together.push_back(wishes[n]);
     send(std::move(together));

@@ -21,6 +21,8 @@ struct RangeWish {
   std::string object;
   std::uint64_t offset = 0, length = 1;
   bool alone = false;  ///< is requested alone, so that no neighbour delays it
+  /// It is small and tells what else to ask for, such as a page of a table. Others under way do not hold it back.
+  bool leads = false;
 };
 
 struct RangeArrival {
@@ -62,9 +64,10 @@ class RangeQueue {
   struct Request {
     std::uint64_t offset = 0, length = 0;
     FetchWindow::Mark sent;
-    std::vector<RangeWish> wishes;
+    std::vector<RangeWish> wishes;  // all of them lead, or none
+    bool leads() const { return wishes.front().leads; }
   };
-  std::uint64_t bytesUnderWay() const;
+  bool mayAsk(bool leads) const;
   std::vector<std::size_t> neighboursOf(const std::vector<RangeWish>& wishes, std::size_t first) const;
   void send(std::vector<RangeWish> wishes);
 

@@ -24,7 +24,7 @@ constexpr std::uint64_t kUnlocatedFaceBytes = 20'000;
 // ---- the hierarchy ----
 
 RangeWish StaticSource::pageWish(std::uint32_t page) const {
-  return {kPage, page, scene_.patches.name, tables_->pageOffset(page), tables_->pageLength(page)};
+  return {kPage, page, scene_.patches.name, tables_->pageOffset(page), tables_->pageLength(page), false, true};
 }
 
 /// Requests the part of a block that is not in the front; a block that lies in it entirely is handed over at once.
@@ -82,7 +82,7 @@ void StaticSource::wishForTables(std::vector<RangeWish>& wishes) const {
 // ---- the images ----
 
 RangeWish StaticSource::indexWish(std::uint64_t number) const {
-  return {kIndexBlock, number, scene_.index->name, root_->blockOffset(number), root_->block_bytes};
+  return {kIndexBlock, number, scene_.index->name, root_->blockOffset(number), root_->block_bytes, false, true};
 }
 
 /// Finds out how to get a face. With kWanted, `wish` is the next range that it needs. An empty face is handed over at
@@ -221,19 +221,21 @@ void StaticSource::wishForCoarse(std::vector<RangeWish>& wishes) {
 }
 
 /// Wishes for the blocks of the index that say which images the plan's points have, and how large they are. Returns
-/// whether all are here.
+/// whether any of them is here: images of its points can be chosen, and need not wait for those of a point that a
+/// moving eye has just come near.
 bool StaticSource::wishForIndex(std::vector<RangeWish>& wishes) {
   if (!root_) return true;
-  bool all_here = true;
+  bool any_here = false;
   index_wanted_.clear();
   for (const glm::uvec3& point : view_plan_.points) {
     const std::uint64_t number = repository::blockOfCode(*root_, FaceKey{point.x, point.y, point.z}.code());
     index_wanted_.insert(number);
-    if (broken_index_blocks_.count(number) != 0 || index_blocks_.find(number) != nullptr) continue;
-    all_here = false;
-    wishes.push_back(indexWish(number));
+    if (broken_index_blocks_.count(number) != 0 || index_blocks_.find(number) != nullptr)
+      any_here = true;
+    else
+      wishes.push_back(indexWish(number));
   }
-  return all_here;
+  return any_here || view_plan_.points.empty();
 }
 
 /// Collects wishes in a server's order (server::Session::nextWanted), as far ahead as requests are put together. Images

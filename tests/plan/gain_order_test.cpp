@@ -142,6 +142,9 @@ class GainOrdersOfGroups : public GainOrders {
     OrderedGroup group;
     group.bytes = bytes;
     group.parents = std::move(parents);
+    group.before = {0.2F, 0.001F}, group.after = {0.02F, 0.001F};
+    group.share = 0.5F;
+    group.density = 100.0F;
     return group;
   }
   static std::size_t placeOf(const std::vector<OrderedItem>& items, std::size_t group) {
@@ -187,6 +190,17 @@ TEST_F(GainOrdersOfGroups, imagesComeBeforeThoseThatCostTooMuch) {
   const auto dear = choose(0.01F, 0.01F, 10'000'000);
   EXPECT_EQ(placeOf(dear, 1) + placeOf(dear, 2), 2 * dear.size() - 3) << "last of all";
   EXPECT_GT(dear.size(), cheap.size());
+}
+
+TEST_F(GainOrdersOfGroups, comeEarlierTheMoreOfLaterViewsCounts) {
+  const auto places = [&](float share) {
+    query_.later_share = share;
+    const auto items = choose(0.1F, 0.1F, 50'000);
+    return placeOf(items, 1) + placeOf(items, 2);
+  };
+  const std::size_t now = places(0.0F), a_tenth = places(0.1F), all = places(1.0F);
+  EXPECT_GT(now, a_tenth);
+  EXPECT_GE(a_tenth, all);
 }
 
 TEST_F(GainOrdersOfGroups, gainsAreWhatTheExpectedErrorLoses) {

@@ -128,7 +128,7 @@ TEST(RangeQueue, noMoreBytesAreUnderWayThanKeepTheLinkBusy) {
   for (std::uint64_t i = 0; i < 20; ++i) wishes.push_back(wish(i, 100'000 * i, 20'000));
   queue.request(wishes);
   EXPECT_EQ(fetcher.asked.size(), 4U) << "the first three are below 64 KiB";
-  // Answers that take 0.1 s each, one by one: 200 kB a second.
+  // Answers that take 0.1 s each, one by one: 200 kB a second, and 40 kB in twice the time of the first.
   double now = 0.0;
   for (std::size_t i = 0; i < 4; ++i) {
     queue.setTime(now += 0.1);
@@ -136,29 +136,68 @@ TEST(RangeQueue, noMoreBytesAreUnderWayThanKeepTheLinkBusy) {
     queue.takeArrivals();
   }
   queue.request(wishes);
-  EXPECT_EQ(fetcher.asked.size(), 8U);
-  // All four at once after 0.02 s: 4 MB a second, and six may be under way, which is the host's limit.
-  queue.setTime(now += 0.02);
-  for (std::size_t i = 4; i < 8; ++i) fetcher.answer(i);
+  EXPECT_EQ(fetcher.asked.size(), 6U);
+  // Both at once after 0.01 s: 4 MB a second, and 80 kB in twice that time.
+  queue.setTime(now += 0.01);
+  for (std::size_t i = 4; i < 6; ++i) fetcher.answer(i);
   queue.takeArrivals();
   wishes.clear();
   for (std::uint64_t i = 20; i < 40; ++i) wishes.push_back(wish(i, 100'000 * i, 20'000));
   queue.request(wishes);
-  EXPECT_EQ(fetcher.asked.size(), 14U);
+  EXPECT_EQ(fetcher.asked.size(), 10U);
+}
+
+// What they tell decides what is asked for next, so a full window would empty itself before anything more is known.
+TEST(RangeQueue, wishesThatLeadDoNotWaitForOthers) {
+  Recorder fetcher;
+  RangeQueue queue(fetcher, {});
+  std::vector<RangeWish> wishes{wish(0, 0, 70'000), wish(1, 200'000, 1'000)};
+  for (std::uint64_t page = 2; page < 12; ++page) {
+    wishes.push_back(wish(page, 300'000 + 10'000 * page, 4'096));
+    wishes.back().leads = true;
+  }
+  queue.request(wishes);
+  ASSERT_EQ(fetcher.asked.size(), 3U) << "70 kB fill the window; of those that lead 8 KiB are under way";
+  EXPECT_EQ(fetcher.asked[1].offset, 320'000U);
+  EXPECT_EQ(fetcher.asked[2].offset, 330'000U);
+  wishes[1].offset = 324'096;  // a neighbour that does not lead
+  fetcher.answer(1);
+  queue.takeArrivals();
+  queue.request(wishes);
+  ASSERT_EQ(fetcher.asked.size(), 4U);
+  EXPECT_EQ(fetcher.asked[3].length, 4'096U) << "none joins them";
 }
 
 TEST(FetchWindow, isTwiceWhatTheLinkDeliversInTheShortestAnswer) {
   FetchWindow window;
-  EXPECT_EQ(window.bytes(), FetchWindow::kLeastBytes);
-  window.answered({0.0, 0}, {0.05, 50'000});  // 1 MB a second
+  EXPECT_EQ(window.bytes(), FetchWindow::kFirstBytes);
+  window.answered({0.0, 0, true}, {0.05, 50'000});  // 1 MB a second
   EXPECT_EQ(window.bytes(), 100'000U);
   window.answered({0.05, 50'000}, {0.25, 450'000});  // twice as fast, but the answer took longer
   EXPECT_EQ(window.bytes(), 200'000U);
   window.answered({0.25, 450'000}, {0.35, 450'000});  // nothing came
   window.answered({0.35, 450'000}, {0.35, 500'000});  // in no time: the clock was not told
   EXPECT_EQ(window.bytes(), 200'000U);
-  window.answered({9.9, 500'000}, {10.0, 510'000});
+  window.answered({9.9, 500'000}, {10.0, 501'000});
   EXPECT_EQ(window.bytes(), FetchWindow::kLeastBytes) << "what the link did before is forgotten";
+}
+
+// Else the window would grow with the time that answers wait for each other, and that time with the window.
+TEST(FetchWindow, answersThatWaitForOthersAddNothing) {
+  constexpr double kRate = 100'000.0, kRoundTrip = 0.1;  // bytes a second, seconds
+  FetchWindow window;
+  double now = 0.3;
+  std::uint64_t received = 20'000;
+  window.answered({0.0, 0, true}, {now, received});
+  for (int i = 0; i < 100; ++i) {
+    const std::uint64_t under_way = window.bytes();
+    const FetchWindow::Mark sent{now, received};
+    now += std::max(kRoundTrip, static_cast<double>(under_way) / kRate);
+    window.answered(sent, {now, received += under_way});
+    EXPECT_LE(window.bytes(), 50'000U) << "0.15 s more than the first answer took";
+  }
+  window.answered({now, received, true}, {now + kRoundTrip, received + 1'000});
+  EXPECT_LE(window.bytes(), 25'000U) << "an idle link answers sooner";
 }
 
 TEST(RangeQueue, destructionCancelsRequestsUnderWay) {
