@@ -82,7 +82,7 @@ void StaticSource::wishForTables(std::vector<RangeWish>& wishes) const {
 // ---- the images ----
 
 RangeWish StaticSource::indexWish(std::uint64_t number) const {
-  return {kIndexBlock, number, scene_.index->name, root_->blockOffset(number), root_->block_bytes, false, true};
+  return {kIndexBlock, number, scene_.index->name, root_->blockOffset(number), root_->block_bytes};
 }
 
 /// Finds out how to get a face. With kWanted, `wish` is the next range that it needs. An empty face is handed over at
