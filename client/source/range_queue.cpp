@@ -7,7 +7,7 @@ namespace {
 
 /// Neighbours are joined up to this share of what may be under way, so that a request does not fill the link alone.
 constexpr std::uint64_t kRequestsInWindow = 3;
-/// Of wishes that lead so much may be under way beside all others: two of the largest pages.
+/// So much may be under way of wishes that lead, beside all others. A choice: eight pages of a table.
 constexpr std::uint64_t kLeadingBytes = 8 * 1024;
 
 }  // namespace

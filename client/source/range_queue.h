@@ -21,7 +21,7 @@ struct RangeWish {
   std::string object;
   std::uint64_t offset = 0, length = 1;
   bool alone = false;  ///< is requested alone, so that no neighbour delays it
-  /// It is small and tells what else to ask for, such as a page of a table. Others under way do not hold it back.
+  /// It is small and tells what else to ask for, as a page of a table does. Others under way do not hold it back.
   bool leads = false;
 };
 

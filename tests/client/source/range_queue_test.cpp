@@ -147,7 +147,7 @@ TEST(RangeQueue, noMoreBytesAreUnderWayThanKeepTheLinkBusy) {
   EXPECT_EQ(fetcher.asked.size(), 10U);
 }
 
-// What they tell decides what is asked for next, so a full window would empty itself before anything more is known.
+// They decide what is asked for next, so that a full window would empty itself before anything more is known.
 TEST(RangeQueue, wishesThatLeadDoNotWaitForOthers) {
   Recorder fetcher;
   RangeQueue queue(fetcher, {});
