@@ -8,7 +8,7 @@
 
 namespace client {
 
-/// An interface, so that a page that shows no images need not contain the lines of sight, 6 kB of code.
+/// An interface, so that a page that shows no images need not contain the lines of sight, 8 kB of it.
 class SurfaceSight {
  public:
   virtual ~SurfaceSight() = default;
