@@ -7,17 +7,19 @@ namespace {
 
 constexpr double kMemory = 5.0;  // seconds; a choice
 constexpr double kGain = 2.0;    // as BBR's
-/// Beyond what an idle link took, seconds: a choice (docs/decisions/static-scenes.md). Over 384 kbit/s it is half of
-/// kLeastBytes.
+/// Beyond what an idle link took, seconds: a choice (docs/decisions/static-scenes.md).
 constexpr double kAhead = 0.15;
+/// A link is seldom idle while an eye moves, so that its answers count for longer, seconds: a choice.
+constexpr double kIdleMemory = 30.0;
 
 }  // namespace
 
 void FetchWindow::answered(const Mark& sent, const Mark& now) {
   const double took = now.at - sent.at;
   if (!(took > 0.0) || now.received <= sent.received) return;
-  samples_[count_++ % samples_.size()] = {now.at, took, static_cast<double>(now.received - sent.received) / took};
-  if (sent.was_idle) idle_took_[idle_count_++ % idle_took_.size()] = took;
+  const Sample sample{now.at, took, static_cast<double>(now.received - sent.received) / took};
+  samples_[count_++ % samples_.size()] = sample;
+  if (sent.was_idle) idle_[idle_count_++ % idle_.size()] = sample;
 }
 
 double FetchWindow::rate() const {
@@ -35,9 +37,10 @@ std::uint64_t FetchWindow::bytes() const {
   double took = kMemory;
   for (const Sample& sample : samples_)
     if (sample.at >= newest - kMemory) took = std::min(took, sample.took);
-  double idle_took = kMemory;
-  for (std::size_t i = 0; i < std::min(idle_count_, idle_took_.size()); ++i)
-    idle_took = std::min(idle_took, idle_took_[i]);
+  // The last one counts however old it is.
+  double idle_took = idle_count_ != 0 ? idle_[(idle_count_ - 1) % idle_.size()].took : kMemory;
+  for (const Sample& sample : idle_)
+    if (sample.at >= newest - kIdleMemory) idle_took = std::min(idle_took, sample.took);
   const double ahead = std::min(kGain * took, idle_took + kAhead);
   return std::max(kLeastBytes, static_cast<std::uint64_t>(rate() * ahead));
 }

@@ -32,9 +32,9 @@ class FetchWindow {
   struct Sample {
     double at = -1e9, took = 0.0, rate = 0.0;
   };
-  std::array<Sample, 32> samples_{};   // the last ones
-  std::size_t count_ = 0;              // taken so far; each takes the place of the oldest
-  std::array<double, 8> idle_took_{};  // of the last answers to an idle link, likewise
+  std::array<Sample, 32> samples_{};  // the last ones
+  std::size_t count_ = 0;             // taken so far; each takes the place of the oldest
+  std::array<Sample, 8> idle_{};      // the last answers of an idle link, likewise
   std::size_t idle_count_ = 0;
 };
 

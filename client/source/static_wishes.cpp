@@ -239,7 +239,7 @@ bool StaticSource::wishForIndex(std::vector<RangeWish>& wishes) {
 }
 
 /// Collects wishes in a server's order (server::Session::nextWanted), as far ahead as requests are put together. Images
-/// wait for the index, by which they are chosen, and so do groups that bring no more than colours; others do not.
+/// wait for some of the index, by which they are chosen, and so do groups that bring no more than colours.
 void StaticSource::wishForView(std::vector<RangeWish>& wishes) {
   const auto readFrontier = [&](bool needed) {
     for (const UnknownGroup& unknown : frontier_)

@@ -147,7 +147,7 @@ TEST(RangeQueue, noMoreBytesAreUnderWayThanKeepTheLinkBusy) {
   EXPECT_EQ(fetcher.asked.size(), 10U);
 }
 
-// They decide what is asked for next, so that a full window would empty itself before anything more is known.
+// Pages say what to ask for next. Behind a full window the link would idle before anything more is known.
 TEST(RangeQueue, wishesThatLeadDoNotWaitForOthers) {
   Recorder fetcher;
   RangeQueue queue(fetcher, {});
@@ -198,6 +198,14 @@ TEST(FetchWindow, answersThatWaitForOthersAddNothing) {
   }
   window.answered({now, received, true}, {now + kRoundTrip, received + 1'000});
   EXPECT_LE(window.bytes(), 25'000U) << "an idle link answers sooner";
+}
+
+TEST(FetchWindow, aLinkThatAnswersLaterThanBeforeIsKeptBusy) {
+  FetchWindow window;
+  window.answered({0.0, 0, true}, {0.05, 50'000});
+  // Half a minute later the link has the same rate, and takes a second for each answer.
+  window.answered({40.0, 50'000, true}, {41.0, 1'050'000});
+  EXPECT_EQ(window.bytes(), 1'150'000U);
 }
 
 TEST(RangeQueue, destructionCancelsRequestsUnderWay) {
