@@ -131,6 +131,27 @@ TEST(StaticSource, onlyThePagesThatAViewNeedsAreRead) {
   EXPECT_LT(viewer.source.stats().table_bytes, tables / 4);
 }
 
+TEST(StaticSource, smallTablesAreAskedForAsAWhole) {
+  const server::TestScene scene(64, 1'000);
+  const PublishedScene published(scene);
+  StaticOptions options;
+  options.eager_table_bytes = 1'000'000;
+  StaticViewer viewer(published, options);
+  viewer.session.setView(pathOver(scene)[0]);
+  while (!viewer.session.hasGroup(0)) viewer.pump();
+  viewer.host.held = true;
+  for (int i = 0; i < 3; ++i) viewer.pump();
+  std::uint64_t asked = 0;  // to the end of the last table
+  const lod::patch::Hierarchy& hierarchy = scene.patches->hierarchy();
+  std::uint64_t tables_end = published.scene.patches.bytes;
+  for (const lod::patch::Group& group : hierarchy.groups) tables_end = std::min(tables_end, group.block_offset);
+  ASSERT_GT(tables_end, 60'000U);
+  for (const HostRequest& request : viewer.host.requests)
+    if (request.name == published.scene.patches.name && request.offset < tables_end)
+      asked = std::max(asked, std::min(tables_end, request.offset + request.length));
+  EXPECT_GE(asked, 50'000U);
+}
+
 TEST(StaticSource, theOrderOfArrivalMakesNoDifference) {
   server::TestScene scene(16, 3'000);
   makeHoles(scene);
