@@ -13,8 +13,8 @@
 namespace plan {
 namespace {
 
-/// The share of later views' gain that counts where patches are all that there is; and while the eye moves, where later
-/// views have images, too, which leave less to gain. Choices (docs/decisions/gain-per-byte.md).
+/// The share of later views' gain that counts where patches are all that there is; and while the eye moves fast, where
+/// later views have images, too, which leave less to gain. Choices (docs/decisions/gain-per-byte.md).
 constexpr float kLaterAlone = 0.3F, kLaterUnderImages = 0.05F;
 
 /// A view in scene-local coordinates, with the cut at which the client should arrive.
@@ -175,7 +175,7 @@ OrderByGain orderItems(const Scene& scene, const LocalView& local, const PointQu
   if (scene.welcome->shadows) gain.lacking2 = 0.01F;
   gain.image_bytes = scene.image_bytes.typical(query.grid);
   gain.is_here = is_here;
-  gain.later_share = points.empty() ? kLaterAlone : scene.is_moving ? kLaterUnderImages : 0.0F;
+  gain.later_share = points.empty() ? kLaterAlone : scene.is_fast ? kLaterUnderImages : 0.0F;
   gain.stored_bytes = scene.stored_bytes;
   return orderByGain(gain, points, samples, places, send.groups);
 }
@@ -244,6 +244,13 @@ bool isMoving(const protocol::Welcome& welcome, const protocol::View& newest, co
   const bool is_same = step == 0.0 && newest.camera.direction == previous.camera.direction;
   return !is_same && turn > kWidestTurn &&
          step < kLongestStep * static_cast<double>(glm::length(welcome.box_max - welcome.box_min));
+}
+
+bool isFast(const base::ViewCamera& from, const base::ViewCamera& to, double seconds, double step) {
+  constexpr double kTurn = 0.4;  // radians a second, a choice
+  if (seconds <= 0.0) return false;
+  return glm::length(to.position - from.position) > step * seconds ||
+         glm::dot(to.direction, from.direction) < std::cos(kTurn * seconds);
 }
 
 lod::patch::CutRequest cutRequestFor(const protocol::Welcome& welcome, const protocol::View& view) {

@@ -38,7 +38,7 @@ struct Scene {
   /// As GainQuery has it.
   StoredBytes stored_bytes = nullptr;
   ImageBytes image_bytes = {};
-  bool is_moving = false;  ///< the eye moves (isMoving())
+  bool is_fast = false;    ///< the eye moves, and fast (isFast())
   bool is_fresh = false;   ///< of files: the plan before was of another camera, or there was none
   double link_rate = 0.0;  ///< bytes a second towards the viewer; 0: not known
   /// One in so many of the rays across the picture, and of those up, is cast: from 1 to 8. At 2 a plan takes less than
@@ -90,6 +90,11 @@ inline constexpr std::size_t kMaxPointsPerView = 64;
 
 /// Whether the eye went on from one view to the next: by no jump, and not by nothing.
 bool isMoving(const protocol::Welcome& welcome, const protocol::View& newest, const protocol::View& previous);
+
+/// Whether an eye that went from one camera to another in so many seconds moves fast, so that it soon has other surface
+/// before it: it turns by more than 0.4 radians a second, or goes more than `step` world units a second. Two views at
+/// a time tell no speed.
+bool isFast(const base::ViewCamera& from, const base::ViewCamera& to, double seconds, double step);
 
 /// From so many bytes a second on, patches that bring no more than colours are fetched from files for a moving eye that
 /// gets images, too: 10 Mbit/s. A choice: at 1 Mbit/s they come too late, and images with them; at 20 they bring 1 to

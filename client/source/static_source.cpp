@@ -39,6 +39,7 @@ bool StaticSource::pump(Session& session, double now) {
   }
 
   // Take in answers.
+  now_ = now;
   queue_.setTime(now);
   succeeded_ = retry_set_ = false;
   auto arrivals = queue_.takeArrivals();
@@ -151,8 +152,8 @@ void StaticSource::acceptMessage(const protocol::ClientMessage& message) {
       if (queued.group) has_group_[*queued.group] = true;
     }
   } else if (const auto* view = std::get_if<protocol::View>(&message)) {
-    if (planned_) previous_ = newest_;
-    newest_ = *view;
+    if (planned_) previous_ = newest_, previous_at_ = newest_at_;
+    newest_ = *view, newest_at_ = now_;
     planned_ = complete_sent_ = false;
   } else if (const auto* evicted = std::get_if<protocol::Eviction>(&message)) {
     for (const FaceKey& key : evicted->faces) has_face_.erase(key);

@@ -238,6 +238,7 @@ class StaticSource {
 
   // The views and their plan.
   std::optional<protocol::View> newest_, previous_;
+  double newest_at_ = 0.0, previous_at_ = 0.0, now_ = 0.0;  // when they came, and the time of pump(), seconds
   bool planned_ = false, replan_ = false;
   std::unordered_set<std::uint64_t> index_wanted_;  // blocks of the newest plan's points, which are kept
   bool index_learned_ = false;                      // the index has told of more images since the plan was made

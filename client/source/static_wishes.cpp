@@ -128,6 +128,12 @@ StaticSource::FaceState StaticSource::locateFace(const FaceKey& key, RangeWish& 
 // ---- the plan ----
 
 plan::Scene StaticSource::planScene() {
+  // An eye is fast that goes such a part of the scene's diagonal in a second, as for a server.
+  constexpr double kFastStep = 0.33;
+  const protocol::Welcome& welcome = scene_.welcome;
+  const bool is_fast = previous_ && newest_ && plan::isMoving(welcome, *newest_, *previous_) &&
+                       plan::isFast(previous_->camera, newest_->camera, newest_at_ - previous_at_,
+                                    kFastStep * static_cast<double>(glm::length(welcome.box_max - welcome.box_min)));
   return {&scene_.welcome,
           &hierarchy_,
           scene_.index.has_value(),
@@ -136,7 +142,7 @@ plan::Scene StaticSource::planScene() {
           nullptr,
           [this](const FaceKey& key) { return storedBytes(key); },
           image_bytes_,
-          previous_ && newest_ && plan::isMoving(scene_.welcome, *newest_, *previous_),
+          is_fast,
           !(previous_ && newest_ && base::showsSameView(previous_->camera, newest_->camera)),
           queue_.rate()};
 }

@@ -6,6 +6,8 @@
 #include <limits>
 #include <utility>
 
+#include "plan/view_plan.h"
+
 namespace server {
 namespace {
 
@@ -13,8 +15,8 @@ namespace {
 constexpr double kQuickSeconds = 0.1;    // a quick frame occupies the link this long
 constexpr double kMovingSeconds = 0.05;  // and a moving eye's this long
 // A moving eye's frames have this share of the link at most, less where one takes longer than kMovingSeconds: patches
-// and images, which last, bring more there (docs/decisions/slow-links.md).
-constexpr double kFramesShare = 0.5;
+// and images, which last, bring more (docs/decisions/slow-links.md).
+constexpr double kFramesShare = 0.25;
 constexpr double kLastSeconds = 0.25;  // a last frame that occupies it no longer goes ahead of the others
 // A frame without loss that occupies the link longer is not sent: what is under way delays a new view.
 constexpr double kWithoutLossSeconds = 1.0;
@@ -40,8 +42,8 @@ constexpr double kMostScale = 1.5;
 constexpr double kLeastScale = 1.1;  // less brings nothing that is seen
 // Bytes of larger frames ∝ scale^1.45: 1.6 to 1.9 times as many where each side is 1.5 times as long.
 constexpr double kBytesPower = 1.45;
-// An eye is fast that in so many seconds turns by so many radians, or moves by such a part of FrameSchedule's `reach`.
-constexpr double kAheadSeconds = 0.15, kFastAngle = 0.06, kFastReach = 0.5;
+// An eye is fast that moves by more of FrameSchedule's `reach` in a second. It is judged by where it is soon, seconds.
+constexpr double kFastReaches = 3.3, kSoon = 0.15;
 constexpr double kLargerRenderSeconds = 0.1;  // a larger frame that takes the renderer longer is late
 constexpr double kDecodeSeconds = 0.01;       // a client's, a guess
 constexpr double kRenderMemory = 0.25;        // weight of the newest rendering time
@@ -198,10 +200,7 @@ FrameSchedule::MovingFrame FrameSchedule::movingFrame() const {
 
 /// A fast eye's frames are as far off as they are late, which more pixels make them.
 bool FrameSchedule::isFast() const {
-  const base::ViewCamera soon = motion_.ahead(kAheadSeconds);
-  const base::ViewCamera& now = view_->camera;
-  return glm::length(soon.position - now.position) > kFastReach * reach_ ||
-         glm::dot(soon.direction, now.direction) < std::cos(kFastAngle);
+  return plan::isFast(view_->camera, motion_.ahead(kSoon), kSoon, kFastReaches * reach_);
 }
 
 /// How long a frame of so many times the view's sides is expected to take the renderer.
@@ -309,7 +308,7 @@ double FrameSchedule::renderSecondsLeft() const {
 double FrameSchedule::othersShare() const {
   const MovingFrame frame = movingFrame();
   const double transfer = expectedBytes(frame.quality, frame.scale) / link_.rate();
-  const double most = kFramesShare * std::min(1.0, kMovingSeconds / transfer);
+  const double most = kFramesShare * std::sqrt(std::min(1.0, kMovingSeconds / transfer));
   return 1.0 - std::min(most, transfer / std::max(renderSeconds(frame.scale), transfer));
 }
 

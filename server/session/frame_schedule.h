@@ -63,6 +63,8 @@ class FrameSchedule {
   bool owesFrame() const { return possible_ && (!last_requested_ || under_way_); }
   /// Whether the newest view's frame is of use before there is any model: it is shown by itself while the eye stands.
   bool standsAlone() const { return possible_ && !moving(); }
+  /// Whether the eye moves, and fast (plan::isFast()), as the views of the last tenth of a second tell.
+  bool eyeIsFast() const { return motion_.moving(link_.now()) && isFast(); }
   /// Whether so much is queued already that nothing but a frame should join it.
   bool linkIsFull() const;
   /// Whether other messages wait, so that the link is free for a new view, or when the frame that is being rendered

@@ -271,7 +271,7 @@ plan::Scene Session::sceneToPlan() const {
   if (!is_hurried) scene.sight_cache = nullptr;
   scene.images = scene.images && (decodes_webp_ || !scene_.images_are_webp);
   scene.image_bytes = image_bytes_;
-  scene.is_moving = previous_ && newest_ && plan::isMoving(start_->welcome, *newest_, *previous_);
+  scene.is_fast = frames_.eyeIsFast();
   scene.stored_bytes = [this](const repository::FaceKey& key) -> std::optional<std::uint64_t> {
     if (remote_) return remote_->absent.count(key) != 0 ? std::optional<std::uint64_t>(0) : std::nullopt;
     const auto bytes = scene_.images->valueBytes(key);

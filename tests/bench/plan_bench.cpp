@@ -221,7 +221,7 @@ int main(int argc, char** argv) {
   const server::SceneData& data = open->data;
   plan::Scene scene = data.toPlan();
   if (data.images != nullptr) scene.stored_bytes = storedBytesOf(data);
-  scene.is_moving = true;
+  scene.is_fast = true;
   if (!is_cached) scene.sight_cache = nullptr;
   std::printf("%zu groups, %zu patches, %llu points\n", scene.hierarchy->groups.size(), scene.hierarchy->patches.size(),
               static_cast<unsigned long long>(open->points.count()));

@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 #include "lod/patch/traverse.h"
 #include "tests/server/session/memory_store.h"
 
@@ -91,6 +93,24 @@ TEST(ViewPlan, onASlowLinkTheShapeDecidesAboutAFreshView) {
   EXPECT_EQ(measureOf(false, 0.0), base::ErrorMeasure::kVisible) << "a view at rest is refined on any link";
   view.max_points = 0;
   EXPECT_EQ(measureOf(true, 0.0), base::ErrorMeasure::kVisible) << "nothing else brings colours";
+}
+
+TEST(ViewPlan, anEyeIsFastThatTurnsOrGoesFast) {
+  base::ViewCamera from;
+  from.direction = {0.0, 0.0, -1.0};
+  const auto turned = [&](double radians) {
+    base::ViewCamera to = from;
+    to.direction = {std::sin(radians), 0.0, -std::cos(radians)};
+    return to;
+  };
+  EXPECT_FALSE(isFast(from, turned(0.003), 1.0 / 60.0, 1.0)) << "10 degrees a second";
+  EXPECT_TRUE(isFast(from, turned(0.017), 1.0 / 60.0, 1.0)) << "60 degrees a second";
+  EXPECT_FALSE(isFast(from, turned(0.017), 0.1, 1.0)) << "10 degrees a second";
+  base::ViewCamera moved = from;
+  moved.position.x += 0.02;
+  EXPECT_TRUE(isFast(from, moved, 1.0 / 60.0, 1.0));
+  EXPECT_FALSE(isFast(from, moved, 1.0 / 60.0, 2.0));
+  EXPECT_FALSE(isFast(from, moved, 0.0, 1.0)) << "two views at a time tell no speed";
 }
 
 TEST(ViewPlan, groupsThatAreHereAreLeftOutAndParentsComeFirst) {

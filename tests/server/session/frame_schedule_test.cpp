@@ -43,11 +43,12 @@ struct Driven {
     at(now + seconds);
     schedule.rendered(request, bytes);
   }
-  /// A unit a second, views every 1/30 s, with a frame of the first view and none of the others; ends at the last view.
-  void move(int views) {
+  /// Views every 1/30 s, `speed` units a second, with a frame of the first view and none of the others; ends at the
+  /// last view.
+  void move(int views, double speed = 1.0) {
     for (int i = 0; i < views; ++i) {
       at(i / 30.0);
-      view(now);
+      view(speed * now);
       if (i == 0) schedule.rendered(*schedule.next(false), 20'000);
     }
   }
@@ -590,6 +591,17 @@ TEST(FrameSchedule, anEyeThatStopsGetsTheFrameOfItsOwnView) {
   EXPECT_TRUE(exact->last);
 }
 
+TEST(FrameSchedule, anEyeIsFastThatGoesAThirdOfTheDiagonalInASecond) {
+  Driven driven;
+  driven.move(10, 0.8 * 3.3 * kReach);
+  EXPECT_FALSE(driven.schedule.eyeIsFast());
+  Driven fast;
+  fast.move(10, 1.2 * 3.3 * kReach);
+  EXPECT_TRUE(fast.schedule.eyeIsFast());
+  fast.at(fast.now + 0.5);
+  EXPECT_FALSE(fast.schedule.eyeIsFast()) << "it stands";
+}
+
 TEST(FrameSchedule, framesWaitUntilTheLinkHasTakenTheLast) {
   Driven driven;
   driven.measure();
@@ -617,10 +629,11 @@ std::size_t othersBeside(std::size_t frame_bytes) {
   return others;
 }
 
-TEST(FrameSchedule, whileTheEyeMovesOthersHaveHalfOfTheLinkAndMoreWhereFramesTakeLong) {
+TEST(FrameSchedule, whileTheEyeMovesOthersHaveThreeQuartersOfTheLinkAndMoreWhereFramesTakeLong) {
   const std::size_t beside_small = othersBeside(40'000), beside_large = othersBeside(250'000);
-  EXPECT_GT(beside_small, 900'000U);
-  EXPECT_GT(beside_large, beside_small + 300'000U);
+  EXPECT_GT(beside_small, 1'400'000U);
+  EXPECT_LT(beside_small, 1'700'000U);
+  EXPECT_GT(beside_large, beside_small + 150'000U);
   EXPECT_LT(beside_large, 2'000'000U);
 }
 
