@@ -74,8 +74,8 @@ bool StaticSource::readRecord(std::uint32_t group, std::vector<RangeWish>* wishe
   return false;
 }
 
-/// Wishes for all pages that are not here. Nothing else is asked for beside them, so they have the whole window and do
-/// not lead.
+/// Wishes for all pages that are not here. Nothing that is needed now stands behind them, so they have the whole window
+/// and do not lead.
 void StaticSource::wishForTables(std::vector<RangeWish>& wishes) const {
   for (std::uint32_t page = 0; page < tables_->pageCount(); ++page) {
     if (tables_->has(page)) continue;
