@@ -42,7 +42,8 @@ constexpr double kMostScale = 1.5;
 constexpr double kLeastScale = 1.1;  // less brings nothing that is seen
 // Bytes of larger frames ∝ scale^1.45: 1.6 to 1.9 times as many where each side is 1.5 times as long.
 constexpr double kBytesPower = 1.45;
-// An eye is fast that moves by more of FrameSchedule's `reach` in a second. It is judged by where it is soon, seconds.
+// An eye is fast that goes so many times FrameSchedule's `reach` in a second, a third of the scene's diagonal, as
+// StaticSource has it. It is judged by where it will be after kSoon seconds.
 constexpr double kFastReaches = 3.3, kSoon = 0.15;
 constexpr double kLargerRenderSeconds = 0.1;  // a larger frame that takes the renderer longer is late
 constexpr double kDecodeSeconds = 0.01;       // a client's, a guess

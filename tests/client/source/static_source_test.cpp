@@ -138,7 +138,7 @@ TEST(StaticSource, smallTablesHaveTheWholeWindow) {
   whole_tables.eager_table_bytes = 1'000'000;
   StaticViewer viewer(published, whole_tables);
   viewer.session.setView(pathOver(scene)[0]);
-  std::size_t before = 0;  // the root came
+  std::size_t before = 0;  // requests until the root came
   while (!viewer.session.hasGroup(0)) {
     before = viewer.host.requests.size();
     viewer.pump();
