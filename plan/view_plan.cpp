@@ -246,10 +246,10 @@ bool isMoving(const protocol::Welcome& welcome, const protocol::View& newest, co
          step < kLongestStep * static_cast<double>(glm::length(welcome.box_max - welcome.box_min));
 }
 
-bool isFast(const base::ViewCamera& from, const base::ViewCamera& to, double seconds, double step) {
-  constexpr double kTurn = 0.4;  // radians a second, a choice
+bool isFast(const base::ViewCamera& from, const base::ViewCamera& to, double seconds, double diagonal) {
+  constexpr double kTurn = 0.4, kStep = 0.33;  // radians, and of the diagonal, a second: choices
   if (seconds <= 0.0) return false;
-  return glm::length(to.position - from.position) > step * seconds ||
+  return glm::length(to.position - from.position) > kStep * diagonal * seconds ||
          glm::dot(to.direction, from.direction) < std::cos(kTurn * seconds);
 }
 

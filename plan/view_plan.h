@@ -92,9 +92,9 @@ inline constexpr std::size_t kMaxPointsPerView = 64;
 bool isMoving(const protocol::Welcome& welcome, const protocol::View& newest, const protocol::View& previous);
 
 /// Whether an eye that went from one camera to another in so many seconds moves fast, so that it soon has other surface
-/// before it: it turns by more than 0.4 radians a second, or goes more than `step` world units a second. Two views at
-/// a time tell no speed.
-bool isFast(const base::ViewCamera& from, const base::ViewCamera& to, double seconds, double step);
+/// before it: it turns by more than 0.4 radians a second, or goes more than a third of the scene's diagonal, world
+/// units, a second. Two views at a time tell no speed.
+bool isFast(const base::ViewCamera& from, const base::ViewCamera& to, double seconds, double diagonal);
 
 /// From so many bytes a second on, patches that bring no more than colours are fetched from files for a moving eye that
 /// gets images, too: 10 Mbit/s. A choice: at 1 Mbit/s they come too late, and images with them; at 20 they bring 1 to

@@ -128,12 +128,10 @@ StaticSource::FaceState StaticSource::locateFace(const FaceKey& key, RangeWish& 
 // ---- the plan ----
 
 plan::Scene StaticSource::planScene() {
-  // An eye is fast that goes such a part of the scene's diagonal in a second, as for a server.
-  constexpr double kFastStep = 0.33;
   const protocol::Welcome& welcome = scene_.welcome;
   const bool is_fast = previous_ && newest_ && plan::isMoving(welcome, *newest_, *previous_) &&
                        plan::isFast(previous_->camera, newest_->camera, newest_at_ - previous_at_,
-                                    kFastStep * static_cast<double>(glm::length(welcome.box_max - welcome.box_min)));
+                                    static_cast<double>(glm::length(welcome.box_max - welcome.box_min)));
   return {&scene_.welcome,
           &hierarchy_,
           scene_.index.has_value(),

