@@ -630,6 +630,7 @@ void LumigraphRenderer::Impl::setUniforms(const base::gl::Program& program, cons
   set("u_near", tuning.near_errors);
   set("u_outlier", tuning.outlier);
   set("u_lit_outlier", tuning.lit_outlier);
+  set("u_agreement", tuning.agreement);
   set("u_sharpen", tuning.sharpen);
   set("u_disagreement", tuning.disagreement);
   set("u_even_error", tuning.even_error);

@@ -47,7 +47,10 @@ struct BlendTuning {
   float image_noise = 0.01F;   ///< error of an image's colours by its coding, 0..1
   float outlier = 1.2F;        ///< an image further from the proxy's colour than so many typical errors is doubted;
   float lit_outlier = 6.8F;    ///< the same where light makes the colours
-  float disagreement = 0.1F;   ///< share of the images' variance, over their expected error, that counts as error
+  /// Doubted images are believed where their variance is below this share of the square by which their mean differs
+  /// from the proxy's colour; 0: never.
+  float agreement = 0.2F;
+  float disagreement = 0.1F;  ///< share of the images' variance, over their expected error, that counts as error
   /// Where the proxy's colours are even they err less than all of their patch do, down to this share of it, 0..1; 1:
   /// everywhere as much. Only where each pixel is blended once, and light does not make the colours.
   float even_error = 0.5F;

@@ -23,7 +23,7 @@ uniform float u_soft;                  // width of a carved edge, pixels; 0 wher
 // BlendTuning: lumigraph.h describes each.
 uniform float u_angle_power, u_angle_floor, u_resolution_power, u_shift, u_border, u_side_low, u_side_high;
 uniform float u_bias_texels, u_bias_error, u_carve_below, u_vote_power, u_shade_blur, u_shade_weight;
-uniform float u_image_noise, u_proxy_noise, u_near, u_outlier, u_lit_outlier, u_sharpen, u_disagreement;
+uniform float u_image_noise, u_proxy_noise, u_near, u_outlier, u_lit_outlier, u_agreement, u_sharpen, u_disagreement;
 
 vec4 colorAt(int array, vec3 place, float level) {
   if (array == 0) return textureLod(u_color0, place, level);
@@ -58,9 +58,47 @@ const float kLookUp = 3.0;
 // no more than so many times their own noise, since a coarse proxy lacks more than an image ever loses.
 const float kLostDetail = 0.05;
 const float kMostLost = 1.5;
+// Images that agree are believed where so many share the weight, or where few may see the place: all of them up to
+// kFewListed, none from twice as many on.
+const float kSharing = 4.0;
+const float kFewListed = 6.0;
 
 // Returns the index of the k-th of the samples that may see the place.
 int listed(int k);
+
+// Images of a place, weighted.
+struct Mean {
+  vec4 color;                          // premultiplied, and coverage
+  float square;                        // of the colours
+  float error2;                        // expected, squared
+};
+
+void add(inout Mean mean, float weight, vec4 color, float error2) {
+  mean.color += weight * color;
+  mean.square += weight * dot(color.rgb, color.rgb);
+  mean.error2 += weight * color.a * error2;
+}
+
+vec3 colorOf(Mean mean) {
+  return mean.color.rgb / max(mean.color.a, 1e-20);
+}
+
+// Returns the squared distance of the colours from their mean.
+float varianceOf(Mean mean) {
+  vec3 color = colorOf(mean);
+  return max(mean.square / max(mean.color.a, 1e-20) - dot(color, color), 0.0);
+}
+
+// Where images differ from each other by more than they are expected to err, they know less than they claim.
+float disagreementOf(Mean mean) {
+  return varianceOf(mean) / 3.0 / max(mean.error2 / max(mean.color.a, 1e-20), 1e-9);
+}
+
+// Returns the share of the picture's colour that images have beside the proxy's own, whose weight this is.
+float shareOf(Mean mean, float weight) {
+  weight *= pow(1.0 + u_disagreement * disagreementOf(mean), 0.5 * u_resolution_power);
+  return mean.color.a / max(mean.color.a + weight, 1e-20);
+}
 
 // The images of a place, blended.
 struct Blend {
@@ -98,10 +136,9 @@ Blend blendAt(Surface surface, vec2 view_ndc, vec3 proxy_error, int count) {
 
   float finest = exp2(u_sharpen);
 
-  vec3 color_sum = vec3(0.0);      // premultiplied
-  float coverage_sum = 0.0;
-  float square_sum = 0.0;          // squares of the colours, weighted like them,
-  float error2_sum = 0.0;          // and their expected squared errors
+  Mean all = Mean(vec4(0.0), 0.0, 0.0);
+  Mean wary = all;                 // of images whose weight is less where they are doubted
+  vec2 weights = vec2(0.0);        // of all, and their squares
   float votes = 0.0;               // on coverage, whatever way the surface faces
   float votes_for_model = 0.0;
   float voters = 0.0;              // the surest of them, 0..1
@@ -193,11 +230,9 @@ Blend blendAt(Surface surface, vec2 view_ndc, vec3 proxy_error, int count) {
                    pow(angle + u_angle_floor + kBorderAngle * (1.0 - middle), -u_angle_power);
     vec3 off = color.rgb - color.a * surface.shaded;
     float doubt = dot(off, off) / believable2;
-    weight /= 1.0 + doubt * doubt;
-    color_sum += weight * color.rgb;
-    coverage_sum += weight * color.a;
-    square_sum += weight * dot(color.rgb, color.rgb);
-    error2_sum += weight * color.a * error2;
+    add(all, weight, color, error2);
+    weights += vec2(weight, weight * weight);
+    add(wary, weight / (1.0 + doubt * doubt), color, error2);
     if (u_show_resolution) {
       // A texel spans more view pixels where the image sees the surface at a steeper slant than the viewer does.
       float texel_px = max(1.0, dot(surface.normal, view_ray) / max(cosine, 0.05)) / max(ratio, 1e-4);
@@ -210,17 +245,25 @@ Blend blendAt(Surface surface, vec2 view_ndc, vec3 proxy_error, int count) {
   result.kept = max(votes_for_model / max(votes, 1e-20) - u_carve_below, 0.5 - voters);
   // Fragments that no image sees are shaded; in between both are blended, so that nothing pops.
   result.seen = smoothstep(0.0, 0.25, 1.0 - unseen);
-  result.color = color_sum / max(coverage_sum, 1e-20);
-  result.octaves = octaves / max(coverage_sum, 1e-20);
-  // Where images differ from each other by more than they are expected to err, they know less than they claim.
-  float variance = max(square_sum / max(coverage_sum, 1e-20) - dot(result.color, result.color), 0.0) / 3.0;
-  result.disagreement = variance / max(error2_sum / max(coverage_sum, 1e-20), 1e-9);
+  result.octaves = octaves / max(all.color.a, 1e-20);
   // The proxy's own shading is one more sample, whose texels are the proxy's triangles: it weighs more where the
   // images are coarser. Its blur contains the slant, as theirs does.
   float error2 = u_proxy_noise * u_proxy_noise + proxy_error.z * proxy_error.z;
   float weight = u_shade_weight * pow(error2 / image_noise2, -0.5 * u_resolution_power);
-  weight *= pow(1.0 + u_disagreement * result.disagreement, 0.5 * u_resolution_power);
-  result.share = result.seen * coverage_sum / max(coverage_sum + weight, 1e-20);
+  // What several images agree on, though the proxy's colours are far from it, is there: a letter on a wall whose
+  // triangles are larger. Past the edge of a hidden place each image shows something else, or one alone is sharp. While
+  // few images are here, as when a scene arrives, the proxy is coarse.
+  vec3 off = colorOf(all) - surface.shaded;
+  float spread = varianceOf(all) / max(dot(off, off), 1e-9);
+  float sharing = weights.x * weights.x / max(weights.y, 1e-30);
+  float enough = max(smoothstep(1.0, kSharing, sharing), 1.0 - smoothstep(kFewListed, 2.0 * kFewListed, float(count)));
+  float believed = enough * (1.0 - smoothstep(0.5, 1.0, spread / max(u_agreement, 1e-9)));
+  float wary_share = shareOf(wary, weight);
+  float full_share = shareOf(all, weight);
+  float share = mix(wary_share, full_share, believed);
+  result.color = mix(wary_share * colorOf(wary), full_share * colorOf(all), believed) / max(share, 1e-20);
+  result.disagreement = mix(disagreementOf(wary), disagreementOf(all), believed);
+  result.share = result.seen * share;
   return result;
 }
 

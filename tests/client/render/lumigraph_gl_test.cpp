@@ -356,7 +356,7 @@ TEST_F(Lumigraph, aProxyIsBelievedMoreWhereItsColoursAreEven) {
   };
   const auto alike = halves(0.04F, 1.0F), even = halves(0.04F, 0.5F);
   EXPECT_LT(alike[0], 238.0) << "near the image's 235";
-  EXPECT_GT(even[0], alike[0] + 10.0);
+  EXPECT_GT(even[0], alike[0] + 5.0);
   EXPECT_NEAR(even[1], alike[1], 1.0) << "where the proxy's colours differ by as much as they err";
 }
 
@@ -776,6 +776,33 @@ TEST_F(Lumigraph, picturesSettleAndThenEqualTheFinalOne) {
   for (int i = 0; i < 40 && renderer_->settling(); ++i) image = draw(camera, now += 0.05);
   EXPECT_FALSE(renderer_->settling());
   EXPECT_EQ(image.pixels, final.pixels);
+}
+
+// A coarse proxy lacks the letters on a wall, which all images show. Past the edge of a hidden place each image shows
+// something else.
+TEST_F(Lumigraph, whatManyImagesAgreeOnIsBelievedHoweverFarTheProxyIsFromIt) {
+  const auto redOf = [&](bool agree, float agreement) {
+    SetUp();
+    cut_.clear();
+    const Rectangle wall{{0, 0, 0}, {4, 0, 0}, {0, 0, 4}, constant(glm::vec3(0.1F)), {}};
+    addPatch(rectanglePatch(wall, 40, kWhite));
+    proxy_errors_ = {{0.001F, 0.02F}};
+    for (std::size_t i = 0; i < 16; ++i) {
+      scene_.rectangles = {wall};
+      if (!agree && i % 2 == 0) scene_.rectangles[0].color = kGreen;
+      if (!agree && i % 4 == 1) scene_.rectangles[0].color = kRed;
+      const glm::vec3 eye(-0.75F + 0.5F * static_cast<float>(i % 4), -2.0F, -0.75F + 0.5F * static_cast<float>(i / 4));
+      addImage(i, lookAt(eye, eye + glm::vec3(0, 1, 0), kFace, kFace, 90.0F));
+    }
+    options_.tuning = {};
+    options_.tuning.agreement = agreement;
+    const base::Image image = draw(lookAt({0, -1.6F, 0}, {0, 0, 0}, 96, 54, 40.0F));
+    return int{pixel(image, 48, 27).r};
+  };
+  const float usual = client::BlendTuning{}.agreement;
+  EXPECT_LT(redOf(true, usual), 80) << "near the images' 0.1";
+  EXPECT_GT(redOf(true, 0.0F), 200) << "each is doubted by itself";
+  EXPECT_GT(redOf(false, usual), 200) << "the proxy's white";
 }
 
 class Continuity : public Lumigraph {
