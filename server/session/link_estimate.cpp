@@ -15,8 +15,8 @@ constexpr double kStall = 1.0;  // seconds without an acknowledgement after whic
 constexpr double kSlowerShare = 0.5;
 // While messages go out without waiting, the link may be faster than was measured, and only more bytes would tell. So
 // the estimate grows e-fold in a second of traffic, and before the first sample as TCP's window does at its start: by
-// what is acknowledged, a round trip. It grows up to this many times what went through at the fastest; the next
-// sample corrects it.
+// what is acknowledged, a round trip. It grows up to this many times the last sample, or before there is one what went
+// through at the fastest; the next sample corrects it.
 constexpr double kMaxGrowth = 4.0;
 constexpr double kMinRate = 1e3;  // bytes a second, so that no time becomes infinite
 // After so long without traffic TCP begins with a small window again (RFC 5681, section 4.1; Linux waits no less),
@@ -95,16 +95,18 @@ void LinkEstimate::takeSample(bool arrived) {
 }
 
 void LinkEstimate::growWhileIdle(double seconds, double arrived) {
-  // A proxy nearby acknowledges what its buffer takes after next to no round trip.
-  const double trip = std::max(kMinSample, round_trip_);
-  idle_seconds_ += seconds, idle_bytes_ += arrived;
-  if (idle_seconds_ >= trip) {
-    fastest_ = std::max(fastest_, idle_bytes_ / idle_seconds_);
-    idle_seconds_ = idle_bytes_ = 0.0;
+  double grown = rate_ * std::exp(seconds);
+  if (!measured_) {
+    // A proxy nearby acknowledges what its buffer takes after next to no round trip.
+    const double trip = std::max(kMinSample, round_trip_);
+    idle_seconds_ += seconds, idle_bytes_ += arrived;
+    if (idle_seconds_ >= trip) {
+      fastest_ = std::max(fastest_, idle_bytes_ / idle_seconds_);
+      idle_seconds_ = idle_bytes_ = 0.0;
+    }
+    grown = std::max(grown, rate_ + arrived / trip);
   }
-  const double most = std::max(rate_, kMaxGrowth * fastest_);
-  const double as_window = measured_ ? 0.0 : rate_ + arrived / trip;
-  rate_ = std::min(most, std::max(as_window, rate_ * std::exp(seconds)));
+  rate_ = std::min(std::max(rate_, kMaxGrowth * fastest_), grown);
 }
 
 /// A window grows by what is acknowledged until it holds more than the link does.

@@ -65,14 +65,14 @@ class LinkEstimate {
 
   LinkState state_;
   double rate_ = kAssumedRate;
-  double fastest_ = kAssumedRate;  // of the newest sample, and of what went through since without waiting
+  double fastest_ = kAssumedRate;  // of the newest sample, or before there is one of what went through without waiting
   double round_trip_ = 0.0;
   bool measured_ = false;
   bool was_busy_ = false;
   bool arrives_ = false;  // something was acknowledged since the link became busy
   bool queues_ = true;    // all the time since the last sample was taken, bytes waited in a queue on the way
   double busy_seconds_ = 0.0, busy_bytes_ = 0.0;  // since the last sample was taken
-  double idle_seconds_ = 0.0, idle_bytes_ = 0.0;  // the same without waiting, since they were looked at last
+  double idle_seconds_ = 0.0, idle_bytes_ = 0.0;  // without waiting and before a sample, since fastest_ was last set
   double confirmed_ = 0.0;                        // bytes acknowledged so far
   double arrived_at_ = 0.0;                       // when it last grew, seconds
   std::list<Mark> sent_;                          // and not yet acknowledged, the oldest first

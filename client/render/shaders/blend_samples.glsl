@@ -250,9 +250,9 @@ Blend blendAt(Surface surface, vec2 view_ndc, vec3 proxy_error, int count) {
   // images are coarser. Its blur contains the slant, as theirs does.
   float error2 = u_proxy_noise * u_proxy_noise + proxy_error.z * proxy_error.z;
   float weight = u_shade_weight * pow(error2 / image_noise2, -0.5 * u_resolution_power);
-  // What several images agree on, though the proxy's colours are far from it, is there: a letter on a wall whose
-  // triangles are larger. Past the edge of a hidden place each image shows something else, or one alone is sharp. While
-  // few images are here, as when a scene arrives, the proxy is coarse.
+  // Several images that agree are right, though the proxy's colours are far from theirs: they show a letter on a wall
+  // whose triangles are larger. Past the edge of a hidden place each image shows something else, or one alone is sharp.
+  // While few images are here, as when a scene arrives, the proxy is coarse.
   vec3 off = colorOf(all) - surface.shaded;
   float spread = varianceOf(all) / max(dot(off, off), 1e-9);
   float sharing = weights.x * weights.x / max(weights.y, 1e-30);
