@@ -58,46 +58,46 @@ const float kLookUp = 3.0;
 // no more than so many times their own noise, since a coarse proxy lacks more than an image ever loses.
 const float kLostDetail = 0.05;
 const float kMostLost = 1.5;
-// Images that agree are believed where so many share the weight, or where few may see the place: all of them up to
-// kFewListed, none from twice as many on.
+// Images that agree are believed as far as so many of them share the weight; or however few do, where no more than
+// kFewListed may see the place, and less and less up to twice as many. Choices.
 const float kSharing = 4.0;
 const float kFewListed = 6.0;
 
 // Returns the index of the k-th of the samples that may see the place.
 int listed(int k);
 
-// Images of a place, weighted.
-struct Mean {
-  vec4 color;                          // premultiplied, and coverage
+// Weighted sums over images of a place.
+struct Sums {
+  vec4 color;                          // premultiplied colours, and coverage
   float square;                        // of the colours
   float error2;                        // expected, squared
 };
 
-void add(inout Mean mean, float weight, vec4 color, float error2) {
-  mean.color += weight * color;
-  mean.square += weight * dot(color.rgb, color.rgb);
-  mean.error2 += weight * color.a * error2;
+void add(inout Sums sums, float weight, vec4 color, float error2) {
+  sums.color += weight * color;
+  sums.square += weight * dot(color.rgb, color.rgb);
+  sums.error2 += weight * color.a * error2;
 }
 
-vec3 colorOf(Mean mean) {
-  return mean.color.rgb / max(mean.color.a, 1e-20);
+vec3 colorOf(Sums sums) {
+  return sums.color.rgb / max(sums.color.a, 1e-20);
 }
 
 // Returns the squared distance of the colours from their mean.
-float varianceOf(Mean mean) {
-  vec3 color = colorOf(mean);
-  return max(mean.square / max(mean.color.a, 1e-20) - dot(color, color), 0.0);
+float varianceOf(Sums sums) {
+  vec3 color = colorOf(sums);
+  return max(sums.square / max(sums.color.a, 1e-20) - dot(color, color), 0.0);
 }
 
 // Where images differ from each other by more than they are expected to err, they know less than they claim.
-float disagreementOf(Mean mean) {
-  return varianceOf(mean) / 3.0 / max(mean.error2 / max(mean.color.a, 1e-20), 1e-9);
+float disagreementOf(Sums sums) {
+  return varianceOf(sums) / 3.0 / max(sums.error2 / max(sums.color.a, 1e-20), 1e-9);
 }
 
 // Returns the share of the picture's colour that images have beside the proxy's own, whose weight this is.
-float shareOf(Mean mean, float weight) {
-  weight *= pow(1.0 + u_disagreement * disagreementOf(mean), 0.5 * u_resolution_power);
-  return mean.color.a / max(mean.color.a + weight, 1e-20);
+float shareOf(Sums sums, float weight) {
+  weight *= pow(1.0 + u_disagreement * disagreementOf(sums), 0.5 * u_resolution_power);
+  return sums.color.a / max(sums.color.a + weight, 1e-20);
 }
 
 // The images of a place, blended.
@@ -136,14 +136,14 @@ Blend blendAt(Surface surface, vec2 view_ndc, vec3 proxy_error, int count) {
 
   float finest = exp2(u_sharpen);
 
-  Mean all = Mean(vec4(0.0), 0.0, 0.0);
-  Mean wary = all;                 // of images whose weight is less where they are doubted
+  Sums all = Sums(vec4(0.0), 0.0, 0.0);
+  Sums wary = all;                 // of images whose weight is less where they are doubted
   vec2 weights = vec2(0.0);        // of all, and their squares
   float votes = 0.0;               // on coverage, whatever way the surface faces
   float votes_for_model = 0.0;
   float voters = 0.0;              // the surest of them, 0..1
   float unseen = 1.0;              // 1 while no image shows the model here
-  float octaves = 0.0;             // log2 of the blur, weighted like the colours
+  float octaves = 0.0;             // log2 of the blur, weighted like all
 
   // Samples of one point that lie within each other stand side by side, the finest first, and share one weight: a
   // coarser one shows what those before it have left.
@@ -257,7 +257,7 @@ Blend blendAt(Surface surface, vec2 view_ndc, vec3 proxy_error, int count) {
   float spread = varianceOf(all) / max(dot(off, off), 1e-9);
   float sharing = weights.x * weights.x / max(weights.y, 1e-30);
   float enough = max(smoothstep(1.0, kSharing, sharing), 1.0 - smoothstep(kFewListed, 2.0 * kFewListed, float(count)));
-  float believed = enough * (1.0 - smoothstep(0.5, 1.0, spread / max(u_agreement, 1e-9)));
+  float believed = u_agreement > 0.0 ? enough * (1.0 - smoothstep(0.5, 1.0, spread / u_agreement)) : 0.0;
   float wary_share = shareOf(wary, weight);
   float full_share = shareOf(all, weight);
   float share = mix(wary_share, full_share, believed);

@@ -23,6 +23,7 @@ vec3 placeHere() {
   float reach = 0.51 * (length(dFdx(v_position)) + length(dFdy(v_position)));
   return distance(v_place, v_position) <= reach ? v_place : v_position;
 }
+
 // Returns by how many pixels the place lies off what the middle of a pixel shows, whose depth has these bits.
 float offPixel(vec3 place, ivec2 pixel, highp uint bits) {
   float size = length(towardsEye(place)) / u_pixels_per_unit;

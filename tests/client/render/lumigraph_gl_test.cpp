@@ -342,6 +342,7 @@ TEST_F(Lumigraph, aProxyIsBelievedMoreWhereItsColoursAreEven) {
   addPatch(proxy);
   addImage(0, lookAt(kEye + glm::vec3(0.5F, 0.0F, 0.0F), glm::vec3(0.0F), 160, 160, 30.0F));
   options_.tuning.shade_weight = client::BlendTuning{}.shade_weight;
+  options_.tuning.agreement = 0.0F;  // a single image would be believed
   const base::Camera camera = lookAt(kEye, glm::vec3(0.0F), 160, 160, 30.0F);
   /// Means of red left and right of the middle.
   const auto halves = [&](float error, float even_error) {
@@ -356,7 +357,7 @@ TEST_F(Lumigraph, aProxyIsBelievedMoreWhereItsColoursAreEven) {
   };
   const auto alike = halves(0.04F, 1.0F), even = halves(0.04F, 0.5F);
   EXPECT_LT(alike[0], 238.0) << "near the image's 235";
-  EXPECT_GT(even[0], alike[0] + 5.0);
+  EXPECT_GT(even[0], alike[0] + 10.0);
   EXPECT_NEAR(even[1], alike[1], 1.0) << "where the proxy's colours differ by as much as they err";
 }
 
@@ -779,15 +780,15 @@ TEST_F(Lumigraph, picturesSettleAndThenEqualTheFinalOne) {
 }
 
 // A coarse proxy lacks the letters on a wall, which all images show. Past the edge of a hidden place each image shows
-// something else.
-TEST_F(Lumigraph, whatManyImagesAgreeOnIsBelievedHoweverFarTheProxyIsFromIt) {
-  const auto redOf = [&](bool agree, float agreement) {
+// something else. While a scene arrives few images are there.
+TEST_F(Lumigraph, imagesThatAgreeAreBelievedHoweverFarTheProxyIsFromThem) {
+  const auto redOf = [&](std::size_t first, std::size_t images, bool agree, float agreement) {
     SetUp();
     cut_.clear();
     const Rectangle wall{{0, 0, 0}, {4, 0, 0}, {0, 0, 4}, constant(glm::vec3(0.1F)), {}};
     addPatch(rectanglePatch(wall, 40, kWhite));
     proxy_errors_ = {{0.001F, 0.02F}};
-    for (std::size_t i = 0; i < 16; ++i) {
+    for (std::size_t i = first; i < first + images; ++i) {
       scene_.rectangles = {wall};
       if (!agree && i % 2 == 0) scene_.rectangles[0].color = kGreen;
       if (!agree && i % 4 == 1) scene_.rectangles[0].color = kRed;
@@ -800,9 +801,11 @@ TEST_F(Lumigraph, whatManyImagesAgreeOnIsBelievedHoweverFarTheProxyIsFromIt) {
     return int{pixel(image, 48, 27).r};
   };
   const float usual = client::BlendTuning{}.agreement;
-  EXPECT_LT(redOf(true, usual), 80) << "near the images' 0.1";
-  EXPECT_GT(redOf(true, 0.0F), 200) << "each is doubted by itself";
-  EXPECT_GT(redOf(false, usual), 200) << "the proxy's white";
+  EXPECT_LT(redOf(0, 16, true, usual), 80) << "the images' 0.1, as four share most of the weight";
+  EXPECT_GT(redOf(0, 16, true, 0.0F), 200) << "each is doubted by itself";
+  EXPECT_GT(redOf(0, 16, false, usual), 200) << "the proxy's white";
+  EXPECT_LT(redOf(5, 2, true, usual), 150) << "the proxy has the rest of the weight";
+  EXPECT_GT(redOf(5, 2, true, 0.0F), 200);
 }
 
 class Continuity : public Lumigraph {
