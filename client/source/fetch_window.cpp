@@ -11,6 +11,7 @@ constexpr double kGain = 2.0;    // as BBR's
 constexpr double kAhead = 0.15;
 /// A link is seldom idle while an eye moves, so that its answers count for longer, seconds: a choice.
 constexpr double kIdleMemory = 30.0;
+constexpr double kLeastTime = 0.005;  // seconds; differences of times below it say nothing
 
 }  // namespace
 
@@ -28,6 +29,16 @@ double FetchWindow::rate() const {
   double rate = 0.0;
   for (const Sample& sample : samples_)
     if (sample.at >= newest - kMemory) rate = std::max(rate, sample.rate);
+  return rate;
+}
+
+double FetchWindow::rateOnceBegun() const {
+  double quickest = kMemory;
+  for (const Sample& sample : idle_) quickest = std::min(quickest, sample.rate > 0.0 ? sample.took : kMemory);
+  double rate = 0.0;
+  for (const Sample& sample : idle_)
+    if (sample.took > quickest)
+      rate = std::max(rate, sample.rate * sample.took / std::max(kLeastTime, sample.took - quickest));
   return rate;
 }
 

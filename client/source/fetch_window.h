@@ -27,6 +27,9 @@ class FetchWindow {
   std::uint64_t bytes() const;
   /// Bytes a second: the greatest rate of delivery that was seen lately; 0 before any was.
   double rate() const;
+  /// Bytes a second that answers of an idle link came at, less the time of the quickest, in which nothing comes: the
+  /// greatest of late; 0 before two were seen. rate() is far below it while little is asked for.
+  double rateOnceBegun() const;
 
  private:
   struct Sample {

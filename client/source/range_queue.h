@@ -56,6 +56,8 @@ class RangeQueue {
   bool underWay(std::uint32_t kind, std::uint64_t key) const { return under_way_.count({kind, key}) != 0; }
   /// Bytes a second that came at most lately, where times are told; 0 before any did.
   double rate() const { return window_.rate(); }
+  /// As FetchWindow has it.
+  double rateOnceBegun() const { return window_.rateOnceBegun(); }
   std::size_t requestsUnderWay() const { return requests_.size(); }
   std::uint64_t requestsSent() const { return sent_; }
   std::uint64_t bytesReceived() const { return bytes_; }  ///< bytes between neighbours included

@@ -230,8 +230,8 @@ class StaticSource {
   std::unordered_set<FaceKey> has_face_, gone_;
   std::vector<std::uint32_t> coarse_;
 
-  // Blocks of the coarse groups, kept until the occlusion between them is computed, once, before the first view is
-  // planned.
+  // Blocks of the coarse groups, kept until the occlusion between them is computed, once, when all are here. In views
+  // that are planned before nothing hides anything.
   std::vector<base::Bytes> coarse_blocks_;  // beside `coarse_`
   std::optional<lod::patch::ProxySight> sight_;
   bool sight_computed_ = false;
@@ -240,6 +240,7 @@ class StaticSource {
   std::optional<protocol::View> newest_, previous_;
   double newest_at_ = 0.0, previous_at_ = 0.0, now_ = 0.0;  // when they came, and the time of pump(), seconds
   bool planned_ = false, replan_ = false;
+  bool coarse_is_here_ = false;                     // with it the tables, where they are read first
   std::unordered_set<std::uint64_t> index_wanted_;  // blocks of the newest plan's points, which are kept
   bool index_learned_ = false;                      // the index has told of more images since the plan was made
   plan::ViewPlan view_plan_;

@@ -18,6 +18,9 @@ constexpr std::size_t kWishesAhead = 64;  // looked through for neighbours of a 
 /// Counted ahead of need for an image whose place in the packs is not known yet: it takes a block of the index, too.
 /// With the bytes of an image alone, cedar_creek over 1 Mbit/s had 25 dB half a second later.
 constexpr std::uint64_t kUnlocatedFaceBytes = 20'000;
+/// A link that carries fewer bytes a second is thin: half a megabit. A choice: over 384 kbit/s the coarse model would
+/// come later (docs/decisions/static-scenes.md).
+constexpr double kThinLink = 64'000.0;
 
 }  // namespace
 
@@ -195,8 +198,9 @@ plan::Holdings StaticSource::holdings() {
 
 /// Descends as far as the present pages allow, then plans as a server does.
 void StaticSource::planNewestView() {
-  if (planned_ && !index_learned_ && !(replan_ && !frontier_.empty())) return;
-  computeSight();
+  const bool sight_is_due = coarse_is_here_ && !sight_computed_;
+  if (planned_ && !index_learned_ && !sight_is_due && !(replan_ && !frontier_.empty())) return;
+  if (sight_is_due) computeSight();
   const lod::patch::CutRequest request = plan::cutRequestFor(scene_.welcome, plan::viewToPlan(planScene(), *newest_));
   for (bool learned = true; learned;) {
     learned = false;
@@ -276,7 +280,7 @@ void StaticSource::wishForView(std::vector<RangeWish>& wishes) {
     if (locateFace(view_plan_.faces[f++], wish) == FaceState::kWanted) wishes.push_back(wish);
   }
   readFrontier(false);
-  if (!wishes.empty() || complete_sent_) return;
+  if (!wishes.empty() || complete_sent_ || !coarse_is_here_) return;
   complete_sent_ = true;
   outgoing_.push_back({protocol::encode(protocol::Completion{newest_->sequence})});
 }
@@ -293,11 +297,10 @@ std::vector<RangeWish> StaticSource::urgentWishes() {
 
   wishForCoarse(wishes);
   if (phase_ == Phase::kFailed || (!has_group_[0] && !wishes.empty())) return wishes;
-  if (tablesFirst() && !tablesWhole()) {
-    wishForTables(wishes);
-    return wishes;
-  }
-  if (phase_ != Phase::kOpen || !wishes.empty()) return wishes;
+  if (tablesFirst() && !tablesWhole()) wishForTables(wishes);
+  // The round trips until the coarse model is whole would leave the link idle. A thin one has no room for more.
+  coarse_is_here_ = wishes.empty();
+  if (phase_ != Phase::kOpen || (!coarse_is_here_ && queue_.rateOnceBegun() < kThinLink)) return wishes;
   std::vector<RangeWish> of_view;
   if (newest_) {
     planNewestView();

@@ -208,6 +208,20 @@ TEST(FetchWindow, aLinkThatAnswersLaterThanBeforeIsKeptBusy) {
   EXPECT_EQ(window.bytes(), 1'150'000U);
 }
 
+TEST(FetchWindow, tellsHowFastAnswersComeOnceTheyBegin) {
+  FetchWindow window;
+  EXPECT_EQ(window.rateOnceBegun(), 0.0);
+  window.answered({0.0, 0, true}, {0.1, 1'000});
+  EXPECT_EQ(window.rateOnceBegun(), 0.0) << "one answer does not tell round trip and rate apart";
+  window.answered({0.0, 0, true}, {0.12, 21'000});
+  EXPECT_NEAR(window.rateOnceBegun(), 1'050'000.0, 1.0);
+  EXPECT_NEAR(window.rate(), 175'000.0, 1.0);
+  window.answered({0.12, 21'000, false}, {0.13, 121'000});  // it may have waited for others, or they for it
+  EXPECT_NEAR(window.rateOnceBegun(), 1'050'000.0, 1.0);
+  window.answered({0.2, 121'000, true}, {0.301, 221'000});
+  EXPECT_NEAR(window.rateOnceBegun(), 20'000'000.0, 1.0) << "a millisecond counts as five";
+}
+
 TEST(RangeQueue, destructionCancelsRequestsUnderWay) {
   Recorder fetcher;
   { RangeQueue(fetcher, {}).request({wish(1, 0, 10)}); }
