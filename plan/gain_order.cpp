@@ -26,8 +26,10 @@ constexpr float kTexelPower = 0.7F;
 constexpr float kShift = 3.0F;         // of s, as BlendTuning's
 constexpr float kFailingShare = 0.1F;  // q
 /// An image that gains less for each of its bytes is not sent: 2e-7 for one of 10 kB. A picture of 40 dB has an error
-/// of 1e-4.
+/// of 1e-4. That is where the model fills the picture, else by its share of it: who looks sees the model alone.
 constexpr double kLeastImageRate = 2e-11;
+/// A model that is smaller counts as so large, as nobody sees its details. A choice.
+constexpr double kLeastForeground = 0.02;
 /// A group that is not needed and gains less for each of its bytes is not sent
 /// (docs/decisions/refine-at-rest.md).
 constexpr double kLeastRate = 1e-11;
@@ -223,6 +225,9 @@ class GainOrder {
       if (groups[g].is_needed) groups_[g].later = query.later_share * groups[g].share * std::max(0.0F, gained);
     }
     for (std::size_t s = 0; s < samples.size(); ++s) addPlace(static_cast<std::uint32_t>(s), places[s]);
+    double foreground = 0.0;
+    for (const SurfaceSample& sample : samples) foreground += static_cast<double>(sample.weight);
+    foreground_ = std::clamp(foreground, kLeastForeground, 1.0);
     for (std::size_t g = groups.size(); g-- > 0;) left_.push_back(g);
     prospects_.resize(groups.size());
   }
@@ -473,7 +478,7 @@ class GainOrder {
   /// The image that gains most for its bytes, of equals the first, if any gains enough.
   std::optional<std::uint32_t> findBestImage() {
     const std::optional<std::uint32_t> best = rates_.findBest();
-    return best && rates_[*best] >= kLeastImageRate ? best : std::nullopt;
+    return best && rates_[*best] >= kLeastImageRate * foreground_ ? best : std::nullopt;
   }
 
   /// Finds the group that may come next with the best prospect: best_group_. One that gains nothing itself may be
@@ -551,6 +556,7 @@ class GainOrder {
   std::vector<Prospect> prospects_;
   std::size_t best_group_ = 0;
   std::uint64_t point_code_ = 0;  // of the point that is added
+  double foreground_ = 0.0;       // share of the picture
   std::size_t images_left_ = 0;
 };
 

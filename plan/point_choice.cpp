@@ -23,6 +23,8 @@ constexpr float kNarrowCone = 0.5F;         // cosine of 60°: with normals so c
 // A cut of leaves errs by nothing, and then the place that a ray meets, rounded, would lie behind its own triangle as
 // often as before it. Share of the proxy's diagonal; a float has seven digits.
 constexpr float kRounding = 1e-5F;
+/// A model within so much of the picture is looked at by itself. A choice: from there on half of the rays are gained.
+constexpr float kSmallShare = 0.5F;
 
 using Index = std::tuple<std::uint32_t, std::uint32_t, std::uint32_t>;
 Index orderOf(const glm::uvec3& p) {
@@ -88,27 +90,79 @@ std::optional<float> intersectPatch(const Ray& ray, const lod::patch::Patch& pat
 
 using SurfaceHit = lod::patch::ProxySight::Intersection;
 
-/// Sends one ray through the middle of each tile of the picture, row by row from the lower left, from where the
+/// A part of the picture, 0..1 from its lower left.
+struct Window {
+  float left = 0.0F, bottom = 0.0F, width = 1.0F, height = 1.0F;
+};
+
+/// Sends one ray through the middle of each tile of the window, row by row from the lower left, from where the
 /// camera's section leaves something. `intersect` returns the hit of a ray, if any. Backs that a section exposes have
-/// one colour, of which no image tells.
+/// one colour, of which no image tells. `hits` gets the numbers of the tiles of which there are samples.
 template <class Intersect>
-std::vector<SurfaceSample> sampleTiles(const base::Camera& camera, int columns, int rows, const Intersect& intersect) {
+std::vector<SurfaceSample> sampleWindow(const base::Camera& camera, const Window& window, int columns, int rows,
+                                        const Intersect& intersect, std::vector<int>& hits) {
   std::vector<SurfaceSample> samples;
+  hits.clear();
   samples.reserve(static_cast<std::size_t>(columns * rows));
-  const float weight = 1.0F / static_cast<float>(columns * rows);
+  const float weight = window.width * window.height / static_cast<float>(columns * rows);
   for (int tile = 0; tile < columns * rows; ++tile) {
     const float x = (static_cast<float>(tile % columns) + 0.5F) / static_cast<float>(columns);
     const float y = (static_cast<float>(tile / columns) + 0.5F) / static_cast<float>(rows);
-    Ray ray = rayThrough(camera, 2.0F * x - 1.0F, 2.0F * y - 1.0F);
+    Ray ray = rayThrough(camera, 2.0F * (window.left + window.width * x) - 1.0F,
+                         2.0F * (window.bottom + window.height * y) - 1.0F);
     const Kept kept = keptOf(ray, camera.section);
     if (!std::isfinite(kept.from)) continue;  // along the section's plane, beyond it
     ray.origin += kept.from * ray.direction;
     const std::optional<SurfaceHit> hit = intersect(ray);
     if (!hit || hit->distance > kept.to - kept.from) continue;
     const bool is_exposed = kept.from > 0.0F && glm::dot(hit->normal, ray.direction) > 0.0F;
-    if (!is_exposed) samples.push_back({ray.origin + hit->distance * ray.direction, hit->normal, weight, hit->cell});
+    if (is_exposed) continue;
+    samples.push_back({ray.origin + hit->distance * ray.direction, hit->normal, weight, hit->cell});
+    hits.push_back(tile);
   }
   return samples;
+}
+
+/// The part of the picture in which a box lies; all of it where the eye is inside, or beside a side of the box.
+Window windowOf(const base::Camera& camera, const base::Aabb& box) {
+  if (box.empty() || camera.orthographic()) return {};
+  const glm::mat4 clip_from_scene = camera.clipFromScene();
+  glm::vec2 least(1.0F), most(0.0F);
+  for (int i = 0; i < 8; ++i) {
+    const glm::vec4 corner = clip_from_scene * glm::vec4(box.corner(i), 1.0F);
+    if (corner.w <= 0.0F) return {};
+    const glm::vec2 at = 0.5F * glm::vec2(corner) / corner.w + 0.5F;
+    least = glm::min(least, at), most = glm::max(most, at);
+  }
+  least = glm::clamp(least, 0.0F, 1.0F), most = glm::clamp(most, 0.0F, 1.0F);
+  if (least.x >= most.x || least.y >= most.y) return {};
+  return {least.x, least.y, most.x - least.x, most.y - least.y};
+}
+
+/// The part of a window in which the tiles lie, and one tile more on each side.
+Window windowOf(const Window& all, const std::vector<int>& tiles, int columns, int rows) {
+  int left = columns, right = -1;
+  for (const int tile : tiles) left = std::min(left, tile % columns), right = std::max(right, tile % columns);
+  left = std::max(0, left - 1), right = std::min(columns - 1, right + 1);
+  const int bottom = std::max(0, tiles.front() / columns - 1), top = std::min(rows - 1, tiles.back() / columns + 1);
+  const float width = all.width / static_cast<float>(columns), height = all.height / static_cast<float>(rows);
+  return {all.left + width * static_cast<float>(left), all.bottom + height * static_cast<float>(bottom),
+          width * static_cast<float>(right + 1 - left), height * static_cast<float>(top + 1 - bottom)};
+}
+
+/// Samples the part of the picture that shows the model: of a flat site that is seen from aside one ray in thirty
+/// through all of the picture meets anything, or none does.
+template <class Intersect>
+std::vector<SurfaceSample> sampleModel(const base::Camera& camera, const base::Aabb& box, int columns, int rows,
+                                       const Intersect& intersect) {
+  Window window = windowOf(camera, box);
+  if (window.width * window.height > kSmallShare) window = {};
+  std::vector<int> hits;
+  std::vector<SurfaceSample> samples = sampleWindow(camera, window, columns, rows, intersect, hits);
+  if (samples.empty()) return samples;
+  const Window narrow = windowOf(window, hits, columns, rows);
+  if (narrow.width * narrow.height > kSmallShare * window.width * window.height) return samples;
+  return sampleWindow(camera, narrow, columns, rows, intersect, hits);
 }
 
 // ---- samples ----
@@ -235,7 +289,9 @@ std::vector<glm::uvec3> pointsTowardsSurface(const PointQuery& query, const std:
 std::vector<SurfaceSample> sampleVisibleSurface(const lod::patch::Hierarchy& hierarchy,
                                                 std::span<const std::uint32_t> patches, const base::Camera& camera,
                                                 int columns, int rows) {
-  return sampleTiles(camera, columns, rows, [&](const Ray& ray) -> std::optional<SurfaceHit> {
+  base::Aabb box;
+  for (const std::uint32_t index : patches) box.add(hierarchy.patches[index].box);
+  return sampleModel(camera, box, columns, rows, [&](const Ray& ray) -> std::optional<SurfaceHit> {
     const lod::patch::Patch* nearest = nullptr;
     float nearest_distance = std::numeric_limits<float>::max();
     for (std::uint32_t index : patches) {
@@ -250,7 +306,7 @@ std::vector<SurfaceSample> sampleVisibleSurface(const lod::patch::Hierarchy& hie
 
 std::vector<SurfaceSample> sampleVisibleSurface(const lod::patch::ProxySight& sight, const base::Camera& camera,
                                                 int columns, int rows) {
-  return sampleTiles(camera, columns, rows, [&](const Ray& ray) {
+  return sampleModel(camera, sight.box(), columns, rows, [&](const Ray& ray) {
     return sight.nearest(ray.origin, ray.direction, std::numeric_limits<float>::max());
   });
 }

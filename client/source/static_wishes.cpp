@@ -18,9 +18,9 @@ constexpr std::size_t kWishesAhead = 64;  // looked through for neighbours of a 
 /// Counted ahead of need for an image whose place in the packs is not known yet: it takes a block of the index, too.
 /// With the bytes of an image alone, cedar_creek over 1 Mbit/s had 25 dB half a second later.
 constexpr std::uint64_t kUnlocatedFaceBytes = 20'000;
-/// A link that carries fewer bytes a second is thin: half a megabit. A choice: over 384 kbit/s the coarse model would
-/// come later (docs/decisions/static-scenes.md).
-constexpr double kThinLink = 64'000.0;
+/// A link that carries fewer bytes a second is thin. A choice: over 384 kbit/s the coarse model would come later
+/// (docs/decisions/static-scenes.md).
+constexpr double kThinLink = 90'000.0;
 
 }  // namespace
 

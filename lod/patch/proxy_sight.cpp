@@ -200,7 +200,6 @@ base::Result<ProxySight> ProxySight::ofPatches(const Hierarchy& hierarchy, std::
   ProxySight sight;
   sight.error_ = error;
   std::vector<Triangle> triangles;
-  base::Aabb box;
   for (const std::uint32_t patch : patches) {
     LUMIGRID_ASSIGN_OR_RETURN(const auto geometry, geometry_of(patch));
     const auto corner = [&](std::size_t i) {
@@ -209,9 +208,8 @@ base::Result<ProxySight> ProxySight::ofPatches(const Hierarchy& hierarchy, std::
     for (std::size_t i = 0; i + 2 < geometry.indices.size(); i += 3)
       triangles.push_back({{corner(i), corner(i + 1), corner(i + 2)}});
   }
-  for (const Triangle& triangle : triangles) box.add(triangle.box());
+  for (const Triangle& triangle : triangles) sight.box_.add(triangle.box());
   sight.triangle_count_ = triangles.size();
-  if (!triangles.empty()) sight.diagonal_ = box.diagonal();
   Builder(std::move(triangles), sight.nodes_, sight.leaves_).build();
   return sight;
 }

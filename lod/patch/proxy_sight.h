@@ -55,8 +55,10 @@ class ProxySight {
 
   /// The stated error, scene units: a bound several times the typical distance.
   float error() const { return error_; }
-  /// The diagonal of the box of all triangles.
-  float diagonal() const { return diagonal_; }
+  /// The box of all triangles; empty where there are none.
+  const base::Aabb& box() const { return box_; }
+  /// That of the box.
+  float diagonal() const { return box_.empty() ? 0.0F : box_.diagonal(); }
   std::size_t triangleCount() const { return triangle_count_; }
 
  private:
@@ -91,7 +93,7 @@ class ProxySight {
   std::vector<Leaf> leaves_;
   std::size_t triangle_count_ = 0;
   float error_ = 0.0F;
-  float diagonal_ = 0.0F;
+  base::Aabb box_;
 };
 
 }  // namespace lod::patch

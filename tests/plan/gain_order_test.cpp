@@ -82,6 +82,15 @@ TEST_F(GainOrders, imagesOfShadowsGainHoweverFineTheProxyIs) {
   EXPECT_GT(sum, 0.005F);
 }
 
+TEST_F(GainOrders, aModelThatIsSmallInThePictureGetsItsImages) {
+  const std::size_t of_a_full_picture = choose(0.02F).size();
+  ASSERT_GT(of_a_full_picture, 10U);
+  for (SurfaceSample& sample : samples_) sample.weight *= 0.02F;
+  EXPECT_EQ(choose(0.02F).size(), of_a_full_picture);
+  for (SurfaceSample& sample : samples_) sample.weight *= 1e-3F;
+  EXPECT_TRUE(choose(0.02F).empty()) << "nobody sees them";
+}
+
 TEST_F(GainOrders, tilesThatAreHereAreNotSentAndLessenWhatOthersGain) {
   const auto all = choose();
   query_.is_here = [&](const repository::FaceKey& key) { return key == all.front().image; };
