@@ -28,8 +28,9 @@ constexpr float kFailingShare = 0.1F;  // q
 /// An image that gains less for each of its bytes is not sent: 2e-7 for one of 10 kB. A picture of 40 dB has an error
 /// of 1e-4. That is where the model fills the picture, else by its share of it: who looks sees the model alone.
 constexpr double kLeastImageRate = 2e-11;
-/// A model that is smaller counts as so large, as nobody sees its details. A choice.
-constexpr double kLeastForeground = 0.02;
+/// A model that is smaller counts as so large. With a fiftieth an orbit of the refinery took a third more bytes, for
+/// nothing (docs/decisions/gain-per-byte.md).
+constexpr double kLeastForeground = 0.25;
 /// A group that is not needed and gains less for each of its bytes is not sent
 /// (docs/decisions/refine-at-rest.md).
 constexpr double kLeastRate = 1e-11;

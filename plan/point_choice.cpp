@@ -123,7 +123,7 @@ std::vector<SurfaceSample> sampleWindow(const base::Camera& camera, const Window
   return samples;
 }
 
-/// The part of the picture in which a box lies; all of it where the eye is inside, or beside a side of the box.
+/// The part of the picture in which a box lies; all of it where a corner is behind the eye, or all of the box beside.
 Window windowOf(const base::Camera& camera, const base::Aabb& box) {
   if (box.empty() || camera.orthographic()) return {};
   const glm::mat4 clip_from_scene = camera.clipFromScene();

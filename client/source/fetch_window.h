@@ -27,8 +27,8 @@ class FetchWindow {
   std::uint64_t bytes() const;
   /// Bytes a second: the greatest rate of delivery that was seen lately; 0 before any was.
   double rate() const;
-  /// Bytes a second that answers of an idle link came at, less the time of the quickest, in which nothing comes: the
-  /// greatest of late; 0 before two were seen. rate() is far below it while little is asked for.
+  /// Bytes a second at which answers of an idle link came, less the time of the quickest, in which nothing comes: the
+  /// greatest of the last eight; 0 before two were seen. While little is asked for, rate() is far below it.
   double rateOnceBegun() const;
 
  private:
