@@ -9,6 +9,6 @@ work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
 scene=$work/${2%.*}.scene
 "$bin/lumigrid" build "$mesh" -o "$scene" --grid 8 --quiet
-"$bin/lumigrid-compare" "$scene" --methods lumigraph,static,paper,patches --paths orbit \
+"$bin/lumigrid-compare" "$scene" --methods lumigraph,static --paths orbit \
   --links 384kbit/100ms,20Mbit/40ms --seconds 8 --instants 8 --no-pictures --report "$work/report"
 "$(dirname "$0")/../../tools/results.py" --against "$work/report/summary.csv"
