@@ -557,7 +557,7 @@ class GainOrder {
   std::vector<Prospect> prospects_;
   std::size_t best_group_ = 0;
   std::uint64_t point_code_ = 0;  // of the point that is added
-  double foreground_ = 0.0;       // share of the picture
+  double foreground_ = 1.0;       // share of the picture that shows the model, as far as it counts
   std::size_t images_left_ = 0;
 };
 

@@ -23,7 +23,7 @@ constexpr float kNarrowCone = 0.5F;         // cosine of 60°: with normals so c
 // A cut of leaves errs by nothing, and then the place that a ray meets, rounded, would lie behind its own triangle as
 // often as before it. Share of the proxy's diagonal; a float has seven digits.
 constexpr float kRounding = 1e-5F;
-/// A model within so much of the picture is looked at by itself. A choice: from there on half of the rays are gained.
+/// A model within so much of the picture is looked at by itself. A choice: at least twice as many rays meet it then.
 constexpr float kSmallShare = 0.5F;
 
 using Index = std::tuple<std::uint32_t, std::uint32_t, std::uint32_t>;
@@ -139,8 +139,8 @@ Window windowOf(const base::Camera& camera, const base::Aabb& box) {
   return {least.x, least.y, most.x - least.x, most.y - least.y};
 }
 
-/// The part of a window in which the tiles lie, and one tile more on each side.
-Window windowOf(const Window& all, const std::vector<int>& tiles, int columns, int rows) {
+/// The part of a window in which these of its tiles lie, and one tile more on each side.
+Window windowAround(const Window& all, const std::vector<int>& tiles, int columns, int rows) {
   int left = columns, right = -1;
   for (const int tile : tiles) left = std::min(left, tile % columns), right = std::max(right, tile % columns);
   left = std::max(0, left - 1), right = std::min(columns - 1, right + 1);
@@ -160,7 +160,7 @@ std::vector<SurfaceSample> sampleModel(const base::Camera& camera, const base::A
   std::vector<int> hits;
   std::vector<SurfaceSample> samples = sampleWindow(camera, window, columns, rows, intersect, hits);
   if (samples.empty()) return samples;
-  const Window narrow = windowOf(window, hits, columns, rows);
+  const Window narrow = windowAround(window, hits, columns, rows);
   if (narrow.width * narrow.height > kSmallShare * window.width * window.height) return samples;
   return sampleWindow(camera, narrow, columns, rows, intersect, hits);
 }

@@ -59,10 +59,9 @@ inline constexpr int kSurfaceColumns = 16;
 inline constexpr int kSurfaceRows = 9;
 
 /// Estimates the visible surface from the boxes and normal cones of the cut's patches, by one ray through the middle of
-/// each of columns × rows tiles of the picture, or of the part in which the model lies where that is less than half of
-/// it. A ray ends at the nearest patch that it meets. Where the patch's cone
-/// is narrow, it meets the plane through the patch's centre, if that lies inside the box; otherwise it meets the patch
-/// half-way through the box.
+/// each of columns × rows tiles of the picture; or of the part in which the model lies, where that is at most half of
+/// it. A ray ends at the nearest patch that it meets. Where the patch's cone is narrow, it meets the plane through the
+/// patch's centre, if that lies inside the box; otherwise it meets the patch half-way through the box.
 std::vector<SurfaceSample> sampleVisibleSurface(const lod::patch::Hierarchy& hierarchy,
                                                 std::span<const std::uint32_t> patches, const base::Camera& camera,
                                                 int columns = kSurfaceColumns, int rows = kSurfaceRows);
