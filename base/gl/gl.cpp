@@ -157,7 +157,8 @@ Texture unfilteredTexture(GLenum format, int width, int height) {
   return texture;
 }
 
-bool attachTextures(Framebuffer& framebuffer, std::initializer_list<const Texture*> colors, const Texture* depth) {
+bool attachTextures(Framebuffer& framebuffer, std::initializer_list<const Texture*> colors, const Texture* depth,
+                    GLenum depth_attachment) {
   framebuffer = Framebuffer::create();
   glBindFramebuffer(GL_FRAMEBUFFER, framebuffer.name());
   std::vector<GLenum> attachments;
@@ -165,7 +166,7 @@ bool attachTextures(Framebuffer& framebuffer, std::initializer_list<const Textur
     attachments.push_back(GL_COLOR_ATTACHMENT0 + static_cast<GLenum>(attachments.size()));
     glFramebufferTexture2D(GL_FRAMEBUFFER, attachments.back(), GL_TEXTURE_2D, color->name(), 0);
   }
-  if (depth != nullptr) glFramebufferTexture2D(GL_FRAMEBUFFER, GL_DEPTH_ATTACHMENT, GL_TEXTURE_2D, depth->name(), 0);
+  if (depth != nullptr) glFramebufferTexture2D(GL_FRAMEBUFFER, depth_attachment, GL_TEXTURE_2D, depth->name(), 0);
   glDrawBuffers(static_cast<GLsizei>(attachments.size()), attachments.data());
   return glCheckFramebufferStatus(GL_FRAMEBUFFER) == GL_FRAMEBUFFER_COMPLETE;
 }

@@ -104,8 +104,8 @@ using Query = Object<NameTraits<glGenQueries, glDeleteQueries, detail::StorageKi
 
 /// glBufferData with `bytes` of `data` (null: undefined contents).
 void allocate(Buffer& buffer, GLenum target, const void* data, std::size_t bytes, GLenum usage);
-/// glTexStorage2D and 3D; formats: RG8 (2 bytes a pixel), RGBA8, RGBA8UI, R32UI and DEPTH_COMPONENT24
-/// (4), RGBA16F (8), RGBA32F and RGBA32UI (16).
+/// glTexStorage2D and 3D; formats: RG8 (2 bytes a pixel), RGBA8, RGBA8UI, R32UI, DEPTH_COMPONENT24 and
+/// DEPTH24_STENCIL8 (4), RGBA16F (8), RGBA32F and RGBA32UI (16).
 void allocate2D(Texture& texture, GLenum target, int levels, GLenum format, int width, int height);
 void allocate3D(Texture& texture, GLenum target, int levels, GLenum format, int width, int height, int layers);
 void allocate(Renderbuffer& renderbuffer, GLenum format, int width, int height);
@@ -113,8 +113,9 @@ void allocate(Renderbuffer& renderbuffer, GLenum format, int width, int height);
 Texture unfilteredTexture(GLenum format, int width, int height);
 
 /// Makes a framebuffer of these colours and, unless it is null, this depth, and leaves it bound. False if the GL
-/// refuses.
-bool attachTextures(Framebuffer& framebuffer, std::initializer_list<const Texture*> colors, const Texture* depth);
+/// refuses. `depth_attachment`: GL_DEPTH_STENCIL_ATTACHMENT for a depth with a stencil.
+bool attachTextures(Framebuffer& framebuffer, std::initializer_list<const Texture*> colors, const Texture* depth,
+                    GLenum depth_attachment = GL_DEPTH_ATTACHMENT);
 
 /// A triangle over the whole target, for vertex shaders that place its corners by gl_VertexID.
 class WholeTarget {

@@ -672,22 +672,26 @@ bool LumigraphRenderer::Impl::drawOnce(const Frame& frame, const Lists& lists, c
   stats.blended_once = blends;
   if (blends) blendPixels(frame, lists, shading);
   if (blends && !options.multisampled) return true;
-  clearTarget(frame);
+  if (!blends) clearTarget(frame);
   setUniforms(pixels->show(), frame, shading);
   pixels->setResult(blends, kFreeUnit);
   withSoftEdges(frame, [&] { patches.draw(frame.patches); });
   return true;
 }
 
-/// Blends the surfaces of each pixel, and draws them where the target has one sample a pixel.
+/// Blends the surfaces of each pixel, and draws them where the target has one sample a pixel, or several that all show
+/// one.
 void LumigraphRenderer::Impl::blendPixels(const Frame& frame, const Lists& lists, const lod::draw::Shading& shading) {
   GLint target = 0;
   glGetIntegerv(GL_FRAMEBUFFER_BINDING, &target);
   pixels->setLists(frame.proxy_errors, lists);
   for (std::size_t layer = 0; layer < PixelBlend::kLayers; ++layer) {
+    if (layer > 0 && !frame.options.carve) {
+      pixels->clearSurface(layer);
+      break;
+    }
     setUniforms(pixels->surface(), frame, shading);
     pixels->beginSurface(layer, kFreeUnit);
-    if (layer > 0 && !frame.options.carve) break;
     for (std::size_t i = 0; i < frame.patches.size(); ++i) {
       pixels->setPatch(i);
       patches.draw(std::span(frame.patches).subspan(i, 1));
@@ -696,10 +700,10 @@ void LumigraphRenderer::Impl::blendPixels(const Frame& frame, const Lists& lists
     bindArrays(pixels->blend());
     pixels->blendPixels(layer, kFreeUnit);
     glBindFramebuffer(GL_FRAMEBUFFER, static_cast<GLuint>(target));
-    if (frame.options.multisampled) continue;
     if (layer == 0) clearTarget(frame);
+    if (layer > 0 && frame.options.multisampled) continue;
     setUniforms(pixels->picture(), frame, shading);
-    pixels->compose(layer, kFreeUnit);
+    pixels->compose(layer, kFreeUnit, frame.options.multisampled);
   }
   glBindFramebuffer(GL_FRAMEBUFFER, static_cast<GLuint>(target));
 }

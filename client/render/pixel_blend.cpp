@@ -18,6 +18,7 @@ constexpr std::size_t kListsARow = 8;
 constexpr std::size_t kListTexels = kMaxBlended / 4;
 
 constexpr GLint kDepthTarget = 3;
+constexpr GLint kWanted = 1;  ///< in the stencil
 
 constexpr std::uint64_t kSurfaceBytes = 14;  ///< a pixel: colours 4, normals 4, patch 2, depth buffer 4
 constexpr std::uint64_t kLayerBytes = 10;    ///< depth 4, images 4, coverage 2
@@ -63,6 +64,8 @@ base::Result<PixelBlend> PixelBlend::create() {
   LUMIGRID_ASSIGN_OR_RETURN(result.surface_, base::gl::Program::link("lumigraph surface", glsl::kBlendVertex,
                                                                      view + glsl::kProxySurface + glsl::kSurfaceCode +
                                                                          glsl::kSurfaceFragment));
+  LUMIGRID_ASSIGN_OR_RETURN(result.wanted_,
+                            base::gl::Program::link("lumigraph wanted", glsl::kWholeVertex, glsl::kWantedFragment));
   LUMIGRID_ASSIGN_OR_RETURN(result.blend_, base::gl::Program::link("lumigraph pixels", glsl::kWholeVertex,
                                                                    view + glsl::kSurfaceCode + glsl::kBlendSamples +
                                                                        glsl::kBlendPixelsFragment));
@@ -95,7 +98,7 @@ bool PixelBlend::prepare(int width, int height) {
   color_ = make(GL_RGBA8);
   normals_ = make(GL_RGBA8);
   patch_ = make(GL_RG8);
-  depth_ = make(GL_DEPTH_COMPONENT24);
+  depth_ = make(GL_DEPTH24_STENCIL8);
   GLint bound = 0;
   glGetIntegerv(GL_FRAMEBUFFER_BINDING, &bound);
   bool made = true;
@@ -103,26 +106,53 @@ bool PixelBlend::prepare(int width, int height) {
     layer.depth = make(GL_R32UI);
     layer.images = make(GL_RGBA8);
     layer.coverage = make(GL_RG8);
-    made = made && base::gl::attachTextures(layer.surface, {&color_, &normals_, &patch_, &layer.depth}, &depth_) &&
-           base::gl::attachTextures(layer.blend, {&layer.images, &layer.coverage}, nullptr);
+    made =
+        made &&
+        base::gl::attachTextures(layer.surface, {&color_, &normals_, &patch_, &layer.depth}, &depth_,
+                                 GL_DEPTH_STENCIL_ATTACHMENT) &&
+        base::gl::attachTextures(layer.blend, {&layer.images, &layer.coverage}, &depth_, GL_DEPTH_STENCIL_ATTACHMENT);
   }
   glBindFramebuffer(GL_FRAMEBUFFER, static_cast<GLuint>(bound));
   width_ = made ? width : 0, height_ = made ? height : 0;
   return made;
 }
 
-void PixelBlend::beginSurface(std::size_t layer, int unit) const {
-  // The first layer does not look at another, but a program's textures must not be its target.
-  const Layer& other = layers_.at(layer > 0 ? layer - 1 : 1);
-  glUniform1i(surface_.uniform("u_behind"), layer > 0 ? 1 : 0);
-  setPlace(surface_, "u_inside", patch_count_);
-  bind(surface_, unit, {{"u_front_depth", other.depth}, {"u_front_coverage", other.coverage}});
+void PixelBlend::clearSurface(std::size_t layer) const {
   glBindFramebuffer(GL_FRAMEBUFFER, layers_.at(layer).surface.name());
   glViewport(0, 0, width_, height_);
   // Only depths tell where there is a surface. glClear cannot clear integers.
   const std::array<GLuint, 4> none{};
   glClearBufferuiv(GL_COLOR, kDepthTarget, none.data());
-  glClear(GL_DEPTH_BUFFER_BIT);
+  glClear(GL_DEPTH_BUFFER_BIT | GL_STENCIL_BUFFER_BIT);
+}
+
+/// Marks in the stencil the pixels where the layer before wants another, and lets only those be drawn.
+void PixelBlend::keepToWanted(const Layer& front, int unit) const {
+  wanted_.use();
+  bind(wanted_, unit, {{"u_front_coverage", front.coverage}});
+  glEnable(GL_STENCIL_TEST);
+  glStencilMask(0xFF);
+  glStencilFunc(GL_ALWAYS, kWanted, 0xFF);
+  glStencilOp(GL_KEEP, GL_KEEP, GL_REPLACE);
+  glDisable(GL_DEPTH_TEST);
+  glColorMask(GL_FALSE, GL_FALSE, GL_FALSE, GL_FALSE);
+  whole_.draw();
+  glColorMask(GL_TRUE, GL_TRUE, GL_TRUE, GL_TRUE);
+  glEnable(GL_DEPTH_TEST);
+  // Where it may be written, software GL tests the stencil after shading.
+  glStencilFunc(GL_EQUAL, kWanted, 0xFF);
+  glStencilMask(0);
+  surface_.use();
+}
+
+void PixelBlend::beginSurface(std::size_t layer, int unit) const {
+  // The first layer does not look at another, but a program's textures must not be its target.
+  const Layer& other = layers_.at(layer > 0 ? layer - 1 : 1);
+  clearSurface(layer);
+  if (layer > 0) keepToWanted(other, unit);
+  glUniform1i(surface_.uniform("u_behind"), layer > 0 ? 1 : 0);
+  setPlace(surface_, "u_inside", patch_count_);
+  bind(surface_, unit, {{"u_front_depth", other.depth}, {"u_front_coverage", other.coverage}});
 }
 
 void PixelBlend::setPatch(std::size_t place) const {
@@ -159,13 +189,23 @@ void PixelBlend::blendPixels(std::size_t layer, int unit) const {
         {"u_patches", patches_},
         {"u_lists", lists_}});
   glBindFramebuffer(GL_FRAMEBUFFER, blended.blend.name());
-  glDisable(GL_DEPTH_TEST);
   glViewport(0, 0, width_, height_);
+  const std::array<GLfloat, 4> no_images{}, covered{1.0F, 0.0F, 0.0F, 0.0F};
+  glClearBufferfv(GL_COLOR, 0, no_images.data());
+  glClearBufferfv(GL_COLOR, 1, covered.data());
+  // The triangle lies on the far plane, so only pixels with a surface are nearer. A test in the shader would save
+  // nothing on software GL, which runs either way of a branch.
+  glDepthFunc(GL_GREATER);
+  glDepthMask(GL_FALSE);
   whole_.draw();
-  glEnable(GL_DEPTH_TEST);
+  glDepthMask(GL_TRUE);
+  glDepthFunc(GL_LESS);
+  glDisable(GL_STENCIL_TEST);
+  glStencilMask(0xFF);
 }
 
-void PixelBlend::compose(std::size_t layer, int unit) const {
+void PixelBlend::compose(std::size_t layer, int unit, bool insides) const {
+  glUniform1i(picture_.uniform("u_insides"), insides ? 1 : 0);
   const Layer& blended = layers_.at(layer);
   bind(picture_, unit,
        {{"u_layer_depth", blended.depth},

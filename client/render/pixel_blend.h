@@ -39,8 +39,11 @@ class PixelBlend {
   // A layer's turn: beginSurface(), drawing each patch after setPatch(), blendPixels(), perhaps compose(); then the
   // next layer's. The programs must be in use; texture units from `unit` on are free.
 
-  /// Makes the layer's textures, cleared, the target of surface().
+  /// Makes the layer's textures, cleared, the target of surface(). Behind the first layer only pixels where that wants
+  /// another are drawn, until blendPixels().
   void beginSurface(std::size_t layer, int unit) const;
+  /// Clears the layer's textures.
+  void clearSurface(std::size_t layer) const;
   /// Tells the place in the draw order of the patch that is drawn next.
   void setPatch(std::size_t place) const;
   /// Tells for each place in the draw order the patch's typical errors, and the samples that may see it.
@@ -48,8 +51,9 @@ class PixelBlend {
   /// Blends the layer by blend().
   void blendPixels(std::size_t layer, int unit) const;
 
-  /// Draws the layer by picture() into the framebuffer bound now, where nothing is nearer.
-  void compose(std::size_t layer, int unit) const;
+  /// Draws the layer by picture() into the framebuffer bound now, where nothing is nearer. `insides`: only pixels whose
+  /// samples all show one surface.
+  void compose(std::size_t layer, int unit, bool insides) const;
 
   /// Sets the uniforms of show(): with what was blended, or without.
   void setResult(bool blended, int unit) const;
@@ -60,12 +64,15 @@ class PixelBlend {
     base::gl::Framebuffer surface, blend;
   };
   PixelBlend() = default;
+  void keepToWanted(const Layer& front, int unit) const;
+
   base::gl::Program surface_;
+  base::gl::Program wanted_;
   base::gl::Program blend_;
   base::gl::Program show_;
   base::gl::Program picture_;
   base::gl::WholeTarget whole_;
-  base::gl::Texture color_, normals_, patch_, depth_;  ///< of the surface that is blended next
+  base::gl::Texture color_, normals_, patch_, depth_;  ///< of the surface that is blended next; depth and stencil
   base::gl::Texture patches_, lists_;
   std::array<Layer, kLayers> layers_;
   std::size_t patch_count_ = 0;

@@ -62,6 +62,11 @@ base::Result<base::Image> DirectViewer::show(const base::ViewCamera& camera) {
   return base::Error{base::ErrorCode::kUnsupported, "a view of the trial never became complete; say what to build"};
 }
 
+base::Result<void> DirectViewer::redraw(const base::ViewCamera& camera) {
+  now_ += kRoundSeconds;
+  return viewer_.draw(camera, now_);
+}
+
 base::Result<void> DirectViewer::exchangeMessages() {
   client::Session& session = viewer_.session();
   while (const auto message = session.nextToSend()) LUMIGRID_TRY(server_.receive(*message));

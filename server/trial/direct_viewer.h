@@ -22,6 +22,8 @@ class DirectViewer {
   /// Returns the picture of a view, RGBA, once all that the view needs has arrived. Errors: those of GL, and
   /// kUnsupported where the two never come to an end.
   base::Result<base::Image> show(const base::ViewCamera& camera);
+  /// Draws a view from what is here into the framebuffer bound now. Nothing arrives for it.
+  base::Result<void> redraw(const base::ViewCamera& camera);
   std::uint64_t bytesReceived() const { return viewer_.stats().session.bytes_received; }
   const client::Viewer& viewer() const { return viewer_; }
 

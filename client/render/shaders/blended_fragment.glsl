@@ -30,6 +30,12 @@ float offPixel(vec3 place, ivec2 pixel, highp uint bits) {
   return bits != 0u ? distance(placeAt(pixel, uintBitsToFloat(bits)), place) / size : 1e9;
 }
 
+// Returns the pixel to the right or left (axis 0), above or below (1), on whose side of the middle the place lies.
+ivec2 pixelTowards(ivec2 pixel, vec3 place, int axis) {
+  vec3 step = axis == 0 ? dFdx(v_position) : dFdy(v_position);
+  return pixelBeside(pixel, 2 * axis + (dot(place - v_position, step) > 0.0 ? 0 : 1));
+}
+
 void main() {
   if (isCutAway(v_position)) discard;
   if (u_cut_open && !gl_FrontFacing) {
@@ -46,8 +52,8 @@ void main() {
     float back_off = offPixel(place, here, texelFetch(u_back_depth, here, 0).r);
     float limit = kSamePlace;
     if (min(front_off, back_off) >= kSamePlace) {
-      for (int i = 0; i < 4; ++i) {
-        ivec2 beside = pixelBeside(here, i);
+      for (int axis = 0; axis < 2; ++axis) {
+        ivec2 beside = pixelTowards(here, place, axis);
         float off = offPixel(place, beside, texelFetch(u_front_depth, beside, 0).r);
         if (off < front_off) front = beside;
         front_off = min(off, front_off);

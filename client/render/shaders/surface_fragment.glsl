@@ -15,10 +15,9 @@ void main() {
   ivec2 pixel = ivec2(gl_FragCoord.xy);
   float depth = depthOf(v_position);
   if (u_behind) {
-    vec2 front = texelFetch(u_front_coverage, pixel, 0).rg;
-    if (front.g <= 0.0 || depth <= uintBitsToFloat(texelFetch(u_front_depth, pixel, 0).r)) discard;
+    if (depth <= uintBitsToFloat(texelFetch(u_front_depth, pixel, 0).r)) discard;
     // Behind an edge, the far side of what has the edge is seen nowhere.
-    if (front.r >= 1.0 && !gl_FrontFacing) discard;
+    if (texelFetch(u_front_coverage, pixel, 0).r >= 1.0 && !gl_FrontFacing) discard;
   }
   Surface here = surfaceHere();
   bool inside = u_cut_open && !gl_FrontFacing;
