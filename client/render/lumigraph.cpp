@@ -21,7 +21,6 @@
 namespace client {
 namespace {
 
-constexpr GLuint kSamplesBinding = 0;
 /// Texels of a sample's depth map at most. A choice: finer maps take four times the memory for each doubling, coarser
 /// ones place the edges of occlusion less exactly.
 constexpr int kMaxDepthSide = 512;
@@ -158,7 +157,8 @@ struct LumigraphRenderer::Impl {
   Lists samplesOverPatches(const Frame& frame) const;
   void setList(std::span<const std::uint32_t> list);
   void setUniforms(const base::gl::Program& program, const Frame& frame, const lod::draw::Shading& shading) const;
-  void bindArrays(const base::gl::Program& program) const;
+  std::optional<std::size_t> onlyArray(const Frame& frame) const;
+  void bindArrays(const base::gl::Program& program, std::optional<std::size_t> only) const;
   bool drawOnce(const Frame& frame, const Lists& lists, const lod::draw::Shading& shading);
   void blendPixels(const Frame& frame, const Lists& lists, const lod::draw::Shading& shading);
   static void clearTarget(const Frame& frame);
@@ -257,7 +257,7 @@ base::Result<std::unique_ptr<LumigraphRenderer>> LumigraphRenderer::create(const
       auto blend, base::gl::Program::link("lumigraph blend", glsl::kBlendVertex,
                                           lod::draw::shadingSource() + lod::draw::seenNormalSource() +
                                               lod::draw::viewModesSource() + glsl::kView + glsl::kProxySurface +
-                                              glsl::kBlendSamples + glsl::kBlendFragment));
+                                              blendSource(BlendTuning{}, false) + glsl::kBlendFragment));
   impl.blend = std::move(blend);
   for (const bool section : {false, true}) {
     const std::string define = section ? "#define SECTION\n" : "";
@@ -273,10 +273,7 @@ base::Result<std::unique_ptr<LumigraphRenderer>> LumigraphRenderer::create(const
   impl.block = base::gl::Buffer::create();
   impl.no_color = emptyArray(GL_RGBA8);
   impl.no_depth = emptyArray(GL_DEPTH_COMPONENT24);
-  for (const GLuint program : {impl.blend.name(), impl.pixels->blend().name()}) {
-    const GLuint index = glGetUniformBlockIndex(program, "Samples");
-    if (index != GL_INVALID_INDEX) glUniformBlockBinding(program, index, kSamplesBinding);
-  }
+  bindSamples(impl.blend);
   return renderer;
 }
 
@@ -575,16 +572,25 @@ void LumigraphRenderer::Impl::uploadBlock(Frame& frame) {
   glBindBufferBase(GL_UNIFORM_BUFFER, kSamplesBinding, block.name());
 }
 
-void LumigraphRenderer::Impl::bindArrays(const base::gl::Program& program) const {
+/// Returns the array that all samples of the frame are in, if there is one.
+std::optional<std::size_t> LumigraphRenderer::Impl::onlyArray(const Frame& frame) const {
+  const auto array = static_cast<std::size_t>(frame.active.front()->array);
+  const auto is_there = [&](const Sample* sample) { return static_cast<std::size_t>(sample->array) == array; };
+  return std::all_of(frame.active.begin(), frame.active.end(), is_there) ? std::optional(array) : std::nullopt;
+}
+
+/// Binds all arrays, or the only one that a program of one array looks into.
+void LumigraphRenderer::Impl::bindArrays(const base::gl::Program& program, std::optional<std::size_t> only) const {
   static constexpr std::array<const char*, kMaxArrays> kColor{"u_color0", "u_color1", "u_color2"};
   static constexpr std::array<const char*, kMaxArrays> kDepth{"u_depth0", "u_depth1", "u_depth2"};
-  for (std::size_t i = 0; i < kMaxArrays; ++i) {
-    const bool filled = arrays[i] && arrays[i]->color() != 0;
+  for (std::size_t i = 0; i < (only ? 1 : kMaxArrays); ++i) {
+    const auto& array = arrays[only.value_or(i)];
+    const bool filled = array && array->color() != 0;
     const auto unit = static_cast<GLint>(2 * i);
     glActiveTexture(GL_TEXTURE0 + static_cast<GLenum>(unit));
-    glBindTexture(GL_TEXTURE_2D_ARRAY, filled ? arrays[i]->color() : no_color.name());
+    glBindTexture(GL_TEXTURE_2D_ARRAY, filled ? array->color() : no_color.name());
     glActiveTexture(GL_TEXTURE0 + static_cast<GLenum>(unit) + 1);
-    glBindTexture(GL_TEXTURE_2D_ARRAY, filled ? arrays[i]->depth() : no_depth.name());
+    glBindTexture(GL_TEXTURE_2D_ARRAY, filled ? array->depth() : no_depth.name());
     glUniform1i(program.uniform(kColor[i]), unit);
     glUniform1i(program.uniform(kDepth[i]), unit + 1);
   }
@@ -612,9 +618,7 @@ void LumigraphRenderer::Impl::setUniforms(const base::gl::Program& program, cons
   glUniform4f(program.uniform("u_background"), background[0], background[1], background[2], background[3]);
 
   const BlendTuning& tuning = frame.options.tuning;
-  set("u_angle_power", tuning.angle_power);
   set("u_angle_floor", tuning.angle_floor);
-  set("u_resolution_power", tuning.resolution_power);
   set("u_shift", tuning.shift);
   set("u_border", tuning.border);
   set("u_side_low", tuning.side_low);
@@ -622,7 +626,6 @@ void LumigraphRenderer::Impl::setUniforms(const base::gl::Program& program, cons
   set("u_bias_texels", tuning.bias_texels);
   set("u_bias_error", tuning.bias_error);
   set("u_carve_below", tuning.carve_below);
-  set("u_vote_power", tuning.vote_power);
   set("u_shade_blur", tuning.shade_blur);
   set("u_shade_weight", tuning.shade_weight);
   set("u_image_noise", tuning.image_noise);
@@ -668,6 +671,7 @@ bool LumigraphRenderer::Impl::drawOnce(const Frame& frame, const Lists& lists, c
   // Where nothing is blended, textures of a pixel stand in for what the program does not read.
   const bool ready = pixels->prepare(blends ? camera.width : 1, blends ? camera.height : 1);
   if (!ready || images != blends || !colors || !all) return false;
+  if (blends && !pixels->chooseBlend(options.tuning, onlyArray(frame).has_value())) return false;
 
   stats.blended_once = blends;
   if (blends) blendPixels(frame, lists, shading);
@@ -697,7 +701,7 @@ void LumigraphRenderer::Impl::blendPixels(const Frame& frame, const Lists& lists
       patches.draw(std::span(frame.patches).subspan(i, 1));
     }
     setUniforms(pixels->blend(), frame, shading);
-    bindArrays(pixels->blend());
+    bindArrays(pixels->blend(), onlyArray(frame));
     pixels->blendPixels(layer, kFreeUnit);
     glBindFramebuffer(GL_FRAMEBUFFER, static_cast<GLuint>(target));
     if (layer == 0) clearTarget(frame);
@@ -772,7 +776,7 @@ void LumigraphRenderer::draw(const base::Camera& camera, std::span<const std::ui
   if (!impl.drawOnce(frame, lists, shading)) {
     impl.clearTarget(frame);
     impl.setUniforms(impl.blend, frame, shading);
-    impl.bindArrays(impl.blend);
+    impl.bindArrays(impl.blend, std::nullopt);
     impl.withSoftEdges(frame, [&] { impl.drawPatches(frame, lists); });
   }
   impl.countFrame(frame);

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "base/check.h"
+#include "base/format_text.h"
 #include "client/render/shaders.h"
 #include "lod/draw/triangles.h"
 #include "lod/draw/view_modes.h"
@@ -39,6 +40,15 @@ void write(base::gl::Texture& texture, GLenum format, GLenum layout, GLenum type
   glBindTexture(GL_TEXTURE_2D, 0);
 }
 
+/// What the source of a blending program depends on.
+std::array<float, 4> keyOf(const BlendTuning& tuning, bool one_array) {
+  return {tuning.angle_power, tuning.vote_power, tuning.resolution_power, one_array ? 1.0F : 0.0F};
+}
+
+std::string viewSource() {
+  return lod::draw::shadingSource() + lod::draw::seenNormalSource() + lod::draw::viewModesSource() + glsl::kView;
+}
+
 /// Binds textures to texture units from `unit` on, for these samplers of the program in use.
 void bind(const base::gl::Program& program, int unit,
           std::initializer_list<std::pair<const char*, const base::gl::Texture&>> textures) {
@@ -57,23 +67,50 @@ void setPlace(const base::gl::Program& program, const char* name, std::size_t pl
 
 }  // namespace
 
+void bindSamples(const base::gl::Program& program) {
+  const GLuint index = glGetUniformBlockIndex(program.name(), "Samples");
+  if (index != GL_INVALID_INDEX) glUniformBlockBinding(program.name(), index, kSamplesBinding);
+}
+
+std::string blendSource(const BlendTuning& tuning, bool one_array) {
+  return base::formatText("#define ANGLE_POWER %.8f\n#define VOTE_POWER %.8f\n#define HALF_RESOLUTION_POWER %.8f\n%s",
+                          static_cast<double>(tuning.angle_power), static_cast<double>(tuning.vote_power),
+                          0.5 * static_cast<double>(tuning.resolution_power), one_array ? "#define ONE_ARRAY\n" : "") +
+         glsl::kBlendSamples;
+}
+
+base::Result<base::gl::Program> PixelBlend::linkBlend(const std::string& source) {
+  LUMIGRID_ASSIGN_OR_RETURN(
+      auto program, base::gl::Program::link("lumigraph pixels", glsl::kWholeVertex,
+                                            viewSource() + glsl::kSurfaceCode + source + glsl::kBlendPixelsFragment));
+  bindSamples(program);
+  return program;
+}
+
+bool PixelBlend::chooseBlend(const BlendTuning& tuning, bool one_array) {
+  const std::array<float, 4> key = keyOf(tuning, one_array);
+  for (blend_ = 0; blend_ < blends_.size(); ++blend_)
+    if (blends_[blend_].first == key) return blend().name() != 0;
+  auto made = linkBlend(blendSource(tuning, one_array));
+  blends_.emplace_back(key, made ? std::move(*made) : base::gl::Program{});  // what was refused is not tried again
+  return blend().name() != 0;
+}
+
 base::Result<PixelBlend> PixelBlend::create() {
-  const std::string view =
-      lod::draw::shadingSource() + lod::draw::seenNormalSource() + lod::draw::viewModesSource() + glsl::kView;
+  const std::string view = viewSource();
   PixelBlend result;
   LUMIGRID_ASSIGN_OR_RETURN(result.surface_, base::gl::Program::link("lumigraph surface", glsl::kBlendVertex,
                                                                      view + glsl::kProxySurface + glsl::kSurfaceCode +
                                                                          glsl::kSurfaceFragment));
   LUMIGRID_ASSIGN_OR_RETURN(result.wanted_,
                             base::gl::Program::link("lumigraph wanted", glsl::kWholeVertex, glsl::kWantedFragment));
-  LUMIGRID_ASSIGN_OR_RETURN(result.blend_, base::gl::Program::link("lumigraph pixels", glsl::kWholeVertex,
-                                                                   view + glsl::kSurfaceCode + glsl::kBlendSamples +
-                                                                       glsl::kBlendPixelsFragment));
   LUMIGRID_ASSIGN_OR_RETURN(result.show_, base::gl::Program::link("lumigraph blended", glsl::kBlendVertex,
                                                                   view + glsl::kProxySurface + glsl::kBlendedFragment));
   LUMIGRID_ASSIGN_OR_RETURN(result.picture_,
                             base::gl::Program::link("lumigraph picture", glsl::kWholeVertex,
                                                     view + glsl::kSurfaceCode + glsl::kComposeFragment));
+  LUMIGRID_ASSIGN_OR_RETURN(auto blend, linkBlend(blendSource(BlendTuning{}, true)));
+  result.blends_.emplace_back(keyOf(BlendTuning{}, true), std::move(blend));
   result.whole_ = base::gl::WholeTarget::create();
   return result;
 }
@@ -181,7 +218,7 @@ void PixelBlend::setLists(std::span<const ProxyError> errors, const std::vector<
 
 void PixelBlend::blendPixels(std::size_t layer, int unit) const {
   const Layer& blended = layers_.at(layer);
-  bind(blend_, unit,
+  bind(blend(), unit,
        {{"u_surface_depth", blended.depth},
         {"u_surface_color", color_},
         {"u_surface_normals", normals_},

@@ -5,6 +5,8 @@
 #include <array>
 #include <cstdint>
 #include <span>
+#include <string>
+#include <utility>
 #include <vector>
 
 #include "base/error.h"
@@ -12,6 +14,13 @@
 #include "client/render/lumigraph.h"
 
 namespace client {
+
+/// The uniform block of the frame's samples.
+inline constexpr GLuint kSamplesBinding = 0;
+void bindSamples(const base::gl::Program& program);
+
+/// Returns the source that blends images by this tuning: from one array of images, or from all.
+std::string blendSource(const BlendTuning& tuning, bool one_array);
 
 class PixelBlend {
  public:
@@ -29,10 +38,12 @@ class PixelBlend {
   /// Allocates them; false if the GL refuses. What was blended before is lost where the size changes.
   bool prepare(int width, int height);
 
+  /// Takes the program for this tuning. False if the GL refuses.
+  bool chooseBlend(const BlendTuning& tuning, bool one_array);
   /// The programs that keep surfaces, blend them, draw the proxy with the result, and make it a picture of one sample a
   /// pixel. All have the uniforms of the view; the second also those of the samples and the tuning.
   const base::gl::Program& surface() const { return surface_; }
-  const base::gl::Program& blend() const { return blend_; }
+  const base::gl::Program& blend() const { return blends_.at(blend_).second; }
   const base::gl::Program& show() const { return show_; }
   const base::gl::Program& picture() const { return picture_; }
 
@@ -64,13 +75,15 @@ class PixelBlend {
     base::gl::Framebuffer surface, blend;
   };
   PixelBlend() = default;
+  static base::Result<base::gl::Program> linkBlend(const std::string& source);
   void keepToWanted(const Layer& front, int unit) const;
 
   base::gl::Program surface_;
   base::gl::Program wanted_;
-  base::gl::Program blend_;
   base::gl::Program show_;
   base::gl::Program picture_;
+  std::vector<std::pair<std::array<float, 4>, base::gl::Program>> blends_;  ///< by what their sources depend on
+  std::size_t blend_ = 0;                                                   ///< of them
   base::gl::WholeTarget whole_;
   base::gl::Texture color_, normals_, patch_, depth_;  ///< of the surface that is blended next; depth and stencil
   base::gl::Texture patches_, lists_;

@@ -10,39 +10,54 @@ struct Sample {
   vec4 core;     // the picture's width over its core's; its point's number; fade in time of the samples under it
 };
 layout(std140) uniform Samples { Sample u_samples[96]; };
+// Software GL looks into all arrays for every sample, so where ONE_ARRAY is defined all samples are in the first.
 uniform sampler2DArray u_color0;
+uniform sampler2DArrayShadow u_depth0;
+#ifndef ONE_ARRAY
 uniform sampler2DArray u_color1;
 uniform sampler2DArray u_color2;
-uniform sampler2DArrayShadow u_depth0;
 uniform sampler2DArrayShadow u_depth1;
 uniform sampler2DArrayShadow u_depth2;
+#endif
 
 uniform bool u_carve;
 uniform float u_soft;                  // width of a carved edge, pixels; 0 where the target has one sample a pixel
 
 // BlendTuning: lumigraph.h describes each.
-uniform float u_angle_power, u_angle_floor, u_resolution_power, u_shift, u_border, u_side_low, u_side_high;
-uniform float u_bias_texels, u_bias_error, u_carve_below, u_vote_power, u_shade_blur, u_shade_weight;
+// The powers are constants: ANGLE_POWER, VOTE_POWER, and HALF_RESOLUTION_POWER, which squares are raised to.
+uniform float u_angle_floor, u_shift, u_border, u_side_low, u_side_high;
+uniform float u_bias_texels, u_bias_error, u_carve_below, u_shade_blur, u_shade_weight;
 uniform float u_image_noise, u_proxy_noise, u_near, u_outlier, u_lit_outlier, u_agreement, u_sharpen, u_disagreement;
 
 vec4 colorAt(int array, vec3 place, float level) {
-  if (array == 0) return textureLod(u_color0, place, level);
+#ifndef ONE_ARRAY
   if (array == 1) return textureLod(u_color1, place, level);
-  return textureLod(u_color2, place, level);
+  if (array == 2) return textureLod(u_color2, place, level);
+#endif
+  return textureLod(u_color0, place, level);
 }
 
 float litAt(int array, vec4 place) {
-  if (array == 0) return texture(u_depth0, place);
+#ifndef ONE_ARRAY
   if (array == 1) return texture(u_depth1, place);
-  return texture(u_depth2, place);
+  if (array == 2) return texture(u_depth2, place);
+#endif
+  return texture(u_depth0, place);
 }
 
 // Returns the share of a 3 × 3 neighbourhood of depth texels that lies no nearer than place.w, by four taps that are
-// each filtered over 2 × 2 texels.
+// each filtered over 2 × 2 texels. One tap is as accurate on scans, but lets an edge's colour leak on what lies behind.
 float litAround(int array, vec4 place, vec2 texel) {
   return 0.25 * (litAt(array, place + vec4(texel, 0.0, 0.0)) + litAt(array, place - vec4(texel, 0.0, 0.0)) +
                  litAt(array, place + vec4(texel.x, -texel.y, 0.0, 0.0)) +
                  litAt(array, place + vec4(-texel.x, texel.y, 0.0, 0.0)));
+}
+
+// Raises to a constant, mostly a small whole number.
+float raised(float x, float power) {
+  if (power == 3.0) return x * x * x;
+  if (power == 1.0) return x;
+  return pow(x, power);
 }
 
 // Towards its border, and while it fades in, an image loses the priority that a small angle gives it; otherwise the
@@ -96,7 +111,7 @@ float disagreementOf(Sums sums) {
 
 // Returns the share of the picture's colour that images have beside the proxy's own, whose weight this is.
 float shareOf(Sums sums, float weight) {
-  weight *= pow(1.0 + u_disagreement * disagreementOf(sums), 0.5 * u_resolution_power);
+  weight *= raised(1.0 + u_disagreement * disagreementOf(sums), HALF_RESOLUTION_POWER);
   return sums.color.a / max(sums.color.a + weight, 1e-20);
 }
 
@@ -215,7 +230,7 @@ Blend blendAt(Surface surface, vec2 view_ndc, vec3 proxy_error, int count) {
     float ratio = depth.w / clip.w / view_density;
     vec4 color = colorAt(array, vec3(uv, place.y), max(log2(ratio) - u_sharpen, 0.0));
     float for_model = color.a * min(1.0, 2.0 * lit);
-    float vote = voter * pow(angle + u_angle_floor, -u_vote_power);
+    float vote = voter / raised(angle + u_angle_floor, VOTE_POWER);
     votes += vote * (1.0 - color.a + for_model);
     votes_for_model += vote * for_model;
     voters = max(voters, voter * (1.0 - color.a + for_model));
@@ -226,8 +241,8 @@ Blend blendAt(Surface surface, vec2 view_ndc, vec3 proxy_error, int count) {
     float blur = 1.0 / clamp(ratio * fineness * cosine, 0.01, finest);
     float shift = u_shift * error_px * angle;
     float error2 = least_error2 + slope * slope * (max(kLookUp * blur * blur - 1.0, 0.0) + shift * shift);
-    float weight = seen * pow(error2 / image_noise2, -0.5 * u_resolution_power) *
-                   pow(angle + u_angle_floor + kBorderAngle * (1.0 - middle), -u_angle_power);
+    float weight = seen / (raised(error2 / image_noise2, HALF_RESOLUTION_POWER) *
+                           raised(angle + u_angle_floor + kBorderAngle * (1.0 - middle), ANGLE_POWER));
     vec3 off = color.rgb - color.a * surface.shaded;
     float doubt = dot(off, off) / believable2;
     add(all, weight, color, error2);
@@ -249,7 +264,7 @@ Blend blendAt(Surface surface, vec2 view_ndc, vec3 proxy_error, int count) {
   // The proxy's own shading is one more sample, whose texels are the proxy's triangles: it weighs more where the
   // images are coarser. Its blur contains the slant, as theirs does.
   float error2 = u_proxy_noise * u_proxy_noise + proxy_error.z * proxy_error.z;
-  float weight = u_shade_weight * pow(error2 / image_noise2, -0.5 * u_resolution_power);
+  float weight = u_shade_weight / raised(error2 / image_noise2, HALF_RESOLUTION_POWER);
   // Several images that agree are right, though the proxy's colours are far from theirs: they show a letter on a wall
   // whose triangles are larger. Past the edge of a hidden place each image shows something else, or one alone is sharp.
   // While few images are here, as when a scene arrives, the proxy is coarse.
