@@ -20,7 +20,9 @@ constexpr float kSaturation = 0.3F;
 constexpr float kShareByRays = 0.5F;
 /// At a ray's place, where an image's error decides, one of half the best's weight is of little use, and many such
 /// places must not displace the image that is the best of a few.
-constexpr float kSharpness = 4.0F;
+float sharpened(float quality) {
+  return quality * quality * quality * quality;
+}
 
 /// Points that have a seventh of the best samples may have more. Samples of other points would be averaged with better
 /// ones where these are. Measured: docs/decisions/choice-by-rays.md.
@@ -68,6 +70,12 @@ std::uint16_t cellsOf(const base::Aabb& box, const SampleGeometry& sample) {
   return cellsIn(low, high, [](float at) { return std::floor(at); });
 }
 
+/// Raises to a power that is mostly a small whole number.
+float raised(float x, float power) {
+  if (power == 3.0F) return x * x * x;
+  return power == 1.0F ? x : std::pow(x, power);
+}
+
 /// The box that holds a place, or is nearest to it; the smallest of several.
 std::size_t boxAt(std::span<const base::Aabb> boxes, const glm::vec3& place) {
   std::size_t nearest = 0;
@@ -100,10 +108,10 @@ struct Sight {
 /// that of a sample is computed again only when it may be the largest (Minoux 1978).
 class Choice {
  public:
-  Choice(std::span<const SampleGeometry* const> samples, std::span<const base::Aabb> boxes,
-         std::span<const ProxyError> errors, const base::Camera& view, const BlendTuning& tuning,
-         const VisibleSurface* surface = nullptr)
-      : samples_(samples), boxes_(boxes), surface_(surface), nesting_(nestingOf(samples)), had_(boxes.size(), 0.0F) {
+  Choice(std::span<const SampleGeometry* const> samples, const SampleNesting& nesting,
+         std::span<const base::Aabb> boxes, std::span<const ProxyError> errors, const base::Camera& view,
+         const BlendTuning& tuning, const VisibleSurface* surface = nullptr)
+      : samples_(samples), boxes_(boxes), surface_(surface), nesting_(nesting), had_(boxes.size(), 0.0F) {
     look(errors, view, tuning);
   }
 
@@ -161,7 +169,7 @@ class Choice {
   std::span<const SampleGeometry* const> samples_;
   std::span<const base::Aabb> boxes_;
   const VisibleSurface* surface_;  ///< whose places the boxes are; null: they are others
-  SampleNesting nesting_;
+  const SampleNesting& nesting_;
   std::vector<std::vector<Sight>> sights_;  ///< of each sample
   std::vector<float> sizes_;                ///< of each box on the screen
   std::vector<float> had_;                  ///< sum of qualities that each box has
@@ -203,9 +211,11 @@ void Choice::look(std::span<const ProxyError> errors, const base::Camera& view, 
     }
   }
   for (std::vector<Sight>& sights : sights_)
-    for (Sight& sight : sights)
-      if (looked[sight.box].best > 0.0F)
-        sight.quality = std::pow(sight.quality / looked[sight.box].best, surface_ != nullptr ? kSharpness : 1.0F);
+    for (Sight& sight : sights) {
+      if (!(looked[sight.box].best > 0.0F)) continue;
+      const float share = sight.quality / looked[sight.box].best;
+      sight.quality = surface_ != nullptr ? sharpened(share) : share;
+    }
 }
 
 }  // namespace
@@ -215,14 +225,15 @@ float sampleWeight(const glm::vec3& to_view, const glm::vec3& to_sample, float r
   const float angle = glm::length(glm::normalize(to_view) - glm::normalize(to_sample));
   const float blur = 1.0F / std::min(1.0F, ratio);
   const float shift = tuning.shift * error_px * angle;
-  return std::pow(blur * blur + shift * shift, -0.5F * tuning.resolution_power) *
-         std::pow(angle + tuning.angle_floor, -tuning.angle_power);
+  return 1.0F / (raised(blur * blur + shift * shift, 0.5F * tuning.resolution_power) *
+                 raised(angle + tuning.angle_floor, tuning.angle_power));
 }
 
 std::vector<std::size_t> chooseSamples(std::span<const SampleGeometry* const> samples,
                                        std::span<const base::Aabb> boxes, std::span<const ProxyError> errors,
                                        const base::Camera& view, std::size_t limit, const BlendTuning& tuning,
                                        const VisibleSurface* surface, std::size_t more) {
+  const SampleNesting nesting = nestingOf(samples);
   std::vector<std::size_t> chosen;
   if (surface != nullptr && !boxes.empty()) {
     std::vector<base::Aabb> places;
@@ -232,12 +243,13 @@ std::vector<std::size_t> chooseSamples(std::span<const SampleGeometry* const> sa
       errors_there.push_back(errors[boxAt(boxes, place)]);
     }
     const auto most = static_cast<std::size_t>(std::ceil(kShareByRays * static_cast<float>(limit)));
-    chosen = Choice(samples, places, errors_there, view, tuning, surface).best(most);
+    chosen = Choice(samples, nesting, places, errors_there, view, tuning, surface).best(most);
   }
   std::vector<bool> has(samples.size(), false);
   for (const std::size_t sample : chosen) has[sample] = true;
   std::vector<std::size_t> others;
-  for (const std::size_t sample : Choice(samples, boxes, errors, view, tuning).best(more > 0 ? samples.size() : limit))
+  const std::size_t asked = more > 0 ? samples.size() : limit;
+  for (const std::size_t sample : Choice(samples, nesting, boxes, errors, view, tuning).best(asked))
     if (!has[sample]) (chosen.size() < limit ? chosen : others).push_back(sample);
 
   const std::vector<std::size_t> best = chosen;

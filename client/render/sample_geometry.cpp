@@ -23,8 +23,11 @@ glm::mat4 coreFromScene(const glm::mat4& clip_from_scene, float core) {
   return scale * clip_from_scene;
 }
 
+bool isFiner(const SampleGeometry& fine, const SampleGeometry& coarse) {
+  return fine.pixels_per_unit_at_one >= kFiner * coarse.pixels_per_unit_at_one;
+}
+
 bool liesWithin(const SampleGeometry& fine, const SampleGeometry& coarse) {
-  if (fine.pixels_per_unit_at_one < kFiner * coarse.pixels_per_unit_at_one) return false;
   return std::all_of(fine.corners.begin(), fine.corners.end(), [&](const glm::vec3& corner) {
     const glm::vec3 place = coarse.placeInCore(corner);
     const float reach = (1.0F + kRounding) * place.z;
@@ -51,8 +54,9 @@ glm::vec3 SampleGeometry::placeInCore(const glm::vec3& direction) const {
 }
 
 bool sameCentre(const SampleGeometry& a, const SampleGeometry& b) {
-  const float scale = std::max({std::abs(a.eye.x), std::abs(a.eye.y), std::abs(a.eye.z), 1e-6F});
-  return glm::length(a.eye - b.eye) <= 1e-5F * scale;
+  const glm::vec3 apart = a.eye - b.eye;
+  const float reach = 1e-5F * std::max({std::abs(a.eye.x), std::abs(a.eye.y), std::abs(a.eye.z), 1e-6F});
+  return glm::dot(apart, apart) <= reach * reach;
 }
 
 SampleNesting nestingOf(std::span<const SampleGeometry* const> samples) {
@@ -60,7 +64,8 @@ SampleNesting nestingOf(std::span<const SampleGeometry* const> samples) {
                         std::vector<std::vector<std::uint32_t>>(samples.size())};
   for (std::uint32_t i = 0; i < samples.size(); ++i)
     for (std::uint32_t j = 0; j < samples.size(); ++j) {
-      if (i == j || !sameCentre(*samples[i], *samples[j]) || !liesWithin(*samples[i], *samples[j])) continue;
+      if (!isFiner(*samples[i], *samples[j]) || !sameCentre(*samples[i], *samples[j])) continue;
+      if (!liesWithin(*samples[i], *samples[j])) continue;
       nesting.coarser[i].push_back(j);
       nesting.finer[j].push_back(i);
     }

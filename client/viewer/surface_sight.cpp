@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <limits>
 #include <optional>
 #include <utility>
 #include <vector>
@@ -16,13 +17,16 @@ namespace {
 
 constexpr std::uint64_t kTriangles = 20'000;  ///< of the coarse patches: 1.5 MB
 constexpr double kGrowth = 1.25;              ///< as much finer the next ones are at least
+/// Radians of turning, and steps of the eye over the distance to what is nearest, that move places of a picture by less
+/// than half of what lies between two rays.
+constexpr float kBeside = 0.015F;
 /// Rays across the picture, and up. A tile shows a twentieth of a picture or so.
 constexpr int kColumns = 24, kRows = 14;
 
 class LinesOfSight final : public SurfaceSight {
  public:
   void renew(Session& session) override;
-  bool lookFrom(const base::Camera& camera) override;
+  bool lookFrom(const base::Camera& camera, bool roughly) override;
   const VisibleSurface& surface() const override { return surface_; }
 
  private:
@@ -32,6 +36,7 @@ class LinesOfSight final : public SurfaceSight {
     std::vector<std::uint8_t> verdicts;
   };
 
+  bool isBeside(const base::Camera& camera) const;
   bool isSeenFrom(const glm::vec3& eye, std::size_t place);
   bool findOut(const glm::vec3& eye, std::size_t place) const;
 
@@ -39,6 +44,8 @@ class LinesOfSight final : public SurfaceSight {
   std::uint64_t groups_ = 0;  ///< that had come at the last renew()
   base::Camera camera_;       ///< of the last look
   std::vector<plan::SurfaceSample> met_;
+  float nearest_ = 0.0F;      ///< distance of those from the eye
+  std::size_t last_eye_ = 0;  ///< in eyes_, that was asked for last
   VisibleSurface surface_;
   std::vector<Eye> eyes_;  ///< of the last look: a few dozen, since all images of a point have one
 };
@@ -62,23 +69,39 @@ void LinesOfSight::renew(Session& session) {
   camera_ = {};
 }
 
-bool LinesOfSight::lookFrom(const base::Camera& camera) {
+bool LinesOfSight::lookFrom(const base::Camera& camera, bool roughly) {
   if (!sight_ || camera.orthographic()) return false;  // rays of a perspective are cast
-  if (!base::sameCamera(camera, camera_)) {
+  if (!base::sameCamera(camera, camera_) && !(roughly && isBeside(camera))) {
     camera_ = camera;
     met_ = plan::sampleVisibleSurface(*sight_, camera, kColumns, kRows);
     eyes_.clear();
     surface_.places.clear();
-    for (const plan::SurfaceSample& sample : met_) surface_.places.push_back(sample.position);
+    nearest_ = std::numeric_limits<float>::max();
+    for (const plan::SurfaceSample& sample : met_) {
+      surface_.places.push_back(sample.position);
+      nearest_ = std::min(nearest_, glm::length(sample.position - camera.eye));
+    }
     surface_.is_seen_from = [this](const glm::vec3& eye, std::size_t place) { return isSeenFrom(eye, place); };
   }
   return !surface_.places.empty();
 }
 
+/// Whether the view shows the places of the last look nearly where that did.
+bool LinesOfSight::isBeside(const base::Camera& camera) const {
+  if (camera.clip_from_eye != camera_.clip_from_eye || camera.section != camera_.section || met_.empty()) return false;
+  const glm::mat3 before(camera_.eye_from_scene), now(camera.eye_from_scene);
+  float turn = 0.0F;
+  for (int i = 0; i < 3; ++i) turn = std::max(turn, glm::length(now[i] - before[i]));
+  return turn < kBeside && glm::length(camera.eye - camera_.eye) < kBeside * nearest_;
+}
+
 bool LinesOfSight::isSeenFrom(const glm::vec3& eye, std::size_t place) {
-  auto known = std::find_if(eyes_.begin(), eyes_.end(), [&](const Eye& other) { return other.place == eye; });
-  if (known == eyes_.end()) known = eyes_.insert(known, {eye, std::vector<std::uint8_t>(met_.size(), 0)});
-  std::uint8_t& verdict = known->verdicts[place];
+  if (last_eye_ >= eyes_.size() || eyes_[last_eye_].place != eye) {
+    auto known = std::find_if(eyes_.begin(), eyes_.end(), [&](const Eye& other) { return other.place == eye; });
+    if (known == eyes_.end()) known = eyes_.insert(known, {eye, std::vector<std::uint8_t>(met_.size(), 0)});
+    last_eye_ = static_cast<std::size_t>(known - eyes_.begin());
+  }
+  std::uint8_t& verdict = eyes_[last_eye_].verdicts[place];
   if (verdict == 0) verdict = findOut(eye, place) ? 1 : 2;
   return verdict == 1;
 }

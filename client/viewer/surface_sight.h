@@ -15,8 +15,8 @@ class SurfaceSight {
   /// Takes in the coarse patches, and does so anew when others have come that make it finer by a quarter.
   virtual void renew(Session& session) = 0;
   /// Looks along rays evenly over the picture. False where there are no patches yet, where none is met, and for
-  /// parallel views.
-  virtual bool lookFrom(const base::Camera& camera) = 0;
+  /// parallel views. `roughly`: what the last look has met will do if it was from a view a little beside this one.
+  virtual bool lookFrom(const base::Camera& camera, bool roughly = false) = 0;
   /// Returns what the last lookFrom() has met.
   virtual const VisibleSurface& surface() const = 0;
 };

@@ -67,7 +67,7 @@ base::Result<bool> Viewer::update(const base::ViewCamera& camera, double now) {
 
   updatePatches();
   if (sight_ && options_.lumigraph.use_images && session_.welcome()->grid.pointCount() != 0) sight_->renew(session_);
-  rankImages();
+  rankImages(now);
   uploadImages(now);
   submitImages();
   markInUse();

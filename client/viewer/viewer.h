@@ -208,7 +208,8 @@ class Viewer {
   bool drawsFinePatches() const;
   float errorOf(const lod::patch::Cut& cut) const;
   void updatePatches();
-  void rankImages();
+  void rankImages(double now);
+  bool looksRoughly(double now) const;
   void uploadImages(double now);
   std::optional<SampleId> oldestFrameBefore(SampleId id) const;
   std::optional<SampleId> replacedBy(SampleId id) const;

@@ -79,7 +79,8 @@ void Viewer::drawBlended(bool moved, double now) {
   options.unseen = options.unseen || (hidden && !probe_);
   GLint target = 0;
   glGetIntegerv(GL_FRAMEBUFFER_BINDING, &target);
-  options.surface = options.use_images && sight_ && sight_->lookFrom(camera_) ? &sight_->surface() : nullptr;
+  const bool looks = options.use_images && sight_ && sight_->lookFrom(camera_, looksRoughly(now));
+  options.surface = looks ? &sight_->surface() : nullptr;
   const DrawEffort asked = hidden ? DrawEffort{} : effortWanted(moved, now);
   DrawEffort effort = fittingEffort(asked);
   if (!options.unseen && effort.pictures > 1 && !prepareMean()) effort = fittingEffort(asked);
@@ -143,6 +144,11 @@ DrawEffort Viewer::effortWanted(bool moved, double now) const {
   const DrawEffort effort = governor_.whileMoving();
   const bool moves = fades && (moved || now - moved_at_ < kMotionSeconds);
   return moves ? effort : DrawEffort{.samples = effort.samples};
+}
+
+/// Whether the surface that a view a little beside this one shows will do for the choice of images.
+bool Viewer::looksRoughly(double now) const {
+  return options_.lumigraph.fade_seconds > 0.0F && now - moved_at_ < kMotionSeconds;
 }
 
 /// Whether the view has what it needs, but perhaps what refines it.

@@ -22,6 +22,8 @@ constexpr int kMoreTilesPerImage = 2;
 /// A resident image gives way only to one of this much larger rank, so that near equals do not flicker. A choice: a
 /// larger factor keeps worse images longer.
 constexpr float kReplaceFactor = 1.2F;
+/// Of images that the view does not use, whose ranks change with every step of the eye. A choice.
+constexpr float kReplaceUnusedFactor = 3.0F;
 /// A moving eye gets a frame every twentieth of a second or so, which would be old before it had faded in as slowly as
 /// a face does.
 constexpr float kFrameFadeShare = 0.25F;
@@ -116,7 +118,7 @@ void Viewer::takeDecoded() {
 
 // ---- images ----
 
-void Viewer::rankImages() {
+void Viewer::rankImages(double now) {
   // Estimate how much the view uses each image.
   std::vector<SampleId> ids;
   std::vector<const base::Camera*> cameras;
@@ -126,7 +128,7 @@ void Viewer::rankImages() {
     cameras.push_back(&image.camera);
   }
   std::vector<float> use;
-  if (sight_ && sight_->lookFrom(camera_)) {
+  if (sight_ && sight_->lookFrom(camera_, looksRoughly(now))) {
     const VisibleSurface& surface = sight_->surface();
     use = expectedUse(surface.places, camera_, cameras, surface.is_seen_from);
   } else {
@@ -134,19 +136,18 @@ void Viewer::rankImages() {
   }
 
   // Images of no use now are decoded too, the nearest first, for when the viewer turns; of tiles, the widest.
+  std::vector<std::pair<float, SampleId>> order;  // the best first
   for (std::size_t i = 0; i < ids.size(); ++i) {
     BlendImage& image = images_[ids[i]];
     const float nearness = scene_.radius / (scene_.radius + glm::length(image.camera.eye - camera_.eye) + 1e-12F);
     image.use = mayShowFrames() && showsThisView(ids[i]) ? 1.0F : use[i];
     const float width = image.core < 1.0F ? 1.0F / image.camera.clip_from_eye[0][0] : 1.0F;
     image.rank = image.use + 1e-6F * nearness * width;
+    order.emplace_back(-image.rank, ids[i]);
   }
-  std::sort(ids.begin(), ids.end(), [this](SampleId a, SampleId b) {
-    const float rank_a = images_[a].rank;
-    const float rank_b = images_[b].rank;
-    return rank_a != rank_b ? rank_a > rank_b : a < b;
-  });
-  ranked_ = std::move(ids);
+  std::sort(order.begin(), order.end());
+  ranked_.clear();
+  for (const auto& [rank, id] : order) ranked_.push_back(id);
 }
 
 /// Returns the least useful image on the GPU; with `of_size_like` only among those whose place an image of that
@@ -181,7 +182,8 @@ std::optional<SampleId> Viewer::replacedBy(SampleId id) const {
   const BlendImage& image = images_.at(id);
   SampleId worst_id = 0;
   const BlendImage* worst = worstResident(&worst_id, &image.camera);
-  if (worst == nullptr || worst->rank * kReplaceFactor >= image.rank) return std::nullopt;
+  const float factor = image.use < kNeededUse ? kReplaceUnusedFactor : kReplaceFactor;
+  if (worst == nullptr || worst->rank * factor >= image.rank) return std::nullopt;
   return worst_id;
 }
 
