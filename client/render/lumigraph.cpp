@@ -676,19 +676,20 @@ bool LumigraphRenderer::Impl::drawOnce(const Frame& frame, const Lists& lists, c
   stats.blended_once = blends;
   if (blends) blendPixels(frame, lists, shading);
   if (blends && !options.multisampled) return true;
-  if (!blends) clearTarget(frame);
+  clearTarget(frame);
   setUniforms(pixels->show(), frame, shading);
   pixels->setResult(blends, kFreeUnit);
   withSoftEdges(frame, [&] { patches.draw(frame.patches); });
   return true;
 }
 
-/// Blends the surfaces of each pixel, and draws them where the target has one sample a pixel, or several that all show
-/// one.
+/// Blends the surfaces of each pixel, and draws them where the target has one sample a pixel.
 void LumigraphRenderer::Impl::blendPixels(const Frame& frame, const Lists& lists, const lod::draw::Shading& shading) {
   GLint target = 0;
   glGetIntegerv(GL_FRAMEBUFFER_BINDING, &target);
-  pixels->setLists(frame.proxy_errors, lists);
+  std::vector<const SampleGeometry*> geometries;
+  for (const Sample* sample : frame.active) geometries.push_back(&sample->geometry);
+  pixels->setLists(frame.proxy_errors, cellsOfPatches(lists, geometries, frame.boxes, frame.camera));
   for (std::size_t layer = 0; layer < PixelBlend::kLayers; ++layer) {
     if (layer > 0 && !frame.options.carve) {
       pixels->clearSurface(layer);
@@ -704,10 +705,10 @@ void LumigraphRenderer::Impl::blendPixels(const Frame& frame, const Lists& lists
     bindArrays(pixels->blend(), onlyArray(frame));
     pixels->blendPixels(layer, kFreeUnit);
     glBindFramebuffer(GL_FRAMEBUFFER, static_cast<GLuint>(target));
+    if (frame.options.multisampled) continue;
     if (layer == 0) clearTarget(frame);
-    if (layer > 0 && frame.options.multisampled) continue;
     setUniforms(pixels->picture(), frame, shading);
-    pixels->compose(layer, kFreeUnit, frame.options.multisampled);
+    pixels->compose(layer, kFreeUnit);
   }
   glBindFramebuffer(GL_FRAMEBUFFER, static_cast<GLuint>(target));
 }

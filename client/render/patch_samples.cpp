@@ -57,7 +57,42 @@ class Points {
   std::vector<std::size_t> of_sample_;  // place in weights_ of each sample
 };
 
+/// Pixels across a cell, about: a tile of 256 texels covers a few. A choice.
+constexpr float kCellPixels = 48.0F;
+
+/// Returns the box of a cell.
+base::Aabb cellBox(const base::Aabb& box, const glm::ivec3& counts, const glm::ivec3& cell) {
+  const glm::vec3 step = (box.max - box.min) / glm::vec3(counts);
+  return {box.min + step * glm::vec3(cell), box.min + step * glm::vec3(cell + 1)};
+}
+
 }  // namespace
+
+std::vector<PatchCells> cellsOfPatches(const std::vector<std::vector<std::uint32_t>>& lists,
+                                       std::span<const SampleGeometry* const> samples,
+                                       std::span<const base::Aabb> boxes, const base::Camera& view) {
+  std::vector<PatchCells> result(boxes.size());
+  for (std::size_t b = 0; b < boxes.size(); ++b) {
+    const base::Aabb& box = boxes[b];
+    PatchCells& cells = result[b];
+    const glm::vec3 extent = box.max - box.min;
+    const glm::vec3 pixels = extent * view.pixelsPerUnit(box.center());
+    const auto most = static_cast<float>(kMostCellsAcross);
+    cells.counts = glm::ivec3(glm::clamp(glm::ceil(pixels / kCellPixels), glm::vec3(1.0F), glm::vec3(most)));
+    cells.begin = box.min;
+    cells.per_unit = glm::vec3(cells.counts) / glm::max(extent, glm::vec3(1e-20F));
+    cells.samples = lists[b].size();
+    for (glm::ivec3 cell(0); cell.z < cells.counts.z; ++cell.z)
+      for (cell.y = 0; cell.y < cells.counts.y; ++cell.y)
+        for (cell.x = 0; cell.x < cells.counts.x; ++cell.x) {
+          const base::Aabb part = cellBox(box, cells.counts, cell);
+          std::vector<std::uint32_t>& list = cells.lists.emplace_back();
+          for (const std::uint32_t sample : lists[b])
+            if (samples[sample]->frustum.mayOverlap(part)) list.push_back(sample);
+        }
+  }
+  return result;
+}
 
 std::vector<std::vector<std::uint32_t>> samplesOfPatches(std::span<const SampleGeometry* const> samples,
                                                          std::span<const std::uint32_t> points,

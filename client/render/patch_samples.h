@@ -20,4 +20,19 @@ std::vector<std::vector<std::uint32_t>> samplesOfPatches(std::span<const SampleG
                                                          std::span<const ProxyError> errors, const base::Camera& view,
                                                          std::size_t max_points, const BlendTuning& tuning);
 
+/// The cells into which a patch's box is divided, so that a pixel tries only the samples that may see its part of it.
+struct PatchCells {
+  glm::vec3 begin{0.0F};                          ///< the box's lower corner
+  glm::vec3 per_unit{0.0F};                       ///< cells per scene unit along each axis
+  glm::ivec3 counts{1};                           ///< along each axis, 1..kMostCellsAcross
+  std::vector<std::vector<std::uint32_t>> lists;  ///< of each cell, along x first: samples, ascending
+  std::size_t samples = 0;                        ///< that may see the patch
+};
+inline constexpr int kMostCellsAcross = 4;
+
+/// Divides patches by their size in the view. `lists`: the samples of each, as samplesOfPatches() has them.
+std::vector<PatchCells> cellsOfPatches(const std::vector<std::vector<std::uint32_t>>& lists,
+                                       std::span<const SampleGeometry* const> samples,
+                                       std::span<const base::Aabb> boxes, const base::Camera& view);
+
 }  // namespace client

@@ -15,8 +15,8 @@ namespace {
 
 // As blend_pixels_fragment.glsl reads them.
 constexpr std::size_t kPatchesARow = 256;
-constexpr std::size_t kListsARow = 8;
-constexpr std::size_t kListTexels = kMaxBlended / 4;
+constexpr std::size_t kTexelsAPatch = 3;
+constexpr std::size_t kListsARow = 256;
 
 constexpr GLint kDepthTarget = 3;
 constexpr GLint kWanted = 1;  ///< in the stencil
@@ -26,6 +26,10 @@ constexpr std::uint64_t kLayerBytes = 10;    ///< depth 4, images 4, coverage 2
 
 std::size_t rowsFor(std::size_t entries, std::size_t entries_a_row) {
   return std::max<std::size_t>(1, (entries + entries_a_row - 1) / entries_a_row);
+}
+
+std::uint8_t byteOf(std::size_t number) {
+  return static_cast<std::uint8_t>(number & 255U);
 }
 
 /// Writes rows of texels into a texture, which is made anew where it has fewer.
@@ -121,7 +125,7 @@ std::uint64_t PixelBlend::bytesOf(int width, int height) {
 }
 
 std::uint64_t PixelBlend::bytes() const {
-  std::uint64_t bytes = patches_.bytes() + lists_.bytes();
+  std::uint64_t bytes = patches_.bytes() + cells_.bytes() + lists_.bytes();
   for (const base::gl::Texture* texture : {&color_, &normals_, &patch_, &depth_}) bytes += texture->bytes();
   for (const Layer& layer : layers_) bytes += layer.depth.bytes() + layer.images.bytes() + layer.coverage.bytes();
   return bytes;
@@ -196,24 +200,41 @@ void PixelBlend::setPatch(std::size_t place) const {
   setPlace(surface_, "u_patch", place);
 }
 
-void PixelBlend::setLists(std::span<const ProxyError> errors, const std::vector<std::vector<std::uint32_t>>& lists) {
-  LUMIGRID_CHECK(lists.size() <= kMostPatches && errors.size() == lists.size());
-  patch_count_ = lists.size();
-  // Runs of patches that the same samples may see share a list. The place after the last has none.
-  std::vector<glm::vec4> patches(rowsFor(lists.size() + 1, kPatchesARow) * kPatchesARow);
-  std::vector<std::array<std::uint8_t, 4 * kListTexels>> rows;
-  for (std::size_t i = 0; i < lists.size(); ++i) {
-    if (i == 0 || lists[i] != lists[i - 1]) {
-      auto& row = rows.emplace_back();
-      std::transform(lists[i].begin(), lists[i].end(), row.begin(),
-                     [](std::uint32_t sample) { return static_cast<std::uint8_t>(sample); });
+void PixelBlend::setLists(std::span<const ProxyError> errors, std::span<const PatchCells> cells) {
+  LUMIGRID_CHECK(cells.size() <= kMostPatches && errors.size() == cells.size());
+  patch_count_ = cells.size();
+  std::vector<std::array<glm::vec4, kTexelsAPatch>> patches;
+  std::vector<std::array<std::uint8_t, 4>> begins;  // of a cell's list, three bytes, and its length
+  std::vector<std::array<std::uint8_t, 4>> lists;   // four samples a texel
+  const std::vector<std::uint32_t>* last = nullptr;
+  for (std::size_t i = 0; i < cells.size(); ++i) {
+    const PatchCells& patch = cells[i];
+    patches.push_back({glm::vec4(errors[i].shapeForShader(), errors[i].color, begins.size(), patch.samples),
+                       glm::vec4(patch.begin, patch.counts.x + 8 * patch.counts.y),
+                       glm::vec4(patch.per_unit, patch.counts.z)});
+    for (const std::vector<std::uint32_t>& list : patch.lists) {
+      if (last != nullptr && list == *last) {  // neighbours mostly share one
+        begins.push_back(begins.back());
+        continue;
+      }
+      const std::size_t begin = lists.size();
+      begins.push_back({byteOf(begin), byteOf(begin >> 8U), byteOf(begin >> 16U), byteOf(list.size())});
+      lists.resize(begin + rowsFor(list.size(), 4));
+      for (std::size_t k = 0; k < list.size(); ++k) lists[begin + k / 4][k % 4] = byteOf(list[k]);
+      last = &list;
     }
-    patches[i] = {errors[i].shapeForShader(), errors[i].color, rows.size() - 1, lists[i].size()};
   }
-  rows.resize(rowsFor(rows.size(), kListsARow) * kListsARow);
-  write(patches_, GL_RGBA32F, GL_RGBA, GL_FLOAT, kPatchesARow, patches.size() / kPatchesARow, patches.data());
-  write(lists_, GL_RGBA8UI, GL_RGBA_INTEGER, GL_UNSIGNED_BYTE, kListsARow * kListTexels, rows.size() / kListsARow,
-        rows.data());
+  // The place after the last patch has an empty list.
+  patches.push_back({glm::vec4(0.0F, 0.0F, begins.size(), 0.0F), glm::vec4(0.0F, 0.0F, 0.0F, 9.0F),
+                     glm::vec4(0.0F, 0.0F, 0.0F, 1.0F)});
+  begins.emplace_back();
+  patches.resize(rowsFor(patches.size(), kPatchesARow) * kPatchesARow);
+  begins.resize(rowsFor(begins.size(), kListsARow) * kListsARow);
+  lists.resize(rowsFor(lists.size(), kListsARow) * kListsARow);
+  write(patches_, GL_RGBA32F, GL_RGBA, GL_FLOAT, kTexelsAPatch * kPatchesARow, patches.size() / kPatchesARow,
+        patches.data());
+  write(cells_, GL_RGBA8UI, GL_RGBA_INTEGER, GL_UNSIGNED_BYTE, kListsARow, begins.size() / kListsARow, begins.data());
+  write(lists_, GL_RGBA8UI, GL_RGBA_INTEGER, GL_UNSIGNED_BYTE, kListsARow, lists.size() / kListsARow, lists.data());
 }
 
 void PixelBlend::blendPixels(std::size_t layer, int unit) const {
@@ -224,6 +245,7 @@ void PixelBlend::blendPixels(std::size_t layer, int unit) const {
         {"u_surface_normals", normals_},
         {"u_surface_patch", patch_},
         {"u_patches", patches_},
+        {"u_cells", cells_},
         {"u_lists", lists_}});
   glBindFramebuffer(GL_FRAMEBUFFER, blended.blend.name());
   glViewport(0, 0, width_, height_);
@@ -241,8 +263,7 @@ void PixelBlend::blendPixels(std::size_t layer, int unit) const {
   glStencilMask(0xFF);
 }
 
-void PixelBlend::compose(std::size_t layer, int unit, bool insides) const {
-  glUniform1i(picture_.uniform("u_insides"), insides ? 1 : 0);
+void PixelBlend::compose(std::size_t layer, int unit) const {
   const Layer& blended = layers_.at(layer);
   bind(picture_, unit,
        {{"u_layer_depth", blended.depth},

@@ -12,6 +12,7 @@
 #include "base/error.h"
 #include "base/gl/gl.h"
 #include "client/render/lumigraph.h"
+#include "client/render/patch_samples.h"
 
 namespace client {
 
@@ -57,14 +58,13 @@ class PixelBlend {
   void clearSurface(std::size_t layer) const;
   /// Tells the place in the draw order of the patch that is drawn next.
   void setPatch(std::size_t place) const;
-  /// Tells for each place in the draw order the patch's typical errors, and the samples that may see it.
-  void setLists(std::span<const ProxyError> errors, const std::vector<std::vector<std::uint32_t>>& lists);
+  /// Tells for each place in the draw order the patch's typical errors, and the samples that may see its cells.
+  void setLists(std::span<const ProxyError> errors, std::span<const PatchCells> cells);
   /// Blends the layer by blend().
   void blendPixels(std::size_t layer, int unit) const;
 
-  /// Draws the layer by picture() into the framebuffer bound now, where nothing is nearer. `insides`: only pixels whose
-  /// samples all show one surface.
-  void compose(std::size_t layer, int unit, bool insides) const;
+  /// Draws the layer by picture() into the framebuffer bound now, where nothing is nearer.
+  void compose(std::size_t layer, int unit) const;
 
   /// Sets the uniforms of show(): with what was blended, or without.
   void setResult(bool blended, int unit) const;
@@ -86,7 +86,7 @@ class PixelBlend {
   std::size_t blend_ = 0;                                                   ///< of them
   base::gl::WholeTarget whole_;
   base::gl::Texture color_, normals_, patch_, depth_;  ///< of the surface that is blended next; depth and stencil
-  base::gl::Texture patches_, lists_;
+  base::gl::Texture patches_, cells_, lists_;
   std::array<Layer, kLayers> layers_;
   std::size_t patch_count_ = 0;
   int width_ = 0, height_ = 0;

@@ -22,7 +22,7 @@ void main() {
 
   Surface here = surfaceHere();
   vec2 view_ndc = gl_FragCoord.xy / u_viewport * 2.0 - 1.0;
-  Blend blend = blendAt(here, view_ndc, u_proxy_error.xyy, u_count);
+  Blend blend = blendAt(here, view_ndc, u_proxy_error.xyy, u_count, float(u_count));
   float covered = coverageOf(blend.kept, vec2(dFdx(blend.kept), dFdy(blend.kept)));
   if (covered <= 0.0) discard;
 

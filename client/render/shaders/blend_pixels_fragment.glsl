@@ -4,14 +4,30 @@ uniform highp usampler2D u_surface_depth;  // bits of floats; 0 where there is n
 uniform sampler2D u_surface_color;
 uniform sampler2D u_surface_normals;
 uniform sampler2D u_surface_patch;
-uniform highp sampler2D u_patches;     // 256 a row: typical errors of shape and colour, row of its list, entries in use
-uniform highp usampler2D u_lists;      // 8 a row, of 24 texels each: indices of samples
+// 256 a row, of three texels each: typical errors of shape and colour, its first cell, how many samples may see it; the
+// box's lower corner, cells along x + 8 × those along y; cells per scene unit, those along z.
+uniform highp sampler2D u_patches;
+uniform highp usampler2D u_cells;      // 256 a row: where its list begins, from the lowest byte, and the list's length
+uniform highp usampler2D u_lists;      // 256 a row: indices of four samples
 layout(location = 0) out vec4 o_color;     // of the images, and their share
 layout(location = 1) out vec2 o_coverage;  // and 1 where what lies behind is wanted as well
 
-ivec2 g_list;
+int g_list;                            // where the place's list begins
 int listed(int k) {
-  return int(texelFetch(u_lists, g_list + ivec2(k >> 2, 0), 0)[k & 3]);
+  int texel = g_list + (k >> 2);
+  return int(texelFetch(u_lists, ivec2(texel & 255, texel >> 8), 0)[k & 3]);
+}
+
+// Finds the list of a place of a patch, and returns its length.
+int findList(vec3 position, ivec2 number, int first) {
+  vec4 begin = texelFetch(u_patches, ivec2(3 * number.x + 1, number.y), 0);
+  vec4 per_unit = texelFetch(u_patches, ivec2(3 * number.x + 2, number.y), 0);
+  ivec3 counts = ivec3(int(begin.w) & 7, int(begin.w) >> 3, int(per_unit.w));
+  ivec3 at = clamp(ivec3(floor((position - begin.xyz) * per_unit.xyz)), ivec3(0), counts - 1);
+  int cell = first + at.x + counts.x * (at.y + counts.y * at.z);
+  uvec4 list = texelFetch(u_cells, ivec2(cell & 255, cell >> 8), 0);
+  g_list = int(list.r | list.g << 8 | list.b << 16);
+  return int(list.a);
 }
 
 // So many pixels behind or before the next one, a pixel shows the edge of something. A choice.
@@ -55,9 +71,7 @@ void main() {
   vec4 normals = texelFetch(u_surface_normals, pixel, 0);
   vec2 code = texelFetch(u_surface_patch, pixel, 0).rg;
   ivec2 number = ivec2(255.0 * code + 0.5);
-  vec4 patch_here = texelFetch(u_patches, number, 0);
-  int row = int(patch_here.z);
-  g_list = ivec2((row & 7) * 24, row >> 3);
+  vec4 patch_here = texelFetch(u_patches, ivec2(3 * number.x, number.y), 0);
 
   Surface here;
   here.position = placeAt(pixel, uintBitsToFloat(bits));
@@ -72,7 +86,8 @@ void main() {
   // the proxy's shape is off by pixels, as when a scene arrives, and where it lacks a texture.
   float least = mix(u_even_error, 1.0, smoothstep(0.25, 1.0, patch_here.x / size)) * local;
   if (u_unlit && patch_here.x >= 0.0) local = clamp(contrastAt(pixel, here, size), least, local);
-  Blend blend = blendAt(here, ndc, vec3(patch_here.xy, local), bits != 0u ? int(patch_here.w) : 0);
+  int count = findList(here.position, number, int(patch_here.z));
+  Blend blend = blendAt(here, ndc, vec3(patch_here.xy, local), bits != 0u ? count : 0, patch_here.w);
   // Beside a pixel without a surface nothing is known of the slope.
   float is_surface = bits != 0u ? 1.0 : 0.0;
   vec2 known = vec2(dFdx(is_surface) == 0.0, dFdy(is_surface) == 0.0);

@@ -127,8 +127,8 @@ struct Blend {
 
 // Blends the first `count` samples listed. `view_ndc`: the pixel, −1..1. `proxy_error`: typical errors of the place's
 // patch: of shape, scene units, below 0 where a texture is all that it lacks; of colour, 0..1; and of its own colour at
-// this place, no more than that.
-Blend blendAt(Surface surface, vec2 view_ndc, vec3 proxy_error, int count) {
+// this place, no more than that. `listed_of_patch`: samples that may see the place's patch.
+Blend blendAt(Surface surface, vec2 view_ndc, vec3 proxy_error, int count, float listed_of_patch) {
   float view_distance = length(surface.to_eye);
   vec3 view_ray = surface.to_eye / view_distance;
   float error = max(proxy_error.x, 0.0);
@@ -271,7 +271,7 @@ Blend blendAt(Surface surface, vec2 view_ndc, vec3 proxy_error, int count) {
   vec3 off = colorOf(all) - surface.shaded;
   float spread = varianceOf(all) / max(dot(off, off), 1e-9);
   float sharing = weights.x * weights.x / max(weights.y, 1e-30);
-  float enough = max(smoothstep(1.0, kSharing, sharing), 1.0 - smoothstep(kFewListed, 2.0 * kFewListed, float(count)));
+  float enough = max(smoothstep(1.0, kSharing, sharing), 1.0 - smoothstep(kFewListed, 2.0 * kFewListed, listed_of_patch));
   float believed = u_agreement > 0.0 ? enough * (1.0 - smoothstep(0.5, 1.0, spread / u_agreement)) : 0.0;
   float wary_share = shareOf(wary, weight);
   float full_share = shareOf(all, weight);
