@@ -668,7 +668,7 @@ bool LumigraphRenderer::Impl::drawOnce(const Frame& frame, const Lists& lists, c
   const bool images = !frame.active.empty();
   const bool fits = options.blend_once && frame.patches.size() <= PixelBlend::kMostPatches;
   const bool blends = images && fits && colors && all;
-  // Where nothing is blended, textures of a pixel stand in for what the program does not read.
+  // Where nothing is blended, the memory is given back.
   const bool ready = pixels->prepare(blends ? camera.width : 1, blends ? camera.height : 1);
   if (!ready || images != blends || !colors || !all) return false;
   if (blends && !pixels->chooseBlend(options.tuning, onlyArray(frame).has_value())) return false;
@@ -677,8 +677,8 @@ bool LumigraphRenderer::Impl::drawOnce(const Frame& frame, const Lists& lists, c
   if (blends) blendPixels(frame, lists, shading);
   if (blends && !options.multisampled) return true;
   clearTarget(frame);
-  setUniforms(pixels->show(), frame, shading);
-  pixels->setResult(blends, kFreeUnit);
+  setUniforms(blends ? pixels->show() : pixels->shade(), frame, shading);
+  if (blends) pixels->setResult(kFreeUnit);
   withSoftEdges(frame, [&] { patches.draw(frame.patches); });
   return true;
 }

@@ -108,6 +108,8 @@ base::Result<PixelBlend> PixelBlend::create() {
                                                                          glsl::kSurfaceFragment));
   LUMIGRID_ASSIGN_OR_RETURN(result.wanted_,
                             base::gl::Program::link("lumigraph wanted", glsl::kWholeVertex, glsl::kWantedFragment));
+  LUMIGRID_ASSIGN_OR_RETURN(result.shade_, base::gl::Program::link("lumigraph shaded", glsl::kBlendVertex,
+                                                                   view + glsl::kProxySurface + glsl::kShadedFragment));
   LUMIGRID_ASSIGN_OR_RETURN(result.show_, base::gl::Program::link("lumigraph blended", glsl::kBlendVertex,
                                                                   view + glsl::kProxySurface + glsl::kBlendedFragment));
   LUMIGRID_ASSIGN_OR_RETURN(result.picture_,
@@ -275,10 +277,9 @@ void PixelBlend::compose(std::size_t layer, int unit) const {
   whole_.draw();
 }
 
-void PixelBlend::setResult(bool blended, int unit) const {
+void PixelBlend::setResult(int unit) const {
   const Layer& front = layers_.front();
   const Layer& back = layers_.back();
-  glUniform1i(show_.uniform("u_once"), blended ? 1 : 0);
   bind(show_, unit,
        {{"u_front_depth", front.depth},
         {"u_front_color", front.images},

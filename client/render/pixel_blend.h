@@ -41,10 +41,11 @@ class PixelBlend {
 
   /// Takes the program for this tuning. False if the GL refuses.
   bool chooseBlend(const BlendTuning& tuning, bool one_array);
-  /// The programs that keep surfaces, blend them, draw the proxy with the result, and make it a picture of one sample a
-  /// pixel. All have the uniforms of the view; the second also those of the samples and the tuning.
+  /// The programs that keep surfaces, blend them, draw the proxy without and with the result, and make it a picture of
+  /// one sample a pixel. All have the uniforms of the view; the second also those of the samples and the tuning.
   const base::gl::Program& surface() const { return surface_; }
   const base::gl::Program& blend() const { return blends_.at(blend_).second; }
+  const base::gl::Program& shade() const { return shade_; }
   const base::gl::Program& show() const { return show_; }
   const base::gl::Program& picture() const { return picture_; }
 
@@ -66,8 +67,8 @@ class PixelBlend {
   /// Draws the layer by picture() into the framebuffer bound now, where nothing is nearer.
   void compose(std::size_t layer, int unit) const;
 
-  /// Sets the uniforms of show(): with what was blended, or without.
-  void setResult(bool blended, int unit) const;
+  /// Sets the uniforms of show().
+  void setResult(int unit) const;
 
  private:
   struct Layer {
@@ -80,6 +81,7 @@ class PixelBlend {
 
   base::gl::Program surface_;
   base::gl::Program wanted_;
+  base::gl::Program shade_;
   base::gl::Program show_;
   base::gl::Program picture_;
   std::vector<std::pair<std::array<float, 4>, base::gl::Program>> blends_;  ///< by what their sources depend on

@@ -88,7 +88,14 @@ bool LinesOfSight::lookFrom(const base::Camera& camera, bool roughly) {
 
 /// Whether the view shows the places of the last look nearly where that did.
 bool LinesOfSight::isBeside(const base::Camera& camera) const {
-  if (camera.clip_from_eye != camera_.clip_from_eye || camera.section != camera_.section || met_.empty()) return false;
+  if (met_.empty() || camera.section != camera_.section || camera.orthographic() != camera_.orthographic())
+    return false;
+  // The planes before and behind all are fitted to each view.
+  const auto shape = [](const base::Camera& c) {
+    const glm::mat4& p = c.clip_from_eye;
+    return glm::vec4(p[0][0], p[1][1], p[2][0], p[2][1]);
+  };
+  if (shape(camera) != shape(camera_)) return false;
   const glm::mat3 before(camera_.eye_from_scene), now(camera.eye_from_scene);
   float turn = 0.0F;
   for (int i = 0; i < 3; ++i) turn = std::max(turn, glm::length(now[i] - before[i]));

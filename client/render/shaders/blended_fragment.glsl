@@ -1,7 +1,6 @@
 // Draws the proxy with what blend_pixels_fragment.glsl made of its pixels. A fragment takes what its own pixel's middle
 // shows, or a pixel beside it, where that is the same place of the surface; else it has the proxy's own colour. So
 // edges are as sharp as the picture's samples, and nothing is blended twice.
-uniform bool u_once;                   // otherwise nothing is blended
 uniform highp usampler2D u_front_depth;
 uniform sampler2D u_front_color;       // of the images, and their share
 uniform sampler2D u_front_coverage;
@@ -45,28 +44,26 @@ void main() {
   vec4 blended = vec4(0.0);
   float covered = 1.0;
   vec3 place = placeHere();
-  if (u_once) {
-    ivec2 here = ivec2(gl_FragCoord.xy);
-    ivec2 front = here;
-    float front_off = offPixel(place, here, texelFetch(u_front_depth, here, 0).r);
-    float back_off = offPixel(place, here, texelFetch(u_back_depth, here, 0).r);
-    float limit = kSamePlace;
-    if (min(front_off, back_off) >= kSamePlace) {
-      for (int axis = 0; axis < 2; ++axis) {
-        ivec2 beside = pixelTowards(here, place, axis);
-        float off = offPixel(place, beside, texelFetch(u_front_depth, beside, 0).r);
-        if (off < front_off) front = beside;
-        front_off = min(off, front_off);
-      }
-      limit = kBeside;
+  ivec2 here = ivec2(gl_FragCoord.xy);
+  ivec2 front = here;
+  float front_off = offPixel(place, here, texelFetch(u_front_depth, here, 0).r);
+  float back_off = offPixel(place, here, texelFetch(u_back_depth, here, 0).r);
+  float limit = kSamePlace;
+  if (min(front_off, back_off) >= kSamePlace) {
+    for (int axis = 0; axis < 2; ++axis) {
+      ivec2 beside = pixelTowards(here, place, axis);
+      float off = offPixel(place, beside, texelFetch(u_front_depth, beside, 0).r);
+      if (off < front_off) front = beside;
+      front_off = min(off, front_off);
     }
-    float off = min(front_off, back_off);
-    if (off < kCarvedAlike) {
-      bool is_front = front_off < kSamePlace || front_off <= back_off;
-      covered = is_front ? texelFetch(u_front_coverage, front, 0).r : texelFetch(u_back_coverage, here, 0).r;
-      if (off < limit)
-        blended = is_front ? texelFetch(u_front_color, front, 0) : texelFetch(u_back_color, here, 0);
-    }
+    limit = kBeside;
+  }
+  float off = min(front_off, back_off);
+  if (off < kCarvedAlike) {
+    bool is_front = front_off < kSamePlace || front_off <= back_off;
+    covered = is_front ? texelFetch(u_front_coverage, front, 0).r : texelFetch(u_back_coverage, here, 0).r;
+    if (off < limit)
+      blended = is_front ? texelFetch(u_front_color, front, 0) : texelFetch(u_back_color, here, 0);
   }
   if (covered <= 0.0) discard;
   Surface surface = surfaceHere();

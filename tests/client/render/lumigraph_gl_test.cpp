@@ -401,6 +401,27 @@ TEST_F(Lumigraph, pixelsThatAreBlendedOnceLookLikeFragmentsThatAreBlendedEach) {
       << "places that no middle of a pixel shows are shaded";
 }
 
+// Each image shows a ninth of a patch that fills the picture.
+TEST_F(Lumigraph, eachPartOfALargePatchHasTheImagesThatShowIt) {
+  const Rectangle wall{{0, 1, 0}, {3, 0, 0}, {0, 0, 3}, pattern, {}};
+  scene_.rectangles = {wall};
+  addPatch(rectanglePatch(wall, 40, kWhite));
+  for (int i = 0; i < 9; ++i) {
+    const glm::vec3 target(1.2F * static_cast<float>(i % 3 - 1), 1.0F, 1.2F * static_cast<float>(i / 3 - 1));
+    addImage(static_cast<SampleId>(i), lookAt({0.0F, -2.0F, 0.0F}, target, 96, 96, 25.0F));
+  }
+  options_.tuning.even_error = 1.0F;
+  const base::Camera camera = lookAt({0.2F, -2.2F, 0.1F}, {0, 1, 0}, 240, 240, 60.0F);
+  const base::Image once = draw(camera);
+  EXPECT_TRUE(renderer_->stats().blended_once);
+  options_.blend_once = false;
+  const base::Image each = draw(camera);
+  EXPECT_FALSE(renderer_->stats().blended_once);
+  EXPECT_GE(psnrOnCovered(each, once), 40.0) << "but for the rounding of normals";
+  options_.use_images = false;
+  EXPECT_LT(psnrOnCovered(each, draw(camera)), 20.0);
+}
+
 TEST_F(Lumigraph, tintsNeedEachFragmentAndGiveTheMemoryBack) {
   makeBall();
   addCube(kEye, 0);

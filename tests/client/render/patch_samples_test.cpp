@@ -2,6 +2,8 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <cmath>
 #include <memory>
 
 namespace client {
@@ -37,8 +39,6 @@ class PatchSamplesTest : public ::testing::Test {
   std::vector<std::uint32_t> points;
   std::vector<base::Aabb> boxes;
   std::vector<ProxyError> errors;
-
- private:
   std::vector<std::unique_ptr<SampleGeometry>> made_;
 };
 
@@ -92,6 +92,47 @@ TEST_F(PatchSamplesTest, anEyeInThePatchIsNotItsBest) {
   boxes[0] = {{-1.0F, -1.0F, 9.0F}, {1.0F, 1.0F, 11.0F}};
   EXPECT_EQ(lists(2), (Lists{{0, 1}}));
   EXPECT_EQ(lists(1), (Lists{{1}})) << "from most of the patch it looks another way than the viewer";
+}
+
+class PatchCellsTest : public PatchSamplesTest {
+ protected:
+  std::vector<PatchCells> cells() const {
+    return cellsOfPatches(lists(kMaxBlended), samples, boxes, cameraAbove(0.0F, 20.0F, 512));
+  }
+};
+
+TEST_F(PatchCellsTest, aSmallPatchIsOne) {
+  addSample(0.0F, 0);
+  addPatch(0.0F);  // 28 pixels wide
+  const std::vector<PatchCells> made = cells();
+  ASSERT_EQ(made.size(), 1U);
+  EXPECT_EQ(made[0].counts, glm::ivec3(1));
+  EXPECT_EQ(made[0].lists, (Lists{{0}}));
+  EXPECT_EQ(made[0].samples, 1U);
+}
+
+TEST_F(PatchCellsTest, whoSeesAPlaceIsInTheListOfItsCell) {
+  for (int i = -4; i <= 4; ++i) {
+    made_.push_back(std::make_unique<SampleGeometry>(cameraAbove(2.0F * static_cast<float>(i), 2.0F, 64)));
+    samples.push_back(made_.back().get());
+    points.push_back(static_cast<std::uint32_t>(samples.size()));
+  }
+  addPatch(0.0F);
+  boxes[0] = {{-9.0F, -1.0F, -0.1F}, {9.0F, 1.0F, 0.1F}};
+  const PatchCells made = cells().at(0);
+  EXPECT_EQ(made.counts, glm::ivec3(4, 1, 1));
+  ASSERT_EQ(made.lists.size(), 4U);
+  EXPECT_EQ(made.samples, 9U);
+  for (float x = -8.9F; x < 9.0F; x += 0.1F) {
+    const glm::vec3 place(x, 0.5F, 0.0F);
+    const glm::ivec3 at(glm::floor((place - made.begin) * made.per_unit));
+    const auto& list = made.lists[static_cast<std::size_t>(at.x + made.counts.x * (at.y + made.counts.y * at.z))];
+    EXPECT_LE(list.size(), 5U) << x;
+    for (std::uint32_t s = 0; s < samples.size(); ++s) {
+      if (std::abs(x - samples[s]->eye.x) > 1.8F) continue;  // a picture shows 1.86 to either side
+      EXPECT_EQ(std::count(list.begin(), list.end(), s), 1) << x << " " << s;
+    }
+  }
 }
 
 }  // namespace

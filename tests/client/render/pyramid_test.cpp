@@ -2,6 +2,11 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <array>
+#include <cstdint>
+#include <vector>
+
 namespace {
 
 using client::premultipliedPyramid;
@@ -36,6 +41,20 @@ TEST(Pyramid, theFirstLevelIsTheImageBottomUp) {
   const auto levels = premultipliedPyramid(image);
   EXPECT_EQ(levels[0].at(0, 0)[0], 20);
   EXPECT_EQ(levels[0].at(0, 1)[0], 10);
+}
+
+TEST(Pyramid, texelsOfEvenLevelsAreMeansRoundedUp) {
+  base::Image image(4, 2, 4);
+  const auto set = [&](int x, int y, std::array<std::uint8_t, 3> rgb) {
+    std::copy(rgb.begin(), rgb.end(), image.at(x, y));
+    image.at(x, y)[3] = 255;
+  };
+  set(0, 0, {255, 0, 1}), set(1, 0, {255, 1, 0}), set(0, 1, {255, 0, 0}), set(1, 1, {254, 0, 1});
+  set(2, 0, {7, 255, 9}), set(3, 0, {8, 0, 9}), set(2, 1, {9, 255, 8}), set(3, 1, {10, 0, 8});
+  const base::Image half = premultipliedPyramid(image).at(1);
+  const auto texel = [&](int x) { return std::vector<int>(half.at(x, 0), half.at(x, 0) + 4); };
+  EXPECT_EQ(texel(0), (std::vector<int>{255, 0, 1, 255})) << "254.75, 0.25, 0.5";
+  EXPECT_EQ(texel(1), (std::vector<int>{9, 128, 9, 255})) << "8.5, 127.5, 8.5";
 }
 
 TEST(Pyramid, anOddRowIsNotLost) {

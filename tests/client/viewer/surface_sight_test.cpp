@@ -75,6 +75,30 @@ TEST_F(SurfaceSightTest, looksAnewFromAnotherPlaceAndThroughASection) {
   EXPECT_FALSE(sight_->lookFrom(camera(view))) << "nothing is left";
 }
 
+TEST_F(SurfaceSightTest, ofAMovingViewOneLookServesThoseALittleBeside) {
+  receiveGroups(groups());
+  base::ViewCamera view = server_.lookDown(20.0);
+  ASSERT_TRUE(sight_->lookFrom(camera(view)));
+  const std::vector<glm::vec3> before = sight_->surface().places;
+  view.position.x += 0.1;
+  ASSERT_TRUE(sight_->lookFrom(camera(view), true));
+  EXPECT_EQ(sight_->surface().places, before);
+  view.direction = glm::normalize(view.direction + glm::dvec3(0.005, 0.0, 0.0));
+  ASSERT_TRUE(sight_->lookFrom(camera(view), true));
+  EXPECT_EQ(sight_->surface().places, before);
+
+  base::ViewCamera farther = view, turned = view, cut = view;
+  farther.position.x += 1.0;
+  turned.direction = glm::normalize(view.direction + glm::dvec3(0.05, 0.0, 0.0));
+  cut.section = base::SectionPlane{{1.0, 0.0, 0.0}, view.position.x};
+  for (const base::ViewCamera& other : {farther, turned, cut}) {
+    ASSERT_TRUE(sight_->lookFrom(camera(other), true));
+    EXPECT_NE(sight_->surface().places, before);
+  }
+  ASSERT_TRUE(sight_->lookFrom(camera(view)));
+  EXPECT_NE(sight_->surface().places, before) << "a view at rest is looked at itself";
+}
+
 TEST_F(SurfaceSightTest, takesFinerPatchesIn) {
   receiveGroups(1);
   const base::Camera view = camera(server_.lookDown(20.0));
