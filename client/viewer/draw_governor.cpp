@@ -8,11 +8,9 @@ namespace client {
 namespace {
 
 constexpr int kAllSamples = 0;
-constexpr int kManyPoints = 12;
-constexpr int kSomePoints = 6;
+constexpr int kFewPoints = 6;
 /// Measured: docs/decisions/moving-effort.md.
-constexpr DrawEffort kEfforts[] = {{kAllSamples},          {1, 1.0F, kManyPoints}, {1, 0.7F, kManyPoints},
-                                   {1, 0.7F, kSomePoints}, {1, 0.5F, kSomePoints}, {1, 0.5F, 2}};
+constexpr DrawEffort kEfforts[] = {{kAllSamples}, {1}, {1, 0.7F}, {1, 0.5F}, {1, 0.5F, kFewPoints}};
 /// An effort's cost over that of the next one, about; the larger steps are found too large when they are tried.
 constexpr double kUsualStep = 1.5;
 constexpr double kLongestPause = 16.0 * DrawGovernor::kFirstPause;
@@ -30,7 +28,7 @@ std::vector<DrawEffort> DrawGovernor::efforts(int most_samples) {
   std::vector<DrawEffort> efforts;
   for (DrawEffort effort : kEfforts) {
     if (effort.samples == kAllSamples) effort.samples = most_samples;
-    efforts.push_back(effort);
+    if (efforts.empty() || effort != efforts.back()) efforts.push_back(effort);
   }
   return efforts;
 }
@@ -38,7 +36,7 @@ std::vector<DrawEffort> DrawGovernor::efforts(int most_samples) {
 DrawGovernor::DrawGovernor(int most_samples, bool slow, double rate)
     : efforts_(efforts(most_samples)), budget_(rate > 0.0 ? 1.0 / rate : std::numeric_limits<double>::infinity()) {
   if (slow && rate > 0.0)
-    while (efforts_[level_].samples > 1 || efforts_[level_].points > kManyPoints) ++level_;
+    while (efforts_[level_].samples > 1) ++level_;
 }
 
 std::size_t DrawGovernor::slowerThan(double seconds) const {

@@ -26,8 +26,8 @@ class DrawGovernor {
   /// The first wait with less effort, in seconds of motion, before more is tried again; each failure doubles it.
   static constexpr double kFirstPause = 5.0;
 
-  /// `most_samples`: samples a pixel that are wanted, 1 or more. `slow`: begin with one sample and few images, as for
-  /// GL in software. `rate`: pictures a second that are wanted; 0: all effort, however long it takes.
+  /// `most_samples`: samples a pixel that are wanted, 1 or more. `slow`: begin with one sample, as for GL in software.
+  /// `rate`: pictures a second that are wanted; 0: all effort, however long it takes.
   DrawGovernor(int most_samples, bool slow, double rate = kUsualRate);
 
   /// Returns the efforts to choose from, the largest first; each costs less than the one before.
