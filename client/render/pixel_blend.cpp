@@ -5,7 +5,6 @@
 #include <utility>
 
 #include "base/check.h"
-#include "base/format_text.h"
 #include "client/render/shaders.h"
 #include "lod/draw/triangles.h"
 #include "lod/draw/view_modes.h"
@@ -77,9 +76,12 @@ void bindSamples(const base::gl::Program& program) {
 }
 
 std::string blendSource(const BlendTuning& tuning, bool one_array) {
-  return base::formatText("#define ANGLE_POWER %.8f\n#define VOTE_POWER %.8f\n#define HALF_RESOLUTION_POWER %.8f\n%s",
-                          static_cast<double>(tuning.angle_power), static_cast<double>(tuning.vote_power),
-                          0.5 * static_cast<double>(tuning.resolution_power), one_array ? "#define ONE_ARRAY\n" : "") +
+  // In whole thousandths, since printing a fraction takes 3 kB of a page.
+  const auto power = [](const char* name, float value) {
+    return std::string("#define ") + name + " (" + std::to_string(std::lround(1000.0F * value)) + ".0 / 1000.0)\n";
+  };
+  return power("ANGLE_POWER", tuning.angle_power) + power("VOTE_POWER", tuning.vote_power) +
+         power("HALF_RESOLUTION_POWER", 0.5F * tuning.resolution_power) + (one_array ? "#define ONE_ARRAY\n" : "") +
          glsl::kBlendSamples;
 }
 

@@ -36,8 +36,8 @@ class AnchorColumns {
       const float clip_x = x.x * x_[i] + x.y * y_[i] + x.z * z_[i] + x.w;
       const float clip_y = y.x * x_[i] + y.y * y_[i] + y.z * z_[i] + y.w;
       const float clip_w = w.x * x_[i] + w.y * y_[i] + w.z * z_[i] + w.w;
-      found[i] =
-          static_cast<std::uint8_t>((clip_w > 0.0F) & (std::abs(clip_x) <= clip_w) & (std::abs(clip_y) <= clip_w));
+      constexpr float kLeast = 1e-30F;  // what lies at the eye is not in view
+      found[i] = std::max({std::abs(clip_x), std::abs(clip_y), kLeast}) <= clip_w ? 1 : 0;
     }
   }
 

@@ -19,7 +19,7 @@ constexpr std::uint64_t kTriangles = 20'000;  ///< of the coarse patches: 1.5 MB
 constexpr double kGrowth = 1.25;              ///< as much finer the next ones are at least
 /// Radians of turning, and steps of the eye over the distance to what is nearest, that move places of a picture by less
 /// than half of what lies between two rays.
-constexpr float kBeside = 0.015F;
+constexpr float kNearlySame = 0.015F;
 /// Rays across the picture, and up. A tile shows a twentieth of a picture or so.
 constexpr int kColumns = 24, kRows = 14;
 
@@ -99,7 +99,7 @@ bool LinesOfSight::isBeside(const base::Camera& camera) const {
   const glm::mat3 before(camera_.eye_from_scene), now(camera.eye_from_scene);
   float turn = 0.0F;
   for (int i = 0; i < 3; ++i) turn = std::max(turn, glm::length(now[i] - before[i]));
-  return turn < kBeside && glm::length(camera.eye - camera_.eye) < kBeside * nearest_;
+  return turn < kNearlySame && glm::length(camera.eye - camera_.eye) < kNearlySame * nearest_;
 }
 
 bool LinesOfSight::isSeenFrom(const glm::vec3& eye, std::size_t place) {
