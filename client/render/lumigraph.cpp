@@ -37,6 +37,13 @@ int facesOfSize(int face_size, int whole_faces) {
   return face_size <= kTileSize ? kTilesForAFace * whole_faces : whole_faces;
 }
 
+/// Where each fragment is blended by itself, one program has all powers.
+constexpr const char* kPowersOfFragments =
+    "uniform float u_angle_power, u_vote_power, u_half_resolution_power;\n"
+    "#define ANGLE_POWER u_angle_power\n"
+    "#define VOTE_POWER u_vote_power\n"
+    "#define HALF_RESOLUTION_POWER u_half_resolution_power\n";
+
 /// Errors of a proxy for which nobody states typical ones: those of a coarse cut of a coloured scan.
 constexpr float kGuessedColorError = 0.1F;
 constexpr float kGuessedShareOfBound = 0.1F;
@@ -257,7 +264,7 @@ base::Result<std::unique_ptr<LumigraphRenderer>> LumigraphRenderer::create(const
       auto blend, base::gl::Program::link("lumigraph blend", glsl::kBlendVertex,
                                           lod::draw::shadingSource() + lod::draw::seenNormalSource() +
                                               lod::draw::viewModesSource() + glsl::kView + glsl::kProxySurface +
-                                              blendSource(BlendTuning{}, false) + glsl::kBlendFragment));
+                                              kPowersOfFragments + glsl::kBlendSamples + glsl::kBlendFragment));
   impl.blend = std::move(blend);
   for (const bool section : {false, true}) {
     const std::string define = section ? "#define SECTION\n" : "";
@@ -619,6 +626,9 @@ void LumigraphRenderer::Impl::setUniforms(const base::gl::Program& program, cons
 
   const BlendTuning& tuning = frame.options.tuning;
   set("u_angle_floor", tuning.angle_floor);
+  set("u_angle_power", tuning.angle_power);
+  set("u_vote_power", tuning.vote_power);
+  set("u_half_resolution_power", 0.5F * tuning.resolution_power);
   set("u_shift", tuning.shift);
   set("u_border", tuning.border);
   set("u_side_low", tuning.side_low);

@@ -76,7 +76,8 @@ std::vector<PatchCells> cellsOfPatches(const std::vector<std::vector<std::uint32
     const base::Aabb& box = boxes[b];
     PatchCells& cells = result[b];
     const glm::vec3 extent = box.max - box.min;
-    const glm::vec3 pixels = extent * view.pixelsPerUnit(box.center());
+    constexpr float kAtTheEye = 1e20F;
+    const glm::vec3 pixels = extent * std::min(view.pixelsPerUnit(box.center()), kAtTheEye);
     const auto most = static_cast<float>(kMostCellsAcross);
     cells.counts = glm::ivec3(glm::clamp(glm::ceil(pixels / kCellPixels), glm::vec3(1.0F), glm::vec3(most)));
     cells.begin = box.min;

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "base/check.h"
+#include "base/format_text.h"
 #include "client/render/shaders.h"
 #include "lod/draw/triangles.h"
 #include "lod/draw/view_modes.h"
@@ -43,9 +44,17 @@ void write(base::gl::Texture& texture, GLenum format, GLenum layout, GLenum type
   glBindTexture(GL_TEXTURE_2D, 0);
 }
 
-/// What the source of a blending program depends on.
+/// Returns all that the source of a blending program depends on.
 std::array<float, 4> keyOf(const BlendTuning& tuning, bool one_array) {
   return {tuning.angle_power, tuning.vote_power, tuning.resolution_power, one_array ? 1.0F : 0.0F};
+}
+
+/// Returns the source that blends images by the powers of this tuning, from one array of images or from all.
+std::string blendSource(const BlendTuning& tuning, bool one_array) {
+  return base::formatText("#define ANGLE_POWER %.8f\n#define VOTE_POWER %.8f\n#define HALF_RESOLUTION_POWER %.8f\n%s",
+                          static_cast<double>(tuning.angle_power), static_cast<double>(tuning.vote_power),
+                          0.5 * static_cast<double>(tuning.resolution_power), one_array ? "#define ONE_ARRAY\n" : "") +
+         glsl::kBlendSamples;
 }
 
 std::string viewSource() {
@@ -73,16 +82,6 @@ void setPlace(const base::gl::Program& program, const char* name, std::size_t pl
 void bindSamples(const base::gl::Program& program) {
   const GLuint index = glGetUniformBlockIndex(program.name(), "Samples");
   if (index != GL_INVALID_INDEX) glUniformBlockBinding(program.name(), index, kSamplesBinding);
-}
-
-std::string blendSource(const BlendTuning& tuning, bool one_array) {
-  // In whole thousandths, since printing a fraction takes 3 kB of a page.
-  const auto power = [](const char* name, float value) {
-    return std::string("#define ") + name + " (" + std::to_string(std::lround(1000.0F * value)) + ".0 / 1000.0)\n";
-  };
-  return power("ANGLE_POWER", tuning.angle_power) + power("VOTE_POWER", tuning.vote_power) +
-         power("HALF_RESOLUTION_POWER", 0.5F * tuning.resolution_power) + (one_array ? "#define ONE_ARRAY\n" : "") +
-         glsl::kBlendSamples;
 }
 
 base::Result<base::gl::Program> PixelBlend::linkBlend(const std::string& source) {

@@ -20,9 +20,6 @@ namespace client {
 inline constexpr GLuint kSamplesBinding = 0;
 void bindSamples(const base::gl::Program& program);
 
-/// Returns the source that blends images by this tuning: from one array of images, or from all.
-std::string blendSource(const BlendTuning& tuning, bool one_array);
-
 class PixelBlend {
  public:
   static base::Result<PixelBlend> create();

@@ -22,7 +22,7 @@ constexpr int kMoreTilesPerImage = 2;
 /// A resident image gives way only to one of this much larger rank, so that near equals do not flicker. A choice: a
 /// larger factor keeps worse images longer.
 constexpr float kReplaceFactor = 1.2F;
-/// Of images that the view does not use, whose ranks change with every step of the eye. A choice.
+/// The same of images that the view does not use, whose ranks change with every step of the eye.
 constexpr float kReplaceUnusedFactor = 3.0F;
 /// A moving eye gets a frame every twentieth of a second or so, which would be old before it had faded in as slowly as
 /// a face does.

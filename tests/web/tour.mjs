@@ -11,7 +11,8 @@ export const phone = {
 /// For addInitScript: counts the bytes of textures, buffers and renderbuffers at WebGL's calls, as window.glBytes().
 /// Unknown formats and calls are listed by glUnknown().
 export function countGl() {
-  const kPixel = {RG8: 2, RGBA8UI: 4, R32UI: 4, RGBA32F: 16, RGBA8: 4, DEPTH_COMPONENT24: 4, RGBA32UI: 16};
+  const kPixel = {RG8: 2, RGBA8UI: 4, R32UI: 4, RGBA32F: 16, RGBA8: 4, DEPTH_COMPONENT24: 4, DEPTH24_STENCIL8: 4,
+                  RGBA32UI: 16};
   const gl = WebGL2RenderingContext.prototype;
   const pixelBytes = new Map(Object.entries(kPixel).map(([name, bytes]) => [WebGL2RenderingContext[name], bytes]));
   const bindings = new Map(

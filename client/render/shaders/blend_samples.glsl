@@ -24,7 +24,7 @@ uniform bool u_carve;
 uniform float u_soft;                  // width of a carved edge, pixels; 0 where the target has one sample a pixel
 
 // BlendTuning: lumigraph.h describes each.
-// The powers are constants: ANGLE_POWER, VOTE_POWER, and HALF_RESOLUTION_POWER, which squares are raised to.
+// ANGLE_POWER, VOTE_POWER, and HALF_RESOLUTION_POWER, which squares are raised to, are defined before this text.
 uniform float u_angle_floor, u_shift, u_border, u_side_low, u_side_high;
 uniform float u_bias_texels, u_bias_error, u_carve_below, u_shade_blur, u_shade_weight;
 uniform float u_image_noise, u_proxy_noise, u_near, u_outlier, u_lit_outlier, u_agreement, u_sharpen, u_disagreement;
@@ -53,7 +53,7 @@ float litAround(int array, vec4 place, vec2 texel) {
                  litAt(array, place + vec4(-texel.x, texel.y, 0.0, 0.0)));
 }
 
-// Raises to a constant, mostly a small whole number.
+// Raises to a power, mostly a constant and a small whole number.
 float raised(float x, float power) {
   if (power == 3.0) return x * x * x;
   if (power == 1.0) return x;
@@ -271,7 +271,8 @@ Blend blendAt(Surface surface, vec2 view_ndc, vec3 proxy_error, int count, float
   vec3 off = colorOf(all) - surface.shaded;
   float spread = varianceOf(all) / max(dot(off, off), 1e-9);
   float sharing = weights.x * weights.x / max(weights.y, 1e-30);
-  float enough = max(smoothstep(1.0, kSharing, sharing), 1.0 - smoothstep(kFewListed, 2.0 * kFewListed, listed_of_patch));
+  float many = smoothstep(kFewListed, 2.0 * kFewListed, listed_of_patch);
+  float enough = max(smoothstep(1.0, kSharing, sharing), 1.0 - many);
   float believed = u_agreement > 0.0 ? enough * (1.0 - smoothstep(0.5, 1.0, spread / u_agreement)) : 0.0;
   float wary_share = shareOf(wary, weight);
   float full_share = shareOf(all, weight);

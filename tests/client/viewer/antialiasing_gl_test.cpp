@@ -322,7 +322,7 @@ TEST_F(Antialiasing, aLostContextTakesTheSamplesAndANewOneHasThemAgain) {
 TEST_F(Antialiasing, aViewThatMovesTooSlowlyIsDrawnWithFewerPixelsAndSharpAgainAtRest) {
   start(patches());
   const base::Image sharp = settle(view());
-  for (int i = 0; i < 12; ++i) {
+  for (int i = 0; i < 8; ++i) {
     draw(server.lookDown(190.0 - i));
     viewer->addFrameTime(0.045);
   }
