@@ -18,8 +18,8 @@ constexpr float kSaturation = 0.3F;
 
 /// Rays choose so much of the images. Measured: docs/decisions/choice-by-rays.md.
 constexpr float kShareByRays = 0.5F;
-/// At a ray's place, where an image's error decides, one of half the best's weight is of little use, and many such
-/// places must not displace the image that is the best of a few.
+/// Returns the fourth power of a share of the best weight: at a ray's place, where an image's error decides, one of
+/// half the best's weight is of little use, and many such places must not displace the image that is the best of a few.
 float sharpened(float quality) {
   return quality * quality * quality * quality;
 }

@@ -88,6 +88,13 @@ struct Sample {
   }
 };
 
+std::vector<const SampleGeometry*> geometriesOf(const std::vector<Sample*>& samples) {
+  std::vector<const SampleGeometry*> geometries;
+  geometries.reserve(samples.size());
+  for (const Sample* sample : samples) geometries.push_back(&sample->geometry);
+  return geometries;
+}
+
 /// Mixes the bits of a patch's number (Steele, Lea, Flood 2014, SplitMix); the sum of these numbers identifies a set of
 /// patches, in any order.
 std::uint64_t mixed(std::uint64_t x) {
@@ -489,9 +496,7 @@ void LumigraphRenderer::Impl::drawDepthMaps(const Frame& frame, const std::vecto
 /// Chooses this frame's samples, updates their depth maps and starts fades.
 void LumigraphRenderer::Impl::updateSamples(Frame& frame, std::span<const SampleId> candidates) {
   const std::vector<Sample*> all = frame.options.use_images ? candidateSamples(candidates) : std::vector<Sample*>{};
-  std::vector<const SampleGeometry*> geometries;
-  geometries.reserve(all.size());
-  for (const Sample* sample : all) geometries.push_back(&sample->geometry);
+  const std::vector<const SampleGeometry*> geometries = geometriesOf(all);
   const int limit = std::clamp(frame.options.max_samples, 1, kMaxBlended);
   const int more = std::clamp(frame.options.more_samples, 0, kMaxBlended - limit);
   std::vector<Sample*> wanted;
@@ -550,12 +555,9 @@ SampleBlock LumigraphRenderer::Impl::blockOf(const Sample& sample) const {
 
 /// Orders the frame's samples as the shader needs them, and uploads them.
 void LumigraphRenderer::Impl::uploadBlock(Frame& frame) {
-  std::vector<const SampleGeometry*> geometries;
+  const std::vector<const SampleGeometry*> geometries = geometriesOf(frame.active);
   std::vector<float> fades;
-  for (const Sample* sample : frame.active) {
-    geometries.push_back(&sample->geometry);
-    fades.push_back(sample->fadeAt(frame.now, frame.options.fade_seconds));
-  }
+  for (const Sample* sample : frame.active) fades.push_back(sample->fadeAt(frame.now, frame.options.fade_seconds));
   const SampleNesting nesting = nestingOf(geometries);
   const std::vector<SampleBorders> borders = bordersOf(geometries, fades, nesting);
   std::vector<std::uint32_t> groups;
@@ -654,8 +656,7 @@ void LumigraphRenderer::Impl::setUniforms(const base::gl::Program& program, cons
 
 /// Returns for each patch the samples that may see it.
 LumigraphRenderer::Impl::Lists LumigraphRenderer::Impl::samplesOverPatches(const Frame& frame) const {
-  std::vector<const SampleGeometry*> geometries;
-  for (const Sample* sample : frame.active) geometries.push_back(&sample->geometry);
+  const std::vector<const SampleGeometry*> geometries = geometriesOf(frame.active);
   const auto most = static_cast<std::size_t>(std::max(1, frame.options.max_points_a_patch));
   return samplesOfPatches(geometries, frame.points, frame.boxes, frame.proxy_errors, frame.camera, most,
                           frame.options.tuning);
@@ -697,9 +698,7 @@ bool LumigraphRenderer::Impl::drawOnce(const Frame& frame, const Lists& lists, c
 void LumigraphRenderer::Impl::blendPixels(const Frame& frame, const Lists& lists, const lod::draw::Shading& shading) {
   GLint target = 0;
   glGetIntegerv(GL_FRAMEBUFFER_BINDING, &target);
-  std::vector<const SampleGeometry*> geometries;
-  for (const Sample* sample : frame.active) geometries.push_back(&sample->geometry);
-  pixels->setLists(frame.proxy_errors, cellsOfPatches(lists, geometries, frame.boxes, frame.camera));
+  pixels->setLists(frame.proxy_errors, cellsOfPatches(lists, geometriesOf(frame.active), frame.boxes, frame.camera));
   for (std::size_t layer = 0; layer < PixelBlend::kLayers; ++layer) {
     if (layer > 0 && !frame.options.carve) {
       pixels->clearSurface(layer);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <iterator>
 #include <utility>
 
 #include "client/render/box_index.h"
@@ -83,14 +84,13 @@ std::vector<PatchCells> cellsOfPatches(const std::vector<std::vector<std::uint32
     cells.begin = box.min;
     cells.per_unit = glm::vec3(cells.counts) / glm::max(extent, glm::vec3(1e-20F));
     cells.samples = lists[b].size();
-    for (glm::ivec3 cell(0); cell.z < cells.counts.z; ++cell.z)
-      for (cell.y = 0; cell.y < cells.counts.y; ++cell.y)
-        for (cell.x = 0; cell.x < cells.counts.x; ++cell.x) {
-          const base::Aabb part = cellBox(box, cells.counts, cell);
-          std::vector<std::uint32_t>& list = cells.lists.emplace_back();
-          for (const std::uint32_t sample : lists[b])
-            if (samples[sample]->frustum.mayOverlap(part)) list.push_back(sample);
-        }
+    const glm::ivec3& counts = cells.counts;
+    for (int c = 0; c < counts.x * counts.y * counts.z; ++c) {
+      const base::Aabb part = cellBox(box, counts, {c % counts.x, c / counts.x % counts.y, c / (counts.x * counts.y)});
+      std::vector<std::uint32_t>& list = cells.lists.emplace_back();
+      std::copy_if(lists[b].begin(), lists[b].end(), std::back_inserter(list),
+                   [&](std::uint32_t sample) { return samples[sample]->frustum.mayOverlap(part); });
+    }
   }
   return result;
 }

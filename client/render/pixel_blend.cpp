@@ -17,6 +17,7 @@ namespace {
 constexpr std::size_t kPatchesARow = 256;
 constexpr std::size_t kTexelsAPatch = 3;
 constexpr std::size_t kListsARow = 256;
+static_assert(kMostCellsAcross < 8, "counts along x and y share a number");
 
 constexpr GLint kDepthTarget = 3;
 constexpr GLint kWanted = 1;  ///< in the stencil
@@ -42,11 +43,6 @@ void write(base::gl::Texture& texture, GLenum format, GLenum layout, GLenum type
   glTexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, static_cast<GLsizei>(width), static_cast<GLsizei>(rows), layout, type,
                   texels);
   glBindTexture(GL_TEXTURE_2D, 0);
-}
-
-/// Returns all that the source of a blending program depends on.
-std::array<float, 4> keyOf(const BlendTuning& tuning, bool one_array) {
-  return {tuning.angle_power, tuning.vote_power, tuning.resolution_power, one_array ? 1.0F : 0.0F};
 }
 
 /// Returns the source that blends images by the powers of this tuning, from one array of images or from all.
@@ -93,7 +89,7 @@ base::Result<base::gl::Program> PixelBlend::linkBlend(const std::string& source)
 }
 
 bool PixelBlend::chooseBlend(const BlendTuning& tuning, bool one_array) {
-  const std::array<float, 4> key = keyOf(tuning, one_array);
+  const BlendKey key{tuning.angle_power, tuning.vote_power, tuning.resolution_power, one_array};
   for (blend_ = 0; blend_ < blends_.size(); ++blend_)
     if (blends_[blend_].first == key) return blend().name() != 0;
   auto made = linkBlend(blendSource(tuning, one_array));
@@ -116,8 +112,10 @@ base::Result<PixelBlend> PixelBlend::create() {
   LUMIGRID_ASSIGN_OR_RETURN(result.picture_,
                             base::gl::Program::link("lumigraph picture", glsl::kWholeVertex,
                                                     view + glsl::kSurfaceCode + glsl::kComposeFragment));
-  LUMIGRID_ASSIGN_OR_RETURN(auto blend, linkBlend(blendSource(BlendTuning{}, true)));
-  result.blends_.emplace_back(keyOf(BlendTuning{}, true), std::move(blend));
+  const BlendTuning usual;
+  LUMIGRID_ASSIGN_OR_RETURN(auto blend, linkBlend(blendSource(usual, true)));
+  result.blends_.emplace_back(BlendKey{usual.angle_power, usual.vote_power, usual.resolution_power, true},
+                              std::move(blend));
   result.whole_ = base::gl::WholeTarget::create();
   return result;
 }

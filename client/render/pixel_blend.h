@@ -16,7 +16,7 @@
 
 namespace client {
 
-/// The uniform block of the frame's samples.
+/// The binding point of the frame's samples, and what binds a program's block `Samples` to it.
 inline constexpr GLuint kSamplesBinding = 0;
 void bindSamples(const base::gl::Program& program);
 
@@ -36,7 +36,8 @@ class PixelBlend {
   /// Allocates them; false if the GL refuses. What was blended before is lost where the size changes.
   bool prepare(int width, int height);
 
-  /// Takes the program for this tuning. False if the GL refuses.
+  /// Takes the program for the powers of this tuning, and links it at the first time. `one_array`: all samples of the
+  /// frame are in one array of images. False if the GL refuses.
   bool chooseBlend(const BlendTuning& tuning, bool one_array);
   /// The programs that keep surfaces, blend them, draw the proxy without and with the result, and make it a picture of
   /// one sample a pixel. All have the uniforms of the view; the second also those of the samples and the tuning.
@@ -73,6 +74,13 @@ class PixelBlend {
     base::gl::Framebuffer surface, blend;
   };
   PixelBlend() = default;
+  /// All that the source of a blending program depends on.
+  struct BlendKey {
+    float angle_power, vote_power, resolution_power;
+    bool one_array;
+
+    friend bool operator==(const BlendKey&, const BlendKey&) = default;
+  };
   static base::Result<base::gl::Program> linkBlend(const std::string& source);
   void keepToWanted(const Layer& front, int unit) const;
 
@@ -81,8 +89,8 @@ class PixelBlend {
   base::gl::Program shade_;
   base::gl::Program show_;
   base::gl::Program picture_;
-  std::vector<std::pair<std::array<float, 4>, base::gl::Program>> blends_;  ///< by what their sources depend on
-  std::size_t blend_ = 0;                                                   ///< of them
+  std::vector<std::pair<BlendKey, base::gl::Program>> blends_;
+  std::size_t blend_ = 0;  ///< of them
   base::gl::WholeTarget whole_;
   base::gl::Texture color_, normals_, patch_, depth_;  ///< of the surface that is blended next; depth and stencil
   base::gl::Texture patches_, cells_, lists_;
