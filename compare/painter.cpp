@@ -119,7 +119,7 @@ base::Result<std::shared_ptr<const base::Image>> Painter::exactPicture(const bas
   return std::shared_ptr<const base::Image>(std::move(picture));
 }
 
-base::Result<base::Bytes> Painter::exactFrame(const server::FrameRequest& request) {
+base::Result<protocol::EncodedFrame> Painter::exactFrame(const server::FrameRequest& request) {
   LUMIGRID_ASSIGN_OR_RETURN(const auto rgba, exactPicture(request.camera));
   return server::encodeFrame(*rgba, request.codec, request.quality);
 }

@@ -33,7 +33,7 @@ class Painter {
   /// all methods that show pictures, with all their knobs and links, ask for views of the same path.
   base::Result<std::shared_ptr<const base::Image>> exactPicture(const base::ViewCamera& camera);
   /// Returns an exact frame as the server sends it (server::FrameRenderer).
-  base::Result<base::Bytes> exactFrame(const server::FrameRequest& request);
+  base::Result<protocol::EncodedFrame> exactFrame(const server::FrameRequest& request);
 
   /// A path of 8 seconds has 480 views, and 640 × 360 pixels take 0.9 MB.
   static constexpr std::uint64_t kExactBytes = 1'000'000'000;

@@ -26,7 +26,7 @@ constexpr float kTexelPower = 0.7F;
 constexpr float kShift = 3.0F;         // of s, as BlendTuning's
 constexpr float kFailingShare = 0.1F;  // q
 /// An image that gains less for each of its bytes is not sent: 2e-7 for one of 10 kB. A picture of 40 dB has an error
-/// of 1e-4. That is where the model fills the picture, else by its share of it: who looks sees the model alone.
+/// of 1e-4. Less where the model does not fill the picture (GainQuery::counts_foreground).
 constexpr double kLeastImageRate = 2e-11;
 /// A model that is smaller counts as so large. With a fiftieth an orbit of the refinery took a third more bytes, for
 /// nothing (docs/decisions/gain-per-byte.md).
@@ -228,7 +228,7 @@ class GainOrder {
     for (std::size_t s = 0; s < samples.size(); ++s) addPlace(static_cast<std::uint32_t>(s), places[s]);
     double foreground = 0.0;
     for (const SurfaceSample& sample : samples) foreground += static_cast<double>(sample.weight);
-    foreground_ = std::clamp(foreground, kLeastForeground, 1.0);
+    if (query.counts_foreground) foreground_ = std::clamp(foreground, kLeastForeground, 1.0);
     for (std::size_t g = groups.size(); g-- > 0;) left_.push_back(g);
     prospects_.resize(groups.size());
   }

@@ -86,6 +86,9 @@ struct GainQuery {
   /// Groups gain for later views, too: so much of what each would gain there without images counts, 0..1. Of images
   /// nothing is said of later views.
   float later_share = 0.0F;
+  /// An image may gain less for its bytes where the model does not fill the picture, by the model's share of it: who
+  /// looks sees the model alone. Not for an eye that moves on.
+  bool counts_foreground = true;
 };
 
 /// An image or a group, and by how much it lessens the squared error of the picture's colours (0..1, mean over the

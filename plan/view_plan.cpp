@@ -177,6 +177,7 @@ OrderByGain orderItems(const Scene& scene, const LocalView& local, const PointQu
   gain.is_here = is_here;
   gain.later_share = points.empty() ? kLaterAlone : scene.is_fast ? kLaterUnderImages : 0.0F;
   gain.stored_bytes = scene.stored_bytes;
+  gain.counts_foreground = scene.rests;
   return orderByGain(gain, points, samples, places, send.groups);
 }
 

@@ -40,6 +40,8 @@ struct Scene {
   ImageBytes image_bytes = {};
   bool is_fast = false;    ///< the eye moves, and fast (isFast())
   bool is_fresh = false;   ///< of files: the plan before was of another camera, or there was none
+  /// The eye stands, and asks for more than the view's first plan had (GainQuery::counts_foreground).
+  bool rests = true;
   double link_rate = 0.0;  ///< bytes a second towards the viewer; 0: not known
   /// One in so many of the rays across the picture, and of those up, is cast: from 1 to 8. At 2 a plan takes less than
   /// half of the time, and tells less well what the view gains from.

@@ -59,7 +59,7 @@ bool readText(base::ByteReader& in, std::size_t limit, std::string& text) {
 }
 
 /// Flags of a Frame.
-constexpr std::uint8_t kLastFrame = 1, kFrameHasSection = 2;
+constexpr std::uint8_t kLastFrame = 1, kFrameHasSection = 2, kFrameTellsError = 4;
 
 // ---- small values ----
 
@@ -380,8 +380,11 @@ void writeBody(base::ByteWriter& out, const Frame& frame) {
   fields(frame.sequence);
   cameraFields(fields, frame.camera);
   const bool has_section = frame.camera.section.has_value();
-  out.u8(static_cast<std::uint8_t>((frame.last ? kLastFrame : 0) | (has_section ? kFrameHasSection : 0)));
+  const bool tells_error = frame.coding_error > 0.0F;
+  out.u8(static_cast<std::uint8_t>((frame.last ? kLastFrame : 0) | (has_section ? kFrameHasSection : 0) |
+                                   (tells_error ? kFrameTellsError : 0)));
   if (has_section) sectionFields(fields, *frame.camera.section);
+  if (tells_error) fields(frame.coding_error);
   out.bytes(frame.value);
 }
 
@@ -391,9 +394,14 @@ base::Result<void> readBody(base::ByteReader& in, Frame& frame) {
   if (const char* problem = readCamera(fields, frame.camera)) return bad(problem);
   const std::uint8_t flags = in.u8();
   frame.last = (flags & kLastFrame) != 0;
-  if (flags > (kLastFrame | kFrameHasSection)) return bad("its flags are none that there are");
+  if (flags > (kLastFrame | kFrameHasSection | kFrameTellsError)) return bad("its flags are none that there are");
   if ((flags & kFrameHasSection) != 0)
     if (const char* problem = readSection(fields, frame.camera.section)) return bad(problem);
+  if ((flags & kFrameTellsError) != 0) {
+    fields(frame.coding_error);
+    if (!(frame.coding_error > 0.0F && frame.coding_error <= 1.0F))
+      return bad("its coding error is not within 0 and 1");
+  }
   if (frame.sequence == 0) return bad("its sequence number is 0; they count from 1");
   if (in.remaining() == 0) return bad("is cut short");
   frame.value = readRest(in);

@@ -39,8 +39,8 @@ inline constexpr std::uint32_t kMaxPatches = 1U << 29;
 
 /// Codecs of exact frames. JPEG every client decodes, since stored faces are JPEG.
 enum class FrameCodec : std::uint8_t { kJpeg, kWebp };
-/// Hello::abilities: the client decodes WebP frames, and takes a hull in Welcome.
-inline constexpr std::uint8_t kDecodesWebp = 1, kTakesHull = 2;
+/// Hello::abilities: the client decodes WebP frames, takes a hull in Welcome, and a frame's coding error.
+inline constexpr std::uint8_t kDecodesWebp = 1, kTakesHull = 2, kTakesCodingError = 4;
 inline constexpr std::size_t kMaxHull = 32;  ///< points
 /// View::frame_quality: the server chooses.
 inline constexpr std::uint8_t kServersChoice = 0;
@@ -50,8 +50,8 @@ inline constexpr std::uint8_t kServersChoice = 0;
 /// The first message. The server answers with Welcome, or with Refusal when the versions differ.
 struct Hello {
   std::uint16_t version = kVersion;
-  std::string client;                                  ///< name and version, for the server's log
-  std::uint8_t abilities = kDecodesWebp | kTakesHull;  ///< flags; others mean nothing
+  std::string client;                                                      ///< name and version, for the server's log
+  std::uint8_t abilities = kDecodesWebp | kTakesHull | kTakesCodingError;  ///< flags; others mean nothing
   std::uint32_t frame_pixels = 0;  ///< it has room for several frames of so many pixels, where views have fewer
 };
 
@@ -123,12 +123,20 @@ struct Refinement {
   base::Bytes block;
 };
 
+/// The picture of a Frame, encoded.
+struct EncodedFrame {
+  base::Bytes value;  ///< like a Face's value; its picture may be WebP with alpha
+  /// Root mean square of what coding changed of the model's colours, 0..1; 0: not known, or nothing.
+  float coding_error = 0.0F;
+};
+
 /// An exact picture, for a client that asked for frames, in a codec of its Hello.
 struct Frame {
   std::uint32_t sequence = 0;  ///< sequence of the newest View when it was requested
   base::ViewCamera camera;     ///< it was drawn for, which may be ahead of the View's
   bool last = false;           ///< no other frame of this View follows
-  base::Bytes value;           ///< encoded like a Face's value; its picture may be WebP with alpha
+  base::Bytes value;           ///< as EncodedFrame has it
+  float coding_error = 0.0F;   ///< the same, 0..1; 0: not told. Only for clients that take it
 };
 
 /// The server has sent everything it has for the view of this sequence.

@@ -77,7 +77,7 @@ struct Sample {
   bool wanted = false;
   float fade_from = 0.0F;
   double fade_since = 0.0;
-  float fade_share = 1.0F;
+  float fade_share = 1.0F, coding_error = 0.0F;  ///< SampleTraits
 
   float fadeAt(double now, float usual_seconds) const {
     const float seconds = fade_share * usual_seconds;
@@ -165,7 +165,7 @@ struct LumigraphRenderer::Impl {
   void drawDepthMaps(const Frame& frame, const std::vector<Sample*>& wanted);
   std::uint64_t drawDepthMap(Sample& sample);
   void uploadBlock(Frame& frame);
-  SampleBlock blockOf(const Sample& sample) const;
+  SampleBlock blockOf(const Sample& sample, const BlendTuning& tuning) const;
   /// For each patch, the samples that may see it.
   using Lists = std::vector<std::vector<std::uint32_t>>;
   Lists samplesOverPatches(const Frame& frame) const;
@@ -362,8 +362,8 @@ int LumigraphRenderer::Impl::arrayFor(int width, int height) {
 }
 
 bool LumigraphRenderer::addSample(SampleId id, const base::Camera& camera, const base::Image& rgba, double now,
-                                  float fade_share, float core) {
-  LUMIGRID_CHECK(core > 0.0F && core <= 1.0F);
+                                  const SampleTraits& traits) {
+  LUMIGRID_CHECK(traits.core > 0.0F && traits.core <= 1.0F);
   Impl& impl = *impl_;
   if (rgba.channels != 4 || rgba.empty()) return false;
   removeSample(id);
@@ -373,11 +373,12 @@ bool LumigraphRenderer::addSample(SampleId id, const base::Camera& camera, const
   int layer = array.add(rgba, impl.budgetOf(array));
   if (layer < 0 && impl.freeEmptyArrays(index)) layer = array.add(rgba, impl.budgetOf(array));
   if (layer < 0) return false;
-  Sample sample{camera, SampleGeometry(camera, core)};
+  Sample sample{camera, SampleGeometry(camera, traits.core)};
   sample.array = index;
   sample.layer = layer;
   sample.fade_since = now;
-  sample.fade_share = fade_share;
+  sample.fade_share = traits.fade_share;
+  sample.coding_error = traits.coding_error;
   impl.samples.emplace(id, sample);
   return true;
 }
@@ -537,7 +538,7 @@ void LumigraphRenderer::Impl::updateSamples(Frame& frame, std::span<const Sample
 }
 
 /// Sets what does not depend on the other samples.
-SampleBlock LumigraphRenderer::Impl::blockOf(const Sample& sample) const {
+SampleBlock LumigraphRenderer::Impl::blockOf(const Sample& sample, const BlendTuning& tuning) const {
   const SampleArray& array = *arrays[static_cast<std::size_t>(sample.array)];
   const glm::mat4& projection = sample.camera.clip_from_eye;
   SampleBlock result;
@@ -550,6 +551,8 @@ SampleBlock LumigraphRenderer::Impl::blockOf(const Sample& sample) const {
                                2.0F / (projection[1][1] * static_cast<float>(array.depthHeight())));
   result.depth = glm::vec4(projection[2][2], projection[3][2], texel, sample.geometry.pixels_per_unit_at_one);
   result.core.x = 1.0F / sample.geometry.core;
+  const float noise2 = tuning.image_noise * tuning.image_noise;
+  result.core.w = std::max(0.0F, tuning.coding_share * sample.coding_error * sample.coding_error - noise2);
   return result;
 }
 
@@ -568,7 +571,7 @@ void LumigraphRenderer::Impl::uploadBlock(Frame& frame) {
   for (std::size_t i = 0; i < order.size(); ++i) {
     const std::uint32_t from = order[i];
     ordered.push_back(frame.active[from]);
-    blocks[i] = blockOf(*ordered.back());
+    blocks[i] = blockOf(*ordered.back(), frame.options.tuning);
     blocks[i].eye.w = fades[from];
     blocks[i].floors = borders[from].floors;
     blocks[i].beyond = borders[from].beyond;

@@ -45,8 +45,11 @@ struct BlendTuning {
   float shade_blur = 0.7F;     ///< blur of the proxy's own shading, in edge lengths of its triangles
   float shade_weight = 5.0F;   ///< its weight, as an image would have it at 1 / shade_weight radians; 0: images alone
   float image_noise = 0.01F;   ///< error of an image's colours by its coding, 0..1
-  float outlier = 1.2F;        ///< an image further from the proxy's colour than so many typical errors is doubted;
-  float lit_outlier = 6.8F;    ///< the same where light makes the colours
+  /// Share of the square of a coarsely coded image's own error that counts in place of that, where it is more: its
+  /// error lies at edges, where others err, too.
+  float coding_share = 0.5F;
+  float outlier = 1.2F;      ///< an image further from the proxy's colour than so many typical errors is doubted;
+  float lit_outlier = 6.8F;  ///< the same where light makes the colours
   /// Doubted images are believed where their variance is below this share of the square by which their mean differs
   /// from the proxy's colour; 0: never.
   float agreement = 0.2F;
@@ -92,6 +95,15 @@ struct LumigraphOptions {
   friend bool operator==(const LumigraphOptions&, const LumigraphOptions&) = default;
 };
 
+/// Tells how a sampling image counts beside others.
+struct SampleTraits {
+  float fade_share = 1.0F;  ///< of LumigraphOptions::fade_seconds, over which it fades in
+  /// Share of its width and height, around the middle, that is its own; the border around it only serves filters. More
+  /// than 0, at most 1.
+  float core = 1.0F;
+  float coding_error = 0.0F;  ///< of its colours, 0..1; 0: not known (BlendTuning::coding_share)
+};
+
 /// How far a patch of the proxy typically is from the model, as root mean squares.
 struct ProxyError {
   float shape = 0.0F;  ///< scene units
@@ -125,11 +137,9 @@ class LumigraphRenderer {
 
   /// Adds a sampling image with its perspective camera; false if there is no room. `rgba` may be of any size and is not
   /// resampled: each size has an array of layers, at most three sizes at a time, and an empty array gives way to
-  /// another size. Alpha is coverage: 0 background, 255 model. The sample fades in from `now` on, in seconds,
-  /// over `fade_share` of the usual time. `core`: share of the width and the height, around the middle, that is the
-  /// image's own; the border around it only serves filters. More than 0, at most 1.
-  bool addSample(SampleId id, const base::Camera& camera, const base::Image& rgba, double now, float fade_share = 1.0F,
-                 float core = 1.0F);
+  /// another size. Alpha is coverage: 0 background, 255 model. The sample fades in from `now` on, in seconds.
+  bool addSample(SampleId id, const base::Camera& camera, const base::Image& rgba, double now,
+                 const SampleTraits& traits = {});
   void removeSample(SampleId id);
   /// Returns the bytes that LumigraphOptions::blend_once takes for pictures of this size, beside gpu_budget_bytes.
   static std::uint64_t bytesToBlendOnce(int width, int height);

@@ -135,6 +135,7 @@ plan::Scene StaticSource::planScene() {
   const bool is_fast = previous_ && newest_ && plan::isMoving(welcome, *newest_, *previous_) &&
                        plan::isFast(previous_->camera, newest_->camera, newest_at_ - previous_at_,
                                     static_cast<double>(glm::length(welcome.box_max - welcome.box_min)));
+  const bool rests = previous_ && newest_ && base::showsSameView(previous_->camera, newest_->camera);
   return {&scene_.welcome,
           &hierarchy_,
           scene_.index.has_value(),
@@ -144,7 +145,8 @@ plan::Scene StaticSource::planScene() {
           [this](const FaceKey& key) { return storedBytes(key); },
           image_bytes_,
           is_fast,
-          !(previous_ && newest_ && base::showsSameView(previous_->camera, newest_->camera)),
+          !rests,
+          rests,
           queue_.rate()};
 }
 

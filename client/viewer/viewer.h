@@ -190,7 +190,7 @@ class Viewer {
   struct BlendImage {
     ImageState state = ImageState::kCached;
     base::Camera camera;
-    float core = 1.0F;  // share of its width that is its own (LumigraphRenderer::addSample)
+    SampleTraits traits;
     base::Image rgba;   // only while kDecoded
     float use = 0.0F;   // expected share of the blend in the present view
     float rank = 0.0F;  // use, and among the unused the nearer and wider first

@@ -65,7 +65,7 @@ void Viewer::addFace(const repository::FaceKey& key) {
   const repository::Grid& grid = session_.welcome()->grid;
   image.camera = repository::faceCamera(grid, key, scene_);
   if (grid.isTiled())
-    image.core = static_cast<float>(repository::kTileCore) / static_cast<float>(repository::kTileSide);
+    image.traits.core = static_cast<float>(repository::kTileCore) / static_cast<float>(repository::kTileSide);
   images_.emplace(key.code(), std::move(image));
 }
 
@@ -74,6 +74,7 @@ void Viewer::addFrame(std::uint32_t number) {
   if (frame == nullptr) return;
   BlendImage image;
   image.camera = cameraAt(frame->camera);
+  image.traits = {.fade_share = kFrameFadeShare, .coding_error = frame->coding_error};
   images_.emplace(kFrameTag | number, std::move(image));
 }
 
@@ -141,7 +142,7 @@ void Viewer::rankImages(double now) {
     BlendImage& image = images_[ids[i]];
     const float nearness = scene_.radius / (scene_.radius + glm::length(image.camera.eye - camera_.eye) + 1e-12F);
     image.use = mayShowFrames() && showsThisView(ids[i]) ? 1.0F : use[i];
-    const float width = image.core < 1.0F ? 1.0F / image.camera.clip_from_eye[0][0] : 1.0F;
+    const float width = image.traits.core < 1.0F ? 1.0F / image.camera.clip_from_eye[0][0] : 1.0F;
     image.rank = image.use + 1e-6F * nearness * width;
     order.emplace_back(-image.rank, ids[i]);
   }
@@ -221,8 +222,7 @@ void Viewer::uploadImages(double now) {
     BlendImage& image = images_[id];
     if (image.state != ImageState::kDecoded) continue;
     if (!spend(static_cast<double>(image.rgba.pixels.size()))) return;
-    const float fade_share = (id & kFrameTag) != 0 ? kFrameFadeShare : 1.0F;
-    const auto add = [&] { return renderer_->addSample(id, image.camera, image.rgba, now, fade_share, image.core); };
+    const auto add = [&] { return renderer_->addSample(id, image.camera, image.rgba, now, image.traits); };
     bool added = add();
     while (!added && makeRoomFor(id)) added = add();
     // The GPU has no place for its size at all; it would be decoded again and again.

@@ -3,6 +3,8 @@
 #include <webp/decode.h>
 #include <webp/encode.h>
 
+#include <algorithm>
+#include <cmath>
 #include <string>
 
 #include "base/check.h"
@@ -40,7 +42,21 @@ WebPConfig baseConfig() {
   return config;
 }
 
-base::Result<base::Bytes> encode(const base::Image& rgba, const WebPConfig& config) {
+/// Returns the root mean square error, 0..1, of red, green and blue over the pixels that are not transparent, under
+/// which there is nothing to err. Luma of VP8 has 219 levels, chroma 224 for a range of -1/2..1/2, and colours follow
+/// from both as in ITU-R BT.601: red lacks 1.402 of what Cr does, and so on.
+float errorOf(const WebPAuxStats& stats, const base::Image& rgba) {
+  constexpr double kLuma = 255.0 / 219.0, kChroma = 255.0 / 224.0;
+  constexpr double kOfCb = (0.344 * 0.344 + 1.772 * 1.772) / 3.0, kOfCr = (1.402 * 1.402 + 0.714 * 0.714) / 3.0;
+  const auto square = [&](int plane) { return std::pow(10.0, -0.1 * static_cast<double>(stats.PSNR[plane])); };
+  const double sum = kLuma * kLuma * square(0) + kChroma * kChroma * (kOfCb * square(1) + kOfCr * square(2));
+  std::size_t shown = 0;
+  for (std::size_t i = 3; i < rgba.pixels.size(); i += 4) shown += rgba.pixels[i] != 0 ? 1 : 0;
+  const double share = static_cast<double>(shown) / static_cast<double>(rgba.pixels.size() / 4);
+  return static_cast<float>(std::min(1.0, std::sqrt(sum / std::max(share, 1e-9))));
+}
+
+base::Result<base::Bytes> encode(const base::Image& rgba, const WebPConfig& config, float* error = nullptr) {
   LUMIGRID_CHECK_EQ(rgba.channels, 4);
   if (rgba.empty()) return webpError("an image without pixels cannot be encoded");
   if (rgba.width > kMaxWebpSide || rgba.height > kMaxWebpSide)
@@ -54,20 +70,23 @@ base::Result<base::Bytes> encode(const base::Image& rgba, const WebPConfig& conf
   picture.webp.height = rgba.height;
   picture.webp.writer = appendBytes;
   picture.webp.custom_ptr = &bytes;
+  WebPAuxStats stats;
+  if (error != nullptr) picture.webp.stats = &stats;
   if (WebPPictureImportRGBA(&picture.webp, rgba.pixels.data(), 4 * rgba.width) == 0 ||
       WebPEncode(&config, &picture.webp) == 0)
     return base::Error{base::ErrorCode::kNoSpace,
                        "WebP: cannot be encoded (libwebp's error " + std::to_string(picture.webp.error_code) + ")"};
+  if (error != nullptr) *error = errorOf(stats, rgba);
   return bytes;
 }
 
 }  // namespace
 
-base::Result<base::Bytes> encodeWebp(const base::Image& rgba, int quality) {
+base::Result<base::Bytes> encodeWebp(const base::Image& rgba, int quality, float* error) {
   LUMIGRID_CHECK(quality >= 1 && quality <= 100);
   WebPConfig config = baseConfig();
   config.quality = static_cast<float>(quality);
-  return encode(rgba, config);
+  return encode(rgba, config, error);
 }
 
 base::Result<base::Bytes> encodeWebpWithoutLoss(const base::Image& rgba) {

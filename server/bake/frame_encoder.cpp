@@ -23,30 +23,35 @@ base::Image alphaOf(const base::Image& rgba) {
 }
 
 /// Without loss as long as a message holds it.
-base::Result<base::Bytes> encodeWebpPicture(const base::Image& rgba, int quality) {
-  if (quality != base::ViewDefaults::kWithoutLoss) return repository::encodeWebp(rgba, quality);
+base::Result<base::Bytes> encodeWebpPicture(const base::Image& rgba, int quality, float& error) {
+  if (quality != base::ViewDefaults::kWithoutLoss) return repository::encodeWebp(rgba, quality, &error);
   LUMIGRID_ASSIGN_OR_RETURN(auto exact, repository::encodeWebpWithoutLoss(rgba));
   if (exact.size() + repository::kImageHeaderBytes <= protocol::kMaxPayload) return exact;
-  return repository::encodeWebp(rgba, base::ViewDefaults::kFrameWebpQuality);
+  return repository::encodeWebp(rgba, base::ViewDefaults::kFrameWebpQuality, &error);
 }
 
-base::Result<base::Bytes> encodeWebpFrame(const base::Image& rgba, int quality) {
+base::Result<protocol::EncodedFrame> encodeWebpFrame(const base::Image& rgba, int quality) {
   const base::Image alpha = alphaOf(rgba);
   const bool is_empty = std::all_of(alpha.pixels.begin(), alpha.pixels.end(), [](auto a) { return a == 0; });
-  if (is_empty) return repository::encodeFaceValue({});
-  LUMIGRID_ASSIGN_OR_RETURN(const auto webp, encodeWebpPicture(withAlpha(rgba, alpha), quality));
-  return repository::encodeFaceValue({.empty = false, .picture = webp, .coverage = {}});
+  protocol::EncodedFrame frame;
+  if (is_empty) {
+    frame.value = repository::encodeFaceValue({});
+    return frame;
+  }
+  LUMIGRID_ASSIGN_OR_RETURN(const auto webp, encodeWebpPicture(withAlpha(rgba, alpha), quality, frame.coding_error));
+  frame.value = repository::encodeFaceValue({.empty = false, .picture = webp, .coverage = {}});
+  return frame;
 }
 
-base::Result<base::Bytes> encodeJpegFrame(const base::Image& rgba, int quality) {
+base::Result<protocol::EncodedFrame> encodeJpegFrame(const base::Image& rgba, int quality) {
   const auto subsampling = quality < kFullChromaQuality ? base::Subsampling::k420 : base::Subsampling::k444;
   LUMIGRID_ASSIGN_OR_RETURN(auto image, encodeImage(rgba, quality, subsampling, 0, base::kCoverageThreshold));
-  return std::move(image.value);
+  return protocol::EncodedFrame{std::move(image.value)};
 }
 
 }  // namespace
 
-base::Result<base::Bytes> encodeFrame(const base::Image& rgba, protocol::FrameCodec codec, int quality) {
+base::Result<protocol::EncodedFrame> encodeFrame(const base::Image& rgba, protocol::FrameCodec codec, int quality) {
   LUMIGRID_CHECK_EQ(rgba.channels, 4);
   const bool fits_webp = std::max(rgba.width, rgba.height) <= repository::kMaxWebpSide;
   if (codec == protocol::FrameCodec::kWebp && fits_webp)

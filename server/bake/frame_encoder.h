@@ -12,6 +12,7 @@ namespace server {
 /// `quality`: 1..100; or kServersChoice for the codec's default, or kWithoutLoss, which is the default where the codec
 /// is JPEG or a message cannot hold as much (base::ViewDefaults). A picture without model becomes an empty flag, and so
 /// does, as JPEG, one whose every pixel is less than half model.
-base::Result<base::Bytes> encodeFrame(const base::Image& rgba, protocol::FrameCodec codec, int quality);
+/// JPEG tells no coding error.
+base::Result<protocol::EncodedFrame> encodeFrame(const base::Image& rgba, protocol::FrameCodec codec, int quality);
 
 }  // namespace server

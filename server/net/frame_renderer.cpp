@@ -234,7 +234,7 @@ void FrameRenderer::encode(FrameJob job, std::shared_ptr<const base::Image> pict
     const FrameRequest& request = encoding->job.request;
     auto encoded = encodeFrame(*encoding->picture, request.codec, request.quality);
     if (!encoded) encoding->job.scene->read_errors->report("frames", encoded.error());
-    encoding->job.done(encoded ? std::move(*encoded) : base::Bytes());
+    encoding->job.done(encoded ? std::move(*encoded) : protocol::EncodedFrame());
   });
 }
 

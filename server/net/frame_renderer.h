@@ -42,7 +42,7 @@ struct PictureLimits {
 /// Its end drops queued requests and waits for the current band.
 class FrameRenderer {
  public:
-  using OnFrame = std::function<void(base::Bytes value)>;
+  using OnFrame = std::function<void(protocol::EncodedFrame frame)>;
   using OnPicture = std::function<void(base::Result<base::Bytes> picture)>;
   using ScenePointer = std::shared_ptr<const OpenScene>;
 

@@ -371,9 +371,9 @@ void WebSocketSession::drawWantedFrame() {
   const FrameRequest request = *std::exchange(wanted_frame_, std::nullopt);
   if (closing_) return;
   const auto done =
-      answerTo<base::Bytes>(this, [request, start = seconds()](WebSocketSession& self, base::Bytes value) {
+      answerTo<protocol::EncodedFrame>(this, [request, start = seconds()](auto& self, protocol::EncodedFrame frame) {
         self.metrics_.frame_seconds.observe(self.seconds() - start);
-        self.runner_->frameRendered(request, std::move(value), self.state());
+        self.runner_->frameRendered(request, std::move(frame), self.state());
       });
   hub_->renderer->requestFrame(id_, limitKey(address()), hosted_->scene, request, done);
 }

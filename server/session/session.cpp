@@ -83,6 +83,7 @@ base::Result<void> Session::acceptMessage(const protocol::Hello& hello) {
   }
   client_ = hello.client;
   decodes_webp_ = (hello.abilities & protocol::kDecodesWebp) != 0;
+  takes_coding_error_ = (hello.abilities & protocol::kTakesCodingError) != 0;
   frames_.setCodec(decodes_webp_ ? protocol::FrameCodec::kWebp : protocol::FrameCodec::kJpeg);
   frames_.setMostPixels(hello.frame_pixels);
   if (scene_.patches == nullptr) return refuseWithoutPatches();
@@ -269,6 +270,7 @@ plan::Scene Session::sceneToPlan() const {
   scene.images = scene.images && (decodes_webp_ || !scene_.images_are_webp);
   scene.image_bytes = image_bytes_;
   scene.is_fast = frames_.eyeIsFast();
+  scene.rests = previous_ && base::showsSameView(previous_->camera, newest_->camera);
   scene.stored_bytes = [this](const repository::FaceKey& key) -> std::optional<std::uint64_t> {
     if (remote_) return remote_->absent.count(key) != 0 ? std::optional<std::uint64_t>(0) : std::nullopt;
     const auto bytes = scene_.images->valueBytes(key);
@@ -526,13 +528,15 @@ std::optional<FrameRequest> Session::nextFrameRequest() {
   return frames_.next(planned_ && complete_sent_);
 }
 
-void Session::frameRendered(const FrameRequest& request, base::Bytes value) {
+void Session::frameRendered(const FrameRequest& request, protocol::EncodedFrame frame) {
+  base::Bytes& value = frame.value;
   if (phase_ != Phase::kReady || !newest_) return;
   frames_.rendered(request, value.size());
   // A frame of an older view is still a good sample while the eye is near and looks the same way.
   if (value.empty() || value.size() > protocol::kMaxPayload || !frames_.isUseful(request.camera)) return;
-  frame_ = std::make_unique<const protocol::Frame>(
-      protocol::Frame{request.sequence, request.camera, request.last, std::move(value)});
+  frame_ = std::make_unique<const protocol::Frame>(protocol::Frame{request.sequence, request.camera, request.last,
+                                                                   std::move(value),
+                                                                   takes_coding_error_ ? frame.coding_error : 0.0F});
 }
 
 /// Frames, and what is fetched, wait for more than room; a session that has any to send is asked each time.

@@ -142,9 +142,9 @@ class Session {
   /// The exact frame to render now, if there is one. Ask after every other call, whether messages are left or not. A
   /// request replaces an older one that is not answered yet.
   std::optional<FrameRequest> nextFrameRequest();
-  /// Accepts the rendered frame (a face value); empty when rendering failed. It is dropped when the viewer moved far
+  /// Accepts the rendered frame; its value is empty when rendering failed. It is dropped when the viewer moved far
   /// away meanwhile.
-  void frameRendered(const FrameRequest& request, base::Bytes value);
+  void frameRendered(const FrameRequest& request, protocol::EncodedFrame frame);
   /// When nextMessage() and nextFrameRequest() are to be asked again even if nothing happens until then, in the seconds
   /// of setLink(); nullopt: not at all. `tells_room`: setLink() will be called when the transport has written what it
   /// holds of the messages, as it does hold some.
@@ -222,7 +222,7 @@ class Session {
   std::vector<bool> has_group_;
   HeldFaces held_;
   std::size_t faces_claimed_ = 0;
-  bool decodes_webp_ = false;
+  bool decodes_webp_ = false, takes_coding_error_ = false;
   plan::ImageBytes image_bytes_;
 
   // Its views.

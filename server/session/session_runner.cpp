@@ -27,8 +27,8 @@ void SessionRunner::facesFetched(FaceRequest request, Session::FaceValues values
   });
 }
 
-void SessionRunner::frameRendered(FrameRequest request, base::Bytes value, const ConnectionState& state) {
-  auto held = std::make_shared<base::Bytes>(std::move(value));
+void SessionRunner::frameRendered(FrameRequest request, protocol::EncodedFrame frame, const ConnectionState& state) {
+  auto held = std::make_shared<protocol::EncodedFrame>(std::move(frame));
   add(state, [request, held](SessionRunner& self) { self.session_.frameRendered(request, std::move(*held)); });
 }
 

@@ -59,7 +59,7 @@ class SessionRunner : public std::enable_shared_from_this<SessionRunner> {
 
   void receive(base::Bytes message, const ConnectionState& state);
   void facesFetched(FaceRequest request, Session::FaceValues values, const ConnectionState& state);
-  void frameRendered(FrameRequest request, base::Bytes value, const ConnectionState& state);
+  void frameRendered(FrameRequest request, protocol::EncodedFrame frame, const ConnectionState& state);
   /// Messages were written. Returns what is ready to be sent, for the connection to take like other outputs. A turn
   /// begins if the session has more, but has to plan or to read for it; if it has none, the next turn is told.
   std::optional<SessionOutput> tellRoom(const ConnectionState& state);

@@ -74,7 +74,7 @@ void printCodecs(const TimedPicture& truth) {
   for (const auto codec : {protocol::FrameCodec::kWebp, protocol::FrameCodec::kJpeg})
     for (const int quality : kQualities) {
       const double start = bench::seconds();
-      const base::Bytes value = bench::must(server::encodeFrame(truth.picture.rgba, codec, quality));
+      const base::Bytes value = bench::must(server::encodeFrame(truth.picture.rgba, codec, quality)).value;
       const double ms = 1e3 * (bench::seconds() - start);
       const base::Image decoded = bench::must(repository::decodeFrameImage(value, base::ViewDefaults::kMaxFramePixels));
       std::printf("%8s %8d %10zu %8.2f %10.0f\n", codec == protocol::FrameCodec::kWebp ? "WebP" : "JPEG", quality,

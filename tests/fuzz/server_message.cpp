@@ -21,6 +21,7 @@ std::vector<base::Bytes> seeds() {
           protocol::encode(ServerMessage(protocol::Face{{1, 2, 3, 4}, some})),
           protocol::encode(ServerMessage(protocol::Refinement{some, some})),
           protocol::encode(ServerMessage(protocol::Frame{1, {}, true, some})),
+          protocol::encode(ServerMessage(protocol::Frame{1, {}, false, some, 0.25F})),
           protocol::encode(ServerMessage(protocol::Completion{7})),
           protocol::encode(ServerMessage(protocol::Refusal{2, "update the client"})),
           protocol::encode(ServerMessage(protocol::Part{protocol::Stream::kFrames, true, false, some}))};

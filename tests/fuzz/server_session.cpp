@@ -257,7 +257,7 @@ class Run {
     const std::size_t at = in_.u8() % frames_.size();
     const server::FrameRequest request = frames_[at];
     frames_.erase(frames_.begin() + static_cast<std::ptrdiff_t>(at));
-    session_.frameRendered(request, base::Bytes(in_.u16(), 0x5A));
+    session_.frameRendered(request, {base::Bytes(in_.u16(), 0x5A)});
   }
 
   base::ByteReader in_;

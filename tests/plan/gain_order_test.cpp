@@ -88,6 +88,9 @@ TEST_F(GainOrders, aModelThatIsSmallInThePictureGetsItsImages) {
   ASSERT_GT(of_a_full_picture, 4U);
   for (SurfaceSample& sample : samples_) sample.weight *= 0.25F;
   EXPECT_EQ(choose(0.02F).size(), of_a_full_picture);
+  query_.counts_foreground = false;
+  EXPECT_LT(choose(0.02F).size(), of_a_full_picture) << "while the eye moves on";
+  query_.counts_foreground = true;
   for (SurfaceSample& sample : samples_) sample.weight *= 0.25F;
   EXPECT_LT(choose(0.02F).size(), of_a_full_picture) << "a quarter is the least";
 }

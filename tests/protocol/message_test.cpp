@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <cstring>
 #include <limits>
 #include <random>
 
@@ -112,7 +113,7 @@ class MessageGenerator {
     return {welcome(),
             Face{key(), bytes(1, 300)},
             Refinement{bytes(1, 99), bytes(1, 300)},
-            Frame{whole(1, 0xFFFFFFFF), camera(), coin(), bytes(1, 300)},
+            Frame{whole(1, 0xFFFFFFFF), camera(), coin(), bytes(1, 300), coin() ? 0.0F : 0.25F},
             Completion{whole(1, 0xFFFFFFFF)},
             Refusal{static_cast<std::uint16_t>(whole(0, 0xFFFF)), text()},
             Part{static_cast<Stream>(whole(0, 1)), coin(), coin(), bytes(1, 300)}};
@@ -292,6 +293,23 @@ TEST(Message, bytesOfVersionSixStay) {
   ASSERT_EQ(frame.size(), 91U);
   EXPECT_EQ(frame[89], 1);
   EXPECT_EQ(frame[90], 0x77);
+  const base::Bytes told = encode(ServerMessage(Frame{1, {}, true, {0x77}, 0.5F}));
+  ASSERT_EQ(told.size(), 95U);
+  EXPECT_EQ(told[89], 5);
+  EXPECT_EQ(told[93], 0x3F);
+  EXPECT_EQ(told[94], 0x77);
+}
+
+TEST(Message, aCodingErrorThatNoPictureHasIsRefused) {
+  for (const float error : {1.0F, 1.5F, std::numeric_limits<float>::quiet_NaN(), -0.1F}) {
+    base::Bytes bytes = encode(ServerMessage(Frame{1, {}, false, {0x77}, 0.5F}));
+    std::memcpy(&bytes[90], &error, sizeof(error));
+    const auto decoded = decodeServerMessage(bytes);
+    EXPECT_EQ(static_cast<bool>(decoded), error == 1.0F) << error;
+    if (!decoded) {
+      EXPECT_NE(decoded.error().message.find("coding error"), std::string::npos);
+    }
+  }
 }
 
 TEST(Message, eachStreamedFileHasTheMethodThatDrawsIt) {

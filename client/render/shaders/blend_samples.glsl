@@ -7,7 +7,8 @@ struct Sample {
   vec4 depth;    // A, B of depth −1..1 = B / w − A; width of a depth texel at distance 1; pixels per unit at distance 1
   vec4 floors;   // share of the weight that is kept at the left, right, bottom, top border of the core
   vec4 beyond;   // > 0: there a sample so many times half as fine goes on; < 0: one under this sample does
-  vec4 core;     // the picture's width over its core's; its point's number; fade in time of the samples under it
+  vec4 core;     // the picture's width over its core's; its point's number; fade in time of the samples under it;
+                 // its coding's squared error beyond the usual
 };
 layout(std140) uniform Samples { Sample u_samples[96]; };
 // Software GL looks into all arrays for every sample, so where ONE_ARRAY is defined all samples are in the first.
@@ -240,7 +241,9 @@ Blend blendAt(Surface surface, vec2 view_ndc, vec3 proxy_error, int count, float
     // blur in view pixels; the sharpest images weigh most.
     float blur = 1.0 / clamp(ratio * fineness * cosine, 0.01, finest);
     float shift = u_shift * error_px * angle;
-    float error2 = least_error2 + slope * slope * (max(kLookUp * blur * blur - 1.0, 0.0) + shift * shift);
+    // Noise of pixels that are smaller than the view's averages out.
+    float noise2 = core.w / max(ratio * ratio / (finest * finest), 1.0);
+    float error2 = least_error2 + noise2 + slope * slope * (max(kLookUp * blur * blur - 1.0, 0.0) + shift * shift);
     float weight = seen / (raised(error2 / image_noise2, HALF_RESOLUTION_POWER) *
                            raised(angle + u_angle_floor + kBorderAngle * (1.0 - middle), ANGLE_POWER));
     vec3 off = color.rgb - color.a * surface.shaded;

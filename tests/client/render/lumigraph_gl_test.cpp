@@ -1,133 +1,18 @@
-#include "client/render/lumigraph.h"
-
-#include <gtest/gtest.h>
-
 #include <algorithm>
 #include <cmath>
-#include <cstdlib>
 
-#include "base/egl/headless.h"
-#include "base/gl/gl.h"
-#include "base/gl/multisampled_target.h"
-#include "base/png/png.h"
 #include "client/render/pixel_blend.h"
-#include "tests/client/render/ray_scene.h"
+#include "tests/client/render/lumigraph_fixture.h"
 
 namespace {
 
 using namespace testing_scene;  // NOLINT: only these tests use it
-using client::LumigraphOptions;
-using client::LumigraphRenderer;
-using client::SampleId;
 
-constexpr int kFace = 160;
-constexpr std::uint64_t kBudget = std::uint64_t{256} << 20;
-const glm::u8vec4 kWhite{255, 255, 255, 255};
-const glm::vec3 kEye{0.0F, -3.0F, 0.0F};
-
-/// The pattern is so smooth that a face of 160 pixels resolves it.
-glm::vec3 pattern(const glm::vec3& p) {
-  return {0.5F + 0.4F * std::sin(3.0F * p.x + 1.0F), 0.5F + 0.4F * std::sin(4.0F * p.z),
-          0.5F + 0.3F * std::sin(2.0F * p.y + 3.0F * p.x)};
-}
 Color constant(const glm::vec3& color) {
   return [color](const glm::vec3&) { return color; };
 }
 const Color kRed = constant({0.9F, 0.05F, 0.05F});
 const Color kGreen = constant({0.05F, 0.8F, 0.05F});
-
-class Lumigraph : public ::testing::Test {
- protected:
-  static void SetUpTestSuite() {
-    auto made = base::HeadlessContext::create();
-    ASSERT_TRUE(made) << made.error().message;
-    context_ = std::move(made.value());
-  }
-  static void TearDownTestSuite() { context_.reset(); }
-
-  void SetUp() override {
-    options_.fade_seconds = 0.0F;
-    // The proxies have colours unlike the images', so that only images may show; tests that shade set the weight again.
-    options_.tuning.shade_weight = 0.0F;
-    shading_.unlit = true;
-    renderer_ = make(kBudget);
-  }
-  void TearDown() override {
-    EXPECT_EQ(base::gl::takeError(), "");
-    renderer_.reset();
-  }
-
-  static std::unique_ptr<LumigraphRenderer> make(std::uint64_t budget) {
-    auto made = LumigraphRenderer::create(kLattice, kFace, budget);
-    EXPECT_TRUE(made) << made.error().message;
-    return std::move(made.value());
-  }
-
-  void addPatch(const lod::patch::PatchGeometry& patch) {
-    renderer_->patches().upload(static_cast<std::uint32_t>(cut_.size()), patch);
-    cut_.push_back(static_cast<std::uint32_t>(cut_.size()));
-  }
-  void addCube(const glm::vec3& eye, SampleId first) {
-    for (const base::Camera& camera : cubeCameras(eye, kFace))
-      EXPECT_TRUE(renderer_->addSample(first++, camera, castRays(scene_, camera), 0.0));
-  }
-  void addImage(SampleId id, const base::Camera& camera) {
-    EXPECT_TRUE(renderer_->addSample(id, camera, castRays(scene_, camera), 0.0));
-  }
-
-  static glm::ivec4 pixel(const base::Image& image, int x, int y) {
-    const std::uint8_t* p = image.at(x, y);
-    return {p[0], p[1], p[2], p[3]};
-  }
-  static glm::ivec4 opaque(const std::array<std::uint8_t, 3>& color) { return {color[0], color[1], color[2], 255}; }
-
-  base::Image draw(const base::Camera& camera, double now = 0.0, float cut_error_px = 0.2F) {
-    auto target = base::gl::RenderTarget::create(camera.width, camera.height);
-    EXPECT_TRUE(target);
-    target->bind();
-    renderer_->draw(camera, cut_, {}, cut_error_px, shading_, options_, now, occluders_, errors_px_, proxy_errors_);
-    base::Image image = target->read();
-    keepPicture(image);
-    return image;
-  }
-  void keepPicture(const base::Image& image) {
-    const char* folder = std::getenv("LUMIGRID_TEST_PICTURES");
-    if (folder == nullptr) return;
-    const std::string name = ::testing::UnitTest::GetInstance()->current_test_info()->name();
-    EXPECT_TRUE(base::writePng(image, std::string(folder) + "/" + name + "_" + std::to_string(pictures_++) + ".png"));
-  }
-
-  /// Draws four samples a pixel, whose means are premultiplied.
-  base::Image drawMultisampled(const base::Camera& camera, float cut_error_px = 0.2F) {
-    auto target = base::gl::RenderTarget::create(camera.width, camera.height);
-    const auto samples = base::gl::MultisampledTarget::create(camera.width, camera.height, 4);
-    EXPECT_TRUE(target && samples);
-    samples->bind();
-    options_.multisampled = true;
-    renderer_->draw(camera, cut_, {}, cut_error_px, shading_, options_, 0.0);
-    samples->resolveTo(target->framebuffer(), camera.width, camera.height);
-    base::Image image = target->read();
-    keepPicture(image);
-    return image;
-  }
-
-  /// Makes a ball of radius 1 with the pattern, and its proxy.
-  void makeBall(float proxy_radius = 1.0F, int rings = 60) {
-    scene_.balls = {{glm::vec3(0.0F), 1.0F, pattern}};
-    addPatch(ballPatch(glm::vec3(0.0F), proxy_radius, rings, kWhite));
-  }
-
-  static std::unique_ptr<base::HeadlessContext> context_;
-  std::unique_ptr<LumigraphRenderer> renderer_;
-  Scene scene_;
-  std::vector<std::uint32_t> cut_, occluders_;
-  std::vector<float> errors_px_;
-  std::vector<client::ProxyError> proxy_errors_;
-  LumigraphOptions options_;
-  lod::draw::Shading shading_;
-  int pictures_ = 0;
-};
-std::unique_ptr<base::HeadlessContext> Lumigraph::context_;
 
 TEST_F(Lumigraph, aViewAtASamplingPointShowsItsFace) {
   makeBall();
@@ -473,6 +358,25 @@ TEST_F(Lumigraph, trianglesSmallerThanAPixelKeepTheirColoursUnderSeveralSamples)
   EXPECT_GE(psnrOnCovered(mean, drawMultisampled(camera(1))), one_sample + 5.0);
 }
 
+TEST_F(Lumigraph, anImageCountsForLessTheMoreItsCodingErrs) {
+  makeBall();
+  proxy_errors_ = {{0.001F, 0.002F}};  // so little that images differ by their coding alone
+  const base::Camera camera = lookAt(kEye, glm::vec3(0.0F), 120, 120, 30.0F);
+  const base::Image truth = castRays(scene_, camera);
+  addImage(0, lookAt({-0.1F, -3.0F, 0.0F}, glm::vec3(0.0F), kFace, kFace, 50.0F));
+  scene_.balls[0].color = kGreen;
+  const base::Camera other = lookAt({0.1F, -3.0F, 0.0F}, glm::vec3(0.0F), kFace, kFace, 50.0F);
+  const base::Image wrong = castRays(scene_, other);
+  double last = 0.0;
+  for (const float error : {0.0F, 0.03F, 0.07F}) {
+    EXPECT_TRUE(renderer_->addSample(1, other, wrong, 0.0, {.coding_error = error}));
+    const double now = psnrOnCovered(truth, draw(camera));
+    EXPECT_GT(now, last + 6.0) << error;
+    last = now;
+  }
+  EXPECT_GE(last, 30.0);
+}
+
 TEST_F(Lumigraph, anExactFrameAtItsOwnViewIsReproduced) {
   makeBall();
   addCube({-0.5F, -3.0F, 0.0F}, 0);
@@ -679,85 +583,6 @@ TEST_F(Lumigraph, layersSurviveTheGrowthOfTheirArray) {
   for (SampleId id = 1; id < 12; ++id) addImage(id, lookAt(kEye, {0, -9, 0}, kFace, kFace, 60.0F));
   EXPECT_EQ(draw(camera).pixels, alone.pixels);
   EXPECT_EQ(renderer_->stats().depth_maps_drawn, 0U) << "the depth map has moved with its layer";
-}
-
-TEST_F(Lumigraph, layersBeyondTheBudgetAreRefused) {
-  makeBall();
-  std::uint64_t layer = 4ULL * kFace * kFace;  // depth
-  for (int side = kFace; side >= 1; side /= 2)
-    layer += 4ULL * static_cast<std::uint64_t>(side) * static_cast<std::uint64_t>(side);
-  renderer_ = make(2 * layer + 100);
-  const base::Image image(kFace, kFace, 4);
-  const base::Camera camera = cubeCameras(kEye, kFace)[0];
-  EXPECT_TRUE(renderer_->addSample(0, camera, image, 0.0));
-  EXPECT_TRUE(renderer_->addSample(1, camera, image, 0.0));
-  EXPECT_FALSE(renderer_->addSample(2, camera, image, 0.0));
-  renderer_->removeSample(0);
-  EXPECT_TRUE(renderer_->addSample(2, camera, image, 0.0));
-  cut_.clear();
-  draw(lookAt(kEye, glm::vec3(0.0F), 32, 32, 50.0F));
-  // Beside the layers: the uniform block, a pixel of colour and of depth that stand where there is no array, and one of
-  // what PixelBlend keeps.
-  EXPECT_EQ(renderer_->stats().gpu_bytes, 2 * layer + 96 * 160 + 8 + client::PixelBlend::bytesOf(1, 1));
-}
-
-TEST_F(Lumigraph, countsWhatGlCountsAndStaysBelowTheBudget) {
-  const base::Camera camera = cubeCameras(kEye, kFace)[0];
-  std::uint64_t layer = 4ULL * kFace * kFace;
-  for (int side = kFace; side >= 1; side /= 2)
-    layer += 4ULL * static_cast<std::uint64_t>(side) * static_cast<std::uint64_t>(side);
-  const std::uint64_t before = base::gl::heldBytes().textures;
-  for (const std::uint64_t layers : {3U, 20U, 50U}) {
-    renderer_ = make(layers * layer);
-    base::gl::resetPeak();
-    SampleId added = 0;
-    while (renderer_->addSample(added, camera, base::Image(kFace, kFace, 4), 0.0)) ++added;
-    EXPECT_GE(added, layers / 2) << "of " << layers;
-    EXPECT_LE(base::gl::peakHeldBytes(),
-              base::gl::heldBytes().total() - renderer_->heldBytes().textures + layers * layer + 8);
-    EXPECT_EQ(renderer_->heldBytes().textures, base::gl::heldBytes().textures - before + 8)
-        << "the first renderer's two pixels";
-  }
-}
-
-TEST_F(Lumigraph, facesLeaveOtherSizesTheirShare) {
-  const base::Camera camera = cubeCameras(kEye, kFace)[0];
-  std::uint64_t layer = 4ULL * kFace * kFace;
-  for (int side = kFace; side >= 1; side /= 2)
-    layer += 4ULL * static_cast<std::uint64_t>(side) * static_cast<std::uint64_t>(side);
-  auto made = LumigraphRenderer::create(kLattice, kFace, 6 * layer, 2 * layer);
-  ASSERT_TRUE(made);
-  renderer_ = std::move(made.value());
-  SampleId added = 0;
-  while (renderer_->addSample(added, camera, base::Image(kFace, kFace, 4), 0.0)) ++added;
-  EXPECT_EQ(added, 4U);
-  EXPECT_TRUE(renderer_->addSample(100, camera, base::Image(kFace - 2, kFace - 2, 4), 0.0));
-}
-
-TEST_F(Lumigraph, twoOtherSizesLeaveEachOtherHalf) {
-  const base::Camera camera = cubeCameras(kEye, kFace)[0];
-  const std::uint64_t share = 12ULL * kFace * kFace * 10;
-  auto made = LumigraphRenderer::create(kLattice, kFace, 2 * share, share);
-  ASSERT_TRUE(made);
-  renderer_ = std::move(made.value());
-  SampleId added = 0;
-  while (renderer_->addSample(added, camera, base::Image(kFace, kFace, 4), 0.0)) ++added;
-  for (const int side : {kFace - 2, kFace - 4}) {
-    const SampleId before = added;
-    while (renderer_->addSample(added, camera, base::Image(side, side, 4), 0.0)) ++added;
-    EXPECT_GE(added, before + 2) << side;
-  }
-}
-
-TEST_F(Lumigraph, threeImageSizesFitAndAFourthIsRefusedUntilOneIsEmpty) {
-  const base::Camera camera = cubeCameras(kEye, kFace)[0];
-  EXPECT_TRUE(renderer_->addSample(0, camera, base::Image(kFace, kFace, 4), 0.0));
-  EXPECT_TRUE(renderer_->addSample(1, camera, base::Image(64, 36, 4), 0.0));
-  EXPECT_TRUE(renderer_->addSample(2, camera, base::Image(80, 45, 4), 0.0));
-  EXPECT_FALSE(renderer_->addSample(3, camera, base::Image(96, 54, 4), 0.0));
-  renderer_->removeSample(1);
-  EXPECT_TRUE(renderer_->addSample(3, camera, base::Image(96, 54, 4), 0.0));
-  EXPECT_FALSE(renderer_->addSample(4, camera, base::Image(96, 54, 3), 0.0)) << "coverage is missing";
 }
 
 TEST_F(Lumigraph, depthMapsAreRedrawnOnlyWhenTheirOwnPatchesChange) {

@@ -79,7 +79,7 @@ class TiledFaces : public ::testing::Test {
 
   void addTile(const repository::TilePlace& place, const Color& color, double now = 0.0) {
     const base::Camera camera = repository::faceCamera(grid_, {0, 0, 0, kAhead, repository::tileAt(place)}, kScene);
-    EXPECT_TRUE(renderer_->addSample(next_++, camera, castRays(sceneOf(color), camera), now, 1.0F, kCore));
+    EXPECT_TRUE(renderer_->addSample(next_++, camera, castRays(sceneOf(color), camera), now, {.core = kCore}));
   }
   void addTiles(std::uint32_t depth, const Color& color,
                 const std::function<bool(std::uint32_t x, std::uint32_t y)>& where = {}) {

@@ -96,6 +96,19 @@ TEST(StaticSource, everyViewGetsWhatAServerSends) {
   EXPECT_EQ(a.grid, b.grid);
 }
 
+TEST(StaticSource, imagesThatASmallModelGainsLittleByComeOnceTheEyeRests) {
+  const server::FarScene scene;
+  const PublishedScene published(scene);
+  StaticViewer viewer(published);
+  ASSERT_TRUE(viewer.complete(scene.camera())) << viewer.source.problem();
+  const std::size_t first = viewer.got.faces.size();
+  ASSERT_GT(first, 0U);
+  ASSERT_TRUE(viewer.session.mayRefine());
+  viewer.session.refine();
+  ASSERT_TRUE(viewer.complete(scene.camera())) << viewer.source.problem();
+  EXPECT_GT(viewer.got.faces.size(), first);
+}
+
 TEST(StaticSource, pagesOfTheTablesLeadToTheSameGroups) {
   const server::TestScene scene(32, 1'000);
   const PublishedScene published(scene);

@@ -53,6 +53,35 @@ TEST(Webp, coloursUnderNoCoverageStay) {
   EXPECT_NEAR(back->at(62, 10)[1], image.at(62, 10)[1], 8);
 }
 
+// The encoder's account leaves out what half as many pixels of chroma take away.
+TEST(Webp, theErrorThatIsToldIsThatOfThePictureWhereItIsNotTransparent) {
+  base::Image image(160, 120, 4);
+  for (int y = 0; y < 120; ++y)
+    for (int x = 0; x < 160; ++x) {
+      std::uint8_t* p = image.at(x, y);
+      const double wave = std::sin(0.9 * x) * std::sin(0.7 * y);
+      for (int c = 0; c < 3; ++c) p[c] = static_cast<std::uint8_t>(128.0 + 90.0 * wave);
+      p[3] = x < 80 ? 255 : 0;
+      if (p[3] == 0) p[0] = p[1] = p[2] = 90;
+    }
+  float last = 1.0F;
+  for (const int quality : {10, 40, 80}) {
+    float told = 0.0F;
+    const auto bytes = encodeWebp(image, quality, &told);
+    ASSERT_TRUE(bytes);
+    const base::Image back = *decodeWebp(*bytes, kMaxPixels);
+    double sum = 0.0;
+    for (int y = 0; y < 120; ++y)
+      for (int x = 0; x < 80; ++x)
+        for (int c = 0; c < 3; ++c) sum += std::pow(double{1.0} * image.at(x, y)[c] - back.at(x, y)[c], 2.0);
+    const double error = std::sqrt(sum / (3.0 * 80.0 * 120.0)) / 255.0;
+    EXPECT_NEAR(told / error, 1.0, 0.15) << quality;
+    EXPECT_LT(told, last);
+    EXPECT_EQ(*bytes, *encodeWebp(image, quality)) << "asking changes nothing";
+    last = told;
+  }
+}
+
 TEST(Webp, higherQualityCostsBytes) {
   const base::Image image = fading(256, 256);
   EXPECT_LT(encodeWebp(image, 30)->size(), encodeWebp(image, 95)->size());

@@ -36,8 +36,8 @@ base::Image decoded(const base::Bytes& value) {
 
 TEST(FrameEncoder, webpKeepsSmoothEdgesAndJpegRoundsThem) {
   const base::Image image = square();
-  const base::Image webp = decoded(*encodeFrame(image, FrameCodec::kWebp, protocol::kServersChoice));
-  const base::Image jpeg = decoded(*encodeFrame(image, FrameCodec::kJpeg, protocol::kServersChoice));
+  const base::Image webp = decoded(encodeFrame(image, FrameCodec::kWebp, protocol::kServersChoice)->value);
+  const base::Image jpeg = decoded(encodeFrame(image, FrameCodec::kJpeg, protocol::kServersChoice)->value);
   for (std::size_t i = 3; i < image.pixels.size(); i += 4) {
     ASSERT_EQ(webp.pixels[i], image.pixels[i]) << i;
     ASSERT_EQ(jpeg.pixels[i], image.pixels[i] == 255 ? 255 : 0) << i;
@@ -47,7 +47,7 @@ TEST(FrameEncoder, webpKeepsSmoothEdgesAndJpegRoundsThem) {
 TEST(FrameEncoder, theBackgroundDarkensNeitherTheRimNorThePixelsBesideIt) {
   const base::Image image = square();
   for (const FrameCodec codec : {FrameCodec::kWebp, FrameCodec::kJpeg}) {
-    const base::Image back = decoded(*encodeFrame(image, codec, protocol::kServersChoice));
+    const base::Image back = decoded(encodeFrame(image, codec, protocol::kServersChoice)->value);
     for (int y = 10; y < 38; ++y)
       for (const int x : {18, 19, 20, 43, 44, 45}) EXPECT_GT(back.at(x, y)[0], 200) << x << ' ' << y;
   }
@@ -55,18 +55,27 @@ TEST(FrameEncoder, theBackgroundDarkensNeitherTheRimNorThePixelsBesideIt) {
 
 TEST(FrameEncoder, aViewOfNothingIsAnEmptyFlag) {
   for (const FrameCodec codec : {FrameCodec::kWebp, FrameCodec::kJpeg})
-    EXPECT_TRUE(repository::decodeFaceValue(*encodeFrame(base::Image(30, 20, 4), codec, 80))->empty);
+    EXPECT_TRUE(repository::decodeFaceValue(encodeFrame(base::Image(30, 20, 4), codec, 80)->value)->empty);
 }
 
 TEST(FrameEncoder, aQualityThatIsAskedForHolds) {
   const base::Image image = square();
   for (const FrameCodec codec : {FrameCodec::kWebp, FrameCodec::kJpeg}) {
-    const base::Bytes coarse = *encodeFrame(image, codec, 5);
-    const base::Bytes fine = *encodeFrame(image, codec, 100);
+    const base::Bytes coarse = encodeFrame(image, codec, 5)->value;
+    const base::Bytes fine = encodeFrame(image, codec, 100)->value;
     EXPECT_LT(coarse.size(), fine.size());
     EXPECT_LT(base::foregroundError(image, decoded(fine)).squared,
               base::foregroundError(image, decoded(coarse)).squared);
   }
+}
+
+TEST(FrameEncoder, tellsTheErrorThatWebpMakes) {
+  const base::Image image = square();
+  const auto error = [&](FrameCodec codec, int quality) { return encodeFrame(image, codec, quality)->coding_error; };
+  EXPECT_GT(error(FrameCodec::kWebp, 5), 1.2F * error(FrameCodec::kWebp, 90));
+  EXPECT_GT(error(FrameCodec::kWebp, 90), 0.0F);
+  EXPECT_EQ(error(FrameCodec::kWebp, base::ViewDefaults::kWithoutLoss), 0.0F);
+  EXPECT_EQ(error(FrameCodec::kJpeg, 5), 0.0F) << "not told";
 }
 
 TEST(FrameEncoder, withoutLossEveryPixelOfTheModelComesBackAsItIs) {
@@ -77,7 +86,7 @@ TEST(FrameEncoder, withoutLossEveryPixelOfTheModelComesBackAsItIs) {
     noisy.pixels[i] = static_cast<std::uint8_t>(state >> 24);
     if (i % 4 == 3 && noisy.pixels[i] < 100) noisy.pixels[i] = i % 8 == 3 ? 0 : 255;
   }
-  const base::Image back = decoded(*encodeFrame(noisy, FrameCodec::kWebp, base::ViewDefaults::kWithoutLoss));
+  const base::Image back = decoded(encodeFrame(noisy, FrameCodec::kWebp, base::ViewDefaults::kWithoutLoss)->value);
   ASSERT_EQ(back.pixels.size(), noisy.pixels.size());
   for (std::size_t i = 0; i < noisy.pixels.size(); i += 4) {
     ASSERT_EQ(back.pixels[i + 3], noisy.pixels[i + 3]) << i;
@@ -87,8 +96,8 @@ TEST(FrameEncoder, withoutLossEveryPixelOfTheModelComesBackAsItIs) {
 
 TEST(FrameEncoder, withoutLossThereIsNoJpegSoItHasItsDefault) {
   const base::Image image = square();
-  EXPECT_EQ(*encodeFrame(image, FrameCodec::kJpeg, base::ViewDefaults::kWithoutLoss),
-            *encodeFrame(image, FrameCodec::kJpeg, protocol::kServersChoice));
+  EXPECT_EQ(encodeFrame(image, FrameCodec::kJpeg, base::ViewDefaults::kWithoutLoss)->value,
+            encodeFrame(image, FrameCodec::kJpeg, protocol::kServersChoice)->value);
 }
 
 // 9 million pixels of noise take 27 MB without loss, and a message has 16 MiB at most.
@@ -99,16 +108,16 @@ TEST(FrameEncoder, aPictureTooLargeForAMessageWithoutLossHasTheDefaultQuality) {
     state = 1664525U * state + 1013904223U;
     noisy.pixels[i] = i % 4 == 3 ? 255 : static_cast<std::uint8_t>(state >> 24);
   }
-  const base::Bytes value = *encodeFrame(noisy, FrameCodec::kWebp, base::ViewDefaults::kWithoutLoss);
+  const base::Bytes value = encodeFrame(noisy, FrameCodec::kWebp, base::ViewDefaults::kWithoutLoss)->value;
   EXPECT_LE(value.size(), protocol::kMaxPayload);
-  EXPECT_EQ(value, *encodeFrame(noisy, FrameCodec::kWebp, protocol::kServersChoice));
+  EXPECT_EQ(value, encodeFrame(noisy, FrameCodec::kWebp, protocol::kServersChoice)->value);
 }
 
 TEST(FrameEncoder, aSideLongerThanWebpAllowsIsSentAsJpeg) {
   base::Image wide(repository::kMaxWebpSide, 1, 4);
   for (std::size_t i = 3; i < wide.pixels.size(); i += 4) wide.pixels[i] = 255;
   const auto isWebpFrame = [](const base::Image& image) {
-    const base::Bytes value = *encodeFrame(image, FrameCodec::kWebp, protocol::kServersChoice);
+    const base::Bytes value = encodeFrame(image, FrameCodec::kWebp, protocol::kServersChoice)->value;
     return repository::isWebp(repository::decodeFaceValue(value)->picture);
   };
   EXPECT_TRUE(isWebpFrame(wide));

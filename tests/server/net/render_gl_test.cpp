@@ -223,7 +223,7 @@ TEST_F(FrameRendererTest, framesComeBetweenBands) {
   frame.camera = requestOf(kAslant + "&width=64&height=64").camera;
   frame.quality = 80;
   for (std::uint64_t client = 2; client < 5; ++client)
-    renderer_->requestFrame(client, "address", scene_, frame, [&](const base::Bytes&) { order.note("frame"); });
+    renderer_->requestFrame(client, "address", scene_, frame, [&](const auto&) { order.note("frame"); });
   EXPECT_EQ(order.waitFor(4), (std::vector<std::string>{"frame", "frame", "frame", "picture"}));
 }
 
@@ -234,7 +234,7 @@ TEST_F(FrameRendererTest, aViewIsEncodedAgainInAnotherQualityAndDrawnAgainInAnot
     request.quality = quality;
     std::promise<base::Bytes> promise;
     renderer_->requestFrame(1, "address", scene_, request,
-                            [&](base::Bytes bytes) { promise.set_value(std::move(bytes)); });
+                            [&](protocol::EncodedFrame encoded) { promise.set_value(std::move(encoded.value)); });
     return promise.get_future().get();
   };
   const base::Bytes quick = frameOf(40);
@@ -286,10 +286,10 @@ TEST_F(FrameRendererTest, smallFramesDoNotWaitForLargeOnes) {
   Order order;
   for (std::uint64_t client = 1; client < 4; ++client)
     renderer_->requestFrame(client, "address", scene_, frameOf(4000, 3000 + static_cast<int>(client)),
-                            [&](const base::Bytes& bytes) { order.note(bytes.empty() ? "failed" : "large"); });
+                            [&](const auto& encoded) { order.note(encoded.value.empty() ? "failed" : "large"); });
   for (int i = 0; i < 4; ++i) {
     renderer_->requestFrame(9, "address", scene_, frameOf(64 + i, 64),
-                            [&](const base::Bytes& bytes) { order.note(bytes.empty() ? "failed" : "small"); });
+                            [&](const auto& encoded) { order.note(encoded.value.empty() ? "failed" : "small"); });
     const auto so_far = order.waitFor(static_cast<std::size_t>(i) + 1);
     EXPECT_EQ(so_far.back(), "small") << i;
   }
@@ -302,13 +302,13 @@ TEST_F(FrameRendererTest, manyViewersOfAnAddressAreServedAsAFew) {
   Order before;
   for (int i = 0; i < 20; ++i)
     renderer_->requestFrame(static_cast<std::uint64_t>(i), "crowd", scene_, frameOf(64, 64 + i),
-                            [&](const base::Bytes&) { before.note("crowd"); });
+                            [&](const auto&) { before.note("crowd"); });
   before.waitFor(20);
   Order order;
   for (int i = 0; i < 50; ++i)
     renderer_->requestFrame(static_cast<std::uint64_t>(100 + i), "crowd", scene_, frameOf(64, 100 + i),
-                            [&](const base::Bytes&) { order.note("crowd"); });
-  renderer_->requestFrame(200, "other", scene_, frameOf(64, 200), [&](const base::Bytes&) { order.note("other"); });
+                            [&](const auto&) { order.note("crowd"); });
+  renderer_->requestFrame(200, "other", scene_, frameOf(64, 200), [&](const auto&) { order.note("other"); });
   const auto all = order.waitFor(51);
   EXPECT_LT(std::find(all.begin(), all.end(), "other") - all.begin(), 30);
 }
@@ -346,12 +346,12 @@ TEST(FrameRendererFrames, bandsMakeTheFrameThatOnePieceMakes) {
 TEST_F(FrameRendererTest, cancelledLargeFramesMakeRoom) {
   for (int round = 0; round < 3; ++round) {
     for (std::uint64_t client = 1; client < 6; ++client)
-      renderer_->requestFrame(client, "address", scene_, frameOf(4000, 4000), [](const base::Bytes&) {});
+      renderer_->requestFrame(client, "address", scene_, frameOf(4000, 4000), [](const auto&) {});
     for (std::uint64_t client = 1; client < 6; ++client) renderer_->cancel(client);
   }
   Order order;
   renderer_->requestFrame(7, "address", scene_, frameOf(2000, 2000),
-                          [&](const base::Bytes& bytes) { order.note(bytes.empty() ? "failed" : "large"); });
+                          [&](const auto& encoded) { order.note(encoded.value.empty() ? "failed" : "large"); });
   EXPECT_EQ(order.waitFor(1).front(), "large");
 }
 

@@ -113,6 +113,17 @@ struct TestScene {
   SceneData data;
 };
 
+/// The same with shadows, which only images show, and tiles, of which the coarsest are stored, so large that from afar
+/// not all are worth their bytes.
+struct FarScene : TestScene {
+  FarScene() : TestScene(16, 60'000) {
+    data.welcome.shadows = true;
+    data.welcome.grid.tile_depth = 1;
+    data.welcome.grid.face_size = data.welcome.grid.faceSideAt(1);
+  }
+  base::ViewCamera camera() const { return view(1, {0.2, 0.1, 3.0}).camera; }
+};
+
 /// The scene of a server that renders frames.
 inline TestScene& withFrames(TestScene& scene) {
   scene.data.welcome.can_render_frames = true;

@@ -72,7 +72,7 @@ struct SlowClient {
       window_ = std::min(kWidestWindow, window_ + unconfirmed_.front().first);
     tellLink();
     if (rendering_ && rendering_->second <= now)
-      session.frameRendered(std::exchange(rendering_, std::nullopt)->first, someFaceValue(frame_bytes, 3));
+      session.frameRendered(std::exchange(rendering_, std::nullopt)->first, {someFaceValue(frame_bytes, 3)});
     request();
     while (unsent() == 0) {
       auto message = session.nextMessage();
