@@ -198,6 +198,13 @@ std::vector<glm::uvec3> pointsFor(const Scene& scene, const LocalView& local, co
   return choosePoints(query, surfaceOf(scene, local));
 }
 
+/// Whether all patches are soon here and have all colours: those of a texture only images show.
+bool bringsItsColorsSoon(const Scene& scene) {
+  if (scene.patch_bytes == 0 || static_cast<double>(scene.patch_bytes) > kSoonWhole * scene.link_rate) return false;
+  const auto lacks_detail = [](const lod::patch::Patch& patch) { return patch.color_detail != 0; };
+  return std::none_of(scene.hierarchy->patches.begin(), scene.hierarchy->patches.end(), lacks_detail);
+}
+
 /// Takes groups and faces of the view into the plan.
 void planItems(const Scene& scene, const LocalView& local, const PointQuery& query, std::span<const glm::uvec3> points,
                const Holdings& present, ViewPlan& plan) {
@@ -269,7 +276,8 @@ lod::patch::CutRequest cutRequestFor(const protocol::Welcome& welcome, const pro
 protocol::View viewToPlan(const Scene& scene, const protocol::View& view) {
   protocol::View planned = view;
   const bool brings_colors = wantsImages(scene, view) && view.measure == base::ErrorMeasure::kVisible;
-  if (brings_colors && scene.is_fresh && scene.link_rate < kFastLink) planned.measure = base::ErrorMeasure::kShape;
+  if (brings_colors && scene.is_fresh && scene.link_rate < kFastLink && !bringsItsColorsSoon(scene))
+    planned.measure = base::ErrorMeasure::kShape;
   return planned;
 }
 

@@ -38,11 +38,12 @@ struct Scene {
   /// As GainQuery has it.
   StoredBytes stored_bytes = nullptr;
   ImageBytes image_bytes = {};
-  bool is_fast = false;    ///< the eye moves, and fast (isFast())
-  bool is_fresh = false;   ///< of files: the plan before was of another camera, or there was none
+  bool is_fast = false;   ///< the eye moves, and fast (isFast())
+  bool is_fresh = false;  ///< of files: the plan before was of another camera, or there was none
   /// The eye stands, and asks for more than the view's first plan had (GainQuery::counts_foreground).
   bool rests = true;
-  double link_rate = 0.0;  ///< bytes a second towards the viewer; 0: not known
+  double link_rate = 0.0;         ///< bytes a second towards the viewer; 0: not known
+  std::uint64_t patch_bytes = 0;  ///< of files: of all groups; 0: not known
   /// One in so many of the rays across the picture, and of those up, is cast: from 1 to 8. At 2 a plan takes less than
   /// half of the time, and tells less well what the view gains from.
   int ray_step = 1;
@@ -102,8 +103,11 @@ bool isFast(const base::ViewCamera& from, const base::ViewCamera& to, double sec
 /// gets images, too: 10 Mbit/s. A choice: at 1 Mbit/s they come too late, and images with them; at 20 they bring 1 to
 /// 3 dB. A server sends them on any link.
 inline constexpr double kFastLink = 1'250'000.0;
+/// On slower links they are fetched, too, where all patches take no longer than this, seconds, and the scene has no
+/// texture, of which patches lack the detail.
+inline constexpr double kSoonWhole = 5.0;
 
-/// The view as it is planned: a fresh one of files by errors of shape where the link is too slow for more.
+/// The view as it is planned: a fresh one of files by errors of shape where colours of patches would come too late.
 protocol::View viewToPlan(const Scene& scene, const protocol::View& view);
 
 /// The camera of a view in scene-local terms, with the limits that the client's cut keeps.

@@ -147,7 +147,8 @@ plan::Scene StaticSource::planScene() {
           is_fast,
           !rests,
           rests,
-          queue_.rate()};
+          queue_.rate(),
+          tables_->counts().file_bytes - tables_->counts().blocks_offset};
 }
 
 /// Bytes of an image as the index has them (plan::StoredBytes).

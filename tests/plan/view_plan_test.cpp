@@ -95,6 +95,26 @@ TEST(ViewPlan, onASlowLinkTheShapeDecidesAboutAFreshView) {
   EXPECT_EQ(measureOf(true, 0.0), base::ErrorMeasure::kVisible) << "nothing else brings colours";
 }
 
+TEST(ViewPlan, onASlowLinkColoursComeWithPatchesThatAreSoonWhole) {
+  const server::TestScene scene(16);
+  Scene planned = scene.data.toPlan();
+  planned.is_fresh = true;
+  protocol::View view = scene.view(1, {0.1, -0.2, 0.3}, {0.1, 0.1, 0.0});
+  view.measure = base::ErrorMeasure::kVisible;
+  planned.link_rate = 0.1 * kFastLink;
+  planned.patch_bytes = static_cast<std::uint64_t>(kSoonWhole * planned.link_rate);
+  EXPECT_EQ(viewToPlan(planned, view).measure, base::ErrorMeasure::kVisible);
+  lod::patch::Hierarchy textured = *planned.hierarchy;
+  textured.patches.back().color_detail = 100;
+  planned.hierarchy = &textured;
+  EXPECT_EQ(viewToPlan(planned, view).measure, base::ErrorMeasure::kShape) << "only images show a texture";
+  planned.hierarchy = scene.data.toPlan().hierarchy;
+  planned.patch_bytes *= 2;
+  EXPECT_EQ(viewToPlan(planned, view).measure, base::ErrorMeasure::kShape);
+  planned.patch_bytes = 0;
+  EXPECT_EQ(viewToPlan(planned, view).measure, base::ErrorMeasure::kShape) << "nothing is known of the patches";
+}
+
 TEST(ViewPlan, anEyeIsFastThatTurnsOrGoesFast) {
   base::ViewCamera from;
   from.direction = {0.0, 0.0, -1.0};
