@@ -136,19 +136,18 @@ plan::Scene StaticSource::planScene() {
                        plan::isFast(previous_->camera, newest_->camera, newest_at_ - previous_at_,
                                     static_cast<double>(glm::length(welcome.box_max - welcome.box_min)));
   const bool rests = previous_ && newest_ && base::showsSameView(previous_->camera, newest_->camera);
-  return {&scene_.welcome,
-          &hierarchy_,
-          scene_.index.has_value(),
-          points_.treeOrNull(),
-          sight_ ? &*sight_ : nullptr,
-          nullptr,
-          [this](const FaceKey& key) { return storedBytes(key); },
-          image_bytes_,
-          is_fast,
-          !rests,
-          rests,
-          queue_.rate(),
-          tables_->counts().file_bytes - tables_->counts().blocks_offset};
+  return {.welcome = &scene_.welcome,
+          .hierarchy = &hierarchy_,
+          .images = scene_.index.has_value(),
+          .sample_tree = points_.treeOrNull(),
+          .sight = sight_ ? &*sight_ : nullptr,
+          .stored_bytes = [this](const FaceKey& key) { return storedBytes(key); },
+          .image_bytes = image_bytes_,
+          .is_fast = is_fast,
+          .is_fresh = !rests,
+          .rests = rests,
+          .link_rate = queue_.rate(),
+          .patch_bytes = tables_->counts().file_bytes - tables_->counts().blocks_offset};
 }
 
 /// Bytes of an image as the index has them (plan::StoredBytes).
