@@ -8,11 +8,11 @@
 #include <string>
 #include <vector>
 
-#include "base/egl/headless.h"
 #include "base/gl/gl.h"
 #include "base/gl/multisampled_target.h"
 #include "base/png/png.h"
 #include "client/render/lumigraph.h"
+#include "tests/client/render/one_context.h"
 #include "tests/client/render/ray_scene.h"
 
 namespace testing_scene {
@@ -32,15 +32,8 @@ inline glm::vec3 pattern(const glm::vec3& p) {
           0.5F + 0.3F * std::sin(2.0F * p.y + 3.0F * p.x)};
 }
 
-class Lumigraph : public ::testing::Test {
+class Lumigraph : public OneContext {
  protected:
-  static void SetUpTestSuite() {
-    auto made = base::HeadlessContext::create();
-    ASSERT_TRUE(made) << made.error().message;
-    context_ = std::move(made.value());
-  }
-  static void TearDownTestSuite() { context_.reset(); }
-
   void SetUp() override {
     options_.fade_seconds = 0.0F;
     // The proxies have colours unlike the images', so that only images may show; tests that shade set the weight again.
@@ -113,7 +106,6 @@ class Lumigraph : public ::testing::Test {
     addPatch(ballPatch(glm::vec3(0.0F), proxy_radius, rings, kWhite));
   }
 
-  static inline std::unique_ptr<base::HeadlessContext> context_;
   std::unique_ptr<LumigraphRenderer> renderer_;
   Scene scene_;
   std::vector<std::uint32_t> cut_, occluders_;

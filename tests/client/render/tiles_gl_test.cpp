@@ -6,10 +6,10 @@
 #include <cstdlib>
 #include <functional>
 
-#include "base/egl/headless.h"
 #include "base/gl/gl.h"
 #include "client/render/lumigraph.h"
 #include "repository/sampling/cube_face.h"
+#include "tests/client/render/one_context.h"
 #include "tests/client/render/ray_scene.h"
 
 namespace client {
@@ -31,15 +31,8 @@ glm::vec3 fineRings(const glm::vec3& p) {
 }
 
 // A wall at y = 0, and a grid with the sampling points (0, −2, 0), in front of its middle, and (1, −2, 0).
-class TiledFaces : public ::testing::Test {
+class TiledFaces : public testing_scene::OneContext {
  protected:
-  static void SetUpTestSuite() {
-    auto made = base::HeadlessContext::create();
-    ASSERT_TRUE(made) << made.error().message;
-    context_ = std::move(made.value());
-  }
-  static void TearDownTestSuite() { context_.reset(); }
-
   void SetUp() override {
     grid_.first = {0.0F, -2.0F, 0.0F};
     grid_.spacing = 1.0F;
@@ -140,7 +133,6 @@ class TiledFaces : public ::testing::Test {
     return most;
   }
 
-  static std::unique_ptr<base::HeadlessContext> context_;
   std::unique_ptr<LumigraphRenderer> renderer_;
   repository::Grid grid_;
   LumigraphOptions options_;
@@ -148,7 +140,6 @@ class TiledFaces : public ::testing::Test {
   SampleId next_ = 0;
   std::vector<std::uint32_t> cut_{0};
 };
-std::unique_ptr<base::HeadlessContext> TiledFaces::context_;
 
 // Sees a bit more than the face's middle half, off its middle: the borders of all depths cross the picture.
 const base::Camera kNear = lookAt({0.2F, -1.6F, 0.15F}, {0.1F, 0.0F, 0.1F}, 400, 300, 60.0F);

@@ -328,7 +328,7 @@ TEST(Session, imagesThatASmallModelGainsLittleByComeOnceTheEyeRests) {
     view.sequence = i + 1;
     ASSERT_TRUE(talk.say(view));
     const auto messages = talk.drain();
-    faces[i] = facesIn({messages.begin(), messages.begin() + static_cast<long>(completeAt(messages, i + 1))}).size();
+    faces[i] = facesIn(before(messages, completeAt(messages, i + 1))).size();
   }
   EXPECT_GT(faces[0], 0U);
   EXPECT_GT(faces[1], 0U) << "what was not worth its bytes before";
