@@ -198,11 +198,9 @@ std::vector<glm::uvec3> pointsFor(const Scene& scene, const LocalView& local, co
   return choosePoints(query, surfaceOf(scene, local));
 }
 
-/// Whether all patches are soon here and have all colours: those of a texture only images show.
+/// Whether all patches are soon here.
 bool bringsItsColorsSoon(const Scene& scene) {
-  if (scene.patch_bytes == 0 || static_cast<double>(scene.patch_bytes) > kSoonWhole * scene.link_rate) return false;
-  const auto lacks_detail = [](const lod::patch::Patch& patch) { return patch.color_detail != 0; };
-  return std::none_of(scene.hierarchy->patches.begin(), scene.hierarchy->patches.end(), lacks_detail);
+  return scene.patch_bytes != 0 && static_cast<double>(scene.patch_bytes) <= kSoonWhole * scene.link_rate;
 }
 
 /// Takes groups and faces of the view into the plan.

@@ -650,6 +650,7 @@ void LumigraphRenderer::Impl::setUniforms(const base::gl::Program& program, cons
   set("u_lit_outlier", tuning.lit_outlier);
   set("u_agreement", tuning.agreement);
   set("u_sharpen", tuning.sharpen);
+  set("u_footprint", tuning.footprint);
   set("u_disagreement", tuning.disagreement);
   set("u_even_error", tuning.even_error);
   const auto step = static_cast<float>(patches.lattice().step);

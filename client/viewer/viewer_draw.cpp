@@ -14,6 +14,8 @@ int scaled(int pixels, float scale) {
 /// By so many mip levels images are looked up finer where the mean of several pictures is shown. Measured:
 /// docs/decisions/antialiasing.md.
 constexpr float kSharperMeans = 0.45F;
+/// BlendTuning::footprint of each of these pictures, which lie side by side in a pixel.
+constexpr float kFootprintOfMeans = 0.2F;
 
 constexpr int kEnoughSamples = 4;  ///< a pixel; more are only taken where there is room
 
@@ -218,6 +220,7 @@ bool Viewer::bindTarget(int width, int height, const DrawEffort& effort) {
 LumigraphOptions Viewer::optionsAtRest(LumigraphOptions options) const {
   options.max_points_a_patch = effortAtRest().points;
   options.tuning.sharpen += kSharperMeans;
+  options.tuning.footprint = kFootprintOfMeans;
   return options;
 }
 

@@ -104,11 +104,6 @@ TEST(ViewPlan, onASlowLinkColoursComeWithPatchesThatAreSoonWhole) {
   planned.link_rate = 0.1 * kFastLink;
   planned.patch_bytes = static_cast<std::uint64_t>(kSoonWhole * planned.link_rate);
   EXPECT_EQ(viewToPlan(planned, view).measure, base::ErrorMeasure::kVisible);
-  lod::patch::Hierarchy textured = *planned.hierarchy;
-  textured.patches.back().color_detail = 100;
-  planned.hierarchy = &textured;
-  EXPECT_EQ(viewToPlan(planned, view).measure, base::ErrorMeasure::kShape) << "only images show a texture";
-  planned.hierarchy = scene.data.toPlan().hierarchy;
   planned.patch_bytes *= 2;
   EXPECT_EQ(viewToPlan(planned, view).measure, base::ErrorMeasure::kShape);
   planned.patch_bytes = 0;

@@ -28,7 +28,8 @@ uniform float u_soft;                  // width of a carved edge, pixels; 0 wher
 // ANGLE_POWER, VOTE_POWER, and HALF_RESOLUTION_POWER, which squares are raised to, are defined before this text.
 uniform float u_angle_floor, u_shift, u_border, u_side_low, u_side_high;
 uniform float u_bias_texels, u_bias_error, u_carve_below, u_shade_blur, u_shade_weight;
-uniform float u_image_noise, u_proxy_noise, u_near, u_outlier, u_lit_outlier, u_agreement, u_sharpen, u_disagreement;
+uniform float u_image_noise, u_proxy_noise, u_near, u_outlier, u_lit_outlier, u_agreement, u_disagreement;
+uniform float u_sharpen, u_footprint;
 
 vec4 colorAt(int array, vec3 place, float level) {
 #ifndef ONE_ARRAY
@@ -79,8 +80,68 @@ const float kMostLost = 1.5;
 const float kSharing = 4.0;
 const float kFewListed = 6.0;
 
+// A surface at a steeper slant than this counts as one of this slant.
+const float kLeastCosine = 0.05;
+// Taps are no more than so many texels apart, as long as there are no more than so many of them. Choices:
+// docs/decisions/image-footprints.md has others.
+const float kTexelsATap = 1.35;
+const float kMostTaps = 4.0;
+
 // Returns the index of the k-th of the samples that may see the place.
 int listed(int k);
+
+// The parallelogram that a view pixel covers on the surface, scene units. Its first edge leads away from the eye.
+struct Footprint {
+  vec3 along;
+  vec3 across;
+};
+
+// `size`: width of a view pixel at the place, scene units.
+Footprint footprintOf(vec3 normal, vec3 view_ray, float size) {
+  float cosine = dot(normal, view_ray);
+  vec3 along = view_ray - cosine * normal;
+  if (dot(along, along) < 1e-6) along = cross(normal, abs(normal.x) < 0.5 ? vec3(1.0, 0.0, 0.0) : vec3(0.0, 1.0, 0.0));
+  along = normalize(along);
+  return Footprint(size / clamp(cosine, kLeastCosine, 1.0) * along, size * cross(normal, along));
+}
+
+// A footprint in an image: an ellipse, whose axes are the singular values of how the image maps the surface.
+struct Ellipse {
+  float longest;                       // texels
+  float shortest;
+  vec3 axis;                           // the longest axis, whole, on the surface
+};
+
+// `density`: texels per scene unit of what faces the image at the place.
+Ellipse ellipseOf(Footprint footprint, vec3 sample_ray, float density) {
+  float along = dot(footprint.along, sample_ray);
+  float across = dot(footprint.across, sample_ray);
+  float xx = dot(footprint.along, footprint.along) - along * along;
+  float yy = dot(footprint.across, footprint.across) - across * across;
+  float xy = -along * across;
+  float mean = 0.5 * (xx + yy);
+  float apart = length(vec2(0.5 * (xx - yy), xy));
+  vec2 axis = xx > yy ? vec2(mean + apart - yy, xy) : vec2(xy, mean + apart - xx);
+  axis *= inversesqrt(max(dot(axis, axis), 1e-30));
+  return Ellipse(density * sqrt(mean + apart), density * sqrt(max(mean - apart, 0.0)),
+                 axis.x * footprint.along + axis.y * footprint.across);
+}
+
+// Looks the colour up over a footprint (Heckbert 1989, section 3.3): by as many taps along its longest axis as its
+// length wants (McCormack et al. 1999, section 3), each of a mip level by its shortest. A wall at a slant would sparkle
+// otherwise. `step`: the longest axis in texture coordinates.
+vec4 filteredAt(int array, vec3 place, Ellipse ellipse, vec2 step) {
+  float extent = u_footprint * ellipse.longest;
+  float level = log2(max(max(ellipse.shortest, extent / (kMostTaps * kTexelsATap)), 1e-6));
+  level = max(level - u_sharpen, 0.0);
+  int taps = int(clamp(ceil(extent / (kTexelsATap * exp2(level))), 1.0, kMostTaps));
+  vec4 sum = vec4(0.0);
+  for (int tap = 0; tap < taps; ++tap) {
+    float part = (float(tap) + 0.5) / float(taps) - 0.5;
+    sum += colorAt(array, vec3(place.xy + u_footprint * part * step, place.z), level);
+  }
+  return sum / float(taps);
+}
 
 // Weighted sums over images of a place.
 struct Sums {
@@ -140,7 +201,7 @@ Blend blendAt(Surface surface, vec2 view_ndc, vec3 proxy_error, int count, float
   // The colours' error grows with the blur: the proxy's own colours are blurred over its triangles, and that error is
   // known. `slope` is the error for each view pixel of blur.
   float shade_blur =
-      max(u_shade_blur * surface.edge * view_density, 1.0) / clamp(dot(surface.normal, view_ray), 0.05, 1.0);
+      max(u_shade_blur * surface.edge * view_density, 1.0) / clamp(dot(surface.normal, view_ray), kLeastCosine, 1.0);
   float slope = color_error / shade_blur;
   float image_noise2 = u_image_noise * u_image_noise;
   float lost2 = u_unlit ? kLostDetail * color_error * color_error : 0.0;
@@ -151,6 +212,7 @@ Blend blendAt(Surface surface, vec2 view_ndc, vec3 proxy_error, int count, float
   float believable2 = 3.0 * believable * believable * (color_error * color_error + kLeastError2);
 
   float finest = exp2(u_sharpen);
+  Footprint footprint = footprintOf(surface.normal, view_ray, 1.0 / view_density);
 
   Sums all = Sums(vec4(0.0), 0.0, 0.0);
   Sums wary = all;                 // of images whose weight is less where they are doubted
@@ -228,8 +290,12 @@ Blend blendAt(Surface surface, vec2 view_ndc, vec3 proxy_error, int count, float
     // Coverage votes. Background in an image means that nothing lies along its whole ray, whether the proxy hides it
     // or not; model counts only where the image sees this place. Votes weigh by angle alone: the closer the ray, the
     // better the image knows the silhouette.
-    float ratio = depth.w / clip.w / view_density;
-    vec4 color = colorAt(array, vec3(uv, place.y), max(log2(ratio) - u_sharpen, 0.0));
+    float density = depth.w / clip.w;
+    float ratio = density / view_density;
+    Ellipse ellipse = ellipseOf(footprint, sample_ray, density);
+    vec4 axis = u_samples[i].clip_from_scene * vec4(ellipse.axis, 0.0);
+    vec2 axis_uv = 0.5 * (axis.xy - picture * axis.w) / clip.w;
+    vec4 color = filteredAt(array, vec3(uv, place.y), ellipse, axis_uv);
     float for_model = color.a * min(1.0, 2.0 * lit);
     float vote = voter / raised(angle + u_angle_floor, VOTE_POWER);
     votes += vote * (1.0 - color.a + for_model);
@@ -252,8 +318,7 @@ Blend blendAt(Surface surface, vec2 view_ndc, vec3 proxy_error, int count, float
     weights += vec2(weight, weight * weight);
     add(wary, weight / (1.0 + doubt * doubt), color, error2);
     if (u_show_resolution) {
-      // A texel spans more view pixels where the image sees the surface at a steeper slant than the viewer does.
-      float texel_px = max(1.0, dot(surface.normal, view_ray) / max(cosine, 0.05)) / max(ratio, 1e-4);
+      float texel_px = 1.0 / max(ellipse.shortest, 1e-4);
       octaves += weight * color.a * 0.5 * log2(texel_px * texel_px + shift * shift);
     }
     unseen *= 1.0 - seen * color.a;

@@ -358,6 +358,24 @@ TEST_F(Lumigraph, trianglesSmallerThanAPixelKeepTheirColoursUnderSeveralSamples)
   EXPECT_GE(psnrOnCovered(mean, drawMultisampled(camera(1))), one_sample + 5.0);
 }
 
+TEST_F(Lumigraph, aWallAtASlantShowsTheMeanOfWhatItsPixelsCover) {
+  // Grey stripes of 5 texels of the only image, which looks straight at them. At a slant of 60 degrees each still spans
+  // 2.5 pixels; at 80 degrees a pixel covers two of them.
+  const auto stripes = [](const glm::vec3& p) { return glm::vec3(0.5F + 0.3F * std::sin(230.0F * p.x)); };
+  scene_.rectangles = {{{}, {1.0F, 0.0F, 0.0F}, {0.0F, 0.0F, 1.0F}, stripes, {}}};
+  addPatch(rectanglePatch(scene_.rectangles[0], 8, kWhite));
+  proxy_errors_ = {{-1.0F, 0.2F}};  // a texture is all that it lacks
+  addImage(0, lookAt(kEye, glm::vec3(0.0F), 400, 400, 40.0F));
+  const auto psnrAt = [&](float degrees, int pixels) {
+    const float slant = glm::radians(degrees);
+    const glm::vec3 eye{3.0F * std::sin(slant), -3.0F * std::cos(slant), 0.4F};
+    const base::Camera camera = lookAt(eye, glm::vec3(0.0F), pixels, pixels, 40.0F);
+    return psnrOnCovered(castRays(scene_, camera, 8), draw(camera));
+  };
+  EXPECT_GE(psnrAt(60.0F, 400), 32.0);
+  EXPECT_GE(psnrAt(80.0F, 160), 25.0);
+}
+
 TEST_F(Lumigraph, anImageCountsForLessTheMoreItsCodingErrs) {
   makeBall();
   proxy_errors_ = {{0.001F, 0.002F}};  // so little that images differ by their coding alone
