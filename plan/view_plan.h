@@ -103,8 +103,8 @@ bool isFast(const base::ViewCamera& from, const base::ViewCamera& to, double sec
 /// gets images, too: 10 Mbit/s. A choice: at 1 Mbit/s they come too late, and images with them; at 20 they bring 1 to
 /// 3 dB. A server sends them on any link.
 inline constexpr double kFastLink = 1'250'000.0;
-/// On slower links they are fetched, too, where all patches take no longer than this, seconds, and the scene has no
-/// texture, of which patches lack the detail.
+/// On slower links they are fetched, too, where all patches take no longer than this, seconds. Measured:
+/// docs/decisions/gain-per-byte.md.
 inline constexpr double kSoonWhole = 5.0;
 
 /// The view as it is planned: a fresh one of files by errors of shape where colours of patches would come too late.

@@ -58,7 +58,7 @@ struct BlendTuning {
   /// everywhere as much. Only where each pixel is blended once, and light does not make the colours.
   float even_error = 0.5F;
   float sharpen = 0.75F;       ///< images are looked up so many mip levels finer than one texel a view pixel,
-  float footprint = 0.8F;      ///< and over this share of the longest extent that a view pixel has in them
+  float footprint = 0.8F;      ///< and over this share, 0..1, of the longest extent that a view pixel has in them
   float near_errors = 3.0F;    ///< an image that is nearer to the proxy than so many of its errors is not used
   float proxy_noise = 0.004F;  ///< error of the proxy's colours beyond its stated one, 0..1
 

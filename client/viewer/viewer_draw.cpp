@@ -14,7 +14,8 @@ int scaled(int pixels, float scale) {
 /// By so many mip levels images are looked up finer where the mean of several pictures is shown. Measured:
 /// docs/decisions/antialiasing.md.
 constexpr float kSharperMeans = 0.45F;
-/// BlendTuning::footprint of each of these pictures, which lie side by side in a pixel.
+/// BlendTuning::footprint of each of these pictures, which lie side by side in a pixel. Measured:
+/// docs/decisions/image-footprints.md.
 constexpr float kFootprintOfMeans = 0.2F;
 
 constexpr int kEnoughSamples = 4;  ///< a pixel; more are only taken where there is room

@@ -360,7 +360,7 @@ TEST_F(Lumigraph, trianglesSmallerThanAPixelKeepTheirColoursUnderSeveralSamples)
 
 TEST_F(Lumigraph, aWallAtASlantShowsTheMeanOfWhatItsPixelsCover) {
   // Grey stripes of 5 texels of the only image, which looks straight at them. At a slant of 60 degrees each still spans
-  // 2.5 pixels; at 80 degrees a pixel covers two of them.
+  // 2.5 pixels; at 80 degrees a pixel covers almost three.
   const auto stripes = [](const glm::vec3& p) { return glm::vec3(0.5F + 0.3F * std::sin(230.0F * p.x)); };
   scene_.rectangles = {{{}, {1.0F, 0.0F, 0.0F}, {0.0F, 0.0F, 1.0F}, stripes, {}}};
   addPatch(rectanglePatch(scene_.rectangles[0], 8, kWhite));
