@@ -180,10 +180,12 @@ void findUp(const Surface& surface, Orientation& out) {
 }
 
 // An interior is seen from above through the backs of its ceilings. It is one where so much of what the sky sees is
-// such a back, with a floor beneath it.
+// such a back, with a floor beneath it, and one of both is level: the ceiling may be a vault, or the floor a ramp. Else
+// a statue whose triangles are turned over would be a cave.
 constexpr float kCeilings = 0.6F;
-constexpr int kColumns = 64;   // along each side of the footprint
-constexpr int kSections = 48;  // heights that are tried
+constexpr float kCeilingFacing = 0.26F;  // 15 degrees from upright; a wall is no ceiling
+constexpr int kColumns = 64;             // along each side of the footprint
+constexpr int kSections = 48;            // heights that are tried
 // A section that opens nearly as many rooms as the best, higher up, leaves more of the walls.
 constexpr float kNearlyAsMany = 0.95F;
 
@@ -211,11 +213,13 @@ std::vector<Room> findRooms(const Surface& surface, const glm::vec3& up) {
     const auto first = surface.sight->nearest(sky, -up, size[axis] + 2.0F * clearance);
     if (!first) continue;
     ++seen;
-    if (glm::dot(first->normal, up) > -kFacing) continue;
+    const float ceiling_faces = -glm::dot(first->normal, up);
+    if (ceiling_faces < kCeilingFacing) continue;
     const float ceiling = glm::dot(sky, up) - first->distance;
     const glm::vec3 beneath = sky - (first->distance + clearance) * up;
     const auto floor = surface.sight->nearest(beneath, -up, size[axis]);
-    if (floor && glm::dot(floor->normal, up) > 0.0F) rooms.push_back({ceiling - clearance - floor->distance, ceiling});
+    const float level = ceiling_faces < kFacing ? kFacing : 0.0F;
+    if (floor && glm::dot(floor->normal, up) > level) rooms.push_back({ceiling - clearance - floor->distance, ceiling});
   }
   if (static_cast<float>(rooms.size()) <= kCeilings * static_cast<float>(seen)) rooms.clear();
   return rooms;

@@ -191,6 +191,32 @@ TEST_F(OrientationTest, anInteriorIsCutOpenBelowTheCeilingsOfItsTopStorey) {
     }
 }
 
+// A nave beneath a barrel vault, scanned from inside: three fifths of the ceiling are far from level. Or a hall with a
+// level ceiling above a floor that rises by 35 degrees, as that of a theatre.
+TEST_F(OrientationTest, anInteriorMayHaveAVaultOrASteepFloor) {
+  const glm::vec3 up(0.0F, 0.0F, 1.0F);
+  const glm::vec3 size(2.0F, 5.0F, 1.4F);
+  Mesh nave = turnedOver(walls(size));
+  appendLevel(nave, sheet(), size, 0.0F);
+  Mesh vault = sheet();
+  for (glm::vec3& p : vault.positions) {
+    const float angle = 1.57079633F * p.x;
+    p = {1.0F + std::sin(angle), 2.5F * (1.0F + p.y), size.z + std::cos(angle)};
+  }
+  append(nave, turnedOver(vault), glm::vec3(1.0F), glm::vec3(0.0F));
+  const Orientation found = orientationOf(nave, &up);
+  ASSERT_TRUE(found.section_height.has_value());
+  EXPECT_LT(*found.section_height, size.z + 0.5F) << "below most of the vault";
+  EXPECT_GT(*found.section_height, 0.5F * size.z);
+
+  Mesh theatre = turnedOver(walls(glm::vec3(2.0F, 2.0F, 3.0F)));
+  appendLevel(theatre, turnedOver(sheet()), glm::vec3(2.0F), 3.0F);
+  Mesh rise = sheet();
+  for (glm::vec3& p : rise.positions) p.z = 0.7F * (1.0F + p.x);
+  append(theatre, rise, glm::vec3(1.0F), glm::vec3(1.0F, 1.0F, 0.0F));
+  EXPECT_TRUE(orientationOf(theatre, &up).section_height.has_value());
+}
+
 TEST_F(OrientationTest, nothingElseIsCutOpen) {
   const glm::vec3 z(0.0F, 0.0F, 1.0F);
   const glm::vec3 size(4.0F, 3.0F, 1.0F);
