@@ -31,7 +31,7 @@ constexpr double kLeastImageRate = 2e-11;
 /// A model that is smaller counts as so large. With a fiftieth an orbit of the refinery took a third more bytes, for
 /// nothing (docs/decisions/gain-per-byte.md).
 constexpr double kLeastForeground = 0.25;
-/// A group that is not needed and gains less for each of its bytes is not sent
+/// A group that is not needed and gains less for each of its bytes is not sent where query.leaves_groups
 /// (docs/decisions/refine-at-rest.md).
 constexpr double kLeastRate = 1e-11;
 
@@ -272,7 +272,7 @@ class GainOrder {
     std::vector<OrderedItem> items;
     while (true) {
       std::optional<Prospect> group = findBestGroup(false);
-      if (group && group->rate() < kLeastRate) group = findBestGroup(true);
+      if (query_.leaves_groups && group && group->rate() < kLeastRate) group = findBestGroup(true);
       const std::optional<std::uint32_t> image = images_left_ > 0 ? findBestImage() : std::nullopt;
       if (!group && !image) return items;
       if (group && (!image || group->rate() >= rates_[*image])) {

@@ -89,6 +89,8 @@ struct GainQuery {
   /// An image may gain less for its bytes where the model does not fill the picture, by the model's share of it: who
   /// looks sees the model alone. Not for an eye that moves on.
   bool counts_foreground = true;
+  /// Groups that are not needed and gain too little for their bytes stay behind, in place of coming after all else.
+  bool leaves_groups = true;
 };
 
 /// An image or a group, and by how much it lessens the squared error of the picture's colours (0..1, mean over the
@@ -100,8 +102,8 @@ struct OrderedItem {
 };
 
 struct OrderByGain {
-  /// All groups that are needed, parents first, and among them other groups and the images that are not here, as long
-  /// as they gain anything worth their bytes.
+  /// All groups that are needed, parents first, and among them the images that are not here, as long as they gain
+  /// anything worth their bytes, and other groups, likewise where GainQuery::leaves_groups says so.
   std::vector<OrderedItem> items;
   float error_before = 0.0F;  ///< expected squared error of the picture's colours, without the items
   float error_after = 0.0F;   ///< and with them

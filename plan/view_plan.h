@@ -101,7 +101,7 @@ bool isFast(const base::ViewCamera& from, const base::ViewCamera& to, double sec
 
 /// From so many bytes a second on, patches that bring no more than colours are fetched from files for a moving eye that
 /// gets images, too: 10 Mbit/s. A choice: at 1 Mbit/s they come too late, and images with them; at 20 they bring 1 to
-/// 3 dB. A server sends them on any link.
+/// 3 dB. A server sends them on any link. Groups that gain little are sent from so many on.
 inline constexpr double kFastLink = 1'250'000.0;
 /// On slower links they are fetched, too, where all patches take no longer than this, seconds. Measured:
 /// docs/decisions/gain-per-byte.md.
@@ -115,8 +115,9 @@ lod::patch::CutRequest cutRequestFor(const protocol::Welcome& welcome, const pro
 
 /// Plans for one view. The groups are those that the whole hierarchy's cut expands under the view's tolerance and
 /// triangle budget. The client chooses by the same rule among the groups it has, so it arrives at that cut when all of
-/// them have come. Where a view with images goes by visible errors, groups that gain too little are missing. What the
-/// viewer has is left out; groups and images are ordered by gain for their bytes (plan/gain_order.h).
+/// them have come. Where a view with images goes by visible errors, groups that gain too little are missing, unless the
+/// eye moves and the link is fast. What the viewer has is left out; groups and images are ordered by gain for their
+/// bytes (plan/gain_order.h).
 ViewPlan planView(const Scene& scene, const protocol::View& view, const Holdings& present = {});
 
 /// Plans faces for the view after `newest`, assuming that the eye repeats its step from `previous` to `newest`; empty

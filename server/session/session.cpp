@@ -270,6 +270,7 @@ plan::Scene Session::sceneToPlan() const {
   scene.images = scene.images && (decodes_webp_ || !scene_.images_are_webp);
   scene.image_bytes = image_bytes_;
   scene.is_fast = frames_.eyeIsFast();
+  scene.link_rate = frames_.link().isKnown() ? frames_.link().rate() : 0.0;
   scene.rests = previous_ && base::showsSameView(previous_->camera, newest_->camera);
   scene.stored_bytes = [this](const repository::FaceKey& key) -> std::optional<std::uint64_t> {
     if (remote_) return remote_->absent.count(key) != 0 ? std::optional<std::uint64_t>(0) : std::nullopt;

@@ -195,6 +195,10 @@ TEST_F(GainOrdersOfGroups, thoseThatOnlyBringColoursStayWhereTheyGainTooLittleFo
   EXPECT_FALSE(has(choose(0.02F, 0.2F, 300'000'000), 2)) << "its colours are no better than those that are there";
   is_needed_ = true;
   EXPECT_TRUE(has(choose(0.02F, 0.2F, 300'000'000), 2));
+  is_needed_ = false;
+  query_.leaves_groups = false;
+  const auto all = choose(0.02F, 0.2F, 300'000'000);
+  EXPECT_EQ(placeOf(all, 2), all.size() - 1) << "behind all else";
 }
 
 TEST_F(GainOrdersOfGroups, imagesComeBeforeThoseThatCostTooMuch) {
