@@ -33,6 +33,24 @@ TEST(ViewPlan, coarseGroupsAreTheTopWithinTheirBytes) {
   EXPECT_EQ(coarseGroups(h, 1'000'000'000).size(), h.groups.size());
 }
 
+TEST(ViewPlan, groupsOfLittleGainAreForMovingEyesWithFastLinksAlone) {
+  const server::TestScene scene(16);
+  // Errors of colour that call for groups of which nothing is gained, as far as typical errors tell.
+  lod::patch::Hierarchy colored = scene.patches->hierarchy();
+  for (lod::patch::Group& group : colored.groups) group.visible_error *= 30.0F, group.typical_color_error = 0.0F;
+  protocol::View view = scene.view(1, {0.1, -0.2, 0.3}, {0.1, 0.1, 0.0});
+  view.measure = base::ErrorMeasure::kVisible;
+  Scene planned = scene.data.toPlan();
+  planned.hierarchy = &colored;
+  const auto groups = [&](bool rests, double link_rate) {
+    planned.rests = rests;
+    planned.link_rate = link_rate;
+    return planView(planned, view).groups.size();
+  };
+  EXPECT_EQ(groups(false, 0.5 * kFastLink), groups(true, 2.0 * kFastLink));
+  EXPECT_GT(groups(false, 2.0 * kFastLink), groups(true, 2.0 * kFastLink));
+}
+
 // A client that applies the same rule to the groups it received arrives at exactly the cut that the server planned.
 TEST(ViewPlan, groupsLeadAClientToTheWholeHierarchysCut) {
   const server::TestScene scene(16);
