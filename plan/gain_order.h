@@ -102,8 +102,8 @@ struct OrderedItem {
 };
 
 struct OrderByGain {
-  /// All groups that are needed, parents first, and among them the images that are not here, as long as they gain
-  /// anything worth their bytes, and other groups, likewise where GainQuery::leaves_groups says so.
+  /// All groups that are needed, parents first; among them the images that are not here, as long as they gain anything
+  /// worth their bytes; and the other groups, all or likewise (GainQuery::leaves_groups).
   std::vector<OrderedItem> items;
   float error_before = 0.0F;  ///< expected squared error of the picture's colours, without the items
   float error_after = 0.0F;   ///< and with them

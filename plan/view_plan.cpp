@@ -178,7 +178,7 @@ OrderByGain orderItems(const Scene& scene, const LocalView& local, const PointQu
   gain.later_share = points.empty() ? kLaterAlone : scene.is_fast ? kLaterUnderImages : 0.0F;
   gain.stored_bytes = scene.stored_bytes;
   gain.counts_foreground = scene.rests;
-  // Rays miss much of what a link with room to spare brings to an eye that moves on.
+  // Rays miss much of what a link with room to spare brings to an eye that moves, or has just come.
   gain.leaves_groups = scene.rests || scene.link_rate < kFastLink;
   return orderByGain(gain, points, samples, places, send.groups);
 }

@@ -116,8 +116,8 @@ lod::patch::CutRequest cutRequestFor(const protocol::Welcome& welcome, const pro
 /// Plans for one view. The groups are those that the whole hierarchy's cut expands under the view's tolerance and
 /// triangle budget. The client chooses by the same rule among the groups it has, so it arrives at that cut when all of
 /// them have come. Where a view with images goes by visible errors, groups that gain too little are missing, unless the
-/// eye moves and the link is fast. What the viewer has is left out; groups and images are ordered by gain for their
-/// bytes (plan/gain_order.h).
+/// eye moves, or has just come, and the link is fast. What the viewer has is left out; groups and images are ordered by
+/// gain for their bytes (plan/gain_order.h).
 ViewPlan planView(const Scene& scene, const protocol::View& view, const Holdings& present = {});
 
 /// Plans faces for the view after `newest`, assuming that the eye repeats its step from `previous` to `newest`; empty

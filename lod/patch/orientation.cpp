@@ -218,8 +218,8 @@ std::vector<Room> findRooms(const Surface& surface, const glm::vec3& up) {
     const float ceiling = glm::dot(sky, up) - first->distance;
     const glm::vec3 beneath = sky - (first->distance + clearance) * up;
     const auto floor = surface.sight->nearest(beneath, -up, size[axis]);
-    const float level = ceiling_faces < kFacing ? kFacing : 0.0F;
-    if (floor && glm::dot(floor->normal, up) > level) rooms.push_back({ceiling - clearance - floor->distance, ceiling});
+    const float least = ceiling_faces < kFacing ? kFacing : 0.0F;
+    if (floor && glm::dot(floor->normal, up) > least) rooms.push_back({ceiling - clearance - floor->distance, ceiling});
   }
   if (static_cast<float>(rooms.size()) <= kCeilings * static_cast<float>(seen)) rooms.clear();
   return rooms;

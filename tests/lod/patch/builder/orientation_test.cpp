@@ -191,7 +191,7 @@ TEST_F(OrientationTest, anInteriorIsCutOpenBelowTheCeilingsOfItsTopStorey) {
     }
 }
 
-// A nave beneath a barrel vault, scanned from inside: three fifths of the ceiling are far from level. Or a hall with a
+// A nave beneath a barrel vault, scanned from inside: two thirds of the ceiling are far from level. Or a hall with a
 // level ceiling above a floor that rises by 35 degrees, as that of a theatre.
 TEST_F(OrientationTest, anInteriorMayHaveAVaultOrASteepFloor) {
   const glm::vec3 up(0.0F, 0.0F, 1.0F);
