@@ -54,7 +54,7 @@ test("a link with m=hlod opens them on a static host; hardly a byte comes twice"
   const host = await nginx(published);
   const page = await open(browser, `${host.url}#${link}`);
   await fine(page);
-  const twice = repeated(host.requests());
+  const twice = repeated(host.requests(), page);
   assert.ok(twice < 30_000, `${twice} bytes: more than the piece of a block at the end of the first answer`);
   await expectNative(page, host.url, "hlod");
   assert.deepEqual(page.faults.filter((fault) => !/404/.test(fault)), []);  // it has no annotations

@@ -139,16 +139,18 @@ export async function nginx(root, lines = "") {
 export const ranges = (requests) =>
     requests.filter(({range}) => range).map(({uri, range}) => [uri, ...range.match(/\d+/g).map(Number)]);
 
-/// Returns the number of bytes that were requested more than once.
-export function repeated(requests) {
-  let twice = 0;
+/// Returns the number of bytes that were requested more than once, less those of answers that Chromium lost on the way
+/// to the page: when an interface of the machine comes or goes it drops all that is under way (ERR_NETWORK_CHANGED), and
+/// the page asks again.
+export function repeated(requests, page) {
+  let twice = -page.lost;
   const seen = new Map();
   for (const [uri, first, last] of ranges(requests)) {
     const had = seen.get(uri) ?? [];
     for (const [from, to] of had) twice += Math.max(0, Math.min(to, last) - Math.max(from, first) + 1);
     seen.set(uri, [...had, [first, last]]);
   }
-  return twice;
+  return Math.max(twice, 0);
 }
 
 /// Puts a link in front of a server: towards the page it has at most `bytesPerSecond` and delays each byte by `latency`
@@ -194,13 +196,22 @@ export async function launch(gl = "mesa", flags = []) {
   return browser;
 }
 
-/// A new page of the context that collects its errors and warnings in page.faults.
+const kNetworkChanged = /net::ERR_NETWORK_CHANGED/;
+
+/// A new page of the context that collects its errors and warnings in page.faults, and in page.lost the bytes that it
+/// asked for when the network of this machine changed.
 export async function newPage(context) {
   const page = await context.newPage();
   page.faults = [];
+  page.lost = 0;
+  page.on("requestfailed", (request) => {
+    const range = /bytes=(\d+)-(\d+)/.exec(request.headers().range);
+    if (range && kNetworkChanged.test(request.failure()?.errorText)) page.lost += Number(range[2]) - range[1] + 1;
+  });
   page.on("pageerror", (error) => page.faults.push(error.message));
   page.on("console", (message) => {
-    if (["error", "warning"].includes(message.type())) page.faults.push(message.text());
+    if (["error", "warning"].includes(message.type()) && !kNetworkChanged.test(message.text()))
+      page.faults.push(message.text());
   });
   return page;
 }

@@ -17,6 +17,7 @@ import {
   newPage,
   nginx,
   open,
+  ranges,
   repeated,
   run,
   sampleMesh,
@@ -92,7 +93,8 @@ test(
       const host = await nginx(published);  // a log of its own: late answers to the first page are in the other
       const page = await open(browser, `${host.url}#${link}`);
       await quiet(page);
-      assert.equal(repeated(host.requests()), 0);
+      const asked = host.requests();
+      assert.equal(repeated(asked, page), 0, JSON.stringify(ranges(asked)));
       await expectNative(page, host.url);
 
       await Promise.all([

@@ -54,7 +54,7 @@ try {
     await act();
     await note(name);
   }
-  const twice = repeated(all);
+  const twice = repeated(all, page);
   if (process.argv.includes("--json"))
     console.log(JSON.stringify({views, twice, camera: await camera(page)}));
   else {

@@ -107,7 +107,7 @@ test("the page beside the scene shows it as our server does, and asks for nothin
     all.push(...more);
   }
   console.log(`requests and bytes a view: ${frames.map(({requests, bytes}) => `${requests}: ${bytes}`).join(", ")}`);
-  assert.equal(repeated(all), 0, JSON.stringify(ranges(all)));
+  assert.equal(repeated(all, page), 0, JSON.stringify(ranges(all)));
   assert.ok(all.every(({status}) => [200, 206, 304, 404].includes(status)));
   // Everything that the first view shows is here. New data are ahead of need, along the motion, and nothing is fetched
   // twice.
@@ -115,7 +115,7 @@ test("the page beside the scene shows it as our server does, and asks for nothin
   await still(page);
   await settled(page);
   const back = host.requests();
-  assert.equal(repeated([...all, ...back]), 0, JSON.stringify(ranges(back)));
+  assert.equal(repeated([...all, ...back], page), 0, JSON.stringify(ranges(back)));
   assert.ok(ranges(back).every(([uri]) => uri.endsWith(".lgk")), "no shape, table or index");
   assert.ok(back.reduce((sum, {bytes}) => sum + bytes, 0) < 0.1 * frames[0].bytes, JSON.stringify(back));
   assert.deepEqual(page.faults.filter((fault) => !/404/.test(fault)), []);
