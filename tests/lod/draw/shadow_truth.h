@@ -44,6 +44,7 @@ class ShadowTruth {
     rtcReleaseGeometry(geometry);
     rtcCommitScene(scene_.get());
     const base::Aabb box = mesh.box();
+    center_ = glm::dvec3(box.center());
     offset_ = 2e-6 * static_cast<double>(glm::length(box.size()));
   }
 
@@ -82,8 +83,7 @@ class ShadowTruth {
   /// The share of the light's disc that is seen, by `samples` of it. The disc faces the surface's middle.
   double litShare(const SeenPlace& seen, const lod::hlod::ShadowLight& light, int samples) const {
     const glm::dvec4 middle(light.place);
-    const base::Aabb box = mesh_.box();
-    const glm::dvec3 axis = glm::normalize(glm::dvec3(middle) - middle.w * glm::dvec3(box.center()));
+    const glm::dvec3 axis = glm::normalize(glm::dvec3(middle) - middle.w * center_);
     const glm::dvec3 right =
         glm::normalize(glm::cross(axis, std::abs(axis.x) < 0.6 ? glm::dvec3(1, 0, 0) : glm::dvec3(0, 1, 0)));
     const glm::dvec3 up = glm::cross(axis, right);
@@ -131,6 +131,7 @@ class ShadowTruth {
   std::vector<glm::vec3> normals_;
   std::unique_ptr<std::remove_pointer_t<RTCDevice>, Release> device_;
   std::unique_ptr<std::remove_pointer_t<RTCScene>, Release> scene_;
+  glm::dvec3 center_{0.0};
   double offset_ = 0.0;
 };
 
