@@ -77,7 +77,7 @@ class Fields {
   static bool isA(const json& value) {
     if constexpr (std::is_same_v<T, std::string>) return value.is_string();
     if constexpr (std::is_same_v<T, bool>) return value.is_boolean();
-    if constexpr (std::is_same_v<T, std::uint64_t>) return value.is_number_unsigned();
+    if constexpr (std::is_unsigned_v<T>) return value.is_number_unsigned();
   }
   const json* find(const char* key) {
     if (!object_.is_object()) return nullptr;
@@ -107,6 +107,11 @@ void readAppearance(const json& document, Scene& scene, std::string& problem) {
   if (document.contains("start_direction")) scene.start_direction = top.vector("start_direction");
   if (document.contains("start_view")) scene.start_view = top.get<std::string>("start_view");
   if (document.contains("interior")) scene.interior = top.get<bool>("interior");
+  if (document.contains("interior_grid")) {
+    const auto points = top.get<std::uint64_t>("interior_grid");
+    if (points > kMaxInteriorGrid) top.fail("interior_grid is beyond 1024");
+    scene.interior_grid = static_cast<std::uint32_t>(std::min<std::uint64_t>(points, kMaxInteriorGrid));
+  }
   if (document.contains("hull")) readHull(top.child("hull"), scene, top);
   if (document.contains("north")) scene.north = top.number("north");
   if (std::abs(scene.north.value_or(0.0)) > 360.0) top.fail("north is beyond 360 degrees");
@@ -248,6 +253,7 @@ std::string formatScene(const Scene& scene) {
   if (scene.start_direction) document["start_direction"] = toJson(*scene.start_direction);
   if (!scene.start_view.empty()) document["start_view"] = scene.start_view;
   if (scene.interior) document["interior"] = true;
+  if (scene.interior_grid > 0) document["interior_grid"] = scene.interior_grid;
   for (const glm::dvec3& point : scene.hull) document["hull"].push_back(toJson(point));
   if (scene.north) document["north"] = *scene.north;
   if (!scene.crs.empty()) document["crs"] = scene.crs;

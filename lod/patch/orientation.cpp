@@ -21,6 +21,8 @@ namespace {
 constexpr std::uint64_t kTriangles = 20'000;
 // Normals within 20 degrees of an axis face it.
 constexpr float kFacing = 0.94F;
+// Rays begin so far from the surface, over the diagonal of its box.
+constexpr float kClearance = 2e-3F;
 // A base is flat within ten degrees, and lies in the lowest part of so much of the extent.
 constexpr float kBaseFacing = 0.985F;
 constexpr float kBaseDepth = 0.02F;
@@ -32,6 +34,9 @@ constexpr float kFlatWeight = 0.15F;
 constexpr float kLowWeight = 0.1F;
 // Few models stand head down along their axes.
 constexpr float kHeadDown = 0.002F;
+// Floors and ceilings of passages are alike, so little else tells up. Caves and mines are surveyed with z up.
+constexpr float kHeadDownPassages = 0.1F;
+constexpr float kSurveyedWeight = 0.15F;
 constexpr float kFlat = 0.5F;   // the shortest side of a flat scan over the next one
 constexpr float kLeast = 0.1F;  // signs that count less say nothing
 constexpr float kSure = 0.15F;  // by so much the best axis is ahead of the next
@@ -148,8 +153,38 @@ void keepBasesThatTell(AllSigns& all) {
   }
 }
 
-void findUp(const Surface& surface, Orientation& out) {
+// The share of the surface whose front looks at another front, as all of a cave's does and little of what is seen from
+// outside; and how far away that is in the mean, over the diagonal of the box.
+struct Enclosure {
+  float share = 0.0F;
+  float width = 0.0F;
+};
+constexpr std::size_t kEnclosureRays = 4'000;
+Enclosure enclosureOf(const Surface& surface) {
+  const float far = surface.box.diagonal();
+  const std::size_t stride = surface.faces.size() / kEnclosureRays + 1;
+  float all = 0.0F;
+  Enclosure sum;
+  for (std::size_t i = 0; i < surface.faces.size(); i += stride) {
+    const Face& face = surface.faces[i];
+    all += face.area;
+    const auto hit = surface.sight->nearest(face.center + kClearance * far * face.normal, face.normal, far);
+    if (!hit || glm::dot(hit->normal, face.normal) >= 0.0F) continue;
+    sum.share += face.area;
+    sum.width += face.area * hit->distance;
+  }
+  return {sum.share / all, sum.share > 0.0F ? sum.width / (sum.share * far) : 0.0F};
+}
+
+// Passages are enclosed nearly everywhere, but for what the scanner missed, and narrow for their length. So are few
+// objects whose triangles are all turned over, and those cannot be told apart. Measured on the scans of
+// docs/decisions/first-view.md.
+constexpr float kEnclosed = 0.9F;
+constexpr float kNarrow = 0.05F;
+
+void findUp(const Surface& surface, bool has_passages, Orientation& out) {
   const glm::vec3 size = surface.box.size();
+  const float head_down = has_passages ? kHeadDownPassages : kHeadDown;
   AllSigns all;
   for (int axis = 0; axis < 3; ++axis)
     all[static_cast<std::size_t>(axis)] = {signsOf(surface, axis, 1.0F), signsOf(surface, axis, -1.0F)};
@@ -160,8 +195,9 @@ void findUp(const Surface& surface, Orientation& out) {
     for (const float sign : {1.0F, -1.0F}) {
       const Signs& signs = all[static_cast<std::size_t>(axis)][sign > 0.0F ? 0 : 1];
       const float flat = isFlat(size, axis) ? kFlatWeight : 0.0F;
-      const float score =
-          kBaseWeight * signs.base + signs.ground + flat + kLowWeight * signs.low - (sign < 0.0F ? kHeadDown : 0.0F);
+      const float surveyed = has_passages && axis == 2 && sign > 0.0F ? kSurveyedWeight : 0.0F;
+      const float score = kBaseWeight * signs.base + signs.ground + flat + surveyed + kLowWeight * signs.low -
+                          (sign < 0.0F ? head_down : 0.0F);
       if (score <= best) {
         next = std::max(next, score);
         continue;
@@ -169,9 +205,11 @@ void findUp(const Surface& surface, Orientation& out) {
       next = std::exchange(best, score);
       out.up = glm::vec3(0.0F);
       out.up[axis] = sign;
-      out.reason = signs.ground >= kBaseWeight * signs.base && signs.ground > flat ? "the ground faces it"
-                   : kBaseWeight * signs.base > flat                               ? "a base lies under it"
-                                                                                   : "the scan is flattest across it";
+      const float base = kBaseWeight * signs.base;
+      out.reason = signs.ground >= base && signs.ground > flat + surveyed ? "the ground faces it"
+                   : base > flat + surveyed                               ? "a base lies under it"
+                   : flat > 0.0F                                          ? "the scan is flattest across it"
+                                                                          : "surveys have it so";
     }
   out.is_sure = best >= kLeast && best - next >= kSure;
   if (best >= kLeast) return;
@@ -181,25 +219,31 @@ void findUp(const Surface& surface, Orientation& out) {
 
 // An interior is seen from above through the backs of its ceilings. It is one where so much of what the sky sees is
 // such a back, with a floor beneath it, and one of both is level: the ceiling may be a vault, or the floor a ramp. Else
-// a statue whose triangles are turned over would be a cave.
+// a statue whose triangles are turned over would be a cave. In passages neither need be level.
 constexpr float kCeilings = 0.6F;
 constexpr float kCeilingFacing = 0.26F;  // 15 degrees from upright; a wall is no ceiling
 constexpr int kColumns = 64;             // along each side of the footprint
 constexpr int kSections = 48;            // heights that are tried
 // A section that opens nearly as many rooms as the best, higher up, leaves more of the walls.
 constexpr float kNearlyAsMany = 0.95F;
+constexpr float kOpened = 0.5F;
 
 /// From a room's floor to its ceiling, scene units along up.
 struct Room {
   float floor = 0.0F, ceiling = 0.0F;
 };
 
-/// The rooms beneath what the sky sees, one for each of many columns that meet one; none where the scan is no interior
-/// with its ceilings on. `up`: along an axis.
-std::vector<Room> findRooms(const Surface& surface, const glm::vec3& up) {
+/// The rooms beneath what the sky sees, one for each of many columns that meet one.
+struct Rooms {
+  std::vector<Room> rooms;
+  float share = 0.0F;  ///< of the columns that meet anything
+};
+
+/// `up`: along an axis. `are_rough`: neither ceilings nor floors need be level.
+Rooms findRooms(const Surface& surface, const glm::vec3& up, bool are_rough) {
   const glm::vec3 size = surface.box.size();
   const int axis = axisOf(up);
-  const float clearance = 2e-3F * surface.box.diagonal();
+  const float clearance = kClearance * surface.box.diagonal();
   std::vector<Room> rooms;
   std::size_t seen = 0;
   for (int i = 0; i < kColumns * kColumns; ++i) {
@@ -218,15 +262,15 @@ std::vector<Room> findRooms(const Surface& surface, const glm::vec3& up) {
     const float ceiling = glm::dot(sky, up) - first->distance;
     const glm::vec3 beneath = sky - (first->distance + clearance) * up;
     const auto floor = surface.sight->nearest(beneath, -up, size[axis]);
-    const float least = ceiling_faces < kFacing ? kFacing : 0.0F;
+    const float least = ceiling_faces < kFacing && !are_rough ? kFacing : 0.0F;
     if (floor && glm::dot(floor->normal, up) > least) rooms.push_back({ceiling - clearance - floor->distance, ceiling});
   }
-  if (static_cast<float>(rooms.size()) <= kCeilings * static_cast<float>(seen)) rooms.clear();
-  return rooms;
+  return {rooms, static_cast<float>(rooms.size()) / static_cast<float>(std::max<std::size_t>(seen, 1))};
 }
 
-/// The height along `up` of the highest section that opens nearly as many rooms as any.
-float sectionHeight(const Surface& surface, const std::vector<Room>& rooms, const glm::vec3& up) {
+/// The height along `up` of the highest section that opens nearly as many rooms as any; nothing where that is but a
+/// part of them, as of a cave that goes up and down.
+std::optional<float> sectionHeight(const Surface& surface, const std::vector<Room>& rooms, const glm::vec3& up) {
   const float top = std::max(glm::dot(surface.box.min, up), glm::dot(surface.box.max, up));
   const float height = surface.box.size()[axisOf(up)];
   std::array<float, kSections> heights{};
@@ -236,7 +280,9 @@ float sectionHeight(const Surface& surface, const std::vector<Room>& rooms, cons
     opened[i] = std::count_if(rooms.begin(), rooms.end(),
                               [&](const Room& room) { return room.floor < heights[i] && heights[i] < room.ceiling; });
   }
-  const auto enough = kNearlyAsMany * static_cast<float>(*std::max_element(opened.begin(), opened.end()));
+  const auto most = static_cast<float>(*std::max_element(opened.begin(), opened.end()));
+  if (most < kOpened * static_cast<float>(rooms.size())) return std::nullopt;
+  const float enough = kNearlyAsMany * most;
   std::size_t best = 0;
   while (static_cast<float>(opened[best]) < enough) ++best;
   return heights[best];
@@ -251,7 +297,7 @@ constexpr float kFromBehind = 0.7F;
 // Every `stride`th face that the section leaves is looked at.
 float shownFrom(const Surface& surface, const glm::vec3& direction, std::size_t stride, const glm::vec4& section) {
   const float far = surface.box.diagonal();
-  const float clearance = 2e-3F * far;
+  const float clearance = kClearance * far;
   const auto count = static_cast<float>(surface.faces.size());
   float shown = 0.0F;
   for (std::size_t i = 0; i < surface.faces.size(); i += stride) {
@@ -294,13 +340,17 @@ glm::vec3 findDirection(const Surface& surface, const glm::vec3& up, float eleva
       ->direction;
 }
 
-void findFirstView(const Surface& surface, Orientation& out) {
+void findFirstView(const Surface& surface, InteriorChoice interior, bool has_passages, Orientation& out) {
   glm::vec4 section = base::kNoSection;
   float elevation = isFlat(surface.box.size(), axisOf(out.up)) ? kFlatElevation : kElevation;
   const bool is_along_axis = std::abs(out.up[axisOf(out.up)]) > 0.9999F;
-  const std::vector<Room> rooms = is_along_axis ? findRooms(surface, out.up) : std::vector<Room>();
-  if (!rooms.empty()) {
-    out.section_height = sectionHeight(surface, rooms, out.up);
+  out.is_interior = interior == InteriorChoice::kOn;
+  if (is_along_axis && interior != InteriorChoice::kOff) {
+    const Rooms found = findRooms(surface, out.up, has_passages || out.is_interior);
+    out.is_interior = out.is_interior || found.share > kCeilings;
+    if (out.is_interior && !found.rooms.empty()) out.section_height = sectionHeight(surface, found.rooms, out.up);
+  }
+  if (out.section_height) {
     section = glm::vec4(out.up, *out.section_height);
     elevation = kFlatElevation;
   }
@@ -309,17 +359,20 @@ void findFirstView(const Surface& surface, Orientation& out) {
 
 }  // namespace
 
-base::Result<Orientation> findOrientation(const PatchFile& patches, const glm::vec3* up) {
+base::Result<Orientation> findOrientation(const PatchFile& patches, const glm::vec3* up, InteriorChoice interior) {
   LUMIGRID_ASSIGN_OR_RETURN(const Surface surface, coarseSurface(patches));
   Orientation found;
   found.reason = "nothing tells, and most models have it so";
-  if (!surface.faces.empty()) findUp(surface, found);
+  const Enclosure enclosure = surface.faces.empty() ? Enclosure() : enclosureOf(surface);
+  found.is_enclosed = enclosure.share >= kEnclosed;
+  const bool has_passages = found.is_enclosed && enclosure.width <= kNarrow;
+  if (!surface.faces.empty()) findUp(surface, has_passages, found);
   if (up != nullptr) {
     found.up = *up;
     found.is_sure = true;
     found.reason = "it was said so";
   }
-  if (!surface.faces.empty()) findFirstView(surface, found);
+  if (!surface.faces.empty()) findFirstView(surface, interior, has_passages, found);
   found.hull = findHull(surface.parts);
   return found;
 }

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
+#include <glm/gtc/constants.hpp>
 #include <span>
 
 #include "base/camera.h"
@@ -85,14 +86,18 @@ constexpr LinkPart kParts[] = {{'p', true, isPosition},     {'a', true, isDirect
                                {'f', false, isFieldOfView}, {'m', false, isMethod},   {'o', false, areOptions},
                                {'x', false, isSection},     {'l', false, isLight},    {'s', false, areShadows}};
 
+/// Decimals by which places within a scene of this size are told apart to four digits or more of it.
+int decimalsFor(double size) {
+  return std::clamp(3 - static_cast<int>(std::floor(std::log10(std::max(1e-6, size)))), 0, 9);
+}
+
 /// The link that cuts an interior open and leaves the whole of it in view. The offset has four digits or more of the
 /// scene's height.
 std::string sectionLink(const base::Scene& scene, float height) {
   int axis = 0;
   while (std::abs(scene.up[axis]) < 0.9) ++axis;
   const double offset = scene.origin[axis] + scene.up[axis] * static_cast<double>(height);
-  const double size = std::max(1e-6, scene.box_max[axis] - scene.box_min[axis]);
-  const int decimals = std::clamp(3 - static_cast<int>(std::floor(std::log10(size))), 0, 9);
+  const int decimals = decimalsFor(scene.box_max[axis] - scene.box_min[axis]);
   std::array<char, 64> text{};
   std::snprintf(text.data(), text.size(), "v=1&x=%c,%.*f,%c", 'x' + axis, decimals, offset,
                 scene.up[axis] > 0.0 ? 'b' : 'a');
@@ -123,11 +128,33 @@ bool isOwnView(std::string_view link) {
   return link.empty() || (link.starts_with("v=1&x=") && std::count(link.begin(), link.end(), '&') == 1);
 }
 
-void setFirstView(const lod::patch::Orientation& found, base::Scene& scene) {
+lod::patch::InteriorChoice interiorChoiceOf(const base::Scene& scene) {
+  const auto recorded = scene.parameters.find(kInteriorParameter);
+  if (recorded == scene.parameters.end()) return lod::patch::InteriorChoice::kAuto;
+  return recorded->second == "on" ? lod::patch::InteriorChoice::kOn : lod::patch::InteriorChoice::kOff;
+}
+
+std::string linkInto(const Indoors& rooms, const base::Scene& scene) {
+  constexpr double kDegrees = 180.0 / glm::pi<double>();
+  const glm::vec3& eye = rooms.places().front();
+  const glm::vec3 ahead = rooms.widestDirection(eye);
+  const glm::dvec3 place = scene.origin + glm::dvec3(eye), direction(ahead);
+  const int decimals = decimalsFor(static_cast<double>(rooms.width()));
+  std::array<char, 256> text{};
+  std::snprintf(text.data(), text.size(), "v=1&p=%.*f,%.*f,%.*f&a=%.2f,%.2f&r=%.6g&f=60", decimals, place.x, decimals,
+                place.y, decimals, place.z, kDegrees * std::atan2(direction.y, direction.x),
+                kDegrees * std::asin(std::clamp(direction.z, -1.0, 1.0)),
+                static_cast<double>(std::max(rooms.distance(eye, ahead), 0.1F * rooms.width())));
+  return text.data();
+}
+
+void setFirstView(const lod::patch::Orientation& found, const Indoors* rooms, base::Scene& scene) {
   scene.start_direction = glm::normalize(glm::dvec3(found.direction));
   setHull(found.hull, scene);
-  if (isOwnView(scene.start_view))
-    scene.start_view = found.section_height ? sectionLink(scene, *found.section_height) : "";
+  if (!isOwnView(scene.start_view)) return;
+  scene.start_view = found.section_height ? sectionLink(scene, *found.section_height)
+                     : rooms != nullptr   ? linkInto(*rooms, scene)
+                                          : "";
 }
 
 void setHull(const std::vector<glm::vec3>& hull, base::Scene& scene) {

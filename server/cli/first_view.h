@@ -7,6 +7,7 @@
 #include "base/error.h"
 #include "base/json/scene_file.h"
 #include "lod/patch/orientation.h"
+#include "server/views/indoors.h"
 
 namespace server::cli {
 
@@ -14,12 +15,20 @@ namespace server::cli {
 /// once, and lies within its limits.
 bool isPermalink(std::string_view text);
 
-/// Whether a scene's `start_view` is as setFirstView() stores it: a cut, or nothing.
+/// Whether a scene's `start_view` is as setFirstView() stores it without rooms: a cut, or nothing.
 bool isOwnView(std::string_view link);
 
-/// Stores where the first view looks, what it fits in, and where an interior is cut open. A first view that somebody
-/// chose stays, unless it is no more than a cut.
-void setFirstView(const lod::patch::Orientation& found, base::Scene& scene);
+/// The recorded option by which a scan is looked at from within; scenes that record none leave it open.
+inline constexpr const char* kInteriorParameter = "interior";
+lod::patch::InteriorChoice interiorChoiceOf(const base::Scene& scene);
+
+/// The link to the place in an interior with the widest view, towards where one sees farthest.
+std::string linkInto(const Indoors& rooms, const base::Scene& scene);
+
+/// Stores where the first view looks, what it fits in, and where an interior is cut open, or, where no cut opens it,
+/// the view from its rooms. A first view that somebody chose stays, unless it is no more than a cut. `rooms`: null
+/// where there are none.
+void setFirstView(const lod::patch::Orientation& found, const Indoors* rooms, base::Scene& scene);
 /// The latter alone. `hull`: scene-local, at most lod::patch::kMaxHullPoints.
 void setHull(const std::vector<glm::vec3>& hull, base::Scene& scene);
 

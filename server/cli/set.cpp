@@ -105,14 +105,26 @@ base::Result<void> findFirstView(const std::string& directory, base::Scene& scen
   scene.start_direction.reset();
   if (!base::partFile(scene, "patch", ".lgp")) return setStreamedHull(directory, scene);
   LUMIGRID_ASSIGN_OR_RETURN(const auto file, lod::patch::PatchFile::open(base::patchPath(directory, scene)));
+  LUMIGRID_ASSIGN_OR_RETURN(const auto rooms, Indoors::ofScene(scene, file));
   const glm::vec3 up(scene.up);
-  LUMIGRID_ASSIGN_OR_RETURN(const lod::patch::Orientation found, lod::patch::findOrientation(file, &up));
-  setFirstView(found, scene);
+  LUMIGRID_ASSIGN_OR_RETURN(const lod::patch::Orientation found,
+                            lod::patch::findOrientation(file, &up, interiorChoiceOf(scene)));
+  setFirstView(found, rooms ? &*rooms : nullptr, scene);
   return {};
+}
+
+// Whether the first view is the one into an interior that a build finds.
+base::Result<bool> looksIntoRooms(const std::string& directory, const base::Scene& scene) {
+  if (!scene.interior || isOwnView(scene.start_view) || !base::partFile(scene, "patch", ".lgp")) return false;
+  LUMIGRID_ASSIGN_OR_RETURN(const auto file, lod::patch::PatchFile::open(base::patchPath(directory, scene)));
+  LUMIGRID_ASSIGN_OR_RETURN(const auto rooms, Indoors::ofScene(scene, file));
+  return rooms && linkInto(*rooms, scene) == scene.start_view;
 }
 
 base::Result<void> setView(const SetArguments& a, base::Scene& scene) {
   if (a.up) {
+    LUMIGRID_ASSIGN_OR_RETURN(const bool is_found, looksIntoRooms(a.scene, scene));
+    if (is_found) scene.start_view.clear();
     scene.up = axisNamed(*a.up);
     scene.parameters["up"] = *a.up;
   }

@@ -179,14 +179,18 @@ void Indoors::findPlaces() {
   if (found.empty()) return;
   const auto widest =
       std::max_element(found.begin(), found.end(), [](const Found& a, const Found& b) { return a.median < b.median; });
-  std::vector<float> away(found.size(), kUnreached);
+  std::vector<float> away(found.size(), kUnreached), medians;
   for (auto next = static_cast<std::size_t>(widest - found.begin()); places_.size() < kMaxPlaces;) {
     places_.push_back(found[next].place);
+    medians.push_back(found[next].median);
     for (std::size_t i = 0; i < found.size(); ++i)
       away[i] = std::min(away[i], glm::distance(found[i].place, places_.back()));
     next = static_cast<std::size_t>(std::max_element(away.begin(), away.end()) - away.begin());
     if (away[next] <= 0.0F) break;
   }
+  const auto middle = medians.begin() + static_cast<std::ptrdiff_t>(medians.size() / 2);
+  std::nth_element(medians.begin(), middle, medians.end());
+  width_ = 2.0F * *middle;
   const glm::vec3& first = places_.front();
   body_ = kBody * (distance(first, up_) + distance(first, -up_));
 }

@@ -33,6 +33,8 @@ class Indoors {
 
   /// Places at eye level, the one with the widest view first, each next one far from those before it; at least one.
   const std::vector<glm::vec3>& places() const { return places_; }
+  /// How far apart walls are as seen from the middle one of the places: twice the median line of sight; scene units.
+  float width() const { return width_; }
   /// A walk that visits the first of them and returns, by straight lines that nothing blocks; numbers of places(), the
   /// first again at the end. One number where the first place has no way to others.
   const std::vector<std::size_t>& walk() const { return walk_; }
@@ -59,6 +61,7 @@ class Indoors {
   lod::patch::ProxySight sight_;
   base::Aabb box_;
   glm::vec3 up_{0.0F};
+  float width_ = 0.0F;
   float body_ = 0.0F;  ///< half as wide is what walks, scene units
   std::vector<glm::vec3> directions_;
   std::vector<glm::vec3> places_;

@@ -67,6 +67,29 @@ inline Mesh torus(std::uint32_t a, std::uint32_t b) {
   return mesh;
 }
 
+/// A winding passage with walls of rock, 60 long and 2 to 3 wide, open at both ends, that faces inwards.
+inline Mesh cave(float rise = 0.0F) {
+  constexpr int kAlong = 300, kAround = 40;
+  Mesh mesh;
+  for (int i = 0; i <= kAlong; ++i)
+    for (int k = 0; k < kAround; ++k) {
+      const float t = static_cast<float>(i) / kAlong;
+      const float angle = 6.28318531F * static_cast<float>(k) / kAround;
+      const float radius = 1.25F + 0.25F * std::sin(37.0F * t) + 0.1F * std::sin(5.0F * angle + 61.0F * t);
+      mesh.positions.emplace_back(60.0F * t, 6.0F * std::sin(9.0F * t) + radius * std::cos(angle),
+                                  rise * t + radius * std::sin(angle));
+    }
+  for (int i = 0; i < kAlong; ++i)
+    for (int k = 0; k < kAround; ++k) {
+      const auto at = [&](int along, int around) {
+        return static_cast<std::uint32_t>((i + along) * kAround + (k + around) % kAround);
+      };
+      addTriangle(mesh, at(0, 0), at(1, 0), at(1, 1));
+      addTriangle(mesh, at(0, 0), at(1, 1), at(0, 1));
+    }
+  return mesh;
+}
+
 /// Returns an open height field of 2 · n · n triangles over [0, 1]².
 inline Mesh openGrid(std::uint32_t n, float height = 0.05F) {
   Mesh mesh;

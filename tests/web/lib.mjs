@@ -139,9 +139,8 @@ export async function nginx(root, lines = "") {
 export const ranges = (requests) =>
     requests.filter(({range}) => range).map(({uri, range}) => [uri, ...range.match(/\d+/g).map(Number)]);
 
-/// Returns the number of bytes that were requested more than once, less those of answers that Chromium lost on the way
-/// to the page: when an interface of the machine comes or goes it drops all that is under way (ERR_NETWORK_CHANGED), and
-/// the page asks again.
+/// Returns the number of bytes that were requested more than once, less those of answers that Chromium lost: where an
+/// interface of the machine comes or goes, it drops all that is under way (ERR_NETWORK_CHANGED). The page asks again.
 export function repeated(requests, page) {
   let twice = -page.lost;
   const seen = new Map();

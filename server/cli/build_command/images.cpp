@@ -39,7 +39,7 @@ std::string selectionFileOf(const BuildArguments& a) {
 
 repository::Grid gridFor(const BuildArguments& a, const base::Scene& scene) {
   const auto margin = static_cast<float>(a.margin.value_or(usualMargin(scene)));
-  const auto grid = repository::makeGrid(scene.localBox(), a.grid, margin, a.face);
+  const auto grid = repository::makeGrid(scene.localBox(), a.grid.value_or(usualGrid(scene)), margin, a.face);
   return a.tile_depth == 0 ? grid : repository::withTiles(grid, a.tile_depth);
 }
 

@@ -3,6 +3,7 @@
 #include "server/cli/up_axis.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <filesystem>
 #include <future>
@@ -15,6 +16,7 @@
 #include "base/format_text.h"
 #include "base/hash/sha256.h"
 #include "base/parallel.h"
+#include "repository/sampling/grid.h"
 #include "server/cli/first_view.h"
 #include "server/cli/streamed/hull.h"
 #include "server/views/indoors.h"
@@ -122,11 +124,30 @@ struct DefinedUp {
   const char* reason;
 };
 
+/// The axis of heights, where the coordinates are those of a map: eastings and northings are far from 0 on the maps of
+/// all countries, at least 50 km, and heights are not. 1 or 2: some programs write heights as y; -1: they are no map's.
+int heightAxis(const glm::dvec3& middle) {
+  constexpr double kNearest = 5e4, kFarthest = 2e7, kHighest = 1.2e4;  // metres or feet
+  constexpr double kEarth = 6.371e6;                                   // geocentric coordinates are no map's
+  if (std::abs(glm::length(middle) / kEarth - 1.0) < 0.01) return -1;
+  const auto isFar = [&](int axis) {
+    return std::abs(middle[axis]) >= kNearest && std::abs(middle[axis]) <= kFarthest;
+  };
+  for (const int axis : {2, 1})
+    if (std::abs(middle[axis]) <= kHighest && isFar(0) && isFar(3 - axis)) return axis;
+  return -1;
+}
+
 std::optional<DefinedUp> definedUp(const lod::ingest::SourceSummary& built) {
   using Up = mesh::Georeference::Up;
   if (built.georeference.up == Up::kZ) return DefinedUp{{0, 0, 1}, "z, since tilesets have it so"};
   if (built.georeference.up == Up::kY) return DefinedUp{{0, 1, 0}, "y, since glTF has it so"};
-  if (built.georeference.crs != "EPSG:4978") return std::nullopt;
+  if (built.georeference.crs != "EPSG:4978") {
+    const int axis = heightAxis(0.5 * (built.box_min + built.box_max));
+    if (axis == 2) return DefinedUp{{0, 0, 1}, "z, since its coordinates are a map's"};
+    if (axis == 1) return DefinedUp{{0, 1, 0}, "y, since its coordinates are a map's"};
+    return std::nullopt;
+  }
   // The vertical of the ellipsoid WGS 84, whose half axes are in metres.
   constexpr double kEquatorial = 6378137.0, kPolar = 6356752.314245;
   const glm::dvec3 middle = 0.5 * (built.box_min + built.box_max);
@@ -182,6 +203,23 @@ Result<base::Light> chooseLight(const BuildArguments& a, const lod::ingest::Sour
   return light;
 }
 
+// So many steps of a grid are as wide as the rooms. A choice (docs/decisions/interiors.md).
+constexpr float kStepsPerWidth = 2.0F;
+// A grid of more points along a side, or in all, would take longer to choose from than the hierarchy to build.
+constexpr std::uint32_t kMostPerSide = 128;
+constexpr std::uint64_t kMostPoints = 200'000;
+
+/// Points along the longest side of the rooms' box, so that each room or passage has some.
+std::uint32_t gridOfRooms(const Indoors& rooms) {
+  const glm::vec3 size = rooms.box().size();
+  const float longest = std::max({size.x, size.y, size.z});
+  const float steps = std::min(kStepsPerWidth * longest / rooms.width(), static_cast<float>(kMostPerSide - 1));
+  auto points = std::max(kUsualGrid, static_cast<std::uint32_t>(std::ceil(steps)) + 1);
+  while (points > kUsualGrid && repository::makeGrid(rooms.box(), points, 0.0F, 512).pointCount() > kMostPoints)
+    --points;
+  return points;
+}
+
 // Where the first view looks, and with `--up auto` which way is up, as the coordinates or the surface itself tell; says
 // how sure that is.
 base::Result<void> orientBySurface(const BuildArguments& a, const lod::ingest::SourceSummary& built,
@@ -191,19 +229,27 @@ base::Result<void> orientBySurface(const BuildArguments& a, const lod::ingest::S
   const bool is_known = a.up != "auto" || defined;
   const glm::vec3 known(scene.up);
   LUMIGRID_ASSIGN_OR_RETURN(const lod::patch::Orientation found,
-                            lod::patch::findOrientation(file, is_known ? &known : nullptr));
+                            lod::patch::findOrientation(file, is_known ? &known : nullptr, interiorChoiceOf(scene)));
   if (!is_known) scene.up = glm::dvec3(found.up);
-  setFirstView(found, scene);
-  scene.interior = found.section_height.has_value();  // unless no room is found
+  scene.interior = found.is_interior;  // unless no room is found
   LUMIGRID_ASSIGN_OR_RETURN(const auto rooms, Indoors::ofScene(scene, file));
   scene.interior = rooms.has_value();
+  setFirstView(found, rooms ? &*rooms : nullptr, scene);
+  const std::uint32_t grid = rooms ? gridOfRooms(*rooms) : kUsualGrid;
+  scene.interior_grid = grid > kUsualGrid ? grid : 0;
   LUMIGRID_ASSIGN_OR_RETURN(scene.light, chooseLight(a, built, scene));
-  if (!scene.start_view.empty() && !a.quiet)
+  if (found.section_height && !a.quiet)
     std::fprintf(stderr,
                  "first view: an interior, cut open below its ceilings (Esc takes the cut away, `lumigrid set "
                  "--start-view ''` for good)\n");
   if (scene.interior && !a.margin && !a.quiet)
-    std::fprintf(stderr, "interior: images are for eyes in its rooms (for eyes around it, too: --margin 0.5)\n");
+    std::fprintf(stderr,
+                 "interior: images are for eyes in its rooms (for eyes around it, too: --margin 0.5; if it is none: "
+                 "--interior off)\n");
+  if (!scene.interior && found.is_enclosed && a.interior == kAuto && !a.quiet)
+    std::fprintf(stderr,
+                 "its surface faces inwards everywhere, as a cave's does or that of an object turned inside out; it is "
+                 "looked at from around it, or with --interior on from within\n");
   if (defined && !a.quiet) std::fprintf(stderr, "up: %s\n", defined->reason);
   if (a.quiet || is_known) return {};
   const int axis = std::abs(found.up.x) > 0.5F ? 0 : std::abs(found.up.y) > 0.5F ? 1 : 2;

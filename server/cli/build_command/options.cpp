@@ -49,7 +49,10 @@ void declareMethodOptions(CLI::App& command, BuildArguments& a) {
 }
 
 void declareSamplingOptions(CLI::App& command, BuildArguments& a) {
-  command.add_option("--grid", a.grid, "sampling points along the longest side of the viewing box")
+  command
+      .add_option("--grid", a.grid,
+                  "sampling points along the longest side of the viewing box (default: 12, and in an interior as many "
+                  "more as its rooms or passages are narrow, so that each has some)")
       ->check(CLI::Range(2, 1024));
   command
       .add_option("--margin", a.margin,
@@ -129,6 +132,11 @@ void declareImageOptions(CLI::App& command, BuildArguments& a) {
   lod::hlod::declareLightOptions(command, a.light_place, kLightWords);
   command.add_option("--up", a.up, "axis that points up in the first view")
       ->check(CLI::IsMember({"auto", "x", "y", "z", "-x", "-y", "-z"}));
+  command
+      .add_option("--interior", a.interior,
+                  "on: the scan is looked at from within, as rooms, a cave or a mine are; off: from around it; auto: "
+                  "by its surface, which it says")
+      ->check(CLI::IsMember({kAuto, "on", "off"}));
   command.add_option("--units", a.units, "unit of length of the mesh, e.g. m; kept in scene.json");
 }
 
@@ -301,10 +309,13 @@ double usualMargin(const base::Scene& scene) {
   return scene.interior ? 0.0 : 0.5;
 }
 
+std::uint32_t usualGrid(const base::Scene& scene) {
+  return scene.interior ? std::max(kUsualGrid, scene.interior_grid) : kUsualGrid;
+}
+
 Parameters parametersOf(const BuildArguments& a) {
   auto number = [](auto v) { return nlohmann::json(v).dump(); };
   Parameters parameters{{"methods", listMethods([&](const char* method) { return wants(a, method); })},
-                        {"grid", number(a.grid)},
                         {a.tile_depth == 0 ? "face" : "tiles", number(a.tile_depth == 0 ? a.face : a.tile_depth)},
                         {"codec", a.codec},
                         {"light", a.light},
@@ -320,7 +331,9 @@ Parameters parametersOf(const BuildArguments& a) {
                         {"regroup", a.regroup},
                         {"stitch", a.stitch},
                         {"normals", a.normals}};
+  if (a.grid) parameters["grid"] = number(*a.grid);
   if (a.margin) parameters["margin"] = number(*a.margin);
+  if (a.interior != "auto") parameters[kInteriorParameter] = a.interior;
   const lod::hlod::LightArguments& place = a.light_place;
   if (!place.direction.empty()) parameters["light-direction"] = vectorText(lod::hlod::vectorOf(place.direction));
   if (!place.position.empty()) parameters["light-position"] = vectorText(lod::hlod::vectorOf(place.position));

@@ -13,6 +13,7 @@
 #include "lod/patch/builder/hierarchy_build.h"
 #include "lod/qsplat/builder/build.h"
 #include "server/bake/bake.h"
+#include "server/cli/first_view.h"
 #include "server/cli/tuned.h"
 #include "server/render/scene_light.h"
 
@@ -27,13 +28,13 @@ struct BuildArguments {
   bool force = false, json = false, quiet = false, missing = false, splats_coded = false;
   std::string shard;         ///< i/n or auto, as given
   std::uint32_t shards = 0;  ///< 0: as the scene records, or one store
-  std::string light = "auto", up = "auto", units = "unknown", subsampling = "420", tune = "off";
+  std::string light = "auto", up = "auto", interior = "auto", units = "unknown", subsampling = "420", tune = "off";
   lod::hlod::LightArguments light_place;  ///< of a light that throws shadows
   std::optional<double> tune_db;          ///< --tune in dB, nothing: off
-  std::uint32_t grid = 12;
-  std::uint32_t face = 0;        ///< pixels; 0: not given, so faces are tiles
-  std::string tiles;             ///< off, auto or a depth, as given; usageError() fills in what was not
-  std::uint32_t tile_depth = 0;  ///< --tiles as a depth; 0: plain faces of `face` pixels
+  std::optional<std::uint32_t> grid;      ///< as given; nothing: usualGrid()
+  std::uint32_t face = 0;                 ///< pixels; 0: not given, so faces are tiles
+  std::string tiles;                      ///< off, auto or a depth, as given; usageError() fills in what was not
+  std::uint32_t tile_depth = 0;           ///< --tiles as a depth; 0: plain faces of `face` pixels
   double view_pixels = 24.0;
   std::string codec;             ///< jpeg or webp, as given; usageError() fills in what was not
   std::optional<int> quality;    ///< as given; nothing: the codec's usual one
@@ -68,8 +69,8 @@ inline constexpr const char* kAuto = "auto";
 
 /// Recorded options that decide what scene.json says of the source, and the patch hierarchy besides. The light's place
 /// is recorded where it was given.
-inline constexpr const char* kSourceParameters[] = {"light", "light-direction", "light-position", "light-size", "up",
-                                                    "units"};
+inline constexpr const char* kSourceParameters[] = {"light", "light-direction", "light-position",  "light-size",
+                                                    "up",    "units",           kInteriorParameter};
 inline constexpr const char* kHierarchyParameters[] = {
     "voxel-triangles", "leaf-triangles", "node-triangles", "position-bits", "regroup", "stitch", "normals"};
 /// Recorded as "vertex" where textures only coloured the vertices.
@@ -102,12 +103,16 @@ bool wants(const BuildArguments& a, const char* method);
 base::LightMode lightModeOf(const BuildArguments& a, bool is_scanned);
 /// Whether recorded parameters name the method among --methods.
 bool hasMethod(const Parameters& parameters, const std::string& method);
+inline constexpr std::uint32_t kUsualGrid = 12;
+
 /// The methods that `includes` takes, as parameters record them: "patch,images".
 std::string listMethods(const std::function<bool(const char* method)>& includes);
 
 /// The options that decide what the scene holds, as scene.json keeps them. Threads, batches and messages are not among
 /// them.
 Parameters parametersOf(const BuildArguments& a);
+/// Points along the longest side of the viewing box where --grid is not given: more in an interior that asks for it.
+std::uint32_t usualGrid(const base::Scene& scene);
 /// The margin of the viewing box where none is given, in longest sides of the model: an interior is seen from its
 /// rooms.
 double usualMargin(const base::Scene& scene);

@@ -62,9 +62,11 @@ Fit fitOf(const BuildArguments& a, const std::vector<base::SceneSource>& sources
   recorded.try_emplace("codec", "jpeg");        // or knew no other codec
   recorded.try_emplace("normals", "vertices");  // or stored all normals
   Parameters wanted = parametersOf(a);
-  // Earlier programs recorded the margin also where none was given.
-  for (Parameters* parameters : {&recorded, &wanted})
+  // Earlier programs recorded grid and margin also where they were not given.
+  for (Parameters* parameters : {&recorded, &wanted}) {
+    parameters->try_emplace("grid", nlohmann::json(usualGrid(scene)).dump());
     parameters->try_emplace("margin", nlohmann::json(usualMargin(scene)).dump());
+  }
   if (!sameHierarchies(a, recorded, wanted)) return Fit::kOther;
   if (!wants(a, "images")) return Fit::kSame;
   if (!hasMethod(scene.parameters, "images")) return Fit::kMore;

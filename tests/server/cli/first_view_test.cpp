@@ -95,18 +95,18 @@ TEST(FirstView, aCutIsStoredUntilAViewIsChosen) {
   scene.up = {0.0, 0.0, 1.0};
   lod::patch::Orientation found;
   found.section_height = 2.51239F;
-  setFirstView(found, scene);
+  setFirstView(found, nullptr, scene);
   EXPECT_EQ(scene.start_view, "v=1&x=z,102.512,b");
   EXPECT_TRUE(isPermalink(scene.start_view));
   scene.up = {-1.0, 0.0, 0.0};
-  setFirstView(found, scene);
+  setFirstView(found, nullptr, scene);
   EXPECT_EQ(scene.start_view, "v=1&x=x,499997.49,a");
   found.section_height.reset();
-  setFirstView(found, scene);
+  setFirstView(found, nullptr, scene);
   EXPECT_EQ(scene.start_view, "");
   scene.start_view = kLink;
   found.section_height = 1.0F;
-  setFirstView(found, scene);
+  setFirstView(found, nullptr, scene);
   EXPECT_EQ(scene.start_view, kLink);
 }
 

@@ -69,12 +69,13 @@ void appendLevel(Mesh& mesh, const Mesh& level, const glm::vec3& size, float hei
 
 class OrientationTest : public testing::Test {
  protected:
-  Orientation orientationOf(const Mesh& mesh, const glm::vec3* up = nullptr) {
+  Orientation orientationOf(const Mesh& mesh, const glm::vec3* up = nullptr,
+                            InteriorChoice interior = InteriorChoice::kAuto) {
     const auto built = support::buildHierarchy(mesh, {}, directory_ / "patch.lgp");
     EXPECT_TRUE(built) << built.error().message;
     const auto file = lod::patch::PatchFile::open(directory_ / "patch.lgp");
     EXPECT_TRUE(file) << file.error().message;
-    const auto found = findOrientation(*file, up);
+    const auto found = findOrientation(*file, up, interior);
     EXPECT_TRUE(found) << found.error().message;
     return *found;
   }
@@ -217,6 +218,35 @@ TEST_F(OrientationTest, anInteriorMayHaveAVaultOrASteepFloor) {
   EXPECT_TRUE(orientationOf(theatre, &up).section_height.has_value());
 }
 
+TEST_F(OrientationTest, passagesOfACaveAreAnInteriorAndAPipeIsNone) {
+  const Orientation level = orientationOf(support::cave());
+  EXPECT_TRUE(level.is_interior);
+  EXPECT_EQ(level.up, glm::vec3(0.0F, 0.0F, 1.0F));
+  EXPECT_TRUE(level.section_height.has_value());
+  const Orientation steep = orientationOf(support::cave(20.0F));
+  EXPECT_TRUE(steep.is_interior);
+  EXPECT_EQ(steep.up, glm::vec3(0.0F, 0.0F, 1.0F));
+  EXPECT_FALSE(steep.section_height.has_value()) << "no height opens half of it";
+  const Orientation pipe = orientationOf(turnedOver(support::cave()));
+  EXPECT_FALSE(pipe.is_interior);
+  EXPECT_FALSE(pipe.section_height.has_value());
+}
+
+TEST_F(OrientationTest, anInteriorIsWhatIsSaidToBeOne) {
+  const glm::vec3 z(0.0F, 0.0F, 1.0F);
+  const Mesh grotto = turnedOver(support::bumpySphere(60, 60));
+  EXPECT_FALSE(orientationOf(grotto, &z).is_interior);
+  const Orientation said = orientationOf(grotto, &z, InteriorChoice::kOn);
+  EXPECT_TRUE(said.is_interior);
+  EXPECT_TRUE(said.section_height.has_value());
+  const Orientation denied = orientationOf(support::cave(), &z, InteriorChoice::kOff);
+  EXPECT_FALSE(denied.is_interior);
+  EXPECT_FALSE(denied.section_height.has_value());
+  // Up along no axis.
+  const glm::vec3 slanted = glm::normalize(glm::vec3(0.2F, 0.3F, 1.0F));
+  EXPECT_TRUE(orientationOf(support::cave(), &slanted, InteriorChoice::kOn).is_interior);
+}
+
 TEST_F(OrientationTest, nothingElseIsCutOpen) {
   const glm::vec3 z(0.0F, 0.0F, 1.0F);
   const glm::vec3 size(4.0F, 3.0F, 1.0F);
@@ -228,7 +258,7 @@ TEST_F(OrientationTest, nothingElseIsCutOpen) {
   appendLevel(open_below, turnedOver(sheet()), size, 1.0F);
   for (const Mesh& mesh :
        {building, turnedOver(support::bumpySphere(60, 60)), turnedOver(support::openGrid(60, 0.02F)), open_below})
-    EXPECT_FALSE(orientationOf(mesh, &z).section_height.has_value());
+    EXPECT_FALSE(orientationOf(mesh, &z).is_interior);
 }
 
 TEST_F(OrientationTest, whereNothingTellsItSaysSo) {
