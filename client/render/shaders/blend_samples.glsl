@@ -55,6 +55,10 @@ float litAround(int array, vec4 place, vec2 texel) {
                  litAt(array, place + vec4(-texel.x, texel.y, 0.0, 0.0)));
 }
 
+// What lies before a place hides it from an image that sees that further aside than the viewer does by more than this,
+// radians: about a pixel. A choice (docs/decisions/choice-by-rays.md).
+const float kAside = 0.0015;
+
 // Raises to a power, mostly a constant and a small whole number.
 float raised(float x, float power) {
   if (power == 3.0) return x * x * x;
@@ -285,6 +289,14 @@ Blend blendAt(Surface surface, vec2 view_ndc, vec3 proxy_error, int count, float
     // viewer, such as a room's wall. Through a section plane the viewer sees further than any image along the same ray.
     float behind = smoothstep(1.0, 1.1, sample_distance / view_distance);
     float apart_rays = u_cut_open ? 1.0 : max(behind, smoothstep(0.002, 0.02, angle));
+    // Rays that coincide at the place need not do so at what lies before it: it is seen aside by angle · (clip.w / its
+    // own depth − 1), which is kAside at the depth `nearer`.
+    if (apart_rays < 1.0 && lit < 1.0) {
+      float nearer = clip.w / (1.0 + kAside / max(angle, 1e-7));
+      float before = 0.5 * (depth.y / nearer - depth.x) + 0.5;
+      float clear = litAround(array, vec4(uv, place.y, clamp(before, 0.0, 1.0)), place.zw);
+      apart_rays = max(apart_rays, 1.0 - smoothstep(0.75, 1.0, clear));
+    }
     seen *= mix(1.0, smoothstep(0.75, 1.0, lit) * smoothstep(u_side_low, u_side_high, cosine), apart_rays);
 
     // Coverage votes. Background in an image means that nothing lies along its whole ray, whether the proxy hides it

@@ -409,13 +409,14 @@ class Occluder : public Lumigraph {
   // A red square before a green wall; the sample sees it from the left, the viewer from the right.
   void SetUp() override {
     Lumigraph::SetUp();
-    const Rectangle wall{{0, 1, 0}, {3, 0, 0}, {0, 0, 3}, kGreen, {}};
-    const Rectangle square{{0, 0, 0}, {0.4F, 0, 0}, {0, 0, 0.4F}, kRed, {}};
+    show({{0, 1, 0}, {3, 0, 0}, {0, 0, 3}, kGreen, {}}, {{0, 0, 0}, {0.4F, 0, 0}, {0, 0, 0.4F}, kRed, {}});
+    addImage(0, lookAt({-1.5F, -2.0F, 0.0F}, {0, 0, 0}, kFace, kFace, 90.0F));
+    camera_ = lookAt({1.0F, -2.5F, 0.0F}, {0, 0, 0}, 240, 240, 60.0F);
+  }
+  void show(const Rectangle& wall, const Rectangle& square) {
     scene_.rectangles = {wall, square};
     addPatch(rectanglePatch(wall, 30, {10, 200, 10, 255}));
     addPatch(rectanglePatch(square, 10, {230, 10, 10, 255}));
-    addImage(0, lookAt({-1.5F, -2.0F, 0.0F}, {0, 0, 0}, kFace, kFace, 90.0F));
-    camera_ = lookAt({1.0F, -2.5F, 0.0F}, {0, 0, 0}, 240, 240, 60.0F);
   }
   /// Pixels that are red where the truth and all its neighbours are green.
   int redOnGreen(const base::Image& drawn) const {
@@ -446,6 +447,27 @@ TEST_F(Occluder, withoutItInTheDepthMapItsColourWouldLeak) {
 TEST_F(Occluder, behindTheViewerDoesNotColourWhereRaysCoincide) {
   camera_ = lookAt({0.375F, 0.5F, 0.0F}, {0.75F, 1.0F, 0.0F}, 240, 240, 60.0F);
   EXPECT_EQ(redOnGreen(draw(camera_)), 0);
+}
+
+// The sample stands so near to the viewer that their rays coincide at the wall. Past the square, which is nearer still,
+// they do not.
+class NearOccluder : public Occluder {
+ protected:
+  void SetUp() override {
+    Lumigraph::SetUp();
+    show({{0, 10, 0}, {15, 0, 0}, {0, 0, 15}, kGreen, {}}, {{0, 0, 0}, {0.1F, 0, 0}, {0, 0, 0.1F}, kRed, {}});
+    addImage(0, lookAt({0.02F, -0.3F, 0.0F}, {0.02F, 0, 0}, kFace, kFace, 90.0F));
+    camera_ = lookAt({0.0F, -0.3F, 0.0F}, {0, 0, 0}, 240, 240, 60.0F);
+  }
+};
+
+TEST_F(NearOccluder, doesNotColourWhatIsFar) {
+  EXPECT_EQ(redOnGreen(draw(camera_)), 0);
+}
+
+TEST_F(NearOccluder, itsEdgeStaysWhereTheSampleSeesItAsTheViewerDoes) {
+  addImage(1, lookAt({0.0F, -0.3F, 0.0F}, {0, 0, 0}, 2 * kFace, 2 * kFace, 60.0F));
+  EXPECT_GE(psnrOnCovered(castRays(scene_, camera_), draw(camera_)), 30.0);
 }
 
 TEST_F(Occluder, outsideTheDrawnCutStillHidesWhenNamedAsOccluder) {
