@@ -55,8 +55,8 @@ float litAround(int array, vec4 place, vec2 texel) {
                  litAt(array, place + vec4(-texel.x, texel.y, 0.0, 0.0)));
 }
 
-// What lies before a place hides it from an image that sees that further aside than the viewer does by more than this,
-// radians: about a pixel. A choice (docs/decisions/choice-by-rays.md).
+// A thing before a place hides it from an image where viewer and image see the thing further apart than this, radians:
+// about a pixel. A choice (docs/decisions/choice-by-rays.md).
 const float kAside = 0.0015;
 
 // Raises to a power, mostly a constant and a small whole number.
