@@ -13,6 +13,7 @@
 #include "base/number.h"
 #include "base/text.h"
 #include "lod/patch/hull.h"
+#include "server/views/indoors.h"
 
 namespace server::cli {
 namespace {

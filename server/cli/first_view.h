@@ -7,7 +7,10 @@
 #include "base/error.h"
 #include "base/json/scene_file.h"
 #include "lod/patch/orientation.h"
-#include "server/views/indoors.h"
+
+namespace server {
+class Indoors;
+}
 
 namespace server::cli {
 

@@ -23,6 +23,7 @@
 #include "server/cli/streamed/hull.h"
 #include "server/cli/up_axis.h"
 #include "server/render/scene_light.h"
+#include "server/views/indoors.h"
 
 namespace server::cli {
 namespace {

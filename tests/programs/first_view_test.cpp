@@ -88,6 +88,9 @@ TEST_F(FirstViewOfScan, surfaceThatFacesInwardsIsOnlyAnInteriorWhereThatIsSaid) 
   EXPECT_NE(said.find("--interior on"), std::string::npos) << said;
   build({"--interior", "on"});
   EXPECT_TRUE(scene().interior);
+  write(support::openGrid(40));
+  EXPECT_NE(build({"--interior", "on"}).find("no room is found"), std::string::npos);
+  EXPECT_FALSE(scene().interior);
 }
 
 // A hillside of 30 degrees: nothing of it faces an axis within 20.

@@ -213,7 +213,8 @@ constexpr std::uint64_t kMostPoints = 200'000;
 std::uint32_t gridOfRooms(const Indoors& rooms) {
   const glm::vec3 size = rooms.box().size();
   const float longest = std::max({size.x, size.y, size.z});
-  const float steps = std::min(kStepsPerWidth * longest / rooms.width(), static_cast<float>(kMostPerSide - 1));
+  const float steps = std::min(kStepsPerWidth * longest / std::max(rooms.width(), longest / kMostPerSide),
+                               static_cast<float>(kMostPerSide - 1));
   auto points = std::max(kUsualGrid, static_cast<std::uint32_t>(std::ceil(steps)) + 1);
   while (points > kUsualGrid && repository::makeGrid(rooms.box(), points, 0.0F, 512).pointCount() > kMostPoints)
     --points;
@@ -246,6 +247,8 @@ base::Result<void> orientBySurface(const BuildArguments& a, const lod::ingest::S
     std::fprintf(stderr,
                  "interior: images are for eyes in its rooms (for eyes around it, too: --margin 0.5; if it is none: "
                  "--interior off)\n");
+  if (!scene.interior && a.interior == "on" && !a.quiet)
+    std::fprintf(stderr, "--interior on: no room is found in it, so it is looked at from around\n");
   if (!scene.interior && found.is_enclosed && a.interior == kAuto && !a.quiet)
     std::fprintf(stderr,
                  "its surface faces inwards everywhere, as a cave's does or that of an object turned inside out; it is "
