@@ -27,6 +27,8 @@ base::Scene example() {
   scene.parts.push_back({"patch.lgp", 77, "cd", {{0, 10}, {20, 7}}});
   scene.title = "The tower";
   scene.start_view = "v=1&p=1,2,3&a=4,5&r=6";
+  scene.interior = true;
+  scene.interior_grid = 31;
   scene.hull = {{500000.125, 4000000.25, -3}, {500010.5, 4000019.625, 6.5}};
   scene.north = -12.5;
   scene.crs = "EPSG:32718";
@@ -45,6 +47,8 @@ TEST(SceneFile, survivesWritingAndReading) {
   EXPECT_EQ(read->triangles, scene.triangles);
   EXPECT_EQ(read->parts[0].sha256, "cd");
   EXPECT_EQ(read->parts[0].opening, scene.parts[0].opening);
+  EXPECT_TRUE(read->interior);
+  EXPECT_EQ(read->interior_grid, scene.interior_grid);
   EXPECT_EQ(read->hull, scene.hull);
   EXPECT_EQ(read->north, scene.north);
   EXPECT_EQ(read->crs, scene.crs);
@@ -55,8 +59,8 @@ TEST(SceneFile, survivesWritingAndReading) {
 
 TEST(SceneFile, appearanceThatNobodySetIsAbsent) {
   const std::string text = base::formatScene(base::Scene());
-  for (const char* member :
-       {"title", "start_view", "hull", "north", "crs", "attribution", "background", "images_light"})
+  for (const char* member : {"title", "start_view", "interior", "interior_grid", "hull", "north", "crs", "attribution",
+                             "background", "images_light"})
     EXPECT_EQ(text.find(std::string("\"") + member + "\""), std::string::npos) << member;
   const auto read = base::parseScene(text, "s");
   ASSERT_TRUE(read) << read.error().message;
@@ -98,6 +102,8 @@ TEST(SceneFile, appearanceThatCannotBeIsNamed) {
         std::tuple("500001.5", "1e30", "images_light: position"), std::tuple("4000019.625,", "", "hull"),
         std::tuple("4000019.625", "null", "hull"), std::tuple("4000019.625", "1e300", "hull"),
         std::tuple("\"hull\": [", "\"hull\": 3, \"more\": [", "hull"),
+        std::tuple("\"interior_grid\": 31", "\"interior_grid\": 1025", "interior_grid"),
+        std::tuple("\"interior_grid\": 31", "\"interior_grid\": -1", "interior_grid"),
         std::tuple("\"opening\": [", "\"opening\": [3,", "opening"),
         std::tuple("\"opening\": [", "\"opening\": [[-3, 5],", "opening")}) {
     std::string text = good;
