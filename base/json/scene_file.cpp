@@ -77,7 +77,7 @@ class Fields {
   static bool isA(const json& value) {
     if constexpr (std::is_same_v<T, std::string>) return value.is_string();
     if constexpr (std::is_same_v<T, bool>) return value.is_boolean();
-    if constexpr (std::is_unsigned_v<T>) return value.is_number_unsigned();
+    if constexpr (std::is_same_v<T, std::uint64_t>) return value.is_number_unsigned();
   }
   const json* find(const char* key) {
     if (!object_.is_object()) return nullptr;

@@ -67,7 +67,7 @@ struct Scene {
   std::optional<glm::dvec3> start_direction;  ///< unit, world: where the first view looks; nothing: viewers choose
   std::string start_view;                     ///< permalink of the first view; empty: the whole model, so seen
   bool interior = false;                      ///< scanned from inside: people look at it from its rooms
-  std::uint32_t interior_grid = 0;            ///< sampling points along the longest side that its rooms ask for; 0: any
+  std::uint32_t interior_grid = 0;            ///< points along the longest side its rooms ask for; 0: the usual
   /// World: at most kMaxHull points whose convex hull holds the model, strays far from it excepted; empty: the box
   /// does.
   std::vector<glm::dvec3> hull;
@@ -99,7 +99,7 @@ const char* nameOf(LightMode mode);
 std::optional<LightMode> lightModeNamed(std::string_view name);
 /// Most points of a scene's hull.
 inline constexpr std::size_t kMaxHull = 32;
-inline constexpr std::uint32_t kMaxInteriorGrid = 1024;
+inline constexpr std::uint32_t kMaxInteriorGrid = 1024;  ///< points along a side, the most of --grid
 /// Longest attribution and name of a coordinate reference system, bytes.
 inline constexpr std::size_t kMaxAttribution = 500, kMaxCrs = 64;
 /// Whether the text names a coordinate reference system by authority and code: "EPSG:32718", "OGC:CRS84",

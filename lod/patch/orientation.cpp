@@ -226,6 +226,7 @@ constexpr int kColumns = 64;             // along each side of the footprint
 constexpr int kSections = 48;            // heights that are tried
 // A section that opens nearly as many rooms as the best, higher up, leaves more of the walls.
 constexpr float kNearlyAsMany = 0.95F;
+// … but one that opens less of them shows little else than the backs of the others. Choices.
 constexpr float kOpened = 0.5F;
 
 /// From a room's floor to its ceiling, scene units along up.

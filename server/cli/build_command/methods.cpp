@@ -243,6 +243,8 @@ base::Result<void> orientBySurface(const BuildArguments& a, const lod::ingest::S
     std::fprintf(stderr,
                  "first view: an interior, cut open below its ceilings (Esc takes the cut away, `lumigrid set "
                  "--start-view ''` for good)\n");
+  if (scene.interior && !found.section_height && !a.quiet)
+    std::fprintf(stderr, "first view: from within, since no cut opens half of its rooms\n");
   if (scene.interior && !a.margin && !a.quiet)
     std::fprintf(stderr,
                  "interior: images are for eyes in its rooms (for eyes around it, too: --margin 0.5; if it is none: "

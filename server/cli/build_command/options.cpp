@@ -310,7 +310,7 @@ double usualMargin(const base::Scene& scene) {
 }
 
 std::uint32_t usualGrid(const base::Scene& scene) {
-  return scene.interior ? std::max(kUsualGrid, scene.interior_grid) : kUsualGrid;
+  return std::max(kUsualGrid, scene.interior_grid);
 }
 
 Parameters parametersOf(const BuildArguments& a) {

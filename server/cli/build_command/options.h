@@ -103,15 +103,15 @@ bool wants(const BuildArguments& a, const char* method);
 base::LightMode lightModeOf(const BuildArguments& a, bool is_scanned);
 /// Whether recorded parameters name the method among --methods.
 bool hasMethod(const Parameters& parameters, const std::string& method);
-inline constexpr std::uint32_t kUsualGrid = 12;
-
 /// The methods that `includes` takes, as parameters record them: "patch,images".
 std::string listMethods(const std::function<bool(const char* method)>& includes);
 
 /// The options that decide what the scene holds, as scene.json keeps them. Threads, batches and messages are not among
 /// them.
 Parameters parametersOf(const BuildArguments& a);
-/// Points along the longest side of the viewing box where --grid is not given: more in an interior that asks for it.
+/// Points along the longest side of the viewing box where --grid is not given: kUsualGrid, or more in an interior that
+/// asks for it.
+inline constexpr std::uint32_t kUsualGrid = 12;
 std::uint32_t usualGrid(const base::Scene& scene);
 /// The margin of the viewing box where none is given, in longest sides of the model: an interior is seen from its
 /// rooms.
