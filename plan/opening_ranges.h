@@ -1,25 +1,27 @@
 #pragma once
 // Which bytes of a published hierarchy show the scene for the first time. `lumigrid publish` says them in scene.json,
-// so that a client asks for all of them at once: by the tables alone it would ask for these, then for what they name,
-// and then for the blocks, which over a thin link is a second.
+// so that a client asks for all of them at once: by the records alone it would ask for these, and then for the blocks,
+// which over a thin link is half a second.
 #include <cstddef>
-#include <functional>
 #include <vector>
 
 #include "base/byte_range.h"
 #include "base/error.h"
-#include "lod/patch/table_pages.h"
+#include "lod/patch/hierarchy.h"
 
 namespace plan {
 
 /// More are not written, and not read.
 inline constexpr std::size_t kMaxOpeningRanges = 16;
 
-/// Returns the ranges of a patch.lgp that hold the records and blocks of the coarsest groups (coarseGroups() of 20 kB),
-/// in the order in which a client wants them: table pages from the file's first byte on, then blocks; 1 to
-/// kMaxOpeningRanges. `read` returns the bytes of a range of the file. Errors: kInvalidInput for damaged tables, and
-/// those of `read`.
-base::Result<std::vector<base::FileRange>> openingRanges(
-    const std::function<base::Result<base::Bytes>(const base::FileRange&)>& read);
+struct OpeningRanges {
+  /// The front of the records: the directory, the coarsest groups, and groups below them, to some 6 kB.
+  base::FileRange records;
+  /// The blocks of the coarsest groups (coarseGroups() of 20 kB) in patch.lgp, in order; 1 to kMaxOpeningRanges.
+  std::vector<base::FileRange> blocks;
+};
+
+/// `hierarchy`: whole. `records`: what lod::patch::encodeRecords made of it. kInvalidInput where they are damaged.
+base::Result<OpeningRanges> openingRanges(const lod::patch::Hierarchy& hierarchy, base::ByteView records);
 
 }  // namespace plan

@@ -174,6 +174,7 @@ base::Result<std::unique_ptr<Link>> openLocalScene(const std::string& directory)
   StaticScene files;
   files.place = directory;
   files.patches = *patches;
+  files.records = objectOfPart(scene, "records", ".lgr").value_or(StaticObject{});
   files.index = objectOfPart(scene, "images/index", ".lgi");
   files.welcome = protocol::welcomeOf(scene, nameOf(directory));
   return std::unique_ptr<Link>(std::make_unique<LocalSceneLink>(std::move(files), directory));

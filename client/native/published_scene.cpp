@@ -86,6 +86,7 @@ base::Result<StaticScene> staticSceneFrom(const base::Scene& scene, const std::s
   StaticScene out;
   out.place = place;
   out.patches = *patches;
+  out.records = objectOfPart(scene, "records", ".lgr").value_or(StaticObject{});
   out.index = objectOfPart(scene, "images/index", ".lgi");
   out.welcome = protocol::welcomeOf(scene, nameOf(place, scene));
   return out;

@@ -31,7 +31,7 @@ std::string fault(const FetchAnswer& answer) {
              "(docs/hosting.md)";
     case FetchOutcome::kCompressed:
       return "the host compresses it" + inBrackets(answer) +
-             "; switch that off for .lgp, .lgq, .lgm, .lgi and .lgk files";
+             "; switch that off for .lgp, .lgr, .lgq, .lgm, .lgi and .lgk files";
     case FetchOutcome::kChanged:
       return "changed while it was read; open the scene anew";
     case FetchOutcome::kTooShort:

@@ -132,7 +132,7 @@ class Judge {
     if (!said.empty() && said != "identity")
       return bad(Grade::kFails, "Content-Encoding",
                  "Files are compressed on their way (" + said + "), such have no ranges.",
-                 "Switch compression off for .lgp, .lgi and .lgk files.", kNoCompression);
+                 "Switch compression off for .lgp, .lgr, .lgi and .lgk files.", kNoCompression);
     if (!hides()) good("Content-Encoding", "Files come as they are.");
   }
 

@@ -28,6 +28,12 @@ void StaticSource::acceptArrival(RangeArrival&& arrival) {
   succeeded_ = true;
   if (arrival.wish.kind == kBlock)
     return acceptBlock(static_cast<std::uint32_t>(arrival.wish.key), arrival.answer.bytes);
+  if (arrival.wish.kind == kChunk)
+    return acceptChunk(static_cast<std::uint32_t>(arrival.wish.key), arrival.answer.bytes);
+  if (arrival.wish.kind == kOpening) {
+    opening_.emplace(arrival.wish.key, std::move(arrival.answer.bytes));
+    return;
+  }
   if (arrival.wish.kind == kIndexBlock) return acceptIndexBlock(arrival.wish.key, arrival.answer.bytes);
   if (arrival.wish.kind == kFace) {
     if (const auto key = FaceKey::fromCode(arrival.wish.key)) acceptFace(*key, std::move(arrival.answer.bytes));
@@ -39,50 +45,35 @@ void StaticSource::acceptArrival(RangeArrival&& arrival) {
 
 base::Result<void> StaticSource::acceptTable(const RangeArrival& arrival) {
   switch (arrival.wish.kind) {
-    case kPatchFront:
-      return acceptPatchFront(arrival.answer.bytes);
-    case kOpening:
-      return acceptOpening(arrival.wish.key, arrival.answer.bytes);
+    case kRecordFront:
+      return acceptRecordFront(arrival.answer.bytes);
     case kIndexFront:
       return acceptIndexFront(arrival.answer.bytes);
-    case kParameters:
-      return acceptParameters(arrival.answer.bytes);
     default:
-      return acceptPage(static_cast<std::uint32_t>(arrival.wish.key), arrival.answer.bytes);
+      return acceptParameters(arrival.answer.bytes);
   }
 }
 
-base::Result<void> StaticSource::acceptPatchFront(base::ByteView bytes) {
-  LUMIGRID_ASSIGN_OR_RETURN(auto counts, lod::patch::readTableCounts(bytes));
-  if (counts.file_bytes != scene_.patches.bytes) return badScene("is not as long as scene.json says");
+base::Result<void> StaticSource::acceptRecordFront(base::ByteView bytes) {
+  LUMIGRID_ASSIGN_OR_RETURN(auto read, GroupRecords::open(bytes));
+  const lod::patch::RecordCounts& counts = read.counts();
+  if (counts.object_bytes != scene_.records.bytes || counts.patch_bytes != scene_.patches.bytes)
+    return badScene("is not as long as scene.json says, or of another hierarchy");
   if (counts.groups > protocol::kMaxGroups || counts.patches > protocol::kMaxPatches)
     return badScene("has more groups than a client takes");
-  front_.assign(bytes.begin(), bytes.end());
-  tables_.emplace(counts);
-  tables_->add(0, bytes);
-  stats_.table_bytes += std::min<std::uint64_t>(bytes.size(), counts.blocks_offset);
-  for (const auto& [range, others] : opening_) tables_->add(scene_.patches.opening[range].offset, others);
+  stats_.record_bytes += bytes.size();
   hierarchy_.lattice = counts.lattice;
   hierarchy_.has_colors = counts.has_colors;
   hierarchy_.source_triangles = counts.source_triangles;
   has_group_.assign(counts.groups, false);
 
-  // Groups are numbered from the top down, so the rows that are here belong to the coarsest groups.
+  // Groups are numbered from the top down, so the records that are here belong to the coarsest groups.
   lod::patch::Hierarchy rows;
-  for (std::uint32_t g = 0; g < tables_->leadingRows(); ++g) {
-    LUMIGRID_ASSIGN_OR_RETURN(auto row, tables_->row(g));
-    rows.groups.push_back(*row);
-  }
+  for (std::uint32_t g = 0; g < read.leadingGroups(); ++g) rows.groups.push_back(*read.row(g));
   if (rows.groups.empty()) rows.groups.resize(1);
   coarse_ = plan::coarseGroups(rows, plan::kCoarseBytes);
-  return checkTables();
-}
-
-base::Result<void> StaticSource::acceptOpening(std::uint64_t range, base::ByteView bytes) {
-  opening_.emplace(range, base::Bytes(bytes.begin(), bytes.end()));
-  if (!tables_) return {};  // acceptPatchFront() adds it to them
-  tables_->add(scene_.patches.opening[range].offset, bytes);
-  return checkTables();
+  records_ = std::move(read);
+  return {};
 }
 
 base::Result<void> StaticSource::acceptIndexFront(base::ByteView bytes) {
@@ -103,35 +94,28 @@ base::Result<void> StaticSource::acceptParameters(base::ByteView bytes) {
   return {};
 }
 
-base::Result<void> StaticSource::acceptPage(std::uint32_t page, base::ByteView bytes) {
-  tables_->add(tables_->pageOffset(page), bytes);
-  stats_.table_bytes += bytes.size();
+/// The groups of a damaged chunk are left out, and what is drawn in their place stays.
+void StaticSource::acceptChunk(std::uint32_t chunk, base::ByteView bytes) {
+  stats_.record_bytes += bytes.size();
+  if (auto taken = records_->add(chunk, bytes); !taken) {
+    const std::uint32_t first = chunk * GroupRecords::kGroupsPerChunk;
+    const std::uint32_t end = std::min(first + GroupRecords::kGroupsPerChunk, records_->counts().groups);
+    for (std::uint32_t group = first; group < end; ++group) loseGroup(group, taken.error().message);
+  }
   replan_ = pick_data_arrived_ = true;
-  return checkTables();
 }
 
-/// Checks what single rows cannot show (the checksum), once the tables are complete.
-base::Result<void> StaticSource::checkTables() {
-  if (!tablesWhole() || tables_checked_) return {};
-  tables_checked_ = true;
-  return tables_->checkWhole();
-}
-
-/// Hands a block to the session. `rest` is the part of it that does not lie in the front.
-void StaticSource::acceptBlock(std::uint32_t group, base::ByteView rest) {
-  const auto record = tables_->record(group);
-  if (!record || has_group_[group]) return;
-  const lod::patch::Group& row = hierarchy_.groups[group];
-  const std::uint64_t begin = std::min<std::uint64_t>(row.block_offset, front_.size());
-  const std::uint64_t end = std::min<std::uint64_t>(row.block_offset + row.block_bytes, front_.size());
-  base::Bytes block(front_.begin() + static_cast<std::ptrdiff_t>(begin),
-                    front_.begin() + static_cast<std::ptrdiff_t>(end));
-  block.insert(block.end(), rest.begin(), rest.end());
+/// Hands a block to the session.
+void StaticSource::acceptBlock(std::uint32_t group, base::ByteView bytes) {
+  const base::ByteView record = records_->record(group);
+  if (record.empty() || has_group_[group]) return;
+  base::Bytes block(bytes.begin(), bytes.end());
   has_group_[group] = true;
   picks_.keepBlock(group, block);
   pick_data_arrived_ = true;
   keepCoarseBlock(group, block);
-  outgoing_.push_back({protocol::encode(protocol::Refinement{record->bytes, std::move(block)}), {}, group});
+  outgoing_.push_back(
+      {protocol::encode(protocol::Refinement{base::Bytes(record.begin(), record.end()), std::move(block)}), {}, group});
 }
 
 void StaticSource::keepCoarseBlock(std::uint32_t group, const base::Bytes& block) {

@@ -8,9 +8,7 @@ namespace {
 
 // A share of the 6 that may be under way, so that a new view finds room.
 constexpr std::size_t kRequestsAheadOfNeed = 2;
-/// The hierarchy's front holds its header and rows behind it.
-constexpr std::uint64_t kLeastFrontBytes = lod::patch::TablePages::kPageBytes;
-/// A coarse model has kCoarseBytes, or a group that is larger, and some table pages.
+/// A coarse model has kCoarseBytes, or a group that is larger, and the directory of the records.
 constexpr std::uint64_t kMaxOpeningBytes = 1'000'000;
 /// One failed request is not reported: hosts close kept connections now and then.
 constexpr int kMinReportedFailures = 2;
@@ -101,19 +99,25 @@ base::Result<void> StaticSource::checkScene() const {
   const auto notPublished = [](const std::string& message) {
     return base::Error{base::ErrorCode::kInvalidInput, message + "; put there what `lumigrid publish` wrote"};
   };
-  const std::string& patches = scene_.patches.name;
-  const std::string begin = "patch-";
-  const std::string end = ".lgp";
-  const bool named = patches.size() == begin.size() + 32 + end.size() && patches.compare(0, begin.size(), begin) == 0 &&
-                     patches.compare(patches.size() - end.size(), end.size(), end) == 0 &&
-                     patches.find_first_not_of("0123456789abcdef", begin.size()) == patches.size() - end.size();
-  if (!named || scene_.patches.bytes == 0) return notPublished("this scene.json names no published hierarchy");
+  const auto isNamed = [](const StaticObject& object, const std::string& begin, const std::string& end) {
+    const std::string& name = object.name;
+    return object.bytes > 0 && name.size() == begin.size() + 32 + end.size() &&
+           name.compare(0, begin.size(), begin) == 0 && name.compare(name.size() - end.size(), end.size(), end) == 0 &&
+           name.find_first_not_of("0123456789abcdef", begin.size()) == name.size() - end.size();
+  };
+  if (!isNamed(scene_.patches, "patch-", ".lgp")) return notPublished("this scene.json names no published hierarchy");
+  if (scene_.records.name.empty())
+    return badScene("an earlier program published this scene, without records of groups");
+  const std::vector<base::FileRange>& front = scene_.records.opening;
+  if (!isNamed(scene_.records, "records-", ".lgr") || front.size() != 1 || front[0].offset != 0 ||
+      front[0].length == 0 || front[0].length > std::min(scene_.records.bytes, kMaxOpeningBytes))
+    return notPublished("this scene.json names no records of groups");
   if (scene_.index && (!repository::idOfIndexName(scene_.index->name) || scene_.index->bytes == 0))
     return notPublished("this scene.json names no published images");
   return {};
 }
 
-/// A scene whose ranges cannot be is read like one that names none: page by page.
+/// Blocks whose ranges cannot be are read one by one.
 void StaticSource::checkOpening() {
   std::vector<base::FileRange>& opening = scene_.patches.opening;
   std::uint64_t sum = 0;
@@ -122,9 +126,7 @@ void StaticSource::checkOpening() {
       return opening.clear();
     sum += range.length;
   }
-  const bool begins_file = !opening.empty() && opening.front().offset == 0 &&
-                           opening.front().length >= std::min(kLeastFrontBytes, scene_.patches.bytes);
-  if (!begins_file || opening.size() > plan::kMaxOpeningRanges || sum > kMaxOpeningBytes) opening.clear();
+  if (opening.size() > plan::kMaxOpeningRanges || sum > kMaxOpeningBytes) opening.clear();
 }
 
 void StaticSource::fail(const std::string& why) {
@@ -188,8 +190,8 @@ void StaticSource::deliverMessages(Session& session) {
 
 /// Completes the Welcome once both fronts are here.
 void StaticSource::openScene() {
-  if (phase_ != Phase::kOpening || !tables_ || (scene_.index && !points_known_)) return;
-  const lod::patch::TableCounts& counts = tables_->counts();
+  if (phase_ != Phase::kOpening || !records_ || (scene_.index && !points_known_)) return;
+  const lod::patch::RecordCounts& counts = records_->counts();
   protocol::Welcome& welcome = scene_.welcome;
   welcome.version = protocol::kVersion;
   welcome.has_colors = counts.has_colors;

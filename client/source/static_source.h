@@ -1,18 +1,18 @@
 #pragma once
 // Reads a published scene by byte ranges, without a server of ours, and acts as the server of a client::Session. It
-// reads the hierarchy's tables and the image index as far as views need them, plans with plan/ as a server does,
+// reads the records of groups and the image index as far as views need them, plans with plan/ as a server does,
 // fetches, and hands the session the same messages. It has no socket, thread, clock or JSON: the platform brings a
-// RangeFetcher, the time, and the values of scene.json. The formats are docs/formats/packs.md and patch.md;
+// RangeFetcher, the time, and the values of scene.json. The formats are docs/formats/packs.md and records.md;
 // docs/hosting.md says what a host must do.
 //
 // It reads, in this order:
-//   1. the ranges of patch-….lgp that scene.json names for the first picture, some 25 kB, or its first 16 KiB, and 4
-//      KiB of index-….lgi, which make the Welcome
-//   2. of the table pages that group 0 and the next coarsest groups need, and of their blocks, what is not here by now
-//   3. the tables: whole where they are small, else the pages that the view's cut leads to
-//   4. what a picked ray needs (pick()); then groups in a server's order (docs/formats/protocol.md), and with them the
-//      blocks of the index that tell of the plan's images, and once these are here the images
-//   5. when the view is complete: the rest of small tables, other directions, faces along the motion; at most 1 MB
+//   1. what scene.json names for the first picture, the front of records-….lgr and blocks of patch-….lgp, some 25 kB,
+//      and 4 KiB of index-….lgi, which make the Welcome
+//   2. what the coarsest groups lack of records and blocks
+//   3. what a picked ray needs (pick()); then the records that the view's cut leads to, groups in a server's order
+//      (docs/formats/protocol.md), and with them the blocks of the index that tell of the plan's images, and once these
+//      are here the images
+//   4. when the view is complete: other directions, faces along the motion; at most 1 MB
 // The newest view wins: what an older view wanted is not requested any more, requests under way are kept.
 #include <cstdint>
 #include <deque>
@@ -30,7 +30,7 @@
 #include "client/source/range_queue.h"
 #include "client/source/ray_picks.h"
 #include "client/source/session.h"
-#include "lod/patch/table_pages.h"
+#include "lod/patch/group_records.h"
 #include "lod/patch/traverse.h"
 #include "plan/coarse_sight.h"
 #include "plan/opening_ranges.h"
@@ -45,9 +45,8 @@ namespace client {
 struct StaticObject {
   std::string name;
   std::uint64_t bytes = 0;
-  /// The hierarchy's first bytes, then more of it that the first picture needs, all asked for at once
-  /// (plan/opening_ranges.h). Table pages are whole. Empty in scenes of earlier programs; ranges that cannot be are
-  /// passed over.
+  /// The ranges that the first picture needs, all asked for at once (plan/opening_ranges.h). The patches' are passed
+  /// over where one of them cannot be.
   std::vector<base::FileRange> opening = {};
 };
 
@@ -58,6 +57,7 @@ struct StaticScene {
   /// rest.
   protocol::Welcome welcome;
   StaticObject patches;               ///< patch-….lgp
+  StaticObject records;               ///< records-….lgr
   std::optional<StaticObject> index;  ///< images/index-….lgi; absent where the scene has no images
 };
 
@@ -67,17 +67,16 @@ using ReadParameters = std::function<base::Result<repository::SampledPoints>(con
 
 struct StaticOptions {
   RangeQueueOptions queue;
-  std::uint64_t eager_table_bytes = 24 * 1024;  ///< tables up to this size are read whole as soon as something is drawn
   std::uint64_t index_cache_bytes = 8'000'000;  ///< decoded blocks of the index, kept by LRU
 };
 
 struct StaticStats {
-  std::uint64_t requests = 0;     ///< sent
-  std::uint64_t bytes = 0;        ///< received, tables and index included
-  std::uint64_t table_bytes = 0;  ///< part of `bytes`: the hierarchy's tables
-  std::uint64_t index_bytes = 0;  ///< part of `bytes`: blocks of the index
-  std::uint64_t missing = 0;      ///< faces that the repository does not have
-  std::uint64_t broken = 0;       ///< damaged faces, blocks of the index and groups
+  std::uint64_t requests = 0;      ///< sent
+  std::uint64_t bytes = 0;         ///< received, records and index included
+  std::uint64_t record_bytes = 0;  ///< part of `bytes`: records of groups
+  std::uint64_t index_bytes = 0;   ///< part of `bytes`: blocks of the index
+  std::uint64_t missing = 0;       ///< faces that the repository does not have
+  std::uint64_t broken = 0;        ///< damaged faces, blocks of the index and groups
   std::uint32_t requests_under_way = 0;
   std::uint32_t wanted = 0;  ///< groups and faces that the newest view still lacks
 };
@@ -111,10 +110,10 @@ class StaticSource {
 
  private:
   using FaceKey = repository::FaceKey;
-  using TablePages = lod::patch::TablePages;
+  using GroupRecords = lod::patch::GroupRecords;
   enum class Phase { kOpening, kOpen, kFailed };
   /// The kinds of RangeWish.
-  enum Kind : std::uint32_t { kPatchFront, kOpening, kIndexFront, kParameters, kPage, kBlock, kIndexBlock, kFace };
+  enum Kind : std::uint32_t { kRecordFront, kOpening, kIndexFront, kParameters, kChunk, kBlock, kIndexBlock, kFace };
 
   static base::Error badScene(const std::string& message) {
     return {base::ErrorCode::kInvalidInput, message + "; publish the scene again"};
@@ -125,13 +124,11 @@ class StaticSource {
   // ---- answers of the fetcher ----
   void acceptArrival(RangeArrival&& arrival);
   base::Result<void> acceptTable(const RangeArrival& arrival);
-  base::Result<void> acceptPatchFront(base::ByteView bytes);
-  base::Result<void> acceptOpening(std::uint64_t range, base::ByteView bytes);
+  base::Result<void> acceptRecordFront(base::ByteView bytes);
   base::Result<void> acceptIndexFront(base::ByteView bytes);
   base::Result<void> acceptParameters(base::ByteView bytes);
-  base::Result<void> acceptPage(std::uint32_t page, base::ByteView bytes);
-  base::Result<void> checkTables();
-  void acceptBlock(std::uint32_t group, base::ByteView rest);
+  void acceptChunk(std::uint32_t chunk, base::ByteView bytes);
+  void acceptBlock(std::uint32_t group, base::ByteView bytes);
   void acceptIndexBlock(std::uint64_t number, base::ByteView bytes);
   void acceptFace(const FaceKey& key, base::Bytes bytes);
   void acceptFailure(const RangeArrival& arrival);
@@ -147,11 +144,9 @@ class StaticSource {
   // ---- the hierarchy ----
   void openScene();
   bool readRecord(std::uint32_t group, std::vector<RangeWish>* wishes);
+  void loseGroup(std::uint32_t group, const std::string& why);
   bool isKnown(std::uint32_t group) const { return group < hierarchy_.known.size() && hierarchy_.known[group] != 0; }
-  bool tablesFirst() const { return tables_->counts().blocks_offset <= options_.eager_table_bytes; }
-  bool tablesWhole() const { return tables_->pagesHere() == tables_->pageCount(); }
-  void wishForTables(std::vector<RangeWish>& wishes) const;
-  RangeWish pageWish(std::uint32_t page) const;
+  RangeWish chunkWish(std::uint32_t chunk) const;
   RangeWish indexWish(std::uint64_t number) const;
   void wishForBlock(std::uint32_t group, std::vector<RangeWish>& wishes);
 
@@ -212,11 +207,9 @@ class StaticSource {
   std::deque<OutgoingMessage> outgoing_;
 
   // Data that were read.
-  base::Bytes front_;  // front of the hierarchy's file; that of a small file holds blocks too
-  std::map<std::uint64_t, base::Bytes> opening_;  // range of the hierarchy's `opening` but the front -> its bytes
-  std::optional<TablePages> tables_;
+  std::map<std::uint64_t, base::Bytes> opening_;  // range of the patches' `opening` -> its bytes
+  std::optional<GroupRecords> records_;
   lod::patch::Hierarchy hierarchy_;  // the groups whose records were read
-  bool tables_checked_ = false;
   std::unordered_set<std::uint32_t> broken_groups_;
   std::optional<repository::IndexRoot> root_;
   repository::SampledPoints points_;
@@ -240,7 +233,7 @@ class StaticSource {
   std::optional<protocol::View> newest_, previous_;
   double newest_at_ = 0.0, previous_at_ = 0.0, now_ = 0.0;  // when they came, and the time of pump(), seconds
   bool planned_ = false, replan_ = false;
-  bool coarse_is_here_ = false;                     // with it the tables, where they are read first
+  bool coarse_is_here_ = false;
   std::unordered_set<std::uint64_t> index_wanted_;  // blocks of the newest plan's points, which are kept
   bool index_learned_ = false;                      // the index has told of more images since the plan was made
   plan::ViewPlan view_plan_;

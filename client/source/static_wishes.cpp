@@ -9,9 +9,7 @@
 namespace client {
 namespace {
 
-// The first request for the patches brings the header and rows of some 240 groups (docs/formats/patch.md). The three
-// numbers are choices; more wishes find more neighbours to fetch in one request, and are compared longer.
-constexpr std::uint64_t kPatchFrontBytes = 16 * 1024;
+// The numbers are choices; more wishes find more neighbours to fetch in one request, and are compared longer.
 /// As much of the index's front (repository::kIndexFrontBytes) as the roots of nearly all scenes fill.
 constexpr std::uint64_t kIndexFrontBytes = 4 * 1024;
 constexpr std::size_t kWishesAhead = 64;  // looked through for neighbours of a request
@@ -26,65 +24,53 @@ constexpr double kThinLink = 90'000.0;
 
 // ---- the hierarchy ----
 
-RangeWish StaticSource::pageWish(std::uint32_t page) const {
-  return {kPage, page, scene_.patches.name, tables_->pageOffset(page), tables_->pageLength(page), false, true};
+RangeWish StaticSource::chunkWish(std::uint32_t chunk) const {
+  return {kChunk, chunk, scene_.records.name, records_->chunkOffset(chunk), records_->chunkBytes(chunk), false, true};
 }
 
-/// Requests the part of a block that is not in the front; a block that lies in it entirely is handed over at once.
+/// A block that lies in one of the first ranges is handed over at once.
 void StaticSource::wishForBlock(std::uint32_t group, std::vector<RangeWish>& wishes) {
   const lod::patch::Group& row = hierarchy_.groups[group];
   const std::uint64_t end = row.block_offset + row.block_bytes;
-  if (end <= front_.size()) return acceptBlock(group, {});
   for (const auto& [range, bytes] : opening_) {
     const std::uint64_t offset = scene_.patches.opening[range].offset;
-    if (row.block_offset >= std::max<std::uint64_t>(offset, front_.size()) && end <= offset + bytes.size())
+    if (row.block_offset >= offset && end <= offset + bytes.size())
       return acceptBlock(group, base::ByteView(bytes).subspan(row.block_offset - offset, row.block_bytes));
   }
-  const std::uint64_t begin = std::max<std::uint64_t>(row.block_offset, front_.size());
-  wishes.push_back({kBlock, group, scene_.patches.name, begin, end - begin, group == 0});
+  wishes.push_back({kBlock, group, scene_.patches.name, row.block_offset, row.block_bytes, group == 0});
 }
 
-/// Reads a group's record into the hierarchy when all its table pages are here, else adds the missing pages to
-/// `wishes`. Returns whether the group is known.
+/// Reads a group's record into the hierarchy when its chunk is here, else adds that to `wishes`. Returns whether the
+/// group is known.
 bool StaticSource::readRecord(std::uint32_t group, std::vector<RangeWish>* wishes) {
   if (isKnown(group)) return true;
   if (broken_groups_.count(group) != 0) return false;
-  const auto record = tables_->record(group);
-  std::optional<base::Error> error;
-  if (!record) {
-    error = record.error();
-  } else if (!record->missing.empty()) {
-    if (wishes != nullptr)
-      for (const std::uint32_t page : record->missing) wishes->push_back(pageWish(page));
+  const base::ByteView record = records_->record(group);
+  if (record.empty()) {
+    if (wishes != nullptr) wishes->push_back(chunkWish(GroupRecords::chunkOf(group)));
     return false;
-  } else {
-    base::ByteReader in(record->bytes);
-    auto added = lod::patch::addGroup(in, hierarchy_, tables_->counts().groups, tables_->counts().patches);
-    if (!added)
-      error = added.error();
-    else if (record->bytes.size() + hierarchy_.groups[group].block_bytes > protocol::kMaxPayload ||
-             hierarchy_.groups[group].block_bytes == 0)
-      error = badScene("group " + std::to_string(group) + " is too large to be taken");
   }
-  if (!error) return true;
-  broken_groups_.insert(group);
-  ++stats_.broken;
-  const std::string why = scene_.place + "/" + scene_.patches.name + ": " + error->message;
-  if (group == 0)
-    fail(why);
-  else
-    reportProblem(why);
+  base::ByteReader in(record);
+  auto added = lod::patch::addGroup(in, hierarchy_, records_->counts().groups, records_->counts().patches);
+  if (!added) {
+    loseGroup(group, added.error().message);
+    return false;
+  }
+  const std::uint64_t block_bytes = hierarchy_.groups[group].block_bytes;
+  if (block_bytes > 0 && record.size() + block_bytes <= protocol::kMaxPayload) return true;
+  loseGroup(group, badScene("group " + std::to_string(group) + " is too large to be taken").message);
   return false;
 }
 
-/// Wishes for all pages that are not here. Nothing that is needed now stands behind them, so they have the whole window
-/// and do not lead.
-void StaticSource::wishForTables(std::vector<RangeWish>& wishes) const {
-  for (std::uint32_t page = 0; page < tables_->pageCount(); ++page) {
-    if (tables_->has(page)) continue;
-    wishes.push_back(pageWish(page));
-    wishes.back().leads = false;
-  }
+/// Marks a group as one that cannot be had. Without group 0 there is no scene.
+void StaticSource::loseGroup(std::uint32_t group, const std::string& why) {
+  if (!broken_groups_.insert(group).second) return;
+  ++stats_.broken;
+  const std::string message = scene_.place + "/" + scene_.records.name + ": " + why;
+  if (group == 0)
+    fail(message);
+  else
+    reportProblem(message);
 }
 
 // ---- the images ----
@@ -147,7 +133,7 @@ plan::Scene StaticSource::planScene() {
           .is_fresh = !rests,
           .rests = rests,
           .link_rate = queue_.rate(),
-          .patch_bytes = tables_->counts().file_bytes - tables_->counts().blocks_offset};
+          .patch_bytes = records_->counts().patch_bytes};
 }
 
 /// Bytes of an image as the index has them (plan::StoredBytes).
@@ -174,12 +160,16 @@ std::vector<StaticSource::UnknownGroup> StaticSource::frontierOf(const lod::patc
       const std::uint32_t producer = hierarchy_.patches[i].producer;
       if (producer == lod::patch::kNoGroup || isKnown(producer) || broken_groups_.count(producer) != 0) continue;
       if (!seen.insert(producer).second) continue;
-      // Its row is present, since the record of the group above needed it.
-      const auto row = tables_->row(producer);
-      if (!row || !row->has_value() || !frustum.mayOverlap((*row)->bounds)) continue;
+      // Until its record is here, its errors are those that came with the patch, and its sphere that of the group
+      // above, which holds it.
+      const lod::patch::Group* row = records_->row(producer);
+      const base::Sphere& bounds = row != nullptr ? row->bounds : g.bounds;
+      if (!frustum.mayOverlap(bounds)) continue;
       const auto projected = [&](base::ErrorMeasure measure) {
-        return base::projectedError(lod::patch::errorOf(**row, measure), (*row)->bounds.center, (*row)->bounds.radius,
-                                    request.camera.eye, pixels, request.near_plane);
+        const float error = row != nullptr ? lod::patch::errorOf(*row, measure)
+                                           : lod::patch::ownErrorOf(hierarchy_.patches[i], measure);
+        return base::projectedError(error, bounds.center, bounds.radius, request.camera.eye, pixels,
+                                    request.near_plane);
       };
       const float error_px = projected(request.measure);
       if (error_px <= request.tolerance_px && request.tolerance_px > 0.0F) continue;
@@ -198,7 +188,7 @@ plan::Holdings StaticSource::holdings() {
   return {[this](const FaceKey& key) { return settled(key); }, [this](std::uint32_t group) { return settled(group); }};
 }
 
-/// Descends as far as the present pages allow, then plans as a server does.
+/// Descends as far as the present records allow, then plans as a server does.
 void StaticSource::planNewestView() {
   const bool sight_is_due = coarse_is_here_ && !sight_computed_;
   if (planned_ && !index_learned_ && !sight_is_due && !(replan_ && !frontier_.empty())) return;
@@ -221,10 +211,8 @@ void StaticSource::planNewestView() {
 bool StaticSource::wishForOpening(std::vector<RangeWish>& wishes) const {
   const std::vector<base::FileRange>& opening = scene_.patches.opening;
   const std::size_t before = wishes.size();
-  const std::uint64_t front =
-      opening.empty() ? std::min(kPatchFrontBytes, scene_.patches.bytes) : opening.front().length;
-  if (!tables_) wishes.push_back({kPatchFront, 0, scene_.patches.name, 0, front});
-  for (std::size_t i = 1; i < opening.size(); ++i)
+  if (!records_) wishes.push_back({kRecordFront, 0, scene_.records.name, 0, scene_.records.opening.front().length});
+  for (std::size_t i = 0; i < opening.size(); ++i)
     if (opening_.count(i) == 0)
       wishes.push_back({kOpening, i, scene_.patches.name, opening[i].offset, opening[i].length});
   return wishes.size() == before;
@@ -261,7 +249,13 @@ void StaticSource::wishForView(std::vector<RangeWish>& wishes) {
       if (unknown.is_needed == needed && wishes.size() < kWishesAhead) readRecord(unknown.group, &wishes);
   };
   readFrontier(true);
-  const bool takes_faces = wishForIndex(wishes);
+  std::vector<RangeWish> index;
+  const bool index_tells = wishForIndex(index);
+  // A thin link has no room for blocks of the index that no image waits for: they are asked for with the first image
+  // of theirs.
+  const bool is_thin = std::max(queue_.rate(), queue_.rateOnceBegun()) < kThinLink;
+  if (!is_thin) wishes.insert(wishes.end(), index.begin(), index.end());
+  const bool takes_faces = index_tells || is_thin;
   std::size_t g = 0;
   std::size_t f = takes_faces ? 0 : view_plan_.faces.size();
   stats_.wanted = static_cast<std::uint32_t>(frontier_.size());
@@ -299,7 +293,6 @@ std::vector<RangeWish> StaticSource::urgentWishes() {
 
   wishForCoarse(wishes);
   if (phase_ == Phase::kFailed || (!has_group_[0] && !wishes.empty())) return wishes;
-  if (tablesFirst() && !tablesWhole()) wishForTables(wishes);
   // The round trips until the coarse model is whole would leave the link idle. A thin one has no room for more.
   coarse_is_here_ = wishes.empty();
   if (phase_ != Phase::kOpen || (!coarse_is_here_ && queue_.rateOnceBegun() < kThinLink)) return wishes;
@@ -313,16 +306,11 @@ std::vector<RangeWish> StaticSource::urgentWishes() {
   return wishes;
 }
 
-/// Returns what later views may need, small tables to their end included, because only whole tables can be checked
-/// against their checksum.
+/// Returns what later views may need.
 std::vector<RangeWish> StaticSource::prefetchWishes() {
   std::vector<RangeWish> wishes;
   if (!complete_sent_ || !planned_ || phase_ != Phase::kOpen) return wishes;
   std::uint64_t bytes = 0;
-  if (tables_->counts().blocks_offset <= plan::kPrefetchBytes) {
-    wishForTables(wishes);
-    bytes += tables_->counts().blocks_offset;
-  }
   if (!ahead_) {
     ahead_ = view_plan_.other_faces;
     if (previous_) {

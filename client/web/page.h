@@ -39,8 +39,8 @@ std::shared_ptr<StreamedView> makeView(FilePlace file, const protocol::Welcome& 
 /// box_min, box_max, up (world, 3 each), 1 when unlit and 2 with shadows, the light's direction (3), the first
 /// direction (3), the background as 0xrrggbb or -1, north in degrees or NaN, the count of the hull's points.
 inline constexpr int kWelcomeNumbers = 22;
-/// Two numbers of the function that opens the scene come next, then those points (3 each), then more of the function.
-inline constexpr int kHullAt = kWelcomeNumbers + 2;
+/// Three numbers of the function that opens the scene come next, then those points (3 each), then more of the function.
+inline constexpr int kHullAt = kWelcomeNumbers + 3;
 /// Makes a Welcome from these values.
 protocol::Welcome welcomeOf(const std::string& name, const std::string& units, const std::string& start_view,
                             const std::string& attribution, const double* numbers);

@@ -77,21 +77,24 @@ void pick(const Request& request) {
 
 extern "C" {
 
-/// Opens a published scene. `numbers`: as in client/web/page.h, the two being the lengths of the patches and of the
-/// index (0: none), and behind the hull the count of the ranges that are read first, then their offsets and lengths.
+/// Opens a published scene. `numbers`: as in client/web/page.h, the three being the lengths of the patches, of their
+/// records and of the index (0: none), and behind the hull, of the patches and then of the records, the count of the
+/// ranges that are read first, then their offsets and lengths.
 EMSCRIPTEN_KEEPALIVE void openStatic(const char* place, const char* name, const char* units, const char* start_view,
-                                     const char* attribution, const char* patches, const char* index,
-                                     const double* numbers) {
+                                     const char* attribution, const char* patches, const char* records,
+                                     const char* index, const double* numbers) {
   const double* bytes = numbers + client::web::kWelcomeNumbers;
   client::StaticScene scene;
   scene.place = place;
   scene.welcome = client::web::welcomeOf(name, units, start_view, attribution, numbers);
   scene.patches = {patches, static_cast<std::uint64_t>(bytes[0])};
-  const double* opening = numbers + client::web::kHullAt + 3 * scene.welcome.hull.size();
-  for (int i = 0; i < opening[0]; ++i)
-    scene.patches.opening.push_back(
-        {static_cast<std::uint64_t>(opening[1 + 2 * i]), static_cast<std::uint64_t>(opening[2 + 2 * i])});
-  if (bytes[1] > 0.0) scene.index = client::StaticObject{index, static_cast<std::uint64_t>(bytes[1])};
+  scene.records = {records, static_cast<std::uint64_t>(bytes[1])};
+  const double* next = numbers + client::web::kHullAt + 3 * scene.welcome.hull.size();
+  for (client::StaticObject* object : {&scene.patches, &scene.records}) {
+    for (auto left = static_cast<int>(*next++); left > 0; --left, next += 2)
+      object->opening.push_back({static_cast<std::uint64_t>(next[0]), static_cast<std::uint64_t>(next[1])});
+  }
+  if (bytes[2] > 0.0) scene.index = client::StaticObject{index, static_cast<std::uint64_t>(bytes[2])};
   client::web::scene = std::make_unique<client::web::PublishedScene>(std::move(scene));
   client::web::page.pick = client::web::pick;
 }

@@ -7,6 +7,7 @@
 #include "base/parallel.h"
 #include "client/native/published_scene.h"
 #include "compare/sim/fetcher.h"
+#include "lod/patch/group_records.h"
 #include "plan/opening_ranges.h"
 #include "protocol/welcome.h"
 #include "repository/packs/publish.h"
@@ -34,9 +35,12 @@ base::Result<std::unique_ptr<PublishedObjects>> PublishedObjects::create(const s
   description.place = "scene";
   description.welcome = protocol::welcomeOf(scene.scene, "scene");
   description.patches = {base::publishedName("patch.lgp", base::hexOf(base::sha256(patches))), patches.size()};
-  LUMIGRID_ASSIGN_OR_RETURN(description.patches.opening, plan::openingRanges([&scene](const base::FileRange& range) {
-                              return scene.patch_file->read("", range.offset, range.length);
-                            }));
+  objects->records_ = lod::patch::encodeRecords(scene.patches.hierarchy(), patches.size());
+  description.records = {base::publishedName("records.lgr", base::hexOf(base::sha256(objects->records_))),
+                         objects->records_.size()};
+  LUMIGRID_ASSIGN_OR_RETURN(auto opening, plan::openingRanges(scene.patches.hierarchy(), objects->records_));
+  description.records.opening = {opening.records};
+  description.patches.opening = std::move(opening.blocks);
   if (!scene.images) return objects;
   std::string place = scene.directory;
   if (scene.packs == nullptr) {
@@ -51,8 +55,12 @@ base::Result<std::unique_ptr<PublishedObjects>> PublishedObjects::create(const s
 
 base::Result<base::Bytes> PublishedObjects::read(const std::string& name, std::uint64_t offset,
                                                  std::uint64_t length) const {
-  if (name != description_.patches.name && images_) return images_->read(name, offset, length);
   if (name == description_.patches.name) return scene_.patch_file->read(name, offset, length);
+  if (name == description_.records.name && offset <= records_.size() && length <= records_.size() - offset) {
+    const auto first = records_.begin() + static_cast<std::ptrdiff_t>(offset);
+    return base::Bytes(first, first + static_cast<std::ptrdiff_t>(length));
+  }
+  if (images_) return images_->read(name, offset, length);
   return base::Error{base::ErrorCode::kNotFound, name + ": there is no such object"};
 }
 

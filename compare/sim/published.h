@@ -28,6 +28,7 @@ class PublishedObjects {
 
   const server::OpenScene& scene_;
   client::StaticScene description_;
+  base::Bytes records_;
   std::unique_ptr<repository::ObjectSource> images_;  // null: the scene has none
 };
 

@@ -8,7 +8,6 @@
 #include "base/fields.h"
 #include "lod/patch/codec.h"
 #include "lod/patch/records.h"
-#include "lod/patch/table_pages.h"
 
 namespace lod::patch {
 namespace {
@@ -41,6 +40,11 @@ base::Bytes headerBytes(const TableCounts& header) {
   return out.takeBytes();
 }
 
+std::uint64_t tablesEnd(const TableCounts& header) {
+  return kFileHeaderBytes + std::uint64_t{kGroupRowBytes} * header.groups +
+         std::uint64_t{kPatchRowBytes} * header.patches + std::uint64_t{4} * header.parents;
+}
+
 base::Result<void> checkHeader(const TableCounts& header) {
   const glm::dvec3& origin = header.lattice.origin;
   const double step = header.lattice.step;
@@ -48,7 +52,7 @@ base::Result<void> checkHeader(const TableCounts& header) {
       step <= 0.0)
     return damaged("header: the lattice's origin or step is not a number of use");
   if (header.groups == 0 || header.patches == 0) return damaged("header: no groups or no patches");
-  if (header.blocks_offset != alignedUp(header.parentOffset(header.parents)))
+  if (header.blocks_offset != alignedUp(tablesEnd(header)))
     return damaged("header: the blocks don't begin behind the tables");
   if (header.file_bytes < header.blocks_offset) return damaged("header: the file would end within its tables");
   return {};
@@ -323,7 +327,7 @@ TableCounts headerOf(const Hierarchy& hierarchy) {
   header.groups = static_cast<std::uint32_t>(hierarchy.groups.size());
   header.patches = static_cast<std::uint32_t>(hierarchy.patches.size());
   header.parents = static_cast<std::uint32_t>(hierarchy.parents.size());
-  header.blocks_offset = alignedUp(header.parentOffset(header.parents));
+  header.blocks_offset = alignedUp(tablesEnd(header));
   return header;
 }
 

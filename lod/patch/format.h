@@ -1,8 +1,8 @@
 #pragma once
 // patch.lgp: header, tables, then one block per group with the patches that the group consumes. docs/formats/patch.md
 //
-// Header and tables stand at the front and their length is in the first 32 bytes, so a client of a static host reads
-// them with two byte ranges and then any block with one.
+// Header and tables stand at the front and their length is in the first 32 bytes. Any block is one byte range. Clients
+// of a static host read group_records.h in place of the tables.
 #include <functional>
 #include <optional>
 #include <string>
@@ -51,6 +51,19 @@ class PatchFile {
 /// directions, parents with smaller numbers, monotone errors and spheres (to 1e-5 of the radius), finite numbers. The
 /// error names the row. Block offsets and sizes are not looked at. Not for growing hierarchies.
 base::Result<void> checkHierarchy(const Hierarchy& hierarchy);
+
+/// The numbers of a header.
+struct TableCounts {
+  Lattice lattice;
+  bool has_colors = false;
+  std::uint64_t source_triangles = 0;
+  std::uint64_t file_bytes = 0;
+  std::uint64_t blocks_offset = 0;  ///< header and tables end there
+  std::uint32_t groups = 0, patches = 0, parents = 0;
+  std::uint32_t tables_crc = 0;
+};
+/// From the first 96 bytes of the file or more; checked as PatchFile::open does.
+base::Result<TableCounts> readTableCounts(base::ByteView front);
 
 /// Header and tables of patch.lgp, from its first bytes (all of the file or at least those before the blocks).
 /// Checks everything that PatchFile::open does, but for the file's length.

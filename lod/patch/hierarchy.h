@@ -21,6 +21,7 @@
 #include <span>
 #include <vector>
 
+#include "base/bytes.h"
 #include "base/error_measure.h"
 #include "base/geometry.h"
 #include "lod/lattice.h"
@@ -65,6 +66,20 @@ struct Patch {
   float own_typical_error = 0.0F;  ///< the same of its producer's typical error
   float own_visible_error = 0.0F;  ///< the same of its producer's visible error
 };
+
+/// Errors are told to seven significant bits: built so, they are the same in tables and in the records that clients of
+/// static hosts read (group_records.h). These bits of a float lie above so many others.
+inline constexpr unsigned kErrorShift = 17;
+/// The least such error that is at least `error`, which is 0 or more.
+inline float errorRoundedUp(float error) {
+  const std::uint32_t bits = base::bitCast<std::uint32_t>(error) + (1U << kErrorShift) - 1;
+  return base::bitCast<float>(bits >> kErrorShift << kErrorShift);
+}
+/// The nearest one, for estimates.
+inline float errorRounded(float error) {
+  const std::uint32_t bits = base::bitCast<std::uint32_t>(error) + (1U << (kErrorShift - 1));
+  return base::bitCast<float>(bits >> kErrorShift << kErrorShift);
+}
 
 /// Nineteen of twenty points are within so many root mean squares.
 inline constexpr float kVisibleRatio = 2.0F;

@@ -16,6 +16,7 @@
 #include "base/json/annotations_file.h"
 #include "base/json/parse.h"
 #include "base/stopwatch.h"
+#include "lod/patch/group_records.h"
 #include "lod/qsplat/splat_file.h"
 #include "lod/texture/format.h"
 #include "plan/opening_ranges.h"
@@ -113,6 +114,28 @@ bool isImages(const base::ScenePart& part) {
 bool isTextures(const base::ScenePart& part) {
   const std::string name = base::isPublishedName(part.file) ? part.file.substr(0, part.file.find('-')) : part.file;
   return name == "texture" || name == "texture.lgt";
+}
+
+// A published scene has them; they are made anew from the hierarchy.
+bool isRecords(const base::ScenePart& part) {
+  return part.file.ends_with(".lgr");
+}
+
+// Writes the records of the hierarchy's groups, and notes for both what viewers read first.
+Result<base::ScenePart> publishRecords(const PublishArguments& a, const OpenScene& scene, base::ScenePart& patches,
+                                       repository::ObjectSink& sink, PublishReport& report) {
+  const base::Bytes bytes = lod::patch::encodeRecords(scene.patches.hierarchy(), patches.bytes);
+  const std::string hash = base::hexOf(base::sha256(bytes));
+  base::ScenePart records{base::publishedName("records.lgr", hash), bytes.size(), hash};
+  LUMIGRID_ASSIGN_OR_RETURN(auto opening, plan::openingRanges(scene.patches.hierarchy(), bytes));
+  patches.opening = std::move(opening.blocks);
+  records.opening = {opening.records};
+  report.part_bytes += records.bytes;
+  LUMIGRID_ASSIGN_OR_RETURN(auto there, sink.size(records.file));
+  if (!a.images.rewrite && there == records.bytes) return records;
+  LUMIGRID_TRY(sink.put(records.file, bytes, kBinary));
+  report.bytes_written += records.bytes;
+  return records;
 }
 
 Result<base::ScenePart> publishImages(const PublishArguments& a, const OpenScene& scene, repository::ObjectSink& sink,
@@ -228,7 +251,7 @@ bool isCompressedForm(const std::string& name, const Objects& objects) {
 
 bool isScenes(const std::string& name) {
   return name == "scene.json" || name == "annotations.json" || name == kPageList || name.starts_with("images/") ||
-         name.ends_with(".lgp") ||
+         name.ends_with(".lgp") || name.ends_with(".lgr") ||
          std::any_of(std::begin(base::kStreamedMethods), std::end(base::kStreamedMethods),
                      [&](const base::StreamedMethod& method) { return name.ends_with(method.extension); });
 }
@@ -396,12 +419,14 @@ Result<PublishReport> publish(const PublishArguments& a) {
   if (pages) LUMIGRID_TRY(publishPageTo(a, *pages, base::methodWithoutPatches(built), *sink, report));
   base::Scene scene = publicScene(built);
   for (const base::ScenePart& part : built.parts) {
-    if (isImages(part) || (isTextures(part) && !a.with_textures)) continue;
+    if (isImages(part) || isRecords(part) || (isTextures(part) && !a.with_textures)) continue;
     LUMIGRID_ASSIGN_OR_RETURN(auto published, publishPart(a, part, *sink, report));
-    if (part.file == base::partFile(built, "patch", ".lgp")) {
-      LUMIGRID_ASSIGN_OR_RETURN(published.opening, plan::openingRanges([&open](const base::FileRange& range) {
-                                  return open->patch_file->read("", range.offset, range.length);
-                                }));
+    const bool is_hierarchy = part.file == base::partFile(built, "patch", ".lgp");
+    if (is_hierarchy) {
+      LUMIGRID_ASSIGN_OR_RETURN(auto records, publishRecords(a, *open, published, *sink, report));
+      scene.parts.push_back(std::move(published));
+      scene.parts.push_back(std::move(records));
+      continue;
     }
     scene.parts.push_back(std::move(published));
   }

@@ -5,7 +5,7 @@
 
 #include <algorithm>
 
-#include "base/file.h"
+#include "lod/patch/group_records.h"
 #include "plan/view_plan.h"
 #include "tests/server/session/memory_store.h"
 
@@ -13,43 +13,27 @@ namespace plan {
 namespace {
 
 using base::FileRange;
-
-base::Result<std::vector<FileRange>> rangesOf(const base::Bytes& file) {
-  return openingRanges([&](const FileRange& range) -> base::Result<base::Bytes> {
-    if (range.offset + range.length > file.size()) return base::Error{base::ErrorCode::kIo, "is cut short"};
-    const auto first = file.begin() + static_cast<std::ptrdiff_t>(range.offset);
-    return base::Bytes(first, first + static_cast<std::ptrdiff_t>(range.length));
-  });
-}
+using lod::patch::GroupRecords;
 
 TEST(OpeningRanges, holdRecordsAndBlocksOfTheCoarsestGroups) {
   const server::TestScene scene(16);
-  const auto file = base::readFile(scene.path);
-  ASSERT_TRUE(file);
-  const auto ranges = rangesOf(*file);
-  ASSERT_TRUE(ranges) << ranges.error().message;
-  ASSERT_FALSE(ranges->empty());
-  EXPECT_LE(ranges->size(), kMaxOpeningRanges);
-  EXPECT_EQ(ranges->front().offset, 0U);
-
-  const auto counts = lod::patch::readTableCounts(*file);
-  ASSERT_TRUE(counts);
-  lod::patch::TablePages pages(*counts);
-  std::uint64_t bytes = 0;
-  for (const FileRange& range : *ranges) {
-    pages.add(range.offset, base::ByteView(*file).subspan(range.offset, range.length));
-    bytes += range.length;
-  }
   const lod::patch::Hierarchy& hierarchy = scene.data.patches->hierarchy();
+  const base::Bytes records = lod::patch::encodeRecords(hierarchy, scene.patches->fileBytes());
+  const auto ranges = openingRanges(hierarchy, records);
+  ASSERT_TRUE(ranges) << ranges.error().message;
+  ASSERT_FALSE(ranges->blocks.empty());
+  EXPECT_LE(ranges->blocks.size(), kMaxOpeningRanges);
+  EXPECT_EQ(ranges->records.offset, 0U);
+
+  const auto read = GroupRecords::open(base::ByteView(records).first(ranges->records.length));
+  ASSERT_TRUE(read) << read.error().message;
   const auto coarse = coarseGroups(hierarchy, 20'000);
   ASSERT_GT(coarse.size(), 1U) << "more than one group is asked for";
-  std::uint64_t of_blocks = 0;
+  std::uint64_t of_blocks = 0, bytes = 0;
   for (const std::uint32_t group : coarse) {
-    const auto record = pages.record(group);
-    ASSERT_TRUE(record);
-    EXPECT_TRUE(record->missing.empty()) << "group " << group;
+    EXPECT_FALSE(read->record(group).empty()) << "group " << group;
     const lod::patch::Group& row = hierarchy.groups[group];
-    EXPECT_TRUE(std::any_of(ranges->begin(), ranges->end(),
+    EXPECT_TRUE(std::any_of(ranges->blocks.begin(), ranges->blocks.end(),
                             [&](const FileRange& range) {
                               return range.offset <= row.block_offset &&
                                      row.block_offset + row.block_bytes <= range.offset + range.length;
@@ -57,20 +41,32 @@ TEST(OpeningRanges, holdRecordsAndBlocksOfTheCoarsestGroups) {
         << "group " << group;
     of_blocks += row.block_bytes;
   }
-  EXPECT_LT(bytes - of_blocks, counts->blocks_offset * 3 / 4) << "not all of the tables is read, and no other block";
+  for (const FileRange& range : ranges->blocks) bytes += range.length;
+  EXPECT_LE(bytes, of_blocks + 1024 * ranges->blocks.size()) << "no other blocks";
 }
 
-TEST(OpeningRanges, ofADamagedFileAreAnError) {
+TEST(OpeningRanges, haveAllRecordsOfASmallSceneAlone) {
+  const auto shareOfRecords = [](int n) {
+    const server::TestScene scene(n);
+    const lod::patch::Hierarchy& hierarchy = scene.data.patches->hierarchy();
+    const base::Bytes records = lod::patch::encodeRecords(hierarchy, scene.patches->fileBytes());
+    const auto ranges = openingRanges(hierarchy, records);
+    EXPECT_TRUE(ranges) << ranges.error().message;
+    return static_cast<double>(ranges->records.length) / static_cast<double>(records.size());
+  };
+  EXPECT_EQ(shareOfRecords(8), 1.0);
+  EXPECT_LT(shareOfRecords(64), 0.5);
+}
+
+TEST(OpeningRanges, ofDamagedRecordsAreAnError) {
   const server::TestScene scene(16);
-  auto file = base::readFile(scene.path);
-  ASSERT_TRUE(file);
-  ASSERT_TRUE(rangesOf(*file));
-  (*file)[200] ^= 1;  // a row
-  const auto damaged = rangesOf(*file);
+  const lod::patch::Hierarchy& hierarchy = scene.data.patches->hierarchy();
+  base::Bytes records = lod::patch::encodeRecords(hierarchy, scene.patches->fileBytes());
+  records[200] ^= 1;
+  const auto damaged = openingRanges(hierarchy, records);
   ASSERT_FALSE(damaged);
   EXPECT_EQ(damaged.error().code, base::ErrorCode::kInvalidInput);
-  file->resize(90);
-  EXPECT_FALSE(rangesOf(*file));
+  EXPECT_FALSE(openingRanges(hierarchy, base::ByteView(records).first(90)));
 }
 
 }  // namespace

@@ -100,16 +100,19 @@ TEST_F(PublishProgram, aPublishedSceneHoldsTheSameAndIsReadByEveryCommand) {
   EXPECT_EQ(readText(path("copy/scene.json")), readText(path("out/scene.json")));
   EXPECT_EQ(publishedValues(path("copy")), builtValues(scene));
 
-  // The ranges that a viewer reads first are named, and begin the file.
+  // The ranges that a viewer reads first are named; those of the records begin the file.
   const auto listed = base::readScene(path("out"));
   ASSERT_TRUE(listed);
-  ASSERT_FALSE(listed->parts.front().opening.empty());
-  EXPECT_EQ(listed->parts.front().opening.front().offset, 0U);
+  ASSERT_GE(listed->parts.size(), 2U);
+  EXPECT_FALSE(listed->parts[0].opening.empty());
+  EXPECT_TRUE(listed->parts[1].file.starts_with("records-")) << listed->parts[1].file;
+  ASSERT_EQ(listed->parts[1].opening.size(), 1U);
+  EXPECT_EQ(listed->parts[1].opening[0].offset, 0U);
 
   // A second run writes nothing but scene.json.
   const json again = json::parse(run("lumigrid", {"publish", scene, path("out"), "--viewer", "off", "--json"}).out);
   EXPECT_EQ(again["bytes_written"], 0);
-  EXPECT_EQ(filesIn(path("out")), 3U) << "scene.json, the patches, images";
+  EXPECT_EQ(filesIn(path("out")), 4U) << "scene.json, the patches, their records, images";
 }
 
 TEST_F(PublishProgram, thePageGoesBesideTheSceneAndNeverOverSomebodyElses) {

@@ -8,7 +8,8 @@ const published = process.argv[2];
 if (!published) throw new Error("usage: node static_bench.mjs PUBLISHED [--json]");
 
 const kinds = {
-  ".lgp": "hierarchy",
+  ".lgp": "patches",
+  ".lgr": "records",
   ".lgi": "index",
   ".lgk": "images",
   ".json": "scene"

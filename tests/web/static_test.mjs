@@ -197,11 +197,11 @@ test("a host without ranges, an empty folder and a damaged hierarchy are told in
 
   const damaged = join(folder, "damaged");
   cpSync(published, damaged, {recursive: true});
-  const patches = readdirSync(damaged).find((name) => name.endsWith(".lgp"));
-  const bytes = readFileSync(join(damaged, patches));
-  bytes.fill(0xff, 0, 64);
-  writeFileSync(join(damaged, patches), bytes);
-  assert.match(await told((await nginx(damaged)).url), /patch|damaged|magic/i);
+  const records = readdirSync(damaged).find((name) => name.endsWith(".lgr"));
+  const bytes = readFileSync(join(damaged, records));
+  bytes.fill(0xff, 40, 64);
+  writeFileSync(join(damaged, records), bytes);
+  assert.match(await told((await nginx(damaged)).url), /records-.*damaged/i);
 });
 
 test("a lost pack is told once, and the shape is shown all the same", async () => {

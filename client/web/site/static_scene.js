@@ -146,7 +146,7 @@ export async function openStreamedScene(method, base, reading, core, changed) {
   const [stem, extension, content] = kStreamed.find(([name]) => name === method);
   const part = streamedPart(parts, stem, extension);
   const saves = navigator.connection?.saveData ? 1 : 0;
-  if (part) return openParts("openStreamed", base, read, core, changed, [part], [saves]);
+  if (part) return openParts("openStreamed", base, read, core, changed, [part], [saves, 0]);
   const title = `${url} lists no ${content}`;
   const advice = `Build them with lumigrid build ... --methods ${method}, and publish the scene again.`;
   const hasPatches = parts.some(({file}) => /^patch.*\.lgp$/.test(file));
@@ -171,8 +171,12 @@ export async function openStaticScene(base, core, changed) {
     throw new SceneError(
         `${url} is not published`, "Its parts have no names by content; put there what lumigrid publish wrote.");
   const index = partOf(parts, "images/index-", ".lgi");
-  const opening = openingOf(patches);
-  return openParts("openStatic", base, read, core, changed, [patches, index], [], [opening.length / 2, ...opening]);
+  const records = partOf(parts, "records-", ".lgr");
+  if (!records)
+    throw new SceneError(
+        `${url} lists no records of groups`, "An earlier program published it; publish the scene again.");
+  const openings = [patches, records].map(openingOf).flatMap((opening) => [opening.length / 2, ...opening]);
+  return openParts("openStatic", base, read, core, changed, [patches, records, index], [], openings);
 }
 
 /// Reads the parameters of an image index (docs/formats/repository.md): numbers and the tree's digits; null when they

@@ -454,8 +454,9 @@ class LevelBuilder {
       return base::Error{
           base::ErrorCode::kInvalidInput,
           "the mesh has a part whose triangles all lie on lines; remove that part, or raise --position-bits"};
-    record.error = std::max(record.error, roundedUp(static_cast<double>(made.error) * step));
-    record.attribute_error = std::max(record.attribute_error, std::min(1.0F, made.color_error / kMaxColorError));
+    record.error = std::max(record.error, errorRoundedUp(roundedUp(static_cast<double>(made.error) * step)));
+    record.attribute_error =
+        std::max(record.attribute_error, errorRoundedUp(std::min(1.0F, made.color_error / kMaxColorError)));
     addTypicalError(made, input, record);
 
     // Split into new patches.
@@ -546,12 +547,12 @@ class LevelBuilder {
         static_cast<double>(std::max(made.typical.color / kMaxColorError, kShadingOfTurn * made.typical.normal));
     const double distance2 = meanSquareBelow(input) + own * own;
     color2 = color2 / triangles + own_color * own_color;
-    record.typical_error = std::max(typical_below, static_cast<float>(std::sqrt(distance2)));
-    record.typical_color_error = static_cast<float>(std::min(1.0, std::sqrt(color2)));
+    record.typical_error = std::max(typical_below, errorRounded(static_cast<float>(std::sqrt(distance2))));
+    record.typical_color_error = errorRounded(static_cast<float>(std::min(1.0, std::sqrt(color2))));
     const double edge = step * std::sqrt(2.0 * made.area / static_cast<double>(made.mesh.indices.size() / 3));
     const double detail = static_cast<double>(kDetailLength) * edge * static_cast<double>(record.typical_color_error);
     const double visible = static_cast<double>(kVisibleRatio) * std::sqrt(distance2 + detail * detail);
-    record.visible_error = std::max(visible_below, static_cast<float>(visible));
+    record.visible_error = std::max(visible_below, errorRounded(static_cast<float>(visible)));
   }
 
   // Calls build(0) … build(count - 1) in parallel until one fails. `build` returns the triangles that count as

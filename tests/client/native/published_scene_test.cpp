@@ -8,6 +8,7 @@
 #include "base/file.h"
 #include "base/json/scene_file.h"
 #include "client/native/host_probe.h"
+#include "lod/patch/group_records.h"
 #include "lod/patch/ray_cast.h"
 #include "tests/server/session/memory_store.h"
 #include "tests/support/nginx.h"
@@ -18,11 +19,17 @@ namespace {
 /// Publishes a scene of patches only, at kOrigin in the world.
 const glm::dvec3 kOrigin{500'000.25, 4'000'000.5, 100.0};
 void publish(const server::TestScene& from, const support::TemporaryDirectory& to) {
-  const std::string patches = "patch-0123456789abcdef0123456789abcdef.lgp";
+  const std::string id = "-0123456789abcdef0123456789abcdef";
+  const std::string patches = "patch" + id + ".lgp", records = "records" + id + ".lgr";
   const auto bytes = base::readFile(from.path);
   ASSERT_TRUE(bool(bytes));
-  std::ofstream(to / patches, std::ios::binary)
-      .write(reinterpret_cast<const char*>(bytes->data()), static_cast<std::streamsize>(bytes->size()));
+  const auto write = [&](const std::string& name, const base::Bytes& content) {
+    std::ofstream(to / name, std::ios::binary)
+        .write(reinterpret_cast<const char*>(content.data()), static_cast<std::streamsize>(content.size()));
+  };
+  write(patches, *bytes);
+  const base::Bytes of_groups = lod::patch::encodeRecords(from.patches->hierarchy(), bytes->size());
+  write(records, of_groups);
   base::Scene scene;
   scene.sources.push_back({"synthetic.ply", 1, std::string(64, 'a')});
   scene.origin = kOrigin;
@@ -30,6 +37,7 @@ void publish(const server::TestScene& from, const support::TemporaryDirectory& t
   scene.box_max = kOrigin + glm::dvec3(from.data.welcome.box_max);
   scene.units = "m";
   scene.parts.push_back({patches, bytes->size(), std::string(64, 'b')});
+  scene.parts.push_back({records, of_groups.size(), std::string(64, 'c'), {{0, of_groups.size()}}});
   std::ofstream(to / "scene.json") << base::formatScene(scene);
 }
 

@@ -14,6 +14,8 @@
 
 #include "base/file.h"
 #include "client/source/static_source.h"
+#include "lod/patch/group_records.h"
+#include "plan/opening_ranges.h"
 #include "repository/packs/pack_format.h"
 #include "tests/server/session/memory_store.h"
 #include "tests/support/byte_ranges.h"
@@ -37,6 +39,14 @@ struct PublishedScene {
     LUMIGRID_CHECK(bool(patches));
     scene.patches = {"patch-0123456789abcdef0123456789abcdef.lgp", patches->size()};
     objects[scene.patches.name] = *patches;
+    const lod::patch::Hierarchy& hierarchy = from.patches->hierarchy();
+    base::Bytes records = lod::patch::encodeRecords(hierarchy, patches->size());
+    scene.records = {"records-0123456789abcdef0123456789abcdef.lgr", records.size()};
+    auto opening = plan::openingRanges(hierarchy, records);
+    LUMIGRID_CHECK(bool(opening));
+    scene.records.opening = {opening->records};
+    scene.patches.opening = std::move(opening->blocks);
+    objects[scene.records.name] = std::move(records);
     addImages(from, values_a_pack);
   }
 

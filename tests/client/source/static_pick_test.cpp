@@ -72,32 +72,30 @@ void expectTruth(const server::TestScene& scene, const lod::patch::Ray& ray, con
 TEST(StaticPick, findsWhatTheWholeFileHoldsWhateverIsShown) {
   const server::TestScene scene(32, 1'000);
   const PublishedScene published = farAway(scene);
-  for (const StaticOptions& options : {StaticOptions{}, pagedOptions()}) {
-    StaticViewer viewer(published, options);
-    protocol::View far = scene.view(1, {0.0, 0.0, 3.0});
-    far.camera.position += kOrigin;
-    far.camera.width = far.camera.height = 16;
-    ASSERT_TRUE(viewer.complete(far.camera)) << viewer.source.problem();
-    ASSERT_LT(viewer.got.groups.size(), scene.patches->hierarchy().groups.size() / 2) << "shown coarsely";
-    std::uint32_t id = 1;
-    int hits = 0;
-    for (const lod::patch::Ray& ray : someRays(scene, 40)) {
-      const PickAnswer answer = answerTo(viewer, id++, ray);
-      expectTruth(scene, ray, answer);
-      hits += answer.kind == PickAnswer::Kind::kHit ? 1 : 0;
-    }
-    EXPECT_GT(hits, 15);
-    EXPECT_LT(hits, 40);
-    EXPECT_EQ(viewer.host.bytesRepeated(), 0U) << "the session keeps the blocks";
-    EXPECT_EQ(viewer.source.problem(), "");
-    ASSERT_TRUE(viewer.complete(far.camera));
+  StaticViewer viewer(published);
+  protocol::View far = scene.view(1, {0.0, 0.0, 3.0});
+  far.camera.position += kOrigin;
+  far.camera.width = far.camera.height = 16;
+  ASSERT_TRUE(viewer.complete(far.camera)) << viewer.source.problem();
+  ASSERT_LT(viewer.got.groups.size(), scene.patches->hierarchy().groups.size() / 2) << "shown coarsely";
+  std::uint32_t id = 1;
+  int hits = 0;
+  for (const lod::patch::Ray& ray : someRays(scene, 40)) {
+    const PickAnswer answer = answerTo(viewer, id++, ray);
+    expectTruth(scene, ray, answer);
+    hits += answer.kind == PickAnswer::Kind::kHit ? 1 : 0;
   }
+  EXPECT_GT(hits, 15);
+  EXPECT_LT(hits, 40);
+  EXPECT_EQ(viewer.host.bytesRepeated(), 0U) << "the session keeps the blocks";
+  EXPECT_EQ(viewer.source.problem(), "");
+  ASSERT_TRUE(viewer.complete(far.camera));
 }
 
 TEST(StaticPick, readsOnlyWhatLiesAroundTheRay) {
   const server::TestScene scene(64, 1'000);
   const PublishedScene published = farAway(scene);
-  StaticViewer viewer(published, pagedOptions());
+  StaticViewer viewer(published);
   protocol::View far = scene.view(1, {0.0, 0.0, 3.0});
   far.camera.position += kOrigin;
   far.camera.width = far.camera.height = 16;

@@ -59,11 +59,4 @@ struct StaticViewer {
   double now = 0.0;
 };
 
-/// Options that read tables by pages, as for a large scene.
-inline StaticOptions pagedOptions() {
-  StaticOptions options;
-  options.eager_table_bytes = 0;
-  return options;
-}
-
 }  // namespace client

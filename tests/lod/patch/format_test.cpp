@@ -8,7 +8,6 @@
 #include <fstream>
 
 #include "base/crc32c.h"
-#include "lod/patch/table_pages.h"
 #include "tests/lod/patch/patch_testing.h"
 #include "tests/support/synthetic_hierarchy.h"
 

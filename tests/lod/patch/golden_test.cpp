@@ -1,12 +1,13 @@
 // tests/golden/patch_v3.lgp must stay readable, as must those of older versions beside it, and the same input must give
-// its bytes. A change of the format gets a
-// new version and a new file beside it. LUMIGRID_WRITE_GOLDEN=1 writes the file anew.
+// its bytes; the same of its groups' records in records_v1.lgr. A change of a format gets a new version and a new file
+// beside it. LUMIGRID_WRITE_GOLDEN=1 writes the files anew.
 #include <gtest/gtest.h>
 #include <unistd.h>
 
 #include <cstdlib>
 #include <filesystem>
 
+#include "lod/patch/group_records.h"
 #include "tests/lod/patch/patch_testing.h"
 #include "tests/support/synthetic_hierarchy.h"
 
@@ -15,6 +16,7 @@ namespace {
 
 const std::string kFolder = std::string(LUMIGRID_SOURCE_DIR) + "/tests/golden/";
 const std::string kGolden = kFolder + "patch_v3.lgp";
+const std::string kRecords = kFolder + "records_v1.lgr";
 
 // A diamond of three levels: two leaves, one group that merges them, the root.
 //
@@ -97,6 +99,42 @@ TEST(PatchGolden, theSameInputStillGivesTheSameBytes) {
   ASSERT_TRUE(support::writeSynthetic(goldenScene(), path));
   EXPECT_EQ(*base::readFile(path), *base::readFile(kGolden));
   std::filesystem::remove(path);
+}
+
+TEST(RecordsGolden, theSameHierarchyStillGivesTheSameBytes) {
+  const auto file = PatchFile::open(kGolden);
+  ASSERT_TRUE(file);
+  const base::Bytes bytes = encodeRecords(file->hierarchy(), file->fileBytes());
+  if (std::getenv("LUMIGRID_WRITE_GOLDEN") != nullptr) {
+    ASSERT_TRUE(base::writeFileAtomically(kRecords, bytes));
+  }
+  EXPECT_EQ(bytes, *base::readFile(kRecords));
+}
+
+TEST(RecordsGolden, theStoredRecordsStillReadTheSame) {
+  const auto bytes = base::readFile(kRecords);
+  ASSERT_TRUE(bytes);
+  const auto read = GroupRecords::open(*bytes);
+  ASSERT_TRUE(read) << read.error().message;
+  ASSERT_EQ(read->leadingGroups(), 2U);
+  Hierarchy h;
+  for (const std::uint32_t group : {0U, 1U}) {
+    base::ByteReader in(read->record(group));
+    ASSERT_TRUE(addGroup(in, h, 2, 3));
+  }
+  EXPECT_EQ(h.groups[1].error, 0.25F);
+  EXPECT_EQ(h.groups[1].attribute_error, 0.5F);
+  EXPECT_EQ(h.groups[1].typical_error, 0.03125F);
+  EXPECT_EQ(h.groups[1].block_offset, 656U);
+  EXPECT_EQ(h.groups[1].block_bytes, 413U);
+  EXPECT_EQ(h.groups[1].bounds.center, glm::vec3(102.5F, -1.0F, 0.125F));
+  EXPECT_EQ(h.groups[1].bounds.radius, 2.5F);
+  EXPECT_EQ(h.patches[0].producer, 1U);
+  EXPECT_EQ(h.patches[1].box.min, glm::vec3(100.5F, -2.0F, 0.0F));
+  EXPECT_EQ(h.patches[1].box.max.x, 102.5F);
+  EXPECT_EQ(h.patches[1].cone.axis, glm::vec3(0.0F, 0.0F, 1.0F));
+  EXPECT_EQ(h.patches[2].triangles, 16U);
+  EXPECT_EQ(h.patches[2].vertices, 17U);
 }
 
 }  // namespace
