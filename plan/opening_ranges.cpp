@@ -20,8 +20,9 @@ constexpr std::uint64_t kMaxGap = 1024;
 constexpr std::uint64_t kOpeningBlockBytes = 20'000;
 
 /// Records are named up to the chunk that reaches this, so that a view can be planned for as soon as something is
-/// drawn: some forty groups, and all of a scene of 300 000 triangles.
-constexpr std::uint64_t kOpeningRecordBytes = 6'000;
+/// drawn: sixteen groups mostly, all of a scene of 100 000 triangles. More came at the cost of the first picture
+/// (docs/decisions/static-scenes.md).
+constexpr std::uint64_t kOpeningRecordBytes = 2'000;
 
 /// Joins neighbours, which are in order of offsets.
 std::vector<FileRange> joined(const std::vector<FileRange>& ranges) {

@@ -15,7 +15,7 @@ namespace plan {
 inline constexpr std::size_t kMaxOpeningRanges = 16;
 
 struct OpeningRanges {
-  /// The front of the records: the directory, the coarsest groups, and groups below them, to some 6 kB.
+  /// The front of the records: the directory, the coarsest groups, and those of their chunks, 2 kB at least.
   base::FileRange records;
   /// The blocks of the coarsest groups (coarseGroups() of 20 kB) in patch.lgp, in order; 1 to kMaxOpeningRanges.
   std::vector<base::FileRange> blocks;
