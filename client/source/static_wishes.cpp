@@ -118,6 +118,7 @@ StaticSource::FaceState StaticSource::locateFace(const FaceKey& key, RangeWish& 
 
 plan::Scene StaticSource::planScene() {
   const protocol::Welcome& welcome = scene_.welcome;
+  const lod::patch::Group* root = records_->row(0);  // its block is the first
   const bool is_fast = previous_ && newest_ && plan::isMoving(welcome, *newest_, *previous_) &&
                        plan::isFast(previous_->camera, newest_->camera, newest_at_ - previous_at_,
                                     static_cast<double>(glm::length(welcome.box_max - welcome.box_min)));
@@ -133,7 +134,7 @@ plan::Scene StaticSource::planScene() {
           .is_fresh = !rests,
           .rests = rests,
           .link_rate = queue_.rate(),
-          .patch_bytes = records_->counts().patch_bytes};
+          .patch_bytes = records_->counts().patch_bytes - (root != nullptr ? root->block_offset : 0)};
 }
 
 /// Bytes of an image as the index has them (plan::StoredBytes).

@@ -1,11 +1,11 @@
 #pragma once
-// The records of groups for clients of a static host: all that the tables of patch.lgp say of a group, in a fifth of
-// the bytes. A record has what places a group in the hierarchy ("One group as bytes" in docs/formats/patch.md). Sixteen
-// make a chunk, which is read by itself, so a client reads those that its views lead to. docs/formats/records.md
-// defines every bit.
+// The records of groups for clients of a static host: all that the tables of patch.lgp say of a group, in a fourth
+// of the bytes. A record has what places a group in the hierarchy ("One group as bytes" in docs/formats/patch.md).
+// Sixteen make a chunk, which is read by itself, so a client reads those that its views lead to.
+// docs/formats/records.md defines every bit.
 //
 // Bounds are rounded outwards and errors upwards: boxes and spheres by a small part of a patch, errors by at most a
-// 64th, cones by at most two degrees. So whatever holds of the tables' bounds holds of these.
+// 64th, cones by at most 2.5 degrees. So whatever holds of the tables' bounds holds of these.
 #include <cstdint>
 #include <optional>
 #include <unordered_map>

@@ -68,7 +68,7 @@ struct Patch {
 };
 
 /// Errors are told to seven significant bits: built so, they are the same in tables and in the records that clients of
-/// static hosts read (group_records.h). These bits of a float lie above so many others.
+/// static hosts read (group_records.h). A float keeps all but so many of its bits.
 inline constexpr unsigned kErrorShift = 17;
 /// The least such error that is at least `error`, which is 0 or more.
 inline float errorRoundedUp(float error) {

@@ -421,14 +421,12 @@ Result<PublishReport> publish(const PublishArguments& a) {
   for (const base::ScenePart& part : built.parts) {
     if (isImages(part) || isRecords(part) || (isTextures(part) && !a.with_textures)) continue;
     LUMIGRID_ASSIGN_OR_RETURN(auto published, publishPart(a, part, *sink, report));
-    const bool is_hierarchy = part.file == base::partFile(built, "patch", ".lgp");
-    if (is_hierarchy) {
-      LUMIGRID_ASSIGN_OR_RETURN(auto records, publishRecords(a, *open, published, *sink, report));
-      scene.parts.push_back(std::move(published));
-      scene.parts.push_back(std::move(records));
-      continue;
+    std::optional<base::ScenePart> records;
+    if (part.file == base::partFile(built, "patch", ".lgp")) {
+      LUMIGRID_ASSIGN_OR_RETURN(records, publishRecords(a, *open, published, *sink, report));
     }
     scene.parts.push_back(std::move(published));
+    if (records) scene.parts.push_back(std::move(*records));
   }
   if (open->images) {
     ProgressLine line(a.quiet);
