@@ -467,12 +467,11 @@ std::uint64_t LumigraphRenderer::Impl::drawDepthMap(Sample& sample) {
 /// triangles per frame, or all if the picture must be final.
 void LumigraphRenderer::Impl::drawDepthMaps(const Frame& frame, const std::vector<Sample*>& wanted) {
   std::vector<Sample*> stale;
-  for (Sample* sample : wanted) {
-    const std::uint64_t signature = depthSignature(*sample);
-    if (!sample->depth_drawn || sample->depth_signature != signature) stale.push_back(sample);
-  }
+  for (Sample* sample : wanted)
+    if (!sample->depth_drawn) stale.push_back(sample);
+  for (Sample* sample : wanted)
+    if (sample->depth_drawn && sample->depth_signature != depthSignature(*sample)) stale.push_back(sample);
   if (stale.empty()) return;
-  std::stable_partition(stale.begin(), stale.end(), [](const Sample* s) { return !s->depth_drawn; });
 
   GLint framebuffer = 0;
   glGetIntegerv(GL_FRAMEBUFFER_BINDING, &framebuffer);

@@ -83,9 +83,11 @@ std::vector<std::uint32_t> finestFirst(std::span<const SampleGeometry* const> sa
   }
   std::vector<std::uint32_t> order(samples.size());
   std::iota(order.begin(), order.end(), 0U);
-  std::stable_sort(order.begin(), order.end(), [&](std::uint32_t a, std::uint32_t b) {
+  // The stable sorts of the standard library would cost the page 1 kB.
+  std::sort(order.begin(), order.end(), [&](std::uint32_t a, std::uint32_t b) {
     if (group[a] != group[b]) return group[a] < group[b];
-    return samples[a]->pixels_per_unit_at_one > samples[b]->pixels_per_unit_at_one;
+    const float detail_a = samples[a]->pixels_per_unit_at_one, detail_b = samples[b]->pixels_per_unit_at_one;
+    return detail_a != detail_b ? detail_a > detail_b : a < b;
   });
   groups->clear();
   for (const std::uint32_t i : order) groups->push_back(group[i]);

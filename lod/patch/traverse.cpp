@@ -176,7 +176,7 @@ class CutSelection {
 
   // They were popped largest first, except where a parent's error is a rounding below its child's.
   void sortWanted() {
-    std::stable_sort(wanted_.begin(), wanted_.end(), [](const Candidate& a, const Candidate& b) { return b < a; });
+    std::sort(wanted_.begin(), wanted_.end(), [](const Candidate& a, const Candidate& b) { return b < a; });
     for (const Candidate& want : wanted_) cut_.wanted.push_back(want.group);
   }
 
