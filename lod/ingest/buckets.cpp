@@ -19,7 +19,7 @@ namespace {
 // About what measureWinding takes for a bucket.
 constexpr std::uint64_t kWindingBytes = std::uint64_t{80} << 20;
 
-constexpr std::uint8_t kStateVersion = 4;
+constexpr std::uint8_t kStateVersion = 5;
 
 void flipTriangles(const std::vector<bool>& flips, std::vector<BorderTriangle>& triangles) {
   if (flips.empty()) return;
@@ -220,18 +220,20 @@ void Buckets::addToBorder(std::span<const BorderTriangle> triangles) {
     if (value != 0) std::atomic_ref(sum).fetch_add(value, std::memory_order_relaxed);
   };
   for (const BorderTriangle& t : triangles) {
-    const glm::i64vec3 normal =
-        latticeNormal(mortonPoint(t.corner[0].code), mortonPoint(t.corner[1].code), mortonPoint(t.corner[2].code));
+    const auto facet =
+        facetAtCorners(mortonPoint(t.corner[0].code), mortonPoint(t.corner[1].code), mortonPoint(t.corner[2].code));
     for (std::size_t c = 0; c < 3; ++c) {
       if (t.place[c] == kNotOnBorder) continue;
       VertexSums share;
-      share.add(normal, t.corner[c]);
+      share.add(facet[c], t.corner[c]);
       VertexSums& sums = border_.sums[t.place[c]];
       for (int k = 0; k < 3; ++k) {
-        add(sums.face[k], share.face[k]);
+        add(sums.facets.by_area[k], share.facets.by_area[k]);
+        add(sums.facets.by_angle[k], share.facets.by_angle[k]);
         add(sums.normal[k], share.normal[k]);
         add(sums.color[k], share.color[k]);
       }
+      add(sums.facets.angle, share.facets.angle);
       add(sums.colored, share.colored);
     }
   }

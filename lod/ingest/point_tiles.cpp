@@ -187,7 +187,7 @@ base::Result<std::vector<SourcePoint>> PointTiles::read(std::size_t tile) const 
   for (std::size_t begin = 0, end = 0; begin < records.size(); begin = end) {
     VertexSums sums;
     for (; end < records.size() && records[end].code == records[begin].code; ++end)
-      sums.add(glm::i64vec3(0), {records[end].code, records[end].color, records[end].normal});
+      sums.add({}, {records[end].code, records[end].color, records[end].normal});
     SourcePoint& point = points.emplace_back();
     point.code = records[begin].code;
     point.position = lattice_.lattice.position(mortonPoint(point.code));

@@ -462,6 +462,19 @@ TEST_F(AutoBuild, aRerunFollowsTheStoredTrial) {
   programs::expectOneLineError(run("lumigrid", command()), 1, {"scene.json", "auto", "--force"});
 }
 
+TEST_F(AutoBuild, isAdvisedForASmallModelWhoseImagesNobodyAskedFor) {
+  const auto told = [&](std::vector<std::string> more) {
+    more.insert(more.begin(), {"build", mesh_, "-o", path("scene"), "--grid", "3", "--face", "64", "--force"});
+    const auto built = run("lumigrid", more);
+    EXPECT_EQ(built.status, 0) << built.err;
+    return built.err.find("--methods auto") != std::string::npos;
+  };
+  EXPECT_TRUE(told({}));
+  EXPECT_FALSE(told({"--methods", "patch,images"}));
+  EXPECT_FALSE(told({"--methods", "auto"}));
+  EXPECT_FALSE(told({"--quiet"}));
+}
+
 TEST_F(AutoBuild, imagesAndAutoExcludeEachOther) {
   auto both = command();
   both[9] = "auto,images";

@@ -36,10 +36,10 @@ void averageCorners(const ingest::Buckets& buckets, ingest::Buckets::NumberedBuc
   const auto& number = bucket.mesh.number;
   std::vector<ingest::VertexSums> sums(codes.size());
   for (std::size_t c = 0; c < number.size(); c += 3) {
-    const glm::i64vec3 face = ingest::latticeNormal(ingest::mortonPoint(bucket.corners[c].code),
-                                                    ingest::mortonPoint(bucket.corners[c + 1].code),
-                                                    ingest::mortonPoint(bucket.corners[c + 2].code));
-    for (std::size_t k = 0; k < 3; ++k) sums[number[c + k]].add(face, bucket.corners[c + k]);
+    const auto facet = ingest::facetAtCorners(ingest::mortonPoint(bucket.corners[c].code),
+                                              ingest::mortonPoint(bucket.corners[c + 1].code),
+                                              ingest::mortonPoint(bucket.corners[c + 2].code));
+    for (std::size_t k = 0; k < 3; ++k) sums[number[c + k]].add(facet[k], bucket.corners[c + k]);
   }
   std::vector<std::uint8_t> is_open(codes.size(), 0);
   for (const OpenEdge edge : openEdges(number)) {

@@ -156,19 +156,19 @@ base::Result<BucketLeaves> makeLeaves(const ingest::Buckets& buckets, std::size_
   const std::size_t vertices = mesh.codes.size();
   mesh.positions.reserve(vertices);
   for (const std::uint64_t code : mesh.codes) mesh.positions.push_back(ingest::mortonPoint(code));
-  // For a mesh without colours and normals only the facets' normals are summed, which takes less memory traffic.
+  // For a mesh without colours and normals only the facets are summed, which takes less memory traffic.
   const bool attributes = buckets.hasColors() || buckets.hasNormals();
   std::vector<ingest::VertexSums> sums(attributes ? vertices : 0);
-  std::vector<glm::i64vec3> faces(attributes ? 0 : vertices, glm::i64vec3(0));
+  std::vector<ingest::FacetSums> facets(attributes ? 0 : vertices);
   for (std::size_t i = 0; i < triangles; ++i) {
     const std::uint32_t* v = &mesh.indices[3 * i];
-    const glm::i64vec3 face = ingest::latticeNormal(mesh.positions[v[0]], mesh.positions[v[1]], mesh.positions[v[2]]);
+    const auto facet = ingest::facetAtCorners(mesh.positions[v[0]], mesh.positions[v[1]], mesh.positions[v[2]]);
     if (!attributes) {
-      for (std::size_t k = 0; k < 3; ++k) faces[v[k]] += face;
+      for (std::size_t k = 0; k < 3; ++k) facets[v[k]] += facet[k];
       continue;
     }
     __builtin_prefetch(&read.corners[3 * std::size_t{sorted[std::min(i + kPrefetchDistance, triangles - 1)].index}]);
-    for (std::size_t k = 0; k < 3; ++k) sums[v[k]].add(face, read.corners[3 * std::size_t{sorted[i].index} + k]);
+    for (std::size_t k = 0; k < 3; ++k) sums[v[k]].add(facet[k], read.corners[3 * std::size_t{sorted[i].index} + k]);
   }
   std::vector<std::uint64_t> sources;
   if (buckets.hasTextures()) {
@@ -184,7 +184,7 @@ base::Result<BucketLeaves> makeLeaves(const ingest::Buckets& buckets, std::size_
   mesh.normals.reserve(vertices);
   if (buckets.hasColors()) mesh.colors.reserve(vertices);
   for (std::size_t v = 0; v < vertices; ++v) {
-    ingest::VertexSums sum = attributes ? sums[v] : ingest::VertexSums{faces[v]};
+    ingest::VertexSums sum = attributes ? sums[v] : ingest::VertexSums{facets[v]};
     if (const std::int64_t at = border.find(mesh.codes[v]); at >= 0) {
       outer[v] = 1;
       sum = border.sums[static_cast<std::size_t>(at)];
@@ -193,7 +193,7 @@ base::Result<BucketLeaves> makeLeaves(const ingest::Buckets& buckets, std::size_
     if (buckets.hasColors()) mesh.colors.push_back(quantizedColor(sum.meanColor()));
   }
   sums = std::vector<ingest::VertexSums>();
-  faces = std::vector<glm::i64vec3>();
+  facets = std::vector<ingest::FacetSums>();
   quantizeNormals(mesh.normals);
   out.vertices = mesh.codes.size();
 
@@ -411,8 +411,8 @@ class HierarchyBuilder {
       finished += more;
       return build_.report("simplify", std::min(kNearlyDone, static_cast<double>(finished) / all));
     };
-    LUMIGRID_ASSIGN_OR_RETURN(
-        levels_, buildLevels(build_.lattice(), options_, *store_, std::move(leaves), std::move(known_), advance));
+    LUMIGRID_ASSIGN_OR_RETURN(levels_, buildLevels(build_.lattice(), options_, storedNormals(), *store_,
+                                                   std::move(leaves), std::move(known_), advance));
     return build_.report("simplify", 1.0) ? base::Result<void>() : build_.cancelled();
   }
 
@@ -451,11 +451,16 @@ class HierarchyBuilder {
     return {};
   }
 
+  // Returns what the levels above the leaves store.
+  StoredNormals storedNormals() const {
+    const bool is_scanned = buckets_.hasColors() && !build_.source().info.is_painted;
+    return is_scanned ? options_.normals_beside_colors : options_.normals_without_colors;
+  }
+
   // The levels were built with the normals of vertices, which tell the simplifier what bends.
   base::Result<base::Bytes> bytesToWrite(const WorkPatch& patch) const {
     LUMIGRID_ASSIGN_OR_RETURN(auto bytes, store_->encoded(patch));
-    const bool is_scanned = buckets_.hasColors() && !build_.source().info.is_painted;
-    const StoredNormals normals = is_scanned ? options_.normals_beside_colors : options_.normals_without_colors;
+    const StoredNormals normals = storedNormals();
     if (patch.record.level == 0 || normals == StoredNormals::kOfVertices) return bytes;
     const auto geometry = decodePatch(bytes);
     if (!geometry) return base::within("the builder's own file", geometry.error());

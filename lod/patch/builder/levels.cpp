@@ -11,6 +11,7 @@
 #include <unordered_map>
 
 #include "base/parallel.h"
+#include "lod/ingest/border_vertices.h"
 #include "lod/ingest/code_map.h"
 #include "lod/patch/builder/coarse_positions.h"
 #include "lod/patch/builder/distance_bound.h"
@@ -130,20 +131,41 @@ void clampToLattice(MergedGroup& merged, std::uint32_t bits) {
   for (glm::vec3& p : merged.mesh.positions) p = glm::clamp(p, low, high);
 }
 
+// The normal of a vertex that collapses brought together from several, or that of the triangles around it where it fits
+// none of these: on a flat side into which an edge was drawn, and on an edge, whose sides must show
+// (docs/decisions/normals-of-facets.md).
+glm::vec3 normalAmong(const ingest::FacetSums& facets, const glm::vec3& carried) {
+  constexpr double kFlat = 0.985, kFits = 0.966;  // cosines of 10 and 15 degrees
+  const glm::dvec3 mean = facets.mean();
+  const double length = glm::length(mean);
+  if (!(length > 0.0)) return carried;
+  const double spread = glm::length(glm::dvec3(facets.by_angle)) / static_cast<double>(facets.angle);
+  const bool is_off = spread > kFlat && glm::dot(mean, glm::dvec3(carried)) < kFits * length;
+  return facets.isHard() || is_off ? glm::vec3(mean / length) : carried;
+}
+
 // Quantizes the group's vertices `source` as they will be stored; locked ones keep what is stored of them already.
 void quantizeVertices(const MergedGroup& merged, std::span<const std::uint32_t> source,
-                      std::span<const std::uint8_t> locked, CodedMesh& out) {
+                      std::span<const std::uint8_t> locked, StoredNormals normals, CodedMesh& out) {
   const GroupMesh& group = merged.mesh;
   const bool colored = !group.colors.empty();
   out.positions.resize(source.size());
   out.normals.resize(source.size());
   if (colored) out.colors.resize(source.size());
+  for (std::size_t i = 0; i < source.size(); ++i)
+    out.positions[i] = merged.corner + glm::ivec3(group.positions[source[i]]);
+  const bool is_seen = normals == StoredNormals::kOfVertices;
+  std::vector<ingest::FacetSums> facets(is_seen ? source.size() : 0);
+  for (std::size_t c = 0; is_seen && c < out.indices.size(); c += 3) {
+    const std::uint32_t* v = &out.indices[c];
+    const auto facet = ingest::facetAtCorners(out.positions[v[0]], out.positions[v[1]], out.positions[v[2]]);
+    for (std::size_t k = 0; k < 3; ++k) facets[v[k]] += facet[k];
+  }
   for (std::size_t i = 0; i < source.size(); ++i) {
     const std::uint32_t v = source[i];
-    out.positions[i] = merged.corner + glm::ivec3(group.positions[v]);
     const float length = glm::length(group.normals[v]);
     const glm::vec3 unit = length > 1e-6F ? group.normals[v] / length : glm::vec3(0.0F, 0.0F, 1.0F);
-    out.normals[i] = locked[i] != 0 ? group.normals[v] : unit;
+    out.normals[i] = locked[i] != 0 ? group.normals[v] : is_seen ? normalAmong(facets[i], unit) : unit;
     if (!colored) continue;
     if (locked[i] != 0)
       out.colors[i] = glm::u8vec4(glm::u8vec3(group.colors[v]), 255);
@@ -155,8 +177,10 @@ void quantizeVertices(const MergedGroup& merged, std::span<const std::uint32_t> 
 }
 
 // The simplified triangles on lattice points. Vertices that came to lie on each other become one, and triangles that so
-// lost their area are removed, from `history` too. `merged` gets the colours that are stored.
-CodedMesh codedMesh(MergedGroup& merged, CollapseHistory& history, std::vector<std::uint8_t>& locked) {
+// lost their area are removed, from `history` too. `merged` gets the normals and
+// colours that are stored.
+CodedMesh codedMesh(MergedGroup& merged, CollapseHistory& history, StoredNormals normals,
+                    std::vector<std::uint8_t>& locked) {
   GroupMesh& group = merged.mesh;
   CodedMesh out;
   ingest::CodeMap map(history.indices.size() / 5);
@@ -197,12 +221,14 @@ CodedMesh codedMesh(MergedGroup& merged, CollapseHistory& history, std::vector<s
     history.origin[kept++] = history.origin[t];
   }
   out.codes = map.releaseCodes();
-  quantizeVertices(merged, source, locked, out);
+  quantizeVertices(merged, source, locked, normals, out);
   history.indices.resize(3 * kept);
   history.origin.resize(kept);
-  const bool colored = !group.colors.empty();
-  for (std::size_t v = 0; colored && v < number.size(); ++v)
-    if (number[v] != ingest::CodeMap::kNone) group.colors[v] = glm::vec3(glm::u8vec3(out.colors[number[v]]));
+  for (std::size_t v = 0; v < number.size(); ++v) {
+    if (number[v] == ingest::CodeMap::kNone) continue;
+    group.normals[v] = out.normals[number[v]];
+    if (!group.colors.empty()) group.colors[v] = glm::vec3(glm::u8vec3(out.colors[number[v]]));
+  }
   return out;
 }
 
@@ -224,12 +250,12 @@ float doubledArea(const CodedMesh& mesh, std::size_t t) {
 }
 
 MeasuredGroup measureGroup(const MergedGroup& before, FacetSurface& surface, const SurfaceError& before_error,
-                           SimplifiedGroup& group, std::uint32_t bits, float negligible) {
+                           SimplifiedGroup& group, std::uint32_t bits, float negligible, StoredNormals normals) {
   MergedGroup merged{std::move(group.vertices), before.corner};
   merged.mesh.locked = before.mesh.locked;
   clampToLattice(merged, bits);
   MeasuredGroup out;
-  out.mesh = codedMesh(merged, group.history, out.outer);
+  out.mesh = codedMesh(merged, group.history, normals, out.outer);
   if (out.mesh.indices.empty()) return out;
   const SurfaceView after{merged.mesh.positions, group.history.indices, merged.mesh.colors,
                           surface.view().normals.empty() ? std::span<const glm::vec3>() : merged.mesh.normals};
@@ -251,10 +277,10 @@ MeasuredGroup measureGroup(const MergedGroup& before, FacetSurface& surface, con
 
 class LevelBuilder {
  public:
-  LevelBuilder(const ingest::SourceLattice& lattice, const HierarchyOptions& options, WorkStore& store,
-               std::vector<std::pair<WorkUnit, std::vector<WorkPatch>>> known,
+  LevelBuilder(const ingest::SourceLattice& lattice, const HierarchyOptions& options, StoredNormals normals,
+               WorkStore& store, std::vector<std::pair<WorkUnit, std::vector<WorkPatch>>> known,
                const std::function<bool(std::uint64_t)>& advance)
-      : lattice_(lattice), options_(options), store_(store), advance_(advance) {
+      : lattice_(lattice), options_(options), stored_normals_(normals), store_(store), advance_(advance) {
     for (auto& [unit, patches] : known)
       if (unit.level != 0) known_[unitKey(unit)] = {unit.group, std::move(patches)};
   }
@@ -449,7 +475,7 @@ class LevelBuilder {
     SimplifiedGroup simplified = simplifyGroup(merged.mesh, surface, target);
     coarsenPositions(simplified, merged.mesh.locked, merged.corner,
                      spareBits(std::sqrt(meanSquareBelow(input)) / step));
-    MeasuredGroup made = measureGroup(merged, surface, carried, simplified, lattice_.bits, negligible);
+    MeasuredGroup made = measureGroup(merged, surface, carried, simplified, lattice_.bits, negligible, stored_normals_);
     if (made.mesh.indices.empty())
       return base::Error{
           base::ErrorCode::kInvalidInput,
@@ -588,6 +614,7 @@ class LevelBuilder {
 
   const ingest::SourceLattice& lattice_;
   const HierarchyOptions& options_;
+  StoredNormals stored_normals_;
   WorkStore& store_;
   const std::function<bool(std::uint64_t)>& advance_;
   std::vector<WorkPatch> patches_;
@@ -599,10 +626,10 @@ class LevelBuilder {
 }  // namespace
 
 base::Result<BuiltLevels> buildLevels(const ingest::SourceLattice& lattice, const HierarchyOptions& options,
-                                      WorkStore& store, std::vector<WorkPatch> leaves,
+                                      StoredNormals normals, WorkStore& store, std::vector<WorkPatch> leaves,
                                       std::vector<std::pair<WorkUnit, std::vector<WorkPatch>>> known,
                                       const std::function<bool(std::uint64_t)>& advance) {
-  return LevelBuilder(lattice, options, store, std::move(known), advance).buildLevels(std::move(leaves));
+  return LevelBuilder(lattice, options, normals, store, std::move(known), advance).buildLevels(std::move(leaves));
 }
 
 }  // namespace lod::patch::builder

@@ -30,11 +30,12 @@ struct BuiltLevels {
   std::vector<LevelSummary> levels;
 };
 
+/// `normals`: what will be stored of them; where light shows them, levels get some that suit their own triangles.
 /// `leaves`: bucket by bucket. `known`: what an earlier run left in the store; its groups are used instead of being
 /// built again. `advance(triangles)` is called with the triangles of each finished group, by one thread at a time;
 /// false cancels. Errors: kCancelled, those of the store.
 base::Result<BuiltLevels> buildLevels(const ingest::SourceLattice& lattice, const HierarchyOptions& options,
-                                      WorkStore& store, std::vector<WorkPatch> leaves,
+                                      StoredNormals normals, WorkStore& store, std::vector<WorkPatch> leaves,
                                       std::vector<std::pair<WorkUnit, std::vector<WorkPatch>>> known,
                                       const std::function<bool(std::uint64_t)>& advance);
 

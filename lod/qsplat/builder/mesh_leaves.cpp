@@ -176,7 +176,7 @@ LeafPoint pointOf(const ingest::VertexSums& sums) {
   point.setNormal(sums.unitNormal());
   if (sums.normal != glm::i64vec3(0)) point.given = point.normal;
   point.color = glm::vec3(sums.meanColor());
-  point.face = glm::dvec3(sums.face);
+  point.face = glm::dvec3(sums.facets.by_area);
   return point;
 }
 
@@ -335,10 +335,10 @@ base::Result<TileLeaves> MeshLeaves::leaves(std::size_t bucket) const {
   const double longest = limits_[bucket].longest;
   std::vector<Triangle> triangles;
   triangles.reserve(corners.size() / 3);
-  // A mesh without colours and normals needs only the sums of the triangles' normals, a third of the memory.
+  // A mesh without colours and normals needs only the sums of the triangles, half of the memory.
   const bool attributes = buckets_.hasColors() || buckets_.hasNormals();
   std::vector<ingest::VertexSums> sums(attributes ? mesh.codes.size() : 0);
-  std::vector<glm::i64vec3> faces(attributes ? 0 : mesh.codes.size(), glm::i64vec3(0));
+  std::vector<ingest::FacetSums> facets(attributes ? 0 : mesh.codes.size());
   // Where the source's triangles are in no order, most of the time is spent waiting for their vertices.
   const auto prefetch = [&](std::size_t corner, auto&& placeOf) {
     constexpr std::size_t kPrefetchDistance = 24;
@@ -346,16 +346,17 @@ base::Result<TileLeaves> MeshLeaves::leaves(std::size_t bucket) const {
     for (std::size_t k = 0; k < 3; ++k) __builtin_prefetch(placeOf(mesh.number[corner + kPrefetchDistance + k]), 1);
   };
   for (std::size_t i = 0; i < corners.size(); i += 3) {
-    prefetch(i, [&](std::uint32_t v) -> const void* { return attributes ? &sums[v].face[0] : &faces[v].x; });
+    prefetch(i, [&](std::uint32_t v) -> const void* { return attributes ? &sums[v].facets : &facets[v]; });
     const std::uint32_t* v = &mesh.number[i];
     const std::array<glm::ivec3, 3> points{places[v[0]], places[v[1]], places[v[2]]};
     const glm::i64vec3 normal = ingest::latticeNormal(points[0], points[1], points[2]);
     triangles.emplace_back(points, normal, longest);
+    const auto facet = ingest::facetAtCorners(normal, points[0], points[1], points[2]);
     for (std::size_t k = 0; k < 3; ++k) {
       if (attributes)
-        sums[v[k]].add(normal, corners[i + k]);
+        sums[v[k]].add(facet[k], corners[i + k]);
       else
-        faces[v[k]] += normal;
+        facets[v[k]] += facet[k];
     }
   }
   corners = std::vector<ingest::Corner>();
@@ -369,10 +370,10 @@ base::Result<TileLeaves> MeshLeaves::leaves(std::size_t bucket) const {
     if (at[v] >= 0)
       points.push_back(pointOf(border.sums[static_cast<std::size_t>(at[v])]));
     else
-      points.push_back(pointOf(attributes ? sums[v] : ingest::VertexSums{faces[v]}));
+      points.push_back(pointOf(attributes ? sums[v] : ingest::VertexSums{facets[v]}));
   }
   sums = std::vector<ingest::VertexSums>();
-  faces = std::vector<glm::i64vec3>();
+  facets = std::vector<ingest::FacetSums>();
 
   std::vector<Outlier> outliers;
   Dicer dicer(places, longest);

@@ -15,6 +15,7 @@
 
 #include "base/file.h"
 #include "base/memory.h"
+#include "base/text.h"
 #include "mesh/stream_mesh.h"
 #include "server/bake/draw_processes.h"
 #include "server/cli/auto_choice.h"
@@ -154,6 +155,20 @@ Result<void> declareFinished(const BuildArguments& a, BuildOutput& output, const
   return {};
 }
 
+/// A model of flat colours whose patches all reach a viewer within seconds may need no images, which take far longer to
+/// make: says how to find out, where the user did not ask for them.
+void adviseTrial(const BuildArguments& a, const BuildOutput& output) {
+  constexpr std::uintmax_t kSmall = 4'000'000;
+  if (a.quiet || !a.usual_methods || hasPart(*output.scene, kTextureFile)) return;
+  std::error_code error;
+  const std::uintmax_t bytes = fs::file_size(fs::path(a.output) / kPatches.file, error);
+  if (error || bytes > kSmall) return;
+  std::fprintf(stderr,
+               "images: all patches together are %s; `--methods auto` makes images only where a few views are better "
+               "with them\n",
+               formatBytes(bytes).c_str());
+}
+
 Result<void> build(BuildArguments a) {
   base::keepFreedMemory();
   LUMIGRID_ASSIGN_OR_RETURN(auto selection, shardSelectionOf(a));
@@ -173,7 +188,10 @@ Result<void> build(BuildArguments a) {
     if (a.automatic) LUMIGRID_TRY(settleMethods(a, sources, output, report, line));
     LUMIGRID_ASSIGN_OR_RETURN(choices, prepareImages(a, output, selection, report, line));
   }
-  if (wants(a, "images")) LUMIGRID_TRY(buildImages(a, output, choices, selection, report, line));
+  if (wants(a, "images")) {
+    adviseTrial(a, output);
+    LUMIGRID_TRY(buildImages(a, output, choices, selection, report, line));
+  }
   {
     LUMIGRID_ASSIGN_OR_RETURN(const auto lock, lockScene(a));
     LUMIGRID_TRY(declareFinished(a, output, selection, report));

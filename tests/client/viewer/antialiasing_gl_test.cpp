@@ -75,7 +75,7 @@ TEST_F(Antialiasing, aPictureThatIsReadHasTheModelsColourAtItsEdge) {
   for (std::size_t i = 0; i < raw.pixels.size(); i += 4)
     if (raw.pixels[i + 3] == 255) darkest = std::min(darkest, int{raw.pixels[i]});
   for (const std::size_t pixel : edge) {
-    EXPECT_GE(int{image.pixels[pixel]} + 8, darkest) << pixel;
+    EXPECT_GE(int{image.pixels[pixel]} + 10, darkest) << pixel;
     EXPECT_LT(raw.pixels[pixel], image.pixels[pixel]) << "premultiplied";
     EXPECT_EQ(raw.pixels[pixel + 3], image.pixels[pixel + 3]);
   }

@@ -39,14 +39,60 @@ Mesh turnedSheet(std::uint32_t side) {
 void expectSame(const Buckets& a, const Buckets& b) {
   ASSERT_EQ(a.count(), b.count());
   ASSERT_EQ(a.border().codes, b.border().codes);
-  for (std::size_t i = 0; i < a.border().sums.size(); ++i)
-    for (int k = 0; k < 3; ++k) ASSERT_EQ(a.border().sums[i].face[k], b.border().sums[i].face[k]);
+  for (std::size_t i = 0; i < a.border().sums.size(); ++i) {
+    const FacetSums& first = a.border().sums[i].facets;
+    const FacetSums& second = b.border().sums[i].facets;
+    ASSERT_EQ(first.by_area, second.by_area);
+    ASSERT_EQ(first.by_angle, second.by_angle);
+    ASSERT_EQ(first.angle, second.angle);
+  }
   for (std::size_t bucket = 0; bucket < a.count(); ++bucket) {
     const auto x = a.read(bucket), y = b.read(bucket);
     ASSERT_TRUE(x && y);
     ASSERT_EQ(x->size(), y->size());
     for (std::size_t i = 0; i < x->size(); ++i) ASSERT_EQ((*x)[i].code, (*y)[i].code);
   }
+}
+
+// The mean of triangles around their common first corner.
+FacetSums around(const std::vector<std::array<glm::ivec3, 3>>& triangles) {
+  FacetSums sums;
+  for (const auto& [a, b, c] : triangles) sums += facetAtCorners(a, b, c)[0];
+  return sums;
+}
+
+TEST(FacetSums, leanFromTheSidesOfAnEdgeAlikeWhateverTheirSizes) {
+  // A side of 2000 x 2000 in two triangles, of which one is cut in two again, and one of 2000 x 3.
+  const glm::ivec3 o(0), x(2000, 0, 0), y(0, 2000, 0), z(0, 0, 3);
+  const FacetSums edge =
+      around({{o, x, x + y}, {o, x + y, y + x / 2}, {o, y + x / 2, y}, {o, x + z, x}, {o, z, x + z}});
+  EXPECT_TRUE(edge.isHard());
+  const glm::dvec3 mean = glm::normalize(edge.mean());
+  EXPECT_NEAR(mean.x, 0.0, 1e-5);
+  EXPECT_NEAR(mean.y, std::sqrt(0.5), 1e-5);
+  EXPECT_NEAR(mean.z, std::sqrt(0.5), 1e-5);
+}
+
+TEST(FacetSums, goByAreaWhereTheSurfaceBendsLittle) {
+  const glm::ivec3 o(0), x(100, 0, 0), y(0, 100, 0), bent(-50, 0, -20);
+  const FacetSums curve = around({{o, x, y}, {o, y, bent}});
+  EXPECT_FALSE(curve.isHard());
+  EXPECT_EQ(curve.mean(), glm::dvec3(glm::i64vec3(0, 0, 10'000) + latticeNormal(o, y, bent)));
+}
+
+TEST(FacetSums, angleOfIsThatOfTheArcTangent) {
+  for (int degrees = 0; degrees <= 180; ++degrees) {
+    const double angle = glm::radians(static_cast<double>(degrees));
+    EXPECT_NEAR(angleOf(3.0 * std::abs(std::sin(angle)), 3.0 * std::cos(angle)), angle, 2e-5) << degrees;
+  }
+}
+
+TEST(FacetSums, ofTrianglesWithoutAreaOrThatCancelAreNone) {
+  const glm::ivec3 o(0), x(100, 0, 0), y(0, 100, 0);
+  EXPECT_EQ(around({{o, x, x + x}}).mean(), glm::dvec3(0.0));
+  const FacetSums both = around({{o, x, y}, {o, y, x}});
+  EXPECT_FALSE(both.isHard());
+  EXPECT_EQ(both.mean(), glm::dvec3(0.0));
 }
 
 TEST(Buckets, flipsDoNotDependOnMemoryOrThreads) {
