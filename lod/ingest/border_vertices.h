@@ -94,9 +94,10 @@ struct VertexSums {
     color += glm::i64vec3(corner.color & 255U, corner.color >> 8 & 255U, corner.color >> 16 & 255U);
     ++colored;
   }
-  /// The mean of the given normals, or else of the triangles'; +z where neither is known.
-  glm::vec3 unitNormal() const {
-    for (const glm::dvec3& n : {glm::dvec3(normal), facets.mean()})
+  /// The mean of the given normals, or else of the triangles'; +z where neither is known. `is_lit`: light may show
+  /// them; else that of the triangles is by area alone.
+  glm::vec3 unitNormal(bool is_lit = true) const {
+    for (const glm::dvec3& n : {glm::dvec3(normal), is_lit ? facets.mean() : glm::dvec3(facets.by_area)})
       if (const double length = glm::length(n); length > 0.0) return glm::vec3(n / length);
     return {0.0F, 0.0F, 1.0F};
   }

@@ -134,10 +134,13 @@ struct BucketLeaves {
 // Makes leaf patches of a bucket of triangles: drops duplicates, averages attributes at each lattice point, and
 // partitions the graph of voxels (Okamoto 2011, section 4.1, steps 1 and 2). Errors: those of reading the bucket.
 //
+// `normals`: what levels store; where that is none of their own, no light shows the leaves' either.
+//
 // Leaf patches do not cross bucket borders. The paper partitions one graph of all voxels; here each bucket has its own,
 // so that memory does not grow with the mesh. The groups of the next level cross bucket borders like any other.
 base::Result<BucketLeaves> makeLeaves(const ingest::Buckets& buckets, std::size_t bucket,
-                                      const ingest::SourceLattice& lattice, const HierarchyOptions& options) {
+                                      const ingest::SourceLattice& lattice, const HierarchyOptions& options,
+                                      StoredNormals normals) {
   BucketLeaves out;
   if (buckets.triangles(bucket) == 0) return out;
   LUMIGRID_ASSIGN_OR_RETURN(auto read, buckets.readKept(bucket));
@@ -189,7 +192,7 @@ base::Result<BucketLeaves> makeLeaves(const ingest::Buckets& buckets, std::size_
       outer[v] = 1;
       sum = border.sums[static_cast<std::size_t>(at)];
     }
-    mesh.normals.push_back(sum.unitNormal());
+    mesh.normals.push_back(sum.unitNormal(normals == StoredNormals::kOfVertices));
     if (buckets.hasColors()) mesh.colors.push_back(quantizedColor(sum.meanColor()));
   }
   sums = std::vector<ingest::VertexSums>();
@@ -362,7 +365,7 @@ class HierarchyBuilder {
     LUMIGRID_TRY(base::tryParallelFor(made.size(), threads, [&](std::size_t i) -> base::Result<void> {
       const std::size_t b = order[i];
       if (finished[b] != 0) return {};
-      LUMIGRID_ASSIGN_OR_RETURN(auto bucket, makeLeaves(buckets_, b, build_.lattice(), options_));
+      LUMIGRID_ASSIGN_OR_RETURN(auto bucket, makeLeaves(buckets_, b, build_.lattice(), options_, storedNormals()));
       // A unit of leaves has no group; its counts travel in the record's unused numbers.
       WorkUnit unit{0, static_cast<std::uint32_t>(b), {}};
       unit.group.first_patch = static_cast<std::uint32_t>(bucket.duplicates);
