@@ -28,6 +28,7 @@ struct SourcePicture {
   std::uint64_t offset = 0;
   std::uint64_t bytes = 0;  ///< 0: all of the file
   bool base64 = false;      ///< the bytes are base64 text
+  bool opaque = false;      ///< its alpha, if it has one, says nothing
   friend bool operator==(const SourcePicture&, const SourcePicture&) = default;
 };
 /// In place of a picture's number where a triangle has none.

@@ -165,6 +165,62 @@ Image halved(const Image& image) {
   return out;
 }
 
+// A picture at a part of its size, and which of its pixels are the mean of some that are seen.
+struct SeenLevel {
+  Image rgb;
+  std::vector<std::uint8_t> is_seen;
+};
+
+// Halves a picture, rounded up: means of the pixels of each 2 x 2 that are seen.
+template <typename IsSeen>
+SeenLevel halveSeen(const Image& image, const IsSeen& isSeen) {
+  SeenLevel half{Image((image.width + 1) / 2, (image.height + 1) / 2, 3), {}};
+  half.is_seen.resize(half.rgb.pixels.size() / 3);
+  for (int y = 0; y < half.rgb.height; ++y)
+    for (int x = 0; x < half.rgb.width; ++x) {
+      std::array<unsigned, 3> sum{};
+      unsigned count = 0;
+      for (int v = 2 * y; v < std::min(2 * y + 2, image.height); ++v)
+        for (int u = 2 * x; u < std::min(2 * x + 2, image.width); ++u) {
+          if (!isSeen(u, v)) continue;
+          for (std::size_t k = 0; k < 3; ++k) sum[k] += image.at(u, v)[k];
+          ++count;
+        }
+      if (count == 0) continue;
+      half.is_seen[static_cast<std::size_t>(y * half.rgb.width + x)] = 1;
+      for (std::size_t k = 0; k < 3; ++k)
+        half.rgb.at(x, y)[k] = static_cast<std::uint8_t>((sum[k] + count / 2) / count);
+    }
+  return half;
+}
+
+// Gives pixels whose alpha is 0 the mean of the smallest square around them in which one is seen. Pictures of leaves
+// have any colour there, which would darken leaves that are far, and draw a line around those that are near.
+void fillUnseen(Image& image) {
+  const auto isSeen = [&](int x, int y) { return image.at(x, y)[3] != 0; };
+  const auto seen = static_cast<std::size_t>(
+      std::count_if(image.pixels.begin(), image.pixels.end(),
+                    [i = 0](std::uint8_t value) mutable { return i++ % 4 == 3 && value != 0; }));
+  if (seen == 0 || seen == image.pixels.size() / 4) return;
+  std::vector<SeenLevel> levels{halveSeen(image, isSeen)};
+  const auto isWhole = [](const SeenLevel& level) {
+    return std::find(level.is_seen.begin(), level.is_seen.end(), 0) == level.is_seen.end();
+  };
+  while (!isWhole(levels.back())) {
+    const SeenLevel& fine = levels.back();
+    levels.push_back(halveSeen(
+        fine.rgb, [&](int x, int y) { return fine.is_seen[static_cast<std::size_t>(y * fine.rgb.width + x)] != 0; }));
+  }
+  for (std::size_t l = levels.size() - 1; l > 0; --l)
+    for (int y = 0; y < levels[l - 1].rgb.height; ++y)
+      for (int x = 0; x < levels[l - 1].rgb.width; ++x)
+        if (levels[l - 1].is_seen[static_cast<std::size_t>(y * levels[l - 1].rgb.width + x)] == 0)
+          std::copy_n(levels[l].rgb.at(x / 2, y / 2), 3, levels[l - 1].rgb.at(x, y));
+  for (int y = 0; y < image.height; ++y)
+    for (int x = 0; x < image.width; ++x)
+      if (!isSeen(x, y)) std::copy_n(levels[0].rgb.at(x / 2, y / 2), 3, image.at(x, y));
+}
+
 int wrapped(double i, int size) {
   if (i >= 0.0 && i < size) return static_cast<int>(i);  // as most are, without a division
   const double r = i - std::floor(i / size) * size;
@@ -173,7 +229,7 @@ int wrapped(double i, int size) {
 
 }  // namespace
 
-base::Result<Image> decodePicture(base::ByteView bytes) {
+base::Result<Image> decodePicture(base::ByteView bytes, bool opaque) {
   const std::string_view begin = base::textOf(bytes).substr(0, 12);
   if (begin.substr(0, 7) == "\xABKTX 20" || begin.substr(0, 7) == "\xABKTX 11")
     return Error{ErrorCode::kUnsupported, "it is KTX, which is not read; write the textures as JPEG, PNG or WebP"};
@@ -182,7 +238,9 @@ base::Result<Image> decodePicture(base::ByteView bytes) {
   LUMIGRID_ASSIGN_OR_RETURN(auto image, png ? base::decodePng(bytes) : webp ? decodeWebp(bytes) : decodeJpeg(bytes));
   if (image.empty() || std::max(image.width, image.height) > kMaxSide)
     return Error{ErrorCode::kUnsupported, "a picture of more than " + std::to_string(kMaxSide) + " pixels on a side"};
-  return image.channels == 4 ? std::move(image) : asRgb(std::move(image));
+  if (image.channels != 4 || opaque) return asRgb(std::move(image));
+  fillUnseen(image);
+  return image;
 }
 
 base::Result<glm::ivec2> pictureSize(base::ByteView bytes) {
@@ -225,7 +283,7 @@ base::Result<PictureBytes> PictureBytes::open(const SourcePicture& picture) {
 
 base::Result<Image> readPicture(const SourcePicture& picture) {
   LUMIGRID_ASSIGN_OR_RETURN(const auto bytes, PictureBytes::open(picture));
-  auto image = decodePicture(bytes.view());
+  auto image = decodePicture(bytes.view(), picture.opaque);
   return image ? std::move(image) : base::within(picture.path, image.error());
 }
 
@@ -239,7 +297,7 @@ void Texture::halve() {
   while (std::max(levels_.back().width, levels_.back().height) > 1) levels_.push_back(halved(levels_.back()));
 }
 
-base::Result<Texture> Texture::decode(base::ByteView bytes, int first_level, base::Bytes* units) {
+base::Result<Texture> Texture::decode(base::ByteView bytes, int first_level, base::Bytes* units, bool opaque) {
   if (const auto header = readJpegHeader(bytes); header && first_level > 0) {
     if (first_level == 2)
       if (auto quarter = base::JpegBlocks::readQuarter(bytes, kMaxUnitBytes)) {
@@ -257,7 +315,7 @@ base::Result<Texture> Texture::decode(base::ByteView bytes, int first_level, bas
     texture.first_level_ = first_level;
     return texture;
   }
-  LUMIGRID_ASSIGN_OR_RETURN(auto image, decodePicture(bytes));
+  LUMIGRID_ASSIGN_OR_RETURN(auto image, decodePicture(bytes, opaque));
   return Texture(std::move(image));
 }
 
@@ -444,7 +502,7 @@ std::size_t decodingBytes(const SourcePicture& picture, int first_level) {
 base::Result<Texture> Textures::decodeFile(const SourcePicture& picture, int first_level) const {
   LUMIGRID_ASSIGN_OR_RETURN(const auto bytes, PictureBytes::open(picture));
   base::Bytes units;
-  auto texture = Texture::decode(bytes.view(), first_level, &units);
+  auto texture = Texture::decode(bytes.view(), first_level, &units, picture.opaque);
   if (!texture) return base::within(picture.path, texture.error());
   if (keep_units_ && !units.empty()) keep_units_(picture, units);
   return texture;

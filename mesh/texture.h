@@ -22,9 +22,10 @@
 namespace mesh {
 
 /// Decodes a JPEG (grey, RGB or CMYK; baseline or progressive), a PNG (8 or 16 bits, which become 8) or a WebP to 3
-/// channels, or to 4 where it has an alpha. Errors: kInvalidInput (broken, or none of them), kUnsupported (a side over
-/// 16384, or KTX).
-base::Result<base::Image> decodePicture(base::ByteView bytes);
+/// channels, or to 4 where it has an alpha. Pixels whose alpha is 0 get the colours of those near them that are seen,
+/// so that no mean and no edge takes on what stands there unseen. `opaque`: to 3 in any case, each pixel as it is.
+/// Errors: kInvalidInput (broken, or none of them), kUnsupported (a side over 16384, or KTX).
+base::Result<base::Image> decodePicture(base::ByteView bytes, bool opaque = false);
 /// A picture's bytes as its file has them, decoded from base64 where they are text.
 class PictureBytes {
  public:
@@ -49,7 +50,8 @@ class Texture {
   /// Errors: those of decodePicture(). A JPEG may be decoded at half (`first_level` 1) or a quarter (2) of its size,
   /// which takes half the time; other pictures are decoded at their own. `units` may get what
   /// base::JpegBlocks::readQuarter tells.
-  static base::Result<Texture> decode(base::ByteView bytes, int first_level = 0, base::Bytes* units = nullptr);
+  static base::Result<Texture> decode(base::ByteView bytes, int first_level = 0, base::Bytes* units = nullptr,
+                                      bool opaque = false);
   explicit Texture(base::Image picture);
   int width() const { return size_.x; }
   int height() const { return size_.y; }

@@ -64,7 +64,7 @@ base::Bytes stateOf(const ImportedSource& source) {
   for (const mesh::SourcePicture& picture : source.info.pictures) {
     out.string16(picture.path);
     base::writeFields(out, std::tie(picture.offset, picture.bytes));
-    out.u8(picture.base64 ? 1 : 0);
+    out.u8(static_cast<std::uint8_t>((picture.base64 ? 1 : 0) | (picture.opaque ? 2 : 0)));
     const auto [size, time] = stampOf(picture.path);
     base::writeFields(out, std::tie(size, time));
   }
@@ -86,7 +86,9 @@ base::Result<ImportedSource> readState(const WorkDirectory& directory) {
     mesh::SourcePicture picture;
     picture.path = in.string16();
     base::readFields(in, std::tie(picture.offset, picture.bytes));
-    picture.base64 = in.u8() != 0;
+    const std::uint8_t flags = in.u8();
+    picture.base64 = (flags & 1) != 0;
+    picture.opaque = (flags & 2) != 0;
     std::pair<std::uint64_t, std::int64_t> stamp;
     base::readFields(in, std::tie(stamp.first, stamp.second));
     if (stamp != stampOf(picture.path)) return directory.damaged();  // and so all is read again

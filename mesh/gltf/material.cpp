@@ -19,6 +19,9 @@ BaseColor Materials::of(const json& primitive) {
   const json& base = member(material, "pbrMetallicRoughness");
   BaseColor color;
   color.factor = numbers<glm::dvec4>(member(base, "baseColorFactor")).value_or(glm::dvec4(1.0));
+  // Only a mask and what is blended have an alpha (glTF 2.0, section 3.9.4).
+  const std::string mode = text(member(material, "alphaMode"));
+  color.opaque = mode != "MASK" && mode != "BLEND";
   const json& reference = member(base, "baseColorTexture");
   if (!reference.is_object()) return color;
   color.texture = integer(member(reference, "index"), kMissing);
@@ -34,9 +37,10 @@ BaseColor Materials::of(const json& primitive) {
 }
 
 // The stream says itself which pictures it cannot decode.
-std::uint32_t Materials::pictureOf(std::uint64_t texture, std::span<const glm::dvec2> uv) {
+std::uint32_t Materials::pictureOf(const BaseColor& base, std::span<const glm::dvec2> uv) {
+  const std::uint64_t texture = *base.texture;
   if (unread_.contains(texture)) return kNoPicture;
-  if (const auto known = pictures_.find(texture); known != pictures_.end())
+  if (const auto known = pictures_.find({texture, base.opaque}); known != pictures_.end())
     return out_.textures.find(known->second, uv, out_.summary.warnings);
   const json& source = item(document_.list("textures"), texture);
   // An extension's picture stands beside one for those who do not know it, or alone.
@@ -48,7 +52,8 @@ std::uint32_t Materials::pictureOf(std::uint64_t texture, std::span<const glm::d
   else
     picture = document_.picture(integer(plain, kMissing));
   if (picture) {
-    pictures_[texture] = *picture;
+    picture->opaque = base.opaque;
+    pictures_[{texture, base.opaque}] = *picture;
     return out_.textures.find(*picture, uv, out_.summary.warnings);
   }
   unread_.insert(texture);

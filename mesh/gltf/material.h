@@ -15,6 +15,7 @@ namespace mesh::gltf {
 struct BaseColor {
   glm::dvec4 factor{1.0};                ///< linear
   std::optional<std::uint64_t> texture;  ///< of the document, for Materials::pictureOf()
+  bool opaque = true;                    ///< the picture's alpha says nothing
   std::string coordinates;               ///< the attribute that holds places in it, "TEXCOORD_0"
   glm::dmat2 picture_from_vertex{1.0};   ///< turns and scales them (KHR_texture_transform)
   glm::dvec2 offset{0.0};                ///< is added after that
@@ -26,15 +27,15 @@ class Materials {
   Materials(Document& document, Omissions& omissions, MeshStream& out)
       : document_(document), omissions_(omissions), out_(out) {}
   BaseColor of(const json& primitive);
-  /// The number in MeshStream::textures of a texture that a triangle shows first.
-  std::uint32_t pictureOf(std::uint64_t texture, std::span<const glm::dvec2> uv);
+  /// The number in MeshStream::textures of the texture of `base`, which has one; a triangle shows it first.
+  std::uint32_t pictureOf(const BaseColor& base, std::span<const glm::dvec2> uv);
 
  private:
   Document& document_;
   Omissions& omissions_;
   MeshStream& out_;
-  std::map<std::uint64_t, SourcePicture> pictures_;  // by texture, as far as they lie somewhere
-  std::set<std::uint64_t> unread_;                   // textures that do not
+  std::map<std::pair<std::uint64_t, bool>, SourcePicture> pictures_;  // by texture and whether it is opaque
+  std::set<std::uint64_t> unread_;                                    // textures that lie nowhere
 };
 
 }  // namespace mesh::gltf

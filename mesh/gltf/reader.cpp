@@ -251,7 +251,7 @@ class SceneReader {
     const std::uint64_t vertex_count = p.position.count;
     picture_.reset();
     // A texture that cannot be read is told, also where no triangle has a place in it.
-    if (p.base.texture && !p.uv) picture_ = materials_.pictureOf(*p.base.texture, {});
+    if (p.base.texture && !p.uv) picture_ = materials_.pictureOf(p.base, {});
     if (p.indices)
       for (std::uint64_t i = 0; i < p.indices->count; ++i)
         if (p.indices->index(i) >= vertex_count) return indexOutOfRange(place, p.indices->index(i), vertex_count);
@@ -290,7 +290,7 @@ class SceneReader {
       uv[k] = p.base.picture_from_vertex * glm::dvec2(p.uv->value(t[k], 0), p.uv->value(t[k], 1)) + p.base.offset;
       complete = std::isfinite(uv[k].x) && std::isfinite(uv[k].y);
     }
-    if (complete && !picture_) picture_ = materials_.pictureOf(*p.base.texture, uv);
+    if (complete && !picture_) picture_ = materials_.pictureOf(p.base, uv);
     if (complete && *picture_ != kNoPicture)
       out_.addTextured(corners, {}, uv, *picture_);
     else

@@ -317,6 +317,22 @@ TEST_F(GltfTextures, takeTheSetOfCoordinatesThatTheMaterialNames) {
   expectPlaces(places(), {{0.25, 0.25}, {0.25, 0.25}, {0.25, 0.25}});
 }
 
+TEST_F(GltfTextures, haveAnAlphaOnlyWhereTheMaterialSaysSo) {
+  const auto isOpaque = [&] {
+    PlacesSink sink;
+    const auto file = mesh::streamMesh(add("square.gltf", document.dump()), sink, {});
+    EXPECT_TRUE(file && file->pictures.size() == 1);
+    return file && file->pictures.size() == 1 && file->pictures[0].opaque;
+  };
+  EXPECT_TRUE(isOpaque());
+  document["materials"][0]["alphaMode"] = "OPAQUE";
+  EXPECT_TRUE(isOpaque());
+  for (const char* mode : {"MASK", "BLEND"}) {
+    document["materials"][0]["alphaMode"] = mode;
+    EXPECT_FALSE(isOpaque()) << mode;
+  }
+}
+
 TEST_F(GltfTextures, areMovedTurnedAndScaledInTheirExtensionsOrder) {
   // The extension's own example: the lower left quarter of the picture, turned by 90°.
   texture()["extensions"]["KHR_texture_transform"] = {

@@ -5,7 +5,10 @@
 #include <cstdint>
 #include <vector>
 
+#include "base/file.h"
+#include "base/png/png.h"
 #include "mesh/texture.h"
+#include "tests/support/temporary_directory.h"
 
 namespace {
 
@@ -55,6 +58,49 @@ TEST(Picture, sixteenBitsBecomeEight) {
   EXPECT_NEAR(image->at(0, 0)[0], 0x12, 1);
   EXPECT_NEAR(image->at(1, 0)[0], 0xfe, 1);
   EXPECT_EQ(image->at(1, 0)[0], image->at(1, 0)[2]);
+}
+
+base::Bytes pngOf(const base::Image& image) {
+  const support::TemporaryDirectory directory;
+  EXPECT_TRUE(base::writePng(image, directory / "picture.png"));
+  const auto bytes = base::readFile(directory / "picture.png");
+  EXPECT_TRUE(bytes);
+  return bytes ? *bytes : base::Bytes();
+}
+
+// Leaves stand in front of any colour, which nobody may see: not at their edges, nor in means of many pixels.
+TEST(Picture, unseenPixelsTakeTheColoursOfThoseThatAreSeen) {
+  base::Image leaf(37, 21, 4);
+  for (int y = 0; y < leaf.height; ++y)
+    for (int x = 0; x < leaf.width; ++x) {
+      const bool is_seen = x < 3 || (x == 20 && y == 10);
+      const glm::u8vec4 color = is_seen ? glm::u8vec4(40, 160, 30, x == 2 ? 128 : 255) : glm::u8vec4(255, 0, 255, 0);
+      for (int k = 0; k < 4; ++k) leaf.at(x, y)[k] = color[k];
+    }
+  const base::Bytes png = pngOf(leaf);
+  const auto image = mesh::decodePicture(png);
+  ASSERT_TRUE(image) << image.error().message;
+  ASSERT_EQ(image->channels, 4);
+  for (int y = 0; y < leaf.height; ++y)
+    for (int x = 0; x < leaf.width; ++x) {
+      EXPECT_EQ(glm::ivec3(image->at(x, y)[0], image->at(x, y)[1], image->at(x, y)[2]), glm::ivec3(40, 160, 30))
+          << x << " " << y;
+      EXPECT_EQ(image->at(x, y)[3], leaf.at(x, y)[3]) << x << " " << y;
+    }
+  const auto texture = mesh::Texture::decode(png);
+  ASSERT_TRUE(texture);
+  EXPECT_EQ(texture->mean({0.5, 0.5}, 21.0), glm::u8vec4(40, 160, 30, 255));
+
+  const auto opaque = mesh::decodePicture(png, true);
+  ASSERT_TRUE(opaque);
+  EXPECT_EQ(opaque->channels, 3);
+  EXPECT_EQ(opaque->at(30, 5)[0], 255) << "an alpha that says nothing hides nothing";
+
+  // Where none is seen, there is nothing to take.
+  for (std::size_t i = 3; i < leaf.pixels.size(); i += 4) leaf.pixels[i] = 0;
+  const auto same = mesh::decodePicture(pngOf(leaf));
+  ASSERT_TRUE(same);
+  EXPECT_EQ(same->pixels, leaf.pixels);
 }
 
 TEST(Picture, whatIsNoneIsRefused) {
