@@ -168,14 +168,20 @@ Image halved(const Image& image) {
 // A picture at a part of its size, and which of its pixels are the mean of some that are seen.
 struct SeenLevel {
   Image rgb;
-  std::vector<std::uint8_t> is_seen;
+  std::vector<std::uint8_t> mask;  // 1 where it is
+
+  std::size_t at(int x, int y) const {
+    return static_cast<std::size_t>(y) * static_cast<std::size_t>(rgb.width) + static_cast<std::size_t>(x);
+  }
+  bool isSeen(int x, int y) const { return mask[at(x, y)] != 0; }
+  bool isWhole() const { return std::find(mask.begin(), mask.end(), 0) == mask.end(); }
 };
 
 // Halves a picture, rounded up: means of the pixels of each 2 x 2 that are seen.
 template <typename IsSeen>
 SeenLevel halveSeen(const Image& image, const IsSeen& isSeen) {
   SeenLevel half{Image((image.width + 1) / 2, (image.height + 1) / 2, 3), {}};
-  half.is_seen.resize(half.rgb.pixels.size() / 3);
+  half.mask.resize(half.rgb.pixels.size() / 3);
   for (int y = 0; y < half.rgb.height; ++y)
     for (int x = 0; x < half.rgb.width; ++x) {
       std::array<unsigned, 3> sum{};
@@ -187,7 +193,7 @@ SeenLevel halveSeen(const Image& image, const IsSeen& isSeen) {
           ++count;
         }
       if (count == 0) continue;
-      half.is_seen[static_cast<std::size_t>(y * half.rgb.width + x)] = 1;
+      half.mask[half.at(x, y)] = 1;
       for (std::size_t k = 0; k < 3; ++k)
         half.rgb.at(x, y)[k] = static_cast<std::uint8_t>((sum[k] + count / 2) / count);
     }
@@ -198,27 +204,24 @@ SeenLevel halveSeen(const Image& image, const IsSeen& isSeen) {
 // have any colour there, which would darken leaves that are far, and draw a line around those that are near.
 void fillUnseen(Image& image) {
   const auto isSeen = [&](int x, int y) { return image.at(x, y)[3] != 0; };
-  const auto seen = static_cast<std::size_t>(
-      std::count_if(image.pixels.begin(), image.pixels.end(),
-                    [i = 0](std::uint8_t value) mutable { return i++ % 4 == 3 && value != 0; }));
+  std::size_t seen = 0;
+  for (std::size_t i = 3; i < image.pixels.size(); i += 4) seen += image.pixels[i] != 0 ? 1 : 0;
   if (seen == 0 || seen == image.pixels.size() / 4) return;
   std::vector<SeenLevel> levels{halveSeen(image, isSeen)};
-  const auto isWhole = [](const SeenLevel& level) {
-    return std::find(level.is_seen.begin(), level.is_seen.end(), 0) == level.is_seen.end();
-  };
-  while (!isWhole(levels.back())) {
+  while (!levels.back().isWhole()) {
     const SeenLevel& fine = levels.back();
-    levels.push_back(halveSeen(
-        fine.rgb, [&](int x, int y) { return fine.is_seen[static_cast<std::size_t>(y * fine.rgb.width + x)] != 0; }));
+    levels.push_back(halveSeen(fine.rgb, [&](int x, int y) { return fine.isSeen(x, y); }));
   }
-  for (std::size_t l = levels.size() - 1; l > 0; --l)
-    for (int y = 0; y < levels[l - 1].rgb.height; ++y)
-      for (int x = 0; x < levels[l - 1].rgb.width; ++x)
-        if (levels[l - 1].is_seen[static_cast<std::size_t>(y * levels[l - 1].rgb.width + x)] == 0)
-          std::copy_n(levels[l].rgb.at(x / 2, y / 2), 3, levels[l - 1].rgb.at(x, y));
-  for (int y = 0; y < image.height; ++y)
-    for (int x = 0; x < image.width; ++x)
-      if (!isSeen(x, y)) std::copy_n(levels[0].rgb.at(x / 2, y / 2), 3, image.at(x, y));
+  const auto fillFrom = [](const SeenLevel& coarse, Image& fine, const auto& isKnown) {
+    for (int y = 0; y < fine.height; ++y)
+      for (int x = 0; x < fine.width; ++x)
+        if (!isKnown(x, y)) std::copy_n(coarse.rgb.at(x / 2, y / 2), 3, fine.at(x, y));
+  };
+  for (std::size_t l = levels.size() - 1; l > 0; --l) {
+    SeenLevel& fine = levels[l - 1];
+    fillFrom(levels[l], fine.rgb, [&](int x, int y) { return fine.isSeen(x, y); });
+  }
+  fillFrom(levels[0], image, isSeen);
 }
 
 int wrapped(double i, int size) {
