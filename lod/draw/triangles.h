@@ -82,7 +82,8 @@ struct Shading {
 /// are shaded by half-Lambert, so that nothing is black; unlit ones keep `color`.
 std::string shadingSource();
 /// Returns GLSL that defines `vec3 seenNormal(vec3 normal, vec3 facet, vec3 toEye)`: the unit normal of an interpolated
-/// one on the seen side of a triangle, whose own unit normal on that side is `facet`. shadeSurface() does not flip it.
+/// one on the seen side of a triangle, whose own unit normal on that side is `facet`. `normal` is interpolated between
+/// unit normals, or 0, and left as it is: its length tells a hard edge. shadeSurface() does not flip the result.
 std::string seenNormalSource();
 /// Sets the uniforms of shadingSource(); leaves `program` in use.
 void setShading(const base::gl::Program& program, const Shading& shading);

@@ -134,7 +134,8 @@ struct BucketLeaves {
 // Makes leaf patches of a bucket of triangles: drops duplicates, averages attributes at each lattice point, and
 // partitions the graph of voxels (Okamoto 2011, section 4.1, steps 1 and 2). Errors: those of reading the bucket.
 //
-// `normals`: what levels store; where that is none of their own, no light shows the leaves' either.
+// `normals`: those that the levels above store. With kOfFacets no light shows any, so that edges need not be told from
+// curves by the leaves' either.
 //
 // Leaf patches do not cross bucket borders. The paper partitions one graph of all voxels; here each bucket has its own,
 // so that memory does not grow with the mesh. The groups of the next level cross bucket borders like any other.

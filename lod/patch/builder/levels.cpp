@@ -177,8 +177,7 @@ void quantizeVertices(const MergedGroup& merged, std::span<const std::uint32_t> 
 }
 
 // The simplified triangles on lattice points. Vertices that came to lie on each other become one, and triangles that so
-// lost their area are removed, from `history` too. `merged` gets the normals and
-// colours that are stored.
+// lost their area are removed, from `history` too. `merged` gets the normals and colours that are stored.
 CodedMesh codedMesh(MergedGroup& merged, CollapseHistory& history, StoredNormals normals,
                     std::vector<std::uint8_t>& locked) {
   GroupMesh& group = merged.mesh;
