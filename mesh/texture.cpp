@@ -165,63 +165,43 @@ Image halved(const Image& image) {
   return out;
 }
 
-// A picture at a part of its size, and which of its pixels are the mean of some that are seen.
-struct SeenLevel {
-  Image rgb;
-  std::vector<std::uint8_t> mask;  // 1 where it is
-
-  std::size_t at(int x, int y) const {
-    return static_cast<std::size_t>(y) * static_cast<std::size_t>(rgb.width) + static_cast<std::size_t>(x);
-  }
-  bool isSeen(int x, int y) const { return mask[at(x, y)] != 0; }
-  bool isWhole() const { return std::find(mask.begin(), mask.end(), 0) == mask.end(); }
-};
-
-// Halves a picture, rounded up: means of the pixels of each 2 x 2 that are seen.
-template <typename IsSeen>
-SeenLevel halveSeen(const Image& image, const IsSeen& isSeen) {
-  SeenLevel half{Image((image.width + 1) / 2, (image.height + 1) / 2, 3), {}};
-  half.mask.resize(half.rgb.pixels.size() / 3);
-  for (int y = 0; y < half.rgb.height; ++y)
-    for (int x = 0; x < half.rgb.width; ++x) {
-      std::array<unsigned, 3> sum{};
-      unsigned count = 0;
-      for (int v = 2 * y; v < std::min(2 * y + 2, image.height); ++v)
-        for (int u = 2 * x; u < std::min(2 * x + 2, image.width); ++u) {
-          if (!isSeen(u, v)) continue;
-          for (std::size_t k = 0; k < 3; ++k) sum[k] += image.at(u, v)[k];
-          ++count;
-        }
-      if (count == 0) continue;
-      half.mask[half.at(x, y)] = 1;
-      for (std::size_t k = 0; k < 3; ++k)
-        half.rgb.at(x, y)[k] = static_cast<std::uint8_t>((sum[k] + count / 2) / count);
-    }
-  return half;
-}
-
-// Gives pixels whose alpha is 0 the mean of the smallest square around them in which one is seen. Pictures of leaves
-// have any colour there, which would darken leaves that are far, and draw a line around those that are near.
+// Gives pixels whose alpha is 0 the colour of the nearest that is seen, or nearly so (Danielsson 1980). Pictures of
+// leaves have any colour there, which would darken leaves that are far, and draw a line around those that are near.
+// Means of several would mix in gaps between charts, which are often black and seen.
 void fillUnseen(Image& image) {
-  const auto isSeen = [&](int x, int y) { return image.at(x, y)[3] != 0; };
-  std::size_t seen = 0;
-  for (std::size_t i = 3; i < image.pixels.size(); i += 4) seen += image.pixels[i] != 0 ? 1 : 0;
-  if (seen == 0 || seen == image.pixels.size() / 4) return;
-  std::vector<SeenLevel> levels{halveSeen(image, isSeen)};
-  while (!levels.back().isWhole()) {
-    const SeenLevel& fine = levels.back();
-    levels.push_back(halveSeen(fine.rgb, [&](int x, int y) { return fine.isSeen(x, y); }));
-  }
-  const auto fillFrom = [](const SeenLevel& coarse, Image& fine, const auto& isKnown) {
-    for (int y = 0; y < fine.height; ++y)
-      for (int x = 0; x < fine.width; ++x)
-        if (!isKnown(x, y)) std::copy_n(coarse.rgb.at(x / 2, y / 2), 3, fine.at(x, y));
+  constexpr glm::ivec2 kNone(-1);
+  const int width = image.width, height = image.height;
+  std::vector<glm::i16vec2> nearest(image.pixels.size() / 4, glm::i16vec2(kNone));
+  const auto at = [&](int x, int y) -> glm::i16vec2& {
+    return nearest[static_cast<std::size_t>(y) * static_cast<std::size_t>(width) + static_cast<std::size_t>(x)];
   };
-  for (std::size_t l = levels.size() - 1; l > 0; --l) {
-    SeenLevel& fine = levels[l - 1];
-    fillFrom(levels[l], fine.rgb, [&](int x, int y) { return fine.isSeen(x, y); });
+  for (int y = 0; y < height; ++y)
+    for (int x = 0; x < width; ++x)
+      if (image.at(x, y)[3] != 0) at(x, y) = glm::i16vec2(x, y);
+  const auto distance2 = [](const glm::ivec2& to, int x, int y) {
+    return (to.x - x) * (to.x - x) + (to.y - y) * (to.y - y);
+  };
+  const auto tryNeighbour = [&](int x, int y, int u, int v) {
+    if (u < 0 || v < 0 || u >= width || v >= height) return;
+    const glm::ivec2 known(at(x, y)), found(at(u, v));
+    if (found == kNone || (known != kNone && distance2(known, x, y) <= distance2(found, x, y))) return;
+    at(x, y) = glm::i16vec2(found);
+  };
+  for (int y = 0; y < height; ++y) {
+    for (int x = 0; x < width; ++x)
+      for (int side = -1; side <= 1; ++side) tryNeighbour(x, y, x + side, y - 1);
+    for (int x = 1; x < width; ++x) tryNeighbour(x, y, x - 1, y);
+    for (int x = width - 1; x-- > 0;) tryNeighbour(x, y, x + 1, y);
   }
-  fillFrom(levels[0], image, isSeen);
+  for (int y = height - 1; y >= 0; --y) {
+    for (int x = 0; x < width; ++x)
+      for (int side = -1; side <= 1; ++side) tryNeighbour(x, y, x + side, y + 1);
+    for (int x = 1; x < width; ++x) tryNeighbour(x, y, x - 1, y);
+    for (int x = width - 1; x-- > 0;) tryNeighbour(x, y, x + 1, y);
+  }
+  for (int y = 0; y < height; ++y)
+    for (int x = 0; x < width; ++x)
+      if (const glm::ivec2 from(at(x, y)); from != kNone) std::copy_n(image.at(from.x, from.y), 3, image.at(x, y));
 }
 
 int wrapped(double i, int size) {
