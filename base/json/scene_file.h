@@ -46,7 +46,7 @@ struct ScenePart {
   std::string file;                     ///< relative to the scene directory
   std::uint64_t bytes = 0;              ///< 0 for a directory
   std::string sha256;                   ///< empty for a directory (its values carry checksums)
-  std::vector<FileRange> opening = {};  ///< of a published hierarchy: what a viewer reads first (plan/opening_ranges.h)
+  std::vector<FileRange> opening = {};  ///< of a published part: what a viewer reads first (docs/formats/packs.md)
 };
 
 /// The source's border, and what stitching did to it.

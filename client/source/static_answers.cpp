@@ -44,14 +44,8 @@ void StaticSource::acceptArrival(RangeArrival&& arrival) {
 }
 
 base::Result<void> StaticSource::acceptTable(const RangeArrival& arrival) {
-  switch (arrival.wish.kind) {
-    case kRecordFront:
-      return acceptRecordFront(arrival.answer.bytes);
-    case kIndexFront:
-      return acceptIndexFront(arrival.answer.bytes);
-    default:
-      return acceptParameters(arrival.answer.bytes);
-  }
+  return arrival.wish.kind == kRecordFront ? acceptRecordFront(arrival.answer.bytes)
+                                           : acceptIndexFront(arrival.answer.bytes);
 }
 
 base::Result<void> StaticSource::acceptRecordFront(base::ByteView bytes) {
@@ -79,18 +73,13 @@ base::Result<void> StaticSource::acceptRecordFront(base::ByteView bytes) {
 base::Result<void> StaticSource::acceptIndexFront(base::ByteView bytes) {
   LUMIGRID_ASSIGN_OR_RETURN(auto decoded, repository::decodeIndexRoot(bytes));
   if (decoded.object_bytes != scene_.index->bytes) return badScene("is not as long as scene.json says");
-  root_ = std::move(decoded);
+  if (decoded.frontBytes() != bytes.size()) return badScene("has a front of another length than scene.json says");
   stats_.index_bytes += bytes.size();
-  const std::uint64_t end = repository::parameterOffset() + root_->parameter_bytes;
-  if (end > bytes.size()) return {};  // a large tree does not fit into the front; urgentWishes() requests it
-  return acceptParameters(bytes.subspan(repository::parameterOffset(), root_->parameter_bytes));
-}
-
-base::Result<void> StaticSource::acceptParameters(base::ByteView bytes) {
-  LUMIGRID_TRY(repository::checkParameters(*root_, bytes));
-  LUMIGRID_ASSIGN_OR_RETURN(auto read, read_parameters_(std::string(bytes.begin(), bytes.end())));
+  const base::ByteView text = bytes.subspan(repository::parameterOffset(), decoded.parameter_bytes);
+  LUMIGRID_TRY(repository::checkParameters(decoded, text));
+  LUMIGRID_ASSIGN_OR_RETURN(auto read, read_parameters_(std::string(text.begin(), text.end())));
   points_ = std::move(read);
-  points_known_ = true;
+  root_ = std::move(decoded);
   return {};
 }
 

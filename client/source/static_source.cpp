@@ -10,6 +10,8 @@ namespace {
 constexpr std::size_t kRequestsAheadOfNeed = 2;
 /// A coarse model has kCoarseBytes, or a group that is larger, and the directory of the records.
 constexpr std::uint64_t kMaxOpeningBytes = 1'000'000;
+/// The parameters name the points that are left out, a byte or two each.
+constexpr std::uint64_t kMaxIndexFrontBytes = 20'000'000;
 /// One failed request is not reported: hosts close kept connections now and then.
 constexpr int kMinReportedFailures = 2;
 
@@ -108,12 +110,17 @@ base::Result<void> StaticSource::checkScene() const {
   if (!isNamed(scene_.patches, "patch-", ".lgp")) return notPublished("this scene.json names no published hierarchy");
   if (scene_.records.name.empty())
     return badScene("an earlier program published this scene, without records of groups");
-  const std::vector<base::FileRange>& front = scene_.records.opening;
-  if (!isNamed(scene_.records, "records-", ".lgr") || front.size() != 1 || front[0].offset != 0 ||
-      front[0].length == 0 || front[0].length > std::min(scene_.records.bytes, kMaxOpeningBytes))
+  const auto namesFront = [](const StaticObject& object, std::uint64_t most) {
+    const std::vector<base::FileRange>& front = object.opening;
+    return front.size() == 1 && front[0].offset == 0 && front[0].length > 0 &&
+           front[0].length <= std::min(object.bytes, most);
+  };
+  if (!isNamed(scene_.records, "records-", ".lgr") || !namesFront(scene_.records, kMaxOpeningBytes))
     return notPublished("this scene.json names no records of groups");
-  if (scene_.index && (!repository::idOfIndexName(scene_.index->name) || scene_.index->bytes == 0))
+  if (scene_.index && !repository::idOfIndexName(scene_.index->name))
     return notPublished("this scene.json names no published images");
+  if (scene_.index && !namesFront(*scene_.index, kMaxIndexFrontBytes))
+    return badScene("an earlier program published this scene, whose index of images has no front");
   return {};
 }
 
@@ -190,7 +197,7 @@ void StaticSource::deliverMessages(Session& session) {
 
 /// Completes the Welcome once both fronts are here.
 void StaticSource::openScene() {
-  if (phase_ != Phase::kOpening || !records_ || (scene_.index && !points_known_)) return;
+  if (phase_ != Phase::kOpening || !records_ || (scene_.index && !root_)) return;
   const lod::patch::RecordCounts& counts = records_->counts();
   protocol::Welcome& welcome = scene_.welcome;
   welcome.version = protocol::kVersion;

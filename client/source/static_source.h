@@ -45,8 +45,8 @@ namespace client {
 struct StaticObject {
   std::string name;
   std::uint64_t bytes = 0;
-  /// The ranges that the first picture needs, all asked for at once (plan/opening_ranges.h). The patches' are passed
-  /// over where one of them cannot be.
+  /// The ranges that the first picture needs, all asked for at once (plan/opening_ranges.h; of the index what lies
+  /// before its blocks). The patches' are passed over where one of them cannot be.
   std::vector<base::FileRange> opening = {};
 };
 
@@ -113,7 +113,7 @@ class StaticSource {
   using GroupRecords = lod::patch::GroupRecords;
   enum class Phase { kOpening, kOpen, kFailed };
   /// The kinds of RangeWish.
-  enum Kind : std::uint32_t { kRecordFront, kOpening, kIndexFront, kParameters, kChunk, kBlock, kIndexBlock, kFace };
+  enum Kind : std::uint32_t { kRecordFront, kOpening, kIndexFront, kChunk, kBlock, kIndexBlock, kFace };
 
   static base::Error badScene(const std::string& message) {
     return {base::ErrorCode::kInvalidInput, message + "; publish the scene again"};
@@ -126,7 +126,6 @@ class StaticSource {
   base::Result<void> acceptTable(const RangeArrival& arrival);
   base::Result<void> acceptRecordFront(base::ByteView bytes);
   base::Result<void> acceptIndexFront(base::ByteView bytes);
-  base::Result<void> acceptParameters(base::ByteView bytes);
   void acceptChunk(std::uint32_t chunk, base::ByteView bytes);
   void acceptBlock(std::uint32_t group, base::ByteView bytes);
   void acceptIndexBlock(std::uint64_t number, base::ByteView bytes);
@@ -213,7 +212,6 @@ class StaticSource {
   std::unordered_set<std::uint32_t> broken_groups_;
   std::optional<repository::IndexRoot> root_;
   repository::SampledPoints points_;
-  bool points_known_ = false;
   repository::LruCache<std::uint64_t, repository::IndexBlock> index_blocks_;
   std::unordered_set<std::uint64_t> broken_index_blocks_;
   std::unordered_set<std::string> lost_objects_;

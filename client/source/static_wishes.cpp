@@ -10,8 +10,6 @@ namespace client {
 namespace {
 
 // The numbers are choices; more wishes find more neighbours to fetch in one request, and are compared longer.
-/// As much of the index's front (repository::kIndexFrontBytes) as the roots of nearly all scenes fill.
-constexpr std::uint64_t kIndexFrontBytes = 4 * 1024;
 constexpr std::size_t kWishesAhead = 64;  // looked through for neighbours of a request
 /// Counted ahead of need for an image whose place in the packs is not known yet: it takes a block of the index, too.
 /// With the bytes of an image alone, cedar_creek over 1 Mbit/s had 25 dB half a second later.
@@ -76,7 +74,7 @@ void StaticSource::loseGroup(std::uint32_t group, const std::string& why) {
 // ---- the images ----
 
 RangeWish StaticSource::indexWish(std::uint64_t number) const {
-  return {kIndexBlock, number, scene_.index->name, root_->blockOffset(number), root_->block_bytes};
+  return {kIndexBlock, number, scene_.index->name, root_->blockOffset(number), root_->bytesToRead(number)};
 }
 
 /// Finds out how to get a face. With kWanted, `wish` is the next range that it needs. An empty face is handed over at
@@ -287,9 +285,7 @@ std::vector<RangeWish> StaticSource::urgentWishes() {
   std::vector<RangeWish> wishes;
   const bool opening_is_here = wishForOpening(wishes);
   if (scene_.index && !root_)
-    wishes.push_back({kIndexFront, 0, scene_.index->name, 0, std::min(kIndexFrontBytes, scene_.index->bytes)});
-  if (root_ && !points_known_)
-    wishes.push_back({kParameters, 0, scene_.index->name, repository::parameterOffset(), root_->parameter_bytes});
+    wishes.push_back({kIndexFront, 0, scene_.index->name, 0, scene_.index->opening.front().length});
   if (!opening_is_here || phase_ == Phase::kFailed) return wishes;
 
   wishForCoarse(wishes);

@@ -78,8 +78,8 @@ void pick(const Request& request) {
 extern "C" {
 
 /// Opens a published scene. `numbers`: as in client/web/page.h, the three being the lengths of the patches, of their
-/// records and of the index (0: none), and behind the hull, of the patches and then of the records, the count of the
-/// ranges that are read first, then their offsets and lengths.
+/// records and of the index (0: none), and behind the hull, of each of them, the count of the ranges that are read
+/// first, then their offsets and lengths.
 EMSCRIPTEN_KEEPALIVE void openStatic(const char* place, const char* name, const char* units, const char* start_view,
                                      const char* attribution, const char* patches, const char* records,
                                      const char* index, const double* numbers) {
@@ -90,11 +90,12 @@ EMSCRIPTEN_KEEPALIVE void openStatic(const char* place, const char* name, const 
   scene.patches = {patches, static_cast<std::uint64_t>(bytes[0])};
   scene.records = {records, static_cast<std::uint64_t>(bytes[1])};
   const double* next = numbers + client::web::kHullAt + 3 * scene.welcome.hull.size();
-  for (client::StaticObject* object : {&scene.patches, &scene.records}) {
+  client::StaticObject images{index, static_cast<std::uint64_t>(bytes[2])};
+  for (client::StaticObject* object : {&scene.patches, &scene.records, &images}) {
     for (auto left = static_cast<int>(*next++); left > 0; --left, next += 2)
       object->opening.push_back({static_cast<std::uint64_t>(next[0]), static_cast<std::uint64_t>(next[1])});
   }
-  if (bytes[2] > 0.0) scene.index = client::StaticObject{index, static_cast<std::uint64_t>(bytes[2])};
+  if (images.bytes > 0) scene.index = std::move(images);
   client::web::scene = std::make_unique<client::web::PublishedScene>(std::move(scene));
   client::web::page.pick = client::web::pick;
 }

@@ -20,7 +20,7 @@ base::Result<client::StaticObject> publishInto(const std::string& directory, con
   repository::PublishOptions options;
   options.jobs = base::coreCount();
   LUMIGRID_ASSIGN_OR_RETURN(const auto published, repository::publishImages(images, *sink, options));
-  return client::StaticObject{published.index, published.index_bytes};
+  return client::StaticObject{published.index, published.index_bytes, {{0, published.index_front_bytes}}};
 }
 
 }  // namespace

@@ -24,14 +24,15 @@ using base::Result;
 constexpr char kPackMagic[9] = "LGPACKS\n";
 constexpr char kIndexMagic[9] = "LGINDEX\n";
 constexpr std::size_t kMagicBytes = 8;
-constexpr std::uint32_t kVersion = 2;
+constexpr std::uint32_t kPackVersion = 2;
+constexpr std::uint32_t kIndexVersion = 3;
 constexpr std::uint32_t kIndexHeaderBytes = 128;
 constexpr std::uint32_t kMaxParameterBytes = std::uint32_t{16} << 20;
 constexpr std::uint64_t kMaxPacks = std::uint64_t{1} << 24;
 constexpr std::uint64_t kMaxBlocks = std::uint64_t{1} << 32;
 constexpr std::uint32_t kMinBlockBytes = 4096;
 constexpr std::uint32_t kMaxBlockBytes = 262144;
-constexpr std::uint32_t kBlockHeaderBytes = 8;
+constexpr std::uint32_t kBlockHeaderBytes = 12;
 constexpr std::uint32_t kCellBits = 6;
 constexpr std::uint64_t kCellMask = (1U << kCellBits) - 1;
 constexpr std::uint64_t kNoDirection = 0xC0C0C0C0C0C0C0C0ULL;  // bits of d = 6 and 7 in steps of whole faces
@@ -39,6 +40,8 @@ constexpr std::uint64_t kWholeFaces = std::uint64_t{1} << 63;  // of a run's cel
 constexpr std::uint32_t kMinValueBytes = 8;                    // the header of a face value
 // The writer's choices; docs/formats/packs.md gives the reasons.
 constexpr std::uint32_t kBlockBytes = 16384;
+constexpr std::uint64_t kMaxFillBytes = 4096;
+constexpr std::uint64_t kMostRoom = 16;  // blocks take at most so many times what they hold, while larger ones are left
 // A neighbourhood of 4 × 4 × 4 points, or of 2 × 2 × 2 where tiles make that too large for a block. No run is longer.
 constexpr std::uint32_t kManyPoints = kTileBits + 9, kFewPoints = kTileBits + 6;
 
@@ -60,8 +63,12 @@ std::uint64_t mixBits(std::uint64_t x) {
   return x ^ x >> 31;
 }
 
-std::uint64_t blocksOffsetFor(std::uint64_t parameter_bytes, std::uint64_t block_bytes) {
-  return alignUp(std::max(kIndexFrontBytes, kIndexHeaderBytes + parameter_bytes), block_bytes);
+std::uint64_t blocksOffsetOf(const IndexRoot& root) {
+  return alignUp(std::max(kIndexFrontBytes, root.frontBytes()), root.block_bytes);
+}
+
+std::uint32_t fillBytesOf(const IndexRoot& root) {
+  return root.blocks <= kMaxFillBytes ? static_cast<std::uint32_t>(root.blocks) : 0;
 }
 
 // --- Runs
@@ -138,15 +145,16 @@ void forEachCode(const FaceRun& run, Visit visit) {
 }
 
 // Checks magic, version, and the header's checksum, which is its last word.
-Result<void> checkHeader(ByteView bytes, const char* magic, std::uint32_t header_bytes, const std::string& name) {
+Result<void> checkHeader(ByteView bytes, const char* magic, std::uint32_t expected_version, std::uint32_t header_bytes,
+                         const std::string& name) {
   if (bytes.size() < header_bytes) return damaged(name + " is cut short");
   ByteReader in(bytes);
   if (std::memcmp(in.bytes(kMagicBytes).data(), magic, kMagicBytes) != 0)
     return damaged("not " + name + " (wrong magic)");
   const std::uint32_t version = in.u32();
-  if (version != kVersion)
+  if (version != expected_version)
     return Error{ErrorCode::kVersion, name + " is of version " + std::to_string(version) + ", this program reads " +
-                                          std::to_string(kVersion)};
+                                          std::to_string(expected_version) + "; publish it again"};
   if (in.u32() != header_bytes) return damaged(name + " has a header of another length");
   ByteReader end(bytes.subspan(header_bytes - 4));
   if (end.u32() != base::crc32c(bytes.first(header_bytes - 4)))
@@ -167,7 +175,8 @@ auto fieldsOf(auto& pack) {
 auto fieldsOfRoot(auto& root) {
   return std::tie(root.object_bytes, root.keys, root.empty, root.totals.value_bytes, root.totals.jpeg_bytes,
                   root.totals.coverage_bytes, root.blocks, root.blocks_offset, root.packs, root.block_bytes,
-                  root.hash_shift, root.parameter_bytes, root.parameter_crc, root.rows_crc);
+                  root.hash_shift, root.parameter_bytes, root.parameter_crc, root.rows_crc, root.fill_bytes,
+                  root.fill_crc);
 }
 auto fieldsOfRow(auto& row) {
   return std::tie(row.id, row.bytes, row.first_code, row.last_code, row.keys);
@@ -244,7 +253,7 @@ Bytes encodePack(std::span<const PackEntry> entries, ByteView values) {
 
   ByteWriter out;
   out.bytes(base::viewOfText({kPackMagic, kMagicBytes}));
-  out.u32(kVersion);
+  out.u32(kPackVersion);
   out.u32(static_cast<std::uint32_t>(kPackHeaderBytes));
   const PackSummary summary{kPackHeaderBytes + values.size() + table.size(),
                             kPackHeaderBytes + values.size(),
@@ -260,7 +269,7 @@ Bytes encodePack(std::span<const PackEntry> entries, ByteView values) {
 }
 
 Result<PackTable> decodePack(ByteView pack) {
-  LUMIGRID_TRY(checkHeader(pack, kPackMagic, kPackHeaderBytes, "a pack"));
+  LUMIGRID_TRY(checkHeader(pack, kPackMagic, kPackVersion, kPackHeaderBytes, "a pack"));
   ByteReader header(pack.subspan(kMagicBytes + 8));
   PackSummary summary;
   base::readFields(header, fieldsOf(summary));
@@ -297,8 +306,12 @@ Result<PackTable> decodePack(ByteView pack) {
 
 // --- Reading the index
 
+std::uint64_t IndexRoot::frontBytes() const {
+  return parameterOffset() + parameter_bytes + fill_bytes;
+}
+
 Result<IndexRoot> decodeIndexRoot(ByteView front) {
-  LUMIGRID_TRY(checkHeader(front, kIndexMagic, kIndexHeaderBytes, "an index"));
+  LUMIGRID_TRY(checkHeader(front, kIndexMagic, kIndexVersion, kIndexHeaderBytes, "an index"));
   ByteReader in(front.subspan(kMagicBytes + 8));
   IndexRoot root;
   base::readFields(in, fieldsOfRoot(root));
@@ -311,10 +324,15 @@ Result<IndexRoot> decodeIndexRoot(ByteView front) {
   if (root.parameter_bytes > kMaxParameterBytes) return damaged("the index's parameters are too long");
   if (root.blocks == 0 || root.blocks > kMaxBlocks) return damaged("the index has no blocks or too many");
   if (root.packs > kMaxPacks || root.packs > root.keys) return damaged("the index has too many packs");
-  if (root.blocks_offset != blocksOffsetFor(root.parameter_bytes, root.block_bytes))
-    return damaged("the index's blocks do not lie behind its parameters");
+  if (root.fill_bytes != fillBytesOf(root)) return damaged("the index tells of too many or too few blocks");
+  if (root.blocks_offset != blocksOffsetOf(root)) return damaged("the index's blocks do not lie behind its parameters");
   if (root.object_bytes != root.rowsOffset() + root.packs * kPackRowBytes)
     return damaged("the index's lengths do not add up");
+  if (front.size() >= root.frontBytes()) {
+    const ByteView fill = front.subspan(root.frontBytes() - root.fill_bytes, root.fill_bytes);
+    if (base::crc32c(fill) != root.fill_crc) return damaged("how full the index's blocks are: the checksum differs");
+    root.fill.assign(fill.begin(), fill.end());
+  }
   return root;
 }
 
@@ -330,9 +348,12 @@ std::uint64_t blockOfCode(const IndexRoot& root, std::uint64_t code) {
 
 Result<IndexBlock> decodeIndexBlock(const IndexRoot& root, std::uint64_t number, ByteView block) {
   const std::string name = "block " + std::to_string(number) + " of the index";
-  if (block.size() != root.block_bytes) return damaged(name + " is cut short");
   ByteReader in(block);
-  if (in.u32() != base::crc32c(block.subspan(4))) return damaged(name + ": its checksum differs");
+  const std::uint32_t crc = in.u32();
+  const std::uint32_t used = in.u32();
+  if (!in.ok() || block.size() > root.block_bytes || used > block.size() || used < kBlockHeaderBytes)
+    return damaged(name + " is cut short");
+  if (crc != base::crc32c(block.first(used).subspan(4))) return damaged(name + ": its checksum differs");
   const std::uint16_t packs = in.u16();
   const std::uint16_t runs = in.u16();
 
@@ -349,9 +370,10 @@ Result<IndexBlock> decodeIndexBlock(const IndexRoot& root, std::uint64_t number,
       return damaged(name + ": runs are out of order");
     out.rows_.push_back(row);
   }
-  const ByteView rest = block.subspan(in.offset());
-  if (!in.ok() || std::any_of(rest.begin(), rest.end(), [](std::uint8_t byte) { return byte != 0; }))
-    return damaged(name + ": its lengths do not add up");
+  if (!in.ok() || in.offset() != used) return damaged(name + ": its lengths do not add up");
+  const ByteView rest = block.subspan(used);
+  if (std::any_of(rest.begin(), rest.end(), [](std::uint8_t byte) { return byte != 0; }))
+    return damaged(name + ": something stands behind its end");
   return out;
 }
 
@@ -438,12 +460,12 @@ std::uint64_t IndexBuilder::fullestNeighbourhood(std::uint32_t hash_shift) const
   return fullest;
 }
 
-// Chooses how many points share a block, and its size: 4 × 4 × 4 where half a block of the usual size holds any so
-// many, else 2 × 2 × 2, and the smallest blocks that hold those. The largest hold their whole tiles.
+// Chooses how many points share a block, and its size: 4 × 4 × 4 where a quarter of a block of the usual size holds
+// any so many, else 2 × 2 × 2, and the smallest blocks that hold those. The largest hold their whole tiles.
 void IndexBuilder::chooseNeighbourhood(IndexRoot& root) const {
   root.block_bytes = kBlockBytes;
   root.hash_shift = kManyPoints;
-  if (2 * fullestNeighbourhood(root.hash_shift) <= root.block_bytes) return;
+  if (4 * fullestNeighbourhood(root.hash_shift) <= root.block_bytes) return;
   root.hash_shift = kFewPoints;
   root.block_bytes = kMinBlockBytes;
   while (fullestNeighbourhood(root.hash_shift) > root.block_bytes) root.block_bytes *= 2;
@@ -465,7 +487,17 @@ bool IndexBuilder::fitsIntoBlocks(const IndexRoot& root) const {
   return true;
 }
 
-void IndexBuilder::writeBlocks(const IndexRoot& root, const std::vector<PackRow>& packs, Bytes& out) const {
+// Takes the fewest blocks that hold all, of those that are tried. Where neighbourhoods fill blocks of this size almost,
+// so that hardly two may share one, that would be far too many, and larger ones are needed: returns false then.
+bool IndexBuilder::chooseBlocks(IndexRoot& root) const {
+  const std::uint64_t most = root.block_bytes + kMostRoom * bytes_.size();
+  for (root.blocks = 1 + bytes_.size() / root.block_bytes; !fitsIntoBlocks(root); root.blocks += 1 + root.blocks / 8)
+    if (root.blocks * root.block_bytes > most && root.block_bytes < kMaxBlockBytes) return false;
+  return true;
+}
+
+// Says in root.fill how full each is.
+void IndexBuilder::writeBlocks(IndexRoot& root, const std::vector<PackRow>& packs, Bytes& out) const {
   std::vector<std::pair<std::uint64_t, std::uint64_t>> order;  // number of the block, index of the run
   order.reserve(runs_.size());
   for (std::size_t i = 0; i < runs_.size(); ++i) order.emplace_back(blockOfCode(root, runs_[i].first_code), i);
@@ -488,18 +520,20 @@ void IndexBuilder::writeBlocks(const IndexRoot& root, const std::vector<PackRow>
       runs.u16(static_cast<std::uint16_t>(id_count - 1));
       runs.bytes(bytesOf(run));
     }
+    const auto used = static_cast<std::uint32_t>(kBlockHeaderBytes + ids.size() + runs.size());
     ByteWriter content;
+    content.u32(used);
     content.u16(id_count);
     content.u16(run_count);
     content.bytes(ids.view());
     content.bytes(runs.view());
-    Bytes rest = content.takeBytes();
-    rest.resize(root.block_bytes - 4);
-    const std::uint32_t crc = base::crc32c(rest);
-    const auto at = out.size();
-    out.resize(at + 4);
-    std::memcpy(out.data() + at, &crc, sizeof(crc));
-    out.insert(out.end(), rest.begin(), rest.end());
+    ByteWriter checksum;
+    checksum.u32(base::crc32c(content.view()));
+    out.insert(out.end(), checksum.view().begin(), checksum.view().end());
+    out.insert(out.end(), content.view().begin(), content.view().end());
+    out.resize(out.size() + root.block_bytes - used);
+    const std::uint32_t step = root.block_bytes / IndexRoot::kFillSteps;
+    root.fill.push_back(static_cast<std::uint8_t>((used - 1) / step));
   }
 }
 
@@ -510,15 +544,10 @@ Result<Bytes> IndexBuilder::build(const std::vector<PackRow>& packs, const std::
     return Error{ErrorCode::kUnsupported, "the repository's parameters exceed 16 MiB"};
   IndexRoot root;
   chooseNeighbourhood(root);
-  // The number of blocks grows by an eighth until no block overflows. The hash is a bijection, so different
-  // neighbourhoods part at some number of blocks and the loop ends.
-  root.blocks = 1 + bytes_.size() / root.block_bytes;
-  while (!fitsIntoBlocks(root)) root.blocks += 1 + root.blocks / 8;
+  while (!chooseBlocks(root)) root.block_bytes *= 2;
 
   ByteWriter rows;
   for (const PackRow& pack : packs) base::writeFields(rows, fieldsOfRow(pack));
-  root.blocks_offset = blocksOffsetFor(parameters.size(), root.block_bytes);
-  root.object_bytes = root.rowsOffset() + rows.size();
   root.keys = keys_;
   root.empty = empty_;
   root.totals = totals;
@@ -526,22 +555,30 @@ Result<Bytes> IndexBuilder::build(const std::vector<PackRow>& packs, const std::
   root.parameter_bytes = static_cast<std::uint32_t>(parameters.size());
   root.parameter_crc = base::crc32c(base::viewOfText(parameters));
   root.rows_crc = base::crc32c(rows.view());
-
-  ByteWriter header;
-  header.bytes(base::viewOfText({kIndexMagic, kMagicBytes}));
-  header.u32(kVersion);
-  header.u32(kIndexHeaderBytes);
-  base::writeFields(header, fieldsOfRoot(root));
-  header.bytes(Bytes(16));
-  header.u32(base::crc32c(header.view()));
-  LUMIGRID_CHECK_EQ(header.size(), kIndexHeaderBytes);
-  header.bytes(base::viewOfText(parameters));
-
-  Bytes out = header.takeBytes();
+  root.fill_bytes = fillBytesOf(root);
+  root.blocks_offset = blocksOffsetOf(root);
+  root.object_bytes = root.rowsOffset() + rows.size();
+  Bytes out;
   out.reserve(root.object_bytes);
   out.resize(root.blocks_offset);
   writeBlocks(root, packs, out);
   out.insert(out.end(), rows.view().begin(), rows.view().end());
+  if (root.fill_bytes == 0) root.fill.clear();
+  root.fill_crc = base::crc32c(root.fill);
+
+  ByteWriter header;
+  header.bytes(base::viewOfText({kIndexMagic, kMagicBytes}));
+  header.u32(kIndexVersion);
+  header.u32(kIndexHeaderBytes);
+  base::writeFields(header, fieldsOfRoot(root));
+  header.bytes(Bytes(8));
+  header.u32(base::crc32c(header.view()));
+  LUMIGRID_CHECK_EQ(header.size(), kIndexHeaderBytes);
+  header.bytes(base::viewOfText(parameters));
+  header.bytes(root.fill);
+  LUMIGRID_CHECK_EQ(header.size(), root.frontBytes());
+
+  std::copy(header.view().begin(), header.view().end(), out.begin());
   return out;
 }
 

@@ -86,12 +86,22 @@ struct IndexRoot {
   std::uint32_t hash_shift = 0;
   std::uint32_t parameter_bytes = 0, parameter_crc = 0;
   std::uint32_t rows_crc = 0;
+  std::uint32_t fill_bytes = 0, fill_crc = 0;  ///< fill_bytes: as many as blocks, or 0 where there are too many
+  /// For each block how many 256ths of it, less one, hold something. Empty: not known.
+  std::vector<std::uint8_t> fill;
 
   std::uint64_t blockOffset(std::uint64_t block) const { return blocks_offset + block * block_bytes; }
+  /// As much of a block as decodeIndexBlock() needs.
+  std::uint64_t bytesToRead(std::uint64_t block) const {
+    return fill.empty() ? block_bytes : block_bytes / kFillSteps * (std::uint64_t{fill[block]} + 1);
+  }
   std::uint64_t rowsOffset() const { return blockOffset(blocks); }
+  /// The first bytes of the index that hold all but blocks and rows.
+  std::uint64_t frontBytes() const;
+  static constexpr std::uint32_t kFillSteps = 256;
 };
-/// Decodes the root from the first bytes of the index, at least kIndexHeaderBytes. The parameters lie at
-/// parameterOffset(); checkParameters checks them.
+/// Decodes the root from the first bytes of the index, at least kIndexHeaderBytes. What tells how full the blocks are
+/// is there where `front` reaches that far. The parameters lie at parameterOffset(); checkParameters checks them.
 base::Result<IndexRoot> decodeIndexRoot(base::ByteView front);
 constexpr std::uint64_t parameterOffset() {
   return 128;
@@ -130,6 +140,7 @@ class IndexBlock {
   std::vector<Row> rows_;  // in ascending order of codes
   std::vector<std::uint32_t> lengths_;
 };
+/// `block`: all of it, or what IndexRoot::bytesToRead() says.
 base::Result<IndexBlock> decodeIndexBlock(const IndexRoot& root, std::uint64_t number, base::ByteView block);
 
 struct PackRow {
@@ -159,7 +170,8 @@ class IndexBuilder {
   void chooseNeighbourhood(IndexRoot& root) const;
   std::uint64_t fullestNeighbourhood(std::uint32_t hash_shift) const;
   bool fitsIntoBlocks(const IndexRoot& root) const;
-  void writeBlocks(const IndexRoot& root, const std::vector<PackRow>& packs, base::Bytes& out) const;
+  bool chooseBlocks(IndexRoot& root) const;
+  void writeBlocks(IndexRoot& root, const std::vector<PackRow>& packs, base::Bytes& out) const;
 
   std::vector<EncodedRun> runs_;
   base::Bytes bytes_;

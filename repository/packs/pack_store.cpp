@@ -67,7 +67,7 @@ Result<PackStore::Block> PackStore::loadBlock(std::uint64_t number) const {
     const std::lock_guard guard(mutex_);
     if (const Block* cached = blocks_.find(number)) return *cached;
   }
-  LUMIGRID_ASSIGN_OR_RETURN(auto bytes, source_->read(index_, root_.blockOffset(number), root_.block_bytes));
+  LUMIGRID_ASSIGN_OR_RETURN(auto bytes, source_->read(index_, root_.blockOffset(number), root_.bytesToRead(number)));
   auto decoded = decodeIndexBlock(root_, number, bytes);
   if (!decoded) return indexError(decoded.error());
   auto block = std::make_shared<const IndexBlock>(std::move(*decoded));

@@ -158,11 +158,13 @@ class Publisher {
   }
 
   Result<PublishedImages> putIndex(const std::string& parameters) {
-    LUMIGRID_ASSIGN_OR_RETURN(auto index, builder_.build(rows_, withoutTiles(parameters), totals_));
+    LUMIGRID_ASSIGN_OR_RETURN(auto index, builder_.build(rows_, publishedParameters(parameters), totals_));
     const base::Sha256Digest digest = base::sha256(index);
     result_.index = indexName(idOf(digest));
     result_.index_sha256 = base::hexOf(digest);
     result_.index_bytes = index.size();
+    LUMIGRID_ASSIGN_OR_RETURN(const auto root, decodeIndexRoot(index));
+    result_.index_front_bytes = root.frontBytes();
     result_.keys = progress_.keys_done;
     for (const PackRow& row : rows_) result_.pack_names.push_back(packName(row.id));
     LUMIGRID_ASSIGN_OR_RETURN(const auto written, putOnce(sink_, result_.index, index, options_.rewrite));

@@ -29,6 +29,7 @@ struct PublishedImages {
   std::string index;         ///< the index object's name
   std::string index_sha256;  ///< digest of the whole object, lower-case hex
   std::uint64_t index_bytes = 0;
+  std::uint64_t index_front_bytes = 0;  ///< IndexRoot::frontBytes()
   std::vector<std::string> pack_names;  ///< in order of keys
   std::uint64_t keys = 0, empty = 0;
   std::uint64_t pack_bytes = 0;     ///< all packs

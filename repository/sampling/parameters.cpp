@@ -108,6 +108,12 @@ std::string withoutTiles(const std::string& text) {
   return withoutLinesFrom(text, kTiles);
 }
 
+std::string publishedParameters(const std::string& meta) {
+  const auto points = sampledPointsFromMeta(meta, "");
+  if (!points || !points->tree) return withoutTiles(meta);
+  return withLine(withoutSelection(meta), kTree, points->tree->encode(SampleTree::Form::kPublished));
+}
+
 base::Result<std::optional<SampleTree>> treeFromText(const std::string& text, const Grid& grid,
                                                      const std::string& name) {
   return partFromLine<SampleTree>(text, kTree, grid, name);

@@ -25,6 +25,9 @@ std::string withTiles(const std::string& text, const Grid& grid, const WantedTil
 std::string withoutSelection(const std::string& text);
 /// Removes the line of the tiles, which matters to builds alone.
 std::string withoutTiles(const std::string& text);
+/// The text that is published for a meta text: without the tiles, and with the tree in its published form. A text whose
+/// grid or tree cannot be read keeps its tree.
+std::string publishedParameters(const std::string& meta);
 /// The tree that the text holds; nothing where the whole grid is sampled. Errors name the store by `name`.
 base::Result<std::optional<SampleTree>> treeFromText(const std::string& text, const Grid& grid,
                                                      const std::string& name);

@@ -11,7 +11,9 @@ namespace repository {
 namespace {
 
 constexpr std::uint8_t kMagic = 'T';
-constexpr std::uint8_t kVersion = 1;
+// The lower bits of a point's code are 0: direction and tile.
+constexpr unsigned kPointShift = kTileBits + 3;
+constexpr std::uint64_t kMaxPoint = (std::uint64_t{1} << 48) - 1;
 
 base::Error damaged(const std::string& problem) {
   return {base::ErrorCode::kInvalidInput, "the tree of sampling points " + problem};
@@ -160,7 +162,7 @@ void SampleTree::leaveOut(const glm::uvec3& point) {
   left_out_.insert(codeOfPoint(point));
 }
 
-base::Bytes SampleTree::encode() const {
+base::Bytes SampleTree::encode(Form form) const {
   // Nodes outside of the grid are not encoded.
   TwoBitWriter states;
   std::vector<std::pair<std::uint32_t, Cell>> open{{0, {glm::uvec3(0), root_size_}}};
@@ -178,11 +180,16 @@ base::Bytes SampleTree::encode() const {
 
   base::ByteWriter out;
   out.u8(kMagic);
-  out.u8(kVersion);
+  out.u8(static_cast<std::uint8_t>(form));
   out.u32(static_cast<std::uint32_t>(states.bytes().size()));
   out.u32(static_cast<std::uint32_t>(left_out.size()));
   out.bytes(states.bytes());
-  for (const std::uint64_t code : left_out) out.u64(code);
+  for (std::size_t i = 0; i < left_out.size(); ++i) {
+    if (form == Form::kStored)
+      out.u64(left_out[i]);
+    else
+      out.varint((left_out[i] - (i > 0 ? left_out[i - 1] : 0)) >> kPointShift);
+  }
   out.u32(base::crc32c(out.view()));
   return base::Bytes(out.view().begin(), out.view().end());
 }
@@ -192,12 +199,14 @@ base::Result<SampleTree> SampleTree::decode(const Grid& grid, base::ByteView byt
   base::ByteReader in(bytes);
   if (in.u8() != kMagic) return damaged("does not begin as one");
   const std::uint8_t version = in.u8();
-  if (in.ok() && version != kVersion)
+  const bool is_stored = version == static_cast<std::uint8_t>(Form::kStored);
+  if (in.ok() && !is_stored && version != static_cast<std::uint8_t>(Form::kPublished))
     return base::Error{base::ErrorCode::kVersion, "the tree of sampling points has version " + std::to_string(version) +
-                                                      ", this program reads 1; update it"};
+                                                      ", this program reads 1 and 2; update it"};
   const std::uint32_t state_bytes = in.u32();
   const std::uint32_t left_out = in.u32();
-  if (!in.ok() || in.remaining() != std::uint64_t{state_bytes} + 8 * std::uint64_t{left_out} + 4)
+  const std::uint64_t least = std::uint64_t{state_bytes} + (is_stored ? 8 : 1) * std::uint64_t{left_out} + 4;
+  if (!in.ok() || in.remaining() < least || (is_stored && in.remaining() != least))
     return damaged("is cut short, or longer than it says");
   base::ByteReader end(bytes.last(4));
   if (end.u32() != base::crc32c(bytes.first(bytes.size() - 4))) return damaged("has a wrong checksum");
@@ -224,13 +233,16 @@ base::Result<SampleTree> SampleTree::decode(const Grid& grid, base::ByteView byt
   if (!states.atEnd()) return damaged("goes on behind its last cell");
   std::uint64_t last = 0;
   for (std::uint32_t i = 0; i < left_out; ++i) {
-    const std::uint64_t code = in.u64();
+    const std::uint64_t steps = is_stored ? 0 : in.varint();
+    if (steps > kMaxPoint) return damaged("leaves out a point that is not of its grid, or twice");
+    const std::uint64_t code = is_stored ? in.u64() : last + (steps << kPointShift);
     const auto key = FaceKey::fromCode(code);
     if (!key || key->d != 0 || !grid.contains(*key) || (i > 0 && code <= last))
       return damaged("leaves out a point that is not of its grid, or twice");
     last = code;
     tree.left_out_.insert(code);
   }
+  if (!in.ok() || in.remaining() != 4) return damaged("is cut short, or longer than it says");
   return tree;
 }
 

@@ -49,8 +49,10 @@ class SampleTree {
   void leaveOut(const glm::uvec3& point);
   bool leavesOut(const glm::uvec3& point) const { return left_out_.count(codeOfPoint(point)) != 0; }
 
-  base::Bytes encode() const;
-  /// Hostile bytes give an error and never take more than 256 times their own memory.
+  /// How the points that are left out are written; the number is the version. Published ones are read over a network.
+  enum class Form : std::uint8_t { kStored = 1, kPublished = 2 };
+  base::Bytes encode(Form form = Form::kStored) const;
+  /// Reads both forms. Hostile bytes give an error and never take more than 256 times their own memory.
   static base::Result<SampleTree> decode(const Grid& grid, base::ByteView bytes);
 
  private:

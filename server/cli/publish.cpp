@@ -154,6 +154,7 @@ Result<base::ScenePart> publishImages(const PublishArguments& a, const OpenScene
   if (!images) return images.error();
   report.bytes_written += images->bytes_written;
   base::ScenePart part{images->index, images->index_bytes, images->index_sha256};
+  part.opening = {{0, images->index_front_bytes}};
   report.images = std::move(*images);
   return part;
 }

@@ -1,6 +1,6 @@
 // Feeds any bytes to the decoders of an index's root, parameters and list of packs, as they are and with correct
-// checksums. An input holds an index without its blocks (header, parameters and rows, one behind the other), so that
-// mutations hit bytes that are read.
+// checksums. An input holds an index without its blocks (header, parameters, how full the blocks are, and rows, one
+// behind the other), so that mutations hit bytes that are read.
 #include <algorithm>
 
 #include "base/check.h"
@@ -18,11 +18,12 @@ base::ByteView slice(base::ByteView bytes, std::uint64_t offset, std::uint64_t l
 }
 
 struct Parts {
-  base::ByteView parameters, rows;
+  base::ByteView parameters, fill, rows;
 };
 Parts partsOf(const repository::IndexRoot& root, base::ByteView bytes) {
   const std::uint64_t end = kHeaderBytes + root.parameter_bytes;
-  return {slice(bytes, kHeaderBytes, root.parameter_bytes), slice(bytes, end, bytes.size())};
+  return {slice(bytes, kHeaderBytes, root.parameter_bytes), slice(bytes, end, root.fill_bytes),
+          slice(bytes, root.frontBytes(), bytes.size())};
 }
 
 void decode(base::ByteView bytes) {
@@ -32,6 +33,9 @@ void decode(base::ByteView bytes) {
   LUMIGRID_CHECK(root->rowsOffset() <= root->object_bytes && root->blocks_offset >= repository::kIndexFrontBytes);
   for (const std::uint64_t code : {std::uint64_t{0}, std::uint64_t{77}, ~std::uint64_t{0} >> 1})
     LUMIGRID_CHECK(repository::blockOfCode(*root, code) < root->blocks);
+  LUMIGRID_CHECK(root->fill.empty() || root->fill.size() == root->blocks);
+  for (const std::uint64_t block : {std::uint64_t{0}, root->blocks - 1})
+    LUMIGRID_CHECK(root->bytesToRead(block) > 0 && root->bytesToRead(block) <= root->block_bytes);
   const Parts parts = partsOf(*root, bytes);
   if (repository::checkParameters(*root, parts.parameters))
     LUMIGRID_CHECK(parts.parameters.size() == root->parameter_bytes);
@@ -61,7 +65,7 @@ std::vector<base::Bytes> seeds() {
   for (const base::Bytes& index : whole) {
     const auto root = repository::decodeIndexRoot(index);
     LUMIGRID_CHECK(bool(root));
-    base::Bytes seed(index.begin(), index.begin() + kHeaderBytes + root->parameter_bytes);
+    base::Bytes seed(index.begin(), index.begin() + static_cast<std::ptrdiff_t>(root->frontBytes()));
     seed.insert(seed.end(), index.begin() + static_cast<std::ptrdiff_t>(root->rowsOffset()), index.end());
     LUMIGRID_CHECK(bool(repository::decodePackRows(*root, partsOf(*root, seed).rows)));
     seeds.push_back(seed);
@@ -76,8 +80,10 @@ void fuzzOne(base::ByteView bytes) {
   const auto seal = [&] { put(made, kHeaderBytes - 4, base::crc32c(base::ByteView(made).first(kHeaderBytes - 4))); };
   seal();
   decode(made);
-  if (const auto root = repository::decodeIndexRoot(made)) {
+  // A front that ends with the header is accepted whatever the fill's checksum is.
+  if (const auto root = repository::decodeIndexRoot(base::ByteView(made).first(kHeaderBytes))) {
     const Parts parts = partsOf(*root, made);
+    put(made, 112, base::crc32c(parts.fill));
     put(made, 100, base::crc32c(parts.parameters));
     put(made, 104, base::crc32c(parts.rows));
     seal();

@@ -18,7 +18,7 @@ void decode(base::ByteView bytes) {
   const repository::Grid grid = testGrid();
   const auto tree = repository::SampleTree::decode(grid, bytes);
   if (!tree) return;
-  const base::Bytes again = tree->encode();
+  const base::Bytes again = tree->encode(repository::SampleTree::Form{bytes[1]});
   LUMIGRID_CHECK(base::Bytes(bytes.begin(), bytes.end()) == again);
   for (const glm::uvec3& point : tree->points()) LUMIGRID_CHECK(support::hasPoint(*tree, grid, point));
   for (const glm::uvec3& corner : tree->cornersOf(tree->leafOf({15, 4, 7})))
@@ -36,7 +36,7 @@ std::vector<base::Bytes> seeds() {
   mixed.leaveOut({16, 5, 8});
   mixed.leaveOut({4, 4, 4});
   return {repository::SampleTree(testGrid(), 16).encode(), repository::SampleTree(testGrid(), 1).encode(),
-          mixed.encode()};
+          mixed.encode(), mixed.encode(repository::SampleTree::Form::kPublished)};
 }
 
 void fuzzOne(base::ByteView bytes) {

@@ -159,6 +159,15 @@ class WindowTest : public programs::PublishedSite {
     return false;
   }
 
+  /// Waits until a program wrote the text: the server's log is written by a thread of its own.
+  bool waitForLine(const std::string& file, const std::string& text) const {
+    for (int i = 0; i < 600; ++i) {
+      if (readText(path(file)).find(text) != std::string::npos) return true;
+      std::this_thread::sleep_for(std::chrono::milliseconds(100));
+    }
+    return false;
+  }
+
   std::unique_ptr<Display> display_;
   pid_t viewer_ = -1;
   std::string link_;
@@ -252,7 +261,7 @@ TEST_F(WindowTest, theMethodIsThatOfTheSettingsAndPatchesStandInForSplatsThatAre
             0);
   open(serve(path("plain")).url, {});
   EXPECT_TRUE(waitFor(showsModel)) << readText(path("window.err"));
-  EXPECT_NE(readText(path("serve1.err")).find("hello client"), std::string::npos);
+  EXPECT_TRUE(waitForLine("serve1.err", "hello client")) << readText(path("serve1.err"));
   ::unsetenv("XDG_CONFIG_HOME");
 }
 

@@ -175,7 +175,8 @@ export async function openStaticScene(base, core, changed) {
   if (!records)
     throw new SceneError(
         `${url} lists no records of groups`, "An earlier program published it; publish the scene again.");
-  const openings = [patches, records].map(openingOf).flatMap((opening) => [opening.length / 2, ...opening]);
+  const openings = [patches, records, index ?? {}]
+      .map(openingOf).flatMap((opening) => [opening.length / 2, ...opening]);
   return openParts("openStatic", base, read, core, changed, [patches, records, index], [], openings);
 }
 

@@ -100,7 +100,8 @@ struct PublishedScene {
     flush();
     auto index = builder.build(rows, kParameters, {});
     LUMIGRID_CHECK(bool(index));
-    scene.index = StaticObject{repository::indexName({9, 9, 9}), index->size()};
+    scene.index = StaticObject{
+        repository::indexName({9, 9, 9}), index->size(), {{0, repository::decodeIndexRoot(*index)->frontBytes()}}};
     objects[scene.index->name] = std::move(*index);
   }
 };

@@ -589,6 +589,10 @@ TEST(StaticSource, refusesWrongEntriesOfSceneJson) {
   refused([](PublishedScene& p) { p.scene.records.opening.clear(); }, "lumigrid publish");
   refused([](PublishedScene& p) { p.scene.records.opening[0].offset = 1; }, "lumigrid publish");
   refused([](PublishedScene& p) { p.scene.records.opening[0].length = 90; }, "publish the scene again");
+  refused([](PublishedScene& p) { p.scene.index->opening.clear(); }, "publish the scene again");
+  refused([](PublishedScene& p) { p.scene.index->opening[0].offset = 1; }, "publish the scene again");
+  refused([](PublishedScene& p) { --p.scene.index->opening[0].length; }, "publish the scene again");
+  refused([](PublishedScene& p) { ++p.scene.index->opening[0].length; }, "publish the scene again");
 }
 
 }  // namespace

@@ -98,11 +98,17 @@ TEST(PackFormat, indexMatchesTheDocumentedExample) {
   EXPECT_TRUE(checkParameters(*root, ByteView(index).subspan(parameterOffset(), 2)));
   EXPECT_FALSE(checkParameters(*root, ByteView(index).subspan(parameterOffset() + 1, 2)));
   EXPECT_EQ(base::hexOf(ByteView(index).subspan(100, 8)), "aad07b296ea81136");
-  EXPECT_EQ(base::hexOf(ByteView(index).subspan(124, 4)), "0262ca29");
-  EXPECT_EQ(base::hexOf(ByteView(index).subspan(16384, 4)), "93de3861");
+  EXPECT_EQ(base::hexOf(ByteView(index).subspan(124, 4)), "f30d695a");
+  EXPECT_EQ(base::hexOf(ByteView(index).subspan(16384, 4)), "0c3389d2");
 
-  const auto block = decodeIndexBlock(*root, 0, ByteView(index).subspan(root->blockOffset(0), root->block_bytes));
+  EXPECT_EQ(root->frontBytes(), 131U);
+  EXPECT_EQ(root->fill, Bytes{0}) << "56 bytes are less than a 256th of the block";
+  EXPECT_EQ(base::hexOf(ByteView(index).subspan(108, 8)), "0100000051537d52");
+
+  const auto block = decodeIndexBlock(*root, 0, ByteView(index).subspan(root->blockOffset(0), root->bytesToRead(0)));
   ASSERT_TRUE(block) << block.error().message;
+  EXPECT_EQ(root->bytesToRead(0), 64U);
+  EXPECT_EQ(base::hexOf(ByteView(index).subspan(root->blockOffset(0) + 4, 8)), "3800000001000100");
   EXPECT_EQ(block->keys(), 6U);
   EXPECT_EQ(block->emptyFlags(), 1U);
   EXPECT_EQ(block->find(0), (FaceLocation{kId, 64, 19}));
@@ -163,9 +169,16 @@ TEST_P(KeysOfDepth, everyOneIsLocated) {
   EXPECT_EQ(root->blocks_offset, 32768U) << "parameters longer than the root's 16 KiB move the blocks";
   EXPECT_GT(root->blocks, 3U);
   EXPECT_EQ(*decodePackRows(*root, ByteView(index).subspan(root->rowsOffset())), rows);
+  EXPECT_TRUE(root->fill.empty()) << "it lies behind the parameters";
+  const auto whole = decodeIndexRoot(ByteView(index).first(root->frontBytes()));
+  ASSERT_TRUE(whole) << whole.error().message;
+  ASSERT_EQ(whole->fill.size(), root->blocks);
   const auto blockOf = [&](std::uint64_t code) {
     const std::uint64_t number = blockOfCode(*root, code);
-    return *decodeIndexBlock(*root, number, ByteView(index).subspan(root->blockOffset(number), root->block_bytes));
+    const ByteView all = ByteView(index).subspan(root->blockOffset(number), root->block_bytes);
+    const ByteView read = all.first(whole->bytesToRead(number));
+    EXPECT_EQ(decodeIndexBlock(*root, number, all)->keys(), decodeIndexBlock(*root, number, read)->keys());
+    return *decodeIndexBlock(*root, number, read);
   };
   for (std::size_t i = 0; i < places.size(); i += 13) {
     const auto found = blockOf(places[i].first).find(places[i].first);
@@ -210,33 +223,95 @@ TEST(PackFormat, anInvalidIndexIsRefused) {
     EXPECT_FALSE(decodeIndexRoot(withHeader(front, 128, 88, value))) << "block bytes " << value;
   EXPECT_FALSE(decodeIndexRoot(withHeader(front, 128, 92, 63U)));
   EXPECT_FALSE(decodeIndexRoot(withHeader(front, 128, 92, 16U))) << "a run of whole faces would span blocks";
-  EXPECT_EQ(decodeIndexRoot(withHeader(front, 128, 8, 1U)).error().code, ErrorCode::kVersion);
+  EXPECT_EQ(decodeIndexRoot(withHeader(front, 128, 8, 2U)).error().code, ErrorCode::kVersion);
+  for (const std::uint32_t value : {0U, 2U, ~0U})
+    EXPECT_FALSE(decodeIndexRoot(withHeader(front, 128, 108, value))) << "blocks that are told of " << value;
+  Bytes wrong = front;
+  wrong[130] ^= 1U;
+  EXPECT_FALSE(decodeIndexRoot(wrong)) << "how full the block is";
+  EXPECT_TRUE(decodeIndexRoot(ByteView(wrong).first(130))) << "which a shorter front does not tell";
+}
+
+/// The entries of a grid of so many points along each side, each of which has so many tiles that take a run each.
+std::vector<PackEntry> entriesOfGrid(std::uint32_t side, std::uint32_t runs) {
+  std::vector<PackEntry> entries;
+  for (std::uint32_t x = 0; x < side; ++x)
+    for (std::uint32_t y = 0; y < side; ++y)
+      for (std::uint32_t z = 0; z < side; ++z)
+        for (std::uint32_t run = 0; run < runs; ++run)
+          entries.push_back({FaceKey{x, y, z, 0, 64 * run + 1}.code(), 300});
+  std::sort(entries.begin(), entries.end(), [](const PackEntry& a, const PackEntry& b) { return a.code < b.code; });
+  return entries;
+}
+
+/// An index of packs that hold these.
+Bytes indexOf(const std::vector<PackEntry>& entries) {
+  IndexBuilder builder;
+  std::vector<PackRow> rows;
+  for (std::size_t at = 0; at < entries.size(); at += 200'000) {
+    const auto pack = std::span(entries).subspan(at, std::min<std::size_t>(200'000, entries.size() - at));
+    builder.addPack(pack);
+    rows.push_back({kId, kPackHeaderBytes, pack.front().code, pack.back().code, pack.size()});
+  }
+  return *builder.build(rows, "{}", {});
+}
+
+TEST(PackFormat, anIndexOfTooManyBlocksDoesNotTellHowFullTheyAre) {
+  const std::vector<PackEntry> entries = entriesOfGrid(40, 10);
+  const Bytes index = indexOf(entries);
+  const auto root = decodeIndexRoot(index);
+  ASSERT_TRUE(root) << root.error().message;
+  EXPECT_GT(root->blocks, 4096U);
+  EXPECT_EQ(root->frontBytes(), 130U);
+  EXPECT_TRUE(root->fill.empty());
+  EXPECT_EQ(root->bytesToRead(7), root->block_bytes);
+  const std::uint64_t number = blockOfCode(*root, entries.front().code);
+  const auto block =
+      decodeIndexBlock(*root, number, ByteView(index).subspan(root->blockOffset(number), root->bytesToRead(number)));
+  ASSERT_TRUE(block) << block.error().message;
+  EXPECT_TRUE(block->find(entries.front().code));
+}
+
+// Neighbourhoods of 4,060 bytes: of blocks of 4,096 there would have to be so many that no two of them meet.
+TEST(PackFormat, neighbourhoodsThatAlmostFillABlockTakeLargerOnes) {
+  const std::vector<PackEntry> entries = entriesOfGrid(20, 21);
+  const Bytes index = indexOf(entries);
+  const auto root = decodeIndexRoot(index);
+  ASSERT_TRUE(root) << root.error().message;
+  EXPECT_GT(root->block_bytes, 4096U);
+  EXPECT_LT(index.size(), 17U * 24U * entries.size());
 }
 
 TEST(PackFormat, anInvalidBlockIsRefused) {
   const Bytes index = workedIndex(encodePack(kEntries, workedValues()));
   const auto root = *decodeIndexRoot(index);
   const Bytes block(index.begin() + 16384, index.begin() + 32768);
+  constexpr std::uint32_t kUsed = 56;
   const auto refused = [&](std::size_t offset, std::uint8_t value) {
     Bytes changed = block;
     changed[offset] = value;
-    const std::uint32_t crc = base::crc32c(ByteView(changed).subspan(4));
+    const std::uint32_t crc = base::crc32c(ByteView(changed).first(kUsed).subspan(4));
     std::memcpy(changed.data(), &crc, sizeof(crc));
     const auto decoded = decodeIndexBlock(root, 0, changed);
     return !decoded && decoded.error().message.find("block 0 of the index") != std::string::npos;
   };
-  EXPECT_TRUE(refused(5, 0x80)) << "packs beyond its end";
-  EXPECT_TRUE(refused(6, 2)) << "a second run of zeros";
-  EXPECT_TRUE(refused(6, 0)) << "bytes that belong to no run";
-  EXPECT_TRUE(refused(24, 1)) << "a pack that is not named";
-  EXPECT_TRUE(refused(26 + 6, 0x80)) << "a cell beyond the grid";
-  EXPECT_TRUE(refused(26 + 8, 0)) << "no face";
-  EXPECT_TRUE(refused(26 + 8, 0x7f)) << "a seventh direction";
-  EXPECT_TRUE(refused(26 + 16, 0)) << "a value within the pack's header";
-  EXPECT_TRUE(refused(26 + 19, 0xff)) << "a value beyond the largest pack";
-  EXPECT_TRUE(refused(26 + 20, 7)) << "a value of 7 bytes";
-  EXPECT_TRUE(refused(26 + 25, 0x80)) << "a varint longer than needed";
+  EXPECT_FALSE(refused(13, block[13])) << "nothing is changed";
+  EXPECT_TRUE(refused(9, 0x80)) << "packs beyond its end";
+  EXPECT_TRUE(refused(10, 2)) << "a second run of zeros";
+  EXPECT_TRUE(refused(10, 0)) << "bytes that belong to no run";
+  EXPECT_TRUE(refused(28, 1)) << "a pack that is not named";
+  EXPECT_TRUE(refused(30 + 6, 0x80)) << "a cell beyond the grid";
+  EXPECT_TRUE(refused(30 + 8, 0)) << "no face";
+  EXPECT_TRUE(refused(30 + 8, 0x7f)) << "a seventh direction";
+  EXPECT_TRUE(refused(30 + 16, 0)) << "a value within the pack's header";
+  EXPECT_TRUE(refused(30 + 19, 0xff)) << "a value beyond the largest pack";
+  EXPECT_TRUE(refused(30 + 20, 7)) << "a value of 7 bytes";
+  EXPECT_TRUE(refused(30 + 25, 0x80)) << "a varint longer than needed";
   EXPECT_TRUE(refused(1000, 1)) << "something behind the runs";
+  EXPECT_TRUE(refused(5, 0x7f)) << "more bytes than a block has";
+  for (std::size_t size = 0; size < kUsed; ++size)
+    EXPECT_FALSE(decodeIndexBlock(root, 0, ByteView(block).first(size))) << size;
+  EXPECT_TRUE(decodeIndexBlock(root, 0, ByteView(block).first(kUsed)));
   IndexRoot larger = root;
   larger.blocks = 3;
   const std::uint64_t other = (blockOfCode(larger, 0) + 1) % 3;

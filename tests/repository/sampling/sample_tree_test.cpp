@@ -109,12 +109,14 @@ TEST(SampleTree, decodeInvertsEncode) {
   for (unsigned seed = 0; seed < 20; ++seed) {
     const Grid grid = gridOf({17, 12, 9});
     const SampleTree tree = randomTree(grid, seed);
-    const base::Bytes bytes = tree.encode();
-    const auto back = SampleTree::decode(grid, bytes);
-    ASSERT_TRUE(back) << back.error().message;
-    EXPECT_EQ(back->encode(), bytes);
-    EXPECT_EQ(back->points(), tree.points());
-    EXPECT_EQ(back->openLeaves(), tree.openLeaves());
+    for (const auto form : {SampleTree::Form::kStored, SampleTree::Form::kPublished}) {
+      const base::Bytes bytes = tree.encode(form);
+      const auto back = SampleTree::decode(grid, bytes);
+      ASSERT_TRUE(back) << back.error().message;
+      EXPECT_EQ(back->encode(form), bytes);
+      EXPECT_EQ(back->points(), tree.points());
+      EXPECT_EQ(back->openLeaves(), tree.openLeaves());
+    }
   }
 }
 
@@ -127,21 +129,28 @@ TEST(SampleTree, encodeMatchesTheDocumentedExample) {
   const base::Bytes expected{0x54, 0x01, 2, 0, 0, 0, 1, 0, 0, 0, 0x02, 0x00, 0, 0xc0, 0, 0, 0, 0, 0, 0};
   ASSERT_EQ(bytes.size(), expected.size() + 4);
   EXPECT_TRUE(std::equal(expected.begin(), expected.end(), bytes.begin()));
+
+  const base::Bytes published = tree.encode(SampleTree::Form::kPublished);
+  const base::Bytes as_published{0x54, 0x02, 2, 0, 0, 0, 1, 0, 0, 0, 0x02, 0x00, 3};
+  ASSERT_EQ(published.size(), as_published.size() + 4);
+  EXPECT_TRUE(std::equal(as_published.begin(), as_published.end(), published.begin()));
 }
 
 TEST(SampleTree, damagedBytesAreRefused) {
   const Grid grid = gridOf({17, 12, 9});
-  const base::Bytes bytes = randomTree(grid, 3).encode();
-  for (std::size_t length = 0; length < bytes.size(); ++length)
-    EXPECT_FALSE(SampleTree::decode(grid, base::ByteView(bytes).first(length)));
-  for (std::size_t i = 0; i < bytes.size(); ++i)
-    for (const std::uint8_t flip : {0x01, 0x80}) {
-      base::Bytes wrong = bytes;
-      wrong[i] = static_cast<std::uint8_t>(wrong[i] ^ flip);
-      EXPECT_FALSE(SampleTree::decode(grid, wrong)) << i;
-    }
-  EXPECT_FALSE(SampleTree::decode(gridOf({2, 2, 2}), bytes));
-  EXPECT_FALSE(SampleTree::decode(Grid{}, bytes));
+  for (const auto form : {SampleTree::Form::kStored, SampleTree::Form::kPublished}) {
+    const base::Bytes bytes = randomTree(grid, 3).encode(form);
+    for (std::size_t length = 0; length < bytes.size(); ++length)
+      EXPECT_FALSE(SampleTree::decode(grid, base::ByteView(bytes).first(length)));
+    for (std::size_t i = 0; i < bytes.size(); ++i)
+      for (const std::uint8_t flip : {0x01, 0x80}) {
+        base::Bytes wrong = bytes;
+        wrong[i] = static_cast<std::uint8_t>(wrong[i] ^ flip);
+        EXPECT_FALSE(SampleTree::decode(grid, wrong)) << i;
+      }
+    EXPECT_FALSE(SampleTree::decode(gridOf({2, 2, 2}), bytes));
+    EXPECT_FALSE(SampleTree::decode(Grid{}, bytes));
+  }
 }
 
 }  // namespace
