@@ -47,6 +47,8 @@ void MeshStream::leaveOutUnplaced() {
 
 base::Result<void> MeshStream::handOver() {
   if (leaves_out_unplaced) leaveOutUnplaced();
+  if (origin != glm::dvec3(0.0))
+    for (glm::dvec3& position : positions) position += origin;
   if (!corner_normals.empty()) corner_normals.resize(corners.size(), glm::vec3(0.0F));
   if (!corner_colors.empty()) corner_colors.resize(corners.size(), glm::u8vec4(0));
   if (!pictures.empty())

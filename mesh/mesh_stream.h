@@ -62,6 +62,7 @@ class MeshStream {
   /// what they did not see. Not for meshes, whose triangles name vertices by number.
   bool leaves_out_unplaced = false;
   std::uint64_t unplaced = 0;
+  glm::dvec3 origin{0.0};     ///< is added to all positions
   bool reads_points = false;  ///< readers of glTF and 3D Tiles read points, and no triangles
   Textures textures;
   TextureBaker baker;

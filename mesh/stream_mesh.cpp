@@ -3,6 +3,8 @@
 #include <algorithm>
 
 #include "base/file.h"
+#include "base/format_text.h"
+#include "mesh/export_place.h"
 #include "mesh/readers.h"
 
 namespace mesh {
@@ -52,6 +54,22 @@ constexpr ConvertedFormat kConverted[] = {
 // Points as text have many names, and no content that tells them from other text.
 constexpr std::string_view kXyzNames[] = {"xyz", "txt", "pts", "asc", "csv", "xyzrgb", "xyzn"};
 
+// Programs that export OBJ tell beside it where its origin lies.
+base::Result<void> readPlacedObj(const std::string& path, base::ByteView bytes, MeshStream& out) {
+  LUMIGRID_ASSIGN_OR_RETURN(const auto place, findExportPlace(path));
+  if (!place) return readObj(bytes, out);
+  out.origin = place->origin;
+  LUMIGRID_TRY(readObj(bytes, out));
+  // A reader that starts again drops what was said before.
+  Georeference& georeference = out.summary.georeference;
+  georeference.crs = place->crs.code, georeference.units = place->crs.unit;
+  if (out.origin != glm::dvec3(0.0))
+    georeference.moved = "moved by (" +
+                         base::formatText("%.12g, %.12g, %.12g", out.origin.x, out.origin.y, out.origin.z) +
+                         "), as metadata.xml beside the mesh says";
+  return {};
+}
+
 // Reads the file in the format that its content or else its name tells.
 base::Result<void> readFile(const std::string& path, base::ByteView bytes, MeshStream& out) {
   if (bytes.empty()) return invalidInput("the file is empty");
@@ -71,14 +89,14 @@ base::Result<void> readFile(const std::string& path, base::ByteView bytes, MeshS
   if (word == "ply") return readPly(bytes, out);
   if (word == "solid") return readStl(bytes, out);
   if (word.size() >= 3 && word.size() <= 8 && word.substr(word.size() - 3) == "OFF") return readOff(bytes, out);
-  if (looksLikeObj(text)) return readObj(bytes, out);
+  if (looksLikeObj(text)) return readPlacedObj(path, bytes, out);
 
   // The content does not tell, so the name has to.
   const std::string extension = extensionOf(path);
   for (const ConvertedFormat& format : kConverted)
     if (extension == format.extension) return unsupported(format.advice);
   if (extension == "ply") return readPly(bytes, out);
-  if (extension == "obj") return readObj(bytes, out);
+  if (extension == "obj") return readPlacedObj(path, bytes, out);
   if (extension == "stl") return readStl(bytes, out);
   if (extension == "off") return readOff(bytes, out);
   if (extension == "glb") return readGlb(bytes, out);

@@ -76,6 +76,7 @@ struct Georeference {
   std::string crs;    ///< the coordinate reference system by authority and code, "EPSG:26912"; empty: not known
   std::string units;  ///< of length: "m", "ft", "us-ft" or another name; empty: not known
   enum class Up : std::uint8_t { kUnknown, kZ, kY } up = Up::kUnknown;  ///< by the format's definition
+  std::string moved = {};  ///< how the file's coordinates were moved to these, for people; empty: they were not
 };
 
 struct StreamedFile {

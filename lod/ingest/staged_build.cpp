@@ -71,6 +71,7 @@ base::Bytes stateOf(const ImportedSource& source) {
   const mesh::Georeference& georeference = source.info.georeference;
   out.string16(georeference.crs);
   out.string16(georeference.units);
+  out.string16(georeference.moved);
   out.u8(static_cast<std::uint8_t>(georeference.up));
   return out.takeBytes();
 }
@@ -97,6 +98,7 @@ base::Result<ImportedSource> readState(const WorkDirectory& directory) {
   mesh::Georeference& georeference = source.info.georeference;
   georeference.crs = in.string16();
   georeference.units = in.string16();
+  georeference.moved = in.string16();
   georeference.up = static_cast<mesh::Georeference::Up>(in.u8());
   if (!in.atEnd() || georeference.up > mesh::Georeference::Up::kY) return directory.damaged();
   return source;
@@ -110,6 +112,7 @@ mesh::Georeference agreedOn(const std::vector<mesh::Georeference>& files, std::v
     if (!file.crs.empty()) systems.insert(file.crs);
     if (file.units != agreed.units) agreed.units.clear();
     if (file.up != agreed.up) agreed.up = mesh::Georeference::Up::kUnknown;
+    if (file.moved != agreed.moved) agreed.moved = "moved by what metadata.xml says beside each mesh that has one";
   }
   agreed.crs = systems.size() == 1 ? *systems.begin() : "";
   if (systems.size() > 1)

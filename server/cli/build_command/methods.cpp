@@ -255,6 +255,8 @@ base::Result<void> orientBySurface(const BuildArguments& a, const lod::ingest::S
     std::fprintf(stderr,
                  "its surface faces inwards everywhere, as a cave's does or that of an object turned inside out; it is "
                  "looked at from around it, or with --interior on from within\n");
+  if (!built.georeference.moved.empty() && !a.quiet)
+    std::fprintf(stderr, "coordinates: %s\n", built.georeference.moved.c_str());
   if (defined && !a.quiet) std::fprintf(stderr, "up: %s\n", defined->reason);
   if (a.quiet || is_known) return {};
   const int axis = std::abs(found.up.x) > 0.5F ? 0 : std::abs(found.up.y) > 0.5F ? 1 : 2;
