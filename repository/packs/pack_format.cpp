@@ -33,6 +33,7 @@ constexpr std::uint64_t kMaxBlocks = std::uint64_t{1} << 32;
 constexpr std::uint32_t kMinBlockBytes = 4096;
 constexpr std::uint32_t kMaxBlockBytes = 262144;
 constexpr std::uint32_t kBlockHeaderBytes = 12;
+constexpr std::uint64_t kMaxFillBytes = 4096;  // more blocks have no fill, which a first picture would wait for
 constexpr std::uint32_t kCellBits = 6;
 constexpr std::uint64_t kCellMask = (1U << kCellBits) - 1;
 constexpr std::uint64_t kNoDirection = 0xC0C0C0C0C0C0C0C0ULL;  // bits of d = 6 and 7 in steps of whole faces
@@ -40,7 +41,6 @@ constexpr std::uint64_t kWholeFaces = std::uint64_t{1} << 63;  // of a run's cel
 constexpr std::uint32_t kMinValueBytes = 8;                    // the header of a face value
 // The writer's choices; docs/formats/packs.md gives the reasons.
 constexpr std::uint32_t kBlockBytes = 16384;
-constexpr std::uint64_t kMaxFillBytes = 4096;
 constexpr std::uint64_t kMostRoom = 16;  // blocks take at most so many times what they hold, while larger ones are left
 // A neighbourhood of 4 × 4 × 4 points, or of 2 × 2 × 2 where tiles make that too large for a block. No run is longer.
 constexpr std::uint32_t kManyPoints = kTileBits + 9, kFewPoints = kTileBits + 6;
