@@ -97,8 +97,7 @@ base::Result<std::optional<ExportPlace>> readExportPlace(std::string_view xml) {
   const auto place = vectorOf(*origin);
   if (!place)
     return invalidInput(
-        "SRSOrigin is not three numbers, by which the mesh's coordinates are moved; correct it, or take "
-        "the file away");
+        "SRSOrigin is not three numbers, by which the mesh's coordinates are moved; correct it, or take the file away");
   CrsDescription crs = systemOf(textOfElement(xml, "SRS").value_or(""));
   if (isGeographic(crs)) return std::optional<ExportPlace>();
   return std::optional<ExportPlace>({*place, std::move(crs)});

@@ -43,13 +43,13 @@ Result<std::unique_ptr<PackStore>> PackStore::open(std::shared_ptr<const ObjectS
   if (!front) return front.error();
   auto root = decodeIndexRoot(*front);
   if (!root) return store->indexError(root.error());
-  store->root_ = *root;
-
-  const std::uint64_t end = parameterOffset() + root->parameter_bytes;
-  if (end > front->size()) {
-    front = store->source_->read(index, 0, end);
+  if (root->frontBytes() > front->size()) {
+    front = store->source_->read(index, 0, root->frontBytes());
     if (!front) return front.error();
+    root = decodeIndexRoot(*front);
+    if (!root) return store->indexError(root.error());
   }
+  store->root_ = *root;
   const ByteView text = ByteView(*front).subspan(parameterOffset(), root->parameter_bytes);
   if (auto checked = checkParameters(*root, text); !checked) return store->indexError(checked.error());
   store->parameters_.assign(text.begin(), text.end());

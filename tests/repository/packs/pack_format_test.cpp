@@ -244,8 +244,15 @@ std::vector<PackEntry> entriesOfGrid(std::uint32_t side, std::uint32_t runs) {
   return entries;
 }
 
-/// An index of packs that hold these.
-Bytes indexOf(const std::vector<PackEntry>& entries) {
+struct GridIndex {
+  std::vector<PackEntry> entries;
+  Bytes bytes;
+  IndexRoot root;
+};
+
+/// The index of packs that hold entriesOfGrid().
+GridIndex indexOfGrid(std::uint32_t side, std::uint32_t runs) {
+  const std::vector<PackEntry> entries = entriesOfGrid(side, runs);
   IndexBuilder builder;
   std::vector<PackRow> rows;
   for (std::size_t at = 0; at < entries.size(); at += 200'000) {
@@ -253,33 +260,29 @@ Bytes indexOf(const std::vector<PackEntry>& entries) {
     builder.addPack(pack);
     rows.push_back({kId, kPackHeaderBytes, pack.front().code, pack.back().code, pack.size()});
   }
-  return *builder.build(rows, "{}", {});
+  Bytes bytes = *builder.build(rows, "{}", {});
+  const IndexRoot root = *decodeIndexRoot(bytes);
+  return {entries, std::move(bytes), root};
 }
 
 TEST(PackFormat, anIndexOfTooManyBlocksDoesNotTellHowFullTheyAre) {
-  const std::vector<PackEntry> entries = entriesOfGrid(40, 10);
-  const Bytes index = indexOf(entries);
-  const auto root = decodeIndexRoot(index);
-  ASSERT_TRUE(root) << root.error().message;
-  EXPECT_GT(root->blocks, 4096U);
-  EXPECT_EQ(root->frontBytes(), 130U);
-  EXPECT_TRUE(root->fill.empty());
-  EXPECT_EQ(root->bytesToRead(7), root->block_bytes);
-  const std::uint64_t number = blockOfCode(*root, entries.front().code);
+  const auto [entries, index, root] = indexOfGrid(40, 10);
+  EXPECT_GT(root.blocks, 4096U);
+  EXPECT_EQ(root.frontBytes(), 130U);
+  EXPECT_TRUE(root.fill.empty());
+  EXPECT_EQ(root.bytesToRead(7), root.block_bytes);
+  const std::uint64_t number = blockOfCode(root, entries.front().code);
   const auto block =
-      decodeIndexBlock(*root, number, ByteView(index).subspan(root->blockOffset(number), root->bytesToRead(number)));
+      decodeIndexBlock(root, number, ByteView(index).subspan(root.blockOffset(number), root.bytesToRead(number)));
   ASSERT_TRUE(block) << block.error().message;
   EXPECT_TRUE(block->find(entries.front().code));
 }
 
 // Neighbourhoods of 4,060 bytes: of blocks of 4,096 there would have to be so many that no two of them meet.
 TEST(PackFormat, neighbourhoodsThatAlmostFillABlockTakeLargerOnes) {
-  const std::vector<PackEntry> entries = entriesOfGrid(20, 21);
-  const Bytes index = indexOf(entries);
-  const auto root = decodeIndexRoot(index);
-  ASSERT_TRUE(root) << root.error().message;
-  EXPECT_GT(root->block_bytes, 4096U);
-  EXPECT_LT(index.size(), 17U * 24U * entries.size());
+  const auto [entries, index, root] = indexOfGrid(20, 21);
+  EXPECT_GT(root.block_bytes, 4096U);
+  EXPECT_LT(index.size(), 17U * 24U * entries.size()) << "runs have 24 bytes, and at most 16 times that is room";
 }
 
 TEST(PackFormat, anInvalidBlockIsRefused) {

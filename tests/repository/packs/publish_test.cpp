@@ -213,6 +213,16 @@ TEST_F(Publish, publishedImagesCannotBeWritten) {
   EXPECT_EQ(packs->writeMeta("").error().code, ErrorCode::kUnsupported);
 }
 
+TEST_F(Publish, aLongFrontIsReadWhole) {
+  const std::string parameters = "{\"some\": \"" + std::string(2 * kIndexFrontBytes, 'p') + "\"}";
+  ASSERT_TRUE(store_->writeMeta(parameters));
+  const PublishedImages published = publish();
+  const auto packs = open(published.index);
+  EXPECT_EQ(*packs->readMeta(), parameters);
+  EXPECT_EQ(published.index_front_bytes, packs->root().frontBytes());
+  EXPECT_EQ(packs->root().fill.size(), packs->root().blocks);
+}
+
 TEST_F(Publish, aFaceTakesAtMostTwoReads) {
   const auto packs = open(publish().index);
   EXPECT_EQ(source_->reads, 1U);
