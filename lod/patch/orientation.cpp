@@ -32,6 +32,9 @@ constexpr float kBaseWeight = 2.0F;
 constexpr float kFlatWeight = 0.15F;
 // Floors and ceilings of an interior weigh the same, but what stands in it is low. It decides between those alone.
 constexpr float kLowWeight = 0.1F;
+// Which two of the six directions those are, its levels tell: slices of so much of the extent are looked at.
+constexpr float kLevelWeight = 1.0F;
+constexpr int kLevelSlices = 100;
 // Few models stand head down along their axes.
 constexpr float kHeadDown = 0.002F;
 // Floors and ceilings of passages are alike, so little else tells up. Caves and mines are surveyed with z up.
@@ -134,6 +137,30 @@ Signs signsOf(const Surface& surface, int axis, float sign) {
   return signs;
 }
 
+// How much of the footprint the levels across `axis` fill, in the mean over their area: what faces one way within 20
+// degrees, in a slice and its two neighbours, is a level. In an interior all floors of a storey lie at one height, and
+// its ceilings at another; the walls of its rooms stand at many places, and have doors.
+float levelsOf(const Surface& surface, int axis) {
+  const glm::vec3 size = surface.box.size();
+  if (!(size[axis] > 0.0F)) return 0.0F;
+  std::array<std::array<float, kLevelSlices + 2>, 2> slices{};  // with an empty one before and behind
+  for (const Face& face : surface.faces) {
+    if (std::abs(face.normal[axis]) < kFacing) continue;
+    const float along = (face.center[axis] - surface.box.min[axis]) / size[axis];
+    const int slice = std::clamp(static_cast<int>(along * kLevelSlices), 0, kLevelSlices - 1);
+    slices[face.normal[axis] > 0.0F ? 0 : 1][static_cast<std::size_t>(slice) + 1] += face.area;
+  }
+  const float footprint = size[(axis + 1) % 3] * size[(axis + 2) % 3];
+  float area = 0.0F;
+  float filled = 0.0F;
+  for (const auto& areas : slices)
+    for (std::size_t i = 1; i <= kLevelSlices; ++i) {
+      area += areas[i];
+      filled += areas[i] * std::min(1.0F, (areas[i - 1] + areas[i] + areas[i + 1]) / footprint);
+    }
+  return area > 0.0F ? filled / area : 0.0F;
+}
+
 // By axis, upwards and downwards.
 using AllSigns = std::array<std::array<Signs, 2>, 3>;
 
@@ -191,13 +218,16 @@ void findUp(const Surface& surface, bool has_passages, Orientation& out) {
   keepBasesThatTell(all);
   float best = 0.0F;
   float next = 0.0F;
-  for (int axis = 0; axis < 3; ++axis)
+  for (int axis = 0; axis < 3; ++axis) {
+    const float levels = out.is_enclosed ? kLevelWeight * levelsOf(surface, axis) : 0.0F;
     for (const float sign : {1.0F, -1.0F}) {
       const Signs& signs = all[static_cast<std::size_t>(axis)][sign > 0.0F ? 0 : 1];
       const float flat = isFlat(size, axis) ? kFlatWeight : 0.0F;
       const float surveyed = has_passages && axis == 2 && sign > 0.0F ? kSurveyedWeight : 0.0F;
-      const float score = kBaseWeight * signs.base + signs.ground + flat + surveyed + kLowWeight * signs.low -
-                          (sign < 0.0F ? head_down : 0.0F);
+      // Around what is seen from within alone, nothing that faces down is seen to stand on something.
+      const float base = out.is_enclosed ? 0.0F : kBaseWeight * signs.base;
+      const float score =
+          base + levels + signs.ground + flat + surveyed + kLowWeight * signs.low - (sign < 0.0F ? head_down : 0.0F);
       if (score <= best) {
         next = std::max(next, score);
         continue;
@@ -205,12 +235,13 @@ void findUp(const Surface& surface, bool has_passages, Orientation& out) {
       next = std::exchange(best, score);
       out.up = glm::vec3(0.0F);
       out.up[axis] = sign;
-      const float base = kBaseWeight * signs.base;
-      out.reason = signs.ground >= base && signs.ground > flat + surveyed ? "the ground faces it"
-                   : base > flat + surveyed                               ? "a base lies under it"
-                   : flat > 0.0F                                          ? "the scan is flattest across it"
-                                                                          : "surveys have it so";
+      out.reason = levels > std::max(signs.ground, flat + surveyed)         ? "its floors and ceilings lie across it"
+                   : signs.ground >= base && signs.ground > flat + surveyed ? "the ground faces it"
+                   : base > flat + surveyed                                 ? "a base lies under it"
+                   : flat > 0.0F                                            ? "the scan is flattest across it"
+                                                                            : "surveys have it so";
     }
+  }
   out.is_sure = best >= kLeast && best - next >= kSure;
   if (best >= kLeast) return;
   out.up = {0.0F, 1.0F, 0.0F};

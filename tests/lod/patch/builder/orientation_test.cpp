@@ -122,6 +122,39 @@ TEST_F(OrientationTest, aRoomWithItsCeilingStandsAsItsFurnitureDoes) {
     }
 }
 
+// A room of the given size from `corner` on, scanned from inside.
+void appendRoom(Mesh& mesh, const glm::vec3& size, const glm::vec3& corner) {
+  Mesh room = turnedOver(walls(size));
+  appendLevel(room, sheet(), size, 0.0F);
+  appendLevel(room, turnedOver(sheet()), size, size.z);
+  append(mesh, room, glm::vec3(1.0F), corner);
+}
+
+// Four rooms, of which the walls are larger than floors and ceilings, as flats have them. The back of a wardrobe lies
+// at the end of the scan and faces outwards, as a base does. With more storeys the house is as high as it is wide.
+TEST_F(OrientationTest, roomsStandOnTheirFloorsThoughTheirWallsAreLarger) {
+  for (const int storeys : {1, 3})
+    for (int axis = 0; axis < 3; ++axis)
+      for (const float sign : {1.0F, -1.0F}) {
+        Mesh house;
+        for (int storey = 0; storey < storeys; ++storey) {
+          const float floor = 2.7F * static_cast<float>(storey);
+          appendRoom(house, {4.9F, 3.9F, 2.6F}, {0.0F, 0.0F, floor});
+          appendRoom(house, {3.9F, 3.9F, 2.6F}, {5.0F, 0.0F, floor});
+          appendRoom(house, {3.4F, 3.5F, 2.6F}, {0.0F, 4.0F, floor});
+          appendRoom(house, {5.4F, 3.5F, 2.6F}, {3.5F, 4.0F, floor});
+          for (const float x : {0.01F, 8.28F}) {
+            Mesh wardrobe = walls({0.6F, 2.5F, 2.0F});
+            appendLevel(wardrobe, sheet(), {0.6F, 2.5F, 2.0F}, 2.0F);
+            append(house, wardrobe, glm::vec3(1.0F), {x, 1.0F, floor});
+          }
+        }
+        const Orientation found = orientationOf(turned(house, axis, sign));
+        EXPECT_EQ(found.up[axis], sign) << storeys << ", " << axis << ": " << found.reason;
+        EXPECT_TRUE(found.is_interior) << storeys << ", " << axis;
+      }
+}
+
 // A building without its lower side, which nobody sees: its roof is as flat as a base.
 TEST_F(OrientationTest, aBlockStandsOnItsOpenSide) {
   for (int axis = 0; axis < 3; ++axis)
