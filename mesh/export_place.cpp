@@ -14,8 +14,12 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr const char* kFileName = "metadata.xml";
+constexpr const char* kMetadataXml = "metadata.xml";
+constexpr const char* kCoordsTxt = "odm_georeferencing/coords.txt";
+constexpr std::string_view kOffsetXyz = "_offset.xyz";
+constexpr const char* kWktPrj = "_wkt.prj";
 constexpr std::uintmax_t kMaxBytes = 1'000'000;  // well-known text of a system takes some thousands
+constexpr std::uintmax_t kMaxOffsetBytes = 200;  // what is larger is a cloud of points
 constexpr int kFolders = 3;                      // that of the mesh, and the two above it
 
 std::string_view trimmed(std::string_view text) {
@@ -53,18 +57,30 @@ std::string unescaped(std::string_view text) {
   return out;
 }
 
-/// Three finite numbers with commas, semicolons or spaces between them.
-std::optional<glm::dvec3> vectorOf(std::string_view text) {
-  glm::dvec3 out(0.0);
-  for (int axis = 0; axis < 3; ++axis) {
+/// The first `count` numbers, which are finite, with commas, semicolons or spaces between them, and what follows them;
+/// nothing where there are fewer. Others are 0.
+struct Numbers {
+  glm::dvec3 values{0.0};
+  std::string_view rest;
+};
+std::optional<Numbers> numbersAt(std::string_view text, int count) {
+  Numbers out;
+  for (int axis = 0; axis < count; ++axis) {
     const std::size_t begin = text.find_first_not_of(axis == 0 ? " \t\r\n+" : " \t\r\n,;+");
     if (begin == std::string_view::npos) return std::nullopt;
     text.remove_prefix(begin);
-    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), out[axis]);
-    if (error != std::errc() || !std::isfinite(out[axis])) return std::nullopt;
+    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), out.values[axis]);
+    if (error != std::errc() || !std::isfinite(out.values[axis])) return std::nullopt;
     text.remove_prefix(static_cast<std::size_t>(end - text.data()));
   }
-  return trimmed(text).empty() ? std::optional(out) : std::nullopt;
+  out.rest = trimmed(text);
+  return out;
+}
+
+/// Three finite numbers and nothing else.
+std::optional<glm::dvec3> vectorOf(std::string_view text) {
+  const auto numbers = numbersAt(text, 3);
+  return numbers && numbers->rest.empty() ? std::optional(numbers->values) : std::nullopt;
 }
 
 /// The system that an SRS element names: an authority's code, or well-known text.
@@ -88,9 +104,95 @@ bool isGeographic(const CrsDescription& crs) {
   return crs.has_degrees || std::find(std::begin(kCodes), std::end(kCodes), crs.code) != std::end(kCodes);
 }
 
+/// The text after the byte order mark that programs on Windows begin files with.
+std::string_view withoutMark(std::string_view text) {
+  constexpr std::string_view kMark = "\xEF\xBB\xBF";
+  return text.substr(0, kMark.size()) == kMark ? text.substr(kMark.size()) : text;
+}
+
+/// Zones of UTM on WGS 84 from 1 to 60 have codes; nothing for others.
+std::string codeOfZone(std::string_view digits, bool is_south) {
+  int zone = 0;
+  const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), zone);
+  if (error != std::errc() || end != digits.data() + digits.size() || zone < 1 || zone > 60) return {};
+  return "EPSG:" + std::to_string((is_south ? 32700 : 32600) + zone);
+}
+
+/// The value of a parameter of a PROJ string, "" where it has none: "32" of "+zone=32".
+std::string_view parameterOf(std::string_view proj, const std::string& name) {
+  const std::size_t begin = proj.find("+" + name + "=");
+  if (begin == std::string_view::npos) return {};
+  const std::string_view value = proj.substr(begin + name.size() + 2);
+  return value.substr(0, value.find(' '));
+}
+
+/// The system of the first line of a coords.txt.
+CrsDescription systemOfLine(std::string_view line) {
+  constexpr std::string_view kUtm = "WGS84 UTM ";
+  CrsDescription crs;
+  if (line.substr(0, kUtm.size()) == kUtm && line.size() > kUtm.size() + 1) {
+    const bool is_south = line.back() == 'S';
+    if (is_south || line.back() == 'N')
+      crs.code = codeOfZone(line.substr(kUtm.size(), line.size() - kUtm.size() - 1), is_south);
+  } else if (parameterOf(line, "proj") == "utm" &&
+             (parameterOf(line, "datum") == "WGS84" || parameterOf(line, "ellps") == "WGS84")) {
+    crs.code = codeOfZone(parameterOf(line, "zone"), line.find("+south") != std::string_view::npos);
+  } else if (line.substr(0, 5) == "EPSG:" || line.substr(0, 5) == "epsg:") {
+    return systemOf("EPSG:" + std::string(line.substr(5)));
+  }
+  if (!crs.code.empty()) crs.unit = "m";
+  return crs;
+}
+
+/// A file's text, "" where there is none or it is larger than `most` bytes.
+base::Result<std::string> textOfFile(const fs::path& file, std::uintmax_t most) {
+  std::error_code absent;
+  if (!fs::is_regular_file(file, absent) || fs::file_size(file, absent) > most || absent) return std::string();
+  LUMIGRID_ASSIGN_OR_RETURN(const auto bytes, base::readFile(file.string()));
+  return std::string(textOf(bytes));
+}
+
+base::Result<std::optional<ExportPlace>> findMetadataXml(const fs::path& folder) {
+  LUMIGRID_ASSIGN_OR_RETURN(const std::string text, textOfFile(folder / kMetadataXml, kMaxBytes));
+  auto place = readMetadataXml(text);
+  if (!place) return base::within((folder / kMetadataXml).string(), place.error());
+  if (*place) (*place)->file = kMetadataXml;
+  return place;
+}
+
+/// The one whose name fits the mesh's, of several the longest.
+base::Result<std::optional<ExportPlace>> findOffsetXyz(const fs::path& folder, const std::string& mesh) {
+  std::error_code failed;
+  std::string best;
+  for (fs::directory_iterator entry(folder, failed), end; !failed && entry != end; entry.increment(failed)) {
+    const std::string name = entry->path().filename().string();
+    if (name.size() <= kOffsetXyz.size() || !name.ends_with(kOffsetXyz)) continue;
+    const std::string project = name.substr(0, name.size() - kOffsetXyz.size());
+    if (mesh.rfind(project, 0) == 0 && project.size() > best.size()) best = project;
+  }
+  if (best.empty()) return std::optional<ExportPlace>();
+  const fs::path file = folder / (best + std::string(kOffsetXyz));
+  LUMIGRID_ASSIGN_OR_RETURN(const std::string offset, textOfFile(file, kMaxOffsetBytes));
+  if (offset.empty()) return std::optional<ExportPlace>();
+  LUMIGRID_ASSIGN_OR_RETURN(const std::string system, textOfFile(folder / (best + kWktPrj), kMaxBytes));
+  auto place = readOffsetXyz(offset, system);
+  if (!place) return base::within(file.string(), place.error());
+  place->file = file.filename().string();
+  return std::optional(*std::move(place));
+}
+
+base::Result<std::optional<ExportPlace>> findCoordsTxt(const fs::path& folder) {
+  LUMIGRID_ASSIGN_OR_RETURN(const std::string text, textOfFile(folder / kCoordsTxt, kMaxBytes));
+  if (text.empty()) return std::optional<ExportPlace>();
+  auto place = readCoordsTxt(text);
+  if (!place) return base::within((folder / kCoordsTxt).string(), place.error());
+  place->file = kCoordsTxt;
+  return std::optional(*std::move(place));
+}
+
 }  // namespace
 
-base::Result<std::optional<ExportPlace>> readExportPlace(std::string_view xml) {
+base::Result<std::optional<ExportPlace>> readMetadataXml(std::string_view xml) {
   if (xml.find("<ModelMetadata") == std::string_view::npos) return std::optional<ExportPlace>();
   const auto origin = textOfElement(xml, "SRSOrigin");
   if (!origin) return std::optional<ExportPlace>();
@@ -100,20 +202,44 @@ base::Result<std::optional<ExportPlace>> readExportPlace(std::string_view xml) {
         "SRSOrigin is not three numbers, by which the mesh's coordinates are moved; correct it, or take the file away");
   CrsDescription crs = systemOf(textOfElement(xml, "SRS").value_or(""));
   if (isGeographic(crs)) return std::optional<ExportPlace>();
-  return std::optional<ExportPlace>({*place, std::move(crs)});
+  return std::optional<ExportPlace>({*place, std::move(crs), {}});
+}
+
+base::Result<ExportPlace> readOffsetXyz(std::string_view offset, std::string_view system) {
+  const auto place = vectorOf(withoutMark(offset));
+  if (!place)
+    return invalidInput(
+        "it is not three numbers, by which the mesh's coordinates are moved; correct it, or take the file away");
+  return ExportPlace{*place, crsFromWellKnownText(withoutMark(system)), {}};
+}
+
+base::Result<ExportPlace> readCoordsTxt(std::string_view text) {
+  text = withoutMark(text);
+  const std::size_t first = text.find('\n');
+  const std::string_view rest = first == std::string_view::npos ? std::string_view() : text.substr(first + 1);
+  const auto place = numbersAt(rest.substr(0, rest.find('\n')), 2);
+  if (!place)
+    return invalidInput(
+        "line 2 is not two numbers, by which the mesh's coordinates are moved; correct it, or take the file away");
+  return ExportPlace{place->values, systemOfLine(trimmed(text.substr(0, first))), {}};
 }
 
 base::Result<std::optional<ExportPlace>> findExportPlace(const std::string& mesh) {
   std::error_code failed;
-  fs::path folder = fs::absolute(mesh, failed).lexically_normal().parent_path();
+  const fs::path path = fs::absolute(mesh, failed).lexically_normal();
+  const std::string name = path.filename().string();
+  const bool is_odm = name.rfind("odm_textured_model_geo", 0) == 0;
+  fs::path folder = path.parent_path();
   for (int i = 0; i < kFolders && !failed; ++i, folder = folder.parent_path()) {
-    const fs::path file = folder / kFileName;
-    std::error_code absent;
-    if (!fs::is_regular_file(file, absent) || fs::file_size(file, absent) > kMaxBytes || absent) continue;
-    LUMIGRID_ASSIGN_OR_RETURN(const auto bytes, base::readFile(file.string()));
-    auto place = readExportPlace(textOf(bytes));
-    if (!place) return base::within(file.string(), place.error());
-    if (*place) return place;
+    LUMIGRID_ASSIGN_OR_RETURN(auto place, findMetadataXml(folder));
+    for (const fs::path& where : {folder, folder / "1_initial" / "params"})
+      if (!place) {
+        LUMIGRID_ASSIGN_OR_RETURN(place, findOffsetXyz(where, name));
+      }
+    if (!place && is_odm) {
+      LUMIGRID_ASSIGN_OR_RETURN(place, findCoordsTxt(folder));
+    }
+    if (place) return place;
   }
   return std::optional<ExportPlace>();
 }

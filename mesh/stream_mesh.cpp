@@ -66,7 +66,7 @@ base::Result<void> readPlacedObj(const std::string& path, base::ByteView bytes, 
   if (out.origin != glm::dvec3(0.0))
     georeference.moved = "moved by (" +
                          base::formatText("%.12g, %.12g, %.12g", out.origin.x, out.origin.y, out.origin.z) +
-                         "), as metadata.xml beside the mesh says";
+                         "), as " + place->file + " says";
   return {};
 }
 

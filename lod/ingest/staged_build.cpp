@@ -112,7 +112,7 @@ mesh::Georeference agreedOn(const std::vector<mesh::Georeference>& files, std::v
     if (!file.crs.empty()) systems.insert(file.crs);
     if (file.units != agreed.units) agreed.units.clear();
     if (file.up != agreed.up) agreed.up = mesh::Georeference::Up::kUnknown;
-    if (file.moved != agreed.moved) agreed.moved = "moved by what metadata.xml says beside each mesh that has one";
+    if (file.moved != agreed.moved) agreed.moved = "moved by what the export says of each mesh";
   }
   agreed.crs = systems.size() == 1 ? *systems.begin() : "";
   if (systems.size() > 1)

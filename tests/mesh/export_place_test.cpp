@@ -14,7 +14,7 @@ std::string metadata(const std::string& system, const std::string& origin) {
 }
 
 ExportPlace placeOf(const std::string& xml) {
-  const auto place = readExportPlace(xml);
+  const auto place = readMetadataXml(xml);
   EXPECT_TRUE(place && *place) << xml;
   return place && *place ? **place : ExportPlace{};
 }
@@ -46,7 +46,7 @@ TEST(ExportPlace, otherXmlSaysNothing) {
        {"", "<Metadata><SRSOrigin>1,2,3</SRSOrigin></Metadata>", "<ModelMetadata><SRS>EPSG:32632</SRS></ModelMetadata>",
         "<ModelMetadata><SRSOrigin>1,2,3</ModelMetadata>",
         "<ModelMetadata><SRS>EPSG:4326</SRS><SRSOrigin>11.6,48.1,520</SRSOrigin></ModelMetadata>"}) {
-    const auto place = readExportPlace(xml);
+    const auto place = readMetadataXml(xml);
     ASSERT_TRUE(place) << xml;
     EXPECT_FALSE(*place) << xml;
   }
@@ -54,7 +54,7 @@ TEST(ExportPlace, otherXmlSaysNothing) {
 
 TEST(ExportPlace, anOriginThatIsNoneIsNamed) {
   for (const char* origin : {"", "1,2", "1,2,three", "1,2,nan", "1,2,inf", "1,2,3,4", "1,2,1e999", "--1,2,3"}) {
-    const auto place = readExportPlace(metadata("EPSG:32632", origin));
+    const auto place = readMetadataXml(metadata("EPSG:32632", origin));
     ASSERT_FALSE(place) << origin;
     EXPECT_NE(place.error().message.find("SRSOrigin is not three numbers"), std::string::npos);
   }
@@ -100,6 +100,82 @@ TEST(ExportPlace, tilesOfAnExportLieWhereItsFolderSays) {
             std::string::npos)
       << refused.error().message;
   std::filesystem::remove_all(mesh_files::directory() / "export");
+}
+
+TEST(ExportPlace, offsetsOfPix4dAreRead) {
+  const auto place = readOffsetXyz("\xEF\xBB\xBF 691000.000 5334000.250 -520.000\r\n",
+                                   "PROJCS[\"WGS 84 / UTM zone 32N\",UNIT[\"metre\",1],AUTHORITY[\"EPSG\",\"32632\"]]");
+  ASSERT_TRUE(place) << place.error().message;
+  EXPECT_EQ(place->origin, glm::dvec3(691000.0, 5334000.25, -520.0));
+  EXPECT_EQ(place->crs.code, "EPSG:32632");
+  EXPECT_EQ(readOffsetXyz("1,2,3", "")->crs.code, "");
+  for (const char* offset : {"", "1 2", "1 2 three", "1 2 3 4", "1 2 nan"}) EXPECT_FALSE(readOffsetXyz(offset, ""));
+}
+
+TEST(ExportPlace, coordinatesOfOpenDroneMapAreRead) {
+  const auto codeOf = [](const std::string& system) {
+    const auto place = readCoordsTxt(system + "\n691000 5334000\n-12.5 7.25 581.2\n");
+    EXPECT_TRUE(place) << system;
+    EXPECT_EQ(place->origin, glm::dvec3(691000.0, 5334000.0, 0.0)) << system;
+    return place->crs.code;
+  };
+  EXPECT_EQ(codeOf("WGS84 UTM 32N"), "EPSG:32632");
+  EXPECT_EQ(codeOf("WGS84 UTM 7S\r"), "EPSG:32707");
+  EXPECT_EQ(codeOf("epsg:25832"), "EPSG:25832");
+  EXPECT_EQ(codeOf("+proj=utm +zone=17 +south +datum=WGS84 +units=m +no_defs"), "EPSG:32717");
+  EXPECT_EQ(codeOf("+proj=utm +ellps=WGS84 +zone=1"), "EPSG:32601");
+  for (const char* system : {"", "WGS84 UTM 61N", "WGS84 UTM N", "WGS84 UTM 5", "+proj=utm +zone=32 +ellps=GRS80",
+                             "+proj=tmerc +datum=WGS84 +zone=5", "+proj=utm +zone= +datum=WGS84"})
+    EXPECT_EQ(codeOf(system), "") << system;
+  for (const char* text : {"", "WGS84 UTM 32N", "WGS84 UTM 32N\n", "WGS84 UTM 32N\n1\n2", "WGS84 UTM 32N\none 2"})
+    EXPECT_FALSE(readCoordsTxt(text)) << text;
+}
+
+/// Where a triangle lies that is written into this file of the export, and what is said of it.
+struct Placed {
+  glm::dvec3 first{0.0};
+  Georeference georeference;
+};
+Placed placedAt(const std::string& file) {
+  support::WholeMesh obj;
+  const auto read = streamMesh(mesh_files::write(file, kTriangle), obj, {});
+  EXPECT_TRUE(read) << read.error().message;
+  return read ? Placed{obj.positions.at(0), read->georeference} : Placed{};
+}
+
+TEST(ExportPlace, projectsOfPix4dAndOpenDroneMapLieWhereTheySay) {
+  const std::filesystem::path root = mesh_files::directory() / "";
+  for (const char* folder : {"pix/2_densification/3d_mesh", "pix/1_initial/params", "odm/odm_texturing",
+                             "odm/odm_georeferencing", "exports"})
+    std::filesystem::create_directories(root / folder);
+  mesh_files::write("pix/1_initial/params/site_offset.xyz", "691000 5334000 520\n");
+  mesh_files::write("pix/1_initial/params/site_wkt.prj", "PROJCS[\"\",AUTHORITY[\"EPSG\",\"32632\"]]");
+  const Placed pix = placedAt("pix/2_densification/3d_mesh/site_simplified_3d_mesh.obj");
+  EXPECT_EQ(pix.first, glm::dvec3(691000.25, 5334000.0, 520.0));
+  EXPECT_EQ(pix.georeference.crs, "EPSG:32632");
+  EXPECT_NE(pix.georeference.moved.find("as site_offset.xyz says"), std::string::npos) << pix.georeference.moved;
+  EXPECT_EQ(placedAt("pix/2_densification/3d_mesh/other.obj").first, glm::dvec3(0.25, 0.0, 0.0));
+
+  // Where one folder has two projects the mesh's own counts, and a cloud of points is no offset.
+  mesh_files::write("exports/a_offset.xyz", "1 2 3");
+  mesh_files::write("exports/ab_offset.xyz", "10 20 30");
+  mesh_files::write("exports/c_offset.xyz", std::string(300, '1'));
+  EXPECT_EQ(placedAt("exports/ab.obj").first, glm::dvec3(10.25, 20.0, 30.0));
+  EXPECT_EQ(placedAt("exports/a-mesh.obj").first, glm::dvec3(1.25, 2.0, 3.0));
+  EXPECT_EQ(placedAt("exports/c.obj").first, glm::dvec3(0.25, 0.0, 0.0));
+  mesh_files::write("exports/d_offset.xyz", "no numbers");
+  const auto refused = support::readMesh(mesh_files::write("exports/d.obj", kTriangle));
+  ASSERT_FALSE(refused);
+  EXPECT_NE(refused.error().message.find("exports/d_offset.xyz: it is not three numbers"), std::string::npos)
+      << refused.error().message;
+
+  mesh_files::write("odm/odm_georeferencing/coords.txt", "WGS84 UTM 32N\n691000 5334000\n1 2 3\n");
+  const Placed odm = placedAt("odm/odm_texturing/odm_textured_model_geo.obj");
+  EXPECT_EQ(odm.first, glm::dvec3(691000.25, 5334000.0, 0.0));
+  EXPECT_EQ(odm.georeference.crs, "EPSG:32632");
+  EXPECT_EQ(odm.georeference.units, "m");
+  EXPECT_EQ(placedAt("odm/odm_texturing/odm_textured_model.obj").first, glm::dvec3(0.25, 0.0, 0.0));
+  for (const char* folder : {"pix", "odm", "exports"}) std::filesystem::remove_all(root / folder);
 }
 
 }  // namespace
