@@ -38,7 +38,7 @@ constexpr double kLeastRate = 1e-11;
 /// The numbers that errors at a sample depend on, after some of its groups.
 struct Shading {
   float proxy2 = 0.0F;  // P²
-  float color2 = 0.0F;  // a c²
+  float color2 = 0.0F;  // a c², as images lie on it
   float shape = 0.0F;   // typical, scene units
 };
 
@@ -304,20 +304,23 @@ class GainOrder {
     place.first_state = static_cast<std::uint32_t>(states_.size());
     place.states = static_cast<std::uint32_t>(1 + input.refined.size());
     float color = 1.0F, shape = std::numeric_limits<float>::max();
-    const auto add = [&](const ProxyShading& shading) {
+    const auto add = [&](const ProxyShading& shading, bool is_needed) {
       // Errors are estimates, and those of a finer proxy may be larger. It is no worse.
       color = std::min(color, shading.color_error);
       shape = std::min(shape, shading.shape_error);
       Shading reached = shadingAt({color, shape}, density);
       reached.proxy2 += query_.lacking2;
+      // Images err by a share of the proxy's error since they lie on it beside their place. Where its shape serves,
+      // finer colours beneath an image change nothing of that.
+      if (!is_needed) reached.color2 = states_.back().shading.color2;
       states_.push_back({reached, BestTwo(reached.proxy2)});
     };
-    add(input.now);
+    add(input.now, true);
     for (std::uint32_t at = 0; at < input.refined.size(); ++at) {
       const std::size_t group = input.refined[at].group;
       groups_[group].steps.push_back({s, at});
       states_.back().next_group = static_cast<std::uint32_t>(group);
-      add(input.refined[at].shading);
+      add(input.refined[at].shading, input_[group].is_needed);
     }
     for (std::uint32_t state = place.first_state; state + 1 < states_.size(); ++state)
       groups_[states_[state].next_group].gain += static_cast<double>(sample.weight * gainOfNext(state));

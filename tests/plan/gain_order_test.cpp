@@ -201,6 +201,26 @@ TEST_F(GainOrdersOfGroups, thoseThatOnlyBringColoursStayWhereTheyGainTooLittleFo
   EXPECT_EQ(placeOf(all, 2), all.size() - 1) << "behind all else";
 }
 
+TEST_F(GainOrdersOfGroups, coloursGainLittleBeneathImagesWhereTheShapeServes) {
+  choose(0.12F, 0.12F);
+  const std::vector<ProxyPlace> places(samples_.size(), {{0.2F, 0.001F}, {{0, {0.12F, 0.001F}}}, 0.02F});
+  points_.emplace_back(1, 0, 1);
+  query_.is_here = [](const repository::FaceKey&) { return true; };
+  query_.leaves_groups = false;
+  const auto gain = [&](bool is_needed) {
+    groups_[0].is_needed = is_needed;
+    const auto items = orderByGain(query_, points_, samples_, places, groups_).items;
+    return items.at(placeOf(items, 0)).gain;
+  };
+  const float needed = gain(true);
+  EXPECT_GT(needed, 0.0F);
+  EXPECT_LT(gain(false), 0.1F * needed) << "images lie where they lay";
+  query_.is_here = [](const repository::FaceKey&) { return false; };
+  query_.max_images = 0;
+  EXPECT_FLOAT_EQ(gain(false), gain(true)) << "without images they gain what the proxy errs less";
+  EXPECT_GT(gain(false), 2.0F * needed);
+}
+
 TEST_F(GainOrdersOfGroups, imagesComeBeforeThoseThatCostTooMuch) {
   const auto cheap = choose(0.01F, 0.01F, 2'000);
   EXPECT_EQ(placeOf(cheap, 1) + placeOf(cheap, 2), 3U) << "then images have nothing to add to them";
