@@ -208,24 +208,27 @@ Enclosure enclosureOf(const Surface& surface) {
 // docs/decisions/first-view.md.
 constexpr float kEnclosed = 0.9F;
 constexpr float kNarrow = 0.05F;
+// A scan of rooms has holes, and so much of it is left.
+constexpr float kRoomsEnclosed = 0.75F;
 
-void findUp(const Surface& surface, bool has_passages, Orientation& out) {
+void findUp(const Surface& surface, const Enclosure& enclosure, bool has_passages, Orientation& out) {
   const glm::vec3 size = surface.box.size();
   const float head_down = has_passages ? kHeadDownPassages : kHeadDown;
   AllSigns all;
   for (int axis = 0; axis < 3; ++axis)
     all[static_cast<std::size_t>(axis)] = {signsOf(surface, axis, 1.0F), signsOf(surface, axis, -1.0F)};
   keepBasesThatTell(all);
+  const bool has_rooms = enclosure.share >= kRoomsEnclosed;
   float best = 0.0F;
   float next = 0.0F;
   for (int axis = 0; axis < 3; ++axis) {
-    const float levels = out.is_enclosed ? kLevelWeight * levelsOf(surface, axis) : 0.0F;
+    const float levels = has_rooms ? kLevelWeight * levelsOf(surface, axis) : 0.0F;
     for (const float sign : {1.0F, -1.0F}) {
       const Signs& signs = all[static_cast<std::size_t>(axis)][sign > 0.0F ? 0 : 1];
       const float flat = isFlat(size, axis) ? kFlatWeight : 0.0F;
       const float surveyed = has_passages && axis == 2 && sign > 0.0F ? kSurveyedWeight : 0.0F;
       // Around what is seen from within alone, nothing that faces down is seen to stand on something.
-      const float base = out.is_enclosed ? 0.0F : kBaseWeight * signs.base;
+      const float base = has_rooms ? 0.0F : kBaseWeight * signs.base;
       const float score =
           base + levels + signs.ground + flat + surveyed + kLowWeight * signs.low - (sign < 0.0F ? head_down : 0.0F);
       if (score <= best) {
@@ -398,7 +401,7 @@ base::Result<Orientation> findOrientation(const PatchFile& patches, const glm::v
   const Enclosure enclosure = surface.faces.empty() ? Enclosure() : enclosureOf(surface);
   found.is_enclosed = enclosure.share >= kEnclosed;
   const bool has_passages = found.is_enclosed && enclosure.width <= kNarrow;
-  if (!surface.faces.empty()) findUp(surface, has_passages, found);
+  if (!surface.faces.empty()) findUp(surface, enclosure, has_passages, found);
   if (up != nullptr) {
     found.up = *up;
     found.is_sure = true;

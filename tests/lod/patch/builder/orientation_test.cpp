@@ -130,29 +130,50 @@ void appendRoom(Mesh& mesh, const glm::vec3& size, const glm::vec3& corner) {
   append(mesh, room, glm::vec3(1.0F), corner);
 }
 
-// Four rooms, of which the walls are larger than floors and ceilings, as flats have them. The back of a wardrobe lies
-// at the end of the scan and faces outwards, as a base does. With more storeys the house is as high as it is wide.
+// Four rooms on each storey, of which the walls are larger than floors and ceilings, as flats have them. The back of a
+// wardrobe lies at the end of the scan and faces outwards, as a base does.
+Mesh houseOfRooms(int storeys) {
+  Mesh house;
+  for (int storey = 0; storey < storeys; ++storey) {
+    const float floor = 2.7F * static_cast<float>(storey);
+    appendRoom(house, {4.9F, 3.9F, 2.6F}, {0.0F, 0.0F, floor});
+    appendRoom(house, {3.9F, 3.9F, 2.6F}, {5.0F, 0.0F, floor});
+    appendRoom(house, {3.4F, 3.5F, 2.6F}, {0.0F, 4.0F, floor});
+    appendRoom(house, {5.4F, 3.5F, 2.6F}, {3.5F, 4.0F, floor});
+    for (const float x : {0.01F, 8.28F}) {
+      Mesh wardrobe = walls({0.6F, 2.5F, 2.0F});
+      appendLevel(wardrobe, sheet(), {0.6F, 2.5F, 2.0F}, 2.0F);
+      append(house, wardrobe, glm::vec3(1.0F), {x, 1.0F, floor});
+    }
+  }
+  return house;
+}
+
+// With more storeys the house is as high as it is wide.
 TEST_F(OrientationTest, roomsStandOnTheirFloorsThoughTheirWallsAreLarger) {
   for (const int storeys : {1, 3})
     for (int axis = 0; axis < 3; ++axis)
       for (const float sign : {1.0F, -1.0F}) {
-        Mesh house;
-        for (int storey = 0; storey < storeys; ++storey) {
-          const float floor = 2.7F * static_cast<float>(storey);
-          appendRoom(house, {4.9F, 3.9F, 2.6F}, {0.0F, 0.0F, floor});
-          appendRoom(house, {3.9F, 3.9F, 2.6F}, {5.0F, 0.0F, floor});
-          appendRoom(house, {3.4F, 3.5F, 2.6F}, {0.0F, 4.0F, floor});
-          appendRoom(house, {5.4F, 3.5F, 2.6F}, {3.5F, 4.0F, floor});
-          for (const float x : {0.01F, 8.28F}) {
-            Mesh wardrobe = walls({0.6F, 2.5F, 2.0F});
-            appendLevel(wardrobe, sheet(), {0.6F, 2.5F, 2.0F}, 2.0F);
-            append(house, wardrobe, glm::vec3(1.0F), {x, 1.0F, floor});
-          }
-        }
-        const Orientation found = orientationOf(turned(house, axis, sign));
+        const Orientation found = orientationOf(turned(houseOfRooms(storeys), axis, sign));
         EXPECT_EQ(found.up[axis], sign) << storeys << ", " << axis << ": " << found.reason;
         EXPECT_TRUE(found.is_interior) << storeys << ", " << axis;
       }
+}
+
+// A scanner sees nothing behind furniture, and nothing of glass.
+TEST_F(OrientationTest, roomsWithHolesStandOnTheirFloorsToo) {
+  const Mesh whole = houseOfRooms(1);
+  Mesh scan = whole;
+  scan.indices.clear();
+  for (std::size_t i = 0; i < whole.indices.size(); i += 3) {
+    const glm::vec3 p = whole.positions[whole.indices[i]];
+    if (std::sin(2.3F * p.x) * std::sin(2.1F * p.y + 1.0F) * std::sin(2.7F * p.z + 0.7F) > 0.3F) continue;
+    scan.indices.insert(scan.indices.end(), {whole.indices[i], whole.indices[i + 1], whole.indices[i + 2]});
+  }
+  EXPECT_LT(scan.indices.size(), whole.indices.size() * 9 / 10);
+  const Orientation found = orientationOf(turned(scan, 1, 1.0F));
+  EXPECT_EQ(found.up, glm::vec3(0.0F, 1.0F, 0.0F)) << found.reason;
+  EXPECT_FALSE(found.is_enclosed);
 }
 
 // A building without its lower side, which nobody sees: its roof is as flat as a base.
