@@ -16,7 +16,7 @@ namespace fs = std::filesystem;
 
 constexpr const char* kMetadataXml = "metadata.xml";
 constexpr const char* kCoordsTxt = "odm_georeferencing/coords.txt";
-constexpr std::string_view kOffsetXyz = "_offset.xyz";
+constexpr const char* kOffsetXyz = "_offset.xyz";
 constexpr const char* kWktPrj = "_wkt.prj";
 constexpr std::uintmax_t kMaxBytes = 1'000'000;  // well-known text of a system takes some thousands
 constexpr std::uintmax_t kMaxOffsetBytes = 200;  // what is larger is a cloud of points
@@ -160,23 +160,20 @@ base::Result<std::optional<ExportPlace>> findMetadataXml(const fs::path& folder)
   return place;
 }
 
-/// The one whose name fits the mesh's, of several the longest.
+/// The one whose name fits the mesh's, of several the longest. Names are tried, since a folder of tiles has thousands
+/// of files, and all of them would be listed for each.
 base::Result<std::optional<ExportPlace>> findOffsetXyz(const fs::path& folder, const std::string& mesh) {
-  std::error_code failed;
-  std::string best;
-  for (fs::directory_iterator entry(folder, failed), end; !failed && entry != end; entry.increment(failed)) {
-    const std::string name = entry->path().filename().string();
-    if (name.size() <= kOffsetXyz.size() || !name.ends_with(kOffsetXyz)) continue;
-    const std::string project = name.substr(0, name.size() - kOffsetXyz.size());
-    if (mesh.rfind(project, 0) == 0 && project.size() > best.size()) best = project;
-  }
+  std::error_code absent;
+  std::string best = fs::is_directory(folder, absent) ? mesh : "";
+  while (!best.empty() && !fs::is_regular_file(folder / (best + kOffsetXyz), absent)) best.pop_back();
   if (best.empty()) return std::optional<ExportPlace>();
-  const fs::path file = folder / (best + std::string(kOffsetXyz));
+  const fs::path file = folder / (best + kOffsetXyz);
   LUMIGRID_ASSIGN_OR_RETURN(const std::string offset, textOfFile(file, kMaxOffsetBytes));
   if (offset.empty()) return std::optional<ExportPlace>();
   LUMIGRID_ASSIGN_OR_RETURN(const std::string system, textOfFile(folder / (best + kWktPrj), kMaxBytes));
   auto place = readOffsetXyz(offset, system);
   if (!place) return base::within(file.string(), place.error());
+  if (isGeographic(place->crs)) return std::optional<ExportPlace>();
   place->file = file.filename().string();
   return std::optional(*std::move(place));
 }
@@ -186,6 +183,7 @@ base::Result<std::optional<ExportPlace>> findCoordsTxt(const fs::path& folder) {
   if (text.empty()) return std::optional<ExportPlace>();
   auto place = readCoordsTxt(text);
   if (!place) return base::within((folder / kCoordsTxt).string(), place.error());
+  if (isGeographic(place->crs)) return std::optional<ExportPlace>();
   place->file = kCoordsTxt;
   return std::optional(*std::move(place));
 }

@@ -48,7 +48,7 @@ base::Result<ExportPlace> readCoordsTxt(std::string_view text);
 /// - NAME_offset.xyz there and in 1_initial/params, where the mesh's name begins with NAME;
 /// - odm_georeferencing/coords.txt, where the mesh's name begins with odm_textured_model_geo.
 ///
-/// The first that tells an origin counts. Errors as above, with the file's name.
+/// The first that tells an origin counts, unless that is in degrees. Errors as above, with the file's name.
 base::Result<std::optional<ExportPlace>> findExportPlace(const std::string& mesh);
 
 }  // namespace mesh

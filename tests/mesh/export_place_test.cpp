@@ -175,6 +175,8 @@ TEST(ExportPlace, projectsOfPix4dAndOpenDroneMapLieWhereTheySay) {
   EXPECT_EQ(odm.georeference.crs, "EPSG:32632");
   EXPECT_EQ(odm.georeference.units, "m");
   EXPECT_EQ(placedAt("odm/odm_texturing/odm_textured_model.obj").first, glm::dvec3(0.25, 0.0, 0.0));
+  mesh_files::write("odm/odm_georeferencing/coords.txt", "EPSG:4326\n11.6 48.1\n");
+  EXPECT_EQ(placedAt("odm/odm_texturing/odm_textured_model_geo.obj").first, glm::dvec3(0.25, 0.0, 0.0)) << "degrees";
   for (const char* folder : {"pix", "odm", "exports"}) std::filesystem::remove_all(root / folder);
 }
 
