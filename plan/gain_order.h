@@ -25,7 +25,8 @@
 // One image may fail at a place: something thin hides it, or its coverage is wrong. So a place's error is
 // (1 − q) · e1² + q · e2², with e1 of the best image and e2 of the best one from another point, or of the proxy. A
 // group makes c, d and with d also s smaller, so what images gain depends on the groups that came before them, and
-// groups gain less where images show the detail already. The order is greedy: what gains most for its bytes next.
+// groups gain less where images show the detail already. One that the shape does not need leaves the c of e² as it was:
+// images lie where they lay. The order is greedy: what gains most for its bytes next.
 #include <cstddef>
 #include <cstdint>
 #include <functional>
