@@ -22,23 +22,17 @@ constexpr std::uintmax_t kMaxBytes = 1'000'000;  // well-known text of a system 
 constexpr std::uintmax_t kMaxOffsetBytes = 200;  // what is larger is a cloud of points
 constexpr int kFolders = 3;                      // that of the mesh, and the two above it
 
-std::string_view trimmed(std::string_view text) {
-  constexpr std::string_view kSpace = " \t\r\n";
-  const std::size_t begin = text.find_first_not_of(kSpace);
-  if (begin == std::string_view::npos) return {};
-  return text.substr(begin, text.find_last_not_of(kSpace) + 1 - begin);
-}
-
 /// The text of the first element of this name, which has no attributes in files of this kind; nothing where there is
 /// none.
 std::optional<std::string_view> textOfElement(std::string_view xml, const std::string& name) {
   const std::string start = "<" + name + ">";
   const std::size_t begin = xml.find(start);
   if (begin == std::string_view::npos) return std::nullopt;
-  const std::string_view rest = xml.substr(begin + start.size());
-  const std::size_t end = rest.find("</" + name + ">");
+  std::string_view text = xml.substr(begin + start.size());
+  const std::size_t end = text.find("</" + name + ">");
   if (end == std::string_view::npos) return std::nullopt;
-  return trimmed(rest.substr(0, end));
+  text = text.substr(0, end);
+  return restOfLine(text);
 }
 
 /// Resolves the entities that XML defines itself.
@@ -57,30 +51,25 @@ std::string unescaped(std::string_view text) {
   return out;
 }
 
-/// The first `count` numbers, which are finite, with commas, semicolons or spaces between them, and what follows them;
-/// nothing where there are fewer. Others are 0.
-struct Numbers {
-  glm::dvec3 values{0.0};
-  std::string_view rest;
-};
-std::optional<Numbers> numbersAt(std::string_view text, int count) {
-  Numbers out;
+/// Removes `count` finite numbers from the front of `text`, with commas, semicolons or spaces between them, and returns
+/// them, and 0 for others; nothing where there are fewer.
+std::optional<glm::dvec3> takeNumbers(std::string_view& text, int count) {
+  glm::dvec3 out(0.0);
   for (int axis = 0; axis < count; ++axis) {
     const std::size_t begin = text.find_first_not_of(axis == 0 ? " \t\r\n+" : " \t\r\n,;+");
     if (begin == std::string_view::npos) return std::nullopt;
     text.remove_prefix(begin);
-    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), out.values[axis]);
-    if (error != std::errc() || !std::isfinite(out.values[axis])) return std::nullopt;
+    const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), out[axis]);
+    if (error != std::errc() || !std::isfinite(out[axis])) return std::nullopt;
     text.remove_prefix(static_cast<std::size_t>(end - text.data()));
   }
-  out.rest = trimmed(text);
   return out;
 }
 
 /// Three finite numbers and nothing else.
 std::optional<glm::dvec3> vectorOf(std::string_view text) {
-  const auto numbers = numbersAt(text, 3);
-  return numbers && numbers->rest.empty() ? std::optional(numbers->values) : std::nullopt;
+  const auto numbers = takeNumbers(text, 3);
+  return skipSpaces(text) ? std::nullopt : numbers;
 }
 
 /// The system that an SRS element names: an authority's code, or well-known text.
@@ -104,17 +93,10 @@ bool isGeographic(const CrsDescription& crs) {
   return crs.has_degrees || std::find(std::begin(kCodes), std::end(kCodes), crs.code) != std::end(kCodes);
 }
 
-/// The text after the byte order mark that programs on Windows begin files with.
-std::string_view withoutMark(std::string_view text) {
-  constexpr std::string_view kMark = "\xEF\xBB\xBF";
-  return text.substr(0, kMark.size()) == kMark ? text.substr(kMark.size()) : text;
-}
-
-/// Zones of UTM on WGS 84 from 1 to 60 have codes; nothing for others.
+/// The code of a zone of UTM on WGS 84; "" where there is no such zone.
 std::string codeOfZone(std::string_view digits, bool is_south) {
   int zone = 0;
-  const auto [end, error] = std::from_chars(digits.data(), digits.data() + digits.size(), zone);
-  if (error != std::errc() || end != digits.data() + digits.size() || zone < 1 || zone > 60) return {};
+  if (!parseNumber(digits, zone) || zone < 1 || zone > 60) return {};
   return "EPSG:" + std::to_string((is_south ? 32700 : 32600) + zone);
 }
 
@@ -204,22 +186,23 @@ base::Result<std::optional<ExportPlace>> readMetadataXml(std::string_view xml) {
 }
 
 base::Result<ExportPlace> readOffsetXyz(std::string_view offset, std::string_view system) {
-  const auto place = vectorOf(withoutMark(offset));
+  skipMark(offset), skipMark(system);
+  const auto place = vectorOf(offset);
   if (!place)
     return invalidInput(
         "it is not three numbers, by which the mesh's coordinates are moved; correct it, or take the file away");
-  return ExportPlace{*place, crsFromWellKnownText(withoutMark(system)), {}};
+  return ExportPlace{*place, crsFromWellKnownText(system), {}};
 }
 
 base::Result<ExportPlace> readCoordsTxt(std::string_view text) {
-  text = withoutMark(text);
-  const std::size_t first = text.find('\n');
-  const std::string_view rest = first == std::string_view::npos ? std::string_view() : text.substr(first + 1);
-  const auto place = numbersAt(rest.substr(0, rest.find('\n')), 2);
+  skipMark(text);
+  std::string_view system = nextLine(text);
+  std::string_view offset = nextLine(text);
+  const auto place = takeNumbers(offset, 2);
   if (!place)
     return invalidInput(
         "line 2 is not two numbers, by which the mesh's coordinates are moved; correct it, or take the file away");
-  return ExportPlace{place->values, systemOfLine(trimmed(text.substr(0, first))), {}};
+  return ExportPlace{*place, systemOfLine(restOfLine(system)), {}};
 }
 
 base::Result<std::optional<ExportPlace>> findExportPlace(const std::string& mesh) {

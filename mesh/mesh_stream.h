@@ -157,9 +157,15 @@ inline bool skipSpaces(std::string_view& text) {
   return !text.empty();
 }
 
+/// Removes UTF-8's byte order mark, with which programs on Windows begin files, from the front of `text`.
+inline void skipMark(std::string_view& text) {
+  constexpr std::string_view kMark = "\xEF\xBB\xBF";
+  if (text.substr(0, kMark.size()) == kMark) text.remove_prefix(kMark.size());
+}
+
 /// Whether the text begins as a JSON object does.
 inline bool looksLikeJson(std::string_view text) {
-  if (text.substr(0, 3) == "\xEF\xBB\xBF") text.remove_prefix(3);  // UTF-8's mark
+  skipMark(text);
   return skipSpaces(text) && text.front() == '{';
 }
 

@@ -100,9 +100,7 @@ Layout layoutFromNames(const std::vector<std::string_view>& names) {
 /// Goes through the lines that hold a point. Blank lines, comments, and counts of points are passed over.
 class PointLines {
  public:
-  explicit PointLines(std::string_view text) : text_(text) {
-    if (text_.substr(0, 3) == "\xEF\xBB\xBF") text_.remove_prefix(3);  // UTF-8's mark
-  }
+  explicit PointLines(std::string_view text) : text_(text) { skipMark(text_); }
 
   /// Finds the next one, which begins with its first column; false at the end.
   bool next(std::string_view& line) {

@@ -32,7 +32,7 @@ constexpr float kBaseWeight = 2.0F;
 constexpr float kFlatWeight = 0.15F;
 // Floors and ceilings of an interior weigh the same, but what stands in it is low. It decides between those alone.
 constexpr float kLowWeight = 0.1F;
-// Which two of the six directions those are, its levels tell: slices of so much of the extent are looked at.
+// The axis of floors and ceilings is told by its levels, for which the extent is cut into so many slices.
 constexpr float kLevelWeight = 1.0F;
 constexpr int kLevelSlices = 100;
 // Few models stand head down along their axes.
@@ -180,11 +180,22 @@ void keepBasesThatTell(AllSigns& all) {
   }
 }
 
+// Passages are enclosed nearly everywhere, but for what the scanner missed, and narrow for their length. So are few
+// objects whose triangles are all turned over, and those cannot be told apart. Scans of rooms have more holes. Measured
+// on the scans of docs/decisions/first-view.md.
+constexpr float kEnclosed = 0.9F;
+constexpr float kNarrow = 0.05F;
+constexpr float kRoomsEnclosed = 0.75F;
+
 // The share of the surface whose front looks at another front, as all of a cave's does and little of what is seen from
 // outside; and how far away that is in the mean, over the diagonal of the box.
 struct Enclosure {
   float share = 0.0F;
   float width = 0.0F;
+
+  bool isWhole() const { return share >= kEnclosed; }
+  bool hasPassages() const { return isWhole() && width <= kNarrow; }
+  bool hasRooms() const { return share >= kRoomsEnclosed; }
 };
 constexpr std::size_t kEnclosureRays = 4'000;
 Enclosure enclosureOf(const Surface& surface) {
@@ -203,32 +214,23 @@ Enclosure enclosureOf(const Surface& surface) {
   return {sum.share / all, sum.share > 0.0F ? sum.width / (sum.share * far) : 0.0F};
 }
 
-// Passages are enclosed nearly everywhere, but for what the scanner missed, and narrow for their length. So are few
-// objects whose triangles are all turned over, and those cannot be told apart. Measured on the scans of
-// docs/decisions/first-view.md.
-constexpr float kEnclosed = 0.9F;
-constexpr float kNarrow = 0.05F;
-// A scan of rooms has holes, and so much of it is left.
-constexpr float kRoomsEnclosed = 0.75F;
-
-void findUp(const Surface& surface, const Enclosure& enclosure, bool has_passages, Orientation& out) {
+void findUp(const Surface& surface, const Enclosure& enclosure, Orientation& out) {
   const glm::vec3 size = surface.box.size();
-  const float head_down = has_passages ? kHeadDownPassages : kHeadDown;
+  const float head_down = enclosure.hasPassages() ? kHeadDownPassages : kHeadDown;
   AllSigns all;
   for (int axis = 0; axis < 3; ++axis)
     all[static_cast<std::size_t>(axis)] = {signsOf(surface, axis, 1.0F), signsOf(surface, axis, -1.0F)};
   keepBasesThatTell(all);
-  const bool has_rooms = enclosure.share >= kRoomsEnclosed;
   float best = 0.0F;
   float next = 0.0F;
   for (int axis = 0; axis < 3; ++axis) {
-    const float levels = has_rooms ? kLevelWeight * levelsOf(surface, axis) : 0.0F;
+    const float levels = enclosure.hasRooms() ? kLevelWeight * levelsOf(surface, axis) : 0.0F;
     for (const float sign : {1.0F, -1.0F}) {
       const Signs& signs = all[static_cast<std::size_t>(axis)][sign > 0.0F ? 0 : 1];
       const float flat = isFlat(size, axis) ? kFlatWeight : 0.0F;
-      const float surveyed = has_passages && axis == 2 && sign > 0.0F ? kSurveyedWeight : 0.0F;
-      // Around what is seen from within alone, nothing that faces down is seen to stand on something.
-      const float base = has_rooms ? 0.0F : kBaseWeight * signs.base;
+      const float surveyed = enclosure.hasPassages() && axis == 2 && sign > 0.0F ? kSurveyedWeight : 0.0F;
+      // Nothing is seen of what rooms stand on: what faces down at their end is the back of furniture.
+      const float base = enclosure.hasRooms() ? 0.0F : kBaseWeight * signs.base;
       const float score =
           base + levels + signs.ground + flat + surveyed + kLowWeight * signs.low - (sign < 0.0F ? head_down : 0.0F);
       if (score <= best) {
@@ -399,15 +401,14 @@ base::Result<Orientation> findOrientation(const PatchFile& patches, const glm::v
   Orientation found;
   found.reason = "nothing tells, and most models have it so";
   const Enclosure enclosure = surface.faces.empty() ? Enclosure() : enclosureOf(surface);
-  found.is_enclosed = enclosure.share >= kEnclosed;
-  const bool has_passages = found.is_enclosed && enclosure.width <= kNarrow;
-  if (!surface.faces.empty()) findUp(surface, enclosure, has_passages, found);
+  found.is_enclosed = enclosure.isWhole();
+  if (!surface.faces.empty()) findUp(surface, enclosure, found);
   if (up != nullptr) {
     found.up = *up;
     found.is_sure = true;
     found.reason = "it was said so";
   }
-  if (!surface.faces.empty()) findFirstView(surface, interior, has_passages, found);
+  if (!surface.faces.empty()) findFirstView(surface, interior, enclosure.hasPassages(), found);
   found.hull = findHull(surface.parts);
   return found;
 }
